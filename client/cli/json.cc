@@ -1,0 +1,71 @@
+#include "client/cli/json.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+
+namespace kinevox::cli {
+namespace {
+
+namespace pb = google::protobuf;
+using Json = nlohmann::ordered_json;
+
+Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+// One value: of a singular field, or the index-th of a repeated one (index >= 0).
+Json value_of(const pb::Message& message, const pb::FieldDescriptor& field, int index) {
+    const pb::Reflection& get = *message.GetReflection();
+    const auto pick = [&](auto single, auto repeated) {
+        return index < 0 ? (get.*single)(message, &field) : (get.*repeated)(message, &field, index);
+    };
+    using R = pb::Reflection;
+    switch (field.cpp_type()) {
+        case pb::FieldDescriptor::CPPTYPE_INT32: return pick(&R::GetInt32, &R::GetRepeatedInt32);
+        case pb::FieldDescriptor::CPPTYPE_INT64: return pick(&R::GetInt64, &R::GetRepeatedInt64);
+        case pb::FieldDescriptor::CPPTYPE_UINT32: return pick(&R::GetUInt32, &R::GetRepeatedUInt32);
+        case pb::FieldDescriptor::CPPTYPE_UINT64: return pick(&R::GetUInt64, &R::GetRepeatedUInt64);
+        case pb::FieldDescriptor::CPPTYPE_DOUBLE: return number(pick(&R::GetDouble, &R::GetRepeatedDouble));
+        case pb::FieldDescriptor::CPPTYPE_FLOAT: return number(pick(&R::GetFloat, &R::GetRepeatedFloat));
+        case pb::FieldDescriptor::CPPTYPE_BOOL: return pick(&R::GetBool, &R::GetRepeatedBool);
+        case pb::FieldDescriptor::CPPTYPE_ENUM: return short_name(*pick(&R::GetEnum, &R::GetRepeatedEnum));
+        case pb::FieldDescriptor::CPPTYPE_STRING: {
+            const std::string text = pick(&R::GetString, &R::GetRepeatedString);
+            return field.type() == pb::FieldDescriptor::TYPE_BYTES ? Json(text.size()) : Json(text);
+        }
+        case pb::FieldDescriptor::CPPTYPE_MESSAGE:
+            if (index >= 0) return to_json(get.GetRepeatedMessage(message, &field, index));
+            return get.HasField(message, &field) ? to_json(get.GetMessage(message, &field)) : Json(nullptr);
+    }
+    return nullptr;
+}
+
+}  // namespace
+
+std::string short_name(const pb::EnumValueDescriptor& value) {
+    // The values begin with the enum's own name in capitals: CaptureState, CAPTURE_STATE_.
+    std::size_t prefix = 1;
+    for (const char c : value.type()->name()) prefix += std::isupper(static_cast<unsigned char>(c)) ? 2 : 1;
+    prefix -= 1;
+    std::string name = value.name().size() > prefix ? value.name().substr(prefix) : value.name();
+    std::ranges::transform(name, name.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    return name;
+}
+
+Json to_json(const pb::Message& message) {
+    Json out = Json::object();
+    const pb::Descriptor& type = *message.GetDescriptor();
+    for (int i = 0; i < type.field_count(); ++i) {
+        const pb::FieldDescriptor& field = *type.field(i);
+        if (!field.is_repeated()) {
+            out[field.name()] = value_of(message, field, -1);
+            continue;
+        }
+        Json list = Json::array();
+        for (int k = 0; k < message.GetReflection()->FieldSize(message, &field); ++k)
+            list.push_back(value_of(message, field, k));
+        out[field.name()] = std::move(list);
+    }
+    return out;
+}
+
+}  // namespace kinevox::cli

@@ -1,0 +1,15 @@
+// The API's messages as JSON for scripts: field names as in the .proto, numbers as numbers (64-bit ones too), enums
+// by their short name in lower case, NaN and absent messages as null, bytes by their length.
+#pragma once
+
+#include <google/protobuf/message.h>
+#include <nlohmann/json.hpp>
+
+namespace kinevox::cli {
+
+nlohmann::ordered_json to_json(const google::protobuf::Message& message);
+
+// CAPTURE_STATE_RUNNING of CaptureState becomes "running".
+std::string short_name(const google::protobuf::EnumValueDescriptor& value);
+
+}  // namespace kinevox::cli

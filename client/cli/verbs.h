@@ -1,0 +1,48 @@
+// The verbs of `kinevox`. Each registers itself as a subcommand; what it does is run by the returned function, whose
+// error becomes one line on stderr and exit status 1.
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include <absl/status/status.h>
+
+#include "client/lib/client.h"
+
+namespace CLI {
+class App;
+}
+
+namespace kinevox::cli {
+
+// What every verb takes. Filled when the command line is parsed.
+struct Common {
+    std::string server = client::kDefaultServer;
+    double timeout_s = 5;
+    bool json = false;
+
+    client::ClientOptions client_options() const;
+};
+
+// Adds --server, --timeout and --json to a subcommand.
+void add_common_options(CLI::App& verb, Common& common);
+
+using Run = std::function<absl::Status()>;
+
+void add_status_verbs(CLI::App& app, Common& common, Run& run);    // status, cameras
+void add_control_verbs(CLI::App& app, Common& common, Run& run);   // start, stop, learn-background
+void add_watch_verb(CLI::App& app, Common& common, Run& run);
+void add_events_verb(CLI::App& app, Common& common, Run& run);
+void add_stream_verb(CLI::App& app, Common& common, Run& run);
+void add_snapshot_verb(CLI::App& app, Common& common, Run& run);
+
+// "user@host": under which control is taken.
+std::string default_operator_name();
+
+// A token that SIGINT and SIGTERM stop; the first call blocks these signals and starts the thread that waits for them.
+std::stop_token stop_on_signals();
+
+// Writes a line to stdout at once. False when nobody reads it any more.
+bool print_line(const std::string& line);
+
+}  // namespace kinevox::cli

@@ -1,0 +1,66 @@
+#include <unistd.h>
+
+#include <condition_variable>
+#include <mutex>
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+
+#include "client/cli/json.h"
+#include "client/cli/status_text.h"
+#include "client/cli/verbs.h"
+
+namespace kinevox::cli {
+namespace {
+
+struct WatchOptions {
+    double interval_s = 1;
+    int count = 0;   // 0: until stopped
+};
+
+// False when stopped.
+bool pause(std::stop_token stop, double seconds) {
+    std::mutex mutex;
+    std::condition_variable_any changed;
+    std::unique_lock lock(mutex);
+    changed.wait_for(lock, stop, std::chrono::duration<double>(seconds), [] { return false; });
+    return !stop.stop_requested();
+}
+
+absl::Status run_watch(const Common& common, const WatchOptions& options) {
+    const std::stop_token stop = stop_on_signals();
+    const bool redraw = !common.json && isatty(STDOUT_FILENO);
+    client::Client client(common.client_options());
+    bool seen = false;
+    for (int shown = 0; !stop.stop_requested();) {
+        const auto status = client.status();
+        if (!status.ok() && !(seen && absl::IsUnavailable(status.status()))) return status.status();
+        std::string text;
+        if (!status.ok())   // it may come back; the lines on standard output stay clean
+            redraw ? void(text = std::string(status.status().message()))
+                   : void(fmt::print(stderr, "kinevox: {}\n", std::string(status.status().message())));
+        else
+            text = common.json ? to_json(*status).dump() : redraw ? status_text(*status) : status_line(*status);
+        if (redraw) text = "\x1b[H\x1b[J" + text;   // home, clear
+        if (!text.empty() && !print_line(text)) return absl::OkStatus();
+        seen = seen || status.ok();
+        if (status.ok() && ++shown == options.count) return absl::OkStatus();
+        if (!pause(stop, options.interval_s)) break;
+    }
+    return absl::OkStatus();
+}
+
+}  // namespace
+
+void add_watch_verb(CLI::App& app, Common& common, Run& run) {
+    const auto options = std::make_shared<WatchOptions>();
+    CLI::App* watch = app.add_subcommand("watch", "Live: stage times, rates and drops; lines where it is no terminal");
+    add_common_options(*watch, common);
+    watch->add_option("--interval", options->interval_s, "Seconds between two looks")
+        ->check(CLI::Range(0.05, 3600.0))
+        ->capture_default_str();
+    watch->add_option("--count", options->count, "Looks, 0: until stopped")->check(CLI::NonNegativeNumber);
+    watch->callback([&, options] { run = [&common, options] { return run_watch(common, *options); }; });
+}
+
+}  // namespace kinevox::cli

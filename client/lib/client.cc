@@ -1,0 +1,233 @@
+#include "client/lib/client.h"
+
+#include <fmt/format.h>
+#include <grpcpp/grpcpp.h>
+
+#include "client/lib/image_file.h"
+#include "client/lib/stream_reader.h"
+#include "common/volume_codec.h"
+#include "kinevox/v1/capture_service.grpc.pb.h"
+#include "kinevox/v1/stream_service.grpc.pb.h"
+
+namespace kinevox::client {
+namespace {
+
+constexpr std::chrono::milliseconds kLeaseTimeout{30'000};
+
+std::shared_ptr<grpc::Channel> connect(const std::string& server) {
+    grpc::ChannelArguments arguments;
+    arguments.SetMaxReceiveMessageSize(256 << 20);   // a 16-camera hall at 2 mm is large
+    arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 20'000);
+    arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 200);
+    arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2'000);
+    return grpc::CreateCustomChannel(server, grpc::InsecureChannelCredentials(), arguments);
+}
+
+}  // namespace
+
+absl::Status to_absl(const grpc::Status& status, const std::string& server) {
+    if (status.ok()) return absl::OkStatus();
+    const auto code = static_cast<absl::StatusCode>(status.error_code());
+    std::string message = status.error_message();
+    std::ranges::replace(message, '\n', ' ');
+    const bool own = message.find("daemon") != std::string::npos;   // the daemon's own words, or gRPC's
+    if (code == absl::StatusCode::kUnavailable && !own)
+        message = fmt::format("cannot reach a daemon at {} ({}); start kinevoxd there or give another address", server,
+                              message);
+    else if (code == absl::StatusCode::kDeadlineExceeded)
+        message = fmt::format("the daemon at {} did not answer in time; try again or allow it more", server);
+    else if (code == absl::StatusCode::kUnimplemented)
+        message = fmt::format("what answers at {} is not a Kinevox daemon of this version ({})", server, message);
+    return {code, message};
+}
+
+struct Client::Parts {
+    ClientOptions options;
+    std::shared_ptr<grpc::Channel> channel;
+    std::unique_ptr<v1::CaptureService::Stub> capture;
+    std::unique_ptr<v1::StreamService::Stub> stream;
+
+    // One unary call.
+    template <typename Request, typename Response>
+    absl::StatusOr<Response> call(grpc::Status (v1::CaptureService::Stub::*method)(grpc::ClientContext*,
+                                                                                   const Request&, Response*),
+                                  const Request& request, std::optional<std::chrono::milliseconds> timeout = {}) {
+        grpc::ClientContext context;
+        context.set_deadline(std::chrono::system_clock::now() + timeout.value_or(options.timeout));
+        Response response;
+        const grpc::Status status = (capture.get()->*method)(&context, request, &response);
+        if (!status.ok()) return to_absl(status, options.server);
+        return response;
+    }
+};
+
+Client::Client(const ClientOptions& options) : Client(connect(options.server), options) {}
+
+Client::Client(std::shared_ptr<grpc::Channel> channel, const ClientOptions& options)
+    : parts_(std::make_unique<Parts>()) {
+    parts_->options = options;
+    parts_->channel = std::move(channel);
+    parts_->capture = v1::CaptureService::NewStub(parts_->channel);
+    parts_->stream = v1::StreamService::NewStub(parts_->channel);
+}
+
+Client::~Client() = default;
+Client::Client(Client&&) noexcept = default;
+
+absl::StatusOr<v1::GetStatusResponse> Client::status() {
+    return parts_->call(&v1::CaptureService::Stub::GetStatus, v1::GetStatusRequest());
+}
+
+absl::StatusOr<std::vector<Camera>> Client::cameras() {
+    const auto response = parts_->call(&v1::CaptureService::Stub::ListCameras, v1::ListCamerasRequest());
+    if (!response.ok()) return response.status();
+    std::vector<Camera> cameras;
+    for (const v1::Camera& camera : response->cameras()) cameras.push_back(camera_from_proto(camera));
+    return cameras;
+}
+
+absl::StatusOr<v1::AcquireControlResponse> Client::acquire_control(const v1::AcquireControlRequest& request) {
+    return parts_->call(&v1::CaptureService::Stub::AcquireControl, request);
+}
+
+absl::StatusOr<v1::RenewControlResponse> Client::renew_control(const std::string& lease_id) {
+    v1::RenewControlRequest request;
+    request.set_lease_id(lease_id);
+    return parts_->call(&v1::CaptureService::Stub::RenewControl, request);
+}
+
+absl::Status Client::release_control(const std::string& lease_id) {
+    v1::ReleaseControlRequest request;
+    request.set_lease_id(lease_id);
+    return parts_->call(&v1::CaptureService::Stub::ReleaseControl, request).status();
+}
+
+absl::Status Client::start_with(const std::string& lease_id) {
+    v1::StartRequest request;
+    request.set_lease_id(lease_id);
+    return parts_->call(&v1::CaptureService::Stub::Start, request, std::chrono::seconds(60)).status();
+}
+
+absl::Status Client::stop_with(const std::string& lease_id) {
+    v1::StopRequest request;
+    request.set_lease_id(lease_id);
+    return parts_->call(&v1::CaptureService::Stub::Stop, request).status();
+}
+
+absl::Status Client::learn_background_with(const std::string& lease_id, int frames,
+                                           std::chrono::milliseconds timeout) {
+    v1::LearnBackgroundRequest request;
+    request.set_lease_id(lease_id);
+    request.set_frames(frames);
+    return parts_->call(&v1::CaptureService::Stub::LearnBackground, request, timeout).status();
+}
+
+namespace {
+
+// Acts under a lease of its own. The release's failure tells nothing new.
+template <typename Act>
+absl::Status with_control(Client& client, const std::string& operator_name, std::chrono::milliseconds timeout,
+                          const Act& act) {
+    v1::AcquireControlRequest request;
+    request.set_name(operator_name);
+    request.set_timeout_ms(timeout.count());
+    const auto lease = client.acquire_control(request);
+    if (!lease.ok()) return lease.status();
+    const absl::Status status = act(lease->lease_id());
+    client.release_control(lease->lease_id()).IgnoreError();
+    return status;
+}
+
+}  // namespace
+
+absl::Status Client::start(const std::string& operator_name) {
+    return with_control(*this, operator_name, kLeaseTimeout, [&](const std::string& id) { return start_with(id); });
+}
+
+absl::Status Client::stop(const std::string& operator_name) {
+    return with_control(*this, operator_name, kLeaseTimeout, [&](const std::string& id) { return stop_with(id); });
+}
+
+absl::Status Client::learn_background(const std::string& operator_name, int frames,
+                                      std::chrono::milliseconds timeout) {
+    return with_control(*this, operator_name, kLeaseTimeout,
+                        [&](const std::string& id) { return learn_background_with(id, frames, timeout); });
+}
+
+absl::Status Client::stream_volumes(const v1::StreamVolumesRequest& request,
+                                    const std::function<bool(const VolumeFrame&)>& on_frame,
+                                    const StreamOptions& options) {
+    return read_stream<v1::StreamVolumesResponse>(
+        [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
+            return parts_->stream->PrepareAsyncStreamVolumes(context, request, queue);
+        },
+        [&](const v1::StreamVolumesResponse& message) -> absl::StatusOr<bool> {
+            VolumeFrame frame;
+            frame.header = message.header();
+            frame.litres = message.litres();
+            frame.bytes = message.volume().size();
+            if (message.has_subject()) frame.subject = message.subject();
+            if (!message.volume().empty()) {
+                auto volume = decode_volume({reinterpret_cast<const std::uint8_t*>(message.volume().data()),
+                                             message.volume().size()});
+                if (!volume.ok())
+                    return absl::DataLossError(fmt::format("volume {} from {} cannot be decoded: {}",
+                                                           message.header().sequence(), parts_->options.server,
+                                                           std::string(volume.status().message())));
+                frame.volume = std::move(*volume);
+            }
+            return on_frame(frame);
+        },
+        options, parts_->options.server);
+}
+
+absl::Status Client::stream_previews(const v1::StreamPreviewsRequest& request,
+                                     const std::function<bool(const PreviewFrame&)>& on_frame,
+                                     const StreamOptions& options) {
+    return read_stream<v1::StreamPreviewsResponse>(
+        [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
+            return parts_->stream->PrepareAsyncStreamPreviews(context, request, queue);
+        },
+        [&](const v1::StreamPreviewsResponse& message) -> absl::StatusOr<bool> {
+            PreviewFrame frame{message.header(), message.camera(), {}};
+            if (!message.jpeg().empty()) {
+                auto image = decode_jpeg({reinterpret_cast<const std::uint8_t*>(message.jpeg().data()),
+                                          message.jpeg().size()});
+                if (!image.ok()) return image.status();
+                frame.image = std::move(*image);
+            }
+            return on_frame(frame);
+        },
+        options, parts_->options.server);
+}
+
+absl::Status Client::watch_events(const v1::WatchEventsRequest& request,
+                                  const std::function<bool(const v1::WatchEventsResponse&)>& on_event,
+                                  const StreamOptions& options) {
+    return read_stream<v1::WatchEventsResponse>(
+        [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
+            return parts_->capture->PrepareAsyncWatchEvents(context, request, queue);
+        },
+        [&](const v1::WatchEventsResponse& event) -> absl::StatusOr<bool> { return on_event(event); }, options,
+        parts_->options.server);
+}
+
+Camera camera_from_proto(const v1::Camera& from) {
+    Camera camera;
+    camera.name = from.name();
+    camera.width = from.width_px();
+    camera.height = from.height_px();
+    camera.fx = from.fx_px();
+    camera.fy = from.fy_px();
+    camera.cx = from.cx_px();
+    camera.cy = from.cy_px();
+    double* const distortion[] = {&camera.k1, &camera.k2, &camera.p1, &camera.p2, &camera.k3};
+    for (int i = 0; i < 5 && i < from.distortion_size(); ++i) *distortion[i] = from.distortion(i);
+    for (int i = 0; i < 9 && i < from.rotation_camera_from_world_size(); ++i)
+        camera.camera_from_world.rotation.m[static_cast<std::size_t>(i)] = from.rotation_camera_from_world(i);
+    const v1::Vec3& t = from.translation_camera_from_world();
+    camera.camera_from_world.translation = {t.x(), t.y(), t.z()};
+    return camera;
+}
+
+}  // namespace kinevox::client

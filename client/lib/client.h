@@ -1,0 +1,106 @@
+// The C++ client of a Kinevox daemon. Needs gRPC, the API's messages and common; nothing of the server.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "common/camera.h"
+#include "common/volume.h"
+#include "kinevox/v1/capture_service.pb.h"
+#include "kinevox/v1/stream_service.pb.h"
+
+namespace grpc {
+class Channel;
+}
+
+namespace kinevox::client {
+
+inline constexpr const char* kDefaultServer = "127.0.0.1:50770";
+
+struct ClientOptions {
+    std::string server = kDefaultServer;        // HOST:PORT
+    std::chrono::milliseconds timeout{5'000};   // of a call, the connection included
+};
+
+struct StreamOptions {
+    // Connects again, with growing pauses up to 5 s, when the daemon goes away. What was published meanwhile is lost.
+    bool reconnect = false;
+    std::function<void(const absl::Status& why)> on_reconnect;
+    // Ends the stream with DeadlineExceeded after so long without a message; 0: waits for ever.
+    std::chrono::milliseconds longest_silence{0};
+    std::stop_token stop;                       // ends the stream with Cancelled, from any thread
+};
+
+// One message of StreamVolumes, decoded.
+struct VolumeFrame {
+    v1::StreamHeader header;
+    std::optional<Volume> volume;               // empty while nobody is tracked
+    double litres = 0;                          // at the capture's own resolution
+    std::optional<v1::Subject> subject;
+    std::size_t bytes = 0;                      // of the volume on the wire
+};
+
+// 8 bits a channel, R G B or grey, rows without padding.
+struct Image {
+    int width = 0, height = 0, channels = 0;
+    std::vector<std::uint8_t> data;
+};
+
+struct PreviewFrame {
+    v1::StreamHeader header;
+    std::string camera;
+    Image image;                                // empty where the camera delivered no picture
+};
+
+// Any thread; a stream occupies the thread that called it until it ends. The statuses are the daemon's own;
+// Unavailable where it cannot be reached, the message naming the address.
+class Client {
+  public:
+    explicit Client(const ClientOptions& options = {});
+    Client(std::shared_ptr<grpc::Channel> channel, const ClientOptions& options = {});
+    ~Client();
+    Client(Client&&) noexcept;
+
+    absl::StatusOr<v1::GetStatusResponse> status();
+    absl::StatusOr<std::vector<Camera>> cameras();
+
+    // Each takes control under `operator_name`, acts and gives control back.
+    absl::Status start(const std::string& operator_name);
+    absl::Status stop(const std::string& operator_name);
+    // `frames` live frame sets, 0: the source's own clip. Waits as long as that takes, `timeout` at most.
+    absl::Status learn_background(const std::string& operator_name, int frames, std::chrono::milliseconds timeout);
+
+    absl::StatusOr<v1::AcquireControlResponse> acquire_control(const v1::AcquireControlRequest& request);
+    absl::StatusOr<v1::RenewControlResponse> renew_control(const std::string& lease_id);
+    absl::Status release_control(const std::string& lease_id);
+    absl::Status start_with(const std::string& lease_id);
+    absl::Status stop_with(const std::string& lease_id);
+    absl::Status learn_background_with(const std::string& lease_id, int frames, std::chrono::milliseconds timeout);
+
+    // `on_...` returns whether to go on; false ends the stream with OK.
+    absl::Status stream_volumes(const v1::StreamVolumesRequest& request,
+                                const std::function<bool(const VolumeFrame&)>& on_frame, const StreamOptions& options);
+    absl::Status stream_previews(const v1::StreamPreviewsRequest& request,
+                                 const std::function<bool(const PreviewFrame&)>& on_frame,
+                                 const StreamOptions& options);
+    absl::Status watch_events(const v1::WatchEventsRequest& request,
+                              const std::function<bool(const v1::WatchEventsResponse&)>& on_event,
+                              const StreamOptions& options);
+
+  private:
+    struct Parts;
+    std::unique_ptr<Parts> parts_;
+};
+
+Camera camera_from_proto(const v1::Camera& camera);
+
+}  // namespace kinevox::client

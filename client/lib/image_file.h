@@ -1,0 +1,21 @@
+// JPEG in, PNG out.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "client/lib/client.h"
+
+namespace kinevox::client {
+
+// R G B, or grey where the JPEG is. InvalidArgument for anything else than a whole JPEG.
+absl::StatusOr<Image> decode_jpeg(std::span<const std::uint8_t> bytes);
+
+// Written aside and renamed. Unavailable, naming the file, where that fails.
+absl::Status write_png(const Image& image, const std::filesystem::path& file);
+
+}  // namespace kinevox::client

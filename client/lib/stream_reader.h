@@ -1,0 +1,100 @@
+// Reads a stream on the calling thread, with a limit on silence, a stop from outside, and reconnection.
+#pragma once
+
+#include <algorithm>
+#include <condition_variable>
+#include <mutex>
+#include <type_traits>
+
+#include <absl/status/status.h>
+#include <grpcpp/grpcpp.h>
+
+#include "client/lib/client.h"
+
+namespace kinevox::client {
+
+absl::Status to_absl(const grpc::Status& status, const std::string& server);
+
+// One connection's worth. `prepare(context, queue)` yields a ClientAsyncReader<Message>. `on_message` returns an
+// error, which ends the stream with it, or whether to go on.
+template <typename Message, typename Prepare>
+absl::Status read_stream_once(const Prepare& prepare,
+                              const std::function<absl::StatusOr<bool>(const Message&)>& on_message,
+                              const StreamOptions& options, const std::string& server, bool& any_message) {
+    grpc::ClientContext context;
+    context.set_wait_for_ready(false);
+    grpc::CompletionQueue queue;
+    const std::stop_callback cancel(options.stop, [&] { context.TryCancel(); });
+    const auto reader = prepare(&context, &queue);
+
+    // Waits for the one operation in flight. False: it failed, the stream is over.
+    bool silent = false;
+    const auto wait = [&] {
+        void* tag = nullptr;
+        bool ok = false;
+        const bool limited = options.longest_silence.count() > 0 && !silent;
+        const auto deadline = limited ? std::chrono::system_clock::now() + options.longest_silence
+                                      : std::chrono::system_clock::time_point::max();
+        while (queue.AsyncNext(&tag, &ok, deadline) == grpc::CompletionQueue::TIMEOUT) {
+            silent = true;
+            context.TryCancel();
+            queue.Next(&tag, &ok);
+            return false;
+        }
+        return ok;
+    };
+    absl::Status ended;
+    bool leaving = false;
+    reader->StartCall(nullptr);
+    if (wait()) {
+        Message message;
+        for (;;) {
+            reader->Read(&message, nullptr);
+            if (!wait()) break;
+            any_message = true;
+            const absl::StatusOr<bool> go_on = on_message(message);
+            if (go_on.ok() && *go_on) continue;
+            ended = go_on.status();
+            leaving = true;
+            context.TryCancel();
+            break;
+        }
+    }
+    grpc::Status status;
+    reader->Finish(&status, nullptr);
+    void* tag = nullptr;
+    bool ok = false;
+    queue.Next(&tag, &ok);
+    queue.Shutdown();
+    while (queue.Next(&tag, &ok)) {}
+    if (leaving) return ended;
+    if (options.stop.stop_requested()) return absl::CancelledError("stopped");
+    if (silent)
+        return absl::DeadlineExceededError("no message from " + server + " for " +
+                                           std::to_string(options.longest_silence.count() / 1000) +
+                                           " s; see with `kinevox status` whether the capture runs");
+    return to_absl(status, server);
+}
+
+template <typename Message, typename Prepare>
+absl::Status read_stream(const Prepare& prepare,
+                         const std::function<absl::StatusOr<bool>(const Message&)>& on_message,
+                         const StreamOptions& options, const std::string& server) {
+    constexpr std::chrono::milliseconds kFirstPause{200}, kLongestPause{5'000};
+    auto pause = kFirstPause;
+    for (;;) {
+        bool any_message = false;
+        absl::Status status = read_stream_once<Message>(prepare, on_message, options, server, any_message);
+        if (!options.reconnect || !absl::IsUnavailable(status)) return status;
+        if (options.on_reconnect) options.on_reconnect(status);
+        if (any_message) pause = kFirstPause;
+        std::mutex mutex;
+        std::condition_variable_any stopped;
+        std::unique_lock lock(mutex);
+        stopped.wait_for(lock, options.stop, pause, [] { return false; });
+        if (options.stop.stop_requested()) return absl::CancelledError("stopped");
+        pause = std::min(2 * pause, kLongestPause);
+    }
+}
+
+}  // namespace kinevox::client

@@ -1,0 +1,54 @@
+# Compiler settings that every part shares, and the two helpers that declare a library and a test.
+# kernels/ includes this too, so nothing here may need a package.
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
+  set(CMAKE_BUILD_TYPE Release CACHE STRING "" FORCE)
+endif()
+
+find_program(CCACHE_PROGRAM ccache)
+if(CCACHE_PROGRAM)
+  foreach(language CXX CUDA)
+    if(NOT CMAKE_${language}_COMPILER_LAUNCHER)
+      set(CMAKE_${language}_COMPILER_LAUNCHER ${CCACHE_PROGRAM})
+    endif()
+  endforeach()
+endif()
+
+set(KINEVOX_SANITIZE "" CACHE STRING "Sanitizers for everything: address,undefined or thread")
+
+add_library(kinevox_build_options INTERFACE)
+target_compile_options(kinevox_build_options INTERFACE
+  $<$<COMPILE_LANGUAGE:CXX>:-Wall -Wextra -Wpedantic -Wno-missing-field-initializers>)
+if(KINEVOX_SANITIZE)
+  add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-fsanitize=${KINEVOX_SANITIZE}>
+                      $<$<COMPILE_LANGUAGE:CXX>:-fno-omit-frame-pointer>)
+  add_link_options(-fsanitize=${KINEVOX_SANITIZE})
+endif()
+
+# kinevox_library(NAME SOURCES a.cc ... PUBLIC lib ... PRIVATE lib ...): a static library whose headers are
+# included by their path from the repository's root.
+get_filename_component(KINEVOX_ROOT ${CMAKE_CURRENT_LIST_DIR}/.. ABSOLUTE)
+function(kinevox_library name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
+  add_library(${name} STATIC ${ARG_SOURCES})
+  target_include_directories(${name} PUBLIC ${KINEVOX_ROOT})
+  target_link_libraries(${name} PUBLIC ${ARG_PUBLIC} PRIVATE kinevox_build_options ${ARG_PRIVATE})
+endfunction()
+
+# kinevox_test(NAME SOURCES a_test.cc ... LIBRARIES lib ... [LABELS ...] [TIMEOUT s]): a GoogleTest program run by
+# CTest as one test (a program a folder, not one a case: starting is what costs on two cores).
+function(kinevox_test name)
+  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LIBRARIES;LABELS" ${ARGN})
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 120)
+  endif()
+  add_executable(${name} ${ARG_SOURCES})
+  target_include_directories(${name} PRIVATE ${KINEVOX_ROOT})
+  target_link_libraries(${name} PRIVATE kinevox_build_options ${ARG_LIBRARIES} GTest::gmock GTest::gtest_main)
+  add_test(NAME ${name} COMMAND ${name})
+  set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
+endfunction()

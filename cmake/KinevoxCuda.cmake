@@ -1,0 +1,20 @@
+# KINEVOX_CUDA: AUTO builds the CUDA forms of the kernels where a compiler is found, ON insists, OFF leaves them out.
+# Included by the topmost CMakeLists.txt: a language must be enabled where every target that links it is below.
+set(KINEVOX_CUDA AUTO CACHE STRING "CUDA kernels: AUTO, ON or OFF")
+if(NOT KINEVOX_CUDA STREQUAL "OFF")
+  find_program(KINEVOX_NVCC nvcc HINTS /usr/local/cuda/bin ENV CUDA_PATH PATH_SUFFIXES bin)
+  if(KINEVOX_NVCC)
+    set(CMAKE_CUDA_COMPILER ${KINEVOX_NVCC} CACHE FILEPATH "")
+    if(NOT DEFINED CMAKE_CUDA_ARCHITECTURES)
+      set(CMAKE_CUDA_ARCHITECTURES 75-virtual 90-real CACHE STRING "")
+    endif()
+    enable_language(CUDA)
+    if(NOT CMAKE_CUDA20_STANDARD_COMPILE_OPTION)  # CMake 3.25.1 does not know yet that nvcc has it
+      set(CMAKE_CUDA20_STANDARD_COMPILE_OPTION -std=c++20)
+      set(CMAKE_CUDA20_EXTENSION_COMPILE_OPTION -std=c++20)
+    endif()
+    set(KINEVOX_HAVE_CUDA TRUE)
+  elseif(KINEVOX_CUDA STREQUAL "ON")
+    message(FATAL_ERROR "KINEVOX_CUDA is ON but no nvcc was found; set CUDA_PATH or use KINEVOX_CUDA=AUTO")
+  endif()
+endif()

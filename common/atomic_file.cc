@@ -1,0 +1,84 @@
+#include "common/atomic_file.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <system_error>
+
+namespace kinevox {
+namespace {
+
+absl::Status cannot_write(const std::filesystem::path& file, const std::string& why) {
+    return absl::UnavailableError(fmt::format(
+        "{}: cannot be written: {}; check the folder's permissions and free space", file.string(), why));
+}
+
+// Writes everything and flushes it to the disk; errno tells why not.
+bool write_all(int descriptor, std::string_view contents) {
+    while (!contents.empty()) {
+        const ssize_t written = ::write(descriptor, contents.data(), contents.size());
+        if (written < 0 && errno == EINTR) continue;
+        if (written < 0) return false;
+        contents.remove_prefix(static_cast<std::size_t>(written));
+    }
+    return ::fsync(descriptor) == 0 || errno == EINVAL;  // EINVAL: a pipe or the like, nothing to flush
+}
+
+}  // namespace
+
+absl::Status write_file_atomically(const std::filesystem::path& file, std::string_view contents) {
+    static std::atomic<unsigned> counter{0};  // two threads writing one file need two names aside
+    std::error_code error;
+    if (file.has_parent_path()) std::filesystem::create_directories(file.parent_path(), error);
+    if (error) return cannot_write(file, error.message());
+    std::filesystem::path aside = file;
+    aside += fmt::format(".{}-{}.part", ::getpid(), counter.fetch_add(1));
+    const int descriptor = ::open(aside.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+    if (descriptor < 0) return cannot_write(file, std::strerror(errno));
+    const bool written = write_all(descriptor, contents);
+    const int write_errno = errno;
+    const bool closed = ::close(descriptor) == 0;
+    if (!written || !closed) {
+        ::unlink(aside.c_str());
+        return cannot_write(file, std::strerror(written ? errno : write_errno));
+    }
+    std::filesystem::rename(aside, file, error);
+    if (error) {
+        ::unlink(aside.c_str());
+        return cannot_write(file, error.message());
+    }
+    return absl::OkStatus();
+}
+
+absl::StatusOr<std::string> read_file(const std::filesystem::path& file, std::size_t max_bytes) {
+    std::error_code error;
+    if (!std::filesystem::exists(file, error))
+        return absl::NotFoundError(fmt::format("{}: no such file; check the path", file.string()));
+    if (!std::filesystem::is_regular_file(file, error))
+        return absl::InvalidArgumentError(
+            fmt::format("{}: is not a file; give the file itself", file.string()));
+    std::ifstream stream(file, std::ios::binary);
+    if (!stream)
+        return absl::PermissionDeniedError(fmt::format("{}: cannot be opened: {}; check its permissions",
+                                                       file.string(), std::strerror(errno)));
+    std::string contents;
+    char block[65536];
+    while (stream.read(block, sizeof block) || stream.gcount() > 0) {
+        contents.append(block, static_cast<std::size_t>(stream.gcount()));
+        if (contents.size() > max_bytes)
+            return absl::InvalidArgumentError(
+                fmt::format("{}: is larger than {} bytes, too large for a file of this kind; check the path",
+                            file.string(), max_bytes));
+    }
+    if (stream.bad())
+        return absl::DataLossError(
+            fmt::format("{}: cannot be read to its end; check the disk", file.string()));
+    return contents;
+}
+
+}  // namespace kinevox

@@ -1,0 +1,19 @@
+// Files written aside and renamed, so that no reader ever sees half of one.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+namespace kinevox {
+
+// Replaces `file` by `contents`, creating its folder if need be. On an error the old file stays as it was.
+absl::Status write_file_atomically(const std::filesystem::path& file, std::string_view contents);
+
+// The whole file. NotFound if it is not there, InvalidArgument if it is larger than `max_bytes` or no file.
+absl::StatusOr<std::string> read_file(const std::filesystem::path& file, std::size_t max_bytes = 16 << 20);
+
+}  // namespace kinevox

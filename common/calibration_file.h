@@ -1,0 +1,27 @@
+// Calibration files: Pose2Sim/aniposelib TOML read and written, Qualisys .qca.txt and OpenCV YAML imported.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "common/camera.h"
+
+namespace kinevox {
+
+// Reads by ending: .toml, .qca.txt/.qca/.xml (Qualisys; mm, 1/64 px, y up z back axes), .yml/.yaml (OpenCV).
+// Errors name the file, the line or key, the value and the remedy: NotFound, InvalidArgument. Every number is
+// finite, sizes and focal lengths are positive, names unique, rotations proper.
+absl::StatusOr<std::vector<Camera>> read_calibration(const std::filesystem::path& file);
+
+// The same from text, `name_for_errors` standing for the file; TOML only. What the fuzzer calls.
+absl::StatusOr<std::vector<Camera>> parse_calibration_toml(const std::string& text,
+                                                           const std::string& name_for_errors);
+
+// Written aside and renamed, so that no reader ever sees half a file.
+absl::Status write_calibration_toml(const std::vector<Camera>& cameras, const std::filesystem::path& file);
+
+}  // namespace kinevox

@@ -1,0 +1,71 @@
+// A coloured voxel volume as clients see it, and its compact form on the wire.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "common/geometry.h"
+
+namespace kinevox {
+
+// An axis-aligned box of cubic voxels in the world frame; voxel (i, j, k) spans origin + edge * [i, i+1) x
+// ...
+struct VolumeGrid {
+    Vec3 origin_in_world;  // m, the corner with the smallest coordinates
+    double voxel_m = 0.01;
+    std::array<int, 3> size{};  // voxels along x, y, z, each a multiple of 8
+
+    bool operator==(const VolumeGrid&) const = default;
+};
+
+// 8 x 8 x 8 voxels; bit (y * 8 + x) of occupancy[z].
+struct VolumeBrick {
+    std::int16_t x = 0, y = 0, z = 0;  // bricks from the origin
+    std::array<std::uint64_t, 8> occupancy{};
+
+    bool operator==(const VolumeBrick&) const = default;
+};
+
+struct Rgb {
+    std::uint8_t r = 0, g = 0, b = 0;
+    bool operator==(const Rgb&) const = default;
+};
+
+// Non-empty bricks sorted by (z, y, x). `colours`: one entry a surface voxel (occupied, with one of its six
+// neighbours empty) in the order of bricks and of z, y, x inside a brick; or empty.
+struct Volume {
+    VolumeGrid grid;
+    std::vector<VolumeBrick> bricks;
+    std::vector<Rgb> colours;
+
+    bool operator==(const Volume&) const = default;
+};
+
+// What the codec and its readers can handle: 2^20 bricks are 75 MB, or 537 m3 at 10 mm.
+inline constexpr int kMaxBricksPerAxis = 32767;
+inline constexpr std::size_t kMaxBricks = 1 << 20;
+
+// Empty if the volume keeps what the comments above promise (colours apart, which encode_volume() checks),
+// else one sentence.
+std::string volume_problem(const Volume& volume);
+
+std::int64_t voxel_count(const Volume& volume);
+double volume_litres(const Volume& volume);
+
+struct VoxelIndex {
+    int i = 0, j = 0, k = 0;
+};
+// In the order of `colours`.
+std::vector<VoxelIndex> surface_voxels(const Volume& volume);
+
+// A volume at 1/2^levels of the resolution: a coarse voxel is occupied if half of its children or more are,
+// its colour the mean of its surface children's; each level halves the one before. The grid keeps its origin
+// and grows to a multiple of 8 again. levels >= 0.
+Volume coarsened(const Volume& volume, int levels);
+
+}  // namespace kinevox

@@ -1,0 +1,99 @@
+#include "kernels/bench/volume_body.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "kernels/tests/volume_scene.h"
+
+namespace kinevox::kernels::bench {
+namespace {
+
+struct Capsule {
+    float from[3], to[3], radius;
+};
+
+float distance_to(const Capsule& c, const float* p) {
+    float along[3], offset[3], dot = 0, length = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+        along[axis] = c.to[axis] - c.from[axis];
+        offset[axis] = p[axis] - c.from[axis];
+        dot += along[axis] * offset[axis];
+        length += along[axis] * along[axis];
+    }
+    const float at = std::clamp(dot / length, 0.f, 1.f);
+    for (int axis = 0; axis < 3; ++axis) offset[axis] -= at * along[axis];
+    return std::hypot(offset[0], offset[1], offset[2]) - c.radius;
+}
+
+Body make_body(int cameras, bool arms_out) {
+    std::vector<Capsule> parts = {
+        {{0, 0, 0.95f}, {0, 0, 1.40f}, 0.16f},        {{0, 0, 1.62f}, {0, 0, 1.70f}, 0.10f},
+        {{0, 0, 1.4f}, {0, 0, 1.6f}, 0.06f},          {{0, 0.10f, 0.95f}, {0.15f, 0.12f, 0.50f}, 0.085f},
+        {{0.15f, 0.12f, 0.5f}, {0, 0.12f, 0.08f}, 0.06f}, {{0, -0.10f, 0.95f}, {-0.1f, -0.12f, 0.5f}, 0.085f},
+        {{-0.1f, -0.12f, 0.5f}, {-0.25f, -0.12f, 0.1f}, 0.06f}};
+    for (const float side : {-1.f, 1.f}) {
+        const float reach = arms_out ? 0.85f : 0.3f, low = arms_out ? 1.42f : 0.85f;
+        parts.push_back({{0, side * 0.18f, 1.40f}, {0.05f, side * reach, low}, 0.045f});
+    }
+    const auto person = [&](const float* p) {
+        float nearest = 10;
+        for (const Capsule& part : parts) nearest = std::min(nearest, distance_to(part, p));
+        return nearest;
+    };
+    const auto stripes = [](const float* p) {
+        const bool light = static_cast<int>(std::floor(p[2] / 0.07f)) % 2 == 0;
+        return light ? Colour{210, 200, 180} : Colour{120, 40, 50};
+    };
+    Body body;
+    testing::Scene scene = testing::ring_of_cameras(cameras, 0, 0, 0);
+    for (int n = 0; n < cameras; ++n) {  // all of one size, 5 m away
+        CameraModel& c = scene.cameras[n];
+        c.width = 640, c.height = 480, c.fx = c.fy = 620, c.cx = 319.5f, c.cy = 239.5f;
+        c.translation_camera_from_world[2] += 2;
+    }
+    scene.draw(person, stripes, {90, 100, 110});
+    body.cameras = scene.cameras;
+    body.masks = std::move(scene.masks);
+    body.pictures = std::move(scene.pictures);
+    return body;
+}
+
+}  // namespace
+
+const Body& body(int cameras, bool arms_out) {
+    static std::map<std::pair<int, bool>, Body> made;  // drawing takes a while
+    const auto [found, is_new] = made.try_emplace({cameras, arms_out});
+    Body& body = found->second;
+    if (is_new) {
+        body = make_body(cameras, arms_out);
+        testing::Scene scene{body.cameras, body.masks, body.pictures};
+        const auto hull = scene.hull_views();
+        for (int n = 0; n < cameras; ++n) {
+            const CameraModel& c = body.cameras[n];
+            const std::uint8_t* mask = body.masks[n].data();
+            body.hull_views.push_back({&c, mask, nullptr, hull[n].bounds});
+            ColouringView view;
+            view.camera = &c;
+            view.picture = {body.pictures[n].data(), c.width, c.height, 3, 3 * c.width};
+            view.silhouette = view.sharp = mask;
+            view.bounds = hull[n].bounds;
+            body.colouring_views.push_back(view);
+        }
+    }
+    return body;
+}
+
+Lattice lattice_around(float voxel_m, float span_m) {
+    Lattice lattice;
+    lattice.voxel_m = voxel_m;
+    const float span[3] = {span_m, span_m, 2};
+    for (int axis = 0; axis < 3; ++axis) {
+        lattice.size[axis] = static_cast<int>(std::ceil(span[axis] / voxel_m / kBrickEdge)) * kBrickEdge;
+        lattice.origin[axis] = axis == 2 ? -0.05f : -0.5f * voxel_m * static_cast<float>(lattice.size[axis]);
+    }
+    return lattice;
+}
+
+}  // namespace kinevox::kernels::bench

@@ -1,0 +1,73 @@
+#include "kernels/cpu/agreement.h"
+
+#include <algorithm>
+#include <limits>
+#include <vector>
+
+namespace kinevox::kernels {
+
+Rect bounds_of(const std::uint8_t* mask, int width, int height) {
+    Rect box{width, height, 0, 0};
+    for (int y = 0; y < height; ++y) {
+        const std::uint8_t* row = mask + static_cast<std::size_t>(y) * width;
+        const std::uint8_t* const end = row + width;
+        const std::uint8_t* first = std::find_if(row, end, [](std::uint8_t value) { return value != 0; });
+        if (first == end) continue;
+        int last = width - 1;
+        while (row[last] == 0) --last;
+        box.x0 = std::min(box.x0, static_cast<int>(first - row));
+        box.x1 = std::max(box.x1, last + 1);
+        box.y0 = std::min(box.y0, y);
+        box.y1 = y + 1;
+    }
+    return box.x1 > box.x0 ? box : Rect{};
+}
+
+float silhouette_agreement(const ColouringView& view, const ViewOfVolume& of_volume) {
+    constexpr float kNothing = std::numeric_limits<float>::quiet_NaN();
+    const std::uint8_t* const mask = view.sharp ? view.sharp : view.silhouette;
+    if (!mask) return kNothing;
+    const int width = of_volume.camera.width, height = of_volume.camera.height;
+    const int columns = of_volume.cells.width(), rows = of_volume.cells.height(), shift = of_volume.shift;
+    const int reach = of_volume.reach;
+    std::int64_t both = 0, silhouette = 0, projection = 0;
+    Rect box = view.bounds.empty() ? Rect{0, 0, width, height} : view.bounds;
+    for (int y = std::max(box.y0, 0); y < std::min(box.y1, height); ++y) {
+        const std::uint8_t* row = mask + static_cast<std::size_t>(y) * width;
+        int here = 0;
+        for (int x = std::max(box.x0, 0); x < std::min(box.x1, width); ++x) here += row[x] != 0;
+        silhouette += here;
+    }
+    // The splats made the projection wider by `reach` cells; taking that off again closes the surface's pinholes
+    // without letting it grow.
+    std::vector<std::uint8_t> worst(columns), narrow(columns);
+    for (int cy = 0; cy < rows; ++cy) {
+        std::fill(worst.begin(), worst.end(), std::uint8_t{1});
+        for (int from = std::max(cy - reach, 0); from <= std::min(cy + reach, rows - 1); ++from) {
+            const float* front = of_volume.front_m.data() + static_cast<std::size_t>(from) * columns;
+            for (int x = 0; x < columns; ++x) worst[x] &= front[x] < kFar_m;
+        }
+        std::copy(worst.begin(), worst.end(), narrow.begin());
+        for (int step = 1; step <= reach && step < columns; ++step) {
+            for (int x = 0; x < columns - step; ++x) narrow[x] &= worst[x + step];
+            for (int x = step; x < columns; ++x) narrow[x] &= worst[x - step];
+        }
+        const int y0 = (cy + of_volume.cells.y0) << shift, x0 = of_volume.cells.x0 << shift;
+        for (int y = y0; y < std::min(y0 + (1 << shift), height); ++y) {
+            const std::uint8_t* row = mask + static_cast<std::size_t>(y) * width + x0;
+            const int end = std::min(columns << shift, width - x0);
+            int covered = 0, shared = 0;
+            for (int x = 0; x < end; ++x) {
+                const int is = narrow[x >> shift];
+                covered += is;
+                shared += is & (row[x] != 0);
+            }
+            projection += covered;
+            both += shared;
+        }
+    }
+    const std::int64_t either = silhouette + projection - both;
+    return either > 0 ? static_cast<float>(both) / static_cast<float>(either) : kNothing;
+}
+
+}  // namespace kinevox::kernels

@@ -1,0 +1,15 @@
+// The voxels of one brick, tested against every view.
+#pragma once
+
+#include <cstdint>
+
+#include "kernels/shared/hull.h"
+
+namespace kinevox::kernels {
+
+// Clears in occupancy[8] (see Brick) the voxels that the views reject; rows without a voxel cost nothing. The first
+// voxel's centre is at (x, y, z), m. True: any is left.
+bool carve_brick(const HullMaps* views, int view_count, int min_views, float x, float y, float z, float voxel_m,
+                 std::uint64_t* occupancy);
+
+}  // namespace kinevox::kernels

@@ -1,0 +1,80 @@
+#include "kernels/cpu/run_components.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace kinevox::kernels::cpu {
+namespace {
+
+// First x in [x, end) where (row[x] != 0) == set; rows are mostly uniform, so eight pixels are looked at at
+// once.
+int next(const std::uint8_t* row, int x, int end, bool set) {
+    const std::uint64_t uniform = set ? 0 : ~std::uint64_t{0};
+    while (x < end) {
+        std::uint64_t eight;
+        if (x + 8 <= end) {
+            std::memcpy(&eight, row + x, 8);
+            if (eight == uniform) {
+                x += 8;
+                continue;
+            }
+        }
+        if ((row[x] != 0) == set) return x;
+        ++x;
+    }
+    return end;
+}
+
+}  // namespace
+
+int RunComponents::root(int i) {
+    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
+    return i;
+}
+
+void RunComponents::find(const std::uint8_t* mask, int stride, const Rect& box, bool set,
+                         bool eight_connected) {
+    runs.clear();
+    components.clear();
+    parent_.clear();
+    const int reach = eight_connected ? 1 : 0;
+    std::size_t above_begin = 0, above_end = 0;
+    for (int y = box.y0; y < box.y1; ++y) {
+        const std::uint8_t* row = mask + static_cast<std::ptrdiff_t>(y) * stride;
+        const std::size_t row_begin = runs.size();
+        std::size_t above = above_begin;
+        for (int x = next(row, box.x0, box.x1, set); x < box.x1;) {
+            const int end = next(row, x, box.x1, !set);
+            const int index = static_cast<int>(runs.size());
+            runs.push_back({y, x, end, index});
+            parent_.push_back(index);
+            while (above < above_end && runs[above].x1 + reach <= x) ++above;
+            for (std::size_t a = above; a < above_end && runs[a].x0 < end + reach; ++a) {
+                const int low = std::min(root(static_cast<int>(a)), root(index));
+                const int high = std::max(root(static_cast<int>(a)), root(index));
+                parent_[high] = low;
+            }
+            x = next(row, end, box.x1, set);
+        }
+        above_begin = row_begin;
+        above_end = runs.size();
+    }
+    for (std::size_t i = 0; i < runs.size(); ++i) {
+        const int top = root(static_cast<int>(i));
+        Run& run = runs[i];
+        if (top == static_cast<int>(i)) {
+            run.component = static_cast<int>(components.size());
+            components.push_back({0, false, {run.x0, run.y, run.x1, run.y + 1}});
+        } else {
+            run.component = runs[top].component;
+        }
+        Component& of = components[run.component];
+        of.area += run.x1 - run.x0;
+        of.bounds = {std::min(of.bounds.x0, run.x0), std::min(of.bounds.y0, run.y),
+                     std::max(of.bounds.x1, run.x1), std::max(of.bounds.y1, run.y + 1)};
+        of.touches_border = of.touches_border || run.x0 == box.x0 || run.x1 == box.x1 || run.y == box.y0 ||
+                            run.y + 1 == box.y1;
+    }
+}
+
+}  // namespace kinevox::kernels::cpu

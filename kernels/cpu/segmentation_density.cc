@@ -1,0 +1,235 @@
+#include "kernels/cpu/segmentation_density.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+// foreach_target.h reads this file once a processor family; this part belongs to all of them.
+#ifndef KINEVOX_SEGMENTATION_DENSITY_PLAIN
+#define KINEVOX_SEGMENTATION_DENSITY_PLAIN
+namespace kinevox::kernels::cpu {
+// The plain forms: where Highway is missing, at a picture's right edge, and on processors without byte
+// vectors.
+inline void split_plain(const std::uint8_t* interleaved, int pixels, int channels,
+                        const std::uint16_t* gain_64, std::uint8_t* cell) {
+    for (int c = 0; c < channels; ++c) {
+        std::uint8_t* plane = cell + c * kde::kCellPixels;
+        for (int x = 0; x < pixels; ++x) {
+            const unsigned value = interleaved[x * channels + c];
+            const unsigned scaled = std::min(255u, (((value * gain_64[c]) >> 8) + 32) >> 6);
+            plane[x] = static_cast<std::uint8_t>(value >= 253 ? 255 : scaled);
+        }
+        std::memset(plane + pixels, 0, kde::kCellPixels - pixels);
+    }
+}
+
+inline bool cell_density_plain(const kde::DensityTables& tables, const std::uint8_t* cell,
+                               const std::uint8_t* samples, const std::uint8_t* bandwidth_scale,
+                               int sample_count, int channels, bool may_stop, std::uint8_t* density) {
+    std::memset(density, 0, kde::kCellPixels);
+    for (int first = 0; first < sample_count; first += kde::kSamplesPerLook) {
+        const int count = std::min(kde::kSamplesPerLook, sample_count - first);
+        int unsure = 0;
+        for (int lane = 0; lane < kde::kCellPixels; ++lane) {
+            const int sum = density[lane] + kde::density(tables, cell + lane,
+                                                         samples + first * channels * kde::kCellPixels + lane,
+                                                         bandwidth_scale + lane, count, channels);
+            density[lane] = static_cast<std::uint8_t>(std::min(sum, 255));
+            unsure += density[lane] < kde::kSureDensity;
+        }
+        if (may_stop && unsure < kde::kCandidatesPerCell) return true;
+    }
+    return false;
+}
+}  // namespace kinevox::kernels::cpu
+#endif  // KINEVOX_SEGMENTATION_DENSITY_PLAIN
+
+#ifdef KINEVOX_HAVE_HIGHWAY
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "kernels/cpu/segmentation_density.cc"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace kinevox::kernels::cpu::HWY_NAMESPACE {
+#if HWY_TARGET == HWY_SCALAR
+// A processor without vectors of bytes: the shared scalar form.
+bool cell_density_1(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
+                    const std::uint8_t* bandwidth_scale, int sample_count, bool may_stop,
+                    std::uint8_t* density) {
+    return cell_density_plain(tables, cell, samples, bandwidth_scale, sample_count, 1, may_stop, density);
+}
+bool cell_density_3(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
+                    const std::uint8_t* bandwidth_scale, int sample_count, bool may_stop,
+                    std::uint8_t* density) {
+    return cell_density_plain(tables, cell, samples, bandwidth_scale, sample_count, 3, may_stop, density);
+}
+void split_whole_cell(const std::uint8_t* interleaved, int channels, const std::uint16_t* gain_64,
+                      std::uint8_t* cell) {
+    split_plain(interleaved, kde::kCellPixels, channels, gain_64, cell);
+}
+#else
+namespace hn = hwy::HWY_NAMESPACE;
+
+using kde::kCellPixels;
+// Never wider than a cell; scalable vectors are cut to it.
+using Bytes = hn::CappedTag<std::uint8_t, kCellPixels>;
+using Words = hn::Repartition<std::uint16_t, Bytes>;
+
+template <int kChannels>
+bool cell_density_of(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
+                     const std::uint8_t* bandwidth_scale, int sample_count, bool may_stop,
+                     std::uint8_t* density) {
+    const Bytes bytes;
+    const Words words;
+    const auto squared_table = hn::LoadDup128(bytes, tables.squared);
+    const auto kernel_table = hn::LoadDup128(bytes, tables.kernel);
+    const auto low_byte = hn::Set(words, 0x00ff);
+    const auto fifteen = hn::Set(words, 15);
+    const auto eight = hn::Set(bytes, 8);
+    const auto nibble = hn::Set(bytes, 0x0f);
+    const auto sure = hn::Set(bytes, kde::kSureDensity);
+    for (int lane = 0; lane < kCellPixels; lane += static_cast<int>(hn::Lanes(bytes)))
+        hn::Store(hn::Zero(bytes), bytes, density + lane);
+    for (int first = 0; first < sample_count; first += kde::kSamplesPerLook) {
+        const int last =
+            first + kde::kSamplesPerLook < sample_count ? first + kde::kSamplesPerLook : sample_count;
+        int unsure = 0;
+        for (int lane = 0; lane < kCellPixels; lane += static_cast<int>(hn::Lanes(bytes))) {
+            hn::Vec<Bytes> value[kChannels];
+            hn::Vec<Words> scale_even[kChannels], scale_odd[kChannels];
+            for (int c = 0; c < kChannels; ++c) {
+                value[c] = hn::Load(bytes, cell + c * kCellPixels + lane);
+                // times 4, so that the high half of (difference << 8) * scale is difference * scale >> 6.
+                const auto scale =
+                    hn::BitCast(words, hn::Load(bytes, bandwidth_scale + c * kCellPixels + lane));
+                scale_even[c] = hn::ShiftLeft<2>(hn::And(scale, low_byte));
+                scale_odd[c] = hn::ShiftLeft<2>(hn::ShiftRight<8>(scale));
+            }
+            auto sum = hn::Load(bytes, density + lane);
+            for (int i = first; i < last; ++i) {
+                auto squared = hn::Zero(bytes);
+                for (int c = 0; c < kChannels; ++c) {
+                    const auto sample = hn::Load(bytes, samples + (i * kChannels + c) * kCellPixels + lane);
+                    const auto difference = hn::BitCast(words, hn::Or(hn::SaturatedSub(value[c], sample),
+                                                                      hn::SaturatedSub(sample, value[c])));
+                    const auto even =
+                        hn::Min(hn::MulHigh(hn::ShiftLeft<8>(difference), scale_even[c]), fifteen);
+                    const auto odd =
+                        hn::Min(hn::MulHigh(hn::AndNot(low_byte, difference), scale_odd[c]), fifteen);
+                    const auto index = hn::BitCast(bytes, hn::Or(even, hn::ShiftLeft<8>(odd)));
+                    squared = hn::SaturatedAdd(squared, hn::TableLookupBytes(squared_table, index));
+                }
+                const auto rounded = hn::BitCast(words, hn::SaturatedAdd(squared, eight));
+                const auto kernel_index = hn::And(hn::BitCast(bytes, hn::ShiftRight<4>(rounded)), nibble);
+                sum = hn::SaturatedAdd(sum, hn::TableLookupBytes(kernel_table, kernel_index));
+            }
+            hn::Store(sum, bytes, density + lane);
+            const auto reached = hn::Eq(hn::Max(sum, sure), sum);
+            unsure += static_cast<int>(hn::Lanes(bytes) - hn::CountTrue(bytes, reached));
+        }
+        if (may_stop && unsure < kde::kCandidatesPerCell) return true;
+    }
+    return false;
+}
+
+bool cell_density_1(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
+                    const std::uint8_t* bandwidth_scale, int sample_count, bool may_stop,
+                    std::uint8_t* density) {
+    return cell_density_of<1>(tables, cell, samples, bandwidth_scale, sample_count, may_stop, density);
+}
+bool cell_density_3(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
+                    const std::uint8_t* bandwidth_scale, int sample_count, bool may_stop,
+                    std::uint8_t* density) {
+    return cell_density_of<3>(tables, cell, samples, bandwidth_scale, sample_count, may_stop, density);
+}
+
+// One plane: value * gain / 16384 in 1/64 levels, rounded.
+HWY_INLINE hn::Vec<Bytes> with_gain(Bytes bytes, hn::Vec<Bytes> value, std::uint16_t gain_64) {
+    const Words words;
+    const auto low_byte = hn::Set(words, 0x00ff);
+    const auto gain = hn::Set(words, gain_64);
+    const auto half = hn::Set(words, 32);
+    const auto top = hn::Set(words, 255);
+    const auto v = hn::BitCast(words, value);
+    const auto scaled = [&](auto shifted) {
+        return hn::Min(hn::ShiftRight<6>(hn::SaturatedAdd(hn::MulHigh(shifted, gain), half)), top);
+    };
+    const auto even = scaled(hn::ShiftLeft<8>(v));
+    const auto odd = scaled(hn::AndNot(low_byte, v));
+    const auto result = hn::BitCast(bytes, hn::Or(even, hn::ShiftLeft<8>(odd)));
+    const auto clipped = hn::Eq(hn::Max(value, hn::Set(bytes, 253)), value);
+    return hn::IfThenElse(clipped, hn::Set(bytes, 255), result);
+}
+
+void split_whole_cell(const std::uint8_t* interleaved, int channels, const std::uint16_t* gain_64,
+                      std::uint8_t* cell) {
+    const Bytes bytes;
+    for (int lane = 0; lane < kCellPixels; lane += static_cast<int>(hn::Lanes(bytes))) {
+        if (channels == 1) {
+            hn::Store(with_gain(bytes, hn::LoadU(bytes, interleaved + lane), gain_64[0]), bytes, cell + lane);
+            continue;
+        }
+        hn::Vec<Bytes> b, g, r;
+        hn::LoadInterleaved3(bytes, interleaved + 3 * lane, b, g, r);
+        hn::Store(with_gain(bytes, b, gain_64[0]), bytes, cell + lane);
+        hn::Store(with_gain(bytes, g, gain_64[1]), bytes, cell + kCellPixels + lane);
+        hn::Store(with_gain(bytes, r, gain_64[2]), bytes, cell + 2 * kCellPixels + lane);
+    }
+}
+
+#endif  // HWY_SCALAR
+}  // namespace kinevox::kernels::cpu::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+#endif  // KINEVOX_HAVE_HIGHWAY
+
+#if !defined(KINEVOX_HAVE_HIGHWAY) || HWY_ONCE
+namespace kinevox::kernels::cpu {
+
+using kde::kCellPixels;
+
+#ifdef KINEVOX_HAVE_HIGHWAY
+HWY_EXPORT(cell_density_1);
+HWY_EXPORT(cell_density_3);
+HWY_EXPORT(split_whole_cell);
+#endif
+
+kde::DensityTables make_density_tables(int sample_count) {
+    kde::DensityTables tables{};
+    for (int i = 0; i < 16; ++i)
+        tables.squared[i] = static_cast<std::uint8_t>(i == 0    ? 0
+                                                      : i == 15 ? 255
+                                                                : std::lround((i + 0.5) * (i + 0.5)));
+    const double peak = 255.0 / (kde::saturation(sample_count) * sample_count);
+    for (int i = 0; i < 15; ++i)
+        tables.kernel[i] = static_cast<std::uint8_t>(std::lround(peak * std::exp(-0.5 * i)));
+    return tables;
+}
+
+void split_cell(const std::uint8_t* interleaved, int pixels, int channels, const std::uint16_t* gain_64,
+                std::uint8_t* cell) {
+#ifdef KINEVOX_HAVE_HIGHWAY
+    if (pixels == kCellPixels) {
+        HWY_DYNAMIC_DISPATCH(split_whole_cell)(interleaved, channels, gain_64, cell);
+        return;
+    }
+#endif
+    split_plain(interleaved, pixels, channels, gain_64, cell);
+}
+
+bool cell_density(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
+                  const std::uint8_t* bandwidth_scale, int sample_count, int channels, bool may_stop,
+                  std::uint8_t* density) {
+#ifdef KINEVOX_HAVE_HIGHWAY
+    return channels == 1 ? HWY_DYNAMIC_DISPATCH(cell_density_1)(tables, cell, samples, bandwidth_scale,
+                                                                sample_count, may_stop, density)
+                         : HWY_DYNAMIC_DISPATCH(cell_density_3)(tables, cell, samples, bandwidth_scale,
+                                                                sample_count, may_stop, density);
+#else
+    return cell_density_plain(tables, cell, samples, bandwidth_scale, sample_count, channels, may_stop,
+                              density);
+#endif
+}
+
+}  // namespace kinevox::kernels::cpu
+#endif

@@ -1,0 +1,110 @@
+#include "kernels/cpu/segmentation_masks.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "kernels/cpu/parallel.h"
+
+namespace kinevox::kernels::cpu {
+namespace {
+
+void set_run(const MaskPicture& mask, const Run& run, int value) {
+    std::memset(mask.row(run.y) + run.x0, value, run.x1 - run.x0);
+}
+
+// One step of a diamond: each pixel becomes the AND (shrink) or OR (grow) of itself and its four neighbours.
+// Pixels outside the picture count as itself.
+template <bool kShrink>
+void diamond_step(const MaskPicture& from, std::uint8_t* to, const Rect& box) {
+    for (int y = box.y0; y < box.y1; ++y) {
+        const std::uint8_t* here = from.row(y);
+        const std::uint8_t* above = from.row(std::max(y - 1, 0));
+        const std::uint8_t* below = from.row(std::min(y + 1, from.height - 1));
+        std::uint8_t* out = to + static_cast<std::ptrdiff_t>(y) * from.width;
+        const auto join = [](int a, int b) { return kShrink ? a & b : a | b; };
+        const int first = std::max(box.x0, 1), last = std::min(box.x1, from.width - 1);
+        for (int x = first; x < last; ++x)
+            out[x] = static_cast<std::uint8_t>(
+                join(join(here[x], join(above[x], below[x])), join(here[x - 1], here[x + 1])));
+        if (box.x0 == 0) out[0] = static_cast<std::uint8_t>(join(here[0], join(above[0], below[0])));
+        if (box.x1 == from.width)
+            out[last] = static_cast<std::uint8_t>(join(here[last], join(above[last], below[last])));
+    }
+}
+
+}  // namespace
+
+Rect grown(const Rect& box, int margin, int width, int height) {
+    if (box.empty()) return {};
+    return {std::max(box.x0 - margin, 0), std::max(box.y0 - margin, 0), std::min(box.x1 + margin, width),
+            std::min(box.y1 + margin, height)};
+}
+
+std::int64_t drop_islands(const MaskPicture& mask, const Rect& box, int min_area, float min_part,
+                          const std::uint8_t* seed, RunComponents& scratch) {
+    scratch.find(mask.data, mask.width, box, true, true);
+    std::vector<std::uint8_t> agrees(scratch.components.size(), seed == nullptr);
+    if (seed)
+        for (const Run& run : scratch.runs) {
+            if (agrees[run.component]) continue;
+            const std::uint8_t* begin = seed + static_cast<std::ptrdiff_t>(run.y) * mask.width;
+            agrees[run.component] =
+                std::any_of(begin + run.x0, begin + run.x1, [](std::uint8_t s) { return s != 0; });
+        }
+    std::int64_t largest = 0;
+    for (std::size_t i = 0; i < scratch.components.size(); ++i)
+        if (agrees[i]) largest = std::max(largest, scratch.components[i].area);
+    const auto bound =
+        std::max<double>(min_area, static_cast<double>(min_part) * static_cast<double>(largest));
+    for (const Run& run : scratch.runs)
+        if (!agrees[run.component] || static_cast<double>(scratch.components[run.component].area) < bound)
+            set_run(mask, run, 0);
+    return largest;
+}
+
+void fill_holes(const MaskPicture& mask, const Rect& box, int max_area, RunComponents& scratch) {
+    scratch.find(mask.data, mask.width, box, false, false);
+    for (const Run& run : scratch.runs) {
+        const Component& hole = scratch.components[run.component];
+        if (hole.area < max_area && !hole.touches_border) set_run(mask, run, 255);
+    }
+}
+
+void BorderRefiner::refine(const MaskPicture& sharp, const Rect& box, const Rect& limit,
+                           const BackgroundModel& model, const std::uint8_t* cells,
+                           const kde::BorderParameters& parameters) {
+    if (box.empty()) return;
+    const std::size_t bytes = static_cast<std::size_t>(sharp.width) * sharp.height;
+    for (auto* plane : {&inside_, &grown_, &scratch_, &zones_}) plane->resize(bytes);
+    const int reach = kde::kBorderReach + kde::kBorderDepth;
+    const Rect wide = grown(box, reach, sharp.width, sharp.height);
+    const MaskPicture scratch{scratch_.data(), sharp.width, sharp.height};
+    static_assert(kde::kBorderDepth == 2);
+    diamond_step<true>(sharp, scratch_.data(), wide);
+    diamond_step<true>(scratch, inside_.data(), wide);
+    diamond_step<false>(sharp, scratch_.data(), wide);
+    diamond_step<false>(scratch, grown_.data(), wide);
+    for (int y = wide.y0; y < wide.y1; ++y) {
+        const std::size_t row = static_cast<std::size_t>(y) * sharp.width;
+        for (int x = wide.x0; x < wide.x1; ++x)
+            zones_[row + x] = static_cast<std::uint8_t>((inside_[row + x] & kde::kZoneInside) |
+                                                        (~grown_[row + x] & kde::kZoneOutside));
+    }
+    parallel_for(box.y0, box.y1, 16, [&](int first, int last) {
+        for (int y = first; y < last; ++y) {
+            const std::size_t row = static_cast<std::size_t>(y) * sharp.width;
+            for (int x = box.x0; x < box.x1; ++x) {
+                if (zones_[row + x] != kde::kZoneBorder) continue;
+                const int part =
+                    model.channels == 1
+                        ? kde::unmix_border_pixel<1>(x, y, sharp.width, limit, zones_.data(), cells,
+                                                     model.reference.data(), model.cells_per_row, parameters)
+                        : kde::unmix_border_pixel<3>(x, y, sharp.width, limit, zones_.data(), cells,
+                                                     model.reference.data(), model.cells_per_row, parameters);
+                if (part >= 0) sharp.data[row + x] = part ? 255 : 0;
+            }
+        }
+    });
+}
+
+}  // namespace kinevox::kernels::cpu

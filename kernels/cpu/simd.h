@@ -1,0 +1,42 @@
+// Eight lanes at a time. A hot loop is written once, with the compiler's own vector types, and compiled twice: for
+// every x86-64 and for AVX2; have_avx2() picks at run time. No -march flag, no second copy of any inline function
+// that the linker could pick by mistake: the body is marked KINEVOX_INLINE and so are the functions it calls.
+#pragma once
+
+#include <cstdint>
+#include <cstring>
+
+#if defined(__x86_64__) && defined(__GNUC__)
+#define KINEVOX_HAVE_AVX2_FORM 1
+#define KINEVOX_AVX2 __attribute__((target("avx2,fma,bmi,bmi2,popcnt")))
+#endif
+
+#ifdef __GNUC__
+#pragma GCC diagnostic ignored "-Wpsabi"  // vectors never cross a call that is not inlined
+#endif
+
+namespace kinevox::kernels {
+
+inline constexpr int kLanes = 8;
+typedef float Floats __attribute__((vector_size(32)));
+typedef std::int32_t Ints __attribute__((vector_size(32)));
+
+inline __attribute__((always_inline)) Floats splat(float value) { return Floats{} + value; }
+inline __attribute__((always_inline)) Floats to_floats(Ints v) { return __builtin_convertvector(v, Floats); }
+inline __attribute__((always_inline)) Ints to_ints(Floats v) { return __builtin_convertvector(v, Ints); }  // truncates
+inline __attribute__((always_inline)) Ints clamp_lanes(Ints v, int low, int high) {
+    v = v < low ? Ints{} + low : v;
+    return v > high ? Ints{} + high : v;
+}
+
+inline bool have_avx2() {
+#ifdef KINEVOX_HAVE_AVX2_FORM
+    static const bool have = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") &&
+                             __builtin_cpu_supports("bmi2");
+    return have;
+#else
+    return false;
+#endif
+}
+
+}  // namespace kinevox::kernels

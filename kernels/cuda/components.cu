@@ -1,0 +1,180 @@
+// Components by union-find on pixels: each tree's root is its lowest pixel, whatever the order of the
+// threads.
+#include "kernels/cuda/components.h"
+#include "kernels/shared/kde_border.h"
+
+namespace kinevox::kernels::cuda {
+namespace {
+
+constexpr int kTouchesBorder = 1, kTouchesSeed = 2;
+
+struct Area {
+    Rect box;
+    int width = 0;  // of the box
+
+    __device__ bool pixel(int n, int& x, int& y) const {
+        x = box.x0 + n % width, y = box.y0 + n / width;
+        return y < box.y1;
+    }
+};
+
+__device__ int root_of(const int* labels, int n) {
+    const volatile int* now = labels;  // other threads lower labels meanwhile
+    while (now[n] != n) n = now[n];
+    return n;
+}
+
+__device__ void unite(int* labels, int a, int b) {
+    for (;;) {
+        a = root_of(labels, a);
+        b = root_of(labels, b);
+        if (a == b) return;
+        const int high = a > b ? a : b, low = a > b ? b : a;
+        const int before = atomicMin(labels + high, low);
+        if (before == high) return;
+        a = before, b = low;  // somebody was faster: `high` hangs below `before` now
+    }
+}
+
+// Labels are places in the box, -1 where the pixel is not asked for.
+__global__ void start_labels(const std::uint8_t* mask, int mask_width, Area area, bool set, int* labels,
+                             int* areas, int* flags) {
+    const int n = thread_index();
+    int x, y;
+    if (!area.pixel(n, x, y)) return;
+    labels[n] = (mask[static_cast<std::size_t>(y) * mask_width + x] != 0) == set ? n : -1;
+    areas[n] = flags[n] = 0;
+}
+
+__global__ void join_neighbours(Area area, bool eight, int* labels) {
+    const int n = thread_index();
+    int x, y;
+    if (!area.pixel(n, x, y) || labels[n] < 0) return;
+    const bool left = x > area.box.x0, right = x + 1 < area.box.x1, up = y > area.box.y0;
+    if (left && labels[n - 1] >= 0) unite(labels, n, n - 1);
+    if (!up) return;
+    if (labels[n - area.width] >= 0) unite(labels, n, n - area.width);
+    if (eight && left && labels[n - area.width - 1] >= 0) unite(labels, n, n - area.width - 1);
+    if (eight && right && labels[n - area.width + 1] >= 0) unite(labels, n, n - area.width + 1);
+}
+
+__global__ void measure_components(Area area, const std::uint8_t* seed, int mask_width, const int* labels,
+                                   int* roots, int* areas, int* flags) {
+    const int n = thread_index();
+    int x, y;
+    if (!area.pixel(n, x, y)) return;
+    if (labels[n] < 0) {
+        roots[n] = -1;
+        return;
+    }
+    const int root = root_of(labels, n);
+    roots[n] = root;
+    atomicAdd(areas + root, 1);
+    const Rect& box = area.box;
+    int flag = x == box.x0 || y == box.y0 || x + 1 == box.x1 || y + 1 == box.y1 ? kTouchesBorder : 0;
+    if (!seed || seed[static_cast<std::size_t>(y) * mask_width + x] != 0) flag |= kTouchesSeed;
+    if (flag) atomicOr(flags + root, flag);
+}
+
+__global__ void find_largest(Area area, const int* areas, const int* flags, int* largest) {
+    const int n = thread_index();
+    int x, y;
+    if (area.pixel(n, x, y) && areas[n] > 0 && flags[n] & kTouchesSeed) atomicMax(largest, areas[n]);
+}
+
+__global__ void clear_islands(std::uint8_t* mask, int mask_width, Area area, const int* roots,
+                              const int* areas, const int* flags, const int* largest, int min_area,
+                              float min_part) {
+    const int n = thread_index();
+    int x, y;
+    if (!area.pixel(n, x, y) || roots[n] < 0) return;
+    const double part = static_cast<double>(min_part) * static_cast<double>(*largest);
+    const double bound = part > min_area ? part : static_cast<double>(min_area);
+    const int root = roots[n];
+    if (!(flags[root] & kTouchesSeed) || areas[root] < bound)
+        mask[static_cast<std::size_t>(y) * mask_width + x] = 0;
+}
+
+__global__ void set_holes(std::uint8_t* mask, int mask_width, Area area, const int* roots, const int* areas,
+                          const int* flags, const int* largest, int max_area, float max_part) {
+    const int n = thread_index();
+    int x, y;
+    if (!area.pixel(n, x, y) || roots[n] < 0) return;
+    const int root = roots[n];
+    const int part = static_cast<int>(max_part * static_cast<float>(*largest));
+    if (areas[root] < (part > max_area ? part : max_area) && !(flags[root] & kTouchesBorder)) {
+        mask[static_cast<std::size_t>(y) * mask_width + x] = 255;
+    }
+}
+
+__global__ void zones_kernel(const std::uint8_t* sharp, int width, int height, Area area,
+                             std::uint8_t* zones) {
+    const int n = thread_index();
+    int x, y;
+    if (!area.pixel(n, x, y)) return;
+    constexpr int kDepth = kde::kBorderDepth;
+    bool all = true, any = false;
+    for (int dy = -kDepth; dy <= kDepth; ++dy) {
+        const int reach = kDepth - (dy < 0 ? -dy : dy);
+        for (int dx = -reach; dx <= reach; ++dx) {
+            if (x + dx < 0 || x + dx >= width || y + dy < 0 || y + dy >= height) continue;
+            const bool is = sharp[static_cast<std::size_t>(y + dy) * width + x + dx] != 0;
+            all = all && is;
+            any = any || is;
+        }
+    }
+    zones[static_cast<std::size_t>(y) * width + x] = all   ? kde::kZoneInside
+                                                     : any ? kde::kZoneBorder
+                                                           : kde::kZoneOutside;
+}
+
+}  // namespace
+
+void MaskCleaner::find(const Stream& stream, const std::uint8_t* mask, int width, const Rect& box, bool set,
+                       bool eight, const std::uint8_t* seed) {
+    const Area area{box, box.width()};
+    const std::size_t pixels = static_cast<std::size_t>(box.width()) * box.height();
+    labels_.resize(2 * pixels);  // labels, then roots
+    areas_.resize(pixels);
+    flags_.resize(pixels);
+    start_labels<<<blocks(pixels), kThreads, 0, stream.get()>>>(mask, width, area, set, labels_.data(),
+                                                                areas_.data(), flags_.data());
+    join_neighbours<<<blocks(pixels), kThreads, 0, stream.get()>>>(area, eight, labels_.data());
+    measure_components<<<blocks(pixels), kThreads, 0, stream.get()>>>(
+        area, seed, width, labels_.data(), labels_.data() + pixels, areas_.data(), flags_.data());
+}
+
+void MaskCleaner::drop_islands(const Stream& stream, std::uint8_t* mask, int width, const Rect& box,
+                               int min_area, float min_part, const std::uint8_t* seed) {
+    find(stream, mask, width, box, true, true, seed);
+    const Area area{box, box.width()};
+    const std::size_t pixels = areas_.size();
+    largest_.resize(1);
+    fill_bytes(stream, largest_.data(), 0, 1);
+    find_largest<<<blocks(pixels), kThreads, 0, stream.get()>>>(area, areas_.data(), flags_.data(),
+                                                                largest_.data());
+    clear_islands<<<blocks(pixels), kThreads, 0, stream.get()>>>(mask, width, area, labels_.data() + pixels,
+                                                                 areas_.data(), flags_.data(),
+                                                                 largest_.data(), min_area, min_part);
+    KINEVOX_CUDA_CHECK(cudaGetLastError());
+}
+
+void MaskCleaner::fill_holes(const Stream& stream, std::uint8_t* mask, int width, const Rect& box,
+                             int max_area, float max_part) {
+    find(stream, mask, width, box, false, false, nullptr);
+    const std::size_t pixels = areas_.size();
+    set_holes<<<blocks(pixels), kThreads, 0, stream.get()>>>(
+        mask, width, {box, box.width()}, labels_.data() + pixels, areas_.data(), flags_.data(),
+        largest_.data(), max_area, max_part);
+    KINEVOX_CUDA_CHECK(cudaGetLastError());
+}
+
+void find_zones(const Stream& stream, const std::uint8_t* sharp, int width, int height, const Rect& box,
+                std::uint8_t* zones) {
+    const std::size_t pixels = static_cast<std::size_t>(box.width()) * box.height();
+    zones_kernel<<<blocks(pixels), kThreads, 0, stream.get()>>>(sharp, width, height, {box, box.width()},
+                                                                zones);
+    KINEVOX_CUDA_CHECK(cudaGetLastError());
+}
+
+}  // namespace kinevox::kernels::cuda

@@ -1,0 +1,90 @@
+#include "kernels/cuda/device.h"
+
+#include <stdexcept>
+#include <string>
+
+#include "kernels/cuda/forms.h"
+
+namespace kinevox::kernels {
+namespace cuda {
+namespace {
+
+constexpr int kScanThreads = 1024;
+
+__device__ int warp_inclusive_sum(int value) {
+    const int lane = threadIdx.x & 31;
+    for (int step = 1; step < 32; step *= 2) {
+        const int before = __shfl_up_sync(0xffffffffu, value, step);
+        if (lane >= step) value += before;
+    }
+    return value;
+}
+
+// One block walks along the list: it is a few thousand entries long, so that more blocks would not pay.
+__global__ void scan_kernel(const int* in, int* out, int count) {
+    __shared__ int warp_sums[32];
+    __shared__ int carry;
+    const int thread = threadIdx.x, lane = thread & 31, warp = thread >> 5;
+    if (thread == 0) carry = 0;
+    __syncthreads();
+    for (int base = 0; base < count; base += kScanThreads) {
+        const int n = base + thread;
+        const int value = n < count ? in[n] : 0;
+        const int inclusive = warp_inclusive_sum(value);
+        if (lane == 31) warp_sums[warp] = inclusive;
+        __syncthreads();
+        if (warp == 0) warp_sums[lane] = warp_inclusive_sum(warp_sums[lane]);
+        __syncthreads();
+        const int before = carry + (warp > 0 ? warp_sums[warp - 1] : 0) + inclusive - value;
+        if (n < count) out[n] = before;
+        __syncthreads();  // all have read `carry` and `warp_sums`
+        if (thread == kScanThreads - 1) carry = before + value;
+        __syncthreads();
+    }
+    if (thread == 0) out[count] = carry;
+}
+
+}  // namespace
+
+void check(cudaError_t error, const char* call, const char* file, int line) {
+    if (error == cudaSuccess) return;
+    throw std::runtime_error(std::string("CUDA: ") + cudaGetErrorString(error) + " in " + call + " (" + file + ":" +
+                             std::to_string(line) + ")");
+}
+
+void require_gpu(const char* what) {
+    if (const std::string problem = cuda_problem(); !problem.empty()) {
+        throw std::runtime_error(std::string(what) + ": " + problem + "; use device cpu");
+    }
+}
+
+void exclusive_scan(const Stream& stream, const int* in, int* out, int count) {
+    scan_kernel<<<1, kScanThreads, 0, stream.get()>>>(in, out, count);
+    KINEVOX_CUDA_CHECK(cudaGetLastError());
+}
+
+}  // namespace cuda
+
+std::string cuda_problem() {
+    int count = 0;
+    const cudaError_t error = cudaGetDeviceCount(&count);
+    if (error != cudaSuccess) {
+        cudaGetLastError();  // the next call shall not report this one
+        return std::string("no CUDA device can be used (") + cudaGetErrorString(error) + ")";
+    }
+    if (count == 0) return "this machine has no CUDA device";
+    cudaDeviceProp properties{};
+    if (cudaGetDeviceProperties(&properties, 0) != cudaSuccess) return "the CUDA device does not answer";
+    if (properties.major * 10 + properties.minor < 75) {
+        return std::string(properties.name) + " is older than compute capability 7.5";
+    }
+    return {};
+}
+
+std::string cuda_device_name() {
+    cudaDeviceProp properties{};
+    if (!cuda_problem().empty() || cudaGetDeviceProperties(&properties, 0) != cudaSuccess) return {};
+    return properties.name;
+}
+
+}  // namespace kinevox::kernels

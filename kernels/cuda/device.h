@@ -1,0 +1,126 @@
+// RAII around the CUDA runtime. A stage owns one stream and its buffers; nothing runs on the default stream. Host
+// memory that the device copies is pinned, and is only written again after the stream was waited for.
+#pragma once
+
+#include <cuda_runtime.h>
+
+#include <cstddef>
+#include <utility>
+
+namespace kinevox::kernels::cuda {
+
+// Throws std::runtime_error with the call, the place and CUDA's own words unless `error` is cudaSuccess.
+void check(cudaError_t error, const char* call, const char* file, int line);
+#define KINEVOX_CUDA_CHECK(call) ::kinevox::kernels::cuda::check((call), #call, __FILE__, __LINE__)
+
+// Throws std::runtime_error that begins with `what` where no GPU can be used.
+void require_gpu(const char* what);
+
+class Stream {
+  public:
+    Stream() { KINEVOX_CUDA_CHECK(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking)); }
+    ~Stream() { cudaStreamDestroy(stream_); }
+    Stream(const Stream&) = delete;
+    Stream& operator=(const Stream&) = delete;
+
+    cudaStream_t get() const { return stream_; }
+    void wait() const { KINEVOX_CUDA_CHECK(cudaStreamSynchronize(stream_)); }
+
+  private:
+    cudaStream_t stream_ = nullptr;
+};
+
+// Memory for `size()` elements of a trivially copyable type; resize() only ever grows it and forgets what it held.
+template <class T, bool kPinned>
+class Buffer {
+  public:
+    Buffer() = default;
+    ~Buffer() { release(); }
+    Buffer(const Buffer&) = delete;
+    Buffer& operator=(const Buffer&) = delete;
+
+    void resize(std::size_t size) {
+        size_ = size;
+        if (size <= capacity_) return;
+        release();
+        const std::size_t wanted = size + size / 4;  // sizes change a little from frame to frame
+        void* memory = nullptr;
+        if constexpr (kPinned) {
+            KINEVOX_CUDA_CHECK(cudaMallocHost(&memory, wanted * sizeof(T)));
+        } else {
+            KINEVOX_CUDA_CHECK(cudaMalloc(&memory, wanted * sizeof(T)));
+        }
+        data_ = static_cast<T*>(memory);
+        capacity_ = wanted;
+    }
+
+    T* data() const { return data_; }
+    std::size_t size() const { return size_; }
+    T& operator[](std::size_t n) const
+        requires kPinned
+    {
+        return data_[n];
+    }
+
+  private:
+    void release() {  // both wait for work that may still use the memory
+        if constexpr (kPinned) {
+            cudaFreeHost(data_);
+        } else {
+            cudaFree(data_);
+        }
+        data_ = nullptr;
+        capacity_ = 0;
+    }
+
+    T* data_ = nullptr;
+    std::size_t size_ = 0, capacity_ = 0;
+};
+
+template <class T>
+using DeviceBuffer = Buffer<T, false>;
+template <class T>
+using PinnedBuffer = Buffer<T, true>;
+
+template <class T>
+void upload(const Stream& stream, T* device, const T* pinned, std::size_t count) {
+    if (count == 0) return;
+    KINEVOX_CUDA_CHECK(cudaMemcpyAsync(device, pinned, count * sizeof(T), cudaMemcpyHostToDevice, stream.get()));
+}
+
+// Makes `device` as long as `pinned` and copies it.
+template <class T>
+void upload(const Stream& stream, DeviceBuffer<T>& device, const PinnedBuffer<T>& pinned) {
+    device.resize(pinned.size());
+    upload(stream, device.data(), pinned.data(), pinned.size());
+}
+
+// The result is there after stream.wait().
+template <class T>
+void download(const Stream& stream, T* pinned, const T* device, std::size_t count) {
+    if (count == 0) return;
+    KINEVOX_CUDA_CHECK(cudaMemcpyAsync(pinned, device, count * sizeof(T), cudaMemcpyDeviceToHost, stream.get()));
+}
+
+template <class T>
+void fill_bytes(const Stream& stream, T* device, int value, std::size_t count) {
+    if (count == 0) return;
+    KINEVOX_CUDA_CHECK(cudaMemsetAsync(device, value, count * sizeof(T), stream.get()));
+}
+
+inline constexpr int kThreads = 256;  // per block, where nothing asks for another number
+
+// Enough blocks of `threads` for `count` threads along x; `rows` along y (a view each, for instance).
+inline dim3 blocks(std::size_t count, int rows = 1, int threads = kThreads) {
+    return dim3(static_cast<unsigned>((count + threads - 1) / threads), static_cast<unsigned>(rows));
+}
+
+// out[n] = in[0] + .. + in[n - 1] for n in 0 .. count; `out` has one entry more than `in`; they may be the same.
+void exclusive_scan(const Stream& stream, const int* in, int* out, int count);
+
+#ifdef __CUDACC__
+// This thread's place along x.
+__device__ inline int thread_index() { return static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x); }
+#endif
+
+}  // namespace kinevox::kernels::cuda

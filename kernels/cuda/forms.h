@@ -1,0 +1,25 @@
+// The CUDA forms of the stages, for the three factories; no CUDA types here. Each throws std::runtime_error where no
+// GPU can be used, and where a CUDA call fails later.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "kernels/colouring.h"
+#include "kernels/hull.h"
+#include "kernels/segmentation.h"
+
+namespace kinevox::kernels {
+
+std::unique_ptr<HullCarver> make_hull_carver_cuda(const HullOptions& options);
+std::unique_ptr<VoxelColourer> make_voxel_colourer_cuda(const ColouringOptions& options);
+std::unique_ptr<Segmenter> make_segmenter_cuda(int width, int height, int channels,
+                                               const SegmentationOptions& options);
+
+// Empty where a GPU can be used, else why not, without a full stop.
+std::string cuda_problem();
+
+// The first GPU's name, "NVIDIA T4" for instance; empty where there is none.
+std::string cuda_device_name();
+
+}  // namespace kinevox::kernels

@@ -1,0 +1,308 @@
+// Segmentation on the device, step for step as kernels/cpu/segmentation.cc. The host learns the first model,
+// finds the picture's gain from a grid of pixels (it keeps a copy of the reference) and keeps the subject's
+// colours.
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "kernels/cpu/foreground_colours.h"
+#include "kernels/cpu/segmentation_density.h"
+#include "kernels/cpu/segmentation_masks.h"
+#include "kernels/cpu/segmentation_model.h"
+#include "kernels/cuda/components.h"
+#include "kernels/cuda/forms.h"
+#include "kernels/cuda/segmentation_steps.h"
+
+namespace kinevox::kernels {
+namespace cuda {
+namespace {
+
+using kde::kCellPixels;
+
+// As in the CPU form.
+constexpr float kSmoothing_px = 1.0f;
+constexpr float kColourMemory = 0.9f;
+constexpr float kSureEvidence = 3.0f;
+
+class CudaSegmenter final : public Segmenter {
+  public:
+    CudaSegmenter(int width, int height, int channels, const SegmentationOptions& options);
+    void learn(std::span<const PictureView> empty_scene) override;
+    bool learned() const override { return learned_; }
+    void segment(const PictureView& picture, const SegmentationPrior& prior, Silhouettes& out) override;
+
+  private:
+    void check_picture(const PictureView& picture) const;
+    template <class T>
+    T* place(DeviceBuffer<T>& buffer, std::size_t size) {
+        buffer.resize(size);
+        return buffer.data();
+    }
+    template <class From>
+    auto* keep(DeviceBuffer<typename From::value_type>& buffer, const From& from) {
+        PinnedBuffer<typename From::value_type> pinned;
+        pinned.resize(from.size());
+        std::copy(from.begin(), from.end(), pinned.data());
+        upload(stream_, buffer, pinned);
+        stream_.wait();
+        return buffer.data();
+    }
+    void start_frame(const PictureView& picture, const SegmentationPrior& prior);
+    CellRange find_active(const CellRange& work);
+    void silhouettes(const Rect& box, const Rect& limit, const SegmentationPrior& prior);
+    void update(const CellRange& work, bool tracked);
+    void finish_frame(const Rect& box, Silhouettes& out);
+
+    SegmentationOptions options_;
+    bool learned_ = false;
+    std::int64_t frame_ = 0;
+    cpu::BackgroundModel model_;  // of which only `reference` follows the device's
+    cpu::ForegroundColours colours_;
+    std::vector<float> log_foreground_;
+    std::vector<std::int32_t> counts_;
+    Stream stream_;
+    SegmentData data_{};
+    MaskCleaner cleaner_;
+    DeviceBuffer<std::uint8_t> samples_, scale_, reference_, candidate_, visits_, picture_, values_, density_;
+    DeviceBuffer<std::uint8_t> candidates_, active_, probability_of_, masks_, zones_, expected_;
+    DeviceBuffer<float> log_peak_, planes_, log_lit_, device_log_foreground_;
+    DeviceBuffer<int> numbers_, colour_counts_;
+    DeviceBuffer<unsigned long long> sums_;
+    PinnedBuffer<std::uint8_t> host_picture_, host_expected_, host_masks_, host_reference_;
+    PinnedBuffer<float> host_log_foreground_;
+    PinnedBuffer<int> host_numbers_, host_counts_;
+    PinnedBuffer<unsigned long long> host_sums_;
+};
+
+CudaSegmenter::CudaSegmenter(int width, int height, int channels, const SegmentationOptions& options)
+    : options_(options), colours_(channels) {
+    data_.width = width, data_.height = height, data_.channels = channels;
+    data_.sample_count = options.samples;
+    data_.cells_per_row = (width + kCellPixels - 1) / kCellPixels;
+    data_.tables = cpu::make_density_tables(options.samples);
+    data_.parameters.darkest = options.darkest_shadow;
+    data_.parameters.brightest = options.brightest_light;
+    data_.parameters.log_prior_light = std::log(options.light_change_prior);
+    std::vector<float> log_lit(256);
+    std::vector<std::uint8_t> probability(256);
+    for (int i = 0; i < 256; ++i) {
+        log_lit[i] = std::log(std::max(i, 1) / 255.0f * static_cast<float>(kde::saturation(options.samples)));
+        const float evidence = (static_cast<float>(i) - 127.5f) / 127.5f * data_.parameters.limit;
+        probability[i] = static_cast<std::uint8_t>(std::lround(255.0f / (1.0f + std::exp(-evidence))));
+    }
+    data_.log_lit = keep(log_lit_, log_lit);
+    data_.probability_of = keep(probability_of_, probability);
+}
+
+void CudaSegmenter::check_picture(const PictureView& picture) const {
+    if (picture.data && picture.width == data_.width && picture.height == data_.height &&
+        picture.channels == data_.channels) {
+        return;
+    }
+    throw std::invalid_argument("segmentation: a picture of " + std::to_string(picture.width) + " x " +
+                                std::to_string(picture.height) + " with " + std::to_string(picture.channels) +
+                                " channels came to a model of " + std::to_string(data_.width) + " x " +
+                                std::to_string(data_.height) + " with " + std::to_string(data_.channels) +
+                                "; learn the background from this camera's pictures");
+}
+
+void CudaSegmenter::learn(std::span<const PictureView> empty_scene) {
+    if (empty_scene.empty())
+        throw std::invalid_argument("segmentation: the background needs at least one picture");
+    for (const PictureView& picture : empty_scene) check_picture(picture);
+    stream_.wait();
+    model_ = cpu::learn_background(empty_scene, data_.width, data_.height, data_.channels, options_);
+    data_.samples = keep(samples_, model_.samples);
+    data_.scale = keep(scale_, model_.bandwidth_scale);
+    data_.reference = keep(reference_, model_.reference);
+    data_.candidate = keep(candidate_, model_.candidate);
+    data_.visits = keep(visits_, model_.candidate_visits);
+    data_.log_peak = keep(log_peak_, model_.log_peak);
+    const std::size_t pixels = static_cast<std::size_t>(data_.width) * data_.height;
+    const std::size_t cells = model_.cell_index(data_.height, 0), plane = data_.plane_size();
+    data_.picture = place(picture_, pixels * data_.channels);
+    host_picture_.resize(pixels * data_.channels);
+    data_.values = place(values_, cells * model_.cell_bytes());
+    data_.density = place(density_, cells * kCellPixels);
+    data_.candidates = place(candidates_, cells);
+    data_.active = place(active_, cells);
+    float* planes = place(planes_, 6 * plane);
+    data_.weighted_value = planes, data_.weighted_energy = planes + plane, data_.factor = planes + 2 * plane;
+    data_.residual = planes + 3 * plane, data_.evidence = planes + 4 * plane,
+    data_.smoothed = planes + 5 * plane;
+    data_.probability = place(masks_, 3 * pixels);
+    data_.sharp = data_.probability + pixels, data_.loose = data_.probability + 2 * pixels;
+    host_masks_.resize(3 * pixels);
+    data_.zones = place(zones_, pixels);
+    data_.active_box = place(numbers_, 8);
+    data_.bounds = data_.active_box + 4;
+    host_numbers_.resize(8);
+    data_.sums = place(sums_, 3);
+    host_sums_.resize(3);
+    data_.colour_counts = place(colour_counts_, colours_.bins());
+    host_counts_.resize(colours_.bins());
+    host_log_foreground_.resize(colours_.bins());
+    data_.log_foreground = place(device_log_foreground_, colours_.bins());
+    colours_.clear();
+    frame_ = 0;
+    learned_ = true;
+}
+
+// Copies what the frame needs and clears what it fills.
+void CudaSegmenter::start_frame(const PictureView& picture, const SegmentationPrior& prior) {
+    const std::size_t pixels = static_cast<std::size_t>(data_.width) * data_.height;
+    const std::size_t row_bytes = static_cast<std::size_t>(data_.width) * data_.channels;
+    for (int y = 0; y < data_.height; ++y) {
+        std::memcpy(host_picture_.data() + y * row_bytes, picture.row(y), row_bytes);
+    }
+    upload(stream_, picture_, host_picture_);
+    data_.expected = nullptr;
+    if (prior.expected && !prior.region.empty()) {
+        host_expected_.resize(pixels);
+        std::memcpy(host_expected_.data(), prior.expected, pixels);
+        upload(stream_, expected_, host_expected_);
+        data_.expected = expected_.data();
+    }
+    fill_bytes(stream_, masks_.data(), 0, 3 * pixels);
+    fill_bytes(stream_, sums_.data(), 0, 3);
+    fill_bytes(stream_, colour_counts_.data(), 0, colour_counts_.size());
+    const int numbers[8] = {data_.height, 0, data_.cells_per_row, 0, data_.width, data_.height, 0, 0};
+    std::copy_n(numbers, 8, host_numbers_.data());
+    upload(stream_, numbers_, host_numbers_);
+    colours_.log_density(options_.colour_memory_share, log_foreground_);
+    std::copy(log_foreground_.begin(), log_foreground_.end(), host_log_foreground_.data());
+    upload(stream_, device_log_foreground_, host_log_foreground_);
+    const auto inverse = cpu::fixed_point_inverse(cpu::estimate_gain(model_, picture));
+    std::copy(inverse.begin(), inverse.end(), data_.gain_64);
+}
+
+CellRange CudaSegmenter::find_active(const CellRange& work) {
+    queue_density(stream_, data_, work);
+    queue_active(stream_, data_, work);
+    download(stream_, host_numbers_.data(), data_.active_box, 4);
+    stream_.wait();
+    return {host_numbers_[0], host_numbers_[1], host_numbers_[2], host_numbers_[3]};
+}
+
+void CudaSegmenter::silhouettes(const Rect& box, const Rect& limit, const SegmentationPrior& prior) {
+    const auto log_odds = [](float probability) { return std::log(probability / (1 - probability)); };
+    queue_decisions(stream_, data_, box, log_odds(options_.sharp_threshold),
+                    log_odds(options_.loose_threshold));
+    const std::uint8_t* seed = prior.region.empty() ? nullptr : data_.expected;
+    for (std::uint8_t* mask : {data_.loose, data_.sharp}) {
+        cleaner_.drop_islands(stream_, mask, data_.width, box, options_.min_island_px,
+                              options_.min_island_part, seed);
+        cleaner_.fill_holes(stream_, mask, data_.width, box, options_.max_hole_px, options_.max_hole_part);
+    }
+    if (options_.colour_memory_share > 0) {
+        queue_colour_counts(stream_, data_, box, kSureEvidence);
+        download(stream_, host_counts_.data(), data_.colour_counts, host_counts_.size());
+    }
+    if (options_.refine_border) {
+        find_zones(stream_, data_.sharp, data_.width, data_.height,
+                   cpu::grown(box, kde::kBorderReach, data_.width, data_.height), data_.zones);
+        queue_border(stream_, data_, box, limit);
+        cleaner_.drop_islands(stream_, data_.sharp, data_.width, box, options_.min_island_px / 3, 0, nullptr);
+    }
+    queue_measure(stream_, data_, box);
+}
+
+void CudaSegmenter::update(const CellRange& work, bool tracked) {
+    const int interval = options_.update_interval;
+    if (interval == 0) return;
+    const int phase = static_cast<int>(frame_ % interval);
+    queue_density_of_rows(stream_, data_, work, phase, interval);
+    queue_update(stream_, data_, cpu::update_parameters(options_, frame_ / interval), phase, interval,
+                 tracked);
+    // The host's copy of the reference follows.
+    const std::size_t row_bytes = data_.cells_per_row * model_.cell_bytes();
+    host_reference_.resize(model_.reference.size());
+    for (int y = phase; y < data_.height; y += interval) {
+        download(stream_, host_reference_.data() + y * row_bytes, data_.reference + y * row_bytes, row_bytes);
+    }
+    stream_.wait();
+    for (int y = phase; y < data_.height; y += interval) {
+        std::memcpy(model_.reference.data() + y * row_bytes, host_reference_.data() + y * row_bytes,
+                    row_bytes);
+    }
+}
+
+void CudaSegmenter::finish_frame(const Rect& box, Silhouettes& out) {
+    const std::size_t pixels = static_cast<std::size_t>(data_.width) * data_.height;
+    const std::size_t first = static_cast<std::size_t>(box.y0) * data_.width;
+    const std::size_t count = static_cast<std::size_t>(box.height()) * data_.width;
+    for (int n = 0; n < 3; ++n) {
+        download(stream_, host_masks_.data() + n * pixels + first, masks_.data() + n * pixels + first, count);
+    }
+    download(stream_, host_numbers_.data(), data_.bounds, 4);
+    download(stream_, host_sums_.data(), data_.sums, 3);
+    stream_.wait();
+    std::vector<std::uint8_t>* planes[3] = {&out.probability, &out.sharp, &out.loose};
+    for (int n = 0; n < 3; ++n) {
+        std::copy_n(host_masks_.data() + n * pixels + first, count,
+                    planes[n]->begin() + static_cast<std::ptrdiff_t>(first));
+    }
+    const Rect bounds{host_numbers_[0], host_numbers_[1], host_numbers_[2], host_numbers_[3]};
+    out.bounds = bounds.empty() ? Rect{} : bounds;
+    out.sharp_pixels = static_cast<std::int64_t>(host_sums_[0]);
+    const auto mean = [&](int n) {
+        return out.sharp_pixels > 0
+                   ? static_cast<double>(host_sums_[n]) / static_cast<double>(out.sharp_pixels)
+                   : 0;
+    };
+    out.centroid_x = mean(1), out.centroid_y = mean(2);
+}
+
+void CudaSegmenter::segment(const PictureView& picture, const SegmentationPrior& prior, Silhouettes& out) {
+    if (!learned_) throw std::logic_error("segmentation: learn() the background before segment()");
+    check_picture(picture);
+    stream_.wait();
+    const std::size_t pixels = static_cast<std::size_t>(data_.width) * data_.height;
+    out.width = data_.width, out.height = data_.height;
+    for (auto* plane : {&out.probability, &out.sharp, &out.loose}) plane->assign(pixels, 0);
+    Rect asked{0, 0, data_.width, data_.height};
+    if (!prior.full_pass && !prior.region.empty()) {
+        const Rect& r = prior.region;
+        asked = {std::max(r.x0, 0), std::max(r.y0, 0), std::min(r.x1, data_.width),
+                 std::min(r.y1, data_.height)};
+        if (asked.empty()) asked = {};
+    }
+    const CellRange work{asked.y0, asked.y1, asked.x0 / kCellPixels,
+                         (asked.x1 + kCellPixels - 1) / kCellPixels};
+    out.searched = {work.k0 * kCellPixels, work.y0, std::min(work.k1 * kCellPixels, data_.width), work.y1};
+    start_frame(picture, prior);
+    const CellRange active = find_active(work);
+    Rect box;
+    if (!active.empty()) {
+        float taps[3], sum = 0;
+        for (int i = 0; i < 3; ++i) {
+            taps[i] =
+                std::exp(-0.5f * static_cast<float>((i - 2) * (i - 2)) / (kSmoothing_px * kSmoothing_px));
+            sum += i < 2 ? 2 * taps[i] : taps[i];
+        }
+        queue_evidence(stream_, data_, active, {taps[0] / sum, taps[1] / sum, taps[2] / sum});
+        box = {active.k0 * kCellPixels, active.y0, std::min(active.k1 * kCellPixels, data_.width), active.y1};
+        silhouettes(box, out.searched, prior);
+    }
+    finish_frame(box, out);
+    if (!active.empty() && options_.colour_memory_share > 0) {
+        counts_.assign(host_counts_.data(), host_counts_.data() + host_counts_.size());
+        colours_.add(counts_, kColourMemory);
+    }
+    update(work, !prior.region.empty());
+    ++frame_;
+}
+
+}  // namespace
+}  // namespace cuda
+
+std::unique_ptr<Segmenter> make_segmenter_cuda(int width, int height, int channels,
+                                               const SegmentationOptions& options) {
+    cuda::require_gpu("segmentation");
+    return std::make_unique<cuda::CudaSegmenter>(width, height, channels, options);
+}
+
+}  // namespace kinevox::kernels

@@ -1,0 +1,99 @@
+// From the background's density to the evidence for foreground of one pixel: a log-likelihood ratio in nats.
+//
+// Three explanations compete. Lit background: the kernel density. Background in another light (shadow or
+// lamp): the pixel is the reference times one factor for all channels, so its chromaticity agrees (Horprasert
+// et al. 1999), and the factor agrees with its neighbourhood's, because shadows are smooth and cloth is not.
+// Foreground: colours seen on the subject before, mixed with a uniform density for those not seen yet.
+#pragma once
+
+#include <cstdint>
+
+#include "kernels/shared/host_device.h"
+#include "kernels/shared/kde_density.h"
+
+namespace kinevox::kernels::kde {
+
+inline constexpr float kLogUniformLevel = -5.545177f;  // log(1 / 256)
+inline constexpr float kLogGaussianPeak = -0.918939f;  // log(1 / sqrt(2 pi))
+inline constexpr int kHistogramBins = 16;              // per channel, of 16 grey levels each
+inline constexpr int kLightReach = 2;                  // px; the light's neighbourhood is 5 x 5
+
+struct EvidenceParameters {
+    float darkest = 0.35f, brightest = 1.25f;  // range of the light's factor
+    float log_prior_light = -2.3f;             // of a pixel being background in another light
+    float light_smoothness = 5.0f;             // weight of the factor's disagreement with the neighbourhood
+    float light_deviation = 0.015f;            // of the factor inside a neighbourhood, one standard deviation
+    float coarse_residual = 14.0f;             // above this a pixel tells nothing about its neighbours' light
+    // Variance of a pixel around its light: this part of the bandwidth's square, which is generous for the
+    // kernel sum, and of the brightness.
+    float noise_part = 0.3f;
+    float relative_deviation = 0.01f;
+    float limit = 8.0f;  // of the evidence, either sign, nats
+};
+
+// How far a pixel can be the reference in another light. `factor` is that light, `residual` the squared
+// distance from factor * reference in standard deviations. The quotient of the sums of the two weighted terms
+// over a neighbourhood is its light; a pixel that does not fit has no weight in it.
+template <int kChannels>
+KINEVOX_HD void fit_light(const std::uint8_t* value, const std::uint8_t* reference, const std::uint8_t* scale,
+                          const EvidenceParameters& p, float& weighted_value, float& weighted_energy,
+                          float& factor_out, float& residual_out) {
+    float product = 0, energy = 0;
+    for (int c = 0; c < kChannels; ++c) {
+        const float v = value[c * kCellPixels], r = reference[c * kCellPixels];
+        product += v * r;
+        energy += r * r;
+    }
+    float factor = product / (energy > 1.0f ? energy : 1.0f);
+    factor = factor < p.darkest ? p.darkest : factor > p.brightest ? p.brightest : factor;
+    float residual = 0;
+    for (int c = 0; c < kChannels; ++c) {
+        const float v = value[c * kCellPixels], r = reference[c * kCellPixels];
+        const float bandwidth = 256.0f / scale[c * kCellPixels];
+        const float spread = p.relative_deviation * r;
+        const float difference = v - factor * r;
+        residual += difference * difference / (p.noise_part * bandwidth * bandwidth + spread * spread);
+    }
+    const float margin = 1.0f - residual / p.coarse_residual;
+    const float weight = margin > 0 ? margin : 0;
+    weighted_value = weight * product;
+    weighted_energy = weight * energy;
+    factor_out = factor;
+    residual_out = residual;
+}
+
+// log_lit: log of the kernel density over its peak, from a table by density(); for density 0 it is the upper
+// bound and the distance from the reference tells more. log_peak: log of the density's peak. light_step: how
+// far the pixel's light is from its neighbourhood's, the nearest of the neighbourhoods around it and at its
+// four sides, since a hard shadow ends between two pixels. log_foreground: log density of the pixel's colour
+// on the subject.
+template <int kChannels>
+KINEVOX_HD float evidence(const std::uint8_t* value, const std::uint8_t* reference, const std::uint8_t* scale,
+                          int density, float log_lit, float log_peak, float residual, float light_step,
+                          float log_foreground, const EvidenceParameters& p) {
+    float distance = 0, precision = 1.0f;
+    for (int c = 0; c < kChannels; ++c) {
+        const float v = value[c * kCellPixels], r = reference[c * kCellPixels];
+        const float bandwidth = 256.0f / scale[c * kCellPixels];
+        const float spread = p.relative_deviation * r;
+        precision += r * r / (p.noise_part * bandwidth * bandwidth + spread * spread);
+        distance += (v - r) * (v - r) / (bandwidth * bandwidth);
+    }
+    const float tail = -0.5f * distance;
+    const float floor = tail < log_lit ? tail : log_lit;
+    const float lit = density > 0 ? log_lit : floor;
+    const float step_variance = 1.0f / precision + p.light_deviation * p.light_deviation;
+    const float disagreement = residual + p.light_smoothness * light_step * light_step / step_variance;
+    const float light = p.log_prior_light - 0.5f * disagreement;
+    const float ratio = log_foreground - log_peak - (lit > light ? lit : light);
+    return ratio < -p.limit ? -p.limit : ratio > p.limit ? p.limit : ratio;
+}
+
+template <int kChannels>
+KINEVOX_HD int histogram_bin(const std::uint8_t* value) {
+    int bin = 0;
+    for (int c = 0; c < kChannels; ++c) bin = bin * kHistogramBins + (value[c * kCellPixels] >> 4);
+    return bin;
+}
+
+}  // namespace kinevox::kernels::kde

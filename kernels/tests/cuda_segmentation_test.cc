@@ -1,0 +1,100 @@
+// The CUDA segmentation against the CPU's, frame for frame on a noisy picture that a square walks through.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <random>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "kernels/segmentation.h"
+
+namespace kinevox::kernels {
+namespace {
+
+struct Picture {
+    int width, height, channels;
+    std::vector<std::uint8_t> data;
+    PictureView view() const {
+        return {data.data(), width, height, channels, static_cast<std::ptrdiff_t>(width) * channels};
+    }
+};
+
+// `square_x` < 0: the empty scene.
+Picture draw(int width, int height, int channels, int square_x, std::mt19937& random) {
+    Picture out{width, height, channels,
+                std::vector<std::uint8_t>(static_cast<std::size_t>(width) * height * channels)};
+    std::normal_distribution<float> noise(0, 2);
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x)
+            for (int c = 0; c < channels; ++c) {
+                float value = 90.f + 40.f * ((x / 16 + y / 16) % 2) + 10.f * c;
+                if (square_x >= 0)
+                    value *= y > height / 2 && x < square_x + 60 && x > square_x - 20 ? 0.8f : 1.f;  // shadow
+                if (square_x >= 0 && x >= square_x && x < square_x + 30 && y >= 20 && y < 70)
+                    value = c == 0 ? 200.f : 60.f;
+                value += noise(random);
+                out.data[(static_cast<std::size_t>(y) * width + x) * channels + c] =
+                    static_cast<std::uint8_t>(std::min(255.f, std::max(0.f, value)));
+            }
+    return out;
+}
+
+TEST(CudaSegmentation, AgreesWithTheCpuFrameForFrame) {
+    try {
+        make_segmenter(Device::kCuda, 64, 48, 3);
+    } catch (const std::runtime_error& error) {
+        if (std::getenv("KINEVOX_REQUIRE_GPU")) FAIL() << "a GPU was asked for, but: " << error.what();
+        GTEST_SKIP() << "not compared with the CPU: " << error.what();
+    }
+    for (int channels : {3, 1}) {
+        std::mt19937 random(11);
+        const int width = 200, height = 96;  // the last cell is not whole
+        SegmentationOptions options;
+        options.update_interval = 2;
+        auto cpu = make_segmenter(Device::kCpu, width, height, channels, options);
+        auto gpu = make_segmenter(Device::kCuda, width, height, channels, options);
+        std::vector<Picture> empty;
+        std::vector<PictureView> views;
+        for (int n = 0; n < 10; ++n) empty.push_back(draw(width, height, channels, -1, random));
+        for (const Picture& picture : empty) views.push_back(picture.view());
+        cpu->learn(views);
+        gpu->learn(views);
+        Silhouettes a, b;
+        std::vector<std::uint8_t> expected(static_cast<std::size_t>(width) * height, 0);
+        for (int frame = 0; frame < 6; ++frame) {
+            const Picture picture = draw(width, height, channels, frame == 4 ? -1 : 30 + 20 * frame, random);
+            SegmentationPrior prior;
+            if (frame >= 2) {
+                prior.region = {20, 5, 190, 90};
+                prior.full_pass = frame % 2 == 0;
+                std::fill(expected.begin() + 40 * width, expected.begin() + 60 * width, std::uint8_t{255});
+                prior.expected = expected.data();
+            }
+            cpu->segment(picture.view(), prior, a);
+            gpu->segment(picture.view(), prior, b);
+            EXPECT_EQ(a.searched, b.searched);
+            std::size_t levels = 0, sharp = 0, loose = 0;
+            for (std::size_t n = 0; n < a.sharp.size(); ++n) {
+                levels += std::abs(a.probability[n] - b.probability[n]) > 2;
+                sharp += a.sharp[n] != b.sharp[n];
+                loose += a.loose[n] != b.loose[n];
+            }
+            const std::size_t few = a.sharp.size() / 2000;
+            EXPECT_LE(levels, few) << "frame " << frame;
+            EXPECT_LE(sharp, few) << "frame " << frame;
+            EXPECT_LE(loose, few) << "frame " << frame;
+            EXPECT_NEAR(static_cast<double>(a.sharp_pixels), static_cast<double>(b.sharp_pixels),
+                        static_cast<double>(few));
+            if (frame != 4) {
+                EXPECT_GT(b.sharp_pixels, 1000) << "frame " << frame;
+                EXPECT_NEAR(a.centroid_x, b.centroid_x, 0.1);
+                EXPECT_NEAR(a.centroid_y, b.centroid_y, 0.1);
+            }
+        }
+        EXPECT_THROW(gpu->segment(draw(64, 48, channels, -1, random).view(), {}, b), std::invalid_argument);
+    }
+}
+
+}  // namespace
+}  // namespace kinevox::kernels

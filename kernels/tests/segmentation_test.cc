@@ -1,0 +1,278 @@
+// What a user of the segmenter may rely on, each on a made-up room whose truth is exact.
+#include "kernels/segmentation.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "kernels/tests/segmentation_scene.h"
+
+#ifdef KINEVOX_HAVE_TBB
+#include <oneapi/tbb/global_control.h>
+#endif
+
+namespace kinevox::kernels {
+namespace {
+
+using testing::count_in;
+using testing::iou_with_box;
+using testing::TestPicture;
+using testing::TestRoom;
+using testing::views_of;
+
+constexpr int kWidth = 200, kHeight = 150;
+constexpr Rect kBody{70, 30, 105, 125};
+
+SegmentationPrior around(const Rect& box, int margin) {
+    SegmentationPrior prior;
+    prior.region = {box.x0 - margin, box.y0 - margin, box.x1 + margin, box.y1 + margin};
+    prior.full_pass = false;
+    return prior;
+}
+
+std::unique_ptr<Segmenter> learned(TestRoom& room, int channels, SegmentationOptions options = {},
+                                   int pictures = 40) {
+    auto segmenter = make_segmenter(Device::kCpu, kWidth, kHeight, channels, options);
+    const auto clip = room.clip(pictures);
+    segmenter->learn(views_of(clip));
+    return segmenter;
+}
+
+TEST(Segmentation, FindsASubjectWithAnyNumberOfSamples) {
+    for (int samples : {1, 4, 8, 32, 47, 64}) {
+        TestRoom room(kWidth, kHeight, 3);
+        SegmentationOptions options;
+        options.samples = samples;
+        auto segmenter = learned(room, 3, options);
+        TestPicture picture = room.picture();
+        room.draw(picture, kBody, 40, 60, 190);
+        Silhouettes out;
+        segmenter->segment(picture.view(), {}, out);
+        EXPECT_GT(iou_with_box(out.sharp, kWidth, kHeight, kBody), 0.95) << samples << " samples";
+        EXPECT_NEAR(out.centroid_x, (kBody.x0 + kBody.x1 - 1) / 2.0, 0.5);
+        EXPECT_NEAR(out.centroid_y, (kBody.y0 + kBody.y1 - 1) / 2.0, 0.5);
+        std::int64_t sharp_pixels = 0;
+        for (std::size_t i = 0; i < out.sharp.size(); ++i) {
+            EXPECT_TRUE(out.sharp[i] == 0 || (out.sharp[i] == 255 && out.loose[i] == 255));
+            sharp_pixels += out.sharp[i] != 0;
+        }
+        EXPECT_EQ(out.sharp_pixels, sharp_pixels);
+        EXPECT_EQ(count_in(out.loose, kWidth, {0, 0, kWidth, kHeight}),
+                  count_in(out.loose, kWidth, out.bounds));
+        EXPECT_GT(out.probability[75 * kWidth + 85], 250);
+    }
+}
+
+TEST(Segmentation, GreyPicturesWorkAlike) {
+    TestRoom room(kWidth, kHeight, 1);
+    auto segmenter = learned(room, 1);
+    TestPicture picture = room.picture();
+    room.draw(picture, kBody, 240, 0, 0);  // brighter than any light change
+    Silhouettes out;
+    segmenter->segment(picture.view(), {}, out);
+    EXPECT_GT(iou_with_box(out.sharp, kWidth, kHeight, kBody), 0.95);
+}
+
+TEST(Segmentation, LightFlickerIsNotForeground) {
+    TestRoom room(kWidth, kHeight, 3);
+    auto segmenter = learned(room, 3);
+    Silhouettes out;
+    for (double gain : {0.9, 0.98, 1.02, 1.1}) {
+        TestPicture picture = room.picture(gain);
+        segmenter->segment(picture.view(), {}, out);
+        EXPECT_EQ(out.sharp_pixels, 0) << gain;
+        EXPECT_TRUE(out.bounds.empty()) << gain;
+        room.draw(picture, kBody, 40, 60, 190);
+        segmenter->segment(picture.view(), {}, out);
+        EXPECT_GT(iou_with_box(out.sharp, kWidth, kHeight, kBody), 0.95) << gain;
+    }
+}
+
+TEST(Segmentation, ACastShadowIsNotForegroundButADarkColourIs) {
+    TestRoom room(kWidth, kHeight, 3);
+    auto segmenter = learned(room, 3);
+    const Rect shadow{110, 60, 170, 120};
+    TestPicture picture = room.picture();
+    room.shade(picture, shadow, 0.6);
+    room.draw(picture, kBody, 75, 45, 40);  // as dark as the shadow, another chromaticity
+    Silhouettes out;
+    segmenter->segment(picture.view(), {}, out);
+    EXPECT_LT(count_in(out.sharp, kWidth, shadow), 0.03 * shadow.width() * shadow.height());
+    EXPECT_GT(iou_with_box(out.sharp, kWidth, kHeight, kBody), 0.93);
+}
+
+TEST(Segmentation, EmptyAndFullPictures) {
+    TestRoom room(kWidth, kHeight, 3);
+    auto segmenter = learned(room, 3);
+    Silhouettes out;
+    segmenter->segment(room.picture().view(), {}, out);
+    EXPECT_EQ(out.sharp_pixels, 0);
+    EXPECT_TRUE(out.bounds.empty());
+    EXPECT_EQ(out.searched, (Rect{0, 0, kWidth, kHeight}));
+    TestPicture covered = room.picture();
+    room.draw(covered, {0, 0, kWidth, kHeight}, 20, 30, 230);
+    segmenter->segment(covered.view(), {}, out);
+    EXPECT_GT(out.sharp_pixels, 0.99 * kWidth * kHeight);
+}
+
+TEST(Segmentation, LearnsFromASinglePicture) {
+    TestRoom room(kWidth, kHeight, 3);
+    auto segmenter = learned(room, 3, {}, 1);
+    TestPicture picture = room.picture();
+    Silhouettes out;
+    segmenter->segment(picture.view(), {}, out);
+    EXPECT_EQ(out.sharp_pixels, 0);
+    room.draw(picture, kBody, 40, 60, 190);
+    segmenter->segment(picture.view(), {}, out);
+    EXPECT_GT(iou_with_box(out.sharp, kWidth, kHeight, kBody), 0.95);
+}
+
+TEST(Segmentation, ConfinedToARegionItGivesWhatAFullPassGivesThere) {
+    TestRoom room(kWidth, kHeight, 3), twin(kWidth, kHeight, 3);
+    auto full = learned(room, 3), confined = learned(twin, 3);
+    for (int i = 0; i < 5; ++i) {
+        TestPicture picture = room.picture();
+        room.draw(picture, {kBody.x0 + i, kBody.y0, kBody.x1 + i, kBody.y1}, 40, 60, 190);
+        Silhouettes all, part;
+        SegmentationPrior prior = around(kBody, 20);
+        confined->segment(picture.view(), prior, part);
+        prior.full_pass = true;
+        full->segment(picture.view(), prior, all);
+        EXPECT_EQ(part.sharp, all.sharp);
+        EXPECT_EQ(part.loose, all.loose);
+        EXPECT_LT(part.searched.width() * part.searched.height(), kWidth * kHeight);
+        EXPECT_EQ(all.searched, (Rect{0, 0, kWidth, kHeight}));
+    }
+}
+
+TEST(Segmentation, IslandsThatDisagreeWithTheTrackedBoundaryAreDropped) {
+    TestRoom room(kWidth, kHeight, 3);
+    auto segmenter = learned(room, 3);
+    const Rect stranger{140, 40, 170, 110};
+    TestPicture picture = room.picture();
+    room.draw(picture, kBody, 40, 60, 190);
+    room.draw(picture, stranger, 190, 60, 40);
+    std::vector<std::uint8_t> expected(static_cast<std::size_t>(kWidth) * kHeight, 0);
+    for (int y = 50; y < 90; ++y)
+        for (int x = 80; x < 95; ++x) expected[y * kWidth + x] = 255;
+    SegmentationPrior prior = around(kBody, 60);
+    prior.expected = expected.data();
+    Silhouettes out;
+    segmenter->segment(picture.view(), prior, out);
+    EXPECT_GT(iou_with_box(out.sharp, kWidth, kHeight, kBody), 0.95);
+    EXPECT_EQ(count_in(out.loose, kWidth, stranger), 0);
+    segmenter->segment(picture.view(), {}, out);  // nothing is tracked: both
+    EXPECT_GT(count_in(out.sharp, kWidth, stranger), 0.9 * stranger.width() * stranger.height());
+}
+
+TEST(Segmentation, ATrackedPersonWhoStandsStillDoesNotBurnIn) {
+    TestRoom room(kWidth, kHeight, 3);
+    SegmentationOptions options;
+    options.update_interval = 4;
+    options.absorb_frames = 40;
+    auto segmenter = learned(room, 3, options);
+    Silhouettes out;
+    for (int frame = 0; frame < 900; ++frame) {  // 30 s
+        TestPicture picture = room.picture();
+        room.draw(picture, kBody, 40, 60, 190);
+        segmenter->segment(picture.view(), around(kBody, 20), out);
+    }
+    EXPECT_GT(iou_with_box(out.sharp, kWidth, kHeight, kBody), 0.95);
+}
+
+TEST(Segmentation, AMovedChairBecomesBackgroundAndItsOldPlaceIsStillKnown) {
+    TestRoom room(kWidth, kHeight, 3);
+    SegmentationOptions options;
+    options.update_interval = 4;
+    options.absorb_frames = 60;
+    auto segmenter = learned(room, 3, options);
+    const Rect chair{20, 80, 50, 120};
+    Silhouettes out;
+    for (int frame = 0; frame < 100; ++frame) {
+        TestPicture picture = room.picture();
+        room.draw(picture, chair, 120, 40, 30);
+        segmenter->segment(picture.view(), {}, out);
+        if (frame == 10) {
+            EXPECT_GT(count_in(out.sharp, kWidth, chair), 0.95 * chair.width() * chair.height());
+        }
+    }
+    EXPECT_EQ(count_in(out.sharp, kWidth, chair), 0);
+    TestPicture taken_away = room.picture();
+    segmenter->segment(taken_away.view(), {}, out);
+    EXPECT_EQ(out.sharp_pixels, 0);
+    room.draw(taken_away, chair, 40, 60, 190);  // a person where the chair stood
+    segmenter->segment(taken_away.view(), {}, out);
+    EXPECT_GT(count_in(out.sharp, kWidth, chair), 0.95 * chair.width() * chair.height());
+}
+
+TEST(Segmentation, FollowsSlowChangesOfTheRoom) {
+    TestRoom room(kWidth, kHeight, 3);
+    SegmentationOptions options;
+    options.update_interval = 2;
+    auto segmenter = learned(room, 3, options);
+    const Rect wall{100, 0, kWidth, 70};
+    Silhouettes out;
+    for (int frame = 0; frame < 600; ++frame) {  // the wall's blue fades by 24 levels
+        TestPicture picture = room.picture();
+        for (int y = wall.y0; y < wall.y1; ++y)
+            for (int x = wall.x0; x < wall.x1; ++x)
+                picture.at(x, y, 0) =
+                    static_cast<std::uint8_t>(std::max(0, picture.at(x, y, 0) - frame / 25));
+        segmenter->segment(picture.view(), {}, out);
+        ASSERT_LT(out.sharp_pixels, 0.01 * wall.width() * wall.height()) << "frame " << frame;
+    }
+}
+
+TEST(Segmentation, TheSameBitsOnAnyNumberOfThreads) {
+    std::vector<Silhouettes> runs;
+    for (std::size_t threads : {1u, 4u}) {
+#ifdef KINEVOX_HAVE_TBB
+        oneapi::tbb::global_control control(oneapi::tbb::global_control::max_allowed_parallelism, threads);
+#endif
+        TestRoom room(kWidth, kHeight, 3);
+        auto segmenter = learned(room, 3);
+        Silhouettes out;
+        for (int frame = 0; frame < 40; ++frame) {
+            TestPicture picture = room.picture();
+            room.draw(picture, {kBody.x0 + frame / 2, kBody.y0, kBody.x1 + frame / 2, kBody.y1}, 90, 100,
+                      130);
+            segmenter->segment(picture.view(), {}, out);
+        }
+        runs.push_back(out);
+    }
+    EXPECT_EQ(runs[0].sharp, runs[1].sharp);
+    EXPECT_EQ(runs[0].loose, runs[1].loose);
+    EXPECT_EQ(runs[0].probability, runs[1].probability);
+}
+
+TEST(Segmentation, SaysWhatIsWrong) {
+    SegmentationOptions options;
+    EXPECT_EQ(options.check(), "");
+    options.samples = 0;
+    EXPECT_EQ(options.check(), "samples is 0; 1 to 255 is allowed");
+    EXPECT_THROW(make_segmenter(Device::kCpu, 8, 8, 3, options), std::invalid_argument);
+    options = {};
+    options.sharp_threshold = std::numeric_limits<float>::quiet_NaN();
+    EXPECT_NE(options.check(), "");
+    options = {};
+    options.loose_threshold = 0.9f;
+    EXPECT_NE(options.check(), "");
+    EXPECT_THROW(make_segmenter(Device::kCpu, 8, 8, 2, {}), std::invalid_argument);
+    auto segmenter = make_segmenter(Device::kCpu, kWidth, kHeight, 3, {});
+    EXPECT_FALSE(segmenter->learned());
+    TestRoom room(kWidth, kHeight, 3), other(kWidth, kHeight - 1, 3);
+    Silhouettes out;
+    EXPECT_THROW(segmenter->segment(room.picture().view(), {}, out), std::logic_error);
+    EXPECT_THROW(segmenter->learn({}), std::invalid_argument);
+    const auto wrong = other.clip(1);
+    EXPECT_THROW(segmenter->learn(views_of(wrong)), std::invalid_argument);
+    const auto right = room.clip(3);
+    segmenter->learn(views_of(right));
+    EXPECT_TRUE(segmenter->learned());
+    EXPECT_THROW(segmenter->segment(other.picture().view(), {}, out), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace kinevox::kernels

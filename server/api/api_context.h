@@ -1,0 +1,33 @@
+// What the services work on. Everything in it outlives the gRPC server.
+#pragma once
+
+#include <chrono>
+#include <string>
+
+#include <boost/asio/any_io_executor.hpp>
+
+#include "server/api/control_lease.h"
+#include "server/pipeline/runner.h"
+#include "server/pipeline/stream_hub.h"
+
+namespace kinevox {
+
+struct ApiContext {
+    Runner& runner;
+    StreamHub& hub;
+    ControlLease& lease;
+
+    boost::asio::any_io_executor control;    // one thread: start, stop and learning, one after the other
+    boost::asio::any_io_executor encoders;   // volumes and pictures are encoded and written here
+    boost::asio::any_io_executor clock;      // the io_context: rate timers
+
+    std::string source_description;          // "session /data/trial/session.toml"
+    std::chrono::steady_clock::time_point started_at = std::chrono::steady_clock::now();
+    std::size_t lossless_max_messages = 256;
+    std::size_t lossless_max_bytes = std::size_t{32} << 20;
+    int preview_width_px = 320;              // where a subscriber asks for no size
+    int preview_jpeg_quality = 80;           // where a subscriber asks for none
+    double longest_rate_hz = 1000;
+};
+
+}  // namespace kinevox

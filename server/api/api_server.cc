@@ -1,0 +1,77 @@
+#include "server/api/api_server.h"
+
+#include <fmt/format.h>
+#include <grpcpp/ext/proto_server_reflection_plugin.h>
+#include <grpcpp/health_check_service_interface.h>
+#include <grpcpp/grpcpp.h>
+
+#include "server/api/capture_service.h"
+#include "server/api/stream_service.h"
+
+namespace kinevox {
+
+struct ApiServer::Parts {
+    explicit Parts(const ApiContext& api) : capture(api), stream(api) {}
+    CaptureServiceImpl capture;
+    StreamServiceImpl stream;
+    int port = 0;
+    std::unique_ptr<grpc::Server> server;
+
+    void build(const std::string& address) {
+        grpc::EnableDefaultHealthCheckService(true);
+        grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+        grpc::ServerBuilder builder;
+        builder.RegisterService(&capture);
+        builder.RegisterService(&stream);
+        builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);   // two daemons on one port: the second must notice
+        // A client that vanished without a word is found out within a minute.
+        builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 30'000);
+        builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 20'000);
+        builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 5'000);
+        builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+        builder.SetMaxReceiveMessageSize(1 << 20);                 // requests are small
+        if (!address.empty()) builder.AddListeningPort(address, grpc::InsecureServerCredentials(), &port);
+        server = builder.BuildAndStart();
+    }
+};
+
+ApiServer::ApiServer(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
+
+absl::StatusOr<std::unique_ptr<ApiServer>> ApiServer::listen(const std::string& address, const ApiContext& api) {
+    auto parts = std::make_unique<Parts>(api);
+    parts->build(address);
+    if (!parts->server || parts->port == 0)
+        return absl::UnavailableError(
+            fmt::format("cannot listen on {}: the port is in use or the address is not this machine's; stop the other "
+                        "program, or set another listen under [server]", address));
+    std::unique_ptr<ApiServer> server(new ApiServer(std::move(parts)));
+    server->set_serving(false);
+    return server;
+}
+
+std::unique_ptr<ApiServer> ApiServer::in_process(const ApiContext& api) {
+    auto parts = std::make_unique<Parts>(api);
+    parts->build({});
+    return std::unique_ptr<ApiServer>(new ApiServer(std::move(parts)));
+}
+
+ApiServer::~ApiServer() { shutdown(std::chrono::milliseconds(0)); }
+
+int ApiServer::port() const { return parts_->port; }
+
+void ApiServer::set_serving(bool serving) {
+    if (auto* health = parts_->server->GetHealthCheckService()) health->SetServingStatus(serving);
+}
+
+std::shared_ptr<grpc::Channel> ApiServer::in_process_channel() {
+    return parts_->server->InProcessChannel(grpc::ChannelArguments());
+}
+
+void ApiServer::shutdown(std::chrono::milliseconds grace) {
+    if (!parts_->server) return;
+    parts_->server->Shutdown(std::chrono::system_clock::now() + grace);
+    parts_->server->Wait();
+    parts_->server.reset();
+}
+
+}  // namespace kinevox

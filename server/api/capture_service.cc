@@ -1,0 +1,90 @@
+#include "server/api/capture_service.h"
+
+#include <boost/asio/post.hpp>
+
+#include "server/api/capture_handlers.h"
+#include "server/api/stream_reactor.h"
+#include "server/api/to_proto.h"
+
+namespace kinevox {
+namespace {
+
+using EventReactor = StreamReactor<EventMailbox, v1::WatchEventsResponse>;
+
+grpc::ServerUnaryReactor* answer(grpc::CallbackServerContext* context, const absl::Status& status) {
+    grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+    reactor->Finish(to_grpc(status));
+    return reactor;
+}
+
+}  // namespace
+
+CaptureServiceImpl::Reactor* CaptureServiceImpl::GetStatus(Context* context, const v1::GetStatusRequest*,
+                                                           v1::GetStatusResponse* response) {
+    return answer(context, get_status(api_, *response));
+}
+
+CaptureServiceImpl::Reactor* CaptureServiceImpl::ListCameras(Context* context, const v1::ListCamerasRequest*,
+                                                             v1::ListCamerasResponse* response) {
+    return answer(context, list_cameras(api_, *response));
+}
+
+CaptureServiceImpl::Reactor* CaptureServiceImpl::Start(Context* context, const v1::StartRequest* request,
+                                                       v1::StartResponse*) {
+    Reactor* reactor = context->DefaultReactor();
+    boost::asio::post(api_.control, [this, reactor, request = *request] {
+        reactor->Finish(to_grpc(start_capture(api_, request)));
+    });
+    return reactor;
+}
+
+CaptureServiceImpl::Reactor* CaptureServiceImpl::Stop(Context* context, const v1::StopRequest* request,
+                                                      v1::StopResponse*) {
+    Reactor* reactor = context->DefaultReactor();
+    boost::asio::post(api_.control, [this, reactor, request = *request] {
+        reactor->Finish(to_grpc(stop_capture(api_, request)));
+    });
+    return reactor;
+}
+
+CaptureServiceImpl::Reactor* CaptureServiceImpl::LearnBackground(Context* context,
+                                                                 const v1::LearnBackgroundRequest* request,
+                                                                 v1::LearnBackgroundResponse*) {
+    Reactor* reactor = context->DefaultReactor();
+    boost::asio::post(api_.control, [this, reactor, request = *request] {
+        learn_background(api_, request, [reactor](absl::Status status) { reactor->Finish(to_grpc(status)); });
+    });
+    return reactor;
+}
+
+CaptureServiceImpl::Reactor* CaptureServiceImpl::AcquireControl(Context* context,
+                                                                const v1::AcquireControlRequest* request,
+                                                                v1::AcquireControlResponse* response) {
+    return answer(context, acquire_control(api_, *request, *response));
+}
+
+CaptureServiceImpl::Reactor* CaptureServiceImpl::RenewControl(Context* context,
+                                                              const v1::RenewControlRequest* request,
+                                                              v1::RenewControlResponse* response) {
+    return answer(context, renew_control(api_, *request, *response));
+}
+
+CaptureServiceImpl::Reactor* CaptureServiceImpl::ReleaseControl(Context* context,
+                                                                const v1::ReleaseControlRequest* request,
+                                                                v1::ReleaseControlResponse*) {
+    return answer(context, release_control(api_, *request));
+}
+
+grpc::ServerWriteReactor<v1::WatchEventsResponse>* CaptureServiceImpl::WatchEvents(
+    Context*, const v1::WatchEventsRequest* request) {
+    if (const absl::Status bad = check_watch_events(*request); !bad.ok())
+        return EventReactor::refuse(api_, to_grpc(bad));
+    return EventReactor::run(
+        api_, 0,
+        [this, past = static_cast<std::size_t>(request->past())](std::function<void()> on_ready) {
+            return api_.hub.subscribe_events(past, std::move(on_ready));
+        },
+        [](const EventMailbox::Taken& taken) { return to_proto(taken.message, taken.missed); });
+}
+
+}  // namespace kinevox

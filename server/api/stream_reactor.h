@@ -1,0 +1,160 @@
+// The gRPC side of one subscriber: one write in flight, the next message fetched when it is through.
+//
+// Everything happens on a strand of the encoders: the mailbox's word that something is ready, gRPC's that a write is
+// through, the client's leaving, the rate's timer. So the pipeline's thread only posts, gRPC's threads only post, and
+// the state below needs no lock.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <exception>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include <boost/asio/bind_executor.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/asio/strand.hpp>
+#include <grpcpp/support/server_callback.h>
+#include <spdlog/spdlog.h>
+
+#include "server/api/api_context.h"
+#include "server/api/to_proto.h"
+
+namespace kinevox {
+
+// `Box` is a Mailbox. The reactor owns itself from run() to gRPC's OnDone.
+template <typename Box, typename Message>
+class StreamReactor final : public grpc::ServerWriteReactor<Message>,
+                            public std::enable_shared_from_this<StreamReactor<Box, Message>> {
+  public:
+    // Makes the message to be sent. May take its time.
+    using Translate = std::function<Message(const typename Box::Taken&)>;
+    using Subscribe = std::function<std::shared_ptr<Box>(std::function<void()> on_ready)>;
+
+    // `max_rate_hz` 0: no limit.
+    static StreamReactor* run(const ApiContext& api, double max_rate_hz, const Subscribe& subscribe,
+                              Translate translate) {
+        auto reactor = std::shared_ptr<StreamReactor>(new StreamReactor(api, max_rate_hz, std::move(translate)));
+        reactor->self_ = reactor;
+        boost::asio::post(reactor->strand_, [reactor, subscribe] {
+            reactor->box_ = subscribe([weak = reactor->weak_from_this()] {
+                if (const auto alive = weak.lock()) alive->wake();
+            });
+            reactor->StartSendInitialMetadata();   // tells the client that it is subscribed
+            reactor->advance();
+        });
+        return reactor.get();
+    }
+
+    // Refuses the call.
+    static StreamReactor* refuse(const ApiContext& api, const grpc::Status& why) {
+        auto reactor = std::shared_ptr<StreamReactor>(new StreamReactor(api, 0, {}));
+        reactor->self_ = reactor;
+        reactor->Finish(why);
+        return reactor.get();
+    }
+
+    void OnWriteDone(bool ok) override {
+        boost::asio::post(strand_, [self = this->shared_from_this(), ok] {
+            self->writing_ = false;
+            if (!ok) self->cancelled_ = true;
+            self->advance();
+        });
+    }
+
+    void OnCancel() override {
+        boost::asio::post(strand_, [self = this->shared_from_this()] {
+            self->cancelled_ = true;
+            self->advance();
+        });
+    }
+
+    void OnDone() override {
+        // The strand may still hold a task of this reactor: it ends when the last of them is gone.
+        boost::asio::post(strand_, [self = std::exchange(self_, nullptr)] {
+            self->finished_ = true;
+            self->timer_.cancel();
+            self->box_.reset();
+        });
+    }
+
+  private:
+    using Clock = std::chrono::steady_clock;
+
+    StreamReactor(const ApiContext& api, double max_rate_hz, Translate translate)
+        : strand_(boost::asio::make_strand(api.encoders)), timer_(api.clock), translate_(std::move(translate)) {
+        if (max_rate_hz > 0)
+            period_ = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / max_rate_hz));
+    }
+
+    // Any thread.
+    void wake() {
+        if (woken_.exchange(true)) return;   // its task is still to run
+        boost::asio::post(strand_, [self = this->shared_from_this()] {
+            self->woken_ = false;
+            self->advance();
+        });
+    }
+
+    void finish(const grpc::Status& status) {
+        finished_ = true;
+        timer_.cancel();
+        box_.reset();   // whatever is queued goes now, not when gRPC is done with the call
+        this->Finish(status);
+    }
+
+    void advance() {
+        if (finished_ || writing_) return;
+        if (cancelled_) return finish({grpc::StatusCode::CANCELLED, "the client left"});
+        const absl::Status status = box_->status();
+        if (absl::IsResourceExhausted(status))
+            return finish({grpc::StatusCode::RESOURCE_EXHAUSTED,
+                           "this lossless stream was read too slowly and its queue is full; read faster, ask for "
+                           "larger voxels, or take LATEST_ONLY"});
+        const Clock::time_point now = Clock::now();
+        if (status.ok() && now < next_) return wait_until_next();
+        auto taken = box_->take();
+        if (!taken) {
+            if (!status.ok()) finish(to_grpc(status));
+            return;
+        }
+        // Late by less than a period: the beat is kept. Later, or the first: it begins anew.
+        next_ = (next_ + period_ > now ? next_ : now) + period_;
+        try {
+            message_ = translate_(*taken);
+        } catch (const std::exception& error) {
+            spdlog::error("a stream ends: {}", error.what());
+            return finish({grpc::StatusCode::INTERNAL, error.what()});
+        }
+        writing_ = true;
+        this->StartWrite(&message_);
+    }
+
+    void wait_until_next() {
+        if (std::exchange(timer_runs_, true)) return;
+        timer_.expires_at(next_);
+        timer_.async_wait(boost::asio::bind_executor(
+            strand_, [weak = this->weak_from_this()](const boost::system::error_code& error) {
+                const auto self = weak.lock();
+                if (!self || error) return;
+                self->timer_runs_ = false;
+                self->advance();
+            }));
+    }
+
+    std::shared_ptr<StreamReactor> self_;   // until OnDone
+    boost::asio::strand<boost::asio::any_io_executor> strand_;
+    boost::asio::steady_timer timer_;
+    Translate translate_;
+    std::shared_ptr<Box> box_;
+    Message message_;                       // must live until OnWriteDone
+    Clock::duration period_{0};
+    Clock::time_point next_{};
+    std::atomic<bool> woken_ = false;
+    bool writing_ = false, cancelled_ = false, finished_ = false, timer_runs_ = false;
+};
+
+}  // namespace kinevox

@@ -1,0 +1,99 @@
+#include "server/api/to_proto.h"
+
+namespace kinevox {
+namespace {
+
+void fill(const Vec3& from, v1::Vec3* to) {
+    to->set_x(from.x);
+    to->set_y(from.y);
+    to->set_z(from.z);
+}
+
+}  // namespace
+
+v1::Camera to_proto(const Camera& camera) {
+    v1::Camera out;
+    out.set_name(camera.name);
+    out.set_width_px(camera.width);
+    out.set_height_px(camera.height);
+    out.set_fx_px(camera.fx);
+    out.set_fy_px(camera.fy);
+    out.set_cx_px(camera.cx);
+    out.set_cy_px(camera.cy);
+    for (const double k : {camera.k1, camera.k2, camera.p1, camera.p2, camera.k3}) out.add_distortion(k);
+    for (const double r : camera.camera_from_world.rotation.m) out.add_rotation_camera_from_world(r);
+    fill(camera.camera_from_world.translation, out.mutable_translation_camera_from_world());
+    return out;
+}
+
+v1::StageTimes to_proto(const StageTimes& times) {
+    v1::StageTimes out;
+    out.set_decode_ms(times.decode_ms);
+    out.set_segmentation_ms(times.segmentation_ms);
+    out.set_tracking_ms(times.tracking_ms);
+    out.set_hull_ms(times.hull_ms);
+    out.set_colouring_ms(times.colouring_ms);
+    out.set_pose_ms(times.pose_ms);
+    out.set_total_ms(times.total_ms);
+    return out;
+}
+
+v1::Subject to_proto(const SubjectTrack& track, const std::vector<Camera>& cameras) {
+    v1::Subject out;
+    out.set_subject_id(track.subject_id);
+    fill(track.centre_in_world, out.mutable_centre_in_world());
+    fill(track.velocity_in_world, out.mutable_velocity_in_world());
+    out.set_centre_std_m(track.centre_std_m);
+    for (std::size_t i = 0; i < track.camera_used.size() && i < cameras.size(); ++i)
+        if (track.camera_used[i]) out.add_cameras_used(cameras[i].name);
+    return out;
+}
+
+v1::CaptureState to_proto(RunState state) {
+    switch (state) {
+        case RunState::kStopped: return v1::CAPTURE_STATE_STOPPED;
+        case RunState::kStarting: return v1::CAPTURE_STATE_STARTING;
+        case RunState::kRunning: return v1::CAPTURE_STATE_RUNNING;
+        case RunState::kLearning: return v1::CAPTURE_STATE_LEARNING;
+        case RunState::kEnded: return v1::CAPTURE_STATE_ENDED;
+        case RunState::kFailed: return v1::CAPTURE_STATE_FAILED;
+    }
+    return v1::CAPTURE_STATE_UNSPECIFIED;
+}
+
+v1::EventKind to_proto(EventKind kind) {
+    switch (kind) {
+        case EventKind::kSubjectFound: return v1::EVENT_KIND_SUBJECT_FOUND;
+        case EventKind::kSubjectLost: return v1::EVENT_KIND_SUBJECT_LOST;
+        case EventKind::kCameraLeftOut: return v1::EVENT_KIND_CAMERA_LEFT_OUT;
+        case EventKind::kCameraBack: return v1::EVENT_KIND_CAMERA_BACK;
+        case EventKind::kCameraSilent: return v1::EVENT_KIND_CAMERA_SILENT;
+        case EventKind::kBackgroundLearned: return v1::EVENT_KIND_BACKGROUND_LEARNED;
+        case EventKind::kStarted: return v1::EVENT_KIND_STARTED;
+        case EventKind::kStopped: return v1::EVENT_KIND_STOPPED;
+        case EventKind::kSourceEnded: return v1::EVENT_KIND_SOURCE_ENDED;
+        case EventKind::kControlTaken: return v1::EVENT_KIND_CONTROL_TAKEN;
+        case EventKind::kControlReleased: return v1::EVENT_KIND_CONTROL_RELEASED;
+        case EventKind::kError: return v1::EVENT_KIND_ERROR;
+    }
+    return v1::EVENT_KIND_UNSPECIFIED;
+}
+
+v1::WatchEventsResponse to_proto(const PublishedEvent& published, std::uint64_t missed) {
+    v1::WatchEventsResponse out;
+    out.set_event_number(published.number);
+    out.set_kind(to_proto(published.event.kind));
+    out.set_time_ns(published.time_utc_ns);
+    out.set_sequence(published.event.sequence);
+    out.set_camera(published.event.camera);
+    out.set_message(published.event.message);
+    out.set_missed(missed);
+    out.set_subject_id(published.subject_id);
+    return out;
+}
+
+grpc::Status to_grpc(const absl::Status& status) {
+    return {static_cast<grpc::StatusCode>(status.code()), std::string(status.message())};
+}
+
+}  // namespace kinevox

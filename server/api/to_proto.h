@@ -1,0 +1,27 @@
+// What the pipeline says, as the API's messages.
+#pragma once
+
+#include <cstdint>
+
+#include <absl/status/status.h>
+#include <grpcpp/support/status.h>
+
+#include "common/camera.h"
+#include "kinevox/v1/capture_service.pb.h"
+#include "kinevox/v1/types.pb.h"
+#include "server/pipeline/frame_result.h"
+#include "server/pipeline/runner.h"
+#include "server/pipeline/stream_hub.h"
+
+namespace kinevox {
+
+v1::Camera to_proto(const Camera& camera);
+v1::StageTimes to_proto(const StageTimes& times);
+v1::Subject to_proto(const SubjectTrack& track, const std::vector<Camera>& cameras);
+v1::CaptureState to_proto(RunState state);
+v1::EventKind to_proto(EventKind kind);
+v1::WatchEventsResponse to_proto(const PublishedEvent& published, std::uint64_t missed);
+
+grpc::Status to_grpc(const absl::Status& status);   // both count the same codes
+
+}  // namespace kinevox

@@ -1,0 +1,60 @@
+// Where frame sets come from. The pipeline knows this interface only; session files, the virtual studio and real
+// cameras stand behind it.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "common/camera.h"
+
+namespace kinevox {
+
+// An owned picture: 8 bits a channel, rows without padding, B G R or grey. Shared, since previews, recorder and
+// pipeline may all hold one; never changed after it was published.
+struct Picture {
+    int width = 0, height = 0, channels = 0;
+    std::shared_ptr<const std::uint8_t[]> data;  // height * width * channels bytes; null: this camera has no picture
+
+    bool empty() const { return data == nullptr; }
+};
+
+// The pictures of one instant, in the order of FrameSource::cameras(). A camera that delivered nothing has an
+// empty Picture.
+struct FrameSet {
+    std::uint64_t sequence = 0;         // counts from 0 at the source; gaps are frame sets lost before the pipeline
+    std::int64_t capture_time_ns = 0;   // steady clock, or the recording's own time from 0
+    std::vector<Picture> pictures;
+    double decode_ms = 0;               // waiting for and decoding the pictures; 0: the caller of next() fills it in.
+                                        // The pipeline passes it on as StageTimes::decode_ms
+};
+
+// next() is called by one thread; stop() by any, once or often.
+class FrameSource {
+  public:
+    virtual ~FrameSource() = default;
+
+    virtual const std::vector<Camera>& cameras() const = 0;
+    virtual double fps() const = 0;                      // nominal frame sets a second
+    virtual std::int64_t frame_count() const = 0;        // -1 where it does not end
+
+    // Pictures of the empty scene, per camera in the order of cameras(); empty where the source has none (then an
+    // operator lets the daemon learn the background from live frames).
+    virtual absl::StatusOr<std::vector<std::vector<Picture>>> background() = 0;
+
+    // Waits for the next frame set. OutOfRange: the recording is over. Cancelled: stop() was called. Anything else
+    // is an error that names camera and file.
+    virtual absl::StatusOr<FrameSet> next() = 0;
+    virtual void stop() = 0;
+};
+
+enum class Pacing {
+    kAsFastAsPossible,
+    kRealTime,  // a frame set is handed out when its time has come; late ones are skipped and show as gaps
+};
+
+}  // namespace kinevox

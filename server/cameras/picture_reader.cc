@@ -1,0 +1,218 @@
+#include "server/cameras/picture_reader.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cmath>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+
+#include "server/cameras/picture_pool.h"
+
+namespace kinevox {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string lower_extension(const fs::path& file) {
+    std::string extension = file.extension().string();
+    std::transform(extension.begin(), extension.end(), extension.begin(),
+                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    return extension;
+}
+
+bool is_picture_file(const fs::path& file) {
+    static constexpr std::array kEndings{".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm"};
+    return std::find(kEndings.begin(), kEndings.end(), lower_extension(file)) != kEndings.end();
+}
+
+// frame_2.png comes before frame_10.png: runs of digits are compared as numbers.
+bool natural_less(const fs::path& a_path, const fs::path& b_path) {
+    const std::string a = a_path.string(), b = b_path.string();
+    const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
+    std::size_t i = 0, j = 0;
+    while (i < a.size() && j < b.size()) {
+        if (!is_digit(a[i]) || !is_digit(b[j])) {
+            if (a[i] != b[j]) return a[i] < b[j];
+            ++i, ++j;
+            continue;
+        }
+        while (i + 1 < a.size() && a[i] == '0' && is_digit(a[i + 1])) ++i;
+        while (j + 1 < b.size() && b[j] == '0' && is_digit(b[j + 1])) ++j;
+        const std::size_t i0 = i, j0 = j;
+        while (i < a.size() && is_digit(a[i])) ++i;
+        while (j < b.size() && is_digit(b[j])) ++j;
+        if (i - i0 != j - j0) return i - i0 < j - j0;
+        if (const int order = a.compare(i0, i - i0, b, j0, j - j0); order != 0) return order < 0;
+    }
+    return a.size() - i < b.size() - j || (a.size() - i == b.size() - j && a < b);
+}
+
+absl::Status wrong_size(const Camera& camera, const fs::path& file, int width, int height) {
+    return absl::InvalidArgumentError(
+        fmt::format("camera {}: {} is {} x {} px, its calibration says {} x {}; use the calibration of this "
+                    "recording or scale one of the two",
+                    camera.name, file.string(), width, height, camera.width, camera.height));
+}
+
+// Grey and alpha become B G R, so that the pipeline meets one format.
+void copy_as_bgr(const cv::Mat& from, std::uint8_t* to) {
+    cv::Mat target(from.rows, from.cols, CV_8UC3, to);
+    if (from.channels() == 1)
+        cv::cvtColor(from, target, cv::COLOR_GRAY2BGR);
+    else if (from.channels() == 4)
+        cv::cvtColor(from, target, cv::COLOR_BGRA2BGR);
+    else
+        from.copyTo(target);
+}
+
+class VideoReader final : public PictureReader {
+  public:
+    VideoReader(fs::path file, const Camera& camera)
+        : file_(std::move(file)), camera_(camera), pool_(std::size_t{3} * camera.width * camera.height) {}
+
+    absl::Status open() {
+        if (!capture_.open(file_.string(), cv::CAP_FFMPEG))
+            return absl::InvalidArgumentError(
+                fmt::format("camera {}: {} cannot be read as a video: it is damaged, cut off or of an unknown "
+                            "format; copy it again or convert it with ffmpeg",
+                            camera_.name, file_.string()));
+        const int width = static_cast<int>(capture_.get(cv::CAP_PROP_FRAME_WIDTH));
+        const int height = static_cast<int>(capture_.get(cv::CAP_PROP_FRAME_HEIGHT));
+        if (width != camera_.width || height != camera_.height)
+            return wrong_size(camera_, file_, width, height);
+        const double count = capture_.get(cv::CAP_PROP_FRAME_COUNT);
+        if (std::isfinite(count) && count > 0 && count < 1e9) promised_ = std::llround(count);
+        // These containers keep an index of their frames; of others OpenCV estimates the number.
+        const std::string extension = lower_extension(file_);
+        exact_ = extension == ".mp4" || extension == ".mov" || extension == ".m4v" || extension == ".avi";
+        delivered_ = 0;
+        return absl::OkStatus();
+    }
+
+    std::int64_t promised() const override { return promised_; }
+    bool promise_is_exact() const override { return exact_ && promised_ > 0; }
+
+    absl::StatusOr<Picture> next() override {
+        if (!capture_.grab() || !capture_.retrieve(decoded_) || decoded_.empty()) return ended();
+        if (decoded_.cols != camera_.width || decoded_.rows != camera_.height)
+            return wrong_size(camera_, file_, decoded_.cols, decoded_.rows);
+        if (decoded_.depth() != CV_8U)
+            return absl::InvalidArgumentError(fmt::format(
+                "camera {}: {} has more than 8 bits a channel; convert it", camera_.name, file_.string()));
+        auto data = pool_.take();
+        copy_as_bgr(decoded_, data.get());
+        ++delivered_;
+        return Picture{camera_.width, camera_.height, 3, std::move(data)};
+    }
+
+    absl::Status rewind() override {
+        capture_.release();  // seeking to the start is not exact in every container
+        return open();
+    }
+
+  private:
+    absl::Status ended() const {
+        if (promise_is_exact() && 0 < delivered_ && delivered_ < promised_)
+            return absl::DataLossError(fmt::format(
+                "camera {}: {} breaks off after {} of {} frames: it is damaged or cut off; copy it again or "
+                "shorten all of the session's videos to {} frames",
+                camera_.name, file_.string(), delivered_, promised_, delivered_));
+        if (delivered_ == 0)
+            return absl::DataLossError(fmt::format(
+                "camera {}: no frame of {} can be decoded: it is empty, damaged or of an unknown format; copy it "
+                "again or convert it with ffmpeg",
+                camera_.name, file_.string()));
+        return absl::OutOfRangeError("the video has ended");
+    }
+
+    fs::path file_;
+    Camera camera_;
+    PicturePool pool_;
+    cv::VideoCapture capture_;
+    cv::Mat decoded_;
+    std::int64_t promised_ = -1, delivered_ = 0;
+    bool exact_ = false;
+};
+
+class FolderReader final : public PictureReader {
+  public:
+    FolderReader(std::vector<fs::path> files, const Camera& camera)
+        : files_(std::move(files)), camera_(camera), pool_(std::size_t{3} * camera.width * camera.height) {}
+
+    std::int64_t promised() const override { return static_cast<std::int64_t>(files_.size()); }
+    bool promise_is_exact() const override { return true; }
+
+    absl::StatusOr<Picture> next() override {
+        if (at_ >= files_.size()) return absl::OutOfRangeError("the folder has ended");
+        const fs::path& file = files_[at_];
+        // Unchanged: an EXIF orientation must not turn a calibrated camera's picture.
+        const cv::Mat picture = cv::imread(file.string(), cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+        if (picture.empty())
+            return absl::DataLossError(
+                fmt::format("camera {}: {} (picture {} of {}) cannot be decoded: it is damaged or no picture; "
+                            "replace it",
+                            camera_.name, file.string(), at_ + 1, files_.size()));
+        if (picture.cols != camera_.width || picture.rows != camera_.height)
+            return wrong_size(camera_, file, picture.cols, picture.rows);
+        auto data = pool_.take();
+        copy_as_bgr(picture, data.get());
+        ++at_;
+        return Picture{camera_.width, camera_.height, 3, std::move(data)};
+    }
+
+    absl::Status rewind() override {
+        at_ = 0;
+        return absl::OkStatus();
+    }
+
+  private:
+    std::vector<fs::path> files_;
+    Camera camera_;
+    PicturePool pool_;
+    std::size_t at_ = 0;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<PictureReader>> open_pictures(const fs::path& file, const Camera& camera) {
+    std::error_code error;
+    const fs::file_status status = fs::status(file, error);
+    if (!fs::exists(status))
+        return absl::NotFoundError(
+            fmt::format("camera {}: {} does not exist; correct its path in the session file", camera.name,
+                        file.string()));
+    std::vector<fs::path> files;
+    if (fs::is_directory(status)) {
+        for (const auto& entry : fs::directory_iterator(file, error))
+            if (is_picture_file(entry.path())) files.push_back(entry.path());
+        if (error)
+            return absl::InvalidArgumentError(fmt::format("camera {}: {} cannot be listed: {}", camera.name,
+                                                          file.string(), error.message()));
+        if (files.empty())
+            return absl::InvalidArgumentError(
+                fmt::format("camera {}: the folder {} holds no picture (png, jpg, bmp, tiff, pgm, ppm)",
+                            camera.name, file.string()));
+        std::sort(files.begin(), files.end(), natural_less);
+    } else if (!fs::is_regular_file(status)) {
+        // FFmpeg would wait for ever on a pipe that nobody writes to.
+        return absl::InvalidArgumentError(
+            fmt::format("camera {}: {} is neither a file nor a folder; correct its path in the session file",
+                        camera.name, file.string()));
+    } else if (is_picture_file(file)) {
+        files.push_back(file);
+    }
+    if (!files.empty()) return std::make_unique<FolderReader>(std::move(files), camera);
+    auto video = std::make_unique<VideoReader>(file, camera);
+    if (absl::Status opened = video->open(); !opened.ok()) return opened;
+    return video;
+}
+
+}  // namespace kinevox

@@ -1,0 +1,39 @@
+// One camera's recorded pictures, one after the other: a video or a folder of pictures.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include <absl/status/statusor.h>
+
+#include "server/cameras/frame_source.h"
+
+namespace kinevox {
+
+// Used by one thread at a time.
+class PictureReader {
+  public:
+    virtual ~PictureReader() = default;
+
+    // Pictures the file promises; -1 if it does not say.
+    virtual std::int64_t promised() const = 0;
+    // True: promised() is exact (a folder, an index in the container), false: an estimate from length and rate.
+    virtual bool promise_is_exact() const = 0;
+
+    // The next picture, B G R. OutOfRange behind the last one; InvalidArgument for a picture that cannot be
+    // decoded or has another size than the camera.
+    virtual absl::StatusOr<Picture> next() = 0;
+
+    // Back to the first picture.
+    virtual absl::Status rewind() = 0;
+};
+
+// `camera` names the camera in messages and fixes the size that every picture must have. NotFound if there is no
+// such file, InvalidArgument if it holds no readable picture or pictures of another size. A single picture file
+// counts as a clip of one.
+absl::StatusOr<std::unique_ptr<PictureReader>> open_pictures(const std::filesystem::path& file,
+                                                             const Camera& camera);
+
+}  // namespace kinevox

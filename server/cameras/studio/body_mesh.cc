@@ -1,0 +1,141 @@
+#include "server/cameras/studio/body_mesh.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <tbb/parallel_for.h>
+
+namespace kinevox::studio {
+namespace {
+
+constexpr float kWeightFalloff_m = 0.020f;
+constexpr int kSmoothingRounds = 3;
+
+using BoneWeights = std::array<float, kBoneCount>;
+
+// How much the bones' nearness counts: falls off with the distance beyond the nearest one's.
+BoneWeights nearness_weights(const ImplicitBody& body, Vec3f rest) {
+    float distance[kBoneCount];
+    body.bone_distances(rest, distance);
+    const float nearest = *std::min_element(std::begin(distance), std::end(distance));
+    BoneWeights weights;
+    float sum = 0;
+    for (int b = 0; b < kBoneCount; ++b) sum += weights[b] = std::exp((nearest - distance[b]) / kWeightFalloff_m);
+    for (float& w : weights) w /= sum;
+    return weights;
+}
+
+std::vector<std::vector<std::uint32_t>> vertex_neighbours(const TriangleMesh& mesh) {
+    std::vector<std::vector<std::uint32_t>> neighbours(mesh.vertices.size());
+    for (const auto& t : mesh.triangles)
+        for (int e = 0; e < 3; ++e) neighbours[t[e]].push_back(t[(e + 1) % 3]);
+    return neighbours;
+}
+
+std::vector<SkinWeights> make_weights(const ImplicitBody& body, const TriangleMesh& mesh) {
+    const std::size_t n = mesh.vertices.size();
+    std::vector<BoneWeights> weights(n), smoothed(n);
+    tbb::parallel_for(std::size_t{0}, n, [&](std::size_t i) { weights[i] = nearness_weights(body, mesh.vertices[i]); });
+    const auto neighbours = vertex_neighbours(mesh);
+    for (int round = 0; round < kSmoothingRounds; ++round) {
+        for (std::size_t i = 0; i < n; ++i) {
+            BoneWeights mean{};
+            for (std::uint32_t j : neighbours[i])
+                for (int b = 0; b < kBoneCount; ++b) mean[b] += weights[j][b];
+            const float share = 0.5f / static_cast<float>(std::max<std::size_t>(neighbours[i].size(), 1));
+            for (int b = 0; b < kBoneCount; ++b) smoothed[i][b] = 0.5f * weights[i][b] + share * mean[b];
+        }
+        weights.swap(smoothed);
+    }
+    std::vector<SkinWeights> out(n);
+    for (std::size_t i = 0; i < n; ++i) {
+        std::array<int, kBoneCount> order;
+        for (int b = 0; b < kBoneCount; ++b) order[b] = b;
+        std::partial_sort(order.begin(), order.begin() + 4, order.end(), [&](int a, int b) {
+            return weights[i][a] != weights[i][b] ? weights[i][a] > weights[i][b] : a < b;
+        });
+        float sum = 0;
+        for (int k = 0; k < 4; ++k) sum += weights[i][order[k]];
+        for (int k = 0; k < 4; ++k) {
+            out[i].bone[k] = static_cast<std::uint8_t>(order[k]);
+            out[i].weight[k] = weights[i][order[k]] / sum;
+            
+        }
+    }
+    return out;
+}
+
+Vec3f gradient(const ImplicitBody& body, Vec3f p, float step) {
+    return normalized({body.distance({p.x + step, p.y, p.z}) - body.distance({p.x - step, p.y, p.z}),
+                       body.distance({p.x, p.y + step, p.z}) - body.distance({p.x, p.y - step, p.z}),
+                       body.distance({p.x, p.y, p.z + step}) - body.distance({p.x, p.y, p.z - step})});
+}
+
+// Walks out along the normal and sees how much closer than expected the body stays (after I. Quilez).
+float openness_at(const ImplicitBody& body, Vec3f p, Vec3f normal) {
+    float closed = 0, weight = 1.0f;
+    for (float step : {0.03f, 0.07f, 0.13f, 0.22f}) {
+        closed += weight * std::max(0.0f, step - body.distance(p + step * normal)) / step;
+        weight *= 0.65f;
+    }
+    return std::max(0.25f, 1.0f - 0.42f * closed);
+}
+
+std::uint8_t encode(float reflectance) {
+    return static_cast<std::uint8_t>(std::clamp(255.0f * std::pow(reflectance, 1 / 2.2f) + 0.5f, 0.0f, 255.0f));
+}
+
+}  // namespace
+
+BodyMesh make_body_mesh(const ImplicitBody& body, const Subject& subject, const BodyMeshOptions& options) {
+    BodyMesh mesh;
+    mesh.surface = mesh_distance([&](Vec3f p) { return body.distance(p); }, body.lower(), body.upper(), options.cell_m);
+    mesh.weights = make_weights(body, mesh.surface);
+    const std::vector<Vec3f>& vertices = mesh.surface.vertices;
+    mesh.normals.resize(vertices.size());
+    mesh.openness.assign(vertices.size(), 1.0f);
+    tbb::parallel_for(std::size_t{0}, vertices.size(), [&](std::size_t i) {
+        mesh.normals[i] = gradient(body, vertices[i], 0.5f * options.cell_m);
+        if (options.painted) mesh.openness[i] = openness_at(body, vertices[i], mesh.normals[i]);
+    });
+    if (!options.painted) return mesh;
+
+    const auto& triangles = mesh.surface.triangles;
+    mesh.texels.resize(triangles.size() * kTexelsPerTriangle);
+    tbb::parallel_for(std::size_t{0}, triangles.size(), [&](std::size_t t) {
+        const Vec3f a = vertices[triangles[t][0]], b = vertices[triangles[t][1]], c = vertices[triangles[t][2]];
+        for (int u = 0; u < kTexelsAcross; ++u)
+            for (int v = 0; u + v < kTexelsAcross; ++v) {
+                const float b1 = (static_cast<float>(u) + 0.33f) / kTexelsAcross;
+                const float b2 = (static_cast<float>(v) + 0.33f) / kTexelsAcross;
+                const Vec3f p = (1 - b1 - b2) * a + b1 * b + b2 * c;
+                const Albedo albedo = paint(body, subject, p, body.sample(p).nearest);
+                mesh.texels[t * kTexelsPerTriangle + u * kTexelsAcross + v] = {encode(albedo.b), encode(albedo.g),
+                                                                               encode(albedo.r), 0};
+            }
+    });
+    return mesh;
+}
+
+void skin(const BodyMesh& mesh, const PosedRig& rest_rig, const PosedRig& posed, SkinnedBody& out) {
+    std::array<Affine3f, kBoneCount> world_from_rest;
+    for (int b = 0; b < kBoneCount; ++b)
+        world_from_rest[b] = to_float(posed.world_from_bone[b] * rest_rig.world_from_bone[b].inverse());
+    const std::size_t n = mesh.surface.vertices.size();
+    out.vertices.resize(n);
+    out.normals.resize(n);
+    for (std::size_t i = 0; i < n; ++i) {
+        const SkinWeights& w = mesh.weights[i];
+        Affine3f blend;
+        const Affine3f& first = world_from_rest[w.bone[0]];
+        for (int c = 0; c < 12; ++c) blend.m[c] = w.weight[0] * first.m[c];
+        for (int k = 1; k < 4 && w.weight[k] > 0; ++k) {
+            const Affine3f& bone = world_from_rest[w.bone[k]];
+            for (int c = 0; c < 12; ++c) blend.m[c] += w.weight[k] * bone.m[c];
+        }
+        out.vertices[i] = blend.point(mesh.surface.vertices[i]);
+        out.normals[i] = blend.direction(mesh.normals[i]);
+    }
+}
+
+}  // namespace kinevox::studio

@@ -1,0 +1,51 @@
+// The person as a triangle mesh in the rest pose: skinning weights, ambient occlusion and painted texels. Made once.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "server/cameras/studio/implicit_body.h"
+#include "server/cameras/studio/surface_nets.h"
+
+namespace kinevox::studio {
+
+inline constexpr int kTexelsAcross = 4;  // a triangle's texel (u, v) covers barycentric (b1, b2) in [u, u+1) / 4 ...
+inline constexpr int kTexelsPerTriangle = kTexelsAcross * kTexelsAcross;
+
+// Reflectance to the power 1 / 2.2, 0..255: what a sensor shows of it in light of strength 1.
+struct Texel {
+    std::uint8_t b = 0, g = 0, r = 0, unused = 0;
+};
+
+struct SkinWeights {
+    std::array<std::uint8_t, 4> bone{};
+    std::array<float, 4> weight{};  // sum 1, largest first
+};
+
+struct BodyMesh {
+    TriangleMesh surface;              // rest pose, m
+    std::vector<Vec3f> normals;        // per vertex, outwards, length 1
+    std::vector<SkinWeights> weights;  // per vertex
+    std::vector<float> openness;       // per vertex, 0..1: how much of the surroundings it sees past the body
+    std::vector<Texel> texels;         // kTexelsPerTriangle a triangle; empty where not painted
+};
+
+struct BodyMeshOptions {
+    float cell_m = 0.015f;
+    bool painted = true;  // false: only shape and weights, for casting shadows
+};
+BodyMesh make_body_mesh(const ImplicitBody& body, const Subject& subject, const BodyMeshOptions& options);
+
+// Reflectance of the surface point `rest`; in body_paint.cc.
+Albedo paint(const ImplicitBody& body, const Subject& subject, Vec3f rest, Bone nearest);
+
+// The mesh in a pose; vectors are reused from call to call.
+struct SkinnedBody {
+    std::vector<Vec3f> vertices;  // world, m
+    std::vector<Vec3f> normals;   // world, length about 1
+};
+// Linear blend skinning. `rest_rig` is the rig in its rest pose.
+void skin(const BodyMesh& mesh, const PosedRig& rest_rig, const PosedRig& posed, SkinnedBody& out);
+
+}  // namespace kinevox::studio

@@ -1,0 +1,144 @@
+#include "server/cameras/studio/h264_file.h"
+
+#include <cmath>
+
+#include <fmt/format.h>
+
+extern "C" {
+#include <libavcodec/avcodec.h>
+#include <libavformat/avformat.h>
+#include <libavutil/opt.h>
+#include <libswscale/swscale.h>
+}
+
+namespace kinevox::studio {
+namespace {
+
+struct Delete {
+    void operator()(AVCodecContext* p) const { avcodec_free_context(&p); }
+    void operator()(AVFrame* p) const { av_frame_free(&p); }
+    void operator()(AVPacket* p) const { av_packet_free(&p); }
+    void operator()(SwsContext* p) const { sws_freeContext(p); }
+    void operator()(AVFormatContext* p) const {
+        if (p->pb) avio_closep(&p->pb);
+        avformat_free_context(p);
+    }
+};
+template <typename T>
+using Owned = std::unique_ptr<T, Delete>;
+
+std::string reason(int error) {
+    char text[AV_ERROR_MAX_STRING_SIZE] = {};
+    av_strerror(error, text, sizeof text);
+    return text;
+}
+
+class LibavFile final : public H264File {
+  public:
+    explicit LibavFile(const std::filesystem::path& file) : file_(file.string()) {}
+    ~LibavFile() override { (void)close(); }
+
+    absl::Status open(int width, int height, const H264Options& options) {
+        const AVCodec* codec = avcodec_find_encoder_by_name("libx264");
+        if (!codec) return absl::UnavailableError(fmt::format("{}: libavcodec has no libx264; install libavcodec-extra", file_));
+        encoder_.reset(avcodec_alloc_context3(codec));
+        const AVRational rate = av_d2q(options.fps, 100000);
+        encoder_->width = width;
+        encoder_->height = height;
+        encoder_->time_base = av_inv_q(rate);
+        encoder_->framerate = rate;
+        encoder_->pix_fmt = AV_PIX_FMT_YUV420P;
+        encoder_->gop_size = 30;
+        encoder_->max_b_frames = 0;
+        encoder_->thread_count = 1;  // cameras are written in parallel, and bits must not depend on it
+        encoder_->colorspace = AVCOL_SPC_SMPTE170M;
+        encoder_->color_range = AVCOL_RANGE_MPEG;
+        av_opt_set(encoder_->priv_data, "preset", "veryfast", 0);
+        av_opt_set(encoder_->priv_data, "tune", "grain", 0);
+        av_opt_set_double(encoder_->priv_data, "crf", options.quality, 0);
+        encoder_->log_level_offset = 64;  // x264 chats; errors come back as codes
+
+        AVFormatContext* container = nullptr;
+        if (int e = avformat_alloc_output_context2(&container, nullptr, "mp4", file_.c_str()); e < 0) return failed("begin", e);
+        container_.reset(container);
+        if (container_->oformat->flags & AVFMT_GLOBALHEADER) encoder_->flags |= AV_CODEC_FLAG_GLOBAL_HEADER;
+        if (int e = avcodec_open2(encoder_.get(), codec, nullptr); e < 0) return failed("open the encoder for", e);
+        stream_ = avformat_new_stream(container_.get(), nullptr);
+        stream_->time_base = encoder_->time_base;
+        stream_->avg_frame_rate = rate;
+        if (int e = avcodec_parameters_from_context(stream_->codecpar, encoder_.get()); e < 0) return failed("begin", e);
+        if (int e = avio_open(&container_->pb, file_.c_str(), AVIO_FLAG_WRITE); e < 0) return failed("create", e);
+        if (int e = avformat_write_header(container_.get(), nullptr); e < 0) return failed("begin", e);
+        frame_.reset(av_frame_alloc());
+        frame_->format = encoder_->pix_fmt;
+        frame_->width = width;
+        frame_->height = height;
+        if (int e = av_frame_get_buffer(frame_.get(), 0); e < 0) return failed("begin", e);
+        packet_.reset(av_packet_alloc());
+        scaler_.reset(sws_getContext(width, height, AV_PIX_FMT_BGR24, width, height, AV_PIX_FMT_YUV420P,
+                                     SWS_AREA | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INP, nullptr, nullptr, nullptr));
+        open_ = true;
+        return absl::OkStatus();
+    }
+
+    absl::Status write(const Picture& picture) override {
+        if (picture.width != frame_->width || picture.height != frame_->height || picture.channels != 3)
+            return absl::InvalidArgumentError(fmt::format("{}: a picture of {} x {} px with {} channels does not fit", file_,
+                                                          picture.width, picture.height, picture.channels));
+        if (int e = av_frame_make_writable(frame_.get()); e < 0) return failed("write", e);
+        const std::uint8_t* const planes[1] = {picture.data.get()};
+        const int strides[1] = {3 * picture.width};
+        sws_scale(scaler_.get(), planes, strides, 0, picture.height, frame_->data, frame_->linesize);
+        frame_->pts = count_++;
+        return encode(frame_.get());
+    }
+
+    absl::Status close() override {
+        if (!open_) return absl::OkStatus();
+        open_ = false;
+        if (absl::Status status = encode(nullptr); !status.ok()) return status;
+        if (int e = av_write_trailer(container_.get()); e < 0) return failed("finish", e);
+        if (int e = avio_closep(&container_->pb); e < 0) return failed("close", e);
+        return absl::OkStatus();
+    }
+
+  private:
+    absl::Status failed(std::string_view what, int error) const {
+        return absl::UnavailableError(fmt::format("{}: cannot {} the video: {}", file_, what, reason(error)));
+    }
+    absl::Status encode(const AVFrame* frame) {
+        if (int e = avcodec_send_frame(encoder_.get(), frame); e < 0) return failed("encode", e);
+        for (;;) {
+            const int e = avcodec_receive_packet(encoder_.get(), packet_.get());
+            if (e == AVERROR(EAGAIN) || e == AVERROR_EOF) return absl::OkStatus();
+            if (e < 0) return failed("encode", e);
+            packet_->duration = 1;
+            av_packet_rescale_ts(packet_.get(), encoder_->time_base, stream_->time_base);
+            packet_->stream_index = stream_->index;
+            if (int w = av_interleaved_write_frame(container_.get(), packet_.get()); w < 0) return failed("write", w);
+        }
+    }
+
+    std::string file_;
+    Owned<AVFormatContext> container_;
+    Owned<AVCodecContext> encoder_;
+    Owned<AVFrame> frame_;
+    Owned<AVPacket> packet_;
+    Owned<SwsContext> scaler_;
+    AVStream* stream_ = nullptr;
+    std::int64_t count_ = 0;
+    bool open_ = false;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<H264File>> H264File::create(const std::filesystem::path& file, int width, int height,
+                                                           const H264Options& options) {
+    if (width % 2 || height % 2)
+        return absl::InvalidArgumentError(fmt::format("{}: H.264 needs an even width and height, not {} x {}", file.string(), width, height));
+    auto video = std::make_unique<LibavFile>(file);
+    if (absl::Status status = video->open(width, height, options); !status.ok()) return status;
+    return video;
+}
+
+}  // namespace kinevox::studio

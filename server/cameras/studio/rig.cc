@@ -1,0 +1,193 @@
+#include "server/cameras/studio/rig.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace kinevox::studio {
+
+Measures make_measures(const Subject& s) {
+    const double h = s.height_m, f = s.femininity;
+    Measures m{};
+    m.height = h;
+    m.thigh = 0.245 * h;
+    m.shank = 0.246 * h;
+    m.ankle_height = 0.046 * h;  // 0.039 and the sole of a shoe
+    m.foot_ball_x = 0.078 * h;
+    m.foot_heel_x = -0.040 * h;
+    m.toe_length = 0.040 * h;
+    m.ball_height = 0.014 * h;
+    m.upper_arm = 0.176 * h;
+    m.forearm = 0.150 * h;
+    m.hand = 0.105 * h;
+    m.hip_half_width = (0.0490 + 0.0020 * f) * h;
+    m.shoulder_half_width = (0.1030 - 0.0075 * f) * h;
+    m.root_above_hips = 0.006 * h;
+    m.root_to_waist = 0.094 * h;
+    m.waist_to_thorax = 0.065 * h;
+    m.thorax_to_neck = 0.165 * h;
+    m.neck_to_skullbase = 0.047 * h;
+    m.skullbase_to_top = 0.086 * h;
+    return m;
+}
+
+Mat3 slerp(const Mat3& a, const Mat3& b, double t) {
+    return a * rotation_from_rodrigues(t * rodrigues_from_rotation(a.transposed() * b));
+}
+
+Mat3 limb_rotation(Side side, double flexion, double abduction, double external_rotation) {
+    const double s = sign_of(side);
+    return rotation_y(-flexion) * rotation_x(s * abduction) * rotation_z(s * external_rotation);
+}
+
+Bone Rig::parent(Bone bone) {
+    constexpr std::array<Bone, 8> kSideParents{kThorax, kClavicleL, kUpperArmL, kForearmL,
+                                               kPelvis, kThighL,    kShankL,    kFootL};
+    if (bone <= kHead) return static_cast<Bone>(bone == kPelvis ? 0 : bone - 1);
+    if (bone < kPosedBoneCount) {
+        const int within = (bone - kClavicleL) % kSideStride;
+        const Bone left = kSideParents[within];
+        return bone >= kClavicleR && left >= kClavicleL ? static_cast<Bone>(left + kSideStride) : left;
+    }
+    constexpr std::array<Bone, 4> kHelped{kUpperArmL, kForearmL, kThighL, kShankL};
+    const int within = (bone - kShoulderHelpL) % kHelpStride;
+    return parent(on_side(kHelped[within], bone >= kShoulderHelpR ? Side::kRight : Side::kLeft));
+}
+
+Rig::Rig(const Subject& subject) : measures_(make_measures(subject)) {
+    const Measures& m = measures_;
+    offset_[kLumbar] = {0.006 * m.height, 0, m.root_to_waist};
+    offset_[kThorax] = {0, 0, m.waist_to_thorax};
+    offset_[kNeck] = {-0.012 * m.height, 0, m.thorax_to_neck};
+    offset_[kHead] = {0.012 * m.height, 0, m.neck_to_skullbase};
+    for (Side side : kSides) {
+        const double s = sign_of(side);
+        const Vec3 clavicle{0, s * 0.02 * m.height, m.thorax_to_neck - 0.022 * m.height};
+        // Acromion at 0.818 of the stature; the joint's centre lies a little lower.
+        const double shoulder_z = 0.812 * m.height -
+                                  (m.standing_root_z() + m.root_to_waist + m.waist_to_thorax);
+        offset_[on_side(kClavicleL, side)] = clavicle;
+        offset_[on_side(kUpperArmL, side)] = Vec3{-0.006 * m.height, s * m.shoulder_half_width, shoulder_z} - clavicle;
+        offset_[on_side(kForearmL, side)] = {0, 0, -m.upper_arm};
+        offset_[on_side(kHandL, side)] = {0, 0, -m.forearm};
+        offset_[on_side(kThighL, side)] = {0, s * m.hip_half_width, -m.root_above_hips};
+        offset_[on_side(kShankL, side)] = {0, 0, -m.thigh};
+        offset_[on_side(kFootL, side)] = {0, 0, -m.shank};
+        offset_[on_side(kToesL, side)] = {m.foot_ball_x, 0, m.ball_height - m.ankle_height};
+        offset_[on_side(kShoulderHelpL, side)] = offset_[on_side(kUpperArmL, side)];
+        offset_[on_side(kElbowHelpL, side)] = offset_[on_side(kForearmL, side)];
+        offset_[on_side(kHipHelpL, side)] = offset_[on_side(kThighL, side)];
+        offset_[on_side(kKneeHelpL, side)] = offset_[on_side(kShankL, side)];
+    }
+}
+
+PosedRig Rig::forward(const Pose& pose) const {
+    PosedRig out;
+    out.world_from_bone[kPelvis] = {pose[kPelvis], pose.root_in_world};
+    for (int i = kPelvis + 1; i < kPosedBoneCount; ++i) {
+        const auto bone = static_cast<Bone>(i);
+        out.world_from_bone[i] = out.world_from_bone[parent(bone)] * Rigid3{pose[bone], offset_[i]};
+    }
+    constexpr std::array<Bone, 4> kHelped{kUpperArmL, kForearmL, kThighL, kShankL};
+    constexpr std::array<Bone, 4> kHelpers{kShoulderHelpL, kElbowHelpL, kHipHelpL, kKneeHelpL};
+    for (Side side : kSides) {
+        for (int i = 0; i < 4; ++i) {
+            const Bone helper = on_side(kHelpers[i], side), helped = on_side(kHelped[i], side);
+            out.world_from_bone[helper] =
+                out.world_from_bone[parent(helper)] * Rigid3{slerp(Mat3{}, pose[helped], 0.5), offset_[helper]};
+        }
+    }
+    return out;
+}
+
+std::array<Vec3, kJointNames.size()> Rig::joints(const PosedRig& posed) const {
+    std::array<Vec3, kJointNames.size()> out{};
+    const auto at = [&](Bone bone, Vec3 in_bone) { return posed.world_from_bone[bone] * in_bone; };
+    out[0] = posed.joint(kPelvis);
+    out[1] = posed.joint(kLumbar);
+    out[2] = posed.joint(kHead);
+    out[3] = at(kHead, {0.003 * measures_.height, 0, measures_.skullbase_to_top});
+    for (Side side : kSides) {
+        const int base = side == Side::kLeft ? 4 : 12;
+        out[base + 0] = posed.joint(on_side(kUpperArmL, side));
+        out[base + 1] = posed.joint(on_side(kForearmL, side));
+        out[base + 2] = posed.joint(on_side(kHandL, side));
+        out[base + 3] = at(on_side(kHandL, side), {0, 0, -measures_.hand});
+        out[base + 4] = posed.joint(on_side(kThighL, side));
+        out[base + 5] = posed.joint(on_side(kShankL, side));
+        out[base + 6] = posed.joint(on_side(kFootL, side));
+        out[base + 7] = at(on_side(kToesL, side), {measures_.toe_length, 0, 0});
+    }
+    return out;
+}
+
+namespace {
+
+// Rotation whose z axis points along -down and whose y axis is nearest to `left`.
+Mat3 limb_frame(Vec3 down, Vec3 left) {
+    const Vec3 z = -normalized(down);
+    const Vec3 y = normalized(left - dot(left, z) * z);
+    const Vec3 x = cross(y, z);
+    return {{x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z}};
+}
+
+struct TwoBone {
+    Mat3 upper, lower;  // world_from_bone
+    double miss;
+};
+
+// Law of cosines; the middle joint goes to the side of `towards`. `hinge_sign` +1: y is the hinge's axis with the
+// middle joint in front (knee), -1: behind (elbow).
+TwoBone two_bone(Vec3 start, Vec3 target, double upper, double lower, Vec3 towards, double hinge_sign) {
+    Vec3 reach = target - start;
+    const double wanted = norm(reach);
+    const Vec3 along = wanted > 1e-9 ? reach / wanted : Vec3{0, 0, -1};
+    const double d = std::clamp(wanted, std::abs(upper - lower) + 1e-3, 0.9995 * (upper + lower));
+    const double c = std::clamp((upper * upper + d * d - lower * lower) / (2 * upper * d), -1.0, 1.0);
+    Vec3 side = towards - dot(towards, along) * along;
+    side = norm(side) > 1e-9 ? normalized(side) : Vec3{1, 0, 0};
+    const Vec3 middle = start + upper * c * along + upper * std::sqrt(1 - c * c) * side;
+    const Vec3 end = start + d * along;
+    const Vec3 left = hinge_sign * cross(side, along);
+    return {limb_frame(middle - start, left), limb_frame(end - middle, left), std::abs(wanted - d)};
+}
+
+}  // namespace
+
+double Rig::reach_with_leg(Pose& pose, Side side, Vec3 ankle_in_world, const Mat3& world_from_foot,
+                           Vec3 forward_in_world) const {
+    const Bone thigh = on_side(kThighL, side), shank = on_side(kShankL, side), foot = on_side(kFootL, side);
+    const Mat3 world_from_pelvis = pose[kPelvis];
+    const Vec3 hip = pose.root_in_world + world_from_pelvis * offset_[thigh];
+    // x forward cross -z down = y left.
+    const TwoBone leg = two_bone(hip, ankle_in_world, measures_.thigh, measures_.shank, forward_in_world, 1.0);
+    pose[thigh] = world_from_pelvis.transposed() * leg.upper;
+    pose[shank] = leg.upper.transposed() * leg.lower;
+    pose[foot] = leg.lower.transposed() * world_from_foot;
+    return leg.miss;
+}
+
+double Rig::reach_with_arm(Pose& pose, Side side, Vec3 wrist_in_world, const Mat3& world_from_hand,
+                           Vec3 elbow_towards_in_world) const {
+    const Bone upper = on_side(kUpperArmL, side), fore = on_side(kForearmL, side), hand = on_side(kHandL, side);
+    const PosedRig posed = forward(pose);
+    const TwoBone arm = two_bone(posed.joint(upper), wrist_in_world, measures_.upper_arm, measures_.forearm,
+                                 elbow_towards_in_world, -1.0);
+    pose[upper] = posed.world_from_bone[on_side(kClavicleL, side)].rotation.transposed() * arm.upper;
+    pose[fore] = arm.upper.transposed() * arm.lower;
+    pose[hand] = arm.lower.transposed() * world_from_hand;
+    return arm.miss;
+}
+
+Pose Rig::rest_pose() const {
+    Pose pose;
+    pose.root_in_world = {0, 0, measures_.standing_root_z()};
+    for (Side side : kSides) {
+        pose[on_side(kUpperArmL, side)] = limb_rotation(side, 0, 0.95, 0);
+        pose[on_side(kForearmL, side)] = rotation_y(-0.25);
+        pose[on_side(kThighL, side)] = limb_rotation(side, 0, 0.20, 0);
+        pose[on_side(kFootL, side)] = limb_rotation(side, 0, -0.20, 0);
+    }
+    return pose;
+}
+
+}  // namespace kinevox::studio

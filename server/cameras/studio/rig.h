@@ -1,0 +1,96 @@
+// The bones of the virtual studio's person, their measures, and forward and inverse kinematics.
+// At the zero pose (all local rotations identity) the person stands upright, arms hanging, every bone's axes
+// parallel to the world's: x forward, y to the subject's left, z up. A bone's origin is its joint.
+#pragma once
+
+#include <array>
+
+#include "common/geometry.h"
+#include "common/skeleton.h"
+#include "server/cameras/studio/subject.h"
+
+namespace kinevox::studio {
+
+// Centre bones, then eight bones a side, then helpers that turn half as far as the joint they sit on (they keep
+// the volume of a bent knee where plain linear blend skinning would crush it).
+enum Bone : int {
+    kPelvis, kLumbar, kThorax, kNeck, kHead,
+    kClavicleL, kUpperArmL, kForearmL, kHandL, kThighL, kShankL, kFootL, kToesL,
+    kClavicleR, kUpperArmR, kForearmR, kHandR, kThighR, kShankR, kFootR, kToesR,
+    kShoulderHelpL, kElbowHelpL, kHipHelpL, kKneeHelpL,
+    kShoulderHelpR, kElbowHelpR, kHipHelpR, kKneeHelpR,
+    kBoneCount
+};
+inline constexpr int kPosedBoneCount = kShoulderHelpL;
+inline constexpr int kSideStride = kClavicleR - kClavicleL;
+inline constexpr int kHelpStride = kShoulderHelpR - kShoulderHelpL;
+
+enum class Side { kLeft, kRight };
+inline constexpr std::array<Side, 2> kSides{Side::kLeft, Side::kRight};
+inline Bone on_side(Bone left, Side side) {
+    if (side == Side::kLeft) return left;
+    return static_cast<Bone>(left + (left >= kPosedBoneCount ? kHelpStride : kSideStride));
+}
+inline double sign_of(Side side) { return side == Side::kLeft ? 1.0 : -1.0; }  // of y at the zero pose
+
+// Lengths in metres, from the fractions of stature of Drillis & Contini (1966), as in Winter, Biomechanics and
+// Motor Control of Human Movement, table 4.1.
+struct Measures {
+    double height, thigh, shank, ankle_height, foot_ball_x, foot_heel_x, toe_length, ball_height;
+    double upper_arm, forearm, hand, hip_half_width, shoulder_half_width;
+    double root_above_hips, root_to_waist, waist_to_thorax, thorax_to_neck, neck_to_skullbase, skullbase_to_top;
+    double standing_root_z() const { return ankle_height + shank + thigh + root_above_hips; }
+    double leg() const { return thigh + shank; }
+};
+Measures make_measures(const Subject& subject);
+
+struct Pose {
+    Vec3 root_in_world;
+    std::array<Mat3, kPosedBoneCount> parent_from_bone;  // rotations; the pelvis' parent is the world
+
+    Mat3& operator[](Bone bone) { return parent_from_bone[bone]; }
+    const Mat3& operator[](Bone bone) const { return parent_from_bone[bone]; }
+};
+
+struct PosedRig {
+    std::array<Rigid3, kBoneCount> world_from_bone;
+    Vec3 joint(Bone bone) const { return world_from_bone[bone].translation; }
+};
+
+class Rig {
+  public:
+    explicit Rig(const Subject& subject);
+
+    const Measures& measures() const { return measures_; }
+    static Bone parent(Bone bone);                           // kPelvis for kPelvis
+    Vec3 offset_in_parent(Bone bone) const { return offset_[bone]; }
+
+    PosedRig forward(const Pose& pose) const;
+
+    // World positions in the order of kJointNames.
+    std::array<Vec3, kJointNames.size()> joints(const PosedRig& posed) const;
+
+    // Turns thigh and shank so that the ankle comes to `ankle_in_world` (pulled towards the hip where it is out of
+    // reach) with the knee bending towards `forward_in_world`, and the foot to `world_from_foot`.
+    // The pelvis and the root must be set; parent_from_bone of the leg is written. Returns the miss in metres.
+    double reach_with_leg(Pose& pose, Side side, Vec3 ankle_in_world, const Mat3& world_from_foot,
+                          Vec3 forward_in_world) const;
+    // The same for upper arm and forearm, elbow pointing to `elbow_towards_in_world`, the hand to world_from_hand.
+    double reach_with_arm(Pose& pose, Side side, Vec3 wrist_in_world, const Mat3& world_from_hand,
+                          Vec3 elbow_towards_in_world) const;
+
+    // The pose in which the surface is built: arms and legs spread, so that nothing touches.
+    Pose rest_pose() const;
+
+  private:
+    Measures measures_;
+    std::array<Vec3, kBoneCount> offset_{};  // of a bone's joint in its parent's frame
+};
+
+Mat3 slerp(const Mat3& a, const Mat3& b, double t);
+
+// Anatomical angles in radians to a rotation. Flexion lifts the limb forward, abduction away from the middle,
+// rotation turns it outwards about its own axis.
+Mat3 limb_rotation(Side side, double flexion, double abduction, double external_rotation);
+
+}  // namespace kinevox::studio

@@ -1,0 +1,73 @@
+// The empty studio: a furnished room, or a hall with a running lane. Lit once into light maps, then drawn once for
+// every camera; only the person and the shadow are drawn for every frame.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "common/camera.h"
+#include "server/cameras/studio/lighting.h"
+#include "server/cameras/studio/motion.h"
+#include "server/cameras/studio/room_textures.h"
+
+namespace kinevox::studio {
+
+inline constexpr int kGreyScale = 160;  // pictures before the sensor: grey levels times this, 16 bits
+
+// What one camera sees of the empty room.
+struct RoomView {
+    int width = 0, height = 0;
+    std::vector<std::uint16_t> bgr;    // height * width * 3
+    std::vector<float> floor_xy;       // height * width * 2: world metres of the floor seen there, NaN: not floor
+};
+
+class Room {
+  public:
+    Room(Stage stage, std::uint32_t seed);
+
+    const Lighting& lighting() const { return lighting_; }
+    RoomView draw(const Camera& camera) const;
+
+    struct Box {
+        Vec3f centre, half;  // m, before turning
+        float yaw_cos = 1, yaw_sin = 0;
+        Texture texture;
+    };
+    // A rectangle of the room's shell or of a box, with its light map.
+    struct Face {
+        Vec3f origin, along_u, along_v, normal;  // u, v of length 1
+        float u_length = 0, v_length = 0;        // m
+        Texture texture;
+        std::vector<Decal> decals;
+        int map_u = 0, map_v = 0;
+        std::vector<Vec3f> light;                // map_v * map_u, at the map's cell corners
+    };
+
+  private:
+    struct Hit {
+        float distance;
+        int face;
+    };
+    void build_shell();
+    void build_furniture();
+    void build_box(Vec3f base_centre, Vec3f size, float yaw, Texture texture);
+    void place_lamps();
+    void light_faces();
+    Vec3f light_at(Vec3f p, Vec3f normal, std::uint32_t dither) const;
+    bool blocked(Vec3f from, Vec3f to) const;
+    // Against the shell and the boxes in `boxes` (indices).
+    Hit trace(Vec3f origin, Vec3f direction, const std::vector<int>& boxes) const;
+    // Boxes that rays from `origin` within the cone about `axis` may meet.
+    std::vector<int> boxes_in_cone(Vec3f origin, Vec3f axis, float cosine) const;
+    Vec3f shade(const Hit& hit, Vec3f p) const;
+
+    Stage stage_;
+    std::uint32_t seed_;
+    Vec3f lower_, upper_;       // the room's inside
+    std::vector<int> all_boxes_;
+    std::vector<Box> boxes_;    // box i has the faces 6 + 5 i ...: +x, -x, +y, -y, top
+    std::vector<Face> faces_;   // 0..5: floor, ceiling, walls x-, x+, y-, y+
+    Lighting lighting_;
+};
+
+}  // namespace kinevox::studio

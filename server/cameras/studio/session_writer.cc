@@ -1,0 +1,172 @@
+#include "server/cameras/studio/session_writer.h"
+
+
+#include <fmt/format.h>
+#include <opencv2/imgcodecs.hpp>
+#include <tbb/parallel_for.h>
+
+#include "common/atomic_file.h"
+#include "common/calibration_file.h"
+#include "common/joint_angles.h"
+#include "common/session_file.h"
+#include "server/cameras/studio/h264_file.h"
+
+namespace kinevox::studio {
+namespace {
+
+namespace fs = std::filesystem;
+
+class TruthTables {
+  public:
+    TruthTables() {
+        joints_ = angles_ = "frame,time_s";
+        for (std::string_view joint : kJointNames) joints_ += fmt::format(",{0}_x,{0}_y,{0}_z", joint);
+        for (std::string_view angle : kJointAngleNames) angles_ += fmt::format(",{}_deg", angle);
+        joints_ += '\n';
+        angles_ += '\n';
+    }
+    void add(std::int64_t frame, double fps, const SubjectTruth& truth) {
+        const std::string start = fmt::format("{},{:.5f}", frame, static_cast<double>(frame) / fps);
+        joints_ += start;
+        for (const Vec3& p : truth.joints_in_world) joints_ += fmt::format(",{:.5f},{:.5f},{:.5f}", p.x, p.y, p.z);
+        angles_ += start;
+        for (double angle : joint_angles(truth.joints_in_world)) angles_ += fmt::format(",{:.3f}", angle * 180 / 3.14159265358979323846);
+        joints_ += '\n';
+        angles_ += '\n';
+    }
+    absl::Status write(const fs::path& folder) const {
+        if (absl::Status status = write_file_atomically(folder / "joints.csv", joints_); !status.ok()) return status;
+        return write_file_atomically(folder / "angles.csv", angles_);
+    }
+
+  private:
+    std::string joints_, angles_;
+};
+
+absl::Status write_mask(const fs::path& file, const Camera& camera, std::vector<std::uint8_t>& mask) {
+    const cv::Mat picture(camera.height, camera.width, CV_8UC1, mask.data());
+    try {
+        if (cv::imwrite(file.string(), picture)) return absl::OkStatus();
+    } catch (const cv::Exception&) {
+    }
+    return absl::UnavailableError(fmt::format("{}: cannot write the mask; is the disk full?", file.string()));
+}
+
+absl::Status write_mesh(const fs::path& file, const Studio::Surface& surface) {
+    std::string text = fmt::format("ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\n"
+                                   "property float z\nelement face {}\nproperty list uchar int vertex_indices\nend_header\n",
+                                   surface.vertices.size(), surface.triangles.size());
+    const auto put = [&](const auto& value) { text.append(reinterpret_cast<const char*>(&value), sizeof value); };
+    for (const Vec3& v : surface.vertices)
+        for (double c : {v.x, v.y, v.z}) put(static_cast<float>(c));
+    for (const auto& t : surface.triangles) {
+        put(std::uint8_t{3});
+        for (std::uint32_t i : t) put(static_cast<std::int32_t>(i));
+    }
+    return write_file_atomically(file, text);
+}
+
+absl::Status make_folders(const fs::path& folder, const Studio& studio, const SessionWriterOptions& options) {
+    std::error_code error;
+    if (fs::exists(folder, error) && (!fs::is_directory(folder, error) || !fs::is_empty(folder, error)))
+        return absl::AlreadyExistsError(fmt::format("{}: is there already and not an empty folder; name another one", folder.string()));
+    std::vector<fs::path> wanted{folder / "background", folder / "truth"};
+    if (options.mesh_every > 0) wanted.push_back(folder / "truth" / "mesh");
+    if (options.masks)
+        for (const Camera& camera : studio.cameras()) wanted.push_back(folder / "truth" / ("masks_" + camera.name));
+    for (const fs::path& path : wanted) {
+        fs::create_directories(path, error);
+        if (error) return absl::UnavailableError(fmt::format("{}: cannot create the folder: {}", path.string(), error.message()));
+    }
+    return absl::OkStatus();
+}
+
+using Videos = std::vector<std::unique_ptr<H264File>>;
+
+absl::StatusOr<Videos> open_videos(const fs::path& folder, const Studio& studio, int quality) {
+    Videos videos;
+    for (const Camera& camera : studio.cameras()) {
+        absl::StatusOr<std::unique_ptr<H264File>> video =
+            H264File::create(folder / (camera.name + ".mp4"), camera.width, camera.height, {studio.options().fps, quality});
+        if (!video.ok()) return video.status();
+        videos.push_back(*std::move(video));
+    }
+    return videos;
+}
+
+// Calls work(camera) for all cameras in parallel; the first error in the cameras' order.
+template <typename Work>
+absl::Status for_cameras(const Studio& studio, Work&& work) {
+    std::vector<absl::Status> statuses(studio.cameras().size());
+    tbb::parallel_for(std::size_t{0}, statuses.size(), [&](std::size_t i) { statuses[i] = work(i); });
+    for (const absl::Status& status : statuses)
+        if (!status.ok()) return status;
+    return absl::OkStatus();
+}
+
+absl::Status write_backgrounds(const Studio& studio, const fs::path& folder, const SessionWriterOptions& options) {
+    absl::StatusOr<Videos> videos = open_videos(folder, studio, options.quality);
+    if (!videos.ok()) return videos.status();
+    return for_cameras(studio, [&](std::size_t i) {
+        for (int frame = 0; frame < options.background_frames; ++frame)
+            if (absl::Status status = (*videos)[i]->write(studio.draw_empty(i, frame)); !status.ok()) return status;
+        return (*videos)[i]->close();
+    });
+}
+
+absl::Status write_frames(Studio& studio, const fs::path& folder, const SessionWriterOptions& options) {
+    absl::StatusOr<Videos> videos = open_videos(folder, studio, options.quality);
+    if (!videos.ok()) return videos.status();
+    const fs::path truth = folder / "truth";
+    TruthTables tables;
+    for (std::int64_t frame = 0; frame < options.frames; ++frame) {
+        const std::vector<Picture> pictures = studio.draw(frame, true);
+        std::vector<std::vector<std::uint8_t>> masks;
+        if (options.masks) masks = studio.masks(frame);
+        absl::Status status = for_cameras(studio, [&](std::size_t i) {
+            const Camera& camera = studio.cameras()[i];
+            absl::Status written = (*videos)[i]->write(pictures[i]);
+            if (written.ok() && options.masks)
+                written = write_mask(truth / ("masks_" + camera.name) / fmt::format("frame_{:04}.png", frame), camera, masks[i]);
+            return written;
+        });
+        if (status.ok() && options.mesh_every > 0 && frame % options.mesh_every == 0)
+            status = write_mesh(truth / "mesh" / fmt::format("frame_{:04}.ply", frame), studio.surface(frame));
+        if (!status.ok()) return status;
+        tables.add(frame, studio.options().fps, studio.truth(frame));
+        if (options.progress) options.progress(frame + 1, options.frames);
+    }
+    for (const std::unique_ptr<H264File>& video : *videos)
+        if (absl::Status status = video->close(); !status.ok()) return status;
+    return tables.write(truth);
+}
+
+}  // namespace
+
+std::string SessionWriterOptions::check() const {
+    if (frames < 1 || frames > 1000000) return fmt::format("frames is {}; it must be 1 .. 1000000", frames);
+    if (background_frames < 1 || background_frames > 10000)
+        return fmt::format("background frames is {}; it must be 1 .. 10000", background_frames);
+    if (mesh_every < 0) return fmt::format("mesh every is {}; it must be 0 or more", mesh_every);
+    if (quality < 0 || quality > 51) return fmt::format("quality is {}; it must be 0 .. 51", quality);
+    return {};
+}
+
+absl::Status write_session(Studio& studio, const fs::path& folder, const SessionWriterOptions& options) {
+    if (const std::string wrong = options.check(); !wrong.empty()) return absl::InvalidArgumentError("studio: " + wrong);
+    for (const Camera& camera : studio.cameras())
+        if (camera.width % 2 || camera.height % 2)
+            return absl::InvalidArgumentError(fmt::format("studio: size is {}x{}; videos need even sides", camera.width, camera.height));
+    const fs::path root = fs::absolute(folder);
+    if (absl::Status status = make_folders(root, studio, options); !status.ok()) return status;
+    if (absl::Status status = write_calibration_toml(studio.cameras(), root / "calibration.toml"); !status.ok()) return status;
+    if (absl::Status status = write_backgrounds(studio, root / "background", options); !status.ok()) return status;
+    if (absl::Status status = write_frames(studio, root, options); !status.ok()) return status;
+    Session session{.name = studio.options().motion, .fps = studio.options().fps, .calibration = root / "calibration.toml",
+                    .truth = root / "truth", .cameras = {}};
+    for (const Camera& camera : studio.cameras())
+        session.cameras.push_back({camera.name, root / (camera.name + ".mp4"), root / "background" / (camera.name + ".mp4")});
+    return kinevox::write_session(session, root / "session.toml");
+}
+
+}  // namespace kinevox::studio

@@ -1,0 +1,263 @@
+#include "server/cameras/studio/studio.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <absl/status/status.h>
+#include <fmt/format.h>
+#include <tbb/parallel_for.h>
+
+#include "server/cameras/studio/body_raster.h"
+#include "server/cameras/studio/hash_noise.h"
+#include "server/cameras/studio/motion.h"
+#include "server/cameras/studio/room.h"
+#include "server/cameras/studio/sensor.h"
+#include "server/cameras/studio/shadow.h"
+
+namespace kinevox::studio {
+namespace {
+
+// Light to the power 1 / 2.2 by table; light 0 .. 4.
+class ShownLight {
+  public:
+    ShownLight() {
+        for (int i = 0; i <= kSteps; ++i) table_[i] = std::pow(4.0f * static_cast<float>(i) / kSteps, 1 / 2.2f);
+    }
+    float operator()(float light) const {
+        const float x = std::clamp(light, 0.0f, 3.99f) * (kSteps / 4.0f);
+        const int i = static_cast<int>(x);
+        return table_[i] + (x - i) * (table_[i + 1] - table_[i]);
+    }
+
+  private:
+    static constexpr int kSteps = 2048;
+    std::array<float, kSteps + 1> table_;
+};
+
+class RenderedStudio final : public Studio {
+  public:
+    RenderedStudio(const StudioOptions& options, Stage stage)
+        : options_(options),
+          cameras_(options.own_cameras.empty() ? ring_of_cameras(options, stage == Stage::kLane) : options.own_cameras),
+          subject_(make_subject(options.seed, options.subject_height_m)),
+          rig_(subject_),
+          rest_(rig_.forward(rig_.rest_pose())),
+          body_(rig_, subject_),
+          room_(stage, options.seed),
+          sensor_(options.noise_grey, options.flicker, options.fps, options.seed),
+          rasters_(cameras_.size()),
+          rows_(cameras_.size()) {
+        mesh_ = make_body_mesh(body_, subject_, {});
+        caster_ = make_body_mesh(body_, subject_, {.cell_m = 0.032f, .painted = false});
+        for (const Camera& camera : cameras_) views_.push_back(room_.draw(camera));
+    }
+    absl::Status start() {
+        absl::StatusOr<std::unique_ptr<Motion>> motion =
+            make_motion(options_.motion, options_.stage == "auto" ? natural_stage(options_.motion)
+                                         : options_.stage == "lane" ? Stage::kLane : Stage::kRoom, rig_);
+        if (motion.ok()) motion_ = *std::move(motion);
+        return motion.status();
+    }
+
+    const StudioOptions& options() const override { return options_; }
+    const std::vector<Camera>& cameras() const override { return cameras_; }
+    std::int64_t frames_per_loop() const override {
+        return static_cast<std::int64_t>(std::floor(motion_->period_s() * options_.fps + 1e-9));
+    }
+    std::string description() const override;
+    std::vector<Picture> draw(std::int64_t frame, bool parallel) override;
+    Picture draw_empty(std::size_t camera, std::int64_t frame) const override;
+    SubjectTruth truth(std::int64_t frame) const override { return {rig_.joints(rig_.forward(pose(frame)))}; }
+    std::vector<std::vector<std::uint8_t>> masks(std::int64_t frame) override;
+    Surface surface(std::int64_t frame) override;
+
+  private:
+    Pose pose(std::int64_t frame) const {
+        const std::int64_t loop = frames_per_loop();
+        return motion_->pose(static_cast<double>(loop > 0 ? frame % loop : frame) / options_.fps);
+    }
+    void set_body(std::int64_t frame);
+    void light_body();
+    void draw_camera(std::size_t camera, std::int64_t frame, std::uint8_t* out);
+    CellBounds shadow_box(const Camera& camera) const;
+    std::uint32_t row_key(std::size_t camera, std::int64_t frame, int row, std::uint32_t what) const {
+        return hash_u32(hash_u32(options_.seed, static_cast<std::uint32_t>(camera), what), static_cast<std::uint32_t>(frame), static_cast<std::uint32_t>(row));
+    }
+
+    StudioOptions options_;
+    std::vector<Camera> cameras_;
+    Subject subject_;
+    Rig rig_;
+    PosedRig rest_;
+    ImplicitBody body_;
+    Room room_;
+    Sensor sensor_;
+    ShownLight shown_;
+    std::unique_ptr<Motion> motion_;
+    BodyMesh mesh_, caster_;
+    std::vector<RoomView> views_;
+    // Of the frame being drawn.
+    SkinnedBody skinned_, skinned_caster_;
+    std::vector<Vec3f> vertex_light_, shown_light_;  // per vertex, per triangle
+    FloorShadow floor_shadow_;
+    BodyShadow body_shadow_;
+    std::vector<BodyRaster> rasters_;
+    std::vector<std::vector<std::uint16_t>> rows_;
+};
+
+std::string RenderedStudio::description() const {
+    return fmt::format("{} at {} fps: a person of {:.2f} m, {} cameras of {} x {} px", options_.motion, options_.fps,
+                       subject_.height_m, cameras_.size(), cameras_.front().width, cameras_.front().height);
+}
+
+void RenderedStudio::set_body(std::int64_t frame) { skin(mesh_, rest_, rig_.forward(pose(frame)), skinned_); }
+
+void RenderedStudio::light_body() {
+    const Lighting& lights = room_.lighting();
+    vertex_light_.resize(skinned_.vertices.size());
+    for (std::size_t i = 0; i < vertex_light_.size(); ++i) {
+        const Vec3f p = skinned_.vertices[i], n = normalized(skinned_.normals[i]);
+        Vec3f light = Lighting::direct(lights.key, p, n);
+        if (light.y > 0) light = body_shadow_.lit(p + 0.02f * n) * light;
+        Vec3f fill = lights.ambient(n);
+        for (const Lamp& lamp : lights.panels) fill += Lighting::direct(lamp, p, n);
+        light += mesh_.openness[i] * fill;
+        vertex_light_[i] = {shown_(light.x), shown_(light.y), shown_(light.z)};
+    }
+    const auto& triangles = mesh_.surface.triangles;
+    shown_light_.resize(triangles.size());
+    for (std::size_t t = 0; t < triangles.size(); ++t)
+        shown_light_[t] = (1 / 3.0f) * (vertex_light_[triangles[t][0]] + vertex_light_[triangles[t][1]] + vertex_light_[triangles[t][2]]);
+}
+
+std::vector<Picture> RenderedStudio::draw(std::int64_t frame, bool parallel) {
+    set_body(frame);
+    skin(caster_, rest_, rig_.forward(pose(frame)), skinned_caster_);
+    floor_shadow_.cast(caster_.surface, skinned_caster_.vertices, room_.lighting());
+    body_shadow_.cast(caster_.surface, skinned_caster_.vertices, room_.lighting().key.position);
+    light_body();
+
+    std::vector<Picture> pictures(cameras_.size());
+    const auto one = [&](std::size_t i) {
+        const Camera& camera = cameras_[i];
+        std::shared_ptr<std::uint8_t[]> data(new std::uint8_t[static_cast<std::size_t>(camera.width) * camera.height * 3]);
+        draw_camera(i, frame, data.get());
+        pictures[i] = {camera.width, camera.height, 3, std::move(data)};
+    };
+    if (parallel) {
+        tbb::parallel_for(std::size_t{0}, cameras_.size(), one);
+    } else {
+        for (std::size_t i = 0; i < cameras_.size(); ++i) one(i);
+    }
+    return pictures;
+}
+
+// Pixels that may see the darkened part of the floor.
+CellBounds RenderedStudio::shadow_box(const Camera& camera) const {
+    if (floor_shadow_.empty()) return {};
+    float x[2], y[2];
+    floor_shadow_.extent(x[0], y[0], x[1], y[1]);
+    const Lens lens(camera);
+    float u0 = 1e9f, v0 = 1e9f, u1 = -1e9f, v1 = -1e9f;
+    for (int i = 0; i < 16; ++i) {  // around the rectangle's edge; lenses bend it
+        const float s = static_cast<float>(i % 4) / 4;
+        const float ex = i / 4 == 0 ? s : i / 4 == 1 ? 1 : i / 4 == 2 ? 1 - s : 0, ey = i / 4 == 0 ? 0 : i / 4 == 1 ? s : i / 4 == 2 ? 1 : 1 - s;
+        const Vec3f p = lens.project({x[0] + ex * (x[1] - x[0]), y[0] + ey * (y[1] - y[0]), 0});
+        if (p.z < 0.2f) return {0, 0, camera.width, camera.height};
+        u0 = std::min(u0, p.x);
+        u1 = std::max(u1, p.x);
+        v0 = std::min(v0, p.y);
+        v1 = std::max(v1, p.y);
+    }
+    const auto inside = [](float v, int size) { return static_cast<int>(std::clamp(v, 0.0f, static_cast<float>(size))); };
+    return {inside(u0 - 6, camera.width), inside(v0 - 6, camera.height), inside(u1 + 7, camera.width), inside(v1 + 7, camera.height)};
+}
+
+void RenderedStudio::draw_camera(std::size_t index, std::int64_t frame, std::uint8_t* out) {
+    const Camera& camera = cameras_[index];
+    const RoomView& view = views_[index];
+    BodyRaster& raster = rasters_[index];
+    raster.draw(camera, mesh_, skinned_, shown_light_);
+    const CellBounds body = raster.box(), dark = shadow_box(camera);
+    const double gain = sensor_.gain(static_cast<std::uint32_t>(index), frame);
+    const int values = 3 * camera.width;
+    std::vector<std::uint16_t>& row = rows_[index];
+    row.resize(static_cast<std::size_t>(values));
+    for (int y = 0; y < camera.height; ++y) {
+        const std::uint16_t* light = &view.bgr[static_cast<std::size_t>(y) * values];
+        const bool has_body = y >= body.y0 && y < body.y1, has_shadow = y >= dark.y0 && y < dark.y1;
+        if (has_body || has_shadow) {
+            std::copy(light, light + values, row.begin());
+            light = row.data();
+        }
+        if (has_shadow) {
+            const float* floor = &view.floor_xy[2 * static_cast<std::size_t>(y) * camera.width];
+            for (int x = dark.x0; x < dark.x1; ++x) {
+                const float factor = floor_shadow_.factor(floor[2 * x], floor[2 * x + 1]);
+                if (factor >= 1.0f) continue;
+                for (int c = 0; c < 3; ++c) row[3 * x + c] = static_cast<std::uint16_t>(factor * row[3 * x + c]);
+            }
+        }
+        if (has_body) raster.blend_row(y, row.data());
+        sensor_.expose(light, values, gain, row_key(index, frame, y, 1), out + static_cast<std::size_t>(y) * values);
+    }
+}
+
+Picture RenderedStudio::draw_empty(std::size_t index, std::int64_t frame) const {
+    const Camera& camera = cameras_[index];
+    const int values = 3 * camera.width;
+    std::shared_ptr<std::uint8_t[]> data(new std::uint8_t[static_cast<std::size_t>(values) * camera.height]);
+    // Taken before the capture: its own moments of noise and flicker.
+    const std::int64_t moment = -1000 - frame;
+    const double gain = sensor_.gain(static_cast<std::uint32_t>(index), moment);
+    for (int y = 0; y < camera.height; ++y)
+        sensor_.expose(&views_[index].bgr[static_cast<std::size_t>(y) * values], values, gain, row_key(index, frame, y, 2),
+                       data.get() + static_cast<std::size_t>(y) * values);
+    return {camera.width, camera.height, 3, std::move(data)};
+}
+
+std::vector<std::vector<std::uint8_t>> RenderedStudio::masks(std::int64_t frame) {
+    set_body(frame);
+    std::vector<std::vector<std::uint8_t>> out(cameras_.size());
+    tbb::parallel_for(std::size_t{0}, cameras_.size(), [&](std::size_t i) { rasters_[i].mask(cameras_[i], mesh_, skinned_, out[i]); });
+    return out;
+}
+
+Studio::Surface RenderedStudio::surface(std::int64_t frame) {
+    set_body(frame);
+    Surface out;
+    for (const Vec3f& v : skinned_.vertices) out.vertices.push_back(to_double(v));
+    out.triangles = mesh_.surface.triangles;
+    return out;
+}
+
+}  // namespace
+
+std::string StudioOptions::check() const {
+    const auto outside = [](double v, double low, double high) { return !(v >= low && v <= high); };
+    if (std::find(kMotionNames.begin(), kMotionNames.end(), motion) == kMotionNames.end())
+        return fmt::format("motion '{}' is unknown; there are {}", motion, fmt::join(kMotionNames, ", "));
+    if (stage != "auto" && stage != "room" && stage != "lane")
+        return fmt::format("stage '{}' is unknown; there are auto, room, lane", stage);
+    if (motion == "sprint_start" && stage == "room") return "sprint_start needs the stage 'lane', a room is too short";
+    if (own_cameras.empty() && (cameras < 1 || cameras > 64)) return fmt::format("cameras is {}; it must be 1 .. 64", cameras);
+    if (width < 64 || width > 4096 || height < 64 || height > 4096)
+        return fmt::format("size is {}x{}; each side must be 64 .. 4096 px", width, height);
+    if (outside(fps, 1, 1000)) return fmt::format("fps is {}; it must be 1 .. 1000", fps);
+    if (subject_height_m != 0 && outside(subject_height_m, 1.2, 2.2))
+        return fmt::format("subject height is {} m; it must be 1.2 .. 2.2, or 0 to draw one", subject_height_m);
+    if (outside(noise_grey, 0, 50)) return fmt::format("noise is {} grey levels; it must be 0 .. 50", noise_grey);
+    if (outside(flicker, 0, 0.3)) return fmt::format("flicker is {}; it must be 0 .. 0.3", flicker);
+    if (outside(distortion, -0.3, 0.3)) return fmt::format("distortion is {}; it must be -0.3 .. 0.3", distortion);
+    return {};
+}
+
+absl::StatusOr<std::unique_ptr<Studio>> Studio::create(const StudioOptions& options) {
+    if (const std::string wrong = options.check(); !wrong.empty()) return absl::InvalidArgumentError("studio: " + wrong);
+    const bool lane = options.stage == "lane" || (options.stage == "auto" && natural_stage(options.motion) == Stage::kLane);
+    auto studio = std::make_unique<RenderedStudio>(options, lane ? Stage::kLane : Stage::kRoom);
+    if (absl::Status status = studio->start(); !status.ok()) return status;
+    return studio;
+}
+
+}  // namespace kinevox::studio

@@ -1,0 +1,96 @@
+#include "server/daemon/clocks.h"
+
+#include <boost/asio/post.hpp>
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+namespace kinevox {
+namespace {
+
+std::int64_t utc_now_ns() {
+    return std::chrono::duration_cast<std::chrono::nanoseconds>(
+               std::chrono::system_clock::now().time_since_epoch()).count();
+}
+
+}  // namespace
+
+StatusLog::StatusLog(boost::asio::io_context& io, const Runner& runner, StreamHub& hub)
+    : runner_(runner), hub_(hub), timer_(io), events_(hub.subscribe_events(0, [] {})) {
+    wait();
+}
+
+void StatusLog::wait() {
+    timer_.expires_after(std::chrono::seconds(1));
+    timer_.async_wait([this](const boost::system::error_code& error) {
+        if (error) return;
+        log_events();
+        log_figures();
+        wait();
+    });
+}
+
+void StatusLog::stop() {
+    timer_.cancel();
+    log_events();
+}
+
+void StatusLog::log_events() {
+    constexpr int kMost = 5;
+    int logged = 0, further = 0;
+    while (const auto taken = events_->take()) {
+        const Event& event = taken->message.event;
+        further += static_cast<int>(taken->missed);
+        if (event.kind == EventKind::kError)
+            spdlog::error("{}", event.message);
+        else if (logged < kMost)
+            spdlog::info("{}", event.message), ++logged;
+        else
+            ++further;
+    }
+    if (further > 0) spdlog::info("and {} further events; `kinevox events` shows them", further);
+}
+
+void StatusLog::log_figures() {
+    const RunFigures figures = runner_.figures();
+    if (figures.results == logged_results_) return;
+    logged_results_ = figures.results;
+    std::string volume = "nobody is tracked";
+    if (const auto newest = hub_.newest(); newest && newest->result->volume)
+        volume = fmt::format("{:.1f} l", volume_litres(*newest->result->volume));
+    const StreamHub::Subscribers subscribers = hub_.subscribers();
+    spdlog::info("frame {} {:.1f}/s lost {} | seg {:.1f} track {:.1f} hull {:.1f} colour {:.1f} total {:.1f} p99 {:.1f} ms "
+                 "| {} | {} subscribers",
+                 figures.newest_sequence, figures.results_per_second, figures.lost, figures.median.segmentation_ms,
+                 figures.median.tracking_ms, figures.median.hull_ms, figures.median.colouring_ms,
+                 figures.median.total_ms, figures.total_p99_ms, volume, subscribers.volumes + subscribers.pictures);
+}
+
+LeaseClock::LeaseClock(boost::asio::io_context& io, ControlLease& lease, StreamHub& hub)
+    : io_(io), lease_(lease), hub_(hub), timer_(io) {
+    lease_.set_on_change([this] { boost::asio::post(io_, [this] { rearm(); }); });
+}
+
+void LeaseClock::rearm() {
+    if (stopped_) return;
+    const auto holder = lease_.holder();
+    if (!holder) {
+        timer_.cancel();
+        return;
+    }
+    timer_.expires_after(holder->remaining);
+    timer_.async_wait([this](const boost::system::error_code& error) {
+        if (error) return;
+        if (const auto name = lease_.take_expired())
+            hub_.publish_event({EventKind::kControlReleased, 0, 0, {}, fmt::format("the lease of '{}' has run out", *name)},
+                               utc_now_ns());
+        else
+            rearm();
+    });
+}
+
+void LeaseClock::stop() {
+    stopped_ = true;
+    timer_.cancel();
+}
+
+}  // namespace kinevox

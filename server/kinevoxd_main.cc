@@ -1,0 +1,132 @@
+// kinevoxd: the capture daemon. This page shows all parts, the order in which they start, and the reverse order in
+// which they stop; docs/threads.md tells which thread may call what.
+#include <csignal>
+#include <cstdio>
+#include <thread>
+
+#include <CLI/CLI.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/signal_set.hpp>
+#include <boost/asio/thread_pool.hpp>
+#include <fmt/format.h>
+#include <oneapi/tbb/global_control.h>
+#include <spdlog/spdlog.h>
+
+#include "common/config.h"
+#include "server/api/api_server.h"
+#include "server/api/version.h"
+#include "server/cameras/session_source.h"
+#include "server/daemon/clocks.h"
+#include "server/daemon/setup.h"
+#include "server/pipeline/runner.h"
+#include "server/pipeline/stream_hub.h"
+
+namespace {
+
+using namespace kinevox;
+namespace asio = boost::asio;
+
+int fail(std::string message) {
+    std::ranges::replace(message, '\n', ' ');
+    fmt::print(stderr, "kinevoxd: {}\n", message);
+    return 1;
+}
+
+int fail(const absl::Status& status) { return fail(std::string(status.message())); }
+
+int serve(const DaemonConfig& config) {
+    // Signals first, so that one that comes early is not lost.
+    asio::io_context io(1);
+    asio::signal_set signals(io, SIGTERM, SIGINT);
+
+    // What can fail, before anyone is told that the daemon is there.
+    if (const absl::Status logging = set_up_logging(config.log); !logging.ok()) return fail(logging);
+    std::optional<oneapi::tbb::global_control> compute_threads;
+    if (config.pipeline.threads > 0)
+        compute_threads.emplace(oneapi::tbb::global_control::max_allowed_parallelism,
+                                static_cast<std::size_t>(config.pipeline.threads));
+    auto source = open_source(config.source);
+    if (!source.ok()) return fail(source.status());
+    auto pipeline = Pipeline::create((*source)->cameras(), (*source)->fps(), pipeline_options(config));
+    if (!pipeline.ok()) return fail(pipeline.status());
+
+    // The capture.
+    StreamHub hub;
+    ControlLease lease(lease_options(config.control));
+    Runner runner(std::move(*source), [&config] { return open_source(config.source); }, std::move(*pipeline), hub);
+
+    // The threads that serve it, and the services.
+    asio::thread_pool control(1);    // start, stop and learning
+    asio::thread_pool encoders(2);   // volumes and pictures, and the streams' writes
+    ApiContext api{.runner = runner,
+                   .hub = hub,
+                   .lease = lease,
+                   .control = control.get_executor(),
+                   .encoders = encoders.get_executor(),
+                   .clock = io.get_executor(),
+                   .source_description = describe(config.source)};
+    apply(config.stream, api);
+    auto server = ApiServer::listen(config.server.listen, api);
+    if (!server.ok()) return fail(server.status());
+
+    // The clocks. Until here nothing ran by itself; from here on a signal ends io.run().
+    StatusLog status_log(io, runner, hub);
+    LeaseClock lease_clock(io, lease, hub);
+    signals.async_wait([&](const boost::system::error_code&, int signal) {
+        spdlog::info("stopping on {}", signal == SIGINT ? "SIGINT" : "SIGTERM");
+        signals.async_wait([](const boost::system::error_code&, int) {});   // a second one changes nothing
+        io.stop();
+    });
+    if (config.source.autostart)
+        asio::post(control, [&runner] { runner.start().IgnoreError(); });   // an error is an event and a state
+
+    (*server)->set_serving(true);
+    const std::string host = config.server.listen.substr(0, config.server.listen.rfind(':'));
+    fmt::print("ready on {}:{}\n", host, (*server)->port());
+    std::fflush(stdout);
+    spdlog::info("kinevoxd {} serves {} on {}:{}", kVersion, describe(config.source), host, (*server)->port());
+    io.run();
+
+    // Backwards. First all that waits is told, so that nothing below waits long.
+    (*server)->set_serving(false);
+    runner.abort();
+    hub.close(absl::UnavailableError("the daemon is stopping; connect again later"));
+    (*server)->shutdown(std::chrono::milliseconds(700));   // streams end with the words above
+    control.join();                                        // a start or stop in progress
+    runner.stop().IgnoreError();                           // its threads; FailedPrecondition if nothing runs
+    encoders.join();
+    lease_clock.stop();
+    status_log.stop();
+    spdlog::info("stopped");
+    spdlog::shutdown();
+    return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    std::signal(SIGPIPE, SIG_IGN);
+    std::string config_file;
+    CLI::App app("The Kinevox capture daemon. Without a configuration it serves the virtual studio on 127.0.0.1:50770.",
+                 "kinevoxd");
+    app.add_option("--config", config_file, "TOML; deploy/kinevoxd.toml explains every key");
+    app.set_version_flag("--version", std::string("kinevoxd ") + kVersion);
+    try {
+        app.parse(argc, argv);
+    } catch (const CLI::ParseError& error) {
+        return error.get_exit_code() == 0 ? app.exit(error) : fail(std::string(error.what()) + "; see kinevoxd --help");
+    }
+    DaemonConfig config;
+    if (!config_file.empty()) {
+        auto read = read_config(config_file);
+        if (!read.ok()) return fail(read.status());
+        config = std::move(*read);
+    }
+    silence_video_libraries();
+    try {
+        return serve(config);
+    } catch (const std::exception& error) {
+        return fail(fmt::format("ends on an error nobody expected: {}", error.what()));
+    }
+}

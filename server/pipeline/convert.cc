@@ -1,0 +1,117 @@
+#include "server/pipeline/convert.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <iterator>
+#include <vector>
+
+namespace kinevox {
+
+kernels::CameraModel to_kernel(const Camera& camera) {
+    kernels::CameraModel model;
+    model.width = camera.width;
+    model.height = camera.height;
+    model.fx = static_cast<float>(camera.fx);
+    model.fy = static_cast<float>(camera.fy);
+    model.cx = static_cast<float>(camera.cx);
+    model.cy = static_cast<float>(camera.cy);
+    model.k1 = static_cast<float>(camera.k1);
+    model.k2 = static_cast<float>(camera.k2);
+    model.p1 = static_cast<float>(camera.p1);
+    model.p2 = static_cast<float>(camera.p2);
+    model.k3 = static_cast<float>(camera.k3);
+    for (int n = 0; n < 9; ++n)
+        model.rotation_camera_from_world[n] = static_cast<float>(camera.camera_from_world.rotation.m[n]);
+    const Vec3 t = camera.camera_from_world.translation;
+    model.translation_camera_from_world[0] = static_cast<float>(t.x);
+    model.translation_camera_from_world[1] = static_cast<float>(t.y);
+    model.translation_camera_from_world[2] = static_cast<float>(t.z);
+    return model;
+}
+
+kernels::PictureView to_kernel(const Picture& picture) {
+    return {picture.data.get(), picture.width, picture.height, picture.channels,
+            static_cast<std::ptrdiff_t>(picture.width) * picture.channels};
+}
+
+Volume to_common(const kernels::VoxelVolume& volume) {
+    Volume out;
+    // The lattice's float edge and origin are 0.01f and the like; what was meant is a whole number of micrometres.
+    const auto exact = [](float metres) { return std::round(1e6 * static_cast<double>(metres)) / 1e6; };
+    out.grid.origin_in_world = {exact(volume.lattice.origin[0]), exact(volume.lattice.origin[1]),
+                                exact(volume.lattice.origin[2])};
+    out.grid.voxel_m = exact(volume.lattice.voxel_m);
+    std::copy(std::begin(volume.lattice.size), std::end(volume.lattice.size), out.grid.size.begin());
+    out.bricks.reserve(volume.bricks.size());
+    for (const kernels::Brick& brick : volume.bricks) {
+        VolumeBrick& to = out.bricks.emplace_back(VolumeBrick{brick.x, brick.y, brick.z, {}});
+        std::copy(std::begin(brick.occupancy), std::end(brick.occupancy), to.occupancy.begin());
+    }
+    out.colours.reserve(volume.colours.size());
+    for (const kernels::Colour& colour : volume.colours) out.colours.push_back({colour.r, colour.g, colour.b});
+    return out;
+}
+
+void coarsen_by_four(const kernels::VoxelVolume& volume, kernels::VoxelVolume& out) {
+    constexpr int kFactor = 4;
+    constexpr std::uint64_t kFourByFour = 0x0f0f0f0f;   // x and y below 4
+    out.lattice = volume.lattice;
+    out.lattice.voxel_m = kFactor * volume.lattice.voxel_m;
+    out.colours.clear();
+    out.bricks.clear();
+    int grid[3];   // coarse bricks
+    for (int axis = 0; axis < 3; ++axis) {
+        const int bricks = volume.lattice.size[axis] / kernels::kBrickEdge;
+        grid[axis] = (bricks + kFactor - 1) / kFactor;
+        out.lattice.size[axis] = grid[axis] * kernels::kBrickEdge;
+    }
+    std::vector<kernels::Brick> dense(static_cast<std::size_t>(grid[0]) * grid[1] * grid[2]);
+    for (const kernels::Brick& brick : volume.bricks) {
+        const int bx = brick.x / kFactor, by = brick.y / kFactor, bz = brick.z / kFactor;
+        kernels::Brick& to = dense[(static_cast<std::size_t>(bz) * grid[1] + by) * grid[0] + bx];
+        // A brick becomes 2 x 2 x 2 voxels of the coarse one.
+        const int x = 2 * (brick.x % kFactor), y = 2 * (brick.y % kFactor), z = 2 * (brick.z % kFactor);
+        for (int half = 0; half < 2; ++half) {
+            std::uint64_t layers = 0;
+            for (int n = 0; n < 4; ++n) layers |= brick.occupancy[4 * half + n];
+            std::uint64_t coarse = 0;
+            for (int v = 0; v < 2; ++v)
+                for (int u = 0; u < 2; ++u)
+                    if (layers >> (32 * v + 4 * u) & kFourByFour) coarse |= std::uint64_t{1} << (8 * (y + v) + x + u);
+            to.occupancy[z + half] |= coarse;
+        }
+    }
+    for (int z = 0; z < grid[2]; ++z)
+        for (int y = 0; y < grid[1]; ++y)
+            for (int x = 0; x < grid[0]; ++x) {
+                kernels::Brick& brick = dense[(static_cast<std::size_t>(z) * grid[1] + y) * grid[0] + x];
+                const bool any = std::any_of(std::begin(brick.occupancy), std::end(brick.occupancy),
+                                             [](std::uint64_t layer) { return layer != 0; });
+                if (!any) continue;
+                brick.x = static_cast<std::int16_t>(x);
+                brick.y = static_cast<std::int16_t>(y);
+                brick.z = static_cast<std::int16_t>(z);
+                out.bricks.push_back(brick);
+            }
+}
+
+std::optional<Vec3> centre_of(const kernels::VoxelVolume& volume) {
+    std::int64_t count = 0, x = 0, y = 0, z = 0;
+    for (const kernels::Brick& brick : volume.bricks) {
+        int voxels = 0;
+        for (const std::uint64_t layer : brick.occupancy) voxels += std::popcount(layer);
+        count += voxels;
+        x += std::int64_t{voxels} * brick.x;
+        y += std::int64_t{voxels} * brick.y;
+        z += std::int64_t{voxels} * brick.z;
+    }
+    if (count == 0) return std::nullopt;
+    const double brick_m = kernels::kBrickEdge * static_cast<double>(volume.lattice.voxel_m);
+    const auto middle = [&](int axis, std::int64_t sum) {
+        return volume.lattice.origin[axis] + brick_m * (static_cast<double>(sum) / static_cast<double>(count) + 0.5);
+    };
+    return Vec3{middle(0, x), middle(1, y), middle(2, z)};
+}
+
+}  // namespace kinevox

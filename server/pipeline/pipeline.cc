@@ -1,0 +1,266 @@
+#include "server/pipeline/pipeline.h"
+
+#include <algorithm>
+#include <chrono>
+#include <exception>
+#include <limits>
+#include <stdexcept>
+#include <utility>
+
+#include <fmt/format.h>
+#include <oneapi/tbb/parallel_for.h>
+#include <oneapi/tbb/partitioner.h>
+
+#include "kernels/projection.h"
+#include "server/pipeline/convert.h"
+#include "server/pipeline/result_pool.h"
+
+namespace kinevox {
+namespace {
+
+constexpr int kExpectedDilation = 40;   // 1/40 of the picture's height
+
+constexpr std::size_t kManyViews = 4;
+
+// Milliseconds since it was made or last asked.
+class LapClock {
+  public:
+    double lap_ms() {
+        const auto now = Clock::now();
+        const double ms = std::chrono::duration<double, std::milli>(now - lap_).count();
+        lap_ = now;
+        return ms;
+    }
+    double total_ms() const { return std::chrono::duration<double, std::milli>(Clock::now() - start_).count(); }
+
+  private:
+    using Clock = std::chrono::steady_clock;
+    Clock::time_point start_ = Clock::now(), lap_ = start_;
+};
+
+// Cameras side by side; what a camera's stage splits further is stolen by idle workers.
+template <class F>
+void for_each_camera(std::size_t count, F body) {
+    oneapi::tbb::parallel_for(std::size_t{0}, count, body, oneapi::tbb::simple_partitioner());
+}
+
+class StagedPipeline final : public Pipeline {
+  public:
+    StagedPipeline(std::vector<Camera> cameras, double fps, const PipelineOptions& options)
+        : cameras_(std::move(cameras)), options_(options), tracker_(cameras_, fps, tracker_options(options)) {
+        for (const Camera& camera : cameras_) {
+            models_.push_back(to_kernel(camera));
+            segmenters_.push_back(kernels::make_segmenter(options.device, camera.width, camera.height, 3,
+                                                          options.segmentation));
+        }
+        kernels::HullOptions many_views = options.hull;
+        many_views.min_views = std::max(many_views.min_views, 3);
+        carver_ = kernels::make_hull_carver(options.device, options.hull);
+        many_views_carver_ = kernels::make_hull_carver(options.device, many_views);
+        expected_.resize(cameras_.size());
+        if (options.colouring) colourer_ = kernels::make_voxel_colourer(options.device, options.colour);
+    }
+
+    absl::Status learn_background(const std::vector<std::vector<Picture>>& empty_scene) override;
+    absl::StatusOr<FrameResultPtr> process(FrameSet frame_set) override;
+    void reset_track() override {
+        tracker_.reset();
+        expect_volume_ = false;
+    }
+
+  private:
+    static TrackerOptions tracker_options(const PipelineOptions& options) {
+        TrackerOptions tracker = options.tracker;
+        tracker.voxel_m = options.voxel_m;
+        return tracker;
+    }
+
+    absl::Status check_picture(const Picture& picture, std::size_t camera) const;
+    void segment(FrameResult& result);
+    void track(FrameResult& result);
+    void carve(const FrameResult& result);
+    void colour(FrameResult& result);
+
+    std::vector<Camera> cameras_;
+    PipelineOptions options_;
+    std::vector<kernels::CameraModel> models_;
+    std::vector<std::unique_ptr<kernels::Segmenter>> segmenters_;
+    Tracker tracker_;
+    std::unique_ptr<kernels::HullCarver> carver_, many_views_carver_;
+    std::unique_ptr<kernels::VoxelColourer> colourer_;   // null without colouring
+    ResultPool results_;
+    bool learned_ = false;
+    bool expect_volume_ = false;                          // the next line is of the last frame set's subject
+    kernels::VoxelVolume last_shape_;                     // coarse
+    std::vector<std::vector<std::uint8_t>> expected_;     // per camera, its projection to where it should be now
+
+    // Of the frame set in work; members so that their memory is kept.
+    std::vector<const kernels::Silhouettes*> seen_;       // per camera, null: no picture
+    TrackerUpdate update_;
+    std::vector<kernels::HullView> hull_views_;
+    std::vector<kernels::ColouringView> colouring_views_;
+    std::vector<std::size_t> view_camera_;                // camera of each view
+    kernels::ColouringReport report_;
+    kernels::VoxelVolume volume_;
+};
+
+absl::Status StagedPipeline::check_picture(const Picture& picture, std::size_t camera) const {
+    const Camera& c = cameras_[camera];
+    if (picture.width == c.width && picture.height == c.height && picture.channels == 3) return absl::OkStatus();
+    return absl::InvalidArgumentError(
+        fmt::format("camera {}: a picture of {} x {} px with {} channels does not fit its calibration of {} x {} px "
+                    "(3 channels); set the camera's format or calibrate it again",
+                    c.name, picture.width, picture.height, picture.channels, c.width, c.height));
+}
+
+absl::Status StagedPipeline::learn_background(const std::vector<std::vector<Picture>>& empty_scene) {
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+        if (c >= empty_scene.size() || empty_scene[c].empty())
+            return absl::InvalidArgumentError(
+                fmt::format("camera {} has no picture of the empty scene; record one (`background` in the session "
+                            "file) or let the background be learned live",
+                            cameras_[c].name));
+        for (const Picture& picture : empty_scene[c])
+            if (absl::Status checked = check_picture(picture, c); !checked.ok()) return checked;
+    }
+    try {
+        for_each_camera(cameras_.size(), [&](std::size_t c) {
+            std::vector<kernels::PictureView> views;
+            for (const Picture& picture : empty_scene[c]) views.push_back(to_kernel(picture));
+            segmenters_[c]->learn(views);
+        });
+    } catch (const std::exception& error) {
+        return absl::InternalError(fmt::format("learning the background failed: {}", error.what()));
+    }
+    learned_ = true;
+    reset_track();
+    return absl::OkStatus();
+}
+
+void StagedPipeline::segment(FrameResult& result) {
+    Vec3 motion;
+    auto priors = tracker_.predict(result.capture_time_ns, &motion);
+    const float moved[3] = {static_cast<float>(motion.x), static_cast<float>(motion.y), static_cast<float>(motion.z)};
+    result.silhouettes.resize(cameras_.size());
+    seen_.assign(cameras_.size(), nullptr);
+    for_each_camera(cameras_.size(), [&](std::size_t c) {
+        const Picture& picture = result.frame_set.pictures[c];
+        if (picture.empty()) {
+            result.silhouettes[c] = {};
+            return;
+        }
+        if (expect_volume_ && !priors[c].region.empty()) {
+            // Limbs move on their own besides; islands need only touch what is expected.
+            const int dilate_px = std::max(1, cameras_[c].height / kExpectedDilation);
+            kernels::Rect ignored;
+            expected_[c].resize(static_cast<std::size_t>(cameras_[c].width) * cameras_[c].height);
+            kernels::project_volume(last_shape_, models_[c], moved, dilate_px, expected_[c].data(), ignored);
+            priors[c].expected = expected_[c].data();
+        }
+        segmenters_[c]->segment(to_kernel(picture), priors[c], result.silhouettes[c]);
+        seen_[c] = &result.silhouettes[c];
+    });
+}
+
+void StagedPipeline::track(FrameResult& result) {
+    update_ = tracker_.update(result.sequence, result.capture_time_ns, seen_);
+    result.subject = update_.subject;
+    result.events = std::move(update_.events);
+}
+
+// Only the cameras that agree on the subject carve it. Where four or more do, what only two of them see is not
+// kept: behind the border of the other pictures the cones of two cameras that face each other meet in a long ghost.
+void StagedPipeline::carve(const FrameResult& result) {
+    hull_views_.clear();
+    view_camera_.clear();
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+        if (update_.roles[c] != CameraRole::kAgrees && update_.roles[c] != CameraRole::kPartial) continue;
+        const kernels::Silhouettes& s = result.silhouettes[c];
+        hull_views_.push_back({&models_[c], s.loose.data(), s.probability.data(), s.bounds});
+        view_camera_.push_back(c);
+    }
+    kernels::HullCarver& carver = hull_views_.size() >= kManyViews ? *many_views_carver_ : *carver_;
+    carver.carve(hull_views_, *update_.lattice, volume_);
+}
+
+void StagedPipeline::colour(FrameResult& result) {
+    colouring_views_.clear();
+    for (const std::size_t c : view_camera_) {
+        const kernels::Silhouettes& s = result.silhouettes[c];
+        colouring_views_.push_back(
+            {&models_[c], to_kernel(result.frame_set.pictures[c]), s.loose.data(), s.sharp.data()});
+    }
+    colourer_->colour(colouring_views_, volume_, report_);
+    for (std::size_t view = 0; view < view_camera_.size() && view < report_.silhouette_iou.size(); ++view)
+        result.silhouette_iou[view_camera_[view]] = report_.silhouette_iou[view];
+}
+
+absl::StatusOr<FrameResultPtr> StagedPipeline::process(FrameSet frame_set) {
+    LapClock clock;
+    if (!learned_)
+        return absl::FailedPreconditionError("the background is not learned; learn it from an empty scene first");
+    if (frame_set.pictures.size() != cameras_.size())
+        return absl::InvalidArgumentError(fmt::format("frame set {} has {} pictures for {} cameras",
+                                                      frame_set.sequence, frame_set.pictures.size(), cameras_.size()));
+    for (std::size_t c = 0; c < cameras_.size(); ++c)
+        if (!frame_set.pictures[c].empty())
+            if (absl::Status checked = check_picture(frame_set.pictures[c], c); !checked.ok()) return checked;
+
+    std::shared_ptr<FrameResult> result = results_.take();
+    result->sequence = frame_set.sequence;
+    result->capture_time_ns = frame_set.capture_time_ns;
+    result->times.decode_ms = frame_set.decode_ms;
+    result->frame_set = std::move(frame_set);
+    result->silhouette_iou.assign(cameras_.size(), std::numeric_limits<float>::quiet_NaN());
+    try {
+        clock.lap_ms();
+        segment(*result);
+        result->times.segmentation_ms = clock.lap_ms();
+        track(*result);
+        result->times.tracking_ms = clock.lap_ms();
+        expect_volume_ = update_.lattice.has_value();
+        if (update_.lattice) {
+            carve(*result);
+            result->times.hull_ms = clock.lap_ms();
+            if (colourer_) {
+                colour(*result);
+                result->times.colouring_ms = clock.lap_ms();
+            }
+            coarsen_by_four(volume_, last_shape_);
+            if (const auto centre = centre_of(volume_)) tracker_.observe_volume(*centre);
+            result->volume = std::make_shared<const Volume>(to_common(volume_));
+        }
+    } catch (const std::exception& error) {
+        return absl::InternalError(fmt::format("frame set {}: {}", result->sequence, error.what()));
+    }
+    result->times.total_ms = clock.total_ms();
+    return result;
+}
+
+}  // namespace
+
+std::string PipelineOptions::check() const {
+    TrackerOptions with_voxel = tracker;
+    with_voxel.voxel_m = voxel_m;
+    for (std::string problem : {with_voxel.check(), segmentation.check(), hull.check(), colour.check()})
+        if (!problem.empty()) return problem;
+    return {};
+}
+
+absl::StatusOr<std::unique_ptr<Pipeline>> Pipeline::create(std::vector<Camera> cameras, double fps,
+                                                           const PipelineOptions& options) {
+    if (const std::string problem = options.check(); !problem.empty()) return absl::InvalidArgumentError(problem);
+    if (cameras.size() < 2)
+        return absl::InvalidArgumentError(
+            fmt::format("{} cameras; a volume needs at least 2 that see the subject", cameras.size()));
+    if (!(fps > 0)) return absl::InvalidArgumentError(fmt::format("{} frame sets a second; it must be positive", fps));
+    try {
+        return std::make_unique<StagedPipeline>(std::move(cameras), fps, options);
+    } catch (const std::invalid_argument& error) {
+        return absl::InvalidArgumentError(error.what());
+    } catch (const std::exception& error) {
+        return absl::FailedPreconditionError(error.what());
+    }
+}
+
+}  // namespace kinevox

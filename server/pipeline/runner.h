@@ -1,0 +1,119 @@
+// Drives the pipeline: one thread takes frame sets from the source, one set ahead, a second takes them through the
+// pipeline and publishes the results.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "server/cameras/frame_source.h"
+#include "server/pipeline/pipeline.h"
+#include "server/pipeline/run_statistics.h"
+#include "server/pipeline/stream_hub.h"
+
+namespace kinevox {
+
+enum class RunState { kStopped, kStarting, kRunning, kLearning, kEnded, kFailed };
+
+// Threads: start(), stop() and learn_background() by one thread at a time (the daemon's control thread), they may
+// take as long as the source does; abort(), state(), figures() by any. The hub must outlive the runner.
+class Runner {
+  public:
+    using OpenSource = std::function<absl::StatusOr<std::unique_ptr<FrameSource>>()>;
+
+    // `source` is used for the first start, `reopen` for later ones (a source delivers only once).
+    Runner(std::unique_ptr<FrameSource> source, OpenSource reopen, std::unique_ptr<Pipeline> pipeline,
+           StreamHub& hub);
+    ~Runner();
+    Runner(const Runner&) = delete;
+    Runner& operator=(const Runner&) = delete;
+
+    const std::vector<Camera>& cameras() const { return cameras_; }
+    double source_fps() const { return source_fps_; }
+
+    // Learns the background from the source's own clip where that has not been done, then starts both threads.
+    // FailedPrecondition while it runs; else what the source or the pipeline said.
+    absl::Status start();
+
+    // Waits until both threads have ended. FailedPrecondition if nothing runs.
+    absl::Status stop();
+
+    // `frames` > 0: from the next so many live frame sets, which yield no results meanwhile; 0: from the source's
+    // own clip. `done` is called once, on this or the pipeline's thread: InvalidArgument, FailedPrecondition,
+    // Aborted by a stop, or what the pipeline said.
+    void learn_background(int frames, std::function<void(absl::Status)> done);
+
+    // For the daemon's end. Tells the source to stop, so that a start() in progress on another thread and both
+    // threads end soon, and ends a learning in progress with Unavailable; nothing starts afterwards. stop() is still
+    // to be called.
+    void abort();
+
+    struct State {
+        RunState state = RunState::kStopped;
+        std::string message;   // one line where there is something to say
+    };
+    State state() const;
+    RunFigures figures() const { return statistics_.figures(); }
+
+    static constexpr int kMaxLearningFrames = 1000;
+    static constexpr std::int64_t kMaxLearningBytes = std::int64_t{1} << 30;   // of pictures held while learning
+
+  private:
+    struct Fetched {
+        absl::StatusOr<FrameSet> frame_set;
+        double waited_ms = 0;
+    };
+    struct Learning {
+        int wanted = 0, seen = 0;
+        std::vector<std::vector<Picture>> pictures;   // per camera
+        std::function<void(absl::Status)> done;
+    };
+
+    absl::Status open_source();
+    absl::Status learn_from_clip();
+    void join_threads();
+    void fetch_loop();
+    void pipeline_loop();
+    void handle(FrameSet frame_set, double waited_ms);
+    void collect(const FrameSet& frame_set);
+    void finish_learning(absl::Status status);
+    bool push(Fetched fetched);           // false once the queue is closed
+    std::optional<Fetched> pop();
+    void close_queue();
+    void set_state(RunState state, std::string message = {});
+    void tell(EventKind kind, std::string message, std::uint64_t sequence = 0);
+    std::shared_ptr<FrameSource> source() const;
+
+    const OpenSource reopen_;
+    const std::unique_ptr<Pipeline> pipeline_;
+    StreamHub& hub_;
+    const std::vector<Camera> cameras_;
+    const double source_fps_;
+    RunStatistics statistics_;
+
+    mutable std::mutex mutex_;            // guards the members down to the blank line
+    std::shared_ptr<FrameSource> source_; // null: to be opened by the next start
+    State state_;
+    bool background_learned_ = false;
+    bool aborted_ = false;
+    std::optional<Learning> learning_;
+
+    std::mutex queue_mutex_;              // guards the one set that is ready
+    std::condition_variable queue_changed_;
+    std::optional<Fetched> ready_;
+    bool queue_closed_ = true;
+
+    std::optional<std::int64_t> utc_minus_capture_ns_;   // of this run; the pipeline thread's own
+    std::thread fetch_thread_, pipeline_thread_;
+};
+
+}  // namespace kinevox

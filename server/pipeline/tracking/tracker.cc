@@ -1,0 +1,272 @@
+#include "server/pipeline/tracking/tracker.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <fmt/format.h>
+
+namespace kinevox {
+namespace {
+
+constexpr std::size_t kMostBlobs = 6;          // per camera
+constexpr double kMostCentreJump_m = 0.4;      // of a measured centre from the predicted one
+constexpr double kReach_m = 1.4;               // of a body's parts from its centre
+constexpr double kMinExpectedInside = 0.5;     // of the subject's box, for a camera that ought to see it
+
+Box3 box_around(Vec3 centre, const Box3& extent, double margin_m) {
+    const Vec3 margin{margin_m, margin_m, margin_m};
+    return {centre + extent.min_in_world - margin, centre + extent.max_in_world + margin};
+}
+
+// A standing or stretched person of any size, from the centre of gravity.
+constexpr Box3 kAnyPerson{{-0.6, -0.6, -1.15}, {0.6, 0.6, 1.15}};
+
+bool overlap(const kernels::Rect& a, const kernels::Rect& b) {
+    return a.x0 < b.x1 && b.x0 < a.x1 && a.y0 < b.y1 && b.y0 < a.y1;
+}
+
+}  // namespace
+
+std::string TrackerOptions::check() const {
+    if (!(voxel_m >= 0.001 && voxel_m <= 0.2))
+        return fmt::format("voxel_m is {} m; it must be between 0.001 and 0.2", voxel_m);
+    if (!(max_lattice_side_m >= 0.5 && max_lattice_side_m <= 10))
+        return fmt::format("max_lattice_side_m is {} m; it must be between 0.5 and 10", max_lattice_side_m);
+    if (!(shape_offset_gain >= 0 && shape_offset_gain <= 1))
+        return fmt::format("shape_offset_gain is {}; it must be between 0 and 1", shape_offset_gain);
+    if (!(lost_after_s > 0)) return fmt::format("lost_after_s is {} s; it must be positive", lost_after_s);
+    return {};
+}
+
+Tracker::Tracker(std::vector<Camera> cameras, double fps, const TrackerOptions& options)
+    : cameras_(std::move(cameras)), fps_(fps), options_(options), camera_states_(cameras_.size()),
+      filter_(options.filter) {}
+
+void Tracker::reset() {
+    tracking_ = false;
+    frames_seen_ = 0;
+    for (CameraState& state : camera_states_) state = {};
+}
+
+// A speck smaller than this is nobody: a person 1/20 of the picture's height, thin.
+std::int64_t Tracker::min_pixels(const Camera& camera) const {
+    return std::max<std::int64_t>(16, std::int64_t{camera.height} * camera.height / 3000);
+}
+
+Box3 Tracker::search_box(double seconds) const {
+    return box_around(filter_.centre_in_world(), extent_,
+                      options_.region_margin_m + options_.limb_speed_m_s * seconds + 2 * filter_.centre_std_m());
+}
+
+std::vector<kernels::SegmentationPrior> Tracker::predict(std::int64_t time_ns, Vec3* motion) {
+    std::vector<kernels::SegmentationPrior> priors(cameras_.size());
+    if (motion) *motion = {};
+    if (!tracking_) return priors;
+    double seconds = 1e-9 * static_cast<double>(time_ns - last_time_ns_);
+    if (!(seconds > 0 && seconds < 1)) seconds = 1 / fps_;   // a clock that jumped
+    const Vec3 before = filter_.centre_in_world();
+    filter_.predict(seconds);
+    last_time_ns_ = time_ns;
+    seconds_ahead_ = seconds;
+    if (motion) *motion = filter_.centre_in_world() - before;
+
+    const Box3 box = search_box(seconds);
+    const auto interval = static_cast<std::uint64_t>(std::max(1.0, std::round(options_.full_pass_interval_s * fps_)));
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+        // One camera after the other, so that no frame set pays for all.
+        priors[c].full_pass = (predictions_ + c * interval / cameras_.size()) % interval == 0;
+        priors[c].region = projected_box(cameras_[c], box);
+        if (priors[c].region.empty()) priors[c].region = {0, 0, 8, 8};   // out of sight: as good as nothing
+    }
+    ++predictions_;
+    return priors;
+}
+
+RayCandidate Tracker::candidate(int camera, const Blob& blob) const {
+    const Camera& c = cameras_[camera];
+    return {camera, c.ray_through({blob.centroid_x, blob.centroid_y}), static_cast<double>(blob.sharp_pixels),
+            2 / (c.fx + c.fy), blob.at_border};
+}
+
+std::optional<Meeting> Tracker::find_meeting(const BlobsByCamera& blobs,
+                                             std::vector<std::optional<Blob>>& chosen) const {
+    std::vector<RayCandidate> candidates;
+    for (int c = 0; c < static_cast<int>(cameras_.size()); ++c)
+        for (const Blob& blob : blobs[c]) candidates.push_back(candidate(c, blob));
+    auto meeting = meet_rays(candidates, static_cast<int>(cameras_.size()), options_.meeting);
+    if (!meeting) return std::nullopt;
+    // A person may be several blobs: gather what lies where this one would stand.
+    const Box3 around = box_around(meeting->point_in_world, kAnyPerson, 0);
+    return gather(blobs, around, meeting->point_in_world, kReach_m, chosen);
+}
+
+// Of each camera the blobs in the projection of `around`: as one, or the best single one, whichever agrees better.
+std::optional<Meeting> Tracker::gather(const BlobsByCamera& blobs, const Box3& around, Vec3 centre,
+                                       double radius_m, std::vector<std::optional<Blob>>& chosen) const {
+    std::vector<RayCandidate> candidates;
+    std::vector<Blob> of_candidate;
+    for (int c = 0; c < static_cast<int>(cameras_.size()); ++c) {
+        const kernels::Rect area = projected_box(cameras_[c], around);
+        if (area.empty()) continue;
+        std::vector<Blob> inside;
+        for (const Blob& blob : blobs[c]) {
+            const double x = blob.centroid_x, y = blob.centroid_y;
+            if (x >= area.x0 && x < area.x1 && y >= area.y0 && y < area.y1 && overlap(blob.bounds, area))
+                inside.push_back(blob);
+        }
+        if (inside.empty()) continue;
+        std::vector<Blob> options = inside;
+        if (inside.size() > 1) options.push_back(merged(inside));
+        for (const Blob& blob : options) {
+            of_candidate.push_back(blob);
+            candidates.push_back(candidate(c, blob));
+        }
+    }
+    const auto meeting = meet_rays(candidates, static_cast<int>(cameras_.size()), options_.meeting, &centre, radius_m);
+    chosen.assign(cameras_.size(), std::nullopt);
+    if (!meeting) return std::nullopt;
+    for (std::size_t c = 0; c < cameras_.size(); ++c)
+        if (meeting->chosen[c] >= 0) chosen[c] = of_candidate[meeting->chosen[c]];
+    return meeting;
+}
+
+void Tracker::assign_roles(const Meeting& meeting, const std::vector<const kernels::Silhouettes*>& silhouettes,
+                           const std::vector<std::optional<Blob>>& chosen, std::vector<CameraRole>& roles) const {
+    const Box3 body = box_around(meeting.point_in_world, tracking_ ? extent_ : kAnyPerson, 0);
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+        double inside = 0;
+        projected_box(cameras_[c], body, &inside);
+        if (!silhouettes[c])
+            roles[c] = CameraRole::kSilent;
+        else if (chosen[c])
+            roles[c] = chosen[c]->at_border ? CameraRole::kPartial : CameraRole::kAgrees;
+        else
+            roles[c] = inside < kMinExpectedInside ? CameraRole::kCannotSee : CameraRole::kLeftOut;
+    }
+}
+
+void Tracker::lay_lattice(const std::vector<std::optional<Blob>>& chosen, TrackerUpdate& update) {
+    std::vector<SilhouetteCone> cones;
+    for (std::size_t c = 0; c < cameras_.size(); ++c)
+        if (chosen[c]) cones.push_back({&cameras_[c], chosen[c]->bounds});
+    const Vec3 centre = update.subject->centre_in_world;
+    const Vec3 reach{kReach_m, kReach_m, kReach_m};
+    const Box3 within{centre - reach, centre + reach};
+    // Cones that miss each other belong to a subject only half seen; a person's size stands in.
+    Box3 box = box_of_cones(cones, within).value_or(box_around(centre, kAnyPerson, 0));
+    extent_ = {box.min_in_world - centre, box.max_in_world - centre};
+    const Vec3 margin{options_.margin_m, options_.margin_m, options_.margin_m};
+    box = {box.min_in_world - margin, box.max_in_world + margin};
+    update.lattice = lattice_over(box, options_.voxel_m, options_.max_lattice_side_m, centre);
+}
+
+void Tracker::miss(std::uint64_t sequence, std::int64_t time_ns, TrackerUpdate& update) {
+    frames_seen_ = 0;
+    if (!tracking_) return;
+    if (1e-9 * static_cast<double>(time_ns - last_measured_ns_) <= options_.lost_after_s) {
+        update.subject = SubjectTrack{subject_id_, filter_.centre_in_world(), filter_.velocity_in_world(),
+                                      filter_.centre_std_m(), std::vector<bool>(cameras_.size(), false)};
+        return;
+    }
+    tracking_ = false;
+    const Vec3 at = filter_.centre_in_world();
+    update.events.push_back({EventKind::kSubjectLost, sequence, time_ns, {},
+                             fmt::format("subject {} lost near ({:.2f}, {:.2f}, {:.2f}) m", subject_id_, at.x, at.y,
+                                         at.z)});
+    for (CameraState& state : camera_states_) state.disagreeing = state.agreeing = 0;
+}
+
+TrackerUpdate Tracker::update(std::uint64_t sequence, std::int64_t time_ns,
+                              const std::vector<const kernels::Silhouettes*>& silhouettes) {
+    TrackerUpdate update;
+    update.roles.assign(cameras_.size(), CameraRole::kCannotSee);
+    BlobsByCamera blobs(cameras_.size());
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+        if (silhouettes[c])
+            blobs[c] = find_blobs(*silhouettes[c], min_pixels(cameras_[c]), kMostBlobs);
+        else
+            update.roles[c] = CameraRole::kSilent;
+    }
+
+    std::vector<std::optional<Blob>> chosen(cameras_.size());
+    std::optional<Meeting> meeting;
+    if (tracking_)
+        meeting = gather(blobs, search_box(seconds_ahead_), filter_.centre_in_world(),
+                         kMostCentreJump_m + 3 * filter_.centre_std_m(), chosen);
+    else
+        meeting = find_meeting(blobs, chosen);
+    const bool seen = meeting && meeting->score >= options_.min_score;
+    if (seen && !tracking_) ++frames_seen_;
+    if (!seen || (!tracking_ && meeting->score < options_.sure_score && frames_seen_ < options_.unsure_frames)) {
+        if (!seen) miss(sequence, time_ns, update);
+        report_cameras(sequence, time_ns, update);
+        return update;
+    }
+
+    if (!tracking_) shape_offset_ = {};
+    met_in_world_ = meeting->point_in_world;
+    meeting->point_in_world += shape_offset_;
+    assign_roles(*meeting, silhouettes, chosen, update.roles);
+    if (!tracking_) {
+        filter_.start(meeting->point_in_world, meeting->covariance_m2);
+        tracking_ = true;
+        predictions_ = 0;
+        ++subject_id_;
+        const Vec3 at = meeting->point_in_world;
+        update.events.push_back({EventKind::kSubjectFound, sequence, time_ns, {},
+                                 fmt::format("subject {} found at ({:.2f}, {:.2f}, {:.2f}) m by {} cameras",
+                                             subject_id_, at.x, at.y, at.z, meeting->agreeing)});
+    } else {
+        filter_.correct(meeting->point_in_world, meeting->covariance_m2);
+    }
+    frames_seen_ = 0;
+    last_time_ns_ = last_measured_ns_ = time_ns;
+    update.subject = SubjectTrack{subject_id_, meeting->point_in_world, filter_.velocity_in_world(),
+                                  filter_.centre_std_m(), {}};
+    for (const CameraRole role : update.roles)
+        update.subject->camera_used.push_back(role == CameraRole::kAgrees || role == CameraRole::kPartial);
+    lay_lattice(chosen, update);
+    report_cameras(sequence, time_ns, update);
+    return update;
+}
+
+void Tracker::observe_volume(Vec3 centre_in_world) {
+    if (!tracking_) return;
+    shape_offset_ += options_.shape_offset_gain * (centre_in_world - met_in_world_ - shape_offset_);
+    const double length = norm(shape_offset_);
+    if (length > options_.max_shape_offset_m) shape_offset_ = (options_.max_shape_offset_m / length) * shape_offset_;
+}
+
+void Tracker::report_cameras(std::uint64_t sequence, std::int64_t time_ns, TrackerUpdate& update) {
+    const auto tell = [&](EventKind kind, std::size_t c, std::string message) {
+        update.events.push_back({kind, sequence, time_ns, cameras_[c].name, std::move(message)});
+    };
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+        CameraState& state = camera_states_[c];
+        const std::string& name = cameras_[c].name;
+        const bool silent = update.roles[c] == CameraRole::kSilent;
+        if (silent && !state.silent) tell(EventKind::kCameraSilent, c, fmt::format("camera {} delivers no picture", name));
+        if (!silent && state.silent && !state.left_out)
+            tell(EventKind::kCameraBack, c, fmt::format("camera {} delivers pictures again", name));
+        state.silent = silent;
+        if (!update.subject) continue;
+        const bool agrees = update.roles[c] == CameraRole::kAgrees || update.roles[c] == CameraRole::kPartial;
+        const bool disagrees = update.roles[c] == CameraRole::kLeftOut;
+        state.agreeing = agrees ? state.agreeing + 1 : 0;
+        state.disagreeing = disagrees ? state.disagreeing + 1 : 0;
+        if (!state.left_out && state.disagreeing == options_.report_after_frames) {
+            state.left_out = true;
+            tell(EventKind::kCameraLeftOut, c,
+                 fmt::format("camera {} is left out: its silhouette disagrees with the other cameras; check its "
+                             "calibration, its background and its view",
+                             name));
+        }
+        if (state.left_out && state.agreeing == options_.report_after_frames) {
+            state.left_out = false;
+            tell(EventKind::kCameraBack, c, fmt::format("camera {} agrees with the others again", name));
+        }
+    }
+}
+
+}  // namespace kinevox

@@ -1,0 +1,79 @@
+#include "server/tools/process/process.h"
+
+#include <chrono>
+#include <cstdio>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "server/cameras/session_source.h"
+#include "server/tools/process/progress_bar.h"
+#include "server/tools/process/run_summary.h"
+
+namespace kinevox {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+absl::Status learn_background(FrameSource& source, Pipeline& pipeline, const std::filesystem::path& session_file) {
+    auto background = source.background();
+    if (!background.ok()) return background.status();
+    if (background->empty())
+        return absl::InvalidArgumentError(
+            fmt::format("{}: no camera has a `background`; add a picture, a clip or a folder of the empty scene to each",
+                        session_file.string()));
+    return pipeline.learn_background(*background);
+}
+
+}  // namespace
+
+absl::Status process_session(const ProcessOptions& options, const std::atomic<bool>& stop) {
+    SessionSourceOptions source_options;
+    source_options.decode_in_bursts = options.decode_in_bursts;
+    auto source = open_session_source(options.session_file, source_options);
+    if (!source.ok()) return source.status();
+    auto pipeline = Pipeline::create((*source)->cameras(), (*source)->fps(), options.pipeline);
+    if (!pipeline.ok()) return pipeline.status();
+    std::vector<std::string> names;
+    for (const Camera& camera : (*source)->cameras()) names.push_back(camera.name);
+    auto writer = ResultWriter::create(options.out_folder, names, options.writer);
+    if (!writer.ok()) return writer.status();
+    if (absl::Status learned = learn_background(**source, **pipeline, options.session_file); !learned.ok())
+        return learned;
+
+    RunSummary summary;
+    const Clock::time_point start = Clock::now();
+    {
+        std::int64_t total = (*source)->frame_count();
+        if (options.most_frames > 0 && (total < 0 || total > options.most_frames)) total = options.most_frames;
+        ProgressBar bar(total, options.quiet);
+        while (options.most_frames == 0 || summary.frames() < options.most_frames) {
+            if (stop)
+                return absl::CancelledError(
+                    fmt::format("stopped after {} frame sets; nothing was written", summary.frames()));
+            const Clock::time_point asked = Clock::now();
+            auto frame_set = (*source)->next();
+            if (absl::IsOutOfRange(frame_set.status())) break;
+            if (!frame_set.ok()) return frame_set.status();
+            frame_set->decode_ms = 1000 * seconds_since(asked);
+            auto result = (*pipeline)->process(std::move(*frame_set));
+            if (!result.ok()) return result.status();
+            summary.add(**result);
+            if (absl::Status added = (*writer)->add(std::move(*result)); !added.ok()) return added;
+            bar.show(summary.frames());
+        }
+    }
+    const double wall_s = seconds_since(start);
+    if (absl::Status finished = (*writer)->finish(); !finished.ok()) return finished;
+    if (!options.quiet) {
+        fmt::print("{}results in {}\n", summary.text(wall_s), options.out_folder.string());
+        std::fflush(stdout);
+    }
+    return absl::OkStatus();
+}
+
+}  // namespace kinevox

@@ -1,0 +1,26 @@
+// A recorded session through the pipeline, every frame set, no daemon.
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+
+#include <absl/status/status.h>
+
+#include "server/pipeline/pipeline.h"
+#include "server/tools/process/result_writer.h"
+
+namespace kinevox {
+
+struct ProcessOptions {
+    std::filesystem::path session_file, out_folder;
+    PipelineOptions pipeline;
+    ResultWriterOptions writer;
+    int most_frames = 0;             // stops after so many frame sets; 0: all
+    bool decode_in_bursts = true;    // see SessionSourceOptions
+    bool quiet = false;              // no progress bar, no summary
+};
+
+// Cancelled if `stop` becomes true; then, as after every error, nothing new lies in the output folder.
+absl::Status process_session(const ProcessOptions& options, const std::atomic<bool>& stop);
+
+}  // namespace kinevox

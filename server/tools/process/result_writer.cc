@@ -1,0 +1,178 @@
+#include "server/tools/process/result_writer.h"
+
+#include <algorithm>
+#include <condition_variable>
+#include <deque>
+#include <mutex>
+#include <system_error>
+#include <thread>
+#include <utility>
+
+#include <fmt/format.h>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "common/atomic_file.h"
+#include "common/ply.h"
+#include "server/tools/process/background_priority.h"
+#include "server/tools/process/tables.h"
+
+namespace kinevox {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kAside = ".kinevox-partial";
+
+std::string six_digits(std::uint64_t frame, std::string_view ending) { return fmt::format("{:06d}{}", frame, ending); }
+
+absl::Status cannot_write(const fs::path& file, std::string_view why) {
+    return absl::InternalError(
+        fmt::format("{} cannot be written ({}); is the disk full or the folder read-only?", file.string(), why));
+}
+
+class FolderWriter final : public ResultWriter {
+  public:
+    FolderWriter(fs::path folder, std::vector<std::string> names, const ResultWriterOptions& options)
+        : folder_(std::move(folder)), aside_(folder_ / kAside), names_(std::move(names)), options_(options),
+          tables_(names_) {}
+
+    ~FolderWriter() override {
+        {
+            const std::lock_guard lock(mutex_);
+            waiting_.clear();
+        }
+        end_threads();
+        std::error_code ignored;
+        fs::remove_all(aside_, ignored);
+        if (made_folder_) fs::remove(folder_, ignored);   // only if it is empty
+    }
+
+    absl::Status open() {
+        std::error_code error;
+        made_folder_ = fs::create_directories(folder_, error);
+        if (error) return cannot_write(folder_, error.message());
+        fs::remove_all(aside_, error);
+        fs::create_directories(aside_, error);
+        if (error) return cannot_write(aside_, error.message());
+        if (options_.save_silhouettes)
+            for (const std::string& name : names_) fs::create_directories(aside_ / "silhouettes" / name, error);
+        if (options_.save_volumes) fs::create_directories(aside_ / "volumes", error);
+        if (error) return cannot_write(aside_, error.message());
+        if (options_.save_silhouettes || options_.save_volumes)
+            for (int n = 0; n < std::max(options_.threads, 1); ++n) threads_.emplace_back([this] { write_waiting(); });
+        return absl::OkStatus();
+    }
+
+    absl::Status add(FrameResultPtr result) override {
+        tables_.add(*result);
+        std::unique_lock lock(mutex_);
+        if (threads_.empty()) return status_;
+        changed_.wait(lock, [this] { return static_cast<int>(waiting_.size()) < options_.most_waiting; });
+        waiting_.push_back(std::move(result));
+        changed_.notify_all();
+        return status_;
+    }
+
+    absl::Status finish() override;
+
+  private:
+    void write_waiting();
+    void end_threads();
+    absl::Status write_one(const FrameResult& result) const;
+
+    fs::path folder_, aside_;
+    std::vector<std::string> names_;
+    ResultWriterOptions options_;
+    ResultTables tables_;
+    bool made_folder_ = false;
+
+    std::mutex mutex_;   // of the three below
+    std::condition_variable changed_;
+    std::deque<FrameResultPtr> waiting_;
+    bool no_more_ = false;
+    absl::Status status_;
+    std::vector<std::thread> threads_;
+};
+
+absl::Status FolderWriter::write_one(const FrameResult& result) const {
+    if (options_.save_silhouettes)
+        for (std::size_t c = 0; c < names_.size(); ++c) {
+            const kernels::Silhouettes& s = result.silhouettes[c];
+            if (s.sharp.empty()) continue;   // the camera delivered nothing
+            const cv::Mat picture(s.height, s.width, CV_8UC1, const_cast<std::uint8_t*>(s.sharp.data()));
+            const fs::path file = aside_ / "silhouettes" / names_[c] / six_digits(result.sequence, ".png");
+            std::vector<std::uint8_t> png;
+            if (!cv::imencode(".png", picture, png, {cv::IMWRITE_PNG_COMPRESSION, 1, cv::IMWRITE_PNG_BILEVEL, 1}))
+                return cannot_write(file, "PNG encoding failed");
+            const std::string_view bytes(reinterpret_cast<const char*>(png.data()), png.size());
+            if (absl::Status written = write_file_atomically(file, bytes); !written.ok()) return written;
+        }
+    if (options_.save_volumes && result.volume)
+        return write_volume_ply(*result.volume, aside_ / "volumes" / six_digits(result.sequence, ".ply"));
+    return absl::OkStatus();
+}
+
+void FolderWriter::write_waiting() {
+    lower_this_threads_priority();
+    std::unique_lock lock(mutex_);
+    for (;;) {
+        changed_.wait(lock, [this] { return no_more_ || !waiting_.empty(); });
+        if (waiting_.empty()) return;
+        const FrameResultPtr result = std::move(waiting_.front());
+        waiting_.pop_front();
+        changed_.notify_all();
+        if (!status_.ok()) continue;   // drain
+        lock.unlock();
+        absl::Status written = write_one(*result);
+        lock.lock();
+        if (!written.ok() && status_.ok()) status_ = std::move(written);
+    }
+}
+
+void FolderWriter::end_threads() {
+    {
+        const std::lock_guard lock(mutex_);
+        no_more_ = true;
+        changed_.notify_all();
+    }
+    for (std::thread& thread : threads_)
+        if (thread.joinable()) thread.join();
+}
+
+absl::Status FolderWriter::finish() {
+    end_threads();
+    if (!status_.ok()) return status_;
+    std::vector<std::string> made;
+    if (options_.save_silhouettes) made.emplace_back("silhouettes");
+    if (options_.save_volumes) made.emplace_back("volumes");
+    for (const Table& table : tables_.tables()) {
+        made.emplace_back(table.file_name);
+        if (absl::Status written = write_file_atomically(aside_ / table.file_name, table.text); !written.ok())
+            return written;
+    }
+    // An earlier run's pictures go even if this run made none: they do not belong to the new tables.
+    std::error_code error;
+    for (const char* old : {"silhouettes", "volumes"}) {
+        fs::remove_all(folder_ / old, error);
+        if (error) return cannot_write(folder_ / old, error.message());
+    }
+    for (const std::string& name : made) {
+        fs::rename(aside_ / name, folder_ / name, error);
+        if (error) return cannot_write(folder_ / name, error.message());
+    }
+    fs::remove_all(aside_, error);
+    return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<ResultWriter>> ResultWriter::create(const fs::path& folder,
+                                                                   std::vector<std::string> camera_names,
+                                                                   const ResultWriterOptions& options) {
+    auto writer = std::make_unique<FolderWriter>(folder, std::move(camera_names), options);
+    if (absl::Status opened = writer->open(); !opened.ok()) return opened;
+    return writer;
+}
+
+}  // namespace kinevox

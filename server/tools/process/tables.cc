@@ -1,0 +1,142 @@
+#include "server/tools/process/tables.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <iterator>
+#include <optional>
+
+#include <fmt/format.h>
+
+namespace kinevox {
+namespace {
+
+enum TableIndex { kVolume, kTiming, kTrack, kAgreement, kEvents };
+
+// The box around the occupied voxels, m.
+struct Extent {
+    Vec3 min_in_world, max_in_world;
+};
+
+std::optional<Extent> extent_of(const Volume& volume) {
+    constexpr int kNone = 1 << 30;
+    int low[3] = {kNone, kNone, kNone}, high[3] = {-kNone, -kNone, -kNone};   // voxels, half open
+    const auto include = [&](int axis, int first, int last) {
+        low[axis] = std::min(low[axis], first);
+        high[axis] = std::max(high[axis], last);
+    };
+    for (const VolumeBrick& brick : volume.bricks) {
+        std::uint64_t layers = 0;
+        for (int z = 0; z < 8; ++z) {
+            if (brick.occupancy[z] == 0) continue;
+            layers |= brick.occupancy[z];
+            include(2, 8 * brick.z + z, 8 * brick.z + z + 1);
+        }
+        if (layers == 0) continue;
+        include(1, 8 * brick.y + std::countr_zero(layers) / 8, 8 * brick.y + 8 - std::countl_zero(layers) / 8);
+        std::uint64_t columns = layers | layers >> 32;
+        columns |= columns >> 16;
+        columns = (columns | columns >> 8) & 0xff;
+        include(0, 8 * brick.x + std::countr_zero(columns), 8 * brick.x + 64 - std::countl_zero(columns));
+    }
+    if (low[0] == kNone) return std::nullopt;
+    const Vec3 o = volume.grid.origin_in_world;
+    const double edge = volume.grid.voxel_m;
+    return Extent{{o.x + edge * low[0], o.y + edge * low[1], o.z + edge * low[2]},
+                  {o.x + edge * high[0], o.y + edge * high[1], o.z + edge * high[2]}};
+}
+
+// Quotes where a comma, a quote or a line break demands it.
+std::string csv_cell(std::string_view text) {
+    if (text.find_first_of(",\"\n\r") == std::string_view::npos) return std::string(text);
+    std::string cell = "\"";
+    for (const char c : text) {
+        if (c == '"') cell += '"';
+        cell += c;
+    }
+    return cell + '"';
+}
+
+template <class... T>
+void append(std::string& to, fmt::format_string<T...> format, T&&... values) {
+    fmt::format_to(std::back_inserter(to), format, std::forward<T>(values)...);
+}
+
+}  // namespace
+
+std::string_view event_name(EventKind kind) {
+    switch (kind) {
+        case EventKind::kSubjectFound: return "subject_found";
+        case EventKind::kSubjectLost: return "subject_lost";
+        case EventKind::kCameraLeftOut: return "camera_left_out";
+        case EventKind::kCameraBack: return "camera_back";
+        case EventKind::kCameraSilent: return "camera_silent";
+        case EventKind::kBackgroundLearned: return "background_learned";
+        case EventKind::kStarted: return "started";
+        case EventKind::kStopped: return "stopped";
+        case EventKind::kSourceEnded: return "source_ended";
+        case EventKind::kControlTaken: return "control_taken";
+        case EventKind::kControlReleased: return "control_released";
+        case EventKind::kError: return "error";
+    }
+    return "unknown";
+}
+
+ResultTables::ResultTables(const std::vector<std::string>& camera_names) {
+    tables_ = {{"volume.csv", "frame,voxel_mm,voxels,volume_litres,min_x,min_y,min_z,max_x,max_y,max_z\n"},
+               {"timing.csv", "frame,segmentation_ms,tracking_ms,hull_ms,colouring_ms,pose_ms,total_ms\n"},
+               {"track.csv", "frame,time_s,x,y,z,std_m,cameras\n"},
+               {"agreement.csv", "frame"},
+               {"events.csv", "frame,time_s,event,camera,message\n"}};
+    for (const std::string& name : camera_names) tables_[kAgreement].text.append(1, ',').append(csv_cell(name));
+    tables_[kAgreement].text += '\n';
+}
+
+void ResultTables::add(const FrameResult& result) {
+    const auto frame = result.sequence;
+    const double time_s = 1e-9 * static_cast<double>(result.capture_time_ns);
+
+    std::string& volume = tables_[kVolume].text;
+    const auto extent = result.volume ? extent_of(*result.volume) : std::nullopt;
+    if (result.volume)
+        append(volume, "{},{:g},{},{:.3f}", frame, 1000 * result.volume->grid.voxel_m, voxel_count(*result.volume),
+               volume_litres(*result.volume));
+    else
+        append(volume, "{},,,", frame);
+    if (extent) {
+        const Vec3 a = extent->min_in_world, b = extent->max_in_world;
+        append(volume, ",{:.4f},{:.4f},{:.4f},{:.4f},{:.4f},{:.4f}\n", a.x, a.y, a.z, b.x, b.y, b.z);
+    } else {
+        volume += ",,,,,,\n";
+    }
+
+    const StageTimes& t = result.times;
+    append(tables_[kTiming].text, "{},{:.3f},{:.3f},{:.3f},{:.3f},{:.3f},{:.3f}\n", frame, t.segmentation_ms,
+           t.tracking_ms, t.hull_ms, t.colouring_ms, t.pose_ms, t.total_ms);
+
+    std::string& track = tables_[kTrack].text;
+    if (result.subject) {
+        const SubjectTrack& s = *result.subject;
+        append(track, "{},{:.6f},{:.4f},{:.4f},{:.4f},{:.4f},{}\n", frame, time_s, s.centre_in_world.x,
+               s.centre_in_world.y, s.centre_in_world.z, s.centre_std_m,
+               std::count(s.camera_used.begin(), s.camera_used.end(), true));
+    } else {
+        append(track, "{},{:.6f},,,,,\n", frame, time_s);
+    }
+
+    std::string& agreement = tables_[kAgreement].text;
+    append(agreement, "{}", frame);
+    for (const float iou : result.silhouette_iou) {
+        if (std::isnan(iou))
+            agreement += ',';
+        else
+            append(agreement, ",{:.4f}", iou);
+    }
+    agreement += '\n';
+
+    for (const Event& event : result.events)
+        append(tables_[kEvents].text, "{},{:.6f},{},{},{}\n", event.sequence, 1e-9 * static_cast<double>(event.time_ns),
+               event_name(event.kind), csv_cell(event.camera), csv_cell(event.message));
+}
+
+}  // namespace kinevox

@@ -1,0 +1,114 @@
+"""Sessions, calibrations and ground truth, read for the accuracy scripts (Debian's numpy and cv2 suffice)."""
+import csv
+import gzip
+import os
+import zipfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+try:
+    import tomllib
+except ModuleNotFoundError:  # Python < 3.11
+    import tomli as tomllib
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+
+
+def data_folder():
+    """The shared test data: $KINEVOX_TEST_DATA, else ../shared/data beside the repository."""
+    return Path(os.environ.get("KINEVOX_TEST_DATA", REPOSITORY.parent / "shared" / "data"))
+
+
+def process_program():
+    """kinevox-process: $KINEVOX_PROCESS, else the newest one in the usual build folders."""
+    if "KINEVOX_PROCESS" in os.environ:
+        return Path(os.environ["KINEVOX_PROCESS"])
+    found = [p for p in REPOSITORY.glob("build*/**/kinevox-process") if p.is_file()]
+    if not found:
+        raise SystemExit("kinevox-process is not built; build it or set KINEVOX_PROCESS")
+    return max(found, key=lambda p: p.stat().st_mtime)
+
+
+class Camera:
+    def __init__(self, section):
+        self.name = section["name"]
+        self.width, self.height = (int(v) for v in section["size"])
+        self.matrix = np.array(section["matrix"], float)
+        self.distortion = np.array(section["distortions"], float)
+        self.rodrigues = np.array(section["rotation"], float)
+        self.translation = np.array(section["translation"], float)
+        self.rotation = cv2.Rodrigues(self.rodrigues)[0]
+
+    def project(self, points):
+        """World points (n, 3) in metres -> pixels (n, 2); NaN behind the camera."""
+        points = np.asarray(points, float).reshape(-1, 3)
+        pixels, _ = cv2.projectPoints(points, self.rodrigues, self.translation, self.matrix, self.distortion)
+        pixels = pixels.reshape(-1, 2)
+        depth = points @ self.rotation[2] + self.translation[2]
+        pixels[depth <= 0] = np.nan
+        return pixels
+
+
+class Session:
+    def __init__(self, file):
+        self.file = Path(file)
+        with open(self.file, "rb") as f:
+            data = tomllib.load(f)
+        self.name, self.fps = data["name"], float(data["fps"])
+        with open(self.file.parent / data["calibration"], "rb") as f:
+            calibration = tomllib.load(f)
+        self.cameras = [Camera(dict(calibration[c["name"]], name=c["name"])) for c in data["camera"]]
+        self.videos = [self.file.parent / c["video"] for c in data["camera"]]
+        self.truth = self.file.parent / "truth"
+
+    def true_masks(self, camera):
+        """Yields the exact silhouettes (bool, height x width) frame by frame."""
+        with zipfile.ZipFile(self.truth / f"masks_{camera.name}.zip") as archive:
+            for name in sorted(n for n in archive.namelist() if n.endswith(".png")):
+                yield cv2.imdecode(np.frombuffer(archive.read(name), np.uint8), cv2.IMREAD_GRAYSCALE) > 127
+
+    def true_meshes(self):
+        """Yields (frame, vertices (n, 3) in metres, triangles (m, 3))."""
+        for file in sorted((self.truth / "mesh").glob("frame_*.ply.gz")):
+            yield (int(file.name[6:10]), *read_mesh(file))
+
+
+def read_mesh(file):
+    """A binary little-endian PLY of float vertices and triangles."""
+    with (gzip.open(file) if str(file).endswith(".gz") else open(file, "rb")) as f:
+        data = f.read()
+    end = data.index(b"end_header\n") + len(b"end_header\n")
+    header = data[:end].decode().splitlines()
+    counts = {line.split()[1]: int(line.split()[2]) for line in header if line.startswith("element")}
+    properties, element = {"vertex": [], "face": []}, None
+    for line in header:
+        words = line.split()
+        if words[0] == "element":
+            element = words[1]
+        elif words[0] == "property" and element == "vertex":
+            properties["vertex"].append((words[2], {"float": "<f4", "double": "<f8", "uchar": "u1"}[words[1]]))
+        elif words[0] == "property" and element == "face":
+            properties["face"] = words
+    vertices = np.frombuffer(data, np.dtype(properties["vertex"]), counts["vertex"], end)
+    end += vertices.nbytes
+    index = {"int": "<i4", "uint": "<u4", "int32": "<i4", "uint32": "<u4"}[properties["face"][3]]
+    faces = np.frombuffer(data, np.dtype([("n", "u1"), ("v", index, 3)]), counts["face"], end)
+    return np.stack([vertices[c] for c in "xyz"], 1).astype(float), faces["v"].astype(int)
+
+
+def mesh_centre(vertices, triangles):
+    """Centre of gravity of a closed mesh's inside and its volume (m3)."""
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    sixth = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
+    return ((a + b + c) / 4 * sixth[:, None]).sum(0) / sixth.sum(), abs(sixth.sum())
+
+
+def read_table(file):
+    """A CSV as {column: array}; empty cells are NaN."""
+    with open(file, newline="") as f:
+        rows = list(csv.DictReader(f))
+    columns = rows[0].keys() if rows else []
+    number = lambda text: float(text) if text else np.nan
+    return {c: np.array([number(r[c]) for r in rows]) for c in columns}

@@ -1,0 +1,208 @@
+#!/usr/bin/python3
+"""The volume against the ground truth meshes of the rendered sequences.
+
+    tests/accuracy/volume.py [--kinevox-process PATH] [--voxel-mm 10] [--sequences walk,gesture,signal,sprint]
+
+Runs `kinevox process` on each sequence twice, with and without colouring, and prints per sequence
+  - the hull from perfect masks (truth/masks, four cameras): IoU with the mesh;
+  - the hull from our own silhouettes: share of the mesh's inside that it covers (bound: 0.97), IoU, litres;
+  - the coloured volume: coverage, IoU (bound: above the hull from perfect masks), litres;
+  - the mesh: litres.
+Exit status: 0 within the bounds, 1 beyond them, 77 where the test data is missing.
+"""
+import argparse
+import csv
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from session_data import Session, data_folder, process_program
+
+MARGIN_M = 0.4  # how far around the mesh a volume is looked at
+
+
+class Grid:
+    """Cubic voxels aligned to multiples of their edge; arrays are [z, y, x]."""
+
+    def __init__(self, low_m, high_m, voxel_m):
+        self.voxel_m = voxel_m
+        self.first = np.floor(np.asarray(low_m) / voxel_m).astype(int)
+        self.size = np.ceil(np.asarray(high_m) / voxel_m).astype(int) - self.first
+
+    def centres(self, indices_zyx):
+        return (np.asarray(indices_zyx)[:, ::-1] + self.first + 0.5) * self.voxel_m
+
+
+def voxelise(vertices, triangles, grid):
+    """True where a voxel's centre is inside the closed mesh: signed crossings along z, so that parts of the mesh
+    that run into each other count once."""
+    nx, ny, nz = grid.size
+    winding = np.zeros((nx * ny, nz + 1), np.int32)
+    points = vertices / grid.voxel_m - grid.first - 0.5 + 1e-4  # off the edges of a regular mesh
+    corners = points[triangles]
+    low = np.ceil(corners[:, :, :2].min(1)).astype(int)
+    span = np.floor(corners[:, :, :2].max(1)).astype(int) - low + 1
+    hit = (span > 0).all(1)
+    corners, low, span = corners[hit], low[hit], span[hit]
+    for dx in range(span[:, 0].max(initial=0)):
+        for dy in range(span[:, 1].max(initial=0)):
+            use = (span[:, 0] > dx) & (span[:, 1] > dy)
+            x, y = low[use, 0] + dx, low[use, 1] + dy
+            a = corners[use]
+
+            def side(i, j):
+                return ((a[:, j, 0] - a[:, i, 0]) * (y - a[:, i, 1]) - (a[:, j, 1] - a[:, i, 1]) * (x - a[:, i, 0]))
+
+            w = np.stack([side(1, 2), side(2, 0), side(0, 1)], 1)
+            area = w.sum(1)
+            inside = ((w >= 0).all(1) | (w <= 0).all(1)) & (area != 0)
+            inside &= (x >= 0) & (y >= 0) & (x < nx) & (y < ny)
+            z = (w[inside] * a[inside, :, 2]).sum(1) / area[inside]
+            at = np.clip(np.ceil(z), 0, nz).astype(int)
+            np.add.at(winding, ((y * nx + x)[inside], at), np.sign(area[inside]).astype(np.int32))
+    inside = np.cumsum(winding, axis=1)[:, :-1] != 0
+    return inside.reshape(ny, nx, nz).transpose(2, 0, 1)
+
+
+def perfect_hull(cameras, masks, grid):
+    """Voxels whose centre falls into every true mask of a camera that sees it."""
+    indices = np.stack(np.unravel_index(np.arange(np.prod(grid.size)), grid.size[::-1]), 1)
+    for camera, mask in zip(cameras, masks):
+        pixels = np.floor(camera.project(grid.centres(indices)) + 0.5)
+        x, y = (np.nan_to_num(pixels[:, n], nan=-1).astype(int) for n in (0, 1))
+        seen = (x >= 0) & (y >= 0) & (x < camera.width) & (y < camera.height)
+        keep = ~seen
+        keep[seen] = mask[y[seen], x[seen]]
+        indices = indices[keep]
+    hull = np.zeros(grid.size[::-1], bool)
+    hull[tuple(indices.T)] = True
+    return hull
+
+
+def read_points(file):
+    """The x, y, z columns (n, 3) of a binary PLY of points."""
+    header, _, body = Path(file).read_bytes().partition(b"end_header\n")
+    types = {"float": "<f4", "double": "<f8", "uchar": "u1", "uint8": "u1", "float32": "<f4"}
+    fields, count = [], 0
+    for line in header.decode().splitlines():
+        words = line.split()
+        if words[:2] == ["element", "vertex"]:
+            count = int(words[2])
+        elif words and words[0] == "property":
+            fields.append((words[2], types[words[1]]))
+    points = np.frombuffer(body, np.dtype(fields), count)
+    return np.stack([points[axis] for axis in "xyz"], 1).astype(float)
+
+
+def solid(points, grid):
+    """The solid whose surface voxels have these centres: what a flood from outside does not reach."""
+    shell = np.zeros(grid.size[::-1], bool)
+    indices = np.floor(points / grid.voxel_m).astype(int) - grid.first
+    if (indices < 1).any() or (indices >= grid.size - 1).any():
+        raise ValueError("the volume leaves the grid")
+    shell[tuple(indices[:, ::-1].T)] = True
+    outside = np.zeros_like(shell)
+    outside[0], outside[-1] = True, True
+    outside[:, 0], outside[:, -1] = True, True
+    outside[:, :, 0], outside[:, :, -1] = True, True
+    free, reached = ~shell, 0
+    while reached != (reached := int(outside.sum())):
+        for axis in range(3):  # a step in each direction, and far ones by sweeping whole slices
+            grown = np.moveaxis(outside, axis, 0)
+            open_ = np.moveaxis(free, axis, 0)
+            for k in range(1, len(grown)):
+                grown[k] |= grown[k - 1] & open_[k]
+            for k in range(len(grown) - 2, -1, -1):
+                grown[k] |= grown[k + 1] & open_[k]
+    return ~outside
+
+
+def run(program, session, folder, voxel_mm, frames, colouring):
+    command = [str(program), str(session), "--out", str(folder), "--save", "volumes", "--voxel-mm", str(voxel_mm),
+               "--frames", str(frames), "--quiet"] + ([] if colouring else ["--no-colouring"])
+    subprocess.run(command, check=True)
+
+
+def lattice_offset(points, voxel_m):
+    """Where the volume's lattice lies against multiples of the voxel's edge, as a fraction of it, 0..1."""
+    return np.mod(points[:1] / voxel_m - 0.5 + 1e-3, 1)[0] - 1e-3
+
+
+def compare(folder, frame, vertices, triangles, voxel_m):
+    """(IoU, coverage, litres, litres of the mesh) of one saved volume."""
+    points = read_points(folder / "volumes" / f"{frame:06d}.ply")
+    if len(points) == 0:
+        return 0.0, 0.0, 0.0, float("nan")
+    shift = lattice_offset(points, voxel_m) * voxel_m  # so that voxel centres coincide
+    low = np.minimum(points.min(0), vertices.min(0)) - 3 * voxel_m
+    high = np.maximum(points.max(0), vertices.max(0)) + 3 * voxel_m
+    grid = Grid(low - shift, high - shift, voxel_m)
+    volume = solid(points - shift, grid)
+    mesh = voxelise(vertices - shift, triangles, grid)
+    both, litre = (volume & mesh).sum(), (10 * voxel_m) ** 3
+    return both / (volume | mesh).sum(), both / mesh.sum(), volume.sum() * litre, mesh.sum() * litre
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--kinevox-process", type=Path, help="the program; else the newest one built")
+    parser.add_argument("--voxel-mm", type=float, default=10)
+    parser.add_argument("--sequences", default="walk,gesture,signal,sprint")
+    parser.add_argument("--csv", type=Path, help="also write one line a frame here")
+    arguments = parser.parse_args()
+    studio = data_folder() / "studio"
+    if not studio.is_dir():
+        print(f"skipped: the test data {studio} is not here; set KINEVOX_TEST_DATA to the folder that holds it")
+        return 77
+    program = arguments.kinevox_process or process_program()
+    voxel_m = arguments.voxel_mm / 1000
+
+    print(f"voxel edge {arguments.voxel_mm:g} mm, means over the frames with a mesh (worst frame in brackets)")
+    print(f"{'sequence':9} {'perfect hull':>12} | {'hull: covers':>14} {'IoU':>6} {'litres':>7} | "
+          f"{'coloured: covers':>17} {'IoU':>14} {'litres':>7} | {'mesh l':>7}")
+    failures, lines = [], []
+    for name in arguments.sequences.split(","):
+        session = Session(studio / name / "session.toml")
+        meshes = list(session.true_meshes())
+        masks = [list(session.true_masks(camera)) for camera in session.cameras]
+        table = []
+        with tempfile.TemporaryDirectory() as scratch:
+            coloured, plain = Path(scratch) / "coloured", Path(scratch) / "hull"
+            last = max(frame for frame, _, _ in meshes) + 1
+            run(program, session.file, coloured, arguments.voxel_mm, last, True)
+            run(program, session.file, plain, arguments.voxel_mm, last, False)
+            for frame, vertices, triangles in meshes:
+                grid = Grid(vertices.min(0) - MARGIN_M, vertices.max(0) + MARGIN_M, voxel_m)
+                truth = voxelise(vertices, triangles, grid)
+                hull = perfect_hull(session.cameras, [m[frame] for m in masks], grid)
+                perfect = (hull & truth).sum() / (hull | truth).sum()
+                row = [perfect, *compare(plain, frame, vertices, triangles, voxel_m)[:3],
+                       *compare(coloured, frame, vertices, triangles, voxel_m)]
+                table.append(row)
+                lines.append([name, frame] + [f"{value:.4f}" for value in row])
+        table = np.array(table)
+        perfect, hull_iou, covers, hull_l, iou, kept, litres, mesh_l = table.mean(0)
+        worst = table.min(0)
+        print(f"{name:9} {perfect:12.3f} | {covers:6.3f} ({worst[2]:.3f}) {hull_iou:6.3f} {hull_l:7.1f} | "
+              f"{kept:9.3f} ({worst[5]:.3f}) {iou:6.3f} ({worst[4]:.3f}) {litres:7.1f} | {mesh_l:7.1f}", flush=True)
+        if covers < 0.97:
+            failures.append(f"{name}: the hull covers {covers:.3f} of the mesh's inside; 0.97 is the bound")
+        if iou <= perfect:
+            failures.append(f"{name}: IoU after colouring {iou:.3f} is not above {perfect:.3f}, the hull from perfect "
+                            "masks")
+    if arguments.csv:
+        with open(arguments.csv, "w", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow("sequence,frame,perfect_hull_iou,hull_iou,hull_coverage,hull_litres,iou,coverage,litres,"
+                            "mesh_litres".split(","))
+            writer.writerows(lines)
+    for failure in failures:
+        print("FAILED", failure)
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

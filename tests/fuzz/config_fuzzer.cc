@@ -1,0 +1,16 @@
+#include <cstdint>
+#include <string>
+
+#include "common/config.h"
+#include "tests/fuzz/fuzz_check.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+    const auto config =
+        kinevox::parse_config_toml(std::string(data, data + size), "/etc/kinevox", "fuzz.toml", false);
+    FUZZ_CHECK(config.ok() || config.status().message().find('\n') == absl::string_view::npos);
+    if (!config.ok()) return 0;
+    FUZZ_CHECK(kinevox::listen_address_problem(config->server.listen).empty());
+    FUZZ_CHECK(config->pipeline.voxel_mm >= 2 && config->pipeline.voxel_mm <= 100);
+    FUZZ_CHECK(config->source.studio.cameras >= 2 && config->source.studio.cameras <= 64);
+    return 0;
+}

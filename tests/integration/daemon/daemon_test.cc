@@ -1,0 +1,134 @@
+// kinevoxd as a process: its start, its end, and what it says when something is wrong.
+#include <signal.h>
+
+#include <algorithm>
+#include <future>
+
+#include <gmock/gmock.h>
+
+#include "tests/integration/daemon/daemon_fixture.h"
+
+namespace kinevox {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using testing::ChildProcess;
+using testing::DaemonTest;
+
+TEST_F(DaemonTest, ServesASessionAndStopsOnSigterm) {
+    const auto daemon = start_daemon(session_config("127.0.0.1:0"));
+    client::Client client({.server = address_});
+    wait_for_a_volume(client);
+    const auto status = client.status();
+    ASSERT_TRUE(status.ok()) << status.status();
+    EXPECT_EQ(status->state(), v1::CAPTURE_STATE_RUNNING);
+    EXPECT_EQ(status->cameras_size(), 4);
+    EXPECT_GT(status->volume().litres(), 50);
+    EXPECT_LT(status->volume().litres(), 250);
+
+    // A stream in progress ends with words, within the two seconds.
+    auto stream = std::async(std::launch::async, [&] {
+        return client.stream_volumes({}, [](const auto&) { return true; }, {});
+    });
+    while (client.status()->volume_subscribers() == 0) {}
+    const auto begin = std::chrono::steady_clock::now();
+    daemon->signal(SIGTERM);
+    daemon->signal(SIGTERM);   // a second one changes nothing
+    EXPECT_EQ(daemon->wait(std::chrono::milliseconds(2000)), 0) << daemon->errors();
+    RecordProperty("stopped_within_ms", static_cast<int>(std::chrono::duration_cast<std::chrono::milliseconds>(
+                                            std::chrono::steady_clock::now() - begin).count()));
+    const absl::Status ended = stream.get();
+    EXPECT_EQ(ended.code(), absl::StatusCode::kUnavailable);
+    EXPECT_THAT(std::string(ended.message()), HasSubstr("the daemon is stopping"));
+    EXPECT_EQ(daemon->output(), "ready on " + address_ + "\n") << "nothing else on standard output";
+}
+
+TEST_F(DaemonTest, StopsInTimeAlthoughASubscriberReadsNothing) {
+    const auto daemon = start_daemon(session_config("127.0.0.1:0"));
+    client::Client client({.server = address_});
+    std::promise<void> first, leave;
+    auto stream = std::async(std::launch::async, [&] {
+        bool told = false;
+        return client.stream_volumes({}, [&](const auto&) {
+            if (!std::exchange(told, true)) first.set_value();
+            leave.get_future().wait();   // reads nothing more until the daemon is gone
+            return false;
+        }, {});
+    });
+    first.get_future().wait();
+    daemon->signal(SIGTERM);
+    EXPECT_EQ(daemon->wait(std::chrono::milliseconds(2000)), 0) << daemon->errors();
+    leave.set_value();
+    stream.get().IgnoreError();
+}
+
+TEST_F(DaemonTest, ASecondDaemonOnThePortSaysSoAndEnds) {
+    const auto daemon = start_daemon(session_config("127.0.0.1:0", "autostart = false\n"));
+    const auto file = write("second.toml", session_config(address_));
+    const auto second = testing::run({KINEVOX_DAEMON, "--config", file.string()}, folder_.path());
+    EXPECT_EQ(second.status, 1);
+    EXPECT_EQ(std::ranges::count(second.errors, '\n'), 1) << second.errors;
+    EXPECT_THAT(second.errors, AllOf(HasSubstr(address_), HasSubstr("in use"), HasSubstr("[server]")));
+    EXPECT_EQ(second.output, "");
+    client::Client client({.server = address_});
+    EXPECT_EQ(client.status()->state(), v1::CAPTURE_STATE_STOPPED) << "the first goes on, and waits as configured";
+}
+
+TEST_F(DaemonTest, WhatIsWrongAtTheStartIsOneLineAndStatusOne) {
+    const auto wrong_calibration = [&] {   // cam3 is missing from the session's calibration
+        std::filesystem::copy(session_.parent_path(), folder_.path() / "copy", std::filesystem::copy_options::recursive);
+        std::filesystem::remove_all(folder_.path() / "copy/cam3");
+        return (folder_.path() / "copy/session.toml").string();
+    }();
+    const struct {
+        const char* name;
+        std::string config;
+        std::vector<std::string> said;
+    } kTable[] = {
+        {"unknown key", "[server]\nlissten = \"127.0.0.1:0\"\n", {"bad.toml:2", "lissten"}},
+        {"wrong type", "[pipeline]\nvoxel_mm = \"ten\"\n", {"bad.toml:2", "voxel_mm"}},
+        {"no TOML", "[server\n", {"bad.toml:1"}},
+        {"missing session", "[source]\nkind = \"session\"\nsession = \"nowhere.toml\"\n", {"nowhere.toml"}},
+        {"missing pictures", "[source]\nkind = \"session\"\nsession = \"" + wrong_calibration + "\"\n", {"cam3"}},
+        {"no address of this machine", session_config("192.0.2.1:50771"), {"192.0.2.1:50771"}},
+        {"log that cannot be written", session_config("127.0.0.1:0", "[log]\nfile = \"/proc/no/log\"\n"), {"/proc/no/log"}},
+    };
+    for (const auto& row : kTable) {
+        const auto file = write("bad.toml", row.config);
+        const auto ran = testing::run({KINEVOX_DAEMON, "--config", file.string()}, folder_.path());
+        EXPECT_EQ(ran.status, 1) << row.name;
+        EXPECT_EQ(std::ranges::count(ran.errors, '\n'), 1) << row.name << ": " << ran.errors;
+        EXPECT_EQ(ran.output, "") << row.name;
+        for (const std::string& said : row.said) EXPECT_THAT(ran.errors, HasSubstr(said)) << row.name;
+    }
+    const auto missing = testing::run({KINEVOX_DAEMON, "--config", "/nowhere/kinevoxd.toml"}, folder_.path());
+    EXPECT_EQ(missing.status, 1);
+    EXPECT_THAT(missing.errors, HasSubstr("/nowhere/kinevoxd.toml"));
+    const auto flag = testing::run({KINEVOX_DAEMON, "--verbose"}, folder_.path());
+    EXPECT_EQ(flag.status, 1);
+    EXPECT_THAT(flag.errors, HasSubstr("--verbose"));
+}
+
+TEST_F(DaemonTest, AVanishedOperatorsLeaseRunsOut) {
+    const auto daemon =
+        start_daemon(session_config("127.0.0.1:0", "autostart = false\n[control]\nlease_timeout_s = 1.0\n"));
+    client::Client client({.server = address_});
+    v1::AcquireControlRequest request;
+    request.set_name("ann");
+    ASSERT_TRUE(client.acquire_control(request).ok());
+    v1::WatchEventsRequest watch;
+    watch.set_past(1);
+    std::vector<std::string> messages;
+    client::StreamOptions options;
+    options.longest_silence = std::chrono::seconds(10);
+    ASSERT_TRUE(client.watch_events(watch, [&](const auto& event) {
+        messages.push_back(event.message());
+        return event.kind() != v1::EVENT_KIND_CONTROL_RELEASED;
+    }, options).ok());
+    EXPECT_THAT(messages.back(), HasSubstr("'ann' has run out"));
+    EXPECT_TRUE(client.start("bob").ok());
+}
+
+}  // namespace
+}  // namespace kinevox

@@ -1,0 +1,136 @@
+#!/usr/bin/env python3
+"""kinevox-process as a user meets it: files, columns, repeatability, messages.
+
+usage: process_test.py KINEVOX_PROCESS [unittest options]; skips (exit 77) without the shared test data."""
+import csv
+import os
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+PROGRAM = None
+REPOSITORY = Path(__file__).resolve().parents[2]
+DATA = Path(os.environ.get("KINEVOX_TEST_DATA", REPOSITORY.parent / "shared" / "data"))
+WALK = DATA / "studio" / "walk" / "session.toml"
+FRAMES = 12
+COLUMNS = {
+    "volume.csv": "frame,voxel_mm,voxels,volume_litres,min_x,min_y,min_z,max_x,max_y,max_z",
+    "timing.csv": "frame,segmentation_ms,tracking_ms,hull_ms,colouring_ms,pose_ms,total_ms",
+    "track.csv": "frame,time_s,x,y,z,std_m,cameras",
+    "agreement.csv": "frame,cam1,cam2,cam3,cam4",
+    "events.csv": "frame,time_s,event,camera,message",
+}
+
+
+def rows_of(file):
+    with open(file, newline="") as f:
+        return list(csv.DictReader(f))
+
+
+def run(*arguments):
+    return subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True, timeout=300)
+
+
+class Process(unittest.TestCase):
+    def setUp(self):
+        self.folder = Path(tempfile.mkdtemp(prefix="kinevox-process-"))
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+
+    def process(self, name, *more):
+        done = run(WALK, "--out", self.folder / name, "--frames", FRAMES, "--quiet", *more)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(done.stdout + done.stderr, "", "--quiet")
+        return self.folder / name
+
+    def test_writes_what_the_contract_says(self):
+        out = self.process("out", "--save", "silhouettes,volumes")
+        for name, columns in COLUMNS.items():
+            self.assertEqual((out / name).read_text().splitlines()[0], columns, name)
+        for name in ("volume.csv", "timing.csv", "track.csv"):
+            rows = rows_of(out / name)
+            self.assertEqual([int(r["frame"]) for r in rows], list(range(FRAMES)), name)
+            self.assertTrue(all(v != "" for r in rows for v in r.values()), name)
+        for camera in ("cam1", "cam2", "cam3", "cam4"):
+            pictures = sorted(p.name for p in (out / "silhouettes" / camera).iterdir())
+            self.assertEqual(pictures, [f"{n:06d}.png" for n in range(FRAMES)])
+        header = (out / "silhouettes" / "cam2" / "000003.png").read_bytes()[:24]
+        self.assertEqual(struct.unpack(">II", header[16:24]), (640, 480), "the camera's full picture")
+        volumes = sorted(p.name for p in (out / "volumes").iterdir())
+        self.assertEqual(volumes, [f"{n:06d}.ply" for n in range(FRAMES)])
+        self.assertTrue((out / "volumes" / "000000.ply").read_bytes().startswith(b"ply\n"))
+        self.assertEqual([p.name for p in out.iterdir() if p.name.startswith(".")], [], "nothing is left aside")
+
+    def test_the_numbers_fit_a_person(self):
+        out = self.process("out")
+        for row in rows_of(out / "volume.csv"):
+            r = {k: float(v) for k, v in row.items()}
+            self.assertEqual(r["voxel_mm"], 10)
+            self.assertAlmostEqual(r["voxels"] * 1e-3, r["volume_litres"], delta=0.01)
+            self.assertTrue(50 < r["volume_litres"] < 150, row)
+            self.assertLess(r["min_z"], 0.15, row)
+            self.assertTrue(1.6 < r["max_z"] < 2.0, row)
+        for row in rows_of(out / "timing.csv"):
+            r = {k: float(v) for k, v in row.items()}
+            stages = sum(r[k] for k in r if k not in ("frame", "total_ms"))
+            self.assertLessEqual(stages, r["total_ms"] + 0.01)
+
+    def test_is_repeatable_whatever_the_threads(self):
+        runs = [self.process("one", "--save", "silhouettes,volumes", "--threads", 1),
+                self.process("two", "--save", "silhouettes,volumes", "--threads", 4)]
+        files = sorted(p.relative_to(runs[0]) for p in runs[0].rglob("*") if p.is_file())
+        self.assertEqual(files, sorted(p.relative_to(runs[1]) for p in runs[1].rglob("*") if p.is_file()))
+        for file in files:
+            if file.name != "timing.csv":
+                self.assertEqual((runs[0] / file).read_bytes(), (runs[1] / file).read_bytes(), file)
+
+    def test_replaces_an_earlier_run_whole(self):
+        self.process("out", "--save", "volumes")
+        out = self.process("out", "--voxel-mm", 20)
+        self.assertFalse((out / "volumes").exists(), "volumes of the earlier run beside new tables")
+        self.assertEqual({r["voxel_mm"] for r in rows_of(out / "volume.csv")}, {"20"})
+
+    def test_an_interrupt_leaves_nothing_half(self):
+        out = self.folder / "out"
+        program = subprocess.Popen([PROGRAM, WALK, "--out", out, "--save", "volumes"], stdout=subprocess.PIPE,
+                                   stderr=subprocess.PIPE, text=True)
+        partial = out / ".kinevox-partial"
+        deadline = time.time() + 60
+        while not any(partial.glob("volumes/*.ply")) and program.poll() is None and time.time() < deadline:
+            time.sleep(0.01)
+        program.send_signal(signal.SIGINT)
+        _, errors = program.communicate(timeout=30)
+        self.assertEqual(program.returncode, 1)
+        self.assertRegex(errors, r"stopped after \d+ frame sets; nothing was written\n$")
+        self.assertFalse(out.exists())
+
+    def test_errors_are_one_line(self):
+        table = [
+            (["--out", "x"], "session"),
+            ([WALK], "--out"),
+            ([WALK, "--out", self.folder / "x", "--bogus"], "--bogus"),
+            ([WALK, "--out", self.folder / "x", "--voxel-mm", "0"], "voxel-mm"),
+            ([WALK, "--out", self.folder / "x", "--save", "everything"], "everything"),
+            (["/nowhere/session.toml", "--out", self.folder / "x"], "/nowhere/session.toml"),
+            ([WALK, "--out", "/proc/nothing/x"], "/proc/nothing/x"),
+            ([WALK, "--out", WALK], "session.toml"),
+        ]
+        for arguments, names in table:
+            done = run(*arguments)
+            self.assertEqual(done.returncode, 1, arguments)
+            self.assertEqual(done.stderr.count("\n"), 1, (arguments, done.stderr))
+            self.assertIn(names, done.stderr, arguments)
+        self.assertFalse((self.folder / "x").exists())
+
+
+if __name__ == "__main__":
+    PROGRAM = sys.argv.pop(1)
+    if not WALK.exists():
+        print(f"skipped: {WALK} is not here; set KINEVOX_TEST_DATA to the folder that holds studio/walk")
+        sys.exit(77)
+    unittest.main()

@@ -1,0 +1,141 @@
+#include "tests/support/fake_capture.h"
+
+namespace kinevox::testing {
+namespace {
+
+constexpr int kWidth = 64, kHeight = 48;
+
+Picture picture(std::uint8_t grey) {
+    std::shared_ptr<std::uint8_t[]> data(new std::uint8_t[kWidth * kHeight * 3]);
+    std::fill_n(data.get(), kWidth * kHeight * 3, grey);
+    return {kWidth, kHeight, 3, data};
+}
+
+}  // namespace
+
+std::vector<Camera> fake_cameras() {
+    Camera left;
+    left.name = "left";
+    left.width = kWidth;
+    left.height = kHeight;
+    left.fx = left.fy = 60;
+    left.cx = 31.5;
+    left.cy = 23.5;
+    left.camera_from_world.rotation.m = {1, 0, 0, 0, 0, -1, 0, 1, 0};   // looks along +y, z up
+    left.camera_from_world.translation = {0, 1, 4};
+    Camera right = left;
+    right.name = "right";
+    right.camera_from_world.translation = {-0.5, 1, 4};
+    return {left, right};
+}
+
+class FakeSource : public FrameSource {
+  public:
+    explicit FakeSource(FakeSourceControl& control) : control_(control), cameras_(fake_cameras()) {}
+
+    const std::vector<Camera>& cameras() const override { return cameras_; }
+    double fps() const override { return 100; }
+    std::int64_t frame_count() const override { return -1; }
+    absl::StatusOr<std::vector<std::vector<Picture>>> background() override {
+        if (!control_.with_background) return std::vector<std::vector<Picture>>();
+        return std::vector<std::vector<Picture>>(2, {picture(10), picture(11)});
+    }
+    absl::StatusOr<FrameSet> next() override {
+        std::unique_lock lock(control_.mutex_);
+        control_.changed_.wait(lock, [&] { return stopped_ || control_.waiting_ > 0 || control_.last_; });
+        if (stopped_) return absl::CancelledError("stopped");
+        if (control_.waiting_ == 0) return *control_.last_;
+        --control_.waiting_;
+        sequence_ += static_cast<std::uint64_t>(std::exchange(control_.lost_, 0));
+        FrameSet set;
+        set.sequence = sequence_++;
+        set.capture_time_ns = static_cast<std::int64_t>(set.sequence) * 10'000'000;
+        set.pictures = {picture(static_cast<std::uint8_t>(100 + set.sequence % 100)), picture(50)};
+        return set;
+    }
+    void stop() override {
+        const std::scoped_lock lock(control_.mutex_);
+        stopped_ = true;
+        control_.changed_.notify_all();
+    }
+
+  private:
+    FakeSourceControl& control_;
+    const std::vector<Camera> cameras_;
+    std::uint64_t sequence_ = 0;
+    bool stopped_ = false;   // under the control's mutex
+};
+
+void FakeSourceControl::give(int frame_sets) {
+    const std::scoped_lock lock(mutex_);
+    waiting_ += frame_sets;
+    changed_.notify_all();
+}
+
+void FakeSourceControl::end() { fail(absl::OutOfRangeError("the recording is over")); }
+
+void FakeSourceControl::fail(absl::Status status) {
+    const std::scoped_lock lock(mutex_);
+    last_ = std::move(status);
+    changed_.notify_all();
+}
+
+void FakeSourceControl::lose(int frame_sets) {
+    const std::scoped_lock lock(mutex_);
+    lost_ += frame_sets;
+}
+
+std::unique_ptr<FrameSource> FakeSourceControl::open() {
+    const std::scoped_lock lock(mutex_);
+    ++opened_;
+    return std::make_unique<FakeSource>(*this);
+}
+
+int FakeSourceControl::opened() const {
+    const std::scoped_lock lock(mutex_);
+    return opened_;
+}
+
+absl::Status FakePipeline::learn_background(const std::vector<std::vector<Picture>>& empty_scene) {
+    learned_pictures = empty_scene.front().size();
+    return absl::OkStatus();
+}
+
+absl::StatusOr<FrameResultPtr> FakePipeline::process(FrameSet frame_set) {
+    if (process_error) return *process_error;
+    auto result = std::make_shared<FrameResult>(*fake_result(frame_set.sequence, volume_));
+    result->capture_time_ns = frame_set.capture_time_ns;
+    result->frame_set = std::move(frame_set);
+    kernels::Silhouettes silhouettes;
+    silhouettes.width = kWidth;
+    silhouettes.height = kHeight;
+    silhouettes.sharp.assign(kWidth * kHeight, 0);
+    silhouettes.loose.assign(kWidth * kHeight, 0);
+    for (int y = 10; y < 40; ++y)
+        for (int x = 20; x < 44; ++x) {
+            silhouettes.loose[static_cast<std::size_t>(y * kWidth + x)] = 255;
+            if (x >= 24 && x < 40) silhouettes.sharp[static_cast<std::size_t>(y * kWidth + x)] = 255;
+        }
+    result->silhouettes.assign(2, silhouettes);
+    result->silhouette_iou = {0.9f, 0.8f};
+    return result;
+}
+
+FrameResultPtr fake_result(std::uint64_t sequence, std::shared_ptr<const Volume> volume) {
+    auto result = std::make_shared<FrameResult>();
+    result->sequence = sequence;
+    result->capture_time_ns = static_cast<std::int64_t>(sequence) * 10'000'000;
+    result->times.hull_ms = 2;
+    result->times.total_ms = 5;
+    result->volume = std::move(volume);
+    if (result->volume) {
+        SubjectTrack track;
+        track.subject_id = 1;
+        track.centre_in_world = {0.1, 0.2, 0.9};
+        track.camera_used = {true, false};
+        result->subject = track;
+    }
+    return result;
+}
+
+}  // namespace kinevox::testing

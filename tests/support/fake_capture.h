@@ -1,0 +1,58 @@
+// A capture without cameras or compute: a source that hands out what the test gives it, and a pipeline that turns
+// each frame set into a known volume. Nothing here sleeps.
+#pragma once
+
+#include <condition_variable>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <optional>
+
+#include "server/cameras/frame_source.h"
+#include "server/pipeline/pipeline.h"
+
+namespace kinevox::testing {
+
+// Two cameras "left" and "right", 64 x 48 px, 100 frame sets a second.
+std::vector<Camera> fake_cameras();
+
+// What a test and the sources it made share; lives longer than both.
+class FakeSourceControl {
+  public:
+    bool with_background = true;
+
+    void give(int frame_sets);              // so many more may be handed out
+    void end();                             // the recording is over after those
+    void fail(absl::Status status);         // next() says so after those
+    void lose(int frame_sets);              // a gap in the sequence before the next one
+    std::unique_ptr<FrameSource> open();    // a source from sequence 0
+    int opened() const;
+
+  private:
+    friend class FakeSource;
+    mutable std::mutex mutex_;
+    std::condition_variable changed_;
+    int waiting_ = 0, lost_ = 0, opened_ = 0;
+    std::optional<absl::Status> last_;
+};
+
+// process() gives `volume`, learn_background() succeeds. Counts calls.
+class FakePipeline : public Pipeline {
+  public:
+    explicit FakePipeline(std::shared_ptr<const Volume> volume) : volume_(std::move(volume)) {}
+
+    absl::Status learn_background(const std::vector<std::vector<Picture>>& empty_scene) override;
+    absl::StatusOr<FrameResultPtr> process(FrameSet frame_set) override;
+    void reset_track() override {}
+
+    std::size_t learned_pictures = 0;             // a camera; read when nothing runs
+    std::optional<absl::Status> process_error;    // set before the start
+
+  private:
+    std::shared_ptr<const Volume> volume_;
+};
+
+// A result of the given number with `volume`, without pictures.
+FrameResultPtr fake_result(std::uint64_t sequence, std::shared_ptr<const Volume> volume);
+
+}  // namespace kinevox::testing

@@ -1,0 +1,215 @@
+#include "server/pipeline/runner.h"
+
+#include <future>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/support/fake_capture.h"
+#include "tests/support/person_volume.h"
+
+namespace kinevox {
+namespace {
+
+using ::testing::HasSubstr;
+
+class RunnerTest : public ::testing::Test {
+  protected:
+    RunnerTest() {
+        auto pipeline = std::make_unique<testing::FakePipeline>(
+            std::make_shared<const Volume>(testing::person_volume(0.05)));
+        pipeline_ = pipeline.get();
+        box_ = hub_.subscribe_volumes({MailboxOptions::WhenFull::kOverflow, 1000, SIZE_MAX}, [this] { changed(); });
+        events_ = hub_.subscribe_events(0, [this] { changed(); });
+        runner_.emplace(source_.open(), [this] { return source_.open(); }, std::move(pipeline), hub_);
+    }
+
+    void changed() {
+        const std::scoped_lock lock(mutex_);
+        changed_.notify_all();
+    }
+
+    // Waits for the next so many results; their sequences.
+    std::vector<std::uint64_t> results(std::size_t count) {
+        std::vector<std::uint64_t> out;
+        std::unique_lock lock(mutex_);
+        changed_.wait(lock, [&] {
+            while (out.size() < count)
+                if (const auto taken = box_->take())
+                    out.push_back(taken->message->sequence), last_ = taken->message;
+                else
+                    return false;
+            return true;
+        });
+        return out;
+    }
+
+    // Waits for an event of this kind; its message.
+    std::string event(EventKind kind) {
+        std::string message;
+        std::unique_lock lock(mutex_);
+        changed_.wait(lock, [&] {
+            while (const auto taken = events_->take())
+                if (taken->message.event.kind == kind) {
+                    message = taken->message.event.message;
+                    return true;
+                }
+            return false;
+        });
+        return message;
+    }
+
+    std::mutex mutex_;
+    std::condition_variable changed_;
+    testing::FakeSourceControl source_;
+    StreamHub hub_;
+    std::shared_ptr<VolumeMailbox> box_;
+    std::shared_ptr<EventMailbox> events_;
+    std::shared_ptr<const PublishedVolume> last_;
+    testing::FakePipeline* pipeline_ = nullptr;
+    std::optional<Runner> runner_;   // last: its threads use the others
+};
+
+TEST_F(RunnerTest, StartsLearnsAndPublishesInOrder) {
+    ASSERT_TRUE(runner_->start().ok());
+    EXPECT_THAT(event(EventKind::kBackgroundLearned), HasSubstr("2 pictures"));
+    source_.give(3);
+    EXPECT_THAT(results(3), ::testing::ElementsAre(0, 1, 2));
+    EXPECT_EQ(runner_->state().state, RunState::kRunning);
+    EXPECT_EQ(runner_->start().code(), absl::StatusCode::kFailedPrecondition);
+    ASSERT_TRUE(runner_->stop().ok());
+    EXPECT_EQ(pipeline_->learned_pictures, 2u);
+    EXPECT_EQ(runner_->state().state, RunState::kStopped);
+    EXPECT_EQ(runner_->stop().code(), absl::StatusCode::kFailedPrecondition);
+}
+
+TEST_F(RunnerTest, CaptureTimesBecomeUtcWithTheRecordingsOwnSteps) {
+    ASSERT_TRUE(runner_->start().ok());
+    const auto now = std::chrono::duration_cast<std::chrono::nanoseconds>(
+                         std::chrono::system_clock::now().time_since_epoch()).count();
+    source_.give(2);
+    results(1);
+    const std::int64_t first = last_->capture_time_utc_ns;
+    results(1);
+    EXPECT_NEAR(static_cast<double>(first - now), 0, 60e9);
+    EXPECT_EQ(last_->capture_time_utc_ns - first, 10'000'000);
+}
+
+TEST_F(RunnerTest, CountsFrameSetsLostBeforeThePipeline) {
+    ASSERT_TRUE(runner_->start().ok());
+    source_.give(1);
+    results(1);
+    source_.lose(3);
+    source_.give(1);
+    EXPECT_THAT(results(1), ::testing::ElementsAre(4));
+    EXPECT_EQ(runner_->figures().lost, 3u);
+    EXPECT_EQ(runner_->figures().results, 2u);
+}
+
+TEST_F(RunnerTest, AnEndedRecordingStartsAgainFromItsBeginning) {
+    source_.give(2);
+    source_.end();
+    ASSERT_TRUE(runner_->start().ok());
+    event(EventKind::kSourceEnded);
+    EXPECT_EQ(runner_->state().state, RunState::kEnded);
+    EXPECT_THAT(results(2), ::testing::ElementsAre(0, 1));
+    source_.give(1);
+    ASSERT_TRUE(runner_->start().ok());
+    EXPECT_THAT(results(1), ::testing::ElementsAre(0));
+    EXPECT_EQ(source_.opened(), 2);
+}
+
+TEST_F(RunnerTest, ASourcesErrorIsAnEventAndAState) {
+    source_.fail(absl::DataLossError("camera left: clip.mp4 breaks off at frame 7"));
+    ASSERT_TRUE(runner_->start().ok());
+    EXPECT_THAT(event(EventKind::kError), HasSubstr("breaks off"));
+    EXPECT_EQ(runner_->state().state, RunState::kFailed);
+    EXPECT_THAT(runner_->state().message, HasSubstr("breaks off"));
+}
+
+TEST_F(RunnerTest, ThePipelinesErrorEndsTheRun) {
+    pipeline_->process_error = absl::InvalidArgumentError("camera left: picture of 10x10");
+    ASSERT_TRUE(runner_->start().ok());
+    source_.give(5);
+    EXPECT_THAT(event(EventKind::kError), HasSubstr("10x10"));
+    EXPECT_EQ(runner_->state().state, RunState::kFailed);
+}
+
+TEST_F(RunnerTest, LearnsFromLiveFramesWhichYieldNoResults) {
+    ASSERT_TRUE(runner_->start().ok());
+    source_.give(1);
+    results(1);
+    std::promise<absl::Status> learned;
+    runner_->learn_background(5, [&](absl::Status status) { learned.set_value(std::move(status)); });
+    EXPECT_EQ(runner_->state().state, RunState::kLearning);
+    source_.give(6);
+    EXPECT_TRUE(learned.get_future().get().ok());
+    EXPECT_THAT(results(1), ::testing::ElementsAre(6));
+    ASSERT_TRUE(runner_->stop().ok());
+    EXPECT_EQ(pipeline_->learned_pictures, 5u);
+}
+
+TEST_F(RunnerTest, WithoutABackgroundThePicturesComeAloneUntilOneIsLearned) {
+    source_.with_background = false;
+    ASSERT_TRUE(runner_->start().ok());
+    source_.give(1);
+    results(1);
+    EXPECT_EQ(last_->volume, nullptr);
+    std::promise<absl::Status> learned;
+    runner_->learn_background(2, [&](absl::Status status) { learned.set_value(std::move(status)); });
+    source_.give(3);
+    EXPECT_TRUE(learned.get_future().get().ok());
+    results(1);
+    EXPECT_NE(last_->volume, nullptr);
+}
+
+TEST_F(RunnerTest, RefusesToLearnWhatItCannot) {
+    const auto told = [&](int frames) {
+        absl::Status out;
+        runner_->learn_background(frames, [&](absl::Status status) { out = std::move(status); });
+        return out;
+    };
+    EXPECT_EQ(told(-1).code(), absl::StatusCode::kInvalidArgument);
+    EXPECT_EQ(told(1001).code(), absl::StatusCode::kInvalidArgument);
+    EXPECT_EQ(told(5).code(), absl::StatusCode::kFailedPrecondition) << "nothing runs";
+    EXPECT_TRUE(told(0).ok()) << "the source's own clip";
+    ASSERT_TRUE(runner_->start().ok());
+    EXPECT_EQ(told(0).code(), absl::StatusCode::kFailedPrecondition) << "it runs";
+    ASSERT_TRUE(runner_->stop().ok());
+    source_.with_background = false;
+    EXPECT_THAT(std::string(told(0).message()), HasSubstr("no clip of the empty scene"));
+}
+
+TEST_F(RunnerTest, AStopEndsALearningInProgress) {
+    ASSERT_TRUE(runner_->start().ok());
+    std::promise<absl::Status> learned;
+    runner_->learn_background(5, [&](absl::Status status) { learned.set_value(std::move(status)); });
+    ASSERT_TRUE(runner_->stop().ok());
+    EXPECT_EQ(learned.get_future().get().code(), absl::StatusCode::kAborted);
+}
+
+TEST_F(RunnerTest, AfterAnAbortNothingStarts) {
+    ASSERT_TRUE(runner_->start().ok());
+    runner_->abort();
+    EXPECT_TRUE(runner_->stop().ok());
+    EXPECT_EQ(runner_->start().code(), absl::StatusCode::kUnavailable);
+}
+
+TEST(RunStatistics, RatesMediansAndLosses) {
+    RunStatistics statistics;
+    const auto start = RunStatistics::Clock::now();
+    for (int i = 0; i < 100; ++i) {
+        StageTimes times;
+        times.hull_ms = i % 10;
+        times.total_ms = i == 99 ? 1000 : 10;
+        statistics.add(static_cast<std::uint64_t>(i), times, start + i * std::chrono::milliseconds(20));
+    }
+    const auto figures = statistics.figures(start + 99 * std::chrono::milliseconds(20));
+    EXPECT_NEAR(figures.results_per_second, 50, 1e-6);
+    EXPECT_EQ(figures.median.total_ms, 10);
+    EXPECT_NEAR(figures.median.hull_ms, 4.5, 0.6);
+    EXPECT_EQ(statistics.figures(start + std::chrono::seconds(10)).results_per_second, 0);
+}
+
+}  // namespace
+}  // namespace kinevox

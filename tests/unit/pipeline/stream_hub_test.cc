@@ -1,0 +1,149 @@
+#include "server/pipeline/stream_hub.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/support/fake_capture.h"
+#include "tests/support/person_volume.h"
+
+namespace kinevox {
+namespace {
+
+using ::testing::ElementsAre;
+using testing::fake_result;
+
+std::shared_ptr<const Volume> person() {
+    static const auto volume = std::make_shared<const Volume>(testing::person_volume(0.04));
+    return volume;
+}
+
+std::vector<std::uint64_t> sequences_in(VolumeMailbox& box) {
+    std::vector<std::uint64_t> out;
+    while (const auto taken = box.take()) out.push_back(taken->message->sequence);
+    return out;
+}
+
+constexpr auto nobody = [] {};
+const MailboxOptions kLossless{MailboxOptions::WhenFull::kOverflow, 4, SIZE_MAX};
+
+TEST(StreamHub, LatestOnlyTakesTheNewestAndCountsWhatItMissed) {
+    StreamHub hub;
+    const auto box = hub.subscribe_volumes({}, nobody);
+    for (std::uint64_t i = 0; i < 5; ++i) hub.publish(fake_result(i, person()), 0);
+    const auto taken = box->take();
+    ASSERT_TRUE(taken);
+    EXPECT_EQ(taken->message->sequence, 4u);
+    EXPECT_EQ(taken->missed, 4u);
+    EXPECT_FALSE(box->take());
+    hub.publish(fake_result(5, person()), 0);
+    EXPECT_EQ(box->take()->missed, 0u) << "what was told once is not told again";
+}
+
+TEST(StreamHub, LosslessMissesNoneWithinItsBounds) {
+    StreamHub hub;
+    const auto box = hub.subscribe_volumes(kLossless, nobody);
+    for (std::uint64_t i = 0; i < 4; ++i) hub.publish(fake_result(i, person()), 0);
+    EXPECT_THAT(sequences_in(*box), ElementsAre(0, 1, 2, 3));
+    for (std::uint64_t i = 4; i < 8; ++i) hub.publish(fake_result(i, person()), 0);
+    EXPECT_THAT(sequences_in(*box), ElementsAre(4, 5, 6, 7));
+    EXPECT_TRUE(box->status().ok());
+}
+
+TEST(StreamHub, LosslessThatOverflowsSaysSoAndLetsItsMemoryGo) {
+    StreamHub hub;
+    const auto box = hub.subscribe_volumes(kLossless, nobody);
+    const auto volume = std::make_shared<const Volume>(*person());
+    for (std::uint64_t i = 0; i < 5; ++i) hub.publish(fake_result(i, volume), 0);
+    EXPECT_EQ(box->status().code(), absl::StatusCode::kResourceExhausted);
+    EXPECT_EQ(box->queued(), 0u);
+    hub.publish(fake_result(5, nullptr), 0);
+    EXPECT_EQ(box->queued(), 0u) << "after the end nothing is queued";
+    EXPECT_EQ(volume.use_count(), 1) << "ours; the hub keeps the newest result alone";
+}
+
+TEST(StreamHub, LosslessIsBoundedInBytesToo) {
+    StreamHub hub;
+    const std::size_t one = person()->bricks.size() * sizeof(VolumeBrick) + person()->colours.size() * sizeof(Rgb);
+    const auto box = hub.subscribe_volumes({MailboxOptions::WhenFull::kOverflow, 1000, 3 * one}, nobody);
+    hub.publish(fake_result(0, person()), 0);
+    hub.publish(fake_result(1, person()), 0);
+    EXPECT_TRUE(box->status().ok());
+    hub.publish(fake_result(2, person()), 0);
+    EXPECT_EQ(box->status().code(), absl::StatusCode::kResourceExhausted);
+}
+
+TEST(StreamHub, AQueuedVolumeDoesNotKeepThePicturesAlive) {
+    StreamHub hub;
+    const auto box = hub.subscribe_volumes(kLossless, nobody);
+    FrameResultPtr result = fake_result(0, person());
+    const std::weak_ptr<const FrameResult> pictures = result;
+    hub.publish(result, 0);
+    result.reset();
+    hub.publish(fake_result(1, person()), 0);   // the hub itself keeps the newest alone
+    EXPECT_TRUE(pictures.expired());
+    EXPECT_THAT(sequences_in(*box), ElementsAre(0, 1));
+}
+
+TEST(StreamHub, EncodingsAreMadeOnceForAllWhoShareAForm) {
+    StreamHub hub;
+    const auto first = hub.subscribe_volumes({}, nobody), second = hub.subscribe_volumes({}, nobody);
+    hub.publish(fake_result(0, person()), 0);
+    const auto a = first->take(), b = second->take();
+    int made = 0;
+    const auto make = [&] { return ++made, EncodedVolume{"bytes", 0.01}; };
+    EXPECT_EQ(a->message->encodings.get({0, true}, make), b->message->encodings.get({0, true}, make));
+    EXPECT_EQ(made, 1);
+    a->message->encodings.get({0, false}, make);
+    EXPECT_EQ(made, 2) << "another form is another encoding";
+}
+
+TEST(StreamHub, ToldOfEachPublicationAndOfTheEnd) {
+    StreamHub hub;
+    int told = 0;
+    const auto box = hub.subscribe_volumes({}, [&] { ++told; });
+    hub.publish(fake_result(0, person()), 0);
+    EXPECT_EQ(told, 1);
+    hub.close(absl::UnavailableError("the daemon is stopping"));
+    EXPECT_EQ(told, 2);
+    EXPECT_THAT(sequences_in(*box), ElementsAre(0)) << "what was published before the end is still given out";
+    EXPECT_EQ(box->status().code(), absl::StatusCode::kUnavailable);
+    const auto late = hub.subscribe_volumes({}, nobody);
+    EXPECT_EQ(late->status().code(), absl::StatusCode::kUnavailable);
+}
+
+TEST(StreamHub, EventsComeInOrderWithThePastFirst) {
+    StreamHub hub;
+    for (int i = 0; i < 3; ++i) hub.publish_event({EventKind::kStarted, 0, 0, {}, std::to_string(i)}, 7);
+    const auto box = hub.subscribe_events(2, nobody);
+    hub.publish_event({EventKind::kStopped, 0, 0, {}, "3"}, 8);
+    std::vector<std::string> messages;
+    std::vector<std::uint64_t> numbers;
+    while (const auto taken = box->take()) {
+        messages.push_back(taken->message.event.message);
+        numbers.push_back(taken->message.number);
+    }
+    EXPECT_THAT(messages, ElementsAre("1", "2", "3"));
+    EXPECT_THAT(numbers, ElementsAre(2, 3, 4));
+}
+
+TEST(StreamHub, AnEventSubscriberThatSleepsLosesTheOldestAndIsTold) {
+    StreamHub hub;
+    const auto box = hub.subscribe_events(0, nobody);
+    for (std::size_t i = 0; i < StreamHub::kQueuedEvents + 10; ++i)
+        hub.publish_event({EventKind::kStarted, 0, 0, {}, {}}, 0);
+    const auto taken = box->take();
+    EXPECT_EQ(taken->message.number, 11u);
+    EXPECT_EQ(taken->missed, 10u);
+    EXPECT_EQ(box->take()->missed, 0u);
+}
+
+TEST(StreamHub, ForgetsSubscribersThatLeft) {
+    StreamHub hub;
+    auto box = hub.subscribe_volumes({}, nobody);
+    EXPECT_EQ(hub.subscribers().volumes, 1);
+    box.reset();
+    EXPECT_EQ(hub.subscribers().volumes, 0);
+}
+
+}  // namespace
+}  // namespace kinevox
