@@ -81,4 +81,12 @@ absl::StatusOr<std::string> read_file(const std::filesystem::path& file, std::si
     return contents;
 }
 
+absl::StatusOr<std::filesystem::path> folder_of(const std::filesystem::path& file) {
+    std::error_code error;
+    const std::filesystem::path absolute = std::filesystem::absolute(file, error);
+    if (error)
+        return absl::InvalidArgumentError(fmt::format("{}: {}; check the path", file.string(), error.message()));
+    return absolute.lexically_normal().parent_path();
+}
+
 }  // namespace kinevox

@@ -16,4 +16,7 @@ absl::Status write_file_atomically(const std::filesystem::path& file, std::strin
 // The whole file. NotFound if it is not there, InvalidArgument if it is larger than `max_bytes` or no file.
 absl::StatusOr<std::string> read_file(const std::filesystem::path& file, std::size_t max_bytes = 16 << 20);
 
+// The absolute folder that a file's relative names are meant from.
+absl::StatusOr<std::filesystem::path> folder_of(const std::filesystem::path& file);
+
 }  // namespace kinevox

@@ -143,12 +143,9 @@ absl::StatusOr<DaemonConfig> parse_config_toml(const std::string& text, const st
 absl::StatusOr<DaemonConfig> read_config(const std::filesystem::path& file) {
     const absl::StatusOr<std::string> text = read_file(file);
     if (!text.ok()) return text.status();
-    std::error_code error;
-    const std::filesystem::path absolute = std::filesystem::absolute(file, error);
-    if (error)
-        return absl::InvalidArgumentError(
-            fmt::format("{}: {}; check the path", file.string(), error.message()));
-    return parse_config_toml(*text, absolute.lexically_normal().parent_path(), file.string(), true);
+    const absl::StatusOr<std::filesystem::path> folder = folder_of(file);
+    if (!folder.ok()) return folder.status();
+    return parse_config_toml(*text, *folder, file.string(), true);
 }
 
 }  // namespace kinevox

@@ -82,12 +82,9 @@ absl::StatusOr<Session> parse_session_toml(const std::string& text, const std::f
 absl::StatusOr<Session> read_session(const std::filesystem::path& file) {
     const absl::StatusOr<std::string> text = read_file(file);
     if (!text.ok()) return text.status();
-    std::error_code error;
-    const std::filesystem::path absolute = std::filesystem::absolute(file, error);
-    if (error)
-        return absl::InvalidArgumentError(
-            fmt::format("{}: {}; check the path", file.string(), error.message()));
-    return parse_session_toml(*text, absolute.lexically_normal().parent_path(), file.string(), true);
+    const absl::StatusOr<std::filesystem::path> folder = folder_of(file);
+    if (!folder.ok()) return folder.status();
+    return parse_session_toml(*text, *folder, file.string(), true);
 }
 
 absl::StatusOr<std::vector<Camera>> read_session_cameras(const Session& session) {

@@ -37,7 +37,7 @@ void declare(CLI::App& app, Arguments& arguments, std::string& device, std::vect
         ->delimiter(',')
         ->check(CLI::IsMember({"silhouettes", "volumes"}));
     app.add_option("--device", device, "cpu or cuda")->check(CLI::IsMember({"cpu", "cuda"}))->capture_default_str();
-    app.add_option("--voxel-mm", arguments.voxel_mm, "Edge of a voxel")->check(CLI::Range(1.0, 200.0))->capture_default_str();
+    app.add_option("--voxel-mm", arguments.voxel_mm, "Edge of a voxel, 1 to 200")->capture_default_str();
     app.add_option("--samples", options.pipeline.segmentation.samples, "Background samples per pixel, N")
         ->capture_default_str();
     app.add_flag("--no-colouring", arguments.no_colouring, "Stop at the hull: no carving by colour, no colours");
@@ -68,6 +68,10 @@ int run(int argc, char** argv) {
     kinevox::ProcessOptions& options = arguments.options;
     if (options.out_folder.empty()) {
         fmt::print(stderr, "kinevox process: --out is empty; give the folder for the results\n");
+        return 1;
+    }
+    if (!(arguments.voxel_mm >= 1 && arguments.voxel_mm <= 200)) {   // NaN neither
+        fmt::print(stderr, "kinevox process: --voxel-mm is {:g}; give 1 to 200\n", arguments.voxel_mm);
         return 1;
     }
     options.pipeline.device = device == "cuda" ? kinevox::kernels::Device::kCuda : kinevox::kernels::Device::kCpu;

@@ -1,5 +1,5 @@
 // What users get wrong, given to the real programs: each ends with status 1 and exactly one line on standard error that
-// names the thing, and leaves nothing behind. The readers' own tables are in tests/unit.
+// names the thing, and leaves nothing behind. The readers' own tables are in tests/unit, a port in use is in daemon_test.
 #include <signal.h>
 #include <sys/stat.h>
 
@@ -225,8 +225,8 @@ TEST_F(BadInputTest, FlagsOfProcess) {
         {{good, "--out", (file / "below").string()}, {file.string(), "Not a directory"}},
         {{good, "--out", "/proc/kinevox"}, {"/proc/kinevox", "cannot be written"}},
     };
-    for (const char* edge_mm : {"0", "-5", "1e9", "0.0001", "nan", "inf", "ten"})
-        table.push_back({{good, "--out", out(), "--voxel-mm", edge_mm}, {"voxel", edge_mm}});
+    for (const char* edge_mm : {"0", "-5", "1e+09", "0.0001", "nan", "inf", "ten"})
+        table.push_back({{good, "--out", out(), "--voxel-mm", edge_mm}, {"--voxel-mm", edge_mm}});
     // More voxels than memory holds is noticed at the first lattice, not by running out of it.
     table.push_back({{good, "--out", out(), "--voxel-mm", "1"}, {"voxel"}});
     if (fs::exists("/dev/nvidia0"))
