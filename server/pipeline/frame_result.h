@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "common/body_pose.h"
 #include "common/geometry.h"
 #include "common/volume.h"
 #include "kernels/segmentation.h"
@@ -20,7 +21,7 @@ struct StageTimes {
     double tracking_ms = 0;
     double hull_ms = 0;
     double colouring_ms = 0;
-    double pose_ms = 0;          // 0 until there is a pose stage
+    double pose_ms = 0;          // 0 without a pose stage
     double total_ms = 0;         // from the frame set's arrival in the pipeline to its result
 };
 
@@ -64,6 +65,7 @@ struct FrameResult {
     std::optional<SubjectTrack> subject;                  // empty while nobody is tracked
     std::shared_ptr<const Volume> volume;                 // coloured; null while nobody is tracked. Shared, so that
                                                           // a queued volume does not keep the pictures alive
+    std::shared_ptr<const BodyPose> pose;                 // null while nobody is tracked or no body fits
     std::vector<float> silhouette_iou;                    // per camera, 0..1, NaN where there is nothing to compare
     std::vector<Event> events;
     StageTimes times;

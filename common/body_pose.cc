@@ -1,0 +1,48 @@
+#include "common/body_pose.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace kinevox {
+namespace {
+
+template <class Names>
+std::optional<std::size_t> index_of(const Names& names, std::string_view name) {
+    const auto found = std::find(names.begin(), names.end(), name);
+    if (found == names.end()) return std::nullopt;
+    return static_cast<std::size_t>(found - names.begin());
+}
+
+}  // namespace
+
+// Shepperd's method: the largest of the four is computed from the diagonal, the others from it.
+Quaternion quaternion_from_rotation(const Mat3& r) {
+    const double trace = r(0, 0) + r(1, 1) + r(2, 2);
+    Quaternion q;
+    if (trace > 0) {
+        const double s = 2 * std::sqrt(1 + trace);
+        q = {s / 4, (r(2, 1) - r(1, 2)) / s, (r(0, 2) - r(2, 0)) / s, (r(1, 0) - r(0, 1)) / s};
+    } else if (r(0, 0) > r(1, 1) && r(0, 0) > r(2, 2)) {
+        const double s = 2 * std::sqrt(1 + r(0, 0) - r(1, 1) - r(2, 2));
+        q = {(r(2, 1) - r(1, 2)) / s, s / 4, (r(0, 1) + r(1, 0)) / s, (r(0, 2) + r(2, 0)) / s};
+    } else if (r(1, 1) > r(2, 2)) {
+        const double s = 2 * std::sqrt(1 + r(1, 1) - r(0, 0) - r(2, 2));
+        q = {(r(0, 2) - r(2, 0)) / s, (r(0, 1) + r(1, 0)) / s, s / 4, (r(1, 2) + r(2, 1)) / s};
+    } else {
+        const double s = 2 * std::sqrt(1 + r(2, 2) - r(0, 0) - r(1, 1));
+        q = {(r(1, 0) - r(0, 1)) / s, (r(0, 2) + r(2, 0)) / s, (r(1, 2) + r(2, 1)) / s, s / 4};
+    }
+    if (q.w < 0) q = {-q.w, -q.x, -q.y, -q.z};
+    return q;
+}
+
+std::array<Vec3, kJointNames.size()> BodyPose::joint_positions() const {
+    std::array<Vec3, kJointNames.size()> positions;
+    for (std::size_t j = 0; j < joints.size(); ++j) positions[j] = joints[j].in_world;
+    return positions;
+}
+
+std::optional<std::size_t> joint_index(std::string_view name) { return index_of(kJointNames, name); }
+std::optional<std::size_t> angle_index(std::string_view name) { return index_of(kJointAngleNames, name); }
+
+}  // namespace kinevox

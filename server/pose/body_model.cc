@@ -1,0 +1,114 @@
+#include "server/pose/body_model.h"
+
+#include "server/pose/body_surface.h"
+
+namespace kinevox {
+namespace {
+
+enum Joint : int {
+    kRoot, kSacroiliac, kSkullbase, kHeadTop, kShoulderJointL, kElbowL, kWristL, kHandTipL, kHipL, kKneeL, kAnkleL,
+    kToeL, kShoulderJointR, kElbowR, kWristR, kHandTipR, kHipR, kKneeR, kAnkleR, kToeR
+};
+constexpr std::array<int, kJointNames.size()> kJointSegment{
+    kPelvis, kThorax, kHead, kHead, kUpperArmL, kForearmL, kHandL, kHandL, kThighL, kShankL, kFootL, kFootL,
+    kUpperArmR, kForearmR, kHandR, kHandR, kThighR, kShankR, kFootR, kFootR};
+
+// Of the hips' middle from the root, parts of the length from root to waist: the root lies in front of the sacrum, just
+// above the line between the hips.
+constexpr double kHipsBehindRoot = 0.06, kHipsBelowRoot = 0.045;
+
+constexpr Vec3 kDown{0, 0, -1};
+
+// Least squares over CMU motions on a skeleton with clavicles: row: shift forward, outward, up; column: direction of
+// the upper arm; m for a body of 1.75 m. It leaves 2 to 4 mm of movements of 13 mm (Inman et al. 1944 describe the
+// rhythm).
+constexpr double kRhythmStature = 1.75;
+constexpr Mat3 kRhythm{{0.011, -0.030, 0.010, 0.005, 0.010, 0.001, 0.011, 0.011, 0.014}};
+
+Vec3 mirrored(Vec3 v, bool left) { return left ? v : Vec3{v.x, -v.y, v.z}; }
+
+}  // namespace
+
+BodyModel::BodyModel(const BodyShape& shape) : shape_(shape), capsules_(body_surface(shape)) {
+    const BodyShape& s = shape_;
+    const double hips_x = -kHipsBehindRoot * s[kRootToWaist], hips_z = -kHipsBelowRoot * s[kRootToWaist];
+    offsets_[kPelvis] = {0, 0, 0};
+    offsets_[kThorax] = {hips_x, 0, s[kRootToWaist]};
+    offsets_[kHead] = {0, 0, s[kWaistToSkullbase]};
+    for (const bool left : {true, false}) {
+        const int leg = left ? kThighL : kThighR, arm = left ? kUpperArmL : kUpperArmR;
+        offsets_[leg] = mirrored({hips_x, s[kHipHalfWidth], hips_z}, left);
+        offsets_[leg + 1] = {0, 0, -s[kThigh]};
+        offsets_[leg + 2] = {0, 0, -s[kShank]};
+        offsets_[arm] = mirrored({-0.02 * s[kWaistToShoulders], s[kShoulderHalfWidth], s[kWaistToShoulders]}, left);
+        offsets_[arm + 1] = {0, 0, -s[kUpperArm]};
+        offsets_[arm + 2] = {0, 0, -s[kForearm]};
+    }
+    joint_offsets_.fill({0, 0, 0});
+    joint_offsets_[kHeadTop] = {0, 0, s[kSkullbaseToTop]};
+    for (const int hand : {kHandTipL, kHandTipR}) joint_offsets_[hand] = {0, 0, -s[kHand]};
+    for (const int toe : {kToeL, kToeR}) joint_offsets_[toe] = {s[kAnkleToToe], 0, 0.6 * s[kFootRadius] - s[kAnkleHeight]};
+}
+
+int BodyModel::joint_segment(int joint) { return kJointSegment[joint]; }
+
+Vec3 BodyModel::shoulder_shift(bool left, Vec3 arm_direction) const {
+    const Vec3 from_hanging = mirrored(arm_direction - kDown, left);
+    return (shape_.stature_m / kRhythmStature) * mirrored(kRhythm * from_hanging, left);
+}
+
+PosedBody BodyModel::forward(const BodyPosture& posture) const {
+    PosedBody posed;
+    posed.world_from_segment[kPelvis] = {posture.parent_from_segment[kPelvis], posture.root_in_world};
+    for (int s = 1; s < kBodySegmentCount; ++s) {
+        const Mat3& rotation = posture.parent_from_segment[s];
+        Vec3 offset = offsets_[s];
+        if (s == kUpperArmL || s == kUpperArmR) offset += shoulder_shift(s == kUpperArmL, rotation * kDown);
+        posed.world_from_segment[s] = posed.world_from_segment[kBodyParent[s]] * Rigid3{rotation, offset};
+    }
+    for (std::size_t j = 0; j < kJointNames.size(); ++j)
+        posed.joints_in_world[j] = posed.world_from_segment[kJointSegment[j]] * joint_offsets_[j];
+    return posed;
+}
+
+void BodyModel::capsules(const PosedBody& posed, std::vector<BodyCapsule>& out) const {
+    out.resize(capsules_.size());
+    const auto place = [](const Rigid3& t, const float* from, float* to) {
+        const Vec3 p = t * Vec3{from[0], from[1], from[2]};
+        to[0] = static_cast<float>(p.x), to[1] = static_cast<float>(p.y), to[2] = static_cast<float>(p.z);
+    };
+    for (std::size_t k = 0; k < capsules_.size(); ++k) {
+        const Rigid3& world_from_segment = posed.world_from_segment[capsules_[k].segment];
+        out[k] = capsules_[k];
+        place(world_from_segment, capsules_[k].a, out[k].a);
+        place(world_from_segment, capsules_[k].b, out[k].b);
+    }
+}
+
+void BodyModel::point_jacobian(const PosedBody& posed, int segment, Vec3 point,
+                               std::span<Vec3, kBodyDofCount> out) const {
+    std::fill(out.begin(), out.end(), Vec3{});
+    out[0] = {1, 0, 0}, out[1] = {0, 1, 0}, out[2] = {0, 0, 1};
+    for (int s = segment; s >= 0; s = kBodyParent[s]) {
+        const Rigid3& world_from_segment = posed.world_from_segment[s];
+        const Vec3 arm = point - world_from_segment.translation;
+        const Mat3 world_from_parent =
+            s == kPelvis ? Mat3{} : posed.world_from_segment[kBodyParent[s]].rotation;
+        if (kSegmentDofCount[s] == 1) {
+            out[kSegmentDof[s]] = cross(world_from_parent * hinge_axis(s), arm);
+            continue;
+        }
+        const bool shoulder = s == kUpperArmL || s == kUpperArmR;
+        const Vec3 direction = world_from_parent.transposed() * (world_from_segment.rotation * kDown);
+        for (int k = 0; k < 3; ++k) {
+            const Vec3 axis{k == 0 ? 1.0 : 0.0, k == 1 ? 1.0 : 0.0, k == 2 ? 1.0 : 0.0};
+            Vec3 column = cross(world_from_parent * axis, arm);
+            // The girdle's shift is linear in the arm's direction, so its rate is the shift of the direction's rate.
+            if (shoulder)
+                column += world_from_parent * shoulder_shift(s == kUpperArmL, cross(axis, direction) + kDown);
+            out[kSegmentDof[s] + k] = column;
+        }
+    }
+}
+
+}  // namespace kinevox

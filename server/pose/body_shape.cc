@@ -1,0 +1,80 @@
+#include "server/pose/body_shape.h"
+
+#include <string>
+
+#include <fmt/format.h>
+
+#include "common/atomic_file.h"
+#include "common/toml_reader.h"
+
+namespace kinevox {
+
+const std::array<BodyLengthInfo, kBodyLengthCount> kBodyLengths{{
+    {"root_to_waist", 0.089, 0.05},
+    {"waist_to_skullbase", 0.292, 0.04},
+    {"skullbase_to_top", 0.084, 0.05},
+    {"hip_half_width", 0.060, 0.06},
+    {"shoulder_half_width", 0.100, 0.07},
+    {"waist_to_shoulders", 0.172, 0.05},
+    {"upper_arm", 0.152, 0.05},
+    {"forearm", 0.147, 0.05},
+    {"hand", 0.110, 0.06},
+    {"thigh", 0.242, 0.05},
+    {"shank", 0.247, 0.04},
+    {"ankle_to_toe", 0.110, 0.06},
+    {"ankle_height", 0.046, 0.10},
+    {"pelvis_half_width", 0.098, 0.12},
+    {"pelvis_half_depth", 0.068, 0.15},
+    {"waist_half_width", 0.084, 0.12},
+    {"waist_half_depth", 0.062, 0.15},
+    {"chest_half_width", 0.092, 0.12},
+    {"chest_half_depth", 0.066, 0.15},
+    {"neck_radius", 0.034, 0.15},
+    {"head_radius", 0.049, 0.10},
+    {"thigh_radius", 0.050, 0.15},
+    {"knee_radius", 0.034, 0.15},
+    {"calf_radius", 0.034, 0.15},
+    {"ankle_radius", 0.024, 0.15},
+    {"foot_radius", 0.023, 0.15},
+    {"upper_arm_radius", 0.031, 0.15},
+    {"elbow_radius", 0.025, 0.15},
+    {"forearm_radius", 0.025, 0.15},
+    {"wrist_radius", 0.017, 0.15},
+    {"hand_radius", 0.019, 0.20},
+}};
+
+BodyShape default_body_shape(double stature_m) {
+    BodyShape shape;
+    shape.stature_m = stature_m;
+    for (int k = 0; k < kBodyLengthCount; ++k)
+        shape.lengths_m[k] = kBodyLengths[k].fraction_of_stature * stature_m;
+    return shape;
+}
+
+double standing_height(const BodyShape& s) {
+    return s[kAnkleHeight] + s[kShank] + s[kThigh] + s[kRootToWaist] + s[kWaistToSkullbase] + s[kSkullbaseToTop];
+}
+
+absl::StatusOr<BodyShape> read_body_shape(const std::filesystem::path& file) {
+    auto text = read_file(file);
+    if (!text.ok()) return text.status();
+    auto document = TomlDocument::parse(*text, file.string());
+    if (!document.ok()) return document.status();
+    const TomlTable root = (*document)->root();
+    BodyShape shape;
+    shape.stature_m = root.number("stature_m", {0.5, 2.5});
+    for (int k = 0; k < kBodyLengthCount; ++k)
+        shape.lengths_m[k] = root.number(std::string(kBodyLengths[k].name) + "_m", {0.001, 2});
+    if (absl::Status finished = (*document)->finish(); !finished.ok()) return finished;
+    return shape;
+}
+
+absl::Status write_body_shape(const BodyShape& shape, const std::filesystem::path& file) {
+    std::string text = "# A subject's body: lengths between rotation centres, half-widths and radii; metres.\n";
+    text += fmt::format("stature_m = {}\n", toml_number(shape.stature_m));
+    for (int k = 0; k < kBodyLengthCount; ++k)
+        text += fmt::format("{}_m = {}\n", kBodyLengths[k].name, toml_number(shape.lengths_m[k]));
+    return write_file_atomically(file, text);
+}
+
+}  // namespace kinevox

@@ -1,0 +1,67 @@
+// The proportions of one person: segment lengths and half-widths of the surface, clothes included.
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <string_view>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+namespace kinevox {
+
+enum BodyLength : int {
+    // Between rotation centres, left and right alike.
+    kRootToWaist,          // root to sacroiliac
+    kWaistToSkullbase,     // sacroiliac to skullbase
+    kSkullbaseToTop,       // skullbase to the top of the head
+    kHipHalfWidth,         // middle of the hips to a hip
+    kShoulderHalfWidth,    // arms hanging
+    kWaistToShoulders,     // height of the shoulders above the sacroiliac, arms hanging
+    kUpperArm, kForearm,
+    kHand,                 // wrist to the tip of the middle finger
+    kThigh, kShank,
+    kAnkleToToe,           // forwards, to the tip of the second toe
+    kAnkleHeight,          // above the sole
+    // Half-widths and half-depths of the trunk, radii of the limbs.
+    kPelvisHalfWidth, kPelvisHalfDepth, kWaistHalfWidth, kWaistHalfDepth, kChestHalfWidth, kChestHalfDepth,
+    kNeckRadius, kHeadRadius,
+    kThighRadius,          // a quarter of the way from hip to knee
+    kKneeRadius, kCalfRadius, kAnkleRadius, kFootRadius,
+    kUpperArmRadius,       // a quarter of the way from shoulder to elbow
+    kElbowRadius,
+    kForearmRadius,        // a quarter of the way from elbow to wrist
+    kWristRadius, kHandRadius,
+    kBodyLengthCount
+};
+
+struct BodyLengthInfo {
+    std::string_view name;       // as in body.toml, there with the suffix _m
+    double fraction_of_stature;  // the default
+    double relative_std;         // between people of one stature: the prior of a fit
+};
+// Lengths: means of both sexes after de Leva (1996, joint centres) and Drillis & Contini (1966, as in Winter,
+// Biomechanics and Motor Control of Human Movement, table 4.1), hip and shoulder centres moved from the bony landmarks
+// to the rotation centres. Widths and radii from the girths of Gordon et al. (ANSUR, 1988) with a centimetre of clothes.
+extern const std::array<BodyLengthInfo, kBodyLengthCount> kBodyLengths;
+
+struct BodyShape {
+    double stature_m = 1.72;
+    std::array<double, kBodyLengthCount> lengths_m{};
+
+    double operator[](BodyLength which) const { return lengths_m[which]; }
+    double& operator[](BodyLength which) { return lengths_m[which]; }
+    bool operator==(const BodyShape&) const = default;
+};
+
+// The average person of that stature, 0.5 to 2.5 m.
+BodyShape default_body_shape(double stature_m = 1.72);
+
+// Height from sole to the top of the head of a person who stands straight.
+double standing_height(const BodyShape& shape);
+
+// body.toml. Reading is strict: every length must be there and positive.
+absl::StatusOr<BodyShape> read_body_shape(const std::filesystem::path& file);
+absl::Status write_body_shape(const BodyShape& shape, const std::filesystem::path& file);
+
+}  // namespace kinevox
