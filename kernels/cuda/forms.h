@@ -1,4 +1,4 @@
-// The CUDA forms of the stages, for the three factories; no CUDA types here. Each throws std::runtime_error where no
+// The CUDA forms of the stages, for the factories; no CUDA types here. Each throws std::runtime_error where no
 // GPU can be used, and where a CUDA call fails later.
 #pragma once
 
@@ -7,12 +7,14 @@
 
 #include "kernels/colouring.h"
 #include "kernels/hull.h"
+#include "kernels/moments.h"
 #include "kernels/segmentation.h"
 
 namespace kinevox::kernels {
 
 std::unique_ptr<HullCarver> make_hull_carver_cuda(const HullOptions& options);
 std::unique_ptr<VoxelColourer> make_voxel_colourer_cuda(const ColouringOptions& options);
+std::unique_ptr<MomentCalculator> make_moment_calculator_cuda(const MomentOptions& options);
 std::unique_ptr<Segmenter> make_segmenter_cuda(int width, int height, int channels,
                                                const SegmentationOptions& options);
 
