@@ -19,6 +19,7 @@ Json value_of(const pb::Message& message, const pb::FieldDescriptor& field, int 
         return index < 0 ? (get.*single)(message, &field) : (get.*repeated)(message, &field, index);
     };
     using R = pb::Reflection;
+    if (index < 0 && field.has_presence() && !get.HasField(message, &field)) return nullptr;
     switch (field.cpp_type()) {
         case pb::FieldDescriptor::CPPTYPE_INT32: return pick(&R::GetInt32, &R::GetRepeatedInt32);
         case pb::FieldDescriptor::CPPTYPE_INT64: return pick(&R::GetInt64, &R::GetRepeatedInt64);
@@ -33,8 +34,7 @@ Json value_of(const pb::Message& message, const pb::FieldDescriptor& field, int 
             return field.type() == pb::FieldDescriptor::TYPE_BYTES ? Json(text.size()) : Json(text);
         }
         case pb::FieldDescriptor::CPPTYPE_MESSAGE:
-            if (index >= 0) return to_json(get.GetRepeatedMessage(message, &field, index));
-            return get.HasField(message, &field) ? to_json(get.GetMessage(message, &field)) : Json(nullptr);
+            return to_json(index >= 0 ? get.GetRepeatedMessage(message, &field, index) : get.GetMessage(message, &field));
     }
     return nullptr;
 }

@@ -62,8 +62,8 @@ std::string status_text(const v1::GetStatusResponse& status) {
         out += "  nobody is tracked\n";
     }
     out += camera_table(status);
-    out += fmt::format("  subscribers   {} volumes, {} previews, {} events", status.volume_subscribers(),
-                       status.preview_subscribers(), status.event_subscribers());
+    out += fmt::format("  subscribers   {} volumes, {} poses, {} previews, {} events", status.volume_subscribers(),
+                       status.pose_subscribers(), status.preview_subscribers(), status.event_subscribers());
     if (status.has_control())
         out += fmt::format("\n  control       {} for another {:.0f} s", status.control().holder(),
                            static_cast<double>(status.control().remaining_ms()) / 1000);

@@ -6,21 +6,17 @@
 #include <nlohmann/json.hpp>
 
 #include "client/cli/json.h"
-#include "client/cli/verbs.h"
+#include "client/cli/line_stream.h"
+#include "client/cli/stream_poses.h"
 #include "common/ply.h"
 
 namespace kinevox::cli {
 namespace {
 
-struct VolumesOptions {
-    std::string format = "jsonl";
-    std::filesystem::path out;
-    int frames = 0;                 // 0: until stopped
+struct VolumesOptions : LineStreamOptions {
     double max_voxel_mm = 0;        // 0: as captured
     int level = -1;
-    bool no_colours = false, lossless = false, reconnect = false;
-    double rate_hz = 0;
-    double longest_silence_s = 0;
+    bool no_colours = false;
 };
 
 // The box of the occupied voxels, metres, world; nothing for an empty volume.
@@ -89,7 +85,7 @@ v1::StreamVolumesRequest request_of(const VolumesOptions& options) {
     if (options.max_voxel_mm > 0) request.set_max_voxel_m(options.max_voxel_mm / 1000);
     request.set_without_colours(options.no_colours);
     request.set_max_rate_hz(options.rate_hz);
-    request.set_delivery(options.lossless ? v1::DELIVERY_LOSSLESS : v1::DELIVERY_LATEST_ONLY);
+    request.set_delivery(options.delivery());
     return request;
 }
 
@@ -97,23 +93,11 @@ absl::Status run_volumes(const Common& common, const VolumesOptions& options) {
     const bool ply = options.format == "ply-folder";
     if (ply && options.out.empty())
         return absl::InvalidArgumentError("--format ply-folder needs the folder: give --out DIR");
-    std::FILE* file = nullptr;   // of the lines, where not standard output
-    if (!ply && !options.out.empty() && !(file = std::fopen(options.out.c_str(), "w")))
-        return absl::UnavailableError(fmt::format("cannot write {}: {}; choose another --out", options.out.string(),
-                                                  std::generic_category().message(errno)));
-    const auto print = [&](const std::string& line) {
-        if (!file) return print_line(line);
-        return std::fprintf(file, "%s\n", line.c_str()) >= 0 && std::fflush(file) == 0;
-    };
-    client::StreamOptions stream;
-    stream.stop = stop_on_signals();
-    stream.reconnect = options.reconnect;
-    stream.longest_silence = std::chrono::milliseconds(static_cast<std::int64_t>(options.longest_silence_s * 1000));
-    stream.on_reconnect = [](const absl::Status& why) {
-        fmt::print(stderr, "kinevox: {}; trying again\n", std::string(why.message()));
-    };
+    absl::StatusOr<LineWriter> writer = LineWriter::open(ply ? std::filesystem::path() : options.out);
+    if (!writer.ok()) return writer.status();
     const bool csv = options.format == "csv" && !common.json;
-    if (csv) print(kCsvHead);
+    if (csv) writer->print(kCsvHead);
+    const client::StreamOptions stream = options.stream();   // blocks signals, so before gRPC starts threads
     int count = 0;
     absl::Status written;
     const absl::Status status = client::Client(common.client_options())
@@ -125,13 +109,12 @@ absl::Status run_volumes(const Common& common, const VolumesOptions& options) {
                                 if (!written.ok()) return false;
                             }
                             if (!ply || common.json)
-                                if (!print(csv ? csv_line(frame) : json_line(frame))) return false;
+                                if (!writer->print(csv ? csv_line(frame) : json_line(frame))) return false;
                             return ++count != options.frames;
                         },
                         stream);
-    if (file && std::fclose(file) != 0 && written.ok())
-        written = absl::UnavailableError(fmt::format("cannot write {}: is the disk full?", options.out.string()));
     if (!written.ok()) return written;
+    if (written = writer->close(); !written.ok()) return written;
     return absl::IsCancelled(status) ? absl::OkStatus() : status;
 }
 
@@ -143,22 +126,14 @@ void add_stream_verb(CLI::App& app, Common& common, Run& run) {
     const auto options = std::make_shared<VolumesOptions>();
     CLI::App* volumes = stream->add_subcommand("volumes", "Volumes: a line each, or a PLY file each");
     add_common_options(*volumes, common);
-    volumes->add_option("--format", options->format, "jsonl, csv (a line each) or ply-folder (a file each, needs --out)")
-        ->check(CLI::IsMember({"jsonl", "csv", "ply-folder"}))
-        ->capture_default_str();
-    volumes->add_option("--out", options->out, "File for the lines, or folder for the PLY files");
-    volumes->add_option("--frames", options->frames, "Messages, 0: until stopped")->check(CLI::NonNegativeNumber);
+    add_line_stream_options(*volumes, *options, {"ply-folder"},
+                            "File for the lines, or folder for the PLY files of --format ply-folder");
     auto* voxel = volumes->add_option("--max-voxel-mm", options->max_voxel_mm, "Coarsest voxel edge that will do")
                       ->check(CLI::PositiveNumber);
     volumes->add_option("--level", options->level, "Halvings of the resolution")->check(CLI::Range(0, 5))->excludes(voxel);
     volumes->add_flag("--no-colours", options->no_colours, "Shape alone");
-    volumes->add_flag("--lossless", options->lossless, "Every result, none missed");
-    volumes->add_option("--rate", options->rate_hz, "Messages a second at most")->check(CLI::NonNegativeNumber);
-    volumes->add_option("--longest-silence", options->longest_silence_s,
-                        "Give up after so many seconds without a message; 0: wait")
-        ->check(CLI::NonNegativeNumber);
-    volumes->add_flag("--reconnect", options->reconnect, "Wait for the daemon when it goes away");
     volumes->callback([&, options] { run = [&common, options] { return run_volumes(common, *options); }; });
+    add_pose_streams(*stream, common, run);
 }
 
 }  // namespace kinevox::cli

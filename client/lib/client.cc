@@ -181,6 +181,17 @@ absl::Status Client::stream_volumes(const v1::StreamVolumesRequest& request,
         options, parts_->options.server);
 }
 
+absl::Status Client::stream_poses(const v1::StreamPosesRequest& request,
+                                  const std::function<bool(const v1::StreamPosesResponse&)>& on_pose,
+                                  const StreamOptions& options) {
+    return read_stream<v1::StreamPosesResponse>(
+        [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
+            return parts_->stream->PrepareAsyncStreamPoses(context, request, queue);
+        },
+        [&](const v1::StreamPosesResponse& message) -> absl::StatusOr<bool> { return on_pose(message); }, options,
+        parts_->options.server);
+}
+
 absl::Status Client::stream_previews(const v1::StreamPreviewsRequest& request,
                                      const std::function<bool(const PreviewFrame&)>& on_frame,
                                      const StreamOptions& options) {

@@ -89,6 +89,9 @@ class Client {
     // `on_...` returns whether to go on; false ends the stream with OK.
     absl::Status stream_volumes(const v1::StreamVolumesRequest& request,
                                 const std::function<bool(const VolumeFrame&)>& on_frame, const StreamOptions& options);
+    absl::Status stream_poses(const v1::StreamPosesRequest& request,
+                              const std::function<bool(const v1::StreamPosesResponse&)>& on_pose,
+                              const StreamOptions& options);
     absl::Status stream_previews(const v1::StreamPreviewsRequest& request,
                                  const std::function<bool(const PreviewFrame&)>& on_frame,
                                  const StreamOptions& options);

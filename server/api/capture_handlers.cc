@@ -69,6 +69,7 @@ absl::Status get_status(const ApiContext& api, v1::GetStatusResponse& response) 
     }
     const StreamHub::Subscribers subscribers = api.hub.subscribers();
     response.set_volume_subscribers(subscribers.volumes);
+    response.set_pose_subscribers(subscribers.poses);
     response.set_preview_subscribers(subscribers.pictures);
     response.set_event_subscribers(subscribers.events);
     return absl::OkStatus();

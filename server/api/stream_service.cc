@@ -14,6 +14,7 @@ namespace kinevox {
 namespace {
 
 using VolumeReactor = StreamReactor<VolumeMailbox, v1::StreamVolumesResponse>;
+using PoseReactor = StreamReactor<PoseMailbox, v1::StreamPosesResponse>;
 using PreviewReactor = StreamReactor<PictureMailbox, v1::StreamPreviewsResponse>;
 
 void fill_header(std::uint64_t sequence, std::int64_t capture_time_utc_ns, const StageTimes& times,
@@ -32,13 +33,9 @@ absl::Status check_rate(double rate_hz, double longest_hz) {
                     longest_hz));
 }
 
-absl::Status check(const v1::StreamVolumesRequest& request, double longest_hz) {
-    if (request.has_max_voxel_m() && !(std::isfinite(request.max_voxel_m()) && request.max_voxel_m() > 0))
-        return absl::InvalidArgumentError(
-            fmt::format("max_voxel_m is {}; it is an edge in metres, more than 0", request.max_voxel_m()));
-    if (request.has_level() && (request.level() < 0 || request.level() > kMostLevels))
-        return absl::InvalidArgumentError(
-            fmt::format("level is {}; it is 0 (full resolution) to {}", request.level(), kMostLevels));
+// What streams of volumes and poses have in common.
+template <typename Request>
+absl::Status check_delivery(const Request& request, double longest_hz) {
     if (!v1::Delivery_IsValid(request.delivery()))
         return absl::InvalidArgumentError(fmt::format("delivery {} is not known; take LATEST_ONLY or LOSSLESS",
                                                       static_cast<int>(request.delivery())));
@@ -46,6 +43,22 @@ absl::Status check(const v1::StreamVolumesRequest& request, double longest_hz) {
         return absl::InvalidArgumentError("a lossless stream goes without a rate limit; leave max_rate_hz 0 or take "
                                           "LATEST_ONLY");
     return check_rate(request.max_rate_hz(), longest_hz);
+}
+
+template <typename Request>
+MailboxOptions mailbox_options(const Request& request, const ApiContext& api) {
+    if (request.delivery() != v1::DELIVERY_LOSSLESS) return {};   // the newest only
+    return {MailboxOptions::WhenFull::kOverflow, api.lossless_max_messages, api.lossless_max_bytes};
+}
+
+absl::Status check(const v1::StreamVolumesRequest& request, double longest_hz) {
+    if (request.has_max_voxel_m() && !(std::isfinite(request.max_voxel_m()) && request.max_voxel_m() > 0))
+        return absl::InvalidArgumentError(
+            fmt::format("max_voxel_m is {}; it is an edge in metres, more than 0", request.max_voxel_m()));
+    if (request.has_level() && (request.level() < 0 || request.level() > kMostLevels))
+        return absl::InvalidArgumentError(
+            fmt::format("level is {}; it is 0 (full resolution) to {}", request.level(), kMostLevels));
+    return check_delivery(request, longest_hz);
 }
 
 absl::StatusOr<PreviewForm> preview_form(const v1::StreamPreviewsRequest& request, const ApiContext& api) {
@@ -89,9 +102,7 @@ grpc::ServerWriteReactor<v1::StreamVolumesResponse>* StreamServiceImpl::StreamVo
     grpc::CallbackServerContext*, const v1::StreamVolumesRequest* request) {
     if (const absl::Status bad = check(*request, api_.longest_rate_hz); !bad.ok())
         return VolumeReactor::refuse(api_, to_grpc(bad));
-    MailboxOptions options;   // the newest only
-    if (request->delivery() == v1::DELIVERY_LOSSLESS)
-        options = {MailboxOptions::WhenFull::kOverflow, api_.lossless_max_messages, api_.lossless_max_bytes};
+    const MailboxOptions options = mailbox_options(*request, api_);
     return VolumeReactor::run(
         api_, request->max_rate_hz(),
         [this, options](std::function<void()> on_ready) {
@@ -111,6 +122,25 @@ grpc::ServerWriteReactor<v1::StreamVolumesResponse>* StreamServiceImpl::StreamVo
             message.set_volume(encoded->bytes);
             message.set_voxel_m(encoded->voxel_m);
             message.set_litres(published.litres);
+            return message;
+        });
+}
+
+grpc::ServerWriteReactor<v1::StreamPosesResponse>* StreamServiceImpl::StreamPoses(
+    grpc::CallbackServerContext*, const v1::StreamPosesRequest* request) {
+    if (const absl::Status bad = check_delivery(*request, api_.longest_rate_hz); !bad.ok())
+        return PoseReactor::refuse(api_, to_grpc(bad));
+    return PoseReactor::run(
+        api_, request->max_rate_hz(),
+        [this, options = mailbox_options(*request, api_)](std::function<void()> on_ready) {
+            return api_.hub.subscribe_poses(options, std::move(on_ready));
+        },
+        [](const PoseMailbox::Taken& taken) {
+            const PublishedPose& published = *taken.message;
+            v1::StreamPosesResponse message;
+            fill_header(published.sequence, published.capture_time_utc_ns, published.times, published.subject,
+                        taken.missed, message.mutable_header());
+            if (published.pose) *message.mutable_pose() = to_proto(*published.pose);
             return message;
         });
 }

@@ -14,6 +14,8 @@ class StreamServiceImpl final : public v1::StreamService::CallbackService {
 
     grpc::ServerWriteReactor<v1::StreamVolumesResponse>* StreamVolumes(
         grpc::CallbackServerContext* context, const v1::StreamVolumesRequest* request) override;
+    grpc::ServerWriteReactor<v1::StreamPosesResponse>* StreamPoses(grpc::CallbackServerContext* context,
+                                                                   const v1::StreamPosesRequest* request) override;
     grpc::ServerWriteReactor<v1::StreamPreviewsResponse>* StreamPreviews(
         grpc::CallbackServerContext* context, const v1::StreamPreviewsRequest* request) override;
 

@@ -1,15 +1,14 @@
 #include "server/api/to_proto.h"
 
 namespace kinevox {
-namespace {
 
-void fill(const Vec3& from, v1::Vec3* to) {
-    to->set_x(from.x);
-    to->set_y(from.y);
-    to->set_z(from.z);
+v1::Vec3 to_proto(const Vec3& vector) {
+    v1::Vec3 out;
+    out.set_x(vector.x);
+    out.set_y(vector.y);
+    out.set_z(vector.z);
+    return out;
 }
-
-}  // namespace
 
 v1::Camera to_proto(const Camera& camera) {
     v1::Camera out;
@@ -22,7 +21,7 @@ v1::Camera to_proto(const Camera& camera) {
     out.set_cy_px(camera.cy);
     for (const double k : {camera.k1, camera.k2, camera.p1, camera.p2, camera.k3}) out.add_distortion(k);
     for (const double r : camera.camera_from_world.rotation.m) out.add_rotation_camera_from_world(r);
-    fill(camera.camera_from_world.translation, out.mutable_translation_camera_from_world());
+    *out.mutable_translation_camera_from_world() = to_proto(camera.camera_from_world.translation);
     return out;
 }
 
@@ -41,8 +40,8 @@ v1::StageTimes to_proto(const StageTimes& times) {
 v1::Subject to_proto(const SubjectTrack& track, const std::vector<Camera>& cameras) {
     v1::Subject out;
     out.set_subject_id(track.subject_id);
-    fill(track.centre_in_world, out.mutable_centre_in_world());
-    fill(track.velocity_in_world, out.mutable_velocity_in_world());
+    *out.mutable_centre_in_world() = to_proto(track.centre_in_world);
+    *out.mutable_velocity_in_world() = to_proto(track.velocity_in_world);
     out.set_centre_std_m(track.centre_std_m);
     for (std::size_t i = 0; i < track.camera_used.size() && i < cameras.size(); ++i)
         if (track.camera_used[i]) out.add_cameras_used(cameras[i].name);

@@ -31,21 +31,28 @@ std::size_t size_in_memory(const PublishedVolume& published) {
 
 }  // namespace
 
-std::shared_ptr<VolumeMailbox> StreamHub::subscribe_volumes(const MailboxOptions& options,
-                                                            std::function<void()> on_ready) {
-    auto box = std::make_shared<VolumeMailbox>(options, std::move(on_ready));
+template <typename Box>
+std::shared_ptr<Box> StreamHub::subscribe(std::vector<std::weak_ptr<Box>>& boxes, const MailboxOptions& options,
+                                          std::function<void()> on_ready) {
+    auto box = std::make_shared<Box>(options, std::move(on_ready));
     const std::scoped_lock lock(mutex_);
     if (!closed_.ok()) box->close(closed_);
-    volumes_.push_back(box);
+    boxes.push_back(box);
     return box;
 }
 
+std::shared_ptr<VolumeMailbox> StreamHub::subscribe_volumes(const MailboxOptions& options,
+                                                            std::function<void()> on_ready) {
+    return subscribe(volumes_, options, std::move(on_ready));
+}
+
+std::shared_ptr<PoseMailbox> StreamHub::subscribe_poses(const MailboxOptions& options,
+                                                        std::function<void()> on_ready) {
+    return subscribe(poses_, options, std::move(on_ready));
+}
+
 std::shared_ptr<PictureMailbox> StreamHub::subscribe_pictures(std::function<void()> on_ready) {
-    auto box = std::make_shared<PictureMailbox>(MailboxOptions{}, std::move(on_ready));
-    const std::scoped_lock lock(mutex_);
-    if (!closed_.ok()) box->close(closed_);
-    pictures_.push_back(box);
-    return box;
+    return subscribe(pictures_, MailboxOptions{}, std::move(on_ready));
 }
 
 std::shared_ptr<EventMailbox> StreamHub::subscribe_events(std::size_t past, std::function<void()> on_ready) {
@@ -64,11 +71,13 @@ void StreamHub::publish(const FrameResultPtr& result, std::int64_t utc_minus_cap
     pictures->capture_time_utc_ns = result->capture_time_ns + utc_minus_capture_ns;
 
     std::vector<std::shared_ptr<VolumeMailbox>> volume_boxes;
+    std::vector<std::shared_ptr<PoseMailbox>> pose_boxes;
     std::vector<std::shared_ptr<PictureMailbox>> picture_boxes;
     std::shared_ptr<const PublishedPictures> previous;   // its pictures are freed outside the lock
     {
         const std::scoped_lock lock(mutex_);
         volume_boxes = alive(volumes_);
+        pose_boxes = alive(poses_);
         picture_boxes = alive(pictures_);
         previous = std::exchange(newest_, pictures);
     }
@@ -82,6 +91,11 @@ void StreamHub::publish(const FrameResultPtr& result, std::int64_t utc_minus_cap
         if (result->volume) published->litres = volume_litres(*result->volume);
         const std::size_t bytes = size_in_memory(*published);
         for (const auto& box : volume_boxes) box->put(published, bytes);
+    }
+    if (!pose_boxes.empty()) {
+        const auto published = std::make_shared<const PublishedPose>(PublishedPose{
+            result->sequence, pictures->capture_time_utc_ns, result->times, result->subject, result->pose});
+        for (const auto& box : pose_boxes) box->put(published, sizeof(PublishedPose) + sizeof(BodyPose));
     }
     for (const auto& box : picture_boxes) box->put(pictures);
     for (const Event& event : result->events)
@@ -104,23 +118,26 @@ std::shared_ptr<const PublishedPictures> StreamHub::newest() const {
 
 void StreamHub::close(const absl::Status& why) {
     std::vector<std::shared_ptr<VolumeMailbox>> volumes;
+    std::vector<std::shared_ptr<PoseMailbox>> poses;
     std::vector<std::shared_ptr<PictureMailbox>> pictures;
     std::vector<std::shared_ptr<EventMailbox>> events;
     {
         const std::scoped_lock lock(mutex_);
         closed_ = why;
         volumes = alive(volumes_);
+        poses = alive(poses_);
         pictures = alive(pictures_);
         events = alive(events_);
     }
     for (const auto& box : volumes) box->close(why);
+    for (const auto& box : poses) box->close(why);
     for (const auto& box : pictures) box->close(why);
     for (const auto& box : events) box->close(why);
 }
 
 StreamHub::Subscribers StreamHub::subscribers() const {
     const std::scoped_lock lock(mutex_);
-    return {count_alive(volumes_), count_alive(pictures_), count_alive(events_)};
+    return {count_alive(volumes_), count_alive(poses_), count_alive(pictures_), count_alive(events_)};
 }
 
 }  // namespace kinevox

@@ -12,6 +12,7 @@
 
 #include <absl/status/status.h>
 
+#include "common/body_pose.h"
 #include "common/volume.h"
 #include "server/pipeline/frame_result.h"
 #include "server/pipeline/mailbox.h"
@@ -58,6 +59,15 @@ struct PublishedVolume {
     OnceMap<VolumeForm, EncodedVolume> encodings;
 };
 
+// A result's pose alone: small, so that a queue may hold very many.
+struct PublishedPose {
+    std::uint64_t sequence = 0;
+    std::int64_t capture_time_utc_ns = 0;
+    StageTimes times;
+    std::optional<SubjectTrack> subject;
+    std::shared_ptr<const BodyPose> pose;   // null where there is none
+};
+
 // A result with its pictures.
 struct PublishedPictures {
     FrameResultPtr result;
@@ -73,6 +83,7 @@ struct PublishedEvent {
 };
 
 using VolumeMailbox = Mailbox<std::shared_ptr<const PublishedVolume>>;
+using PoseMailbox = Mailbox<std::shared_ptr<const PublishedPose>>;
 using PictureMailbox = Mailbox<std::shared_ptr<const PublishedPictures>>;
 using EventMailbox = Mailbox<PublishedEvent>;
 
@@ -81,6 +92,7 @@ using EventMailbox = Mailbox<PublishedEvent>;
 class StreamHub {
   public:
     std::shared_ptr<VolumeMailbox> subscribe_volumes(const MailboxOptions& options, std::function<void()> on_ready);
+    std::shared_ptr<PoseMailbox> subscribe_poses(const MailboxOptions& options, std::function<void()> on_ready);
     std::shared_ptr<PictureMailbox> subscribe_pictures(std::function<void()> on_ready);   // the newest only
     // Starts with the newest `past` events.
     std::shared_ptr<EventMailbox> subscribe_events(std::size_t past, std::function<void()> on_ready);
@@ -97,7 +109,7 @@ class StreamHub {
     void close(const absl::Status& why);
 
     struct Subscribers {
-        int volumes = 0, pictures = 0, events = 0;
+        int volumes = 0, poses = 0, pictures = 0, events = 0;
     };
     Subscribers subscribers() const;
 
@@ -105,8 +117,13 @@ class StreamHub {
     static constexpr std::size_t kQueuedEvents = 256;
 
   private:
+    template <typename Box>
+    std::shared_ptr<Box> subscribe(std::vector<std::weak_ptr<Box>>& boxes, const MailboxOptions& options,
+                                   std::function<void()> on_ready);
+
     mutable std::mutex mutex_;
     std::vector<std::weak_ptr<VolumeMailbox>> volumes_;
+    std::vector<std::weak_ptr<PoseMailbox>> poses_;
     std::vector<std::weak_ptr<PictureMailbox>> pictures_;
     std::vector<std::weak_ptr<EventMailbox>> events_;
     std::shared_ptr<const PublishedPictures> newest_;

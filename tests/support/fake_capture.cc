@@ -1,5 +1,7 @@
 #include "tests/support/fake_capture.h"
 
+#include <limits>
+
 namespace kinevox::testing {
 namespace {
 
@@ -121,6 +123,21 @@ absl::StatusOr<FrameResultPtr> FakePipeline::process(FrameSet frame_set) {
     return result;
 }
 
+std::shared_ptr<const BodyPose> fake_pose(std::uint64_t sequence) {
+    auto pose = std::make_shared<BodyPose>();
+    pose->subject_id = 1;
+    pose->sequence = sequence;
+    for (std::size_t i = 0; i < pose->joints.size(); ++i) pose->joints[i] = {{0.1 * static_cast<double>(i), 0, 1}, 0.01, 2, {}};
+    for (AngleEstimate& angle : pose->angles) angle = {0.5, 0.02, 1, 2, {}};
+    const double none = std::numeric_limits<double>::quiet_NaN();
+    pose->joints.back() = {{none, none, none}, none, 0, "outside every picture"};
+    pose->angles.front() = {none, none, none, 0, "the ankle is hidden"};
+    pose->angles[1].velocity_rad_s = none;
+    pose->ratios.knee_hip_l = 2;
+    pose->ratios.knee_hip_r = none;
+    return pose;
+}
+
 FrameResultPtr fake_result(std::uint64_t sequence, std::shared_ptr<const Volume> volume) {
     auto result = std::make_shared<FrameResult>();
     result->sequence = sequence;
@@ -134,6 +151,7 @@ FrameResultPtr fake_result(std::uint64_t sequence, std::shared_ptr<const Volume>
         track.centre_in_world = {0.1, 0.2, 0.9};
         track.camera_used = {true, false};
         result->subject = track;
+        result->pose = fake_pose(sequence);
     }
     return result;
 }

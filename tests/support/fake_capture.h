@@ -52,6 +52,9 @@ class FakePipeline : public Pipeline {
     std::shared_ptr<const Volume> volume_;
 };
 
+// Joints along x at z = 1 m, 0.5 rad in every angle; the last joint and the first angle are withheld.
+std::shared_ptr<const BodyPose> fake_pose(std::uint64_t sequence);
+
 // A result of the given number with `volume`, without pictures.
 FrameResultPtr fake_result(std::uint64_t sequence, std::shared_ptr<const Volume> volume);
 

@@ -1,6 +1,7 @@
 // Each call of both services over an in-process channel, against a fake capture.
 #include <atomic>
 #include <future>
+#include <numbers>
 #include <thread>
 
 #include <boost/asio/io_context.hpp>
@@ -269,6 +270,50 @@ TEST_F(ApiTest, StreamVolumesRefusesWhatMakesNoSense) {
     EXPECT_EQ(told([](auto& r) { r.set_max_rate_hz(-1); }), kInvalid);
     EXPECT_EQ(told([](auto& r) { r.set_delivery(static_cast<v1::Delivery>(9)); }), kInvalid);
     EXPECT_EQ(told([](auto& r) { r.set_delivery(v1::DELIVERY_LOSSLESS), r.set_max_rate_hz(5); }), kInvalid);
+}
+
+TEST_F(ApiTest, StreamPosesLosslessCarriesValuesAndWhatIsWithheld) {
+    v1::StreamPosesRequest request;
+    request.set_delivery(v1::DELIVERY_LOSSLESS);
+    std::vector<v1::StreamPosesResponse> messages;
+    auto streamed = std::async(std::launch::async, [&] {
+        return client_.stream_poses(request, [&](const auto& m) { return messages.push_back(m), messages.size() < 20; }, {});
+    });
+    while (hub_.subscribers().poses == 0) std::this_thread::yield();
+    EXPECT_EQ(client_.status()->pose_subscribers(), 1);
+    start();
+    source_.give(20);
+    ASSERT_TRUE(streamed.get().ok());
+    for (std::size_t i = 0; i < messages.size(); ++i) {
+        EXPECT_EQ(messages[i].header().sequence(), i);
+        EXPECT_EQ(messages[i].header().missed(), 0u);
+        EXPECT_EQ(messages[i].pose().subject_id(), 1u);
+    }
+    const v1::Pose& pose = messages[0].pose();
+    ASSERT_EQ(pose.joints_size(), static_cast<int>(kJointNames.size()));
+    ASSERT_EQ(pose.angles_size(), static_cast<int>(kJointAngleNames.size()));
+    EXPECT_EQ(pose.joints(1).name(), "sacroiliac");
+    EXPECT_NEAR(pose.joints(1).position_in_world().x(), 0.1, 1e-12);
+    const v1::JointEstimate& hidden = pose.joints(pose.joints_size() - 1);
+    EXPECT_FALSE(hidden.has_position_in_world());
+    EXPECT_EQ(hidden.withheld(), "outside every picture");
+    EXPECT_FALSE(pose.angles(0).has_value_deg());
+    EXPECT_NEAR(pose.angles(1).value_deg(), 0.5 * 180 / std::numbers::pi, 1e-9);
+    EXPECT_FALSE(pose.angles(1).has_velocity_deg_s());
+    EXPECT_NEAR(pose.angles(2).velocity_deg_s(), 180 / std::numbers::pi, 1e-9);
+    EXPECT_EQ(pose.segments(0).name(), "pelvis");
+    EXPECT_TRUE(pose.ratios().has_knee_hip_l());
+    EXPECT_FALSE(pose.ratios().has_knee_hip_r());
+}
+
+TEST_F(ApiTest, StreamPosesRefusesWhatMakesNoSense) {
+    v1::StreamPosesRequest request;
+    request.set_max_rate_hz(-1);
+    const auto told = [&] { return client_.stream_poses(request, [](const auto&) { return true; }, {}).code(); };
+    EXPECT_EQ(told(), absl::StatusCode::kInvalidArgument);
+    request.set_max_rate_hz(5);
+    request.set_delivery(v1::DELIVERY_LOSSLESS);
+    EXPECT_EQ(told(), absl::StatusCode::kInvalidArgument);
 }
 
 TEST_F(ApiTest, StreamPreviewsSendsPictureAndSilhouette) {

@@ -52,6 +52,16 @@ TEST_F(CliTest, ControlsWatchesAndStreams) {
     ASSERT_EQ(lines(csv.output).size(), 3u) << csv.errors;
     EXPECT_THAT(lines(csv.output)[0], StartsWith("frame,capture_time_ns,subject_id,voxel_mm,"));
 
+    // The session's subject need not be found for the columns to be those of the files.
+    const auto angles = lines(kinevox({"stream", "angles", "--frames", "2", "--format", "csv"}).output);
+    ASSERT_EQ(angles.size(), 3u);
+    EXPECT_THAT(angles[0], StartsWith("frame,time_s,knee_flexion_l_deg,knee_flexion_r_deg,"));
+    const auto joints = lines(kinevox({"stream", "joints", "--frames", "2", "--format", "csv"}).output);
+    ASSERT_EQ(joints.size(), 3u);
+    EXPECT_THAT(joints[0], StartsWith("frame,time_s,root_x,root_y,root_z,sacroiliac_x,"));
+    EXPECT_EQ(std::ranges::count(joints[1], ','), 61);
+    EXPECT_TRUE(json::parse(kinevox({"stream", "angles", "--frames", "1"}).output).contains("angles"));
+
     const auto plys = folder_.path() / "plys";
     ASSERT_EQ(kinevox({"stream", "volumes", "--frames", "3", "--format", "ply-folder", "--out", plys.string()}).status, 0);
     EXPECT_EQ(std::distance(std::filesystem::directory_iterator(plys), {}), 3);
