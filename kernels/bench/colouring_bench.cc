@@ -2,6 +2,7 @@
 //   kernels_bench --benchmark_filter=Colouring
 #include <benchmark/benchmark.h>
 
+#include "kernels/bench/bench_device.h"
 #include "kernels/bench/volume_body.h"
 
 namespace kinevox::kernels {
@@ -12,10 +13,10 @@ void BM_Colouring(benchmark::State& state) {
     const bench::Body& body = bench::body(static_cast<int>(state.range(1)), false);
     const Lattice lattice = bench::lattice_around(1e-3f * static_cast<float>(state.range(0)), 1.f);
     VoxelVolume hull, volume;
-    make_hull_carver(Device::kCpu)->carve(body.hull_views, lattice, hull);
+    make_hull_carver(bench::device())->carve(body.hull_views, lattice, hull);
     ColouringOptions options;
     options.max_rounds = static_cast<int>(state.range(2));
-    const auto colourer = make_voxel_colourer(Device::kCpu, options);
+    const auto colourer = make_voxel_colourer(bench::device(), options);
     ColouringReport report;
     for (auto _ : state) {
         volume = hull;

@@ -2,6 +2,7 @@
 //   kernels_bench --benchmark_filter=Hull
 #include <benchmark/benchmark.h>
 
+#include "kernels/bench/bench_device.h"
 #include "kernels/bench/volume_body.h"
 #include "kernels/projection.h"
 
@@ -13,7 +14,7 @@ void BM_Hull(benchmark::State& state) {
     const bool arms_out = state.range(2) != 0;
     const bench::Body& body = bench::body(static_cast<int>(state.range(1)), arms_out);
     const Lattice lattice = bench::lattice_around(1e-3f * static_cast<float>(state.range(0)), arms_out ? 2.f : 1.f);
-    const auto carver = make_hull_carver(Device::kCpu);
+    const auto carver = make_hull_carver(bench::device());
     VoxelVolume volume;
     for (auto _ : state) carver->carve(body.hull_views, lattice, volume);
     state.counters["bricks"] = static_cast<double>(volume.bricks.size());
@@ -22,7 +23,7 @@ void BM_Hull(benchmark::State& state) {
 void BM_Projection(benchmark::State& state) {
     const bench::Body& body = bench::body(4, false);
     VoxelVolume volume;
-    make_hull_carver(Device::kCpu)->carve(body.hull_views, bench::lattice_around(0.01f, 1), volume);
+    make_hull_carver(bench::device())->carve(body.hull_views, bench::lattice_around(0.01f, 1), volume);
     std::vector<std::uint8_t> mask(640 * 480);
     const float still[3] = {};
     Rect bounds;

@@ -4,6 +4,7 @@
 #include <memory>
 #include <vector>
 
+#include "kernels/bench/bench_device.h"
 #include "kernels/moments.h"
 #include "kernels/tests/moment_shapes.h"
 
@@ -25,7 +26,7 @@ void moments_of_four_silhouettes(benchmark::State& state) {
                     box = {std::min(box.x0, x), std::min(box.y0, y), std::max(box.x1, x + 1), std::max(box.y1, y + 1)};
                 }
     }
-    auto calculator = make_moment_calculator(Device::kCpu, {.order = static_cast<int>(state.range(0)),
+    auto calculator = make_moment_calculator(bench::device(), {.order = static_cast<int>(state.range(0)),
                                                             .grid = static_cast<int>(state.range(1))});
     std::vector<SilhouetteMoments> out;
     for (auto _ : state) {
@@ -41,7 +42,7 @@ BENCHMARK(moments_of_four_silhouettes)
 void moment_tables_made(benchmark::State& state) {
     int grid = 16;  // another one each time: tables are kept
     for (auto _ : state) {
-        benchmark::DoNotOptimize(make_moment_calculator(Device::kCpu, {.order = 10, .grid = grid}));
+        benchmark::DoNotOptimize(make_moment_calculator(bench::device(), {.order = 10, .grid = grid}));
         grid = grid == 256 ? 16 : grid + 16;
     }
 }

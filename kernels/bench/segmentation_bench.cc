@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "kernels/bench/bench_device.h"
 #include "kernels/segmentation.h"
 #include "kernels/tests/segmentation_scene.h"
 
@@ -25,7 +26,7 @@ struct Rig {
         for (int c = 0; c < kCameras; ++c) {
             testing::TestRoom room(kWidth, kHeight, 3, 5 + c);
             const auto clip = room.clip(std::max(samples, 8));
-            segmenters[c] = make_segmenter(Device::kCpu, kWidth, kHeight, 3, options);
+            segmenters[c] = make_segmenter(bench::device(), kWidth, kHeight, 3, options);
             segmenters[c]->learn(testing::views_of(clip));
             for (int i = 0; i < kPictures; ++i) {
                 pictures[c].push_back(room.picture(1 + 0.01 * (i % 3)));
