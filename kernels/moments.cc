@@ -11,7 +11,8 @@ namespace kinevox::kernels {
 
 std::string MomentOptions::check() const {
     if (order < 0 || order > kMaxMomentOrder)
-        return "moments.order is " + std::to_string(order) + "; 0 to " + std::to_string(kMaxMomentOrder) + " is allowed";
+        return "moments.order is " + std::to_string(order) + "; 0 to " + std::to_string(kMaxMomentOrder) +
+               " is allowed";
     if (grid < 16 || grid > 256 || grid % 16 != 0)
         return "moments.grid is " + std::to_string(grid) + "; a multiple of 16 from 16 to 256 is needed";
     if (!(disk_per_gyration >= 1 && disk_per_gyration <= 10))
@@ -25,14 +26,16 @@ std::unique_ptr<MomentCalculator> make_moment_calculator(Device device, const Mo
 #ifdef KINEVOX_HAVE_CUDA
         return make_moment_calculator_cuda(options);
 #else
-        throw std::runtime_error("moments: built without a CUDA compiler; build where nvcc is found, or use device cpu");
+        throw std::runtime_error(
+            "moments: built without a CUDA compiler; build where nvcc is found, or use device cpu");
 #endif
     }
     return make_moment_calculator_cpu(options);
 }
 
-// R_pq(r) = r^q J_n(2 r - 1) with n = p - q and J_n Jacobi's polynomial P_n^(0, 2q+1): both are orthogonal on [0, 1]
-// with the weight r and are 1 at r = 1. Its three-term recurrence never cancels there, unlike the sum with factorials.
+// R_pq(r) = r^q J_n(2 r - 1) with n = p - q and J_n Jacobi's polynomial P_n^(0, 2q+1): both are orthogonal on
+// [0, 1] with the weight r and are 1 at r = 1. Its three-term recurrence never cancels there, unlike the sum
+// with factorials.
 void pseudo_zernike_radial(int q, int order, double r, double* out) {
     const double b = 2.0 * q + 1, x = 2 * r - 1;
     double power = 1;
@@ -41,9 +44,10 @@ void pseudo_zernike_radial(int q, int order, double r, double* out) {
     for (int n = 0; n <= order - q; ++n) {
         out[n] = now;
         const double m = n + 1, s = 2 * m + b;
-        const double next = n == 0 ? power * (1 + 0.5 * (b + 2) * (x - 1))
-                                   : ((s - 1) * (s * (s - 2) * x - b * b) * now - 2 * (m - 1) * (m + b - 1) * s * before) /
-                                         (2 * m * (m + b) * (s - 2));
+        const double next =
+            n == 0 ? power * (1 + 0.5 * (b + 2) * (x - 1))
+                   : ((s - 1) * (s * (s - 2) * x - b * b) * now - 2 * (m - 1) * (m + b - 1) * s * before) /
+                         (2 * m * (m + b) * (s - 2));
         before = now;
         now = next;
     }
@@ -59,7 +63,8 @@ void moment_orthonormal_scale(int order, float* scale) {
 }
 
 std::vector<float> reconstruct_from_moments(std::span<const float> values, int order, int grid) {
-    if (order < 0 || order > kMaxMomentOrder || static_cast<int>(values.size()) < moment_values(order) || grid < 1)
+    if (order < 0 || order > kMaxMomentOrder || static_cast<int>(values.size()) < moment_values(order) ||
+        grid < 1)
         throw std::invalid_argument("moments: reconstruction needs moment_values(order) values and a grid");
     std::vector<float> out(static_cast<std::size_t>(grid) * grid, 0.f);
     double radial[kMaxMomentOrder + 1];

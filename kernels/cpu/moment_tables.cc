@@ -41,8 +41,10 @@ class CellIntegrator {
 void integrate_cell(CellIntegrator& out, int column, int row, double size) {
     const double x0 = column * size, y0 = row * size;
     if (std::hypot(x0 + size, y0 + size) <= 1) {  // Gauss-Legendre: exact up to degree 7 in each direction
-        constexpr double kNodes[4] = {-0.8611363115940526, -0.3399810435848563, 0.3399810435848563, 0.8611363115940526};
-        constexpr double kWeights[4] = {0.3478548451374538, 0.6521451548625461, 0.6521451548625461, 0.3478548451374538};
+        constexpr double kNodes[4] = {-0.8611363115940526, -0.3399810435848563, 0.3399810435848563,
+                                      0.8611363115940526};
+        constexpr double kWeights[4] = {0.3478548451374538, 0.6521451548625461, 0.6521451548625461,
+                                        0.3478548451374538};
         for (int j = 0; j < 4; ++j)
             for (int i = 0; i < 4; ++i)
                 out.add(x0 + size * (0.5 + 0.5 * kNodes[i]), y0 + size * (0.5 + 0.5 * kNodes[j]),
@@ -52,7 +54,8 @@ void integrate_cell(CellIntegrator& out, int column, int row, double size) {
     constexpr int kParts = 24;  // the circle cuts this cell
     for (int j = 0; j < kParts; ++j)
         for (int i = 0; i < kParts; ++i)
-            out.add(x0 + size * (i + 0.5) / kParts, y0 + size * (j + 0.5) / kParts, size * size / (kParts * kParts));
+            out.add(x0 + size * (i + 0.5) / kParts, y0 + size * (j + 0.5) / kParts,
+                    size * size / (kParts * kParts));
 }
 
 std::shared_ptr<const MomentTables> make_tables(int order, int grid) {

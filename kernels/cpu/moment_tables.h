@@ -1,4 +1,5 @@
-// The basis functions' integrals over the cells of one quadrant, made once for an order and a grid and then shared.
+// The basis functions' integrals over the cells of one quadrant, made once for an order and a grid and then
+// shared.
 #pragma once
 
 #include <array>
@@ -23,7 +24,8 @@ struct MomentTables {
         int row;    // in `weights`
     };
     std::array<std::vector<Function>, kMomentFolds> functions;
-    cpu::AlignedVector<float> weights;  // [function][cell]; with (p + 1) / pi, the cell's area and conj's sign
+    cpu::AlignedVector<float>
+        weights;  // [function][cell]; with (p + 1) / pi, the cell's area and conj's sign
 };
 
 // Thread safe.

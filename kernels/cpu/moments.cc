@@ -49,7 +49,8 @@ struct ColumnPart {
 };
 
 // Area-weighted averages over the grid's cells, 0..1; `line` has room for the bounds' width.
-KINEVOX_INLINE void resample_body(const MomentView& view, const DiskMapping& m, int grid, float* line, float* out) {
+KINEVOX_INLINE void resample_body(const MomentView& view, const DiskMapping& m, int grid, float* line,
+                                  float* out) {
     std::memset(out, 0, sizeof(float) * grid * grid);
     const Rect& box = view.bounds;
     const float cell_px = 2 * m.radius_px / static_cast<float>(grid), scale = 1 / (255.f * cell_px * cell_px);
@@ -90,7 +91,8 @@ KINEVOX_INLINE void resample_body(const MomentView& view, const DiskMapping& m, 
             const ColumnPart& part = parts[i];
             float between = 0;
             for (int x = part.first + 1; x < part.last; ++x) between += line[x];
-            out[j * grid + i] = part.first_share * line[part.first] + part.last_share * line[part.last] + scale * between;
+            out[j * grid + i] =
+                part.first_share * line[part.first] + part.last_share * line[part.last] + scale * between;
         }
     }
 }
@@ -126,11 +128,14 @@ KINEVOX_INLINE void project_body(const MomentTables& tables, const float* const 
     for (int fold = 0; fold < kMomentFolds; ++fold) {
         const auto& functions = tables.functions[fold];
         const float* in[kTogether];
-        for (int s = 0; s < kTogether; ++s) in[s] = folds[s] + static_cast<std::ptrdiff_t>(fold) * tables.cells;
+        for (int s = 0; s < kTogether; ++s)
+            in[s] = folds[s] + static_cast<std::ptrdiff_t>(fold) * tables.cells;
         for (std::size_t n = 0; n < functions.size(); n += 2) {
             const std::size_t other = std::min(n + 1, functions.size() - 1);
-            const float* a = tables.weights.data() + static_cast<std::size_t>(functions[n].row) * tables.cells;
-            const float* b = tables.weights.data() + static_cast<std::size_t>(functions[other].row) * tables.cells;
+            const float* a =
+                tables.weights.data() + static_cast<std::size_t>(functions[n].row) * tables.cells;
+            const float* b =
+                tables.weights.data() + static_cast<std::size_t>(functions[other].row) * tables.cells;
             Floats a0{}, a1{}, a2{}, a3{}, b0{}, b1{}, b2{}, b3{};
             for (int cell = 0; cell < tables.cells; cell += kLanes) {
                 const Floats wa = load(a + cell), wb = load(b + cell);
@@ -151,24 +156,30 @@ KINEVOX_INLINE void project_body(const MomentTables& tables, const float* const 
 // The three steps, compiled for every x86-64 and for AVX2.
 struct Steps {
     MaskSums (*sum)(const MomentView&, std::uint16_t*);
-    void (*grid_of)(const MomentView&, const DiskMapping&, const MomentTables&, float* line, float* cells, float* out);
+    void (*grid_of)(const MomentView&, const DiskMapping&, const MomentTables&, float* line, float* cells,
+                    float* out);
     void (*project)(const MomentTables&, const float* const[kTogether], float* const[kTogether]);
 };
 
-MaskSums sum_plain(const MomentView& view, std::uint16_t* columns) { return sum_mask_body(view, columns); }
-void grid_plain(const MomentView& view, const DiskMapping& m, const MomentTables& tables, float* line, float* cells,
-                float* out) {
+MaskSums sum_plain(const MomentView& view, std::uint16_t* columns) {
+    return sum_mask_body(view, columns);
+}
+void grid_plain(const MomentView& view, const DiskMapping& m, const MomentTables& tables, float* line,
+                float* cells, float* out) {
     resample_body(view, m, tables.grid, line, cells);
     fold_body(tables, cells, out);
 }
-void project_plain(const MomentTables& tables, const float* const folds[kTogether], float* const values[kTogether]) {
+void project_plain(const MomentTables& tables, const float* const folds[kTogether],
+                   float* const values[kTogether]) {
     project_body(tables, folds, values);
 }
 
 #ifdef KINEVOX_HAVE_AVX2_FORM
-KINEVOX_AVX2 MaskSums sum_avx2(const MomentView& view, std::uint16_t* columns) { return sum_mask_body(view, columns); }
-KINEVOX_AVX2 void grid_avx2(const MomentView& view, const DiskMapping& m, const MomentTables& tables, float* line,
-                            float* cells, float* out) {
+KINEVOX_AVX2 MaskSums sum_avx2(const MomentView& view, std::uint16_t* columns) {
+    return sum_mask_body(view, columns);
+}
+KINEVOX_AVX2 void grid_avx2(const MomentView& view, const DiskMapping& m, const MomentTables& tables,
+                            float* line, float* cells, float* out) {
     resample_body(view, m, tables.grid, line, cells);
     fold_body(tables, cells, out);
 }
@@ -188,8 +199,11 @@ Steps choose_steps() {
 class CpuMomentCalculator final : public MomentCalculator {
   public:
     explicit CpuMomentCalculator(const MomentOptions& options)
-        : options_(options), steps_(choose_steps()), tables_(moment_tables(options.order, options.grid)),
-          cells_(static_cast<std::size_t>(options.grid) * options.grid), unused_(moment_values(options.order)) {
+        : options_(options),
+          steps_(choose_steps()),
+          tables_(moment_tables(options.order, options.grid)),
+          cells_(static_cast<std::size_t>(options.grid) * options.grid),
+          unused_(moment_values(options.order)) {
         for (auto& folds : folds_) folds.assign(static_cast<std::size_t>(kMomentFolds) * tables_->cells, 0.f);
     }
 
@@ -242,7 +256,8 @@ class CpuMomentCalculator final : public MomentCalculator {
 
 }  // namespace
 
-bool map_to_disk(const MaskSums& sums, const MomentView& view, float disk_per_gyration, SilhouetteMoments& out) {
+bool map_to_disk(const MaskSums& sums, const MomentView& view, float disk_per_gyration,
+                 SilhouetteMoments& out) {
     out.mass_px = static_cast<double>(sums.mass) / 255;
     out.mapping = {};
     if (view.mapping) {

@@ -12,8 +12,9 @@ struct MaskSums {
     std::int64_t mass = 0, x = 0, y = 0, squares = 0;  // squares: x^2 + y^2
 };
 
-// Fills mass and mapping of `out`; false where there is nothing to compute. Throws std::invalid_argument for a given
-// mapping whose radius is not positive or whose numbers are not finite.
-bool map_to_disk(const MaskSums& sums, const MomentView& view, float disk_per_gyration, SilhouetteMoments& out);
+// Fills mass and mapping of `out`; false where there is nothing to compute. Throws std::invalid_argument for
+// a given mapping whose radius is not positive or whose numbers are not finite.
+bool map_to_disk(const MaskSums& sums, const MomentView& view, float disk_per_gyration,
+                 SilhouetteMoments& out);
 
 }  // namespace kinevox::kernels

@@ -5,6 +5,7 @@
 #include <memory>
 #include <string>
 
+#include "kernels/body_silhouette.h"
 #include "kernels/colouring.h"
 #include "kernels/hull.h"
 #include "kernels/moments.h"
@@ -14,6 +15,7 @@ namespace kinevox::kernels {
 
 std::unique_ptr<HullCarver> make_hull_carver_cuda(const HullOptions& options);
 std::unique_ptr<VoxelColourer> make_voxel_colourer_cuda(const ColouringOptions& options);
+std::unique_ptr<BodySilhouetteRenderer> make_body_silhouette_renderer_cuda();
 std::unique_ptr<MomentCalculator> make_moment_calculator_cuda(const MomentOptions& options);
 std::unique_ptr<Segmenter> make_segmenter_cuda(int width, int height, int channels,
                                                const SegmentationOptions& options);

@@ -1,5 +1,6 @@
-// The moments on the device: whole-number sums, the grid, its four folds, then a block a moment. Sums run in a fixed
-// order, so that the same mask gives the same bits; the mapping comes from the host's code and is the CPU form's.
+// The moments on the device: whole-number sums, the grid, its four folds, then a block a moment. Sums run in
+// a fixed order, so that the same mask gives the same bits; the mapping comes from the host's code and is the
+// CPU form's.
 #include <cuda_runtime.h>
 
 #include <algorithm>
@@ -59,7 +60,8 @@ __global__ void average_cells(const PackedMask* masks, int grid, float* cells) {
     const CellSpan rows = cell_span(m.centre_y_px, m.radius_px, grid, n / grid, box.y0, box.y1);
     float sum = 0;
     if (columns.end > columns.begin && rows.end > rows.begin) {
-        for (int x = static_cast<int>(columns.begin); x < box.x1 && static_cast<float>(x) < columns.end; ++x) {
+        for (int x = static_cast<int>(columns.begin); x < box.x1 && static_cast<float>(x) < columns.end;
+             ++x) {
             float line = 0;
             for (int y = static_cast<int>(rows.begin); y < box.y1 && static_cast<float>(y) < rows.end; ++y)
                 line += pixel_share(rows, y) *
@@ -85,8 +87,8 @@ __global__ void fold_cells(const float* cells, int grid, const short2* place, in
 }
 
 // One block a function (x) and silhouette (y). `function`: fold and index of the value.
-__global__ void project_folds(const float* weights, const int2* function, const float* folds, int count, int values,
-                              float* out) {
+__global__ void project_folds(const float* weights, const int2* function, const float* folds, int count,
+                              int values, float* out) {
     __shared__ float sums[kProjectThreads];
     const int2 f = function[blockIdx.x];
     const float* w = weights + static_cast<std::size_t>(blockIdx.x) * count;
@@ -111,12 +113,14 @@ class CudaMomentCalculator final : public MomentCalculator {
         PinnedBuffer<int2> functions;
         functions.resize(moment_values(options.order));
         for (int fold = 0; fold < kMomentFolds; ++fold)
-            for (const auto& function : tables_->functions[fold]) functions[function.row] = {fold, function.value};
+            for (const auto& function : tables_->functions[fold])
+                functions[function.row] = {fold, function.value};
         PinnedBuffer<short2> place;
         place.resize(tables_->cells);
         for (int row = 0; row < tables_->half; ++row)
             for (int column = 0; column < tables_->row_cells[row]; ++column)
-                place[tables_->row_start[row] + column] = {static_cast<short>(row), static_cast<short>(column)};
+                place[tables_->row_start[row] + column] = {static_cast<short>(row),
+                                                           static_cast<short>(column)};
         upload(stream_, weights_, weights);
         upload(stream_, functions_, functions);
         upload(stream_, place_, place);
@@ -175,7 +179,8 @@ class CudaMomentCalculator final : public MomentCalculator {
             const Rect box = is_there(views[n]) ? views[n].bounds : Rect{};
             masks_[n] = {pixels_.data() + at, box, {0, 0, 1}};
             for (int y = box.y0; y < box.y1; ++y, at += static_cast<std::size_t>(box.width()))
-                std::copy_n(views[n].mask + y * views[n].stride + box.x0, box.width(), host_pixels_.data() + at);
+                std::copy_n(views[n].mask + y * views[n].stride + box.x0, box.width(),
+                            host_pixels_.data() + at);
         }
         upload(stream_, pixels_, host_pixels_);
         upload(stream_, device_masks_, masks_);
@@ -190,8 +195,8 @@ class CudaMomentCalculator final : public MomentCalculator {
         host_values_.resize(values_.size());
         average_cells<<<blocks(static_cast<std::size_t>(grid) * grid, count), kThreads, 0, stream_.get()>>>(
             device_masks_.data(), grid, cells_.data());
-        fold_cells<<<blocks(kept, count), kThreads, 0, stream_.get()>>>(cells_.data(), grid, place_.data(), kept,
-                                                                       folds_.data());
+        fold_cells<<<blocks(kept, count), kThreads, 0, stream_.get()>>>(cells_.data(), grid, place_.data(),
+                                                                        kept, folds_.data());
         project_folds<<<dim3(values, count), kProjectThreads, 0, stream_.get()>>>(
             weights_.data(), functions_.data(), folds_.data(), kept, values, values_.data());
         KINEVOX_CUDA_CHECK(cudaGetLastError());

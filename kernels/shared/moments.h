@@ -1,4 +1,5 @@
-// What the CPU and the CUDA form of the moments share: the grid over the disk's square and a pixel's part of a cell.
+// What the CPU and the CUDA form of the moments share: the grid over the disk's square and a pixel's part of
+// a cell.
 #pragma once
 
 #include "kernels/moments.h"
@@ -11,7 +12,8 @@ struct CellSpan {
     float begin, end;  // px, within the bounds; empty where end <= begin
 };
 
-KINEVOX_HD KINEVOX_INLINE CellSpan cell_span(float centre_px, float radius_px, int grid, int cell, int low, int high) {
+KINEVOX_HD KINEVOX_INLINE CellSpan cell_span(float centre_px, float radius_px, int grid, int cell, int low,
+                                             int high) {
     const float corner = centre_px + 0.5f - radius_px, size = 2 * radius_px / static_cast<float>(grid);
     CellSpan span{corner + size * static_cast<float>(cell), corner + size * static_cast<float>(cell + 1)};
     if (span.begin < static_cast<float>(low)) span.begin = static_cast<float>(low);
@@ -26,8 +28,8 @@ KINEVOX_HD KINEVOX_INLINE float pixel_share(const CellSpan& span, int n) {
     return end > begin ? end - begin : 0.f;
 }
 
-// The basis is even or odd in x and in y, so one quadrant of the grid is enough once the silhouette was folded:
-// cos(q theta) with q even, q odd, sin(q theta) with q even, q odd.
+// The basis is even or odd in x and in y, so one quadrant of the grid is enough once the silhouette was
+// folded: cos(q theta) with q even, q odd, sin(q theta) with q even, q odd.
 enum MomentFold : int { kCosEven, kCosOdd, kSinEven, kSinOdd, kMomentFolds };
 
 // of the cells at (+x, +y), (-x, +y), (+x, -y), (-x, -y).

@@ -1,5 +1,5 @@
-// The CUDA form of the moments against the CPU form: the mapping has the same bits, the moments differ by roundings.
-// Skips without a GPU; with KINEVOX_REQUIRE_GPU in the environment it fails instead.
+// The CUDA form of the moments against the CPU form: the mapping has the same bits, the moments differ by
+// roundings. Skips without a GPU; with KINEVOX_REQUIRE_GPU in the environment it fails instead.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -28,7 +28,8 @@ TEST(CudaMoments, AreTheCpuForms) {
             GTEST_SKIP() << "not compared with the CPU: " << error.what();
         }
         std::vector<ShapeMask> masks;
-        for (int n = 0; n < 5; ++n) masks.push_back(draw_figure(320, 240, 130 + 9 * n, 120, 40 + 15 * n, 0.3 * n));
+        for (int n = 0; n < 5; ++n)
+            masks.push_back(draw_figure(320, 240, 130 + 9 * n, 120, 40 + 15 * n, 0.3 * n));
         std::vector<MomentView> views;
         for (const ShapeMask& mask : masks) views.push_back(mask.view());
         views.push_back({});
@@ -44,7 +45,8 @@ TEST(CudaMoments, AreTheCpuForms) {
             EXPECT_EQ(on_gpu[n].mass_px, on_cpu[n].mass_px);
             EXPECT_EQ(on_gpu[n].mapping.radius_px, on_cpu[n].mapping.radius_px);
             EXPECT_EQ(on_gpu[n].mapping.centre_x_px, on_cpu[n].mapping.centre_x_px);
-            EXPECT_THAT(on_gpu[n].values, ::testing::Pointwise(::testing::FloatNear(2e-6f), on_cpu[n].values));
+            EXPECT_THAT(on_gpu[n].values,
+                        ::testing::Pointwise(::testing::FloatNear(2e-6f), on_cpu[n].values));
         }
     }
 }

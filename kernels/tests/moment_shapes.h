@@ -15,7 +15,9 @@ struct ShapeMask {
     std::vector<std::uint8_t> pixels;
 
     MomentView view() const { return {pixels.data(), width, {0, 0, width, height}, {}}; }
-    MomentView view(DiskMapping mapping) const { return {pixels.data(), width, {0, 0, width, height}, mapping}; }
+    MomentView view(DiskMapping mapping) const {
+        return {pixels.data(), width, {0, 0, width, height}, mapping};
+    }
 };
 
 // `inside(x, y)` in pixels, the first pixel's centre at (0, 0); 8 x 8 samples a pixel.
@@ -36,8 +38,8 @@ ShapeMask draw_shape(int width, int height, F inside) {
     return mask;
 }
 
-// Signed distance to a person of about two units' height standing at (0, 0), one arm out, y down: nothing about it is
-// symmetric.
+// Signed distance to a person of about two units' height standing at (0, 0), one arm out, y down: nothing
+// about it is symmetric.
 inline double figure_distance(double x, double y) {
     const auto line = [&](double ax, double ay, double bx, double by, double radius) {
         const double dx = bx - ax, dy = by - ay;
@@ -46,10 +48,10 @@ inline double figure_distance(double x, double y) {
         const double ex = x - ax - t * dx, ey = y - ay - t * dy;
         return std::sqrt(ex * ex + ey * ey) - radius;
     };
-    return std::min({line(0, -0.85, 0, -0.78, 0.13), line(0, -0.5, 0, 0.05, 0.2), line(0.1, 0.1, 0.2, 0.95, 0.09),
-                     line(-0.1, 0.1, -0.3, 0.5, 0.09), line(-0.3, 0.5, -0.15, 0.9, 0.08),
-                     line(0.2, -0.55, 0.7, -0.6, 0.06), line(0.7, -0.6, 0.9, -0.95, 0.05),
-                     line(-0.2, -0.5, -0.35, 0.1, 0.06)});
+    return std::min({line(0, -0.85, 0, -0.78, 0.13), line(0, -0.5, 0, 0.05, 0.2),
+                     line(0.1, 0.1, 0.2, 0.95, 0.09), line(-0.1, 0.1, -0.3, 0.5, 0.09),
+                     line(-0.3, 0.5, -0.15, 0.9, 0.08), line(0.2, -0.55, 0.7, -0.6, 0.06),
+                     line(0.7, -0.6, 0.9, -0.95, 0.05), line(-0.2, -0.5, -0.35, 0.1, 0.06)});
 }
 
 inline ShapeMask draw_figure(int width, int height, double x0, double y0, double scale_px, double turn = 0) {

@@ -1,5 +1,5 @@
-// The moments' promises: the basis against extended precision, known shapes against their integrals, what moving,
-// scaling and turning do, and what comes back from the moments.
+// The moments' promises: the basis against extended precision, known shapes against their integrals, what
+// moving, scaling and turning do, and what comes back from the moments.
 #include "kernels/moments.h"
 
 #include <gmock/gmock.h>
@@ -39,8 +39,8 @@ double radial_by_definition(int p, int q, double r) {
     for (int s = 0; s <= p - q; ++s) {
         Quad power = 1;
         for (int i = 0; i < p - s; ++i) power *= static_cast<Quad>(r);
-        const Quad term =
-            factorial(2 * p + 1 - s) / (factorial(s) * factorial(p - q - s) * factorial(p + q + 1 - s)) * power;
+        const Quad term = factorial(2 * p + 1 - s) /
+                          (factorial(s) * factorial(p - q - s) * factorial(p + q + 1 - s)) * power;
         sum += s % 2 ? -term : term;
     }
     return static_cast<double>(sum);
@@ -102,9 +102,8 @@ TEST(Moments, OfAnEntireDisk) {
 
 TEST(Moments, OfASmallerDisk) {
     const double radius = 0.62;
-    const ShapeMask mask = draw_shape(401, 401, [&](double x, double y) {
-        return std::hypot(x - 200, y - 200) < radius * 180;
-    });
+    const ShapeMask mask =
+        draw_shape(401, 401, [&](double x, double y) { return std::hypot(x - 200, y - 200) < radius * 180; });
     const SilhouetteMoments m = moments_of(mask.view({200, 200, 180}), {.order = 12});
     const SilhouetteMoments fine = moments_of(mask.view({200, 200, 180}), {.order = 12, .grid = 256});
     for (int p = 0; p <= 12; ++p) {
@@ -141,7 +140,8 @@ TEST(Moments, OfARectangleByNumericIntegration) {
             std::complex<double> sum = 0;
             for (int j = 0; j < kSteps; ++j)
                 for (int i = 0; i < kSteps; ++i) {
-                    const double x = x0 + (x1 - x0) * (i + 0.5) / kSteps, y = y0 + (y1 - y0) * (j + 0.5) / kSteps;
+                    const double x = x0 + (x1 - x0) * (i + 0.5) / kSteps,
+                                 y = y0 + (y1 - y0) * (j + 0.5) / kSteps;
                     sum += radial(p, q, std::hypot(x, y)) * std::polar(1.0, -q * std::atan2(y, x));
                 }
             sum *= (p + 1) / kPi * (x1 - x0) * (y1 - y0) / (kSteps * kSteps);
@@ -175,10 +175,12 @@ TEST(Moments, TurningChangesOnlyThePhase) {
     const MomentOptions options{.order = 10};
     const SilhouetteMoments upright = moments_of(draw_figure(480, 480, 240, 240, 150).view(), options);
     for (double turn : {0.3, 1.1, 2.5, -1.8}) {
-        const SilhouetteMoments turned = moments_of(draw_figure(480, 480, 240, 240, 150, turn).view(), options);
+        const SilhouetteMoments turned =
+            moments_of(draw_figure(480, 480, 240, 240, 150, turn).view(), options);
         for (int p = 0; p <= 10; ++p)
             for (int q = 0; q <= p; ++q)
-                EXPECT_LT(std::abs(moment(turned, p, q) - moment(upright, p, q) * std::polar(1.0, -q * turn)), 0.006)
+                EXPECT_LT(std::abs(moment(turned, p, q) - moment(upright, p, q) * std::polar(1.0, -q * turn)),
+                          0.006)
                     << p << " " << q << " turned by " << turn;
     }
 }
@@ -196,8 +198,9 @@ TEST(Moments, ReconstructionImprovesWithTheOrder) {
             for (int column = 0; column < kGrid; ++column) {
                 const double x = (2 * column + 1.0) / kGrid - 1, y = (2 * row + 1.0) / kGrid - 1;
                 if (std::hypot(x, y) > 1) continue;
-                const bool truth = testing::figure_distance((m.mapping.centre_x_px + x * m.mapping.radius_px - 240) / 150,
-                                                            (m.mapping.centre_y_px + y * m.mapping.radius_px - 240) / 150) < 0;
+                const bool truth = testing::figure_distance(
+                                       (m.mapping.centre_x_px + x * m.mapping.radius_px - 240) / 150,
+                                       (m.mapping.centre_y_px + y * m.mapping.radius_px - 240) / 150) < 0;
                 const double value = image[row * kGrid + column];
                 error += (value - truth) * (value - truth);
                 wrong += (value > 0.5) != truth;
@@ -224,7 +227,8 @@ TEST(Moments, ScaledDistanceIsTheDifferenceOfTheSilhouettes) {
     };
     const ShapeMask a = blob(90), b = blob(105);
     double expected = 0;
-    for (std::size_t n = 0; n < a.pixels.size(); ++n) expected += std::pow((a.pixels[n] - b.pixels[n]) / 255.0 / 90, 2);
+    for (std::size_t n = 0; n < a.pixels.size(); ++n)
+        expected += std::pow((a.pixels[n] - b.pixels[n]) / 255.0 / 90, 2);
     const SilhouetteMoments ma = moments_of(a.view({100, 100, 90}), {.order = 20});
     const SilhouetteMoments mb = moments_of(b.view({100, 100, 90}), {.order = 20});
     std::vector<float> scale(moment_values(20));
@@ -236,13 +240,15 @@ TEST(Moments, ScaledDistanceIsTheDifferenceOfTheSilhouettes) {
 
 TEST(Moments, LowerOrderIsTheBeginningOfAHigherOne) {
     const ShapeMask mask = draw_figure(300, 300, 150, 150, 90);
-    const SilhouetteMoments low = moments_of(mask.view(), {.order = 6}), high = moments_of(mask.view(), {.order = 20});
+    const SilhouetteMoments low = moments_of(mask.view(), {.order = 6}),
+                            high = moments_of(mask.view(), {.order = 20});
     for (int n = 0; n < moment_values(6); ++n) EXPECT_NEAR(low.values[n], high.values[n], 1e-6f);
 }
 
 TEST(Moments, SameBitsWhateverStandsBeside) {
     std::vector<ShapeMask> masks;
-    for (int n = 0; n < 7; ++n) masks.push_back(draw_figure(200, 200, 90 + 3 * n, 100 - n, 60 + 2 * n, 0.2 * n));
+    for (int n = 0; n < 7; ++n)
+        masks.push_back(draw_figure(200, 200, 90 + 3 * n, 100 - n, 60 + 2 * n, 0.2 * n));
     std::vector<MomentView> views;
     for (const ShapeMask& mask : masks) views.push_back(mask.view());
     views.insert(views.begin() + 2, MomentView{});  // a camera without a silhouette
@@ -281,7 +287,8 @@ TEST(Moments, BadOptionsAndMappingsAreNamed) {
     EXPECT_THROW(make_moment_calculator(Device::kCpu, {.order = 21}), std::invalid_argument);
     EXPECT_THROW(make_moment_calculator(Device::kCpu, {.order = -1}), std::invalid_argument);
     EXPECT_THROW(make_moment_calculator(Device::kCpu, {.grid = 20}), std::invalid_argument);
-    EXPECT_THROW(make_moment_calculator(Device::kCpu, {.disk_per_gyration = std::nanf("")}), std::invalid_argument);
+    EXPECT_THROW(make_moment_calculator(Device::kCpu, {.disk_per_gyration = std::nanf("")}),
+                 std::invalid_argument);
     const ShapeMask mask = draw_figure(64, 64, 32, 32, 20);
     EXPECT_THROW(moments_of(mask.view({32, 32, 0})), std::invalid_argument);
     EXPECT_THROW(moments_of(mask.view({32, INFINITY, 5})), std::invalid_argument);
