@@ -54,6 +54,7 @@ class CpuSegmenter final : public Segmenter {
 
   private:
     void check_picture(const PictureView& picture) const;
+    SamplesAhead samples_of(int y, int k);
     void density_rows(const PictureView& picture, int y0, int y1, int k0, int k1);
     CellBox find_active(const CellBox& work);
     void evidence(const CellBox& active);
@@ -77,6 +78,7 @@ class CpuSegmenter final : public Segmenter {
     std::array<std::uint16_t, 3> inverse_gain_{};
     AlignedVector<std::uint8_t> cells_, density_;
     std::vector<std::uint8_t> candidates_, active_;  // per cell
+    std::vector<std::uint8_t> looked_;               // per cell, samples that are in its density
     Plane weighted_value_, weighted_energy_, factor_, residual_, evidence_, smoothed_;
     ForegroundColours colours_;
     std::vector<float> log_foreground_;
@@ -125,6 +127,7 @@ void CpuSegmenter::learn(std::span<const PictureView> empty_scene) {
     density_.assign(cells * kCellPixels, 255);
     candidates_.assign(cells, 0);
     active_.assign(cells, 0);
+    looked_.assign(cells, kde::kSamplesPerLook);
     for (Plane* plane : {&weighted_value_, &weighted_energy_, &factor_, &residual_})
         plane->resize(model_.cells_per_row, height_, 0);
     for (Plane* plane : {&evidence_, &smoothed_})
@@ -145,6 +148,11 @@ EvidenceCell CpuSegmenter::cell_at(int y, int k) const {
             channels_};
 }
 
+// What a cell's density needed last time, and so most likely needs again.
+SamplesAhead CpuSegmenter::samples_of(int y, int k) {
+    return {model_.cell_samples(y, k), looked_[model_.cell_index(y, k)]};
+}
+
 void CpuSegmenter::density_rows(const PictureView& picture, int y0, int y1, int k0, int k1) {
     for (int y = y0; y < y1; ++y)
         for (int k = k0; k < k1; ++k) {
@@ -154,9 +162,16 @@ void CpuSegmenter::density_rows(const PictureView& picture, int y0, int y1, int 
             std::uint8_t* density = density_.data() + cell * kCellPixels;
             split_cell(picture.row(y) + x * channels_, std::min(kCellPixels, width_ - x), channels_,
                        inverse_gain_.data(), values);
-            candidates_[cell] =
-                !cell_density(tables_, values, model_.cell_samples(y, k), model_.cell_scale(y, k),
-                              model_.sample_count, channels_, true, density);
+            SamplesAhead ahead;
+            if (k + 1 < k1)
+                ahead = samples_of(y, k + 1);
+            else if (y + 1 < y1)
+                ahead = samples_of(y + 1, k0);
+            const DensityLooks looks =
+                cell_density(tables_, values, model_.cell_samples(y, k), model_.cell_scale(y, k),
+                             model_.sample_count, channels_, 0, true, density, ahead);
+            candidates_[cell] = !looks.plain;
+            looked_[cell] = static_cast<std::uint8_t>(looks.samples);
         }
 }
 
@@ -197,7 +212,7 @@ void CpuSegmenter::evidence(const CellBox& box) {
                     if (!candidates_[cell])  // its sums ended early
                         cell_density(tables_, cells_.data() + cell * model_.cell_bytes(),
                                      model_.cell_samples(y, k), model_.cell_scale(y, k), model_.sample_count,
-                                     channels_, false, density_.data() + cell * kCellPixels);
+                                     channels_, looked_[cell], false, density_.data() + cell * kCellPixels);
                     fit_light_cell(cell_at(y, k), parameters_,
                                    {weighted_value_.row(y) + x, weighted_energy_.row(y) + x,
                                     factor_.row(y) + x, residual_.row(y) + x});

@@ -23,11 +23,12 @@ inline void split_plain(const std::uint8_t* interleaved, int pixels, int channel
     }
 }
 
-inline bool cell_density_plain(const kde::DensityTables& tables, const std::uint8_t* cell,
+inline DensityLooks cell_density_plain(const kde::DensityTables& tables, const std::uint8_t* cell,
                                const std::uint8_t* samples, const std::uint8_t* bandwidth_scale,
-                               int sample_count, int channels, bool may_stop, std::uint8_t* density) {
-    std::memset(density, 0, kde::kCellPixels);
-    for (int first = 0; first < sample_count; first += kde::kSamplesPerLook) {
+                               int sample_count, int channels, int begin, bool may_stop,
+                               std::uint8_t* density) {
+    if (begin == 0) std::memset(density, 0, kde::kCellPixels);
+    for (int first = begin; first < sample_count; first += kde::kSamplesPerLook) {
         const int count = std::min(kde::kSamplesPerLook, sample_count - first);
         int unsure = 0;
         for (int lane = 0; lane < kde::kCellPixels; ++lane) {
@@ -37,9 +38,9 @@ inline bool cell_density_plain(const kde::DensityTables& tables, const std::uint
             density[lane] = static_cast<std::uint8_t>(std::min(sum, 255));
             unsure += density[lane] < kde::kSureDensity;
         }
-        if (may_stop && unsure < kde::kCandidatesPerCell) return true;
+        if (may_stop && unsure < kde::kCandidatesPerCell) return {first + count, true};
     }
-    return false;
+    return {sample_count, false};
 }
 }  // namespace kinevox::kernels::cpu
 #endif  // KINEVOX_SEGMENTATION_DENSITY_PLAIN
@@ -47,6 +48,7 @@ inline bool cell_density_plain(const kde::DensityTables& tables, const std::uint
 #ifdef KINEVOX_HAVE_HIGHWAY
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/cpu/segmentation_density.cc"
+#include <hwy/cache_control.h>
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
@@ -54,15 +56,15 @@ HWY_BEFORE_NAMESPACE();
 namespace kinevox::kernels::cpu::HWY_NAMESPACE {
 #if HWY_TARGET == HWY_SCALAR
 // A processor without vectors of bytes: the shared scalar form.
-bool cell_density_1(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
-                    const std::uint8_t* bandwidth_scale, int sample_count, bool may_stop,
-                    std::uint8_t* density) {
-    return cell_density_plain(tables, cell, samples, bandwidth_scale, sample_count, 1, may_stop, density);
+DensityLooks cell_density_1(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
+                    const std::uint8_t* bandwidth_scale, int sample_count, int begin, bool may_stop,
+                    const SamplesAhead&, std::uint8_t* density) {
+    return cell_density_plain(tables, cell, samples, bandwidth_scale, sample_count, 1, begin, may_stop, density);
 }
-bool cell_density_3(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
-                    const std::uint8_t* bandwidth_scale, int sample_count, bool may_stop,
-                    std::uint8_t* density) {
-    return cell_density_plain(tables, cell, samples, bandwidth_scale, sample_count, 3, may_stop, density);
+DensityLooks cell_density_3(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
+                    const std::uint8_t* bandwidth_scale, int sample_count, int begin, bool may_stop,
+                    const SamplesAhead&, std::uint8_t* density) {
+    return cell_density_plain(tables, cell, samples, bandwidth_scale, sample_count, 3, begin, may_stop, density);
 }
 void split_whole_cell(const std::uint8_t* interleaved, int channels, const std::uint16_t* gain_64,
                       std::uint8_t* cell) {
@@ -76,72 +78,122 @@ using kde::kCellPixels;
 using Bytes = hn::CappedTag<std::uint8_t, kCellPixels>;
 using Words = hn::Repartition<std::uint16_t, Bytes>;
 
+// What the sums of one vector of pixels need besides the samples.
 template <int kChannels>
-bool cell_density_of(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
-                     const std::uint8_t* bandwidth_scale, int sample_count, bool may_stop,
-                     std::uint8_t* density) {
+struct PixelLanes {
+    hn::Vec<Bytes> value[kChannels];
+    hn::Vec<Words> scale_even[kChannels], scale_odd[kChannels];  // times 4, see add_sample()
+
+    HWY_INLINE PixelLanes(const std::uint8_t* cell, const std::uint8_t* bandwidth_scale) {
+        const Bytes bytes;
+        const Words words;
+        const auto low_byte = hn::Set(words, 0x00ff);
+        for (int c = 0; c < kChannels; ++c) {
+            value[c] = hn::Load(bytes, cell + c * kCellPixels);
+            const auto scale = hn::BitCast(words, hn::Load(bytes, bandwidth_scale + c * kCellPixels));
+            scale_even[c] = hn::ShiftLeft<2>(hn::And(scale, low_byte));
+            scale_odd[c] = hn::ShiftLeft<2>(hn::ShiftRight<8>(scale));
+        }
+    }
+};
+
+template <int kChannels>
+HWY_INLINE hn::Vec<Bytes> add_sample(const PixelLanes<kChannels>& pixels, hn::Vec<Bytes> squared_table,
+                                     hn::Vec<Bytes> kernel_table, const std::uint8_t* sample,
+                                     hn::Vec<Bytes> sum) {
     const Bytes bytes;
     const Words words;
-    const auto squared_table = hn::LoadDup128(bytes, tables.squared);
-    const auto kernel_table = hn::LoadDup128(bytes, tables.kernel);
     const auto low_byte = hn::Set(words, 0x00ff);
     const auto fifteen = hn::Set(words, 15);
-    const auto eight = hn::Set(bytes, 8);
-    const auto nibble = hn::Set(bytes, 0x0f);
-    const auto sure = hn::Set(bytes, kde::kSureDensity);
-    for (int lane = 0; lane < kCellPixels; lane += static_cast<int>(hn::Lanes(bytes)))
-        hn::Store(hn::Zero(bytes), bytes, density + lane);
-    for (int first = 0; first < sample_count; first += kde::kSamplesPerLook) {
-        const int last =
-            first + kde::kSamplesPerLook < sample_count ? first + kde::kSamplesPerLook : sample_count;
-        int unsure = 0;
-        for (int lane = 0; lane < kCellPixels; lane += static_cast<int>(hn::Lanes(bytes))) {
-            hn::Vec<Bytes> value[kChannels];
-            hn::Vec<Words> scale_even[kChannels], scale_odd[kChannels];
-            for (int c = 0; c < kChannels; ++c) {
-                value[c] = hn::Load(bytes, cell + c * kCellPixels + lane);
-                // times 4, so that the high half of (difference << 8) * scale is difference * scale >> 6.
-                const auto scale =
-                    hn::BitCast(words, hn::Load(bytes, bandwidth_scale + c * kCellPixels + lane));
-                scale_even[c] = hn::ShiftLeft<2>(hn::And(scale, low_byte));
-                scale_odd[c] = hn::ShiftLeft<2>(hn::ShiftRight<8>(scale));
-            }
-            auto sum = hn::Load(bytes, density + lane);
-            for (int i = first; i < last; ++i) {
-                auto squared = hn::Zero(bytes);
-                for (int c = 0; c < kChannels; ++c) {
-                    const auto sample = hn::Load(bytes, samples + (i * kChannels + c) * kCellPixels + lane);
-                    const auto difference = hn::BitCast(words, hn::Or(hn::SaturatedSub(value[c], sample),
-                                                                      hn::SaturatedSub(sample, value[c])));
-                    const auto even =
-                        hn::Min(hn::MulHigh(hn::ShiftLeft<8>(difference), scale_even[c]), fifteen);
-                    const auto odd =
-                        hn::Min(hn::MulHigh(hn::AndNot(low_byte, difference), scale_odd[c]), fifteen);
-                    const auto index = hn::BitCast(bytes, hn::Or(even, hn::ShiftLeft<8>(odd)));
-                    squared = hn::SaturatedAdd(squared, hn::TableLookupBytes(squared_table, index));
-                }
-                const auto rounded = hn::BitCast(words, hn::SaturatedAdd(squared, eight));
-                const auto kernel_index = hn::And(hn::BitCast(bytes, hn::ShiftRight<4>(rounded)), nibble);
-                sum = hn::SaturatedAdd(sum, hn::TableLookupBytes(kernel_table, kernel_index));
-            }
-            hn::Store(sum, bytes, density + lane);
-            const auto reached = hn::Eq(hn::Max(sum, sure), sum);
-            unsure += static_cast<int>(hn::Lanes(bytes) - hn::CountTrue(bytes, reached));
-        }
-        if (may_stop && unsure < kde::kCandidatesPerCell) return true;
+    auto squared = hn::Zero(bytes);
+    for (int c = 0; c < kChannels; ++c) {
+        const auto other = hn::Load(bytes, sample + c * kCellPixels);
+        const auto difference = hn::BitCast(words, hn::Or(hn::SaturatedSub(pixels.value[c], other),
+                                                          hn::SaturatedSub(other, pixels.value[c])));
+        // The high half of (difference << 8) * 4 * scale is difference * scale >> 6.
+        const auto even = hn::Min(hn::MulHigh(hn::ShiftLeft<8>(difference), pixels.scale_even[c]), fifteen);
+        const auto odd = hn::Min(hn::MulHigh(hn::AndNot(low_byte, difference), pixels.scale_odd[c]), fifteen);
+        const auto index = hn::BitCast(bytes, hn::Or(even, hn::ShiftLeft<8>(odd)));
+        squared = hn::SaturatedAdd(squared, hn::TableLookupBytes(squared_table, index));
     }
-    return false;
+    const auto rounded = hn::BitCast(words, hn::SaturatedAdd(squared, hn::Set(bytes, 8)));
+    const auto kernel_index = hn::And(hn::BitCast(bytes, hn::ShiftRight<4>(rounded)), hn::Set(bytes, 0x0f));
+    return hn::SaturatedAdd(sum, hn::TableLookupBytes(kernel_table, kernel_index));
 }
 
-bool cell_density_1(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
-                    const std::uint8_t* bandwidth_scale, int sample_count, bool may_stop,
-                    std::uint8_t* density) {
-    return cell_density_of<1>(tables, cell, samples, bandwidth_scale, sample_count, may_stop, density);
+HWY_INLINE int unsure_lanes(hn::Vec<Bytes> sum) {
+    const Bytes bytes;
+    const auto reached = hn::Eq(hn::Max(sum, hn::Set(bytes, kde::kSureDensity)), sum);
+    return static_cast<int>(hn::Lanes(bytes) - hn::CountTrue(bytes, reached));
 }
-bool cell_density_3(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
-                    const std::uint8_t* bandwidth_scale, int sample_count, bool may_stop,
-                    std::uint8_t* density) {
-    return cell_density_of<3>(tables, cell, samples, bandwidth_scale, sample_count, may_stop, density);
+
+template <int kChannels>
+DensityLooks cell_density_of(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
+                             const std::uint8_t* bandwidth_scale, int sample_count, int begin, bool may_stop,
+                             const SamplesAhead& ahead, std::uint8_t* density) {
+    constexpr int kSampleBytes = kChannels * kCellPixels;
+    const Bytes bytes;
+    const auto squared_table = hn::LoadDup128(bytes, tables.squared);
+    const auto kernel_table = hn::LoadDup128(bytes, tables.kernel);
+    // A few lines of the next cell with each sample of this one, as fast as memory delivers them.
+    const std::uint8_t* coming = ahead.samples;
+    const std::uint8_t* const coming_end = coming + ahead.count * kSampleBytes;
+    const auto fetch_sample = [&] {
+        if (coming == coming_end) return;
+        for (int c = 0; c < kChannels; ++c) hwy::Prefetch(coming + c * kCellPixels);
+        coming += kSampleBytes;
+    };
+    DensityLooks looks{sample_count, false};
+    if constexpr (hn::MaxLanes(bytes) == kCellPixels && !HWY_HAVE_SCALABLE) {
+        const PixelLanes<kChannels> pixels(cell, bandwidth_scale);
+        auto sum = begin == 0 ? hn::Zero(bytes) : hn::Load(bytes, density);
+        for (int i = begin; i < sample_count;) {
+            const int last = HWY_MIN(i + kde::kSamplesPerLook, sample_count);
+            for (; i < last; ++i) {
+                fetch_sample();
+                sum = add_sample(pixels, squared_table, kernel_table, samples + i * kSampleBytes, sum);
+            }
+            if (may_stop && unsure_lanes(sum) < kde::kCandidatesPerCell) {
+                looks = {last, true};
+                break;
+            }
+        }
+        hn::Store(sum, bytes, density);
+    } else {
+        const int lanes = static_cast<int>(hn::Lanes(bytes));
+        if (begin == 0) std::memset(density, 0, kCellPixels);
+        for (int first = begin; first < sample_count; first += kde::kSamplesPerLook) {
+            const int last = HWY_MIN(first + kde::kSamplesPerLook, sample_count);
+            int unsure = 0;
+            for (int lane = 0; lane < kCellPixels; lane += lanes) {
+                const PixelLanes<kChannels> pixels(cell + lane, bandwidth_scale + lane);
+                auto sum = hn::Load(bytes, density + lane);
+                for (int i = first; i < last; ++i) {
+                    if (lane == 0) fetch_sample();
+                    sum = add_sample(pixels, squared_table, kernel_table, samples + i * kSampleBytes + lane, sum);
+                }
+                hn::Store(sum, bytes, density + lane);
+                unsure += unsure_lanes(sum);
+            }
+            if (may_stop && unsure < kde::kCandidatesPerCell) {
+                looks = {last, true};
+                break;
+            }
+        }
+    }
+    while (coming != coming_end) fetch_sample();
+    return looks;
+}
+
+DensityLooks cell_density_1(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
+                    const std::uint8_t* bandwidth_scale, int sample_count, int begin, bool may_stop,
+                    const SamplesAhead& ahead, std::uint8_t* density) {
+    return cell_density_of<1>(tables, cell, samples, bandwidth_scale, sample_count, begin, may_stop, ahead, density);
+}
+DensityLooks cell_density_3(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
+                    const std::uint8_t* bandwidth_scale, int sample_count, int begin, bool may_stop,
+                    const SamplesAhead& ahead, std::uint8_t* density) {
+    return cell_density_of<3>(tables, cell, samples, bandwidth_scale, sample_count, begin, may_stop, ahead, density);
 }
 
 // One plane: value * gain / 16384 in 1/64 levels, rounded.
@@ -217,16 +269,16 @@ void split_cell(const std::uint8_t* interleaved, int pixels, int channels, const
     split_plain(interleaved, pixels, channels, gain_64, cell);
 }
 
-bool cell_density(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
-                  const std::uint8_t* bandwidth_scale, int sample_count, int channels, bool may_stop,
-                  std::uint8_t* density) {
+DensityLooks cell_density(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
+                          const std::uint8_t* bandwidth_scale, int sample_count, int channels, int begin,
+                          bool may_stop, std::uint8_t* density, const SamplesAhead& ahead) {
 #ifdef KINEVOX_HAVE_HIGHWAY
     return channels == 1 ? HWY_DYNAMIC_DISPATCH(cell_density_1)(tables, cell, samples, bandwidth_scale,
-                                                                sample_count, may_stop, density)
+                                                                sample_count, begin, may_stop, ahead, density)
                          : HWY_DYNAMIC_DISPATCH(cell_density_3)(tables, cell, samples, bandwidth_scale,
-                                                                sample_count, may_stop, density);
+                                                                sample_count, begin, may_stop, ahead, density);
 #else
-    return cell_density_plain(tables, cell, samples, bandwidth_scale, sample_count, channels, may_stop,
+    return cell_density_plain(tables, cell, samples, bandwidth_scale, sample_count, channels, begin, may_stop,
                               density);
 #endif
 }

@@ -67,7 +67,7 @@ TEST_P(SegmentationDensity, EqualsTheFormulaInDoublePrecision) {
     for (unsigned seed = 0; seed < 40; ++seed) {
         Cell cell = random_cell(sample_count, channels, seed);
         cell_density(tables, cell.value.data(), cell.samples.data(), cell.scale.data(), sample_count,
-                     channels, false, cell.density.data());
+                     channels, 0, false, cell.density.data());
         for (int x = 0; x < kCellPixels; ++x) {
             const double expected = reference_density(cell, x, sample_count, channels);
             const double top = kde::saturation(sample_count);
@@ -89,7 +89,7 @@ TEST_P(SegmentationDensity, VectorsGiveTheScalarFormsBits) {
     for (unsigned seed = 100; seed < 120; ++seed) {
         Cell cell = random_cell(sample_count, channels, seed);
         cell_density(tables, cell.value.data(), cell.samples.data(), cell.scale.data(), sample_count,
-                     channels, false, cell.density.data());
+                     channels, 0, false, cell.density.data());
         for (int x = 0; x < kCellPixels; ++x)
             ASSERT_EQ(cell.density[x], kde::density(tables, cell.value.data() + x, cell.samples.data() + x,
                                                     cell.scale.data() + x, sample_count, channels))
@@ -103,19 +103,23 @@ TEST_P(SegmentationDensity, EndsEarlyOnlyWhereThePixelsAreBackgroundAnyway) {
     for (unsigned seed = 200; seed < 230; ++seed) {
         Cell cell = random_cell(sample_count, channels, seed);
         AlignedVector<std::uint8_t> early(kCellPixels);
-        const bool stopped = cell_density(tables, cell.value.data(), cell.samples.data(), cell.scale.data(),
-                                          sample_count, channels, true, early.data());
+        const DensityLooks looks =
+            cell_density(tables, cell.value.data(), cell.samples.data(), cell.scale.data(), sample_count,
+                         channels, 0, true, early.data());
         cell_density(tables, cell.value.data(), cell.samples.data(), cell.scale.data(), sample_count,
-                     channels, false, cell.density.data());
+                     channels, 0, false, cell.density.data());
         int unsure = 0;
         for (int x = 0; x < kCellPixels; ++x) {
             EXPECT_LE(early[x], cell.density[x]);
-            if (!stopped) {
+            if (!looks.plain) {
                 EXPECT_EQ(early[x], cell.density[x]);
             }
             unsure += cell.density[x] < kde::kSureDensity;
         }
-        EXPECT_EQ(stopped, unsure < kde::kCandidatesPerCell);
+        EXPECT_EQ(looks.plain, unsure < kde::kCandidatesPerCell);
+        cell_density(tables, cell.value.data(), cell.samples.data(), cell.scale.data(), sample_count,
+                     channels, looks.samples, false, early.data());
+        EXPECT_EQ(early, cell.density) << "after " << looks.samples << " samples";
     }
 }
 
