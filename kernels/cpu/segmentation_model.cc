@@ -2,41 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
+#include <vector>
 
-#include "kernels/cpu/parallel.h"
-#include "kernels/cpu/segmentation_density.h"
 #include "kernels/shared/kde_evidence.h"
 
 namespace kinevox::kernels::cpu {
-namespace {
 
 using kde::kCellPixels;
-
-constexpr int kMaxLearnPictures = 128;
-
-void split_picture(const BackgroundModel& model, const PictureView& picture, const GainBgr& gain,
-                   AlignedVector<std::uint8_t>& cells) {
-    cells.resize(model.cell_index(model.height, 0) * model.cell_bytes());
-    const auto inverse = fixed_point_inverse(gain);
-    parallel_for(0, model.height, 32, [&](int first, int last) {
-        for (int y = first; y < last; ++y)
-            for (int cell = 0; cell < model.cells_per_row; ++cell) {
-                const int x = cell * kCellPixels;
-                split_cell(picture.row(y) + x * picture.channels, std::min(kCellPixels, picture.width - x),
-                           picture.channels, inverse.data(),
-                           cells.data() + model.cell_index(y, cell) * model.cell_bytes());
-            }
-    });
-}
-
-template <class T>
-T median_of(T* values, int count) {
-    std::nth_element(values, values + count / 2, values + count);
-    return values[count / 2];
-}
-
-}  // namespace
 
 std::array<std::uint16_t, 3> fixed_point_inverse(const GainBgr& gain) {
     std::array<std::uint16_t, 3> inverse{};
@@ -82,6 +54,10 @@ GainBgr estimate_gain(const BackgroundModel& model, const PictureView& picture) 
     return gain;
 }
 
+std::uint8_t scale_of_bandwidth(float bandwidth) {
+    return static_cast<std::uint8_t>(std::clamp(std::lround(256.0f / bandwidth), 8l, 255l));
+}
+
 void update_log_peak(BackgroundModel& model, std::size_t cell) {
     static const std::array<float, 256> kLogScale = [] {
         std::array<float, 256> table{};
@@ -94,64 +70,6 @@ void update_log_peak(BackgroundModel& model, std::size_t cell) {
             log_peak += kLogScale[model.bandwidth_scale[cell * model.cell_bytes() + c * kCellPixels + x]];
         model.log_peak[cell * kCellPixels + x] = log_peak;
     }
-}
-
-BackgroundModel learn_background(std::span<const PictureView> empty_scene, int width, int height,
-                                 int channels, const SegmentationOptions& options) {
-    BackgroundModel model;
-    model.width = width, model.height = height, model.channels = channels;
-    model.sample_count = options.samples;
-    model.cells_per_row = (width + kCellPixels - 1) / kCellPixels;
-    const int given = static_cast<int>(empty_scene.size());
-    const int used = std::min(given, std::max(kMaxLearnPictures, options.samples));
-    const auto nth = [&](int i) { return empty_scene[static_cast<std::int64_t>(i) * given / used]; };
-    const std::size_t plane_bytes = model.cell_index(height, 0) * model.cell_bytes();
-
-    // Two rounds: the middle picture is the first reference for the gains, the mean of all the second.
-    std::vector<AlignedVector<std::uint8_t>> pictures(used);
-    split_picture(model, nth(used / 2), {1, 1, 1}, model.reference);
-    for (int i = 0; i < used; ++i) split_picture(model, nth(i), estimate_gain(model, nth(i)), pictures[i]);
-
-    model.bandwidth_scale.resize(plane_bytes);
-    model.samples.resize(plane_bytes * model.sample_count);
-    const bool noise_known = used >= 5;
-    model.candidate.assign(plane_bytes, 0);
-    model.candidate_visits.assign(plane_bytes / channels, 0);
-    model.log_peak.resize(plane_bytes / channels);
-    parallel_for(0, height * model.cells_per_row, 64, [&](int first, int last) {
-        std::vector<float> steps(used);
-        for (int cell = first; cell < last; ++cell) {
-            for (std::size_t k = 0; k < model.cell_bytes(); ++k) {
-                const std::size_t at = cell * model.cell_bytes() + k;
-                int sum = 0;
-                for (int i = 0; i < used; ++i) sum += pictures[i][at];
-                model.reference[at] = static_cast<std::uint8_t>((sum + used / 2) / used);
-                float bandwidth = options.assumed_noise;
-                if (noise_known) {
-                    // Grey levels are whole numbers: spreading each difference over its bin gives the median
-                    // the fraction that the mean has.
-                    for (int i = 0; i + 1 < used; ++i)
-                        steps[i] = std::abs(static_cast<float>(pictures[i + 1][at]) - pictures[i][at]) +
-                                   static_cast<float>(i % 8) / 8 - 0.4375f;
-                    const float middle = median_of(steps.data(), used - 1);
-                    bandwidth = std::max(middle / (0.68f * std::sqrt(2.0f)), options.min_bandwidth);
-                }
-                model.bandwidth_scale[at] =
-                    static_cast<std::uint8_t>(std::clamp(std::lround(256.0f / bandwidth), 8l, 255l));
-                for (int i = 0; i < model.sample_count; ++i) {
-                    const int from =
-                        used >= model.sample_count
-                            ? static_cast<int>(static_cast<std::int64_t>(i) * used / model.sample_count)
-                            : i % used;
-                    const std::size_t to =
-                        (static_cast<std::size_t>(cell) * model.sample_count + i) * model.cell_bytes() + k;
-                    model.samples[to] = pictures[from][at];
-                }
-            }
-            update_log_peak(model, cell);
-        }
-    });
-    return model;
 }
 
 }  // namespace kinevox::kernels::cpu

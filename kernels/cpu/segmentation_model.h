@@ -43,6 +43,9 @@ struct BackgroundModel {
     }
 };
 
+// 256 / bandwidth as it is kept.
+std::uint8_t scale_of_bandwidth(float bandwidth);
+
 // Recomputes log_peak of one cell from its bandwidths.
 void update_log_peak(BackgroundModel& model, std::size_t cell);
 
