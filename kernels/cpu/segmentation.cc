@@ -78,6 +78,7 @@ class CpuSegmenter final : public Segmenter {
     std::array<std::uint16_t, 3> inverse_gain_{};
     AlignedVector<std::uint8_t> cells_, density_;
     std::vector<std::uint8_t> candidates_, active_;  // per cell
+    std::vector<std::uint8_t> neutral_;              // per cell, whether the planes hold what is read beside evidence
     std::vector<std::uint8_t> looked_;               // per cell, samples that are in its density
     Plane weighted_value_, weighted_energy_, factor_, residual_, evidence_, smoothed_;
     ForegroundColours colours_;
@@ -127,6 +128,7 @@ void CpuSegmenter::learn(std::span<const PictureView> empty_scene) {
     density_.assign(cells * kCellPixels, 255);
     candidates_.assign(cells, 0);
     active_.assign(cells, 0);
+    neutral_.assign(cells, 1);
     looked_.assign(cells, kde::kSamplesPerLook);
     for (Plane* plane : {&weighted_value_, &weighted_energy_, &factor_, &residual_})
         plane->resize(model_.cells_per_row, height_, 0);
@@ -206,9 +208,11 @@ void CpuSegmenter::evidence(const CellBox& box) {
         for (int y = first; y < last; ++y)
             for (int k = box.k0 - 1; k < box.k1 + 1; ++k) {
                 const std::ptrdiff_t x = static_cast<std::ptrdiff_t>(k) * kCellPixels;
+                if (y < 0 || y >= height_ || k < 0 || k >= model_.cells_per_row) continue;  // margins: neutral for ever
                 const bool inside = y >= box.y0 && y < box.y1 && k >= box.k0 && k < box.k1;
-                if (inside && active_[model_.cell_index(y, k)]) {
-                    const std::size_t cell = model_.cell_index(y, k);
+                const std::size_t cell = model_.cell_index(y, k);
+                if (inside && active_[cell]) {
+                    neutral_[cell] = 0;
                     if (!candidates_[cell])  // its sums ended early
                         cell_density(tables_, cells_.data() + cell * model_.cell_bytes(),
                                      model_.cell_samples(y, k), model_.cell_scale(y, k), model_.sample_count,
@@ -216,7 +220,8 @@ void CpuSegmenter::evidence(const CellBox& box) {
                     fit_light_cell(cell_at(y, k), parameters_,
                                    {weighted_value_.row(y) + x, weighted_energy_.row(y) + x,
                                     factor_.row(y) + x, residual_.row(y) + x});
-                } else {
+                } else if (!neutral_[cell]) {
+                    neutral_[cell] = 1;
                     std::fill_n(weighted_value_.row(y) + x, kCellPixels, 0.0f);
                     std::fill_n(weighted_energy_.row(y) + x, kCellPixels, 0.0f);
                     std::fill_n(evidence_.row(y) + x, kCellPixels, -parameters_.limit);

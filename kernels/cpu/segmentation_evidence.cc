@@ -1,7 +1,5 @@
 #include "kernels/cpu/segmentation_evidence.h"
 
-#include <cstdlib>
-
 // Plain loops, which the compiler vectorises for each family that Highway chooses from at run time; no two of
 // their arrays overlap (ivdep).
 #ifdef KINEVOX_HAVE_HIGHWAY
@@ -40,44 +38,52 @@ void fit_light_cell(const EvidenceCell& cell, const kde::EvidenceParameters& par
         fit_light_of<3>(cell, parameters, out);
 }
 
+// The light of the neighbourhoods whose uppermost row lies `top` rows below the cell's, for `width` pixels from column
+// `first` of the cell on.
+void neighbourhood_light(const LightRows& light, std::ptrdiff_t stride, int top, int first, int width, float* quotient) {
+    constexpr int kReach = kde::kLightReach, kSpan = kCellPixels + 4 * kReach;
+    static_assert(kReach == 2);
+    float value[kSpan], energy[kSpan];
+    const auto columns = [&](const float* plane, float* sum) {
+        const float* a = plane + top * stride + first - kReach;
+        const float *b = a + stride, *c = b + stride, *d = c + stride, *e = d + stride;
+#pragma GCC ivdep
+        for (int x = 0; x < width + 2 * kReach; ++x) sum[x] = a[x] + b[x] + c[x] + d[x] + e[x];
+    };
+    columns(light.weighted_value, value);
+    columns(light.weighted_energy, energy);
+#pragma GCC ivdep
+    for (int x = 0; x < width; ++x) {
+        const float v = value[x] + value[x + 1] + value[x + 2] + value[x + 3] + value[x + 4];
+        const float e = energy[x] + energy[x + 1] + energy[x + 2] + energy[x + 3] + energy[x + 4];
+        quotient[x] = e > 0 ? v / e : 1.0f;
+    }
+}
+
 template <int kChannels>
 void evidence_of(const EvidenceCell& cell, const kde::EvidenceParameters& parameters, const LightRows& light,
                  std::ptrdiff_t stride, const float* log_lit, const float* log_foreground, float* evidence) {
-    constexpr int kReach = kde::kLightReach, kFar = 2 * kReach, kSpan = kCellPixels + 2 * kFar;
+    constexpr int kReach = kde::kLightReach;
     const kde::EvidenceParameters p = parameters;
-    // Sums of columns of 2 * kReach + 1 rows: ending at this row, around it, beginning at it.
-    float values[3][kSpan] = {}, energies[3][kSpan] = {};
+    // The neighbourhoods above, around (with those beside at both ends) and below.
+    float above[kCellPixels], around[kCellPixels + 2 * kReach], below[kCellPixels];
     float colour[kCellPixels], lit[kCellPixels], step[kCellPixels];
-    for (int dy = -kFar; dy <= kFar; ++dy) {
-        const float* value = light.weighted_value + dy * stride - kFar;
-        const float* energy = light.weighted_energy + dy * stride - kFar;
-        for (int side = 0; side < 3; ++side) {
-            if (std::abs(dy - (side - 1) * kReach) > kReach) continue;
-            for (int x = 0; x < kSpan; ++x) {
-                values[side][x] += value[x];
-                energies[side][x] += energy[x];
-            }
-        }
-    }
+    neighbourhood_light(light, stride, -2 * kReach, 0, kCellPixels, above);
+    neighbourhood_light(light, stride, -kReach, -kReach, kCellPixels + 2 * kReach, around);
+    neighbourhood_light(light, stride, 0, 0, kCellPixels, below);
     const float *own_factor = light.factor, *own_residual = light.residual;
-    for (int x = 0; x < kCellPixels; ++x) step[x] = 10.0f;
-    const auto compare = [&](const float* column_values, const float* column_energies, int dx) {
-        for (int x = 0; x < kCellPixels; ++x) {
-            float value = 0, energy = 0;
-            for (int i = 0; i <= 2 * kReach; ++i) {
-                value += column_values[x + dx + i];
-                energy += column_energies[x + dx + i];
-            }
-            const float difference = own_factor[x] - (energy > 0 ? value / energy : 1.0f);
+#pragma GCC ivdep
+    for (int x = 0; x < kCellPixels; ++x) {
+        const float factor = own_factor[x];
+        const auto nearer = [factor](float nearest, float other) {
+            const float difference = factor - other;
             const float size = difference < 0 ? -difference : difference;
-            step[x] = size < step[x] ? size : step[x];
-        }
-    };
-    compare(values[0], energies[0], kReach);
-    compare(values[1], energies[1], 0);
-    compare(values[1], energies[1], kReach);
-    compare(values[1], energies[1], 2 * kReach);
-    compare(values[2], energies[2], kReach);
+            return size < nearest ? size : nearest;
+        };
+        step[x] = nearer(nearer(nearer(nearer(nearer(10.0f, above[x]), around[x]), around[x + kReach]),
+                                around[x + 2 * kReach]),
+                         below[x]);
+    }
     for (int x = 0; x < kCellPixels; ++x) {
         colour[x] = log_foreground[kde::histogram_bin<kChannels>(cell.value + x)];
         lit[x] = log_lit[cell.density[x]];
