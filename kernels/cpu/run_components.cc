@@ -4,11 +4,8 @@
 #include <cstring>
 
 namespace kinevox::kernels::cpu {
-namespace {
 
-// First x in [x, end) where (row[x] != 0) == set; rows are mostly uniform, so eight pixels are looked at at
-// once.
-int next(const std::uint8_t* row, int x, int end, bool set) {
+int next_in_row(const std::uint8_t* row, int x, int end, bool set) {
     const std::uint64_t uniform = set ? 0 : ~std::uint64_t{0};
     while (x < end) {
         std::uint64_t eight;
@@ -24,8 +21,6 @@ int next(const std::uint8_t* row, int x, int end, bool set) {
     }
     return end;
 }
-
-}  // namespace
 
 int RunComponents::root(int i) {
     while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
@@ -43,8 +38,8 @@ void RunComponents::find(const std::uint8_t* mask, int stride, const Rect& box, 
         const std::uint8_t* row = mask + static_cast<std::ptrdiff_t>(y) * stride;
         const std::size_t row_begin = runs.size();
         std::size_t above = above_begin;
-        for (int x = next(row, box.x0, box.x1, set); x < box.x1;) {
-            const int end = next(row, x, box.x1, !set);
+        for (int x = next_in_row(row, box.x0, box.x1, set); x < box.x1;) {
+            const int end = next_in_row(row, x, box.x1, !set);
             const int index = static_cast<int>(runs.size());
             runs.push_back({y, x, end, index});
             parent_.push_back(index);
@@ -54,7 +49,7 @@ void RunComponents::find(const std::uint8_t* mask, int stride, const Rect& box, 
                 const int high = std::max(root(static_cast<int>(a)), root(index));
                 parent_[high] = low;
             }
-            x = next(row, end, box.x1, set);
+            x = next_in_row(row, end, box.x1, set);
         }
         above_begin = row_begin;
         above_end = runs.size();

@@ -8,6 +8,19 @@
 
 namespace kinevox::kernels::cpu {
 
+// First x in [x, end) where (row[x] != 0) == set, else `end`. Eight pixels at once: rows are mostly uniform.
+int next_in_row(const std::uint8_t* row, int x, int end, bool set);
+
+// Calls body(x0, x1) for the runs of non-zero pixels in [x, end).
+template <class F>
+void for_each_run(const std::uint8_t* row, int x, int end, F body) {
+    for (x = next_in_row(row, x, end, true); x < end;) {
+        const int x1 = next_in_row(row, x, end, false);
+        body(x, x1);
+        x = next_in_row(row, x1, end, true);
+    }
+}
+
 struct Run {
     int y = 0, x0 = 0, x1 = 0;  // pixels [x0, x1) of a row
     int component = 0;

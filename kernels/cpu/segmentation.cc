@@ -262,17 +262,13 @@ void CpuSegmenter::smooth(const CellBox& box) {
 void CpuSegmenter::silhouettes(const Rect& box, const Rect& work, const SegmentationPrior& prior,
                                Silhouettes& out) {
     const auto log_odds = [](float probability) { return std::log(probability / (1 - probability)); };
-    const float sharp = log_odds(options_.sharp_threshold), loose = log_odds(options_.loose_threshold);
-    const float to_step = 127.5f / parameters_.limit;
+    const Decision decision{probability_of_, parameters_.limit, log_odds(options_.sharp_threshold),
+                            log_odds(options_.loose_threshold)};
     parallel_for(box.y0, box.y1, kRowsPerTask, [&](int first, int last) {
         for (int y = first; y < last; ++y) {
-            const float* evidence = smoothed_.row(y);
-            const std::size_t row = static_cast<std::size_t>(y) * width_;
-            for (int x = box.x0; x < box.x1; ++x) {
-                out.probability[row + x] = probability_of_[static_cast<int>(evidence[x] * to_step + 127.5f)];
-                out.loose[row + x] = evidence[x] > loose ? 255 : 0;
-                out.sharp[row + x] = evidence[x] > sharp ? 255 : 0;
-            }
+            const std::size_t at = static_cast<std::size_t>(y) * width_ + box.x0;
+            decide_row(smoothed_.row(y) + box.x0, box.width(), decision, out.probability.data() + at,
+                       out.sharp.data() + at, out.loose.data() + at);
         }
     });
     const MaskPicture sharp_mask{out.sharp.data(), width_, height_},
@@ -293,9 +289,8 @@ void CpuSegmenter::silhouettes(const Rect& box, const Rect& work, const Segmenta
         drop_islands(sharp_mask, box, options_.min_island_px / 3, 0, nullptr, components_);
     }
     for (int y = box.y0; y < box.y1; ++y)
-        for (int x = box.x0; x < box.x1; ++x)
-            out.loose[static_cast<std::size_t>(y) * width_ + x] |=
-                out.sharp[static_cast<std::size_t>(y) * width_ + x];
+        for_each_run(sharp_mask.row(y), box.x0, box.x1,
+                     [&](int x0, int x1) { std::memset(loose_mask.row(y) + x0, 255, x1 - x0); });
 }
 
 void CpuSegmenter::learn_colours(const Rect& box, const Silhouettes& out) {
@@ -304,15 +299,17 @@ void CpuSegmenter::learn_colours(const Rect& box, const Silhouettes& out) {
     for (int y = std::max(box.y0, kDepth); y < std::min(box.y1, height_ - kDepth); ++y) {
         const std::uint8_t* row = out.sharp.data() + static_cast<std::size_t>(y) * width_;
         const float* evidence = smoothed_.row(y);
-        for (int x = std::max(box.x0, kDepth); x < std::min(box.x1, width_ - kDepth); ++x) {
-            if (!(row[x] && row[x - kDepth] && row[x + kDepth] && row[x - kDepth * width_] &&
-                  row[x + kDepth * width_]) ||
-                evidence[x] < kSureEvidence)
-                continue;
-            const std::uint8_t* value =
-                cells_.data() + model_.cell_index(y, x / kCellPixels) * model_.cell_bytes() + x % kCellPixels;
-            ++colour_counts_[channels_ == 1 ? kde::histogram_bin<1>(value) : kde::histogram_bin<3>(value)];
-        }
+        for_each_run(row, std::max(box.x0, kDepth), std::min(box.x1, width_ - kDepth), [&](int x0, int x1) {
+            for (int x = x0; x < x1; ++x) {
+                if (!(row[x - kDepth] && row[x + kDepth] && row[x - kDepth * width_] && row[x + kDepth * width_]) ||
+                    evidence[x] < kSureEvidence)
+                    continue;
+                const std::uint8_t* value = cells_.data() +
+                                            model_.cell_index(y, x / kCellPixels) * model_.cell_bytes() +
+                                            x % kCellPixels;
+                ++colour_counts_[channels_ == 1 ? kde::histogram_bin<1>(value) : kde::histogram_bin<3>(value)];
+            }
+        });
     }
     colours_.add(colour_counts_, kColourMemory);
 }
@@ -340,14 +337,13 @@ void CpuSegmenter::update_model(const PictureView& picture, const SegmentationPr
             std::memset(keep_out, 0, width_);
             if (tracked)
                 for (int dy = -kMargin; dy <= kMargin; dy += kMargin) {
-                    const std::size_t row =
-                        static_cast<std::size_t>(std::clamp(y + dy, 0, height_ - 1)) * width_;
-                    for (int x = 0; x < width_; ++x) {
-                        if (!(out.loose[row + x] || (prior.expected && prior.expected[row + x]))) continue;
-                        for (int near = std::max(x - kMargin, 0); near <= std::min(x + kMargin, width_ - 1);
-                             ++near)
-                            keep_out[near] = 255;
-                    }
+                    const std::size_t row = static_cast<std::size_t>(std::clamp(y + dy, 0, height_ - 1)) * width_;
+                    const auto keep = [&](int x0, int x1) {
+                        x0 = std::max(x0 - kMargin, 0), x1 = std::min(x1 + kMargin, width_);
+                        std::memset(keep_out + x0, 255, x1 - x0);
+                    };
+                    for_each_run(out.loose.data() + row, 0, width_, keep);
+                    if (prior.expected) for_each_run(prior.expected + row, 0, width_, keep);
                 }
             update_row(model_, y, {cells_.data(), density_.data(), keep_out_.data(), visit}, options_);
         }
@@ -360,11 +356,13 @@ void CpuSegmenter::measure(const Rect& box, Silhouettes& out) const {
     for (int y = box.y0; y < box.y1; ++y) {
         const std::size_t row = static_cast<std::size_t>(y) * width_;
         std::int64_t in_row = 0;
-        for (int x = box.x0; x < box.x1; ++x) {
-            if (out.loose[row + x])
-                bounds = {std::min(bounds.x0, x), std::min(bounds.y0, y), std::max(bounds.x1, x + 1), y + 1};
-            if (out.sharp[row + x]) ++in_row, sum_x += x;
-        }
+        for_each_run(out.loose.data() + row, box.x0, box.x1, [&](int x0, int x1) {
+            bounds = {std::min(bounds.x0, x0), std::min(bounds.y0, y), std::max(bounds.x1, x1), y + 1};
+        });
+        for_each_run(out.sharp.data() + row, box.x0, box.x1, [&](int x0, int x1) {
+            in_row += x1 - x0;
+            sum_x += std::int64_t{x1 - x0} * (x0 + x1 - 1) / 2;
+        });
         count += in_row;
         sum_y += in_row * y;
     }

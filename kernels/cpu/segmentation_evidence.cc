@@ -120,6 +120,22 @@ void smooth_row(const float* const rows[5], const float weights[5], int width, f
             w0 * (across[x] + across[x + 4]) + w1 * (across[x + 1] + across[x + 3]) + w2 * across[x + 2];
 }
 
+void decide_row(const float* evidence, int width, const Decision& decision, std::uint8_t* probability,
+                std::uint8_t* sharp, std::uint8_t* loose) {
+    const float to_step = 127.5f / decision.limit;
+    const float sharp_from = decision.sharp, loose_from = decision.loose;
+    const float* __restrict in = evidence;
+    std::uint8_t* __restrict sharp_out = sharp;
+    std::uint8_t* __restrict loose_out = loose;
+    std::uint8_t* __restrict step = probability;
+    for (int x = 0; x < width; ++x) {
+        step[x] = static_cast<std::uint8_t>(static_cast<int>(in[x] * to_step + 127.5f));
+        sharp_out[x] = in[x] > sharp_from ? 255 : 0;
+        loose_out[x] = in[x] > loose_from ? 255 : 0;
+    }
+    for (int x = 0; x < width; ++x) probability[x] = decision.probability_of[step[x]];
+}
+
 }  // namespace kinevox::kernels::cpu::HWY_NAMESPACE
 
 #ifdef KINEVOX_HAVE_HIGHWAY
@@ -132,6 +148,7 @@ namespace kinevox::kernels::cpu {
 HWY_EXPORT(fit_light_cell);
 HWY_EXPORT(evidence_cell);
 HWY_EXPORT(smooth_row);
+HWY_EXPORT(decide_row);
 #define KINEVOX_DISPATCH(function) HWY_DYNAMIC_DISPATCH(function)
 #else
 #define KINEVOX_DISPATCH(function) plain::function
@@ -148,6 +165,10 @@ void evidence_cell(const EvidenceCell& cell, const kde::EvidenceParameters& para
 }
 void smooth_row(const float* const rows[5], const float weights[5], int width, float* scratch, float* out) {
     KINEVOX_DISPATCH(smooth_row)(rows, weights, width, scratch, out);
+}
+void decide_row(const float* evidence, int width, const Decision& decision, std::uint8_t* probability,
+                std::uint8_t* sharp, std::uint8_t* loose) {
+    KINEVOX_DISPATCH(decide_row)(evidence, width, decision, probability, sharp, loose);
 }
 #undef KINEVOX_DISPATCH
 }  // namespace kinevox::kernels::cpu

@@ -23,6 +23,7 @@ void diamond_step(const MaskPicture& from, std::uint8_t* to, const Rect& box) {
         std::uint8_t* out = to + static_cast<std::ptrdiff_t>(y) * from.width;
         const auto join = [](int a, int b) { return kShrink ? a & b : a | b; };
         const int first = std::max(box.x0, 1), last = std::min(box.x1, from.width - 1);
+#pragma GCC ivdep
         for (int x = first; x < last; ++x)
             out[x] = static_cast<std::uint8_t>(
                 join(join(here[x], join(above[x], below[x])), join(here[x - 1], here[x + 1])));
@@ -86,15 +87,21 @@ void BorderRefiner::refine(const MaskPicture& sharp, const Rect& box, const Rect
     diamond_step<false>(scratch, grown_.data(), wide);
     for (int y = wide.y0; y < wide.y1; ++y) {
         const std::size_t row = static_cast<std::size_t>(y) * sharp.width;
+        const std::uint8_t *inside = inside_.data() + row, *grown = grown_.data() + row;
+        std::uint8_t* zones = zones_.data() + row;
+#pragma GCC ivdep
         for (int x = wide.x0; x < wide.x1; ++x)
-            zones_[row + x] = static_cast<std::uint8_t>((inside_[row + x] & kde::kZoneInside) |
-                                                        (~grown_[row + x] & kde::kZoneOutside));
+            zones[x] = static_cast<std::uint8_t>((inside[x] & kde::kZoneInside) | (~grown[x] & kde::kZoneOutside));
     }
     parallel_for(box.y0, box.y1, 16, [&](int first, int last) {
         for (int y = first; y < last; ++y) {
             const std::size_t row = static_cast<std::size_t>(y) * sharp.width;
+            const std::uint8_t* const zones = zones_.data() + row;
             for (int x = box.x0; x < box.x1; ++x) {
-                if (zones_[row + x] != kde::kZoneBorder) continue;
+                // Most of a row is not border.
+                const void* border = std::memchr(zones + x, kde::kZoneBorder, static_cast<std::size_t>(box.x1 - x));
+                if (!border) break;
+                x = static_cast<int>(static_cast<const std::uint8_t*>(border) - zones);
                 const int part =
                     model.channels == 1
                         ? kde::unmix_border_pixel<1>(x, y, sharp.width, limit, zones_.data(), cells,
