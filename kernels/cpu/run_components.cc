@@ -7,19 +7,18 @@ namespace kinevox::kernels::cpu {
 
 int next_in_row(const std::uint8_t* row, int x, int end, bool set) {
     const std::uint64_t uniform = set ? 0 : ~std::uint64_t{0};
-    while (x < end) {
-        std::uint64_t eight;
-        if (x + 8 <= end) {
-            std::memcpy(&eight, row + x, 8);
-            if (eight == uniform) {
-                x += 8;
-                continue;
-            }
-        }
-        if ((row[x] != 0) == set) return x;
-        ++x;
+    for (; x + 32 <= end; x += 32) {
+        std::uint64_t word[4];
+        std::memcpy(word, row + x, 32);
+        if (((word[0] ^ uniform) | (word[1] ^ uniform) | (word[2] ^ uniform) | (word[3] ^ uniform)) != 0) break;
     }
-    return end;
+    for (; x + 8 <= end; x += 8) {
+        std::uint64_t word;
+        std::memcpy(&word, row + x, 8);
+        if (word != uniform) break;
+    }
+    while (x < end && (row[x] != 0) != set) ++x;
+    return x;
 }
 
 int RunComponents::root(int i) {

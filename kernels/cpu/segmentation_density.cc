@@ -157,6 +157,7 @@ DensityLooks cell_density_of(const kde::DensityTables& tables, const std::uint8_
                 looks = {last, true};
                 break;
             }
+            if (!may_stop && hn::AllTrue(bytes, hn::Eq(sum, hn::Set(bytes, 255)))) break;  // no more can be added
         }
         hn::Store(sum, bytes, density);
     } else {
