@@ -1,6 +1,6 @@
-// std::vector whose storage begins on a cache line, so that a vector register's load never straddles two. Large ones
-// ask for huge pages: the background's samples are read here and there, and a miss of the TLB would cost as much as
-// the samples themselves.
+// std::vector whose storage begins on a cache line, so that a vector register's load never straddles two.
+// Large ones ask for huge pages: the background's samples are read here and there, and a miss of the TLB
+// would cost as much as the samples themselves.
 #pragma once
 
 #include <cstddef>
@@ -29,12 +29,17 @@ struct CacheLineAllocator {
         const std::size_t bytes = count * sizeof(T);
         void* memory = ::operator new(bytes, alignment(bytes));
 #if defined(__linux__) && defined(MADV_HUGEPAGE)
-        if (bytes >= kHugePage) madvise(memory, bytes / kHugePage * kHugePage, MADV_HUGEPAGE);  // a wish: may fail
+        if (bytes >= kHugePage)
+            madvise(memory, bytes / kHugePage * kHugePage, MADV_HUGEPAGE);  // a wish: may fail
 #endif
         return static_cast<T*>(memory);
     }
-    void deallocate(T* memory, std::size_t count) { ::operator delete(memory, alignment(count * sizeof(T))); }
-    bool operator==(const CacheLineAllocator&) const { return true; }
+    void deallocate(T* memory, std::size_t count) {
+        ::operator delete(memory, alignment(count * sizeof(T)));
+    }
+    bool operator==(const CacheLineAllocator&) const {
+        return true;
+    }
 };
 
 template <class T>

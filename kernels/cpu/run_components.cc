@@ -10,7 +10,8 @@ int next_in_row(const std::uint8_t* row, int x, int end, bool set) {
     for (; x + 32 <= end; x += 32) {
         std::uint64_t word[4];
         std::memcpy(word, row + x, 32);
-        if (((word[0] ^ uniform) | (word[1] ^ uniform) | (word[2] ^ uniform) | (word[3] ^ uniform)) != 0) break;
+        if (((word[0] ^ uniform) | (word[1] ^ uniform) | (word[2] ^ uniform) | (word[3] ^ uniform)) != 0)
+            break;
     }
     for (; x + 8 <= end; x += 8) {
         std::uint64_t word;

@@ -78,8 +78,8 @@ class CpuSegmenter final : public Segmenter {
     std::array<std::uint16_t, 3> inverse_gain_{};
     AlignedVector<std::uint8_t> cells_, density_;
     std::vector<std::uint8_t> candidates_, active_;  // per cell
-    std::vector<std::uint8_t> neutral_;              // per cell, whether the planes hold what is read beside evidence
-    std::vector<std::uint8_t> looked_;               // per cell, samples that are in its density
+    std::vector<std::uint8_t> neutral_;  // per cell, whether the planes hold what is read beside evidence
+    std::vector<std::uint8_t> looked_;   // per cell, samples that are in its density
     Plane weighted_value_, weighted_energy_, factor_, residual_, evidence_, smoothed_;
     ForegroundColours colours_;
     std::vector<float> log_foreground_;
@@ -208,7 +208,8 @@ void CpuSegmenter::evidence(const CellBox& box) {
         for (int y = first; y < last; ++y)
             for (int k = box.k0 - 1; k < box.k1 + 1; ++k) {
                 const std::ptrdiff_t x = static_cast<std::ptrdiff_t>(k) * kCellPixels;
-                if (y < 0 || y >= height_ || k < 0 || k >= model_.cells_per_row) continue;  // margins: neutral for ever
+                if (y < 0 || y >= height_ || k < 0 || k >= model_.cells_per_row)
+                    continue;  // margins: neutral for ever
                 const bool inside = y >= box.y0 && y < box.y1 && k >= box.k0 && k < box.k1;
                 const std::size_t cell = model_.cell_index(y, k);
                 if (inside && active_[cell]) {
@@ -301,13 +302,15 @@ void CpuSegmenter::learn_colours(const Rect& box, const Silhouettes& out) {
         const float* evidence = smoothed_.row(y);
         for_each_run(row, std::max(box.x0, kDepth), std::min(box.x1, width_ - kDepth), [&](int x0, int x1) {
             for (int x = x0; x < x1; ++x) {
-                if (!(row[x - kDepth] && row[x + kDepth] && row[x - kDepth * width_] && row[x + kDepth * width_]) ||
+                if (!(row[x - kDepth] && row[x + kDepth] && row[x - kDepth * width_] &&
+                      row[x + kDepth * width_]) ||
                     evidence[x] < kSureEvidence)
                     continue;
                 const std::uint8_t* value = cells_.data() +
                                             model_.cell_index(y, x / kCellPixels) * model_.cell_bytes() +
                                             x % kCellPixels;
-                ++colour_counts_[channels_ == 1 ? kde::histogram_bin<1>(value) : kde::histogram_bin<3>(value)];
+                ++colour_counts_[channels_ == 1 ? kde::histogram_bin<1>(value)
+                                                : kde::histogram_bin<3>(value)];
             }
         });
     }
@@ -337,7 +340,8 @@ void CpuSegmenter::update_model(const PictureView& picture, const SegmentationPr
             std::memset(keep_out, 0, width_);
             if (tracked)
                 for (int dy = -kMargin; dy <= kMargin; dy += kMargin) {
-                    const std::size_t row = static_cast<std::size_t>(std::clamp(y + dy, 0, height_ - 1)) * width_;
+                    const std::size_t row =
+                        static_cast<std::size_t>(std::clamp(y + dy, 0, height_ - 1)) * width_;
                     const auto keep = [&](int x0, int x1) {
                         x0 = std::max(x0 - kMargin, 0), x1 = std::min(x1 + kMargin, width_);
                         std::memset(keep_out + x0, 255, x1 - x0);
@@ -420,8 +424,9 @@ std::unique_ptr<Segmenter> make_segmenter(Device device, int width, int height, 
 #ifdef KINEVOX_HAVE_CUDA
         return make_segmenter_cuda(width, height, channels, options);
 #else
-        throw std::runtime_error("segmentation: built without a CUDA compiler; build where nvcc is found, or use "
-                                 "device cpu");
+        throw std::runtime_error(
+            "segmentation: built without a CUDA compiler; build where nvcc is found, or use "
+            "device cpu");
 #endif
     }
     return std::make_unique<cpu::CpuSegmenter>(width, height, channels, options);

@@ -24,9 +24,9 @@ inline void split_plain(const std::uint8_t* interleaved, int pixels, int channel
 }
 
 inline DensityLooks cell_density_plain(const kde::DensityTables& tables, const std::uint8_t* cell,
-                               const std::uint8_t* samples, const std::uint8_t* bandwidth_scale,
-                               int sample_count, int channels, int begin, bool may_stop,
-                               std::uint8_t* density) {
+                                       const std::uint8_t* samples, const std::uint8_t* bandwidth_scale,
+                                       int sample_count, int channels, int begin, bool may_stop,
+                                       std::uint8_t* density) {
     if (begin == 0) std::memset(density, 0, kde::kCellPixels);
     for (int first = begin; first < sample_count; first += kde::kSamplesPerLook) {
         const int count = std::min(kde::kSamplesPerLook, sample_count - first);
@@ -56,15 +56,19 @@ HWY_BEFORE_NAMESPACE();
 namespace kinevox::kernels::cpu::HWY_NAMESPACE {
 #if HWY_TARGET == HWY_SCALAR
 // A processor without vectors of bytes: the shared scalar form.
-DensityLooks cell_density_1(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
-                    const std::uint8_t* bandwidth_scale, int sample_count, int begin, bool may_stop,
-                    const SamplesAhead&, std::uint8_t* density) {
-    return cell_density_plain(tables, cell, samples, bandwidth_scale, sample_count, 1, begin, may_stop, density);
+DensityLooks cell_density_1(const kde::DensityTables& tables, const std::uint8_t* cell,
+                            const std::uint8_t* samples, const std::uint8_t* bandwidth_scale,
+                            int sample_count, int begin, bool may_stop, const SamplesAhead&,
+                            std::uint8_t* density) {
+    return cell_density_plain(tables, cell, samples, bandwidth_scale, sample_count, 1, begin, may_stop,
+                              density);
 }
-DensityLooks cell_density_3(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
-                    const std::uint8_t* bandwidth_scale, int sample_count, int begin, bool may_stop,
-                    const SamplesAhead&, std::uint8_t* density) {
-    return cell_density_plain(tables, cell, samples, bandwidth_scale, sample_count, 3, begin, may_stop, density);
+DensityLooks cell_density_3(const kde::DensityTables& tables, const std::uint8_t* cell,
+                            const std::uint8_t* samples, const std::uint8_t* bandwidth_scale,
+                            int sample_count, int begin, bool may_stop, const SamplesAhead&,
+                            std::uint8_t* density) {
+    return cell_density_plain(tables, cell, samples, bandwidth_scale, sample_count, 3, begin, may_stop,
+                              density);
 }
 void split_whole_cell(const std::uint8_t* interleaved, int channels, const std::uint16_t* gain_64,
                       std::uint8_t* cell) {
@@ -128,9 +132,10 @@ HWY_INLINE int unsure_lanes(hn::Vec<Bytes> sum) {
 }
 
 template <int kChannels>
-DensityLooks cell_density_of(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
-                             const std::uint8_t* bandwidth_scale, int sample_count, int begin, bool may_stop,
-                             const SamplesAhead& ahead, std::uint8_t* density) {
+DensityLooks cell_density_of(const kde::DensityTables& tables, const std::uint8_t* cell,
+                             const std::uint8_t* samples, const std::uint8_t* bandwidth_scale,
+                             int sample_count, int begin, bool may_stop, const SamplesAhead& ahead,
+                             std::uint8_t* density) {
     constexpr int kSampleBytes = kChannels * kCellPixels;
     const Bytes bytes;
     const auto squared_table = hn::LoadDup128(bytes, tables.squared);
@@ -157,7 +162,8 @@ DensityLooks cell_density_of(const kde::DensityTables& tables, const std::uint8_
                 looks = {last, true};
                 break;
             }
-            if (!may_stop && hn::AllTrue(bytes, hn::Eq(sum, hn::Set(bytes, 255)))) break;  // no more can be added
+            if (!may_stop && hn::AllTrue(bytes, hn::Eq(sum, hn::Set(bytes, 255))))
+                break;  // no more can be added
         }
         hn::Store(sum, bytes, density);
     } else {
@@ -171,7 +177,8 @@ DensityLooks cell_density_of(const kde::DensityTables& tables, const std::uint8_
                 auto sum = hn::Load(bytes, density + lane);
                 for (int i = first; i < last; ++i) {
                     if (lane == 0) fetch_sample();
-                    sum = add_sample(pixels, squared_table, kernel_table, samples + i * kSampleBytes + lane, sum);
+                    sum = add_sample(pixels, squared_table, kernel_table, samples + i * kSampleBytes + lane,
+                                     sum);
                 }
                 hn::Store(sum, bytes, density + lane);
                 unsure += unsure_lanes(sum);
@@ -186,15 +193,19 @@ DensityLooks cell_density_of(const kde::DensityTables& tables, const std::uint8_
     return looks;
 }
 
-DensityLooks cell_density_1(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
-                    const std::uint8_t* bandwidth_scale, int sample_count, int begin, bool may_stop,
-                    const SamplesAhead& ahead, std::uint8_t* density) {
-    return cell_density_of<1>(tables, cell, samples, bandwidth_scale, sample_count, begin, may_stop, ahead, density);
+DensityLooks cell_density_1(const kde::DensityTables& tables, const std::uint8_t* cell,
+                            const std::uint8_t* samples, const std::uint8_t* bandwidth_scale,
+                            int sample_count, int begin, bool may_stop, const SamplesAhead& ahead,
+                            std::uint8_t* density) {
+    return cell_density_of<1>(tables, cell, samples, bandwidth_scale, sample_count, begin, may_stop, ahead,
+                              density);
 }
-DensityLooks cell_density_3(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
-                    const std::uint8_t* bandwidth_scale, int sample_count, int begin, bool may_stop,
-                    const SamplesAhead& ahead, std::uint8_t* density) {
-    return cell_density_of<3>(tables, cell, samples, bandwidth_scale, sample_count, begin, may_stop, ahead, density);
+DensityLooks cell_density_3(const kde::DensityTables& tables, const std::uint8_t* cell,
+                            const std::uint8_t* samples, const std::uint8_t* bandwidth_scale,
+                            int sample_count, int begin, bool may_stop, const SamplesAhead& ahead,
+                            std::uint8_t* density) {
+    return cell_density_of<3>(tables, cell, samples, bandwidth_scale, sample_count, begin, may_stop, ahead,
+                              density);
 }
 
 // One plane: value * gain / 16384 in 1/64 levels, rounded.
@@ -270,14 +281,16 @@ void split_cell(const std::uint8_t* interleaved, int pixels, int channels, const
     split_plain(interleaved, pixels, channels, gain_64, cell);
 }
 
-DensityLooks cell_density(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
-                          const std::uint8_t* bandwidth_scale, int sample_count, int channels, int begin,
-                          bool may_stop, std::uint8_t* density, const SamplesAhead& ahead) {
+DensityLooks cell_density(const kde::DensityTables& tables, const std::uint8_t* cell,
+                          const std::uint8_t* samples, const std::uint8_t* bandwidth_scale, int sample_count,
+                          int channels, int begin, bool may_stop, std::uint8_t* density,
+                          const SamplesAhead& ahead) {
 #ifdef KINEVOX_HAVE_HIGHWAY
-    return channels == 1 ? HWY_DYNAMIC_DISPATCH(cell_density_1)(tables, cell, samples, bandwidth_scale,
-                                                                sample_count, begin, may_stop, ahead, density)
-                         : HWY_DYNAMIC_DISPATCH(cell_density_3)(tables, cell, samples, bandwidth_scale,
-                                                                sample_count, begin, may_stop, ahead, density);
+    return channels == 1
+               ? HWY_DYNAMIC_DISPATCH(cell_density_1)(tables, cell, samples, bandwidth_scale, sample_count,
+                                                      begin, may_stop, ahead, density)
+               : HWY_DYNAMIC_DISPATCH(cell_density_3)(tables, cell, samples, bandwidth_scale, sample_count,
+                                                      begin, may_stop, ahead, density);
 #else
     return cell_density_plain(tables, cell, samples, bandwidth_scale, sample_count, channels, begin, may_stop,
                               density);

@@ -16,22 +16,23 @@ kde::DensityTables make_density_tables(int sample_count);
 void split_cell(const std::uint8_t* interleaved, int pixels, int channels, const std::uint16_t* gain_64,
                 std::uint8_t* cell);
 
-// kde::density() of the 64 pixels of a cell. Adds the samples from `begin` (a multiple of kde::kSamplesPerLook) on to
-// what `density` holds; from 0 on it begins anew. With `may_stop` it ends as soon as fewer than
-// kde::kCandidatesPerCell pixels are below kde::kSureDensity: plainly background, the sums are then lower bounds.
-// Returns the samples that are in the sums, and whether it ended so.
+// kde::density() of the 64 pixels of a cell. Adds the samples from `begin` (a multiple of
+// kde::kSamplesPerLook) on to what `density` holds; from 0 on it begins anew. With `may_stop` it ends as soon
+// as fewer than kde::kCandidatesPerCell pixels are below kde::kSureDensity: plainly background, the sums are
+// then lower bounds. Returns the samples that are in the sums, and whether it ended so.
 struct DensityLooks {
     int samples = 0;
     bool plain = false;
 };
-// The first `count` samples of the cell that will be asked for next: they are fetched in the meantime, since memory
-// takes longer to deliver a cell than the sums take.
+// The first `count` samples of the cell that will be asked for next: they are fetched in the meantime, since
+// memory takes longer to deliver a cell than the sums take.
 struct SamplesAhead {
     const std::uint8_t* samples = nullptr;
     int count = 0;
 };
-DensityLooks cell_density(const kde::DensityTables& tables, const std::uint8_t* cell, const std::uint8_t* samples,
-                          const std::uint8_t* bandwidth_scale, int sample_count, int channels, int begin,
-                          bool may_stop, std::uint8_t* density, const SamplesAhead& ahead = {});
+DensityLooks cell_density(const kde::DensityTables& tables, const std::uint8_t* cell,
+                          const std::uint8_t* samples, const std::uint8_t* bandwidth_scale, int sample_count,
+                          int channels, int begin, bool may_stop, std::uint8_t* density,
+                          const SamplesAhead& ahead = {});
 
 }  // namespace kinevox::kernels::cpu

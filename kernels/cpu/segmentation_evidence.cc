@@ -38,9 +38,10 @@ void fit_light_cell(const EvidenceCell& cell, const kde::EvidenceParameters& par
         fit_light_of<3>(cell, parameters, out);
 }
 
-// The light of the neighbourhoods whose uppermost row lies `top` rows below the cell's, for `width` pixels from column
-// `first` of the cell on.
-void neighbourhood_light(const LightRows& light, std::ptrdiff_t stride, int top, int first, int width, float* quotient) {
+// The light of the neighbourhoods whose uppermost row lies `top` rows below the cell's, for `width` pixels
+// from column `first` of the cell on.
+void neighbourhood_light(const LightRows& light, std::ptrdiff_t stride, int top, int first, int width,
+                         float* quotient) {
     constexpr int kReach = kde::kLightReach, kSpan = kCellPixels + 4 * kReach;
     static_assert(kReach == 2);
     float value[kSpan], energy[kSpan];

@@ -38,8 +38,8 @@ void evidence_cell(const EvidenceCell& cell, const kde::EvidenceParameters& para
 // and the result have two columns of margin.
 void smooth_row(const float* const rows[5], const float weights[5], int width, float* scratch, float* out);
 
-// What the pixels of a row become: their probability from a table of 256 steps of the evidence from -limit to limit,
-// and 255 where the evidence is above a threshold.
+// What the pixels of a row become: their probability from a table of 256 steps of the evidence from -limit to
+// limit, and 255 where the evidence is above a threshold.
 struct Decision {
     const std::uint8_t* probability_of = nullptr;
     float limit = 0, sharp = 0, loose = 0;

@@ -91,7 +91,8 @@ void BorderRefiner::refine(const MaskPicture& sharp, const Rect& box, const Rect
         std::uint8_t* zones = zones_.data() + row;
 #pragma GCC ivdep
         for (int x = wide.x0; x < wide.x1; ++x)
-            zones[x] = static_cast<std::uint8_t>((inside[x] & kde::kZoneInside) | (~grown[x] & kde::kZoneOutside));
+            zones[x] =
+                static_cast<std::uint8_t>((inside[x] & kde::kZoneInside) | (~grown[x] & kde::kZoneOutside));
     }
     parallel_for(box.y0, box.y1, 16, [&](int first, int last) {
         for (int y = first; y < last; ++y) {
@@ -99,7 +100,8 @@ void BorderRefiner::refine(const MaskPicture& sharp, const Rect& box, const Rect
             const std::uint8_t* const zones = zones_.data() + row;
             for (int x = box.x0; x < box.x1; ++x) {
                 // Most of a row is not border.
-                const void* border = std::memchr(zones + x, kde::kZoneBorder, static_cast<std::size_t>(box.x1 - x));
+                const void* border =
+                    std::memchr(zones + x, kde::kZoneBorder, static_cast<std::size_t>(box.x1 - x));
                 if (!border) break;
                 x = static_cast<int>(static_cast<const std::uint8_t*>(border) - zones);
                 const int part =
