@@ -85,30 +85,55 @@ void BodyModel::capsules(const PosedBody& posed, std::vector<BodyCapsule>& out) 
     }
 }
 
-void BodyModel::point_jacobian(const PosedBody& posed, int segment, Vec3 point,
-                               std::span<Vec3, kBodyDofCount> out) const {
-    std::fill(out.begin(), out.end(), Vec3{});
-    out[0] = {1, 0, 0}, out[1] = {0, 1, 0}, out[2] = {0, 0, 1};
-    for (int s = segment; s >= 0; s = kBodyParent[s]) {
-        const Rigid3& world_from_segment = posed.world_from_segment[s];
-        const Vec3 arm = point - world_from_segment.translation;
-        const Mat3 world_from_parent =
-            s == kPelvis ? Mat3{} : posed.world_from_segment[kBodyParent[s]].rotation;
+std::array<DofFrame, kBodyDofCount> BodyModel::dof_frames(const PosedBody& posed) const {
+    constexpr Vec3 kAxes[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    std::array<DofFrame, kBodyDofCount> frames;
+    for (int k = 0; k < 3; ++k) frames[kDofRootPosition + k].shift = kAxes[k];
+    for (int s = 0; s < kBodySegmentCount; ++s) {
+        const Vec3 origin = posed.world_from_segment[s].translation;
+        const Mat3 world_from_parent = s == kPelvis ? Mat3{} : posed.world_from_segment[kBodyParent[s]].rotation;
+        DofFrame* own = frames.data() + kSegmentDof[s];
         if (kSegmentDofCount[s] == 1) {
-            out[kSegmentDof[s]] = cross(world_from_parent * hinge_axis(s), arm);
+            own[0] = {world_from_parent * hinge_axis(s), origin, {}};
             continue;
         }
         const bool shoulder = s == kUpperArmL || s == kUpperArmR;
-        const Vec3 direction = world_from_parent.transposed() * (world_from_segment.rotation * kDown);
+        const Vec3 arm = world_from_parent.transposed() * (posed.world_from_segment[s].rotation * kDown);
         for (int k = 0; k < 3; ++k) {
-            const Vec3 axis{k == 0 ? 1.0 : 0.0, k == 1 ? 1.0 : 0.0, k == 2 ? 1.0 : 0.0};
-            Vec3 column = cross(world_from_parent * axis, arm);
+            own[k] = {world_from_parent * kAxes[k], origin, {}};
             // The girdle's shift is linear in the arm's direction, so its rate is the shift of the direction's rate.
             if (shoulder)
-                column += world_from_parent * shoulder_shift(s == kUpperArmL, cross(axis, direction) + kDown);
-            out[kSegmentDof[s] + k] = column;
+                own[k].shift = world_from_parent * shoulder_shift(s == kUpperArmL, cross(kAxes[k], arm) + kDown);
         }
     }
+    return frames;
+}
+
+std::array<Vec3, kBodyDofCount> BodyModel::point_jacobian(const std::array<DofFrame, kBodyDofCount>& frames,
+                                                          int segment, Vec3 point) {
+    std::array<Vec3, kBodyDofCount> columns{};
+    for (const int k : dofs_of_segment(segment))
+        columns[k] = cross(frames[k].axis, point - frames[k].origin) + frames[k].shift;
+    return columns;
+}
+
+std::span<const int> dofs_of_segment(int segment) {
+    struct Chains {
+        std::array<std::array<int, kBodyDofCount>, kBodySegmentCount> dofs{};
+        std::array<std::size_t, kBodySegmentCount> count{};
+    };
+    static const Chains chains = [] {
+        Chains made;
+        for (int s = 0; s < kBodySegmentCount; ++s) {
+            std::array<bool, kBodyDofCount> moves{true, true, true};
+            for (int at = s; at >= 0; at = kBodyParent[at])
+                for (int k = 0; k < kSegmentDofCount[at]; ++k) moves[kSegmentDof[at] + k] = true;
+            for (int k = 0; k < kBodyDofCount; ++k)
+                if (moves[k]) made.dofs[s][made.count[s]++] = k;
+        }
+        return made;
+    }();
+    return {chains.dofs[segment].data(), chains.count[segment]};
 }
 
 }  // namespace kinevox

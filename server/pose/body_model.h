@@ -93,6 +93,14 @@ struct PosedBody {
     std::array<Vec3, kJointNames.size()> joints_in_world;  // in the order of kJointNames
 };
 
+// How points move with one degree of freedom: d point / d step = axis x (point - origin) + shift, world frame.
+struct DofFrame {
+    Vec3 axis, origin, shift;
+};
+
+// The degrees of freedom that move a segment, ascending.
+std::span<const int> dofs_of_segment(int segment);
+
 // Not changed after construction; may be used by several threads.
 class BodyModel {
   public:
@@ -108,10 +116,11 @@ class BodyModel {
     std::span<const BodyCapsule> capsules_in_segments() const { return capsules_; }
     void capsules(const PosedBody& posed, std::vector<BodyCapsule>& out) const;
 
-    // d point / d step of a point fixed to a segment: one column a degree of freedom, zero where the segment's chain to
-    // the root does not pass it.
-    void point_jacobian(const PosedBody& posed, int segment, Vec3 point_in_world,
-                        std::span<Vec3, kBodyDofCount> out) const;
+    // For all points of segments that dofs_of_segment() says a degree of freedom moves; exact.
+    std::array<DofFrame, kBodyDofCount> dof_frames(const PosedBody& posed) const;
+    // d point / d step of a point fixed to a segment, from these.
+    static std::array<Vec3, kBodyDofCount> point_jacobian(const std::array<DofFrame, kBodyDofCount>& frames,
+                                                          int segment, Vec3 point_in_world);
     // The segment that carries a joint of kJointNames, and the joint in that segment's frame. Where a joint lies between
     // two segments it is the farther one's origin.
     static int joint_segment(int joint);

@@ -129,9 +129,8 @@ TEST(BodyModel, JacobianAgreesWithDifferences) {
         const BodyPosture posture = posture_from_coordinates(random_coordinates(seed));
         const PosedBody posed = model.forward(posture);
         for (std::size_t j = 0; j < kJointNames.size(); ++j) {
-            std::array<Vec3, kBodyDofCount> jacobian;
-            model.point_jacobian(posed, BodyModel::joint_segment(static_cast<int>(j)), posed.joints_in_world[j],
-                                 jacobian);
+            const auto jacobian = BodyModel::point_jacobian(
+                model.dof_frames(posed), BodyModel::joint_segment(static_cast<int>(j)), posed.joints_in_world[j]);
             for (int k = 0; k < kBodyDofCount; ++k) {
                 BodyStep forth{}, back{};
                 forth[k] = kStep, back[k] = -kStep;

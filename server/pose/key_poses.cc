@@ -1,0 +1,85 @@
+#include "server/pose/key_poses.h"
+
+#include <initializer_list>
+#include <numbers>
+#include <utility>
+
+namespace kinevox {
+namespace {
+
+constexpr double deg(double degrees) { return degrees * std::numbers::pi / 180; }
+
+using Setting = std::pair<int, double>;   // degree of freedom, degrees
+
+BodyCoordinates pose(std::initializer_list<Setting> settings) {
+    BodyCoordinates q{};
+    for (const auto& [dof, degrees] : settings) q[dof] = deg(degrees);
+    return q;
+}
+
+}  // namespace
+
+const std::vector<BodyCoordinates>& key_poses() {
+    constexpr int kTilt = kDofRootRotation, kLumbar = kDofSacroiliac, kNeck = kDofSkullbase;
+    constexpr int kArmFlexL = kDofShoulderL, kArmAddL = kDofShoulderL + 1, kArmFlexR = kDofShoulderR,
+                  kArmAddR = kDofShoulderR + 1;
+    constexpr int kHipFlexL = kDofHipL, kHipFlexR = kDofHipR, kHipAddL = kDofHipL + 1, kHipAddR = kDofHipR + 1;
+    static const std::vector<BodyCoordinates> poses{
+        // standing, arms hanging
+        pose({{kArmAddL, -10}, {kArmAddR, -10}, {kDofElbowL, 20}, {kDofElbowR, 20}, {kDofKneeL, 8}, {kDofKneeR, 8},
+              {kHipFlexL, 4}, {kHipFlexR, 4}}),
+        // T-pose
+        pose({{kArmAddL, -90}, {kArmAddR, -90}, {kHipAddL, -8}, {kHipAddR, -8}}),
+        // standing, forearms in front
+        pose({{kArmFlexL, 20}, {kArmFlexR, 20}, {kArmAddL, -15}, {kArmAddR, -15}, {kDofElbowL, 90}, {kDofElbowR, 90},
+              {kDofKneeL, 12}, {kDofKneeR, 12}, {kHipFlexL, 8}, {kHipFlexR, 8}}),
+        // arms overhead
+        pose({{kArmFlexL, 160}, {kArmFlexR, 160}, {kDofElbowL, 20}, {kDofElbowR, 20}}),
+        // step, left leg in front, and right
+        pose({{kHipFlexL, 25}, {kHipFlexR, -15}, {kDofKneeL, 10}, {kDofKneeR, 25}, {kArmFlexL, -20}, {kArmFlexR, 20},
+              {kDofElbowL, 25}, {kDofElbowR, 30}, {kDofAnkleR, 5}}),
+        pose({{kHipFlexR, 25}, {kHipFlexL, -15}, {kDofKneeR, 10}, {kDofKneeL, 25}, {kArmFlexR, -20}, {kArmFlexL, 20},
+              {kDofElbowR, 25}, {kDofElbowL, 30}, {kDofAnkleL, 5}}),
+        // squat
+        pose({{kTilt, -30}, {kHipFlexL, 80}, {kHipFlexR, 80}, {kDofKneeL, 90}, {kDofKneeR, 90}, {kDofAnkleL, 25},
+              {kDofAnkleR, 25}, {kArmFlexL, 60}, {kArmFlexR, 60}, {kDofElbowL, 30}, {kDofElbowR, 30}, {kHipAddL, -15},
+              {kHipAddR, -15}}),
+        // set position of a sprint start, left and right leg in front
+        pose({{kTilt, -70}, {kLumbar, -25}, {kNeck, -10}, {kHipFlexL, 95}, {kHipFlexR, 70}, {kDofKneeL, 85},
+              {kDofKneeR, 60}, {kArmFlexL, 90}, {kArmFlexR, 90}, {kDofAnkleL, 10}, {kDofAnkleR, 10}}),
+        pose({{kTilt, -70}, {kLumbar, -25}, {kNeck, -10}, {kHipFlexR, 95}, {kHipFlexL, 70}, {kDofKneeR, 85},
+              {kDofKneeL, 60}, {kArmFlexL, 90}, {kArmFlexR, 90}, {kDofAnkleL, 10}, {kDofAnkleR, 10}}),
+        // lunge, left leg in front, and right
+        pose({{kHipFlexL, 70}, {kHipFlexR, -5}, {kDofKneeL, 75}, {kDofKneeR, 40}, {kArmFlexL, 20}, {kArmFlexR, 20},
+              {kDofElbowL, 70}, {kDofElbowR, 70}, {kDofAnkleR, 15}}),
+        pose({{kHipFlexR, 70}, {kHipFlexL, -5}, {kDofKneeR, 75}, {kDofKneeL, 40}, {kArmFlexL, 20}, {kArmFlexR, 20},
+              {kDofElbowL, 70}, {kDofElbowR, 70}, {kDofAnkleL, 15}}),
+    };
+    return poses;
+}
+
+BodyCoordinates with_heading(const BodyCoordinates& pose, double heading) {
+    BodyCoordinates turned = pose;
+    turned[kDofRootRotation + 2] += heading;   // the outermost of the root's angles
+    return turned;
+}
+
+BodyCoordinates centred(const BodyModel& model, const BodyCoordinates& pose, Vec3 middle) {
+    std::vector<BodyCapsule> capsules;
+    model.capsules(model.forward(pose), capsules);
+    Vec3 sum;
+    double volume = 0;
+    for (const BodyCapsule& c : capsules) {
+        const Vec3 a{c.a[0], c.a[1], c.a[2]}, b{c.b[0], c.b[1], c.b[2]};
+        const double radius = 0.5 * (c.radius_a + c.radius_b);
+        const double part = radius * radius * (norm(b - a) + radius);
+        sum += part * 0.5 * (a + b);
+        volume += part;
+    }
+    BodyCoordinates moved = pose;
+    const Vec3 by = middle - sum / volume;
+    moved[0] += by.x, moved[1] += by.y, moved[2] += by.z;
+    return moved;
+}
+
+}  // namespace kinevox

@@ -1,0 +1,191 @@
+#include "server/pose/pose_cost.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "server/pose/ray_capsule.h"
+
+namespace kinevox {
+namespace {
+
+constexpr double kDegree = 0.017453292519943295;
+
+Vec3 point(const float* p) { return {p[0], p[1], p[2]}; }
+
+// Rest pose and how far from it a joint usually is: weak, for what the silhouettes do not tell.
+struct Habit {
+    double rest_deg, std_deg;
+};
+constexpr Habit kFree{0, 0};
+constexpr std::array<Habit, kBodyDofCount> kHabits{{
+    kFree, kFree, kFree, kFree, kFree, kFree,
+    {-5, 25}, {0, 15}, {0, 20},                        // lumbar
+    {0, 20}, {0, 15}, {0, 30},                         // neck
+    {10, 60}, {-5, 20}, {0, 20}, {20, 60}, {0, 25},    // left leg
+    kFree, kFree, kFree, {30, 60}, {0, 25},            // left arm
+    {10, 60}, {-5, 20}, {0, 20}, {20, 60}, {0, 25},    // right leg
+    kFree, kFree, kFree, {30, 60}, {0, 25},            // right arm
+}};
+constexpr double kLimitStd = 3 * kDegree;
+
+void add_row(std::span<const int> dofs, const double* row, double residual, double weight, Linearisation& out) {
+    for (std::size_t i = 0; i < dofs.size(); ++i) {
+        const double w = weight * row[i];
+        out.gradient[dofs[i]] += w * residual;
+        for (std::size_t j = 0; j <= i; ++j) out.hessian(dofs[i], dofs[j]) += w * row[j];
+    }
+}
+
+// Limits of movement and habits, on the named angles. A shoulder's angles are singular within its reach and its range
+// is wide; there only the motion prior holds.
+void add_angle_terms(const BodyPosture& posture, Linearisation& out) {
+    const BodyCoordinates q = coordinates_from_posture(posture);
+    for (int s = 1; s < kBodySegmentCount; ++s) {
+        if (s == kUpperArmL || s == kUpperArmR) continue;
+        const int first = kSegmentDof[s], count = kSegmentDofCount[s];
+        const Mat3 rates = count == 3 ? euler_rates(s, posture.parent_from_segment[s]) : Mat3{};
+        int dofs[3];
+        for (int k = 0; k < count; ++k) dofs[k] = first + k;
+        for (int k = 0; k < count; ++k) {
+            const double row[3] = {rates(k, 0), rates(k, 1), rates(k, 2)};
+            const double angle = q[first + k];
+            const auto add = [&](double residual, double std) {
+                const double weight = 1 / (std * std);
+                add_row({dofs, static_cast<std::size_t>(count)}, row, residual, weight, out);
+                out.cost += 0.5 * weight * residual * residual;
+            };
+            const Habit& habit = kHabits[first + k];
+            if (habit.std_deg > 0) add(angle - habit.rest_deg * kDegree, habit.std_deg * kDegree);
+            const BodyDofInfo& info = kBodyDofs[first + k];
+            const double beyond = std::max(0.0, angle - info.upper) + std::min(0.0, angle - info.lower);
+            if (beyond != 0) add(beyond, kLimitStd);
+        }
+    }
+}
+
+void add_prior(const MotionPrior& prior, const BodyPosture& posture, Linearisation& out) {
+    const BodyStep from_expected = step_between(prior.expected, posture);
+    for (int k = 0; k < kBodyDofCount; ++k) {
+        if (!std::isfinite(prior.std[k])) continue;
+        const double weight = 1 / (prior.std[k] * prior.std[k]);
+        out.hessian(k, k) += weight;
+        out.gradient[k] += weight * from_expected[k];
+        out.cost += 0.5 * weight * from_expected[k] * from_expected[k];
+    }
+}
+
+}  // namespace
+
+// Geman & McClure's kernel: r^2 / (1 + r^2 / s^2).
+void PoseCost::add_term(SurfaceTerm term, double std_m, double robust_m, double weight) {
+    const double w = weight / (std_m * std_m);
+    const double share = 1 / (1 + term.residual * term.residual / (robust_m * robust_m));
+    cost_ += 0.5 * w * term.residual * term.residual * share;
+    term.weight = w * share * share;
+    terms_.push_back(term);
+}
+
+void PoseCost::contour_terms(int camera, const SilhouetteRays& view, double robust_m) {
+    nearest_capsules(view.contour, capsules_, best_rank_, best_capsule_);
+    for (std::size_t i = 0; i < view.contour.size(); ++i) {
+        if (best_capsule_[i] < 0) continue;
+        const BodyCapsule& capsule = capsules_[best_capsule_[i]];
+        const Vec3 direction{view.contour.direction[0][i], view.contour.direction[1][i], view.contour.direction[2][i]};
+        const Vec3 outward{view.contour.outward[0][i], view.contour.outward[1][i], view.contour.outward[2][i]};
+        const RayTouch touch = touch_ray(view.contour.origin_in_world, direction, outward, capsule);
+        if (!touch.usable) continue;
+        SurfaceTerm term;
+        term.camera = camera;
+        term.capsule = best_capsule_[i];
+        term.along = touch.along;
+        term.point_in_world = touch.point;
+        term.gradient = touch.gradient;
+        term.radius_gradient = -1;
+        term.residual = touch.distance;
+        add_term(term, options_.contour_std_m, robust_m, options_.term_weight);
+    }
+}
+
+void PoseCost::inside_terms(int camera, const SilhouetteRays& view, double robust_m) {
+    const Camera& c = *view.camera;
+    for (std::size_t k = 0; k < capsules_.size(); ++k) {
+        const BodyCapsule& capsule = capsules_[k];
+        for (const double along : {0.15, 0.5, 0.85}) {
+            const Vec3 p = (1 - along) * point(capsule.a) + along * point(capsule.b);
+            const double radius = (1 - along) * capsule.radius_a + along * capsule.radius_b;
+            const Vec3 in_camera = c.camera_from_world * p;
+            if (!(in_camera.z > 0.2)) continue;
+            const std::optional<Vec2> pixel = c.project(p);
+            double depth_px;
+            Vec2 slope;
+            if (!pixel || !view.distance.at(*pixel, depth_px, slope)) continue;
+            const double m_per_px = 2 * in_camera.z / (c.fx + c.fy);
+            const double out = radius - depth_px * m_per_px;
+            if (out <= 0) continue;
+            // d pixel / d point without the lens' small stretch; moving along the depth hardly changes it.
+            const Vec3 in_plane{slope.x * c.fx / in_camera.z * m_per_px, slope.y * c.fy / in_camera.z * m_per_px, 0};
+            const Vec3 g{in_plane.x, in_plane.y, -(in_plane.x * in_camera.x + in_plane.y * in_camera.y) / in_camera.z};
+            SurfaceTerm term;
+            term.camera = camera;
+            term.capsule = static_cast<int>(k);
+            term.along = along;
+            term.point_in_world = p;
+            term.gradient = -(c.camera_from_world.rotation.transposed() * g);
+            term.radius_gradient = 1;
+            term.residual = out;
+            add_term(term, options_.inside_std_m, robust_m, options_.term_weight);
+        }
+    }
+}
+
+void PoseCost::floor_terms() {
+    for (std::size_t k = 0; k < capsules_.size(); ++k) {
+        for (const bool end : {false, true}) {
+            const float* p = end ? capsules_[k].b : capsules_[k].a;
+            const double below = (end ? capsules_[k].radius_b : capsules_[k].radius_a) - p[2];
+            if (below <= 0.005) continue;
+            SurfaceTerm term;
+            term.camera = -1;
+            term.capsule = static_cast<int>(k);
+            term.along = end ? 1 : 0;
+            term.point_in_world = point(p);
+            term.gradient = {0, 0, -1};
+            term.radius_gradient = 1;
+            term.residual = below - 0.005;
+            add_term(term, options_.floor_std_m, 1.0, 1.0);
+        }
+    }
+}
+
+void PoseCost::linearise(const BodyModel& model, const BodyPosture& posture, std::span<const SilhouetteRays> views,
+                         const MotionPrior* prior, double robust_m, Linearisation& out) {
+    posed_ = model.forward(posture);
+    model.capsules(posed_, capsules_);
+    terms_.clear();
+    cost_ = 0;
+    for (std::size_t c = 0; c < views.size(); ++c) {
+        if (!views[c].camera) continue;
+        contour_terms(static_cast<int>(c), views[c], robust_m);
+        inside_terms(static_cast<int>(c), views[c], robust_m);
+    }
+    floor_terms();
+
+    out.hessian.setZero();
+    out.gradient.setZero();
+    out.cost = cost_;
+    const auto frames = model.dof_frames(posed_);
+    double row[kBodyDofCount];
+    for (const SurfaceTerm& term : terms_) {
+        const std::span<const int> dofs = dofs_of_segment(capsules_[term.capsule].segment);
+        for (std::size_t i = 0; i < dofs.size(); ++i) {
+            const DofFrame& f = frames[dofs[i]];
+            row[i] = dot(f.axis, cross(term.point_in_world - f.origin, term.gradient)) + dot(f.shift, term.gradient);
+        }
+        add_row(dofs, row, term.residual, term.weight, out);
+    }
+    add_angle_terms(posture, out);
+    if (prior) add_prior(*prior, posture, out);
+    out.hessian.triangularView<Eigen::StrictlyUpper>() = out.hessian.transpose();
+}
+
+}  // namespace kinevox

@@ -1,0 +1,74 @@
+// How well a posed body explains the silhouettes, linearised for the fit.
+//
+// Contour term: a ray through a silhouette's border touches the body, so the signed distance from the ray to the
+// nearest capsule is zero. Inside term: no part of the body may project outside of a silhouette.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "server/pose/body_model.h"
+#include "server/pose/silhouette_rays.h"
+
+namespace kinevox {
+
+struct PoseCostOptions {
+    double contour_std_m = 0.012;     // of a contour ray's distance
+    double inside_std_m = 0.012;      // of how far a part sticks out of a silhouette
+    double term_weight = 0.25;        // neighbouring rays err alike: one counts as this part of an independent one
+    double floor_std_m = 0.02;        // of how far a foot goes below the floor
+};
+
+// One residual and how it moves with the surface point of the body that causes it.
+struct SurfaceTerm {
+    int camera = 0;
+    int capsule = 0;
+    double along = 0;           // from a (0) to b (1)
+    Vec3 point_in_world;        // on the capsule's axis
+    Vec3 gradient;              // d residual / d point
+    double radius_gradient = 0; // d residual / d radius at the point
+    double residual = 0;        // m
+    double weight = 0;          // 1/m^2, the robust factor included
+};
+
+struct Linearisation {
+    Eigen::Matrix<double, kBodyDofCount, kBodyDofCount> hessian;   // J^T W J, full
+    Eigen::Matrix<double, kBodyDofCount, 1> gradient;              // J^T W r
+    double cost = 0;
+};
+
+// The prior of a fit: where the body is expected.
+struct MotionPrior {
+    BodyPosture expected;
+    BodyStep std{};             // infinite: nothing is expected of this degree of freedom
+};
+
+class PoseCost {
+  public:
+    explicit PoseCost(const PoseCostOptions& options = {}) : options_(options) {}
+
+    // `robust_m`: distances much larger than this hardly count. `prior` may be null. Fills terms().
+    void linearise(const BodyModel& model, const BodyPosture& posture, std::span<const SilhouetteRays> views,
+                   const MotionPrior* prior, double robust_m, Linearisation& out);
+    const std::vector<SurfaceTerm>& terms() const { return terms_; }
+    const PosedBody& posed() const { return posed_; }
+    const std::vector<BodyCapsule>& capsules() const { return capsules_; }
+
+  private:
+    void contour_terms(int camera, const SilhouetteRays& view, double robust_m);
+    void inside_terms(int camera, const SilhouetteRays& view, double robust_m);
+    void floor_terms();
+    void add_term(SurfaceTerm term, double std_m, double robust_m, double weight);
+
+    PoseCostOptions options_;
+    PosedBody posed_;
+    std::vector<BodyCapsule> capsules_;
+    std::vector<SurfaceTerm> terms_;
+    double cost_ = 0;
+    std::vector<float> best_rank_;    // per ray
+    std::vector<int> best_capsule_;
+};
+
+}  // namespace kinevox

@@ -1,0 +1,53 @@
+// Levenberg-Marquardt over the 32 degrees of freedom of one frame set.
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "server/pose/body_model.h"
+#include "server/pose/pose_cost.h"
+
+namespace kinevox {
+
+struct PoseFitOptions {
+    PoseCostOptions cost;
+    // Distances that still count, m: wide first, so that limbs find their silhouettes, then narrow.
+    double wide_m = 0.15, narrow_m = 0.04;
+    int wide_steps = 3, narrow_steps = 6;   // at most so many accepted or rejected steps
+    double done_below = 1e-3;               // relative decrease of the cost that ends a stage
+
+    std::string check() const;
+};
+
+struct PoseFit {
+    BodyPosture posture;
+    Linearisation at;             // the solution, at narrow_m
+    double contour_rms_m = 0;     // of the contour rays within 3 narrow_m
+    double explained = 0;         // part of the contour rays that lie within narrow_m of the outline, 0..1
+};
+
+// Not thread safe; keeps its memory.
+class PoseFitter {
+  public:
+    explicit PoseFitter(const PoseFitOptions& options = {}) : options_(options), cost_(options.cost) {}
+
+    // `prior` may be null. `wide`: begins with the wide kernel.
+    PoseFit fit(const BodyModel& model, std::span<const SilhouetteRays> views, const BodyPosture& start,
+                const MotionPrior* prior, bool wide);
+
+    // The cost alone, for comparing starts.
+    double cost_of(const BodyModel& model, std::span<const SilhouetteRays> views, const BodyPosture& posture);
+
+    const PoseCost& cost() const { return cost_; }
+
+  private:
+    void descend(const BodyModel& model, std::span<const SilhouetteRays> views, const MotionPrior* prior,
+                 double robust_m, int steps, PoseFit& fit);
+
+    PoseFitOptions options_;
+    PoseCost cost_;
+    Linearisation trial_;
+};
+
+}  // namespace kinevox

@@ -1,0 +1,138 @@
+#include "server/pose/pose_tracker.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include <fmt/format.h>
+
+#include "server/pose/key_poses.h"
+
+namespace kinevox {
+namespace {
+
+constexpr double kRateMemory = 0.6;      // of the old rate in the new one's estimate
+constexpr double kCostMemory = 0.85;
+constexpr double kPredictionDamping = 0.9;
+constexpr double kSame_m = 0.06;         // hypotheses whose joints lie nearer on average are one
+
+double mean_joint_distance(const PosedBody& a, const PosedBody& b) {
+    double sum = 0;
+    for (std::size_t j = 0; j < kJointNames.size(); ++j) sum += norm(a.joints_in_world[j] - b.joints_in_world[j]);
+    return sum / kJointNames.size();
+}
+
+}  // namespace
+
+std::string PoseTrackerOptions::check() const {
+    if (std::string problem = fit.check(); !problem.empty()) return problem;
+    if (headings < 1 || starts < 1 || hypotheses < 1)
+        return fmt::format("pose tracker: {} headings, {} starts, {} hypotheses; at least one each", headings, starts,
+                           hypotheses);
+    if (min_views < 2) return fmt::format("pose tracker: min_views is {}; at least 2", min_views);
+    return {};
+}
+
+PoseTracker::PoseTracker(double fps, const PoseTrackerOptions& options)
+    : fps_(fps), options_(options), model_(std::make_shared<BodyModel>(default_body_shape())), fitter_(options.fit) {}
+
+void PoseTracker::begin(std::span<const SilhouetteRays> views, Vec3 centre,
+                        std::span<const PoseCandidate> candidates) {
+    struct Start {
+        double cost;
+        BodyPosture posture;
+    };
+    std::vector<Start> starts;
+    const auto add = [&](const BodyCoordinates& q) {
+        const BodyPosture posture = posture_from_coordinates(centred(*model_, q, centre));
+        starts.push_back({fitter_.cost_of(*model_, views, posture), posture});
+    };
+    for (const PoseCandidate& candidate : candidates) add(candidate.coordinates);
+    for (const BodyCoordinates& pose : key_poses())
+        for (int h = 0; h < options_.headings; ++h)
+            add(with_heading(pose, 2 * std::numbers::pi * h / options_.headings));
+    std::stable_sort(starts.begin(), starts.end(), [](const Start& a, const Start& b) { return a.cost < b.cost; });
+    if (starts.size() > static_cast<std::size_t>(options_.starts)) starts.resize(options_.starts);
+    hypotheses_.clear();
+    for (const Start& start : starts) {
+        Hypothesis h;
+        h.fit = fitter_.fit(*model_, views, start.posture, nullptr, true);
+        h.fit = fitter_.fit(*model_, views, h.fit.posture, nullptr, true);
+        h.posture = h.fit.posture;
+        h.cost = h.fit.at.cost;
+        hypotheses_.push_back(std::move(h));
+    }
+    choose();
+}
+
+void PoseTracker::follow(Hypothesis& h, std::span<const SilhouetteRays> views, double seconds) {
+    BodyStep ahead;
+    for (int k = 0; k < kBodyDofCount; ++k) ahead[k] = kPredictionDamping * seconds * h.rate[k];
+    MotionPrior prior;
+    prior.expected = stepped(h.posture, ahead);
+    // With no rate yet, the body may be moving already.
+    const double first = h.seconds == 0 ? 4 : 1;
+    const double dt2 = seconds * seconds * first;
+    for (int k = 0; k < kBodyDofCount; ++k)
+        prior.std[k] = k < 3   ? 0.005 + options_.root_acceleration_m_s2 * dt2
+                       : k < 6 ? 0.02 + options_.root_turn_rad_s2 * dt2
+                               : 0.03 + options_.joint_turn_rad_s2 * dt2;
+    h.fit = fitter_.fit(*model_, views, prior.expected, &prior, false);
+    const BodyStep moved = step_between(h.posture, h.fit.posture);
+    const double keep = h.seconds == 0 ? 0 : kRateMemory;
+    for (int k = 0; k < kBodyDofCount; ++k) h.rate[k] = keep * h.rate[k] + (1 - keep) * moved[k] / seconds;
+    h.posture = h.fit.posture;
+    h.cost = kCostMemory * h.cost + (1 - kCostMemory) * h.fit.at.cost;
+    h.seconds += seconds;
+}
+
+void PoseTracker::choose() {
+    std::stable_sort(hypotheses_.begin(), hypotheses_.end(),
+                     [](const Hypothesis& a, const Hypothesis& b) { return a.cost < b.cost; });
+    std::vector<Hypothesis> kept;
+    std::vector<PosedBody> bodies;
+    for (Hypothesis& h : hypotheses_) {
+        if (kept.size() >= static_cast<std::size_t>(options_.hypotheses)) break;
+        if (!kept.empty() && (h.cost > options_.hopeless * kept.front().cost || h.seconds > options_.decide_after_s))
+            break;
+        PosedBody body = model_->forward(h.posture);
+        const bool known = std::any_of(bodies.begin(), bodies.end(), [&](const PosedBody& other) {
+            return mean_joint_distance(body, other) < kSame_m;
+        });
+        if (known) continue;
+        bodies.push_back(body);
+        kept.push_back(std::move(h));
+    }
+    hypotheses_ = std::move(kept);
+}
+
+std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::span<const SilhouetteRays> views,
+                                                  Vec3 centre, std::span<const PoseCandidate> candidates) {
+    const auto seeing = std::count_if(views.begin(), views.end(), [](const SilhouetteRays& v) { return v.camera; });
+    double seconds = 1 / fps_;
+    if (tracking()) seconds = std::clamp(1e-9 * static_cast<double>(time_ns - last_time_ns_), 0.25 / fps_, 0.5);
+    if (seeing < options_.min_views) {
+        lost_s_ += seconds;
+        if (lost_s_ > options_.lost_after_s) reset();
+        return std::nullopt;
+    }
+    if (!tracking()) {
+        begin(views, centre, candidates);
+        lost_s_ = 0;
+    } else {
+        for (Hypothesis& h : hypotheses_) follow(h, views, seconds);
+        choose();
+    }
+    last_time_ns_ = time_ns;
+    const Hypothesis& best = hypotheses_.front();
+    if (best.fit.explained < options_.lost_below) {
+        lost_s_ += seconds;
+        if (lost_s_ > options_.lost_after_s) reset();
+        return std::nullopt;
+    }
+    lost_s_ = 0;
+    return TrackedPosture{best.fit, best.seconds, hypotheses_.size() == 1};
+}
+
+}  // namespace kinevox

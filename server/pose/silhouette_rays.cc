@@ -1,0 +1,174 @@
+#include "server/pose/silhouette_rays.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace kinevox {
+namespace {
+
+constexpr int kNormalReach = 3;    // px; the normal is that of the mask's mean over a window of this half-width
+constexpr int kMapMargin = 8;      // cells around the silhouette's box
+
+struct BorderPoint {
+    float x, y;        // px, between the two pixels
+};
+
+// Midpoints between an inside and an outside pixel that touch, in raster order.
+void find_border(const std::uint8_t* mask, int width, const kernels::Rect& b, int height,
+                 std::vector<BorderPoint>& out) {
+    out.clear();
+    for (int y = b.y0; y < b.y1; ++y) {
+        const std::uint8_t* row = mask + static_cast<std::ptrdiff_t>(y) * width;
+        for (int x = b.x0; x < b.x1; ++x) {
+            if (!row[x]) continue;
+            const auto fx = static_cast<float>(x), fy = static_cast<float>(y);
+            if (x > 0 && !row[x - 1]) out.push_back({fx - 0.5f, fy});
+            if (x + 1 < width && !row[x + 1]) out.push_back({fx + 0.5f, fy});
+            if (y > 0 && !row[x - width]) out.push_back({fx, fy - 0.5f});
+            if (y + 1 < height && !row[x + width]) out.push_back({fx, fy + 0.5f});
+        }
+    }
+}
+
+// Away from the silhouette: against the centre of gravity of its pixels in a window. Length 0 where that says nothing.
+Vec2 outward_normal(const std::uint8_t* mask, int width, int height, BorderPoint p) {
+    double sx = 0, sy = 0;
+    const int x0 = std::max(0, static_cast<int>(std::ceil(p.x)) - kNormalReach),
+              x1 = std::min(width - 1, static_cast<int>(std::floor(p.x)) + kNormalReach),
+              y0 = std::max(0, static_cast<int>(std::ceil(p.y)) - kNormalReach),
+              y1 = std::min(height - 1, static_cast<int>(std::floor(p.y)) + kNormalReach);
+    for (int y = y0; y <= y1; ++y)
+        for (int x = x0; x <= x1; ++x)
+            if (mask[static_cast<std::ptrdiff_t>(y) * width + x]) sx += p.x - x, sy += p.y - y;
+    const double length = std::hypot(sx, sy);
+    if (length < 1e-6) return {};
+    return {sx / length, sy / length};
+}
+
+// Squared Euclidean distances along one line, in place (Felzenszwalb & Huttenlocher 2012).
+void transform_line(float* f, int n, std::ptrdiff_t stride, std::vector<float>& line, std::vector<int>& v,
+                    std::vector<float>& z) {
+    line.resize(n), v.resize(n), z.resize(n + 1);
+    for (int q = 0; q < n; ++q) line[q] = f[q * stride];
+    int k = 0;
+    v[0] = 0;
+    z[0] = -std::numeric_limits<float>::infinity(), z[1] = std::numeric_limits<float>::infinity();
+    for (int q = 1; q < n; ++q) {
+        float s;
+        while (true) {
+            const int p = v[k];
+            s = ((line[q] + static_cast<float>(q) * q) - (line[p] + static_cast<float>(p) * p)) / (2.f * (q - p));
+            if (s > z[k] || k == 0) break;
+            --k;
+        }
+        if (s <= z[k]) {
+            v[k] = q;
+        } else {
+            v[++k] = q;
+            z[k] = s;
+        }
+        z[k + 1] = std::numeric_limits<float>::infinity();
+    }
+    k = 0;
+    for (int q = 0; q < n; ++q) {
+        while (z[k + 1] < static_cast<float>(q)) ++k;
+        const auto d = static_cast<float>(q - v[k]);
+        f[q * stride] = d * d + line[v[k]];
+    }
+}
+
+}  // namespace
+
+void SilhouetteDistance::build(const std::uint8_t* mask, int width, int height, const kernels::Rect& bounds, int side) {
+    picture_width_ = width, picture_height_ = height;
+    cell_ = std::max(1, (std::max(bounds.width(), bounds.height()) + side - 1) / side);
+    const int margin = kMapMargin * cell_;
+    x0_ = std::max(0, bounds.x0 - margin), y0_ = std::max(0, bounds.y0 - margin);
+    const int x1 = std::min(width, bounds.x1 + margin), y1 = std::min(height, bounds.y1 + margin);
+    columns_ = std::max(1, (x1 - x0_) / cell_), rows_ = std::max(1, (y1 - y0_) / cell_);
+    const std::size_t cells = static_cast<std::size_t>(columns_) * rows_;
+    constexpr float kFar = 1e8f;
+    distance_.resize(cells);
+    // A cell is inside where half of it is.
+    std::vector<float>& inside = line_;
+    inside.resize(cells);
+    for (int r = 0; r < rows_; ++r)
+        for (int c = 0; c < columns_; ++c) {
+            int set = 0;
+            for (int y = 0; y < cell_; ++y) {
+                const std::uint8_t* row = mask + static_cast<std::ptrdiff_t>(y0_ + r * cell_ + y) * width + x0_ + c * cell_;
+                for (int x = 0; x < cell_; ++x) set += row[x] != 0;
+            }
+            inside[static_cast<std::size_t>(r) * columns_ + c] = 2 * set >= cell_ * cell_ ? 1.f : 0.f;
+        }
+    std::vector<float> line;
+    for (const bool to_inside : {true, false}) {
+        squared_.resize(cells);
+        for (std::size_t k = 0; k < cells; ++k) squared_[k] = (inside[k] > 0) == to_inside ? 0.f : kFar;
+        for (int c = 0; c < columns_; ++c)
+            transform_line(squared_.data() + c, rows_, columns_, line, parabola_, parabola_at_);
+        for (int r = 0; r < rows_; ++r)
+            transform_line(squared_.data() + static_cast<std::ptrdiff_t>(r) * columns_, columns_, 1, line, parabola_,
+                           parabola_at_);
+        for (std::size_t k = 0; k < cells; ++k) {
+            if ((inside[k] > 0) == to_inside) continue;
+            // The border lies half a cell before the nearest cell of the other kind.
+            const float d = (std::sqrt(squared_[k]) - 0.5f) * static_cast<float>(cell_);
+            distance_[k] = to_inside ? -d : d;
+        }
+    }
+}
+
+bool SilhouetteDistance::at(Vec2 p, double& distance, Vec2& gradient) const {
+    if (distance_.empty() || !(p.x > -0.5 && p.y > -0.5 && p.x < picture_width_ - 0.5 && p.y < picture_height_ - 0.5))
+        return false;
+    const double half = 0.5 * (cell_ - 1);
+    const double gx = (p.x - x0_ - half) / cell_, gy = (p.y - y0_ - half) / cell_;
+    const double cx = std::clamp(gx, 0.0, columns_ - 1.0), cy = std::clamp(gy, 0.0, rows_ - 1.0);
+    const int i = std::min(static_cast<int>(cx), std::max(0, columns_ - 2)),
+              j = std::min(static_cast<int>(cy), std::max(0, rows_ - 2));
+    const int i1 = std::min(i + 1, columns_ - 1), j1 = std::min(j + 1, rows_ - 1);
+    const double u = cx - i, v = cy - j;
+    const auto cell = [&](int x, int y) -> double { return distance_[static_cast<std::size_t>(y) * columns_ + x]; };
+    const double d00 = cell(i, j), d10 = cell(i1, j), d01 = cell(i, j1), d11 = cell(i1, j1);
+    distance = (1 - v) * ((1 - u) * d00 + u * d10) + v * ((1 - u) * d01 + u * d11);
+    gradient = {((1 - v) * (d10 - d00) + v * (d11 - d01)) / cell_, ((1 - u) * (d01 - d00) + u * (d11 - d10)) / cell_};
+    const double ox = (gx - cx) * cell_, oy = (gy - cy) * cell_, out = std::hypot(ox, oy);
+    if (out > 0) {
+        distance -= out;
+        gradient = {gradient.x - ox / out, gradient.y - oy / out};
+    }
+    return true;
+}
+
+void read_silhouette(const Camera& camera, const kernels::Silhouettes& s, const SilhouetteRayOptions& options,
+                     SilhouetteRays& out) {
+    out.camera = nullptr;
+    for (int k = 0; k < 3; ++k) out.contour.direction[k].clear(), out.contour.outward[k].clear();
+    if (s.sharp_pixels <= 0 || s.bounds.empty()) return;
+    std::vector<BorderPoint> border;
+    find_border(s.sharp.data(), s.width, s.bounds, s.height, border);
+    const std::size_t wanted = static_cast<std::size_t>(options.contour_rays);
+    const std::size_t count = std::min(wanted, border.size());
+    out.contour.origin_in_world = camera.centre_in_world();
+    const Mat3 world_from_camera = camera.camera_from_world.rotation.transposed();
+    for (std::size_t k = 0; k < count; ++k) {
+        const BorderPoint p = border[border.size() * (2 * k + 1) / (2 * count)];
+        const Vec2 normal = outward_normal(s.sharp.data(), s.width, s.height, p);
+        if (normal.x == 0 && normal.y == 0) continue;
+        const Vec3 direction = camera.ray_through({p.x, p.y}).direction_in_world;
+        // In the picture's plane x is right and y down, as in the camera's frame.
+        Vec3 outward = world_from_camera * Vec3{normal.x, normal.y, 0};
+        outward = normalized(outward - dot(outward, direction) * direction);
+        const double d[3] = {direction.x, direction.y, direction.z}, n[3] = {outward.x, outward.y, outward.z};
+        for (int axis = 0; axis < 3; ++axis) {
+            out.contour.direction[axis].push_back(static_cast<float>(d[axis]));
+            out.contour.outward[axis].push_back(static_cast<float>(n[axis]));
+        }
+    }
+    out.distance.build(s.sharp.data(), s.width, s.height, s.bounds, options.distance_map_side);
+    out.camera = &camera;
+}
+
+}  // namespace kinevox
