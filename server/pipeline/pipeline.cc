@@ -14,6 +14,7 @@
 #include "kernels/projection.h"
 #include "server/pipeline/convert.h"
 #include "server/pipeline/result_pool.h"
+#include "server/pose/pose_stage.h"
 
 namespace kinevox {
 namespace {
@@ -59,6 +60,7 @@ class StagedPipeline final : public Pipeline {
         many_views_carver_ = kernels::make_hull_carver(options.device, many_views);
         expected_.resize(cameras_.size());
         if (options.colouring) colourer_ = kernels::make_voxel_colourer(options.device, options.colour);
+        if (options.pose) pose_stage_ = std::make_unique<PoseStage>(cameras_, fps, options.posing);
     }
 
     absl::Status learn_background(const std::vector<std::vector<Picture>>& empty_scene) override;
@@ -66,7 +68,9 @@ class StagedPipeline final : public Pipeline {
     void reset_track() override {
         tracker_.reset();
         expect_volume_ = false;
+        if (pose_stage_) pose_stage_->reset();
     }
+    PoseStage* pose_stage() override { return pose_stage_.get(); }
 
   private:
     static TrackerOptions tracker_options(const PipelineOptions& options) {
@@ -80,6 +84,7 @@ class StagedPipeline final : public Pipeline {
     void track(FrameResult& result);
     void carve(const FrameResult& result);
     void colour(FrameResult& result);
+    void pose(FrameResult& result);
 
     std::vector<Camera> cameras_;
     PipelineOptions options_;
@@ -88,6 +93,9 @@ class StagedPipeline final : public Pipeline {
     Tracker tracker_;
     std::unique_ptr<kernels::HullCarver> carver_, many_views_carver_;
     std::unique_ptr<kernels::VoxelColourer> colourer_;   // null without colouring
+    std::unique_ptr<PoseStage> pose_stage_;               // null without poses
+    std::vector<PoseView> pose_views_;
+    std::uint32_t posed_subject_ = 0;
     ResultPool results_;
     bool learned_ = false;
     bool expect_volume_ = false;                          // the next line is of the last frame set's subject
@@ -195,6 +203,18 @@ void StagedPipeline::colour(FrameResult& result) {
         result.silhouette_iou[view_camera_[view]] = report_.silhouette_iou[view];
 }
 
+// A camera that disagrees on the subject would bend the body, so only those that carve are asked.
+void StagedPipeline::pose(FrameResult& result) {
+    const SubjectTrack& subject = *result.subject;
+    if (subject.subject_id != posed_subject_) pose_stage_->reset();
+    posed_subject_ = subject.subject_id;
+    pose_views_.assign(cameras_.size(), {});
+    for (std::size_t c = 0; c < cameras_.size(); ++c) pose_views_[c].camera = &models_[c];
+    for (const std::size_t c : view_camera_) pose_views_[c].silhouettes = &result.silhouettes[c];
+    result.pose = pose_stage_->process(subject.subject_id, result.sequence, result.capture_time_ns, pose_views_,
+                                       subject.centre_in_world);
+}
+
 absl::StatusOr<FrameResultPtr> StagedPipeline::process(FrameSet frame_set) {
     LapClock clock;
     if (!learned_)
@@ -229,6 +249,11 @@ absl::StatusOr<FrameResultPtr> StagedPipeline::process(FrameSet frame_set) {
             coarsen_by_four(volume_, last_shape_);
             if (const auto centre = centre_of(volume_)) tracker_.observe_volume(*centre);
             result->volume = std::make_shared<const Volume>(to_common(volume_));
+            if (pose_stage_ && result->subject) {
+                clock.lap_ms();
+                pose(*result);
+                result->times.pose_ms = clock.lap_ms();
+            }
         }
     } catch (const std::exception& error) {
         return absl::InternalError(fmt::format("frame set {}: {}", result->sequence, error.what()));
@@ -242,7 +267,8 @@ absl::StatusOr<FrameResultPtr> StagedPipeline::process(FrameSet frame_set) {
 std::string PipelineOptions::check() const {
     TrackerOptions with_voxel = tracker;
     with_voxel.voxel_m = voxel_m;
-    for (std::string problem : {with_voxel.check(), segmentation.check(), hull.check(), colour.check()})
+    for (std::string problem : {with_voxel.check(), segmentation.check(), hull.check(), colour.check(),
+                                posing.check()})
         if (!problem.empty()) return problem;
     return {};
 }

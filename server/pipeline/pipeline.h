@@ -1,4 +1,4 @@
-// The stages strung together: segmentation, tracking, hull, colouring. One frame set in, one result out, on the
+// The stages strung together: segmentation, tracking, hull, colouring, pose. One frame set in, one result out, on the
 // calling thread and oneTBB's workers. Runner (runner.h) gives it a thread, a source and subscribers.
 #pragma once
 
@@ -16,17 +16,22 @@
 #include "server/cameras/frame_source.h"
 #include "server/pipeline/frame_result.h"
 #include "server/pipeline/tracking/tracker.h"
+#include "server/pose/pose_options.h"
 
 namespace kinevox {
+
+class PoseStage;
 
 struct PipelineOptions {
     kernels::Device device = kernels::Device::kCpu;
     double voxel_m = 0.01;
     bool colouring = true;
+    bool pose = true;
     kernels::SegmentationOptions segmentation;
     kernels::HullOptions hull;
     kernels::ColouringOptions colour;
     TrackerOptions tracker;   // its voxel_m is taken from above
+    PoseStageOptions posing;
 
     // Empty when usable, else one sentence.
     std::string check() const;
@@ -51,6 +56,9 @@ class Pipeline {
 
     // Forgets the track, keeps the backgrounds.
     virtual void reset_track() = 0;
+
+    // The pose stage, null without one. Touched only between calls of process().
+    virtual PoseStage* pose_stage() { return nullptr; }
 };
 
 }  // namespace kinevox

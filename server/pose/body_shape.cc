@@ -64,7 +64,7 @@ absl::StatusOr<BodyShape> read_body_shape(const std::filesystem::path& file) {
     BodyShape shape;
     shape.stature_m = root.number("stature_m", {0.5, 2.5});
     for (int k = 0; k < kBodyLengthCount; ++k)
-        shape.lengths_m[k] = root.number(std::string(kBodyLengths[k].name) + "_m", {0.001, 2});
+        shape.lengths_m[k] = root.number(fmt::format("{}_m", kBodyLengths[k].name), {0.001, 2});
     if (absl::Status finished = (*document)->finish(); !finished.ok()) return finished;
     return shape;
 }

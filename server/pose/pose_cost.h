@@ -10,16 +10,10 @@
 #include <Eigen/Core>
 
 #include "server/pose/body_model.h"
+#include "server/pose/pose_options.h"
 #include "server/pose/silhouette_rays.h"
 
 namespace kinevox {
-
-struct PoseCostOptions {
-    double contour_std_m = 0.012;     // of a contour ray's distance
-    double inside_std_m = 0.012;      // of how far a part sticks out of a silhouette
-    double term_weight = 0.25;        // neighbouring rays err alike: one counts as this part of an independent one
-    double floor_std_m = 0.02;        // of how far a foot goes below the floor
-};
 
 // One residual and how it moves with the surface point of the body that causes it.
 struct SurfaceTerm {

@@ -7,18 +7,9 @@
 
 #include "server/pose/body_model.h"
 #include "server/pose/pose_cost.h"
+#include "server/pose/pose_options.h"
 
 namespace kinevox {
-
-struct PoseFitOptions {
-    PoseCostOptions cost;
-    // Distances that still count, m: wide first, so that limbs find their silhouettes, then narrow.
-    double wide_m = 0.15, narrow_m = 0.04;
-    int wide_steps = 3, narrow_steps = 6;   // at most so many accepted or rejected steps
-    double done_below = 1e-3;               // relative decrease of the cost that ends a stage
-
-    std::string check() const;
-};
 
 struct PoseFit {
     BodyPosture posture;

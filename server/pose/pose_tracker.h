@@ -13,25 +13,9 @@
 #include "server/pose/body_model.h"
 #include "server/pose/pose_candidate.h"
 #include "server/pose/pose_fitter.h"
+#include "server/pose/pose_options.h"
 
 namespace kinevox {
-
-struct PoseTrackerOptions {
-    PoseFitOptions fit;
-    SilhouetteRayOptions rays;
-    int headings = 16;               // tried for each key pose at the beginning
-    int starts = 10;                 // of all those the best are fitted
-    int hypotheses = 3;              // and of these so many are followed
-    double decide_after_s = 1.0;     // then the best one alone
-    double hopeless = 1.35;          // a rival whose cost is so many times the best one's is dropped at once
-    double lost_below = 0.55;        // part of the contour explained; below it a pose is lost
-    double lost_after_s = 0.15;      // for so long, and the search begins anew
-    int min_views = 2;               // with a silhouette
-    // Accelerations that the motion prior expects, one standard deviation.
-    double root_acceleration_m_s2 = 15, root_turn_rad_s2 = 40, joint_turn_rad_s2 = 90;
-
-    std::string check() const;
-};
 
 struct TrackedPosture {
     PoseFit fit;

@@ -6,13 +6,9 @@
 
 #include "common/camera.h"
 #include "kernels/segmentation.h"
+#include "server/pose/pose_options.h"
 
 namespace kinevox {
-
-struct SilhouetteRayOptions {
-    int contour_rays = 160;        // at most so many a camera
-    int distance_map_side = 160;   // the distance map is coarsened to about so many cells along its longer side
-};
 
 // Rays through the silhouette's border, one origin. `outward` is normal to the ray and points away from the
 // silhouette. A border that is only the picture's edge is none.

@@ -22,7 +22,7 @@ namespace {
 struct Arguments {
     kinevox::ProcessOptions options;
     double voxel_mm = 10;
-    bool no_colouring = false;
+    bool no_colouring = false, no_pose = false;
     int threads = 0;
 };
 
@@ -41,6 +41,10 @@ void declare(CLI::App& app, Arguments& arguments, std::string& device, std::vect
     app.add_option("--samples", options.pipeline.segmentation.samples, "Background samples per pixel, N")
         ->capture_default_str();
     app.add_flag("--no-colouring", arguments.no_colouring, "Stop at the hull: no carving by colour, no colours");
+    app.add_flag("--no-pose", arguments.no_pose, "Stop at the volume: no joints, no angles");
+    app.add_option("--smooth-hz", options.poses.cutoff_hz, "Cutoff of the poses' zero-phase low pass; 0: none")
+        ->check(CLI::Range(0.0, 1000.0))
+        ->capture_default_str();
     app.add_option("--threads", arguments.threads, "Threads of the pipeline; 0: one a core")
         ->check(CLI::Range(0, 1024))
         ->capture_default_str();
@@ -77,6 +81,8 @@ int run(int argc, char** argv) {
     options.pipeline.device = device == "cuda" ? kinevox::kernels::Device::kCuda : kinevox::kernels::Device::kCpu;
     options.pipeline.voxel_m = arguments.voxel_mm / 1000;
     options.pipeline.colouring = !arguments.no_colouring;
+    options.pipeline.pose = !arguments.no_pose;
+    options.pipeline.posing.filtered = false;   // the whole recording is smoothed at the end
     for (const std::string& what : save)
         (what == "volumes" ? options.writer.save_volumes : options.writer.save_silhouettes) = true;
 

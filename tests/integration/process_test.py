@@ -19,12 +19,18 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("KINEVOX_TEST_DATA", REPOSITORY.parent / "shared" / "data"))
 WALK = DATA / "studio" / "walk" / "session.toml"
 FRAMES = 12
+SIDED_JOINTS = ("shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle", "toe")
+JOINTS = ["root", "sacroiliac", "skullbase", "head_top", *(f"{joint}_{side}" for side in "lr" for joint in SIDED_JOINTS)]
+SIDED_ANGLES = ("knee_flexion", "elbow_flexion", "hip_flexion", "hip_abduction", "shoulder_elevation")
+ANGLES = [*(f"{angle}_{side}" for angle in SIDED_ANGLES for side in "lr"), "trunk_lean"]
 COLUMNS = {
     "volume.csv": "frame,voxel_mm,voxels,volume_litres,min_x,min_y,min_z,max_x,max_y,max_z",
     "timing.csv": "frame,segmentation_ms,tracking_ms,hull_ms,colouring_ms,pose_ms,total_ms",
     "track.csv": "frame,time_s,x,y,z,std_m,cameras",
     "agreement.csv": "frame,cam1,cam2,cam3,cam4",
     "events.csv": "frame,time_s,event,camera,message",
+    "joints.csv": "frame,time_s," + ",".join(f"{joint}_{axis}" for joint in JOINTS for axis in "xyz"),
+    "angles.csv": "frame,time_s," + ",".join(f"{angle}_deg" for angle in ANGLES),
 }
 
 
@@ -79,6 +85,21 @@ class Process(unittest.TestCase):
             r = {k: float(v) for k, v in row.items()}
             stages = sum(r[k] for k in r if k not in ("frame", "total_ms"))
             self.assertLessEqual(stages, r["total_ms"] + 0.01)
+
+    def test_the_pose_stands_in_the_room(self):
+        out = self.process("out")
+        rows = rows_of(out / "joints.csv")
+        self.assertEqual([int(r["frame"]) for r in rows], list(range(FRAMES)))
+        for row in rows:
+            self.assertTrue(0.7 < float(row["root_z"]) < 1.1, row)
+            self.assertTrue(1.5 < float(row["head_top_z"]) < 1.95, row)
+        for row in rows_of(out / "angles.csv"):
+            self.assertTrue(0 <= float(row["knee_flexion_l_deg"]) < 60, row)
+
+    def test_without_poses_there_are_no_tables_of_them(self):
+        out = self.process("out", "--no-pose")
+        self.assertFalse((out / "joints.csv").exists())
+        self.assertFalse((out / "angles.csv").exists())
 
     def test_is_repeatable_whatever_the_threads(self):
         runs = [self.process("one", "--save", "silhouettes,volumes", "--threads", 1),

@@ -45,6 +45,8 @@ absl::Status process_session(const ProcessOptions& options, const std::atomic<bo
     if (absl::Status learned = learn_background(**source, **pipeline, options.session_file); !learned.ok())
         return learned;
 
+    PoseStage* const pose_stage = (*pipeline)->pose_stage();
+    PosePass poses((*source)->fps(), options.poses);
     RunSummary summary;
     const Clock::time_point start = Clock::now();
     {
@@ -63,11 +65,14 @@ absl::Status process_session(const ProcessOptions& options, const std::atomic<bo
             auto result = (*pipeline)->process(std::move(*frame_set));
             if (!result.ok()) return result.status();
             summary.add(**result);
+            if (pose_stage) poses.add(**result, *pose_stage);
             if (absl::Status added = (*writer)->add(std::move(*result)); !added.ok()) return added;
             bar.show(summary.frames());
         }
     }
     const double wall_s = seconds_since(start);
+    if (pose_stage)
+        for (Table& table : pose_tables(poses.finish(*pose_stage))) (*writer)->add_table(std::move(table));
     if (absl::Status finished = (*writer)->finish(); !finished.ok()) return finished;
     if (!options.quiet) {
         fmt::print("{}results in {}\n", summary.text(wall_s), options.out_folder.string());

@@ -7,6 +7,7 @@
 #include <absl/status/status.h>
 
 #include "server/pipeline/pipeline.h"
+#include "server/tools/process/pose_pass.h"
 #include "server/tools/process/result_writer.h"
 
 namespace kinevox {
@@ -15,6 +16,7 @@ struct ProcessOptions {
     std::filesystem::path session_file, out_folder;
     PipelineOptions pipeline;
     ResultWriterOptions writer;
+    PosePassOptions poses;
     int most_frames = 0;             // stops after so many frame sets; 0: all
     bool decode_in_bursts = true;    // see SessionSourceOptions
     bool quiet = false;              // no progress bar, no summary

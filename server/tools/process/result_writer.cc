@@ -74,6 +74,8 @@ class FolderWriter final : public ResultWriter {
         return status_;
     }
 
+    void add_table(Table table) override { more_tables_.push_back(std::move(table)); }
+
     absl::Status finish() override;
 
   private:
@@ -85,6 +87,7 @@ class FolderWriter final : public ResultWriter {
     std::vector<std::string> names_;
     ResultWriterOptions options_;
     ResultTables tables_;
+    std::vector<Table> more_tables_;
     bool made_folder_ = false;
 
     std::mutex mutex_;   // of the three below
@@ -146,14 +149,16 @@ absl::Status FolderWriter::finish() {
     std::vector<std::string> made;
     if (options_.save_silhouettes) made.emplace_back("silhouettes");
     if (options_.save_volumes) made.emplace_back("volumes");
-    for (const Table& table : tables_.tables()) {
+    std::vector<Table> tables = tables_.tables();
+    tables.insert(tables.end(), more_tables_.begin(), more_tables_.end());
+    for (const Table& table : tables) {
         made.emplace_back(table.file_name);
         if (absl::Status written = write_file_atomically(aside_ / table.file_name, table.text); !written.ok())
             return written;
     }
-    // An earlier run's pictures go even if this run made none: they do not belong to the new tables.
+    // An earlier run's pictures and poses go even if this run made none: they do not belong to the new tables.
     std::error_code error;
-    for (const char* old : {"silhouettes", "volumes"}) {
+    for (const char* old : {"silhouettes", "volumes", "joints.csv", "angles.csv", "body.toml"}) {
         fs::remove_all(folder_ / old, error);
         if (error) return cannot_write(folder_ / old, error.message());
     }

@@ -11,6 +11,7 @@
 #include <absl/status/statusor.h>
 
 #include "server/pipeline/frame_result.h"
+#include "server/tools/process/tables.h"
 
 namespace kinevox {
 
@@ -33,6 +34,8 @@ class ResultWriter {
 
     // Results in the order of frames. Returns the first error met so far.
     virtual absl::Status add(FrameResultPtr result) = 0;
+    // One more table beside those of every run.
+    virtual void add_table(Table table) = 0;
     // Waits until all is written, then replaces what an earlier run left in the folder.
     virtual absl::Status finish() = 0;
 };

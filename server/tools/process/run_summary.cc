@@ -30,6 +30,7 @@ std::string RunSummary::text(double wall_s) const {
                                       Row{"tracking", &StageTimes::tracking_ms},
                                       Row{"hull", &StageTimes::hull_ms},
                                       Row{"colouring", &StageTimes::colouring_ms},
+                                      Row{"pose", &StageTimes::pose_ms},
                                       Row{"total", &StageTimes::total_ms},
                                       Row{"(decoding)", &StageTimes::decode_ms}};
     std::string out = fmt::format("{} frame sets in {:.1f} s ({:.1f} a second), {} with a volume\n", frames(), wall_s,

@@ -1,0 +1,77 @@
+#include "server/pose/pose_stage.h"
+
+#include <oneapi/tbb/parallel_for.h>
+#include <oneapi/tbb/partitioner.h>
+
+namespace kinevox {
+
+std::string PoseStageOptions::check() const {
+    for (std::string problem : {tracker.check(), filter.check()})
+        if (!problem.empty()) return problem;
+    if (candidates < 0) return "pose stage: candidates is negative";
+    return {};
+}
+
+PoseStage::PoseStage(std::vector<Camera> cameras, double fps, const PoseStageOptions& options)
+    : cameras_(std::move(cameras)),
+      options_(options),
+      tracker_(fps, options.tracker),
+      judge_(options.tracker.fit.cost),
+      filter_(options.filter) {
+    set_body(options.body);
+}
+
+void PoseStage::set_body(const BodyShape& body) { tracker_.set_model(std::make_shared<BodyModel>(body)); }
+
+void PoseStage::reset() {
+    tracker_.reset();
+    filter_.reset();
+    tracked_.reset();
+    last_.reset();
+}
+
+std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint64_t sequence, std::int64_t time_ns,
+                                             std::span<const PoseView> views, Vec3 centre) {
+    observation_.time_ns = time_ns;
+    observation_.centre_in_world = centre;
+    observation_.views.resize(cameras_.size());
+    oneapi::tbb::parallel_for(
+        std::size_t{0}, cameras_.size(),
+        [&](std::size_t c) {
+            observation_.views[c].camera = nullptr;
+            if (c < views.size() && views[c].silhouettes)
+                read_silhouette(cameras_[c], *views[c].silhouettes, options_.tracker.rays, observation_.views[c]);
+        },
+        oneapi::tbb::simple_partitioner());
+    std::vector<PoseCandidate> candidates;
+    if (proposer_ && !tracker_.tracking()) candidates = proposer_->propose(views, centre, options_.candidates);
+    return process(subject_id, sequence, observation_, candidates);
+}
+
+std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint64_t sequence,
+                                             const PoseObservation& seen,
+                                             std::span<const PoseCandidate> candidates) {
+    tracked_ = tracker_.update(seen.time_ns, seen.views, seen.centre_in_world, candidates);
+    if (!tracked_) {
+        filter_.reset();
+        last_.reset();
+        return nullptr;
+    }
+    auto pose = std::make_shared<BodyPose>();
+    pose->subject_id = subject_id;
+    pose->sequence = sequence;
+    pose->capture_time_ns = seen.time_ns;
+    pose->contour_rms_m = tracked_->fit.contour_rms_m;
+    pose->filtered = options_.filtered;
+    Linearisation data;
+    judge_.linearise(tracker_.model(), tracked_->fit.posture, seen.views, nullptr, options_.tracker.fit.narrow_m, data);
+    judge_posture(tracker_.model(), tracked_->fit.posture, data, judge_.terms(), judge_.capsules(),
+                  static_cast<int>(cameras_.size()), options_.estimate, *pose);
+    const BodyPosture& measured = tracked_->fit.posture;
+    describe_posture(tracker_.model(), options_.filtered ? filter_.filter(measured, seen.time_ns) : measured, *pose);
+    if (last_) set_velocities(*last_, *pose);
+    last_ = pose;
+    return pose;
+}
+
+}  // namespace kinevox

@@ -1,0 +1,63 @@
+// The pipeline's last stage: silhouettes of one frame set in, a measured body out.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "common/body_pose.h"
+#include "common/camera.h"
+#include "server/pose/body_shape.h"
+#include "server/pose/pose_candidate.h"
+#include "server/pose/pose_estimate.h"
+#include "server/pose/pose_options.h"
+#include "server/pose/pose_tracker.h"
+#include "server/pose/posture_filter.h"
+
+namespace kinevox {
+
+// What a frame set showed, for fits that come later.
+struct PoseObservation {
+    std::int64_t time_ns = 0;
+    Vec3 centre_in_world;
+    std::vector<SilhouetteRays> views;
+};
+
+// Not thread safe. The numbers do not depend on the number of threads.
+class PoseStage {
+  public:
+    PoseStage(std::vector<Camera> cameras, double fps, const PoseStageOptions& options);
+
+    void set_body(const BodyShape& body);
+    const BodyShape& body() const { return tracker_.model().shape(); }
+    // May be null; must outlive the stage. Asked when a body must be found.
+    void set_proposer(PoseProposer* proposer) { proposer_ = proposer; }
+
+    // Views in the order of the cameras. Null where no body can be told.
+    std::shared_ptr<BodyPose> process(std::uint32_t subject_id, std::uint64_t sequence, std::int64_t time_ns,
+                                      std::span<const PoseView> views, Vec3 centre_in_world);
+    // What process() saw last.
+    const PoseObservation& observation() const { return observation_; }
+    // The same from an observation.
+    std::shared_ptr<BodyPose> process(std::uint32_t subject_id, std::uint64_t sequence,
+                                      const PoseObservation& observation, std::span<const PoseCandidate> candidates);
+    // Of the last frame set, not filtered.
+    const std::optional<TrackedPosture>& tracked() const { return tracked_; }
+
+    void reset();
+
+  private:
+    std::vector<Camera> cameras_;
+    PoseStageOptions options_;
+    PoseTracker tracker_;
+    PoseCost judge_;
+    OneEuroPosture filter_;
+    PoseProposer* proposer_ = nullptr;
+    PoseObservation observation_;
+    std::optional<TrackedPosture> tracked_;
+    std::shared_ptr<const BodyPose> last_;
+};
+
+}  // namespace kinevox

@@ -1,0 +1,32 @@
+// Smoothing of postures over time. Bones keep their lengths, since angles are smoothed and not positions.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "server/pose/body_model.h"
+#include "server/pose/pose_options.h"
+
+namespace kinevox {
+
+class OneEuroPosture {
+  public:
+    explicit OneEuroPosture(const OneEuroOptions& options = {}) : options_(options) {}
+    BodyPosture filter(const BodyPosture& measured, std::int64_t time_ns);
+    void reset() { last_.reset(); }
+
+  private:
+    OneEuroOptions options_;
+    std::optional<BodyPosture> last_, last_measured_;
+    std::int64_t last_time_ns_ = 0;
+    BodyStep rate_{};
+};
+
+// A second-order Butterworth forwards and backwards (no delay, fourth order altogether), for a whole recording.
+// Postures that are nothing stay nothing; the runs between them are filtered by themselves, their ends mirrored.
+void smooth_zero_phase(std::vector<std::optional<BodyPosture>>& postures, double fps, double cutoff_hz);
+
+}  // namespace kinevox
