@@ -6,6 +6,7 @@
 #include <cstring>
 #include <vector>
 
+#include "kernels/cpu/run_components.h"
 #include "kernels/cpu/surface.h"
 #include "kernels/shared/camera.h"
 
@@ -14,30 +15,34 @@ namespace {
 
 // Sets what lies within `reach` px of set pixels in both directions; `bounds` grows with it.
 void dilate(std::uint8_t* mask, int width, int height, int reach, Rect& bounds) {
-    bounds = {std::max(bounds.x0 - reach, 0), std::max(bounds.y0 - reach, 0), std::min(bounds.x1 + reach, width),
-              std::min(bounds.y1 + reach, height)};
+    bounds = {std::max(bounds.x0 - reach, 0), std::max(bounds.y0 - reach, 0),
+              std::min(bounds.x1 + reach, width), std::min(bounds.y1 + reach, height)};
     const int columns = bounds.width(), rows = bounds.height();
-    std::vector<std::uint8_t> along(static_cast<std::size_t>(columns) * rows, 0);
+    // Along the rows by runs. Then across them by doubling: a line that holds the OR of `span` lines from
+    // itself on becomes that of twice as many, and two of those that overlap make the whole window.
+    std::vector<std::uint8_t> along(static_cast<std::size_t>(columns) * (rows + 2 * reach), 0);
+    const auto line = [&](int y) { return along.data() + static_cast<std::ptrdiff_t>(y + reach) * columns; };
     for (int y = 0; y < rows; ++y) {
         const std::uint8_t* in = mask + static_cast<std::size_t>(y + bounds.y0) * width + bounds.x0;
-        std::uint8_t* out = along.data() + static_cast<std::size_t>(y) * columns;
-        for (int x = 0; x < columns;) {
-            if (!in[x]) {
-                ++x;
-                continue;
-            }
-            const int first = x;
-            while (x < columns && in[x]) ++x;
-            const int left = std::max(first - reach, 0), right = std::min(x + reach, columns);
-            std::memset(out + left, 255, static_cast<std::size_t>(right - left));
-        }
+        cpu::for_each_run(in, 0, columns, [&](int first, int last) {
+            const int left = std::max(first - reach, 0), right = std::min(last + reach, columns);
+            std::memset(line(y) + left, 255, static_cast<std::size_t>(right - left));
+        });
     }
-    for (int y = 0; y < rows; ++y) {
-        std::uint8_t* out = mask + static_cast<std::size_t>(y + bounds.y0) * width + bounds.x0;
-        for (int from = std::max(y - reach, 0); from <= std::min(y + reach, rows - 1); ++from) {
-            const std::uint8_t* in = along.data() + static_cast<std::size_t>(from) * columns;
+    const int window = 2 * reach + 1, last_line = rows + reach;
+    int span = 1;
+    for (; 2 * span <= window; span *= 2)
+        for (int y = -reach; y + span < last_line; ++y) {
+            std::uint8_t* out = line(y);
+            const std::uint8_t* in = line(y + span);
+#pragma GCC ivdep
             for (int x = 0; x < columns; ++x) out[x] |= in[x];
         }
+    for (int y = 0; y < rows; ++y) {
+        std::uint8_t* out = mask + static_cast<std::size_t>(y + bounds.y0) * width + bounds.x0;
+        const std::uint8_t *first = line(y - reach), *second = line(y + reach + 1 - span);
+#pragma GCC ivdep
+        for (int x = 0; x < columns; ++x) out[x] = first[x] | second[x];
     }
 }
 
@@ -62,11 +67,12 @@ void project_volume(const VoxelVolume& volume, const CameraModel& camera, const 
         for (int axis = 0; axis < 3; ++axis) {
             corner[axis] = origin[axis] + static_cast<float>(at[axis] * kBrickEdge) * voxel;
         }
-        // How far a cube of 2^3 voxels reaches, taken once a brick. A surface's cubes overlap in the picture, so
-        // three quarters of the bound leave no holes.
+        // How far a cube of 2^3 voxels reaches, taken once a brick. A surface's cubes overlap in the picture,
+        // so three quarters of the bound leave no holes.
         float u, v, radius;
         const float half = 0.5f * kBrickEdge * voxel;
-        if (!cube_bound(c, corner[0] + half, corner[1] + half, corner[2] + half, voxel, u, v, radius)) continue;
+        if (!cube_bound(c, corner[0] + half, corner[1] + half, corner[2] + half, voxel, u, v, radius))
+            continue;
         radius *= 0.75f;
         for (int k = 0; k < kBrickEdge; k += 2) {
             // Of each cube with surface in it, the bit of its lowest corner.
@@ -75,10 +81,9 @@ void project_volume(const VoxelVolume& volume, const CameraModel& camera, const 
             cubes |= cubes >> 8;
             for (cubes &= 0x0055005500550055u; cubes; cubes &= cubes - 1) {
                 const int bit = std::countr_zero(cubes);
-                const CameraPoint point =
-                    to_camera(c, corner[0] + static_cast<float>((bit & 7) + 1) * voxel,
-                              corner[1] + static_cast<float>((bit >> 3) + 1) * voxel,
-                              corner[2] + static_cast<float>(k + 1) * voxel);
+                const CameraPoint point = to_camera(c, corner[0] + static_cast<float>((bit & 7) + 1) * voxel,
+                                                    corner[1] + static_cast<float>((bit >> 3) + 1) * voxel,
+                                                    corner[2] + static_cast<float>(k + 1) * voxel);
                 if (!to_pixel(c, point, u, v)) continue;
                 const int left = std::max(to_index(u - radius), 0);
                 const int right = std::min(to_index(u + radius) + 1, c.width);

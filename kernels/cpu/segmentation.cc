@@ -380,8 +380,8 @@ void CpuSegmenter::segment(const PictureView& picture, const SegmentationPrior& 
     if (!learned_) throw std::logic_error("segmentation: learn() the background before segment()");
     check_picture(picture);
     const std::size_t pixels = static_cast<std::size_t>(width_) * height_;
-    out.width = width_, out.height = height_;
     for (auto* plane : {&out.probability, &out.sharp, &out.loose}) plane->assign(pixels, 0);
+    out.width = width_, out.height = height_;
     Rect asked{0, 0, width_, height_};
     if (!prior.full_pass && !prior.region.empty()) {
         const Rect& r = prior.region;

@@ -19,35 +19,40 @@ std::array<std::uint16_t, 3> fixed_point_inverse(const GainBgr& gain) {
 
 GainBgr estimate_gain(const BackgroundModel& model, const PictureView& picture) {
     constexpr int kBins = 1024, kOne = 256;
+    struct Pair {
+        std::uint8_t value, reference;
+    };
     GainBgr gain{1, 1, 1};
+    // Whole stretches of few rows: each line of memory that is fetched serves many pixels.
+    const int row_step = std::max(1, model.height / 20);
+    std::array<std::vector<Pair>, 3> pairs;
+    for (int c = 0; c < model.channels; ++c)
+        pairs[c].reserve(static_cast<std::size_t>(model.height / row_step + 1) * (model.width / 4 + 1));
+    for (int y = row_step / 2; y < model.height; y += row_step) {
+        const std::uint8_t* row = picture.row(y);
+        for (int x = y % 4; x < model.width; x += 4) {
+            const std::uint8_t* references = model.cell_reference(y, x / kCellPixels) + x % kCellPixels;
+            for (int c = 0; c < model.channels; ++c) {
+                const Pair pair{row[x * model.channels + c], references[c * kCellPixels]};
+                if (pair.reference >= 24 && pair.reference <= 235 && pair.value < 250)
+                    pairs[c].push_back(pair);
+            }
+        }
+    }
     for (int c = 0; c < model.channels; ++c) {
         std::vector<int> histogram(kBins, 0);
-        int total = 0;
-        // Whole stretches of few rows: each line of memory that is fetched serves many pixels.
-        const int row_step = std::max(1, model.height / 20);
-        const auto visit = [&](auto&& each) {
-            for (int y = row_step / 2; y < model.height; y += row_step)
-                for (int x = y % 4; x < model.width; x += 4) {
-                    const int reference =
-                        model.cell_reference(y, x / kCellPixels)[c * kCellPixels + x % kCellPixels];
-                    const int value = picture.row(y)[x * model.channels + c];
-                    if (reference >= 24 && reference <= 235 && value < 250) each(value, reference);
-                }
-        };
-        visit([&](int value, int reference) {
-            ++histogram[std::min(kBins - 1, (value * kOne + reference / 2) / reference)];
-            ++total;
-        });
+        const int total = static_cast<int>(pairs[c].size());
+        for (const Pair& p : pairs[c])
+            ++histogram[std::min(kBins - 1, (p.value * kOne + p.reference / 2) / p.reference)];
         if (total < 50) continue;
         int median = 0;
         for (int below = 0; median < kBins && below + histogram[median] <= total / 2; ++median)
             below += histogram[median];
         const float centre = static_cast<float>(median) / kOne;
         std::int64_t values = 0, references = 0;
-        visit([&](int value, int reference) {
-            if (std::abs(value - centre * reference) < 0.04f * reference + 1.0f)
-                values += value, references += reference;
-        });
+        for (const Pair& p : pairs[c])
+            if (std::abs(p.value - centre * p.reference) < 0.04f * p.reference + 1.0f)
+                values += p.value, references += p.reference;
         if (references > 0)
             gain[c] = std::clamp(static_cast<float>(static_cast<double>(values) / references), 0.3f, 3.5f);
     }
