@@ -112,12 +112,16 @@ class CpuVoxelColourer final : public VoxelColourer {
                 };
                 const float x = corner(0, brick.x), y = corner(1, brick.y), z = corner(2, brick.z);
                 const float to_centre = 0.5f * lattice.voxel_m;
-                if (decide_block(maps.data(), count, 0, x + half, y + half, z + half, half - to_centre) ==
-                    BlockState::kFull) {
+                std::uint64_t inside = 0;
+                const BlockState whole = decide_block(maps.data(), count, 0, x + half, y + half, z + half,
+                                                      half - to_centre, &inside);
+                if (whole == BlockState::kFull) continue;
+                for (std::uint64_t slice : brick.occupancy) carved_[n] += std::popcount(slice);
+                if (whole == BlockState::kEmpty) {
+                    std::fill_n(brick.occupancy, kBrickEdge, std::uint64_t{0});
                     continue;
                 }
-                for (std::uint64_t slice : brick.occupancy) carved_[n] += std::popcount(slice);
-                carve_brick(maps.data(), count, 0, x + to_centre, y + to_centre, z + to_centre, lattice.voxel_m,
+                carve_brick(maps.data(), count, inside, 0, x + to_centre, y + to_centre, z + to_centre, lattice.voxel_m,
                             brick.occupancy);
                 for (std::uint64_t slice : brick.occupancy) carved_[n] -= std::popcount(slice);
             }

@@ -92,7 +92,7 @@ void make_miss_map(const HullView& view, const Rect& bounds, HullMapsStorage& ou
     const auto at = [width](std::vector<std::uint8_t>& map, int y) {
         return map.data() + static_cast<std::size_t>(y) * width;
     };
-    out.miss.assign(static_cast<std::size_t>(width) * height, outside);
+    out.miss.assign(static_cast<std::size_t>(width) * height + kMissPadding, outside);
     if (budget > 0) out.scratch.assign(out.miss.size(), far);
     std::vector<std::uint8_t>& first = budget > 0 ? out.scratch : out.miss;
     for (int y = 0; y < bounds.height(); ++y) {
@@ -170,7 +170,7 @@ void make_hull_maps(const HullView& view, const Projector& camera, float miss_bu
     Rect bounds;
     maps = frame_hull_maps(view.bounds, camera, miss_budget_permille, block_radius_px, bounds);
     if (bounds.empty()) {
-        out.miss.assign(1, static_cast<std::uint8_t>(kMissOutside));
+        out.miss.assign(1 + kMissPadding, static_cast<std::uint8_t>(kMissOutside));
         out.cells.assign(1, 127);
     } else {
         const std::size_t size = static_cast<std::size_t>(maps.cells_width) * maps.cells_height;

@@ -11,6 +11,7 @@ namespace kinevox::kernels {
 inline constexpr int kMaxViews = 64;
 inline constexpr int kMissBudget = 252;   // a voxel whose misses, summed over the views, exceed this is outside
 inline constexpr int kMissOutside = 255;  // one view alone rejects
+inline constexpr int kMissPadding = 3;    // bytes, for the CPU's gathers of 32 bits
 
 // One view's maps; the pointers are the device's own. Distances are chessboard distances in px between pixels.
 struct HullMaps {
@@ -23,7 +24,7 @@ struct HullMaps {
     int cells_x0 = 0, cells_y0 = 0, cells_width = 0, cells_height = 0;  // in cells
 
     // Per pixel, in an area that has a rim of kMissOutside around the silhouette: 0 in the silhouette, else the
-    // distance to it in shares of the budget.
+    // distance to it in shares of the budget. kMissPadding bytes more can be read behind it.
     const std::uint8_t* miss = nullptr;
     int miss_x0 = 0, miss_y0 = 0, miss_width = 0, miss_height = 0;  // px
 
@@ -37,10 +38,12 @@ struct HullMaps {
 
 enum class BlockState : std::uint8_t { kEmpty = 0, kFull = 1, kMixed = 2 };
 
-// All voxel centres of the block lie within +-half_edge (m) of (x, y, z) along each axis.
+// All voxel centres of the block lie within +-half_edge (m) of (x, y, z) along each axis. `inside`, if asked for, gets
+// a bit for each view that sees and contains the whole block; not for blocks that are empty.
 KINEVOX_HD inline BlockState decide_block(const HullMaps* views, int view_count, int min_views, float x, float y,
-                                          float z, float half_edge) {
+                                          float z, float half_edge, std::uint64_t* inside = nullptr) {
     int misses = 0, may_contain = 0, contain = 0;
+    std::uint64_t containing = 0;
     bool certain = true;
     for (int n = 0; n < view_count; ++n) {
         const HullMaps& view = views[n];
@@ -79,12 +82,14 @@ KINEVOX_HD inline BlockState decide_block(const HullMaps* views, int view_count,
         } else if (cells < 0 && reach <= ((-cells - 1) << view.cell_shift)) {
             ++contain;
             ++may_contain;
+            containing |= std::uint64_t{1} << n;
         } else {
             certain = false;
             ++may_contain;
         }
     }
     if (may_contain < min_views) return BlockState::kEmpty;
+    if (inside) *inside = containing;
     return certain && contain >= min_views ? BlockState::kFull : BlockState::kMixed;
 }
 
