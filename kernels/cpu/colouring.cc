@@ -191,12 +191,12 @@ class CpuVoxelColourer final : public VoxelColourer {
             std::clamp(static_cast<int>(std::lround((options_.support_edge_m / voxel - 1) / 2)), 1, kMaxSupportRadius);
         const int edge = 2 * radius + 1;
         const auto least = static_cast<int>(options_.min_support * static_cast<float>(edge * edge * edge));
-        std::uint16_t support[kBrickVoxels];
-        if (least > 0) count_support(volume, grid_, brick, radius, support);
+        std::uint64_t thin[kBrickEdge] = {};
+        if (least > 0) find_thin(volume, grid_, brick, radius, least, thin);
         std::uint64_t* marks = marks_.data() + static_cast<std::size_t>(brick) * kBrickEdge;
         for (int n = first; n < last; ++n) {
             const int bit = surface_.bit[n];
-            if (((least > 0 && support[bit] < least) || colours_disagree(n, voxel)) && spare(n)) {
+            if (((thin[bit >> 6] >> (bit & 63) & 1) || colours_disagree(n, voxel)) && spare(n)) {
                 marks[bit >> 6] |= std::uint64_t{1} << (bit & 63);
             }
         }

@@ -1,95 +1,182 @@
+// Counts in bit slices: a number per voxel is a word per binary digit, so that one addition serves the 64
+// voxels of a slice, and four slices lie in one vector.
 #include "kernels/cpu/support.h"
 
-#include <array>
-#include <cstring>
+#include <bit>
+#include <stdexcept>
+#include <utility>
+
+#include "kernels/cpu/simd.h"
+#include "kernels/shared/device.h"
 
 namespace kinevox::kernels {
 namespace {
 
-// The bits of a byte as eight bytes of 0 or 1, the lowest first.
-constexpr std::array<std::uint64_t, 256> make_spread() {
-    std::array<std::uint64_t, 256> table{};
-    for (int value = 0; value < 256; ++value) {
-        for (int bit = 0; bit < 8; ++bit) {
-            if (value >> bit & 1) table[value] |= std::uint64_t{1} << (8 * bit);
+constexpr int kWords = 4;  // slices at a time
+typedef std::uint64_t Words __attribute__((vector_size(8 * kWords)));
+
+constexpr int digits_of(int most) {
+    return std::bit_width(static_cast<unsigned>(most));
+}
+
+// sum += addend; the sum has room for it.
+template <int kSum, int kAddend>
+KINEVOX_INLINE void add(Words (&sum)[kSum], const Words (&addend)[kAddend]) {
+    Words carry{};
+#pragma GCC unroll 12
+    for (int n = 0; n < kSum; ++n) {
+        const Words a = sum[n];
+        if (n < kAddend) {
+            const Words either = a ^ addend[n];
+            sum[n] = either ^ carry;
+            carry = (a & addend[n]) | (either & carry);
+        } else {
+            sum[n] = a ^ carry;
+            carry = a & carry;
         }
     }
-    return table;
 }
 
-constexpr std::array<std::uint64_t, 256> kSpread = make_spread();
+// Slices of the 3 x 3 columns of bricks around a brick, from `radius` slices below it to `radius` above.
+template <int kRadius>
+struct Around {
+    static constexpr int kSlices = (kBrickEdge + 2 * kRadius + kWords - 1) / kWords * kWords;
+    alignas(32) std::uint64_t slice[3][3][kSlices] = {};  // [y][x]
+};
 
-// Sums of 2 * radius + 1 neighbours along x for one row: `left`, `own`, `right` are the bytes of three bricks. Eight
-// byte-wide sums at a time in one word; at most 15 each.
-std::uint64_t sum_row(unsigned left, unsigned own, unsigned right, int radius) {
-    const std::uint64_t l = kSpread[left], m = kSpread[own], r = kSpread[right];
-    std::uint64_t sum = m;
-    for (int shift = 1; shift <= radius; ++shift) {
-        const int bits = 8 * shift;
-        sum += (m >> bits) | (r << (64 - bits));
-        sum += (m << bits) | (l >> (64 - bits));
-    }
-    return sum;
-}
-
-}  // namespace
-
-void count_support(const VoxelVolume& volume, const BrickGrid& grid, int brick, int radius,
-                   std::uint16_t* counts) {
+template <int kRadius>
+KINEVOX_INLINE void collect(const VoxelVolume& volume, const BrickGrid& grid, int brick,
+                            Around<kRadius>& out) {
     const Brick& centre = volume.bricks[brick];
-    constexpr int kMost = kBrickEdge + 2 * kMaxSupportRadius;
-    const int size = kBrickEdge + 2 * radius;
-    const std::uint64_t* occupancy[3][3][3];
     for (int dz = 0; dz < 3; ++dz) {
+        const int from = dz == 0 ? kBrickEdge - kRadius : 0, to = dz == 2 ? kRadius : kBrickEdge;
+        const int shift = kRadius + (dz - 1) * kBrickEdge;
         for (int dy = 0; dy < 3; ++dy) {
             for (int dx = 0; dx < 3; ++dx) {
                 const int found = grid.find(centre.x + dx - 1, centre.y + dy - 1, centre.z + dz - 1);
-                occupancy[dz][dy][dx] = found < 0 ? nullptr : volume.bricks[found].occupancy;
+                if (found < 0) continue;
+                const std::uint64_t* occupancy = volume.bricks[found].occupancy;
+                for (int k = from; k < to; ++k) out.slice[dy][dx][k + shift] = occupancy[k];
             }
         }
     }
-    // Along y per slice: at most 15 * 15 = 225, which still fits a byte.
-    std::uint64_t planes[kMost][kBrickEdge];
-    for (int z = 0; z < size; ++z) {
-        const int gz = z - radius + kBrickEdge, bz = gz >> 3, k = gz & 7;
-        std::uint64_t rows[kMost];
-        for (int y = 0; y < size; ++y) {
-            const int gy = y - radius + kBrickEdge, by = gy >> 3, shift = (gy & 7) * 8;
-            const auto byte = [&](int bx) -> unsigned {
-                const std::uint64_t* o = occupancy[bz][by][bx];
-                return o ? static_cast<unsigned>(o[k] >> shift & 255) : 0u;
-            };
-            const unsigned left = byte(0), own = byte(1), right = byte(2);
-            rows[y] = (left | own | right) ? sum_row(left, own, right, radius) : 0;
-        }
-        std::uint64_t sum = 0;
-        for (int y = 0; y < 2 * radius; ++y) sum += rows[y];
-        for (int j = 0; j < kBrickEdge; ++j) {
-            sum += rows[j + 2 * radius];
-            planes[z][j] = sum;
-            sum -= rows[j];
-        }
+}
+
+// Column x of every row, in all rows.
+constexpr std::uint64_t columns(int first, int last) {
+    std::uint64_t mask = 0;
+    for (int x = first; x < last; ++x) mask |= kFirstColumn << x;
+    return mask;
+}
+
+// Sums of 2 * kRadius + 1 neighbours along x.
+template <int kRadius, int kDigits>
+KINEVOX_INLINE void sum_along_x(Words left, Words own, Words right, Words (&sum)[kDigits]) {
+    for (int n = 0; n < kDigits; ++n) sum[n] = Words{};
+    sum[0] = own;
+#pragma GCC unroll 8
+    for (int s = 1; s <= kRadius; ++s) {
+        const Words up[1] = {((own >> s) & columns(0, 8 - s)) | ((right << (8 - s)) & columns(8 - s, 8))};
+        const Words down[1] = {((own << s) & columns(s, 8)) | ((left >> (8 - s)) & columns(0, s))};
+        add(sum, up);
+        add(sum, down);
     }
-    // Along z in 16 bits: even and odd lanes apart.
-    constexpr std::uint64_t kEven = 0x00FF00FF00FF00FFu;
-    for (int j = 0; j < kBrickEdge; ++j) {
-        std::uint64_t even = 0, odd = 0;
-        for (int z = 0; z < 2 * radius; ++z) {
-            even += planes[z][j] & kEven;
-            odd += planes[z][j] >> 8 & kEven;
-        }
-        for (int k = 0; k < kBrickEdge; ++k) {
-            even += planes[k + 2 * radius][j] & kEven;
-            odd += planes[k + 2 * radius][j] >> 8 & kEven;
-            std::uint16_t* out = counts + k * 64 + j * 8;
-            for (int i = 0; i < 4; ++i) {
-                out[2 * i] = static_cast<std::uint16_t>(even >> (16 * i));
-                out[2 * i + 1] = static_cast<std::uint16_t>(odd >> (16 * i));
+}
+
+template <int kRadius>
+KINEVOX_INLINE void find_thin_body(const VoxelVolume& volume, const BrickGrid& grid, int brick, int least,
+                                   std::uint64_t* thin) {
+    constexpr int kEdge = 2 * kRadius + 1;
+    constexpr int kX = digits_of(kEdge), kXy = digits_of(kEdge * kEdge),
+                  kXyz = digits_of(kEdge * kEdge * kEdge);
+    Around<kRadius> around;
+    collect(volume, grid, brick, around);
+    constexpr int kSlices = Around<kRadius>::kSlices;
+    alignas(32) std::uint64_t planes[kXy][kSlices];
+    for (int k = 0; k < kSlices; k += kWords) {
+        const auto words = [&](int y, int x) __attribute__((always_inline)) {
+            Words out;
+            std::memcpy(&out, &around.slice[y][x][k], sizeof(out));
+            return out;
+        };
+        Words before[kX], own[kX], after[kX], sum[kXy] = {};
+        sum_along_x<kRadius>(words(0, 0), words(0, 1), words(0, 2), before);
+        sum_along_x<kRadius>(words(1, 0), words(1, 1), words(1, 2), own);
+        sum_along_x<kRadius>(words(2, 0), words(2, 1), words(2, 2), after);
+        for (int n = 0; n < kX; ++n) sum[n] = own[n];
+#pragma GCC unroll 8
+        for (int s = 1; s <= kRadius; ++s) {
+            Words up[kX], down[kX];
+            for (int n = 0; n < kX; ++n) {
+                up[n] = (own[n] >> (8 * s)) | (after[n] << (64 - 8 * s));
+                down[n] = (own[n] << (8 * s)) | (before[n] >> (64 - 8 * s));
             }
-            even -= planes[k][j] & kEven;
-            odd -= planes[k][j] >> 8 & kEven;
+            add(sum, up);
+            add(sum, down);
         }
+        for (int n = 0; n < kXy; ++n) std::memcpy(&planes[n][k], &sum[n], sizeof(Words));
     }
+    for (int k = 0; k < kBrickEdge; k += kWords) {
+        Words sum[kXyz] = {};
+#pragma GCC unroll 15
+        for (int dz = 0; dz < kEdge; ++dz) {
+            Words plane[kXy];
+            for (int n = 0; n < kXy; ++n) std::memcpy(&plane[n], &planes[n][k + dz], sizeof(Words));
+            add(sum, plane);
+        }
+        Words less{}, equal = ~Words{};
+        for (int n = kXyz - 1; n >= 0; --n) {
+            if (least >> n & 1) {
+                less |= equal & ~sum[n];
+                equal &= sum[n];
+            } else {
+                equal &= ~sum[n];
+            }
+        }
+        if (least >> kXyz) less = ~Words{};
+        std::memcpy(thin + k, &less, sizeof(less));
+    }
+}
+
+using FindThin = void (*)(const VoxelVolume& volume, const BrickGrid& grid, int brick, int least,
+                          std::uint64_t* thin);
+
+template <int kRadius>
+void find_thin_plain(const VoxelVolume& volume, const BrickGrid& grid, int brick, int least,
+                     std::uint64_t* thin) {
+    find_thin_body<kRadius>(volume, grid, brick, least, thin);
+}
+
+template <int... kRadii>
+FindThin plain_form(int radius, std::integer_sequence<int, kRadii...>) {
+    constexpr FindThin kForms[] = {find_thin_plain<kRadii + 1>...};
+    return kForms[radius - 1];
+}
+
+#ifdef KINEVOX_HAVE_AVX2_FORM
+template <int kRadius>
+KINEVOX_AVX2 void find_thin_avx2(const VoxelVolume& volume, const BrickGrid& grid, int brick, int least,
+                                 std::uint64_t* thin) {
+    find_thin_body<kRadius>(volume, grid, brick, least, thin);
+}
+
+template <int... kRadii>
+FindThin avx2_form(int radius, std::integer_sequence<int, kRadii...>) {
+    constexpr FindThin kForms[] = {find_thin_avx2<kRadii + 1>...};
+    return kForms[radius - 1];
+}
+#endif
+
+}  // namespace
+
+void find_thin(const VoxelVolume& volume, const BrickGrid& grid, int brick, int radius, int least,
+               std::uint64_t* thin) {
+    if (radius < 1 || radius > kMaxSupportRadius) throw std::invalid_argument("find_thin: radius");
+    constexpr auto kRadii = std::make_integer_sequence<int, kMaxSupportRadius>{};
+#ifdef KINEVOX_HAVE_AVX2_FORM
+    if (have_avx2()) return avx2_form(radius, kRadii)(volume, grid, brick, least, thin);
+#endif
+    plain_form(radius, kRadii)(volume, grid, brick, least, thin);
 }
 
 }  // namespace kinevox::kernels

@@ -125,18 +125,23 @@ TEST(Surface, MatchesItsDefinitionVoxelByVoxel) {
             }
         }
     }
-    std::uint16_t counts[kBrickVoxels];
-    for (int radius : {1, 3, 7}) {
+    for (int radius = 1; radius <= kMaxSupportRadius; ++radius) {
         const int brick = static_cast<int>(volume.bricks.size()) / 2;
-        count_support(volume, grid, brick, radius, counts);
         const Brick& b = volume.bricks[brick];
+        const int edge = 2 * radius + 1, all = edge * edge * edge;
+        std::uint64_t thin[5][kBrickEdge];
+        const int least[5] = {0, all / 3, all / 2, all * 47 / 100, all + 1};
+        for (int n = 0; n < 5; ++n) find_thin(volume, grid, brick, radius, least[n], thin[n]);
         for (int bit = 0; bit < kBrickVoxels; ++bit) {
             int sum = 0;
             for (int dz = -radius; dz <= radius; ++dz)
                 for (int dy = -radius; dy <= radius; ++dy)
                     for (int dx = -radius; dx <= radius; ++dx)
                         sum += at(b.x * 8 + (bit & 7) + dx, b.y * 8 + (bit >> 3 & 7) + dy, b.z * 8 + (bit >> 6) + dz);
-            ASSERT_EQ(counts[bit], sum) << "radius " << radius << " bit " << bit;
+            for (int n = 0; n < 5; ++n) {
+                ASSERT_EQ(thin[n][bit >> 6] >> (bit & 63) & 1, sum < least[n] ? 1u : 0u)
+                    << "radius " << radius << " bit " << bit << " has " << sum << " of " << least[n];
+            }
         }
     }
 }
