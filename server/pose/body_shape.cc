@@ -69,12 +69,16 @@ absl::StatusOr<BodyShape> read_body_shape(const std::filesystem::path& file) {
     return shape;
 }
 
-absl::Status write_body_shape(const BodyShape& shape, const std::filesystem::path& file) {
+std::string body_shape_toml(const BodyShape& shape) {
     std::string text = "# A subject's body: lengths between rotation centres, half-widths and radii; metres.\n";
     text += fmt::format("stature_m = {}\n", toml_number(shape.stature_m));
     for (int k = 0; k < kBodyLengthCount; ++k)
         text += fmt::format("{}_m = {}\n", kBodyLengths[k].name, toml_number(shape.lengths_m[k]));
-    return write_file_atomically(file, text);
+    return text;
+}
+
+absl::Status write_body_shape(const BodyShape& shape, const std::filesystem::path& file) {
+    return write_file_atomically(file, body_shape_toml(shape));
 }
 
 }  // namespace kinevox

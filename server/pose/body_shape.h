@@ -3,6 +3,7 @@
 
 #include <array>
 #include <filesystem>
+#include <string>
 #include <string_view>
 
 #include <absl/status/status.h>
@@ -62,6 +63,7 @@ double standing_height(const BodyShape& shape);
 
 // body.toml. Reading is strict: every length must be there and positive.
 absl::StatusOr<BodyShape> read_body_shape(const std::filesystem::path& file);
+std::string body_shape_toml(const BodyShape& shape);
 absl::Status write_body_shape(const BodyShape& shape, const std::filesystem::path& file);
 
 }  // namespace kinevox

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import tomllib
 import unittest
 from pathlib import Path
 
@@ -23,14 +24,24 @@ SIDED_JOINTS = ("shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle", "t
 JOINTS = ["root", "sacroiliac", "skullbase", "head_top", *(f"{joint}_{side}" for side in "lr" for joint in SIDED_JOINTS)]
 SIDED_ANGLES = ("knee_flexion", "elbow_flexion", "hip_flexion", "hip_abduction", "shoulder_elevation")
 ANGLES = [*(f"{angle}_{side}" for angle in SIDED_ANGLES for side in "lr"), "trunk_lean"]
+LEG = ("hip_flexion", "hip_adduction", "hip_rotation", "knee_angle", "ankle_angle")
+ARM = ("arm_flex", "arm_add", "arm_rot", "elbow_flex", "wrist_flex")
+COORDINATES = [*(f"pelvis_t{axis}_m" for axis in "xyz"), *(f"{name}_deg" for name in (
+    "pelvis_tilt", "pelvis_list", "pelvis_rotation", "lumbar_extension", "lumbar_bending", "lumbar_rotation",
+    "neck_extension", "neck_bending", "neck_rotation", *(f"{name}_{side}" for side in "lr" for name in LEG + ARM)))]
 COLUMNS = {
     "volume.csv": "frame,voxel_mm,voxels,volume_litres,min_x,min_y,min_z,max_x,max_y,max_z",
     "timing.csv": "frame,segmentation_ms,tracking_ms,hull_ms,colouring_ms,pose_ms,total_ms",
     "track.csv": "frame,time_s,x,y,z,std_m,cameras",
     "agreement.csv": "frame,cam1,cam2,cam3,cam4",
     "events.csv": "frame,time_s,event,camera,message",
+    "withheld.csv": "frame,time_s,name,reason",
     "joints.csv": "frame,time_s," + ",".join(f"{joint}_{axis}" for joint in JOINTS for axis in "xyz"),
     "angles.csv": "frame,time_s," + ",".join(f"{angle}_deg" for angle in ANGLES),
+    "coordinates.csv": "frame,time_s," + ",".join(COORDINATES),
+    "uncertainty.csv": "frame,time_s," + ",".join(
+        [f"{joint}_std_m,{joint}_cameras" for joint in JOINTS] + [f"{angle}_std_deg,{angle}_cameras" for angle in ANGLES]
+        + [f"{c.rpartition('_')[0]}_std_{c.rpartition('_')[2]}" for c in COORDINATES]),
 }
 
 
@@ -96,10 +107,30 @@ class Process(unittest.TestCase):
         for row in rows_of(out / "angles.csv"):
             self.assertTrue(0 <= float(row["knee_flexion_l_deg"]) < 60, row)
 
+    def test_tells_how_sure_it_is_and_what_it_was_given(self):
+        out = self.process("out")
+        joints, angles = rows_of(out / "joints.csv"), rows_of(out / "angles.csv")
+        coordinates, uncertainty = rows_of(out / "coordinates.csv"), rows_of(out / "uncertainty.csv")
+        withheld = {(r["frame"], r["name"]) for r in rows_of(out / "withheld.csv")}
+        for n in range(FRAMES):
+            for joint in JOINTS:
+                self.assertTrue(0 < float(uncertainty[n][f"{joint}_std_m"]), joint)
+                self.assertEqual(joints[n][f"{joint}_x"] == "", (str(n), joint) in withheld, joint)
+            for angle in ANGLES:
+                self.assertTrue(0 <= int(uncertainty[n][f"{angle}_cameras"]) <= 4, angle)
+                self.assertEqual(angles[n][f"{angle}_deg"] == "", (str(n), angle) in withheld, angle)
+            if coordinates[n]["pelvis_tx_m"]:
+                self.assertEqual(coordinates[n]["pelvis_tx_m"], joints[n]["root_x"])
+        run = tomllib.loads((out / "run.toml").read_text())
+        self.assertEqual((run["session"], run["fps"], run["frames"]), (str(WALK.absolute()), 30, FRAMES))
+        self.assertGreater(tomllib.loads((out / "body.toml").read_text())["thigh_m"], 0.3)
+
     def test_without_poses_there_are_no_tables_of_them(self):
         out = self.process("out", "--no-pose")
         self.assertFalse((out / "joints.csv").exists())
         self.assertFalse((out / "angles.csv").exists())
+        self.assertFalse((out / "coordinates.csv").exists())
+        self.assertTrue((out / "run.toml").exists())
 
     def test_is_repeatable_whatever_the_threads(self):
         runs = [self.process("one", "--save", "silhouettes,volumes", "--threads", 1),

@@ -1,4 +1,4 @@
-// joints.csv and angles.csv; design: "Contract of the command line".
+// What `kinevox process` writes of the poses; design: "Contract of the command line".
 #pragma once
 
 #include <memory>
@@ -15,9 +15,15 @@ struct PoseRow {
     std::shared_ptr<const BodyPose> pose;   // null: all its cells are empty
 };
 
-//   joints.csv  frame,time_s, then x,y,z of each joint: metres, world
-//   angles.csv  frame,time_s, then each angle: degrees
-// What is withheld leaves its cells empty.
+//   joints.csv       frame,time_s, then x,y,z of each joint: metres, world
+//   angles.csv       frame,time_s, then each angle: degrees
+//   coordinates.csv  frame,time_s, then each of kBodyDofs: NAME_m or NAME_deg. A coordinate that turns a withheld joint
+//                    is withheld with it
+//   uncertainty.csv  frame,time_s, then the standard deviations (JOINT_std_m of one axis, ANGLE_std_deg, and those of the
+//                    coordinates) and for joints and angles the number of cameras that support them; of withheld values
+//                    too
+//   withheld.csv     frame,time_s,name,reason: a row for each withheld joint and angle, or one named "pose" for all
+// What is withheld leaves its cells empty in the first three.
 std::vector<Table> pose_tables(const std::vector<PoseRow>& rows);
 
 }  // namespace kinevox

@@ -8,7 +8,9 @@
 
 #include <fmt/format.h>
 
+#include "common/toml_reader.h"
 #include "server/cameras/session_source.h"
+#include "server/pose/pose_stage.h"
 #include "server/tools/process/progress_bar.h"
 #include "server/tools/process/run_summary.h"
 
@@ -27,6 +29,20 @@ absl::Status learn_background(FrameSource& source, Pipeline& pipeline, const std
             fmt::format("{}: no camera has a `background`; add a picture, a clip or a folder of the empty scene to each",
                         session_file.string()));
     return pipeline.learn_background(*background);
+}
+
+// What made these results, for `kinevox report`, which shows the pictures again, and for whoever finds the folder later.
+std::string run_toml(const ProcessOptions& options, double fps, std::int64_t frames) {
+    std::error_code error;
+    const auto session = std::filesystem::absolute(options.session_file, error).lexically_normal();
+    std::string text = "# How `kinevox process` made the files beside this one.\n";
+    text += fmt::format("session = {}\n", toml_quoted(error ? options.session_file.string() : session.string()));
+    text += fmt::format("fps = {}\nframes = {}\n", toml_number(fps), frames);
+    text += fmt::format("voxel_mm = {}\n", toml_number(1000 * options.pipeline.voxel_m));
+    text += fmt::format("colouring = {}\npose = {}\n", options.pipeline.colouring, options.pipeline.pose);
+    text += fmt::format("smooth_hz = {}   # of the poses' zero-phase low pass; 0: none\n",
+                        toml_number(options.poses.cutoff_hz));
+    return text;
 }
 
 }  // namespace
@@ -71,8 +87,11 @@ absl::Status process_session(const ProcessOptions& options, const std::atomic<bo
         }
     }
     const double wall_s = seconds_since(start);
-    if (pose_stage)
+    (*writer)->add_table({"run.toml", run_toml(options, (*source)->fps(), summary.frames())});
+    if (pose_stage) {
         for (Table& table : pose_tables(poses.finish(*pose_stage))) (*writer)->add_table(std::move(table));
+        (*writer)->add_table({"body.toml", body_shape_toml(pose_stage->body())});
+    }
     if (absl::Status finished = (*writer)->finish(); !finished.ok()) return finished;
     if (!options.quiet) {
         fmt::print("{}results in {}\n", summary.text(wall_s), options.out_folder.string());

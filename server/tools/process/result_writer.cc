@@ -158,7 +158,8 @@ absl::Status FolderWriter::finish() {
     }
     // An earlier run's pictures and poses go even if this run made none: they do not belong to the new tables.
     std::error_code error;
-    for (const char* old : {"silhouettes", "volumes", "joints.csv", "angles.csv", "body.toml"}) {
+    for (const char* old : {"silhouettes", "volumes", "joints.csv", "angles.csv", "coordinates.csv",
+                            "uncertainty.csv", "withheld.csv", "body.toml"}) {
         fs::remove_all(folder_ / old, error);
         if (error) return cannot_write(folder_ / old, error.message());
     }

@@ -46,7 +46,13 @@ std::optional<Extent> extent_of(const Volume& volume) {
                   {o.x + edge * high[0], o.y + edge * high[1], o.z + edge * high[2]}};
 }
 
-// Quotes where a comma, a quote or a line break demands it.
+template <class... T>
+void append(std::string& to, fmt::format_string<T...> format, T&&... values) {
+    fmt::format_to(std::back_inserter(to), format, std::forward<T>(values)...);
+}
+
+}  // namespace
+
 std::string csv_cell(std::string_view text) {
     if (text.find_first_of(",\"\n\r") == std::string_view::npos) return std::string(text);
     std::string cell = "\"";
@@ -56,13 +62,6 @@ std::string csv_cell(std::string_view text) {
     }
     return cell + '"';
 }
-
-template <class... T>
-void append(std::string& to, fmt::format_string<T...> format, T&&... values) {
-    fmt::format_to(std::back_inserter(to), format, std::forward<T>(values)...);
-}
-
-}  // namespace
 
 std::string_view event_name(EventKind kind) {
     switch (kind) {

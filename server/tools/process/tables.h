@@ -33,4 +33,7 @@ class ResultTables {
 
 std::string_view event_name(EventKind kind);
 
+// Quoted where a comma, a quote or a line break demands it.
+std::string csv_cell(std::string_view text);
+
 }  // namespace kinevox
