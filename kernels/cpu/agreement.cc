@@ -38,14 +38,16 @@ float silhouette_agreement(const ColouringView& view, const ViewOfVolume& of_vol
         for (int x = std::max(box.x0, 0); x < std::min(box.x1, width); ++x) here += row[x] != 0;
         silhouette += here;
     }
-    // The splats made the projection wider by `reach` cells; taking that off again closes the surface's pinholes
-    // without letting it grow.
-    std::vector<std::uint8_t> worst(columns), narrow(columns);
+    // The splats made the projection wider by `reach` cells; taking that off again closes the surface's
+    // pinholes without letting it grow.
+    std::vector<std::uint8_t> worst(columns), narrow(columns),
+        wide(static_cast<std::size_t>(columns) << shift);
     for (int cy = 0; cy < rows; ++cy) {
+        if (of_volume.spans[cy].first >= of_volume.spans[cy].last) continue;
         std::fill(worst.begin(), worst.end(), std::uint8_t{1});
         for (int from = std::max(cy - reach, 0); from <= std::min(cy + reach, rows - 1); ++from) {
-            const float* front = of_volume.front_m.data() + static_cast<std::size_t>(from) * columns;
-            for (int x = 0; x < columns; ++x) worst[x] &= front[x] < kFar_m;
+            const DepthCell* depths = of_volume.depths.data() + static_cast<std::size_t>(from) * columns;
+            for (int x = 0; x < columns; ++x) worst[x] &= !depths[x].empty();
         }
         std::copy(worst.begin(), worst.end(), narrow.begin());
         for (int step = 1; step <= reach && step < columns; ++step) {
@@ -53,15 +55,15 @@ float silhouette_agreement(const ColouringView& view, const ViewOfVolume& of_vol
             for (int x = step; x < columns; ++x) narrow[x] &= worst[x - step];
         }
         const int y0 = (cy + of_volume.cells.y0) << shift, x0 = of_volume.cells.x0 << shift;
+        const int end = std::min(columns << shift, width - x0);
+        for (int x = 0; x < end; ++x) wide[x] = narrow[x >> shift];
+        int covered = 0;
+        for (int x = 0; x < end; ++x) covered += wide[x];
+        if (covered == 0) continue;
         for (int y = y0; y < std::min(y0 + (1 << shift), height); ++y) {
             const std::uint8_t* row = mask + static_cast<std::size_t>(y) * width + x0;
-            const int end = std::min(columns << shift, width - x0);
-            int covered = 0, shared = 0;
-            for (int x = 0; x < end; ++x) {
-                const int is = narrow[x >> shift];
-                covered += is;
-                shared += is & (row[x] != 0);
-            }
+            int shared = 0;
+            for (int x = 0; x < end; ++x) shared += wide[x] & (row[x] != 0);
             projection += covered;
             both += shared;
         }

@@ -1,79 +1,132 @@
 #include "kernels/cpu/cell_colours.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
+
+#include "kernels/cpu/simd.h"
+#include "kernels/shared/device.h"
 
 namespace kinevox::kernels {
 namespace {
 
-// One row of cells with a rim of one on each side: 3 channels interleaved. The rim repeats the picture's border.
-void cell_row(const PictureView& picture, int shift, int row, const Rect& cells, std::uint8_t* out) {
-    const int edge = 1 << shift;
+// One row of cells with a rim of one on each side. The rim repeats the picture's border. `sums` has room for
+// a row of the picture's channels.
+KINEVOX_INLINE void cell_row(const PictureView& picture, int shift, int row, const Rect& cells,
+                             std::uint32_t* sums, std::uint8_t* out) {
+    const int edge = 1 << shift, channels = picture.channels;
     const int rows = ((picture.height - 1) >> shift) + 1, columns = ((picture.width - 1) >> shift) + 1;
     row = std::clamp(row, 0, rows - 1);
     const int y0 = row << shift, y1 = std::min(y0 + edge, picture.height);
+    const int first = std::clamp(cells.x0 - 1, 0, columns - 1), last = std::clamp(cells.x1, 0, columns - 1);
+    const int x0 = first << shift, x1 = std::min((last + 1) << shift, picture.width);
+    const int length = (x1 - x0) * channels;
+    if (shift == 0 && channels == 3) {
+        const std::uint8_t* from = picture.row(y0) + static_cast<std::ptrdiff_t>(x0) * 3;
+        const int left = 3 * (x0 - (cells.x0 - 1));  // of the rim, where the picture ends
+        std::copy_n(from, length, out + left);
+        for (int n = left - 1; n >= 0; --n) out[n] = out[n + 3];
+        for (int n = left + length; n < 3 * (cells.width() + 2); ++n) out[n] = out[n - 3];
+        return;
+    }
+    for (int y = y0; y < y1; ++y) {  // down the columns first: that vectorises
+        const std::uint8_t* from = picture.row(y) + static_cast<std::ptrdiff_t>(x0) * channels;
+        if (y == y0) {
+            for (int n = 0; n < length; ++n) sums[n] = from[n];
+        } else {
+            for (int n = 0; n < length; ++n) sums[n] += from[n];
+        }
+    }
+    const int second = channels == 3 ? 1 : 0, third = channels == 3 ? 2 : 0;
     for (int n = -1; n <= cells.width(); ++n) {
         const int column = std::clamp(cells.x0 + n, 0, columns - 1);
-        const int x0 = column << shift, x1 = std::min(x0 + edge, picture.width);
+        const int begin = (column << shift) - x0, end = std::min(begin + edge, x1 - x0);
+        std::uint32_t b = 0, g = 0, r = 0;
+        const std::uint32_t* from = sums + static_cast<std::ptrdiff_t>(begin) * channels;
+        for (int x = begin; x < end; ++x, from += channels) b += from[0], g += from[second], r += from[third];
+        const auto count = static_cast<std::uint32_t>((y1 - y0) * (end - begin));
         std::uint8_t* to = out + 3 * (n + 1);
-        if (shift == 0) {
-            const std::uint8_t* from = picture.row(y0) + static_cast<std::ptrdiff_t>(x0) * picture.channels;
-            for (int c = 0; c < 3; ++c) to[c] = from[picture.channels == 3 ? c : 0];
-            continue;
+        if (count == 1u << (2 * shift)) {
+            const std::uint32_t half = count / 2;
+            to[0] = static_cast<std::uint8_t>((b + half) >> (2 * shift));
+            to[1] = static_cast<std::uint8_t>((g + half) >> (2 * shift));
+            to[2] = static_cast<std::uint8_t>((r + half) >> (2 * shift));
+        } else {
+            to[0] = static_cast<std::uint8_t>((b + count / 2) / count);
+            to[1] = static_cast<std::uint8_t>((g + count / 2) / count);
+            to[2] = static_cast<std::uint8_t>((r + count / 2) / count);
         }
-        unsigned sum[3] = {};
-        for (int y = y0; y < y1; ++y) {
-            const std::uint8_t* from = picture.row(y);
-            for (int x = x0; x < x1; ++x) {
-                for (int c = 0; c < 3; ++c) {
-                    sum[c] += from[static_cast<std::ptrdiff_t>(x) * picture.channels + (picture.channels == 3 ? c : 0)];
-                }
-            }
-        }
-        const unsigned count = static_cast<unsigned>((y1 - y0) * (x1 - x0));
-        for (int c = 0; c < 3; ++c) to[c] = static_cast<std::uint8_t>((sum[c] + count / 2) / count);
     }
 }
 
+// Mean and deviation of 3 x 3 cells for the values [begin, end) of one row, three to a cell, from the row
+// above on. Whole numbers below 2^24: exact in any order.
+KINEVOX_INLINE void spread_row(const std::uint8_t* above, const std::uint8_t* here, const std::uint8_t* below,
+                               int begin, int end, float* sum, float* square, std::uint8_t* mean,
+                               std::uint8_t* deviation) {
+    for (int n = begin - 3; n < end + 3; ++n) {
+        const int a = above[n], b = here[n], c = below[n];
+        sum[n] = static_cast<float>(a + b + c);
+        square[n] = static_cast<float>(a * a + b * b + c * c);
+    }
+    for (int n = begin; n < end; ++n) {
+        const float m = (sum[n - 3] + sum[n] + sum[n + 3]) * (1 / 9.f);
+        const float variance = (square[n - 3] + square[n] + square[n + 3]) * (1 / 9.f) - m * m;
+        mean[n] = static_cast<std::uint8_t>(static_cast<int>(m + 0.5f));
+        deviation[n] =
+            static_cast<std::uint8_t>(static_cast<int>(std::sqrt(variance > 0 ? variance : 0.f) + 0.5f));
+    }
+}
+
+KINEVOX_INLINE void make_body(const PictureView& picture, const ViewOfVolume& view,
+                              const ColourLimits* limits, CellColours& out) {
+    const int width = view.cells.width(), height = view.cells.height(), length = 3 * (width + 2);
+    out.means.resize(static_cast<std::size_t>(length) * (height + 2));
+    std::vector<std::uint32_t> sums(static_cast<std::size_t>(width + 2) * 3 << view.shift);
+    for (int y = -1; y <= height; ++y) {
+        cell_row(picture, view.shift, view.cells.y0 + y, view.cells, sums.data(),
+                 out.means.data() + static_cast<std::size_t>(y + 1) * length);
+    }
+    if (!limits) return;
+    out.cells.resize(static_cast<std::size_t>(width) * height);
+    std::vector<float> sum(length), square(length);
+    std::vector<std::uint8_t> mean(length), deviation(length);
+    for (int y = 0; y < height; ++y) {
+        const CellSpan span = view.spans[y];
+        if (span.first >= span.last) continue;
+        const std::uint8_t* above = out.means.data() + static_cast<std::size_t>(y) * length;
+        spread_row(above, above + length, above + 2 * length, 3 * (span.first + 1), 3 * (span.last + 1),
+                   sum.data(), square.data(), mean.data(), deviation.data());
+        CellColour* row = out.cells.data() + static_cast<std::size_t>(y) * width;
+        for (int x = span.first; x < span.last; ++x) {
+            const std::uint8_t *m = &mean[3 * (x + 1)], *d = &deviation[3 * (x + 1)];
+            row[x] = {{m[0], m[1], m[2]}, 1, {(*limits)[d[0]], (*limits)[d[1]], (*limits)[d[2]]}, 0};
+        }
+    }
+}
+
+void make_plain(const PictureView& picture, const ViewOfVolume& view, const ColourLimits* limits,
+                CellColours& out) {
+    make_body(picture, view, limits, out);
+}
+
+#ifdef KINEVOX_HAVE_AVX2_FORM
+KINEVOX_AVX2_EXACT void make_avx2(const PictureView& picture, const ViewOfVolume& view,
+                                  const ColourLimits* limits, CellColours& out) {
+    make_body(picture, view, limits, out);
+}
+#endif
+
 }  // namespace
 
-void make_cell_colours(const PictureView& picture, int shift, const Rect& cells, std::vector<CellColour>& out,
-                       std::vector<std::uint8_t>& scratch) {
-    const int width = cells.width(), height = cells.height();
-    out.assign(static_cast<std::size_t>(width) * height, CellColour{});
-    if (!picture.data || cells.empty()) return;
-    const int length = 3 * (width + 2);
-    scratch.resize(static_cast<std::size_t>(length) * 3);
-    std::array<std::uint8_t*, 3> rows{scratch.data(), scratch.data() + length, scratch.data() + 2 * length};
-    cell_row(picture, shift, cells.y0 - 1, cells, rows[0]);
-    cell_row(picture, shift, cells.y0, cells, rows[1]);
-    std::vector<float> sum(length), square(length), mean(length), deviation(length);
-    for (int y = 0; y < height; ++y) {
-        cell_row(picture, shift, cells.y0 + y + 1, cells, rows[2]);
-        const std::uint8_t *above = rows[0], *here = rows[1], *below = rows[2];
-        for (int n = 0; n < length; ++n) {
-            const float a = above[n], b = here[n], c = below[n];
-            sum[n] = a + b + c;
-            square[n] = a * a + b * b + c * c;
-        }
-        for (int n = 3; n < length - 3; ++n) {
-            const float m = (sum[n - 3] + sum[n] + sum[n + 3]) * (1 / 9.f);
-            const float variance = (square[n - 3] + square[n] + square[n + 3]) * (1 / 9.f) - m * m;
-            mean[n] = m + 0.5f;
-            deviation[n] = std::sqrt(variance > 0 ? variance : 0.f) + 0.5f;
-        }
-        CellColour* row = out.data() + static_cast<std::size_t>(y) * width;
-        for (int x = 0; x < width; ++x) {
-            for (int c = 0; c < 3; ++c) {
-                row[x].mean[c] = static_cast<std::uint8_t>(mean[3 * (x + 1) + c]);
-                row[x].deviation[c] = static_cast<std::uint8_t>(deviation[3 * (x + 1) + c]);
-            }
-            row[x].filled = 1;
-        }
-        std::rotate(rows.begin(), rows.begin() + 1, rows.end());
-    }
+void make_cell_colours(const PictureView& picture, const ViewOfVolume& view, const ColourLimits* limits,
+                       CellColours& out) {
+    out.clear();
+    if (!picture.data || view.cells.empty()) return;
+#ifdef KINEVOX_HAVE_AVX2_FORM
+    if (have_avx2()) return make_avx2(picture, view, limits, out);
+#endif
+    make_plain(picture, view, limits, out);
 }
 
 }  // namespace kinevox::kernels

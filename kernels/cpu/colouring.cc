@@ -1,5 +1,5 @@
-// Voxel colouring on the CPU. Each round looks at a snapshot of the surface: every brick writes only its own bits,
-// from pictures that were complete before, so threads and their order never show in the result.
+// Voxel colouring on the CPU. Each round looks at a snapshot of the surface: every brick writes only its own
+// bits, from pictures that were complete before, so threads and their order never show in the result.
 #include "kernels/cpu/colouring.h"
 
 #include <algorithm>
@@ -29,7 +29,12 @@ constexpr int kBricksPerTask = 8;
 
 class CpuVoxelColourer final : public VoxelColourer {
   public:
-    explicit CpuVoxelColourer(const ColouringOptions& options) : options_(options) {}
+    explicit CpuVoxelColourer(const ColouringOptions& options) : options_(options) {
+        for (std::size_t n = 0; n < limits_.size(); ++n) {
+            limits_[n] =
+                colour_limit(static_cast<std::uint8_t>(n), options.max_colour_deviation, options.noise_grey);
+        }
+    }
 
     void colour(std::span<const ColouringView> views, VoxelVolume& volume, ColouringReport& report) override {
         report = {};
@@ -38,27 +43,31 @@ class CpuVoxelColourer final : public VoxelColourer {
             report.carved += carve_by_sharp(views, volume);
             drop_empty_bricks(volume);
         }
-        parallel_for(0, static_cast<int>(views.size()), 1, [&](int first, int last) {
-            for (int n = first; n < last; ++n) {
-                frame_view(volume, views_[n]);
-                make_cell_colours(views[n].picture, views_[n].shift, views_[n].cells, colours_[n], scratch_[n]);
-            }
+        const int view_count = static_cast<int>(views.size());
+        parallel_for(0, view_count, 1, [&](int first, int last) {
+            for (int n = first; n < last; ++n) frame_view(volume, views_[n]);
         });
         grid_.build(volume);
+        look(volume, true);
+        parallel_for(0, view_count, 1, [&](int first, int last) {
+            for (int n = first; n < last; ++n) {
+                make_cell_colours(views[n].picture, views_[n],
+                                  options_.max_colour_deviation > 0 ? &limits_ : nullptr, colours_[n]);
+            }
+        });
         while (report.rounds < options_.max_rounds) {
-            look(volume);
             const std::int64_t carved = carve_round(volume, report.rounds == 0);
             ++report.rounds;
             report.carved += carved;
             if (carved == 0) break;
+            look(volume, false);
         }
-        drop_empty_bricks(volume);
-        grid_.build(volume);
-        look(volume);
         volume.colours.resize(surface_.size());
         parallel_for(0, static_cast<int>(volume.bricks.size()), kBricksPerTask, [&](int first, int last) {
-            for (int brick = first; brick < last; ++brick) paint_brick(views, views_, volume, surface_, brick);
+            for (int brick = first; brick < last; ++brick)
+                paint_brick(colours_, views_, surface_, brick, volume);
         });
+        drop_empty_bricks(volume);  // they have no surface: the colours' order stays
         report.silhouette_iou.assign(views.size(), 0);
         parallel_for(0, static_cast<int>(views.size()), 1, [&](int first, int last) {
             for (int n = first; n < last; ++n) {
@@ -72,7 +81,6 @@ class CpuVoxelColourer final : public VoxelColourer {
         check_colouring_views(views);
         views_.resize(views.size());
         colours_.resize(views.size());
-        scratch_.resize(views.size());
         for (std::size_t n = 0; n < views.size(); ++n) {
             views_[n].camera = make_projector(*views[n].camera, "colouring: camera");
         }
@@ -95,10 +103,11 @@ class CpuVoxelColourer final : public VoxelColourer {
             for (int n = first; n < last; ++n) {
                 const ColouringView& view = views[sharp_views_[n]];
                 const Projector& camera = views_[sharp_views_[n]].camera;
-                const Rect bounds = view.bounds.empty() ? bounds_of(view.sharp, camera.width, camera.height)
-                                                        : view.bounds;
-                make_hull_maps({view.camera, view.sharp, nullptr, bounds}, camera, options_.sharp_budget_permille,
-                               typical_block_radius_px(camera, lattice, half), sharp_maps_[n]);
+                const Rect bounds =
+                    view.bounds.empty() ? bounds_of(view.sharp, camera.width, camera.height) : view.bounds;
+                make_hull_maps({view.camera, view.sharp, nullptr, bounds}, camera,
+                               options_.sharp_budget_permille, typical_block_radius_px(camera, lattice, half),
+                               sharp_maps_[n]);
                 maps[n] = sharp_maps_[n].maps;
             }
         });
@@ -121,8 +130,8 @@ class CpuVoxelColourer final : public VoxelColourer {
                     std::fill_n(brick.occupancy, kBrickEdge, std::uint64_t{0});
                     continue;
                 }
-                carve_brick(maps.data(), count, inside, 0, x + to_centre, y + to_centre, z + to_centre, lattice.voxel_m,
-                            brick.occupancy);
+                carve_brick(maps.data(), count, inside, 0, x + to_centre, y + to_centre, z + to_centre,
+                            lattice.voxel_m, brick.occupancy);
                 for (std::uint64_t slice : brick.occupancy) carved_[n] -= std::popcount(slice);
             }
         });
@@ -130,7 +139,7 @@ class CpuVoxelColourer final : public VoxelColourer {
     }
 
     // The surface and its depth in every view, as they are now.
-    void look(const VoxelVolume& volume) {
+    void look(const VoxelVolume& volume, bool first_look) {
         surface_.build(volume, grid_);
         const int count = surface_.size(), views = static_cast<int>(views_.size());
         const int pieces = (count + kVoxelsPerTask - 1) / kVoxelsPerTask;
@@ -142,7 +151,8 @@ class CpuVoxelColourer final : public VoxelColourer {
             }
         });
         parallel_for(0, views, 1, [&](int first, int last) {
-            for (int n = first; n < last; ++n) splat_depth(surface_, volume.lattice.voxel_m, views_[n]);
+            for (int n = first; n < last; ++n)
+                splat_depth(surface_, volume.lattice.voxel_m, first_look, views_[n]);
         });
     }
 
@@ -168,8 +178,8 @@ class CpuVoxelColourer final : public VoxelColourer {
         return sum_carved();
     }
 
-    // True if the last round took a voxel from the brick or from one of the 26 around it. Elsewhere the answer would
-    // be the same again, but for a camera whose sight was cleared from afar.
+    // True if the last round took a voxel from the brick or from one of the 26 around it. Elsewhere the
+    // answer would be the same again, but for a camera whose sight was cleared from afar.
     bool changed_around(const VoxelVolume& volume, int brick) const {
         const Brick& b = volume.bricks[brick];
         for (int dz = -1; dz <= 1; ++dz) {
@@ -187,8 +197,8 @@ class CpuVoxelColourer final : public VoxelColourer {
         const int first = surface_.first[brick], last = surface_.first[brick + 1];
         if (first == last) return;
         const float voxel = volume.lattice.voxel_m;
-        const int radius =
-            std::clamp(static_cast<int>(std::lround((options_.support_edge_m / voxel - 1) / 2)), 1, kMaxSupportRadius);
+        const int radius = std::clamp(
+            static_cast<int>(std::lround((options_.support_edge_m / voxel - 1) / 2)), 1, kMaxSupportRadius);
         const int edge = 2 * radius + 1;
         const auto least = static_cast<int>(options_.min_support * static_cast<float>(edge * edge * edge));
         std::uint64_t thin[kBrickEdge] = {};
@@ -196,9 +206,9 @@ class CpuVoxelColourer final : public VoxelColourer {
         std::uint64_t* marks = marks_.data() + static_cast<std::size_t>(brick) * kBrickEdge;
         for (int n = first; n < last; ++n) {
             const int bit = surface_.bit[n];
-            if (((thin[bit >> 6] >> (bit & 63) & 1) || colours_disagree(n, voxel)) && spare(n)) {
+            const bool is_thin = thin[bit >> 6] >> (bit & 63) & 1;
+            if (spare(n) && (is_thin || colours_disagree(n)))
                 marks[bit >> 6] |= std::uint64_t{1} << (bit & 63);
-            }
         }
     }
 
@@ -206,25 +216,20 @@ class CpuVoxelColourer final : public VoxelColourer {
     bool spare(int n) const {
         for (const ViewOfVolume& view : views_) {
             const int cell = view.cell[n];
-            if (cell >= 0 && view.back_m[cell] - view.front_m[cell] < options_.keep_on_ray_m) return false;
+            if (cell >= 0 && view.depths[cell].between_m() < options_.keep_on_ray_m) return false;
         }
         return true;
     }
 
-    bool colours_disagree(int n, float voxel) const {
+    bool colours_disagree(int n) const {
         if (options_.max_colour_deviation <= 0) return false;
         const CellColour* seen[kMaxViews];
         int count = 0;
-        float normal[3];
-        open_normal(surface_.open[n], normal);
         for (std::size_t v = 0; v < views_.size(); ++v) {
-            if (!sees(views_[v], n, normal, voxel)) continue;
-            const CellColour& colour = colours_[v][views_[v].cell[n]];
-            if (!colour.filled) continue;
+            if (colours_[v].cells.empty() || !sees(views_[v], n, surface_.open[n])) continue;
+            const CellColour& colour = colours_[v].cells[views_[v].cell[n]];
             for (int other = 0; other < count; ++other) {
-                if (disagreement(colour, *seen[other], options_.noise_grey) > options_.max_colour_deviation) {
-                    return true;
-                }
+                if (disagree(colour, *seen[other])) return true;
             }
             seen[count++] = &colour;
         }
@@ -249,12 +254,12 @@ class CpuVoxelColourer final : public VoxelColourer {
     BrickGrid grid_;
     Surface surface_;
     std::vector<ViewOfVolume> views_;
-    std::vector<std::vector<CellColour>> colours_;
-    std::vector<std::vector<std::uint8_t>> scratch_;
+    std::vector<CellColours> colours_;
+    ColourLimits limits_;
     std::vector<int> sharp_views_;
     std::vector<HullMapsStorage> sharp_maps_;
-    std::vector<int> carved_;            // per brick, in the step at hand
-    std::vector<std::uint64_t> marks_;   // as occupancy, of the voxels to go
+    std::vector<int> carved_;           // per brick, in the step at hand
+    std::vector<std::uint64_t> marks_;  // as occupancy, of the voxels to go
 };
 
 }  // namespace
@@ -266,15 +271,16 @@ void check_colouring_views(std::span<const ColouringView> views) {
     }
     for (std::size_t n = 0; n < views.size(); ++n) {
         const ColouringView& view = views[n];
-        if (!view.camera) throw std::invalid_argument("colouring: view " + std::to_string(n) + " has no camera");
+        if (!view.camera)
+            throw std::invalid_argument("colouring: view " + std::to_string(n) + " has no camera");
         const PictureView& picture = view.picture;
         if (!picture.data) continue;
         if (picture.width != view.camera->width || picture.height != view.camera->height ||
             (picture.channels != 1 && picture.channels != 3)) {
-            throw std::invalid_argument("colouring: picture " + std::to_string(n) + " is " +
-                                        std::to_string(picture.width) + " x " + std::to_string(picture.height) +
-                                        " with " + std::to_string(picture.channels) +
-                                        " channels, not its camera's size with 1 or 3");
+            throw std::invalid_argument(
+                "colouring: picture " + std::to_string(n) + " is " + std::to_string(picture.width) + " x " +
+                std::to_string(picture.height) + " with " + std::to_string(picture.channels) +
+                " channels, not its camera's size with 1 or 3");
         }
     }
 }

@@ -9,6 +9,7 @@
 #if defined(__x86_64__) && defined(__GNUC__)
 #define KINEVOX_HAVE_AVX2_FORM 1
 #define KINEVOX_AVX2 __attribute__((target("avx2,fma,bmi,bmi2,popcnt")))
+#define KINEVOX_AVX2_EXACT __attribute__((target("avx2,bmi,bmi2,popcnt")))  // every product rounded, as without
 #endif
 
 #ifdef __GNUC__

@@ -38,26 +38,80 @@ KINEVOX_AVX2 void project_avx2(const Surface& surface, int first, int last, View
 }
 #endif
 
-// Each cell takes the best of the (2 * reach + 1)^2 around it.
-template <class Best>
-void widen(std::vector<float>& picture, int width, int height, int reach, float nothing, std::vector<float>& scratch,
-           Best best) {
-    scratch.resize(picture.size());
+// out[x] = least of in[x - reach .. x + reach] for cells x in [first, last) of a row of `width` cells.
+KINEVOX_INLINE void widen_row(const DepthCell* in, int width, int first, int last, int reach,
+                              DepthCell* out) {
+    std::copy(in + first, in + last, out + first);
+    const auto take = [&](int begin, int end, int shift) __attribute__((always_inline)) {
+        for (int x = begin; x < end; ++x) out[x] = nearer(out[x], in[x + shift]);
+    };
+    for (int shift = 1; shift <= reach; ++shift) {
+        take(first, std::min(last, width - shift), shift);
+        take(std::max(first, shift), last, -shift);
+    }
+}
+
+// Each cell takes the least of the (2 * reach + 1)^2 around it.
+KINEVOX_INLINE void widen_body(ViewOfVolume& view) {
+    const int width = view.cells.width(), height = view.cells.height(), reach = view.reach;
+    view.scratch.resize(view.cell_count());
+    const auto row_of = [width](std::vector<DepthCell> & picture, int y) __attribute__((always_inline)) {
+        return picture.data() + static_cast<std::size_t>(y) * width;
+    };
     for (int y = 0; y < height; ++y) {
-        const float* in = picture.data() + static_cast<std::size_t>(y) * width;
-        float* out = scratch.data() + static_cast<std::size_t>(y) * width;
-        std::copy_n(in, width, out);
-        for (int shift = 1; shift <= reach && shift < width; ++shift) {
-            for (int x = 0; x < width - shift; ++x) out[x] = best(out[x], in[x + shift]);
-            for (int x = shift; x < width; ++x) out[x] = best(out[x], in[x - shift]);
-        }
+        const CellSpan span = view.spans[y];
+        if (span.first >= span.last) continue;
+        widen_row(row_of(view.depths, y), width, span.first, span.last, reach, row_of(view.scratch, y));
     }
     for (int y = 0; y < height; ++y) {
-        float* out = picture.data() + static_cast<std::size_t>(y) * width;
-        std::fill_n(out, width, nothing);
+        const CellSpan span = view.spans[y];
+        if (span.first >= span.last) continue;
+        DepthCell* const out = row_of(view.depths, y);
+        std::copy_n(row_of(view.scratch, y) + span.first, span.last - span.first, out + span.first);
         for (int from = std::max(0, y - reach); from <= std::min(height - 1, y + reach); ++from) {
-            const float* in = scratch.data() + static_cast<std::size_t>(from) * width;
-            for (int x = 0; x < width; ++x) out[x] = best(out[x], in[x]);
+            const DepthCell* const in = row_of(view.scratch, from);
+            const int first = std::max(span.first, view.spans[from].first);
+            const int last = std::min(span.last, view.spans[from].last);
+            for (int x = first; from != y && x < last; ++x) out[x] = nearer(out[x], in[x]);
+        }
+    }
+}
+
+void widen_plain(ViewOfVolume& view) {
+    widen_body(view);
+}
+
+#ifdef KINEVOX_HAVE_AVX2_FORM
+KINEVOX_AVX2 void widen_avx2(ViewOfVolume& view) {
+    widen_body(view);
+}
+#endif
+
+void widen(ViewOfVolume& view) {
+#ifdef KINEVOX_HAVE_AVX2_FORM
+    if (have_avx2()) return widen_avx2(view);
+#endif
+    widen_plain(view);
+}
+
+// The filled cells of each row, and room around them for widening by view.reach.
+void find_spans(ViewOfVolume& view) {
+    const int width = view.cells.width(), height = view.cells.height(), reach = view.reach;
+    std::vector<CellSpan> filled(height);
+    for (int y = 0; y < height; ++y) {
+        const DepthCell* const row = view.depths.data() + static_cast<std::size_t>(y) * width;
+        int first = 0, last = width;
+        while (first < last && row[first].empty()) ++first;
+        while (first < last && row[last - 1].empty()) --last;
+        filled[y] = {first, last};
+    }
+    view.spans.assign(height, {width, 0});
+    for (int y = 0; y < height; ++y) {
+        if (filled[y].first >= filled[y].last) continue;
+        for (int near = std::max(0, y - reach); near <= std::min(height - 1, y + reach); ++near) {
+            CellSpan& span = view.spans[near];
+            span.first = std::min(span.first, std::max(0, filled[y].first - reach));
+            span.last = std::max(span.last, std::min(width, filled[y].last + reach));
         }
     }
 }
@@ -72,7 +126,8 @@ void frame_view(const VoxelVolume& volume, ViewOfVolume& view) {
     double depth = 0;
     int seen = 0;
     for (const Brick& brick : volume.bricks) {
-        const float x = lattice.origin[0] + (brick.x + 0.5f) * edge, y = lattice.origin[1] + (brick.y + 0.5f) * edge,
+        const float x = lattice.origin[0] + (brick.x + 0.5f) * edge,
+                    y = lattice.origin[1] + (brick.y + 0.5f) * edge,
                     z = lattice.origin[2] + (brick.z + 0.5f) * edge;
         float depth_m;
         if (!frame_brick(c, x, y, z, edge, px, depth_m)) continue;
@@ -80,11 +135,18 @@ void frame_view(const VoxelVolume& volume, ViewOfVolume& view) {
         ++seen;
     }
     finish_frame(lattice.voxel_m, px, depth, seen, view);
+    for (unsigned open = 0; open < 64; ++open) {
+        float normal[3];
+        open_normal(open, normal);
+        view.facing[open] = facing_of(c, normal);
+        view.behind_m[open] = seen_within(view.facing[open], lattice.voxel_m);
+    }
 }
 
 void finish_frame(float voxel_m, Rect px, double depth_sum_m, int seen, ViewOfVolume& view) {
     const Projector& c = view.camera;
-    const float voxel_px = seen ? std::max(c.fx, c.fy) * voxel_m / static_cast<float>(depth_sum_m / seen) : 1.f;
+    const float voxel_px =
+        seen ? std::max(c.fx, c.fy) * voxel_m / static_cast<float>(depth_sum_m / seen) : 1.f;
     view.shift = std::clamp(static_cast<int>(std::floor(std::log2(std::max(voxel_px, 1.f) / 0.9f))), 0, 6);
     px.x0 = std::max(px.x0, 0), px.x1 = std::min(px.x1, c.width);
     px.y0 = std::max(px.y0, 0), px.y1 = std::min(px.y1, c.height);
@@ -106,27 +168,30 @@ void project_surface(const Surface& surface, int first, int last, ViewOfVolume& 
     project_plain(surface, first, last, view);
 }
 
-void splat_depth(const Surface& surface, float voxel_m, ViewOfVolume& view) {
-    view.front_m.assign(view.cell_count(), kFar_m);
-    view.back_m.assign(view.cell_count(), 0);
+void splat_depth(const Surface& surface, float voxel_m, bool first_look, ViewOfVolume& view) {
+    if (first_look) {
+        view.depths.assign(view.cell_count(), DepthCell{});
+    } else {
+        for (std::size_t y = 0; y < view.spans.size(); ++y) {
+            const CellSpan span = view.spans[y];
+            DepthCell* const row = view.depths.data() + y * view.cells.width();
+            if (span.first < span.last) std::fill(row + span.first, row + span.last, DepthCell{});
+        }
+    }
     const int count = surface.size();
     float nearest = kFar_m;
-    float* const front = view.front_m.data();
-    float* const back = view.back_m.data();
+    DepthCell* const depths = view.depths.data();
     for (int n = 0; n < count; ++n) {
         const int cell = view.cell[n];
         if (cell < 0) continue;
         const float depth = view.depth_m[n];
         nearest = nearest < depth ? nearest : depth;
         // Written whether it changes or not: a branch here is mispredicted every third time.
-        front[cell] = front[cell] < depth ? front[cell] : depth;
-        back[cell] = back[cell] > depth ? back[cell] : depth;
+        depths[cell] = nearer(depths[cell], {depth, -depth});
     }
     view.reach = splat_reach_of(view.camera, view.shift, nearest, voxel_m);
-    if (view.reach == 0) return;
-    const int width = view.cells.width(), height = view.cells.height();
-    widen(view.front_m, width, height, view.reach, kFar_m, view.scratch, [](float a, float b) { return a < b ? a : b; });
-    widen(view.back_m, width, height, view.reach, 0, view.scratch, [](float a, float b) { return a > b ? a : b; });
+    if (first_look) find_spans(view);
+    if (view.reach > 0) widen(view);
 }
 
 }  // namespace kinevox::kernels

@@ -1,7 +1,9 @@
-// Which camera sees which surface voxel: each view's depth picture of the volume itself, on a grid of cells that
-// are about as large as a voxel's picture, so that the cost follows the surface and not the camera's resolution.
+// Which camera sees which surface voxel: each view's depth picture of the volume itself, on a grid of cells
+// that are about as large as a voxel's picture, so that the cost follows the surface and not the camera's
+// resolution.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -12,26 +14,50 @@
 
 namespace kinevox::kernels {
 
+// Nearest and farthest surface in a cell; kFar_m and 0 where there is none. The farthest is kept with its
+// sign turned, so that both are minima.
+struct DepthCell {
+    float front_m = kFar_m, minus_back_m = 0;
+
+    bool empty() const { return front_m == kFar_m; }
+    float between_m() const { return -minus_back_m - front_m; }
+};
+
+KINEVOX_INLINE DepthCell nearer(DepthCell a, DepthCell b) {
+    return {a.front_m < b.front_m ? a.front_m : b.front_m,
+            a.minus_back_m < b.minus_back_m ? a.minus_back_m : b.minus_back_m};
+}
+
+struct CellSpan {
+    int first = 0, last = 0;  // columns, [first, last)
+};
+
 struct ViewOfVolume {
     Projector camera;
-    int shift = 0;                       // a cell is 2^shift px wide and high
-    int reach = 0;                       // cells by which a voxel's picture is wider than its centre's cell
-    Rect cells;                          // the part of the picture that is looked at, in cells
-    std::vector<std::int32_t> cell;      // per surface voxel: index into the pictures of cells; -1: not seen there
-    std::vector<float> depth_m;          // per surface voxel: along the camera's axis
-    std::vector<float> front_m, back_m;  // per cell: nearest and farthest surface; kFar_m and 0 where there is none
-    std::vector<float> scratch;
+    int shift = 0;  // a cell is 2^shift px wide and high
+    int reach = 0;  // cells by which a voxel's picture is wider than its centre's cell
+    Rect cells;     // the part of the picture that is looked at, in cells
+    std::vector<std::int32_t>
+        cell;                       // per surface voxel: index into the pictures of cells; -1: not seen there
+    std::vector<float> depth_m;     // per surface voxel: along the camera's axis
+    std::vector<DepthCell> depths;  // per cell
+    std::vector<CellSpan> spans;    // per row of cells: outside of it nothing of the volume is ever seen
+    std::vector<DepthCell> scratch;
+    // For each of the 64 combinations of open sides (Surface::open): facing_of(), and how far behind the
+    // front a voxel still counts as seen, m.
+    std::array<float, 64> facing, behind_m;
 
     std::size_t cell_count() const { return static_cast<std::size_t>(cells.width()) * cells.height(); }
 };
 
-// True if the view sees surface voxel n. `normal` points out of the volume (the sum of the voxel's open sides).
-inline bool sees(const ViewOfVolume& view, int n, const float* normal, float voxel_m) {
+// True if the view sees surface voxel n, whose open sides are `open`.
+inline bool sees(const ViewOfVolume& view, int n, unsigned open) {
     const int cell = view.cell[n];
-    return cell >= 0 && in_front(view.depth_m[n], view.front_m[cell], facing_of(view.camera, normal), voxel_m);
+    return cell >= 0 && view.depth_m[n] <= view.depths[cell].front_m + view.behind_m[open];
 }
 
-// Sets `shift` and `cells` for a volume: where its bricks can fall, clipped to the picture.
+// Sets `shift` and `cells` for a volume (where its bricks can fall, clipped to the picture), `facing` and
+// `behind_m`.
 void frame_view(const VoxelVolume& volume, ViewOfVolume& view);
 
 // From what the bricks gave (frame_brick(): the box in px, the sum of the depths and their number).
@@ -42,7 +68,8 @@ void finish_frame(float voxel_m, Rect px, double depth_sum_m, int seen, ViewOfVo
 void make_room(const Surface& surface, ViewOfVolume& view);
 void project_surface(const Surface& surface, int first, int last, ViewOfVolume& view);
 
-// Fills front_m and back_m, without holes where the surface has none, and sets `reach`.
-void splat_depth(const Surface& surface, float voxel_m, ViewOfVolume& view);
+// Fills `depths`, without holes where the surface has none, and sets `reach`. The first look at a volume also
+// finds `spans`; the later ones, at what carving left of it, keep to them.
+void splat_depth(const Surface& surface, float voxel_m, bool first_look, ViewOfVolume& view);
 
 }  // namespace kinevox::kernels

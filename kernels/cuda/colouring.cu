@@ -48,7 +48,7 @@ __global__ void carve_outside(HullQuestion q, Lattice lattice, Brick* bricks, un
 
 struct Rules {
     float voxel_m = 0;
-    float max_deviation = 0, noise_grey = 0;
+    bool by_colour = false;  // colours carve
     float keep_on_ray_m = 0;
     int support_radius = 0;  // voxels
     int least_support = 0;   // 0: no rounding
@@ -71,11 +71,11 @@ __device__ bool can_spare(const ViewSet& set, int n, const Rules& rules) {
 }
 
 __device__ bool sees(const ViewOnDevice& view, const VoxelCell& at, float facing, float voxel_m) {
-    return at.cell >= 0 && in_front(at.depth_m, view.front_m[at.cell], facing, voxel_m);
+    return at.cell >= 0 && at.depth_m <= view.front_m[at.cell] + seen_within(facing, voxel_m);
 }
 
 __device__ bool colours_disagree(const ViewSet& set, const SurfaceVoxel& voxel, int n, const Rules& rules) {
-    if (rules.max_deviation <= 0) return false;
+    if (!rules.by_colour) return false;
     const CellColour* seen[kMaxViews];
     int count = 0;
     float normal[3];
@@ -87,7 +87,7 @@ __device__ bool colours_disagree(const ViewSet& set, const SurfaceVoxel& voxel, 
         const CellColour& colour = view.colours[at.cell];
         if (!colour.filled) continue;
         for (int other = 0; other < count; ++other) {
-            if (disagreement(colour, *seen[other], rules.noise_grey) > rules.max_deviation) return true;
+            if (disagree(colour, *seen[other])) return true;
         }
         seen[count++] = &colour;
     }
@@ -140,7 +140,7 @@ __global__ void mark_voxels(const Brick* bricks, BrickTable table, SurfaceList s
         const int bit = voxel.bit;
         const bool thin = rules.least_support > 0 &&
                           count_support(around, bit, rules.support_radius) < rules.least_support;
-        if ((thin || colours_disagree(set, voxel, n, rules)) && can_spare(set, n, rules)) {
+        if (can_spare(set, n, rules) && (thin || colours_disagree(set, voxel, n, rules))) {
             atomicOr(&marked[bit / 32], 1u << (bit % 32));
         }
     }
@@ -162,26 +162,6 @@ __global__ void clear_marked(Brick* bricks, int count, const std::uint32_t* mark
     if (threadIdx.x == 0 && gone > 0) atomicAdd(carved, static_cast<unsigned long long>(gone));
 }
 
-// Mean B, G, R of one cell, not rounded.
-__device__ void cell_mean(const ViewOnDevice& view, int cell, float* mean) {
-    const int x0 = (cell % view.width + view.cells.x0) << view.shift;
-    const int y0 = (cell / view.width + view.cells.y0) << view.shift;
-    const int x1 = min(x0 + (1 << view.shift), view.camera.width);
-    const int y1 = min(y0 + (1 << view.shift), view.camera.height);
-    const Rect& box = view.picture_box;
-    unsigned sum[3] = {};
-    for (int y = y0; y < y1; ++y) {
-        for (int x = x0; x < x1; ++x) {
-            const std::uint8_t* pixel =
-                view.picture +
-                (static_cast<std::size_t>(y - box.y0) * (box.x1 - box.x0) + (x - box.x0)) * view.channels;
-            for (int c = 0; c < 3; ++c) sum[c] += pixel[view.channels == 3 ? c : 0];
-        }
-    }
-    const float count = static_cast<float>((x1 - x0) * (y1 - y0));
-    for (int c = 0; c < 3; ++c) mean[c] = static_cast<float>(sum[c]) / count;
-}
-
 __global__ void paint(SurfaceList surface, ViewSet set, float voxel_m, Colour* colours) {
     const int n = thread_index();
     if (n >= surface.count) return;
@@ -194,9 +174,8 @@ __global__ void paint(SurfaceList surface, ViewSet set, float voxel_m, Colour* c
         const float facing = facing_of(view.camera, normal);
         float weight = colour_weight(facing, at.depth_m);
         if (!sees(view, at, facing, voxel_m)) weight *= kHiddenWeight;
-        float mean[3];
-        cell_mean(view, at.cell, mean);
-        for (int c = 0; c < 3; ++c) sum[c] += weight * mean[c];
+        const std::uint8_t* mean = view.means + 3 * mean_index(at.cell, view.width);
+        for (int c = 0; c < 3; ++c) sum[c] += weight * static_cast<float>(mean[c]);
         weights += weight;
     }
     Colour colour;
@@ -223,7 +202,7 @@ class CudaVoxelColourer final : public VoxelColourer {
         carved_.resize(1);
         host_carved_.resize(1);
         if (options_.max_rounds > 0) report.carved += carve_by_sharp(views, lattice);
-        views_.frame(stream_, views, lattice, volume_);
+        views_.frame(stream_, views, lattice, volume_, options_.max_colour_deviation, options_.noise_grey);
         while (report.rounds < options_.max_rounds) {
             const std::int64_t carved = carve_round(lattice, report.rounds);
             ++report.rounds;
@@ -278,8 +257,7 @@ class CudaVoxelColourer final : public VoxelColourer {
         if (surface.count == 0) return 0;
         Rules rules;
         rules.voxel_m = lattice.voxel_m;
-        rules.max_deviation = options_.max_colour_deviation;
-        rules.noise_grey = options_.noise_grey;
+        rules.by_colour = options_.max_colour_deviation > 0;
         rules.keep_on_ray_m = options_.keep_on_ray_m;
         rules.support_radius = std::clamp(
             static_cast<int>(std::lround((options_.support_edge_m / lattice.voxel_m - 1) / 2)), 1, kMaxSupportRadius);

@@ -59,7 +59,7 @@ __global__ void cell_means(const ViewOnDevice* views) {
 }
 
 // Mean and deviation over 3 x 3 cells.
-__global__ void cell_colours(const ViewOnDevice* views) {
+__global__ void cell_colours(const ViewOnDevice* views, float max_deviation, float noise_grey) {
     const ViewOnDevice& view = views[blockIdx.y];
     const int n = thread_index();
     if (n >= view.width * view.height) return;
@@ -77,7 +77,8 @@ __global__ void cell_colours(const ViewOnDevice* views) {
             }
             const float mean = sum * (1 / 9.f), variance = square * (1 / 9.f) - mean * mean;
             out.mean[c] = static_cast<std::uint8_t>(mean + 0.5f);
-            out.deviation[c] = static_cast<std::uint8_t>(sqrtf(variance > 0 ? variance : 0.f) + 0.5f);
+            const auto deviation = static_cast<std::uint8_t>(sqrtf(variance > 0 ? variance : 0.f) + 0.5f);
+            out.limit[c] = colour_limit(deviation, max_deviation, noise_grey);
         }
         out.filled = 1;
     }
@@ -208,7 +209,7 @@ __global__ void count_projection(const ViewOnDevice* views, float voxel_m) {
 }  // namespace
 
 void DeviceViews::frame(const Stream& stream, std::span<const ColouringView> views, const Lattice& lattice,
-                        const DeviceVolume& volume) {
+                        const DeviceVolume& volume, float max_deviation, float noise_grey) {
     views_.resize(views.size());
     for (std::size_t n = 0; n < views.size(); ++n) {
         views_[n] = {};
@@ -222,7 +223,8 @@ void DeviceViews::frame(const Stream& stream, std::span<const ColouringView> vie
         most_with_rim = std::max(most_with_rim, static_cast<std::size_t>(views_[n].width + 2) * (views_[n].height + 2));
     }
     cell_means<<<blocks(most_with_rim, count()), kThreads, 0, stream.get()>>>(device_views_.data());
-    cell_colours<<<blocks(most_cells_, count()), kThreads, 0, stream.get()>>>(device_views_.data());
+    cell_colours<<<blocks(most_cells_, count()), kThreads, 0, stream.get()>>>(device_views_.data(), max_deviation,
+                                                                             noise_grey);
     KINEVOX_CUDA_CHECK(cudaGetLastError());
 }
 

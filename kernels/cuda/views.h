@@ -46,9 +46,9 @@ struct VoxelCells {
 class DeviceViews {
   public:
     // Finds the part of each picture that the volume covers, and queues copies of that part and of the masks and
-    // the work on the cells' colours. At least one view. The stream must have been waited for before.
+    // the work on the cells' colours, with the limits of colour_limit(). At least one view. The stream must have been waited for before.
     void frame(const Stream& stream, std::span<const ColouringView> views, const Lattice& lattice,
-               const DeviceVolume& volume);
+               const DeviceVolume& volume, float max_deviation, float noise_grey);
 
     // Projects the surface and fills the depth pictures.
     void look(const Stream& stream, const Lattice& lattice, const SurfaceList& surface);

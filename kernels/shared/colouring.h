@@ -7,25 +7,38 @@
 
 namespace kinevox::kernels {
 
-// A cell of a picture (2^shift px on each side, about a voxel's size) and its eight neighbours: mean and standard
-// deviation per channel, B G R, grey levels.
+// A cell of a picture (2^shift px on each side, about a voxel's size) and its eight neighbours, per channel,
+// B G R, in grey levels: the mean, and how far the mean of another view may lie from it.
 struct CellColour {
     std::uint8_t mean[3] = {};
-    std::uint8_t deviation[3] = {};
     std::uint8_t filled = 0;  // 0: no picture here
+    std::uint8_t limit[3] = {};
     std::uint8_t unused = 0;
 };
 
-// How many times the allowed spread two cells' means lie apart, the worst channel.
-KINEVOX_HD KINEVOX_INLINE float disagreement(const CellColour& a, const CellColour& b, float noise_grey) {
-    float worst = 0;
+// Where a cell's own mean colour is in a picture of `columns` cells a row with a rim of one cell around it,
+// in cells.
+KINEVOX_HD inline int mean_index(int cell, int columns) {
+    const int row = cell / columns;
+    return (row + 1) * (columns + 2) + (cell - row * columns) + 1;
+}
+
+// CellColour::limit for a standard deviation, both in grey levels.
+KINEVOX_HD inline std::uint8_t colour_limit(std::uint8_t deviation, float max_deviation, float noise_grey) {
+    const float limit = max_deviation * (noise_grey + static_cast<float>(deviation));
+    return static_cast<std::uint8_t>(limit < 255.f ? limit : 255.f);
+}
+
+// True if the means of two views' cells lie farther apart than the more lenient of both allows, in any
+// channel.
+KINEVOX_HD KINEVOX_INLINE bool disagree(const CellColour& a, const CellColour& b) {
+    bool any = false;
     for (int c = 0; c < 3; ++c) {
         const int gap = a.mean[c] > b.mean[c] ? a.mean[c] - b.mean[c] : b.mean[c] - a.mean[c];
-        const int spread = a.deviation[c] > b.deviation[c] ? a.deviation[c] : b.deviation[c];
-        const float ratio = static_cast<float>(gap) / (noise_grey + static_cast<float>(spread));
-        worst = worst > ratio ? worst : ratio;
+        const int limit = a.limit[c] > b.limit[c] ? a.limit[c] : b.limit[c];
+        any = any || gap > limit;
     }
-    return worst;
+    return any;
 }
 
 }  // namespace kinevox::kernels

@@ -16,10 +16,11 @@ struct SurfaceVoxel {
     std::int16_t x = 0, y = 0, z = 0;  // voxels from the lattice's origin
     std::uint16_t bit = 0;             // z * 64 + y * 8 + x inside the brick
     std::int32_t brick = 0;            // index into volume.bricks
-    std::uint8_t open = 0;             // directions without a neighbour: bit 0 -x, 1 +x, 2 -y, 3 +y, 4 -z, 5 +z
+    std::uint8_t open = 0;  // directions without a neighbour: bit 0 -x, 1 +x, 2 -y, 3 +y, 4 -z, 5 +z
 };
 
-// The sum of the open sides of a surface voxel, pointing outwards; `open` has a bit a direction (-x +x -y +y -z +z).
+// The sum of the open sides of a surface voxel, pointing outwards; `open` has a bit a direction (-x +x -y +y
+// -z +z).
 KINEVOX_HD inline void open_normal(unsigned open, float* normal) {
     for (int axis = 0; axis < 3; ++axis) {
         normal[axis] = static_cast<float>(static_cast<int>(open >> (2 * axis + 1) & 1) -
@@ -29,8 +30,8 @@ KINEVOX_HD inline void open_normal(unsigned open, float* normal) {
 
 // Where one surface voxel's centre falls in one view.
 struct VoxelCell {
-    std::int32_t cell = -1;   // index into the view's pictures of cells; -1: the camera does not see that way
-    float depth_m = kFar_m;   // along the camera's axis
+    std::int32_t cell = -1;  // index into the view's pictures of cells; -1: the camera does not see that way
+    float depth_m = kFar_m;  // along the camera's axis
 };
 
 // How far behind the front a surface voxel still counts as seen, in voxels.
@@ -45,11 +46,11 @@ KINEVOX_HD inline float facing_of(const Projector& camera, const float* normal) 
     return -(normal[0] * r[6] + normal[1] * r[7] + normal[2] * r[8]);
 }
 
-// True if a voxel at `depth_m` is seen where the view's nearest surface is at `front_m`. The splats make the depth
-// picture's edges thick, so a side that is looked at flatly lies behind its own front; a side that is turned to
-// the camera may do so by more.
-KINEVOX_HD inline bool in_front(float depth_m, float front_m, float facing, float voxel_m) {
-    return depth_m <= front_m + (facing > 0.25f ? kFacingWithin : kTurnedWithin) * voxel_m;
+// How far behind the view's nearest surface a voxel is still seen, m. The splats make the depth picture's
+// edges thick, so a side that is looked at flatly lies behind its own front; a side that is turned to the
+// camera may do so by more.
+KINEVOX_HD inline float seen_within(float facing, float voxel_m) {
+    return (facing > 0.25f ? kFacingWithin : kTurnedWithin) * voxel_m;
 }
 
 // A view's weight in a voxel's colour, before occlusion.
@@ -59,8 +60,8 @@ KINEVOX_HD inline float colour_weight(float facing, float depth_m) {
     return weight;
 }
 
-// How many cells the splat of the nearest voxel widens its own cell by: half the projected diagonal of a voxel's
-// face, so that the surface closes.
+// How many cells the splat of the nearest voxel widens its own cell by: half the projected diagonal of a
+// voxel's face, so that the surface closes.
 KINEVOX_HD inline int splat_reach_of(const Projector& camera, int shift, float nearest_m, float voxel_m) {
     if (nearest_m == kFar_m) return 0;
     const float cell_px = static_cast<float>(1 << shift);
@@ -69,8 +70,8 @@ KINEVOX_HD inline int splat_reach_of(const Projector& camera, int shift, float n
     return reach < 64 ? reach : 64;
 }
 
-// What one brick (centre, edge in m) adds to the part of a view's picture that its volume covers. True: it adds its
-// depth to the mean as well.
+// What one brick (centre, edge in m) adds to the part of a view's picture that its volume covers. True: it
+// adds its depth to the mean as well.
 KINEVOX_HD inline bool frame_brick(const Projector& c, float x, float y, float z, float edge, Rect& px,
                                    float& depth_m) {
     float u, v, radius;
@@ -79,9 +80,10 @@ KINEVOX_HD inline bool frame_brick(const Projector& c, float x, float y, float z
         if (depth_m > -edge) px = {0, 0, c.width, c.height};  // perhaps seen: look everywhere
         return false;
     }
-    const Rect here{to_index(u - radius), to_index(v - radius), to_index(u + radius) + 2, to_index(v + radius) + 2};
-    px = {px.x0 < here.x0 ? px.x0 : here.x0, px.y0 < here.y0 ? px.y0 : here.y0, px.x1 > here.x1 ? px.x1 : here.x1,
-          px.y1 > here.y1 ? px.y1 : here.y1};
+    const Rect here{to_index(u - radius), to_index(v - radius), to_index(u + radius) + 2,
+                    to_index(v + radius) + 2};
+    px = {px.x0 < here.x0 ? px.x0 : here.x0, px.y0 < here.y0 ? px.y0 : here.y0,
+          px.x1 > here.x1 ? px.x1 : here.x1, px.y1 > here.y1 ? px.y1 : here.y1};
     return true;
 }
 

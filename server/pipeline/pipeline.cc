@@ -196,7 +196,8 @@ void StagedPipeline::colour(FrameResult& result) {
     for (const std::size_t c : view_camera_) {
         const kernels::Silhouettes& s = result.silhouettes[c];
         colouring_views_.push_back(
-            {&models_[c], to_kernel(result.frame_set.pictures[c]), s.loose.data(), s.sharp.data()});
+            {&models_[c], to_kernel(result.frame_set.pictures[c]), s.loose.data(), s.sharp.data(),
+             s.bounds});
     }
     colourer_->colour(colouring_views_, volume_, report_);
     for (std::size_t view = 0; view < view_camera_.size() && view < report_.silhouette_iou.size(); ++view)
