@@ -265,6 +265,8 @@ bool map_to_disk(const MaskSums& sums, const MomentView& view, float disk_per_gy
         if (!(m.radius_px > 0) || !std::isfinite(m.radius_px + m.centre_x_px + m.centre_y_px))
             throw std::invalid_argument("moments: a mapping needs a positive radius and finite numbers");
     }
+    if (!(view.radius_px >= 0) || !std::isfinite(view.radius_px))
+        throw std::invalid_argument("moments: a given radius must be finite and not negative");
     if (sums.mass <= 0) return false;
     if (view.mapping) {
         out.mapping = *view.mapping;
@@ -272,6 +274,10 @@ bool map_to_disk(const MaskSums& sums, const MomentView& view, float disk_per_gy
     }
     const double mass = static_cast<double>(sums.mass);
     const double x = static_cast<double>(sums.x) / mass, y = static_cast<double>(sums.y) / mass;
+    if (view.radius_px > 0) {
+        out.mapping = {static_cast<float>(x), static_cast<float>(y), view.radius_px};
+        return true;
+    }
     // A pixel is a square: 1/12 px^2 in each direction more than its centre's place.
     const double mean_square = static_cast<double>(sums.squares) / mass - x * x - y * y + 1.0 / 6.0;
     out.mapping = {static_cast<float>(x), static_cast<float>(y),

@@ -162,6 +162,18 @@ TEST(Moments, MappingIsTheCentreOfGravityAndTheRadiusOfGyration) {
     EXPECT_NEAR(m.values[0], 4800 / (kPi * m.mapping.radius_px * m.mapping.radius_px), 1e-3);
 }
 
+TEST(Moments, OnlyTheSizeMayBeGiven) {
+    const ShapeMask mask = draw_figure(300, 300, 140, 160, 90);
+    MomentView view = mask.view();
+    view.radius_px = 130;
+    const SilhouetteMoments given = moments_of(view), own = moments_of(mask.view());
+    EXPECT_EQ(given.mapping.centre_x_px, own.mapping.centre_x_px);
+    EXPECT_EQ(given.mapping.radius_px, 130);
+    EXPECT_EQ(given.values, moments_of(mask.view(given.mapping)).values);
+    view.radius_px = -1;
+    EXPECT_THROW(moments_of(view), std::invalid_argument);
+}
+
 TEST(Moments, DoNotDependOnPlaceAndSize) {
     const MomentOptions options{.order = 12};
     const SilhouetteMoments here = moments_of(draw_figure(640, 480, 200, 240, 120).view(), options);

@@ -1,0 +1,38 @@
+// Nearest neighbours among poses seen from all around, over all of them: the inner loop of the pose database.
+//
+// A view is a pose seen from one direction; its description is a code of kCodeBytes numbers of 0..127. A slab holds
+// every pose from kViewBins relative headings (the body's heading minus the direction to the camera), 10 deg apart.
+// Headings of the body go in half of these steps and cameras stand anywhere, so a heading's description lies between
+// two views: with V = (1 - w) a + w b the squared distance to a query q is
+//   (1 - w) |q - a|^2 + w |q - b|^2 - w (1 - w) |a - b|^2,
+// which costs no more than looking at both.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace kinevox::kernels {
+
+inline constexpr int kCodeBytes = 32;
+inline constexpr int kViewBins = 36;                 // relative headings of a view, from 0 in equal steps
+inline constexpr int kHeadings = 2 * kViewBins;      // headings that are scored
+inline constexpr int kCodeMax = 127;
+
+struct MomentSlab {
+    int poses = 0;
+    std::vector<std::uint8_t> blocks;  // [group of 8 views][code byte / 4][view][4]; the last group padded by zeros
+    std::vector<float> neighbours;     // per view its squared distance to the next one around, in code units
+
+    // `codes`: poses * kViewBins codes, views of a pose one after the other.
+    static MomentSlab make(std::span<const std::uint8_t> codes);
+};
+
+// Adds `weight` times the squared distance of every pose at every heading to `scores` (poses * kHeadings; heading n is
+// n * 360 / kHeadings deg). `first_bin`: where the body's heading 0 falls among the bins, any real number. `scratch`
+// is resized. The same numbers on every processor with the same instructions.
+void score_headings(const MomentSlab& slab, const std::uint8_t code[kCodeBytes], double first_bin, float weight,
+                    std::vector<std::int32_t>& scratch, std::span<float> scores);
+
+}  // namespace kinevox::kernels
