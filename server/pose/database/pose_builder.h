@@ -1,0 +1,57 @@
+// Poses written down in degrees, limb by limb.
+#pragma once
+
+#include <numbers>
+
+#include "server/pose/body_model.h"
+
+namespace kinevox::database {
+
+constexpr double deg(double degrees) {
+    return degrees * std::numbers::pi / 180;
+}
+
+enum class Limb { kLeft, kRight };
+
+// Signs as people say them: lean forward positive, abduction away from the middle positive.
+struct PoseBuilder {
+    BodyCoordinates q{};
+
+    PoseBuilder& trunk(double pelvis_lean, double lumbar_flexion, double look_up = 0) {
+        q[kDofRootRotation] = deg(-pelvis_lean);
+        q[kDofSacroiliac] = deg(-lumbar_flexion);
+        q[kDofSkullbase] = deg(look_up);
+        return *this;
+    }
+    // To the left positive, rad inside.
+    PoseBuilder& bend(double sideways, double turn) {
+        q[kDofSacroiliac + 1] = deg(-sideways);
+        q[kDofSacroiliac + 2] = deg(turn);
+        return *this;
+    }
+    PoseBuilder& leg(Limb side, double hip_flexion, double knee, double ankle = 0, double hip_abduction = 2,
+                     double external_rotation = 5) {
+        const int hip = side == Limb::kLeft ? kDofHipL : kDofHipR;
+        q[hip] = deg(hip_flexion), q[hip + 1] = deg(-hip_abduction), q[hip + 2] = deg(-external_rotation);
+        q[hip + 3] = deg(knee), q[hip + 4] = deg(ankle);
+        return *this;
+    }
+    PoseBuilder& arm(Limb side, double flexion, double abduction, double elbow,
+                     double internal_rotation = 0) {
+        const int shoulder = side == Limb::kLeft ? kDofShoulderL : kDofShoulderR;
+        q[shoulder] = deg(flexion), q[shoulder + 1] = deg(-abduction),
+        q[shoulder + 2] = deg(internal_rotation);
+        q[shoulder + 3] = deg(elbow);
+        return *this;
+    }
+    PoseBuilder& legs(double hip_flexion, double knee, double ankle = 0, double abduction = 2) {
+        return leg(Limb::kLeft, hip_flexion, knee, ankle, abduction)
+            .leg(Limb::kRight, hip_flexion, knee, ankle, abduction);
+    }
+    PoseBuilder& arms(double flexion, double abduction, double elbow, double internal_rotation = 0) {
+        return arm(Limb::kLeft, flexion, abduction, elbow, internal_rotation)
+            .arm(Limb::kRight, flexion, abduction, elbow, internal_rotation);
+    }
+};
+
+}  // namespace kinevox::database

@@ -1,0 +1,18 @@
+// A pose's silhouettes from all around, one bit a pixel, compressed together.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace kinevox {
+
+// Adds a mask of side_px * side_px bytes (0 or not) to `bits`, row by row, the leftmost pixel in the lowest
+// bit.
+void append_bits(const std::vector<std::uint8_t>& mask, std::string& bits);
+std::string compress_silhouettes(const std::string& bits);
+
+// Picture number `index`; empty where the bytes are damaged or there is no such picture.
+std::vector<std::uint8_t> unpack_silhouette(const std::string& compressed, int side_px, int index);
+
+}  // namespace kinevox
