@@ -1,0 +1,27 @@
+// Strict reader of the tables that `kinevox process` writes.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <filesystem>
+#include <limits>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace kinevox {
+
+struct CsvTable {
+    std::string file;  // for messages
+    std::size_t columns = 0;
+    std::vector<double> cells;  // row after row; NaN where empty
+    std::size_t rows() const { return columns ? cells.size() / columns : 0; }
+    double at(std::size_t row, std::size_t column) const { return cells[row * columns + column]; }
+    std::size_t line(std::size_t row) const { return row + 2; }  // in the file, from 1
+};
+
+// A header of exactly `columns`, then rows of numbers or nothing. InvalidArgument names file, line and column.
+absl::StatusOr<CsvTable> read_csv_table(const std::filesystem::path& file, std::span<const std::string> columns);
+
+}  // namespace kinevox

@@ -1,0 +1,198 @@
+#include "server/recording/trial.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "server/recording/csv_table.h"
+
+namespace kinevox {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr double kRadians = std::numbers::pi / 180;
+constexpr std::size_t kFirstValue = 2;  // after frame and time_s
+
+bool is_position(int dof) {
+    return dof < kDofRootRotation;
+}
+
+std::vector<std::string> joint_columns() {
+    std::vector<std::string> columns{"frame", "time_s"};
+    for (const std::string_view joint : kJointNames)
+        for (const char axis : {'x', 'y', 'z'}) columns.push_back(fmt::format("{}_{}", joint, axis));
+    return columns;
+}
+
+std::vector<std::string> angle_columns() {
+    std::vector<std::string> columns{"frame", "time_s"};
+    for (const std::string_view angle : kJointAngleNames) columns.push_back(fmt::format("{}_deg", angle));
+    return columns;
+}
+
+std::vector<std::string> coordinate_columns() {
+    std::vector<std::string> columns{"frame", "time_s"};
+    for (int d = 0; d < kBodyDofCount; ++d)
+        columns.push_back(fmt::format("{}_{}", kBodyDofs[d].name, is_position(d) ? "m" : "deg"));
+    return columns;
+}
+
+absl::Status wrong(const CsvTable& table, std::size_t row, const std::string& what) {
+    return absl::InvalidArgumentError(
+        fmt::format("{}:{}: {}; write it anew with `kinevox process`", table.file, table.line(row), what));
+}
+
+absl::Status take_frames(const CsvTable& table, Trial& trial) {
+    for (std::size_t n = 0; n < table.rows(); ++n) {
+        const double frame = table.at(n, 0), time_s = table.at(n, 1);
+        if (!(frame >= 0 && frame < 1e15 && frame == std::floor(frame)))
+            return wrong(table, n, fmt::format("frame is {}, expected a number from 0", frame));
+        if (std::isnan(time_s)) return wrong(table, n, "time_s is missing");
+        if (n > 0 && frame != static_cast<double>(trial.frames.back()) + 1)
+            return wrong(table, n, fmt::format("frame {} follows frame {}", frame, trial.frames.back()));
+        trial.frames.push_back(static_cast<std::int64_t>(frame));
+        trial.time_s.push_back(time_s);
+    }
+    if (trial.size() < 2)
+        return absl::InvalidArgumentError(
+            fmt::format("{}: {} frames; a trial needs two at least", table.file, trial.size()));
+    return absl::OkStatus();
+}
+
+// The rate, to a thousandth of a hertz: times are written to the microsecond.
+absl::Status take_rate(const CsvTable& table, Trial& trial) {
+    const double duration_s = trial.time_s.back() - trial.time_s.front();
+    const double rate_hz = static_cast<double>(trial.size() - 1) / duration_s;
+    if (!(duration_s > 0) || !(rate_hz < 1e6)) return wrong(table, trial.size() - 1, "time_s does not increase");
+    trial.rate_hz = std::max(std::round(1000 * rate_hz) / 1000, 0.001);
+    for (std::size_t n = 0; n < trial.size(); ++n) {
+        const double even_s = trial.time_s.front() + static_cast<double>(n) / rate_hz;
+        if (std::abs(trial.time_s[n] - even_s) > 0.5 / rate_hz)
+            return wrong(table, n,
+                         fmt::format("time_s is {:.4f}, but {:.4f} at {:g} frames a second", trial.time_s[n], even_s,
+                                     trial.rate_hz));
+    }
+    return absl::OkStatus();
+}
+
+absl::Status take_joints(const CsvTable& table, Trial& trial) {
+    bool any = false;
+    trial.joints.resize(trial.size());
+    for (std::size_t n = 0; n < trial.size(); ++n)
+        for (std::size_t j = 0; j < kJointNames.size(); ++j) {
+            const double* const p = &table.cells[n * table.columns + kFirstValue + 3 * j];
+            const int missing = std::isnan(p[0]) + std::isnan(p[1]) + std::isnan(p[2]);
+            if (missing != 0 && missing != 3)
+                return wrong(table, n, fmt::format("{} has only a part of x, y, z", kJointNames[j]));
+            any = any || missing == 0;
+            trial.joints[n][j] = {p[0], p[1], p[2]};
+        }
+    if (!any)
+        return absl::InvalidArgumentError(
+            fmt::format("{}: no joint of any frame was measured; withheld.csv beside it says why", table.file));
+    return absl::OkStatus();
+}
+
+// A table beside joints.csv, with the same frames.
+absl::StatusOr<CsvTable> read_beside(const fs::path& file, std::span<const std::string> columns, const Trial& trial) {
+    auto table = read_csv_table(file, columns);
+    if (!table.ok()) return table;
+    for (std::size_t n = 0; n < std::min(table->rows(), trial.size()); ++n)
+        if (table->at(n, 0) != static_cast<double>(trial.frames[n]))
+            return wrong(*table, n,
+                         fmt::format("frame {} stands where joints.csv has {}", table->at(n, 0), trial.frames[n]));
+    if (table->rows() != trial.size())
+        return absl::InvalidArgumentError(fmt::format("{}: {} frames, but joints.csv has {}; both must be of one run",
+                                                      table->file, table->rows(), trial.size()));
+    return table;
+}
+
+}  // namespace
+
+absl::StatusOr<Trial> read_trial(const fs::path& folder) {
+    std::error_code error;
+    if (!fs::is_directory(folder, error))
+        return absl::NotFoundError(
+            fmt::format("{}: no such folder; give the folder that `kinevox process` wrote", folder.string()));
+    Trial trial;
+    trial.folder = folder;
+    const fs::path absolute = fs::absolute(folder, error).lexically_normal();
+    trial.name = (absolute.has_filename() ? absolute : absolute.parent_path()).filename().string();
+    if (!fs::exists(folder / "joints.csv", error))
+        return absl::NotFoundError(
+            fmt::format("{}: no such file; give a folder that `kinevox process` wrote, with poses",
+                        (folder / "joints.csv").string()));
+    auto joints = read_csv_table(folder / "joints.csv", joint_columns());
+    if (!joints.ok()) return joints.status();
+    for (const auto take : {take_frames, take_rate, take_joints})
+        if (absl::Status taken = take(*joints, trial); !taken.ok()) return taken;
+
+    if (fs::exists(folder / "angles.csv", error)) {
+        auto angles = read_beside(folder / "angles.csv", angle_columns(), trial);
+        if (!angles.ok()) return angles.status();
+        trial.angles_rad.resize(trial.size());
+        for (std::size_t n = 0; n < trial.size(); ++n)
+            for (std::size_t k = 0; k < kJointAngleNames.size(); ++k)
+                trial.angles_rad[n][k] = kRadians * angles->at(n, kFirstValue + k);
+    }
+    if (fs::exists(folder / "coordinates.csv", error)) {
+        auto table = read_beside(folder / "coordinates.csv", coordinate_columns(), trial);
+        if (!table.ok()) return table.status();
+        trial.coordinates.resize(trial.size());
+        for (std::size_t n = 0; n < trial.size(); ++n)
+            for (int d = 0; d < kBodyDofCount; ++d)
+                trial.coordinates[n][d] = (is_position(d) ? 1 : kRadians) * table->at(n, kFirstValue + d);
+    }
+    if (fs::exists(folder / "body.toml", error)) {
+        auto body = read_body_shape(folder / "body.toml");
+        if (!body.ok()) return body.status();
+        trial.body = *body;
+    }
+    return trial;
+}
+
+absl::Status needs_coordinates_and_body(const Trial& trial, std::string_view format) {
+    const char* missing = trial.coordinates.empty() ? "coordinates.csv" : trial.body ? nullptr : "body.toml";
+    if (!missing) return absl::OkStatus();
+    return absl::FailedPreconditionError(
+        fmt::format("{}: no such file, and {} is made of it; `kinevox process` writes it",
+                    (trial.folder / missing).string(), format));
+}
+
+absl::StatusOr<Trial> part_of_trial(const Trial& trial, std::int64_t first_frame, std::int64_t last_frame) {
+    const std::int64_t begin = std::max<std::int64_t>(first_frame - trial.frames.front(), 0);
+    const std::int64_t end =
+        std::min<std::int64_t>(last_frame - trial.frames.front() + 1, static_cast<std::int64_t>(trial.size()));
+    if (end - begin < 2)
+        return absl::OutOfRangeError(fmt::format("{}: frames {} to {} are not two of {} to {}; give others",
+                                                 trial.folder.string(), first_frame, last_frame, trial.frames.front(),
+                                                 trial.frames.back()));
+    const auto cut = [&](auto& values) {
+        if (values.empty()) return;
+        values.erase(values.begin() + end, values.end());
+        values.erase(values.begin(), values.begin() + begin);
+    };
+    Trial part = trial;
+    cut(part.frames);
+    cut(part.time_s);
+    cut(part.joints);
+    cut(part.angles_rad);
+    cut(part.coordinates);
+    return part;
+}
+
+void turn_trial(Trial& trial, double angle_rad) {
+    const Mat3 turn = rotation_z(angle_rad);
+    for (auto& joints : trial.joints)
+        for (Vec3& joint : joints) joint = turn * joint;
+    for (BodyCoordinates& q : trial.coordinates) {
+        const Vec3 root = turn * Vec3{q[0], q[1], q[2]};
+        q[0] = root.x, q[1] = root.y, q[2] = root.z;
+        // The pelvis turns about the world's vertical last.
+        q[kDofRootRotation + 2] = std::remainder(q[kDofRootRotation + 2] + angle_rad, 2 * std::numbers::pi);
+    }
+}
+
+}  // namespace kinevox

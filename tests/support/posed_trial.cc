@@ -1,0 +1,43 @@
+#include "tests/support/posed_trial.h"
+
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "common/atomic_file.h"
+#include "server/pose/pose_estimate.h"
+#include "server/tools/process/pose_tables.h"
+
+namespace kinevox::testing {
+
+BodyCoordinates posed_coordinates(int frame) {
+    BodyCoordinates q{};
+    const double t = frame / kPosedTrialFps;
+    for (int d = 0; d < kBodyDofCount; ++d) q[d] = 0.3 * std::sin(5 * t + 0.7 * d) + 0.1;
+    q[0] = 1 + 0.9 * t, q[1] = -0.5 + 0.2 * t, q[2] = 0.95 + 0.03 * std::sin(9 * t);
+    q[kDofRootRotation + 2] = 2.2 + 3 * t;  // through 180 deg
+    for (const int knee : {kDofKneeL, kDofKneeR}) q[knee] = 0.8 + 0.6 * std::sin(5 * t + knee);
+    for (const int arm : {kDofShoulderL, kDofShoulderR}) q[arm] = 1.2 + 1.1 * std::sin(4 * t + arm);
+    return q;
+}
+
+absl::Status write_posed_trial(const std::filesystem::path& folder, bool gaps) {
+    const BodyModel model(default_body_shape(1.8));
+    std::vector<PoseRow> rows;
+    for (int n = 0; n < kPosedTrialFrames; ++n) {
+        PoseRow& row = rows.emplace_back();
+        row.frame = n;
+        row.time_s = n / kPosedTrialFps;
+        if (gaps && n >= 10 && n <= 12) continue;
+        auto pose = std::make_shared<BodyPose>();
+        if (gaps && n == 20) pose->joints[*joint_index("hand_r")].withheld = "none of 4 cameras shows it";
+        describe_posture(model, posture_from_coordinates(posed_coordinates(n)), *pose);
+        row.pose = pose;
+    }
+    for (const Table& table : pose_tables(rows))
+        if (absl::Status written = write_file_atomically(folder / table.file_name, table.text); !written.ok())
+            return written;
+    return write_body_shape(model.shape(), folder / "body.toml");
+}
+
+}  // namespace kinevox::testing

@@ -1,0 +1,84 @@
+// What the readers in tests/integration/export_test.py cannot see: refusals, and bytes that stand at fixed places.
+#include "server/recording/trial_formats.h"
+
+#include <gmock/gmock.h>
+
+#include "tests/support/posed_trial.h"
+#include "tests/unit/common/temporary_folder.h"
+
+namespace kinevox {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+Trial posed_trial(bool gaps) {
+    const testing::TemporaryFolder folder;
+    EXPECT_TRUE(testing::write_posed_trial(folder.path(), gaps).ok());
+    auto trial = read_trial(folder.path());
+    EXPECT_TRUE(trial.ok()) << trial.status();
+    return *trial;
+}
+
+TEST(TrialFormats, TrcHeaderIsTheOneOpenSimAsksFor) {
+    const std::string text = trc_file(posed_trial(false), "a.trc");
+    EXPECT_THAT(text, StartsWith("PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\t"
+                                 "OrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n50\t50\t40\t20\tmm\t50\t1\t40\n"
+                                 "Frame#\tTime\troot\t\t\tsacroiliac\t"));
+    EXPECT_THAT(text, HasSubstr("\n\t\tX1\tY1\tZ1\tX2\t"));
+    EXPECT_THAT(text, HasSubstr("\n\n1\t0.000000\t1000.000\t950.000\t500.000\t"));
+}
+
+TEST(TrialFormats, C3dBlocksAreWhole) {
+    const auto bytes = c3d_file(posed_trial(true));
+    ASSERT_TRUE(bytes.ok());
+    EXPECT_EQ(bytes->size() % 512, 0u);
+    EXPECT_EQ((*bytes)[0], 2);
+    EXPECT_EQ((*bytes)[1], 0x50);
+    EXPECT_EQ((*bytes)[512 + 3], 84);
+    const int parameter_blocks = (*bytes)[512 + 2], data_block = (*bytes)[16];
+    EXPECT_EQ(data_block, 2 + parameter_blocks);
+    const std::size_t data = 40 * 20 * 16;
+    EXPECT_EQ(bytes->size(), 512u * (data_block - 1) + (data + 511) / 512 * 512);
+}
+
+TEST(TrialFormats, LongC3dCountsBeyondSixteenBits) {
+    Trial trial = posed_trial(false);
+    trial.joints.resize(70000, trial.joints.back());
+    trial.frames.resize(70000);
+    trial.time_s.resize(70000);
+    const auto bytes = c3d_file(trial);
+    ASSERT_TRUE(bytes.ok());
+    EXPECT_THAT(*bytes, HasSubstr("LONG_FRAMES"));
+    EXPECT_EQ(bytes->substr(8, 2), "\xff\xff");
+}
+
+TEST(TrialFormats, BvhDoesNotInvent) {
+    const Trial trial = posed_trial(true);
+    const auto refused = bvh_file(trial, false);
+    EXPECT_THAT(std::string(refused.status().message()), HasSubstr("pelvis_tx is withheld in frame 10 (4 frames lack"));
+    std::int64_t held = 0;
+    EXPECT_TRUE(bvh_file(trial, true, &held).ok());
+    EXPECT_EQ(held, 4);
+    EXPECT_TRUE(bvh_file(*part_of_trial(trial, 0, 9), false).ok());
+    EXPECT_FALSE(bvh_file(*part_of_trial(trial, 10, 12), true).ok()) << "nothing to hold";
+}
+
+TEST(TrialFormats, NameWhatTheyLack) {
+    Trial trial = posed_trial(false);
+    trial.body.reset();
+    EXPECT_THAT(std::string(mot_file(trial).status().message()), HasSubstr("body.toml: no such file"));
+    EXPECT_THAT(std::string(bvh_file(trial, false).status().message()), HasSubstr("body.toml: no such file"));
+    trial.coordinates.clear();
+    EXPECT_THAT(std::string(mot_file(trial).status().message()), HasSubstr("coordinates.csv: no such file"));
+    EXPECT_THAT(csv_file(trial), StartsWith("frame,time_s,root_x_m,root_y_m,root_z_m,"));
+}
+
+TEST(TrialFormats, TellHowFarThePelvisTurns) {
+    const AngleRange range = mot_pelvis_rotation(posed_trial(false));
+    EXPECT_GT(range.most_rad, 3.2) << "through 180 deg without a jump";
+    EXPECT_NEAR(range.most_rad - range.least_rad, 3 * 0.78, 0.3);
+}
+
+}  // namespace
+}  // namespace kinevox

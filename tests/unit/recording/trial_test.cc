@@ -1,0 +1,136 @@
+// Reading what `kinevox process` wrote, and what is wrong with it.
+#include "server/recording/trial.h"
+
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <fstream>
+#include <numbers>
+#include <sstream>
+
+#include "tests/support/posed_trial.h"
+#include "tests/unit/common/temporary_folder.h"
+
+namespace kinevox {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+std::string text_of(const std::filesystem::path& file) {
+    std::ostringstream text;
+    text << std::ifstream(file).rdbuf();
+    return text.str();
+}
+
+std::string replaced(std::string text, const std::string& what, const std::string& by) {
+    const std::size_t at = text.find(what);
+    EXPECT_NE(at, std::string::npos) << what;
+    return at == std::string::npos ? text : text.replace(at, what.size(), by);
+}
+
+std::string message_of(const std::filesystem::path& folder) {
+    return std::string(read_trial(folder).status().message());
+}
+
+TEST(Trial, HoldsWhatWasWritten) {
+    const testing::TemporaryFolder folder;
+    ASSERT_TRUE(testing::write_posed_trial(folder.path(), true).ok());
+    const auto trial = read_trial(folder.path());
+    ASSERT_TRUE(trial.ok()) << trial.status();
+    EXPECT_EQ(trial->size(), 40u);
+    EXPECT_EQ(trial->rate_hz, 50);
+    EXPECT_EQ(trial->frames[7], 7);
+    EXPECT_NEAR(trial->joints[0][0].x, 1, 1e-5);
+    EXPECT_NEAR(trial->coordinates[3][kDofKneeL], testing::posed_coordinates(3)[kDofKneeL], 1e-6);
+    EXPECT_TRUE(std::isnan(trial->joints[11][4].y));
+    EXPECT_TRUE(std::isnan(trial->angles_rad[11][0]));
+    EXPECT_TRUE(std::isnan(trial->coordinates[20][kDofWristR])) << "goes with the hand";
+    EXPECT_FALSE(std::isnan(trial->coordinates[20][kDofWristL]));
+    EXPECT_NEAR(trial->body->stature_m, 1.8, 1e-9);
+}
+
+TEST(Trial, NeedsOnlyTheJoints) {
+    const testing::TemporaryFolder folder;
+    ASSERT_TRUE(testing::write_posed_trial(folder.path(), false).ok());
+    for (const char* file : {"angles.csv", "coordinates.csv", "body.toml"}) std::filesystem::remove(folder / file);
+    const auto trial = read_trial(folder.path());
+    ASSERT_TRUE(trial.ok()) << trial.status();
+    EXPECT_TRUE(trial->coordinates.empty());
+    EXPECT_TRUE(trial->angles_rad.empty());
+    EXPECT_FALSE(trial->body);
+}
+
+TEST(Trial, TellsWhatIsWrongInOneLine) {
+    const testing::TemporaryFolder folder;
+    ASSERT_TRUE(testing::write_posed_trial(folder.path(), false).ok());
+    const std::string good = text_of(folder / "joints.csv"), angles = text_of(folder / "angles.csv");
+    const std::string header = good.substr(0, good.find('\n') + 1);
+    std::string nothing = header;
+    for (int n = 0; n < 40; ++n)
+        nothing += std::to_string(n) + "," + std::to_string(n / 50.0) + std::string(60, ',') + "\n";
+    struct Case {
+        const char* what;
+        std::string joints, expected;
+    };
+    const Case cases[] = {
+        {"empty", "", "joints.csv:1: column '' stands where 'frame'"},
+        {"another table", angles, "joints.csv:1: column 'knee_flexion_l_deg' stands where 'root_x'"},
+        {"no frames", header, "joints.csv: 0 frames"},
+        {"one frame", good.substr(0, good.find("\n1,") + 1), "joints.csv: 1 frames"},
+        {"a word", replaced(good, "\n3,0.060000,1", "\n3,0.060000,one1"), "joints.csv:5: root_x is 'one1"},
+        {"infinite", replaced(good, "\n3,0.060000,1.05400", "\n3,0.060000,inf"), "joints.csv:5: root_x is 'inf'"},
+        {"a cell more", replaced(good, "\n3,0.060000,", "\n3,0.060000,7,"), "joints.csv:5: 63 cells"},
+        {"cut short", good.substr(0, good.size() - 30), "joints.csv:41:"},
+        {"a gap", replaced(good, "\n3,", "\n4,"), "joints.csv:5: frame 4 follows frame 2"},
+        {"a half frame", replaced(good, "\n3,", "\n3.5,"), "joints.csv:5: frame is 3.5"},
+        {"no time", replaced(good, "\n3,0.060000,", "\n3,,"), "joints.csv:5: time_s is missing"},
+        {"a jump in time", replaced(good, "\n3,0.060000,", "\n3,0.090000,"), "joints.csv:5: time_s is 0.0900"},
+        {"half a joint", replaced(good, "\n3,0.060000,1.05400,", "\n3,0.060000,,"),
+         "joints.csv:5: root has only a part"},
+        {"nothing measured", nothing, "no joint of any frame was measured"},
+    };
+    for (const Case& c : cases) {
+        folder.write("joints.csv", c.joints);
+        EXPECT_THAT(message_of(folder.path()), AllOf(HasSubstr(c.expected), Not(HasSubstr("\n")))) << c.what;
+    }
+    folder.write("joints.csv", good);
+    folder.write("angles.csv", replaced(angles, "\n3,", "\n9,"));
+    EXPECT_THAT(message_of(folder.path()), HasSubstr("angles.csv:5: frame 9 stands where joints.csv has 3"));
+    folder.write("angles.csv", angles.substr(0, angles.find("\n20,") + 1));
+    EXPECT_THAT(message_of(folder.path()), HasSubstr("angles.csv: 20 frames, but joints.csv has 40"));
+    EXPECT_THAT(message_of(folder / "nowhere"), HasSubstr("no such folder"));
+    EXPECT_THAT(message_of(folder.path().parent_path()), HasSubstr("joints.csv: no such file"));
+}
+
+TEST(Trial, APartHasItsFramesOnly) {
+    const testing::TemporaryFolder folder;
+    ASSERT_TRUE(testing::write_posed_trial(folder.path(), false).ok());
+    const auto trial = read_trial(folder.path());
+    const auto part = part_of_trial(*trial, 10, 19);
+    ASSERT_TRUE(part.ok());
+    EXPECT_EQ(part->size(), 10u);
+    EXPECT_EQ(part->frames.front(), 10);
+    EXPECT_EQ(part->coordinates.front(), trial->coordinates[10]);
+    EXPECT_EQ(part_of_trial(*trial, 30, 99)->frames.back(), 39);
+    EXPECT_FALSE(part_of_trial(*trial, 40, 50).ok());
+    EXPECT_FALSE(part_of_trial(*trial, 5, 5).ok());
+}
+
+TEST(Trial, TurnsWhole) {
+    const testing::TemporaryFolder folder;
+    ASSERT_TRUE(testing::write_posed_trial(folder.path(), false).ok());
+    auto trial = read_trial(folder.path());
+    turn_trial(*trial, std::numbers::pi / 2);
+    const BodyModel model(*trial->body);
+    for (std::size_t n = 0; n < trial->size(); ++n) {
+        const PosedBody posed = model.forward(trial->coordinates[n]);
+        for (std::size_t j = 0; j < kJointNames.size(); ++j)
+            EXPECT_LT(norm(posed.joints_in_world[j] - trial->joints[n][j]), 2e-5) << n << ' ' << kJointNames[j];
+    }
+    EXPECT_NEAR(trial->joints[0][0].x, 0.5, 1e-4);
+}
+
+}  // namespace
+}  // namespace kinevox
