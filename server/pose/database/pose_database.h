@@ -28,10 +28,10 @@ struct PoseDatabaseOptions {
     int order = 10;    // of the moments, 2 to kMaxMomentOrder
     int side_px = 96;  // of the silhouettes, 32 to 256, a multiple of 8
     double half_width_per_stature =
-        0.74;                       // of what they show, around the body's middle; arms overhead reach 0.70
-    double elevation_step_deg = 8;  // between viewpoints
-    double inverse_distance_step = 0.15;  // 1/m, between viewpoints
-    int threads = 1;                      // that build; more only build faster, the result is the same
+        0.74;                        // of what they show, around the body's middle; arms overhead reach 0.70
+    double elevation_step_deg = 10;  // between viewpoints
+    double inverse_distance_step = 0.2;  // 1/m, between viewpoints
+    int threads = 1;                     // that build; more only build faster, the result is the same
 
     // Empty when usable, else one sentence.
     std::string check() const;

@@ -73,7 +73,7 @@ std::vector<Viewpoint> viewpoints_of(std::span<const kernels::CameraModel> camer
         throw std::invalid_argument("pose database: no place is seen by two cameras; check the calibration");
     std::vector<Viewpoint> out;
     for (const auto& [cell, count] : seen) {
-        if (count * 200 < all) continue;  // so rare that its neighbour will do
+        if (count * 100 < all) continue;  // so rare that its neighbour will do
         const double inverse =
             std::max(cell.second * options.inverse_distance_step, 0.5 / kFarthest_m + 0.05);
         out.push_back({cell.first * step, inverse});

@@ -1,0 +1,155 @@
+#include "server/pose/database/database_service.h"
+
+#include <sys/resource.h>
+
+#include <utility>
+
+#include "server/pose/database/bvh_import.h"
+
+namespace kinevox {
+namespace {
+
+constexpr int kNice = 10;  // the cameras' pipeline comes first
+
+}  // namespace
+
+PoseDatabaseService::PoseDatabaseService(std::filesystem::path file, const SearchOptions& options)
+    : file_(std::move(file)), options_(options), stature_m_(options.stature_m) {}
+
+PoseDatabaseService::~PoseDatabaseService() {
+    cancel();
+    wait();
+}
+
+void PoseDatabaseService::start(std::vector<kernels::CameraModel> cameras, const BodyShape& shape,
+                                const PoseDatabaseOptions& options,
+                                std::function<void(const DatabaseProgress&)> on_progress) {
+    cancel();
+    const std::lock_guard changing(changes_);
+    if (builder_.joinable()) builder_.join();
+    std::stop_source source;
+    {
+        const std::lock_guard lock(mutex_);
+        progress_ = {DatabaseState::kBuilding, 0, {}};
+        stop_ = source;
+    }
+    builder_ = std::jthread([this, cameras = std::move(cameras), shape, options, stop = source.get_token(),
+                             on_progress = std::move(on_progress)] {
+        setpriority(PRIO_PROCESS, 0, kNice);  // of this thread and those it starts; refused: no harm
+        build(stop, cameras, shape, options, on_progress);
+    });
+}
+
+void PoseDatabaseService::build(std::stop_token stop, const std::vector<kernels::CameraModel>& cameras,
+                                const BodyShape& shape, const PoseDatabaseOptions& options,
+                                const std::function<void(const DatabaseProgress&)>& on_progress) {
+    const auto report = [&](DatabaseProgress progress) {
+        {
+            const std::lock_guard lock(mutex_);
+            progress_ = progress;
+        }
+        if (on_progress) on_progress(progress);
+    };
+    auto opened = open_pose_database(
+        file_, cameras, shape, options,
+        [&](double part) {
+            report({DatabaseState::kBuilding, part, {}});
+        },
+        stop);
+    if (!opened.ok()) {
+        const bool cancelled = absl::IsCancelled(opened.status());
+        report({cancelled ? DatabaseState::kCancelled : DatabaseState::kFailed, 0,
+                std::string(opened.status().message())});
+        return;
+    }
+    auto fresh = std::make_shared<const PoseDatabase>(std::move(opened->database));
+    {
+        const std::lock_guard lock(mutex_);
+        database_ = std::move(fresh);
+    }
+    report({DatabaseState::kReady, 1, opened->rebuilt_because});
+}
+
+void PoseDatabaseService::cancel() {
+    const std::lock_guard lock(mutex_);
+    stop_.request_stop();
+}
+
+void PoseDatabaseService::wait() {
+    const std::lock_guard changing(changes_);
+    if (builder_.joinable()) builder_.join();
+}
+
+DatabaseProgress PoseDatabaseService::progress() const {
+    const std::lock_guard lock(mutex_);
+    return progress_;
+}
+
+std::shared_ptr<const PoseDatabase> PoseDatabaseService::current() const {
+    const std::lock_guard lock(mutex_);
+    return database_;
+}
+
+absl::StatusOr<std::vector<PoseListing>> PoseDatabaseService::list() const {
+    const auto database = current();
+    if (!database) return absl::UnavailableError("the pose database is not built yet; ask again later");
+    std::vector<PoseListing> out;
+    for (const LibraryPose& pose : database->poses) out.push_back({pose.label, pose.added});
+    return out;
+}
+
+absl::Status PoseDatabaseService::change(const std::function<absl::Status(PoseDatabase&)>& how) {
+    const std::lock_guard changing(changes_);
+    const auto before = current();
+    if (!before || progress().state == DatabaseState::kBuilding)
+        return absl::UnavailableError("the pose database is being built; change it when that is done");
+    auto after = std::make_shared<PoseDatabase>(*before);
+    if (const absl::Status status = how(*after); !status.ok()) return status;
+    if (const absl::Status status = write_pose_database(*after, file_); !status.ok()) return status;
+    const std::lock_guard lock(mutex_);
+    database_ = std::move(after);
+    return absl::OkStatus();
+}
+
+absl::Status PoseDatabaseService::add(std::span<const LibraryPose> poses) {
+    return change([&](PoseDatabase& database) { return add_poses(database, poses); });
+}
+
+absl::Status PoseDatabaseService::remove(const std::string& label) {
+    return change([&](PoseDatabase& database) { return database.remove(label); });
+}
+
+absl::StatusOr<int> PoseDatabaseService::import_bvh(std::string_view text, const std::string& label,
+                                                    double every_s) {
+    const auto motion = parse_bvh(text, label);
+    if (!motion.ok()) return motion.status();
+    const auto poses = poses_from_bvh(*motion, label, {.every_s = every_s});
+    if (!poses.ok()) return poses.status();
+    if (const absl::Status status = add(*poses); !status.ok()) return status;
+    return static_cast<int>(poses->size());
+}
+
+void PoseDatabaseService::set_stature(double stature_m) {
+    const std::lock_guard lock(mutex_);
+    stature_m_ = stature_m;
+}
+
+std::vector<PoseCandidate> PoseDatabaseService::propose(std::span<const PoseView> views, Vec3 centre_in_world,
+                                                        int most) {
+    std::shared_ptr<const PoseDatabase> database;
+    double stature_m = 0;
+    {
+        const std::lock_guard lock(mutex_);
+        database = database_;
+        stature_m = stature_m_;
+    }
+    if (!database) return {};
+    if (database != searched_ || stature_m != options_.stature_m) {
+        options_.stature_m = stature_m;
+        search_ = std::make_unique<DatabaseSearch>(*database, options_);
+        searched_ = database;
+    }
+    return search_->propose(views, centre_in_world, most);
+}
+
+}  // namespace kinevox

@@ -1,0 +1,100 @@
+// The database of a running daemon: built behind its back, asked meanwhile, changed, cancelled.
+#include "server/pose/database/database_service.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+
+#include "common/atomic_file.h"
+#include "tests/unit/common/temporary_folder.h"
+#include "tests/unit/pose/database_fixture.h"
+
+namespace kinevox {
+namespace {
+
+using ::testing::HasSubstr;
+
+class Service : public ::testing::Test {
+  protected:
+    testing::TemporaryFolder folder;
+    std::filesystem::path file = folder.path() / "poses.kvxposes";
+    std::vector<kernels::CameraModel> cameras = room_cameras();
+    const BodyShape shape = default_body_shape();
+    const BodyModel model{shape};
+
+    RenderedFrame frame() {
+        BodyCoordinates pose = unseen_pose(2);
+        pose[2] = 0.95, pose[kDofRootRotation + 2] = 1;
+        return render_frame(model, pose, cameras);
+    }
+};
+
+TEST_F(Service, BuildsInTheBackgroundAndThenAnswers) {
+    PoseDatabaseService service(file);
+    const RenderedFrame seen = frame();
+    EXPECT_TRUE(service.propose(seen.views(cameras), seen.centre_in_world, 3).empty());
+    EXPECT_TRUE(absl::IsUnavailable(service.list().status()));
+    EXPECT_TRUE(absl::IsUnavailable(service.remove("x")));
+    EXPECT_EQ(service.progress().state, DatabaseState::kNone);
+    std::atomic<int> reports{0};
+    service.start(cameras, shape, small_options(40), [&](const DatabaseProgress&) { ++reports; });
+    service.wait();
+    EXPECT_EQ(service.progress().state, DatabaseState::kReady);
+    EXPECT_THAT(service.progress().message, HasSubstr("was not there yet"));
+    EXPECT_GT(reports, 10);
+    EXPECT_EQ(service.propose(seen.views(cameras), seen.centre_in_world, 3).size(), 3u);
+    service.set_stature(1.5);
+    EXPECT_EQ(service.propose(seen.views(cameras), seen.centre_in_world, 3).size(), 3u);
+
+    PoseDatabaseService restarted(file);
+    restarted.start(cameras, shape, small_options(40));
+    restarted.wait();
+    EXPECT_EQ(restarted.progress().message, "");
+}
+
+TEST_F(Service, PosesCanBeListedAddedAndRemoved) {
+    PoseDatabaseService service(file);
+    service.start(cameras, shape, small_options(30));
+    service.wait();
+    EXPECT_EQ(service.list()->size(), 30u);
+    const LibraryPose mine{"mine", unseen_pose(3), false};
+    ASSERT_TRUE(service.add(std::span(&mine, 1)).ok());
+    EXPECT_EQ(service.list()->size(), 31u);
+    EXPECT_TRUE(service.list()->back().added);
+    PoseDatabaseService restarted(file);
+    restarted.start(cameras, shape, small_options(30));
+    restarted.wait();
+    EXPECT_EQ(restarted.progress().message, "");
+    EXPECT_EQ(restarted.list()->back().label, "mine");
+    ASSERT_TRUE(service.remove("mine").ok());
+    EXPECT_TRUE(absl::IsNotFound(service.remove("mine")));
+    EXPECT_TRUE(absl::IsInvalidArgument(service.import_bvh("nonsense", "m").status()));
+    EXPECT_EQ(service.list()->size(), 30u);
+}
+
+TEST_F(Service, ABuildCanBeCancelledAndTheOldDatabaseGoesOn) {
+    PoseDatabaseService service(file);
+    service.start(cameras, shape, small_options(30));
+    service.wait();
+    service.start(lane_cameras(), shape, small_options(3000));
+    EXPECT_EQ(service.progress().state, DatabaseState::kBuilding);
+    const RenderedFrame seen = frame();
+    EXPECT_FALSE(service.propose(seen.views(cameras), seen.centre_in_world, 3).empty());
+    service.cancel();
+    service.wait();
+    EXPECT_EQ(service.progress().state, DatabaseState::kCancelled);
+    EXPECT_EQ(service.list()->size(), 30u);
+    service.start(cameras, shape, small_options(3000));  // the destructor stops it
+}
+
+TEST_F(Service, AFailureIsReported) {
+    PoseDatabaseService service(file);
+    service.start({}, shape, small_options(30));
+    service.wait();
+    EXPECT_EQ(service.progress().state, DatabaseState::kFailed);
+    EXPECT_THAT(service.progress().message, HasSubstr("no camera"));
+}
+
+}  // namespace
+}  // namespace kinevox
