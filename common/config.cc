@@ -78,6 +78,17 @@ void read_segmentation(const TomlTable& table, SegmentationConfig& segmentation)
                                segmentation.loose_threshold, segmentation.sharp_threshold));
 }
 
+void read_pose(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist, PoseConfig& pose) {
+    pose.enabled = table.boolean_or("enabled", pose.enabled);
+    pose.filtered = table.boolean_or("filtered", pose.filtered);
+    pose.body = resolved(table.text_or("body", ""), folder);
+    std::error_code ignored;
+    if (check_files_exist && !pose.body.empty() && !std::filesystem::exists(pose.body, ignored))
+        table.fail("body",
+                   fmt::format("is {}, which does not exist; kinevox process --tpose writes one", pose.body.string()),
+                   absl::StatusCode::kNotFound);
+}
+
 void read_stream(const TomlTable& table, StreamConfig& stream) {
     stream.lossless_max_messages =
         static_cast<int>(table.integer_or("lossless_max_messages", stream.lossless_max_messages, 1, 100000));
@@ -133,6 +144,7 @@ absl::StatusOr<DaemonConfig> parse_config_toml(const std::string& text, const st
     read_source(root.table_or_empty("source"), folder, check_files_exist, config.source);
     read_pipeline(root.table_or_empty("pipeline"), config.pipeline);
     read_segmentation(root.table_or_empty("segmentation"), config.segmentation);
+    read_pose(root.table_or_empty("pose"), folder, check_files_exist, config.pose);
     read_stream(root.table_or_empty("stream"), config.stream);
     read_control(root.table_or_empty("control"), config.control);
     read_log(root.table_or_empty("log"), folder, config.log);

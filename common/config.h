@@ -59,6 +59,13 @@ struct SegmentationConfig {
     bool operator==(const SegmentationConfig&) const = default;
 };
 
+struct PoseConfig {
+    bool enabled = true;            // off: stop at the volume
+    bool filtered = true;           // smooth poses over time, causally
+    std::filesystem::path body;     // body.toml of the subject, absolute; empty: an adult of average build
+    bool operator==(const PoseConfig&) const = default;
+};
+
 struct StreamConfig {
     int lossless_max_messages = 256;  // queued for one lossless subscriber before its stream ends
     int lossless_max_mb = 32;
@@ -84,6 +91,7 @@ struct DaemonConfig {
     SourceConfig source;
     PipelineConfig pipeline;
     SegmentationConfig segmentation;
+    PoseConfig pose;
     StreamConfig stream;
     ControlConfig control;
     LogConfig log;

@@ -48,7 +48,9 @@ int serve(const DaemonConfig& config) {
                                 static_cast<std::size_t>(config.pipeline.threads));
     auto source = open_source(config.source);
     if (!source.ok()) return fail(source.status());
-    auto pipeline = Pipeline::create((*source)->cameras(), (*source)->fps(), pipeline_options(config));
+    const auto options = pipeline_options(config);
+    if (!options.ok()) return fail(options.status());
+    auto pipeline = Pipeline::create((*source)->cameras(), (*source)->fps(), *options);
     if (!pipeline.ok()) return fail(pipeline.status());
 
     // The capture.

@@ -73,9 +73,10 @@ std::string status_text(const v1::GetStatusResponse& status) {
 std::string status_line(const v1::GetStatusResponse& status) {
     const v1::StageTimes& t = status.median_times();
     std::string out = fmt::format(
-        "{} frame {} {:.1f}/s lost {} | seg {:.2f} track {:.2f} hull {:.2f} colour {:.2f} total {:.2f} p99 {:.2f} ms |",
+        "{} frame {} {:.1f}/s lost {} | seg {:.2f} track {:.2f} hull {:.2f} colour {:.2f} pose {:.2f} total {:.2f} "
+        "p99 {:.2f} ms |",
         state_name(status), status.sequence(), status.results_per_second(), status.lost(), t.segmentation_ms(),
-        t.tracking_ms(), t.hull_ms(), t.colouring_ms(), t.total_ms(), status.total_p99_ms());
+        t.tracking_ms(), t.hull_ms(), t.colouring_ms(), t.pose_ms(), t.total_ms(), status.total_p99_ms());
     if (status.has_volume())
         out += fmt::format(" {} voxels {:.1f} l", status.volume().voxels(), status.volume().litres());
     else

@@ -64,12 +64,19 @@ std::string describe(const SourceConfig& config) {
                                                        : "studio " + config.studio.motion;
 }
 
-PipelineOptions pipeline_options(const DaemonConfig& config) {
+absl::StatusOr<PipelineOptions> pipeline_options(const DaemonConfig& config) {
     PipelineOptions options;
     options.device =
         config.pipeline.device == PipelineConfig::Device::kCuda ? kernels::Device::kCuda : kernels::Device::kCpu;
     options.voxel_m = config.pipeline.voxel_mm / 1000;
     options.colouring = config.pipeline.colouring;
+    options.pose = config.pose.enabled;
+    options.posing.filtered = config.pose.filtered;
+    if (!config.pose.body.empty()) {
+        absl::StatusOr<BodyShape> body = read_body_shape(config.pose.body);
+        if (!body.ok()) return body.status();
+        options.posing.body = *std::move(body);
+    }
     options.segmentation.samples = config.segmentation.samples;
     options.segmentation.sharp_threshold = static_cast<float>(config.segmentation.sharp_threshold);
     options.segmentation.loose_threshold = static_cast<float>(config.segmentation.loose_threshold);

@@ -21,7 +21,7 @@ absl::Status set_up_logging(const LogConfig& config);
 absl::StatusOr<std::unique_ptr<FrameSource>> open_source(const SourceConfig& config);
 std::string describe(const SourceConfig& config);   // "studio walk", "session /data/trial/session.toml"
 
-PipelineOptions pipeline_options(const DaemonConfig& config);
+absl::StatusOr<PipelineOptions> pipeline_options(const DaemonConfig& config);
 ControlLeaseOptions lease_options(const ControlConfig& config);
 void apply(const StreamConfig& config, ApiContext& api);
 

@@ -300,6 +300,8 @@ TEST(BadInput, Config) {
          "cameras = 4",
          "cameras = 0",
          {"k.toml:6:", "'source.studio.cameras'", "0", "2 to 64"}},
+        {"missing body", "[log]", "[pose]\nbody = \"none.toml\"\n[log]", {"k.toml:12:", "'pose.body'", "none.toml"},
+         absl::StatusCode::kNotFound},
         {"no port", "127.0.0.1:50770", "127.0.0.1", {"k.toml:2:", "'server.listen'", "HOST:PORT"}},
         {"no session",
          "kind = \"studio\"",

@@ -27,7 +27,7 @@ TEST(Config, TheExampleExplainsEveryKey) {
     const std::string example = *read_file(kExample);
     int keys = 0;
     for (const std::string table :
-         {"server", "source", "source.studio", "pipeline", "segmentation", "stream", "control", "log"}) {
+         {"server", "source", "source.studio", "pipeline", "segmentation", "pose", "stream", "control", "log"}) {
         const auto config = parse_config_toml("[" + table + "]\nno_such_key = 1\n", "/", "probe", false);
         const std::string message{config.status().message()};
         std::smatch found;
