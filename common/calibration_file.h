@@ -21,6 +21,8 @@ absl::StatusOr<std::vector<Camera>> read_calibration(const std::filesystem::path
 absl::StatusOr<std::vector<Camera>> parse_calibration_toml(const std::string& text,
                                                            const std::string& name_for_errors);
 
+std::string calibration_toml(const std::vector<Camera>& cameras);
+
 // Written aside and renamed, so that no reader ever sees half a file.
 absl::Status write_calibration_toml(const std::vector<Camera>& cameras, const std::filesystem::path& file);
 

@@ -130,7 +130,7 @@ absl::StatusOr<std::vector<Camera>> read_calibration(const std::filesystem::path
                     : parse_calibration_opencv(*text, file.string());
 }
 
-absl::Status write_calibration_toml(const std::vector<Camera>& cameras, const std::filesystem::path& file) {
+std::string calibration_toml(const std::vector<Camera>& cameras) {
     std::string out =
         "# Cameras in the layout of Pose2Sim and aniposelib: matrix in px, distortions k1 k2 p1 p2 k3 "
         "(OpenCV),\n"
@@ -152,6 +152,11 @@ absl::Status write_calibration_toml(const std::vector<Camera>& cameras, const st
             bare ? c.name : name, name, c.width, c.height, n(c.fx), n(c.cx), n(c.fy), n(c.cy), n(c.k1),
             n(c.k2), n(c.p1), n(c.p2), n(c.k3), n(r.x), n(r.y), n(r.z), n(t.x), n(t.y), n(t.z));
     }
+    return out;
+}
+
+absl::Status write_calibration_toml(const std::vector<Camera>& cameras, const std::filesystem::path& file) {
+    const std::string out = calibration_toml(cameras);
     // What cannot be read back must not be written.
     if (const auto read_back = parse_calibration_toml(out, file.string()); !read_back.ok())
         return absl::InvalidArgumentError(fmt::format("calibration not written, it would be invalid: {}",

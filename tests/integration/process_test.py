@@ -123,6 +123,8 @@ class Process(unittest.TestCase):
                 self.assertEqual(coordinates[n]["pelvis_tx_m"], joints[n]["root_x"])
         run = tomllib.loads((out / "run.toml").read_text())
         self.assertEqual((run["session"], run["fps"], run["frames"]), (str(WALK.absolute()), 30, FRAMES))
+        cameras = tomllib.loads((out / "calibration.toml").read_text())
+        self.assertEqual([cameras[f"cam{n}"]["size"] for n in range(1, 5)], [[640, 480]] * 4)
         self.assertGreater(tomllib.loads((out / "body.toml").read_text())["thigh_m"], 0.3)
 
     def test_without_poses_there_are_no_tables_of_them(self):

@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include "common/calibration_file.h"
 #include "common/toml_reader.h"
 #include "server/cameras/session_source.h"
 #include "server/pose/pose_stage.h"
@@ -88,6 +89,7 @@ absl::Status process_session(const ProcessOptions& options, const std::atomic<bo
     }
     const double wall_s = seconds_since(start);
     (*writer)->add_table({"run.toml", run_toml(options, (*source)->fps(), summary.frames())});
+    (*writer)->add_table({"calibration.toml", calibration_toml((*source)->cameras())});
     if (pose_stage) {
         for (Table& table : pose_tables(poses.finish(*pose_stage))) (*writer)->add_table(std::move(table));
         (*writer)->add_table({"body.toml", body_shape_toml(pose_stage->body())});

@@ -1,0 +1,68 @@
+"""The page: what stands where."""
+from pathlib import Path
+
+from .curves import draw_curves
+from .pictures import Session
+from .sheet import FAINT, HEIGHT_MM, INNER_MM, MARGIN_MM, SOFT, Sheet
+from .strip import draw_strip
+from .tables import draw_ranges, draw_segments, draw_stage_times, draw_tiles
+
+
+def open_session(trial, session_file):
+    """None where nobody told the session, or where the one that `process` had is no longer there."""
+    recorded = trial.run.get("session")
+    if not session_file and not (recorded and Path(recorded).is_file()):
+        return None
+    return Session(session_file or recorded, trial.folder)
+
+
+def shortened(words, most):
+    return words if len(words) <= most else words[:most // 2] + " … " + words[-most // 2:]
+
+
+def title_of(trial, session):
+    return session.name if session else trial.folder.absolute().name
+
+
+def subtitle_of(trial, session):
+    words = []
+    if session:
+        words.append(f"{len(session.cameras)} cameras")
+    if "voxel_mm" in trial.run:
+        words.append(f"voxels of {trial.run['voxel_mm']:g} mm")
+    smooth = trial.run.get("smooth_hz")
+    if smooth is not None:
+        words.append(f"smoothed at {smooth:g} Hz, zero phase" if smooth > 0 else "not smoothed")
+    words.append("/".join(trial.folder.absolute().parts[-2:]))
+    return "  ·  ".join(words)
+
+
+def make_page(trial, session, camera=None):
+    sheet = Sheet()
+    right = MARGIN_MM + INNER_MM
+    sheet.text(MARGIN_MM, 19, shortened(title_of(trial, session), 44), size=19, weight="bold")
+    sheet.text(MARGIN_MM, 24.5, shortened(subtitle_of(trial, session), 130), size=7, color=SOFT)
+    sheet.text(right, 19, "kinevox", size=10, weight="bold", color=FAINT, ha="right")
+    draw_tiles(sheet, trial, 28)
+
+    strip_y = 52
+    shown, what = draw_strip(sheet, trial, session, strip_y, camera)
+    sheet.heading(MARGIN_MM, strip_y - 4, "Movement", INNER_MM, what)
+
+    curves_y = 113
+    signs = ["band: ± 1 standard deviation"] if trial.std else []
+    signs += ["gap: withheld"] + (["▲ picture above"] if shown else [])
+    sheet.heading(MARGIN_MM, curves_y - 4, "Joint angles", INNER_MM)
+    sheet.text(right - 33, curves_y - 4, ";  ".join(signs), size=6.5, color=SOFT, ha="right")
+    sheet.side_legend(right, curves_y - 4)
+    draw_curves(sheet, trial, curves_y, 108, shown)
+
+    tables_y = 229
+    ranges_width = 124
+    bottom = draw_ranges(sheet, trial, MARGIN_MM, tables_y, ranges_width)
+    draw_segments(sheet, trial, MARGIN_MM + ranges_width + 8, tables_y, INNER_MM - ranges_width - 8)
+    draw_stage_times(sheet, trial, MARGIN_MM, bottom + 4, INNER_MM)
+    sheet.text(MARGIN_MM, HEIGHT_MM - 9, "Left and right are the subject's own. Ratios are of ranges and lengths, left "
+               "to right; a ratio of ranges below 5° is not told.", size=6, color=FAINT)
+    sheet.line(MARGIN_MM, HEIGHT_MM - 13, INNER_MM)
+    return sheet

@@ -1,0 +1,116 @@
+#!/usr/bin/env python3
+"""`kinevox report` as a user meets it: a page in either format, with and without pictures, and user errors.
+
+usage: report_test.py KINEVOX MAKE_POSED_TRIAL [unittest options]"""
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+KINEVOX = MAKE_TRIAL = None
+FRAMES = 40
+STRIP = (slice(400, 750), slice(120, 1530))   # px of the page at 200 dpi
+
+
+def run(*arguments):
+    return subprocess.run([KINEVOX, "report", *map(str, arguments)], capture_output=True, text=True, timeout=120)
+
+
+def write_session(folder):
+    """A camera 4 m in front of the trial's person, whose pictures are green."""
+    (folder / "pictures").mkdir(parents=True)
+    for n in range(FRAMES):
+        cv2.imwrite(str(folder / "pictures" / f"{n:03d}.png"), np.full((480, 640, 3), (40, 160, 40), np.uint8))
+    (folder / "session.toml").write_text('name = "green room"\nfps = 50.0\ncalibration = "calibration.toml"\n\n'
+                                         '[[camera]]\nname = "front"\nvideo = "pictures"\n')
+    (folder / "calibration.toml").write_text(   # looks along +x from x = -3, z = 1
+        '[front]\nname = "front"\nsize = [640.0, 480.0]\nmatrix = [[500.0, 0.0, 320.0], [0.0, 500.0, 240.0], '
+        '[0.0, 0.0, 1.0]]\ndistortions = [0.0, 0.0, 0.0, 0.0, 0.0]\n'
+        'rotation = [1.2091995761561452, -1.2091995761561452, 1.2091995761561452]\n'
+        'translation = [-0.4, 1.0, 3.0]\nfisheye = false\n')
+    return folder / "session.toml"
+
+
+class Report(unittest.TestCase):
+    def setUp(self):
+        self.folder = Path(tempfile.mkdtemp(prefix="kinevox-report-"))
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+        self.trial = self.folder / "trial"
+        subprocess.run([MAKE_TRIAL, self.trial, "gaps"], check=True)
+
+    def report(self, *more):
+        done = run(self.trial, *more)
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        self.assertRegex(done.stdout, r"^report in .+\n$")
+
+    def green_of(self, page):
+        strip = cv2.imread(str(page))[STRIP].astype(int)
+        return float(((strip[..., 1] > strip[..., 0] + 60) & (strip[..., 1] > strip[..., 2] + 60)).mean())
+
+    def test_is_a_page_of_either_kind_and_the_same_every_time(self):
+        self.report()
+        page = cv2.imread(str(self.trial / "report.png"))
+        self.assertEqual(page.shape[:2], (2338, 1653), "A4 at 200 dpi")
+        self.assertLess(self.green_of(self.trial / "report.png"), 0.01)
+        first = (self.trial / "report.png").read_bytes()
+        self.report()
+        self.assertEqual((self.trial / "report.png").read_bytes(), first)
+        pdf = self.folder / "made" / "page.pdf"
+        self.report("--out", pdf)
+        self.assertTrue(pdf.read_bytes().startswith(b"%PDF"))
+        self.assertEqual([p.name for p in pdf.parent.iterdir()], ["page.pdf"], "nothing is left aside")
+
+    def test_shows_the_sessions_pictures(self):
+        session = write_session(self.folder / "session")
+        self.report("--session", session)
+        self.assertGreater(self.green_of(self.trial / "report.png"), 0.7)
+        (self.trial / "report.png").unlink()
+        (self.trial / "run.toml").write_text(f'session = "{session}"\n')
+        self.report("--camera", "front")
+        self.assertGreater(self.green_of(self.trial / "report.png"), 0.7)
+        shutil.rmtree(session.parent)
+        self.report()   # the numbers outlive the pictures
+        self.assertLess(self.green_of(self.trial / "report.png"), 0.01)
+
+    def test_errors_are_one_line(self):
+        session = write_session(self.folder / "session")
+        good = {name: (self.trial / name).read_text() for name in ("joints.csv", "angles.csv")}
+        lines = good["angles.csv"].splitlines()
+        empty = lines[0] + "\n" + "".join(",".join(row.split(",")[:2]) + 11 * "," + "\n" for row in lines[1:])
+        table = [
+            ([], {}, "folder"), (["/nowhere"], {}, "/nowhere"), ([self.folder], {}, "joints.csv"),
+            ([self.trial, "--out", "page.jpg"], {}, "page.jpg"),
+            ([self.trial, "--out", "/proc/x/y.png"], {}, "/proc/x/y.png"),
+            ([self.trial, "--session", "/no/session.toml"], {}, "/no/session.toml"),
+            ([self.trial, "--session", session, "--camera", "back"], {}, "front"),
+            ([self.trial, "--session", session], {"session": FRAMES - 2}, "has no picture"),
+            ([self.trial], {"angles.csv": lines[0] + "\n"}, "angles.csv: holds no frames"),
+            ([self.trial], {"angles.csv": empty}, "every angle of every frame is withheld"),
+            ([self.trial], {"angles.csv": "\n".join(lines[:9]) + "\n"}, "angles.csv: its frames"),
+            ([self.trial], {"joints.csv": good["joints.csv"].replace("\n1,", "\none,")}, "joints.csv:3: frame is"),
+            ([self.trial], {"joints.csv": good["joints.csv"].replace("root_x", "rooty")}, "no column root_x"),
+            ([self.trial], {"joints.csv": good["joints.csv"][:-40]}, "joints.csv:41:"),
+            ([self.trial], {"run.toml": "session = "}, "run.toml"),
+        ]
+        for arguments, files, names in table:
+            for name, text in {**good, "run.toml": "", **files}.items():
+                if name == "session":
+                    for picture in sorted((session.parent / "pictures").iterdir())[text:]:
+                        picture.unlink()
+                else:
+                    (self.trial / name).write_text(text)
+            done = run(*arguments)
+            self.assertEqual((done.returncode, done.stdout), (1, ""), (arguments, done.stderr))
+            self.assertEqual(done.stderr.count("\n"), 1, (arguments, done.stderr))
+            self.assertIn(names, done.stderr, arguments)
+        self.assertFalse((self.trial / "report.png").exists())
+
+
+if __name__ == "__main__":
+    KINEVOX, MAKE_TRIAL = sys.argv.pop(1), sys.argv.pop(1)
+    unittest.main()
