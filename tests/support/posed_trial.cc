@@ -17,6 +17,7 @@ BodyCoordinates posed_coordinates(int frame) {
     q[0] = 1 + 0.9 * t, q[1] = -0.5 + 0.2 * t, q[2] = 0.95 + 0.03 * std::sin(9 * t);
     q[kDofRootRotation + 2] = 2.2 + 3 * t;  // through 180 deg
     for (const int knee : {kDofKneeL, kDofKneeR}) q[knee] = 0.8 + 0.6 * std::sin(5 * t + knee);
+    for (const int elbow : {kDofElbowL, kDofElbowR}) q[elbow] = 0.6 + 0.4 * std::sin(5 * t + elbow);
     for (const int arm : {kDofShoulderL, kDofShoulderR}) q[arm] = 1.2 + 1.1 * std::sin(4 * t + arm);
     return q;
 }

@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 
+#include "server/pose/database/bvh_import.h"
 #include "tests/support/posed_trial.h"
 #include "tests/unit/common/temporary_folder.h"
 
@@ -62,6 +63,26 @@ TEST(TrialFormats, BvhDoesNotInvent) {
     EXPECT_EQ(held, 4);
     EXPECT_TRUE(bvh_file(*part_of_trial(trial, 0, 9), false).ok());
     EXPECT_FALSE(bvh_file(*part_of_trial(trial, 10, 12), true).ok()) << "nothing to hold";
+}
+
+// The pose library's reader is another hand's: it takes postures from where the joints are.
+TEST(TrialFormats, OurOwnBvhReaderFindsTheSamePoses) {
+    const auto text = bvh_file(posed_trial(false), false);
+    ASSERT_TRUE(text.ok());
+    const auto motion = parse_bvh(*text, "posed.bvh");
+    ASSERT_TRUE(motion.ok()) << motion.status();
+    EXPECT_EQ(motion->frames, testing::kPosedTrialFrames);
+    BvhImportOptions every_frame;
+    every_frame.every_s = 0;
+    const auto poses = poses_from_bvh(*motion, "posed", every_frame);
+    ASSERT_TRUE(poses.ok()) << poses.status();
+    ASSERT_EQ(poses->size(), static_cast<std::size_t>(testing::kPosedTrialFrames));
+    constexpr double kTolerance = 0.01;
+    for (int n = 0; n < testing::kPosedTrialFrames; ++n) {
+        const BodyCoordinates expected = testing::posed_coordinates(n);
+        for (const int dof : {kDofKneeL, kDofKneeR, kDofElbowL, kDofElbowR, kDofHipL, kDofHipR})
+            EXPECT_NEAR((*poses)[n].coordinates[dof], expected[dof], kTolerance) << n << ' ' << kBodyDofs[dof].name;
+    }
 }
 
 TEST(TrialFormats, NameWhatTheyLack) {
