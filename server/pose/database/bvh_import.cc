@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "server/pose/database/bvh_names.h"
 
@@ -40,10 +41,7 @@ class Retargeting {
         const Vec3 spine = rest[roles[kBvhNeck]].translation - rest[roles[kBvhRoot]].translation;
         y_up_ = std::fabs(spine.y) >= std::fabs(spine.z);
         for (const int side : {0, 1}) {
-            const int toe = roles[kBvhToeL + side * kRight];
-            if (toe < 0) continue;
-            const Vec3 foot =
-                turned(rest[toe].translation - rest[roles[kBvhAnkleL + side * kRight]].translation);
+            const Vec3 foot = foot_direction(rest, side);
             toe_slope_[side] = std::atan2(foot.z, std::hypot(foot.x, foot.y));
         }
     }
@@ -93,6 +91,13 @@ class Retargeting {
     static constexpr int kRight = kBvhHipR - kBvhHipL, kDofRight = kDofHipR - kDofHipL;
 
     Vec3 turned(Vec3 v) const { return y_up_ ? Vec3{v.z, v.x, v.y} : v; }
+    // From the ankle to the toes or, where these are no joint, to the foot's end; 0 where there is neither.
+    Vec3 foot_direction(const std::vector<Rigid3>& joints, int side) const {
+        const int ankle = roles_[kBvhAnkleL + side * kRight], toe = roles_[kBvhToeL + side * kRight];
+        if (toe >= 0) return turned(joints[toe].translation - joints[ankle].translation);
+        const BvhJoint& foot = motion_.joints[ankle];
+        return foot.has_end ? turned(joints[ankle].rotation * foot.end) : Vec3{};
+    }
     Vec3 at(int role) const { return turned(joints_[roles_[role]].translation); }
 
     void leg(int side, std::array<Mat3, kBodySegmentCount>& world) {
@@ -107,12 +112,11 @@ class Retargeting {
         knee_[side] = angle_between(thigh, shank) * (dot(bend, column(world[segment], 1)) < 0 ? -1 : 1);
         world[segment + 1] = axes_from(-shank, cross(column(world[segment], 1), -shank));
         ankle_[side] = 0;
-        if (roles_[kBvhToeL + role] >= 0) {
-            const Vec3 foot = at(kBvhToeL + role) - at(kBvhAnkleL + role);
+        const Vec3 foot = foot_direction(joints_, side);
+        if (norm(foot) > 0) {
             const double forward = dot(foot, column(world[segment + 1], 0)),
                          up = dot(foot, column(world[segment + 1], 2));
-            ankle_[side] =
-                std::remainder(std::atan2(up, forward) - toe_slope_[side], 2 * 3.14159265358979323846);
+            ankle_[side] = std::remainder(std::atan2(up, forward) - toe_slope_[side], 2 * std::numbers::pi);
         }
         world[segment + 2] = world[segment + 1];
     }

@@ -40,6 +40,13 @@ const Names kDotted{
     "elbow", "wrist",    [](const std::string& name, bool left) { return name + (left ? ".L" : ".R"); }};
 
 // A body's skeleton and its movement as a BVH file of that naming; y up, centimetres.
+// As `kinevox export` writes it: no neck, no toes, a foot's end instead.
+const Names kOwn{
+    "Hips",    "Spine", "Head",
+    "",        "UpLeg", "Leg",
+    "Foot",    "",      "Arm",
+    "ForeArm", "Hand",  [](const std::string& name, bool left) { return (left ? "Left" : "Right") + name; }};
+
 class BvhFile {
   public:
     BvhFile(const BodyModel& model, const Names& names) : model_(model), names_(names) {}
@@ -113,12 +120,20 @@ class BvhFile {
             case kFootL:
             case kFootR: {
                 const Vec3 toe = to_file(Vec3{0.1, 0, -0.03});
+                if (names_.toe.empty()) {
+                    end({0.1, 0, -0.03});
+                    break;
+                }
                 text_ += fmt::format(
                     "JOINT {}\n{{\nOFFSET {} {} {}\nCHANNELS 0\nEnd Site\n{{\nOFFSET 0 0 2\n}}\n}}\n",
                     names_.with_side(names_.toe, left), toe.x, toe.y, toe.z);
                 break;
             }
             case kHead:
+                if (names_.head.empty()) {
+                    end({0, 0, 0.15});
+                    break;
+                }
                 text_ += fmt::format(
                     "JOINT {}\n{{\nOFFSET 0 0 0\nCHANNELS 0\nEnd Site\n{{\nOFFSET 0 15 0\n}}\n}}\n",
                     names_.head);
@@ -156,7 +171,7 @@ class Bvh : public ::testing::Test {
 
 TEST_F(Bvh, PosesComeBack) {
     const std::vector<BodyCoordinates> truth = poses();
-    for (const Names& names : {kMixamo, kDotted}) {
+    for (const Names& names : {kMixamo, kDotted, kOwn}) {
         const auto motion = parse_bvh(BvhFile(model, names).text(truth), "test.bvh");
         ASSERT_TRUE(motion.ok()) << motion.status();
         EXPECT_EQ(motion->frames, 40);
@@ -169,6 +184,7 @@ TEST_F(Bvh, PosesComeBack) {
             EXPECT_LT(off, 0.06) << n;
             sum += off;
             EXPECT_NEAR((*got)[n].coordinates[kDofKneeL], truth[n][kDofKneeL], 0.02) << n;
+            EXPECT_NEAR((*got)[n].coordinates[kDofAnkleR], truth[n][kDofAnkleR], 0.02) << n;
             EXPECT_NEAR((*got)[n].coordinates[kDofElbowR], truth[n][kDofElbowR], 0.02) << n;
         }
         EXPECT_LT(sum / static_cast<double>(truth.size()), 0.025);
