@@ -19,6 +19,7 @@ std::string ColouringOptions::check() const {
     if (!within(sharp_budget_permille, -1e6f, 50)) {
         return say("sharp_budget_permille", sharp_budget_permille, "up to 50, or a negative number for never,");
     }
+    if (!within(fill_reach_m, 0, 1)) return say("fill_reach_m", fill_reach_m, "0 to 1 m");
     if (!within(max_colour_deviation, 0, 1000)) return say("max_colour_deviation", max_colour_deviation, "0 to 1000");
     if (!within(noise_grey, 0.1f, 255)) return say("noise_grey", noise_grey, "0.1 to 255");
     if (!within(support_edge_m, 0, 1)) return say("support_edge_m", support_edge_m, "0 to 1 m");

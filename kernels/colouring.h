@@ -26,11 +26,15 @@ namespace kinevox::kernels {
 struct ColouringOptions {
     // Carving rounds at most; 0 only colours. Each looks at the whole surface once, with the occlusions that the
     // round before left.
-    int max_rounds = 5;
+    int max_rounds = 6;
 
     // A voxel may stick out of the sharp silhouettes by this many thousandths of the picture's longer side, summed
     // over the views (as HullOptions::miss_budget_permille). Negative: the sharp silhouettes are not asked.
     float sharp_budget_permille = 1;
+
+    // What the sharp silhouettes took is filled again where the rest of the volume surrounds it within this length, m
+    // (as HullOptions::fill_reach_m): a hole in one of them drills a tunnel. 0: not.
+    float fill_reach_m = 0.08f;
 
     // Colours disagree where means differ by more than this many times (noise_grey + the windows' own standard
     // deviation), in any channel. 0: colours do not carve.
@@ -58,7 +62,7 @@ struct ColouringView {
 
 struct ColouringReport {
     int rounds = 0;
-    std::int64_t carved = 0;               // voxels
+    std::int64_t carved = 0;               // voxels, less those that were filled again
     // Per view: intersection over union of the volume's own projection and the silhouette (the sharp one where
     // there is one), 0..1; NaN where both are empty or there is no silhouette.
     std::vector<float> silhouette_iou;

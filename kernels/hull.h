@@ -22,6 +22,10 @@ struct HullOptions {
     // swelling the whole body as dilating every silhouette would. 0: strictly inside. At most 50.
     float miss_budget_permille = 0;
 
+    // A hole in one silhouette drills a tunnel through the volume. What the rest surrounds within this length along
+    // all lines but one (kernels/shared/surrounded.h) is filled again, in the bricks that have any voxel; m. 0: not.
+    float fill_reach_m = 0.08f;
+
     std::string check() const;
 };
 

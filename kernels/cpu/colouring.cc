@@ -18,6 +18,7 @@
 #include "kernels/cpu/paint.h"
 #include "kernels/cpu/parallel.h"
 #include "kernels/cpu/support.h"
+#include "kernels/cpu/surrounded.h"
 #include "kernels/cpu/surface.h"
 #include "kernels/cpu/visibility.h"
 
@@ -42,6 +43,9 @@ class CpuVoxelColourer final : public VoxelColourer {
         if (options_.max_rounds > 0) {
             report.carved += carve_by_sharp(views, volume);
             drop_empty_bricks(volume);
+            for (int pass = 0; pass < kFillPassesOfColouring; ++pass) {
+                report.carved -= filler_.fill(volume, options_.fill_reach_m, kFillLinesOfColouring);
+            }
         }
         const int view_count = static_cast<int>(views.size());
         parallel_for(0, view_count, 1, [&](int first, int last) {
@@ -251,6 +255,7 @@ class CpuVoxelColourer final : public VoxelColourer {
     }
 
     ColouringOptions options_;
+    HoleFiller filler_;
     BrickGrid grid_;
     Surface surface_;
     std::vector<ViewOfVolume> views_;

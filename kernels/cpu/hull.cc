@@ -12,6 +12,7 @@
 #include "kernels/cpu/hull_brick.h"
 #include "kernels/cpu/hull_maps.h"
 #include "kernels/cpu/parallel.h"
+#include "kernels/cpu/surrounded.h"
 
 namespace kinevox::kernels {
 namespace {
@@ -32,6 +33,7 @@ class CpuHullCarver final : public HullCarver {
         decide_bricks(lattice);
         list_bricks(out);
         carve_bricks(out);
+        filler_.fill(out, options_.fill_reach_m, kFillLinesOfHull);
     }
 
   private:
@@ -140,6 +142,7 @@ class CpuHullCarver final : public HullCarver {
     }
 
     HullOptions options_;
+    HoleFiller filler_;
     std::vector<const HullView*> present_;
     std::vector<Projector> projectors_;
     std::vector<HullMapsStorage> storage_;

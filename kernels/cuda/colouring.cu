@@ -13,7 +13,9 @@
 #include "kernels/cuda/hull_device.cuh"
 #include "kernels/cuda/hull_maps.h"
 #include "kernels/cuda/surface.h"
+#include "kernels/cuda/surrounded.h"
 #include "kernels/cuda/views.h"
+#include "kernels/shared/surrounded.h"
 
 namespace kinevox::kernels {
 namespace cuda {
@@ -201,7 +203,10 @@ class CudaVoxelColourer final : public VoxelColourer {
         volume_.load(stream_, volume);
         carved_.resize(1);
         host_carved_.resize(1);
-        if (options_.max_rounds > 0) report.carved += carve_by_sharp(views, lattice);
+        if (options_.max_rounds > 0) {
+            report.carved += carve_by_sharp(views, lattice);
+            report.carved -= fill_holes(lattice);
+        }
         views_.frame(stream_, views, lattice, volume_, options_.max_colour_deviation, options_.noise_grey);
         while (report.rounds < options_.max_rounds) {
             const std::int64_t carved = carve_round(lattice, report.rounds);
@@ -248,6 +253,16 @@ class CudaVoxelColourer final : public VoxelColourer {
         carve_outside<<<volume_.brick_count(), kBrickVoxels, 0, stream_.get()>>>(question, lattice, volume_.bricks(),
                                                                                carved_.data());
         KINEVOX_CUDA_CHECK(cudaGetLastError());
+        return read_carved();
+    }
+
+    std::int64_t fill_holes(const Lattice& lattice) {
+        const int reach = fill_reach_of(options_.fill_reach_m, lattice.voxel_m);
+        if (reach < 1) return 0;
+        fill_bytes(stream_, carved_.data(), 0, 1);
+        for (int pass = 0; pass < kFillPassesOfColouring; ++pass) {
+            fill_surrounded(stream_, volume_, reach, kFillLinesOfColouring, marks_[0], carved_.data());
+        }
         return read_carved();
     }
 

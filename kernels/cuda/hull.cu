@@ -7,6 +7,7 @@
 
 #include "kernels/cpu/hull.h"
 #include "kernels/cpu/hull_maps.h"
+#include "kernels/cpu/surrounded.h"
 #include "kernels/cuda/device.h"
 #include "kernels/cuda/forms.h"
 #include "kernels/cuda/hull_device.cuh"
@@ -93,6 +94,7 @@ class CudaHullCarver final : public HullCarver {
             for (std::uint64_t slice : host_bricks_[n].occupancy) any |= slice;
             if (any) out.bricks.push_back(host_bricks_[n]);
         }
+        filler_.fill(out, options_.fill_reach_m, kFillLinesOfHull);  // on the host, where the bricks are by now
     }
 
   private:
@@ -135,6 +137,7 @@ class CudaHullCarver final : public HullCarver {
     }
 
     HullOptions options_;
+    HoleFiller filler_;
     Stream stream_;
     HullMapMaker maps_;
     std::vector<SilhouetteView> silhouettes_;

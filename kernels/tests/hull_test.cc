@@ -5,9 +5,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <random>
 #include <stdexcept>
 
 #include "kernels/cpu/hull_maps.h"
+#include "kernels/cpu/surrounded.h"
 #include "kernels/tests/volume_scene.h"
 
 namespace kinevox::kernels {
@@ -155,6 +157,88 @@ TEST(Hull, EmptySilhouetteEmptiesAndFullOnesFill) {
     EXPECT_TRUE(volume.bricks.empty());
     make_hull_carver(Device::kCpu)->carve({}, lattice, volume);
     EXPECT_TRUE(volume.bricks.empty());
+}
+
+// A hole of 7 px in one silhouette drills through the whole body; it is filled again, and no more.
+TEST(Hull, AHoleInOneSilhouetteLeavesNoTunnel) {
+    Scene scene = ring_of_cameras(4, 0, 0, 0);
+    scene.draw([](const float* p) { return sphere_distance(p, 0, 0, 1.f, 0.3f); });
+    const Lattice lattice = make_lattice(0.01f, 96, 96, 96);
+    HullOptions plain;
+    plain.fill_reach_m = 0;
+    VoxelVolume whole, tunnel, filled;
+    make_hull_carver(Device::kCpu, plain)->carve(scene.hull_views(), lattice, whole);
+    const int width = scene.cameras[0].width;
+    for (int y = 237; y < 244; ++y) {
+        for (int x = 310; x < 317; ++x) scene.masks[0][static_cast<std::size_t>(y) * width + x] = 0;
+    }
+    make_hull_carver(Device::kCpu, plain)->carve(scene.hull_views(), lattice, tunnel);
+    make_hull_carver(Device::kCpu)->carve(scene.hull_views(), lattice, filled);
+    const auto before = bits_of(whole), drilled = bits_of(tunnel), after = bits_of(filled);
+    std::size_t lost = 0, missing = 0;
+    for (std::size_t n = 0; n < before.size(); ++n) {
+        lost += before[n] && !drilled[n];
+        missing += before[n] && !after[n];
+        ASSERT_TRUE(after[n] == 0 || before[n]) << "filled beyond the body";
+    }
+    EXPECT_GT(lost, 500u);
+    EXPECT_LT(missing, lost / 5);
+}
+
+// The same as the words say, voxel by voxel.
+TEST(Hull, FillsWhatItsLinesSurround) {
+    const Lattice lattice = make_lattice(0.02f, 24, 16, 32);
+    std::mt19937 random(5);
+    std::vector<std::uint8_t> bits(static_cast<std::size_t>(24) * 16 * 32);
+    for (std::uint8_t& bit : bits) bit = random() % 6 == 0;
+    VoxelVolume volume;
+    volume.lattice = lattice;
+    for (int n = 0; n < 3 * 2 * 4; ++n) {
+        if (n == 7) continue;  // a brick that is absent
+        Brick brick;
+        brick.x = static_cast<std::int16_t>(n % 3);
+        brick.y = static_cast<std::int16_t>(n / 3 % 2);
+        brick.z = static_cast<std::int16_t>(n / 6);
+        for (int bit = 0; bit < kBrickVoxels; ++bit) {
+            const int x = brick.x * 8 + (bit & 7), y = brick.y * 8 + (bit >> 3 & 7), z = brick.z * 8 + (bit >> 6);
+            if (bits[(static_cast<std::size_t>(z) * 16 + y) * 24 + x])
+                brick.occupancy[bit >> 6] |= std::uint64_t{1} << (bit & 63);
+        }
+        volume.bricks.push_back(brick);
+    }
+    bits = bits_of(volume);
+    const auto at = [&](int x, int y, int z) {
+        if (x < 0 || y < 0 || z < 0 || x >= 24 || y >= 16 || z >= 32) return false;
+        return bits[(static_cast<std::size_t>(z) * 16 + y) * 24 + x] != 0;
+    };
+    for (int reach : {1, 4, 8}) {
+        for (int least : {2, 5, 6, 7}) {
+            VoxelVolume is = volume;
+            HoleFiller filler;
+            const std::int64_t filled = filler.fill(is, 0.02f * static_cast<float>(reach), least);
+            const auto out = bits_of(is);
+            std::int64_t count = 0;
+            for (std::size_t n = 0; n < bits.size(); ++n) {
+                const int voxel = static_cast<int>(n), x = voxel % 24, y = voxel / 24 % 16, z = voxel / 384;
+                int lines = 0;
+                for (int line = 0; line < kFillLines; ++line) {
+                    int d[3];
+                    fill_line(line, d);
+                    bool before = false, after = false;
+                    for (int s = 1; s <= fill_steps(line, reach); ++s) {
+                        before = before || at(x - s * d[0], y - s * d[1], z - s * d[2]);
+                        after = after || at(x + s * d[0], y + s * d[1], z + s * d[2]);
+                    }
+                    lines += before && after;
+                }
+                const bool absent = x / 8 == 1 && y / 8 == 0 && z / 8 == 1;
+                const bool should = bits[n] || (lines >= least && !absent);
+                ASSERT_EQ(out[n] != 0, should) << "reach " << reach << ", at least " << least << ", voxel " << n;
+                count += should && !bits[n];
+            }
+            EXPECT_EQ(filled, count);
+        }
+    }
 }
 
 TEST(Hull, BudgetKeepsWhatOneCameraMissesByALittle) {
