@@ -73,6 +73,9 @@ struct SegmentationPrior {
     // The last volume's projection moved to where the subject is expected: width * height bytes, 255 inside,
     // or null. Islands of foreground that do not touch it are dropped when `region` is set.
     const std::uint8_t* expected = nullptr;
+    // How far from `expected` the subject can be, px; farther cells of the region need not be looked at.
+    // Negative: anywhere in the region. A device may look at them all the same.
+    int reach_px = -1;
 };
 
 // All three pictures have the camera's full size, rows without padding; outside `searched` they are 0.

@@ -1,6 +1,7 @@
 #include "kernels/cpu/run_components.h"
 
 #include <algorithm>
+#include <bit>
 #include <cstring>
 
 namespace kinevox::kernels::cpu {
@@ -16,7 +17,15 @@ int next_in_row(const std::uint8_t* row, int x, int end, bool set) {
     for (; x + 8 <= end; x += 8) {
         std::uint64_t word;
         std::memcpy(&word, row + x, 8);
-        if (word != uniform) break;
+        if (word == uniform) continue;
+        if constexpr (std::endian::native == std::endian::little) {
+            // The lowest byte that is zero: borrows reach only those above it.
+            const std::uint64_t found =
+                set ? word : (word - 0x0101010101010101u) & ~word & 0x8080808080808080u;
+            if (found != 0) return x + std::countr_zero(found) / 8;
+            continue;
+        }
+        break;
     }
     while (x < end && (row[x] != 0) != set) ++x;
     return x;

@@ -12,6 +12,7 @@
 #include "kernels/cpu/segmentation_evidence.h"
 #include "kernels/cpu/segmentation_masks.h"
 #include "kernels/cpu/segmentation_model.h"
+#include "kernels/cpu/segmentation_search.h"
 #include "kernels/cuda/forms.h"
 
 namespace kinevox::kernels {
@@ -22,7 +23,8 @@ using kde::kCellPixels;
 
 constexpr int kRowsPerTask = 16;
 constexpr int kActiveMargin = 4;  // rows around candidates that are looked at: light's reach + smoothing's
-constexpr int kPlaneMargin = 8;   // rows above and below the planes of evidence
+constexpr int kBorderMargin = kde::kBorderReach + kde::kBorderDepth;  // px that refining looks at
+constexpr int kPlaneMargin = 8;        // rows above and below the planes of evidence
 constexpr float kSmoothing_px = 1.0f;  // of the evidence, one standard deviation
 constexpr float kColourMemory = 0.9f;  // of the subject's colours from frame to frame
 constexpr float kSureEvidence = 3.0f;  // nats, from which a pixel's colour is taken for the subject's
@@ -39,12 +41,6 @@ struct Plane {
     float* row(int y) { return data.data() + (y + kPlaneMargin) * stride + kCellPixels; }
 };
 
-// Rows [y0, y1) of cells [k0, k1).
-struct CellBox {
-    int y0 = 0, y1 = 0, k0 = 0, k1 = 0;
-    bool empty() const { return y1 <= y0 || k1 <= k0; }
-};
-
 class CpuSegmenter final : public Segmenter {
   public:
     CpuSegmenter(int width, int height, int channels, const SegmentationOptions& options);
@@ -54,15 +50,17 @@ class CpuSegmenter final : public Segmenter {
 
   private:
     void check_picture(const PictureView& picture) const;
+    void clear(Silhouettes& out) const;
     SamplesAhead samples_of(int y, int k);
-    void density_rows(const PictureView& picture, int y0, int y1, int k0, int k1);
+    void density_rows(const PictureView& picture, int y0, int y1, int k0, int k1, bool searched);
     CellBox find_active(const CellBox& work);
+    void fit_light(const CellBox& active);
+    void light_around(const CellBox& active);
     void evidence(const CellBox& active);
-    void smooth(const CellBox& active);
-    void silhouettes(const Rect& box, const Rect& work, const SegmentationPrior& prior, Silhouettes& out);
+    void decide(const CellBox& active, Silhouettes& out);
+    Rect silhouettes(const Rect& active, const Rect& work, const SegmentationPrior& prior, Silhouettes& out);
     void learn_colours(const Rect& box, const Silhouettes& out);
-    void update_model(const PictureView& picture, const SegmentationPrior& prior, const CellBox& work,
-                      const Silhouettes& out);
+    void update_model(const PictureView& picture, const SegmentationPrior& prior, const Silhouettes& out);
     void measure(const Rect& box, Silhouettes& out) const;
     EvidenceCell cell_at(int y, int k) const;
 
@@ -78,9 +76,11 @@ class CpuSegmenter final : public Segmenter {
     std::array<std::uint16_t, 3> inverse_gain_{};
     AlignedVector<std::uint8_t> cells_, density_;
     std::vector<std::uint8_t> candidates_, active_;  // per cell
+    std::vector<std::uint8_t> searched_;             // per cell, whether its density is this frame's
+    std::vector<CellSpan> active_span_;              // per row, from the first active cell to the last
     std::vector<std::uint8_t> neutral_;  // per cell, whether the planes hold what is read beside evidence
     std::vector<std::uint8_t> looked_;   // per cell, samples that are in its density
-    Plane weighted_value_, weighted_energy_, factor_, residual_, evidence_, smoothed_;
+    Plane weighted_value_, weighted_energy_, factor_, residual_, neighbourhood_, evidence_, smoothed_;
     ForegroundColours colours_;
     std::vector<float> log_foreground_;
     std::vector<std::int32_t> colour_counts_;
@@ -128,9 +128,11 @@ void CpuSegmenter::learn(std::span<const PictureView> empty_scene) {
     density_.assign(cells * kCellPixels, 255);
     candidates_.assign(cells, 0);
     active_.assign(cells, 0);
+    searched_.assign(cells, 0);
+    active_span_.assign(height_, {});
     neutral_.assign(cells, 1);
     looked_.assign(cells, kde::kSamplesPerLook);
-    for (Plane* plane : {&weighted_value_, &weighted_energy_, &factor_, &residual_})
+    for (Plane* plane : {&weighted_value_, &weighted_energy_, &factor_, &residual_, &neighbourhood_})
         plane->resize(model_.cells_per_row, height_, 0);
     for (Plane* plane : {&evidence_, &smoothed_})
         plane->resize(model_.cells_per_row, height_, -parameters_.limit);
@@ -155,29 +157,35 @@ SamplesAhead CpuSegmenter::samples_of(int y, int k) {
     return {model_.cell_samples(y, k), looked_[model_.cell_index(y, k)]};
 }
 
-void CpuSegmenter::density_rows(const PictureView& picture, int y0, int y1, int k0, int k1) {
-    for (int y = y0; y < y1; ++y)
-        for (int k = k0; k < k1; ++k) {
-            const std::size_t cell = model_.cell_index(y, k);
-            const int x = k * kCellPixels;
-            std::uint8_t* values = cells_.data() + cell * model_.cell_bytes();
-            std::uint8_t* density = density_.data() + cell * kCellPixels;
-            split_cell(picture.row(y) + x * channels_, std::min(kCellPixels, width_ - x), channels_,
-                       inverse_gain_.data(), values);
-            SamplesAhead ahead;
-            if (k + 1 < k1)
-                ahead = samples_of(y, k + 1);
-            else if (y + 1 < y1)
-                ahead = samples_of(y + 1, k0);
-            const DensityLooks looks =
-                cell_density(tables_, values, model_.cell_samples(y, k), model_.cell_scale(y, k),
-                             model_.sample_count, channels_, 0, true, density, ahead);
-            candidates_[cell] = !looks.plain;
-            looked_[cell] = static_cast<std::uint8_t>(looks.samples);
-        }
+// The density of the cells of rows [y0, y1) that are searched in this frame, or of those that are not.
+void CpuSegmenter::density_rows(const PictureView& picture, int y0, int y1, int k0, int k1, bool searched) {
+    const auto next = [&](int& y, int& k) {
+        for (++k; y < y1; ++y, k = k0)
+            for (; k < k1; ++k)
+                if ((searched_[model_.cell_index(y, k)] != 0) == searched) return;
+    };
+    int y = y0, k = k0 - 1;
+    next(y, k);
+    while (y < y1) {
+        const std::size_t cell = model_.cell_index(y, k);
+        const int x = k * kCellPixels;
+        std::uint8_t* values = cells_.data() + cell * model_.cell_bytes();
+        std::uint8_t* density = density_.data() + cell * kCellPixels;
+        split_cell(picture.row(y) + x * channels_, std::min(kCellPixels, width_ - x), channels_,
+                   inverse_gain_.data(), values);
+        const int this_y = y, this_k = k;
+        next(y, k);
+        const SamplesAhead ahead = y < y1 ? samples_of(y, k) : SamplesAhead{};
+        const DensityLooks looks = cell_density(tables_, values, model_.cell_samples(this_y, this_k),
+                                                model_.cell_scale(this_y, this_k), model_.sample_count,
+                                                channels_, 0, true, density, ahead);
+        candidates_[cell] = !looks.plain;
+        looked_[cell] = static_cast<std::uint8_t>(looks.samples);
+    }
 }
 
-// Marks the cells of `work` near candidates and returns the box around them.
+// Marks the searched cells near candidates, and the span of each row that they take; returns the box around
+// them.
 CellBox CpuSegmenter::find_active(const CellBox& work) {
     CellBox box{work.y1, work.y0, work.k1, work.k0};
     for (int y = work.y0; y < work.y1; ++y)
@@ -185,7 +193,7 @@ CellBox CpuSegmenter::find_active(const CellBox& work) {
     for (int y = work.y0; y < work.y1; ++y)
         for (int k = work.k0; k < work.k1; ++k) {
             const std::size_t cell = model_.cell_index(y, k);
-            if (!candidates_[cell]) continue;
+            if (!searched_[cell] || !candidates_[cell]) continue;
             const std::uint8_t* density = density_.data() + cell * kCellPixels;
             const auto near = [&](int first) {
                 return std::any_of(density + first, density + first + kActiveMargin,
@@ -196,20 +204,30 @@ CellBox CpuSegmenter::find_active(const CellBox& work) {
             const int k0 = near(0) ? std::max(k - 1, work.k0) : k;
             const int k1 = near(kCellPixels - kActiveMargin) ? std::min(k + 2, work.k1) : k + 1;
             for (int ay = y0; ay < y1; ++ay)
-                for (int ak = k0; ak < k1; ++ak) active_[model_.cell_index(ay, ak)] = 1;
+                for (int ak = k0; ak < k1; ++ak) {
+                    const std::size_t at = model_.cell_index(ay, ak);
+                    active_[at] = searched_[at];
+                }
             box = {std::min(box.y0, y0), std::max(box.y1, y1), std::min(box.k0, k0), std::max(box.k1, k1)};
         }
+    std::fill(active_span_.begin(), active_span_.end(), CellSpan{});
+    for (int y = box.y0; y < box.y1; ++y) {
+        const std::uint8_t* row = active_.data() + model_.cell_index(y, 0);
+        CellSpan& span = active_span_[y];
+        span = {box.k0, box.k1};
+        while (span.k0 < span.k1 && !row[span.k0]) ++span.k0;
+        while (span.k0 < span.k1 && !row[span.k1 - 1]) --span.k1;
+        if (span.empty()) span = {};
+    }
     return box;
 }
 
-void CpuSegmenter::evidence(const CellBox& box) {
-    // A ring of two rows and a cell around the box is read by the neighbourhoods and holds neutral values.
+void CpuSegmenter::fit_light(const CellBox& box) {
+    // A ring of rows and a cell around the box is read by the neighbourhoods and holds neutral values.
     parallel_for(box.y0 - kActiveMargin, box.y1 + kActiveMargin, kRowsPerTask, [&](int first, int last) {
-        for (int y = first; y < last; ++y)
-            for (int k = box.k0 - 1; k < box.k1 + 1; ++k) {
+        for (int y = std::max(first, 0); y < std::min(last, height_); ++y)
+            for (int k = std::max(box.k0 - 1, 0); k < std::min(box.k1 + 1, model_.cells_per_row); ++k) {
                 const std::ptrdiff_t x = static_cast<std::ptrdiff_t>(k) * kCellPixels;
-                if (y < 0 || y >= height_ || k < 0 || k >= model_.cells_per_row)
-                    continue;  // margins: neutral for ever
                 const bool inside = y >= box.y0 && y < box.y1 && k >= box.k0 && k < box.k1;
                 const std::size_t cell = model_.cell_index(y, k);
                 if (inside && active_[cell]) {
@@ -229,60 +247,93 @@ void CpuSegmenter::evidence(const CellBox& box) {
                 }
             }
     });
+}
+
+// The light of the neighbourhoods around, above, below and beside the active cells' pixels.
+void CpuSegmenter::light_around(const CellBox& box) {
+    constexpr int kReach = kde::kLightReach;
+    const auto span_of = [&](int y) { return y < box.y0 || y >= box.y1 ? CellSpan{} : active_span_[y]; };
+    parallel_for(box.y0 - kReach, box.y1 + kReach, kRowsPerTask, [&](int first, int last) {
+        for (int y = first; y < last; ++y) {
+            CellSpan span;
+            for (const int dy : {-kReach, 0, kReach}) span.include(span_of(y + dy));
+            if (span.empty()) continue;
+            const int x1 = span.k1 * kCellPixels + kReach;
+            for (int x = span.k0 * kCellPixels - kReach; x < x1; x += kMostRowPixels)
+                neighbourhood_light(weighted_value_.row(y) + x, weighted_energy_.row(y) + x,
+                                    neighbourhood_.stride, std::min(x1 - x, kMostRowPixels),
+                                    neighbourhood_.row(y) + x);
+        }
+    });
+}
+
+void CpuSegmenter::evidence(const CellBox& box) {
     colours_.log_density(options_.colour_memory_share, log_foreground_);
     parallel_for(box.y0, box.y1, kRowsPerTask, [&](int first, int last) {
         for (int y = first; y < last; ++y)
-            for (int k = box.k0; k < box.k1; ++k) {
+            for (int k = active_span_[y].k0; k < active_span_[y].k1; ++k) {
                 if (!active_[model_.cell_index(y, k)]) continue;
                 const std::ptrdiff_t x = static_cast<std::ptrdiff_t>(k) * kCellPixels;
                 evidence_cell(cell_at(y, k), parameters_,
-                              {weighted_value_.row(y) + x, weighted_energy_.row(y) + x, factor_.row(y) + x,
-                               residual_.row(y) + x},
-                              evidence_.stride, log_lit_, log_foreground_.data(), evidence_.row(y) + x);
+                              {factor_.row(y) + x, residual_.row(y) + x, neighbourhood_.row(y) + x,
+                               neighbourhood_.stride},
+                              log_lit_, log_foreground_.data(), evidence_.row(y) + x);
             }
     });
 }
 
-void CpuSegmenter::smooth(const CellBox& box) {
+// Smooths the evidence and decides each pixel; outside the spans the masks stay 0.
+void CpuSegmenter::decide(const CellBox& box, Silhouettes& out) {
     float weights[5], sum = 0;
     for (int i = 0; i < 5; ++i)
         sum += weights[i] =
             std::exp(-0.5f * static_cast<float>((i - 2) * (i - 2)) / (kSmoothing_px * kSmoothing_px));
     for (float& weight : weights) weight /= sum;
-    const int x0 = box.k0 * kCellPixels, pixels = (box.k1 - box.k0) * kCellPixels;
-    parallel_for(box.y0, box.y1, kRowsPerTask, [&](int first, int last) {
-        std::vector<float> scratch(pixels + 4);
-        for (int y = first; y < last; ++y) {
-            const float* rows[5];
-            for (int i = 0; i < 5; ++i) rows[i] = evidence_.row(y + i - 2) + x0;
-            smooth_row(rows, weights, pixels, scratch.data(), smoothed_.row(y) + x0);
-        }
-    });
-}
-
-void CpuSegmenter::silhouettes(const Rect& box, const Rect& work, const SegmentationPrior& prior,
-                               Silhouettes& out) {
     const auto log_odds = [](float probability) { return std::log(probability / (1 - probability)); };
     const Decision decision{probability_of_, parameters_.limit, log_odds(options_.sharp_threshold),
                             log_odds(options_.loose_threshold)};
     parallel_for(box.y0, box.y1, kRowsPerTask, [&](int first, int last) {
+        std::vector<float> scratch((box.k1 - box.k0) * kCellPixels + 4);
         for (int y = first; y < last; ++y) {
-            const std::size_t at = static_cast<std::size_t>(y) * width_ + box.x0;
-            decide_row(smoothed_.row(y) + box.x0, box.width(), decision, out.probability.data() + at,
-                       out.sharp.data() + at, out.loose.data() + at);
+            const CellSpan span = active_span_[y];
+            if (span.empty()) continue;
+            const int x0 = span.k0 * kCellPixels, pixels = (span.k1 - span.k0) * kCellPixels;
+            const float* rows[5];
+            for (int i = 0; i < 5; ++i) rows[i] = evidence_.row(y + i - 2) + x0;
+            smooth_row(rows, weights, pixels, scratch.data(), smoothed_.row(y) + x0);
+            const std::size_t at = static_cast<std::size_t>(y) * width_ + x0;
+            decide_row(smoothed_.row(y) + x0, std::min(pixels, width_ - x0), decision,
+                       out.probability.data() + at, out.sharp.data() + at, out.loose.data() + at);
         }
     });
+}
+
+// Cleans the masks and refines the sharp one; returns the box that holds all that is set.
+Rect CpuSegmenter::silhouettes(const Rect& active, const Rect& work, const SegmentationPrior& prior,
+                               Silhouettes& out) {
     const MaskPicture sharp_mask{out.sharp.data(), width_, height_},
         loose_mask{out.loose.data(), width_, height_};
     const std::uint8_t* seed = prior.region.empty() ? nullptr : prior.expected;
+    Rect box = active;
     const auto clean = [&](const MaskPicture& mask) {
         const auto largest = static_cast<float>(
             drop_islands(mask, box, options_.min_island_px, options_.min_island_part, seed, components_));
+        if (&mask == &loose_mask) {
+            // The sharp one's islands lie inside the loose one's.
+            Rect found{width_, height_, 0, 0};
+            for (const Component& c : components_.components)
+                found = {std::min(found.x0, c.bounds.x0), std::min(found.y0, c.bounds.y0),
+                         std::max(found.x1, c.bounds.x1), std::max(found.y1, c.bounds.y1)};
+            const Rect around = grown(found, kBorderMargin, width_, height_);
+            box = {std::max(box.x0, around.x0), std::max(box.y0, around.y0), std::min(box.x1, around.x1),
+                   std::min(box.y1, around.y1)};
+        }
         fill_holes(mask, box,
                    std::max(options_.max_hole_px, static_cast<int>(options_.max_hole_part * largest)),
                    components_);
     };
     clean(loose_mask);
+    if (box.empty()) return {};
     clean(sharp_mask);
     if (options_.colour_memory_share > 0) learn_colours(box, out);
     if (options_.refine_border) {
@@ -292,6 +343,7 @@ void CpuSegmenter::silhouettes(const Rect& box, const Rect& work, const Segmenta
     for (int y = box.y0; y < box.y1; ++y)
         for_each_run(sharp_mask.row(y), box.x0, box.x1,
                      [&](int x0, int x1) { std::memset(loose_mask.row(y) + x0, 255, x1 - x0); });
+    return box;
 }
 
 void CpuSegmenter::learn_colours(const Rect& box, const Silhouettes& out) {
@@ -318,7 +370,7 @@ void CpuSegmenter::learn_colours(const Rect& box, const Silhouettes& out) {
 }
 
 void CpuSegmenter::update_model(const PictureView& picture, const SegmentationPrior& prior,
-                                const CellBox& work, const Silhouettes& out) {
+                                const Silhouettes& out) {
     if (options_.update_interval == 0) return;
     const int interval = options_.update_interval;
     const int phase = static_cast<int>(frame_ % interval);
@@ -328,12 +380,7 @@ void CpuSegmenter::update_model(const PictureView& picture, const SegmentationPr
     parallel_for(0, (height_ - phase + interval - 1) / interval, 4, [&](int first, int last) {
         for (int n = first; n < last; ++n) {
             const int y = phase + n * interval;
-            if (y < work.y0 || y >= work.y1) {
-                density_rows(picture, y, y + 1, 0, model_.cells_per_row);
-            } else {
-                density_rows(picture, y, y + 1, 0, work.k0);
-                density_rows(picture, y, y + 1, work.k1, model_.cells_per_row);
-            }
+            density_rows(picture, y, y + 1, 0, model_.cells_per_row, false);
             // The subject, with a margin, is never learned. Other foreground is told by its density: it is
             // not learned until it has stayed for long.
             std::uint8_t* keep_out = keep_out_.data() + static_cast<std::size_t>(y) * width_;
@@ -376,11 +423,25 @@ void CpuSegmenter::measure(const Rect& box, Silhouettes& out) const {
     out.centroid_y = count > 0 ? static_cast<double>(sum_y) / static_cast<double>(count) : 0;
 }
 
+// Outside what was searched last time the planes are 0 already.
+void CpuSegmenter::clear(Silhouettes& out) const {
+    const std::size_t pixels = static_cast<std::size_t>(width_) * height_;
+    const bool reused = out.width == width_ && out.height == height_;
+    const Rect dirty = out.searched;
+    for (auto* plane : {&out.probability, &out.sharp, &out.loose}) {
+        if (!reused || plane->size() != pixels) {
+            plane->assign(pixels, 0);
+            continue;
+        }
+        for (int y = dirty.y0; y < dirty.y1; ++y)
+            std::memset(plane->data() + static_cast<std::size_t>(y) * width_ + dirty.x0, 0, dirty.width());
+    }
+}
+
 void CpuSegmenter::segment(const PictureView& picture, const SegmentationPrior& prior, Silhouettes& out) {
     if (!learned_) throw std::logic_error("segmentation: learn() the background before segment()");
     check_picture(picture);
-    const std::size_t pixels = static_cast<std::size_t>(width_) * height_;
-    for (auto* plane : {&out.probability, &out.sharp, &out.loose}) plane->assign(pixels, 0);
+    clear(out);
     out.width = width_, out.height = height_;
     Rect asked{0, 0, width_, height_};
     if (!prior.full_pass && !prior.region.empty()) {
@@ -391,21 +452,23 @@ void CpuSegmenter::segment(const PictureView& picture, const SegmentationPrior& 
     const CellBox work{asked.y0, asked.y1, asked.x0 / kCellPixels,
                        (asked.x1 + kCellPixels - 1) / kCellPixels};
     out.searched = {work.k0 * kCellPixels, work.y0, std::min(work.k1 * kCellPixels, width_), work.y1};
+    mark_searched(prior, work, width_, height_, searched_.data());
     inverse_gain_ = fixed_point_inverse(estimate_gain(model_, picture));
     parallel_for(work.y0, work.y1, kRowsPerTask,
-                 [&](int first, int last) { density_rows(picture, first, last, work.k0, work.k1); });
+                 [&](int first, int last) { density_rows(picture, first, last, work.k0, work.k1, true); });
     const CellBox active = find_active(work);
     if (active.empty()) {
         measure({}, out);
     } else {
+        fit_light(active);
+        light_around(active);
         evidence(active);
-        smooth(active);
+        decide(active, out);
         const Rect box{active.k0 * kCellPixels, active.y0, std::min(active.k1 * kCellPixels, width_),
                        active.y1};
-        silhouettes(box, out.searched, prior, out);
-        measure(box, out);
+        measure(silhouettes(box, out.searched, prior, out), out);
     }
-    update_model(picture, prior, work, out);
+    update_model(picture, prior, out);
     ++frame_;
 }
 

@@ -1,5 +1,7 @@
 #include "kernels/cpu/segmentation_evidence.h"
 
+#include <cstring>
+
 // Plain loops, which the compiler vectorises for each family that Highway chooses from at run time; no two of
 // their arrays overlap (ivdep).
 #ifdef KINEVOX_HAVE_HIGHWAY
@@ -38,21 +40,20 @@ void fit_light_cell(const EvidenceCell& cell, const kde::EvidenceParameters& par
         fit_light_of<3>(cell, parameters, out);
 }
 
-// The light of the neighbourhoods whose uppermost row lies `top` rows below the cell's, for `width` pixels
-// from column `first` of the cell on.
-void neighbourhood_light(const LightRows& light, std::ptrdiff_t stride, int top, int first, int width,
-                         float* quotient) {
-    constexpr int kReach = kde::kLightReach, kSpan = kCellPixels + 4 * kReach;
+void neighbourhood_light(const float* weighted_value, const float* weighted_energy, std::ptrdiff_t stride,
+                         int width, float* light) {
+    constexpr int kReach = kde::kLightReach;
     static_assert(kReach == 2);
-    float value[kSpan], energy[kSpan];
+    float value[kMostRowPixels + 2 * kReach], energy[kMostRowPixels + 2 * kReach];
     const auto columns = [&](const float* plane, float* sum) {
-        const float* a = plane + top * stride + first - kReach;
+        const float* a = plane - kReach * stride - kReach;
         const float *b = a + stride, *c = b + stride, *d = c + stride, *e = d + stride;
 #pragma GCC ivdep
         for (int x = 0; x < width + 2 * kReach; ++x) sum[x] = a[x] + b[x] + c[x] + d[x] + e[x];
     };
-    columns(light.weighted_value, value);
-    columns(light.weighted_energy, energy);
+    columns(weighted_value, value);
+    columns(weighted_energy, energy);
+    float* __restrict quotient = light;
 #pragma GCC ivdep
     for (int x = 0; x < width; ++x) {
         const float v = value[x] + value[x + 1] + value[x + 2] + value[x + 3] + value[x + 4];
@@ -62,16 +63,14 @@ void neighbourhood_light(const LightRows& light, std::ptrdiff_t stride, int top,
 }
 
 template <int kChannels>
-void evidence_of(const EvidenceCell& cell, const kde::EvidenceParameters& parameters, const LightRows& light,
-                 std::ptrdiff_t stride, const float* log_lit, const float* log_foreground, float* evidence) {
+void evidence_of(const EvidenceCell& cell, const kde::EvidenceParameters& parameters,
+                 const LightAround& light, const float* log_lit, const float* log_foreground,
+                 float* evidence) {
     constexpr int kReach = kde::kLightReach;
     const kde::EvidenceParameters p = parameters;
-    // The neighbourhoods above, around (with those beside at both ends) and below.
-    float above[kCellPixels], around[kCellPixels + 2 * kReach], below[kCellPixels];
     float colour[kCellPixels], lit[kCellPixels], step[kCellPixels];
-    neighbourhood_light(light, stride, -2 * kReach, 0, kCellPixels, above);
-    neighbourhood_light(light, stride, -kReach, -kReach, kCellPixels + 2 * kReach, around);
-    neighbourhood_light(light, stride, 0, 0, kCellPixels, below);
+    const float *above = light.neighbourhood - kReach * light.stride, *around = light.neighbourhood,
+                *below = light.neighbourhood + kReach * light.stride;
     const float *own_factor = light.factor, *own_residual = light.residual;
 #pragma GCC ivdep
     for (int x = 0; x < kCellPixels; ++x) {
@@ -81,8 +80,8 @@ void evidence_of(const EvidenceCell& cell, const kde::EvidenceParameters& parame
             const float size = difference < 0 ? -difference : difference;
             return size < nearest ? size : nearest;
         };
-        step[x] = nearer(nearer(nearer(nearer(nearer(10.0f, above[x]), around[x]), around[x + kReach]),
-                                around[x + 2 * kReach]),
+        step[x] = nearer(nearer(nearer(nearer(nearer(10.0f, above[x]), around[x - kReach]), around[x]),
+                                around[x + kReach]),
                          below[x]);
     }
     for (int x = 0; x < kCellPixels; ++x) {
@@ -102,12 +101,12 @@ void evidence_of(const EvidenceCell& cell, const kde::EvidenceParameters& parame
 }
 
 void evidence_cell(const EvidenceCell& cell, const kde::EvidenceParameters& parameters,
-                   const LightRows& light, std::ptrdiff_t stride, const float* log_lit,
-                   const float* log_foreground, float* evidence) {
+                   const LightAround& light, const float* log_lit, const float* log_foreground,
+                   float* evidence) {
     if (cell.channels == 1)
-        evidence_of<1>(cell, parameters, light, stride, log_lit, log_foreground, evidence);
+        evidence_of<1>(cell, parameters, light, log_lit, log_foreground, evidence);
     else
-        evidence_of<3>(cell, parameters, light, stride, log_lit, log_foreground, evidence);
+        evidence_of<3>(cell, parameters, light, log_lit, log_foreground, evidence);
 }
 
 void smooth_row(const float* const rows[5], const float weights[5], int width, float* scratch, float* out) {
@@ -134,7 +133,18 @@ void decide_row(const float* evidence, int width, const Decision& decision, std:
         sharp_out[x] = in[x] > sharp_from ? 255 : 0;
         loose_out[x] = in[x] > loose_from ? 255 : 0;
     }
-    for (int x = 0; x < width; ++x) probability[x] = decision.probability_of[step[x]];
+    // Most pixels lie at the lower end or at the upper one.
+    constexpr int kTogether = 8;
+    int x = 0;
+    for (; x + kTogether <= width; x += kTogether) {
+        std::uint64_t steps;
+        std::memcpy(&steps, step + x, kTogether);
+        if (steps == 0 || steps == ~std::uint64_t{0})
+            std::memset(probability + x, decision.probability_of[steps & 255], kTogether);
+        else
+            for (int i = x; i < x + kTogether; ++i) probability[i] = decision.probability_of[step[i]];
+    }
+    for (; x < width; ++x) probability[x] = decision.probability_of[step[x]];
 }
 
 }  // namespace kinevox::kernels::cpu::HWY_NAMESPACE
@@ -147,6 +157,7 @@ HWY_AFTER_NAMESPACE();
 namespace kinevox::kernels::cpu {
 #ifdef KINEVOX_HAVE_HIGHWAY
 HWY_EXPORT(fit_light_cell);
+HWY_EXPORT(neighbourhood_light);
 HWY_EXPORT(evidence_cell);
 HWY_EXPORT(smooth_row);
 HWY_EXPORT(decide_row);
@@ -159,10 +170,14 @@ void fit_light_cell(const EvidenceCell& cell, const kde::EvidenceParameters& par
                     const LightRows& out) {
     KINEVOX_DISPATCH(fit_light_cell)(cell, parameters, out);
 }
+void neighbourhood_light(const float* weighted_value, const float* weighted_energy, std::ptrdiff_t stride,
+                         int width, float* light) {
+    KINEVOX_DISPATCH(neighbourhood_light)(weighted_value, weighted_energy, stride, width, light);
+}
 void evidence_cell(const EvidenceCell& cell, const kde::EvidenceParameters& parameters,
-                   const LightRows& light, std::ptrdiff_t stride, const float* log_lit,
-                   const float* log_foreground, float* evidence) {
-    KINEVOX_DISPATCH(evidence_cell)(cell, parameters, light, stride, log_lit, log_foreground, evidence);
+                   const LightAround& light, const float* log_lit, const float* log_foreground,
+                   float* evidence) {
+    KINEVOX_DISPATCH(evidence_cell)(cell, parameters, light, log_lit, log_foreground, evidence);
 }
 void smooth_row(const float* const rows[5], const float weights[5], int width, float* scratch, float* out) {
     KINEVOX_DISPATCH(smooth_row)(rows, weights, width, scratch, out);

@@ -28,11 +28,25 @@ struct LightRows {
 void fit_light_cell(const EvidenceCell& cell, const kde::EvidenceParameters& parameters,
                     const LightRows& out);
 
-// `light` points into planes of `stride` floats a row that have kde::kLightReach rows and columns around the
-// cell. log_lit: 256 entries, log_foreground: one entry a histogram bin.
+// The light of the neighbourhoods of kde::kLightReach around `width` pixels of a row (at most
+// kMostRowPixels); the weighted sums' planes have `stride` floats a row and as many rows and columns around.
+void neighbourhood_light(const float* weighted_value, const float* weighted_energy, std::ptrdiff_t stride,
+                         int width, float* light);
+inline constexpr int kMostRowPixels = 512;
+
+// What a cell's pixels are and what their neighbourhoods say; `neighbourhood` points into a plane of `stride`
+// floats a row that has kde::kLightReach rows and columns around the cell.
+struct LightAround {
+    const float* factor = nullptr;
+    const float* residual = nullptr;
+    const float* neighbourhood = nullptr;
+    std::ptrdiff_t stride = 0;
+};
+
+// log_lit: 256 entries, log_foreground: one entry a histogram bin.
 void evidence_cell(const EvidenceCell& cell, const kde::EvidenceParameters& parameters,
-                   const LightRows& light, std::ptrdiff_t stride, const float* log_lit,
-                   const float* log_foreground, float* evidence);
+                   const LightAround& light, const float* log_lit, const float* log_foreground,
+                   float* evidence);
 
 // Five taps across rows: out[x] = sum w[i] * rows[i][x], then five along the row, for x in [0, width); `rows`
 // and the result have two columns of margin.

@@ -31,6 +31,22 @@ struct EvidenceParameters {
     float limit = 8.0f;  // of the evidence, either sign, nats
 };
 
+// The variance of a channel around its light times the squared scale (256 / bandwidth), so that quotients by
+// it take no division for the bandwidth.
+KINEVOX_HD float scaled_variance(float reference, float squared_scale, const EvidenceParameters& p) {
+    const float spread = p.relative_deviation * reference;
+    return p.noise_part * 65536.0f + spread * spread * squared_scale;
+}
+
+// A sum of quotients that costs a single division in the end.
+struct Quotient {
+    float numerator = 0, denominator = 1;
+    KINEVOX_HD void add(float over, float under) {
+        numerator = numerator * under + over * denominator;
+        denominator *= under;
+    }
+};
+
 // How far a pixel can be the reference in another light. `factor` is that light, `residual` the squared
 // distance from factor * reference in standard deviations. The quotient of the sums of the two weighted terms
 // over a neighbourhood is its light; a pixel that does not fit has no weight in it.
@@ -46,15 +62,14 @@ KINEVOX_HD void fit_light(const std::uint8_t* value, const std::uint8_t* referen
     }
     float factor = product / (energy > 1.0f ? energy : 1.0f);
     factor = factor < p.darkest ? p.darkest : factor > p.brightest ? p.brightest : factor;
-    float residual = 0;
+    Quotient squared_distance;
     for (int c = 0; c < kChannels; ++c) {
-        const float v = value[c * kCellPixels], r = reference[c * kCellPixels];
-        const float bandwidth = 256.0f / scale[c * kCellPixels];
-        const float spread = p.relative_deviation * r;
+        const float v = value[c * kCellPixels], r = reference[c * kCellPixels], s = scale[c * kCellPixels];
         const float difference = v - factor * r;
-        residual += difference * difference / (p.noise_part * bandwidth * bandwidth + spread * spread);
+        squared_distance.add(difference * difference * (s * s), scaled_variance(r, s * s, p));
     }
-    const float margin = 1.0f - residual / p.coarse_residual;
+    const float residual = squared_distance.numerator / squared_distance.denominator;
+    const float margin = 1.0f - residual * (1.0f / p.coarse_residual);
     const float weight = margin > 0 ? margin : 0;
     weighted_value = weight * product;
     weighted_energy = weight * energy;
@@ -71,19 +86,21 @@ template <int kChannels>
 KINEVOX_HD float evidence(const std::uint8_t* value, const std::uint8_t* reference, const std::uint8_t* scale,
                           int density, float log_lit, float log_peak, float residual, float light_step,
                           float log_foreground, const EvidenceParameters& p) {
-    float distance = 0, precision = 1.0f;
+    float distance = 0;
+    Quotient precision;
     for (int c = 0; c < kChannels; ++c) {
-        const float v = value[c * kCellPixels], r = reference[c * kCellPixels];
-        const float bandwidth = 256.0f / scale[c * kCellPixels];
-        const float spread = p.relative_deviation * r;
-        precision += r * r / (p.noise_part * bandwidth * bandwidth + spread * spread);
-        distance += (v - r) * (v - r) / (bandwidth * bandwidth);
+        const float v = value[c * kCellPixels], r = reference[c * kCellPixels], s = scale[c * kCellPixels];
+        precision.add(r * r * (s * s), scaled_variance(r, s * s, p));
+        distance += (v - r) * (v - r) * (s * s);
     }
-    const float tail = -0.5f * distance;
+    const float tail = -0.5f / 65536.0f * distance;
     const float floor = tail < log_lit ? tail : log_lit;
     const float lit = density > 0 ? log_lit : floor;
-    const float step_variance = 1.0f / precision + p.light_deviation * p.light_deviation;
-    const float disagreement = residual + p.light_smoothness * light_step * light_step / step_variance;
+    // The variance of the step is 1 / (1 + precision) + deviation^2.
+    const float certain = precision.denominator + precision.numerator;
+    const float disagreement =
+        residual + p.light_smoothness * light_step * light_step * certain /
+                       (precision.denominator + p.light_deviation * p.light_deviation * certain);
     const float light = p.log_prior_light - 0.5f * disagreement;
     const float ratio = log_foreground - log_peak - (lit > light ? lit : light);
     return ratio < -p.limit ? -p.limit : ratio > p.limit ? p.limit : ratio;

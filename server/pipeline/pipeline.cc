@@ -164,6 +164,7 @@ void StagedPipeline::segment(FrameResult& result) {
             expected_[c].resize(static_cast<std::size_t>(cameras_[c].width) * cameras_[c].height);
             kernels::project_volume(last_shape_, models_[c], moved, dilate_px, expected_[c].data(), ignored);
             priors[c].expected = expected_[c].data();
+            if (priors[c].reach_px >= 0) priors[c].reach_px = std::max(priors[c].reach_px - dilate_px, 0);
         }
         segmenters_[c]->segment(to_kernel(picture), priors[c], result.silhouettes[c]);
         seen_[c] = &result.silhouettes[c];

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include <fmt/format.h>
@@ -12,6 +13,7 @@ namespace {
 constexpr std::size_t kMostBlobs = 6;          // per camera
 constexpr double kMostCentreJump_m = 0.4;      // of a measured centre from the predicted one
 constexpr double kReach_m = 1.4;               // of a body's parts from its centre
+constexpr double kNearest_m = 0.3;             // of a body's parts to a camera that is to predict their motion
 constexpr double kMinExpectedInside = 0.5;     // of the subject's box, for a camera that ought to see it
 
 Box3 box_around(Vec3 centre, const Box3& extent, double margin_m) {
@@ -21,6 +23,18 @@ Box3 box_around(Vec3 centre, const Box3& extent, double margin_m) {
 
 // A standing or stretched person of any size, from the centre of gravity.
 constexpr Box3 kAnyPerson{{-0.6, -0.6, -1.15}, {0.6, 0.6, 1.15}};
+
+// Of the box's corners along the camera's axis.
+double nearest_depth(const Camera& camera, const Box3& box) {
+    double nearest = std::numeric_limits<double>::infinity();
+    for (int n = 0; n < 8; ++n) {
+        const Vec3 corner{n & 1 ? box.max_in_world.x : box.min_in_world.x,
+                          n & 2 ? box.max_in_world.y : box.min_in_world.y,
+                          n & 4 ? box.max_in_world.z : box.min_in_world.z};
+        nearest = std::min(nearest, (camera.camera_from_world * corner).z);
+    }
+    return nearest;
+}
 
 bool overlap(const kernels::Rect& a, const kernels::Rect& b) {
     return a.x0 < b.x1 && b.x0 < a.x1 && a.y0 < b.y1 && b.y0 < a.y1;
@@ -54,9 +68,12 @@ std::int64_t Tracker::min_pixels(const Camera& camera) const {
     return std::max<std::int64_t>(16, std::int64_t{camera.height} * camera.height / 3000);
 }
 
+double Tracker::search_margin_m(double seconds) const {
+    return options_.region_margin_m + options_.limb_speed_m_s * seconds + 2 * filter_.centre_std_m();
+}
+
 Box3 Tracker::search_box(double seconds) const {
-    return box_around(filter_.centre_in_world(), extent_,
-                      options_.region_margin_m + options_.limb_speed_m_s * seconds + 2 * filter_.centre_std_m());
+    return box_around(filter_.centre_in_world(), extent_, search_margin_m(seconds));
 }
 
 std::vector<kernels::SegmentationPrior> Tracker::predict(std::int64_t time_ns, Vec3* motion) {
@@ -72,11 +89,17 @@ std::vector<kernels::SegmentationPrior> Tracker::predict(std::int64_t time_ns, V
     if (motion) *motion = filter_.centre_in_world() - before;
 
     const Box3 box = search_box(seconds);
+    const double margin_m = search_margin_m(seconds);
     const auto interval = static_cast<std::uint64_t>(std::max(1.0, std::round(options_.full_pass_interval_s * fps_)));
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
         // One camera after the other, so that no frame set pays for all.
         priors[c].full_pass = (predictions_ + c * interval / cameras_.size()) % interval == 0;
         priors[c].region = projected_box(cameras_[c], box);
+        // Of the subject's nearest point; one that may be behind the camera can be anywhere.
+        const double depth = nearest_depth(cameras_[c], box_around(filter_.centre_in_world(), extent_, 0));
+        if (depth > kNearest_m)
+            priors[c].reach_px =
+                static_cast<int>(std::ceil(std::max(cameras_[c].fx, cameras_[c].fy) * margin_m / depth));
         if (priors[c].region.empty()) priors[c].region = {0, 0, 8, 8};   // out of sight: as good as nothing
     }
     ++predictions_;

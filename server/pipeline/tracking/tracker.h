@@ -66,8 +66,8 @@ class Tracker {
   public:
     Tracker(std::vector<Camera> cameras, double fps, const TrackerOptions& options = {});
 
-    // What the segmentation of each camera may count on at this time; `expected` is left null. `motion`, if given,
-    // is how far the subject is expected to have moved since the last update, m.
+    // What the segmentation of each camera may count on at this time; `expected` is left null, and `reach_px` is
+    // from the subject's own outline. `motion`, if given, is how far the subject is expected to have moved since the last update, m.
     std::vector<kernels::SegmentationPrior> predict(std::int64_t time_ns, Vec3* motion = nullptr);
 
     // One entry a camera; null for a camera without a picture. `time_ns` as given to predict().
@@ -89,6 +89,7 @@ class Tracker {
     using BlobsByCamera = std::vector<std::vector<Blob>>;
 
     std::int64_t min_pixels(const Camera& camera) const;
+    double search_margin_m(double seconds) const;
     Box3 search_box(double seconds) const;
     RayCandidate candidate(int camera, const Blob& blob) const;
     std::optional<Meeting> find_meeting(const BlobsByCamera& blobs, std::vector<std::optional<Blob>>& chosen) const;
