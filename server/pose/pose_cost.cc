@@ -28,6 +28,16 @@ constexpr std::array<Habit, kBodyDofCount> kHabits{{
 }};
 constexpr double kLimitStd = 3 * kDegree;
 
+bool kept_apart(int limb, int other) {
+    switch (limb) {
+        case kForearmL: case kHandL: case kForearmR: case kHandR:
+            return other == kPelvis || other == kThorax || other == kHead;
+        case kShankL: case kFootL: return other == kThighR || other == kShankR || other == kFootR;
+        case kShankR: case kFootR: return other == kThighL || other == kShankL || other == kFootL;
+        default: return false;
+    }
+}
+
 void add_row(std::span<const int> dofs, const double* row, double residual, double weight, Linearisation& out) {
     for (std::size_t i = 0; i < dofs.size(); ++i) {
         const double w = weight * row[i];
@@ -157,6 +167,36 @@ void PoseCost::floor_terms() {
     }
 }
 
+// Forearms and hands do not go through the trunk, nor legs through each other. Only the limb is moved by it: a leg by
+// the other one and the other by it.
+void PoseCost::apart_terms() {
+    for (std::size_t k = 0; k < capsules_.size(); ++k) {
+        const BodyCapsule& limb = capsules_[k];
+        for (const BodyCapsule& other : capsules_) {
+            if (!kept_apart(limb.segment, other.segment)) continue;
+            for (const double along : {0.5, 1.0}) {
+                const Vec3 p = (1 - along) * point(limb.a) + along * point(limb.b);
+                const Vec3 a = point(other.a), axis = point(other.b) - a;
+                const double t = std::clamp(dot(p - a, axis) / (dot(axis, axis) + 1e-9), 0.0, 1.0);
+                const Vec3 from_other = p - (a + t * axis);
+                const double radii = (1 - along) * limb.radius_a + along * limb.radius_b + (1 - t) * other.radius_a +
+                                     t * other.radius_b;
+                const double distance = norm(from_other), inside = options_.apart_share * radii - distance;
+                if (inside <= 0 || distance < 1e-6) continue;
+                SurfaceTerm term;
+                term.camera = -1;
+                term.capsule = static_cast<int>(k);
+                term.along = along;
+                term.point_in_world = p;
+                term.gradient = -(from_other / distance);
+                term.radius_gradient = 1;
+                term.residual = inside;
+                add_term(term, options_.apart_std_m, 1.0, 1.0);
+            }
+        }
+    }
+}
+
 void PoseCost::linearise(const BodyModel& model, const BodyPosture& posture, std::span<const SilhouetteRays> views,
                          const MotionPrior* prior, double robust_m, Linearisation& out) {
     posed_ = model.forward(posture);
@@ -169,6 +209,7 @@ void PoseCost::linearise(const BodyModel& model, const BodyPosture& posture, std
         inside_terms(static_cast<int>(c), views[c], robust_m);
     }
     floor_terms();
+    apart_terms();
 
     out.hessian.setZero();
     out.gradient.setZero();

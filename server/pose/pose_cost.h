@@ -54,6 +54,7 @@ class PoseCost {
     void contour_terms(int camera, const SilhouetteRays& view, double robust_m);
     void inside_terms(int camera, const SilhouetteRays& view, double robust_m);
     void floor_terms();
+    void apart_terms();
     void add_term(SurfaceTerm term, double std_m, double robust_m, double weight);
 
     PoseCostOptions options_;

@@ -17,6 +17,8 @@ struct PoseCostOptions {
     double inside_std_m = 0.012;      // of how far a part sticks out of a silhouette
     double term_weight = 0.25;        // neighbouring rays err alike: one counts as this part of an independent one
     double floor_std_m = 0.02;        // of how far a foot goes below the floor
+    double apart_std_m = 0.02;        // of how far limbs enter the trunk or each other
+    double apart_share = 0.8;         // of the radii's sum that axes keep apart: flesh and clothes give way
 };
 
 struct PoseFitOptions {
@@ -37,6 +39,7 @@ struct PoseTrackerOptions {
     int hypotheses = 3;              // and of these so many are followed
     double decide_after_s = 1.0;     // then the best one alone
     double hopeless = 1.35;          // a rival whose cost is so many times the best one's is dropped at once
+    double search_below = 0.9;       // part of the contour explained; below it a limb is searched for each frame set
     double lost_below = 0.55;        // part of the contour explained; below it a pose is lost
     double lost_after_s = 0.15;      // for so long, and the search begins anew
     int min_views = 2;               // with a silhouette
@@ -72,6 +75,16 @@ struct PoseStageOptions {
     BodyShape body = default_body_shape();
 
     // Empty when usable, else one sentence.
+    std::string check() const;
+};
+
+struct BodyFitOptions {
+    int most_frames = 40;             // of those given, evenly chosen
+    int rounds = 2;                   // of tracking and fitting
+    int steps = 10;                   // each with a wide and a narrow kernel
+    double independent_frames = 6;    // all frames together count as so many
+    double stature_std_m = 0.12;      // around the mean adult
+
     std::string check() const;
 };
 

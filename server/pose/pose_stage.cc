@@ -5,6 +5,13 @@
 
 namespace kinevox {
 
+std::string BodyFitOptions::check() const {
+    if (most_frames < 1 || rounds < 1 || steps < 1) return "body fit: frames, rounds and steps must be at least 1";
+    if (!(independent_frames > 0) || !(stature_std_m > 0))
+        return "body fit: independent_frames and stature_std_m must be positive";
+    return {};
+}
+
 std::string PoseStageOptions::check() const {
     for (std::string problem : {tracker.check(), filter.check()})
         if (!problem.empty()) return problem;

@@ -11,6 +11,7 @@
 
 #include "common/camera.h"
 #include "server/pose/body_model.h"
+#include "server/pose/limb_search.h"
 #include "server/pose/pose_candidate.h"
 #include "server/pose/pose_fitter.h"
 #include "server/pose/pose_options.h"
@@ -50,12 +51,15 @@ class PoseTracker {
 
     void begin(std::span<const SilhouetteRays> views, Vec3 centre, std::span<const PoseCandidate> candidates);
     void follow(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, double seconds);
+    void search_limb(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Limb limb);
     void choose();
 
     double fps_;
     PoseTrackerOptions options_;
     std::shared_ptr<const BodyModel> model_;
     PoseFitter fitter_;
+    LimbSearch limbs_;
+    int next_limb_ = 0;
     std::vector<Hypothesis> hypotheses_;   // the best one first
     std::int64_t last_time_ns_ = 0;
     double lost_s_ = 0;

@@ -1,0 +1,266 @@
+#include "server/pose/body_fitter.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <Eigen/Cholesky>
+#include <fmt/format.h>
+#include <oneapi/tbb/parallel_for.h>
+
+#include "server/pose/pose_tracker.h"
+
+namespace kinevox {
+namespace {
+
+// The lengths and, last, the stature, by which the prior of the lengths scales.
+constexpr int kParameters = kBodyLengthCount + 1;
+constexpr int kStature = kBodyLengthCount;
+
+using PoseVector = Eigen::Matrix<double, kBodyDofCount, 1>;
+using PoseMatrix = Eigen::Matrix<double, kBodyDofCount, kBodyDofCount>;
+using ShapeVector = Eigen::Matrix<double, kParameters, 1>;
+using ShapeMatrix = Eigen::Matrix<double, kParameters, kParameters>;
+using MixedMatrix = Eigen::Matrix<double, kBodyDofCount, kParameters>;
+using PointByShape = Eigen::Matrix<double, 3, kParameters>;
+
+Eigen::Vector3d to_eigen(Vec3 v) { return {v.x, v.y, v.z}; }
+Eigen::Matrix3d to_eigen(const Mat3& m) {
+    Eigen::Matrix3d out;
+    for (int r = 0; r < 3; ++r)
+        for (int c = 0; c < 3; ++c) out(r, c) = m(r, c);
+    return out;
+}
+
+// How joints and capsules move in their segments' frames with the lengths: constant, since all is linear in them.
+struct ShapeRates {
+    struct Capsule {
+        PointByShape a, b;
+        Eigen::Matrix<double, 1, kParameters> radius_a, radius_b;
+    };
+    std::array<PointByShape, kBodySegmentCount> offsets;
+    std::vector<Capsule> capsules;
+
+    explicit ShapeRates(const BodyShape& shape) {
+        constexpr double kStep_m = 0.125;
+        const BodyModel base(shape);
+        capsules.resize(base.capsules_in_segments().size());
+        for (auto& offset : offsets) offset.setZero();
+        for (Capsule& c : capsules) c.a.setZero(), c.b.setZero(), c.radius_a.setZero(), c.radius_b.setZero();
+        for (int k = 0; k < kBodyLengthCount; ++k) {
+            BodyShape longer = shape;
+            longer.lengths_m[k] += kStep_m;
+            const BodyModel model(longer);
+            for (int s = 0; s < kBodySegmentCount; ++s)
+                offsets[s].col(k) = to_eigen((model.offset_in_parent(s) - base.offset_in_parent(s)) / kStep_m);
+            for (std::size_t n = 0; n < capsules.size(); ++n) {
+                const BodyCapsule &p = base.capsules_in_segments()[n], &q = model.capsules_in_segments()[n];
+                for (int axis = 0; axis < 3; ++axis) {
+                    capsules[n].a(axis, k) = (q.a[axis] - p.a[axis]) / kStep_m;
+                    capsules[n].b(axis, k) = (q.b[axis] - p.b[axis]) / kStep_m;
+                }
+                capsules[n].radius_a(k) = (q.radius_a - p.radius_a) / kStep_m;
+                capsules[n].radius_b(k) = (q.radius_b - p.radius_b) / kStep_m;
+            }
+        }
+    }
+};
+
+// The normal equations of one frame set, and what elimination of its posture leaves of them.
+struct FrameSystem {
+    Linearisation pose;
+    MixedMatrix mixed;
+    ShapeMatrix shape;
+    ShapeVector shape_gradient;
+    Eigen::LDLT<PoseMatrix> factor;
+};
+
+void add_shape(const ShapeRates& rates, const BodyModel& model, const PoseCost& cost, FrameSystem& system) {
+    const PosedBody& posed = cost.posed();
+    std::array<PointByShape, kBodySegmentCount> origin_rates;
+    origin_rates[kPelvis].setZero();
+    for (int s = 1; s < kBodySegmentCount; ++s)
+        origin_rates[s] = origin_rates[kBodyParent[s]] +
+                          to_eigen(posed.world_from_segment[kBodyParent[s]].rotation) * rates.offsets[s];
+    const auto frames = model.dof_frames(posed);
+    system.mixed.setZero();
+    system.shape.setZero();
+    system.shape_gradient.setZero();
+    Eigen::Matrix<double, 1, kParameters> row;
+    for (const SurfaceTerm& term : cost.terms()) {
+        const ShapeRates::Capsule& c = rates.capsules[term.capsule];
+        const int segment = cost.capsules()[term.capsule].segment;
+        const Eigen::Vector3d g = to_eigen(term.gradient);
+        const Eigen::Vector3d in_segment = to_eigen(posed.world_from_segment[segment].rotation).transpose() * g;
+        row = g.transpose() * origin_rates[segment] +
+              in_segment.transpose() * ((1 - term.along) * c.a + term.along * c.b) +
+              term.radius_gradient * ((1 - term.along) * c.radius_a + term.along * c.radius_b);
+        system.shape.noalias() += term.weight * row.transpose() * row;
+        system.shape_gradient += term.weight * term.residual * row.transpose();
+        for (const int k : dofs_of_segment(segment)) {
+            const DofFrame& f = frames[k];
+            const double by_dof =
+                dot(f.axis, cross(term.point_in_world - f.origin, term.gradient)) + dot(f.shift, term.gradient);
+            system.mixed.row(k) += term.weight * by_dof * row;
+        }
+    }
+}
+
+// What is usual: each length its part of the stature, each stature near the mean. Returns the cost.
+double add_usual(const BodyShape& shape, const BodyFitOptions& options, ShapeMatrix& hessian, ShapeVector& gradient) {
+    const double mean = default_body_shape().stature_m;
+    double w = 1 / (options.stature_std_m * options.stature_std_m);
+    hessian(kStature, kStature) += w;
+    gradient(kStature) += w * (shape.stature_m - mean);
+    double cost = 0.5 * w * (shape.stature_m - mean) * (shape.stature_m - mean);
+    for (int k = 0; k < kBodyLengthCount; ++k) {
+        const BodyLengthInfo& info = kBodyLengths[k];
+        const double std = info.relative_std * info.fraction_of_stature * mean;
+        const double residual = shape.lengths_m[k] - info.fraction_of_stature * shape.stature_m;
+        w = 1 / (std * std);
+        hessian(k, k) += w;
+        hessian(kStature, kStature) += w * info.fraction_of_stature * info.fraction_of_stature;
+        hessian(k, kStature) -= w * info.fraction_of_stature;
+        hessian(kStature, k) -= w * info.fraction_of_stature;
+        gradient(k) += w * residual;
+        gradient(kStature) -= w * residual * info.fraction_of_stature;
+        cost += 0.5 * w * residual * residual;
+    }
+    return cost;
+}
+
+class JointFit {
+  public:
+    JointFit(std::span<const PoseObservation* const> frames, std::vector<BodyPosture> postures, const BodyShape& shape,
+             const PoseStageOptions& posing, const BodyFitOptions& options)
+        : frames_(frames), postures_(std::move(postures)), shape_(shape), options_(options), rates_(shape),
+          costs_(frames.size(), PoseCost(posing.tracker.fit.cost)), systems_(frames.size()) {}
+
+    void descend(double robust_m, int steps) {
+        robust_m_ = robust_m;
+        double cost = linearise(shape_, postures_), damping = 1e-3;
+        for (int k = 0; k < steps; ++k) {
+            BodyShape shape = shape_;
+            std::vector<BodyPosture> postures = postures_;
+            step(damping, shape, postures);
+            const double trial = linearise(shape, postures);
+            if (trial < cost) {
+                const double gained = (cost - trial) / cost;
+                cost = trial, shape_ = shape, postures_ = postures;
+                damping = std::max(1e-5, damping / 5);
+                if (gained < 1e-4) return;
+            } else {
+                damping *= 8;
+                if (damping > 1e4) return;
+                linearise(shape_, postures_);
+            }
+        }
+    }
+    const BodyShape& shape() const { return shape_; }
+    double rms_m() const {
+        double sum = 0;
+        std::size_t count = 0;
+        for (const PoseCost& cost : costs_)
+            for (const SurfaceTerm& term : cost.terms())
+                if (term.radius_gradient < 0 && std::abs(term.residual) < 3 * robust_m_)
+                    sum += term.residual * term.residual, ++count;
+        return count > 0 ? std::sqrt(sum / static_cast<double>(count)) : 0;
+    }
+
+  private:
+    double linearise(const BodyShape& shape, const std::vector<BodyPosture>& postures) {
+        const BodyModel model(shape);
+        oneapi::tbb::parallel_for(std::size_t{0}, frames_.size(), [&](std::size_t n) {
+            costs_[n].linearise(model, postures[n], frames_[n]->views, nullptr, robust_m_, systems_[n].pose);
+            add_shape(rates_, model, costs_[n], systems_[n]);
+        });
+        usual_.setZero();
+        usual_gradient_.setZero();
+        // Many frames err alike: the surface is only nearly a body's. Together they count as a few.
+        const double share = std::min(1.0, options_.independent_frames / static_cast<double>(frames_.size()));
+        share_ = share;
+        double cost = add_usual(shape, options_, usual_, usual_gradient_);
+        for (const FrameSystem& system : systems_) cost += share * system.pose.cost;
+        return cost;
+    }
+
+    void step(double damping, BodyShape& shape, std::vector<BodyPosture>& postures) {
+        oneapi::tbb::parallel_for(std::size_t{0}, frames_.size(), [&](std::size_t n) {
+            PoseMatrix damped = systems_[n].pose.hessian;
+            damped.diagonal() += damping * systems_[n].pose.hessian.diagonal();
+            damped.diagonal().array() += 1;
+            systems_[n].factor.compute(damped);
+        });
+        ShapeMatrix hessian = usual_;
+        ShapeVector gradient = usual_gradient_;
+        for (const FrameSystem& s : systems_) {
+            hessian += share_ * (s.shape - s.mixed.transpose() * s.factor.solve(s.mixed));
+            gradient += share_ * (s.shape_gradient - s.mixed.transpose() * s.factor.solve(s.pose.gradient));
+        }
+        hessian.diagonal() *= 1 + damping;
+        const ShapeVector change = hessian.ldlt().solve(-gradient);
+        for (int k = 0; k < kBodyLengthCount; ++k) shape.lengths_m[k] = std::max(0.004, shape.lengths_m[k] + change(k));
+        shape.stature_m = std::clamp(shape.stature_m + change(kStature), 0.6, 2.4);
+        for (std::size_t n = 0; n < postures.size(); ++n) {
+            PoseVector d = systems_[n].factor.solve(-(systems_[n].pose.gradient + systems_[n].mixed * change));
+            const double largest = d.tail<kBodyDofCount - 3>().cwiseAbs().maxCoeff();
+            if (largest > 0.4) d *= 0.4 / largest;
+            postures[n] = stepped(postures[n], std::span<const double, kBodyDofCount>(d.data(), kBodyDofCount));
+        }
+    }
+
+    std::span<const PoseObservation* const> frames_;
+    std::vector<BodyPosture> postures_;
+    BodyShape shape_;
+    BodyFitOptions options_;
+    ShapeRates rates_;
+    double robust_m_ = 0, share_ = 1;
+    std::vector<PoseCost> costs_;
+    std::vector<FrameSystem> systems_;
+    ShapeMatrix usual_;
+    ShapeVector usual_gradient_;
+};
+
+}  // namespace
+
+absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
+                                 std::span<const PoseObservation> frames, const BodyShape& start,
+                                 const PoseStageOptions& posing, const BodyFitOptions& options) {
+    BodyShape shape = start;
+    BodyFit fit;
+    for (int round = 0; round < options.rounds; ++round) {
+        PoseStageOptions stage_options = posing;
+        stage_options.body = shape;
+        stage_options.filtered = false;
+        PoseStage stage(cameras, fps, stage_options);
+        std::vector<const PoseObservation*> used;
+        std::vector<BodyPosture> postures;
+        for (const PoseObservation& frame : frames) {
+            if (!stage.process(0, 0, frame, {}) || !stage.tracked()) continue;
+            used.push_back(&frame);
+            postures.push_back(stage.tracked()->fit.posture);
+        }
+        if (used.empty())
+            return absl::FailedPreconditionError(fmt::format(
+                "no person's pose was found in {} frame sets; fit the body where one person stands free", frames.size()));
+        // Evenly over time.
+        const std::size_t most = static_cast<std::size_t>(options.most_frames);
+        if (used.size() > most) {
+            for (std::size_t n = 0; n < most; ++n) {
+                used[n] = used[n * used.size() / most];
+                postures[n] = postures[n * postures.size() / most];
+            }
+            used.resize(most), postures.resize(most);
+        }
+        JointFit joint(used, std::move(postures), shape, posing, options);
+        joint.descend(2 * posing.tracker.fit.narrow_m, options.steps);
+        joint.descend(posing.tracker.fit.narrow_m, options.steps);
+        shape = joint.shape();
+        fit.contour_rms_m = joint.rms_m();
+        fit.frames = static_cast<int>(used.size());
+    }
+    fit.shape = shape;
+    return fit;
+}
+
+}  // namespace kinevox

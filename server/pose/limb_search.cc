@@ -1,0 +1,128 @@
+#include "server/pose/limb_search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace kinevox {
+namespace {
+
+constexpr int kDirections = 64;             // over the whole sphere; what a joint cannot reach is left out
+constexpr int kTwists = 6;
+constexpr double kBends[] = {0.2, 1.1, 2.0};  // of elbow and knee, rad
+constexpr double kStraight = 0.3;           // below it a twist changes little
+constexpr double kClearlyBetter = 0.995;
+
+struct LimbSegments {
+    int upper, lower, end;
+    bool arm, left;
+};
+LimbSegments segments_of(Limb limb) {
+    switch (limb) {
+        case Limb::kArmL: return {kUpperArmL, kForearmL, kHandL, true, true};
+        case Limb::kArmR: return {kUpperArmR, kForearmR, kHandR, true, false};
+        case Limb::kLegL: return {kThighL, kShankL, kFootL, false, true};
+        case Limb::kLegR: break;
+    }
+    return {kThighR, kShankR, kFootR, false, false};
+}
+
+// Evenly over the sphere (a Fibonacci lattice).
+Vec3 direction(int k) {
+    const double z = 1 - (2 * k + 1.0) / kDirections, r = std::sqrt(1 - z * z);
+    const double turn = k * std::numbers::pi * (3 - std::sqrt(5.0));
+    return {r * std::cos(turn), r * std::sin(turn), z};
+}
+
+bool reachable(const LimbSegments& limb, Vec3 u) {
+    const double outwards = limb.left ? u.y : -u.y;
+    if (limb.arm) return u.x > -0.75 && outwards > -0.6 && !(u.z > 0.3 && u.x < -0.5);
+    return u.z < 0.45 && u.x > -0.6 && outwards > -0.4 && outwards < 0.85;
+}
+
+// Hanging limb to a direction, by the shortest way, after a twist about its own axis.
+Mat3 towards(Vec3 u, double twist) {
+    const Vec3 down{0, 0, -1};
+    const Vec3 axis = cross(down, u);
+    const double sine = norm(axis), angle = std::atan2(sine, dot(down, u));
+    const Mat3 swing = sine < 1e-9 ? (angle < 1 ? Mat3{} : rotation_x(std::numbers::pi))
+                                   : rotation_from_rodrigues((angle / sine) * axis);
+    return swing * rotation_z(twist);
+}
+
+double kernel(double residual, double robust_m) {
+    const double r2 = residual * residual;
+    return r2 / (1 + r2 / (robust_m * robust_m));
+}
+
+}  // namespace
+
+double LimbSearch::cost(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> capsules, double robust_m) {
+    double sum = 0;
+    for (std::size_t c = 0; c < views.size(); ++c) {
+        const SilhouetteRays& view = views[c];
+        if (!view.camera) continue;
+        nearest_capsules(view.contour, capsules, distance_, which_);
+        for (std::size_t i = 0; i < distance_.size(); ++i)
+            sum += kernel(std::min(distance_[i], rest_distance_[c][i]), robust_m);
+        for (const BodyCapsule& capsule : capsules)
+            for (const double along : {0.2, 0.8}) {
+                const Vec3 a{capsule.a[0], capsule.a[1], capsule.a[2]}, b{capsule.b[0], capsule.b[1], capsule.b[2]};
+                const Vec3 p = (1 - along) * a + along * b;
+                const auto pixel = view.camera->project(p);
+                double depth_px;
+                Vec2 slope;
+                if (!pixel || !view.distance.at(*pixel, depth_px, slope)) continue;
+                const double m_per_px = 2 * (view.camera->camera_from_world * p).z / (view.camera->fx + view.camera->fy);
+                const double out = (1 - along) * capsule.radius_a + along * capsule.radius_b - depth_px * m_per_px;
+                if (out > 0) sum += 2 * kernel(out, robust_m);
+            }
+    }
+    return sum;
+}
+
+std::optional<BodyPosture> LimbSearch::improve(const BodyModel& model, const BodyPosture& posture,
+                                               std::span<const SilhouetteRays> views, Limb which, double robust_m) {
+    const LimbSegments limb = segments_of(which);
+    const auto belongs = [&](int segment) {
+        return segment == limb.upper || segment == limb.lower || segment == limb.end;
+    };
+    std::vector<BodyCapsule> rest;
+    const auto split = [&](const BodyPosture& at, std::vector<BodyCapsule>* others) {
+        model.capsules(model.forward(at), capsules_);
+        if (others)
+            std::copy_if(capsules_.begin(), capsules_.end(), std::back_inserter(*others),
+                         [&](const BodyCapsule& c) { return !belongs(c.segment); });
+        std::erase_if(capsules_, [&](const BodyCapsule& c) { return !belongs(c.segment); });
+    };
+    split(posture, &rest);
+    rest_distance_.resize(views.size());
+    for (std::size_t c = 0; c < views.size(); ++c)
+        if (views[c].camera) nearest_capsules(views[c].contour, rest, rest_distance_[c], which_);
+
+    const double now = cost(views, capsules_, robust_m);
+    double best = kClearlyBetter * now;
+    std::optional<BodyPosture> found;
+    BodyPosture trial = posture;
+    trial.parent_from_segment[limb.end] = Mat3{};
+    for (int k = 0; k < kDirections; ++k) {
+        const Vec3 u = direction(k);
+        if (!reachable(limb, u)) continue;
+        for (const double bend : kBends) {
+            // A thigh turns little about its axis; an upper arm's forearm may point anywhere about it.
+            const int twists = bend < kStraight || !limb.arm ? 1 : kTwists;
+            trial.parent_from_segment[limb.lower] = rotation_from_rodrigues(bend * hinge_axis(limb.lower));
+            for (int t = 0; t < twists; ++t) {
+                trial.parent_from_segment[limb.upper] = towards(u, 2 * std::numbers::pi * t / kTwists);
+                split(trial, nullptr);
+                const double there = cost(views, capsules_, robust_m);
+                if (there >= best) continue;
+                best = there;
+                found = trial;
+            }
+        }
+    }
+    return found;
+}
+
+}  // namespace kinevox

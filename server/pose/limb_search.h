@@ -1,0 +1,35 @@
+// Finds an arm or a leg that the descent cannot reach: tries many settings of one limb while the rest of the body stays.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "server/pose/body_model.h"
+#include "server/pose/ray_capsule.h"
+#include "server/pose/silhouette_rays.h"
+
+namespace kinevox {
+
+enum class Limb { kArmL, kArmR, kLegL, kLegR };
+inline constexpr std::array<Limb, 4> kLimbs{Limb::kArmL, Limb::kArmR, Limb::kLegL, Limb::kLegR};
+
+// Not thread safe; keeps its memory.
+class LimbSearch {
+  public:
+    // The posture with the limb set as explains the silhouettes best, or nothing if none does clearly better than the
+    // one it has. `robust_m` as in PoseCost.
+    std::optional<BodyPosture> improve(const BodyModel& model, const BodyPosture& posture,
+                                       std::span<const SilhouetteRays> views, Limb limb, double robust_m);
+
+  private:
+    double cost(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> capsules, double robust_m);
+
+    std::vector<std::vector<float>> rest_distance_;   // per camera and ray: of the body without the limb
+    std::vector<float> distance_;
+    std::vector<int> which_;
+    std::vector<BodyCapsule> capsules_;
+};
+
+}  // namespace kinevox
