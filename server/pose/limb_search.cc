@@ -10,8 +10,11 @@ namespace {
 constexpr int kDirections = 64;             // over the whole sphere; what a joint cannot reach is left out
 constexpr int kTwists = 6;
 constexpr double kBends[] = {0.2, 1.1, 2.0};  // of elbow and knee, rad
+constexpr double kFineBends[] = {0.2, 0.7, 1.2, 1.7, 2.2};
+constexpr int kFineTwists = 8;
+constexpr std::size_t kRayStep = 3;         // every so many rays are enough to choose by
 constexpr double kStraight = 0.3;           // below it a twist changes little
-constexpr double kClearlyBetter = 0.995;
+constexpr double kRaysGained = 1.5;         // thinned rays that must be explained besides
 
 struct LimbSegments {
     int upper, lower, end;
@@ -57,12 +60,29 @@ double kernel(double residual, double robust_m) {
 
 }  // namespace
 
+void LimbSearch::thin_out(std::span<const SilhouetteRays> views) {
+    rays_.resize(views.size());
+    for (std::size_t c = 0; c < views.size(); ++c) {
+        const ContourRays& all = views[c].contour;
+        ContourRays& some = rays_[c];
+        some.origin_in_world = all.origin_in_world;
+        for (int axis = 0; axis < 3; ++axis) {
+            some.direction[axis].clear(), some.outward[axis].clear();
+            if (!views[c].camera) continue;
+            for (std::size_t i = 0; i < all.size(); i += kRayStep) {
+                some.direction[axis].push_back(all.direction[axis][i]);
+                some.outward[axis].push_back(all.outward[axis][i]);
+            }
+        }
+    }
+}
+
 double LimbSearch::cost(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> capsules, double robust_m) {
     double sum = 0;
     for (std::size_t c = 0; c < views.size(); ++c) {
         const SilhouetteRays& view = views[c];
         if (!view.camera) continue;
-        nearest_capsules(view.contour, capsules, distance_, which_);
+        nearest_capsules(rays_[c], capsules, distance_, which_);
         for (std::size_t i = 0; i < distance_.size(); ++i)
             sum += kernel(std::min(distance_[i], rest_distance_[c][i]), robust_m);
         for (const BodyCapsule& capsule : capsules)
@@ -75,14 +95,15 @@ double LimbSearch::cost(std::span<const SilhouetteRays> views, std::span<const B
                 if (!pixel || !view.distance.at(*pixel, depth_px, slope)) continue;
                 const double m_per_px = 2 * (view.camera->camera_from_world * p).z / (view.camera->fx + view.camera->fy);
                 const double out = (1 - along) * capsule.radius_a + along * capsule.radius_b - depth_px * m_per_px;
-                if (out > 0) sum += 2 * kernel(out, robust_m);
+                if (out > 0) sum += kernel(out, robust_m);
             }
     }
     return sum;
 }
 
 std::optional<BodyPosture> LimbSearch::improve(const BodyModel& model, const BodyPosture& posture,
-                                               std::span<const SilhouetteRays> views, Limb which, double robust_m) {
+                                               std::span<const SilhouetteRays> views, Limb which, LimbReach reach,
+                                               double robust_m) {
     const LimbSegments limb = segments_of(which);
     const auto belongs = [&](int segment) {
         return segment == limb.upper || segment == limb.lower || segment == limb.end;
@@ -96,31 +117,38 @@ std::optional<BodyPosture> LimbSearch::improve(const BodyModel& model, const Bod
         std::erase_if(capsules_, [&](const BodyCapsule& c) { return !belongs(c.segment); });
     };
     split(posture, &rest);
+    thin_out(views);
     rest_distance_.resize(views.size());
     for (std::size_t c = 0; c < views.size(); ++c)
-        if (views[c].camera) nearest_capsules(views[c].contour, rest, rest_distance_[c], which_);
+        if (views[c].camera) nearest_capsules(rays_[c], rest, rest_distance_[c], which_);
 
     const double now = cost(views, capsules_, robust_m);
-    double best = kClearlyBetter * now;
+    double best = now - kRaysGained * robust_m * robust_m;
     std::optional<BodyPosture> found;
     BodyPosture trial = posture;
     trial.parent_from_segment[limb.end] = Mat3{};
+    const auto try_twists = [&](Vec3 u, double bend, int twists, int of) {
+        trial.parent_from_segment[limb.lower] = rotation_from_rodrigues(bend * hinge_axis(limb.lower));
+        for (int t = 0; t < twists; ++t) {
+            const double twist = 2 * std::numbers::pi * (limb.arm ? t : t - (twists - 1) / 2.0) / of;
+            trial.parent_from_segment[limb.upper] = towards(u, twist);
+            split(trial, nullptr);
+            const double there = cost(views, capsules_, robust_m);
+            if (there >= best) continue;
+            best = there;
+            found = trial;
+        }
+    };
+    if (reach == LimbReach::kLower) {
+        const Vec3 u = posture.parent_from_segment[limb.upper] * Vec3{0, 0, -1};
+        for (const double bend : kFineBends) try_twists(u, bend, limb.arm ? kFineTwists : 3, limb.arm ? kFineTwists : 12);
+        return found;
+    }
     for (int k = 0; k < kDirections; ++k) {
         const Vec3 u = direction(k);
         if (!reachable(limb, u)) continue;
-        for (const double bend : kBends) {
-            // A thigh turns little about its axis; an upper arm's forearm may point anywhere about it.
-            const int twists = bend < kStraight || !limb.arm ? 1 : kTwists;
-            trial.parent_from_segment[limb.lower] = rotation_from_rodrigues(bend * hinge_axis(limb.lower));
-            for (int t = 0; t < twists; ++t) {
-                trial.parent_from_segment[limb.upper] = towards(u, 2 * std::numbers::pi * t / kTwists);
-                split(trial, nullptr);
-                const double there = cost(views, capsules_, robust_m);
-                if (there >= best) continue;
-                best = there;
-                found = trial;
-            }
-        }
+        // A thigh turns little about its axis; an upper arm's forearm may point anywhere about it.
+        for (const double bend : kBends) try_twists(u, bend, bend < kStraight || !limb.arm ? 1 : kTwists, kTwists);
     }
     return found;
 }

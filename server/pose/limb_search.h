@@ -12,6 +12,9 @@
 
 namespace kinevox {
 
+// kWhole: any direction of the limb. kLower: the upper arm or thigh keeps its direction and only turns about its axis,
+// and elbow or knee bend: cheap enough for every frame set.
+enum class LimbReach { kWhole, kLower };
 enum class Limb { kArmL, kArmR, kLegL, kLegR };
 inline constexpr std::array<Limb, 4> kLimbs{Limb::kArmL, Limb::kArmR, Limb::kLegL, Limb::kLegR};
 
@@ -21,11 +24,14 @@ class LimbSearch {
     // The posture with the limb set as explains the silhouettes best, or nothing if none does clearly better than the
     // one it has. `robust_m` as in PoseCost.
     std::optional<BodyPosture> improve(const BodyModel& model, const BodyPosture& posture,
-                                       std::span<const SilhouetteRays> views, Limb limb, double robust_m);
+                                       std::span<const SilhouetteRays> views, Limb limb, LimbReach reach,
+                                       double robust_m);
 
   private:
     double cost(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> capsules, double robust_m);
+    void thin_out(std::span<const SilhouetteRays> views);
 
+    std::vector<ContourRays> rays_;                   // per camera, every few of its rays
     std::vector<std::vector<float>> rest_distance_;   // per camera and ray: of the body without the limb
     std::vector<float> distance_;
     std::vector<int> which_;

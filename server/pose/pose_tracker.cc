@@ -15,6 +15,7 @@ namespace {
 constexpr double kRateMemory = 0.6;      // of the old rate in the new one's estimate
 constexpr double kCostMemory = 0.85;
 constexpr double kPredictionDamping = 0.9;
+constexpr double kBetter = 2;            // in cost, that moving a limb must gain: about two contour rays
 constexpr double kSame_m = 0.06;         // hypotheses whose joints lie nearer on average are one
 
 double mean_joint_distance(const PosedBody& a, const PosedBody& b) {
@@ -66,19 +67,20 @@ void PoseTracker::begin(std::span<const SilhouetteRays> views, Vec3 centre,
     choose();
     for (Hypothesis& h : hypotheses_) {
         for (int round = 0; round < 2; ++round)
-            for (const Limb limb : kLimbs) search_limb(h, views, limb);
+            for (const Limb limb : kLimbs) search_limb(h, views, limb, LimbReach::kWhole);
         h.cost = h.fit.at.cost;
     }
     choose();
 }
 
 // A limb may be where the descent does not find it; what is found stays only if the whole body fits better with it.
-void PoseTracker::search_limb(Hypothesis& h, std::span<const SilhouetteRays> views, Limb limb) {
-    const auto moved = limbs_.improve(*model_, h.posture, views, limb, 2 * options_.fit.narrow_m);
+void PoseTracker::search_limb(Hypothesis& h, std::span<const SilhouetteRays> views, Limb limb,
+                              LimbReach reach) {
+    const auto moved = limbs_.improve(*model_, h.posture, views, limb, reach, 2 * options_.fit.narrow_m);
     if (!moved) return;
     PoseFit fit = fitter_.fit(*model_, views, *moved, nullptr, true);
     const PoseFit stayed = fitter_.fit(*model_, views, h.posture, nullptr, false);
-    if (fit.at.cost >= stayed.at.cost) return;
+    if (fit.at.cost + kBetter >= stayed.at.cost) return;
     h.fit = std::move(fit);
     h.posture = h.fit.posture;
     h.rate = {};
@@ -140,10 +142,9 @@ std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::spa
         lost_s_ = 0;
     } else {
         for (Hypothesis& h : hypotheses_) follow(h, views, seconds);
-        if (hypotheses_.front().fit.explained < options_.search_below) {
-            search_limb(hypotheses_.front(), views, kLimbs[next_limb_]);
-            next_limb_ = (next_limb_ + 1) % static_cast<int>(kLimbs.size());
-        }
+        const bool poor = hypotheses_.front().fit.explained < options_.search_below;
+        search_limb(hypotheses_.front(), views, kLimbs[next_limb_], poor ? LimbReach::kWhole : LimbReach::kLower);
+        next_limb_ = (next_limb_ + 1) % static_cast<int>(kLimbs.size());
         choose();
     }
     last_time_ns_ = time_ns;

@@ -51,7 +51,7 @@ class PoseTracker {
 
     void begin(std::span<const SilhouetteRays> views, Vec3 centre, std::span<const PoseCandidate> candidates);
     void follow(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, double seconds);
-    void search_limb(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Limb limb);
+    void search_limb(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Limb limb, LimbReach reach);
     void choose();
 
     double fps_;
