@@ -224,7 +224,7 @@ class JointFit {
 }  // namespace
 
 absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
-                                 std::span<const PoseObservation> frames, const BodyShape& start,
+                                 std::span<const PoseObservation* const> frames, const BodyShape& start,
                                  const PoseStageOptions& posing, const BodyFitOptions& options) {
     BodyShape shape = start;
     BodyFit fit;
@@ -235,9 +235,9 @@ absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
         PoseStage stage(cameras, fps, stage_options);
         std::vector<const PoseObservation*> used;
         std::vector<BodyPosture> postures;
-        for (const PoseObservation& frame : frames) {
-            if (!stage.process(0, 0, frame, {}) || !stage.tracked()) continue;
-            used.push_back(&frame);
+        for (const PoseObservation* frame : frames) {
+            if (!stage.process(0, 0, frame->time_ns, *frame, {}) || !stage.tracked()) continue;
+            used.push_back(frame);
             postures.push_back(stage.tracked()->fit.posture);
         }
         if (used.empty())

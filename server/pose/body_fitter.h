@@ -23,7 +23,7 @@ struct BodyFit {
 // postures are moved together, lengths held by what is usual for a stature (BodyLengthInfo). FailedPrecondition where
 // no body is found in them.
 absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
-                                 std::span<const PoseObservation> frames, const BodyShape& start,
+                                 std::span<const PoseObservation* const> frames, const BodyShape& start,
                                  const PoseStageOptions& posing, const BodyFitOptions& options = {});
 
 }  // namespace kinevox

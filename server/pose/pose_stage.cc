@@ -52,13 +52,13 @@ std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint
         oneapi::tbb::simple_partitioner());
     std::vector<PoseCandidate> candidates;
     if (proposer_ && !tracker_.tracking()) candidates = proposer_->propose(views, centre, options_.candidates);
-    return process(subject_id, sequence, observation_, candidates);
+    return process(subject_id, sequence, time_ns, observation_, candidates);
 }
 
-std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint64_t sequence,
+std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint64_t sequence, std::int64_t time_ns,
                                              const PoseObservation& seen,
                                              std::span<const PoseCandidate> candidates) {
-    tracked_ = tracker_.update(seen.time_ns, seen.views, seen.centre_in_world, candidates);
+    tracked_ = tracker_.update(time_ns, seen.views, seen.centre_in_world, candidates);
     if (!tracked_) {
         filter_.reset();
         last_.reset();
@@ -67,15 +67,16 @@ std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint
     auto pose = std::make_shared<BodyPose>();
     pose->subject_id = subject_id;
     pose->sequence = sequence;
-    pose->capture_time_ns = seen.time_ns;
+    pose->capture_time_ns = time_ns;
     pose->contour_rms_m = tracked_->fit.contour_rms_m;
     pose->filtered = options_.filtered;
     Linearisation data;
     judge_.linearise(tracker_.model(), tracked_->fit.posture, seen.views, nullptr, options_.tracker.fit.narrow_m, data);
+    data_cost_ = data.cost;
     judge_posture(tracker_.model(), tracked_->fit.posture, data, judge_.terms(), judge_.capsules(),
                   static_cast<int>(cameras_.size()), options_.estimate, *pose);
     const BodyPosture& measured = tracked_->fit.posture;
-    describe_posture(tracker_.model(), options_.filtered ? filter_.filter(measured, seen.time_ns) : measured, *pose);
+    describe_posture(tracker_.model(), options_.filtered ? filter_.filter(measured, time_ns) : measured, *pose);
     if (last_) set_velocities(*last_, *pose);
     last_ = pose;
     return pose;

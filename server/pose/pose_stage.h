@@ -40,9 +40,12 @@ class PoseStage {
                                       std::span<const PoseView> views, Vec3 centre_in_world);
     // What process() saw last.
     const PoseObservation& observation() const { return observation_; }
-    // The same from an observation.
-    std::shared_ptr<BodyPose> process(std::uint32_t subject_id, std::uint64_t sequence,
+    // The same from an observation; time as the caller tells it, since recordings may be followed backwards.
+    std::shared_ptr<BodyPose> process(std::uint32_t subject_id, std::uint64_t sequence, std::int64_t time_ns,
                                       const PoseObservation& observation, std::span<const PoseCandidate> candidates);
+    // How badly the silhouettes are explained by the last posture, without any motion prior; for comparing postures of
+    // one frame set.
+    double data_cost() const { return data_cost_; }
     // Of the last frame set, not filtered.
     const std::optional<TrackedPosture>& tracked() const { return tracked_; }
 
@@ -57,6 +60,7 @@ class PoseStage {
     PoseProposer* proposer_ = nullptr;
     PoseObservation observation_;
     std::optional<TrackedPosture> tracked_;
+    double data_cost_ = 0;
     std::shared_ptr<const BodyPose> last_;
 };
 

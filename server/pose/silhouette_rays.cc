@@ -46,9 +46,16 @@ Vec2 outward_normal(const std::uint8_t* mask, int width, int height, BorderPoint
     return {sx / length, sy / length};
 }
 
+// Working memory of a distance map.
+struct Scratch {
+    std::vector<float> inside, squared, line, from;
+    std::vector<int> parabola;
+};
+
 // Squared Euclidean distances along one line, in place (Felzenszwalb & Huttenlocher 2012).
-void transform_line(float* f, int n, std::ptrdiff_t stride, std::vector<float>& line, std::vector<int>& v,
-                    std::vector<float>& z) {
+void transform_line(float* f, int n, std::ptrdiff_t stride, Scratch& scratch) {
+    std::vector<float>&line = scratch.line, &z = scratch.from;
+    std::vector<int>& v = scratch.parabola;
     line.resize(n), v.resize(n), z.resize(n + 1);
     for (int q = 0; q < n; ++q) line[q] = f[q * stride];
     int k = 0;
@@ -91,7 +98,8 @@ void SilhouetteDistance::build(const std::uint8_t* mask, int width, int height, 
     constexpr float kFar = 1e8f;
     distance_.resize(cells);
     // A cell is inside where half of it is.
-    std::vector<float>& inside = line_;
+    thread_local Scratch scratch;
+    std::vector<float>&inside = scratch.inside, &squared = scratch.squared;
     inside.resize(cells);
     for (int r = 0; r < rows_; ++r)
         for (int c = 0; c < columns_; ++c) {
@@ -102,19 +110,17 @@ void SilhouetteDistance::build(const std::uint8_t* mask, int width, int height, 
             }
             inside[static_cast<std::size_t>(r) * columns_ + c] = 2 * set >= cell_ * cell_ ? 1.f : 0.f;
         }
-    std::vector<float> line;
     for (const bool to_inside : {true, false}) {
-        squared_.resize(cells);
-        for (std::size_t k = 0; k < cells; ++k) squared_[k] = (inside[k] > 0) == to_inside ? 0.f : kFar;
+        squared.resize(cells);
+        for (std::size_t k = 0; k < cells; ++k) squared[k] = (inside[k] > 0) == to_inside ? 0.f : kFar;
         for (int c = 0; c < columns_; ++c)
-            transform_line(squared_.data() + c, rows_, columns_, line, parabola_, parabola_at_);
+            transform_line(squared.data() + c, rows_, columns_, scratch);
         for (int r = 0; r < rows_; ++r)
-            transform_line(squared_.data() + static_cast<std::ptrdiff_t>(r) * columns_, columns_, 1, line, parabola_,
-                           parabola_at_);
+            transform_line(squared.data() + static_cast<std::ptrdiff_t>(r) * columns_, columns_, 1, scratch);
         for (std::size_t k = 0; k < cells; ++k) {
             if ((inside[k] > 0) == to_inside) continue;
             // The border lies half a cell before the nearest cell of the other kind.
-            const float d = (std::sqrt(squared_[k]) - 0.5f) * static_cast<float>(cell_);
+            const float d = (std::sqrt(squared[k]) - 0.5f) * static_cast<float>(cell_);
             distance_[k] = to_inside ? -d : d;
         }
     }

@@ -31,8 +31,6 @@ class SilhouetteDistance {
     int picture_width_ = 0, picture_height_ = 0;
     int x0_ = 0, y0_ = 0, cell_ = 1, columns_ = 0, rows_ = 0;
     std::vector<float> distance_;
-    std::vector<float> squared_, line_, parabola_at_;   // of build()
-    std::vector<int> parabola_;
 };
 
 struct SilhouetteRays {

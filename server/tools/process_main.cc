@@ -42,6 +42,9 @@ void declare(CLI::App& app, Arguments& arguments, std::string& device, std::vect
         ->capture_default_str();
     app.add_flag("--no-colouring", arguments.no_colouring, "Stop at the hull: no carving by colour, no colours");
     app.add_flag("--no-pose", arguments.no_pose, "Stop at the volume: no joints, no angles");
+    app.add_option("--tpose", options.tpose_file,
+                   "Session of the same person in a T-pose, for the body's size; without it the first seconds of "
+                   "movement tell it");
     app.add_option("--smooth-hz", options.poses.cutoff_hz, "Cutoff of the poses' zero-phase low pass; 0: none")
         ->check(CLI::Range(0.0, 1000.0))
         ->capture_default_str();

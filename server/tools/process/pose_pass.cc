@@ -1,25 +1,67 @@
 #include "server/tools/process/pose_pass.h"
 
+#include <algorithm>
 #include <utility>
 
+#include "server/pose/body_fitter.h"
 #include "server/pose/pose_stage.h"
+#include "server/pose/retrack.h"
 
 namespace kinevox {
 
-void PosePass::add(const FrameResult& result, const PoseStage& stage) {
+PosePass::PosePass(std::vector<Camera> cameras, double fps, const PoseStageOptions& posing,
+                   const PosePassOptions& options)
+    : cameras_(std::move(cameras)), fps_(fps), posing_(posing), options_(options) {}
+PosePass::~PosePass() = default;
+
+void PosePass::add(const FrameResult& result, PoseStage& stage) {
     Frame frame;
     frame.row.frame = result.sequence;
     frame.row.time_s = 1e-9 * static_cast<double>(result.capture_time_ns);
     frame.row.pose = result.pose;
+    if (result.subject) frame.subject_id = result.subject->subject_id;
     if (result.pose && stage.tracked()) frame.posture = stage.tracked()->fit.posture;
+    if (!settled_ && result.subject && result.volume)
+        frame.seen = std::make_unique<PoseObservation>(stage.observation());
     frames_.push_back(std::move(frame));
+    if (!settled_ && frames_.size() >= options_.most_kept) settle(stage);
 }
 
-std::vector<PoseRow> PosePass::finish(const PoseStage& stage) {
+// Fits the body, follows what was kept with it, and leaves it to the pipeline for what is to come.
+void PosePass::settle(PoseStage& stage) {
+    settled_ = true;
+    body_ = stage.body();
+    if (options_.fit_body) {
+        std::vector<const PoseObservation*> first;
+        const auto most = static_cast<std::size_t>(options_.body_seconds * fps_) + 1;
+        for (const Frame& frame : frames_)
+            if (frame.seen && first.size() < most) first.push_back(frame.seen.get());
+        const auto fit = fit_body(cameras_, fps_, first, stage.body(), posing_, options_.body);
+        if (!fit.ok()) {
+            body_.reset();
+            return;
+        }
+        body_ = fit->shape;
+    }
+    PoseStageOptions posing = posing_;
+    posing.body = *body_;
+    std::vector<RecordedView> views;
+    for (const Frame& frame : frames_) views.push_back({frame.subject_id, frame.row.frame, frame.seen.get()});
+    std::vector<RetrackedFrame> again = retrack(cameras_, fps_, views, posing);
+    for (std::size_t n = 0; n < frames_.size(); ++n) {
+        frames_[n].posture = again[n].posture;
+        frames_[n].row.pose = std::move(again[n].pose);
+        frames_[n].seen.reset();
+    }
+    stage.set_body(*body_);
+}
+
+std::vector<PoseRow> PosePass::finish(PoseStage& stage) {
+    if (!settled_) settle(stage);
     std::vector<std::optional<BodyPosture>> postures;
     for (const Frame& frame : frames_) postures.push_back(frame.posture);
     if (options_.cutoff_hz > 0) smooth_zero_phase(postures, fps_, options_.cutoff_hz);
-    const BodyModel model(stage.body());
+    const BodyModel model(body_.value_or(stage.body()));
     std::vector<PoseRow> rows;
     for (std::size_t n = 0; n < frames_.size(); ++n) {
         PoseRow row = frames_[n].row;

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cstdio>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -11,6 +12,7 @@
 #include "common/calibration_file.h"
 #include "common/toml_reader.h"
 #include "server/cameras/session_source.h"
+#include "server/pose/body_fitter.h"
 #include "server/pose/pose_stage.h"
 #include "server/tools/process/progress_bar.h"
 #include "server/tools/process/run_summary.h"
@@ -46,9 +48,43 @@ std::string run_toml(const ProcessOptions& options, double fps, std::int64_t fra
     return text;
 }
 
+// The body of the person in a session, fitted to all of its frame sets.
+absl::StatusOr<BodyShape> body_of_session(const std::filesystem::path& session_file, const ProcessOptions& options,
+                                          const std::atomic<bool>& stop) {
+    auto source = open_session_source(session_file);
+    if (!source.ok()) return source.status();
+    auto pipeline = Pipeline::create((*source)->cameras(), (*source)->fps(), options.pipeline);
+    if (!pipeline.ok()) return pipeline.status();
+    if (absl::Status learned = learn_background(**source, **pipeline, session_file); !learned.ok()) return learned;
+    std::vector<std::unique_ptr<PoseObservation>> frames;
+    const auto most = static_cast<std::size_t>(options.poses.body_seconds * (*source)->fps()) + 1;
+    while (frames.size() < most && !stop) {
+        auto frame_set = (*source)->next();
+        if (absl::IsOutOfRange(frame_set.status())) break;
+        if (!frame_set.ok()) return frame_set.status();
+        auto result = (*pipeline)->process(std::move(*frame_set));
+        if (!result.ok()) return result.status();
+        if ((*result)->subject && (*result)->volume)
+            frames.push_back(std::make_unique<PoseObservation>((*pipeline)->pose_stage()->observation()));
+    }
+    std::vector<const PoseObservation*> seen;
+    for (const auto& frame : frames) seen.push_back(frame.get());
+    const auto fit = fit_body((*source)->cameras(), (*source)->fps(), seen, options.pipeline.posing.body,
+                              options.pipeline.posing, options.poses.body);
+    if (fit.ok()) return fit->shape;
+    return absl::FailedPreconditionError(fmt::format("{}: {}", session_file.string(), std::string(fit.status().message())));
+}
+
 }  // namespace
 
-absl::Status process_session(const ProcessOptions& options, const std::atomic<bool>& stop) {
+absl::Status process_session(const ProcessOptions& asked, const std::atomic<bool>& stop) {
+    ProcessOptions options = asked;
+    if (!options.tpose_file.empty() && options.pipeline.pose) {
+        auto body = body_of_session(options.tpose_file, options, stop);
+        if (!body.ok()) return body.status();
+        options.pipeline.posing.body = *body;
+        options.poses.fit_body = false;
+    }
     SessionSourceOptions source_options;
     source_options.decode_in_bursts = options.decode_in_bursts;
     auto source = open_session_source(options.session_file, source_options);
@@ -63,7 +99,7 @@ absl::Status process_session(const ProcessOptions& options, const std::atomic<bo
         return learned;
 
     PoseStage* const pose_stage = (*pipeline)->pose_stage();
-    PosePass poses((*source)->fps(), options.poses);
+    PosePass poses((*source)->cameras(), (*source)->fps(), options.pipeline.posing, options.poses);
     RunSummary summary;
     const Clock::time_point start = Clock::now();
     {
@@ -92,7 +128,7 @@ absl::Status process_session(const ProcessOptions& options, const std::atomic<bo
     (*writer)->add_table({"calibration.toml", calibration_toml((*source)->cameras())});
     if (pose_stage) {
         for (Table& table : pose_tables(poses.finish(*pose_stage))) (*writer)->add_table(std::move(table));
-        (*writer)->add_table({"body.toml", body_shape_toml(pose_stage->body())});
+        if (poses.body()) (*writer)->add_table({"body.toml", body_shape_toml(*poses.body())});
     }
     if (absl::Status finished = (*writer)->finish(); !finished.ok()) return finished;
     if (!options.quiet) {

@@ -14,6 +14,7 @@ namespace kinevox {
 
 struct ProcessOptions {
     std::filesystem::path session_file, out_folder;
+    std::filesystem::path tpose_file;   // session of the same person in a T-pose, for the body; empty: from the movement
     PipelineOptions pipeline;
     ResultWriterOptions writer;
     PosePassOptions poses;
