@@ -214,7 +214,7 @@ void StagedPipeline::pose(FrameResult& result) {
     for (std::size_t c = 0; c < cameras_.size(); ++c) pose_views_[c].camera = &models_[c];
     for (const std::size_t c : view_camera_) pose_views_[c].silhouettes = &result.silhouettes[c];
     result.pose = pose_stage_->process(subject.subject_id, result.sequence, result.capture_time_ns, pose_views_,
-                                       subject.centre_in_world);
+                                       volume_, last_shape_, subject.centre_in_world);
 }
 
 absl::StatusOr<FrameResultPtr> StagedPipeline::process(FrameSet frame_set) {

@@ -71,6 +71,8 @@ struct PoseStageOptions {
     EstimateOptions estimate;
     OneEuroOptions filter;
     bool filtered = true;            // by the causal filter above; off for recordings, which are smoothed as a whole
+    // Part of a silhouette that may lie outside of the volume's main part; where it is more, the silhouette is cut there.
+    double most_outside_volume = 0.2;
     int candidates = 5;              // asked of the proposer where a body must be found
     BodyShape body = default_body_shape();
 
@@ -84,6 +86,9 @@ struct BodyFitOptions {
     int steps = 10;                   // each with a wide and a narrow kernel
     double independent_frames = 6;    // all frames together count as so many
     double stature_std_m = 0.12;      // around the mean adult
+    // Part of the contour that a pose must explain to be used: less than the tracker asks, since a clip of its own often
+    // has a poorer background.
+    double least_explained = 0.25;
 
     std::string check() const;
 };

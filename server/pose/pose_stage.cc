@@ -1,5 +1,7 @@
 #include "server/pose/pose_stage.h"
 
+#include <algorithm>
+
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/partitioner.h>
 
@@ -37,8 +39,41 @@ void PoseStage::reset() {
     last_.reset();
 }
 
+// Usually the coarse projection tells that all is well; the fine one is made only where a silhouette must be cut.
+void PoseStage::cut_views(const kernels::VoxelVolume& volume, const MainBody& body, std::vector<PoseView>& views) {
+    constexpr int kWide = 80, kNarrow = 300;   // parts of the picture's height by which the projections are widened
+    cut_.resize(cameras_.size());
+    cut_mask_.resize(cameras_.size());
+    std::vector<char> cluttered(views.size(), 0);
+    const auto each = [&](const auto& body_of) {
+        oneapi::tbb::parallel_for(std::size_t{0}, views.size(), body_of, oneapi::tbb::simple_partitioner());
+    };
+    each([&](std::size_t c) {
+        if (!views[c].silhouettes) return;
+        const int dilate_px = std::max(1, views[c].silhouettes->height / kWide);
+        cluttered[c] = part_outside(*views[c].silhouettes, body.volume, *views[c].camera, dilate_px, cut_mask_[c]) >
+                       options_.most_outside_volume;
+    });
+    if (std::none_of(cluttered.begin(), cluttered.end(), [](char c) { return c != 0; })) return;
+    const kernels::VoxelVolume fine = inside_of(volume, body.volume, kCoarser);
+    each([&](std::size_t c) {
+        if (!cluttered[c]) return;
+        const int dilate_px = std::max(1, views[c].silhouettes->height / kNarrow);
+        part_outside(*views[c].silhouettes, fine, *views[c].camera, dilate_px, cut_mask_[c]);
+        cut_to_mask(*views[c].silhouettes, cut_mask_[c], cut_[c]);
+        views[c].silhouettes = &cut_[c];
+    });
+}
+
 std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint64_t sequence, std::int64_t time_ns,
-                                             std::span<const PoseView> views, Vec3 centre) {
+                                             std::span<const PoseView> views,
+                                             const kernels::VoxelVolume& volume, const kernels::VoxelVolume& coarse,
+                                             Vec3 centre) {
+    std::vector<PoseView> shown(views.begin(), views.end());
+    if (const std::optional<MainBody> body = main_body(coarse)) {
+        centre = body->centre_in_world;
+        cut_views(volume, *body, shown);
+    }
     observation_.time_ns = time_ns;
     observation_.centre_in_world = centre;
     observation_.views.resize(cameras_.size());
@@ -46,12 +81,12 @@ std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint
         std::size_t{0}, cameras_.size(),
         [&](std::size_t c) {
             observation_.views[c].camera = nullptr;
-            if (c < views.size() && views[c].silhouettes)
-                read_silhouette(cameras_[c], *views[c].silhouettes, options_.tracker.rays, observation_.views[c]);
+            if (c >= shown.size() || !shown[c].silhouettes) return;
+            read_silhouette(cameras_[c], *shown[c].silhouettes, options_.tracker.rays, observation_.views[c]);
         },
         oneapi::tbb::simple_partitioner());
     std::vector<PoseCandidate> candidates;
-    if (proposer_ && !tracker_.tracking()) candidates = proposer_->propose(views, centre, options_.candidates);
+    if (proposer_ && !tracker_.tracking()) candidates = proposer_->propose(shown, centre, options_.candidates);
     return process(subject_id, sequence, time_ns, observation_, candidates);
 }
 

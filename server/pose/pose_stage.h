@@ -10,6 +10,7 @@
 #include "common/body_pose.h"
 #include "common/camera.h"
 #include "server/pose/body_shape.h"
+#include "server/pose/main_body.h"
 #include "server/pose/pose_candidate.h"
 #include "server/pose/pose_estimate.h"
 #include "server/pose/pose_options.h"
@@ -35,9 +36,12 @@ class PoseStage {
     // May be null; must outlive the stage. Asked when a body must be found.
     void set_proposer(PoseProposer* proposer) { proposer_ = proposer; }
 
-    // Views in the order of the cameras. Null where no body can be told.
+    // Views in the order of the cameras; the volume, and the same with `kCoarser` times the voxels (any of whose voxels
+    // is occupied). Null where no body can be told.
+    static constexpr int kCoarser = 4;
     std::shared_ptr<BodyPose> process(std::uint32_t subject_id, std::uint64_t sequence, std::int64_t time_ns,
-                                      std::span<const PoseView> views, Vec3 centre_in_world);
+                                      std::span<const PoseView> views, const kernels::VoxelVolume& volume,
+                                      const kernels::VoxelVolume& coarse, Vec3 centre_in_world);
     // What process() saw last.
     const PoseObservation& observation() const { return observation_; }
     // The same from an observation; time as the caller tells it, since recordings may be followed backwards.
@@ -52,12 +56,16 @@ class PoseStage {
     void reset();
 
   private:
+    void cut_views(const kernels::VoxelVolume& volume, const MainBody& body, std::vector<PoseView>& views);
+
     std::vector<Camera> cameras_;
     PoseStageOptions options_;
     PoseTracker tracker_;
     PoseCost judge_;
     OneEuroPosture filter_;
     PoseProposer* proposer_ = nullptr;
+    std::vector<kernels::Silhouettes> cut_;             // per camera
+    std::vector<std::vector<std::uint8_t>> cut_mask_;
     PoseObservation observation_;
     std::optional<TrackedPosture> tracked_;
     double data_cost_ = 0;

@@ -1,0 +1,150 @@
+#include "server/pose/main_body.h"
+
+#include <algorithm>
+#include <array>
+
+#include "kernels/projection.h"
+
+namespace kinevox {
+namespace {
+
+constexpr float kBelowFloor_m = 0.06f;
+
+}  // namespace
+
+std::optional<MainBody> main_body(const kernels::VoxelVolume& coarse) {
+    const kernels::Lattice& lattice = coarse.lattice;
+    const int nx = lattice.size[0], ny = lattice.size[1], nz = lattice.size[2];
+    const auto index = [&](int x, int y, int z) { return (static_cast<std::size_t>(z) * ny + y) * nx + x; };
+    std::vector<int> part(static_cast<std::size_t>(nx) * ny * nz, -1);   // -1 empty, 0 not visited, else its part
+    for (const kernels::Brick& brick : coarse.bricks)
+        for (int z = 0; z < kernels::kBrickEdge; ++z) {
+            const int k = kernels::kBrickEdge * brick.z + z;
+            if (lattice.origin[2] + (static_cast<float>(k) + 0.5f) * lattice.voxel_m < -kBelowFloor_m) continue;
+            for (int bit = 0; bit < 64; ++bit)
+                if (brick.occupancy[z] >> bit & 1)
+                    part[index(kernels::kBrickEdge * brick.x + bit % 8, kernels::kBrickEdge * brick.y + bit / 8, k)] = 0;
+        }
+    int parts = 0, largest = 0;
+    std::size_t most = 0;
+    std::vector<std::array<int, 3>> stack;
+    for (int z = 0; z < nz; ++z)
+        for (int y = 0; y < ny; ++y)
+            for (int x = 0; x < nx; ++x) {
+                if (part[index(x, y, z)] != 0) continue;
+                std::size_t size = 0;
+                part[index(x, y, z)] = ++parts;
+                stack.push_back({x, y, z});
+                while (!stack.empty()) {
+                    const auto at = stack.back();
+                    stack.pop_back();
+                    ++size;
+                    for (int side = 0; side < 6; ++side) {
+                        auto next = at;
+                        next[side / 2] += side % 2 == 0 ? -1 : 1;
+                        if (next[0] < 0 || next[1] < 0 || next[2] < 0 || next[0] >= nx || next[1] >= ny || next[2] >= nz)
+                            continue;
+                        int& there = part[index(next[0], next[1], next[2])];
+                        if (there != 0) continue;
+                        there = parts;
+                        stack.push_back(next);
+                    }
+                }
+                if (size > most) most = size, largest = parts;
+            }
+    if (most == 0) return std::nullopt;
+    MainBody body;
+    body.volume.lattice = lattice;
+    double sum[3] = {};
+    for (const kernels::Brick& brick : coarse.bricks) {
+        kernels::Brick kept = brick;
+        bool any = false;
+        for (int z = 0; z < kernels::kBrickEdge; ++z) {
+            kept.occupancy[z] = 0;
+            for (int bit = 0; bit < 64; ++bit) {
+                const int i = kernels::kBrickEdge * brick.x + bit % 8, j = kernels::kBrickEdge * brick.y + bit / 8,
+                          k = kernels::kBrickEdge * brick.z + z;
+                if (part[index(i, j, k)] != largest) continue;
+                kept.occupancy[z] |= std::uint64_t{1} << bit;
+                sum[0] += i, sum[1] += j, sum[2] += k;
+                any = true;
+            }
+        }
+        if (any) body.volume.bricks.push_back(kept);
+    }
+    const auto centre = [&](int axis) {
+        return lattice.origin[axis] + (sum[axis] / static_cast<double>(most) + 0.5) * lattice.voxel_m;
+    };
+    body.centre_in_world = {centre(0), centre(1), centre(2)};
+    return body;
+}
+
+kernels::VoxelVolume inside_of(const kernels::VoxelVolume& fine, const kernels::VoxelVolume& coarse, int factor) {
+    const int bricks_x = coarse.lattice.size[0] / kernels::kBrickEdge, bricks_y = coarse.lattice.size[1] / kernels::kBrickEdge,
+              bricks_z = coarse.lattice.size[2] / kernels::kBrickEdge;
+    std::vector<const kernels::Brick*> at(static_cast<std::size_t>(bricks_x) * bricks_y * bricks_z, nullptr);
+    for (const kernels::Brick& b : coarse.bricks) at[(static_cast<std::size_t>(b.z) * bricks_y + b.y) * bricks_x + b.x] = &b;
+    kernels::VoxelVolume out;
+    out.lattice = fine.lattice;
+    for (const kernels::Brick& brick : fine.bricks) {
+        kernels::Brick kept = brick;
+        std::uint64_t any = 0;
+        for (int z = 0; z < kernels::kBrickEdge; ++z) {
+            std::uint64_t keep = 0;
+            for (int bit = 0; bit < 64; ++bit) {
+                if (!(brick.occupancy[z] >> bit & 1)) continue;
+                const int i = (kernels::kBrickEdge * brick.x + bit % 8) / factor,
+                          j = (kernels::kBrickEdge * brick.y + bit / 8) / factor, k = (kernels::kBrickEdge * brick.z + z) / factor;
+                const int bx = i / kernels::kBrickEdge, by = j / kernels::kBrickEdge, bz = k / kernels::kBrickEdge;
+                if (bx >= bricks_x || by >= bricks_y || bz >= bricks_z) continue;
+                const kernels::Brick* b = at[(static_cast<std::size_t>(bz) * bricks_y + by) * bricks_x + bx];
+                if (b && b->occupancy[k % 8] >> (8 * (j % 8) + i % 8) & 1) keep |= std::uint64_t{1} << bit;
+            }
+            kept.occupancy[z] = keep;
+            any |= keep;
+        }
+        if (any) out.bricks.push_back(kept);
+    }
+    return out;
+}
+
+double part_outside(const kernels::Silhouettes& seen, const kernels::VoxelVolume& volume,
+                    const kernels::CameraModel& camera, int dilate_px, std::vector<std::uint8_t>& mask) {
+    if (seen.sharp_pixels <= 0 || seen.bounds.empty()) return 0;
+    mask.resize(static_cast<std::size_t>(seen.width) * seen.height);
+    const float still[3] = {0, 0, 0};
+    kernels::Rect covered;
+    kernels::project_volume(volume, camera, still, dilate_px, mask.data(), covered);
+    std::int64_t inside = 0;
+    for (int y = seen.bounds.y0; y < seen.bounds.y1; ++y) {
+        const std::size_t row = static_cast<std::size_t>(y) * seen.width;
+        for (int x = seen.bounds.x0; x < seen.bounds.x1; ++x) inside += seen.sharp[row + x] && mask[row + x];
+    }
+    return 1 - static_cast<double>(inside) / static_cast<double>(seen.sharp_pixels);
+}
+
+void cut_to_mask(const kernels::Silhouettes& seen, const std::vector<std::uint8_t>& mask, kernels::Silhouettes& out) {
+    out = seen;
+    out.sharp_pixels = 0;
+    out.bounds = {seen.width, seen.height, 0, 0};
+    double sum_x = 0, sum_y = 0;
+    for (int y = seen.bounds.y0; y < seen.bounds.y1; ++y) {
+        const std::size_t row = static_cast<std::size_t>(y) * seen.width;
+        for (int x = seen.bounds.x0; x < seen.bounds.x1; ++x) {
+            if (!mask[row + x]) out.sharp[row + x] = out.loose[row + x] = out.probability[row + x] = 0;
+            if (!out.sharp[row + x]) continue;
+            ++out.sharp_pixels;
+            sum_x += x, sum_y += y;
+            out.bounds.x0 = std::min(out.bounds.x0, x), out.bounds.x1 = std::max(out.bounds.x1, x + 1);
+            out.bounds.y0 = std::min(out.bounds.y0, y), out.bounds.y1 = std::max(out.bounds.y1, y + 1);
+        }
+    }
+    if (out.sharp_pixels > 0) {
+        out.centroid_x = sum_x / static_cast<double>(out.sharp_pixels);
+        out.centroid_y = sum_y / static_cast<double>(out.sharp_pixels);
+    } else {
+        out.bounds = {};
+    }
+}
+
+}  // namespace kinevox
