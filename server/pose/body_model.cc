@@ -17,6 +17,9 @@ constexpr std::array<int, kJointNames.size()> kJointSegment{
 // above the line between the hips.
 constexpr double kHipsBehindRoot = 0.06, kHipsBelowRoot = 0.045;
 
+// The neck leans forwards.
+constexpr double kNeckForward = 0.03;
+
 constexpr Vec3 kDown{0, 0, -1};
 
 // Least squares over CMU motions on a skeleton with clavicles: row: shift forward, outward, up; column: direction of
@@ -34,7 +37,7 @@ BodyModel::BodyModel(const BodyShape& shape) : shape_(shape), capsules_(body_sur
     const double hips_x = -kHipsBehindRoot * s[kRootToWaist], hips_z = -kHipsBelowRoot * s[kRootToWaist];
     offsets_[kPelvis] = {0, 0, 0};
     offsets_[kThorax] = {hips_x, 0, s[kRootToWaist]};
-    offsets_[kHead] = {0, 0, s[kWaistToSkullbase]};
+    offsets_[kHead] = {kNeckForward * s[kWaistToSkullbase], 0, s[kWaistToSkullbase]};
     for (const bool left : {true, false}) {
         const int leg = left ? kThighL : kThighR, arm = left ? kUpperArmL : kUpperArmR;
         offsets_[leg] = mirrored({hips_x, s[kHipHalfWidth], hips_z}, left);
@@ -45,7 +48,7 @@ BodyModel::BodyModel(const BodyShape& shape) : shape_(shape), capsules_(body_sur
         offsets_[arm + 2] = {0, 0, -s[kForearm]};
     }
     joint_offsets_.fill({0, 0, 0});
-    joint_offsets_[kHeadTop] = {0, 0, s[kSkullbaseToTop]};
+    joint_offsets_[kHeadTop] = {kNeckForward * 4 * s[kSkullbaseToTop], 0, s[kSkullbaseToTop]};   // its crown, before the neck
     for (const int hand : {kHandTipL, kHandTipR}) joint_offsets_[hand] = {0, 0, -s[kHand]};
     for (const int toe : {kToeL, kToeR}) joint_offsets_[toe] = {s[kAnkleToToe], 0, 0.6 * s[kFootRadius] - s[kAnkleHeight]};
 }
