@@ -92,7 +92,7 @@ KINEVOX_INLINE void make_body(const PictureView& picture, const ViewOfVolume& vi
     std::vector<float> sum(length), square(length);
     std::vector<std::uint8_t> mean(length), deviation(length);
     for (int y = 0; y < height; ++y) {
-        const CellSpan span = view.spans[y];
+        const RowSpan span = view.spans[y];
         if (span.first >= span.last) continue;
         const std::uint8_t* above = out.means.data() + static_cast<std::size_t>(y) * length;
         spread_row(above, above + length, above + 2 * length, 3 * (span.first + 1), 3 * (span.last + 1),

@@ -59,12 +59,12 @@ KINEVOX_INLINE void widen_body(ViewOfVolume& view) {
         return picture.data() + static_cast<std::size_t>(y) * width;
     };
     for (int y = 0; y < height; ++y) {
-        const CellSpan span = view.spans[y];
+        const RowSpan span = view.spans[y];
         if (span.first >= span.last) continue;
         widen_row(row_of(view.depths, y), width, span.first, span.last, reach, row_of(view.scratch, y));
     }
     for (int y = 0; y < height; ++y) {
-        const CellSpan span = view.spans[y];
+        const RowSpan span = view.spans[y];
         if (span.first >= span.last) continue;
         DepthCell* const out = row_of(view.depths, y);
         std::copy_n(row_of(view.scratch, y) + span.first, span.last - span.first, out + span.first);
@@ -97,7 +97,7 @@ void widen(ViewOfVolume& view) {
 // The filled cells of each row, and room around them for widening by view.reach.
 void find_spans(ViewOfVolume& view) {
     const int width = view.cells.width(), height = view.cells.height(), reach = view.reach;
-    std::vector<CellSpan> filled(height);
+    std::vector<RowSpan> filled(height);
     for (int y = 0; y < height; ++y) {
         const DepthCell* const row = view.depths.data() + static_cast<std::size_t>(y) * width;
         int first = 0, last = width;
@@ -109,7 +109,7 @@ void find_spans(ViewOfVolume& view) {
     for (int y = 0; y < height; ++y) {
         if (filled[y].first >= filled[y].last) continue;
         for (int near = std::max(0, y - reach); near <= std::min(height - 1, y + reach); ++near) {
-            CellSpan& span = view.spans[near];
+            RowSpan& span = view.spans[near];
             span.first = std::min(span.first, std::max(0, filled[y].first - reach));
             span.last = std::max(span.last, std::min(width, filled[y].last + reach));
         }
@@ -173,7 +173,7 @@ void splat_depth(const Surface& surface, float voxel_m, bool first_look, ViewOfV
         view.depths.assign(view.cell_count(), DepthCell{});
     } else {
         for (std::size_t y = 0; y < view.spans.size(); ++y) {
-            const CellSpan span = view.spans[y];
+            const RowSpan span = view.spans[y];
             DepthCell* const row = view.depths.data() + y * view.cells.width();
             if (span.first < span.last) std::fill(row + span.first, row + span.last, DepthCell{});
         }

@@ -28,7 +28,7 @@ KINEVOX_INLINE DepthCell nearer(DepthCell a, DepthCell b) {
             a.minus_back_m < b.minus_back_m ? a.minus_back_m : b.minus_back_m};
 }
 
-struct CellSpan {
+struct RowSpan {
     int first = 0, last = 0;  // columns, [first, last)
 };
 
@@ -41,7 +41,7 @@ struct ViewOfVolume {
         cell;                       // per surface voxel: index into the pictures of cells; -1: not seen there
     std::vector<float> depth_m;     // per surface voxel: along the camera's axis
     std::vector<DepthCell> depths;  // per cell
-    std::vector<CellSpan> spans;    // per row of cells: outside of it nothing of the volume is ever seen
+    std::vector<RowSpan> spans;     // per row of cells: outside of it nothing of the volume is ever seen
     std::vector<DepthCell> scratch;
     // For each of the 64 combinations of open sides (Surface::open): facing_of(), and how far behind the
     // front a voxel still counts as seen, m.

@@ -10,7 +10,7 @@
 #include <cstdint>
 #include <cstring>
 
-#include "kernels/shared/host_device.h"
+#include "kernels/shared/device.h"
 #include "kernels/shared/kde_density.h"
 #include "kernels/types.h"
 
@@ -65,7 +65,7 @@ KINEVOX_HD void for_each_told(const std::uint8_t* zones, int first, int end, F b
 // `width` bytes a row. `values` and `reference` are in cells of 64 pixels, `cells_per_row` to a row; only
 // pixels inside `limit` are read.
 template <int kChannels>
-KINEVOX_HD int unmix_border_pixel(int x, int y, int width, const Rect& limit, const std::uint8_t* zones,
+KINEVOX_HD inline int unmix_border_pixel(int x, int y, int width, const Rect& limit, const std::uint8_t* zones,
                                   const std::uint8_t* values, const std::uint8_t* reference,
                                   int cells_per_row, const BorderParameters& p) {
     float subject[kChannels] = {}, subject_weight = 0, product = 0, energy = 0;

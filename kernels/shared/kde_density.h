@@ -8,7 +8,7 @@
 
 #include <cstdint>
 
-#include "kernels/shared/host_device.h"
+#include "kernels/shared/device.h"
 
 namespace kinevox::kernels::kde {
 
@@ -18,7 +18,7 @@ inline constexpr int kCellPixels = 64;
 // The density at which a pixel is background beyond doubt, as a part of the highest one (all samples equal to
 // it). A single kernel may be more than that in a small model.
 inline constexpr double kSaturation = 0.125;
-KINEVOX_HD double saturation(int sample_count) {
+KINEVOX_HD inline double saturation(int sample_count) {
     return 1.0 / sample_count > kSaturation ? 1.0 / sample_count : kSaturation;
 }
 
@@ -34,21 +34,21 @@ struct DensityTables {
 };
 
 // Distance of a sample: bandwidth_scale is 256 / bandwidth (grey levels), 1..255.
-KINEVOX_HD int distance_index(int value, int sample, int bandwidth_scale) {
+KINEVOX_HD inline int distance_index(int value, int sample, int bandwidth_scale) {
     const int difference = value > sample ? value - sample : sample - value;
     const int index = (difference * bandwidth_scale) >> 6;
     return index < 15 ? index : 15;
 }
 
 // The kernel of a summed squared distance; both saturate as 8-bit vectors do.
-KINEVOX_HD int kernel_of(const DensityTables& tables, int squared_sum) {
+KINEVOX_HD inline int kernel_of(const DensityTables& tables, int squared_sum) {
     const int sum = squared_sum < 255 ? squared_sum : 255;
     const int rounded = sum + 8 < 255 ? sum + 8 : 255;
     return tables.kernel[rounded >> 4];
 }
 
 // value: `channels` bytes `value_step` apart; samples: [sample][channel], steps in bytes; 0..255.
-KINEVOX_HD int density(const DensityTables& tables, const std::uint8_t* value, const std::uint8_t* samples,
+KINEVOX_HD inline int density(const DensityTables& tables, const std::uint8_t* value, const std::uint8_t* samples,
                        const std::uint8_t* bandwidth_scale, int sample_count, int channels) {
     int sum = 0;
     for (int i = 0; i < sample_count && sum < 255; ++i) {

@@ -8,7 +8,7 @@
 
 #include <cstdint>
 
-#include "kernels/shared/host_device.h"
+#include "kernels/shared/device.h"
 #include "kernels/shared/kde_density.h"
 
 namespace kinevox::kernels::kde {
@@ -51,7 +51,7 @@ struct Quotient {
 // distance from factor * reference in standard deviations. The quotient of the sums of the two weighted terms
 // over a neighbourhood is its light; a pixel that does not fit has no weight in it.
 template <int kChannels>
-KINEVOX_HD void fit_light(const std::uint8_t* value, const std::uint8_t* reference, const std::uint8_t* scale,
+KINEVOX_HD inline void fit_light(const std::uint8_t* value, const std::uint8_t* reference, const std::uint8_t* scale,
                           const EvidenceParameters& p, float& weighted_value, float& weighted_energy,
                           float& factor_out, float& residual_out) {
     float product = 0, energy = 0;
@@ -83,7 +83,7 @@ KINEVOX_HD void fit_light(const std::uint8_t* value, const std::uint8_t* referen
 // four sides, since a hard shadow ends between two pixels. log_foreground: log density of the pixel's colour
 // on the subject.
 template <int kChannels>
-KINEVOX_HD float evidence(const std::uint8_t* value, const std::uint8_t* reference, const std::uint8_t* scale,
+KINEVOX_HD inline float evidence(const std::uint8_t* value, const std::uint8_t* reference, const std::uint8_t* scale,
                           int density, float log_lit, float log_peak, float residual, float light_step,
                           float log_foreground, const EvidenceParameters& p) {
     float distance = 0;
@@ -107,7 +107,7 @@ KINEVOX_HD float evidence(const std::uint8_t* value, const std::uint8_t* referen
 }
 
 template <int kChannels>
-KINEVOX_HD int histogram_bin(const std::uint8_t* value) {
+KINEVOX_HD inline int histogram_bin(const std::uint8_t* value) {
     int bin = 0;
     for (int c = 0; c < kChannels; ++c) bin = bin * kHistogramBins + (value[c * kCellPixels] >> 4);
     return bin;

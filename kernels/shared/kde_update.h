@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "kernels/shared/host_device.h"
+#include "kernels/shared/device.h"
 #include "kernels/shared/kde_density.h"
 
 namespace kinevox::kernels::kde {
@@ -30,7 +30,7 @@ struct PixelModel {
 
 // The bandwidth follows the median of the consecutive differences (0.954 bandwidths for Gaussian noise) by
 // steps.
-KINEVOX_HD std::uint8_t stepped_scale(int scale, int value, int previous, int max_scale) {
+KINEVOX_HD inline std::uint8_t stepped_scale(int scale, int value, int previous, int max_scale) {
     const int difference = value > previous ? value - previous : previous - value;
     const int stepped = difference * scale > 244 ? scale - 1 : scale + 1;
     const int bounded = stepped < max_scale ? stepped : max_scale;
@@ -39,7 +39,7 @@ KINEVOX_HD std::uint8_t stepped_scale(int scale, int value, int previous, int ma
 
 // A sixteenth of the way, rounded away from staying: a difference of eight levels or less moves by one a
 // visit.
-KINEVOX_HD std::uint8_t stepped_reference(int reference, int value) {
+KINEVOX_HD inline std::uint8_t stepped_reference(int reference, int value) {
     const int step = value - reference;
     const int magnitude = step < 0 ? -step : step;
     const int moved = magnitude < 3 ? 0 : (magnitude + 15) >> 4;
@@ -47,16 +47,16 @@ KINEVOX_HD std::uint8_t stepped_reference(int reference, int value) {
 }
 
 // The short-term slot that was filled before this one.
-KINEVOX_HD int previous_slot(const UpdateParameters& p) {
+KINEVOX_HD inline int previous_slot(const UpdateParameters& p) {
     return p.short_term_slot > p.short_term_begin ? p.short_term_slot - 1 : p.sample_count - 1;
 }
 
-KINEVOX_HD std::uint8_t& sample_of(const PixelModel& m, int slot, int channel, int channels) {
+KINEVOX_HD inline std::uint8_t& sample_of(const PixelModel& m, int slot, int channel, int channels) {
     return m.samples[(slot * channels + channel) * kCellPixels];
 }
 
 // A value that is background.
-KINEVOX_HD void learn_background_value(const std::uint8_t* value, int channels, const UpdateParameters& p,
+KINEVOX_HD inline void learn_background_value(const std::uint8_t* value, int channels, const UpdateParameters& p,
                                        const PixelModel& m) {
     for (int c = 0; c < channels; ++c) {
         const int at = c * kCellPixels;
@@ -71,7 +71,7 @@ KINEVOX_HD void learn_background_value(const std::uint8_t* value, int channels, 
 
 // A value that is neither background nor the subject: once it has stayed for long enough it fills the
 // short-term memory. The long-term memory still knows what was there before.
-KINEVOX_HD void watch_strange_value(const std::uint8_t* value, int channels, const UpdateParameters& p,
+KINEVOX_HD inline void watch_strange_value(const std::uint8_t* value, int channels, const UpdateParameters& p,
                                     const PixelModel& m) {
     bool same = *m.visits > 0;
     for (int c = 0; c < channels; ++c) {
