@@ -26,7 +26,7 @@ struct BorderParameters {
 
 inline constexpr std::uint8_t kZoneBorder = 0, kZoneInside = 1, kZoneOutside = 2;
 
-KINEVOX_HD float border_weight(int dx, int dy) {
+KINEVOX_HD inline float border_weight(int dx, int dy) {
 #ifndef __CUDA_ARCH__
     static constexpr auto kWeights = [] {
         std::array<float, 2 * kBorderReach * kBorderReach + 1> weights{};
@@ -42,7 +42,7 @@ KINEVOX_HD float border_weight(int dx, int dy) {
 
 // Calls body(x, zone) for every second pixel of [first, end), at most eight pixels, that is not border.
 template <class F>
-KINEVOX_HD void for_each_told(const std::uint8_t* zones, int first, int end, F body) {
+KINEVOX_HD inline void for_each_told(const std::uint8_t* zones, int first, int end, F body) {
 #ifndef __CUDA_ARCH__
     // Most of a window is border; what is not comes at once as bits.
     if (std::endian::native == std::endian::little && end - first > 4) {

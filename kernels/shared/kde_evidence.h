@@ -33,7 +33,7 @@ struct EvidenceParameters {
 
 // The variance of a channel around its light times the squared scale (256 / bandwidth), so that quotients by
 // it take no division for the bandwidth.
-KINEVOX_HD float scaled_variance(float reference, float squared_scale, const EvidenceParameters& p) {
+KINEVOX_HD inline float scaled_variance(float reference, float squared_scale, const EvidenceParameters& p) {
     const float spread = p.relative_deviation * reference;
     return p.noise_part * 65536.0f + spread * spread * squared_scale;
 }
