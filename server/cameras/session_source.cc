@@ -14,6 +14,7 @@
 #include <fmt/format.h>
 #include <opencv2/core/utils/logger.hpp>
 
+#include "server/cameras/background_priority.h"
 #include "server/cameras/picture_reader.h"
 
 namespace kinevox {
@@ -172,6 +173,8 @@ bool SessionSource::all_full() const {
 }
 
 void SessionSource::decode(std::size_t c) {
+    // The next set is decoded while this one is computed, and has a frame's time for it.
+    lower_this_threads_priority();
     Lane& lane = lanes_[c];
     bool fresh = false;  // rewound and nothing read since
     for (;;) {

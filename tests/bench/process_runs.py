@@ -15,9 +15,10 @@ RESULTS = REPOSITORY / "tests" / "bench" / "results"
 
 
 def stage_times(program, session, *options):
-    """{stage: times of every frame set in ms} of one run; the first ten frame sets, which warm up, are left out."""
+    """{stage: times of every frame set in ms} of one run to the coloured volume; the first ten frame sets, which warm
+    up, are left out."""
     with tempfile.TemporaryDirectory() as folder:
-        subprocess.run([str(program), str(session), "--out", folder + "/out", "--quiet", *map(str, options)], check=True)
+        subprocess.run([str(program), str(session), "--out", folder + "/out", "--quiet", "--no-pose", *map(str, options)], check=True)
         with open(folder + "/out/timing.csv", newline="") as f:
             rows = list(csv.DictReader(f))[10:]
     return {stage: np.array([float(row[stage]) for row in rows]) for stage in STAGES}
