@@ -232,6 +232,7 @@ absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
         PoseStageOptions stage_options = posing;
         stage_options.body = shape;
         stage_options.filtered = false;
+        stage_options.tracker.patient = true;
         stage_options.tracker.lost_below = options.least_explained;
         PoseStage stage(cameras, fps, stage_options);
         std::vector<const PoseObservation*> used;

@@ -40,6 +40,7 @@ struct PoseTrackerOptions {
     double decide_after_s = 1.0;     // then the best one alone
     double hopeless = 1.35;          // a rival whose cost is so many times the best one's is dropped at once
     double search_below = 0.9;       // part of the contour explained; below it a limb is searched for each frame set
+    bool patient = false;            // searches below that always, not only where less than usual is explained
     double lost_below = 0.55;        // part of the contour explained; below it a pose is lost
     double lost_after_s = 0.15;      // for so long, and the search begins anew
     int min_views = 2;               // with a silhouette

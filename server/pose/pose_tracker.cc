@@ -15,6 +15,7 @@ namespace {
 constexpr double kRateMemory = 0.6;      // of the old rate in the new one's estimate
 constexpr double kCostMemory = 0.85;
 constexpr double kPredictionDamping = 0.9;
+constexpr double kUsualMemory = 0.997, kPoorer = 0.03;
 constexpr double kBetter = 2;            // in cost, that moving a limb must gain: about two contour rays
 constexpr double kSame_m = 0.06;         // hypotheses whose joints lie nearer on average are one
 
@@ -139,11 +140,17 @@ std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::spa
     }
     if (!tracking()) {
         begin(views, centre, candidates);
-        lost_s_ = 0;
+        lost_s_ = usual_explained_ = 0;
     } else {
         for (Hypothesis& h : hypotheses_) follow(h, views, seconds);
-        const bool poor = hypotheses_.front().fit.explained < options_.search_below;
-        search_limb(hypotheses_.front(), views, kLimbs[next_limb_], poor ? LimbReach::kWhole : LimbReach::kLower);
+        // The search of a whole limb costs as much as some fits: it is made now and then where less is explained than
+        // with this subject is usual.
+        const double explained = hypotheses_.front().fit.explained;
+        usual_explained_ = std::max(kUsualMemory * usual_explained_, explained);
+        const double enough = options_.patient ? options_.search_below
+                                               : std::min(options_.search_below, usual_explained_ - kPoorer);
+        const bool whole = explained < enough;
+        search_limb(hypotheses_.front(), views, kLimbs[next_limb_], whole ? LimbReach::kWhole : LimbReach::kLower);
         next_limb_ = (next_limb_ + 1) % static_cast<int>(kLimbs.size());
         choose();
     }

@@ -60,6 +60,7 @@ class PoseTracker {
     PoseFitter fitter_;
     LimbSearch limbs_;
     int next_limb_ = 0;
+    double usual_explained_ = 0;
     std::vector<Hypothesis> hypotheses_;   // the best one first
     std::int64_t last_time_ns_ = 0;
     double lost_s_ = 0;

@@ -55,6 +55,7 @@ std::vector<RetrackedFrame> retrack(const std::vector<Camera>& cameras, double f
                                     const PoseStageOptions& options) {
     PoseStageOptions unfiltered = options;
     unfiltered.filtered = false;
+    unfiltered.tracker.patient = true;
     std::array<Pass, 2> passes;
     oneapi::tbb::parallel_invoke([&] { passes[0] = follow(cameras, fps, frames, unfiltered, false); },
                                  [&] { passes[1] = follow(cameras, fps, frames, unfiltered, true); });
