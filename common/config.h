@@ -7,6 +7,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -63,6 +64,9 @@ struct PoseConfig {
     bool enabled = true;            // off: stop at the volume
     bool filtered = true;           // smooth poses over time, causally
     std::filesystem::path body;     // body.toml of the subject, absolute; empty: an adult of average build
+    // The pose database's file, absolute; empty: no database; not given: in the user's folder for programs' state.
+    std::optional<std::filesystem::path> database;
+    int database_poses = 1400;      // of our own library, 1 to 4000
     bool operator==(const PoseConfig&) const = default;
 };
 

@@ -21,6 +21,7 @@
 #include "server/daemon/setup.h"
 #include "server/pipeline/runner.h"
 #include "server/pipeline/stream_hub.h"
+#include "server/pose/pose_stage.h"
 
 namespace {
 
@@ -53,13 +54,20 @@ int serve(const DaemonConfig& config) {
     auto pipeline = Pipeline::create((*source)->cameras(), (*source)->fps(), *options);
     if (!pipeline.ok()) return fail(pipeline.status());
 
-    // The capture.
+    // The capture, and the poses that it may start from.
     StreamHub hub;
+    DatabaseWatch pose_watch;
+    std::optional<PoseDatabaseService> poses;
+    if (const auto file = pose_database_file(config.pose); !file.empty()) {
+        poses.emplace(file);
+        (*pipeline)->pose_stage()->set_proposer(&*poses);   // has nothing to propose until it is built
+    }
     ControlLease lease(lease_options(config.control));
     Runner runner(std::move(*source), [&config] { return open_source(config.source); }, std::move(*pipeline), hub);
 
     // The threads that serve it, and the services.
     asio::thread_pool control(1);    // start, stop and learning
+    asio::thread_pool changes(1);    // of the pose database
     asio::thread_pool encoders(2);   // volumes and pictures, and the streams' writes
     ApiContext api{.runner = runner,
                    .hub = hub,
@@ -67,6 +75,9 @@ int serve(const DaemonConfig& config) {
                    .control = control.get_executor(),
                    .encoders = encoders.get_executor(),
                    .clock = io.get_executor(),
+                   .poses = poses ? &*poses : nullptr,
+                   .pose_watch = &pose_watch,
+                   .changes = changes.get_executor(),
                    .source_description = describe(config.source)};
     apply(config.stream, api);
     auto server = ApiServer::listen(config.server.listen, api);
@@ -88,16 +99,22 @@ int serve(const DaemonConfig& config) {
     fmt::print("ready on {}:{}\n", host, (*server)->port());
     std::fflush(stdout);
     spdlog::info("kinevoxd {} serves {} on {}:{}", kVersion, describe(config.source), host, (*server)->port());
+    if (poses) start_pose_database(*poses, config.pose, runner.cameras(), options->posing.body, hub, pose_watch);
     io.run();
 
     // Backwards. First all that waits is told, so that nothing below waits long.
     (*server)->set_serving(false);
     runner.abort();
-    hub.close(absl::UnavailableError("the daemon is stopping; connect again later"));
+    if (poses) poses->close();
+    const absl::Status stopping = absl::UnavailableError("the daemon is stopping; connect again later");
+    hub.close(stopping);
+    pose_watch.close(stopping);
     (*server)->shutdown(std::chrono::milliseconds(700));   // streams end with the words above
     control.join();                                        // a start or stop in progress
+    changes.join();
     runner.stop().IgnoreError();                           // its threads; FailedPrecondition if nothing runs
     encoders.join();
+    poses.reset();                                         // its thread ends as soon as it sees that it is to end
     lease_clock.stop();
     status_log.stop();
     spdlog::info("stopped");

@@ -7,6 +7,7 @@
 #include "client/lib/stream_reader.h"
 #include "common/volume_codec.h"
 #include "kinevox/v1/capture_service.grpc.pb.h"
+#include "kinevox/v1/pose_service.grpc.pb.h"
 #include "kinevox/v1/stream_service.grpc.pb.h"
 
 namespace kinevox::client {
@@ -46,16 +47,23 @@ struct Client::Parts {
     std::shared_ptr<grpc::Channel> channel;
     std::unique_ptr<v1::CaptureService::Stub> capture;
     std::unique_ptr<v1::StreamService::Stub> stream;
+    std::unique_ptr<v1::PoseService::Stub> pose;
 
     // One unary call.
     template <typename Request, typename Response>
     absl::StatusOr<Response> call(grpc::Status (v1::CaptureService::Stub::*method)(grpc::ClientContext*,
                                                                                    const Request&, Response*),
                                   const Request& request, std::optional<std::chrono::milliseconds> timeout = {}) {
+        return call_on(*capture, method, request, timeout);
+    }
+    template <typename Stub, typename Request, typename Response>
+    absl::StatusOr<Response> call_on(Stub& stub,
+                                     grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
+                                     const Request& request, std::optional<std::chrono::milliseconds> timeout = {}) {
         grpc::ClientContext context;
         context.set_deadline(std::chrono::system_clock::now() + timeout.value_or(options.timeout));
         Response response;
-        const grpc::Status status = (capture.get()->*method)(&context, request, &response);
+        const grpc::Status status = (stub.*method)(&context, request, &response);
         if (!status.ok()) return to_absl(status, options.server);
         return response;
     }
@@ -69,6 +77,7 @@ Client::Client(std::shared_ptr<grpc::Channel> channel, const ClientOptions& opti
     parts_->channel = std::move(channel);
     parts_->capture = v1::CaptureService::NewStub(parts_->channel);
     parts_->stream = v1::StreamService::NewStub(parts_->channel);
+    parts_->pose = v1::PoseService::NewStub(parts_->channel);
 }
 
 Client::~Client() = default;
@@ -221,6 +230,60 @@ absl::Status Client::watch_events(const v1::WatchEventsRequest& request,
         },
         [&](const v1::WatchEventsResponse& event) -> absl::StatusOr<bool> { return on_event(event); }, options,
         parts_->options.server);
+}
+
+absl::StatusOr<v1::ListPosesResponse> Client::list_poses() {
+    return parts_->call_on(*parts_->pose, &v1::PoseService::Stub::ListPoses, v1::ListPosesRequest());
+}
+
+namespace {
+
+// Rendering new poses and writing the file take their time.
+constexpr std::chrono::seconds kChangeTimeout{120};
+
+template <typename Response, typename Call, typename Request>
+absl::StatusOr<Response> change_poses(Client& client, const std::string& operator_name, Request& request,
+                                      const Call& call) {
+    absl::StatusOr<Response> response;
+    const absl::Status status = with_control(client, operator_name, kChangeTimeout, [&](const std::string& id) {
+        request.set_lease_id(id);
+        response = call();
+        return response.status();
+    });
+    if (!status.ok()) return status;
+    return response;
+}
+
+}  // namespace
+
+absl::StatusOr<v1::AddPoseResponse> Client::add_pose(const std::string& operator_name, v1::AddPoseRequest request) {
+    return change_poses<v1::AddPoseResponse>(*this, operator_name, request, [&] {
+        return parts_->call_on(*parts_->pose, &v1::PoseService::Stub::AddPose, request, kChangeTimeout);
+    });
+}
+
+absl::StatusOr<v1::RemovePoseResponse> Client::remove_pose(const std::string& operator_name,
+                                                           v1::RemovePoseRequest request) {
+    return change_poses<v1::RemovePoseResponse>(*this, operator_name, request, [&] {
+        return parts_->call_on(*parts_->pose, &v1::PoseService::Stub::RemovePose, request, kChangeTimeout);
+    });
+}
+
+absl::StatusOr<v1::ImportBvhResponse> Client::import_bvh(const std::string& operator_name,
+                                                         v1::ImportBvhRequest request) {
+    return change_poses<v1::ImportBvhResponse>(*this, operator_name, request, [&] {
+        return parts_->call_on(*parts_->pose, &v1::PoseService::Stub::ImportBvh, request, kChangeTimeout);
+    });
+}
+
+absl::Status Client::watch_database(const std::function<bool(const v1::WatchDatabaseResponse&)>& on_progress,
+                                    const StreamOptions& options) {
+    return read_stream<v1::WatchDatabaseResponse>(
+        [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
+            return parts_->pose->PrepareAsyncWatchDatabase(context, v1::WatchDatabaseRequest(), queue);
+        },
+        [&](const v1::WatchDatabaseResponse& progress) -> absl::StatusOr<bool> { return on_progress(progress); },
+        options, parts_->options.server);
 }
 
 Camera camera_from_proto(const v1::Camera& from) {

@@ -16,6 +16,7 @@
 #include "common/camera.h"
 #include "common/volume.h"
 #include "kinevox/v1/capture_service.pb.h"
+#include "kinevox/v1/pose_service.pb.h"
 #include "kinevox/v1/stream_service.pb.h"
 
 namespace grpc {
@@ -98,6 +99,15 @@ class Client {
     absl::Status watch_events(const v1::WatchEventsRequest& request,
                               const std::function<bool(const v1::WatchEventsResponse&)>& on_event,
                               const StreamOptions& options);
+
+    // The pose database. Changes take control under `operator_name`, act and give control back, as start().
+    absl::StatusOr<v1::ListPosesResponse> list_poses();
+    absl::StatusOr<v1::AddPoseResponse> add_pose(const std::string& operator_name, v1::AddPoseRequest request);
+    absl::StatusOr<v1::RemovePoseResponse> remove_pose(const std::string& operator_name,
+                                                       v1::RemovePoseRequest request);
+    absl::StatusOr<v1::ImportBvhResponse> import_bvh(const std::string& operator_name, v1::ImportBvhRequest request);
+    absl::Status watch_database(const std::function<bool(const v1::WatchDatabaseResponse&)>& on_progress,
+                                const StreamOptions& options);
 
   private:
     struct Parts;

@@ -7,6 +7,7 @@
 #include <boost/asio/any_io_executor.hpp>
 
 #include "server/api/control_lease.h"
+#include "server/api/database_watch.h"
 #include "server/pipeline/runner.h"
 #include "server/pipeline/stream_hub.h"
 
@@ -20,6 +21,11 @@ struct ApiContext {
     boost::asio::any_io_executor control;    // one thread: start, stop and learning, one after the other
     boost::asio::any_io_executor encoders;   // volumes and pictures are encoded and written here
     boost::asio::any_io_executor clock;      // the io_context: rate timers
+
+    // The pose database and who follows its building; null where there is none. Changes to it, one thread.
+    PoseDatabaseService* poses = nullptr;
+    DatabaseWatch* pose_watch = nullptr;
+    boost::asio::any_io_executor changes{};
 
     std::string source_description;          // "session /data/trial/session.toml"
     std::chrono::steady_clock::time_point started_at = std::chrono::steady_clock::now();

@@ -6,14 +6,16 @@
 #include <grpcpp/grpcpp.h>
 
 #include "server/api/capture_service.h"
+#include "server/api/pose_service.h"
 #include "server/api/stream_service.h"
 
 namespace kinevox {
 
 struct ApiServer::Parts {
-    explicit Parts(const ApiContext& api) : capture(api), stream(api) {}
+    explicit Parts(const ApiContext& api) : capture(api), stream(api), pose(api) {}
     CaptureServiceImpl capture;
     StreamServiceImpl stream;
+    PoseServiceImpl pose;
     int port = 0;
     std::unique_ptr<grpc::Server> server;
 
@@ -23,13 +25,14 @@ struct ApiServer::Parts {
         grpc::ServerBuilder builder;
         builder.RegisterService(&capture);
         builder.RegisterService(&stream);
+        builder.RegisterService(&pose);
         builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);   // two daemons on one port: the second must notice
         // A client that vanished without a word is found out within a minute.
         builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 30'000);
         builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 20'000);
         builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 5'000);
         builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
-        builder.SetMaxReceiveMessageSize(1 << 20);                 // requests are small
+        builder.SetMaxReceiveMessageSize((32 << 20) + (1 << 10));  // requests are small, but for a BVH file
         if (!address.empty()) builder.AddListeningPort(address, grpc::InsecureServerCredentials(), &port);
         server = builder.BuildAndStart();
     }

@@ -1,4 +1,4 @@
-// The gRPC server: both services, health and reflection.
+// The gRPC server: all services, health and reflection.
 #pragma once
 
 #include <chrono>

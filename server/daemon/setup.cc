@@ -1,5 +1,9 @@
 #include "server/daemon/setup.h"
 
+#include <algorithm>
+#include <cstdlib>
+#include <thread>
+
 #include <fmt/format.h>
 #include <grpc/support/log.h>
 #include <spdlog/sinks/basic_file_sink.h>
@@ -8,12 +12,18 @@
 
 #include "server/cameras/session_source.h"
 #include "server/cameras/studio/studio_source.h"
+#include "server/pipeline/convert.h"
 
 namespace kinevox {
 namespace {
 
 std::chrono::milliseconds milliseconds(double seconds) {
     return std::chrono::milliseconds(static_cast<std::int64_t>(seconds * 1000));
+}
+
+std::int64_t utc_now_ns() {
+    return std::chrono::duration_cast<std::chrono::nanoseconds>(
+               std::chrono::system_clock::now().time_since_epoch()).count();
 }
 
 }  // namespace
@@ -92,6 +102,42 @@ void apply(const StreamConfig& config, ApiContext& api) {
     api.lossless_max_bytes = static_cast<std::size_t>(config.lossless_max_mb) << 20;
     api.preview_width_px = config.preview_width_px;
     api.preview_jpeg_quality = config.preview_jpeg_quality;
+}
+
+std::filesystem::path pose_database_file(const PoseConfig& config) {
+    if (!config.enabled) return {};
+    if (config.database) return *config.database;
+    // Not a cache: the file holds what users added (XDG base directory specification).
+    std::filesystem::path folder;
+    if (const char* state = std::getenv("XDG_STATE_HOME"); state && *state == '/')
+        folder = state;
+    else if (const char* home = std::getenv("HOME"); home && *home == '/')
+        folder = std::filesystem::path(home) / ".local/state";
+    return folder.empty() ? folder : folder / "kinevox/poses.kvxposes";
+}
+
+PoseDatabaseOptions pose_database_options(const PoseConfig& config) {
+    PoseDatabaseOptions options;
+    options.poses = config.database_poses;
+    // Half of the cores: the capture's own threads run beside it.
+    options.threads = static_cast<int>(std::clamp(std::thread::hardware_concurrency() / 2, 1u, 64u));
+    return options;
+}
+
+void start_pose_database(PoseDatabaseService& database, const PoseConfig& config, const std::vector<Camera>& cameras,
+                         const BodyShape& body, StreamHub& hub, DatabaseWatch& watch) {
+    std::vector<kernels::CameraModel> models;
+    for (const Camera& camera : cameras) models.push_back(to_kernel(camera));
+    database.start(std::move(models), body, pose_database_options(config), [&](const DatabaseProgress& progress) {
+        watch.publish(progress);
+        const std::string why = progress.message.empty() ? "read as it was stored" : progress.message;
+        if (progress.state == DatabaseState::kReady)
+            hub.publish_event({EventKind::kPoseDatabase, 0, 0, {},
+                               fmt::format("the pose database is ready: {} entries; {}", progress.entries, why)},
+                              utc_now_ns());
+        else if (progress.state == DatabaseState::kFailed)
+            hub.publish_event({EventKind::kError, 0, 0, {}, "there is no pose database: " + why}, utc_now_ns());
+    });
 }
 
 }  // namespace kinevox

@@ -11,6 +11,7 @@
 #include "server/api/api_context.h"
 #include "server/cameras/frame_source.h"
 #include "server/pipeline/pipeline.h"
+#include "server/pose/database/database_service.h"
 
 namespace kinevox {
 
@@ -24,5 +25,16 @@ std::string describe(const SourceConfig& config);   // "studio walk", "session /
 absl::StatusOr<PipelineOptions> pipeline_options(const DaemonConfig& config);
 ControlLeaseOptions lease_options(const ControlConfig& config);
 void apply(const StreamConfig& config, ApiContext& api);
+
+// Where the pose database lies and whether there is one: empty where the configuration says so, or where it says
+// nothing and the user has no home.
+std::filesystem::path pose_database_file(const PoseConfig& config);
+PoseDatabaseOptions pose_database_options(const PoseConfig& config);
+
+// Reads or builds it in the background; when that is over an event says what came of it. Hub and watch must
+// outlive the database.
+void start_pose_database(PoseDatabaseService& database, const PoseConfig& config, const std::vector<Camera>& cameras,
+                         const BodyShape& body, StreamHub& hub,
+                         DatabaseWatch& watch);
 
 }  // namespace kinevox

@@ -46,6 +46,7 @@ enum class EventKind {
     kSourceEnded,
     kControlTaken,       // an operator acquired, released or lost control
     kControlReleased,
+    kPoseDatabase,       // built or read, and why
     kError,
 };
 

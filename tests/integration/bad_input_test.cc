@@ -168,8 +168,8 @@ TEST_F(BadInputTest, SpoiledSessionsToTheDaemon) {
         const fs::path session = fresh_session();
         row.spoil(session);
         const fs::path config = folder_.path() / "kinevoxd.toml";
-        write(config, fmt::format("[server]\nlisten = \"127.0.0.1:0\"\n[source]\nkind = \"session\"\nsession = \"{}\"\n"
-                                  "autostart = false\n", (session / "session.toml").string()));
+        write(config, fmt::format("[server]\nlisten = \"127.0.0.1:0\"\n[pose]\ndatabase = \"\"\n[source]\n"
+                                  "kind = \"session\"\nsession = \"{}\"\nautostart = false\n", (session / "session.toml").string()));
         expect_refused(what, {KINEVOX_DAEMON, "--config", config.string()}, row.words);
         fs::remove_all(session);
     }
@@ -179,7 +179,8 @@ TEST_F(BadInputTest, ADaemonOutlivesAVideoThatBreaks) {
     const fs::path session = fresh_session();
     spoil_pictures(session / "cam2.mp4");
     const fs::path config = folder_.path() / "kinevoxd.toml";
-    write(config, fmt::format("[server]\nlisten = \"127.0.0.1:0\"\n[source]\nkind = \"session\"\nsession = \"{}\"\n",
+    write(config, fmt::format("[server]\nlisten = \"127.0.0.1:0\"\n[pose]\ndatabase = \"\"\n[source]\n"
+                              "kind = \"session\"\nsession = \"{}\"\n",
                               (session / "session.toml").string()));
     testing::ChildProcess daemon({KINEVOX_DAEMON, "--config", config.string()}, folder_.path());
     const std::string line = daemon.first_line();

@@ -2,6 +2,7 @@
 
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "server/pose/database/bvh_import.h"
@@ -9,6 +10,7 @@
 namespace kinevox {
 namespace {
 
+constexpr std::size_t kPosesAtOnce = 16;
 constexpr int kNice = 10;  // the cameras' pipeline comes first
 
 }  // namespace
@@ -17,8 +19,13 @@ PoseDatabaseService::PoseDatabaseService(std::filesystem::path file, const Searc
     : file_(std::move(file)), options_(options), stature_m_(options.stature_m) {}
 
 PoseDatabaseService::~PoseDatabaseService() {
-    cancel();
+    close();
     wait();
+}
+
+void PoseDatabaseService::close() {
+    closed_ = true;
+    cancel();
 }
 
 void PoseDatabaseService::start(std::vector<kernels::CameraModel> cameras, const BodyShape& shape,
@@ -33,6 +40,7 @@ void PoseDatabaseService::start(std::vector<kernels::CameraModel> cameras, const
         progress_ = {DatabaseState::kBuilding, 0, {}};
         stop_ = source;
     }
+    if (closed_) source.request_stop();  // a close() from now on finds the new source
     builder_ = std::jthread([this, cameras = std::move(cameras), shape, options, stop = source.get_token(),
                              on_progress = std::move(on_progress)] {
         setpriority(PRIO_PROCESS, 0, kNice);  // of this thread and those it starts; refused: no harm
@@ -46,6 +54,7 @@ void PoseDatabaseService::build(std::stop_token stop, const std::vector<kernels:
     const auto report = [&](DatabaseProgress progress) {
         {
             const std::lock_guard lock(mutex_);
+            progress.entries = database_ ? database_->entries() : 0;
             progress_ = progress;
         }
         if (on_progress) on_progress(progress);
@@ -82,7 +91,9 @@ void PoseDatabaseService::wait() {
 
 DatabaseProgress PoseDatabaseService::progress() const {
     const std::lock_guard lock(mutex_);
-    return progress_;
+    DatabaseProgress progress = progress_;
+    progress.entries = database_ ? database_->entries() : 0;
+    return progress;
 }
 
 std::shared_ptr<const PoseDatabase> PoseDatabaseService::current() const {
@@ -92,7 +103,7 @@ std::shared_ptr<const PoseDatabase> PoseDatabaseService::current() const {
 
 absl::StatusOr<std::vector<PoseListing>> PoseDatabaseService::list() const {
     const auto database = current();
-    if (!database) return absl::UnavailableError("the pose database is not built yet; ask again later");
+    if (!database) return absl::UnavailableError("the daemon's pose database is not built yet; ask again later");
     std::vector<PoseListing> out;
     for (const LibraryPose& pose : database->poses) out.push_back({pose.label, pose.added});
     return out;
@@ -102,9 +113,10 @@ absl::Status PoseDatabaseService::change(const std::function<absl::Status(PoseDa
     const std::lock_guard changing(changes_);
     const auto before = current();
     if (!before || progress().state == DatabaseState::kBuilding)
-        return absl::UnavailableError("the pose database is being built; change it when that is done");
+        return absl::UnavailableError("the daemon's pose database is being built; change it when that is done");
     auto after = std::make_shared<PoseDatabase>(*before);
     if (const absl::Status status = how(*after); !status.ok()) return status;
+    if (closed_) return absl::UnavailableError("the daemon is stopping; nothing was changed");
     if (const absl::Status status = write_pose_database(*after, file_); !status.ok()) return status;
     const std::lock_guard lock(mutex_);
     database_ = std::move(after);
@@ -112,7 +124,14 @@ absl::Status PoseDatabaseService::change(const std::function<absl::Status(PoseDa
 }
 
 absl::Status PoseDatabaseService::add(std::span<const LibraryPose> poses) {
-    return change([&](PoseDatabase& database) { return add_poses(database, poses); });
+    return change([&](PoseDatabase& database) {
+        // In parts, so that close() need not wait for a whole file of movement.
+        for (std::size_t first = 0; first < poses.size() && !closed_; first += kPosesAtOnce) {
+            const auto part = poses.subspan(first, std::min(kPosesAtOnce, poses.size() - first));
+            if (const absl::Status status = add_poses(database, part); !status.ok()) return status;
+        }
+        return absl::OkStatus();
+    });
 }
 
 absl::Status PoseDatabaseService::remove(const std::string& label) {

@@ -5,6 +5,7 @@
 // from the building thread and must not call back into this class, except progress().
 #pragma once
 
+#include <atomic>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -25,6 +26,7 @@ struct DatabaseProgress {
     DatabaseState state = DatabaseState::kNone;
     double part = 0;      // of the building, 0..1
     std::string message;  // why it was built, or what went wrong; one line
+    std::int64_t entries = 0;  // of the database that answers meanwhile
 };
 
 struct PoseListing {
@@ -45,9 +47,12 @@ class PoseDatabaseService final : public PoseProposer {
     void cancel();
     // Until nothing is being built.
     void wait();
+    // For the daemon's end: cancels a build and a change in progress; nothing is built or changed afterwards.
+    void close();
     DatabaseProgress progress() const;
 
-    // Unavailable while there is no database. Changes are written to the file before they count.
+    // Unavailable while there is no database. Changes are written to the file before they count; they take
+    // about 20 ms a pose and the time to write the file.
     absl::StatusOr<std::vector<PoseListing>> list() const;
     absl::Status add(std::span<const LibraryPose> poses);
     absl::Status remove(const std::string& label);
@@ -71,6 +76,7 @@ class PoseDatabaseService final : public PoseProposer {
     mutable std::mutex mutex_;
     std::mutex changes_;     // one start(), wait() or change at a time
     std::stop_source stop_;  // of the build under way
+    std::atomic<bool> closed_ = false;
     std::shared_ptr<const PoseDatabase> database_;
     DatabaseProgress progress_;
     double stature_m_ = 0;

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/integration/daemon/daemon_fixture.h"
+#include "tests/support/small_bvh.h"
 
 namespace kinevox {
 namespace {
@@ -78,6 +79,32 @@ TEST_F(CliTest, ControlsWatchesAndStreams) {
 
     EXPECT_EQ(kinevox({"stop"}).output, "stopped\n");
     EXPECT_EQ(kinevox({"learn-background"}).output, "learned\n");
+}
+
+TEST_F(CliTest, PosesAreListedAddedImportedAndRemoved) {
+    const auto daemon = start_daemon(session_config("127.0.0.1:0", "autostart = false\n",
+                                                    "database = \"poses.kvxposes\"\ndatabase_poses = 12"));
+    const auto watched = kinevox({"poses", "watch"});
+    EXPECT_EQ(watched.status, 0) << watched.errors;
+    EXPECT_THAT(lines(watched.output).back(), StartsWith("ready, 864 entries"));
+    EXPECT_EQ(json::parse(kinevox({"poses", "list", "--json"}).output)["poses"].size(), 12u);
+
+    EXPECT_EQ(kinevox({"poses", "add", "sitting", "--set", "knee_angle_l=90", "--set", "knee_angle_r=90"}).output,
+              "added; 936 entries\n");
+    const auto file = write("kick.bvh", testing::small_bvh(3));
+    EXPECT_EQ(json::parse(kinevox({"poses", "import", file.string(), "--json"}).output)["poses"], 3);
+    EXPECT_EQ(lines(kinevox({"poses", "list", "--added"}).output),
+              (std::vector<std::string>{"added  sitting", "added  kick, 0.00 s", "added  kick, 0.10 s",
+                                        "added  kick, 0.20 s"}));
+    EXPECT_EQ(kinevox({"poses", "remove", "sitting"}).output, "removed; 1080 entries\n");
+
+    for (const std::vector<std::string>& wrong : std::vector<std::vector<std::string>>{
+             {"poses", "remove", "sitting"}, {"poses", "add", "x", "--set", "knee"}, {"poses", "add", "x"},
+             {"poses", "import", "/nowhere.bvh"}, {"poses"}}) {
+        const auto ran = kinevox(wrong);
+        EXPECT_EQ(ran.status, 1);
+        EXPECT_EQ(lines(ran.errors).size(), 1u) << ran.errors;
+    }
 }
 
 TEST_F(CliTest, SaysWhatIsWrongInOneLine) {

@@ -31,9 +31,10 @@ class DaemonTest : public ::testing::Test {
         return file;
     }
 
-    static std::string session_config(const std::string& listen, const std::string& more = "") {
-        return fmt::format("[server]\nlisten = \"{}\"\n[source]\nkind = \"session\"\nsession = \"{}\"\n{}", listen,
-                           session_.string(), more);
+    static std::string session_config(const std::string& listen, const std::string& more = "",
+                                      const std::string& pose = "database = \"\"") {
+        return fmt::format("[server]\nlisten = \"{}\"\n[pose]\n{}\n[source]\nkind = \"session\"\nsession = \"{}\"\n{}",
+                           listen, pose, session_.string(), more);
     }
 
     // Waits until it is ready; `address` then holds where.

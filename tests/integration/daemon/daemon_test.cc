@@ -130,5 +130,48 @@ TEST_F(DaemonTest, AVanishedOperatorsLeaseRunsOut) {
     EXPECT_TRUE(client.start("bob").ok());
 }
 
+// Waits for an event of this kind, also one from before.
+std::string message_of(client::Client& client, v1::EventKind kind) {
+    v1::WatchEventsRequest watch;
+    watch.set_past(100);
+    client::StreamOptions options;
+    options.longest_silence = std::chrono::seconds(30);
+    std::string message;
+    EXPECT_TRUE(client.watch_events(watch, [&](const auto& event) {
+        if (event.kind() == kind) message = event.message();
+        return message.empty();
+    }, options).ok());
+    return message;
+}
+
+TEST_F(DaemonTest, BuildsItsPoseDatabaseOnceAndReadsItAfterwards) {
+    const auto file = folder_.path() / "state/poses.kvxposes";
+    const std::string pose = "database = \"state/poses.kvxposes\"\ndatabase_poses = 30";
+    for (const char* said : {"was not there yet", "read as it was stored"}) {
+        const auto daemon = start_daemon(session_config("127.0.0.1:0", "", pose));
+        client::Client client({.server = address_});
+        EXPECT_THAT(message_of(client, v1::EVENT_KIND_POSE_DATABASE), AllOf(HasSubstr("2160 entries"), HasSubstr(said)));
+        EXPECT_TRUE(std::filesystem::exists(file));
+        wait_for_a_volume(client);   // with candidates from it
+        daemon->signal(SIGTERM);
+        EXPECT_EQ(daemon->wait(std::chrono::milliseconds(2000)), 0) << daemon->errors();
+    }
+    // Damage is told and repaired.
+    std::filesystem::resize_file(file, 1000);
+    const auto daemon = start_daemon(session_config("127.0.0.1:0", "", pose));
+    client::Client client({.server = address_});
+    EXPECT_THAT(message_of(client, v1::EVENT_KIND_POSE_DATABASE), HasSubstr("poses.kvxposes"));
+}
+
+TEST_F(DaemonTest, StopsInTimeWhileThePoseDatabaseIsBuilt) {
+    const auto daemon = start_daemon(
+        session_config("127.0.0.1:0", "", "database = \"poses.kvxposes\"\ndatabase_poses = 1400"));
+    client::Client client({.server = address_});
+    wait_for_a_volume(client);
+    daemon->signal(SIGTERM);
+    EXPECT_EQ(daemon->wait(std::chrono::milliseconds(2000)), 0) << daemon->errors();
+    EXPECT_FALSE(std::filesystem::exists(folder_.path() / "poses.kvxposes"));
+}
+
 }  // namespace
 }  // namespace kinevox

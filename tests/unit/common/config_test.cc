@@ -61,6 +61,9 @@ fps = 60
 [pipeline]
 device = "cuda"
 voxel_mm = 5
+[pose]
+database = "poses.kvxposes"
+database_poses = 30
 [log]
 level = "debug"
 file = "kinevoxd.log"
@@ -76,6 +79,10 @@ file = "kinevoxd.log"
     EXPECT_EQ(config->source.studio.fps, 60);
     EXPECT_EQ(config->pipeline.device, PipelineConfig::Device::kCuda);
     EXPECT_EQ(config->pipeline.voxel_mm, 5);
+    EXPECT_EQ(config->pose.database, folder / "poses.kvxposes");
+    EXPECT_EQ(config->pose.database_poses, 30);
+    EXPECT_EQ(parse_config_toml("[pose]\ndatabase = \"\"\n", "/", "empty", true)->pose.database, "")
+        << "none, which is not the default";
     EXPECT_EQ(config->log.file, folder / "kinevoxd.log");
 }
 

@@ -1,0 +1,60 @@
+#include "server/api/pose_service.h"
+
+#include <boost/asio/post.hpp>
+
+#include "server/api/pose_handlers.h"
+#include "server/api/stream_reactor.h"
+#include "server/api/to_proto.h"
+
+namespace kinevox {
+
+using ProgressReactor = StreamReactor<ProgressMailbox, v1::WatchDatabaseResponse>;
+
+// gRPC keeps request and response until Finish().
+template <typename Request, typename Response>
+PoseServiceImpl::Reactor* PoseServiceImpl::change(Context* context, const Request* request, Response* response,
+                                                  absl::Status (*handler)(const ApiContext&, const Request&,
+                                                                          Response&)) {
+    Reactor* reactor = context->DefaultReactor();
+    if (const absl::Status missing = check_pose_database(api_); !missing.ok()) {
+        reactor->Finish(to_grpc(missing));
+        return reactor;
+    }
+    boost::asio::post(api_.changes, [this, reactor, request, response, handler] {
+        reactor->Finish(to_grpc(handler(api_, *request, *response)));
+    });
+    return reactor;
+}
+
+PoseServiceImpl::Reactor* PoseServiceImpl::ListPoses(Context* context, const v1::ListPosesRequest*,
+                                                     v1::ListPosesResponse* response) {
+    Reactor* reactor = context->DefaultReactor();
+    reactor->Finish(to_grpc(list_poses(api_, *response)));
+    return reactor;
+}
+
+PoseServiceImpl::Reactor* PoseServiceImpl::AddPose(Context* context, const v1::AddPoseRequest* request,
+                                                   v1::AddPoseResponse* response) {
+    return change(context, request, response, add_pose);
+}
+
+PoseServiceImpl::Reactor* PoseServiceImpl::RemovePose(Context* context, const v1::RemovePoseRequest* request,
+                                                      v1::RemovePoseResponse* response) {
+    return change(context, request, response, remove_pose);
+}
+
+PoseServiceImpl::Reactor* PoseServiceImpl::ImportBvh(Context* context, const v1::ImportBvhRequest* request,
+                                                     v1::ImportBvhResponse* response) {
+    return change(context, request, response, import_bvh);
+}
+
+grpc::ServerWriteReactor<v1::WatchDatabaseResponse>* PoseServiceImpl::WatchDatabase(Context*,
+                                                                                    const v1::WatchDatabaseRequest*) {
+    if (const absl::Status missing = check_pose_database(api_); !missing.ok())
+        return ProgressReactor::refuse(api_, to_grpc(missing));
+    return ProgressReactor::run(
+        api_, 0, [this](std::function<void()> on_ready) { return api_.pose_watch->subscribe(std::move(on_ready)); },
+        [](const ProgressMailbox::Taken& taken) { return to_proto(taken.message); });
+}
+
+}  // namespace kinevox

@@ -1,0 +1,30 @@
+// PoseService on gRPC's callback API: hands each call to its handler on the right thread.
+#pragma once
+
+#include "kinevox/v1/pose_service.grpc.pb.h"
+#include "server/api/api_context.h"
+
+namespace kinevox {
+
+class PoseServiceImpl final : public v1::PoseService::CallbackService {
+  public:
+    explicit PoseServiceImpl(const ApiContext& api) : api_(api) {}
+
+    using Context = grpc::CallbackServerContext;
+    using Reactor = grpc::ServerUnaryReactor;
+    Reactor* ListPoses(Context*, const v1::ListPosesRequest*, v1::ListPosesResponse*) override;
+    Reactor* AddPose(Context*, const v1::AddPoseRequest*, v1::AddPoseResponse*) override;
+    Reactor* RemovePose(Context*, const v1::RemovePoseRequest*, v1::RemovePoseResponse*) override;
+    Reactor* ImportBvh(Context*, const v1::ImportBvhRequest*, v1::ImportBvhResponse*) override;
+    grpc::ServerWriteReactor<v1::WatchDatabaseResponse>* WatchDatabase(Context*,
+                                                                       const v1::WatchDatabaseRequest*) override;
+
+  private:
+    template <typename Request, typename Response>
+    Reactor* change(Context* context, const Request* request, Response* response,
+                    absl::Status (*handler)(const ApiContext&, const Request&, Response&));
+
+    const ApiContext& api_;
+};
+
+}  // namespace kinevox
