@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """Joints and angles of `kinevox-process` against the truth: one table, fails beyond the bounds.
 
-usage: pose.py --kinevox-process PROGRAM [--sequences walk,...] [--sheets FOLDER] [--keep FOLDER]
+usage: pose.py --kinevox-process PROGRAM [--sequences walk,...] [--judge all|joints] [--sheets FOLDER] [--keep FOLDER]
 The studio's sequences have exact joints; the real trial (balancing) a learned detector's, 2 to 4 cm off. A left/right swap
-is a frame in which the legs or the arms fit the truth better with left and right exchanged. --sheets draws the skeleton
+is a frame in which the legs or the arms fit the truth better with left and right exchanged. --judge joints leaves the
+angles' bounds to the reader. --sheets draws the skeleton
 over the pictures of all cameras, every tenth frame. Exit status 77 without the shared test data."""
 import argparse
 import csv
@@ -57,7 +58,7 @@ def swapped_frames(measured, truth):
     return count
 
 
-def check(sequence, joints, angles, truth_folder):
+def check(sequence, joints, angles, truth_folder, judge_angles):
     truth = read_table(truth_folder / "joints.csv")
     degrees = read_table(truth_folder / "angles.csv")
     frames = truth["frame"].astype(int)
@@ -72,7 +73,7 @@ def check(sequence, joints, angles, truth_folder):
         sides = [angle] if angle == "trunk_lean" else [f"{angle}_{s}" for s in "lr"]
         error = max(np.nanmean(np.abs(angles[f"{a}_deg"][frames] - degrees[f"{a}_deg"])) for a in sides)
         row.append(f"{error:9.2f}")
-        if not error <= bound_deg(sequence):
+        if judge_angles and not error <= bound_deg(sequence):
             problems.append(f"{sequence}: {angle} {error:.2f} deg, at most {bound_deg(sequence)}")
     swaps = swapped_frames(measured, points(truth, JOINTS))
     if swaps:
@@ -140,6 +141,7 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--kinevox-process", required=True)
     parser.add_argument("--sequences", default="walk,gesture,signal,ring8,sprint,balancing")
+    parser.add_argument("--judge", choices=["all", "joints"], default="all")
     parser.add_argument("--sheets", type=Path)
     parser.add_argument("--keep", type=Path)
     arguments = parser.parse_args()
@@ -158,7 +160,8 @@ def main():
             subprocess.run([arguments.kinevox_process, folder / "session.toml", "--out", out, "--quiet", *tpose],
                            check=True)
             joints, angles = read_table(out / "joints.csv"), read_table(out / "angles.csv")
-            problems += check_real(joints) if real else check(sequence, joints, angles, folder / "truth")
+            problems += check_real(joints) if real else check(sequence, joints, angles, folder / "truth",
+                                                              arguments.judge == "all")
             if arguments.sheets:
                 draw_sheet(folder / "session.toml", joints, arguments.sheets / f"{sequence}.png")
     for problem in problems:
