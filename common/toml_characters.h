@@ -1,16 +1,18 @@
-// A check before toml++ sees a text. TOML allows characters beyond ASCII in strings and comments alone, and
-// toml++ 3.3 runs into undefined behaviour where it meets some of them elsewhere
-// (is_non_ascii_horizontal_whitespace() reaches
-// __builtin_unreachable() for U+00A1 to U+0499 and others).
+// Keeps characters beyond ASCII away from toml++, whose version 3.3 runs into undefined behaviour where it meets some of
+// them outside strings (is_non_ascii_horizontal_whitespace() reaches __builtin_unreachable() for U+00A1 to U+0499 and
+// others). It never does for private use characters of plane 15, so the others take their place while it reads.
 #pragma once
 
+#include <string>
 #include <string_view>
 
 namespace kinevox {
 
-// The line (from 1) of the first character beyond ASCII outside strings and comments, or behind a backslash
-// and the blanks that follow it in a multi-line string; 0 if there is none. A byte order mark at the start is
-// none.
-int line_of_misplaced_character(std::string_view toml);
+// UTF-8 in which U+0080 to U+FEFF have become U+F0080 to U+FFEFF, character for character, so that lines and columns
+// stay; a byte order mark at the start remains. What is no valid UTF-8 is left for the parser to refuse.
+std::string shielded(std::string_view utf8);
+
+// The reverse.
+std::string unshielded(std::string_view utf8);
 
 }  // namespace kinevox

@@ -49,6 +49,25 @@ std::string describe(TomlRange range) {
     return "a finite number";
 }
 
+// Gives keys and texts below `node` the characters of the file back; places in the file stay known.
+void unshield(toml::node& node) {
+    if (auto* text = node.as_string()) {
+        text->get() = unshielded(text->get());
+    } else if (auto* array = node.as_array()) {
+        for (toml::node& element : *array) unshield(element);
+    } else if (auto* table = node.as_table()) {
+        toml::table renamed;
+        for (auto&& [key, value] : *table) {
+            unshield(value);
+            toml::key own(unshielded(key.str()), toml::source_region(key.source()));
+            value.visit([&](auto& typed) { renamed.insert_or_assign(std::move(own), std::move(typed)); });
+        }
+        table->clear();
+        for (auto&& [key, value] : renamed)
+            value.visit([&, &key = key](auto& typed) { table->insert_or_assign(key, std::move(typed)); });
+    }
+}
+
 }  // namespace
 
 struct TomlTable::Node {
@@ -272,17 +291,16 @@ absl::StatusOr<std::unique_ptr<TomlDocument>> TomlDocument::parse(std::string_vi
                                                                   std::string_view name_for_errors) {
     auto state = std::make_unique<State>();
     state->name = name_for_errors;
-    if (const int line = line_of_misplaced_character(text); line != 0)
-        return absl::InvalidArgumentError(one_line(fmt::format(
-            "{}:{}: is no valid TOML: a character beyond ASCII outside quotes; put it into quotes",
-            name_for_errors, line)));
     try {
-        state->root = toml::parse(text, name_for_errors);
+        state->root = toml::parse(shielded(text), name_for_errors);
+        unshield(state->root);
     } catch (const toml::parse_error& error) {
         const toml::source_position where = error.source().begin;
-        return absl::InvalidArgumentError(
-            one_line(fmt::format("{}:{}:{}: is no valid TOML: {}; correct the line", name_for_errors,
-                                 where.line, where.column, error.description())));
+        const std::string what = unshielded(error.description());
+        const bool beyond_ascii = std::ranges::any_of(what, [](char c) { return static_cast<unsigned char>(c) >= 0x80; });
+        return absl::InvalidArgumentError(one_line(
+            fmt::format("{}:{}:{}: is no valid TOML: {}; {}", name_for_errors, where.line, where.column, what,
+                        beyond_ascii ? "put characters beyond ASCII into quotes" : "correct the line")));
     }
     state->add(&state->root, "");
     return std::unique_ptr<TomlDocument>(new TomlDocument(std::move(state)));

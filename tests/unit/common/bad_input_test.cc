@@ -6,7 +6,7 @@
 #include "common/calibration_import.h"
 #include "common/config.h"
 #include "common/session_file.h"
-#include "common/toml_characters.h"
+#include "common/toml_reader.h"
 #include "tests/unit/common/temporary_folder.h"
 
 namespace kinevox {
@@ -239,18 +239,32 @@ TEST(BadInput, Session) {
 
 // Characters beyond ASCII are welcome in comments and strings of every kind, and nowhere else.
 TEST(BadInput, WhereCharactersBeyondAsciiMayStand) {
+    const auto status_of = [](const std::string& text) { return TomlDocument::parse(text, "t.toml").status(); };
     for (const char* good : {"",
                              "\xef\xbb\xbf"
                              "a = 'ö'",
-                             "# ö", R"(a = "\"ö" # ö)", R"(a = '\' # 'ö)", "a = '''ö'ö''ö'''''",
+                             "# ö", R"(a = "\"ö" # ö)", R"(a = '\' # 'ö)", "a = \'\'\'ö'ö''ö'\'\'\'\'",
                              R"(a = "ö\u00e4")", "a = \"\"\"\n\"ö\"\"\"\"", "a = \"\"\"\\\n  x ö\"\"\"",
                              "a.'ö'.\"ö\" = {'ö' = ['ö', \"ö\"]}\n['ö']"})
-        EXPECT_EQ(line_of_misplaced_character(good), 0) << good;
+        EXPECT_TRUE(status_of(good).ok()) << good << ": " << status_of(good);
     for (const char* bad :
-         {"ö = 1", "a = 1\xc2\xa0", "a = 'x' ö", "a = '''x'''ö", "a = \"\" ö", R"(a = "\ö")",
-          "a = \"\"\"\\  ö\"\"\"", "[ö]", R"(a = '\'ö')", "a = 5'ö'", "a = 'x' 'ö'", R"(a = 3."ö")", R"(a = n.'"' ö)"})
-        EXPECT_EQ(line_of_misplaced_character(bad), 1) << bad;
-    EXPECT_EQ(line_of_misplaced_character("a = '''\nö\n'''\n# ö\nö"), 5);
+         {"ö = 1", "a = 1\xc2\xa0", "a = 'x' ö", "a = \'\'\'x\'\'\'ö", "a = \"\" ö", R"(a = "\ö")",
+          "[ö]", R"(a = '\'ö')", "a = 5'ö'", "a = 'x' 'ö'", R"(a = 3."ö")", R"(a = n.'"' ö)", "a = '\xff'"}) {
+        EXPECT_FALSE(status_of(bad).ok()) << bad;
+        EXPECT_TRUE(std::string(status_of(bad).message()).starts_with("t.toml:1:")) << status_of(bad);
+    }
+}
+
+TEST(BadInput, CharactersBeyondAsciiComeBackAsTheyWere) {
+    const std::string text = "[\"Kämera 相机 \U0001F3A5\"]\nname = 'é\u2028\uFEFF'\nmore = [{ 'ß' = \"\\u00e4ö\" }]\n";
+    const auto document = TomlDocument::parse(text, "t.toml");
+    ASSERT_TRUE(document.ok()) << document.status();
+    ASSERT_THAT((*document)->root().keys(), ::testing::ElementsAre("Kämera 相机 \U0001F3A5"));
+    const TomlTable table = (*document)->root().table_or_empty("Kämera 相机 \U0001F3A5");
+    EXPECT_EQ(table.text("name"), "é\u2028\uFEFF");
+    EXPECT_EQ(table.tables("more").at(0).text("ß"), "äö");
+    table.fail("name", "is noted");
+    EXPECT_THAT(std::string((*document)->finish().message()), ::testing::HasSubstr("t.toml:2: key 'Kämera 相机"));
 }
 
 TEST(BadInput, SessionWhoseCameraIsNotCalibrated) {
