@@ -6,14 +6,10 @@
 
 #include "server/api/to_proto.h"
 #include "server/api/version.h"
+#include "server/pipeline/utc_clock.h"
 
 namespace kinevox {
 namespace {
-
-std::int64_t utc_now_ns() {
-    return std::chrono::duration_cast<std::chrono::nanoseconds>(
-               std::chrono::system_clock::now().time_since_epoch()).count();
-}
 
 void fill_newest(const ApiContext& api, const PublishedPictures& newest, v1::GetStatusResponse& response) {
     const FrameResult& result = *newest.result;

@@ -4,15 +4,9 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
+#include "server/pipeline/utc_clock.h"
+
 namespace kinevox {
-namespace {
-
-std::int64_t utc_now_ns() {
-    return std::chrono::duration_cast<std::chrono::nanoseconds>(
-               std::chrono::system_clock::now().time_since_epoch()).count();
-}
-
-}  // namespace
 
 StatusLog::StatusLog(boost::asio::io_context& io, const Runner& runner, StreamHub& hub)
     : runner_(runner), hub_(hub), timer_(io), events_(hub.subscribe_events(0, [] {})) {

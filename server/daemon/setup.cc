@@ -13,17 +13,13 @@
 #include "server/cameras/session_source.h"
 #include "server/cameras/studio/studio_source.h"
 #include "server/pipeline/convert.h"
+#include "server/pipeline/utc_clock.h"
 
 namespace kinevox {
 namespace {
 
 std::chrono::milliseconds milliseconds(double seconds) {
     return std::chrono::milliseconds(static_cast<std::int64_t>(seconds * 1000));
-}
-
-std::int64_t utc_now_ns() {
-    return std::chrono::duration_cast<std::chrono::nanoseconds>(
-               std::chrono::system_clock::now().time_since_epoch()).count();
 }
 
 }  // namespace

@@ -6,13 +6,10 @@
 
 #include <fmt/format.h>
 
+#include "server/pipeline/utc_clock.h"
+
 namespace kinevox {
 namespace {
-
-std::int64_t utc_now_ns() {
-    return std::chrono::duration_cast<std::chrono::nanoseconds>(
-               std::chrono::system_clock::now().time_since_epoch()).count();
-}
 
 double ms_since(std::chrono::steady_clock::time_point start) {
     return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();

@@ -7,7 +7,6 @@ is a frame in which the legs or the arms fit the truth better with left and righ
 angles' bounds to the reader. --sheets draws the skeleton
 over the pictures of all cameras, every tenth frame. Exit status 77 without the shared test data."""
 import argparse
-import csv
 import subprocess
 import sys
 import tempfile
@@ -15,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from session_data import data_folder
+from session_data import data_folder, read_table
 
 DATA = data_folder()
 SIDED = ("shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle", "toe")
@@ -32,13 +31,6 @@ REFERENCE = {"shoulder": "Shoulder", "elbow": "Elbow", "wrist": "Wrist", "hip": 
 
 def bound_deg(sequence):
     return 8 if sequence == "sprint" else 5
-
-
-def read_table(file):
-    with open(file, newline="") as f:
-        rows = list(csv.reader(f))
-    values = np.array([[float(v) if v else np.nan for v in row] for row in rows[1:]])
-    return {name: values[:, k] for k, name in enumerate(rows[0])}
 
 
 def points(table, names):
