@@ -11,7 +11,8 @@ find_package(pugixml REQUIRED)                   # Qualisys calibrations are XML
 find_package(yaml-cpp REQUIRED)                  # OpenCV calibrations are YAML
 find_package(CLI11 REQUIRED)
 find_package(nlohmann_json REQUIRED)
-find_package(OpenCV REQUIRED COMPONENTS core imgproc imgcodecs videoio video calib3d)
+find_package(OpenCV REQUIRED COMPONENTS core imgproc imgcodecs videoio video calib3d aruco)
+find_package(Ceres REQUIRED)                     # bundle adjustment of the cameras
 find_package(Protobuf REQUIRED)
 find_program(GRPC_CPP_PLUGIN grpc_cpp_plugin REQUIRED)
 pkg_check_modules(GRPC REQUIRED IMPORTED_TARGET grpc++)

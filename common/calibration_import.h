@@ -34,4 +34,10 @@ absl::StatusOr<std::vector<Camera>> parse_calibration_qualisys(const std::string
 absl::StatusOr<std::vector<Camera>> parse_calibration_opencv(const std::string& text,
                                                              const std::string& name_for_errors);
 
+// Kalibr's camchain YAML: cam0, cam1, ... with camera_model pinhole, distortion_model radtan or none,
+// intrinsics [fx, fy, cx, cy], distortion_coeffs [k1, k2, p1, p2], resolution [width, height] and, from the second on,
+// T_cn_cnm1, which takes points from the camera before to this one. The first camera is the world's origin.
+absl::StatusOr<std::vector<Camera>> parse_calibration_kalibr(const std::string& text,
+                                                             const std::string& name_for_errors);
+
 }  // namespace kinevox

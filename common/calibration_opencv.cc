@@ -2,11 +2,14 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <filesystem>
 
+#include "common/calibration_file.h"
 #include "common/calibration_import.h"
 #include "common/one_line.h"
+#include "common/toml_reader.h"
 
 namespace kinevox {
 namespace {
@@ -163,6 +166,37 @@ absl::StatusOr<std::vector<Camera>> parse_calibration_opencv(const std::string& 
         return absl::InvalidArgumentError(fmt::format(
             "{}: holds no camera; see common/calibration_import.h for the layout", name_for_errors));
     return cameras;
+}
+
+std::string calibration_opencv_yaml(const std::vector<Camera>& cameras) {
+    const auto matrix = [](const char* key, int rows, int columns, const std::vector<double>& values) {
+        std::vector<std::string> words;
+        for (const double value : values) words.push_back(toml_number(value));
+        return fmt::format(
+            "   {}: !!opencv-matrix\n      rows: {}\n      cols: {}\n      dt: d\n      data: [ {} ]\n", key,
+            rows, columns, fmt::join(words, ", "));
+    };
+    // OpenCV's reader knows no quotes around keys; names that need them are for other readers.
+    const auto key = [](const std::string& name) {
+        const bool letter =
+            !name.empty() && (std::isalpha(static_cast<unsigned char>(name[0])) || name[0] == '_');
+        const auto plain = [](unsigned char ch) {
+            return std::isalnum(ch) || ch == '_' || ch == '-' || ch == ' ';
+        };
+        return letter && name.back() != ' ' && std::all_of(name.begin(), name.end(), plain)
+                   ? name
+                   : toml_quoted(name);
+    };
+    std::string out = "%YAML:1.0\n---\n";
+    for (const Camera& c : cameras) {
+        const Rigid3& t = c.camera_from_world;
+        out += fmt::format("{}:\n   image_width: {}\n   image_height: {}\n", key(c.name), c.width, c.height);
+        out += matrix("camera_matrix", 3, 3, {c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1});
+        out += matrix("distortion_coefficients", 1, 5, {c.k1, c.k2, c.p1, c.p2, c.k3});
+        out += matrix("rotation", 3, 3, {t.rotation.m.begin(), t.rotation.m.end()});
+        out += matrix("translation", 3, 1, {t.translation.x, t.translation.y, t.translation.z});
+    }
+    return out;
 }
 
 }  // namespace kinevox

@@ -121,13 +121,14 @@ absl::StatusOr<std::vector<Camera>> read_calibration(const std::filesystem::path
     if (!toml && !qualisys && !opencv)
         return absl::InvalidArgumentError(fmt::format(
             "{}: is no calibration by its ending; give a .toml (Pose2Sim, aniposelib), .qca.txt (Qualisys) "
-            "or .yml (OpenCV)",
+            "or .yml (OpenCV, Kalibr)",
             file.string()));
     const absl::StatusOr<std::string> text = read_file(file);
     if (!text.ok()) return text.status();
     if (toml) return parse_calibration_toml(*text, file.string());
-    return qualisys ? parse_calibration_qualisys(*text, file.string())
-                    : parse_calibration_opencv(*text, file.string());
+    if (qualisys) return parse_calibration_qualisys(*text, file.string());
+    return text->find("camera_model") != std::string::npos ? parse_calibration_kalibr(*text, file.string())
+                                                           : parse_calibration_opencv(*text, file.string());
 }
 
 std::string calibration_toml(const std::vector<Camera>& cameras) {

@@ -169,6 +169,42 @@ TEST(BadInput, OpenCvCalibration) {
         expect_words(parse_calibration_opencv(with(kOpenCv, bad), "c.yml").status(), bad);
 }
 
+const char kKalibr[] = R"(cam0:
+  camera_model: pinhole
+  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]
+  distortion_model: radtan
+  intrinsics: [460.1, 459.8, 367.2, 248.4]
+  resolution: [752, 480]
+cam1:
+  T_cn_cnm1: [[1.0, 0.0, 0.0, -0.11], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+  camera_model: pinhole
+  distortion_coeffs: []
+  distortion_model: none
+  intrinsics: [458.1, 457.8, 379.2, 255.4]
+  resolution: [752, 480]
+)";
+
+TEST(BadInput, KalibrCalibration) {
+    const auto good = parse_calibration_kalibr(kKalibr, "k.yaml");
+    ASSERT_TRUE(good.ok()) << good.status();
+    EXPECT_NEAR((*good)[1].centre_in_world().x, 0.11, 1e-12);
+    const BadInput table[] = {
+        {"NaN", "460.1", ".nan", {"k.yaml:5:", "cam0.intrinsics", "4 numbers"}},
+        {"fisheye",
+         "model: radtan",
+         "model: equidistant",
+         {"k.yaml:4:", "cam0.distortion_model", "equidistant"}},
+        {"omnidirectional", "model: pinhole", "model: omni", {"k.yaml:2:", "cam0.camera_model", "omni"}},
+        {"no size", "resolution", "revolution", {"k.yaml", "cam0.resolution"}},
+        {"no rotation", "[[1.0, 0.0", "[[2.0, 0.0", {"k.yaml:8:", "cam1.T_cn_cnm1", "rigid"}},
+        {"a gap", "cam1:", "cam2:", {"k.yaml", "cam0, cam1"}},
+        {"no YAML", "[460.1", "[[460.1", {"k.yaml:", "YAML"}},
+        {"no camera", kKalibr, "camera_model: 1\n", {"k.yaml", "cam0"}},
+    };
+    for (const BadInput& bad : table)
+        expect_words(parse_calibration_kalibr(with(kKalibr, bad), "k.yaml").status(), bad);
+}
+
 const char kSession[] = R"(name = "trial"
 fps = 60.0
 calibration = "calibration.toml"
@@ -239,7 +275,9 @@ TEST(BadInput, Session) {
 
 // Characters beyond ASCII are welcome in comments and strings of every kind, and nowhere else.
 TEST(BadInput, WhereCharactersBeyondAsciiMayStand) {
-    const auto status_of = [](const std::string& text) { return TomlDocument::parse(text, "t.toml").status(); };
+    const auto status_of = [](const std::string& text) {
+        return TomlDocument::parse(text, "t.toml").status();
+    };
     for (const char* good : {"",
                              "\xef\xbb\xbf"
                              "a = 'ö'",
@@ -248,15 +286,16 @@ TEST(BadInput, WhereCharactersBeyondAsciiMayStand) {
                              "a.'ö'.\"ö\" = {'ö' = ['ö', \"ö\"]}\n['ö']"})
         EXPECT_TRUE(status_of(good).ok()) << good << ": " << status_of(good);
     for (const char* bad :
-         {"ö = 1", "a = 1\xc2\xa0", "a = 'x' ö", "a = \'\'\'x\'\'\'ö", "a = \"\" ö", R"(a = "\ö")",
-          "[ö]", R"(a = '\'ö')", "a = 5'ö'", "a = 'x' 'ö'", R"(a = 3."ö")", R"(a = n.'"' ö)", "a = '\xff'"}) {
+         {"ö = 1", "a = 1\xc2\xa0", "a = 'x' ö", "a = \'\'\'x\'\'\'ö", "a = \"\" ö", R"(a = "\ö")", "[ö]",
+          R"(a = '\'ö')", "a = 5'ö'", "a = 'x' 'ö'", R"(a = 3."ö")", R"(a = n.'"' ö)", "a = '\xff'"}) {
         EXPECT_FALSE(status_of(bad).ok()) << bad;
         EXPECT_TRUE(std::string(status_of(bad).message()).starts_with("t.toml:1:")) << status_of(bad);
     }
 }
 
 TEST(BadInput, CharactersBeyondAsciiComeBackAsTheyWere) {
-    const std::string text = "[\"Kämera 相机 \U0001F3A5\"]\nname = 'é\u2028\uFEFF'\nmore = [{ 'ß' = \"\\u00e4ö\" }]\n";
+    const std::string text =
+        "[\"Kämera 相机 \U0001F3A5\"]\nname = 'é\u2028\uFEFF'\nmore = [{ 'ß' = \"\\u00e4ö\" }]\n";
     const auto document = TomlDocument::parse(text, "t.toml");
     ASSERT_TRUE(document.ok()) << document.status();
     ASSERT_THAT((*document)->root().keys(), ::testing::ElementsAre("Kämera 相机 \U0001F3A5"));
@@ -264,7 +303,8 @@ TEST(BadInput, CharactersBeyondAsciiComeBackAsTheyWere) {
     EXPECT_EQ(table.text("name"), "é\u2028\uFEFF");
     EXPECT_EQ(table.tables("more").at(0).text("ß"), "äö");
     table.fail("name", "is noted");
-    EXPECT_THAT(std::string((*document)->finish().message()), ::testing::HasSubstr("t.toml:2: key 'Kämera 相机"));
+    EXPECT_THAT(std::string((*document)->finish().message()),
+                ::testing::HasSubstr("t.toml:2: key 'Kämera 相机"));
 }
 
 TEST(BadInput, SessionWhoseCameraIsNotCalibrated) {
@@ -314,7 +354,10 @@ TEST(BadInput, Config) {
          "cameras = 4",
          "cameras = 0",
          {"k.toml:6:", "'source.studio.cameras'", "0", "2 to 64"}},
-        {"missing body", "[log]", "[pose]\nbody = \"none.toml\"\n[log]", {"k.toml:12:", "'pose.body'", "none.toml"},
+        {"missing body",
+         "[log]",
+         "[pose]\nbody = \"none.toml\"\n[log]",
+         {"k.toml:12:", "'pose.body'", "none.toml"},
          absl::StatusCode::kNotFound},
         {"no port", "127.0.0.1:50770", "127.0.0.1", {"k.toml:2:", "'server.listen'", "HOST:PORT"}},
         {"no session",

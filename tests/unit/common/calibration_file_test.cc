@@ -167,5 +167,43 @@ avg_reprojection_error: 0.2
     EXPECT_EQ((*read)[0].camera_from_world, Rigid3{});
 }
 
+TEST(CalibrationOpenCv, WrittenAndReadBackIsTheSame) {
+    const testing::TemporaryFolder folder;
+    const auto read = read_calibration(folder.write("c.yml", calibration_opencv_yaml(two_cameras())));
+    ASSERT_TRUE(read.ok()) << read.status();
+    expect_cameras_near(*read, two_cameras(), 1e-12, 1e-14);
+}
+
+TEST(CalibrationOpenCv, OpenCvReadsWhatIsWritten) {
+    const testing::TemporaryFolder folder;
+    std::vector<Camera> cameras = two_cameras();
+    cameras[1].name = "right";
+    const cv::FileStorage in(folder.write("c.yml", calibration_opencv_yaml(cameras)).string(),
+                             cv::FileStorage::READ);
+    cv::Mat matrix, translation;
+    in["right"]["camera_matrix"] >> matrix;
+    in["left"]["translation"] >> translation;
+    ASSERT_EQ(matrix.size(), cv::Size(3, 3));
+    EXPECT_EQ(matrix.at<double>(1, 2), cameras[1].cy);
+    ASSERT_EQ(translation.size(), cv::Size(1, 3));
+    EXPECT_EQ(translation.at<double>(1), cameras[0].camera_from_world.translation.y);
+}
+
+TEST(CalibrationKalibr, WrittenAndReadBackIsTheSameRelativeToTheFirst) {
+    const testing::TemporaryFolder folder;
+    std::vector<Camera> cameras = two_cameras();
+    cameras.push_back(cameras[0]);
+    cameras[2].camera_from_world = {rotation_from_rodrigues({-0.3, 0.4, 0.5}), {1, 2, 3}};
+    const auto read = read_calibration(folder.write("chain.yaml", calibration_kalibr_yaml(cameras)));
+    ASSERT_TRUE(read.ok()) << read.status();
+    const Rigid3 world_from_first = cameras[0].camera_from_world.inverse();
+    for (std::size_t c = 0; c < cameras.size(); ++c) {
+        cameras[c].name = "cam" + std::to_string(c);
+        cameras[c].k3 = 0;
+        cameras[c].camera_from_world = cameras[c].camera_from_world * world_from_first;
+    }
+    expect_cameras_near(*read, cameras, 1e-12, 1e-12);
+}
+
 }  // namespace
 }  // namespace kinevox

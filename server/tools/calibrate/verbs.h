@@ -1,0 +1,23 @@
+// The verbs of `kinevox calibrate`, on files without a daemon. Each declares its options and, once they are
+// parsed, is run by the main program.
+#pragma once
+
+#include <absl/status/status.h>
+
+#include <functional>
+#include <vector>
+
+namespace CLI {
+class App;
+}
+
+namespace kinevox::calibrate {
+
+struct Verb {
+    CLI::App* app = nullptr;
+    std::function<absl::Status()> run;
+};
+
+std::vector<Verb> file_verbs(CLI::App& app);  // import, export
+
+}  // namespace kinevox::calibrate
