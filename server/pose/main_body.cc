@@ -9,6 +9,35 @@ namespace kinevox {
 namespace {
 
 constexpr float kBelowFloor_m = 0.06f;
+constexpr float kBeside_m = 0.2f;    // so far beside the largest part, seen from above, another one may be the subject's
+
+// Parts of which at least half stands over or under the largest one: what a missing middle (trousers like the floor)
+// parts from it.
+std::vector<char> parts_of_subject(const kernels::Lattice& lattice, const std::vector<int>& part, int parts, int largest) {
+    const int nx = lattice.size[0], ny = lattice.size[1], reach = static_cast<int>(kBeside_m / lattice.voxel_m + 0.5f);
+    const std::size_t columns = static_cast<std::size_t>(nx) * ny;
+    std::vector<char> footprint(columns, 0);
+    for (std::size_t k = 0; k < part.size(); ++k) {
+        if (part[k] != largest) continue;
+        const int x = static_cast<int>(k % columns) % nx, y = static_cast<int>(k % columns) / nx;
+        if (footprint[k % columns] == 2) continue;
+        footprint[k % columns] = 2;
+        for (int j = std::max(0, y - reach); j <= std::min(ny - 1, y + reach); ++j)
+            for (int i = std::max(0, x - reach); i <= std::min(nx - 1, x + reach); ++i) {
+                char& cell = footprint[static_cast<std::size_t>(j) * nx + i];
+                if (cell == 0) cell = 1;
+            }
+    }
+    std::vector<std::int64_t> over(parts + 1, 0), all(parts + 1, 0);
+    for (std::size_t k = 0; k < part.size(); ++k) {
+        if (part[k] <= 0) continue;
+        ++all[part[k]];
+        over[part[k]] += footprint[k % columns] != 0;
+    }
+    std::vector<char> kept(parts + 1, 0);
+    for (int p = 1; p <= parts; ++p) kept[p] = 2 * over[p] >= all[p];
+    return kept;
+}
 
 }  // namespace
 
@@ -53,9 +82,11 @@ std::optional<MainBody> main_body(const kernels::VoxelVolume& coarse) {
                 if (size > most) most = size, largest = parts;
             }
     if (most == 0) return std::nullopt;
+    const std::vector<char> subject = parts_of_subject(lattice, part, parts, largest);
     MainBody body;
     body.volume.lattice = lattice;
     double sum[3] = {};
+    std::int64_t voxels = 0;
     for (const kernels::Brick& brick : coarse.bricks) {
         kernels::Brick kept = brick;
         bool any = false;
@@ -64,16 +95,17 @@ std::optional<MainBody> main_body(const kernels::VoxelVolume& coarse) {
             for (int bit = 0; bit < 64; ++bit) {
                 const int i = kernels::kBrickEdge * brick.x + bit % 8, j = kernels::kBrickEdge * brick.y + bit / 8,
                           k = kernels::kBrickEdge * brick.z + z;
-                if (part[index(i, j, k)] != largest) continue;
+                if (const int p = part[index(i, j, k)]; p <= 0 || !subject[p]) continue;
                 kept.occupancy[z] |= std::uint64_t{1} << bit;
                 sum[0] += i, sum[1] += j, sum[2] += k;
+                ++voxels;
                 any = true;
             }
         }
         if (any) body.volume.bricks.push_back(kept);
     }
     const auto centre = [&](int axis) {
-        return lattice.origin[axis] + (sum[axis] / static_cast<double>(most) + 0.5) * lattice.voxel_m;
+        return lattice.origin[axis] + (sum[axis] / static_cast<double>(voxels) + 0.5) * lattice.voxel_m;
     };
     body.centre_in_world = {centre(0), centre(1), centre(2)};
     return body;

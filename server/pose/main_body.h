@@ -12,7 +12,8 @@
 
 namespace kinevox {
 
-// The largest connected part (by faces) of a volume, as far as it stands above the floor; its centre in the world.
+// The largest connected part (by faces) of a volume, with the parts over and under it, as far as it stands above the
+// floor; its centre in the world.
 struct MainBody {
     kernels::VoxelVolume volume;
     Vec3 centre_in_world;
