@@ -6,15 +6,33 @@ namespace kinevox {
 namespace {
 
 enum Joint : int {
-    kRoot, kSacroiliac, kSkullbase, kHeadTop, kShoulderJointL, kElbowL, kWristL, kHandTipL, kHipL, kKneeL, kAnkleL,
-    kToeL, kShoulderJointR, kElbowR, kWristR, kHandTipR, kHipR, kKneeR, kAnkleR, kToeR
+    kRoot,
+    kSacroiliac,
+    kSkullbase,
+    kHeadTop,
+    kShoulderJointL,
+    kElbowL,
+    kWristL,
+    kHandTipL,
+    kHipL,
+    kKneeL,
+    kAnkleL,
+    kToeL,
+    kShoulderJointR,
+    kElbowR,
+    kWristR,
+    kHandTipR,
+    kHipR,
+    kKneeR,
+    kAnkleR,
+    kToeR
 };
 constexpr std::array<int, kJointNames.size()> kJointSegment{
-    kPelvis, kThorax, kHead, kHead, kUpperArmL, kForearmL, kHandL, kHandL, kThighL, kShankL, kFootL, kFootL,
-    kUpperArmR, kForearmR, kHandR, kHandR, kThighR, kShankR, kFootR, kFootR};
+    kPelvis, kThorax, kHead,      kHead,     kUpperArmL, kForearmL, kHandL,  kHandL,  kThighL, kShankL,
+    kFootL,  kFootL,  kUpperArmR, kForearmR, kHandR,     kHandR,    kThighR, kShankR, kFootR,  kFootR};
 
-// Of the hips' middle from the root, parts of the length from root to waist: the root lies in front of the sacrum, just
-// above the line between the hips.
+// Of the hips' middle from the root, parts of the length from root to waist: the root lies in front of the
+// sacrum, just above the line between the hips.
 constexpr double kHipsBehindRoot = 0.06, kHipsBelowRoot = 0.045;
 
 // The neck leans forwards.
@@ -22,13 +40,15 @@ constexpr double kNeckForward = 0.03;
 
 constexpr Vec3 kDown{0, 0, -1};
 
-// Least squares over CMU motions on a skeleton with clavicles: row: shift forward, outward, up; column: direction of
-// the upper arm; m for a body of 1.75 m. It leaves 2 to 4 mm of movements of 13 mm (Inman et al. 1944 describe the
-// rhythm).
+// Least squares over CMU motions on a skeleton with clavicles: row: shift forward, outward, up; column:
+// direction of the upper arm; m for a body of 1.75 m. It leaves 2 to 4 mm of movements of 13 mm (Inman et al.
+// 1944 describe the rhythm).
 constexpr double kRhythmStature = 1.75;
 constexpr Mat3 kRhythm{{0.011, -0.030, 0.010, 0.005, 0.010, 0.001, 0.011, 0.011, 0.014}};
 
-Vec3 mirrored(Vec3 v, bool left) { return left ? v : Vec3{v.x, -v.y, v.z}; }
+Vec3 mirrored(Vec3 v, bool left) {
+    return left ? v : Vec3{v.x, -v.y, v.z};
+}
 
 }  // namespace
 
@@ -43,17 +63,24 @@ BodyModel::BodyModel(const BodyShape& shape) : shape_(shape), capsules_(body_sur
         offsets_[leg] = mirrored({hips_x, s[kHipHalfWidth], hips_z}, left);
         offsets_[leg + 1] = {0, 0, -s[kThigh]};
         offsets_[leg + 2] = {0, 0, -s[kShank]};
-        offsets_[arm] = mirrored({-0.02 * s[kWaistToShoulders], s[kShoulderHalfWidth], s[kWaistToShoulders]}, left);
+        offsets_[arm] =
+            mirrored({-0.02 * s[kWaistToShoulders], s[kShoulderHalfWidth], s[kWaistToShoulders]}, left);
         offsets_[arm + 1] = {0, 0, -s[kUpperArm]};
         offsets_[arm + 2] = {0, 0, -s[kForearm]};
     }
     joint_offsets_.fill({0, 0, 0});
-    joint_offsets_[kHeadTop] = {kNeckForward * 4 * s[kSkullbaseToTop], 0, s[kSkullbaseToTop]};   // its crown, before the neck
-    for (const int hand : {kHandTipL, kHandTipR}) joint_offsets_[hand] = {0, 0, -s[kHand]};
-    for (const int toe : {kToeL, kToeR}) joint_offsets_[toe] = {s[kAnkleToToe], 0, 0.6 * s[kFootRadius] - s[kAnkleHeight]};
+    joint_offsets_[kHeadTop] = {kNeckForward * 4 * s[kSkullbaseToTop], 0,
+                                s[kSkullbaseToTop]};  // its crown, before the neck
+    for (const int hand : {kHandTipL, kHandTipR})
+        joint_offsets_[hand] = {-kHandBack * s[kHand], 0, -s[kHand]};
+    for (const bool left : {true, false})
+        joint_offsets_[left ? kToeL : kToeR] = mirrored(
+            {s[kAnkleToToe], kToeOut * s[kAnkleToToe], 0.6 * s[kFootRadius] - s[kAnkleHeight]}, left);
 }
 
-int BodyModel::joint_segment(int joint) { return kJointSegment[joint]; }
+int BodyModel::joint_segment(int joint) {
+    return kJointSegment[joint];
+}
 
 Vec3 BodyModel::shoulder_shift(bool left, Vec3 arm_direction) const {
     const Vec3 from_hanging = mirrored(arm_direction - kDown, left);
@@ -94,7 +121,8 @@ std::array<DofFrame, kBodyDofCount> BodyModel::dof_frames(const PosedBody& posed
     for (int k = 0; k < 3; ++k) frames[kDofRootPosition + k].shift = kAxes[k];
     for (int s = 0; s < kBodySegmentCount; ++s) {
         const Vec3 origin = posed.world_from_segment[s].translation;
-        const Mat3 world_from_parent = s == kPelvis ? Mat3{} : posed.world_from_segment[kBodyParent[s]].rotation;
+        const Mat3 world_from_parent =
+            s == kPelvis ? Mat3{} : posed.world_from_segment[kBodyParent[s]].rotation;
         DofFrame* own = frames.data() + kSegmentDof[s];
         if (kSegmentDofCount[s] == 1) {
             own[0] = {world_from_parent * hinge_axis(s), origin, {}};
@@ -104,9 +132,11 @@ std::array<DofFrame, kBodyDofCount> BodyModel::dof_frames(const PosedBody& posed
         const Vec3 arm = world_from_parent.transposed() * (posed.world_from_segment[s].rotation * kDown);
         for (int k = 0; k < 3; ++k) {
             own[k] = {world_from_parent * kAxes[k], origin, {}};
-            // The girdle's shift is linear in the arm's direction, so its rate is the shift of the direction's rate.
+            // The girdle's shift is linear in the arm's direction, so its rate is the shift of the
+            // direction's rate.
             if (shoulder)
-                own[k].shift = world_from_parent * shoulder_shift(s == kUpperArmL, cross(kAxes[k], arm) + kDown);
+                own[k].shift =
+                    world_from_parent * shoulder_shift(s == kUpperArmL, cross(kAxes[k], arm) + kDown);
         }
     }
     return frames;

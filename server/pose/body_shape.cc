@@ -1,8 +1,8 @@
 #include "server/pose/body_shape.h"
 
-#include <string>
-
 #include <fmt/format.h>
+
+#include <string>
 
 #include "common/atomic_file.h"
 #include "common/toml_reader.h"
@@ -23,24 +23,24 @@ const std::array<BodyLengthInfo, kBodyLengthCount> kBodyLengths{{
     {"shank", 0.247, 0.035},
     {"ankle_to_toe", 0.110, 0.06},
     {"ankle_height", 0.046, 0.10},
-    {"pelvis_half_width", 0.092, 0.12},
-    {"pelvis_half_depth", 0.062, 0.12},
-    {"waist_half_width", 0.082, 0.12},
-    {"waist_half_depth", 0.056, 0.12},
-    {"chest_half_width", 0.088, 0.1},
-    {"chest_half_depth", 0.067, 0.12},
-    {"neck_radius", 0.034, 0.15},
-    {"head_radius", 0.047, 0.08},
-    {"thigh_radius", 0.046, 0.15},
-    {"knee_radius", 0.031, 0.15},
-    {"calf_radius", 0.032, 0.15},
-    {"ankle_radius", 0.0215, 0.15},
-    {"foot_radius", 0.023, 0.15},
-    {"upper_arm_radius", 0.029, 0.15},
-    {"elbow_radius", 0.022, 0.15},
-    {"forearm_radius", 0.022, 0.15},
-    {"wrist_radius", 0.0145, 0.15},
-    {"hand_radius", 0.021, 0.15},
+    {"pelvis_half_width", 0.096, 0.12},
+    {"pelvis_half_depth", 0.06, 0.12},
+    {"waist_half_width", 0.075, 0.12},
+    {"waist_half_depth", 0.054, 0.12},
+    {"chest_half_width", 0.0895, 0.1},
+    {"chest_half_depth", 0.0675, 0.12},
+    {"neck_radius", 0.029, 0.15},
+    {"head_radius", 0.0505, 0.08},
+    {"thigh_radius", 0.0485, 0.15},
+    {"knee_radius", 0.0292, 0.15},
+    {"calf_radius", 0.0327, 0.15},
+    {"ankle_radius", 0.019, 0.15},
+    {"foot_radius", 0.0217, 0.15},
+    {"upper_arm_radius", 0.03, 0.15},
+    {"elbow_radius", 0.0203, 0.15},
+    {"forearm_radius", 0.0225, 0.15},
+    {"wrist_radius", 0.0123, 0.15},
+    {"hand_radius", 0.0225, 0.15},
 }};
 
 BodyShape default_body_shape(double stature_m) {
@@ -52,7 +52,8 @@ BodyShape default_body_shape(double stature_m) {
 }
 
 double standing_height(const BodyShape& s) {
-    return s[kAnkleHeight] + s[kShank] + s[kThigh] + s[kRootToWaist] + s[kWaistToSkullbase] + s[kSkullbaseToTop];
+    return s[kAnkleHeight] + s[kShank] + s[kThigh] + s[kRootToWaist] + s[kWaistToSkullbase] +
+           s[kSkullbaseToTop];
 }
 
 absl::StatusOr<BodyShape> read_body_shape(const std::filesystem::path& file) {
@@ -70,7 +71,8 @@ absl::StatusOr<BodyShape> read_body_shape(const std::filesystem::path& file) {
 }
 
 std::string body_shape_toml(const BodyShape& shape) {
-    std::string text = "# A subject's body: lengths between rotation centres, half-widths and radii; metres.\n";
+    std::string text =
+        "# A subject's body: lengths between rotation centres, half-widths and radii; metres.\n";
     text += fmt::format("stature_m = {}\n", toml_number(shape.stature_m));
     for (int k = 0; k < kBodyLengthCount; ++k)
         text += fmt::format("{}_m = {}\n", kBodyLengths[k].name, toml_number(shape.lengths_m[k]));

@@ -43,7 +43,8 @@ struct BodyLengthInfo {
 };
 // Lengths: means of both sexes after de Leva (1996, joint centres) and Drillis & Contini (1966, as in Winter,
 // Biomechanics and Motor Control of Human Movement, table 4.1), hip and shoulder centres moved from the bony landmarks
-// to the rotation centres. Widths and radii from the girths of Gordon et al. (ANSUR, 1988) with a centimetre of clothes.
+// to the rotation centres. Widths and radii between the girths of Gordon et al. (ANSUR, 1988) with a
+// centimetre of clothes and those that fit the clothed meshes of the test data with this surface.
 extern const std::array<BodyLengthInfo, kBodyLengthCount> kBodyLengths;
 
 struct BodyShape {

@@ -7,7 +7,12 @@
 
 namespace kinevox {
 
-// In the segments' own frames. Each number in it is linear in the lengths of the shape, the order never changes.
+// Parts of their lengths by which a resting hand's fingertips lie behind the forearm's axis (ulnar deviation)
+// and the toes outwards of the ankle.
+inline constexpr double kHandBack = 0.10, kToeOut = 0.14;
+
+// In the segments' own frames. Each number in it is linear in the lengths of the shape, the order never
+// changes.
 std::vector<BodyCapsule> body_surface(const BodyShape& shape);
 
 }  // namespace kinevox

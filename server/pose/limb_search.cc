@@ -2,19 +2,23 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 namespace kinevox {
 namespace {
 
-constexpr int kDirections = 64;             // over the whole sphere; what a joint cannot reach is left out
+constexpr int kDirections = 64;  // over the whole sphere; what a joint cannot reach is left out
 constexpr int kTwists = 6;
 constexpr double kBends[] = {0.2, 1.1, 2.0};  // of elbow and knee, rad
 constexpr double kFineBends[] = {0.2, 0.7, 1.2, 1.7, 2.2};
 constexpr int kFineTwists = 8;
-constexpr std::size_t kRayStep = 3;         // every so many rays are enough to choose by
-constexpr double kStraight = 0.3;           // below it a twist changes little
-constexpr double kRaysGained = 1.5;         // thinned rays that must be explained besides
+constexpr std::size_t kRayStep = 3;  // every so many rays are enough to choose by
+constexpr double kStraight = 0.3;    // below it a twist changes little
+constexpr double kRaysGained = 1.5;  // thinned rays that must be explained besides
+// A pair's settings are coarse and those it has were fitted: it may look worse by so many rays before it is
+// fitted too.
+constexpr double kPairSlack = 2;
 
 struct LimbSegments {
     int upper, lower, end;
@@ -22,10 +26,14 @@ struct LimbSegments {
 };
 LimbSegments segments_of(Limb limb) {
     switch (limb) {
-        case Limb::kArmL: return {kUpperArmL, kForearmL, kHandL, true, true};
-        case Limb::kArmR: return {kUpperArmR, kForearmR, kHandR, true, false};
-        case Limb::kLegL: return {kThighL, kShankL, kFootL, false, true};
-        case Limb::kLegR: break;
+        case Limb::kArmL:
+            return {kUpperArmL, kForearmL, kHandL, true, true};
+        case Limb::kArmR:
+            return {kUpperArmR, kForearmR, kHandR, true, false};
+        case Limb::kLegL:
+            return {kThighL, kShankL, kFootL, false, true};
+        case Limb::kLegR:
+            break;
     }
     return {kThighR, kShankR, kFootR, false, false};
 }
@@ -77,7 +85,8 @@ void LimbSearch::thin_out(std::span<const SilhouetteRays> views) {
     }
 }
 
-double LimbSearch::cost(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> capsules, double robust_m) {
+double LimbSearch::cost(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> capsules,
+                        double robust_m) {
     double sum = 0;
     for (std::size_t c = 0; c < views.size(); ++c) {
         const SilhouetteRays& view = views[c];
@@ -87,43 +96,52 @@ double LimbSearch::cost(std::span<const SilhouetteRays> views, std::span<const B
             sum += kernel(std::min(distance_[i], rest_distance_[c][i]), robust_m);
         for (const BodyCapsule& capsule : capsules)
             for (const double along : {0.2, 0.8}) {
-                const Vec3 a{capsule.a[0], capsule.a[1], capsule.a[2]}, b{capsule.b[0], capsule.b[1], capsule.b[2]};
+                const Vec3 a{capsule.a[0], capsule.a[1], capsule.a[2]},
+                    b{capsule.b[0], capsule.b[1], capsule.b[2]};
                 const Vec3 p = (1 - along) * a + along * b;
                 const auto pixel = view.camera->project(p);
                 double depth_px;
                 Vec2 slope;
                 if (!pixel || !view.distance.at(*pixel, depth_px, slope)) continue;
-                const double m_per_px = 2 * (view.camera->camera_from_world * p).z / (view.camera->fx + view.camera->fy);
-                const double out = (1 - along) * capsule.radius_a + along * capsule.radius_b - depth_px * m_per_px;
+                const double m_per_px =
+                    2 * (view.camera->camera_from_world * p).z / (view.camera->fx + view.camera->fy);
+                const double out =
+                    (1 - along) * capsule.radius_a + along * capsule.radius_b - depth_px * m_per_px;
                 if (out > 0) sum += kernel(out, robust_m);
             }
     }
     return sum;
 }
 
-std::optional<BodyPosture> LimbSearch::improve(const BodyModel& model, const BodyPosture& posture,
-                                               std::span<const SilhouetteRays> views, Limb which, LimbReach reach,
-                                               double robust_m) {
-    const LimbSegments limb = segments_of(which);
-    const auto belongs = [&](int segment) {
-        return segment == limb.upper || segment == limb.lower || segment == limb.end;
+// Puts the capsules of the limbs at a posture into capsules_ and, where asked for, all others elsewhere.
+void LimbSearch::split(const BodyModel& model, const BodyPosture& posture, std::span<const Limb> limbs,
+                       std::vector<BodyCapsule>* others) {
+    const auto belongs = [&](const BodyCapsule& c) {
+        return std::any_of(limbs.begin(), limbs.end(), [&](Limb limb) {
+            const LimbSegments own = segments_of(limb);
+            return c.segment == own.upper || c.segment == own.lower || c.segment == own.end;
+        });
     };
-    std::vector<BodyCapsule> rest;
-    const auto split = [&](const BodyPosture& at, std::vector<BodyCapsule>* others) {
-        model.capsules(model.forward(at), capsules_);
-        if (others)
-            std::copy_if(capsules_.begin(), capsules_.end(), std::back_inserter(*others),
-                         [&](const BodyCapsule& c) { return !belongs(c.segment); });
-        std::erase_if(capsules_, [&](const BodyCapsule& c) { return !belongs(c.segment); });
-    };
-    split(posture, &rest);
-    thin_out(views);
+    model.capsules(model.forward(posture), capsules_);
+    if (others) {
+        others->clear();
+        std::copy_if(capsules_.begin(), capsules_.end(), std::back_inserter(*others),
+                     [&](const BodyCapsule& c) { return !belongs(c); });
+    }
+    std::erase_if(capsules_, [&](const BodyCapsule& c) { return !belongs(c); });
+}
+
+void LimbSearch::set_rest(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> rest) {
     rest_distance_.resize(views.size());
     for (std::size_t c = 0; c < views.size(); ++c)
         if (views[c].camera) nearest_capsules(rays_[c], rest, rest_distance_[c], which_);
+}
 
-    const double now = cost(views, capsules_, robust_m);
-    double best = now - kRaysGained * robust_m * robust_m;
+// The setting of a limb beside the rest that costs least and less than `best`, which it lowers.
+std::optional<BodyPosture> LimbSearch::cheapest(const BodyModel& model, const BodyPosture& posture,
+                                                std::span<const SilhouetteRays> views, Limb which,
+                                                LimbReach reach, double robust_m, double& best) {
+    const LimbSegments limb = segments_of(which);
     std::optional<BodyPosture> found;
     BodyPosture trial = posture;
     trial.parent_from_segment[limb.end] = Mat3{};
@@ -132,7 +150,7 @@ std::optional<BodyPosture> LimbSearch::improve(const BodyModel& model, const Bod
         for (int t = 0; t < twists; ++t) {
             const double twist = 2 * std::numbers::pi * (limb.arm ? t : t - (twists - 1) / 2.0) / of;
             trial.parent_from_segment[limb.upper] = towards(u, twist);
-            split(trial, nullptr);
+            split(model, trial, {&which, 1}, nullptr);
             const double there = cost(views, capsules_, robust_m);
             if (there >= best) continue;
             best = there;
@@ -141,16 +159,47 @@ std::optional<BodyPosture> LimbSearch::improve(const BodyModel& model, const Bod
     };
     if (reach == LimbReach::kLower) {
         const Vec3 u = posture.parent_from_segment[limb.upper] * Vec3{0, 0, -1};
-        for (const double bend : kFineBends) try_twists(u, bend, limb.arm ? kFineTwists : 3, limb.arm ? kFineTwists : 12);
+        for (const double bend : kFineBends)
+            try_twists(u, bend, limb.arm ? kFineTwists : 3, limb.arm ? kFineTwists : 12);
         return found;
     }
     for (int k = 0; k < kDirections; ++k) {
         const Vec3 u = direction(k);
         if (!reachable(limb, u)) continue;
         // A thigh turns little about its axis; an upper arm's forearm may point anywhere about it.
-        for (const double bend : kBends) try_twists(u, bend, bend < kStraight || !limb.arm ? 1 : kTwists, kTwists);
+        for (const double bend : kBends)
+            try_twists(u, bend, bend < kStraight || !limb.arm ? 1 : kTwists, kTwists);
     }
     return found;
+}
+
+std::optional<BodyPosture> LimbSearch::improve(const BodyModel& model, const BodyPosture& posture,
+                                               std::span<const SilhouetteRays> views, Limb which,
+                                               LimbReach reach, double robust_m) {
+    std::vector<BodyCapsule> rest;
+    split(model, posture, {&which, 1}, &rest);
+    thin_out(views);
+    set_rest(views, rest);
+    double best = cost(views, capsules_, robust_m) - kRaysGained * robust_m * robust_m;
+    return cheapest(model, posture, views, which, reach, robust_m, best);
+}
+
+std::optional<BodyPosture> LimbSearch::improve_pair(const BodyModel& model, const BodyPosture& posture,
+                                                    std::span<const SilhouetteRays> views, Limb first,
+                                                    Limb second, double robust_m) {
+    const Limb both[] = {first, second};
+    std::vector<BodyCapsule> rest;
+    split(model, posture, both, &rest);
+    thin_out(views);
+    set_rest(views, rest);
+    const double now = cost(views, capsules_, robust_m);
+    double best = std::numeric_limits<double>::infinity();
+    const auto one = cheapest(model, posture, views, first, LimbReach::kWhole, robust_m, best);
+    if (!one) return std::nullopt;
+    split(model, *one, {&second, 1}, &rest);
+    set_rest(views, rest);
+    best = now + kPairSlack * robust_m * robust_m;
+    return cheapest(model, *one, views, second, LimbReach::kWhole, robust_m, best);
 }
 
 }  // namespace kinevox

@@ -10,7 +10,9 @@ namespace {
 
 constexpr double kDegree = 0.017453292519943295;
 
-Vec3 point(const float* p) { return {p[0], p[1], p[2]}; }
+Vec3 point(const float* p) {
+    return {p[0], p[1], p[2]};
+}
 
 // Rest pose and how far from it a joint usually is: weak, for what the silhouettes do not tell.
 struct Habit {
@@ -18,27 +20,35 @@ struct Habit {
 };
 constexpr Habit kFree{0, 0};
 constexpr std::array<Habit, kBodyDofCount> kHabits{{
-    kFree, kFree, kFree, kFree, kFree, kFree,
-    {-5, 25}, {0, 15}, {0, 20},                        // lumbar
-    {0, 20}, {0, 15}, {0, 30},                         // neck
-    {10, 60}, {-5, 20}, {0, 20}, {20, 60}, {0, 25},    // left leg
-    kFree, kFree, kFree, {30, 60}, {0, 25},            // left arm
-    {10, 60}, {-5, 20}, {0, 20}, {20, 60}, {0, 25},    // right leg
-    kFree, kFree, kFree, {30, 60}, {0, 25},            // right arm
+    kFree,    kFree,    kFree,   kFree,    kFree,   kFree, {-16, 8}, {0, 15}, {0, 20},  // lumbar
+    {0, 20},  {0, 15},  {0, 30},                                                        // neck
+    {10, 60}, {-5, 20}, {0, 20}, {20, 60}, {0, 25},                                     // left leg
+    kFree,    kFree,    kFree,   {30, 60}, {0, 25},                                     // left arm
+    {10, 60}, {-5, 20}, {0, 20}, {20, 60}, {0, 25},                                     // right leg
+    kFree,    kFree,    kFree,   {30, 60}, {0, 25},                                     // right arm
 }};
 constexpr double kLimitStd = 3 * kDegree;
 
 bool kept_apart(int limb, int other) {
     switch (limb) {
-        case kForearmL: case kHandL: case kForearmR: case kHandR:
+        case kForearmL:
+        case kHandL:
+        case kForearmR:
+        case kHandR:
             return other == kPelvis || other == kThorax || other == kHead;
-        case kShankL: case kFootL: return other == kThighR || other == kShankR || other == kFootR;
-        case kShankR: case kFootR: return other == kThighL || other == kShankL || other == kFootL;
-        default: return false;
+        case kShankL:
+        case kFootL:
+            return other == kThighR || other == kShankR || other == kFootR;
+        case kShankR:
+        case kFootR:
+            return other == kThighL || other == kShankL || other == kFootL;
+        default:
+            return false;
     }
 }
 
-void add_row(std::span<const int> dofs, const double* row, double residual, double weight, Linearisation& out) {
+void add_row(std::span<const int> dofs, const double* row, double residual, double weight,
+             Linearisation& out) {
     for (std::size_t i = 0; i < dofs.size(); ++i) {
         const double w = weight * row[i];
         out.gradient[dofs[i]] += w * residual;
@@ -46,8 +56,8 @@ void add_row(std::span<const int> dofs, const double* row, double residual, doub
     }
 }
 
-// Limits of movement and habits, on the named angles. A shoulder's angles are singular within its reach and its range
-// is wide; there only the motion prior holds.
+// Limits of movement and habits, on the named angles. A shoulder's angles are singular within its reach and
+// its range is wide; there only the motion prior holds.
 void add_angle_terms(const BodyPosture& posture, Linearisation& out) {
     const BodyCoordinates q = coordinates_from_posture(posture);
     for (int s = 1; s < kBodySegmentCount; ++s) {
@@ -100,8 +110,10 @@ void PoseCost::contour_terms(int camera, const SilhouetteRays& view, double robu
     for (std::size_t i = 0; i < view.contour.size(); ++i) {
         if (best_capsule_[i] < 0) continue;
         const BodyCapsule& capsule = capsules_[best_capsule_[i]];
-        const Vec3 direction{view.contour.direction[0][i], view.contour.direction[1][i], view.contour.direction[2][i]};
-        const Vec3 outward{view.contour.outward[0][i], view.contour.outward[1][i], view.contour.outward[2][i]};
+        const Vec3 direction{view.contour.direction[0][i], view.contour.direction[1][i],
+                             view.contour.direction[2][i]};
+        const Vec3 outward{view.contour.outward[0][i], view.contour.outward[1][i],
+                           view.contour.outward[2][i]};
         const RayTouch touch = touch_ray(view.contour.origin_in_world, direction, outward, capsule);
         if (!touch.usable) continue;
         SurfaceTerm term;
@@ -133,8 +145,10 @@ void PoseCost::inside_terms(int camera, const SilhouetteRays& view, double robus
             const double out = radius - depth_px * m_per_px;
             if (out <= 0) continue;
             // d pixel / d point without the lens' small stretch; moving along the depth hardly changes it.
-            const Vec3 in_plane{slope.x * c.fx / in_camera.z * m_per_px, slope.y * c.fy / in_camera.z * m_per_px, 0};
-            const Vec3 g{in_plane.x, in_plane.y, -(in_plane.x * in_camera.x + in_plane.y * in_camera.y) / in_camera.z};
+            const Vec3 in_plane{slope.x * c.fx / in_camera.z * m_per_px,
+                                slope.y * c.fy / in_camera.z * m_per_px, 0};
+            const Vec3 g{in_plane.x, in_plane.y,
+                         -(in_plane.x * in_camera.x + in_plane.y * in_camera.y) / in_camera.z};
             SurfaceTerm term;
             term.camera = camera;
             term.capsule = static_cast<int>(k);
@@ -167,8 +181,8 @@ void PoseCost::floor_terms() {
     }
 }
 
-// Forearms and hands do not go through the trunk, nor legs through each other. Only the limb is moved by it: a leg by
-// the other one and the other by it.
+// Forearms and hands do not go through the trunk, nor legs through each other. Only the limb is moved by it:
+// a leg by the other one and the other by it.
 void PoseCost::apart_terms() {
     for (std::size_t k = 0; k < capsules_.size(); ++k) {
         const BodyCapsule& limb = capsules_[k];
@@ -179,8 +193,8 @@ void PoseCost::apart_terms() {
                 const Vec3 a = point(other.a), axis = point(other.b) - a;
                 const double t = std::clamp(dot(p - a, axis) / (dot(axis, axis) + 1e-9), 0.0, 1.0);
                 const Vec3 from_other = p - (a + t * axis);
-                const double radii = (1 - along) * limb.radius_a + along * limb.radius_b + (1 - t) * other.radius_a +
-                                     t * other.radius_b;
+                const double radii = (1 - along) * limb.radius_a + along * limb.radius_b +
+                                     (1 - t) * other.radius_a + t * other.radius_b;
                 const double distance = norm(from_other), inside = options_.apart_share * radii - distance;
                 if (inside <= 0 || distance < 1e-6) continue;
                 SurfaceTerm term;
@@ -197,8 +211,9 @@ void PoseCost::apart_terms() {
     }
 }
 
-void PoseCost::linearise(const BodyModel& model, const BodyPosture& posture, std::span<const SilhouetteRays> views,
-                         const MotionPrior* prior, double robust_m, Linearisation& out) {
+void PoseCost::linearise(const BodyModel& model, const BodyPosture& posture,
+                         std::span<const SilhouetteRays> views, const MotionPrior* prior, double robust_m,
+                         Linearisation& out) {
     posed_ = model.forward(posture);
     model.capsules(posed_, capsules_);
     terms_.clear();
@@ -220,7 +235,8 @@ void PoseCost::linearise(const BodyModel& model, const BodyPosture& posture, std
         const std::span<const int> dofs = dofs_of_segment(capsules_[term.capsule].segment);
         for (std::size_t i = 0; i < dofs.size(); ++i) {
             const DofFrame& f = frames[dofs[i]];
-            row[i] = dot(f.axis, cross(term.point_in_world - f.origin, term.gradient)) + dot(f.shift, term.gradient);
+            row[i] = dot(f.axis, cross(term.point_in_world - f.origin, term.gradient)) +
+                     dot(f.shift, term.gradient);
         }
         add_row(dofs, row, term.residual, term.weight, out);
     }

@@ -1,27 +1,39 @@
 #include "server/pose/pose_tracker.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
-
-#include <fmt/format.h>
+#include <utility>
 
 #include "server/pose/key_poses.h"
 
 namespace kinevox {
 namespace {
 
-constexpr double kRateMemory = 0.6;      // of the old rate in the new one's estimate
+constexpr double kRateMemory = 0.6;  // of the old rate in the new one's estimate
 constexpr double kCostMemory = 0.85;
 constexpr double kPredictionDamping = 0.9;
 constexpr double kUsualMemory = 0.997, kPoorer = 0.03;
-constexpr double kBetter = 2;            // in cost, that moving a limb must gain: about two contour rays
-constexpr double kSame_m = 0.06;         // hypotheses whose joints lie nearer on average are one
+constexpr double kBetter = 2,
+                 kClearlyBetter = 12;  // in cost, that moving limbs must gain: 2 is about two contour rays
+// Arms and legs in either order. While a body has not been followed for long they are looked for anew after
+// so many frame sets, whatever is explained: a limb in the other's place leaves little unexplained.
+constexpr std::array<std::pair<Limb, Limb>, 4> kLimbPairs{{{Limb::kArmL, Limb::kArmR},
+                                                           {Limb::kLegL, Limb::kLegR},
+                                                           {Limb::kArmR, Limb::kArmL},
+                                                           {Limb::kLegR, Limb::kLegL}}};
+constexpr int kPairFrames = 7, kPatientPairFrames = 3;
+constexpr double kPairSeconds = 1;
+constexpr double kSame_m = 0.06;  // hypotheses whose joints lie nearer on average are one
 
 double mean_joint_distance(const PosedBody& a, const PosedBody& b) {
     double sum = 0;
-    for (std::size_t j = 0; j < kJointNames.size(); ++j) sum += norm(a.joints_in_world[j] - b.joints_in_world[j]);
+    for (std::size_t j = 0; j < kJointNames.size(); ++j)
+        sum += norm(a.joints_in_world[j] - b.joints_in_world[j]);
     return sum / kJointNames.size();
 }
 
@@ -30,14 +42,17 @@ double mean_joint_distance(const PosedBody& a, const PosedBody& b) {
 std::string PoseTrackerOptions::check() const {
     if (std::string problem = fit.check(); !problem.empty()) return problem;
     if (headings < 1 || starts < 1 || hypotheses < 1)
-        return fmt::format("pose tracker: {} headings, {} starts, {} hypotheses; at least one each", headings, starts,
-                           hypotheses);
+        return fmt::format("pose tracker: {} headings, {} starts, {} hypotheses; at least one each", headings,
+                           starts, hypotheses);
     if (min_views < 2) return fmt::format("pose tracker: min_views is {}; at least 2", min_views);
     return {};
 }
 
 PoseTracker::PoseTracker(double fps, const PoseTrackerOptions& options)
-    : fps_(fps), options_(options), model_(std::make_shared<BodyModel>(default_body_shape())), fitter_(options.fit) {}
+    : fps_(fps),
+      options_(options),
+      model_(std::make_shared<BodyModel>(default_body_shape())),
+      fitter_(options.fit) {}
 
 void PoseTracker::begin(std::span<const SilhouetteRays> views, Vec3 centre,
                         std::span<const PoseCandidate> candidates) {
@@ -54,7 +69,8 @@ void PoseTracker::begin(std::span<const SilhouetteRays> views, Vec3 centre,
     for (const BodyCoordinates& pose : key_poses())
         for (int h = 0; h < options_.headings; ++h)
             add(with_heading(pose, 2 * std::numbers::pi * h / options_.headings));
-    std::stable_sort(starts.begin(), starts.end(), [](const Start& a, const Start& b) { return a.cost < b.cost; });
+    std::stable_sort(starts.begin(), starts.end(),
+                     [](const Start& a, const Start& b) { return a.cost < b.cost; });
     if (starts.size() > static_cast<std::size_t>(options_.starts)) starts.resize(options_.starts);
     hypotheses_.clear();
     for (const Start& start : starts) {
@@ -69,19 +85,33 @@ void PoseTracker::begin(std::span<const SilhouetteRays> views, Vec3 centre,
     for (Hypothesis& h : hypotheses_) {
         for (int round = 0; round < 2; ++round)
             for (const Limb limb : kLimbs) search_limb(h, views, limb, LimbReach::kWhole);
+        for (const auto& [first, second] : kLimbPairs) search_pair(h, views, first, second);
         h.cost = h.fit.at.cost;
     }
     choose();
 }
 
-// A limb may be where the descent does not find it; what is found stays only if the whole body fits better with it.
+// A limb may be where the descent does not find it; what is found stays only if the whole body fits better
+// with it.
 void PoseTracker::search_limb(Hypothesis& h, std::span<const SilhouetteRays> views, Limb limb,
                               LimbReach reach) {
-    const auto moved = limbs_.improve(*model_, h.posture, views, limb, reach, 2 * options_.fit.narrow_m);
+    try_moved(h, views, limbs_.improve(*model_, h.posture, views, limb, reach, 2 * options_.fit.narrow_m),
+              kBetter);
+}
+
+void PoseTracker::search_pair(Hypothesis& h, std::span<const SilhouetteRays> views, Limb first, Limb second) {
+    // A body that was followed is left for a clear gain only.
+    const double gain = h.seconds == 0 ? kBetter : kClearlyBetter;
+    try_moved(h, views,
+              limbs_.improve_pair(*model_, h.posture, views, first, second, 2 * options_.fit.narrow_m), gain);
+}
+
+void PoseTracker::try_moved(Hypothesis& h, std::span<const SilhouetteRays> views,
+                            const std::optional<BodyPosture>& moved, double gain) {
     if (!moved) return;
     PoseFit fit = fitter_.fit(*model_, views, *moved, nullptr, true);
     const PoseFit stayed = fitter_.fit(*model_, views, h.posture, nullptr, false);
-    if (fit.at.cost + kBetter >= stayed.at.cost) return;
+    if (fit.at.cost + gain >= stayed.at.cost) return;
     h.fit = std::move(fit);
     h.posture = h.fit.posture;
     h.rate = {};
@@ -115,7 +145,8 @@ void PoseTracker::choose() {
     std::vector<PosedBody> bodies;
     for (Hypothesis& h : hypotheses_) {
         if (kept.size() >= static_cast<std::size_t>(options_.hypotheses)) break;
-        if (!kept.empty() && (h.cost > options_.hopeless * kept.front().cost || h.seconds > options_.decide_after_s))
+        if (!kept.empty() &&
+            (h.cost > options_.hopeless * kept.front().cost || h.seconds > options_.decide_after_s))
             break;
         PosedBody body = model_->forward(h.posture);
         const bool known = std::any_of(bodies.begin(), bodies.end(), [&](const PosedBody& other) {
@@ -130,9 +161,11 @@ void PoseTracker::choose() {
 
 std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::span<const SilhouetteRays> views,
                                                   Vec3 centre, std::span<const PoseCandidate> candidates) {
-    const auto seeing = std::count_if(views.begin(), views.end(), [](const SilhouetteRays& v) { return v.camera; });
+    const auto seeing =
+        std::count_if(views.begin(), views.end(), [](const SilhouetteRays& v) { return v.camera; });
     double seconds = 1 / fps_;
-    if (tracking()) seconds = std::clamp(1e-9 * static_cast<double>(time_ns - last_time_ns_), 0.25 / fps_, 0.5);
+    if (tracking())
+        seconds = std::clamp(1e-9 * static_cast<double>(time_ns - last_time_ns_), 0.25 / fps_, 0.5);
     if (seeing < options_.min_views) {
         lost_s_ += seconds;
         if (lost_s_ > options_.lost_after_s) reset();
@@ -143,15 +176,23 @@ std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::spa
         lost_s_ = usual_explained_ = 0;
     } else {
         for (Hypothesis& h : hypotheses_) follow(h, views, seconds);
-        // The search of a whole limb costs as much as some fits: it is made now and then where less is explained than
-        // with this subject is usual.
+        // The search of a whole limb costs as much as some fits: it is made now and then where less is
+        // explained than with this subject is usual.
         const double explained = hypotheses_.front().fit.explained;
         usual_explained_ = std::max(kUsualMemory * usual_explained_, explained);
         const double enough = options_.patient ? options_.search_below
                                                : std::min(options_.search_below, usual_explained_ - kPoorer);
         const bool whole = explained < enough;
-        search_limb(hypotheses_.front(), views, kLimbs[next_limb_], whole ? LimbReach::kWhole : LimbReach::kLower);
-        next_limb_ = (next_limb_ + 1) % static_cast<int>(kLimbs.size());
+        if (--frames_to_pair_ <= 0 && (whole || hypotheses_.front().seconds < kPairSeconds)) {
+            const auto& [first, second] = kLimbPairs[next_pair_];
+            search_pair(hypotheses_.front(), views, first, second);
+            next_pair_ = (next_pair_ + 1) % kLimbPairs.size();
+            frames_to_pair_ = options_.patient ? kPatientPairFrames : kPairFrames;
+        } else {
+            search_limb(hypotheses_.front(), views, kLimbs[next_limb_],
+                        whole ? LimbReach::kWhole : LimbReach::kLower);
+            next_limb_ = (next_limb_ + 1) % static_cast<int>(kLimbs.size());
+        }
         choose();
     }
     last_time_ns_ = time_ns;

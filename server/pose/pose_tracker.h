@@ -1,5 +1,5 @@
-// Follows the posture from frame set to frame set: predicts it, fits it, keeps rival explanations alive until one of
-// them has explained the silhouettes better for some time, and begins anew where none does.
+// Follows the posture from frame set to frame set: predicts it, fits it, keeps rival explanations alive until
+// one of them has explained the silhouettes better for some time, and begins anew where none does.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +21,7 @@ namespace kinevox {
 struct TrackedPosture {
     PoseFit fit;
     double seconds_tracked = 0;
-    bool decided = false;            // one hypothesis only
+    bool decided = false;  // one hypothesis only
 };
 
 // Not thread safe.
@@ -32,8 +32,8 @@ class PoseTracker {
     void set_model(std::shared_ptr<const BodyModel> model) { model_ = std::move(model); }
     const BodyModel& model() const { return *model_; }
 
-    // Views without a camera see nothing. `candidates` may be empty. Nothing where too few cameras see the subject or
-    // no pose explains what they see.
+    // Views without a camera see nothing. `candidates` may be empty. Nothing where too few cameras see the
+    // subject or no pose explains what they see.
     std::optional<TrackedPosture> update(std::int64_t time_ns, std::span<const SilhouetteRays> views,
                                          Vec3 centre_in_world, std::span<const PoseCandidate> candidates);
     void reset() { hypotheses_.clear(); }
@@ -43,15 +43,19 @@ class PoseTracker {
   private:
     struct Hypothesis {
         BodyPosture posture;
-        BodyStep rate{};                 // 1/s
-        double cost = 0;                 // running mean
+        BodyStep rate{};  // 1/s
+        double cost = 0;  // running mean
         double seconds = 0;
         PoseFit fit;
     };
 
     void begin(std::span<const SilhouetteRays> views, Vec3 centre, std::span<const PoseCandidate> candidates);
     void follow(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, double seconds);
-    void search_limb(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Limb limb, LimbReach reach);
+    void search_limb(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Limb limb,
+                     LimbReach reach);
+    void search_pair(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Limb first, Limb second);
+    void try_moved(Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
+                   const std::optional<BodyPosture>& moved, double gain);
     void choose();
 
     double fps_;
@@ -59,9 +63,10 @@ class PoseTracker {
     std::shared_ptr<const BodyModel> model_;
     PoseFitter fitter_;
     LimbSearch limbs_;
-    int next_limb_ = 0;
+    int next_limb_ = 0, frames_to_pair_ = 0;
+    std::size_t next_pair_ = 0;
     double usual_explained_ = 0;
-    std::vector<Hypothesis> hypotheses_;   // the best one first
+    std::vector<Hypothesis> hypotheses_;  // the best one first
     std::int64_t last_time_ns_ = 0;
     double lost_s_ = 0;
 };
