@@ -7,6 +7,7 @@ is a frame in which the legs or the arms fit the truth better with left and righ
 angles' bounds to the reader. --sheets draws the skeleton
 over the pictures of all cameras, every tenth frame. Exit status 77 without the shared test data."""
 import argparse
+import dataclasses
 import subprocess
 import sys
 import tempfile
@@ -50,27 +51,55 @@ def swapped_frames(measured, truth):
     return count
 
 
-def check(sequence, joints, angles, truth_folder, judge_angles):
-    truth = read_table(truth_folder / "joints.csv")
-    degrees = read_table(truth_folder / "angles.csv")
+@dataclasses.dataclass
+class Row:
+    """What a sequence's joints and angles are off by."""
+    mean_mm: float
+    p95_mm: float
+    missing: float      # part of the joints' values
+    angles_deg: dict    # mean absolute error, the worse side
+    swaps: int          # frames
+
+    def text(self, sequence):
+        return (f"{sequence:16s}{self.mean_mm:9.1f} {self.p95_mm:7.1f} {100 * self.missing:6.1f}% " +
+                " ".join(f"{self.angles_deg[a]:9.2f}" for a in ANGLES) + f"{self.swaps:7d}")
+
+
+def heading():
+    return (f"{'sequence':16s}{'mean mm':>9s} {'p95':>7s} {'none':>7s} " + " ".join(f"{a[:9]:>9s}" for a in ANGLES) +
+            f"{'swaps':>7s}   (deg: mean absolute error, the worse side)")
+
+
+def row(joints, angles, truth_folder):
+    truth, degrees = read_table(truth_folder / "joints.csv"), read_table(truth_folder / "angles.csv")
     frames = truth["frame"].astype(int)
-    measured = points(joints, JOINTS)[frames]
-    distance = 1000 * np.linalg.norm(measured - points(truth, JOINTS), axis=2)
-    mean, missing = np.nanmean(distance), np.isnan(distance).mean()
-    row = [f"{mean:9.1f}", f"{np.nanpercentile(distance, 95):7.1f}", f"{100 * missing:6.1f}%"]
-    problems = [] if mean <= BOUND_MM[sequence] else [f"{sequence}: joints {mean:.1f} mm, at most {BOUND_MM[sequence]}"]
-    if missing > 0.02:
-        problems.append(f"{sequence}: {100 * missing:.1f} % of the joints withheld")
-    for angle in ANGLES:
-        sides = [angle] if angle == "trunk_lean" else [f"{angle}_{s}" for s in "lr"]
-        error = max(np.nanmean(np.abs(angles[f"{a}_deg"][frames] - degrees[f"{a}_deg"])) for a in sides)
-        row.append(f"{error:9.2f}")
+    measured, exact = points(joints, JOINTS)[frames], points(truth, JOINTS)
+    distance = 1000 * np.linalg.norm(measured - exact, axis=2)
+    error = lambda name: np.nanmean(np.abs(angles[f"{name}_deg"][frames] - degrees[f"{name}_deg"]))
+    sides = lambda angle: [angle] if angle == "trunk_lean" else [f"{angle}_{s}" for s in "lr"]
+    return Row(np.nanmean(distance), np.nanpercentile(distance, 95), np.isnan(distance).mean(),
+               {a: max(error(s) for s in sides(a)) for a in ANGLES}, swapped_frames(measured, exact))
+
+
+def run_process(program, folder, out, *options):
+    """joints.csv and angles.csv of `kinevox-process` on the session in a folder."""
+    subprocess.run([program, folder / "session.toml", "--out", out, "--quiet", *options], check=True)
+    return read_table(out / "joints.csv"), read_table(out / "angles.csv")
+
+
+def check(sequence, joints, angles, truth_folder, judge_angles):
+    measured = row(joints, angles, truth_folder)
+    print(measured.text(sequence), flush=True)
+    problems = []
+    if not measured.mean_mm <= BOUND_MM[sequence]:
+        problems.append(f"{sequence}: joints {measured.mean_mm:.1f} mm, at most {BOUND_MM[sequence]}")
+    if measured.missing > 0.02:
+        problems.append(f"{sequence}: {100 * measured.missing:.1f} % of the joints withheld")
+    for angle, error in measured.angles_deg.items():
         if judge_angles and not error <= bound_deg(sequence):
             problems.append(f"{sequence}: {angle} {error:.2f} deg, at most {bound_deg(sequence)}")
-    swaps = swapped_frames(measured, points(truth, JOINTS))
-    if swaps:
-        problems.append(f"{sequence}: left and right are exchanged in {swaps} frames")
-    print(f"{sequence:10s}" + " ".join(row) + f"{swaps:7d}", flush=True)
+    if measured.swaps:
+        problems.append(f"{sequence}: left and right are exchanged in {measured.swaps} frames")
     return problems
 
 
@@ -80,7 +109,7 @@ def check_real(joints):
     theirs = points(reference, [s.upper() + REFERENCE[j] for j in REFERENCE for s in "lr"])
     distance = 1000 * np.linalg.norm(points(joints, names)[:60] - theirs, axis=2)
     mean, missing = np.nanmean(distance), np.isnan(distance).mean()
-    print(f"{'balancing':10s}{mean:9.1f} {np.nanpercentile(distance, 95):7.1f} {100 * missing:6.1f}%   (to the reference)")
+    print(f"{'balancing':16s}{mean:9.1f} {np.nanpercentile(distance, 95):7.1f} {100 * missing:6.1f}%   (to the reference)")
     problems = [] if mean <= 70 else [f"balancing: {mean:.1f} mm from the reference, at most 70"]
     if missing > 0.05:
         problems.append(f"balancing: {100 * missing:.1f} % of the joints withheld")
@@ -140,8 +169,7 @@ def main():
     if not (DATA / "studio").is_dir():
         print(f"skipped: no test data at {DATA}")
         return 77
-    print(f"{'sequence':10s}{'mean mm':>9s} {'p95':>7s} {'none':>7s} " + " ".join(f"{a[:9]:>9s}" for a in ANGLES) +
-          f"{'swaps':>7s}   (deg: mean absolute error, the worse side)", flush=True)
+    print(heading(), flush=True)
     problems = []
     with tempfile.TemporaryDirectory() as scratch:
         for sequence in arguments.sequences.split(","):
@@ -149,9 +177,7 @@ def main():
             folder = DATA / ("balancing" if real else f"studio/{sequence}")
             out = (arguments.keep or Path(scratch)) / sequence
             tpose = ["--tpose", folder / "session_tpose.toml"] if real else []
-            subprocess.run([arguments.kinevox_process, folder / "session.toml", "--out", out, "--quiet", *tpose],
-                           check=True)
-            joints, angles = read_table(out / "joints.csv"), read_table(out / "angles.csv")
+            joints, angles = run_process(arguments.kinevox_process, folder, out, *tpose)
             problems += check_real(joints) if real else check(sequence, joints, angles, folder / "truth",
                                                               arguments.judge == "all")
             if arguments.sheets:
