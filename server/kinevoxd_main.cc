@@ -19,6 +19,7 @@
 #include "server/cameras/session_source.h"
 #include "server/daemon/clocks.h"
 #include "server/daemon/setup.h"
+#include "server/pipeline/huge_pages.h"
 #include "server/pipeline/runner.h"
 #include "server/pipeline/stream_hub.h"
 #include "server/pose/pose_stage.h"
@@ -125,6 +126,7 @@ int serve(const DaemonConfig& config) {
 }  // namespace
 
 int main(int argc, char** argv) {
+    kinevox::restart_with_huge_pages(argv);
     std::signal(SIGPIPE, SIG_IGN);
     std::string config_file;
     CLI::App app("The Kinevox capture daemon. Without a configuration it serves the virtual studio on 127.0.0.1:50770.",

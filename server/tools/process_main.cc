@@ -14,6 +14,7 @@
 #include <oneapi/tbb/global_control.h>
 
 #include "server/cameras/session_source.h"
+#include "server/pipeline/huge_pages.h"
 #include "server/tools/process/interrupt.h"
 #include "server/tools/process/process.h"
 
@@ -105,6 +106,7 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
+    kinevox::restart_with_huge_pages(argv);
     try {
         return run(argc, argv);
     } catch (const std::exception& error) {
