@@ -18,6 +18,8 @@ struct Verb {
     std::function<absl::Status()> run;
 };
 
-std::vector<Verb> file_verbs(CLI::App& app);  // import, export
+std::vector<Verb> file_verbs(CLI::App& app);     // import, export
+std::vector<Verb> board_verbs(CLI::App& app);    // intrinsics, extrinsics
+std::vector<Verb> session_verbs(CLI::App& app);  // refine, check
 
 }  // namespace kinevox::calibrate

@@ -1,0 +1,115 @@
+#include "server/calibration/certificate.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+namespace kinevox {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json number(double value) {
+    return std::isfinite(value) ? Json(value) : Json(nullptr);
+}
+Json number(const std::optional<double>& value) {
+    return value ? number(*value) : Json(nullptr);
+}
+Json point(Vec3 p) {
+    return Json::array({p.x, p.y, p.z});
+}
+
+Json lens_json(const IntrinsicsResult& lens) {
+    Json out;
+    out["rms_px"] = number(lens.rms_px);
+    out["held_out_rms_px"] = number(lens.held_out_rms_px);
+    out["views_used"] = lens.used;
+    out["coverage"] = number(lens.coverage);
+    static constexpr const char* kNames[] = {"fx_px", "fy_px", "cx_px", "cy_px", "k1",
+                                             "k2",    "p1",    "p2",    "k3"};
+    const Camera& c = lens.camera;
+    const double values[] = {c.fx, c.fy, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2, c.k3};
+    for (int i = 0; i < 9; ++i)
+        out["parameters"][kNames[i]] = {{"value", number(values[i])},
+                                        {"std", number(lens.std_deviations[i])}};
+    for (const IntrinsicsView& view : lens.views) {
+        Json one{
+            {"frame", view.frame}, {"used", view.use == ViewUse::kUsed}, {"tilt_deg", number(view.tilt_deg)}};
+        if (view.rms_px > 0) one["rms_px"] = number(view.rms_px);
+        if (!view.reason.empty()) one["reason"] = view.reason;
+        out["views"].push_back(one);
+    }
+    return out;
+}
+
+Json hull_json(const HullAgreement& hull, const std::vector<Camera>& cameras) {
+    Json out{{"mean_iou", number(hull.mean_iou)}, {"frames", hull.frames}};
+    for (std::size_t c = 0; c < cameras.size() && c < hull.iou.size(); ++c)
+        out["cameras"][cameras[c].name] = number(hull.iou[c]);
+    return out;
+}
+
+}  // namespace
+
+std::string certificate_json(const Certificate& certificate) {
+    Json out;
+    out["verdict"] = to_text(certificate.verdict());
+    out["made_by"] = certificate.made_by;
+    out["findings"] = Json::array();
+    for (const Finding& finding : certificate.findings) {
+        Json one{{"verdict", to_text(finding.verdict)}, {"check", finding.check}};
+        if (!finding.camera.empty()) one["camera"] = finding.camera;
+        one["reason"] = finding.reason;
+        if (!finding.remedy.empty()) one["remedy"] = finding.remedy;
+        out["findings"].push_back(one);
+    }
+    out["fit_rms_px"] = number(certificate.fit_rms_px);
+    out["held_out_rms_px"] = number(certificate.held_out_rms_px);
+    if (certificate.scale)
+        out["scale_error_mm_per_m"] = {{"bias", number(certificate.scale->bias_mm_per_m)},
+                                       {"spread", number(certificate.scale->spread_mm_per_m)},
+                                       {"distances", certificate.scale->distances}};
+    if (certificate.volume)
+        out["volume"] = {{"lower_m", point(certificate.volume->lower)},
+                         {"upper_m", point(certificate.volume->upper)},
+                         {"seen_by_two_cameras", number(certificate.volume->seen_by_two)},
+                         {"seen_by_three_cameras", number(certificate.volume->seen_by_three)},
+                         {"calibrated", number(certificate.volume->calibrated)}};
+    if (certificate.hull) out["hull_agreement"] = hull_json(*certificate.hull, certificate.cameras);
+    if (certificate.hull_before)
+        out["hull_agreement_before"] = hull_json(*certificate.hull_before, certificate.cameras);
+    if (certificate.subject_height_m) out["subject_height_m"] = number(*certificate.subject_height_m);
+    out["world_is_set"] = certificate.world_is_set;
+    out["cameras"] = Json::object();
+    for (std::size_t c = 0; c < certificate.cameras.size(); ++c) {
+        const Camera& camera = certificate.cameras[c];
+        Json one{{"centre_m", point(camera.centre_in_world())}};
+        if (c < certificate.quality.size()) {
+            const CameraQuality& q = certificate.quality[c];
+            one["views"] = q.views;
+            one["fit_rms_px"] = number(q.fit_rms_px);
+            one["held_out_rms_px"] = number(q.held_out_rms_px);
+            one["coverage"] = number(q.coverage);
+        }
+        for (const IntrinsicsResult& lens : certificate.lenses)
+            if (lens.camera.name == camera.name) one["lens"] = lens_json(lens);
+        out["cameras"][camera.name] = one;
+    }
+    return out.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+std::string certificate_text(const Certificate& certificate) {
+    std::string text = fmt::format("{}\n", to_text(certificate.verdict()));
+    for (const Finding& finding : certificate.findings) {
+        if (finding.verdict == Verdict::kGo) continue;
+        text += fmt::format("  {}: {}{}{}{}\n", to_text(finding.verdict),
+                            finding.camera.empty() || finding.reason.find(finding.camera) != std::string::npos
+                                ? ""
+                                : "camera " + finding.camera + ": ",
+                            finding.reason, finding.remedy.empty() ? "" : "; ", finding.remedy);
+    }
+    return text;
+}
+
+}  // namespace kinevox

@@ -1,0 +1,244 @@
+#include "server/calibration/intrinsics.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "server/calibration/lens_fit.h"
+
+namespace kinevox {
+namespace {
+
+constexpr std::size_t kFewestViews = 3;
+constexpr int kEnoughViews = 15;
+constexpr double kEnoughCoverage = 0.7;
+
+// Mean distance between the corners that both show, px; nothing in common: nullopt.
+std::optional<double> mean_movement(const std::vector<Corner>& a, const std::vector<Corner>& b) {
+    double sum = 0;
+    int count = 0;
+    for (std::size_t i = 0, j = 0; i < a.size() && j < b.size();) {
+        if (a[i].id == b[j].id) {
+            sum += std::hypot(a[i].pixel.x - b[j].pixel.x, a[i].pixel.y - b[j].pixel.y), ++count;
+            ++i, ++j;
+        } else {
+            (a[i].id < b[j].id ? i : j)++;
+        }
+    }
+    if (count == 0) return std::nullopt;
+    return sum / count;
+}
+
+double median(std::vector<double> values) {
+    if (values.empty()) return 0;
+    std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
+    return values[values.size() / 2];
+}
+
+void reject(IntrinsicsView& view, ViewUse use, std::string reason) {
+    view.use = use;
+    view.reason = std::move(reason);
+}
+
+void judge(const std::string& name, IntrinsicsResult& r, const Coverage& coverage) {
+    const auto add = [&](Verdict verdict, const char* check, std::string reason, std::string remedy) {
+        r.findings.push_back({verdict, check, name, std::move(reason), std::move(remedy)});
+    };
+    double steepest = 0;
+    for (const IntrinsicsView& view : r.views)
+        if (view.use == ViewUse::kUsed) steepest = std::max(steepest, view.tilt_deg);
+    const double focal = r.camera.fx, focal_part = r.std_deviations[0] / focal;
+    if (steepest < 12)
+        add(Verdict::kNoGo, "flat",
+            fmt::format(
+                "the board was flat to the picture in all views (at most {:.0f} degrees tilted), which says "
+                "nothing about the focal length",
+                steepest),
+            "show the board tilted by 20 to 45 degrees, in several directions");
+    else if (focal_part > 0.03)
+        add(Verdict::kNoGo, "uncertain_lens",
+            fmt::format("the focal length of {:.0f} px is uncertain by {:.0f} px", focal,
+                        r.std_deviations[0]),
+            "add views with the board tilted and close, filling the picture");
+    else if (focal_part > 0.01)
+        add(Verdict::kCare, "uncertain_lens",
+            fmt::format("the focal length of {:.0f} px is uncertain by {:.1f} px", focal,
+                        r.std_deviations[0]),
+            "add views with the board tilted and close, filling the picture");
+    if (r.used < 5)
+        add(r.used < 4 ? Verdict::kNoGo : Verdict::kCare, "too_few_views",
+            fmt::format("only {} views of the board were used", r.used),
+            "show the board in ten or more places");
+    if (r.coverage < 0.5)
+        add(Verdict::kCare, "coverage",
+            fmt::format("the board was seen in {:.0f} % of the picture; {} is the emptiest part",
+                        100 * r.coverage, coverage.emptiest()),
+            fmt::format("hold the board also in {} of the picture", coverage.emptiest()));
+    if (r.rms_px > 1.5)
+        add(r.rms_px > 4 ? Verdict::kNoGo : Verdict::kCare, "lens_misfit",
+            fmt::format("the corners miss the fitted lens by {:.2f} px", r.rms_px),
+            "use a flat stiff board, hold it still, and check its rows, columns and sizes");
+}
+
+}  // namespace
+
+IntrinsicsProcedure::IntrinsicsProcedure(std::string camera, int width, int height, const BoardSpec& board,
+                                         const IntrinsicsOptions& options)
+    : camera_(std::move(camera)),
+      width_(width),
+      height_(height),
+      board_(board),
+      options_(options),
+      coverage_(width, height) {}
+
+IntrinsicsView IntrinsicsProcedure::add_observation(int frame, const BoardSighting& sighting) {
+    IntrinsicsView view;
+    view.frame = frame;
+    view.corners = sighting.corners;
+    if (sighting.mirrored_picture)
+        reject(view, ViewUse::kMirrored, "the picture is a mirror image: switch the camera's mirroring off");
+    else if (!sighting.found())
+        reject(view, ViewUse::kNotFound, "the board was not found");
+    else if (sighting.edge_px > options_.most_edge_px)
+        reject(view, ViewUse::kBlurred, fmt::format("blurred: edges are {:.1f} px wide", sighting.edge_px));
+    for (const IntrinsicsView& other : views_) {
+        if (view.use != ViewUse::kSpare) break;
+        if (other.use != ViewUse::kSpare) continue;
+        const auto moved = mean_movement(view.corners, other.corners);
+        if (moved && *moved < options_.same_view_part * width_ && view.corners.size() <= other.corners.size())
+            reject(view, ViewUse::kSameAsBefore, fmt::format("as in frame {}: adds nothing", other.frame));
+    }
+    if (view.use == ViewUse::kSpare)
+        for (const Corner& corner : view.corners) coverage_.add(corner.pixel);
+    views_.push_back(view);
+    edges_px_.push_back(sighting.edge_px);
+    return view;
+}
+
+int IntrinsicsProcedure::usable() const {
+    return static_cast<int>(std::count_if(views_.begin(), views_.end(),
+                                          [](const IntrinsicsView& v) { return v.use == ViewUse::kSpare; }));
+}
+
+bool IntrinsicsProcedure::complete() const {
+    return usable() >= kEnoughViews && coverage_.part() >= kEnoughCoverage;
+}
+
+std::vector<std::string> IntrinsicsProcedure::hints() const {
+    std::vector<std::string> hints;
+    const auto count = [&](ViewUse use) {
+        return std::count_if(views_.begin(), views_.end(),
+                             [&](const IntrinsicsView& v) { return v.use == use; });
+    };
+    if (usable() == 0) {
+        hints.push_back(
+            count(ViewUse::kMirrored) > 0
+                ? fmt::format("camera {} delivers a mirror image: switch its mirroring off", camera_)
+            : count(ViewUse::kBlurred) > 0
+                ? fmt::format("camera {} sees the board blurred: hold it still, add light, focus", camera_)
+                : fmt::format("camera {} has not seen the board", camera_));
+        return hints;
+    }
+    if (coverage_.part() < kEnoughCoverage)
+        hints.push_back(
+            fmt::format("camera {}: hold the board in {} of the picture", camera_, coverage_.emptiest()));
+    if (usable() < kEnoughViews)
+        hints.push_back(fmt::format("camera {}: {} of {} views; move and tilt the board", camera_, usable(),
+                                    kEnoughViews));
+    return hints;
+}
+
+absl::StatusOr<IntrinsicsResult> IntrinsicsProcedure::solve(const SolveProgress& progress) const {
+    const auto told = [&](double part, const char* what) {
+        return !progress || progress(part, fmt::format("camera {}: {}", camera_, what));
+    };
+    const absl::Status cancelled = absl::CancelledError("stopped; nothing was changed");
+    IntrinsicsResult result;
+    result.views = views_;
+
+    std::vector<double> edges;
+    for (std::size_t v = 0; v < views_.size(); ++v)
+        if (views_[v].use == ViewUse::kSpare && edges_px_[v] > 0) edges.push_back(edges_px_[v]);
+    const double typical_px = median(edges);
+    for (std::size_t v = 0; v < views_.size(); ++v)
+        if (views_[v].use == ViewUse::kSpare &&
+            edges_px_[v] > std::max(3.0, options_.most_edge_ratio * typical_px))
+            reject(result.views[v], ViewUse::kBlurred,
+                   fmt::format("blurred: edges are {:.1f} px wide, {:.1f} px are usual here", edges_px_[v],
+                               typical_px));
+
+    LensFit fit(camera_, width_, height_, board_.points(), options_.k3);
+    for (int round = 0; round < 3; ++round) {
+        if (!told(0.1 + 0.3 * round, round == 0 ? "first fit" : "fit without what does not fit"))
+            return cancelled;
+        std::vector<IntrinsicsView*> candidates;
+        for (IntrinsicsView& view : result.views)
+            if (view.use == ViewUse::kSpare || view.use == ViewUse::kUsed) {
+                view.use = ViewUse::kSpare, view.reason.clear();
+                candidates.push_back(&view);
+            }
+        if (candidates.size() < kFewestViews)
+            return absl::FailedPreconditionError(
+                fmt::format("camera {}: the board can be used in {} of {} pictures, at least {} are "
+                            "needed{}; show the whole board in "
+                            "ten or more places, tilted, still and sharp",
+                            camera_, candidates.size(), views_.size(), kFewestViews,
+                            hints().empty() || usable() > 0 ? "" : " (" + hints().front() + ")"));
+        if (round == 0 && !fit.start(candidates)) break;
+        fit.measure_tilts(candidates);
+
+        // Views parallel to the picture stay only for parts of it that nothing else covers.
+        Coverage covered(width_, height_);
+        for (const IntrinsicsView* view : candidates)
+            if (view->tilt_deg >= options_.least_tilt_deg)
+                for (const Corner& corner : view->corners) covered.add(corner.pixel);
+        std::vector<IntrinsicsView*> chosen;
+        for (IntrinsicsView* view : candidates) {
+            std::vector<Vec2> pixels;
+            for (const Corner& corner : view->corners) pixels.push_back(corner.pixel);
+            if (view->tilt_deg < options_.least_tilt_deg && !covered.is_new(pixels)) {
+                reject(*view, ViewUse::kParallel,
+                       fmt::format("nearly parallel to the picture ({:.0f} degrees) and covers nothing new",
+                                   view->tilt_deg));
+            } else {
+                if (view->tilt_deg < options_.least_tilt_deg)
+                    for (const Vec2 pixel : pixels) covered.add(pixel);
+                chosen.push_back(view);
+            }
+        }
+        if (chosen.size() <
+            kFewestViews) {  // flat in all views: solved all the same, and refused with the reason
+            chosen = candidates;
+            for (IntrinsicsView* view : candidates) reject(*view, ViewUse::kSpare, "");
+        }
+        fit.select_informative(chosen, static_cast<std::size_t>(options_.most_views));
+        if (!fit.solve(chosen, result)) break;
+        std::vector<double> errors;
+        for (const IntrinsicsView* view : chosen) errors.push_back(view->rms_px);
+        const double limit = std::max(1.0, 3 * median(errors));
+        bool all_fit = true;
+        for (IntrinsicsView* view : chosen)
+            if (view->rms_px > limit && chosen.size() > kFewestViews + 1) {
+                reject(*view, ViewUse::kDoesNotFit,
+                       fmt::format("misses the lens by {:.1f} px", view->rms_px));
+                all_fit = false;
+            }
+        if (all_fit) {
+            fit.measure_spare(result);
+            Coverage coverage(width_, height_);
+            for (const IntrinsicsView* view : chosen)
+                for (const Corner& corner : view->corners) coverage.add(corner.pixel);
+            result.coverage = coverage.part();
+            result.coverage_counts = coverage.counts();
+            result.used = static_cast<int>(chosen.size());
+            judge(camera_, result, coverage);
+            if (!told(1, "done")) return cancelled;
+            return result;
+        }
+    }
+    return absl::FailedPreconditionError(
+        fmt::format("camera {}: no lens fits the views; check the board's columns, rows and kind", camera_));
+}
+
+}  // namespace kinevox

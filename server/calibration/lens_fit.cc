@@ -1,0 +1,202 @@
+#include "server/calibration/lens_fit.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/calib3d.hpp>
+
+#include "server/calibration/board_pose.h"
+
+namespace kinevox {
+namespace {
+
+constexpr double kDegrees = 180 / 3.14159265358979323846;
+constexpr std::size_t kStartViews = 20;
+constexpr std::size_t kEnoughToChoose = 8;  // fewer views than this are all used
+constexpr double kLeastGain = 0.1;          // of the logarithm of the determinant: 0.6 % of each deviation
+constexpr double kUncertainPart = 0.015;    // of the focal length: a simpler lens is fitted then
+using Matrix9 = Eigen::Matrix<double, 9, 9>;
+
+}  // namespace
+
+struct LensFit::State {
+    Camera camera;
+    std::vector<Vec3> points;
+    bool k3;
+
+    // Few views near the middle cannot tell a lens' finer ways apart; then square pixels and no tangential
+    // part are assumed, which keeps the focal length from running away.
+    bool simple = false;
+    int flags() const {
+        return (k3 ? 0 : cv::CALIB_FIX_K3) |
+               (simple
+                    ? cv::CALIB_FIX_ASPECT_RATIO | cv::CALIB_ZERO_TANGENT_DIST | cv::CALIB_USE_INTRINSIC_GUESS
+                    : 0);
+    }
+
+    void gather(const std::vector<IntrinsicsView*>& views, std::vector<std::vector<cv::Point3f>>& on_board,
+                std::vector<std::vector<cv::Point2f>>& seen) const {
+        for (const IntrinsicsView* view : views) {
+            on_board.emplace_back(), seen.emplace_back();
+            for (const Corner& corner : view->corners) {
+                const Vec3 p = points[corner.id];
+                on_board.back().emplace_back(static_cast<float>(p.x), static_cast<float>(p.y),
+                                             static_cast<float>(p.z));
+                seen.back().emplace_back(static_cast<float>(corner.pixel.x),
+                                         static_cast<float>(corner.pixel.y));
+            }
+        }
+    }
+
+    bool take(const cv::Mat& matrix, const cv::Mat& distortion) {
+        for (int i = 0; i < 9; ++i)
+            if (!std::isfinite(matrix.at<double>(i / 3, i % 3))) return false;
+        camera.fx = matrix.at<double>(0, 0), camera.fy = matrix.at<double>(1, 1);
+        camera.cx = matrix.at<double>(0, 2), camera.cy = matrix.at<double>(1, 2);
+        const double* d = distortion.ptr<double>();
+        camera.k1 = d[0], camera.k2 = d[1], camera.p1 = d[2], camera.p2 = d[3];
+        camera.k3 = distortion.total() > 4 ? d[4] : 0;
+        return camera.fx > 0 && camera.fy > 0;
+    }
+
+    // What a view alone says about the lens when the board's pose is unknown: the intrinsics' information
+    // matrix with the pose eliminated, in units of the deviations that are expected before.
+    Matrix9 information(const IntrinsicsView& view, const Matrix9& scale) const {
+        const auto pose = board_pose(camera, view.corners, points);
+        if (!pose) return Matrix9::Zero();
+        std::vector<cv::Point3d> on_board;
+        for (const Corner& corner : view.corners) {
+            const Vec3 p = points[corner.id];
+            on_board.emplace_back(p.x, p.y, p.z);
+        }
+        const Vec3 r = rodrigues_from_rotation(pose->camera_from_board.rotation),
+                   t = pose->camera_from_board.translation;
+        const cv::Matx33d matrix(camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
+        const cv::Vec<double, 5> distortion(camera.k1, camera.k2, camera.p1, camera.p2, camera.k3);
+        std::vector<cv::Point2d> seen;
+        cv::Mat jacobian;
+        cv::projectPoints(on_board, cv::Vec3d(r.x, r.y, r.z), cv::Vec3d(t.x, t.y, t.z), matrix, distortion,
+                          seen, jacobian);
+        const Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> all(
+            jacobian.ptr<double>(), jacobian.rows, jacobian.cols);
+        const Eigen::MatrixXd by_pose = all.leftCols(6), by_lens = all.middleCols(6, 9) * scale;
+        const Eigen::Matrix<double, 6, 6> pose_square = by_pose.transpose() * by_pose;
+        const Eigen::MatrixXd mixed = by_pose.transpose() * by_lens;
+        const Matrix9 left =
+            by_lens.transpose() * by_lens - mixed.transpose() * pose_square.ldlt().solve(mixed);
+        return left.allFinite() ? left : Matrix9::Zero();
+    }
+};
+
+LensFit::LensFit(std::string camera, int width, int height, std::vector<Vec3> board_points, bool k3)
+    : state_(new State{{}, std::move(board_points), k3}) {
+    Camera& c = state_->camera;
+    c.name = std::move(camera);
+    c.width = width, c.height = height;
+    c.fx = c.fy = width;
+    c.cx = 0.5 * (width - 1), c.cy = 0.5 * (height - 1);
+}
+
+LensFit::~LensFit() = default;
+
+bool LensFit::start(const std::vector<IntrinsicsView*>& views) {
+    std::vector<IntrinsicsView*> some;
+    const std::size_t count = std::min(views.size(), kStartViews);
+    for (std::size_t i = 0; i < count; ++i) some.push_back(views[i * views.size() / count]);
+    IntrinsicsResult ignored;
+    return solve(some, ignored);
+}
+
+void LensFit::measure_tilts(const std::vector<IntrinsicsView*>& views) const {
+    for (IntrinsicsView* view : views)
+        if (const auto pose = board_pose(state_->camera, view->corners, state_->points))
+            view->tilt_deg =
+                kDegrees * std::acos(std::min(1.0, std::abs(pose->camera_from_board.rotation(2, 2))));
+}
+
+void LensFit::select_informative(std::vector<IntrinsicsView*>& views, std::size_t most) const {
+    if (views.size() <= kEnoughToChoose) return;
+    const double width = state_->camera.width;
+    Matrix9 scale = Matrix9::Zero();  // deviations expected before: f, c, then the coefficients
+    scale.diagonal() << 0.3 * width, 0.3 * width, 0.1 * width, 0.1 * width, 0.3, 0.3, 0.01, 0.01,
+        state_->k3 ? 0.3 : 1e-9;
+    std::vector<Matrix9> adds;
+    for (const IntrinsicsView* view : views) adds.push_back(state_->information(*view, scale));
+    Matrix9 known = Matrix9::Identity();
+    std::vector<IntrinsicsView*> chosen;
+    std::vector<bool> taken(views.size(), false);
+    double log_determinant = 0;
+    while (chosen.size() < std::min(most, views.size())) {
+        double best = -1;
+        std::size_t which = 0;
+        for (std::size_t v = 0; v < views.size(); ++v) {
+            if (taken[v]) continue;
+            const Eigen::LLT<Matrix9> root(known + adds[v]);
+            if (root.info() != Eigen::Success) continue;
+            const double value = 2 * root.matrixLLT().diagonal().array().log().sum();
+            if (value - log_determinant > best) best = value - log_determinant, which = v;
+        }
+        if (best < 0 || (chosen.size() >= kEnoughToChoose && best < kLeastGain)) break;
+        taken[which] = true;
+        known += adds[which];
+        log_determinant += best;
+        chosen.push_back(views[which]);
+    }
+    for (std::size_t v = 0; v < views.size(); ++v)
+        if (!taken[v]) views[v]->use = ViewUse::kSpare, views[v]->reason = "others tell more";
+    std::sort(chosen.begin(), chosen.end());  // in the order of the frames
+    views = std::move(chosen);
+}
+
+bool LensFit::solve(const std::vector<IntrinsicsView*>& views, IntrinsicsResult& result) {
+    std::vector<std::vector<cv::Point3f>> on_board;
+    std::vector<std::vector<cv::Point2f>> seen;
+    state_->gather(views, on_board, seen);
+    cv::Mat distortion, deviations, extrinsic_deviations, errors;
+    const double width = state_->camera.width, height = state_->camera.height;
+    cv::Mat matrix =
+        (cv::Mat_<double>(3, 3) << width, 0, (width - 1) / 2, 0, width, (height - 1) / 2, 0, 0, 1);
+    std::vector<cv::Mat> rotations, translations;
+    try {
+        cv::setRNGSeed(1);
+        result.rms_px =
+            cv::calibrateCamera(on_board, seen, {state_->camera.width, state_->camera.height}, matrix,
+                                distortion, rotations, translations, deviations, extrinsic_deviations, errors,
+                                state_->flags(), {cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 80, 1e-9});
+    } catch (const cv::Exception&) {
+        return false;
+    }
+    if (!std::isfinite(result.rms_px) || !state_->take(matrix, distortion)) return false;
+    if (!state_->simple &&
+        std::max(deviations.at<double>(0), deviations.at<double>(1)) > kUncertainPart * state_->camera.fx) {
+        state_->simple = true;
+        return solve(views, result);
+    }
+    result.camera = state_->camera;
+    for (int i = 0; i < 9 && i < static_cast<int>(deviations.total()); ++i)
+        result.std_deviations[i] = deviations.at<double>(i);
+    if (state_->simple) result.std_deviations[0] = result.std_deviations[1];  // one focal length, told as fy
+    for (std::size_t v = 0; v < views.size(); ++v) {
+        views[v]->use = ViewUse::kUsed;
+        views[v]->reason.clear();
+        views[v]->rms_px = errors.at<double>(static_cast<int>(v));
+    }
+    return true;
+}
+
+void LensFit::measure_spare(IntrinsicsResult& result) const {
+    double sum = 0;
+    std::size_t corners = 0;
+    for (IntrinsicsView& view : result.views) {
+        if (view.use != ViewUse::kSpare) continue;
+        const auto pose = board_pose(result.camera, view.corners, state_->points);
+        if (!pose) continue;
+        view.rms_px = pose->rms_px;
+        sum += pose->rms_px * pose->rms_px * static_cast<double>(view.corners.size());
+        corners += view.corners.size();
+    }
+    if (corners > 0) result.held_out_rms_px = std::sqrt(sum / static_cast<double>(corners));
+}
+
+}  // namespace kinevox

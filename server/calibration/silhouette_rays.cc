@@ -1,0 +1,222 @@
+#include "server/calibration/silhouette_rays.h"
+
+#include <oneapi/tbb/parallel_for.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+
+#include "server/calibration/triangulation.h"
+
+namespace kinevox {
+namespace {
+
+constexpr int kFieldStepPx = 2;
+constexpr double kOutsidePx = 60;  // what a place outside a camera's picture counts as
+
+// Pixel and its derivative by the point in the camera frame, the lens' distortion included in the pixel only:
+// its slope changes steps by a few parts in a hundred, not where they end.
+bool project(const Camera& camera, Vec3 in_camera, float& x, float& y) {
+    if (!(in_camera.z > 0.05)) return false;
+    const double u = in_camera.x / in_camera.z, v = in_camera.y / in_camera.z, r2 = u * u + v * v;
+    const double radial = 1 + r2 * (camera.k1 + r2 * (camera.k2 + r2 * camera.k3));
+    x = static_cast<float>(camera.fx * (u * radial + 2 * camera.p1 * u * v + camera.p2 * (r2 + 2 * u * u)) +
+                           camera.cx);
+    y = static_cast<float>(camera.fy * (v * radial + camera.p1 * (r2 + 2 * v * v) + 2 * camera.p2 * u * v) +
+                           camera.cy);
+    return r2 < 4;
+}
+
+Eigen::Vector3d eigen(Vec3 v) {
+    return {v.x, v.y, v.z};
+}
+Eigen::Matrix3d skew(Vec3 v) {
+    Eigen::Matrix3d m;
+    m << 0, -v.z, v.y, v.z, 0, -v.x, -v.y, v.x, 0;
+    return m;
+}
+Eigen::Matrix3d eigen(const Mat3& r) {
+    Eigen::Matrix3d m;
+    for (int i = 0; i < 9; ++i) m(i / 3, i % 3) = r.m[i];
+    return m;
+}
+
+}  // namespace
+
+OutlineRays::OutlineRays(const std::vector<Camera>& cameras, const SilhouetteSet& silhouettes,
+                         const SilhouetteRefineOptions& options)
+    : options_(options) {
+    std::vector<std::size_t> usable;
+    for (std::size_t m = 0; m < silhouettes.moments.size(); ++m) {
+        const auto seen = std::count_if(silhouettes.moments[m].begin(), silhouettes.moments[m].end(),
+                                        [](const SilhouettePicture& s) { return !s.empty(); });
+        if (seen >= 2) usable.push_back(m);
+    }
+    const std::size_t wanted = std::min<std::size_t>(usable.size(), options.most_moments);
+    fields_.resize(wanted);
+    oneapi::tbb::parallel_for(std::size_t{0}, wanted, [&](std::size_t n) {
+        const auto& pictures = silhouettes.moments[usable[n * usable.size() / wanted]];
+        for (std::size_t c = 0; c < cameras.size(); ++c) {
+            fields_[n].push_back(nullptr);
+            if (pictures[c].empty()) continue;
+            auto field = std::make_unique<SilhouetteField>(pictures[c].mask, cameras[c].width,
+                                                           cameras[c].height, kFieldStepPx);
+            if (!field->empty()) fields_[n].back() = std::move(field);
+        }
+    });
+    for (std::size_t n = 0; n < wanted; ++n)
+        for (std::size_t c = 0; c < cameras.size(); ++c) {
+            if (!fields_[n][c]) continue;
+            Camera at_origin = cameras[c];
+            at_origin.camera_from_world = {};
+            for (const Vec2 pixel : fields_[n][c]->outline(options.outline_points))
+                rays_.push_back({static_cast<int>(n), static_cast<int>(c),
+                                 at_origin.ray_through(pixel).direction_in_world});
+        }
+}
+
+std::vector<Vec3> OutlineRays::middles(const std::vector<Camera>& cameras) const {
+    std::vector<Vec3> out;
+    for (const auto& fields : fields_) {
+        std::vector<Sight> sights;
+        for (std::size_t c = 0; c < cameras.size(); ++c)
+            if (fields[c])
+                sights.push_back({&cameras[c],
+                                  {0.5 * (fields[c]->left + fields[c]->right),
+                                   0.5 * (fields[c]->top + fields[c]->bottom)}});
+        const auto middle = triangulate(sights);
+        out.push_back(middle ? *middle : out.empty() ? Vec3{} : out.back());
+    }
+    return out;
+}
+
+double OutlineRays::squares_at(const std::vector<Camera>& cameras, const OutlineRay& ray, Vec3 point) const {
+    double squares = 0;
+    for (std::size_t c = 0; c < cameras.size(); ++c) {
+        const auto& field = fields_[ray.moment][c];
+        if (!field || static_cast<int>(c) == ray.camera) continue;
+        float x, y;
+        const Vec3 in_camera = cameras[c].camera_from_world * point;
+        const double inside = project(cameras[c], in_camera, x, y) ? field->distance(x, y) : std::nan("");
+        // A place that this camera cannot see is neither right nor wrong; a little wrong, so that it attracts
+        // nothing.
+        const double miss = std::isnan(inside) ? 0.1 * kOutsidePx : std::min(0.0, inside);
+        squares += miss * miss;
+    }
+    return squares;
+}
+
+OutlineRays::Hit OutlineRays::search(const std::vector<Camera>& cameras, const OutlineRay& ray,
+                                     Vec3 middle) const {
+    const Rigid3 world_from_camera = cameras[ray.camera].camera_from_world.inverse();
+    const Vec3 origin = world_from_camera.translation,
+               along = world_from_camera.rotation * ray.direction_in_camera;
+    const double centre = dot(middle - origin, along);
+    Hit best{0, 1e300};
+    const auto try_depth = [&](double depth) {
+        if (depth < 0.3) return;
+        const double squares = squares_at(cameras, ray, origin + depth * along);
+        if (squares < best.squares) best = {depth, squares};
+    };
+    const int steps = static_cast<int>(options_.reach_m / options_.depth_step_m) / 4;
+    for (int k = -steps; k <= steps; ++k)
+        try_depth(centre + 4 * k * options_.depth_step_m);  // coarse, then around the best
+    for (double step = 2 * options_.depth_step_m; step > 0.2 * options_.depth_step_m && best.squares > 0;
+         step /= 2) {
+        const double at = best.depth;
+        try_depth(at - step);
+        try_depth(at + step);
+    }
+    return best;
+}
+
+void OutlineRays::add(const std::vector<Camera>& cameras, const OutlineRay& ray, const Hit& hit,
+                      double weight, Normal& normal) const {
+    const int count = static_cast<int>(cameras.size());
+    const Vec3 in_own = hit.depth * ray.direction_in_camera;
+    const Rigid3 world_from_own = cameras[ray.camera].camera_from_world.inverse();
+    const Vec3 point = world_from_own * in_own;
+    // Rows: one per camera that misses. Columns: turn and shift of the own camera, of the other; and the
+    // depth.
+    struct Row {
+        int other;
+        double miss, by_depth;
+        Eigen::Matrix<double, 1, 6> by_own, by_other;
+    };
+    std::vector<Row> rows;
+    double depth_square = 0;
+    for (int c = 0; c < count; ++c) {
+        const auto& field = fields_[ray.moment][c];
+        if (!field || c == ray.camera) continue;
+        const Vec3 in_camera = cameras[c].camera_from_world * point;
+        float x, y, dx, dy;
+        if (!project(cameras[c], in_camera, x, y)) continue;
+        const float inside = field->distance(x, y, dx, dy);
+        if (std::isnan(inside) || inside >= 0) continue;
+        const double fx = cameras[c].fx / in_camera.z, fy = cameras[c].fy / in_camera.z;
+        const Eigen::RowVector3d by_point(dx * fx, dy * fy,
+                                          -(dx * fx * in_camera.x + dy * fy * in_camera.y) / in_camera.z);
+        const Eigen::Matrix3d other_from_own =
+            eigen(cameras[c].camera_from_world.rotation) * eigen(world_from_own.rotation);
+        Row row;
+        row.other = c;
+        row.miss = inside;
+        row.by_other << -by_point * skew(in_camera), by_point;
+        const Eigen::RowVector3d by_own_point = by_point * other_from_own;
+        row.by_own << by_own_point * skew(in_own), -by_own_point;
+        row.by_depth = by_own_point * eigen(ray.direction_in_camera);
+        depth_square += row.by_depth * row.by_depth;
+        rows.push_back(row);
+    }
+    // The depth is free: what it could mend counts for nothing (variable projection).
+    const int own = 6 * ray.camera;
+    depth_square += 1e-6;
+    for (const Row& a : rows)
+        for (const Row& b : rows) {
+            const double left = weight * ((&a == &b ? 1.0 : 0.0) - a.by_depth * b.by_depth / depth_square);
+            const int other_a = 6 * a.other, other_b = 6 * b.other;
+            normal.square.block<6, 6>(own, own) += left * a.by_own.transpose() * b.by_own;
+            normal.square.block<6, 6>(own, other_b) += left * a.by_own.transpose() * b.by_other;
+            normal.square.block<6, 6>(other_a, own) += left * a.by_other.transpose() * b.by_own;
+            normal.square.block<6, 6>(other_a, other_b) += left * a.by_other.transpose() * b.by_other;
+            normal.right.segment<6>(own) -= left * b.miss * a.by_own.transpose();
+            normal.right.segment<6>(other_a) -= left * b.miss * a.by_other.transpose();
+        }
+}
+
+OutlineRays::Normal OutlineRays::measure(const std::vector<Camera>& cameras, double scale_px,
+                                         bool with_derivatives) const {
+    const int size = 6 * static_cast<int>(cameras.size());
+    const std::vector<Vec3> middle = middles(cameras);
+    // Fixed blocks summed in their order, so that the numbers do not depend on the threads.
+    constexpr std::size_t kBlock = 256;
+    const std::size_t blocks = (rays_.size() + kBlock - 1) / kBlock;
+    std::vector<Normal> parts(blocks);
+    oneapi::tbb::parallel_for(std::size_t{0}, blocks, [&](std::size_t b) {
+        Normal& part = parts[b];
+        part.camera_cost.assign(cameras.size(), 0);
+        if (with_derivatives) part.square.setZero(size, size), part.right.setZero(size);
+        for (std::size_t r = b * kBlock; r < std::min(rays_.size(), (b + 1) * kBlock); ++r) {
+            const OutlineRay& ray = rays_[r];
+            const Hit hit = search(cameras, ray, middle[ray.moment]);
+            const double scale2 = scale_px * scale_px, ratio = scale2 / (scale2 + hit.squares);
+            part.cost += hit.squares * ratio;  // Geman-McClure
+            part.camera_cost[ray.camera] += std::sqrt(hit.squares * ratio);
+            if (with_derivatives && hit.squares > 0) add(cameras, ray, hit, ratio * ratio, part);
+        }
+    });
+    Normal sum;
+    sum.camera_cost.assign(cameras.size(), 0);
+    if (with_derivatives) sum.square.setZero(size, size), sum.right.setZero(size);
+    for (const Normal& part : parts) {
+        sum.cost += part.cost;
+        for (std::size_t c = 0; c < cameras.size(); ++c) sum.camera_cost[c] += part.camera_cost[c];
+        if (with_derivatives) sum.square += part.square, sum.right += part.right;
+    }
+    std::vector<int> own(cameras.size(), 0);
+    for (const OutlineRay& ray : rays_) ++own[ray.camera];
+    for (std::size_t c = 0; c < cameras.size(); ++c) sum.camera_cost[c] /= std::max(1, own[c]);
+    return sum;
+}
+
+}  // namespace kinevox

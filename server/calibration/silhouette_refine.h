@@ -1,0 +1,53 @@
+// All cameras' places from the silhouettes of a person who moves, starting from places that are about right.
+//
+// The ray through a point on one camera's outline must meet every other camera's silhouette at one and the
+// same place of the ray; by how many pixels it misses them is what is minimised, over all outlines, cameras
+// and moments. Scale and world cannot come from silhouettes: they are taken from the places given, and
+// cameras that hardly move keep them.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <vector>
+
+#include "common/camera.h"
+#include "server/calibration/finding.h"
+#include "server/calibration/silhouette_set.h"
+
+namespace kinevox {
+
+struct SilhouetteRefineOptions {
+    int most_moments = 32;    // evenly from those given
+    int outline_points = 56;  // per silhouette
+    int rounds = 30;          // of Gauss-Newton, at most
+    double first_scale_part =
+        0.03;  // of the picture's longer side: misses beyond it count less and less, at first
+    double last_scale_part = 0.004;                    // and at the end
+    double prior_angle_deg = 1, prior_shift_m = 0.07;  // standard deviations of the places given
+    double depth_step_m = 0.025;                       // of the search along a ray
+    double reach_m = 1.6;                              // of that search, from the subject's middle
+    std::vector<bool> fixed;                           // per camera: stays where it is; empty: none does
+};
+
+struct SilhouetteRefineResult {
+    std::vector<Camera> cameras;
+    double miss_before_px = 0, miss_after_px = 0;  // robust mean over all rays
+    std::vector<double> turned_deg, moved_m;       // per camera, against the places given
+    int rounds = 0;
+};
+
+// FailedPrecondition where too few silhouettes are seen by two cameras at a time; Cancelled by `progress`.
+absl::StatusOr<SilhouetteRefineResult> refine_from_silhouettes(const std::vector<Camera>& cameras,
+                                                               const SilhouetteSet& silhouettes,
+                                                               const SilhouetteRefineOptions& options = {},
+                                                               const SolveProgress& progress = {});
+
+// How well places fit silhouettes: the robust mean of what the refinement minimises, px, per camera (its own
+// outline's rays). Cheap: for trying what could be wrong.
+std::vector<double> silhouette_misses(const std::vector<Camera>& cameras, const SilhouetteSet& silhouettes,
+                                      const SilhouetteRefineOptions& options = {});
+
+// Moves `cameras` so that they lie as `like` does: rigid and scale, by the most of them that agree.
+void align_to(const std::vector<Camera>& like, std::vector<Camera>& cameras);
+
+}  // namespace kinevox

@@ -1,0 +1,87 @@
+#include "server/calibration/triangulation.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+
+namespace kinevox {
+namespace {
+
+Eigen::Vector3d eigen(Vec3 v) {
+    return {v.x, v.y, v.z};
+}
+Vec3 plain(const Eigen::Vector3d& v) {
+    return {v.x(), v.y(), v.z()};
+}
+
+}  // namespace
+
+std::optional<Vec3> triangulate(const std::vector<Sight>& sights) {
+    if (sights.size() < 2) return std::nullopt;
+    Eigen::Matrix3d across = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const Sight& sight : sights) {
+        const Ray ray = sight.camera->ray_through(sight.pixel);
+        const Eigen::Vector3d d = eigen(ray.direction_in_world);
+        const Eigen::Matrix3d m = Eigen::Matrix3d::Identity() - d * d.transpose();
+        across += m;
+        sum += m * eigen(ray.origin_in_world);
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigenvalues(across);
+    if (!(eigenvalues.eigenvalues()(0) > 1e-4)) return std::nullopt;  // the rays are parallel
+    Vec3 point = plain(across.ldlt().solve(sum));
+    constexpr double kStep = 1e-5;
+    for (int round = 0; round < 4; ++round) {
+        Eigen::Matrix3d square = Eigen::Matrix3d::Zero();
+        Eigen::Vector3d right = Eigen::Vector3d::Zero();
+        for (const Sight& sight : sights) {
+            const auto here = sight.camera->project(point);
+            if (!here) return std::nullopt;
+            Eigen::Matrix<double, 2, 3> jacobian;
+            for (int axis = 0; axis < 3; ++axis) {
+                Vec3 moved = point;
+                (axis == 0 ? moved.x : axis == 1 ? moved.y : moved.z) += kStep;
+                const auto there = sight.camera->project(moved);
+                if (!there) return std::nullopt;
+                jacobian.col(axis) << (there->x - here->x) / kStep, (there->y - here->y) / kStep;
+            }
+            const Eigen::Vector2d miss(sight.pixel.x - here->x, sight.pixel.y - here->y);
+            square += jacobian.transpose() * jacobian;
+            right += jacobian.transpose() * miss;
+        }
+        const Eigen::Vector3d step = square.ldlt().solve(right);
+        if (!step.allFinite() || step.norm() > 1) return std::nullopt;
+        point += plain(step);
+    }
+    return point;
+}
+
+std::optional<Alignment> align_points(const std::vector<Vec3>& from, const std::vector<Vec3>& to,
+                                      bool with_scale) {
+    if (from.size() != to.size() || from.size() < 3) return std::nullopt;
+    Eigen::Matrix3Xd a(3, from.size()), b(3, to.size());
+    for (std::size_t i = 0; i < from.size(); ++i) a.col(i) = eigen(from[i]), b.col(i) = eigen(to[i]);
+    const Eigen::Matrix4d t = Eigen::umeyama(a, b, with_scale);
+    if (!t.allFinite()) return std::nullopt;
+    Alignment out;
+    const Eigen::Matrix3d linear = t.topLeftCorner<3, 3>();
+    out.scale = std::cbrt(linear.determinant());
+    for (int i = 0; i < 9; ++i) out.to_from_from.rotation.m[i] = linear(i / 3, i % 3) / out.scale;
+    out.to_from_from.translation = plain(t.topRightCorner<3, 1>());
+    return out;
+}
+
+void move_cameras(const Alignment& new_from_old, std::vector<Camera>& cameras) {
+    for (Camera& camera : cameras) {
+        const Vec3 centre = new_from_old(camera.centre_in_world());
+        const Mat3 rotation =
+            camera.camera_from_world.rotation * new_from_old.to_from_from.rotation.transposed();
+        camera.camera_from_world = {rotation, -(rotation * centre)};
+    }
+}
+
+double angle_between(const Mat3& a, const Mat3& b) {
+    return norm(rodrigues_from_rotation(a.transposed() * b));
+}
+
+}  // namespace kinevox

@@ -1,0 +1,90 @@
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "server/calibration/wand.h"
+
+namespace kinevox {
+namespace {
+
+constexpr std::size_t kMostSpots = 12;
+
+cv::Mat grey_of(const Picture& picture) {
+    const cv::Mat view(picture.height, picture.width, CV_8UC(picture.channels),
+                       const_cast<std::uint8_t*>(picture.data.get()));
+    cv::Mat grey;
+    if (picture.channels == 3)
+        cv::cvtColor(view, grey, cv::COLOR_BGR2GRAY);
+    else
+        grey = view;
+    return grey;
+}
+
+struct Spot {
+    Vec2 centre;
+    double radius_px;
+};
+
+std::vector<Spot> bright_spots(const cv::Mat& brighter, const WandDetectorOptions& options) {
+    cv::Mat mask, labels, boxes, centres;
+    cv::threshold(brighter, mask, options.least_difference, 255, cv::THRESH_BINARY);
+    const int count = cv::connectedComponentsWithStats(mask, labels, boxes, centres, 8, CV_32S);
+    std::vector<Spot> spots;
+    for (int i = 1; i < count; ++i) {
+        const int width = boxes.at<int>(i, cv::CC_STAT_WIDTH), height = boxes.at<int>(i, cv::CC_STAT_HEIGHT);
+        const double area = boxes.at<int>(i, cv::CC_STAT_AREA), radius = std::sqrt(area / 3.14159265);
+        if (radius < options.least_radius_px || radius > options.most_radius_px) continue;
+        if (std::max(width, height) > 2 * std::min(width, height) + 1 || area < 0.55 * width * height)
+            continue;  // not round
+        // The centre of brightness, with the soft edge around the spot.
+        const cv::Rect box = cv::Rect(boxes.at<int>(i, cv::CC_STAT_LEFT) - 2,
+                                      boxes.at<int>(i, cv::CC_STAT_TOP) - 2, width + 4, height + 4) &
+                             cv::Rect(0, 0, mask.cols, mask.rows);
+        double sum = 0, x_sum = 0, y_sum = 0;
+        for (int y = box.y; y < box.y + box.height; ++y)
+            for (int x = box.x; x < box.x + box.width; ++x) {
+                if (labels.at<int>(y, x) != i && labels.at<int>(y, x) != 0) continue;
+                const double weight = std::max(0, brighter.at<std::uint8_t>(y, x) - 12);
+                sum += weight, x_sum += weight * x, y_sum += weight * y;
+            }
+        if (sum > 0) spots.push_back({{x_sum / sum, y_sum / sum}, radius});
+    }
+    std::sort(spots.begin(), spots.end(),
+              [](const Spot& a, const Spot& b) { return a.radius_px > b.radius_px; });
+    if (spots.size() > kMostSpots) spots.resize(kMostSpots);
+    return spots;
+}
+
+}  // namespace
+
+WandSighting find_wand(const Picture& picture, const Picture& empty_scene, const WandSpec& wand,
+                       const WandDetectorOptions& options) {
+    if (picture.empty() || empty_scene.empty()) return std::nullopt;
+    cv::Mat brighter;
+    cv::subtract(grey_of(picture), grey_of(empty_scene), brighter);
+    const std::vector<Spot> spots = bright_spots(brighter, options);
+    const double expected = wand.middle_m / wand.length_m;
+    WandSighting best;
+    double least = 1e9;
+    int fitting = 0;
+    for (std::size_t a = 0; a < spots.size(); ++a)
+        for (std::size_t c = 0; c < spots.size(); ++c)
+            for (std::size_t b = 0; b < spots.size(); ++b) {
+                if (a == b || b == c || a == c) continue;
+                const Vec2 p = spots[a].centre, q = spots[b].centre, r = spots[c].centre;
+                const double length = std::hypot(r.x - p.x, r.y - p.y);
+                if (length < 12) continue;
+                const double along =
+                    ((q.x - p.x) * (r.x - p.x) + (q.y - p.y) * (r.y - p.y)) / (length * length);
+                const double off = std::abs((q.x - p.x) * (r.y - p.y) - (q.y - p.y) * (r.x - p.x)) / length;
+                // Perspective shifts the ratio a little; the other way round it would be far off.
+                if (off > 0.02 * length + 1 || std::abs(along - expected) > 0.3 * (1 - 2 * expected))
+                    continue;
+                ++fitting;
+                const double miss = off / length + std::abs(along - expected);
+                if (miss < least) least = miss, best = std::array<Vec2, 3>{p, q, r};
+            }
+    return fitting == 1 ? best : std::nullopt;  // two that fit: better none
+}
+
+}  // namespace kinevox

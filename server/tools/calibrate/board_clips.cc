@@ -1,0 +1,106 @@
+#include "server/tools/calibrate/board_clips.h"
+
+#include <fmt/format.h>
+#include <oneapi/tbb/parallel_for.h>
+
+#include <algorithm>
+#include <atomic>
+#include <mutex>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/videoio.hpp>
+#include <set>
+
+#include "server/cameras/picture_reader.h"
+
+namespace kinevox::calibrate {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Width and height of the first picture; 0 where there is none.
+cv::Size size_of(const fs::path& file) {
+    if (fs::is_directory(file)) {
+        std::set<fs::path> files;
+        for (const auto& entry : fs::directory_iterator(file))
+            if (entry.is_regular_file()) files.insert(entry.path());
+        for (const fs::path& one : files)
+            if (const cv::Mat picture = cv::imread(one.string()); !picture.empty()) return picture.size();
+        return {};
+    }
+    if (const cv::Mat picture = cv::imread(file.string()); !picture.empty()) return picture.size();
+    cv::VideoCapture video(file.string());
+    cv::Mat picture;
+    return video.isOpened() && video.read(picture) ? picture.size() : cv::Size();
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<CameraClip>> open_clips(const std::vector<std::string>& arguments) {
+    std::vector<CameraClip> clips;
+    for (const std::string& argument : arguments) {
+        const std::size_t equals = argument.find('=');
+        CameraClip clip;
+        clip.file = equals == std::string::npos ? argument : argument.substr(equals + 1);
+        clip.camera = equals == std::string::npos ? clip.file.stem().string() : argument.substr(0, equals);
+        if (const std::string problem = camera_name_problem(clip.camera); !problem.empty())
+            return absl::InvalidArgumentError(fmt::format("'{}': the camera's name {}", argument, problem));
+        for (const CameraClip& other : clips)
+            if (other.camera == clip.camera)
+                return absl::InvalidArgumentError(fmt::format(
+                    "camera {} is given twice; write NAME=FILE with a name for each", clip.camera));
+        std::error_code error;
+        if (!fs::exists(clip.file, error))
+            return absl::NotFoundError(
+                fmt::format("camera {}: there is no file or folder {}; correct the path", clip.camera,
+                            clip.file.string()));
+        const cv::Size size = size_of(clip.file);
+        if (size.area() == 0)
+            return absl::InvalidArgumentError(
+                fmt::format("camera {}: {} holds no readable picture; give a video or a folder of pictures",
+                            clip.camera, clip.file.string()));
+        clip.width = size.width, clip.height = size.height;
+        clips.push_back(clip);
+    }
+    return clips;
+}
+
+absl::StatusOr<std::vector<std::vector<BoardSighting>>> find_boards(const std::vector<CameraClip>& clips,
+                                                                    const BoardSpec& board, int every,
+                                                                    const SolveProgress& progress) {
+    if (auto tried = BoardDetector::create(board); !tried.ok()) return tried.status();
+    std::vector<std::vector<BoardSighting>> out(clips.size());
+    std::mutex mutex;
+    absl::Status status;
+    std::atomic<std::int64_t> done{0}, total{0};
+    std::atomic<bool> stop{false};
+    const auto fail = [&](absl::Status why) {
+        const std::scoped_lock lock(mutex);
+        if (status.ok()) status = std::move(why);
+        stop = true;
+    };
+    oneapi::tbb::parallel_for(std::size_t{0}, clips.size(), [&](std::size_t c) {
+        Camera size;
+        size.name = clips[c].camera, size.width = clips[c].width, size.height = clips[c].height;
+        auto reader = open_pictures(clips[c].file, size);
+        auto detector = BoardDetector::create(board);
+        if (!reader.ok()) return fail(reader.status());
+        total += std::max<std::int64_t>((*reader)->promised(), 1);
+        for (int frame = 0; !stop; ++frame) {
+            auto picture = (*reader)->next();
+            if (absl::IsOutOfRange(picture.status())) break;
+            if (!picture.ok()) return fail(picture.status());
+            ++done;
+            if (frame % every != 0) continue;
+            out[c].push_back((*detector)->detect(*picture));
+            const std::scoped_lock lock(mutex);
+            const double part = std::min(
+                1.0, static_cast<double>(done) / static_cast<double>(std::max(total.load(), done.load())));
+            if (progress && !progress(part, fmt::format("looking for the board, {} pictures", done.load())))
+                status = absl::CancelledError("stopped; nothing was written"), stop = true;
+        }
+    });
+    if (!status.ok()) return status;
+    return out;
+}
+
+}  // namespace kinevox::calibrate

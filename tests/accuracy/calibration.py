@@ -1,0 +1,122 @@
+#!/usr/bin/env python3
+"""Calibrations of real recordings against references: lenses from seven pictures of a checkerboard, places from a ChArUco
+board before four webcams (with the reference's lenses and with their own), and cameras refined from silhouettes alone.
+
+Prints one table; exit status 1 beyond the bounds, 77 where programs or data are missing.
+"""
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from itertools import combinations
+from pathlib import Path
+
+try:
+    import cv2
+    import numpy as np
+    from session_data import REPOSITORY, data_folder, tomllib
+except ImportError as missing:
+    print(f"skipped: this needs numpy and OpenCV for Python ({missing})")
+    sys.exit(77)
+
+RMS_BOUND_PX, FOCAL_BOUND, HELD_OUT_BOUND_PX = 0.30, 0.015, 0.5
+CENTRES_BOUND, CENTRES_OWN_BOUND = 0.025, 0.05
+BOARD = "charuco:4x5:54:40.5:DICT_4X4_1000:inverted"
+
+
+def read_cameras(file):
+    with open(file, "rb") as f:
+        return {name: section for name, section in tomllib.load(f).items() if isinstance(section, dict)}
+
+
+def centres(file):
+    out = {}
+    for name, section in read_cameras(file).items():
+        rotation = cv2.Rodrigues(np.array(section["rotation"], float))[0]
+        out[name] = -rotation.T @ np.array(section["translation"], float)
+    return out
+
+
+def worst_distance(file, reference):
+    """The largest relative error of a distance between two camera centres."""
+    a, b = centres(file), centres(reference)
+    distance = lambda c, pair: np.linalg.norm(c[pair[0]] - c[pair[1]])
+    return max(abs(distance(a, pair) / distance(b, pair) - 1) for pair in combinations(sorted(b), 2))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--program", required=True, help="kinevox-calibrate")
+    parser.add_argument("--parts", default="lenses,board,refine", help="comma separated")
+    parser.add_argument("--out", help="keep calibrations and certificates here")
+    arguments = parser.parse_args()
+    data, parts = data_folder(), arguments.parts.split(",")
+    for needed in [Path(arguments.program), data / "balancing" / "board", data / "charuco"]:
+        if not needed.exists():
+            print(f"skipped: {needed} is not here; set KINEVOX_TEST_DATA to the folder that holds balancing/ and charuco/")
+            return 77
+    failures = []
+
+    def row(what, value, bound, unit, good):
+        print(f"| {what} | {value} | {bound} {unit} | {'' if good else 'FAILED'} |", flush=True)
+        if not good:
+            failures.append(what)
+
+    def calibrate(*words):
+        run = subprocess.run([arguments.program, *map(str, words)], capture_output=True, text=True)
+        if run.returncode != 0:
+            sys.exit(f"kinevox-calibrate {' '.join(map(str, words))}\n{run.stderr.strip()}")
+
+    print("| what | measured | bound | |\n| --- | ---: | ---: | --- |")
+    with tempfile.TemporaryDirectory() as scratch:
+        out = Path(arguments.out or scratch)
+        out.mkdir(parents=True, exist_ok=True)
+        if "lenses" in parts:
+            board = data / "balancing" / "board"
+            truth = read_cameras(data / "balancing" / "calibration_published.toml")
+            clips = [f"{name}={board / name.replace('_', '')}" for name in truth]
+            calibrate("intrinsics", *clips, "--board", "checkerboard:4x7:60", "--out", out / "lenses.toml")
+            solved, certificate = read_cameras(out / "lenses.toml"), json.loads((out / "lenses.certificate.json").read_text())
+            for name, section in truth.items():
+                rms = certificate["cameras"][name]["lens"]["rms_px"]
+                row(f"{name}: rms", f"{rms:.3f}", RMS_BOUND_PX, "px", rms <= RMS_BOUND_PX)
+                focal = max(abs(solved[name]["matrix"][k][k] / section["matrix"][k][k] - 1) for k in (0, 1))
+                row(f"{name}: focal length", f"{100 * focal:.2f}", 100 * FOCAL_BOUND, "%", focal <= FOCAL_BOUND)
+        if "board" in parts:
+            folder = data / "charuco"
+            clips = [f"cam_{n}={folder / f'cam_{n}.mp4'}" for n in range(4)]
+            for what, more, bound in (("reference lenses", ["--lenses", folder / "reference.toml"], CENTRES_BOUND),
+                                      ("own lenses", [], CENTRES_OWN_BOUND)):
+                file = out / (what.replace(" ", "_") + ".toml")
+                calibrate("extrinsics", *clips, "--board", BOARD, "--out", file, *more)
+                certificate = json.loads(file.with_suffix(".certificate.json").read_text())
+                error = worst_distance(file, folder / "reference.toml")
+                row(f"{what}: distances between centres, worst", f"{100 * error:.2f}", 100 * bound, "%", error <= bound)
+                held_out = certificate["held_out_rms_px"]
+                if more:
+                    row(f"{what}: views kept out", f"{held_out:.3f}", HELD_OUT_BOUND_PX, "px", held_out <= HELD_OUT_BOUND_PX)
+                else:
+                    named = sorted({f["camera"] for f in certificate["findings"] if f["check"] == "coverage"})
+                    row("own lenses: poorly covered, as the certificate says", " ".join(named) or "none", "one", "", bool(named))
+        if "refine" in parts:
+            session = out / "published.toml"
+            balancing = data / "balancing"
+            text = (balancing / "session.toml").read_text().replace("calibration_refined.toml", "calibration_published.toml")
+            for word in ("calibration_published", "trial/", "background/"):
+                text = text.replace(f'"{word}', f'"{balancing}/{word}')
+            session.write_text(text)
+            calibrate("refine", session, "--out", out / "refined.toml")
+            agreement = {}
+            for name, file in (("refined", out / "refined.toml"), ("reference", balancing / "calibration_refined.toml")):
+                calibrate("check", session, "--calibration", file, "--out", out / name)
+                agreement[name] = json.loads((out / f"{name}.json").read_text())["hull_agreement"]["mean_iou"]
+            row("refined from silhouettes: IoU", f"{agreement['refined']:.4f}", f"{agreement['reference']:.4f}", "(the reference's)",
+                agreement["refined"] >= agreement["reference"])
+    for failure in failures:
+        print("FAILED " + failure)
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,183 @@
+// What people do wrong, and that the verdict is not GO and gives the right reason.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+
+#include "server/calibration/diagnosis.h"
+#include "server/calibration/intrinsics.h"
+#include "server/calibration/triangulation.h"
+#include "tests/unit/calibration/synthetic_views.h"
+
+namespace kinevox {
+namespace {
+
+using testing::board_at;
+using testing::lenses_of;
+using testing::ring;
+using testing::see_board;
+
+const BoardSpec kBoard = *parse_board("charuco:6x5:160:120:DICT_4X4_100");
+
+struct Wrong {
+    const char* what;
+    const char* check;   // of the finding that must be there; empty: all is well
+    const char* camera;  // that it must name; empty: any
+    int moments = 60;
+    std::function<void(int moment, std::vector<Camera>& cameras)> cameras;  // as they really stand
+    std::function<void(BoardSighting&)> sighting;
+    std::function<void(std::vector<Camera>&)> lenses;  // as they are believed
+    std::function<Rigid3(const std::vector<Camera>&, int)> board = board_at;
+};
+
+absl::StatusOr<ExtrinsicsResult> calibrate(const Wrong& wrong) {
+    const std::vector<Camera> truth = ring(4);
+    std::vector<Camera> lenses = lenses_of(truth);
+    if (wrong.lenses) wrong.lenses(lenses);
+    ExtrinsicsOptions options;
+    options.solve_delays = false;
+    ExtrinsicsProcedure procedure(lenses, kBoard, options);
+    std::mt19937 random(7);
+    for (int m = 0; m < wrong.moments; ++m) {
+        std::vector<Camera> cameras = truth;
+        if (wrong.cameras) wrong.cameras(m, cameras);
+        for (int c = 0; c < 4; ++c) {
+            BoardSighting seen = see_board(cameras[c], kBoard.points(), wrong.board(truth, m), random);
+            if (wrong.sighting) wrong.sighting(seen);
+            procedure.add_observation(m, c, seen);
+        }
+    }
+    return procedure.solve();
+}
+
+TEST(WrongOnPurpose, BoardProcedureGivesTheReason) {
+    const Wrong table[] = {
+        {"all is well", "", ""},
+        {"mirrored board",
+         "mirrored",
+         "",
+         60,
+         {},
+         [](BoardSighting& seen) {
+             for (Corner& corner : seen.corners) corner.id = corner.id / 5 * 5 + 4 - corner.id % 5;
+         }},
+        {"two cameras swapped",
+         "swapped",
+         "cam1",
+         60,
+         {},
+         {},
+         [](std::vector<Camera>& lenses) {
+             std::swap(lenses[0], lenses[1]);
+             std::swap(lenses[0].name, lenses[1].name);
+         }},
+        {"one camera knocked", "knocked", "cam3", 60,
+         [](int moment, std::vector<Camera>& cameras) {
+             if (moment >= 30) cameras[2] = studio::knocked(cameras[2], {0, 0.02, 0.01}, {0, 0, 0});
+         }},
+        {"too few views", "too_few_views", "", 12},
+        {"flat in all views",
+         "flat",
+         "",
+         60,
+         {},
+         {},
+         {},
+         [](const std::vector<Camera>&, int moment) {
+             return Rigid3{{}, {-0.8 + 0.1 * (moment % 8), -0.8 + 0.1 * (moment / 8), 0.02 * (moment % 5)}};
+         }},
+    };
+    for (const Wrong& wrong : table) {
+        SCOPED_TRACE(wrong.what);
+        Wrong tried = wrong;
+        // Lenses that differ, so that exchanging them can be seen.
+        if (std::string(wrong.check) == "swapped")
+            tried.cameras =
+                [](int, std::vector<Camera>& cameras) {
+                    cameras[0].fx = cameras[0].fy *= 1.12, cameras[0].k1 = -0.1;
+                },
+            tried.lenses = [](std::vector<Camera>& lenses) {
+                lenses[1].fx = lenses[1].fy *= 1.12, lenses[1].k1 = -0.1;
+            };
+        const auto result = calibrate(tried);
+        ASSERT_TRUE(result.ok()) << result.status();
+        std::string all;
+        bool found = false;
+        for (const Finding& finding : result->findings) {
+            all += finding.check + " (" + finding.camera + "): " + finding.reason + "\n";
+            found =
+                found || (finding.check == wrong.check && (!*wrong.camera || finding.camera == wrong.camera));
+            EXPECT_FALSE(finding.remedy.empty());
+        }
+        if (!*wrong.check) {
+            EXPECT_EQ(worst(result->findings), Verdict::kGo) << all;
+            EXPECT_LT(*result->held_out_rms_px, 0.35);
+            EXPECT_LT(std::abs(result->scale->bias_mm_per_m), 1);
+        } else {
+            EXPECT_TRUE(found) << all;
+            EXPECT_NE(worst(result->findings), Verdict::kGo) << all;
+        }
+    }
+}
+
+TEST(WrongOnPurpose, CamerasThatShareNoViewAreNamed) {
+    const std::vector<Camera> truth = ring(4);
+    ExtrinsicsProcedure procedure(lenses_of(truth), kBoard);
+    std::mt19937 random(7);
+    for (int m = 0; m < 40; ++m)
+        for (int c = 0; c < 3; ++c)
+            procedure.add_observation(m, c, see_board(truth[c], kBoard.points(), board_at(truth, m), random));
+    EXPECT_THAT(procedure.hints(), ::testing::Contains("camera cam4 has not seen the board"));
+    const auto result = procedure.solve();
+    ASSERT_TRUE(result.ok()) << result.status();
+    EXPECT_THAT(result->left_out, ::testing::ElementsAre("cam4"));
+    EXPECT_EQ(worst(result->findings), Verdict::kNoGo);
+}
+
+TEST(WrongOnPurpose, LensFromFlatViewsIsRefused) {
+    const Camera camera = ring(4)[0];
+    std::mt19937 random(2);
+    for (const bool flat : {true, false}) {
+        IntrinsicsProcedure procedure("cam1", camera.width, camera.height, kBoard);
+        const Mat3 facing = camera.camera_from_world.rotation.transposed() * rotation_x(3.14159265358979);
+        for (int m = 0; m < 24; ++m) {
+            const Mat3 tilt =
+                flat ? Mat3{} : rotation_x(0.5 * std::sin(1.0 * m)) * rotation_y(0.5 * std::cos(1.7 * m));
+            const Vec3 in_camera{-1.2 + 0.35 * (m % 5), 0.9 - 0.35 * (m / 5), 2.6 + 0.2 * (m % 3)};
+            const Rigid3 pose{facing * tilt, camera.camera_from_world.inverse() * in_camera};
+            procedure.add_observation(m, see_board(camera, kBoard.points(), pose, random));
+        }
+        const auto result = procedure.solve();
+        ASSERT_TRUE(result.ok()) << result.status();
+        const bool refused =
+            std::any_of(result->findings.begin(), result->findings.end(),
+                        [](const Finding& f) { return f.check == "flat" && f.verdict == Verdict::kNoGo; });
+        EXPECT_EQ(refused, flat);
+        if (!flat) {
+            EXPECT_NEAR(result->camera.fx / camera.fx, 1, 0.005);
+        }
+    }
+}
+
+TEST(WrongOnPurpose, WorldIsChecked) {
+    const std::vector<Camera> good = ring(4);
+    const SubjectExtent person{0.01, 1.79, 0.3};
+    EXPECT_TRUE(check_world(good, person, 1.78).empty());
+    const auto checks = [](const std::vector<Finding>& findings) {
+        std::string all;
+        for (const Finding& f : findings)
+            all += std::string(to_text(f.verdict)) + " " + f.check + " " + f.camera + ";";
+        return all;
+    };
+    std::vector<Camera> mirrored = good, hanging = good;
+    move_cameras({1, {rotation_x(3.14159265358979), {}}}, mirrored);
+    EXPECT_EQ(checks(check_world(mirrored, std::nullopt, std::nullopt)), "NO-GO mirrored ;");
+    hanging[2] = studio::knocked(hanging[2], {0, 0, 3.14159265358979}, {});
+    EXPECT_EQ(checks(check_world(hanging, person, std::nullopt)), "CARE upside_down cam3;");
+    EXPECT_EQ(checks(check_world(good, SubjectExtent{0.01, 1.61, 0.3}, 1.78)), "NO-GO scale ;");
+    EXPECT_EQ(checks(check_world(good, SubjectExtent{-0.5, 1.28, 0.3}, 1.78)), "NO-GO floor ;");
+    EXPECT_EQ(checks(check_world(good, SubjectExtent{0.01, 0.5, 1.7}, std::nullopt)), "NO-GO not_upright ;");
+}
+
+}  // namespace
+}  // namespace kinevox
