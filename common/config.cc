@@ -87,6 +87,9 @@ void read_pose(const TomlTable& table, const std::filesystem::path& folder, bool
         table.fail("body",
                    fmt::format("is {}, which does not exist; kinevox process --tpose writes one", pose.body.string()),
                    absl::StatusCode::kNotFound);
+    pose.fit_body = table.boolean_or("fit_body", pose.fit_body);
+    const std::string fitted_body = table.text_or("fitted_body", "");
+    if (table.has("fitted_body")) pose.fitted_body = resolved(fitted_body, folder);
     const std::string database = table.text_or("database", "");
     if (table.has("database")) pose.database = resolved(database, folder);
     pose.database_poses = static_cast<int>(table.integer_or("database_poses", pose.database_poses, 1, 4000));

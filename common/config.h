@@ -64,6 +64,10 @@ struct PoseConfig {
     bool enabled = true;            // off: stop at the volume
     bool filtered = true;           // smooth poses over time, causally
     std::filesystem::path body;     // body.toml of the subject, absolute; empty: an adult of average build
+    // Without a body: fit one to the first seconds in which somebody is seen.
+    bool fit_body = true;
+    // Where a body that was fitted on request is stored, absolute; empty: nowhere; not given: in the user's folder.
+    std::optional<std::filesystem::path> fitted_body;
     // The pose database's file, absolute; empty: no database; not given: in the user's folder for programs' state.
     std::optional<std::filesystem::path> database;
     int database_poses = 1400;      // of our own library, 1 to 4000

@@ -64,7 +64,18 @@ int serve(const DaemonConfig& config) {
         (*pipeline)->pose_stage()->set_proposer(&*poses);   // has nothing to propose until it is built
     }
     ControlLease lease(lease_options(config.control));
+    PoseStage* const pose_stage = (*pipeline)->pose_stage();
     Runner runner(std::move(*source), [&config] { return open_source(config.source); }, std::move(*pipeline), hub);
+    BodyWatch body_watch;
+    std::unique_ptr<LiveBodyFit> body_fit;
+    if (pose_stage) {
+        body_fit = make_body_fit(config.pose, runner, options->posing, poses ? &*poses : nullptr, hub, body_watch);
+        runner.set_after_result([&](const FrameResult& result) {
+            body_fit->observe(result.capture_time_ns,
+                              result.subject && result.volume ? &pose_stage->observation() : nullptr);
+            if (const auto body = body_fit->take_body()) pose_stage->set_body(*body);
+        });
+    }
 
     // The threads that serve it, and the services.
     asio::thread_pool control(1);    // start, stop and learning
@@ -79,6 +90,8 @@ int serve(const DaemonConfig& config) {
                    .poses = poses ? &*poses : nullptr,
                    .pose_watch = &pose_watch,
                    .changes = changes.get_executor(),
+                   .body_fit = body_fit.get(),
+                   .body_watch = &body_watch,
                    .source_description = describe(config.source)};
     apply(config.stream, api);
     auto server = ApiServer::listen(config.server.listen, api);
@@ -107,14 +120,17 @@ int serve(const DaemonConfig& config) {
     (*server)->set_serving(false);
     runner.abort();
     if (poses) poses->close();
+    if (body_fit) body_fit->close();
     const absl::Status stopping = absl::UnavailableError("the daemon is stopping; connect again later");
     hub.close(stopping);
     pose_watch.close(stopping);
+    body_watch.close(stopping);
     (*server)->shutdown(std::chrono::milliseconds(700));   // streams end with the words above
     control.join();                                        // a start or stop in progress
     changes.join();
     runner.stop().IgnoreError();                           // its threads; FailedPrecondition if nothing runs
     encoders.join();
+    body_fit.reset();                                      // its thread ends at its next frame set
     poses.reset();                                         // its thread ends as soon as it sees that it is to end
     lease_clock.stop();
     status_log.stop();

@@ -45,6 +45,7 @@ int main(int argc, char** argv) {
     add_stream_verb(app, common, run);
     add_snapshot_verb(app, common, run);
     add_poses_verb(app, common, run);
+    add_body_verb(app, common, run);
 
     // An unknown verb is somebody else's.
     if (argc > 1 && argv[1][0] != '-' && !is_own_verb(app, argv[1])) {

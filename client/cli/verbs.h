@@ -36,6 +36,7 @@ void add_events_verb(CLI::App& app, Common& common, Run& run);
 void add_stream_verb(CLI::App& app, Common& common, Run& run);
 void add_snapshot_verb(CLI::App& app, Common& common, Run& run);
 void add_poses_verb(CLI::App& app, Common& common, Run& run);      // list, add, remove, import, watch
+void add_body_verb(CLI::App& app, Common& common, Run& run);       // fit, show
 
 // "user@host": under which control is taken.
 std::string default_operator_name();

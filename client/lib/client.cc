@@ -286,6 +286,23 @@ absl::Status Client::watch_database(const std::function<bool(const v1::WatchData
         options, parts_->options.server);
 }
 
+absl::Status Client::fit_body(const std::string& operator_name, v1::FitBodyRequest request) {
+    return with_control(*this, operator_name, kLeaseTimeout, [&](const std::string& id) {
+        request.set_lease_id(id);
+        return parts_->call_on(*parts_->pose, &v1::PoseService::Stub::FitBody, request).status();
+    });
+}
+
+absl::Status Client::watch_body(const std::function<bool(const v1::WatchBodyResponse&)>& on_progress,
+                                const StreamOptions& options) {
+    return read_stream<v1::WatchBodyResponse>(
+        [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
+            return parts_->pose->PrepareAsyncWatchBody(context, v1::WatchBodyRequest(), queue);
+        },
+        [&](const v1::WatchBodyResponse& progress) -> absl::StatusOr<bool> { return on_progress(progress); }, options,
+        parts_->options.server);
+}
+
 Camera camera_from_proto(const v1::Camera& from) {
     Camera camera;
     camera.name = from.name();

@@ -109,6 +109,11 @@ class Client {
     absl::Status watch_database(const std::function<bool(const v1::WatchDatabaseResponse&)>& on_progress,
                                 const StreamOptions& options);
 
+    // Begins a fit of the subject's body; watch_body() tells the rest.
+    absl::Status fit_body(const std::string& operator_name, v1::FitBodyRequest request);
+    absl::Status watch_body(const std::function<bool(const v1::WatchBodyResponse&)>& on_progress,
+                            const StreamOptions& options);
+
   private:
     struct Parts;
     std::unique_ptr<Parts> parts_;

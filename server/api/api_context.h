@@ -7,7 +7,7 @@
 #include <boost/asio/any_io_executor.hpp>
 
 #include "server/api/control_lease.h"
-#include "server/api/database_watch.h"
+#include "server/api/state_watch.h"
 #include "server/pipeline/runner.h"
 #include "server/pipeline/stream_hub.h"
 
@@ -26,6 +26,10 @@ struct ApiContext {
     PoseDatabaseService* poses = nullptr;
     DatabaseWatch* pose_watch = nullptr;
     boost::asio::any_io_executor changes{};
+
+    // The fit of the subject's body and who follows it; null where no poses are measured.
+    LiveBodyFit* body_fit = nullptr;
+    BodyWatch* body_watch = nullptr;
 
     std::string source_description;          // "session /data/trial/session.toml"
     std::chrono::steady_clock::time_point started_at = std::chrono::steady_clock::now();

@@ -107,6 +107,53 @@ absl::Status import_bvh(const ApiContext& api, const v1::ImportBvhRequest& reque
     return absl::OkStatus();
 }
 
+absl::Status check_body_fit(const ApiContext& api) {
+    if (api.body_fit && api.body_watch) return absl::OkStatus();
+    return absl::FailedPreconditionError("this daemon measures no poses; enable them under [pose] in its configuration");
+}
+
+absl::Status fit_body(const ApiContext& api, const v1::FitBodyRequest& request) {
+    if (absl::Status missing = check_body_fit(api); !missing.ok()) return missing;
+    if (const auto control = api.lease.use(request.lease_id()); !control.ok()) return control.status();
+    if (api.runner.state().state != RunState::kRunning)
+        return absl::FailedPreconditionError("the capture does not run; start it to fit the body of whoever is seen");
+    return api.body_fit->start(request.seconds() == 0 ? LiveBodyFit::kUsualSeconds : request.seconds());
+}
+
+v1::WatchBodyResponse to_proto(const BodyFitProgress& progress) {
+    v1::WatchBodyResponse out;
+    switch (progress.state) {
+        case BodyFitState::kNone: out.set_state(v1::BODY_FIT_STATE_NONE); break;
+        case BodyFitState::kCollecting: out.set_state(v1::BODY_FIT_STATE_COLLECTING); break;
+        case BodyFitState::kFitting: out.set_state(v1::BODY_FIT_STATE_FITTING); break;
+        case BodyFitState::kReady: out.set_state(v1::BODY_FIT_STATE_READY); break;
+        case BodyFitState::kFailed: out.set_state(v1::BODY_FIT_STATE_FAILED); break;
+    }
+    out.set_part(progress.part);
+    out.set_asked(progress.asked);
+    out.set_message(progress.message);
+    v1::Body& body = *out.mutable_body();
+    const auto set = [](v1::BodyMeasure& measure, std::string_view name, double value_m, std::optional<double> std_m) {
+        measure.set_name(std::string(name));
+        measure.set_value_m(value_m);
+        if (std_m) measure.set_std_m(*std_m);
+    };
+    const auto& fit = progress.fit;
+    set(*body.mutable_stature(), "stature", progress.body.stature_m,
+        fit ? std::optional(fit->stature_std_m) : std::nullopt);
+    for (int k = 0; k < kBodyLengthCount; ++k)
+        set(*body.add_lengths(), kBodyLengths[k].name, progress.body.lengths_m[k],
+            fit ? std::optional(fit->lengths_std_m[k]) : std::nullopt);
+    for (const BodyGirthInfo& girth : kBodyGirths)
+        set(*body.add_girths(), girth.name, girth_m(progress.body, girth),
+            fit ? std::optional(girth_std_m(*fit, girth)) : std::nullopt);
+    if (!fit) return out;
+    body.set_frames(fit->frames);
+    body.set_contour_rms_m(fit->contour_rms_m);
+    body.set_stored_in(progress.stored_in.string());
+    return out;
+}
+
 v1::WatchDatabaseResponse to_proto(const DatabaseProgress& progress) {
     v1::WatchDatabaseResponse out;
     switch (progress.state) {

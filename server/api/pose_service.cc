@@ -8,7 +8,8 @@
 
 namespace kinevox {
 
-using ProgressReactor = StreamReactor<ProgressMailbox, v1::WatchDatabaseResponse>;
+using DatabaseReactor = StreamReactor<DatabaseWatch::Box, v1::WatchDatabaseResponse>;
+using BodyReactor = StreamReactor<BodyWatch::Box, v1::WatchBodyResponse>;
 
 // gRPC keeps request and response until Finish().
 template <typename Request, typename Response>
@@ -51,10 +52,25 @@ PoseServiceImpl::Reactor* PoseServiceImpl::ImportBvh(Context* context, const v1:
 grpc::ServerWriteReactor<v1::WatchDatabaseResponse>* PoseServiceImpl::WatchDatabase(Context*,
                                                                                     const v1::WatchDatabaseRequest*) {
     if (const absl::Status missing = check_pose_database(api_); !missing.ok())
-        return ProgressReactor::refuse(api_, to_grpc(missing));
-    return ProgressReactor::run(
+        return DatabaseReactor::refuse(api_, to_grpc(missing));
+    return DatabaseReactor::run(
         api_, 0, [this](std::function<void()> on_ready) { return api_.pose_watch->subscribe(std::move(on_ready)); },
-        [](const ProgressMailbox::Taken& taken) { return to_proto(taken.message); });
+        [](const DatabaseWatch::Box::Taken& taken) { return to_proto(taken.message); });
+}
+
+PoseServiceImpl::Reactor* PoseServiceImpl::FitBody(Context* context, const v1::FitBodyRequest* request,
+                                                   v1::FitBodyResponse*) {
+    Reactor* reactor = context->DefaultReactor();
+    reactor->Finish(to_grpc(fit_body(api_, *request)));
+    return reactor;
+}
+
+grpc::ServerWriteReactor<v1::WatchBodyResponse>* PoseServiceImpl::WatchBody(Context*, const v1::WatchBodyRequest*) {
+    if (const absl::Status missing = check_body_fit(api_); !missing.ok())
+        return BodyReactor::refuse(api_, to_grpc(missing));
+    return BodyReactor::run(
+        api_, 0, [this](std::function<void()> on_ready) { return api_.body_watch->subscribe(std::move(on_ready)); },
+        [](const BodyWatch::Box::Taken& taken) { return to_proto(taken.message); });
 }
 
 }  // namespace kinevox

@@ -18,6 +18,8 @@ class PoseServiceImpl final : public v1::PoseService::CallbackService {
     Reactor* ImportBvh(Context*, const v1::ImportBvhRequest*, v1::ImportBvhResponse*) override;
     grpc::ServerWriteReactor<v1::WatchDatabaseResponse>* WatchDatabase(Context*,
                                                                        const v1::WatchDatabaseRequest*) override;
+    Reactor* FitBody(Context*, const v1::FitBodyRequest*, v1::FitBodyResponse*) override;
+    grpc::ServerWriteReactor<v1::WatchBodyResponse>* WatchBody(Context*, const v1::WatchBodyRequest*) override;
 
   private:
     template <typename Request, typename Response>

@@ -74,6 +74,7 @@ v1::EventKind to_proto(EventKind kind) {
         case EventKind::kControlTaken: return v1::EVENT_KIND_CONTROL_TAKEN;
         case EventKind::kControlReleased: return v1::EVENT_KIND_CONTROL_RELEASED;
         case EventKind::kPoseDatabase: return v1::EVENT_KIND_POSE_DATABASE;
+        case EventKind::kBodyFitted: return v1::EVENT_KIND_BODY_FITTED;
         case EventKind::kError: return v1::EVENT_KIND_ERROR;
     }
     return v1::EVENT_KIND_UNSPECIFIED;

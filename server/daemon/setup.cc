@@ -18,6 +18,16 @@
 namespace kinevox {
 namespace {
 
+// Empty for a user without a home. Not a cache: the files hold what users added (XDG base directory specification).
+std::filesystem::path in_state_folder(const char* name) {
+    std::filesystem::path folder;
+    if (const char* state = std::getenv("XDG_STATE_HOME"); state && *state == '/')
+        folder = state;
+    else if (const char* home = std::getenv("HOME"); home && *home == '/')
+        folder = std::filesystem::path(home) / ".local/state";
+    return folder.empty() ? folder : folder / "kinevox" / name;
+}
+
 std::chrono::milliseconds milliseconds(double seconds) {
     return std::chrono::milliseconds(static_cast<std::int64_t>(seconds * 1000));
 }
@@ -102,14 +112,11 @@ void apply(const StreamConfig& config, ApiContext& api) {
 
 std::filesystem::path pose_database_file(const PoseConfig& config) {
     if (!config.enabled) return {};
-    if (config.database) return *config.database;
-    // Not a cache: the file holds what users added (XDG base directory specification).
-    std::filesystem::path folder;
-    if (const char* state = std::getenv("XDG_STATE_HOME"); state && *state == '/')
-        folder = state;
-    else if (const char* home = std::getenv("HOME"); home && *home == '/')
-        folder = std::filesystem::path(home) / ".local/state";
-    return folder.empty() ? folder : folder / "kinevox/poses.kvxposes";
+    return config.database ? *config.database : in_state_folder("poses.kvxposes");
+}
+
+std::filesystem::path fitted_body_file(const PoseConfig& config) {
+    return config.fitted_body ? *config.fitted_body : in_state_folder("body.toml");
 }
 
 PoseDatabaseOptions pose_database_options(const PoseConfig& config) {
@@ -134,6 +141,25 @@ void start_pose_database(PoseDatabaseService& database, const PoseConfig& config
         else if (progress.state == DatabaseState::kFailed)
             hub.publish_event({EventKind::kError, 0, 0, {}, "there is no pose database: " + why}, utc_now_ns());
     });
+}
+
+std::unique_ptr<LiveBodyFit> make_body_fit(const PoseConfig& config, const Runner& runner, const PoseStageOptions& posing,
+                                           PoseDatabaseService* database, StreamHub& hub, BodyWatch& watch) {
+    LiveBodyFitOptions options;
+    options.by_itself = config.fit_body && config.body.empty();
+    options.file = fitted_body_file(config);
+    auto fit = std::make_unique<LiveBodyFit>(
+        runner.cameras(), runner.source_fps(), posing, options, [database, &hub, &watch](const BodyFitProgress& progress) {
+            watch.publish(progress);
+            if (progress.state == BodyFitState::kReady) {
+                if (database) database->set_stature(progress.body.stature_m);
+                hub.publish_event({EventKind::kBodyFitted, 0, 0, {}, progress.message}, utc_now_ns());
+            } else if (progress.state == BodyFitState::kFailed) {
+                hub.publish_event({EventKind::kError, 0, 0, {}, "no body was fitted: " + progress.message}, utc_now_ns());
+            }
+        });
+    watch.publish(fit->progress());
+    return fit;
 }
 
 }  // namespace kinevox

@@ -29,6 +29,9 @@ void apply(const StreamConfig& config, ApiContext& api);
 // Where the pose database lies and whether there is one: empty where the configuration says so, or where it says
 // nothing and the user has no home.
 std::filesystem::path pose_database_file(const PoseConfig& config);
+// Where a fitted body is stored; empty: nowhere.
+std::filesystem::path fitted_body_file(const PoseConfig& config);
+
 PoseDatabaseOptions pose_database_options(const PoseConfig& config);
 
 // Reads or builds it in the background; when that is over an event says what came of it. Hub and watch must
@@ -36,5 +39,10 @@ PoseDatabaseOptions pose_database_options(const PoseConfig& config);
 void start_pose_database(PoseDatabaseService& database, const PoseConfig& config, const std::vector<Camera>& cameras,
                          const BodyShape& body, StreamHub& hub,
                          DatabaseWatch& watch);
+
+// Fits the subject's body behind the capture: tells the watchers, the hub's events and the database, if there is one.
+// All of them must outlive it. `cameras` in the order of the runner's.
+std::unique_ptr<LiveBodyFit> make_body_fit(const PoseConfig& config, const Runner& runner, const PoseStageOptions& posing,
+                                           PoseDatabaseService* database, StreamHub& hub, BodyWatch& watch);
 
 }  // namespace kinevox

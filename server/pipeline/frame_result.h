@@ -47,6 +47,7 @@ enum class EventKind {
     kControlTaken,       // an operator acquired, released or lost control
     kControlReleased,
     kPoseDatabase,       // built or read, and why
+    kBodyFitted,         // to the subject
     kError,
 };
 

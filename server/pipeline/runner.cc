@@ -248,6 +248,7 @@ void Runner::handle(FrameSet frame_set, double waited_ms) {
         set_state(RunState::kFailed, std::string(result.status().message()));
         return tell(EventKind::kError, std::string(result.status().message()));
     }
+    if (after_result_) after_result_(**result);
     statistics_.add((*result)->sequence, (*result)->times);
     hub_.publish(*result, *utc_minus_capture_ns_);
 }

@@ -34,6 +34,9 @@ class Runner {
     Runner(std::unique_ptr<FrameSource> source, OpenSource reopen, std::unique_ptr<Pipeline> pipeline,
            StreamHub& hub);
     ~Runner();
+    // Called on the pipeline's thread after each result, before it is published; may touch the pipeline then. To be
+    // set before the first start.
+    void set_after_result(std::function<void(const FrameResult&)> after_result) { after_result_ = std::move(after_result); }
     Runner(const Runner&) = delete;
     Runner& operator=(const Runner&) = delete;
 
@@ -96,6 +99,7 @@ class Runner {
     const OpenSource reopen_;
     const std::unique_ptr<Pipeline> pipeline_;
     StreamHub& hub_;
+    std::function<void(const FrameResult&)> after_result_;
     const std::vector<Camera> cameras_;
     const double source_fps_;
     RunStatistics statistics_;

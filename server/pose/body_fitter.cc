@@ -132,14 +132,14 @@ double add_usual(const BodyShape& shape, const BodyFitOptions& options, ShapeMat
 class JointFit {
   public:
     JointFit(std::span<const PoseObservation* const> frames, std::vector<BodyPosture> postures, const BodyShape& shape,
-             const PoseStageOptions& posing, const BodyFitOptions& options)
-        : frames_(frames), postures_(std::move(postures)), shape_(shape), options_(options), rates_(shape),
+             const PoseStageOptions& posing, const BodyFitOptions& options, std::stop_token stop)
+        : frames_(frames), postures_(std::move(postures)), shape_(shape), options_(options), stop_(std::move(stop)), rates_(shape),
           costs_(frames.size(), PoseCost(posing.tracker.fit.cost)), systems_(frames.size()) {}
 
     void descend(double robust_m, int steps) {
         robust_m_ = robust_m;
         double cost = linearise(shape_, postures_), damping = 1e-3;
-        for (int k = 0; k < steps; ++k) {
+        for (int k = 0; k < steps && !stop_.stop_requested(); ++k) {
             BodyShape shape = shape_;
             std::vector<BodyPosture> postures = postures_;
             step(damping, shape, postures);
@@ -157,6 +157,14 @@ class JointFit {
         }
     }
     const BodyShape& shape() const { return shape_; }
+    // One standard deviation of the lengths and, last, the stature: postures are free beside them.
+    std::array<double, kParameters> std_m() {
+        eliminate(0);
+        const ShapeMatrix covariance = reduced_hessian().ldlt().solve(ShapeMatrix::Identity());
+        std::array<double, kParameters> std;
+        for (int k = 0; k < kParameters; ++k) std[k] = std::sqrt(std::max(0.0, covariance(k, k)));
+        return std;
+    }
     double rms_m() const {
         double sum = 0;
         std::size_t count = 0;
@@ -184,19 +192,29 @@ class JointFit {
         return cost;
     }
 
-    void step(double damping, BodyShape& shape, std::vector<BodyPosture>& postures) {
+    // Factors each frame set's posture, for what follows.
+    void eliminate(double damping) {
         oneapi::tbb::parallel_for(std::size_t{0}, frames_.size(), [&](std::size_t n) {
             PoseMatrix damped = systems_[n].pose.hessian;
             damped.diagonal() += damping * systems_[n].pose.hessian.diagonal();
             damped.diagonal().array() += 1;
             systems_[n].factor.compute(damped);
         });
+    }
+
+    ShapeMatrix reduced_hessian() const {
         ShapeMatrix hessian = usual_;
-        ShapeVector gradient = usual_gradient_;
-        for (const FrameSystem& s : systems_) {
+        for (const FrameSystem& s : systems_)
             hessian += share_ * (s.shape - s.mixed.transpose() * s.factor.solve(s.mixed));
+        return hessian;
+    }
+
+    void step(double damping, BodyShape& shape, std::vector<BodyPosture>& postures) {
+        eliminate(damping);
+        ShapeMatrix hessian = reduced_hessian();
+        ShapeVector gradient = usual_gradient_;
+        for (const FrameSystem& s : systems_)
             gradient += share_ * (s.shape_gradient - s.mixed.transpose() * s.factor.solve(s.pose.gradient));
-        }
         hessian.diagonal() *= 1 + damping;
         const ShapeVector change = hessian.ldlt().solve(-gradient);
         for (int k = 0; k < kBodyLengthCount; ++k) shape.lengths_m[k] = std::max(0.004, shape.lengths_m[k] + change(k));
@@ -213,6 +231,7 @@ class JointFit {
     std::vector<BodyPosture> postures_;
     BodyShape shape_;
     BodyFitOptions options_;
+    std::stop_token stop_;
     ShapeRates rates_;
     double robust_m_ = 0, share_ = 1;
     std::vector<PoseCost> costs_;
@@ -223,9 +242,20 @@ class JointFit {
 
 }  // namespace
 
+double girth_std_m(const BodyFit& fit, const BodyGirthInfo& girth) {
+    const auto moved = [&](BodyLength which) {
+        BodyShape wider = fit.shape;
+        wider[which] += fit.lengths_std_m[which];
+        return girth_m(wider, girth) - girth_m(fit.shape, girth);
+    };
+    return girth.half_width == girth.half_depth ? moved(girth.half_width)
+                                                : std::hypot(moved(girth.half_width), moved(girth.half_depth));
+}
+
 absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
                                  std::span<const PoseObservation* const> frames, const BodyShape& start,
-                                 const PoseStageOptions& posing, const BodyFitOptions& options) {
+                                 const PoseStageOptions& posing, const BodyFitOptions& options, std::stop_token stop,
+                                 const std::function<void(double)>& progress) {
     BodyShape shape = start;
     BodyFit fit;
     for (int round = 0; round < options.rounds; ++round) {
@@ -237,11 +267,15 @@ absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
         PoseStage stage(cameras, fps, stage_options);
         std::vector<const PoseObservation*> used;
         std::vector<BodyPosture> postures;
-        for (const PoseObservation* frame : frames) {
+        for (std::size_t n = 0; n < frames.size() && !stop.stop_requested(); ++n) {
+            const PoseObservation* frame = frames[n];
+            // Tracking takes most of a round's time.
+            if (progress) progress((round + 0.8 * static_cast<double>(n) / frames.size()) / options.rounds);
             if (!stage.process(0, 0, frame->time_ns, *frame, {}) || !stage.tracked()) continue;
             used.push_back(frame);
             postures.push_back(stage.tracked()->fit.posture);
         }
+        if (stop.stop_requested()) return absl::CancelledError("the fit of the body was cancelled");
         if (used.empty())
             return absl::FailedPreconditionError(fmt::format(
                 "no person's pose was found in {} frame sets; fit the body where one person stands free", frames.size()));
@@ -254,13 +288,17 @@ absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
             }
             used.resize(most), postures.resize(most);
         }
-        JointFit joint(used, std::move(postures), shape, posing, options);
+        JointFit joint(used, std::move(postures), shape, posing, options, stop);
         joint.descend(2 * posing.tracker.fit.narrow_m, options.steps);
         joint.descend(posing.tracker.fit.narrow_m, options.steps);
         shape = joint.shape();
+        const auto std_m = joint.std_m();
+        std::copy_n(std_m.begin(), kBodyLengthCount, fit.lengths_std_m.begin());
+        fit.stature_std_m = std_m[kStature];
         fit.contour_rms_m = joint.rms_m();
         fit.frames = static_cast<int>(used.size());
     }
+    if (stop.stop_requested()) return absl::CancelledError("the fit of the body was cancelled");
     fit.shape = shape;
     return fit;
 }

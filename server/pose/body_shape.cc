@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+#include <numbers>
 #include <string>
 
 #include "common/atomic_file.h"
@@ -54,6 +56,11 @@ BodyShape default_body_shape(double stature_m) {
 double standing_height(const BodyShape& s) {
     return s[kAnkleHeight] + s[kShank] + s[kThigh] + s[kRootToWaist] + s[kWaistToSkullbase] +
            s[kSkullbaseToTop];
+}
+
+double girth_m(const BodyShape& shape, const BodyGirthInfo& girth) {
+    const double a = shape[girth.half_width], b = shape[girth.half_depth];   // Ramanujan's ellipse
+    return std::numbers::pi * (3 * (a + b) - std::sqrt((3 * a + b) * (a + 3 * b)));
 }
 
 absl::StatusOr<BodyShape> read_body_shape(const std::filesystem::path& file) {

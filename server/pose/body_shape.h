@@ -56,6 +56,27 @@ struct BodyShape {
     bool operator==(const BodyShape&) const = default;
 };
 
+// Circumferences, from the half-widths and radii: what a tape measure tells.
+struct BodyGirthInfo {
+    std::string_view name;
+    BodyLength half_width, half_depth;   // the same for a limb
+};
+inline constexpr std::array<BodyGirthInfo, 12> kBodyGirths{{
+    {"pelvis", kPelvisHalfWidth, kPelvisHalfDepth},
+    {"waist", kWaistHalfWidth, kWaistHalfDepth},
+    {"chest", kChestHalfWidth, kChestHalfDepth},
+    {"neck", kNeckRadius, kNeckRadius},
+    {"thigh", kThighRadius, kThighRadius},
+    {"knee", kKneeRadius, kKneeRadius},
+    {"calf", kCalfRadius, kCalfRadius},
+    {"ankle", kAnkleRadius, kAnkleRadius},
+    {"upper_arm", kUpperArmRadius, kUpperArmRadius},
+    {"elbow", kElbowRadius, kElbowRadius},
+    {"forearm", kForearmRadius, kForearmRadius},
+    {"wrist", kWristRadius, kWristRadius},
+}};
+double girth_m(const BodyShape& shape, const BodyGirthInfo& girth);
+
 // The average person of that stature, 0.5 to 2.5 m.
 BodyShape default_body_shape(double stature_m = 1.72);
 

@@ -107,6 +107,36 @@ TEST_F(CliTest, PosesAreListedAddedImportedAndRemoved) {
     }
 }
 
+TEST_F(CliTest, FitsTheBodyOfWhoIsSeen) {
+    const auto daemon = start_daemon(session_config("127.0.0.1:0", "autostart = false\n",
+                                                    "database = \"\"\nfit_body = false\nfitted_body = \"kept/body.toml\""));
+    const auto stopped = kinevox({"body", "fit"});
+    EXPECT_EQ(stopped.status, 1);
+    EXPECT_THAT(stopped.errors, HasSubstr("does not run"));
+    const auto average = kinevox({"body", "show"});
+    EXPECT_THAT(lines(average.output)[1], HasSubstr("stature"));
+    EXPECT_THAT(average.output, Not(HasSubstr("+-"))) << "of nobody";
+
+    ASSERT_EQ(kinevox({"start"}).status, 0);
+    const auto fitted = kinevox({"body", "fit", "--seconds", "1", "--json"});
+    ASSERT_EQ(fitted.status, 0) << fitted.errors;
+    const json last = json::parse(lines(fitted.output).back());
+    EXPECT_EQ(last["state"], "ready") << last.dump();
+    EXPECT_GT(last["body"]["stature"]["std_m"], 0);
+    EXPECT_TRUE(std::filesystem::exists(folder_.path() / "kept/body.toml")) << last.dump();
+    EXPECT_THAT(kinevox({"body", "show"}).output, HasSubstr("+-"));
+    EXPECT_THAT(kinevox({"events", "--count", "20", "--past", "100", "--timeout", "1"}).output, HasSubstr("fitted to"));
+    EXPECT_EQ(kinevox({"status"}).status, 0) << "it runs on";
+
+    // What was kept is what the next daemon begins with.
+    daemon->signal(SIGTERM);
+    EXPECT_EQ(daemon->wait(std::chrono::milliseconds(2000)), 0) << daemon->errors();
+    const auto next = start_daemon(
+        session_config("127.0.0.1:0", "autostart = false\n", "database = \"\"\nbody = \"kept/body.toml\""));
+    EXPECT_EQ(json::parse(kinevox({"body", "show", "--json"}).output)["body"]["stature"]["value_m"],
+              last["body"]["stature"]["value_m"]);
+}
+
 TEST_F(CliTest, SaysWhatIsWrongInOneLine) {
     address_ = "127.0.0.1:1";
     const struct {

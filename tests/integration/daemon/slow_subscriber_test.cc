@@ -69,7 +69,7 @@ TEST_F(SlowSubscriberTest, ChangesTheRateByLessThanFivePercentAndMemoryByLessTha
     const auto session = testing::write_small_session(folder_.path() / "session", {.fps = 10});
     const auto daemon = start_daemon(
         fmt::format("[server]\nlisten = \"127.0.0.1:0\"\n[source]\nkind = \"session\"\nsession = \"{}\"\n"
-                    "[pose]\ndatabase = \"\"\n",   // building one takes time and memory of its own
+                    "[pose]\ndatabase = \"\"\nfit_body = false\n",   // both take time and memory of their own
                     session.string()));
     client::Client client({.server = address_});
     wait_for_a_volume(client);

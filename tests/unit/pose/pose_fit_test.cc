@@ -16,100 +16,13 @@
 #include "server/pose/posture_filter.h"
 #include "server/pose/ray_capsule.h"
 #include "server/pose/silhouette_rays.h"
+#include "tests/support/seen_body.h"
 
 namespace kinevox {
 namespace {
 
-constexpr double deg(double degrees) {
-    return degrees * std::numbers::pi / 180;
-}
-constexpr int kWidth = 320, kHeight = 240;
-
-// Four cameras around the origin, 4 m away, looking at the height of the hips.
-std::vector<Camera> ring(int count = 4) {
-    std::vector<Camera> cameras;
-    for (int k = 0; k < count; ++k) {
-        const double turn = 2 * std::numbers::pi * (k + 0.3) / count;
-        const Vec3 centre{4 * std::cos(turn), 4 * std::sin(turn), 1.6}, target{0, 0, 0.9};
-        const Vec3 forward = normalized(target - centre), right = normalized(cross(forward, {0, 0, 1})),
-                   down = cross(forward, right);
-        Camera camera;
-        camera.name = "cam" + std::to_string(k);
-        camera.width = kWidth, camera.height = kHeight;
-        camera.fx = camera.fy = 330;
-        camera.cx = (kWidth - 1) / 2.0, camera.cy = (kHeight - 1) / 2.0;
-        camera.camera_from_world.rotation = {
-            {right.x, right.y, right.z, down.x, down.y, down.z, forward.x, forward.y, forward.z}};
-        camera.camera_from_world.translation = -(camera.camera_from_world.rotation * centre);
-        cameras.push_back(camera);
-    }
-    return cameras;
-}
-
-// A pixel is set where its viewing ray goes through a capsule.
-kernels::Silhouettes render(const Camera& camera, const std::vector<BodyCapsule>& capsules) {
-    kernels::Silhouettes s;
-    s.width = camera.width, s.height = camera.height;
-    s.sharp.assign(static_cast<std::size_t>(camera.width) * camera.height, 0);
-    s.bounds = {camera.width, camera.height, 0, 0};
-    ContourRays rays;
-    rays.origin_in_world = camera.centre_in_world();
-    for (int y = 0; y < camera.height; ++y)
-        for (int x = 0; x < camera.width; ++x) {
-            const Vec3 d =
-                camera.ray_through({static_cast<double>(x), static_cast<double>(y)}).direction_in_world;
-            const float direction[3] = {static_cast<float>(d.x), static_cast<float>(d.y),
-                                        static_cast<float>(d.z)};
-            for (int axis = 0; axis < 3; ++axis) {
-                rays.direction[axis].push_back(direction[axis]);
-                rays.outward[axis].push_back(0);
-            }
-        }
-    std::vector<float> distance;
-    std::vector<int> which;
-    nearest_capsules(rays, capsules, distance, which);
-    for (int y = 0; y < camera.height; ++y)
-        for (int x = 0; x < camera.width; ++x) {
-            const std::size_t k = static_cast<std::size_t>(y) * camera.width + x;
-            if (!(distance[k] < 0)) continue;
-            s.sharp[k] = 255;
-            ++s.sharp_pixels;
-            s.bounds = {std::min(s.bounds.x0, x), std::min(s.bounds.y0, y), std::max(s.bounds.x1, x + 1),
-                        std::max(s.bounds.y1, y + 1)};
-        }
-    if (s.sharp_pixels == 0) s.bounds = {};
-    return s;
-}
-
-struct Scene {
-    std::vector<Camera> cameras = ring();
-    std::shared_ptr<const BodyModel> model = std::make_shared<BodyModel>(default_body_shape(1.75));
-
-    BodyCoordinates standing() const {
-        BodyCoordinates q{};
-        q[2] = 0.96;
-        q[5] = deg(25);
-        q[kDofShoulderL + 1] = deg(-35), q[kDofShoulderR] = deg(40), q[kDofElbowR] = deg(60),
-                          q[kDofElbowL] = deg(20);
-        q[kDofHipL] = deg(25), q[kDofKneeL] = deg(35), q[kDofHipR] = deg(-5), q[kDofKneeR] = deg(10);
-        return q;
-    }
-    std::vector<SilhouetteRays> see(const BodyCoordinates& q) const {
-        std::vector<BodyCapsule> capsules;
-        model->capsules(model->forward(q), capsules);
-        std::vector<SilhouetteRays> views(cameras.size());
-        for (std::size_t c = 0; c < cameras.size(); ++c)
-            read_silhouette(cameras[c], render(cameras[c], capsules), {}, views[c]);
-        return views;
-    }
-    double error_m(const BodyPosture& posture, const BodyCoordinates& truth) const {
-        const PosedBody a = model->forward(posture), b = model->forward(truth);
-        double sum = 0;
-        for (std::size_t j = 0; j < kJointNames.size(); ++j)
-            sum += norm(a.joints_in_world[j] - b.joints_in_world[j]);
-        return sum / kJointNames.size();
-    }
-};
+using testing::deg;
+using Scene = testing::SeenBody;
 
 TEST(PoseFit, RecoversThePoseThatThrewTheSilhouettes) {
     const Scene scene;
@@ -224,20 +137,22 @@ TEST(PoseTracker, EmptySilhouettesGiveNoPose) {
     std::vector<SilhouetteRays> views(scene.cameras.size());
     PoseTracker tracker(30);
     EXPECT_FALSE(tracker.update(0, views, {0, 0, 1}, {}).has_value());
+    const Camera& camera = scene.cameras[0];
     kernels::Silhouettes empty;
-    empty.width = kWidth, empty.height = kHeight;
-    empty.sharp.assign(kWidth * kHeight, 0);
-    read_silhouette(scene.cameras[0], empty, {}, views[0]);
+    empty.width = camera.width, empty.height = camera.height;
+    empty.sharp.assign(camera.width * camera.height, 0);
+    read_silhouette(camera, empty, {}, views[0]);
     EXPECT_EQ(views[0].camera, nullptr);
 }
 
 TEST(PoseTracker, FullSilhouettesGiveNoPose) {
     const Scene scene;
+    const Camera& camera = scene.cameras[0];
     kernels::Silhouettes full;
-    full.width = kWidth, full.height = kHeight;
-    full.sharp.assign(kWidth * kHeight, 255);
-    full.sharp_pixels = kWidth * kHeight;
-    full.bounds = {0, 0, kWidth, kHeight};
+    full.width = camera.width, full.height = camera.height;
+    full.sharp.assign(camera.width * camera.height, 255);
+    full.sharp_pixels = camera.width * camera.height;
+    full.bounds = {0, 0, camera.width, camera.height};
     std::vector<SilhouetteRays> views(scene.cameras.size());
     for (std::size_t c = 0; c < views.size(); ++c) read_silhouette(scene.cameras[c], full, {}, views[c]);
     EXPECT_EQ(views[0].contour.size(), 0u) << "the picture's edge is no border";
@@ -254,8 +169,8 @@ TEST(PoseEstimate, WithholdsWhatNoCameraShows) {
     std::vector<SilhouetteRays> views(scene.cameras.size());
     for (std::size_t c = 0; c < views.size(); ++c) {
         Camera& camera = scene.cameras[c];
-        camera.height = 120;  // the legs lie below the picture
-        read_silhouette(camera, render(camera, capsules), {}, views[c]);
+        camera.height = 120;   // the legs lie below the picture
+        read_silhouette(camera, testing::silhouette_of(camera, capsules), {}, views[c]);
     }
     PoseCost cost;
     Linearisation data;

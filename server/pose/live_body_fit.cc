@@ -1,0 +1,206 @@
+#include "server/pose/live_body_fit.h"
+
+#include <fmt/format.h>
+#include <oneapi/tbb/task_arena.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace kinevox {
+namespace {
+
+constexpr int kNice = 10;  // the capture comes first
+constexpr double kMostRate_hz = 30;
+constexpr double kMostFrames = 80;  // that are kept, some 0.3 MB and 50 ms of one core each with four cameras
+constexpr double kLongestWait_s = 20;  // for a person, where somebody asked
+constexpr int kAttempts = 3;           // by itself
+
+double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
+    return 1e-9 * static_cast<double>(to_ns - from_ns);
+}
+
+}  // namespace
+
+LiveBodyFit::LiveBodyFit(std::vector<Camera> cameras, double fps, const PoseStageOptions& posing,
+                         const LiveBodyFitOptions& options, OnProgress on_progress)
+    : cameras_(std::move(cameras)),
+      fps_(fps),
+      posing_(posing),
+      options_(options),
+      on_progress_(std::move(on_progress)),
+      attempts_left_(options.by_itself ? kAttempts : 0) {
+    progress_.body = posing.body;
+    worker_ = std::thread([this] { fit_loop(); });
+}
+
+LiveBodyFit::~LiveBodyFit() {
+    close();
+    worker_.join();
+}
+
+void LiveBodyFit::close() {
+    const std::scoped_lock lock(mutex_);
+    closed_ = true;
+    stop_.request_stop();
+    changed_.notify_all();
+}
+
+absl::Status LiveBodyFit::start(double seconds) {
+    if (!(seconds >= kLeastSeconds && seconds <= kMostSeconds))
+        return absl::InvalidArgumentError(fmt::format("the body is fitted to {} to {} seconds, not to {}",
+                                                      kLeastSeconds, kMostSeconds, seconds));
+    {
+        const std::scoped_lock lock(mutex_);
+        if (closed_) return absl::UnavailableError("the daemon is stopping; no body is fitted");
+        begin(seconds, true);
+    }
+    report();
+    return absl::OkStatus();
+}
+
+// With the mutex held.
+void LiveBodyFit::begin(double seconds, bool asked) {
+    stop_.request_stop();
+    to_fit_.reset();
+    collecting_.emplace();
+    collecting_->seconds = seconds;
+    collecting_->asked = asked;
+    if (asked) attempts_left_ = 0;  // what somebody asked for is not replaced unasked
+    progress_.state = BodyFitState::kCollecting;
+    progress_.part = 0;
+    progress_.asked = asked;
+    progress_.message.clear();
+}
+
+void LiveBodyFit::observe(std::int64_t time_ns, const PoseObservation* seen) {
+    bool news = false;
+    {
+        const std::scoped_lock lock(mutex_);
+        if (std::exchange(last_time_ns_, time_ns) >
+            time_ns) {  // a recording began anew, maybe with somebody else
+            if (collecting_)
+                begin(collecting_->seconds, collecting_->asked), news = true;
+            else if (options_.by_itself && !progress_.asked)
+                attempts_left_ = kAttempts;
+        }
+        if (!collecting_ && seen && attempts_left_ > 0 && progress_.state != BodyFitState::kFitting) {
+            --attempts_left_;
+            begin(options_.seconds_by_itself, false);
+            news = true;
+        }
+        if (!collecting_ || closed_) return;
+        Collecting& collecting = *collecting_;
+        if (!collecting.asked_ns) collecting.asked_ns = time_ns;
+        const double before = progress_.part;
+        if (seen) {
+            keep(time_ns, *seen);
+        } else if (collecting.asked && collecting.frames.empty() &&
+                   seconds_between(*collecting.asked_ns, time_ns) > kLongestWait_s) {
+            collecting_.reset();
+            progress_.state = BodyFitState::kFailed;
+            progress_.message =
+                fmt::format("nobody was seen for {} s; step into the space and ask again", kLongestWait_s);
+            news = true;
+        }
+        news = news || static_cast<int>(10 * before) != static_cast<int>(10 * progress_.part) || to_fit_;
+    }
+    if (news) report();
+}
+
+// With the mutex held. Those kept lie evenly over the time.
+void LiveBodyFit::keep(std::int64_t time_ns, const PoseObservation& seen) {
+    Collecting& collecting = *collecting_;
+    if (!collecting.first_ns) collecting.first_ns = time_ns;
+    const double apart_s = std::max(1 / kMostRate_hz, collecting.seconds / kMostFrames);
+    constexpr double kJitter = 0.75;  // of a frame set's time, by which it may come early
+    if (!collecting.last_ns || seconds_between(*collecting.last_ns, time_ns) >= kJitter * apart_s) {
+        auto frame = std::make_unique<PoseObservation>(seen);
+        for (std::size_t c = 0; c < frame->views.size() && c < cameras_.size(); ++c)
+            if (frame->views[c].camera) frame->views[c].camera = &cameras_[c];  // may outlive the pipeline's
+        collecting.frames.push_back(std::move(frame));
+        collecting.last_ns = time_ns;
+    }
+    progress_.part =
+        std::clamp(seconds_between(*collecting.first_ns, time_ns) / collecting.seconds, 0.0, 1.0);
+    if (progress_.part < 1) return;
+    to_fit_ = ToFit{std::move(collecting.frames), collecting.asked && !options_.file.empty()};
+    collecting_.reset();
+    stop_ = std::stop_source();
+    progress_.state = BodyFitState::kFitting;
+    progress_.part = 0;
+    changed_.notify_all();
+}
+
+std::optional<BodyShape> LiveBodyFit::take_body() {
+    const std::scoped_lock lock(mutex_);
+    return std::exchange(fresh_, std::nullopt);
+}
+
+BodyFitProgress LiveBodyFit::progress() const {
+    const std::scoped_lock lock(mutex_);
+    return progress_;
+}
+
+void LiveBodyFit::report() {
+    if (on_progress_) on_progress_(progress());
+}
+
+void LiveBodyFit::fit_loop() {
+    setpriority(PRIO_PROCESS, 0, kNice);  // of this thread; refused: no harm
+    oneapi::tbb::task_arena alone(1);     // none of the pipeline's workers
+    while (true) {
+        std::unique_lock lock(mutex_);
+        changed_.wait(lock, [&] { return closed_ || to_fit_; });
+        if (closed_) return;
+        const ToFit job = std::move(*to_fit_);
+        to_fit_.reset();
+        const std::stop_token stop = stop_.get_token();
+        lock.unlock();
+        alone.execute([&] { fit(job, stop); });
+    }
+}
+
+void LiveBodyFit::fit(const ToFit& job, std::stop_token stop) {
+    std::vector<const PoseObservation*> seen;
+    for (const auto& frame : job.frames) seen.push_back(frame.get());
+    const auto fitted =
+        fit_body(cameras_, fps_, seen, posing_.body, posing_, options_.fit, stop, [&](double part) {
+            {
+                const std::scoped_lock lock(mutex_);
+                if (stop.stop_requested()) return;
+                const bool same = static_cast<int>(10 * part) == static_cast<int>(10 * progress_.part);
+                progress_.part = part;
+                if (same) return;
+            }
+            report();
+        });
+    // Stored first: what is in use can then be found again.
+    absl::Status stored;
+    if (fitted.ok() && job.store) stored = write_body_shape(fitted->shape, options_.file);
+    {
+        const std::scoped_lock lock(mutex_);
+        if (stop.stop_requested()) return;  // another one has begun
+        if (!fitted.ok()) {
+            progress_.state = BodyFitState::kFailed;
+            progress_.message = std::string(fitted.status().message());
+        } else {
+            attempts_left_ = 0;
+            fresh_ = fitted->shape;
+            progress_.state = BodyFitState::kReady;
+            progress_.part = 1;
+            progress_.body = fitted->shape;
+            progress_.fit = *fitted;
+            progress_.stored_in = job.store && stored.ok() ? options_.file : std::filesystem::path();
+            progress_.message =
+                fmt::format("a body of {:.2f} m, fitted to {} frame sets, contours {:.0f} mm off{}",
+                            fitted->shape.stature_m, fitted->frames, 1000 * fitted->contour_rms_m,
+                            !job.store    ? ""
+                            : stored.ok() ? "; stored in " + options_.file.string()
+                                          : "; it was not stored: " + std::string(stored.message()));
+        }
+    }
+    report();
+}
+
+}  // namespace kinevox

@@ -1,0 +1,100 @@
+#include "tests/support/seen_body.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "server/pose/ray_capsule.h"
+
+namespace kinevox::testing {
+namespace {
+
+constexpr int kWidth = 320, kHeight = 240;
+
+}  // namespace
+
+std::vector<Camera> camera_ring(int count) {
+    std::vector<Camera> cameras;
+    for (int k = 0; k < count; ++k) {
+        const double turn = 2 * std::numbers::pi * (k + 0.3) / count;
+        const Vec3 centre{4 * std::cos(turn), 4 * std::sin(turn), 1.6}, target{0, 0, 0.9};
+        const Vec3 forward = normalized(target - centre), right = normalized(cross(forward, {0, 0, 1})),
+                   down = cross(forward, right);
+        Camera camera;
+        camera.name = "cam" + std::to_string(k);
+        camera.width = kWidth, camera.height = kHeight;
+        camera.fx = camera.fy = 330;
+        camera.cx = (kWidth - 1) / 2.0, camera.cy = (kHeight - 1) / 2.0;
+        camera.camera_from_world.rotation = {{right.x, right.y, right.z, down.x, down.y, down.z, forward.x, forward.y, forward.z}};
+        camera.camera_from_world.translation = -(camera.camera_from_world.rotation * centre);
+        cameras.push_back(camera);
+    }
+    return cameras;
+}
+
+kernels::Silhouettes silhouette_of(const Camera& camera, const std::vector<BodyCapsule>& capsules) {
+    kernels::Silhouettes s;
+    s.width = camera.width, s.height = camera.height;
+    s.sharp.assign(static_cast<std::size_t>(camera.width) * camera.height, 0);
+    s.bounds = {camera.width, camera.height, 0, 0};
+    ContourRays rays;
+    rays.origin_in_world = camera.centre_in_world();
+    for (int y = 0; y < camera.height; ++y)
+        for (int x = 0; x < camera.width; ++x) {
+            const Vec3 d = camera.ray_through({static_cast<double>(x), static_cast<double>(y)}).direction_in_world;
+            const float direction[3] = {static_cast<float>(d.x), static_cast<float>(d.y), static_cast<float>(d.z)};
+            for (int axis = 0; axis < 3; ++axis) {
+                rays.direction[axis].push_back(direction[axis]);
+                rays.outward[axis].push_back(0);
+            }
+        }
+    std::vector<float> distance;
+    std::vector<int> which;
+    nearest_capsules(rays, capsules, distance, which);
+    for (int y = 0; y < camera.height; ++y)
+        for (int x = 0; x < camera.width; ++x) {
+            const std::size_t k = static_cast<std::size_t>(y) * camera.width + x;
+            if (!(distance[k] < 0)) continue;
+            s.sharp[k] = 255;
+            ++s.sharp_pixels;
+            s.bounds = {std::min(s.bounds.x0, x), std::min(s.bounds.y0, y), std::max(s.bounds.x1, x + 1),
+                        std::max(s.bounds.y1, y + 1)};
+        }
+    if (s.sharp_pixels == 0) s.bounds = {};
+    return s;
+}
+
+BodyCoordinates SeenBody::standing() const {
+    BodyCoordinates q{};
+    q[2] = 0.96;
+    q[5] = deg(25);
+    q[kDofShoulderL + 1] = deg(-35), q[kDofShoulderR] = deg(40), q[kDofElbowR] = deg(60), q[kDofElbowL] = deg(20);
+    q[kDofHipL] = deg(25), q[kDofKneeL] = deg(35), q[kDofHipR] = deg(-5), q[kDofKneeR] = deg(10);
+    return q;
+}
+
+BodyCoordinates SeenBody::t_pose() const {
+    BodyCoordinates q{};
+    q[2] = 0.98;
+    q[kDofShoulderL + 1] = q[kDofShoulderR + 1] = deg(-88);
+    q[kDofHipL + 1] = q[kDofHipR + 1] = deg(-8);
+    return q;
+}
+
+std::vector<SilhouetteRays> SeenBody::see(const BodyCoordinates& q) const {
+    std::vector<BodyCapsule> capsules;
+    model->capsules(model->forward(q), capsules);
+    std::vector<SilhouetteRays> views(cameras.size());
+    for (std::size_t c = 0; c < cameras.size(); ++c)
+        read_silhouette(cameras[c], silhouette_of(cameras[c], capsules), {}, views[c]);
+    return views;
+}
+
+double SeenBody::error_m(const BodyPosture& posture, const BodyCoordinates& truth) const {
+    const PosedBody a = model->forward(posture), b = model->forward(truth);
+    double sum = 0;
+    for (std::size_t j = 0; j < kJointNames.size(); ++j) sum += norm(a.joints_in_world[j] - b.joints_in_world[j]);
+    return sum / kJointNames.size();
+}
+
+}  // namespace kinevox::testing

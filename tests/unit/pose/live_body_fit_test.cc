@@ -1,0 +1,164 @@
+// The fit of the body behind the capture: what it finds, when it begins, and that it lets go at once.
+#include "server/pose/live_body_fit.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <condition_variable>
+
+#include "tests/support/seen_body.h"
+#include "tests/unit/common/temporary_folder.h"
+
+namespace kinevox {
+namespace {
+
+using std::chrono::steady_clock;
+using ::testing::HasSubstr;
+
+constexpr std::int64_t kFrame_ns = 100'000'000;  // ten frame sets a second
+
+class LiveBodyFitTest : public ::testing::Test {
+  protected:
+    LiveBodyFitTest() {
+        options_.by_itself = false;
+        options_.file = folder_.path() / "state/body.toml";
+        options_.fit.most_frames = 10;
+    }
+
+    void make() {
+        fit_ = std::make_unique<LiveBodyFit>(scene_.cameras, 10, PoseStageOptions(), options_,
+                                             [this](const BodyFitProgress& progress) {
+                                                 const std::scoped_lock lock(mutex_);
+                                                 told_.push_back(progress);
+                                                 changed_.notify_all();
+                                             });
+    }
+
+    // The subject in a T-pose, arms moving a little; seconds of capture time.
+    void show(double seconds) {
+        for (int n = 0; n < seconds * 10; ++n, time_ns_ += kFrame_ns) {
+            BodyCoordinates q = scene_.t_pose();
+            q[kDofShoulderL + 1] += testing::deg(n % 7);
+            PoseObservation seen{time_ns_, {0, 0, 0.95}, scene_.see(q)};
+            fit_->observe(time_ns_, &seen);
+        }
+    }
+    void show_nobody(double seconds) {
+        for (int n = 0; n < seconds * 10; ++n, time_ns_ += kFrame_ns) fit_->observe(time_ns_, nullptr);
+    }
+    BodyFitProgress wait_for(BodyFitState state) {
+        std::unique_lock lock(mutex_);
+        EXPECT_TRUE(changed_.wait_for(lock, std::chrono::seconds(60),
+                                      [&] { return !told_.empty() && told_.back().state == state; }));
+        return told_.back();
+    }
+
+    testing::SeenBody scene_{.model = std::make_shared<BodyModel>(default_body_shape(1.60))};
+    testing::TemporaryFolder folder_;
+    LiveBodyFitOptions options_;
+    std::mutex mutex_;
+    std::condition_variable changed_;
+    std::vector<BodyFitProgress> told_;
+    std::int64_t time_ns_ = 5'000'000'000;
+    std::unique_ptr<LiveBodyFit> fit_;  // the last member: its thread tells the others
+};
+
+TEST_F(LiveBodyFitTest, FindsTheSizeOfWhoStandsThere) {
+    make();
+    ASSERT_TRUE(fit_->start(2).ok());
+    EXPECT_FALSE(fit_->take_body());
+    show(2.2);
+    const BodyFitProgress ready = wait_for(BodyFitState::kReady);
+    ASSERT_TRUE(ready.fit);
+    EXPECT_TRUE(ready.asked);
+    const BodyShape& truth = scene_.model->shape();
+    EXPECT_NEAR(ready.body.stature_m, truth.stature_m, 0.03) << "it began at 1.72 m";
+    for (const BodyLength length : {kUpperArm, kForearm, kThigh, kShank, kShoulderHalfWidth}) {
+        EXPECT_NEAR(ready.body[length], truth[length], 0.025) << kBodyLengths[length].name;
+        // Held by what is usual at the least, and never as sure as if there were no other length.
+        EXPECT_GT(ready.fit->lengths_std_m[length], 0.0005) << kBodyLengths[length].name;
+        EXPECT_LT(ready.fit->lengths_std_m[length], 0.03) << kBodyLengths[length].name;
+    }
+    EXPECT_GT(ready.fit->stature_std_m, 0.001);
+    EXPECT_LT(ready.fit->stature_std_m, 0.12) << "less than before anybody was seen";
+    const auto body = fit_->take_body();
+    ASSERT_TRUE(body);
+    EXPECT_EQ(*body, ready.body);
+    EXPECT_FALSE(fit_->take_body()) << "told once";
+    EXPECT_EQ(ready.stored_in, options_.file);
+    const auto stored = read_body_shape(options_.file);
+    ASSERT_TRUE(stored.ok()) << stored.status();
+    EXPECT_NEAR(stored->stature_m, body->stature_m, 1e-6);
+}
+
+TEST_F(LiveBodyFitTest, BeginsByItselfWhenSomebodyComes) {
+    options_.by_itself = true;
+    options_.seconds_by_itself = 1;
+    make();
+    show_nobody(30);
+    EXPECT_EQ(fit_->progress().state, BodyFitState::kNone) << "it waits for a person as long as it takes";
+    show(1.2);
+    const BodyFitProgress ready = wait_for(BodyFitState::kReady);
+    EXPECT_FALSE(ready.asked);
+    EXPECT_TRUE(ready.stored_in.empty());
+    EXPECT_FALSE(std::filesystem::exists(options_.file)) << "what nobody asked for replaces nothing";
+    show(1.5);
+    EXPECT_EQ(fit_->progress().state, BodyFitState::kReady) << "once";
+    time_ns_ = 0;  // the capture is started anew, maybe with somebody else
+    show(0.5);
+    EXPECT_EQ(fit_->progress().state, BodyFitState::kCollecting);
+}
+
+TEST_F(LiveBodyFitTest, WhoAsksGoesFirst) {
+    options_.by_itself = true;
+    options_.seconds_by_itself = 1;
+    make();
+    show(0.5);
+    EXPECT_FALSE(fit_->progress().asked);
+    ASSERT_TRUE(fit_->start(1).ok());
+    EXPECT_TRUE(fit_->progress().asked);
+    EXPECT_EQ(fit_->progress().part, 0) << "what was seen before does not count";
+    show(1.2);
+    wait_for(BodyFitState::kReady);
+}
+
+TEST_F(LiveBodyFitTest, SaysWhenNobodyComes) {
+    make();
+    ASSERT_TRUE(fit_->start(1).ok());
+    show_nobody(21);
+    const BodyFitProgress failed = wait_for(BodyFitState::kFailed);
+    EXPECT_THAT(failed.message, HasSubstr("nobody was seen"));
+    EXPECT_EQ(failed.body, default_body_shape()) << "as it was";
+}
+
+TEST_F(LiveBodyFitTest, SaysWhenWhatIsSeenIsNobody) {
+    make();
+    ASSERT_TRUE(fit_->start(1).ok());
+    const PoseObservation nothing{0, {0, 0, 1}, std::vector<SilhouetteRays>(4)};
+    for (int n = 0; n < 12; ++n, time_ns_ += kFrame_ns) fit_->observe(time_ns_, &nothing);
+    EXPECT_THAT(wait_for(BodyFitState::kFailed).message, HasSubstr("no person's pose was found in"));
+    EXPECT_FALSE(fit_->take_body());
+}
+
+TEST_F(LiveBodyFitTest, RefusesWhatMakesNoSense) {
+    make();
+    for (const double seconds : {0.5, 31.0, -1.0, std::nan("")})
+        EXPECT_EQ(fit_->start(seconds).code(), absl::StatusCode::kInvalidArgument) << seconds;
+    fit_->close();
+    EXPECT_EQ(fit_->start(2).code(), absl::StatusCode::kUnavailable);
+}
+
+TEST_F(LiveBodyFitTest, LetsGoAtOnceWhenTheDaemonEnds) {
+    options_.fit.rounds = 1000;  // as good as for ever
+    make();
+    ASSERT_TRUE(fit_->start(1).ok());
+    show(1.2);
+    EXPECT_EQ(fit_->progress().state, BodyFitState::kFitting);
+    const auto start = steady_clock::now();
+    fit_.reset();
+    EXPECT_LT(steady_clock::now() - start, std::chrono::milliseconds(1000));
+}
+
+}  // namespace
+}  // namespace kinevox
