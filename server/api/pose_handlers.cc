@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "common/degrees.h"
 #include "server/pose/database/bvh_import.h"
 
 namespace kinevox {
@@ -36,13 +36,13 @@ absl::StatusOr<BodyCoordinates> given_coordinates(const google::protobuf::Map<st
     for (int dof = kDofRootRotation; dof < kBodyDofCount; ++dof) {
         const auto found = given.find(std::string(kBodyDofs[dof].name));
         if (found == given.end()) continue;
-        out[dof] = found->second * std::numbers::pi / 180;
+        out[dof] = radians(found->second);
         ++known;
         const auto& [name, lower, upper] = kBodyDofs[dof];
         if (!std::isfinite(out[dof]) || !(out[dof] >= lower && out[dof] <= upper))
             return absl::InvalidArgumentError(
                 fmt::format("{} is {} deg; {:.0f} to {:.0f} is allowed", name, found->second,
-                            lower * 180 / std::numbers::pi, upper * 180 / std::numbers::pi));
+                            degrees(lower), degrees(upper)));
     }
     if (known == given.size()) return out;
     std::vector<std::string_view> names;

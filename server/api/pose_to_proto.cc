@@ -1,13 +1,11 @@
 #include <cmath>
-#include <numbers>
 
 #include "server/api/to_proto.h"
+#include "common/degrees.h"
 #include "server/pose/body_model.h"
 
 namespace kinevox {
 namespace {
-
-double degrees(double rad) { return rad * 180 / std::numbers::pi; }
 
 v1::Quaternion to_proto(const Quaternion& q) {
     v1::Quaternion out;

@@ -17,13 +17,12 @@ using VolumeReactor = StreamReactor<VolumeMailbox, v1::StreamVolumesResponse>;
 using PoseReactor = StreamReactor<PoseMailbox, v1::StreamPosesResponse>;
 using PreviewReactor = StreamReactor<PictureMailbox, v1::StreamPreviewsResponse>;
 
-void fill_header(std::uint64_t sequence, std::int64_t capture_time_utc_ns, const StageTimes& times,
-                 const std::optional<SubjectTrack>& subject, std::uint64_t missed, v1::StreamHeader* header) {
-    header->set_sequence(sequence);
-    header->set_capture_time_ns(capture_time_utc_ns);
-    *header->mutable_times() = to_proto(times);
+void fill_header(const PublishedHeader& published, std::uint64_t missed, v1::StreamHeader* header) {
+    header->set_sequence(published.sequence);
+    header->set_capture_time_ns(published.capture_time_utc_ns);
+    *header->mutable_times() = to_proto(published.times);
     header->set_missed(missed);
-    header->set_subject_id(subject ? subject->subject_id : 0);
+    header->set_subject_id(published.subject ? published.subject->subject_id : 0);
 }
 
 absl::Status check_rate(double rate_hz, double longest_hz) {
@@ -111,9 +110,9 @@ grpc::ServerWriteReactor<v1::StreamVolumesResponse>* StreamServiceImpl::StreamVo
         [this, request = *request](const VolumeMailbox::Taken& taken) {
             const PublishedVolume& published = *taken.message;
             v1::StreamVolumesResponse message;
-            fill_header(published.sequence, published.capture_time_utc_ns, published.times, published.subject,
-                        taken.missed, message.mutable_header());
-            if (published.subject) *message.mutable_subject() = to_proto(*published.subject, api_.runner.cameras());
+            fill_header(published.header, taken.missed, message.mutable_header());
+            if (const auto& subject = published.header.subject)
+                *message.mutable_subject() = to_proto(*subject, api_.runner.cameras());
             if (!published.volume) return message;
             VolumeForm form{request.level(), !request.without_colours()};
             if (request.has_max_voxel_m())
@@ -138,8 +137,7 @@ grpc::ServerWriteReactor<v1::StreamPosesResponse>* StreamServiceImpl::StreamPose
         [](const PoseMailbox::Taken& taken) {
             const PublishedPose& published = *taken.message;
             v1::StreamPosesResponse message;
-            fill_header(published.sequence, published.capture_time_utc_ns, published.times, published.subject,
-                        taken.missed, message.mutable_header());
+            fill_header(published.header, taken.missed, message.mutable_header());
             if (published.pose) *message.mutable_pose() = to_proto(*published.pose);
             return message;
         });
@@ -155,8 +153,7 @@ grpc::ServerWriteReactor<v1::StreamPreviewsResponse>* StreamServiceImpl::StreamP
         [form = *form, camera = request->camera()](const PictureMailbox::Taken& taken) {
             const PublishedPictures& published = *taken.message;
             v1::StreamPreviewsResponse message;
-            fill_header(published.result->sequence, published.capture_time_utc_ns, published.result->times,
-                        published.result->subject, taken.missed, message.mutable_header());
+            fill_header(published.header(), taken.missed, message.mutable_header());
             const auto encoded = encode(published, form);
             message.set_camera(camera);
             message.set_jpeg(encoded->jpeg);

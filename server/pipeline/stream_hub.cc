@@ -83,18 +83,14 @@ void StreamHub::publish(const FrameResultPtr& result, std::int64_t utc_minus_cap
     }
     if (!volume_boxes.empty()) {
         auto published = std::make_shared<PublishedVolume>();
-        published->sequence = result->sequence;
-        published->capture_time_utc_ns = pictures->capture_time_utc_ns;
-        published->times = result->times;
-        published->subject = result->subject;
+        published->header = pictures->header();
         published->volume = result->volume;
         if (result->volume) published->litres = volume_litres(*result->volume);
         const std::size_t bytes = size_in_memory(*published);
         for (const auto& box : volume_boxes) box->put(published, bytes);
     }
     if (!pose_boxes.empty()) {
-        const auto published = std::make_shared<const PublishedPose>(PublishedPose{
-            result->sequence, pictures->capture_time_utc_ns, result->times, result->subject, result->pose});
+        const auto published = std::make_shared<const PublishedPose>(PublishedPose{pictures->header(), result->pose});
         for (const auto& box : pose_boxes) box->put(published, sizeof(PublishedPose) + sizeof(BodyPose));
     }
     for (const auto& box : picture_boxes) box->put(pictures);

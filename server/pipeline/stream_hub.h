@@ -47,13 +47,18 @@ struct EncodedPreview {
     int width_px = 0, height_px = 0;
 };
 
-// A result without its pictures, which a queue may hold many of. Encodings are made on demand by whoever needs one
-// first, never on the pipeline's thread, and shared between the subscribers asking for the same form.
-struct PublishedVolume {
+// What every published message says first.
+struct PublishedHeader {
     std::uint64_t sequence = 0;
     std::int64_t capture_time_utc_ns = 0;
     StageTimes times;
     std::optional<SubjectTrack> subject;
+};
+
+// A result without its pictures, which a queue may hold many of. Encodings are made on demand by whoever needs one
+// first, never on the pipeline's thread, and shared between the subscribers asking for the same form.
+struct PublishedVolume {
+    PublishedHeader header;
     std::shared_ptr<const Volume> volume;   // null while nobody is tracked
     double litres = 0;
     OnceMap<VolumeForm, EncodedVolume> encodings;
@@ -61,10 +66,7 @@ struct PublishedVolume {
 
 // A result's pose alone: small, so that a queue may hold very many.
 struct PublishedPose {
-    std::uint64_t sequence = 0;
-    std::int64_t capture_time_utc_ns = 0;
-    StageTimes times;
-    std::optional<SubjectTrack> subject;
+    PublishedHeader header;
     std::shared_ptr<const BodyPose> pose;   // null where there is none
 };
 
@@ -72,6 +74,9 @@ struct PublishedPose {
 struct PublishedPictures {
     FrameResultPtr result;
     std::int64_t capture_time_utc_ns = 0;
+    PublishedHeader header() const {
+        return {result->sequence, capture_time_utc_ns, result->times, result->subject};
+    }
     OnceMap<PreviewForm, EncodedPreview> encodings;
 };
 

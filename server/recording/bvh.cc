@@ -4,17 +4,17 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <numbers>
 #include <optional>
 
 #include "common/body_pose.h"
+#include "common/degrees.h"
 #include "server/recording/euler_angles.h"
 #include "server/recording/trial_formats.h"
 
 namespace kinevox {
 namespace {
 
-constexpr double kDegrees = 180 / std::numbers::pi, kCentimetres = 100;
+constexpr double kCentimetres = 100;
 // x left, y up, z forward, from x forward, y left, z up.
 constexpr Mat3 kBvhFromWorld{{0, 1, 0, 0, 0, 1, 1, 0, 0}};
 // The order of the body's own angles: the singular pose of the root is lying on one's side, that of a limb is
@@ -184,7 +184,7 @@ absl::StatusOr<std::string> bvh_file(const Trial& trial, bool hold, std::int64_t
         for (std::size_t n = 0; n < nodes.size(); ++n) {
             const Mat3 turn = to_bvh(rotation_of(model, posture, nodes[n]));
             last[n] = nearest_euler(euler_from_rotation(turn, n == 0 ? kRootOrder : kLimbOrder), last[n]);
-            for (const double angle : last[n]) put(" {:.5f}", kDegrees * angle + 0.0);
+            for (const double angle : last[n]) put(" {:.5f}", degrees(angle) + 0.0);
         }
         text += '\n';
     }

@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 
+#include "common/degrees.h"
 #include "common/one_line.h"
 #include "server/recording/euler_angles.h"
 #include "server/recording/trial_formats.h"
@@ -14,7 +15,6 @@
 namespace kinevox {
 namespace {
 
-constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 // OpenSim's axes: x forward, y up, z right.
@@ -82,10 +82,10 @@ absl::StatusOr<std::string> mot_file(const Trial& trial) {
     };
     for (std::size_t n = 0; n < trial.size(); ++n) {
         put("{:.6f}", trial.time_s[n]);
-        for (const double angle : pelvis[n]) put_value(kDegrees * angle);
+        for (const double angle : pelvis[n]) put_value(degrees(angle));
         const Vec3 origin = pelvis_origin(trial, model, n);
         for (const double position : {origin.x, origin.y, origin.z}) put_value(position);
-        for (int d = kDofSacroiliac; d < kBodyDofCount; ++d) put_value(kDegrees * trial.coordinates[n][d]);
+        for (int d = kDofSacroiliac; d < kBodyDofCount; ++d) put_value(degrees(trial.coordinates[n][d]));
         text += '\n';
     }
     return text;

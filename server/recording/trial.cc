@@ -6,13 +6,13 @@
 #include <cmath>
 #include <numbers>
 
+#include "common/degrees.h"
 #include "server/recording/csv_table.h"
 
 namespace kinevox {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kRadians = std::numbers::pi / 180;
 constexpr std::size_t kFirstValue = 2;  // after frame and time_s
 
 bool is_position(int dof) {
@@ -135,15 +135,17 @@ absl::StatusOr<Trial> read_trial(const fs::path& folder) {
         trial.angles_rad.resize(trial.size());
         for (std::size_t n = 0; n < trial.size(); ++n)
             for (std::size_t k = 0; k < kJointAngleNames.size(); ++k)
-                trial.angles_rad[n][k] = kRadians * angles->at(n, kFirstValue + k);
+                trial.angles_rad[n][k] = radians(angles->at(n, kFirstValue + k));
     }
     if (fs::exists(folder / "coordinates.csv", error)) {
         auto table = read_beside(folder / "coordinates.csv", coordinate_columns(), trial);
         if (!table.ok()) return table.status();
         trial.coordinates.resize(trial.size());
         for (std::size_t n = 0; n < trial.size(); ++n)
-            for (int d = 0; d < kBodyDofCount; ++d)
-                trial.coordinates[n][d] = (is_position(d) ? 1 : kRadians) * table->at(n, kFirstValue + d);
+            for (int d = 0; d < kBodyDofCount; ++d) {
+                const double value = table->at(n, kFirstValue + d);
+                trial.coordinates[n][d] = is_position(d) ? value : radians(value);
+            }
     }
     if (fs::exists(folder / "body.toml", error)) {
         auto body = read_body_shape(folder / "body.toml");

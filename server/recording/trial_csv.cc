@@ -2,14 +2,13 @@
 
 #include <cmath>
 #include <iterator>
-#include <numbers>
 
+#include "common/degrees.h"
 #include "server/recording/trial_formats.h"
 
 namespace kinevox {
 
 std::string csv_file(const Trial& trial) {
-    constexpr double kDegrees = 180 / std::numbers::pi;
     std::string text = "frame,time_s";
     const auto put = [&text]<class... T>(fmt::format_string<T...> format, T&&... values) {
         fmt::format_to(std::back_inserter(text), format, std::forward<T>(values)...);
@@ -28,10 +27,10 @@ std::string csv_file(const Trial& trial) {
         for (const Vec3& p : trial.joints[n])
             for (const double value : {p.x, p.y, p.z}) put_value(value, 5);
         if (!trial.angles_rad.empty())
-            for (const double angle : trial.angles_rad[n]) put_value(kDegrees * angle, 4);
+            for (const double angle : trial.angles_rad[n]) put_value(degrees(angle), 4);
         if (!trial.coordinates.empty())
             for (int d = 0; d < kBodyDofCount; ++d)
-                put_value((d < kDofRootRotation ? 1 : kDegrees) * trial.coordinates[n][d],
+                put_value(d < kDofRootRotation ? trial.coordinates[n][d] : degrees(trial.coordinates[n][d]),
                           d < kDofRootRotation ? 5 : 4);
     }
     return text + '\n';

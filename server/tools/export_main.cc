@@ -8,15 +8,14 @@
 #include <exception>
 #include <filesystem>
 #include <limits>
-#include <numbers>
 #include <string>
 
 #include "common/atomic_file.h"
+#include "common/degrees.h"
 #include "server/recording/trial_formats.h"
 
 namespace {
 
-constexpr double kRadians = std::numbers::pi / 180;
 
 struct Arguments {
     std::filesystem::path folder, out;
@@ -57,7 +56,7 @@ bool parse_frames(const std::string& text, std::int64_t& first, std::int64_t& la
 
 // OpenSim's models let the pelvis turn 90 deg to either side of x.
 std::string clamped_remark(const kinevox::AngleRange& range, double turn_deg) {
-    const double least = range.least_rad / kRadians, most = range.most_rad / kRadians;
+    const double least = kinevox::degrees(range.least_rad), most = kinevox::degrees(range.most_rad);
     if (least >= -90 && most <= 90) return {};
     std::string remark = fmt::format(
         "; pelvis_rotation goes from {:.0f} to {:.0f} deg, but OpenSim's models clamp it at 90", least, most);
@@ -102,7 +101,7 @@ int run(int argc, char** argv) {
         trial = kinevox::part_of_trial(*trial, first, last);
         if (!trial.ok()) return fail(std::string(trial.status().message()));
     }
-    if (arguments.turn_deg != 0) kinevox::turn_trial(*trial, kRadians * arguments.turn_deg);
+    if (arguments.turn_deg != 0) kinevox::turn_trial(*trial, kinevox::radians(arguments.turn_deg));
     std::string remark;
     const auto bytes = contents(arguments, *trial, remark);
     if (!bytes.ok()) return fail(std::string(bytes.status().message()));

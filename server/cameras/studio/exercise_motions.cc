@@ -20,8 +20,8 @@ void stand(const Rig& rig, Pose& pose, double t, double lean) {
     pose[kPelvis] = rotation_z(kFacing) * rotation_x(-0.3 * sway) * rotation_y(0.6 * lean);
     pose[kLumbar] = rotation_y(0.3 * lean) * rotation_x(sway);
     pose[kThorax] = rotation_y(0.1 * lean - breath);
-    pose[kNeck] = rotation_y(degrees(8) - 0.2 * lean);
-    pose[kHead] = rotation_y(degrees(-7) - 0.35 * lean) * rotation_z(0.05 * std::sin(2 * kPi * 0.11 * t));
+    pose[kNeck] = rotation_y(radians(8) - 0.2 * lean);
+    pose[kHead] = rotation_y(radians(-7) - 0.35 * lean) * rotation_z(0.05 * std::sin(2 * kPi * 0.11 * t));
 }
 
 std::array<PlacedFoot, 2> feet_apart(const Rig& rig, double half_width_m, double out, double height_m = 0) {
@@ -43,13 +43,13 @@ class Squat final : public Motion {
         static const KeyCurve kDepth{{0, 0}, {0.35, 0}, {1.45, 1}, {1.75, 1}, {2.75, 0}, {3.2, 0}};
         const double depth = kDepth(std::fmod(time_s, 3.2)), h = rig_.measures().height;
         Pose pose;
-        stand(rig_, pose, time_s, degrees(4 + 46 * depth));
+        stand(rig_, pose, time_s, radians(4 + 46 * depth));
         const Vec3 forward = rotation_z(kFacing) * Vec3{1, 0, 0};
         pose.root_in_world += (-0.115 * h * depth) * forward;
         pose.root_in_world.z -= 0.245 * h * depth;
         for (Side side : kSides)
-            pose_arm(pose, side, degrees(4 + 100 * depth), degrees(8 - 4 * depth), degrees(-10), degrees(12 - 4 * depth));
-        put_on_feet(rig_, pose, feet_apart(rig_, 0.100 * h, degrees(16)), kFacing);
+            pose_arm(pose, side, radians(4 + 100 * depth), radians(8 - 4 * depth), radians(-10), radians(12 - 4 * depth));
+        put_on_feet(rig_, pose, feet_apart(rig_, 0.100 * h, radians(16)), kFacing);
         return pose;
     }
 
@@ -74,15 +74,15 @@ class JumpingJack final : public Motion {
         };
         const double height = hop(0.16) + hop(0.66);
         Pose pose;
-        stand(rig_, pose, time_s, degrees(3 + 5 * kKnees(t)));
+        stand(rig_, pose, time_s, radians(3 + 5 * kKnees(t)));
         const double half_width = (0.045 + 0.135 * open) * h;
         const double spread = std::max(0.0, half_width - rig_.measures().hip_half_width), leg = rig_.measures().leg();
         pose.root_in_world.z += height - (leg - std::sqrt(leg * leg - spread * spread)) - 0.012 - 0.035 * kKnees(t);
         for (Side side : kSides)
-            pose_arm(pose, side, degrees(4), degrees(10 + 155 * arms), degrees(-10 + 40 * arms), degrees(18 + 10 * arms));
-        std::array<PlacedFoot, 2> feet = feet_apart(rig_, half_width, degrees(8 + 8 * open), height);
+            pose_arm(pose, side, radians(4), radians(10 + 155 * arms), radians(-10 + 40 * arms), radians(18 + 10 * arms));
+        std::array<PlacedFoot, 2> feet = feet_apart(rig_, half_width, radians(8 + 8 * open), height);
         for (PlacedFoot& foot : feet) {  // toes hang in the air
-            const double pitch = degrees(32) * std::min(1.0, height / 0.06);
+            const double pitch = radians(32) * std::min(1.0, height / 0.06);
             const Vec3 ball{rig_.measures().foot_ball_x, 0, rig_.measures().ball_height - rig_.measures().ankle_height};
             const Vec3 ball_in_world = foot.ankle_in_world + foot.world_from_foot * ball;
             foot.world_from_foot = foot.world_from_foot * rotation_y(pitch);
@@ -109,13 +109,13 @@ class ArmRaise final : public Motion {
         static const KeyCurve kRight{{7.7, 0}, {8.7, 150}, {8.9, 150}, {9.8, 0}};
         const double t = std::fmod(time_s, 10.0);
         Pose pose;
-        stand(rig_, pose, time_s, degrees(2));
+        stand(rig_, pose, time_s, radians(2));
         for (Side side : kSides) {
             const double abduction = 8 + kBoth(t) + (side == Side::kLeft ? kLeft(t) : kRight(t));
-            pose_arm(pose, side, degrees(kFlexion(t)), degrees(abduction), degrees(-6 + 0.3 * (abduction - 8)), degrees(9));
+            pose_arm(pose, side, radians(kFlexion(t)), radians(abduction), radians(-6 + 0.3 * (abduction - 8)), radians(9));
         }
-        pose[kLumbar] = pose[kLumbar] * rotation_x(degrees(-0.03 * (kLeft(t) - kRight(t))));
-        put_on_feet(rig_, pose, feet_apart(rig_, 0.062 * rig_.measures().height, degrees(9)), kFacing);
+        pose[kLumbar] = pose[kLumbar] * rotation_x(radians(-0.03 * (kLeft(t) - kRight(t))));
+        put_on_feet(rig_, pose, feet_apart(rig_, 0.062 * rig_.measures().height, radians(9)), kFacing);
         return pose;
     }
 

@@ -113,12 +113,12 @@ void put_on_feet(const Rig& rig, Pose& pose, const std::array<PlacedFoot, 2>& fe
 void pose_arm(Pose& pose, Side side, double flexion, double abduction, double external_rotation, double elbow) {
     const double s = sign_of(side);
     const double raised = std::max({flexion, abduction, 0.0});
-    const double girdle = 0.22 * std::max(0.0, raised - degrees(40));
+    const double girdle = 0.22 * std::max(0.0, raised - radians(40));
     pose[on_side(kClavicleL, side)] = rotation_x(s * girdle);
     const Mat3 upper = limb_rotation(side, flexion, abduction, external_rotation);
     pose[on_side(kUpperArmL, side)] = rotation_x(-s * girdle) * upper;
     pose[on_side(kForearmL, side)] = rotation_y(-elbow);
-    pose[on_side(kHandL, side)] = rotation_y(-degrees(6));
+    pose[on_side(kHandL, side)] = rotation_y(-radians(6));
 }
 
 }  // namespace kinevox::studio

@@ -4,6 +4,7 @@
 
 #include <utility>
 
+#include "common/degrees.h"
 #include "server/cameras/studio/rig.h"
 
 namespace kinevox::studio {
@@ -39,7 +40,5 @@ void put_on_feet(const Rig& rig, Pose& pose, const std::array<PlacedFoot, 2>& fe
 
 // Arm angles in radians (see limb_rotation()); the shoulder girdle follows arms that rise above 40 degrees.
 void pose_arm(Pose& pose, Side side, double flexion, double abduction, double external_rotation, double elbow);
-
-inline double degrees(double value) { return value * 3.14159265358979323846 / 180.0; }
 
 }  // namespace kinevox::studio

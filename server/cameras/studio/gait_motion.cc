@@ -24,21 +24,21 @@ struct GaitStyle {
 };
 
 GaitStyle walk_style() {
-    return {.speed_per_stature = 0.74, .stride_s = 1.08, .duty = 0.62, .step_width_m = 0.11, .foot_out = degrees(7),
-            .strike_pitch = degrees(-20), .off_pitch = degrees(58), .flat_from = 0.14, .flat_until = 0.50,
+    return {.speed_per_stature = 0.74, .stride_s = 1.08, .duty = 0.62, .step_width_m = 0.11, .foot_out = radians(7),
+            .strike_pitch = radians(-20), .off_pitch = radians(58), .flat_from = 0.14, .flat_until = 0.50,
             .swing_lift_per_stature = 0.012, .ball_ahead_per_stature = 0.035, .root_below_standing = 0.030,
-            .bob_m = 0.018, .bob_at = 0.31, .sway_m = 0.020, .pelvis_turn = degrees(6), .pelvis_list = degrees(4),
-            .pelvis_tilt = degrees(4), .trunk_lean = degrees(3), .arm_mean = degrees(2), .arm_swing = degrees(23),
-            .arm_abduction = degrees(7), .arm_rotation = degrees(-12), .elbow_mean = degrees(20), .elbow_swing = degrees(11)};
+            .bob_m = 0.018, .bob_at = 0.31, .sway_m = 0.020, .pelvis_turn = radians(6), .pelvis_list = radians(4),
+            .pelvis_tilt = radians(4), .trunk_lean = radians(3), .arm_mean = radians(2), .arm_swing = radians(23),
+            .arm_abduction = radians(7), .arm_rotation = radians(-12), .elbow_mean = radians(20), .elbow_swing = radians(11)};
 }
 
 GaitStyle run_style() {
-    return {.speed_per_stature = 1.85, .stride_s = 0.72, .duty = 0.33, .step_width_m = 0.06, .foot_out = degrees(5),
-            .strike_pitch = degrees(-7), .off_pitch = degrees(68), .flat_from = 0.20, .flat_until = 0.48,
+    return {.speed_per_stature = 1.85, .stride_s = 0.72, .duty = 0.33, .step_width_m = 0.06, .foot_out = radians(5),
+            .strike_pitch = radians(-7), .off_pitch = radians(68), .flat_from = 0.20, .flat_until = 0.48,
             .swing_lift_per_stature = 0.17, .ball_ahead_per_stature = 0.03, .root_below_standing = 0.055,
-            .bob_m = 0.038, .bob_at = 0.42, .sway_m = 0.008, .pelvis_turn = degrees(9), .pelvis_list = degrees(5),
-            .pelvis_tilt = degrees(11), .trunk_lean = degrees(7), .arm_mean = degrees(-4), .arm_swing = degrees(36),
-            .arm_abduction = degrees(11), .arm_rotation = degrees(-28), .elbow_mean = degrees(92), .elbow_swing = degrees(16)};
+            .bob_m = 0.038, .bob_at = 0.42, .sway_m = 0.008, .pelvis_turn = radians(9), .pelvis_list = radians(5),
+            .pelvis_tilt = radians(11), .trunk_lean = radians(7), .arm_mean = radians(-4), .arm_swing = radians(36),
+            .arm_abduction = radians(11), .arm_rotation = radians(-28), .elbow_mean = radians(92), .elbow_swing = radians(16)};
 }
 
 class Gait final : public Motion {
@@ -99,8 +99,8 @@ Pose Gait::pose(double time_s) const {
                     rotation_x(list);
     pose[kLumbar] = rotation_x(-0.6 * list) * rotation_y(style_.trunk_lean - style_.pelvis_tilt) * rotation_z(-0.9 * turn);
     pose[kThorax] = rotation_x(-0.4 * list) * rotation_z(-0.9 * turn);
-    pose[kNeck] = rotation_z(0.5 * turn) * rotation_y(degrees(6));
-    pose[kHead] = rotation_z(0.3 * turn) * rotation_x(0.6 * bank) * rotation_y(-style_.trunk_lean - degrees(4));
+    pose[kNeck] = rotation_z(0.5 * turn) * rotation_y(radians(6));
+    pose[kHead] = rotation_z(0.3 * turn) * rotation_x(0.6 * bank) * rotation_y(-style_.trunk_lean - radians(4));
 
     std::array<PlacedFoot, 2> feet;
     for (Side side : kSides) {

@@ -45,9 +45,9 @@ class SprintStart final : public Motion {
 void SprintStart::plan_steps() {
     const double u = scale_;
     Contact front{.on_s = -1, .off_s = kFrontOff_s, .ball_in_world = {-0.46 * u, 0.105 * u, 0}, .yaw = 0,
-                  .strike_pitch = degrees(42), .off_pitch = degrees(72), .swing_lift_m = 0.10 * u};
+                  .strike_pitch = radians(42), .off_pitch = radians(72), .swing_lift_m = 0.10 * u};
     Contact rear{.on_s = -1, .off_s = kRearOff_s, .ball_in_world = {-0.84 * u, -0.105 * u, 0}, .yaw = 0,
-                 .strike_pitch = degrees(62), .off_pitch = degrees(78), .swing_lift_m = 0.06 * u};
+                 .strike_pitch = radians(62), .off_pitch = radians(78), .swing_lift_m = 0.06 * u};
     contacts_[0].push_back(front);
     contacts_[1].push_back(rear);
     phase_keys_ = {{kGo_s, 0.12}, {kFrontOff_s, 0.42}};
@@ -60,7 +60,7 @@ void SprintStart::plan_steps() {
         const double ahead = (-0.02 + 0.10 * progress) * u;  // ball before the pelvis at mid stance
         contacts_[right].push_back({.on_s = on, .off_s = off,
                                     .ball_in_world = {travelled(middle) + ahead, (right ? -1 : 1) * (0.09 - 0.05 * progress) * u, 0},
-                                    .yaw = 0, .strike_pitch = degrees(14 - 14 * progress), .off_pitch = degrees(74),
+                                    .yaw = 0, .strike_pitch = radians(14 - 14 * progress), .off_pitch = radians(74),
                                     .flat_from = 0.25, .flat_until = 0.40,
                                     .swing_lift_m = (0.06 + 0.20 * progress) * u});
         phase_keys_.push_back({on, 0.5 + 0.5 * static_cast<double>(step)});
@@ -72,7 +72,7 @@ void SprintStart::plan_steps() {
 void SprintStart::pose_set_arms(Pose& pose) const {
     for (Side side : kSides) {
         const double s = sign_of(side);
-        const Mat3 hand = rotation_x(s * degrees(8)) * rotation_y(degrees(8)) * rotation_z(-s * degrees(80));
+        const Mat3 hand = rotation_x(s * radians(8)) * rotation_y(radians(8)) * rotation_z(-s * radians(80));
         const Vec3 tip{0.0, s * 0.27 * scale_, 0.006};
         const Vec3 wrist = tip - hand * Vec3{0, 0, -rig_.measures().hand};
         rig_.reach_with_arm(pose, side, wrist, hand, {-0.5, s * 0.6, 0.1});
@@ -93,8 +93,8 @@ Pose SprintStart::pose(double time_s) const {
     const double breath = (1 - running) * 0.004 * std::sin(2 * kPi * 0.4 * t);
     const double bob = running * 0.022 * scale_ * std::cos(2 * phase - 4 * kPi * 0.43);
     pose.root_in_world = {travelled(t), 0, kHeight(t) * rig_.measures().height + bob + breath};
-    const double lean = degrees(kLean(t)), pelvis_lean = kTail(t) * lean;
-    const double turn = -running * degrees(9) * std::cos(phase), list = running * degrees(4) * std::cos(phase - 0.4 * kPi);
+    const double lean = radians(kLean(t)), pelvis_lean = kTail(t) * lean;
+    const double turn = -running * radians(9) * std::cos(phase), list = running * radians(4) * std::cos(phase - 0.4 * kPi);
     pose[kPelvis] = rotation_z(turn) * rotation_y(pelvis_lean) * rotation_x(list);
     pose[kLumbar] = rotation_x(-0.6 * list) * rotation_y(0.55 * (lean - pelvis_lean)) * rotation_z(-0.9 * turn);
     pose[kThorax] = rotation_x(-0.4 * list) * rotation_y(0.45 * (lean - pelvis_lean)) * rotation_z(-0.9 * turn);
@@ -130,8 +130,8 @@ Pose SprintStart::pose(double time_s) const {
         Pose swinging = pose;
         for (Side side : kSides) {
             const double swing = -sign_of(side) * std::cos(phase + 0.2);
-            pose_arm(swinging, side, 0.35 * lean + degrees(-4 + kSwing(t) * swing), degrees(10), degrees(-22),
-                     degrees(88 + 18 * swing));
+            pose_arm(swinging, side, 0.35 * lean + radians(-4 + kSwing(t) * swing), radians(10), radians(-22),
+                     radians(88 + 18 * swing));
             for (Bone left : {kClavicleL, kUpperArmL, kForearmL, kHandL}) {
                 const Bone bone = on_side(left, side);
                 pose[bone] = slerp(pose[bone], swinging[bone], running);

@@ -3,16 +3,14 @@
 #include <array>
 #include <cmath>
 #include <iterator>
-#include <numbers>
 
 #include <fmt/format.h>
 
+#include "common/degrees.h"
 #include "server/pose/body_model.h"
 
 namespace kinevox {
 namespace {
-
-constexpr double kDegrees = 180 / std::numbers::pi;
 
 template <class... T>
 void append(std::string& to, fmt::format_string<T...> format, T&&... values) {
@@ -28,6 +26,14 @@ constexpr std::array<std::string_view, kBodySegmentCount> kFarJoints{
     "hand_l", "knee_r",    "ankle_r",  "toe_r",   "elbow_r", "wrist_r", "hand_r"};
 
 bool is_position(int dof) { return dof < kDofRootRotation; }
+
+// A degree of freedom or its deviation: metres, or degrees with so many decimals.
+void append_coordinate(std::string& to, int dof, double value, int decimals_deg) {
+    if (is_position(dof))
+        append(to, "{:.5f}", value);
+    else
+        append(to, "{:.{}f}", degrees(value), decimals_deg);
+}
 
 std::array<bool, kBodyDofCount> measured_coordinates(const BodyPose& pose) {
     std::array<bool, kBodyDofCount> measured;
@@ -63,7 +69,7 @@ std::string angles_table(const std::vector<PoseRow>& rows) {
         for (std::size_t k = 0; k < kJointAngleNames.size(); ++k) {
             text += ',';
             if (row.pose && row.pose->angles[k].measured())
-                append(text, "{:.3f}", row.pose->angles[k].value_rad * kDegrees);
+                append(text, "{:.3f}", degrees(row.pose->angles[k].value_rad));
         }
     }
     return text + '\n';
@@ -78,10 +84,7 @@ std::string coordinates_table(const std::vector<PoseRow>& rows) {
         for (int d = 0; d < kBodyDofCount; ++d) {
             text += ',';
             if (!measured[d]) continue;
-            if (is_position(d))
-                append(text, "{:.5f}", row.pose->coordinates[d]);
-            else
-                append(text, "{:.4f}", row.pose->coordinates[d] * kDegrees);
+            append_coordinate(text, d, row.pose->coordinates[d], 4);
         }
     }
     return text + '\n';
@@ -101,12 +104,10 @@ std::string uncertainty_table(const std::vector<PoseRow>& rows) {
         }
         for (const JointEstimate& joint : row.pose->joints) append(text, ",{:.5f},{}", joint.std_m, joint.cameras);
         for (const AngleEstimate& angle : row.pose->angles)
-            append(text, ",{:.3f},{}", angle.std_rad * kDegrees, angle.cameras);
+            append(text, ",{:.3f},{}", degrees(angle.std_rad), angle.cameras);
         for (int d = 0; d < kBodyDofCount; ++d) {
-            if (is_position(d))
-                append(text, ",{:.5f}", row.pose->coordinate_std[d]);
-            else
-                append(text, ",{:.3f}", row.pose->coordinate_std[d] * kDegrees);
+            text += ',';
+            append_coordinate(text, d, row.pose->coordinate_std[d], 3);
         }
     }
     return text + '\n';

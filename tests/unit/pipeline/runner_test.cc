@@ -36,7 +36,7 @@ class RunnerTest : public ::testing::Test {
         changed_.wait(lock, [&] {
             while (out.size() < count)
                 if (const auto taken = box_->take())
-                    out.push_back(taken->message->sequence), last_ = taken->message;
+                    out.push_back(taken->message->header.sequence), last_ = taken->message;
                 else
                     return false;
             return true;
@@ -89,10 +89,10 @@ TEST_F(RunnerTest, CaptureTimesBecomeUtcWithTheRecordingsOwnSteps) {
                          std::chrono::system_clock::now().time_since_epoch()).count();
     source_.give(2);
     results(1);
-    const std::int64_t first = last_->capture_time_utc_ns;
+    const std::int64_t first = last_->header.capture_time_utc_ns;
     results(1);
     EXPECT_NEAR(static_cast<double>(first - now), 0, 60e9);
-    EXPECT_EQ(last_->capture_time_utc_ns - first, 10'000'000);
+    EXPECT_EQ(last_->header.capture_time_utc_ns - first, 10'000'000);
 }
 
 TEST_F(RunnerTest, CountsFrameSetsLostBeforeThePipeline) {

@@ -19,7 +19,7 @@ std::shared_ptr<const Volume> person() {
 
 std::vector<std::uint64_t> sequences_in(VolumeMailbox& box) {
     std::vector<std::uint64_t> out;
-    while (const auto taken = box.take()) out.push_back(taken->message->sequence);
+    while (const auto taken = box.take()) out.push_back(taken->message->header.sequence);
     return out;
 }
 
@@ -32,7 +32,7 @@ TEST(StreamHub, LatestOnlyTakesTheNewestAndCountsWhatItMissed) {
     for (std::uint64_t i = 0; i < 5; ++i) hub.publish(fake_result(i, person()), 0);
     const auto taken = box->take();
     ASSERT_TRUE(taken);
-    EXPECT_EQ(taken->message->sequence, 4u);
+    EXPECT_EQ(taken->message->header.sequence, 4u);
     EXPECT_EQ(taken->missed, 4u);
     EXPECT_FALSE(box->take());
     hub.publish(fake_result(5, person()), 0);

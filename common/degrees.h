@@ -1,0 +1,11 @@
+// Angles are radians inside and degrees at the edges.
+#pragma once
+
+#include <numbers>
+
+namespace kinevox {
+
+constexpr double degrees(double rad) { return rad * 180 / std::numbers::pi; }
+constexpr double radians(double deg) { return deg * std::numbers::pi / 180; }
+
+}  // namespace kinevox
