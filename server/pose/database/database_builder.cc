@@ -136,15 +136,18 @@ void store(PoseDatabase& database, int pose, Vec3 middle, const std::vector<floa
     }
 }
 
-void make_room(PoseDatabase& database) {
+// Tens of megabytes, so on a busy machine not at once. False if stopped, as the functions below.
+bool make_room(PoseDatabase& database, const std::stop_token& stop) {
     const std::size_t views = database.poses.size() * kViewBins;
     database.body_middles.resize(database.poses.size());
     for (PoseDatabase::Slab& slab : database.slabs) {
+        if (stop.stop_requested()) return false;
         slab.moments.resize(views * database.values());
         slab.middles.resize(views * 2);
         slab.silhouettes.resize(database.poses.size());
         slab.codes.resize(views * kCodeBytes);
     }
+    return !stop.stop_requested();
 }
 
 std::vector<float> moments_of_view(const PoseDatabase& database, int slab, std::size_t view) {
@@ -155,7 +158,7 @@ std::vector<float> moments_of_view(const PoseDatabase& database, int slab, std::
 }
 
 // Principal directions of the views' moments.
-void choose_code(PoseDatabase& database) {
+bool choose_code(PoseDatabase& database, const std::stop_token& stop) {
     const int values = database.values(), views = database.pose_count() * kViewBins;
     const int stride =
         std::max(1, views * static_cast<int>(database.slabs.size()) / 40000) | 1;  // odd: all bins
@@ -163,6 +166,7 @@ void choose_code(PoseDatabase& database) {
     Eigen::MatrixXd squares = Eigen::MatrixXd::Zero(values, values);
     int count = 0;
     for (std::size_t slab = 0; slab < database.slabs.size(); ++slab) {
+        if (stop.stop_requested()) return false;
         for (int view = static_cast<int>(slab) % stride; view < views; view += stride, ++count) {
             const std::vector<float> moments = moments_of_view(database, static_cast<int>(slab), view);
             const Eigen::VectorXd x =
@@ -187,17 +191,21 @@ void choose_code(PoseDatabase& database) {
     // all.
     const double deviation = std::sqrt(std::max(solver.eigenvalues()(values - 1), 1e-12));
     database.code_step = static_cast<float>(3.2 * deviation / 63);
+    return true;
 }
 
-void encode_views(PoseDatabase& database, int first_pose) {
+bool encode_views(PoseDatabase& database, int first_pose, const std::stop_token& stop) {
     for (std::size_t slab = 0; slab < database.slabs.size(); ++slab) {
         PoseDatabase::Slab& to = database.slabs[slab];
         for (std::size_t view = static_cast<std::size_t>(first_pose) * kViewBins;
-             view < to.codes.size() / kCodeBytes; ++view)
+             view < to.codes.size() / kCodeBytes; ++view) {
+            if (view % kViewBins == 0 && stop.stop_requested()) return false;
             database.encode(moments_of_view(database, static_cast<int>(slab), view).data(),
                             to.codes.data() + view * kCodeBytes);
+        }
         to.search = kernels::MomentSlab::make(to.codes);
     }
+    return !stop.stop_requested();
 }
 
 // Makes poses [first, end) on several threads. False if stopped.
@@ -282,23 +290,21 @@ absl::StatusOr<PoseDatabase> build_pose_database(std::span<const kernels::Camera
     });
     database.removed = changes.removed;
     append_added(database, changes.added);
-    make_room(database);
-    if (!make_views(database, 0, options.threads, progress, stop))
+    if (!make_room(database, stop) || !make_views(database, 0, options.threads, progress, stop) ||
+        !choose_code(database, stop) || !encode_views(database, 0, stop))
         return absl::CancelledError("building the pose database was cancelled");
-    choose_code(database);
-    encode_views(database, 0);
     if (progress) progress(1);
     return database;
 }
 
-absl::Status add_poses(PoseDatabase& database, std::span<const LibraryPose> poses) {
+absl::Status add_poses(PoseDatabase& database, std::span<const LibraryPose> poses, std::stop_token stop) {
     for (const LibraryPose& pose : poses)
         if (const absl::Status status = check_pose(pose); !status.ok()) return status;
     const int first = database.pose_count();
     append_added(database, poses);
-    make_room(database);
-    make_views(database, first, database.options.threads, {}, {});
-    encode_views(database, first);
+    if (!make_room(database, stop) || !make_views(database, first, database.options.threads, {}, stop) ||
+        !encode_views(database, first, stop))
+        return absl::CancelledError("adding the poses was cancelled");
     return absl::OkStatus();
 }
 

@@ -131,7 +131,7 @@ void write_fields(const PoseDatabase& database, Writer& out) {
     }
 }
 
-bool read_fields(Reader& in, PoseDatabase& database) {
+bool read_fields(Reader& in, PoseDatabase& database, const std::stop_token& stop) {
     PoseDatabaseOptions& o = database.options;
     database.fingerprint = in.text();
     o.poses = in.number<int>(), o.order = in.number<int>(), o.side_px = in.number<int>();
@@ -161,6 +161,7 @@ bool read_fields(Reader& in, PoseDatabase& database) {
         database.code_mean.size() != kernels::kCodeBytes || database.viewpoints.empty())
         return false;
     for (std::size_t n = 0; n < database.viewpoints.size() && in.ok(); ++n) {
+        if (stop.stop_requested()) return false;
         PoseDatabase::Slab& slab = database.slabs.emplace_back();
         in.list(slab.moments);
         in.list(slab.middles);
@@ -182,14 +183,19 @@ absl::Status write_pose_database(const PoseDatabase& database, const std::filesy
     Writer body;
     write_fields(database, body);
     const std::string fields = body.take();
+    return write_file_atomically(file, pose_database_header(fields) + fields);
+}
+
+std::string pose_database_header(std::string_view fields) {
     Writer out;
     for (const char letter : kMagic) out.number(letter);
     out.number(kVersion), out.number(std::uint32_t{0});
     out.number(static_cast<std::uint64_t>(fields.size())), out.number(checksum(fields));
-    return write_file_atomically(file, out.take() + fields);
+    return out.take();
 }
 
-absl::StatusOr<PoseDatabase> parse_pose_database(std::string_view bytes, const std::string& name) {
+absl::StatusOr<PoseDatabase> parse_pose_database(std::string_view bytes, const std::string& name,
+                                                 std::stop_token stop) {
     const auto damaged = [&](const char* why) {
         return absl::DataLossError(fmt::format("{}: {}; it will be built anew, or delete it", name, why));
     };
@@ -208,14 +214,17 @@ absl::StatusOr<PoseDatabase> parse_pose_database(std::string_view bytes, const s
     if (checksum(fields) != sum) return damaged("is damaged: its checksum does not fit");
     PoseDatabase database;
     Reader in(fields);
-    if (!read_fields(in, database)) return damaged("contradicts itself");
+    if (!read_fields(in, database, stop)) {
+        if (stop.stop_requested()) return absl::CancelledError("reading the pose database was cancelled");
+        return damaged("contradicts itself");
+    }
     return database;
 }
 
-absl::StatusOr<PoseDatabase> read_pose_database(const std::filesystem::path& file) {
+absl::StatusOr<PoseDatabase> read_pose_database(const std::filesystem::path& file, std::stop_token stop) {
     auto bytes = read_file(file, kMostBytes);
     if (!bytes.ok()) return bytes.status();
-    return parse_pose_database(*bytes, file.string());
+    return parse_pose_database(*bytes, file.string(), std::move(stop));
 }
 
 absl::StatusOr<OpenedDatabase> open_pose_database(const std::filesystem::path& file,
@@ -224,7 +233,8 @@ absl::StatusOr<OpenedDatabase> open_pose_database(const std::filesystem::path& f
                                                   const BuildProgress& progress, std::stop_token stop) {
     OpenedDatabase opened;
     UserChanges changes;
-    absl::StatusOr<PoseDatabase> read = read_pose_database(file);
+    absl::StatusOr<PoseDatabase> read = read_pose_database(file, stop);
+    if (absl::IsCancelled(read.status())) return read.status();
     if (read.ok()) {
         std::string wanted;
         try {
@@ -247,6 +257,8 @@ absl::StatusOr<OpenedDatabase> open_pose_database(const std::filesystem::path& f
     }
     auto built = build_pose_database(cameras, shape, options, changes, progress, stop);
     if (!built.ok()) return built.status();
+    // Writing takes its time, too, and the next start builds what is missing.
+    if (stop.stop_requested()) return absl::CancelledError("writing the pose database was cancelled");
     opened.database = *std::move(built);
     if (const absl::Status written = write_pose_database(opened.database, file); !written.ok())
         opened.rebuilt_because += "; " + std::string(written.message());

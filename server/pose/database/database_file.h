@@ -15,8 +15,12 @@ absl::Status write_pose_database(const PoseDatabase& database, const std::filesy
 
 // NotFound if there is no such file; DataLoss for one that is damaged, FailedPrecondition for one of another
 // version, each with what to do. Never more memory than the file's size asks for.
-absl::StatusOr<PoseDatabase> read_pose_database(const std::filesystem::path& file);
-absl::StatusOr<PoseDatabase> parse_pose_database(std::string_view bytes, const std::string& name_for_errors);
+absl::StatusOr<PoseDatabase> read_pose_database(const std::filesystem::path& file, std::stop_token stop = {});
+// Cancelled soon after `stop` says so.
+absl::StatusOr<PoseDatabase> parse_pose_database(std::string_view bytes, const std::string& name_for_errors,
+                                                 std::stop_token stop = {});
+// The file's header for these fields, which follow it: what makes any bytes pass for undamaged.
+std::string pose_database_header(std::string_view fields);
 
 struct OpenedDatabase {
     PoseDatabase database;

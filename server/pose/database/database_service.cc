@@ -12,6 +12,7 @@ namespace {
 
 constexpr std::size_t kPosesAtOnce = 16;
 constexpr int kNice = 10;  // the cameras' pipeline comes first
+constexpr const char* kStopping = "the daemon is stopping; nothing was changed";
 
 }  // namespace
 
@@ -25,6 +26,7 @@ PoseDatabaseService::~PoseDatabaseService() {
 
 void PoseDatabaseService::close() {
     closed_ = true;
+    closing_.request_stop();
     cancel();
 }
 
@@ -116,7 +118,7 @@ absl::Status PoseDatabaseService::change(const std::function<absl::Status(PoseDa
         return absl::UnavailableError("the daemon's pose database is being built; change it when that is done");
     auto after = std::make_shared<PoseDatabase>(*before);
     if (const absl::Status status = how(*after); !status.ok()) return status;
-    if (closed_) return absl::UnavailableError("the daemon is stopping; nothing was changed");
+    if (closed_) return absl::UnavailableError(kStopping);
     if (const absl::Status status = write_pose_database(*after, file_); !status.ok()) return status;
     const std::lock_guard lock(mutex_);
     database_ = std::move(after);
@@ -128,7 +130,8 @@ absl::Status PoseDatabaseService::add(std::span<const LibraryPose> poses) {
         // In parts, so that close() need not wait for a whole file of movement.
         for (std::size_t first = 0; first < poses.size() && !closed_; first += kPosesAtOnce) {
             const auto part = poses.subspan(first, std::min(kPosesAtOnce, poses.size() - first));
-            if (const absl::Status status = add_poses(database, part); !status.ok()) return status;
+            if (const absl::Status status = add_poses(database, part, closing_.get_token()); !status.ok())
+                return closed_ ? absl::UnavailableError(kStopping) : status;
         }
         return absl::OkStatus();
     });

@@ -77,6 +77,7 @@ class PoseDatabaseService final : public PoseProposer {
     std::mutex changes_;     // one start(), wait() or change at a time
     std::stop_source stop_;  // of the build under way
     std::atomic<bool> closed_ = false;
+    std::stop_source closing_;  // of a change in progress
     std::shared_ptr<const PoseDatabase> database_;
     DatabaseProgress progress_;
     double stature_m_ = 0;

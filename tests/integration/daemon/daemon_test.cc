@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <future>
+#include <thread>
 
 #include <gmock/gmock.h>
 
@@ -161,6 +162,17 @@ TEST_F(DaemonTest, BuildsItsPoseDatabaseOnceAndReadsItAfterwards) {
     const auto daemon = start_daemon(session_config("127.0.0.1:0", "", pose));
     client::Client client({.server = address_});
     EXPECT_THAT(message_of(client, v1::EVENT_KIND_POSE_DATABASE), HasSubstr("poses.kvxposes"));
+}
+
+// Right after "ready" the background is learned, the database and the pose stage come up.
+TEST_F(DaemonTest, StopsInTimeWheneverTheSignalComes) {
+    const std::string pose = "database = \"poses.kvxposes\"\ndatabase_poses = 1400";
+    for (const int after_ms : {0, 20, 60, 150, 300, 600, 1200}) {
+        const auto daemon = start_daemon(session_config("127.0.0.1:0", "", pose));
+        std::this_thread::sleep_for(std::chrono::milliseconds(after_ms));   // the moment is what is tested
+        daemon->signal(SIGTERM);
+        EXPECT_EQ(daemon->wait(std::chrono::milliseconds(2000)), 0) << after_ms << " ms: " << daemon->errors();
+    }
 }
 
 TEST_F(DaemonTest, StopsInTimeWhileThePoseDatabaseIsBuilt) {

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
 
 #include "common/atomic_file.h"
 #include "tests/unit/common/temporary_folder.h"
@@ -94,6 +95,31 @@ TEST_F(Service, AFailureIsReported) {
     service.wait();
     EXPECT_EQ(service.progress().state, DatabaseState::kFailed);
     EXPECT_THAT(service.progress().message, HasSubstr("no camera"));
+}
+
+// Whatever the builder is at: a daemon that ends must not wait for it.
+TEST_F(Service, LetsGoSoonAtEveryStageOfABuild) {
+    using std::chrono::steady_clock;
+    PoseDatabaseOptions options;   // of full size, but that a build takes a second or two
+    options.poses = 150;
+    for (const double part : {0.0, 0.01, 0.5, 0.96, 0.97}) {
+        std::filesystem::remove(file);
+        PoseDatabaseService service(file);
+        std::atomic<bool> there = part == 0;
+        service.start(cameras, shape, options, [&](const DatabaseProgress& progress) {
+            if (progress.part < part) return;
+            there = true;
+            there.notify_all();
+        });
+        there.wait(false);
+        const auto start = steady_clock::now();
+        service.close();
+        service.wait();
+        const auto took = steady_clock::now() - start;
+        EXPECT_LT(took, std::chrono::milliseconds(400)) << "at " << part;
+        EXPECT_EQ(service.progress().state, DatabaseState::kCancelled) << "at " << part;
+        EXPECT_FALSE(std::filesystem::exists(file)) << "no half database";
+    }
 }
 
 }  // namespace
