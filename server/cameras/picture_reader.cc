@@ -101,14 +101,16 @@ class VideoReader final : public PictureReader {
     bool promise_is_exact() const override { return exact_ && promised_ > 0; }
 
     absl::StatusOr<Picture> next() override {
-        if (!capture_.grab() || !capture_.retrieve(decoded_) || decoded_.empty()) return ended();
-        if (decoded_.cols != camera_.width || decoded_.rows != camera_.height)
-            return wrong_size(camera_, file_, decoded_.cols, decoded_.rows);
-        if (decoded_.depth() != CV_8U)
+        // Straight into the picture's memory where the video is what it promised to be.
+        auto data = pool_.take();
+        cv::Mat decoded(camera_.height, camera_.width, CV_8UC3, data.get());
+        if (!capture_.grab() || !capture_.retrieve(decoded) || decoded.empty()) return ended();
+        if (decoded.cols != camera_.width || decoded.rows != camera_.height)
+            return wrong_size(camera_, file_, decoded.cols, decoded.rows);
+        if (decoded.depth() != CV_8U)
             return absl::InvalidArgumentError(fmt::format(
                 "camera {}: {} has more than 8 bits a channel; convert it", camera_.name, file_.string()));
-        auto data = pool_.take();
-        copy_as_bgr(decoded_, data.get());
+        if (decoded.data != data.get()) copy_as_bgr(decoded, data.get());
         ++delivered_;
         return Picture{camera_.width, camera_.height, 3, std::move(data)};
     }
@@ -137,7 +139,6 @@ class VideoReader final : public PictureReader {
     Camera camera_;
     PicturePool pool_;
     cv::VideoCapture capture_;
-    cv::Mat decoded_;
     std::int64_t promised_ = -1, delivered_ = 0;
     bool exact_ = false;
 };
