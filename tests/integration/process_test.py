@@ -163,6 +163,19 @@ class Process(unittest.TestCase):
         self.assertRegex(errors, r"stopped after \d+ frame sets; nothing was written\n$")
         self.assertFalse(out.exists())
 
+    def test_a_t_pose_clip_without_a_person_is_told(self):
+        lines = ['name = "nobody"', "fps = 30.0", f'calibration = "{WALK.parent / "calibration.toml"}"']
+        for camera in ("cam1", "cam2", "cam3", "cam4"):
+            empty = WALK.parent / "background" / f"{camera}.mp4"
+            lines += ["[[camera]]", f'name = "{camera}"', f'video = "{empty}"', f'background = "{empty}"']
+        nobody = self.folder / "nobody.toml"
+        nobody.write_text("\n".join(lines) + "\n")
+        done = run(WALK, "--out", self.folder / "out", "--frames", 2, "--tpose", nobody)
+        self.assertEqual(done.returncode, 1)
+        self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
+        self.assertIn("nobody.toml: no person's pose was found in 0 frame sets", done.stderr)
+        self.assertFalse((self.folder / "out").exists())
+
     def test_errors_are_one_line(self):
         table = [
             (["--out", "x"], "session"),

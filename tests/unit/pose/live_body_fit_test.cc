@@ -157,7 +157,8 @@ TEST_F(LiveBodyFitTest, LetsGoAtOnceWhenTheDaemonEnds) {
     EXPECT_EQ(fit_->progress().state, BodyFitState::kFitting);
     const auto start = steady_clock::now();
     fit_.reset();
-    EXPECT_LT(steady_clock::now() - start, std::chrono::milliseconds(1000));
+    // Its longest step is the search for a body that it knows nothing of.
+    EXPECT_LT(steady_clock::now() - start, std::chrono::milliseconds(1500));
 }
 
 }  // namespace
