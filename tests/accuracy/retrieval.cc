@@ -14,11 +14,8 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
-#include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <optional>
-#include <sstream>
 
 #include "common/session_file.h"
 #include "server/pipeline/convert.h"
@@ -27,32 +24,12 @@
 #include "server/pose/key_poses.h"
 #include "server/pose/pose_fitter.h"
 #include "server/pose/silhouette_rays.h"
+#include "tests/accuracy/true_joints.h"
 
 namespace kinevox {
 namespace {
 
-using Joints = std::array<Vec3, kJointNames.size()>;
-
-std::map<int, Joints> read_joints(const std::filesystem::path& file) {
-    std::map<int, Joints> frames;
-    std::ifstream in(file);
-    std::string line, cell;
-    std::getline(in, line);
-    std::vector<std::string> names;
-    for (std::istringstream header(line); std::getline(header, cell, ',');) names.push_back(cell);
-    while (std::getline(in, line)) {
-        std::map<std::string, double> row;
-        std::istringstream cells(line);
-        for (std::size_t n = 0; n < names.size() && std::getline(cells, cell, ','); ++n)
-            row[names[n]] = std::strtod(cell.c_str(), nullptr);
-        Joints& joints = frames[static_cast<int>(row["frame"])];
-        for (std::size_t j = 0; j < kJointNames.size(); ++j) {
-            const std::string name(kJointNames[j]);
-            joints[j] = {row[name + "_x"], row[name + "_y"], row[name + "_z"]};
-        }
-    }
-    return frames;
-}
+using Joints = testing::TrueJoints;
 
 // Nearest to the rays through the silhouettes' middles.
 Vec3 meeting_point(const std::vector<Camera>& cameras, const std::vector<kernels::Silhouettes>& silhouettes) {
@@ -139,7 +116,7 @@ int run(const std::filesystem::path& session_file, const std::filesystem::path& 
         return std::fprintf(stderr, "%s\n", std::string(cameras.status().message()).c_str()), 1;
     std::vector<kernels::CameraModel> models;
     for (const Camera& camera : *cameras) models.push_back(to_kernel(camera));
-    const auto truth = read_joints(session->truth / "joints.csv");
+    const auto truth = testing::read_true_joints(session->truth / "joints.csv");
     PoseDatabaseOptions options;
     options.threads = 2;
     options.poses = poses;
