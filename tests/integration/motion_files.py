@@ -23,6 +23,9 @@ def read_trc(file):
     rows = [line.split("\t") for line in lines[6:] if line]
     assert len(rows) == int(header["NumFrames"])
     assert all(len(r) == 2 + 3 * len(names) for r in rows)
+    # OpenSim's TRCFileAdapter takes runs of tabs and blanks for one: no cell may be empty, no name hold a blank.
+    assert all(len(line.split()) == 2 + 3 * len(names) for line in lines[6:] if line)
+    assert lines[3].split() == ["Frame#", "Time", *names] and len(lines[2].split()) == len(keys)
     table = np.array(rows, float)
     return {"rate": float(header["DataRate"]), "units": header["Units"], "names": names, "frame": table[:, 0],
             "time": table[:, 1], "points": table[:, 2:].reshape(len(rows), -1, 3)}
@@ -36,6 +39,9 @@ def read_mot(file):
     labels = lines[end + 1].split("\t")
     assert labels[0] == "time" and len(set(labels)) == len(labels)
     table = np.array([line.split("\t") for line in lines[end + 2:] if line], float)
+    # OpenSim's Storage and STOFileAdapter: a version, a first line that is no key, times that rise, no blank in a label.
+    assert header["version"] == "1" and header["inDegrees"] in ("yes", "no") and "=" not in lines[0]
+    assert lines[end + 1].split() == labels and (np.diff(table[:, 0]) > 0).all()
     assert table.shape == (int(header["nRows"]), int(header["nColumns"])) and table.shape[1] == len(labels)
     return {"degrees": header["inDegrees"] == "yes", "columns": dict(zip(labels, table.T))}
 
