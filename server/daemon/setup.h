@@ -34,8 +34,9 @@ std::filesystem::path fitted_body_file(const PoseConfig& config);
 
 PoseDatabaseOptions pose_database_options(const PoseConfig& config);
 
-// Reads or builds it in the background; when that is over an event says what came of it. Hub and watch must
-// outlive the database.
+// Reads or builds it in the background; when that is over an event says what came of it. Hub and watch must outlive the
+// database. To be called again with the new cameras when a calibration is applied: a build under way gives way, the
+// database of before answers meanwhile, and what users added is kept.
 void start_pose_database(PoseDatabaseService& database, const PoseConfig& config, const std::vector<Camera>& cameras,
                          const BodyShape& body, StreamHub& hub,
                          DatabaseWatch& watch);
