@@ -41,24 +41,26 @@ void remove(kernels::Silhouettes& s) { s = {}; }
 struct Case {
     const char* name;
     std::function<void(Silhouettes&)> spoil;
-    double most_error_m;   // of the joints told; 0: no pose may be told
+    // Mean error of the joints told, while a body is followed and ten frame sets after it is first seen, m; 0: no pose may
+    // be told. Fewer cameras than the rest of the room has tell less of where a limb is that was never seen before.
+    double following_m, finding_m;
 };
 
 const Case kCases[] = {
-    {"as they should be", [](Silhouettes&) {}, 0.03},
-    {"one camera missing", [](Silhouettes& s) { remove(s[0]); }, 0.05},
-    {"two cameras missing", [](Silhouettes& s) { remove(s[0]), remove(s[1]); }, 0.15},
-    {"three cameras missing", [](Silhouettes& s) { remove(s[0]), remove(s[1]), remove(s[2]); }, 0},
-    {"one empty", [](Silhouettes& s) { clear(s[0]); }, 0.05},
-    {"all empty", [](Silhouettes& s) { std::ranges::for_each(s, clear); }, 0},
-    {"one full", [](Silhouettes& s) { fill(s[0]); }, 0.05},
-    {"all full", [](Silhouettes& s) { std::ranges::for_each(s, fill); }, 0},
+    {"as they should be", [](Silhouettes&) {}, 0.03, 0.03},
+    {"one camera missing", [](Silhouettes& s) { remove(s[0]); }, 0.05, 0.2},
+    {"two cameras missing", [](Silhouettes& s) { remove(s[0]), remove(s[1]); }, 0.15, 0.2},
+    {"three cameras missing", [](Silhouettes& s) { remove(s[0]), remove(s[1]), remove(s[2]); }, 0, 0},
+    {"one empty", [](Silhouettes& s) { clear(s[0]); }, 0.05, 0.2},
+    {"all empty", [](Silhouettes& s) { std::ranges::for_each(s, clear); }, 0, 0},
+    {"one full", [](Silhouettes& s) { fill(s[0]); }, 0.05, 0.2},
+    {"all full", [](Silhouettes& s) { std::ranges::for_each(s, fill); }, 0, 0},
     {"one cut by the picture's left edge",
      [](Silhouettes& s) {
          const int middle = (s[0].bounds.x0 + s[0].bounds.x1) / 2;
          cut(s[0], [&](int x, int) { return x >= middle; });
      },
-     0.15},
+     0.15, 0.2},
 };
 
 class OddSilhouettes : public ::testing::TestWithParam<int> {
@@ -69,13 +71,13 @@ class OddSilhouettes : public ::testing::TestWithParam<int> {
         options.filtered = false;
         stage_.emplace(scene_.cameras, 30, options);
         for (const Camera& camera : scene_.cameras) models_.push_back(to_kernel(camera));
+        std::vector<BodyCapsule> capsules;
+        scene_.model->capsules(scene_.model->forward(scene_.standing()), capsules);
+        for (const Camera& camera : scene_.cameras) seen_.push_back(testing::silhouette_of(camera, capsules));
     }
 
     std::shared_ptr<BodyPose> show(const std::function<void(Silhouettes&)>& spoil) {
-        std::vector<BodyCapsule> capsules;
-        scene_.model->capsules(scene_.model->forward(scene_.standing()), capsules);
-        Silhouettes silhouettes;
-        for (const Camera& camera : scene_.cameras) silhouettes.push_back(testing::silhouette_of(camera, capsules));
+        Silhouettes silhouettes = seen_;
         spoil(silhouettes);
         std::vector<PoseView> views;
         for (std::size_t c = 0; c < silhouettes.size(); ++c)
@@ -84,8 +86,8 @@ class OddSilhouettes : public ::testing::TestWithParam<int> {
         return stage_->process(1, frame_++, time_ns, views, {}, {}, {0, 0, 0.95});
     }
 
-    void judge(const Case& one, const std::shared_ptr<BodyPose>& pose, const char* when) {
-        if (one.most_error_m == 0) {
+    void judge(const Case& one, double most_error_m, const std::shared_ptr<BodyPose>& pose, const char* when) {
+        if (most_error_m == 0) {
             EXPECT_FALSE(pose) << one.name << ", " << when << ": nothing determines a pose";
             return;
         }
@@ -97,12 +99,13 @@ class OddSilhouettes : public ::testing::TestWithParam<int> {
             if (pose->joints[j].measured())
                 sum += norm(pose->joints[j].in_world - truth.joints_in_world[j]), ++told;
         EXPECT_GE(told, 12) << one.name << ", " << when;
-        EXPECT_LT(sum / std::max(told, 1), one.most_error_m) << one.name << ", " << when;
+        EXPECT_LT(sum / std::max(told, 1), most_error_m) << one.name << ", " << when;
     }
 
     testing::SeenBody scene_;
     std::vector<kernels::CameraModel> models_;
     std::optional<PoseStage> stage_;
+    Silhouettes seen_;
     std::int64_t frame_ = 0;
 };
 
@@ -111,16 +114,16 @@ TEST_P(OddSilhouettes, WhileABodyIsFollowed) {
     for (int n = 0; n < 5; ++n) ASSERT_TRUE(show([](Silhouettes&) {}));
     std::shared_ptr<BodyPose> pose;
     for (int n = 0; n < 15; ++n) pose = show(one.spoil);
-    judge(one, pose, "following");
+    judge(one, one.following_m, pose, "following");
     for (int n = 0; n < 8; ++n) pose = show([](Silhouettes&) {});
-    judge(kCases[0], pose, "afterwards");
+    judge(one, kCases[0].following_m, pose, "afterwards");
 }
 
 TEST_P(OddSilhouettes, WhileABodyIsToBeFound) {
     const Case& one = kCases[GetParam()];
     std::shared_ptr<BodyPose> pose;
     for (int n = 0; n < 10; ++n) pose = show(one.spoil);
-    judge(one, pose, "finding");
+    judge(one, one.finding_m, pose, "finding");
 }
 
 INSTANTIATE_TEST_SUITE_P(All, OddSilhouettes, ::testing::Range(0, static_cast<int>(std::size(kCases))),
