@@ -180,6 +180,7 @@ int main(int argc, char** argv) {
     fmt::print(
         "| what | centres, worst | rotations, worst | scale | held out |\n| --- | ---: | ---: | ---: | ---: "
         "|\n");
+    std::fflush(stdout);
     bool good = true;
     for (const char* tool : {"board", "wand"})
         for (const int cameras : {4, 8})

@@ -6,8 +6,10 @@
 #include <string>
 
 #include "common/calibration_file.h"
+#include "server/calibration/diagnosis.h"
 #include "server/calibration/extrinsics.h"
 #include "server/calibration/intrinsics.h"
+#include "server/calibration/triangulation.h"
 #include "server/tools/calibrate/board_clips.h"
 #include "server/tools/calibrate/certificate_files.h"
 #include "server/tools/calibrate/console.h"
@@ -18,7 +20,7 @@ namespace {
 
 struct BoardArguments {
     std::vector<std::string> clips;
-    std::string board, out, lenses, floor;
+    std::string board, out, lenses;
     int every = 1, floor_frame = -1;
     bool k3 = false, quiet = false, refine_lenses = false;
 };
@@ -153,6 +155,21 @@ absl::Status extrinsics(const BoardArguments& arguments) {
     auto result = procedure.solve(progress);
     if (!result.ok()) return result.status();
     print_extrinsics(*result);
+    if (arguments.floor_frame >= 0) {
+        const auto lying = result->world_from_board.find(arguments.floor_frame);
+        if (lying == result->world_from_board.end())
+            return absl::InvalidArgumentError(
+                fmt::format("--floor-frame {}: two cameras did not see the board together in that frame; "
+                            "give one in which it lies on the "
+                            "floor in full view",
+                            arguments.floor_frame));
+        const Alignment floor_from_world{1, lying->second.inverse()};
+        move_cameras(floor_from_world, result->cameras);
+        for (Vec3& point : result->seen_points) point = floor_from_world(point);
+        certificate.world_is_set = true;
+        for (Finding& finding : check_world(result->cameras, std::nullopt, std::nullopt))
+            certificate.findings.push_back(std::move(finding));
+    }
     certificate.cameras = result->cameras;
     certificate.quality = result->quality;
     certificate.fit_rms_px = result->fit_rms_px;
@@ -197,6 +214,11 @@ std::vector<Verb> board_verbs(CLI::App& app) {
         "Calibration with the cameras' lenses; without it they come from the same videos");
     extrinsics_verb->add_flag("--refine-lenses", place->refine_lenses,
                               "Let the lenses move a little with the places");
+    extrinsics_verb
+        ->add_option("--floor-frame", place->floor_frame,
+                     "Frame in which the board lies on the floor, print up: its lower left corner becomes "
+                     "the origin, z up")
+        ->check(CLI::NonNegativeNumber);
     return {{intrinsics_verb, [lens] { return intrinsics(*lens); }},
             {extrinsics_verb, [place] { return extrinsics(*place); }}};
 }
