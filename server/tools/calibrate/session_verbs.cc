@@ -144,7 +144,7 @@ std::vector<Verb> session_verbs(CLI::App& app) {
     CLI::App* const check_verb =
         declare(app, "check", "Whether a session's calibration can be trusted: GO, CARE or NO-GO", *checked);
     check_verb->add_option("--out", checked->out,
-                           "Write the certificate to this name with .json and .png added");
+                           "Write the certificate to this name with .json added");
     return {{refine_verb, [refined] { return refine(*refined); }},
             {check_verb, [checked] { return check(*checked); }}};
 }
