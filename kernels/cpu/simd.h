@@ -6,7 +6,8 @@
 #include <cstdint>
 #include <cstring>
 
-#if defined(__x86_64__) && defined(__GNUC__)
+// Clang refuses vectors as arguments between functions of different targets, inlined or not: the plain forms there.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
 #define KINEVOX_HAVE_AVX2_FORM 1
 #define KINEVOX_AVX2 __attribute__((target("avx2,fma,bmi,bmi2,popcnt")))
 #define KINEVOX_AVX2_EXACT __attribute__((target("avx2,bmi,bmi2,popcnt")))  // every product rounded, as without

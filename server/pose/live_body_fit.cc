@@ -63,7 +63,7 @@ absl::Status LiveBodyFit::start(double seconds) {
 void LiveBodyFit::begin(double seconds, bool asked) {
     stop_.request_stop();
     to_fit_.reset();
-    collecting_.emplace();
+    collecting_.emplace(Collecting{});
     collecting_->seconds = seconds;
     collecting_->asked = asked;
     if (asked) attempts_left_ = 0;  // what somebody asked for is not replaced unasked

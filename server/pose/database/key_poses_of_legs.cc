@@ -192,7 +192,9 @@ void add_balance_and_kicks(std::vector<LibraryPose>& poses) {
         };
         for (const auto& [arms_name, flexion, abduction, elbow] :
              {std::tuple{"arms out", 5.0, 85.0, 8.0}, std::tuple{"arms down", 0.0, 14.0, 15.0}}) {
-            const auto add = [&](const char* what, PoseBuilder pose) {
+            // Named, for Clang 14 knows no other way to capture them.
+            const auto add = [&, arms_name = arms_name, flexion = flexion, abduction = abduction,
+                              elbow = elbow](const char* what, PoseBuilder pose) {
                 add_both_sides(poses, fmt::format("{} {}, {}", what, percent, arms_name),
                                pose.arms(flexion, abduction, elbow));
             };
