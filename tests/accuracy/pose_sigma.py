@@ -9,6 +9,7 @@ truth/, RESULTS from `kinevox process`. Fails where, over all sequences, fewer t
 is so wide that it says nothing: more than 90 % within one. Exit status 77 without any sequence."""
 import argparse
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -50,18 +51,23 @@ def main():
     parser.add_argument("--sequence", action="append", default=[])
     parser.add_argument("--kinevox-process", type=Path)
     parser.add_argument("--kinevox-studio", type=Path)
-    parser.add_argument("--work", type=Path, default=Path("pose_sigma_work"))
+    parser.add_argument("--work", type=Path, help="keep what is rendered and computed there")
     arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as scratch:
+        return judge(arguments, arguments.work or Path(scratch))
+
+
+def judge(arguments, work):
     pairs = [tuple(map(Path, s.split("=", 1))) for s in arguments.sequence]
     if not pairs:
         process = arguments.kinevox_process or process_program()
         folders = [DATA / "studio" / s for s in ("walk", "gesture", "signal", "ring8", "sprint")]
         folders = [f for f in folders if f.is_dir()]
         studio = arguments.kinevox_studio or process.parent / "kinevox-studio"
-        folders += [render(studio, arguments.work, sequence) for sequence in SEQUENCES]
+        folders += [render(studio, work, sequence) for sequence in SEQUENCES]
         for folder in folders:
-            run_process(process, folder, arguments.work / "results" / folder.name)
-            pairs.append((folder, arguments.work / "results" / folder.name))
+            run_process(process, folder, work / "results" / folder.name)
+            pairs.append((folder, work / "results" / folder.name))
     if not pairs:
         return 77
     measured = {folder.name: ratios(folder / "truth", results) for folder, results in pairs}
