@@ -1,5 +1,6 @@
 #include "common/camera.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace kinevox {
@@ -73,6 +74,11 @@ Ray Camera::ray_through(Vec2 pixel) const {
     const Vec2 p = undistort(*this, {(pixel.x - cx) / fx, (pixel.y - cy) / fy});
     const Rigid3 world_from_camera = camera_from_world.inverse();
     return {world_from_camera.translation, normalized(world_from_camera.rotation * Vec3{p.x, p.y, 1})};
+}
+
+const Camera* camera_named(std::span<const Camera> cameras, std::string_view name) {
+    const auto found = std::find_if(cameras.begin(), cameras.end(), [&](const Camera& c) { return c.name == name; });
+    return found == cameras.end() ? nullptr : &*found;
 }
 
 std::string camera_name_problem(std::string_view name) {

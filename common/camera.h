@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -33,6 +34,9 @@ struct Camera {
 
     bool operator==(const Camera&) const = default;
 };
+
+// The one of that name, null where there is none.
+const Camera* camera_named(std::span<const Camera> cameras, std::string_view name);
 
 // Camera names become folders and file names: empty if `name` may be one, else what is wrong with it.
 std::string camera_name_problem(std::string_view name);

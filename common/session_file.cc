@@ -92,9 +92,8 @@ absl::StatusOr<std::vector<Camera>> read_session_cameras(const Session& session)
     if (!calibrated.ok()) return calibrated.status();
     std::vector<Camera> cameras;
     for (const SessionCamera& wanted : session.cameras) {
-        const auto found = std::find_if(calibrated->begin(), calibrated->end(),
-                                        [&](const Camera& camera) { return camera.name == wanted.name; });
-        if (found == calibrated->end()) {
+        const Camera* const found = camera_named(*calibrated, wanted.name);
+        if (!found) {
             std::vector<std::string> names;
             for (const Camera& camera : *calibrated) names.push_back(camera.name);
             return absl::NotFoundError(fmt::format(

@@ -11,24 +11,13 @@
 #include <utility>
 
 #include "server/calibration/board_drawing.h"
+#include "server/calibration/grey_picture.h"
 #include "server/calibration/sharpness.h"
 
 namespace kinevox {
 namespace {
 
 constexpr std::size_t kFewestCorners = 6;
-
-cv::Mat to_grey(const Picture& picture, bool inverted) {
-    const cv::Mat view(picture.height, picture.width, CV_8UC(picture.channels),
-                       const_cast<std::uint8_t*>(picture.data.get()));
-    cv::Mat grey;
-    if (picture.channels == 3)
-        cv::cvtColor(view, grey, cv::COLOR_BGR2GRAY);
-    else
-        grey = view.clone();
-    if (inverted) cv::bitwise_not(grey, grey);
-    return grey;
-}
 
 // Twice the signed area of a triangle; positive where a, b, c turn clockwise on the screen (y down).
 double turn(cv::Point2f a, cv::Point2f b, cv::Point2f c) {
@@ -72,7 +61,8 @@ class OpenCvDetector final : public BoardDetector {
 
     BoardSighting detect(const Picture& picture) override {
         if (picture.empty()) return {};
-        const cv::Mat grey = to_grey(picture, board_.inverted);
+        cv::Mat grey = grey_of(picture);
+        if (board_.inverted) grey = 255 - grey;
         BoardSighting sighting = detect_in(grey);
         if (!sighting.found() && board_.kind != BoardKind::kCheckerboard) {
             cv::Mat mirror;

@@ -102,6 +102,16 @@ Vec3 observed_point(const Bundle& bundle, const BundleObservation& o) {
            0.5 * delay * delay * o.acceleration_in_world;
 }
 
+absl::Status place_held_out(const Bundle& fit, BundleOptions options, Bundle& held_out,
+                            BundleReport& report) {
+    if (held_out.observations.empty()) return absl::OkStatus();
+    held_out.cameras = fit.cameras;
+    held_out.delay = fit.delay;
+    options.free_intrinsics = options.free_delays = false;
+    options.fixed_cameras = true;
+    return solve_bundle(held_out, options, report);
+}
+
 BundleReport measure_bundle(const Bundle& bundle) {
     BundleReport report;
     double sum = 0;

@@ -10,12 +10,6 @@
 namespace kinevox {
 namespace {
 
-double mean(const std::vector<double>& values) {
-    double sum = 0;
-    for (const double value : values) sum += value;
-    return values.empty() ? 0 : sum / static_cast<double>(values.size());
-}
-
 SilhouetteSet exchanged(SilhouetteSet set, std::size_t a, std::size_t b) {
     for (auto& pictures : set.moments) std::swap(pictures[a], pictures[b]);
     return set;
@@ -43,23 +37,21 @@ absl::StatusOr<std::vector<Finding>> diagnose_silhouettes(const std::vector<Came
                                                           const SolveProgress& progress) {
     const absl::Status cancelled = absl::CancelledError("stopped");
     const std::size_t count = cameras.size();
-    double side = 1;
-    for (const Camera& camera : cameras)
-        side = std::max<double>({side, 1.0 * camera.width, 1.0 * camera.height});
+    const double side = longest_side_px(cameras);
     const double good = options.good_miss_part * side, bad = options.bad_miss_part * side;
-    const double before = mean(silhouette_misses(cameras, silhouettes, options.refine));
+    const double before = silhouette_miss_px(cameras, silhouettes, options.refine);
     if (before < good)
         return std::vector<Finding>{{Verdict::kGo, "silhouettes", "",
                                      fmt::format("silhouettes and cameras agree to {:.1f} px", before), ""}};
     const Verdict verdict = before > bad ? Verdict::kNoGo : Verdict::kCare;
     std::vector<Finding> findings;
     const SilhouetteSet some = some_of(silhouettes, 16);
-    const double some_before = mean(silhouette_misses(cameras, some, options.refine));
+    const double some_before = silhouette_miss_px(cameras, some, options.refine);
     for (std::size_t a = 0; a < count; ++a)
         for (std::size_t b = a + 1; b < count; ++b) {
             if (cameras[a].width != cameras[b].width || cameras[a].height != cameras[b].height) continue;
             if (progress && !progress(0.3 * a / count, "whether cameras are swapped")) return cancelled;
-            const double after = mean(silhouette_misses(cameras, exchanged(some, a, b), options.refine));
+            const double after = silhouette_miss_px(cameras, exchanged(some, a, b), options.refine);
             if (after < 0.5 * some_before)
                 findings.push_back(
                     {Verdict::kNoGo, "swapped", cameras[a].name,
@@ -72,7 +64,7 @@ absl::StatusOr<std::vector<Finding>> diagnose_silhouettes(const std::vector<Came
     for (std::size_t c = 0; c < count; ++c) {
         if (progress && !progress(0.3 + 0.1 * c / count, "whether a picture is upside down"))
             return cancelled;
-        const double after = mean(silhouette_misses(cameras, turned_round(some, c), options.refine));
+        const double after = silhouette_miss_px(cameras, turned_round(some, c), options.refine);
         if (after < 0.6 * some_before)
             findings.push_back(
                 {Verdict::kNoGo, "upside_down", cameras[c].name,
@@ -124,7 +116,7 @@ std::optional<SubjectExtent> subject_extent(const std::vector<Camera>& cameras,
     // trusted yet.
     std::vector<double> lowest, highest, widths;
     for (const auto& pictures : silhouettes.moments) {
-        std::vector<Sight> tops, bottoms, lefts;
+        std::vector<Sight> tops, bottoms;
         for (std::size_t c = 0; c < cameras.size(); ++c) {
             if (pictures[c].empty() || pictures[c].cut) continue;
             const int w = cameras[c].width, h = cameras[c].height;

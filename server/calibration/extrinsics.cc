@@ -21,17 +21,6 @@ std::string listed(const std::vector<std::string>& names) {
     return fmt::format("{}", fmt::join(names, ", "));
 }
 
-// The board's poses at the moments kept out, by cameras that stay where they are.
-absl::Status place_held_out(const Bundle& fit, BundleOptions options, Bundle& held_out,
-                            BundleReport& report) {
-    if (held_out.observations.empty()) return absl::OkStatus();
-    held_out.cameras = fit.cameras;
-    held_out.delay = fit.delay;
-    options.free_intrinsics = options.free_delays = false;
-    options.fixed_cameras = true;
-    return solve_bundle(held_out, options, report);
-}
-
 // Each observed point's velocity from the board's poses at the moments before and after.
 void set_velocities(const std::vector<int>& fit_moments, const std::vector<int>& held_moments, Bundle& fit,
                     Bundle& held_out) {

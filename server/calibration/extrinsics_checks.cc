@@ -5,14 +5,15 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numbers>
 
+#include "common/degrees.h"
 #include "server/calibration/coverage.h"
 #include "server/calibration/triangulation.h"
 
 namespace kinevox {
 namespace {
 
-constexpr double kDegrees = 180 / 3.14159265358979323846;
 constexpr double kSuspiciousPx = 0.7;   // held out: beyond it, what could be wrong is tried out
 constexpr double kPoorCoverage = 0.26;  // part of the picture
 
@@ -88,7 +89,7 @@ void find_moved(const Bundle& some, double before_px, std::vector<Finding>& find
             best_px = after_px, which = static_cast<int>(c);
             const Camera &early = split.cameras[c], &late = split.cameras.back();
             turned =
-                kDegrees * angle_between(early.camera_from_world.rotation, late.camera_from_world.rotation);
+                degrees(angle_between(early.camera_from_world.rotation, late.camera_from_world.rotation));
             moved = norm(early.centre_in_world() - late.centre_in_world());
         }
     if (which >= 0 && (turned > 0.1 || moved > 0.01))
@@ -107,7 +108,7 @@ std::vector<Finding> check_views(const PosedViews& views) {
     for (const auto& [moment, seen] : views.all())
         for (const PosedView& view : seen) {
             ++all;
-            behind += view.pose.tilt_rad > 3.14159265358979323846 / 2;
+            behind += view.pose.tilt_rad > std::numbers::pi / 2;
         }
     if (all > 0 && 2 * behind > all)
         findings.push_back({Verdict::kNoGo, "mirrored", "",
@@ -222,7 +223,7 @@ void append_findings(const Bundle& bundle, ExtrinsicsResult& result) {
     for (const Rigid3& a : bundle.world_from_thing) {
         const Mat3 &r = a.rotation, &first = bundle.world_from_thing.front().rotation;
         const double cosine = r(0, 2) * first(0, 2) + r(1, 2) * first(1, 2) + r(2, 2) * first(2, 2);
-        widest = std::max(widest, kDegrees * std::acos(std::clamp(cosine, -1.0, 1.0)));
+        widest = std::max(widest, degrees(std::acos(std::clamp(cosine, -1.0, 1.0))));
     }
     if (widest < 12)
         add(Verdict::kCare, "flat", "",

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <opencv2/imgproc.hpp>
 
 #include "kernels/hull.h"
 #include "kernels/projection.h"
@@ -9,20 +10,6 @@
 #include "server/pipeline/convert.h"
 
 namespace kinevox {
-namespace {
-
-kernels::Rect bounds_of(const std::vector<std::uint8_t>& mask, int width, int height) {
-    kernels::Rect box{width, height, 0, 0};
-    for (int y = 0; y < height; ++y)
-        for (int x = 0; x < width; ++x)
-            if (mask[static_cast<std::size_t>(y) * width + x])
-                box = {std::min(box.x0, x), std::min(box.y0, y), std::max(box.x1, x + 1),
-                       std::max(box.y1, y + 1)};
-    return box;
-}
-
-}  // namespace
-
 HullAgreement hull_agreement(const std::vector<Camera>& cameras, const SilhouetteSet& silhouettes,
                              const HullAgreementOptions& options) {
     kernels::HullOptions strict;
@@ -44,8 +31,10 @@ HullAgreement hull_agreement(const std::vector<Camera>& cameras, const Silhouett
         std::vector<Sight> sights;
         for (std::size_t c = 0; c < cameras.size(); ++c) {
             if (pictures[c].empty()) continue;
-            const kernels::Rect box = bounds_of(pictures[c].mask, cameras[c].width, cameras[c].height);
-            if (box.empty()) continue;
+            const cv::Rect bounds = cv::boundingRect(cv::Mat(cameras[c].height, cameras[c].width, CV_8U,
+                                                             const_cast<std::uint8_t*>(pictures[c].mask.data())));
+            if (bounds.empty()) continue;
+            const kernels::Rect box{bounds.x, bounds.y, bounds.x + bounds.width, bounds.y + bounds.height};
             views.push_back({&models[c], pictures[c].mask.data(), nullptr, box});
             if (!pictures[c].cut)
                 sights.push_back({&cameras[c], {0.5 * (box.x0 + box.x1), 0.5 * (box.y0 + box.y1)}});

@@ -6,12 +6,12 @@
 #include <limits>
 #include <opencv2/calib3d.hpp>
 
+#include "common/degrees.h"
 #include "server/calibration/board_pose.h"
 
 namespace kinevox {
 namespace {
 
-constexpr double kDegrees = 180 / 3.14159265358979323846;
 constexpr std::size_t kStartViews = 20;
 constexpr std::size_t kEnoughToChoose = 8;  // fewer views than this are all used
 constexpr double kLeastGain = 0.1;          // of the logarithm of the determinant: 0.6 % of each deviation
@@ -112,7 +112,7 @@ void LensFit::measure_tilts(const std::vector<IntrinsicsView*>& views) const {
     for (IntrinsicsView* view : views)
         if (const auto pose = board_pose(state_->camera, view->corners, state_->points))
             view->tilt_deg =
-                kDegrees * std::acos(std::min(1.0, std::abs(pose->camera_from_board.rotation(2, 2))));
+                degrees(std::acos(std::min(1.0, std::abs(pose->camera_from_board.rotation(2, 2)))));
 }
 
 void LensFit::select_informative(std::vector<IntrinsicsView*>& views, std::size_t most) const {

@@ -67,11 +67,9 @@ OutlineRays::OutlineRays(const std::vector<Camera>& cameras, const SilhouetteSet
     for (std::size_t n = 0; n < wanted; ++n)
         for (std::size_t c = 0; c < cameras.size(); ++c) {
             if (!fields_[n][c]) continue;
-            Camera at_origin = cameras[c];
-            at_origin.camera_from_world = {};
             for (const Vec2 pixel : fields_[n][c]->outline(options.outline_points))
-                rays_.push_back({static_cast<int>(n), static_cast<int>(c),
-                                 at_origin.ray_through(pixel).direction_in_world});
+                rays_.push_back(
+                    {static_cast<int>(n), static_cast<int>(c), direction_in_camera(cameras[c], pixel)});
         }
 }
 

@@ -6,21 +6,15 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/degrees.h"
 #include "server/calibration/silhouette_rays.h"
 #include "server/calibration/triangulation.h"
 
 namespace kinevox {
 namespace {
 
-constexpr double kDegrees = 180 / 3.14159265358979323846;
 constexpr double kRaysPerSample = 400;  // and by one pixel squared
 constexpr int kFewestMoments = 5;
-
-double longest_side(const std::vector<Camera>& cameras) {
-    int side = 1;
-    for (const Camera& camera : cameras) side = std::max({side, camera.width, camera.height});
-    return side;
-}
 
 Camera moved(const Camera& camera, const Eigen::Matrix<double, 6, 1>& step) {
     Camera out = camera;
@@ -34,7 +28,7 @@ void add_prior(const std::vector<Camera>& now, const std::vector<Camera>& given,
                const SilhouetteRefineOptions& options, OutlineRays::Normal& normal) {
     // Neighbouring rays and moments are wrong together, so that many thousands of them count as a few
     // hundred.
-    const double turn_weight = kRaysPerSample * std::pow(kDegrees / options.prior_angle_deg, 2);
+    const double turn_weight = kRaysPerSample * std::pow(1 / radians(options.prior_angle_deg), 2);
     const double shift_weight = kRaysPerSample * std::pow(1 / options.prior_shift_m, 2);
     for (std::size_t c = 0; c < now.size(); ++c) {
         const Rigid3 change = now[c].camera_from_world * given[c].camera_from_world.inverse();
@@ -49,18 +43,23 @@ void add_prior(const std::vector<Camera>& now, const std::vector<Camera>& given,
     }
 }
 
-std::vector<double> robust_misses(const OutlineRays& rays, const std::vector<Camera>& cameras,
-                                  double scale_px) {
-    return rays.measure(cameras, scale_px, false).camera_cost;
-}
-
 double mean(const std::vector<double>& values) {
     double sum = 0;
     for (const double value : values) sum += value;
     return values.empty() ? 0 : sum / static_cast<double>(values.size());
 }
 
+double mean_miss(const OutlineRays& rays, const std::vector<Camera>& cameras, double scale_px) {
+    return mean(rays.measure(cameras, scale_px, false).camera_cost);
+}
+
 }  // namespace
+
+double longest_side_px(const std::vector<Camera>& cameras) {
+    int side = 1;
+    for (const Camera& camera : cameras) side = std::max({side, camera.width, camera.height});
+    return side;
+}
 
 void align_to(const std::vector<Camera>& like, std::vector<Camera>& cameras) {
     // Points a metre before and beside each camera say where it looks, too. Those that disagree count less
@@ -99,10 +98,10 @@ void align_to(const std::vector<Camera>& like, std::vector<Camera>& cameras) {
     }
 }
 
-std::vector<double> silhouette_misses(const std::vector<Camera>& cameras, const SilhouetteSet& silhouettes,
-                                      const SilhouetteRefineOptions& options) {
+double silhouette_miss_px(const std::vector<Camera>& cameras, const SilhouetteSet& silhouettes,
+                          const SilhouetteRefineOptions& options) {
     const OutlineRays rays(cameras, silhouettes, options);
-    return robust_misses(rays, cameras, 2 * options.last_scale_part * longest_side(cameras));
+    return mean_miss(rays, cameras, 2 * options.last_scale_part * longest_side_px(cameras));
 }
 
 absl::StatusOr<SilhouetteRefineResult> refine_from_silhouettes(const std::vector<Camera>& cameras,
@@ -115,11 +114,11 @@ absl::StatusOr<SilhouetteRefineResult> refine_from_silhouettes(const std::vector
             fmt::format("the person is seen by two cameras in {} moments, at least {} are needed; let a "
                         "person walk where all see them",
                         rays.moments(), kFewestMoments));
-    const double side = longest_side(cameras);
+    const double side = longest_side_px(cameras);
     const double first = options.first_scale_part * side, last = options.last_scale_part * side;
     SilhouetteRefineResult result;
     result.cameras = cameras;
-    result.miss_before_px = mean(robust_misses(rays, cameras, 2 * last));
+    result.miss_before_px = mean_miss(rays, cameras, 2 * last);
     double damping = 1e-3;
     int stuck = 0;
     for (int round = 0; round < options.rounds; ++round) {
@@ -154,10 +153,10 @@ absl::StatusOr<SilhouetteRefineResult> refine_from_silhouettes(const std::vector
         if (part >= 1 && stuck >= 2) break;
     }
     align_to(cameras, result.cameras);
-    result.miss_after_px = mean(robust_misses(rays, result.cameras, 2 * last));
+    result.miss_after_px = mean_miss(rays, result.cameras, 2 * last);
     for (std::size_t c = 0; c < cameras.size(); ++c) {
-        result.turned_deg.push_back(kDegrees * angle_between(cameras[c].camera_from_world.rotation,
-                                                             result.cameras[c].camera_from_world.rotation));
+        result.turned_deg.push_back(degrees(angle_between(cameras[c].camera_from_world.rotation,
+                                                          result.cameras[c].camera_from_world.rotation)));
         result.moved_m.push_back(norm(cameras[c].centre_in_world() - result.cameras[c].centre_in_world()));
     }
     return result;

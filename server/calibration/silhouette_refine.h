@@ -42,10 +42,13 @@ absl::StatusOr<SilhouetteRefineResult> refine_from_silhouettes(const std::vector
                                                                const SilhouetteRefineOptions& options = {},
                                                                const SolveProgress& progress = {});
 
-// How well places fit silhouettes: the robust mean of what the refinement minimises, px, per camera (its own
-// outline's rays). Cheap: for trying what could be wrong.
-std::vector<double> silhouette_misses(const std::vector<Camera>& cameras, const SilhouetteSet& silhouettes,
-                                      const SilhouetteRefineOptions& options = {});
+// How well places fit silhouettes: the robust mean of what the refinement minimises, px, over the cameras' own
+// outlines. Cheap: for trying what could be wrong.
+double silhouette_miss_px(const std::vector<Camera>& cameras, const SilhouetteSet& silhouettes,
+                          const SilhouetteRefineOptions& options = {});
+
+// Of the cameras' pictures, px.
+double longest_side_px(const std::vector<Camera>& cameras);
 
 // Moves `cameras` so that they lie as `like` does: rigid and scale, by the most of them that agree.
 void align_to(const std::vector<Camera>& like, std::vector<Camera>& cameras);

@@ -16,6 +16,11 @@ Vec3 plain(const Eigen::Vector3d& v) {
 
 }  // namespace
 
+Vec3 direction_in_camera(Camera camera, Vec2 pixel) {
+    camera.camera_from_world = {};
+    return camera.ray_through(pixel).direction_in_world;
+}
+
 std::optional<Vec3> triangulate(const std::vector<Sight>& sights) {
     if (sights.size() < 2) return std::nullopt;
     Eigen::Matrix3d across = Eigen::Matrix3d::Zero();

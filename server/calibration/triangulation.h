@@ -14,6 +14,9 @@ struct Sight {
     Vec2 pixel;
 };
 
+// Of the ray through a pixel, length 1.
+Vec3 direction_in_camera(Camera camera, Vec2 pixel);
+
 // The point whose projections are nearest to the pixels (Gauss-Newton from the rays' nearest point). Nothing
 // for fewer than two sights, parallel rays or a point behind a camera.
 std::optional<Vec3> triangulate(const std::vector<Sight>& sights);

@@ -28,9 +28,7 @@ Rigid3 pose_between(Vec3 first, Vec3 last) {
 }
 
 cv::Point2d on_plane(const Camera& camera, Vec2 pixel) {
-    Camera at_origin = camera;
-    at_origin.camera_from_world = {};
-    const Vec3 d = at_origin.ray_through(pixel).direction_in_world;
+    const Vec3 d = direction_in_camera(camera, pixel);
     return {d.x / d.z, d.y / d.z};
 }
 
@@ -190,10 +188,8 @@ absl::StatusOr<ExtrinsicsResult> WandProcedure::solve(const SolveProgress& progr
     if (absl::Status status = solve_bundle(fit, options, report, within); !status.ok()) return status;
     result.cameras = fit.cameras;
     result.fit_rms_px = report.rms_px;
+    if (absl::Status status = place_held_out(fit, options, held_out, held_report); !status.ok()) return status;
     if (!held_out.observations.empty()) {
-        held_out.cameras = fit.cameras;
-        options.fixed_cameras = true;
-        if (absl::Status status = solve_bundle(held_out, options, held_report); !status.ok()) return status;
         result.held_out_rms_px = held_report.rms_px;
         result.scale = scale_error(held_out);
     }

@@ -2,23 +2,13 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "server/calibration/grey_picture.h"
 #include "server/calibration/wand.h"
 
 namespace kinevox {
 namespace {
 
 constexpr std::size_t kMostSpots = 12;
-
-cv::Mat grey_of(const Picture& picture) {
-    const cv::Mat view(picture.height, picture.width, CV_8UC(picture.channels),
-                       const_cast<std::uint8_t*>(picture.data.get()));
-    cv::Mat grey;
-    if (picture.channels == 3)
-        cv::cvtColor(view, grey, cv::COLOR_BGR2GRAY);
-    else
-        grey = view;
-    return grey;
-}
 
 struct Spot {
     Vec2 centre;

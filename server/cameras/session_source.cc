@@ -14,7 +14,7 @@
 #include <fmt/format.h>
 #include <opencv2/core/utils/logger.hpp>
 
-#include "server/cameras/background_priority.h"
+#include "common/background_priority.h"
 #include "server/cameras/picture_reader.h"
 
 namespace kinevox {

@@ -2,15 +2,15 @@
 
 #include <fmt/format.h>
 #include <oneapi/tbb/task_arena.h>
-#include <sys/resource.h>
 
 #include <algorithm>
 #include <utility>
 
+#include "common/background_priority.h"
+
 namespace kinevox {
 namespace {
 
-constexpr int kNice = 10;  // the capture comes first
 constexpr double kMostRate_hz = 30;
 constexpr double kMostFrames = 80;  // that are kept, some 0.3 MB and 50 ms of one core each with four cameras
 constexpr double kLongestWait_s = 20;  // for a person, where somebody asked
@@ -147,7 +147,7 @@ void LiveBodyFit::report() {
 }
 
 void LiveBodyFit::fit_loop() {
-    setpriority(PRIO_PROCESS, 0, kNice);  // of this thread; refused: no harm
+    lower_this_threads_priority();    // the capture comes first
     oneapi::tbb::task_arena alone(1);     // none of the pipeline's workers
     while (true) {
         std::unique_lock lock(mutex_);

@@ -10,6 +10,7 @@
 #include <random>
 #include <string>
 
+#include "common/degrees.h"
 #include "server/calibration/board_detector.h"
 #include "server/calibration/extrinsics.h"
 #include "server/calibration/triangulation.h"
@@ -20,7 +21,6 @@
 namespace kinevox {
 namespace {
 
-constexpr double kDegrees = 180 / 3.14159265358979323846;
 constexpr double kMostCentreMm = 5, kMostTurnDeg = 0.1, kMostScalePart = 0.002, kMostSeconds = 20;
 constexpr double kNoiseGrey = 1.4, kDistortion = 0.08;
 const Vec3 kLower{-1.2, -1.2, 0.4}, kUpper{1.2, 1.2, 1.9};
@@ -43,8 +43,8 @@ Errors errors_against(const std::vector<Camera>& truth, std::vector<Camera> solv
         errors.centre_mm =
             std::max(errors.centre_mm, 1000 * norm(solved[c].centre_in_world() - truth[c].centre_in_world()));
         errors.turn_deg =
-            std::max(errors.turn_deg, kDegrees * angle_between(solved[c].camera_from_world.rotation,
-                                                               truth[c].camera_from_world.rotation));
+            std::max(errors.turn_deg, degrees(angle_between(solved[c].camera_from_world.rotation,
+                                                               truth[c].camera_from_world.rotation)));
     }
     return errors;
 }

@@ -1,17 +1,15 @@
 #include "server/pose/database/database_service.h"
 
-#include <sys/resource.h>
-
 #include <algorithm>
 #include <utility>
 
+#include "common/background_priority.h"
 #include "server/pose/database/bvh_import.h"
 
 namespace kinevox {
 namespace {
 
 constexpr std::size_t kPosesAtOnce = 16;
-constexpr int kNice = 10;  // the cameras' pipeline comes first
 constexpr const char* kStopping = "the daemon is stopping; nothing was changed";
 
 }  // namespace
@@ -45,7 +43,7 @@ void PoseDatabaseService::start(std::vector<kernels::CameraModel> cameras, const
     if (closed_) source.request_stop();  // a close() from now on finds the new source
     builder_ = std::jthread([this, cameras = std::move(cameras), shape, options, stop = source.get_token(),
                              on_progress = std::move(on_progress)] {
-        setpriority(PRIO_PROCESS, 0, kNice);  // of this thread and those it starts; refused: no harm
+        lower_this_threads_priority();
         build(stop, cameras, shape, options, on_progress);
     });
 }

@@ -82,9 +82,8 @@ absl::StatusOr<std::vector<Camera>> lenses_of_clips(const std::string& file,
     if (!all.ok()) return all.status();
     std::vector<Camera> lenses;
     for (const CameraClip& clip : clips) {
-        const auto found = std::find_if(all->begin(), all->end(),
-                                        [&](const Camera& camera) { return camera.name == clip.camera; });
-        if (found == all->end())
+        const Camera* const found = camera_named(*all, clip.camera);
+        if (!found)
             return absl::NotFoundError(fmt::format(
                 "{}: has no camera {}; name the clip as the camera, NAME=FILE", file, clip.camera));
         if (found->width != clip.width || found->height != clip.height)

@@ -30,9 +30,8 @@ absl::StatusOr<SessionSilhouettes> open(const SessionArguments& arguments, const
     const auto other = read_calibration(arguments.calibration);
     if (!other.ok()) return other.status();
     for (Camera& camera : silhouettes->cameras) {
-        const auto found = std::find_if(other->begin(), other->end(),
-                                        [&](const Camera& c) { return c.name == camera.name; });
-        if (found == other->end() || found->width != camera.width || found->height != camera.height)
+        const Camera* const found = camera_named(*other, camera.name);
+        if (!found || found->width != camera.width || found->height != camera.height)
             return absl::InvalidArgumentError(
                 fmt::format("{}: has no camera {} of {} x {} px; give a calibration of the "
                             "session's cameras",

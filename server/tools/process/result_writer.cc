@@ -14,7 +14,7 @@
 
 #include "common/atomic_file.h"
 #include "common/ply.h"
-#include "server/cameras/background_priority.h"
+#include "common/background_priority.h"
 #include "server/tools/process/tables.h"
 
 namespace kinevox {

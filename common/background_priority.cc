@@ -1,4 +1,4 @@
-#include "server/cameras/background_priority.h"
+#include "common/background_priority.h"
 
 #ifdef __linux__
 #include <sys/resource.h>
