@@ -75,6 +75,9 @@ v1::EventKind to_proto(EventKind kind) {
         case EventKind::kControlReleased: return v1::EVENT_KIND_CONTROL_RELEASED;
         case EventKind::kPoseDatabase: return v1::EVENT_KIND_POSE_DATABASE;
         case EventKind::kBodyFitted: return v1::EVENT_KIND_BODY_FITTED;
+        case EventKind::kCameraMoved: return v1::EVENT_KIND_CAMERA_MOVED;
+        case EventKind::kCameraInPlace: return v1::EVENT_KIND_CAMERA_IN_PLACE;
+        case EventKind::kCalibration: return v1::EVENT_KIND_CALIBRATION;
         case EventKind::kError: return v1::EVENT_KIND_ERROR;
     }
     return v1::EVENT_KIND_UNSPECIFIED;

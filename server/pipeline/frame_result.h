@@ -48,6 +48,9 @@ enum class EventKind {
     kControlReleased,
     kPoseDatabase,       // built or read, and why
     kBodyFitted,         // to the subject
+    kCameraMoved,        // it seems to have: its calibration is suspect
+    kCameraInPlace,      // its calibration agrees again
+    kCalibration,        // solved, applied, undone or imported
     kError,
 };
 

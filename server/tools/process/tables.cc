@@ -76,6 +76,8 @@ std::string_view event_name(EventKind kind) {
         case EventKind::kSourceEnded: return "source_ended";
         case EventKind::kControlTaken: return "control_taken";
         case EventKind::kControlReleased: return "control_released";
+        case EventKind::kCameraMoved: return "camera_moved";
+        case EventKind::kCameraInPlace: return "camera_in_place";
         case EventKind::kError: return "error";
     }
     return "unknown";
