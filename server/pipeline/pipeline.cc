@@ -4,6 +4,7 @@
 #include <chrono>
 #include <exception>
 #include <limits>
+#include <mutex>
 #include <stdexcept>
 #include <utility>
 
@@ -23,20 +24,44 @@ constexpr int kExpectedDilation = 40;   // 1/40 of the picture's height
 
 constexpr std::size_t kManyViews = 4;
 
+using Clock = std::chrono::steady_clock;
+
+double to_ms(Clock::duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
+
 // Milliseconds since it was made or last asked.
 class LapClock {
   public:
     double lap_ms() {
         const auto now = Clock::now();
-        const double ms = std::chrono::duration<double, std::milli>(now - lap_).count();
+        const double ms = to_ms(now - lap_);
         lap_ = now;
         return ms;
     }
-    double total_ms() const { return std::chrono::duration<double, std::milli>(Clock::now() - start_).count(); }
 
   private:
-    using Clock = std::chrono::steady_clock;
-    Clock::time_point start_ = Clock::now(), lap_ = start_;
+    Clock::time_point lap_ = Clock::now();
+};
+
+// Reconstructions on their way back, so that their volumes' memory is kept. Thread safe.
+class SpareReconstructions {
+  public:
+    std::unique_ptr<Reconstruction> take() {
+        const std::lock_guard lock(mutex_);
+        if (spare_.empty()) return std::make_unique<Reconstruction>();
+        std::unique_ptr<Reconstruction> taken = std::move(spare_.back());
+        spare_.pop_back();
+        return taken;
+    }
+    void give_back(std::unique_ptr<Reconstruction> used) {
+        used->result.reset();
+        const std::lock_guard lock(mutex_);
+        if (spare_.size() < kMost) spare_.push_back(std::move(used));
+    }
+
+  private:
+    static constexpr std::size_t kMost = 3;   // one in each half, one between
+    std::mutex mutex_;
+    std::vector<std::unique_ptr<Reconstruction>> spare_;
 };
 
 // Cameras side by side; what a camera's stage splits further is stolen by idle workers.
@@ -64,11 +89,12 @@ class StagedPipeline final : public Pipeline {
     }
 
     absl::Status learn_background(const std::vector<std::vector<Picture>>& empty_scene) override;
-    absl::StatusOr<FrameResultPtr> process(FrameSet frame_set) override;
+    absl::StatusOr<std::unique_ptr<Reconstruction>> reconstruct(FrameSet frame_set) override;
+    absl::StatusOr<FrameResultPtr> pose(std::unique_ptr<Reconstruction> reconstruction) override;
     void reset_track() override {
         tracker_.reset();
         expect_volume_ = false;
-        if (pose_stage_) pose_stage_->reset();
+        track_forgotten_ = true;
     }
     PoseStage* pose_stage() override { return pose_stage_.get(); }
 
@@ -82,34 +108,38 @@ class StagedPipeline final : public Pipeline {
     absl::Status check_picture(const Picture& picture, std::size_t camera) const;
     void segment(FrameResult& result);
     void track(FrameResult& result);
-    void carve(const FrameResult& result);
-    void colour(FrameResult& result);
-    void pose(FrameResult& result);
+    void carve(Reconstruction& work);
+    void colour(Reconstruction& work);
 
+    // Of both halves.
     std::vector<Camera> cameras_;
     PipelineOptions options_;
     std::vector<kernels::CameraModel> models_;
+    SpareReconstructions spare_;
+
+    // Of the first half alone.
     std::vector<std::unique_ptr<kernels::Segmenter>> segmenters_;
     Tracker tracker_;
     std::unique_ptr<kernels::HullCarver> carver_, many_views_carver_;
     std::unique_ptr<kernels::VoxelColourer> colourer_;   // null without colouring
-    std::unique_ptr<PoseStage> pose_stage_;               // null without poses
-    std::vector<PoseView> pose_views_;
-    std::uint32_t posed_subject_ = 0;
     ResultPool results_;
     bool learned_ = false;
+    bool track_forgotten_ = false;                        // since the last reconstruction
     bool expect_volume_ = false;                          // the next line is of the last frame set's subject
     kernels::VoxelVolume last_shape_;                     // coarse
     std::vector<std::vector<std::uint8_t>> expected_;     // per camera, its projection to where it should be now
 
-    // Of the frame set in work; members so that their memory is kept.
+    // Of the first half's frame set in work; members so that their memory is kept.
     std::vector<const kernels::Silhouettes*> seen_;       // per camera, null: no picture
     TrackerUpdate update_;
     std::vector<kernels::HullView> hull_views_;
     std::vector<kernels::ColouringView> colouring_views_;
-    std::vector<std::size_t> view_camera_;                // camera of each view
     kernels::ColouringReport report_;
-    kernels::VoxelVolume volume_;
+
+    // Of the second half alone.
+    std::unique_ptr<PoseStage> pose_stage_;               // null without poses
+    std::vector<PoseView> pose_views_;
+    std::uint32_t posed_subject_ = 0;
 };
 
 absl::Status StagedPipeline::check_picture(const Picture& picture, std::size_t camera) const {
@@ -179,46 +209,35 @@ void StagedPipeline::track(FrameResult& result) {
 
 // Only the cameras that agree on the subject carve it. Where four or more do, what only two of them see is not
 // kept: behind the border of the other pictures the cones of two cameras that face each other meet in a long ghost.
-void StagedPipeline::carve(const FrameResult& result) {
+void StagedPipeline::carve(Reconstruction& work) {
     hull_views_.clear();
-    view_camera_.clear();
+    work.carving_cameras.clear();
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
         if (update_.roles[c] != CameraRole::kAgrees && update_.roles[c] != CameraRole::kPartial) continue;
-        const kernels::Silhouettes& s = result.silhouettes[c];
+        const kernels::Silhouettes& s = work.result->silhouettes[c];
         hull_views_.push_back({&models_[c], s.loose.data(), s.probability.data(), s.bounds});
-        view_camera_.push_back(c);
+        work.carving_cameras.push_back(c);
     }
     kernels::HullCarver& carver = hull_views_.size() >= kManyViews ? *many_views_carver_ : *carver_;
-    carver.carve(hull_views_, *update_.lattice, volume_);
+    carver.carve(hull_views_, *update_.lattice, work.volume);
 }
 
-void StagedPipeline::colour(FrameResult& result) {
+void StagedPipeline::colour(Reconstruction& work) {
+    FrameResult& result = *work.result;
     colouring_views_.clear();
-    for (const std::size_t c : view_camera_) {
+    for (const std::size_t c : work.carving_cameras) {
         const kernels::Silhouettes& s = result.silhouettes[c];
         colouring_views_.push_back(
             {&models_[c], to_kernel(result.frame_set.pictures[c]), s.loose.data(), s.sharp.data(),
              s.bounds});
     }
-    colourer_->colour(colouring_views_, volume_, report_);
-    for (std::size_t view = 0; view < view_camera_.size() && view < report_.silhouette_iou.size(); ++view)
-        result.silhouette_iou[view_camera_[view]] = report_.silhouette_iou[view];
+    colourer_->colour(colouring_views_, work.volume, report_);
+    for (std::size_t view = 0; view < work.carving_cameras.size() && view < report_.silhouette_iou.size(); ++view)
+        result.silhouette_iou[work.carving_cameras[view]] = report_.silhouette_iou[view];
 }
 
-// A camera that disagrees on the subject would bend the body, so only those that carve are asked.
-void StagedPipeline::pose(FrameResult& result) {
-    const SubjectTrack& subject = *result.subject;
-    if (subject.subject_id != posed_subject_) pose_stage_->reset();
-    posed_subject_ = subject.subject_id;
-    pose_views_.assign(cameras_.size(), {});
-    for (std::size_t c = 0; c < cameras_.size(); ++c) pose_views_[c].camera = &models_[c];
-    for (const std::size_t c : view_camera_) pose_views_[c].silhouettes = &result.silhouettes[c];
-    result.pose = pose_stage_->process(subject.subject_id, result.sequence, result.capture_time_ns, pose_views_,
-                                       volume_, last_shape_, subject.centre_in_world);
-}
-
-absl::StatusOr<FrameResultPtr> StagedPipeline::process(FrameSet frame_set) {
-    LapClock clock;
+absl::StatusOr<std::unique_ptr<Reconstruction>> StagedPipeline::reconstruct(FrameSet frame_set) {
+    const Clock::time_point arrived = Clock::now();
     if (!learned_)
         return absl::FailedPreconditionError("the background is not learned; learn it from an empty scene first");
     if (frame_set.pictures.size() != cameras_.size())
@@ -228,39 +247,63 @@ absl::StatusOr<FrameResultPtr> StagedPipeline::process(FrameSet frame_set) {
         if (!frame_set.pictures[c].empty())
             if (absl::Status checked = check_picture(frame_set.pictures[c], c); !checked.ok()) return checked;
 
-    std::shared_ptr<FrameResult> result = results_.take();
-    result->sequence = frame_set.sequence;
-    result->capture_time_ns = frame_set.capture_time_ns;
-    result->times.decode_ms = frame_set.decode_ms;
-    result->frame_set = std::move(frame_set);
-    result->silhouette_iou.assign(cameras_.size(), std::numeric_limits<float>::quiet_NaN());
+    std::unique_ptr<Reconstruction> work = spare_.take();
+    work->arrived = arrived;
+    work->result = results_.take();
+    work->first_of_track = std::exchange(track_forgotten_, false);
+    FrameResult& result = *work->result;
+    result.sequence = frame_set.sequence;
+    result.capture_time_ns = frame_set.capture_time_ns;
+    result.times.decode_ms = frame_set.decode_ms;
+    result.frame_set = std::move(frame_set);
+    result.silhouette_iou.assign(cameras_.size(), std::numeric_limits<float>::quiet_NaN());
     try {
-        clock.lap_ms();
-        segment(*result);
-        result->times.segmentation_ms = clock.lap_ms();
-        track(*result);
-        result->times.tracking_ms = clock.lap_ms();
+        LapClock clock;
+        segment(result);
+        result.times.segmentation_ms = clock.lap_ms();
+        track(result);
+        result.times.tracking_ms = clock.lap_ms();
         expect_volume_ = update_.lattice.has_value();
         if (update_.lattice) {
-            carve(*result);
-            result->times.hull_ms = clock.lap_ms();
+            carve(*work);
+            result.times.hull_ms = clock.lap_ms();
             if (colourer_) {
-                colour(*result);
-                result->times.colouring_ms = clock.lap_ms();
+                colour(*work);
+                result.times.colouring_ms = clock.lap_ms();
             }
-            coarsen_by_four(volume_, last_shape_);
-            if (const auto centre = centre_of(volume_)) tracker_.observe_volume(*centre);
-            result->volume = std::make_shared<const Volume>(to_common(volume_));
-            if (pose_stage_ && result->subject) {
-                clock.lap_ms();
-                pose(*result);
-                result->times.pose_ms = clock.lap_ms();
-            }
+            coarsen_by_four(work->volume, work->coarse);
+            last_shape_ = work->coarse;
+            if (const auto centre = centre_of(work->volume)) tracker_.observe_volume(*centre);
+            result.volume = std::make_shared<const Volume>(to_common(work->volume));
         }
     } catch (const std::exception& error) {
-        return absl::InternalError(fmt::format("frame set {}: {}", result->sequence, error.what()));
+        return absl::InternalError(fmt::format("frame set {}: {}", result.sequence, error.what()));
     }
-    result->times.total_ms = clock.total_ms();
+    return work;
+}
+
+// A camera that disagrees on the subject would bend the body, so only those that carve are asked.
+absl::StatusOr<FrameResultPtr> StagedPipeline::pose(std::unique_ptr<Reconstruction> work) {
+    const std::shared_ptr<FrameResult> result = work->result;
+    if (work->first_of_track && pose_stage_) pose_stage_->reset();
+    if (pose_stage_ && result->volume && result->subject) {
+        LapClock clock;
+        const SubjectTrack& subject = *result->subject;
+        if (subject.subject_id != posed_subject_) pose_stage_->reset();
+        posed_subject_ = subject.subject_id;
+        pose_views_.assign(cameras_.size(), {});
+        for (std::size_t c = 0; c < cameras_.size(); ++c) pose_views_[c].camera = &models_[c];
+        for (const std::size_t c : work->carving_cameras) pose_views_[c].silhouettes = &result->silhouettes[c];
+        try {
+            result->pose = pose_stage_->process(subject.subject_id, result->sequence, result->capture_time_ns,
+                                                pose_views_, work->volume, work->coarse, subject.centre_in_world);
+        } catch (const std::exception& error) {
+            return absl::InternalError(fmt::format("frame set {}: {}", result->sequence, error.what()));
+        }
+        result->times.pose_ms = clock.lap_ms();
+    }
+    result->times.total_ms = to_ms(Clock::now() - work->arrived);
+    spare_.give_back(std::move(work));
     return result;
 }
 
@@ -273,6 +316,12 @@ std::string PipelineOptions::check() const {
                                 posing.check()})
         if (!problem.empty()) return problem;
     return {};
+}
+
+absl::StatusOr<FrameResultPtr> Pipeline::process(FrameSet frame_set) {
+    absl::StatusOr<std::unique_ptr<Reconstruction>> reconstruction = reconstruct(std::move(frame_set));
+    if (!reconstruction.ok()) return reconstruction.status();
+    return pose(*std::move(reconstruction));
 }
 
 absl::StatusOr<std::unique_ptr<Pipeline>> Pipeline::create(std::vector<Camera> cameras, double fps,

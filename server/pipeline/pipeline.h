@@ -1,7 +1,9 @@
 // The stages strung together: segmentation, tracking, hull, colouring, pose. One frame set in, one result out, on the
-// calling thread and oneTBB's workers. Runner (runner.h) gives it a thread, a source and subscribers.
+// calling thread and oneTBB's workers. Runner (runner.h) gives it threads, a source and subscribers.
 #pragma once
 
+#include <chrono>
+#include <cstddef>
 #include <memory>
 #include <string>
 #include <vector>
@@ -37,6 +39,18 @@ struct PipelineOptions {
     std::string check() const;
 };
 
+// A frame set with its volume: the result so far, and what the pose stage needs besides.
+struct Reconstruction {
+    std::chrono::steady_clock::time_point arrived;
+    std::shared_ptr<FrameResult> result;            // all but the pose
+    bool first_of_track = false;                    // the track was forgotten before it
+    std::vector<std::size_t> carving_cameras;       // that agree on the subject
+    kernels::VoxelVolume volume;                    // result->volume, where there is one
+    kernels::VoxelVolume coarse;                    // the same with PoseStage::kCoarser times the voxels
+};
+
+// Two halves, so that the pose of one frame set can be found while the next is reconstructed: no stage of the first
+// half asks for a pose, so the numbers are the same either way.
 class Pipeline {
   public:
     // InvalidArgument for options out of range, fewer than two cameras or pictures the kernels refuse;
@@ -49,16 +63,22 @@ class Pipeline {
     // names the camera whose pictures are missing or have another size.
     virtual absl::Status learn_background(const std::vector<std::vector<Picture>>& empty_scene) = 0;
 
-    // One frame set through all stages. Not thread safe. InvalidArgument for pictures that do not fit the cameras,
-    // FailedPrecondition before the background was learned. The numbers depend on the frame sets alone, not on the
-    // number of threads.
-    virtual absl::StatusOr<FrameResultPtr> process(FrameSet frame_set) = 0;
+    // The first half, segmentation to colouring, and learn_background() and reset_track() are one thread's.
+    // InvalidArgument for pictures that do not fit the cameras, FailedPrecondition before the background was learned.
+    // The numbers depend on the frame sets alone, not on the number of threads.
+    virtual absl::StatusOr<std::unique_ptr<Reconstruction>> reconstruct(FrameSet frame_set) = 0;
+
+    // The second half, one thread's too, which may be another; every reconstruction, in their order.
+    virtual absl::StatusOr<FrameResultPtr> pose(std::unique_ptr<Reconstruction> reconstruction) = 0;
+
+    // Both.
+    absl::StatusOr<FrameResultPtr> process(FrameSet frame_set);
 
     // Forgets the track, keeps the backgrounds.
     virtual void reset_track() = 0;
 
-    // The pose stage, null without one. Touched only between calls of process().
-    virtual PoseStage* pose_stage() { return nullptr; }
+    // The pose stage, null without one. Touched only between calls of pose(), by the same thread.
+    virtual PoseStage* pose_stage() = 0;
 };
 
 }  // namespace kinevox

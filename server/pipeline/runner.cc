@@ -65,15 +65,13 @@ absl::Status Runner::start() {
     pipeline_->reset_track();
     statistics_.reset();
     utc_minus_capture_ns_.reset();
-    {
-        const std::scoped_lock lock(queue_mutex_);
-        ready_.reset();
-        queue_closed_ = false;
-    }
+    fetched_.open();
+    reconstructed_.open();
     set_state(RunState::kRunning);
     tell(EventKind::kStarted, "capture started");
     fetch_thread_ = std::thread([this] { fetch_loop(); });
-    pipeline_thread_ = std::thread([this] { pipeline_loop(); });
+    reconstruct_thread_ = std::thread([this] { reconstruct_loop(); });
+    pose_thread_ = std::thread([this] { pose_loop(); });
     return absl::OkStatus();
 }
 
@@ -99,14 +97,14 @@ void Runner::abort() {
         running = source_;
     }
     if (running) running->stop();
-    close_queue();
+    close_handovers();
     finish_learning(absl::UnavailableError("the daemon is stopping; the background was not learned"));
 }
 
 void Runner::join_threads() {
-    close_queue();
-    if (fetch_thread_.joinable()) fetch_thread_.join();
-    if (pipeline_thread_.joinable()) pipeline_thread_.join();
+    close_handovers();
+    for (std::thread* thread : {&fetch_thread_, &reconstruct_thread_, &pose_thread_})
+        if (thread->joinable()) thread->join();
 }
 
 absl::Status Runner::open_source() {
@@ -192,65 +190,76 @@ void Runner::fetch_loop() {
         Fetched fetched{source->next(), 0};
         fetched.waited_ms = ms_since(start);
         last = !fetched.frame_set.ok();
-        if (!push(std::move(fetched))) return;
+        if (!fetched_.push(std::move(fetched))) return;
     }
 }
 
-void Runner::pipeline_loop() {
-    while (std::optional<Fetched> fetched = pop()) {
-        if (fetched->frame_set.ok()) {
-            handle(std::move(*fetched->frame_set), fetched->waited_ms);
-            if (state().state == RunState::kFailed) break;
-            continue;
-        }
-        const absl::Status& why = fetched->frame_set.status();
-        if (absl::IsOutOfRange(why)) {
-            finish_learning(absl::AbortedError("the recording ended before the background was learned"));
-            set_state(RunState::kEnded, "the recording is over");
-            tell(EventKind::kSourceEnded, "the recording is over", statistics_.figures().newest_sequence);
-        } else if (!absl::IsCancelled(why)) {
-            set_state(RunState::kFailed, std::string(why.message()));
-            tell(EventKind::kError, std::string(why.message()));
-        }
-        break;
-    }
-    if (const RunState ended = state().state; ended == RunState::kEnded || ended == RunState::kFailed) {
-        close_queue();   // lets the fetching thread go
-        finish_learning(absl::AbortedError("the capture failed before the background was learned"));
-        const std::scoped_lock lock(mutex_);
-        if (source_) source_->stop();
-        source_.reset();
+void Runner::reconstruct_loop() {
+    while (std::optional<Fetched> fetched = fetched_.pop()) {
+        absl::StatusOr<std::unique_ptr<Reconstruction>> reconstruction = reconstruct(*std::move(fetched));
+        if (reconstruction.ok() && *reconstruction == nullptr) continue;
+        const bool last = !reconstruction.ok();
+        if (!reconstructed_.push(std::move(reconstruction)) || last) return;
     }
 }
 
-void Runner::handle(FrameSet frame_set, double waited_ms) {
-    if (!utc_minus_capture_ns_) utc_minus_capture_ns_ = utc_minus_capture_ns(frame_set.capture_time_ns);
-    if (frame_set.decode_ms == 0) frame_set.decode_ms = waited_ms;
+absl::StatusOr<std::unique_ptr<Reconstruction>> Runner::reconstruct(Fetched fetched) {
+    if (!fetched.frame_set.ok()) return fetched.frame_set.status();
+    FrameSet frame_set = *std::move(fetched.frame_set);
+    if (frame_set.decode_ms == 0) frame_set.decode_ms = fetched.waited_ms;
     bool learning = false, learned = false;
     {
         const std::scoped_lock lock(mutex_);
         learning = learning_.has_value();
         learned = background_learned_;
     }
-    if (learning) return collect(frame_set);
+    if (learning) {
+        collect(frame_set);
+        return nullptr;
+    }
+    if (learned) return pipeline_->reconstruct(std::move(frame_set));
 
-    if (!learned) {   // pictures alone, so that an operator sees whether the scene is empty
-        auto pictures_only = std::make_shared<FrameResult>();
-        pictures_only->sequence = frame_set.sequence;
-        pictures_only->capture_time_ns = frame_set.capture_time_ns;
-        pictures_only->times.decode_ms = frame_set.decode_ms;
-        pictures_only->frame_set = std::move(frame_set);
-        statistics_.add(pictures_only->sequence, pictures_only->times);
-        return hub_.publish(pictures_only, *utc_minus_capture_ns_);
+    // Pictures alone, so that an operator sees whether the scene is empty.
+    auto pictures_only = std::make_unique<Reconstruction>();
+    pictures_only->arrived = std::chrono::steady_clock::now();
+    pictures_only->result = std::make_shared<FrameResult>();
+    pictures_only->result->sequence = frame_set.sequence;
+    pictures_only->result->capture_time_ns = frame_set.capture_time_ns;
+    pictures_only->result->times.decode_ms = frame_set.decode_ms;
+    pictures_only->result->frame_set = std::move(frame_set);
+    return pictures_only;
+}
+
+void Runner::pose_loop() {
+    while (auto reconstruction = reconstructed_.pop()) {
+        if (!reconstruction->ok()) return end(reconstruction->status());
+        const absl::StatusOr<FrameResultPtr> result = pipeline_->pose(**std::move(reconstruction));
+        if (!result.ok()) return end(result.status());
+        publish(*result);
     }
-    const absl::StatusOr<FrameResultPtr> result = pipeline_->process(std::move(frame_set));
-    if (!result.ok()) {
-        set_state(RunState::kFailed, std::string(result.status().message()));
-        return tell(EventKind::kError, std::string(result.status().message()));
-    }
-    if (after_result_) after_result_(**result);
-    statistics_.add((*result)->sequence, (*result)->times);
-    hub_.publish(*result, *utc_minus_capture_ns_);
+}
+
+void Runner::publish(const FrameResultPtr& result) {
+    if (!utc_minus_capture_ns_) utc_minus_capture_ns_ = utc_minus_capture_ns(result->capture_time_ns);
+    if (after_result_) after_result_(*result);
+    statistics_.add(result->sequence, result->times);
+    hub_.publish(result, *utc_minus_capture_ns_);
+}
+
+// The last that a run's threads do, unless stop() or abort() were first.
+void Runner::end(const absl::Status& why) {
+    if (absl::IsCancelled(why)) return;
+    const bool over = absl::IsOutOfRange(why);
+    finish_learning(absl::AbortedError(over ? "the recording ended before the background was learned"
+                                            : "the capture failed before the background was learned"));
+    const std::string message = over ? "the recording is over" : std::string(why.message());
+    set_state(over ? RunState::kEnded : RunState::kFailed, message);
+    tell(over ? EventKind::kSourceEnded : EventKind::kError, message,
+         over ? statistics_.figures().newest_sequence : 0);
+    close_handovers();   // lets the other threads go
+    const std::scoped_lock lock(mutex_);
+    if (source_) source_->stop();
+    source_.reset();
 }
 
 void Runner::collect(const FrameSet& frame_set) {
@@ -297,29 +306,9 @@ void Runner::finish_learning(absl::Status status) {
     if (pending) pending->done(std::move(status));
 }
 
-bool Runner::push(Fetched fetched) {
-    std::unique_lock lock(queue_mutex_);
-    queue_changed_.wait(lock, [&] { return queue_closed_ || !ready_; });
-    if (queue_closed_) return false;
-    ready_ = std::move(fetched);
-    queue_changed_.notify_all();
-    return true;
-}
-
-std::optional<Runner::Fetched> Runner::pop() {
-    std::unique_lock lock(queue_mutex_);
-    queue_changed_.wait(lock, [&] { return queue_closed_ || ready_; });
-    if (queue_closed_) return std::nullopt;
-    std::optional<Fetched> taken;
-    taken.swap(ready_);
-    queue_changed_.notify_all();
-    return taken;
-}
-
-void Runner::close_queue() {
-    const std::scoped_lock lock(queue_mutex_);
-    queue_closed_ = true;
-    queue_changed_.notify_all();
+void Runner::close_handovers() {
+    fetched_.close();
+    reconstructed_.close();
 }
 
 Runner::State Runner::state() const {

@@ -1,8 +1,7 @@
-// Drives the pipeline: one thread takes frame sets from the source, one set ahead, a second takes them through the
-// pipeline and publishes the results.
+// Drives the pipeline by three threads, each with one frame set in hand: the first takes it from the source, the second
+// reconstructs the volume, the third finds the pose and publishes the result.
 #pragma once
 
-#include <condition_variable>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -16,6 +15,7 @@
 #include <absl/status/statusor.h>
 
 #include "server/cameras/frame_source.h"
+#include "server/pipeline/handover.h"
 #include "server/pipeline/pipeline.h"
 #include "server/pipeline/run_statistics.h"
 #include "server/pipeline/stream_hub.h"
@@ -34,8 +34,8 @@ class Runner {
     Runner(std::unique_ptr<FrameSource> source, OpenSource reopen, std::unique_ptr<Pipeline> pipeline,
            StreamHub& hub);
     ~Runner();
-    // Called on the pipeline's thread after each result, before it is published; may touch the pipeline then. To be
-    // set before the first start.
+    // Called on the posing thread after each result, before it is published; may touch the pose stage then. To be set
+    // before the first start.
     void set_after_result(std::function<void(const FrameResult&)> after_result) { after_result_ = std::move(after_result); }
     Runner(const Runner&) = delete;
     Runner& operator=(const Runner&) = delete;
@@ -43,20 +43,20 @@ class Runner {
     const std::vector<Camera>& cameras() const { return cameras_; }
     double source_fps() const { return source_fps_; }
 
-    // Learns the background from the source's own clip where that has not been done, then starts both threads.
+    // Learns the background from the source's own clip where that has not been done, then starts the threads.
     // FailedPrecondition while it runs; else what the source or the pipeline said.
     absl::Status start();
 
-    // Waits until both threads have ended. FailedPrecondition if nothing runs.
+    // Waits until the threads have ended. FailedPrecondition if nothing runs.
     absl::Status stop();
 
     // `frames` > 0: from the next so many live frame sets, which yield no results meanwhile; 0: from the source's
-    // own clip. `done` is called once, on this or the pipeline's thread: InvalidArgument, FailedPrecondition,
+    // own clip. `done` is called once, on this or one of the runner's threads: InvalidArgument, FailedPrecondition,
     // Aborted by a stop, or what the pipeline said.
     void learn_background(int frames, std::function<void(absl::Status)> done);
 
-    // For the daemon's end. Tells the source to stop, so that a start() in progress on another thread and both
-    // threads end soon, and ends a learning in progress with Unavailable; nothing starts afterwards. stop() is still
+    // For the daemon's end. Tells the source to stop, so that a start() in progress on another thread and the
+    // runner's own threads end soon, and ends a learning in progress with Unavailable; nothing starts afterwards. stop() is still
     // to be called.
     void abort();
 
@@ -85,13 +85,15 @@ class Runner {
     absl::Status learn_from_clip();
     void join_threads();
     void fetch_loop();
-    void pipeline_loop();
-    void handle(FrameSet frame_set, double waited_ms);
+    void reconstruct_loop();
+    void pose_loop();
+    void end(const absl::Status& why);
+    // Null for a frame set that the learning took.
+    absl::StatusOr<std::unique_ptr<Reconstruction>> reconstruct(Fetched fetched);
+    void publish(const FrameResultPtr& result);
     void collect(const FrameSet& frame_set);
     void finish_learning(absl::Status status);
-    bool push(Fetched fetched);           // false once the queue is closed
-    std::optional<Fetched> pop();
-    void close_queue();
+    void close_handovers();
     void set_state(RunState state, std::string message = {});
     void tell(EventKind kind, std::string message, std::uint64_t sequence = 0);
     std::shared_ptr<FrameSource> source() const;
@@ -111,13 +113,11 @@ class Runner {
     bool aborted_ = false;
     std::optional<Learning> learning_;
 
-    std::mutex queue_mutex_;              // guards the one set that is ready
-    std::condition_variable queue_changed_;
-    std::optional<Fetched> ready_;
-    bool queue_closed_ = true;
+    Handover<Fetched> fetched_;
+    Handover<absl::StatusOr<std::unique_ptr<Reconstruction>>> reconstructed_;   // the last is why no more come
 
-    std::optional<std::int64_t> utc_minus_capture_ns_;   // of this run; the pipeline thread's own
-    std::thread fetch_thread_, pipeline_thread_;
+    std::optional<std::int64_t> utc_minus_capture_ns_;   // of this run; the posing thread's own
+    std::thread fetch_thread_, reconstruct_thread_, pose_thread_;
 };
 
 }  // namespace kinevox

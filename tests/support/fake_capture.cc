@@ -103,8 +103,9 @@ absl::Status FakePipeline::learn_background(const std::vector<std::vector<Pictur
     return absl::OkStatus();
 }
 
-absl::StatusOr<FrameResultPtr> FakePipeline::process(FrameSet frame_set) {
-    if (process_error) return *process_error;
+absl::StatusOr<std::unique_ptr<Reconstruction>> FakePipeline::reconstruct(FrameSet frame_set) {
+    if (on_reconstruct) on_reconstruct(frame_set.sequence);
+    if (reconstruct_error) return *reconstruct_error;
     auto result = std::make_shared<FrameResult>(*fake_result(frame_set.sequence, volume_));
     result->capture_time_ns = frame_set.capture_time_ns;
     result->frame_set = std::move(frame_set);
@@ -120,7 +121,15 @@ absl::StatusOr<FrameResultPtr> FakePipeline::process(FrameSet frame_set) {
         }
     result->silhouettes.assign(2, silhouettes);
     result->silhouette_iou = {0.9f, 0.8f};
-    return result;
+    auto reconstruction = std::make_unique<Reconstruction>();
+    reconstruction->result = std::move(result);
+    return reconstruction;
+}
+
+absl::StatusOr<FrameResultPtr> FakePipeline::pose(std::unique_ptr<Reconstruction> reconstruction) {
+    if (on_pose) on_pose(reconstruction->result->sequence);
+    if (pose_error) return *pose_error;
+    return reconstruction->result;
 }
 
 std::shared_ptr<const BodyPose> fake_pose(std::uint64_t sequence) {

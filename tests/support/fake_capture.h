@@ -3,7 +3,9 @@
 #pragma once
 
 #include <condition_variable>
+#include <cstdint>
 #include <deque>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -36,17 +38,21 @@ class FakeSourceControl {
     std::optional<absl::Status> last_;
 };
 
-// process() gives `volume`, learn_background() succeeds. Counts calls.
+// Every result has `volume`, learn_background() succeeds. Counts calls.
 class FakePipeline : public Pipeline {
   public:
     explicit FakePipeline(std::shared_ptr<const Volume> volume) : volume_(std::move(volume)) {}
 
     absl::Status learn_background(const std::vector<std::vector<Picture>>& empty_scene) override;
-    absl::StatusOr<FrameResultPtr> process(FrameSet frame_set) override;
+    absl::StatusOr<std::unique_ptr<Reconstruction>> reconstruct(FrameSet frame_set) override;
+    absl::StatusOr<FrameResultPtr> pose(std::unique_ptr<Reconstruction> reconstruction) override;
     void reset_track() override {}
+    PoseStage* pose_stage() override { return nullptr; }
 
-    std::size_t learned_pictures = 0;             // a camera; read when nothing runs
-    std::optional<absl::Status> process_error;    // set before the start
+    std::size_t learned_pictures = 0;                       // a camera; read when nothing runs
+    // To be set before the start.
+    std::optional<absl::Status> reconstruct_error, pose_error;
+    std::function<void(std::uint64_t)> on_reconstruct, on_pose;   // with the sequence, at its begin
 
   private:
     std::shared_ptr<const Volume> volume_;

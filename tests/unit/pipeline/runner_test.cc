@@ -128,11 +128,35 @@ TEST_F(RunnerTest, ASourcesErrorIsAnEventAndAState) {
 }
 
 TEST_F(RunnerTest, ThePipelinesErrorEndsTheRun) {
-    pipeline_->process_error = absl::InvalidArgumentError("camera left: picture of 10x10");
+    pipeline_->reconstruct_error = absl::InvalidArgumentError("camera left: picture of 10x10");
     ASSERT_TRUE(runner_->start().ok());
     source_.give(5);
     EXPECT_THAT(event(EventKind::kError), HasSubstr("10x10"));
     EXPECT_EQ(runner_->state().state, RunState::kFailed);
+}
+
+TEST_F(RunnerTest, ThePosesErrorEndsTheRun) {
+    pipeline_->pose_error = absl::InternalError("frame set 0: out of memory");
+    ASSERT_TRUE(runner_->start().ok());
+    source_.give(5);
+    EXPECT_THAT(event(EventKind::kError), HasSubstr("out of memory"));
+    EXPECT_EQ(runner_->state().state, RunState::kFailed);
+    ASSERT_TRUE(runner_->start().ok()) << "the other threads have ended";
+}
+
+TEST_F(RunnerTest, TheNextFrameSetIsReconstructedWhileThePoseIsFound) {
+    std::promise<void> second_begun;
+    std::future_status seen = std::future_status::timeout;
+    pipeline_->on_reconstruct = [&](std::uint64_t sequence) {
+        if (sequence == 1) second_begun.set_value();
+    };
+    pipeline_->on_pose = [&, begun = second_begun.get_future().share()](std::uint64_t sequence) {
+        if (sequence == 0) seen = begun.wait_for(std::chrono::seconds(30));
+    };
+    ASSERT_TRUE(runner_->start().ok());
+    source_.give(3);
+    EXPECT_THAT(results(3), ::testing::ElementsAre(0, 1, 2));
+    EXPECT_EQ(seen, std::future_status::ready);
 }
 
 TEST_F(RunnerTest, LearnsFromLiveFramesWhichYieldNoResults) {
