@@ -15,7 +15,7 @@
 
 #include "server/cameras/session_source.h"
 #include "server/pipeline/huge_pages.h"
-#include "server/tools/process/interrupt.h"
+#include "server/tools/interrupt.h"
 #include "server/tools/process/process.h"
 
 namespace {

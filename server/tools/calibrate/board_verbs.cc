@@ -6,11 +6,10 @@
 #include <string>
 
 #include "common/calibration_file.h"
-#include "server/calibration/diagnosis.h"
+#include "server/calibration/board_clips.h"
 #include "server/calibration/extrinsics.h"
 #include "server/calibration/intrinsics.h"
-#include "server/calibration/triangulation.h"
-#include "server/tools/calibrate/board_clips.h"
+#include "server/calibration/solved_certificate.h"
 #include "server/tools/calibrate/certificate_files.h"
 #include "server/tools/calibrate/console.h"
 #include "server/tools/calibrate/verbs.h"
@@ -65,13 +64,7 @@ absl::Status intrinsics(const BoardArguments& arguments) {
     if (!sightings.ok()) return sightings.status();
     auto lenses = solve_lenses(*clips, *board, *sightings, arguments, progress);
     if (!lenses.ok()) return lenses.status();
-    Certificate certificate;
-    certificate.made_by = "board";
-    for (const IntrinsicsResult& lens : *lenses) {
-        certificate.cameras.push_back(lens.camera);
-        certificate.findings.insert(certificate.findings.end(), lens.findings.begin(), lens.findings.end());
-    }
-    certificate.lenses = *std::move(lenses);
+    const Certificate certificate = lens_certificate(*std::move(lenses));
     print_lenses(certificate.lenses);
     return write_calibration(certificate, arguments.out);
 }
@@ -131,18 +124,13 @@ absl::Status extrinsics(const BoardArguments& arguments) {
     const SolveProgress progress = console_progress(arguments.quiet);
     const auto sightings = find_boards(*clips, *board, arguments.every, progress);
     if (!sightings.ok()) return sightings.status();
-    Certificate certificate;
-    certificate.made_by = "board";
+    Certificate with_lenses;
     if (arguments.lenses.empty()) {
         auto solved = solve_lenses(*clips, *board, *sightings, arguments, progress);
         if (!solved.ok()) return solved.status();
-        for (const IntrinsicsResult& lens : *solved) {
-            lenses->push_back(lens.camera);
-            certificate.findings.insert(certificate.findings.end(), lens.findings.begin(),
-                                        lens.findings.end());
-        }
-        certificate.lenses = *std::move(solved);
-        print_lenses(certificate.lenses);
+        with_lenses = lens_certificate(*std::move(solved));
+        lenses = with_lenses.cameras;
+        print_lenses(with_lenses.lenses);
     }
     ExtrinsicsOptions options;
     options.refine_lenses = arguments.refine_lenses || arguments.lenses.empty();
@@ -154,28 +142,13 @@ absl::Status extrinsics(const BoardArguments& arguments) {
     auto result = procedure.solve(progress);
     if (!result.ok()) return result.status();
     print_extrinsics(*result);
-    if (arguments.floor_frame >= 0) {
-        const auto lying = result->world_from_board.find(arguments.floor_frame);
-        if (lying == result->world_from_board.end())
+    if (arguments.floor_frame >= 0)
+        if (absl::Status set = set_world_by_board({&arguments.floor_frame, 1}, *result); !set.ok())
             return absl::InvalidArgumentError(
-                fmt::format("--floor-frame {}: two cameras did not see the board together in that frame; "
-                            "give one in which it lies on the "
-                            "floor in full view",
-                            arguments.floor_frame));
-        const Alignment floor_from_world{1, lying->second.inverse()};
-        move_cameras(floor_from_world, result->cameras);
-        for (Vec3& point : result->seen_points) point = floor_from_world(point);
-        certificate.world_is_set = true;
-        for (Finding& finding : check_world(result->cameras, std::nullopt, std::nullopt))
-            certificate.findings.push_back(std::move(finding));
-    }
-    certificate.cameras = result->cameras;
-    certificate.quality = result->quality;
-    certificate.fit_rms_px = result->fit_rms_px;
-    certificate.held_out_rms_px = result->held_out_rms_px;
-    certificate.scale = result->scale;
-    certificate.volume = volume_coverage(result->cameras, result->seen_points, {}, {});
-    certificate.findings.insert(certificate.findings.end(), result->findings.begin(), result->findings.end());
+                fmt::format("--floor-frame {}: {}", arguments.floor_frame, std::string(set.message())));
+    Certificate certificate = place_certificate("board", *std::move(result), arguments.floor_frame >= 0);
+    certificate.lenses = std::move(with_lenses.lenses);
+    certificate.findings.insert(certificate.findings.begin(), with_lenses.findings.begin(), with_lenses.findings.end());
     return write_calibration(certificate, arguments.out);
 }
 

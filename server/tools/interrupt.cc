@@ -1,4 +1,4 @@
-#include "server/tools/process/interrupt.h"
+#include "server/tools/interrupt.h"
 
 #include <csignal>
 #include <ctime>

@@ -12,7 +12,7 @@
 #include "server/calibration/board_detector.h"
 #include "server/calibration/finding.h"
 
-namespace kinevox::calibrate {
+namespace kinevox {
 
 struct CameraClip {
     std::string camera;
@@ -30,4 +30,4 @@ absl::StatusOr<std::vector<std::vector<BoardSighting>>> find_boards(const std::v
                                                                     const BoardSpec& board, int every,
                                                                     const SolveProgress& progress);
 
-}  // namespace kinevox::calibrate
+}  // namespace kinevox

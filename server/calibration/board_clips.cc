@@ -1,4 +1,4 @@
-#include "server/tools/calibrate/board_clips.h"
+#include "server/calibration/board_clips.h"
 
 #include <fmt/format.h>
 #include <oneapi/tbb/parallel_for.h>
@@ -12,7 +12,7 @@
 
 #include "server/cameras/picture_reader.h"
 
-namespace kinevox::calibrate {
+namespace kinevox {
 namespace {
 
 namespace fs = std::filesystem;
@@ -103,4 +103,4 @@ absl::StatusOr<std::vector<std::vector<BoardSighting>>> find_boards(const std::v
     return out;
 }
 
-}  // namespace kinevox::calibrate
+}  // namespace kinevox
