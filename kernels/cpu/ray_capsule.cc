@@ -1,0 +1,140 @@
+#include "kernels/ray_capsule.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <stdexcept>
+#include <string>
+
+// Plain loops over a block of rays, which the compiler vectorises for each family that Highway chooses from.
+#ifdef KINEVOX_HAVE_HIGHWAY
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "kernels/cpu/ray_capsule.cc"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+HWY_BEFORE_NAMESPACE();
+#else
+#define HWY_NAMESPACE plain
+#endif
+
+namespace kinevox::kernels::HWY_NAMESPACE {
+
+constexpr int kBlock = 16;   // rays
+
+// A capsule as seen from the rays' origin.
+struct SeenCapsule {
+    float a[3], e[3];            // one end of the axis, and from there to the other
+    float ee, ea, aa;            // their products
+    float radius_a, taper;       // m; m along the whole axis
+    float centre[3], centre2;    // of the ball around all of it, and its squared distance
+    float reach;                 // the ball's radius
+};
+
+struct RayBlock {
+    float dx[kBlock], dy[kBlock], dz[kBlock], nx[kBlock], ny[kBlock], nz[kBlock];
+    float best[kBlock];
+    int which[kBlock];
+};
+
+inline SeenCapsule seen_from(const float* origin, const TaperedCapsule& c) {
+    SeenCapsule s;
+    const auto dot = [](const float* u, const float* v) { return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]; };
+    for (int axis = 0; axis < 3; ++axis) {
+        s.a[axis] = c.a[axis] - origin[axis];
+        s.e[axis] = c.b[axis] - c.a[axis];
+        s.centre[axis] = s.a[axis] + 0.5f * s.e[axis];
+    }
+    s.ee = dot(s.e, s.e), s.ea = dot(s.e, s.a), s.aa = dot(s.a, s.a);
+    s.radius_a = c.radius_a, s.taper = c.radius_b - c.radius_a;
+    s.centre2 = dot(s.centre, s.centre);
+    s.reach = 0.5f * std::sqrt(s.ee) + std::max(c.radius_a, c.radius_b);
+    return s;
+}
+
+// False if the ball around the capsule is for no ray nearer than what was found. A margin is left for what floats lose.
+inline bool may_be_nearest(const RayBlock& rays, const SeenCapsule& c) {
+    constexpr float kMargin_m = 1e-3f, kMargin2 = 1e-4f;
+    int any = 0;
+    for (int i = 0; i < kBlock; ++i) {
+        const float along = rays.dx[i] * c.centre[0] + rays.dy[i] * c.centre[1] + rays.dz[i] * c.centre[2];
+        const float within = rays.best[i] + c.reach + kMargin_m;
+        any |= (within > 0.f) & (c.centre2 - along * along < within * within + kMargin2);
+    }
+    return any != 0;
+}
+
+// The axis' point at t lies sqrt(q2 t^2 + 2 q1 t + q0) from the ray. Without taper the nearest is where that is least;
+// with it the nearest moves on towards the thicker end, until the surface's slope is met.
+inline void meet(RayBlock& rays, const SeenCapsule& c, int index) {
+    for (int i = 0; i < kBlock; ++i) {
+        const float de = rays.dx[i] * c.e[0] + rays.dy[i] * c.e[1] + rays.dz[i] * c.e[2];
+        const float da = rays.dx[i] * c.a[0] + rays.dy[i] * c.a[1] + rays.dz[i] * c.a[2];
+        const float q2 = c.ee - de * de + 1e-9f, q1 = c.ea - de * da, q0 = c.aa - da * da;
+        float t = -q1 / q2;
+        const float h2 = std::max(q0 + q1 * t, 0.f);
+        const float slope = c.taper * c.taper / q2;
+        t += c.taper * std::sqrt(h2) / (q2 * std::sqrt(std::max(1 - slope, 0.05f)));
+        t = std::min(std::max(t, 0.f), 1.f);
+        const float d = std::sqrt(std::max(q0 + t * (2 * q1 + q2 * t), 0.f)) - (c.radius_a + c.taper * t);
+        const float side = rays.nx[i] * (c.a[0] + t * c.e[0]) + rays.ny[i] * (c.a[1] + t * c.e[1]) +
+                           rays.nz[i] * (c.a[2] + t * c.e[2]);
+        const float rank = ((d > 0.f) & (side > 0.f)) ? kWrongSide_m : d;
+        // As if the capsules came in their order: of equal ones the first.
+        const bool nearer = (rank < rays.best[i]) | ((rank == rays.best[i]) & (index < rays.which[i]));
+        rays.which[i] = nearer ? index : rays.which[i];
+        rays.best[i] = nearer ? rank : rays.best[i];
+    }
+}
+
+void nearest_capsules(const RayBundle& rays, std::span<const TaperedCapsule> capsules, float* distance_m,
+                      int* nearest) {
+    SeenCapsule seen[kMostCapsules];
+    const int count = static_cast<int>(capsules.size());
+    for (int k = 0; k < count; ++k) seen[k] = seen_from(rays.origin, capsules[k]);
+    RayBlock block{};
+    int likely = 0;   // neighbours on the border are near one capsule
+    for (int first = 0; first < rays.count; first += kBlock) {
+        const int size = std::min(kBlock, rays.count - first);
+        const auto load = [&](const float* from, float* to) {
+            std::memcpy(to, from + first, sizeof(float) * static_cast<std::size_t>(size));
+        };
+        load(rays.direction[0], block.dx), load(rays.direction[1], block.dy), load(rays.direction[2], block.dz);
+        load(rays.outward[0], block.nx), load(rays.outward[1], block.ny), load(rays.outward[2], block.nz);
+        std::fill_n(block.best, kBlock, kWrongSide_m);
+        std::fill_n(block.which, kBlock, -1);
+        if (count > 0) meet(block, seen[likely], likely);
+        for (int k = 0; k < count; ++k)
+            if (k != likely && may_be_nearest(block, seen[k])) meet(block, seen[k], k);
+        likely = std::max(block.which[size - 1], 0);
+        std::copy_n(block.best, size, distance_m + first);
+        std::copy_n(block.which, size, nearest + first);
+    }
+}
+
+}  // namespace kinevox::kernels::HWY_NAMESPACE
+
+#ifdef KINEVOX_HAVE_HIGHWAY
+HWY_AFTER_NAMESPACE();
+#endif
+
+#if !defined(KINEVOX_HAVE_HIGHWAY) || HWY_ONCE
+namespace kinevox::kernels {
+
+#ifdef KINEVOX_HAVE_HIGHWAY
+HWY_EXPORT(nearest_capsules);
+#endif
+
+void nearest_capsules(const RayBundle& rays, std::span<const TaperedCapsule> capsules, float* distance_m,
+                      int* nearest) {
+    if (capsules.size() > kMostCapsules)
+        throw std::invalid_argument("nearest capsules: " + std::to_string(capsules.size()) + " capsules; at most " +
+                                    std::to_string(kMostCapsules));
+#ifdef KINEVOX_HAVE_HIGHWAY
+    HWY_DYNAMIC_DISPATCH(nearest_capsules)(rays, capsules, distance_m, nearest);
+#else
+    plain::nearest_capsules(rays, capsules, distance_m, nearest);
+#endif
+}
+
+}  // namespace kinevox::kernels
+#endif

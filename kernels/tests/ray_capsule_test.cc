@@ -1,0 +1,131 @@
+// The nearest capsule of each ray, against the same question asked of every capsule in double precision.
+#include "kernels/ray_capsule.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <stdexcept>
+#include <vector>
+
+namespace kinevox::kernels {
+namespace {
+
+struct Rays {
+    std::vector<float> direction[3], outward[3];
+    RayBundle bundle(const float* origin) const {
+        RayBundle b;
+        for (int k = 0; k < 3; ++k) {
+            b.origin[k] = origin[k];
+            b.direction[k] = direction[k].data(), b.outward[k] = outward[k].data();
+        }
+        b.count = static_cast<int>(direction[0].size());
+        return b;
+    }
+};
+
+// Towards points near the capsules; outward at random.
+Rays rays_at(const std::vector<TaperedCapsule>& body, const float* origin, int count, std::mt19937& random) {
+    std::normal_distribution<double> spread(0, 0.1);
+    Rays rays;
+    for (int n = 0; n < count; ++n) {
+        const TaperedCapsule& at = body[n * body.size() / static_cast<std::size_t>(count)];
+        double d[3], o[3], length = 0, along = 0, out = 0;
+        for (int k = 0; k < 3; ++k) d[k] = at.a[k] + spread(random) - origin[k], length += d[k] * d[k];
+        for (int k = 0; k < 3; ++k) d[k] /= std::sqrt(length), o[k] = spread(random), along += o[k] * d[k];
+        for (int k = 0; k < 3; ++k) o[k] -= along * d[k], out += o[k] * o[k];
+        for (int k = 0; k < 3; ++k) {
+            rays.direction[k].push_back(static_cast<float>(d[k]));
+            rays.outward[k].push_back(static_cast<float>(o[k] / std::sqrt(out)));
+        }
+    }
+    return rays;
+}
+
+// The least signed distance over points along the axis, and whether the axis there is on the outer side.
+double distance_along(const Rays& rays, int n, const float* origin, const TaperedCapsule& c) {
+    double best = 1e9, side = 0;
+    for (int step = 0; step <= 1000; ++step) {
+        const double t = step / 1000.0;
+        double w[3], along = 0, out = 0, length2 = 0;
+        for (int k = 0; k < 3; ++k) {
+            w[k] = (1 - t) * c.a[k] + t * c.b[k] - origin[k];
+            along += w[k] * rays.direction[k][n];
+            out += w[k] * rays.outward[k][n];
+        }
+        for (int k = 0; k < 3; ++k) length2 += std::pow(w[k] - along * rays.direction[k][n], 2);
+        const double d = std::sqrt(length2) - ((1 - t) * c.radius_a + t * c.radius_b);
+        if (d < best) best = d, side = out;
+    }
+    return best > 0 && side > 0 ? kWrongSide_m : best;
+}
+
+std::vector<TaperedCapsule> some_body(std::mt19937& random, int count) {
+    std::uniform_real_distribution<float> place(-0.5f, 0.5f), radius(0.03f, 0.12f);
+    std::vector<TaperedCapsule> body(count);
+    for (TaperedCapsule& c : body) {
+        for (int k = 0; k < 3; ++k) c.a[k] = place(random), c.b[k] = c.a[k] + 0.6f * place(random);
+        c.radius_a = radius(random), c.radius_b = radius(random);
+    }
+    return body;
+}
+
+TEST(NearestCapsules, AreThoseThatAskingEveryCapsuleGives) {
+    std::mt19937 random(7);
+    const float origin[3] = {4, -3, 1.5f};
+    const auto body = some_body(random, 23);
+    const Rays rays = rays_at(body, origin, 333, random);   // no whole number of blocks
+    std::vector<float> distance(333);
+    std::vector<int> nearest(333);
+    nearest_capsules(rays.bundle(origin), body, distance.data(), nearest.data());
+    int through = 0, none = 0;
+    for (int n = 0; n < 333; ++n) {
+        double least = 1e9;
+        for (const TaperedCapsule& c : body) least = std::min(least, distance_along(rays, n, origin, c));
+        // A point where the side turns may be told either way.
+        EXPECT_NEAR(distance[n], least, 2e-3) << "ray " << n;
+        if (nearest[n] >= 0) {
+            EXPECT_NEAR(distance_along(rays, n, origin, body[nearest[n]]), least, 2e-3) << "ray " << n;
+        }
+        through += distance[n] < 0, none += nearest[n] < 0;
+    }
+    EXPECT_GT(through, 100);
+    EXPECT_GT(none, 5);
+    EXPECT_GT(333 - through - none, 20) << "some pass beside on the inner side";
+}
+
+// Each ray's answer is its own: it does not depend on which rays share its block.
+TEST(NearestCapsules, OfARayDoNotDependOnItsNeighbours) {
+    std::mt19937 random(11);
+    const float origin[3] = {0, 5, 1};
+    const auto body = some_body(random, 30);
+    const Rays rays = rays_at(body, origin, 200, random);
+    std::vector<float> all(200), one(1);
+    std::vector<int> of_all(200), of_one(1);
+    nearest_capsules(rays.bundle(origin), body, all.data(), of_all.data());
+    for (int n = 0; n < 200; ++n) {
+        RayBundle single = rays.bundle(origin);
+        for (int k = 0; k < 3; ++k) single.direction[k] += n, single.outward[k] += n;
+        single.count = 1;
+        nearest_capsules(single, body, one.data(), of_one.data());
+        EXPECT_EQ(one[0], all[n]) << n;
+        EXPECT_EQ(of_one[0], of_all[n]) << n;
+    }
+}
+
+TEST(NearestCapsules, WithoutABodyThereIsNone) {
+    std::mt19937 random(3);
+    const float origin[3] = {0, 5, 1};
+    const auto body = some_body(random, kMostCapsules + 1);
+    const Rays rays = rays_at(body, origin, 20, random);
+    std::vector<float> distance(20);
+    std::vector<int> nearest(20);
+    nearest_capsules(rays.bundle(origin), {}, distance.data(), nearest.data());
+    EXPECT_EQ(nearest, std::vector<int>(20, -1));
+    EXPECT_EQ(distance, std::vector<float>(20, kWrongSide_m));
+    EXPECT_THROW(nearest_capsules(rays.bundle(origin), body, distance.data(), nearest.data()), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace kinevox::kernels
