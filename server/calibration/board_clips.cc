@@ -5,11 +5,13 @@
 
 #include <algorithm>
 #include <atomic>
+#include <memory>
 #include <mutex>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/videoio.hpp>
 #include <set>
 
+#include "common/session_file.h"
 #include "server/cameras/picture_reader.h"
 
 namespace kinevox {
@@ -35,19 +37,36 @@ cv::Size size_of(const fs::path& file) {
 
 }  // namespace
 
+bool is_session(const std::vector<std::string>& arguments) {
+    return arguments.size() == 1 && arguments[0].ends_with(".toml") &&
+           arguments[0].find('=') == std::string::npos;
+}
+
 absl::StatusOr<std::vector<CameraClip>> open_clips(const std::vector<std::string>& arguments) {
     std::vector<CameraClip> clips;
-    for (const std::string& argument : arguments) {
-        const std::size_t equals = argument.find('=');
-        CameraClip clip;
-        clip.file = equals == std::string::npos ? argument : argument.substr(equals + 1);
-        clip.camera = equals == std::string::npos ? clip.file.stem().string() : argument.substr(0, equals);
-        if (const std::string problem = camera_name_problem(clip.camera); !problem.empty())
-            return absl::InvalidArgumentError(fmt::format("'{}': the camera's name {}", argument, problem));
-        for (const CameraClip& other : clips)
-            if (other.camera == clip.camera)
-                return absl::InvalidArgumentError(fmt::format(
-                    "camera {} is given twice; write NAME=FILE with a name for each", clip.camera));
+    if (is_session(arguments)) {
+        const auto session = read_session(arguments[0]);
+        if (!session.ok()) return session.status();
+        for (const SessionCamera& camera : session->cameras)
+            clips.push_back({camera.name, camera.video, camera.background});
+    } else {
+        for (const std::string& argument : arguments) {
+            const std::size_t equals = argument.find('=');
+            CameraClip clip;
+            clip.file = equals == std::string::npos ? argument : argument.substr(equals + 1);
+            clip.camera =
+                equals == std::string::npos ? clip.file.stem().string() : argument.substr(0, equals);
+            if (const std::string problem = camera_name_problem(clip.camera); !problem.empty())
+                return absl::InvalidArgumentError(
+                    fmt::format("'{}': the camera's name {}", argument, problem));
+            for (const CameraClip& other : clips)
+                if (other.camera == clip.camera)
+                    return absl::InvalidArgumentError(fmt::format(
+                        "camera {} is given twice; write NAME=FILE with a name for each", clip.camera));
+            clips.push_back(clip);
+        }
+    }
+    for (CameraClip& clip : clips) {
         std::error_code error;
         if (!fs::exists(clip.file, error))
             return absl::NotFoundError(
@@ -59,16 +78,14 @@ absl::StatusOr<std::vector<CameraClip>> open_clips(const std::vector<std::string
                 fmt::format("camera {}: {} holds no readable picture; give a video or a folder of pictures",
                             clip.camera, clip.file.string()));
         clip.width = size.width, clip.height = size.height;
-        clips.push_back(clip);
     }
     return clips;
 }
 
-absl::StatusOr<std::vector<std::vector<BoardSighting>>> find_boards(const std::vector<CameraClip>& clips,
-                                                                    const BoardSpec& board, int every,
-                                                                    const SolveProgress& progress) {
-    if (auto tried = BoardDetector::create(board); !tried.ok()) return tried.status();
-    std::vector<std::vector<BoardSighting>> out(clips.size());
+absl::Status read_side_by_side(
+    const std::vector<CameraClip>& clips, int every, const std::string& what, const SolveProgress& progress,
+    const std::function<absl::StatusOr<std::function<void(const Picture&)>>(std::size_t, const Camera&)>&
+        start) {
     std::mutex mutex;
     absl::Status status;
     std::atomic<std::int64_t> done{0}, total{0};
@@ -82,8 +99,9 @@ absl::StatusOr<std::vector<std::vector<BoardSighting>>> find_boards(const std::v
         Camera size;
         size.name = clips[c].camera, size.width = clips[c].width, size.height = clips[c].height;
         auto reader = open_pictures(clips[c].file, size);
-        auto detector = BoardDetector::create(board);
         if (!reader.ok()) return fail(reader.status());
+        auto see = start(c, size);
+        if (!see.ok()) return fail(see.status());
         total += std::max<std::int64_t>((*reader)->promised(), 1);
         for (int frame = 0; !stop; ++frame) {
             auto picture = (*reader)->next();
@@ -91,16 +109,29 @@ absl::StatusOr<std::vector<std::vector<BoardSighting>>> find_boards(const std::v
             if (!picture.ok()) return fail(picture.status());
             ++done;
             if (frame % every != 0) continue;
-            out[c].push_back((*detector)->detect(*picture));
+            (*see)(*picture);
             const std::scoped_lock lock(mutex);
             const double part = std::min(
                 1.0, static_cast<double>(done) / static_cast<double>(std::max(total.load(), done.load())));
-            if (progress && !progress(part, fmt::format("looking for the board, {} pictures", done.load())))
+            if (progress && !progress(part, fmt::format("{}, {} pictures", what, done.load())))
                 status = absl::CancelledError("stopped; nothing was written"), stop = true;
         }
     });
-    if (!status.ok()) return status;
-    return out;
+    return status;
+}
+
+absl::StatusOr<std::vector<std::vector<BoardSighting>>> find_boards(const std::vector<CameraClip>& clips,
+                                                                    const BoardSpec& board, int every,
+                                                                    const SolveProgress& progress) {
+    return for_pictures<BoardSighting>(
+        clips, every, "looking for the board", progress,
+        [&](const CameraClip&, const Camera&) -> absl::StatusOr<Search<BoardSighting>> {
+            auto detector = BoardDetector::create(board);
+            if (!detector.ok()) return detector.status();
+            return [detector = std::shared_ptr<BoardDetector>(*std::move(detector))](const Picture& picture) {
+                return detector->detect(picture);
+            };
+        });
 }
 
 }  // namespace kinevox

@@ -247,7 +247,7 @@ absl::StatusOr<ExtrinsicsResult> ExtrinsicsProcedure::solve(const SolveProgress&
                              return names;
                          }())),
              "move the board where it and another camera see it at the same time"});
-    append_findings(bundle, result);
+    append_findings(bundle, Shown::kBoard, result);
     if (progress && !progress(1, "done")) return cancelled;
     return result;
 }

@@ -47,7 +47,8 @@ double solved_px(Bundle& bundle) {
     return std::sqrt(sum / static_cast<double>(report.errors_px.size()));
 }
 
-bool find_swapped(const Bundle& some, double before_px, std::vector<Finding>& findings) {
+bool find_swapped(const Bundle& some, const std::string& thing, double before_px,
+                  std::vector<Finding>& findings) {
     bool found = false;
     for (std::size_t a = 0; a < some.cameras.size(); ++a)
         for (std::size_t b = a + 1; b < some.cameras.size(); ++b) {
@@ -63,16 +64,17 @@ bool find_swapped(const Bundle& some, double before_px, std::vector<Finding>& fi
             findings.push_back(
                 {Verdict::kNoGo, "swapped", some.cameras[a].name,
                  fmt::format(
-                     "cameras {} and {} look swapped: with each other's lenses the board misses by {:.2f} "
-                     "px instead of {:.2f}",
-                     some.cameras[a].name, some.cameras[b].name, after_px, before_px),
+                     "cameras {} and {} look swapped: with each other's lenses the {} misses by {:.2f} px "
+                     "instead of {:.2f}",
+                     some.cameras[a].name, some.cameras[b].name, thing, after_px, before_px),
                  "exchange the two cameras' names or cables, then calibrate again"});
         }
     return found;
 }
 
 // A camera that two places, one before and one after some moment, fit much better than one.
-void find_moved(const Bundle& some, double before_px, std::vector<Finding>& findings) {
+void find_moved(const Bundle& some, const std::string& thing, double before_px,
+                std::vector<Finding>& findings) {
     const int moments = static_cast<int>(some.world_from_thing.size());
     double best_px = 0.65 * before_px, turned = 0, moved = 0;
     int which = -1;
@@ -95,8 +97,8 @@ void find_moved(const Bundle& some, double before_px, std::vector<Finding>& find
     if (which >= 0 && (turned > 0.1 || moved > 0.01))
         findings.push_back(
             {Verdict::kNoGo, "knocked", some.cameras[which].name,
-             fmt::format("camera {} moved while the board was shown, by {:.1f} degrees and {:.0f} mm",
-                         some.cameras[which].name, turned, 1000 * moved),
+             fmt::format("camera {} moved while the {} was shown, by {:.1f} degrees and {:.0f} mm",
+                         some.cameras[which].name, thing, turned, 1000 * moved),
              "fix the camera firmly and calibrate again"});
 }
 
@@ -173,7 +175,8 @@ std::vector<CameraQuality> camera_quality(const Bundle& fit, const BundleReport&
     return out;
 }
 
-void append_findings(const Bundle& bundle, ExtrinsicsResult& result) {
+void append_findings(const Bundle& bundle, Shown shown, ExtrinsicsResult& result) {
+    const std::string thing = shown == Shown::kBoard ? "board" : "wand";
     const auto add = [&](Verdict verdict, const char* check, const std::string& camera, std::string reason,
                          std::string remedy) {
         result.findings.push_back({verdict, check, camera, std::move(reason), std::move(remedy)});
@@ -182,14 +185,18 @@ void append_findings(const Bundle& bundle, ExtrinsicsResult& result) {
     if (all_px > kSuspiciousPx) {
         Bundle some = some_moments(bundle, 40);
         const double before_px = solved_px(some);
-        if (!find_swapped(some, before_px, result.findings)) find_moved(some, before_px, result.findings);
+        if (!find_swapped(some, thing, before_px, result.findings))
+            find_moved(some, thing, before_px, result.findings);
     }
     const std::size_t moments = bundle.world_from_thing.size();
     if (all_px > 1.0)
         add(all_px > 3 ? Verdict::kNoGo : Verdict::kCare, "reprojection", "",
             fmt::format("views kept out of the fit miss by {:.2f} px", all_px),
-            "look at the cameras named here; calibrate their lenses anew, hold the board still, use a flat "
-            "stiff one");
+            shown == Shown::kBoard
+                ? "look at the cameras named here; calibrate their lenses anew, hold the board "
+                  "still, use a flat stiff one"
+                : "look at the cameras named here; calibrate their lenses anew, wave the wand more "
+                  "slowly, cover other bright spots");
     for (std::size_t c = 0; c < result.quality.size(); ++c) {
         const CameraQuality& q = result.quality[c];
         const std::string& name = result.cameras[c].name;
@@ -200,41 +207,52 @@ void append_findings(const Bundle& bundle, ExtrinsicsResult& result) {
                 "check that it did not move, and calibrate its lens anew");
         if (q.views < 6)
             add(q.views < 4 ? Verdict::kNoGo : Verdict::kCare, "too_few_views", name,
-                fmt::format("camera {} has only {} views of the board together with others", name, q.views),
-                "show it the board in ten or more places");
+                fmt::format("camera {} has only {} views of the {} together with others", name, q.views,
+                            thing),
+                fmt::format("show it the {} in ten or more places", thing));
         if (q.coverage < kPoorCoverage) {
             Coverage coverage(bundle.cameras[c].width, bundle.cameras[c].height);
             for (const BundleObservation& o : bundle.observations)
                 if (o.camera == static_cast<int>(c)) coverage.add(o.pixel);
             add(Verdict::kCare, "coverage", name,
-                fmt::format("camera {} is poorly covered: the board was seen in {:.0f} % of its picture, {} "
-                            "is the emptiest "
-                            "part",
-                            name, 100 * q.coverage, coverage.emptiest()),
-                fmt::format("hold the board also in {} of its picture", coverage.emptiest()));
+                fmt::format(
+                    "camera {} is poorly covered: the {} was seen in {:.0f} % of its picture, {} is the "
+                    "emptiest part",
+                    name, thing, 100 * q.coverage, coverage.emptiest()),
+                fmt::format("hold the {} also in {} of its picture", thing, coverage.emptiest()));
         }
     }
     if (moments < 10)
         add(moments < 5 ? Verdict::kNoGo : Verdict::kCare, "too_few_views", "",
-            fmt::format("only {} moments in which two cameras saw the board", moments),
-            "move the board for a minute through the whole space");
-    // A board that never turned: the scale along its normal is hardly known.
+            fmt::format("only {} moments in which two cameras saw the {}", moments, thing),
+            fmt::format("move the {} for a minute through the whole space", thing));
+    // A board that never turned: the scale along its normal is hardly known. A wand has a direction only.
+    const int axis = shown == Shown::kBoard ? 2 : 0;
     double widest = 0;
     for (const Rigid3& a : bundle.world_from_thing) {
         const Mat3 &r = a.rotation, &first = bundle.world_from_thing.front().rotation;
-        const double cosine = r(0, 2) * first(0, 2) + r(1, 2) * first(1, 2) + r(2, 2) * first(2, 2);
-        widest = std::max(widest, degrees(std::acos(std::clamp(cosine, -1.0, 1.0))));
+        const double cosine =
+            r(0, axis) * first(0, axis) + r(1, axis) * first(1, axis) + r(2, axis) * first(2, axis);
+        // Which end of the wand is which does not matter.
+        const double turned =
+            degrees(std::acos(std::clamp(shown == Shown::kWand ? std::abs(cosine) : cosine, -1.0, 1.0)));
+        widest = std::max(widest, turned);
     }
-    if (widest < 12)
+    if (widest < 12 && shown == Shown::kBoard)
         add(Verdict::kCare, "flat", "",
             fmt::format("the board was flat the same way in all views (tilted by at most {:.0f} degrees)",
                         widest),
             "tilt the board by 20 to 45 degrees, in several directions");
+    else if (widest < 12)
+        add(Verdict::kCare, "flat", "",
+            fmt::format("the wand was held the same way all the time (turned by at most {:.0f} degrees)",
+                        widest),
+            "turn the wand every way while you wave it");
     if (result.scale && std::abs(result.scale->bias_mm_per_m) > 5)
         add(Verdict::kCare, "scale", "",
             fmt::format("lengths come out {:.1f} mm per metre too {}", std::abs(result.scale->bias_mm_per_m),
                         result.scale->bias_mm_per_m > 0 ? "long" : "short"),
-            "show the board also near the middle of the space and closer to the cameras");
+            fmt::format("show the {} also near the middle of the space and closer to the cameras", thing));
 }
 
 }  // namespace kinevox

@@ -18,8 +18,10 @@ std::optional<ScaleError> scale_error(const Bundle& bundle);
 std::vector<CameraQuality> camera_quality(const Bundle& fit, const BundleReport& fit_report,
                                           const Bundle& held_out, const BundleReport& held_report);
 
+enum class Shown { kBoard, kWand };
+
 // Findings of the solved bundle: errors, and where they are large what explains them (two cameras swapped,
 // one that moved meanwhile), too few views, poor coverage, always the same tilt.
-void append_findings(const Bundle& bundle, ExtrinsicsResult& result);
+void append_findings(const Bundle& bundle, Shown shown, ExtrinsicsResult& result);
 
 }  // namespace kinevox

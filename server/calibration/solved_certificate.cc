@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <utility>
 
 #include "server/calibration/diagnosis.h"
@@ -19,13 +20,33 @@ void move_world(const Alignment& new_from_old, ExtrinsicsResult& result) {
     for (Vec3& point : result.seen_points) point = new_from_old(point);
 }
 
+// The mean over the frames before and after in which the board lay as still as it can be measured.
+Rigid3 resting_pose(const std::map<int, Rigid3>& poses, std::map<int, Rigid3>::const_iterator lying) {
+    constexpr double kStill_m = 0.01, kStillTurn = 0.02;  // rad
+    const auto rests = [&](const Rigid3& pose) {
+        return norm(pose.translation - lying->second.translation) < kStill_m &&
+               angle_between(pose.rotation, lying->second.rotation) < kStillTurn;
+    };
+    auto first = lying, end = std::next(lying);
+    while (first != poses.begin() && rests(std::prev(first)->second)) --first;
+    while (end != poses.end() && rests(end->second)) ++end;
+    Vec3 shift, turn;  // against `lying`, both small
+    const double part = 1.0 / static_cast<double>(std::distance(first, end));
+    for (auto pose = first; pose != end; ++pose) {
+        const Rigid3 difference = lying->second.inverse() * pose->second;
+        shift += part * difference.translation;
+        turn += part * rodrigues_from_rotation(difference.rotation);
+    }
+    return lying->second * Rigid3{rotation_from_rodrigues(turn), shift};
+}
+
 }  // namespace
 
 absl::Status set_world_by_board(std::span<const int> lying, ExtrinsicsResult& result) {
     for (const int moment : lying) {
         const auto found = result.world_from_board.find(moment);
         if (found == result.world_from_board.end()) continue;
-        move_world({1, found->second.inverse()}, result);
+        move_world({1, resting_pose(result.world_from_board, found).inverse()}, result);
         return absl::OkStatus();
     }
     return absl::FailedPreconditionError(

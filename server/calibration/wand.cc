@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <opencv2/calib3d.hpp>
+#include <set>
 
 #include "server/calibration/extrinsics_checks.h"
 #include "server/calibration/triangulation.h"
@@ -13,12 +13,9 @@
 namespace kinevox {
 namespace {
 
-constexpr std::size_t kFewestTogether = 12;
-
-// The wand along x from the first ball on.
-std::vector<Vec3> wand_points(const WandSpec& wand) {
-    return {{0, 0, 0}, {wand.middle_m, 0, 0}, {wand.length_m, 0, 0}};
-}
+constexpr double kMostMissPx = 8;     // views that miss by more, and by
+constexpr double kMostMissRatio = 6;  // so many times the median, are no view of the wand,
+constexpr double kMostStrays = 0.1;   // as long as they are fewer than this part of a camera's views
 
 Rigid3 pose_between(Vec3 first, Vec3 last) {
     const Vec3 x = normalized(last - first);
@@ -27,9 +24,65 @@ Rigid3 pose_between(Vec3 first, Vec3 last) {
     return {{{x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z}}, first};
 }
 
-cv::Point2d on_plane(const Camera& camera, Vec2 pixel) {
-    const Vec3 d = direction_in_camera(camera, pixel);
-    return {d.x / d.z, d.y / d.z};
+struct Bundles {
+    Bundle fit, held_out;
+    BundleReport report, held_report;
+    std::vector<int> cameras, fit_moments, held_moments;  // indices of the lenses; the moments' numbers
+};
+
+Bundles bundles_of(const std::vector<Camera>& cameras, const std::vector<bool>& placed,
+                   const std::vector<Vec3>& balls, const WandMoments& moments, int held_out_every) {
+    Bundles out;
+    std::vector<int> index(cameras.size(), -1);
+    out.fit.points_in_thing = balls;
+    for (std::size_t c = 0; c < cameras.size(); ++c)
+        if (placed[c]) {
+            index[c] = static_cast<int>(out.cameras.size());
+            out.cameras.push_back(static_cast<int>(c));
+            out.fit.cameras.push_back(cameras[c]);
+        }
+    out.held_out = out.fit;
+    int joint = 0;
+    for (const auto& [moment, views] : moments) {
+        std::vector<Sight> first, last;
+        for (const auto& [camera, seen] : views) {
+            if (index[camera] < 0) continue;
+            first.push_back({&out.fit.cameras[index[camera]], seen.front()});
+            last.push_back({&out.fit.cameras[index[camera]], seen.back()});
+        }
+        const auto from = triangulate(first), to = triangulate(last);
+        if (!from || !to) continue;
+        const bool keep_out = held_out_every > 1 && joint++ % held_out_every == held_out_every - 1;
+        Bundle& bundle = keep_out ? out.held_out : out.fit;
+        const int m = static_cast<int>(bundle.world_from_thing.size());
+        bundle.world_from_thing.push_back(pose_between(*from, *to));
+        (keep_out ? out.held_moments : out.fit_moments).push_back(moment);
+        for (const auto& [camera, seen] : views)
+            for (std::size_t k = 0; k < balls.size() && index[camera] >= 0; ++k)
+                bundle.observations.push_back({index[camera], m, static_cast<int>(k), seen[k], {}, {}});
+    }
+    return out;
+}
+
+// Takes views out of `moments` that miss by far, unless they are a large part of their camera's: then they
+// tell something about the camera.
+void drop_strays(const Bundle& bundle, const BundleReport& report, const std::vector<int>& cameras,
+                 const std::vector<int>& numbers, WandMoments& moments) {
+    std::vector<double> errors;
+    for (const double error : report.errors_px)
+        if (std::isfinite(error)) errors.push_back(error);
+    if (errors.empty()) return;
+    std::nth_element(errors.begin(), errors.begin() + errors.size() / 2, errors.end());
+    const double most = std::max(kMostMissPx, kMostMissRatio * errors[errors.size() / 2]);
+    std::vector<std::set<int>> views(bundle.cameras.size()), strays(bundle.cameras.size());
+    for (std::size_t i = 0; i < report.errors_px.size(); ++i) {
+        const BundleObservation& o = bundle.observations[i];
+        views[o.camera].insert(o.moment);
+        if (!(report.errors_px[i] < most)) strays[o.camera].insert(o.moment);
+    }
+    for (std::size_t c = 0; c < views.size(); ++c)
+        if (static_cast<double>(strays[c].size()) < kMostStrays * static_cast<double>(views[c].size()))
+            for (const int moment : strays[c]) moments[numbers[moment]].erase(cameras[c]);
 }
 
 }  // namespace
@@ -37,6 +90,7 @@ cv::Point2d on_plane(const Camera& camera, Vec2 pixel) {
 std::string WandSpec::check() const {
     if (!(length_m >= 0.05 && length_m <= 5))
         return fmt::format("the wand is {:g} mm long; 50 to 5000 are allowed", 1000 * length_m);
+    if (middle_m == 0) return {};
     if (!(middle_m > 0 && middle_m < 0.42 * length_m))
         return fmt::format(
             "the wand's middle ball is at {:g} of {:g} mm; it must be clearly nearer to the first end",
@@ -44,19 +98,29 @@ std::string WandSpec::check() const {
     return {};
 }
 
+std::vector<Vec3> WandSpec::balls() const {
+    if (middle_m == 0) return {{0, 0, 0}, {length_m, 0, 0}};
+    return {{0, 0, 0}, {middle_m, 0, 0}, {length_m, 0, 0}};
+}
+
 absl::StatusOr<WandSpec> parse_wand(std::string_view text) {
     WandSpec wand;
-    const std::size_t first = text.find(':'), second = text.find(':', first + 1);
     const auto read = [](std::string_view part, double& value) {
         const auto [end, code] = std::from_chars(part.data(), part.data() + part.size(), value);
         return code == std::errc{} && end == part.data() + part.size();
     };
-    if (!text.starts_with("wand:") || second == std::string_view::npos ||
-        !read(text.substr(first + 1, second - first - 1), wand.middle_m) ||
-        !read(text.substr(second + 1), wand.length_m))
-        return absl::InvalidArgumentError(fmt::format(
-            "wand '{}': write wand:200:600, mm from the first ball to the second and to the third",
-            text.substr(0, 60)));
+    const std::string_view lengths = text.starts_with("wand:") ? text.substr(5) : std::string_view();
+    const std::size_t colon = lengths.find(':');
+    const bool three = colon != std::string_view::npos;
+    wand.middle_m = 0;
+    if (!(three ? read(lengths.substr(0, colon), wand.middle_m) && wand.middle_m > 0 &&
+                      read(lengths.substr(colon + 1), wand.length_m)
+                : read(lengths, wand.length_m)))
+        return absl::InvalidArgumentError(
+            fmt::format("wand '{}': write wand:200:600, mm from the first ball to the second and to the "
+                        "third, or wand:600 for "
+                        "two balls",
+                        text.substr(0, 60)));
     wand.middle_m /= 1000, wand.length_m /= 1000;
     if (const std::string problem = wand.check(); !problem.empty())
         return absl::InvalidArgumentError(problem);
@@ -68,7 +132,7 @@ WandProcedure::WandProcedure(std::vector<Camera> lenses, const WandSpec& wand,
     : lenses_(std::move(lenses)), wand_(wand), options_(options) {}
 
 void WandProcedure::add_observation(int moment, int camera, const WandSighting& sighting) {
-    if (sighting) moments_[moment][camera] = *sighting;
+    if (sighting && sighting->size() == wand_.balls().size()) moments_[moment][camera] = *sighting;
 }
 
 std::vector<std::string> WandProcedure::hints() const {
@@ -77,125 +141,71 @@ std::vector<std::string> WandProcedure::hints() const {
         for (const auto& [camera, balls] : views) seen[camera] += views.size() > 1;
     std::vector<std::string> hints;
     for (std::size_t c = 0; c < lenses_.size(); ++c)
-        if (seen[c] < static_cast<int>(kFewestTogether))
+        if (seen[c] < kFewestWandMoments)
             hints.push_back(fmt::format(
                 "camera {} has seen the wand together with another camera {} times; {} are needed",
-                lenses_[c].name, seen[c], kFewestTogether));
+                lenses_[c].name, seen[c], kFewestWandMoments));
     return hints;
-}
-
-std::vector<CameraPair> WandProcedure::pairs() const {
-    std::vector<CameraPair> pairs;
-    for (int a = 0; a < static_cast<int>(lenses_.size()); ++a)
-        for (int b = a + 1; b < static_cast<int>(lenses_.size()); ++b) {
-            std::vector<cv::Point2d> in_a, in_b;
-            for (const auto& [moment, views] : moments_) {
-                const auto one = views.find(a), other = views.find(b);
-                if (one == views.end() || other == views.end()) continue;
-                for (int k = 0; k < 3; ++k) {
-                    in_a.push_back(on_plane(lenses_[a], one->second[k]));
-                    in_b.push_back(on_plane(lenses_[b], other->second[k]));
-                }
-            }
-            if (in_a.size() < 3 * kFewestTogether) continue;
-            cv::setRNGSeed(1);
-            cv::Mat inside, rotation, shift, points;
-            const double threshold = 1.5 / std::min(lenses_[a].fx, lenses_[b].fx);
-            const cv::Mat essential = cv::findEssentialMat(in_b, in_a, cv::Mat::eye(3, 3, CV_64F), cv::RANSAC,
-                                                           0.9999, threshold, inside);
-            if (essential.rows != 3) continue;
-            const int good = cv::recoverPose(essential, in_b, in_a, cv::Mat::eye(3, 3, CV_64F), rotation,
-                                             shift, 1e3, inside, points);
-            if (good < static_cast<int>(kFewestTogether)) continue;
-            std::vector<double> scales;  // true length over the one between unit-spaced cameras
-            for (std::size_t m = 0; m + 2 < in_a.size(); m += 3) {
-                Vec3 ends[2];
-                for (int end = 0; end < 2; ++end) {
-                    const cv::Mat p = points.col(static_cast<int>(m) + 2 * end);
-                    ends[end] = {p.at<double>(0) / p.at<double>(3), p.at<double>(1) / p.at<double>(3),
-                                 p.at<double>(2) / p.at<double>(3)};
-                }
-                const double length = norm(ends[0] - ends[1]);
-                if (inside.at<std::uint8_t>(static_cast<int>(m)) && length > 0)
-                    scales.push_back(wand_.length_m / length);
-            }
-            if (scales.size() < 5) continue;
-            std::nth_element(scales.begin(), scales.begin() + scales.size() / 2, scales.end());
-            CameraPair pair{a, b, {}, good};
-            for (int i = 0; i < 9; ++i) pair.a_from_b.rotation.m[i] = rotation.at<double>(i / 3, i % 3);
-            pair.a_from_b.translation = scales[scales.size() / 2] *
-                                        Vec3{shift.at<double>(0), shift.at<double>(1), shift.at<double>(2)};
-            pairs.push_back(pair);
-        }
-    return pairs;
 }
 
 absl::StatusOr<ExtrinsicsResult> WandProcedure::solve(const SolveProgress& progress) const {
     const absl::Status cancelled = absl::CancelledError("stopped; nothing was changed");
     if (progress && !progress(0.02, "pairs of cameras")) return cancelled;
-    const std::vector<CameraPair> joined = pairs();
+    const std::vector<Vec3> balls = wand_.balls();
+    const std::vector<CameraPair> joined = wand_pairs(lenses_, balls, moments_);
     if (joined.empty())
-        return absl::FailedPreconditionError(
-            fmt::format("no two cameras have seen the whole wand together in {} moments or more; wave it for "
-                        "a minute where two or more see "
-                        "it",
-                        kFewestTogether));
+        return absl::FailedPreconditionError(fmt::format(
+            "no two cameras have seen the whole wand together in {} moments or more; wave it {}for a "
+            "minute where two or more see it",
+            kFewestWandMoments, balls.size() == 2 ? "slowly " : ""));
     const CameraTree tree = join_cameras(static_cast<int>(lenses_.size()), joined);
     ExtrinsicsResult result;
-    Bundle fit;
-    fit.points_in_thing = wand_points(wand_);
-    std::vector<int> index(lenses_.size(), -1);
-    for (const int c : tree.groups.front()) {
-        index[c] = static_cast<int>(fit.cameras.size());
-        fit.cameras.push_back(lenses_[c]);
-        fit.cameras.back().camera_from_world = tree.camera_from_world[c];
-    }
+    std::vector<Camera> cameras = lenses_;
+    std::vector<bool> placed(lenses_.size(), false);
+    for (const int c : tree.groups.front())
+        placed[c] = true, cameras[c].camera_from_world = tree.camera_from_world[c];
     for (std::size_t c = 0; c < lenses_.size(); ++c)
-        if (index[c] < 0) {
+        if (!placed[c]) {
             result.left_out.push_back(lenses_[c].name);
             result.findings.push_back(
                 {Verdict::kNoGo, "unconnected", lenses_[c].name,
                  fmt::format("camera {} shares too few views of the wand with the others", lenses_[c].name),
                  "wave the wand where it and another camera see it at the same time"});
         }
-    Bundle held_out = fit;
-    int joint = 0;
-    for (const auto& [moment, views] : moments_) {
-        std::vector<Sight> first, last;
-        for (const auto& [camera, balls] : views) {
-            if (index[camera] < 0) continue;
-            first.push_back({&fit.cameras[index[camera]], balls[0]});
-            last.push_back({&fit.cameras[index[camera]], balls[2]});
+    // Once more with better places: the balls are told apart better, and what never was the wand shows.
+    Bundles solved;
+    WandMoments moments = moments_;
+    for (int round = 0; round < 2; ++round) {
+        if (balls.size() == 2) order_two_balls(cameras, placed, wand_.length_m, moments);
+        solved = bundles_of(cameras, placed, balls, moments, options_.held_out_every);
+        BundleOptions options;
+        options.robust_px = options_.robust_px;
+        options.threads = options_.threads;
+        const SolveProgress within = [&](double part, const std::string& what) {
+            return !progress || progress(0.1 + 0.4 * (round + part), what);
+        };
+        if (absl::Status status = solve_bundle(solved.fit, options, solved.report, within); !status.ok())
+            return status;
+        if (absl::Status status = place_held_out(solved.fit, options, solved.held_out, solved.held_report);
+            !status.ok())
+            return status;
+        for (std::size_t i = 0; i < solved.cameras.size(); ++i)
+            cameras[solved.cameras[i]] = solved.fit.cameras[i];
+        if (round == 0) {
+            drop_strays(solved.fit, solved.report, solved.cameras, solved.fit_moments, moments);
+            drop_strays(solved.held_out, solved.held_report, solved.cameras, solved.held_moments, moments);
         }
-        const auto from = triangulate(first), to = triangulate(last);
-        if (!from || !to) continue;
-        const bool keep_out =
-            options_.held_out_every > 1 && joint++ % options_.held_out_every == options_.held_out_every - 1;
-        Bundle& bundle = keep_out ? held_out : fit;
-        const int m = static_cast<int>(bundle.world_from_thing.size());
-        bundle.world_from_thing.push_back(pose_between(*from, *to));
-        for (const auto& [camera, balls] : views)
-            for (int k = 0; k < 3 && index[camera] >= 0; ++k)
-                bundle.observations.push_back({index[camera], m, k, balls[k], {}, {}});
     }
-    BundleOptions options;
-    options.robust_px = options_.robust_px;
-    options.threads = options_.threads;
-    BundleReport report, held_report;
-    const SolveProgress within = [&](double part, const std::string& what) {
-        return !progress || progress(0.1 + 0.8 * part, what);
-    };
-    if (absl::Status status = solve_bundle(fit, options, report, within); !status.ok()) return status;
+    const Bundle &fit = solved.fit, &held_out = solved.held_out;
     result.cameras = fit.cameras;
-    result.fit_rms_px = report.rms_px;
-    if (absl::Status status = place_held_out(fit, options, held_out, held_report); !status.ok()) return status;
+    result.fit_rms_px = solved.report.rms_px;
     if (!held_out.observations.empty()) {
-        result.held_out_rms_px = held_report.rms_px;
+        result.held_out_rms_px = solved.held_report.rms_px;
         result.scale = scale_error(held_out);
     }
-    result.quality = camera_quality(fit, report, held_out, held_report);
+    result.quality = camera_quality(fit, solved.report, held_out, solved.held_report);
     for (const BundleObservation& o : fit.observations) result.seen_points.push_back(observed_point(fit, o));
-    append_findings(fit, result);
+    append_findings(fit, Shown::kWand, result);
     if (progress && !progress(1, "done")) return cancelled;
     return result;
 }

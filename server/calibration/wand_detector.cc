@@ -9,6 +9,8 @@ namespace kinevox {
 namespace {
 
 constexpr std::size_t kMostSpots = 12;
+constexpr double kLeastLengthPx = 12;  // of the wand in the picture
+constexpr double kAlike = 0.55;        // the farther ball's radius over the nearer one's, at least
 
 struct Spot {
     Vec2 centre;
@@ -45,6 +47,15 @@ std::vector<Spot> bright_spots(const cv::Mat& brighter, const WandDetectorOption
     return spots;
 }
 
+// Two balls of about one size, alone in the picture.
+WandSighting two_balls(const std::vector<Spot>& spots) {
+    if (spots.size() < 2 || spots[1].radius_px < kAlike * spots[0].radius_px) return std::nullopt;
+    if (spots.size() > 2 && spots[2].radius_px > kAlike * spots[1].radius_px) return std::nullopt;
+    const Vec2 p = spots[0].centre, q = spots[1].centre;
+    if (std::hypot(p.x - q.x, p.y - q.y) < kLeastLengthPx) return std::nullopt;
+    return std::vector<Vec2>{p, q};
+}
+
 }  // namespace
 
 WandSighting find_wand(const Picture& picture, const Picture& empty_scene, const WandSpec& wand,
@@ -53,6 +64,7 @@ WandSighting find_wand(const Picture& picture, const Picture& empty_scene, const
     cv::Mat brighter;
     cv::subtract(grey_of(picture), grey_of(empty_scene), brighter);
     const std::vector<Spot> spots = bright_spots(brighter, options);
+    if (wand.middle_m == 0) return two_balls(spots);
     const double expected = wand.middle_m / wand.length_m;
     WandSighting best;
     double least = 1e9;
@@ -63,7 +75,7 @@ WandSighting find_wand(const Picture& picture, const Picture& empty_scene, const
                 if (a == b || b == c || a == c) continue;
                 const Vec2 p = spots[a].centre, q = spots[b].centre, r = spots[c].centre;
                 const double length = std::hypot(r.x - p.x, r.y - p.y);
-                if (length < 12) continue;
+                if (length < kLeastLengthPx) continue;
                 const double along =
                     ((q.x - p.x) * (r.x - p.x) + (q.y - p.y) * (r.y - p.y)) / (length * length);
                 const double off = std::abs((q.x - p.x) * (r.y - p.y) - (q.y - p.y) * (r.x - p.x)) / length;
@@ -72,9 +84,35 @@ WandSighting find_wand(const Picture& picture, const Picture& empty_scene, const
                     continue;
                 ++fitting;
                 const double miss = off / length + std::abs(along - expected);
-                if (miss < least) least = miss, best = std::array<Vec2, 3>{p, q, r};
+                if (miss < least) least = miss, best = std::vector<Vec2>{p, q, r};
             }
     return fitting == 1 ? best : std::nullopt;  // two that fit: better none
+}
+
+double changed_part(const Picture& picture, const Picture& empty_scene, const WandDetectorOptions& options) {
+    if (picture.empty() || empty_scene.empty()) return 0;
+    cv::Mat difference;
+    cv::absdiff(grey_of(picture), grey_of(empty_scene), difference);
+    return cv::countNonZero(difference > 0.6 * options.least_difference) /
+           static_cast<double>(difference.total());
+}
+
+int changed_for_good(const std::vector<double>& changed) {
+    constexpr double kMore = 0.02, kMoreTimes = 3;  // than what is usual here
+    const std::size_t count = changed.size(), fewest = std::max<std::size_t>(8, count / 12);
+    if (count < 3 * fewest) return -1;
+    std::vector<double> sorted = changed;
+    std::sort(sorted.begin(), sorted.end());
+    const double usual = sorted[count / 10], limit = std::max(usual + kMore, kMoreTimes * usual);
+    // Changed nearly all the time from there on, and nearly never before.
+    std::size_t before = 0;
+    std::size_t after = std::count_if(changed.begin(), changed.end(), [&](double c) { return c > limit; });
+    for (std::size_t i = 0; i + fewest <= count; ++i) {
+        if (changed[i] <= limit) continue;
+        if (i >= fewest && after >= 0.9 * (count - i) && before <= 0.1 * i) return static_cast<int>(i);
+        ++before, --after;
+    }
+    return -1;
 }
 
 }  // namespace kinevox

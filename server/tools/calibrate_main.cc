@@ -23,7 +23,8 @@ int run(int argc, char** argv) {
                  "kinevox calibrate");
     app.require_subcommand(1);
     std::vector<kinevox::calibrate::Verb> verbs = kinevox::calibrate::file_verbs(app);
-    for (const auto& more : {kinevox::calibrate::board_verbs(app), kinevox::calibrate::session_verbs(app)})
+    for (const auto& more : {kinevox::calibrate::lens_verbs(app), kinevox::calibrate::places_verbs(app),
+                             kinevox::calibrate::session_verbs(app)})
         verbs.insert(verbs.end(), more.begin(), more.end());
     try {
         app.parse(argc, argv);

@@ -72,13 +72,32 @@ Picture draw_print(const Picture& picture, const Camera& camera, const Print& pr
             std::min(box.x0, static_cast<int>(seen->x) - 3), std::min(box.y0, static_cast<int>(seen->y) - 3),
             std::max(box.x1, static_cast<int>(seen->x) + 4), std::max(box.y1, static_cast<int>(seen->y) + 4)};
     }
+    box = {std::max(box.x0, 0), std::max(box.y0, 0), std::min(box.x1, picture.width),
+           std::min(box.y1, picture.height)};
+    if (box.x0 >= box.x1 || box.y0 >= box.y1) return picture;
+    // Where the rays through the pixels' corners meet the print, px of its texture; between them it is as
+    // good as straight. NaN: they do not.
+    const int columns = box.x1 - box.x0 + 1, rows = box.y1 - box.y0 + 1;
+    std::vector<Vec2> hits(static_cast<std::size_t>(columns) * rows, {std::nan(""), std::nan("")});
+    for (int row = 0; row < rows; ++row)
+        for (int column = 0; column < columns; ++column) {
+            const Ray ray = camera.ray_through({box.x0 + column - 0.5, box.y0 + row - 0.5});
+            const Vec3 along = board_from_world.rotation * ray.direction_in_world;
+            if (along.z >= 0) continue;
+            const Vec3 hit = eye + (-eye.z / along.z) * along;
+            hits[static_cast<std::size_t>(row) * columns + column] = {
+                hit.x * print.pixels_per_m + print.origin_px.x - 0.5,
+                print.origin_px.y - hit.y * print.pixels_per_m - 0.5};
+        }
     return paint(picture, box, noise_grey, seed, [&](Vec2 at) -> std::optional<double> {
-        const Ray ray = camera.ray_through(at);
-        const Vec3 along = board_from_world.rotation * ray.direction_in_world;
-        if (along.z >= 0) return std::nullopt;
-        const Vec3 hit = eye + (-eye.z / along.z) * along;
-        const double u = hit.x * print.pixels_per_m + print.origin_px.x - 0.5;
-        const double v = print.origin_px.y - hit.y * print.pixels_per_m - 0.5;
+        const double right = at.x + 0.5 - box.x0, down = at.y + 0.5 - box.y0;
+        const int column = static_cast<int>(right), row = static_cast<int>(down);
+        const double s = right - column, t = down - row;
+        const Vec2* const above = &hits[static_cast<std::size_t>(row) * columns + column];
+        const Vec2* const below = above + columns;
+        const Vec2 a0 = above[0], a1 = above[1], b0 = below[0], b1 = below[1];
+        const double u = (1 - t) * ((1 - s) * a0.x + s * a1.x) + t * ((1 - s) * b0.x + s * b1.x);
+        const double v = (1 - t) * ((1 - s) * a0.y + s * a1.y) + t * ((1 - s) * b0.y + s * b1.y);
         if (!(u >= 0 && v >= 0 && u < print.grey.width - 1 && v < print.grey.height - 1)) return std::nullopt;
         const auto texel = [&](int x, int y) {
             return static_cast<double>(print.grey.data[static_cast<std::size_t>(y) * print.grey.width + x]);

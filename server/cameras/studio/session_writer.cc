@@ -7,6 +7,7 @@
 
 #include "common/atomic_file.h"
 #include "common/calibration_file.h"
+#include "common/degrees.h"
 #include "common/joint_angles.h"
 #include "common/session_file.h"
 #include "server/cameras/studio/h264_file.h"
@@ -43,6 +44,36 @@ class TruthTables {
     std::string joints_, angles_;
 };
 
+// truth/prop.csv: where board or wand was.
+class PropTable {
+  public:
+    void add(std::int64_t frame, double fps, const Rigid3& world_from_prop) {
+        const Vec3 at = world_from_prop.translation, turn = rodrigues_from_rotation(world_from_prop.rotation);
+        text_ += fmt::format("{},{:.5f},{:.6f},{:.6f},{:.6f},{:.5f},{:.5f},{:.5f}\n", frame,
+                             static_cast<double>(frame) / fps, at.x, at.y, at.z, degrees(turn.x), degrees(turn.y),
+                             degrees(turn.z));
+    }
+    absl::Status write(const fs::path& folder) const { return write_file_atomically(folder / "prop.csv", text_); }
+
+  private:
+    std::string text_ = "frame,time_s,x_m,y_m,z_m,rotation_x_deg,rotation_y_deg,rotation_z_deg\n";
+};
+
+// truth/knock.csv and truth/calibration_after_knock.toml.
+absl::Status write_knock(const Studio& studio, const fs::path& folder) {
+    const Knock& knock = *studio.options().staging.knock;
+    const double fps = studio.options().fps;
+    const auto frame = static_cast<std::int64_t>(std::ceil(knock.time_s * fps));
+    std::vector<Camera> after = studio.cameras();
+    after[knock.camera] = studio.camera_at(knock.camera, frame);
+    if (absl::Status status = write_calibration_toml(after, folder / "calibration_after_knock.toml"); !status.ok())
+        return status;
+    return write_file_atomically(folder / "knock.csv",
+                                 fmt::format("camera,frame,time_s,turn_deg\n{},{},{:.5f},{:.4f}\n",
+                                             after[knock.camera].name, frame, static_cast<double>(frame) / fps,
+                                             knock.turn_deg));
+}
+
 absl::Status write_mask(const fs::path& file, const Camera& camera, std::vector<std::uint8_t>& mask) {
     const cv::Mat picture(camera.height, camera.width, CV_8UC1, mask.data());
     try {
@@ -71,8 +102,9 @@ absl::Status make_folders(const fs::path& folder, const Studio& studio, const Se
     if (fs::exists(folder, error) && (!fs::is_directory(folder, error) || !fs::is_empty(folder, error)))
         return absl::AlreadyExistsError(fmt::format("{}: is there already and not an empty folder; name another one", folder.string()));
     std::vector<fs::path> wanted{folder / "background", folder / "truth"};
-    if (options.mesh_every > 0) wanted.push_back(folder / "truth" / "mesh");
-    if (options.masks)
+    const bool person = studio.options().staging.person;
+    if (person && options.mesh_every > 0) wanted.push_back(folder / "truth" / "mesh");
+    if (person && options.masks)
         for (const Camera& camera : studio.cameras()) wanted.push_back(folder / "truth" / ("masks_" + camera.name));
     for (const fs::path& path : wanted) {
         fs::create_directories(path, error);
@@ -119,26 +151,34 @@ absl::Status write_frames(Studio& studio, const fs::path& folder, const SessionW
     if (!videos.ok()) return videos.status();
     const fs::path truth = folder / "truth";
     TruthTables tables;
+    PropTable prop;
+    const Staging& staging = studio.options().staging;
+    const bool masks_wanted = options.masks && staging.person;
     for (std::int64_t frame = 0; frame < options.frames; ++frame) {
         const std::vector<Picture> pictures = studio.draw(frame, true);
         std::vector<std::vector<std::uint8_t>> masks;
-        if (options.masks) masks = studio.masks(frame);
+        if (masks_wanted) masks = studio.masks(frame);
         absl::Status status = for_cameras(studio, [&](std::size_t i) {
             const Camera& camera = studio.cameras()[i];
             absl::Status written = (*videos)[i]->write(pictures[i]);
-            if (written.ok() && options.masks)
+            if (written.ok() && masks_wanted)
                 written = write_mask(truth / ("masks_" + camera.name) / fmt::format("frame_{:04}.png", frame), camera, masks[i]);
             return written;
         });
-        if (status.ok() && options.mesh_every > 0 && frame % options.mesh_every == 0)
+        if (status.ok() && staging.person && options.mesh_every > 0 && frame % options.mesh_every == 0)
             status = write_mesh(truth / "mesh" / fmt::format("frame_{:04}.ply", frame), studio.surface(frame));
         if (!status.ok()) return status;
-        tables.add(frame, studio.options().fps, studio.truth(frame));
+        if (staging.person) tables.add(frame, studio.options().fps, studio.truth(frame));
+        if (staging.has_prop()) prop.add(frame, studio.options().fps, studio.world_from_prop(frame));
         if (options.progress) options.progress(frame + 1, options.frames);
     }
     for (const std::unique_ptr<H264File>& video : *videos)
         if (absl::Status status = video->close(); !status.ok()) return status;
-    return tables.write(truth);
+    if (staging.has_prop())
+        if (absl::Status status = prop.write(truth); !status.ok()) return status;
+    if (staging.knock)
+        if (absl::Status status = write_knock(studio, truth); !status.ok()) return status;
+    return staging.person ? tables.write(truth) : absl::OkStatus();
 }
 
 }  // namespace
@@ -162,7 +202,8 @@ absl::Status write_session(Studio& studio, const fs::path& folder, const Session
     if (absl::Status status = write_calibration_toml(studio.cameras(), root / "calibration.toml"); !status.ok()) return status;
     if (absl::Status status = write_backgrounds(studio, root / "background", options); !status.ok()) return status;
     if (absl::Status status = write_frames(studio, root, options); !status.ok()) return status;
-    Session session{.name = studio.options().motion, .fps = studio.options().fps, .calibration = root / "calibration.toml",
+    const Staging& staging = studio.options().staging;
+    Session session{.name = staging.person ? studio.options().motion : staging.board ? "board" : staging.wand ? "wand" : "empty", .fps = studio.options().fps, .calibration = root / "calibration.toml",
                     .truth = root / "truth", .cameras = {}};
     for (const Camera& camera : studio.cameras())
         session.cameras.push_back({camera.name, root / (camera.name + ".mp4"), root / "background" / (camera.name + ".mp4")});

@@ -1,7 +1,9 @@
 // Writes what the virtual studio shows as a session on disk, ground truth beside it:
 //   session.toml, calibration.toml, CAMERA.mp4, background/CAMERA.mp4,
 //   truth/joints.csv (m), truth/angles.csv (degrees), truth/masks_CAMERA/frame_0000.png (0 or 255),
-//   truth/mesh/frame_0000.ply (closed triangle mesh, m) every so many frames.
+//   truth/mesh/frame_0000.ply (closed triangle mesh, m) every so many frames,
+//   truth/prop.csv (world_from_prop: m, rotation vector in degrees) where a board or a wand is carried,
+//   truth/knock.csv and truth/calibration_after_knock.toml where a camera is knocked; calibration.toml is as before it.
 #pragma once
 
 #include <filesystem>

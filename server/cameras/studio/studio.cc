@@ -50,6 +50,10 @@ class RenderedStudio final : public Studio {
         mesh_ = make_body_mesh(body_, subject_, {});
         caster_ = make_body_mesh(body_, subject_, {.cell_m = 0.032f, .painted = false});
         for (const Camera& camera : cameras_) views_.push_back(room_.draw(camera));
+        if (options_.staging.knock) {
+            knocked_ = after_knock(*options_.staging.knock, cameras_);
+            knocked_view_ = room_.draw(knocked_);
+        }
     }
     absl::Status start() {
         absl::StatusOr<std::unique_ptr<Motion>> motion =
@@ -68,10 +72,20 @@ class RenderedStudio final : public Studio {
     std::vector<Picture> draw(std::int64_t frame, bool parallel) override;
     Picture draw_empty(std::size_t camera, std::int64_t frame) const override;
     SubjectTruth truth(std::int64_t frame) const override { return {rig_.joints(rig_.forward(pose(frame)))}; }
+    const Camera& camera_at(std::size_t camera, std::int64_t frame) const override {
+        return is_knocked(camera, frame) ? knocked_ : cameras_[camera];
+    }
+    Rigid3 world_from_prop(std::int64_t frame) const override {
+        return options_.staging.has_prop() ? studio::world_from_prop(options_.staging, cameras_, frame, options_.fps) : Rigid3{};
+    }
     std::vector<std::vector<std::uint8_t>> masks(std::int64_t frame) override;
     Surface surface(std::int64_t frame) override;
 
   private:
+    bool is_knocked(std::size_t camera, std::int64_t frame) const {
+        const std::optional<Knock>& knock = options_.staging.knock;
+        return knock && camera == knock->camera && static_cast<double>(frame) >= knock->time_s * options_.fps;
+    }
     Pose pose(std::int64_t frame) const {
         const std::int64_t loop = frames_per_loop();
         return motion_->pose(static_cast<double>(loop > 0 ? frame % loop : frame) / options_.fps);
@@ -96,6 +110,8 @@ class RenderedStudio final : public Studio {
     std::unique_ptr<Motion> motion_;
     BodyMesh mesh_, caster_;
     std::vector<RoomView> views_;
+    Camera knocked_;  // as the camera stands after its knock; meaningless without one
+    RoomView knocked_view_;
     // Of the frame being drawn.
     SkinnedBody skinned_, skinned_caster_;
     std::vector<Vec3f> vertex_light_, shown_light_;  // per vertex, per triangle
@@ -106,6 +122,10 @@ class RenderedStudio final : public Studio {
 };
 
 std::string RenderedStudio::description() const {
+    if (!options_.staging.person)
+        return fmt::format("{} at {} fps, nobody there: {} cameras of {} x {} px",
+                           options_.staging.board ? "a board" : options_.staging.wand ? "a wand" : "the empty room", options_.fps,
+                           cameras_.size(), cameras_.front().width, cameras_.front().height);
     return fmt::format("{} at {} fps: a person of {:.2f} m, {} cameras of {} x {} px", options_.motion, options_.fps,
                        subject_.height_m, cameras_.size(), cameras_.front().width, cameras_.front().height);
 }
@@ -131,11 +151,14 @@ void RenderedStudio::light_body() {
 }
 
 std::vector<Picture> RenderedStudio::draw(std::int64_t frame, bool parallel) {
-    set_body(frame);
-    skin(caster_, rest_, rig_.forward(pose(frame)), skinned_caster_);
-    floor_shadow_.cast(caster_.surface, skinned_caster_.vertices, room_.lighting());
-    body_shadow_.cast(caster_.surface, skinned_caster_.vertices, room_.lighting().key.position);
-    light_body();
+    const Staging& staging = options_.staging;
+    if (staging.person) {
+        set_body(frame);
+        skin(caster_, rest_, rig_.forward(pose(frame)), skinned_caster_);
+        floor_shadow_.cast(caster_.surface, skinned_caster_.vertices, room_.lighting());
+        body_shadow_.cast(caster_.surface, skinned_caster_.vertices, room_.lighting().key.position);
+        light_body();
+    }
 
     std::vector<Picture> pictures(cameras_.size());
     const auto one = [&](std::size_t i) {
@@ -143,6 +166,9 @@ std::vector<Picture> RenderedStudio::draw(std::int64_t frame, bool parallel) {
         std::shared_ptr<std::uint8_t[]> data(new std::uint8_t[static_cast<std::size_t>(camera.width) * camera.height * 3]);
         draw_camera(i, frame, data.get());
         pictures[i] = {camera.width, camera.height, 3, std::move(data)};
+        if (staging.has_prop())
+            pictures[i] = draw_prop(staging, pictures[i], camera_at(i, frame), world_from_prop(frame), options_.noise_grey,
+                                    row_key(i, frame, 0, 3));
     };
     if (parallel) {
         tbb::parallel_for(std::size_t{0}, cameras_.size(), one);
@@ -174,11 +200,14 @@ CellBounds RenderedStudio::shadow_box(const Camera& camera) const {
 }
 
 void RenderedStudio::draw_camera(std::size_t index, std::int64_t frame, std::uint8_t* out) {
-    const Camera& camera = cameras_[index];
-    const RoomView& view = views_[index];
+    const Camera& camera = camera_at(index, frame);
+    const RoomView& view = is_knocked(index, frame) ? knocked_view_ : views_[index];
     BodyRaster& raster = rasters_[index];
-    raster.draw(camera, mesh_, skinned_, shown_light_);
-    const CellBounds body = raster.box(), dark = shadow_box(camera);
+    CellBounds body, dark;
+    if (options_.staging.person) {
+        raster.draw(camera, mesh_, skinned_, shown_light_);
+        body = raster.box(), dark = shadow_box(camera);
+    }
     const double gain = sensor_.gain(static_cast<std::uint32_t>(index), frame);
     const int values = 3 * camera.width;
     std::vector<std::uint16_t>& row = rows_[index];
@@ -217,9 +246,15 @@ Picture RenderedStudio::draw_empty(std::size_t index, std::int64_t frame) const 
 }
 
 std::vector<std::vector<std::uint8_t>> RenderedStudio::masks(std::int64_t frame) {
-    set_body(frame);
     std::vector<std::vector<std::uint8_t>> out(cameras_.size());
-    tbb::parallel_for(std::size_t{0}, cameras_.size(), [&](std::size_t i) { rasters_[i].mask(cameras_[i], mesh_, skinned_, out[i]); });
+    if (!options_.staging.person) {
+        for (std::size_t i = 0; i < out.size(); ++i)
+            out[i].assign(static_cast<std::size_t>(cameras_[i].width) * cameras_[i].height, 0);
+        return out;
+    }
+    set_body(frame);
+    tbb::parallel_for(std::size_t{0}, cameras_.size(),
+                      [&](std::size_t i) { rasters_[i].mask(camera_at(i, frame), mesh_, skinned_, out[i]); });
     return out;
 }
 
@@ -249,7 +284,7 @@ std::string StudioOptions::check() const {
     if (outside(noise_grey, 0, 50)) return fmt::format("noise is {} grey levels; it must be 0 .. 50", noise_grey);
     if (outside(flicker, 0, 0.3)) return fmt::format("flicker is {}; it must be 0 .. 0.3", flicker);
     if (outside(distortion, -0.3, 0.3)) return fmt::format("distortion is {}; it must be -0.3 .. 0.3", distortion);
-    return {};
+    return staging.check(own_cameras.empty() ? static_cast<std::size_t>(cameras) : own_cameras.size());
 }
 
 absl::StatusOr<std::unique_ptr<Studio>> Studio::create(const StudioOptions& options) {

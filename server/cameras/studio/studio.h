@@ -13,6 +13,7 @@
 #include "common/camera.h"
 #include "common/skeleton.h"
 #include "server/cameras/frame_source.h"
+#include "server/cameras/studio/staging.h"
 
 namespace kinevox::studio {
 
@@ -28,6 +29,7 @@ struct StudioOptions {
     double flicker = 0.02;         // the light's relative amplitude; 0 .. 0.3
     double distortion = 0;         // k1 of the lenses (k2, p1, p2 follow from it); -0.3 .. 0.3
     std::vector<Camera> own_cameras;  // used instead of the ring where not empty
+    Staging staging;                  // a board, a wand, a knocked camera, nobody
 
     // Empty when usable, else one sentence.
     std::string check() const;
@@ -52,8 +54,13 @@ class Studio {
     // All cameras' pictures (B G R) of a frame >= 0. Cameras are drawn in parallel where `parallel`.
     // Not thread safe: drawing buffers are kept from call to call.
     virtual std::vector<Picture> draw(std::int64_t frame, bool parallel) = 0;
-    // The empty room, noise and flicker of its own.
+    // The empty room before anything happened, noise and flicker of its own.
     virtual Picture draw_empty(std::size_t camera, std::int64_t frame) const = 0;
+
+    // The camera as it stands at a frame: another one than in cameras() after it was knocked.
+    virtual const Camera& camera_at(std::size_t camera, std::int64_t frame) const = 0;
+    // Of board or wand; the identity where there is none.
+    virtual Rigid3 world_from_prop(std::int64_t frame) const = 0;
 
     virtual SubjectTruth truth(std::int64_t frame) const = 0;
     // Per camera, height * width values 0 or 255: whether the ray through the pixel's centre hits the person.

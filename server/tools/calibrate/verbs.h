@@ -19,7 +19,8 @@ struct Verb {
 };
 
 std::vector<Verb> file_verbs(CLI::App& app);     // import, export
-std::vector<Verb> board_verbs(CLI::App& app);    // intrinsics, extrinsics
+std::vector<Verb> lens_verbs(CLI::App& app);     // intrinsics
+std::vector<Verb> places_verbs(CLI::App& app);   // extrinsics
 std::vector<Verb> session_verbs(CLI::App& app);  // refine, check
 
 }  // namespace kinevox::calibrate

@@ -1,0 +1,272 @@
+#include "server/calibration/wand_pairs.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/calib3d.hpp>
+#include <utility>
+
+#include "server/calibration/triangulation.h"
+
+namespace kinevox {
+namespace {
+
+constexpr double kInsidePx = 1.5;   // from the epipolar line
+constexpr double kClearPart = 0.5;  // of the other assignment's distance: a ball went on to be this one
+constexpr std::size_t kMostSeeds = 4;
+
+double between(Vec2 a, Vec2 b) {
+    return std::hypot(a.x - b.x, a.y - b.y);
+}
+
+cv::Point2d on_plane(const Camera& camera, Vec2 pixel) {
+    const Vec3 d = direction_in_camera(camera, pixel);
+    return {d.x / d.z, d.y / d.z};
+}
+
+// What both cameras saw at one moment, on the planes at z = 1; the balls of `b` in an order that stays the
+// same within a run.
+struct Joint {
+    std::vector<cv::Point2d> a, b;
+    std::pair<int, int> run;
+};
+
+// Orders each camera's two balls as they move on; [camera][moment] tells the run, within which the order
+// holds.
+std::map<int, std::map<int, int>> follow_balls(WandMoments& moments) {
+    std::map<int, std::map<int, int>> runs;
+    std::map<int, std::vector<std::pair<int, std::vector<Vec2>*>>> by_camera;
+    int step = 1 << 30;
+    for (auto m = moments.begin(); m != moments.end(); ++m) {
+        if (const auto next = std::next(m); next != moments.end())
+            step = std::min(step, next->first - m->first);
+        for (auto& [camera, balls] : m->second) by_camera[camera].emplace_back(m->first, &balls);
+    }
+    for (auto& [camera, seen] : by_camera) {
+        int run = 0;
+        for (std::size_t i = 0; i < seen.size(); ++i) {
+            std::vector<Vec2>& now = *seen[i].second;
+            if (i > 0) {
+                const std::vector<Vec2>& before = *seen[i - 1].second;
+                double same = between(now[0], before[0]) + between(now[1], before[1]);
+                double other = between(now[1], before[0]) + between(now[0], before[1]);
+                if (other < same) std::swap(now[0], now[1]), std::swap(same, other);
+                if (seen[i].first - seen[i - 1].first > 2 * step || same > kClearPart * other) ++run;
+            }
+            runs[camera][seen[i].first] = run;
+        }
+    }
+    return runs;
+}
+
+// Distance from the epipolar lines, in both planes.
+double epipolar_miss(const cv::Matx33d& essential, cv::Point2d a, cv::Point2d b) {
+    const cv::Vec3d x(b.x, b.y, 1), y(a.x, a.y, 1);  // y' E x = 0
+    const cv::Vec3d in_a = essential * x, in_b = essential.t() * y;
+    const double miss = std::abs(y.dot(in_a));
+    return 0.5 * miss * (1 / std::hypot(in_a[0], in_a[1]) + 1 / std::hypot(in_b[0], in_b[1]));
+}
+
+struct Found {
+    cv::Matx33d essential;
+    std::vector<bool> inside;  // per joint
+    std::vector<Joint> joints;
+    int votes = 0;
+};
+
+bool fit(const std::vector<Joint>& joints, double threshold, cv::Matx33d& essential) {
+    std::vector<cv::Point2d> a, b;
+    for (const Joint& joint : joints) {
+        a.insert(a.end(), joint.a.begin(), joint.a.end());
+        b.insert(b.end(), joint.b.begin(), joint.b.end());
+    }
+    if (a.size() < 8) return false;
+    cv::setRNGSeed(1);
+    const cv::Mat found =
+        cv::findEssentialMat(b, a, cv::Mat::eye(3, 3, CV_64F), cv::RANSAC, 0.9999, threshold);
+    if (found.rows != 3) return false;
+    essential = cv::Matx33d(found);
+    return true;
+}
+
+// Which joints fit; where the balls are alike (`turn`), those that fit the other way round are turned.
+void sort_out(const cv::Matx33d& essential, double threshold, bool turn, std::vector<Joint> joints,
+              Found& found) {
+    found = {essential, {}, std::move(joints), 0};
+    const auto miss = [&](const Joint& joint) {
+        double most = 0;
+        for (std::size_t k = 0; k < joint.a.size(); ++k)
+            most = std::max(most, epipolar_miss(essential, joint.a[k], joint.b[k]));
+        return most;
+    };
+    for (Joint& joint : found.joints) {
+        double least = miss(joint);
+        if (turn) {
+            std::swap(joint.b[0], joint.b[1]);
+            if (const double other = miss(joint); other < least)
+                least = other;
+            else
+                std::swap(joint.b[0], joint.b[1]);
+        }
+        found.inside.push_back(least < threshold);
+        found.votes += least < threshold;
+    }
+}
+
+std::vector<Joint> inside(const Found& found) {
+    std::vector<Joint> out;
+    for (std::size_t i = 0; i < found.joints.size(); ++i)
+        if (found.inside[i]) out.push_back(found.joints[i]);
+    return out;
+}
+
+Found with_known_balls(const std::vector<Joint>& joints, double threshold) {
+    Found found;
+    if (cv::Matx33d essential; fit(joints, threshold, essential))
+        sort_out(essential, threshold, false, joints, found);
+    return found;
+}
+
+// Begins with a stretch in which neither camera confused the balls, tries both ways of pairing them, and goes
+// on to all the others.
+Found with_alike_balls(const std::vector<Joint>& joints, double threshold) {
+    std::map<std::pair<int, int>, std::vector<Joint>> stretches;
+    for (const Joint& joint : joints) stretches[joint.run].push_back(joint);
+    std::vector<std::vector<Joint>> seeds;
+    for (auto& [run, stretch] : stretches)
+        if (static_cast<int>(stretch.size()) >= kFewestWandMoments) seeds.push_back(std::move(stretch));
+    std::stable_sort(seeds.begin(), seeds.end(),
+                     [](const auto& x, const auto& y) { return x.size() > y.size(); });
+    if (seeds.size() > kMostSeeds) seeds.resize(kMostSeeds);
+    Found best;
+    for (std::vector<Joint>& seed : seeds)
+        for (int way = 0; way < 2; ++way) {
+            if (way == 1)
+                for (Joint& joint : seed) std::swap(joint.b[0], joint.b[1]);
+            cv::Matx33d essential;
+            if (!fit(seed, threshold, essential)) continue;
+            Found found;
+            for (int round = 0; round < 4; ++round) {
+                sort_out(essential, (round < 2 ? 3 : 1) * threshold, true, joints, found);
+                if (!fit(inside(found), threshold, essential)) break;
+            }
+            if (found.votes > best.votes) best = std::move(found);
+        }
+    return best;
+}
+
+// The median of the true length over the one between cameras one unit apart; nothing for too few.
+double scale_of(const std::vector<Joint>& joints, const cv::Matx33d& rotation, const cv::Vec3d& shift,
+                double length_m) {
+    // As cameras without distortion.
+    Camera a, b;
+    a.fx = a.fy = b.fx = b.fy = 1;
+    for (int i = 0; i < 9; ++i) b.camera_from_world.rotation.m[i] = rotation.t().val[i];
+    const cv::Vec3d back = -(rotation.t() * shift);
+    b.camera_from_world.translation = {back[0], back[1], back[2]};
+    std::vector<double> scales;
+    for (const Joint& joint : joints) {
+        const auto point = [&](const cv::Point2d& in_a, const cv::Point2d& in_b) {
+            return triangulate({{&a, {in_a.x, in_a.y}}, {&b, {in_b.x, in_b.y}}});
+        };
+        const auto first = point(joint.a.front(), joint.b.front()),
+                   last = point(joint.a.back(), joint.b.back());
+        if (first && last && norm(*first - *last) > 0) scales.push_back(length_m / norm(*first - *last));
+    }
+    if (scales.size() < 5) return 0;
+    std::nth_element(scales.begin(), scales.begin() + scales.size() / 2, scales.end());
+    return scales[scales.size() / 2];
+}
+
+}  // namespace
+
+std::vector<CameraPair> wand_pairs(const std::vector<Camera>& lenses, const std::vector<Vec3>& balls,
+                                   const WandMoments& given) {
+    WandMoments moments = given;
+    const bool alike = balls.size() == 2;
+    std::map<int, std::map<int, int>> runs;
+    if (alike) runs = follow_balls(moments);
+    std::vector<CameraPair> pairs;
+    for (int a = 0; a < static_cast<int>(lenses.size()); ++a)
+        for (int b = a + 1; b < static_cast<int>(lenses.size()); ++b) {
+            std::vector<Joint> joints;
+            for (const auto& [moment, views] : moments) {
+                const auto one = views.find(a), other = views.find(b);
+                if (one == views.end() || other == views.end()) continue;
+                Joint joint;
+                for (const Vec2 pixel : one->second) joint.a.push_back(on_plane(lenses[a], pixel));
+                for (const Vec2 pixel : other->second) joint.b.push_back(on_plane(lenses[b], pixel));
+                if (alike) joint.run = {runs[a][moment], runs[b][moment]};
+                joints.push_back(std::move(joint));
+            }
+            if (static_cast<int>(joints.size()) < kFewestWandMoments) continue;
+            const double threshold = kInsidePx / std::min(lenses[a].fx, lenses[b].fx);
+            const Found found =
+                alike ? with_alike_balls(joints, threshold) : with_known_balls(joints, threshold);
+            const std::vector<Joint> good = inside(found);
+            if (static_cast<int>(good.size()) < kFewestWandMoments) continue;
+            std::vector<cv::Point2d> in_a, in_b;
+            for (const Joint& joint : good) {
+                in_a.insert(in_a.end(), joint.a.begin(), joint.a.end());
+                in_b.insert(in_b.end(), joint.b.begin(), joint.b.end());
+            }
+            cv::Mat rotation, shift;
+            cv::recoverPose(cv::Mat(found.essential), in_b, in_a, cv::Mat::eye(3, 3, CV_64F), rotation,
+                            shift);
+            const double scale = scale_of(good, cv::Matx33d(rotation), cv::Vec3d(shift), norm(balls.back()));
+            if (!(scale > 0)) continue;
+            CameraPair pair{a, b, {}, static_cast<int>(good.size())};
+            for (int i = 0; i < 9; ++i) pair.a_from_b.rotation.m[i] = rotation.at<double>(i / 3, i % 3);
+            pair.a_from_b.translation =
+                scale * Vec3{shift.at<double>(0), shift.at<double>(1), shift.at<double>(2)};
+            pairs.push_back(pair);
+        }
+    return pairs;
+}
+
+void order_two_balls(const std::vector<Camera>& cameras, const std::vector<bool>& placed, double length_m,
+                     WandMoments& moments) {
+    const auto pair_at = [&](const std::vector<Sight>& first,
+                             const std::vector<Sight>& last) -> std::optional<std::pair<Vec3, Vec3>> {
+        const auto from = triangulate(first), to = triangulate(last);
+        if (!from || !to) return std::nullopt;
+        return std::pair{*from, *to};
+    };
+    const auto miss = [&](const Camera& camera, const std::vector<Vec2>& balls,
+                          const std::pair<Vec3, Vec3>& ends) {
+        const auto p = camera.project(ends.first), q = camera.project(ends.second);
+        return p && q ? between(*p, balls[0]) + between(*q, balls[1]) : 1e6;
+    };
+    for (auto m = moments.begin(); m != moments.end();) {
+        auto& views = m->second;
+        std::erase_if(views, [&](const auto& view) { return !placed[view.first]; });
+        // The two cameras that agree best, in rays and in the wand's length, settle the order for the others.
+        double least = 1e9;
+        std::optional<std::pair<Vec3, Vec3>> ends;
+        for (auto a = views.begin(); a != views.end(); ++a)
+            for (auto b = std::next(a); b != views.end(); ++b)
+                for (int way = 0; way < 2; ++way) {
+                    const Camera &one = cameras[a->first], &other = cameras[b->first];
+                    const std::vector<Vec2> turned{b->second[way], b->second[1 - way]};
+                    const auto tried = pair_at({{&one, a->second[0]}, {&other, turned[0]}},
+                                               {{&one, a->second[1]}, {&other, turned[1]}});
+                    if (!tried) continue;
+                    const double length_px = one.fx *
+                                             std::abs(norm(tried->first - tried->second) - length_m) /
+                                             norm(tried->first - one.centre_in_world());
+                    const double score =
+                        miss(one, a->second, *tried) + miss(other, turned, *tried) + length_px;
+                    if (score < least) least = score, ends = tried;
+                }
+        if (!ends) {
+            m = moments.erase(m);
+            continue;
+        }
+        for (auto& [camera, balls] : views) {
+            const std::vector<Vec2> turned{balls[1], balls[0]};
+            if (miss(cameras[camera], turned, *ends) < miss(cameras[camera], balls, *ends)) balls = turned;
+        }
+        ++m;
+    }
+}
+
+}  // namespace kinevox

@@ -1,0 +1,142 @@
+#!/usr/bin/env python3
+"""kinevox calibrate on sessions that kinevox studio renders, against their truth, and user errors.
+
+usage: calibrate_test.py KINEVOX_CALIBRATE KINEVOX_STUDIO [unittest options]"""
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+import unittest
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+CALIBRATE = STUDIO = None
+BOARD = "charuco:6x5:160:120:DICT_4X4_100"
+MOST_CENTRE_MM, MOST_TURN_DEG, MOST_SCALE = 5, 0.1, 0.002
+
+
+def run(*arguments):
+    return subprocess.run([CALIBRATE, *map(str, arguments), "--quiet"], capture_output=True, text=True, timeout=240)
+
+
+def places(file):
+    """{camera: (rotation world to camera, centre in the world, m)}"""
+    out = {}
+    for name, section in tomllib.loads(Path(file).read_text()).items():
+        rotation = cv2.Rodrigues(np.array(section["rotation"], float))[0]
+        out[name] = rotation, -rotation.T @ np.array(section["translation"], float)
+    return out
+
+
+def errors(found, truth, align):
+    """Worst centre in mm, worst rotation in degrees, scale error; `align`: the world may lie anywhere."""
+    names = sorted(truth)
+    a, b = (np.array([p[n][1] for n in names]) for p in (found, truth))
+    turn, shift = np.eye(3), np.zeros(3)
+    if align:
+        u, _, v = np.linalg.svd((b - b.mean(0)).T @ (a - a.mean(0)))
+        turn = u @ np.diag([1, 1, np.sign(np.linalg.det(u @ v))]) @ v
+        shift = b.mean(0) - turn @ a.mean(0)
+    spread = [np.linalg.norm(x - x.mean(0)) for x in (a, b)]
+    centre = 1000 * np.linalg.norm(a @ turn.T + shift - b, axis=1).max()
+    angles = [np.linalg.norm(cv2.Rodrigues(truth[n][0].T @ found[n][0] @ turn.T)[0]) for n in names]
+    return centre, np.degrees(max(angles)), abs(spread[0] / spread[1] - 1)
+
+
+def matrix_of(world_from_prop):
+    """m and a rotation vector in degrees, as in truth/prop.csv, as a 4 x 4 matrix."""
+    x = np.eye(4)
+    x[:3, :3] = cv2.Rodrigues(np.radians(world_from_prop[3:]))[0]
+    x[:3, 3] = world_from_prop[:3]
+    return x
+
+
+class Calibrate(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = Path(tempfile.mkdtemp(prefix="kinevox-calibrate-"))
+        cls.addClassCleanup(shutil.rmtree, cls.folder, ignore_errors=True)
+
+    def session(self, name, *more):
+        """Rendered once a name; lens distortion and noise on."""
+        folder = self.folder / name
+        if not folder.exists():
+            subprocess.run([STUDIO, *map(str, more), "--distortion", "0.08", "--background-frames", "3", "--out", folder],
+                           check=True, capture_output=True)
+        return folder
+
+    def board(self):
+        return self.session("board", "--prop", BOARD, "--prop-on-floor", 4, "--frames", 80, "--fps", 3)
+
+    def calibrated(self, verb, *arguments):
+        """The calibration, the certificate."""
+        out = self.folder / f"{len(list(self.folder.iterdir()))}.toml"
+        done = run(verb, *arguments, "--out", out)
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        return out, json.loads(out.with_suffix(".certificate.json").read_text())
+
+    def within_bounds(self, file, truth, align=True):
+        centre, turn, scale = errors(places(file), places(truth), align)
+        self.assertLess(centre, MOST_CENTRE_MM)
+        self.assertLess(turn, MOST_TURN_DEG)
+        self.assertLess(scale, MOST_SCALE)
+
+    def test_places_from_a_wand(self):
+        for wand in ("wand:200:600", "wand:600"):
+            with self.subTest(wand):
+                folder = self.session(wand.replace(":", "_"), "--prop", wand, "--frames", 90, "--fps", 10)
+                out, certificate = self.calibrated("extrinsics", folder / "session.toml", "--wand", wand)
+                self.within_bounds(out, folder / "calibration.toml")
+                self.assertEqual((certificate["verdict"], certificate["made_by"]), ("GO", "wand"))
+        # From the clips alone: the empty scene is their median.
+        clips = [f"cam{c}={folder / f'cam{c}.mp4'}" for c in range(1, 5)]
+        out, _ = self.calibrated("extrinsics", *clips, "--wand", wand, "--lenses", folder / "calibration.toml")
+        self.within_bounds(out, folder / "calibration.toml")
+
+    def test_places_from_a_board_that_lies_on_the_floor_first(self):
+        folder = self.board()
+        out, certificate = self.calibrated("extrinsics", folder / "session.toml", "--board", BOARD, "--floor-frame", 2,
+                                           "--lenses", folder / "calibration.toml")
+        self.within_bounds(out, folder / "calibration.toml")
+        self.assertTrue(certificate["world_is_set"])
+        # The board's frame, as the truth has it, is the world.
+        row = np.loadtxt(folder / "truth" / "prop.csv", delimiter=",", skiprows=1)[2, 2:]
+        world_from_board = matrix_of(row)
+        truth = {name: (rotation @ world_from_board[:3, :3], world_from_board[:3, :3].T @ (centre - world_from_board[:3, 3]))
+                 for name, (rotation, centre) in places(folder / "calibration.toml").items()}
+        centre, turn, _ = errors(places(out), truth, align=False)
+        self.assertLess(centre, 20)    # the board is small, the cameras are 5 m away
+        self.assertLess(turn, 0.3)
+
+    def test_a_camera_knocked_meanwhile_is_named(self):
+        folder = self.session("knocked", "--prop", "wand:200:600", "--frames", 90, "--fps", 10, "--knock", "cam2:5:1")
+        _, certificate = self.calibrated("extrinsics", folder / "session.toml", "--wand", "wand:200:600")
+        self.assertEqual(certificate["verdict"], "NO-GO")
+        self.assertIn(("knocked", "cam2"), [(f["check"], f.get("camera")) for f in certificate["findings"]])
+
+    def test_user_errors_are_one_line(self):
+        folder = self.board()
+        session = folder / "session.toml"
+        for arguments, words in (
+                (["extrinsics", session], "one of --board and --wand"),
+                (["extrinsics", session, "--board", BOARD, "--wand", "wand:600"], "one of --board and --wand"),
+                (["extrinsics", session, "--wand", "wand:300:600"], "nearer to the first end"),
+                (["extrinsics", session, "--wand", "stick:600"], "wand:200:600"),
+                (["extrinsics", session, "--wand", "wand:600"], "wave it"),
+                (["extrinsics", f"cam1={folder / 'cam1.mp4'}", f"cam2={folder / 'cam2.mp4'}", "--wand", "wand:600"], "--lenses"),
+                (["extrinsics", session, "--wand", "wand:600", "--floor-frame", 3], "calibrate floor"),
+                (["extrinsics", self.folder / "none.toml", "--wand", "wand:600"], "none.toml")):
+            with self.subTest(arguments=arguments[1:]):
+                done = run(*arguments, "--out", self.folder / "never.toml")
+                self.assertEqual((done.returncode, len(done.stderr.splitlines())), (1, 1), done.stderr)
+                self.assertIn(words, done.stderr)
+                self.assertFalse((self.folder / "never.toml").exists())
+
+
+if __name__ == "__main__":
+    CALIBRATE, STUDIO = sys.argv[1:3]
+    unittest.main(argv=sys.argv[:1] + sys.argv[3:])
