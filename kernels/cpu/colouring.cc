@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "kernels/cpu/agreement.h"
+#include "kernels/cpu/carving_marks.h"
 #include "kernels/cpu/cell_colours.h"
 #include "kernels/cpu/hull_brick.h"
 #include "kernels/cpu/hull_maps.h"
@@ -207,37 +208,8 @@ class CpuVoxelColourer final : public VoxelColourer {
         const auto least = static_cast<int>(options_.min_support * static_cast<float>(edge * edge * edge));
         std::uint64_t thin[kBrickEdge] = {};
         if (least > 0) find_thin(volume, grid_, brick, radius, least, thin);
-        std::uint64_t* marks = marks_.data() + static_cast<std::size_t>(brick) * kBrickEdge;
-        for (int n = first; n < last; ++n) {
-            const int bit = surface_.bit[n];
-            const bool is_thin = thin[bit >> 6] >> (bit & 63) & 1;
-            if (spare(n) && (is_thin || colours_disagree(n)))
-                marks[bit >> 6] |= std::uint64_t{1} << (bit & 63);
-        }
-    }
-
-    // True where every ray through the voxel has enough of the volume to spare it.
-    bool spare(int n) const {
-        for (const ViewOfVolume& view : views_) {
-            const int cell = view.cell[n];
-            if (cell >= 0 && view.depths[cell].between_m() < options_.keep_on_ray_m) return false;
-        }
-        return true;
-    }
-
-    bool colours_disagree(int n) const {
-        if (options_.max_colour_deviation <= 0) return false;
-        const CellColour* seen[kMaxViews];
-        int count = 0;
-        for (std::size_t v = 0; v < views_.size(); ++v) {
-            if (colours_[v].cells.empty() || !sees(views_[v], n, surface_.open[n])) continue;
-            const CellColour& colour = colours_[v].cells[views_[v].cell[n]];
-            for (int other = 0; other < count; ++other) {
-                if (disagree(colour, *seen[other])) return true;
-            }
-            seen[count++] = &colour;
-        }
-        return false;
+        mark_voxels({views_, colours_, options_.keep_on_ray_m}, surface_, first, last, thin,
+                    marks_.data() + static_cast<std::size_t>(brick) * kBrickEdge);
     }
 
     std::int64_t sum_carved() const {

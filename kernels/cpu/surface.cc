@@ -52,7 +52,7 @@ void Surface::build(const VoxelVolume& volume, const BrickGrid& grid) {
     for (int n = 0; n < bricks; ++n) first[n + 1] += first[n];
     const int count = first[bricks], padded = count + kLanes;
     x_m.resize(padded), y_m.resize(padded), z_m.resize(padded);
-    bit.resize(count), open.resize(count);
+    bit.resize(padded), open.resize(padded);
     const Lattice& lattice = volume.lattice;
     const float voxel = lattice.voxel_m;
     parallel_for(0, bricks, kBricksPerTask, [&](int begin, int end) {

@@ -24,7 +24,7 @@ class BrickGrid {
     std::vector<int> index_;
 };
 
-// Arrays of one entry a surface voxel; those that vectors read have a few entries more at their end.
+// Arrays of one entry a surface voxel, and a few more at their end for what reads them as vectors.
 struct Surface {
     std::vector<float> x_m, y_m, z_m;  // centres, world
     std::vector<std::uint16_t> bit;    // z * 64 + y * 8 + x inside the brick

@@ -1,0 +1,156 @@
+#include "kernels/cpu/carving_marks.h"
+
+#include <bit>
+#include <cstddef>
+
+#include "kernels/cpu/simd.h"
+#include "kernels/shared/hull.h"
+
+#ifdef KINEVOX_HAVE_AVX2_FORM
+#include <immintrin.h>
+#endif
+
+namespace kinevox::kernels {
+namespace {
+
+// True where every ray through the voxel has enough of the volume to spare it.
+bool spare(const CarvingEvidence& evidence, int n) {
+    for (const ViewOfVolume& view : evidence.views) {
+        const int cell = view.cell[n];
+        if (cell >= 0 && view.depths[cell].between_m() < evidence.keep_on_ray_m) return false;
+    }
+    return true;
+}
+
+bool colours_disagree(const CarvingEvidence& evidence, const Surface& surface, int n) {
+    const CellColour* seen[kMaxViews];
+    int count = 0;
+    for (std::size_t v = 0; v < evidence.views.size(); ++v) {
+        const ViewOfVolume& view = evidence.views[v];
+        if (evidence.colours[v].cells.empty() || !sees(view, n, surface.open[n])) continue;
+        const CellColour& colour = evidence.colours[v].cells[view.cell[n]];
+        for (int other = 0; other < count; ++other) {
+            if (disagree(colour, *seen[other])) return true;
+        }
+        seen[count++] = &colour;
+    }
+    return false;
+}
+
+void mark_plain(const CarvingEvidence& evidence, const Surface& surface, int first, int last,
+                const std::uint64_t* thin, std::uint64_t* marks) {
+    for (int n = first; n < last; ++n) {
+        const int bit = surface.bit[n];
+        const bool is_thin = thin[bit >> 6] >> (bit & 63) & 1;
+        if (spare(evidence, n) && (is_thin || colours_disagree(evidence, surface, n)))
+            marks[bit >> 6] |= std::uint64_t{1} << (bit & 63);
+    }
+}
+
+#ifdef KINEVOX_HAVE_AVX2_FORM
+// The same for eight voxels at a time without a branch on any of them: what they see is too mixed to be foretold.
+class EightVoxels {
+  public:
+    // Of the voxels n .. n + 7 those below `last`.
+    KINEVOX_AVX2 EightVoxels(const CarvingEvidence& evidence, const Surface& surface, int n, int last)
+        : evidence_(evidence), n_(n),
+          here_(_mm256_cmpgt_epi32(_mm256_set1_epi32(last - n), _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7))),
+          open_(_mm256_cvtepu8_epi32(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(&surface.open[n])))) {}
+
+    KINEVOX_AVX2 __m256i spare() {
+        const __m256 keep = _mm256_set1_ps(evidence_.keep_on_ray_m), sign = _mm256_set1_ps(-0.f);
+        __m256 spare = _mm256_castsi256_ps(here_);
+        views_ = 0;
+        for (std::size_t v = 0; v < evidence_.views.size(); ++v) {
+            const ViewOfVolume& view = evidence_.views[v];
+            if (view.depths.empty()) continue;   // sees nothing
+            const __m256i cell = load(&view.cell[n_]);
+            const __m256i in_picture = _mm256_and_si256(here_, _mm256_cmpgt_epi32(cell, _mm256_set1_epi32(-1)));
+            const __m256i at = _mm256_and_si256(cell, in_picture);
+            const float* depths = &view.depths[0].front_m;
+            const __m256 front = _mm256_i32gather_ps(depths, at, sizeof(DepthCell));
+            const __m256 minus_back = _mm256_i32gather_ps(depths + 1, at, sizeof(DepthCell));
+            const __m256 between = _mm256_sub_ps(_mm256_xor_ps(minus_back, sign), front);
+            const __m256 in = _mm256_castsi256_ps(in_picture);
+            spare = _mm256_andnot_ps(_mm256_and_ps(in, _mm256_cmp_ps(between, keep, _CMP_LT_OQ)), spare);
+            if (evidence_.colours[v].cells.empty()) continue;
+            const __m256 behind = _mm256_i32gather_ps(view.behind_m.data(), open_, sizeof(float));
+            const __m256 depth = _mm256_loadu_ps(&view.depth_m[n_]);
+            at_[views_] = at;
+            sees_[views_] = _mm256_castps_si256(
+                _mm256_and_ps(in, _mm256_cmp_ps(depth, _mm256_add_ps(front, behind), _CMP_LE_OQ)));
+            cells_[views_++] = evidence_.colours[v].cells.data();
+        }
+        return _mm256_castps_si256(spare);
+    }
+
+    // After spare().
+    KINEVOX_AVX2 __m256i colours_disagree() const {
+        const __m256i bgr = _mm256_set1_epi32(0x00ffffff);
+        __m256i mean[kMaxViews], limit[kMaxViews], sees[kMaxViews], any = _mm256_setzero_si256();
+        int count = 0;
+        for (int v = 0; v < views_; ++v) {
+            if (_mm256_testz_si256(sees_[v], sees_[v])) continue;
+            const int* cells = reinterpret_cast<const int*>(cells_[v]);
+            mean[count] = _mm256_and_si256(_mm256_i32gather_epi32(cells, at_[v], sizeof(CellColour)), bgr);
+            limit[count] = _mm256_and_si256(_mm256_i32gather_epi32(cells + 1, at_[v], sizeof(CellColour)), bgr);
+            sees[count] = sees_[v];
+            for (int other = 0; other < count; ++other) {
+                const __m256i gap = _mm256_sub_epi8(_mm256_max_epu8(mean[count], mean[other]),
+                                                    _mm256_min_epu8(mean[count], mean[other]));
+                const __m256i beyond = _mm256_subs_epu8(gap, _mm256_max_epu8(limit[count], limit[other]));
+                const __m256i agree = _mm256_cmpeq_epi32(beyond, _mm256_setzero_si256());
+                any = _mm256_or_si256(any, _mm256_andnot_si256(agree, _mm256_and_si256(sees[count], sees[other])));
+            }
+            ++count;
+        }
+        return any;
+    }
+
+    KINEVOX_AVX2 static __m256i load(const void* from) {
+        return _mm256_loadu_si256(static_cast<const __m256i*>(from));
+    }
+
+  private:
+    const CarvingEvidence& evidence_;
+    const int n_;
+    const __m256i here_, open_;
+    int views_ = 0;                 // that have colours
+    __m256i at_[kMaxViews], sees_[kMaxViews];
+    const CellColour* cells_[kMaxViews];
+};
+
+KINEVOX_AVX2 void mark_avx2(const CarvingEvidence& evidence, const Surface& surface, int first, int last,
+                            const std::uint64_t* thin, std::uint64_t* marks) {
+    static_assert(offsetof(CellColour, limit) == 4 && sizeof(CellColour) == 8 && sizeof(DepthCell) == 8);
+    for (int n = first; n < last; n += kLanes) {
+        EightVoxels voxels(evidence, surface, n, last);
+        const unsigned spare = _mm256_movemask_ps(_mm256_castsi256_ps(voxels.spare()));
+        if (spare == 0) continue;
+        const __m256i bits =
+            _mm256_cvtepu16_epi32(_mm_loadu_si128(reinterpret_cast<const __m128i*>(&surface.bit[n])));
+        const __m256i bit = _mm256_and_si256(bits, _mm256_set1_epi32(kBrickVoxels - 1));   // the last may be nobody's
+        const __m256i word = _mm256_i32gather_epi32(reinterpret_cast<const int*>(thin), _mm256_srli_epi32(bit, 5), 4);
+        // The voxel's own bit becomes the sign.
+        const __m256i to_sign = _mm256_sub_epi32(_mm256_set1_epi32(31), _mm256_and_si256(bit, _mm256_set1_epi32(31)));
+        unsigned goes = _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_sllv_epi32(word, to_sign)));
+        if (spare & ~goes) goes |= _mm256_movemask_ps(_mm256_castsi256_ps(voxels.colours_disagree()));
+        for (goes &= spare; goes; goes &= goes - 1) {
+            const int at = surface.bit[n + std::countr_zero(goes)];
+            marks[at >> 6] |= std::uint64_t{1} << (at & 63);
+        }
+    }
+}
+#endif
+
+}  // namespace
+
+void mark_voxels(const CarvingEvidence& evidence, const Surface& surface, int first, int last,
+                 const std::uint64_t* thin, std::uint64_t* marks) {
+#ifdef KINEVOX_HAVE_AVX2_FORM
+    if (have_avx2()) return mark_avx2(evidence, surface, first, last, thin, marks);
+#endif
+    mark_plain(evidence, surface, first, last, thin, marks);
+}
+
+}  // namespace kinevox::kernels
