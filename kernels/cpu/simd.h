@@ -10,6 +10,7 @@
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
 #define KINEVOX_HAVE_AVX2_FORM 1
 #define KINEVOX_AVX2 __attribute__((target("avx2,fma,bmi,bmi2,popcnt")))
+#define KINEVOX_AVX512 __attribute__((target("avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,bmi,bmi2,popcnt")))
 #define KINEVOX_AVX2_EXACT __attribute__((target("avx2,bmi,bmi2,popcnt")))  // every product rounded, as without
 #endif
 
@@ -35,6 +36,16 @@ inline bool have_avx2() {
 #ifdef KINEVOX_HAVE_AVX2_FORM
     static const bool have = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") &&
                              __builtin_cpu_supports("bmi2");
+    return have;
+#else
+    return false;
+#endif
+}
+
+inline bool have_avx512() {
+#ifdef KINEVOX_HAVE_AVX2_FORM
+    static const bool have = have_avx2() && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+                             __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
     return have;
 #else
     return false;

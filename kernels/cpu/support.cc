@@ -1,5 +1,5 @@
 // Counts in bit slices: a number per voxel is a word per binary digit, so that one addition serves the 64
-// voxels of a slice, and four slices lie in one vector.
+// voxels of a slice, and four slices lie in one vector, or all eight of a brick.
 #include "kernels/cpu/support.h"
 
 #include <bit>
@@ -12,15 +12,17 @@
 namespace kinevox::kernels {
 namespace {
 
-constexpr int kWords = 4;  // slices at a time
-typedef std::uint64_t Words __attribute__((vector_size(8 * kWords)));
+typedef std::uint64_t Four __attribute__((vector_size(32)));
+typedef std::uint64_t Eight __attribute__((vector_size(64)));
+template <class Words>
+constexpr int kWordsOf = static_cast<int>(sizeof(Words) / 8);   // slices at a time
 
 constexpr int digits_of(int most) {
     return std::bit_width(static_cast<unsigned>(most));
 }
 
 // sum += addend; the sum has room for it.
-template <int kSum, int kAddend>
+template <class Words, int kSum, int kAddend>
 KINEVOX_INLINE void add(Words (&sum)[kSum], const Words (&addend)[kAddend]) {
     Words carry{};
 #pragma GCC unroll 12
@@ -38,15 +40,16 @@ KINEVOX_INLINE void add(Words (&sum)[kSum], const Words (&addend)[kAddend]) {
 }
 
 // Slices of the 3 x 3 columns of bricks around a brick, from `radius` slices below it to `radius` above.
-template <int kRadius>
+template <class Words, int kRadius>
 struct Around {
+    static constexpr int kWords = kWordsOf<Words>;
     static constexpr int kSlices = (kBrickEdge + 2 * kRadius + kWords - 1) / kWords * kWords;
-    alignas(32) std::uint64_t slice[3][3][kSlices] = {};  // [y][x]
+    alignas(64) std::uint64_t slice[3][3][kSlices] = {};  // [y][x]
 };
 
-template <int kRadius>
+template <class Words, int kRadius>
 KINEVOX_INLINE void collect(const VoxelVolume& volume, const BrickGrid& grid, int brick,
-                            Around<kRadius>& out) {
+                            Around<Words, kRadius>& out) {
     const Brick& centre = volume.bricks[brick];
     for (int dz = 0; dz < 3; ++dz) {
         const int from = dz == 0 ? kBrickEdge - kRadius : 0, to = dz == 2 ? kRadius : kBrickEdge;
@@ -70,7 +73,7 @@ constexpr std::uint64_t columns(int first, int last) {
 }
 
 // Sums of 2 * kRadius + 1 neighbours along x.
-template <int kRadius, int kDigits>
+template <int kRadius, class Words, int kDigits>
 KINEVOX_INLINE void sum_along_x(Words left, Words own, Words right, Words (&sum)[kDigits]) {
     for (int n = 0; n < kDigits; ++n) sum[n] = Words{};
     sum[0] = own;
@@ -83,16 +86,16 @@ KINEVOX_INLINE void sum_along_x(Words left, Words own, Words right, Words (&sum)
     }
 }
 
-template <int kRadius>
+template <class Words, int kRadius>
 KINEVOX_INLINE void find_thin_body(const VoxelVolume& volume, const BrickGrid& grid, int brick, int least,
                                    std::uint64_t* thin) {
     constexpr int kEdge = 2 * kRadius + 1;
     constexpr int kX = digits_of(kEdge), kXy = digits_of(kEdge * kEdge),
                   kXyz = digits_of(kEdge * kEdge * kEdge);
-    Around<kRadius> around;
+    Around<Words, kRadius> around;
     collect(volume, grid, brick, around);
-    constexpr int kSlices = Around<kRadius>::kSlices;
-    alignas(32) std::uint64_t planes[kXy][kSlices];
+    constexpr int kSlices = Around<Words, kRadius>::kSlices, kWords = kWordsOf<Words>;
+    alignas(64) std::uint64_t planes[kXy][kSlices];
     for (int k = 0; k < kSlices; k += kWords) {
         const auto words = [&](int y, int x) __attribute__((always_inline)) {
             Words out;
@@ -141,42 +144,52 @@ KINEVOX_INLINE void find_thin_body(const VoxelVolume& volume, const BrickGrid& g
 using FindThin = void (*)(const VoxelVolume& volume, const BrickGrid& grid, int brick, int least,
                           std::uint64_t* thin);
 
-template <int kRadius>
-void find_thin_plain(const VoxelVolume& volume, const BrickGrid& grid, int brick, int least,
-                     std::uint64_t* thin) {
-    find_thin_body<kRadius>(volume, grid, brick, least, thin);
-}
-
-template <int... kRadii>
-FindThin plain_form(int radius, std::integer_sequence<int, kRadii...>) {
-    constexpr FindThin kForms[] = {find_thin_plain<kRadii + 1>...};
-    return kForms[radius - 1];
-}
+struct Plain {
+    template <int kRadius>
+    static void find_thin(const VoxelVolume& volume, const BrickGrid& grid, int brick, int least, std::uint64_t* thin) {
+        find_thin_body<Four, kRadius>(volume, grid, brick, least, thin);
+    }
+};
 
 #ifdef KINEVOX_HAVE_AVX2_FORM
-template <int kRadius>
-KINEVOX_AVX2 void find_thin_avx2(const VoxelVolume& volume, const BrickGrid& grid, int brick, int least,
-                                 std::uint64_t* thin) {
-    find_thin_body<kRadius>(volume, grid, brick, least, thin);
-}
+struct Avx2 {
+    template <int kRadius>
+    KINEVOX_AVX2 static void find_thin(const VoxelVolume& volume, const BrickGrid& grid, int brick, int least,
+                                       std::uint64_t* thin) {
+        find_thin_body<Four, kRadius>(volume, grid, brick, least, thin);
+    }
+};
 
-template <int... kRadii>
-FindThin avx2_form(int radius, std::integer_sequence<int, kRadii...>) {
-    constexpr FindThin kForms[] = {find_thin_avx2<kRadii + 1>...};
+struct Avx512 {
+    template <int kRadius>
+    KINEVOX_AVX512 static void find_thin(const VoxelVolume& volume, const BrickGrid& grid, int brick, int least,
+                                         std::uint64_t* thin) {
+        find_thin_body<Eight, kRadius>(volume, grid, brick, least, thin);
+    }
+};
+#endif
+
+template <class Form, int... kRadii>
+FindThin form_of(int radius, std::integer_sequence<int, kRadii...>) {
+    constexpr FindThin kForms[] = {Form::template find_thin<kRadii + 1>...};
     return kForms[radius - 1];
 }
+
+FindThin form_for(int radius) {
+    constexpr auto kRadii = std::make_integer_sequence<int, kMaxSupportRadius>{};
+#ifdef KINEVOX_HAVE_AVX2_FORM
+    if (have_avx512()) return form_of<Avx512>(radius, kRadii);
+    if (have_avx2()) return form_of<Avx2>(radius, kRadii);
 #endif
+    return form_of<Plain>(radius, kRadii);
+}
 
 }  // namespace
 
 void find_thin(const VoxelVolume& volume, const BrickGrid& grid, int brick, int radius, int least,
                std::uint64_t* thin) {
     if (radius < 1 || radius > kMaxSupportRadius) throw std::invalid_argument("find_thin: radius");
-    constexpr auto kRadii = std::make_integer_sequence<int, kMaxSupportRadius>{};
-#ifdef KINEVOX_HAVE_AVX2_FORM
-    if (have_avx2()) return avx2_form(radius, kRadii)(volume, grid, brick, least, thin);
-#endif
-    plain_form(radius, kRadii)(volume, grid, brick, least, thin);
+    form_for(radius)(volume, grid, brick, least, thin);
 }
 
 }  // namespace kinevox::kernels
