@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <cstring>
 
+#include "kernels/cpu/border_unmixing.h"
 #include "kernels/cpu/parallel.h"
 
 namespace kinevox::kernels::cpu {
 namespace {
+
+constexpr std::size_t kReadBeyond = 8;   // bytes, by vectors at the picture's end
 
 void set_run(const MaskPicture& mask, const Run& run, int value) {
     std::memset(mask.row(run.y) + run.x0, value, run.x1 - run.x0);
@@ -76,7 +79,7 @@ void BorderRefiner::refine(const MaskPicture& sharp, const Rect& box, const Rect
                            const kde::BorderParameters& parameters) {
     if (box.empty()) return;
     const std::size_t bytes = static_cast<std::size_t>(sharp.width) * sharp.height;
-    for (auto* plane : {&inside_, &grown_, &scratch_, &zones_}) plane->resize(bytes);
+    for (auto* plane : {&inside_, &grown_, &scratch_, &zones_}) plane->resize(bytes + kReadBeyond);
     const int reach = kde::kBorderReach + kde::kBorderDepth;
     const Rect wide = grown(box, reach, sharp.width, sharp.height);
     const MaskPicture scratch{scratch_.data(), sharp.width, sharp.height};
@@ -94,25 +97,10 @@ void BorderRefiner::refine(const MaskPicture& sharp, const Rect& box, const Rect
             zones[x] =
                 static_cast<std::uint8_t>((inside[x] & kde::kZoneInside) | (~grown[x] & kde::kZoneOutside));
     }
+    const BorderPictures pictures{sharp.width, limit, zones_.data(), cells, model.reference.data(),
+                                  model.cells_per_row, model.channels, parameters};
     parallel_for(box.y0, box.y1, 16, [&](int first, int last) {
-        for (int y = first; y < last; ++y) {
-            const std::size_t row = static_cast<std::size_t>(y) * sharp.width;
-            const std::uint8_t* const zones = zones_.data() + row;
-            for (int x = box.x0; x < box.x1; ++x) {
-                // Most of a row is not border.
-                const void* border =
-                    std::memchr(zones + x, kde::kZoneBorder, static_cast<std::size_t>(box.x1 - x));
-                if (!border) break;
-                x = static_cast<int>(static_cast<const std::uint8_t*>(border) - zones);
-                const int part =
-                    model.channels == 1
-                        ? kde::unmix_border_pixel<1>(x, y, sharp.width, limit, zones_.data(), cells,
-                                                     model.reference.data(), model.cells_per_row, parameters)
-                        : kde::unmix_border_pixel<3>(x, y, sharp.width, limit, zones_.data(), cells,
-                                                     model.reference.data(), model.cells_per_row, parameters);
-                if (part >= 0) sharp.data[row + x] = part ? 255 : 0;
-            }
-        }
+        for (int y = first; y < last; ++y) unmix_row(pictures, y, box.x0, box.x1, sharp.row(y));
     });
 }
 

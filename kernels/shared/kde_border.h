@@ -5,7 +5,6 @@
 // subject.
 #pragma once
 
-#include <array>
 #include <bit>
 #include <cstdint>
 #include <cstring>
@@ -26,19 +25,21 @@ struct BorderParameters {
 
 inline constexpr std::uint8_t kZoneBorder = 0, kZoneInside = 1, kZoneOutside = 2;
 
-KINEVOX_HD inline float border_weight(int dx, int dy) {
-#ifndef __CUDA_ARCH__
-    static constexpr auto kWeights = [] {
-        std::array<float, 2 * kBorderReach * kBorderReach + 1> weights{};
-        for (int i = 0; i < static_cast<int>(weights.size()); ++i)
-            weights[i] = 1.0f / static_cast<float>(1 + i);
-        return weights;
-    }();
-    return kWeights[dx * dx + dy * dy];
-#else
-    return 1.0f / static_cast<float>(1 + dx * dx + dy * dy);
-#endif
+// Of a pixel `dx`, `dy` beside the one that is decided: 1 / (1 + its squared distance) in parts of kWeightOne. Whole
+// numbers, so that no order of summing changes a sum.
+inline constexpr int kWeightOne = 120;
+KINEVOX_HD constexpr int border_weight(int dx, int dy) {
+    const int from_one = 1 + dx * dx + dy * dy;
+    return (kWeightOne + from_one / 2) / from_one;
 }
+
+// What the pixels around a border pixel sum up to, weighted: the subject's colours, and for the light the products of
+// value and reference and the references' squares, over all channels.
+template <int kChannels>
+struct BorderSums {
+    int subject[kChannels] = {}, subject_weight = 0;
+    int product = 0, energy = 0;
+};
 
 // Calls body(x, zone) for every second pixel of [first, end), at most eight pixels, that is not border.
 template <class F>
@@ -61,18 +62,18 @@ KINEVOX_HD inline void for_each_told(const std::uint8_t* zones, int first, int e
         if (zones[x] != kZoneBorder) body(x, zones[x]);
 }
 
-// Whether the pixel (x, y) is half the subject's: 1 or 0, or -1 where that cannot be told. `zones` has
-// `width` bytes a row. `values` and `reference` are in cells of 64 pixels, `cells_per_row` to a row; only
-// pixels inside `limit` are read.
+// Where the values of pixel (x, y) lie in arrays of cells, `cells_per_row` to a row.
 template <int kChannels>
-KINEVOX_HD inline int unmix_border_pixel(int x, int y, int width, const Rect& limit, const std::uint8_t* zones,
-                                  const std::uint8_t* values, const std::uint8_t* reference,
-                                  int cells_per_row, const BorderParameters& p) {
-    float subject[kChannels] = {}, subject_weight = 0, product = 0, energy = 0;
-    const auto offset = [&](int px, int py) {
-        return (static_cast<long long>(py) * cells_per_row + px / kCellPixels) * (kChannels * kCellPixels) +
-               px % kCellPixels;
-    };
+KINEVOX_HD inline long long border_offset(int x, int y, int cells_per_row) {
+    return (static_cast<long long>(y) * cells_per_row + x / kCellPixels) * (kChannels * kCellPixels) + x % kCellPixels;
+}
+
+// `zones` has `width` bytes a row; only pixels inside `limit` are read.
+template <int kChannels>
+KINEVOX_HD inline BorderSums<kChannels> sum_around(int x, int y, int width, const Rect& limit, const std::uint8_t* zones,
+                                                   const std::uint8_t* values, const std::uint8_t* reference,
+                                                   int cells_per_row) {
+    BorderSums<kChannels> sums;
     const int x0 = x - kBorderReach < limit.x0 ? limit.x0 : x - kBorderReach;
     const int y0 = y - kBorderReach < limit.y0 ? limit.y0 : y - kBorderReach;
     const int x1 = x + kBorderReach + 1 > limit.x1 ? limit.x1 : x + kBorderReach + 1;
@@ -80,35 +81,52 @@ KINEVOX_HD inline int unmix_border_pixel(int x, int y, int width, const Rect& li
         const std::uint8_t* row = zones + static_cast<long long>(py) * width;
         // Every second pixel, as on a chessboard, tells as much at half the cost.
         for_each_told(row, x0 + ((x0 + py) & 1), x1, [&](int px, std::uint8_t zone) {
-            const std::uint8_t* v = values + offset(px, py);
-            const float weight = border_weight(px - x, py - y);
+            const long long at = border_offset<kChannels>(px, py, cells_per_row);
+            const std::uint8_t* v = values + at;
+            const int weight = border_weight(px - x, py - y);
             if (zone == kZoneInside) {
-                for (int c = 0; c < kChannels; ++c) subject[c] += weight * v[c * kCellPixels];
-                subject_weight += weight;
+                for (int c = 0; c < kChannels; ++c) sums.subject[c] += weight * v[c * kCellPixels];
+                sums.subject_weight += weight;
             } else {
-                const std::uint8_t* r = reference + offset(px, py);
+                const std::uint8_t* r = reference + at;
                 for (int c = 0; c < kChannels; ++c) {
-                    const float level = r[c * kCellPixels];
-                    product += weight * level * v[c * kCellPixels];
-                    energy += weight * level * level;
+                    const int level = r[c * kCellPixels];
+                    sums.product += weight * level * v[c * kCellPixels];
+                    sums.energy += weight * level * level;
                 }
             }
         });
     }
-    if (subject_weight <= 0) return -1;
-    float light = energy > 0 ? product / energy : 1.0f;
+    return sums;
+}
+
+// Whether a pixel of these values is half the subject's: 1 or 0, or -1 where that cannot be told.
+template <int kChannels>
+KINEVOX_HD inline int unmix(const BorderSums<kChannels>& sums, const std::uint8_t* value, const std::uint8_t* reference,
+                            const BorderParameters& p) {
+    if (sums.subject_weight <= 0) return -1;
+    const auto weight = static_cast<float>(sums.subject_weight);
+    float light = sums.energy > 0 ? static_cast<float>(sums.product) / static_cast<float>(sums.energy) : 1.0f;
     light = light < 0.3f ? 0.3f : light > 1.3f ? 1.3f : light;
     float along = 0, contrast = 0;
-    const std::uint8_t* v = values + offset(x, y);
-    const std::uint8_t* r = reference + offset(x, y);
     for (int c = 0; c < kChannels; ++c) {
-        const float background = light * r[c * kCellPixels];
-        const float step = subject[c] / subject_weight - background;
-        along += (v[c * kCellPixels] - background) * step;
+        const float background = light * reference[c * kCellPixels];
+        const float step = static_cast<float>(sums.subject[c]) / weight - background;
+        along += (value[c * kCellPixels] - background) * step;
         contrast += step * step;
     }
     if (contrast < p.min_contrast) return -1;
     return along > p.subject_part * contrast ? 1 : 0;
+}
+
+// unmix() of the pixel (x, y); `values` and `reference` in cells.
+template <int kChannels>
+KINEVOX_HD inline int unmix_border_pixel(int x, int y, int width, const Rect& limit, const std::uint8_t* zones,
+                                         const std::uint8_t* values, const std::uint8_t* reference, int cells_per_row,
+                                         const BorderParameters& p) {
+    const long long at = border_offset<kChannels>(x, y, cells_per_row);
+    return unmix<kChannels>(sum_around<kChannels>(x, y, width, limit, zones, values, reference, cells_per_row),
+                            values + at, reference + at, p);
 }
 
 }  // namespace kinevox::kernels::kde

@@ -1,0 +1,25 @@
+// Row by row over the border of a silhouette: kde::unmix_border_pixel() for every pixel of it, by vectors where the
+// processor can.
+#pragma once
+
+#include <cstdint>
+
+#include "kernels/shared/kde_border.h"
+#include "kernels/types.h"
+
+namespace kinevox::kernels::cpu {
+
+struct BorderPictures {
+    int width = 0;                            // of `zones`, px
+    Rect limit;                               // of the picture, the part that may be read
+    const std::uint8_t* zones = nullptr;      // kde::kZone..., `width` bytes a row and 8 more at the end
+    const std::uint8_t* values = nullptr;     // [row][cell][channel][64]
+    const std::uint8_t* reference = nullptr;  // the same of the background
+    int cells_per_row = 0, channels = 0;
+    kde::BorderParameters parameters;
+};
+
+// Writes 0 or 255 into `sharp`, the mask's row `y`, for the border's pixels in [x0, x1) where that can be told.
+void unmix_row(const BorderPictures& pictures, int y, int x0, int x1, std::uint8_t* sharp);
+
+}  // namespace kinevox::kernels::cpu
