@@ -1,7 +1,9 @@
 #include "server/calibration/certificate.h"
 
+#include <absl/strings/escaping.h>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -16,6 +18,15 @@ Json number(double value) {
 Json number(const std::optional<double>& value) {
     return value ? number(*value) : Json(nullptr);
 }
+Json rounded(double value, double steps) {
+    return number(std::round(value * steps) / steps);
+}
+Json tenth(double value) {
+    return rounded(value, 10);
+}
+Json thousandth(double value) {
+    return rounded(value, 1000);
+}
 Json point(Vec3 p) {
     return Json::array({p.x, p.y, p.z});
 }
@@ -23,6 +34,7 @@ Json point(Vec3 p) {
 Json lens_json(const IntrinsicsResult& lens) {
     Json out;
     out["rms_px"] = number(lens.rms_px);
+    out["coverage_counts"] = lens.coverage_counts;
     out["held_out_rms_px"] = number(lens.held_out_rms_px);
     out["views_used"] = lens.used;
     out["coverage"] = number(lens.coverage);
@@ -56,6 +68,7 @@ std::string certificate_json(const Certificate& certificate) {
     Json out;
     out["verdict"] = to_text(certificate.verdict());
     out["made_by"] = certificate.made_by;
+    if (!certificate.made_at.empty()) out["made_at"] = certificate.made_at;
     out["findings"] = Json::array();
     for (const Finding& finding : certificate.findings) {
         Json one{{"verdict", to_text(finding.verdict)}, {"check", finding.check}};
@@ -76,6 +89,11 @@ std::string certificate_json(const Certificate& certificate) {
                          {"seen_by_two_cameras", number(certificate.volume->seen_by_two)},
                          {"seen_by_three_cameras", number(certificate.volume->seen_by_three)},
                          {"calibrated", number(certificate.volume->calibrated)}};
+    if (certificate.floor)
+        out["floor"] = {{"made_by", certificate.floor->made_by},
+                        {"rms_px", number(certificate.floor->rms_px)},
+                        {"flat_rms_mm", number(certificate.floor->flat_rms_mm)},
+                        {"tilt_std_deg", number(certificate.floor->tilt_std_deg)}};
     if (certificate.hull) out["hull_agreement"] = hull_json(*certificate.hull, certificate.cameras);
     if (certificate.hull_before)
         out["hull_agreement_before"] = hull_json(*certificate.hull_before, certificate.cameras);
@@ -84,19 +102,48 @@ std::string certificate_json(const Certificate& certificate) {
     out["cameras"] = Json::object();
     for (std::size_t c = 0; c < certificate.cameras.size(); ++c) {
         const Camera& camera = certificate.cameras[c];
-        Json one{{"centre_m", point(camera.centre_in_world())}};
+        const Vec3 rotation = rodrigues_from_rotation(camera.camera_from_world.rotation);
+        Json one{
+            {"centre_m", point(camera.centre_in_world())},
+            {"size_px", {camera.width, camera.height}},
+            {"focal_px", {number(camera.fx), number(camera.fy)}},
+            {"middle_px", {number(camera.cx), number(camera.cy)}},
+            {"distortion",
+             {number(camera.k1), number(camera.k2), number(camera.p1), number(camera.p2), number(camera.k3)}},
+            {"camera_from_world",
+             {{"rotation_vector", point(rotation)},
+              {"translation_m", point(camera.camera_from_world.translation)}}}};
         if (c < certificate.quality.size()) {
             const CameraQuality& q = certificate.quality[c];
             one["views"] = q.views;
             one["fit_rms_px"] = number(q.fit_rms_px);
             one["held_out_rms_px"] = number(q.held_out_rms_px);
             one["coverage"] = number(q.coverage);
+            one["coverage_counts"] = q.coverage_counts;
+            one["misses_px"] = Json::array();  // where seen, by how much
+            for (const PixelMiss& miss : q.misses)
+                one["misses_px"].push_back({tenth(miss.pixel.x), tenth(miss.pixel.y),
+                                            thousandth(miss.miss_px.x), thousandth(miss.miss_px.y)});
         }
         for (const IntrinsicsResult& lens : certificate.lenses)
             if (lens.camera.name == camera.name) one["lens"] = lens_json(lens);
         out["cameras"][camera.name] = one;
     }
+    // What the page of pictures draws, last: it is long.
+    out["seen_points_m"] = Json::array();
+    for (const Vec3 p : certificate.seen_points)
+        out["seen_points_m"].push_back({thousandth(p.x), thousandth(p.y), thousandth(p.z)});
+    for (const AgreementPicture& picture : certificate.pictures)
+        out["pictures"][picture.camera] = absl::Base64Escape(picture.png);
     return out.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+std::vector<Vec3> some_points(const std::vector<Vec3>& points) {
+    constexpr std::size_t kMost = 600;
+    std::vector<Vec3> some;
+    const std::size_t used = std::min(kMost, points.size());
+    for (std::size_t i = 0; i < used; ++i) some.push_back(points[i * points.size() / used]);
+    return some;
 }
 
 std::string certificate_text(const Certificate& certificate) {

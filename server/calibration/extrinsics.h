@@ -28,14 +28,18 @@ struct ExtrinsicsOptions {
     int threads = 2;
 };
 
+struct PixelMiss {
+    Vec2 pixel;    // where a point was seen
+    Vec2 miss_px;  // by how much farther than where it should be
+};
+
 struct CameraQuality {
     int views = 0;  // used in the fit
     double fit_rms_px = 0;
     std::optional<double> held_out_rms_px;
     double coverage = 0;                  // part of the picture, 0 to 1, by the views used
     std::vector<int> coverage_counts;     // see Coverage
-    std::vector<Corner> held_out_misses;  // per held-out corner: where it was seen; id unused
-    std::vector<double> held_out_errors_px;
+    std::vector<PixelMiss> misses;        // evenly some of the points held out, or of those fitted where none were
 };
 
 // Distances between points of the board, triangulated, against the print. mm per metre.

@@ -102,6 +102,21 @@ void find_moved(const Bundle& some, const std::string& thing, double before_px,
              "fix the camera firmly and calibrate again"});
 }
 
+// Of one camera, evenly over its observations.
+std::vector<PixelMiss> some_misses(const Bundle& bundle, int camera) {
+    constexpr std::size_t kMost = 400;
+    std::vector<PixelMiss> all;
+    for (const BundleObservation& o : bundle.observations) {
+        if (o.camera != camera) continue;
+        const auto expected = bundle.cameras[camera].project(observed_point(bundle, o));
+        if (expected) all.push_back({o.pixel, {o.pixel.x - expected->x, o.pixel.y - expected->y}});
+    }
+    std::vector<PixelMiss> some;
+    const std::size_t used = std::min(kMost, all.size());
+    for (std::size_t i = 0; i < used; ++i) some.push_back(all[i * all.size() / used]);
+    return some;
+}
+
 }  // namespace
 
 std::vector<Finding> check_views(const PosedViews& views) {
@@ -158,19 +173,18 @@ std::vector<CameraQuality> camera_quality(const Bundle& fit, const BundleReport&
         if (!std::isfinite(fit_report.errors_px[i])) continue;
         sum[o.camera] += fit_report.errors_px[i] * fit_report.errors_px[i], ++count[o.camera];
     }
+    std::vector<int> held_count(out.size(), 0);
     for (std::size_t i = 0; i < held_report.errors_px.size(); ++i) {
         const BundleObservation& o = held_out.observations[i];
         if (!std::isfinite(held_report.errors_px[i])) continue;
-        held_sum[o.camera] += held_report.errors_px[i] * held_report.errors_px[i];
-        out[o.camera].held_out_misses.push_back({0, o.pixel});
-        out[o.camera].held_out_errors_px.push_back(held_report.errors_px[i]);
+        held_sum[o.camera] += held_report.errors_px[i] * held_report.errors_px[i], ++held_count[o.camera];
     }
     for (std::size_t c = 0; c < out.size(); ++c) {
         out[c].fit_rms_px = count[c] ? std::sqrt(sum[c] / count[c]) : std::nan("");
-        if (const auto held = out[c].held_out_errors_px.size())
-            out[c].held_out_rms_px = std::sqrt(held_sum[c] / static_cast<double>(held));
+        if (held_count[c]) out[c].held_out_rms_px = std::sqrt(held_sum[c] / held_count[c]);
         out[c].coverage = coverage[c].part();
         out[c].coverage_counts = coverage[c].counts();
+        out[c].misses = some_misses(held_count[c] ? held_out : fit, static_cast<int>(c));
     }
     return out;
 }

@@ -50,7 +50,8 @@ absl::Status set_world_by_board(std::span<const int> lying, ExtrinsicsResult& re
         return absl::OkStatus();
     }
     return absl::FailedPreconditionError(
-        "two cameras did not see the board together while it lay on the floor; put it where two or more see all of it");
+        "two cameras did not see the board together while it lay on the floor; put it where two or more see "
+        "all of it");
 }
 
 bool take_over_world(const std::vector<Camera>& like, ExtrinsicsResult& result) {
@@ -70,9 +71,10 @@ bool take_over_world(const std::vector<Camera>& like, ExtrinsicsResult& result) 
     const bool same = farthest <= kSamePlace_m;
     result.findings.push_back(
         {same ? Verdict::kGo : Verdict::kCare, "world", "",
-         fmt::format("floor and origin are those of the calibration in use; the cameras lie up to {:.0f} mm from "
-                     "where it has them",
-                     1000 * farthest),
+         fmt::format(
+             "floor and origin are those of the calibration in use; the cameras lie up to {:.0f} mm from "
+             "where it has them",
+             1000 * farthest),
          same ? "" : "show the board lying on the floor to set the world anew"});
     return true;
 }
@@ -94,6 +96,7 @@ Certificate place_certificate(const std::string& made_by, ExtrinsicsResult resul
     certificate.world_is_set = world_is_set;
     if (world_is_set) certificate.findings = check_world(result.cameras, std::nullopt, std::nullopt);
     certificate.volume = volume_coverage(result.cameras, result.seen_points, {}, {});
+    certificate.seen_points = some_points(result.seen_points);
     certificate.cameras = std::move(result.cameras);
     certificate.quality = std::move(result.quality);
     certificate.fit_rms_px = result.fit_rms_px;

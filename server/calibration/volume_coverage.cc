@@ -46,4 +46,16 @@ VolumeCoverage volume_coverage(const std::vector<Camera>& cameras, const std::ve
     return out;
 }
 
+std::optional<VolumeCoverage> working_volume(const std::vector<Camera>& cameras,
+                                             const std::vector<Vec3>& points) {
+    constexpr double kReach_m = 2.0;  // of a person's hands
+    if (points.size() < 3) return std::nullopt;
+    Vec3 lower{1e9, 1e9, 0}, upper{-1e9, -1e9, kReach_m};
+    for (const Vec3 p : points) {
+        lower = {std::min(lower.x, p.x), std::min(lower.y, p.y), 0};
+        upper = {std::max(upper.x, p.x), std::max(upper.y, p.y), std::max(upper.z, p.z)};
+    }
+    return volume_coverage(cameras, points, lower, upper);
+}
+
 }  // namespace kinevox

@@ -2,6 +2,7 @@
 // calibrate them.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "common/camera.h"
@@ -19,5 +20,10 @@ struct VolumeCoverage {
 // `points`: what was seen while calibrating, m. An empty box (upper not above lower) is laid around them.
 VolumeCoverage volume_coverage(const std::vector<Camera>& cameras, const std::vector<Vec3>& points,
                                Vec3 lower, Vec3 upper);
+
+// The same for the box around what was shown, where the world's floor is known: from the floor up to a
+// person's raised hands at least. Nothing for fewer than three points.
+std::optional<VolumeCoverage> working_volume(const std::vector<Camera>& cameras,
+                                             const std::vector<Vec3>& points);
 
 }  // namespace kinevox

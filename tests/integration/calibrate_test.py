@@ -118,6 +118,56 @@ class Calibrate(unittest.TestCase):
         self.assertEqual(certificate["verdict"], "NO-GO")
         self.assertIn(("knocked", "cam2"), [(f["check"], f.get("camera")) for f in certificate["findings"]])
 
+    def world_from_truth(self, out, folder):
+        """Rotation and shift from the true world to the one of the calibration found."""
+        found, truth = places(out)["cam1"], places(folder / "calibration.toml")["cam1"]
+        turn = found[0].T @ truth[0]
+        return turn, found[1] - turn @ truth[1]
+
+    def test_floor_from_a_board_from_points_and_from_a_person(self):
+        folder = self.session("walker", "--motion", "walk", "--frames", 40, "--fps", 4, "--no-masks")
+        board, session = self.board(), folder / "session.toml"
+        # Somebody's own frame: nothing of the world is left in the calibration.
+        away = self.folder / "away.toml"
+        text, turn = (folder / "calibration.toml").read_text(), cv2.Rodrigues(np.array([0.7, -1.9, 0.4]))[0]
+        for name, (rotation, centre) in places(folder / "calibration.toml").items():
+            new = rotation @ turn.T
+            for key, value in (("rotation", cv2.Rodrigues(new)[0].ravel()), ("translation", -new @ (turn @ centre + [3, 1, -2]))):
+                start = text.index(f"\n{key} ", text.index(f"[{name}]")) + 1
+                text = text[:start] + f"{key} = [{', '.join(f'{v:.12g}' for v in value)}]" + text[text.index("\n", start):]
+        away.write_text(text)
+        clicks = []
+        for point in ((0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)):
+            words = ",".join(map(str, point))
+            for name, section in tomllib.loads((folder / "calibration.toml").read_text()).items():
+                pixel = cv2.projectPoints(np.array([point], float), np.array(section["rotation"]), np.array(section["translation"]),
+                                          np.array(section["matrix"]), np.array(section["distortions"]))[0].ravel()
+                words += f" {name}:{pixel[0]:.1f},{pixel[1]:.1f}"
+            clicks += ["--point", words]
+        for what, arguments, most_deg, most_mm in (
+                ("person", [session, "--calibration", away], 1.5, 30),
+                ("points", [away, *clicks], 0.1, 5),
+                ("board", [board / "session.toml", "--calibration", away, "--board", BOARD, "--frame", 2], 0.3, 10)):
+            with self.subTest(what):
+                out, certificate = self.calibrated("floor", *arguments)
+                turn, shift = self.world_from_truth(out, folder)
+                self.assertLess(np.degrees(np.arccos(min(1, turn[2, 2]))), most_deg)
+                self.assertLess(abs(1000 * shift[2]), most_mm)
+                self.assertEqual((certificate["world_is_set"], certificate["floor"]["made_by"]), (True, what))
+                self.assertNotEqual(certificate["verdict"], "NO-GO")
+                page = cv2.imread(str(out.with_suffix(".certificate.png")))
+                self.assertEqual(page.shape[:2], (2338, 1653), "A4 at 200 dpi")
+
+    def test_a_floor_keeps_what_the_places_certificate_says(self):
+        folder = self.session("wand_600", "--prop", "wand:600", "--frames", 90, "--fps", 10)
+        out, before = self.calibrated("extrinsics", folder / "session.toml", "--wand", "wand:600")
+        session = self.board() / "session.toml"
+        _, after = self.calibrated("floor", session, "--calibration", out, "--board", BOARD, "--frame", 1)
+        self.assertEqual((after["made_by"], after["held_out_rms_px"]), ("wand", before["held_out_rms_px"]))
+        self.assertEqual(len(after["seen_points_m"]), len(before["seen_points_m"]))
+        self.assertEqual(after["volume"]["lower_m"][2], 0)
+        self.assertTrue(after["world_is_set"] and not before["world_is_set"])
+
     def test_user_errors_are_one_line(self):
         folder = self.board()
         session = folder / "session.toml"
@@ -129,6 +179,12 @@ class Calibrate(unittest.TestCase):
                 (["extrinsics", session, "--wand", "wand:600"], "wave it"),
                 (["extrinsics", f"cam1={folder / 'cam1.mp4'}", f"cam2={folder / 'cam2.mp4'}", "--wand", "wand:600"], "--lenses"),
                 (["extrinsics", session, "--wand", "wand:600", "--floor-frame", 3], "calibrate floor"),
+                (["floor", folder / "calibration.toml"], "is a calibration"),
+                (["floor", session, "--board", BOARD], "--frame"),
+                (["floor", session, "--point", "0,0,0 cam9:1,1"], "cam9"),
+                (["floor", session, "--point", "0,0,0 cam1:1,1"], "three or four"),
+                (["floor", session, "--board", BOARD, "--point", "0,0,0 cam1:1,1"], "board or points"),
+                (["floor", session], "record"),
                 (["extrinsics", self.folder / "none.toml", "--wand", "wand:600"], "none.toml")):
             with self.subTest(arguments=arguments[1:]):
                 done = run(*arguments, "--out", self.folder / "never.toml")

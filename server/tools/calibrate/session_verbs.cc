@@ -6,6 +6,7 @@
 #include <string>
 
 #include "common/calibration_file.h"
+#include "server/calibration/agreement_pictures.h"
 #include "server/calibration/diagnosis.h"
 #include "server/calibration/hull_agreement.h"
 #include "server/calibration/silhouette_refine.h"
@@ -49,6 +50,7 @@ void judge(const SessionSilhouettes& seen, const SessionArguments& arguments, Ce
     const auto extent = subject_extent(certificate.cameras, seen.set);
     if (extent) certificate.subject_height_m = extent->highest_m - extent->lowest_m;
     certificate.world_is_set = true;
+    certificate.pictures = agreement_pictures(certificate.cameras, seen.set);
     for (Finding& finding : check_world(certificate.cameras, extent, known_height(arguments)))
         certificate.findings.push_back(std::move(finding));
 }

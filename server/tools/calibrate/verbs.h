@@ -21,6 +21,7 @@ struct Verb {
 std::vector<Verb> file_verbs(CLI::App& app);     // import, export
 std::vector<Verb> lens_verbs(CLI::App& app);     // intrinsics
 std::vector<Verb> places_verbs(CLI::App& app);   // extrinsics
+std::vector<Verb> floor_verbs(CLI::App& app);    // floor
 std::vector<Verb> session_verbs(CLI::App& app);  // refine, check
 
 }  // namespace kinevox::calibrate
