@@ -29,12 +29,10 @@ SilhouetteSet some_of(const SilhouetteSet& set, std::size_t most) {
     return some;
 }
 
-}  // namespace
-
-absl::StatusOr<std::vector<Finding>> diagnose_silhouettes(const std::vector<Camera>& cameras,
-                                                          const SilhouetteSet& silhouettes,
-                                                          const DiagnosisOptions& options,
-                                                          const SolveProgress& progress) {
+absl::StatusOr<std::vector<Finding>> diagnose_together(const std::vector<Camera>& cameras,
+                                                       const SilhouetteSet& silhouettes,
+                                                       const DiagnosisOptions& options,
+                                                       const SolveProgress& progress) {
     const absl::Status cancelled = absl::CancelledError("stopped");
     const std::size_t count = cameras.size();
     const double side = longest_side_px(cameras);
@@ -107,6 +105,32 @@ absl::StatusOr<std::vector<Finding>> diagnose_silhouettes(const std::vector<Came
              fmt::format("silhouettes miss the cameras' volume by {:.1f} px (up to {:.1f} px is good)",
                          before, good),
              "run kinevox calibrate refine; look whether the silhouettes are whole"});
+    return findings;
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<Finding>> diagnose_silhouettes(const std::vector<Camera>& cameras,
+                                                          const SilhouetteSet& silhouettes,
+                                                          const DiagnosisOptions& options,
+                                                          const SolveProgress& progress) {
+    auto findings = diagnose_together(cameras, silhouettes, options, progress);
+    constexpr std::size_t kParts = 3, kFewest = 5;  // moments in a part
+    const std::size_t count = silhouettes.moments.size();
+    if (!findings.ok() || worst(*findings) != Verdict::kGo || count < kParts * kFewest) return findings;
+    // What went wrong during the recording is diluted in all of it.
+    static constexpr const char* kNames[] = {"first", "second", "last"};
+    for (const std::size_t part : {kParts - 1, std::size_t{0}, std::size_t{1}}) {
+        SilhouetteSet some;
+        some.moments.assign(silhouettes.moments.begin() + part * count / kParts,
+                            silhouettes.moments.begin() + (part + 1) * count / kParts);
+        auto of_part = diagnose_together(cameras, some, options, progress);
+        if (!of_part.ok()) return of_part;
+        if (worst(*of_part) == Verdict::kGo) continue;
+        for (Finding& finding : *of_part)
+            finding.reason += fmt::format(" (in the {} third of the recording)", kNames[part]);
+        return of_part;
+    }
     return findings;
 }
 

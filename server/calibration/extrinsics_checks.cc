@@ -102,6 +102,30 @@ void find_moved(const Bundle& some, const std::string& thing, double before_px,
              "fix the camera firmly and calibrate again"});
 }
 
+// A camera without which the others fit.
+void find_odd_one(const Bundle& some, const std::string& thing, double before_px,
+                  std::vector<Finding>& findings) {
+    if (some.cameras.size() < 3) return;
+    double best_px = 0.3 * before_px;
+    int which = -1;
+    for (std::size_t c = 0; c < some.cameras.size(); ++c) {
+        Bundle without = some;
+        std::erase_if(without.observations,
+                      [&](const BundleObservation& o) { return o.camera == static_cast<int>(c); });
+        const double after_px = without.observations.empty() ? 1e9 : solved_px(without);
+        if (after_px < best_px) best_px = after_px, which = static_cast<int>(c);
+    }
+    if (which < 0) return;
+    const std::string& name = some.cameras[which].name;
+    findings.push_back(
+        {Verdict::kNoGo, "odd_camera", name,
+         fmt::format("camera {} does not fit the others: without it the {} misses by {:.2f} px instead of "
+                     "{:.2f}",
+                     name, thing, best_px, before_px),
+         "look whether its picture is mirrored, its lens another one than it is calibrated for, its zoom or "
+         "focus changed, or its video from another time"});
+}
+
 // Of one camera, evenly over its observations.
 std::vector<PixelMiss> some_misses(const Bundle& bundle, int camera) {
     constexpr std::size_t kMost = 400;
@@ -199,8 +223,10 @@ void append_findings(const Bundle& bundle, Shown shown, ExtrinsicsResult& result
     if (all_px > kSuspiciousPx) {
         Bundle some = some_moments(bundle, 40);
         const double before_px = solved_px(some);
+        const std::size_t told = result.findings.size();
         if (!find_swapped(some, thing, before_px, result.findings))
             find_moved(some, thing, before_px, result.findings);
+        if (result.findings.size() == told) find_odd_one(some, thing, before_px, result.findings);
     }
     const std::size_t moments = bundle.world_from_thing.size();
     if (all_px > 1.0)

@@ -9,7 +9,9 @@
 
 #include <fmt/format.h>
 
+#include "common/atomic_file.h"
 #include "common/calibration_file.h"
+#include "common/session_file.h"
 #include "common/toml_reader.h"
 #include "server/cameras/session_source.h"
 #include "server/pose/body_fitter.h"
@@ -75,6 +77,20 @@ absl::StatusOr<BodyShape> body_of_session(const std::filesystem::path& session_f
     return absl::FailedPreconditionError(fmt::format("{}: {}", session_file.string(), std::string(fit.status().message())));
 }
 
+// What the calibration was worth goes with what was made by it: its certificate's files, if it has one.
+std::vector<Table> certificate_tables(const std::filesystem::path& session_file) {
+    std::vector<Table> tables;
+    const auto session = read_session(session_file);
+    if (!session.ok()) return tables;
+    for (const auto& [ending, name] : {std::pair{".certificate.json", "calibration.certificate.json"},
+                                       std::pair{".certificate.png", "calibration.certificate.png"}}) {
+        auto file = session->calibration;
+        if (auto text = read_file(file.replace_extension(ending), 64 << 20); text.ok())
+            tables.push_back({name, *std::move(text)});
+    }
+    return tables;
+}
+
 }  // namespace
 
 absl::Status process_session(const ProcessOptions& asked, const std::atomic<bool>& stop) {
@@ -126,6 +142,7 @@ absl::Status process_session(const ProcessOptions& asked, const std::atomic<bool
     const double wall_s = seconds_since(start);
     (*writer)->add_table({"run.toml", run_toml(options, (*source)->fps(), summary.frames())});
     (*writer)->add_table({"calibration.toml", calibration_toml((*source)->cameras())});
+    for (Table& table : certificate_tables(options.session_file)) (*writer)->add_table(std::move(table));
     if (pose_stage) {
         for (Table& table : pose_tables(poses.finish(*pose_stage))) (*writer)->add_table(std::move(table));
         if (poses.body()) (*writer)->add_table({"body.toml", body_shape_toml(*poses.body())});

@@ -42,6 +42,9 @@ def verdict_band(sheet, certificate, y):
         checked = ["The checks that this evidence allows found nothing wrong."]
         if certificate.placed() and not certificate.world_is_set:
             checked.append("The floor is not set yet: kinevox calibrate floor does it.")
+        if certificate.made_by in ("board", "wand") and certificate.placed() and certificate.height is None:
+            checked.append(f"Lengths are as true as what was told of the {certificate.made_by}'s size:")
+            checked.append("compare the height of a person, kinevox calibrate check.")
         lines = [("GO", [line], []) for line in checked]
     height = max(30, 11 + sum(4.3 * len(a) + 4.0 * len(b) + 2.2 for _, a, b in lines) + (4 if len(told) > 4 else 0))
     area = sheet.drawing(MARGIN_MM, y, INNER_MM, height)
