@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -50,8 +51,10 @@ std::string run_toml(const ProcessOptions& options, double fps, std::int64_t fra
     return text;
 }
 
-// The body of the person in a session, fitted to all of its frame sets.
-absl::StatusOr<BodyShape> body_of_session(const std::filesystem::path& session_file, const ProcessOptions& options,
+// The body of the person in a session, fitted to all of its frame sets. None where somebody is there whose pose cannot
+// be told from what else has changed in the room: that is said and does not cost the trial, whose movement tells the
+// body too.
+absl::StatusOr<std::optional<BodyShape>> body_of_session(const std::filesystem::path& session_file, const ProcessOptions& options,
                                           const std::atomic<bool>& stop) {
     auto source = open_session_source(session_file);
     if (!source.ok()) return source.status();
@@ -74,7 +77,10 @@ absl::StatusOr<BodyShape> body_of_session(const std::filesystem::path& session_f
     const auto fit = fit_body((*source)->cameras(), (*source)->fps(), seen, options.pipeline.posing.body,
                               options.pipeline.posing, options.poses.body);
     if (fit.ok()) return fit->shape;
-    return absl::FailedPreconditionError(fmt::format("{}: {}", session_file.string(), std::string(fit.status().message())));
+    const std::string why = fmt::format("{}: {}", session_file.string(), std::string(fit.status().message()));
+    if (seen.empty()) return absl::FailedPreconditionError(why);
+    fmt::print(stderr, "kinevox process: {}; the body is fitted to the movement instead\n", why);
+    return std::nullopt;
 }
 
 // What the calibration was worth goes with what was made by it: its certificate's files, if it has one.
@@ -98,8 +104,8 @@ absl::Status process_session(const ProcessOptions& asked, const std::atomic<bool
     if (!options.tpose_file.empty() && options.pipeline.pose) {
         auto body = body_of_session(options.tpose_file, options, stop);
         if (!body.ok()) return body.status();
-        options.pipeline.posing.body = *body;
-        options.poses.fit_body = false;
+        options.poses.fit_body = !*body;
+        if (*body) options.pipeline.posing.body = **body;
     }
     SessionSourceOptions source_options;
     source_options.decode_in_bursts = options.decode_in_bursts;
