@@ -168,6 +168,19 @@ class Calibrate(unittest.TestCase):
         self.assertEqual(after["volume"]["lower_m"][2], 0)
         self.assertTrue(after["world_is_set"] and not before["world_is_set"])
 
+    def test_calibrations_go_through_other_formats_and_back(self):
+        cameras = self.board() / "calibration.toml"
+        name = lambda file: self.folder / f"round.{file}"
+        for kind, file in (("opencv", name("yml")), ("kalibr", name("yaml")), ("toml", name("export.toml"))):
+            for words in (["export", cameras, "--format", kind, "--out", file], ["import", file, "--out", name("toml")]):
+                done = subprocess.run([CALIBRATE, *map(str, words)], capture_output=True, text=True, timeout=60)
+                self.assertEqual((done.returncode, done.stderr), (0, ""))
+            back, there = places(name("toml")), places(cameras)
+            if kind == "kalibr":   # calls them cam0, cam1, ... and has no world
+                back = dict(zip(sorted(there), (back[k] for k in sorted(back))))
+            centre, turn, scale = errors(back, there, align=kind == "kalibr")
+            self.assertLess(max(centre, turn, scale), 1e-6, kind)
+
     def test_user_errors_are_one_line(self):
         folder = self.board()
         session = folder / "session.toml"

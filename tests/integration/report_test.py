@@ -2,6 +2,7 @@
 """`kinevox report` as a user meets it: a page in either format, with and without pictures, and user errors.
 
 usage: report_test.py KINEVOX MAKE_POSED_TRIAL [unittest options]"""
+import json
 import shutil
 import subprocess
 import sys
@@ -109,6 +110,47 @@ class Report(unittest.TestCase):
             self.assertEqual(done.stderr.count("\n"), 1, (arguments, done.stderr))
             self.assertIn(names, done.stderr, arguments)
         self.assertFalse((self.trial / "report.png").exists())
+
+
+def certificate(**more):
+    """The least that a page needs: two cameras that look at each other."""
+    camera = {"centre_m": [2.0, 0.0, 1.5], "size_px": [640, 480], "focal_px": [500, 500], "middle_px": [319.5, 239.5],
+              "distortion": [0, 0, 0, 0, 0],
+              "camera_from_world": {"rotation_vector": [1.2092, 1.2092, -1.2092], "translation_m": [0, 1.5, 2]}}
+    other = {**camera, "centre_m": [-2.0, 0.0, 1.5], "camera_from_world": {"rotation_vector": [1.2092, -1.2092, 1.2092],
+                                                                           "translation_m": [0, 1.5, 2]}}
+    return {"verdict": "GO", "made_by": "import", "findings": [], "world_is_set": True, "cameras": {"a": camera, "b": other}, **more}
+
+
+class CertificatePage(unittest.TestCase):
+    def setUp(self):
+        self.folder = Path(tempfile.mkdtemp(prefix="kinevox-report-"))
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+
+    def test_every_verdict_has_its_colour(self):
+        for verdict, channel in (("GO", 1), ("NO-GO", 2)):
+            finding = {"verdict": verdict, "check": "x", "reason": "a reason " * 30, "remedy": "a remedy " * 30}
+            file = self.folder / f"{verdict}.certificate.json"
+            file.write_text(json.dumps(certificate(verdict=verdict, findings=[finding] * 7)))
+            done = run(file)
+            self.assertEqual((done.returncode, done.stderr), (0, ""))
+            page = cv2.imread(str(file.with_suffix(".png")))
+            self.assertEqual(page.shape[:2], (2338, 1653), "A4 at 200 dpi")
+            self.assertEqual(int(page[300, 130].argmax()), channel, "the band's left edge")
+
+    def test_what_is_no_certificate_is_told_in_one_line(self):
+        good = certificate()
+        for what in ("", "[]", "{", "null", json.dumps({**good, "verdict": "MAYBE"}), json.dumps({**good, "cameras": {}}),
+                     json.dumps({**good, "cameras": {"a": {}}}), json.dumps({**good, "findings": [3]}),
+                     json.dumps({**good, "pictures": {"a": "bm90aGluZw=="}}), json.dumps({**good, "seen_points_m": [[1, 2]]}),
+                     json.dumps({k: v for k, v in good.items() if k != "made_by"})):
+            file = self.folder / "x.certificate.json"
+            file.write_text(what)
+            done = run(file)
+            self.assertEqual((done.returncode, len(done.stderr.splitlines())), (1, 1), what[:80] + done.stderr)
+            self.assertIn("x.certificate.json", done.stderr)
+            self.assertFalse(file.with_suffix(".png").exists())
+        self.assertIn("no such file", run(self.folder / "none.json").stderr)
 
 
 if __name__ == "__main__":

@@ -31,6 +31,8 @@ class CameraPart:
         self.counts = np.array(counts, float).reshape(6, 8) if counts else None
         self.misses = np.array(section.get("misses_px") or [], float).reshape(-1, 4)
         self.held_out_px, self.fit_px = section.get("held_out_rms_px"), section.get("fit_rms_px")
+        parameter = lens.get("parameters", {}).get("fx_px", {})
+        self.focal_std_px = parameter.get("std")
         if self.fit_px is None:
             self.fit_px, self.held_out_px = lens.get("rms_px"), lens.get("held_out_rms_px")
 
@@ -51,6 +53,9 @@ class Certificate:
             self.findings = sorted((dict(f) for f in data["findings"]), key=lambda f: -VERDICTS.index(f["verdict"]))
             for finding in self.findings:
                 finding["reason"], finding["remedy"] = str(finding["reason"]), str(finding.get("remedy", ""))
+                camera = str(finding.get("camera", ""))
+                if camera and camera not in finding["reason"]:
+                    finding["reason"] = f"camera {camera}: {finding['reason']}"
             self.made_by, self.made_at = str(data["made_by"]), str(data.get("made_at", ""))
             self.cameras = [CameraPart(name, section) for name, section in data["cameras"].items()]
             self.held_out_px, self.fit_px = data.get("held_out_rms_px"), data.get("fit_rms_px")

@@ -36,7 +36,9 @@ def verdict_band(sheet, certificate, y):
     lines = []
     for finding in told[:4]:
         reason = finding["reason"][:1].upper() + finding["reason"][1:]
-        lines.append((finding["verdict"], textwrap.wrap(reason + ".", 66),
+        if finding["verdict"] != certificate.verdict:
+            reason = f"{finding['verdict']}: {reason}"
+        lines.append((textwrap.wrap(reason + ".", 62),
                       textwrap.wrap("→ " + finding["remedy"][:1].upper() + finding["remedy"][1:] + ".", 74)))
     if not lines:
         checked = ["The checks that this evidence allows found nothing wrong."]
@@ -45,17 +47,15 @@ def verdict_band(sheet, certificate, y):
         if certificate.made_by in ("board", "wand") and certificate.placed() and certificate.height is None:
             checked.append(f"Lengths are as true as what was told of the {certificate.made_by}'s size:")
             checked.append("compare the height of a person, kinevox calibrate check.")
-        lines = [("GO", [line], []) for line in checked]
-    height = max(30, 11 + sum(4.3 * len(a) + 4.0 * len(b) + 2.2 for _, a, b in lines) + (4 if len(told) > 4 else 0))
+        lines = [([line], []) for line in checked]
+    height = max(30, 11 + sum(4.3 * len(a) + 4.0 * len(b) + 2.2 for a, b in lines) + (4 if len(told) > 4 else 0))
     area = sheet.drawing(MARGIN_MM, y, INNER_MM, height)
     area.add_patch(FancyBboxPatch((0, 0), INNER_MM, height, boxstyle="round,pad=0,rounding_size=2.5", fc=colour, ec="none"))
     area.text(6, 18.5, certificate.verdict, size=40 if certificate.verdict != "NO-GO" else 30, weight="bold", color="white",
               va="baseline")
     area.text(6, 25, said(certificate), size=9, color="white", va="baseline")
     at = 9
-    for verdict, reason, remedy in lines:
-        if verdict in ("CARE", "NO-GO") and verdict != certificate.verdict:
-            area.text(49.5, at, verdict, size=6, color="white", ha="right", va="baseline", weight="bold")
+    for reason, remedy in lines:
         for line in reason:
             area.text(51, at, line, size=9, weight="bold", color="white", va="baseline")
             at += 4.3
@@ -80,10 +80,10 @@ def tiles(sheet, certificate, y):
                       "within ± 2 is good"))
     if certificate.volume:
         shown.append((f"{100 * certificate.volume['seen_by_three_cameras']:.0f} %",
-                      f"of the space in 3 cameras, {100 * certificate.volume['seen_by_two_cameras']:.0f} % in 2",
-                      "100 % in 3 is good"))
+                      f"of it in 3 cameras, {100 * certificate.volume['seen_by_two_cameras']:.0f} % in 2",
+                      "of the working volume"))
         if len(certificate.seen):
-            shown.append((f"{100 * certificate.volume['calibrated']:.0f} %", "of that space was shown", "above 80 % is good"))
+            shown.append((f"{100 * certificate.volume['calibrated']:.0f} %", "of the working volume was shown", "above 80 % is good"))
     if certificate.hull:
         before = f"; before {certificate.hull_before['mean_iou']:.2f}" if certificate.hull_before else ""
         shown.append((words(certificate.hull["mean_iou"], ".2f"), "hull and silhouettes agree" + before,
@@ -104,7 +104,7 @@ def tiles(sheet, certificate, y):
     for i, (value, what, good) in enumerate(shown):
         area = sheet.drawing(MARGIN_MM + i * (width + 3), y, width, 18)
         area.add_patch(FancyBboxPatch((0, 0), width, 18, boxstyle="round,pad=0,rounding_size=1.5", fc=PANEL, ec="none"))
-        area.text(2.5, 7.6, value, size=13, weight="bold", va="baseline")
+        area.text(2.5, 7.6, value, size=13 if len(shown) < 5 else 10.5, weight="bold", va="baseline")
         # Two short lines below rather than one that runs over.
         for k, line in enumerate(textwrap.wrap(what, max(12, int(width / 1.18)))[:2]):
             area.text(2.5, 11.2 + 2.6 * k, line, size=6, color=SOFT, va="baseline")
@@ -116,7 +116,7 @@ def camera_picture(sheet, camera, x, y, width, height, arrows):
     """Where in its picture the camera saw what was shown, and by how much it misses, `arrows` times enlarged."""
     scale = min(width / camera.size[0], height / camera.size[1])
     wide, high = scale * camera.size
-    axes = sheet.axes(x + (width - wide) / 2, y, wide, high)
+    axes = sheet.axes(x, y, wide, high)
     axes.set_xlim(-0.5, camera.size[0] - 0.5)
     axes.set_ylim(camera.size[1] - 0.5, -0.5)
     axes.set_xticks([])
@@ -145,6 +145,8 @@ def camera_picture(sheet, camera, x, y, width, height, arrows):
 def caption_of(camera):
     px = camera.held_out_px if camera.held_out_px is not None else camera.fit_px
     parts = [words(px, ".2f", " px")] if px is not None else []
+    if camera.focal_std_px is not None:
+        parts.append(f"focal length {camera.focal[0]:.0f} ± {camera.focal_std_px:.0f} px")
     if camera.views is not None:
         parts.append(f"{camera.views} views")
     if camera.coverage is not None:
@@ -156,21 +158,31 @@ def columns_for(count):
     return 4 if count <= 8 else 6
 
 
+def fitting(count, aspect, room):
+    """Columns, width and height that make `count` pictures largest in `room` mm of height, captions below."""
+    best = None
+    for columns in range(min(count, 2), 9):
+        width = (INNER_MM - 4 * (columns - 1)) / columns
+        height = min(aspect * width, room / -(-count // columns) - 9)
+        if best is None or height > best[2]:
+            best = columns, width, height
+    return best
+
+
 def draw_cameras(sheet, certificate, y, bottom):
     """A picture a camera, as large as there is room. Returns where they end."""
     shown = [c for c in certificate.cameras if c.counts is not None or len(c.misses)]
     if not shown:
         return y
     named = {f.get("camera"): f["verdict"] for f in reversed(certificate.findings) if f["verdict"] != "GO"}
-    columns = columns_for(len(shown))
+    columns, width, height = fitting(len(shown), max(c.size[1] / c.size[0] for c in shown), bottom - y - 5)
     rows = -(-len(shown) // columns)
-    width = (INNER_MM - 4 * (columns - 1)) / columns
-    height = min(max(c.size[1] / c.size[0] for c in shown) * width, (bottom - y) / rows - 9)
     usual = np.median([np.median(np.hypot(*c.misses[:, 2:].T)) for c in shown if len(c.misses)] or [1])
     wanted = 0.05 * max(c.size[0] for c in shown) / max(usual, 1e-3)
     arrows = next((n for n in (200, 100, 50, 20, 10, 5, 2) if n <= wanted), 1)
     sheet.heading(MARGIN_MM, y, "What each camera saw", INNER_MM,
-                  f"green: seen there;  arrows: misses, {arrows} times enlarged;  red: more than 1 px")
+                  "green: seen there" + (f";  arrows: misses, {arrows} times enlarged;  red: more than 1 px"
+                                         if any(len(c.misses) for c in shown) else ""))
     y += 5
     for i, camera in enumerate(shown):
         x, top = MARGIN_MM + i % columns * (width + 4), y + i // columns * (height + 9)
@@ -202,7 +214,7 @@ def draw_agreement(sheet, certificate, y, height):
 
 def make_certificate_page(certificate):
     sheet = Sheet()
-    sheet.text(MARGIN_MM, 19, "Camera calibration", size=19, weight="bold")
+    sheet.text(MARGIN_MM, 19, "Camera calibration" if certificate.placed() else "Camera lenses", size=19, weight="bold")
     parts = [f"{len(certificate.cameras)} cameras", MADE_BY.get(certificate.made_by, certificate.made_by)]
     if certificate.made_at:
         parts.append(certificate.made_at + " UTC")
@@ -216,7 +228,7 @@ def make_certificate_page(certificate):
     has_cameras = any(c.counts is not None or len(c.misses) for c in certificate.cameras)
     if certificate.placed():
         rows = -(-len(certificate.cameras) // columns_for(len(certificate.cameras)))
-        taken = (rows * 42 + 5 if has_cameras else 0) + (58 if certificate.pictures else 0)
+        taken = (rows * 51 + 5 if has_cameras else 0) + (58 if certificate.pictures else 0)
         height = min(INNER_MM * 0.74, max(62, bottom - y - taken - 6))
         sheet.heading(MARGIN_MM, y, "The room from above" if certificate.world_is_set else "The room from above, floor not set",
                       INNER_MM)
