@@ -2,15 +2,14 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
+#include "common/degrees.h"
 #include "server/pose/body_model.h"
 
 namespace kinevox {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double deg(double degrees) { return degrees * std::numbers::pi / 180; }
 
 bool left_side(int segment) { return segment >= kThighL && segment <= kHandL; }
 
@@ -71,32 +70,32 @@ const std::array<BodyDofInfo, kBodyDofCount> kBodyDofs{{
     {"pelvis_tilt", -kInfinity, kInfinity},
     {"pelvis_list", -kInfinity, kInfinity},
     {"pelvis_rotation", -kInfinity, kInfinity},
-    {"lumbar_extension", deg(-75), deg(35)},
-    {"lumbar_bending", deg(-40), deg(40)},
-    {"lumbar_rotation", deg(-45), deg(45)},
-    {"neck_extension", deg(-60), deg(60)},
-    {"neck_bending", deg(-45), deg(45)},
-    {"neck_rotation", deg(-80), deg(80)},
-    {"hip_flexion_l", deg(-30), deg(130)},
-    {"hip_adduction_l", deg(-60), deg(35)},
-    {"hip_rotation_l", deg(-50), deg(45)},
-    {"knee_angle_l", deg(-5), deg(150)},
-    {"ankle_angle_l", deg(-55), deg(35)},
-    {"arm_flex_l", deg(-70), deg(185)},
-    {"arm_add_l", deg(-185), deg(50)},
-    {"arm_rot_l", deg(-110), deg(95)},
-    {"elbow_flex_l", deg(0), deg(150)},
-    {"wrist_flex_l", deg(-75), deg(80)},
-    {"hip_flexion_r", deg(-30), deg(130)},
-    {"hip_adduction_r", deg(-60), deg(35)},
-    {"hip_rotation_r", deg(-50), deg(45)},
-    {"knee_angle_r", deg(-5), deg(150)},
-    {"ankle_angle_r", deg(-55), deg(35)},
-    {"arm_flex_r", deg(-70), deg(185)},
-    {"arm_add_r", deg(-185), deg(50)},
-    {"arm_rot_r", deg(-110), deg(95)},
-    {"elbow_flex_r", deg(0), deg(150)},
-    {"wrist_flex_r", deg(-75), deg(80)},
+    {"lumbar_extension", radians(-75), radians(35)},
+    {"lumbar_bending", radians(-40), radians(40)},
+    {"lumbar_rotation", radians(-45), radians(45)},
+    {"neck_extension", radians(-60), radians(60)},
+    {"neck_bending", radians(-45), radians(45)},
+    {"neck_rotation", radians(-80), radians(80)},
+    {"hip_flexion_l", radians(-30), radians(130)},
+    {"hip_adduction_l", radians(-60), radians(35)},
+    {"hip_rotation_l", radians(-50), radians(45)},
+    {"knee_angle_l", radians(-5), radians(150)},
+    {"ankle_angle_l", radians(-55), radians(35)},
+    {"arm_flex_l", radians(-70), radians(185)},
+    {"arm_add_l", radians(-185), radians(50)},
+    {"arm_rot_l", radians(-110), radians(95)},
+    {"elbow_flex_l", radians(0), radians(150)},
+    {"wrist_flex_l", radians(-75), radians(80)},
+    {"hip_flexion_r", radians(-30), radians(130)},
+    {"hip_adduction_r", radians(-60), radians(35)},
+    {"hip_rotation_r", radians(-50), radians(45)},
+    {"knee_angle_r", radians(-5), radians(150)},
+    {"ankle_angle_r", radians(-55), radians(35)},
+    {"arm_flex_r", radians(-70), radians(185)},
+    {"arm_add_r", radians(-185), radians(50)},
+    {"arm_rot_r", radians(-110), radians(95)},
+    {"elbow_flex_r", radians(0), radians(150)},
+    {"wrist_flex_r", radians(-75), radians(80)},
 }};
 
 Vec3 hinge_axis(int segment) {

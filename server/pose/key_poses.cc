@@ -1,19 +1,18 @@
 #include "server/pose/key_poses.h"
 
 #include <initializer_list>
-#include <numbers>
 #include <utility>
+
+#include "common/degrees.h"
 
 namespace kinevox {
 namespace {
-
-constexpr double deg(double degrees) { return degrees * std::numbers::pi / 180; }
 
 using Setting = std::pair<int, double>;   // degree of freedom, degrees
 
 BodyCoordinates pose(std::initializer_list<Setting> settings) {
     BodyCoordinates q{};
-    for (const auto& [dof, degrees] : settings) q[dof] = deg(degrees);
+    for (const auto& [dof, degrees] : settings) q[dof] = radians(degrees);
     return q;
 }
 

@@ -3,12 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/degrees.h"
 #include "server/pose/ray_capsule.h"
 
 namespace kinevox {
 namespace {
 
-constexpr double kDegree = 0.017453292519943295;
+constexpr double kDegree = radians(1);
 
 Vec3 point(const float* p) {
     return {p[0], p[1], p[2]};

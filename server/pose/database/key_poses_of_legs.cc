@@ -72,7 +72,7 @@ PoseBuilder gait_pose(const GaitCurves& gait, double phase, double stride, doubl
                  gait.elbow + arms * gait.elbow_swing * swing, 20);
     }
     pose.bend(0, -8 * stride * std::cos(kTurn * phase));
-    pose.q[kDofRootRotation + 1] = deg(3 * std::cos(kTurn * phase - 2.5));
+    pose.q[kDofRootRotation + 1] = radians(3 * std::cos(kTurn * phase - 2.5));
     return pose;
 }
 

@@ -1,15 +1,10 @@
 // Poses written down in degrees, limb by limb.
 #pragma once
 
-#include <numbers>
-
+#include "common/degrees.h"
 #include "server/pose/body_model.h"
 
 namespace kinevox::database {
-
-constexpr double deg(double degrees) {
-    return degrees * std::numbers::pi / 180;
-}
 
 enum class Limb { kLeft, kRight };
 
@@ -18,30 +13,30 @@ struct PoseBuilder {
     BodyCoordinates q{};
 
     PoseBuilder& trunk(double pelvis_lean, double lumbar_flexion, double look_up = 0) {
-        q[kDofRootRotation] = deg(-pelvis_lean);
-        q[kDofSacroiliac] = deg(-lumbar_flexion);
-        q[kDofSkullbase] = deg(look_up);
+        q[kDofRootRotation] = radians(-pelvis_lean);
+        q[kDofSacroiliac] = radians(-lumbar_flexion);
+        q[kDofSkullbase] = radians(look_up);
         return *this;
     }
     // To the left positive, rad inside.
     PoseBuilder& bend(double sideways, double turn) {
-        q[kDofSacroiliac + 1] = deg(-sideways);
-        q[kDofSacroiliac + 2] = deg(turn);
+        q[kDofSacroiliac + 1] = radians(-sideways);
+        q[kDofSacroiliac + 2] = radians(turn);
         return *this;
     }
     PoseBuilder& leg(Limb side, double hip_flexion, double knee, double ankle = 0, double hip_abduction = 2,
                      double external_rotation = 5) {
         const int hip = side == Limb::kLeft ? kDofHipL : kDofHipR;
-        q[hip] = deg(hip_flexion), q[hip + 1] = deg(-hip_abduction), q[hip + 2] = deg(-external_rotation);
-        q[hip + 3] = deg(knee), q[hip + 4] = deg(ankle);
+        q[hip] = radians(hip_flexion), q[hip + 1] = radians(-hip_abduction), q[hip + 2] = radians(-external_rotation);
+        q[hip + 3] = radians(knee), q[hip + 4] = radians(ankle);
         return *this;
     }
     PoseBuilder& arm(Limb side, double flexion, double abduction, double elbow,
                      double internal_rotation = 0) {
         const int shoulder = side == Limb::kLeft ? kDofShoulderL : kDofShoulderR;
-        q[shoulder] = deg(flexion), q[shoulder + 1] = deg(-abduction),
-        q[shoulder + 2] = deg(internal_rotation);
-        q[shoulder + 3] = deg(elbow);
+        q[shoulder] = radians(flexion), q[shoulder + 1] = radians(-abduction),
+        q[shoulder + 2] = radians(internal_rotation);
+        q[shoulder + 3] = radians(elbow);
         return *this;
     }
     PoseBuilder& legs(double hip_flexion, double knee, double ankle = 0, double abduction = 2) {
