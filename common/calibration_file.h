@@ -29,6 +29,9 @@ std::string calibration_toml(const std::vector<Camera>& cameras);
 std::string calibration_opencv_yaml(const std::vector<Camera>& cameras);
 std::string calibration_kalibr_yaml(const std::vector<Camera>& cameras);
 
+// Empty if Kalibr's format can hold these cameras, else one sentence.
+std::string kalibr_problem(const std::vector<Camera>& cameras);
+
 // Written aside and renamed, so that no reader ever sees half a file.
 absl::Status write_calibration_toml(const std::vector<Camera>& cameras, const std::filesystem::path& file);
 

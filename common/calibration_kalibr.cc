@@ -148,6 +148,15 @@ absl::StatusOr<std::vector<Camera>> parse_calibration_kalibr(const std::string& 
     return cameras;
 }
 
+std::string kalibr_problem(const std::vector<Camera>& cameras) {
+    for (const Camera& camera : cameras)
+        if (camera.k3 != 0)
+            return fmt::format("camera {} has k3 = {:g}, which Kalibr's format cannot hold; calibrate it without k3 or "
+                               "export to opencv",
+                               camera.name, camera.k3);
+    return "";
+}
+
 std::string calibration_kalibr_yaml(const std::vector<Camera>& cameras) {
     std::string out;
     const auto n = [](double value) { return toml_number(value); };

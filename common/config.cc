@@ -95,6 +95,11 @@ void read_pose(const TomlTable& table, const std::filesystem::path& folder, bool
     pose.database_poses = static_cast<int>(table.integer_or("database_poses", pose.database_poses, 1, 4000));
 }
 
+void read_calibration_config(const TomlTable& table, const std::filesystem::path& base, CalibrationConfig& calibration) {
+    const std::string folder = table.text_or("folder", "");
+    if (table.has("folder")) calibration.folder = resolved(folder, base);
+}
+
 void read_stream(const TomlTable& table, StreamConfig& stream) {
     stream.lossless_max_messages =
         static_cast<int>(table.integer_or("lossless_max_messages", stream.lossless_max_messages, 1, 100000));
@@ -151,6 +156,7 @@ absl::StatusOr<DaemonConfig> parse_config_toml(const std::string& text, const st
     read_pipeline(root.table_or_empty("pipeline"), config.pipeline);
     read_segmentation(root.table_or_empty("segmentation"), config.segmentation);
     read_pose(root.table_or_empty("pose"), folder, check_files_exist, config.pose);
+    read_calibration_config(root.table_or_empty("calibration"), folder, config.calibration);
     read_stream(root.table_or_empty("stream"), config.stream);
     read_control(root.table_or_empty("control"), config.control);
     read_log(root.table_or_empty("log"), folder, config.log);

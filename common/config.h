@@ -74,6 +74,12 @@ struct PoseConfig {
     bool operator==(const PoseConfig&) const = default;
 };
 
+struct CalibrationConfig {
+    // Where calibrations are stored, absolute; empty: nowhere; not given: in the user's folder for programs' state.
+    std::optional<std::filesystem::path> folder;
+    bool operator==(const CalibrationConfig&) const = default;
+};
+
 struct StreamConfig {
     int lossless_max_messages = 256;  // queued for one lossless subscriber before its stream ends
     int lossless_max_mb = 32;
@@ -100,6 +106,7 @@ struct DaemonConfig {
     PipelineConfig pipeline;
     SegmentationConfig segmentation;
     PoseConfig pose;
+    CalibrationConfig calibration;
     StreamConfig stream;
     ControlConfig control;
     LogConfig log;

@@ -77,9 +77,23 @@ int serve(const DaemonConfig& config) {
         });
     }
 
+    // The calibration that was applied last, in the place of the source's own; and the way to another one.
+    CalibrationStore calibrations(calibration_folder(config.calibration), describe(config.source), runner.cameras());
+    bool serving = false;   // the control thread's
+    CalibrationUse calibration_use(calibrations, runner, [&](const std::vector<Camera>& cameras) {
+        if (body_fit) body_fit->set_cameras(cameras);
+        if (poses && serving)
+            start_pose_database(*poses, config.pose, cameras, options->posing.body, hub, pose_watch);
+    });
+    if (const absl::Status applied = calibration_use.begin(); !applied.ok())
+        spdlog::warn("the source's own calibration is used: {}", std::string(applied.message()));
+    ProcedureWatch procedure_watch;
+    std::unique_ptr<CalibrationProcedure> procedure = make_calibration_procedure(calibrations, hub, procedure_watch);
+
     // The threads that serve it, and the services.
     asio::thread_pool control(1);    // start, stop and learning
     asio::thread_pool changes(1);    // of the pose database
+    asio::thread_pool calibrating(1);   // calibrations' files
     asio::thread_pool encoders(2);   // volumes and pictures, and the streams' writes
     ApiContext api{.runner = runner,
                    .hub = hub,
@@ -92,6 +106,11 @@ int serve(const DaemonConfig& config) {
                    .changes = changes.get_executor(),
                    .body_fit = body_fit.get(),
                    .body_watch = &body_watch,
+                   .calibrations = &calibrations,
+                   .calibration_use = &calibration_use,
+                   .procedure = procedure.get(),
+                   .procedure_watch = &procedure_watch,
+                   .calibrating = calibrating.get_executor(),
                    .source_description = describe(config.source)};
     apply(config.stream, api);
     auto server = ApiServer::listen(config.server.listen, api);
@@ -105,6 +124,10 @@ int serve(const DaemonConfig& config) {
         signals.async_wait([](const boost::system::error_code&, int) {});   // a second one changes nothing
         io.stop();
     });
+    asio::post(control, [&] {   // where calibrations are applied, too
+        serving = true;
+        if (poses) start_pose_database(*poses, config.pose, runner.cameras(), options->posing.body, hub, pose_watch);
+    });
     if (config.source.autostart)
         asio::post(control, [&runner] { runner.start().IgnoreError(); });   // an error is an event and a state
 
@@ -113,7 +136,6 @@ int serve(const DaemonConfig& config) {
     fmt::print("ready on {}:{}\n", host, (*server)->port());
     std::fflush(stdout);
     spdlog::info("kinevoxd {} serves {} on {}:{}", kVersion, describe(config.source), host, (*server)->port());
-    if (poses) start_pose_database(*poses, config.pose, runner.cameras(), options->posing.body, hub, pose_watch);
     io.run();
 
     // Backwards. First all that waits is told, so that nothing below waits long.
@@ -121,15 +143,19 @@ int serve(const DaemonConfig& config) {
     runner.abort();
     if (poses) poses->close();
     if (body_fit) body_fit->close();
+    procedure->close();
     const absl::Status stopping = absl::UnavailableError("the daemon is stopping; connect again later");
     hub.close(stopping);
     pose_watch.close(stopping);
     body_watch.close(stopping);
+    procedure_watch.close(stopping);
     (*server)->shutdown(std::chrono::milliseconds(700));   // streams end with the words above
     control.join();                                        // a start or stop in progress
     changes.join();
+    calibrating.join();
     runner.stop().IgnoreError();                           // its threads; FailedPrecondition if nothing runs
     encoders.join();
+    procedure.reset();                                     // its thread ends at its next step
     body_fit.reset();                                      // its thread ends at its next frame set
     poses.reset();                                         // its thread ends as soon as it sees that it is to end
     lease_clock.stop();

@@ -6,6 +6,7 @@
 #include "client/lib/image_file.h"
 #include "client/lib/stream_reader.h"
 #include "common/volume_codec.h"
+#include "kinevox/v1/calibration_service.grpc.pb.h"
 #include "kinevox/v1/capture_service.grpc.pb.h"
 #include "kinevox/v1/pose_service.grpc.pb.h"
 #include "kinevox/v1/stream_service.grpc.pb.h"
@@ -48,6 +49,7 @@ struct Client::Parts {
     std::unique_ptr<v1::CaptureService::Stub> capture;
     std::unique_ptr<v1::StreamService::Stub> stream;
     std::unique_ptr<v1::PoseService::Stub> pose;
+    std::unique_ptr<v1::CalibrationService::Stub> calibration;
 
     // One unary call.
     template <typename Request, typename Response>
@@ -78,6 +80,7 @@ Client::Client(std::shared_ptr<grpc::Channel> channel, const ClientOptions& opti
     parts_->capture = v1::CaptureService::NewStub(parts_->channel);
     parts_->stream = v1::StreamService::NewStub(parts_->channel);
     parts_->pose = v1::PoseService::NewStub(parts_->channel);
+    parts_->calibration = v1::CalibrationService::NewStub(parts_->channel);
 }
 
 Client::~Client() = default;
@@ -301,6 +304,65 @@ absl::Status Client::watch_body(const std::function<bool(const v1::WatchBodyResp
         },
         [&](const v1::WatchBodyResponse& progress) -> absl::StatusOr<bool> { return on_progress(progress); }, options,
         parts_->options.server);
+}
+
+absl::Status Client::under_control(const std::string& operator_name,
+                                  const std::function<absl::Status(const std::string& lease_id)>& act) {
+    return with_control(*this, operator_name, kChangeTimeout, act);
+}
+
+absl::StatusOr<v1::StartProcedureResponse> Client::start_procedure(const v1::StartProcedureRequest& request) {
+    return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::StartProcedure, request);
+}
+
+absl::StatusOr<v1::AddObservationsResponse> Client::add_observations(const v1::AddObservationsRequest& request) {
+    return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::AddObservations, request);
+}
+
+absl::StatusOr<v1::SolveProcedureResponse> Client::solve_procedure(const v1::SolveProcedureRequest& request) {
+    return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::SolveProcedure, request);
+}
+
+absl::StatusOr<v1::CancelProcedureResponse> Client::cancel_procedure(const v1::CancelProcedureRequest& request) {
+    return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::CancelProcedure, request);
+}
+
+absl::StatusOr<v1::ListCalibrationsResponse> Client::list_calibrations(const v1::ListCalibrationsRequest& request) {
+    return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::ListCalibrations, request);
+}
+
+absl::StatusOr<v1::GetCertificateResponse> Client::get_certificate(const v1::GetCertificateRequest& request) {
+    return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::GetCertificate, request);
+}
+
+absl::StatusOr<v1::ApplyCalibrationResponse> Client::apply_calibration(const v1::ApplyCalibrationRequest& request) {
+    return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::ApplyCalibration, request, kChangeTimeout);
+}
+
+absl::StatusOr<v1::UndoCalibrationResponse> Client::undo_calibration(const v1::UndoCalibrationRequest& request) {
+    return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::UndoCalibration, request, kChangeTimeout);
+}
+
+absl::StatusOr<v1::ImportCalibrationResponse> Client::import_calibration(const v1::ImportCalibrationRequest& request) {
+    return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::ImportCalibration, request);
+}
+
+absl::StatusOr<v1::ExportCalibrationResponse> Client::export_calibration(const v1::ExportCalibrationRequest& request) {
+    return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::ExportCalibration, request);
+}
+
+absl::StatusOr<v1::RemoveCalibrationResponse> Client::remove_calibration(const v1::RemoveCalibrationRequest& request) {
+    return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::RemoveCalibration, request);
+}
+
+absl::Status Client::watch_procedure(const std::function<bool(const v1::WatchProcedureResponse&)>& on_progress,
+                                     const StreamOptions& options) {
+    return read_stream<v1::WatchProcedureResponse>(
+        [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
+            return parts_->calibration->PrepareAsyncWatchProcedure(context, v1::WatchProcedureRequest(), queue);
+        },
+        [&](const v1::WatchProcedureResponse& progress) -> absl::StatusOr<bool> { return on_progress(progress); },
+        options, parts_->options.server);
 }
 
 Camera camera_from_proto(const v1::Camera& from) {

@@ -15,6 +15,7 @@
 
 #include "common/camera.h"
 #include "common/volume.h"
+#include "kinevox/v1/calibration_service.pb.h"
 #include "kinevox/v1/capture_service.pb.h"
 #include "kinevox/v1/pose_service.pb.h"
 #include "kinevox/v1/stream_service.pb.h"
@@ -113,6 +114,25 @@ class Client {
     absl::Status fit_body(const std::string& operator_name, v1::FitBodyRequest request);
     absl::Status watch_body(const std::function<bool(const v1::WatchBodyResponse&)>& on_progress,
                             const StreamOptions& options);
+
+    // Takes control under `operator_name`, acts and gives control back.
+    absl::Status under_control(const std::string& operator_name,
+                              const std::function<absl::Status(const std::string& lease_id)>& act);
+
+    // Calibration. Requests that need control carry their lease_id.
+    absl::StatusOr<v1::StartProcedureResponse> start_procedure(const v1::StartProcedureRequest& request);
+    absl::StatusOr<v1::AddObservationsResponse> add_observations(const v1::AddObservationsRequest& request);
+    absl::StatusOr<v1::SolveProcedureResponse> solve_procedure(const v1::SolveProcedureRequest& request);
+    absl::StatusOr<v1::CancelProcedureResponse> cancel_procedure(const v1::CancelProcedureRequest& request);
+    absl::StatusOr<v1::ListCalibrationsResponse> list_calibrations(const v1::ListCalibrationsRequest& request);
+    absl::StatusOr<v1::GetCertificateResponse> get_certificate(const v1::GetCertificateRequest& request);
+    absl::StatusOr<v1::ApplyCalibrationResponse> apply_calibration(const v1::ApplyCalibrationRequest& request);
+    absl::StatusOr<v1::UndoCalibrationResponse> undo_calibration(const v1::UndoCalibrationRequest& request);
+    absl::StatusOr<v1::ImportCalibrationResponse> import_calibration(const v1::ImportCalibrationRequest& request);
+    absl::StatusOr<v1::ExportCalibrationResponse> export_calibration(const v1::ExportCalibrationRequest& request);
+    absl::StatusOr<v1::RemoveCalibrationResponse> remove_calibration(const v1::RemoveCalibrationRequest& request);
+    absl::Status watch_procedure(const std::function<bool(const v1::WatchProcedureResponse&)>& on_progress,
+                                 const StreamOptions& options);
 
   private:
     struct Parts;

@@ -8,6 +8,7 @@
 
 #include "server/api/control_lease.h"
 #include "server/api/state_watch.h"
+#include "server/calibration/calibration_use.h"
 #include "server/pipeline/runner.h"
 #include "server/pipeline/stream_hub.h"
 
@@ -30,6 +31,14 @@ struct ApiContext {
     // The fit of the subject's body and who follows it; null where no poses are measured.
     LiveBodyFit* body_fit = nullptr;
     BodyWatch* body_watch = nullptr;
+
+    // Calibrations, which of them is used, the procedure and who follows it; all or none. What they do with files, one
+    // thread.
+    CalibrationStore* calibrations = nullptr;
+    CalibrationUse* calibration_use = nullptr;
+    CalibrationProcedure* procedure = nullptr;
+    ProcedureWatch* procedure_watch = nullptr;
+    boost::asio::any_io_executor calibrating{};
 
     std::string source_description;          // "session /data/trial/session.toml"
     std::chrono::steady_clock::time_point started_at = std::chrono::steady_clock::now();

@@ -5,6 +5,7 @@
 #include <grpcpp/health_check_service_interface.h>
 #include <grpcpp/grpcpp.h>
 
+#include "server/api/calibration_service.h"
 #include "server/api/capture_service.h"
 #include "server/api/pose_service.h"
 #include "server/api/stream_service.h"
@@ -12,10 +13,11 @@
 namespace kinevox {
 
 struct ApiServer::Parts {
-    explicit Parts(const ApiContext& api) : capture(api), stream(api), pose(api) {}
+    explicit Parts(const ApiContext& api) : capture(api), stream(api), pose(api), calibration(api) {}
     CaptureServiceImpl capture;
     StreamServiceImpl stream;
     PoseServiceImpl pose;
+    CalibrationServiceImpl calibration;
     int port = 0;
     std::unique_ptr<grpc::Server> server;
 
@@ -26,6 +28,7 @@ struct ApiServer::Parts {
         builder.RegisterService(&capture);
         builder.RegisterService(&stream);
         builder.RegisterService(&pose);
+        builder.RegisterService(&calibration);
         builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);   // two daemons on one port: the second must notice
         // A client that vanished without a word is found out within a minute.
         builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 30'000);

@@ -68,6 +68,7 @@ absl::Status get_status(const ApiContext& api, v1::GetStatusResponse& response) 
     response.set_pose_subscribers(subscribers.poses);
     response.set_preview_subscribers(subscribers.pictures);
     response.set_event_subscribers(subscribers.events);
+    if (api.calibration_use) response.set_calibration_id(api.calibration_use->in_use());
     return absl::OkStatus();
 }
 

@@ -1,14 +1,16 @@
 // Who follows something whose newest state alone is of interest: the building of the pose database, the fit
-// of a body.
+// of a body, a calibration procedure.
 #pragma once
 
 #include <absl/status/status.h>
 
+#include <algorithm>
 #include <functional>
 #include <memory>
 #include <mutex>
 #include <vector>
 
+#include "server/calibration/procedure.h"
 #include "server/pipeline/mailbox.h"
 #include "server/pose/database/database_service.h"
 #include "server/pose/live_body_fit.h"
@@ -39,6 +41,11 @@ class StateWatch {
             if (const auto box = weak.lock()) box->put(state);
     }
 
+    bool watched() const {
+        const std::scoped_lock lock(mutex_);
+        return std::ranges::any_of(boxes_, [](const auto& box) { return !box.expired(); });
+    }
+
     // Closes every mailbox, and whichever is subscribed to later. `why` is what the streams end with.
     void close(const absl::Status& why) {
         const std::scoped_lock lock(mutex_);
@@ -48,7 +55,7 @@ class StateWatch {
     }
 
   private:
-    std::mutex mutex_;
+    mutable std::mutex mutex_;
     std::vector<std::weak_ptr<Box>> boxes_;
     State newest_;
     absl::Status closed_;
@@ -56,5 +63,6 @@ class StateWatch {
 
 using DatabaseWatch = StateWatch<DatabaseProgress>;
 using BodyWatch = StateWatch<BodyFitProgress>;
+using ProcedureWatch = StateWatch<ProcedureProgress>;
 
 }  // namespace kinevox

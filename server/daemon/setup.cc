@@ -119,6 +119,10 @@ std::filesystem::path fitted_body_file(const PoseConfig& config) {
     return config.fitted_body ? *config.fitted_body : in_state_folder("body.toml");
 }
 
+std::filesystem::path calibration_folder(const CalibrationConfig& config) {
+    return config.folder ? *config.folder : in_state_folder("calibrations");
+}
+
 PoseDatabaseOptions pose_database_options(const PoseConfig& config) {
     PoseDatabaseOptions options;
     options.poses = config.database_poses;
@@ -160,6 +164,22 @@ std::unique_ptr<LiveBodyFit> make_body_fit(const PoseConfig& config, const Runne
         });
     watch.publish(fit->progress());
     return fit;
+}
+
+std::unique_ptr<CalibrationProcedure> make_calibration_procedure(CalibrationStore& store, StreamHub& hub,
+                                                                 ProcedureWatch& watch) {
+    return std::make_unique<CalibrationProcedure>(
+        [&hub](std::function<void()> on_ready) { return hub.subscribe_pictures(std::move(on_ready)); },
+        [&store, &hub](const Certificate& certificate, const std::string& note) {
+            auto id = store.add(certificate.cameras, certificate_json(certificate), certificate.made_by,
+                                certificate.verdict(), note, utc_now_ns());
+            if (id.ok())
+                hub.publish_event({EventKind::kCalibration, 0, 0, {},
+                                   fmt::format("calibration {} is solved: {}", *id, to_text(certificate.verdict()))},
+                                  utc_now_ns());
+            return id;
+        },
+        [&watch] { return watch.watched(); }, [&watch](const ProcedureProgress& progress) { watch.publish(progress); });
 }
 
 }  // namespace kinevox

@@ -32,6 +32,9 @@ std::filesystem::path pose_database_file(const PoseConfig& config);
 // Where a fitted body is stored; empty: nowhere.
 std::filesystem::path fitted_body_file(const PoseConfig& config);
 
+// Where calibrations are stored; empty: nowhere.
+std::filesystem::path calibration_folder(const CalibrationConfig& config);
+
 PoseDatabaseOptions pose_database_options(const PoseConfig& config);
 
 // Reads or builds it in the background; when that is over an event says what came of it. Hub and watch must outlive the
@@ -45,5 +48,10 @@ void start_pose_database(PoseDatabaseService& database, const PoseConfig& config
 // All of them must outlive it. `cameras` in the order of the runner's.
 std::unique_ptr<LiveBodyFit> make_body_fit(const PoseConfig& config, const Runner& runner, const PoseStageOptions& posing,
                                            PoseDatabaseService* database, StreamHub& hub, BodyWatch& watch);
+
+// The procedure: looks at the hub's newest results, stores what it solves, tells the watchers and the hub's events. All of
+// them must outlive it.
+std::unique_ptr<CalibrationProcedure> make_calibration_procedure(CalibrationStore& store, StreamHub& hub,
+                                                                 ProcedureWatch& watch);
 
 }  // namespace kinevox

@@ -5,6 +5,7 @@
 #include <exception>
 #include <limits>
 #include <mutex>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
@@ -73,7 +74,7 @@ void for_each_camera(std::size_t count, F body) {
 class StagedPipeline final : public Pipeline {
   public:
     StagedPipeline(std::vector<Camera> cameras, double fps, const PipelineOptions& options)
-        : cameras_(std::move(cameras)), options_(options), tracker_(cameras_, fps, tracker_options(options)) {
+        : cameras_(std::move(cameras)), fps_(fps), options_(options), tracker_(cameras_, fps, tracker_options(options)) {
         for (const Camera& camera : cameras_) {
             models_.push_back(to_kernel(camera));
             segmenters_.push_back(kernels::make_segmenter(options.device, camera.width, camera.height, 3,
@@ -85,7 +86,7 @@ class StagedPipeline final : public Pipeline {
         many_views_carver_ = kernels::make_hull_carver(options.device, many_views);
         expected_.resize(cameras_.size());
         if (options.colouring) colourer_ = kernels::make_voxel_colourer(options.device, options.colour);
-        if (options.pose) pose_stage_ = std::make_unique<PoseStage>(cameras_, fps, options.posing);
+        if (options.pose) pose_stage_.emplace(cameras_, fps, options.posing);
     }
 
     absl::Status learn_background(const std::vector<std::vector<Picture>>& empty_scene) override;
@@ -96,7 +97,8 @@ class StagedPipeline final : public Pipeline {
         expect_volume_ = false;
         track_forgotten_ = true;
     }
-    PoseStage* pose_stage() override { return pose_stage_.get(); }
+    void set_cameras(std::vector<Camera> cameras) override;
+    PoseStage* pose_stage() override { return pose_stage_ ? &*pose_stage_ : nullptr; }
 
   private:
     static TrackerOptions tracker_options(const PipelineOptions& options) {
@@ -113,6 +115,7 @@ class StagedPipeline final : public Pipeline {
 
     // Of both halves.
     std::vector<Camera> cameras_;
+    const double fps_;
     PipelineOptions options_;
     std::vector<kernels::CameraModel> models_;
     SpareReconstructions spare_;
@@ -137,7 +140,7 @@ class StagedPipeline final : public Pipeline {
     kernels::ColouringReport report_;
 
     // Of the second half alone.
-    std::unique_ptr<PoseStage> pose_stage_;               // null without poses
+    std::optional<PoseStage> pose_stage_;                 // empty without poses
     std::vector<PoseView> pose_views_;
     std::uint32_t posed_subject_ = 0;
 };
@@ -173,6 +176,19 @@ absl::Status StagedPipeline::learn_background(const std::vector<std::vector<Pict
     learned_ = true;
     reset_track();
     return absl::OkStatus();
+}
+
+void StagedPipeline::set_cameras(std::vector<Camera> cameras) {
+    cameras_ = std::move(cameras);
+    for (std::size_t c = 0; c < cameras_.size(); ++c) models_[c] = to_kernel(cameras_[c]);
+    tracker_ = Tracker(cameras_, fps_, tracker_options(options_));
+    reset_track();
+    if (!pose_stage_) return;
+    const BodyShape body = pose_stage_->body();
+    PoseProposer* const proposer = pose_stage_->proposer();
+    pose_stage_.emplace(cameras_, fps_, options_.posing);
+    pose_stage_->set_body(body);
+    pose_stage_->set_proposer(proposer);
 }
 
 void StagedPipeline::segment(FrameResult& result) {

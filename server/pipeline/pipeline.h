@@ -77,7 +77,11 @@ class Pipeline {
     // Forgets the track, keeps the backgrounds.
     virtual void reset_track() = 0;
 
-    // The pose stage, null without one. Touched only between calls of pose(), by the same thread.
+    // Other places and lenses of the same cameras: same names, order and sizes. Forgets the track, keeps the backgrounds
+    // and the body. While nothing is in either half.
+    virtual void set_cameras(std::vector<Camera> cameras) = 0;
+
+    // The pose stage, null without one; stays at its address. Touched only between calls of pose(), by the same thread.
     virtual PoseStage* pose_stage() = 0;
 };
 

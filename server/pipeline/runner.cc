@@ -33,8 +33,8 @@ bool is_active(RunState state) {
 
 Runner::Runner(std::unique_ptr<FrameSource> source, OpenSource reopen, std::unique_ptr<Pipeline> pipeline,
                StreamHub& hub)
-    : reopen_(std::move(reopen)), pipeline_(std::move(pipeline)), hub_(hub), cameras_(source->cameras()),
-      source_fps_(source->fps()), source_(std::move(source)) {}
+    : reopen_(std::move(reopen)), pipeline_(std::move(pipeline)), hub_(hub), own_cameras_(source->cameras()),
+      source_fps_(source->fps()), source_(std::move(source)), cameras_(own_cameras_) {}
 
 Runner::~Runner() {
     abort();
@@ -47,11 +47,43 @@ std::shared_ptr<FrameSource> Runner::source() const {
     return source_;
 }
 
+std::vector<Camera> Runner::cameras() const {
+    const std::scoped_lock lock(mutex_);
+    return cameras_;
+}
+
+bool Runner::set_cameras(std::vector<Camera> cameras) {
+    const bool active = is_active(state().state);
+    {
+        const std::scoped_lock lock(mutex_);
+        next_cameras_.reset();
+        if (cameras == cameras_) return true;
+        next_cameras_ = std::move(cameras);
+    }
+    if (active) return false;
+    join_threads();   // of a run that ended by itself
+    take_cameras();
+    return true;
+}
+
+// While nothing runs.
+void Runner::take_cameras() {
+    std::vector<Camera> cameras;
+    {
+        const std::scoped_lock lock(mutex_);
+        if (!next_cameras_) return;
+        cameras = cameras_ = *std::exchange(next_cameras_, std::nullopt);
+    }
+    pipeline_->set_cameras(cameras);
+    if (on_cameras_) on_cameras_(cameras);
+}
+
 absl::Status Runner::start() {
     if (is_active(state().state))
         return absl::FailedPreconditionError("the capture runs already; stop it first to start it anew");
     join_threads();   // of a run that ended by itself
     set_state(RunState::kStarting);
+    take_cameras();
     absl::Status status = open_source();
     if (status.ok()) {
         const bool learned = [&] { const std::scoped_lock lock(mutex_); return background_learned_; }();
@@ -115,7 +147,7 @@ absl::Status Runner::open_source() {
     }
     absl::StatusOr<std::unique_ptr<FrameSource>> opened = reopen_();
     if (!opened.ok()) return opened.status();
-    if ((*opened)->cameras() != cameras_)
+    if ((*opened)->cameras() != own_cameras_)
         return absl::FailedPreconditionError("the source's cameras or their calibration have changed since the "
                                              "daemon was started; restart the daemon");
     const std::scoped_lock lock(mutex_);
@@ -166,7 +198,7 @@ void Runner::learn_background(int frames, std::function<void(absl::Status)> done
                                                       ? "a background is being learned already; wait for it"
                                                       : "the capture does not run; start it to learn from live frames"));
     std::int64_t set_bytes = 0;
-    for (const Camera& camera : cameras_) set_bytes += std::int64_t{3} * camera.width * camera.height;
+    for (const Camera& camera : own_cameras_) set_bytes += std::int64_t{3} * camera.width * camera.height;
     if (set_bytes * frames > kMaxLearningBytes)
         return done(absl::InvalidArgumentError(
             fmt::format("{} frame sets of these cameras take {} MB while they are collected; ask for {} at most",
@@ -176,7 +208,7 @@ void Runner::learn_background(int frames, std::function<void(absl::Status)> done
         // The recording may have ended between the look at the state and here.
         if (state_.state == RunState::kRunning && !aborted_) {
             state_ = {RunState::kLearning, fmt::format("learning the background from {} frame sets", frames)};
-            learning_ = Learning{frames, 0, std::vector<std::vector<Picture>>(cameras_.size()), std::move(done)};
+            learning_ = Learning{frames, 0, std::vector<std::vector<Picture>>(own_cameras_.size()), std::move(done)};
             return;
         }
     }
@@ -268,10 +300,10 @@ void Runner::collect(const FrameSet& frame_set) {
         const std::scoped_lock lock(mutex_);
         Learning& learning = *learning_;
         ++learning.seen;
-        const bool usable = frame_set.pictures.size() == cameras_.size() &&
+        const bool usable = frame_set.pictures.size() == own_cameras_.size() &&
                             std::ranges::none_of(frame_set.pictures, &Picture::empty);
         if (usable)
-            for (std::size_t c = 0; c < cameras_.size(); ++c) learning.pictures[c].push_back(frame_set.pictures[c]);
+            for (std::size_t c = 0; c < own_cameras_.size(); ++c) learning.pictures[c].push_back(frame_set.pictures[c]);
         const bool enough = static_cast<int>(learning.pictures.front().size()) >= learning.wanted;
         const bool hopeless = learning.seen >= 3 * learning.wanted + 30;
         if (!enough && !hopeless) return;

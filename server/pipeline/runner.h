@@ -40,7 +40,8 @@ class Runner {
     Runner(const Runner&) = delete;
     Runner& operator=(const Runner&) = delete;
 
-    const std::vector<Camera>& cameras() const { return cameras_; }
+    // As the pipeline uses them, in the order of the frame set.
+    std::vector<Camera> cameras() const;
     double source_fps() const { return source_fps_; }
 
     // Learns the background from the source's own clip where that has not been done, then starts the threads.
@@ -49,6 +50,12 @@ class Runner {
 
     // Waits until the threads have ended. FailedPrecondition if nothing runs.
     absl::Status stop();
+
+    // The same cameras, names, order and sizes, with another calibration than the source's own. True: in use now; false:
+    // a capture runs, and takes them at its next start. The backgrounds stay learned.
+    bool set_cameras(std::vector<Camera> cameras);
+    // Called on the thread of set_cameras() or start() when other cameras were taken. To be set before the first start.
+    void set_on_cameras(std::function<void(const std::vector<Camera>&)> on_cameras) { on_cameras_ = std::move(on_cameras); }
 
     // `frames` > 0: from the next so many live frame sets, which yield no results meanwhile; 0: from the source's
     // own clip. `done` is called once, on this or one of the runner's threads: InvalidArgument, FailedPrecondition,
@@ -81,6 +88,7 @@ class Runner {
         std::function<void(absl::Status)> done;
     };
 
+    void take_cameras();
     absl::Status open_source();
     absl::Status learn_from_clip();
     void join_threads();
@@ -102,13 +110,16 @@ class Runner {
     const std::unique_ptr<Pipeline> pipeline_;
     StreamHub& hub_;
     std::function<void(const FrameResult&)> after_result_;
-    const std::vector<Camera> cameras_;
+    std::function<void(const std::vector<Camera>&)> on_cameras_;
+    const std::vector<Camera> own_cameras_;              // the source's
     const double source_fps_;
     RunStatistics statistics_;
 
     mutable std::mutex mutex_;            // guards the members down to the blank line
     std::shared_ptr<FrameSource> source_; // null: to be opened by the next start
     State state_;
+    std::vector<Camera> cameras_;                        // in use
+    std::optional<std::vector<Camera>> next_cameras_;    // from the next start on
     bool background_learned_ = false;
     bool aborted_ = false;
     std::optional<Learning> learning_;

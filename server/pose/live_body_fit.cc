@@ -24,11 +24,11 @@ double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
 
 LiveBodyFit::LiveBodyFit(std::vector<Camera> cameras, double fps, const PoseStageOptions& posing,
                          const LiveBodyFitOptions& options, OnProgress on_progress)
-    : cameras_(std::move(cameras)),
-      fps_(fps),
+    : fps_(fps),
       posing_(posing),
       options_(options),
       on_progress_(std::move(on_progress)),
+      cameras_(std::make_shared<const std::vector<Camera>>(std::move(cameras))),
       attempts_left_(options.by_itself ? kAttempts : 0) {
     progress_.body = posing.body;
     worker_ = std::thread([this] { fit_loop(); });
@@ -116,20 +116,28 @@ void LiveBodyFit::keep(std::int64_t time_ns, const PoseObservation& seen) {
     constexpr double kJitter = 0.75;  // of a frame set's time, by which it may come early
     if (!collecting.last_ns || seconds_between(*collecting.last_ns, time_ns) >= kJitter * apart_s) {
         auto frame = std::make_unique<PoseObservation>(seen);
-        for (std::size_t c = 0; c < frame->views.size() && c < cameras_.size(); ++c)
-            if (frame->views[c].camera) frame->views[c].camera = &cameras_[c];  // may outlive the pipeline's
+        for (std::size_t c = 0; c < frame->views.size() && c < cameras_->size(); ++c)
+            if (frame->views[c].camera) frame->views[c].camera = &(*cameras_)[c];  // may outlive the pipeline's
         collecting.frames.push_back(std::move(frame));
         collecting.last_ns = time_ns;
     }
     progress_.part =
         std::clamp(seconds_between(*collecting.first_ns, time_ns) / collecting.seconds, 0.0, 1.0);
     if (progress_.part < 1) return;
-    to_fit_ = ToFit{std::move(collecting.frames), collecting.asked && !options_.file.empty()};
+    to_fit_ = ToFit{cameras_, std::move(collecting.frames), collecting.asked && !options_.file.empty()};
     collecting_.reset();
     stop_ = std::stop_source();
     progress_.state = BodyFitState::kFitting;
     progress_.part = 0;
     changed_.notify_all();
+}
+
+void LiveBodyFit::set_cameras(std::vector<Camera> cameras) {
+    const std::scoped_lock lock(mutex_);
+    cameras_ = std::make_shared<const std::vector<Camera>>(std::move(cameras));
+    if (!collecting_) return;
+    const Collecting before = std::move(*collecting_);
+    begin(before.seconds, before.asked);
 }
 
 std::optional<BodyShape> LiveBodyFit::take_body() {
@@ -165,7 +173,7 @@ void LiveBodyFit::fit(const ToFit& job, std::stop_token stop) {
     std::vector<const PoseObservation*> seen;
     for (const auto& frame : job.frames) seen.push_back(frame.get());
     const auto fitted =
-        fit_body(cameras_, fps_, seen, posing_.body, posing_, options_.fit, stop, [&](double part) {
+        fit_body(*job.cameras, fps_, seen, posing_.body, posing_, options_.fit, stop, [&](double part) {
             {
                 const std::scoped_lock lock(mutex_);
                 if (stop.stop_requested()) return;

@@ -62,6 +62,9 @@ class LiveBodyFit {
 
     // After each frame set: what was seen, null where nobody was. Copies some of them, at most 30 a second.
     void observe(std::int64_t time_ns, const PoseObservation* seen);
+    // Other places and lenses of the same cameras. What was collected so far is dropped; a fit under way goes on with the
+    // cameras that its frames were seen by. While observe() is not called.
+    void set_cameras(std::vector<Camera> cameras);
     // A body that was fitted since the last call.
     std::optional<BodyShape> take_body();
 
@@ -71,7 +74,9 @@ class LiveBodyFit {
 
   private:
     using Frames = std::vector<std::unique_ptr<PoseObservation>>;
+    using Cameras = std::shared_ptr<const std::vector<Camera>>;   // the frames point into them
     struct ToFit {
+        Cameras cameras;
         Frames frames;
         bool store = false;
     };
@@ -89,7 +94,6 @@ class LiveBodyFit {
     void fit(const ToFit& job, std::stop_token stop);
     void report();
 
-    const std::vector<Camera> cameras_;
     const double fps_;
     const PoseStageOptions posing_;
     const LiveBodyFitOptions options_;
@@ -97,6 +101,7 @@ class LiveBodyFit {
 
     mutable std::mutex mutex_;  // guards the members down to the blank line
     std::condition_variable changed_;
+    Cameras cameras_;
     BodyFitProgress progress_;
     std::optional<Collecting> collecting_;
     std::optional<ToFit> to_fit_;

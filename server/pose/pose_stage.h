@@ -35,6 +35,7 @@ class PoseStage {
     const BodyShape& body() const { return tracker_.model().shape(); }
     // May be null; must outlive the stage. Asked when a body must be found.
     void set_proposer(PoseProposer* proposer) { proposer_ = proposer; }
+    PoseProposer* proposer() const { return proposer_; }
 
     // Views in the order of the cameras; the volume, and the same with `kCoarser` times the voxels (any of whose voxels
     // is occupied). Null where no body can be told.

@@ -47,8 +47,10 @@ class FakePipeline : public Pipeline {
     absl::StatusOr<std::unique_ptr<Reconstruction>> reconstruct(FrameSet frame_set) override;
     absl::StatusOr<FrameResultPtr> pose(std::unique_ptr<Reconstruction> reconstruction) override;
     void reset_track() override {}
+    void set_cameras(std::vector<Camera> cameras) override { cameras_set = std::move(cameras); }
     PoseStage* pose_stage() override { return nullptr; }
 
+    std::vector<Camera> cameras_set;                        // by set_cameras(); read when nothing runs
     std::size_t learned_pictures = 0;                       // a camera; read when nothing runs
     // To be set before the start.
     std::optional<absl::Status> reconstruct_error, pose_error;

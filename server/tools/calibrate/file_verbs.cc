@@ -30,13 +30,8 @@ absl::Status export_calibration(const Files& files) {
     if (!cameras.ok()) return cameras.status();
     if (files.format == "toml") return write_calibration_toml(*cameras, files.out);
     if (files.format == "opencv") return write_file_atomically(files.out, calibration_opencv_yaml(*cameras));
-    for (const Camera& camera : *cameras)
-        if (camera.k3 != 0)
-            return absl::InvalidArgumentError(
-                fmt::format("{}: camera {} has k3 = {:g}, which Kalibr's format cannot hold; calibrate it "
-                            "without k3 or export "
-                            "to opencv",
-                            files.in, camera.name, camera.k3));
+    if (const std::string problem = kalibr_problem(*cameras); !problem.empty())
+        return absl::InvalidArgumentError(fmt::format("{}: {}", files.in, problem));
     return write_file_atomically(files.out, calibration_kalibr_yaml(*cameras));
 }
 

@@ -18,7 +18,7 @@
 #include "server/calibration/triangulation.h"
 #include "server/tools/calibrate/certificate_files.h"
 #include "server/tools/calibrate/console.h"
-#include "server/tools/calibrate/session_silhouettes.h"
+#include "server/calibration/session_silhouettes.h"
 #include "server/tools/calibrate/verbs.h"
 
 namespace kinevox::calibrate {

@@ -9,10 +9,10 @@
 #include "server/calibration/agreement_pictures.h"
 #include "server/calibration/diagnosis.h"
 #include "server/calibration/hull_agreement.h"
+#include "server/calibration/session_silhouettes.h"
 #include "server/calibration/silhouette_refine.h"
 #include "server/tools/calibrate/certificate_files.h"
 #include "server/tools/calibrate/console.h"
-#include "server/tools/calibrate/session_silhouettes.h"
 #include "server/tools/calibrate/verbs.h"
 
 namespace kinevox::calibrate {

@@ -83,6 +83,31 @@ TEST_F(RunnerTest, StartsLearnsAndPublishesInOrder) {
     EXPECT_EQ(runner_->stop().code(), absl::StatusCode::kFailedPrecondition);
 }
 
+TEST_F(RunnerTest, OtherCamerasAreTakenBetweenTwoRuns) {
+    std::vector<std::vector<Camera>> taken;
+    runner_->set_on_cameras([&](const std::vector<Camera>& cameras) { taken.push_back(cameras); });
+    const std::vector<Camera> own = testing::fake_cameras();
+    std::vector<Camera> better = own, best = own;
+    better[0].fx += 1;
+    best[0].fx += 2;
+    EXPECT_TRUE(runner_->set_cameras(own));   // as they are: nothing to take
+    EXPECT_TRUE(taken.empty());
+    EXPECT_TRUE(runner_->set_cameras(better));
+    EXPECT_EQ(runner_->cameras(), better);
+    EXPECT_EQ(pipeline_->cameras_set, better);
+    ASSERT_TRUE(runner_->start().ok());   // the source is still known by its own cameras
+    EXPECT_FALSE(runner_->set_cameras(best));
+    EXPECT_FALSE(runner_->set_cameras(own));
+    EXPECT_EQ(runner_->cameras(), better);
+    source_.give(1);
+    results(1);
+    ASSERT_TRUE(runner_->stop().ok());
+    EXPECT_EQ(runner_->cameras(), better);
+    ASSERT_TRUE(runner_->start().ok());
+    EXPECT_EQ(runner_->cameras(), own);
+    EXPECT_THAT(taken, ::testing::ElementsAre(better, own));
+}
+
 TEST_F(RunnerTest, CaptureTimesBecomeUtcWithTheRecordingsOwnSteps) {
     ASSERT_TRUE(runner_->start().ok());
     const auto now = std::chrono::duration_cast<std::chrono::nanoseconds>(

@@ -9,7 +9,7 @@
 #include "server/calibration/finding.h"
 #include "server/calibration/silhouette_set.h"
 
-namespace kinevox::calibrate {
+namespace kinevox {
 
 struct SessionSilhouettes {
     std::vector<Camera> cameras;
@@ -21,4 +21,4 @@ struct SessionSilhouettes {
 absl::StatusOr<SessionSilhouettes> session_silhouettes(const std::filesystem::path& session_file, int moments,
                                                        const SolveProgress& progress);
 
-}  // namespace kinevox::calibrate
+}  // namespace kinevox

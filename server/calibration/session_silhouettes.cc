@@ -1,4 +1,4 @@
-#include "server/tools/calibrate/session_silhouettes.h"
+#include "server/calibration/session_silhouettes.h"
 
 #include <fmt/format.h>
 #include <oneapi/tbb/parallel_for.h>
@@ -10,7 +10,7 @@
 #include "server/cameras/session_source.h"
 #include "server/pipeline/convert.h"
 
-namespace kinevox::calibrate {
+namespace kinevox {
 namespace {
 
 constexpr double kBesidePart = 0.15;    // of the largest island's height: others so near belong to it
@@ -106,4 +106,4 @@ absl::StatusOr<SessionSilhouettes> session_silhouettes(const std::filesystem::pa
     return out;
 }
 
-}  // namespace kinevox::calibrate
+}  // namespace kinevox

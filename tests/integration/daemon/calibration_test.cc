@@ -1,0 +1,622 @@
+// CalibrationService of a real daemon, on a session in which a board is moved about in the virtual studio.
+#include <signal.h>
+
+#include <thread>
+
+#include <gmock/gmock.h>
+#include <oneapi/tbb/parallel_for.h>
+#include <nlohmann/json.hpp>
+
+#include "client/lib/image_file.h"
+#include "common/calibration_file.h"
+#include "common/session_file.h"
+#include "server/calibration/board_detector.h"
+#include "server/calibration/triangulation.h"
+#include "server/cameras/studio/props.h"
+#include "server/cameras/studio/studio.h"
+#include "tests/integration/daemon/daemon_fixture.h"
+
+namespace kinevox {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using nlohmann::json;
+
+constexpr const char* kBoard = "charuco:6x5:160:120:DICT_4X4_100";
+constexpr int kMoments = 18;   // of a loop
+constexpr double kFps = 10;
+
+absl::Status status_of(const absl::Status& status) { return status; }
+template <typename T>
+absl::Status status_of(const absl::StatusOr<T>& result) { return result.status(); }
+
+#define EXPECT_REFUSED(call, status_code, words)                                              \
+    do {                                                                                      \
+        const absl::Status refused = status_of(call);                                         \
+        EXPECT_EQ(refused.code(), absl::StatusCode::status_code) << refused;                  \
+        EXPECT_THAT(std::string(refused.message()), HasSubstr(words));                        \
+    } while (false)
+
+// Three cameras whose session has a calibration that is a little off; the board wanders, and lies on the floor in the
+// first pictures.
+struct BoardSession {
+    std::vector<Camera> truth;
+    std::filesystem::path session;
+};
+
+void must(const absl::Status& status) {
+    if (!status.ok()) throw std::runtime_error(std::string(status.message()));
+}
+
+client::Image rgb(const Picture& bgr) {
+    client::Image image{bgr.width, bgr.height, 3, {}};
+    image.data.assign(bgr.data.get(), bgr.data.get() + static_cast<std::size_t>(3) * bgr.width * bgr.height);
+    for (std::size_t i = 0; i < image.data.size(); i += 3) std::swap(image.data[i], image.data[i + 2]);
+    return image;
+}
+
+// Each camera a little above the floor's middle sees a board that lies there.
+Rigid3 on_floor() { return Rigid3{Mat3{}, {-0.48, -0.40, 0}}; }
+
+BoardSession write_board_session(const std::filesystem::path& folder) {
+    studio::StudioOptions options;
+    options.cameras = 3, options.width = 640, options.height = 480, options.fps = kFps;
+    auto made = studio::Studio::create(options);
+    must(made.status());
+    studio::Studio& studio = **made;
+    const auto detector = BoardDetector::create(*parse_board(kBoard));
+    must(detector.status());
+    studio::Print print;
+    print.grey = (*detector)->draw(print.pixels_per_m, print.origin_px);
+
+    BoardSession out{studio.cameras(), folder / "session.toml"};
+    Session session{"board", kFps, folder / "calibration.toml", {}, {}};
+    std::vector<Camera> published = out.truth;
+    for (std::size_t c = 0; c < published.size(); ++c)
+        published[c] = studio::knocked(published[c], {0, 0.004, 0}, {0.01, 0, 0});
+    oneapi::tbb::parallel_for(std::size_t{0}, out.truth.size(), [&](std::size_t c) {
+        const Camera& camera = out.truth[c];
+        const auto pictures = folder / camera.name, empty_room = folder / (camera.name + "_empty");
+        const Picture empty = studio.draw_empty(c, 0);
+        for (int i = 0; i < 2; ++i)
+            must(client::write_png(rgb(studio.draw_empty(c, i)), empty_room / fmt::format("{:04}.png", i)));
+        for (int m = 0; m < kMoments; ++m) {
+            const Rigid3 pose = m < 3 ? on_floor()
+                                      : studio::held_board(out.truth, {-0.7, -0.7, 0.6}, {0.7, 0.7, 1.6},
+                                                           {0.48, 0.40, 0}, m, 5);
+            must(client::write_png(rgb(studio::draw_print(empty, camera, print, pose, 1.4,
+                                                          static_cast<std::uint32_t>(97 * m + 7 * c))),
+                                   pictures / fmt::format("{:04}.png", m)));
+        }
+    });
+    for (const Camera& camera : out.truth)
+        session.cameras.push_back({camera.name, folder / camera.name, folder / (camera.name + "_empty")});
+    must(write_calibration_toml(published, session.calibration));
+    must(write_session(session, out.session));
+    return out;
+}
+
+// One operator at a daemon, who watches the procedure all the time.
+class Operator {
+  public:
+    explicit Operator(const std::string& address) : client_({.server = address}) {
+        v1::AcquireControlRequest request;
+        request.set_name("coach");
+        const auto lease = client_.acquire_control(request);
+        if (lease.ok()) lease_ = lease->lease_id();
+    }
+
+    client::Client& client() { return client_; }
+    const std::string& lease() const { return lease_; }
+
+    v1::StartProcedureRequest procedure(v1::ProcedureKind kind) const {
+        v1::StartProcedureRequest request;
+        request.set_lease_id(lease_);
+        request.set_kind(kind);
+        request.set_board(kBoard);
+        return request;
+    }
+    absl::Status start(v1::ProcedureKind kind) { return client_.start_procedure(procedure(kind)).status(); }
+    absl::Status take(v1::LiveObservations::What what) {
+        v1::AddObservationsRequest request;
+        request.set_lease_id(lease_);
+        request.mutable_live()->set_what(what);
+        return client_.add_observations(request).status();
+    }
+    v1::AddObservationsRequest clips(const BoardSession& session) const {
+        v1::AddObservationsRequest request;
+        request.set_lease_id(lease_);
+        for (const Camera& camera : session.truth) {
+            v1::CameraClip& clip = *request.mutable_files()->add_clips();
+            clip.set_camera(camera.name);
+            clip.set_file((session.session.parent_path() / camera.name).string());
+        }
+        return request;
+    }
+    absl::Status solve() {
+        v1::SolveProcedureRequest request;
+        request.set_lease_id(lease_);
+        return client_.solve_procedure(request).status();
+    }
+    absl::Status cancel(bool keep = false) {
+        v1::CancelProcedureRequest request;
+        request.set_lease_id(lease_);
+        request.set_keep_observations(keep);
+        return client_.cancel_procedure(request).status();
+    }
+    absl::StatusOr<v1::ApplyCalibrationResponse> apply(const std::string& id, bool restart, bool although_bad = false) {
+        v1::ApplyCalibrationRequest request;
+        request.set_lease_id(lease_);
+        request.set_id(id);
+        request.set_restart_capture(restart);
+        request.set_although_bad(although_bad);
+        return client_.apply_calibration(request);
+    }
+    absl::StatusOr<v1::UndoCalibrationResponse> undo(bool restart) {
+        v1::UndoCalibrationRequest request;
+        request.set_lease_id(lease_);
+        request.set_restart_capture(restart);
+        return client_.undo_calibration(request);
+    }
+    absl::StatusOr<std::string> import(const std::string& text, v1::CalibrationFormat format) {
+        v1::ImportCalibrationRequest request;
+        request.set_lease_id(lease_);
+        request.set_text(text);
+        request.set_format(format);
+        request.set_note("from a file");
+        const auto response = client_.import_calibration(request);
+        return response.ok() ? absl::StatusOr<std::string>(response->id()) : response.status();
+    }
+    absl::StatusOr<std::string> export_as(const std::string& id, v1::CalibrationFormat format) {
+        v1::ExportCalibrationRequest request;
+        request.set_id(id);
+        request.set_format(format);
+        const auto response = client_.export_calibration(request);
+        return response.ok() ? absl::StatusOr<std::string>(response->text()) : response.status();
+    }
+    v1::ListCalibrationsResponse list() {
+        return client_.list_calibrations({}).value_or(v1::ListCalibrationsResponse());
+    }
+
+    // Watches until it is so; fifteen seconds of silence at most.
+    v1::WatchProcedureResponse wait(const std::function<bool(const v1::WatchProcedureResponse&)>& so) {
+        v1::WatchProcedureResponse last;
+        client::StreamOptions options;
+        options.longest_silence = std::chrono::seconds(15);
+        const absl::Status status = client_.watch_procedure(
+            [&](const v1::WatchProcedureResponse& progress) {
+                last = progress;
+                return !so(progress);
+            },
+            options);
+        EXPECT_TRUE(status.ok()) << status << "\n" << last.DebugString();
+        return last;
+    }
+
+  private:
+    client::Client client_;
+    std::string lease_;
+};
+
+// A file holds rotations as vectors, so that the last digit may change.
+void expect_same(const std::vector<Camera>& a, const std::vector<Camera>& b) {
+    ASSERT_EQ(a.size(), b.size());
+    for (std::size_t c = 0; c < a.size(); ++c) {
+        EXPECT_EQ(a[c].name, b[c].name);
+        EXPECT_NEAR(a[c].fx, b[c].fx, 1e-9);
+        EXPECT_LT(angle_between(a[c].camera_from_world.rotation, b[c].camera_from_world.rotation), 1e-6);
+        EXPECT_LT(norm(a[c].centre_in_world() - b[c].centre_in_world()), 1e-9);
+    }
+}
+
+bool over(const v1::WatchProcedureResponse& progress) {
+    return progress.state() >= v1::PROCEDURE_STATE_SOLVED;
+}
+bool collecting(const v1::WatchProcedureResponse& progress) {
+    return progress.state() == v1::PROCEDURE_STATE_COLLECTING;
+}
+
+class CalibrationTest : public testing::DaemonTest {
+  protected:
+    static void SetUpTestSuite() {
+        shared_ = new testing::TemporaryFolder;
+        board_ = new BoardSession(write_board_session(shared_->path()));
+        session_ = board_->session;
+    }
+    static void TearDownTestSuite() {
+        delete board_;
+        delete shared_;
+        shared_ = nullptr;
+    }
+
+    // The capture itself is of no interest: coarse voxels, no poses.
+    std::string config(const std::string& source = "", const std::string& pose = "enabled = false\ndatabase = \"\"") {
+        return session_config("127.0.0.1:0", source, pose) +
+               "[calibration]\nfolder = \"calibrations\"\n[pipeline]\nvoxel_mm = 50\ncolouring = false\n";
+    }
+
+    void wait_until_running(client::Client& client) {
+        const auto begun = std::chrono::steady_clock::now();
+        while (std::chrono::steady_clock::now() - begun < std::chrono::seconds(20)) {
+            const auto status = client.status();
+            if (status.ok() && status->state() == v1::CAPTURE_STATE_RUNNING) return;
+            std::this_thread::yield();
+        }
+        ADD_FAILURE() << "the capture did not start";
+    }
+
+    static inline BoardSession* board_ = nullptr;
+};
+
+// Of the centres in the world that the board on the floor makes, m: as they stand, and after a rigid motion.
+struct CentreErrors {
+    double in_world = 0, among_them = 0;
+};
+CentreErrors centre_errors(const std::vector<Camera>& truth, const std::vector<Camera>& solved) {
+    std::vector<Vec3> found, right;
+    for (const Camera& camera : truth) {
+        found.push_back(camera_named(solved, camera.name)->centre_in_world());
+        right.push_back(on_floor().inverse() * camera.centre_in_world());
+    }
+    const Alignment aligned = *align_points(found, right, false);
+    CentreErrors errors;
+    for (std::size_t c = 0; c < truth.size(); ++c) {
+        errors.in_world = std::max(errors.in_world, norm(found[c] - right[c]));
+        errors.among_them = std::max(errors.among_them, norm(aligned(found[c]) - right[c]));
+    }
+    return errors;
+}
+
+TEST_F(CalibrationTest, PlacesFromALiveBoardAreSolvedAppliedKeptAndUndone) {
+    auto daemon = start_daemon(config());
+    Operator coach(address_);
+    const std::vector<Camera> own = *coach.client().cameras();
+    wait_until_running(coach.client());
+    ASSERT_TRUE(coach.start(v1::PROCEDURE_KIND_EXTRINSICS_BOARD).ok());
+    v1::WatchProcedureResponse seen = coach.wait([](const auto&) { return true; });
+    EXPECT_EQ(seen.state(), v1::PROCEDURE_STATE_COLLECTING);
+    EXPECT_EQ(seen.procedure(), 1u);
+    EXPECT_THAT(seen.hints(), Contains(HasSubstr("camera " + own[0].name + " has not seen the board")));
+    EXPECT_THAT(seen.hints(), Contains(HasSubstr("floor")));
+    EXPECT_FALSE(seen.live());
+
+    // Nothing seen: back to collecting, with what is missing.
+    ASSERT_TRUE(coach.solve().ok());
+    seen = coach.wait(collecting);
+    EXPECT_THAT(seen.message(), HasSubstr("not solved: no two cameras have seen the board at the same time"));
+
+    // Whoever else has control may not; one procedure at a time.
+    EXPECT_REFUSED(coach.start(v1::PROCEDURE_KIND_INTRINSICS), kFailedPrecondition, "another procedure is open");
+    ASSERT_TRUE(coach.take(v1::LiveObservations::WHAT_BOARD_ON_FLOOR).ok());
+    seen = coach.wait([](const auto& progress) { return progress.floor_seen() && !progress.live(); });
+    EXPECT_GE(seen.moments(), 1);
+    ASSERT_TRUE(coach.take(v1::LiveObservations::WHAT_MOVING).ok());
+    seen = coach.wait([](const auto& progress) { return progress.moments() >= 20; });
+    EXPECT_TRUE(seen.live());
+    EXPECT_EQ(seen.taking(), v1::LiveObservations::WHAT_MOVING);
+    ASSERT_EQ(seen.cameras_size(), 3);
+    for (const v1::ObservedCamera& camera : seen.cameras()) {
+        EXPECT_GT(camera.accepted(), 5);
+        EXPECT_GT(camera.coverage(), 0.2);
+        EXPECT_EQ(camera.coverage_counts_size(), 48);
+        int rejected = 0;
+        for (const auto& one : camera.rejected()) rejected += one.count();
+        EXPECT_EQ(camera.pictures(), camera.accepted() + rejected);
+    }
+    ASSERT_TRUE(coach.solve().ok());
+    seen = coach.wait(over);
+    ASSERT_EQ(seen.state(), v1::PROCEDURE_STATE_SOLVED) << seen.DebugString();
+    EXPECT_EQ(seen.calibration_id(), "c1");
+    EXPECT_EQ(seen.part(), 1);
+    EXPECT_NE(seen.verdict(), v1::VERDICT_UNSPECIFIED);
+    EXPECT_REFUSED(coach.solve(), kFailedPrecondition, "no procedure is open");
+
+    // As good as the library's own: the truth is known.
+    const auto solved = parse_calibration_toml(*coach.export_as("c1", v1::CALIBRATION_FORMAT_TOML), "c1");
+    ASSERT_TRUE(solved.ok()) << solved.status();
+    ASSERT_EQ(solved->size(), 3u);
+    EXPECT_LT(centre_errors(board_->truth, *solved).among_them, 0.015);
+    EXPECT_LT(centre_errors(board_->truth, *solved).in_world, 0.08);   // five metres from a board seen at a low angle
+    v1::GetCertificateRequest of_c1;
+    of_c1.set_id("c1");
+    const auto certificate = coach.client().get_certificate(of_c1);
+    ASSERT_TRUE(certificate.ok()) << certificate.status();
+    EXPECT_EQ(certificate->certificate().verdict(), seen.verdict());
+    EXPECT_EQ(certificate->certificate().made_by(), "board");
+    EXPECT_TRUE(certificate->certificate().world_is_set());
+    EXPECT_LT(certificate->certificate().held_out_rms_px(), 1.0);
+    ASSERT_EQ(certificate->certificate().cameras_size(), 3);
+    EXPECT_GT(certificate->certificate().cameras(0).views(), 5);
+    EXPECT_EQ(json::parse(certificate->json())["made_by"], "board");
+
+    // Applied: not before the capture's next start, unless it is started anew.
+    const bool bad = seen.verdict() == v1::VERDICT_NO_GO;
+    auto applied = coach.apply("c1", false, bad);
+    ASSERT_TRUE(applied.ok()) << applied.status();
+    EXPECT_FALSE(applied->in_use());
+    EXPECT_EQ(coach.list().in_use(), "");
+    EXPECT_EQ(coach.list().at_next_start(), "c1");
+    EXPECT_EQ(*coach.client().cameras(), own);
+    applied = coach.apply("c1", true, bad);
+    ASSERT_TRUE(applied.ok()) << applied.status();
+    EXPECT_TRUE(applied->in_use());
+    EXPECT_EQ(coach.list().in_use(), "c1");
+    EXPECT_TRUE(coach.list().can_undo());
+    expect_same(*coach.client().cameras(), *solved);
+    EXPECT_EQ(coach.client().status()->state(), v1::CAPTURE_STATE_RUNNING);
+    EXPECT_EQ(coach.client().status()->calibration_id(), "c1");
+    std::vector<std::string> events;
+    v1::WatchEventsRequest past;
+    past.set_past(50);
+    EXPECT_TRUE(coach.client()
+                    .watch_events(past,
+                                  [&](const v1::WatchEventsResponse& event) {
+                                      if (event.kind() == v1::EVENT_KIND_CALIBRATION) events.push_back(event.message());
+                                      return events.size() < 3;
+                                  },
+                                  {.longest_silence = std::chrono::seconds(10)})
+                    .ok());
+    EXPECT_THAT(events, ElementsAre(HasSubstr("c1 is solved"), HasSubstr("next start"), HasSubstr("c1 is in use")));
+    v1::RemoveCalibrationRequest remove;
+    remove.set_lease_id(coach.lease());
+    remove.set_id("c1");
+    EXPECT_REFUSED(coach.client().remove_calibration(remove), kFailedPrecondition, "in use");
+
+    // It survives the daemon, and the session is as it was.
+    daemon->signal(SIGTERM);
+    EXPECT_EQ(daemon->wait(std::chrono::seconds(10)), 0);
+    EXPECT_EQ(*read_calibration(session_.parent_path() / "calibration.toml"), own);
+    daemon = start_daemon(config());
+    Operator again(address_);
+    expect_same(*again.client().cameras(), *solved);
+    EXPECT_EQ(again.list().in_use(), "c1");
+    const auto undone = again.undo(true);
+    ASSERT_TRUE(undone.ok()) << undone.status();
+    EXPECT_EQ(undone->id(), "");
+    EXPECT_TRUE(undone->in_use());
+    EXPECT_EQ(*again.client().cameras(), own);
+    EXPECT_REFUSED(again.undo(false), kFailedPrecondition, "nothing to undo");
+    remove.set_lease_id(again.lease());
+    EXPECT_TRUE(again.client().remove_calibration(remove).ok());
+    EXPECT_EQ(again.list().calibrations_size(), 0);
+}
+
+TEST_F(CalibrationTest, FilesAreReadAndStoppedAndLensesSolved) {
+    const auto daemon = start_daemon(config("autostart = false\n"));
+    Operator coach(address_);
+    EXPECT_REFUSED(coach.take(v1::LiveObservations::WHAT_MOVING), kFailedPrecondition, "does not run");
+    ASSERT_TRUE(coach.start(v1::PROCEDURE_KIND_INTRINSICS).ok());
+    // Reading is stopped; the procedure goes on.
+    v1::AddObservationsRequest many = coach.clips(*board_);
+    ASSERT_TRUE(coach.client().add_observations(many).ok());
+    EXPECT_REFUSED(coach.client().add_observations(many), kFailedPrecondition, "reads files");
+    EXPECT_REFUSED(coach.solve(), kFailedPrecondition, "reads files");
+    ASSERT_TRUE(coach.cancel(true).ok());
+    v1::WatchProcedureResponse seen = coach.wait(collecting);
+    EXPECT_THAT(seen.message(), HasSubstr("stopped"));
+    EXPECT_EQ(seen.cameras(0).pictures(), 0);
+    EXPECT_REFUSED(coach.cancel(true), kFailedPrecondition, "nothing to stop");
+    // Read to their end.
+    ASSERT_TRUE(coach.client().add_observations(many).ok());
+    double part = 0;
+    seen = coach.wait([&](const auto& progress) {
+        part = std::max(part, progress.part());
+        return collecting(progress);
+    });
+    EXPECT_GT(part, 0);
+    EXPECT_THAT(seen.message(), HasSubstr("read"));
+    for (const v1::ObservedCamera& camera : seen.cameras()) {
+        EXPECT_EQ(camera.pictures(), kMoments);
+        EXPECT_GT(camera.accepted(), 3);
+        std::vector<std::string> reasons;
+        for (const auto& one : camera.rejected()) reasons.push_back(one.reason());
+        EXPECT_THAT(reasons, Contains("same as before"));   // on the floor it lay still
+    }
+    ASSERT_TRUE(coach.solve().ok());
+    seen = coach.wait([](const auto& progress) { return over(progress) || collecting(progress); });
+    ASSERT_EQ(seen.state(), v1::PROCEDURE_STATE_SOLVED) << seen.DebugString();
+    const auto lenses = parse_calibration_toml(*coach.export_as(seen.calibration_id(), v1::CALIBRATION_FORMAT_TOML), "");
+    ASSERT_TRUE(lenses.ok());
+    const std::vector<Camera> own = *coach.client().cameras();
+    for (std::size_t c = 0; c < own.size(); ++c) {
+        EXPECT_NEAR((*lenses)[c].fx / board_->truth[c].fx, 1, 0.12);   // small pictures, few views
+        EXPECT_LT(norm((*lenses)[c].centre_in_world() - own[c].centre_in_world()), 1e-9);
+    }
+    // Places with these lenses.
+    v1::StartProcedureRequest places = coach.procedure(v1::PROCEDURE_KIND_EXTRINSICS_BOARD);
+    places.set_lenses_from("c99");
+    EXPECT_REFUSED(coach.client().start_procedure(places), kNotFound, "c99");
+    places.set_lenses_from(seen.calibration_id());
+    EXPECT_TRUE(coach.client().start_procedure(places).ok());
+    EXPECT_TRUE(coach.cancel().ok());
+    EXPECT_EQ(coach.wait(over).state(), v1::PROCEDURE_STATE_CANCELLED);
+}
+
+TEST_F(CalibrationTest, RefusesWhatCannotBeAndSaysWhy) {
+    const auto daemon = start_daemon(config("autostart = false\n"));
+    Operator coach(address_);
+    client::Client& client = coach.client();
+    // Without control, and with a wrong lease.
+    v1::StartProcedureRequest request = coach.procedure(v1::PROCEDURE_KIND_INTRINSICS);
+    request.set_lease_id("");
+    EXPECT_REFUSED(client.start_procedure(request), kFailedPrecondition, "coach");
+    request.set_lease_id(coach.lease());
+    request.set_kind(v1::PROCEDURE_KIND_UNSPECIFIED);
+    EXPECT_REFUSED(client.start_procedure(request), kInvalidArgument, "INTRINSICS");
+    request.set_kind(v1::PROCEDURE_KIND_INTRINSICS);
+    request.set_board("chess");
+    EXPECT_REFUSED(client.start_procedure(request), kInvalidArgument, "chess");
+    request.set_board(kBoard);
+    request.add_cameras("nobody");
+    EXPECT_REFUSED(client.start_procedure(request), kNotFound, "nobody");
+    request.clear_cameras();
+    request.set_note("a\nb");
+    EXPECT_REFUSED(client.start_procedure(request), kInvalidArgument, "note");
+    request.clear_note();
+    request.set_abandon_after_ms(-1);
+    EXPECT_REFUSED(client.start_procedure(request), kInvalidArgument, "abandon_after_ms");
+    request.clear_abandon_after_ms();
+    request.set_kind(v1::PROCEDURE_KIND_EXTRINSICS_BOARD);
+    request.set_board("checkerboard:4x6:60");
+    EXPECT_REFUSED(client.start_procedure(request), kInvalidArgument, "half a turn");
+    request.set_board(kBoard);
+    request.add_cameras(board_->truth[0].name);
+    EXPECT_REFUSED(client.start_procedure(request), kFailedPrecondition, "two or more");
+    request.clear_cameras();
+    request.set_kind(v1::PROCEDURE_KIND_EXTRINSICS_WAND);
+    request.set_wand("wand:600:200");
+    EXPECT_REFUSED(client.start_procedure(request), kInvalidArgument, "wand");
+    request.set_kind(v1::PROCEDURE_KIND_REFINE_PERSON);
+    request.set_subject_height_m(4);
+    EXPECT_REFUSED(client.start_procedure(request), kInvalidArgument, "subject_height_m");
+
+    // No procedure.
+    EXPECT_REFUSED(coach.solve(), kFailedPrecondition, "no procedure is open");
+    EXPECT_REFUSED(coach.cancel(), kFailedPrecondition, "no procedure is open");
+    EXPECT_EQ(coach.wait([](const auto&) { return true; }).state(), v1::PROCEDURE_STATE_NONE);
+
+    // Observations of a kind, and files, that the procedure does not take.
+    ASSERT_TRUE(client.start("somebody").code() == absl::StatusCode::kFailedPrecondition);
+    ASSERT_TRUE(client.start_with(coach.lease()).ok());
+    ASSERT_TRUE(coach.start(v1::PROCEDURE_KIND_INTRINSICS).ok());
+    EXPECT_REFUSED(coach.take(v1::LiveObservations::WHAT_BOARD_ON_FLOOR), kInvalidArgument, "floor");
+    EXPECT_REFUSED(coach.take(v1::LiveObservations::WHAT_EMPTY_SCENE), kInvalidArgument, "wand");
+    v1::AddObservationsRequest nothing;
+    nothing.set_lease_id(coach.lease());
+    EXPECT_REFUSED(client.add_observations(nothing), kInvalidArgument, "live ones or files");
+    v1::AddObservationsRequest files = coach.clips(*board_);
+    files.mutable_files()->mutable_clips(0)->set_file("relative.mp4");
+    EXPECT_REFUSED(client.add_observations(files), kInvalidArgument, "absolute");
+    files.mutable_files()->mutable_clips(0)->set_file("/nowhere.mp4");
+    EXPECT_REFUSED(client.add_observations(files), kNotFound, "/nowhere.mp4");
+    files.mutable_files()->mutable_clips(0)->set_camera("nobody");
+    EXPECT_REFUSED(client.add_observations(files), kNotFound, "nobody");
+    files = coach.clips(*board_);
+    files.mutable_files()->set_every(-1);
+    EXPECT_REFUSED(client.add_observations(files), kInvalidArgument, "every");
+    files.mutable_files()->set_every(1);
+    files.mutable_files()->set_session(session_.string());
+    EXPECT_REFUSED(client.add_observations(files), kInvalidArgument, "session");
+    ASSERT_TRUE(coach.cancel().ok());
+    request = coach.procedure(v1::PROCEDURE_KIND_EXTRINSICS_WAND);
+    request.set_wand("wand:200:600");
+    ASSERT_TRUE(client.start_procedure(request).ok());
+    EXPECT_REFUSED(coach.take(v1::LiveObservations::WHAT_MOVING), kFailedPrecondition, "empty scene first");
+    ASSERT_TRUE(coach.take(v1::LiveObservations::WHAT_EMPTY_SCENE).ok());
+    coach.wait([](const auto& progress) { return !progress.live(); });
+    EXPECT_TRUE(coach.take(v1::LiveObservations::WHAT_MOVING).ok());
+    ASSERT_TRUE(coach.cancel().ok());
+
+    // Calibrations that are not there, not whole, not good, or of others.
+    v1::GetCertificateRequest certificate;
+    for (const char* id : {"c1", "", "../c1", "c01", "c-1", "c99999999999"}) {
+        certificate.set_id(id);
+        EXPECT_REFUSED(client.get_certificate(certificate), kNotFound, "no calibration");
+        EXPECT_REFUSED(coach.apply(id, false), kNotFound, "no calibration");
+    }
+    EXPECT_REFUSED(coach.import("no toml [", v1::CALIBRATION_FORMAT_TOML), kInvalidArgument, "the calibration");
+    EXPECT_REFUSED(coach.import(std::string((1 << 20) + 1, '#'), v1::CALIBRATION_FORMAT_TOML), kInvalidArgument, "bytes");
+    EXPECT_REFUSED(coach.import("", static_cast<v1::CalibrationFormat>(77)), kInvalidArgument, "77");
+    std::vector<Camera> cameras = *client.cameras();
+    const auto kalibr = coach.import(calibration_kalibr_yaml(cameras), v1::CALIBRATION_FORMAT_KALIBR);
+    ASSERT_TRUE(kalibr.ok()) << kalibr.status();
+    EXPECT_REFUSED(coach.apply(*kalibr, false), kFailedPrecondition, "has no world");
+    EXPECT_REFUSED(coach.apply(*kalibr, false, true), kFailedPrecondition, "has no camera");   // Kalibr's are cam0, cam1, ...
+    cameras[0].width += 2;
+    const auto other_size = coach.import(calibration_toml(cameras), v1::CALIBRATION_FORMAT_TOML);
+    ASSERT_TRUE(other_size.ok());
+    EXPECT_REFUSED(coach.apply(*other_size, false), kFailedPrecondition, "px");
+    EXPECT_FALSE(coach.list().calibrations(1).fits());
+    EXPECT_REFUSED(coach.undo(false), kFailedPrecondition, "nothing to undo");
+    EXPECT_REFUSED(coach.export_as("", v1::CALIBRATION_FORMAT_QUALISYS), kInvalidArgument, "written");
+    cameras = *client.cameras();
+    cameras[0].k3 = 0.01;
+    const auto with_k3 = coach.import(calibration_toml(cameras), v1::CALIBRATION_FORMAT_TOML);
+    EXPECT_REFUSED(coach.export_as(*with_k3, v1::CALIBRATION_FORMAT_KALIBR), kInvalidArgument, "k3");
+    // Through every format there and back.
+    for (const auto format : {v1::CALIBRATION_FORMAT_TOML, v1::CALIBRATION_FORMAT_OPENCV}) {
+        const auto text = coach.export_as("", format);
+        ASSERT_TRUE(text.ok()) << text.status();
+        const auto id = coach.import(*text, format);
+        ASSERT_TRUE(id.ok()) << id.status();
+        EXPECT_TRUE(coach.list().calibrations(coach.list().calibrations_size() - 1).fits());
+        const auto there_and_back = parse_calibration_toml(*coach.export_as(*id, v1::CALIBRATION_FORMAT_TOML), *id);
+        ASSERT_TRUE(there_and_back.ok()) << there_and_back.status();
+        expect_same(*there_and_back, *client.cameras());
+    }
+}
+
+TEST_F(CalibrationTest, AProcedureThatIsLeftAloneEndsByItself) {
+    const auto daemon = start_daemon(config());
+    Operator coach(address_);
+    wait_until_running(coach.client());
+    v1::StartProcedureRequest request = coach.procedure(v1::PROCEDURE_KIND_INTRINSICS);
+    request.set_abandon_after_ms(300);
+    ASSERT_TRUE(client::Client({.server = address_}).start_procedure(request).ok());
+    ASSERT_TRUE(coach.take(v1::LiveObservations::WHAT_MOVING).ok());
+    // Watched it lives on; its owner gone, it lets others in.
+    const auto begun = std::chrono::steady_clock::now();
+    coach.wait([&](const auto& progress) {
+        EXPECT_EQ(progress.state(), v1::PROCEDURE_STATE_COLLECTING);
+        return std::chrono::steady_clock::now() - begun > std::chrono::seconds(1);
+    });
+    absl::Status started = absl::FailedPreconditionError("");
+    const auto left = std::chrono::steady_clock::now();
+    while (!started.ok() && std::chrono::steady_clock::now() - left < std::chrono::seconds(10)) {
+        started = coach.start(v1::PROCEDURE_KIND_INTRINSICS);
+        std::this_thread::yield();
+    }
+    EXPECT_TRUE(started.ok()) << started;
+    EXPECT_EQ(coach.wait([](const auto&) { return true; }).procedure(), 2u);
+    daemon->signal(SIGTERM);   // an open procedure does not hold the daemon up
+    EXPECT_EQ(daemon->wait(std::chrono::seconds(10)), 0);
+}
+
+TEST_F(CalibrationTest, ApplyingBuildsThePoseDatabaseAnew) {
+    const auto daemon = start_daemon(
+        config("autostart = false\n", "fit_body = false\ndatabase = \"poses.kvxposes\"\ndatabase_poses = 2"));
+    Operator coach(address_);
+    const auto wait_ready = [&] {
+        std::vector<v1::DatabaseState> states;
+        EXPECT_TRUE(coach.client()
+                        .watch_database(
+                            [&](const v1::WatchDatabaseResponse& progress) {
+                                states.push_back(progress.state());
+                                return progress.state() != v1::DATABASE_STATE_READY;
+                            },
+                            {.longest_silence = std::chrono::seconds(20)})
+                        .ok());
+        return states;
+    };
+    wait_ready();
+    std::vector<Camera> cameras = *coach.client().cameras();
+    for (Camera& camera : cameras) camera.camera_from_world.translation.z += 1.5;   // seen from farther away
+    const auto id = coach.import(calibration_toml(cameras), v1::CALIBRATION_FORMAT_TOML);
+    ASSERT_TRUE(id.ok()) << id.status();
+    // Stopped: in use at once.
+    const auto applied = coach.apply(*id, false);
+    ASSERT_TRUE(applied.ok()) << applied.status();
+    EXPECT_TRUE(applied->in_use());
+    expect_same(*coach.client().cameras(), cameras);
+    wait_ready();
+    std::vector<std::string> events;
+    v1::WatchEventsRequest past;
+    past.set_past(50);
+    EXPECT_TRUE(coach.client()
+                    .watch_events(past,
+                                  [&](const v1::WatchEventsResponse& event) {
+                                      if (event.kind() == v1::EVENT_KIND_POSE_DATABASE) events.push_back(event.message());
+                                      return events.size() < 2;
+                                  },
+                                  {.longest_silence = std::chrono::seconds(20)})
+                    .ok());
+    ASSERT_EQ(events.size(), 2u);
+    EXPECT_THAT(events[1], HasSubstr("cameras"));   // why it was built
+}
+
+}  // namespace
+}  // namespace kinevox
