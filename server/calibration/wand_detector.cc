@@ -10,14 +10,17 @@ namespace {
 
 constexpr std::size_t kMostSpots = 12;
 constexpr double kLeastLengthPx = 12;  // of the wand in the picture
+constexpr double kAsBright = 0.8;      // as the brightest spot: else it is no ball of a two-ball wand
 constexpr double kAlike = 0.55;        // the farther ball's radius over the nearer one's, at least
 
 struct Spot {
     Vec2 centre;
     double radius_px;
+    double grey;  // of the picture there, on average: a lamp or a white ball is brighter than a sleeve
 };
 
-std::vector<Spot> bright_spots(const cv::Mat& brighter, const WandDetectorOptions& options) {
+std::vector<Spot> bright_spots(const cv::Mat& brighter, const cv::Mat& picture,
+                               const WandDetectorOptions& options) {
     cv::Mat mask, labels, boxes, centres;
     cv::threshold(brighter, mask, options.least_difference, 255, cv::THRESH_BINARY);
     const int count = cv::connectedComponentsWithStats(mask, labels, boxes, centres, 8, CV_32S);
@@ -39,7 +42,8 @@ std::vector<Spot> bright_spots(const cv::Mat& brighter, const WandDetectorOption
                 const double weight = std::max(0, brighter.at<std::uint8_t>(y, x) - 12);
                 sum += weight, x_sum += weight * x, y_sum += weight * y;
             }
-        if (sum > 0) spots.push_back({{x_sum / sum, y_sum / sum}, radius});
+        if (sum <= 0) continue;
+        spots.push_back({{x_sum / sum, y_sum / sum}, radius, cv::mean(picture(box), labels(box) == i)[0]});
     }
     std::sort(spots.begin(), spots.end(),
               [](const Spot& a, const Spot& b) { return a.radius_px > b.radius_px; });
@@ -47,8 +51,11 @@ std::vector<Spot> bright_spots(const cv::Mat& brighter, const WandDetectorOption
     return spots;
 }
 
-// Two balls of about one size, alone in the picture.
-WandSighting two_balls(const std::vector<Spot>& spots) {
+// Two balls of about one size, alone in the picture but for what is darker.
+WandSighting two_balls(std::vector<Spot> spots) {
+    double brightest = 0;
+    for (const Spot& spot : spots) brightest = std::max(brightest, spot.grey);
+    std::erase_if(spots, [&](const Spot& spot) { return spot.grey < kAsBright * brightest; });
     if (spots.size() < 2 || spots[1].radius_px < kAlike * spots[0].radius_px) return std::nullopt;
     if (spots.size() > 2 && spots[2].radius_px > kAlike * spots[1].radius_px) return std::nullopt;
     const Vec2 p = spots[0].centre, q = spots[1].centre;
@@ -62,8 +69,9 @@ WandSighting find_wand(const Picture& picture, const Picture& empty_scene, const
                        const WandDetectorOptions& options) {
     if (picture.empty() || empty_scene.empty()) return std::nullopt;
     cv::Mat brighter;
-    cv::subtract(grey_of(picture), grey_of(empty_scene), brighter);
-    const std::vector<Spot> spots = bright_spots(brighter, options);
+    const cv::Mat grey = grey_of(picture);
+    cv::subtract(grey, grey_of(empty_scene), brighter);
+    const std::vector<Spot> spots = bright_spots(brighter, grey, options);
     if (wand.middle_m == 0) return two_balls(spots);
     const double expected = wand.middle_m / wand.length_m;
     WandSighting best;

@@ -97,6 +97,12 @@ class Calibrate(unittest.TestCase):
         out, _ = self.calibrated("extrinsics", *clips, "--wand", wand, "--lenses", folder / "calibration.toml")
         self.within_bounds(out, folder / "calibration.toml")
 
+    def test_places_from_a_wand_while_somebody_walks(self):
+        folder = self.session("walker_with_wand", "--motion", "walk", "--prop", "wand:600", "--frames", 80, "--fps", 10, "--no-masks")
+        out, certificate = self.calibrated("extrinsics", folder / "session.toml", "--wand", "wand:600")
+        self.within_bounds(out, folder / "calibration.toml")
+        self.assertNotEqual(certificate["verdict"], "NO-GO")
+
     def test_places_from_a_board_that_lies_on_the_floor_first(self):
         folder = self.board()
         out, certificate = self.calibrated("extrinsics", folder / "session.toml", "--board", BOARD, "--floor-frame", 2,
