@@ -166,12 +166,25 @@ absl::Status solve_bundle(Bundle& bundle, const BundleOptions& options, BundleRe
         used[o.camera] = true;
         ordering->AddElementToGroup(moments[o.moment].data(), 0);
     }
-    bool anchored = false;
+    if (options.fixed_turns)
+        for (auto& moment : moments)
+            if (problem.HasParameterBlock(moment.data()))
+                problem.SetManifold(moment.data(), new ceres::SubsetManifold(kPoseCount, {0, 1, 2}));
+    bool anchored = false, scaled = false;
     for (std::size_t c = 0; c < cameras.size(); ++c) {
         if (!used[c]) continue;
         ordering->AddElementToGroup(cameras[c].data(), 1);
         ordering->AddElementToGroup(&delays[c], 1);
-        if (!anchored || options.fixed_cameras) problem.SetParameterBlockConstant(cameras[c].data());
+        if (!anchored || options.fixed_cameras) {
+            problem.SetParameterBlockConstant(cameras[c].data());
+        } else if (options.fixed_turns && !scaled) {
+            // Points alone leave the scale open: one length stays what it is.
+            int axis = 3;
+            for (int k = 4; k < kPoseCount; ++k)
+                if (std::abs(cameras[c][k]) > std::abs(cameras[c][axis])) axis = k;
+            problem.SetManifold(cameras[c].data(), new ceres::SubsetManifold(kPoseCount, {axis}));
+            scaled = true;
+        }
         if (!anchored || !options.free_delays || options.fixed_cameras)
             problem.SetParameterBlockConstant(&delays[c]);
         else

@@ -36,6 +36,7 @@ struct BundleOptions {
     double aspect_std = 0.004;    // pixels are as high as wide, to so much
     bool free_delays = false;     // Bundle::delay is solved too
     bool fixed_cameras = false;   // only the thing's poses are solved
+    bool fixed_turns = false;     // the thing is a point that has no attitude
     int most_iterations = 100;
     int threads = 2;
 };

@@ -53,7 +53,7 @@ class PersonWork final : public ProcedureWork {
     }
 
     absl::Status read(const ProcedureFiles& files, const SolveProgress& progress) override {
-        auto read = session_silhouettes(files.session, kMoments, progress);
+        auto read = session_silhouettes(files.session, kMoments, std::string(), progress);
         if (!read.ok()) return read.status();
         std::vector<std::size_t> index;   // of each of our cameras in the session
         for (const Camera& camera : cameras_) {

@@ -4,11 +4,15 @@
 #include <oneapi/tbb/parallel_for.h>
 
 #include <algorithm>
+#include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "common/calibration_file.h"
+#include "common/session_file.h"
 #include "kernels/segmentation.h"
 #include "server/cameras/session_source.h"
 #include "server/pipeline/convert.h"
+#include "server/pipeline/pipeline.h"
 
 namespace kinevox {
 namespace {
@@ -16,6 +20,9 @@ namespace {
 constexpr double kBesidePart = 0.15;    // of the largest island's height: others so near belong to it
 constexpr double kSmallestPart = 0.01;  // of its area
 constexpr double kFewestPart = 0.0005;  // of the picture: less is nobody
+
+constexpr double kVoxel_m = 0.02;         // of the volume that tells the next picture what to expect
+constexpr double kTrackedPerSecond = 15;  // frame sets
 
 // The largest island of `mask` and those beside it; empty where it is too small to be a person.
 SilhouettePicture main_subject(const std::vector<std::uint8_t>& mask, int width, int height) {
@@ -50,60 +57,150 @@ SilhouettePicture main_subject(const std::vector<std::uint8_t>& mask, int width,
     return out;
 }
 
-}  // namespace
+// What the tracked subject covers, camera by camera; where a camera is not tracked, what moves in its picture.
+std::vector<SilhouettePicture> pictures_of(const FrameResult& result, const std::vector<Camera>& cameras) {
+    std::vector<SilhouettePicture> pictures(cameras.size());
+    oneapi::tbb::parallel_for(std::size_t{0}, cameras.size(), [&](std::size_t c) {
+        const kernels::Silhouettes& seen = result.silhouettes[c];
+        if (seen.sharp.empty()) return;
+        const bool tracked = result.subject && result.subject->camera_used[c];
+        const bool whole = seen.searched.x1 - seen.searched.x0 == cameras[c].width &&
+                           seen.searched.y1 - seen.searched.y0 == cameras[c].height;
+        if (tracked || whole) pictures[c] = main_subject(seen.sharp, cameras[c].width, cameras[c].height);
+    });
+    return pictures;
+}
 
-absl::StatusOr<SessionSilhouettes> session_silhouettes(const std::filesystem::path& session_file, int moments,
-                                                       const SolveProgress& progress) {
+struct OpenSession {
+    std::unique_ptr<FrameSource> source;
+    std::vector<std::vector<Picture>> background;
+};
+
+absl::StatusOr<OpenSession> open_session(const std::filesystem::path& session_file) {
     auto source = open_session_source(session_file);
     if (!source.ok()) return source.status();
-    SessionSilhouettes out;
-    out.cameras = (*source)->cameras();
-    const std::size_t count = out.cameras.size();
-    if (count < 2)
+    const std::vector<Camera>& cameras = (*source)->cameras();
+    if (cameras.size() < 2)
         return absl::FailedPreconditionError(
             fmt::format("{}: has one camera; places need two or more", session_file.string()));
     auto background = (*source)->background();
     if (!background.ok()) return background.status();
-    if (background->empty())
-        return absl::InvalidArgumentError(fmt::format(
-            "{}: no camera has a `background`; add a picture, a clip or a folder of the empty scene to each",
-            session_file.string()));
-    std::vector<std::unique_ptr<kernels::Segmenter>> segmenters;
-    kernels::SegmentationOptions options;
-    options.update_interval = 0;  // frames are far apart
-    for (const Camera& camera : out.cameras)
-        segmenters.push_back(
-            kernels::make_segmenter(kernels::Device::kCpu, camera.width, camera.height, 3, options));
-    for (std::size_t c = 0; c < count; ++c)
-        if ((*background)[c].empty())
+    for (std::size_t c = 0; c < cameras.size(); ++c)
+        if (c >= background->size() || (*background)[c].empty())
             return absl::InvalidArgumentError(
-                fmt::format("{}: camera {} has no `background`; add a picture of the empty scene",
-                            session_file.string(), out.cameras[c].name));
-    oneapi::tbb::parallel_for(std::size_t{0}, count, [&](std::size_t c) {
-        std::vector<kernels::PictureView> views;
-        for (const Picture& picture : (*background)[c]) views.push_back(to_kernel(picture));
-        segmenters[c]->learn(views);
-    });
-    const std::int64_t all = (*source)->frame_count();
+                fmt::format("{}: camera {} has no `background`; add a picture, a clip or a folder of the empty scene",
+                            session_file.string(), cameras[c].name));
+    return OpenSession{*std::move(source), *std::move(background)};
+}
+
+// Calls `see(set, due)` with every `stride`-th frame set and says which of them are due, about `moments` in all.
+template <class See>
+absl::Status walk_through(FrameSource& source, int moments, bool all_between, const SolveProgress& progress, See see) {
+    const std::int64_t all = source.frame_count();
     const std::int64_t step = all > moments ? all / moments : 1;
+    // The tracker follows what moves a little from one picture to the next.
+    const std::int64_t stride =
+        all_between ? std::clamp<std::int64_t>(std::llround(source.fps() / kTrackedPerSecond), 1, step) : step;
+    std::int64_t due = 0;
     for (std::int64_t frame = 0;; ++frame) {
-        auto set = (*source)->next();
-        if (absl::IsOutOfRange(set.status())) break;
+        auto set = source.next();
+        if (absl::IsOutOfRange(set.status())) return absl::OkStatus();
         if (!set.ok()) return set.status();
-        if (frame % step != 0) continue;
-        std::vector<SilhouettePicture> pictures(count);
-        oneapi::tbb::parallel_for(std::size_t{0}, count, [&](std::size_t c) {
-            if (set->pictures[c].empty()) return;
-            kernels::Silhouettes silhouettes;
-            segmenters[c]->segment(to_kernel(set->pictures[c]), {}, silhouettes);
-            pictures[c] = main_subject(silhouettes.sharp, out.cameras[c].width, out.cameras[c].height);
-        });
-        out.set.moments.push_back(std::move(pictures));
+        if (frame % stride != 0) continue;
+        if (absl::Status seen = see(*std::move(set), frame >= due); !seen.ok()) return seen;
+        if (frame >= due) due += step;
         const double part = all > 0 ? static_cast<double>(frame) / static_cast<double>(all) : 0.5;
         if (progress && !progress(part, fmt::format("silhouettes, frame {}", frame)))
             return absl::CancelledError("stopped; nothing was written");
     }
+}
+
+}  // namespace
+
+absl::StatusOr<SilhouetteSet> tracked_silhouettes(const std::filesystem::path& session_file,
+                                                  const std::vector<Camera>& cameras, int moments,
+                                                  const SolveProgress& progress) {
+    auto session = open_session(session_file);
+    if (!session.ok()) return session.status();
+    PipelineOptions options;
+    options.voxel_m = kVoxel_m;
+    options.colouring = options.pose = false;
+    auto pipeline = Pipeline::create(cameras, session->source->fps(), options);
+    if (!pipeline.ok()) return pipeline.status();
+    if (absl::Status learned = (*pipeline)->learn_background(session->background); !learned.ok())
+        return absl::Status(learned.code(),
+                            fmt::format("{}: {}", session_file.string(), std::string(learned.message())));
+    SilhouetteSet out;
+    const absl::Status walked =
+        walk_through(*session->source, moments, true, progress, [&](FrameSet set, bool due) -> absl::Status {
+            const auto result = (*pipeline)->process(std::move(set));
+            if (!result.ok()) return result.status();
+            if (due) out.moments.push_back(pictures_of(**result, cameras));
+            return absl::OkStatus();
+        });
+    if (!walked.ok()) return walked;
     return out;
+}
+
+absl::StatusOr<SilhouetteSet> untracked_silhouettes(const std::filesystem::path& session_file, int moments,
+                                                    const SolveProgress& progress) {
+    auto session = open_session(session_file);
+    if (!session.ok()) return session.status();
+    const std::vector<Camera>& cameras = session->source->cameras();
+    kernels::SegmentationOptions options;
+    options.update_interval = 0;  // frames are far apart
+    std::vector<std::unique_ptr<kernels::Segmenter>> segmenters;
+    for (std::size_t c = 0; c < cameras.size(); ++c) {
+        segmenters.push_back(
+            kernels::make_segmenter(kernels::Device::kCpu, cameras[c].width, cameras[c].height, 3, options));
+        std::vector<kernels::PictureView> views;
+        for (const Picture& picture : session->background[c]) views.push_back(to_kernel(picture));
+        segmenters[c]->learn(views);
+    }
+    SilhouetteSet out;
+    const absl::Status walked =
+        walk_through(*session->source, moments, false, progress, [&](FrameSet set, bool) -> absl::Status {
+            std::vector<SilhouettePicture> pictures(cameras.size());
+            oneapi::tbb::parallel_for(std::size_t{0}, cameras.size(), [&](std::size_t c) {
+                if (set.pictures[c].empty()) return;
+                kernels::Silhouettes silhouettes;
+                segmenters[c]->segment(to_kernel(set.pictures[c]), {}, silhouettes);
+                pictures[c] = main_subject(silhouettes.sharp, cameras[c].width, cameras[c].height);
+            });
+            out.moments.push_back(std::move(pictures));
+            return absl::OkStatus();
+        });
+    if (!walked.ok()) return walked;
+    return out;
+}
+
+absl::StatusOr<std::vector<Camera>> session_cameras(const std::filesystem::path& session_file,
+                                                    const std::string& calibration_file) {
+    const auto session = read_session(session_file);
+    if (!session.ok()) return session.status();
+    auto cameras = read_session_cameras(*session);
+    if (!cameras.ok() || calibration_file.empty()) return cameras;
+    const auto other = read_calibration(calibration_file);
+    if (!other.ok()) return other.status();
+    for (Camera& camera : *cameras) {
+        const Camera* const found = camera_named(*other, camera.name);
+        if (!found || found->width != camera.width || found->height != camera.height)
+            return absl::InvalidArgumentError(
+                fmt::format("{}: has no camera {} of {} x {} px; give a calibration of the session's cameras",
+                            calibration_file, camera.name, camera.width, camera.height));
+        camera = *found;
+    }
+    return cameras;
+}
+
+absl::StatusOr<SessionSilhouettes> session_silhouettes(const std::filesystem::path& session_file, int moments,
+                                                       const std::string& calibration_file,
+                                                       const SolveProgress& progress) {
+    auto cameras = session_cameras(session_file, calibration_file);
+    if (!cameras.ok()) return cameras.status();
+    auto silhouettes = tracked_silhouettes(session_file, *cameras, moments, progress);
+    if (!silhouettes.ok()) return silhouettes.status();
+    return SessionSilhouettes{*std::move(cameras), *std::move(silhouettes)};
 }
 
 }  // namespace kinevox

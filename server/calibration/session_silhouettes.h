@@ -1,9 +1,10 @@
-// Silhouettes of a recorded session, without any use of its calibration's places.
+// Silhouettes of the subject of a recorded session.
 #pragma once
 
 #include <absl/status/statusor.h>
 
 #include <filesystem>
+#include <string>
 #include <vector>
 
 #include "server/calibration/finding.h"
@@ -16,9 +17,25 @@ struct SessionSilhouettes {
     SilhouetteSet set;
 };
 
-// About `moments` frame sets, evenly over the recording. Each camera's picture is searched as a whole; of
-// what moves, the largest thing and what lies beside it counts.
+// About `moments` frame sets, evenly over the recording, from the pipeline's own segmentation and tracking: the
+// volume tells what belongs to the subject and what is a shadow or moves elsewhere. Cameras whose place is so wrong
+// that the tracker leaves them out are searched as a whole; of what moves there, the largest thing and what lies
+// beside it counts. `cameras`: of the session, in its order, as they are believed to stand.
+absl::StatusOr<SilhouetteSet> tracked_silhouettes(const std::filesystem::path& session_file,
+                                                  const std::vector<Camera>& cameras, int moments,
+                                                  const SolveProgress& progress);
+
+// The same without any use of the cameras' places: every picture is searched as a whole.
+absl::StatusOr<SilhouetteSet> untracked_silhouettes(const std::filesystem::path& session_file, int moments,
+                                                    const SolveProgress& progress);
+
+// The session's cameras, from `calibration_file` where it is not empty.
+absl::StatusOr<std::vector<Camera>> session_cameras(const std::filesystem::path& session_file,
+                                                    const std::string& calibration_file);
+
+// session_cameras() and their tracked_silhouettes().
 absl::StatusOr<SessionSilhouettes> session_silhouettes(const std::filesystem::path& session_file, int moments,
+                                                       const std::string& calibration_file,
                                                        const SolveProgress& progress);
 
 }  // namespace kinevox

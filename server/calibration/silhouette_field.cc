@@ -6,17 +6,24 @@
 #include <opencv2/imgproc.hpp>
 
 namespace kinevox {
+namespace {
 
-SilhouetteField::SilhouetteField(const std::vector<std::uint8_t>& mask, int width, int height, int step)
-    : width_(width), height_(height), step_(static_cast<float>(step)) {
+constexpr double kMostCells = 800;  // about, along the longer side
+
+}  // namespace
+
+SilhouetteField::SilhouetteField(const std::vector<std::uint8_t>& mask, int width, int height)
+    : width_(width), height_(height) {
+    const int step = std::max(1, static_cast<int>(std::lround(std::max(width, height) / kMostCells)));
+    step_ = static_cast<float>(step);
     const cv::Mat full(height, width, CV_8U, const_cast<std::uint8_t*>(mask.data()));
     const cv::Rect box = cv::boundingRect(full);
     if (box.area() == 0) return;
     left = static_cast<float>(box.x), top = static_cast<float>(box.y);
     right = static_cast<float>(box.x + box.width), bottom = static_cast<float>(box.y + box.height);
     cv::Mat inside, outside;
-    cv::distanceTransform(full, inside, cv::DIST_L2, 3);
-    cv::distanceTransform(255 - full, outside, cv::DIST_L2, 3);
+    cv::distanceTransform(full, inside, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+    cv::distanceTransform(255 - full, outside, cv::DIST_L2, cv::DIST_MASK_PRECISE);
     columns_ = (width + step - 1) / step, rows_ = (height + step - 1) / step;
     cells_.resize(static_cast<std::size_t>(columns_) * rows_);
     for (int r = 0; r < rows_; ++r)

@@ -10,8 +10,8 @@ namespace kinevox {
 
 class SilhouetteField {
   public:
-    // `step` px a cell.
-    SilhouetteField(const std::vector<std::uint8_t>& mask, int width, int height, int step);
+    // Cells of a pixel, of two in large pictures.
+    SilhouetteField(const std::vector<std::uint8_t>& mask, int width, int height);
 
     bool empty() const { return cells_.empty(); }
     // px, positive inside the silhouette, negative outside, bilinear between cells. NaN outside the picture.

@@ -11,7 +11,6 @@
 namespace kinevox {
 namespace {
 
-constexpr int kFieldStepPx = 2;
 constexpr double kOutsidePx = 60;  // what a place outside a camera's picture counts as
 
 // Pixel and its derivative by the point in the camera frame, the lens' distortion included in the pixel only:
@@ -45,7 +44,7 @@ Eigen::Matrix3d eigen(const Mat3& r) {
 
 OutlineRays::OutlineRays(const std::vector<Camera>& cameras, const SilhouetteSet& silhouettes,
                          const SilhouetteRefineOptions& options)
-    : options_(options) {
+    : options_(options), margin_px_(options.margin_part * longest_side_px(cameras)) {
     std::vector<std::size_t> usable;
     for (std::size_t m = 0; m < silhouettes.moments.size(); ++m) {
         const auto seen = std::count_if(silhouettes.moments[m].begin(), silhouettes.moments[m].end(),
@@ -60,7 +59,7 @@ OutlineRays::OutlineRays(const std::vector<Camera>& cameras, const SilhouetteSet
             fields_[n].push_back(nullptr);
             if (pictures[c].empty()) continue;
             auto field = std::make_unique<SilhouetteField>(pictures[c].mask, cameras[c].width,
-                                                           cameras[c].height, kFieldStepPx);
+                                                           cameras[c].height);
             if (!field->empty()) fields_[n].back() = std::move(field);
         }
     });
@@ -95,7 +94,8 @@ double OutlineRays::squares_at(const std::vector<Camera>& cameras, const Outline
         if (!field || static_cast<int>(c) == ray.camera) continue;
         float x, y;
         const Vec3 in_camera = cameras[c].camera_from_world * point;
-        const double inside = project(cameras[c], in_camera, x, y) ? field->distance(x, y) : std::nan("");
+        const double inside = project(cameras[c], in_camera, x, y) ? field->distance(x, y) - margin_px_
+                                                                  : std::nan("");
         // A place that this camera cannot see is neither right nor wrong; a little wrong, so that it attracts
         // nothing.
         const double miss = std::isnan(inside) ? 0.1 * kOutsidePx : std::min(0.0, inside);
@@ -149,7 +149,7 @@ void OutlineRays::add(const std::vector<Camera>& cameras, const OutlineRay& ray,
         const Vec3 in_camera = cameras[c].camera_from_world * point;
         float x, y, dx, dy;
         if (!project(cameras[c], in_camera, x, y)) continue;
-        const float inside = field->distance(x, y, dx, dy);
+        const float inside = field->distance(x, y, dx, dy) - static_cast<float>(margin_px_);
         if (std::isnan(inside) || inside >= 0) continue;
         const double fx = cameras[c].fx / in_camera.z, fy = cameras[c].fy / in_camera.z;
         const Eigen::RowVector3d by_point(dx * fx, dy * fy,

@@ -43,6 +43,7 @@ class OutlineRays {
     std::vector<Vec3> middles(const std::vector<Camera>& cameras) const;
 
     SilhouetteRefineOptions options_;
+    double margin_px_ = 0;
     std::vector<std::vector<std::unique_ptr<SilhouetteField>>> fields_;  // [moment][camera], null: none
     std::vector<OutlineRay> rays_;
 };

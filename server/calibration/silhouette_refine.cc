@@ -26,8 +26,7 @@ Camera moved(const Camera& camera, const Eigen::Matrix<double, 6, 1>& step) {
 // Pulls towards the places given: weak where silhouettes say anything.
 void add_prior(const std::vector<Camera>& now, const std::vector<Camera>& given,
                const SilhouetteRefineOptions& options, OutlineRays::Normal& normal) {
-    // Neighbouring rays and moments are wrong together, so that many thousands of them count as a few
-    // hundred.
+    // Enough to hold scale and world, which silhouettes leave open; anything stronger bends the places.
     const double turn_weight = kRaysPerSample * std::pow(1 / radians(options.prior_angle_deg), 2);
     const double shift_weight = kRaysPerSample * std::pow(1 / options.prior_shift_m, 2);
     for (std::size_t c = 0; c < now.size(); ++c) {

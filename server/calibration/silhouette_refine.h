@@ -23,6 +23,10 @@ struct SilhouetteRefineOptions {
     double first_scale_part =
         0.03;  // of the picture's longer side: misses beyond it count less and less, at first
     double last_scale_part = 0.004;                    // and at the end
+    // Of the picture's longer side: by so much within the other silhouettes an outline's ray must lie. Silhouettes that
+    // come out a little wide would otherwise meet at many places of the cameras; with a margin the ends of all limbs
+    // miss a little on each side and the places between are found.
+    double margin_part = 0.0015;
     double prior_angle_deg = 1, prior_shift_m = 0.07;  // standard deviations of the places given
     double depth_step_m = 0.025;                       // of the search along a ray
     double reach_m = 1.6;                              // of that search, from the subject's middle

@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
 """Calibrations of real recordings against references: lenses from seven pictures of a checkerboard, places from a ChArUco
-board before four webcams (with the reference's lenses and with their own), and cameras refined from silhouettes alone.
+board before four webcams (with the reference's lenses and with their own), cameras refined from silhouettes alone, and
+cameras placed from nothing but a person who walks through the virtual studio.
 
 Prints one table; exit status 1 beyond the bounds, 77 where programs or data are missing.
 """
 import argparse
 import json
+import re
 import subprocess
 import sys
 import tempfile
@@ -22,6 +24,7 @@ except ImportError as missing:
 
 RMS_BOUND_PX, FOCAL_BOUND, HELD_OUT_BOUND_PX = 0.30, 0.015, 0.5
 CENTRES_BOUND, CENTRES_OWN_BOUND = 0.025, 0.05
+PERSON_CENTRE_BOUND_MM, PERSON_TURN_BOUND_DEG, PERSON_HEIGHT_M = 30, 0.5, 1.80
 BOARD = "charuco:4x5:54:40.5:DICT_4X4_1000:inverted"
 
 
@@ -45,10 +48,37 @@ def worst_distance(file, reference):
     return max(abs(distance(a, pair) / distance(b, pair) - 1) for pair in combinations(sorted(b), 2))
 
 
+def aligned_errors(file, reference):
+    """Worst centre (mm) and rotation (degrees) after the best similarity of the centres, and the scale's error (%)."""
+    solved, true = read_cameras(file), read_cameras(reference)
+    names = sorted(true)
+    turn = lambda cameras, name: cv2.Rodrigues(np.array(cameras[name]["rotation"], float))[0]
+    a, b = centres(file), centres(reference)
+    p, q = np.array([a[n] for n in names]), np.array([b[n] for n in names])
+    u, d, vt = np.linalg.svd((q - q.mean(0)).T @ (p - p.mean(0)))
+    sign = np.array([1, 1, np.sign(np.linalg.det(u @ vt))])
+    rotation = u @ np.diag(sign) @ vt
+    scale = (d * sign).sum() / ((p - p.mean(0)) ** 2).sum()
+    moved = scale * (p - p.mean(0)) @ rotation.T + q.mean(0)
+    turns = [np.linalg.norm(cv2.Rodrigues(turn(solved, n) @ rotation.T @ turn(true, n).T)[0]) for n in names]
+    return 1000 * np.linalg.norm(moved - q, axis=1).max(), np.degrees(max(turns)), 100 * abs(scale - 1)
+
+
+def forget_places(session):
+    """Leaves the lenses of a session's calibration and nothing of its places. Returns the true calibration's file."""
+    true = session.parent / "true.toml"
+    text = (session.parent / "calibration.toml").read_text()
+    true.write_text(text)
+    text = re.sub(r"(rotation|translation) = .*", r"\1 = [0.0, 0.0, 0.0]", text)
+    (session.parent / "calibration.toml").write_text(text)
+    return true
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--program", required=True, help="kinevox-calibrate")
-    parser.add_argument("--parts", default="lenses,board,refine", help="comma separated")
+    parser.add_argument("--studio", help="kinevox-studio, for the part person")
+    parser.add_argument("--parts", default="lenses,board,refine", help="comma separated; person besides")
     parser.add_argument("--out", help="keep calibrations and certificates here")
     arguments = parser.parse_args()
     data, parts = data_folder(), arguments.parts.split(",")
@@ -113,6 +143,17 @@ def main():
                 agreement[name] = json.loads((out / f"{name}.json").read_text())["hull_agreement"]["mean_iou"]
             row("refined from silhouettes: IoU", f"{agreement['refined']:.4f}", f"{agreement['reference']:.4f}", "(the reference's)",
                 agreement["refined"] >= agreement["reference"])
+        for count in (4, 8) if "person" in parts and arguments.studio else ():
+            folder = out / f"person{count}"
+            subprocess.run([arguments.studio, "--motion", "walk", "--frames", "200", "--cameras", str(count), "--seed", str(count - 1),
+                            "--subject-height", str(PERSON_HEIGHT_M), "--no-masks", "--out", folder], check=True, capture_output=True)
+            true = forget_places(folder / "session.toml")
+            solved = out / f"by_person{count}.toml"
+            calibrate("extrinsics", "--person", "--height", PERSON_HEIGHT_M, folder / "session.toml", "--out", solved)
+            centre, turn, scale = aligned_errors(solved, true)
+            row(f"person, {count} cameras: centres (scale off by {scale:.1f} %)", f"{centre:.1f}", PERSON_CENTRE_BOUND_MM, "mm",
+                centre <= PERSON_CENTRE_BOUND_MM)
+            row(f"person, {count} cameras: rotations", f"{turn:.3f}", PERSON_TURN_BOUND_DEG, "degrees", turn <= PERSON_TURN_BOUND_DEG)
     for failure in failures:
         print("FAILED " + failure)
     return 1 if failures else 0

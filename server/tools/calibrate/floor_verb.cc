@@ -169,7 +169,7 @@ absl::Status set_floor(const FloorArguments& arguments) {
         if (!seen.ok()) return seen.status();
         floor = floor_from_board(input->cameras, board->points(), *seen, arguments.thickness_mm / 1000);
     } else {
-        auto seen = session_silhouettes(arguments.input, arguments.moments, progress);
+        auto seen = session_silhouettes(arguments.input, arguments.moments, input->calibration, progress);
         if (!seen.ok()) return seen.status();
         for (Camera& camera : seen->cameras) {
             const Camera* const found = camera_named(input->cameras, camera.name);

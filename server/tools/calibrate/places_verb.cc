@@ -14,6 +14,7 @@
 #include "server/tools/calibrate/certificate_files.h"
 #include "server/tools/calibrate/console.h"
 #include "server/tools/calibrate/lens_verb.h"
+#include "server/tools/calibrate/person_verb.h"
 #include "server/tools/calibrate/verbs.h"
 
 namespace kinevox::calibrate {
@@ -23,7 +24,8 @@ struct PlacesArguments {
     std::vector<std::string> clips;
     std::string board, wand, out, lenses;
     int every = 1, floor_frame = -1;
-    bool k3 = false, quiet = false, refine_lenses = false;
+    bool k3 = false, quiet = false, refine_lenses = false, person = false;
+    double height_m = 0;
 };
 
 absl::StatusOr<std::vector<Camera>> lenses_of_clips(const std::string& file,
@@ -129,9 +131,21 @@ absl::StatusOr<ExtrinsicsResult> places_by_wand(const std::vector<CameraClip>& c
     return procedure.solve(progress);
 }
 
+absl::Status by_person(const PlacesArguments& arguments) {
+    if (!arguments.board.empty() || !arguments.wand.empty())
+        return absl::InvalidArgumentError("what was moved through the space? Give one of --board and --wand, or --person");
+    if (!is_session(arguments.clips))
+        return absl::InvalidArgumentError("--person takes one file, the session.toml of a person who walks");
+    PersonArguments person{arguments.clips.front(), arguments.lenses, arguments.out, arguments.height_m};
+    person.quiet = arguments.quiet;
+    return person_extrinsics(person);
+}
+
 absl::Status extrinsics(const PlacesArguments& arguments) {
+    if (arguments.person) return by_person(arguments);
     if (arguments.board.empty() == arguments.wand.empty())
-        return absl::InvalidArgumentError("what was moved through the space? Give one of --board and --wand");
+        return absl::InvalidArgumentError(
+            "what was moved through the space? Give one of --board and --wand, or --person");
     const auto clips = open_clips(arguments.clips);
     if (!clips.ok()) return clips.status();
     if (clips->size() < 2)
@@ -170,7 +184,7 @@ std::vector<Verb> places_verbs(CLI::App& app) {
     const auto places = std::make_shared<PlacesArguments>();
     CLI::App* const verb = app.add_subcommand(
         "extrinsics",
-        "Places of cameras from synchronised videos of a board or a wand moved through the space");
+        "Places of cameras from synchronised videos of a board or a wand moved, or a person who walked, through the space");
     verb->add_option(
             "clips", places->clips,
             "NAME=FILE for each camera: a video or a folder of pictures; or a session's session.toml")
@@ -180,6 +194,11 @@ std::vector<Verb> places_verbs(CLI::App& app) {
         "--wand", places->wand,
         "Instead of a board: wand:200:600 (mm from the first ball to the second and to the third) or "
         "wand:600 (two balls)");
+    verb->add_flag("--person", places->person,
+                   "Instead of a board: a person who walks upright round through the space, in a session.toml whose "
+                   "calibration (or --lenses) gives the lenses");
+    verb->add_option("--height", places->height_m, "m, of that person with shoes and hair: gives the scale")
+        ->check(CLI::Range(0.5, 2.6));
     verb->add_option("--out", places->out, "The calibration to write, .toml; its certificate goes beside it")
         ->required();
     verb->add_option("--lenses", places->lenses,

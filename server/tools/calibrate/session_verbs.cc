@@ -5,7 +5,6 @@
 #include <memory>
 #include <string>
 
-#include "common/calibration_file.h"
 #include "server/calibration/agreement_pictures.h"
 #include "server/calibration/diagnosis.h"
 #include "server/calibration/hull_agreement.h"
@@ -21,25 +20,12 @@ namespace {
 struct SessionArguments {
     std::string session, calibration, out;
     double height_m = 0;
-    int moments = 48;
+    int moments = 60;
     bool quiet = false;
 };
 
 absl::StatusOr<SessionSilhouettes> open(const SessionArguments& arguments, const SolveProgress& progress) {
-    auto silhouettes = session_silhouettes(arguments.session, arguments.moments, progress);
-    if (!silhouettes.ok() || arguments.calibration.empty()) return silhouettes;
-    const auto other = read_calibration(arguments.calibration);
-    if (!other.ok()) return other.status();
-    for (Camera& camera : silhouettes->cameras) {
-        const Camera* const found = camera_named(*other, camera.name);
-        if (!found || found->width != camera.width || found->height != camera.height)
-            return absl::InvalidArgumentError(
-                fmt::format("{}: has no camera {} of {} x {} px; give a calibration of the "
-                            "session's cameras",
-                            arguments.calibration, camera.name, camera.width, camera.height));
-        camera = *found;
-    }
-    return silhouettes;
+    return session_silhouettes(arguments.session, arguments.moments, arguments.calibration, progress);
 }
 
 std::optional<double> known_height(const SessionArguments& arguments) {
@@ -68,8 +54,12 @@ absl::Status refine(const SessionArguments& arguments) {
     if (!seen.ok()) return seen.status();
     Certificate certificate;
     certificate.made_by = "person";
-    certificate.hull_before = certificate.hull = hull_agreement(seen->cameras, seen->set);
     certificate.cameras = seen->cameras;
+    // Measured on moments that the fit does not see.
+    SilhouetteSet fitted, kept_out;
+    for (std::size_t m = 0; m < seen->set.moments.size(); ++m)
+        (m % 2 ? kept_out : fitted).moments.push_back(seen->set.moments[m]);
+    certificate.hull_before = certificate.hull = hull_agreement(seen->cameras, kept_out);
     print_hull("before", *certificate.hull_before, seen->cameras);
     // How far the cameras may be from where they are believed to be is not known: what the hull agrees with
     // best is taken.
@@ -79,9 +69,9 @@ absl::Status refine(const SessionArguments& arguments) {
         SilhouetteRefineOptions options;
         options.most_moments = arguments.moments;
         options.prior_angle_deg = angle_deg, options.prior_shift_m = shift_m;
-        auto refined = refine_from_silhouettes(seen->cameras, seen->set, options, progress);
+        auto refined = refine_from_silhouettes(seen->cameras, fitted, options, progress);
         if (!refined.ok()) return refined.status();
-        const HullAgreement hull = hull_agreement(refined->cameras, seen->set);
+        const HullAgreement hull = hull_agreement(refined->cameras, kept_out);
         if (!(hull.mean_iou > certificate.hull->mean_iou)) continue;
         certificate.hull = hull;
         certificate.cameras = refined->cameras;
@@ -111,6 +101,7 @@ absl::Status check(const SessionArguments& arguments) {
     certificate.made_by = "check";
     certificate.cameras = seen->cameras;
     certificate.hull = hull_agreement(seen->cameras, seen->set);
+    fmt::print("outlines miss by {:.2f} px\n", silhouette_miss_px(seen->cameras, seen->set));
     print_hull("check", *certificate.hull, seen->cameras);
     auto findings = diagnose_silhouettes(seen->cameras, seen->set, {}, progress);
     if (!findings.ok()) return findings.status();

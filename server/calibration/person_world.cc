@@ -1,0 +1,119 @@
+#include "server/calibration/person_world.h"
+
+#include <fmt/format.h>
+#include <oneapi/tbb/parallel_for.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+
+#include "server/calibration/silhouette_hull.h"
+
+namespace kinevox {
+namespace {
+
+constexpr double kLeanStd_rad = 0.06;     // of a walking body, on average over its way
+constexpr double kFloorStdPart = 0.02;    // of the height: of the lowest point of a hull, about the floor
+constexpr double kUprightQuantile = 0.75, kTallQuantile = 0.97;  // of the heights of the hulls
+constexpr int kFewest = 5;
+
+Eigen::Vector3d eigen(Vec3 v) {
+    return {v.x, v.y, v.z};
+}
+
+double quantile(std::vector<double> values, double part) {
+    std::sort(values.begin(), values.end());
+    return values[static_cast<std::size_t>(part * static_cast<double>(values.size() - 1))];
+}
+
+std::vector<SilhouetteHull::Extent> extents(const std::vector<Camera>& cameras, const SilhouetteSet& silhouettes,
+                                            Vec3 up) {
+    std::vector<std::optional<SilhouetteHull::Extent>> all(silhouettes.moments.size());
+    oneapi::tbb::parallel_for(std::size_t{0}, all.size(), [&](std::size_t m) {
+        for (const SilhouettePicture& picture : silhouettes.moments[m])
+            if (!picture.empty() && picture.cut) return;  // head or feet may be missing
+        const SilhouetteHull hull(cameras, silhouettes.moments[m]);
+        if (hull.usable()) all[m] = hull.extent(up);
+    });
+    std::vector<SilhouetteHull::Extent> found;
+    for (const auto& extent : all)
+        if (extent) found.push_back(*extent);
+    return found;
+}
+
+// The floor's normal: the plane through the lowest points, held near the body's axis across its way.
+Vec3 normal_of_floor(const std::vector<SilhouetteHull::Extent>& extents, Vec3 up, double height) {
+    const Eigen::Vector3d axis = eigen(up);
+    const Eigen::Vector3d side = axis.unitOrthogonal(), front = axis.cross(side);
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const auto& extent : extents) mean += eigen(extent.lowest) / static_cast<double>(extents.size());
+    Eigen::Matrix2d square = Eigen::Matrix2d::Identity() / (kLeanStd_rad * kLeanStd_rad);
+    Eigen::Vector2d right = Eigen::Vector2d::Zero();
+    const double weight = 1 / std::pow(kFloorStdPart * height, 2);
+    for (const auto& extent : extents) {
+        const Eigen::Vector3d p = eigen(extent.lowest) - mean;
+        const Eigen::Vector2d flat(p.dot(side), p.dot(front));
+        square += weight * flat * flat.transpose();
+        right += weight * p.dot(axis) * flat;
+    }
+    const Eigen::Vector2d slope = square.ldlt().solve(right);
+    const Eigen::Vector3d normal = (axis - slope(0) * side - slope(1) * front).normalized();
+    return {normal.x(), normal.y(), normal.z()};
+}
+
+// Along the direction in which the subject's places spread most, and across it; world lengths.
+void measure_way(const std::vector<SilhouetteHull::Extent>& extents, PersonWorld& world) {
+    std::vector<Vec3> places;
+    for (const auto& extent : extents) places.push_back(world.world_from_solved(0.5 * (extent.lowest + extent.highest)));
+    double xx = 0, xy = 0, yy = 0;
+    Vec3 mean;
+    for (const Vec3 p : places) mean += p / static_cast<double>(places.size());
+    for (const Vec3 p : places)
+        xx += (p.x - mean.x) * (p.x - mean.x), xy += (p.x - mean.x) * (p.y - mean.y), yy += (p.y - mean.y) * (p.y - mean.y);
+    const double angle = 0.5 * std::atan2(2 * xy, xx - yy);
+    std::vector<double> along, across;
+    for (const Vec3 p : places) {
+        along.push_back(std::cos(angle) * p.x + std::sin(angle) * p.y);
+        across.push_back(std::cos(angle) * p.y - std::sin(angle) * p.x);
+    }
+    world.way_long_m = quantile(along, 0.97) - quantile(along, 0.03);
+    world.way_wide_m = quantile(across, 0.97) - quantile(across, 0.03);
+}
+
+}  // namespace
+
+std::optional<PersonWorld> person_world(const std::vector<Camera>& cameras, const SilhouetteSet& silhouettes,
+                                        Vec3 up_in_solved, double height_m) {
+    Vec3 up = normalized(up_in_solved);
+    std::vector<SilhouetteHull::Extent> found;
+    PersonWorld world;
+    for (int round = 0; round < 2; ++round) {
+        found = extents(cameras, silhouettes, up);
+        if (found.size() < kFewest) return std::nullopt;
+        std::vector<double> heights;
+        for (const auto& extent : found) heights.push_back(dot(extent.highest - extent.lowest, up));
+        world.height_solved = quantile(heights, kUprightQuantile);
+        world.uneven_height = quantile(heights, kTallQuantile) / quantile(heights, 0.5);
+        if (!(world.height_solved > 0)) return std::nullopt;
+        up = normal_of_floor(found, up, world.height_solved);
+    }
+    world.moments = static_cast<int>(found.size());
+    std::vector<double> floors;
+    Vec3 middle;
+    for (const auto& extent : found) {
+        floors.push_back(dot(extent.lowest, up));
+        middle += extent.lowest / static_cast<double>(found.size());
+    }
+    const double scale = height_m / world.height_solved, floor = quantile(floors, 0.5);
+    // x: to the right of the first camera.
+    const Vec3 right = cameras.front().camera_from_world.rotation.transposed() * Vec3{1, 0, 0};
+    const Vec3 x = normalized(right - dot(right, up) * up), y = cross(up, x);
+    world.world_from_solved.scale = scale;
+    world.world_from_solved.to_from_from.rotation = {{x.x, x.y, x.z, y.x, y.y, y.z, up.x, up.y, up.z}};
+    const Vec3 origin = middle - (dot(middle, up) - floor) * up;
+    world.world_from_solved.to_from_from.translation = -(world.world_from_solved.to_from_from.rotation * (scale * origin));
+    measure_way(found, world);
+    return world;
+}
+
+}  // namespace kinevox
