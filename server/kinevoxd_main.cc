@@ -16,12 +16,14 @@
 #include "common/config.h"
 #include "server/api/api_server.h"
 #include "server/api/version.h"
+#include "server/calibration/camera_watch.h"
 #include "server/cameras/session_source.h"
 #include "server/daemon/clocks.h"
 #include "server/daemon/setup.h"
 #include "server/pipeline/huge_pages.h"
 #include "server/pipeline/runner.h"
 #include "server/pipeline/stream_hub.h"
+#include "server/pipeline/utc_clock.h"
 #include "server/pose/pose_stage.h"
 
 namespace {
@@ -70,18 +72,22 @@ int serve(const DaemonConfig& config) {
     std::unique_ptr<LiveBodyFit> body_fit;
     if (pose_stage) {
         body_fit = make_body_fit(config.pose, runner, options->posing, poses ? &*poses : nullptr, hub, body_watch);
-        runner.set_after_result([&](const FrameResult& result) {
-            body_fit->observe(result.capture_time_ns,
-                              result.subject && result.volume ? &pose_stage->observation() : nullptr);
-            if (const auto body = body_fit->take_body()) pose_stage->set_body(*body);
-        });
     }
+    CameraWatch camera_watch(runner.cameras(), {}, [&hub](const Event& event) { hub.publish_event(event, utc_now_ns()); });
+    runner.set_after_result([&](const FrameResult& result) {
+        camera_watch.observe(result);
+        if (!body_fit) return;
+        body_fit->observe(result.capture_time_ns,
+                          result.subject && result.volume ? &pose_stage->observation() : nullptr);
+        if (const auto body = body_fit->take_body()) pose_stage->set_body(*body);
+    });
 
     // The calibration that was applied last, in the place of the source's own; and the way to another one.
     CalibrationStore calibrations(calibration_folder(config.calibration), describe(config.source), runner.cameras());
     bool serving = false;   // the control thread's
     CalibrationUse calibration_use(calibrations, runner, [&](const std::vector<Camera>& cameras) {
         if (body_fit) body_fit->set_cameras(cameras);
+        camera_watch.begin_anew();
         if (poses && serving)
             start_pose_database(*poses, config.pose, cameras, options->posing.body, hub, pose_watch);
     });
@@ -111,6 +117,7 @@ int serve(const DaemonConfig& config) {
                    .procedure = procedure.get(),
                    .procedure_watch = &procedure_watch,
                    .calibrating = calibrating.get_executor(),
+                   .camera_watch = &camera_watch,
                    .source_description = describe(config.source)};
     apply(config.stream, api);
     auto server = ApiServer::listen(config.server.listen, api);
@@ -143,6 +150,7 @@ int serve(const DaemonConfig& config) {
     runner.abort();
     if (poses) poses->close();
     if (body_fit) body_fit->close();
+    camera_watch.close();
     procedure->close();
     const absl::Status stopping = absl::UnavailableError("the daemon is stopping; connect again later");
     hub.close(stopping);

@@ -9,6 +9,7 @@
 #include "server/api/control_lease.h"
 #include "server/api/state_watch.h"
 #include "server/calibration/calibration_use.h"
+#include "server/calibration/camera_watch.h"
 #include "server/pipeline/runner.h"
 #include "server/pipeline/stream_hub.h"
 
@@ -39,6 +40,8 @@ struct ApiContext {
     CalibrationProcedure* procedure = nullptr;
     ProcedureWatch* procedure_watch = nullptr;
     boost::asio::any_io_executor calibrating{};
+
+    const CameraWatch* camera_watch = nullptr;   // null where nothing watches the cameras' places
 
     std::string source_description;          // "session /data/trial/session.toml"
     std::chrono::steady_clock::time_point started_at = std::chrono::steady_clock::now();

@@ -23,10 +23,16 @@ void fill_newest(const ApiContext& api, const PublishedPictures& newest, v1::Get
 
 void fill_cameras(const ApiContext& api, const FrameResult* result, v1::GetStatusResponse& response) {
     const std::vector<Camera>& cameras = api.runner.cameras();
+    const auto watched = api.camera_watch ? api.camera_watch->cameras() : std::vector<WatchedCamera>{};
     for (std::size_t i = 0; i < cameras.size(); ++i) {
         v1::CameraStatus& camera = *response.add_cameras();
         camera.set_name(cameras[i].name);
         camera.set_silhouette_iou(std::numeric_limits<double>::quiet_NaN());
+        if (i < watched.size()) {
+            if (watched[i].shift_px) camera.set_calibration_disagreement_px(*watched[i].shift_px);
+            camera.set_calibration_suspect(watched[i].suspect);
+            camera.set_calibration_suspect_reason(watched[i].reason);
+        }
         if (!result) continue;
         const auto& pictures = result->frame_set.pictures;
         camera.set_has_picture(i < pictures.size() && !pictures[i].empty());
