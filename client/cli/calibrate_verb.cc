@@ -19,7 +19,7 @@ namespace {
 
 struct Options {
     std::string name = default_operator_name();
-    std::string id, file, format, note, out;
+    std::string id, file, format, note, out, page;
     bool restart = false, although_bad = false, follow = false;
 };
 
@@ -75,8 +75,11 @@ absl::Status run_list(const Common& common, const Options&) {
 absl::Status run_certificate(const Common& common, const Options& options) {
     v1::GetCertificateRequest request;
     request.set_id(options.id);
+    request.set_with_page(!options.page.empty());
     const auto response = client::Client(common.client_options()).get_certificate(request);
     if (!response.ok()) return response.status();
+    if (!options.page.empty())
+        if (absl::Status written = write_file_atomically(options.page, response->page_png()); !written.ok()) return written;
     std::string text = common.json ? response->json() : certificate_text(response->certificate());
     while (text.ends_with('\n')) text.pop_back();
     print_line(text);
@@ -221,7 +224,8 @@ void add_calibrate_verb(CLI::App& app, Common& common, Run& run) {
         ->add_flag("--follow", options->follow, "Also after its end, for the next one");
     add_name(add("cancel", "End the procedure (takes control for the moment)", run_cancel));
     add("list", "The stored calibrations", run_list);
-    add_id(add("certificate", "How good a calibration is, and why; --json: all that is known", run_certificate));
+    add_id(add("certificate", "How good a calibration is, and why; --json: all that is known", run_certificate))
+        ->add_option("--page", options->page, "Also as a page of pictures, into this PNG");
     CLI::App* apply = add_restart(
         add_name(add_id(add("apply", "Use a stored calibration (takes control for the moment)", run_apply))));
     apply->add_flag("--although-bad", options->although_bad, "Even if its verdict is NO-GO or it has no floor");

@@ -332,7 +332,8 @@ absl::StatusOr<v1::ListCalibrationsResponse> Client::list_calibrations(const v1:
 }
 
 absl::StatusOr<v1::GetCertificateResponse> Client::get_certificate(const v1::GetCertificateRequest& request) {
-    return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::GetCertificate, request);
+    return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::GetCertificate, request,
+                           request.with_page() ? kChangeTimeout : parts_->options.timeout);
 }
 
 absl::StatusOr<v1::ApplyCalibrationResponse> Client::apply_calibration(const v1::ApplyCalibrationRequest& request) {

@@ -287,6 +287,10 @@ absl::Status get_certificate(const ApiContext& api, const v1::GetCertificateRequ
     if (!json.ok()) return json.status();
     *response.mutable_certificate() = certificate_to_proto(*json);
     response.set_json(*json);
+    if (!request.with_page()) return absl::OkStatus();
+    auto page = api.calibrations->certificate_page(request.id());
+    if (!page.ok()) return page.status();
+    response.set_page_png(*std::move(page));
     return absl::OkStatus();
 }
 

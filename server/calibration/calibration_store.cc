@@ -9,6 +9,7 @@
 
 #include "common/atomic_file.h"
 #include "common/calibration_file.h"
+#include "server/calibration/certificate_page.h"
 
 namespace kinevox {
 namespace {
@@ -18,6 +19,7 @@ using Json = nlohmann::ordered_json;
 
 constexpr const char* kCalibration = "calibration.toml";
 constexpr const char* kCertificate = "certificate.json";
+constexpr const char* kPage = "certificate.png";
 constexpr const char* kAbout = "about.json";
 
 // 0 for what is no id.
@@ -188,6 +190,17 @@ absl::StatusOr<std::string> CalibrationStore::certificate_json(const std::string
     if (absl::Status there = check_folder(); !there.ok()) return there;
     if (const auto about = read_about(id); !about.ok()) return about.status();
     return read_file(folder_of(id) / kCertificate);
+}
+
+absl::StatusOr<std::string> CalibrationStore::certificate_page(const std::string& id) const {
+    if (absl::Status there = check_folder(); !there.ok()) return there;
+    if (const auto about = read_about(id); !about.ok()) return about.status();
+    const fs::path page = folder_of(id) / kPage;
+    std::error_code error;
+    if (!fs::exists(page, error))
+        if (const absl::Status drawn = draw_certificate_page(folder_of(id) / kCertificate, page); !drawn.ok())
+            return absl::UnavailableError(drawn.message());
+    return read_file(page);
 }
 
 absl::StatusOr<CalibrationListing> CalibrationStore::find(const std::string& id) const {

@@ -340,6 +340,11 @@ TEST_F(CalibrationTest, PlacesFromALiveBoardAreSolvedAppliedKeptAndUndone) {
     ASSERT_EQ(certificate->certificate().cameras_size(), 4);
     EXPECT_GT(certificate->certificate().cameras(0).views(), 5);
     EXPECT_EQ(json::parse(certificate->json())["made_by"], "board");
+    EXPECT_TRUE(certificate->page_png().empty()) << "not asked for";
+    of_c1.set_with_page(true);
+    const auto with_page = coach.client().get_certificate(of_c1);
+    ASSERT_TRUE(with_page.ok()) << with_page.status();
+    EXPECT_TRUE(with_page->page_png().starts_with("\x89PNG")) << with_page->page_png().size() << " bytes";
 
     // Applied: not before the capture's next start, unless it is started anew.
     const bool bad = seen.verdict() == v1::VERDICT_NO_GO;
