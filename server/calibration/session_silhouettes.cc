@@ -57,20 +57,6 @@ SilhouettePicture main_subject(const std::vector<std::uint8_t>& mask, int width,
     return out;
 }
 
-// What the tracked subject covers, camera by camera; where a camera is not tracked, what moves in its picture.
-std::vector<SilhouettePicture> pictures_of(const FrameResult& result, const std::vector<Camera>& cameras) {
-    std::vector<SilhouettePicture> pictures(cameras.size());
-    oneapi::tbb::parallel_for(std::size_t{0}, cameras.size(), [&](std::size_t c) {
-        const kernels::Silhouettes& seen = result.silhouettes[c];
-        if (seen.sharp.empty()) return;
-        const bool tracked = result.subject && result.subject->camera_used[c];
-        const bool whole = seen.searched.x1 - seen.searched.x0 == cameras[c].width &&
-                           seen.searched.y1 - seen.searched.y0 == cameras[c].height;
-        if (tracked || whole) pictures[c] = main_subject(seen.sharp, cameras[c].width, cameras[c].height);
-    });
-    return pictures;
-}
-
 struct OpenSession {
     std::unique_ptr<FrameSource> source;
     std::vector<std::vector<Picture>> background;
@@ -117,6 +103,19 @@ absl::Status walk_through(FrameSource& source, int moments, bool all_between, co
 
 }  // namespace
 
+std::vector<SilhouettePicture> silhouettes_of(const FrameResult& result, const std::vector<Camera>& cameras) {
+    std::vector<SilhouettePicture> pictures(cameras.size());
+    oneapi::tbb::parallel_for(std::size_t{0}, std::min(cameras.size(), result.silhouettes.size()), [&](std::size_t c) {
+        const kernels::Silhouettes& seen = result.silhouettes[c];
+        if (seen.sharp.empty()) return;
+        const bool tracked = result.subject && result.subject->camera_used[c];
+        const bool whole = seen.searched.x1 - seen.searched.x0 == cameras[c].width &&
+                           seen.searched.y1 - seen.searched.y0 == cameras[c].height;
+        if (tracked || whole) pictures[c] = main_subject(seen.sharp, cameras[c].width, cameras[c].height);
+    });
+    return pictures;
+}
+
 absl::StatusOr<SilhouetteSet> tracked_silhouettes(const std::filesystem::path& session_file,
                                                   const std::vector<Camera>& cameras, int moments,
                                                   const SolveProgress& progress) {
@@ -135,7 +134,7 @@ absl::StatusOr<SilhouetteSet> tracked_silhouettes(const std::filesystem::path& s
         walk_through(*session->source, moments, true, progress, [&](FrameSet set, bool due) -> absl::Status {
             const auto result = (*pipeline)->process(std::move(set));
             if (!result.ok()) return result.status();
-            if (due) out.moments.push_back(pictures_of(**result, cameras));
+            if (due) out.moments.push_back(silhouettes_of(**result, cameras));
             return absl::OkStatus();
         });
     if (!walked.ok()) return walked;

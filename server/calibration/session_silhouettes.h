@@ -9,6 +9,7 @@
 
 #include "server/calibration/finding.h"
 #include "server/calibration/silhouette_set.h"
+#include "server/pipeline/frame_result.h"
 
 namespace kinevox {
 
@@ -16,6 +17,10 @@ struct SessionSilhouettes {
     std::vector<Camera> cameras;
     SilhouetteSet set;
 };
+
+// What the tracked subject covers in each camera's picture; where a camera is not tracked but was searched as a whole, the
+// largest thing that moves there and what lies beside it. Empty pictures where neither can be told.
+std::vector<SilhouettePicture> silhouettes_of(const FrameResult& result, const std::vector<Camera>& cameras);
 
 // About `moments` frame sets, evenly over the recording, from the pipeline's own segmentation and tracking: the
 // volume tells what belongs to the subject and what is a shadow or moves elsewhere. Cameras whose place is so wrong

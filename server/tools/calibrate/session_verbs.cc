@@ -5,11 +5,10 @@
 #include <memory>
 #include <string>
 
-#include "server/calibration/agreement_pictures.h"
 #include "server/calibration/diagnosis.h"
 #include "server/calibration/hull_agreement.h"
+#include "server/calibration/person_refine.h"
 #include "server/calibration/session_silhouettes.h"
-#include "server/calibration/silhouette_refine.h"
 #include "server/tools/calibrate/certificate_files.h"
 #include "server/tools/calibrate/console.h"
 #include "server/tools/calibrate/verbs.h"
@@ -32,15 +31,6 @@ std::optional<double> known_height(const SessionArguments& arguments) {
     return arguments.height_m > 0 ? std::optional<double>(arguments.height_m) : std::nullopt;
 }
 
-void judge(const SessionSilhouettes& seen, const SessionArguments& arguments, Certificate& certificate) {
-    const auto extent = subject_extent(certificate.cameras, seen.set);
-    if (extent) certificate.subject_height_m = extent->highest_m - extent->lowest_m;
-    certificate.world_is_set = true;
-    certificate.pictures = agreement_pictures(certificate.cameras, seen.set);
-    for (Finding& finding : check_world(certificate.cameras, extent, known_height(arguments)))
-        certificate.findings.push_back(std::move(finding));
-}
-
 void print_hull(const char* what, const HullAgreement& hull, const std::vector<Camera>& cameras) {
     fmt::print("{}: hull and silhouettes agree to {:.4f} (IoU, {} frames):", what, hull.mean_iou,
                hull.frames);
@@ -52,44 +42,17 @@ absl::Status refine(const SessionArguments& arguments) {
     const SolveProgress progress = console_progress(arguments.quiet);
     const auto seen = open(arguments, progress);
     if (!seen.ok()) return seen.status();
-    Certificate certificate;
-    certificate.made_by = "person";
-    certificate.cameras = seen->cameras;
-    // Measured on moments that the fit does not see.
-    SilhouetteSet fitted, kept_out;
-    for (std::size_t m = 0; m < seen->set.moments.size(); ++m)
-        (m % 2 ? kept_out : fitted).moments.push_back(seen->set.moments[m]);
-    certificate.hull_before = certificate.hull = hull_agreement(seen->cameras, kept_out);
+    const auto refined = refine_from_person(seen->cameras, seen->set, arguments.moments, known_height(arguments), progress);
+    if (!refined.ok()) return refined.status();
+    const Certificate& certificate = refined->certificate;
     print_hull("before", *certificate.hull_before, seen->cameras);
-    // How far the cameras may be from where they are believed to be is not known: what the hull agrees with
-    // best is taken.
-    SilhouetteRefineResult best;
-    for (const auto& [angle_deg, shift_m] :
-         {std::pair{0.25, 0.02}, std::pair{1.0, 0.07}, std::pair{5.0, 0.35}}) {
-        SilhouetteRefineOptions options;
-        options.most_moments = arguments.moments;
-        options.prior_angle_deg = angle_deg, options.prior_shift_m = shift_m;
-        auto refined = refine_from_silhouettes(seen->cameras, fitted, options, progress);
-        if (!refined.ok()) return refined.status();
-        const HullAgreement hull = hull_agreement(refined->cameras, kept_out);
-        if (!(hull.mean_iou > certificate.hull->mean_iou)) continue;
-        certificate.hull = hull;
-        certificate.cameras = refined->cameras;
-        best = *std::move(refined);
-    }
-    if (best.cameras.empty()) {
-        certificate.findings.push_back(
-            {Verdict::kCare, "unchanged", "",
-             "the silhouettes fit no other places better: nothing was changed",
-             "if it should be better, record a person who walks through the whole space"});
-    } else {
+    if (const auto& better = refined->better) {
         print_hull("after ", *certificate.hull, seen->cameras);
-        fmt::print("outlines miss by {:.2f} px, before {:.2f}\n", best.miss_after_px, best.miss_before_px);
+        fmt::print("outlines miss by {:.2f} px, before {:.2f}\n", better->miss_after_px, better->miss_before_px);
         for (std::size_t c = 0; c < seen->cameras.size(); ++c)
             fmt::print("{:12} turned by {:.2f} degrees, moved by {:.0f} mm\n", seen->cameras[c].name,
-                       best.turned_deg[c], 1000 * best.moved_m[c]);
+                       better->turned_deg[c], 1000 * better->moved_m[c]);
     }
-    judge(*seen, arguments, certificate);
     return write_calibration(certificate, arguments.out);
 }
 
@@ -106,7 +69,7 @@ absl::Status check(const SessionArguments& arguments) {
     auto findings = diagnose_silhouettes(seen->cameras, seen->set, {}, progress);
     if (!findings.ok()) return findings.status();
     certificate.findings = *std::move(findings);
-    judge(*seen, arguments, certificate);
+    judge_by_person(seen->set, known_height(arguments), certificate);
     fmt::print("{}", certificate_text(certificate));
     return arguments.out.empty() ? absl::OkStatus() : write_certificate(certificate, arguments.out);
 }
