@@ -7,6 +7,7 @@
 
 #include "common/degrees.h"
 #include "server/calibration/floor.h"
+#include "server/calibration/median.h"
 #include "server/calibration/subject_hull.h"
 
 namespace kinevox {
@@ -117,8 +118,7 @@ Plane fit_plane(const std::vector<Moment>& moments, Vector upright, const FloorP
         }
         if (round == 0) {
             std::vector<double> sorted = heights;
-            std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
-            plane.height = sorted[sorted.size() / 2];
+            plane.height = median_of(sorted);
         }
         // At first all count, the nearer to the floor the more; then those that touch it.
         std::vector<double> weights;

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "server/calibration/lens_fit.h"
+#include "server/calibration/median.h"
 
 namespace kinevox {
 namespace {
@@ -31,9 +32,7 @@ std::optional<double> mean_movement(const std::vector<Corner>& a, const std::vec
 }
 
 double median(std::vector<double> values) {
-    if (values.empty()) return 0;
-    std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-    return values[values.size() / 2];
+    return values.empty() ? 0 : median_of(values);
 }
 
 void reject(IntrinsicsView& view, ViewUse use, std::string reason) {

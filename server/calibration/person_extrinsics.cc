@@ -9,6 +9,7 @@
 
 #include "server/calibration/bundle.h"
 #include "server/calibration/camera_tree.h"
+#include "server/calibration/median.h"
 #include "server/calibration/person_landmarks.h"
 #include "server/calibration/person_world.h"
 #include "server/calibration/silhouette_refine.h"
@@ -30,11 +31,6 @@ using Landmarks = std::vector<std::vector<std::optional<PersonLandmarks>>>;  // 
 cv::Point2d on_plane(const Camera& camera, Vec2 pixel) {
     const Vec3 d = direction_in_camera(camera, pixel);
     return {d.x / d.z, d.y / d.z};
-}
-
-double median(std::vector<double>& values) {
-    std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
-    return values[values.size() / 2];
 }
 
 // The length of the upper body, in units of the two cameras' distance, makes all pairs' units the same.
@@ -71,7 +67,7 @@ std::optional<CameraPair> join(const std::vector<Camera>& lenses, const Landmark
         lengths.push_back(norm(at(m) - at(last)));
     }
     if (lengths.size() < kFewestTogether / 2) return std::nullopt;
-    const double length = median(lengths);
+    const double length = median_of(lengths);
     if (!(length > 0)) return std::nullopt;
     CameraPair pair{a, b, {}, good};
     for (int i = 0; i < 9; ++i) pair.a_from_b.rotation.m[i] = rotation.at<double>(i / 3, i % 3);

@@ -21,8 +21,9 @@ struct PersonRefinement {
     std::optional<SilhouetteRefineResult> better;  // empty: no other places fit the silhouettes better
 };
 
-// Half of the moments measure the result, at most `moments` of the other half are fitted to. `height_m`: the subject's, as measured; empty: not known. FailedPrecondition where too few silhouettes are seen by two
-// cameras at a time; Cancelled by `progress`.
+// Half of the moments measure the result, at most `moments` of the other half are fitted to. `height_m`: the subject's,
+// as measured; empty: not known. FailedPrecondition where too few silhouettes are seen by two cameras at a time; Cancelled
+// by `progress`.
 absl::StatusOr<PersonRefinement> refine_from_person(const std::vector<Camera>& cameras,
                                                     const SilhouetteSet& silhouettes, int moments,
                                                     std::optional<double> height_m, const SolveProgress& progress);

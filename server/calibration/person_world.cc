@@ -1,12 +1,12 @@
 #include "server/calibration/person_world.h"
 
-#include <fmt/format.h>
 #include <oneapi/tbb/parallel_for.h>
 
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 
+#include "common/to_eigen.h"
 #include "server/calibration/silhouette_hull.h"
 
 namespace kinevox {
@@ -17,9 +17,6 @@ constexpr double kFloorStdPart = 0.02;    // of the height: of the lowest point 
 constexpr double kUprightQuantile = 0.75, kTallQuantile = 0.97;  // of the heights of the hulls
 constexpr int kFewest = 5;
 
-Eigen::Vector3d eigen(Vec3 v) {
-    return {v.x, v.y, v.z};
-}
 
 double quantile(std::vector<double> values, double part) {
     std::sort(values.begin(), values.end());
@@ -43,22 +40,22 @@ std::vector<SilhouetteHull::Extent> extents(const std::vector<Camera>& cameras, 
 
 // The floor's normal: the plane through the lowest points, held near the body's axis across its way.
 Vec3 normal_of_floor(const std::vector<SilhouetteHull::Extent>& extents, Vec3 up, double height) {
-    const Eigen::Vector3d axis = eigen(up);
+    const Eigen::Vector3d axis = to_eigen(up);
     const Eigen::Vector3d side = axis.unitOrthogonal(), front = axis.cross(side);
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    for (const auto& extent : extents) mean += eigen(extent.lowest) / static_cast<double>(extents.size());
+    for (const auto& extent : extents) mean += to_eigen(extent.lowest) / static_cast<double>(extents.size());
     Eigen::Matrix2d square = Eigen::Matrix2d::Identity() / (kLeanStd_rad * kLeanStd_rad);
     Eigen::Vector2d right = Eigen::Vector2d::Zero();
     const double weight = 1 / std::pow(kFloorStdPart * height, 2);
     for (const auto& extent : extents) {
-        const Eigen::Vector3d p = eigen(extent.lowest) - mean;
+        const Eigen::Vector3d p = to_eigen(extent.lowest) - mean;
         const Eigen::Vector2d flat(p.dot(side), p.dot(front));
         square += weight * flat * flat.transpose();
         right += weight * p.dot(axis) * flat;
     }
     const Eigen::Vector2d slope = square.ldlt().solve(right);
     const Eigen::Vector3d normal = (axis - slope(0) * side - slope(1) * front).normalized();
-    return {normal.x(), normal.y(), normal.z()};
+    return from_eigen(normal);
 }
 
 // Along the direction in which the subject's places spread most, and across it; world lengths.

@@ -151,13 +151,7 @@ absl::Status CalibrationProcedure::read(ProcedureFiles files) {
         if (absl::Status status = check_collecting(); !status.ok()) return status;
         if (work != work_) return absl::FailedPreconditionError("the procedure was ended meanwhile; start one anew");
         files_ = std::move(files);
-        job_ = Job::kRead;
-        stop_job_ = false;
-        progress_.state = ProcedureState::kReading;
-        progress_.taking = Taking::kNothing;
-        progress_.part = 0;
-        progress_.message = "reading files";
-        box = std::move(box_);
+        box = begin(Job::kRead, ProcedureState::kReading, "reading files");
     }
     changed_.notify_all();
     tell();
@@ -170,13 +164,7 @@ absl::Status CalibrationProcedure::solve() {
         const std::scoped_lock lock(mutex_);
         if (absl::Status status = check_collecting(); !status.ok()) return status;
         last_use_ = Clock::now();
-        job_ = Job::kSolve;
-        stop_job_ = false;
-        progress_.state = ProcedureState::kSolving;
-        progress_.taking = Taking::kNothing;
-        progress_.part = 0;
-        progress_.message = "solving";
-        box = std::move(box_);
+        box = begin(Job::kSolve, ProcedureState::kSolving, "solving");
     }
     changed_.notify_all();
     tell();
@@ -201,6 +189,16 @@ absl::Status CalibrationProcedure::cancel(bool keep_observations) {
     changed_.notify_all();
     tell();
     return absl::OkStatus();
+}
+
+std::shared_ptr<PictureMailbox> CalibrationProcedure::begin(Job job, ProcedureState state, std::string message) {
+    job_ = job;
+    stop_job_ = false;
+    progress_.state = state;
+    progress_.taking = Taking::kNothing;
+    progress_.part = 0;
+    progress_.message = std::move(message);
+    return std::move(box_);
 }
 
 std::shared_ptr<PictureMailbox> CalibrationProcedure::end(ProcedureState state, std::string message) {

@@ -90,7 +90,9 @@ class CalibrationProcedure {
 
     absl::Status check_collecting() const;   // mutex held
     bool abandoned();                        // mutex held
-    std::shared_ptr<PictureMailbox> end(ProcedureState state, std::string message);   // mutex held; to be let go without
+    // Mutex held; what they return is to be let go without.
+    std::shared_ptr<PictureMailbox> begin(Job job, ProcedureState state, std::string message);
+    std::shared_ptr<PictureMailbox> end(ProcedureState state, std::string message);
     void tell();
     void run();
     void guarded(std::uint64_t number, const std::function<void()>& act);

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "server/calibration/median.h"
+
 namespace kinevox {
 namespace {
 
@@ -61,8 +63,7 @@ double edge_width_px(const cv::Mat& grey, const std::vector<Corner>& corners,
         if (flattest > 0) widths.push_back((lightest - darkest) / flattest);
     }
     if (widths.empty()) return 0;
-    std::nth_element(widths.begin(), widths.begin() + widths.size() / 2, widths.end());
-    return widths[widths.size() / 2];
+    return median_of(widths);
 }
 
 }  // namespace kinevox

@@ -47,16 +47,24 @@ double SilhouetteHull::clear_m(std::size_t own, Vec3 point) const {
     return votes >= fewest_others_ ? clear : std::nan("");
 }
 
-SilhouetteHull::Meets SilhouetteHull::meets(std::size_t own, const Ray& ray, double reach_m, double step_m) const {
+template <class Visit>
+void SilhouetteHull::walk(std::size_t own, const Ray& ray, double reach_m, double step_m, Visit visit) const {
     const double centre = dot(*middle_ - ray.origin_in_world, ray.direction_in_world);
-    Meets answer = Meets::kUnseen;
     for (double depth = std::max(kNearest_m, centre - reach_m); depth < centre + reach_m;) {
-        const double clear = clear_m(own, ray.origin_in_world + depth * ray.direction_in_world);
-        if (clear == 0) return Meets::kYes;
-        if (!std::isnan(clear)) answer = Meets::kNo;
+        const Vec3 place = ray.origin_in_world + depth * ray.direction_in_world;
+        const double clear = clear_m(own, place);
+        if (!visit(place, clear)) return;
         // Less than what is clear: perspective and distortion bend the scale.
         depth += std::isnan(clear) ? step_m : std::max(step_m, 0.6 * clear);
     }
+}
+
+SilhouetteHull::Meets SilhouetteHull::meets(std::size_t own, const Ray& ray, double reach_m, double step_m) const {
+    Meets answer = Meets::kUnseen;
+    walk(own, ray, reach_m, step_m, [&](Vec3, double clear) {
+        if (!std::isnan(clear)) answer = clear == 0 ? Meets::kYes : Meets::kNo;
+        return answer != Meets::kYes;
+    });
     return answer;
 }
 
@@ -64,19 +72,14 @@ std::optional<SilhouetteHull::Extent> SilhouetteHull::extent(Vec3 up) const {
     std::optional<Extent> extent;
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
         if (!fields_[c]) continue;
-        for (const Vec2 pixel : fields_[c]->outline(kOutlinePoints)) {
-            const Ray ray = cameras_[c].ray_through(pixel);
-            const double centre = dot(*middle_ - ray.origin_in_world, ray.direction_in_world);
-            for (double depth = std::max(kNearest_m, centre - kReach_m); depth < centre + kReach_m;) {
-                const Vec3 point = ray.origin_in_world + depth * ray.direction_in_world;
-                const double clear = clear_m(c, point);
-                depth += std::isnan(clear) ? kStep_m : std::max(kStep_m, 0.6 * clear);
-                if (clear != 0) continue;
-                if (!extent) extent = Extent{point, point};
-                if (dot(point - extent->lowest, up) < 0) extent->lowest = point;
-                if (dot(point - extent->highest, up) > 0) extent->highest = point;
-            }
-        }
+        for (const Vec2 pixel : fields_[c]->outline(kOutlinePoints))
+            walk(c, cameras_[c].ray_through(pixel), kReach_m, kStep_m, [&](Vec3 place, double clear) {
+                if (clear != 0) return true;   // NaN neither
+                if (!extent) extent = Extent{place, place};
+                if (dot(place - extent->lowest, up) < 0) extent->lowest = place;
+                if (dot(place - extent->highest, up) > 0) extent->highest = place;
+                return true;
+            });
     }
     return extent;
 }

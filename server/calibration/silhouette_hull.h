@@ -37,6 +37,9 @@ class SilhouetteHull {
   private:
     // By how much a place is at least away from the hull; 0 within it. NaN where too few other cameras see it.
     double clear_m(std::size_t own, Vec3 point) const;
+    // visit(place, clear_m of it) along a ray of camera `own`, within `reach_m` of the middle, until it returns false.
+    template <class Visit>
+    void walk(std::size_t own, const Ray& ray, double reach_m, double step_m, Visit visit) const;
 
     const std::vector<Camera>& cameras_;
     std::vector<std::unique_ptr<SilhouetteField>> fields_;  // per camera, null: no silhouette

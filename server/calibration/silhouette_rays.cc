@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/to_eigen.h"
 #include "server/calibration/triangulation.h"
 
 namespace kinevox {
@@ -26,17 +27,9 @@ bool project(const Camera& camera, Vec3 in_camera, float& x, float& y) {
     return r2 < 4;
 }
 
-Eigen::Vector3d eigen(Vec3 v) {
-    return {v.x, v.y, v.z};
-}
 Eigen::Matrix3d skew(Vec3 v) {
     Eigen::Matrix3d m;
     m << 0, -v.z, v.y, v.z, 0, -v.x, -v.y, v.x, 0;
-    return m;
-}
-Eigen::Matrix3d eigen(const Mat3& r) {
-    Eigen::Matrix3d m;
-    for (int i = 0; i < 9; ++i) m(i / 3, i % 3) = r.m[i];
     return m;
 }
 
@@ -155,14 +148,14 @@ void OutlineRays::add(const std::vector<Camera>& cameras, const OutlineRay& ray,
         const Eigen::RowVector3d by_point(dx * fx, dy * fy,
                                           -(dx * fx * in_camera.x + dy * fy * in_camera.y) / in_camera.z);
         const Eigen::Matrix3d other_from_own =
-            eigen(cameras[c].camera_from_world.rotation) * eigen(world_from_own.rotation);
+            to_eigen(cameras[c].camera_from_world.rotation) * to_eigen(world_from_own.rotation);
         Row row;
         row.other = c;
         row.miss = inside;
         row.by_other << -by_point * skew(in_camera), by_point;
         const Eigen::RowVector3d by_own_point = by_point * other_from_own;
         row.by_own << by_own_point * skew(in_own), -by_own_point;
-        row.by_depth = by_own_point * eigen(ray.direction_in_camera);
+        row.by_depth = by_own_point * to_eigen(ray.direction_in_camera);
         depth_square += row.by_depth * row.by_depth;
         rows.push_back(row);
     }

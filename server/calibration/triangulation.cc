@@ -4,18 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/to_eigen.h"
+
 namespace kinevox {
-namespace {
-
-Eigen::Vector3d eigen(Vec3 v) {
-    return {v.x, v.y, v.z};
-}
-Vec3 plain(const Eigen::Vector3d& v) {
-    return {v.x(), v.y(), v.z()};
-}
-
-}  // namespace
-
 Vec3 direction_in_camera(Camera camera, Vec2 pixel) {
     camera.camera_from_world = {};
     return camera.ray_through(pixel).direction_in_world;
@@ -27,14 +18,14 @@ std::optional<Vec3> triangulate(const std::vector<Sight>& sights) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (const Sight& sight : sights) {
         const Ray ray = sight.camera->ray_through(sight.pixel);
-        const Eigen::Vector3d d = eigen(ray.direction_in_world);
+        const Eigen::Vector3d d = to_eigen(ray.direction_in_world);
         const Eigen::Matrix3d m = Eigen::Matrix3d::Identity() - d * d.transpose();
         across += m;
-        sum += m * eigen(ray.origin_in_world);
+        sum += m * to_eigen(ray.origin_in_world);
     }
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigenvalues(across);
     if (!(eigenvalues.eigenvalues()(0) > 1e-4)) return std::nullopt;  // the rays are parallel
-    Vec3 point = plain(across.ldlt().solve(sum));
+    Vec3 point = from_eigen(across.ldlt().solve(sum));
     constexpr double kStep = 1e-5;
     for (int round = 0; round < 4; ++round) {
         Eigen::Matrix3d square = Eigen::Matrix3d::Zero();
@@ -56,7 +47,7 @@ std::optional<Vec3> triangulate(const std::vector<Sight>& sights) {
         }
         const Eigen::Vector3d step = square.ldlt().solve(right);
         if (!step.allFinite() || step.norm() > 1) return std::nullopt;
-        point += plain(step);
+        point += from_eigen(step);
     }
     return point;
 }
@@ -65,14 +56,14 @@ std::optional<Alignment> align_points(const std::vector<Vec3>& from, const std::
                                       bool with_scale) {
     if (from.size() != to.size() || from.size() < 3) return std::nullopt;
     Eigen::Matrix3Xd a(3, from.size()), b(3, to.size());
-    for (std::size_t i = 0; i < from.size(); ++i) a.col(i) = eigen(from[i]), b.col(i) = eigen(to[i]);
+    for (std::size_t i = 0; i < from.size(); ++i) a.col(i) = to_eigen(from[i]), b.col(i) = to_eigen(to[i]);
     const Eigen::Matrix4d t = Eigen::umeyama(a, b, with_scale);
     if (!t.allFinite()) return std::nullopt;
     Alignment out;
     const Eigen::Matrix3d linear = t.topLeftCorner<3, 3>();
     out.scale = std::cbrt(linear.determinant());
     for (int i = 0; i < 9; ++i) out.to_from_from.rotation.m[i] = linear(i / 3, i % 3) / out.scale;
-    out.to_from_from.translation = plain(t.topRightCorner<3, 1>());
+    out.to_from_from.translation = from_eigen(t.topRightCorner<3, 1>());
     return out;
 }
 

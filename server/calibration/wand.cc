@@ -8,6 +8,7 @@
 #include <set>
 
 #include "server/calibration/extrinsics_checks.h"
+#include "server/calibration/median.h"
 #include "server/calibration/triangulation.h"
 
 namespace kinevox {
@@ -72,8 +73,7 @@ void drop_strays(const Bundle& bundle, const BundleReport& report, const std::ve
     for (const double error : report.errors_px)
         if (std::isfinite(error)) errors.push_back(error);
     if (errors.empty()) return;
-    std::nth_element(errors.begin(), errors.begin() + errors.size() / 2, errors.end());
-    const double most = std::max(kMostMissPx, kMostMissRatio * errors[errors.size() / 2]);
+    const double most = std::max(kMostMissPx, kMostMissRatio * median_of(errors));
     std::vector<std::set<int>> views(bundle.cameras.size()), strays(bundle.cameras.size());
     for (std::size_t i = 0; i < report.errors_px.size(); ++i) {
         const BundleObservation& o = bundle.observations[i];

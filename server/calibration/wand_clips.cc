@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <functional>
 
+#include "server/calibration/median.h"
 #include "server/cameras/picture_reader.h"
 
 namespace kinevox {
@@ -35,8 +36,7 @@ absl::StatusOr<Picture> empty_scene(const CameraClip& clip, const Camera& size) 
     std::vector<std::uint8_t> values(some.size());
     for (std::size_t i = 0; i < bytes; ++i) {
         for (std::size_t k = 0; k < some.size(); ++k) values[k] = some[k].data[i];
-        std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-        data[i] = values[values.size() / 2];
+        data[i] = median_of(values);
     }
     out.data = std::move(data);
     return out;

@@ -5,6 +5,7 @@
 #include <opencv2/calib3d.hpp>
 #include <utility>
 
+#include "server/calibration/median.h"
 #include "server/calibration/triangulation.h"
 
 namespace kinevox {
@@ -173,8 +174,7 @@ double scale_of(const std::vector<Joint>& joints, const cv::Matx33d& rotation, c
         if (first && last && norm(*first - *last) > 0) scales.push_back(length_m / norm(*first - *last));
     }
     if (scales.size() < 5) return 0;
-    std::nth_element(scales.begin(), scales.begin() + scales.size() / 2, scales.end());
-    return scales[scales.size() / 2];
+    return median_of(scales);
 }
 
 }  // namespace

@@ -10,11 +10,10 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <oneapi/tbb/parallel_for.h>
-#include <oneapi/tbb/partitioner.h>
 
 #include "kernels/projection.h"
 #include "server/pipeline/convert.h"
+#include "server/pipeline/for_each_camera.h"
 #include "server/pipeline/result_pool.h"
 #include "server/pose/pose_stage.h"
 
@@ -64,12 +63,6 @@ class SpareReconstructions {
     std::mutex mutex_;
     std::vector<std::unique_ptr<Reconstruction>> spare_;
 };
-
-// Cameras side by side; what a camera's stage splits further is stolen by idle workers.
-template <class F>
-void for_each_camera(std::size_t count, F body) {
-    oneapi::tbb::parallel_for(std::size_t{0}, count, body, oneapi::tbb::simple_partitioner());
-}
 
 class StagedPipeline final : public Pipeline {
   public:

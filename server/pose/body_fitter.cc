@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 #include <oneapi/tbb/parallel_for.h>
 
+#include "common/to_eigen.h"
 #include "server/pose/pose_tracker.h"
 
 namespace kinevox {
@@ -24,13 +25,6 @@ using ShapeMatrix = Eigen::Matrix<double, kParameters, kParameters>;
 using MixedMatrix = Eigen::Matrix<double, kBodyDofCount, kParameters>;
 using PointByShape = Eigen::Matrix<double, 3, kParameters>;
 
-Eigen::Vector3d to_eigen(Vec3 v) { return {v.x, v.y, v.z}; }
-Eigen::Matrix3d to_eigen(const Mat3& m) {
-    Eigen::Matrix3d out;
-    for (int r = 0; r < 3; ++r)
-        for (int c = 0; c < 3; ++c) out(r, c) = m(r, c);
-    return out;
-}
 
 // How joints and capsules move in their segments' frames with the lengths: constant, since all is linear in them.
 struct ShapeRates {

@@ -5,6 +5,8 @@
 
 #include <Eigen/Dense>
 
+#include "common/to_eigen.h"
+
 namespace kinevox {
 namespace {
 
@@ -59,7 +61,6 @@ Vote vote(const std::vector<RayCandidate>& candidates, int camera_count, Vec3 po
     return result;
 }
 
-Eigen::Vector3d to_eigen(Vec3 v) { return {v.x, v.y, v.z}; }
 
 // Least squares over the chosen rays, weighted by how far they pass `point`, which is then moved. False if they fix
 // no point.

@@ -6,8 +6,8 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <oneapi/tbb/parallel_for.h>
-#include <oneapi/tbb/partitioner.h>
+
+#include "server/pipeline/for_each_camera.h"
 
 namespace kinevox {
 namespace {
@@ -207,15 +207,12 @@ TrackerUpdate Tracker::update(std::uint64_t sequence, std::int64_t time_ns,
     TrackerUpdate update;
     update.roles.assign(cameras_.size(), CameraRole::kCannotSee);
     BlobsByCamera blobs(cameras_.size());
-    oneapi::tbb::parallel_for(
-        std::size_t{0}, cameras_.size(),
-        [&](std::size_t c) {
-            if (silhouettes[c])
-                blobs[c] = find_blobs(*silhouettes[c], min_pixels(cameras_[c]), kMostBlobs);
-            else
-                update.roles[c] = CameraRole::kSilent;
-        },
-        oneapi::tbb::simple_partitioner());
+    for_each_camera(cameras_.size(), [&](std::size_t c) {
+        if (silhouettes[c])
+            blobs[c] = find_blobs(*silhouettes[c], min_pixels(cameras_[c]), kMostBlobs);
+        else
+            update.roles[c] = CameraRole::kSilent;
+    });
 
     std::vector<std::optional<Blob>> chosen(cameras_.size());
     std::optional<Meeting> meeting;

@@ -78,6 +78,9 @@ std::string_view event_name(EventKind kind) {
         case EventKind::kControlReleased: return "control_released";
         case EventKind::kCameraMoved: return "camera_moved";
         case EventKind::kCameraInPlace: return "camera_in_place";
+        case EventKind::kPoseDatabase: return "pose_database";
+        case EventKind::kBodyFitted: return "body_fitted";
+        case EventKind::kCalibration: return "calibration";
         case EventKind::kError: return "error";
     }
     return "unknown";
