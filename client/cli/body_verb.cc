@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "client/cli/action.h"
 #include "client/cli/json.h"
 #include "client/cli/verbs.h"
 
@@ -80,12 +81,7 @@ void add_body_verb(CLI::App& app, Common& common, Run& run) {
     body->require_subcommand(1);
     const auto add = [&](const char* name, const char* help,
                          absl::Status (*act)(const Common&, const BodyOptions&)) {
-        CLI::App* verb = body->add_subcommand(name, help);
-        add_common_options(*verb, common);
-        verb->callback([&common, &run, options, act] {
-            run = [&common, options, act] { return act(common, *options); };
-        });
-        return verb;
+        return add_action(*body, common, run, options, name, help, act);
     };
     add("show", "The body in use: lengths and girths, with their uncertainty where they were fitted",
         run_show);

@@ -10,6 +10,7 @@
 #include <ctime>
 #include <filesystem>
 
+#include "client/cli/action.h"
 #include "client/cli/calibrate_text.h"
 #include "client/cli/json.h"
 #include "common/atomic_file.h"
@@ -200,12 +201,7 @@ void add_calibrate_verb(CLI::App& app, Common& common, Run& run) {
         "On files, without a daemon: intrinsics, extrinsics, refine, check, import FILE --out OUT, export FILE --out OUT; "
         "`kinevox calibrate VERB --help` tells more.");
     const auto add = [&](const char* name, const char* help, absl::Status (*act)(const Common&, const Options&)) {
-        CLI::App* verb = calibrate->add_subcommand(name, help);
-        add_common_options(*verb, common);
-        verb->callback([&common, &run, options, act] {
-            run = [&common, options, act] { return act(common, *options); };
-        });
-        return verb;
+        return add_action(*calibrate, common, run, options, name, help, act);
     };
     const auto add_name = [&](CLI::App* verb) {
         verb->add_option("--name", options->name, "Under which name control is taken")->capture_default_str();

@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
+#include "client/cli/action.h"
 #include "client/cli/json.h"
 #include "client/cli/verbs.h"
 #include "common/atomic_file.h"
@@ -115,12 +116,7 @@ void add_poses_verb(CLI::App& app, Common& common, Run& run) {
     CLI::App* poses = app.add_subcommand("poses", "The poses from which the daemon finds a body");
     poses->require_subcommand(1);
     const auto add = [&](const char* name, const char* help, absl::Status (*act)(const Common&, const PosesOptions&)) {
-        CLI::App* verb = poses->add_subcommand(name, help);
-        add_common_options(*verb, common);
-        verb->callback([&common, &run, options, act] {
-            run = [&common, options, act] { return act(common, *options); };
-        });
-        return verb;
+        return add_action(*poses, common, run, options, name, help, act);
     };
     const auto add_name = [&](CLI::App* verb) {
         verb->add_option("--name", options->name, "Under which name control is taken")->capture_default_str();

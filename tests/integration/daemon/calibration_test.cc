@@ -189,6 +189,21 @@ class Operator {
     v1::ListCalibrationsResponse list() {
         return client_.list_calibrations({}).value_or(v1::ListCalibrationsResponse());
     }
+    // The messages of a kind's events, past ones too, until there are `count`.
+    std::vector<std::string> events(v1::EventKind kind, std::size_t count, std::chrono::seconds longest_silence) {
+        std::vector<std::string> messages;
+        v1::WatchEventsRequest past;
+        past.set_past(50);
+        const absl::Status watched = client_.watch_events(
+            past,
+            [&](const v1::WatchEventsResponse& event) {
+                if (event.kind() == kind) messages.push_back(event.message());
+                return messages.size() < count;
+            },
+            {.longest_silence = longest_silence});
+        EXPECT_TRUE(watched.ok()) << watched;
+        return messages;
+    }
 
     // Watches until it is so; fifteen seconds of silence at most.
     v1::WatchProcedureResponse wait(const std::function<bool(const v1::WatchProcedureResponse&)>& so) {
@@ -362,17 +377,7 @@ TEST_F(CalibrationTest, PlacesFromALiveBoardAreSolvedAppliedKeptAndUndone) {
     expect_same(*coach.client().cameras(), *solved);
     EXPECT_EQ(coach.client().status()->state(), v1::CAPTURE_STATE_RUNNING);
     EXPECT_EQ(coach.client().status()->calibration_id(), "c1");
-    std::vector<std::string> events;
-    v1::WatchEventsRequest past;
-    past.set_past(50);
-    EXPECT_TRUE(coach.client()
-                    .watch_events(past,
-                                  [&](const v1::WatchEventsResponse& event) {
-                                      if (event.kind() == v1::EVENT_KIND_CALIBRATION) events.push_back(event.message());
-                                      return events.size() < 3;
-                                  },
-                                  {.longest_silence = std::chrono::seconds(10)})
-                    .ok());
+    const std::vector<std::string> events = coach.events(v1::EVENT_KIND_CALIBRATION, 3, std::chrono::seconds(10));
     EXPECT_THAT(events, ElementsAre(HasSubstr("c1 is solved"), HasSubstr("next start"), HasSubstr("c1 is in use")));
     v1::RemoveCalibrationRequest remove;
     remove.set_lease_id(coach.lease());
@@ -616,17 +621,7 @@ TEST_F(CalibrationTest, ApplyingBuildsThePoseDatabaseAnew) {
     EXPECT_TRUE(applied->in_use());
     expect_same(*coach.client().cameras(), cameras);
     wait_ready();
-    std::vector<std::string> events;
-    v1::WatchEventsRequest past;
-    past.set_past(50);
-    EXPECT_TRUE(coach.client()
-                    .watch_events(past,
-                                  [&](const v1::WatchEventsResponse& event) {
-                                      if (event.kind() == v1::EVENT_KIND_POSE_DATABASE) events.push_back(event.message());
-                                      return events.size() < 2;
-                                  },
-                                  {.longest_silence = std::chrono::seconds(20)})
-                    .ok());
+    const std::vector<std::string> events = coach.events(v1::EVENT_KIND_POSE_DATABASE, 2, std::chrono::seconds(20));
     ASSERT_EQ(events.size(), 2u);
     EXPECT_THAT(events[1], HasSubstr("cameras"));   // why it was built
 }
