@@ -78,6 +78,10 @@ v1::EventKind to_proto(EventKind kind) {
         case EventKind::kCameraMoved: return v1::EVENT_KIND_CAMERA_MOVED;
         case EventKind::kCameraInPlace: return v1::EVENT_KIND_CAMERA_IN_PLACE;
         case EventKind::kCalibration: return v1::EVENT_KIND_CALIBRATION;
+        case EventKind::kRecordingStarted: return v1::EVENT_KIND_RECORDING_STARTED;
+        case EventKind::kRecordingStopped: return v1::EVENT_KIND_RECORDING_STOPPED;
+        case EventKind::kRecordingFailed: return v1::EVENT_KIND_RECORDING_FAILED;
+        case EventKind::kRecordingDrops: return v1::EVENT_KIND_RECORDING_DROPS;
         case EventKind::kError: return v1::EVENT_KIND_ERROR;
     }
     return v1::EVENT_KIND_UNSPECIFIED;

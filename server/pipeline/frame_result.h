@@ -51,6 +51,10 @@ enum class EventKind {
     kCameraMoved,        // it seems to have: its calibration is suspect
     kCameraInPlace,      // its calibration agrees again
     kCalibration,        // solved, applied, undone or imported
+    kRecordingStarted,
+    kRecordingStopped,   // by request or with the capture
+    kRecordingFailed,    // the disk is full or cannot be written
+    kRecordingDrops,     // frame sets came faster than they could be written
     kError,
 };
 

@@ -81,6 +81,10 @@ std::string_view event_name(EventKind kind) {
         case EventKind::kPoseDatabase: return "pose_database";
         case EventKind::kBodyFitted: return "body_fitted";
         case EventKind::kCalibration: return "calibration";
+        case EventKind::kRecordingStarted: return "recording_started";
+        case EventKind::kRecordingStopped: return "recording_stopped";
+        case EventKind::kRecordingFailed: return "recording_failed";
+        case EventKind::kRecordingDrops: return "recording_drops";
         case EventKind::kError: return "error";
     }
     return "unknown";
