@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "kernels/cpu/chessboard_distance.h"
+
 namespace kinevox::kernels {
 namespace {
 
@@ -11,19 +13,21 @@ namespace {
 // are neither.
 void classify_cells(const HullView& view, const HullMaps& maps, std::uint8_t* kind) {
     const int width = view.camera->width, height = view.camera->height, edge = 1 << maps.cell_shift;
+    const int columns = maps.cells_width;   // of its own: what is written may be anything, for all the compiler knows
     for (int row = 0; row < maps.cells_height; ++row) {
-        std::uint8_t* out = kind + static_cast<std::size_t>(row) * maps.cells_width;
-        std::memset(out, 0, maps.cells_width);
+        std::uint8_t* out = kind + static_cast<std::size_t>(row) * columns;
+        std::memset(out, 0, columns);
         const int y0 = (row + maps.cells_y0) << maps.cell_shift, y1 = std::min(y0 + edge, height);
         const int first_x = maps.cells_x0 << maps.cell_shift;
         for (int y = y0; y < y1; ++y) {
             const std::uint8_t* in = view.silhouette + static_cast<std::size_t>(y) * width + first_x;
             if (maps.cell_shift == 0) {
-                for (int n = 0; n < maps.cells_width; ++n) out[n] = in[n] ? 1 : 2;
+#pragma GCC ivdep
+                for (int n = 0; n < columns; ++n) out[n] = in[n] ? 1 : 2;
                 continue;
             }
             const int available = width - first_x;
-            for (int n = 0; n < maps.cells_width; ++n) {
+            for (int n = 0; n < columns; ++n) {
                 const int stop = std::min((n + 1) << maps.cell_shift, available);
                 std::uint8_t seen = 0;
                 for (int x = n << maps.cell_shift; x < stop; ++x) seen |= in[x] ? 1 : 2;
@@ -33,60 +37,12 @@ void classify_cells(const HullView& view, const HullMaps& maps, std::uint8_t* ki
     }
 }
 
-// Chessboard distances by the two raster passes of Rosenfeld and Pfaltz, outside and inside at once. What lies
-// around the area has no foreground.
-void distances(int width, int height, const std::uint8_t* kind, std::vector<std::uint8_t>& scratch,
-               std::int8_t* out) {
-    // Two planes with a rim of one: distance to foreground (rim: far), distance to background (rim: 0).
-    const int stride = width + 2;
-    const std::size_t plane = static_cast<std::size_t>(stride) * (height + 2);
-    scratch.assign(2 * plane, 127);
-    std::uint8_t* to_fore = scratch.data();
-    std::uint8_t* to_back = scratch.data() + plane;
-    std::memset(to_back, 0, stride);
-    std::memset(to_back + plane - stride, 0, stride);
-    const auto relax = [&](std::uint8_t* fore, std::uint8_t* back, int from, int begin, int end, int step) {
-        // First from the row before, which vectorises; then along the row.
-        for (int x = 1; x <= width; ++x) {
-            const int a = std::min({fore[from + x - 1], fore[from + x], fore[from + x + 1]}) + 1;
-            const int b = std::min({back[from + x - 1], back[from + x], back[from + x + 1]}) + 1;
-            fore[x] = static_cast<std::uint8_t>(std::min<int>(fore[x], a));
-            back[x] = static_cast<std::uint8_t>(std::min<int>(back[x], b));
-        }
-        int a = fore[begin - step], b = back[begin - step];
-        for (int x = begin; x != end; x += step) {
-            a = std::min(a + 1, static_cast<int>(fore[x]));
-            b = std::min(b + 1, static_cast<int>(back[x]));
-            fore[x] = static_cast<std::uint8_t>(a);
-            back[x] = static_cast<std::uint8_t>(b);
-        }
-    };
-    for (int y = 1; y <= height; ++y) {
-        std::uint8_t* fore = to_fore + static_cast<std::size_t>(y) * stride;
-        std::uint8_t* back = to_back + static_cast<std::size_t>(y) * stride;
-        const std::uint8_t* row = kind + static_cast<std::size_t>(y - 1) * width;
-        for (int x = 0; x < width; ++x) {
-            fore[x + 1] = row[x] & 1 ? 0 : 127;
-            back[x + 1] = row[x] & 2 ? 0 : 127;
-        }
-        back[0] = back[width + 1] = 0;
-        relax(fore, back, -stride, 1, width + 1, 1);
-    }
-    for (int y = height; y >= 1; --y) {
-        std::uint8_t* fore = to_fore + static_cast<std::size_t>(y) * stride;
-        std::uint8_t* back = to_back + static_cast<std::size_t>(y) * stride;
-        relax(fore, back, stride, width, 0, -1);
-        std::int8_t* row = out + static_cast<std::size_t>(y - 1) * width;
-        for (int x = 0; x < width; ++x) row[x] = static_cast<std::int8_t>(fore[x + 1] - back[x + 1]);
-    }
-}
-
 // Chessboard distances up to the budget, which is small: along rows, then along columns, as minima over a window;
 // then as shares of the budget.
 void make_miss_map(const HullView& view, const Rect& bounds, HullMapsStorage& out) {
     const HullMaps& maps = out.maps;
     const int budget = maps.budget_px, rim = budget + 1;
-    const int width = maps.miss_width, height = maps.miss_height;
+    const int width = maps.miss_width, height = maps.miss_height, columns = bounds.width();
     const auto far = static_cast<std::uint8_t>(rim);
     const auto outside = static_cast<std::uint8_t>(kMissOutside);
     const auto at = [width](std::vector<std::uint8_t>& map, int y) {
@@ -100,13 +56,15 @@ void make_miss_map(const HullView& view, const Rect& bounds, HullMapsStorage& ou
             view.silhouette + static_cast<std::size_t>(y + bounds.y0) * view.camera->width + bounds.x0;
         std::uint8_t* row = at(first, y + rim);
         if (budget == 0) {
-            for (int x = 0; x < bounds.width(); ++x) row[x + rim] = in[x] ? 0 : outside;
+#pragma GCC ivdep
+            for (int x = 0; x < columns; ++x) row[x + rim] = in[x] ? 0 : outside;
             continue;
         }
         for (int shift = -budget; shift <= budget; ++shift) {
             const auto distance = static_cast<std::uint8_t>(std::abs(shift));
             std::uint8_t* shifted = row + rim + shift;
-            for (int x = 0; x < bounds.width(); ++x) shifted[x] = std::min(shifted[x], in[x] ? distance : far);
+#pragma GCC ivdep
+            for (int x = 0; x < columns; ++x) shifted[x] = std::min(shifted[x], in[x] ? distance : far);
         }
     }
     if (budget == 0) return;
@@ -176,8 +134,8 @@ void make_hull_maps(const HullView& view, const Projector& camera, float miss_bu
         const std::size_t size = static_cast<std::size_t>(maps.cells_width) * maps.cells_height;
         out.cells.resize(size);
         classify_cells(view, maps, reinterpret_cast<std::uint8_t*>(out.cells.data()));
-        distances(maps.cells_width, maps.cells_height, reinterpret_cast<const std::uint8_t*>(out.cells.data()),
-                  out.scratch, out.cells.data());
+        chessboard_distances(maps.cells_width, maps.cells_height,
+                             reinterpret_cast<const std::uint8_t*>(out.cells.data()), out.scratch, out.cells.data());
         make_miss_map(view, bounds, out);
     }
     maps.cells = out.cells.data();

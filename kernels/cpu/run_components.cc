@@ -1,34 +1,32 @@
 #include "kernels/cpu/run_components.h"
 
 #include <algorithm>
-#include <bit>
-#include <cstring>
+
+#ifdef __SSE2__
+#include <emmintrin.h>
+#endif
 
 namespace kinevox::kernels::cpu {
 
-int next_in_row(const std::uint8_t* row, int x, int end, bool set) {
-    const std::uint64_t uniform = set ? 0 : ~std::uint64_t{0};
-    for (; x + 32 <= end; x += 32) {
-        std::uint64_t word[4];
-        std::memcpy(word, row + x, 32);
-        if (((word[0] ^ uniform) | (word[1] ^ uniform) | (word[2] ^ uniform) | (word[3] ^ uniform)) != 0)
-            break;
+std::uint64_t set_pixels(const std::uint8_t* row, int x, int end) {
+    const int count = std::min(end - x, 64);
+    if (count < 64 && end < 64) {   // nothing to read whole vectors from
+        std::uint64_t bits = 0;
+        for (int i = 0; i < count; ++i) bits |= static_cast<std::uint64_t>(row[x + i] != 0) << i;
+        return bits;
     }
-    for (; x + 8 <= end; x += 8) {
-        std::uint64_t word;
-        std::memcpy(&word, row + x, 8);
-        if (word == uniform) continue;
-        if constexpr (std::endian::native == std::endian::little) {
-            // The lowest byte that is zero: borrows reach only those above it.
-            const std::uint64_t found =
-                set ? word : (word - 0x0101010101010101u) & ~word & 0x8080808080808080u;
-            if (found != 0) return x + std::countr_zero(found) / 8;
-            continue;
-        }
-        break;
+    const std::uint8_t* const from = row + x - (64 - count);
+    std::uint64_t bits = 0;
+#ifdef __SSE2__
+    for (int part = 0; part < 4; ++part) {
+        const __m128i pixels = _mm_loadu_si128(reinterpret_cast<const __m128i*>(from + 16 * part));
+        const int unset = _mm_movemask_epi8(_mm_cmpeq_epi8(pixels, _mm_setzero_si128()));
+        bits |= static_cast<std::uint64_t>(~unset & 0xffff) << (16 * part);
     }
-    while (x < end && (row[x] != 0) != set) ++x;
-    return x;
+#else
+    for (int i = 0; i < 64; ++i) bits |= static_cast<std::uint64_t>(from[i] != 0) << i;
+#endif
+    return bits >> (64 - count);
 }
 
 int RunComponents::root(int i) {
@@ -36,19 +34,14 @@ int RunComponents::root(int i) {
     return i;
 }
 
-void RunComponents::find(const std::uint8_t* mask, int stride, const Rect& box, bool set,
-                         bool eight_connected) {
-    runs.clear();
-    components.clear();
-    parent_.clear();
+template <bool kSet>
+void RunComponents::find_runs(const std::uint8_t* mask, int stride, const Rect& box, bool eight_connected) {
     const int reach = eight_connected ? 1 : 0;
     std::size_t above_begin = 0, above_end = 0;
     for (int y = box.y0; y < box.y1; ++y) {
-        const std::uint8_t* row = mask + static_cast<std::ptrdiff_t>(y) * stride;
         const std::size_t row_begin = runs.size();
         std::size_t above = above_begin;
-        for (int x = next_in_row(row, box.x0, box.x1, set); x < box.x1;) {
-            const int end = next_in_row(row, x, box.x1, !set);
+        for_each_run<kSet>(mask + static_cast<std::ptrdiff_t>(y) * stride, box.x0, box.x1, [&](int x, int end) {
             const int index = static_cast<int>(runs.size());
             runs.push_back({y, x, end, index});
             parent_.push_back(index);
@@ -58,11 +51,21 @@ void RunComponents::find(const std::uint8_t* mask, int stride, const Rect& box, 
                 const int high = std::max(root(static_cast<int>(a)), root(index));
                 parent_[high] = low;
             }
-            x = next_in_row(row, end, box.x1, set);
-        }
+        });
         above_begin = row_begin;
         above_end = runs.size();
     }
+}
+
+void RunComponents::find(const std::uint8_t* mask, int stride, const Rect& box, bool set,
+                         bool eight_connected) {
+    runs.clear();
+    components.clear();
+    parent_.clear();
+    if (set)
+        find_runs<true>(mask, stride, box, eight_connected);
+    else
+        find_runs<false>(mask, stride, box, eight_connected);
     for (std::size_t i = 0; i < runs.size(); ++i) {
         const int top = root(static_cast<int>(i));
         Run& run = runs[i];

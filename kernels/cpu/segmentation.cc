@@ -1,12 +1,14 @@
 #include "kernels/segmentation.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <stdexcept>
 #include <string>
 
 #include "kernels/cpu/foreground_colours.h"
+#include "kernels/cpu/packed_samples.h"
 #include "kernels/cpu/parallel.h"
 #include "kernels/cpu/segmentation_density.h"
 #include "kernels/cpu/segmentation_evidence.h"
@@ -14,15 +16,17 @@
 #include "kernels/cpu/segmentation_model.h"
 #include "kernels/cpu/segmentation_search.h"
 #include "kernels/cuda/forms.h"
+#include "kernels/shared/kde_groups.h"
 
 namespace kinevox::kernels {
 namespace cpu {
 namespace {
 
+using kde::kActiveMargin;
 using kde::kCellPixels;
+using kde::kGroupPixels;
 
 constexpr int kRowsPerTask = 16;
-constexpr int kActiveMargin = 4;  // rows around candidates that are looked at: light's reach + smoothing's
 constexpr int kBorderMargin = kde::kBorderReach + kde::kBorderDepth;  // px that refining looks at
 constexpr int kPlaneMargin = 8;        // rows above and below the planes of evidence
 constexpr float kSmoothing_px = 1.0f;  // of the evidence, one standard deviation
@@ -51,7 +55,8 @@ class CpuSegmenter final : public Segmenter {
   private:
     void check_picture(const PictureView& picture) const;
     void clear(Silhouettes& out) const;
-    SamplesAhead samples_of(int y, int k);
+    CellSamples samples_of(int y, int k);
+    SamplesAhead samples_ahead(int y, int k);
     void density_rows(const PictureView& picture, int y0, int y1, int k0, int k1, bool searched);
     CellBox find_active(const CellBox& work);
     void fit_light(const CellBox& active);
@@ -73,12 +78,14 @@ class CpuSegmenter final : public Segmenter {
     bool learned_ = false;
     std::int64_t frame_ = 0;
     BackgroundModel model_;
+    PackedSamples packed_;
     std::array<std::uint16_t, 3> inverse_gain_{};
     AlignedVector<std::uint8_t> cells_, density_;
-    std::vector<std::uint8_t> candidates_, active_;  // per cell
+    std::vector<std::uint8_t> candidates_;    // per cell, the groups near its unsure pixels; 0: plainly background
+    std::vector<std::uint8_t> active_;        // per cell, the groups that are looked at
     std::vector<std::uint8_t> searched_;             // per cell, whether its density is this frame's
-    std::vector<CellSpan> active_span_;              // per row, from the first active cell to the last
-    std::vector<std::uint8_t> neutral_;  // per cell, whether the planes hold what is read beside evidence
+    std::vector<GroupSpan> active_span_;              // per row, from the first active group to the last
+    std::vector<std::uint8_t> lit_;      // per cell, the groups for which the planes hold values of their own
     std::vector<std::uint8_t> looked_;   // per cell, samples that are in its density
     Plane weighted_value_, weighted_energy_, factor_, residual_, neighbourhood_, evidence_, smoothed_;
     ForegroundColours colours_;
@@ -123,6 +130,7 @@ void CpuSegmenter::learn(std::span<const PictureView> empty_scene) {
         throw std::invalid_argument("segmentation: the background needs at least one picture");
     for (const PictureView& picture : empty_scene) check_picture(picture);
     model_ = learn_background(empty_scene, width_, height_, channels_, options_);
+    packed_.build(model_);
     const std::size_t cells = model_.cell_index(height_, 0);
     cells_.assign(cells * model_.cell_bytes(), 0);
     density_.assign(cells * kCellPixels, 255);
@@ -130,7 +138,7 @@ void CpuSegmenter::learn(std::span<const PictureView> empty_scene) {
     active_.assign(cells, 0);
     searched_.assign(cells, 0);
     active_span_.assign(height_, {});
-    neutral_.assign(cells, 1);
+    lit_.assign(cells, 0);
     looked_.assign(cells, kde::kSamplesPerLook);
     for (Plane* plane : {&weighted_value_, &weighted_energy_, &factor_, &residual_, &neighbourhood_})
         plane->resize(model_.cells_per_row, height_, 0);
@@ -153,8 +161,15 @@ EvidenceCell CpuSegmenter::cell_at(int y, int k) const {
 }
 
 // What a cell's density needed last time, and so most likely needs again.
-SamplesAhead CpuSegmenter::samples_of(int y, int k) {
-    return {model_.cell_samples(y, k), looked_[model_.cell_index(y, k)]};
+SamplesAhead CpuSegmenter::samples_ahead(int y, int k) {
+    const std::size_t cell = model_.cell_index(y, k);
+    const std::uint8_t* packed = packed_.cell(cell);
+    if (!packed) return {model_.cell_samples(y, k), looked_[cell]};
+    return {packed, 1 + (looked_[cell] + 1) / 2};
+}
+
+CellSamples CpuSegmenter::samples_of(int y, int k) {
+    return {model_.cell_samples(y, k), packed_.cell(model_.cell_index(y, k)), model_.sample_count};
 }
 
 // The density of the cells of rows [y0, y1) that are searched in this frame, or of those that are not.
@@ -175,49 +190,39 @@ void CpuSegmenter::density_rows(const PictureView& picture, int y0, int y1, int 
                    inverse_gain_.data(), values);
         const int this_y = y, this_k = k;
         next(y, k);
-        const SamplesAhead ahead = y < y1 ? samples_of(y, k) : SamplesAhead{};
-        const DensityLooks looks = cell_density(tables_, values, model_.cell_samples(this_y, this_k),
-                                                model_.cell_scale(this_y, this_k), model_.sample_count,
-                                                channels_, 0, true, density, ahead);
-        candidates_[cell] = !looks.plain;
+        const SamplesAhead ahead = y < y1 ? samples_ahead(y, k) : SamplesAhead{};
+        const DensityLooks looks = cell_density(tables_, values, samples_of(this_y, this_k),
+                                                model_.cell_scale(this_y, this_k), channels_, 0, true,
+                                                density, ahead);
+        candidates_[cell] = looks.plain ? 0 : groups_near_unsure(density);
         looked_[cell] = static_cast<std::uint8_t>(looks.samples);
     }
 }
 
-// Marks the searched cells near candidates, and the span of each row that they take; returns the box around
-// them.
+// Marks the searched cells' groups near unsure pixels, and the span of each row that they take; returns the box
+// around them.
 CellBox CpuSegmenter::find_active(const CellBox& work) {
     CellBox box{work.y1, work.y0, work.k1, work.k0};
-    for (int y = work.y0; y < work.y1; ++y)
-        std::memset(active_.data() + model_.cell_index(y, work.k0), 0, work.k1 - work.k0);
-    for (int y = work.y0; y < work.y1; ++y)
-        for (int k = work.k0; k < work.k1; ++k) {
-            const std::size_t cell = model_.cell_index(y, k);
-            if (!searched_[cell] || !candidates_[cell]) continue;
-            const std::uint8_t* density = density_.data() + cell * kCellPixels;
-            const auto near = [&](int first) {
-                return std::any_of(density + first, density + first + kActiveMargin,
-                                   [](std::uint8_t d) { return d < kde::kSureDensity; });
-            };
-            const int y0 = std::max(y - kActiveMargin, work.y0),
-                      y1 = std::min(y + kActiveMargin + 1, work.y1);
-            const int k0 = near(0) ? std::max(k - 1, work.k0) : k;
-            const int k1 = near(kCellPixels - kActiveMargin) ? std::min(k + 2, work.k1) : k + 1;
-            for (int ay = y0; ay < y1; ++ay)
-                for (int ak = k0; ak < k1; ++ak) {
-                    const std::size_t at = model_.cell_index(ay, ak);
-                    active_[at] = searched_[at];
-                }
-            box = {std::min(box.y0, y0), std::max(box.y1, y1), std::min(box.k0, k0), std::max(box.k1, k1)};
+    std::fill(active_span_.begin(), active_span_.end(), GroupSpan{});
+    std::vector<std::uint8_t> near(work.k1);
+    for (int y = work.y0; y < work.y1; ++y) {
+        std::fill(near.begin(), near.end(), std::uint8_t{0});
+        for (int from = std::max(y - kActiveMargin, work.y0); from <= std::min(y + kActiveMargin, work.y1 - 1); ++from) {
+            const std::uint8_t* row = candidates_.data() + model_.cell_index(from, 0);
+            const std::uint8_t* searched = searched_.data() + model_.cell_index(from, 0);
+            for (int k = work.k0; k < work.k1; ++k) near[k] |= searched[k] ? row[k] : 0;
         }
-    std::fill(active_span_.begin(), active_span_.end(), CellSpan{});
-    for (int y = box.y0; y < box.y1; ++y) {
-        const std::uint8_t* row = active_.data() + model_.cell_index(y, 0);
-        CellSpan& span = active_span_[y];
-        span = {box.k0, box.k1};
-        while (span.k0 < span.k1 && !row[span.k0]) ++span.k0;
-        while (span.k0 < span.k1 && !row[span.k1 - 1]) --span.k1;
-        if (span.empty()) span = {};
+        std::uint8_t* active = active_.data() + model_.cell_index(y, 0);
+        const std::uint8_t* searched = searched_.data() + model_.cell_index(y, 0);
+        for (int k = work.k0; k < work.k1; ++k) {
+            int groups = near[k] & kde::kAllGroups;
+            if (k > work.k0 && near[k - 1] & kde::kNearRight) groups |= 1;
+            if (k + 1 < work.k1 && near[k + 1] & kde::kNearLeft) groups |= kde::kLastGroup;
+            active[k] = static_cast<std::uint8_t>(searched[k] ? groups : 0);
+            if (!active[k]) continue;
+            active_span_[y].include(groups_of_cell(k, active[k]));
+            box = {std::min(box.y0, y), y + 1, std::min(box.k0, k), std::max(box.k1, k + 1)};
+        }
     }
     return box;
 }
@@ -230,36 +235,37 @@ void CpuSegmenter::fit_light(const CellBox& box) {
                 const std::ptrdiff_t x = static_cast<std::ptrdiff_t>(k) * kCellPixels;
                 const bool inside = y >= box.y0 && y < box.y1 && k >= box.k0 && k < box.k1;
                 const std::size_t cell = model_.cell_index(y, k);
-                if (inside && active_[cell]) {
-                    neutral_[cell] = 0;
-                    if (!candidates_[cell])  // its sums ended early
-                        cell_density(tables_, cells_.data() + cell * model_.cell_bytes(),
-                                     model_.cell_samples(y, k), model_.cell_scale(y, k), model_.sample_count,
-                                     channels_, looked_[cell], false, density_.data() + cell * kCellPixels);
-                    fit_light_cell(cell_at(y, k), parameters_,
-                                   {weighted_value_.row(y) + x, weighted_energy_.row(y) + x,
-                                    factor_.row(y) + x, residual_.row(y) + x});
-                } else if (!neutral_[cell]) {
-                    neutral_[cell] = 1;
-                    std::fill_n(weighted_value_.row(y) + x, kCellPixels, 0.0f);
-                    std::fill_n(weighted_energy_.row(y) + x, kCellPixels, 0.0f);
-                    std::fill_n(evidence_.row(y) + x, kCellPixels, -parameters_.limit);
+                const int active = inside ? active_[cell] : 0;
+                for (unsigned left = lit_[cell] & ~static_cast<unsigned>(active); left != 0; left &= left - 1) {
+                    const std::ptrdiff_t at = x + static_cast<std::ptrdiff_t>(std::countr_zero(left)) * kGroupPixels;
+                    std::fill_n(weighted_value_.row(y) + at, kGroupPixels, 0.0f);
+                    std::fill_n(weighted_energy_.row(y) + at, kGroupPixels, 0.0f);
+                    std::fill_n(evidence_.row(y) + at, kGroupPixels, -parameters_.limit);
                 }
+                lit_[cell] = static_cast<std::uint8_t>(active);
+                if (!active) continue;
+                if (!candidates_[cell])  // its sums ended early
+                    cell_density(tables_, cells_.data() + cell * model_.cell_bytes(), samples_of(y, k),
+                                 model_.cell_scale(y, k), channels_, looked_[cell], false,
+                                 density_.data() + cell * kCellPixels);
+                fit_light_cell(cell_at(y, k), active, parameters_,
+                               {weighted_value_.row(y) + x, weighted_energy_.row(y) + x, factor_.row(y) + x,
+                                residual_.row(y) + x});
             }
     });
 }
 
-// The light of the neighbourhoods around, above, below and beside the active cells' pixels.
+// The light of the neighbourhoods around, above, below and beside the active groups' pixels.
 void CpuSegmenter::light_around(const CellBox& box) {
     constexpr int kReach = kde::kLightReach;
-    const auto span_of = [&](int y) { return y < box.y0 || y >= box.y1 ? CellSpan{} : active_span_[y]; };
+    const auto span_of = [&](int y) { return y < box.y0 || y >= box.y1 ? GroupSpan{} : active_span_[y]; };
     parallel_for(box.y0 - kReach, box.y1 + kReach, kRowsPerTask, [&](int first, int last) {
         for (int y = first; y < last; ++y) {
-            CellSpan span;
+            GroupSpan span;
             for (const int dy : {-kReach, 0, kReach}) span.include(span_of(y + dy));
             if (span.empty()) continue;
-            const int x1 = span.k1 * kCellPixels + kReach;
-            for (int x = span.k0 * kCellPixels - kReach; x < x1; x += kMostRowPixels)
+            const int x1 = span.g1 * kGroupPixels + kReach;
+            for (int x = span.g0 * kGroupPixels - kReach; x < x1; x += kMostRowPixels)
                 neighbourhood_light(weighted_value_.row(y) + x, weighted_energy_.row(y) + x,
                                     neighbourhood_.stride, std::min(x1 - x, kMostRowPixels),
                                     neighbourhood_.row(y) + x);
@@ -271,10 +277,11 @@ void CpuSegmenter::evidence(const CellBox& box) {
     colours_.log_density(options_.colour_memory_share, log_foreground_);
     parallel_for(box.y0, box.y1, kRowsPerTask, [&](int first, int last) {
         for (int y = first; y < last; ++y)
-            for (int k = active_span_[y].k0; k < active_span_[y].k1; ++k) {
-                if (!active_[model_.cell_index(y, k)]) continue;
+            for (int k = box.k0; k < box.k1; ++k) {
+                const int active = active_[model_.cell_index(y, k)];
+                if (!active) continue;
                 const std::ptrdiff_t x = static_cast<std::ptrdiff_t>(k) * kCellPixels;
-                evidence_cell(cell_at(y, k), parameters_,
+                evidence_cell(cell_at(y, k), active, parameters_,
                               {factor_.row(y) + x, residual_.row(y) + x, neighbourhood_.row(y) + x,
                                neighbourhood_.stride},
                               log_lit_, log_foreground_.data(), evidence_.row(y) + x);
@@ -295,9 +302,9 @@ void CpuSegmenter::decide(const CellBox& box, Silhouettes& out) {
     parallel_for(box.y0, box.y1, kRowsPerTask, [&](int first, int last) {
         std::vector<float> scratch((box.k1 - box.k0) * kCellPixels + 4);
         for (int y = first; y < last; ++y) {
-            const CellSpan span = active_span_[y];
+            const GroupSpan span = active_span_[y];
             if (span.empty()) continue;
-            const int x0 = span.k0 * kCellPixels, pixels = (span.k1 - span.k0) * kCellPixels;
+            const int x0 = span.g0 * kGroupPixels, pixels = (span.g1 - span.g0) * kGroupPixels;
             const float* rows[5];
             for (int i = 0; i < 5; ++i) rows[i] = evidence_.row(y + i - 2) + x0;
             smooth_row(rows, weights, pixels, scratch.data(), smoothed_.row(y) + x0);
@@ -396,7 +403,7 @@ void CpuSegmenter::update_model(const PictureView& picture, const SegmentationPr
                     for_each_run(out.loose.data() + row, 0, width_, keep);
                     if (prior.expected) for_each_run(prior.expected + row, 0, width_, keep);
                 }
-            update_row(model_, y, {cells_.data(), density_.data(), keep_out_.data(), visit}, options_);
+            update_row(model_, packed_, y, {cells_.data(), density_.data(), keep_out_.data(), visit}, options_);
         }
     });
 }
@@ -423,19 +430,18 @@ void CpuSegmenter::measure(const Rect& box, Silhouettes& out) const {
     out.centroid_y = count > 0 ? static_cast<double>(sum_y) / static_cast<double>(count) : 0;
 }
 
-// Outside what was searched last time the planes are 0 already.
+// Elsewhere the planes are 0 already.
 void CpuSegmenter::clear(Silhouettes& out) const {
     const std::size_t pixels = static_cast<std::size_t>(width_) * height_;
     const bool reused = out.width == width_ && out.height == height_;
-    const Rect dirty = out.searched;
-    for (auto* plane : {&out.probability, &out.sharp, &out.loose}) {
-        if (!reused || plane->size() != pixels) {
-            plane->assign(pixels, 0);
-            continue;
-        }
+    const auto clear_plane = [&](std::vector<std::uint8_t>& plane, const Rect& dirty) {
+        if (!reused || plane.size() != pixels) return plane.assign(pixels, 0);
         for (int y = dirty.y0; y < dirty.y1; ++y)
-            std::memset(plane->data() + static_cast<std::size_t>(y) * width_ + dirty.x0, 0, dirty.width());
-    }
+            std::memset(plane.data() + static_cast<std::size_t>(y) * width_ + dirty.x0, 0, dirty.width());
+    };
+    clear_plane(out.probability, out.searched);
+    clear_plane(out.sharp, out.bounds);
+    clear_plane(out.loose, out.bounds);
 }
 
 void CpuSegmenter::segment(const PictureView& picture, const SegmentationPrior& prior, Silhouettes& out) {

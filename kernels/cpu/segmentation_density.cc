@@ -24,23 +24,23 @@ inline void split_plain(const std::uint8_t* interleaved, int pixels, int channel
 }
 
 inline DensityLooks cell_density_plain(const kde::DensityTables& tables, const std::uint8_t* cell,
-                                       const std::uint8_t* samples, const std::uint8_t* bandwidth_scale,
-                                       int sample_count, int channels, int begin, bool may_stop,
-                                       std::uint8_t* density) {
+                                       const CellSamples& samples, const std::uint8_t* bandwidth_scale,
+                                       int channels, int begin, bool may_stop, std::uint8_t* density) {
     if (begin == 0) std::memset(density, 0, kde::kCellPixels);
-    for (int first = begin; first < sample_count; first += kde::kSamplesPerLook) {
-        const int count = std::min(kde::kSamplesPerLook, sample_count - first);
+    for (int first = begin; first < samples.count; first += kde::kSamplesPerLook) {
+        const int count = std::min(kde::kSamplesPerLook, samples.count - first);
         int unsure = 0;
         for (int lane = 0; lane < kde::kCellPixels; ++lane) {
-            const int sum = density[lane] + kde::density(tables, cell + lane,
-                                                         samples + first * channels * kde::kCellPixels + lane,
-                                                         bandwidth_scale + lane, count, channels);
+            const int sum =
+                density[lane] + kde::density(tables, cell + lane,
+                                             samples.whole + first * channels * kde::kCellPixels + lane,
+                                             bandwidth_scale + lane, count, channels);
             density[lane] = static_cast<std::uint8_t>(std::min(sum, 255));
             unsure += density[lane] < kde::kSureDensity;
         }
         if (may_stop && unsure < kde::kCandidatesPerCell) return {first + count, true};
     }
-    return {sample_count, false};
+    return {samples.count, false};
 }
 }  // namespace kinevox::kernels::cpu
 #endif  // KINEVOX_SEGMENTATION_DENSITY_PLAIN
@@ -56,19 +56,11 @@ HWY_BEFORE_NAMESPACE();
 namespace kinevox::kernels::cpu::HWY_NAMESPACE {
 #if HWY_TARGET == HWY_SCALAR
 // A processor without vectors of bytes: the shared scalar form.
-DensityLooks cell_density_1(const kde::DensityTables& tables, const std::uint8_t* cell,
-                            const std::uint8_t* samples, const std::uint8_t* bandwidth_scale,
-                            int sample_count, int begin, bool may_stop, const SamplesAhead&,
-                            std::uint8_t* density) {
-    return cell_density_plain(tables, cell, samples, bandwidth_scale, sample_count, 1, begin, may_stop,
-                              density);
-}
-DensityLooks cell_density_3(const kde::DensityTables& tables, const std::uint8_t* cell,
-                            const std::uint8_t* samples, const std::uint8_t* bandwidth_scale,
-                            int sample_count, int begin, bool may_stop, const SamplesAhead&,
-                            std::uint8_t* density) {
-    return cell_density_plain(tables, cell, samples, bandwidth_scale, sample_count, 3, begin, may_stop,
-                              density);
+template <int kChannels>
+DensityLooks cell_density_of(const kde::DensityTables& tables, const std::uint8_t* cell, const CellSamples& samples,
+                             const std::uint8_t* bandwidth_scale, int begin, bool may_stop, const SamplesAhead&,
+                             std::uint8_t* density) {
+    return cell_density_plain(tables, cell, samples, bandwidth_scale, kChannels, begin, may_stop, density);
 }
 void split_whole_cell(const std::uint8_t* interleaved, int channels, const std::uint16_t* gain_64,
                       std::uint8_t* cell) {
@@ -102,8 +94,13 @@ struct PixelLanes {
 };
 
 template <int kChannels>
+struct SampleLanes {
+    hn::Vec<Bytes> value[kChannels];
+};
+
+template <int kChannels>
 HWY_INLINE hn::Vec<Bytes> add_sample(const PixelLanes<kChannels>& pixels, hn::Vec<Bytes> squared_table,
-                                     hn::Vec<Bytes> kernel_table, const std::uint8_t* sample,
+                                     hn::Vec<Bytes> kernel_table, const SampleLanes<kChannels>& sample,
                                      hn::Vec<Bytes> sum) {
     const Bytes bytes;
     const Words words;
@@ -111,7 +108,7 @@ HWY_INLINE hn::Vec<Bytes> add_sample(const PixelLanes<kChannels>& pixels, hn::Ve
     const auto fifteen = hn::Set(words, 15);
     auto squared = hn::Zero(bytes);
     for (int c = 0; c < kChannels; ++c) {
-        const auto other = hn::Load(bytes, sample + c * kCellPixels);
+        const auto other = sample.value[c];
         const auto difference = hn::BitCast(words, hn::Or(hn::SaturatedSub(pixels.value[c], other),
                                                           hn::SaturatedSub(other, pixels.value[c])));
         // The high half of (difference << 8) * 4 * scale is difference * scale >> 6.
@@ -125,39 +122,89 @@ HWY_INLINE hn::Vec<Bytes> add_sample(const PixelLanes<kChannels>& pixels, hn::Ve
     return hn::SaturatedAdd(sum, hn::TableLookupBytes(kernel_table, kernel_index));
 }
 
+// Where a vector's samples come from, whole or packed; `lane` is its first pixel in the cell.
+template <int kChannels>
+class WholeSamples {
+  public:
+    HWY_INLINE WholeSamples(const CellSamples& samples, int lane) : samples_(samples.whole + lane) {}
+    // Calls add(SampleLanes) for samples [first, last).
+    template <class Add>
+    HWY_INLINE void each(int first, int last, const Add& add) const {
+        for (int i = first; i < last; ++i) {
+            SampleLanes<kChannels> sample;
+            for (int c = 0; c < kChannels; ++c)
+                sample.value[c] = hn::Load(Bytes(), samples_ + (i * kChannels + c) * kCellPixels);
+            add(sample);
+        }
+    }
+
+  private:
+    const std::uint8_t* samples_;
+};
+
+template <int kChannels>
+class PackedPairs {
+  public:
+    HWY_INLINE PackedPairs(const CellSamples& samples, int lane)
+        : pairs_(samples.packed + kChannels * kCellPixels + lane) {
+        for (int c = 0; c < kChannels; ++c) lowest_[c] = hn::Load(Bytes(), samples.packed + c * kCellPixels + lane);
+    }
+    template <class Add>
+    HWY_INLINE void each(int first, int last, const Add& add) const {
+        const Bytes bytes;
+        const auto half = hn::Set(bytes, 0x0f);
+        for (int i = first; i < last; i += 2) {   // `first` is even
+            SampleLanes<kChannels> even, odd;
+            for (int c = 0; c < kChannels; ++c) {
+                const auto pair = hn::Load(bytes, pairs_ + (i / 2 * kChannels + c) * kCellPixels);
+                even.value[c] = hn::Add(lowest_[c], hn::And(pair, half));
+                odd.value[c] = hn::Add(lowest_[c], hn::ShiftRight<4>(pair));
+            }
+            add(even);
+            if (i + 1 < last) add(odd);
+        }
+    }
+
+  private:
+    const std::uint8_t* pairs_;
+    hn::Vec<Bytes> lowest_[kChannels];
+};
+
 HWY_INLINE int unsure_lanes(hn::Vec<Bytes> sum) {
     const Bytes bytes;
     const auto reached = hn::Eq(hn::Max(sum, hn::Set(bytes, kde::kSureDensity)), sum);
     return static_cast<int>(hn::Lanes(bytes) - hn::CountTrue(bytes, reached));
 }
 
-template <int kChannels>
-DensityLooks cell_density_of(const kde::DensityTables& tables, const std::uint8_t* cell,
-                             const std::uint8_t* samples, const std::uint8_t* bandwidth_scale,
-                             int sample_count, int begin, bool may_stop, const SamplesAhead& ahead,
-                             std::uint8_t* density) {
-    constexpr int kSampleBytes = kChannels * kCellPixels;
+template <int kChannels, template <int> class Samples>
+HWY_INLINE DensityLooks sum_samples(const kde::DensityTables& tables, const std::uint8_t* cell,
+                                    const CellSamples& samples, const std::uint8_t* bandwidth_scale, int begin,
+                                    bool may_stop, const SamplesAhead& ahead, std::uint8_t* density) {
+    static_assert(kde::kSamplesPerLook % 2 == 0);
     const Bytes bytes;
     const auto squared_table = hn::LoadDup128(bytes, tables.squared);
     const auto kernel_table = hn::LoadDup128(bytes, tables.kernel);
     // A few lines of the next cell with each sample of this one, as fast as memory delivers them.
-    const std::uint8_t* coming = ahead.samples;
-    const std::uint8_t* const coming_end = coming + ahead.count * kSampleBytes;
-    const auto fetch_sample = [&] {
+    constexpr int kLineBytes = kChannels * kCellPixels;
+    const std::uint8_t* coming = ahead.first;
+    const std::uint8_t* const coming_end = coming + ahead.lines * kLineBytes;
+    const auto fetch_line = [&] {
         if (coming == coming_end) return;
         for (int c = 0; c < kChannels; ++c) hwy::Prefetch(coming + c * kCellPixels);
-        coming += kSampleBytes;
+        coming += kLineBytes;
     };
-    DensityLooks looks{sample_count, false};
+    DensityLooks looks{samples.count, false};
     if constexpr (hn::MaxLanes(bytes) == kCellPixels && !HWY_HAVE_SCALABLE) {
         const PixelLanes<kChannels> pixels(cell, bandwidth_scale);
+        const Samples<kChannels> from(samples, 0);
         auto sum = begin == 0 ? hn::Zero(bytes) : hn::Load(bytes, density);
-        for (int i = begin; i < sample_count;) {
-            const int last = HWY_MIN(i + kde::kSamplesPerLook, sample_count);
-            for (; i < last; ++i) {
-                fetch_sample();
-                sum = add_sample(pixels, squared_table, kernel_table, samples + i * kSampleBytes, sum);
-            }
+        for (int i = begin; i < samples.count;) {
+            const int last = HWY_MIN(i + kde::kSamplesPerLook, samples.count);
+            from.each(i, last, [&](const SampleLanes<kChannels>& sample) HWY_ATTR {
+                fetch_line();
+                sum = add_sample(pixels, squared_table, kernel_table, sample, sum);
+            });
+            i = last;
             if (may_stop && unsure_lanes(sum) < kde::kCandidatesPerCell) {
                 looks = {last, true};
                 break;
@@ -169,17 +216,17 @@ DensityLooks cell_density_of(const kde::DensityTables& tables, const std::uint8_
     } else {
         const int lanes = static_cast<int>(hn::Lanes(bytes));
         if (begin == 0) std::memset(density, 0, kCellPixels);
-        for (int first = begin; first < sample_count; first += kde::kSamplesPerLook) {
-            const int last = HWY_MIN(first + kde::kSamplesPerLook, sample_count);
+        for (int first = begin; first < samples.count; first += kde::kSamplesPerLook) {
+            const int last = HWY_MIN(first + kde::kSamplesPerLook, samples.count);
             int unsure = 0;
             for (int lane = 0; lane < kCellPixels; lane += lanes) {
                 const PixelLanes<kChannels> pixels(cell + lane, bandwidth_scale + lane);
+                const Samples<kChannels> from(samples, lane);
                 auto sum = hn::Load(bytes, density + lane);
-                for (int i = first; i < last; ++i) {
-                    if (lane == 0) fetch_sample();
-                    sum = add_sample(pixels, squared_table, kernel_table, samples + i * kSampleBytes + lane,
-                                     sum);
-                }
+                from.each(first, last, [&](const SampleLanes<kChannels>& sample) HWY_ATTR {
+                    if (lane == 0) fetch_line();
+                    sum = add_sample(pixels, squared_table, kernel_table, sample, sum);
+                });
                 hn::Store(sum, bytes, density + lane);
                 unsure += unsure_lanes(sum);
             }
@@ -189,23 +236,18 @@ DensityLooks cell_density_of(const kde::DensityTables& tables, const std::uint8_
             }
         }
     }
-    while (coming != coming_end) fetch_sample();
+    while (coming != coming_end) fetch_line();
     return looks;
 }
 
-DensityLooks cell_density_1(const kde::DensityTables& tables, const std::uint8_t* cell,
-                            const std::uint8_t* samples, const std::uint8_t* bandwidth_scale,
-                            int sample_count, int begin, bool may_stop, const SamplesAhead& ahead,
-                            std::uint8_t* density) {
-    return cell_density_of<1>(tables, cell, samples, bandwidth_scale, sample_count, begin, may_stop, ahead,
-                              density);
-}
-DensityLooks cell_density_3(const kde::DensityTables& tables, const std::uint8_t* cell,
-                            const std::uint8_t* samples, const std::uint8_t* bandwidth_scale,
-                            int sample_count, int begin, bool may_stop, const SamplesAhead& ahead,
-                            std::uint8_t* density) {
-    return cell_density_of<3>(tables, cell, samples, bandwidth_scale, sample_count, begin, may_stop, ahead,
-                              density);
+template <int kChannels>
+DensityLooks cell_density_of(const kde::DensityTables& tables, const std::uint8_t* cell, const CellSamples& samples,
+                             const std::uint8_t* bandwidth_scale, int begin, bool may_stop, const SamplesAhead& ahead,
+                             std::uint8_t* density) {
+    return samples.packed ? sum_samples<kChannels, PackedPairs>(tables, cell, samples, bandwidth_scale, begin, may_stop,
+                                                                ahead, density)
+                          : sum_samples<kChannels, WholeSamples>(tables, cell, samples, bandwidth_scale, begin,
+                                                                 may_stop, ahead, density);
 }
 
 // One plane: value * gain / 16384 in 1/64 levels, rounded.
@@ -243,6 +285,18 @@ void split_whole_cell(const std::uint8_t* interleaved, int channels, const std::
 }
 
 #endif  // HWY_SCALAR
+
+DensityLooks cell_density_1(const kde::DensityTables& tables, const std::uint8_t* cell, const CellSamples& samples,
+                            const std::uint8_t* bandwidth_scale, int begin, bool may_stop, const SamplesAhead& ahead,
+                            std::uint8_t* density) {
+    return cell_density_of<1>(tables, cell, samples, bandwidth_scale, begin, may_stop, ahead, density);
+}
+DensityLooks cell_density_3(const kde::DensityTables& tables, const std::uint8_t* cell, const CellSamples& samples,
+                            const std::uint8_t* bandwidth_scale, int begin, bool may_stop, const SamplesAhead& ahead,
+                            std::uint8_t* density) {
+    return cell_density_of<3>(tables, cell, samples, bandwidth_scale, begin, may_stop, ahead, density);
+}
+
 }  // namespace kinevox::kernels::cpu::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 #endif  // KINEVOX_HAVE_HIGHWAY
@@ -281,19 +335,17 @@ void split_cell(const std::uint8_t* interleaved, int pixels, int channels, const
     split_plain(interleaved, pixels, channels, gain_64, cell);
 }
 
-DensityLooks cell_density(const kde::DensityTables& tables, const std::uint8_t* cell,
-                          const std::uint8_t* samples, const std::uint8_t* bandwidth_scale, int sample_count,
-                          int channels, int begin, bool may_stop, std::uint8_t* density,
-                          const SamplesAhead& ahead) {
+DensityLooks cell_density(const kde::DensityTables& tables, const std::uint8_t* cell, const CellSamples& samples,
+                          const std::uint8_t* bandwidth_scale, int channels, int begin, bool may_stop,
+                          std::uint8_t* density, const SamplesAhead& ahead) {
 #ifdef KINEVOX_HAVE_HIGHWAY
-    return channels == 1
-               ? HWY_DYNAMIC_DISPATCH(cell_density_1)(tables, cell, samples, bandwidth_scale, sample_count,
-                                                      begin, may_stop, ahead, density)
-               : HWY_DYNAMIC_DISPATCH(cell_density_3)(tables, cell, samples, bandwidth_scale, sample_count,
-                                                      begin, may_stop, ahead, density);
+    return channels == 1 ? HWY_DYNAMIC_DISPATCH(cell_density_1)(tables, cell, samples, bandwidth_scale, begin, may_stop,
+                                                                ahead, density)
+                         : HWY_DYNAMIC_DISPATCH(cell_density_3)(tables, cell, samples, bandwidth_scale, begin, may_stop,
+                                                                ahead, density);
 #else
-    return cell_density_plain(tables, cell, samples, bandwidth_scale, sample_count, channels, begin, may_stop,
-                              density);
+    static_cast<void>(ahead);
+    return cell_density_plain(tables, cell, samples, bandwidth_scale, channels, begin, may_stop, density);
 #endif
 }
 

@@ -1,9 +1,14 @@
 #include "kernels/cpu/segmentation_evidence.h"
 
+#include <algorithm>
+#include <bit>
+#include <cmath>
 #include <cstring>
 
-// Plain loops, which the compiler vectorises for each family that Highway chooses from at run time; no two of
-// their arrays overlap (ivdep).
+#include "kernels/shared/kde_groups.h"
+
+// Compiled for each family that Highway chooses from at run time. The plain loops are vectorised by the compiler; no
+// two of their arrays overlap (ivdep).
 #ifdef KINEVOX_HAVE_HIGHWAY
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/cpu/segmentation_evidence.cc"
@@ -17,27 +22,165 @@ HWY_BEFORE_NAMESPACE();
 namespace kinevox::kernels::cpu::HWY_NAMESPACE {
 
 using kde::kCellPixels;
+using kde::kGroupPixels;
 
-template <int kChannels>
-void fit_light_of(const EvidenceCell& cell, const kde::EvidenceParameters& parameters, const LightRows& out) {
-    const kde::EvidenceParameters p = parameters;
-    const std::uint8_t* value = cell.value;
-    const std::uint8_t* reference = cell.reference;
-    const std::uint8_t* scale = cell.scale;
-    float* __restrict weighted_value = out.weighted_value, * __restrict weighted_energy = out.weighted_energy;
-    float* __restrict factor = out.factor, * __restrict residual = out.residual;
-#pragma GCC ivdep
-    for (int x = 0; x < kCellPixels; ++x)
-        kde::fit_light<kChannels>(value + x, reference + x, scale + x, p, weighted_value[x],
-                                  weighted_energy[x], factor[x], residual[x]);
+#ifdef KINEVOX_HAVE_HIGHWAY
+namespace hn = hwy::HWY_NAMESPACE;
+using Floats = hn::CappedTag<float, kGroupPixels>;
+using Numbers = hn::Rebind<std::int32_t, Floats>;
+using Bytes = hn::Rebind<std::uint8_t, Floats>;
+using V = hn::Vec<Floats>;
+
+HWY_INLINE V levels(const std::uint8_t* bytes) {
+    return hn::ConvertTo(Floats(), hn::PromoteTo(Numbers(), hn::LoadU(Bytes(), bytes)));
 }
 
-void fit_light_cell(const EvidenceCell& cell, const kde::EvidenceParameters& parameters,
+// kde::scaled_variance()
+HWY_INLINE V scaled_variance(V reference, V squared_scale, const kde::EvidenceParameters& p) {
+    const Floats f;
+    const V spread = hn::Mul(hn::Set(f, p.relative_deviation), reference);
+    return hn::MulAdd(hn::Mul(spread, spread), squared_scale, hn::Set(f, p.noise_part * 65536.0f));
+}
+
+// kde::Quotient
+struct QuotientLanes {
+    V numerator, denominator;
+    HWY_INLINE QuotientLanes() : numerator(hn::Zero(Floats())), denominator(hn::Set(Floats(), 1.0f)) {}
+    HWY_INLINE void add(V over, V under) {
+        numerator = hn::MulAdd(numerator, under, hn::Mul(over, denominator));
+        denominator = hn::Mul(denominator, under);
+    }
+};
+
+// kde::fit_light() of pixels from x on.
+template <int kChannels>
+HWY_INLINE void fit_light_at(const EvidenceCell& cell, const kde::EvidenceParameters& p, const LightRows& out, int x) {
+    const Floats f;
+    V value[kChannels], reference[kChannels], product = hn::Zero(f), energy = hn::Zero(f);
+    for (int c = 0; c < kChannels; ++c) {
+        value[c] = levels(cell.value + c * kCellPixels + x);
+        reference[c] = levels(cell.reference + c * kCellPixels + x);
+        product = hn::MulAdd(value[c], reference[c], product);
+        energy = hn::MulAdd(reference[c], reference[c], energy);
+    }
+    const V factor = hn::Min(hn::Max(hn::Div(product, hn::Max(energy, hn::Set(f, 1.0f))), hn::Set(f, p.darkest)),
+                             hn::Set(f, p.brightest));
+    QuotientLanes squared_distance;
+    for (int c = 0; c < kChannels; ++c) {
+        const V scale = levels(cell.scale + c * kCellPixels + x), squared_scale = hn::Mul(scale, scale);
+        const V difference = hn::NegMulAdd(factor, reference[c], value[c]);
+        squared_distance.add(hn::Mul(hn::Mul(difference, difference), squared_scale),
+                             scaled_variance(reference[c], squared_scale, p));
+    }
+    const V residual = hn::Div(squared_distance.numerator, squared_distance.denominator);
+    const V weight =
+        hn::Max(hn::NegMulAdd(residual, hn::Set(f, 1.0f / p.coarse_residual), hn::Set(f, 1.0f)), hn::Zero(f));
+    hn::StoreU(hn::Mul(weight, product), f, out.weighted_value + x);
+    hn::StoreU(hn::Mul(weight, energy), f, out.weighted_energy + x);
+    hn::StoreU(factor, f, out.factor + x);
+    hn::StoreU(residual, f, out.residual + x);
+}
+
+// kde::histogram_bin()
+template <int kChannels>
+HWY_INLINE hn::Vec<Numbers> histogram_bins(const std::uint8_t* value) {
+    static_assert(kde::kHistogramBins == 16);
+    const Numbers n;
+    auto bin = hn::Zero(n);
+    for (int c = 0; c < kChannels; ++c)
+        bin = hn::Or(hn::ShiftLeft<4>(bin),
+                     hn::ShiftRight<4>(hn::PromoteTo(n, hn::LoadU(Bytes(), value + c * kCellPixels))));
+    return bin;
+}
+
+// kde::evidence() of pixels from x on.
+template <int kChannels>
+HWY_INLINE void evidence_at(const EvidenceCell& cell, const kde::EvidenceParameters& p, const LightAround& light,
+                            const float* log_lit, const float* log_foreground, float* evidence, int x) {
+    constexpr int kReach = kde::kLightReach;
+    const Floats f;
+    const float *around = light.neighbourhood + x, *above = around - kReach * light.stride,
+                *below = around + kReach * light.stride;
+    const V factor = hn::LoadU(f, light.factor + x);
+    V step = hn::Set(f, 10.0f);
+    for (const float* other : {above, around - kReach, around, around + kReach, below})
+        step = hn::Min(step, hn::AbsDiff(factor, hn::LoadU(f, other)));
+    V distance = hn::Zero(f);
+    QuotientLanes precision;
+    for (int c = 0; c < kChannels; ++c) {
+        const V value = levels(cell.value + c * kCellPixels + x);
+        const V reference = levels(cell.reference + c * kCellPixels + x);
+        const V scale = levels(cell.scale + c * kCellPixels + x), squared_scale = hn::Mul(scale, scale);
+        precision.add(hn::Mul(hn::Mul(reference, reference), squared_scale),
+                      scaled_variance(reference, squared_scale, p));
+        const V difference = hn::Sub(value, reference);
+        distance = hn::MulAdd(hn::Mul(difference, difference), squared_scale, distance);
+    }
+    const auto density = hn::PromoteTo(Numbers(), hn::LoadU(Bytes(), cell.density + x));
+    const V table = hn::GatherIndex(f, log_lit, density);
+    const V tail = hn::Mul(hn::Set(f, -0.5f / 65536.0f), distance);
+    const auto none = hn::RebindMask(f, hn::Eq(density, hn::Zero(Numbers())));
+    const V lit = hn::IfThenElse(none, hn::Min(tail, table), table);
+    const V certain = hn::Add(precision.denominator, precision.numerator);
+    const V spread =
+        hn::MulAdd(hn::Set(f, p.light_deviation * p.light_deviation), certain, precision.denominator);
+    const V disagreement =
+        hn::Add(hn::LoadU(f, light.residual + x),
+                hn::Div(hn::Mul(hn::Mul(hn::Set(f, p.light_smoothness), hn::Mul(step, step)), certain), spread));
+    const V shaded = hn::NegMulAdd(hn::Set(f, 0.5f), disagreement, hn::Set(f, p.log_prior_light));
+    const V colour = hn::GatherIndex(f, log_foreground, histogram_bins<kChannels>(cell.value + x));
+    const V ratio = hn::Sub(hn::Sub(colour, hn::LoadU(f, cell.log_peak + x)), hn::Max(lit, shaded));
+    hn::StoreU(hn::Min(hn::Max(ratio, hn::Set(f, -p.limit)), hn::Set(f, p.limit)), f, evidence + x);
+}
+
+// Calls at(x) for the first pixel of each vector of the groups.
+template <class At>
+HWY_INLINE void each_vector(int groups, const At& at) {
+    for (auto left = static_cast<unsigned>(groups); left != 0; left &= left - 1)
+        for (int x = 0; x < kGroupPixels; x += static_cast<int>(hn::Lanes(Floats())))
+            at(std::countr_zero(left) * kGroupPixels + x);
+}
+#else
+template <int kChannels>
+void fit_light_at(const EvidenceCell& cell, const kde::EvidenceParameters& p, const LightRows& out, int x) {
+    kde::fit_light<kChannels>(cell.value + x, cell.reference + x, cell.scale + x, p, out.weighted_value[x],
+                              out.weighted_energy[x], out.factor[x], out.residual[x]);
+}
+
+template <int kChannels>
+void evidence_at(const EvidenceCell& cell, const kde::EvidenceParameters& p, const LightAround& light,
+                 const float* log_lit, const float* log_foreground, float* evidence, int x) {
+    constexpr int kReach = kde::kLightReach;
+    const float* around = light.neighbourhood + x;
+    float step = 10.0f;
+    for (const std::ptrdiff_t to : {-kReach * light.stride, std::ptrdiff_t{-kReach}, std::ptrdiff_t{0},
+                                    std::ptrdiff_t{kReach}, kReach * light.stride})
+        step = std::min(step, std::abs(light.factor[x] - around[to]));
+    evidence[x] = kde::evidence<kChannels>(cell.value + x, cell.reference + x, cell.scale + x, cell.density[x],
+                                           log_lit[cell.density[x]], cell.log_peak[x], light.residual[x], step,
+                                           log_foreground[kde::histogram_bin<kChannels>(cell.value + x)], p);
+}
+
+template <class At>
+void each_vector(int groups, const At& at) {
+    for (auto left = static_cast<unsigned>(groups); left != 0; left &= left - 1)
+        for (int x = 0; x < kGroupPixels; ++x) at(std::countr_zero(left) * kGroupPixels + x);
+}
+#define HWY_ATTR
+#endif
+
+template <int kChannels>
+void fit_light_of(const EvidenceCell& cell, int groups, const kde::EvidenceParameters& parameters,
+                  const LightRows& out) {
+    each_vector(groups, [&](int x) HWY_ATTR { fit_light_at<kChannels>(cell, parameters, out, x); });
+}
+
+void fit_light_cell(const EvidenceCell& cell, int groups, const kde::EvidenceParameters& parameters,
                     const LightRows& out) {
     if (cell.channels == 1)
-        fit_light_of<1>(cell, parameters, out);
+        fit_light_of<1>(cell, groups, parameters, out);
     else
-        fit_light_of<3>(cell, parameters, out);
+        fit_light_of<3>(cell, groups, parameters, out);
 }
 
 void neighbourhood_light(const float* weighted_value, const float* weighted_energy, std::ptrdiff_t stride,
@@ -63,50 +206,21 @@ void neighbourhood_light(const float* weighted_value, const float* weighted_ener
 }
 
 template <int kChannels>
-void evidence_of(const EvidenceCell& cell, const kde::EvidenceParameters& parameters,
+void evidence_of(const EvidenceCell& cell, int groups, const kde::EvidenceParameters& parameters,
                  const LightAround& light, const float* log_lit, const float* log_foreground,
                  float* evidence) {
-    constexpr int kReach = kde::kLightReach;
-    const kde::EvidenceParameters p = parameters;
-    float colour[kCellPixels], lit[kCellPixels], step[kCellPixels];
-    const float *above = light.neighbourhood - kReach * light.stride, *around = light.neighbourhood,
-                *below = light.neighbourhood + kReach * light.stride;
-    const float *own_factor = light.factor, *own_residual = light.residual;
-#pragma GCC ivdep
-    for (int x = 0; x < kCellPixels; ++x) {
-        const float factor = own_factor[x];
-        const auto nearer = [factor](float nearest, float other) {
-            const float difference = factor - other;
-            const float size = difference < 0 ? -difference : difference;
-            return size < nearest ? size : nearest;
-        };
-        step[x] = nearer(nearer(nearer(nearer(nearer(10.0f, above[x]), around[x - kReach]), around[x]),
-                                around[x + kReach]),
-                         below[x]);
-    }
-    for (int x = 0; x < kCellPixels; ++x) {
-        colour[x] = log_foreground[kde::histogram_bin<kChannels>(cell.value + x)];
-        lit[x] = log_lit[cell.density[x]];
-    }
-    const std::uint8_t* value = cell.value;
-    const std::uint8_t* reference = cell.reference;
-    const std::uint8_t* scale = cell.scale;
-    const std::uint8_t* density = cell.density;
-    const float* log_peak = cell.log_peak;
-    float* __restrict out = evidence;
-#pragma GCC ivdep
-    for (int x = 0; x < kCellPixels; ++x)
-        out[x] = kde::evidence<kChannels>(value + x, reference + x, scale + x, density[x], lit[x],
-                                          log_peak[x], own_residual[x], step[x], colour[x], p);
+    each_vector(groups, [&](int x) HWY_ATTR {
+        evidence_at<kChannels>(cell, parameters, light, log_lit, log_foreground, evidence, x);
+    });
 }
 
-void evidence_cell(const EvidenceCell& cell, const kde::EvidenceParameters& parameters,
+void evidence_cell(const EvidenceCell& cell, int groups, const kde::EvidenceParameters& parameters,
                    const LightAround& light, const float* log_lit, const float* log_foreground,
                    float* evidence) {
     if (cell.channels == 1)
-        evidence_of<1>(cell, parameters, light, log_lit, log_foreground, evidence);
+        evidence_of<1>(cell, groups, parameters, light, log_lit, log_foreground, evidence);
     else
-        evidence_of<3>(cell, parameters, light, log_lit, log_foreground, evidence);
+        evidence_of<3>(cell, groups, parameters, light, log_lit, log_foreground, evidence);
 }
 
 void smooth_row(const float* const rows[5], const float weights[5], int width, float* scratch, float* out) {
@@ -166,18 +280,18 @@ HWY_EXPORT(decide_row);
 #define KINEVOX_DISPATCH(function) plain::function
 #endif
 
-void fit_light_cell(const EvidenceCell& cell, const kde::EvidenceParameters& parameters,
+void fit_light_cell(const EvidenceCell& cell, int groups, const kde::EvidenceParameters& parameters,
                     const LightRows& out) {
-    KINEVOX_DISPATCH(fit_light_cell)(cell, parameters, out);
+    KINEVOX_DISPATCH(fit_light_cell)(cell, groups, parameters, out);
 }
 void neighbourhood_light(const float* weighted_value, const float* weighted_energy, std::ptrdiff_t stride,
                          int width, float* light) {
     KINEVOX_DISPATCH(neighbourhood_light)(weighted_value, weighted_energy, stride, width, light);
 }
-void evidence_cell(const EvidenceCell& cell, const kde::EvidenceParameters& parameters,
+void evidence_cell(const EvidenceCell& cell, int groups, const kde::EvidenceParameters& parameters,
                    const LightAround& light, const float* log_lit, const float* log_foreground,
                    float* evidence) {
-    KINEVOX_DISPATCH(evidence_cell)(cell, parameters, light, log_lit, log_foreground, evidence);
+    KINEVOX_DISPATCH(evidence_cell)(cell, groups, parameters, light, log_lit, log_foreground, evidence);
 }
 void smooth_row(const float* const rows[5], const float weights[5], int width, float* scratch, float* out) {
     KINEVOX_DISPATCH(smooth_row)(rows, weights, width, scratch, out);

@@ -1,4 +1,4 @@
-// The loops over the cells that are not plainly background: kde_evidence.h for 64 pixels at a time, and the
+// The loops over the pixels that are not plainly background: kde_evidence.h for a cell's groups of 16, and the
 // smoothing of the result. Compiled for each processor family where Highway is there.
 #pragma once
 
@@ -25,7 +25,8 @@ struct LightRows {
     float* residual = nullptr;
 };
 
-void fit_light_cell(const EvidenceCell& cell, const kde::EvidenceParameters& parameters,
+// `groups`: which of the cell's pixels, see kde_groups.h; the others keep their values.
+void fit_light_cell(const EvidenceCell& cell, int groups, const kde::EvidenceParameters& parameters,
                     const LightRows& out);
 
 // The light of the neighbourhoods of kde::kLightReach around `width` pixels of a row (at most
@@ -44,7 +45,7 @@ struct LightAround {
 };
 
 // log_lit: 256 entries, log_foreground: one entry a histogram bin.
-void evidence_cell(const EvidenceCell& cell, const kde::EvidenceParameters& parameters,
+void evidence_cell(const EvidenceCell& cell, int groups, const kde::EvidenceParameters& parameters,
                    const LightAround& light, const float* log_lit, const float* log_foreground,
                    float* evidence);
 

@@ -58,12 +58,15 @@ struct ModelUpdate {
     std::int64_t visit = 0;  // how often this row was visited before
 };
 
+class PackedSamples;
+
 kde::UpdateParameters update_parameters(const SegmentationOptions& options, std::int64_t visit);
 
 // Takes a frame's row into the model: background pixels into a slot of the short-term memory (the last
 // quarter of the samples) and now and then of the long-term memory; anything else that stays the same for
-// long enough replaces the whole short-term memory.
-void update_row(BackgroundModel& model, int y, const ModelUpdate& update, const SegmentationOptions& options);
+// long enough replaces the whole short-term memory. `packed` follows.
+void update_row(BackgroundModel& model, PackedSamples& packed, int y, const ModelUpdate& update,
+                const SegmentationOptions& options);
 
 BackgroundModel learn_background(std::span<const PictureView> empty_scene, int width, int height,
                                  int channels, const SegmentationOptions& options);

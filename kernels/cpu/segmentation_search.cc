@@ -1,14 +1,33 @@
 #include "kernels/cpu/segmentation_search.h"
 
+#include <bit>
 #include <cstring>
 #include <vector>
 
 #include "kernels/cpu/run_components.h"
-#include "kernels/shared/kde_density.h"
+#include "kernels/shared/kde_groups.h"
 
 namespace kinevox::kernels::cpu {
 
 using kde::kCellPixels;
+
+GroupSpan groups_of_cell(int cell, int groups) {
+    const auto bits = static_cast<unsigned>(groups);
+    const int first = cell * (kCellPixels / kde::kGroupPixels);
+    return {first + std::countr_zero(bits), first + static_cast<int>(std::bit_width(bits))};
+}
+
+int groups_near_unsure(const std::uint8_t* density) {
+    static_assert(kde::kActiveMargin == sizeof(std::uint32_t) && kde::kSureDensity == 8);
+    int slices = 0;
+    for (int n = 0; n < kde::kSlices; ++n) {
+        std::uint32_t word;
+        std::memcpy(&word, density + n * kde::kActiveMargin, sizeof word);
+        word &= 0xf8f8f8f8u;   // a byte is 0 where the density is below the sure one
+        slices |= ((word - 0x01010101u) & ~word & 0x80808080u) != 0 ? 1 << n : 0;
+    }
+    return kde::groups_near(slices);
+}
 
 void mark_searched(const SegmentationPrior& prior, const CellBox& work, int width, int height,
                    std::uint8_t* searched) {

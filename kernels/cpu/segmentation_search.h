@@ -8,15 +8,21 @@
 
 namespace kinevox::kernels::cpu {
 
-// Cells [k0, k1) of a row.
-struct CellSpan {
-    int k0 = 0, k1 = 0;
-    bool empty() const { return k1 <= k0; }
-    void include(const CellSpan& other) {
+// Groups of kde::kGroupPixels pixels, [g0, g1) of a row.
+struct GroupSpan {
+    int g0 = 0, g1 = 0;
+    bool empty() const { return g1 <= g0; }
+    void include(const GroupSpan& other) {
         if (other.empty()) return;
-        *this = empty() ? other : CellSpan{std::min(k0, other.k0), std::max(k1, other.k1)};
+        *this = empty() ? other : GroupSpan{std::min(g0, other.g0), std::max(g1, other.g1)};
     }
 };
+
+// From the first to the last of a cell's groups, as bits and not 0, in the row.
+GroupSpan groups_of_cell(int cell, int groups);
+
+// Which groups of a cell, and beside it, are near its unsure pixels (kde::groups_near).
+int groups_near_unsure(const std::uint8_t* density);
 
 // Rows [y0, y1) of cells [k0, k1).
 struct CellBox {

@@ -1,10 +1,12 @@
 #include <algorithm>
 
 #include "kernels/cuda/segmentation_steps.h"
+#include "kernels/shared/kde_groups.h"
 
 namespace kinevox::kernels::cuda {
 namespace {
 
+using kde::kActiveMargin;
 using kde::kCellPixels;
 
 // As split_cell() of the CPU form: gain, rounding, and white that stays white.
@@ -49,12 +51,12 @@ __device__ void look_at_cell(const SegmentData& d, int y, int k) {
     __syncthreads();
     const bool candidate = density_of_cell(d, tables, cell, true);
     const bool unsure = d.density[cell * kCellPixels + lane] < kde::kSureDensity;
-    const bool left = __syncthreads_or(unsure && lane < kActiveMargin);
-    const bool right = __syncthreads_or(unsure && lane >= kCellPixels - kActiveMargin);
-    if (lane == 0) {
-        d.candidates[cell] = static_cast<std::uint8_t>(
-            candidate ? kCandidate | (left ? kNearLeft : 0) | (right ? kNearRight : 0) : 0);
-    }
+    __shared__ int slices;
+    if (lane == 0) slices = 0;
+    __syncthreads();
+    if (unsure) atomicOr(&slices, 1 << lane / kActiveMargin);
+    __syncthreads();
+    if (lane == 0) d.candidates[cell] = static_cast<std::uint8_t>(candidate ? kde::groups_near(slices) : 0);
 }
 
 __global__ void density_kernel(SegmentData d, CellRange work) {
@@ -67,20 +69,22 @@ __global__ void row_density_kernel(SegmentData d, CellRange work, int phase, int
     look_at_cell(d, y, k);
 }
 
-// A thread a cell of `work`: whether a candidate lies within kActiveMargin rows and, at a cell's side,
-// columns.
+// Whether a cell's pixel belongs to one of the groups.
+__device__ bool in_group(int groups, int lane) { return groups >> lane / kde::kGroupPixels & 1; }
+
+// A thread a cell of `work`: its groups within kActiveMargin rows and columns of a candidate's unsure pixels.
 __global__ void active_kernel(SegmentData d, CellRange work) {
     const int n = thread_index(), columns = work.k1 - work.k0;
     const int y = work.y0 + n / columns, k = work.k0 + n % columns;
     if (y >= work.y1) return;
-    bool active = false;
+    int groups = 0;
     for (int near = max(y - kActiveMargin, work.y0); near <= min(y + kActiveMargin, work.y1 - 1); ++near) {
-        active = active || d.candidates[d.cell(near, k)] & kCandidate;
-        if (k > work.k0) active = active || d.candidates[d.cell(near, k - 1)] & kNearRight;
-        if (k + 1 < work.k1) active = active || d.candidates[d.cell(near, k + 1)] & kNearLeft;
+        groups |= d.candidates[d.cell(near, k)] & kde::kAllGroups;
+        if (k > work.k0 && d.candidates[d.cell(near, k - 1)] & kde::kNearRight) groups |= 1;
+        if (k + 1 < work.k1 && d.candidates[d.cell(near, k + 1)] & kde::kNearLeft) groups |= kde::kLastGroup;
     }
-    d.active[d.cell(y, k)] = active;
-    if (!active) return;
+    d.active[d.cell(y, k)] = static_cast<std::uint8_t>(groups);
+    if (groups == 0) return;
     atomicMin(d.active_box, y);
     atomicMax(d.active_box + 1, y + 1);
     atomicMin(d.active_box + 2, k);
@@ -96,15 +100,16 @@ __global__ void light_kernel(SegmentData d, CellRange box) {
     const int k = box.k0 - 1 + static_cast<int>(blockIdx.x), lane = threadIdx.x;
     const std::size_t at = d.at(y, k * kCellPixels + lane);
     const bool inside = y >= box.y0 && y < box.y1 && k >= box.k0 && k < box.k1;
-    if (!inside || !d.active[d.cell(y, k)]) {
+    const auto neutral = [&] {
         d.weighted_value[at] = d.weighted_energy[at] = 0;
         d.evidence[at] = -d.parameters.limit;
-        return;
-    }
+    };
+    if (!inside || !d.active[d.cell(y, k)]) return neutral();
     const std::size_t cell = d.cell(y, k), plane = cell * kChannels * kCellPixels + lane;
     if (lane == 0) tables = d.tables;
     __syncthreads();
-    if (!(d.candidates[cell] & kCandidate)) density_of_cell(d, tables, cell, false);  // its sums ended early
+    if (!d.candidates[cell]) density_of_cell(d, tables, cell, false);  // its sums ended early
+    if (!in_group(d.active[cell], lane)) return neutral();
     kde::fit_light<kChannels>(d.values + plane, d.reference + plane, d.scale + plane, d.parameters,
                               d.weighted_value[at], d.weighted_energy[at], d.factor[at], d.residual[at]);
 }
@@ -115,7 +120,7 @@ __global__ void evidence_kernel(SegmentData d, CellRange box) {
     const int y = box.y0 + static_cast<int>(blockIdx.y), k = box.k0 + static_cast<int>(blockIdx.x),
               lane = threadIdx.x;
     const std::size_t cell = d.cell(y, k), at = d.at(y, k * kCellPixels + lane);
-    if (!d.active[cell]) return;
+    if (!in_group(d.active[cell], lane)) return;
     // The light of the window around (x + ox, y + oy) against the pixel's own; summed in the CPU form's
     // order.
     const auto step_to = [&](int ox, int oy) {

@@ -19,9 +19,7 @@ struct CellRange {
     __host__ __device__ bool empty() const { return y1 <= y0 || k1 <= k0; }
 };
 
-inline constexpr int kActiveMargin = 4;  // rows and columns around candidates that are looked at
 inline constexpr int kPlaneMargin = 8;   // rows above and below the planes of floats; a cell at each side
-inline constexpr int kCandidate = 1, kNearLeft = 2, kNearRight = 4;  // flags of a cell
 
 // Device pointers and sizes; handed to every kernel.
 struct SegmentData {
@@ -30,7 +28,7 @@ struct SegmentData {
     float* log_peak;
     const std::uint8_t* picture;  // interleaved, without padding
     std::uint8_t *values, *density;  // of this picture, as BackgroundModel's planes
-    std::uint8_t *candidates, *active;  // per cell
+    std::uint8_t *candidates, *active;  // per cell, its groups (kde_groups.h) near unsure pixels and those looked at
     float *weighted_value, *weighted_energy, *factor, *residual, *evidence, *smoothed;
     const float *log_lit, *log_foreground;
     const std::uint8_t* probability_of;

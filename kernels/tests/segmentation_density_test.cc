@@ -9,6 +9,8 @@
 #include <vector>
 
 #include "kernels/cpu/aligned_vector.h"
+#include "kernels/cpu/packed_samples.h"
+#include "kernels/cpu/segmentation_model.h"
 
 namespace kinevox::kernels::cpu {
 namespace {
@@ -57,6 +59,10 @@ double reference_density(const Cell& cell, int pixel, int sample_count, int chan
     return sum / sample_count;
 }
 
+CellSamples samples_of(const Cell& cell, int sample_count) {
+    return {cell.samples.data(), nullptr, sample_count};
+}
+
 class SegmentationDensity : public ::testing::TestWithParam<std::tuple<int, int>> {};
 
 TEST_P(SegmentationDensity, EqualsTheFormulaInDoublePrecision) {
@@ -66,8 +72,8 @@ TEST_P(SegmentationDensity, EqualsTheFormulaInDoublePrecision) {
     int compared = 0;
     for (unsigned seed = 0; seed < 40; ++seed) {
         Cell cell = random_cell(sample_count, channels, seed);
-        cell_density(tables, cell.value.data(), cell.samples.data(), cell.scale.data(), sample_count,
-                     channels, 0, false, cell.density.data());
+        cell_density(tables, cell.value.data(), samples_of(cell, sample_count), cell.scale.data(), channels,
+                     0, false, cell.density.data());
         for (int x = 0; x < kCellPixels; ++x) {
             const double expected = reference_density(cell, x, sample_count, channels);
             const double top = kde::saturation(sample_count);
@@ -88,8 +94,8 @@ TEST_P(SegmentationDensity, VectorsGiveTheScalarFormsBits) {
     const kde::DensityTables tables = make_density_tables(sample_count);
     for (unsigned seed = 100; seed < 120; ++seed) {
         Cell cell = random_cell(sample_count, channels, seed);
-        cell_density(tables, cell.value.data(), cell.samples.data(), cell.scale.data(), sample_count,
-                     channels, 0, false, cell.density.data());
+        cell_density(tables, cell.value.data(), samples_of(cell, sample_count), cell.scale.data(), channels,
+                     0, false, cell.density.data());
         for (int x = 0; x < kCellPixels; ++x)
             ASSERT_EQ(cell.density[x], kde::density(tables, cell.value.data() + x, cell.samples.data() + x,
                                                     cell.scale.data() + x, sample_count, channels))
@@ -104,10 +110,10 @@ TEST_P(SegmentationDensity, EndsEarlyOnlyWhereThePixelsAreBackgroundAnyway) {
         Cell cell = random_cell(sample_count, channels, seed);
         AlignedVector<std::uint8_t> early(kCellPixels);
         const DensityLooks looks =
-            cell_density(tables, cell.value.data(), cell.samples.data(), cell.scale.data(), sample_count,
-                         channels, 0, true, early.data());
-        cell_density(tables, cell.value.data(), cell.samples.data(), cell.scale.data(), sample_count,
-                     channels, 0, false, cell.density.data());
+            cell_density(tables, cell.value.data(), samples_of(cell, sample_count), cell.scale.data(), channels,
+                         0, true, early.data());
+        cell_density(tables, cell.value.data(), samples_of(cell, sample_count), cell.scale.data(), channels,
+                     0, false, cell.density.data());
         int unsure = 0;
         for (int x = 0; x < kCellPixels; ++x) {
             EXPECT_LE(early[x], cell.density[x]);
@@ -117,10 +123,85 @@ TEST_P(SegmentationDensity, EndsEarlyOnlyWhereThePixelsAreBackgroundAnyway) {
             unsure += cell.density[x] < kde::kSureDensity;
         }
         EXPECT_EQ(looks.plain, unsure < kde::kCandidatesPerCell);
-        cell_density(tables, cell.value.data(), cell.samples.data(), cell.scale.data(), sample_count,
-                     channels, looks.samples, false, early.data());
+        cell_density(tables, cell.value.data(), samples_of(cell, sample_count), cell.scale.data(), channels,
+                     looks.samples, false, early.data());
         EXPECT_EQ(early, cell.density) << "after " << looks.samples << " samples";
     }
+}
+
+// A row of three cells, the last of them with a pixel whose samples spread over 17 levels.
+BackgroundModel narrow_model(int sample_count, int channels) {
+    BackgroundModel model;
+    model.width = 3 * kCellPixels, model.height = 1, model.channels = channels;
+    model.sample_count = sample_count, model.cells_per_row = 3;
+    std::mt19937 random(7);
+    const std::size_t bytes = model.cell_bytes();
+    model.samples.resize(3 * sample_count * bytes);
+    for (int k = 0; k < 3; ++k)
+        for (std::size_t x = 0; x < bytes; ++x) {
+            const int lowest = static_cast<int>(random() % 241);
+            for (int i = 0; i < sample_count; ++i)
+                model.cell_samples(0, k)[i * bytes + x] = static_cast<std::uint8_t>(lowest + random() % 16);
+        }
+    if (sample_count > 1) {
+        model.cell_samples(0, 2)[5] = 100;
+        model.cell_samples(0, 2)[bytes + 5] = 116;
+    }
+    return model;
+}
+
+void expect_same_sums(const BackgroundModel& model, const PackedSamples& packed, int k) {
+    const kde::DensityTables tables = make_density_tables(model.sample_count);
+    const AlignedVector<std::uint8_t> scale(model.cell_bytes(), 40);
+    AlignedVector<std::uint8_t> value(model.cell_bytes()), whole(kCellPixels), half(kCellPixels);
+    BackgroundModel copy = model;
+    const std::uint8_t* samples = copy.cell_samples(0, k);
+    for (std::size_t x = 0; x < value.size(); ++x)
+        value[x] = static_cast<std::uint8_t>(std::min(samples[x] + static_cast<int>(x % 12), 255));
+    for (const bool may_stop : {false, true}) {
+        const DensityLooks a = cell_density(tables, value.data(), {samples, nullptr, model.sample_count}, scale.data(),
+                                            model.channels, 0, may_stop, whole.data());
+        const DensityLooks b =
+            cell_density(tables, value.data(), {samples, packed.cell(model.cell_index(0, k)), model.sample_count},
+                         scale.data(), model.channels, 0, may_stop, half.data());
+        EXPECT_EQ(a.samples, b.samples);
+        EXPECT_EQ(a.plain, b.plain);
+        EXPECT_EQ(whole, half) << "cell " << k;
+    }
+}
+
+TEST_P(SegmentationDensity, PackedSamplesGiveTheSameSums) {
+    const auto [sample_count, channels] = GetParam();
+    BackgroundModel model = narrow_model(sample_count, channels);
+    PackedSamples packed;
+    packed.build(model);
+    for (int k = 0; k < 3; ++k) {
+        EXPECT_EQ(packed.cell(k) == nullptr, k == 2 && sample_count > 1) << "cell " << k;
+        expect_same_sums(model, packed, k);
+    }
+    // New samples, inside the packed range and outside it, and one that makes the wide cell narrow again.
+    std::mt19937 random(8);
+    const std::size_t bytes = model.cell_bytes();
+    for (int round = 0; round < 20; ++round)
+        for (int k = 0; k < 3; ++k) {
+            const int slot = static_cast<int>(random() % sample_count);
+            std::uint8_t* sample = model.cell_samples(0, k) + slot * bytes;
+            const int step = round % 4 == 3 ? 9 : 1;
+            for (std::size_t x = 0; x < bytes; ++x)
+                sample[x] = static_cast<std::uint8_t>(std::clamp(sample[x] + (x % 3 ? step : -step), 0, 255));
+            packed.replace(model, k, slot);
+            expect_same_sums(model, packed, k);
+        }
+    std::fill_n(model.cell_samples(0, 2), bytes * sample_count, std::uint8_t{90});
+    packed.pack(model, 2);
+    ASSERT_NE(packed.cell(2), nullptr);
+    model.cell_samples(0, 2)[0] = 140;
+    packed.replace(model, 2, 0);
+    EXPECT_EQ(packed.cell(2) == nullptr, sample_count > 1);
+    model.cell_samples(0, 2)[0] = 91;
+    packed.replace(model, 2, 0);
+    EXPECT_NE(packed.cell(2), nullptr);
+    expect_same_sums(model, packed, 2);
 }
 
 INSTANTIATE_TEST_SUITE_P(AnyNumberOfSamples, SegmentationDensity,
