@@ -84,6 +84,7 @@ class CpuSegmenter final : public Segmenter {
     std::vector<std::uint8_t> candidates_;    // per cell, the groups near its unsure pixels; 0: plainly background
     std::vector<std::uint8_t> active_;        // per cell, the groups that are looked at
     std::vector<std::uint8_t> searched_;             // per cell, whether its density is this frame's
+    std::vector<std::uint8_t> spread_;        // scratch of find_active
     std::vector<GroupSpan> active_span_;              // per row, from the first active group to the last
     std::vector<std::uint8_t> lit_;      // per cell, the groups for which the planes hold values of their own
     std::vector<std::uint8_t> looked_;   // per cell, samples that are in its density
@@ -204,14 +205,22 @@ void CpuSegmenter::density_rows(const PictureView& picture, int y0, int y1, int 
 CellBox CpuSegmenter::find_active(const CellBox& work) {
     CellBox box{work.y1, work.y0, work.k1, work.k0};
     std::fill(active_span_.begin(), active_span_.end(), GroupSpan{});
-    std::vector<std::uint8_t> near(work.k1);
+    const int columns = work.k1 - work.k0, rows = work.y1 - work.y0;
+    spread_.assign(static_cast<std::size_t>(rows + 2 * kActiveMargin) * columns, 0);
+    for (int y = 0; y < rows; ++y) {
+        const std::size_t first = model_.cell_index(work.y0 + y, work.k0);
+        std::uint8_t* row = spread_.data() + static_cast<std::size_t>(y + kActiveMargin) * columns;
+        for (int k = 0; k < columns; ++k) row[k] = searched_[first + k] ? candidates_[first + k] : 0;
+    }
+    // Each row takes in more and more of those below it.
+    for (int covered = 1, window = 2 * kActiveMargin + 1; covered < window;) {
+        const int step = std::min(covered, window - covered);
+        const std::size_t below = static_cast<std::size_t>(step) * columns;
+        for (std::size_t i = 0; i + below < spread_.size(); ++i) spread_[i] |= spread_[i + below];
+        covered += step;
+    }
     for (int y = work.y0; y < work.y1; ++y) {
-        std::fill(near.begin(), near.end(), std::uint8_t{0});
-        for (int from = std::max(y - kActiveMargin, work.y0); from <= std::min(y + kActiveMargin, work.y1 - 1); ++from) {
-            const std::uint8_t* row = candidates_.data() + model_.cell_index(from, 0);
-            const std::uint8_t* searched = searched_.data() + model_.cell_index(from, 0);
-            for (int k = work.k0; k < work.k1; ++k) near[k] |= searched[k] ? row[k] : 0;
-        }
+        const std::uint8_t* near = spread_.data() + static_cast<std::size_t>(y - work.y0) * columns - work.k0;
         std::uint8_t* active = active_.data() + model_.cell_index(y, 0);
         const std::uint8_t* searched = searched_.data() + model_.cell_index(y, 0);
         for (int k = work.k0; k < work.k1; ++k) {
