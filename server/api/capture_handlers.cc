@@ -23,6 +23,7 @@ void fill_newest(const ApiContext& api, const PublishedPictures& newest, v1::Get
 
 void fill_cameras(const ApiContext& api, const FrameResult* result, v1::GetStatusResponse& response) {
     const std::vector<Camera>& cameras = api.runner.cameras();
+    const std::vector<CameraLink> links = api.runner.camera_links();
     const auto watched = api.camera_watch ? api.camera_watch->cameras() : std::vector<WatchedCamera>{};
     for (std::size_t i = 0; i < cameras.size(); ++i) {
         v1::CameraStatus& camera = *response.add_cameras();
@@ -33,6 +34,7 @@ void fill_cameras(const ApiContext& api, const FrameResult* result, v1::GetStatu
             camera.set_calibration_suspect(watched[i].suspect);
             camera.set_calibration_suspect_reason(watched[i].reason);
         }
+        if (i < links.size()) *camera.mutable_link() = to_proto(links[i]);
         if (!result) continue;
         const auto& pictures = result->frame_set.pictures;
         camera.set_has_picture(i < pictures.size() && !pictures[i].empty());

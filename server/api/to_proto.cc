@@ -48,6 +48,37 @@ v1::Subject to_proto(const SubjectTrack& track, const std::vector<Camera>& camer
     return out;
 }
 
+v1::CameraLink to_proto(const CameraLink& link) {
+    v1::CameraLink out;
+    out.set_connected(link.connected);
+    out.set_device(link.device);
+    out.set_problem(link.problem);
+    switch (link.clock) {
+        case CameraClock::kUnknown: out.set_clock(v1::CAMERA_CLOCK_UNSPECIFIED); break;
+        case CameraClock::kArrival: out.set_clock(v1::CAMERA_CLOCK_ARRIVAL); break;
+        case CameraClock::kDevice: out.set_clock(v1::CAMERA_CLOCK_DEVICE); break;
+        case CameraClock::kPtp: out.set_clock(v1::CAMERA_CLOCK_PTP); break;
+    }
+    out.set_pictures(link.pictures);
+    out.set_lost(link.lost);
+    out.set_incomplete(link.incomplete);
+    out.set_late(link.late);
+    out.set_unmatched(link.unmatched);
+    out.set_settling(link.settling);
+    out.set_disconnects(link.disconnects);
+    out.set_packets_missing(link.packets_missing);
+    out.set_packets_resent(link.packets_resent);
+    out.set_resend_requests(link.resend_requests);
+    out.set_underruns(link.underruns);
+    out.set_packet_bytes(link.packet_bytes);
+    out.set_skew_ms(link.skew_ms);
+    out.set_skew_max_ms(link.skew_max_ms);
+    out.set_lateness_ms(link.lateness_ms);
+    out.set_lateness_max_ms(link.lateness_max_ms);
+    out.set_clock_drift_ppm(link.clock_drift_ppm);
+    return out;
+}
+
 v1::CaptureState to_proto(RunState state) {
     switch (state) {
         case RunState::kStopped: return v1::CAPTURE_STATE_STOPPED;
@@ -78,6 +109,9 @@ v1::EventKind to_proto(EventKind kind) {
         case EventKind::kCameraMoved: return v1::EVENT_KIND_CAMERA_MOVED;
         case EventKind::kCameraInPlace: return v1::EVENT_KIND_CAMERA_IN_PLACE;
         case EventKind::kCalibration: return v1::EVENT_KIND_CALIBRATION;
+        case EventKind::kCameraLost: return v1::EVENT_KIND_CAMERA_LOST;
+        case EventKind::kCameraRejoined: return v1::EVENT_KIND_CAMERA_REJOINED;
+        case EventKind::kCameraLosses: return v1::EVENT_KIND_CAMERA_LOSSES;
         case EventKind::kRecordingStarted: return v1::EVENT_KIND_RECORDING_STARTED;
         case EventKind::kRecordingStopped: return v1::EVENT_KIND_RECORDING_STOPPED;
         case EventKind::kRecordingFailed: return v1::EVENT_KIND_RECORDING_FAILED;

@@ -22,6 +22,7 @@ v1::Camera to_proto(const Camera& camera);
 v1::StageTimes to_proto(const StageTimes& times);
 v1::Subject to_proto(const SubjectTrack& track, const std::vector<Camera>& cameras);
 v1::Pose to_proto(const BodyPose& pose);
+v1::CameraLink to_proto(const CameraLink& link);
 v1::CaptureState to_proto(RunState state);
 v1::EventKind to_proto(EventKind kind);
 v1::WatchEventsResponse to_proto(const PublishedEvent& published, std::uint64_t missed);

@@ -11,6 +11,7 @@
 #include <absl/status/statusor.h>
 
 #include "common/camera.h"
+#include "server/cameras/camera_link.h"
 
 namespace kinevox {
 
@@ -29,6 +30,9 @@ struct FrameSet {
     std::uint64_t sequence = 0;         // counts from 0 at the source; gaps are frame sets lost before the pipeline
     std::int64_t capture_time_ns = 0;   // steady clock, or the recording's own time from 0
     std::vector<Picture> pictures;
+    // When each picture was taken, in the order and the clock of the above (of no meaning where there is no picture);
+    // empty where the source knows one time only.
+    std::vector<std::int64_t> picture_times_ns;
     double decode_ms = 0;               // waiting for and decoding the pictures; 0: the caller of next() fills it in.
                                         // The pipeline passes it on as StageTimes::decode_ms
 };
@@ -50,6 +54,11 @@ class FrameSource {
     // is an error that names camera and file.
     virtual absl::StatusOr<FrameSet> next() = 0;
     virtual void stop() = 0;
+
+    // Of live cameras, in the order of cameras(); empty for other sources. Any thread.
+    virtual std::vector<CameraLink> camera_links() const { return {}; }
+    // To be set before the first next(). Comes from threads of the source and must not wait.
+    virtual void set_on_camera_event(OnCameraEvent) {}
 };
 
 enum class Pacing {

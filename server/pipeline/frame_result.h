@@ -51,6 +51,9 @@ enum class EventKind {
     kCameraMoved,        // it seems to have: its calibration is suspect
     kCameraInPlace,      // its calibration agrees again
     kCalibration,        // solved, applied, undone or imported
+    kCameraLost,         // it is not there
+    kCameraRejoined,     // it delivers again
+    kCameraLosses,       // pictures of it were lost on the way
     kRecordingStarted,
     kRecordingStopped,   // by request or with the capture
     kRecordingFailed,    // the disk is full or cannot be written

@@ -47,6 +47,11 @@ std::shared_ptr<FrameSource> Runner::source() const {
     return source_;
 }
 
+std::vector<CameraLink> Runner::camera_links() const {
+    const auto running = source();
+    return running ? running->camera_links() : std::vector<CameraLink>{};
+}
+
 std::vector<Camera> Runner::cameras() const {
     const std::scoped_lock lock(mutex_);
     return cameras_;
@@ -97,6 +102,7 @@ absl::Status Runner::start() {
     pipeline_->reset_track();
     statistics_.reset();
     utc_minus_capture_ns_.reset();
+    source()->set_on_camera_event([this](const CameraEvent& event) { tell(event); });
     fetched_.open();
     reconstructed_.open();
     set_state(RunState::kRunning);
@@ -351,6 +357,18 @@ Runner::State Runner::state() const {
 void Runner::set_state(RunState state, std::string message) {
     const std::scoped_lock lock(mutex_);
     state_ = {state, std::move(message)};
+}
+
+void Runner::tell(const CameraEvent& event) {
+    const auto kind = [&] {
+        switch (event.kind) {
+            case CameraEvent::Kind::kLost: return EventKind::kCameraLost;
+            case CameraEvent::Kind::kRejoined: return EventKind::kCameraRejoined;
+            case CameraEvent::Kind::kLosses: break;
+        }
+        return EventKind::kCameraLosses;
+    }();
+    hub_.publish_event({kind, 0, 0, own_cameras_.at(event.camera).name, event.message}, utc_now_ns());
 }
 
 void Runner::tell(EventKind kind, std::string message, std::uint64_t sequence) {

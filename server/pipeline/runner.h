@@ -73,6 +73,8 @@ class Runner {
     };
     State state() const;
     RunFigures figures() const { return statistics_.figures(); }
+    // Of a live source's cameras, in the order of cameras(); empty for other sources and while nothing runs. Any thread.
+    std::vector<CameraLink> camera_links() const;
 
     static constexpr int kMaxLearningFrames = 1000;
     static constexpr std::int64_t kMaxLearningBytes = std::int64_t{1} << 30;   // of pictures held while learning
@@ -104,6 +106,7 @@ class Runner {
     void close_handovers();
     void set_state(RunState state, std::string message = {});
     void tell(EventKind kind, std::string message, std::uint64_t sequence = 0);
+    void tell(const CameraEvent& event);
     std::shared_ptr<FrameSource> source() const;
 
     const OpenSource reopen_;

@@ -81,6 +81,9 @@ std::string_view event_name(EventKind kind) {
         case EventKind::kPoseDatabase: return "pose_database";
         case EventKind::kBodyFitted: return "body_fitted";
         case EventKind::kCalibration: return "calibration";
+        case EventKind::kCameraLost: return "camera_lost";
+        case EventKind::kCameraRejoined: return "camera_rejoined";
+        case EventKind::kCameraLosses: return "camera_losses";
         case EventKind::kRecordingStarted: return "recording_started";
         case EventKind::kRecordingStopped: return "recording_stopped";
         case EventKind::kRecordingFailed: return "recording_failed";
