@@ -1,0 +1,80 @@
+// A GigE Vision camera as a program, for the tests: control (GVCP), pictures (GVSP), resends, triggers, a clock of its
+// own, and a bad network below it. One thread, no state besides this object; told to stop it vanishes without a word, as
+// an unplugged camera does.
+#pragma once
+
+#include <netinet/in.h>
+
+#include <atomic>
+#include <cstdint>
+#include <deque>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <absl/status/status.h>
+
+#include "tests/support/fake_gige/network.h"
+#include "tests/support/fake_gige/registers.h"
+#include "tests/support/fake_gige/scene.h"
+
+namespace kinevox::testing {
+
+struct FakeCameraOptions {
+    std::string address = "127.0.0.1";   // of this machine; port 3956
+    std::string serial = "F1", name;
+    double external_fps = 30;            // of the generator on Line1: pulses at multiples of its period, UTC
+    double clock_offset_s = 0, clock_drift_ppm = 0;   // of its own clock
+    double phase_ms = 0;                 // it takes its pictures so much after the pulse, or the beginning of the second
+    std::uint16_t first_block = 1;
+    std::filesystem::path empty_while;   // the scene is empty while this file exists
+    NetworkOptions network;
+};
+
+class FakeCamera {
+  public:
+    FakeCamera(const FakeCameraOptions& options, Scene scene);
+    ~FakeCamera();
+    FakeCamera(const FakeCamera&) = delete;
+    FakeCamera& operator=(const FakeCamera&) = delete;
+
+    // Unavailable where the address cannot be listened on.
+    absl::Status listen();
+    // Until `stop` is true.
+    void run(const std::atomic<bool>& stop);
+
+    const NetworkCounts& counts() const { return network_->counts(); }
+    std::uint64_t pictures_taken() const { return taken_; }
+    const Registers& registers() const { return registers_; }
+
+  private:
+    void receive(int socket);
+    void answer(std::span<const std::uint8_t> request, const sockaddr_in& from);
+    void resend(std::span<const std::uint8_t> body, std::uint8_t flags);
+    bool write_register(std::uint32_t address, std::uint32_t value, const sockaddr_in& from);
+    void fire_test_packet();
+    void take_picture(std::int64_t now_utc_ns);
+    std::int64_t next_pulse_utc_ns(std::int64_t now_utc_ns) const;
+    double period_ns() const;
+    bool streaming() const { return streaming_; }
+    void end_of_control();
+
+    const FakeCameraOptions options_;
+    Scene scene_;
+    Registers registers_;
+    int socket_ = -1;                    // control and stream
+    std::vector<int> listeners_;         // of broadcasts
+    std::unique_ptr<LossyNetwork> network_;
+    std::optional<sockaddr_in> controller_;
+    std::int64_t heard_ns_ = 0;          // of the controller, steady clock
+    bool streaming_ = false;
+    std::int64_t next_picture_utc_ns_ = 0;
+    std::uint16_t block_ = 1;
+    std::uint64_t taken_ = 0;
+    std::deque<std::shared_ptr<SentPicture>> sent_;   // to resend from
+};
+
+}  // namespace kinevox::testing

@@ -1,0 +1,76 @@
+// A bad network below the fake camera: packets are lost, late and out of order, by a seed.
+#pragma once
+
+#include <netinet/in.h>
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <queue>
+#include <random>
+#include <vector>
+
+namespace kinevox::testing {
+
+struct NetworkOptions {
+    double loss = 0;             // part of the packets that never arrive, 0..1
+    double lost_pictures = 0;    // part of the pictures of which nothing arrives, not even on request
+    double jitter_ms = 0;        // a picture's packets all wait so long at most, drawn anew for each picture
+    double reorder_ms = 0;       // and each packet for itself
+    std::uint32_t seed = 1;
+};
+
+// A picture on its way: its bytes, shared, and what its packets say.
+struct SentPicture {
+    std::uint16_t block = 0;
+    std::uint64_t timestamp_ns = 0;
+    std::uint32_t pixel_format = 0, width = 0, height = 0;
+    std::size_t packet_payload = 0;
+    std::shared_ptr<const std::vector<std::uint8_t>> bytes;
+    sockaddr_in to{};
+    bool gone = false;   // of lost_pictures
+
+    std::uint32_t packets() const {   // leader, data, trailer
+        return static_cast<std::uint32_t>((bytes->size() + packet_payload - 1) / packet_payload) + 2;
+    }
+};
+
+struct NetworkCounts {
+    std::uint64_t pictures = 0, pictures_gone = 0, packets = 0, packets_lost = 0, resent = 0;
+};
+
+class LossyNetwork {
+  public:
+    LossyNetwork(int socket, const NetworkOptions& options);
+
+    void send(std::shared_ptr<SentPicture> picture, std::int64_t now_ns);
+    void resend(const std::shared_ptr<SentPicture>& picture, std::uint32_t first, std::uint32_t last, std::int64_t now_ns);
+    // Sends what is due; returns when the next is.
+    std::optional<std::int64_t> run(std::int64_t now_ns);
+    void forget();   // everything under way
+    const NetworkCounts& counts() const { return counts_; }
+
+  private:
+    struct Packet {
+        std::int64_t due_ns;
+        std::uint64_t order;
+        std::shared_ptr<SentPicture> picture;
+        std::uint32_t number;
+        bool operator<(const Packet& other) const {   // the earliest on top
+            return due_ns != other.due_ns ? due_ns > other.due_ns : order > other.order;
+        }
+    };
+    void put(const std::shared_ptr<SentPicture>& picture, std::uint32_t number, std::int64_t due_ns);
+    void transmit(const Packet& packet);
+    double draw() { return std::uniform_real_distribution<double>(0, 1)(random_); }
+
+    const int socket_;
+    const NetworkOptions options_;
+    std::mt19937 random_;
+    std::priority_queue<Packet> waiting_;
+    std::uint64_t order_ = 0;
+    std::vector<std::uint8_t> buffer_;
+    NetworkCounts counts_;
+};
+
+}  // namespace kinevox::testing
