@@ -38,8 +38,10 @@ void read_studio(const TomlTable& table, StudioConfig& studio) {
 
 void read_source(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist,
                  SourceConfig& source) {
-    const std::string kind = table.choice_or("kind", "studio", {"studio", "session"});
-    source.kind = kind == "session" ? SourceConfig::Kind::kSession : SourceConfig::Kind::kStudio;
+    const std::string kind = table.choice_or("kind", "studio", {"studio", "session", "cameras"});
+    source.kind = kind == "session"   ? SourceConfig::Kind::kSession
+                  : kind == "cameras" ? SourceConfig::Kind::kCameras
+                                      : SourceConfig::Kind::kStudio;
     const std::string session = table.text_or("session", "");
     source.session = resolved(session, folder);
     std::error_code ignored;
@@ -58,6 +60,8 @@ void read_source(const TomlTable& table, const std::filesystem::path& folder, bo
     source.loop = table.boolean_or("loop", source.loop);
     source.autostart = table.boolean_or("autostart", source.autostart);
     read_studio(table.table_or_empty("studio"), source.studio);
+    read_live_cameras(table.table_or_empty("cameras"), folder, check_files_exist,
+                      source.kind == SourceConfig::Kind::kCameras, source.cameras);
 }
 
 void read_pipeline(const TomlTable& table, PipelineConfig& pipeline) {

@@ -11,6 +11,8 @@
 #include <string>
 #include <string_view>
 
+#include "common/live_camera_config.h"
+
 namespace kinevox {
 
 // The motions that the virtual studio knows.
@@ -33,7 +35,7 @@ struct StudioConfig {
 };
 
 struct SourceConfig {
-    enum class Kind { kStudio, kSession };
+    enum class Kind { kStudio, kSession, kCameras };
     enum class Pacing { kRealTime, kAsFastAsPossible };
     Kind kind = Kind::kStudio;
     std::filesystem::path session;  // session.toml, absolute after reading; for Kind::kSession
@@ -41,6 +43,7 @@ struct SourceConfig {
     bool loop = true;  // start again behind the last frame set
     bool autostart = true;  // capture from the daemon's start on, without waiting for an operator
     StudioConfig studio;
+    LiveCamerasConfig cameras;  // for Kind::kCameras
     bool operator==(const SourceConfig&) const = default;
 };
 

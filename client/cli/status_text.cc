@@ -30,6 +30,15 @@ std::string stage_table(const v1::GetStatusResponse& status) {
     return out + fmt::format("  {:<14}{:>10}{:>10.2f}\n", "total, p99", "", status.total_p99_ms());
 }
 
+// Of a live camera: what it lost and how well it keeps time, or why it is not there.
+std::string link_text(const v1::CameraStatus& camera) {
+    if (!camera.has_link()) return "";
+    const v1::CameraLink& link = camera.link();
+    if (!link.problem().empty()) return link.problem();
+    return fmt::format("{} pictures, {} lost, {} in part, {} late; skew {:.1f} ms", link.pictures(), link.lost(),
+                       link.incomplete(), link.late() + link.unmatched(), link.skew_ms());
+}
+
 std::string camera_table(const v1::GetStatusResponse& status) {
     std::string out;
     for (const v1::CameraStatus& camera : status.cameras()) {
@@ -38,7 +47,8 @@ std::string camera_table(const v1::GetStatusResponse& status) {
                             : !status.has_subject() ? ""
                             : camera.used()         ? "agrees"
                                                     : "left out";
-        out += fmt::format("  {:<14}{:>10}   {}\n", camera.name(), iou, state);
+        out += fmt::format("  {:<14}{:>10}   {:<10}   {}\n", camera.name(), iou, state, link_text(camera));
+        while (out.ends_with(" \n")) out.erase(out.size() - 2, 1);
     }
     return out.empty() ? out : fmt::format("  {:<14}{:>10}\n", "camera", "IoU") + out;
 }

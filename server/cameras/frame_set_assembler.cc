@@ -78,7 +78,8 @@ void FrameSetAssembler::add(ArrivedPicture arrived) {
         }
     }
     lane.newest_time_ns = std::max(lane.newest_time_ns.value_or(time_ns), time_ns);
-    if (last_time_ns_ && time_ns <= *last_time_ns_ + tolerance_ns_) {
+    // What belongs to the set that went out last, unless that one has this camera's picture: then it is the next.
+    if (last_time_ns_ && time_ns <= *last_time_ns_ + (lane.in_last_set ? 0 : tolerance_ns_)) {
         if (complete) ++lane.counts.late;
         return;
     }
@@ -89,7 +90,8 @@ void FrameSetAssembler::add(ArrivedPicture arrived) {
         set = &*pending_.insert(at, std::move(opened));
     }
     set->begin_ns = std::min(set->begin_ns, arrived.arrival_ns);
-    set->slots[arrived.camera] = {true, time_ns, arrived.arrival_ns, std::move(arrived.picture)};
+    set->slots[arrived.camera] = {true,          time_ns,              arrived.arrival_ns,
+                                  arrived.clock, arrived.timestamp_ns, std::move(arrived.picture)};
 }
 
 bool FrameSetAssembler::is_ready(const Pending& set, std::int64_t now_ns) const {
@@ -116,8 +118,20 @@ std::optional<FrameSet> FrameSetAssembler::take(std::int64_t now_ns) {
     return std::nullopt;
 }
 
+// Pictures by one clock differ as their timestamps do; the estimate, which moves, only says where on the steady clock.
+void FrameSetAssembler::compare_directly(std::vector<Slot>& slots) {
+    const Slot* first = nullptr;
+    for (Slot& slot : slots) {
+        if (!slot.there || slot.clock != CameraClock::kPtp) continue;
+        if (!first) first = &slot;
+        slot.time_ns = first->time_ns + (slot.timestamp_ns - first->timestamp_ns);
+    }
+}
+
 std::optional<FrameSet> FrameSetAssembler::finish(Pending set) {
+    compare_directly(set.slots);
     last_time_ns_ = std::max(last_time_ns_.value_or(set.time_ns), set.time_ns);
+    for (std::size_t c = 0; c < lanes_.size(); ++c) lanes_[c].in_last_set = set.slots[c].there;
     std::size_t complete = 0;
     std::int64_t first_ns = 0, last_ns = 0, first_arrival_ns = 0;
     double mean_ns = 0;   // against set.time_ns

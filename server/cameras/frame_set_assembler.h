@@ -54,6 +54,8 @@ class FrameSetAssembler {
     struct Slot {
         bool there = false;
         std::int64_t time_ns = 0, arrival_ns = 0;
+        CameraClock clock = CameraClock::kUnknown;
+        std::int64_t timestamp_ns = 0;
         Picture picture;
     };
     struct Pending {
@@ -73,11 +75,13 @@ class FrameSetAssembler {
         std::uint64_t last_number = 0;
         std::optional<std::int64_t> newest_time_ns;
         bool connected = false;
+        bool in_last_set = false;   // that went out
         Newest128 skew_ms, lateness_ms;
     };
 
     ClockEstimate& clock_of(Lane& lane, CameraClock clock) { return clock == CameraClock::kPtp ? ptp_ : lane.clock; }
     Pending* find(std::int64_t time_ns, std::size_t camera);
+    static void compare_directly(std::vector<Slot>& slots);
     bool is_ready(const Pending& set, std::int64_t now_ns) const;
     std::optional<FrameSet> finish(Pending set);
 

@@ -10,6 +10,7 @@
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 
+#include "server/cameras/aravis/live_source.h"
 #include "server/cameras/session_source.h"
 #include "server/cameras/studio/studio_source.h"
 #include "server/pipeline/convert.h"
@@ -59,6 +60,7 @@ absl::StatusOr<std::unique_ptr<FrameSource>> open_source(const SourceConfig& con
     switch (config.kind) {
         case SourceConfig::Kind::kSession:
             return open_session_source(config.session, {.pacing = pacing, .loop = config.loop});
+        case SourceConfig::Kind::kCameras: return open_live_source(config.cameras);
         case SourceConfig::Kind::kStudio: {
             StudioSourceOptions options;
             options.studio.motion = config.studio.motion;
@@ -76,8 +78,16 @@ absl::StatusOr<std::unique_ptr<FrameSource>> open_source(const SourceConfig& con
 }
 
 std::string describe(const SourceConfig& config) {
-    return config.kind == SourceConfig::Kind::kSession ? "session " + config.session.string()
-                                                       : "studio " + config.studio.motion;
+    switch (config.kind) {
+        case SourceConfig::Kind::kSession: return "session " + config.session.string();
+        case SourceConfig::Kind::kCameras: {
+            std::string names;
+            for (const LiveCameraConfig& camera : config.cameras.cameras) names += (names.empty() ? "" : ", ") + camera.name;
+            return "cameras " + names;
+        }
+        case SourceConfig::Kind::kStudio: break;
+    }
+    return "studio " + config.studio.motion;
 }
 
 absl::StatusOr<PipelineOptions> pipeline_options(const DaemonConfig& config) {

@@ -20,7 +20,7 @@ namespace kinevox {
 absl::Status set_up_logging(const LogConfig& config);
 
 absl::StatusOr<std::unique_ptr<FrameSource>> open_source(const SourceConfig& config);
-std::string describe(const SourceConfig& config);   // "studio walk", "session /data/trial/session.toml"
+std::string describe(const SourceConfig& config);   // "studio walk", "session /data/trial/session.toml", "cameras left, right"
 
 absl::StatusOr<PipelineOptions> pipeline_options(const DaemonConfig& config);
 ControlLeaseOptions lease_options(const ControlConfig& config);

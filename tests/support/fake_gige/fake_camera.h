@@ -56,7 +56,7 @@ class FakeCamera {
     void resend(std::span<const std::uint8_t> body, std::uint8_t flags);
     bool write_register(std::uint32_t address, std::uint32_t value, const sockaddr_in& from);
     void fire_test_packet();
-    void take_picture(std::int64_t now_utc_ns);
+    void take_picture(std::int64_t utc_ns, std::int64_t steady_ns);   // when
     std::int64_t next_pulse_utc_ns(std::int64_t now_utc_ns) const;
     double period_ns() const;
     bool streaming() const { return streaming_; }

@@ -55,7 +55,8 @@ int main(int argc, char** argv) {
     std::fflush(stdout);
     fake.run(stop);
     const NetworkCounts& counts = fake.counts();
-    fmt::print("{{\"taken\": {}, \"gone\": {}, \"packets\": {}, \"packets_lost\": {}, \"resent\": {}}}\n",
-               fake.pictures_taken(), counts.pictures_gone, counts.packets, counts.packets_lost, counts.resent);
+    fmt::print("{{\"taken\": {}, \"gone\": {}, \"packets\": {}, \"packets_lost\": {}, \"resent\": {}, \"under_way\": {}}}\n",
+               fake.pictures_taken(), counts.pictures_gone, counts.packets, counts.packets_lost, counts.resent,
+               counts.under_way);
     return 0;
 }

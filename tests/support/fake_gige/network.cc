@@ -3,6 +3,7 @@
 #include <sys/socket.h>
 
 #include <algorithm>
+#include <set>
 
 #include "tests/support/fake_gige/wire.h"
 
@@ -21,14 +22,18 @@ void LossyNetwork::put(const std::shared_ptr<SentPicture>& picture, std::uint32_
     waiting_.push({due_ns, order_++, picture, number});
 }
 
+std::int64_t LossyNetwork::queued_until(std::int64_t now_ns) {
+    last_due_ns_ = std::max(last_due_ns_, now_ns + static_cast<std::int64_t>(draw() * options_.jitter_ms * 1e6));
+    return last_due_ns_;
+}
+
 void LossyNetwork::send(std::shared_ptr<SentPicture> picture, std::int64_t now_ns) {
-    ++counts_.pictures;
     picture->gone = options_.lost_pictures > 0 && draw() < options_.lost_pictures;
     if (picture->gone) {
         ++counts_.pictures_gone;
         return;
     }
-    const std::int64_t due_ns = now_ns + static_cast<std::int64_t>(draw() * options_.jitter_ms * 1e6);
+    const std::int64_t due_ns = queued_until(now_ns);
     for (std::uint32_t n = 0; n < picture->packets(); ++n) put(picture, n, due_ns);
 }
 
@@ -37,7 +42,7 @@ void LossyNetwork::resend(const std::shared_ptr<SentPicture>& picture, std::uint
     if (picture->gone) return;
     for (std::uint32_t n = first; n <= std::min(last, picture->packets() - 1); ++n) {
         ++counts_.resent;
-        put(picture, n, now_ns + static_cast<std::int64_t>(draw() * options_.jitter_ms * 1e6));
+        put(picture, n, queued_until(now_ns));
     }
 }
 
@@ -50,7 +55,11 @@ std::optional<std::int64_t> LossyNetwork::run(std::int64_t now_ns) {
     return waiting_.top().due_ns;
 }
 
-void LossyNetwork::forget() { waiting_ = {}; }
+void LossyNetwork::forget() {
+    std::set<const SentPicture*> under_way;
+    for (; !waiting_.empty(); waiting_.pop()) under_way.insert(waiting_.top().picture.get());
+    counts_.under_way += under_way.size();
+}
 
 void LossyNetwork::transmit(const Packet& packet) {
     const SentPicture& picture = *packet.picture;

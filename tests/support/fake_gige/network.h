@@ -15,8 +15,9 @@ namespace kinevox::testing {
 struct NetworkOptions {
     double loss = 0;             // part of the packets that never arrive, 0..1
     double lost_pictures = 0;    // part of the pictures of which nothing arrives, not even on request
-    double jitter_ms = 0;        // a picture's packets all wait so long at most, drawn anew for each picture
-    double reorder_ms = 0;       // and each packet for itself
+    double jitter_ms = 0;        // a picture's packets wait so long at most, drawn anew for each picture; as in a switch's
+                                 // queue nothing overtakes
+    double reorder_ms = 0;       // and each packet for itself, so that they do
     std::uint32_t seed = 1;
 };
 
@@ -36,7 +37,8 @@ struct SentPicture {
 };
 
 struct NetworkCounts {
-    std::uint64_t pictures = 0, pictures_gone = 0, packets = 0, packets_lost = 0, resent = 0;
+    std::uint64_t pictures_gone = 0, packets = 0, packets_lost = 0, resent = 0;
+    std::uint64_t under_way = 0;   // pictures that were forgotten before all of their packets had left
 };
 
 class LossyNetwork {
@@ -61,6 +63,7 @@ class LossyNetwork {
         }
     };
     void put(const std::shared_ptr<SentPicture>& picture, std::uint32_t number, std::int64_t due_ns);
+    std::int64_t queued_until(std::int64_t now_ns);
     void transmit(const Packet& packet);
     double draw() { return std::uniform_real_distribution<double>(0, 1)(random_); }
 
@@ -69,6 +72,7 @@ class LossyNetwork {
     std::mt19937 random_;
     std::priority_queue<Packet> waiting_;
     std::uint64_t order_ = 0;
+    std::int64_t last_due_ns_ = 0;   // of the queue
     std::vector<std::uint8_t> buffer_;
     NetworkCounts counts_;
 };

@@ -27,7 +27,7 @@ TEST(Config, TheExampleExplainsEveryKey) {
     const std::string example = *read_file(kExample);
     int keys = 0;
     for (const std::string table :
-         {"server", "source", "source.studio", "pipeline", "segmentation", "pose", "stream", "control", "log"}) {
+         {"server", "source", "source.studio", "source.cameras", "pipeline", "segmentation", "pose", "stream", "control", "log"}) {
         const auto config = parse_config_toml("[" + table + "]\nno_such_key = 1\n", "/", "probe", false);
         const std::string message{config.status().message()};
         std::smatch found;
@@ -36,12 +36,68 @@ TEST(Config, TheExampleExplainsEveryKey) {
         const std::regex word("[a-z_]+");
         for (auto i = std::sregex_iterator(list.begin(), list.end(), word); i != std::sregex_iterator();
              ++i) {
-            if (i->str() == "studio") continue;  // a table of its own
+            if (i->str() == "studio" || i->str() == "cameras" || i->str() == "camera") continue;  // a table of its own
             EXPECT_TRUE(std::regex_search(example, std::regex("\n(# )?" + i->str() + " = "))) << i->str();
             ++keys;
         }
     }
     EXPECT_GE(keys, 20);
+}
+
+constexpr char kCameras[] = R"([source]
+kind = "cameras"
+[source.cameras]
+calibration = "calibration.toml"
+fps = 60
+trigger = "master"
+master = "left"
+exposure_us = 4000
+[[source.cameras.camera]]
+name = "left"
+device = "F1"
+[[source.cameras.camera]]
+name = "right"
+device = "F2"
+exposure_us = 5000
+offset_px = [64, 32]
+)";
+
+TEST(Config, ReadsLiveCameras) {
+    const auto config = parse_config_toml(kCameras, "/rig", "probe", false);
+    ASSERT_TRUE(config.ok()) << config.status();
+    EXPECT_EQ(config->source.kind, SourceConfig::Kind::kCameras);
+    const LiveCamerasConfig& cameras = config->source.cameras;
+    EXPECT_EQ(cameras.calibration, "/rig/calibration.toml");
+    EXPECT_EQ(cameras.trigger, LiveCamerasConfig::Trigger::kMaster);
+    ASSERT_EQ(cameras.cameras.size(), 2u);
+    EXPECT_EQ(cameras.cameras[0].settings.exposure_us, 4000) << "that of all";
+    EXPECT_EQ(cameras.cameras[1].settings.exposure_us, 5000) << "its own";
+    EXPECT_EQ(cameras.cameras[1].settings.offset_px, (std::array<int, 2>{64, 32}));
+}
+
+TEST(Config, LiveCamerasThatCannotBeAreToldWithTheKey) {
+    const struct {
+        const char *what, *instead, *said;
+    } kTable[] = {
+        {"calibration = \"calibration.toml\"", "", "calibration"},
+        {"\"right\"", "\"left\"", "stands there twice"},
+        {"\"F2\"", "\"F1\"", "stands there twice"},
+        {"master = \"left\"", "master = \"middle\"", "middle"},
+        {"\"master\"", "\"sometimes\"", "trigger"},
+        {"fps = 60", "fps = 0", "fps"},
+        {"exposure_us = 5000", "exposure_us = -1", "exposure_us"},
+        {"exposure_us = 5000", "shutter = 3", "shutter"},
+        {"[64, 32]", "[64]", "offset_px"},
+    };
+    for (const auto& row : kTable) {
+        std::string text = kCameras;
+        text.replace(text.find(row.what), std::string(row.what).size(), row.instead);
+        const auto config = parse_config_toml(text, "/rig", "probe", false);
+        ASSERT_FALSE(config.ok()) << row.instead;
+        EXPECT_THAT(std::string(config.status().message()), HasSubstr(row.said)) << row.instead;
+    }
+    const auto missing = parse_config_toml(kCameras, "/rig", "probe", true);
+    EXPECT_TRUE(absl::IsNotFound(missing.status())) << missing.status();
 }
 
 TEST(Config, ReadsEveryKind) {

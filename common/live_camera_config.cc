@@ -1,0 +1,89 @@
+#include "common/live_camera_config.h"
+
+#include <algorithm>
+#include <system_error>
+
+#include <fmt/format.h>
+
+#include "common/toml_reader.h"
+
+namespace kinevox {
+namespace {
+
+using Trigger = LiveCamerasConfig::Trigger;
+
+void read_settings(const TomlTable& table, CameraSettings& settings) {
+    settings.pixel_format = table.text_or("pixel_format", settings.pixel_format);
+    if (table.has("exposure_us")) settings.exposure_us = table.number("exposure_us", {1, 1e6});
+    if (table.has("gain_db")) settings.gain_db = table.number("gain_db", {-20, 100});
+    if (table.has("white_balance"))
+        settings.white_balance = table.choice_or("white_balance", "off", {"off", "once", "continuous"});
+    if (table.has("white_balance_ratios")) {
+        const auto ratios = table.numbers("white_balance_ratios", 3, 3, {0.05, 20});
+        if (ratios.size() == 3) settings.white_balance_ratios = {ratios[0], ratios[1], ratios[2]};
+    }
+    if (table.has("offset_px")) {
+        const auto offset = table.numbers("offset_px", 2, 2, {0, 65535});
+        if (offset.size() == 2) settings.offset_px = {static_cast<int>(offset[0]), static_cast<int>(offset[1])};
+    }
+}
+
+void check(const TomlTable& table, bool check_files_exist, const LiveCamerasConfig& cameras) {
+    if (cameras.calibration.empty())
+        table.fail("calibration", "is missing, but kind is \"cameras\"; give the cameras' calibration file");
+    std::error_code ignored;
+    if (check_files_exist && !std::filesystem::exists(cameras.calibration, ignored))
+        table.fail("calibration", fmt::format("is {}, which does not exist; correct the path", cameras.calibration.string()),
+                   absl::StatusCode::kNotFound);
+    if (cameras.cameras.empty())
+        table.fail("camera", "is missing, but kind is \"cameras\"; add a [[source.cameras.camera]] for each camera");
+    for (std::size_t a = 0; a < cameras.cameras.size(); ++a)
+        for (std::size_t b = 0; b < a; ++b)
+            for (std::string LiveCameraConfig::*key : {&LiveCameraConfig::name, &LiveCameraConfig::device})
+                if (cameras.cameras[a].*key == cameras.cameras[b].*key)
+                    table.fail("camera", fmt::format("\"{}\" stands there twice; give each camera its own",
+                                                     cameras.cameras[a].*key));
+    if (cameras.trigger == Trigger::kMaster &&
+        std::ranges::find(cameras.cameras, cameras.master, &LiveCameraConfig::name) == cameras.cameras.end())
+        table.fail("master", fmt::format("is \"{}\", which is no [[source.cameras.camera]]; give the name of the one that "
+                                         "triggers the others",
+                                         cameras.master));
+}
+
+}  // namespace
+
+void read_live_cameras(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist, bool required,
+                       LiveCamerasConfig& cameras) {
+    const std::string calibration = table.text_or("calibration", "");
+    if (!calibration.empty()) cameras.calibration = (folder / calibration).lexically_normal();
+    cameras.fps = table.number_or("fps", cameras.fps, {1, 1000});
+    const std::string trigger = table.choice_or("trigger", "software", {"free", "software", "external", "master"});
+    cameras.trigger = trigger == "free"       ? Trigger::kFree
+                      : trigger == "external" ? Trigger::kExternal
+                      : trigger == "master"   ? Trigger::kMaster
+                                              : Trigger::kSoftware;
+    cameras.trigger_line = table.text_or("trigger_line", cameras.trigger_line);
+    cameras.master = table.text_or("master", cameras.master);
+    cameras.master_line = table.text_or("master_line", cameras.master_line);
+    cameras.ptp = table.boolean_or("ptp", cameras.ptp);
+    cameras.tolerance_ms = table.number_or("tolerance_ms", cameras.tolerance_ms, {0, 1000});
+    cameras.longest_wait_ms = table.number_or("longest_wait_ms", cameras.longest_wait_ms, {1, 5000});
+    cameras.least_cameras = static_cast<int>(table.integer_or("least_cameras", cameras.least_cameras, 1, 64));
+    cameras.queue = static_cast<int>(table.integer_or("queue", cameras.queue, 1, 64));
+    cameras.packet_resend = table.boolean_or("packet_resend", cameras.packet_resend);
+    cameras.packet_bytes = static_cast<int>(table.integer_or("packet_bytes", cameras.packet_bytes, 0, 16000));
+    if (cameras.packet_bytes > 0 && cameras.packet_bytes < 576)
+        table.fail("packet_bytes", fmt::format("is {}, expected 576 to 16000, or 0 for the largest that gets through; "
+                                               "correct it",
+                                               cameras.packet_bytes));
+    CameraSettings common;
+    read_settings(table, common);
+    for (const TomlTable& entry : table.tables("camera")) {
+        LiveCameraConfig camera{entry.text("name"), entry.text("device"), common};
+        read_settings(entry, camera.settings);
+        cameras.cameras.push_back(std::move(camera));
+    }
+    if (required) check(table, check_files_exist, cameras);
+}
+
+}  // namespace kinevox

@@ -1,0 +1,252 @@
+#!/usr/bin/python3
+"""Four fake GigE Vision cameras, 640x480 at 30 pictures a second over loopback, and the daemon that watches them.
+
+usage: live_cameras.py [--minutes 10] [--restarts 5] [--loss 0.01] [--jitter-ms 50] [--only source|steady|restarts|losses ...]
+                       [--full] [--results FOLDER]
+
+Four proofs, one after the other:
+  source    so many minutes of the cameras' part alone, without the pipeline
+  steady    the whole daemon, so many minutes without a fault: no frame set lost, the skew known, memory flat
+  restarts  one camera is unplugged and plugged in again so many times, while every camera's packets are lost and late
+  losses    no pipeline, a test pattern: each byte of each picture is compared with what was sent, with packets late, out of
+            order, lost, and whole pictures lost
+The scene is the studio's walk; the background is learned live. Poses are left out and voxels are 20 mm unless --full, so that
+the figures are the cameras' and not the pipeline's. Exits with 1 if a bound is not kept. Writes live_cameras.md."""
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
+from live_rig import BUILD, Daemon, FakeCamera, cameras_toml, in_a_namespace, resident_mb, wait_until  # noqa: E402
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+from process_runs import RESULTS, data_folder  # noqa: E402
+
+NAMES = ["cam1", "cam2", "cam3", "cam4"]
+PERIOD_S = 1 / 30
+LIGHT = '[pipeline]\nvoxel_mm = 20\n[pose]\nenabled = false\n'
+FULL = '[pose]\ndatabase = ""\nfit_body = false\n'
+CAMERAS = 'trigger = "external"\npixel_format = "BayerRG8"\nexposure_us = 4000\n'
+WAYS = ["pictures", "lost", "incomplete", "late", "unmatched", "settling"]
+
+
+class Bounds:
+    def __init__(self):
+        self.rows, self.failed = [], []
+
+    def add(self, proof, what, seen, bound, kept):
+        self.rows.append(f"| {proof} | {what} | {seen} | {bound} | {'yes' if kept else '**no**'} |")
+        print(f"{'ok  ' if kept else 'FAIL'} {proof}: {what}: {seen} ({bound})", flush=True)
+        if not kept:
+            self.failed.append(what)
+
+
+def number(value):
+    return int(value or 0)
+
+
+def start_all(arguments, folder, options):
+    session = data_folder() / "studio/walk/session.toml"
+    empty = Path(folder) / "empty"
+    empty.touch()
+    cameras = [FakeCamera(arguments.fake, n, ["--session", session, "--camera", name, "--empty-while", empty, *options])
+               for n, name in enumerate(NAMES, 1)]
+    text = cameras_toml(NAMES, session.parent / "calibration.toml", CAMERAS) + (FULL if arguments.full else LIGHT)
+    daemon = Daemon(folder, text, arguments.daemon, arguments.client)
+    wait_until("all cameras deliver", lambda: all(link and link["connected"] for link in daemon.links()), 60)
+    daemon.kinevox("learn-background", "--frames", "30")
+    empty.unlink()
+    wait_until("somebody is tracked", lambda: daemon.status().get("subject"), 60)
+    return cameras, daemon
+
+
+def steady(arguments, bounds):
+    with tempfile.TemporaryDirectory() as folder:
+        cameras, daemon = start_all(arguments, folder, [])
+        before, begin, memory, tracked = daemon.status(), time.monotonic(), [], []
+        while time.monotonic() - begin < arguments.minutes * 60:
+            time.sleep(2)
+            memory.append((time.monotonic() - begin, daemon.resident_mb()))
+            tracked.append(bool(daemon.status().get("subject")))
+        after, seconds = daemon.status(), time.monotonic() - begin
+        daemon.stop()
+        for camera in cameras:
+            camera.vanish()
+    sets = number(after["results"]) - number(before["results"])
+    lost = number(after["lost"]) - number(before["lost"])
+    bounds.add("steady", f"frame sets lost of {sets + lost} in {seconds / 60:.1f} minutes", lost, "0", lost == 0)
+    links = list(zip(before["cameras"], after["cameras"]))
+    for way in WAYS[1:5]:
+        grown = sum(number(new["link"][way]) - number(old["link"][way]) for old, new in links)
+        bounds.add("steady", f"pictures {way}", grown, "0", grown == 0)
+    skews = [new["link"]["skew_max_ms"] for _, new in links]
+    bounds.add("steady", "largest skew of the newest 128 sets, ms a camera", ", ".join(f"{s:.2f}" for s in skews),
+               "known", all(s is not None for s in skews))
+    drifts = [new["link"]["clock_drift_ppm"] for _, new in links]
+    bounds.add("steady", "clocks' drift found, ppm (true: 20, 40, 60, 80)", ", ".join(f"{d:.0f}" for d in drifts), "-", True)
+    memory_bound(bounds, "steady", memory, seconds)
+    bounds.add("steady", "looks at which the person was tracked, %", f"{100 * sum(tracked) / len(tracked):.1f}", "-", True)
+
+
+def source(arguments, bounds):
+    """The cameras' part of it alone, without the pipeline behind it."""
+    session, seconds = data_folder() / "studio/walk/session.toml", arguments.minutes * 60
+    with tempfile.TemporaryDirectory() as folder:
+        cameras = [FakeCamera(arguments.fake, n, ["--session", session, "--camera", name])
+                   for n, name in enumerate(NAMES, 1)]
+        config = Path(folder) / "cameras.toml"
+        config.write_text(cameras_toml(NAMES, session.parent / "calibration.toml", CAMERAS))
+        begin, memory = time.monotonic(), []
+        probe = subprocess.Popen([arguments.probe, config, "--seconds", str(seconds)], stdout=subprocess.PIPE, text=True)
+        while probe.poll() is None:
+            time.sleep(1)
+            if resident := resident_mb(probe.pid):
+                memory.append((time.monotonic() - begin, resident))
+        seen = json.loads(probe.stdout.read().splitlines()[-1])
+        for camera in cameras:
+            camera.vanish()
+    sets, gaps = seen["sets"], seen["gaps"]
+    bounds.add("source", f"frame sets lost of {sets + gaps} in {seconds / 60:.1f} minutes", gaps, "0", gaps == 0)
+    begin_sets = 15   # until all four have connected and their clocks are known
+    bounds.add("source", f"sets that lack a picture, but for the first {begin_sets}",
+               max(0, sets - seen["complete"] - begin_sets), "0", sets - seen["complete"] <= begin_sets)
+    links = seen["cameras"]
+    bounds.add("source", "largest skew of the newest 128 sets, ms a camera",
+               ", ".join(f"{link['skew_max_ms']:.2f}" for link in links), "known", True)
+    bounds.add("source", "clocks' drift found, ppm (true: 20, 40, 60, 80)",
+               ", ".join(f"{link['drift_ppm']:.0f}" for link in links), "-", True)
+    memory_bound(bounds, "source", memory, seconds)
+    accounted(bounds, "source", cameras, links)
+
+
+def memory_bound(bounds, proof, memory, seconds):
+    later = [mb for at, mb in memory if at >= min(60, seconds / 2)]
+    growth = max(later) - later[0]
+    bounds.add(proof, f"growth after the first minute, MB, of {later[0]:.0f}", f"{growth:.1f}", "< 10", growth < 10)
+
+
+def restarts(arguments, bounds):
+    options = ["--loss", arguments.loss, "--jitter-ms", arguments.jitter_ms]
+    named, rejoined, rates = [], [], []
+    with tempfile.TemporaryDirectory() as folder:
+        cameras, daemon = start_all(arguments, folder, options)
+        victim = cameras[2]
+        for _ in range(arguments.restarts):
+            at_ns = time.time_ns()
+            victim.vanish()
+            results, begin = number(daemon.status()["results"]), time.monotonic()
+            wait_until("the camera that stopped is named",
+                       lambda: any(int(e["time_ns"]) > at_ns for e in daemon.events("camera_lost")), 10)
+            named.append((min(int(e["time_ns"]) for e in daemon.events("camera_lost") if int(e["time_ns"]) > at_ns) - at_ns)
+                         / 1e9)
+            time.sleep(2)
+            rates.append((number(daemon.status()["results"]) - results) / (time.monotonic() - begin))
+            at_ns = time.time_ns()
+            victim.start()
+            wait_until("it rejoins",
+                       lambda: any(int(e["time_ns"]) > at_ns for e in daemon.events("camera_rejoined")), 30)
+            rejoined.append((min(int(e["time_ns"]) for e in daemon.events("camera_rejoined") if int(e["time_ns"]) > at_ns)
+                             - at_ns) / 1e9)
+            time.sleep(3)
+        end = daemon.status()
+        events = daemon.events()
+        daemon.stop()
+        for camera in cameras:
+            camera.vanish()
+    bounds.add("restarts", "camera that stopped is named after, s", ", ".join(f"{s:.2f}" for s in named), "< 1",
+               max(named) < 1)
+    bounds.add("restarts", "rejoined after it was back, s", ", ".join(f"{s:.1f}" for s in rejoined), "by itself", True)
+    bounds.add("restarts", "results a second of the others meanwhile", ", ".join(f"{r:.1f}" for r in rates),
+               "they never stop", min(rates) > 20)
+    order = [e["kind"] for e in events if e["kind"] in ("camera_lost", "camera_rejoined")]
+    bounds.add("restarts", "events lost, rejoined, lost, ...", f"{len(order)} events", "in this order",
+               order == ["camera_lost", "camera_rejoined"] * arguments.restarts)
+    others = [e for e in events if e["kind"] == "camera_lost" and e["camera"] != "cam3"]
+    bounds.add("restarts", "other cameras called lost", len(others), "0", not others)
+    accounted(bounds, "restarts", cameras, [camera["link"] for camera in end["cameras"]])
+    complete_part(bounds, "restarts", [camera["link"] for camera in end["cameras"]])
+
+
+def accounted(bounds, proof, cameras, links):
+    """Each picture that was sent is counted once; under way when a camera or the daemon ended may be a few."""
+    sent = [camera.total("taken") - camera.total("under_way") for camera in cameras]
+    counted = [sum(number(link[way]) for way in WAYS) for link in links]
+    slack = [10 * len(camera.counts) for camera in cameras]
+    bounds.add(proof, "pictures sent / counted, a camera", ", ".join(f"{s}/{c}" for s, c in zip(sent, counted)),
+               "equal but for those on the way when it ended",
+               all(0 <= s - c <= most for s, c, most in zip(sent, counted, slack)))
+
+
+def complete_part(bounds, proof, links):
+    whole = sum(number(link["pictures"]) + number(link["unmatched"]) + number(link["settling"]) for link in links)
+    every = sum(number(link[way]) for link in links for way in WAYS)
+    resent = sum(number(link["packets_resent"]) for link in links)
+    bounds.add(proof, f"pictures complete, %, of {every}, with {resent} packets resent", f"{100 * whole / every:.3f}",
+               ">= 99.9", whole >= 0.999 * every)
+
+
+def losses(arguments, bounds):
+    seconds = max(10, min(120, arguments.minutes * 60 / 5))
+    cases = [("loss", ["--loss", arguments.loss], True),
+             ("loss and jitter", ["--loss", arguments.loss, "--jitter-ms", arguments.jitter_ms], True),
+             ("loss and packets out of order by 10 ms", ["--loss", arguments.loss, "--reorder-ms", 10], True),
+             ("5 % of the pictures lost as a whole", ["--lost-pictures", 0.05, "--first-block", 65400], False)]
+    for proof, options, resend_helps in cases:
+        with tempfile.TemporaryDirectory() as folder:
+            cameras = [FakeCamera(arguments.fake, n, options) for n in range(1, 5)]
+            config = Path(folder) / "cameras.toml"
+            config.write_text(cameras_toml(NAMES, data_folder() / "studio/walk/calibration.toml",
+                                           'trigger = "external"\npixel_format = "Mono8"\n'))
+            run = subprocess.run([arguments.probe, config, "--pattern", "--seconds", str(seconds)], capture_output=True,
+                                 text=True, check=True)
+            for camera in cameras:
+                camera.vanish()
+        seen = json.loads(run.stdout.splitlines()[-1])
+        links = seen["cameras"]
+        for link in links:
+            link["packets_resent"] = link["resent"]
+        bounds.add(proof, f"pictures with a wrong byte, of {sum(link['pictures'] for link in links)}", seen["wrong"], "0",
+                   seen["wrong"] == 0)
+        accounted(bounds, proof, cameras, links)
+        if resend_helps:
+            complete_part(bounds, proof, links)
+        else:
+            gone, lost = sum(c.total("gone") for c in cameras), sum(link["lost"] for link in links)
+            bounds.add(proof, "pictures that never left / counted as lost", f"{gone}/{lost}", "equal but for the last",
+                       0 <= gone - lost <= 4)
+
+
+def main():
+    in_a_namespace()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--minutes", type=float, default=10)
+    parser.add_argument("--restarts", type=int, default=5)
+    parser.add_argument("--loss", type=float, default=0.01)
+    parser.add_argument("--jitter-ms", type=float, default=50)
+    parser.add_argument("--only", choices=["source", "steady", "restarts", "losses"], action="append")
+    parser.add_argument("--full", action="store_true")
+    parser.add_argument("--daemon", default=str(BUILD / "server/daemon/kinevoxd"))
+    parser.add_argument("--client", default=str(BUILD / "client/cli/kinevox"))
+    parser.add_argument("--fake", default=str(BUILD / "tests/support/fake_gige/kinevox-fake-gige"))
+    parser.add_argument("--probe", default=str(BUILD / "tests/live_probe"))
+    parser.add_argument("--results", type=Path, default=RESULTS)
+    arguments = parser.parse_args()
+    bounds = Bounds()
+    for proof in (source, steady, restarts, losses):
+        if arguments.only is None or proof.__name__ in arguments.only:
+            proof(arguments, bounds)
+    command = "tests/bench/live_cameras.py " + " ".join(sys.argv[1:])
+    arguments.results.mkdir(parents=True, exist_ok=True)
+    (arguments.results / "live_cameras.md").write_text(
+        "# Live cameras\n\nFour fake GigE Vision cameras, 640x480 at 30 pictures a second, over loopback; "
+        f"`{command.strip()}`\n\n| proof | what | seen | bound | kept |\n| --- | --- | --- | --- | --- |\n" +
+        "\n".join(bounds.rows) + "\n")
+    return 1 if bounds.failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,133 @@
+"""Fake GigE Vision cameras and a daemon that watches them, in a network namespace of their own.
+
+For tests and benchmarks: call in_a_namespace() first; it starts the script again inside a namespace that has loopback
+alone, as cameras are looked for by broadcast."""
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+BUILD = REPOSITORY / "build/release"
+SKIP = 77
+
+
+def in_a_namespace(cameras=8):
+    """Returns inside the namespace. Exits with 77 where the kernel allows none."""
+    if os.environ.get("KINEVOX_OWN_NETWORK") == "1":
+        subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
+        for n in range(2, cameras + 1):
+            subprocess.run(["ip", "address", "add", f"127.0.0.{n}/8", "dev", "lo"], check=True)
+        return
+    for way in (["unshare", "--net"], ["unshare", "--net", "--map-root-user"]):
+        try:
+            if subprocess.run([*way, "true"], stderr=subprocess.DEVNULL).returncode == 0:
+                os.execvpe(way[0], [*way, sys.executable, *sys.argv], dict(os.environ, KINEVOX_OWN_NETWORK="1"))
+        except FileNotFoundError:
+            break
+    print("skipped: no network namespace can be made here")
+    sys.exit(SKIP)
+
+
+class FakeCamera:
+    """kinevox-fake-gige at 127.0.0.N with serial number F<N>."""
+
+    def __init__(self, program, number, options=()):
+        self.command = [str(program), "--address", f"127.0.0.{number}", "--serial", f"F{number}", "--seed", str(number),
+                        "--name", f"eye{number}", "--clock-offset-s", str(100 * number), "--clock-drift-ppm",
+                        str(20 * number), *map(str, options)]
+        self.process = None
+        self.counts = []   # of each life
+        self.start()
+
+    def start(self):
+        self.process = subprocess.Popen(self.command, stdout=subprocess.PIPE, text=True)
+        line = self.process.stdout.readline()
+        if not line.startswith("ready"):
+            raise RuntimeError(f"{' '.join(self.command)}: {line or 'did not start'}")
+
+    def vanish(self):
+        """As if unplugged; returns what it sent in this life."""
+        self.process.send_signal(signal.SIGTERM)
+        out, _ = self.process.communicate(timeout=10)
+        self.counts.append(json.loads(out.splitlines()[-1]))
+        self.process = None
+        return self.counts[-1]
+
+    def total(self, what):
+        return sum(counts[what] for counts in self.counts)
+
+
+def cameras_toml(names, calibration, more=""):
+    text = f'[source]\nkind = "cameras"\n[source.cameras]\ncalibration = "{calibration}"\n{more}\n'
+    for n, name in enumerate(names, 1):
+        text += f'[[source.cameras.camera]]\nname = "{name}"\ndevice = "F{n}"\n'
+    return text
+
+
+class Daemon:
+    def __init__(self, folder, text, daemon=BUILD / "server/daemon/kinevoxd", client=BUILD / "client/cli/kinevox"):
+        self.client = str(client)
+        self.events_file = Path(folder) / "events.jsonl"
+        config = Path(folder) / "kinevoxd.toml"
+        config.write_text('[server]\nlisten = "127.0.0.1:0"\n[log]\nlevel = "warning"\n' + text)
+        environment = dict(os.environ, XDG_STATE_HOME=str(folder))
+        self.process = subprocess.Popen([str(daemon), "--config", str(config)], stdout=subprocess.PIPE, text=True,
+                                        env=environment)
+        line = self.process.stdout.readline()
+        if not line.startswith("ready on "):
+            raise RuntimeError(f"the daemon did not start: {line}")
+        self.address = line.split()[-1]
+        self.events_process = subprocess.Popen(
+            [self.client, "events", "--json", "--past", "100", "--server", self.address],
+            stdout=open(self.events_file, "w"))
+
+    def kinevox(self, *arguments):
+        run = subprocess.run([self.client, *arguments, "--server", self.address, "--timeout", "30"], capture_output=True,
+                             text=True)
+        if run.returncode:
+            raise RuntimeError(f"kinevox {' '.join(arguments)}: {run.stderr.strip()}")
+        return run.stdout
+
+    def status(self):
+        return json.loads(self.kinevox("status", "--json"))
+
+    def links(self):
+        return [camera["link"] for camera in self.status()["cameras"]]
+
+    def events(self, *kinds):
+        lines = self.events_file.read_text().splitlines()
+        events = [json.loads(line) for line in lines if line.endswith("}")]
+        return [event for event in events if not kinds or event["kind"] in kinds]
+
+    def resident_mb(self):
+        return resident_mb(self.process.pid)
+
+    def stop(self):
+        """Returns the seconds that it took."""
+        begin = time.monotonic()
+        self.process.terminate()
+        self.process.wait(timeout=20)
+        self.events_process.wait(timeout=10)
+        return time.monotonic() - begin
+
+
+def resident_mb(pid):
+    """0 where there is no such process any more."""
+    try:
+        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    except OSError:
+        return 0.0
+    return next((int(line.split()[1]) / 1024 for line in lines if line.startswith("VmRSS:")), 0.0)
+
+
+def wait_until(what, condition, seconds=30):
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if condition():
+            return
+        time.sleep(0.05)
+    raise AssertionError(f"{what}: not within {seconds} s")
