@@ -14,6 +14,7 @@ The scene is the studio's walk; the background is learned live. Poses are left o
 the figures are the cameras' and not the pipeline's. Exits with 1 if a bound is not kept. Writes live_cameras.md."""
 import argparse
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -131,20 +132,18 @@ def memory_bound(bounds, proof, memory, seconds):
 
 def restarts(arguments, bounds):
     options = ["--loss", arguments.loss, "--jitter-ms", arguments.jitter_ms]
-    named, rejoined, rates = [], [], []
+    named, rejoined, pauses = [], [], []
     with tempfile.TemporaryDirectory() as folder:
         cameras, daemon = start_all(arguments, folder, options)
         victim = cameras[2]
         for _ in range(arguments.restarts):
             at_ns = time.time_ns()
             victim.vanish()
-            results, begin = number(daemon.status()["results"]), time.monotonic()
             wait_until("the camera that stopped is named",
                        lambda: any(int(e["time_ns"]) > at_ns for e in daemon.events("camera_lost")), 10)
             named.append((min(int(e["time_ns"]) for e in daemon.events("camera_lost") if int(e["time_ns"]) > at_ns) - at_ns)
                          / 1e9)
-            time.sleep(2)
-            rates.append((number(daemon.status()["results"]) - results) / (time.monotonic() - begin))
+            pauses.append(longest_pause(daemon, 2))
             at_ns = time.time_ns()
             victim.start()
             wait_until("it rejoins",
@@ -160,22 +159,35 @@ def restarts(arguments, bounds):
     bounds.add("restarts", "camera that stopped is named after, s", ", ".join(f"{s:.2f}" for s in named), "< 1",
                max(named) < 1)
     bounds.add("restarts", "rejoined after it was back, s", ", ".join(f"{s:.1f}" for s in rejoined), "by itself", True)
-    bounds.add("restarts", "results a second of the others meanwhile", ", ".join(f"{r:.1f}" for r in rates),
-               "they never stop", min(rates) > 20)
+    bounds.add("restarts", "longest time without a result while it is away, s", ", ".join(f"{s:.2f}" for s in pauses),
+               "< 1: the others never stop", max(pauses) < 1)
     order = [e["kind"] for e in events if e["kind"] in ("camera_lost", "camera_rejoined")]
     bounds.add("restarts", "events lost, rejoined, lost, ...", f"{len(order)} events", "in this order",
                order == ["camera_lost", "camera_rejoined"] * arguments.restarts)
     others = [e for e in events if e["kind"] == "camera_lost" and e["camera"] != "cam3"]
     bounds.add("restarts", "other cameras called lost", len(others), "0", not others)
     accounted(bounds, "restarts", cameras, [camera["link"] for camera in end["cameras"]])
-    complete_part(bounds, "restarts", [camera["link"] for camera in end["cameras"]])
+    # Not the victim's: what it had on the way when its plug was pulled is nothing that a resend could have mended.
+    complete_part(bounds, "restarts", [camera["link"] for camera in end["cameras"] if camera["name"] != "cam3"])
+
+
+def longest_pause(daemon, seconds):
+    """Between two results, as seen by asking again and again."""
+    end, longest = time.monotonic() + seconds, 0.0
+    results, since = number(daemon.status()["results"]), time.monotonic()
+    while time.monotonic() < end:
+        now = number(daemon.status()["results"])
+        longest = max(longest, time.monotonic() - since)
+        if now != results:
+            results, since = now, time.monotonic()
+    return longest
 
 
 def accounted(bounds, proof, cameras, links):
     """Each picture that was sent is counted once; under way when a camera or the daemon ended may be a few."""
-    sent = [camera.total("taken") - camera.total("under_way") for camera in cameras]
+    sent = [camera.total("taken") for camera in cameras]
     counted = [sum(number(link[way]) for way in WAYS) for link in links]
-    slack = [10 * len(camera.counts) for camera in cameras]
+    slack = [10 * len(camera.counts) + camera.total("under_way") for camera in cameras]
     bounds.add(proof, "pictures sent / counted, a camera", ", ".join(f"{s}/{c}" for s, c in zip(sent, counted)),
                "equal but for those on the way when it ended",
                all(0 <= s - c <= most for s, c, most in zip(sent, counted, slack)))
@@ -190,7 +202,7 @@ def complete_part(bounds, proof, links):
 
 
 def losses(arguments, bounds):
-    seconds = max(10, min(120, arguments.minutes * 60 / 5))
+    seconds = max(10, min(30, arguments.minutes * 60 / 5))
     cases = [("loss", ["--loss", arguments.loss], True),
              ("loss and jitter", ["--loss", arguments.loss, "--jitter-ms", arguments.jitter_ms], True),
              ("loss and packets out of order by 10 ms", ["--loss", arguments.loss, "--reorder-ms", 10], True),
@@ -220,6 +232,20 @@ def losses(arguments, bounds):
                        0 <= gone - lost <= 4)
 
 
+def write(file, proof, command, rows):
+    """Replaces the proof's section; the others stay as they were measured."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    sections = {}
+    if file.exists():
+        for section in file.read_text().split("\n## ")[1:]:
+            sections[section.split("\n", 1)[0]] = "\n## " + section.rstrip("\n") + "\n"
+    sections[proof] = (f"\n## {proof}\n\n`{command}`, {len(os.sched_getaffinity(0))} cores, load {os.getloadavg()[1]:.0f}\n\n"
+                       "| | what | seen | bound | kept |\n| --- | --- | --- | --- | --- |\n" + "\n".join(rows) + "\n")
+    file.write_text("# Live cameras\n\nFour fake GigE Vision cameras, 640x480 at 30 pictures a second, over loopback. The load "
+                    "is the machine's own: above the number of cores others were at work beside.\n" +
+                    "".join(sections[name] for name in ("source", "steady", "restarts", "losses") if name in sections))
+
+
 def main():
     in_a_namespace()
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -235,17 +261,14 @@ def main():
     parser.add_argument("--probe", default=str(BUILD / "tests/live_probe"))
     parser.add_argument("--results", type=Path, default=RESULTS)
     arguments = parser.parse_args()
-    bounds = Bounds()
+    command, failed = "tests/bench/live_cameras.py " + " ".join(sys.argv[1:]), False
     for proof in (source, steady, restarts, losses):
         if arguments.only is None or proof.__name__ in arguments.only:
+            bounds = Bounds()
             proof(arguments, bounds)
-    command = "tests/bench/live_cameras.py " + " ".join(sys.argv[1:])
-    arguments.results.mkdir(parents=True, exist_ok=True)
-    (arguments.results / "live_cameras.md").write_text(
-        "# Live cameras\n\nFour fake GigE Vision cameras, 640x480 at 30 pictures a second, over loopback; "
-        f"`{command.strip()}`\n\n| proof | what | seen | bound | kept |\n| --- | --- | --- | --- | --- |\n" +
-        "\n".join(bounds.rows) + "\n")
-    return 1 if bounds.failed else 0
+            failed |= bool(bounds.failed)
+            write(arguments.results / "live_cameras.md", proof.__name__, command.strip(), bounds.rows)
+    return 1 if failed else 0
 
 
 if __name__ == "__main__":

@@ -29,8 +29,8 @@ class LiveCameras(unittest.TestCase):
     def setUpClass(cls):
         cls.shared = tempfile.TemporaryDirectory()
         cls.session = Path(cls.shared.name) / "walk/session.toml"
-        subprocess.run([BUILD / "server/tools/kinevox-studio", "--motion", "walk", "--frames", "30", "--background-frames",
-                        "20", "--no-masks", "--out", cls.session.parent], check=True, stdout=subprocess.DEVNULL)
+        subprocess.run([BUILD / "server/tools/kinevox-studio", "--motion", "walk", "--frames", "12", "--background-frames",
+                        "8", "--no-masks", "--out", cls.session.parent], check=True, stdout=subprocess.DEVNULL)
         cls.calibration = cls.session.parent / "calibration.toml"
 
     @classmethod
@@ -104,7 +104,7 @@ class LiveCameras(unittest.TestCase):
         for camera, count in zip(self.cameras, counted):
             if camera.process:
                 camera.vanish()
-            self.assertGreaterEqual(camera.total("taken") - camera.total("under_way"), count)
+            self.assertGreaterEqual(camera.total("taken"), count)
 
     def test_every_byte_is_as_it_was_sent_and_every_loss_counted(self):
         self.fakes("--loss", 0.02, "--lost-pictures", 0.05, "--jitter-ms", 30, "--first-block", 65450)
@@ -115,9 +115,9 @@ class LiveCameras(unittest.TestCase):
             camera.vanish()
             self.assertGreaterEqual(camera.total("gone"), 2)
             self.assertLessEqual(abs(camera.total("gone") - link["lost"]), 3)   # the last ones may be on the way
-            under_way = camera.total("taken") - camera.total("under_way") - sum(link[way] for way in WAYS)
-            self.assertGreaterEqual(under_way, 0)
-            self.assertLessEqual(under_way, 12)
+            not_counted = camera.total("taken") - sum(link[way] for way in WAYS)   # on their way at the end
+            self.assertGreaterEqual(not_counted, 0)
+            self.assertLessEqual(not_counted, 10 + camera.total("under_way"))
 
     def test_the_same_moment_by_command_by_line_and_by_ptp(self):
         for more, clock in (('trigger = "software"\n', 2), ('trigger = "external"\nptp = true\n', 3)):

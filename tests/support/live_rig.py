@@ -83,7 +83,7 @@ class Daemon:
         self.address = line.split()[-1]
         self.events_process = subprocess.Popen(
             [self.client, "events", "--json", "--past", "100", "--server", self.address],
-            stdout=open(self.events_file, "w"))
+            stdout=open(self.events_file, "w"), stderr=subprocess.DEVNULL)
 
     def kinevox(self, *arguments):
         run = subprocess.run([self.client, *arguments, "--server", self.address, "--timeout", "30"], capture_output=True,

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <mutex>
 
 #include <fmt/format.h>
 
@@ -47,6 +48,7 @@ struct CameraSession::State {
     bool timestamps = false;
     std::atomic<bool> ptp = false, lost = false;
     PictureNumber number;
+    std::mutex features;   // Aravis' description of the camera is not for two threads at once: trigger and reader
 
     ~State() {
         if (camera && !lost) {
@@ -177,6 +179,7 @@ bool CameraSession::control_lost() const { return state_->lost; }
 
 bool CameraSession::answers() {
     if (state_->lost) return false;
+    const std::scoped_lock lock(state_->features);
     GCatch error;
     if (state_->is_gige) {
         guint32 value = 0;
@@ -192,12 +195,15 @@ bool CameraSession::answers() {
 
 void CameraSession::trigger() {
     if (state_->lost) return;
+    const std::scoped_lock lock(state_->features);
     GCatch error;
     arv_camera_software_trigger(state_->camera.get(), error);
 }
 
 void CameraSession::look_at_clock() {
-    if (state_->wants_ptp && !state_->lost) state_->ptp = has_ptp_time(state_->camera.get());
+    if (!state_->wants_ptp || state_->lost) return;
+    const std::scoped_lock lock(state_->features);
+    state_->ptp = has_ptp_time(state_->camera.get());
 }
 
 void CameraSession::fill(CameraLink& link) const {
