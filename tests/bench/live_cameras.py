@@ -169,6 +169,9 @@ def restarts(arguments, bounds):
     accounted(bounds, "restarts", cameras, [camera["link"] for camera in end["cameras"]])
     # Not the victim's: what it had on the way when its plug was pulled is nothing that a resend could have mended.
     complete_part(bounds, "restarts", [camera["link"] for camera in end["cameras"] if camera["name"] != "cam3"])
+    victim_link = end["cameras"][2]["link"]
+    bounds.add("restarts", "the unplugged camera's pictures complete / in part / late / lost",
+               " / ".join(str(number(victim_link[way])) for way in ("pictures", "incomplete", "late", "lost")), "-", True)
 
 
 def longest_pause(daemon, seconds):
