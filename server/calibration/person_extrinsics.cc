@@ -23,7 +23,9 @@ constexpr double kTopToMiddlePart = 0.42;    // of a person's height, from the t
 constexpr int kTries = 3;                    // of the first places, by landmarks drawn differently
 constexpr double kSureMissPart = 0.001;      // of the picture's longer side: first places that need no other try
 constexpr double kGoodMissPart = 0.002;      // more than that are not to be trusted
-constexpr double kWayLong_m = 1.5, kWayWide_m = 1.0;  // over which the subject should walk
+constexpr double kWayLong_m = 1.5;  // over which the subject should walk
+constexpr double kSureCentre_mm = 60, kSureTurn_deg = 1.0;        // between the recording's halves: more is not sure
+constexpr double kUnknownCentre_mm = 300, kUnknownTurn_deg = 5;  // and more is no calibration
 constexpr double kUnevenHeight = 1.08;       // upper over middle height of the hulls: bent, or arms raised
 
 using Landmarks = std::vector<std::vector<std::optional<PersonLandmarks>>>;  // [moment][camera]
@@ -113,18 +115,24 @@ void judge(const PersonWorld& world, double side_px, PersonExtrinsicsResult& res
     const auto add = [&](Verdict verdict, const char* check, std::string reason, const char* remedy) {
         result.findings.push_back({verdict, check, "", std::move(reason), remedy});
     };
-    const bool little = world.way_long_m < kWayLong_m, line = !little && world.way_wide_m < kWayWide_m;
+    const bool little = world.way_long_m < kWayLong_m;
+    // Not told by a few moments: not sure, but not hopeless either.
+    const double centre_mm = result.uncertainty ? result.uncertainty->centre_mm : kUnknownCentre_mm,
+                 turn_deg = result.uncertainty ? result.uncertainty->turn_deg : kUnknownTurn_deg;
+    const bool unsure = centre_mm > kSureCentre_mm || turn_deg > kSureTurn_deg,
+               unknown = centre_mm > kUnknownCentre_mm || turn_deg > kUnknownTurn_deg;
     if (result.miss_px > kGoodMissPart * side_px)
         add(Verdict::kNoGo, "silhouettes",
             fmt::format("the outlines miss each other by {:.1f} px; {:.1f} px would be good", result.miss_px,
                         kGoodMissPart * side_px),
             "look whether the silhouettes are whole and the cameras synchronised, and calibrate again");
-    if (little || line)
-        add(Verdict::kCare, "movement",
-            little ? fmt::format("the person hardly moved: over {:.1f} m", world.way_long_m)
-                   : fmt::format("the person walked along a line, {:.1f} m by {:.1f} m: places come out a few "
-                                 "centimetres and a degree worse",
-                                 world.way_long_m, world.way_wide_m),
+    if (little || unsure)
+        add(unknown ? Verdict::kNoGo : Verdict::kCare, "movement",
+            fmt::format("the person moved over {:.1f} m by {:.1f} m; {}", world.way_long_m, world.way_wide_m,
+                        !result.uncertainty ? "how certain the places are cannot be told from so few moments"
+                                            : fmt::format("the two halves of the recording give places that differ by "
+                                                          "{:.0f} mm and {:.1f} degrees",
+                                                          centre_mm, turn_deg)),
             "let the person walk round through the whole space, best in a circle of two metres or more");
     if (world.uneven_height > kUnevenHeight)
         add(Verdict::kCare, "scale",
@@ -148,7 +156,11 @@ SilhouetteSet of_cameras(const SilhouetteSet& all, const std::vector<int>& camer
 SilhouetteRefineOptions refinement(int moments, bool wide) {
     SilhouetteRefineOptions options;
     options.most_moments = moments;
-    options.prior_angle_deg = wide ? 10 : 3, options.prior_shift_m = wide ? 0.7 : 0.2;
+    options.outline_points = wide ? 56 : 24;
+    options.rounds = wide ? 30 : 40;
+    options.tangent_weight = 3, options.tangent_scale = 0.2;
+    // The places before say nothing: a little, lest the world drifts.
+    options.prior_angle_deg = 30, options.prior_shift_m = 5;
     options.first_scale_part = wide ? 0.05 : 0.008;
     options.last_scale_part = wide ? 0.006 : 0.002;
     return options;
@@ -254,6 +266,12 @@ absl::StatusOr<PersonExtrinsicsResult> improve_extrinsics_from_person(PersonExtr
         refine_from_silhouettes(result.cameras, silhouettes, refinement(options.most_moments, false), progress);
     if (!refined.ok()) return refined.status();
     result.cameras = refined->cameras;
+    if (options.tell_uncertainty) {
+        const auto told =
+            places_uncertainty(result.cameras, silhouettes, refinement(options.most_moments, false), progress);
+        if (!told.ok()) return told.status();
+        result.uncertainty = *told;
+    }
     result.miss_px = refined->miss_after_px;
     std::vector<int> all(result.cameras.size());
     std::iota(all.begin(), all.end(), 0);

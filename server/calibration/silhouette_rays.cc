@@ -12,6 +12,7 @@
 namespace kinevox {
 namespace {
 
+constexpr double kNearest_m = 0.3;
 constexpr double kOutsidePx = 60;  // what a place outside a camera's picture counts as
 
 // Pixel and its derivative by the point in the camera frame, the lens' distortion included in the pixel only:
@@ -63,6 +64,7 @@ OutlineRays::OutlineRays(const std::vector<Camera>& cameras, const SilhouetteSet
                 rays_.push_back(
                     {static_cast<int>(n), static_cast<int>(c), direction_in_camera(cameras[c], pixel)});
         }
+    depths_.assign(rays_.size(), 0);
 }
 
 std::vector<Vec3> OutlineRays::middles(const std::vector<Camera>& cameras) const {
@@ -105,24 +107,68 @@ OutlineRays::Hit OutlineRays::search(const std::vector<Camera>& cameras, const O
     const double centre = dot(middle - origin, along);
     Hit best{0, 1e300};
     const auto try_depth = [&](double depth) {
-        if (depth < 0.3) return;
+        if (depth < kNearest_m) return;
         const double squares = squares_at(cameras, ray, origin + depth * along);
         if (squares < best.squares) best = {depth, squares};
     };
     const int steps = static_cast<int>(options_.reach_m / options_.depth_step_m) / 4;
-    for (int k = -steps; k <= steps; ++k)
-        try_depth(centre + 4 * k * options_.depth_step_m);  // coarse, then around the best
-    for (double step = 2 * options_.depth_step_m; step > 0.2 * options_.depth_step_m && best.squares > 0;
+    for (int k = 0; k <= 2 * steps && best.squares > 0; ++k)  // coarse, from the middle outwards; then around the best
+        try_depth(centre + 4 * (k % 2 ? (k + 1) / 2 : -k / 2) * options_.depth_step_m);
+    for (double step = 2 * options_.depth_step_m; step > 0.4 * options_.depth_step_m && best.squares > 0;
          step /= 2) {
         const double at = best.depth;
         try_depth(at - step);
         try_depth(at + step);
     }
+    polish(cameras, ray, best);
     return best;
 }
 
+OutlineRays::Hit OutlineRays::follow(const std::vector<Camera>& cameras, const OutlineRay& ray, double depth) const {
+    const Rigid3 world_from_camera = cameras[ray.camera].camera_from_world.inverse();
+    const auto squares = [&](double at) {
+        return squares_at(cameras, ray, world_from_camera * (at * ray.direction_in_camera));
+    };
+    Hit best{depth, squares(depth)};
+    const double step = 0.5 * options_.depth_step_m;
+    for (const double at : {depth - step, depth + step})
+        if (best.squares > 0 && at > kNearest_m)
+            if (const double there = squares(at); there < best.squares) best = {at, there};
+    polish(cameras, ray, best);
+    return best;
+}
+
+void OutlineRays::polish(const std::vector<Camera>& cameras, const OutlineRay& ray, Hit& hit) const {
+    const Rigid3 world_from_own = cameras[ray.camera].camera_from_world.inverse();
+    for (int round = 0; round < 4 && hit.squares > 0; ++round) {
+        const Vec3 point = world_from_own * (hit.depth * ray.direction_in_camera);
+        double gradient = 0, curvature = 1e-9;
+        for (std::size_t c = 0; c < cameras.size(); ++c) {
+            const auto& field = fields_[ray.moment][c];
+            if (!field || static_cast<int>(c) == ray.camera) continue;
+            const Vec3 in_camera = cameras[c].camera_from_world * point;
+            float x, y, dx, dy;
+            if (!project(cameras[c], in_camera, x, y)) continue;
+            const double inside = field->distance(x, y, dx, dy) - margin_px_;
+            if (std::isnan(inside) || inside >= 0) continue;
+            const Vec3 along = cameras[c].camera_from_world.rotation *
+                               (world_from_own.rotation * ray.direction_in_camera);
+            const double by_depth = (dx * cameras[c].fx * (along.x - in_camera.x / in_camera.z * along.z) +
+                                     dy * cameras[c].fy * (along.y - in_camera.y / in_camera.z * along.z)) /
+                                    in_camera.z;
+            gradient += inside * by_depth, curvature += by_depth * by_depth;
+        }
+        const double step = std::clamp(-gradient / curvature, -options_.depth_step_m, options_.depth_step_m);
+        const double depth = hit.depth + step;
+        if (!(depth > kNearest_m) || std::abs(step) < 1e-5) return;
+        const double squares = squares_at(cameras, ray, world_from_own * (depth * ray.direction_in_camera));
+        if (!(squares < hit.squares)) return;
+        hit = {depth, squares};
+    }
+}
+
 void OutlineRays::add(const std::vector<Camera>& cameras, const OutlineRay& ray, const Hit& hit,
-                      double weight, Normal& normal) const {
+                      double weight, PlacesNormal& normal) const {
     const int count = static_cast<int>(cameras.size());
     const Vec3 in_own = hit.depth * ray.direction_in_camera;
     const Rigid3 world_from_own = cameras[ray.camera].camera_from_world.inverse();
@@ -175,31 +221,33 @@ void OutlineRays::add(const std::vector<Camera>& cameras, const OutlineRay& ray,
         }
 }
 
-OutlineRays::Normal OutlineRays::measure(const std::vector<Camera>& cameras, double scale_px,
+PlacesNormal OutlineRays::measure(const std::vector<Camera>& cameras, double scale_px,
                                          bool with_derivatives) const {
     const int size = 6 * static_cast<int>(cameras.size());
     const std::vector<Vec3> middle = middles(cameras);
     // Fixed blocks summed in their order, so that the numbers do not depend on the threads.
     constexpr std::size_t kBlock = 256;
     const std::size_t blocks = (rays_.size() + kBlock - 1) / kBlock;
-    std::vector<Normal> parts(blocks);
+    std::vector<PlacesNormal> parts(blocks);
     oneapi::tbb::parallel_for(std::size_t{0}, blocks, [&](std::size_t b) {
-        Normal& part = parts[b];
+        PlacesNormal& part = parts[b];
         part.camera_cost.assign(cameras.size(), 0);
         if (with_derivatives) part.square.setZero(size, size), part.right.setZero(size);
         for (std::size_t r = b * kBlock; r < std::min(rays_.size(), (b + 1) * kBlock); ++r) {
             const OutlineRay& ray = rays_[r];
-            const Hit hit = search(cameras, ray, middle[ray.moment]);
+            const Hit hit = with_derivatives || depths_[r] == 0 ? search(cameras, ray, middle[ray.moment])
+                                                                : follow(cameras, ray, depths_[r]);
+            if (with_derivatives) depths_[r] = hit.depth;
             const double scale2 = scale_px * scale_px, ratio = scale2 / (scale2 + hit.squares);
             part.cost += hit.squares * ratio;  // Geman-McClure
             part.camera_cost[ray.camera] += std::sqrt(hit.squares * ratio);
             if (with_derivatives && hit.squares > 0) add(cameras, ray, hit, ratio * ratio, part);
         }
     });
-    Normal sum;
+    PlacesNormal sum;
     sum.camera_cost.assign(cameras.size(), 0);
     if (with_derivatives) sum.square.setZero(size, size), sum.right.setZero(size);
-    for (const Normal& part : parts) {
+    for (const PlacesNormal& part : parts) {
         sum.cost += part.cost;
         for (std::size_t c = 0; c < cameras.size(); ++c) sum.camera_cost[c] += part.camera_cost[c];
         if (with_derivatives) sum.square += part.square, sum.right += part.right;

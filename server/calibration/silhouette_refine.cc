@@ -5,9 +5,11 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "common/degrees.h"
 #include "server/calibration/silhouette_rays.h"
+#include "server/calibration/silhouette_tangents.h"
 #include "server/calibration/triangulation.h"
 
 namespace kinevox {
@@ -15,6 +17,7 @@ namespace {
 
 constexpr double kRaysPerSample = 400;  // and by one pixel squared
 constexpr int kFewestMoments = 5;
+constexpr double kDamping = 1e-5, kLeastDamping = 1e-9;  // of the diagonal: more would stop steps along flat valleys
 
 Camera moved(const Camera& camera, const Eigen::Matrix<double, 6, 1>& step) {
     Camera out = camera;
@@ -25,7 +28,7 @@ Camera moved(const Camera& camera, const Eigen::Matrix<double, 6, 1>& step) {
 
 // Pulls towards the places given: weak where silhouettes say anything.
 void add_prior(const std::vector<Camera>& now, const std::vector<Camera>& given,
-               const SilhouetteRefineOptions& options, OutlineRays::Normal& normal) {
+               const SilhouetteRefineOptions& options, PlacesNormal& normal) {
     // Enough to hold scale and world, which silhouettes leave open; anything stronger bends the places.
     const double turn_weight = kRaysPerSample * std::pow(1 / radians(options.prior_angle_deg), 2);
     const double shift_weight = kRaysPerSample * std::pow(1 / options.prior_shift_m, 2);
@@ -42,6 +45,24 @@ void add_prior(const std::vector<Camera>& now, const std::vector<Camera>& given,
     }
 }
 
+double spread_of(const std::vector<Camera>& cameras) {
+    Vec3 middle;
+    for (const Camera& camera : cameras)
+        middle += camera.centre_in_world() / static_cast<double>(cameras.size());
+    double squares = 0;
+    for (const Camera& camera : cameras) {
+        const Vec3 off = camera.centre_in_world() - middle;
+        squares += dot(off, off);
+    }
+    return std::sqrt(squares);
+}
+
+// Silhouettes leave the scale open; it stays as it was.
+void keep_spread(double spread, std::vector<Camera>& cameras) {
+    const double now = spread_of(cameras);
+    if (spread > 0 && now > 0) move_cameras({spread / now, {}}, cameras);
+}
+
 double mean(const std::vector<double>& values) {
     double sum = 0;
     for (const double value : values) sum += value;
@@ -51,6 +72,33 @@ double mean(const std::vector<double>& values) {
 double mean_miss(const OutlineRays& rays, const std::vector<Camera>& cameras, double scale_px) {
     return mean(rays.measure(cameras, scale_px, false).camera_cost);
 }
+
+// What is minimised: the rays' misses and the touching planes'.
+class Misses {
+  public:
+    Misses(const std::vector<Camera>& cameras, const SilhouetteSet& silhouettes,
+           const SilhouetteRefineOptions& options)
+        : options_(options), rays_(cameras, silhouettes, options) {
+        if (options.tangent_weight > 0) tangents_.emplace(cameras, silhouettes);
+    }
+
+    const OutlineRays& rays() const { return rays_; }
+
+    PlacesNormal measure(const std::vector<Camera>& cameras, double scale_px, bool with_derivatives) const {
+        PlacesNormal sum = rays_.measure(cameras, scale_px, with_derivatives);
+        if (!tangents_) return sum;
+        const double weight = options_.tangent_weight;
+        const PlacesNormal more = tangents_->measure(cameras, options_.tangent_scale * scale_px, with_derivatives);
+        sum.cost += weight * more.cost;
+        if (with_derivatives) sum.square += weight * more.square, sum.right += weight * more.right;
+        return sum;
+    }
+
+  private:
+    const SilhouetteRefineOptions& options_;
+    OutlineRays rays_;
+    std::optional<SilhouetteTangents> tangents_;
+};
 
 }  // namespace
 
@@ -107,7 +155,8 @@ absl::StatusOr<SilhouetteRefineResult> refine_from_silhouettes(const std::vector
                                                                const SilhouetteSet& silhouettes,
                                                                const SilhouetteRefineOptions& options,
                                                                const SolveProgress& progress) {
-    const OutlineRays rays(cameras, silhouettes, options);
+    const Misses misses(cameras, silhouettes, options);
+    const OutlineRays& rays = misses.rays();
     if (rays.moments() < kFewestMoments)
         return absl::FailedPreconditionError(
             fmt::format("the person is seen by two cameras in {} moments, at least {} are needed; let a "
@@ -118,36 +167,38 @@ absl::StatusOr<SilhouetteRefineResult> refine_from_silhouettes(const std::vector
     SilhouetteRefineResult result;
     result.cameras = cameras;
     result.miss_before_px = mean_miss(rays, cameras, 2 * last);
-    double damping = 1e-3;
+    double damping = kDamping;
     int stuck = 0;
+    const double spread = spread_of(cameras);
     for (int round = 0; round < options.rounds; ++round) {
         if (progress && !progress(static_cast<double>(round) / options.rounds,
                                   fmt::format("silhouettes, round {}", round + 1)))
             return absl::CancelledError("stopped; nothing was changed");
         const double part = std::min(1.0, 1.5 * round / options.rounds);
         const double scale = first * std::pow(last / first, part);
-        OutlineRays::Normal normal = rays.measure(result.cameras, scale, true);
+        PlacesNormal normal = misses.measure(result.cameras, scale, true);
         add_prior(result.cameras, cameras, options, normal);
         bool better = false;
         double step_size = 0;
-        for (int attempt = 0; attempt < 6 && !better; ++attempt) {
+        for (int attempt = 0; attempt < 9 && !better; ++attempt) {
             Eigen::MatrixXd damped = normal.square;
             damped.diagonal() *= 1 + damping;
             const Eigen::VectorXd step = damped.ldlt().solve(normal.right);
             std::vector<Camera> tried;
             for (std::size_t c = 0; c < cameras.size(); ++c)
                 tried.push_back(moved(result.cameras[c], step.segment<6>(6 * static_cast<Eigen::Index>(c))));
-            if (step.allFinite() && rays.measure(tried, scale, false).cost < normal.cost) {
+            if (options.fixed.empty()) keep_spread(spread, tried);
+            if (step.allFinite() && misses.measure(tried, scale, false).cost < normal.cost) {
                 result.cameras = tried;
-                damping = std::max(1e-6, damping / 5);
+                damping = std::max(kLeastDamping, damping / 10);
                 step_size = step.norm();
                 better = true;
             } else {
-                damping *= 6;
+                damping *= 10;
             }
         }
         ++result.rounds;
-        if (!better) damping = 1e-3;
+        if (!better) damping = kDamping;
         stuck = better && step_size > 1e-5 ? 0 : stuck + 1;
         if (part >= 1 && stuck >= 2) break;
     }
@@ -159,6 +210,38 @@ absl::StatusOr<SilhouetteRefineResult> refine_from_silhouettes(const std::vector
         result.moved_m.push_back(norm(cameras[c].centre_in_world() - result.cameras[c].centre_in_world()));
     }
     return result;
+}
+
+absl::StatusOr<std::optional<PlacesUncertainty>> places_uncertainty(const std::vector<Camera>& cameras,
+                                                                    const SilhouetteSet& silhouettes,
+                                                                    SilhouetteRefineOptions options,
+                                                                    const SolveProgress& progress) {
+    const std::size_t all = silhouettes.moments.size();
+    options.most_moments = (options.most_moments + 1) / 2;
+    options.rounds = (options.rounds + 1) / 2;
+    std::vector<Camera> places[2];
+    for (const std::size_t half : {0, 1}) {
+        SilhouetteSet some;
+        some.moments.assign(silhouettes.moments.begin() + static_cast<std::ptrdiff_t>(half * all / 2),
+                            silhouettes.moments.begin() + static_cast<std::ptrdiff_t>((half + 1) * all / 2));
+        const auto refined = refine_from_silhouettes(cameras, some, options, progress);
+        if (absl::IsCancelled(refined.status())) return refined.status();
+        if (!refined.ok()) return std::optional<PlacesUncertainty>();
+        places[half] = refined->cameras;
+    }
+    std::vector<Vec3> from, to;
+    for (std::size_t c = 0; c < cameras.size(); ++c)
+        from.push_back(places[0][c].centre_in_world()), to.push_back(places[1][c].centre_in_world());
+    const auto alignment = align_points(from, to, cameras.size() > 2);
+    if (!alignment) return std::optional<PlacesUncertainty>();
+    move_cameras(*alignment, places[0]);
+    PlacesUncertainty worst;
+    for (std::size_t c = 0; c < cameras.size(); ++c) {
+        worst.centre_mm = std::max(worst.centre_mm, 1000 * norm(places[0][c].centre_in_world() - to[c]));
+        worst.turn_deg = std::max(worst.turn_deg, degrees(angle_between(places[0][c].camera_from_world.rotation,
+                                                                        places[1][c].camera_from_world.rotation)));
+    }
+    return std::optional(worst);
 }
 
 }  // namespace kinevox

@@ -8,6 +8,7 @@
 
 #include <absl/status/statusor.h>
 
+#include <optional>
 #include <vector>
 
 #include "common/camera.h"
@@ -18,7 +19,7 @@ namespace kinevox {
 
 struct SilhouetteRefineOptions {
     int most_moments = 32;    // evenly from those given
-    int outline_points = 56;  // per silhouette
+    int outline_points = 56;  // per silhouette; 0: tangents alone, from all moments
     int rounds = 30;          // of Gauss-Newton, at most
     double first_scale_part =
         0.03;  // of the picture's longer side: misses beyond it count less and less, at first
@@ -27,6 +28,10 @@ struct SilhouetteRefineOptions {
     // come out a little wide would otherwise meet at many places of the cameras; with a margin the ends of all limbs
     // miss a little on each side and the places between are found.
     double margin_part = 0.0015;
+    // Planes that touch two silhouettes at once (see silhouette_tangents.h) count so much against rays; 0: not at all.
+    // They tell two places apart that outlines alone hardly do.
+    double tangent_weight = 0;
+    double tangent_scale = 0.4;  // of the rays' scale: touching planes are exact, or they are wrong
     double prior_angle_deg = 1, prior_shift_m = 0.07;  // standard deviations of the places given
     double depth_step_m = 0.025;                       // of the search along a ray
     double reach_m = 1.6;                              // of that search, from the subject's middle
@@ -50,6 +55,18 @@ absl::StatusOr<SilhouetteRefineResult> refine_from_silhouettes(const std::vector
 // outlines. Cheap: for trying what could be wrong.
 double silhouette_miss_px(const std::vector<Camera>& cameras, const SilhouetteSet& silhouettes,
                           const SilhouetteRefineOptions& options = {});
+
+// How far refined places can be trusted: by how much those from the first half of the moments and those from the second
+// differ in the worst camera, once world and scale are taken out. About twice the standard deviation of places from
+// all moments. Whatever is wrong with a silhouette at one place of the room and not at another counts; what is wrong all
+// the time is not seen. Nothing where half of the moments are too few; Cancelled by `progress`.
+struct PlacesUncertainty {
+    double centre_mm = 0, turn_deg = 0;
+};
+absl::StatusOr<std::optional<PlacesUncertainty>> places_uncertainty(const std::vector<Camera>& cameras,
+                                                                    const SilhouetteSet& silhouettes,
+                                                                    SilhouetteRefineOptions options,
+                                                                    const SolveProgress& progress = {});
 
 // Of the cameras' pictures, px.
 double longest_side_px(const std::vector<Camera>& cameras);

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Calibrations of real recordings against references: lenses from seven pictures of a checkerboard, places from a ChArUco
 board before four webcams (with the reference's lenses and with their own), cameras refined from silhouettes alone, and
-cameras placed from nothing but a person who walks through the virtual studio.
+cameras placed from nothing but a person who moves, in the virtual studio (part person) and in the rendered sequences of
+the test data (part sequences).
 
 Prints one table; exit status 1 beyond the bounds, 77 where programs or data are missing.
 """
@@ -25,6 +26,7 @@ except ImportError as missing:
 RMS_BOUND_PX, FOCAL_BOUND, HELD_OUT_BOUND_PX = 0.30, 0.015, 0.5
 CENTRES_BOUND, CENTRES_OWN_BOUND = 0.025, 0.05
 PERSON_CENTRE_BOUND_MM, PERSON_TURN_BOUND_DEG, PERSON_HEIGHT_M = 30, 0.5, 1.80
+SEQUENCE_HEIGHT_M = {"gesture": 1.65, "ring8": 1.68, "sprint": 1.83}
 BOARD = "charuco:4x5:54:40.5:DICT_4X4_1000:inverted"
 
 
@@ -64,13 +66,17 @@ def aligned_errors(file, reference):
     return 1000 * np.linalg.norm(moved - q, axis=1).max(), np.degrees(max(turns)), 100 * abs(scale - 1)
 
 
+def without_places(text):
+    """A calibration's text with its lenses and nothing of its places."""
+    return re.sub(r"(rotation|translation) = .*", r"\1 = [0.0, 0.0, 0.0]", text)
+
+
 def forget_places(session):
     """Leaves the lenses of a session's calibration and nothing of its places. Returns the true calibration's file."""
     true = session.parent / "true.toml"
     text = (session.parent / "calibration.toml").read_text()
     true.write_text(text)
-    text = re.sub(r"(rotation|translation) = .*", r"\1 = [0.0, 0.0, 0.0]", text)
-    (session.parent / "calibration.toml").write_text(text)
+    (session.parent / "calibration.toml").write_text(without_places(text))
     return true
 
 
@@ -78,7 +84,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--program", required=True, help="kinevox-calibrate")
     parser.add_argument("--studio", help="kinevox-studio, for the part person")
-    parser.add_argument("--parts", default="lenses,board,refine", help="comma separated; person besides")
+    parser.add_argument("--parts", default="lenses,board,refine", help="comma separated; person and sequences besides")
+    parser.add_argument("--sequences", default="walk,gesture,ring8", help="of the test data, for the part sequences")
     parser.add_argument("--out", help="keep calibrations and certificates here")
     arguments = parser.parse_args()
     data, parts = data_folder(), arguments.parts.split(",")
@@ -154,6 +161,18 @@ def main():
             row(f"person, {count} cameras: centres (scale off by {scale:.1f} %)", f"{centre:.1f}", PERSON_CENTRE_BOUND_MM, "mm",
                 centre <= PERSON_CENTRE_BOUND_MM)
             row(f"person, {count} cameras: rotations", f"{turn:.3f}", PERSON_TURN_BOUND_DEG, "degrees", turn <= PERSON_TURN_BOUND_DEG)
+        for name in arguments.sequences.split(",") if "sequences" in parts else ():
+            session, lenses = data / "studio" / name / "session.toml", out / f"lenses_{name}.toml"
+            true = session.parent / "calibration.toml"
+            lenses.write_text(without_places(true.read_text()))
+            solved = out / f"by_person_{name}.toml"
+            calibrate("extrinsics", "--person", "--height", SEQUENCE_HEIGHT_M.get(name, PERSON_HEIGHT_M), session, "--lenses", lenses,
+                      "--out", solved)
+            centre, turn, scale = aligned_errors(solved, true)
+            verdict = json.loads(solved.with_suffix(".certificate.json").read_text())["verdict"]
+            row(f"{name}, person: centres (scale off by {scale:.1f} %, {verdict})", f"{centre:.1f}", PERSON_CENTRE_BOUND_MM, "mm",
+                centre <= PERSON_CENTRE_BOUND_MM)
+            row(f"{name}, person: rotations", f"{turn:.3f}", PERSON_TURN_BOUND_DEG, "degrees", turn <= PERSON_TURN_BOUND_DEG)
     for failure in failures:
         print("FAILED " + failure)
     return 1 if failures else 0

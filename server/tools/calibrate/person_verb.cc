@@ -23,6 +23,7 @@ absl::Status person_extrinsics(const PersonArguments& arguments) {
     options.height_m = arguments.height_m;
     PersonExtrinsicsOptions rough = options;
     rough.most_moments = rough.first_moments;
+    rough.tell_uncertainty = false;
     auto solved = extrinsics_from_person(*lenses, *seen, rough, progress);
     if (!solved.ok()) return solved.status();
     if (solved->left_out.empty()) {
@@ -46,6 +47,9 @@ absl::Status person_extrinsics(const PersonArguments& arguments) {
     }
     fmt::print("outlines miss by {:.2f} px; the subject was whole in {} moments and walked over {:.1f} m by {:.1f} m\n",
                solved->miss_px, solved->moments, solved->walked_m, solved->walked_wide_m);
+    if (solved->uncertainty)
+        fmt::print("the two halves of the recording give places that differ by {:.0f} mm and {:.2f} degrees at worst\n",
+                   solved->uncertainty->centre_mm, solved->uncertainty->turn_deg);
     for (const Camera& camera : solved->cameras) {
         const Vec3 centre = camera.centre_in_world();
         fmt::print("{:12} {:.3f} {:.3f} {:.3f} m\n", camera.name, centre.x, centre.y, centre.z);

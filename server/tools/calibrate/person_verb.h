@@ -10,7 +10,7 @@ namespace kinevox::calibrate {
 struct PersonArguments {
     std::string session, lenses, out;
     double height_m = 0;  // of the subject; 0: not known
-    int moments = 60;
+    int moments = 150;
     bool quiet = false;
 };
 
