@@ -23,7 +23,7 @@ constexpr double kTopToMiddlePart = 0.42;    // of a person's height, from the t
 constexpr int kTries = 3;                    // of the first places, by landmarks drawn differently
 constexpr double kSureMissPart = 0.001;      // of the picture's longer side: first places that need no other try
 constexpr double kGoodMissPart = 0.002;      // more than that are not to be trusted
-constexpr double kWayLong_m = 1.5;  // over which the subject should walk
+constexpr double kStayed_m = 0.5, kWayLong_m = 1.5;  // over which the subject should walk
 constexpr double kSureCentre_mm = 60, kSureTurn_deg = 1.0;        // between the recording's halves: more is not sure
 constexpr double kUnknownCentre_mm = 300, kUnknownTurn_deg = 5;  // and more is no calibration
 constexpr double kUnevenHeight = 1.08;       // upper over middle height of the hulls: bent, or arms raised
@@ -126,7 +126,14 @@ void judge(const PersonWorld& world, double side_px, PersonExtrinsicsResult& res
             fmt::format("the outlines miss each other by {:.1f} px; {:.1f} px would be good", result.miss_px,
                         kGoodMissPart * side_px),
             "look whether the silhouettes are whole and the cameras synchronised, and calibrate again");
-    if (little || unsure)
+    // Both halves have the same mistakes then, and agree.
+    if (world.way_long_m < kStayed_m)
+        add(Verdict::kNoGo, "movement",
+            fmt::format("the person stayed at one place, within {:.1f} m: that leaves the cameras' places open by a "
+                        "decimetre and more",
+                        world.way_long_m),
+            "let the person walk round through the whole space, best in a circle of two metres or more");
+    else if (little || unsure)
         add(unknown ? Verdict::kNoGo : Verdict::kCare, "movement",
             fmt::format("the person moved over {:.1f} m by {:.1f} m; {}", world.way_long_m, world.way_wide_m,
                         !result.uncertainty ? "how certain the places are cannot be told from so few moments"
