@@ -87,7 +87,7 @@ int serve(const DaemonConfig& config) {
     bool serving = false;   // the control thread's
     CalibrationUse calibration_use(calibrations, runner, [&](const std::vector<Camera>& cameras) {
         if (body_fit) body_fit->set_cameras(cameras);
-        camera_watch.begin_anew();
+        camera_watch.begin_anew(cameras);
         if (poses && serving)
             start_pose_database(*poses, config.pose, cameras, options->posing.body, hub, pose_watch);
     });

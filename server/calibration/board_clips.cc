@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <limits>
 #include <memory>
 #include <mutex>
 #include <opencv2/imgcodecs.hpp>
@@ -83,7 +84,7 @@ absl::StatusOr<std::vector<CameraClip>> open_clips(const std::vector<std::string
 }
 
 absl::Status read_side_by_side(
-    const std::vector<CameraClip>& clips, int every, const std::string& what, const SolveProgress& progress,
+    const std::vector<CameraClip>& clips, const ClipPictures& which, const std::string& what, const SolveProgress& progress,
     const std::function<absl::StatusOr<std::function<void(const Picture&)>>(std::size_t, const Camera&)>&
         start) {
     std::mutex mutex;
@@ -102,13 +103,15 @@ absl::Status read_side_by_side(
         if (!reader.ok()) return fail(reader.status());
         auto see = start(c, size);
         if (!see.ok()) return fail(see.status());
-        total += std::max<std::int64_t>((*reader)->promised(), 1);
-        for (int frame = 0; !stop; ++frame) {
+        const std::int64_t end = which.most < 0 ? std::numeric_limits<std::int64_t>::max()
+                                                : which.first + std::int64_t{which.every} * (which.most - 1) + 1;
+        total += std::max<std::int64_t>(std::min((*reader)->promised(), end), 1);
+        for (std::int64_t frame = 0; frame < end && !stop; ++frame) {
             auto picture = (*reader)->next();
             if (absl::IsOutOfRange(picture.status())) break;
             if (!picture.ok()) return fail(picture.status());
             ++done;
-            if (frame % every != 0) continue;
+            if (frame < which.first || (frame - which.first) % which.every != 0) continue;
             (*see)(*picture);
             const std::scoped_lock lock(mutex);
             const double part = std::min(
@@ -121,10 +124,10 @@ absl::Status read_side_by_side(
 }
 
 absl::StatusOr<std::vector<std::vector<BoardSighting>>> find_boards(const std::vector<CameraClip>& clips,
-                                                                    const BoardSpec& board, int every,
+                                                                    const BoardSpec& board, const ClipPictures& which,
                                                                     const SolveProgress& progress) {
     return for_pictures<BoardSighting>(
-        clips, every, "looking for the board", progress,
+        clips, which, "looking for the board", progress,
         [&](const CameraClip&, const Camera&) -> absl::StatusOr<Search<BoardSighting>> {
             auto detector = BoardDetector::create(board);
             if (!detector.ok()) return detector.status();

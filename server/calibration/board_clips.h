@@ -34,14 +34,20 @@ bool is_session(const std::vector<std::string>& arguments);
 // NotFound name the argument.
 absl::StatusOr<std::vector<CameraClip>> open_clips(const std::vector<std::string>& arguments);
 
-// Every `every`-th picture of each clip, cameras side by side: sightings[camera][picture]; frame numbers are
-// every * picture. Cancelled by `progress`.
+// Which pictures of each clip are looked at.
+struct ClipPictures {
+    int first = 0;
+    int every = 1;   // from the first on
+    int most = -1;   // so many; -1: to the clip's end
+};
+
+// Cameras side by side: sightings[camera][picture], frame numbers are first + every * picture. Cancelled by `progress`.
 absl::StatusOr<std::vector<std::vector<BoardSighting>>> find_boards(const std::vector<CameraClip>& clips,
-                                                                    const BoardSpec& board, int every,
+                                                                    const BoardSpec& board, const ClipPictures& which,
                                                                     const SolveProgress& progress);
 
-// Hands every `every`-th picture of each clip to what `start` made for its camera.
-absl::Status read_side_by_side(const std::vector<CameraClip>& clips, int every, const std::string& what,
+// Hands those pictures of each clip to what `start` made for its camera.
+absl::Status read_side_by_side(const std::vector<CameraClip>& clips, const ClipPictures& which, const std::string& what,
                                const SolveProgress& progress,
                                const std::function<absl::StatusOr<std::function<void(const Picture&)>>(
                                    std::size_t camera, const Camera& size)>& start);
@@ -52,11 +58,12 @@ template <class Sighting>
 using Search = std::function<Sighting(const Picture&)>;
 template <class Sighting>
 absl::StatusOr<std::vector<std::vector<Sighting>>> for_pictures(
-    const std::vector<CameraClip>& clips, int every, const std::string& what, const SolveProgress& progress,
+    const std::vector<CameraClip>& clips, const ClipPictures& which, const std::string& what,
+    const SolveProgress& progress,
     const std::function<absl::StatusOr<Search<Sighting>>(const CameraClip&, const Camera& size)>& start) {
     std::vector<std::vector<Sighting>> out(clips.size());
     const absl::Status status = read_side_by_side(
-        clips, every, what, progress,
+        clips, which, what, progress,
         [&](std::size_t c, const Camera& size) -> absl::StatusOr<std::function<void(const Picture&)>> {
             auto search = start(clips[c], size);
             if (!search.ok()) return search.status();

@@ -50,20 +50,13 @@ class BoardWork final : public PlaceWork {
     }
 
     absl::Status read(const ProcedureFiles& files, const SolveProgress& progress) override {
-        const auto sightings = find_boards(files.clips, board_, files.every, progress);
+        const auto sightings = find_boards(files.clips, board_, {.every = files.every}, progress);
         if (!sightings.ok()) return sightings.status();
-        std::size_t longest = 0;
-        for (const auto& clip : *sightings) longest = std::max(longest, clip.size());
-        const int first = next_moments(static_cast<int>(longest) * files.every);
-        for (std::size_t i = 0; i < longest; ++i) {
-            const int moment = first + static_cast<int>(i) * files.every;
-            int seen_by = 0;
-            for (std::size_t clip = 0; clip < files.clips.size(); ++clip)
-                if (i < (*sightings)[clip].size())
-                    seen_by += add(moment, index_of(files.clips[clip].camera), (*sightings)[clip][i]);
-            count_moment(seen_by);
-            if (files.floor_frame && seen_by > 1 && moment == first + *files.floor_frame) lying_.push_back(moment);
-        }
+        const auto shared = add_clips(files, *sightings, [this](int moment, int index, const BoardSighting& sighting) {
+            return add(moment, index, sighting);
+        });
+        if (files.floor_frame)
+            if (const auto lying = shared.find(*files.floor_frame); lying != shared.end()) lying_.push_back(lying->second);
         return absl::OkStatus();
     }
 

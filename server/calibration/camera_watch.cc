@@ -3,11 +3,41 @@
 #include <fmt/format.h>
 #include <oneapi/tbb/task_arena.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "common/background_priority.h"
 
 namespace kinevox {
+namespace {
+
+constexpr double kLargestPart = 0.5;   // of the picture: more is no subject but what a knocked camera sees as foreground
+
+// Where the subject is in a camera's picture, px: where its volume is, or, without one, the camera's foreground. A knocked
+// camera's foreground is the whole room, which must not hide the knock.
+kernels::Rect subject_box(const FrameResult& result, std::size_t c, const Camera& camera) {
+    kernels::Rect box{camera.width, camera.height, 0, 0};
+    if (result.volume) {
+        const VolumeGrid& grid = result.volume->grid;
+        for (int corner = 0; corner < 8; ++corner) {
+            const Vec3 along{grid.voxel_m * grid.size[0] * (corner & 1), grid.voxel_m * grid.size[1] * (corner >> 1 & 1),
+                             grid.voxel_m * grid.size[2] * (corner >> 2)};
+            const auto pixel = camera.project(grid.origin_in_world + along);
+            if (!pixel) continue;
+            box = {std::min(box.x0, static_cast<int>(std::clamp(pixel->x, 0.0, camera.width - 1.0))),
+                   std::min(box.y0, static_cast<int>(std::clamp(pixel->y, 0.0, camera.height - 1.0))),
+                   std::max(box.x1, static_cast<int>(std::clamp(pixel->x, 0.0, camera.width - 1.0)) + 1),
+                   std::max(box.y1, static_cast<int>(std::clamp(pixel->y, 0.0, camera.height - 1.0)) + 1)};
+        }
+    } else if (c < result.silhouettes.size()) {
+        box = result.silhouettes[c].bounds;
+    }
+    const double area = static_cast<double>(box.x1 - box.x0) * (box.y1 - box.y0);
+    const bool usable = box.x0 < box.x1 && box.y0 < box.y1 && area < kLargestPart * camera.width * camera.height;
+    return usable ? box : kernels::Rect{};
+}
+
+}  // namespace
 
 CameraVerdict::Change CameraVerdict::add(const std::optional<SceneShift>& shift, const std::string& camera,
                                          const CameraWatchOptions& options) {
@@ -32,7 +62,7 @@ CameraVerdict::Change CameraVerdict::add(const std::optional<SceneShift>& shift,
 }
 
 CameraWatch::CameraWatch(std::vector<Camera> cameras, const CameraWatchOptions& options, OnEvent on_event)
-    : cameras_(std::move(cameras)), options_(options), on_event_(std::move(on_event)), verdicts_(cameras_.size()) {
+    : options_(options), on_event_(std::move(on_event)), cameras_(std::move(cameras)), verdicts_(cameras_.size()) {
     worker_ = std::thread([this] { watch_loop(); });
 }
 
@@ -47,8 +77,9 @@ void CameraWatch::close() {
     changed_.notify_all();
 }
 
-void CameraWatch::begin_anew() {
+void CameraWatch::begin_anew(std::vector<Camera> cameras) {
     const std::scoped_lock lock(mutex_);
+    cameras_ = std::move(cameras);
     anew_ = true;
 }
 
@@ -64,14 +95,13 @@ void CameraWatch::observe(const FrameResult& result) {
     if (last_ns_ && !anew && 1e-9 * static_cast<double>(result.capture_time_ns - *last_ns_) < options_.interval_s)
         return;
     last_ns_ = result.capture_time_ns;
-    if (result.frame_set.pictures.size() != cameras_.size()) return;
     const std::scoped_lock lock(mutex_);
+    if (result.frame_set.pictures.size() != cameras_.size()) return;
     anew_ = anew_ || anew;
     if (busy_ || closed_) return;  // the machine is loaded: one look less
-    Look look{result.sequence, result.capture_time_ns, std::exchange(anew_, false), result.frame_set.pictures, {}};
-    look.ignored.resize(cameras_.size());
-    for (std::size_t c = 0; c < cameras_.size() && c < result.silhouettes.size(); ++c)
-        look.ignored[c] = result.silhouettes[c].bounds;
+    Look look{result.sequence, result.capture_time_ns, std::exchange(anew_, false), result.frame_set.pictures, {}, {}};
+    for (std::size_t c = 0; c < cameras_.size(); ++c) look.ignored.push_back(subject_box(result, c, cameras_[c]));
+    if (look.anew) look.cameras = cameras_;
     next_ = std::move(look);
     busy_ = true;
     changed_.notify_all();
@@ -95,25 +125,26 @@ void CameraWatch::watch_loop() {
 void CameraWatch::look_at(const Look& look) {
     if (look.anew) {
         scenes_.clear();
-        for (const Camera& camera : cameras_) scenes_.emplace_back(camera);
+        names_.clear();
+        for (const Camera& camera : look.cameras) scenes_.emplace_back(camera), names_.push_back(camera.name);
         const std::scoped_lock lock(mutex_);
-        verdicts_.assign(cameras_.size(), {});
+        verdicts_.assign(scenes_.size(), {});
     }
-    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+    for (std::size_t c = 0; c < scenes_.size(); ++c) {
         const auto shift = scenes_[c].measure(look.pictures[c], look.ignored[c]);
         CameraVerdict::Change change;
         std::string reason;
         {
             const std::scoped_lock lock(mutex_);
             if (closed_) return;
-            change = verdicts_[c].add(shift, cameras_[c].name, options_);
+            change = verdicts_[c].add(shift, names_[c], options_);
             reason = verdicts_[c].camera().reason;
         }
         if (change == CameraVerdict::Change::kMoved)
-            on_event_({EventKind::kCameraMoved, look.sequence, look.time_ns, cameras_[c].name, reason});
+            on_event_({EventKind::kCameraMoved, look.sequence, look.time_ns, names_[c], reason});
         if (change == CameraVerdict::Change::kInPlace)
-            on_event_({EventKind::kCameraInPlace, look.sequence, look.time_ns, cameras_[c].name,
-                       fmt::format("camera {} looks where it looked when the capture began", cameras_[c].name)});
+            on_event_({EventKind::kCameraInPlace, look.sequence, look.time_ns, names_[c],
+                       fmt::format("camera {} looks where it looked when the capture began", names_[c])});
     }
 }
 

@@ -57,8 +57,9 @@ class CameraWatch {
     // After each frame set; takes hold of the pictures of some of them, copies nothing and never waits. Where time goes
     // backwards the capture began anew, and so does the watch.
     void observe(const FrameResult& result);
-    // Whatever the cameras see next is how they are meant to stand: a calibration was applied.
-    void begin_anew();
+    // Whatever the cameras see next is how they are meant to stand: a calibration was applied. The same cameras, in the same
+    // order.
+    void begin_anew(std::vector<Camera> cameras);
     // In the order of the cameras.
     std::vector<WatchedCamera> cameras() const;
     // For the daemon's end.
@@ -71,19 +72,21 @@ class CameraWatch {
         bool anew = false;
         std::vector<Picture> pictures;
         std::vector<kernels::Rect> ignored;  // the subject, per camera
+        std::vector<Camera> cameras;         // where it begins anew
     };
     void watch_loop();
     void look_at(const Look& look);
 
-    const std::vector<Camera> cameras_;
     const CameraWatchOptions options_;
     const OnEvent on_event_;
 
     std::optional<std::int64_t> last_ns_;  // observe()'s own
-    std::vector<StillScene> scenes_;       // the worker's own
+    std::vector<StillScene> scenes_;       // the worker's own, and their cameras' names
+    std::vector<std::string> names_;
 
     mutable std::mutex mutex_;  // guards the members down to the blank line
     std::condition_variable changed_;
+    std::vector<Camera> cameras_;
     std::optional<Look> next_;
     bool busy_ = false, anew_ = true, closed_ = false;
     std::vector<CameraVerdict> verdicts_;

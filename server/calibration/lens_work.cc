@@ -53,7 +53,7 @@ class LensWork final : public ProcedureWork {
     }
 
     absl::Status read(const ProcedureFiles& files, const SolveProgress& progress) override {
-        const auto sightings = find_boards(files.clips, board_, files.every, progress);
+        const auto sightings = find_boards(files.clips, board_, {.every = files.every}, progress);
         if (!sightings.ok()) return sightings.status();
         for (std::size_t clip = 0; clip < files.clips.size(); ++clip)
             for (Lens& lens : lenses_)

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <algorithm>
+#include <map>
+#include <utility>
 #include <vector>
 
 #include "server/calibration/coverage.h"
@@ -54,6 +56,24 @@ class PlaceWork : public ProcedureWork {
     void count_moment(int seen_by) {
         kept_moments_ += seen_by > 0;
         shared_moments_ += seen_by > 1;
+    }
+    // What was seen in clips, cameras side by side, as found[clip][picture]: `add(moment, camera's index, what)` says
+    // whether it can be used. The moment of each picture, counted in the clips, that two cameras or more saw.
+    template <class Found, class Add>
+    std::map<int, int> add_clips(const ProcedureFiles& files, const std::vector<std::vector<Found>>& found, Add add) {
+        std::size_t longest = 0;
+        for (const auto& clip : found) longest = std::max(longest, clip.size());
+        const int first = next_moments(static_cast<int>(longest) * files.every);
+        std::map<int, int> shared;
+        for (std::size_t i = 0; i < longest; ++i) {
+            const int picture = static_cast<int>(i) * files.every;
+            int seen_by = 0;
+            for (std::size_t clip = 0; clip < found.size(); ++clip)
+                if (i < found[clip].size()) seen_by += add(first + picture, index_of(files.clips[clip].camera), found[clip][i]);
+            count_moment(seen_by);
+            if (seen_by > 1) shared.emplace(picture, first + picture);
+        }
+        return shared;
     }
     bool has_room() const { return kept_moments_ < kMostViews; }
 

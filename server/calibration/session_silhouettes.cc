@@ -69,13 +69,8 @@ absl::StatusOr<OpenSession> open_session(const std::filesystem::path& session_fi
     if (cameras.size() < 2)
         return absl::FailedPreconditionError(
             fmt::format("{}: has one camera; places need two or more", session_file.string()));
-    auto background = (*source)->background();
+    auto background = background_of_all(**source, session_file);
     if (!background.ok()) return background.status();
-    for (std::size_t c = 0; c < cameras.size(); ++c)
-        if (c >= background->size() || (*background)[c].empty())
-            return absl::InvalidArgumentError(
-                fmt::format("{}: camera {} has no `background`; add a picture, a clip or a folder of the empty scene",
-                            session_file.string(), cameras[c].name));
     return OpenSession{*std::move(source), *std::move(background)};
 }
 

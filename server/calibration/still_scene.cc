@@ -26,14 +26,25 @@ struct Level {
     cv::Mat grey, seen;
 };
 
-Level level_of(const Picture& picture, const kernels::Rect& ignored, int longer_px) {
+// Grey, as large as the finest level.
+cv::Mat reduced(const Picture& picture) {
     const cv::Mat whole(picture.height, picture.width, picture.channels == 3 ? CV_8UC3 : CV_8UC1,
                         const_cast<std::uint8_t*>(picture.data.get()));
-    const double scale = static_cast<double>(longer_px) / std::max(picture.width, picture.height);
-    Level level;
+    const double scale =
+        static_cast<double>(kWidths_px[std::size(kWidths_px) - 1]) / std::max(picture.width, picture.height);
     cv::Mat small;
     cv::resize(whole, small, {}, scale, scale, cv::INTER_AREA);
     if (picture.channels == 3) cv::cvtColor(small, small, cv::COLOR_BGR2GRAY);
+    return small;
+}
+
+// `finest`: as reduced() makes it. `ignored`: px of the picture that it was made of, `longer_px` of the level.
+Level level_of(const cv::Mat& finest, const Picture& picture, const kernels::Rect& ignored, int longer_px) {
+    const double scale = static_cast<double>(longer_px) / std::max(picture.width, picture.height);
+    Level level;
+    const double part = static_cast<double>(longer_px) / kWidths_px[std::size(kWidths_px) - 1];
+    cv::Mat small;
+    cv::resize(finest, small, {}, part, part, cv::INTER_AREA);
     small.convertTo(level.grey, CV_32F);
     cv::GaussianBlur(level.grey, level.grey, {5, 5}, 1.2);
     level.seen = cv::Mat(level.grey.size(), CV_8U, cv::Scalar(255));
@@ -104,7 +115,8 @@ StillScene& StillScene::operator=(StillScene&&) noexcept = default;
 std::optional<SceneShift> StillScene::measure(const Picture& picture, const kernels::Rect& ignored) {
     if (picture.empty()) return std::nullopt;
     Levels now;
-    for (const int width : kWidths_px) now.levels.push_back(level_of(picture, ignored, width));
+    const cv::Mat finest_picture = reduced(picture);
+    for (const int width : kWidths_px) now.levels.push_back(level_of(finest_picture, picture, ignored, width));
     if (!first_) {
         first_ = std::make_unique<Levels>(std::move(now));
         return SceneShift{};

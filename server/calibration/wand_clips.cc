@@ -45,10 +45,10 @@ absl::StatusOr<Picture> empty_scene(const CameraClip& clip, const Camera& size) 
 }  // namespace
 
 absl::StatusOr<std::vector<std::vector<WandPicture>>> find_wands(const std::vector<CameraClip>& clips,
-                                                                 const WandSpec& wand, int every,
+                                                                 const WandSpec& wand, const ClipPictures& which,
                                                                  const SolveProgress& progress) {
     return for_pictures<WandPicture>(
-        clips, every, "looking for the wand", progress,
+        clips, which, "looking for the wand", progress,
         [&](const CameraClip& clip,
             const Camera& size) -> absl::StatusOr<std::function<WandPicture(const Picture&)>> {
             auto scene = empty_scene(clip, size);

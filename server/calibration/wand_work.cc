@@ -47,19 +47,11 @@ class WandWork final : public PlaceWork {
     }
 
     absl::Status read(const ProcedureFiles& files, const SolveProgress& progress) override {
-        const auto found = find_wands(files.clips, wand_, files.every, progress);
+        const auto found = find_wands(files.clips, wand_, {.every = files.every}, progress);
         if (!found.ok()) return found.status();
-        std::size_t longest = 0;
-        for (const auto& clip : *found) longest = std::max(longest, clip.size());
-        const int first = next_moments(static_cast<int>(longest) * files.every);
-        for (std::size_t i = 0; i < longest; ++i) {
-            int seen_by = 0;
-            for (std::size_t clip = 0; clip < found->size(); ++clip)
-                if (i < (*found)[clip].size() && has_room())
-                    seen_by += add(first + static_cast<int>(i) * files.every, index_of(files.clips[clip].camera),
-                                   (*found)[clip][i].wand);
-            count_moment(seen_by);
-        }
+        add_clips(files, *found, [this](int moment, int index, const WandPicture& picture) {
+            return has_room() && add(moment, index, picture.wand);
+        });
         return absl::OkStatus();
     }
 

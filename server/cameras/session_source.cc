@@ -288,6 +288,19 @@ absl::StatusOr<std::unique_ptr<FrameSource>> open_session_source(const std::file
     return open_session_source(*session, options);
 }
 
+absl::StatusOr<std::vector<std::vector<Picture>>> background_of_all(FrameSource& source,
+                                                                    const std::filesystem::path& session_file) {
+    auto background = source.background();
+    if (!background.ok()) return background.status();
+    const std::vector<Camera>& cameras = source.cameras();
+    for (std::size_t c = 0; c < cameras.size(); ++c)
+        if (c >= background->size() || (*background)[c].empty())
+            return absl::InvalidArgumentError(
+                fmt::format("{}: camera {} has no `background`; add a picture, a clip or a folder of the empty scene",
+                            session_file.string(), cameras[c].name));
+    return background;
+}
+
 void silence_video_libraries() {
     cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
     setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", /*overwrite=*/0);  // AV_LOG_QUIET; OpenCV reads it at first use

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <vector>
 
 #include <absl/status/statusor.h>
 
@@ -36,6 +37,10 @@ absl::StatusOr<std::unique_ptr<FrameSource>> open_session_source(const Session& 
 // read_session() and open_session_source() in one.
 absl::StatusOr<std::unique_ptr<FrameSource>> open_session_source(const std::filesystem::path& session_file,
                                                                  const SessionSourceOptions& options = {});
+
+// FrameSource::background() where every camera must have one. InvalidArgument names the session and the camera.
+absl::StatusOr<std::vector<std::vector<Picture>>> background_of_all(FrameSource& source,
+                                                                    const std::filesystem::path& session_file);
 
 // OpenCV and FFmpeg print their own lines about damaged files; our one line says it better. For main(), before any
 // thread starts.

@@ -72,7 +72,8 @@ absl::StatusOr<std::vector<std::vector<Corner>>> lying_board(const FloorArgument
             "session");
     const auto clips = open_clips(files);
     if (!clips.ok()) return clips.status();
-    const auto sightings = find_boards(*clips, board, 1, progress);
+    const auto sightings = find_boards(
+        *clips, board, arguments.frame < 0 ? ClipPictures{} : ClipPictures{arguments.frame, 1, 1}, progress);
     if (!sightings.ok()) return sightings.status();
     std::vector<std::vector<Corner>> seen(input.cameras.size());
     for (std::size_t k = 0; k < clips->size(); ++k) {
@@ -84,9 +85,8 @@ absl::StatusOr<std::vector<std::vector<Corner>>> lying_board(const FloorArgument
                             input.calibration, clip.camera, clip.width, clip.height));
         std::vector<Corner>& corners = seen[camera - input.cameras.data()];
         std::map<int, Vec2> first;
-        for (std::size_t f = 0; f < (*sightings)[k].size(); ++f) {
-            if (arguments.frame >= 0 && static_cast<int>(f) != arguments.frame) continue;
-            for (const Corner& corner : (*sightings)[k][f].corners) {
+        for (const BoardSighting& sighting : (*sightings)[k]) {
+            for (const Corner& corner : sighting.corners) {
                 const auto [known, added] = first.emplace(corner.id, corner.pixel);
                 if (std::hypot(known->second.x - corner.pixel.x, known->second.y - corner.pixel.y) >
                     kStill_px)

@@ -27,7 +27,7 @@ absl::Status intrinsics(const LensArguments& arguments) {
     const auto clips = open_clips(arguments.clips);
     if (!clips.ok()) return clips.status();
     const SolveProgress progress = console_progress(arguments.quiet);
-    const auto sightings = find_boards(*clips, *board, arguments.every, progress);
+    const auto sightings = find_boards(*clips, *board, {.every = arguments.every}, progress);
     if (!sightings.ok()) return sightings.status();
     auto lenses = solve_lenses(*clips, *board, *sightings, arguments.every, arguments.k3, progress);
     if (!lenses.ok()) return lenses.status();

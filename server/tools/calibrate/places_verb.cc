@@ -73,7 +73,7 @@ absl::StatusOr<ExtrinsicsResult> places_by_board(const std::vector<CameraClip>& 
                                                  const SolveProgress& progress, Certificate& certificate) {
     const auto board = parse_board(arguments.board);
     if (!board.ok()) return board.status();
-    const auto sightings = find_boards(clips, *board, arguments.every, progress);
+    const auto sightings = find_boards(clips, *board, {.every = arguments.every}, progress);
     if (!sightings.ok()) return sightings.status();
     const bool own_lenses = lenses.empty();
     if (own_lenses) {
@@ -105,7 +105,7 @@ absl::StatusOr<ExtrinsicsResult> places_by_wand(const std::vector<CameraClip>& c
     if (arguments.floor_frame >= 0)
         return absl::InvalidArgumentError(
             "--floor-frame needs a board; set the floor afterwards with kinevox calibrate floor");
-    const auto sightings = find_wands(clips, *wand, arguments.every, progress);
+    const auto sightings = find_wands(clips, *wand, {.every = arguments.every}, progress);
     if (!sightings.ok()) return sightings.status();
     WandProcedure procedure(lenses, *wand);
     for (std::size_t c = 0; c < clips.size(); ++c) {

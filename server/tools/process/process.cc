@@ -28,12 +28,8 @@ using Clock = std::chrono::steady_clock;
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
 absl::Status learn_background(FrameSource& source, Pipeline& pipeline, const std::filesystem::path& session_file) {
-    auto background = source.background();
+    const auto background = background_of_all(source, session_file);
     if (!background.ok()) return background.status();
-    if (background->empty())
-        return absl::InvalidArgumentError(
-            fmt::format("{}: no camera has a `background`; add a picture, a clip or a folder of the empty scene to each",
-                        session_file.string()));
     return pipeline.learn_background(*background);
 }
 

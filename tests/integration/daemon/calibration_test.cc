@@ -15,6 +15,7 @@
 #include "server/calibration/triangulation.h"
 #include "server/cameras/studio/props.h"
 #include "server/cameras/studio/studio.h"
+#include "tests/integration/daemon/calibration_operator.h"
 #include "tests/integration/daemon/daemon_fixture.h"
 
 namespace kinevox {
@@ -24,23 +25,18 @@ using ::testing::AllOf;
 using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using ::testing::Not;
+using testing::collecting;
+using testing::kBoard;
+using testing::must;
+using testing::Operator;
+using testing::over;
+using testing::wait_until_running;
+using testing::wall;
+using testing::write_picture;
 using nlohmann::json;
 
-constexpr const char* kBoard = "charuco:6x5:160:120:DICT_4X4_100";
 constexpr int kMoments = 30;   // of a loop
 constexpr double kFps = 10;
-
-absl::Status status_of(const absl::Status& status) { return status; }
-template <typename T>
-absl::Status status_of(const absl::StatusOr<T>& result) { return result.status(); }
-
-#define EXPECT_REFUSED(call, status_code, words)                                              \
-    do {                                                                                      \
-        const absl::Status refused = status_of(call);                                         \
-        EXPECT_EQ(refused.code(), absl::StatusCode::status_code) << refused;                  \
-        EXPECT_THAT(std::string(refused.message()), HasSubstr(words));                        \
-    } while (false)
 
 // Four cameras whose session has a calibration that is a little off; the board wanders, and lies on the floor in the
 // first pictures.
@@ -48,28 +44,6 @@ struct BoardSession {
     std::vector<Camera> truth;
     std::filesystem::path session;
 };
-
-void must(const absl::Status& status) {
-    if (!status.ok()) throw std::runtime_error(std::string(status.message()));
-}
-
-// As PPM: compressing it would take longer than drawing it.
-void write_picture(const Picture& bgr, const std::filesystem::path& file) {
-    std::string bytes = fmt::format("P6\n{} {}\n255\n", bgr.width, bgr.height);
-    const std::size_t begin = bytes.size(), count = static_cast<std::size_t>(3) * bgr.width * bgr.height;
-    bytes.append(reinterpret_cast<const char*>(bgr.data.get()), count);
-    for (std::size_t i = begin; i < bytes.size(); i += 3) std::swap(bytes[i], bytes[i + 2]);
-    must(write_file_atomically(file, bytes));
-}
-
-// A grey wall with a little noise: the studio's room takes longer to draw than all the boards before it.
-Picture wall(const Camera& camera, std::uint32_t seed) {
-    const std::size_t bytes = static_cast<std::size_t>(3) * camera.width * camera.height;
-    const std::shared_ptr<std::uint8_t[]> data(new std::uint8_t[bytes]);
-    std::mt19937 random(seed);
-    for (std::size_t i = 0; i < bytes; ++i) data[i] = static_cast<std::uint8_t>(100 + random() % 4);
-    return {camera.width, camera.height, 3, data};
-}
 
 // Each camera a little above the floor's middle sees a board that lies there.
 Rigid3 on_floor() { return Rigid3{Mat3{}, {-0.48, -0.40, 0}}; }
@@ -108,123 +82,6 @@ BoardSession write_board_session(const std::filesystem::path& folder) {
     return out;
 }
 
-// One operator at a daemon, who watches the procedure all the time.
-class Operator {
-  public:
-    explicit Operator(const std::string& address) : client_({.server = address}) {
-        v1::AcquireControlRequest request;
-        request.set_name("coach");
-        const auto lease = client_.acquire_control(request);
-        if (lease.ok()) lease_ = lease->lease_id();
-    }
-
-    client::Client& client() { return client_; }
-    const std::string& lease() const { return lease_; }
-
-    v1::StartProcedureRequest procedure(v1::ProcedureKind kind) const {
-        v1::StartProcedureRequest request;
-        request.set_lease_id(lease_);
-        request.set_kind(kind);
-        request.set_board(kBoard);
-        return request;
-    }
-    absl::Status start(v1::ProcedureKind kind) { return client_.start_procedure(procedure(kind)).status(); }
-    absl::Status take(v1::LiveObservations::What what) {
-        v1::AddObservationsRequest request;
-        request.set_lease_id(lease_);
-        request.mutable_live()->set_what(what);
-        return client_.add_observations(request).status();
-    }
-    v1::AddObservationsRequest clips(const BoardSession& session) const {
-        v1::AddObservationsRequest request;
-        request.set_lease_id(lease_);
-        for (const Camera& camera : session.truth) {
-            v1::CameraClip& clip = *request.mutable_files()->add_clips();
-            clip.set_camera(camera.name);
-            clip.set_file((session.session.parent_path() / camera.name).string());
-        }
-        return request;
-    }
-    absl::Status solve() {
-        v1::SolveProcedureRequest request;
-        request.set_lease_id(lease_);
-        return client_.solve_procedure(request).status();
-    }
-    absl::Status cancel(bool keep = false) {
-        v1::CancelProcedureRequest request;
-        request.set_lease_id(lease_);
-        request.set_keep_observations(keep);
-        return client_.cancel_procedure(request).status();
-    }
-    absl::StatusOr<v1::ApplyCalibrationResponse> apply(const std::string& id, bool restart, bool although_bad = false) {
-        v1::ApplyCalibrationRequest request;
-        request.set_lease_id(lease_);
-        request.set_id(id);
-        request.set_restart_capture(restart);
-        request.set_although_bad(although_bad);
-        return client_.apply_calibration(request);
-    }
-    absl::StatusOr<v1::UndoCalibrationResponse> undo(bool restart) {
-        v1::UndoCalibrationRequest request;
-        request.set_lease_id(lease_);
-        request.set_restart_capture(restart);
-        return client_.undo_calibration(request);
-    }
-    absl::StatusOr<std::string> import(const std::string& text, v1::CalibrationFormat format) {
-        v1::ImportCalibrationRequest request;
-        request.set_lease_id(lease_);
-        request.set_text(text);
-        request.set_format(format);
-        request.set_note("from a file");
-        const auto response = client_.import_calibration(request);
-        return response.ok() ? absl::StatusOr<std::string>(response->id()) : response.status();
-    }
-    absl::StatusOr<std::string> export_as(const std::string& id, v1::CalibrationFormat format) {
-        v1::ExportCalibrationRequest request;
-        request.set_id(id);
-        request.set_format(format);
-        const auto response = client_.export_calibration(request);
-        return response.ok() ? absl::StatusOr<std::string>(response->text()) : response.status();
-    }
-    v1::ListCalibrationsResponse list() {
-        return client_.list_calibrations({}).value_or(v1::ListCalibrationsResponse());
-    }
-    // The messages of a kind's events, past ones too, until there are `count`.
-    std::vector<std::string> events(v1::EventKind kind, std::size_t count, std::chrono::seconds longest_silence) {
-        std::vector<std::string> messages;
-        v1::WatchEventsRequest past;
-        past.set_past(50);
-        const absl::Status watched = client_.watch_events(
-            past,
-            [&](const v1::WatchEventsResponse& event) {
-                if (event.kind() == kind) messages.push_back(event.message());
-                return messages.size() < count;
-            },
-            {.longest_silence = longest_silence});
-        EXPECT_TRUE(watched.ok()) << watched;
-        return messages;
-    }
-
-    // Watches until it is so; fifteen seconds of silence at most.
-    v1::WatchProcedureResponse wait(const std::function<bool(const v1::WatchProcedureResponse&)>& so) {
-        v1::WatchProcedureResponse last;
-        client::StreamOptions options;
-        options.longest_silence = std::chrono::seconds(15);
-        const absl::Status status = client_.watch_procedure(
-            [&](const v1::WatchProcedureResponse& progress) {
-                last = progress;
-                return !so(progress);
-            },
-            options);
-        EXPECT_TRUE(status.ok()) << status << "\n" << last.DebugString();
-        return last;
-    }
-
-  private:
-    client::Client client_;
-    std::string lease_;
-};
-
 // A file holds rotations as vectors, so that the last digit may change.
 void expect_same(const std::vector<Camera>& a, const std::vector<Camera>& b) {
     ASSERT_EQ(a.size(), b.size());
@@ -234,13 +91,6 @@ void expect_same(const std::vector<Camera>& a, const std::vector<Camera>& b) {
         EXPECT_LT(angle_between(a[c].camera_from_world.rotation, b[c].camera_from_world.rotation), 1e-6);
         EXPECT_LT(norm(a[c].centre_in_world() - b[c].centre_in_world()), 1e-9);
     }
-}
-
-bool over(const v1::WatchProcedureResponse& progress) {
-    return progress.state() >= v1::PROCEDURE_STATE_SOLVED;
-}
-bool collecting(const v1::WatchProcedureResponse& progress) {
-    return progress.state() == v1::PROCEDURE_STATE_COLLECTING;
 }
 
 class CalibrationTest : public testing::DaemonTest {
@@ -260,16 +110,6 @@ class CalibrationTest : public testing::DaemonTest {
     std::string config(const std::string& source = "", const std::string& pose = "enabled = false\ndatabase = \"\"") {
         return session_config("127.0.0.1:0", source, pose) +
                "[calibration]\nfolder = \"calibrations\"\n[pipeline]\nvoxel_mm = 50\ncolouring = false\n";
-    }
-
-    void wait_until_running(client::Client& client) {
-        const auto begun = std::chrono::steady_clock::now();
-        while (std::chrono::steady_clock::now() - begun < std::chrono::seconds(20)) {
-            const auto status = client.status();
-            if (status.ok() && status->state() == v1::CAPTURE_STATE_RUNNING) return;
-            std::this_thread::yield();
-        }
-        ADD_FAILURE() << "the capture did not start";
     }
 
     static inline BoardSession* board_ = nullptr;
@@ -409,7 +249,7 @@ TEST_F(CalibrationTest, FilesAreReadAndStoppedAndLensesSolved) {
     EXPECT_REFUSED(coach.take(v1::LiveObservations::WHAT_MOVING), kFailedPrecondition, "does not run");
     ASSERT_TRUE(coach.start(v1::PROCEDURE_KIND_INTRINSICS).ok());
     // Reading is stopped; the procedure goes on.
-    v1::AddObservationsRequest many = coach.clips(*board_);
+    v1::AddObservationsRequest many = coach.clips(board_->truth, session_.parent_path());
     ASSERT_TRUE(coach.client().add_observations(many).ok());
     EXPECT_REFUSED(coach.client().add_observations(many), kFailedPrecondition, "reads files");
     EXPECT_REFUSED(coach.solve(), kFailedPrecondition, "reads files");
@@ -506,14 +346,14 @@ TEST_F(CalibrationTest, RefusesWhatCannotBeAndSaysWhy) {
     v1::AddObservationsRequest nothing;
     nothing.set_lease_id(coach.lease());
     EXPECT_REFUSED(client.add_observations(nothing), kInvalidArgument, "live ones or files");
-    v1::AddObservationsRequest files = coach.clips(*board_);
+    v1::AddObservationsRequest files = coach.clips(board_->truth, session_.parent_path());
     files.mutable_files()->mutable_clips(0)->set_file("relative.mp4");
     EXPECT_REFUSED(client.add_observations(files), kInvalidArgument, "absolute");
     files.mutable_files()->mutable_clips(0)->set_file("/nowhere.mp4");
     EXPECT_REFUSED(client.add_observations(files), kNotFound, "/nowhere.mp4");
     files.mutable_files()->mutable_clips(0)->set_camera("nobody");
     EXPECT_REFUSED(client.add_observations(files), kNotFound, "nobody");
-    files = coach.clips(*board_);
+    files = coach.clips(board_->truth, session_.parent_path());
     files.mutable_files()->set_every(-1);
     EXPECT_REFUSED(client.add_observations(files), kInvalidArgument, "every");
     files.mutable_files()->set_every(1);
