@@ -75,6 +75,7 @@ int serve(const DaemonConfig& config) {
     }
     CameraWatch camera_watch(runner.cameras(), {}, [&hub](const Event& event) { hub.publish_event(event, utc_now_ns()); });
     runner.set_after_result([&](const FrameResult& result) {
+        if (result.frame_set.recorded_frame) return;   // a replay teaches nothing of the cameras and who is before them
         camera_watch.observe(result);
         if (!body_fit) return;
         body_fit->observe(result.capture_time_ns,
@@ -93,6 +94,8 @@ int serve(const DaemonConfig& config) {
     });
     if (const absl::Status applied = calibration_use.begin(); !applied.ok())
         spdlog::warn("the source's own calibration is used: {}", std::string(applied.message()));
+    Replay replay(runner, make_replay_pipeline(*options, runner, poses ? &*poses : nullptr),
+                  [&hub](std::string what) { hub.publish_event({EventKind::kReplay, 0, 0, {}, std::move(what)}, utc_now_ns()); });
     ProcedureWatch procedure_watch;
     std::unique_ptr<CalibrationProcedure> procedure = make_calibration_procedure(calibrations, hub, procedure_watch);
 
@@ -118,6 +121,7 @@ int serve(const DaemonConfig& config) {
                    .procedure_watch = &procedure_watch,
                    .calibrating = calibrating.get_executor(),
                    .camera_watch = &camera_watch,
+                   .replay = &replay,
                    .source_description = describe(config.source)};
     apply(config.stream, api);
     auto server = ApiServer::listen(config.server.listen, api);

@@ -47,6 +47,7 @@ int main(int argc, char** argv) {
     add_snapshot_verb(app, common, run);
     add_poses_verb(app, common, run);
     add_body_verb(app, common, run);
+    add_replay_verb(app, common, run);
     add_calibrate_verb(app, common, run);
 
     // An unknown verb is somebody else's, and so is one that works on files.

@@ -37,6 +37,7 @@ void add_stream_verb(CLI::App& app, Common& common, Run& run);
 void add_snapshot_verb(CLI::App& app, Common& common, Run& run);
 void add_poses_verb(CLI::App& app, Common& common, Run& run);      // list, add, remove, import, watch
 void add_body_verb(CLI::App& app, Common& common, Run& run);       // fit, show
+void add_replay_verb(CLI::App& app, Common& common, Run& run);     // open, live, play, pause, step, seek, ...
 
 // "user@host": under which control is taken.
 std::string default_operator_name();

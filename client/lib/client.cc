@@ -9,6 +9,7 @@
 #include "kinevox/v1/calibration_service.grpc.pb.h"
 #include "kinevox/v1/capture_service.grpc.pb.h"
 #include "kinevox/v1/pose_service.grpc.pb.h"
+#include "kinevox/v1/replay_service.grpc.pb.h"
 #include "kinevox/v1/stream_service.grpc.pb.h"
 
 namespace kinevox::client {
@@ -50,6 +51,7 @@ struct Client::Parts {
     std::unique_ptr<v1::StreamService::Stub> stream;
     std::unique_ptr<v1::PoseService::Stub> pose;
     std::unique_ptr<v1::CalibrationService::Stub> calibration;
+    std::unique_ptr<v1::ReplayService::Stub> replay;
 
     // One unary call.
     template <typename Request, typename Response>
@@ -81,6 +83,7 @@ Client::Client(std::shared_ptr<grpc::Channel> channel, const ClientOptions& opti
     parts_->stream = v1::StreamService::NewStub(parts_->channel);
     parts_->pose = v1::PoseService::NewStub(parts_->channel);
     parts_->calibration = v1::CalibrationService::NewStub(parts_->channel);
+    parts_->replay = v1::ReplayService::NewStub(parts_->channel);
 }
 
 Client::~Client() = default;
@@ -309,6 +312,47 @@ absl::Status Client::watch_body(const std::function<bool(const v1::WatchBodyResp
 absl::Status Client::under_control(const std::string& operator_name,
                                   const std::function<absl::Status(const std::string& lease_id)>& act) {
     return with_control(*this, operator_name, kChangeTimeout, act);
+}
+
+absl::StatusOr<v1::OpenReplayResponse> Client::open_replay(const std::string& operator_name,
+                                                           v1::OpenReplayRequest request) {
+    v1::OpenReplayResponse opened;
+    const auto open = [&](const std::string& lease_id) {
+        request.set_lease_id(lease_id);
+        auto response = parts_->call_on(*parts_->replay, &v1::ReplayService::Stub::OpenReplay, request, kChangeTimeout);
+        if (response.ok()) opened = *std::move(response);
+        return response.status();
+    };
+    const absl::Status done =
+        request.lease_id().empty() ? under_control(operator_name, open) : open(std::string(request.lease_id()));
+    if (!done.ok()) return done;
+    return opened;
+}
+
+absl::Status Client::close_replay(const std::string& operator_name) {
+    return under_control(operator_name, [&](const std::string& lease_id) {
+        v1::CloseReplayRequest request;
+        request.set_lease_id(lease_id);
+        return parts_->call_on(*parts_->replay, &v1::ReplayService::Stub::CloseReplay, request, kChangeTimeout).status();
+    });
+}
+
+absl::StatusOr<v1::SetReplayResponse> Client::set_replay(const std::string& operator_name, v1::SetReplayRequest request) {
+    v1::SetReplayResponse changed;
+    const auto change = [&](const std::string& lease_id) {
+        request.set_lease_id(lease_id);
+        auto response = parts_->call_on(*parts_->replay, &v1::ReplayService::Stub::SetReplay, request);
+        if (response.ok()) changed = *std::move(response);
+        return response.status();
+    };
+    const absl::Status done =
+        request.lease_id().empty() ? under_control(operator_name, change) : change(std::string(request.lease_id()));
+    if (!done.ok()) return done;
+    return changed;
+}
+
+absl::StatusOr<v1::GetReplayResponse> Client::get_replay() {
+    return parts_->call_on(*parts_->replay, &v1::ReplayService::Stub::GetReplay, v1::GetReplayRequest());
 }
 
 absl::StatusOr<v1::StartProcedureResponse> Client::start_procedure(const v1::StartProcedureRequest& request) {

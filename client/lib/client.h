@@ -18,6 +18,7 @@
 #include "kinevox/v1/calibration_service.pb.h"
 #include "kinevox/v1/capture_service.pb.h"
 #include "kinevox/v1/pose_service.pb.h"
+#include "kinevox/v1/replay_service.pb.h"
 #include "kinevox/v1/stream_service.pb.h"
 
 namespace grpc {
@@ -118,6 +119,13 @@ class Client {
     // Takes control under `operator_name`, acts and gives control back.
     absl::Status under_control(const std::string& operator_name,
                               const std::function<absl::Status(const std::string& lease_id)>& act);
+
+    // A recording in the place of the cameras. Changes take control under `operator_name` unless the request carries a
+    // lease_id already.
+    absl::StatusOr<v1::OpenReplayResponse> open_replay(const std::string& operator_name, v1::OpenReplayRequest request);
+    absl::Status close_replay(const std::string& operator_name);
+    absl::StatusOr<v1::SetReplayResponse> set_replay(const std::string& operator_name, v1::SetReplayRequest request);
+    absl::StatusOr<v1::GetReplayResponse> get_replay();
 
     // Calibration. Requests that need control carry their lease_id.
     absl::StatusOr<v1::StartProcedureResponse> start_procedure(const v1::StartProcedureRequest& request);

@@ -16,6 +16,7 @@
 #include "kernels/cpu/segmentation_model.h"
 #include "kernels/cpu/segmentation_search.h"
 #include "kernels/cuda/forms.h"
+#include "kernels/segmentation_memory.h"
 #include "kernels/shared/kde_groups.h"
 
 namespace kinevox::kernels {
@@ -45,15 +46,18 @@ struct Plane {
     float* row(int y) { return data.data() + (y + kPlaneMargin) * stride + kCellPixels; }
 };
 
-class CpuSegmenter final : public Segmenter {
+class CpuSegmenter final : public RewindableSegmenter {
   public:
     CpuSegmenter(int width, int height, int channels, const SegmentationOptions& options);
     void learn(std::span<const PictureView> empty_scene) override;
     bool learned() const override { return learned_; }
+    void keep_learned() override { keep_learned_ = true; }
+    void forget_frames() override;
     void segment(const PictureView& picture, const SegmentationPrior& prior, Silhouettes& out) override;
 
   private:
     void check_picture(const PictureView& picture) const;
+    void begin();
     void clear(Silhouettes& out) const;
     CellSamples samples_of(int y, int k);
     SamplesAhead samples_ahead(int y, int k);
@@ -75,9 +79,9 @@ class CpuSegmenter final : public Segmenter {
     kde::EvidenceParameters parameters_;
     float log_lit_[256];
     std::uint8_t probability_of_[256];  // of evidence in steps of limit / 128
-    bool learned_ = false;
+    bool learned_ = false, keep_learned_ = false;
     std::int64_t frame_ = 0;
-    BackgroundModel model_;
+    BackgroundModel model_, learned_model_;   // the latter empty unless it is kept
     PackedSamples packed_;
     std::array<std::uint16_t, 3> inverse_gain_{};
     AlignedVector<std::uint8_t> cells_, density_;
@@ -131,6 +135,19 @@ void CpuSegmenter::learn(std::span<const PictureView> empty_scene) {
         throw std::invalid_argument("segmentation: the background needs at least one picture");
     for (const PictureView& picture : empty_scene) check_picture(picture);
     model_ = learn_background(empty_scene, width_, height_, channels_, options_);
+    if (keep_learned_) learned_model_ = model_;
+    begin();
+}
+
+void CpuSegmenter::forget_frames() {
+    if (!learned_ || !keep_learned_)
+        throw std::logic_error("segmentation: nothing was learned and kept that could be gone back to");
+    model_ = learned_model_;
+    begin();
+}
+
+// The first frame is still to come.
+void CpuSegmenter::begin() {
     packed_.build(model_);
     const std::size_t cells = model_.cell_index(height_, 0);
     cells_.assign(cells * model_.cell_bytes(), 0);
@@ -508,6 +525,16 @@ std::unique_ptr<Segmenter> make_segmenter(Device device, int width, int height, 
 #endif
     }
     return std::make_unique<cpu::CpuSegmenter>(width, height, channels, options);
+}
+
+std::unique_ptr<RewindableSegmenter> make_rewindable_segmenter(Device device, int width, int height, int channels,
+                                                               const SegmentationOptions& options) {
+    std::unique_ptr<Segmenter> made = make_segmenter(device, width, height, channels, options);
+    auto* const segmenter = dynamic_cast<RewindableSegmenter*>(made.get());   // both forms are
+    if (!segmenter) throw std::logic_error("segmentation: this device's segmenter cannot be rewound");
+    made.release();
+    segmenter->keep_learned();
+    return std::unique_ptr<RewindableSegmenter>(segmenter);
 }
 
 }  // namespace kinevox::kernels

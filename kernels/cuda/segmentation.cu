@@ -15,6 +15,7 @@
 #include "kernels/cuda/components.h"
 #include "kernels/cuda/forms.h"
 #include "kernels/cuda/segmentation_steps.h"
+#include "kernels/segmentation_memory.h"
 
 namespace kinevox::kernels {
 namespace cuda {
@@ -27,15 +28,18 @@ constexpr float kSmoothing_px = 1.0f;
 constexpr float kColourMemory = 0.9f;
 constexpr float kSureEvidence = 3.0f;
 
-class CudaSegmenter final : public Segmenter {
+class CudaSegmenter final : public RewindableSegmenter {
   public:
     CudaSegmenter(int width, int height, int channels, const SegmentationOptions& options);
     void learn(std::span<const PictureView> empty_scene) override;
     bool learned() const override { return learned_; }
+    void keep_learned() override { keep_learned_ = true; }
+    void forget_frames() override;
     void segment(const PictureView& picture, const SegmentationPrior& prior, Silhouettes& out) override;
 
   private:
     void check_picture(const PictureView& picture) const;
+    void begin();
     template <class T>
     T* place(DeviceBuffer<T>& buffer, std::size_t size) {
         buffer.resize(size);
@@ -57,9 +61,10 @@ class CudaSegmenter final : public Segmenter {
     void finish_frame(const Rect& box, Silhouettes& out);
 
     SegmentationOptions options_;
-    bool learned_ = false;
+    bool learned_ = false, keep_learned_ = false;
     std::int64_t frame_ = 0;
-    cpu::BackgroundModel model_;  // of which only `reference` follows the device's
+    cpu::BackgroundModel model_;          // of which only `reference` follows the device's
+    cpu::BackgroundModel learned_model_;  // empty unless it is kept
     cpu::ForegroundColours colours_;
     std::vector<float> log_foreground_;
     std::vector<std::int32_t> counts_;
@@ -115,6 +120,20 @@ void CudaSegmenter::learn(std::span<const PictureView> empty_scene) {
     for (const PictureView& picture : empty_scene) check_picture(picture);
     stream_.wait();
     model_ = cpu::learn_background(empty_scene, data_.width, data_.height, data_.channels, options_);
+    if (keep_learned_) learned_model_ = model_;
+    begin();
+}
+
+void CudaSegmenter::forget_frames() {
+    if (!learned_ || !keep_learned_)
+        throw std::logic_error("segmentation: nothing was learned and kept that could be gone back to");
+    stream_.wait();
+    model_ = learned_model_;
+    begin();
+}
+
+// The first frame is still to come.
+void CudaSegmenter::begin() {
     data_.samples = keep(samples_, model_.samples);
     data_.scale = keep(scale_, model_.bandwidth_scale);
     data_.reference = keep(reference_, model_.reference);

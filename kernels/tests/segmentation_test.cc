@@ -7,6 +7,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "kernels/segmentation_memory.h"
 #include "kernels/tests/segmentation_scene.h"
 
 #ifdef KINEVOX_HAVE_TBB
@@ -73,6 +74,36 @@ TEST(Segmentation, GreyPicturesWorkAlike) {
     Silhouettes out;
     segmenter->segment(picture.view(), {}, out);
     EXPECT_GT(iou_with_box(out.sharp, kWidth, kHeight, kBody), 0.95);
+}
+
+TEST(Segmentation, WhatFramesTaughtItIsForgottenToTheBit) {
+    TestRoom room(kWidth, kHeight, 3);
+    SegmentationOptions options;
+    options.update_interval = 2;
+    options.absorb_frames = 20;
+    auto segmenter = make_rewindable_segmenter(Device::kCpu, kWidth, kHeight, 3, options);
+    EXPECT_THROW(segmenter->forget_frames(), std::logic_error);
+    const auto clip = room.clip(20);
+    segmenter->learn(views_of(clip));
+    std::vector<TestPicture> pictures;
+    for (int k = 0; k < 60; ++k) {
+        pictures.push_back(room.picture(1 + 0.002 * k));
+        room.draw(pictures.back(), kBody, 40, 60, 190);
+        room.draw(pictures.back(), {10, 10, 30, 30}, 120, 130, 20);   // stays, and becomes background little by little
+    }
+    const auto segmented = [&](const TestPicture& picture) {
+        Silhouettes out;
+        segmenter->segment(picture.view(), {}, out);
+        return out.probability;
+    };
+    const auto first = segmented(pictures.front());
+    for (const TestPicture& picture : pictures) segmented(picture);
+    EXPECT_TRUE(segmented(pictures.front()) != first) << "frames teach it something";
+    segmenter->forget_frames();
+    EXPECT_TRUE(segmented(pictures.front()) == first);
+    for (const TestPicture& picture : pictures) segmented(picture);
+    segmenter->forget_frames();
+    EXPECT_TRUE(segmented(pictures.front()) == first);
 }
 
 TEST(Segmentation, LightFlickerIsNotForeground) {

@@ -10,6 +10,7 @@
 #include "server/api/state_watch.h"
 #include "server/calibration/calibration_use.h"
 #include "server/calibration/camera_watch.h"
+#include "server/pipeline/replay.h"
 #include "server/pipeline/runner.h"
 #include "server/pipeline/stream_hub.h"
 
@@ -42,6 +43,8 @@ struct ApiContext {
     boost::asio::any_io_executor calibrating{};
 
     const CameraWatch* camera_watch = nullptr;   // null where nothing watches the cameras' places
+
+    Replay* replay = nullptr;                    // null where nothing can be replayed
 
     std::string source_description;          // "session /data/trial/session.toml"
     std::chrono::steady_clock::time_point started_at = std::chrono::steady_clock::now();

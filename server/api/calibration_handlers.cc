@@ -7,6 +7,7 @@
 #include "common/calibration_file.h"
 #include "common/calibration_import.h"
 #include "server/api/certificate_to_proto.h"
+#include "server/api/replay_handlers.h"
 #include "server/pipeline/utc_clock.h"
 
 namespace kinevox {
@@ -165,6 +166,7 @@ absl::Status check_calibration(const ApiContext& api) {
 absl::Status start_procedure(const ApiContext& api, const v1::StartProcedureRequest& request,
                              v1::StartProcedureResponse& response) {
     if (absl::Status control = use_control(api, request.lease_id()); !control.ok()) return control;
+    if (absl::Status live = check_live(api, "a calibration is of"); !live.ok()) return live;
     const auto kind = kind_of(request.kind());
     if (!kind.ok()) return kind.status();
     if (absl::Status note = check_note(request.note()); !note.ok()) return note;
@@ -297,6 +299,7 @@ absl::Status get_certificate(const ApiContext& api, const v1::GetCertificateRequ
 absl::Status apply_calibration(const ApiContext& api, const v1::ApplyCalibrationRequest& request,
                                v1::ApplyCalibrationResponse& response) {
     if (absl::Status control = use_control(api, request.lease_id()); !control.ok()) return control;
+    if (absl::Status live = check_live(api, "a calibration is of"); !live.ok()) return live;
     if (absl::Status good = check_verdict(api, request.id()); !good.ok() &&
         !(request.although_bad() && absl::IsFailedPrecondition(good)))
         return good;
@@ -310,6 +313,7 @@ absl::Status apply_calibration(const ApiContext& api, const v1::ApplyCalibration
 absl::Status undo_calibration(const ApiContext& api, const v1::UndoCalibrationRequest& request,
                               v1::UndoCalibrationResponse& response) {
     if (absl::Status control = use_control(api, request.lease_id()); !control.ok()) return control;
+    if (absl::Status live = check_live(api, "a calibration is of"); !live.ok()) return live;
     const auto applied = api.calibration_use->undo(request.restart_capture());
     if (!applied.ok()) return applied.status();
     response.set_id(applied->id);

@@ -24,7 +24,8 @@ void fill_newest(const ApiContext& api, const PublishedPictures& newest, v1::Get
 void fill_cameras(const ApiContext& api, const FrameResult* result, v1::GetStatusResponse& response) {
     const std::vector<Camera>& cameras = api.runner.cameras();
     const std::vector<CameraLink> links = api.runner.camera_links();
-    const auto watched = api.camera_watch ? api.camera_watch->cameras() : std::vector<WatchedCamera>{};
+    const bool replayed = api.replay && api.replay->status().open;   // nobody watches a recording's cameras
+    const auto watched = api.camera_watch && !replayed ? api.camera_watch->cameras() : std::vector<WatchedCamera>{};
     for (std::size_t i = 0; i < cameras.size(); ++i) {
         v1::CameraStatus& camera = *response.add_cameras();
         camera.set_name(cameras[i].name);
@@ -53,7 +54,8 @@ absl::Status get_status(const ApiContext& api, v1::GetStatusResponse& response) 
     response.set_version(kVersion);
     response.set_state(to_proto(state.state));
     response.set_state_message(state.message);
-    response.set_source(api.source_description);
+    const bool replayed = api.replay && api.replay->status().open;
+    response.set_source(replayed ? "replay of " + api.replay->status().session_file.string() : api.source_description);
     response.set_uptime_ms(std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::steady_clock::now() -
                                                                                  api.started_at).count());
     response.set_source_fps(api.runner.source_fps());
@@ -76,7 +78,7 @@ absl::Status get_status(const ApiContext& api, v1::GetStatusResponse& response) 
     response.set_pose_subscribers(subscribers.poses);
     response.set_preview_subscribers(subscribers.pictures);
     response.set_event_subscribers(subscribers.events);
-    if (api.calibration_use) response.set_calibration_id(api.calibration_use->in_use());
+    if (api.calibration_use && !replayed) response.set_calibration_id(api.calibration_use->in_use());
     return absl::OkStatus();
 }
 

@@ -22,6 +22,7 @@ void fill_header(const PublishedHeader& published, std::uint64_t missed, v1::Str
     header->set_capture_time_ns(published.capture_time_utc_ns);
     *header->mutable_times() = to_proto(published.times);
     header->set_missed(missed);
+    if (published.recorded_frame) header->set_recorded_frame(*published.recorded_frame);
     header->set_subject_id(published.subject ? published.subject->subject_id : 0);
 }
 

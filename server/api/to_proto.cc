@@ -116,6 +116,7 @@ v1::EventKind to_proto(EventKind kind) {
         case EventKind::kRecordingStopped: return v1::EVENT_KIND_RECORDING_STOPPED;
         case EventKind::kRecordingFailed: return v1::EVENT_KIND_RECORDING_FAILED;
         case EventKind::kRecordingDrops: return v1::EVENT_KIND_RECORDING_DROPS;
+        case EventKind::kReplay: return v1::EVENT_KIND_REPLAY;
         case EventKind::kError: return v1::EVENT_KIND_ERROR;
     }
     return v1::EVENT_KIND_UNSPECIFIED;

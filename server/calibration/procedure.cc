@@ -360,6 +360,7 @@ void CalibrationProcedure::look_at_newest() {
     if (!box || !work) return;
     auto taken = box->take();
     if (!taken || !taken->message->result) return;
+    if (taken->message->result->frame_set.recorded_frame) return;   // a replay's cameras are others
     const bool over = work->observe(*taken->message->result, what);
     const std::uint64_t skipped = taken->missed;
     taken.reset();   // its pictures go before anything else

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,6 +34,8 @@ struct FrameSet {
     // When each picture was taken, in the order and the clock of the above (of no meaning where there is no picture);
     // empty where the source knows one time only.
     std::vector<std::int64_t> picture_times_ns;
+    std::optional<std::int64_t> recorded_frame;   // of a replayed recording: its number there, from 0
+    bool after_jump = false;            // does not follow the one before in time: nothing learned from that one counts
     double decode_ms = 0;               // waiting for and decoding the pictures; 0: the caller of next() fills it in.
                                         // The pipeline passes it on as StageTimes::decode_ms
 };

@@ -21,6 +21,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr std::int64_t kNearFrames = 8;   // so few are decoded rather than looked for
+
 std::string lower_extension(const fs::path& file) {
     std::string extension = file.extension().string();
     std::transform(extension.begin(), extension.end(), extension.begin(),
@@ -115,6 +117,25 @@ class VideoReader final : public PictureReader {
         return Picture{camera_.width, camera_.height, 3, std::move(data)};
     }
 
+    absl::Status seek(std::int64_t frame) override {
+        if (frame < 0 || (promise_is_exact() && frame >= promised_))
+            return absl::OutOfRangeError(fmt::format("camera {}: frame {} is not one of {}'s {}", camera_.name, frame,
+                                                     file_.string(), promised_));
+        const bool near = delivered_ <= frame && frame - delivered_ <= kNearFrames;
+        if (!near) {
+            // The container's index leads to it; what has none is read from the beginning.
+            const bool led = promise_is_exact() && capture_.set(cv::CAP_PROP_POS_FRAMES, static_cast<double>(frame)) &&
+                             std::llround(capture_.get(cv::CAP_PROP_POS_FRAMES)) == frame;
+            if (led)
+                delivered_ = frame;
+            else if (absl::Status back = rewind(); !back.ok())
+                return back;
+        }
+        for (; delivered_ < frame; ++delivered_)
+            if (!capture_.grab()) return ended();
+        return absl::OkStatus();
+    }
+
     absl::Status rewind() override {
         capture_.release();  // seeking to the start is not exact in every container
         return open();
@@ -167,6 +188,14 @@ class FolderReader final : public PictureReader {
         copy_as_bgr(picture, data.get());
         ++at_;
         return Picture{camera_.width, camera_.height, 3, std::move(data)};
+    }
+
+    absl::Status seek(std::int64_t frame) override {
+        if (frame < 0 || frame >= promised())
+            return absl::OutOfRangeError(fmt::format("camera {}: picture {} is not one of its folder's {}", camera_.name, frame,
+                                                     files_.size()));
+        at_ = static_cast<std::size_t>(frame);
+        return absl::OkStatus();
     }
 
     absl::Status rewind() override {

@@ -26,6 +26,9 @@ class PictureReader {
     // decoded or has another size than the camera.
     virtual absl::StatusOr<Picture> next() = 0;
 
+    // next() will deliver that one, exactly. OutOfRange behind the last one, as far as that is known before.
+    virtual absl::Status seek(std::int64_t frame) = 0;
+
     // Back to the first picture.
     virtual absl::Status rewind() = 0;
 };

@@ -192,4 +192,16 @@ std::unique_ptr<CalibrationProcedure> make_calibration_procedure(CalibrationStor
         [&watch] { return watch.watched(); }, [&watch](const ProcedureProgress& progress) { watch.publish(progress); });
 }
 
+Replay::MakePipeline make_replay_pipeline(const PipelineOptions& options, const Runner& runner, PoseDatabaseService* database) {
+    return [options, live = runner.cameras(), database](const std::vector<Camera>& cameras,
+                                                        double fps) -> absl::StatusOr<std::unique_ptr<Pipeline>> {
+        PipelineOptions of_replay = options;
+        of_replay.jumps = true;
+        auto pipeline = Pipeline::create(cameras, fps, of_replay);
+        if (pipeline.ok() && database && (*pipeline)->pose_stage() && cameras == live)
+            (*pipeline)->pose_stage()->set_proposer(database);
+        return pipeline;
+    };
+}
+
 }  // namespace kinevox

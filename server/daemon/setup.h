@@ -11,6 +11,7 @@
 #include "server/api/api_context.h"
 #include "server/cameras/frame_source.h"
 #include "server/pipeline/pipeline.h"
+#include "server/pipeline/replay.h"
 #include "server/pose/database/database_service.h"
 
 namespace kinevox {
@@ -53,5 +54,8 @@ std::unique_ptr<LiveBodyFit> make_body_fit(const PoseConfig& config, const Runne
 // them must outlive it.
 std::unique_ptr<CalibrationProcedure> make_calibration_procedure(CalibrationStore& store, StreamHub& hub,
                                                                  ProcedureWatch& watch);
+
+// Pipelines for recordings, as `options` say. The pose database proposes poses to those whose cameras are the runner's.
+Replay::MakePipeline make_replay_pipeline(const PipelineOptions& options, const Runner& runner, PoseDatabaseService* database);
 
 }  // namespace kinevox

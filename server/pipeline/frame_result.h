@@ -58,6 +58,7 @@ enum class EventKind {
     kRecordingStopped,   // by request or with the capture
     kRecordingFailed,    // the disk is full or cannot be written
     kRecordingDrops,     // frame sets came faster than they could be written
+    kReplay,             // a recording takes the cameras' place, or gives it back
     kError,
 };
 

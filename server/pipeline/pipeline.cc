@@ -12,6 +12,7 @@
 #include <fmt/format.h>
 
 #include "kernels/projection.h"
+#include "kernels/segmentation_memory.h"
 #include "server/pipeline/convert.h"
 #include "server/pipeline/for_each_camera.h"
 #include "server/pipeline/result_pool.h"
@@ -70,8 +71,15 @@ class StagedPipeline final : public Pipeline {
         : cameras_(std::move(cameras)), fps_(fps), options_(options), tracker_(cameras_, fps, tracker_options(options)) {
         for (const Camera& camera : cameras_) {
             models_.push_back(to_kernel(camera));
-            segmenters_.push_back(kernels::make_segmenter(options.device, camera.width, camera.height, 3,
-                                                          options.segmentation));
+            if (options.jumps) {
+                auto segmenter = kernels::make_rewindable_segmenter(options.device, camera.width, camera.height, 3,
+                                                                    options.segmentation);
+                rewindable_.push_back(segmenter.get());
+                segmenters_.push_back(std::move(segmenter));
+            } else {
+                segmenters_.push_back(kernels::make_segmenter(options.device, camera.width, camera.height, 3,
+                                                              options.segmentation));
+            }
         }
         kernels::HullOptions many_views = options.hull;
         many_views.min_views = std::max(many_views.min_views, 3);
@@ -90,6 +98,7 @@ class StagedPipeline final : public Pipeline {
         expect_volume_ = false;
         track_forgotten_ = true;
     }
+    absl::Status forget_frames();
     void set_cameras(std::vector<Camera> cameras) override;
     PoseStage* pose_stage() override { return pose_stage_ ? &*pose_stage_ : nullptr; }
 
@@ -115,6 +124,7 @@ class StagedPipeline final : public Pipeline {
 
     // Of the first half alone.
     std::vector<std::unique_ptr<kernels::Segmenter>> segmenters_;
+    std::vector<kernels::RewindableSegmenter*> rewindable_;   // the same, where frame sets may jump
     Tracker tracker_;
     std::unique_ptr<kernels::HullCarver> carver_, many_views_carver_;
     std::unique_ptr<kernels::VoxelColourer> colourer_;   // null without colouring
@@ -167,6 +177,15 @@ absl::Status StagedPipeline::learn_background(const std::vector<std::vector<Pict
         return absl::InternalError(fmt::format("learning the background failed: {}", error.what()));
     }
     learned_ = true;
+    reset_track();
+    return absl::OkStatus();
+}
+
+// As if the background had been learned just now.
+absl::Status StagedPipeline::forget_frames() {
+    if (!options_.jumps)
+        return absl::FailedPreconditionError("a frame set does not follow the one before, which this pipeline was not made for");
+    for_each_camera(cameras_.size(), [&](std::size_t c) { rewindable_[c]->forget_frames(); });
     reset_track();
     return absl::OkStatus();
 }
@@ -256,6 +275,8 @@ absl::StatusOr<std::unique_ptr<Reconstruction>> StagedPipeline::reconstruct(Fram
         if (!frame_set.pictures[c].empty())
             if (absl::Status checked = check_picture(frame_set.pictures[c], c); !checked.ok()) return checked;
 
+    if (frame_set.after_jump)
+        if (absl::Status forgotten = forget_frames(); !forgotten.ok()) return forgotten;
     std::unique_ptr<Reconstruction> work = spare_.take();
     work->arrived = arrived;
     work->result = results_.take();

@@ -29,6 +29,7 @@ struct PipelineOptions {
     double voxel_m = 0.01;
     bool colouring = true;
     bool pose = true;
+    bool jumps = false;   // frame sets may come after_jump
     kernels::SegmentationOptions segmentation;
     kernels::HullOptions hull;
     kernels::ColouringOptions colour;
@@ -65,7 +66,8 @@ class Pipeline {
 
     // The first half, segmentation to colouring, and learn_background() and reset_track() are one thread's.
     // InvalidArgument for pictures that do not fit the cameras, FailedPrecondition before the background was learned.
-    // The numbers depend on the frame sets alone, not on the number of threads.
+    // The numbers depend on the frame sets alone, not on the number of threads. A frame set that comes after_jump is
+    // treated as the first after learn_background(): track, poses and what the frames taught the background are forgotten.
     virtual absl::StatusOr<std::unique_ptr<Reconstruction>> reconstruct(FrameSet frame_set) = 0;
 
     // The second half, one thread's too, which may be another; every reconstruction, in their order.

@@ -33,8 +33,13 @@ bool is_active(RunState state) {
 
 Runner::Runner(std::unique_ptr<FrameSource> source, OpenSource reopen, std::unique_ptr<Pipeline> pipeline,
                StreamHub& hub)
-    : reopen_(std::move(reopen)), pipeline_(std::move(pipeline)), hub_(hub), own_cameras_(source->cameras()),
-      source_fps_(source->fps()), source_(std::move(source)), cameras_(own_cameras_) {}
+    : hub_(hub) {
+    feed_.reopen = std::move(reopen);
+    feed_.pipeline = std::move(pipeline);
+    feed_.fps = source->fps();
+    feed_.own_cameras = feed_.cameras = source->cameras();
+    feed_.source = std::move(source);
+}
 
 Runner::~Runner() {
     abort();
@@ -44,7 +49,20 @@ Runner::~Runner() {
 
 std::shared_ptr<FrameSource> Runner::source() const {
     const std::scoped_lock lock(mutex_);
-    return source_;
+    return feed_.source;
+}
+
+double Runner::source_fps() const {
+    const std::scoped_lock lock(mutex_);
+    return feed_.fps;
+}
+
+absl::StatusOr<Feed> Runner::exchange(Feed feed) {
+    if (is_active(state().state)) return absl::FailedPreconditionError("the capture runs; stop it first");
+    join_threads();   // of a run that ended by itself
+    const std::scoped_lock lock(mutex_);
+    if (aborted_) return absl::UnavailableError("the daemon is stopping");
+    return std::exchange(feed_, std::move(feed));
 }
 
 std::vector<CameraLink> Runner::camera_links() const {
@@ -54,16 +72,16 @@ std::vector<CameraLink> Runner::camera_links() const {
 
 std::vector<Camera> Runner::cameras() const {
     const std::scoped_lock lock(mutex_);
-    return cameras_;
+    return feed_.cameras;
 }
 
 bool Runner::set_cameras(std::vector<Camera> cameras) {
     const bool active = is_active(state().state);
     {
         const std::scoped_lock lock(mutex_);
-        next_cameras_.reset();
-        if (cameras == cameras_) return true;
-        next_cameras_ = std::move(cameras);
+        feed_.next_cameras.reset();
+        if (cameras == feed_.cameras) return true;
+        feed_.next_cameras = std::move(cameras);
     }
     if (active) return false;
     join_threads();   // of a run that ended by itself
@@ -76,10 +94,10 @@ void Runner::take_cameras() {
     std::vector<Camera> cameras;
     {
         const std::scoped_lock lock(mutex_);
-        if (!next_cameras_) return;
-        cameras = cameras_ = *std::exchange(next_cameras_, std::nullopt);
+        if (!feed_.next_cameras) return;
+        cameras = feed_.cameras = *std::exchange(feed_.next_cameras, std::nullopt);
     }
-    pipeline_->set_cameras(cameras);
+    feed_.pipeline->set_cameras(cameras);
     if (on_cameras_) on_cameras_(cameras);
 }
 
@@ -91,7 +109,7 @@ absl::Status Runner::start() {
     take_cameras();
     absl::Status status = open_source();
     if (status.ok()) {
-        const bool learned = [&] { const std::scoped_lock lock(mutex_); return background_learned_; }();
+        const bool learned = [&] { const std::scoped_lock lock(mutex_); return feed_.background_learned; }();
         if (!learned) status = learn_from_clip();
     }
     if (!status.ok()) {
@@ -99,7 +117,7 @@ absl::Status Runner::start() {
         tell(EventKind::kError, std::string(status.message()));
         return status;
     }
-    pipeline_->reset_track();
+    feed_.pipeline->reset_track();
     statistics_.reset();
     utc_minus_capture_ns_.reset();
     source()->set_on_camera_event([this](const CameraEvent& event) { tell(event); });
@@ -120,7 +138,7 @@ absl::Status Runner::stop() {
     finish_learning(absl::AbortedError("the capture was stopped before the background was learned"));
     {
         const std::scoped_lock lock(mutex_);
-        source_.reset();
+        feed_.source.reset();
     }
     if (state().state != RunState::kFailed) set_state(RunState::kStopped);
     tell(EventKind::kStopped, "capture stopped");
@@ -132,7 +150,7 @@ void Runner::abort() {
     {
         const std::scoped_lock lock(mutex_);
         aborted_ = true;
-        running = source_;
+        running = feed_.source;
     }
     if (running) running->stop();
     close_handovers();
@@ -149,16 +167,16 @@ absl::Status Runner::open_source() {
     {
         const std::scoped_lock lock(mutex_);
         if (aborted_) return absl::UnavailableError("the daemon is stopping");
-        if (source_) return absl::OkStatus();
+        if (feed_.source) return absl::OkStatus();
     }
-    absl::StatusOr<std::unique_ptr<FrameSource>> opened = reopen_();
+    auto opened = feed_.reopen();
     if (!opened.ok()) return opened.status();
-    if ((*opened)->cameras() != own_cameras_)
+    if ((*opened)->cameras() != feed_.own_cameras)
         return absl::FailedPreconditionError("the source's cameras or their calibration have changed since the "
                                              "daemon was started; restart the daemon");
     const std::scoped_lock lock(mutex_);
     if (aborted_) return absl::UnavailableError("the daemon is stopping");
-    source_ = std::move(*opened);
+    feed_.source = std::move(*opened);
     return absl::OkStatus();
 }
 
@@ -168,10 +186,10 @@ absl::Status Runner::learn_from_clip() {
     const bool complete = !pictures->empty() &&
                           std::ranges::none_of(*pictures, [](const auto& camera) { return camera.empty(); });
     if (!complete) return absl::OkStatus();   // an operator will let it learn from live frames
-    if (const absl::Status learned = pipeline_->learn_background(*pictures); !learned.ok()) return learned;
+    if (const absl::Status learned = feed_.pipeline->learn_background(*pictures); !learned.ok()) return learned;
     {
         const std::scoped_lock lock(mutex_);
-        background_learned_ = true;
+        feed_.background_learned = true;
     }
     tell(EventKind::kBackgroundLearned, fmt::format("background learned from the source's own {} pictures a camera",
                                                     pictures->front().size()));
@@ -190,10 +208,10 @@ void Runner::learn_background(int frames, std::function<void(absl::Status)> done
                                                       "clip, or give a number of live frame sets"));
         absl::Status status = open_source();
         if (status.ok()) {
-            { const std::scoped_lock lock(mutex_); background_learned_ = false; }
+            { const std::scoped_lock lock(mutex_); feed_.background_learned = false; }
             status = learn_from_clip();
         }
-        const bool learned = [&] { const std::scoped_lock lock(mutex_); return background_learned_; }();
+        const bool learned = [&] { const std::scoped_lock lock(mutex_); return feed_.background_learned; }();
         if (status.ok() && !learned)
             status = absl::FailedPreconditionError("the source has no clip of the empty scene; start the capture, "
                                                    "clear the scene and give a number of live frame sets");
@@ -204,7 +222,7 @@ void Runner::learn_background(int frames, std::function<void(absl::Status)> done
                                                       ? "a background is being learned already; wait for it"
                                                       : "the capture does not run; start it to learn from live frames"));
     std::int64_t set_bytes = 0;
-    for (const Camera& camera : own_cameras_) set_bytes += std::int64_t{3} * camera.width * camera.height;
+    for (const Camera& camera : feed_.own_cameras) set_bytes += std::int64_t{3} * camera.width * camera.height;
     if (set_bytes * frames > kMaxLearningBytes)
         return done(absl::InvalidArgumentError(
             fmt::format("{} frame sets of these cameras take {} MB while they are collected; ask for {} at most",
@@ -214,7 +232,7 @@ void Runner::learn_background(int frames, std::function<void(absl::Status)> done
         // The recording may have ended between the look at the state and here.
         if (state_.state == RunState::kRunning && !aborted_) {
             state_ = {RunState::kLearning, fmt::format("learning the background from {} frame sets", frames)};
-            learning_ = Learning{frames, 0, std::vector<std::vector<Picture>>(own_cameras_.size()), std::move(done)};
+            learning_ = Learning{frames, 0, std::vector<std::vector<Picture>>(feed_.own_cameras.size()), std::move(done)};
             return;
         }
     }
@@ -249,13 +267,13 @@ absl::StatusOr<std::unique_ptr<Reconstruction>> Runner::reconstruct(Fetched fetc
     {
         const std::scoped_lock lock(mutex_);
         learning = learning_.has_value();
-        learned = background_learned_;
+        learned = feed_.background_learned;
     }
     if (learning) {
         collect(frame_set);
         return nullptr;
     }
-    if (learned) return pipeline_->reconstruct(std::move(frame_set));
+    if (learned) return feed_.pipeline->reconstruct(std::move(frame_set));
 
     // Pictures alone, so that an operator sees whether the scene is empty.
     auto pictures_only = std::make_unique<Reconstruction>();
@@ -271,7 +289,7 @@ absl::StatusOr<std::unique_ptr<Reconstruction>> Runner::reconstruct(Fetched fetc
 void Runner::pose_loop() {
     while (auto reconstruction = reconstructed_.pop()) {
         if (!reconstruction->ok()) return end(reconstruction->status());
-        const absl::StatusOr<FrameResultPtr> result = pipeline_->pose(**std::move(reconstruction));
+        const absl::StatusOr<FrameResultPtr> result = feed_.pipeline->pose(**std::move(reconstruction));
         if (!result.ok()) return end(result.status());
         publish(*result);
     }
@@ -296,8 +314,8 @@ void Runner::end(const absl::Status& why) {
          over ? statistics_.figures().newest_sequence : 0);
     close_handovers();   // lets the other threads go
     const std::scoped_lock lock(mutex_);
-    if (source_) source_->stop();
-    source_.reset();
+    if (feed_.source) feed_.source->stop();
+    feed_.source.reset();
 }
 
 void Runner::collect(const FrameSet& frame_set) {
@@ -306,10 +324,10 @@ void Runner::collect(const FrameSet& frame_set) {
         const std::scoped_lock lock(mutex_);
         Learning& learning = *learning_;
         ++learning.seen;
-        const bool usable = frame_set.pictures.size() == own_cameras_.size() &&
+        const bool usable = frame_set.pictures.size() == feed_.own_cameras.size() &&
                             std::ranges::none_of(frame_set.pictures, &Picture::empty);
         if (usable)
-            for (std::size_t c = 0; c < own_cameras_.size(); ++c) learning.pictures[c].push_back(frame_set.pictures[c]);
+            for (std::size_t c = 0; c < feed_.own_cameras.size(); ++c) learning.pictures[c].push_back(frame_set.pictures[c]);
         const bool enough = static_cast<int>(learning.pictures.front().size()) >= learning.wanted;
         const bool hopeless = learning.seen >= 3 * learning.wanted + 30;
         if (!enough && !hopeless) return;
@@ -322,11 +340,11 @@ void Runner::collect(const FrameSet& frame_set) {
             fmt::format("of {} frame sets only {} had a picture of every camera; see which camera is silent",
                         complete->seen, complete->pictures.front().size()));
     else
-        status = pipeline_->learn_background(complete->pictures);
-    if (status.ok()) pipeline_->reset_track();
+        status = feed_.pipeline->learn_background(complete->pictures);
+    if (status.ok()) feed_.pipeline->reset_track();
     {
         const std::scoped_lock lock(mutex_);
-        if (status.ok()) background_learned_ = true;
+        if (status.ok()) feed_.background_learned = true;
         if (state_.state == RunState::kLearning) state_ = {RunState::kRunning, {}};
     }
     if (status.ok())
@@ -368,7 +386,7 @@ void Runner::tell(const CameraEvent& event) {
         }
         return EventKind::kCameraLosses;
     }();
-    hub_.publish_event({kind, 0, 0, own_cameras_.at(event.camera).name, event.message}, utc_now_ns());
+    hub_.publish_event({kind, 0, 0, feed_.own_cameras.at(event.camera).name, event.message}, utc_now_ns());
 }
 
 void Runner::tell(EventKind kind, std::string message, std::uint64_t sequence) {

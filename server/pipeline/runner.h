@@ -24,6 +24,18 @@ namespace kinevox {
 
 enum class RunState { kStopped, kStarting, kRunning, kLearning, kEnded, kFailed };
 
+// What a runner runs: a source and the pipeline that was made for its cameras.
+struct Feed {
+    std::shared_ptr<FrameSource> source;   // null: opened by `reopen`
+    std::function<absl::StatusOr<std::shared_ptr<FrameSource>>()> reopen;
+    std::unique_ptr<Pipeline> pipeline;
+    double fps = 0;
+    std::vector<Camera> own_cameras;                     // the source's
+    std::vector<Camera> cameras;                         // in use
+    std::optional<std::vector<Camera>> next_cameras;     // from the next start on
+    bool background_learned = false;
+};
+
 // Threads: start(), stop() and learn_background() by one thread at a time (the daemon's control thread), they may
 // take as long as the source does; abort(), state(), figures() by any. The hub must outlive the runner.
 class Runner {
@@ -42,7 +54,11 @@ class Runner {
 
     // As the pipeline uses them, in the order of the frame set.
     std::vector<Camera> cameras() const;
-    double source_fps() const { return source_fps_; }
+    double source_fps() const;
+
+    // Runs that one from the next start on; what it ran before, with all that was learned, for another time.
+    // FailedPrecondition while it runs.
+    absl::StatusOr<Feed> exchange(Feed feed);
 
     // Learns the background from the source's own clip where that has not been done, then starts the threads.
     // FailedPrecondition while it runs; else what the source or the pipeline said.
@@ -109,21 +125,14 @@ class Runner {
     void tell(const CameraEvent& event);
     std::shared_ptr<FrameSource> source() const;
 
-    const OpenSource reopen_;
-    const std::unique_ptr<Pipeline> pipeline_;
     StreamHub& hub_;
     std::function<void(const FrameResult&)> after_result_;
     std::function<void(const std::vector<Camera>&)> on_cameras_;
-    const std::vector<Camera> own_cameras_;              // the source's
-    const double source_fps_;
     RunStatistics statistics_;
 
     mutable std::mutex mutex_;            // guards the members down to the blank line
-    std::shared_ptr<FrameSource> source_; // null: to be opened by the next start
+    Feed feed_;                           // of which reopen, pipeline and own_cameras stay as they are while it runs
     State state_;
-    std::vector<Camera> cameras_;                        // in use
-    std::optional<std::vector<Camera>> next_cameras_;    // from the next start on
-    bool background_learned_ = false;
     bool aborted_ = false;
     std::optional<Learning> learning_;
 

@@ -53,6 +53,7 @@ struct PublishedHeader {
     std::int64_t capture_time_utc_ns = 0;
     StageTimes times;
     std::optional<SubjectTrack> subject;
+    std::optional<std::int64_t> recorded_frame;   // of a replay
 };
 
 // A result without its pictures, which a queue may hold many of. Encodings are made on demand by whoever needs one
@@ -75,7 +76,8 @@ struct PublishedPictures {
     FrameResultPtr result;
     std::int64_t capture_time_utc_ns = 0;
     PublishedHeader header() const {
-        return {result->sequence, capture_time_utc_ns, result->times, result->subject};
+        return {result->sequence, capture_time_utc_ns, result->times, result->subject,
+                result->frame_set.recorded_frame};
     }
     OnceMap<PreviewForm, EncodedPreview> encodings;
 };

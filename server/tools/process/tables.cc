@@ -88,6 +88,7 @@ std::string_view event_name(EventKind kind) {
         case EventKind::kRecordingStopped: return "recording_stopped";
         case EventKind::kRecordingFailed: return "recording_failed";
         case EventKind::kRecordingDrops: return "recording_drops";
+        case EventKind::kReplay: return "replay";
         case EventKind::kError: return "error";
     }
     return "unknown";

@@ -1,0 +1,22 @@
+// What ReplayService's calls do, without gRPC.
+#pragma once
+
+#include <absl/status/status.h>
+
+#include "kinevox/v1/replay_service.pb.h"
+#include "server/api/api_context.h"
+
+namespace kinevox {
+
+// The control thread's.
+absl::Status open_replay(const ApiContext& api, const v1::OpenReplayRequest& request, v1::OpenReplayResponse& response);
+absl::Status close_replay(const ApiContext& api, const v1::CloseReplayRequest& request, v1::CloseReplayResponse& response);
+
+// Any.
+absl::Status set_replay(const ApiContext& api, const v1::SetReplayRequest& request, v1::SetReplayResponse& response);
+absl::Status get_replay(const ApiContext& api, const v1::GetReplayRequest& request, v1::GetReplayResponse& response);
+
+// FailedPrecondition while a recording is replayed; `what` would be done with the cameras.
+absl::Status check_live(const ApiContext& api, const char* what);
+
+}  // namespace kinevox

@@ -1,0 +1,325 @@
+#include "server/cameras/replay_source.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <condition_variable>
+#include <deque>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "server/cameras/picture_reader.h"
+#include "server/cameras/session_source.h"
+
+namespace kinevox {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::size_t kBytesAhead = std::size_t{64} << 20;
+constexpr std::chrono::milliseconds kMostLate{500};   // behind the speed asked for, until it is taken as it comes
+
+class LanedReplay final : public ReplaySource {
+  public:
+    // `background`: a source of the same session, for that alone.
+    LanedReplay(std::unique_ptr<FrameSource> background, const ReplayOptions& options)
+        : background_(std::move(background)), playing_(!options.paused), loop_(options.loop), speed_(options.speed) {
+        std::size_t bytes = 1;
+        for (const Camera& camera : cameras()) bytes += std::size_t{3} * camera.width * camera.height;
+        ahead_ = options.frames_ahead > 0 ? static_cast<std::size_t>(options.frames_ahead)
+                                          : std::clamp<std::size_t>(kBytesAhead / bytes, 2, 16);
+    }
+    ~LanedReplay() override {
+        stop();
+        for (Lane& lane : lanes_)
+            if (lane.thread.joinable()) lane.thread.join();
+    }
+    absl::Status open(const Session& session);
+
+    const std::vector<Camera>& cameras() const override { return background_->cameras(); }
+    double fps() const override { return background_->fps(); }
+    std::int64_t frame_count() const override { return -1; }   // it does not end
+    absl::StatusOr<std::vector<std::vector<Picture>>> background() override { return background_->background(); }
+    absl::StatusOr<FrameSet> next() override;
+    void stop() override {
+        background_->stop();
+        change([&] { stopped_ = true; });
+    }
+
+    void play() override {
+        change([&] {
+            if (ended_) target_ = 0;
+            playing_ = true, ended_ = false;
+            anchor_.reset();
+        });
+    }
+    void pause() override {
+        change([&] { playing_ = false; });
+    }
+    void step(std::int64_t frames) override {
+        change([&] {
+            playing_ = false;
+            const std::int64_t from = target_.value_or(std::max<std::int64_t>(shown_, 0));
+            target_ = std::clamp<std::int64_t>(from + frames, 0, frames_ - 1);
+        });
+    }
+    absl::Status seek(std::int64_t frame) override;
+    absl::Status set_speed(double speed) override;
+    void set_loop(bool loop) override {
+        change([&] {
+            loop_ = loop;
+            if (loop && ended_) playing_ = true, ended_ = false;
+        });
+    }
+    ReplayPosition position() const override;
+
+  private:
+    // A camera's reader, its thread and what that has decoded ahead.
+    struct Lane {
+        std::unique_ptr<PictureReader> reader;
+        std::thread thread;
+        std::uint64_t epoch = 0;                                                // of the queue
+        std::deque<std::pair<std::int64_t, absl::StatusOr<Picture>>> queue;     // frame and picture
+        std::int64_t at = 0;                                                    // to be decoded next
+        bool over = false;                                                      // nothing will be added
+    };
+    struct Anchor {
+        std::int64_t frame = 0;
+        Clock::time_point time;
+    };
+
+    template <class Change>
+    void change(Change what) {
+        const std::scoped_lock lock(mutex_);
+        what();
+        changed_.notify_all();
+    }
+    std::chrono::nanoseconds time_of(std::int64_t frame) const {
+        return std::chrono::nanoseconds(std::llround(1e9 * static_cast<double>(frame) / fps()));
+    }
+    Clock::time_point due(std::int64_t frame) const {   // mutex held; with an anchor
+        const double since_ns = static_cast<double>((time_of(frame) - time_of(anchor_->frame)).count()) / speed_;
+        return anchor_->time + std::chrono::nanoseconds(std::llround(since_ns));
+    }
+    void decode(std::size_t c);
+    void begin_at(std::int64_t frame);                   // mutex held, as all of these
+    bool decoded(std::int64_t frame) const;              // by all cameras, or an error of one
+    absl::StatusOr<FrameSet> take(std::int64_t frame);
+    void leave_out_late(Clock::time_point now);
+
+    const std::unique_ptr<FrameSource> background_;
+    std::size_t ahead_ = 2;
+    std::int64_t frames_ = 0;
+    std::deque<Lane> lanes_;
+
+    mutable std::mutex mutex_;   // of everything below and the lanes but for their readers
+    std::condition_variable changed_;
+    bool started_ = false, stopped_ = false;
+    bool playing_, loop_, ended_ = false;
+    double speed_;
+    std::optional<std::int64_t> target_;   // to be shown as soon as can be
+    std::optional<Anchor> anchor_;         // when which frame was due; empty: with the next one shown
+    std::int64_t at_ = 0;                  // follows the one shown last
+    std::int64_t shown_ = -1;
+    bool jumped_ = false;                  // the next one does not follow
+    std::uint64_t epoch_ = 1, sequence_ = 0, jumps_ = 0;
+};
+
+absl::Status LanedReplay::open(const Session& session) {
+    for (std::size_t c = 0; c < cameras().size(); ++c) {
+        auto reader = open_pictures(session.cameras[c].video, cameras()[c]);
+        if (!reader.ok()) return reader.status();
+        if ((*reader)->promised() < 1)
+            return absl::InvalidArgumentError(
+                fmt::format("camera {}: {} does not tell how many frames it has, so that nothing can be sought in it; convert "
+                            "it to MP4 or Matroska with ffmpeg",
+                            cameras()[c].name, session.cameras[c].video.string()));
+        frames_ = c == 0 ? (*reader)->promised() : std::min(frames_, (*reader)->promised());
+        lanes_.emplace_back().reader = *std::move(reader);
+    }
+    return absl::OkStatus();
+}
+
+absl::Status LanedReplay::seek(std::int64_t frame) {
+    if (frame < 0 || frame >= frames_)
+        return absl::OutOfRangeError(fmt::format("there is no frame {}; the recording has frames 0 to {}", frame, frames_ - 1));
+    change([&] {
+        target_ = frame;
+        ended_ = false;
+    });
+    return absl::OkStatus();
+}
+
+absl::Status LanedReplay::set_speed(double speed) {
+    if (!(speed >= kSlowest && speed <= kFastest))
+        return absl::OutOfRangeError(fmt::format("speed is {}; {} to {} times the recording's is allowed", speed, kSlowest,
+                                                 kFastest));
+    change([&] {
+        speed_ = speed;
+        anchor_.reset();
+    });
+    return absl::OkStatus();
+}
+
+ReplayPosition LanedReplay::position() const {
+    const std::scoped_lock lock(mutex_);
+    ReplayPosition out;
+    out.state = ended_ ? ReplayState::kEnded : playing_ ? ReplayState::kPlaying : ReplayState::kPaused;
+    out.frame = shown_;
+    out.frames = frames_;
+    out.position_s = shown_ < 0 ? 0 : 1e-9 * static_cast<double>(time_of(shown_).count());
+    out.fps = fps();
+    out.speed = speed_;
+    out.loop = loop_;
+    out.jumps = jumps_;
+    return out;
+}
+
+void LanedReplay::begin_at(std::int64_t frame) {
+    at_ = frame;
+    ++epoch_;
+    jumped_ = shown_ >= 0 && frame != shown_ + 1;
+    anchor_.reset();
+    changed_.notify_all();
+}
+
+void LanedReplay::decode(std::size_t c) {
+    Lane& lane = lanes_[c];
+    std::unique_lock lock(mutex_);
+    for (;;) {
+        changed_.wait(lock, [&] {
+            return stopped_ || lane.epoch != epoch_ || (!lane.over && lane.queue.size() < ahead_);
+        });
+        if (stopped_) return;
+        bool sought = false;
+        if (lane.epoch != epoch_) {
+            lane.epoch = epoch_;
+            lane.queue.clear();
+            lane.at = at_;
+            lane.over = false;
+            sought = true;
+        }
+        if (lane.at >= frames_) {
+            lane.over = true;
+            continue;
+        }
+        const std::uint64_t epoch = lane.epoch;
+        const std::int64_t frame = lane.at;
+        lock.unlock();
+        const absl::Status there = sought ? lane.reader->seek(frame) : absl::OkStatus();
+        auto picture = there.ok() ? lane.reader->next() : absl::StatusOr<Picture>(there);
+        lock.lock();
+        if (epoch != epoch_) continue;   // sought elsewhere meanwhile
+        lane.over = !picture.ok();
+        lane.queue.emplace_back(frame, std::move(picture));
+        lane.at = frame + 1;
+        changed_.notify_all();
+    }
+}
+
+bool LanedReplay::decoded(std::int64_t frame) const {
+    return std::ranges::all_of(lanes_, [&](const Lane& lane) {
+        return lane.epoch == epoch_ && !lane.queue.empty() && lane.queue.front().first == frame;
+    });
+}
+
+absl::StatusOr<FrameSet> LanedReplay::take(std::int64_t frame) {
+    for (std::size_t c = 0; c < lanes_.size(); ++c)
+        if (const auto& picture = lanes_[c].queue.front().second; !picture.ok())
+            return absl::IsOutOfRange(picture.status())   // the file promised more
+                       ? absl::DataLossError(fmt::format("camera {}: its video ends before frame {}; copy it again",
+                                                         cameras()[c].name, frame))
+                       : picture.status();
+    FrameSet set;
+    set.sequence = sequence_++;
+    set.capture_time_ns = time_of(frame).count();
+    set.recorded_frame = frame;
+    set.after_jump = std::exchange(jumped_, false);
+    jumps_ += set.after_jump;
+    for (Lane& lane : lanes_) {
+        set.pictures.push_back(*std::move(lane.queue.front().second));
+        lane.queue.pop_front();
+    }
+    shown_ = frame;
+    at_ = frame + 1;
+    changed_.notify_all();
+    return set;
+}
+
+// Frame sets whose successor is decoded and due as well.
+void LanedReplay::leave_out_late(Clock::time_point now) {
+    while (at_ + 1 < frames_ && due(at_ + 1) <= now && std::ranges::all_of(lanes_, [](const Lane& lane) {
+               return lane.queue.size() > 1 && lane.queue[1].second.ok();
+           })) {
+        for (Lane& lane : lanes_) lane.queue.pop_front();
+        ++at_, ++sequence_;
+        changed_.notify_all();
+    }
+    if (now - due(at_) > kMostLate) anchor_ = Anchor{at_, now};
+}
+
+absl::StatusOr<FrameSet> LanedReplay::next() {
+    std::unique_lock lock(mutex_);
+    if (!started_ && !stopped_) {
+        started_ = true;
+        if (!target_) target_ = 0;
+        for (std::size_t c = 0; c < lanes_.size(); ++c) lanes_[c].thread = std::thread([this, c] { decode(c); });
+    }
+    std::optional<std::int64_t> wanted;   // a target that is being decoded
+    for (;;) {
+        if (stopped_) return absl::CancelledError("the replay was stopped");
+        if (target_) {
+            wanted = std::exchange(target_, std::nullopt);
+            if (*wanted != at_ || shown_ < 0) begin_at(*wanted);
+        }
+        if (!wanted) {
+            if (playing_ && at_ >= frames_) {
+                if (loop_) begin_at(0);
+                else playing_ = false, ended_ = true;
+            }
+            if (!playing_) {
+                changed_.wait(lock);
+                continue;
+            }
+        }
+        if (!decoded(at_)) {
+            changed_.wait(lock);
+            continue;
+        }
+        const Clock::time_point now = Clock::now();
+        if (!wanted && anchor_) {
+            leave_out_late(now);
+            if (const auto when = due(at_); when > now) {
+                changed_.wait_until(lock, when);
+                continue;
+            }
+        }
+        if (!anchor_) anchor_ = Anchor{at_, now};
+        auto set = take(at_);
+        if (set.ok() && at_ >= frames_ && !loop_ && playing_) playing_ = false, ended_ = true;
+        return set;
+    }
+}
+
+}  // namespace
+
+absl::StatusOr<std::shared_ptr<ReplaySource>> ReplaySource::open(const std::filesystem::path& session_file,
+                                                                 const ReplayOptions& options) {
+    if (!(options.speed >= kSlowest && options.speed <= kFastest) || options.frames_ahead < 0)
+        return absl::InvalidArgumentError(
+            fmt::format("a replay's speed is {} and its frames_ahead {}; the speed is {} to {}, the number 0 or more",
+                        options.speed, options.frames_ahead, kSlowest, kFastest));
+    const auto session = read_session(session_file);
+    if (!session.ok()) return session.status();
+    auto background = open_session_source(*session);
+    if (!background.ok()) return background.status();
+    auto source = std::make_shared<LanedReplay>(*std::move(background), options);
+    if (absl::Status opened = source->open(*session); !opened.ok()) return opened;
+    return source;
+}
+
+}  // namespace kinevox
