@@ -104,6 +104,21 @@ void read_calibration_config(const TomlTable& table, const std::filesystem::path
     if (table.has("folder")) calibration.folder = resolved(folder, base);
 }
 
+void read_recording_config(const TomlTable& table, const std::filesystem::path& base, RecordingConfig& recording) {
+    const std::string folder = table.text_or("folder", "");
+    if (table.has("folder")) recording.folder = resolved(folder, base);
+    recording.codec = table.choice_or("codec", recording.codec, {"ffv1", "utvideo", "h264"});
+    recording.poses = table.boolean_or("poses", recording.poses);
+    recording.volumes = table.boolean_or("volumes", recording.volumes);
+    recording.keep_last_s = table.number_or("keep_last_s", recording.keep_last_s, {0, 3600});
+    const auto megabytes = [&](const char* key, int& value, int lowest) {
+        value = static_cast<int>(table.integer_or(key, value, lowest, 1 << 20));
+    };
+    megabytes("keep_last_mb", recording.keep_last_mb, 1);
+    megabytes("queue_mb", recording.queue_mb, 1);
+    megabytes("least_free_mb", recording.least_free_mb, 0);
+}
+
 void read_stream(const TomlTable& table, StreamConfig& stream) {
     stream.lossless_max_messages =
         static_cast<int>(table.integer_or("lossless_max_messages", stream.lossless_max_messages, 1, 100000));
@@ -161,6 +176,7 @@ absl::StatusOr<DaemonConfig> parse_config_toml(const std::string& text, const st
     read_segmentation(root.table_or_empty("segmentation"), config.segmentation);
     read_pose(root.table_or_empty("pose"), folder, check_files_exist, config.pose);
     read_calibration_config(root.table_or_empty("calibration"), folder, config.calibration);
+    read_recording_config(root.table_or_empty("recording"), folder, config.recording);
     read_stream(root.table_or_empty("stream"), config.stream);
     read_control(root.table_or_empty("control"), config.control);
     read_log(root.table_or_empty("log"), folder, config.log);

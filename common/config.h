@@ -83,6 +83,18 @@ struct CalibrationConfig {
     bool operator==(const CalibrationConfig&) const = default;
 };
 
+struct RecordingConfig {
+    // Where recordings are stored, absolute; empty: nowhere; not given: in the user's folder for programs' state.
+    std::optional<std::filesystem::path> folder;
+    std::string codec = "utvideo";   // ffv1, utvideo or h264
+    bool poses = true, volumes = true;
+    double keep_last_s = 0;          // of the rolling buffer; 0: none
+    int keep_last_mb = 1024;         // most that it may hold
+    int queue_mb = 256;              // taken and not yet written; beyond it frame sets are dropped
+    int least_free_mb = 512;         // on the disk, below which a recording ends
+    bool operator==(const RecordingConfig&) const = default;
+};
+
 struct StreamConfig {
     int lossless_max_messages = 256;  // queued for one lossless subscriber before its stream ends
     int lossless_max_mb = 32;
@@ -110,6 +122,7 @@ struct DaemonConfig {
     SegmentationConfig segmentation;
     PoseConfig pose;
     CalibrationConfig calibration;
+    RecordingConfig recording;
     StreamConfig stream;
     ControlConfig control;
     LogConfig log;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
 #include <system_error>
 
 #include "common/atomic_file.h"
@@ -40,6 +41,39 @@ std::string written_path(const std::filesystem::path& path, const std::filesyste
     return (below ? relative : path).generic_string();
 }
 
+SessionRecording read_recording(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist) {
+    constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
+    SessionRecording recording;
+    recording.times = read_path(table, "times", true, folder, check_files_exist);
+    recording.poses = read_path(table, "poses", false, folder, check_files_exist);
+    recording.volumes = read_path(table, "volumes", false, folder, check_files_exist);
+    recording.codec = table.text_or("codec", "");
+    recording.calibration_id = table.text_or("calibration_id", "");
+    recording.closed = table.boolean_or("closed", false);
+    recording.recovered = table.boolean_or("recovered", false);
+    recording.end_reason = table.text_or("end_reason", "");
+    recording.started_utc_ns = table.integer_or("started_utc_ns", 0, 0, kMost);
+    const auto count = [&](const char* key) { return static_cast<std::uint64_t>(table.integer_or(key, 0, 0, kMost)); };
+    recording.frames = count("frames");
+    recording.dropped = count("dropped");
+    recording.lost = count("lost");
+    recording.missing_pictures = count("missing_pictures");
+    return recording;
+}
+
+std::string recording_toml(const SessionRecording& recording, const std::filesystem::path& folder) {
+    std::string out = fmt::format("\n[recording]\ntimes = {}\n", toml_quoted(written_path(recording.times, folder)));
+    if (!recording.poses.empty()) out += fmt::format("poses = {}\n", toml_quoted(written_path(recording.poses, folder)));
+    if (!recording.volumes.empty())
+        out += fmt::format("volumes = {}\n", toml_quoted(written_path(recording.volumes, folder)));
+    out += fmt::format("codec = {}\ncalibration_id = {}\nclosed = {}\nrecovered = {}\nend_reason = {}\n",
+                       toml_quoted(recording.codec), toml_quoted(recording.calibration_id), recording.closed,
+                       recording.recovered, toml_quoted(recording.end_reason));
+    return out + fmt::format("started_utc_ns = {}\nframes = {}\ndropped = {}\nlost = {}\nmissing_pictures = {}\n",
+                             recording.started_utc_ns, recording.frames, recording.dropped, recording.lost,
+                             recording.missing_pictures);
+}
+
 }  // namespace
 
 absl::StatusOr<Session> parse_session_toml(const std::string& text, const std::filesystem::path& folder,
@@ -72,6 +106,8 @@ absl::StatusOr<Session> parse_session_toml(const std::string& text, const std::f
                                    camera.name));
         session.cameras.push_back(std::move(camera));
     }
+    if (root.has("recording"))
+        session.recording = read_recording(root.table_or_empty("recording"), folder, check_files_exist);
     if (absl::Status status = (*document)->finish(); !status.ok()) return status;
     if (session.cameras.empty())
         return absl::InvalidArgumentError(fmt::format(
@@ -126,6 +162,7 @@ absl::Status write_session(const Session& session, const std::filesystem::path& 
                            path_text(camera.video));
         if (!camera.background.empty()) out += fmt::format("background = {}\n", path_text(camera.background));
     }
+    if (session.recording) out += recording_toml(*session.recording, folder);
     if (const auto read_back = parse_session_toml(out, folder, file.string(), false); !read_back.ok())
         return absl::InvalidArgumentError(fmt::format("session not written, it would be invalid: {}",
                                                       std::string(read_back.status().message())));

@@ -4,7 +4,9 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,12 +20,31 @@ struct SessionCamera {
     std::filesystem::path background;  // a picture, a clip or a folder; empty if there is none
 };
 
+// What the recorder says of a session that it wrote; docs/recording.md.
+struct SessionRecording {
+    std::filesystem::path times;     // frames.csv, common/recording_files.h; the videos have their indices beside them
+    std::filesystem::path poses;     // folder of tables as `kinevox process` writes them; empty if there are none
+    std::filesystem::path volumes;   // empty if there are none
+    std::string codec;               // of the videos
+    std::string calibration_id;      // that was in use; empty: the source's own
+    bool closed = false;             // false: being written, or cut off
+    bool recovered = false;          // was cut off
+    std::string end_reason;          // why it ended; empty: somebody asked for that
+    std::int64_t started_utc_ns = 0;
+    // Known once it is closed.
+    std::uint64_t frames = 0;            // frame sets
+    std::uint64_t dropped = 0;           // that came, but not in time to be recorded
+    std::uint64_t lost = 0;              // before the recorder
+    std::uint64_t missing_pictures = 0;  // of single cameras
+};
+
 struct Session {
     std::string name;
     double fps = 0;                     // frame sets a second, > 0
     std::filesystem::path calibration;  // absolute after reading
     std::filesystem::path truth;        // folder of ground truth, empty if there is none
     std::vector<SessionCamera> cameras;
+    std::optional<SessionRecording> recording = std::nullopt;   // where the recorder wrote it
 };
 
 // Paths are resolved against the file's folder; a folder truth/ beside the file is found without a key. An

@@ -74,9 +74,11 @@ int serve(const DaemonConfig& config) {
         body_fit = make_body_fit(config.pose, runner, options->posing, poses ? &*poses : nullptr, hub, body_watch);
     }
     CameraWatch camera_watch(runner.cameras(), {}, [&hub](const Event& event) { hub.publish_event(event, utc_now_ns()); });
+    std::unique_ptr<Recorder> recorder;
     runner.set_after_result([&](const FrameResult& result) {
         if (result.frame_set.recorded_frame) return;   // a replay teaches nothing of the cameras and who is before them
         camera_watch.observe(result);
+        recorder->observe(result, pose_stage ? &pose_stage->body() : nullptr);
         if (!body_fit) return;
         body_fit->observe(result.capture_time_ns,
                           result.subject && result.volume ? &pose_stage->observation() : nullptr);
@@ -94,6 +96,12 @@ int serve(const DaemonConfig& config) {
     });
     if (const absl::Status applied = calibration_use.begin(); !applied.ok())
         spdlog::warn("the source's own calibration is used: {}", std::string(applied.message()));
+    auto made_recorder = make_recorder(config, runner, calibrations, calibration_use, hub);
+    if (!made_recorder.ok()) return fail(made_recorder.status());
+    recorder = *std::move(made_recorder);
+    runner.set_taps({[&](const FrameSet& frame_set) { recorder->offer(frame_set); },
+                     [&](EmptyScene pictures) { recorder->learned(std::move(pictures)); },
+                     [&] { recorder->capture_ended(); }});
     Replay replay(runner, make_replay_pipeline(*options, runner, poses ? &*poses : nullptr),
                   [&hub](std::string what) { hub.publish_event({EventKind::kReplay, 0, 0, {}, std::move(what)}, utc_now_ns()); });
     ProcedureWatch procedure_watch;
@@ -103,6 +111,8 @@ int serve(const DaemonConfig& config) {
     asio::thread_pool control(1);    // start, stop and learning
     asio::thread_pool changes(1);    // of the pose database
     asio::thread_pool calibrating(1);   // calibrations' files
+    asio::thread_pool recordings(1);    // recordings' files
+    asio::thread_pool exports(1);       // in other programs' formats
     asio::thread_pool encoders(2);   // volumes and pictures, and the streams' writes
     ApiContext api{.runner = runner,
                    .hub = hub,
@@ -120,6 +130,9 @@ int serve(const DaemonConfig& config) {
                    .procedure = procedure.get(),
                    .procedure_watch = &procedure_watch,
                    .calibrating = calibrating.get_executor(),
+                   .recorder = recorder.get(),
+                   .recordings = recordings.get_executor(),
+                   .exports = exports.get_executor(),
                    .camera_watch = &camera_watch,
                    .replay = &replay,
                    .source_description = describe(config.source)};
@@ -165,8 +178,11 @@ int serve(const DaemonConfig& config) {
     control.join();                                        // a start or stop in progress
     changes.join();
     calibrating.join();
+    recordings.join();
+    exports.join();
     runner.stop().IgnoreError();                           // its threads; FailedPrecondition if nothing runs
     encoders.join();
+    recorder->close();                                     // what is being recorded is finished
     procedure.reset();                                     // its thread ends at its next step
     body_fit.reset();                                      // its thread ends at its next frame set
     poses.reset();                                         // its thread ends as soon as it sees that it is to end

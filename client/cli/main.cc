@@ -1,4 +1,5 @@
 // kinevox: the daemon's command line, and the door to the tools that need none.
+#include <algorithm>
 #include <csignal>
 #include <cstdio>
 
@@ -8,6 +9,7 @@
 #include <grpc/support/log.h>
 
 #include "client/cli/calibrate_verb.h"
+#include "client/cli/export_verb.h"
 #include "client/cli/external_verbs.h"
 #include "client/cli/verbs.h"
 
@@ -49,9 +51,13 @@ int main(int argc, char** argv) {
     add_body_verb(app, common, run);
     add_replay_verb(app, common, run);
     add_calibrate_verb(app, common, run);
+    add_record_verb(app, common, run);
+    add_export_verb(app, common, run);
 
     // An unknown verb is somebody else's, and so is one that works on files.
-    const bool on_files = argc > 1 && argv[1] == std::string("calibrate") && !wants_a_daemon({argv + 2, argv + argc});
+    const std::vector<std::string> rest{argv + std::min(argc, 2), argv + argc};
+    const bool on_files = argc > 1 && ((argv[1] == std::string("calibrate") && !wants_a_daemon(rest)) ||
+                                       (argv[1] == std::string("export") && !exports_recording(rest)));
     if (argc > 1 && argv[1][0] != '-' && (on_files || !is_own_verb(app, argv[1]))) {
         if (const auto program = find_external_verb(argv[1])) return fail(run_external_verb(*program, argv + 1));
         return fail(fmt::format("there is no verb '{}'; see `kinevox --help`", argv[1]));

@@ -39,6 +39,10 @@ void add_poses_verb(CLI::App& app, Common& common, Run& run);      // list, add,
 void add_body_verb(CLI::App& app, Common& common, Run& run);       // fit, show
 void add_replay_verb(CLI::App& app, Common& common, Run& run);     // open, live, play, pause, step, seek, ...
 
+void add_record_verb(CLI::App& app, Common& common, Run& run);     // start, stop, keep, status, list, delete
+
+void add_export_verb(CLI::App& app, Common& common, Run& run);     // of a daemon's recording
+
 // "user@host": under which control is taken.
 std::string default_operator_name();
 

@@ -9,6 +9,7 @@
 #include "kinevox/v1/calibration_service.grpc.pb.h"
 #include "kinevox/v1/capture_service.grpc.pb.h"
 #include "kinevox/v1/pose_service.grpc.pb.h"
+#include "kinevox/v1/recording_service.grpc.pb.h"
 #include "kinevox/v1/replay_service.grpc.pb.h"
 #include "kinevox/v1/stream_service.grpc.pb.h"
 
@@ -51,6 +52,7 @@ struct Client::Parts {
     std::unique_ptr<v1::StreamService::Stub> stream;
     std::unique_ptr<v1::PoseService::Stub> pose;
     std::unique_ptr<v1::CalibrationService::Stub> calibration;
+    std::unique_ptr<v1::RecordingService::Stub> recording;
     std::unique_ptr<v1::ReplayService::Stub> replay;
 
     // One unary call.
@@ -83,6 +85,7 @@ Client::Client(std::shared_ptr<grpc::Channel> channel, const ClientOptions& opti
     parts_->stream = v1::StreamService::NewStub(parts_->channel);
     parts_->pose = v1::PoseService::NewStub(parts_->channel);
     parts_->calibration = v1::CalibrationService::NewStub(parts_->channel);
+    parts_->recording = v1::RecordingService::NewStub(parts_->channel);
     parts_->replay = v1::ReplayService::NewStub(parts_->channel);
 }
 
@@ -248,7 +251,7 @@ namespace {
 constexpr std::chrono::seconds kChangeTimeout{120};
 
 template <typename Response, typename Call, typename Request>
-absl::StatusOr<Response> change_poses(Client& client, const std::string& operator_name, Request& request,
+absl::StatusOr<Response> change_under_control(Client& client, const std::string& operator_name, Request& request,
                                       const Call& call) {
     absl::StatusOr<Response> response;
     const absl::Status status = with_control(client, operator_name, kChangeTimeout, [&](const std::string& id) {
@@ -263,21 +266,21 @@ absl::StatusOr<Response> change_poses(Client& client, const std::string& operato
 }  // namespace
 
 absl::StatusOr<v1::AddPoseResponse> Client::add_pose(const std::string& operator_name, v1::AddPoseRequest request) {
-    return change_poses<v1::AddPoseResponse>(*this, operator_name, request, [&] {
+    return change_under_control<v1::AddPoseResponse>(*this, operator_name, request, [&] {
         return parts_->call_on(*parts_->pose, &v1::PoseService::Stub::AddPose, request, kChangeTimeout);
     });
 }
 
 absl::StatusOr<v1::RemovePoseResponse> Client::remove_pose(const std::string& operator_name,
                                                            v1::RemovePoseRequest request) {
-    return change_poses<v1::RemovePoseResponse>(*this, operator_name, request, [&] {
+    return change_under_control<v1::RemovePoseResponse>(*this, operator_name, request, [&] {
         return parts_->call_on(*parts_->pose, &v1::PoseService::Stub::RemovePose, request, kChangeTimeout);
     });
 }
 
 absl::StatusOr<v1::ImportBvhResponse> Client::import_bvh(const std::string& operator_name,
                                                          v1::ImportBvhRequest request) {
-    return change_poses<v1::ImportBvhResponse>(*this, operator_name, request, [&] {
+    return change_under_control<v1::ImportBvhResponse>(*this, operator_name, request, [&] {
         return parts_->call_on(*parts_->pose, &v1::PoseService::Stub::ImportBvh, request, kChangeTimeout);
     });
 }
@@ -408,6 +411,60 @@ absl::Status Client::watch_procedure(const std::function<bool(const v1::WatchPro
         },
         [&](const v1::WatchProcedureResponse& progress) -> absl::StatusOr<bool> { return on_progress(progress); },
         options, parts_->options.server);
+}
+
+absl::StatusOr<v1::StartRecordingResponse> Client::start_recording(const std::string& operator_name,
+                                                                   v1::StartRecordingRequest request) {
+    return change_under_control<v1::StartRecordingResponse>(*this, operator_name, request, [&] {
+        return parts_->call_on(*parts_->recording, &v1::RecordingService::Stub::StartRecording, request, kLeaseTimeout);
+    });
+}
+
+absl::StatusOr<v1::StopRecordingResponse> Client::stop_recording(const std::string& operator_name,
+                                                                 std::chrono::milliseconds timeout) {
+    v1::StopRecordingRequest request;
+    return change_under_control<v1::StopRecordingResponse>(*this, operator_name, request, [&] {
+        return parts_->call_on(*parts_->recording, &v1::RecordingService::Stub::StopRecording, request, timeout);
+    });
+}
+
+absl::StatusOr<v1::KeepLastResponse> Client::keep_last(const std::string& operator_name, v1::KeepLastRequest request,
+                                                       std::chrono::milliseconds timeout) {
+    return change_under_control<v1::KeepLastResponse>(*this, operator_name, request, [&] {
+        return parts_->call_on(*parts_->recording, &v1::RecordingService::Stub::KeepLast, request, timeout);
+    });
+}
+
+absl::StatusOr<v1::DeleteRecordingResponse> Client::delete_recording(const std::string& operator_name,
+                                                                     v1::DeleteRecordingRequest request) {
+    return change_under_control<v1::DeleteRecordingResponse>(*this, operator_name, request, [&] {
+        return parts_->call_on(*parts_->recording, &v1::RecordingService::Stub::DeleteRecording, request, kLeaseTimeout);
+    });
+}
+
+absl::StatusOr<v1::GetRecorderStatusResponse> Client::recorder_status() {
+    return parts_->call_on(*parts_->recording, &v1::RecordingService::Stub::GetRecorderStatus, v1::GetRecorderStatusRequest());
+}
+
+absl::StatusOr<v1::ListRecordingsResponse> Client::list_recordings() {
+    return parts_->call_on(*parts_->recording, &v1::RecordingService::Stub::ListRecordings, v1::ListRecordingsRequest());
+}
+
+absl::StatusOr<v1::GetRecordingResponse> Client::get_recording(const std::string& name) {
+    v1::GetRecordingRequest request;
+    request.set_name(name);
+    return parts_->call_on(*parts_->recording, &v1::RecordingService::Stub::GetRecording, request);
+}
+
+absl::Status Client::export_recording(const v1::ExportRequest& request,
+                                      const std::function<bool(const v1::ExportResponse&)>& on_piece,
+                                      const StreamOptions& options) {
+    return read_stream<v1::ExportResponse>(
+        [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
+            return parts_->recording->PrepareAsyncExport(context, request, queue);
+        },
+        [&](const v1::ExportResponse& piece) -> absl::StatusOr<bool> { return on_piece(piece); }, options,
+        parts_->options.server);
 }
 
 Camera camera_from_proto(const v1::Camera& from) {

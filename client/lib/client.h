@@ -18,6 +18,7 @@
 #include "kinevox/v1/calibration_service.pb.h"
 #include "kinevox/v1/capture_service.pb.h"
 #include "kinevox/v1/pose_service.pb.h"
+#include "kinevox/v1/recording_service.pb.h"
 #include "kinevox/v1/replay_service.pb.h"
 #include "kinevox/v1/stream_service.pb.h"
 
@@ -141,6 +142,24 @@ class Client {
     absl::StatusOr<v1::RemoveCalibrationResponse> remove_calibration(const v1::RemoveCalibrationRequest& request);
     absl::Status watch_procedure(const std::function<bool(const v1::WatchProcedureResponse&)>& on_progress,
                                  const StreamOptions& options);
+
+    // Recordings. Changes take control under `operator_name`, act and give control back, as start(). `timeout` for those
+    // that wait until what is queued is written.
+    absl::StatusOr<v1::StartRecordingResponse> start_recording(const std::string& operator_name,
+                                                               v1::StartRecordingRequest request);
+    absl::StatusOr<v1::StopRecordingResponse> stop_recording(const std::string& operator_name,
+                                                             std::chrono::milliseconds timeout);
+    absl::StatusOr<v1::KeepLastResponse> keep_last(const std::string& operator_name, v1::KeepLastRequest request,
+                                                   std::chrono::milliseconds timeout);
+    absl::StatusOr<v1::DeleteRecordingResponse> delete_recording(const std::string& operator_name,
+                                                                 v1::DeleteRecordingRequest request);
+    absl::StatusOr<v1::GetRecorderStatusResponse> recorder_status();
+    absl::StatusOr<v1::ListRecordingsResponse> list_recordings();
+    absl::StatusOr<v1::GetRecordingResponse> get_recording(const std::string& name);
+    // The files' pieces in their order.
+    absl::Status export_recording(const v1::ExportRequest& request,
+                                  const std::function<bool(const v1::ExportResponse&)>& on_piece,
+                                  const StreamOptions& options);
 
   private:
     struct Parts;

@@ -16,6 +16,8 @@
 
 namespace kinevox {
 
+class Recorder;
+
 struct ApiContext {
     Runner& runner;
     StreamHub& hub;
@@ -41,6 +43,11 @@ struct ApiContext {
     CalibrationProcedure* procedure = nullptr;
     ProcedureWatch* procedure_watch = nullptr;
     boost::asio::any_io_executor calibrating{};
+
+    // What records the capture, and the thread that its calls wait on.
+    Recorder* recorder = nullptr;
+    boost::asio::any_io_executor recordings{};
+    boost::asio::any_io_executor exports{};  // one thread: files for other programs, one after the other
 
     const CameraWatch* camera_watch = nullptr;   // null where nothing watches the cameras' places
 

@@ -8,17 +8,20 @@
 #include "server/api/calibration_service.h"
 #include "server/api/capture_service.h"
 #include "server/api/pose_service.h"
+#include "server/api/recording_service.h"
 #include "server/api/replay_service.h"
 #include "server/api/stream_service.h"
 
 namespace kinevox {
 
 struct ApiServer::Parts {
-    explicit Parts(const ApiContext& api) : capture(api), stream(api), pose(api), calibration(api), replay(api) {}
+    explicit Parts(const ApiContext& api)
+        : capture(api), stream(api), pose(api), calibration(api), recording(api), replay(api) {}
     CaptureServiceImpl capture;
     StreamServiceImpl stream;
     PoseServiceImpl pose;
     CalibrationServiceImpl calibration;
+    RecordingServiceImpl recording;
     ReplayServiceImpl replay;
     int port = 0;
     std::unique_ptr<grpc::Server> server;
@@ -31,6 +34,7 @@ struct ApiServer::Parts {
         builder.RegisterService(&stream);
         builder.RegisterService(&pose);
         builder.RegisterService(&calibration);
+        builder.RegisterService(&recording);
         builder.RegisterService(&replay);
         builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);   // two daemons on one port: the second must notice
         // A client that vanished without a word is found out within a minute.

@@ -186,6 +186,10 @@ absl::StatusOr<std::vector<Camera>> CalibrationStore::cameras(const std::string&
     return read_calibration(folder_of(id) / kCalibration);
 }
 
+std::filesystem::path CalibrationStore::calibration_file(const std::string& id) const {
+    return folder_of(id) / kCalibration;
+}
+
 absl::StatusOr<std::string> CalibrationStore::certificate_json(const std::string& id) const {
     if (absl::Status there = check_folder(); !there.ok()) return there;
     if (const auto about = read_about(id); !about.ok()) return about.status();

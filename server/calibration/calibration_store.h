@@ -51,6 +51,7 @@ class CalibrationStore {
 
     // NotFound for an id that is not there; an empty id is the source's own calibration.
     absl::StatusOr<std::vector<Camera>> cameras(const std::string& id) const;
+    std::filesystem::path calibration_file(const std::string& id) const;   // whether it is there or not
     absl::StatusOr<std::string> certificate_json(const std::string& id) const;
     // PNG. Drawn at the first time, by a program of its own, which takes seconds; Unavailable where that fails.
     absl::StatusOr<std::string> certificate_page(const std::string& id) const;

@@ -15,6 +15,7 @@
 #include <opencv2/videoio.hpp>
 
 #include "server/cameras/picture_pool.h"
+#include "server/cameras/recorded_video.h"
 
 namespace kinevox {
 namespace {
@@ -239,6 +240,7 @@ absl::StatusOr<std::unique_ptr<PictureReader>> open_pictures(const fs::path& fil
     } else if (is_picture_file(file)) {
         files.push_back(file);
     }
+    if (RecordedVideo::is_one(file)) return RecordedVideo::open(file, camera);
     if (!files.empty()) return std::make_unique<FolderReader>(std::move(files), camera);
     auto video = std::make_unique<VideoReader>(file, camera);
     if (absl::Status opened = video->open(); !opened.ok()) return opened;

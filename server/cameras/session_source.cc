@@ -5,6 +5,7 @@
 #include <cmath>
 #include <condition_variable>
 #include <cstdlib>
+#include <limits>
 #include <deque>
 #include <mutex>
 #include <thread>
@@ -16,6 +17,8 @@
 
 #include "common/background_priority.h"
 #include "server/cameras/picture_reader.h"
+#include "server/cameras/recorded_session.h"
+#include "server/cameras/recorded_video.h"
 
 namespace kinevox {
 namespace {
@@ -38,7 +41,8 @@ absl::StatusOr<std::vector<Picture>> read_background(const std::filesystem::path
     auto reader = open_pictures(file, camera);
     if (!reader.ok()) return reader.status();
     const std::int64_t promised = (*reader)->promised();
-    const std::int64_t step = std::max<std::int64_t>(1, promised / static_cast<std::int64_t>(most));
+    const std::int64_t step =
+        std::max<std::int64_t>(1, promised / static_cast<std::int64_t>(std::min<std::size_t>(most, 1 << 30)));
     std::vector<Picture> pictures;
     for (std::int64_t n = 0; pictures.size() < most; ++n) {
         auto picture = (*reader)->next();
@@ -65,6 +69,7 @@ class SessionSource final : public FrameSource {
     }
 
     absl::Status open() {
+        if (session_.recording) return open_recording();
         for (std::size_t c = 0; c < cameras_.size(); ++c) {
             auto reader = open_pictures(session_.cameras[c].video, cameras_[c]);
             if (!reader.ok()) return reader.status();
@@ -104,12 +109,18 @@ class SessionSource final : public FrameSource {
         bool ended = false;                         // nothing will be added
     };
 
+    absl::Status open_recording();
     absl::Status check_lengths() const;
     absl::Status uneven_end(std::size_t ended_camera) const;
     void decode(std::size_t c);
     absl::StatusOr<FrameSet> take_set(std::unique_lock<std::mutex>& lock);
     bool all_full() const;
     std::chrono::nanoseconds recording_time(std::uint64_t sequence) const {
+        if (!times_.empty()) {
+            const std::uint64_t rounds = sequence / times_.size(), frame = sequence % times_.size();
+            const auto round = std::chrono::nanoseconds(times_.back().time_ns + std::llround(1e9 / session_.fps));
+            return static_cast<std::int64_t>(rounds) * round + std::chrono::nanoseconds(times_[frame].time_ns);
+        }
         return std::chrono::nanoseconds(std::llround(1e9 * static_cast<double>(sequence) / session_.fps));
     }
 
@@ -117,6 +128,7 @@ class SessionSource final : public FrameSource {
     std::vector<Camera> cameras_;
     SessionSourceOptions options_;
     std::size_t capacity_ = 2;
+    std::vector<RecordedTime> times_;   // of a recording's frame sets; empty: evenly spaced
     std::deque<Lane> lanes_;
 
     std::mutex mutex_;  // of everything below and the lanes' queues
@@ -126,6 +138,19 @@ class SessionSource final : public FrameSource {
     std::uint64_t sequence_ = 0;
     SteadyClock::time_point start_;
 };
+
+// What the recorder wrote, perhaps cut off: as far as all cameras have it.
+absl::Status SessionSource::open_recording() {
+    auto times = whole_frame_sets(session_);
+    if (!times.ok()) return times.status();
+    times_ = *std::move(times);
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+        auto video = RecordedVideo::open(session_.cameras[c].video, cameras_[c], static_cast<std::int64_t>(times_.size()));
+        if (!video.ok()) return video.status();
+        lanes_.emplace_back().reader = *std::move(video);
+    }
+    return absl::OkStatus();
+}
 
 absl::Status SessionSource::check_lengths() const {
     std::size_t shortest = 0, longest = 0;
@@ -145,8 +170,11 @@ absl::Status SessionSource::check_lengths() const {
 
 absl::StatusOr<std::vector<std::vector<Picture>>> SessionSource::background() {
     const std::size_t count = cameras_.size();
+    // The recorder kept what a background was learned from, and all of it makes the same again.
     const std::size_t most =
-        std::clamp<std::size_t>(kBackgroundBytes / frame_set_bytes(cameras_), 8, kMostBackgroundPictures);
+        session_.recording
+            ? std::numeric_limits<std::size_t>::max()
+            : std::clamp<std::size_t>(kBackgroundBytes / frame_set_bytes(cameras_), 8, kMostBackgroundPictures);
     const bool any = std::any_of(session_.cameras.begin(), session_.cameras.end(),
                                  [](const SessionCamera& camera) { return !camera.background.empty(); });
     if (!any) return std::vector<std::vector<Picture>>{};
@@ -283,6 +311,7 @@ absl::StatusOr<std::unique_ptr<FrameSource>> open_session_source(const Session& 
 
 absl::StatusOr<std::unique_ptr<FrameSource>> open_session_source(const std::filesystem::path& session_file,
                                                                  const SessionSourceOptions& options) {
+    repair_recording(session_file).IgnoreError();   // can be read without
     auto session = read_session(session_file);
     if (!session.ok()) return session.status();
     return open_session_source(*session, options);

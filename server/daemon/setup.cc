@@ -133,6 +133,41 @@ std::filesystem::path calibration_folder(const CalibrationConfig& config) {
     return config.folder ? *config.folder : in_state_folder("calibrations");
 }
 
+std::filesystem::path recordings_folder(const RecordingConfig& config) {
+    return config.folder ? *config.folder : in_state_folder("recordings");
+}
+
+absl::StatusOr<std::unique_ptr<Recorder>> make_recorder(const DaemonConfig& daemon, const Runner& runner,
+                                                        const CalibrationStore& store, const CalibrationUse& use,
+                                                        StreamHub& hub) {
+    const auto bytes = [](int megabytes) { return static_cast<std::size_t>(megabytes) << 20; };
+    const RecordingConfig& config = daemon.recording;
+    std::filesystem::path own_calibration;
+    if (daemon.source.kind == SourceConfig::Kind::kSession)
+        if (const auto session = read_session(daemon.source.session); session.ok()) own_calibration = session->calibration;
+    RecorderOptions options;
+    options.folder = recordings_folder(config);
+    for (const VideoCodec codec : {VideoCodec::kFfv1, VideoCodec::kUtVideo, VideoCodec::kH264})
+        if (name_of(codec) == config.codec) options.codec = codec;
+    options.poses = config.poses;
+    options.volumes = config.volumes;
+    options.keep_last_s = options.folder.empty() ? 0 : config.keep_last_s;
+    options.keep_last_bytes = bytes(config.keep_last_mb);
+    options.queue_bytes = bytes(config.queue_mb);
+    options.least_free_bytes = bytes(config.least_free_mb);
+    return Recorder::create(
+        options,
+        [&runner, &store, &use, own_calibration] {
+            RecordedCapture capture{runner.cameras(), runner.source_fps(), use.in_use(), {}, own_calibration};
+            if (!capture.calibration_id.empty()) capture.calibration_file = store.calibration_file(capture.calibration_id);
+            if (!capture.calibration_id.empty())
+                if (auto certificate = store.certificate_json(capture.calibration_id); certificate.ok())
+                    capture.certificate_json = *std::move(certificate);
+            return capture;
+        },
+        [&hub](const Event& event) { hub.publish_event(event, utc_now_ns()); });
+}
+
 PoseDatabaseOptions pose_database_options(const PoseConfig& config) {
     PoseDatabaseOptions options;
     options.poses = config.database_poses;

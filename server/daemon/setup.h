@@ -13,6 +13,7 @@
 #include "server/pipeline/pipeline.h"
 #include "server/pipeline/replay.h"
 #include "server/pose/database/database_service.h"
+#include "server/recording/recorder.h"
 
 namespace kinevox {
 
@@ -35,6 +36,13 @@ std::filesystem::path fitted_body_file(const PoseConfig& config);
 
 // Where calibrations are stored; empty: nowhere.
 std::filesystem::path calibration_folder(const CalibrationConfig& config);
+
+// Where recordings are stored; empty: nowhere.
+std::filesystem::path recordings_folder(const RecordingConfig& config);
+// What records the capture. All of them must outlive it.
+absl::StatusOr<std::unique_ptr<Recorder>> make_recorder(const DaemonConfig& config, const Runner& runner,
+                                                        const CalibrationStore& store, const CalibrationUse& use,
+                                                        StreamHub& hub);
 
 PoseDatabaseOptions pose_database_options(const PoseConfig& config);
 

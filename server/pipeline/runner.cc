@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cstdlib>
 
 #include <fmt/format.h>
 
@@ -13,16 +12,6 @@ namespace {
 
 double ms_since(std::chrono::steady_clock::time_point start) {
     return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-}
-
-// What makes UTC of a run's capture times, from the first of them. A live source's are the steady clock's, thus near
-// now; a recording's count from 0 and become the time since the run's start.
-std::int64_t utc_minus_capture_ns(std::int64_t first_capture_time_ns) {
-    constexpr std::int64_t kNearNs = 60'000'000'000;
-    const std::int64_t steady_now_ns = std::chrono::duration_cast<std::chrono::nanoseconds>(
-                                           std::chrono::steady_clock::now().time_since_epoch()).count();
-    const bool live = std::abs(steady_now_ns - first_capture_time_ns) < kNearNs;
-    return utc_now_ns() - (live ? steady_now_ns : first_capture_time_ns);
 }
 
 bool is_active(RunState state) {
@@ -140,6 +129,7 @@ absl::Status Runner::stop() {
         const std::scoped_lock lock(mutex_);
         feed_.source.reset();
     }
+    if (feed_.taps.on_end) feed_.taps.on_end();
     if (state().state != RunState::kFailed) set_state(RunState::kStopped);
     tell(EventKind::kStopped, "capture stopped");
     return absl::OkStatus();
@@ -187,12 +177,15 @@ absl::Status Runner::learn_from_clip() {
                           std::ranges::none_of(*pictures, [](const auto& camera) { return camera.empty(); });
     if (!complete) return absl::OkStatus();   // an operator will let it learn from live frames
     if (const absl::Status learned = feed_.pipeline->learn_background(*pictures); !learned.ok()) return learned;
+    const std::size_t count = pictures->front().size();
+    if (feed_.taps.on_background)
+        feed_.taps.on_background(std::make_shared<const std::vector<std::vector<Picture>>>(*std::move(pictures)));
     {
         const std::scoped_lock lock(mutex_);
         feed_.background_learned = true;
     }
     tell(EventKind::kBackgroundLearned, fmt::format("background learned from the source's own {} pictures a camera",
-                                                    pictures->front().size()));
+                                                    count));
     return absl::OkStatus();
 }
 
@@ -245,6 +238,7 @@ void Runner::fetch_loop() {
         const auto start = std::chrono::steady_clock::now();
         Fetched fetched{source->next(), 0};
         fetched.waited_ms = ms_since(start);
+        if (feed_.taps.on_frame_set && fetched.frame_set.ok()) feed_.taps.on_frame_set(*fetched.frame_set);
         last = !fetched.frame_set.ok();
         if (!fetched_.push(std::move(fetched))) return;
     }
@@ -313,9 +307,12 @@ void Runner::end(const absl::Status& why) {
     tell(over ? EventKind::kSourceEnded : EventKind::kError, message,
          over ? statistics_.figures().newest_sequence : 0);
     close_handovers();   // lets the other threads go
-    const std::scoped_lock lock(mutex_);
-    if (feed_.source) feed_.source->stop();
-    feed_.source.reset();
+    {
+        const std::scoped_lock lock(mutex_);
+        if (feed_.source) feed_.source->stop();
+        feed_.source.reset();
+    }
+    if (feed_.taps.on_end) feed_.taps.on_end();
 }
 
 void Runner::collect(const FrameSet& frame_set) {
@@ -342,6 +339,8 @@ void Runner::collect(const FrameSet& frame_set) {
     else
         status = feed_.pipeline->learn_background(complete->pictures);
     if (status.ok()) feed_.pipeline->reset_track();
+    if (status.ok() && feed_.taps.on_background)
+        feed_.taps.on_background(std::make_shared<const std::vector<std::vector<Picture>>>(std::move(complete->pictures)));
     {
         const std::scoped_lock lock(mutex_);
         if (status.ok()) feed_.background_learned = true;

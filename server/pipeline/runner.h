@@ -24,6 +24,14 @@ namespace kinevox {
 
 enum class RunState { kStopped, kStarting, kRunning, kLearning, kEnded, kFailed };
 
+// Who follows a run beside its results. None of them may wait.
+struct Taps {
+    std::function<void(const FrameSet&)> on_frame_set;   // each, as the source delivers it; on the fetching thread
+    // Per camera the pictures that the background was learned from; on the thread that learned it.
+    std::function<void(std::shared_ptr<const std::vector<std::vector<Picture>>>)> on_background;
+    std::function<void()> on_end;                        // no more frame sets and results of this run
+};
+
 // What a runner runs: a source and the pipeline that was made for its cameras.
 struct Feed {
     std::shared_ptr<FrameSource> source;   // null: opened by `reopen`
@@ -34,6 +42,7 @@ struct Feed {
     std::vector<Camera> cameras;                         // in use
     std::optional<std::vector<Camera>> next_cameras;     // from the next start on
     bool background_learned = false;
+    Taps taps;
 };
 
 // Threads: start(), stop() and learn_background() by one thread at a time (the daemon's control thread), they may
@@ -49,6 +58,8 @@ class Runner {
     // Called on the posing thread after each result, before it is published; may touch the pose stage then. To be set
     // before the first start.
     void set_after_result(std::function<void(const FrameResult&)> after_result) { after_result_ = std::move(after_result); }
+    // Of what runs now, a replay in between has none. To be set before the first start.
+    void set_taps(Taps taps) { feed_.taps = std::move(taps); }
     Runner(const Runner&) = delete;
     Runner& operator=(const Runner&) = delete;
 

@@ -9,6 +9,7 @@
 
 #include "common/atomic_file.h"
 #include "common/one_line.h"
+#include "server/recording/table.h"
 
 namespace kinevox {
 namespace {
@@ -81,6 +82,16 @@ absl::StatusOr<CsvTable> read_csv_table(const std::filesystem::path& path, std::
         }
     }
     return table;
+}
+
+std::string csv_cell(std::string_view text) {
+    if (text.find_first_of(",\"\n\r") == std::string_view::npos) return std::string(text);
+    std::string cell = "\"";
+    for (const char c : text) {
+        if (c == '"') cell += '"';
+        cell += c;
+    }
+    return cell + '"';
 }
 
 }  // namespace kinevox

@@ -4,7 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
+#include <type_traits>
+#include <utility>
 
 #include "common/degrees.h"
 #include "server/recording/csv_table.h"
@@ -55,26 +58,70 @@ absl::Status take_frames(const CsvTable& table, Trial& trial) {
         trial.frames.push_back(static_cast<std::int64_t>(frame));
         trial.time_s.push_back(time_s);
     }
+    trial.pictures = trial.frames;
     if (trial.size() < 2)
         return absl::InvalidArgumentError(
             fmt::format("{}: {} frames; a trial needs two at least", table.file, trial.size()));
     return absl::OkStatus();
 }
 
-// The rate, to a thousandth of a hertz: times are written to the microsecond.
+// The rate, to a thousandth of a hertz: times are written to the microsecond. Where frame sets were lost times lie several
+// frames apart; trial.frames counts those too.
 absl::Status take_rate(const CsvTable& table, Trial& trial) {
+    constexpr double kLongestGap_s = 3600;
+    std::vector<double> steps_s;
+    for (std::size_t n = 1; n < trial.size(); ++n) steps_s.push_back(trial.time_s[n] - trial.time_s[n - 1]);
+    std::nth_element(steps_s.begin(), steps_s.begin() + static_cast<std::ptrdiff_t>(steps_s.size() / 2), steps_s.end());
+    const double step_s = steps_s[steps_s.size() / 2];
     const double duration_s = trial.time_s.back() - trial.time_s.front();
-    const double rate_hz = static_cast<double>(trial.size() - 1) / duration_s;
-    if (!(duration_s > 0) || !(rate_hz < 1e6)) return wrong(table, trial.size() - 1, "time_s does not increase");
+    if (!(duration_s > 0) || !(step_s > 1e-6)) return wrong(table, trial.size() - 1, "time_s does not increase");
+    for (std::size_t n = 1; n < trial.size(); ++n) {
+        const double time_s = trial.time_s[n] - trial.time_s[n - 1];
+        if (!(time_s > 0 && time_s < kLongestGap_s))
+            return wrong(table, n, fmt::format("time_s is {:.4f} after {:.4f}", trial.time_s[n], trial.time_s[n - 1]));
+        trial.frames[n] = trial.frames[n - 1] + std::max<std::int64_t>(1, std::llround(time_s / step_s));
+    }
+    const double rate_hz = static_cast<double>(trial.frames.back() - trial.frames.front()) / duration_s;
     trial.rate_hz = std::max(std::round(1000 * rate_hz) / 1000, 0.001);
     for (std::size_t n = 0; n < trial.size(); ++n) {
-        const double even_s = trial.time_s.front() + static_cast<double>(n) / rate_hz;
+        const double even_s = trial.time_s.front() + static_cast<double>(trial.frames[n] - trial.frames.front()) / rate_hz;
         if (std::abs(trial.time_s[n] - even_s) > 0.5 / rate_hz)
             return wrong(table, n,
                          fmt::format("time_s is {:.4f}, but {:.4f} at {:g} frames a second", trial.time_s[n], even_s,
                                      trial.rate_hz));
     }
     return absl::OkStatus();
+}
+
+// Rows without values where frame sets were lost.
+void fill_gaps(Trial& trial) {
+    const std::int64_t first = trial.frames.front();
+    const auto size = static_cast<std::size_t>(trial.frames.back() - first + 1);
+    if (size == trial.size()) return;
+    constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+    const auto spread = [&](auto& values, const auto& missing) {
+        if (values.empty()) return;
+        std::decay_t<decltype(values)> spaced(size, missing);
+        for (std::size_t n = 0; n < values.size(); ++n) spaced[static_cast<std::size_t>(trial.frames[n] - first)] = values[n];
+        values = std::move(spaced);
+    };
+    std::array<Vec3, kJointNames.size()> no_joints;
+    no_joints.fill({kNone, kNone, kNone});
+    std::array<double, kJointAngleNames.size()> no_angles;
+    no_angles.fill(kNone);
+    BodyCoordinates no_coordinates;
+    no_coordinates.fill(kNone);
+    spread(trial.joints, no_joints);
+    spread(trial.angles_rad, no_angles);
+    spread(trial.coordinates, no_coordinates);
+    spread(trial.pictures, std::int64_t{-1});
+    const double start_s = trial.time_s.front();
+    trial.frames.resize(size);
+    trial.time_s.resize(size);
+    for (std::size_t n = 0; n < size; ++n) {
+        trial.frames[n] = first + static_cast<std::int64_t>(n);
+        trial.time_s[n] = start_s + static_cast<double>(n) / trial.rate_hz;
+    }
 }
 
 absl::Status take_joints(const CsvTable& table, Trial& trial) {
@@ -100,9 +147,9 @@ absl::StatusOr<CsvTable> read_beside(const fs::path& file, std::span<const std::
     auto table = read_csv_table(file, columns);
     if (!table.ok()) return table;
     for (std::size_t n = 0; n < std::min(table->rows(), trial.size()); ++n)
-        if (table->at(n, 0) != static_cast<double>(trial.frames[n]))
+        if (table->at(n, 0) != static_cast<double>(trial.pictures[n]))
             return wrong(*table, n,
-                         fmt::format("frame {} stands where joints.csv has {}", table->at(n, 0), trial.frames[n]));
+                         fmt::format("frame {} stands where joints.csv has {}", table->at(n, 0), trial.pictures[n]));
     if (table->rows() != trial.size())
         return absl::InvalidArgumentError(fmt::format("{}: {} frames, but joints.csv has {}; both must be of one run",
                                                       table->file, table->rows(), trial.size()));
@@ -152,6 +199,7 @@ absl::StatusOr<Trial> read_trial(const fs::path& folder) {
         if (!body.ok()) return body.status();
         trial.body = *body;
     }
+    fill_gaps(trial);
     return trial;
 }
 
@@ -178,6 +226,7 @@ absl::StatusOr<Trial> part_of_trial(const Trial& trial, std::int64_t first_frame
     };
     Trial part = trial;
     cut(part.frames);
+    cut(part.pictures);
     cut(part.time_s);
     cut(part.joints);
     cut(part.angles_rad);

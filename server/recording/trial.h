@@ -23,7 +23,10 @@ struct Trial {
     std::string name;  // of the folder
     std::filesystem::path folder;
     double rate_hz = 0;
-    std::vector<std::int64_t> frames;                          // of the session, without gaps
+    // Counted at the rate, without gaps; those of the session where it lost no frame set, else what was lost is counted
+    // too and has no values.
+    std::vector<std::int64_t> frames;
+    std::vector<std::int64_t> pictures;                        // the session's frame; -1: it was lost
     std::vector<double> time_s;                                // even, within half a frame
     std::vector<std::array<Vec3, kJointNames.size()>> joints;  // in the order of kJointNames
     // Empty where the folder has no such file.

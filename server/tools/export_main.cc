@@ -2,25 +2,26 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <cmath>
+#include <atomic>
 #include <cstdint>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
-#include <limits>
 #include <string>
 
-#include "common/atomic_file.h"
 #include "common/degrees.h"
-#include "server/recording/trial_formats.h"
+#include "server/cameras/session_source.h"
+#include "server/recording/recording_export.h"
+#include "server/tools/interrupt.h"
 
 namespace {
 
 
 struct Arguments {
     std::filesystem::path folder, out;
-    std::string format, frames;
+    std::string format, frames, camera;
     double turn_deg = 0;
+    int width_px = 0;
     bool hold = false, quiet = false;
 };
 
@@ -31,17 +32,21 @@ int fail(std::string message) {
 }
 
 void declare(CLI::App& app, Arguments& arguments) {
-    app.add_option("folder", arguments.folder, "What `kinevox process` wrote")->required();
-    app.add_option("--format", arguments.format, "trc, mot (OpenSim), c3d, bvh or csv")
+    app.add_option("folder", arguments.folder, "What `kinevox process` wrote, or a recording's folder or session.toml")
+        ->required();
+    app.add_option("--format", arguments.format, "trc, mot (OpenSim), c3d, bvh, csv, ply (a recording's volumes, into a folder) or "
+                                                    "mp4 (pictures with the skeleton)")
         ->required()
-        ->check(CLI::IsMember({"trc", "mot", "c3d", "bvh", "csv"}));
-    app.add_option("--out", arguments.out, "The file to write")->required();
+        ->check(CLI::IsMember({"trc", "mot", "c3d", "bvh", "csv", "ply", "mp4"}));
+    app.add_option("--out", arguments.out, "The file to write; of ply the folder")->required();
     app.add_option("--frames", arguments.frames, "A part of the trial, FIRST-LAST, both included");
     app.add_option(
            "--turn", arguments.turn_deg,
            "Turns the trial about the vertical, degrees, anticlockwise from above: OpenSim's models look along x")
         ->check(CLI::Range(-360.0, 360.0));
     app.add_flag("--hold", arguments.hold, "bvh: where a value is withheld, repeat the last measured one");
+    app.add_option("--camera", arguments.camera, "mp4: this camera's pictures; else all of them in tiles");
+    app.add_option("--width", arguments.width_px, "mp4: of the film, px; 0: 1280 at most")->check(CLI::Range(0, 8192));
     app.add_flag("--quiet", arguments.quiet, "Say nothing when all is well");
 }
 
@@ -54,34 +59,10 @@ bool parse_frames(const std::string& text, std::int64_t& first, std::int64_t& la
     return true;
 }
 
-// OpenSim's models let the pelvis turn 90 deg to either side of x.
-std::string clamped_remark(const kinevox::AngleRange& range, double turn_deg) {
-    const double least = kinevox::degrees(range.least_rad), most = kinevox::degrees(range.most_rad);
-    if (least >= -90 && most <= 90) return {};
-    std::string remark = fmt::format(
-        "; pelvis_rotation goes from {:.0f} to {:.0f} deg, but OpenSim's models clamp it at 90", least, most);
-    if (most - least < 170)
-        remark += fmt::format(": --turn {:.0f} avoids that", std::remainder(turn_deg - (least + most) / 2, 360.0));
-    return remark;
-}
-
-absl::StatusOr<std::string> contents(const Arguments& arguments, const kinevox::Trial& trial, std::string& remark) {
-    if (arguments.format == "trc") return kinevox::trc_file(trial, arguments.out.filename().string());
-    if (arguments.format == "c3d") return kinevox::c3d_file(trial);
-    if (arguments.format == "csv") return kinevox::csv_file(trial);
-    if (arguments.format == "bvh") {
-        std::int64_t held = 0;
-        auto text = kinevox::bvh_file(trial, arguments.hold, &held);
-        if (held > 0) remark = fmt::format("; {} frames repeat a value that was withheld", held);
-        return text;
-    }
-    auto text = kinevox::mot_file(trial);
-    if (text.ok()) remark = clamped_remark(kinevox::mot_pelvis_rotation(trial), arguments.turn_deg);
-    return text;
-}
-
 int run(int argc, char** argv) {
-    CLI::App app("Writes a processed trial as TRC or MOT (OpenSim), C3D, BVH or CSV.", "kinevox export");
+    CLI::App app("Writes a processed trial or a recording as TRC or MOT (OpenSim), C3D, BVH, CSV, PLY or MP4. With --session NAME: "
+                 "a recording of a running daemon (`kinevox export --session NAME --help`).",
+                 "kinevox export");
     Arguments arguments;
     declare(app, arguments);
     try {
@@ -92,29 +73,32 @@ int run(int argc, char** argv) {
         return fail(std::string(error.what()) + "; see kinevox export --help");
     }
     if (arguments.out.filename().empty()) return fail("--out is no file's name; give the file to write");
-    auto trial = kinevox::read_trial(arguments.folder);
-    if (!trial.ok()) return fail(std::string(trial.status().message()));
-    if (!arguments.frames.empty()) {
-        std::int64_t first = 0, last = 0;
-        if (!parse_frames(arguments.frames, first, last))
-            return fail(fmt::format("--frames is '{}'; write it as FIRST-LAST, for example 30-89", arguments.frames));
-        trial = kinevox::part_of_trial(*trial, first, last);
-        if (!trial.ok()) return fail(std::string(trial.status().message()));
+    kinevox::ExportOptions options;
+    options.format = arguments.format;
+    options.turn_rad = kinevox::radians(arguments.turn_deg);
+    options.hold = arguments.hold;
+    options.camera = arguments.camera;
+    options.width_px = arguments.width_px;
+    if (!arguments.frames.empty() && !parse_frames(arguments.frames, options.first_frame, options.last_frame))
+        return fail(fmt::format("--frames is '{}'; write it as FIRST-LAST, for example 30-89", arguments.frames));
+    std::atomic<bool> stop{false};
+    const kinevox::Interrupt interrupt([&stop] { stop = true; });
+    const auto written = kinevox::export_recording(arguments.folder, options, arguments.out, stop);
+    if (!written.ok()) {
+        if (arguments.format == "mp4") std::remove(arguments.out.c_str());   // half a film
+        return fail(std::string(written.status().message()));
     }
-    if (arguments.turn_deg != 0) kinevox::turn_trial(*trial, kinevox::radians(arguments.turn_deg));
-    std::string remark;
-    const auto bytes = contents(arguments, *trial, remark);
-    if (!bytes.ok()) return fail(std::string(bytes.status().message()));
-    if (absl::Status written = kinevox::write_file_atomically(arguments.out, *bytes); !written.ok())
-        return fail(std::string(written.message()));
     if (!arguments.quiet)
-        fmt::print("{} frames at {:g} Hz in {}{}\n", trial->size(), trial->rate_hz, arguments.out.string(), remark);
+        fmt::print("{} frames{} in {}{}\n", written->frames,
+                   written->rate_hz > 0 ? fmt::format(" at {:g} Hz", written->rate_hz) : "", arguments.out.string(),
+                   written->remark.empty() ? "" : "; " + written->remark);
     return 0;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
+    kinevox::silence_video_libraries();
     try {
         return run(argc, argv);
     } catch (const std::exception& error) {

@@ -6,7 +6,7 @@
 
 #include "common/atomic_file.h"
 #include "server/pose/pose_estimate.h"
-#include "server/tools/process/pose_tables.h"
+#include "server/recording/pose_tables.h"
 
 namespace kinevox::testing {
 

@@ -10,7 +10,7 @@
 #include "common/degrees.h"
 #include "common/joint_angles.h"
 #include "common/session_file.h"
-#include "server/cameras/studio/h264_file.h"
+#include "server/cameras/h264_file.h"
 
 namespace kinevox::studio {
 namespace {

@@ -53,16 +53,6 @@ void append(std::string& to, fmt::format_string<T...> format, T&&... values) {
 
 }  // namespace
 
-std::string csv_cell(std::string_view text) {
-    if (text.find_first_of(",\"\n\r") == std::string_view::npos) return std::string(text);
-    std::string cell = "\"";
-    for (const char c : text) {
-        if (c == '"') cell += '"';
-        cell += c;
-    }
-    return cell + '"';
-}
-
 std::string_view event_name(EventKind kind) {
     switch (kind) {
         case EventKind::kSubjectFound: return "subject_found";

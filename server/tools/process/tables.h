@@ -6,13 +6,9 @@
 #include <vector>
 
 #include "server/pipeline/frame_result.h"
+#include "server/recording/table.h"
 
 namespace kinevox {
-
-struct Table {
-    std::string_view file_name;
-    std::string text;   // header and rows
-};
 
 // Tables that grow by a row (events: by any number of rows) with each result.
 //   volume.csv     frame,voxel_mm,voxels,volume_litres,min_x,...,max_z (metres, around the occupied voxels)
@@ -32,8 +28,5 @@ class ResultTables {
 };
 
 std::string_view event_name(EventKind kind);
-
-// Quoted where a comma, a quote or a line break demands it.
-std::string csv_cell(std::string_view text);
 
 }  // namespace kinevox

@@ -15,7 +15,7 @@
 
 #include "common/calibration_file.h"
 #include "server/cameras/session_source.h"
-#include "server/cameras/studio/h264_file.h"
+#include "server/cameras/h264_file.h"
 #include "tests/unit/common/temporary_folder.h"
 
 namespace kinevox {
@@ -58,7 +58,7 @@ class ReplaySourceTest : public ::testing::Test {
         }
         ASSERT_TRUE(write_calibration_toml(cameras, folder / "calibration.toml").ok());
         shared_->write("session.toml", session);
-        auto h264 = studio::H264File::create(folder / files[0], kWidth, kHeight, {.fps = kFps});
+        auto h264 = H264File::create(folder / files[0], kWidth, kHeight, {.fps = kFps});
         ASSERT_TRUE(h264.ok()) << h264.status();
         cv::VideoWriter ffv1((folder / files[1]).string(), cv::CAP_FFMPEG, cv::VideoWriter::fourcc('F', 'F', 'V', '1'), kFps,
                              {kWidth, kHeight});

@@ -86,7 +86,7 @@ TEST(Trial, TellsWhatIsWrongInOneLine) {
         {"a gap", replaced(good, "\n3,", "\n4,"), "joints.csv:5: frame 4 follows frame 2"},
         {"a half frame", replaced(good, "\n3,", "\n3.5,"), "joints.csv:5: frame is 3.5"},
         {"no time", replaced(good, "\n3,0.060000,", "\n3,,"), "joints.csv:5: time_s is missing"},
-        {"a jump in time", replaced(good, "\n3,0.060000,", "\n3,0.090000,"), "joints.csv:5: time_s is 0.0900"},
+        {"a jump in time", replaced(good, "\n3,0.060000,", "\n3,0.090000,"), "joints.csv:6: time_s is 0.0800 after 0.0900"},
         {"half a joint", replaced(good, "\n3,0.060000,1.05400,", "\n3,0.060000,,"),
          "joints.csv:5: root has only a part"},
         {"nothing measured", nothing, "no joint of any frame was measured"},

@@ -9,7 +9,7 @@
 
 #include "server/cameras/frame_source.h"
 
-namespace kinevox::studio {
+namespace kinevox {
 
 struct H264Options {
     double fps = 30;
@@ -28,4 +28,4 @@ class H264File {
     virtual absl::Status close() = 0;
 };
 
-}  // namespace kinevox::studio
+}  // namespace kinevox

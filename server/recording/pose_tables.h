@@ -1,11 +1,15 @@
-// What `kinevox process` writes of the poses; design: "Contract of the command line".
+// What `kinevox process` and the recorder write of the poses; design: "Contract of the command line".
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <memory>
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/body_pose.h"
-#include "server/tools/process/tables.h"
+#include "server/recording/table.h"
 
 namespace kinevox {
 
@@ -25,5 +29,12 @@ struct PoseRow {
 //   withheld.csv     frame,time_s,name,reason: a row for each withheld joint and angle, or one named "pose" for all
 // What is withheld leaves its cells empty in the first three.
 std::vector<Table> pose_tables(const std::vector<PoseRow>& rows);
+
+// The same row by row.
+inline constexpr std::array<std::string_view, 5> kPoseTableNames{"joints.csv", "angles.csv", "coordinates.csv",
+                                                                 "uncertainty.csv", "withheld.csv"};
+using PoseLines = std::array<std::string, kPoseTableNames.size()>;   // in the order of kPoseTableNames, with line breaks
+PoseLines pose_table_headers();
+PoseLines pose_table_rows(const PoseRow& row);   // of withheld.csv as many lines as there are values withheld, or none
 
 }  // namespace kinevox

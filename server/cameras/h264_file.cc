@@ -1,37 +1,16 @@
-#include "server/cameras/studio/h264_file.h"
+#include "server/cameras/h264_file.h"
 
 #include <cmath>
 
 #include <fmt/format.h>
 
-extern "C" {
-#include <libavcodec/avcodec.h>
-#include <libavformat/avformat.h>
-#include <libavutil/opt.h>
-#include <libswscale/swscale.h>
-}
+#include "server/cameras/libav.h"
 
-namespace kinevox::studio {
+namespace kinevox {
 namespace {
 
-struct Delete {
-    void operator()(AVCodecContext* p) const { avcodec_free_context(&p); }
-    void operator()(AVFrame* p) const { av_frame_free(&p); }
-    void operator()(AVPacket* p) const { av_packet_free(&p); }
-    void operator()(SwsContext* p) const { sws_freeContext(p); }
-    void operator()(AVFormatContext* p) const {
-        if (p->pb) avio_closep(&p->pb);
-        avformat_free_context(p);
-    }
-};
-template <typename T>
-using Owned = std::unique_ptr<T, Delete>;
-
-std::string reason(int error) {
-    char text[AV_ERROR_MAX_STRING_SIZE] = {};
-    av_strerror(error, text, sizeof text);
-    return text;
-}
+using libav::Owned;
+using libav::reason;
 
 class LibavFile final : public H264File {
   public:
@@ -141,4 +120,4 @@ absl::StatusOr<std::unique_ptr<H264File>> H264File::create(const std::filesystem
     return video;
 }
 
-}  // namespace kinevox::studio
+}  // namespace kinevox

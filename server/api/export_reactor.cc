@@ -1,0 +1,142 @@
+#include "server/api/export_reactor.h"
+
+#include <signal.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <string_view>
+#include <system_error>
+#include <utility>
+
+#include <boost/asio/post.hpp>
+#include <fmt/format.h>
+
+#include "common/background_priority.h"
+#include "common/degrees.h"
+#include "server/api/recording_handlers.h"
+#include "server/api/to_proto.h"
+
+namespace kinevox {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kPieceBytes = 512 << 10;
+constexpr std::string_view kPrefix = ".export-";
+
+// A hidden folder beside the recordings, where there is room for films; those of daemons that are gone are removed.
+absl::StatusOr<fs::path> make_folder(const fs::path& recordings) {
+    std::error_code error;
+    for (const auto& entry : fs::directory_iterator(recordings, error)) {
+        const std::string name = entry.path().filename().string();
+        if (!name.starts_with(kPrefix)) continue;
+        int owner = 0;
+        std::from_chars(name.data() + kPrefix.size(), name.data() + name.size(), owner);
+        std::error_code ignored;
+        if (owner > 0 && ::kill(owner, 0) != 0 && errno == ESRCH) fs::remove_all(entry.path(), ignored);
+    }
+    std::string pattern = (recordings / fmt::format("{}{}-XXXXXX", kPrefix, getpid())).string();
+    if (!::mkdtemp(pattern.data()))
+        return absl::UnavailableError(fmt::format("{}: the daemon cannot write there; correct its rights", recordings.string()));
+    return fs::path(pattern);
+}
+
+absl::StatusOr<std::string> format_of(v1::ExportFormat format) {
+    switch (format) {
+        case v1::EXPORT_FORMAT_TRC: return "trc";
+        case v1::EXPORT_FORMAT_MOT: return "mot";
+        case v1::EXPORT_FORMAT_C3D: return "c3d";
+        case v1::EXPORT_FORMAT_BVH: return "bvh";
+        case v1::EXPORT_FORMAT_CSV: return "csv";
+        case v1::EXPORT_FORMAT_PLY: return "ply";
+        case v1::EXPORT_FORMAT_MP4: return "mp4";
+        default:
+            return absl::InvalidArgumentError(fmt::format("format is {}, which this daemon does not know", static_cast<int>(format)));
+    }
+}
+
+}  // namespace
+
+ExportReactor* ExportReactor::run(const ApiContext& api, const v1::ExportRequest& request) {
+    std::shared_ptr<ExportReactor> reactor(new ExportReactor(api));
+    reactor->self_ = reactor;
+    if (const absl::Status missing = check_recording(api); !missing.ok())
+        reactor->Finish(to_grpc(missing));
+    else
+        boost::asio::post(api.exports, [reactor, request] { reactor->make(request); });
+    return reactor.get();
+}
+
+// The files go first: who has got the answer finds nothing left behind.
+void ExportReactor::finish(const grpc::Status& status) {
+    std::error_code ignored;
+    if (!folder_.empty()) fs::remove_all(folder_, ignored);
+    Finish(status);
+}
+
+absl::Status ExportReactor::make_files(const v1::ExportRequest& request) {
+    const auto format = format_of(request.format());
+    if (!format.ok()) return format.status();
+    const fs::path recordings = api_.recorder->options().folder;
+    const auto session = recording_session_file(recordings, request.recording());
+    if (!session.ok()) return session.status();
+    if (request.first_frame() < 0 || request.width_px() < 0 || request.width_px() > 8192 ||
+        !(std::abs(request.turn_deg()) <= 360))
+        return absl::InvalidArgumentError("first_frame must be 0 or more, width_px 0 to 8192, turn_deg -360 to 360");
+    auto folder = make_folder(recordings);
+    if (!folder.ok()) return folder.status();
+    folder_ = *std::move(folder);
+    ExportOptions options;
+    options.format = *format;
+    options.first_frame = request.first_frame();
+    options.last_frame = request.last_frame() > 0 ? request.last_frame() : -1;
+    options.turn_rad = radians(request.turn_deg());
+    options.hold = request.hold();
+    options.camera = request.camera();
+    options.width_px = request.width_px();
+    const fs::path out = *format == "ply" ? folder_ : folder_ / (request.recording() + "." + *format);
+    auto files = export_recording(*session, options, out, stop_);
+    if (!files.ok()) return files.status();
+    files_ = *std::move(files);
+    return absl::OkStatus();
+}
+
+void ExportReactor::make(const v1::ExportRequest& request) {
+    lower_this_threads_priority();   // the thread does nothing else
+    if (absl::Status made = make_files(request); !made.ok()) return finish(to_grpc(made));
+    send_next();
+}
+
+void ExportReactor::send_next() {
+    if (stop_ || at_ >= files_.files.size()) return finish(stop_ ? grpc::Status::CANCELLED : grpc::Status::OK);
+    const fs::path& path = files_.files[at_];
+    if (!file_.is_open()) file_.open(path, std::ios::binary);
+    piece_.Clear();
+    piece_.set_file_name(path.filename().string());
+    std::string& data = *piece_.mutable_data();
+    data.resize(kPieceBytes);
+    file_.read(data.data(), static_cast<std::streamsize>(data.size()));
+    data.resize(static_cast<std::size_t>(file_.gcount()));
+    if (file_.bad()) return finish({grpc::StatusCode::DATA_LOSS, fmt::format("{}: cannot be read back", path.string())});
+    if (file_.eof() || file_.peek() == std::ifstream::traits_type::eof()) {
+        piece_.set_last_of_file(true);
+        if (++at_ == files_.files.size()) piece_.set_remark(files_.remark);
+        file_.close();
+        file_.clear();
+    }
+    StartWrite(&piece_);
+}
+
+void ExportReactor::OnWriteDone(bool ok) {
+    if (!ok) stop_ = true;
+    boost::asio::post(api_.exports, [self = shared_from_this()] { self->send_next(); });
+}
+
+void ExportReactor::OnDone() {
+    boost::asio::post(api_.exports, [self = std::exchange(self_, nullptr)] {});   // a task of it may still run there
+}
+
+}  // namespace kinevox

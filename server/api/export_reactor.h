@@ -1,0 +1,44 @@
+// The gRPC side of one export: the files are made on the exports' thread, then sent piece by piece.
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+
+#include <grpcpp/support/server_callback.h>
+
+#include "kinevox/v1/recording_service.pb.h"
+#include "server/api/api_context.h"
+#include "server/recording/recording_export.h"
+
+namespace kinevox {
+
+// Owns itself from run() to gRPC's OnDone. The state below is the exports' thread's; one write is in flight, so a client
+// that reads slowly costs a piece.
+class ExportReactor final : public grpc::ServerWriteReactor<v1::ExportResponse>,
+                            public std::enable_shared_from_this<ExportReactor> {
+  public:
+    static ExportReactor* run(const ApiContext& api, const v1::ExportRequest& request);
+    void OnWriteDone(bool ok) override;
+    void OnCancel() override { stop_ = true; }
+    void OnDone() override;
+
+  private:
+    explicit ExportReactor(const ApiContext& api) : api_(api) {}
+    void make(const v1::ExportRequest& request);
+    absl::Status make_files(const v1::ExportRequest& request);
+    void send_next();
+    void finish(const grpc::Status& status);
+
+    const ApiContext& api_;
+    std::shared_ptr<ExportReactor> self_;   // until OnDone
+    std::atomic<bool> stop_ = false;
+    std::filesystem::path folder_;
+    ExportedFiles files_;
+    std::size_t at_ = 0;                    // of files_
+    std::ifstream file_;
+    v1::ExportResponse piece_;              // must live until OnWriteDone
+};
+
+}  // namespace kinevox

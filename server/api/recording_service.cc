@@ -1,0 +1,58 @@
+#include "server/api/recording_service.h"
+
+#include "server/api/export_reactor.h"
+#include "server/api/recording_handlers.h"
+#include "server/api/to_proto.h"
+#include "server/api/unary_call.h"
+
+namespace kinevox {
+
+RecordingServiceImpl::Reactor* RecordingServiceImpl::StartRecording(Context* context,
+                                                                    const v1::StartRecordingRequest* request,
+                                                                    v1::StartRecordingResponse* response) {
+    return unary_call(api_, api_.recordings, context, request, response, check_recording, start_recording);
+}
+
+RecordingServiceImpl::Reactor* RecordingServiceImpl::StopRecording(Context* context,
+                                                                   const v1::StopRecordingRequest* request,
+                                                                   v1::StopRecordingResponse* response) {
+    return unary_call(api_, api_.recordings, context, request, response, check_recording, stop_recording);
+}
+
+RecordingServiceImpl::Reactor* RecordingServiceImpl::KeepLast(Context* context, const v1::KeepLastRequest* request,
+                                                              v1::KeepLastResponse* response) {
+    return unary_call(api_, api_.recordings, context, request, response, check_recording, keep_last);
+}
+
+// Not behind a call that waits for files.
+RecordingServiceImpl::Reactor* RecordingServiceImpl::GetRecorderStatus(Context* context,
+                                                                       const v1::GetRecorderStatusRequest* request,
+                                                                       v1::GetRecorderStatusResponse* response) {
+    Reactor* reactor = context->DefaultReactor();
+    reactor->Finish(to_grpc(get_recorder_status(api_, *request, *response)));
+    return reactor;
+}
+
+RecordingServiceImpl::Reactor* RecordingServiceImpl::ListRecordings(Context* context,
+                                                                    const v1::ListRecordingsRequest* request,
+                                                                    v1::ListRecordingsResponse* response) {
+    return unary_call(api_, api_.recordings, context, request, response, check_recording, list_recordings);
+}
+
+RecordingServiceImpl::Reactor* RecordingServiceImpl::GetRecording(Context* context,
+                                                                  const v1::GetRecordingRequest* request,
+                                                                  v1::GetRecordingResponse* response) {
+    return unary_call(api_, api_.recordings, context, request, response, check_recording, get_recording);
+}
+
+RecordingServiceImpl::Reactor* RecordingServiceImpl::DeleteRecording(Context* context,
+                                                                     const v1::DeleteRecordingRequest* request,
+                                                                     v1::DeleteRecordingResponse* response) {
+    return unary_call(api_, api_.recordings, context, request, response, check_recording, delete_recording);
+}
+
+grpc::ServerWriteReactor<v1::ExportResponse>* RecordingServiceImpl::Export(Context*, const v1::ExportRequest* request) {
+    return ExportReactor::run(api_, *request);
+}
+
+}  // namespace kinevox

@@ -1,0 +1,30 @@
+// A call with one answer, worked on by a thread that is not gRPC's.
+#pragma once
+
+#include <boost/asio/any_io_executor.hpp>
+#include <boost/asio/post.hpp>
+#include <grpcpp/support/server_callback.h>
+
+#include "server/api/api_context.h"
+#include "server/api/to_proto.h"
+
+namespace kinevox {
+
+// `handler` runs on `thread` if `check` allows it. gRPC keeps request and response until Finish().
+template <typename Request, typename Response>
+grpc::ServerUnaryReactor* unary_call(const ApiContext& api, const boost::asio::any_io_executor& thread,
+                                     grpc::CallbackServerContext* context, const Request* request, Response* response,
+                                     absl::Status (*check)(const ApiContext&),
+                                     absl::Status (*handler)(const ApiContext&, const Request&, Response&)) {
+    grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+    if (const absl::Status refused = check(api); !refused.ok()) {
+        reactor->Finish(to_grpc(refused));
+        return reactor;
+    }
+    boost::asio::post(thread, [&api, reactor, request, response, handler] {
+        reactor->Finish(to_grpc(handler(api, *request, *response)));
+    });
+    return reactor;
+}
+
+}  // namespace kinevox

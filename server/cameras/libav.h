@@ -1,0 +1,37 @@
+// FFmpeg's objects with their owners. For .cc files alone: no header of ours passes FFmpeg on.
+#pragma once
+
+#include <memory>
+#include <string>
+
+extern "C" {
+#include <libavcodec/avcodec.h>
+#include <libavformat/avformat.h>
+#include <libavutil/opt.h>
+#include <libswscale/swscale.h>
+}
+
+namespace kinevox::libav {
+
+struct Delete {
+    void operator()(AVCodecContext* p) const { avcodec_free_context(&p); }
+    void operator()(AVFrame* p) const { av_frame_free(&p); }
+    void operator()(AVPacket* p) const { av_packet_free(&p); }
+    void operator()(SwsContext* p) const { sws_freeContext(p); }
+    // Of a container that is written to a file of its own opening.
+    void operator()(AVFormatContext* p) const {
+        if (p->pb && !(p->flags & AVFMT_FLAG_CUSTOM_IO)) avio_closep(&p->pb);
+        avformat_free_context(p);
+    }
+};
+template <typename T>
+using Owned = std::unique_ptr<T, Delete>;
+
+// FFmpeg's own word for one of its error codes.
+inline std::string reason(int error) {
+    char text[AV_ERROR_MAX_STRING_SIZE] = {};
+    av_strerror(error, text, sizeof text);
+    return text;
+}
+
+}  // namespace kinevox::libav

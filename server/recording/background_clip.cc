@@ -1,0 +1,104 @@
+#include "server/recording/background_clip.h"
+
+#include <unistd.h>
+
+#include <cmath>
+#include <system_error>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "common/recording_files.h"
+#include "server/recording/append_file.h"
+#include "server/recording/video_file.h"
+
+namespace kinevox {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr const char* kPrefix = ".background-";
+
+}  // namespace
+
+struct BackgroundClip::Lock {
+    AppendFile file;
+};
+
+BackgroundClip::BackgroundClip(fs::path folder, std::function<void()> on_written)
+    : folder_(std::move(folder)), on_written_(std::move(on_written)) {
+    std::error_code error;
+    if (folder_.empty()) return;
+    for (const auto& entry : fs::directory_iterator(folder_, error)) {
+        if (!entry.path().filename().string().starts_with(kPrefix)) continue;
+        std::error_code ignored;
+        if (!being_written(entry.path() / "lock")) fs::remove_all(entry.path(), ignored);
+    }
+}
+
+BackgroundClip::~BackgroundClip() {
+    thread_ = {};   // asks it to stop and joins it
+    if (!lock_) return;
+    std::error_code ignored;
+    fs::remove_all(lock_->file.path().parent_path(), ignored);
+}
+
+void BackgroundClip::keep(std::vector<Camera> cameras, double fps, EmptyScene pictures) {
+    if (folder_.empty() || !pictures || pictures->size() != cameras.size()) return;
+    thread_ = {};
+    {
+        const std::scoped_lock lock(mutex_);
+        writing_ = true;
+        files_.clear();
+    }
+    thread_ = std::jthread([this, cameras = std::move(cameras), fps, pictures = std::move(pictures)](
+                               const std::stop_token& stop) mutable {
+        write(cameras, fps, *pictures, stop);
+        pictures.reset();
+        {
+            const std::scoped_lock lock(mutex_);
+            writing_ = false;
+            changed_.notify_all();
+        }
+        if (!stop.stop_requested()) on_written_();
+    });
+}
+
+void BackgroundClip::write(const std::vector<Camera>& cameras, double fps,
+                           const std::vector<std::vector<Picture>>& pictures, const std::stop_token& stop) {
+    const fs::path own = folder_ / fmt::format("{}{}", kPrefix, getpid());
+    std::error_code error;
+    fs::create_directories(own, error);
+    if (!lock_) {
+        auto made = AppendFile::create(own / "lock");
+        if (!made.ok() || !made->lock()) return;
+        lock_ = std::make_unique<Lock>(Lock{*std::move(made)});
+    }
+    std::vector<fs::path> files;
+    for (std::size_t c = 0; c < cameras.size(); ++c) {
+        const fs::path video = own / (cameras[c].name + ".mkv");
+        fs::remove(video, error);   // a recording may hold the old one by another name
+        fs::remove(fs::path(video).replace_extension(".index"), error);
+        auto encoder = PictureEncoder::create(cameras[c], fps, VideoCodec::kUtVideo);
+        if (!encoder.ok()) return;
+        auto file = VideoFile::create(video, (*encoder)->format());
+        if (!file.ok()) return;
+        for (std::size_t n = 0; n < pictures[c].size(); ++n) {
+            if (stop.stop_requested()) return;
+            const auto encoded = (*encoder)->encode(pictures[c][n], true);
+            const auto time_ns = std::llround(1e9 * static_cast<double>(n) / fps);
+            if (!encoded.ok() || !(*file)->append(**encoded, time_ns).ok()) return;
+        }
+        (*file)->close().IgnoreError();
+        files.push_back(video);
+    }
+    const std::scoped_lock lock(mutex_);
+    files_ = std::move(files);
+}
+
+std::vector<fs::path> BackgroundClip::files(bool wait) {
+    std::unique_lock lock(mutex_);
+    if (wait) changed_.wait(lock, [this] { return !writing_; });
+    return files_;
+}
+
+}  // namespace kinevox

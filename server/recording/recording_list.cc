@@ -1,0 +1,105 @@
+#include "server/recording/recording_list.h"
+
+#include <algorithm>
+#include <system_error>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "common/recording_files.h"
+
+namespace kinevox {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kLongestName = 100;
+
+std::uint64_t bytes_of(const fs::path& folder) {
+    std::uint64_t bytes = 0;
+    std::error_code error;
+    for (auto entry = fs::recursive_directory_iterator(folder, error); !error && entry != fs::recursive_directory_iterator();
+         entry.increment(error)) {
+        std::error_code gone;
+        const auto size = entry->is_regular_file(gone) ? entry->file_size(gone) : 0;
+        if (!gone) bytes += size;
+    }
+    return bytes;
+}
+
+}  // namespace
+
+std::string recording_name_problem(const std::string& name) {
+    const auto allowed = [](char c) {
+        return (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || c == '.' || c == '_' || c == '-';
+    };
+    if (name.empty() || name.size() > kLongestName || name.front() == '.' || !std::ranges::all_of(name, allowed))
+        return fmt::format("the name \"{}\" is not 1 to {} letters, digits, '.', '_' or '-', the first not '.'; choose "
+                           "another one",
+                           name.substr(0, 120), kLongestName);
+    return {};
+}
+
+absl::StatusOr<fs::path> recording_session_file(const fs::path& folder, const std::string& name) {
+    if (const std::string problem = recording_name_problem(name); !problem.empty())
+        return absl::InvalidArgumentError(problem);
+    const fs::path file = folder / name / "session.toml";
+    std::error_code error;
+    if (!fs::is_regular_file(file, error))
+        return absl::NotFoundError(fmt::format("there is no recording \"{}\"; see `kinevox record list`", name));
+    return file;
+}
+
+absl::StatusOr<RecordingInfo> read_recording(const fs::path& folder, const std::string& name) {
+    const auto file = recording_session_file(folder, name);
+    if (!file.ok()) return file.status();
+    const auto session = read_session(*file);
+    if (!session.ok()) return session.status();
+    if (!session->recording)
+        return absl::NotFoundError(fmt::format("\"{}\" is a session, but the recorder did not write it", name));
+    RecordingInfo info;
+    info.name = name;
+    info.session_file = *file;
+    info.fps = session->fps;
+    info.bytes = bytes_of(file->parent_path());
+    info.about = *session->recording;
+    for (const SessionCamera& camera : session->cameras) {
+        info.cameras.push_back(camera.name);
+        info.has_background = info.has_background || !camera.background.empty();
+    }
+    const auto times = read_recorded_times(info.about.times);
+    if (!times.ok()) return times.status();
+    if (!info.about.closed) {   // being written, or never closed
+        info.about.frames = times->size();
+        if (!times->empty()) info.about.started_utc_ns = times->front().capture_time_utc_ns;
+    }
+    if (!times->empty()) info.seconds = 1e-9 * static_cast<double>(times->back().time_ns) + 1 / info.fps;
+    return info;
+}
+
+std::vector<RecordingInfo> list_recordings(const fs::path& folder) {
+    std::vector<RecordingInfo> found;
+    std::error_code error;
+    for (const auto& entry : fs::directory_iterator(folder, error))
+        if (auto info = read_recording(folder, entry.path().filename().string()); info.ok())
+            found.push_back(*std::move(info));
+    std::ranges::sort(found, {}, [](const RecordingInfo& info) { return std::pair(info.about.started_utc_ns, info.name); });
+    return found;
+}
+
+absl::Status delete_recording(const fs::path& folder, const std::string& name) {
+    const auto info = read_recording(folder, name);
+    if (!info.ok()) return info.status();
+    if (being_written(info->about.times))
+        return absl::FailedPreconditionError(fmt::format("\"{}\" is being recorded; stop that first", name));
+    std::error_code error;
+    // Without its session file it is no recording any more, should the rest take its time.
+    fs::remove(info->session_file, error);
+    fs::remove_all(info->session_file.parent_path(), error);
+    if (error)
+        return absl::UnavailableError(
+            fmt::format("{}: {}; correct its rights", info->session_file.parent_path().string(), error.message()));
+    return absl::OkStatus();
+}
+
+}  // namespace kinevox

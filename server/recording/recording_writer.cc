@@ -1,0 +1,183 @@
+#include "server/recording/recording_writer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <system_error>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "common/volume_codec.h"
+
+namespace kinevox {
+namespace {
+
+constexpr std::size_t kMostWaitingResults = 256;
+constexpr double kLongestWithoutResult_s = 5;
+constexpr std::chrono::milliseconds kCheckSpaceEvery{250};
+
+}  // namespace
+
+RecordingWriter::RecordingWriter(const RecorderOptions& options, std::function<void(const RecordingInfo&)> on_failure)
+    : options_(options), on_failure_(std::move(on_failure)) {}
+
+void RecordingWriter::take(std::shared_ptr<const EncodedSet> set) {
+    next_number_ = set->number + 1;
+    if (set->run != run_) {
+        entries_.clear();
+        entries_bytes_ = 0;
+        shortened_ = false;
+        run_ = set->run;
+    }
+    if (!set->status.ok()) {
+        if (folder_) fail(set->status);
+        return;
+    }
+    Entry& entry = entries_.emplace_back(Entry{std::move(set), 0, {}, false, {}});
+    entry.bytes = entry.set->bytes();
+    entries_bytes_ += entry.bytes;
+    if (folder_ && entry.set->number >= first_number_) write(entry);
+    join_results();
+    trim();
+}
+
+void RecordingWriter::take(ResultOfSet result) {
+    results_.push_back(std::move(result));
+    if (results_.size() > kMostWaitingResults) results_.pop_front();
+    join_results();
+    trim();
+}
+
+// Results come in their sets' order; one whose set was dropped belongs to none.
+void RecordingWriter::join_results() {
+    while (!results_.empty()) {
+        ResultOfSet& result = results_.front();
+        const bool too_early = result.run > run_ || entries_.empty() || result.sequence > entries_.back().set->sequence;
+        if (too_early && result.run >= run_) return;
+        const auto found = std::ranges::lower_bound(entries_, result.sequence, {},
+                                                    [](const Entry& entry) { return entry.set->sequence; });
+        if (result.run == run_ && found != entries_.end() && found->set->sequence == result.sequence &&
+            (found->frame || options_.keep_last_s > 0)) {
+            found->has_result = true;
+            found->result.pose = std::move(result.pose);
+            if (result.volume && options_.volumes) found->result.volume = encode_volume(*result.volume);
+            found->bytes += found->result.volume.size();
+            entries_bytes_ += found->result.volume.size();
+            if (folder_ && found->frame) check(folder_->append_result(*found->frame, found->result));
+        }
+        results_.pop_front();
+    }
+}
+
+void RecordingWriter::trim() {
+    const auto over = [this] {
+        const Entry& oldest = entries_.front();
+        const double age_s = 1e-9 * static_cast<double>(entries_.back().set->capture_time_ns - oldest.set->capture_time_ns);
+        if (folder_ && oldest.frame && !oldest.has_result && age_s < kLongestWithoutResult_s) return false;
+        if (options_.keep_last_s == 0) return true;
+        if (age_s > options_.keep_last_s) return true;
+        return entries_bytes_ > options_.keep_last_bytes && (shortened_ = true);
+    };
+    while (!entries_.empty() && over()) {
+        entries_bytes_ -= entries_.front().bytes;
+        entries_.pop_front();
+    }
+    if (options_.keep_last_s > 0) return;
+    for (Entry& entry : entries_)   // they wait for their results alone
+        if (entry.frame && entry.set->bytes() > 0) {
+            auto light = std::make_shared<EncodedSet>(*entry.set);
+            light->pictures.clear();
+            entries_bytes_ -= entry.set->bytes();
+            entry.bytes -= entry.set->bytes();
+            entry.set = std::move(light);
+        }
+}
+
+RecordingWriter::Held RecordingWriter::held() const {
+    if (options_.keep_last_s == 0 || entries_.empty()) return {};
+    const std::int64_t time_ns = entries_.back().set->capture_time_ns - entries_.front().set->capture_time_ns;
+    return {1e-9 * static_cast<double>(time_ns), entries_bytes_, entries_.size(), shortened_};
+}
+
+void RecordingWriter::set_body(const BodyShape& body) {
+    if (folder_) check(folder_->set_body(body));
+}
+
+void RecordingWriter::set_background(const std::vector<std::filesystem::path>& videos) {
+    if (folder_) check(folder_->set_background(videos));
+}
+
+absl::Status RecordingWriter::check_space() {
+    const auto now = std::chrono::steady_clock::now();
+    if (now - space_checked_ < kCheckSpaceEvery) return absl::OkStatus();
+    space_checked_ = now;
+    std::error_code error;
+    const auto space = std::filesystem::space(path_, error);
+    if (error || space.available >= options_.least_free_bytes) return absl::OkStatus();
+    return absl::ResourceExhaustedError(fmt::format("{} MB are free on the disk of {}, least_free_mb is {}; make room",
+                                                    space.available >> 20, path_.parent_path().string(),
+                                                    options_.least_free_bytes >> 20));
+}
+
+void RecordingWriter::write(Entry& entry) {
+    if (absl::Status space = check_space(); !space.ok()) return fail(space);
+    if (absl::Status written = folder_->append(*entry.set); !written.ok()) return fail(written);
+    entry.frame = folder_->about().frames - 1;
+    if (entry.has_result) check(folder_->append_result(*entry.frame, entry.result));
+}
+
+void RecordingWriter::begin(std::unique_ptr<RecordingFolder> folder, std::uint64_t first_number) {
+    path_ = folder->path();
+    folder_ = std::move(folder);
+    first_number_ = first_number;
+    space_checked_ = {};
+    for (Entry& entry : entries_) {
+        entry.frame.reset();
+        if (folder_ && entry.set->number >= first_number_ && !entry.set->pictures.empty()) write(entry);
+    }
+}
+
+void RecordingWriter::begin_with_held(std::unique_ptr<RecordingFolder> folder, double seconds) {
+    std::uint64_t first = next_number_;
+    const std::int64_t wanted_ns = std::llround(1e9 * seconds);
+    for (const Entry& entry : entries_) {
+        const std::int64_t age_ns = entries_.back().set->capture_time_ns - entry.set->capture_time_ns;
+        if (!entry.set->key || (seconds > 0 && age_ns >= wanted_ns)) continue;
+        first = entry.set->number;
+        break;
+    }
+    begin(std::move(folder), first);
+}
+
+std::optional<RecordingInfo> RecordingWriter::recording(std::uint64_t dropped_sets) const {
+    if (!folder_) return std::nullopt;
+    RecordingInfo info = folder_->info();
+    if (!info.about.closed) {
+        info.about.dropped = dropped_sets;
+        info.about.lost -= std::min(info.about.lost, dropped_sets);   // both are gaps in the sequence
+    }
+    return info;
+}
+
+bool RecordingWriter::has_all_results() const {
+    return std::ranges::all_of(entries_, [](const Entry& entry) { return !entry.frame || entry.has_result; });
+}
+
+RecordingInfo RecordingWriter::end(std::uint64_t dropped_sets, const std::string& reason) {
+    std::string why = reason;
+    if (absl::Status closed = folder_->close({dropped_sets, reason}); !closed.ok() && why.empty())
+        why = std::string(closed.message());
+    RecordingInfo info = *recording(dropped_sets);
+    info.about.end_reason = why;
+    folder_.reset();
+    for (Entry& entry : entries_) entry.frame.reset();
+    if (options_.keep_last_s == 0) results_.clear();
+    return info;
+}
+
+void RecordingWriter::fail(const absl::Status& why) {
+    if (!folder_) return;
+    on_failure_(end(dropped, std::string(why.message())));
+}
+
+}  // namespace kinevox

@@ -1,0 +1,364 @@
+// Recordings of made-up pictures: what comes back is what went in.
+#include "server/recording/recorder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <fstream>
+#include <mutex>
+#include <random>
+#include <thread>
+
+#include "common/atomic_file.h"
+#include "common/recording_files.h"
+#include "server/cameras/recorded_session.h"
+#include "server/cameras/recorded_video.h"
+#include "server/cameras/session_source.h"
+#include "tests/support/fake_capture.h"
+#include "tests/support/small_session.h"
+
+namespace kinevox {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::fake_cameras;
+using testing::TemporaryFolder;
+using namespace std::chrono_literals;
+using ::testing::HasSubstr;
+
+constexpr double kFps = 100;   // of the fake cameras
+constexpr std::int64_t kPeriodNs = 10'000'000;
+
+// Noise, other in each; a lossless codec has no way to be right by chance.
+Picture noise(const Camera& camera, std::uint64_t seed, int channels = 3) {
+    const std::size_t bytes = static_cast<std::size_t>(camera.width) * camera.height * channels;
+    std::shared_ptr<std::uint8_t[]> data(new std::uint8_t[bytes]);
+    std::mt19937 random(static_cast<unsigned>(seed));
+    for (std::size_t i = 0; i < bytes; ++i) data[i] = static_cast<std::uint8_t>(random());
+    return {camera.width, camera.height, channels, std::move(data)};
+}
+
+FrameSet noise_set(std::uint64_t sequence) {
+    FrameSet set;
+    set.sequence = sequence;
+    set.capture_time_ns = static_cast<std::int64_t>(sequence) * kPeriodNs;
+    for (std::size_t c = 0; c < fake_cameras().size(); ++c) set.pictures.push_back(noise(fake_cameras()[c], 10 * sequence + c));
+    return set;
+}
+
+bool same(const Picture& a, const Picture& b) {
+    return !a.empty() && !b.empty() && a.width == b.width && a.height == b.height && a.channels == b.channels &&
+           std::equal(a.data.get(), a.data.get() + static_cast<std::size_t>(a.width) * a.height * a.channels, b.data.get());
+}
+
+class RecorderTest : public ::testing::Test {
+  protected:
+    RecorderTest() {
+        options.folder = folder.path() / "recordings";
+        options.least_free_bytes = 0;
+    }
+    void make() {
+        auto made = Recorder::create(
+            options, [] { return RecordedCapture{fake_cameras(), kFps, "c3", "{}"}; },
+            [this](const Event& event) {
+                const std::scoped_lock lock(mutex);
+                events.push_back(event);
+            });
+        ASSERT_TRUE(made.ok()) << made.status();
+        recorder = *std::move(made);
+    }
+    // Offered without hurry, so that nothing need be dropped.
+    void offer(std::uint64_t first, std::uint64_t count) {
+        for (std::uint64_t n = first; n < first + count; ++n) {
+            while (recorder->status().queued_bytes > options.queue_bytes / 2) std::this_thread::sleep_for(1ms);
+            recorder->offer(noise_set(n));
+            recorder->observe(*testing::fake_result(n, nullptr), nullptr);
+        }
+    }
+    void wait_until_written() {
+        for (int i = 0; i < 3000 && recorder->status().queued_bytes > 0; ++i) std::this_thread::sleep_for(2ms);
+        ASSERT_EQ(recorder->status().queued_bytes, 0U);
+        std::this_thread::sleep_for(250ms);   // the status follows
+    }
+    fs::path session_file(const std::string& name) const { return options.folder / name / "session.toml"; }
+    std::vector<EventKind> event_kinds() {
+        const std::scoped_lock lock(mutex);
+        std::vector<EventKind> kinds;
+        for (const Event& event : events) kinds.push_back(event.kind);
+        return kinds;
+    }
+
+    TemporaryFolder folder;
+    RecorderOptions options;
+    std::mutex mutex;
+    std::vector<Event> events;
+    std::unique_ptr<Recorder> recorder;
+};
+
+// All frame sets of a session as the pipeline would get them.
+std::vector<FrameSet> read_all(const fs::path& session_file) {
+    auto source = open_session_source(session_file);
+    EXPECT_TRUE(source.ok()) << source.status();
+    std::vector<FrameSet> sets;
+    while (source.ok()) {
+        auto set = (*source)->next();
+        if (!set.ok()) {
+            EXPECT_TRUE(absl::IsOutOfRange(set.status())) << set.status();
+            break;
+        }
+        sets.push_back(*std::move(set));
+    }
+    return sets;
+}
+
+void expect_noise_sets(const std::vector<FrameSet>& sets, std::uint64_t first, std::uint64_t count) {
+    ASSERT_EQ(sets.size(), count);
+    for (std::uint64_t n = 0; n < count; ++n) {
+        EXPECT_EQ(sets[n].sequence, n);
+        EXPECT_EQ(sets[n].capture_time_ns, static_cast<std::int64_t>(n) * kPeriodNs);
+        for (std::size_t c = 0; c < 2; ++c)
+            ASSERT_TRUE(same(sets[n].pictures[c], noise(fake_cameras()[c], 10 * (first + n) + c))) << n << " " << c;
+    }
+}
+
+TEST_F(RecorderTest, LosslessCodecsGiveBackEveryBitAndTheBackground) {
+    make();
+    std::vector<std::vector<Picture>> empty(2);
+    for (std::size_t c = 0; c < 2; ++c)
+        for (int n = 0; n < 5; ++n) empty[c].push_back(noise(fake_cameras()[c], 1000 + 10 * n + c));
+    recorder->learned(std::make_shared<const std::vector<std::vector<Picture>>>(empty));
+    for (const VideoCodec codec : {VideoCodec::kFfv1, VideoCodec::kUtVideo}) {
+        const std::string name(name_of(codec));
+        offer(0, 3);   // before: not in it
+        ASSERT_EQ(*recorder->start(name, codec), name);
+        offer(3, 30);
+        const auto info = recorder->stop();
+        ASSERT_TRUE(info.ok()) << info.status();
+        EXPECT_EQ(info->about.frames, 30U);
+        EXPECT_EQ(info->about.dropped + info->about.lost + info->about.missing_pictures, 0U);
+        expect_noise_sets(read_all(session_file(name)), 3, 30);
+
+        const auto session = read_session(session_file(name));
+        ASSERT_TRUE(session.ok()) << session.status();
+        EXPECT_TRUE(session->recording->closed);
+        EXPECT_EQ(session->recording->calibration_id, "c3");
+        EXPECT_TRUE(fs::exists(options.folder / name / "calibration.certificate.json"));
+        const auto cameras = read_session_cameras(*session);
+        ASSERT_EQ(cameras->size(), 2U);
+        for (std::size_t c = 0; c < 2; ++c) {
+            EXPECT_EQ((*cameras)[c].name, fake_cameras()[c].name);
+            for (std::size_t i = 0; i < 9; ++i)
+                EXPECT_NEAR((*cameras)[c].camera_from_world.rotation.m[i], fake_cameras()[c].camera_from_world.rotation.m[i],
+                            1e-15);
+        }
+        auto source = open_session_source(*session);
+        ASSERT_TRUE(source.ok()) << source.status();
+        const auto background = (*source)->background();
+        ASSERT_TRUE(background.ok()) << background.status();
+        for (std::size_t c = 0; c < 2; ++c) {
+            ASSERT_EQ((*background)[c].size(), 5U);
+            for (std::size_t n = 0; n < 5; ++n) EXPECT_TRUE(same((*background)[c][n], empty[c][n]));
+        }
+        recorder->capture_ended();
+    }
+    EXPECT_THAT(event_kinds(), ::testing::ElementsAre(EventKind::kRecordingStarted, EventKind::kRecordingStopped,
+                                                      EventKind::kRecordingStarted, EventKind::kRecordingStopped));
+    const auto list = list_recordings(options.folder);
+    ASSERT_EQ(list.size(), 2U);
+    EXPECT_EQ(list[0].about.frames, 30U);
+    EXPECT_NEAR(list[0].seconds, 0.3, 1e-9);
+    EXPECT_TRUE(delete_recording(options.folder, "ffv1").ok());
+    EXPECT_TRUE(absl::IsNotFound(delete_recording(options.folder, "ffv1")));
+    EXPECT_TRUE(absl::IsInvalidArgument(delete_recording(options.folder, "../x")));
+}
+
+TEST_F(RecorderTest, AnyFrameIsReadAtOnce) {
+    for (const VideoCodec codec : {VideoCodec::kUtVideo, VideoCodec::kH264}) {
+        options.codec = codec;
+        recorder.reset();
+        make();
+        const std::string name(name_of(codec));
+        ASSERT_TRUE(recorder->start(name, {}).ok());
+        offer(0, 120);
+        ASSERT_TRUE(recorder->stop().ok());
+        const fs::path video = options.folder / name / "left.mkv";
+        auto all = RecordedVideo::open(video, fake_cameras()[0]), some = RecordedVideo::open(video, fake_cameras()[0]);
+        ASSERT_TRUE(all.ok() && some.ok()) << all.status() << some.status();
+        std::vector<Picture> pictures;
+        for (int n = 0; n < 120; ++n) pictures.push_back(*(*all)->next());
+        for (const int n : {119, 0, 60, 61, 62, 59, 3, 118, 118})
+            EXPECT_TRUE(same(*(*some)->read(n), pictures[static_cast<std::size_t>(n)])) << name << " " << n;
+        EXPECT_TRUE(absl::IsOutOfRange((*some)->read(120).status()));
+        // H.264 loses little even of noise.
+        double difference = 0;
+        const Picture truth = noise(fake_cameras()[0], 0);
+        for (int i = 0; i < 64 * 48 * 3; ++i) difference += std::abs(int{pictures[0].data[i]} - int{truth.data[i]});
+        if (codec == VideoCodec::kUtVideo)
+            EXPECT_EQ(difference, 0);
+        else
+            EXPECT_LT(difference / (64 * 48 * 3), 80);
+    }
+}
+
+TEST_F(RecorderTest, MissingPicturesAndGapsAreKnown) {
+    make();
+    ASSERT_TRUE(recorder->start("gaps", {}).ok());
+    offer(0, 4);
+    FrameSet half = noise_set(4);
+    half.pictures[1] = {};
+    recorder->offer(half);
+    offer(7, 3);   // 5 and 6 never came
+    const auto info = recorder->stop();
+    ASSERT_TRUE(info.ok()) << info.status();
+    EXPECT_EQ(info->about.frames, 8U);
+    EXPECT_EQ(info->about.lost, 2U);
+    EXPECT_EQ(info->about.missing_pictures, 1U);
+    const auto sets = read_all(session_file("gaps"));
+    ASSERT_EQ(sets.size(), 8U);
+    EXPECT_TRUE(sets[4].pictures[1].empty());
+    EXPECT_FALSE(sets[4].pictures[0].empty());
+    EXPECT_TRUE(same(sets[5].pictures[1], noise(fake_cameras()[1], 71)));
+    EXPECT_EQ(sets[5].capture_time_ns, 7 * kPeriodNs);
+    const auto times = read_recorded_times(options.folder / "gaps" / "frames.csv");
+    EXPECT_EQ((*times)[5].sequence, 7U);
+}
+
+TEST_F(RecorderTest, WhatTheQueueHasNoRoomForIsDroppedAndCounted) {
+    options.queue_bytes = 2 * 2 * 64 * 48 * 3;   // two frame sets
+    make();
+    ASSERT_TRUE(recorder->start("much", VideoCodec::kFfv1).ok());
+    constexpr std::uint64_t kOffered = 400;
+    for (std::uint64_t n = 0; n < kOffered; ++n) recorder->offer(noise_set(n));
+    offer(kOffered, 1);
+    const auto info = recorder->stop();
+    ASSERT_TRUE(info.ok()) << info.status();
+    EXPECT_GT(info->about.dropped, 0U);
+    EXPECT_EQ(info->about.frames + info->about.dropped, kOffered + 1);
+    EXPECT_EQ(info->about.lost, 0U);
+    EXPECT_EQ(read_all(session_file("much")).size(), info->about.frames);
+    EXPECT_EQ(read_session(session_file("much"))->recording->dropped, info->about.dropped);
+    EXPECT_THAT(event_kinds(), ::testing::Contains(EventKind::kRecordingDrops));
+}
+
+TEST_F(RecorderTest, TheLastSecondsAreKeptAndARecordingCanGoOnFromThem) {
+    options.keep_last_s = 0.5;
+    make();
+    EXPECT_TRUE(absl::IsFailedPrecondition(recorder->keep_last("early", 0, false).status()));
+    offer(0, 200);
+    wait_until_written();
+    EXPECT_NEAR(recorder->status().held_seconds, 0.5, 0.02);
+    const auto info = recorder->keep_last("jump", 0.3, false);
+    ASSERT_TRUE(info.ok()) << info.status();
+    EXPECT_EQ(info->about.frames, 30U);
+    expect_noise_sets(read_all(session_file("jump")), 170, 30);
+
+    const auto going = recorder->keep_last("jump2", 0, true);
+    ASSERT_TRUE(going.ok()) << going.status();
+    offer(200, 100);
+    const auto end = recorder->stop();
+    ASSERT_TRUE(end.ok()) << end.status();
+    EXPECT_EQ(end->about.frames, 151U);
+    EXPECT_EQ(end->about.lost, 0U);
+    expect_noise_sets(read_all(session_file("jump2")), 149, 151);
+}
+
+TEST_F(RecorderTest, ABoundInBytesShortensWhatIsKept) {
+    options.keep_last_s = 10;
+    options.keep_last_bytes = 50 * 2 * 64 * 48 * 3;   // noise cannot be made smaller
+    make();
+    offer(0, 200);
+    wait_until_written();
+    EXPECT_TRUE(recorder->status().held_shortened);
+    EXPECT_LE(recorder->status().held_bytes, options.keep_last_bytes);
+    EXPECT_GT(recorder->status().held_seconds, 0.2);
+    EXPECT_LT(recorder->status().held_seconds, 0.6);
+}
+
+TEST_F(RecorderTest, ARecordingWaitsForTheCaptureAndEndsWithIt) {
+    make();
+    ASSERT_TRUE(recorder->start("", {}).ok());
+    EXPECT_EQ(recorder->status().state, RecorderState::kWaiting);
+    EXPECT_TRUE(absl::IsFailedPrecondition(recorder->start("second", {}).status()));
+    recorder->capture_ended();   // a start that failed
+    offer(0, 10);
+    recorder->capture_ended();
+    for (int i = 0; i < 2000 && recorder->status().state != RecorderState::kIdle; ++i) std::this_thread::sleep_for(2ms);
+    ASSERT_TRUE(recorder->status().last.has_value());
+    const RecordingInfo last = *recorder->status().last;
+    EXPECT_EQ(last.about.frames, 10U);
+    EXPECT_THAT(last.about.end_reason, HasSubstr("capture ended"));
+    EXPECT_TRUE(absl::IsFailedPrecondition(recorder->stop().status()));
+    EXPECT_TRUE(absl::IsAlreadyExists(recorder->start(last.name, {}).status()));
+    EXPECT_TRUE(absl::IsInvalidArgument(recorder->start("a/b", {}).status()));
+    EXPECT_TRUE(recorder->start("again", {}).ok());   // an error before leaves nothing behind
+    recorder->close();
+}
+
+TEST_F(RecorderTest, NoRoomOnTheDiskIsSaidBeforeAndEndsARecording) {
+    options.least_free_bytes = std::uint64_t{1} << 62;
+    make();
+    const auto refused = recorder->start("full", {});
+    EXPECT_TRUE(absl::IsResourceExhausted(refused.status())) << refused.status();
+    EXPECT_FALSE(fs::exists(options.folder / "full"));
+}
+
+// Cut anywhere, by a power failure, say: what is whole is read, and the files are made to agree.
+TEST_F(RecorderTest, ARecordingThatWasCutOffIsRepaired) {
+    make();
+    ASSERT_TRUE(recorder->start("whole", {}).ok());
+    offer(0, 40);
+    ASSERT_TRUE(recorder->stop().ok());
+    const fs::path whole = options.folder / "whole";
+    const auto index = read_video_index(whole / "left.mkv");
+    ASSERT_EQ(index->size(), 40U);
+    const auto end = [&](std::size_t frame) { return (*index)[frame].end(); };
+    struct Cut {
+        const char* file;
+        std::uint64_t bytes;
+        std::size_t frames;
+    };
+    const std::vector<Cut> cuts{{"left.mkv", end(20) - 1, 20},
+                                {"left.mkv", end(20), 21},
+                                {"right.index", kVideoIndexHeader.size() + 32 * 5 + 7, 5},
+                                {"frames.csv", 100, 3},
+                                {"poses/joints.csv", 0, 40},
+                                {"left.mkv", end(39) - 100, 39}};
+    for (std::size_t n = 0; n < cuts.size(); ++n) {
+        const fs::path copy = options.folder / ("cut" + std::to_string(n));
+        fs::copy(whole, copy, fs::copy_options::recursive);
+        auto session = read_session(copy / "session.toml");
+        session->recording->closed = false;
+        ASSERT_TRUE(write_session(*session, copy / "session.toml").ok());
+        if (cuts[n].bytes > 0 || std::string(cuts[n].file) == "frames.csv") fs::resize_file(copy / cuts[n].file, cuts[n].bytes);
+        const auto sets = read_all(copy / "session.toml");
+        std::size_t frames = cuts[n].frames;
+        if (std::string(cuts[n].file) == "frames.csv") frames = sets.size();
+        expect_noise_sets(sets, 0, frames);
+        EXPECT_GT(sets.size(), 0U);
+        const auto repaired = read_session(copy / "session.toml");
+        EXPECT_TRUE(repaired->recording->closed && repaired->recording->recovered);
+        EXPECT_EQ(repaired->recording->frames, frames);
+        EXPECT_EQ(read_video_index(copy / "left.mkv")->size(), frames);
+        EXPECT_EQ(read_recorded_times(copy / "frames.csv")->size(), frames);
+    }
+    EXPECT_FALSE(*repair_recording(whole / "session.toml"));   // was closed
+}
+
+TEST_F(RecorderTest, NobodyRepairsWhatIsBeingWritten) {
+    make();
+    ASSERT_TRUE(recorder->start("open", {}).ok());
+    offer(0, 40);
+    wait_until_written();
+    const auto now = read_recording(options.folder, "open");
+    ASSERT_TRUE(now.ok()) << now.status();
+    EXPECT_FALSE(now->about.closed);
+    EXPECT_EQ(now->about.frames, 40U);
+    EXPECT_FALSE(*repair_recording(session_file("open")));
+    EXPECT_TRUE(absl::IsFailedPrecondition(delete_recording(options.folder, "open")));
+    expect_noise_sets(read_all(session_file("open")), 0, 40);   // what is there already
+    ASSERT_TRUE(recorder->stop().ok());
+}
+
+}  // namespace
+}  // namespace kinevox
