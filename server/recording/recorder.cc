@@ -198,7 +198,9 @@ absl::StatusOr<std::unique_ptr<RecordingFolder>> LiveRecorder::make_folder(const
     plan.fps = capture.fps;
     plan.codec = codec;
     plan.cameras = capture.cameras;
-    plan.background = clip_.files(false);   // else it comes while it records
+    // A second or two after learning it is still being written. A recording that were killed before it came would be of
+    // no use, so that the begin waits for it.
+    plan.background = clip_.files(true);
     plan.calibration_id = capture.calibration_id;
     plan.certificate_json = capture.certificate_json;
     plan.calibration_file = capture.calibration_file;
