@@ -7,30 +7,16 @@
 
 #include <bit>
 #include <charconv>
-#include <concepts>
 #include <limits>
 #include <system_error>
 
 #include "common/atomic_file.h"
+#include "common/little_endian.h"
 
 namespace kinevox {
 namespace {
 
 constexpr std::size_t kMostTableBytes = std::size_t{1} << 30;
-
-template <std::unsigned_integral T>
-void put(std::string& to, T value) {
-    for (std::size_t i = 0; i < sizeof value; ++i) to += static_cast<char>(value >> (8 * i) & 0xff);
-}
-
-template <std::unsigned_integral T>
-T take(std::string_view& from) {
-    T value = 0;
-    for (std::size_t i = 0; i < sizeof value; ++i)
-        value |= static_cast<T>(static_cast<T>(static_cast<unsigned char>(from[i])) << (8 * i));
-    from.remove_prefix(sizeof value);
-    return value;
-}
 
 // The number that `text` begins with, and the character behind it; both are taken off.
 template <typename T>
@@ -50,11 +36,11 @@ std::filesystem::path video_index_file(const std::filesystem::path& video) {
 std::string video_index_bytes(const VideoIndexEntry& entry) {
     std::string bytes;
     bytes.reserve(kVideoIndexEntryBytes);
-    put(bytes, entry.payload_offset);
-    put(bytes, entry.cluster_offset);
-    put(bytes, std::bit_cast<std::uint64_t>(entry.time_ns));
-    put(bytes, entry.payload_bytes);
-    put(bytes, entry.flags);
+    put_little_endian(bytes, entry.payload_offset);
+    put_little_endian(bytes, entry.cluster_offset);
+    put_little_endian(bytes, std::bit_cast<std::uint64_t>(entry.time_ns));
+    put_little_endian(bytes, entry.payload_bytes);
+    put_little_endian(bytes, entry.flags);
     return bytes;
 }
 
@@ -67,11 +53,11 @@ absl::StatusOr<std::vector<VideoIndexEntry>> parse_video_index(std::string_view 
     std::uint64_t behind_last = 0;
     while (bytes.size() >= kVideoIndexEntryBytes) {
         VideoIndexEntry entry;
-        entry.payload_offset = take<std::uint64_t>(bytes);
-        entry.cluster_offset = take<std::uint64_t>(bytes);
-        entry.time_ns = std::bit_cast<std::int64_t>(take<std::uint64_t>(bytes));
-        entry.payload_bytes = take<std::uint32_t>(bytes);
-        entry.flags = take<std::uint32_t>(bytes);
+        entry.payload_offset = take_little_endian<std::uint64_t>(bytes);
+        entry.cluster_offset = take_little_endian<std::uint64_t>(bytes);
+        entry.time_ns = std::bit_cast<std::int64_t>(take_little_endian<std::uint64_t>(bytes));
+        entry.payload_bytes = take_little_endian<std::uint32_t>(bytes);
+        entry.flags = take_little_endian<std::uint32_t>(bytes);
         const bool sensible = entry.cluster_offset >= behind_last && entry.payload_offset > entry.cluster_offset &&
                               entry.payload_offset <= std::numeric_limits<std::uint64_t>::max() - entry.payload_bytes &&
                               entry.end() <= video_bytes && entry.payload_bytes > 0 &&

@@ -5,6 +5,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -56,6 +57,10 @@ std::string recorded_time_line(std::uint64_t frame, const RecordedTime& time);
 // Up to the first line that is not whole or does not follow the one before.
 absl::StatusOr<std::vector<RecordedTime>> parse_recorded_times(std::string_view text, const std::string& name_for_errors);
 absl::StatusOr<std::vector<RecordedTime>> read_recorded_times(const std::filesystem::path& file);
+
+// The poses' tables, in their folder; all but the last have a row a frame.
+inline constexpr std::array<std::string_view, 5> kPoseTableNames{"joints.csv", "angles.csv", "coordinates.csv",
+                                                                 "uncertainty.csv", "withheld.csv"};
 
 // Whether a process that lives, this one or another, holds the lock of a file that it writes.
 bool being_written(const std::filesystem::path& file);

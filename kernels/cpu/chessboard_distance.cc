@@ -4,14 +4,14 @@
 #include <cstddef>
 #include <cstring>
 
+#include "kernels/cpu/dispatch.h"
+
 #ifdef KINEVOX_HAVE_HIGHWAY
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/cpu/chessboard_distance.cc"
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 HWY_BEFORE_NAMESPACE();
-#else
-#define HWY_NAMESPACE plain
 #endif
 
 namespace kinevox::kernels::HWY_NAMESPACE {
@@ -68,14 +68,15 @@ void relax_row(const std::uint8_t* ahead, int padded, int rim, std::uint8_t* row
 
 // Beyond the picture's width the rows hold what a picture that goes on there would hold, which changes nothing inside:
 // no way around is shorter.
-void transform(int width, int height, const std::uint8_t* kind, std::uint8_t* scratch, std::int8_t* out) {
+void transform(int width, int height, const std::uint8_t* kind, std::vector<std::uint8_t>& scratch, std::int8_t* out) {
     constexpr int kFar = 127;
     const int padded = (width + kLanes - 1) / kLanes * kLanes, stride = padded + 2 * kLanes;
     const std::size_t plane = static_cast<std::size_t>(stride) * (height + 2);
-    const auto fore_row = [&](int y) { return scratch + static_cast<std::ptrdiff_t>(y + 1) * stride + kLanes; };
+    scratch.resize(2 * plane);
+    const auto fore_row = [&](int y) { return scratch.data() + static_cast<std::ptrdiff_t>(y + 1) * stride + kLanes; };
     const auto back_row = [&](int y) { return fore_row(y) + plane; };
-    std::memset(scratch, kFar, plane);
-    std::memset(scratch + plane, 0, plane);
+    std::memset(scratch.data(), kFar, plane);
+    std::memset(scratch.data() + plane, 0, plane);
     for (int y = 0; y < height; ++y) {
         std::uint8_t *fore = fore_row(y), *back = back_row(y);
         const std::uint8_t* row = kind + static_cast<std::size_t>(y) * width;
@@ -97,11 +98,6 @@ void transform(int width, int height, const std::uint8_t* kind, std::uint8_t* sc
     }
 }
 
-std::size_t scratch_bytes(int width, int height) {
-    const int padded = (width + kLanes - 1) / kLanes * kLanes;
-    return 2 * static_cast<std::size_t>(padded + 2 * kLanes) * (height + 2);
-}
-
 }  // namespace kinevox::kernels::HWY_NAMESPACE
 
 #ifdef KINEVOX_HAVE_HIGHWAY
@@ -110,19 +106,11 @@ HWY_AFTER_NAMESPACE();
 
 #if !defined(KINEVOX_HAVE_HIGHWAY) || HWY_ONCE
 namespace kinevox::kernels {
-#ifdef KINEVOX_HAVE_HIGHWAY
-HWY_EXPORT(transform);
-HWY_EXPORT(scratch_bytes);
-#define KINEVOX_DISPATCH(function) HWY_DYNAMIC_DISPATCH(function)
-#else
-#define KINEVOX_DISPATCH(function) plain::function
-#endif
+KINEVOX_EXPORT(transform);
 
 void chessboard_distances(int width, int height, const std::uint8_t* kind, std::vector<std::uint8_t>& scratch,
                           std::int8_t* out) {
-    scratch.resize(KINEVOX_DISPATCH(scratch_bytes)(width, height));
-    KINEVOX_DISPATCH(transform)(width, height, kind, scratch.data(), out);
+    KINEVOX_DISPATCH(transform)(width, height, kind, scratch, out);
 }
-#undef KINEVOX_DISPATCH
 }  // namespace kinevox::kernels
 #endif

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "kernels/cpu/dispatch.h"
 #include "kernels/cpu/parallel.h"
 
 // Plain loops, which the compiler vectorises for each family that Highway chooses from at run time.
@@ -11,8 +12,6 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 HWY_BEFORE_NAMESPACE();
-#else
-#define HWY_NAMESPACE plain
 #endif
 
 namespace kinevox::kernels::cpu::HWY_NAMESPACE {
@@ -74,13 +73,8 @@ HWY_AFTER_NAMESPACE();
 
 #if !defined(KINEVOX_HAVE_HIGHWAY) || HWY_ONCE
 namespace kinevox::kernels::cpu {
-#ifdef KINEVOX_HAVE_HIGHWAY
-HWY_EXPORT(pack_cell);
-HWY_EXPORT(replace_sample);
-#define KINEVOX_DISPATCH(function) HWY_DYNAMIC_DISPATCH(function)
-#else
-#define KINEVOX_DISPATCH(function) plain::function
-#endif
+KINEVOX_EXPORT(pack_cell);
+KINEVOX_EXPORT(replace_sample);
 
 void PackedSamples::build(const BackgroundModel& model) {
     const std::size_t cells = model.cell_index(model.height, 0);
@@ -106,6 +100,5 @@ void PackedSamples::replace(const BackgroundModel& model, std::size_t cell, int 
                                                             data_.data() + cell * cell_bytes_))
         pack(model, cell);
 }
-#undef KINEVOX_DISPATCH
 }  // namespace kinevox::kernels::cpu
 #endif

@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "kernels/cpu/dispatch.h"
+
 // Plain loops over a block of rays, which the compiler vectorises for each family that Highway chooses from.
 #ifdef KINEVOX_HAVE_HIGHWAY
 #undef HWY_TARGET_INCLUDE
@@ -13,8 +15,6 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 HWY_BEFORE_NAMESPACE();
-#else
-#define HWY_NAMESPACE plain
 #endif
 
 namespace kinevox::kernels::HWY_NAMESPACE {
@@ -120,20 +120,14 @@ HWY_AFTER_NAMESPACE();
 #if !defined(KINEVOX_HAVE_HIGHWAY) || HWY_ONCE
 namespace kinevox::kernels {
 
-#ifdef KINEVOX_HAVE_HIGHWAY
-HWY_EXPORT(nearest_capsules);
-#endif
+KINEVOX_EXPORT(nearest_capsules);
 
 void nearest_capsules(const RayBundle& rays, std::span<const TaperedCapsule> capsules, float* distance_m,
                       int* nearest) {
     if (capsules.size() > kMostCapsules)
         throw std::invalid_argument("nearest capsules: " + std::to_string(capsules.size()) + " capsules; at most " +
                                     std::to_string(kMostCapsules));
-#ifdef KINEVOX_HAVE_HIGHWAY
-    HWY_DYNAMIC_DISPATCH(nearest_capsules)(rays, capsules, distance_m, nearest);
-#else
-    plain::nearest_capsules(rays, capsules, distance_m, nearest);
-#endif
+    KINEVOX_DISPATCH(nearest_capsules)(rays, capsules, distance_m, nearest);
 }
 
 }  // namespace kinevox::kernels

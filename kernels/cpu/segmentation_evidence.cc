@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "kernels/cpu/dispatch.h"
 #include "kernels/shared/kde_groups.h"
 
 // Compiled for each family that Highway chooses from at run time. The plain loops are vectorised by the compiler; no
@@ -15,8 +16,6 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 HWY_BEFORE_NAMESPACE();
-#else
-#define HWY_NAMESPACE plain
 #endif
 
 namespace kinevox::kernels::cpu::HWY_NAMESPACE {
@@ -269,16 +268,11 @@ HWY_AFTER_NAMESPACE();
 
 #if !defined(KINEVOX_HAVE_HIGHWAY) || HWY_ONCE
 namespace kinevox::kernels::cpu {
-#ifdef KINEVOX_HAVE_HIGHWAY
-HWY_EXPORT(fit_light_cell);
-HWY_EXPORT(neighbourhood_light);
-HWY_EXPORT(evidence_cell);
-HWY_EXPORT(smooth_row);
-HWY_EXPORT(decide_row);
-#define KINEVOX_DISPATCH(function) HWY_DYNAMIC_DISPATCH(function)
-#else
-#define KINEVOX_DISPATCH(function) plain::function
-#endif
+KINEVOX_EXPORT(fit_light_cell);
+KINEVOX_EXPORT(neighbourhood_light);
+KINEVOX_EXPORT(evidence_cell);
+KINEVOX_EXPORT(smooth_row);
+KINEVOX_EXPORT(decide_row);
 
 void fit_light_cell(const EvidenceCell& cell, int groups, const kde::EvidenceParameters& parameters,
                     const LightRows& out) {
@@ -300,6 +294,5 @@ void decide_row(const float* evidence, int width, const Decision& decision, std:
                 std::uint8_t* sharp, std::uint8_t* loose) {
     KINEVOX_DISPATCH(decide_row)(evidence, width, decision, probability, sharp, loose);
 }
-#undef KINEVOX_DISPATCH
 }  // namespace kinevox::kernels::cpu
 #endif

@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "kernels/cpu/dispatch.h"
 #include "kernels/cpu/packed_samples.h"
 #include "kernels/cpu/segmentation_model.h"
 #include "kernels/shared/kde_update.h"
@@ -11,8 +12,6 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 HWY_BEFORE_NAMESPACE();
-#else
-#define HWY_NAMESPACE plain
 #endif
 
 namespace kinevox::kernels::cpu::HWY_NAMESPACE {
@@ -77,13 +76,8 @@ namespace kinevox::kernels::cpu {
 
 using kde::kCellPixels;
 
-#ifdef KINEVOX_HAVE_HIGHWAY
-HWY_EXPORT(learn_values);
-HWY_EXPORT(judge_pixels);
-#define KINEVOX_DISPATCH(function) HWY_DYNAMIC_DISPATCH(function)
-#else
-#define KINEVOX_DISPATCH(function) plain::function
-#endif
+KINEVOX_EXPORT(learn_values);
+KINEVOX_EXPORT(judge_pixels);
 
 kde::UpdateParameters update_parameters(const SegmentationOptions& options, std::int64_t visit) {
     kde::UpdateParameters p;
@@ -134,6 +128,5 @@ void update_row(BackgroundModel& model, PackedSamples& packed, int y, const Mode
     }
 }
 
-#undef KINEVOX_DISPATCH
 }  // namespace kinevox::kernels::cpu
 #endif

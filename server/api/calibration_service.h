@@ -27,10 +27,6 @@ class CalibrationServiceImpl final : public v1::CalibrationService::CallbackServ
     Reactor* RemoveCalibration(Context*, const v1::RemoveCalibrationRequest*, v1::RemoveCalibrationResponse*) override;
 
   private:
-    template <typename Request, typename Response>
-    Reactor* on(const boost::asio::any_io_executor& thread, Context* context, const Request* request,
-                Response* response, absl::Status (*handler)(const ApiContext&, const Request&, Response&));
-
     const ApiContext& api_;
 };
 

@@ -5,17 +5,12 @@
 #include "server/api/capture_handlers.h"
 #include "server/api/stream_reactor.h"
 #include "server/api/to_proto.h"
+#include "server/api/unary_call.h"
 
 namespace kinevox {
 namespace {
 
 using EventReactor = StreamReactor<EventMailbox, v1::WatchEventsResponse>;
-
-grpc::ServerUnaryReactor* answer(grpc::CallbackServerContext* context, const absl::Status& status) {
-    grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-    reactor->Finish(to_grpc(status));
-    return reactor;
-}
 
 }  // namespace
 

@@ -1,52 +1,33 @@
 #include "server/api/pose_service.h"
 
-#include <boost/asio/post.hpp>
-
 #include "server/api/pose_handlers.h"
 #include "server/api/stream_reactor.h"
 #include "server/api/to_proto.h"
+#include "server/api/unary_call.h"
 
 namespace kinevox {
 
 using DatabaseReactor = StreamReactor<DatabaseWatch::Box, v1::WatchDatabaseResponse>;
 using BodyReactor = StreamReactor<BodyWatch::Box, v1::WatchBodyResponse>;
 
-// gRPC keeps request and response until Finish().
-template <typename Request, typename Response>
-PoseServiceImpl::Reactor* PoseServiceImpl::change(Context* context, const Request* request, Response* response,
-                                                  absl::Status (*handler)(const ApiContext&, const Request&,
-                                                                          Response&)) {
-    Reactor* reactor = context->DefaultReactor();
-    if (const absl::Status missing = check_pose_database(api_); !missing.ok()) {
-        reactor->Finish(to_grpc(missing));
-        return reactor;
-    }
-    boost::asio::post(api_.changes, [this, reactor, request, response, handler] {
-        reactor->Finish(to_grpc(handler(api_, *request, *response)));
-    });
-    return reactor;
-}
-
 PoseServiceImpl::Reactor* PoseServiceImpl::ListPoses(Context* context, const v1::ListPosesRequest*,
                                                      v1::ListPosesResponse* response) {
-    Reactor* reactor = context->DefaultReactor();
-    reactor->Finish(to_grpc(list_poses(api_, *response)));
-    return reactor;
+    return answer(context, list_poses(api_, *response));
 }
 
 PoseServiceImpl::Reactor* PoseServiceImpl::AddPose(Context* context, const v1::AddPoseRequest* request,
                                                    v1::AddPoseResponse* response) {
-    return change(context, request, response, add_pose);
+    return unary_call(api_, api_.changes, context, request, response, check_pose_database, add_pose);
 }
 
 PoseServiceImpl::Reactor* PoseServiceImpl::RemovePose(Context* context, const v1::RemovePoseRequest* request,
                                                       v1::RemovePoseResponse* response) {
-    return change(context, request, response, remove_pose);
+    return unary_call(api_, api_.changes, context, request, response, check_pose_database, remove_pose);
 }
 
 PoseServiceImpl::Reactor* PoseServiceImpl::ImportBvh(Context* context, const v1::ImportBvhRequest* request,
                                                      v1::ImportBvhResponse* response) {
-    return change(context, request, response, import_bvh);
+    return unary_call(api_, api_.changes, context, request, response, check_pose_database, import_bvh);
 }
 
 grpc::ServerWriteReactor<v1::WatchDatabaseResponse>* PoseServiceImpl::WatchDatabase(Context*,
@@ -60,9 +41,7 @@ grpc::ServerWriteReactor<v1::WatchDatabaseResponse>* PoseServiceImpl::WatchDatab
 
 PoseServiceImpl::Reactor* PoseServiceImpl::FitBody(Context* context, const v1::FitBodyRequest* request,
                                                    v1::FitBodyResponse*) {
-    Reactor* reactor = context->DefaultReactor();
-    reactor->Finish(to_grpc(fit_body(api_, *request)));
-    return reactor;
+    return answer(context, fit_body(api_, *request));
 }
 
 grpc::ServerWriteReactor<v1::WatchBodyResponse>* PoseServiceImpl::WatchBody(Context*, const v1::WatchBodyRequest*) {

@@ -22,10 +22,6 @@ class PoseServiceImpl final : public v1::PoseService::CallbackService {
     grpc::ServerWriteReactor<v1::WatchBodyResponse>* WatchBody(Context*, const v1::WatchBodyRequest*) override;
 
   private:
-    template <typename Request, typename Response>
-    Reactor* change(Context* context, const Request* request, Response* response,
-                    absl::Status (*handler)(const ApiContext&, const Request&, Response&));
-
     const ApiContext& api_;
 };
 

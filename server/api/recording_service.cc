@@ -28,9 +28,7 @@ RecordingServiceImpl::Reactor* RecordingServiceImpl::KeepLast(Context* context, 
 RecordingServiceImpl::Reactor* RecordingServiceImpl::GetRecorderStatus(Context* context,
                                                                        const v1::GetRecorderStatusRequest* request,
                                                                        v1::GetRecorderStatusResponse* response) {
-    Reactor* reactor = context->DefaultReactor();
-    reactor->Finish(to_grpc(get_recorder_status(api_, *request, *response)));
-    return reactor;
+    return answer(context, get_recorder_status(api_, *request, *response));
 }
 
 RecordingServiceImpl::Reactor* RecordingServiceImpl::ListRecordings(Context* context,

@@ -10,10 +10,6 @@
 namespace kinevox {
 namespace {
 
-absl::Status check_there(const ApiContext& api) {
-    return api.replay ? absl::OkStatus() : absl::FailedPreconditionError("this daemon cannot replay");
-}
-
 void fill(const ApiContext& api, v1::Replay& out) {
     const ReplayStatus status = api.replay->status();
     out.set_state(v1::REPLAY_STATE_LIVE);
@@ -23,8 +19,7 @@ void fill(const ApiContext& api, v1::Replay& out) {
     if (!status.position) return out.set_state(v1::REPLAY_STATE_STOPPED);
     const ReplayPosition& position = *status.position;
     const RunState run = api.runner.state().state;
-    const bool runs = run == RunState::kRunning || run == RunState::kStarting || run == RunState::kLearning;
-    out.set_state(!runs                                      ? v1::REPLAY_STATE_STOPPED
+    out.set_state(!is_active(run)                            ? v1::REPLAY_STATE_STOPPED
                   : position.state == ReplayState::kPlaying ? v1::REPLAY_STATE_PLAYING
                   : position.state == ReplayState::kPaused  ? v1::REPLAY_STATE_PAUSED
                                                             : v1::REPLAY_STATE_ENDED);
@@ -39,6 +34,10 @@ void fill(const ApiContext& api, v1::Replay& out) {
 
 }  // namespace
 
+absl::Status check_replay(const ApiContext& api) {
+    return api.replay ? absl::OkStatus() : absl::FailedPreconditionError("this daemon cannot replay");
+}
+
 absl::Status check_live(const ApiContext& api, const char* what) {
     if (!api.replay || !api.replay->status().open) return absl::OkStatus();
     return absl::FailedPreconditionError(
@@ -46,7 +45,6 @@ absl::Status check_live(const ApiContext& api, const char* what) {
 }
 
 absl::Status open_replay(const ApiContext& api, const v1::OpenReplayRequest& request, v1::OpenReplayResponse& response) {
-    if (absl::Status there = check_there(api); !there.ok()) return there;
     if (const auto control = api.lease.use(request.lease_id()); !control.ok()) return control.status();
     if (api.procedure && api.procedure->progress().open())
         return absl::FailedPreconditionError("a calibration procedure is open, which needs the cameras; cancel it first");
@@ -64,13 +62,12 @@ absl::Status open_replay(const ApiContext& api, const v1::OpenReplayRequest& req
 }
 
 absl::Status close_replay(const ApiContext& api, const v1::CloseReplayRequest& request, v1::CloseReplayResponse&) {
-    if (absl::Status there = check_there(api); !there.ok()) return there;
     if (const auto control = api.lease.use(request.lease_id()); !control.ok()) return control.status();
     return api.replay->live();
 }
 
 absl::Status set_replay(const ApiContext& api, const v1::SetReplayRequest& request, v1::SetReplayResponse& response) {
-    if (absl::Status there = check_there(api); !there.ok()) return there;
+    if (absl::Status there = check_replay(api); !there.ok()) return there;
     if (const auto control = api.lease.use(request.lease_id()); !control.ok()) return control.status();
     ReplayChange change;
     if (request.has_speed()) change.speed = request.speed();
@@ -85,7 +82,7 @@ absl::Status set_replay(const ApiContext& api, const v1::SetReplayRequest& reque
 }
 
 absl::Status get_replay(const ApiContext& api, const v1::GetReplayRequest&, v1::GetReplayResponse& response) {
-    if (absl::Status there = check_there(api); !there.ok()) return there;
+    if (absl::Status there = check_replay(api); !there.ok()) return there;
     fill(api, *response.mutable_replay());
     return absl::OkStatus();
 }

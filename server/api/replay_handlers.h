@@ -8,7 +8,10 @@
 
 namespace kinevox {
 
-// The control thread's.
+// FailedPrecondition where this daemon has no replay.
+absl::Status check_replay(const ApiContext& api);
+
+// The control thread's, after check_replay().
 absl::Status open_replay(const ApiContext& api, const v1::OpenReplayRequest& request, v1::OpenReplayResponse& response);
 absl::Status close_replay(const ApiContext& api, const v1::CloseReplayRequest& request, v1::CloseReplayResponse& response);
 

@@ -1,41 +1,17 @@
 #include "server/api/replay_service.h"
 
-#include <boost/asio/post.hpp>
-
 #include "server/api/replay_handlers.h"
-#include "server/api/to_proto.h"
+#include "server/api/unary_call.h"
 
 namespace kinevox {
-namespace {
-
-// gRPC keeps request and response until Finish().
-template <typename Request, typename Response>
-grpc::ServerUnaryReactor* on_control(const ApiContext& api, grpc::CallbackServerContext* context, const Request* request,
-                                     Response* response,
-                                     absl::Status (*handler)(const ApiContext&, const Request&, Response&)) {
-    grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-    boost::asio::post(api.control, [&api, reactor, request, response, handler] {
-        reactor->Finish(to_grpc(handler(api, *request, *response)));
-    });
-    return reactor;
-}
-
-grpc::ServerUnaryReactor* answer(grpc::CallbackServerContext* context, const absl::Status& status) {
-    grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-    reactor->Finish(to_grpc(status));
-    return reactor;
-}
-
-}  // namespace
-
 ReplayServiceImpl::Reactor* ReplayServiceImpl::OpenReplay(Context* context, const v1::OpenReplayRequest* request,
                                                           v1::OpenReplayResponse* response) {
-    return on_control(api_, context, request, response, open_replay);
+    return unary_call(api_, api_.control, context, request, response, check_replay, open_replay);
 }
 
 ReplayServiceImpl::Reactor* ReplayServiceImpl::CloseReplay(Context* context, const v1::CloseReplayRequest* request,
                                                            v1::CloseReplayResponse* response) {
-    return on_control(api_, context, request, response, close_replay);
+    return unary_call(api_, api_.control, context, request, response, check_replay, close_replay);
 }
 
 ReplayServiceImpl::Reactor* ReplayServiceImpl::SetReplay(Context* context, const v1::SetReplayRequest* request,

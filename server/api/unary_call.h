@@ -1,4 +1,4 @@
-// A call with one answer, worked on by a thread that is not gRPC's.
+// Calls with one answer.
 #pragma once
 
 #include <boost/asio/any_io_executor.hpp>
@@ -10,7 +10,7 @@
 
 namespace kinevox {
 
-// `handler` runs on `thread` if `check` allows it. gRPC keeps request and response until Finish().
+// `handler` runs on `thread`, which is not gRPC's, if `check` allows it. gRPC keeps request and response until Finish().
 template <typename Request, typename Response>
 grpc::ServerUnaryReactor* unary_call(const ApiContext& api, const boost::asio::any_io_executor& thread,
                                      grpc::CallbackServerContext* context, const Request* request, Response* response,
@@ -24,6 +24,13 @@ grpc::ServerUnaryReactor* unary_call(const ApiContext& api, const boost::asio::a
     boost::asio::post(thread, [&api, reactor, request, response, handler] {
         reactor->Finish(to_grpc(handler(api, *request, *response)));
     });
+    return reactor;
+}
+
+// A call that is answered at once.
+inline grpc::ServerUnaryReactor* answer(grpc::CallbackServerContext* context, const absl::Status& status) {
+    grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+    reactor->Finish(to_grpc(status));
     return reactor;
 }
 

@@ -46,7 +46,7 @@ std::pair<std::size_t, std::uint64_t> whole_lines(std::string_view text, std::ui
 // All tables of poses end with the same frame.
 absl::Status cut_poses(const fs::path& folder, std::uint64_t frames) {
     std::vector<std::pair<fs::path, std::string>> tables;
-    for (const char* name : {"joints.csv", "angles.csv", "coordinates.csv", "uncertainty.csv", "withheld.csv"}) {
+    for (const std::string_view name : kPoseTableNames) {
         auto text = read_file(folder / name, kMostTableBytes);
         if (!text.ok()) return text.status();
         tables.emplace_back(folder / name, *std::move(text));

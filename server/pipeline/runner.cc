@@ -14,11 +14,11 @@ double ms_since(std::chrono::steady_clock::time_point start) {
     return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
 }
 
+}  // namespace
+
 bool is_active(RunState state) {
     return state == RunState::kStarting || state == RunState::kRunning || state == RunState::kLearning;
 }
-
-}  // namespace
 
 Runner::Runner(std::unique_ptr<FrameSource> source, OpenSource reopen, std::unique_ptr<Pipeline> pipeline,
                StreamHub& hub)

@@ -23,6 +23,8 @@
 namespace kinevox {
 
 enum class RunState { kStopped, kStarting, kRunning, kLearning, kEnded, kFailed };
+// Whether a capture runs or is about to.
+bool is_active(RunState state);
 
 // Who follows a run beside its results. None of them may wait.
 struct Taps {

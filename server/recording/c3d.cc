@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <span>
 
+#include "common/little_endian.h"
 #include "server/recording/trial_formats.h"
 
 namespace kinevox {
@@ -24,8 +25,7 @@ void put(std::string& out, T value) {
     if constexpr (std::is_floating_point_v<T>) {
         put(out, std::bit_cast<std::uint32_t>(static_cast<float>(value)));
     } else {
-        for (std::size_t k = 0; k < sizeof(T); ++k)
-            out += static_cast<char>((static_cast<std::make_unsigned_t<T>>(value) >> (8 * k)) & 0xff);
+        put_little_endian(out, value);
     }
 }
 

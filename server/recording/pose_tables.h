@@ -5,10 +5,10 @@
 #include <cstdint>
 #include <memory>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "common/body_pose.h"
+#include "common/recording_files.h"
 #include "server/recording/table.h"
 
 namespace kinevox {
@@ -31,8 +31,6 @@ struct PoseRow {
 std::vector<Table> pose_tables(const std::vector<PoseRow>& rows);
 
 // The same row by row.
-inline constexpr std::array<std::string_view, 5> kPoseTableNames{"joints.csv", "angles.csv", "coordinates.csv",
-                                                                 "uncertainty.csv", "withheld.csv"};
 using PoseLines = std::array<std::string, kPoseTableNames.size()>;   // in the order of kPoseTableNames, with line breaks
 PoseLines pose_table_headers();
 PoseLines pose_table_rows(const PoseRow& row);   // of withheld.csv as many lines as there are values withheld, or none

@@ -334,6 +334,7 @@ void LiveRecorder::write_loop(const std::stop_token& stop) {
         std::optional<BodyShape> body;
         bool background = false;
         std::function<void()> begin;
+        std::uint64_t begin_at = 0;
         {
             std::unique_lock lock(mutex_);
             changed_.wait_for(lock, stop, finish_ || begin_ ? kFinishBeat : kWriterBeat,
@@ -344,20 +345,22 @@ void LiveRecorder::write_loop(const std::stop_token& stop) {
             if (std::exchange(body_changed_, false)) body = body_;
             background = std::exchange(background_changed_, false);
             const std::uint64_t next = done.empty() ? writer_.next_number() : done.back()->number + 1;
-            if (begin_ && next >= begin_at_) begin = std::exchange(begin_, nullptr);
+            begin_at = begin_at_;
+            if (begin_ && next >= begin_at) begin = std::exchange(begin_, nullptr);
             writer_.dropped = dropped_;
         }
-        // A begin that waits for nothing comes before the first set that it wants.
-        if (begin && begin_at_ == 0) std::exchange(begin, nullptr)();
-        if (body) writer_.set_body(*body);
-        if (background) writer_.set_background(clip_.files(false));
         for (auto& set : done) {
+            // Just before the first set that came after the request: what the rolling buffer held then is what was
+            // asked for, and each set that it takes from now on would push out its oldest.
+            if (begin && set->number >= begin_at) std::exchange(begin, nullptr)();
             const std::size_t bytes = set->raw_bytes;
             writer_.take(std::move(set));
             const std::scoped_lock lock(mutex_);
             queued_bytes_ -= std::min(queued_bytes_, bytes);
         }
         if (begin) begin();
+        if (body) writer_.set_body(*body);
+        if (background) writer_.set_background(clip_.files(false));
         for (ResultOfSet& result : results) writer_.take(std::move(result));
         finish_if_done();
         tell_drops();

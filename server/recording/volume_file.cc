@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include "common/little_endian.h"
 #include "common/volume_codec.h"
 
 namespace kinevox {
@@ -15,16 +16,6 @@ namespace {
 
 constexpr std::string_view kHeader{"KVXVOLS\1", 8};
 constexpr std::size_t kEntryHeader = 12;   // frame: 8 bytes, length: 4 bytes, little endian
-
-void put(std::string& to, std::uint64_t value, int bytes) {
-    for (int i = 0; i < bytes; ++i) to += static_cast<char>(value >> (8 * i) & 0xff);
-}
-
-std::uint64_t take(const char* from, int bytes) {
-    std::uint64_t value = 0;
-    for (int i = 0; i < bytes; ++i) value |= static_cast<std::uint64_t>(static_cast<unsigned char>(from[i])) << (8 * i);
-    return value;
-}
 
 }  // namespace
 
@@ -39,8 +30,8 @@ absl::StatusOr<std::unique_ptr<VolumeFile>> VolumeFile::create(const std::filesy
 absl::Status VolumeFile::append(std::uint64_t frame, std::string_view encoded) {
     std::string bytes;
     bytes.reserve(kEntryHeader + encoded.size());
-    put(bytes, frame, 8);
-    put(bytes, encoded.size(), 4);
+    put_little_endian(bytes, frame);
+    put_little_endian(bytes, static_cast<std::uint32_t>(encoded.size()));
     bytes += encoded;
     return file_.append(bytes);
 }
@@ -58,7 +49,9 @@ absl::StatusOr<VolumeFileReader> VolumeFileReader::open(const std::filesystem::p
     std::uint64_t at = kHeader.size();
     char entry[kEntryHeader];
     while (at + kEntryHeader <= size && in.seekg(static_cast<std::streamoff>(at)).read(entry, sizeof entry)) {
-        const Entry found{take(entry, 8), at + kEntryHeader, static_cast<std::uint32_t>(take(entry + 8, 4))};
+        std::string_view numbers(entry, sizeof entry);
+        const auto frame = take_little_endian<std::uint64_t>(numbers);
+        const Entry found{frame, at + kEntryHeader, take_little_endian<std::uint32_t>(numbers)};
         at = found.offset + found.bytes;
         const bool rises = reader.entries_.empty() || found.frame > reader.entries_.back().frame;
         if (at > size || !rises) break;
