@@ -14,6 +14,7 @@ namespace kinevox {
 namespace {
 
 constexpr double kMinFps = 0.01, kMaxFps = 100000;
+constexpr double kMostOffset_s = 86400;
 
 // The path that a key holds, made absolute; notes an error where nothing lies there.
 std::filesystem::path read_path(const TomlTable& table, const char* key, bool required,
@@ -95,6 +96,12 @@ absl::StatusOr<Session> parse_session_toml(const std::string& text, const std::f
         camera.name = table.text("name");
         camera.video = read_path(table, "video", true, folder, check_files_exist);
         camera.background = read_path(table, "background", false, folder, check_files_exist);
+        if (table.has("offset_s")) {
+            camera.offset_s = table.number("offset_s", {-kMostOffset_s, kMostOffset_s});
+            if (root.has("recording"))
+                table.fail("offset_s", "has no place in a session with [recording], whose cameras were joined by their clocks; "
+                                       "remove it");
+        }
         if (const std::string problem = camera_name_problem(camera.name);
             !problem.empty() && table.has("name"))
             table.fail("name", problem);
@@ -161,6 +168,7 @@ absl::Status write_session(const Session& session, const std::filesystem::path& 
         out += fmt::format("\n[[camera]]\nname = {}\nvideo = {}\n", toml_quoted(camera.name),
                            path_text(camera.video));
         if (!camera.background.empty()) out += fmt::format("background = {}\n", path_text(camera.background));
+        if (camera.offset_s) out += fmt::format("offset_s = {}\n", toml_number(*camera.offset_s));
     }
     if (session.recording) out += recording_toml(*session.recording, folder);
     if (const auto read_back = parse_session_toml(out, folder, file.string(), false); !read_back.ok())

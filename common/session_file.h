@@ -18,6 +18,9 @@ struct SessionCamera {
     std::string name;                  // a section of the calibration file
     std::filesystem::path video;       // a video or a folder of pictures; absolute after reading
     std::filesystem::path background;  // a picture, a clip or a folder; empty if there is none
+    // When its first picture was taken, s, on the time axis that all cameras of the session share: picture n was taken at
+    // offset_s + n / fps. Absent: 0. With it the videos may be of different length; see session_offsets.h.
+    std::optional<double> offset_s = std::nullopt;
 };
 
 // What the recorder says of a session that it wrote; docs/recording.md.

@@ -13,6 +13,7 @@
 #include <set>
 
 #include "common/session_file.h"
+#include "common/session_offsets.h"
 #include "server/cameras/picture_reader.h"
 
 namespace kinevox {
@@ -48,8 +49,9 @@ absl::StatusOr<std::vector<CameraClip>> open_clips(const std::vector<std::string
     if (is_session(arguments)) {
         const auto session = read_session(arguments[0]);
         if (!session.ok()) return session.status();
+        const std::vector<std::int64_t> first = first_pictures(*session);
         for (const SessionCamera& camera : session->cameras)
-            clips.push_back({camera.name, camera.video, camera.background});
+            clips.push_back({camera.name, camera.video, camera.background, 0, 0, first[clips.size()]});
     } else {
         for (const std::string& argument : arguments) {
             const std::size_t equals = argument.find('=');
@@ -101,11 +103,13 @@ absl::Status read_side_by_side(
         size.name = clips[c].camera, size.width = clips[c].width, size.height = clips[c].height;
         auto reader = open_pictures(clips[c].file, size);
         if (!reader.ok()) return fail(reader.status());
+        if (clips[c].first > 0)
+            if (absl::Status there = (*reader)->seek(clips[c].first); !there.ok()) return fail(there);
         auto see = start(c, size);
         if (!see.ok()) return fail(see.status());
         const std::int64_t end = which.most < 0 ? std::numeric_limits<std::int64_t>::max()
                                                 : which.first + std::int64_t{which.every} * (which.most - 1) + 1;
-        total += std::max<std::int64_t>(std::min((*reader)->promised(), end), 1);
+        total += std::max<std::int64_t>(std::min((*reader)->promised() - clips[c].first, end), 1);
         for (std::int64_t frame = 0; frame < end && !stop; ++frame) {
             auto picture = (*reader)->next();
             if (absl::IsOutOfRange(picture.status())) break;

@@ -4,6 +4,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <string>
@@ -19,6 +20,7 @@ struct CameraClip {
     std::filesystem::path file;        // a video, a picture or a folder of pictures
     std::filesystem::path background;  // of the empty scene; empty where none is known
     int width = 0, height = 0;         // px
+    std::int64_t first = 0;            // of its pictures that counts as its first: cameras may begin one by one
 };
 
 inline constexpr const char* kBoardHelp =

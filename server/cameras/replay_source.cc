@@ -12,6 +12,7 @@
 
 #include <fmt/format.h>
 
+#include "common/session_offsets.h"
 #include "server/cameras/picture_reader.h"
 #include "server/cameras/session_source.h"
 
@@ -114,6 +115,7 @@ class LanedReplay final : public ReplaySource {
     const std::unique_ptr<FrameSource> background_;
     std::size_t ahead_ = 2;
     std::int64_t frames_ = 0;
+    std::vector<std::int64_t> first_;   // per camera: its picture that belongs to frame 0
     std::deque<Lane> lanes_;
 
     mutable std::mutex mutex_;   // of everything below and the lanes but for their readers
@@ -130,6 +132,7 @@ class LanedReplay final : public ReplaySource {
 };
 
 absl::Status LanedReplay::open(const Session& session) {
+    std::vector<std::int64_t> promised;
     for (std::size_t c = 0; c < cameras().size(); ++c) {
         auto reader = open_pictures(session.cameras[c].video, cameras()[c]);
         if (!reader.ok()) return reader.status();
@@ -138,10 +141,13 @@ absl::Status LanedReplay::open(const Session& session) {
                 fmt::format("camera {}: {} does not tell how many frames it has, so that nothing can be sought in it; convert "
                             "it to MP4 or Matroska with ffmpeg",
                             cameras()[c].name, session.cameras[c].video.string()));
-        frames_ = c == 0 ? (*reader)->promised() : std::min(frames_, (*reader)->promised());
+        promised.push_back((*reader)->promised());
         lanes_.emplace_back().reader = *std::move(reader);
     }
-    return absl::OkStatus();
+    first_ = first_pictures(session);
+    const auto length = common_length(session, promised);
+    if (length.ok()) frames_ = *length;
+    return length.status();
 }
 
 absl::Status LanedReplay::seek(std::int64_t frame) {
@@ -210,7 +216,7 @@ void LanedReplay::decode(std::size_t c) {
         const std::uint64_t epoch = lane.epoch;
         const std::int64_t frame = lane.at;
         lock.unlock();
-        const absl::Status there = sought ? lane.reader->seek(frame) : absl::OkStatus();
+        const absl::Status there = sought ? lane.reader->seek(first_[c] + frame) : absl::OkStatus();
         auto picture = there.ok() ? lane.reader->next() : absl::StatusOr<Picture>(there);
         lock.lock();
         if (epoch != epoch_) continue;   // sought elsewhere meanwhile

@@ -16,6 +16,7 @@
 #include <opencv2/core/utils/logger.hpp>
 
 #include "common/background_priority.h"
+#include "common/session_offsets.h"
 #include "server/cameras/picture_reader.h"
 #include "server/cameras/recorded_session.h"
 #include "server/cameras/recorded_video.h"
@@ -56,7 +57,7 @@ absl::StatusOr<std::vector<Picture>> read_background(const std::filesystem::path
 class SessionSource final : public FrameSource {
   public:
     SessionSource(Session session, std::vector<Camera> cameras, const SessionSourceOptions& options)
-        : session_(std::move(session)), cameras_(std::move(cameras)), options_(options) {
+        : session_(std::move(session)), cameras_(std::move(cameras)), options_(options), first_(first_pictures(session_)) {
         const std::size_t fit = kBytesAhead / frame_set_bytes(cameras_);
         capacity_ = options_.frames_ahead > 0 ? static_cast<std::size_t>(options_.frames_ahead)
                                               : std::clamp<std::size_t>(fit, 2, 32);
@@ -75,7 +76,7 @@ class SessionSource final : public FrameSource {
             if (!reader.ok()) return reader.status();
             lanes_.emplace_back().reader = std::move(*reader);
         }
-        return check_lengths();
+        return has_offsets(session_) ? find_common_length() : check_lengths();
     }
 
     const std::vector<Camera>& cameras() const override { return cameras_; }
@@ -84,8 +85,8 @@ class SessionSource final : public FrameSource {
     std::int64_t frame_count() const override {
         if (options_.loop) return -1;
         std::int64_t count = -1;
-        for (const Lane& lane : lanes_) {
-            const std::int64_t promised = lane.reader->promised();
+        for (std::size_t c = 0; c < lanes_.size(); ++c) {
+            const std::int64_t promised = lanes_[c].reader->promised() - first_[c];
             if (promised > 0 && (count < 0 || promised < count)) count = promised;
         }
         return count;
@@ -111,6 +112,8 @@ class SessionSource final : public FrameSource {
 
     absl::Status open_recording();
     absl::Status check_lengths() const;
+    absl::Status find_common_length();
+    absl::StatusOr<Picture> next_picture(std::size_t c, std::int64_t taken);
     absl::Status uneven_end(std::size_t ended_camera) const;
     void decode(std::size_t c);
     absl::StatusOr<FrameSet> take_set(std::unique_lock<std::mutex>& lock);
@@ -128,6 +131,8 @@ class SessionSource final : public FrameSource {
     std::vector<Camera> cameras_;
     SessionSourceOptions options_;
     std::size_t capacity_ = 2;
+    std::vector<std::int64_t> first_;   // per camera: the picture that belongs to the first frame set
+    std::int64_t length_ = -1;          // frame sets, where the videos have offsets and tell their lengths
     std::vector<RecordedTime> times_;   // of a recording's frame sets; empty: evenly spaced
     std::deque<Lane> lanes_;
 
@@ -168,6 +173,25 @@ absl::Status SessionSource::check_lengths() const {
         fewest));
 }
 
+absl::Status SessionSource::find_common_length() {
+    std::vector<std::int64_t> pictures;
+    for (std::size_t c = 0; c < lanes_.size(); ++c) {
+        const PictureReader& reader = *lanes_[c].reader;
+        if (reader.promise_is_exact()) {
+            pictures.push_back(reader.promised());
+            continue;
+        }
+        if (!options_.loop) return absl::OkStatus();   // next() will notice the end
+        return absl::InvalidArgumentError(
+            fmt::format("camera {}: {} does not tell exactly how many frames it has, so that cameras with offset_s cannot "
+                        "begin anew together; convert it to MP4 with ffmpeg",
+                        cameras_[c].name, session_.cameras[c].video.string()));
+    }
+    const auto length = common_length(session_, pictures);
+    if (length.ok()) length_ = *length;
+    return length.status();
+}
+
 absl::StatusOr<std::vector<std::vector<Picture>>> SessionSource::background() {
     const std::size_t count = cameras_.size();
     // The recorder kept what a background was learned from, and all of it makes the same again.
@@ -200,10 +224,19 @@ bool SessionSource::all_full() const {
                        [this](const Lane& lane) { return lane.ended || lane.queue.size() >= capacity_; });
 }
 
+// `taken` were handed out since the video's begin.
+absl::StatusOr<Picture> SessionSource::next_picture(std::size_t c, std::int64_t taken) {
+    if (length_ >= 0 && taken >= length_) return absl::OutOfRangeError("the cameras' common time has ended");
+    if (taken == 0 && first_[c] > 0)
+        if (absl::Status there = lanes_[c].reader->seek(first_[c]); !there.ok()) return there;
+    return lanes_[c].reader->next();
+}
+
 void SessionSource::decode(std::size_t c) {
     // The next set is decoded while this one is computed, and has a frame's time for it.
     lower_this_threads_priority();
     Lane& lane = lanes_[c];
+    std::int64_t taken = 0;   // since it was opened or rewound
     bool fresh = false;  // rewound and nothing read since
     for (;;) {
         {
@@ -211,16 +244,18 @@ void SessionSource::decode(std::size_t c) {
             changed_.wait(lock, [&] { return stopped_ || (filling_ && lane.queue.size() < capacity_); });
             if (stopped_) return;
         }
-        auto picture = lane.reader->next();
+        auto picture = next_picture(c, taken);
         if (options_.loop && absl::IsOutOfRange(picture.status()) && !fresh) {
             if (absl::Status rewound = lane.reader->rewind(); rewound.ok()) {
                 fresh = true;
+                taken = 0;
                 continue;
             } else {
                 picture = rewound;
             }
         }
         fresh = false;
+        ++taken;
         const std::lock_guard lock(mutex_);
         lane.ended = !picture.ok();
         lane.queue.push_back(std::move(picture));
@@ -257,6 +292,7 @@ absl::StatusOr<FrameSet> SessionSource::take_set(std::unique_lock<std::mutex>& l
     for (std::size_t c = 0; c < lanes_.size(); ++c)
         if (!lanes_[c].queue.front().ok()) ++ended, ended_camera = c;
     if (ended == lanes_.size()) return absl::OutOfRangeError("the session has ended");
+    if (ended > 0 && has_offsets(session_)) return absl::OutOfRangeError("the session has ended with its first video");
     if (ended > 0) return uneven_end(ended_camera);
 
     FrameSet set;

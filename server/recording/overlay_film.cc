@@ -14,6 +14,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "common/body_pose.h"
+#include "common/session_offsets.h"
 #include "server/cameras/h264_file.h"
 #include "server/cameras/recorded_session.h"
 #include "server/cameras/recorded_video.h"
@@ -44,6 +45,7 @@ const std::array kBones{
 struct Tile {
     Camera camera;
     std::unique_ptr<PictureReader> pictures;
+    std::int64_t first = 0;   // the picture that belongs to frame 0
     std::int64_t at = 0;   // what pictures->next() delivers
     cv::Rect place;        // px, in the film
     cv::Mat picture;       // as it was read last
@@ -75,6 +77,7 @@ void draw_skeleton(const Tile& tile, const std::array<Vec3, kJointNames.size()>&
 absl::StatusOr<std::vector<Tile>> open_tiles(const Session& session, const std::string& wanted) {
     const auto cameras = read_session_cameras(session);
     if (!cameras.ok()) return cameras.status();
+    const std::vector<std::int64_t> first = first_pictures(session);
     std::vector<Tile> tiles;
     std::vector<std::string> names;
     for (std::size_t c = 0; c < cameras->size(); ++c) {
@@ -84,6 +87,7 @@ absl::StatusOr<std::vector<Tile>> open_tiles(const Session& session, const std::
         if (!pictures.ok()) return pictures.status();
         Tile& tile = tiles.emplace_back();
         tile.camera = (*cameras)[c];
+        tile.first = first[c];
         tile.pictures = *std::move(pictures);
     }
     if (tiles.empty())
@@ -114,8 +118,9 @@ cv::Size place_tiles(std::vector<Tile>& tiles, int width_px) {
     return {columns * tile_width, rows * tile_height};
 }
 
-// The session's picture `frame`, which is not before the one read last.
-absl::Status read_picture(Tile& tile, std::int64_t frame) {
+// The picture of frame set `frame_set`, which is not before the one read last.
+absl::Status read_picture(Tile& tile, std::int64_t frame_set) {
+    const std::int64_t frame = tile.first + frame_set;
     if (auto* video = dynamic_cast<RecordedVideo*>(tile.pictures.get()); video && tile.at < frame) {
         if (absl::Status there = video->seek(frame); !there.ok()) return there;
         tile.at = frame;

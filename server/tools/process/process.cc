@@ -13,6 +13,7 @@
 #include "common/atomic_file.h"
 #include "common/calibration_file.h"
 #include "common/session_file.h"
+#include "common/session_offsets.h"
 #include "common/toml_reader.h"
 #include "server/cameras/session_source.h"
 #include "server/pose/body_fitter.h"
@@ -44,6 +45,12 @@ std::string run_toml(const ProcessOptions& options, double fps, std::int64_t fra
     text += fmt::format("colouring = {}\npose = {}\n", options.pipeline.colouring, options.pipeline.pose);
     text += fmt::format("smooth_hz = {}   # of the poses' zero-phase low pass; 0: none\n",
                         toml_number(options.poses.cutoff_hz));
+    if (const auto read = read_session(options.session_file); read.ok() && has_offsets(*read)) {
+        text += "\n[first_pictures]   # of each camera's video, from 0: the one in frame 0\n";
+        const std::vector<std::int64_t> first = first_pictures(*read);
+        for (std::size_t c = 0; c < first.size(); ++c)
+            text += fmt::format("{} = {}\n", toml_quoted(read->cameras[c].name), first[c]);
+    }
     return text;
 }
 

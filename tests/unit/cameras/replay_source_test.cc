@@ -181,6 +181,26 @@ TEST_F(ReplaySourceTest, ASeekWhilePlayingGoesOnFromThereAndTheNewestCounts) {
     EXPECT_EQ(source->position().state, ReplayState::kPaused);
 }
 
+TEST_F(ReplaySourceTest, CamerasThatBeganOneByOneShowTheSameInstantWhereverItIsSought) {
+    std::string session = fmt::format("fps = {}\ncalibration = \"calibration.toml\"\n", kFps);
+    const std::tuple<const char*, const char*, int> begun[] = {{"h264", "h264.mp4", 0}, {"ffv1", "ffv1.avi", 7}, {"folder", "folder", -3}};
+    for (const auto& [name, file, frames] : begun)
+        session += fmt::format("[[camera]]\nname = \"{}\"\nvideo = \"{}\"\noffset_s = {}\n", name, file, frames / kFps);
+    const auto source = ReplaySource::open(shared_->write("begun_one_by_one.toml", session), {.paused = true});
+    ASSERT_TRUE(source.ok()) << source.status();
+    ASSERT_TRUE((*source)->next().ok());
+    EXPECT_EQ((*source)->position().frames, kFrames - 10);
+    for (const int frame : {57, 58, 0, 89, 3}) {
+        ASSERT_TRUE((*source)->seek(frame).ok());
+        const auto set = (*source)->next();
+        ASSERT_TRUE(set.ok()) << set.status();
+        EXPECT_EQ(set->recorded_frame, frame);
+        EXPECT_EQ(set->capture_time_ns, static_cast<std::int64_t>(frame * 1e9 / kFps));
+        for (std::size_t c = 0; c < 3; ++c) EXPECT_EQ(number_in(set->pictures[c]), frame + 7 - std::get<2>(begun[c])) << c;
+    }
+    EXPECT_FALSE((*source)->seek(kFrames - 10).ok());
+}
+
 TEST_F(ReplaySourceTest, WhoeverTakesSlowlySkipsFrameSetsAtTheSpeedAskedFor) {
     const auto source = open({.speed = 1});
     ASSERT_TRUE(source);

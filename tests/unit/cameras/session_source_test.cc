@@ -167,6 +167,88 @@ TEST_F(SessionOnDisk, StopsFromAnotherThread) {
     EXPECT_TRUE(absl::IsCancelled((*source)->next().status()));
 }
 
+// The same two cameras, begun one after the other: left first, right by 3.4 frames later, for as long as it could.
+class LateCamera : public SessionOnDisk {
+  protected:
+    void SetUp() override {
+        SessionOnDisk::SetUp();
+        fs::remove_all(folder_ / "right");
+        write_folder(folder_ / "right", 1, kFrames + 3);
+        write_offset("0.068");
+    }
+    void write_offset(const std::string& right) {
+        folder_.write("session.toml",
+                      "name = \"made\"\nfps = 50.0\ncalibration = \"calibration.toml\"\n"
+                      "[[camera]]\nname = \"left\"\nvideo = \"left.avi\"\nbackground = \"empty0.png\"\n"
+                      "[[camera]]\nname = \"right\"\nvideo = \"right\"\nbackground = \"empty1.png\"\noffset_s = " +
+                          right + "\n");
+    }
+    static void expect_pictures(const FrameSet& set, int left, int right) {
+        EXPECT_NEAR(set.pictures[0].data[0], grey_of(0, left), 2);   // motion JPEG
+        EXPECT_EQ(set.pictures[1].data[0], grey_of(1, right));
+    }
+};
+
+TEST_F(LateCamera, ItsPicturesAreJoinedWithThoseOfItsTime) {
+    for (const auto& [offset, left, right] : {std::tuple{"0.068", 3, 0}, {"-0.068", 0, 3}, {"0.075", 4, 0}}) {
+        write_offset(offset);
+        auto source = open();
+        ASSERT_TRUE(source.ok()) << source.status();
+        const int length = std::min(kFrames - left, kFrames + 3 - right);
+        EXPECT_EQ((*source)->frame_count(), length);
+        for (int n = 0; n < length; ++n) {
+            auto set = (*source)->next();
+            ASSERT_TRUE(set.ok()) << set.status();
+            EXPECT_EQ(set->sequence, static_cast<std::uint64_t>(n));
+            EXPECT_EQ(set->capture_time_ns, n * 20'000'000);
+            expect_pictures(*set, left + n, right + n);
+        }
+        EXPECT_TRUE(absl::IsOutOfRange((*source)->next().status()));
+        const auto background = (*source)->background();
+        ASSERT_TRUE(background.ok());
+        EXPECT_EQ((*background)[1][0].data[0], grey_of(1, 0)) << "the empty scene is not shifted";
+    }
+}
+
+TEST_F(LateCamera, LoopsWithTheOther) {
+    auto source = open({.loop = true});
+    ASSERT_TRUE(source.ok()) << source.status();
+    for (int n = 0; n < 3 * (kFrames - 3); ++n) {
+        auto set = (*source)->next();
+        ASSERT_TRUE(set.ok()) << set.status();
+        EXPECT_EQ(set->sequence, static_cast<std::uint64_t>(n));
+        expect_pictures(*set, 3 + n % (kFrames - 3), n % (kFrames - 3));
+    }
+}
+
+// Matroska does not tell its number of frames exactly: the end shows when it comes.
+TEST_F(LateCamera, EndsWithTheFirstVideoThatEnds) {
+    write_video(folder_ / "left.mkv", 0, kFrames);
+    std::string text;
+    {
+        std::ifstream stream(folder_ / "session.toml");
+        text.assign(std::istreambuf_iterator<char>(stream), {});
+    }
+    folder_.write("session.toml", text.replace(text.find("left.avi"), 8, "left.mkv"));
+    EXPECT_FALSE(open({.loop = true}).ok());
+    auto source = open();
+    ASSERT_TRUE(source.ok()) << source.status();
+    for (int n = 0; n < kFrames - 3; ++n) {
+        auto set = (*source)->next();
+        ASSERT_TRUE(set.ok()) << set.status();
+        expect_pictures(*set, 3 + n, n);
+    }
+    EXPECT_TRUE(absl::IsOutOfRange((*source)->next().status()));
+}
+
+TEST_F(LateCamera, ThatBeginsBehindTheEndOfTheOtherIsToldAtOnce) {
+    write_offset("0.25");
+    const auto source = open();
+    ASSERT_FALSE(source.ok());
+    EXPECT_THAT(std::string(source.status().message()),
+                AllOf(HasSubstr("camera right begins when camera left has ended"), HasSubstr("offset_s")));
+}
+
 struct BadInput {
     std::string name;
     std::function<void(const testing::TemporaryFolder&)> spoil;

@@ -13,7 +13,7 @@ def open_session(trial, session_file):
     recorded = trial.run.get("session")
     if not session_file and not (recorded and Path(recorded).is_file()):
         return None
-    return Session(session_file or recorded, trial.folder)
+    return Session(session_file or recorded, trial.folder, trial.run.get("first_pictures"))
 
 
 def shortened(words, most):

@@ -32,10 +32,12 @@ class Camera:
 
 
 class Session:
-    """Cameras by name and their videos, from session.toml; the calibration that `process` used stands in its folder."""
+    """Cameras by name and their videos, from session.toml; the calibration that `process` used stands in its folder.
+    `first_pictures`: {camera: number of its picture in frame 0}, where the videos did not begin together."""
 
-    def __init__(self, file, folder):
+    def __init__(self, file, folder, first_pictures=None):
         self.file = Path(file)
+        self.first = first_pictures if isinstance(first_pictures, dict) else {}
         data = read_toml(self.file)
         try:
             self.name = str(data.get("name", self.file.parent.name))
@@ -53,15 +55,15 @@ class Session:
             raise ReportError(f"{calibration}: has none of the cameras of {self.file}")
 
     def picture_reader(self, camera):
-        return PictureReader(self.videos[camera])
+        return PictureReader(self.videos[camera], self.first.get(camera, 0))
 
 
 class PictureReader:
     """Pictures by number, RGB, in rising order: a video is decoded on from where it stands, since seeking is not exact
-    in every container."""
+    in every container. Number 0 is the file's picture `first`."""
 
-    def __init__(self, path):
-        self.path, self.next = path, 0
+    def __init__(self, path, first=0):
+        self.path, self.next, self.first = path, 0, first
         if not path.exists():
             raise ReportError(f"{path}: no such video; was the session moved? Give --session")
         self.files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else None
@@ -69,6 +71,7 @@ class PictureReader:
 
     def read(self, number):
         picture = None
+        number += self.first
         if self.files is not None:
             picture = cv2.imread(str(self.files[number])) if number < len(self.files) else None
         else:
