@@ -1,0 +1,30 @@
+"""A daemon on a small virtual studio, for tests of clients; needs no data."""
+import subprocess
+from pathlib import Path
+
+
+class StudioDaemon:
+    """Four cameras of `size` px; its recordings and calibrations in `folder`. port 0 takes a free one."""
+
+    def __init__(self, program, folder, more="", port=0, motion="walk", size=(320, 240), fps=10, autostart=True):
+        self.folder = Path(folder)
+        self.recordings = self.folder / "recordings"
+        config = self.folder / "kinevoxd.toml"
+        config.write_text(
+            f'[server]\nlisten = "127.0.0.1:{port}"\n[source]\nkind = "studio"\nautostart = {str(autostart).lower()}\n'
+            f'[source.studio]\nmotion = "{motion}"\nwidth = {size[0]}\nheight = {size[1]}\nfps = {fps}\n'
+            f'[pose]\ndatabase = ""\nfit_body = false\nfitted_body = ""\n[calibration]\nfolder = "{self.folder}/calibrations"\n'
+            f'[recording]\nfolder = "{self.recordings}"\nleast_free_mb = 0\nqueue_mb = 1000\n[log]\nlevel = "warning"\n{more}')
+        self.process = subprocess.Popen([program, "--config", str(config)], stdout=subprocess.PIPE, text=True)
+        ready = self.process.stdout.readline().split()
+        if not ready:
+            raise RuntimeError("kinevoxd did not start")
+        self.address = ready[-1]
+        self.port = int(self.address.rsplit(":", 1)[1])
+
+    def stop(self):
+        """Its exit status."""
+        self.process.terminate()
+        status = self.process.wait()
+        self.process.stdout.close()
+        return status
