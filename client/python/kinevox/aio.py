@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from collections.abc import AsyncIterator, Callable, Coroutine
-from contextlib import asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager
 from functools import wraps
 from pathlib import Path
 from types import TracebackType
@@ -197,6 +197,23 @@ class AsyncClient(AsyncCapture):
                 async for piece in pieces:
                     files.take(piece)
         return files.written
+
+    async def replayed(self, session: str | Path, silence_s: float = 60) -> AsyncIterator[Pose]:
+        """See Client.replayed."""
+        async with AsyncExitStack() as held:
+            if not self._transport.lease_id:
+                await held.enter_async_context(self.control(timeout_s=600))
+            poses = await held.enter_async_context(self.poses("all", silence_s=silence_s))
+            await poses.wait_until_subscribed()
+            frames = (await self.replay.open(session, paused=True)).frames
+            held.push_async_callback(self.replay.close)
+            for frame in range(frames):
+                async for pose in poses:
+                    if pose.recorded_frame == frame:
+                        yield pose
+                        break
+                if frame + 1 < frames:
+                    await self.replay.step()
 
     @asynccontextmanager
     async def control(self, operator: str = "", timeout_s: float = 30.0) -> AsyncIterator[None]:

@@ -107,6 +107,15 @@ class AsyncStream(Generic[T], AsyncIterator[T]):
             return self._what.convert(message, self._transport.options.server)
         raise StopAsyncIteration
 
+    async def wait_until_subscribed(self) -> None:
+        """Returns when the daemon sends whatever happens from now on. Errors come with the first message."""
+        if self._call is None:
+            self._call = self._open()
+        try:
+            await self._call.initial_metadata()
+        except grpc.RpcError:
+            pass
+
     def _open(self) -> Any:
         what = self._what
         ask = self._transport.channel.unary_stream(path(what.method), type(what.request).SerializeToString,

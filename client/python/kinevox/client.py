@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import TypeVar
@@ -128,6 +128,25 @@ class Client(Capture):
                 for piece in pieces:
                     files.take(piece)
         return files.written
+
+    def replayed(self, session: str | Path, silence_s: float = 60) -> Iterator[Pose]:
+        """The pose of every frame of a recorded session, none left out however long each takes; the cameras' place is
+        taken meanwhile, and control held.
+
+        session: absolute path of a session.toml on the daemon's machine. Each pose's recorded_frame counts from 0. NotFound,
+        DataLoss, FailedPrecondition while somebody else holds control.
+        """
+        with ExitStack() as held:
+            if not self._transport.lease_id:
+                held.enter_context(self.control(timeout_s=600))
+            poses = held.enter_context(self.poses("all", silence_s=silence_s))
+            poses.wait_until_subscribed()
+            frames = self.replay.open(session, paused=True).frames
+            held.callback(self.replay.close)
+            for frame in range(frames):
+                yield next(pose for pose in poses if pose.recorded_frame == frame)
+                if frame + 1 < frames:
+                    self.replay.step()
 
     @contextmanager
     def control(self, operator: str = "", timeout_s: float = 30.0) -> Iterator[None]:

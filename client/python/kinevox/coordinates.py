@@ -35,27 +35,16 @@ _FAR_JOINT = ("root", "skullbase", "head_top", "knee_l", "ankle_l", "toe_l", "el
 _HINGE_AXIS = {"shank_l": (0, 1, 0), "shank_r": (0, 1, 0), "foot_l": (0, -1, 0), "foot_r": (0, -1, 0),
                "forearm_l": (0, -1, 0), "forearm_r": (0, -1, 0), "hand_l": (-1, 0, 0), "hand_r": (1, 0, 0)}
 
-
-def matrices(quaternions: Floats) -> Floats:
-    """Rotation matrices (..., 3, 3) of unit quaternions w x y z (..., 4)."""
-    w, x, y, z = np.moveaxis(quaternions, -1, 0)
-    rows = [[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-
-
-def _pelvis(r: Floats) -> list[Floats]:
-    """Tilt, list, rotation of R = Rz(rotation) Rx(list) Ry(-tilt)."""
-    lean = np.clip(r[..., 2, 1], -1, 1)
-    return [-np.arctan2(-r[..., 2, 0], r[..., 2, 2]), np.arcsin(lean), np.arctan2(-r[..., 0, 1], r[..., 1, 1])]
-
-
-def _ball(r: Floats, mirror: float) -> list[Floats]:
-    """Flexion, adduction, rotation of R = Ry(-flexion) Rx(mirror adduction) Rz(mirror rotation)."""
-    side = np.clip(-r[..., 1, 2], -1, 1)
-    return [-np.arctan2(r[..., 0, 2], r[..., 2, 2]), mirror * np.arcsin(side),
-            mirror * np.arctan2(r[..., 1, 0], r[..., 1, 1])]
+_SEGMENT_OF = np.array([i for i, names in enumerate(_OF_SEGMENT) for _ in names])
+_FIRST = {segment: COORDINATE_NAMES.index(names[0]) for segment, names in zip(SEGMENT_NAMES, _OF_SEGMENT)}
+_HINGES = [segment for segment in SEGMENT_NAMES if segment in _HINGE_AXIS]
+_BALLS = [segment for segment in SEGMENT_NAMES[1:] if segment not in _HINGE_AXIS]
+_HINGE_AT = np.array([SEGMENT_NAMES.index(segment) for segment in _HINGES])
+_BALL_AT = np.array([SEGMENT_NAMES.index(segment) for segment in _BALLS])
+_HINGE_OUT = np.array([_FIRST[segment] for segment in _HINGES])
+_BALL_OUT = np.array([_FIRST[segment] for segment in _BALLS])
+_HINGE_AXES = np.array([_HINGE_AXIS[segment] for segment in _HINGES], dtype=float)
+_MIRROR = np.array([-1.0 if segment.endswith("_l") else 1.0 for segment in _BALLS])   # adduction, internal rotation
 
 
 def coordinates_deg(parent_from_segment: Floats, joints_m: Floats, joint_names: tuple[str, ...]) -> Floats:
@@ -65,18 +54,24 @@ def coordinates_deg(parent_from_segment: Floats, joints_m: Floats, joint_names: 
     the order of joint_names; where the joint at a segment's far end is NaN, its coordinates are. At a singular pose
     (adduction of 90 degrees) flexion and rotation are not told apart.
     """
-    rotations = matrices(parent_from_segment)
-    columns: list[Floats] = []
-    for i, segment in enumerate(SEGMENT_NAMES):
-        r = rotations[..., i, :, :]
-        if segment in _HINGE_AXIS:
-            axis = np.array(_HINGE_AXIS[segment], dtype=float)
-            twice_sine = np.stack([r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]], axis=-1)
-            angles = [np.arctan2(twice_sine @ axis, np.trace(r, axis1=-2, axis2=-1) - 1)]
-        elif segment == "pelvis":
-            angles = _pelvis(r)
-        else:
-            angles = _ball(r, -1.0 if segment.endswith("_l") else 1.0)
-        withheld = np.isnan(joints_m[..., joint_names.index(_FAR_JOINT[i]), 0])
-        columns += [np.where(withheld, np.nan, angle) for angle in angles]
-    return np.degrees(np.stack(columns, axis=-1))
+    w, x, y, z = np.moveaxis(parent_from_segment, -1, 0)
+    # Entries of the rotation matrices, row and column from 1: R = Ry(-flexion) Rx(mirror adduction) Rz(mirror rotation),
+    # the pelvis' R = Rz(rotation) Rx(list) Ry(-tilt).
+    r33, r22 = 1 - 2 * (x * x + y * y), 1 - 2 * (x * x + z * z)
+    wx, wy, wz = w * x, w * y, w * z
+    xy, xz, yz = x * y, x * z, y * z
+    out: Floats = np.empty((*w.shape[:-1], len(COORDINATE_NAMES)))
+    b, p = _BALL_AT, 0
+    out[..., _BALL_OUT] = -np.arctan2(2 * (xz + wy)[..., b], r33[..., b])
+    out[..., _BALL_OUT + 1] = _MIRROR * np.arcsin(np.clip(2 * (wx - yz)[..., b], -1, 1))
+    out[..., _BALL_OUT + 2] = _MIRROR * np.arctan2(2 * (xy + wz)[..., b], r22[..., b])
+    out[..., 0] = -np.arctan2(2 * (wy - xz)[..., p], r33[..., p])
+    out[..., 1] = np.arcsin(np.clip(2 * (yz + wx)[..., p], -1, 1))
+    out[..., 2] = np.arctan2(2 * (wz - xy)[..., p], r22[..., p])
+    # Twice the sine about the axis, twice the cosine.
+    along = (parent_from_segment[..., _HINGE_AT, 1:] * _HINGE_AXES).sum(axis=-1)
+    turn = w[..., _HINGE_AT]
+    out[..., _HINGE_OUT] = np.arctan2(4 * turn * along, 4 * turn * turn - 2)
+    far = [joint_names.index(name) for name in _FAR_JOINT]
+    out[np.isnan(joints_m[..., far, 0])[..., _SEGMENT_OF]] = np.nan
+    return np.degrees(out)

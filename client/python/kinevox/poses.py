@@ -31,6 +31,7 @@ NAN = float("nan")
 
 _JOINT_PLACE = {name: i for i, name in enumerate(JOINT_NAMES)}
 _ANGLE_PLACE = {name: i for i, name in enumerate(ANGLE_NAMES)}
+_SEGMENT_PLACE = {name: i for i, name in enumerate(SEGMENT_NAMES)}
 _COORDINATE_PLACE = {name: i for i, name in enumerate(COORDINATE_NAMES)}
 
 
@@ -89,7 +90,7 @@ class Angles(Mapping[str, float]):
     in radians. withheld: why there is no value, by name.
     """
 
-    def __init__(self, estimates: Any, coordinates: "Coordinates") -> None:
+    def __init__(self, estimates: Any, coordinates: Coordinates) -> None:
         size = len(ANGLE_NAMES)
         self.deg: Floats = np.full(size, NAN)
         self.std_deg: Floats = np.full(size, NAN)
@@ -144,23 +145,42 @@ class Segments:
     def __init__(self, orientations: Any) -> None:
         self.world_from_segment: Floats = np.full((len(SEGMENT_NAMES), 4), NAN)
         self.parent_from_segment: Floats = np.full((len(SEGMENT_NAMES), 4), NAN)
-        place = {name: i for i, name in enumerate(SEGMENT_NAMES)}
         for orientation in orientations:
-            i = place.get(orientation.name)
+            i = _SEGMENT_PLACE.get(orientation.name)
             if i is not None:
                 w, p = orientation.world_from_segment, orientation.parent_from_segment
                 self.world_from_segment[i] = (w.w, w.x, w.y, w.z)
                 self.parent_from_segment[i] = (p.w, p.x, p.y, p.z)
 
 
+class _Parts:
+    """What others are computed from, made when it is first asked for."""
+
+    def __init__(self, pose: Any) -> None:
+        self._pose = pose
+
+    @cached_property
+    def joints(self) -> Joints:
+        """Positions."""
+        return Joints(self._pose.joints)
+
+    @cached_property
+    def segments(self) -> Segments:
+        """Orientations."""
+        return Segments(self._pose.segments)
+
+
 class Coordinates(Mapping[str, float]):
-    """The body model's 29 turns by OpenSim's names, degrees, signs as in its full-body models; NaN where withheld.
+    """The body model's 29 turns by OpenSim's names, degrees, signs as in its full-body models; NaN where withheld. They
+    are those of coordinates.csv: see kinevox.coordinates."""
 
-    deg: (29,) in the order of COORDINATE_NAMES. They are those of coordinates.csv: see kinevox.coordinates.
-    """
+    def __init__(self, parts: _Parts) -> None:
+        self._parts = parts
 
-    def __init__(self, segments: Segments, joints: Joints) -> None:
-        self.deg: Floats = coordinates_deg(segments.parent_from_segment, joints.positions_m, JOINT_NAMES)
+    @cached_property
+    def deg(self) -> Floats:
+        """(29,) in the order of COORDINATE_NAMES; computed when the first is asked for."""
+        return coordinates_deg(self._parts.segments.parent_from_segment, self._parts.joints.positions_m, JOINT_NAMES)
 
     def __getitem__(self, name: str) -> float:
         place = _COORDINATE_PLACE.get(name)
@@ -175,17 +195,6 @@ class Coordinates(Mapping[str, float]):
         return len(COORDINATE_NAMES)
 
 
-class _LazyCoordinates(Coordinates):
-    """Computed when a coordinate is first asked for."""
-
-    def __init__(self, pose: "Pose") -> None:
-        self._pose = pose
-
-    @cached_property
-    def deg(self) -> Floats:   # type: ignore[override]
-        return coordinates_deg(self._pose.segments.parent_from_segment, self._pose.joints.positions_m, JOINT_NAMES)
-
-
 class Pose:
     """What was measured of the body in one frame set.
 
@@ -197,6 +206,7 @@ class Pose:
     def __init__(self, message: Any, server: str = "") -> None:
         self.message = message
         self.found: bool = message.HasField("pose")
+        self._parts = _Parts(message.pose)
 
     @cached_property
     def header(self) -> Header:
@@ -229,25 +239,25 @@ class Pose:
         header = self.message.header
         return int(header.recorded_frame) if header.HasField("recorded_frame") else None
 
-    @cached_property
+    @property
     def joints(self) -> Joints:
         """Positions by name, m, world frame."""
-        return Joints(self.message.pose.joints)
+        return self._parts.joints
 
     @cached_property
     def angles(self) -> Angles:
         """Angles by name, degrees."""
         return Angles(self.message.pose.angles, self.coordinates)
 
-    @cached_property
+    @property
     def segments(self) -> Segments:
         """Orientations as quaternions."""
-        return Segments(self.message.pose.segments)
+        return self._parts.segments
 
     @cached_property
     def coordinates(self) -> Coordinates:
         """The body model's turns by OpenSim's names, degrees."""
-        return _LazyCoordinates(self)
+        return Coordinates(self._parts)
 
     @cached_property
     def ratios(self) -> dict[str, float]:

@@ -84,6 +84,13 @@ class Stream(Generic[T], Iterator[T]):
             return self._what.convert(message, self._transport.options.server)
         raise StopIteration
 
+    def wait_until_subscribed(self) -> None:
+        """Returns when the daemon sends whatever happens from now on. Errors come with the first message."""
+        try:
+            self._call.initial_metadata()
+        except grpc.RpcError:
+            pass
+
     def _receive(self) -> Any:
         watchdog = self._watchdog
         if watchdog is None or self._silence_s is None:

@@ -1,0 +1,202 @@
+#!/usr/bin/python3
+"""How many poses a second the Python client takes without losing one, and how long it takes for a volume.
+
+usage: python_client.py [--build build/release] [--seconds 10] [--results FOLDER]
+
+The pipeline measures far fewer poses a second than the client can take, so a server of this script sends them: real
+ones, from the virtual studio's daemon, numbered anew, at a given rate, with the daemon's own rule for a reader who is too
+slow: when more than 256 wait, the stream ends. The client reads joints, angles, coordinates and header of each and
+counts what is missing. Then the daemon itself, as fast as it can. Bound: 1000 poses a second without loss. Writes
+python_client.md."""
+import argparse
+import asyncio
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from concurrent import futures
+from pathlib import Path
+
+import numpy as np
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+RATE, QUEUE = 1000, 256
+
+
+def serve(build, file):
+    """Sends the poses in `file`, one after the other and again from the first, to whoever asks for max_rate_hz of them;
+    0: as fast as they go."""
+    sys.path.insert(0, str(build / "client/python"))
+    import grpc
+    from kinevox.v1 import stream_service_pb2 as pb
+    kept = []
+    data = Path(file).read_bytes()
+    while data:
+        size = int.from_bytes(data[:4], "little")
+        kept.append(pb.StreamPosesResponse(pose=pb.StreamPosesResponse.FromString(data[4:4 + size]).pose).SerializeToString())
+        data = data[4 + size:]
+
+    def stream(request, context):
+        begin, sent = time.time_ns(), 0
+        while context.is_active():
+            if request.max_rate_hz:
+                due = int((time.time_ns() - begin) * 1e-9 * request.max_rate_hz)
+                if due - sent > QUEUE:
+                    context.abort(grpc.StatusCode.RESOURCE_EXHAUSTED, "this daemon's queue is full; read faster")
+                if due <= sent:
+                    time.sleep(0.0005)
+                    continue
+            # Messages of protobuf are joined by putting their bytes one behind the other.
+            header = pb.StreamPosesResponse()
+            header.header.sequence, header.header.capture_time_ns, header.header.subject_id = sent, time.time_ns(), 1
+            yield header.SerializeToString() + kept[sent % len(kept)]
+            sent += 1
+
+    server = grpc.server(futures.ThreadPoolExecutor(2))
+    server.add_generic_rpc_handlers((grpc.method_handlers_generic_handler("kinevox.v1.StreamService", {
+        "StreamPoses": grpc.unary_stream_rpc_method_handler(stream, pb.StreamPosesRequest.FromString, None)}),))
+    print(server.add_insecure_port("127.0.0.1:0"), flush=True)
+    server.start()
+    server.wait_for_termination()
+
+
+def look(pose):
+    """What a user of every value does."""
+    return (pose.angles["knee_angle_r"] + pose.angles.deg[0] + pose.joints.positions_m[0, 0] + pose.angles.velocity_deg_s[0] +
+            pose.header.time_ns)
+
+
+class Count:
+    """Of the poses that came."""
+
+    def __init__(self, look_at_all):
+        self.look_at_all, self.poses, self.gaps, self.missed, self.last = look_at_all, 0, 0, 0, None
+        self.late_ms, self.begin, self.cpu = [], None, 0.0
+
+    def take(self, pose):
+        if self.begin is None:
+            self.begin, self.cpu = time.monotonic(), time.process_time()
+        if self.look_at_all:
+            look(pose)
+        self.poses += 1
+        self.missed += pose.missed
+        if self.last is not None and pose.sequence > self.last:
+            self.gaps += pose.sequence - self.last - 1
+        self.last = pose.sequence
+        self.late_ms.append((time.time_ns() - pose.time_ns) * 1e-6)
+
+    def row(self, what):
+        seconds = time.monotonic() - self.begin
+        cpu_us = (time.process_time() - self.cpu) / max(self.poses, 1) * 1e6
+        late = np.percentile(self.late_ms, [50, 99])
+        return [what, f"{self.poses}", f"{self.poses / seconds:.0f}", f"{self.gaps + self.missed}", f"{late[0]:.1f}",
+                f"{late[1]:.1f}", f"{cpu_us:.0f}"]
+
+
+def blocking(address, seconds, rate, look_at_all=True):
+    from kinevox import Client
+    count = Count(look_at_all)
+    with Client(address) as client, client.poses(max_rate_hz=rate) as poses:
+        for pose in poses:
+            count.take(pose)
+            if time.monotonic() - count.begin > seconds:
+                return count
+
+
+async def asynchronous(address, seconds, rate):
+    from kinevox import AsyncClient
+    count = Count(True)
+    async with AsyncClient(address) as client, client.poses(max_rate_hz=rate) as poses:
+        async for pose in poses:
+            count.take(pose)
+            if time.monotonic() - count.begin > seconds:
+                return count
+
+
+def table(head, rows):
+    lines = ["| " + " | ".join(head) + " |", "| --- " + "| ---: " * (len(head) - 1) + "|"]
+    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows]) + "\n"
+
+
+def from_the_daemon(build, folder, seconds):
+    """Poses and volumes as bytes, and a row of the daemon as fast as it can."""
+    from kinevox import Client
+    from studio_daemon import StudioDaemon
+    daemon = StudioDaemon(str(build / "server/daemon/kinevoxd"), folder, size=(640, 480), fps=1000)
+    try:
+        with Client(daemon.address) as client:
+            with client.poses(silence_s=60) as poses:
+                next(pose for pose in poses if pose.found)
+                kept = [pose.message.SerializeToString() for pose, _ in zip(poses, range(50)) if pose.found]
+            # The stream keeps its results, so the volumes are decoded once more.
+            from kinevox import requests
+            from kinevox.streams import Stream
+            call = requests.volumes("latest", 0, None, None, True)
+            raw = Stream(client._transport, type(call)(call.method, call.request, call.response, lambda message, _: message.volume))
+            volumes = [volume for volume, _ in zip(raw, range(20)) if volume]
+            raw.close()
+            lost = client.status().lost
+            count = Count(True)
+            with client.poses(silence_s=60) as poses:
+                for pose in poses:
+                    count.take(pose)
+                    if time.monotonic() - count.begin > seconds:
+                        break
+            lost = client.status().lost - lost
+        return kept, volumes, count, lost
+    finally:
+        daemon.stop()
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--build", type=Path, default=REPOSITORY / "build/release")
+    parser.add_argument("--seconds", type=float, default=10)
+    parser.add_argument("--results", type=Path, default=REPOSITORY / "tests/bench/results")
+    parser.add_argument("--serve", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.serve:
+        return serve(options.build, options.serve)
+    sys.path[:0] = [str(options.build / "client/python"), str(REPOSITORY / "tests/support")]
+    from kinevox import Volume
+    with tempfile.TemporaryDirectory() as folder:
+        kept, volumes, count, lost = from_the_daemon(options.build, folder, options.seconds)
+        file = Path(folder) / "poses"
+        file.write_bytes(b"".join(len(message).to_bytes(4, "little") + message for message in kept))
+        server = subprocess.Popen([sys.executable, __file__, "--build", str(options.build), "--serve", str(file)],
+                                  stdout=subprocess.PIPE, text=True)
+        try:
+            address = f"127.0.0.1:{int(server.stdout.readline())}"
+            paced = [blocking(address, options.seconds, RATE), asyncio.run(asynchronous(address, options.seconds, RATE))]
+            rows = [paced[0].row(f"{RATE} a second, every value read"), paced[1].row("the same, asyncio"),
+                    blocking(address, options.seconds, 0).row("as fast as they go, every value read"),
+                    blocking(address, options.seconds, 0, False).row("as fast as they go, the number alone"),
+                    asyncio.run(asynchronous(address, options.seconds, 0)).row("as fast as they go, every value read, asyncio")]
+        finally:
+            server.terminate()
+            server.wait()
+    times = []
+    for volume in volumes:
+        begin = time.perf_counter()
+        decoded = Volume(volume)
+        times.append((time.perf_counter() - begin) * 1000)
+    head = ["poses from this script's server", "poses", "a second", "lost", "behind, ms: half", "99 of 100", "CPU a pose, us"]
+    text = (f"# The Python client\n\n`tests/bench/python_client.py`, {os.cpu_count()} cores, {options.seconds:g} s each, poses of "
+            f"{np.mean([len(message) for message in kept]):.0f} bytes. Bound: {RATE} poses a second without loss. \"Behind\" is "
+            "from the server's sending to the client's having read every value; as fast as they go, what lies in gRPC's "
+            f"buffers between the two counts in it.\n\n{table(head, rows)}\n"
+            f"The daemon on the virtual studio, 4 x 640 x 480, asked for more frame sets than it can measure: {count.poses} poses, "
+            f"{count.row('')[2]} a second, {count.missed} missed by the stream, {count.gaps} gaps in the sequence "
+            f"({lost} frame sets lost before the pipeline, as the daemon counts them while they were read).\n\n"
+            f"A volume of {decoded.litres:.0f} litres at {1000 * decoded.voxel_m:.0f} mm, {len(decoded.colours)} coloured surface "
+            f"voxels, {len(volumes[-1]) / 1000:.0f} kB: decoded in {np.median(times):.1f} ms (median of {len(times)}).\n")
+    options.results.mkdir(parents=True, exist_ok=True)
+    (options.results / "python_client.md").write_text(text)
+    print(text, end="")
+    held = all(c.gaps + c.missed == 0 and c.poses >= 0.98 * RATE * options.seconds for c in paced) and count.missed == 0
+    return 0 if held else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

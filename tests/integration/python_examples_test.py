@@ -1,0 +1,120 @@
+#!/usr/bin/python3
+"""The Python package's examples. usage: python_examples_test.py BUILD_FOLDER
+
+The sprint start is held against the truth of the studio's sprint; that part skips without the test data."""
+import csv
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+REPOSITORY = Path(__file__).resolve().parent.parent.parent
+BUILD = Path(sys.argv.pop(1) if len(sys.argv) > 1 else REPOSITORY / "build/release").resolve()
+EXAMPLES = REPOSITORY / "client/python/examples"
+sys.path[:0] = [str(BUILD / "client/python"), str(REPOSITORY / "tests/support"), str(EXAMPLES),
+                str(REPOSITORY / "tests/accuracy")]
+import numpy as np  # noqa: E402
+import sprint_start  # noqa: E402
+from matplotlib import image  # noqa: E402
+from session_data import data_folder  # noqa: E402
+from studio_daemon import StudioDaemon  # noqa: E402
+
+import kinevox  # noqa: E402
+
+DAEMON = str(BUILD / "server/daemon/kinevoxd")
+
+
+def example(name, *words, check=True):
+    environment = {**os.environ, "PYTHONPATH": str(BUILD / "client/python"), "PYTHONDONTWRITEBYTECODE": "1"}
+    return subprocess.run(["/usr/bin/python3", str(EXAMPLES / name), *map(str, words)], capture_output=True, text=True,
+                          check=check, env=environment)
+
+
+def colours(file):
+    """Pixels of a picture that are neither grey nor white."""
+    picture = image.imread(file)[..., :3]
+    return int((np.ptp(picture, axis=2) > 0.3).sum())
+
+
+class Live(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.daemon = StudioDaemon(DAEMON, cls.folder.name)
+        with kinevox.Client(cls.daemon.address) as client:
+            next(pose for pose in client.poses(silence_s=30) if pose.found)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.daemon.stop()
+        cls.folder.cleanup()
+
+    def test_stream_to_csv(self):
+        out = Path(self.folder.name) / "poses.csv"
+        example("stream_to_csv.py", "--server", self.daemon.address, "--seconds", 1.5, "--out", out)
+        with open(out, newline="") as lines:
+            rows = list(csv.DictReader(lines))
+        self.assertGreater(len(rows), 3)
+        self.assertTrue(any(row["knee_angle_r_deg"] for row in rows))
+        self.assertTrue(all(-0.3 < float(row["toe_l_z_m"]) < 1 for row in rows if row["toe_l_z_m"]))
+        self.assertTrue((np.diff([float(row["time_s"]) for row in rows]) > 0).all())
+
+    def test_live_plot(self):
+        out = Path(self.folder.name) / "live.png"
+        example("live_plot.py", "--server", self.daemon.address, "--seconds", 1.5, "--picture", out)
+        self.assertEqual(image.imread(out).shape[:2], (400, 800))
+        self.assertGreater(colours(out), 400)
+
+    def test_no_daemon(self):
+        told = example("stream_to_csv.py", "--server", "127.0.0.1:1", "--out", "/dev/null", check=False)
+        self.assertEqual(told.returncode, 1)
+        self.assertRegex(told.stderr, "^stream_to_csv: cannot reach a daemon at 127.0.0.1:1 .*\n$")
+
+
+class SprintStart(unittest.TestCase):
+    def setUp(self):
+        self.session = data_folder() / "studio/sprint/session.toml"
+        if not self.session.exists():
+            self.skipTest(f"{self.session} is not here")
+        self.truth = kinevox.PoseTable.read(self.session.parent / "truth")
+
+    def test_on_the_truth(self):
+        start = sprint_start.analyse(self.truth)
+        self.assertEqual([step.side for step in start.steps], ["right", "left"] * 3 + ["right"])
+        np.testing.assert_allclose(start.direction, (1, 0), atol=0.02)   # the run is along +x
+        # By hand from the table: the tips rise over 0.1 m between frames 17 and 18; the first foot stands from frame 28 on.
+        self.assertTrue(17 / 30 < start.go_s < 18 / 30)
+        self.assertTrue(28 / 30 < start.steps[0].touch_down_s < 29 / 30)
+        toe = self.truth.joint("toe_r")[32, 0] - self.truth.joint("toe_l")[10, 0]
+        self.assertAlmostEqual(start.steps[0].length_m, toe, delta=0.03)
+
+    def test_on_what_the_daemon_measures(self):
+        with tempfile.TemporaryDirectory() as folder:
+            daemon = StudioDaemon(DAEMON, folder, autostart=False)
+            try:
+                out = Path(folder) / "start"
+                told = example("sprint_start.py", self.session, "--server", daemon.address, "--out", out).stdout
+                with kinevox.Client(daemon.address) as client:
+                    self.assertEqual(client.replay.status().state, "live")
+                    self.assertEqual(client.status().control, "")
+            finally:
+                daemon.stop()
+            with open(f"{out}.csv", newline="") as lines:
+                frames = [int(row["frame"]) for row in csv.DictReader(lines)]
+            self.assertEqual(frames, list(range(len(self.truth))))
+            self.assertGreater(colours(f"{out}.png"), 3000)
+        rows = [line.split() for line in told.splitlines()]
+        measured = [(row[1], *map(float, row[2:5])) for row in rows if len(row) > 4 and row[1] in ("left", "right") and row[0].isdigit()]
+        true = sprint_start.analyse(self.truth).steps
+        self.assertGreaterEqual(len(measured), 6)
+        for (side, down_s, length_m, _), step in zip(measured, true):
+            self.assertEqual(side, step.side)
+            self.assertAlmostEqual(down_s, step.touch_down_s, delta=0.08)   # two frames of 30 a second, and rounding
+            self.assertAlmostEqual(length_m, step.length_m, delta=0.12)
+        self.assertRegex(told, "hand leaves the ground at 0.5")
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
