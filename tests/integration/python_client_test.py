@@ -32,8 +32,16 @@ def setUpModule():
     with Client(daemon.address) as client, client.poses(silence_s=20) as poses:
         next(pose for pose in poses if pose.found)
         client.recordings.start("trial")
-        recorded_poses.update((pose.sequence, pose) for pose, _ in zip(poses, range(25)))
+        for pose in poses:
+            recorded_poses[pose.sequence] = pose
+            written = client.recordings.status().recording
+            if written and written.frames >= 20:
+                break
         recording = client.recordings.stop()
+        newest = client.status().message.sequence
+        while max(recorded_poses) < newest:
+            pose = next(poses)
+            recorded_poses[pose.sequence] = pose
 
 
 def tearDownModule():
@@ -110,8 +118,8 @@ class Streams(ClientTest):
             pass
 
     def test_latest_only_counts_what_it_missed(self):
-        with self.client.poses(max_rate_hz=4) as poses:
-            kept = [next(poses) for _ in range(4)]
+        with self.client.poses(max_rate_hz=1) as poses:
+            kept = [next(poses) for _ in range(3)]
         self.assertGreater(sum(pose.missed for pose in kept), 0)
         with self.assertRaisesRegex(kinevox.InvalidArgument, "lossless"):
             next(self.client.poses("all", max_rate_hz=4))
@@ -229,7 +237,7 @@ class Recorded(ClientTest):
             np.testing.assert_array_equal(np.isnan(table.coordinates_deg[row]), np.isnan(pose.coordinates.deg))
             np.testing.assert_allclose((away + 180) % 360, np.where(np.isnan(away), np.nan, 180), atol=1e-3)
             compared += pose.found
-        self.assertGreater(compared, 10)
+        self.assertGreater(compared, 15)
 
     def test_tables(self):
         table = kinevox.PoseTable.of(recorded_poses.values(), most=5)
