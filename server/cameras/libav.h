@@ -8,6 +8,7 @@ extern "C" {
 #include <libavcodec/avcodec.h>
 #include <libavformat/avformat.h>
 #include <libavutil/opt.h>
+#include <libavutil/pixdesc.h>
 #include <libswscale/swscale.h>
 }
 
@@ -26,6 +27,12 @@ struct Delete {
 };
 template <typename T>
 using Owned = std::unique_ptr<T, Delete>;
+
+// Of a container that is read.
+struct CloseInput {
+    void operator()(AVFormatContext* p) const { avformat_close_input(&p); }
+};
+using OwnedInput = std::unique_ptr<AVFormatContext, CloseInput>;
 
 // FFmpeg's own word for one of its error codes.
 inline std::string reason(int error) {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <cmath>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -12,8 +11,8 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
-#include <opencv2/videoio.hpp>
 
+#include "server/cameras/container_video.h"
 #include "server/cameras/picture_pool.h"
 #include "server/cameras/recorded_video.h"
 
@@ -21,8 +20,6 @@ namespace kinevox {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr std::int64_t kNearFrames = 8;   // so few are decoded rather than looked for
 
 std::string lower_extension(const fs::path& file) {
     std::string extension = file.extension().string();
@@ -75,95 +72,6 @@ void copy_as_bgr(const cv::Mat& from, std::uint8_t* to) {
     else
         from.copyTo(target);
 }
-
-class VideoReader final : public PictureReader {
-  public:
-    VideoReader(fs::path file, const Camera& camera)
-        : file_(std::move(file)), camera_(camera), pool_(std::size_t{3} * camera.width * camera.height) {}
-
-    absl::Status open() {
-        if (!capture_.open(file_.string(), cv::CAP_FFMPEG))
-            return absl::InvalidArgumentError(
-                fmt::format("camera {}: {} cannot be read as a video: it is damaged, cut off or of an unknown "
-                            "format; copy it again or convert it with ffmpeg",
-                            camera_.name, file_.string()));
-        const int width = static_cast<int>(capture_.get(cv::CAP_PROP_FRAME_WIDTH));
-        const int height = static_cast<int>(capture_.get(cv::CAP_PROP_FRAME_HEIGHT));
-        if (width != camera_.width || height != camera_.height)
-            return wrong_size(camera_, file_, width, height);
-        const double count = capture_.get(cv::CAP_PROP_FRAME_COUNT);
-        if (std::isfinite(count) && count > 0 && count < 1e9) promised_ = std::llround(count);
-        // These containers keep an index of their frames; of others OpenCV estimates the number.
-        const std::string extension = lower_extension(file_);
-        exact_ = extension == ".mp4" || extension == ".mov" || extension == ".m4v" || extension == ".avi";
-        delivered_ = 0;
-        return absl::OkStatus();
-    }
-
-    std::int64_t promised() const override { return promised_; }
-    bool promise_is_exact() const override { return exact_ && promised_ > 0; }
-
-    absl::StatusOr<Picture> next() override {
-        // Straight into the picture's memory where the video is what it promised to be.
-        auto data = pool_.take();
-        cv::Mat decoded(camera_.height, camera_.width, CV_8UC3, data.get());
-        if (!capture_.grab() || !capture_.retrieve(decoded) || decoded.empty()) return ended();
-        if (decoded.cols != camera_.width || decoded.rows != camera_.height)
-            return wrong_size(camera_, file_, decoded.cols, decoded.rows);
-        if (decoded.depth() != CV_8U)
-            return absl::InvalidArgumentError(fmt::format(
-                "camera {}: {} has more than 8 bits a channel; convert it", camera_.name, file_.string()));
-        if (decoded.data != data.get()) copy_as_bgr(decoded, data.get());
-        ++delivered_;
-        return Picture{camera_.width, camera_.height, 3, std::move(data)};
-    }
-
-    absl::Status seek(std::int64_t frame) override {
-        if (frame < 0 || (promise_is_exact() && frame >= promised_))
-            return absl::OutOfRangeError(fmt::format("camera {}: frame {} is not one of {}'s {}", camera_.name, frame,
-                                                     file_.string(), promised_));
-        const bool near = delivered_ <= frame && frame - delivered_ <= kNearFrames;
-        if (!near) {
-            // The container's index leads to it; what has none is read from the beginning.
-            const bool led = promise_is_exact() && capture_.set(cv::CAP_PROP_POS_FRAMES, static_cast<double>(frame)) &&
-                             std::llround(capture_.get(cv::CAP_PROP_POS_FRAMES)) == frame;
-            if (led)
-                delivered_ = frame;
-            else if (absl::Status back = rewind(); !back.ok())
-                return back;
-        }
-        for (; delivered_ < frame; ++delivered_)
-            if (!capture_.grab()) return ended();
-        return absl::OkStatus();
-    }
-
-    absl::Status rewind() override {
-        capture_.release();  // seeking to the start is not exact in every container
-        return open();
-    }
-
-  private:
-    absl::Status ended() const {
-        if (promise_is_exact() && 0 < delivered_ && delivered_ < promised_)
-            return absl::DataLossError(fmt::format(
-                "camera {}: {} breaks off after {} of {} frames: it is damaged or cut off; copy it again or "
-                "shorten all of the session's videos to {} frames",
-                camera_.name, file_.string(), delivered_, promised_, delivered_));
-        if (delivered_ == 0)
-            return absl::DataLossError(fmt::format(
-                "camera {}: no frame of {} can be decoded: it is empty, damaged or of an unknown format; copy it "
-                "again or convert it with ffmpeg",
-                camera_.name, file_.string()));
-        return absl::OutOfRangeError("the video has ended");
-    }
-
-    fs::path file_;
-    Camera camera_;
-    PicturePool pool_;
-    cv::VideoCapture capture_;
-    std::int64_t promised_ = -1, delivered_ = 0;
-    bool exact_ = false;
-};
 
 class FolderReader final : public PictureReader {
   public:
@@ -242,9 +150,7 @@ absl::StatusOr<std::unique_ptr<PictureReader>> open_pictures(const fs::path& fil
     }
     if (RecordedVideo::is_one(file)) return RecordedVideo::open(file, camera);
     if (!files.empty()) return std::make_unique<FolderReader>(std::move(files), camera);
-    auto video = std::make_unique<VideoReader>(file, camera);
-    if (absl::Status opened = video->open(); !opened.ok()) return opened;
-    return video;
+    return open_container_video(file, camera);
 }
 
 }  // namespace kinevox

@@ -21,6 +21,8 @@ class PictureReader {
     virtual std::int64_t promised() const = 0;
     // True: promised() is exact (a folder, an index in the container), false: an estimate from length and rate.
     virtual bool promise_is_exact() const = 0;
+    // How many there are. Where promised() is not exact, the file is read through once, without decoding it.
+    virtual absl::StatusOr<std::int64_t> count() { return promised(); }
 
     // The next picture, B G R. OutOfRange behind the last one; InvalidArgument for a picture that cannot be
     // decoded or has another size than the camera.

@@ -80,8 +80,7 @@ absl::Status IndexedVideo::open() {
     if (int e = avformat_open_input(&opened, file_.c_str(), nullptr, nullptr); e < 0)
         return absl::InvalidArgumentError(fmt::format("camera {}: {} cannot be read as a video ({}); copy it again",
                                                       camera_.name, file_.string(), libav::reason(e)));
-    const std::unique_ptr<AVFormatContext, void (*)(AVFormatContext*)> container(
-        opened, [](AVFormatContext* p) { avformat_close_input(&p); });
+    const libav::OwnedInput container(opened);
     if (container->nb_streams != 1 || container->streams[0]->codecpar->codec_type != AVMEDIA_TYPE_VIDEO)
         return absl::InvalidArgumentError(fmt::format("camera {}: {} is no recorded video; copy it again", camera_.name,
                                                       file_.string()));

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <condition_variable>
 #include <deque>
 #include <mutex>
@@ -12,9 +11,7 @@
 
 #include <fmt/format.h>
 
-#include "common/session_offsets.h"
-#include "server/cameras/picture_reader.h"
-#include "server/cameras/session_source.h"
+#include "server/cameras/session_files.h"
 
 namespace kinevox {
 namespace {
@@ -26,9 +23,9 @@ constexpr std::chrono::milliseconds kMostLate{500};   // behind the speed asked 
 
 class LanedReplay final : public ReplaySource {
   public:
-    // `background`: a source of the same session, for that alone.
-    LanedReplay(std::unique_ptr<FrameSource> background, const ReplayOptions& options)
-        : background_(std::move(background)), playing_(!options.paused), loop_(options.loop), speed_(options.speed) {
+    LanedReplay(SessionFiles files, std::int64_t frames, const ReplayOptions& options)
+        : files_(std::move(files)), frames_(frames), lanes_(files_.pictures.size()), playing_(!options.paused),
+          loop_(options.loop), speed_(options.speed) {
         std::size_t bytes = 1;
         for (const Camera& camera : cameras()) bytes += std::size_t{3} * camera.width * camera.height;
         ahead_ = options.frames_ahead > 0 ? static_cast<std::size_t>(options.frames_ahead)
@@ -39,15 +36,15 @@ class LanedReplay final : public ReplaySource {
         for (Lane& lane : lanes_)
             if (lane.thread.joinable()) lane.thread.join();
     }
-    absl::Status open(const Session& session);
 
-    const std::vector<Camera>& cameras() const override { return background_->cameras(); }
-    double fps() const override { return background_->fps(); }
+    const std::vector<Camera>& cameras() const override { return files_.cameras; }
+    double fps() const override { return files_.session.fps; }
     std::int64_t frame_count() const override { return -1; }   // it does not end
-    absl::StatusOr<std::vector<std::vector<Picture>>> background() override { return background_->background(); }
+    absl::StatusOr<std::vector<std::vector<Picture>>> background() override {
+        return read_backgrounds(files_.session, files_.cameras);
+    }
     absl::StatusOr<FrameSet> next() override;
     void stop() override {
-        background_->stop();
         change([&] { stopped_ = true; });
     }
 
@@ -76,12 +73,12 @@ class LanedReplay final : public ReplaySource {
             if (loop && ended_) playing_ = true, ended_ = false;
         });
     }
+    std::int64_t frame_at(double position_s) const override { return files_.times.nearest(position_s); }
     ReplayPosition position() const override;
 
   private:
-    // A camera's reader, its thread and what that has decoded ahead.
+    // A camera's thread and what that has decoded ahead.
     struct Lane {
-        std::unique_ptr<PictureReader> reader;
         std::thread thread;
         std::uint64_t epoch = 0;                                                // of the queue
         std::deque<std::pair<std::int64_t, absl::StatusOr<Picture>>> queue;     // frame and picture
@@ -100,22 +97,22 @@ class LanedReplay final : public ReplaySource {
         changed_.notify_all();
     }
     std::chrono::nanoseconds time_of(std::int64_t frame) const {
-        return std::chrono::nanoseconds(std::llround(1e9 * static_cast<double>(frame) / fps()));
+        return std::chrono::nanoseconds(files_.times.of(frame));
     }
     Clock::time_point due(std::int64_t frame) const {   // mutex held; with an anchor
         const double since_ns = static_cast<double>((time_of(frame) - time_of(anchor_->frame)).count()) / speed_;
         return anchor_->time + std::chrono::nanoseconds(std::llround(since_ns));
     }
     void decode(std::size_t c);
+    bool may_go_ahead(const Lane& lane) const;           // mutex held
     void begin_at(std::int64_t frame);                   // mutex held, as all of these
     bool decoded(std::int64_t frame) const;              // by all cameras, or an error of one
     absl::StatusOr<FrameSet> take(std::int64_t frame);
     void leave_out_late(Clock::time_point now);
 
-    const std::unique_ptr<FrameSource> background_;
+    const SessionFiles files_;   // each camera's pictures are read by its own thread
+    const std::int64_t frames_;
     std::size_t ahead_ = 2;
-    std::int64_t frames_ = 0;
-    std::vector<std::int64_t> first_;   // per camera: its picture that belongs to frame 0
     std::deque<Lane> lanes_;
 
     mutable std::mutex mutex_;   // of everything below and the lanes but for their readers
@@ -130,25 +127,6 @@ class LanedReplay final : public ReplaySource {
     bool jumped_ = false;                  // the next one does not follow
     std::uint64_t epoch_ = 1, sequence_ = 0, jumps_ = 0;
 };
-
-absl::Status LanedReplay::open(const Session& session) {
-    std::vector<std::int64_t> promised;
-    for (std::size_t c = 0; c < cameras().size(); ++c) {
-        auto reader = open_pictures(session.cameras[c].video, cameras()[c]);
-        if (!reader.ok()) return reader.status();
-        if ((*reader)->promised() < 1)
-            return absl::InvalidArgumentError(
-                fmt::format("camera {}: {} does not tell how many frames it has, so that nothing can be sought in it; convert "
-                            "it to MP4 or Matroska with ffmpeg",
-                            cameras()[c].name, session.cameras[c].video.string()));
-        promised.push_back((*reader)->promised());
-        lanes_.emplace_back().reader = *std::move(reader);
-    }
-    first_ = first_pictures(session);
-    const auto length = common_length(session, promised);
-    if (length.ok()) frames_ = *length;
-    return length.status();
-}
 
 absl::Status LanedReplay::seek(std::int64_t frame) {
     if (frame < 0 || frame >= frames_)
@@ -195,10 +173,11 @@ void LanedReplay::begin_at(std::int64_t frame) {
 
 void LanedReplay::decode(std::size_t c) {
     Lane& lane = lanes_[c];
+    PictureReader& pictures = *files_.pictures[c];
     std::unique_lock lock(mutex_);
     for (;;) {
         changed_.wait(lock, [&] {
-            return stopped_ || lane.epoch != epoch_ || (!lane.over && lane.queue.size() < ahead_);
+            return stopped_ || lane.epoch != epoch_ || (!lane.over && lane.queue.size() < ahead_ && may_go_ahead(lane));
         });
         if (stopped_) return;
         bool sought = false;
@@ -216,8 +195,8 @@ void LanedReplay::decode(std::size_t c) {
         const std::uint64_t epoch = lane.epoch;
         const std::int64_t frame = lane.at;
         lock.unlock();
-        const absl::Status there = sought ? lane.reader->seek(first_[c] + frame) : absl::OkStatus();
-        auto picture = there.ok() ? lane.reader->next() : absl::StatusOr<Picture>(there);
+        const absl::Status there = sought ? pictures.seek(frame) : absl::OkStatus();
+        auto picture = there.ok() ? pictures.next() : absl::StatusOr<Picture>(there);
         lock.lock();
         if (epoch != epoch_) continue;   // sought elsewhere meanwhile
         lane.over = !picture.ok();
@@ -225,6 +204,13 @@ void LanedReplay::decode(std::size_t c) {
         lane.at = frame + 1;
         changed_.notify_all();
     }
+}
+
+// Not while another camera is at work on the frame set that is waited for, which needs the cores.
+bool LanedReplay::may_go_ahead(const Lane& lane) const {
+    return lane.queue.empty() || std::ranges::all_of(lanes_, [&](const Lane& other) {
+               return other.over || (other.epoch == epoch_ && !other.queue.empty());
+           });
 }
 
 bool LanedReplay::decoded(std::int64_t frame) const {
@@ -319,13 +305,11 @@ absl::StatusOr<std::shared_ptr<ReplaySource>> ReplaySource::open(const std::file
         return absl::InvalidArgumentError(
             fmt::format("a replay's speed is {} and its frames_ahead {}; the speed is {} to {}, the number 0 or more",
                         options.speed, options.frames_ahead, kSlowest, kFastest));
-    const auto session = read_session(session_file);
-    if (!session.ok()) return session.status();
-    auto background = open_session_source(*session);
-    if (!background.ok()) return background.status();
-    auto source = std::make_shared<LanedReplay>(*std::move(background), options);
-    if (absl::Status opened = source->open(*session); !opened.ok()) return opened;
-    return source;
+    auto files = open_session_files(session_file);
+    if (!files.ok()) return files.status();
+    const auto frames = count_frame_sets(*files);
+    if (!frames.ok()) return frames.status();
+    return std::make_shared<LanedReplay>(*std::move(files), *frames, options);
 }
 
 }  // namespace kinevox

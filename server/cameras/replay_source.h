@@ -45,8 +45,8 @@ class ReplaySource : public FrameSource {
   public:
     static constexpr double kSlowest = 0.01, kFastest = 100;
 
-    // Errors as open_session_source()'s; InvalidArgument also for options out of range and for videos whose length is not
-    // known.
+    // Errors as open_session_source()'s; InvalidArgument also for options out of range. A video whose container does not
+    // tell its length is read through once.
     static absl::StatusOr<std::shared_ptr<ReplaySource>> open(const std::filesystem::path& session_file,
                                                               const ReplayOptions& options = {});
 
@@ -60,6 +60,8 @@ class ReplaySource : public FrameSource {
     // OutOfRange beyond the limits above.
     virtual absl::Status set_speed(double speed) = 0;
     virtual void set_loop(bool loop) = 0;
+    // The frame whose time is nearest to this one; none of the recording's where the time is not.
+    virtual std::int64_t frame_at(double position_s) const = 0;
     virtual ReplayPosition position() const = 0;
 };
 

@@ -2,10 +2,8 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <condition_variable>
 #include <cstdlib>
-#include <limits>
 #include <deque>
 #include <mutex>
 #include <thread>
@@ -16,10 +14,8 @@
 #include <opencv2/core/utils/logger.hpp>
 
 #include "common/background_priority.h"
-#include "common/session_offsets.h"
-#include "server/cameras/picture_reader.h"
-#include "server/cameras/recorded_session.h"
-#include "server/cameras/recorded_video.h"
+#include "server/cameras/libav.h"
+#include "server/cameras/session_files.h"
 
 namespace kinevox {
 namespace {
@@ -27,8 +23,6 @@ namespace {
 using SteadyClock = std::chrono::steady_clock;
 
 constexpr std::size_t kBytesAhead = std::size_t{128} << 20;
-constexpr std::size_t kBackgroundBytes = std::size_t{512} << 20;
-constexpr std::size_t kMostBackgroundPictures = 64;  // twice the default N
 
 std::size_t frame_set_bytes(const std::vector<Camera>& cameras) {
     std::size_t bytes = 0;
@@ -36,29 +30,11 @@ std::size_t frame_set_bytes(const std::vector<Camera>& cameras) {
     return std::max<std::size_t>(bytes, 1);
 }
 
-// Up to `most` pictures of the empty scene, spread over the file.
-absl::StatusOr<std::vector<Picture>> read_background(const std::filesystem::path& file, const Camera& camera,
-                                                     std::size_t most) {
-    auto reader = open_pictures(file, camera);
-    if (!reader.ok()) return reader.status();
-    const std::int64_t promised = (*reader)->promised();
-    const std::int64_t step =
-        std::max<std::int64_t>(1, promised / static_cast<std::int64_t>(std::min<std::size_t>(most, 1 << 30)));
-    std::vector<Picture> pictures;
-    for (std::int64_t n = 0; pictures.size() < most; ++n) {
-        auto picture = (*reader)->next();
-        if (absl::IsOutOfRange(picture.status())) break;
-        if (!picture.ok()) return picture.status();
-        if (n % step == 0) pictures.push_back(std::move(*picture));
-    }
-    return pictures;
-}
-
 class SessionSource final : public FrameSource {
   public:
-    SessionSource(Session session, std::vector<Camera> cameras, const SessionSourceOptions& options)
-        : session_(std::move(session)), cameras_(std::move(cameras)), options_(options), first_(first_pictures(session_)) {
-        const std::size_t fit = kBytesAhead / frame_set_bytes(cameras_);
+    SessionSource(SessionFiles files, const SessionSourceOptions& options)
+        : files_(std::move(files)), options_(options), lanes_(files_.pictures.size()) {
+        const std::size_t fit = kBytesAhead / frame_set_bytes(files_.cameras);
         capacity_ = options_.frames_ahead > 0 ? static_cast<std::size_t>(options_.frames_ahead)
                                               : std::clamp<std::size_t>(fit, 2, 32);
     }
@@ -69,30 +45,22 @@ class SessionSource final : public FrameSource {
             if (lane.thread.joinable()) lane.thread.join();
     }
 
-    absl::Status open() {
-        if (session_.recording) return open_recording();
-        for (std::size_t c = 0; c < cameras_.size(); ++c) {
-            auto reader = open_pictures(session_.cameras[c].video, cameras_[c]);
-            if (!reader.ok()) return reader.status();
-            lanes_.emplace_back().reader = std::move(*reader);
-        }
-        return has_offsets(session_) ? find_common_length() : check_lengths();
-    }
-
-    const std::vector<Camera>& cameras() const override { return cameras_; }
-    double fps() const override { return session_.fps; }
+    const std::vector<Camera>& cameras() const override { return files_.cameras; }
+    double fps() const override { return files_.session.fps; }
 
     std::int64_t frame_count() const override {
         if (options_.loop) return -1;
         std::int64_t count = -1;
-        for (std::size_t c = 0; c < lanes_.size(); ++c) {
-            const std::int64_t promised = lanes_[c].reader->promised() - first_[c];
+        for (const auto& pictures : files_.pictures) {
+            const std::int64_t promised = pictures->promised();
             if (promised > 0 && (count < 0 || promised < count)) count = promised;
         }
         return count;
     }
 
-    absl::StatusOr<std::vector<std::vector<Picture>>> background() override;
+    absl::StatusOr<std::vector<std::vector<Picture>>> background() override {
+        return read_backgrounds(files_.session, files_.cameras);
+    }
     absl::StatusOr<FrameSet> next() override;
 
     void stop() override {
@@ -102,38 +70,24 @@ class SessionSource final : public FrameSource {
     }
 
   private:
-    // A camera's reader, its thread and the queue between that thread and next().
+    // A camera's thread and the queue between that and next().
     struct Lane {
-        std::unique_ptr<PictureReader> reader;
         std::thread thread;
         std::deque<absl::StatusOr<Picture>> queue;  // an error is the last entry
         bool ended = false;                         // nothing will be added
     };
 
-    absl::Status open_recording();
-    absl::Status check_lengths() const;
-    absl::Status find_common_length();
-    absl::StatusOr<Picture> next_picture(std::size_t c, std::int64_t taken);
     absl::Status uneven_end(std::size_t ended_camera) const;
     void decode(std::size_t c);
     absl::StatusOr<FrameSet> take_set(std::unique_lock<std::mutex>& lock);
     bool all_full() const;
     std::chrono::nanoseconds recording_time(std::uint64_t sequence) const {
-        if (!times_.empty()) {
-            const std::uint64_t rounds = sequence / times_.size(), frame = sequence % times_.size();
-            const auto round = std::chrono::nanoseconds(times_.back().time_ns + std::llround(1e9 / session_.fps));
-            return static_cast<std::int64_t>(rounds) * round + std::chrono::nanoseconds(times_[frame].time_ns);
-        }
-        return std::chrono::nanoseconds(std::llround(1e9 * static_cast<double>(sequence) / session_.fps));
+        return std::chrono::nanoseconds(files_.times.of(static_cast<std::int64_t>(sequence)));
     }
 
-    Session session_;
-    std::vector<Camera> cameras_;
+    const SessionFiles files_;   // each camera's pictures are read by its own thread
     SessionSourceOptions options_;
     std::size_t capacity_ = 2;
-    std::vector<std::int64_t> first_;   // per camera: the picture that belongs to the first frame set
-    std::int64_t length_ = -1;          // frame sets, where the videos have offsets and tell their lengths
-    std::vector<RecordedTime> times_;   // of a recording's frame sets; empty: evenly spaced
     std::deque<Lane> lanes_;
 
     std::mutex mutex_;  // of everything below and the lanes' queues
@@ -144,99 +98,16 @@ class SessionSource final : public FrameSource {
     SteadyClock::time_point start_;
 };
 
-// What the recorder wrote, perhaps cut off: as far as all cameras have it.
-absl::Status SessionSource::open_recording() {
-    auto times = whole_frame_sets(session_);
-    if (!times.ok()) return times.status();
-    times_ = *std::move(times);
-    for (std::size_t c = 0; c < cameras_.size(); ++c) {
-        auto video = RecordedVideo::open(session_.cameras[c].video, cameras_[c], static_cast<std::int64_t>(times_.size()));
-        if (!video.ok()) return video.status();
-        lanes_.emplace_back().reader = *std::move(video);
-    }
-    return absl::OkStatus();
-}
-
-absl::Status SessionSource::check_lengths() const {
-    std::size_t shortest = 0, longest = 0;
-    for (std::size_t c = 0; c < lanes_.size(); ++c) {
-        if (!lanes_[c].reader->promise_is_exact()) return absl::OkStatus();  // next() will notice
-        if (lanes_[c].reader->promised() < lanes_[shortest].reader->promised()) shortest = c;
-        if (lanes_[c].reader->promised() > lanes_[longest].reader->promised()) longest = c;
-    }
-    const std::int64_t fewest = lanes_[shortest].reader->promised(), most = lanes_[longest].reader->promised();
-    if (fewest == most) return absl::OkStatus();
-    return absl::InvalidArgumentError(fmt::format(
-        "camera {}: {} has {} frames, that of camera {} has {}; all cameras of a session need the same number: "
-        "copy the file again or cut all to {} frames",
-        cameras_[shortest].name, session_.cameras[shortest].video.string(), fewest, cameras_[longest].name, most,
-        fewest));
-}
-
-absl::Status SessionSource::find_common_length() {
-    std::vector<std::int64_t> pictures;
-    for (std::size_t c = 0; c < lanes_.size(); ++c) {
-        const PictureReader& reader = *lanes_[c].reader;
-        if (reader.promise_is_exact()) {
-            pictures.push_back(reader.promised());
-            continue;
-        }
-        if (!options_.loop) return absl::OkStatus();   // next() will notice the end
-        return absl::InvalidArgumentError(
-            fmt::format("camera {}: {} does not tell exactly how many frames it has, so that cameras with offset_s cannot "
-                        "begin anew together; convert it to MP4 with ffmpeg",
-                        cameras_[c].name, session_.cameras[c].video.string()));
-    }
-    const auto length = common_length(session_, pictures);
-    if (length.ok()) length_ = *length;
-    return length.status();
-}
-
-absl::StatusOr<std::vector<std::vector<Picture>>> SessionSource::background() {
-    const std::size_t count = cameras_.size();
-    // The recorder kept what a background was learned from, and all of it makes the same again.
-    const std::size_t most =
-        session_.recording
-            ? std::numeric_limits<std::size_t>::max()
-            : std::clamp<std::size_t>(kBackgroundBytes / frame_set_bytes(cameras_), 8, kMostBackgroundPictures);
-    const bool any = std::any_of(session_.cameras.begin(), session_.cameras.end(),
-                                 [](const SessionCamera& camera) { return !camera.background.empty(); });
-    if (!any) return std::vector<std::vector<Picture>>{};
-    std::vector<absl::StatusOr<std::vector<Picture>>> read(count, std::vector<Picture>{});
-    {
-        std::vector<std::jthread> threads;
-        for (std::size_t c = 0; c < count; ++c)
-            if (!session_.cameras[c].background.empty())
-                threads.emplace_back([this, &read, c, most] {
-                    read[c] = read_background(session_.cameras[c].background, cameras_[c], most);
-                });
-    }
-    std::vector<std::vector<Picture>> pictures;
-    for (auto& one : read) {
-        if (!one.ok()) return one.status();
-        pictures.push_back(std::move(*one));
-    }
-    return pictures;
-}
-
 bool SessionSource::all_full() const {
     return std::all_of(lanes_.begin(), lanes_.end(),
                        [this](const Lane& lane) { return lane.ended || lane.queue.size() >= capacity_; });
-}
-
-// `taken` were handed out since the video's begin.
-absl::StatusOr<Picture> SessionSource::next_picture(std::size_t c, std::int64_t taken) {
-    if (length_ >= 0 && taken >= length_) return absl::OutOfRangeError("the cameras' common time has ended");
-    if (taken == 0 && first_[c] > 0)
-        if (absl::Status there = lanes_[c].reader->seek(first_[c]); !there.ok()) return there;
-    return lanes_[c].reader->next();
 }
 
 void SessionSource::decode(std::size_t c) {
     // The next set is decoded while this one is computed, and has a frame's time for it.
     lower_this_threads_priority();
     Lane& lane = lanes_[c];
-    std::int64_t taken = 0;   // since it was opened or rewound
+    PictureReader& pictures = *files_.pictures[c];
     bool fresh = false;  // rewound and nothing read since
     for (;;) {
         {
@@ -244,18 +115,16 @@ void SessionSource::decode(std::size_t c) {
             changed_.wait(lock, [&] { return stopped_ || (filling_ && lane.queue.size() < capacity_); });
             if (stopped_) return;
         }
-        auto picture = next_picture(c, taken);
+        auto picture = pictures.next();
         if (options_.loop && absl::IsOutOfRange(picture.status()) && !fresh) {
-            if (absl::Status rewound = lane.reader->rewind(); rewound.ok()) {
+            if (absl::Status rewound = pictures.rewind(); rewound.ok()) {
                 fresh = true;
-                taken = 0;
                 continue;
             } else {
                 picture = rewound;
             }
         }
         fresh = false;
-        ++taken;
         const std::lock_guard lock(mutex_);
         lane.ended = !picture.ok();
         lane.queue.push_back(std::move(picture));
@@ -269,7 +138,7 @@ absl::Status SessionSource::uneven_end(std::size_t ended_camera) const {
     return absl::DataLossError(fmt::format(
         "camera {}: {} ends after {} frames, the other cameras go on; all cameras of a session need the same "
         "number: copy the file again or cut all to {} frames",
-        cameras_[ended_camera].name, session_.cameras[ended_camera].video.string(), sequence_, sequence_));
+        files_.cameras[ended_camera].name, files_.session.cameras[ended_camera].video.string(), sequence_, sequence_));
 }
 
 absl::StatusOr<FrameSet> SessionSource::take_set(std::unique_lock<std::mutex>& lock) {
@@ -292,7 +161,6 @@ absl::StatusOr<FrameSet> SessionSource::take_set(std::unique_lock<std::mutex>& l
     for (std::size_t c = 0; c < lanes_.size(); ++c)
         if (!lanes_[c].queue.front().ok()) ++ended, ended_camera = c;
     if (ended == lanes_.size()) return absl::OutOfRangeError("the session has ended");
-    if (ended > 0 && has_offsets(session_)) return absl::OutOfRangeError("the session has ended with its first video");
     if (ended > 0) return uneven_end(ended_camera);
 
     FrameSet set;
@@ -331,26 +199,27 @@ absl::StatusOr<FrameSet> SessionSource::next() {
     }
 }
 
+absl::StatusOr<std::unique_ptr<FrameSource>> open_session_source(SessionFiles files, const SessionSourceOptions& options) {
+    if (options.frames_ahead < 0)
+        return absl::InvalidArgumentError(fmt::format(
+            "frames_ahead is {}; it must be 0 (chosen by memory) or more", options.frames_ahead));
+    return std::make_unique<SessionSource>(std::move(files), options);
+}
+
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<FrameSource>> open_session_source(const Session& session,
                                                                  const SessionSourceOptions& options) {
-    if (options.frames_ahead < 0)
-        return absl::InvalidArgumentError(fmt::format(
-            "frames_ahead is {}; it must be 0 (chosen by memory) or more", options.frames_ahead));
-    auto cameras = read_session_cameras(session);
-    if (!cameras.ok()) return cameras.status();
-    auto source = std::make_unique<SessionSource>(session, std::move(*cameras), options);
-    if (absl::Status opened = source->open(); !opened.ok()) return opened;
-    return source;
+    auto files = open_session_files(session);
+    if (!files.ok()) return files.status();
+    return open_session_source(*std::move(files), options);
 }
 
 absl::StatusOr<std::unique_ptr<FrameSource>> open_session_source(const std::filesystem::path& session_file,
                                                                  const SessionSourceOptions& options) {
-    repair_recording(session_file).IgnoreError();   // can be read without
-    auto session = read_session(session_file);
-    if (!session.ok()) return session.status();
-    return open_session_source(*session, options);
+    auto files = open_session_files(session_file);
+    if (!files.ok()) return files.status();
+    return open_session_source(*std::move(files), options);
 }
 
 absl::StatusOr<std::vector<std::vector<Picture>>> background_of_all(FrameSource& source,
@@ -369,6 +238,7 @@ absl::StatusOr<std::vector<std::vector<Picture>>> background_of_all(FrameSource&
 void silence_video_libraries() {
     cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
     setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", /*overwrite=*/0);  // AV_LOG_QUIET; OpenCV reads it at first use
+    av_log_set_level(AV_LOG_QUIET);
 }
 
 }  // namespace kinevox

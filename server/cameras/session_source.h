@@ -25,10 +25,8 @@ struct SessionSourceOptions {
     bool decode_in_bursts = false;
 };
 
-// Opens all files and checks what can be known before the first picture: that each is there and readable, has the
-// size of its camera's calibration and as many frames as the others. Where the session has offset_s, frame sets begin when
-// all cameras have begun and end when the first has ended. One decoding thread per camera starts with the first next(). Errors name camera, file, numbers and remedy: NotFound, InvalidArgument, DataLoss (a file
-// that breaks off; from open() where its container tells, else from next()).
+// open_session_files() says what is checked. One decoding thread per camera starts with the first next(), which gives
+// DataLoss where a file breaks off.
 //
 // With kAsFastAsPossible the capture time is the recording's own, from 0; with kRealTime the steady clock's.
 absl::StatusOr<std::unique_ptr<FrameSource>> open_session_source(const Session& session,

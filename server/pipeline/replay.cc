@@ -93,8 +93,7 @@ absl::Status Replay::change(const ReplayChange& change) {
         if (absl::Status set = replayed->set_speed(*change.speed); !set.ok()) return set;
     if (change.loop) replayed->set_loop(*change.loop);
     std::optional<std::int64_t> frame = change.frame;
-    if (!frame && change.position_s)
-        frame = std::llround(std::clamp(*change.position_s * replayed->fps(), -1e15, 1e15));
+    if (!frame && change.position_s) frame = replayed->frame_at(*change.position_s);
     if (frame)
         if (absl::Status sought = replayed->seek(*frame); !sought.ok()) return sought;
     if (change.step) replayed->step(*change.step);

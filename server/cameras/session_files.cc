@@ -1,0 +1,214 @@
+#include "server/cameras/session_files.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <thread>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "common/session_offsets.h"
+#include "server/cameras/recorded_session.h"
+#include "server/cameras/recorded_video.h"
+
+namespace kinevox {
+namespace {
+
+constexpr std::size_t kBackgroundBytes = std::size_t{512} << 20;
+constexpr std::size_t kMostBackgroundPictures = 64;   // twice the default N
+constexpr double kFarthest = 1e15;                    // frames; still exact as a double
+
+// Up to `most` pictures of the empty scene, spread over the file.
+absl::StatusOr<std::vector<Picture>> read_background(const std::filesystem::path& file, const Camera& camera,
+                                                     std::size_t most) {
+    auto reader = open_pictures(file, camera);
+    if (!reader.ok()) return reader.status();
+    const std::int64_t promised = (*reader)->promised();
+    const std::int64_t step =
+        std::max<std::int64_t>(1, promised / static_cast<std::int64_t>(std::min<std::size_t>(most, 1 << 30)));
+    std::vector<Picture> pictures;
+    for (std::int64_t n = 0; pictures.size() < most; ++n) {
+        auto picture = (*reader)->next();
+        if (absl::IsOutOfRange(picture.status())) break;
+        if (!picture.ok()) return picture.status();
+        if (n % step == 0) pictures.push_back(std::move(*picture));
+    }
+    return pictures;
+}
+
+absl::Status check_lengths(const SessionFiles& files, const std::vector<std::int64_t>& lengths) {
+    const auto [shortest, longest] = std::ranges::minmax_element(lengths);
+    if (*shortest == *longest) return absl::OkStatus();
+    const auto camera = static_cast<std::size_t>(shortest - lengths.begin());
+    return absl::InvalidArgumentError(fmt::format(
+        "camera {}: {} has {} frames, that of camera {} has {}; all cameras of a session need the same number: "
+        "copy the file again or cut all to {} frames",
+        files.cameras[camera].name, files.session.cameras[camera].video.string(), *shortest,
+        files.cameras[static_cast<std::size_t>(longest - lengths.begin())].name, *longest, *shortest));
+}
+
+// So many of a camera's pictures from a later one on, as if there were no others.
+class PartOfPictures final : public PictureReader {
+  public:
+    PartOfPictures(std::unique_ptr<PictureReader> all, std::int64_t first, std::int64_t length)
+        : all_(std::move(all)), first_(first), length_(length) {}
+
+    std::int64_t promised() const override { return length_; }
+    bool promise_is_exact() const override { return true; }
+    absl::StatusOr<Picture> next() override {
+        if (at_ >= length_) return absl::OutOfRangeError("the cameras' common time has ended");
+        if (sought_)
+            if (absl::Status there = all_->seek(first_ + at_); !there.ok()) return there;
+        sought_ = false;
+        ++at_;
+        return all_->next();
+    }
+    absl::Status seek(std::int64_t frame) override {
+        if (frame < 0 || frame > length_)
+            return absl::OutOfRangeError(fmt::format("frame {} is not one of the cameras' common {}", frame, length_));
+        at_ = frame;
+        sought_ = true;
+        return absl::OkStatus();
+    }
+    absl::Status rewind() override { return seek(0); }
+
+  private:
+    const std::unique_ptr<PictureReader> all_;
+    const std::int64_t first_, length_;
+    std::int64_t at_ = 0;     // what next() delivers
+    bool sought_ = true;      // all_ stands elsewhere
+};
+
+absl::StatusOr<std::vector<std::int64_t>> count_pictures(const SessionFiles& files) {
+    std::vector<absl::StatusOr<std::int64_t>> counted(files.pictures.size(), std::int64_t{0});
+    {
+        std::vector<std::jthread> threads;
+        for (std::size_t c = 0; c < counted.size(); ++c)
+            threads.emplace_back([&, c] { counted[c] = files.pictures[c]->count(); });
+    }
+    std::vector<std::int64_t> lengths;
+    for (const auto& count : counted) {
+        if (!count.ok()) return count.status();
+        lengths.push_back(*count);
+    }
+    return lengths;
+}
+
+// Of cameras that began one by one the common time is left.
+absl::Status join(SessionFiles& files) {
+    const auto lengths = count_pictures(files);
+    if (!lengths.ok()) return lengths.status();
+    const auto length = common_length(files.session, *lengths);
+    if (!length.ok()) return length.status();
+    const std::vector<std::int64_t> first = first_pictures(files.session);
+    for (std::size_t c = 0; c < first.size(); ++c)
+        files.pictures[c] = std::make_unique<PartOfPictures>(std::move(files.pictures[c]), first[c], *length);
+    return absl::OkStatus();
+}
+
+// What the recorder wrote, perhaps cut off: as far as all cameras have it.
+absl::Status open_recording(SessionFiles& files) {
+    auto times = whole_frame_sets(files.session);
+    if (!times.ok()) return times.status();
+    const auto frames = static_cast<std::int64_t>(times->size());
+    files.times = FrameTimes(files.session.fps, *std::move(times));
+    for (std::size_t c = 0; c < files.cameras.size(); ++c) {
+        auto video = RecordedVideo::open(files.session.cameras[c].video, files.cameras[c], frames);
+        if (!video.ok()) return video.status();
+        files.pictures.push_back(*std::move(video));
+    }
+    return absl::OkStatus();
+}
+
+}  // namespace
+
+std::int64_t FrameTimes::of(std::int64_t frame) const {
+    if (recorded_.empty()) return std::llround(1e9 * static_cast<double>(frame) / fps_);
+    const auto size = static_cast<std::int64_t>(recorded_.size());
+    const std::int64_t round_ns = recorded_.back().time_ns + std::llround(1e9 / fps_);
+    return frame / size * round_ns + recorded_[static_cast<std::size_t>(frame % size)].time_ns;
+}
+
+std::int64_t FrameTimes::nearest(double seconds) const {
+    const auto even = [&](double s) { return std::llround(std::clamp(s * fps_, -kFarthest, kFarthest)); };
+    const auto last = static_cast<std::int64_t>(recorded_.size()) - 1;
+    if (last < 0 || seconds < 0) return even(seconds);
+    const auto seconds_of = [&](std::int64_t frame) { return 1e-9 * static_cast<double>(of(frame)); };
+    if (seconds > seconds_of(last)) return last + even(seconds - seconds_of(last));
+    const auto behind = std::ranges::lower_bound(recorded_, seconds, {},
+                                                 [](const RecordedTime& t) { return 1e-9 * static_cast<double>(t.time_ns); });
+    const std::int64_t frame = behind - recorded_.begin();
+    return frame > 0 && seconds - seconds_of(frame - 1) < seconds_of(frame) - seconds ? frame - 1 : frame;
+}
+
+absl::StatusOr<SessionFiles> open_session_files(Session session) {
+    SessionFiles files;
+    files.session = std::move(session);
+    auto cameras = read_session_cameras(files.session);
+    if (!cameras.ok()) return cameras.status();
+    files.cameras = *std::move(cameras);
+    files.times = FrameTimes(files.session.fps);
+    if (files.session.recording) {
+        if (absl::Status opened = open_recording(files); !opened.ok()) return opened;
+        return files;
+    }
+    std::vector<std::int64_t> lengths;
+    bool exact = true;
+    for (std::size_t c = 0; c < files.cameras.size(); ++c) {
+        auto reader = open_pictures(files.session.cameras[c].video, files.cameras[c]);
+        if (!reader.ok()) return reader.status();
+        exact = exact && (*reader)->promise_is_exact();
+        lengths.push_back((*reader)->promised());
+        files.pictures.push_back(*std::move(reader));
+    }
+    absl::Status fit;
+    if (has_offsets(files.session))
+        fit = join(files);
+    else if (exact)   // else whoever reads on will notice
+        fit = check_lengths(files, lengths);
+    if (!fit.ok()) return fit;
+    return files;
+}
+
+absl::StatusOr<SessionFiles> open_session_files(const std::filesystem::path& session_file) {
+    repair_recording(session_file).IgnoreError();   // can be read without
+    auto session = read_session(session_file);
+    if (!session.ok()) return session.status();
+    return open_session_files(*std::move(session));
+}
+
+absl::StatusOr<std::int64_t> count_frame_sets(const SessionFiles& files) {
+    const auto lengths = count_pictures(files);
+    if (!lengths.ok()) return lengths.status();
+    if (absl::Status same = check_lengths(files, *lengths); !same.ok()) return same;
+    return lengths->front();
+}
+
+absl::StatusOr<std::vector<std::vector<Picture>>> read_backgrounds(const Session& session,
+                                                                   const std::vector<Camera>& cameras) {
+    const std::size_t count = cameras.size();
+    if (std::ranges::all_of(session.cameras, [](const SessionCamera& camera) { return camera.background.empty(); }))
+        return std::vector<std::vector<Picture>>{};
+    // The recorder kept what a background was learned from, and all of it makes the same again.
+    std::size_t bytes = 1;
+    for (const Camera& camera : cameras) bytes += std::size_t{3} * camera.width * camera.height;
+    const std::size_t most = session.recording
+                                 ? std::numeric_limits<std::size_t>::max()
+                                 : std::clamp<std::size_t>(kBackgroundBytes / bytes, 8, kMostBackgroundPictures);
+    std::vector<absl::StatusOr<std::vector<Picture>>> read(count, std::vector<Picture>{});
+    {
+        std::vector<std::jthread> threads;
+        for (std::size_t c = 0; c < count; ++c)
+            if (!session.cameras[c].background.empty())
+                threads.emplace_back([&, c] { read[c] = read_background(session.cameras[c].background, cameras[c], most); });
+    }
+    std::vector<std::vector<Picture>> pictures;
+    for (auto& one : read) {
+        if (!one.ok()) return one.status();
+        pictures.push_back(std::move(*one));
+    }
+    return pictures;
+}
+
+}  // namespace kinevox

@@ -1,0 +1,152 @@
+#include "server/cameras/video_packets.h"
+
+#include <algorithm>
+#include <string_view>
+
+#include <fmt/format.h>
+
+namespace kinevox {
+namespace {
+
+// Of these every packet is one picture that is shown. (VP8 hides some.)
+bool packet_is_picture(AVCodecID codec) {
+    switch (codec) {
+        case AV_CODEC_ID_H264:
+        case AV_CODEC_ID_HEVC:
+        case AV_CODEC_ID_VP9:
+        case AV_CODEC_ID_AV1:
+        case AV_CODEC_ID_MPEG2VIDEO:
+        case AV_CODEC_ID_MPEG4: return true;
+        default: break;
+    }
+    const AVCodecDescriptor* const about = avcodec_descriptor_get(codec);
+    return about && (about->props & AV_CODEC_PROP_INTRA_ONLY);
+}
+
+bool is_mp4(const AVFormatContext& container) {
+    return std::string_view(container.iformat->name).find("mp4") != std::string_view::npos;
+}
+bool is_avi(const AVFormatContext& container) { return std::string_view(container.iformat->name) == "avi"; }
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<VideoPackets>> VideoPackets::open(const std::filesystem::path& file, const std::string& whose) {
+    std::unique_ptr<VideoPackets> packets(new VideoPackets(file, whose));
+    packets->held_.reset(av_packet_alloc());
+    if (absl::Status opened = packets->restart(); !opened.ok()) return opened;
+    const AVStream& stream = *packets->stream_;
+    packets->of_container_ = packets->read_container_index();
+    if (packets->of_container_)
+        packets->promised_ = packets->pictures_;
+    else if (stream.nb_frames > 0)
+        packets->promised_ = stream.nb_frames;
+    packets->exact_ = packets->of_container_ || (stream.nb_frames > 0 && is_avi(*packets->container_));
+    if (packets->promised_ < 0) {   // an estimate
+        const double seconds = stream.duration != AV_NOPTS_VALUE
+                                   ? static_cast<double>(stream.duration) * av_q2d(stream.time_base)
+                                   : static_cast<double>(packets->container_->duration) / AV_TIME_BASE;
+        const double frames = seconds * av_q2d(stream.avg_frame_rate.num ? stream.avg_frame_rate : stream.r_frame_rate);
+        if (frames >= 1 && frames < 1e9) packets->promised_ = static_cast<std::int64_t>(frames + 0.5);
+    }
+    return packets;
+}
+
+absl::Status VideoPackets::restart() {
+    holds_ = false;
+    container_.reset();
+    AVFormatContext* opened = nullptr;
+    AVDictionary* options = nullptr;
+    av_dict_set(&options, "protocol_whitelist", "file", 0);   // what a file says about other places is not followed
+    const int error = avformat_open_input(&opened, file_.c_str(), nullptr, &options);
+    av_dict_free(&options);
+    container_.reset(error < 0 ? nullptr : opened);
+    stream_ = nullptr;
+    int best = -1;
+    if (container_ && avformat_find_stream_info(container_.get(), nullptr) >= 0)
+        for (unsigned s = 0; s < container_->nb_streams && best < 0; ++s) {
+            decoder_ = avcodec_find_decoder(container_->streams[s]->codecpar->codec_id);
+            if (container_->streams[s]->codecpar->codec_type == AVMEDIA_TYPE_VIDEO && decoder_) best = static_cast<int>(s);
+        }
+    if (best < 0)
+        return absl::InvalidArgumentError(
+            fmt::format("{}: {} cannot be read as a video: it is damaged, cut off or of an unknown format; copy it again or "
+                        "convert it with ffmpeg",
+                        whose_, file_));
+    stream_ = container_->streams[best];
+    for (unsigned s = 0; s < container_->nb_streams; ++s)
+        if (static_cast<int>(s) != best) container_->streams[s]->discard = AVDISCARD_ALL;
+    return absl::OkStatus();
+}
+
+int VideoPackets::next(AVPacket* packet) {
+    av_packet_unref(packet);
+    if (std::exchange(holds_, false)) {
+        av_packet_move_ref(packet, held_.get());
+        return 0;
+    }
+    for (;;) {
+        const int error = av_read_frame(container_.get(), packet);
+        if (error < 0) return error;
+        if (packet->stream_index == stream_->index) return 0;
+        av_packet_unref(packet);
+    }
+}
+
+// MP4's and AVI's have an entry a packet. What an edit list leaves out is not in it, or marked; fragments and an AVI that
+// was cut off have none.
+bool VideoPackets::read_container_index() {
+    const int entries = avformat_index_get_entries_count(stream_);
+    if (stream_->nb_frames < 1 || entries < 1) return false;
+    if (!is_mp4(*container_) && !(is_avi(*container_) && entries >= stream_->nb_frames)) return false;
+    for (int n = 0; n < entries; ++n) {
+        const AVIndexEntry& entry = *avformat_index_get_entry(stream_, n);
+        if (entry.flags & AVINDEX_KEYFRAME) keys_.push_back({n, pictures_, entry.timestamp, -1});
+        if (!(entry.flags & AVINDEX_DISCARD_FRAME)) ++pictures_;
+    }
+    return true;
+}
+
+absl::Status VideoPackets::read_through() {
+    const auto other = open(file_, whose_);   // so that this one stays where it is
+    if (!other.ok()) return other.status();
+    const libav::Owned<AVPacket> packet(av_packet_alloc());
+    usable_ = true;
+    for (std::int64_t n = 0; (*other)->next(packet.get()) >= 0; ++n) {
+        usable_ = usable_ && packet->pts != AV_NOPTS_VALUE;
+        if (packet->flags & AV_PKT_FLAG_KEY) keys_.push_back({n, pictures_, packet->pts, packet->pos});
+        if (!(packet->flags & AV_PKT_FLAG_DISCARD)) ++pictures_;
+    }
+    return absl::OkStatus();
+}
+
+absl::StatusOr<bool> VideoPackets::index() {
+    if (indexed_) return usable_;
+    usable_ = of_container_;
+    if (!of_container_)
+        if (absl::Status read = read_through(); !read.ok()) return read;
+    indexed_ = true;
+    usable_ = usable_ && packet_is_picture(stream_->codecpar->codec_id) && !keys_.empty() && keys_.front().packets_before == 0;
+    return usable_;
+}
+
+absl::Status VideoPackets::go_to(const KeyPacket& key) {
+    holds_ = false;
+    const auto is_it = [&](const AVPacket& packet) {
+        return of_container_ ? packet.dts == key.timestamp : packet.pts == key.timestamp && packet.pos == key.position;
+    };
+    if (av_seek_frame(container_.get(), stream_->index, key.timestamp, AVSEEK_FLAG_BACKWARD) >= 0 && next(held_.get()) >= 0 &&
+        (held_->flags & AV_PKT_FLAG_KEY) && is_it(*held_)) {
+        holds_ = true;
+        return absl::OkStatus();
+    }
+    // The container does not lead there; its packets are counted.
+    if (absl::Status begun = restart(); !begun.ok()) return begun;
+    for (std::int64_t n = 0; n <= key.packets_before; ++n)
+        if (const int error = next(held_.get()); error < 0)
+            return absl::DataLossError(fmt::format("{}: {} breaks off after {} frames ({}): it is damaged or cut off; copy it again",
+                                                   whose_, file_, n, libav::reason(error)));
+    holds_ = true;
+    return absl::OkStatus();
+}
+
+}  // namespace kinevox
