@@ -1,7 +1,6 @@
 #include "server/cameras/container_video.h"
 
 #include <algorithm>
-#include <cstring>
 #include <deque>
 #include <limits>
 #include <thread>
@@ -9,6 +8,7 @@
 #include <vector>
 
 #include <fmt/format.h>
+#include <opencv2/core.hpp>
 
 #include "server/cameras/libav.h"
 #include "server/cameras/picture_pool.h"
@@ -62,7 +62,7 @@ class ContainerVideo final : public PictureReader {
         Frame frame;
     };
 
-    absl::Status wrong_size(int width, int height) const;
+    absl::Status check_size(int width, int height) const;   // as they are coded
     absl::Status ended(std::int64_t after) const;
     absl::StatusOr<Frame> decode();                     // the next one that is shown; null: there is none
     const AVFrame* kept(std::int64_t picture) const;
@@ -79,6 +79,7 @@ class ContainerVideo final : public PictureReader {
     const std::string whose_;
     const std::unique_ptr<VideoPackets> packets_;
     PicturePool pool_;
+    int turn_deg_ = 0;                           // clockwise, of the coded pictures
     libav::Owned<AVCodecContext> decoder_;
     libav::Owned<AVPacket> packet_;
     libav::Owned<SwsContext> scaler_;
@@ -97,7 +98,9 @@ class ContainerVideo final : public PictureReader {
     std::deque<Kept> kept_;                      // oldest first
 };
 
-absl::Status ContainerVideo::wrong_size(int width, int height) const {
+absl::Status ContainerVideo::check_size(int width, int height) const {
+    if (turn_deg_ % 180 != 0) std::swap(width, height);
+    if (width == camera_.width && height == camera_.height) return absl::OkStatus();
     return absl::InvalidArgumentError(
         fmt::format("{}: {} is {} x {} px, its calibration says {} x {}; use the calibration of this recording or scale one of "
                     "the two",
@@ -106,8 +109,8 @@ absl::Status ContainerVideo::wrong_size(int width, int height) const {
 
 absl::Status ContainerVideo::open() {
     const AVCodecParameters& parameters = packets_->parameters();
-    if (parameters.width != camera_.width || parameters.height != camera_.height)
-        return wrong_size(parameters.width, parameters.height);
+    turn_deg_ = packets_->turn_deg();
+    if (absl::Status fits = check_size(parameters.width, parameters.height); !fits.ok()) return fits;
     decoder_.reset(avcodec_alloc_context3(packets_->decoder()));
     packet_.reset(av_packet_alloc());
     if (!decoder_ || !packet_ || avcodec_parameters_to_context(decoder_.get(), &parameters) < 0)
@@ -144,8 +147,7 @@ absl::StatusOr<ContainerVideo::Frame> ContainerVideo::decode() {
         int error = avcodec_receive_frame(decoder_.get(), frame.get());
         if (error == AVERROR_EOF) return Frame();
         if (error == 0) {
-            if (frame->width != camera_.width || frame->height != camera_.height)
-                return wrong_size(frame->width, frame->height);
+            if (absl::Status fits = check_size(frame->width, frame->height); !fits.ok()) return fits;
             return frame;
         }
         if (error == AVERROR(EAGAIN)) {
@@ -302,7 +304,7 @@ absl::StatusOr<Picture> ContainerVideo::next() {
     return picture;
 }
 
-// As OpenCV makes B G R of a video, bit for bit.
+// As OpenCV makes B G R of a video, bit for bit; but turned as players turn it, which OpenCV 4.6 does the wrong way.
 absl::StatusOr<Picture> ContainerVideo::picture_of(const AVFrame& frame) {
     int width = std::max(decoder_->coded_width, frame.width), height = std::max(decoder_->coded_height, frame.height);
     if (!has_rows(frame, height)) width = frame.width, height = frame.height;
@@ -319,9 +321,14 @@ absl::StatusOr<Picture> ContainerVideo::picture_of(const AVFrame& frame) {
     }
     sws_scale(scaler_.get(), frame.data, frame.linesize, 0, height, bgr_->data, bgr_->linesize);
     auto data = pool_.take();
-    const std::size_t row = std::size_t{3} * camera_.width;
-    for (int y = 0; y < camera_.height; ++y)
-        std::memcpy(data.get() + y * row, bgr_->data[0] + static_cast<std::ptrdiff_t>(y) * bgr_->linesize[0], row);
+    const cv::Mat shown(frame.height, frame.width, CV_8UC3, bgr_->data[0], static_cast<std::size_t>(bgr_->linesize[0]));
+    cv::Mat out(camera_.height, camera_.width, CV_8UC3, data.get());
+    switch (turn_deg_) {
+        case 90: cv::rotate(shown, out, cv::ROTATE_90_CLOCKWISE); break;
+        case 180: cv::rotate(shown, out, cv::ROTATE_180); break;
+        case 270: cv::rotate(shown, out, cv::ROTATE_90_COUNTERCLOCKWISE); break;
+        default: shown.copyTo(out);
+    }
     return Picture{camera_.width, camera_.height, 3, std::move(data)};
 }
 

@@ -1,9 +1,14 @@
 #include "server/cameras/video_packets.h"
 
 #include <algorithm>
+#include <cmath>
 #include <string_view>
 
 #include <fmt/format.h>
+
+extern "C" {
+#include <libavutil/display.h>
+}
 
 namespace kinevox {
 namespace {
@@ -76,6 +81,14 @@ absl::Status VideoPackets::restart() {
     for (unsigned s = 0; s < container_->nb_streams; ++s)
         if (static_cast<int>(s) != best) container_->streams[s]->discard = AVDISCARD_ALL;
     return absl::OkStatus();
+}
+
+int VideoPackets::turn_deg() const {
+    const auto* const matrix =
+        reinterpret_cast<const std::int32_t*>(av_stream_get_side_data(stream_, AV_PKT_DATA_DISPLAYMATRIX, nullptr));
+    const double angle_deg = matrix ? -av_display_rotation_get(matrix) : 0;
+    const int turn_deg = std::isfinite(angle_deg) ? static_cast<int>(std::lround(angle_deg) + 360) % 360 : 0;
+    return turn_deg % 90 == 0 ? turn_deg : 0;
 }
 
 int VideoPackets::next(AVPacket* packet) {

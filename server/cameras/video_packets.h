@@ -30,6 +30,8 @@ class VideoPackets {
     // For the decoder; valid until the next restart() or go_to().
     const AVCodecParameters& parameters() const { return *stream_->codecpar; }
     const AVCodec* decoder() const { return decoder_; }
+    // By how much the pictures are to be turned clockwise to be upright: 0, 90, 180 or 270 degrees.
+    int turn_deg() const;
 
     // Pictures; -1 where the container does not say. Exact where it keeps an index of them.
     std::int64_t promised() const { return promised_; }

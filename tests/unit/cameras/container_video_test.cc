@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cmath>
+#include <array>
 #include <cstdint>
 #include <cstring>
 #include <functional>
@@ -16,6 +16,10 @@
 #include <fmt/format.h>
 #include <opencv2/core.hpp>
 #include <opencv2/videoio.hpp>
+
+extern "C" {
+#include <libavutil/display.h>
+}
 
 #include "server/cameras/libav.h"
 #include "server/cameras/session_source.h"
@@ -34,6 +38,7 @@ struct Kind {
     int frames = 120;
     int width = 64, height = 56;                    // px; blocks of 16 do not fit into the height
     bool even_times = true;
+    int turn_deg = 0;                               // to be shown upright, as a phone that was held so writes it
 };
 
 AVDictionary* dictionary(const std::string& options) {
@@ -80,6 +85,10 @@ bool write(const fs::path& file, const Kind& kind) {
     EXPECT_GE(avcodec_open2(encoder.get(), codec, &options), 0);
     av_dict_free(&options);
     AVStream* const stream = avformat_new_stream(container.get(), nullptr);
+    if (kind.turn_deg != 0)
+        av_display_rotation_set(reinterpret_cast<std::int32_t*>(av_stream_new_side_data(stream, AV_PKT_DATA_DISPLAYMATRIX,
+                                                                                       9 * sizeof(std::int32_t))),
+                                kind.turn_deg);
     stream->time_base = encoder->time_base;
     if (kind.even_times) stream->avg_frame_rate = encoder->framerate;
     avcodec_parameters_from_context(stream->codecpar, encoder.get());
@@ -114,13 +123,19 @@ bool write(const fs::path& file, const Kind& kind) {
 Camera camera_of(const Kind& kind) {
     Camera camera;
     camera.name = "left", camera.width = kind.width, camera.height = kind.height;
+    if (kind.turn_deg % 180 != 0) std::swap(camera.width, camera.height);
     return camera;
 }
 
-std::vector<cv::Mat> read_by_opencv(const fs::path& file) {
+std::vector<cv::Mat> read_by_opencv(const fs::path& file, int turn_deg = 0) {
     std::vector<cv::Mat> pictures;
     cv::VideoCapture capture(file.string(), cv::CAP_FFMPEG);
-    for (cv::Mat picture; capture.read(picture);) pictures.push_back(picture.clone());
+    capture.set(cv::CAP_PROP_ORIENTATION_AUTO, 0);   // OpenCV 4.6 turns the wrong way
+    for (cv::Mat picture; capture.read(picture);) {
+        pictures.push_back(picture.clone());
+        const std::array turns{cv::ROTATE_90_CLOCKWISE, cv::ROTATE_180, cv::ROTATE_90_COUNTERCLOCKWISE};
+        if (turn_deg > 0) cv::rotate(picture, pictures.back(), turns[static_cast<std::size_t>(turn_deg / 90 - 1)]);
+    }
     return pictures;
 }
 
@@ -139,7 +154,7 @@ TEST_P(ContainerVideo, EachPictureIsTheRightOneWhereverItIsSoughtFrom) {
     const Kind& kind = GetParam();
     const fs::path file = folder_ / ("video." + kind.extension);
     if (!write(file, kind)) GTEST_SKIP() << "this FFmpeg has no " << kind.codec;
-    const std::vector<cv::Mat> truth = read_by_opencv(file);
+    const std::vector<cv::Mat> truth = read_by_opencv(file, kind.turn_deg);
     const int frames = static_cast<int>(truth.size());
     ASSERT_GE(frames, kind.frames - 1);   // MOV's edit list leaves out a last one that lasts no time
 
@@ -193,6 +208,9 @@ INSTANTIATE_TEST_SUITE_P(
         Kind{"MatroskaNoKeysButTheFirst", "mkv", "libx264", "x264-params=intra-refresh=1:keyint=20"},
         Kind{"MovVariableRate", "mov", "libx264", "g=24", {}, AV_PIX_FMT_YUV420P, 120, 64, 56, false},
         Kind{"MatroskaVariableRate", "mkv", "libx264", "g=24", {}, AV_PIX_FMT_YUV420P, 120, 64, 56, false},
+        Kind{"Mp4UprightPhone", "mp4", "libx264", "g=24", {}, AV_PIX_FMT_YUV420P, 60, 64, 56, true, 90},
+        Kind{"Mp4PhoneUpsideDown", "mp4", "libx264", "g=24", {}, AV_PIX_FMT_YUV420P, 60, 64, 56, true, 180},
+        Kind{"Mp4PhoneTheOtherWay", "mp4", "libx264", "g=24", {}, AV_PIX_FMT_YUV420P, 60, 64, 56, true, 270},
         Kind{"Mp4TenBits", "mp4", "libx264", "g=24", {}, AV_PIX_FMT_YUV420P10},
         Kind{"TransportStream", "ts", "libx264", "g=24"},
         Kind{"NoContainer", "h264", "libx264", "g=24"},
