@@ -13,6 +13,7 @@
 #include "client/cli/action.h"
 #include "client/cli/calibrate_text.h"
 #include "client/cli/json.h"
+#include "client/cli/report.h"
 #include "common/atomic_file.h"
 
 namespace kinevox::cli {
@@ -23,14 +24,6 @@ struct Options {
     std::string id, file, format, note, out, page;
     bool restart = false, although_bad = false, follow = false;
 };
-
-template <typename Response>
-absl::Status report(const Common& common, const absl::StatusOr<Response>& response,
-                    const std::function<std::string(const Response&)>& text) {
-    if (!response.ok()) return response.status();
-    print_line(common.json ? to_json(*response).dump() : text(*response));
-    return absl::OkStatus();
-}
 
 // A call under control; its answer as JSON or text.
 template <typename Request, typename Response>

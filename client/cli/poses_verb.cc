@@ -7,6 +7,7 @@
 
 #include "client/cli/action.h"
 #include "client/cli/json.h"
+#include "client/cli/report.h"
 #include "client/cli/verbs.h"
 #include "common/atomic_file.h"
 
@@ -20,15 +21,6 @@ struct PosesOptions {
     double every_s = 0;
     bool added_only = false, follow = false;
 };
-
-// As JSON, else the text.
-template <typename Response>
-absl::Status report(const Common& common, const absl::StatusOr<Response>& response,
-                    const std::function<std::string(const Response&)>& text) {
-    if (!response.ok()) return response.status();
-    print_line(common.json ? to_json(*response).dump() : text(*response));
-    return absl::OkStatus();
-}
 
 absl::Status run_list(const Common& common, const PosesOptions& options) {
     auto response = client::Client(common.client_options()).list_poses();

@@ -5,7 +5,7 @@
 #include <CLI/CLI.hpp>
 
 #include "client/cli/action.h"
-#include "client/cli/json.h"
+#include "client/cli/report.h"
 #include "client/cli/verbs.h"
 
 namespace kinevox::cli {
@@ -19,11 +19,6 @@ struct RecordOptions {
 };
 
 constexpr std::chrono::seconds kLongestWriting{120};   // of what is queued or kept
-
-absl::Status print_message(const Common& common, const google::protobuf::Message& message, const std::string& text) {
-    print_line(common.json ? to_json(message).dump() : text);
-    return absl::OkStatus();
-}
 
 std::string recording_text(const v1::Recording& recording) {
     std::string text = fmt::format("{:<24} {:>6} frames {:8.1f} s {:>7} MB  {}", recording.name(), recording.frames(),
@@ -63,15 +58,15 @@ absl::Status run_start(const Common& common, const RecordOptions& options) {
     request.set_name(options.name);
     request.set_codec(codec_of(options.codec));
     const auto response = client::Client(common.client_options()).start_recording(options.operator_name, request);
-    if (!response.ok()) return response.status();
-    return print_message(common, *response, fmt::format("recording {}", response->name()));
+    return report<v1::StartRecordingResponse>(common, response,
+                                              [](const auto& started) { return fmt::format("recording {}", started.name()); });
 }
 
 absl::Status run_stop(const Common& common, const RecordOptions& options) {
     const auto response =
         client::Client(common.client_options()).stop_recording(options.operator_name, kLongestWriting);
-    if (!response.ok()) return response.status();
-    return print_message(common, *response, recording_text(response->recording()));
+    return report<v1::StopRecordingResponse>(common, response,
+                                             [](const auto& stopped) { return recording_text(stopped.recording()); });
 }
 
 absl::Status run_keep(const Common& common, const RecordOptions& options) {
@@ -81,20 +76,17 @@ absl::Status run_keep(const Common& common, const RecordOptions& options) {
     request.set_go_on(options.go_on);
     const auto response =
         client::Client(common.client_options()).keep_last(options.operator_name, request, kLongestWriting);
-    if (!response.ok()) return response.status();
-    return print_message(common, *response, recording_text(response->recording()));
+    return report<v1::KeepLastResponse>(common, response, [](const auto& kept) { return recording_text(kept.recording()); });
 }
 
 absl::Status run_status(const Common& common, const RecordOptions&) {
     const auto response = client::Client(common.client_options()).recorder_status();
-    if (!response.ok()) return response.status();
-    return print_message(common, *response, status_text(*response));
+    return report<v1::GetRecorderStatusResponse>(common, response, status_text);
 }
 
 absl::Status run_list(const Common& common, const RecordOptions&) {
     const auto response = client::Client(common.client_options()).list_recordings();
-    if (!response.ok()) return response.status();
-    if (common.json) return print_message(common, *response, {});
+    if (common.json || !response.ok()) return report<v1::ListRecordingsResponse>(common, response, {});
     for (const v1::Recording& recording : response->recordings()) print_line(recording_text(recording));
     return absl::OkStatus();
 }
@@ -103,8 +95,8 @@ absl::Status run_delete(const Common& common, const RecordOptions& options) {
     v1::DeleteRecordingRequest request;
     request.set_name(options.name);
     const auto response = client::Client(common.client_options()).delete_recording(options.operator_name, request);
-    if (!response.ok()) return response.status();
-    return print_message(common, *response, fmt::format("deleted {}", options.name));
+    return report<v1::DeleteRecordingResponse>(common, response,
+                                               [&](const auto&) { return fmt::format("deleted {}", options.name); });
 }
 
 }  // namespace

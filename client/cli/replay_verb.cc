@@ -37,7 +37,11 @@ absl::Status run_status(const Common& common, const ReplayOptions&) {
 
 absl::Status run_open(const Common& common, const ReplayOptions& options) {
     v1::OpenReplayRequest request;
-    request.set_session(std::filesystem::absolute(options.session).lexically_normal().string());
+    // The name of a recording, unless it looks like a file or is one.
+    std::error_code error;
+    const std::filesystem::path given = options.session;
+    const bool is_file = given.has_parent_path() || std::filesystem::is_regular_file(given, error);
+    request.set_session(is_file ? std::filesystem::absolute(given).lexically_normal().string() : options.session);
     request.set_paused(options.paused);
     request.set_loop(options.loop);
     request.set_speed(options.speed);
@@ -118,7 +122,7 @@ void add_replay_verb(CLI::App& app, Common& common, Run& run) {
         return action;
     };
     CLI::App* open = add("open", "Show a recording instead of the cameras (takes control for the moment)", run_open);
-    open->add_option("session", options->session, "Its session.toml, on the daemon's machine")->required();
+    open->add_option("session", options->session, "Its name, as `kinevox record list` shows it, or a session.toml on the daemon's machine")->required();
     open->add_flag("--paused", options->paused, "Show the first frame set and wait");
     open->add_flag("--loop", options->loop, "Again and again");
     open->add_option("--speed", options->speed, "Times the recording's own")->check(CLI::Range(0.01, 100.0));

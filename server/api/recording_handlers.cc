@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "server/api/replay_handlers.h"
+
 namespace kinevox {
 namespace {
 
@@ -65,6 +67,7 @@ absl::Status check_recording(const ApiContext& api) {
 absl::Status start_recording(const ApiContext& api, const v1::StartRecordingRequest& request,
                              v1::StartRecordingResponse& response) {
     if (const auto control = api.lease.use(request.lease_id()); !control.ok()) return control.status();
+    if (absl::Status live = check_live(api, "what is recorded comes from"); !live.ok()) return live;
     const auto codec = codec_from_proto(request.codec());
     if (!codec.ok()) return codec.status();
     auto name = api.recorder->start(request.name(), *codec);
@@ -84,6 +87,7 @@ absl::Status stop_recording(const ApiContext& api, const v1::StopRecordingReques
 
 absl::Status keep_last(const ApiContext& api, const v1::KeepLastRequest& request, v1::KeepLastResponse& response) {
     if (const auto control = api.lease.use(request.lease_id()); !control.ok()) return control.status();
+    if (absl::Status live = check_live(api, "what is recorded comes from"); !live.ok()) return live;
     const auto info = api.recorder->keep_last(request.name(), request.seconds(), request.go_on());
     if (!info.ok()) return info.status();
     *response.mutable_recording() = to_proto(*info);

@@ -1,14 +1,22 @@
 #include "server/api/replay_handlers.h"
 
+#include <algorithm>
 #include <filesystem>
+#include <string>
+#include <vector>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include "server/api/recording_handlers.h"
 #include "server/calibration/procedure.h"
 #include "server/pipeline/replay.h"
+#include "server/recording/recording_list.h"
 
 namespace kinevox {
 namespace {
+
+constexpr std::size_t kMostNames = 12;   // of recordings, in a message
 
 void fill(const ApiContext& api, v1::Replay& out) {
     const ReplayStatus status = api.replay->status();
@@ -32,31 +40,51 @@ void fill(const ApiContext& api, v1::Replay& out) {
     out.set_jumps(position.jumps);
 }
 
+// An absolute path, or the name of one of the daemon's recordings.
+absl::StatusOr<std::filesystem::path> session_to_open(const ApiContext& api, const std::string& session) {
+    if (std::filesystem::path(session).is_absolute()) return session;
+    const std::string neither = fmt::format("'{}' is no absolute path of a session.toml on the daemon's machine", session);
+    if (!check_recording(api).ok())
+        return absl::NotFoundError(neither + ", and the daemon has no folder for recordings; give such a path");
+    const std::filesystem::path& folder = api.recorder->options().folder;
+    if (const auto file = recording_session_file(folder, session); file.ok()) return file;
+    std::vector<std::string> names;
+    for (const RecordingInfo& info : list_recordings(folder)) names.push_back(info.name);
+    const std::size_t left_out = names.size() - std::min(names.size(), kMostNames);
+    names.erase(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(left_out));
+    if (left_out > 0) names.insert(names.begin(), fmt::format("{} older ones", left_out));
+    return absl::NotFoundError(fmt::format("{}, and no recording in {}, which has {}", neither, folder.string(),
+                                           names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
+}
+
 }  // namespace
 
 absl::Status check_replay(const ApiContext& api) {
     return api.replay ? absl::OkStatus() : absl::FailedPreconditionError("this daemon cannot replay");
 }
 
-absl::Status check_live(const ApiContext& api, const char* what) {
+absl::Status check_live(const ApiContext& api, const char* why) {
     if (!api.replay || !api.replay->status().open) return absl::OkStatus();
     return absl::FailedPreconditionError(
-        fmt::format("a recording is replayed, {} the cameras; go back to them first, with kinevox replay live", what));
+        fmt::format("a recording is replayed, {} the cameras; go back to them first, with kinevox replay live", why));
 }
 
 absl::Status open_replay(const ApiContext& api, const v1::OpenReplayRequest& request, v1::OpenReplayResponse& response) {
     if (const auto control = api.lease.use(request.lease_id()); !control.ok()) return control.status();
     if (api.procedure && api.procedure->progress().open())
         return absl::FailedPreconditionError("a calibration procedure is open, which needs the cameras; cancel it first");
-    const std::filesystem::path session = request.session();
-    if (!session.is_absolute())
-        return absl::InvalidArgumentError(fmt::format(
-            "'{}' is no absolute path; the daemon reads a session by its full name on its own machine", request.session()));
+    if (api.recorder)
+        if (const RecorderStatus now = api.recorder->status(); now.state != RecorderState::kIdle)
+            return absl::FailedPreconditionError(
+                fmt::format("\"{}\" is being recorded, which needs the cameras; stop that first, with kinevox record stop",
+                            now.recording ? now.recording->name : "another recording"));
+    const auto session = session_to_open(api, request.session());
+    if (!session.ok()) return session.status();
     ReplayOptions options;
     options.paused = request.paused();
     options.loop = request.loop();
     if (request.speed() != 0) options.speed = request.speed();
-    if (absl::Status opened = api.replay->open(session, options); !opened.ok()) return opened;
+    if (absl::Status opened = api.replay->open(*session, options); !opened.ok()) return opened;
     fill(api, *response.mutable_replay());
     return absl::OkStatus();
 }

@@ -19,7 +19,7 @@ absl::Status close_replay(const ApiContext& api, const v1::CloseReplayRequest& r
 absl::Status set_replay(const ApiContext& api, const v1::SetReplayRequest& request, v1::SetReplayResponse& response);
 absl::Status get_replay(const ApiContext& api, const v1::GetReplayRequest& request, v1::GetReplayResponse& response);
 
-// FailedPrecondition while a recording is replayed; `what` would be done with the cameras.
-absl::Status check_live(const ApiContext& api, const char* what);
+// FailedPrecondition while a recording is replayed; `why` the cameras are needed: "a calibration is of".
+absl::Status check_live(const ApiContext& api, const char* why);
 
 }  // namespace kinevox

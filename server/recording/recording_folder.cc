@@ -277,20 +277,11 @@ absl::Status SessionFolder::close(const Ending& ending) {
 }
 
 RecordingInfo SessionFolder::info() const {
-    RecordingInfo info;
-    info.name = session_.name;
-    info.session_file = folder_ / "session.toml";
-    info.fps = plan_.fps;
-    info.about = *session_.recording;
-    if (info.about.frames > 0) info.seconds = 1e-9 * static_cast<double>(last_time_ns_) + 1 / plan_.fps;
-    info.bytes = times_.size() + (volumes_ ? volumes_->bytes() : 0);
-    for (const auto& video : videos_) info.bytes += video->bytes();
-    for (const AppendFile& table : tables_) info.bytes += table.size();
-    for (const SessionCamera& camera : session_.cameras) {
-        info.cameras.push_back(camera.name);
-        info.has_background = info.has_background || !camera.background.empty();
-    }
-    return info;
+    std::uint64_t bytes = times_.size() + (volumes_ ? volumes_->bytes() : 0);
+    for (const auto& video : videos_) bytes += video->bytes();
+    for (const AppendFile& table : tables_) bytes += table.size();
+    const bool any = session_.recording->frames > 0;
+    return recording_info(session_, folder_ / "session.toml", any ? std::optional(last_time_ns_) : std::nullopt, bytes);
 }
 
 }  // namespace

@@ -29,6 +29,22 @@ std::uint64_t bytes_of(const fs::path& folder) {
 
 }  // namespace
 
+RecordingInfo recording_info(const Session& session, const fs::path& session_file, std::optional<std::int64_t> last_time_ns,
+                             std::uint64_t bytes) {
+    RecordingInfo info;
+    info.name = session_file.parent_path().filename().string();
+    info.session_file = session_file;
+    info.fps = session.fps;
+    if (last_time_ns) info.seconds = 1e-9 * static_cast<double>(*last_time_ns) + 1 / info.fps;
+    info.bytes = bytes;
+    info.about = *session.recording;
+    for (const SessionCamera& camera : session.cameras) {
+        info.cameras.push_back(camera.name);
+        info.has_background = info.has_background || !camera.background.empty();
+    }
+    return info;
+}
+
 std::string recording_name_problem(const std::string& name) {
     const auto allowed = [](char c) {
         return (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || c == '.' || c == '_' || c == '-';
@@ -57,23 +73,15 @@ absl::StatusOr<RecordingInfo> read_recording(const fs::path& folder, const std::
     if (!session.ok()) return session.status();
     if (!session->recording)
         return absl::NotFoundError(fmt::format("\"{}\" is a session, but the recorder did not write it", name));
-    RecordingInfo info;
-    info.name = name;
-    info.session_file = *file;
-    info.fps = session->fps;
-    info.bytes = bytes_of(file->parent_path());
-    info.about = *session->recording;
-    for (const SessionCamera& camera : session->cameras) {
-        info.cameras.push_back(camera.name);
-        info.has_background = info.has_background || !camera.background.empty();
-    }
-    const auto times = read_recorded_times(info.about.times);
+    const auto times = read_recorded_times(session->recording->times);
     if (!times.ok()) return times.status();
+    RecordingInfo info =
+        recording_info(*session, *file, times->empty() ? std::nullopt : std::optional(times->back().time_ns),
+                       bytes_of(file->parent_path()));
     if (!info.about.closed) {   // being written, or never closed
         info.about.frames = times->size();
         if (!times->empty()) info.about.started_utc_ns = times->front().capture_time_utc_ns;
     }
-    if (!times->empty()) info.seconds = 1e-9 * static_cast<double>(times->back().time_ns) + 1 / info.fps;
     return info;
 }
 

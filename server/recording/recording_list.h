@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,6 +23,11 @@ struct RecordingInfo {
     bool has_background = false;
     SessionRecording about;
 };
+
+// What a recording's session says; its folder has the name. `last_time_ns`: of its last frame set, from the first; empty:
+// there is none.
+RecordingInfo recording_info(const Session& session, const std::filesystem::path& session_file,
+                             std::optional<std::int64_t> last_time_ns, std::uint64_t bytes);
 
 // Empty if a recording may have this name, else what is wrong with it.
 std::string recording_name_problem(const std::string& name);

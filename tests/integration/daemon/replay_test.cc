@@ -17,6 +17,7 @@ namespace kinevox {
 namespace {
 
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using nlohmann::json;
 using testing::Operator;
@@ -223,7 +224,7 @@ TEST_F(ReplayTest, RefusesWhatCannotBeAndSaysWhy) {
     EXPECT_REFUSED(client.open_replay("somebody", recording("", true)), kFailedPrecondition, "coach");
     v1::OpenReplayRequest open = recording(coach.lease(), true);
     open.set_session("session.toml");
-    EXPECT_REFUSED(client.open_replay("", open), kInvalidArgument, "absolute");
+    EXPECT_REFUSED(client.open_replay("", open), kNotFound, "no absolute path");
     open.set_session("/nowhere/session.toml");
     EXPECT_REFUSED(client.open_replay("", open), kNotFound, "/nowhere/session.toml");
     open = recording(coach.lease(), true);
@@ -245,6 +246,66 @@ TEST_F(ReplayTest, RefusesWhatCannotBeAndSaysWhy) {
     speed.set_lease_id(coach.lease());
     speed.set_speed(1e6);
     EXPECT_REFUSED(client.set_replay("", speed), kOutOfRange, "speed");
+}
+
+TEST_F(ReplayTest, WhatWasRecordedIsOpenedByItsNameAndNotRecordedAgain) {
+    const std::string recording_config =
+        fmt::format("[recording]\nfolder = \"{}\"\nkeep_last_s = 1\nleast_free_mb = 0\n", (folder_.path() / "kept").string());
+    auto daemon = start_daemon(config() + recording_config);
+    {
+        client::Client client({.server = address_});
+        testing::wait_until_running(client);
+        v1::OpenReplayRequest open;
+        open.set_paused(true);
+        open.set_session("walk");
+        EXPECT_REFUSED(client.open_replay("coach", open), kNotFound, "which has none");
+        v1::StartRecordingRequest start;
+        start.set_name("walk");
+        v1::KeepLastRequest keep;
+        const auto started = client.start_recording("coach", start);
+        ASSERT_TRUE(started.ok()) << started.status();
+        EXPECT_REFUSED(client.open_replay("coach", open), kFailedPrecondition, "\"walk\" is being recorded");
+        EXPECT_REFUSED(client.open_replay("coach", recording("", true)), kFailedPrecondition, "kinevox record stop");
+        const auto recorded = [&] {
+            for (int i = 0; i < 400; ++i, std::this_thread::sleep_for(std::chrono::milliseconds(25)))
+                if (const auto now = client.recorder_status(); now.ok() && now->recording().frames() >= 10) return true;
+            return false;
+        };
+        ASSERT_TRUE(recorded());
+        ASSERT_TRUE(client.stop_recording("coach", std::chrono::seconds(20)).ok());
+
+        const auto shown = kinevox({"replay", "open", "walk", "--paused"});
+        EXPECT_EQ(shown.status, 0) << shown.errors;
+        EXPECT_THAT(shown.output, HasSubstr("kept/walk/session.toml"));
+        start.set_name("again");
+        EXPECT_REFUSED(client.start_recording("coach", start), kFailedPrecondition, "kinevox replay live");
+        EXPECT_REFUSED(client.keep_last("coach", keep, std::chrono::seconds(20)), kFailedPrecondition, "kinevox replay live");
+        const auto none = kinevox({"replay", "open", "run"});
+        EXPECT_EQ(none.status, 1);
+        EXPECT_THAT(none.errors, AllOf(HasSubstr("'run' is no absolute path"), HasSubstr("which has walk")));
+        EXPECT_THAT(kinevox({"replay", "open", "./run"}).errors, HasSubstr("/run: no such file"));
+        ASSERT_TRUE(client.close_replay("coach").ok());
+        start.set_name("killed");
+        ASSERT_TRUE(client.start_recording("coach", start).ok()) << "the cameras are seen again";
+        ASSERT_TRUE(recorded());
+    }
+    daemon->signal(SIGKILL);
+    daemon->wait(std::chrono::seconds(10));
+
+    daemon = start_daemon(config() + recording_config);
+    client::Client client({.server = address_});
+    Follower follower(address_);
+    v1::OpenReplayRequest open;
+    open.set_session("killed");
+    open.set_paused(true);
+    const auto opened = client.open_replay("coach", open);
+    ASSERT_TRUE(opened.ok()) << opened.status();
+    EXPECT_GE(opened->replay().frames(), 9);
+    EXPECT_TRUE(follower.frame(0).volume);
+    const auto list = client.list_recordings();
+    ASSERT_TRUE(list.ok()) << list.status();
+    ASSERT_EQ(list->recordings_size(), 2);
+    EXPECT_TRUE(list->recordings(1).closed() && list->recordings(1).recovered());
 }
 
 TEST_F(ReplayTest, TheCommandLine) {

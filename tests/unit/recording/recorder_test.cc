@@ -14,6 +14,7 @@
 #include "common/recording_files.h"
 #include "server/cameras/recorded_session.h"
 #include "server/cameras/recorded_video.h"
+#include "server/cameras/replay_source.h"
 #include "server/cameras/session_source.h"
 #include "tests/support/fake_capture.h"
 #include "tests/support/small_session.h"
@@ -96,6 +97,32 @@ class RecorderTest : public ::testing::Test {
     std::unique_ptr<Recorder> recorder;
 };
 
+// Stepped through and sought in, a replay shows the same at the same times.
+void expect_replayed(const fs::path& session_file, const std::vector<FrameSet>& sets) {
+    const auto replay = ReplaySource::open(session_file, {.paused = true});
+    ASSERT_TRUE(replay.ok()) << replay.status();
+    EXPECT_EQ((*replay)->position().frames, static_cast<std::int64_t>(sets.size()));
+    const auto expect_next = [&](std::size_t n) {
+        const auto set = (*replay)->next();
+        ASSERT_TRUE(set.ok()) << set.status();
+        EXPECT_EQ(set->recorded_frame, static_cast<std::int64_t>(n));
+        EXPECT_EQ(set->capture_time_ns, sets[n].capture_time_ns);
+        EXPECT_NEAR((*replay)->position().position_s, 1e-9 * static_cast<double>(sets[n].capture_time_ns), 1e-9);
+        for (std::size_t c = 0; c < sets[n].pictures.size(); ++c)
+            EXPECT_TRUE((set->pictures[c].empty() && sets[n].pictures[c].empty()) || same(set->pictures[c], sets[n].pictures[c]))
+                << n << " " << c;
+        EXPECT_EQ((*replay)->frame_at(1e-9 * static_cast<double>(set->capture_time_ns)), static_cast<std::int64_t>(n));
+    };
+    for (std::size_t n = 0; n < sets.size(); ++n) {
+        ASSERT_NO_FATAL_FAILURE(expect_next(n));
+        (*replay)->step(1);
+    }
+    for (const std::size_t n : {sets.size() / 2, std::size_t{0}, sets.size() - 1}) {
+        ASSERT_TRUE((*replay)->seek(static_cast<std::int64_t>(n)).ok());
+        ASSERT_NO_FATAL_FAILURE(expect_next(n));
+    }
+}
+
 // All frame sets of a session as the pipeline would get them.
 std::vector<FrameSet> read_all(const fs::path& session_file) {
     auto source = open_session_source(session_file);
@@ -109,6 +136,7 @@ std::vector<FrameSet> read_all(const fs::path& session_file) {
         }
         sets.push_back(*std::move(set));
     }
+    if (!sets.empty()) expect_replayed(session_file, sets);
     return sets;
 }
 
@@ -222,6 +250,11 @@ TEST_F(RecorderTest, MissingPicturesAndGapsAreKnown) {
     EXPECT_EQ(sets[5].capture_time_ns, 7 * kPeriodNs);
     const auto times = read_recorded_times(options.folder / "gaps" / "frames.csv");
     EXPECT_EQ((*times)[5].sequence, 7U);
+    // Times that none was recorded at lead to the nearest frame.
+    const auto replay = ReplaySource::open(session_file("gaps"), {.paused = true});
+    ASSERT_TRUE(replay.ok()) << replay.status();
+    for (const auto& [seconds, frame] : {std::pair{0.05, 4}, {0.056, 5}, {0.0, 0}, {0.09, 7}, {0.12, 10}, {-0.02, -2}})
+        EXPECT_EQ((*replay)->frame_at(seconds), frame) << seconds;
 }
 
 TEST_F(RecorderTest, WhatTheQueueHasNoRoomForIsDroppedAndCounted) {
@@ -331,6 +364,11 @@ TEST_F(RecorderTest, ARecordingThatWasCutOffIsRepaired) {
         session->recording->closed = false;
         ASSERT_TRUE(write_session(*session, copy / "session.toml").ok());
         if (cuts[n].bytes > 0 || std::string(cuts[n].file) == "frames.csv") fs::resize_file(copy / cuts[n].file, cuts[n].bytes);
+        // Whoever opens it first repairs it.
+        if (n % 2 == 0) {
+            EXPECT_TRUE(ReplaySource::open(copy / "session.toml").ok());
+        }
+        EXPECT_EQ(read_session(copy / "session.toml")->recording->closed, n % 2 == 0);
         const auto sets = read_all(copy / "session.toml");
         std::size_t frames = cuts[n].frames;
         if (std::string(cuts[n].file) == "frames.csv") frames = sets.size();

@@ -1,0 +1,24 @@
+// What a call answered, for people or for scripts.
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "client/cli/json.h"
+#include "client/cli/verbs.h"
+
+namespace kinevox::cli {
+
+// As JSON where that is asked for, else the text.
+template <typename Response>
+absl::Status report(const Common& common, const absl::StatusOr<Response>& response,
+                    const std::function<std::string(const Response&)>& text) {
+    if (!response.ok()) return response.status();
+    print_line(common.json ? to_json(*response).dump() : text(*response));
+    return absl::OkStatus();
+}
+
+}  // namespace kinevox::cli
