@@ -15,6 +15,7 @@
 
 #include "common/body_pose.h"
 #include "common/session_offsets.h"
+#include "common/skeleton.h"
 #include "server/cameras/h264_file.h"
 #include "server/cameras/recorded_session.h"
 #include "server/cameras/recorded_video.h"
@@ -26,20 +27,15 @@ constexpr int kWidestByDefault_px = 1280;
 constexpr double kLineWidth = 1.0 / 200;   // of a tile's height
 constexpr int kFilmQuality = 20;
 
-struct Bone {
-    std::string_view from, to;
-    cv::Scalar colour;   // B G R: the middle white, the left side orange, the right blue
-};
-const std::array kBones{
-    Bone{"root", "sacroiliac", {255, 255, 255}},      Bone{"sacroiliac", "skullbase", {255, 255, 255}},
-    Bone{"skullbase", "head_top", {255, 255, 255}},   Bone{"shoulder_l", "shoulder_r", {255, 255, 255}},
-    Bone{"hip_l", "hip_r", {255, 255, 255}},          Bone{"shoulder_l", "elbow_l", {0, 165, 255}},
-    Bone{"elbow_l", "wrist_l", {0, 165, 255}},        Bone{"wrist_l", "hand_l", {0, 165, 255}},
-    Bone{"hip_l", "knee_l", {0, 165, 255}},           Bone{"knee_l", "ankle_l", {0, 165, 255}},
-    Bone{"ankle_l", "toe_l", {0, 165, 255}},          Bone{"shoulder_r", "elbow_r", {255, 160, 60}},
-    Bone{"elbow_r", "wrist_r", {255, 160, 60}},       Bone{"wrist_r", "hand_r", {255, 160, 60}},
-    Bone{"hip_r", "knee_r", {255, 160, 60}},          Bone{"knee_r", "ankle_r", {255, 160, 60}},
-    Bone{"ankle_r", "toe_r", {255, 160, 60}}};
+// B G R: the middle white, the left side orange, the right blue.
+cv::Scalar colour_of(BodySide side) {
+    switch (side) {
+        case BodySide::kLeft: return {0, 165, 255};
+        case BodySide::kRight: return {255, 160, 60};
+        case BodySide::kMiddle: break;
+    }
+    return {255, 255, 255};
+}
 
 // One camera's place in the film.
 struct Tile {
@@ -68,7 +64,7 @@ void draw_skeleton(const Tile& tile, const std::array<Vec3, kJointNames.size()>&
     }
     for (const Bone& bone : kBones) {
         const auto &from = points[*joint_index(bone.from)], &to = points[*joint_index(bone.to)];
-        if (from && to) cv::line(canvas, *from, *to, bone.colour, thickness, cv::LINE_AA, kShift);
+        if (from && to) cv::line(canvas, *from, *to, colour_of(bone.side), thickness, cv::LINE_AA, kShift);
     }
     for (const auto& point : points)
         if (point) cv::circle(canvas, *point, thickness << kShift, {0, 0, 0}, -1, cv::LINE_AA, kShift);

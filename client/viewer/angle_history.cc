@@ -1,0 +1,72 @@
+#include "client/viewer/angle_history.h"
+
+#include <cmath>
+#include <limits>
+
+namespace kinevox::viewer {
+namespace {
+
+constexpr float kNothing = std::numeric_limits<float>::quiet_NaN();
+constexpr double kLeastForRatio_deg = 5;
+constexpr std::int64_t kKept_ns = std::int64_t{1'000'000'000} * AngleHistory::kKept_s;
+
+}  // namespace
+
+void AngleHistory::clear() { instants_.clear(); }
+
+void AngleHistory::add(const ShownPose& pose) {
+    if (!instants_.empty()) {
+        const std::int64_t later_ns = pose.capture_time_ns - instants_.back().time_ns;
+        if (later_ns <= 0 || later_ns > kKept_ns) clear();
+    }
+    Instant instant{pose.capture_time_ns, std::vector<float>(names_.size(), kNothing)};
+    for (const ShownAngle& angle : pose.angles) {
+        const auto [place, is_new] = places_.try_emplace(angle.name, names_.size());
+        if (is_new) {
+            names_.push_back(angle.name);
+            instant.value_deg.push_back(kNothing);
+        }
+        if (angle.value_deg) instant.value_deg[place->second] = static_cast<float>(*angle.value_deg);
+    }
+    instants_.push_back(std::move(instant));
+    while (pose.capture_time_ns - instants_.front().time_ns > kKept_ns) instants_.pop_front();
+}
+
+AngleHistory::Series AngleHistory::series(const std::string& angle) const {
+    Series series;
+    const auto place = places_.find(angle);
+    if (place == places_.end() || instants_.empty()) return series;
+    for (const Instant& instant : instants_) {
+        series.time_s.push_back(1e-9 * static_cast<double>(instant.time_ns - instants_.back().time_ns));
+        series.value_deg.push_back(place->second < instant.value_deg.size() ? instant.value_deg[place->second] : kNothing);
+    }
+    return series;
+}
+
+std::optional<double> AngleHistory::newest_deg(const std::string& angle) const {
+    const auto place = places_.find(angle);
+    if (place == places_.end() || instants_.empty() || place->second >= instants_.back().value_deg.size()) return {};
+    const float value = instants_.back().value_deg[place->second];
+    return std::isnan(value) ? std::nullopt : std::optional<double>(value);
+}
+
+std::string AngleHistory::other_side(const std::string& angle) {
+    std::string other = angle;
+    if (angle.ends_with("_l"))
+        other.back() = 'r';
+    else if (angle.ends_with("_r"))
+        other.back() = 'l';
+    else
+        return {};
+    return other;
+}
+
+std::optional<double> AngleHistory::left_over_right(const std::string& angle) const {
+    const std::string other = other_side(angle);
+    if (other.empty()) return {};
+    const auto left = newest_deg(angle.ends_with("_l") ? angle : other), right = newest_deg(angle.ends_with("_l") ? other : angle);
+    if (!left || !right || std::abs(*right) < kLeastForRatio_deg) return {};
+    return *left / *right;
+}
+
+}  // namespace kinevox::viewer

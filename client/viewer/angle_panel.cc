@@ -1,0 +1,185 @@
+#include "client/viewer/angle_panel.h"
+
+#include <QComboBox>
+#include <QGridLayout>
+#include <QLabel>
+#include <QVBoxLayout>
+
+#include <algorithm>
+#include <cmath>
+
+#include <qcustomplot.h>
+
+namespace kinevox::viewer {
+namespace {
+
+constexpr int kNumberHeight_pt = 30;
+constexpr double kLeastSpan_deg = 20;
+const std::vector<std::string> kFirstChoice{"knee_flexion_l", "hip_flexion_l", "trunk_lean", "knee_flexion_l", "hip_flexion_l"};
+
+// knee_flexion_l: "knee flexion"
+QString label(const std::string& angle) {
+    QString text = QString::fromStdString(AngleHistory::other_side(angle).empty() ? angle : angle.substr(0, angle.size() - 2));
+    return text.replace('_', ' ');
+}
+
+QString number(const std::optional<double>& value_deg) {
+    return value_deg ? QString::number(std::lround(*value_deg)) + QChar(0x00b0) : QStringLiteral("–");
+}
+
+}  // namespace
+
+AnglePanel::AnglePanel(QWidget* parent) : QWidget(parent), wanted_(kFirstChoice) {
+    auto* all = new QVBoxLayout(this);
+    auto* grid = new QGridLayout;
+    for (int n = 0; n < kNumbers; ++n) {
+        Number number{make_choice(), new QLabel(this), new QLabel(this)};
+        for (QLabel* label : {number.left, number.right}) {
+            QFont font = label->font();
+            font.setPointSize(kNumberHeight_pt);
+            font.setBold(true);
+            label->setFont(font);
+            label->setAlignment(Qt::AlignCenter);
+        }
+        number.left->setToolTip(tr("left"));
+        number.right->setToolTip(tr("right"));
+        grid->addWidget(number.choice, 0, n);
+        auto* pair = new QHBoxLayout;
+        pair->addWidget(number.left);
+        pair->addWidget(number.right);
+        grid->addLayout(pair, 1, n);
+        numbers_.push_back(number);
+    }
+    all->addLayout(grid);
+    for (int n = 0; n < kCurves; ++n) {
+        Curve curve{make_choice(), new QCustomPlot(this), new QLabel(this)};
+        auto* row = new QHBoxLayout;
+        row->addWidget(curve.choice);
+        row->addStretch();
+        row->addWidget(curve.ratio);
+        all->addLayout(row);
+        curve.plot->setMinimumHeight(110);
+        curve.plot->addGraph();
+        curve.plot->addGraph();
+        curve.plot->setAntialiasedElements(QCP::aeNone);
+        curve.plot->setNotAntialiasedElements(QCP::aeAll);   // half the cost of a live curve
+        curve.plot->xAxis->setNumberFormat("f");
+        curve.plot->xAxis->setNumberPrecision(0);
+        curve.plot->xAxis->setLabel(tr("seconds before now"));
+        curve.plot->yAxis->setLabel(tr("degrees"));
+        all->addWidget(curve.plot, 1);
+        curves_.push_back(curve);
+    }
+    offer({});
+    set_theme(theme_);
+}
+
+QComboBox* AnglePanel::make_choice() {
+    auto* choice = new QComboBox(this);
+    choice->setSizeAdjustPolicy(QComboBox::AdjustToContents);
+    connect(choice, &QComboBox::activated, this, [this] {
+        wanted_ = choices();
+        emit chosen();
+    });
+    return choice;
+}
+
+// One entry a pair of sides. What is wanted stays so, whether or not the daemon has it yet.
+void AnglePanel::offer(const std::vector<std::string>& names) {
+    std::vector<std::string> entries;
+    for (const std::string& name : names)
+        if (!name.ends_with("_r")) entries.push_back(name);
+    for (const std::string& name : wanted_)
+        if (!std::ranges::count(entries, name)) entries.push_back(name);
+    if (entries == offered_) return;
+    offered_ = entries;
+    std::vector<QComboBox*> boxes;
+    for (const Number& n : numbers_) boxes.push_back(n.choice);
+    for (const Curve& c : curves_) boxes.push_back(c.choice);
+    for (std::size_t n = 0; n < boxes.size(); ++n) {
+        boxes[n]->clear();
+        for (const std::string& name : entries) boxes[n]->addItem(label(name), QString::fromStdString(name));
+        boxes[n]->setCurrentIndex(boxes[n]->findData(QString::fromStdString(wanted_[n])));
+    }
+}
+
+std::vector<std::string> AnglePanel::choices() const {
+    std::vector<std::string> names;
+    for (const Number& n : numbers_) names.push_back(n.choice->currentData().toString().toStdString());
+    for (const Curve& c : curves_) names.push_back(c.choice->currentData().toString().toStdString());
+    return names;
+}
+
+void AnglePanel::choose(const std::vector<std::string>& names) {
+    if (names.size() != static_cast<std::size_t>(kNumbers + kCurves)) return;
+    wanted_ = names;
+    const std::vector<std::string> offered = std::exchange(offered_, {});
+    offer(offered);
+}
+
+void AnglePanel::show_history(const AngleHistory& history) {
+    offer(history.names());
+    for (Number& n : numbers_) {
+        const std::string name = n.choice->currentData().toString().toStdString(), other = AngleHistory::other_side(name);
+        n.left->setText(number(history.newest_deg(name)));
+        n.left->setStyleSheet("color: " + (other.empty() ? theme_.middle : theme_.left).name());
+        n.right->setVisible(!other.empty());
+        if (!other.empty()) n.right->setText(number(history.newest_deg(other)));
+    }
+    for (Curve& c : curves_) {
+        const std::string name = c.choice->currentData().toString().toStdString(), other = AngleHistory::other_side(name);
+        double low = 1e9, high = -1e9;
+        for (int side = 0; side < 2; ++side) {
+            const AngleHistory::Series series = history.series(side == 0 ? name : other);
+            QVector<double> t, v;
+            for (std::size_t i = 0; i < series.time_s.size(); ++i) {
+                if (series.time_s[i] < -window_s_) continue;
+                t.push_back(series.time_s[i]);
+                v.push_back(series.value_deg[i]);
+                if (std::isnan(series.value_deg[i])) continue;
+                low = std::min(low, series.value_deg[i]);
+                high = std::max(high, series.value_deg[i]);
+            }
+            c.plot->graph(side)->setData(t, v, true);
+        }
+        if (low > high) low = -10, high = 90;
+        const double middle = (low + high) / 2, half = std::max(kLeastSpan_deg, 1.15 * (high - low)) / 2;
+        c.plot->xAxis->setRange(-window_s_, 0);
+        c.plot->yAxis->setRange(middle - half, middle + half);
+        c.plot->graph(0)->setPen(QPen(other.empty() ? theme_.middle : theme_.left, 2));
+        const auto ratio = history.left_over_right(name);
+        c.ratio->setText(ratio ? tr("left / right  %1").arg(*ratio, 0, 'f', 2) : QString());
+        c.plot->replot(QCustomPlot::rpQueuedReplot);
+    }
+}
+
+void AnglePanel::style(Curve& c) {
+    c.plot->setBackground(theme_.background);
+    for (QCPAxis* axis : {c.plot->xAxis, c.plot->yAxis}) {
+        axis->setBasePen(QPen(theme_.faint));
+        axis->setTickPen(QPen(theme_.faint));
+        axis->setSubTickPen(Qt::NoPen);
+        axis->setTickLabelColor(theme_.text);
+        axis->setLabelColor(theme_.faint);
+        axis->grid()->setPen(QPen(theme_.floor_lines));
+        axis->grid()->setZeroLinePen(QPen(theme_.floor_axis));
+    }
+    c.plot->graph(0)->setPen(QPen(theme_.left, 2));
+    c.plot->graph(1)->setPen(QPen(theme_.right, 2));
+    c.plot->replot(QCustomPlot::rpQueuedReplot);
+}
+
+void AnglePanel::set_theme(const Theme& theme) {
+    theme_ = theme;
+    for (Number& n : numbers_) n.right->setStyleSheet("color: " + theme.right.name());
+    for (Curve& c : curves_) style(c);
+}
+
+void AnglePanel::set_window_s(double seconds) { window_s_ = seconds; }
+
+bool AnglePanel::save_plot(int curve, const QString& file) const {
+    QCustomPlot* plot = curves_.at(static_cast<std::size_t>(curve)).plot;
+    return file.endsWith(".pdf") ? plot->savePdf(file) : plot->savePng(file, 0, 0, 2);
+}
+
+}  // namespace kinevox::viewer

@@ -1,0 +1,39 @@
+// A recording's timeline: play, pause, step, slow motion, loop, and back to the cameras.
+#pragma once
+
+#include <QToolBar>
+
+#include "kinevox/v1/replay_service.pb.h"
+
+class QAction;
+class QComboBox;
+class QLabel;
+class QSlider;
+
+namespace kinevox::viewer {
+
+class ReplayBar final : public QToolBar {
+    Q_OBJECT
+
+  public:
+    explicit ReplayBar(QWidget* parent = nullptr);
+    void show_replay(const v1::Replay& replay);
+    bool playing() const { return playing_; }
+
+  signals:
+    void play(bool on);
+    void step(int frames);
+    void seek(qint64 frame);
+    void speed(double times);
+    void loop(bool on);
+    void close_replay();
+
+  private:
+    QAction *play_, *loop_;
+    QSlider* timeline_;
+    QLabel* where_;
+    QComboBox* speed_;
+    bool playing_ = false;
+};
+
+}  // namespace kinevox::viewer

@@ -1,0 +1,263 @@
+#include "client/viewer/scene_painter.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "client/viewer/shaders.h"
+#include "common/body_pose.h"
+
+namespace kinevox::viewer {
+namespace {
+
+constexpr unsigned kProgramPointSize = 0x8642;   // GL_PROGRAM_POINT_SIZE, which OpenGL ES has not
+constexpr float kGrid_m = 0.5f, kFrustum_m = 0.45f, kBone_m = 0.016f, kJoint_m = 0.022f;
+constexpr int kLeastReach_m = 3, kMostReach_m = 20;
+
+QVector3D to_qt(const Vec3& v) { return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z)}; }
+
+// The picture's corners on a plane `depth_m` before the camera: upper left, upper right, lower left, lower right; world.
+// Without the lens's distortion, which would not show.
+std::array<QVector3D, 4> frustum_corners(const Camera& camera, double depth_m) {
+    std::array<QVector3D, 4> corners;
+    const Rigid3 world_from_camera = camera.camera_from_world.inverse();
+    for (std::size_t n = 0; n < 4; ++n) {
+        const double x = n % 2 ? camera.width : 0, y = n / 2 ? camera.height : 0;
+        corners[n] = to_qt(world_from_camera *
+                           Vec3{(x - camera.cx) / camera.fx * depth_m, (y - camera.cy) / camera.fy * depth_m, depth_m});
+    }
+    return corners;
+}
+
+}  // namespace
+
+void ScenePainter::open() {
+    initializeOpenGLFunctions();
+    const auto link = [](QOpenGLShaderProgram& program, const char* vertex, const char* fragment) {
+        program.addShaderFromSourceCode(QOpenGLShader::Vertex, vertex);
+        program.addShaderFromSourceCode(QOpenGLShader::Fragment, fragment);
+        program.link();
+    };
+    link(surface_, kSurfaceVertex, kSurfaceFragment);
+    link(flat_, kFlatVertex, kFlatFragment);
+    link(picture_, kPictureVertex, kPictureFragment);
+    make(volume_, true);
+    for (Buffer* buffer : {&floor_, &frusta_, &bones_}) make(*buffer, false);
+    quads_.array.create();
+}
+
+void ScenePainter::close() {
+    textures_.clear();
+    for (Buffer* buffer : {&volume_, &floor_, &frusta_, &bones_, &quads_}) {
+        buffer->vertices.destroy();
+        buffer->array.destroy();
+    }
+    surface_.removeAllShaders();
+    flat_.removeAllShaders();
+    picture_.removeAllShaders();
+}
+
+void ScenePainter::make(Buffer& buffer, bool surface) {
+    buffer.vertices.create();
+    buffer.vertices.setUsagePattern(QOpenGLBuffer::DynamicDraw);
+    buffer.array.create();
+    const QOpenGLVertexArrayObject::Binder bound(&buffer.array);
+    buffer.vertices.bind();
+    const int stride = surface ? sizeof(SurfacePoint) : sizeof(LineVertex);
+    const auto attribute = [&](unsigned place, int size, unsigned type, bool normalised, std::size_t offset) {
+        glEnableVertexAttribArray(place);
+        glVertexAttribPointer(place, size, type, normalised, stride, reinterpret_cast<const void*>(offset));
+    };
+    attribute(0, 3, GL_FLOAT, false, 0);
+    attribute(1, 4, GL_UNSIGNED_BYTE, true, 12);
+    if (surface) attribute(2, 3, GL_BYTE, true, 16);
+    buffer.vertices.release();
+}
+
+void ScenePainter::fill(Buffer& buffer, const void* data, std::size_t bytes, int count) {
+    buffer.vertices.bind();
+    buffer.vertices.allocate(data, static_cast<int>(bytes));
+    buffer.vertices.release();
+    buffer.count = count;
+}
+
+void ScenePainter::set_theme(const Theme& theme) {
+    theme_ = theme;
+    scene_changed_ = true;
+}
+
+void ScenePainter::set_volume(const ShownVolume& volume) {
+    voxel_m_ = volume.voxel_m;
+    fill(volume_, volume.points.data(), volume.points.size() * sizeof(SurfacePoint), static_cast<int>(volume.points.size()));
+}
+
+void ScenePainter::set_pose(const ShownPose& pose) { pose_ = pose; }
+void ScenePainter::set_ghost(const ShownPose& pose) { ghost_ = pose; }
+
+void ScenePainter::set_cameras(const std::vector<Camera>& cameras) {
+    cameras_ = cameras;
+    textures_.clear();
+    scene_changed_ = true;
+}
+
+void ScenePainter::set_previews(const std::map<std::string, QImage>& pictures) {
+    std::erase_if(textures_, [&](const auto& entry) { return !pictures.contains(entry.first); });
+    for (const auto& [camera, picture] : pictures) {
+        if (picture.isNull()) {
+            textures_.erase(camera);
+            continue;
+        }
+        auto& texture = textures_[camera];
+        if (!texture || texture->width() != picture.width() || texture->height() != picture.height()) {
+            texture = std::make_unique<QOpenGLTexture>(QOpenGLTexture::Target2D);
+            texture->setSize(picture.width(), picture.height());
+            texture->setFormat(QOpenGLTexture::RGBA8_UNorm);
+            texture->setMinMagFilters(QOpenGLTexture::Linear, QOpenGLTexture::Linear);
+            texture->setWrapMode(QOpenGLTexture::ClampToEdge);
+            texture->allocateStorage();
+        }
+        texture->setData(QOpenGLTexture::BGRA, QOpenGLTexture::UInt8, picture.constBits());
+    }
+}
+
+// As far as the cameras stand, whole metres, around the origin.
+void ScenePainter::make_floor() {
+    float reach = kLeastReach_m;
+    for (const Camera& camera : cameras_) {
+        const QVector3D centre = to_qt(camera.centre_in_world());
+        reach = std::max({reach, std::ceil(std::abs(centre.x())), std::ceil(std::abs(centre.y()))});
+    }
+    reach = std::min(reach, static_cast<float>(kMostReach_m));
+    std::vector<LineVertex> lines;
+    const auto add = [&](float x0, float y0, float x1, float y1, const QColor& c) {
+        const auto r = static_cast<std::uint8_t>(c.red()), g = static_cast<std::uint8_t>(c.green()), b = static_cast<std::uint8_t>(c.blue());
+        lines.push_back({{x0, y0, 0}, r, g, b, 255});
+        lines.push_back({{x1, y1, 0}, r, g, b, 255});
+    };
+    for (int n = static_cast<int>(-reach / kGrid_m); n <= static_cast<int>(reach / kGrid_m); ++n) {
+        const float at = kGrid_m * static_cast<float>(n);
+        const QColor& colour = n == 0 ? theme_.floor_axis : theme_.floor_lines;
+        add(at, -reach, at, reach, colour);
+        add(-reach, at, reach, at, colour);
+    }
+    fill(floor_, lines.data(), lines.size() * sizeof(LineVertex), static_cast<int>(lines.size()));
+}
+
+void ScenePainter::make_frusta() {
+    std::vector<LineVertex> lines;
+    const QColor& c = theme_.faint;
+    const auto add = [&](const QVector3D& from, const QVector3D& to) {
+        for (const QVector3D& at : {from, to})
+            lines.push_back({at, static_cast<std::uint8_t>(c.red()), static_cast<std::uint8_t>(c.green()), static_cast<std::uint8_t>(c.blue()), 255});
+    };
+    for (const Camera& camera : cameras_) {
+        const QVector3D centre = to_qt(camera.centre_in_world());
+        const auto corners = frustum_corners(camera, kFrustum_m);
+        for (const QVector3D& corner : corners) add(centre, corner);
+        add(corners[0], corners[1]), add(corners[1], corners[3]), add(corners[3], corners[2]), add(corners[2], corners[0]);
+    }
+    fill(frusta_, lines.data(), lines.size() * sizeof(LineVertex), static_cast<int>(lines.size()));
+}
+
+// Bands that face the eye, since lines wider than a pixel are not everywhere to be had. Triangles.
+std::vector<ScenePainter::LineVertex> ScenePainter::bones(const ShownPose& pose, const QVector3D& eye, bool ghost) const {
+    std::vector<LineVertex> triangles;
+    const auto band = [&](const QVector3D& from, const QVector3D& to, float half_m, const QColor& c) {
+        QVector3D side = QVector3D::crossProduct(to - from, eye - from);
+        if (side.lengthSquared() < 1e-12f) return;
+        side = half_m * side.normalized();
+        const std::array corners{from - side, from + side, to - side, to + side};
+        const auto alpha = static_cast<std::uint8_t>(ghost ? 90 : 235);
+        for (const std::size_t n : {0U, 1U, 2U, 2U, 1U, 3U})
+            triangles.push_back({corners[n], static_cast<std::uint8_t>(c.red()), static_cast<std::uint8_t>(c.green()),
+                                 static_cast<std::uint8_t>(c.blue()), alpha});
+    };
+    for (const Bone& bone : kBones) {
+        const auto &from = pose.joints_in_world[*joint_index(bone.from)], &to = pose.joints_in_world[*joint_index(bone.to)];
+        if (!from || !to) continue;
+        const QColor& colour = bone.side == BodySide::kLeft ? theme_.left : bone.side == BodySide::kRight ? theme_.right : theme_.middle;
+        band(to_qt(*from), to_qt(*to), kBone_m / 2, colour);
+    }
+    if (ghost) return triangles;
+    for (const auto& joint : pose.joints_in_world) {
+        if (!joint) continue;
+        const QVector3D at = to_qt(*joint), towards = (eye - at).normalized();
+        const QVector3D up = QVector3D::crossProduct(QVector3D::crossProduct(towards, {0, 0, 1}), towards).normalized();
+        band(at - kJoint_m / 2 * up, at + kJoint_m / 2 * up, kJoint_m / 2, theme_.dark ? Qt::black : Qt::white);
+    }
+    return triangles;
+}
+
+void ScenePainter::paint_pictures(const QMatrix4x4& clip_from_world) {
+    picture_.bind();
+    picture_.setUniformValue("clip_from_world", clip_from_world);
+    picture_.setUniformValue("picture", 0);
+    const QOpenGLVertexArrayObject::Binder bound(&quads_.array);
+    for (const Camera& camera : cameras_) {
+        const auto texture = textures_.find(camera.name);
+        if (texture == textures_.end()) continue;
+        const auto corners = frustum_corners(camera, kFrustum_m);
+        picture_.setUniformValueArray("corner", corners.data(), 4);
+        texture->second->bind(0);
+        glDrawArrays(GL_TRIANGLE_STRIP, 0, 4);
+        texture->second->release(0);
+    }
+    picture_.release();
+}
+
+void ScenePainter::paint(const OrbitCamera& eye, const SceneParts& parts, int width_px, int height_px) {
+    if (std::exchange(scene_changed_, false)) {
+        make_floor();
+        make_frusta();
+    }
+    const QColor& background = theme_.background;
+    glViewport(0, 0, width_px, height_px);
+    glClearColor(static_cast<float>(background.redF()), static_cast<float>(background.greenF()), static_cast<float>(background.blueF()), 1);
+    glEnable(GL_DEPTH_TEST);
+    glDepthMask(GL_TRUE);
+    glDisable(GL_BLEND);
+    glEnable(kProgramPointSize);
+    glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+
+    const QMatrix4x4 eye_from_world = eye.eye_from_world();
+    const QMatrix4x4 clip_from_eye = eye.clip_from_eye(static_cast<float>(width_px) / static_cast<float>(std::max(1, height_px)));
+    const QMatrix4x4 clip_from_world = clip_from_eye * eye_from_world;
+    const auto lines = [&](Buffer& buffer, unsigned kind) {
+        if (buffer.count == 0) return;
+        flat_.bind();
+        flat_.setUniformValue("clip_from_world", clip_from_world);
+        const QOpenGLVertexArrayObject::Binder bound(&buffer.array);
+        glDrawArrays(kind, 0, buffer.count);
+        flat_.release();
+    };
+    if (parts.floor) lines(floor_, GL_LINES);
+    if (parts.cameras) {
+        lines(frusta_, GL_LINES);
+        if (!textures_.empty()) paint_pictures(clip_from_world);
+    }
+    if (parts.volume && volume_.count > 0) {
+        surface_.bind();
+        surface_.setUniformValue("eye_from_world", eye_from_world);
+        surface_.setUniformValue("clip_from_eye", clip_from_eye);
+        surface_.setUniformValue("pixels_per_metre", OrbitCamera::pixels_per_metre(static_cast<float>(height_px)));
+        surface_.setUniformValue("voxel_m", static_cast<float>(voxel_m_));
+        surface_.setUniformValue("least_light", theme_.dark ? 0.45f : 0.6f);
+        const QOpenGLVertexArrayObject::Binder bound(&volume_.array);
+        glDrawArrays(GL_POINTS, 0, volume_.count);
+        surface_.release();
+    }
+    if (parts.skeleton) {
+        // Inside the body, so drawn over it.
+        glDisable(GL_DEPTH_TEST);
+        glEnable(GL_BLEND);
+        glBlendFuncSeparate(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA, GL_ONE, GL_ONE);
+        for (const bool ghost : {true, false}) {
+            const std::vector<LineVertex> triangles = bones(ghost ? ghost_ : pose_, eye.eye_in_world(), ghost);
+            fill(bones_, triangles.data(), triangles.size() * sizeof(LineVertex), static_cast<int>(triangles.size()));
+            lines(bones_, GL_TRIANGLES);
+        }
+        glDisable(GL_BLEND);
+    }
+}
+
+}  // namespace kinevox::viewer

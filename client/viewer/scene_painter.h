@@ -1,0 +1,78 @@
+// Draws the scene with OpenGL 3.3: floor, volume, skeleton, cameras. Keeps nothing of Qt's widgets, so that it draws into
+// any framebuffer.
+#pragma once
+
+#include <QColor>
+#include <QImage>
+#include <QMatrix4x4>
+#include <QOpenGLBuffer>
+#include <QOpenGLExtraFunctions>
+#include <QOpenGLShaderProgram>
+#include <QOpenGLTexture>
+#include <QOpenGLVertexArrayObject>
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "client/viewer/orbit_camera.h"
+#include "client/viewer/shown.h"
+#include "client/viewer/theme.h"
+#include "common/camera.h"
+
+namespace kinevox::viewer {
+
+struct SceneParts {
+    bool volume = true, skeleton = true, cameras = true, floor = true;
+};
+
+// All calls with the OpenGL context current.
+class ScenePainter : private QOpenGLExtraFunctions {
+  public:
+    void open();
+    // Before the context goes.
+    void close();
+
+    void set_theme(const Theme& theme);
+    void set_volume(const ShownVolume& volume);
+    void set_pose(const ShownPose& pose);
+    // A ghost: another trial's skeleton, faint; one without joints takes it away.
+    void set_ghost(const ShownPose& pose);
+    void set_cameras(const std::vector<Camera>& cameras);
+    void set_previews(const std::map<std::string, QImage>& pictures);
+
+    // Into the framebuffer that is bound. Sizes in the framebuffer's pixels.
+    void paint(const OrbitCamera& eye, const SceneParts& parts, int width_px, int height_px);
+
+  private:
+    struct LineVertex {
+        QVector3D at;            // m, world
+        std::uint8_t r, g, b, a;
+    };
+    static_assert(sizeof(LineVertex) == 16);
+
+    // Vertices in the graphics memory and how they are read.
+    struct Buffer {
+        QOpenGLBuffer vertices{QOpenGLBuffer::VertexBuffer};
+        QOpenGLVertexArrayObject array;
+        int count = 0;
+    };
+    void make(Buffer& buffer, bool surface);
+    void fill(Buffer& buffer, const void* data, std::size_t bytes, int count);
+    void make_floor();
+    void make_frusta();
+    std::vector<LineVertex> bones(const ShownPose& pose, const QVector3D& eye_in_world, bool ghost) const;
+    void paint_pictures(const QMatrix4x4& clip_from_world);
+
+    Theme theme_ = Theme::make(true);
+    QOpenGLShaderProgram surface_, flat_, picture_;
+    Buffer volume_, floor_, frusta_, bones_, quads_;
+    double voxel_m_ = 0.01;
+    ShownPose pose_, ghost_;
+    std::vector<Camera> cameras_;
+    std::map<std::string, std::unique_ptr<QOpenGLTexture>> textures_;
+    bool scene_changed_ = true;   // floor and frusta
+};
+
+}  // namespace kinevox::viewer

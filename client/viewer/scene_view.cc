@@ -1,0 +1,173 @@
+#include "client/viewer/scene_view.h"
+
+#include <QMouseEvent>
+#include <QOpenGLContext>
+#include <QSurfaceFormat>
+#include <QWheelEvent>
+
+#include <algorithm>
+#include <chrono>
+#include <vector>
+
+namespace kinevox::viewer {
+namespace {
+
+constexpr std::size_t kDelays = 128;
+constexpr double kLongestDelay_ms = 10'000;
+constexpr float kLookAtHeight_m = 0.95f;
+
+std::int64_t utc_now_ns() {
+    return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch()).count();
+}
+
+}  // namespace
+
+SceneView::SceneView(QWidget* parent) : QOpenGLWidget(parent) {
+    QSurfaceFormat format;
+    format.setVersion(3, 3);
+    format.setProfile(QSurfaceFormat::CoreProfile);
+    format.setDepthBufferSize(24);
+    format.setSwapInterval(1);
+    setFormat(format);
+    setMinimumSize(320, 240);
+    setFocusPolicy(Qt::StrongFocus);
+    clock_.start();
+    connect(this, &QOpenGLWidget::frameSwapped, this, &SceneView::swapped);
+}
+
+SceneView::~SceneView() {
+    if (context()) disconnect(context(), nullptr, this, nullptr);   // it goes after the members here
+    close_painter();
+}
+
+void SceneView::close_painter() {
+    if (!context()) return;
+    makeCurrent();
+    painter_.close();
+    doneCurrent();
+}
+
+void SceneView::show_volume(std::shared_ptr<const ShownVolume> volume) {
+    if (!volume) return;
+    if (volume->subject_in_world) {
+        const Vec3& s = *volume->subject_in_world;
+        subject_in_world_ = QVector3D(static_cast<float>(s.x), static_cast<float>(s.y), kLookAtHeight_m);
+    } else {
+        subject_in_world_.reset();
+    }
+    new_volume_ = std::move(volume);
+    update();
+}
+
+void SceneView::show_pose(std::shared_ptr<const ShownPose> pose) {
+    new_pose_ = std::move(pose);
+    update();
+}
+
+void SceneView::show_ghost(std::shared_ptr<const ShownPose> pose) {
+    new_ghost_ = std::move(pose);
+    update();
+}
+
+void SceneView::show_cameras(std::vector<Camera> cameras) {
+    new_cameras_ = std::move(cameras);
+    update();
+}
+
+void SceneView::show_previews(std::map<std::string, QImage> pictures) {
+    new_previews_ = std::move(pictures);
+    update();
+}
+
+void SceneView::set_theme(const Theme& theme) {
+    theme_ = theme;
+    theme_changed_ = true;
+    update();
+}
+
+void SceneView::look(Look from) {
+    eye_.look(from);
+    update();
+}
+
+void SceneView::set_following(bool on) {
+    following_ = on;
+    update();
+}
+
+void SceneView::initializeGL() {
+    connect(context(), &QOpenGLContext::aboutToBeDestroyed, this, &SceneView::close_painter);
+    painter_.open();
+}
+
+void SceneView::paintGL() {
+    if (std::exchange(theme_changed_, false)) painter_.set_theme(theme_);
+    if (auto cameras = std::exchange(new_cameras_, std::nullopt)) painter_.set_cameras(*cameras);
+    if (auto pictures = std::exchange(new_previews_, std::nullopt)) painter_.set_previews(*pictures);
+    if (auto pose = std::exchange(new_pose_, nullptr)) painter_.set_pose(*pose);
+    if (auto ghost = std::exchange(new_ghost_, nullptr)) painter_.set_ghost(*ghost);
+    const qint64 now_ms = clock_.elapsed();
+    if (auto volume = std::exchange(new_volume_, nullptr)) {
+        painter_.set_volume(*volume);
+        painted_capture_time_ns_ = volume->capture_time_ns;
+        volume_paints_ms_.push_back(now_ms);
+        while (now_ms - volume_paints_ms_.front() > 1000) volume_paints_ms_.pop_front();
+    }
+    if (following_ && subject_in_world_)
+        eye_.follow(*subject_in_world_, static_cast<float>(std::min<qint64>(now_ms - last_paint_ms_, 200)) / 1000.f);
+    last_paint_ms_ = now_ms;
+    ++paints_;
+    const qreal scale = devicePixelRatio();
+    painter_.paint(eye_, parts_, static_cast<int>(width() * scale), static_cast<int>(height() * scale));
+}
+
+void SceneView::swapped() {
+    const auto captured = std::exchange(painted_capture_time_ns_, std::nullopt);
+    if (!captured) return;
+    const double delay_ms = 1e-6 * static_cast<double>(utc_now_ns() - *captured);
+    if (delay_ms < 0 || delay_ms > kLongestDelay_ms) return;
+    delays_ms_.push_back(delay_ms);
+    if (delays_ms_.size() > kDelays) delays_ms_.pop_front();
+}
+
+std::optional<double> SceneView::delay_ms() const {
+    if (delays_ms_.empty()) return {};
+    std::vector<double> sorted(delays_ms_.begin(), delays_ms_.end());
+    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+    std::nth_element(sorted.begin(), middle, sorted.end());
+    return *middle;
+}
+
+double SceneView::painted_volumes_per_second() const {
+    const qint64 now_ms = clock_.elapsed();
+    return static_cast<double>(std::count_if(volume_paints_ms_.begin(), volume_paints_ms_.end(),
+                                             [&](qint64 t) { return now_ms - t < 1000; }));
+}
+
+void SceneView::mousePressEvent(QMouseEvent* event) { grabbed_px_ = event->pos(); }
+
+void SceneView::mouseMoveEvent(QMouseEvent* event) {
+    const QPoint by = event->pos() - grabbed_px_;
+    grabbed_px_ = event->pos();
+    const auto right = static_cast<float>(by.x()), down = static_cast<float>(by.y());
+    const bool pans = event->buttons() & (Qt::RightButton | Qt::MiddleButton) || event->modifiers() & Qt::ShiftModifier;
+    if (pans) {
+        eye_.pan(right, down, static_cast<float>(height()));
+        following_ = false;
+    } else if (event->buttons() & Qt::LeftButton) {
+        eye_.orbit(right, down);
+    }
+    update();
+}
+
+void SceneView::mouseDoubleClickEvent(QMouseEvent*) {
+    eye_ = OrbitCamera{};
+    set_following(true);
+}
+
+void SceneView::wheelEvent(QWheelEvent* event) {
+    eye_.zoom(static_cast<float>(event->angleDelta().y()) / 120.f);
+    update();
+}
+
+}  // namespace kinevox::viewer

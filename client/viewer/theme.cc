@@ -1,0 +1,44 @@
+#include "client/viewer/theme.h"
+
+#include <QApplication>
+#include <QPalette>
+#include <QStyleFactory>
+
+namespace kinevox::viewer {
+
+Theme Theme::make(bool dark) {
+    Theme t;
+    t.dark = dark;
+    t.left = QColor(255, 150, 40);    // as in films and reports: left orange, right blue
+    t.right = QColor(70, 160, 255);
+    t.good = QColor(70, 190, 110), t.care = QColor(240, 170, 50), t.bad = QColor(235, 80, 70);
+    if (dark) {
+        t.background = QColor(22, 24, 29), t.text = QColor(232, 234, 238), t.faint = QColor(150, 156, 166);
+        t.floor_lines = QColor(58, 63, 72), t.floor_axis = QColor(96, 104, 118), t.middle = QColor(240, 240, 240);
+    } else {
+        t.background = QColor(244, 245, 247), t.text = QColor(28, 30, 34), t.faint = QColor(110, 115, 124);
+        t.floor_lines = QColor(206, 210, 216), t.floor_axis = QColor(150, 156, 166), t.middle = QColor(40, 42, 48);
+    }
+    return t;
+}
+
+void Theme::apply_to(QApplication& application) const {
+    application.setStyle(QStyleFactory::create("Fusion"));
+    QPalette p;
+    const QColor window = dark ? QColor(32, 35, 41) : QColor(250, 250, 251), raised = dark ? QColor(44, 48, 56) : QColor(236, 238, 241);
+    p.setColor(QPalette::Window, window);
+    p.setColor(QPalette::Base, background);
+    p.setColor(QPalette::AlternateBase, raised);
+    p.setColor(QPalette::Button, raised);
+    p.setColor(QPalette::ToolTipBase, raised);
+    for (const auto role : {QPalette::WindowText, QPalette::Text, QPalette::ButtonText, QPalette::ToolTipText, QPalette::BrightText})
+        p.setColor(role, text);
+    p.setColor(QPalette::PlaceholderText, faint);
+    p.setColor(QPalette::Highlight, QColor(48, 120, 210));
+    p.setColor(QPalette::HighlightedText, Qt::white);
+    for (const auto role : {QPalette::WindowText, QPalette::Text, QPalette::ButtonText})
+        p.setColor(QPalette::Disabled, role, faint.darker(dark ? 140 : 90));
+    application.setPalette(p);
+}
+
+}  // namespace kinevox::viewer
