@@ -19,6 +19,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t kBytesAhead = std::size_t{64} << 20;
+constexpr std::size_t kAheadPaused = 2;
 constexpr std::chrono::milliseconds kMostLate{500};   // behind the speed asked for, until it is taken as it comes
 
 class LanedReplay final : public ReplaySource {
@@ -177,7 +178,7 @@ void LanedReplay::decode(std::size_t c) {
     std::unique_lock lock(mutex_);
     for (;;) {
         changed_.wait(lock, [&] {
-            return stopped_ || lane.epoch != epoch_ || (!lane.over && lane.queue.size() < ahead_ && may_go_ahead(lane));
+            return stopped_ || lane.epoch != epoch_ || (!lane.over && may_go_ahead(lane));
         });
         if (stopped_) return;
         bool sought = false;
@@ -206,8 +207,10 @@ void LanedReplay::decode(std::size_t c) {
     }
 }
 
-// Not while another camera is at work on the frame set that is waited for, which needs the cores.
+// Not while another camera is at work on the frame set that is waited for, which needs the cores; and not far while it is
+// not known whether it will play on from there.
 bool LanedReplay::may_go_ahead(const Lane& lane) const {
+    if (lane.queue.size() >= (playing_ ? ahead_ : std::min(ahead_, kAheadPaused))) return false;
     return lane.queue.empty() || std::ranges::all_of(lanes_, [&](const Lane& other) {
                return other.over || (other.epoch == epoch_ && !other.queue.empty());
            });

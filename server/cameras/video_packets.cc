@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <span>
 #include <string_view>
 
 #include <fmt/format.h>
@@ -113,7 +115,7 @@ bool VideoPackets::read_container_index() {
     if (!is_mp4(*container_) && !(is_avi(*container_) && entries >= stream_->nb_frames)) return false;
     for (int n = 0; n < entries; ++n) {
         const AVIndexEntry& entry = *avformat_index_get_entry(stream_, n);
-        if (entry.flags & AVINDEX_KEYFRAME) keys_.push_back({n, pictures_, entry.timestamp, -1});
+        if (entry.flags & AVINDEX_KEYFRAME) keys_.push_back({n, pictures_, entry.timestamp});
         if (!(entry.flags & AVINDEX_DISCARD_FRAME)) ++pictures_;
     }
     return true;
@@ -126,7 +128,7 @@ absl::Status VideoPackets::read_through() {
     usable_ = true;
     for (std::int64_t n = 0; (*other)->next(packet.get()) >= 0; ++n) {
         usable_ = usable_ && packet->pts != AV_NOPTS_VALUE;
-        if (packet->flags & AV_PKT_FLAG_KEY) keys_.push_back({n, pictures_, packet->pts, packet->pos});
+        if (packet->flags & AV_PKT_FLAG_KEY) keys_.push_back({n, pictures_, packet->pts});
         if (!(packet->flags & AV_PKT_FLAG_DISCARD)) ++pictures_;
     }
     return absl::OkStatus();
@@ -138,26 +140,45 @@ absl::StatusOr<bool> VideoPackets::index() {
     if (!of_container_)
         if (absl::Status read = read_through(); !read.ok()) return read;
     indexed_ = true;
-    usable_ = usable_ && packet_is_picture(stream_->codecpar->codec_id) && !keys_.empty() && keys_.front().packets_before == 0;
+    usable_ = usable_ && packet_is_picture(stream_->codecpar->codec_id) && !keys_.empty() && keys_.front().packets_before == 0 &&
+              std::ranges::adjacent_find(keys_, std::greater_equal(), &KeyPacket::timestamp) == keys_.end();
     return usable_;
+}
+
+std::int64_t VideoPackets::timestamp_of(const AVPacket& packet) const { return of_container_ ? packet.dts : packet.pts; }
+
+// Asks the container for a time and reads on to a key. How many packets there are before it, if it is the wanted one or one
+// before; it is held then.
+std::optional<std::int64_t> VideoPackets::lead_to(const KeyPacket& wanted, std::int64_t timestamp) {
+    if (av_seek_frame(container_.get(), stream_->index, timestamp, AVSEEK_FLAG_BACKWARD) < 0) return std::nullopt;
+    const std::span<const KeyPacket> upto(keys_.data(), static_cast<std::size_t>(&wanted - keys_.data()) + 1);
+    while (next(held_.get()) >= 0 && timestamp_of(*held_) <= wanted.timestamp) {
+        const auto found = std::ranges::lower_bound(upto, timestamp_of(*held_), {}, &KeyPacket::timestamp);
+        if (found != upto.end() && found->timestamp == timestamp_of(*held_)) return found->packets_before;
+    }
+    return std::nullopt;
 }
 
 absl::Status VideoPackets::go_to(const KeyPacket& key) {
     holds_ = false;
-    const auto is_it = [&](const AVPacket& packet) {
-        return of_container_ ? packet.dts == key.timestamp : packet.pts == key.timestamp && packet.pos == key.position;
-    };
-    if (av_seek_frame(container_.get(), stream_->index, key.timestamp, AVSEEK_FLAG_BACKWARD) >= 0 && next(held_.get()) >= 0 &&
-        (held_->flags & AV_PKT_FLAG_KEY) && is_it(*held_)) {
-        holds_ = true;
-        return absl::OkStatus();
+    std::optional<std::int64_t> at;
+    if (of_container_) {
+        // MP4 looks for a key that is shown by then, and its index only tells when it is decoded, which is earlier.
+        const int entries = avformat_index_get_entries_count(stream_);
+        at = lead_to(key, &key == &keys_.back() ? avformat_index_get_entry(stream_, entries - 1)->timestamp
+                                                : (&key + 1)->timestamp - 1);
+    } else {
+        at = lead_to(key, key.timestamp);
+        if (!at && &key != &keys_.front()) at = lead_to(key, (&key - 1)->timestamp);   // it led to a place behind
     }
-    // The container does not lead there; its packets are counted.
-    if (absl::Status begun = restart(); !begun.ok()) return begun;
-    for (std::int64_t n = 0; n <= key.packets_before; ++n)
+    if (!at) {
+        if (absl::Status begun = restart(); !begun.ok()) return begun;
+        at = -1;
+    }
+    for (; *at < key.packets_before; ++*at)
         if (const int error = next(held_.get()); error < 0)
             return absl::DataLossError(fmt::format("{}: {} breaks off after {} frames ({}): it is damaged or cut off; copy it again",
-                                                   whose_, file_, n, libav::reason(error)));
+                                                   whose_, file_, *at + 1, libav::reason(error)));
     holds_ = true;
     return absl::OkStatus();
 }

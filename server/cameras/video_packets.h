@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include <absl/status/status.h>
@@ -17,8 +18,7 @@ namespace kinevox {
 struct KeyPacket {
     std::int64_t packets_before = 0;
     std::int64_t pictures_before = 0;   // of these, such as are shown
-    std::int64_t timestamp = 0;         // what the container is asked for, in the stream's time base
-    std::int64_t position = -1;         // in the file; -1: not known
+    std::int64_t timestamp = 0;         // of its decoding, from the container's index; else when it is shown
 };
 
 // Used by one thread at a time.
@@ -49,13 +49,15 @@ class VideoPackets {
     const std::vector<KeyPacket>& keys() const { return keys_; }   // after index()
     std::int64_t pictures() const { return pictures_; }            // shown; after index()
 
-    // Ready for next(): that key's packet. After index() gave true.
+    // Ready for next(): that key's packet; one of keys(). After index() gave true.
     absl::Status go_to(const KeyPacket& key);
 
   private:
     VideoPackets(const std::filesystem::path& file, std::string whose) : file_(file.string()), whose_(std::move(whose)) {}
     bool read_container_index();
     absl::Status read_through();
+    std::int64_t timestamp_of(const AVPacket& packet) const;   // as KeyPacket::timestamp
+    std::optional<std::int64_t> lead_to(const KeyPacket& wanted, std::int64_t timestamp);
 
     std::string file_, whose_;
     libav::OwnedInput container_;
