@@ -37,7 +37,7 @@ std::vector<std::string> lines_of(const std::string& text) {
 }
 
 std::string offset_text(double offset_s) {
-    return fmt::format("{:.6f}", offset_s == 0 ? 0.0 : offset_s);   // not -0
+    return fmt::format("{:.6f}", offset_s == 0 ? 0.0 : offset_s);  // not -0
 }
 
 bool same_but_offsets(const Session& a, const Session& b) {
@@ -51,12 +51,13 @@ bool same_but_offsets(const Session& a, const Session& b) {
 }  // namespace
 
 bool has_offsets(const Session& session) {
-    return std::ranges::any_of(session.cameras, [](const SessionCamera& camera) { return camera.offset_s.has_value(); });
+    return std::ranges::any_of(session.cameras,
+                               [](const SessionCamera& camera) { return camera.offset_s.has_value(); });
 }
 
 std::vector<std::int64_t> first_pictures(const Session& session) {
     const std::size_t count = session.cameras.size();
-    std::vector<double> whole(count), part(count), sorted;   // of each camera's begin, in frames
+    std::vector<double> whole(count), part(count), sorted;  // of each camera's begin, in frames
     for (std::size_t c = 0; c < count; ++c) {
         const double begin = session.cameras[c].offset_s.value_or(0) * session.fps;
         whole[c] = std::floor(begin);
@@ -86,10 +87,11 @@ absl::StatusOr<std::int64_t> common_length(const Session& session, std::span<con
         if (pictures[c] - first[c] < length) length = pictures[c] - first[c], ends = c;
     if (length > 0) return length;
     const std::size_t begins = static_cast<std::size_t>(std::ranges::min_element(first) - first.begin());
-    return absl::InvalidArgumentError(fmt::format(
-        "session \"{}\": camera {} begins when camera {} has ended, so that no frame set is left; correct their offset_s, or "
-        "find them with kinevox sync",
-        session.name, session.cameras[begins].name, session.cameras[ends].name));
+    return absl::InvalidArgumentError(
+        fmt::format("session \"{}\": camera {} begins when camera {} has ended, so that no frame set is left; "
+                    "correct their offset_s, or "
+                    "find them with kinevox sync",
+                    session.name, session.cameras[begins].name, session.cameras[ends].name));
 }
 
 absl::StatusOr<std::string> with_offsets(const std::string& text, std::span<const double> offsets_s) {
@@ -125,7 +127,8 @@ absl::StatusOr<std::string> with_offsets(const std::string& text, std::span<cons
             const std::string ending = line.ends_with("\r\n") ? "\r\n" : "\n";
             if (!line.ends_with('\n')) line += ending;
             const std::string_view key_line(line);
-            const std::string indent(key_line.substr(0, std::min(key_line.find_first_not_of(" \t"), key_line.size())));
+            const std::string indent(
+                key_line.substr(0, std::min(key_line.find_first_not_of(" \t"), key_line.size())));
             line += indent + "offset_s = " + offset + ending;
         }
         for (; i < end; ++i) out += lines[i];
@@ -138,8 +141,9 @@ absl::Status write_offsets(const std::filesystem::path& session_file, std::span<
     auto session = read_session(session_file);
     if (!session.ok()) return session.status();
     if (session->cameras.size() != offsets_s.size())
-        return absl::InvalidArgumentError(fmt::format("{}: has {} cameras, {} offsets were given", session_file.string(),
-                                                      session->cameras.size(), offsets_s.size()));
+        return absl::InvalidArgumentError(fmt::format("{}: has {} cameras, {} offsets were given",
+                                                      session_file.string(), session->cameras.size(),
+                                                      offsets_s.size()));
     const auto text = read_file(session_file);
     const auto folder = folder_of(session_file);
     if (!text.ok()) return text.status();

@@ -9,7 +9,7 @@
 
 #include "common/atomic_file.h"
 #include "common/calibration_file.h"
-#include "server/calibration/certificate_page.h"
+#include "server/calibration/report_page.h"
 
 namespace kinevox {
 namespace {
@@ -196,13 +196,13 @@ absl::StatusOr<std::string> CalibrationStore::certificate_json(const std::string
     return read_file(folder_of(id) / kCertificate);
 }
 
-absl::StatusOr<std::string> CalibrationStore::certificate_page(const std::string& id) const {
+absl::StatusOr<std::string> CalibrationStore::report_page(const std::string& id) const {
     if (absl::Status there = check_folder(); !there.ok()) return there;
     if (const auto about = read_about(id); !about.ok()) return about.status();
     const fs::path page = folder_of(id) / kPage;
     std::error_code error;
     if (!fs::exists(page, error))
-        if (const absl::Status drawn = draw_certificate_page(folder_of(id) / kCertificate, page); !drawn.ok())
+        if (const absl::Status drawn = draw_report_page(folder_of(id) / kCertificate, page); !drawn.ok())
             return absl::UnavailableError(drawn.message());
     return read_file(page);
 }

@@ -78,6 +78,17 @@ class Report(unittest.TestCase):
         self.report()   # the numbers outlive the pictures
         self.assertLess(self.green_of(self.trial / "report.png"), 0.01)
 
+    def test_shows_the_pictures_of_cameras_that_began_early(self):
+        session = write_session(self.folder / "session")
+        pictures = session.parent / "pictures"
+        for n in reversed(range(FRAMES)):   # 12 red ones come first
+            (pictures / f"{n:03d}.png").rename(pictures / f"{n + 12:03d}.png")
+        for n in range(12):
+            cv2.imwrite(str(pictures / f"{n:03d}.png"), np.full((480, 640, 3), (40, 40, 200), np.uint8))
+        (self.trial / "run.toml").write_text(f'session = "{session}"\n\n[first_pictures]\n"front" = 12\n')
+        self.report()
+        self.assertGreater(self.green_of(self.trial / "report.png"), 0.7)
+
     def test_errors_are_one_line(self):
         session = write_session(self.folder / "session")
         good = {name: (self.trial / name).read_text() for name in ("joints.csv", "angles.csv")}
@@ -151,6 +162,41 @@ class CertificatePage(unittest.TestCase):
             self.assertIn("x.certificate.json", done.stderr)
             self.assertFalse(file.with_suffix(".png").exists())
         self.assertIn("no such file", run(self.folder / "none.json").stderr)
+
+
+class AlignmentPage(unittest.TestCase):
+    def setUp(self):
+        self.folder = Path(tempfile.mkdtemp(prefix="kinevox-report-"))
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+
+    @staticmethod
+    def alignment(cameras):
+        evidence = (100 * np.exp(-np.linspace(-3, 3, 121) ** 2)).tolist()
+        camera = {"name": "a", "offset_s": 0.5, "deviation_s": 0.01, "evidence_nats": 100, "next_best_quality": 0.4,
+                  "next_best_shift_s": 1.2, "curve": {"first_shift_s": -2.0, "evidence_nats": evidence},
+                  "changed_part_per_s": [None, 1.0, 2.0, None, 1.5]}
+        return {"kind": "alignment", "session": "x", "fps": 30.0, "used_places": True, "cameras": [camera] * cameras}
+
+    def test_is_a_page_for_few_cameras_and_many(self):
+        for cameras in (2, 9):
+            file = self.folder / f"{cameras}.json"
+            file.write_text(json.dumps(self.alignment(cameras)))
+            done = run(file)
+            self.assertEqual((done.returncode, done.stderr), (0, ""))
+            page = cv2.imread(str(file.with_suffix(".png"))).astype(int)
+            self.assertEqual(page.shape[:2], (2338, 1653), "A4 at 200 dpi")
+            self.assertGreater(int(((page[..., 0] > page[..., 2] + 80)).sum()), 500, "the first camera's blue curve")
+
+    def test_what_is_no_alignment_is_told_in_one_line(self):
+        good = self.alignment(2)
+        for what in ({**good, "cameras": []}, {**good, "fps": 0}, {**good, "cameras": [{}]}, {**good, "cameras": 3},
+                     {k: v for k, v in good.items() if k != "session"}):
+            file = self.folder / "x.json"
+            file.write_text(json.dumps(what))
+            done = run(file)
+            self.assertEqual((done.returncode, len(done.stderr.splitlines())), (1, 1), done.stderr)
+            self.assertIn("x.json", done.stderr)
+            self.assertFalse(file.with_suffix(".png").exists())
 
 
 if __name__ == "__main__":

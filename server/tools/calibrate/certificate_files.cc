@@ -8,7 +8,7 @@
 
 #include "common/atomic_file.h"
 #include "common/calibration_file.h"
-#include "server/calibration/certificate_page.h"
+#include "server/calibration/report_page.h"
 
 namespace kinevox::calibrate {
 namespace {
@@ -31,7 +31,7 @@ absl::Status write_certificate(Certificate certificate, const fs::path& base) {
         return written;
     std::error_code error;
     fs::remove(page, error);  // of a former certificate
-    if (const absl::Status drawn = draw_certificate_page(json, page); !drawn.ok())
+    if (const absl::Status drawn = draw_report_page(json, page); !drawn.ok())
         fmt::print("{}\n", std::string(drawn.message()));
     return absl::OkStatus();
 }

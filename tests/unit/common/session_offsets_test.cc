@@ -32,14 +32,14 @@ TEST(SessionOffsets, TheFirstFrameSetIsWhereTheLastCameraBegins) {
     const Session session = session_with({0.0, 0.7, {}, -0.3});
     EXPECT_TRUE(has_offsets(session));
     EXPECT_THAT(first_pictures(session), ElementsAre(7, 0, 7, 10));
-    const Session written = session_with({0.0, 0.233333, 0.033333}, 30);   // as 6 decimals tell it
+    const Session written = session_with({0.0, 0.233333, 0.033333}, 30);  // as 6 decimals tell it
     EXPECT_THAT(first_pictures(written), ElementsAre(7, 0, 6));
 }
 
 // Each frame set spans less time than if every camera's begin were rounded by itself.
 TEST(SessionOffsets, JoinsThePicturesThatLieWithinTheShortestTime) {
-    for (const std::vector<double>& phases : {std::vector<double>{0, .04, .05, .06}, {0, .09, .08, .01}, {.05, .1, .15}, {.02, .07},
-                                              {0, .033, .066}}) {
+    for (const std::vector<double>& phases :
+         {std::vector<double>{0, .04, .05, .06}, {0, .09, .08, .01}, {.05, .1, .15}, {.02, .07}, {0, .033, .066}}) {
         Session session = session_with({});
         for (double phase : phases) {
             session.cameras.emplace_back();
@@ -138,9 +138,10 @@ TEST_F(OffsetsOnDisk, AreReadBack) {
 }
 
 TEST_F(OffsetsOnDisk, OfTablesWithinALineAreWrittenAsWell) {
-    const auto file = folder_.write("session.toml",
-                                    "fps = 30.0\nname = \"x\"\ncalibration = \"calibration.toml\"\n"
-                                    "camera = [{name = \"a\", video = \"a.mp4\"}, {name = \"b\", video = \"b.mp4\"}]\n");
+    const auto file =
+        folder_.write("session.toml",
+                      "fps = 30.0\nname = \"x\"\ncalibration = \"calibration.toml\"\n"
+                      "camera = [{name = \"a\", video = \"a.mp4\"}, {name = \"b\", video = \"b.mp4\"}]\n");
     ASSERT_TRUE(write_offsets(file, std::vector<double>{0.25, 0}).ok());
     const auto session = read_session(file);
     ASSERT_TRUE(session.ok()) << session.status();
@@ -149,10 +150,12 @@ TEST_F(OffsetsOnDisk, OfTablesWithinALineAreWrittenAsWell) {
 }
 
 TEST_F(OffsetsOnDisk, WhatIsNoOffsetIsRefused) {
-    for (const auto& [value, extra] : {std::pair{"\"soon\"", ""}, {"nan", ""}, {"1e9", ""},
-                                       {"0.5", "[recording]\ntimes = \"a.mp4\"\n"}}) {
-        folder_.write("session.toml", std::string("fps = 30.0\ncalibration = \"calibration.toml\"\n[[camera]]\nname = \"a\"\n"
-                                                  "video = \"a.mp4\"\noffset_s = ") + value + "\n" + extra);
+    for (const auto& [value, extra] :
+         {std::pair{"\"soon\"", ""}, {"nan", ""}, {"1e9", ""}, {"0.5", "[recording]\ntimes = \"a.mp4\"\n"}}) {
+        folder_.write("session.toml",
+                      std::string("fps = 30.0\ncalibration = \"calibration.toml\"\n[[camera]]\nname = \"a\"\n"
+                                  "video = \"a.mp4\"\noffset_s = ") +
+                          value + "\n" + extra);
         const auto session = read_session(folder_ / "session.toml");
         ASSERT_FALSE(session.ok()) << value;
         EXPECT_THAT(std::string(session.status().message()), HasSubstr("offset_s"));

@@ -1,4 +1,4 @@
-#include "server/calibration/certificate_page.h"
+#include "server/calibration/report_page.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -29,7 +29,7 @@ fs::path report_program() {
 
 }  // namespace
 
-absl::Status draw_certificate_page(const fs::path& json_file, const fs::path& png_file) {
+absl::Status draw_report_page(const fs::path& json_file, const fs::path& png_file) {
     const std::string program = report_program().string();
     if (program.empty())
         return absl::NotFoundError(
@@ -49,7 +49,7 @@ absl::Status draw_certificate_page(const fs::path& json_file, const fs::path& pn
         while (waitpid(child, &status, 0) < 0 && errno == EINTR) continue;
     if (started != 0 || !WIFEXITED(status) || WEXITSTATUS(status) != 0)
         return absl::UnavailableError(
-            fmt::format("the certificate's page was not drawn; kinevox report {} tells why", json));
+            fmt::format("its page was not drawn; kinevox report {} tells why", json));
     return absl::OkStatus();
 }
 
