@@ -197,9 +197,9 @@ absl::StatusOr<OffsetSolution> solve_offsets(std::vector<PairEvidence>& pairs, s
     for (std::size_t c = 0; c < cameras; ++c)
         if (std::ranges::none_of(fine.pairs,
                                  [&](const PairFit& p) { return p.weight > 0 && (p.first == c || p.second == c); })) {
-            Judged lonely{Group(cameras, false), 0, widest.verdict};
+            Judged lonely{Group(cameras, false), 0, {}};   // best where the search ends, or nowhere in particular
             lonely.group[c] = true;
-            return blurred(lonely, names, options);
+            return untied(lonely, names, options);
         }
 
     OffsetSolution out;
