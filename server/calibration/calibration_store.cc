@@ -196,7 +196,7 @@ absl::StatusOr<std::string> CalibrationStore::certificate_json(const std::string
     return read_file(folder_of(id) / kCertificate);
 }
 
-absl::StatusOr<std::string> CalibrationStore::report_page(const std::string& id) const {
+absl::StatusOr<std::string> CalibrationStore::certificate_page(const std::string& id) const {
     if (absl::Status there = check_folder(); !there.ok()) return there;
     if (const auto about = read_about(id); !about.ok()) return about.status();
     const fs::path page = folder_of(id) / kPage;
