@@ -3,7 +3,11 @@
 #include <QCommandLineParser>
 #include <QTimer>
 
+#include <cmath>
+#include <cstdio>
+
 #include "client/viewer/main_window.h"
+#include "client/viewer/scene_view.h"
 
 int main(int argc, char** argv) {
     QApplication application(argc, argv);
@@ -16,7 +20,7 @@ int main(int argc, char** argv) {
     parser.addVersionOption();
     const QCommandLineOption server("server", "The daemon, HOST:PORT; else KINEVOX_SERVER, else 127.0.0.1:50770.", "HOST:PORT");
     parser.addOption(server);
-    const QCommandLineOption picture("picture", "Write the window as PNG after --after seconds and end.", "FILE");
+    const QCommandLineOption picture("picture", "Write the window as PNG after --after seconds, say how it went, and end.", "FILE");
     const QCommandLineOption after("after", "Seconds until the picture is taken.", "SECONDS", "5");
     parser.addOptions({picture, after});
     parser.process(application);
@@ -29,6 +33,8 @@ int main(int argc, char** argv) {
         QTimer::singleShot(static_cast<int>(1000 * parser.value(after).toDouble()), &window, [&] {
             const QString file = parser.value(picture);
             const bool written = window.picture().save(file);
+            std::printf("%.1f volumes a second painted, %.1f ms behind\n", window.scene().painted_volumes_per_second(),
+                        window.scene().delay_ms().value_or(std::nan("")));
             if (!written) qCritical("kinevox-viewer: %s cannot be written; give another FILE", qPrintable(file));
             QApplication::exit(written ? 0 : 1);
         });
