@@ -1,0 +1,114 @@
+#!/usr/bin/python3
+"""kinevox-bridge against a real daemon on the virtual studio: its own examples receive what it sends.
+
+usage: bridge_test.py BUILD-FOLDER"""
+import importlib.util
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+BUILD = Path(sys.argv.pop(1))
+EXAMPLES = Path(__file__).resolve().parents[2] / "client/bridge/examples"
+CONFIG = """[server]
+listen = "127.0.0.1:0"
+[pose]
+database = ""
+fit_body = false
+[calibration]
+folder = ""
+[recording]
+folder = ""
+[source]
+kind = "studio"
+[source.studio]
+motion = "walk"
+width = 240
+height = 180
+fps = 8.0
+"""
+
+
+def example(name):
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def free_port():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as s:
+        s.bind(("127.0.0.1", 0))
+        return s.getsockname()[1]
+
+
+class BridgeTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        config = Path(cls.folder.name) / "kinevoxd.toml"
+        config.write_text(CONFIG)
+        cls.daemon = subprocess.Popen([BUILD / "server/daemon/kinevoxd", "--config", config], stdout=subprocess.PIPE,
+                                      stderr=subprocess.DEVNULL, text=True)
+        cls.address = cls.daemon.stdout.readline().split()[-1]
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.daemon.terminate()
+        cls.daemon.wait()
+        cls.daemon.stdout.close()
+        cls.folder.cleanup()
+
+    def bridge(self, kind, port, *more):
+        return subprocess.Popen([BUILD / "client/bridge/kinevox-bridge", kind, "--server", self.address, "--to", f"127.0.0.1:{port}", *more],
+                                stdout=subprocess.PIPE, text=True)
+
+    def stop(self, bridge):
+        bridge.send_signal(signal.SIGTERM)
+        said = bridge.communicate(timeout=20)[0]
+        self.assertEqual(bridge.returncode, 0, said)
+        self.assertIn("datagrams sent", said)
+
+    def test_vmc(self):
+        port = free_port()
+        bridge = self.bridge("vmc", port)
+        poses = []
+        for at_s, bones in example("receive_vmc").receive(port, seconds=60):
+            poses.append((at_s, bones))
+            if len(poses) == 5:
+                break
+        self.stop(bridge)
+        self.assertEqual(len(poses), 5, "no poses came within a minute")
+        for at_s, bones in poses:
+            self.assertEqual(len(bones), 15)
+            self.assertTrue(0.5 < bones["Hips"][0][1] < 1.3, bones["Hips"])   # m above the floor
+            for _, rotation in bones.values():
+                self.assertAlmostEqual(sum(v * v for v in rotation), 1, places=4)
+        times = [at_s for at_s, _ in poses]
+        self.assertEqual(times, sorted(times))
+
+    def test_csv(self):
+        port = free_port()
+        bridge = self.bridge("csv", port)
+        rows = []
+        for row in example("receive_csv").receive(port, seconds=60):
+            rows.append(row)
+            if sum(r["knee_flexion_l_deg"] is not None for r in rows) >= 5:
+                break
+        self.stop(bridge)
+        knees = [r["knee_flexion_l_deg"] for r in rows if r["knee_flexion_l_deg"] is not None]
+        self.assertGreaterEqual(len(knees), 5)
+        self.assertTrue(all(-20 < k < 160 for k in knees), knees)
+
+    def test_bad_address(self):
+        ran = subprocess.run([BUILD / "client/bridge/kinevox-bridge", "vmc", "--to", "nowhere"], capture_output=True, text=True)
+        self.assertEqual(ran.returncode, 1)
+        self.assertIn("is no HOST:PORT", ran.stderr)
+        self.assertEqual(ran.stderr.count("\n"), 1)
+
+
+if __name__ == "__main__":
+    unittest.main()

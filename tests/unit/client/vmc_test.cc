@@ -1,0 +1,149 @@
+// Poses as VMC messages: what an avatar's bones do is held against where the body's limbs point.
+#include <cmath>
+#include <map>
+
+#include <gmock/gmock.h>
+#include <oscpack/osc/OscReceivedElements.h>
+
+#include "client/bridge/udp_sender.h"
+#include "client/bridge/vmc.h"
+
+namespace kinevox::bridge {
+namespace {
+
+using ::testing::IsEmpty;
+
+const char* const kSegments[] = {"pelvis",  "thorax",  "head",   "thigh_l",     "shank_l",   "foot_l", "upper_arm_l", "forearm_l",
+                                 "hand_l",  "thigh_r", "shank_r", "foot_r",     "upper_arm_r", "forearm_r", "hand_r"};
+const std::map<std::string, std::string> kParents{
+    {"Spine", "Hips"}, {"Head", "Spine"}, {"LeftUpperLeg", "Hips"}, {"LeftLowerLeg", "LeftUpperLeg"}, {"LeftFoot", "LeftLowerLeg"},
+    {"LeftUpperArm", "Spine"}, {"LeftLowerArm", "LeftUpperArm"}, {"LeftHand", "LeftLowerArm"}, {"RightUpperLeg", "Hips"},
+    {"RightLowerLeg", "RightUpperLeg"}, {"RightFoot", "RightLowerLeg"}, {"RightUpperArm", "Spine"},
+    {"RightLowerArm", "RightUpperArm"}, {"RightHand", "RightLowerArm"}};
+
+v1::Pose standing() {
+    v1::Pose pose;
+    v1::JointEstimate* root = pose.add_joints();
+    root->set_name("root");
+    root->mutable_position_in_world()->set_x(2);
+    root->mutable_position_in_world()->set_y(0.5);
+    root->mutable_position_in_world()->set_z(0.9);
+    for (const char* name : kSegments) {
+        v1::SegmentOrientation* segment = pose.add_segments();
+        segment->set_name(name);
+        segment->mutable_parent_from_segment()->set_w(1);
+    }
+    return pose;
+}
+
+// Turned about an axis of the parent's, right-handed, in Kinevox's axes.
+void turn(v1::Pose& pose, const std::string& name, const Vec3& axis, double angle_deg) {
+    const double half = angle_deg * M_PI / 360;
+    for (v1::SegmentOrientation& segment : *pose.mutable_segments())
+        if (segment.name() == name) {
+            v1::Quaternion* q = segment.mutable_parent_from_segment();
+            q->set_w(std::cos(half));
+            q->set_x(std::sin(half) * axis.x), q->set_y(std::sin(half) * axis.y), q->set_z(std::sin(half) * axis.z);
+        }
+}
+
+// Rotation by x y z w, as every engine does it.
+Vec3 rotate(const std::array<double, 4>& q, const Vec3& v) {
+    const Vec3 u{q[0], q[1], q[2]};
+    const Vec3 t = 2 * cross(u, v);
+    return v + q[3] * t + cross(u, t);
+}
+
+// Where a vector of a bone's own points in the scene.
+Vec3 in_scene(const std::vector<VmcBone>& bones, std::string bone, Vec3 v) {
+    for (;;) {
+        for (const VmcBone& b : bones)
+            if (b.name == bone) v = rotate(b.rotation_xyzw, v);
+        const auto parent = kParents.find(bone);
+        if (parent == kParents.end()) return v;
+        bone = parent->second;
+    }
+}
+
+void expect_near(const Vec3& a, const Vec3& b) {
+    EXPECT_NEAR(norm(a - b), 0, 1e-9) << a.x << " " << a.y << " " << a.z << ", not " << b.x << " " << b.y << " " << b.z;
+}
+
+// The receiver's axes: x right, y up, z forward. In the T-pose the left arm points to -x, legs to -y, feet to +z.
+constexpr Vec3 kLeft{-1, 0, 0}, kRight{1, 0, 0}, kDown{0, -1, 0}, kUp{0, 1, 0}, kForward{0, 0, 1};
+
+TEST(VmcTest, StandingWithHangingArmsHangsTheAvatarsArms) {
+    const auto bones = vmc_bones(standing());
+    ASSERT_EQ(bones.size(), 15U);
+    expect_near(bones[0].position, {-0.5, 0.9, 2});
+    for (const char* side : {"Left", "Right"}) {
+        const Vec3 aside = side == std::string("Left") ? kLeft : kRight;
+        for (const char* part : {"UpperArm", "LowerArm", "Hand"}) expect_near(in_scene(bones, std::string(side) + part, aside), kDown);
+        expect_near(in_scene(bones, std::string(side) + "Hand", kDown), -aside);   // palms to the thighs
+        expect_near(in_scene(bones, std::string(side) + "UpperLeg", kDown), kDown);
+    }
+}
+
+TEST(VmcTest, LimbsPointWhereTheBodysDo) {
+    v1::Pose pose = standing();
+    turn(pose, "upper_arm_l", {1, 0, 0}, 90);     // raised to the left: -z becomes +y
+    turn(pose, "upper_arm_r", {0, 1, 0}, -90);    // to the front: -z becomes +x
+    turn(pose, "forearm_r", {0, 1, 0}, -90);      // bent on: +x becomes +z
+    turn(pose, "thigh_l", {0, 1, 0}, -90);
+    turn(pose, "shank_l", {0, 1, 0}, 90);         // a seat
+    auto bones = vmc_bones(pose);
+    expect_near(in_scene(bones, "LeftUpperArm", kLeft), kLeft);
+    expect_near(in_scene(bones, "RightUpperArm", kRight), kForward);
+    expect_near(in_scene(bones, "RightLowerArm", kRight), kUp);
+    expect_near(in_scene(bones, "LeftUpperLeg", kDown), kForward);
+    expect_near(in_scene(bones, "LeftLowerLeg", kDown), kDown);
+
+    turn(pose, "pelvis", {0, 0, 1}, 90);          // turns to her left: forward becomes the scene's left
+    bones = vmc_bones(pose);
+    expect_near(in_scene(bones, "Hips", kForward), kLeft);
+    expect_near(in_scene(bones, "RightUpperArm", kRight), kLeft);
+}
+
+TEST(VmcTest, WhatIsWithheldIsNotSent) {
+    v1::Pose pose = standing();
+    pose.mutable_segments(4)->clear_parent_from_segment();
+    EXPECT_THAT(vmc_bones(pose), IsEmpty());
+    pose = standing();
+    pose.mutable_joints(0)->clear_position_in_world();
+    EXPECT_THAT(vmc_bones(pose), IsEmpty());
+}
+
+TEST(VmcTest, DatagramsAreOscAndFitAnEthernetFrame) {
+    const v1::Pose pose = standing();
+    int bones = 0, ok = -1;
+    float time_s = 0;
+    for (const std::string& datagram : vmc_datagrams(&pose, 12.5)) {
+        EXPECT_LE(datagram.size(), 1472U);
+        const osc::ReceivedPacket packet(datagram.data(), datagram.size());
+        ASSERT_TRUE(packet.IsBundle());
+        const osc::ReceivedBundle bundle(packet);
+        for (auto element = bundle.ElementsBegin(); element != bundle.ElementsEnd(); ++element) {
+            const osc::ReceivedMessage message(*element);
+            const std::string address = message.AddressPattern();
+            if (address == "/VMC/Ext/OK") ok = message.ArgumentsBegin()->AsInt32();
+            if (address == "/VMC/Ext/T") time_s = message.ArgumentsBegin()->AsFloat();
+            if (address != "/VMC/Ext/Bone/Pos") continue;
+            EXPECT_STREQ(message.TypeTags(), "sfffffff");
+            ++bones;
+        }
+    }
+    EXPECT_EQ(bones, 15);
+    EXPECT_EQ(ok, 1);
+    EXPECT_FLOAT_EQ(time_s, 12.5f);
+    ASSERT_EQ(vmc_datagrams(nullptr, 1).size(), 1U);
+}
+
+TEST(UdpSenderTest, SaysWhatIsWrongWithAnAddress) {
+    for (const char* bad : {"", "host", ":1", "127.0.0.1:", "127.0.0.1:0", "127.0.0.1:65536", "127.0.0.1:12x"})
+        EXPECT_TRUE(absl::IsInvalidArgument(UdpSender::open(bad).status())) << bad;
+    EXPECT_TRUE(UdpSender::open("127.0.0.1:39539").ok());
+    EXPECT_TRUE(UdpSender::open("[::1]:39539").ok());
+}
+
+}  // namespace
+}  // namespace kinevox::bridge
