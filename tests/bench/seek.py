@@ -59,8 +59,9 @@ def main():
             "99 of 100", "worst"]
     table = [head, ["---"] + ["---:"] * (len(head) - 1), *rows]
     text = (f"# Seeking\n\nFrom a request to the frame set, all cameras; `tests/bench/seek.py`, {os.cpu_count()} cores, load at the "
-            f"end {os.getloadavg()[0]:.1f}. Bound: {BOUND_MS} ms.\n\nFour cameras of 640 x 480 px at {FPS} a second, {frames} "
-            f"frame sets, {options.seeks} seeks to frames drawn at random and as many steps back by one:\n\n"
+            f"end {os.getloadavg()[0]:.1f}, priority {os.nice(0)} (below 0: before all others). Bound: {BOUND_MS} ms.\n\n"
+            f"Four cameras of 640 x 480 px at {FPS} a second, {frames} frame sets, {options.seeks} seeks to frames drawn at random "
+            f"and as many steps back by one:\n\n"
             + "\n".join("| " + " | ".join(row) + " |" for row in table) + "\n")
     options.results.mkdir(parents=True, exist_ok=True)
     (options.results / "seek.md").write_text(text)
