@@ -4,8 +4,8 @@
 usage: python_client.py [--build build/release] [--seconds 10] [--results FOLDER]
 
 The pipeline measures far fewer poses a second than the client can take, so a server of this script sends them: real
-ones, from the virtual studio's daemon, numbered anew, at a given rate, with the daemon's own rule for a reader who is too
-slow: when more than 256 wait, the stream ends. The client reads joints, angles, coordinates and header of each and
+ones, from the virtual studio's daemon, numbered anew, at a given rate, with the daemon's own rule for a reader who is
+too slow: when more than 256 wait, the stream ends. The client reads joints, angles, coordinates and header of each and
 counts what is missing. Then the daemon itself, as fast as it can. Bound: 1000 poses a second without loss. Writes
 python_client.md."""
 import argparse
@@ -34,7 +34,8 @@ def serve(build, file):
     data = Path(file).read_bytes()
     while data:
         size = int.from_bytes(data[:4], "little")
-        kept.append(pb.StreamPosesResponse(pose=pb.StreamPosesResponse.FromString(data[4:4 + size]).pose).SerializeToString())
+        pose = pb.StreamPosesResponse.FromString(data[4:4 + size]).pose
+        kept.append(pb.StreamPosesResponse(pose=pose).SerializeToString())
         data = data[4 + size:]
 
     def stream(request, context):
@@ -63,8 +64,8 @@ def serve(build, file):
 
 def look(pose):
     """What a user of every value does."""
-    return (pose.angles["knee_angle_r"] + pose.angles.deg[0] + pose.joints.positions_m[0, 0] + pose.angles.velocity_deg_s[0] +
-            pose.header.time_ns)
+    return (pose.angles["knee_angle_r"] + pose.angles.deg[0] + pose.joints.positions_m[0, 0] +
+            pose.angles.velocity_deg_s[0] + pose.header.time_ns)
 
 
 class Count:
@@ -85,10 +86,11 @@ class Count:
             self.gaps += pose.sequence - self.last - 1
         self.last = pose.sequence
         self.late_ms.append((time.time_ns() - pose.time_ns) * 1e-6)
+        self.end, self.cpu_end = time.monotonic(), time.process_time()
 
     def row(self, what):
-        seconds = time.monotonic() - self.begin
-        cpu_us = (time.process_time() - self.cpu) / max(self.poses, 1) * 1e6
+        seconds = self.end - self.begin
+        cpu_us = (self.cpu_end - self.cpu) / self.poses * 1e6
         late = np.percentile(self.late_ms, [50, 99])
         return [what, f"{self.poses}", f"{self.poses / seconds:.0f}", f"{self.gaps + self.missed}", f"{late[0]:.1f}",
                 f"{late[1]:.1f}", f"{cpu_us:.0f}"]
@@ -133,7 +135,8 @@ def from_the_daemon(build, folder, seconds):
             from kinevox import requests
             from kinevox.streams import Stream
             call = requests.volumes("latest", 0, None, None, True)
-            raw = Stream(client._transport, type(call)(call.method, call.request, call.response, lambda message, _: message.volume))
+            bare = type(call)(call.method, call.request, call.response, lambda message, _: message.volume)
+            raw = Stream(client._transport, bare)
             volumes = [volume for volume, _ in zip(raw, range(20)) if volume]
             raw.close()
             lost = client.status().lost
@@ -164,15 +167,18 @@ def main():
         kept, volumes, count, lost = from_the_daemon(options.build, folder, options.seconds)
         file = Path(folder) / "poses"
         file.write_bytes(b"".join(len(message).to_bytes(4, "little") + message for message in kept))
+        load = os.getloadavg()[0]
         server = subprocess.Popen([sys.executable, __file__, "--build", str(options.build), "--serve", str(file)],
                                   stdout=subprocess.PIPE, text=True)
         try:
             address = f"127.0.0.1:{int(server.stdout.readline())}"
-            paced = [blocking(address, options.seconds, RATE), asyncio.run(asynchronous(address, options.seconds, RATE))]
+            paced = [blocking(address, options.seconds, RATE),
+                     asyncio.run(asynchronous(address, options.seconds, RATE))]
             rows = [paced[0].row(f"{RATE} a second, every value read"), paced[1].row("the same, asyncio"),
                     blocking(address, options.seconds, 0).row("as fast as they go, every value read"),
                     blocking(address, options.seconds, 0, False).row("as fast as they go, the number alone"),
-                    asyncio.run(asynchronous(address, options.seconds, 0)).row("as fast as they go, every value read, asyncio")]
+                    asyncio.run(asynchronous(address, options.seconds, 0)).row(
+                        "as fast as they go, every value read, asyncio")]
         finally:
             server.terminate()
             server.wait()
@@ -181,8 +187,10 @@ def main():
         begin = time.perf_counter()
         decoded = Volume(volume)
         times.append((time.perf_counter() - begin) * 1000)
-    head = ["poses from this script's server", "poses", "a second", "lost", "behind, ms: half", "99 of 100", "CPU a pose, us"]
-    text = (f"# The Python client\n\n`tests/bench/python_client.py`, {os.cpu_count()} cores, {options.seconds:g} s each, poses of "
+    head = ["poses from this script's server", "poses", "a second", "lost", "behind, ms: half", "99 of 100",
+            "CPU a pose, us"]
+    text = (f"# The Python client\n\n`tests/bench/python_client.py`, {os.cpu_count()} cores, {options.seconds:g} s each, load average "
+            f"{load:.1f} when it began, poses of "
             f"{np.mean([len(message) for message in kept]):.0f} bytes. Bound: {RATE} poses a second without loss. \"Behind\" is "
             "from the server's sending to the client's having read every value; as fast as they go, what lies in gRPC's "
             f"buffers between the two counts in it.\n\n{table(head, rows)}\n"

@@ -310,7 +310,8 @@ class Recorded(ClientTest):
                     self.assertEqual(pose.recorded_frame, wanted)
                     self.client.replay.step()
                 self.client.replay.seek(frame=10)
-                self.assertEqual(next(pose for pose in poses if pose.recorded_frame not in (3, None)).recorded_frame, 10)
+                found = next(pose for pose in poses if pose.recorded_frame not in (3, None))
+                self.assertEqual(found.recorded_frame, 10)
                 self.assertEqual(self.client.replay.status().frames, recording.frames)
                 with self.assertRaises(kinevox.OutOfRange):
                     self.client.replay.seek(frame=100000)
@@ -364,7 +365,8 @@ class Restarts(unittest.TestCase):
             first = StudioDaemon(DAEMON, name, size=(160, 120))
             client = Client(first.address)
             told = []
-            with client.poses(reconnect=True, silence_s=30, on_reconnect=told.append) as lasting, client.poses() as ending:
+            with client.poses(reconnect=True, silence_s=30,
+                              on_reconnect=told.append) as lasting, client.poses() as ending:
                 next(lasting), next(ending)
                 first.stop()
                 second = StudioDaemon(DAEMON, name, port=first.port, size=(160, 120))
@@ -377,7 +379,8 @@ class Restarts(unittest.TestCase):
                     self.assertIsInstance(told[0], kinevox.Unavailable)
                 finally:
                     second.stop()
-            with self.assertRaisesRegex(kinevox.Unavailable, f"cannot reach a daemon at {first.address} .*; start kinevoxd"):
+            with self.assertRaisesRegex(kinevox.Unavailable,
+                                        f"cannot reach a daemon at {first.address} .*; start kinevoxd"):
                 client.status()
 
 
@@ -392,7 +395,8 @@ class Asynchronous(unittest.TestCase):
                     self.assertEqual(pose.missed, 0)
                     if count == 5:
                         break
-                volumes, previews = await asyncio.gather(self.first(client.volumes()), self.first(client.previews("cam2")))
+                volumes, previews = await asyncio.gather(self.first(client.volumes()),
+                                                         self.first(client.previews("cam2")))
                 self.assertEqual(previews.picture().shape[2], 3)
                 self.assertGreater(volumes.header.sequence, 0)
                 name = await client.recordings.start("async")

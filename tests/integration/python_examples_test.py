@@ -90,6 +90,13 @@ class SprintStart(unittest.TestCase):
         toe = self.truth.joint("toe_r")[32, 0] - self.truth.joint("toe_l")[10, 0]
         self.assertAlmostEqual(start.steps[0].length_m, toe, delta=0.03)
 
+    def test_what_is_missing_is_told(self):
+        self.truth.joints_m[52:56] = np.nan   # around the third step's touch-down
+        start = sprint_start.analyse(self.truth)
+        self.assertEqual([step.whole for step in start.steps[:5]], [True, True, True, False, True])
+        lines = sprint_start.report(self.truth, start).splitlines()
+        self.assertEqual([line.split()[0] for line in lines if line.endswith("poses are missing before it")], ["4"])
+
     def test_on_what_the_daemon_measures(self):
         with tempfile.TemporaryDirectory() as folder:
             daemon = StudioDaemon(DAEMON, folder, autostart=False)
@@ -106,7 +113,8 @@ class SprintStart(unittest.TestCase):
             self.assertEqual(frames, list(range(len(self.truth))))
             self.assertGreater(colours(f"{out}.png"), 3000)
         rows = [line.split() for line in told.splitlines()]
-        measured = [(row[1], *map(float, row[2:5])) for row in rows if len(row) > 4 and row[1] in ("left", "right") and row[0].isdigit()]
+        measured = [(row[1], *map(float, row[2:5])) for row in rows
+                    if len(row) > 4 and row[0].isdigit() and row[1] in ("left", "right")]
         true = sprint_start.analyse(self.truth).steps
         self.assertGreaterEqual(len(measured), 6)
         for (side, down_s, length_m, _), step in zip(measured, true):

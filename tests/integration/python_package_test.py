@@ -35,7 +35,8 @@ class Package(unittest.TestCase):
                 shutil.copytree(REPOSITORY / part, folder / part, ignore=shutil.ignore_patterns("build", "*.egg-info"))
             run("/usr/bin/python3", "-m", "venv", "--system-site-packages", folder / "venv")
             python = folder / "venv/bin/python"
-            run(python, "-m", "pip", "install", "--no-build-isolation", "--no-index", "--quiet", folder / "client/python")
+            run(python, "-m", "pip", "install", "--no-build-isolation", "--no-index", "--quiet",
+                folder / "client/python")
             program = ("import kinevox, kinevox.v1.types_pb2 as t; from pathlib import Path; "
                        "print(kinevox.__file__, (Path(kinevox.__file__).parent / 'py.typed').exists(), t.Vec3(x=2).x)")
             where, typed, value = run(python, "-c", program, cwd="/").split()
@@ -96,7 +97,8 @@ class Encrypted(unittest.TestCase):
         self.folder = tempfile.TemporaryDirectory()
         self.addCleanup(self.folder.cleanup)
         key, self.certificate = (Path(self.folder.name) / name for name in ("key.pem", "certificate.pem"))
-        run("openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-keyout", key, "-out", self.certificate, "-days", "2",
+        run("openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-keyout", key, "-out", self.certificate,
+            "-days", "2",
             "-subj", "/CN=studio.example", "-addext", "subjectAltName=DNS:studio.example")
 
         def status(_, context):

@@ -4,9 +4,9 @@
 usage: sprint_start.py SESSION.toml [--server HOST:PORT] [--out sprint_start]
        sprint_start.py RESULTS [--out sprint_start]
 
-SESSION.toml, an absolute path on the daemon's machine, is replayed by the daemon, every frame of it; RESULTS is a folder that
-`kinevox process` or a recording (its poses/) left, for which no daemon is needed. Writes OUT.csv, every pose, and OUT.png,
-and prints the table.
+SESSION.toml, an absolute path on the daemon's machine, is replayed by the daemon, every frame of it; RESULTS is a
+folder that `kinevox process` or a recording (its poses/) left, for which no daemon is needed. Writes OUT.csv, every
+pose, and OUT.png, and prints the table.
 """
 import argparse
 from dataclasses import dataclass
@@ -20,8 +20,8 @@ from kinevox import Client, KinevoxError, PoseTable
 matplotlib.use("Agg")
 from matplotlib import pyplot  # noqa: E402
 
-# A foot stands while its toe is this low and this slow; a hand while its finger tips are this low. The tips of a hand that
-# stands on its fingers are seen some centimetres too high.
+# A foot stands while its toe is this low and this slow; a hand while its finger tips are this low. The tips of a hand
+# that stands on its fingers are seen some centimetres too high.
 TOE_HEIGHT_M, TOE_SPEED_M_S, HAND_HEIGHT_M = 0.08, 2.0, 0.10
 SHORTEST_CONTACT_S = 0.05
 SIDES = {"left": "l", "right": "r"}
@@ -30,8 +30,8 @@ COLOURS = {"left": "#0072B2", "right": "#D55E00"}
 
 @dataclass
 class Contact:
-    """A hand or foot on the ground. at_m: its median place, (3,), world. down_s, up_s: None, the recording begins or ends
-    with it there."""
+    """A hand or foot on the ground. at_m: its median place, (3,), world. down_s, up_s: None, the recording begins or
+    ends with it there."""
 
     side: str
     down_s: float | None
@@ -42,13 +42,15 @@ class Contact:
 @dataclass
 class Step:
     """From the other foot's contact to this one's. length_m: along the run; time_s: from touch-down to touch-down, the
-    first one from the moment the second hand leaves the ground."""
+    first one from the moment the second hand leaves the ground. whole: no pose is missing since the contact before;
+    else a step may lie between the two."""
 
     side: str
     touch_down_s: float
     length_m: float
     time_s: float
     contact_s: float | None
+    whole: bool
 
 
 def crossing(time_s, signal, limit, k):
@@ -110,13 +112,15 @@ def analyse(table):
     direction = (root[-1] - root[0]) / max(np.linalg.norm(root[-1] - root[0]), 1e-9)
     lifted = [contact.up_s for contact in hands if contact.up_s is not None]
     go_s = max(lifted) if lifted else None
+    missing_s = table.time_s[np.isnan(table.joint("toe_l") + table.joint("toe_r")).any(axis=1)]
     steps, before, since = [], [c for c in feet if c.down_s is None], go_s
     # The first step goes from the foot that stands farther in front.
     last = max(before, key=lambda c: c.at_m[:2] @ direction) if before else None
     for contact in (c for c in feet if c.down_s is not None):
         if last is not None and since is not None:
             steps.append(Step(contact.side, contact.down_s, float((contact.at_m - last.at_m)[:2] @ direction),
-                              contact.down_s - since, None if contact.up_s is None else contact.up_s - contact.down_s))
+                              contact.down_s - since, None if contact.up_s is None else contact.up_s - contact.down_s,
+                              not ((missing_s > since) & (missing_s < contact.down_s)).any()))
         last, since = contact, contact.down_s
     return Start(hands, feet, steps, direction, go_s)
 
@@ -127,22 +131,27 @@ def mean(values):
 
 
 def sides(table, start):
-    """{what: (left, right)}: degrees, m, s."""
-    after = table.time_s >= (start.go_s or 0)
+    """{what: (left, right)}: degrees, m, s. The angles from the first step's touch-down on, so without the start's
+    own."""
+    after = table.time_s >= (start.steps[0].touch_down_s if start.steps else 0)
     out = {}
     for what, angle in (("largest knee flexion, deg", "knee_flexion"), ("largest hip flexion, deg", "hip_flexion")):
         out[what] = tuple(float(np.nanmax(table.angle(f"{angle}_{end}")[after])) for end in SIDES.values())
-    for what, part in (("step length, m", "length_m"), ("step time, s", "time_s"), ("time on the ground, s", "contact_s")):
-        out[what] = tuple(mean(getattr(step, part) for step in start.steps if step.side == side) for side in SIDES)
+    for what, part in (("step length, m", "length_m"), ("step time, s", "time_s"),
+                       ("time on the ground, s", "contact_s")):
+        out[what] = tuple(mean(getattr(step, part) for step in start.steps if step.side == side and step.whole)
+                          for side in SIDES)
     return out
 
 
 def report(table, start):
-    lines = [f"{contact.side} hand leaves the ground at {contact.up_s:.2f} s" for contact in start.hands if contact.up_s]
+    lines = [f"{contact.side} hand leaves the ground at {contact.up_s:.2f} s"
+             for contact in start.hands if contact.up_s]
     lines.append("step  foot   touch-down, s  length, m  time, s  on the ground, s")
     for number, step in enumerate(start.steps, 1):
         stay = f"{step.contact_s:.2f}" if step.contact_s is not None else "-"
-        lines.append(f"{number:<5} {step.side:<6} {step.touch_down_s:>13.2f} {step.length_m:>10.2f} {step.time_s:>8.2f} {stay:>17}")
+        lines.append(f"{number:<5} {step.side:<6} {step.touch_down_s:>13.2f} {step.length_m:>10.2f} "
+                     f"{step.time_s:>8.2f} {stay:>17}" + ("" if step.whole else "   poses are missing before it"))
     lines.append(f"{'':<28}   left  right  left / right")
     for what, (left, right) in sides(table, start).items():
         lines.append(f"{what:<28} {left:>6.2f} {right:>6.2f} {left / right:>10.2f}")
@@ -150,7 +159,8 @@ def report(table, start):
 
 
 def draw(table, start, file):
-    figure, rows = pyplot.subplots(4, 1, sharex=True, figsize=(8.5, 9), height_ratios=[1.2, 1, 1, 0.8], constrained_layout=True)
+    figure, rows = pyplot.subplots(4, 1, sharex=True, figsize=(8.5, 9), height_ratios=[1.2, 1, 1, 0.8],
+                                   constrained_layout=True)
     for side, end in SIDES.items():
         style = {"color": COLOURS[side], "linewidth": 1.4}
         rows[0].plot(table.time_s, table.joint(f"toe_{end}")[:, 2], label=f"{side} toe", **style)
@@ -166,12 +176,12 @@ def draw(table, start, file):
             row.axvline(start.go_s, color="0.2", linewidth=1, linestyle="--")
         for contact in start.feet:
             begin = table.time_s[0] if contact.down_s is None else contact.down_s
-            row.axvspan(begin, table.time_s[-1] if contact.up_s is None else contact.up_s, color=COLOURS[contact.side], alpha=0.12,
-                        linewidth=0)
+            row.axvspan(begin, table.time_s[-1] if contact.up_s is None else contact.up_s, color=COLOURS[contact.side],
+                        alpha=0.12, linewidth=0)
     for number, step in enumerate(start.steps, 1):
-        rows[0].annotate(f"{number}: {step.length_m:.2f} m", (step.touch_down_s, 0), xytext=(2, -2), textcoords="offset points",
-                         fontsize=8, va="top", color=COLOURS[step.side])
-    rows[0].set_ylim(bottom=min(-0.12, rows[0].get_ylim()[0]))
+        rows[0].annotate(f"step {number}\n{step.length_m:.2f} m", (step.touch_down_s, 0), xytext=(2, -4), fontsize=8,
+                         va="top", textcoords="offset points", color=COLOURS[step.side])
+    rows[0].set_ylim(bottom=min(-0.25, rows[0].get_ylim()[0]))
     rows[0].legend(ncols=4, fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(0, 1.16))
     rows[-1].set_xlabel("time, s; shaded: a foot on the ground, dashed: the second hand leaves it")
     figure.savefig(file, dpi=100)

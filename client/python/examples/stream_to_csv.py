@@ -28,7 +28,8 @@ def main():
     parser.add_argument("--out", default="poses.csv")
     options = parser.parse_args()
     rows = 0
-    with Client(options.server) as client, client.poses(silence_s=10) as poses, open(options.out, "w", newline="") as file:
+    with (Client(options.server) as client, client.poses(silence_s=10) as poses,
+          open(options.out, "w", newline="") as file):
         table = csv.writer(file)
         table.writerow(["sequence", "time_s"] + [f"{name}_deg" for name in ANGLES] +
                        [f"{name}_{axis}_m" for name in JOINTS for axis in "xyz"])

@@ -20,6 +20,7 @@ from kinevox.volumes import Volume, VolumeFrame
 
 __version__ = "0.1.0"
 __all__ = ["ANGLE_NAMES", "COORDINATE_NAMES", "JOINT_NAMES", "RATIO_NAMES", "SEGMENT_NAMES", "Aborted", "AlreadyExists",
-           "AsyncClient", "Cancelled", "Client", "DataLoss", "DeadlineExceeded", "FailedPrecondition", "InvalidArgument",
+           "AsyncClient", "Cancelled", "Client", "DataLoss", "DeadlineExceeded", "FailedPrecondition",
+           "InvalidArgument",
            "KinevoxError", "NotFound", "OutOfRange", "Pose", "PoseTable", "ResourceExhausted", "Stream", "Unavailable",
            "Unimplemented", "Volume", "VolumeFrame"]

@@ -134,8 +134,8 @@ class AsyncBody(AsyncService):
 
 
 class AsyncClient(AsyncCapture):
-    """As kinevox.Client, for asyncio: calls are awaited, streams are for `async for`, contexts for `async with`. One event
-    loop."""
+    """As kinevox.Client, for asyncio: calls are awaited, streams are for `async for`, contexts for `async with`. One
+    event loop."""
 
     def __init__(self, server: str = "", *, timeout_s: float = 5.0, operator: str = "",
                  credentials: grpc.ChannelCredentials | None = None, token: str | None = None,
@@ -220,7 +220,8 @@ class AsyncClient(AsyncCapture):
         """See Client.control."""
         transport = self._transport
         if transport.lease_id:
-            raise KinevoxError("this client holds control already; use one `async with client.control()` at a time", self.server)
+            raise KinevoxError("this client holds control already; use one `async with client.control()` at a time",
+                               self.server)
         transport.lease_id = await transport.run(acquire(operator or transport.options.operator, int(1000 * timeout_s)))
         try:
             yield

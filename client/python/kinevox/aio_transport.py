@@ -53,7 +53,8 @@ class AsyncTransport:
             return result
 
     async def _once(self, call: Call[Any]) -> Any:
-        ask = self.channel.unary_unary(path(call.method), type(call.request).SerializeToString, call.response.FromString)
+        ask = self.channel.unary_unary(path(call.method), type(call.request).SerializeToString,
+                                       call.response.FromString)
         try:
             answer = await ask(call.request, timeout=call.timeout_s or self.options.timeout_s,
                                metadata=list(self.options.metadata))
@@ -68,8 +69,8 @@ class AsyncTransport:
 
 
 class AsyncStream(Generic[T], AsyncIterator[T]):
-    """A stream's messages by `async for`; ends and fails as Stream does. Leaving a loop early ends it once nothing refers
-    to it any more, close() or `async with` at once."""
+    """A stream's messages by `async for`; ends and fails as Stream does. Leaving a loop early ends it once nothing
+    refers to it any more, close() or `async with` at once."""
 
     def __init__(self, transport: AsyncTransport, call: StreamCall[T], reconnect: bool = False,
                  silence_s: float | None = None, on_reconnect: OnReconnect | None = None) -> None:

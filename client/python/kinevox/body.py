@@ -16,8 +16,9 @@ class BodyState:
     """The body in use, and how far a fit is.
 
     state: none, collecting, fitting, ready or failed. part: 0 to 1. message: one line. stature_m; lengths_m, between
-    rotation centres, half-widths and radii; girths_m, circumferences, clothes included: by body.toml's names, m. frames:
-    that it was fitted to; 0: it is from a file or an adult of average build. raw: all of it, with standard deviations.
+    rotation centres, half-widths and radii; girths_m, circumferences, clothes included: by body.toml's names, m.
+    frames: that it was fitted to; 0: it is from a file or an adult of average build. raw: all of it, with standard
+    deviations.
     """
 
     state: str
@@ -33,8 +34,8 @@ class BodyState:
     def of(answer: Any, _: str = "") -> "BodyState":
         """From the daemon's message."""
         body = answer.body
-        return BodyState(enum_name(pb.BodyFitState.DESCRIPTOR, answer.state, "BODY_FIT_STATE_"), answer.part, answer.message,
-                         body.stature.value_m, {m.name: m.value_m for m in body.lengths},
+        return BodyState(enum_name(pb.BodyFitState.DESCRIPTOR, answer.state, "BODY_FIT_STATE_"), answer.part,
+                         answer.message, body.stature.value_m, {m.name: m.value_m for m in body.lengths},
                          {m.name: m.value_m for m in body.girths}, body.frames, answer)
 
 
@@ -61,7 +62,8 @@ def body_call() -> StreamCall[BodyState]:
 
 def database_call() -> StreamCall[DatabaseState]:
     """See Client.database_progress."""
-    return StreamCall("PoseService/WatchDatabase", pb.WatchDatabaseRequest(), pb.WatchDatabaseResponse, DatabaseState.of)
+    return StreamCall("PoseService/WatchDatabase", pb.WatchDatabaseRequest(), pb.WatchDatabaseResponse,
+                      DatabaseState.of)
 
 
 class Body(Service):
@@ -71,8 +73,8 @@ class Body(Service):
     def fit(self, seconds: float = 0) -> None:
         """Begins to fit stature, lengths and girths to the person in the space, from the next 1 to 30 s, 0: 4;
         client.body_progress() tells the rest. A T-pose tells most."""
-        return self._runner.run(Call("PoseService/FitBody", pb.FitBodyRequest(seconds=seconds), pb.FitBodyResponse, nothing,
-                                     True))
+        return self._runner.run(Call("PoseService/FitBody", pb.FitBodyRequest(seconds=seconds), pb.FitBodyResponse,
+                                     nothing, True))
 
     def poses(self) -> list[tuple[str, bool]]:
         """The database's poses: label, and whether a user added it."""
@@ -93,5 +95,6 @@ class Body(Service):
 
     def import_bvh(self, label: str, bvh: bytes, every_s: float = 0) -> int:
         """Adds the poses of a movement, one every so many seconds, 0.001 to 3600; 0: 0.1. How many were added."""
-        return self._runner.run(Call("PoseService/ImportBvh", pb.ImportBvhRequest(label=label, bvh=bvh, every_s=every_s),
+        return self._runner.run(Call("PoseService/ImportBvh",
+                                     pb.ImportBvhRequest(label=label, bvh=bvh, every_s=every_s),
                                      pb.ImportBvhResponse, lambda answer: int(answer.poses), True, 600.0))

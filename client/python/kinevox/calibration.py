@@ -30,9 +30,9 @@ def _verdict(value: int) -> str:
 
 @dataclass(frozen=True)
 class Procedure:
-    """How far the procedure is. state: none, collecting, reading, solving, solved, cancelled or failed. part: of reading or
-    solving, 0 to 1. message: one line. hints: what to do next. complete: more observations would add little.
-    calibration_id, verdict (go, care, no_go): once solved. raw: all of it, WatchProcedureResponse."""
+    """How far the procedure is. state: none, collecting, reading, solving, solved, cancelled or failed. part: of
+    reading or solving, 0 to 1. message: one line. hints: what to do next. complete: more observations would add
+    little. calibration_id, verdict (go, care, no_go): once solved. raw: all of it, WatchProcedureResponse."""
 
     state: str
     part: float
@@ -51,8 +51,8 @@ class Procedure:
     @staticmethod
     def of(answer: Any, _: str = "") -> "Procedure":
         """From the daemon's message."""
-        return Procedure(enum_name(pb.ProcedureState.DESCRIPTOR, answer.state, "PROCEDURE_STATE_"), answer.part, answer.message,
-                         tuple(answer.hints), answer.complete, answer.calibration_id, _verdict(answer.verdict), answer)
+        return Procedure(enum_name(pb.ProcedureState.DESCRIPTOR, answer.state, "PROCEDURE_STATE_"), answer.part,
+                         answer.message, tuple(answer.hints), answer.complete, answer.calibration_id, _verdict(answer.verdict), answer)
 
 
 @dataclass(frozen=True)
@@ -72,9 +72,9 @@ class Calibration:
 
 @dataclass(frozen=True)
 class Certificate:
-    """What is known about a calibration's quality. verdict: go, care or no_go. findings: (check, camera, reason, remedy).
-    json: all of it as text. page_png: a page of pictures, empty unless it was asked for. raw: the daemon's message,
-    Certificate."""
+    """What is known about a calibration's quality. verdict: go, care or no_go. findings: (check, camera, reason,
+    remedy). json: all of it as text. page_png: a page of pictures, empty unless it was asked for. raw: the daemon's
+    message, Certificate."""
 
     verdict: str
     findings: tuple[tuple[str, str, str, str], ...]
@@ -93,7 +93,8 @@ class Calibrations(Service):
         return self._runner.run(Call(
             "CalibrationService/ListCalibrations", pb.ListCalibrationsRequest(), pb.ListCalibrationsResponse,
             lambda answer: [Calibration(entry.id, entry.time_ns, entry.made_by, _verdict(entry.verdict), entry.note,
-                                        tuple(entry.cameras), entry.in_use, entry.fits) for entry in answer.calibrations]))
+                                        tuple(entry.cameras), entry.in_use, entry.fits)
+                            for entry in answer.calibrations]))
 
     def certificate(self, id: str, with_page: bool = False) -> Certificate:
         """Of a stored one. with_page: also the page of pictures, which takes some seconds."""
@@ -101,12 +102,13 @@ class Calibrations(Service):
             "CalibrationService/GetCertificate", pb.GetCertificateRequest(id=id, with_page=with_page),
             pb.GetCertificateResponse,
             lambda answer: Certificate(_verdict(answer.certificate.verdict),
-                                       tuple((f.check, f.camera, f.reason, f.remedy) for f in answer.certificate.findings),
+                                       tuple((f.check, f.camera, f.reason, f.remedy)
+                                             for f in answer.certificate.findings),
                                        answer.json, answer.page_png, answer.certificate), timeout_s=START_TIMEOUT_S))
 
     def apply(self, id: str, restart_capture: bool = False, although_bad: bool = False) -> bool:
-        """Takes it into use, at the capture's next start or, with restart_capture, now. although_bad: even if its verdict
-        is NO-GO or its world is not set. Whether it is in use already."""
+        """Takes it into use, at the capture's next start or, with restart_capture, now. although_bad: even if its
+        verdict is NO-GO or its world is not set. Whether it is in use already."""
         request = pb.ApplyCalibrationRequest(id=id, restart_capture=restart_capture, although_bad=although_bad)
         return self._runner.run(Call("CalibrationService/ApplyCalibration", request, pb.ApplyCalibrationResponse,
                                      lambda answer: bool(answer.in_use), True, START_TIMEOUT_S))
@@ -114,7 +116,8 @@ class Calibrations(Service):
     def undo(self, restart_capture: bool = False) -> str:
         """Back to what was in use before; returns its id, empty: the source's own."""
         return self._runner.run(Call("CalibrationService/UndoCalibration",
-                                     pb.UndoCalibrationRequest(restart_capture=restart_capture), pb.UndoCalibrationResponse,
+                                     pb.UndoCalibrationRequest(restart_capture=restart_capture),
+                                     pb.UndoCalibrationResponse,
                                      lambda answer: str(answer.id), True, START_TIMEOUT_S))
 
     def import_(self, text: bytes, form: FileFormat = "toml", note: str = "") -> str:
@@ -127,8 +130,9 @@ class Calibrations(Service):
     def export(self, id: str = "", form: FileFormat = "toml") -> bytes:
         """A calibration as the content of a file; empty id: the one in use. Qualisys is for import only."""
         value = _value(pb.CalibrationFormat.DESCRIPTOR, "CALIBRATION_FORMAT_", form, "format")
-        return self._runner.run(Call("CalibrationService/ExportCalibration", pb.ExportCalibrationRequest(id=id, format=value),
-                                     pb.ExportCalibrationResponse, lambda answer: bytes(answer.text)))
+        return self._runner.run(Call("CalibrationService/ExportCalibration",
+                                     pb.ExportCalibrationRequest(id=id, format=value), pb.ExportCalibrationResponse,
+                                     lambda answer: bytes(answer.text)))
 
     def remove(self, id: str) -> None:
         """Deletes a stored one that is neither in use nor to be undone to."""
@@ -143,10 +147,11 @@ class Calibrations(Service):
         kind: intrinsics (lenses), extrinsics_board, extrinsics_wand (places) or refine_person. board: for instance
         "charuco:4x5:54:40.5:DICT_4X4_1000" or "checkerboard:4x7:60"; wand: "wand:200:600"; lengths there in mm.
         lenses_from: id whose lenses are taken. subject_height_m: 0.5 to 2.6, checks the scale; 0: not known.
+
         """
         request = pb.StartProcedureRequest(
-            kind=_value(pb.ProcedureKind.DESCRIPTOR, "PROCEDURE_KIND_", kind, "kind"), cameras=cameras, board=board, wand=wand,
-            lenses_from=lenses_from, refine_lenses=refine_lenses, k3=k3, subject_height_m=subject_height_m, note=note,
+            kind=_value(pb.ProcedureKind.DESCRIPTOR, "PROCEDURE_KIND_", kind, "kind"), cameras=cameras, board=board,
+            wand=wand, lenses_from=lenses_from, refine_lenses=refine_lenses, k3=k3, subject_height_m=subject_height_m, note=note,
             abandon_after_ms=int(1000 * abandon_after_s))
         return self._runner.run(Call("CalibrationService/StartProcedure", request, pb.StartProcedureResponse,
                                      lambda answer: int(answer.procedure), True))
@@ -156,14 +161,16 @@ class Calibrations(Service):
         floor; the scene is empty; or pause."""
         value = _value(pb.LiveObservations.What.DESCRIPTOR, "WHAT_", what, "observation")
         request = pb.AddObservationsRequest(live=pb.LiveObservations(what=value))
-        return self._runner.run(Call("CalibrationService/AddObservations", request, pb.AddObservationsResponse, nothing, True))
+        return self._runner.run(Call("CalibrationService/AddObservations", request, pb.AddObservationsResponse,
+                                     nothing, True))
 
     def observe_files(self, clips: Mapping[str, str | os.PathLike[str]] | None = None, *, every: int = 0,
                       floor_frame: int | None = None, session: str = "") -> None:
         """Reads files on the daemon's machine, absolute paths: a clip for each camera's name, or, for refine_person, a
         session. every: so many pictures only one. floor_frame: in which the board lies on the floor."""
         files = pb.FileObservations(every=every, session=session,
-                                    clips=[pb.CameraClip(camera=camera, file=os.fspath(file)) for camera, file in (clips or {}).items()])
+                                    clips=[pb.CameraClip(camera=camera, file=os.fspath(file))
+                                           for camera, file in (clips or {}).items()])
         if floor_frame is not None:
             files.floor_frame = floor_frame
         return self._runner.run(Call("CalibrationService/AddObservations", pb.AddObservationsRequest(files=files),

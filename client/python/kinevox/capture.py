@@ -27,6 +27,7 @@ class Camera:
 
     size_px: width, height. matrix: (3, 3) of fx, fy, cx, cy, px. distortion: k1 k2 p1 p2 k3. rotation_camera_from_world
     (3, 3) and translation_camera_from_world (3,), m: x_camera = R x_world + t, camera axes x right, y down, z forward.
+
     """
 
     name: str
@@ -69,10 +70,10 @@ class Camera:
 class Status:
     """What the daemon does.
 
-    state: stopped, starting, running, learning, ended or failed, with one line for people in state_message. fps: nominal
-    frame sets a second; results_per_second: of the last two seconds; results, lost: frame sets since the last start.
-    median_times_ms: of the last 128 results, by kinevox.header.STAGES. control: who holds control, empty: nobody.
-    message: all of it, kinevox.v1.capture_service_pb2.GetStatusResponse.
+    state: stopped, starting, running, learning, ended or failed, with one line for people in state_message. fps:
+    nominal frame sets a second; results_per_second: of the last two seconds; results, lost: frame sets since the last
+    start. median_times_ms: of the last 128 results, by kinevox.header.STAGES. control: who holds control, empty:
+    nobody. message: all of it, kinevox.v1.capture_service_pb2.GetStatusResponse.
     """
 
     version: str
@@ -91,7 +92,8 @@ class Status:
     @staticmethod
     def of(status: Any) -> "Status":
         """From the daemon's message."""
-        return Status(status.version, enum_name(pb.CaptureState.DESCRIPTOR, status.state, "CAPTURE_STATE_"), status.state_message,
+        return Status(status.version, enum_name(pb.CaptureState.DESCRIPTOR, status.state, "CAPTURE_STATE_"),
+                      status.state_message,
                       status.source, status.source_fps, status.results_per_second, status.results, status.lost,
                       status.HasField("subject"), {stage: getattr(status.median_times, stage) for stage in STAGES},
                       status.control.holder, status)
@@ -131,7 +133,8 @@ class Capture(Service):
 
     def status(self) -> Status:
         """What the daemon does now. Cheap. Unavailable."""
-        return self._runner.run(Call("CaptureService/GetStatus", pb.GetStatusRequest(), pb.GetStatusResponse, Status.of))
+        return self._runner.run(Call("CaptureService/GetStatus", pb.GetStatusRequest(), pb.GetStatusResponse,
+                                     Status.of))
 
     def cameras(self) -> list[Camera]:
         """The cameras with their calibration, in the order of the frame set. Unavailable."""
@@ -140,11 +143,13 @@ class Capture(Service):
 
     def start(self) -> None:
         """Starts capturing; a recording that has ended starts from its beginning. FailedPrecondition."""
-        return self._runner.run(Call("CaptureService/Start", pb.StartRequest(), pb.StartResponse, nothing, True, START_TIMEOUT_S))
+        return self._runner.run(Call("CaptureService/Start", pb.StartRequest(), pb.StartResponse, nothing, True,
+                                     START_TIMEOUT_S))
 
     def stop(self) -> None:
         """Stops capturing; streams stay open. FailedPrecondition."""
-        return self._runner.run(Call("CaptureService/Stop", pb.StopRequest(), pb.StopResponse, nothing, True, START_TIMEOUT_S))
+        return self._runner.run(Call("CaptureService/Stop", pb.StopRequest(), pb.StopResponse, nothing, True,
+                                     START_TIMEOUT_S))
 
     def learn_background(self, frames: int = 0, timeout_s: float = START_TIMEOUT_S) -> None:
         """Learns the background anew from so many live frame sets, 1 to 1000, while the scene is empty; 0: from the

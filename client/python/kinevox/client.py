@@ -30,8 +30,8 @@ T = TypeVar("T")
 class Client(Capture):
     """A Kinevox daemon. `for pose in Client("host:50770").poses(): pose.angles["knee_angle_r"]`
 
-    recordings, replay, calibrations, body: what else it does. Any thread may use it; a stream is for one thread. A context
-    manager; close() ends its streams.
+    recordings, replay, calibrations, body: what else it does. Any thread may use it; a stream is for one thread. A
+    context manager; close() ends its streams.
     """
 
     def __init__(self, server: str = "", *, timeout_s: float = 5.0, operator: str = "",
@@ -43,8 +43,8 @@ class Client(Capture):
         connection included. operator: whom others read about while this program holds control.
 
         The daemon itself speaks plain gRPC. For a proxy before it that does TLS: credentials, for instance
-        grpc.ssl_channel_credentials(Path("ca.pem").read_bytes()); server_name, the name in its certificate where that is
-        not the address; token, sent as "authorization: Bearer TOKEN" with every call.
+        grpc.ssl_channel_credentials(Path("ca.pem").read_bytes()); server_name, the name in its certificate where that
+        is not the address; token, sent as "authorization: Bearer TOKEN" with every call.
         """
         self._transport = Transport(Options(server, timeout_s, operator, credentials, token, server_name))
         super().__init__(self._transport)
@@ -63,11 +63,11 @@ class Client(Capture):
         """Poses as they are measured, one for each frame set.
 
         delivery: "all", every result in order: the daemon queues 256 for a slow reader and then ends the stream with
-        ResourceExhausted; "latest", a slow reader gets the newest, and pose.missed says how many he did not. The default
-        is "all" unless max_rate_hz, messages a second at most, is given, which goes with "latest" alone.
-        reconnect: connects again, with growing pauses up to 5 s, when the daemon goes away; what was measured meanwhile is
-        lost; on_reconnect is told why. Else that is Unavailable. silence_s: DeadlineExceeded after so long without a
-        message; None waits for ever.
+        ResourceExhausted; "latest", a slow reader gets the newest, and pose.missed says how many he did not. The
+        default is "all" unless max_rate_hz, messages a second at most, is given, which goes with "latest" alone.
+        reconnect: connects again, with growing pauses up to 5 s, when the daemon goes away; what was measured
+        meanwhile is lost; on_reconnect is told why. Else that is Unavailable. silence_s: DeadlineExceeded after so
+        long without a message; None waits for ever.
         """
         return self._stream(requests.poses(delivery, max_rate_hz), reconnect, silence_s, on_reconnect)
 
@@ -76,9 +76,9 @@ class Client(Capture):
                 on_reconnect: OnReconnect | None = None) -> Stream[VolumeFrame]:
         """Coloured volumes as they are carved.
 
-        max_voxel_m: voxels of at most this edge, m, halving the resolution as long as that holds; level: so many halvings,
-        0 to 5; neither: full resolution. colours=False: a fifth of the bytes. delivery: as in poses(), but "latest" is the
-        default. Else as poses().
+        max_voxel_m: voxels of at most this edge, m, halving the resolution as long as that holds; level: so many
+        halvings, 0 to 5; neither: full resolution. colours=False: a fifth of the bytes. delivery: as in poses(), but
+        "latest" is the default. Else as poses().
         """
         return self._stream(requests.volumes(delivery, max_rate_hz, max_voxel_m, level, colours), reconnect, silence_s,
                             on_reconnect)
@@ -90,6 +90,7 @@ class Client(Capture):
 
         silhouette: the sharp one white, what only the loose one has grey. 0 for a size, 1 to 100 for jpeg_quality or a
         rate takes the daemon's default: 320 px wide, 80, ten a second. NotFound lists the cameras. Else as poses().
+
         """
         call = requests.previews(camera, silhouette, max_width_px, max_height_px, jpeg_quality, max_rate_hz)
         return self._stream(call, reconnect, silence_s, on_reconnect)
@@ -115,15 +116,15 @@ class Client(Capture):
                turn_deg: float = 0, hold: bool = False, camera: str = "", width_px: int = 0) -> list[Path]:
         """A recording in another program's format, written to the folder or file `to`; returns the files.
 
-        form: trc, mot (OpenSim), c3d, bvh, csv, ply (a file of coloured points a frame set; `to` is a folder), mp4 (the
-        pictures with the skeleton). first_frame, last_frame: from 0, included; -1: to the end. turn_deg: about the
-        vertical, anticlockwise from above; not for mp4. hold: bvh, where a value is withheld, repeat the last one. camera,
-        width_px: mp4, one camera instead of all in tiles, and the film's width. NotFound, InvalidArgument. A file is
-        there whole or not at all.
+        form: trc, mot (OpenSim), c3d, bvh, csv, ply (a file of coloured points a frame set; `to` is a folder), mp4
+        (the pictures with the skeleton). first_frame, last_frame: from 0, included; -1: to the end. turn_deg: about
+        the vertical, anticlockwise from above; not for mp4. hold: bvh, where a value is withheld, repeat the last one.
+        camera, width_px: mp4, one camera instead of all in tiles, and the film's width. NotFound, InvalidArgument. A
+        file is there whole or not at all.
         """
         files = ExportFiles(Path(to))
-        with self._stream(export_call(recording, form, first_frame, last_frame, turn_deg, hold, camera, width_px), False, None,
-                          None) as pieces:
+        with self._stream(export_call(recording, form, first_frame, last_frame, turn_deg, hold, camera, width_px),
+                          False, None, None) as pieces:
             with files:
                 for piece in pieces:
                     files.take(piece)
@@ -133,8 +134,8 @@ class Client(Capture):
         """The pose of every frame of a recorded session, none left out however long each takes; the cameras' place is
         taken meanwhile, and control held.
 
-        session: absolute path of a session.toml on the daemon's machine. Each pose's recorded_frame counts from 0. NotFound,
-        DataLoss, FailedPrecondition while somebody else holds control.
+        session: absolute path of a session.toml on the daemon's machine. Each pose's recorded_frame counts from 0.
+        NotFound, DataLoss, FailedPrecondition while somebody else holds control.
         """
         with ExitStack() as held:
             if not self._transport.lease_id:
@@ -155,7 +156,8 @@ class Client(Capture):
         the message says who."""
         transport = self._transport
         if transport.lease_id:
-            raise KinevoxError("this client holds control already; use one `with client.control()` at a time", self.server)
+            raise KinevoxError("this client holds control already; use one `with client.control()` at a time",
+                               self.server)
         transport.lease_id = transport.run(acquire(operator or transport.options.operator, int(1000 * timeout_s)))
         try:
             yield
@@ -177,5 +179,6 @@ class Client(Capture):
     def __enter__(self) -> "Client":
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
         self.close()

@@ -1,9 +1,9 @@
 """The body model's coordinates by OpenSim's names, from the orientations of its segments.
 
 Names and signs as in OpenSim's full-body models (Rajagopal et al. 2016). Ball joints: flexion about the parent's axis,
-then adduction or bending, then rotation about the segment's own long axis; the pelvis turns in the other order, rotation
-about the world's vertical, then list, then tilt. These are the angles of coordinates.csv; the MOT export's pelvis
-is in OpenSim's own axes and order.
+then adduction or bending, then rotation about the segment's own long axis; the pelvis turns in the other order,
+rotation about the world's vertical, then list, then tilt. These are the angles of coordinates.csv; the MOT export's
+pelvis is in OpenSim's own axes and order.
 """
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 SEGMENT_NAMES = (
-    "pelvis", "thorax", "head", "thigh_l", "shank_l", "foot_l", "upper_arm_l", "forearm_l", "hand_l", "thigh_r", "shank_r",
+    "pelvis", "thorax", "head", "thigh_l", "shank_l", "foot_l", "upper_arm_l", "forearm_l", "hand_l", "thigh_r",
+    "shank_r",
     "foot_r", "upper_arm_r", "forearm_r", "hand_r")
 
 # Of each segment in this order: its coordinates, three of a ball joint or one of a hinge.
@@ -50,13 +51,13 @@ _MIRROR = np.array([-1.0 if segment.endswith("_l") else 1.0 for segment in _BALL
 def coordinates_deg(parent_from_segment: Floats, joints_m: Floats, joint_names: tuple[str, ...]) -> Floats:
     """The 29 coordinates (..., 29), degrees, in the order of COORDINATE_NAMES.
 
-    parent_from_segment: (..., 15, 4) quaternions w x y z in the order of SEGMENT_NAMES. joints_m: (..., J, 3) positions in
-    the order of joint_names; where the joint at a segment's far end is NaN, its coordinates are. At a singular pose
-    (adduction of 90 degrees) flexion and rotation are not told apart.
+    parent_from_segment: (..., 15, 4) quaternions w x y z in the order of SEGMENT_NAMES. joints_m: (..., J, 3)
+    positions in the order of joint_names; where the joint at a segment's far end is NaN, its coordinates are. At a
+    singular pose (adduction of 90 degrees) flexion and rotation are not told apart.
     """
     w, x, y, z = np.moveaxis(parent_from_segment, -1, 0)
-    # Entries of the rotation matrices, row and column from 1: R = Ry(-flexion) Rx(mirror adduction) Rz(mirror rotation),
-    # the pelvis' R = Rz(rotation) Rx(list) Ry(-tilt).
+    # Entries of the rotation matrices, row and column from 1: R = Ry(-flexion) Rx(mirror adduction)
+    # Rz(mirror rotation), the pelvis' R = Rz(rotation) Rx(list) Ry(-tilt).
     r33, r22 = 1 - 2 * (x * x + y * y), 1 - 2 * (x * x + z * z)
     wx, wy, wz = w * x, w * y, w * z
     xy, xz, yz = x * y, x * z, y * z

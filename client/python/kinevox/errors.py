@@ -8,6 +8,7 @@ class KinevoxError(Exception):
     """Something that the daemon refused or that could not be done; its text is one line for people.
 
     code: gRPC's name of the status, "NOT_FOUND" say. server: "host:port" that was asked.
+
     """
 
     code = "UNKNOWN"

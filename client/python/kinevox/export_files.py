@@ -42,7 +42,8 @@ class ExportFiles:
     def __enter__(self) -> "ExportFiles":
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
         if self._file is not None:
             self._file.close()
             self._aside.unlink(missing_ok=True)

@@ -44,25 +44,29 @@ class Joints(Mapping[str, Floats]):
 
     positions_m (20, 3), std_m (20,) of one axis, cameras (20,) whose silhouettes determine it: in the order of
     JOINT_NAMES. withheld: why there is no value, by name.
+
     """
 
     def __init__(self, estimates: Any) -> None:
-        self.positions_m: Floats = np.full((len(JOINT_NAMES), 3), NAN)
-        self.std_m: Floats = np.full(len(JOINT_NAMES), NAN)
-        self.cameras: Ints = np.zeros(len(JOINT_NAMES), dtype=np.int64)
+        # Lists first: writing into arrays one by one takes three times as long.
+        positions: list[tuple[float, float, float]] = [(NAN, NAN, NAN)] * len(JOINT_NAMES)
+        std, cameras = [NAN] * len(JOINT_NAMES), [0] * len(JOINT_NAMES)
         self.withheld: dict[str, str] = {}
         for estimate in estimates:
             name = estimate.name
             i = _JOINT_PLACE.get(name)
             if i is None:
                 continue   # a newer daemon's
-            self.cameras[i] = estimate.cameras
+            cameras[i] = estimate.cameras
             if estimate.HasField("position_in_world"):
                 at = estimate.position_in_world
-                self.positions_m[i] = (at.x, at.y, at.z)
-                self.std_m[i] = estimate.std_m
+                positions[i] = (at.x, at.y, at.z)
+                std[i] = estimate.std_m
             else:
                 self.withheld[name] = estimate.withheld
+        self.positions_m: Floats = np.array(positions)
+        self.std_m: Floats = np.array(std)
+        self.cameras: Ints = np.array(cameras, dtype=np.int64)
 
     def __getitem__(self, name: str) -> Floats:
         place = _JOINT_PLACE.get(name)
@@ -82,12 +86,12 @@ class Angles(Mapping[str, float]):
     """Angles by name, degrees; NaN where withheld: angles["knee_flexion_r"].
 
     The names are those of angles.csv (ANGLE_NAMES), which are computed from joint positions (docs/python.md has their
-    definitions). Every other name of COORDINATE_NAMES, OpenSim's "knee_angle_r" and "ankle_angle_l" say, works, too, and
-    gives the coordinate of the body model. Where both have a name, as hip_flexion_l, this is the first and
+    definitions). Every other name of COORDINATE_NAMES, OpenSim's "knee_angle_r" and "ankle_angle_l" say, works, too,
+    and gives the coordinate of the body model. Where both have a name, as hip_flexion_l, this is the first and
     Pose.coordinates the second. Iterating yields ANGLE_NAMES.
 
-    deg, std_deg, velocity_deg_s (NaN without a frame before), cameras: (11,) each, in the order of ANGLE_NAMES. rad: deg
-    in radians. withheld: why there is no value, by name.
+    deg, std_deg, velocity_deg_s (NaN without a frame before), cameras: (11,) each, in the order of ANGLE_NAMES. rad:
+    deg in radians. withheld: why there is no value, by name.
     """
 
     def __init__(self, estimates: Any, coordinates: Coordinates) -> None:
@@ -140,17 +144,20 @@ class Segments:
 
     world_from_segment, parent_from_segment: (15, 4) unit quaternions w x y z in the order of SEGMENT_NAMES; NaN where
     there is no pose. The pelvis' parent is the world.
+
     """
 
     def __init__(self, orientations: Any) -> None:
-        self.world_from_segment: Floats = np.full((len(SEGMENT_NAMES), 4), NAN)
-        self.parent_from_segment: Floats = np.full((len(SEGMENT_NAMES), 4), NAN)
+        none = (NAN, NAN, NAN, NAN)
+        world, parent = [none] * len(SEGMENT_NAMES), [none] * len(SEGMENT_NAMES)
         for orientation in orientations:
             i = _SEGMENT_PLACE.get(orientation.name)
             if i is not None:
                 w, p = orientation.world_from_segment, orientation.parent_from_segment
-                self.world_from_segment[i] = (w.w, w.x, w.y, w.z)
-                self.parent_from_segment[i] = (p.w, p.x, p.y, p.z)
+                world[i] = (w.w, w.x, w.y, w.z)
+                parent[i] = (p.w, p.x, p.y, p.z)
+        self.world_from_segment: Floats = np.array(world)
+        self.parent_from_segment: Floats = np.array(parent)
 
 
 class _Parts:
@@ -201,6 +208,7 @@ class Pose:
     header: number and time of the frame set (Header), also as sequence, time_ns, missed and subject_id. found: whether
     there is a pose; else every value is NaN. The parts are made when they are first asked for. message: the
     daemon's own, kinevox.v1.stream_service_pb2.StreamPosesResponse.
+
     """
 
     def __init__(self, message: Any, server: str = "") -> None:
@@ -284,4 +292,5 @@ class Pose:
     def __repr__(self) -> str:
         if not self.found:
             return f"<Pose {self.sequence}: nobody>"
-        return f"<Pose {self.sequence}: knees {self.angles['knee_flexion_l']:.1f} {self.angles['knee_flexion_r']:.1f} deg>"
+        left, right = self.angles["knee_flexion_l"], self.angles["knee_flexion_r"]
+        return f"<Pose {self.sequence}: knees {left:.1f} {right:.1f} deg>"

@@ -17,9 +17,10 @@ Format = Literal["trc", "mot", "c3d", "bvh", "csv", "ply", "mp4"]
 class Recording:
     """A session on the daemon's machine.
 
-    started_ns: UTC, of its first frame set. seconds: from its first to its last frame set, and one frame. dropped: frame
-    sets that came but were not recorded; lost: before the recorder. closed: False while it is written. end_reason: why it
-    ended, where nobody asked for that. message: all of it, kinevox.v1.recording_service_pb2.Recording.
+    started_ns: UTC, of its first frame set. seconds: from its first to its last frame set, and one frame. dropped:
+    frame sets that came but were not recorded; lost: before the recorder. closed: False while it is written.
+    end_reason: why it ended, where nobody asked for that. message: all of it,
+    kinevox.v1.recording_service_pb2.Recording.
     """
 
     name: str
@@ -45,9 +46,9 @@ class Recording:
 
 @dataclass(frozen=True)
 class RecorderStatus:
-    """state: off (no folder for recordings), idle, waiting (for the first frame set), recording or finishing. recording:
-    the one being written; last: the one that ended last; None: there is none. folder: on the daemon's machine.
-    held_seconds: what the rolling buffer holds. message: all of it, GetRecorderStatusResponse."""
+    """state: off (no folder for recordings), idle, waiting (for the first frame set), recording or finishing.
+    recording: the one being written; last: the one that ended last; None: there is none. folder: on the daemon's
+    machine. held_seconds: what the rolling buffer holds. message: all of it, GetRecorderStatusResponse."""
 
     state: str
     recording: Recording | None
@@ -81,7 +82,8 @@ class ExportPiece:
         return ExportPiece(piece.file_name, piece.data, piece.last_of_file, piece.remark)
 
 
-def export_call(recording: str, form: Format, first_frame: int, last_frame: int, turn_deg: float, hold: bool, camera: str,
+def export_call(recording: str, form: Format, first_frame: int, last_frame: int, turn_deg: float, hold: bool,
+                camera: str,
                 width_px: int) -> StreamCall[ExportPiece]:
     """See Client.export."""
     value = pb.ExportFormat.DESCRIPTOR.values_by_name.get(f"EXPORT_FORMAT_{form.upper()}")
@@ -102,12 +104,14 @@ class Recordings(Service):
         value: Any = getattr(pb, f"RECORDING_CODEC_{codec.upper()}", None) if codec else 0
         if value is None:
             raise ValueError(f"there is no codec '{codec}'; take ffv1, utvideo or h264")
-        return self._runner.run(Call("RecordingService/StartRecording", pb.StartRecordingRequest(name=name, codec=value),
+        return self._runner.run(Call("RecordingService/StartRecording", pb.StartRecordingRequest(name=name,
+                                                                                                 codec=value),
                                      pb.StartRecordingResponse, lambda answer: str(answer.name), True, START_TIMEOUT_S))
 
     def stop(self, timeout_s: float = START_TIMEOUT_S) -> Recording:
         """Ends the recording; returns it when everything is on disk. FailedPrecondition where none is made."""
-        return self._runner.run(Call("RecordingService/StopRecording", pb.StopRecordingRequest(), pb.StopRecordingResponse,
+        return self._runner.run(Call("RecordingService/StopRecording", pb.StopRecordingRequest(),
+                                     pb.StopRecordingResponse,
                                      lambda answer: Recording.of(answer.recording), True, timeout_s))
 
     def keep_last(self, seconds: float = 0, name: str = "", go_on: bool = False,
@@ -125,7 +129,8 @@ class Recordings(Service):
 
     def list(self) -> list[Recording]:
         """All recordings, oldest first."""
-        return self._runner.run(Call("RecordingService/ListRecordings", pb.ListRecordingsRequest(), pb.ListRecordingsResponse,
+        return self._runner.run(Call("RecordingService/ListRecordings", pb.ListRecordingsRequest(),
+                                     pb.ListRecordingsResponse,
                                      lambda answer: [Recording.of(recording) for recording in answer.recordings]))
 
     def get(self, name: str) -> Recording:

@@ -30,7 +30,8 @@ class ReplayStatus:
     def of(answer: Any) -> "ReplayStatus":
         """From the daemon's answer."""
         replay = answer.replay
-        return ReplayStatus(enum_name(pb.ReplayState.DESCRIPTOR, replay.state, "REPLAY_STATE_"), replay.session, replay.frame,
+        return ReplayStatus(enum_name(pb.ReplayState.DESCRIPTOR, replay.state, "REPLAY_STATE_"), replay.session,
+                            replay.frame,
                             replay.frames, replay.position_s, replay.fps, replay.speed, replay.loop)
 
 
@@ -48,12 +49,14 @@ class Replay(Service):
 
     def close(self) -> None:
         """Back to the cameras."""
-        return self._runner.run(Call("ReplayService/CloseReplay", pb.CloseReplayRequest(), pb.CloseReplayResponse, nothing,
+        return self._runner.run(Call("ReplayService/CloseReplay", pb.CloseReplayRequest(), pb.CloseReplayResponse,
+                                     nothing,
                                      True, START_TIMEOUT_S))
 
     def status(self) -> ReplayStatus:
         """Where the replay is. Cheap."""
-        return self._runner.run(Call("ReplayService/GetReplay", pb.GetReplayRequest(), pb.GetReplayResponse, ReplayStatus.of))
+        return self._runner.run(Call("ReplayService/GetReplay", pb.GetReplayRequest(), pb.GetReplayResponse,
+                                     ReplayStatus.of))
 
     def _set(self, request: pb.SetReplayRequest) -> ReplayStatus:
         return self._runner.run(Call("ReplayService/SetReplay", request, pb.SetReplayResponse, ReplayStatus.of, True))
@@ -74,7 +77,8 @@ class Replay(Service):
         """To a frame, from 0, or to the frame nearest to a position, s: give one of them."""
         if (frame is None) == (position_s is None):
             raise ValueError("give frame or position_s, one of them")
-        return self._set(pb.SetReplayRequest(frame=frame) if frame is not None else pb.SetReplayRequest(position_s=position_s))
+        request = pb.SetReplayRequest(frame=frame, position_s=position_s)   # None sets nothing
+        return self._set(request)
 
     def set_speed(self, speed: float) -> ReplayStatus:
         """Times the recording's own, 0.01 to 100. What the pipeline cannot follow is left out."""

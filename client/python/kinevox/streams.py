@@ -22,8 +22,8 @@ OnReconnect = Callable[[KinevoxError], None]
 
 def silence(server: str, seconds: float) -> DeadlineExceeded:
     """The error of a stream that said nothing for so long."""
-    return DeadlineExceeded(f"no message from {server} for {seconds:g} s; see with `kinevox status` whether the capture "
-                            "runs, or allow more silence with silence_s", server)
+    return DeadlineExceeded(f"no message from {server} for {seconds:g} s; see with `kinevox status` whether the "
+                            "capture runs, or allow more silence with silence_s", server)
 
 
 class _Watchdog:
@@ -54,6 +54,7 @@ class Stream(Generic[T], Iterator[T]):
     manager or call close(), which may be done from another thread, too. One thread iterates.
 
     reconnects: how often it connected again, with reconnect=True.
+
     """
 
     def __init__(self, transport: Transport, call: StreamCall[T], reconnect: bool = False,
@@ -143,7 +144,8 @@ class Stream(Generic[T], Iterator[T]):
     def __enter__(self) -> Stream[T]:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
         self.close()
 
     def __del__(self) -> None:

@@ -21,9 +21,9 @@ Floats = NDArray[np.float64]
 class PoseTable:
     """n poses, one row each; NaN where a value was withheld or nobody was seen.
 
-    frame (n,): the recording's frame, else the sequence. time_s (n,): from the first row on, by capture time. joints_m (n,
-    20, 3): world frame, m, in the order of JOINT_NAMES. angles_deg (n, 11): of ANGLE_NAMES. coordinates_deg (n, 29): of
-    COORDINATE_NAMES, the body model's turns by OpenSim's names.
+    frame (n,): the recording's frame, else the sequence. time_s (n,): from the first row on, by capture time. joints_m
+    (n, 20, 3): world frame, m, in the order of JOINT_NAMES. angles_deg (n, 11): of ANGLE_NAMES. coordinates_deg (n,
+    29): of COORDINATE_NAMES, the body model's turns by OpenSim's names.
     """
 
     frame: NDArray[np.int64]
@@ -51,10 +51,11 @@ class PoseTable:
 
     @staticmethod
     def read(folder: str | Path) -> "PoseTable":
-        """From joints.csv, angles.csv and coordinates.csv, as `kinevox process` and recordings (poses/) have them; of the
-        last two, what is not there is NaN. InvalidArgument where joints.csv cannot be read."""
+        """From joints.csv, angles.csv and coordinates.csv, as `kinevox process` and recordings (poses/) have them; of
+        the last two, what is not there is NaN. InvalidArgument where joints.csv cannot be read."""
         folder = Path(folder)
-        frame, time_s, joints = _read(folder / "joints.csv", [f"{name}_{axis}" for name in JOINT_NAMES for axis in "xyz"])
+        frame, time_s, joints = _read(folder / "joints.csv",
+                                      [f"{name}_{axis}" for name in JOINT_NAMES for axis in "xyz"])
         n = len(frame)
         rest = []
         for file, names in (("angles.csv", ANGLE_NAMES), ("coordinates.csv", COORDINATE_NAMES)):
@@ -125,7 +126,8 @@ def _read(file: Path, names: list[str], rows: int | None = None) -> tuple[NDArra
             head: list[str] = next(reader, [])
             body = list(reader)
     except OSError as error:
-        raise InvalidArgument(f"{file} cannot be read ({error.strerror}); give a folder with kinevox's tables") from None
+        raise InvalidArgument(
+            f"{file} cannot be read ({error.strerror}); give a folder with kinevox's tables") from None
     missing = [name for name in ["frame", "time_s", *names] if name not in head]
     if missing:
         raise InvalidArgument(f"{file} has no column '{missing[0]}'; give a folder with kinevox's tables")

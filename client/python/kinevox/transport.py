@@ -92,7 +92,8 @@ class Transport:
             return result
 
     def _once(self, call: Call[Any]) -> Any:
-        ask = self.channel.unary_unary(path(call.method), type(call.request).SerializeToString, call.response.FromString)
+        ask = self.channel.unary_unary(path(call.method), type(call.request).SerializeToString,
+                                       call.response.FromString)
         try:
             answer = ask(call.request, timeout=call.timeout_s or self.options.timeout_s, metadata=self.options.metadata)
         except grpc.RpcError as error:

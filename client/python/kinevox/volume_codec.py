@@ -15,7 +15,8 @@ Ints = NDArray[np.int64]
 _HEADER = struct.Struct("<4sBBH3dd3HHII")
 _MOST_BRICKS, _MOST_COLOURS = 1 << 20, 1 << 24
 # In the same brick, in this order: dx, dy, dz of the neighbours that a colour is predicted from.
-_BEFORE = ((-1, 0, 0), (0, -1, 0), (0, 0, -1), (1, -1, 0), (-1, -1, 0), (-1, 0, -1), (1, 0, -1), (0, -1, -1), (0, 1, -1))
+_BEFORE = ((-1, 0, 0), (0, -1, 0), (0, 0, -1), (1, -1, 0), (-1, -1, 0), (-1, 0, -1), (1, 0, -1), (0, -1, -1), (0, 1,
+                                                                                                               -1))
 _LEVEL = ((np.arange(64) * 255 + 31) // 63).astype(np.uint8)
 
 
@@ -175,6 +176,7 @@ def _colours(surface: Bools, errors: Bytes) -> Bytes:
     A prediction moves with the colours that it is made from: (a + c + b + c) >> 1 = ((a + b) >> 1) + c. Within a brick
     all hang on the colour coded just before it, so bricks are decoded side by side as if that were 0, the first voxels
     of all of them, then the second, ..., and it is added at the end.
+
     """
     brick, z, y, x = np.nonzero(surface)
     total = brick.size

@@ -1,7 +1,7 @@
 """The coloured volume as arrays.
 
-World frame: metres, right-handed, z up, origin on the floor. Voxel (i, j, k) spans origin + voxel_m * [i, i+1) x [j, j+1)
-x [k, k+1).
+World frame: metres, right-handed, z up, origin on the floor. Voxel (i, j, k) spans origin + voxel_m * [i, i+1) x [j,
+j+1) x [k, k+1).
 """
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ class Volume:
 
     origin_m: (3,) corner with the smallest coordinates, world, m. voxel_m: edge, m. shape: voxels along x, y, z.
     colours: (m, 3) uint8 R G B, one a surface voxel in the order of surface_indices; None where none were sent.
+
     """
 
     def __init__(self, data: bytes) -> None:
@@ -92,6 +93,7 @@ class VolumeFrame:
 
     volume: None while nobody is tracked. litres: at the capture's own resolution, whatever was asked for. bytes: on the
     wire. centre_m, velocity_m_s: (3,) of the subject, world; None while nobody is tracked.
+
     """
 
     header: Header
@@ -109,7 +111,8 @@ class VolumeFrame:
             try:
                 volume = Volume(message.volume)
             except InvalidArgument as error:
-                raise DataLoss(f"volume {message.header.sequence} from {server} cannot be decoded: {error}", server) from None
+                raise DataLoss(f"volume {message.header.sequence} from {server} cannot be decoded: {error}",
+                               server) from None
         centre = velocity = None
         if message.HasField("subject"):
             at, speed = message.subject.centre_in_world, message.subject.velocity_in_world
