@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <numbers>
 #include <type_traits>
 #include <utility>
@@ -65,32 +66,43 @@ absl::Status take_frames(const CsvTable& table, Trial& trial) {
     return absl::OkStatus();
 }
 
-// The rate, to a thousandth of a hertz: times are written to the microsecond. Where frame sets were lost times lie several
-// frames apart; trial.frames counts those too.
-absl::Status take_rate(const CsvTable& table, Trial& trial) {
-    constexpr double kLongestGap_s = 3600;
-    std::vector<double> steps_s;
-    for (std::size_t n = 1; n < trial.size(); ++n) steps_s.push_back(trial.time_s[n] - trial.time_s[n - 1]);
-    std::nth_element(steps_s.begin(), steps_s.begin() + static_cast<std::ptrdiff_t>(steps_s.size() / 2), steps_s.end());
-    const double step_s = steps_s[steps_s.size() / 2];
-    const double duration_s = trial.time_s.back() - trial.time_s.front();
-    if (!(duration_s > 0) || !(step_s > 1e-6)) return wrong(table, trial.size() - 1, "time_s does not increase");
-    for (std::size_t n = 1; n < trial.size(); ++n) {
-        const double time_s = trial.time_s[n] - trial.time_s[n - 1];
-        if (!(time_s > 0 && time_s < kLongestGap_s))
-            return wrong(table, n, fmt::format("time_s is {:.4f} after {:.4f}", trial.time_s[n], trial.time_s[n - 1]));
-        trial.frames[n] = trial.frames[n - 1] + std::max<std::int64_t>(1, std::llround(time_s / step_s));
-    }
-    const double rate_hz = static_cast<double>(trial.frames.back() - trial.frames.front()) / duration_s;
+// Frames and rate with so long between two of them; the first row that lies by more than `tolerance` of a frame beside its
+// own, or none.
+std::optional<std::size_t> take_step(double step_s, double tolerance, Trial& trial) {
+    const double start_s = trial.time_s.front();
+    for (std::size_t n = 1; n < trial.size(); ++n)
+        trial.frames[n] = trial.frames[n - 1] +
+                          std::max<std::int64_t>(1, std::llround((trial.time_s[n] - trial.time_s[n - 1]) / step_s));
+    const double rate_hz =
+        static_cast<double>(trial.frames.back() - trial.frames.front()) / (trial.time_s.back() - start_s);
     trial.rate_hz = std::max(std::round(1000 * rate_hz) / 1000, 0.001);
     for (std::size_t n = 0; n < trial.size(); ++n) {
-        const double even_s = trial.time_s.front() + static_cast<double>(trial.frames[n] - trial.frames.front()) / rate_hz;
-        if (std::abs(trial.time_s[n] - even_s) > 0.5 / rate_hz)
-            return wrong(table, n,
-                         fmt::format("time_s is {:.4f}, but {:.4f} at {:g} frames a second", trial.time_s[n], even_s,
-                                     trial.rate_hz));
+        const double even_s = start_s + static_cast<double>(trial.frames[n] - trial.frames.front()) / rate_hz;
+        if (std::abs(trial.time_s[n] - even_s) > tolerance / rate_hz) return n;
     }
-    return absl::OkStatus();
+    return std::nullopt;
+}
+
+// The rate, to a thousandth of a hertz: times are written to the microsecond. Where frame sets were lost times lie several
+// frames apart; trial.frames counts those too. Half of the steps or more may: then the median is not one frame but a few.
+absl::Status take_rate(const CsvTable& table, Trial& trial) {
+    constexpr double kLongestGap_s = 3600;
+    constexpr int kMostFramesInMedian = 6;
+    std::vector<double> steps_s;
+    for (std::size_t n = 1; n < trial.size(); ++n) {
+        const double step_s = trial.time_s[n] - trial.time_s[n - 1];
+        if (!(step_s > 1e-6 && step_s < kLongestGap_s))
+            return wrong(table, n, fmt::format("time_s is {:.4f} after {:.4f}", trial.time_s[n], trial.time_s[n - 1]));
+        steps_s.push_back(step_s);
+    }
+    const auto middle = steps_s.begin() + static_cast<std::ptrdiff_t>(steps_s.size() / 2);
+    std::nth_element(steps_s.begin(), middle, steps_s.end());
+    for (int frames = 1; frames <= kMostFramesInMedian; ++frames)
+        if (!take_step(*middle / frames, frames == 1 ? 0.5 : 0.2, trial)) return absl::OkStatus();
+    const std::size_t n = *take_step(*middle, 0.5, trial);
+    const double even_s = trial.time_s.front() + static_cast<double>(trial.frames[n] - trial.frames.front()) / trial.rate_hz;
+    return wrong(table, n, fmt::format("time_s is {:.4f}, but {:.4f} at {:g} frames a second", trial.time_s[n], even_s,
+                                       trial.rate_hz));
 }
 
 // Rows without values where frame sets were lost.

@@ -325,6 +325,25 @@ class Recorded(ClientTest):
         self.assertEqual(self.client.replay.status().state, "live")
 
 
+    def test_every_frame_of_a_session(self):
+        session = self.folder / "session.toml"
+        for pose in self.client.replayed(session):
+            self.assertLess(pose.recorded_frame, 3)
+            if pose.recorded_frame == 2:
+                break   # ends the replay, too
+        self.wait_until(lambda: self.client.replay.status().state == "live")
+
+        async def use():
+            async with AsyncClient(daemon.address) as client:
+                frames = client.replayed(session)
+                numbers = [(await anext(frames)).recorded_frame for _ in range(3)]
+                await frames.aclose()
+                return numbers, (await client.replay.status()).state
+
+        self.assertEqual(asyncio.run(use()), ([0, 1, 2], "live"))
+        self.assertEqual(self.client.status().control, "")
+
+
 class Others(ClientTest):
     def test_calibrations(self):
         text = self.client.calibrations.export()
@@ -368,6 +387,11 @@ class Restarts(unittest.TestCase):
             with client.poses(reconnect=True, silence_s=30,
                               on_reconnect=told.append) as lasting, client.poses() as ending:
                 next(lasting), next(ending)
+                beside_told = []
+                beside = threading.Thread(target=lambda: asyncio.run(self.follow(first.address, beside_told)))
+                beside.start()
+                while not beside_told:
+                    next(lasting)
                 first.stop()
                 second = StudioDaemon(DAEMON, name, port=first.port, size=(160, 120))
                 try:
@@ -376,12 +400,23 @@ class Restarts(unittest.TestCase):
                             pass
                     # Whatever was on its way still comes first.
                     self.assertTrue(any(lasting.reconnects > 0 for _ in lasting))
-                    self.assertIsInstance(told[0], kinevox.Unavailable)
+                    beside.join(30)
+                    self.assertEqual(beside_told[-1], "came back")
+                    self.assertEqual({type(why) for why in told + beside_told[1:-1]}, {kinevox.Unavailable})
                 finally:
                     second.stop()
             with self.assertRaisesRegex(kinevox.Unavailable,
                                         f"cannot reach a daemon at {first.address} .*; start kinevoxd"):
                 client.status()
+
+
+    async def follow(self, address, told):
+        async with AsyncClient(address) as client, client.poses(reconnect=True, on_reconnect=told.append) as poses:
+            told.append((await anext(poses)).sequence)
+            async for _ in poses:
+                if poses.reconnects:
+                    break
+        told.append("came back")
 
 
 class Asynchronous(unittest.TestCase):

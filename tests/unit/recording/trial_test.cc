@@ -1,6 +1,7 @@
 // Reading what `kinevox process` wrote, and what is wrong with it.
 #include "server/recording/trial.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <cmath>
@@ -102,6 +103,28 @@ TEST(Trial, TellsWhatIsWrongInOneLine) {
     EXPECT_THAT(message_of(folder.path()), HasSubstr("angles.csv: 20 frames, but joints.csv has 40"));
     EXPECT_THAT(message_of(folder / "nowhere"), HasSubstr("no such folder"));
     EXPECT_THAT(message_of(folder.path().parent_path()), HasSubstr("joints.csv: no such file"));
+}
+
+TEST(Trial, MoreFramesMayBeLostThanKept) {
+    const testing::TemporaryFolder folder;
+    ASSERT_TRUE(testing::write_posed_trial(folder.path(), false).ok());
+    for (const char* file : {"angles.csv", "coordinates.csv", "body.toml"}) std::filesystem::remove(folder / file);
+    std::istringstream lines(text_of(folder / "joints.csv"));
+    std::string line, text;
+    std::getline(lines, line);
+    text = line + '\n';
+    int kept = 0, frame = 0;
+    for (; std::getline(lines, line); frame += kept++ % 3 == 0 ? 3 : 2) {   // of 50 a second
+        const std::size_t first = line.find(','), second = line.find(',', first + 1);
+        text += fmt::format("{}{:.6f}{}\n", line.substr(0, first + 1), 0.02 * frame, line.substr(second));
+    }
+    folder.write("joints.csv", text);
+    const auto trial = read_trial(folder.path());
+    ASSERT_TRUE(trial.ok()) << trial.status();
+    EXPECT_EQ(trial->rate_hz, 50);
+    EXPECT_EQ(trial->size(), 92u);   // 39 steps: 13 times 3 + 2 + 2, and one frame
+    EXPECT_FALSE(std::isnan(trial->joints[3][0].x));
+    EXPECT_TRUE(std::isnan(trial->joints[4][0].x));
 }
 
 TEST(Trial, APartHasItsFramesOnly) {
