@@ -64,7 +64,7 @@ def serve(build, file):
 
 def look(pose):
     """What a user of every value does."""
-    return (pose.angles["knee_angle_r"] + pose.angles.deg[0] + pose.joints.positions_m[0, 0] +
+    return (pose.coordinates.deg[0] + pose.angles.deg[0] + pose.joints.positions_m[0, 0] +
             pose.angles.velocity_deg_s[0] + pose.header.time_ns)
 
 
