@@ -23,6 +23,7 @@ extern "C" {
 
 #include "server/cameras/libav.h"
 #include "server/cameras/session_source.h"
+#include "tests/support/test_data.h"
 #include "tests/unit/common/temporary_folder.h"
 
 namespace kinevox {
@@ -222,6 +223,34 @@ INSTANTIATE_TEST_SUITE_P(
         Kind{"AviMotionJpegOddSize", "avi", "mjpeg", "q=3", {}, AV_PIX_FMT_YUVJ420P, 60, 65, 49},
         Kind{"AviLossless", "avi", "ffv1", "", {}, AV_PIX_FMT_BGR0, 60, 65, 49}),
     [](const auto& info) { return info.param.name; });
+
+// The videos that `kinevox process` is tested with: it gets the pictures that OpenCV's reader gave it.
+TEST(TestData, IsReadAsByOpenCV) {
+    silence_video_libraries();
+    KINEVOX_REQUIRE_DATA(balancing, "balancing/trial");
+    KINEVOX_REQUIRE_DATA(walk, "studio/walk");
+    for (const fs::path& file : {balancing / "cam01.mp4", walk / "cam1.mp4", walk / "background" / "cam1.mp4"}) {
+        SCOPED_TRACE(file);
+        cv::VideoCapture capture(file.string(), cv::CAP_FFMPEG);
+        Camera camera;
+        camera.name = "left";
+        camera.width = static_cast<int>(capture.get(cv::CAP_PROP_FRAME_WIDTH));
+        camera.height = static_cast<int>(capture.get(cv::CAP_PROP_FRAME_HEIGHT));
+        auto video = open_container_video(file, camera), sought = open_container_video(file, camera);
+        ASSERT_TRUE(video.ok() && sought.ok()) << video.status() << sought.status();
+        cv::Mat truth;
+        for (int n = 0; n < 70 && capture.read(truth); ++n) {
+            const auto picture = (*video)->next();
+            ASSERT_TRUE(picture.ok()) << picture.status();
+            ASSERT_TRUE(same(*picture, truth)) << n;
+            if (n % 23 != 22) continue;
+            ASSERT_TRUE((*sought)->seek(n).ok());
+            const auto again = (*sought)->next();
+            ASSERT_TRUE(again.ok()) << again.status();
+            EXPECT_TRUE(same(*again, truth)) << n;
+        }
+    }
+}
 
 // An AVI's index stands at its end, so that one which was cut off has none.
 TEST(CutOffVideo, IsReadAsFarAsItGoesAndThenSaysSo) {
