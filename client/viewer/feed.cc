@@ -123,70 +123,69 @@ void Feed::alive() {
 }
 
 // A stream that ends by itself, with the daemon or refused by it, is begun again after a pause.
+void Feed::until(const std::stop_token& stop, const std::function<absl::Status()>& stream) {
+    while (!stop.stop_requested()) {
+        stream().IgnoreError();
+        std::unique_lock lock(mutex_);
+        wake_.wait_for(lock, stop, kRetryPause, [] { return false; });
+    }
+}
+
 void Feed::run_volumes(const std::stop_token& stop) {
     client::Client client({.server = server_});
     v1::StreamVolumesRequest request;
     request.set_max_rate_hz(kMostVolumes_hz);
-    client::StreamOptions options{.reconnect = true, .on_reconnect = {}, .stop = stop};
-    while (!stop.stop_requested()) {
-        client.stream_volumes(
-                  request,
-                  [this](const client::VolumeFrame& frame) {
-                      auto volume = std::make_shared<const ShownVolume>(shown(frame));
-                      {
-                          const std::scoped_lock lock(mutex_);
-                          volume_ = std::move(volume);
-                          alive();
-                      }
-                      emit volume_came();
-                      return true;
-                  },
-                  options)
-            .IgnoreError();
-        std::unique_lock lock(mutex_);
-        wake_.wait_for(lock, stop, kRetryPause, [] { return false; });
-    }
+    const client::StreamOptions options{.reconnect = true, .on_reconnect = {}, .stop = stop};
+    until(stop, [&] {
+        return client.stream_volumes(
+            request,
+            [this](const client::VolumeFrame& frame) {
+                auto volume = std::make_shared<const ShownVolume>(shown(frame));
+                {
+                    const std::scoped_lock lock(mutex_);
+                    volume_ = std::move(volume);
+                    alive();
+                }
+                emit volume_came();
+                return true;
+            },
+            options);
+    });
 }
 
 void Feed::run_poses(const std::stop_token& stop) {
     client::Client client({.server = server_});
-    client::StreamOptions options{.reconnect = true, .on_reconnect = {}, .stop = stop};
-    while (!stop.stop_requested()) {
-        client.stream_poses(
-                  {},
-                  [this](const v1::StreamPosesResponse& message) {
-                      auto pose = std::make_shared<const ShownPose>(shown(message));
-                      {
-                          const std::scoped_lock lock(mutex_);
-                          if (poses_.size() >= kMostPoses) poses_.erase(poses_.begin());
-                          poses_.push_back(std::move(pose));
-                          alive();
-                      }
-                      emit poses_came();
-                      return true;
-                  },
-                  options)
-            .IgnoreError();
-        std::unique_lock lock(mutex_);
-        wake_.wait_for(lock, stop, kRetryPause, [] { return false; });
-    }
+    const client::StreamOptions options{.reconnect = true, .on_reconnect = {}, .stop = stop};
+    until(stop, [&] {
+        return client.stream_poses(
+            {},
+            [this](const v1::StreamPosesResponse& message) {
+                auto pose = std::make_shared<const ShownPose>(shown(message));
+                {
+                    const std::scoped_lock lock(mutex_);
+                    if (poses_.size() >= kMostPoses) poses_.erase(poses_.begin());
+                    poses_.push_back(std::move(pose));
+                    alive();
+                }
+                emit poses_came();
+                return true;
+            },
+            options);
+    });
 }
 
 void Feed::run_events(const std::stop_token& stop) {
     client::Client client({.server = server_});
-    client::StreamOptions options{.reconnect = true, .on_reconnect = {}, .stop = stop};
-    while (!stop.stop_requested()) {
-        client.watch_events(
-                  {},
-                  [this](const v1::WatchEventsResponse& event) {
-                      emit event_came(event.kind(), QString::fromStdString(event.message()));
-                      return true;
-                  },
-                  options)
-            .IgnoreError();
-        std::unique_lock lock(mutex_);
-        wake_.wait_for(lock, stop, kRetryPause, [] { return false; });
-    }
+    const client::StreamOptions options{.reconnect = true, .on_reconnect = {}, .stop = stop};
+    until(stop, [&] {
+        return client.watch_events(
+            {},
+            [this](const v1::WatchEventsResponse& event) {
+                emit event_came(event.kind(), QString::fromStdString(event.message()));
+                return true;
+            },
+            options);
+    });
 }
 
 void Feed::run_states(const std::stop_token& stop) {
@@ -235,29 +234,26 @@ void Feed::run_preview(const std::string& camera, PreviewKind kind, const std::s
                                                        : v1::StreamPreviewsRequest::KIND_PICTURE);
     request.set_max_width_px(kPreviewWidth_px);
     request.set_max_rate_hz(kPreviews_hz);
-    client::StreamOptions options{.reconnect = true, .on_reconnect = {}, .stop = stop};
-    while (!stop.stop_requested()) {
-        client.stream_previews(
-                  request,
-                  [&](const client::PreviewFrame& frame) {
-                      const client::Image& image = frame.image;
-                      QImage picture;
-                      if (image.width > 0)
-                          picture = QImage(image.data.data(), image.width, image.height, image.channels * image.width,
-                                           image.channels == 1 ? QImage::Format_Grayscale8 : QImage::Format_RGB888)
-                                        .convertToFormat(QImage::Format_RGB32);   // which copies
-                      {
-                          const std::scoped_lock lock(mutex_);
-                          previews_[camera] = std::move(picture);
-                      }
-                      emit preview_came();
-                      return true;
-                  },
-                  options)
-            .IgnoreError();
-        std::unique_lock lock(mutex_);
-        wake_.wait_for(lock, stop, kRetryPause, [] { return false; });
-    }
+    const client::StreamOptions options{.reconnect = true, .on_reconnect = {}, .stop = stop};
+    until(stop, [&] {
+        return client.stream_previews(
+            request,
+            [&](const client::PreviewFrame& frame) {
+                const client::Image& image = frame.image;
+                QImage picture;
+                if (image.width > 0)
+                    picture = QImage(image.data.data(), image.width, image.height, image.channels * image.width,
+                                     image.channels == 1 ? QImage::Format_Grayscale8 : QImage::Format_RGB888)
+                                  .convertToFormat(QImage::Format_RGB32);   // which copies
+                {
+                    const std::scoped_lock lock(mutex_);
+                    previews_[camera] = std::move(picture);
+                }
+                emit preview_came();
+                return true;
+            },
+            options);
+    });
 }
 
 }  // namespace kinevox::viewer

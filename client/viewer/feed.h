@@ -6,8 +6,11 @@
 #include <QObject>
 #include <QString>
 
+#include <absl/status/status.h>
+
 #include <chrono>
 #include <condition_variable>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -64,6 +67,7 @@ class Feed final : public QObject {
 
   private:
     using Clock = std::chrono::steady_clock;
+    void until(const std::stop_token& stop, const std::function<absl::Status()>& stream);
     void run_volumes(const std::stop_token& stop);
     void run_poses(const std::stop_token& stop);
     void run_states(const std::stop_token& stop);
