@@ -149,7 +149,7 @@ void AnglePanel::show_history(const AngleHistory& history) {
         c.plot->graph(0)->setPen(QPen(other.empty() ? theme_.middle : theme_.left, 2));
         const auto ratio = history.left_over_right(name);
         c.ratio->setText(ratio ? tr("left / right  %1").arg(*ratio, 0, 'f', 2) : QString());
-        c.plot->replot(QCustomPlot::rpQueuedReplot);
+        c.plot->replot(QCustomPlot::rpQueuedRefresh);
     }
 }
 
@@ -166,7 +166,7 @@ void AnglePanel::style(Curve& c) {
     }
     c.plot->graph(0)->setPen(QPen(theme_.left, 2));
     c.plot->graph(1)->setPen(QPen(theme_.right, 2));
-    c.plot->replot(QCustomPlot::rpQueuedReplot);
+    c.plot->replot(QCustomPlot::rpQueuedRefresh);
 }
 
 void AnglePanel::set_theme(const Theme& theme) {

@@ -23,7 +23,7 @@ class AnglePanel final : public QWidget {
 
     explicit AnglePanel(QWidget* parent = nullptr);
 
-    // The history is read again; plots are painted ten times a second at most.
+    // The history is read again.
     void show_history(const AngleHistory& history);
     void set_theme(const Theme& theme);
     void set_window_s(double seconds);

@@ -10,6 +10,8 @@
 #include <QStatusBar>
 #include <QStyle>
 
+#include <utility>
+
 #include "client/viewer/angle_panel.h"
 #include "client/viewer/camera_panel.h"
 #include "client/viewer/commands.h"
@@ -19,7 +21,7 @@
 namespace kinevox::viewer {
 namespace {
 
-constexpr int kPlots_ms = 100, kWords_ms = 250, kMostRecent = 8;
+constexpr int kPanels_ms = 100, kWords_ms = 250, kMostRecent = 8;
 constexpr qint64 kAnswerShown_ms = 6000;
 
 }  // namespace
@@ -27,8 +29,10 @@ constexpr qint64 kAnswerShown_ms = 6000;
 MainWindow::MainWindow(const QString& server) {
     setWindowTitle("Kinevox");
     resize(1280, 800);
-    scene_ = new SceneView(this);
-    setCentralWidget(scene_);
+    scene_ = new SceneView;
+    scene_widget_ = QWidget::createWindowContainer(scene_, this);   // owns it
+    scene_widget_->setMinimumSize(320, 240);
+    setCentralWidget(scene_widget_);
     make_docks();
     make_actions();
     state_label_ = new QLabel(this);
@@ -50,9 +54,10 @@ MainWindow::MainWindow(const QString& server) {
     set_dark(settings.value("dark", true).toBool());
     replay_->hide();
 
-    // Numbers and curves change faster than anyone reads; ten times a second is what they cost.
-    connect(&plots_due_, &QTimer::timeout, this, [this] { angles_->show_history(history_); });
-    plots_due_.setSingleShot(true);
+    // Without volumes, as while the capture stands still.
+    connect(&panels_due_, &QTimer::timeout, this, &MainWindow::show_panels);
+    panels_due_.setSingleShot(true);
+    panels_age_.start();
     connect(&words_due_, &QTimer::timeout, this, &MainWindow::show_words);
     words_due_.start(kWords_ms);
     connect_to(server);
@@ -105,10 +110,8 @@ void MainWindow::connect_to(const QString& server) {
         feed_->show_previews(preview_kind_);
     });
     connect(feed_.get(), &Feed::preview_came, this, [this] {
-        const auto pictures = feed_->previews();
-        if (preview_kind_ == PreviewKind::kNone) return;
-        cameras_->show_previews(pictures);
-        scene_->show_previews(pictures);
+        previews_changed_ = true;
+        show_panels_soon();
     });
     connect(feed_.get(), &Feed::event_came, this, [this](int kind, const QString& message) {
         switch (kind) {
@@ -142,14 +145,35 @@ void MainWindow::connect_to(const QString& server) {
 
 QStringList MainWindow::recent_servers() { return QSettings().value("servers").toStringList(); }
 
-void MainWindow::take_volume() { scene_->show_volume(feed_->volume()); }
+// Whatever is painted has the whole window put together anew, which costs more than the painting where there is no
+// graphics card. So the panels are painted with a volume, and not every time: nobody reads faster.
+void MainWindow::take_volume() {
+    scene_->show_volume(feed_->volume());
+    if (panels_due_.isActive() && panels_age_.elapsed() >= kPanels_ms) show_panels();
+}
+
+void MainWindow::show_panels_soon() {
+    if (!panels_due_.isActive()) panels_due_.start(2 * kPanels_ms);
+}
+
+void MainWindow::show_panels() {
+    panels_due_.stop();
+    panels_age_.restart();
+    if (std::exchange(angles_changed_, false)) angles_->show_history(history_);
+    if (std::exchange(previews_changed_, false) && preview_kind_ != PreviewKind::kNone) {
+        const auto pictures = feed_->previews();
+        cameras_->show_previews(pictures);
+        scene_->show_previews(pictures);
+    }
+}
 
 void MainWindow::take_poses() {
     const auto poses = feed_->take_poses();
     if (poses.empty()) return;
     for (const auto& pose : poses) history_.add(*pose);
     scene_->show_pose(poses.back());
-    if (!plots_due_.isActive()) plots_due_.start(kPlots_ms);
+    angles_changed_ = true;
+    show_panels_soon();
 }
 
 void MainWindow::take_state() {
@@ -225,7 +249,7 @@ QImage MainWindow::picture() {
     render(&image);
     // What OpenGL painted is not in what render() draws.
     QPainter painter(&image);
-    painter.drawImage(QRect(scene_->mapTo(this, QPoint(0, 0)), scene_->size()), scene_->grabFramebuffer());
+    painter.drawImage(QRect(scene_widget_->mapTo(this, QPoint(0, 0)), scene_widget_->size()), scene_->grabFramebuffer());
     return image;
 }
 

@@ -56,6 +56,8 @@ class MainWindow final : public QMainWindow {
     void take_volume();
     void take_poses();
     void take_state();
+    void show_panels();
+    void show_panels_soon();
     void show_words();
     void set_dark(bool dark);
     void set_previews(PreviewKind kind);
@@ -72,6 +74,7 @@ class MainWindow final : public QMainWindow {
     Theme theme_;
 
     SceneView* scene_ = nullptr;
+    QWidget* scene_widget_ = nullptr;
     AnglePanel* angles_ = nullptr;
     CameraPanel* cameras_ = nullptr;
     ReplayBar* replay_ = nullptr;
@@ -79,10 +82,10 @@ class MainWindow final : public QMainWindow {
     QLabel *state_label_ = nullptr, *line_label_ = nullptr, *remedy_label_ = nullptr;
     QAction *start_ = nullptr, *record_ = nullptr, *keep_ = nullptr;
     PreviewKind preview_kind_ = PreviewKind::kPictures;
-    bool running_ = false, recording_ = false;
+    bool running_ = false, recording_ = false, angles_changed_ = false, previews_changed_ = false;
     QString last_answer_;
-    QTimer plots_due_, words_due_;
-    QElapsedTimer answer_age_;
+    QTimer panels_due_, words_due_;
+    QElapsedTimer answer_age_, panels_age_;
 };
 
 }  // namespace kinevox::viewer

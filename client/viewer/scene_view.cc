@@ -13,7 +13,9 @@ namespace kinevox::viewer {
 namespace {
 
 constexpr std::size_t kDelays = 128;
+constexpr int kSoon_ms = 60;   // longer than from a volume to the next
 constexpr double kLongestDelay_ms = 10'000;
+constexpr qint64 kRateOver_ms = 10'000;
 constexpr float kLookAtHeight_m = 0.95f;
 
 std::int64_t utc_now_ns() {
@@ -22,17 +24,18 @@ std::int64_t utc_now_ns() {
 
 }  // namespace
 
-SceneView::SceneView(QWidget* parent) : QOpenGLWidget(parent) {
+SceneView::SceneView() {
     QSurfaceFormat format;
     format.setVersion(3, 3);
     format.setProfile(QSurfaceFormat::CoreProfile);
     format.setDepthBufferSize(24);
     format.setSwapInterval(1);
     setFormat(format);
-    setMinimumSize(320, 240);
-    setFocusPolicy(Qt::StrongFocus);
+    setFlag(Qt::WindowDoesNotAcceptFocus);   // keys are the coach's window's
     clock_.start();
-    connect(this, &QOpenGLWidget::frameSwapped, this, &SceneView::swapped);
+    connect(this, &QOpenGLWindow::frameSwapped, this, &SceneView::swapped);
+    due_.setSingleShot(true);
+    connect(&due_, &QTimer::timeout, this, [this] { update(); });
 }
 
 SceneView::~SceneView() {
@@ -61,12 +64,12 @@ void SceneView::show_volume(std::shared_ptr<const ShownVolume> volume) {
 
 void SceneView::show_pose(std::shared_ptr<const ShownPose> pose) {
     new_pose_ = std::move(pose);
-    update();
+    update_soon();
 }
 
 void SceneView::show_ghost(std::shared_ptr<const ShownPose> pose) {
     new_ghost_ = std::move(pose);
-    update();
+    update_soon();
 }
 
 void SceneView::show_cameras(std::vector<Camera> cameras) {
@@ -76,13 +79,17 @@ void SceneView::show_cameras(std::vector<Camera> cameras) {
 
 void SceneView::show_previews(std::map<std::string, QImage> pictures) {
     new_previews_ = std::move(pictures);
-    update();
+    update_soon();
 }
 
 void SceneView::set_theme(const Theme& theme) {
     theme_ = theme;
     theme_changed_ = true;
     update();
+}
+
+void SceneView::update_soon() {
+    if (!due_.isActive()) due_.start(kSoon_ms);
 }
 
 void SceneView::look(Look from) {
@@ -101,6 +108,7 @@ void SceneView::initializeGL() {
 }
 
 void SceneView::paintGL() {
+    due_.stop();
     if (std::exchange(theme_changed_, false)) painter_.set_theme(theme_);
     if (auto cameras = std::exchange(new_cameras_, std::nullopt)) painter_.set_cameras(*cameras);
     if (auto pictures = std::exchange(new_previews_, std::nullopt)) painter_.set_previews(*pictures);
@@ -111,7 +119,7 @@ void SceneView::paintGL() {
         painter_.set_volume(*volume);
         painted_capture_time_ns_ = volume->capture_time_ns;
         volume_paints_ms_.push_back(now_ms);
-        while (now_ms - volume_paints_ms_.front() > 1000) volume_paints_ms_.pop_front();
+        while (now_ms - volume_paints_ms_.front() > kRateOver_ms) volume_paints_ms_.pop_front();
     }
     if (following_ && subject_in_world_)
         eye_.follow(*subject_in_world_, static_cast<float>(std::min<qint64>(now_ms - last_paint_ms_, 200)) / 1000.f);
@@ -140,8 +148,8 @@ std::optional<double> SceneView::delay_ms() const {
 
 double SceneView::painted_volumes_per_second() const {
     const qint64 now_ms = clock_.elapsed();
-    return static_cast<double>(std::count_if(volume_paints_ms_.begin(), volume_paints_ms_.end(),
-                                             [&](qint64 t) { return now_ms - t < 1000; }));
+    const auto count = std::count_if(volume_paints_ms_.begin(), volume_paints_ms_.end(), [&](qint64 t) { return now_ms - t < kRateOver_ms; });
+    return 1000.0 * static_cast<double>(count) / static_cast<double>(std::clamp<qint64>(now_ms, 1, kRateOver_ms));
 }
 
 void SceneView::mousePressEvent(QMouseEvent* event) { grabbed_px_ = event->pos(); }

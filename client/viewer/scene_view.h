@@ -1,10 +1,12 @@
-// The scene as a widget: mouse and wheel turn, move and near it; the newest volume and skeleton are painted whenever one
-// came, at most sixty times a second.
+// The scene, in a native window of its own inside the coach's: as a widget it would be put together with all others for each
+// picture, which takes four times as long as drawing it where there is no graphics card. Mouse and wheel turn, move and near it; it is painted whenever a volume came or something moved,
+// with the newest of all else.
 #pragma once
 
 #include <QElapsedTimer>
-#include <QOpenGLWidget>
+#include <QOpenGLWindow>
 #include <QPoint>
+#include <QTimer>
 
 #include <deque>
 #include <memory>
@@ -16,11 +18,11 @@
 
 namespace kinevox::viewer {
 
-class SceneView final : public QOpenGLWidget {
+class SceneView final : public QOpenGLWindow {
     Q_OBJECT
 
   public:
-    explicit SceneView(QWidget* parent = nullptr);
+    SceneView();
     ~SceneView() override;
 
     void show_volume(std::shared_ptr<const ShownVolume> volume);
@@ -39,7 +41,7 @@ class SceneView final : public QOpenGLWidget {
     // From a volume's capture until it was on the screen, median of the newest 128; nothing before the first. Where the
     // times are not of now, as in a replay, they are not looked at.
     std::optional<double> delay_ms() const;
-    double painted_volumes_per_second() const;   // over the last second
+    double painted_volumes_per_second() const;   // over the last ten seconds
     std::uint64_t paints() const { return paints_; }
 
   protected:
@@ -53,6 +55,8 @@ class SceneView final : public QOpenGLWidget {
   private:
     void close_painter();
     void swapped();
+    // With the next volume, or by itself if none comes.
+    void update_soon();
 
     ScenePainter painter_;
     OrbitCamera eye_;
@@ -73,6 +77,7 @@ class SceneView final : public QOpenGLWidget {
     QElapsedTimer clock_;
     qint64 last_paint_ms_ = 0;
     QPoint grabbed_px_;
+    QTimer due_;
 };
 
 }  // namespace kinevox::viewer
