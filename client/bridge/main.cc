@@ -54,7 +54,9 @@ int run(const Options& options, const OnPose& on_pose) {
     request.set_max_rate_hz(options.rate_hz);
     client::StreamOptions stream;
     stream.reconnect = true;
-    stream.on_reconnect = [](const absl::Status& why) { fmt::print(stderr, "kinevox-bridge: {}; trying again\n", std::string(why.message())); };
+    stream.on_reconnect = [](const absl::Status& why) {
+        fmt::print(stderr, "kinevox-bridge: {}; trying again\n", std::string(why.message()));
+    };
     stream.stop = stop.get_token();
     fmt::print("poses of {} go to {}\n", options.server, options.to);
     std::fflush(stdout);
@@ -78,7 +80,8 @@ int run_vmc(const Options& options) {
         const std::int64_t now_ns = message.header().capture_time_ns();
         if (first_ns == 0 || now_ns < first_ns) first_ns = now_ns;
         const double time_s = 1e-9 * static_cast<double>(now_ns - first_ns);
-        for (const std::string& datagram : vmc_datagrams(message.has_pose() ? &message.pose() : nullptr, time_s)) sender.send(datagram);
+        const v1::Pose* const pose = message.has_pose() ? &message.pose() : nullptr;
+        for (const std::string& datagram : vmc_datagrams(pose, time_s)) sender.send(datagram);
     });
 }
 
@@ -107,12 +110,18 @@ int main(int argc, char** argv) {
     CLI::App app("Poses of a Kinevox daemon for other programs, over UDP, until stopped.", "kinevox-bridge");
     app.require_subcommand(1);
     app.set_version_flag("--version", std::string("kinevox-bridge ") + KINEVOX_VERSION);
-    app.failure_message([](const CLI::App*, const CLI::Error& error) { return "kinevox-bridge: " + std::string(error.what()) + "\n"; });
+    app.failure_message([](const CLI::App*, const CLI::Error& error) {
+        return "kinevox-bridge: " + std::string(error.what()) + "\n";
+    });
     const auto add = [&](const char* name, const char* help, const std::string& to) {
         CLI::App* verb = app.add_subcommand(name, help);
-        verb->add_option("--server", options.server, "The daemon, HOST:PORT")->envname("KINEVOX_SERVER")->capture_default_str();
+        verb->add_option("--server", options.server, "The daemon, HOST:PORT")
+            ->envname("KINEVOX_SERVER")
+            ->capture_default_str();
         verb->add_option("--to", options.to, "HOST:PORT that the datagrams go to; else " + to);
-        verb->add_option("--rate", options.rate_hz, "Poses a second at most; 0: all")->check(CLI::Range(0.0, 1000.0))->capture_default_str();
+        verb->add_option("--rate", options.rate_hz, "Poses a second at most; 0: all")
+            ->check(CLI::Range(0.0, 1000.0))
+            ->capture_default_str();
         return verb;
     };
     const std::string vmc_to = fmt::format("127.0.0.1:{}", kVmcPort), csv_to = "127.0.0.1:50780";

@@ -25,7 +25,8 @@ absl::StatusOr<UdpSender> UdpSender::open(const std::string& to) {
     const std::size_t colon = to.rfind(':');
     int port = 0;
     const char* const end = to.data() + to.size();
-    if (colon == std::string::npos || colon == 0 || std::from_chars(to.data() + colon + 1, end, port).ptr != end || port < 1 || port > 65535)
+    if (colon == std::string::npos || colon == 0 || std::from_chars(to.data() + colon + 1, end, port).ptr != end ||
+        port < 1 || port > 65535)
         return absl::InvalidArgumentError(fmt::format("\"{}\" is no HOST:PORT; give one, 127.0.0.1:39539 say", to));
     auto socket = std::make_unique<Socket>();
     boost::system::error_code error;

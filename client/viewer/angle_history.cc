@@ -64,7 +64,8 @@ std::string AngleHistory::other_side(const std::string& angle) {
 std::optional<double> AngleHistory::left_over_right(const std::string& angle) const {
     const std::string other = other_side(angle);
     if (other.empty()) return {};
-    const auto left = newest_deg(angle.ends_with("_l") ? angle : other), right = newest_deg(angle.ends_with("_l") ? other : angle);
+    const bool is_left = angle.ends_with("_l");
+    const auto left = newest_deg(is_left ? angle : other), right = newest_deg(is_left ? other : angle);
     if (!left || !right || std::abs(*right) < kLeastForRatio_deg) return {};
     return *left / *right;
 }

@@ -59,7 +59,8 @@ void CameraPanel::paintEvent(QPaintEvent*) {
     double best = 0;
     for (int c = 1; c <= n; ++c) {
         const int rows = (n + c - 1) / c;
-        const double tile_width = std::min(static_cast<double>(width()) / c, shape * (static_cast<double>(height()) / rows - kTextHeight_px));
+        const double tile_height = static_cast<double>(height()) / rows - kTextHeight_px;
+        const double tile_width = std::min(static_cast<double>(width()) / c, shape * tile_height);
         if (tile_width > best) best = tile_width, columns = c;
     }
     const int tile_width = static_cast<int>(best) - kGap_px, tile_height = static_cast<int>(tile_width / shape);

@@ -107,7 +107,8 @@ bool Commands::list_recordings() {
         QStringList names, texts;
         for (const v1::Recording& r : answer->recordings()) {
             names.prepend(QString::fromStdString(r.name()));
-            texts.prepend(QString::fromStdString(fmt::format("{}   {:.1f} s{}", r.name(), r.seconds(), r.has_poses() ? "" : ", no poses")));
+            texts.prepend(QString::fromStdString(
+                fmt::format("{}   {:.1f} s{}", r.name(), r.seconds(), r.has_poses() ? "" : ", no poses")));
         }
         emit recordings_came(names, texts);
         return absl::OkStatus();

@@ -197,7 +197,8 @@ void Feed::run_states(const std::stop_token& stop) {
             DaemonState state;
             if (auto recorder = client.recorder_status(); recorder.ok())
                 state.recorder = std::make_shared<const v1::GetRecorderStatusResponse>(*std::move(recorder));
-            if (auto replay = client.get_replay(); replay.ok()) state.replay = std::make_shared<const v1::Replay>(replay->replay());
+            if (auto replay = client.get_replay(); replay.ok())
+                state.replay = std::make_shared<const v1::Replay>(replay->replay());
             const std::string source = status->source() + " " + status->calibration_id();
             if (source != cameras_of)
                 if (auto cameras = client.cameras(); cameras.ok() && !cameras->empty()) {

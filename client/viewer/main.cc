@@ -15,12 +15,14 @@ int main(int argc, char** argv) {
     QApplication::setApplicationName("viewer");
     QApplication::setApplicationVersion(KINEVOX_VERSION);
     QCommandLineParser parser;
-    parser.setApplicationDescription("Shows what a Kinevox daemon sees: the athlete's volume, skeleton and angles, live or replayed.");
+    parser.setApplicationDescription(
+        "Shows what a Kinevox daemon sees: the athlete's volume, skeleton and angles, live or replayed.");
     parser.addHelpOption();
     parser.addVersionOption();
     const QCommandLineOption server("server", "The daemon, HOST:PORT; else KINEVOX_SERVER, else 127.0.0.1:50770.", "HOST:PORT");
     parser.addOption(server);
-    const QCommandLineOption picture("picture", "Write the window as PNG after --after seconds, say how it went, and end.", "FILE");
+    const QCommandLineOption picture("picture", "Write the window as PNG after --after seconds, say how it went, and end.",
+                                     "FILE");
     const QCommandLineOption after("after", "Seconds until the picture is taken.", "SECONDS", "5");
     parser.addOptions({picture, after});
     parser.process(application);

@@ -115,13 +115,13 @@ void MainWindow::connect_to(const QString& server) {
     });
     connect(feed_.get(), &Feed::event_came, this, [this](int kind, const QString& message) {
         switch (kind) {
-            case v1::EVENT_KIND_RECORDING_STOPPED:
+            case v1::EVENT_KIND_RECORDING_STOPPED: commands_->list_recordings(); [[fallthrough]];
+            case v1::EVENT_KIND_CAMERA_REJOINED: answered(message, true); break;
             case v1::EVENT_KIND_RECORDING_FAILED: commands_->list_recordings(); [[fallthrough]];
             case v1::EVENT_KIND_RECORDING_DROPS:
             case v1::EVENT_KIND_CAMERA_LOST:
-            case v1::EVENT_KIND_CAMERA_REJOINED:
             case v1::EVENT_KIND_CAMERA_MOVED:
-            case v1::EVENT_KIND_ERROR: answered(message, kind == v1::EVENT_KIND_CAMERA_REJOINED || kind == v1::EVENT_KIND_RECORDING_STOPPED); break;
+            case v1::EVENT_KIND_ERROR: answered(message, false); break;
             default: break;
         }
     });
@@ -191,7 +191,8 @@ void MainWindow::take_state() {
         const bool live = !state.replay || state.replay->state() == v1::REPLAY_STATE_LIVE;
         record_->setEnabled(live && r.state() != v1::RECORDER_STATE_OFF && r.state() != v1::RECORDER_STATE_FINISHING);
         keep_->setEnabled(live && r.held_seconds() > 0 && !recording_);
-        keep_->setText(r.keep_last_seconds() > 0 ? tr("Keep last %1 s").arg(r.keep_last_seconds(), 0, 'g', 3) : tr("Keep last"));
+        keep_->setText(r.keep_last_seconds() > 0 ? tr("Keep last %1 s").arg(r.keep_last_seconds(), 0, 'g', 3)
+                                                 : tr("Keep last"));
     }
     if (state.replay) replay_->show_replay(*state.replay);
 }

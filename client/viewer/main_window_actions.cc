@@ -119,15 +119,17 @@ void MainWindow::make_actions() {
 
 void MainWindow::ask_for_server() {
     bool given = false;
-    const QString server = QInputDialog::getItem(this, tr("Connect to"), tr("The daemon's HOST:PORT"), recent_servers(), 0, true, &given);
+    const QString server =
+        QInputDialog::getItem(this, tr("Connect to"), tr("The daemon's HOST:PORT"), recent_servers(), 0, true, &given);
     if (given && !server.trimmed().isEmpty()) connect_to(server.trimmed());
 }
 
 void MainWindow::save_screenshot() {
     const QImage shot = picture();   // of now, not of when the dialogue is closed
     const QString folder = QStandardPaths::writableLocation(QStandardPaths::PicturesLocation);
-    const QString file = QFileDialog::getSaveFileName(
-        this, tr("Save a picture"), folder + "/kinevox " + QDateTime::currentDateTime().toString("yyyy-MM-dd hh.mm.ss") + ".png", "PNG (*.png)");
+    const QString now = QDateTime::currentDateTime().toString("yyyy-MM-dd hh.mm.ss");
+    const QString file =
+        QFileDialog::getSaveFileName(this, tr("Save a picture"), folder + "/kinevox " + now + ".png", "PNG (*.png)");
     if (file.isEmpty()) return;
     const bool saved = shot.save(file);
     answered(saved ? tr("saved as %1").arg(file) : tr("%1 cannot be written; choose another folder").arg(file), saved);
@@ -137,7 +139,8 @@ void MainWindow::save_plots() {
     const QString folder = QFileDialog::getExistingDirectory(this, tr("Where the plots go"));
     if (folder.isEmpty()) return;
     for (int n = 0; n < AnglePanel::kCurves; ++n) {
-        const QString file = folder + "/" + QString::fromStdString(angles_->choices()[static_cast<std::size_t>(AnglePanel::kNumbers + n)]) + ".pdf";
+        const std::string angle = angles_->choices()[static_cast<std::size_t>(AnglePanel::kNumbers + n)];
+        const QString file = folder + "/" + QString::fromStdString(angle) + ".pdf";
         if (!angles_->save_plot(n, file)) return answered(tr("%1 cannot be written; choose another folder").arg(file), false);
     }
     answered(tr("saved in %1").arg(folder), true);

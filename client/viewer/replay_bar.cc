@@ -55,7 +55,10 @@ void ReplayBar::show_replay(const v1::Replay& replay) {
     if (!timeline_->isSliderDown()) timeline_->setValue(static_cast<int>(std::max<std::int64_t>(0, replay.frame())));
     loop_->setChecked(replay.loop());
     if (const int at = speed_->findData(replay.speed()); at >= 0) speed_->setCurrentIndex(at);
-    where_->setText(tr("%1 s   frame %2 of %3").arg(replay.position_s(), 0, 'f', 2).arg(replay.frame() + 1).arg(replay.frames()));
+    where_->setText(tr("%1 s   frame %2 of %3")
+                        .arg(replay.position_s(), 0, 'f', 2)
+                        .arg(replay.frame() + 1)
+                        .arg(replay.frames()));
 }
 
 }  // namespace kinevox::viewer

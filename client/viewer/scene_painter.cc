@@ -130,9 +130,8 @@ void ScenePainter::make_floor() {
     reach = std::min(reach, static_cast<float>(kMostReach_m));
     std::vector<LineVertex> lines;
     const auto add = [&](float x0, float y0, float x1, float y1, const QColor& c) {
-        const auto r = static_cast<std::uint8_t>(c.red()), g = static_cast<std::uint8_t>(c.green()), b = static_cast<std::uint8_t>(c.blue());
-        lines.push_back({{x0, y0, 0}, r, g, b, 255});
-        lines.push_back({{x1, y1, 0}, r, g, b, 255});
+        lines.emplace_back(QVector3D(x0, y0, 0), c);
+        lines.emplace_back(QVector3D(x1, y1, 0), c);
     };
     for (int n = static_cast<int>(-reach / kGrid_m); n <= static_cast<int>(reach / kGrid_m); ++n) {
         const float at = kGrid_m * static_cast<float>(n);
@@ -147,8 +146,7 @@ void ScenePainter::make_frusta() {
     std::vector<LineVertex> lines;
     const QColor& c = theme_.faint;
     const auto add = [&](const QVector3D& from, const QVector3D& to) {
-        for (const QVector3D& at : {from, to})
-            lines.push_back({at, static_cast<std::uint8_t>(c.red()), static_cast<std::uint8_t>(c.green()), static_cast<std::uint8_t>(c.blue()), 255});
+        for (const QVector3D& at : {from, to}) lines.emplace_back(at, c);
     };
     for (const Camera& camera : cameras_) {
         const QVector3D centre = to_qt(camera.centre_in_world());
@@ -167,15 +165,14 @@ std::vector<ScenePainter::LineVertex> ScenePainter::bones(const ShownPose& pose,
         if (side.lengthSquared() < 1e-12f) return;
         side = half_m * side.normalized();
         const std::array corners{from - side, from + side, to - side, to + side};
-        const auto alpha = static_cast<std::uint8_t>(ghost ? 90 : 235);
-        for (const std::size_t n : {0U, 1U, 2U, 2U, 1U, 3U})
-            triangles.push_back({corners[n], static_cast<std::uint8_t>(c.red()), static_cast<std::uint8_t>(c.green()),
-                                 static_cast<std::uint8_t>(c.blue()), alpha});
+        for (const std::size_t n : {0U, 1U, 2U, 2U, 1U, 3U}) triangles.emplace_back(corners[n], c, ghost ? 90 : 235);
     };
     for (const Bone& bone : kBones) {
         const auto &from = pose.joints_in_world[*joint_index(bone.from)], &to = pose.joints_in_world[*joint_index(bone.to)];
         if (!from || !to) continue;
-        const QColor& colour = bone.side == BodySide::kLeft ? theme_.left : bone.side == BodySide::kRight ? theme_.right : theme_.middle;
+        const QColor& colour = bone.side == BodySide::kLeft    ? theme_.left
+                               : bone.side == BodySide::kRight ? theme_.right
+                                                               : theme_.middle;
         band(to_qt(*from), to_qt(*to), kBone_m / 2, colour);
     }
     if (ghost) return triangles;
@@ -212,7 +209,7 @@ void ScenePainter::paint(const OrbitCamera& eye, const SceneParts& parts, int wi
     }
     const QColor& background = theme_.background;
     glViewport(0, 0, width_px, height_px);
-    glClearColor(static_cast<float>(background.redF()), static_cast<float>(background.greenF()), static_cast<float>(background.blueF()), 1);
+    glClearColor(background.redF(), background.greenF(), background.blueF(), 1);
     glEnable(GL_DEPTH_TEST);
     glDepthMask(GL_TRUE);
     glDisable(GL_BLEND);
@@ -220,7 +217,8 @@ void ScenePainter::paint(const OrbitCamera& eye, const SceneParts& parts, int wi
     glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
 
     const QMatrix4x4 eye_from_world = eye.eye_from_world();
-    const QMatrix4x4 clip_from_eye = eye.clip_from_eye(static_cast<float>(width_px) / static_cast<float>(std::max(1, height_px)));
+    const float width_over_height = static_cast<float>(width_px) / static_cast<float>(std::max(1, height_px));
+    const QMatrix4x4 clip_from_eye = eye.clip_from_eye(width_over_height);
     const QMatrix4x4 clip_from_world = clip_from_eye * eye_from_world;
     const auto lines = [&](Buffer& buffer, unsigned kind) {
         if (buffer.count == 0) return;

@@ -49,6 +49,10 @@ class ScenePainter : private QOpenGLExtraFunctions {
     struct LineVertex {
         QVector3D at;            // m, world
         std::uint8_t r, g, b, a;
+
+        LineVertex(const QVector3D& place, const QColor& colour, int alpha = 255)
+            : at(place), r(static_cast<std::uint8_t>(colour.red())), g(static_cast<std::uint8_t>(colour.green())),
+              b(static_cast<std::uint8_t>(colour.blue())), a(static_cast<std::uint8_t>(alpha)) {}
     };
     static_assert(sizeof(LineVertex) == 16);
 

@@ -148,7 +148,8 @@ std::optional<double> SceneView::delay_ms() const {
 
 double SceneView::painted_volumes_per_second() const {
     const qint64 now_ms = clock_.elapsed();
-    const auto count = std::count_if(volume_paints_ms_.begin(), volume_paints_ms_.end(), [&](qint64 t) { return now_ms - t < kRateOver_ms; });
+    const auto count = std::count_if(volume_paints_ms_.begin(), volume_paints_ms_.end(),
+                                     [&](qint64 t) { return now_ms - t < kRateOver_ms; });
     return 1000.0 * static_cast<double>(count) / static_cast<double>(std::clamp<qint64>(now_ms, 1, kRateOver_ms));
 }
 

@@ -1,6 +1,6 @@
 // The scene, in a native window of its own inside the coach's: as a widget it would be put together with all others for each
-// picture, which takes four times as long as drawing it where there is no graphics card. Mouse and wheel turn, move and near it; it is painted whenever a volume came or something moved,
-// with the newest of all else.
+// picture, which takes four times as long as drawing it where there is no graphics card. Mouse and wheel turn, move and near
+// it; it is painted whenever a volume came or something moved, with the newest of all else.
 #pragma once
 
 #include <QElapsedTimer>

@@ -29,8 +29,12 @@ std::vector<std::string> camera_troubles(const v1::GetStatusResponse& status) {
     return troubles;
 }
 
+bool replayed(const v1::Replay* replay) {
+    return replay && replay->state() != v1::REPLAY_STATE_LIVE && replay->state() != v1::REPLAY_STATE_UNSPECIFIED;
+}
+
 std::string state_word(const v1::GetStatusResponse& status, const v1::Replay* replay) {
-    if (replay && replay->state() != v1::REPLAY_STATE_LIVE && replay->state() != v1::REPLAY_STATE_UNSPECIFIED)
+    if (replayed(replay))
         return replay->state() == v1::REPLAY_STATE_PAUSED ? "Replay, paused" : "Replay";
     switch (status.state()) {
         case v1::CAPTURE_STATE_RUNNING: return "Live";
@@ -53,15 +57,17 @@ Words in_words(const Link& link, const v1::GetStatusResponse* status, const v1::
     Words words;
     words.state = state_word(*status, replay);
     const bool runs = status->state() == v1::CAPTURE_STATE_RUNNING || status->state() == v1::CAPTURE_STATE_LEARNING;
-    const bool live = runs && (!replay || replay->state() == v1::REPLAY_STATE_LIVE || replay->state() == v1::REPLAY_STATE_UNSPECIFIED);
+    const bool live = runs && !replayed(replay);
     std::vector<std::string> parts;
     if (runs) parts.push_back(fmt::format("{:.0f} pictures a second", status->results_per_second()));
     if (live && link.delay_ms) parts.push_back(fmt::format("{:.0f} ms behind", *link.delay_ms));
     std::size_t seeing = 0;
     for (const v1::CameraStatus& camera : status->cameras()) seeing += camera.has_picture();
     if (const auto cameras = static_cast<std::size_t>(status->cameras_size()); runs && cameras > 0)
-        parts.push_back(seeing == cameras ? plural(cameras, "camera") : fmt::format("{} of {}", seeing, plural(cameras, "camera")));
-    if (runs) parts.push_back(status->has_subject() ? fmt::format("{:.0f} litres", status->volume().litres()) : "nobody in sight");
+        parts.push_back((seeing == cameras ? "" : fmt::format("{} of ", seeing)) + plural(cameras, "camera"));
+    if (runs)
+        parts.push_back(status->has_subject() ? fmt::format("{:.0f} litres", status->volume().litres())
+                                              : "nobody in sight");
     if (runs && status->lost() > 0) parts.push_back(fmt::format("{} dropped", status->lost()));
     if (recorder && recorder->has_recording()) {
         const v1::Recording& recording = recorder->recording();
@@ -74,7 +80,8 @@ Words in_words(const Link& link, const v1::GetStatusResponse* status, const v1::
     if (live && link.silent_s > kLongSilence_s) {
         words.mood = Mood::kBad;
         words.state = "Stalled";
-        words.remedy = fmt::format("nothing has come from {} for {:.0f} s; see to the network between", link.server, link.silent_s);
+        words.remedy = fmt::format("nothing has come from {} for {:.0f} s; see to the network between", link.server,
+                                   link.silent_s);
     } else if (status->state() == v1::CAPTURE_STATE_FAILED) {
         words.mood = Mood::kBad;
         words.remedy = status->state_message();

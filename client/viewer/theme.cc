@@ -9,8 +9,8 @@ namespace kinevox::viewer {
 Theme Theme::make(bool dark) {
     Theme t;
     t.dark = dark;
-    t.left = QColor(255, 150, 40);    // as in films and reports: left orange, right blue
-    t.right = QColor(70, 160, 255);
+    t.left = QColor(70, 160, 255);    // as in films and reports: left blue, right orange
+    t.right = QColor(255, 150, 40);
     t.good = QColor(70, 190, 110), t.care = QColor(240, 170, 50), t.bad = QColor(235, 80, 70);
     if (dark) {
         t.background = QColor(22, 24, 29), t.text = QColor(232, 234, 238), t.faint = QColor(150, 156, 166);
@@ -25,13 +25,15 @@ Theme Theme::make(bool dark) {
 void Theme::apply_to(QApplication& application) const {
     application.setStyle(QStyleFactory::create("Fusion"));
     QPalette p;
-    const QColor window = dark ? QColor(32, 35, 41) : QColor(250, 250, 251), raised = dark ? QColor(44, 48, 56) : QColor(236, 238, 241);
+    const QColor window = dark ? QColor(32, 35, 41) : QColor(250, 250, 251);
+    const QColor raised = dark ? QColor(44, 48, 56) : QColor(236, 238, 241);
     p.setColor(QPalette::Window, window);
     p.setColor(QPalette::Base, background);
     p.setColor(QPalette::AlternateBase, raised);
     p.setColor(QPalette::Button, raised);
     p.setColor(QPalette::ToolTipBase, raised);
-    for (const auto role : {QPalette::WindowText, QPalette::Text, QPalette::ButtonText, QPalette::ToolTipText, QPalette::BrightText})
+    for (const auto role : {QPalette::WindowText, QPalette::Text, QPalette::ButtonText, QPalette::ToolTipText,
+                            QPalette::BrightText})
         p.setColor(role, text);
     p.setColor(QPalette::PlaceholderText, faint);
     p.setColor(QPalette::Highlight, QColor(48, 120, 210));

@@ -46,7 +46,9 @@ struct Box {
             first[d] = 8 * low[d] - kReach;
             size[d] = 8 * (high[d] - low[d] + 1) + 2 * kReach;
         }
-        inside.assign(static_cast<std::size_t>(size[0]) * static_cast<std::size_t>(size[1]) * static_cast<std::size_t>(size[2]), 0);
+        std::size_t voxels = 1;
+        for (const int n : size) voxels *= static_cast<std::size_t>(n);
+        inside.assign(voxels, 0);
         for (const VolumeBrick& b : volume.bricks)
             for (int z = 0; z < 8; ++z)
                 for (int y = 0; y < 8; ++y) {
@@ -68,7 +70,8 @@ std::vector<SurfacePoint> surface_points(const Volume& volume) {
     const Box box(volume);
     static const std::vector<Neighbour> kAround = neighbours();
     std::vector<std::ptrdiff_t> steps;
-    for (const Neighbour& n : kAround) steps.push_back((static_cast<std::ptrdiff_t>(n.k) * box.size[1] + n.j) * box.size[0] + n.i);
+    for (const Neighbour& n : kAround)
+        steps.push_back((static_cast<std::ptrdiff_t>(n.k) * box.size[1] + n.j) * box.size[0] + n.i);
 
     const std::vector<VoxelIndex> voxels = surface_voxels(volume);
     const bool coloured = volume.colours.size() == voxels.size();

@@ -27,11 +27,11 @@ constexpr int kWidestByDefault_px = 1280;
 constexpr double kLineWidth = 1.0 / 200;   // of a tile's height
 constexpr int kFilmQuality = 20;
 
-// B G R: the middle white, the left side orange, the right blue.
+// B G R: the middle white, the left side blue, the right orange, as in reports.
 cv::Scalar colour_of(BodySide side) {
     switch (side) {
-        case BodySide::kLeft: return {0, 165, 255};
-        case BodySide::kRight: return {255, 160, 60};
+        case BodySide::kLeft: return {255, 160, 60};
+        case BodySide::kRight: return {0, 165, 255};
         case BodySide::kMiddle: break;
     }
     return {255, 255, 255};
