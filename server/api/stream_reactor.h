@@ -13,7 +13,6 @@
 #include <optional>
 #include <utility>
 
-#include <boost/asio/bind_executor.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/asio/strand.hpp>
@@ -136,13 +135,16 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
     void wait_until_next() {
         if (std::exchange(timer_runs_, true)) return;
         timer_.expires_at(next_);
-        timer_.async_wait(boost::asio::bind_executor(
-            strand_, [weak = this->weak_from_this()](const boost::system::error_code& error) {
-                const auto self = weak.lock();
-                if (!self || error) return;
+        // Not bound to the strand: what is bound counts as the encoders' work, and a timer that the stopped clock never
+        // completes would hold up the daemon's end.
+        timer_.async_wait([weak = this->weak_from_this()](const boost::system::error_code& error) {
+            const auto self = weak.lock();
+            if (!self || error) return;
+            boost::asio::post(self->strand_, [self] {
                 self->timer_runs_ = false;
                 self->advance();
-            }));
+            });
+        });
     }
 
     std::shared_ptr<StreamReactor> self_;   // until OnDone

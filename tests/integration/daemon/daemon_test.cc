@@ -64,6 +64,26 @@ TEST_F(DaemonTest, StopsInTimeAlthoughASubscriberReadsNothing) {
     stream.get().IgnoreError();
 }
 
+// A limit on the rate is a timer, which waits when the daemon is told to stop.
+TEST_F(DaemonTest, StopsInTimeAlthoughASubscriberWantsFewMessages) {
+    const auto daemon = start_daemon(session_config("127.0.0.1:0", "loop = true\n"));
+    client::Client client({.server = address_});
+    v1::StreamVolumesRequest few;
+    few.set_max_rate_hz(0.1);
+    std::promise<void> first;
+    auto stream = std::async(std::launch::async, [&, told = false]() mutable {
+        return client.stream_volumes(few, [&](const auto&) {
+            if (!std::exchange(told, true)) first.set_value();
+            return true;
+        }, {});
+    });
+    first.get_future().wait();
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));   // until the next result is ready and has to wait
+    daemon->signal(SIGTERM);
+    EXPECT_EQ(daemon->wait(std::chrono::milliseconds(2000)), 0) << daemon->errors();
+    stream.get().IgnoreError();
+}
+
 TEST_F(DaemonTest, ASecondDaemonOnThePortSaysSoAndEnds) {
     const auto daemon = start_daemon(session_config("127.0.0.1:0", "autostart = false\n"));
     const auto file = write("second.toml", session_config(address_));
