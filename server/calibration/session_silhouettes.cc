@@ -5,55 +5,29 @@
 
 #include <algorithm>
 #include <cmath>
-#include <opencv2/imgproc.hpp>
 
 #include "common/calibration_file.h"
 #include "common/session_file.h"
 #include "kernels/segmentation.h"
 #include "server/cameras/session_source.h"
 #include "server/pipeline/convert.h"
+#include "server/pipeline/main_subject.h"
 #include "server/pipeline/pipeline.h"
 
 namespace kinevox {
 namespace {
 
-constexpr double kBesidePart = 0.15;    // of the largest island's height: others so near belong to it
-constexpr double kSmallestPart = 0.01;  // of its area
-constexpr double kFewestPart = 0.0005;  // of the picture: less is nobody
-
 constexpr double kVoxel_m = 0.02;         // of the volume that tells the next picture what to expect
 constexpr double kTrackedPerSecond = 15;  // frame sets
 
-// The largest island of `mask` and those beside it; empty where it is too small to be a person.
-SilhouettePicture main_subject(const std::vector<std::uint8_t>& mask, int width, int height) {
-    const cv::Mat picture(height, width, CV_8U, const_cast<std::uint8_t*>(mask.data()));
-    cv::Mat labels, boxes, centres;
-    const int count = cv::connectedComponentsWithStats(picture, labels, boxes, centres, 8, CV_32S);
-    int largest = 0;
-    for (int i = 1; i < count; ++i)
-        if (largest == 0 || boxes.at<int>(i, cv::CC_STAT_AREA) > boxes.at<int>(largest, cv::CC_STAT_AREA))
-            largest = i;
+SilhouettePicture subject_of(const std::vector<std::uint8_t>& mask, int width, int height) {
     SilhouettePicture out;
-    if (largest == 0 || boxes.at<int>(largest, cv::CC_STAT_AREA) < kFewestPart * width * height) return out;
-    const auto box = [&](int i) {
-        return cv::Rect(boxes.at<int>(i, cv::CC_STAT_LEFT), boxes.at<int>(i, cv::CC_STAT_TOP),
-                        boxes.at<int>(i, cv::CC_STAT_WIDTH), boxes.at<int>(i, cv::CC_STAT_HEIGHT));
-    };
-    cv::Rect near = box(largest);
-    const int margin = static_cast<int>(kBesidePart * std::max(near.height, near.width));
-    near += cv::Point(-margin, -margin);
-    near += cv::Size(2 * margin, 2 * margin);
-    std::vector<std::uint8_t> keep(count, 0);
-    for (int i = 1; i < count; ++i)
-        keep[i] = (box(i) & near).area() > 0 && boxes.at<int>(i, cv::CC_STAT_AREA) >
-                                                    kSmallestPart * boxes.at<int>(largest, cv::CC_STAT_AREA);
-    out.mask.resize(mask.size());
-    for (int y = 0; y < height; ++y)
-        for (int x = 0; x < width; ++x) {
-            const bool set = keep[labels.at<int>(y, x)] != 0;
-            out.mask[static_cast<std::size_t>(y) * width + x] = set ? 255 : 0;
-            out.cut = out.cut || (set && (x == 0 || y == 0 || x == width - 1 || y == height - 1));
-        }
+    out.mask = main_subject(mask, width, height);
+    if (out.mask.empty()) return out;
+    const auto row = [&](int y) { return out.mask.begin() + static_cast<std::ptrdiff_t>(y) * width; };
+    const auto any = [](auto begin, auto end) { return std::find(begin, end, 255) != end; };
+    out.cut = any(row(0), row(1)) || any(row(height - 1), row(height));
+    for (int y = 0; y < height; ++y) out.cut = out.cut || row(y)[0] || row(y)[width - 1];
     return out;
 }
 
@@ -106,7 +80,7 @@ std::vector<SilhouettePicture> silhouettes_of(const FrameResult& result, const s
         const bool tracked = result.subject && result.subject->camera_used[c];
         const bool whole = seen.searched.x1 - seen.searched.x0 == cameras[c].width &&
                            seen.searched.y1 - seen.searched.y0 == cameras[c].height;
-        if (tracked || whole) pictures[c] = main_subject(seen.sharp, cameras[c].width, cameras[c].height);
+        if (tracked || whole) pictures[c] = subject_of(seen.sharp, cameras[c].width, cameras[c].height);
     });
     return pictures;
 }
@@ -159,7 +133,7 @@ absl::StatusOr<SilhouetteSet> untracked_silhouettes(const std::filesystem::path&
                 if (set.pictures[c].empty()) return;
                 kernels::Silhouettes silhouettes;
                 segmenters[c]->segment(to_kernel(set.pictures[c]), {}, silhouettes);
-                pictures[c] = main_subject(silhouettes.sharp, cameras[c].width, cameras[c].height);
+                pictures[c] = subject_of(silhouettes.sharp, cameras[c].width, cameras[c].height);
             });
             out.moments.push_back(std::move(pictures));
             return absl::OkStatus();

@@ -101,10 +101,7 @@ class ContainerVideo final : public PictureReader {
 absl::Status ContainerVideo::check_size(int width, int height) const {
     if (turn_deg_ % 180 != 0) std::swap(width, height);
     if (width == camera_.width && height == camera_.height) return absl::OkStatus();
-    return absl::InvalidArgumentError(
-        fmt::format("{}: {} is {} x {} px, its calibration says {} x {}; use the calibration of this recording or scale one of "
-                    "the two",
-                    whose_, file_.string(), width, height, camera_.width, camera_.height));
+    return wrong_size(camera_, file_, width, height);
 }
 
 absl::Status ContainerVideo::open() {

@@ -55,13 +55,6 @@ bool natural_less(const fs::path& a_path, const fs::path& b_path) {
     return a.size() - i < b.size() - j || (a.size() - i == b.size() - j && a < b);
 }
 
-absl::Status wrong_size(const Camera& camera, const fs::path& file, int width, int height) {
-    return absl::InvalidArgumentError(
-        fmt::format("camera {}: {} is {} x {} px, its calibration says {} x {}; use the calibration of this "
-                    "recording or scale one of the two",
-                    camera.name, file.string(), width, height, camera.width, camera.height));
-}
-
 // Grey and alpha become B G R, so that the pipeline meets one format.
 void copy_as_bgr(const cv::Mat& from, std::uint8_t* to) {
     cv::Mat target(from.rows, from.cols, CV_8UC3, to);
@@ -151,6 +144,13 @@ absl::StatusOr<std::unique_ptr<PictureReader>> open_pictures(const fs::path& fil
     if (RecordedVideo::is_one(file)) return RecordedVideo::open(file, camera);
     if (!files.empty()) return std::make_unique<FolderReader>(std::move(files), camera);
     return open_container_video(file, camera);
+}
+
+absl::Status wrong_size(const Camera& camera, const fs::path& file, int width, int height) {
+    return absl::InvalidArgumentError(
+        fmt::format("camera {}: {} is {} x {} px, its calibration says {} x {}; use the calibration of this "
+                    "recording or scale one of the two",
+                    camera.name, file.string(), width, height, camera.width, camera.height));
 }
 
 }  // namespace kinevox

@@ -41,4 +41,7 @@ class PictureReader {
 absl::StatusOr<std::unique_ptr<PictureReader>> open_pictures(const std::filesystem::path& file,
                                                              const Camera& camera);
 
+// What such an error says: `file` has pictures of width x height px.
+absl::Status wrong_size(const Camera& camera, const std::filesystem::path& file, int width, int height);
+
 }  // namespace kinevox

@@ -86,9 +86,7 @@ absl::Status IndexedVideo::open() {
                                                       file_.string()));
     const AVCodecParameters& parameters = *container->streams[0]->codecpar;
     if (parameters.width != camera_.width || parameters.height != camera_.height)
-        return absl::InvalidArgumentError(
-            fmt::format("camera {}: {} is {} x {} px, its calibration says {} x {}; use the calibration of this recording",
-                        camera_.name, file_.string(), parameters.width, parameters.height, camera_.width, camera_.height));
+        return wrong_size(camera_, file_, parameters.width, parameters.height);
     const AVCodec* codec = avcodec_find_decoder(parameters.codec_id);
     decoder_.reset(avcodec_alloc_context3(codec));
     if (!codec || !decoder_ || avcodec_parameters_to_context(decoder_.get(), &parameters) < 0)

@@ -27,10 +27,8 @@ class LanedReplay final : public ReplaySource {
     LanedReplay(SessionFiles files, std::int64_t frames, const ReplayOptions& options)
         : files_(std::move(files)), frames_(frames), lanes_(files_.pictures.size()), playing_(!options.paused),
           loop_(options.loop), speed_(options.speed) {
-        std::size_t bytes = 1;
-        for (const Camera& camera : cameras()) bytes += std::size_t{3} * camera.width * camera.height;
         ahead_ = options.frames_ahead > 0 ? static_cast<std::size_t>(options.frames_ahead)
-                                          : std::clamp<std::size_t>(kBytesAhead / bytes, 2, 16);
+                                          : std::clamp<std::size_t>(kBytesAhead / frame_set_bytes(cameras()), 2, 16);
     }
     ~LanedReplay() override {
         stop();

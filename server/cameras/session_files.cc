@@ -178,6 +178,12 @@ absl::StatusOr<SessionFiles> open_session_files(const std::filesystem::path& ses
     return open_session_files(*std::move(session));
 }
 
+std::size_t frame_set_bytes(const std::vector<Camera>& cameras) {
+    std::size_t bytes = 0;
+    for (const Camera& camera : cameras) bytes += std::size_t{3} * camera.width * camera.height;
+    return std::max<std::size_t>(bytes, 1);
+}
+
 absl::StatusOr<std::int64_t> count_frame_sets(const SessionFiles& files) {
     const auto lengths = count_pictures(files);
     if (!lengths.ok()) return lengths.status();
@@ -191,11 +197,9 @@ absl::StatusOr<std::vector<std::vector<Picture>>> read_backgrounds(const Session
     if (std::ranges::all_of(session.cameras, [](const SessionCamera& camera) { return camera.background.empty(); }))
         return std::vector<std::vector<Picture>>{};
     // The recorder kept what a background was learned from, and all of it makes the same again.
-    std::size_t bytes = 1;
-    for (const Camera& camera : cameras) bytes += std::size_t{3} * camera.width * camera.height;
     const std::size_t most = session.recording
                                  ? std::numeric_limits<std::size_t>::max()
-                                 : std::clamp<std::size_t>(kBackgroundBytes / bytes, 8, kMostBackgroundPictures);
+                                 : std::clamp<std::size_t>(kBackgroundBytes / frame_set_bytes(cameras), 8, kMostBackgroundPictures);
     std::vector<absl::StatusOr<std::vector<Picture>>> read(count, std::vector<Picture>{});
     {
         std::vector<std::jthread> threads;
@@ -209,6 +213,16 @@ absl::StatusOr<std::vector<std::vector<Picture>>> read_backgrounds(const Session
         pictures.push_back(std::move(*one));
     }
     return pictures;
+}
+
+absl::Status each_has_background(const std::vector<std::vector<Picture>>& background, const std::vector<Camera>& cameras,
+                                 const std::string& session) {
+    for (std::size_t c = 0; c < cameras.size(); ++c)
+        if (c >= background.size() || background[c].empty())
+            return absl::InvalidArgumentError(
+                fmt::format("{}: camera {} has no `background`; add a picture, a clip or a folder of the empty scene", session,
+                            cameras[c].name));
+    return absl::OkStatus();
 }
 
 }  // namespace kinevox

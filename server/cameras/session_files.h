@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include <absl/status/status.h>
@@ -47,11 +48,17 @@ absl::StatusOr<SessionFiles> open_session_files(Session session);
 // The same, and closes a recording that was cut off.
 absl::StatusOr<SessionFiles> open_session_files(const std::filesystem::path& session_file);
 
+// Of one frame set's pictures in memory; never 0.
+std::size_t frame_set_bytes(const std::vector<Camera>& cameras);
+
 // How many frame sets there are, exactly; a file whose container does not say is read through once. InvalidArgument where
 // the cameras differ in it.
 absl::StatusOr<std::int64_t> count_frame_sets(const SessionFiles& files);
 
 // Pictures of the empty scene, per camera; empty where the session has none.
 absl::StatusOr<std::vector<std::vector<Picture>>> read_backgrounds(const Session& session, const std::vector<Camera>& cameras);
+// InvalidArgument with the first camera that has none; `session` names it.
+absl::Status each_has_background(const std::vector<std::vector<Picture>>& background, const std::vector<Camera>& cameras,
+                                 const std::string& session);
 
 }  // namespace kinevox

@@ -24,12 +24,6 @@ using SteadyClock = std::chrono::steady_clock;
 
 constexpr std::size_t kBytesAhead = std::size_t{128} << 20;
 
-std::size_t frame_set_bytes(const std::vector<Camera>& cameras) {
-    std::size_t bytes = 0;
-    for (const Camera& camera : cameras) bytes += std::size_t{3} * camera.width * camera.height;
-    return std::max<std::size_t>(bytes, 1);
-}
-
 class SessionSource final : public FrameSource {
   public:
     SessionSource(SessionFiles files, const SessionSourceOptions& options)
@@ -226,12 +220,7 @@ absl::StatusOr<std::vector<std::vector<Picture>>> background_of_all(FrameSource&
                                                                     const std::filesystem::path& session_file) {
     auto background = source.background();
     if (!background.ok()) return background.status();
-    const std::vector<Camera>& cameras = source.cameras();
-    for (std::size_t c = 0; c < cameras.size(); ++c)
-        if (c >= background->size() || (*background)[c].empty())
-            return absl::InvalidArgumentError(
-                fmt::format("{}: camera {} has no `background`; add a picture, a clip or a folder of the empty scene",
-                            session_file.string(), cameras[c].name));
+    if (absl::Status all = each_has_background(*background, source.cameras(), session_file.string()); !all.ok()) return all;
     return background;
 }
 

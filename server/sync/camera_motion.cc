@@ -12,14 +12,11 @@
 
 #include "kernels/segmentation.h"
 #include "server/cameras/picture_reader.h"
-#include "server/cameras/session_source.h"
+#include "server/cameras/session_files.h"
+#include "server/pipeline/main_subject.h"
 
 namespace kinevox::sync {
 namespace {
-
-constexpr double kBesidePart = 0.15;    // of the largest island's longer side: others so near belong to it
-constexpr double kSmallestPart = 0.01;  // of its area
-constexpr double kFewestPart = 0.0005;  // of the picture: less is nobody
 
 cv::Mat smaller(const Picture& picture, int factor) {
     const cv::Mat full(picture.height, picture.width, CV_8UC(picture.channels),
@@ -33,38 +30,6 @@ cv::Mat smaller(const Picture& picture, int factor) {
 
 kernels::PictureView view_of(const cv::Mat& picture) {
     return {picture.data, picture.cols, picture.rows, picture.channels(), static_cast<std::ptrdiff_t>(picture.step)};
-}
-
-// The largest island of `mask` and what lies beside it, 0 or 255; empty where that is nobody.
-cv::Mat main_subject(const cv::Mat& mask) {
-    cv::Mat labels, boxes, centres;
-    const int count = cv::connectedComponentsWithStats(mask, labels, boxes, centres, 8, CV_32S);
-    int largest = 0;
-    for (int i = 1; i < count; ++i)
-        if (largest == 0 || boxes.at<int>(i, cv::CC_STAT_AREA) > boxes.at<int>(largest, cv::CC_STAT_AREA))
-            largest = i;
-    if (largest == 0 || boxes.at<int>(largest, cv::CC_STAT_AREA) < kFewestPart * static_cast<double>(mask.total()))
-        return {};
-    const auto box = [&](int i) {
-        return cv::Rect(boxes.at<int>(i, cv::CC_STAT_LEFT), boxes.at<int>(i, cv::CC_STAT_TOP),
-                        boxes.at<int>(i, cv::CC_STAT_WIDTH), boxes.at<int>(i, cv::CC_STAT_HEIGHT));
-    };
-    cv::Rect near = box(largest);
-    const int margin = static_cast<int>(kBesidePart * std::max(near.height, near.width));
-    near += cv::Point(-margin, -margin);
-    near += cv::Size(2 * margin, 2 * margin);
-    std::vector<std::uint8_t> keep(count, 0);
-    for (int i = 1; i < count; ++i)
-        if ((box(i) & near).area() > 0 &&
-            boxes.at<int>(i, cv::CC_STAT_AREA) > kSmallestPart * boxes.at<int>(largest, cv::CC_STAT_AREA))
-            keep[i] = 255;
-    cv::Mat out(mask.size(), CV_8U);
-    for (int y = 0; y < mask.rows; ++y) {
-        const int* const from = labels.ptr<int>(y);
-        std::uint8_t* const to = out.ptr<std::uint8_t>(y);
-        for (int x = 0; x < mask.cols; ++x) to[x] = keep[from[x]];
-    }
-    return out;
 }
 
 // `factor`: of the full picture's pixels make one of the mask's.
@@ -160,7 +125,8 @@ absl::Status read_camera(PictureReader& reader, const std::vector<Picture>& back
         if (!picture->empty()) {
             const cv::Mat small = smaller(*picture, factor);
             segmenter->segment(view_of(small), {}, silhouettes);
-            subject = main_subject(cv::Mat(small.rows, small.cols, CV_8U, silhouettes.sharp.data()));
+            std::vector<std::uint8_t> mask = main_subject(silhouettes.sharp, small.cols, small.rows);
+            if (!mask.empty()) subject = cv::Mat(small.rows, small.cols, CV_8U, mask.data()).clone();
         }
         if (!subject.empty()) {
             shape = shape_of(subject, factor);
@@ -182,13 +148,9 @@ absl::StatusOr<std::vector<CameraMotion>> read_motion(const Session& session, co
                                                       const Progress& progress) {
     const auto cameras = read_session_cameras(session);
     if (!cameras.ok()) return cameras.status();
-    // With offsets, videos of different lengths are no error; the source is asked for the empty scene only.
-    Session any_length = session;
-    for (SessionCamera& camera : any_length.cameras) camera.offset_s = 0;
-    auto source = open_session_source(any_length);
-    if (!source.ok()) return source.status();
-    const auto background = background_of_all(**source, session.name);
+    const auto background = read_backgrounds(session, *cameras);
     if (!background.ok()) return background.status();
+    if (absl::Status all = each_has_background(*background, *cameras, session.name); !all.ok()) return all;
     std::vector<std::unique_ptr<PictureReader>> readers;
     std::int64_t total = 0;
     for (std::size_t c = 0; c < cameras->size(); ++c) {
