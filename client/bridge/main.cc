@@ -1,10 +1,7 @@
 // kinevox-bridge: poses for programs that people run already, over UDP.
-#include <csignal>
 #include <cstdio>
 #include <optional>
-#include <stop_token>
 #include <string>
-#include <thread>
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
@@ -13,7 +10,9 @@
 #include "client/bridge/udp_sender.h"
 #include "client/bridge/vmc.h"
 #include "client/lib/client.h"
+#include "client/lib/connection_options.h"
 #include "client/lib/pose_csv.h"
+#include "client/lib/stop_signals.h"
 
 namespace {
 
@@ -23,28 +22,20 @@ using namespace kinevox::bridge;
 constexpr std::int64_t kHeadEvery_ns = 2'000'000'000;   // for receivers that come later
 
 struct Options {
-    std::string server = client::kDefaultServer, to;
+    client::ConnectionOptions connection;
+    std::string to;
     double rate_hz = 0;
     bool joints = false;
 };
 
-// Signals end the stream, and with it the program; before gRPC starts threads, which would get them else.
-std::jthread stop_on_signals(std::stop_source& stop) {
-    sigset_t signals;
-    sigemptyset(&signals);
-    for (const int number : {SIGINT, SIGTERM}) sigaddset(&signals, number);
-    pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-    return std::jthread([signals, &stop](const std::stop_token& ended) {
-        const timespec look{0, 200'000'000};
-        while (!ended.stop_requested())
-            if (sigtimedwait(&signals, nullptr, &look) > 0) stop.request_stop();
-    });
-}
-
 template <typename OnPose>
 int run(const Options& options, const OnPose& on_pose) {
-    std::stop_source stop;
-    const std::jthread signals = stop_on_signals(stop);
+    const std::stop_token stop = client::stop_on_signals();
+    const auto connection = options.connection.open();
+    if (!connection.ok()) {
+        fmt::print(stderr, "kinevox-bridge: {}\n", std::string(connection.status().message()));
+        return 1;
+    }
     auto sender = UdpSender::open(options.to);
     if (!sender.ok()) {
         fmt::print(stderr, "kinevox-bridge: {}\n", std::string(sender.status().message()));
@@ -57,10 +48,10 @@ int run(const Options& options, const OnPose& on_pose) {
     stream.on_reconnect = [](const absl::Status& why) {
         fmt::print(stderr, "kinevox-bridge: {}; trying again\n", std::string(why.message()));
     };
-    stream.stop = stop.get_token();
-    fmt::print("poses of {} go to {}\n", options.server, options.to);
+    stream.stop = stop;
+    fmt::print("poses of {} go to {}\n", options.connection.server, options.to);
     std::fflush(stdout);
-    const absl::Status ended = client::Client({.server = options.server})
+    const absl::Status ended = client::Client(*connection)
                                    .stream_poses(
                                        request,
                                        [&](const v1::StreamPosesResponse& message) {
@@ -115,9 +106,7 @@ int main(int argc, char** argv) {
     });
     const auto add = [&](const char* name, const char* help, const std::string& to) {
         CLI::App* verb = app.add_subcommand(name, help);
-        verb->add_option("--server", options.server, "The daemon, HOST:PORT")
-            ->envname("KINEVOX_SERVER")
-            ->capture_default_str();
+        client::add_connection_options(*verb, options.connection);
         verb->add_option("--to", options.to, "HOST:PORT that the datagrams go to; else " + to);
         verb->add_option("--rate", options.rate_hz, "Poses a second at most; 0: all")
             ->check(CLI::Range(0.0, 1000.0))

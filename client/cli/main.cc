@@ -67,7 +67,8 @@ int main(int argc, char** argv) {
 
     try {
         app.parse(argc, argv);
-        const absl::Status status = run();
+        absl::Status status = common.open();
+        if (status.ok()) status = run();
         return status.ok() ? 0 : fail(std::string(status.message()));
     } catch (const CLI::ParseError& error) {
         if (error.get_exit_code() == 0) return app.exit(error);   // --help, --version

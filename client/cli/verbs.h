@@ -7,7 +7,8 @@
 
 #include <absl/status/status.h>
 
-#include "client/lib/client.h"
+#include "client/lib/connection_options.h"
+#include "client/lib/stop_signals.h"
 
 namespace CLI {
 class App;
@@ -17,14 +18,19 @@ namespace kinevox::cli {
 
 // What every verb takes. Filled when the command line is parsed.
 struct Common {
-    std::string server = client::kDefaultServer;
+    client::ConnectionOptions connection;
     double timeout_s = 5;
     bool json = false;
 
+    // Reads the files that the connection needs; before the verb runs.
+    absl::Status open();
     client::ClientOptions client_options() const;
+
+  private:
+    client::ClientOptions opened_;
 };
 
-// Adds --server, --timeout and --json to a subcommand.
+// Adds --timeout, --json and the connection's options to a subcommand.
 void add_common_options(CLI::App& verb, Common& common);
 
 using Run = std::function<absl::Status()>;
@@ -46,8 +52,7 @@ void add_export_verb(CLI::App& app, Common& common, Run& run);     // of a daemo
 // "user@host": under which control is taken.
 std::string default_operator_name();
 
-// A token that SIGINT and SIGTERM stop; the first call blocks these signals and starts the thread that waits for them.
-std::stop_token stop_on_signals();
+using client::stop_on_signals;
 
 // Writes a line to stdout at once. False when nobody reads it any more.
 bool print_line(const std::string& line);

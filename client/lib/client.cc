@@ -18,13 +18,21 @@ namespace {
 
 constexpr std::chrono::milliseconds kLeaseTimeout{30'000};
 
-std::shared_ptr<grpc::Channel> connect(const std::string& server) {
+std::shared_ptr<grpc::ChannelCredentials> credentials(const Security& security) {
+    if (!security.tls) return grpc::InsecureChannelCredentials();
+    return grpc::SslCredentials({.pem_root_certs = security.ca_pem,
+                                 .pem_private_key = security.key_pem,
+                                 .pem_cert_chain = security.certificate_pem});
+}
+
+std::shared_ptr<grpc::Channel> connect(const ClientOptions& options) {
     grpc::ChannelArguments arguments;
+    if (!options.security.server_name.empty()) arguments.SetSslTargetNameOverride(options.security.server_name);
     arguments.SetMaxReceiveMessageSize(256 << 20);   // a 16-camera hall at 2 mm is large
     arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 20'000);
     arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 200);
     arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2'000);
-    return grpc::CreateCustomChannel(server, grpc::InsecureChannelCredentials(), arguments);
+    return grpc::CreateCustomChannel(options.server, credentials(options.security), arguments);
 }
 
 }  // namespace
@@ -67,6 +75,7 @@ struct Client::Parts {
                                      grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
                                      const Request& request, std::optional<std::chrono::milliseconds> timeout = {}) {
         grpc::ClientContext context;
+        prepare_context(context, options);
         context.set_deadline(std::chrono::system_clock::now() + timeout.value_or(options.timeout));
         Response response;
         const grpc::Status status = (stub.*method)(&context, request, &response);
@@ -75,7 +84,7 @@ struct Client::Parts {
     }
 };
 
-Client::Client(const ClientOptions& options) : Client(connect(options.server), options) {}
+Client::Client(const ClientOptions& options) : Client(connect(options), options) {}
 
 Client::Client(std::shared_ptr<grpc::Channel> channel, const ClientOptions& options)
     : parts_(std::make_unique<Parts>()) {
@@ -196,7 +205,7 @@ absl::Status Client::stream_volumes(const v1::StreamVolumesRequest& request,
             }
             return on_frame(frame);
         },
-        options, parts_->options.server);
+        options, parts_->options);
 }
 
 absl::Status Client::stream_poses(const v1::StreamPosesRequest& request,
@@ -207,7 +216,7 @@ absl::Status Client::stream_poses(const v1::StreamPosesRequest& request,
             return parts_->stream->PrepareAsyncStreamPoses(context, request, queue);
         },
         [&](const v1::StreamPosesResponse& message) -> absl::StatusOr<bool> { return on_pose(message); }, options,
-        parts_->options.server);
+        parts_->options);
 }
 
 absl::Status Client::stream_previews(const v1::StreamPreviewsRequest& request,
@@ -227,7 +236,7 @@ absl::Status Client::stream_previews(const v1::StreamPreviewsRequest& request,
             }
             return on_frame(frame);
         },
-        options, parts_->options.server);
+        options, parts_->options);
 }
 
 absl::Status Client::watch_events(const v1::WatchEventsRequest& request,
@@ -238,7 +247,7 @@ absl::Status Client::watch_events(const v1::WatchEventsRequest& request,
             return parts_->capture->PrepareAsyncWatchEvents(context, request, queue);
         },
         [&](const v1::WatchEventsResponse& event) -> absl::StatusOr<bool> { return on_event(event); }, options,
-        parts_->options.server);
+        parts_->options);
 }
 
 absl::StatusOr<v1::ListPosesResponse> Client::list_poses() {
@@ -292,7 +301,7 @@ absl::Status Client::watch_database(const std::function<bool(const v1::WatchData
             return parts_->pose->PrepareAsyncWatchDatabase(context, v1::WatchDatabaseRequest(), queue);
         },
         [&](const v1::WatchDatabaseResponse& progress) -> absl::StatusOr<bool> { return on_progress(progress); },
-        options, parts_->options.server);
+        options, parts_->options);
 }
 
 absl::Status Client::fit_body(const std::string& operator_name, v1::FitBodyRequest request) {
@@ -309,7 +318,7 @@ absl::Status Client::watch_body(const std::function<bool(const v1::WatchBodyResp
             return parts_->pose->PrepareAsyncWatchBody(context, v1::WatchBodyRequest(), queue);
         },
         [&](const v1::WatchBodyResponse& progress) -> absl::StatusOr<bool> { return on_progress(progress); }, options,
-        parts_->options.server);
+        parts_->options);
 }
 
 absl::Status Client::under_control(const std::string& operator_name,
@@ -410,7 +419,7 @@ absl::Status Client::watch_procedure(const std::function<bool(const v1::WatchPro
             return parts_->calibration->PrepareAsyncWatchProcedure(context, v1::WatchProcedureRequest(), queue);
         },
         [&](const v1::WatchProcedureResponse& progress) -> absl::StatusOr<bool> { return on_progress(progress); },
-        options, parts_->options.server);
+        options, parts_->options);
 }
 
 absl::StatusOr<v1::StartRecordingResponse> Client::start_recording(const std::string& operator_name,
@@ -464,7 +473,7 @@ absl::Status Client::export_recording(const v1::ExportRequest& request,
             return parts_->recording->PrepareAsyncExport(context, request, queue);
         },
         [&](const v1::ExportResponse& piece) -> absl::StatusOr<bool> { return on_piece(piece); }, options,
-        parts_->options.server);
+        parts_->options);
 }
 
 Camera camera_from_proto(const v1::Camera& from) {

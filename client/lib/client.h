@@ -13,6 +13,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include "client/lib/security.h"
 #include "common/camera.h"
 #include "common/volume.h"
 #include "kinevox/v1/calibration_service.pb.h"
@@ -33,6 +34,7 @@ inline constexpr const char* kDefaultServer = "127.0.0.1:50770";
 struct ClientOptions {
     std::string server = kDefaultServer;        // HOST:PORT
     std::chrono::milliseconds timeout{5'000};   // of a call, the connection included
+    Security security;                           // none: for a daemon on this machine
 };
 
 struct StreamOptions {

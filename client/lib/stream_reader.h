@@ -15,13 +15,19 @@ namespace kinevox::client {
 
 absl::Status to_absl(const grpc::Status& status, const std::string& server);
 
+// What goes with every call.
+inline void prepare_context(grpc::ClientContext& context, const ClientOptions& options) {
+    if (!options.security.token.empty()) context.AddMetadata("authorization", "Bearer " + options.security.token);
+}
+
 // One connection's worth. `prepare(context, queue)` yields a ClientAsyncReader<Message>. `on_message` returns an
 // error, which ends the stream with it, or whether to go on.
 template <typename Message, typename Prepare>
 absl::Status read_stream_once(const Prepare& prepare,
                               const std::function<absl::StatusOr<bool>(const Message&)>& on_message,
-                              const StreamOptions& options, const std::string& server, bool& any_message) {
+                              const StreamOptions& options, const ClientOptions& client, bool& any_message) {
     grpc::ClientContext context;
+    prepare_context(context, client);
     context.set_wait_for_ready(false);
     grpc::CompletionQueue queue;
     const std::stop_callback cancel(options.stop, [&] { context.TryCancel(); });
@@ -70,21 +76,21 @@ absl::Status read_stream_once(const Prepare& prepare,
     if (leaving) return ended;
     if (options.stop.stop_requested()) return absl::CancelledError("stopped");
     if (silent)
-        return absl::DeadlineExceededError("no message from " + server + " for " +
+        return absl::DeadlineExceededError("no message from " + client.server + " for " +
                                            std::to_string(options.longest_silence.count() / 1000) +
                                            " s; see with `kinevox status` whether the capture runs");
-    return to_absl(status, server);
+    return to_absl(status, client.server);
 }
 
 template <typename Message, typename Prepare>
 absl::Status read_stream(const Prepare& prepare,
                          const std::function<absl::StatusOr<bool>(const Message&)>& on_message,
-                         const StreamOptions& options, const std::string& server) {
+                         const StreamOptions& options, const ClientOptions& client) {
     constexpr std::chrono::milliseconds kFirstPause{200}, kLongestPause{5'000};
     auto pause = kFirstPause;
     for (;;) {
         bool any_message = false;
-        absl::Status status = read_stream_once<Message>(prepare, on_message, options, server, any_message);
+        absl::Status status = read_stream_once<Message>(prepare, on_message, options, client, any_message);
         if (!options.reconnect || !absl::IsUnavailable(status)) return status;
         if (options.on_reconnect) options.on_reconnect(status);
         if (any_message) pause = kFirstPause;
