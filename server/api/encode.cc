@@ -7,16 +7,32 @@
 #include <opencv2/imgproc.hpp>
 
 #include "common/volume_codec.h"
+#include "kinevox/v1/stream_service.pb.h"
+#include "server/api/to_proto.h"
 
 namespace kinevox {
 namespace {
 
-EncodedVolume make_volume(const PublishedVolume& published, const VolumeForm& form) {
-    if (!published.volume) return {};
+void fill_header(const PublishedHeader& published, v1::StreamHeader* header) {
+    header->set_sequence(published.sequence);
+    header->set_capture_time_ns(published.capture_time_utc_ns);
+    header->set_published_time_ns(published.published_utc_ns);
+    *header->mutable_times() = to_proto(published.times);
+    if (published.recorded_frame) header->set_recorded_frame(*published.recorded_frame);
+    header->set_subject_id(published.subject ? published.subject->subject_id : 0);
+}
+
+void fill_volume(const PublishedVolume& published, const VolumeForm& form, v1::StreamVolumesResponse* message) {
     const VolumeCodecOptions options{.with_colours = form.with_colours};
-    if (form.level == 0) return {encode_volume(*published.volume, options), published.volume->grid.voxel_m};
+    message->set_litres(published.litres);
+    if (form.level == 0) {
+        message->set_volume(encode_volume(*published.volume, options));
+        message->set_voxel_m(published.volume->grid.voxel_m);
+        return;
+    }
     const Volume coarse = coarsened(*published.volume, form.level);
-    return {encode_volume(coarse, options), coarse.grid.voxel_m};
+    message->set_volume(encode_volume(coarse, options));
+    message->set_voxel_m(coarse.grid.voxel_m);
 }
 
 // The sharp silhouette white, what only the loose one has grey.
@@ -39,7 +55,7 @@ cv::Mat scaled_to_fit(const cv::Mat& picture, int max_width_px, int max_height_p
     return out;
 }
 
-EncodedPreview make_preview(const FrameResult& result, const PreviewForm& form) {
+void fill_preview(const FrameResult& result, const PreviewForm& form, v1::StreamPreviewsResponse* message) {
     cv::Mat picture;
     if (form.silhouette) {
         if (form.camera < result.silhouettes.size()) picture = silhouette_picture(result.silhouettes[form.camera]);
@@ -49,21 +65,57 @@ EncodedPreview make_preview(const FrameResult& result, const PreviewForm& form) 
             picture = cv::Mat(from.height, from.width, from.channels == 1 ? CV_8UC1 : CV_8UC3,
                               const_cast<std::uint8_t*>(from.data.get()));
     }
-    if (picture.empty()) return {};
+    if (picture.empty()) return;
     const cv::Mat small = scaled_to_fit(picture, form.max_width_px, form.max_height_px);
     std::vector<std::uint8_t> jpeg;
     cv::imencode(".jpg", small, jpeg, {cv::IMWRITE_JPEG_QUALITY, form.jpeg_quality});
-    return {std::string(jpeg.begin(), jpeg.end()), small.cols, small.rows};
+    message->set_jpeg(jpeg.data(), jpeg.size());
+    message->set_width_px(small.cols);
+    message->set_height_px(small.rows);
 }
 
 }  // namespace
 
-std::shared_ptr<const EncodedVolume> encode(const PublishedVolume& published, const VolumeForm& form) {
-    return published.encodings.get(form, [&] { return make_volume(published, form); });
+EncodedMessage encode(const PublishedVolume& published, const VolumeForm& form, const std::vector<Camera>& cameras) {
+    return published.encodings.get(form, [&] {
+        v1::StreamVolumesResponse message;
+        fill_header(published.header, message.mutable_header());
+        if (const auto& subject = published.header.subject) *message.mutable_subject() = to_proto(*subject, cameras);
+        if (published.volume) fill_volume(published, form, &message);
+        return message.SerializeAsString();
+    });
 }
 
-std::shared_ptr<const EncodedPreview> encode(const PublishedPictures& published, const PreviewForm& form) {
-    return published.encodings.get(form, [&] { return make_preview(*published.result, form); });
+EncodedMessage encode(const PublishedPose& published) {
+    return published.encodings.get({}, [&] {
+        v1::StreamPosesResponse message;
+        fill_header(published.header, message.mutable_header());
+        if (published.pose) *message.mutable_pose() = to_proto(*published.pose);
+        return message.SerializeAsString();
+    });
+}
+
+EncodedMessage encode(const PublishedPictures& published, const PreviewForm& form, const std::string& camera) {
+    return published.encodings.get(form, [&] {
+        v1::StreamPreviewsResponse message;
+        fill_header(published.header(), message.mutable_header());
+        message.set_camera(camera);
+        fill_preview(*published.result, form, &message);
+        return message.SerializeAsString();
+    });
+}
+
+grpc::ByteBuffer to_buffer(const EncodedMessage& message, std::uint64_t missed) {
+    const auto release = [](void* owner) { delete static_cast<EncodedMessage*>(owner); };
+    grpc::Slice slices[2] = {
+        grpc::Slice(const_cast<char*>(message->data()), message->size(), release, new EncodedMessage(message)), {}};
+    if (missed == 0) return {slices, 1};
+    v1::StreamPosesResponse own;   // the header has the same number in all three
+    static_assert(v1::StreamPosesResponse::kHeaderFieldNumber == v1::StreamVolumesResponse::kHeaderFieldNumber &&
+                  v1::StreamPosesResponse::kHeaderFieldNumber == v1::StreamPreviewsResponse::kHeaderFieldNumber);
+    own.mutable_header()->set_missed(missed);
+    slices[1] = grpc::Slice(own.SerializeAsString());
+    return {slices, 2};
 }
 
 }  // namespace kinevox

@@ -13,17 +13,17 @@
 namespace kinevox {
 namespace {
 
-using VolumeReactor = StreamReactor<VolumeMailbox, v1::StreamVolumesResponse>;
-using PoseReactor = StreamReactor<PoseMailbox, v1::StreamPosesResponse>;
-using PreviewReactor = StreamReactor<PictureMailbox, v1::StreamPreviewsResponse>;
+using VolumeReactor = StreamReactor<VolumeMailbox, grpc::ByteBuffer>;
+using PoseReactor = StreamReactor<PoseMailbox, grpc::ByteBuffer>;
+using PreviewReactor = StreamReactor<PictureMailbox, grpc::ByteBuffer>;
 
-void fill_header(const PublishedHeader& published, std::uint64_t missed, v1::StreamHeader* header) {
-    header->set_sequence(published.sequence);
-    header->set_capture_time_ns(published.capture_time_utc_ns);
-    *header->mutable_times() = to_proto(published.times);
-    header->set_missed(missed);
-    if (published.recorded_frame) header->set_recorded_frame(*published.recorded_frame);
-    header->set_subject_id(published.subject ? published.subject->subject_id : 0);
+template <typename Request>
+absl::StatusOr<Request> parse(const grpc::ByteBuffer& bytes) {
+    grpc::ByteBuffer copy(bytes);   // of references
+    Request request;
+    if (grpc::SerializationTraits<Request>::Deserialize(&copy, &request).ok()) return request;
+    return absl::InvalidArgumentError(
+        fmt::format("the request is no {}; make it from this daemon's .proto files", Request::descriptor()->name()));
 }
 
 absl::Status check_rate(double rate_hz, double longest_hz) {
@@ -98,8 +98,10 @@ int level_for(double voxel_m, double max_voxel_m) {
     return level;
 }
 
-grpc::ServerWriteReactor<v1::StreamVolumesResponse>* StreamServiceImpl::StreamVolumes(
-    grpc::CallbackServerContext*, const v1::StreamVolumesRequest* request) {
+grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamVolumes(grpc::CallbackServerContext*,
+                                                                             const grpc::ByteBuffer* bytes) {
+    const auto request = parse<v1::StreamVolumesRequest>(*bytes);
+    if (!request.ok()) return VolumeReactor::refuse(api_, to_grpc(request.status()));
     if (const absl::Status bad = check(*request, api_.longest_rate_hz); !bad.ok())
         return VolumeReactor::refuse(api_, to_grpc(bad));
     const MailboxOptions options = mailbox_options(*request, api_);
@@ -110,24 +112,17 @@ grpc::ServerWriteReactor<v1::StreamVolumesResponse>* StreamServiceImpl::StreamVo
         },
         [this, request = *request](const VolumeMailbox::Taken& taken) {
             const PublishedVolume& published = *taken.message;
-            v1::StreamVolumesResponse message;
-            fill_header(published.header, taken.missed, message.mutable_header());
-            if (const auto& subject = published.header.subject)
-                *message.mutable_subject() = to_proto(*subject, api_.runner.cameras());
-            if (!published.volume) return message;
             VolumeForm form{request.level(), !request.without_colours()};
-            if (request.has_max_voxel_m())
+            if (published.volume && request.has_max_voxel_m())
                 form.level = level_for(published.volume->grid.voxel_m, request.max_voxel_m());
-            const auto encoded = encode(published, form);
-            message.set_volume(encoded->bytes);
-            message.set_voxel_m(encoded->voxel_m);
-            message.set_litres(published.litres);
-            return message;
+            return to_buffer(encode(published, form, api_.runner.cameras()), taken.missed);
         });
 }
 
-grpc::ServerWriteReactor<v1::StreamPosesResponse>* StreamServiceImpl::StreamPoses(
-    grpc::CallbackServerContext*, const v1::StreamPosesRequest* request) {
+grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPoses(grpc::CallbackServerContext*,
+                                                                           const grpc::ByteBuffer* bytes) {
+    const auto request = parse<v1::StreamPosesRequest>(*bytes);
+    if (!request.ok()) return PoseReactor::refuse(api_, to_grpc(request.status()));
     if (const absl::Status bad = check_delivery(*request, api_.longest_rate_hz); !bad.ok())
         return PoseReactor::refuse(api_, to_grpc(bad));
     return PoseReactor::run(
@@ -135,32 +130,20 @@ grpc::ServerWriteReactor<v1::StreamPosesResponse>* StreamServiceImpl::StreamPose
         [this, options = mailbox_options(*request, api_)](std::function<void()> on_ready) {
             return api_.hub.subscribe_poses(options, std::move(on_ready));
         },
-        [](const PoseMailbox::Taken& taken) {
-            const PublishedPose& published = *taken.message;
-            v1::StreamPosesResponse message;
-            fill_header(published.header, taken.missed, message.mutable_header());
-            if (published.pose) *message.mutable_pose() = to_proto(*published.pose);
-            return message;
-        });
+        [](const PoseMailbox::Taken& taken) { return to_buffer(encode(*taken.message), taken.missed); });
 }
 
-grpc::ServerWriteReactor<v1::StreamPreviewsResponse>* StreamServiceImpl::StreamPreviews(
-    grpc::CallbackServerContext*, const v1::StreamPreviewsRequest* request) {
+grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPreviews(grpc::CallbackServerContext*,
+                                                                              const grpc::ByteBuffer* bytes) {
+    const auto request = parse<v1::StreamPreviewsRequest>(*bytes);
+    if (!request.ok()) return PreviewReactor::refuse(api_, to_grpc(request.status()));
     const absl::StatusOr<PreviewForm> form = preview_form(*request, api_);
     if (!form.ok()) return PreviewReactor::refuse(api_, to_grpc(form.status()));
     return PreviewReactor::run(
         api_, request->max_rate_hz() > 0 ? request->max_rate_hz() : 10.0,
         [this](std::function<void()> on_ready) { return api_.hub.subscribe_pictures(std::move(on_ready)); },
         [form = *form, camera = request->camera()](const PictureMailbox::Taken& taken) {
-            const PublishedPictures& published = *taken.message;
-            v1::StreamPreviewsResponse message;
-            fill_header(published.header(), taken.missed, message.mutable_header());
-            const auto encoded = encode(published, form);
-            message.set_camera(camera);
-            message.set_jpeg(encoded->jpeg);
-            message.set_width_px(encoded->width_px);
-            message.set_height_px(encoded->height_px);
-            return message;
+            return to_buffer(encode(*taken.message, form, camera), taken.missed);
         });
 }
 

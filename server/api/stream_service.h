@@ -8,16 +8,21 @@
 
 namespace kinevox {
 
-class StreamServiceImpl final : public v1::StreamService::CallbackService {
+// The messages go out as bytes that many subscribers share; gRPC would serialise them for each.
+using RawStreamService = v1::StreamService::WithRawCallbackMethod_StreamVolumes<
+    v1::StreamService::WithRawCallbackMethod_StreamPoses<
+        v1::StreamService::WithRawCallbackMethod_StreamPreviews<v1::StreamService::Service>>>;
+
+class StreamServiceImpl final : public RawStreamService {
   public:
     explicit StreamServiceImpl(const ApiContext& api) : api_(api) {}
 
-    grpc::ServerWriteReactor<v1::StreamVolumesResponse>* StreamVolumes(
-        grpc::CallbackServerContext* context, const v1::StreamVolumesRequest* request) override;
-    grpc::ServerWriteReactor<v1::StreamPosesResponse>* StreamPoses(grpc::CallbackServerContext* context,
-                                                                   const v1::StreamPosesRequest* request) override;
-    grpc::ServerWriteReactor<v1::StreamPreviewsResponse>* StreamPreviews(
-        grpc::CallbackServerContext* context, const v1::StreamPreviewsRequest* request) override;
+    grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamVolumes(grpc::CallbackServerContext* context,
+                                                              const grpc::ByteBuffer* request) override;
+    grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamPoses(grpc::CallbackServerContext* context,
+                                                            const grpc::ByteBuffer* request) override;
+    grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamPreviews(grpc::CallbackServerContext* context,
+                                                               const grpc::ByteBuffer* request) override;
 
   private:
     const ApiContext& api_;

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "server/pipeline/utc_clock.h"
+
 namespace kinevox {
 namespace {
 
@@ -69,6 +71,7 @@ void StreamHub::publish(const FrameResultPtr& result, std::int64_t utc_minus_cap
     auto pictures = std::make_shared<PublishedPictures>();
     pictures->result = result;
     pictures->capture_time_utc_ns = result->capture_time_ns + utc_minus_capture_ns;
+    pictures->published_utc_ns = utc_now_ns();
 
     std::vector<std::shared_ptr<VolumeMailbox>> volume_boxes;
     std::vector<std::shared_ptr<PoseMailbox>> pose_boxes;
@@ -90,7 +93,9 @@ void StreamHub::publish(const FrameResultPtr& result, std::int64_t utc_minus_cap
         for (const auto& box : volume_boxes) box->put(published, bytes);
     }
     if (!pose_boxes.empty()) {
-        const auto published = std::make_shared<const PublishedPose>(PublishedPose{pictures->header(), result->pose});
+        const auto published = std::make_shared<PublishedPose>();
+        published->header = pictures->header();
+        published->pose = result->pose;
         for (const auto& box : pose_boxes) box->put(published, sizeof(PublishedPose) + sizeof(BodyPose));
     }
     for (const auto& box : picture_boxes) box->put(pictures);

@@ -7,7 +7,9 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include <absl/status/status.h>
@@ -27,11 +29,6 @@ struct VolumeForm {
     auto operator<=>(const VolumeForm&) const = default;
 };
 
-struct EncodedVolume {
-    std::string bytes;          // encode_volume()'s; empty where there is no volume
-    double voxel_m = 0;
-};
-
 // In which form a subscriber wants a preview.
 struct PreviewForm {
     std::size_t camera = 0;     // its place in the frame set
@@ -42,11 +39,6 @@ struct PreviewForm {
     auto operator<=>(const PreviewForm&) const = default;
 };
 
-struct EncodedPreview {
-    std::string jpeg;           // empty where there is no picture
-    int width_px = 0, height_px = 0;
-};
-
 // What every published message says first.
 struct PublishedHeader {
     std::uint64_t sequence = 0;
@@ -54,32 +46,38 @@ struct PublishedHeader {
     StageTimes times;
     std::optional<SubjectTrack> subject;
     std::optional<std::int64_t> recorded_frame;   // of a replay
+    std::int64_t published_utc_ns = 0;
 };
 
-// A result without its pictures, which a queue may hold many of. Encodings are made on demand by whoever needs one
-// first, never on the pipeline's thread, and shared between the subscribers asking for the same form.
+// A message's bytes as they are sent, the same for all subscribers who ask for one form. Made on demand by whoever needs
+// them first, never on the pipeline's thread.
+template <typename Form>
+using Encodings = OnceMap<Form, std::string>;
+
+// A result without its pictures, which a queue may hold many of.
 struct PublishedVolume {
     PublishedHeader header;
     std::shared_ptr<const Volume> volume;   // null while nobody is tracked
     double litres = 0;
-    OnceMap<VolumeForm, EncodedVolume> encodings;
+    Encodings<VolumeForm> encodings;
 };
 
 // A result's pose alone: small, so that a queue may hold very many.
 struct PublishedPose {
     PublishedHeader header;
     std::shared_ptr<const BodyPose> pose;   // null where there is none
+    Encodings<std::monostate> encodings;    // there is one form
 };
 
 // A result with its pictures.
 struct PublishedPictures {
     FrameResultPtr result;
-    std::int64_t capture_time_utc_ns = 0;
+    std::int64_t capture_time_utc_ns = 0, published_utc_ns = 0;
     PublishedHeader header() const {
-        return {result->sequence, capture_time_utc_ns, result->times, result->subject,
-                result->frame_set.recorded_frame};
+        return {result->sequence, capture_time_utc_ns,          result->times, result->subject,
+                result->frame_set.recorded_frame, published_utc_ns};
     }
-    OnceMap<PreviewForm, EncodedPreview> encodings;
+    Encodings<PreviewForm> encodings;
 };
 
 struct PublishedEvent {

@@ -90,7 +90,7 @@ TEST(StreamHub, EncodingsAreMadeOnceForAllWhoShareAForm) {
     hub.publish(fake_result(0, person()), 0);
     const auto a = first->take(), b = second->take();
     int made = 0;
-    const auto make = [&] { return ++made, EncodedVolume{"bytes", 0.01}; };
+    const auto make = [&] { return ++made, std::string("bytes"); };
     EXPECT_EQ(a->message->encodings.get({0, true}, make), b->message->encodings.get({0, true}, make));
     EXPECT_EQ(made, 1);
     a->message->encodings.get({0, false}, make);
