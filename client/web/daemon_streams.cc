@@ -1,0 +1,162 @@
+#include "client/web/daemon_streams.h"
+
+#include <grpcpp/grpcpp.h>
+
+#include <condition_variable>
+#include <mutex>
+#include <utility>
+
+#include "client/lib/stream_reader.h"
+#include "kinevox/v1/capture_service.grpc.pb.h"
+#include "kinevox/v1/stream_service.grpc.pb.h"
+
+namespace kinevox::web {
+namespace {
+
+constexpr std::chrono::milliseconds kFirstPause{200}, kLongestPause{5'000}, kStatusEvery{1'000},
+    kStatusTimeout{3'000};
+constexpr int kSilhouetteWidth_px = 480, kSilhouetteQuality = 75;
+constexpr double kSilhouettes_hz = 25;
+
+std::shared_ptr<grpc::Channel> connect(const client::ClientOptions& options) {
+    grpc::ChannelArguments arguments;
+    arguments.SetMaxReceiveMessageSize(256 << 20);
+    arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 20'000);
+    arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 200);
+    arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2'000);
+    return grpc::CreateCustomChannel(options.server, grpc::InsecureChannelCredentials(), arguments);
+}
+
+void pause(std::chrono::milliseconds time, const std::stop_token& stop) {
+    std::mutex mutex;
+    std::condition_variable_any never;
+    std::unique_lock lock(mutex);
+    never.wait_for(lock, stop, time, [] { return false; });
+}
+
+bool is_final(const absl::Status& status) {
+    return absl::IsNotFound(status) || absl::IsInvalidArgument(status) || absl::IsPermissionDenied(status) ||
+           absl::IsUnauthenticated(status);
+}
+
+}  // namespace
+
+struct DaemonStreams::Parts {
+    client::ClientOptions options;
+    std::unique_ptr<kinevox::v1::CaptureService::Stub> capture;
+    std::unique_ptr<kinevox::v1::StreamService::Stub> stream;
+
+    // A stream once, while it lasts; `any` tells whether something came.
+    template <typename Message, typename Prepare, typename Wrap>
+    absl::Status once(const Prepare& prepare, const Wrap& wrap, const std::stop_token& stop,
+                      const Listener& listener, bool& any) {
+        client::StreamOptions how;
+        how.stop = stop;
+        return client::read_stream_once<Message>(
+            prepare,
+            [&](const Message& message) -> absl::StatusOr<bool> {
+                web::v1::GatewayMessage out;
+                wrap(message, out);
+                listener.on_message(out.SerializeAsString());
+                return true;
+            },
+            how, options.server, any);
+    }
+
+    absl::Status poses(const std::stop_token& stop, const Listener& listener, bool& any) {
+        return once<kinevox::v1::StreamPosesResponse>(
+            [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
+                return stream->PrepareAsyncStreamPoses(context, {}, queue);
+            },
+            [](const auto& message, web::v1::GatewayMessage& out) { *out.mutable_pose() = message; }, stop,
+            listener, any);
+    }
+
+    absl::Status volumes(int level, const std::stop_token& stop, const Listener& listener, bool& any) {
+        kinevox::v1::StreamVolumesRequest request;
+        request.set_level(level);
+        return once<kinevox::v1::StreamVolumesResponse>(
+            [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
+                return stream->PrepareAsyncStreamVolumes(context, request, queue);
+            },
+            [level](const auto& message, web::v1::GatewayMessage& out) {
+                out.set_level(level);
+                *out.mutable_volume() = message;
+            },
+            stop, listener, any);
+    }
+
+    // The one place that asks for previews, and the one kind that it asks for.
+    absl::Status silhouettes(const std::string& camera, const std::stop_token& stop, const Listener& listener,
+                             bool& any) {
+        kinevox::v1::StreamPreviewsRequest request;
+        request.set_camera(camera);
+        request.set_kind(kinevox::v1::StreamPreviewsRequest::KIND_SILHOUETTE);
+        request.set_max_width_px(kSilhouetteWidth_px);
+        request.set_jpeg_quality(kSilhouetteQuality);
+        request.set_max_rate_hz(kSilhouettes_hz);
+        return once<kinevox::v1::StreamPreviewsResponse>(
+            [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
+                return stream->PrepareAsyncStreamPreviews(context, request, queue);
+            },
+            [](const auto& message, web::v1::GatewayMessage& out) { *out.mutable_silhouette() = message; },
+            stop, listener, any);
+    }
+
+    absl::Status status(const std::stop_token& stop, const Listener& listener) {
+        while (!stop.stop_requested()) {
+            grpc::ClientContext context;
+            context.set_deadline(std::chrono::system_clock::now() + kStatusTimeout);
+            const std::stop_callback cancel(stop, [&] { context.TryCancel(); });
+            web::v1::GatewayMessage out;
+            kinevox::v1::GetStatusResponse& response = *out.mutable_status();
+            const absl::Status asked =
+                client::to_absl(capture->GetStatus(&context, {}, &response), options.server);
+            if (stop.stop_requested()) break;
+            listener.on_link(asked);
+            response.clear_source();
+            response.clear_control();
+            for (kinevox::v1::CameraStatus& camera : *response.mutable_cameras()) camera.clear_link();
+            if (asked.ok()) listener.on_message(out.SerializeAsString());
+            pause(kStatusEvery, stop);
+        }
+        return absl::CancelledError("stopped");
+    }
+
+    absl::Status once(const Topic& topic, const std::stop_token& stop, const Listener& listener, bool& any) {
+        switch (topic.kind) {
+            case Topic::Kind::kPoses:
+                return poses(stop, listener, any);
+            case Topic::Kind::kVolumes:
+                return volumes(topic.level, stop, listener, any);
+            case Topic::Kind::kSilhouette:
+                return silhouettes(topic.camera, stop, listener, any);
+            case Topic::Kind::kStatus:
+                break;
+        }
+        return status(stop, listener);
+    }
+};
+
+DaemonStreams::DaemonStreams(const client::ClientOptions& options) : parts_(std::make_unique<Parts>()) {
+    parts_->options = options;
+    const auto channel = connect(options);
+    parts_->capture = kinevox::v1::CaptureService::NewStub(channel);
+    parts_->stream = kinevox::v1::StreamService::NewStub(channel);
+}
+
+DaemonStreams::~DaemonStreams() = default;
+
+absl::Status DaemonStreams::read(const Topic& topic, const std::stop_token& stop, const Listener& listener) {
+    auto next = kFirstPause;
+    for (;;) {
+        bool any = false;
+        const absl::Status ended = parts_->once(topic, stop, listener, any);
+        if (stop.stop_requested()) return absl::CancelledError("stopped");
+        if (is_final(ended)) return ended;
+        next = any ? kFirstPause : std::min(2 * next, kLongestPause);
+        pause(next, stop);
+    }
+}
+
+}  // namespace kinevox::web

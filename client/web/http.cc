@@ -1,0 +1,94 @@
+#include "client/web/http.h"
+
+#include <arpa/inet.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+
+namespace kinevox::web {
+namespace {
+
+// Scripts, styles and pictures of the page itself, and its own WebSocket; nothing else, from nowhere.
+constexpr const char* kContentSecurity =
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; font-src 'self'; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+std::string lower(std::string text) {
+    std::ranges::transform(text, text.begin(), [](unsigned char c) { return std::tolower(c); });
+    return text;
+}
+
+std::string without_port(const std::string& host) {
+    if (host.starts_with('['))
+        return host.substr(1, host.find(']') == std::string::npos ? 0 : host.find(']') - 1);
+    return host.substr(0, host.rfind(':'));
+}
+
+bool known_host(const std::string& host, const HttpRules& rules) {
+    const std::string name = lower(without_port(host));
+    in_addr v4{};
+    in6_addr v6{};
+    if (inet_pton(AF_INET, name.c_str(), &v4) == 1 || inet_pton(AF_INET6, name.c_str(), &v6) == 1)
+        return true;
+    if (name == "localhost") return true;
+    return std::ranges::any_of(rules.names, [&](const std::string& known) { return lower(known) == name; });
+}
+
+HttpReply plain(int status, std::string text) {
+    HttpReply reply;
+    reply.status = status;
+    reply.text = std::move(text) + "\n";
+    reply.headers = {{"Content-Type", "text/plain; charset=utf-8"},
+                     {"Cache-Control", "no-store"},
+                     {"X-Content-Type-Options", "nosniff"}};
+    return reply;
+}
+
+HttpReply unknown_host(const HttpRequest& request) {
+    return plain(421, fmt::format("'{}' is none of this gateway's names; start it with --name",
+                                  without_port(request.host).substr(0, 100)));
+}
+
+}  // namespace
+
+HttpReply answer(const HttpRequest& request, const Pages& pages, const HttpRules& rules) {
+    if (!known_host(request.host, rules)) return unknown_host(request);
+    if (request.method != "GET" && request.method != "HEAD") {
+        HttpReply reply = plain(405, "GET and HEAD only");
+        reply.headers.emplace_back("Allow", "GET, HEAD");
+        return reply;
+    }
+    const Page* const page = pages.find(request.target);
+    if (!page) return plain(404, "there is no such file");
+    HttpReply reply;
+    const bool unchanged =
+        !request.if_none_match.empty() &&
+        (request.if_none_match == "*" || request.if_none_match.find(page->etag) != std::string::npos);
+    reply.status = unchanged ? 304 : 200;
+    reply.page = page;
+    reply.body = !unchanged && request.method == "GET";
+    reply.headers = {{"Content-Type", page->type},
+                     {"ETag", page->etag},
+                     {"Cache-Control", page->immutable ? "public, max-age=31536000, immutable" : "no-cache"},
+                     {"Content-Security-Policy", kContentSecurity},
+                     {"X-Content-Type-Options", "nosniff"},
+                     {"Referrer-Policy", "no-referrer"},
+                     {"Permissions-Policy", "camera=(), microphone=(), geolocation=()"},
+                     {"Cross-Origin-Resource-Policy", "same-origin"}};
+    return reply;
+}
+
+std::optional<HttpReply> refuse_socket(const HttpRequest& request, const HttpRules& rules) {
+    if (!known_host(request.host, rules)) return unknown_host(request);
+    if (request.target.substr(0, request.target.find('?')) != "/ws")
+        return plain(404, "the WebSocket is at /ws");
+    if (request.origin.empty()) return {};  // no browser: browsers always say where a script comes from
+    const std::string origin = lower(request.origin), host = lower(request.host);
+    if (origin == "http://" + host || origin == "https://" + host) return {};
+    if (std::ranges::any_of(rules.origins, [&](const std::string& known) { return lower(known) == origin; }))
+        return {};
+    return plain(403, "scripts of other pages get nothing here; allow one with --origin");
+}
+
+}  // namespace kinevox::web

@@ -1,0 +1,97 @@
+// A WebSocket as a test needs it: blocking, with a limit on each wait.
+#pragma once
+
+#include <boost/asio/connect.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/read.hpp>
+#include <boost/asio/write.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/websocket.hpp>
+#include <chrono>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "kinevox/web/v1/exhibit.pb.h"
+
+namespace kinevox::testing {
+
+class TestBrowser {
+  public:
+    explicit TestBrowser(const std::string& address, const std::string& origin = "") : socket_(io_) {
+        const std::size_t colon = address.rfind(':');
+        const auto host = address.substr(0, colon);
+        auto& tcp = boost::beast::get_lowest_layer(socket_);
+        tcp.socket().connect({boost::asio::ip::make_address(host),
+                              static_cast<std::uint16_t>(std::stoi(address.substr(colon + 1)))},
+                             error);
+        if (error) return;
+        socket_.set_option(boost::beast::websocket::stream_base::decorator(
+            [&](boost::beast::websocket::request_type& request) {
+                if (!origin.empty()) request.set(boost::beast::http::field::origin, origin);
+            }));
+        socket_.handshake(address, "/ws", error);
+        socket_.binary(true);
+    }
+
+    void send(const std::string& bytes) { socket_.write(boost::asio::buffer(bytes), error); }
+    void send_text(const std::string& text) {
+        socket_.binary(false);
+        send(text);
+    }
+    void ask(const std::vector<web::v1::Want>& wants) {
+        web::v1::BrowserMessage message;
+        for (const web::v1::Want& want : wants) *message.add_wants() = want;
+        send(message.SerializeAsString());
+    }
+    static web::v1::Want want(web::v1::Kind kind, const std::string& camera = "", int level = 0) {
+        web::v1::Want out;
+        out.set_kind(kind);
+        out.set_camera(camera);
+        out.set_level(level);
+        return out;
+    }
+
+    // The next message; nothing after `limit` or at the connection's end (`error` then).
+    std::optional<web::v1::GatewayMessage> read(std::chrono::milliseconds limit = std::chrono::seconds(20)) {
+        boost::beast::flat_buffer buffer;
+        bool done = false;
+        socket_.async_read(buffer, [&](boost::system::error_code e, std::size_t) { done = true, error = e; });
+        io_.restart();
+        io_.run_for(limit);
+        if (!done) boost::beast::get_lowest_layer(socket_).cancel(), io_.restart(), io_.run();
+        if (error) return {};
+        web::v1::GatewayMessage message;
+        const auto bytes = buffer.data();
+        if (!message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) return {};
+        return message;
+    }
+
+    // The first message for which `good` holds; nothing if none comes in time.
+    std::optional<web::v1::GatewayMessage> wait_for(
+        const std::function<bool(const web::v1::GatewayMessage&)>& good,
+        std::chrono::seconds limit = std::chrono::seconds(20)) {
+        const auto end = std::chrono::steady_clock::now() + limit;
+        while (std::chrono::steady_clock::now() < end) {
+            auto message = read(limit);
+            if (!message) return {};
+            if (good(*message)) return message;
+        }
+        return {};
+    }
+    std::optional<web::v1::GatewayMessage> wait_for(web::v1::GatewayMessage::MessageCase kind) {
+        return wait_for(
+            [kind](const web::v1::GatewayMessage& message) { return message.message_case() == kind; });
+    }
+
+    boost::beast::websocket::close_code closed_with() const {
+        return static_cast<boost::beast::websocket::close_code>(socket_.reason().code);
+    }
+    boost::system::error_code error;
+
+  private:
+    boost::asio::io_context io_;
+    boost::beast::websocket::stream<boost::beast::tcp_stream> socket_;
+};
+
+}  // namespace kinevox::testing
