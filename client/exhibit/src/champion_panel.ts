@@ -1,0 +1,49 @@
+// The champion chosen, how near the visitor is, and both figures.
+import type { Champion } from "./champions";
+import { Duel } from "./duel";
+import type { Languages } from "./language";
+import type { Visit } from "./visit";
+
+const byId = (id: string) => document.getElementById(id)!;
+
+export class ChampionPanel {
+  private readonly duel = new Duel(byId("duel") as HTMLCanvasElement);
+  private readonly buttons = new Map<string, HTMLButtonElement>();
+  private shown = "";
+
+  constructor(
+    private readonly champions: readonly Champion[],
+    choose: (champion: Champion) => void,
+  ) {
+    for (const champion of champions) {
+      const button = document.createElement("button");
+      button.addEventListener("click", () => choose(champion));
+      this.buttons.set(champion.id, button);
+      byId("champions").append(button);
+    }
+  }
+
+  translate(languages: Languages, visit: Visit): void {
+    for (const champion of this.champions) this.buttons.get(champion.id)!.textContent = languages.of(champion.name);
+    byId("champion-name").textContent = byId("duel-name").textContent = languages.of(visit.champion.name);
+    byId("champion-about").textContent = languages.of(visit.champion.about);
+    for (const [id, button] of this.buttons) button.setAttribute("aria-pressed", String(id === visit.champion.id));
+    this.shown = "";
+  }
+
+  show(visit: Visit): void {
+    const now = visit.now?.percent,
+      best = visit.best?.score.percent;
+    // The figures change with the champion, with a better pose, and with the picture's size alone.
+    const state = `${visit.champion.id} ${visit.number} ${now} ${best} ${innerWidth} ${innerHeight}`;
+    if (state === this.shown) return;
+    this.shown = state;
+    byId("score-now").textContent = now === undefined ? "–" : String(now);
+    byId("score-best").textContent = best === undefined ? "–" : `${best} %`;
+    byId("ring-now").style.strokeDasharray = `${now ?? 0} 100`;
+    byId("ring-best").style.strokeDasharray = `${best ?? 0} 100`;
+    byId("ring-now").style.opacity = now ? "1" : "0"; // a round end would show at nothing
+    byId("ring-best").style.opacity = best ? "1" : "0";
+    this.duel.draw(visit.best?.joints, visit.champion.joints, visit.best?.score.mirrored ?? false);
+  }
+}

@@ -1,0 +1,128 @@
+// The exhibit's page. In the address: ?lang=de, ?level=1 halves the volume's resolution, ?probe lets tests look inside.
+import "./style.css";
+import { App } from "./app";
+import { readChampion, type Champion } from "./champions";
+import { Kind } from "./gen/kinevox/web/v1/exhibit_pb";
+import { Languages, type LanguageList, type Words } from "./language";
+import { Link } from "./link";
+import { Scene } from "./scene";
+
+const VOLUMES_HZ = 25;
+
+async function json<T>(path: string): Promise<T> {
+  const response = await fetch(new URL(path, document.baseURI));
+  if (!response.ok) throw new Error(`${path}: ${response.status}`);
+  return (await response.json()) as T;
+}
+
+async function readChampions(): Promise<Champion[]> {
+  const champions: Champion[] = [];
+  for (const id of await json<string[]>("champions/index.json"))
+    try {
+      champions.push(readChampion(id, await json(`champions/${id}.json`)));
+    } catch (error) {
+      console.error(String(error)); // one bad file does not close the exhibit
+    }
+  if (champions.length === 0) throw new Error("champions/index.json names no champion that can be read");
+  return champions;
+}
+
+function languageButtons(languages: Languages, chosen: () => void): void {
+  const nav = document.getElementById("languages")!;
+  for (const [name, words] of Object.entries(languages.list.languages)) {
+    const button = document.createElement("button");
+    button.textContent = words;
+    button.lang = name;
+    button.addEventListener("click", () => void languages.choose(name).then(chosen));
+    nav.append(button);
+  }
+}
+
+function markLanguage(languages: Languages): void {
+  for (const button of document.querySelectorAll<HTMLElement>("#languages button"))
+    button.setAttribute("aria-pressed", String(button.lang === languages.chosen));
+}
+
+/** The middle of what panels and words leave free, parts of the window. */
+function freeCentre(): readonly [number, number] {
+  const attract = document.body.classList.contains("attract");
+  if (innerWidth > innerHeight) return attract ? [0.71, 0.54] : [0.5, 0.54];
+  return attract ? [0.5, 0.4] : [0.5, 0.31];
+}
+
+/** Follows the window's size at once, and the free middle slowly. */
+function fitter(scene: Scene): () => void {
+  let size = "";
+  let at: readonly [number, number] | undefined;
+  return () => {
+    const now = `${innerWidth} ${innerHeight} ${devicePixelRatio}`,
+      to = freeCentre();
+    if (now !== size) {
+      size = now;
+      scene.resize(innerWidth, innerHeight);
+      at = undefined;
+    }
+    if (at && Math.hypot(at[0] - to[0], at[1] - to[1]) < 1e-3) return;
+    at = at ? [at[0] + 0.08 * (to[0] - at[0]), at[1] + 0.08 * (to[1] - at[1])] : to;
+    scene.aim(...at);
+  };
+}
+
+async function main(): Promise<void> {
+  const parameters = new URLSearchParams(location.search);
+  const list = await json<LanguageList>("languages/index.json");
+  const languages = new Languages(list, (name) => json<Words>(`languages/${name}.json`), parameters.get("lang"));
+  await languages.choose(languages.chosen);
+  const champions = await readChampions();
+  const scene = new Scene(document.getElementById("scene") as HTMLCanvasElement);
+  const clock = { now: () => performance.now() };
+  const app = new App(scene, languages, champions, () => clock.now());
+  const say = () => {
+    app.translate();
+    markLanguage(languages);
+  };
+  languageButtons(languages, say);
+  say();
+
+  const fit = fitter(scene);
+  const address = new URL("ws", document.baseURI);
+  address.protocol = address.protocol === "https:" ? "wss:" : "ws:";
+  address.search = "";
+  const link = new Link(address.href, {
+    message: (message) => app.message(message),
+    connected: (isConnected) => app.connected(isConnected),
+  });
+  const level = Math.min(5, Math.max(0, Math.trunc(Number(parameters.get("level") ?? 0)) || 0));
+  link.ask([{ kind: Kind.POSES }, { kind: Kind.VOLUMES, level, maxRateHz: VOLUMES_HZ }, { kind: Kind.STATUS }]);
+
+  let running = true;
+  const frame = () => {
+    if (!running) return;
+    fit();
+    app.frame(clock.now());
+    requestAnimationFrame(frame);
+  };
+  requestAnimationFrame(frame);
+  if (parameters.has("probe")) {
+    const { makeProbe } = await import("./probe");
+    makeProbe({
+      app,
+      scene,
+      link,
+      fit,
+      clock,
+      setRunning: (on) => {
+        if (on && !running) requestAnimationFrame(frame);
+        running = on;
+      },
+    });
+  }
+}
+
+// A touch held long, or two fingers, must not open menus or zoom the page on a kiosk.
+for (const name of ["contextmenu", "gesturestart", "dragstart"])
+  addEventListener(name, (event) => event.preventDefault());
+main().catch((error: unknown) => {
+  console.error(error);
+  setTimeout(() => location.reload(), 10_000); // a kiosk has nobody who presses a key
+});
