@@ -25,6 +25,8 @@ std::shared_ptr<grpc::ChannelCredentials> credentials(const Security& security) 
                                  .pem_cert_chain = security.certificate_pem});
 }
 
+}  // namespace
+
 std::shared_ptr<grpc::Channel> connect(const ClientOptions& options) {
     grpc::ChannelArguments arguments;
     if (!options.security.server_name.empty()) arguments.SetSslTargetNameOverride(options.security.server_name);
@@ -34,8 +36,6 @@ std::shared_ptr<grpc::Channel> connect(const ClientOptions& options) {
     arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2'000);
     return grpc::CreateCustomChannel(options.server, credentials(options.security), arguments);
 }
-
-}  // namespace
 
 absl::Status to_absl(const grpc::Status& status, const std::string& server) {
     if (status.ok()) return absl::OkStatus();

@@ -14,6 +14,8 @@
 namespace kinevox::client {
 
 absl::Status to_absl(const grpc::Status& status, const std::string& server);
+// Connects when it is first used, and again by itself.
+std::shared_ptr<grpc::Channel> connect(const ClientOptions& options);
 
 // What goes with every call.
 inline void prepare_context(grpc::ClientContext& context, const ClientOptions& options) {

@@ -18,15 +18,6 @@ constexpr std::chrono::milliseconds kFirstPause{200}, kLongestPause{5'000}, kSta
 constexpr int kSilhouetteWidth_px = 480, kSilhouetteQuality = 75;
 constexpr double kSilhouettes_hz = 25;
 
-std::shared_ptr<grpc::Channel> connect(const client::ClientOptions& options) {
-    grpc::ChannelArguments arguments;
-    arguments.SetMaxReceiveMessageSize(256 << 20);
-    arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 20'000);
-    arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 200);
-    arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2'000);
-    return grpc::CreateCustomChannel(options.server, grpc::InsecureChannelCredentials(), arguments);
-}
-
 void pause(std::chrono::milliseconds time, const std::stop_token& stop) {
     std::mutex mutex;
     std::condition_variable_any never;
@@ -60,7 +51,7 @@ struct DaemonStreams::Parts {
                 listener.on_message(out.SerializeAsString());
                 return true;
             },
-            how, options.server, any);
+            how, options, any);
     }
 
     absl::Status poses(const std::stop_token& stop, const Listener& listener, bool& any) {
@@ -106,6 +97,7 @@ struct DaemonStreams::Parts {
     absl::Status status(const std::stop_token& stop, const Listener& listener) {
         while (!stop.stop_requested()) {
             grpc::ClientContext context;
+            client::prepare_context(context, options);
             context.set_deadline(std::chrono::system_clock::now() + kStatusTimeout);
             const std::stop_callback cancel(stop, [&] { context.TryCancel(); });
             web::v1::GatewayMessage out;
@@ -140,7 +132,7 @@ struct DaemonStreams::Parts {
 
 DaemonStreams::DaemonStreams(const client::ClientOptions& options) : parts_(std::make_unique<Parts>()) {
     parts_->options = options;
-    const auto channel = connect(options);
+    const auto channel = client::connect(options);
     parts_->capture = kinevox::v1::CaptureService::NewStub(channel);
     parts_->stream = kinevox::v1::StreamService::NewStub(channel);
 }

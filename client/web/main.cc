@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <string>
 
+#include "client/lib/connection_options.h"
 #include "client/web/gateway.h"
 
 namespace {
@@ -37,6 +38,7 @@ int main(int argc, char** argv) {
     gpr_set_log_function([](gpr_log_func_args*) {});  // errors come back as statuses; one line each is enough
     google::protobuf::SetLogHandler(nullptr);         // what browsers send wrongly is answered to them
     web::GatewayOptions options;
+    client::ConnectionOptions connection;
     std::string pages_folder = default_pages();
     CLI::App app(
         "Serves the exhibit's page and the daemon's poses, volumes and silhouettes to browsers, never camera "
@@ -46,9 +48,7 @@ int main(int argc, char** argv) {
     app.failure_message([](const CLI::App*, const CLI::Error& error) {
         return "kinevox-web: " + std::string(error.what()) + "\n";
     });
-    app.add_option("--server", options.daemon.server, "The daemon, HOST:PORT")
-        ->envname("KINEVOX_SERVER")
-        ->capture_default_str();
+    client::add_connection_options(app, connection);
     app.add_option("--listen", options.listen, "HOST:PORT to serve browsers on; port 0 takes a free one")
         ->capture_default_str();
     app.add_option("--pages", pages_folder, "Folder of the page's files")
@@ -63,6 +63,9 @@ int main(int argc, char** argv) {
         ->check(CLI::Range(1, 1000))
         ->capture_default_str();
     CLI11_PARSE(app, argc, argv);
+    const auto daemon = connection.open();
+    if (!daemon.ok()) return fail(daemon.status());
+    options.daemon = *daemon;
     options.most_connections = 4 * options.most_browsers;
 
     auto pages = web::Pages::read(pages_folder);
