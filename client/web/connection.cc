@@ -19,6 +19,7 @@ namespace websocket = beast::websocket;
 using boost::system::error_code;
 
 constexpr std::uint32_t kMostHead_bytes = 8192;
+constexpr int kSendBuffer_bytes = 64 << 10;
 constexpr int kMostMessagesASecond = 30, kMostMisunderstood = 8;
 
 auto to(error_code& e) {
@@ -167,6 +168,8 @@ void Browser::cut() {
 asio::awaitable<void> serve(House& house, asio::ip::tcp::socket socket) {
     error_code e;
     socket.set_option(asio::ip::tcp::no_delay(true), e);
+    // What waits in the system is old when it comes: what is newest is chosen here, as late as can be.
+    socket.set_option(asio::socket_base::send_buffer_size(kSendBuffer_bytes), e);
     beast::tcp_stream stream(std::move(socket));
     beast::flat_buffer buffer(2 * kMostHead_bytes);
     for (bool again = true; again;) {

@@ -7,7 +7,8 @@ import { Languages, type LanguageList, type Words } from "./language";
 import { Link } from "./link";
 import { Scene } from "./scene";
 
-const VOLUMES_HZ = 25;
+const POSES_HZ = 30,
+  VOLUMES_HZ = 25;
 
 async function json<T>(path: string): Promise<T> {
   const response = await fetch(new URL(path, document.baseURI));
@@ -93,7 +94,11 @@ async function main(): Promise<void> {
     connected: (isConnected) => app.connected(isConnected),
   });
   const level = Math.min(5, Math.max(0, Math.trunc(Number(parameters.get("level") ?? 0)) || 0));
-  link.ask([{ kind: Kind.POSES }, { kind: Kind.VOLUMES, level, maxRateHz: VOLUMES_HZ }, { kind: Kind.STATUS }]);
+  link.ask([
+    { kind: Kind.POSES, maxRateHz: POSES_HZ },
+    { kind: Kind.VOLUMES, level, maxRateHz: VOLUMES_HZ },
+    { kind: Kind.STATUS },
+  ]);
 
   let running = true;
   const frame = () => {
@@ -122,7 +127,16 @@ async function main(): Promise<void> {
 // A touch held long, or two fingers, must not open menus or zoom the page on a kiosk.
 for (const name of ["contextmenu", "gesturestart", "dragstart"])
   addEventListener(name, (event) => event.preventDefault());
+/** A kiosk has nobody who presses a key: the page is loaded again once the gateway answers. */
+async function loadAgain(): Promise<void> {
+  for (;;) {
+    await new Promise((done) => setTimeout(done, 5_000));
+    const answer = await fetch(document.baseURI).catch(() => undefined);
+    if (answer?.ok) return location.reload();
+  }
+}
+
 main().catch((error: unknown) => {
   console.error(error);
-  setTimeout(() => location.reload(), 10_000); // a kiosk has nobody who presses a key
+  void loadAgain();
 });

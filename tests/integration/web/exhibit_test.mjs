@@ -1,0 +1,225 @@
+// The exhibit's page in headless Chromium, before a real daemon and gateway: connects, draws, speaks, invites, survives.
+//
+// usage: exhibit_test.mjs BUILD-FOLDER [--pictures FOLDER]
+import assert from "node:assert/strict";
+import { execFile, spawnSync } from "node:child_process";
+import { join } from "node:path";
+import {
+  cleanUp,
+  openBrowser,
+  skipWithoutChromium,
+  start,
+  startDaemon,
+  until,
+} from "../../support/exhibit_browser.mjs";
+
+skipWithoutChromium();
+const BUILD = process.argv[2];
+const PICTURES = process.argv[3] === "--pictures" ? process.argv[4] : undefined;
+const WEB = join(BUILD, "client/web/kinevox-web"),
+  DAEMON = join(BUILD, "server/daemon/kinevoxd"),
+  CLI = join(BUILD, "client/cli/kinevox");
+const PAGES = join(BUILD, "client/exhibit/page");
+const PICTURE = 5; // Kind of exhibit.proto
+
+const portOf = (program) => Number(program.address.split(":").pop());
+const kinevox = async (...words) => {
+  return new Promise((done) => execFile(CLI, words, (error) => done(error === null)));
+};
+
+let daemon = await startDaemon(DAEMON);
+let web = await start(WEB, "--server", daemon.address, "--listen", "127.0.0.1:0", "--pages", PAGES);
+const browser = await openBrowser();
+const context = await browser.newContext({ viewport: { width: 960, height: 540 }, hasTouch: true });
+const page = await context.newPage();
+const wrongs = [],
+  strangers = [];
+page.on("pageerror", (error) => wrongs.push(error.message));
+page.on("console", (message) => {
+  // A socket that is refused while the gateway is away is what this test is about.
+  if (message.type() === "error" && !/WebSocket connection/.test(message.text())) wrongs.push(message.text());
+});
+const origin = `http://${web.address}`;
+page.on("request", (request) => {
+  if (!request.url().startsWith(origin)) strangers.push(request.url());
+});
+const stats = () => page.evaluate(() => globalThis.kinevox?.stats());
+const banner = () =>
+  page.evaluate(() =>
+    document.getElementById("banner").hidden ? "" : document.getElementById("banner-words").textContent,
+  );
+const attract = () => page.evaluate(() => document.body.classList.contains("attract"));
+
+/** How many pixels of the screenshot's part look how: read by a page of its own. */
+const reader = await browser.newPage();
+async function pixels(clip, name) {
+  const options = { type: "png", ...(clip ? { clip } : {}) };
+  const shot = await page.screenshot(options);
+  if (PICTURES && name) await page.screenshot({ path: join(PICTURES, `${name}.png`) });
+  return reader.evaluate(async (data) => {
+    const image = new Image();
+    image.src = `data:image/png;base64,${data}`;
+    await image.decode();
+    const canvas = document.createElement("canvas");
+    ((canvas.width = image.width), (canvas.height = image.height));
+    const context = canvas.getContext("2d");
+    context.drawImage(image, 0, 0);
+    const { data: rgba } = context.getImageData(0, 0, canvas.width, canvas.height);
+    const out = { left: 0, right: 0, lit: 0, all: rgba.length / 4 };
+    for (let n = 0; n < rgba.length; n += 4) {
+      const [r, g, b] = [rgba[n], rgba[n + 1], rgba[n + 2]];
+      if (b > 110 && b > 1.35 * g && b > 1.8 * r) ++out.left;
+      if (r > 110 && r > 1.35 * g && g > 1.8 * b) ++out.right;
+      if (r + g + b > 150) ++out.lit;
+    }
+    return out;
+  }, shot.toString("base64"));
+}
+const MIDDLE = { x: 300, y: 60, width: 360, height: 420 }; // between the panels
+
+const steps = {
+  "tells in one line what is wrong with how it was started"() {
+    const wrong = [
+      [["--pages", "/nowhere"], /no folder \/nowhere; .*--pages/],
+      [["--pages", PAGES, "--listen", "nowhere"], /no HOST:PORT/],
+      [["--pages", PAGES, "--listen", web.address], /cannot listen on .*--listen/],
+      [["--ca", "/nowhere.pem"], /nowhere\.pem/],
+      [["--pictures"], /--pictures/],
+    ];
+    for (const [options, words] of wrong) {
+      const ran = spawnSync(WEB, options, { encoding: "utf8", timeout: 20_000 });
+      assert.equal(ran.status === 0, false);
+      assert.match(ran.stderr, words);
+      assert.equal(ran.stderr.split("\n").length, 2, ran.stderr);
+    }
+  },
+
+  async "connects and draws volume and skeleton"() {
+    await page.goto(`${origin}/?probe&level=1&lang=en`);
+    await until("a visitor and some volumes", async () => {
+      const s = await stats();
+      return s?.present && s.volumes > 4 && s.joints > 15;
+    });
+    await until("the panels", async () => !(await attract()));
+    await until("the body in the middle", async () => {
+      const seen = await pixels(MIDDLE, "visitor");
+      return seen.left > 150 && seen.right > 150 && seen.lit > 4000;
+    });
+    const s = await stats();
+    assert.equal(s.problem, "");
+    assert.equal(s.damaged, 0);
+    assert.match(await page.textContent("#angle-knee_flexion_l"), /^−?\d+°$/);
+    assert.match(await page.textContent("#volume-note"), /\d+ litres/);
+  },
+
+  async "compares with a champion chosen by touch"() {
+    await until("a score", async () => (await stats()).best > 0);
+    const name = await page.textContent("#champion-name");
+    await page.tap("#champions button:nth-child(3)");
+    await until("another champion", async () => (await page.textContent("#champion-name")) !== name);
+    await until("a score against him", async () => /^\d+ %$/.test(await page.textContent("#score-best")));
+    const duel = await page.locator("#duel").boundingBox();
+    const half = { x: duel.x + duel.width / 2, y: duel.y, width: duel.width / 2, height: duel.height };
+    for (const part of [{ ...half, x: duel.x }, half]) {
+      const seen = await pixels(part);
+      assert.ok(seen.left > 20 && seen.right > 20, `a figure on either side: ${JSON.stringify(seen)}`);
+    }
+  },
+
+  async "speaks the languages of its files"() {
+    for (const [button, lang, words] of [
+      ["Deutsch", "de", "Deine Gelenke"],
+      ["Français", "fr", "Tes articulations"],
+      ["English", "en", "Your joints"],
+    ]) {
+      await page.tap(`#languages button:text-is("${button}")`);
+      await until(words, async () => (await page.textContent("#angles h2")) === words);
+      assert.equal(await page.getAttribute("html", "lang"), lang);
+    }
+    const other = await context.newPage();
+    await other.goto(`${origin}/?lang=de`);
+    await until(
+      "German by the address",
+      async () => (await other.textContent("#invitation h1")) === "Tritt in den Raum",
+    );
+    await other.close();
+  },
+
+  async "gets no pictures"() {
+    await page.evaluate((kind) => globalThis.kinevox.ask(kind, "cam1"), PICTURE);
+    const refused = await until("a refusal", async () => (await stats()).refused[0]);
+    assert.match(refused, /^PERMISSION_DENIED: camera pictures are never given/);
+    await page.reload();
+    await until("a visitor again", async () => (await stats())?.present);
+  },
+
+  async "invites when nobody is there, and says why nothing comes"() {
+    assert.ok(await kinevox("stop", "--server", daemon.address));
+    await until("attract mode", attract);
+    await until("the capture's state", async () => (await banner()) === "The capture is stopped.");
+    assert.equal((await stats()).best, undefined, "the visitor is forgotten");
+    assert.match(await page.textContent("#angle-knee_flexion_l"), /^–$/);
+    await until("a champion's figure", async () => {
+      const seen = await pixels({ x: 480, y: 60, width: 480, height: 440 }, "attract");
+      return seen.left > 150 && seen.right > 150;
+    });
+    assert.ok(await kinevox("start", "--server", daemon.address));
+    await until("a visitor", async () => (await stats()).present && !(await attract()));
+    await until("no banner", async () => (await banner()) === "");
+  },
+
+  async "survives a restart of the gateway"() {
+    const port = portOf(web),
+      before = await stats();
+    assert.equal(await web.end(), 0, "SIGTERM ends it cleanly");
+    await until("that it is said", async () => (await banner()).startsWith("The connection is lost"));
+    web = await start(WEB, "--server", daemon.address, "--listen", `127.0.0.1:${port}`, "--pages", PAGES);
+    await until("more volumes", async () => (await stats()).volumes > before.volumes + 3);
+    assert.equal((await stats()).connections, before.connections + 1);
+    await until("no banner", async () => (await banner()) === "");
+  },
+
+  async "survives a daemon that is killed"() {
+    const port = portOf(daemon),
+      before = await stats();
+    await daemon.end("SIGKILL");
+    await until("that it is said", async () => (await banner()).startsWith("The capture does not answer"));
+    await until("attract mode", attract);
+    daemon = await startDaemon(DAEMON, { port });
+    await until("more volumes", async () => (await stats()).volumes > before.volumes + 3);
+    await until("a visitor", async () => (await stats()).present && (await banner()) === "");
+    assert.equal((await stats()).connections, before.connections, "the gateway was there all the time");
+  },
+
+  async "stores nothing and asks nobody else"() {
+    const kept = await page.evaluate(async () => ({
+      storage: localStorage.length + sessionStorage.length,
+      cookies: document.cookie,
+      databases: (await indexedDB.databases()).length,
+      caches: (await caches.keys()).length,
+    }));
+    assert.deepEqual(kept, { storage: 0, cookies: "", databases: 0, caches: 0 });
+    assert.deepEqual(strangers, []);
+    assert.deepEqual(wrongs, []);
+  },
+};
+
+let failed = 0;
+for (const [name, step] of Object.entries(steps)) {
+  const begin = Date.now();
+  try {
+    await step();
+    console.log(`ok: ${name} (${((Date.now() - begin) / 1000).toFixed(1)} s)`);
+  } catch (error) {
+    failed = 1;
+    console.log(
+      `FAILED: ${name}\n${error.stack}\n${JSON.stringify(await stats().catch(() => "no page"))}\n${wrongs.join("\n")}`,
+    );
+    break; // what follows builds on it
+  }
+}
+await browser.close();
+await web.end();
+await daemon.end();
+await cleanUp();
+process.exit(failed);
