@@ -120,6 +120,7 @@ for (let chunk = 0; chunk < CHUNKS; ++chunk) {
   );
   const now = await measured(page);
   heaps.push(now.heap_mb.toFixed(2));
+  if (process.stderr.isTTY) process.stderr.write(`\r${chunk + 1} of ${CHUNKS}`);
   if (chunk === WARM - 1) first = now;
   if (chunk === CHUNKS - 1) {
     row("page", "JavaScript heap, MB", first.heap_mb, now.heap_mb, MOST_HEAP_MB);

@@ -3,6 +3,7 @@ import type { Champion } from "./champions";
 import { Duel } from "./duel";
 import type { Languages } from "./language";
 import type { Visit } from "./visit";
+import { windowSize } from "./window_size";
 
 const byId = (id: string) => document.getElementById(id)!;
 
@@ -10,6 +11,7 @@ export class ChampionPanel {
   private readonly duel = new Duel(byId("duel") as HTMLCanvasElement);
   private readonly buttons = new Map<string, HTMLButtonElement>();
   private shown = "";
+  private drawn = "";
 
   constructor(
     private readonly champions: readonly Champion[],
@@ -28,22 +30,29 @@ export class ChampionPanel {
     byId("champion-name").textContent = byId("duel-name").textContent = languages.of(visit.champion.name);
     byId("champion-about").textContent = languages.of(visit.champion.about);
     for (const [id, button] of this.buttons) button.setAttribute("aria-pressed", String(id === visit.champion.id));
-    this.shown = "";
+    this.shown = this.drawn = "";
   }
 
   show(visit: Visit): void {
     const now = visit.now?.percent,
       best = visit.best?.score.percent;
+    this.showNumbers(now, best);
     // The figures change with the champion, with a better pose, and with the picture's size alone.
-    const state = `${visit.champion.id} ${visit.number} ${now} ${best} ${innerWidth} ${innerHeight}`;
-    if (state === this.shown) return;
-    this.shown = state;
+    const state = `${visit.champion.id} ${visit.number} ${best} ${windowSize.changes}`;
+    if (state === this.drawn) return;
+    this.drawn = state;
+    this.duel.draw(visit.best?.joints, visit.champion.joints, visit.best?.score.mirrored ?? false);
+  }
+
+  private showNumbers(now: number | undefined, best: number | undefined): void {
+    const numbers = `${now} ${best}`;
+    if (numbers === this.shown) return;
+    this.shown = numbers;
     byId("score-now").textContent = now === undefined ? "–" : String(now);
     byId("score-best").textContent = best === undefined ? "–" : `${best} %`;
     byId("ring-now").style.strokeDasharray = `${now ?? 0} 100`;
     byId("ring-best").style.strokeDasharray = `${best ?? 0} 100`;
     byId("ring-now").style.opacity = now ? "1" : "0"; // a round end would show at nothing
     byId("ring-best").style.opacity = best ? "1" : "0";
-    this.duel.draw(visit.best?.joints, visit.champion.joints, visit.best?.score.mirrored ?? false);
   }
 }

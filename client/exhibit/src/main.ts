@@ -6,6 +6,7 @@ import { Kind } from "./gen/kinevox/web/v1/exhibit_pb";
 import { Languages, type LanguageList, type Words } from "./language";
 import { Link } from "./link";
 import { Scene } from "./scene";
+import { windowSize } from "./window_size";
 
 const POSES_HZ = 30,
   VOLUMES_HZ = 25;
@@ -45,24 +46,25 @@ function markLanguage(languages: Languages): void {
 }
 
 /** The middle of what panels and words leave free, parts of the window. */
-function freeCentre(): readonly [number, number] {
+function freeCentre(wide: boolean): readonly [number, number] {
   const attract = document.body.classList.contains("attract");
-  if (innerWidth > innerHeight) return attract ? [0.71, 0.54] : [0.5, 0.54];
+  if (wide) return attract ? [0.71, 0.54] : [0.5, 0.54];
   return attract ? [0.5, 0.4] : [0.5, 0.31];
 }
 
 /** Follows the window's size at once, and the free middle slowly. */
 function fitter(scene: Scene): () => void {
-  let size = "";
+  let fitted = -1,
+    wide = true;
   let at: readonly [number, number] | undefined;
   return () => {
-    const now = `${innerWidth} ${innerHeight} ${devicePixelRatio}`,
-      to = freeCentre();
-    if (now !== size) {
-      size = now;
+    if (fitted !== windowSize.changes) {
+      fitted = windowSize.changes;
+      wide = innerWidth > innerHeight;
       scene.resize(innerWidth, innerHeight);
       at = undefined;
     }
+    const to = freeCentre(wide);
     if (at && Math.hypot(at[0] - to[0], at[1] - to[1]) < 1e-3) return;
     at = at ? [at[0] + 0.08 * (to[0] - at[0]), at[1] + 0.08 * (to[1] - at[1])] : to;
     scene.aim(...at);
