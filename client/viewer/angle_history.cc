@@ -50,6 +50,10 @@ std::optional<double> AngleHistory::newest_deg(const std::string& angle) const {
     return std::isnan(value) ? std::nullopt : std::optional<double>(value);
 }
 
+std::optional<std::int64_t> AngleHistory::newest_time_ns() const {
+    return instants_.empty() ? std::nullopt : std::optional(instants_.back().time_ns);
+}
+
 std::string AngleHistory::other_side(const std::string& angle) {
     std::string other = angle;
     if (angle.ends_with("_l"))

@@ -27,6 +27,7 @@ class AngleHistory {
     Series series(const std::string& angle) const;
     // Of the newest pose; nothing where it is withheld.
     std::optional<double> newest_deg(const std::string& angle) const;
+    std::optional<std::int64_t> newest_time_ns() const;
     // As they came, in their order.
     std::vector<std::string> names() const { return names_; }
     // The other side's: knee_flexion_l for knee_flexion_r; empty for an angle of the middle.

@@ -6,6 +6,7 @@
 #include <QVBoxLayout>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include <qcustomplot.h>
@@ -14,7 +15,10 @@ namespace kinevox::viewer {
 namespace {
 
 constexpr int kNumberHeight_pt = 30;
-constexpr double kLeastSpan_deg = 20;
+constexpr double kLeastSpan_deg = 20, kWindow_s = 6;
+// Texts of marks: how long one is, how high; in rows so that they do not cover each other.
+constexpr double kMarkText_s = 1.6, kMarkRow = 0.14;
+constexpr std::size_t kMarkRows = 4;
 const std::vector<std::string> kFirstChoice{"knee_flexion_l", "hip_flexion_l", "trunk_lean", "knee_flexion_l", "hip_flexion_l"};
 
 // knee_flexion_l: "knee flexion"
@@ -117,7 +121,7 @@ void AnglePanel::choose(const std::vector<std::string>& names) {
     offer(offered);
 }
 
-void AnglePanel::show_history(const AngleHistory& history) {
+void AnglePanel::show_history(const AngleHistory& history, const PlotMarks& marks) {
     offer(history.names());
     for (Number& n : numbers_) {
         const std::string name = n.choice->currentData().toString().toStdString(), other = AngleHistory::other_side(name);
@@ -127,29 +131,64 @@ void AnglePanel::show_history(const AngleHistory& history) {
         if (!other.empty()) n.right->setText(number(history.newest_deg(other)));
     }
     for (Curve& c : curves_) {
-        const std::string name = c.choice->currentData().toString().toStdString(), other = AngleHistory::other_side(name);
-        double low = 1e9, high = -1e9;
-        for (int side = 0; side < 2; ++side) {
-            const AngleHistory::Series series = history.series(side == 0 ? name : other);
-            QVector<double> t, v;
-            for (std::size_t i = 0; i < series.time_s.size(); ++i) {
-                if (series.time_s[i] < -window_s_) continue;
-                t.push_back(series.time_s[i]);
-                v.push_back(series.value_deg[i]);
-                if (std::isnan(series.value_deg[i])) continue;
-                low = std::min(low, series.value_deg[i]);
-                high = std::max(high, series.value_deg[i]);
-            }
-            c.plot->graph(side)->setData(t, v, true);
-        }
-        if (low > high) low = -10, high = 90;
-        const double middle = (low + high) / 2, half = std::max(kLeastSpan_deg, 1.15 * (high - low)) / 2;
-        c.plot->xAxis->setRange(-window_s_, 0);
-        c.plot->yAxis->setRange(middle - half, middle + half);
-        c.plot->graph(0)->setPen(QPen(other.empty() ? theme_.middle : theme_.left, 2));
-        const auto ratio = history.left_over_right(name);
-        c.ratio->setText(ratio ? tr("left / right  %1").arg(*ratio, 0, 'f', 2) : QString());
+        show_curve(c, history);
+        show_marks(c, history, marks);
         c.plot->replot(QCustomPlot::rpQueuedRefresh);
+    }
+}
+
+void AnglePanel::show_curve(Curve& c, const AngleHistory& history) {
+    const std::string name = c.choice->currentData().toString().toStdString(), other = AngleHistory::other_side(name);
+    double low = 1e9, high = -1e9;
+    for (int side = 0; side < 2; ++side) {
+        const AngleHistory::Series series = history.series(side == 0 ? name : other);
+        QVector<double> t, v;
+        for (std::size_t i = 0; i < series.time_s.size(); ++i) {
+            if (series.time_s[i] < -kWindow_s) continue;
+            t.push_back(series.time_s[i]);
+            v.push_back(series.value_deg[i]);
+            if (std::isnan(series.value_deg[i])) continue;
+            low = std::min(low, series.value_deg[i]);
+            high = std::max(high, series.value_deg[i]);
+        }
+        c.plot->graph(side)->setData(t, v, true);
+    }
+    if (low > high) low = -10, high = 90;
+    const double middle = (low + high) / 2, half = std::max(kLeastSpan_deg, 1.15 * (high - low)) / 2;
+    c.plot->xAxis->setRange(-kWindow_s, 0);
+    c.plot->yAxis->setRange(middle - half, middle + half);
+    c.plot->graph(0)->setPen(QPen(other.empty() ? theme_.middle : theme_.left, 2));
+    c.plot->graph(0)->setName(other.empty() ? label(name) : label(name) + tr(", left"));
+    c.plot->graph(1)->setName(label(name) + tr(", right"));
+    c.plot->graph(1)->setVisible(!other.empty());
+    const auto ratio = history.left_over_right(name);
+    c.ratio->setText(ratio ? tr("left / right  %1").arg(*ratio, 0, 'f', 2) : QString());
+}
+
+void AnglePanel::show_marks(Curve& c, const AngleHistory& history, const PlotMarks& marks) {
+    c.plot->clearItems();
+    const auto newest_ns = history.newest_time_ns();
+    if (!newest_ns) return;
+    std::array<double, kMarkRows> free_from_s;   // of each row of texts
+    free_from_s.fill(-2 * kWindow_s);
+    for (const PlotMark& mark : marks.between(*newest_ns - static_cast<std::int64_t>(1e9 * kWindow_s), *newest_ns)) {
+        const double at_s = 1e-9 * static_cast<double>(mark.time_ns - *newest_ns);
+        const QColor& colour = mark.coach ? theme_.good : theme_.faint;
+        auto* line = new QCPItemStraightLine(c.plot);   // the plot owns its items
+        line->point1->setCoords(at_s, 0);
+        line->point2->setCoords(at_s, 1);
+        line->setPen(QPen(colour, 1, Qt::DashLine));
+        auto* text = new QCPItemText(c.plot);
+        text->position->setTypeX(QCPItemPosition::ptPlotCoords);
+        text->position->setTypeY(QCPItemPosition::ptAxisRectRatio);
+        auto row = std::ranges::find_if(free_from_s, [&](double from_s) { return from_s <= at_s; });
+        if (row == free_from_s.end()) row = std::ranges::min_element(free_from_s);
+        *row = at_s + kMarkText_s;
+        text->position->setCoords(at_s, kMarkRow * static_cast<double>(row - free_from_s.begin()));
+        text->setPositionAlignment((at_s > -kMarkText_s ? Qt::AlignRight : Qt::AlignLeft) | Qt::AlignTop);
+        text->setPadding(QMargins(3, 1, 3, 1));
+        text->setText(QString::fromStdString(mark.text));
+        text->setColor(colour);
     }
 }
 
@@ -164,6 +203,9 @@ void AnglePanel::style(Curve& c) {
         axis->grid()->setPen(QPen(theme_.floor_lines));
         axis->grid()->setZeroLinePen(QPen(theme_.floor_axis));
     }
+    c.plot->legend->setBrush(theme_.background);
+    c.plot->legend->setBorderPen(QPen(theme_.faint));
+    c.plot->legend->setTextColor(theme_.text);
     c.plot->graph(0)->setPen(QPen(theme_.left, 2));
     c.plot->graph(1)->setPen(QPen(theme_.right, 2));
     c.plot->replot(QCustomPlot::rpQueuedRefresh);
@@ -175,11 +217,13 @@ void AnglePanel::set_theme(const Theme& theme) {
     for (Curve& c : curves_) style(c);
 }
 
-void AnglePanel::set_window_s(double seconds) { window_s_ = seconds; }
-
 bool AnglePanel::save_plot(int curve, const QString& file) const {
     QCustomPlot* plot = curves_.at(static_cast<std::size_t>(curve)).plot;
-    return file.endsWith(".pdf") ? plot->savePdf(file) : plot->savePng(file, 0, 0, 2);
+    plot->graph(1)->visible() ? plot->graph(1)->addToLegend() : plot->graph(1)->removeFromLegend();
+    plot->legend->setVisible(true);   // beside it on the screen, nowhere on paper
+    const bool saved = file.endsWith(".pdf") ? plot->savePdf(file) : plot->savePng(file, 0, 0, 2);
+    plot->legend->setVisible(false);
+    return saved;
 }
 
 }  // namespace kinevox::viewer

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "client/viewer/angle_history.h"
+#include "client/viewer/plot_marks.h"
 #include "client/viewer/theme.h"
 
 class QComboBox;
@@ -23,15 +24,14 @@ class AnglePanel final : public QWidget {
 
     explicit AnglePanel(QWidget* parent = nullptr);
 
-    // The history is read again.
-    void show_history(const AngleHistory& history);
+    // The history is read again; marks stand as lines in the curves.
+    void show_history(const AngleHistory& history, const PlotMarks& marks);
     void set_theme(const Theme& theme);
-    void set_window_s(double seconds);
 
     // Names as in angles.csv; for a pair the left one. kNumbers and then kCurves.
     std::vector<std::string> choices() const;
     void choose(const std::vector<std::string>& names);
-    // The curves as they are, PNG or PDF by the name's ending; false where that cannot be written.
+    // A curve as it is, with its marks and which side is which, PNG or PDF by the name's ending; false where that cannot be written.
     bool save_plot(int curve, const QString& file) const;
 
   signals:
@@ -50,12 +50,13 @@ class AnglePanel final : public QWidget {
     QComboBox* make_choice();
     void offer(const std::vector<std::string>& names);
     void style(Curve& curve);
+    void show_curve(Curve& curve, const AngleHistory& history);
+    void show_marks(Curve& curve, const AngleHistory& history, const PlotMarks& marks);
 
     std::vector<Number> numbers_;
     std::vector<Curve> curves_;
     std::vector<std::string> offered_, wanted_;
     Theme theme_ = Theme::make(true);
-    double window_s_ = 6;
 };
 
 }  // namespace kinevox::viewer

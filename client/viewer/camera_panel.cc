@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "client/viewer/status_words.h"
+
 namespace kinevox::viewer {
 namespace {
 
@@ -23,16 +25,8 @@ void CameraPanel::show_previews(std::map<std::string, QImage> pictures) {
 void CameraPanel::show_status(const v1::GetStatusResponse& status) {
     std::vector<Tile> tiles;
     for (const v1::CameraStatus& camera : status.cameras()) {
-        Tile tile{QString::fromStdString(camera.name()), {}, true};
-        if (camera.has_link() && !camera.link().problem().empty())
-            tile.trouble = tr("not there");
-        else if (!camera.has_picture())
-            tile.trouble = tr("no picture");
-        else if (camera.calibration_suspect())
-            tile.trouble = tr("seems to have moved");
-        else if (status.has_subject() && !camera.used())
-            tile.trouble = tr("disagrees");
-        tile.good = tile.trouble.isEmpty();
+        const CameraTrouble trouble = camera_trouble(camera, status.has_subject());
+        Tile tile{QString::fromStdString(camera.name()), tr(trouble.short_word.c_str()), trouble.gravity == 0};
         tiles.push_back(std::move(tile));
     }
     const auto same = [](const Tile& a, const Tile& b) { return a.name == b.name && a.trouble == b.trouble; };

@@ -4,12 +4,10 @@
 
 #include <fmt/format.h>
 
-#include "client/lib/client.h"
 
 namespace kinevox::viewer {
 namespace {
 
-constexpr const char* kOperator = "viewer";
 constexpr std::chrono::seconds kLongWork{60};   // learning, closing a recording
 
 std::string summary(const v1::Recording& r) {
@@ -21,7 +19,7 @@ std::string summary(const v1::Recording& r) {
 
 }  // namespace
 
-Commands::Commands(std::string server) : server_(std::move(server)) {
+Commands::Commands(client::ClientOptions options) : options_(std::move(options)) {
     thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
 }
 
@@ -36,7 +34,7 @@ bool Commands::ask(const QString& what, std::function<absl::Status(client::Clien
 }
 
 void Commands::run(const std::stop_token& stop) {
-    client::Client client({.server = server_});
+    client::Client client(options_);
     for (;;) {
         Asked asked;
         {

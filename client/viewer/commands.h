@@ -14,11 +14,11 @@
 #include <string>
 #include <thread>
 
-namespace kinevox::client {
-class Client;
-}
+#include "client/lib/client.h"
 
 namespace kinevox::viewer {
+
+inline constexpr const char* kOperator = "viewer";   // under which control is taken
 
 // Signals come on the thread here.
 class Commands final : public QObject {
@@ -27,7 +27,7 @@ class Commands final : public QObject {
   public:
     static constexpr std::size_t kMostWaiting = 8;
 
-    explicit Commands(std::string server);
+    explicit Commands(client::ClientOptions options);
     ~Commands() override;
 
     // `act` returns what to tell the coach, or why it failed. False where too much waits already.
@@ -64,7 +64,7 @@ class Commands final : public QObject {
     };
     void run(const std::stop_token& stop);
 
-    const std::string server_;
+    const client::ClientOptions options_;
     std::mutex mutex_;
     std::condition_variable_any changed_;
     std::deque<Asked> asked_;

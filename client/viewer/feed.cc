@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "client/lib/client.h"
 #include "common/body_pose.h"
 
 namespace kinevox::viewer {
@@ -49,7 +48,7 @@ ShownVolume shown(const client::VolumeFrame& frame) {
 
 }  // namespace
 
-Feed::Feed(std::string server) : server_(std::move(server)) {
+Feed::Feed(client::ClientOptions options) : options_(std::move(options)) {
     threads_.emplace_back([this](const std::stop_token& stop) { run_states(stop); });
     threads_.emplace_back([this](const std::stop_token& stop) { run_volumes(stop); });
     threads_.emplace_back([this](const std::stop_token& stop) { run_poses(stop); });
@@ -89,7 +88,7 @@ std::map<std::string, QImage> Feed::previews() const {
 Link Feed::link() const {
     const std::scoped_lock lock(mutex_);
     Link link;
-    link.server = server_;
+    link.server = options_.server;
     link.connected = connected_;
     link.problem = problem_;
     link.silent_s = std::chrono::duration<double>(Clock::now() - last_message_).count();
@@ -132,7 +131,7 @@ void Feed::until(const std::stop_token& stop, const std::function<absl::Status()
 }
 
 void Feed::run_volumes(const std::stop_token& stop) {
-    client::Client client({.server = server_});
+    client::Client client(options_);
     v1::StreamVolumesRequest request;
     request.set_max_rate_hz(kMostVolumes_hz);
     const client::StreamOptions options{.reconnect = true, .on_reconnect = {}, .stop = stop};
@@ -154,7 +153,7 @@ void Feed::run_volumes(const std::stop_token& stop) {
 }
 
 void Feed::run_poses(const std::stop_token& stop) {
-    client::Client client({.server = server_});
+    client::Client client(options_);
     const client::StreamOptions options{.reconnect = true, .on_reconnect = {}, .stop = stop};
     until(stop, [&] {
         return client.stream_poses(
@@ -175,13 +174,13 @@ void Feed::run_poses(const std::stop_token& stop) {
 }
 
 void Feed::run_events(const std::stop_token& stop) {
-    client::Client client({.server = server_});
+    client::Client client(options_);
     const client::StreamOptions options{.reconnect = true, .on_reconnect = {}, .stop = stop};
     until(stop, [&] {
         return client.watch_events(
             {},
             [this](const v1::WatchEventsResponse& event) {
-                emit event_came(event.kind(), QString::fromStdString(event.message()));
+                emit event_came(event.kind(), QString::fromStdString(event.message()), event.time_ns());
                 return true;
             },
             options);
@@ -189,7 +188,9 @@ void Feed::run_events(const std::stop_token& stop) {
 }
 
 void Feed::run_states(const std::stop_token& stop) {
-    client::Client client({.server = server_, .timeout = std::chrono::milliseconds(2000)});
+    client::ClientOptions impatient = options_;
+    impatient.timeout = std::chrono::milliseconds(2000);
+    client::Client client(impatient);
     std::string cameras_of;   // the source that the cameras were asked for
     while (!stop.stop_requested()) {
         auto status = client.status();
@@ -228,7 +229,7 @@ void Feed::run_states(const std::stop_token& stop) {
 }
 
 void Feed::run_preview(const std::string& camera, PreviewKind kind, const std::stop_token& stop) {
-    client::Client client({.server = server_});
+    client::Client client(options_);
     v1::StreamPreviewsRequest request;
     request.set_camera(camera);
     request.set_kind(kind == PreviewKind::kSilhouettes ? v1::StreamPreviewsRequest::KIND_SILHOUETTE

@@ -19,6 +19,7 @@
 #include <thread>
 #include <vector>
 
+#include "client/lib/client.h"
 #include "client/viewer/shown.h"
 #include "client/viewer/status_words.h"
 #include "common/camera.h"
@@ -41,10 +42,9 @@ class Feed final : public QObject {
 
   public:
     // Connects, and again whenever the daemon is gone, until it is destroyed.
-    explicit Feed(std::string server);
+    explicit Feed(client::ClientOptions options);
     ~Feed() override;
 
-    const std::string& server() const { return server_; }
     std::shared_ptr<const ShownVolume> volume() const;
     // Those that came since the last call, oldest first; the newest 512 at most.
     std::vector<std::shared_ptr<const ShownPose>> take_poses();
@@ -63,7 +63,7 @@ class Feed final : public QObject {
     void state_came();
     void cameras_came();
     void preview_came();
-    void event_came(int kind, const QString& message);   // v1::EventKind
+    void event_came(int kind, const QString& message, qint64 time_ns);   // v1::EventKind; UTC
 
   private:
     using Clock = std::chrono::steady_clock;
@@ -75,7 +75,7 @@ class Feed final : public QObject {
     void run_preview(const std::string& camera, PreviewKind kind, const std::stop_token& stop);
     void alive();
 
-    const std::string server_;
+    const client::ClientOptions options_;
     mutable std::mutex mutex_;
     std::shared_ptr<const ShownVolume> volume_;
     std::vector<std::shared_ptr<const ShownPose>> poses_;

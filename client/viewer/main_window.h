@@ -8,21 +8,29 @@
 #include <QStringList>
 #include <QTimer>
 
+#include <functional>
 #include <memory>
 
+#include "client/lib/connection_options.h"
 #include "client/viewer/angle_history.h"
 #include "client/viewer/feed.h"
+#include "client/viewer/plot_marks.h"
 #include "client/viewer/theme.h"
 
 class QAction;
+class QDockWidget;
 class QLabel;
 class QListWidget;
 
 namespace kinevox::viewer {
 
 class AnglePanel;
+class Calibration;
+class CalibrationPanel;
 class CameraPanel;
 class Commands;
+class Ghost;
+class GhostBar;
 class ReplayBar;
 class SceneView;
 
@@ -30,20 +38,23 @@ class MainWindow final : public QMainWindow {
     Q_OBJECT
 
   public:
-    explicit MainWindow(const QString& server);
+    // `connection` can be opened.
+    explicit MainWindow(const client::ConnectionOptions& connection);
     ~MainWindow() override;
 
-    // Another daemon in the place of this one.
-    void connect_to(const QString& server);
-    // What was seen and said is forgotten by QSettings' rules: organisation Kinevox, application viewer.
-    static QStringList recent_servers();
+    // Another daemon in the place of this one; it is remembered.
+    void connect_to(const client::ConnectionOptions& connection);
 
     SceneView& scene() { return *scene_; }
     AnglePanel& angles() { return *angles_; }
+    CalibrationPanel& calibration() { return *calibration_panel_; }
+    v1::WatchProcedureResponse calibration_progress() const;
     const Feed& feed() const { return *feed_; }
+    Ghost& ghost() { return *ghost_; }
     QString status_line() const;   // as it is shown, state, line and remedy
     QString last_answer() const { return last_answer_; }
 
+    void save_plots_in(const QString& folder);
     // The window as a picture, the scene with it.
     QImage picture();
 
@@ -53,6 +64,15 @@ class MainWindow final : public QMainWindow {
   private:
     void make_docks();
     void make_actions();
+    void make_view_actions();
+    void make_ghost_actions();
+    void make_replay_actions();
+    QAction* make_action(QMenu* menu, const char* name, const QString& text, const QKeySequence& key, std::function<void()> act);
+    QAction* make_toggle(QMenu* menu, const char* name, const QString& text, const QKeySequence& key, bool on,
+                         std::function<void(bool)> act);
+    void connect_feed();
+    void connect_commands();
+    void take_event(int kind, const QString& message, qint64 time_ns);
     void take_volume();
     void take_poses();
     void take_state();
@@ -65,19 +85,29 @@ class MainWindow final : public QMainWindow {
     void save_screenshot();
     void save_plots();
     void learn_background();
+    void mark();
+    void show_keys();
     void answered(const QString& message, bool good);
+    void busy_unless(bool taken);
     void replay_recording(const QString& name);
 
     std::unique_ptr<Feed> feed_;
     std::unique_ptr<Commands> commands_;
+    std::unique_ptr<Calibration> calibration_;
+    std::unique_ptr<Ghost> ghost_;
     AngleHistory history_;
+    PlotMarks marks_;
     Theme theme_;
 
     SceneView* scene_ = nullptr;
     QWidget* scene_widget_ = nullptr;
     AnglePanel* angles_ = nullptr;
     CameraPanel* cameras_ = nullptr;
+    CalibrationPanel* calibration_panel_ = nullptr;
+    QDockWidget* calibration_dock_ = nullptr;
     ReplayBar* replay_ = nullptr;
+    GhostBar* ghost_bar_ = nullptr;
+    QMenu *capture_menu_ = nullptr, *view_menu_ = nullptr, *ghost_menu_ = nullptr;
     QListWidget* recordings_ = nullptr;
     QLabel *state_label_ = nullptr, *line_label_ = nullptr, *remedy_label_ = nullptr;
     QAction *start_ = nullptr, *record_ = nullptr, *keep_ = nullptr;

@@ -5,10 +5,11 @@
 #include <QLabel>
 #include <QSignalBlocker>
 #include <QSlider>
-#include <QStyle>
 
 #include <algorithm>
 #include <cmath>
+
+#include "client/viewer/status_words.h"
 
 namespace kinevox::viewer {
 namespace {
@@ -19,7 +20,7 @@ constexpr double kSpeeds[] = {0.05, 0.1, 0.25, 0.5, 1, 2};
 
 ReplayBar::ReplayBar(QWidget* parent) : QToolBar(tr("Replay"), parent) {
     setObjectName("replay");
-    addAction(style()->standardIcon(QStyle::SP_MediaSkipBackward), tr("To the begin"), this, [this] { emit seek(0); });
+    addAction(tr("|◀"), this, [this] { emit seek(0); })->setToolTip(tr("To the begin"));
     addAction(tr("−1"), this, [this] { emit step(-1); })->setToolTip(tr("A frame back (Left)"));
     play_ = addAction(tr("Play"), this, [this] { emit play(!playing_); });
     play_->setToolTip(tr("Play or pause (Space)"));
@@ -45,7 +46,7 @@ ReplayBar::ReplayBar(QWidget* parent) : QToolBar(tr("Replay"), parent) {
 }
 
 void ReplayBar::show_replay(const v1::Replay& replay) {
-    const bool open = replay.state() != v1::REPLAY_STATE_LIVE && replay.state() != v1::REPLAY_STATE_UNSPECIFIED;
+    const bool open = replayed(&replay);
     setVisible(open);
     if (!open) return;
     playing_ = replay.state() == v1::REPLAY_STATE_PLAYING;

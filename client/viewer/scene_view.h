@@ -36,7 +36,6 @@ class SceneView final : public QOpenGLWindow {
     OrbitCamera& eye() { return eye_; }
     void look(Look from);
     void set_following(bool on);
-    bool following() const { return following_; }
 
     // From a volume's capture until it was on the screen, median of the newest 128; nothing before the first. Where the
     // times are not of now, as in a replay, they are not looked at.

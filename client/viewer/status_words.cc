@@ -1,5 +1,8 @@
 #include "client/viewer/status_words.h"
 
+#include <algorithm>
+#include <functional>
+#include <utility>
 #include <vector>
 
 #include <fmt/format.h>
@@ -14,23 +17,14 @@ std::string plural(std::size_t n, const std::string& one) { return fmt::format("
 
 // The cameras' troubles, the worst first.
 std::vector<std::string> camera_troubles(const v1::GetStatusResponse& status) {
-    std::vector<std::string> troubles;
+    std::vector<CameraTrouble> found;
     for (const v1::CameraStatus& camera : status.cameras())
-        if (camera.has_link() && !camera.link().problem().empty())
-            troubles.push_back(fmt::format("{}: {}", camera.name(), camera.link().problem()));
-        else if (!camera.has_picture())
-            troubles.push_back(fmt::format("{} delivers no picture; see to its cable and its lens cap", camera.name()));
-    for (const v1::CameraStatus& camera : status.cameras())
-        if (camera.calibration_suspect())
-            troubles.push_back(fmt::format("{}: {}", camera.name(), camera.calibration_suspect_reason()));
-    for (const v1::CameraStatus& camera : status.cameras())
-        if (status.has_subject() && camera.has_picture() && !camera.used() && !camera.calibration_suspect())
-            troubles.push_back(fmt::format("{} disagrees with the others and is left out", camera.name()));
-    return troubles;
-}
-
-bool replayed(const v1::Replay* replay) {
-    return replay && replay->state() != v1::REPLAY_STATE_LIVE && replay->state() != v1::REPLAY_STATE_UNSPECIFIED;
+        if (CameraTrouble trouble = camera_trouble(camera, status.has_subject()); trouble.gravity > 0)
+            found.push_back(std::move(trouble));
+    std::ranges::stable_sort(found, std::greater(), &CameraTrouble::gravity);
+    std::vector<std::string> lines;
+    for (CameraTrouble& trouble : found) lines.push_back(std::move(trouble.line));
+    return lines;
 }
 
 std::string state_word(const v1::GetStatusResponse& status, const v1::Replay* replay) {
@@ -47,6 +41,22 @@ std::string state_word(const v1::GetStatusResponse& status, const v1::Replay* re
 }
 
 }  // namespace
+
+bool replayed(const v1::Replay* replay) {
+    return replay && replay->state() != v1::REPLAY_STATE_LIVE && replay->state() != v1::REPLAY_STATE_UNSPECIFIED;
+}
+
+CameraTrouble camera_trouble(const v1::CameraStatus& camera, bool subject) {
+    if (camera.has_link() && !camera.link().problem().empty())
+        return {"not there", fmt::format("{}: {}", camera.name(), camera.link().problem()), 3};
+    if (!camera.has_picture())
+        return {"no picture", fmt::format("{} delivers no picture; see to its cable and its lens cap", camera.name()), 3};
+    if (camera.calibration_suspect())
+        return {"seems to have moved", fmt::format("{}: {}", camera.name(), camera.calibration_suspect_reason()), 2};
+    if (subject && !camera.used())
+        return {"disagrees", fmt::format("{} disagrees with the others and is left out", camera.name()), 1};
+    return {};
+}
 
 Words in_words(const Link& link, const v1::GetStatusResponse* status, const v1::GetRecorderStatusResponse* recorder,
                const v1::Replay* replay) {
@@ -76,7 +86,7 @@ Words in_words(const Link& link, const v1::GetStatusResponse* status, const v1::
     }
     words.line = fmt::format("{}", fmt::join(parts, "  ·  "));
 
-    const std::vector<std::string> troubles = runs ? camera_troubles(*status) : std::vector<std::string>{};
+    const std::vector<std::string> troubles = runs && status->results() > 0 ? camera_troubles(*status) : std::vector<std::string>{};
     if (live && link.silent_s > kLongSilence_s) {
         words.mood = Mood::kBad;
         words.state = "Stalled";

@@ -16,7 +16,6 @@ struct Link {
     std::string problem;            // why not, one line
     double silent_s = 0;            // since the last message of any kind
     std::optional<double> delay_ms; // from the capture to the painted picture, median
-    double painted_per_second = 0;  // volumes
 };
 
 enum class Mood { kGood, kCare, kBad };
@@ -27,6 +26,17 @@ struct Words {
     std::string line;    // rate, delay, cameras
     std::string remedy;  // what is wrong and what to do; empty where nothing is
 };
+
+// Whether a recording stands in the cameras' place.
+bool replayed(const v1::Replay* replay);
+
+struct CameraTrouble {
+    std::string short_word;   // for its picture
+    std::string line;         // what it is and what to do
+    int gravity = 0;          // 0: nothing is wrong; the most is the worst
+};
+// `subject`: somebody is tracked, so that cameras can be compared.
+CameraTrouble camera_trouble(const v1::CameraStatus& camera, bool subject);
 
 // `status`, `recorder`, `replay`: the newest that came; null: none yet.
 Words in_words(const Link& link, const v1::GetStatusResponse* status, const v1::GetRecorderStatusResponse* recorder,

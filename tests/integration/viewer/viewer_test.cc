@@ -1,70 +1,28 @@
-// The viewer's window against a real daemon: what a coach does, in a display of its own. Its pictures stay in the build
-// folder, to be looked at.
-#include <QAction>
-#include <QApplication>
+// The viewer's window against a real daemon: what a coach does.
 #include <QListWidget>
-#include <QTest>
-
-#include <signal.h>
 
 #include "client/viewer/angle_panel.h"
-#include "client/viewer/main_window.h"
-#include "client/viewer/scene_view.h"
-#include "tests/integration/daemon/daemon_fixture.h"
+#include "client/viewer/ghost.h"
+#include "client/viewer/ghost_bar.h"
+#include "client/viewer/replay_bar.h"
+#include "tests/integration/viewer/viewer_fixture.h"
 
 namespace kinevox::viewer {
 namespace {
 
-constexpr int kSoon_ms = 20'000;
-
-// Pixels of the scene that are coloured, as only the person is.
-int coloured_pixels(const QImage& picture) {
-    int count = 0;
-    for (int y = 0; y < picture.height(); ++y)
-        for (int x = 0; x < picture.width(); ++x) {
-            const QColor c = picture.pixelColor(x, y);
-            if (c.hsvSaturation() > 60 && c.value() > 40) ++count;
+// Somebody as stiff as a post who goes along x, 1 m/s.
+std::string walking_joints() {
+    std::string csv = "frame,time_s";
+    for (const std::string_view joint : kJointNames) csv += fmt::format(",{0}_x,{0}_y,{0}_z", joint);
+    for (int n = 0; n < 100; ++n) {
+        csv += fmt::format("\n{},{}", n, 0.02 * n);
+        for (std::size_t j = 0; j < kJointNames.size(); ++j) {
+            const double side = kJointNames[j].ends_with("_l") ? 0.2 : kJointNames[j].ends_with("_r") ? -0.2 : 0;
+            csv += fmt::format(",{},{},{}", 0.02 * n, side, 1.7 - 0.08 * static_cast<double>(j % 12));
         }
-    return count;
+    }
+    return csv + "\n";
 }
-
-int differing_pixels(const QImage& a, const QImage& b) {
-    int count = 0;
-    for (int y = 0; y < std::min(a.height(), b.height()); ++y)
-        for (int x = 0; x < std::min(a.width(), b.width()); ++x) count += a.pixel(x, y) != b.pixel(x, y);
-    return count;
-}
-
-class ViewerTest : public testing::DaemonTest {
-  protected:
-    static std::string config(const std::string& listen, const std::filesystem::path& recordings) {
-        return session_config(listen, fmt::format("pacing = \"real_time\"\nloop = true\n[recording]\nfolder = \"{}\"\nkeep_last_s = 2\nleast_free_mb = 1\n",
-                                                  recordings.string()),
-                              "database = \"\"\nfit_body = false");
-    }
-    void show() {
-        window_ = std::make_unique<MainWindow>(QString::fromStdString(address_));
-        window_->show();
-        ASSERT_TRUE(QTest::qWaitForWindowExposed(window_.get(), kSoon_ms));
-        QApplication::setActiveWindow(window_.get());   // no window manager does it here; keys need it
-    }
-    bool wait(const std::function<bool()>& until, int limit_ms = kSoon_ms) { return QTest::qWaitFor(until, limit_ms); }
-    void press(const char* action) {
-        auto* found = window_->findChild<QAction*>(action);
-        ASSERT_TRUE(found && found->isEnabled()) << action << ": " << window_->status_line().toStdString();
-        found->trigger();
-    }
-    void keep_picture(const char* name) {
-        std::filesystem::create_directories(KINEVOX_VIEWER_PICTURES);
-        EXPECT_TRUE(window_->picture().save(QString("%1/%2.png").arg(KINEVOX_VIEWER_PICTURES, name)));
-    }
-    bool sees_a_person() {
-        return window_->feed().volume() && !window_->feed().volume()->points.empty() &&
-               coloured_pixels(window_->scene().grabFramebuffer()) > 300;
-    }
-
-    std::unique_ptr<MainWindow> window_;
-};
 
 TEST_F(ViewerTest, AnAthleteIsSeenWithoutADialogueAndTheSceneTurns) {
     const auto daemon = start_daemon(config("127.0.0.1:0", folder_.path() / "recordings"));
@@ -109,10 +67,10 @@ TEST_F(ViewerTest, RecordsAndReplays) {
     auto* record = window_->findChild<QAction*>("record");
     ASSERT_TRUE(wait([&] { return record->isEnabled(); }));
     press("record");
-    ASSERT_TRUE(wait([&] { return window_->status_line().contains("recording \""); })) << window_->status_line().toStdString();
+    ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("record")->text() == "Stop recording"; })) << window_->status_line().toStdString();
     QTest::qWait(1000);
     press("record");
-    auto* list = window_->findChild<QListWidget*>();
+    auto* list = window_->findChild<QListWidget*>("recordings");
     ASSERT_TRUE(wait([&] { return list->count() == 1 && record->text() == "Record"; })) << window_->status_line().toStdString();
     ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("keep")->isEnabled(); }));
     press("keep");
@@ -129,6 +87,63 @@ TEST_F(ViewerTest, RecordsAndReplays) {
     QTest::keyClick(window_.get(), Qt::Key_Left);
     EXPECT_TRUE(wait([&] { return window_->feed().volume()->recorded_frame == std::max<std::int64_t>(0, frame - 1); }))
         << frame << " " << window_->status_line().toStdString();
+}
+
+TEST_F(ViewerTest, AGhostIsLaidOverAReplayAndMarksStandInThePlots) {
+    const auto daemon = start_daemon(config("127.0.0.1:0", folder_.path() / "recordings"));
+    show();
+    ASSERT_TRUE(wait([&] { return sees_a_person(); })) << window_->status_line().toStdString();
+    auto* list = window_->findChild<QListWidget*>("recordings");
+    for (int recordings = 1; recordings <= 2; ++recordings) {
+        ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("record")->isEnabled(); }));
+        press("record");
+        ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("record")->text() == "Stop recording"; })) << window_->status_line().toStdString();
+        QTest::qWait(1500);
+        press("record");
+        ASSERT_TRUE(wait([&] { return list->count() == recordings; })) << window_->status_line().toStdString();
+    }
+
+    // Live, the ghost stands at its event until the moment is marked.
+    list->setCurrentRow(1);
+    QTest::keyClick(window_.get(), Qt::Key_G);
+    ASSERT_TRUE(wait([&] { return window_->ghost().match().ghost() != nullptr; })) << window_->status_line().toStdString();
+    EXPECT_FALSE(window_->ghost().match().shown_event_s());
+    EXPECT_TRUE(window_->findChild<GhostBar*>()->isVisible());
+    QTest::keyClick(window_.get(), Qt::Key_M);
+    EXPECT_TRUE(window_->ghost().match().shown_event_s());
+    QTest::qWait(500);
+    keep_picture("ghost_live");
+    ASSERT_NO_FATAL_FAILURE(press("skeleton"));
+    ASSERT_NO_FATAL_FAILURE(press("skeleton"));
+    window_->save_plots_in(QString::fromStdString(folder_.path().string()));
+    EXPECT_GT(std::filesystem::file_size(folder_.path() / "knee_flexion_l.pdf"), 1000U);
+    EXPECT_FALSE(QImage(QString::fromStdString((folder_.path() / "knee_flexion_l.png").string())).isNull());
+    std::filesystem::copy_file(folder_.path() / "knee_flexion_l.png", std::string(KINEVOX_VIEWER_PICTURES) + "/plot.png",
+                               std::filesystem::copy_options::overwrite_existing);
+
+    // Replayed, with a ghost whose frames are known; stepping keeps both together.
+    window_->ghost().choose_file(QString::fromStdString(write("joints.csv", walking_joints())));
+    Q_EMIT list->itemActivated(list->item(0));
+    ASSERT_TRUE(wait([&] { return window_->findChild<ReplayBar*>()->isVisible(); })) << window_->last_answer().toStdString();
+    QTest::keyClick(window_.get(), Qt::Key_Space);
+    ASSERT_TRUE(wait([&] { return window_->status_line().startsWith("Replay, paused"); })) << window_->status_line().toStdString();
+    Q_EMIT window_->findChild<ReplayBar*>()->seek(0);
+    const GhostMatch& match = window_->ghost().match();
+    const auto ghost_x_m = [&] { return window_->ghost().pose()->joints_in_world[0].value_or(Vec3{-1, 0, 0}).x; };
+    ASSERT_TRUE(wait([&] { return match.shown_event_s() == 0.0 && ghost_x_m() == 0; })) << match.lack();
+    QTest::keyClick(window_.get(), Qt::Key_Right);   // frame sets lie 1/20 s apart, the ghost walks 1 m/s
+    EXPECT_TRUE(wait([&] { return std::abs(ghost_x_m() - 0.05) < 1e-6; })) << ghost_x_m();
+    QTest::keyClick(window_.get(), Qt::Key_Left);
+    EXPECT_TRUE(wait([&] { return ghost_x_m() == 0; })) << ghost_x_m();
+    QTest::keyClick(window_.get(), Qt::Key_Period);   // ahead
+    EXPECT_NEAR(ghost_x_m(), 0.02, 1e-6);
+    keep_picture("ghost");
+    press("no_ghost");
+    EXPECT_FALSE(window_->findChild<GhostBar*>()->isVisible());
+
+    // What is replayed, from where it stands.
+    QTest::keyClick(window_.get(), Qt::Key_G, Qt::ShiftModifier);
+    EXPECT_TRUE(wait([&] { return match.ghost() && match.ghost_event_s().value_or(-1) >= 0; })) << window_->status_line().toStdString();
 }
 
 TEST_F(ViewerTest, LosesTheDaemonSaysSoStaysSmoothAndFindsItAgain) {
@@ -171,13 +186,3 @@ TEST_F(ViewerTest, NobodyThereIsSaidInPlainWords) {
 
 }  // namespace
 }  // namespace kinevox::viewer
-
-int main(int argc, char** argv) {
-    ::testing::InitGoogleTest(&argc, argv);
-    const kinevox::testing::TemporaryFolder settings;
-    qputenv("XDG_CONFIG_HOME", settings.path().c_str());
-    QApplication application(argc, argv);
-    QApplication::setOrganizationName("Kinevox");
-    QApplication::setApplicationName("viewer");
-    return RUN_ALL_TESTS();
-}

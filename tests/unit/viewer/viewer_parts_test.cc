@@ -1,13 +1,19 @@
 // The viewer's parts that need neither a display nor a daemon.
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include "client/viewer/angle_history.h"
+#include "client/viewer/calibration_words.h"
+#include "client/viewer/ghost_match.h"
 #include "client/viewer/orbit_camera.h"
+#include "client/viewer/plot_marks.h"
 #include "client/viewer/status_words.h"
 #include "client/viewer/volume_points.h"
+#include "common/body_pose.h"
 
 namespace kinevox::viewer {
 namespace {
@@ -154,6 +160,7 @@ v1::GetStatusResponse running() {
     v1::GetStatusResponse status;
     status.set_state(v1::CAPTURE_STATE_RUNNING);
     status.set_source_fps(50);
+    status.set_results(1000);
     status.set_results_per_second(50);
     for (const char* name : {"cam1", "cam2"}) {
         v1::CameraStatus* camera = status.add_cameras();
@@ -216,6 +223,185 @@ TEST(StatusWordsTest, ARecordingThatLoses) {
     EXPECT_THAT(in_words(connected(), &status, &recorder, nullptr).line, HasSubstr("recording \"jump\" 12 s"));
     recorder.mutable_recording()->set_dropped(3);
     EXPECT_EQ(in_words(connected(), &status, &recorder, nullptr).mood, Mood::kCare);
+}
+
+constexpr double kTrial_hz = 50;
+
+// Somebody who walks along x; the left foot is in the air from 1.0 to 1.4 s, the right one from 1.6 to 2.0 s.
+GhostTrial walk(const std::string& name) {
+    GhostTrial trial{name, {}};
+    const auto foot = [](double t, double lift_s, double from_m) {
+        const double part = std::clamp((t - lift_s) / 0.4, 0.0, 1.0);
+        return Vec3{from_m + 0.8 * part, 0, 0.08 + 0.15 * std::sin(M_PI * part)};
+    };
+    for (int n = 0; n < 150; ++n) {
+        const double t = n / kTrial_hz;
+        GhostInstant instant{t, {}};
+        instant.joints_in_world[*joint_index("root")] = Vec3{0.3 * t, 0, 0.9 + 0.05 * std::sin(2 * t)};
+        instant.joints_in_world[*joint_index("ankle_l")] = foot(t, 1.0, 0);
+        instant.joints_in_world[*joint_index("ankle_r")] = foot(t, 1.6, 0.4);
+        trial.instants.push_back(instant);
+    }
+    return trial;
+}
+
+TEST(GhostTrialTest, FindsItsEvents) {
+    const GhostTrial trial = walk("a");
+    EXPECT_EQ(trial.time_of(TrialEvent::kBegin), 0);
+    EXPECT_NEAR(trial.time_of(TrialEvent::kLeftFootDown).value(), 1.4, 0.05);
+    EXPECT_NEAR(trial.time_of(TrialEvent::kRightFootDown).value(), 2.0, 0.05);
+    EXPECT_NEAR(trial.time_of(TrialEvent::kHighest).value(), M_PI / 4, 0.03);
+    EXPECT_NEAR(trial.time_of(TrialEvent::kLowest).value(), 3 * M_PI / 4, 0.03);
+    EXPECT_FALSE(trial.time_of(TrialEvent::kMark));
+    GhostTrial stands = trial;
+    stands.instants.resize(40);
+    EXPECT_FALSE(stands.time_of(TrialEvent::kLeftFootDown)) << "who stands puts no foot down";
+}
+
+TEST(GhostTrialTest, StandsBetweenItsFramesAndNowhereElse) {
+    const GhostTrial trial = walk("a");
+    EXPECT_NEAR(trial.at(0.51).value()[*joint_index("root")]->x, 0.3 * 0.51, 1e-9);
+    EXPECT_FALSE(trial.at(0.5).value()[*joint_index("elbow_l")]) << "nothing is invented";
+    EXPECT_FALSE(trial.at(-0.01));
+    EXPECT_FALSE(trial.at(3.0));
+}
+
+TEST(GhostTrialTest, IsReadFromBothKindsOfTables) {
+    for (const std::string unit : {"", "_m"}) {
+        std::string csv = "frame,time_s";
+        for (const std::string_view joint : kJointNames)
+            for (const char axis : {'x', 'y', 'z'}) csv += fmt::format(",{}_{}{}", joint, axis, unit);
+        csv += ",knee_flexion_l_deg\n";
+        for (int n = 0; n < 3; ++n) {
+            csv += fmt::format("{},{}", 10 + n, 0.2 + 0.02 * n);
+            for (std::size_t cell = 0; cell < 3 * kJointNames.size(); ++cell)
+                csv += cell < 3 ? "," : fmt::format(",{}", 0.1 * static_cast<double>(cell) + n);   // the first is withheld
+            csv += ",12.5\n";
+        }
+        const auto trial = parse_ghost_trial(csv, "t");
+        ASSERT_TRUE(trial.ok()) << trial.status();
+        ASSERT_EQ(trial->instants.size(), 3U);
+        EXPECT_NEAR(trial->instants[2].time_s, 0.04, 1e-9) << "since its first frame";
+        EXPECT_FALSE(trial->instants[0].joints_in_world[0]);
+        EXPECT_NEAR(trial->instants[1].joints_in_world[1]->y, 1.4, 1e-9);
+
+        EXPECT_THAT(std::string(parse_ghost_trial(csv + "13,0.1\n", "t.csv").status().message()), HasSubstr("t.csv, line 5"));
+        EXPECT_THAT(std::string(parse_ghost_trial("frame,time_s,root_x\n", "t.csv").status().message()), HasSubstr("no column root_y"));
+    }
+    EXPECT_FALSE(parse_ghost_trial("", "t.csv").ok());
+}
+
+ShownPose replayed_pose(std::int64_t frame) {
+    ShownPose p;
+    p.recorded_frame = frame;
+    p.capture_time_ns = 1'700'000'000'000'000'000 + frame;
+    p.joints_in_world[*joint_index("root")] = Vec3{5, 6, 1};
+    return p;
+}
+
+TEST(GhostMatchTest, AReplayAndItsGhostMeetAtTheirEvents) {
+    GhostMatch match;
+    const ShownPose at_frame_60 = replayed_pose(60);
+    const double now_s = shown_time_s(at_frame_60, 30);
+    EXPECT_DOUBLE_EQ(now_s, 2);
+    EXPECT_FALSE(match.ghost_time_s(now_s)) << "without a ghost";
+    match.set_ghost(std::make_shared<GhostTrial>(walk("ghost")));
+    EXPECT_DOUBLE_EQ(match.ghost_time_s(now_s).value(), 2) << "both from their begin";
+
+    // The replayed one is known beforehand: its first left step comes at 1.4 s, the ghost's right one at 2.0 s.
+    match.set_shown(std::make_shared<GhostTrial>(walk("replayed")));
+    match.set_events(TrialEvent::kRightFootDown, TrialEvent::kLeftFootDown);
+    EXPECT_NEAR(match.ghost_time_s(1.4).value(), 2.0, 0.1);
+    EXPECT_NEAR(match.ghost_time_s(1.4 + 1 / 30.).value() - match.ghost_time_s(1.4).value(), 1 / 30., 1e-9) << "a step";
+    match.set_offset_s(0.25);
+    EXPECT_NEAR(match.ghost_time_s(1.4).value(), 2.25, 0.1);
+
+    // Another recording: what was marked in the one before is forgotten.
+    match.mark_shown(0.5);
+    match.set_events(TrialEvent::kBegin, TrialEvent::kMark);
+    match.set_offset_s(0);
+    EXPECT_DOUBLE_EQ(match.ghost_time_s(0.7).value(), 0.2);
+    match.set_shown(nullptr);
+    EXPECT_FALSE(match.shown_event_s());
+    EXPECT_THAT(match.lack(), HasSubstr("press M"));
+    match.set_events(TrialEvent::kBegin, TrialEvent::kLeftFootDown);
+    EXPECT_FALSE(match.ghost_time_s(1)) << "nobody knows when that is";
+    EXPECT_THAT(match.lack(), HasSubstr("mark the moment"));
+}
+
+TEST(GhostMatchTest, LiveItWaitsForTheMarkAndThenRunsAlong) {
+    GhostMatch match;
+    match.set_ghost(std::make_shared<GhostTrial>(walk("ghost")));
+    match.set_events(TrialEvent::kLeftFootDown, TrialEvent::kMark);
+    const double now_s = 1e-9 * 1'700'000'000'000'000'000;
+    EXPECT_NEAR(match.ghost_time_s(now_s).value(), 1.4, 0.05) << "stands at its event";
+    EXPECT_DOUBLE_EQ(match.ghost_time_s(now_s + 5).value(), match.ghost_time_s(now_s).value());
+    match.mark_shown(now_s + 5);
+    EXPECT_NEAR(match.ghost_time_s(now_s + 5.3).value(), 1.7, 0.05);
+
+    const ShownPose shown = replayed_pose(0);
+    EXPECT_TRUE(match.pose(shown, now_s + 5.3).found);
+    EXPECT_FALSE(match.pose(shown, now_s + 60).found) << "over";
+    match.set_on_pelvis(true);
+    const Vec3 root = *match.pose(shown, now_s + 5.3).joints_in_world[*joint_index("root")];
+    EXPECT_DOUBLE_EQ(root.x, 5);
+    EXPECT_DOUBLE_EQ(root.y, 6);
+    EXPECT_NEAR(root.z, 0.9, 0.06) << "its own height";
+}
+
+TEST(PlotMarksTest, KeepsWhatACurveIsReadWith) {
+    PlotMarks marks;
+    marks.add_event(v1::EVENT_KIND_SUBJECT_LOST, 100);
+    marks.add_event(v1::EVENT_KIND_CONTROL_TAKEN, 150);
+    EXPECT_EQ(marks.add_mark(200), 1);
+    EXPECT_EQ(marks.add_mark(300), 2);
+    const auto seen = marks.between(100, 299);
+    ASSERT_EQ(seen.size(), 2U);
+    EXPECT_EQ(seen[0].text, "lost");
+    EXPECT_EQ(seen[1].text, "mark 1");
+    EXPECT_TRUE(seen[1].coach);
+    for (std::size_t n = 0; n < 2 * PlotMarks::kMost; ++n) marks.add_event(v1::EVENT_KIND_SUBJECT_FOUND, 1000);
+    EXPECT_EQ(marks.between(0, 2000).size(), PlotMarks::kMost);
+    marks.clear();
+    EXPECT_EQ(marks.add_mark(1), 1);
+}
+
+TEST(CalibrationWordsTest, EachStepSaysWhatToDo) {
+    for (const CalibrationKindWords& kind : calibration_kinds())
+        for (const CalibrationStep step : {CalibrationStep::kStarting, CalibrationStep::kEmptyScene, CalibrationStep::kBoardOnFloor,
+                                           CalibrationStep::kMoving, CalibrationStep::kSolving})
+            EXPECT_THAT(instruction(kind.kind, step), Not(IsEmpty()));
+    EXPECT_THAT(instruction(v1::PROCEDURE_KIND_EXTRINSICS_WAND, CalibrationStep::kMoving), HasSubstr("wand"));
+    EXPECT_THAT(instruction(v1::PROCEDURE_KIND_REFINE_PERSON, CalibrationStep::kMoving), HasSubstr("Walk"));
+}
+
+TEST(CalibrationWordsTest, AnotherProgramsProcedureIsFollowed) {
+    v1::WatchProcedureResponse progress;
+    EXPECT_EQ(step_of(progress), CalibrationStep::kNone);
+    progress.set_state(v1::PROCEDURE_STATE_COLLECTING);
+    EXPECT_EQ(step_of(progress), CalibrationStep::kStarting);
+    progress.set_live(true);
+    progress.set_taking(v1::LiveObservations::WHAT_BOARD_ON_FLOOR);
+    EXPECT_EQ(step_of(progress), CalibrationStep::kBoardOnFloor);
+    progress.set_state(v1::PROCEDURE_STATE_SOLVING);
+    EXPECT_EQ(step_of(progress), CalibrationStep::kSolving);
+    progress.set_state(v1::PROCEDURE_STATE_SOLVED);
+    EXPECT_EQ(step_of(progress), CalibrationStep::kNone);
+}
+
+TEST(CalibrationWordsTest, TheCertificateSaysWhatIsKnownAndNothingElse) {
+    v1::Certificate certificate;
+    EXPECT_EQ(certificate_figures(certificate).size(), 1U) << "the floor alone";
+    certificate.set_held_out_rms_px(0.371);
+    certificate.set_scale_bias_mm_per_m(-1.26);
+    const auto figures = certificate_figures(certificate);
+    EXPECT_EQ(figures[0].second, "0.37 pixels");
+    EXPECT_EQ(figures[1].second, "-1.3 mm in a metre");
+    v1::CertificateFinding finding;
+    finding.set_camera("cam2");
+    finding.set_reason("it was knocked");
+    finding.set_remedy("calibrate again");
+    EXPECT_EQ(finding_line(finding), "camera cam2: it was knocked; calibrate again");
 }
 
 }  // namespace

@@ -1,0 +1,72 @@
+// Calibrating in the window: which procedure, what to do now in large letters, how much each camera has seen,
+// and the stored calibrations.
+#pragma once
+
+#include <QPointer>
+#include <QWidget>
+
+#include "client/viewer/calibration.h"
+#include "client/viewer/theme.h"
+
+class QCheckBox;
+class QComboBox;
+class QDoubleSpinBox;
+class QLabel;
+class QLineEdit;
+class QListWidget;
+class QProgressBar;
+class QPushButton;
+class QStackedWidget;
+class QTableWidget;
+
+namespace kinevox::viewer {
+
+class CertificateView;
+
+class CalibrationPanel final : public QWidget {
+    Q_OBJECT
+
+  public:
+    explicit CalibrationPanel(QWidget* parent = nullptr);
+    // Of the daemon that is shown; another takes the place of the one before.
+    void set_calibration(Calibration* calibration);
+    void set_theme(const Theme& theme);
+    CertificateView& certificate() { return *certificate_; }
+
+  signals:
+    void answered(const QString& message, bool good);
+
+  protected:
+    void showEvent(QShowEvent* event) override;
+    void hideEvent(QHideEvent* event) override;
+
+  private:
+    QWidget* make_choice();
+    QWidget* make_guide();
+    QWidget* make_stored();
+    void show_choice();
+    void show_progress();
+    void show_cameras(const v1::WatchProcedureResponse& progress);
+    void show_stored();
+    void begin();
+    void apply(const std::string& id);
+    std::string chosen_id() const;
+
+    QPointer<Calibration> calibration_;
+    Theme theme_ = Theme::make(true);
+    QStackedWidget* pages_ = nullptr;
+    QComboBox *kind_ = nullptr, *board_ = nullptr;
+    QLabel *purpose_ = nullptr, *board_label_ = nullptr, *wand_label_ = nullptr, *height_label_ = nullptr;
+    QLineEdit* wand_ = nullptr;
+    QDoubleSpinBox* height_ = nullptr;
+    QCheckBox* floor_ = nullptr;
+    QPushButton *begin_ = nullptr, *enough_ = nullptr, *cancel_ = nullptr;
+    QLabel *instruction_ = nullptr, *hint_ = nullptr;
+    QProgressBar* part_ = nullptr;
+    QTableWidget* cameras_ = nullptr;
+    QListWidget* stored_ = nullptr;
+    QPushButton *show_ = nullptr, *apply_ = nullptr, *undo_ = nullptr, *remove_ = nullptr;
+    CertificateView* certificate_ = nullptr;
+};
+
+}  // namespace kinevox::viewer

@@ -1,0 +1,67 @@
+// The viewer's window on a real daemon, in a display of its own. Its pictures stay in the build folder, to be looked at.
+#pragma once
+
+#include <QAction>
+#include <QApplication>
+#include <QTest>
+
+#include <signal.h>
+
+#include "client/viewer/main_window.h"
+#include "client/viewer/scene_view.h"
+#include "tests/integration/daemon/daemon_fixture.h"
+
+namespace kinevox::viewer {
+
+inline constexpr int kSoon_ms = 20'000;
+
+// Pixels of the scene that are coloured, as only the person is.
+inline int coloured_pixels(const QImage& picture) {
+    int count = 0;
+    for (int y = 0; y < picture.height(); ++y)
+        for (int x = 0; x < picture.width(); ++x) {
+            const QColor c = picture.pixelColor(x, y);
+            if (c.hsvSaturation() > 60 && c.value() > 40) ++count;
+        }
+    return count;
+}
+
+inline int differing_pixels(const QImage& a, const QImage& b) {
+    int count = 0;
+    for (int y = 0; y < std::min(a.height(), b.height()); ++y)
+        for (int x = 0; x < std::min(a.width(), b.width()); ++x) count += a.pixel(x, y) != b.pixel(x, y);
+    return count;
+}
+
+class ViewerTest : public testing::DaemonTest {
+  protected:
+    static std::string config(const std::string& listen, const std::filesystem::path& recordings) {
+        return session_config(listen, fmt::format("pacing = \"real_time\"\nloop = true\n[recording]\nfolder = \"{}\"\nkeep_last_s = 2\nleast_free_mb = 1\n",
+                                                  recordings.string()),
+                              "database = \"\"\nfit_body = false");
+    }
+    void show() {
+        window_ = std::make_unique<MainWindow>(client::ConnectionOptions{.server = address_, .files = {}});
+        window_->show();
+        ASSERT_TRUE(QTest::qWaitForWindowExposed(window_.get(), kSoon_ms));
+        QApplication::setActiveWindow(window_.get());   // no window manager does it here; keys need it
+    }
+    bool wait(const std::function<bool()>& until, int limit_ms = kSoon_ms) { return QTest::qWaitFor(until, limit_ms); }
+    void press(const char* action) {
+        auto* found = window_->findChild<QAction*>(action);
+        ASSERT_TRUE(found && found->isEnabled()) << action << ": " << window_->status_line().toStdString();
+        found->trigger();
+    }
+    void keep_picture(const char* name) {
+        std::filesystem::create_directories(KINEVOX_VIEWER_PICTURES);
+        EXPECT_TRUE(window_->picture().save(QString("%1/%2.png").arg(KINEVOX_VIEWER_PICTURES, name)));
+    }
+    bool sees_a_person() {
+        return window_->feed().volume() && !window_->feed().volume()->points.empty() &&
+               coloured_pixels(window_->scene().grabFramebuffer()) > 300;
+    }
+
+    std::unique_ptr<MainWindow> window_;
+};
+
+}  // namespace kinevox::viewer

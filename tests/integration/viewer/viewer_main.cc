@@ -1,0 +1,16 @@
+// Settings of its own, so that nobody's are read or changed.
+#include <QApplication>
+
+#include <gtest/gtest.h>
+
+#include "tests/support/small_session.h"
+
+int main(int argc, char** argv) {
+    ::testing::InitGoogleTest(&argc, argv);
+    const kinevox::testing::TemporaryFolder settings;
+    qputenv("XDG_CONFIG_HOME", settings.path().c_str());
+    QApplication application(argc, argv);
+    QApplication::setOrganizationName("Kinevox");
+    QApplication::setApplicationName("viewer");
+    return RUN_ALL_TESTS();
+}

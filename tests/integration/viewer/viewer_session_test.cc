@@ -1,0 +1,79 @@
+// The viewer on a recorded session of a real athlete, and on the virtual studio as a newcomer finds it.
+#include <QListWidget>
+
+#include <cstdlib>
+
+#include "client/viewer/replay_bar.h"
+#include "tests/integration/viewer/viewer_fixture.h"
+
+namespace kinevox::viewer {
+namespace {
+
+class ViewerSessionTest : public ViewerTest {
+  protected:
+    // Connects, orbits, plots, records, replays, loses the daemon and finds it again.
+    void use(const std::function<std::string(const std::string& listen)>& config, const std::string& name) {
+        auto daemon = start_daemon(config("127.0.0.1:0"));
+        const std::string address = address_;
+        show();
+        ASSERT_TRUE(wait([&] { return sees_a_person(); }, 2 * kSoon_ms)) << window_->status_line().toStdString();
+        SceneView& scene = window_->scene();
+        const QPoint middle(scene.width() / 2, scene.height() / 2);
+        const float azimuth = scene.eye().azimuth_deg;
+        QTest::mousePress(&scene, Qt::LeftButton, {}, middle);
+        QTest::mouseMove(&scene, middle + QPoint(90, 0));
+        QTest::mouseRelease(&scene, Qt::LeftButton, {}, middle + QPoint(90, 0));
+        QTest::qWait(50);
+        EXPECT_NE(scene.eye().azimuth_deg, azimuth);
+        ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("record")->isEnabled(); }));
+        press("record");
+        ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("record")->text() == "Stop recording"; })) << window_->status_line().toStdString();
+        QTest::keyClick(window_.get(), Qt::Key_M);
+        QTest::qWait(3000);
+        keep_picture((name + "_live").c_str());
+        window_->save_plots_in(QString::fromStdString(folder_.path().string()));
+        EXPECT_GT(std::filesystem::file_size(folder_.path() / "knee_flexion_l.png"), 1000U);
+        press("record");
+        auto* list = window_->findChild<QListWidget*>("recordings");
+        ASSERT_TRUE(wait([&] { return list->count() == 1; }, 2 * kSoon_ms)) << window_->status_line().toStdString();
+        Q_EMIT list->itemActivated(list->item(0));
+        ASSERT_TRUE(wait([&] { return window_->findChild<ReplayBar*>()->isVisible(); }, 3 * kSoon_ms)) << window_->last_answer().toStdString();
+        Q_EMIT window_->findChild<ReplayBar*>()->speed(0.1);   // so that no machine leaves frames out and begins anew
+        ASSERT_TRUE(wait([&] { return window_->status_line().startsWith("Replay") && window_->feed().volume()->recorded_frame && sees_a_person(); },
+                         2 * kSoon_ms))
+            << window_->status_line().toStdString();
+        keep_picture((name + "_replay").c_str());
+
+        daemon->signal(SIGKILL);
+        daemon->wait(std::chrono::seconds(5));
+        EXPECT_TRUE(wait([&] { return window_->status_line().startsWith("No connection"); })) << window_->status_line().toStdString();
+        const std::uint64_t last = window_->feed().volume()->sequence;
+        daemon = start_daemon(config(address));
+        EXPECT_TRUE(wait([&] { return window_->feed().volume()->sequence != last && sees_a_person(); }, 2 * kSoon_ms))
+            << window_->status_line().toStdString();
+    }
+    std::string recording() const {
+        return fmt::format("[pose]\ndatabase = \"\"\nfit_body = false\n[recording]\nfolder = \"{}\"\nleast_free_mb = 1\n",
+                           (folder_.path() / "recordings").string());
+    }
+};
+
+TEST_F(ViewerSessionTest, ABalancingAthlete) {
+    const char* data = std::getenv("KINEVOX_TEST_DATA");
+    const auto session = std::filesystem::path(data ? data : "") / "balancing/session.toml";
+    if (!data || !std::filesystem::exists(session))
+        GTEST_SKIP() << "no balancing session: set KINEVOX_TEST_DATA to the folder that has balancing/session.toml";
+    use([&](const std::string& listen) {
+        return fmt::format("[server]\nlisten = \"{}\"\n[source]\nkind = \"session\"\nsession = \"{}\"\npacing = \"real_time\"\n"
+                           "loop = true\n", listen, session.string()) + recording();
+    }, "balancing");
+}
+
+TEST_F(ViewerSessionTest, TheVirtualStudio) {
+    use([&](const std::string& listen) {
+        return fmt::format("[server]\nlisten = \"{}\"\n[source.studio]\nwidth = 320\nheight = 240\nfps = 10.0\n", listen) + recording();
+    }, "studio");
+}
+
+}  // namespace
+}  // namespace kinevox::viewer
