@@ -19,6 +19,7 @@ pkg_check_modules(GRPC REQUIRED IMPORTED_TARGET grpc++)
 pkg_check_modules(ZSTD REQUIRED IMPORTED_TARGET libzstd)
 pkg_check_modules(LIBAV REQUIRED IMPORTED_TARGET libavcodec libavformat libavutil libswscale)   # the studio writes H.264
 pkg_check_modules(ARAVIS REQUIRED IMPORTED_TARGET aravis-0.8)   # GigE Vision and USB3 Vision cameras
+pkg_check_modules(SYSTEMD REQUIRED IMPORTED_TARGET libsystemd)       # readiness and watchdog of the service
 find_library(GRPC_REFLECTION_LIBRARY grpc++_reflection REQUIRED)   # has no pkg-config file in Debian
 if(KINEVOX_TESTS OR NOT DEFINED KINEVOX_TESTS)
   find_package(GTest REQUIRED)

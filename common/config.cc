@@ -72,8 +72,10 @@ void read_pipeline(const TomlTable& table, PipelineConfig& pipeline) {
     pipeline.threads = static_cast<int>(table.integer_or("threads", pipeline.threads, 0, 1024));
 }
 
-void read_segmentation(const TomlTable& table, SegmentationConfig& segmentation) {
+void read_segmentation(const TomlTable& table, const std::filesystem::path& folder, SegmentationConfig& segmentation) {
     segmentation.samples = static_cast<int>(table.integer_or("samples", segmentation.samples, 4, 255));
+    const std::string stored = table.text_or("stored_background", "");
+    if (table.has("stored_background")) segmentation.stored_background = resolved(stored, folder);
     segmentation.sharp_threshold = table.number_or("sharp_threshold", segmentation.sharp_threshold, {0, 1});
     segmentation.loose_threshold = table.number_or("loose_threshold", segmentation.loose_threshold, {0, 1});
     if (segmentation.loose_threshold > segmentation.sharp_threshold)
@@ -173,7 +175,7 @@ absl::StatusOr<DaemonConfig> parse_config_toml(const std::string& text, const st
     read_server(root.table_or_empty("server"), config.server);
     read_source(root.table_or_empty("source"), folder, check_files_exist, config.source);
     read_pipeline(root.table_or_empty("pipeline"), config.pipeline);
-    read_segmentation(root.table_or_empty("segmentation"), config.segmentation);
+    read_segmentation(root.table_or_empty("segmentation"), folder, config.segmentation);
     read_pose(root.table_or_empty("pose"), folder, check_files_exist, config.pose);
     read_calibration_config(root.table_or_empty("calibration"), folder, config.calibration);
     read_recording_config(root.table_or_empty("recording"), folder, config.recording);

@@ -60,6 +60,8 @@ struct SegmentationConfig {
     int samples = 32;               // of the background per pixel, N
     double sharp_threshold = 0.5;   // foreground probability from which a pixel is in the sharp silhouette
     double loose_threshold = 0.15;  // and in the loose one; not above sharp_threshold
+    // Folder where a background that live cameras showed is stored, absolute; empty: nowhere; not given: in the user's folder.
+    std::optional<std::filesystem::path> stored_background;
     bool operator==(const SegmentationConfig&) const = default;
 };
 

@@ -19,7 +19,9 @@
 #include "server/calibration/camera_watch.h"
 #include "server/cameras/session_source.h"
 #include "server/daemon/clocks.h"
+#include "server/daemon/service_clock.h"
 #include "server/daemon/setup.h"
+#include "server/daemon/stored_background.h"
 #include "server/pipeline/huge_pages.h"
 #include "server/pipeline/runner.h"
 #include "server/pipeline/stream_hub.h"
@@ -39,18 +41,25 @@ int fail(std::string message) {
 
 int fail(const absl::Status& status) { return fail(std::string(status.message())); }
 
-int serve(const DaemonConfig& config) {
+int serve(const DaemonConfig& given) {
     // Signals first, so that one that comes early is not lost.
     asio::io_context io(1);
     asio::signal_set signals(io, SIGTERM, SIGINT);
 
     // What can fail, before anyone is told that the daemon is there.
-    if (const absl::Status logging = set_up_logging(config.log); !logging.ok()) return fail(logging);
+    if (const absl::Status logging = set_up_logging(given.log); !logging.ok()) return fail(logging);
+    const DaemonConfig config = with_fitted_body(given);
+    StoredBackground background(background_folder(config), [](const std::string& what) { spdlog::info("{}", what); });
+    const auto open = [&config, &background]() -> absl::StatusOr<std::unique_ptr<FrameSource>> {
+        auto source = open_source(config.source);
+        if (!source.ok()) return source;
+        return background.restoring(*std::move(source));
+    };
     std::optional<oneapi::tbb::global_control> compute_threads;
     if (config.pipeline.threads > 0)
         compute_threads.emplace(oneapi::tbb::global_control::max_allowed_parallelism,
                                 static_cast<std::size_t>(config.pipeline.threads));
-    auto source = open_source(config.source);
+    auto source = open();
     if (!source.ok()) return fail(source.status());
     const auto options = pipeline_options(config);
     if (!options.ok()) return fail(options.status());
@@ -67,7 +76,7 @@ int serve(const DaemonConfig& config) {
     }
     ControlLease lease(lease_options(config.control));
     PoseStage* const pose_stage = (*pipeline)->pose_stage();
-    Runner runner(std::move(*source), [&config] { return open_source(config.source); }, std::move(*pipeline), hub);
+    Runner runner(std::move(*source), open, std::move(*pipeline), hub);
     BodyWatch body_watch;
     std::unique_ptr<LiveBodyFit> body_fit;
     if (pose_stage) {
@@ -100,7 +109,10 @@ int serve(const DaemonConfig& config) {
     if (!made_recorder.ok()) return fail(made_recorder.status());
     recorder = *std::move(made_recorder);
     runner.set_taps({[&](const FrameSet& frame_set) { recorder->offer(frame_set); },
-                     [&](EmptyScene pictures) { recorder->learned(std::move(pictures)); },
+                     [&](const EmptyScene& pictures) {
+                         background.store(runner.cameras(), runner.source_fps(), pictures);
+                         recorder->learned(pictures);
+                     },
                      [&] { recorder->capture_ended(); }});
     Replay replay(runner, make_replay_pipeline(*options, runner, poses ? &*poses : nullptr),
                   [&hub](std::string what) { hub.publish_event({EventKind::kReplay, 0, 0, {}, std::move(what)}, utc_now_ns()); });
@@ -143,6 +155,7 @@ int serve(const DaemonConfig& config) {
     // The clocks. Until here nothing ran by itself; from here on a signal ends io.run().
     StatusLog status_log(io, runner, hub);
     LeaseClock lease_clock(io, lease, hub);
+    ServiceClock service_clock(io, runner);
     signals.async_wait([&](const boost::system::error_code&, int signal) {
         spdlog::info("stopping on {}", signal == SIGINT ? "SIGINT" : "SIGTERM");
         signals.async_wait([](const boost::system::error_code&, int) {});   // a second one changes nothing
@@ -160,9 +173,11 @@ int serve(const DaemonConfig& config) {
     fmt::print("ready on {}:{}\n", host, (*server)->port());
     std::fflush(stdout);
     spdlog::info("kinevoxd {} serves {} on {}:{}", kVersion, describe(config.source), host, (*server)->port());
+    service_clock.ready();
     io.run();
 
     // Backwards. First all that waits is told, so that nothing below waits long.
+    service_clock.stop();
     (*server)->set_serving(false);
     runner.abort();
     if (poses) poses->close();

@@ -129,6 +129,26 @@ std::filesystem::path fitted_body_file(const PoseConfig& config) {
     return config.fitted_body ? *config.fitted_body : in_state_folder("body.toml");
 }
 
+DaemonConfig with_fitted_body(DaemonConfig config) {
+    const std::filesystem::path file = fitted_body_file(config.pose);
+    std::error_code error;
+    if (!config.pose.enabled || !config.pose.body.empty() || file.empty() || !std::filesystem::exists(file, error))
+        return config;
+    if (const auto body = read_body_shape(file); body.ok()) {
+        spdlog::info("the body that was fitted before is used, of {:.2f} m, from {}; `kinevox body fit` measures another",
+                     body->stature_m, file.string());
+        config.pose.body = file;
+    } else {
+        spdlog::warn("the body that was fitted before is not used: {}", std::string(body.status().message()));
+    }
+    return config;
+}
+
+std::filesystem::path background_folder(const DaemonConfig& config) {
+    if (config.source.kind != SourceConfig::Kind::kCameras) return {};
+    return config.segmentation.stored_background ? *config.segmentation.stored_background : in_state_folder("background");
+}
+
 std::filesystem::path calibration_folder(const CalibrationConfig& config) {
     return config.folder ? *config.folder : in_state_folder("calibrations");
 }

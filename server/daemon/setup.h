@@ -34,6 +34,12 @@ std::filesystem::path pose_database_file(const PoseConfig& config);
 // Where a fitted body is stored; empty: nowhere.
 std::filesystem::path fitted_body_file(const PoseConfig& config);
 
+// The same, with the body that was fitted and stored before where the configuration names none.
+DaemonConfig with_fitted_body(DaemonConfig config);
+
+// Where the background of live cameras is stored; empty: nowhere, as for other sources, which have their own.
+std::filesystem::path background_folder(const DaemonConfig& config);
+
 // Where calibrations are stored; empty: nowhere.
 std::filesystem::path calibration_folder(const CalibrationConfig& config);
 

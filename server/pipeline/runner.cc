@@ -1,5 +1,7 @@
 #include "server/pipeline/runner.h"
 
+#include <pthread.h>
+
 #include <algorithm>
 #include <chrono>
 
@@ -12,6 +14,13 @@ namespace {
 
 double ms_since(std::chrono::steady_clock::time_point start) {
     return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+}
+
+// As debuggers and `top -H` show it.
+void name_thread([[maybe_unused]] std::thread& thread, [[maybe_unused]] const char* name) {
+#ifdef __linux__
+    pthread_setname_np(thread.native_handle(), name);
+#endif
 }
 
 }  // namespace
@@ -115,8 +124,11 @@ absl::Status Runner::start() {
     set_state(RunState::kRunning);
     tell(EventKind::kStarted, "capture started");
     fetch_thread_ = std::thread([this] { fetch_loop(); });
+    name_thread(fetch_thread_, "fetching");
     reconstruct_thread_ = std::thread([this] { reconstruct_loop(); });
+    name_thread(reconstruct_thread_, "reconstructing");
     pose_thread_ = std::thread([this] { pose_loop(); });
+    name_thread(pose_thread_, "posing");
     return absl::OkStatus();
 }
 
@@ -246,7 +258,9 @@ void Runner::fetch_loop() {
 
 void Runner::reconstruct_loop() {
     while (std::optional<Fetched> fetched = fetched_.pop()) {
+        reconstructing_.take();
         absl::StatusOr<std::unique_ptr<Reconstruction>> reconstruction = reconstruct(*std::move(fetched));
+        reconstructing_.put_down();   // one that it cannot hand on is held up by the posing thread, which has its own
         if (reconstruction.ok() && *reconstruction == nullptr) continue;
         const bool last = !reconstruction.ok();
         if (!reconstructed_.push(std::move(reconstruction)) || last) return;
@@ -283,10 +297,16 @@ absl::StatusOr<std::unique_ptr<Reconstruction>> Runner::reconstruct(Fetched fetc
 void Runner::pose_loop() {
     while (auto reconstruction = reconstructed_.pop()) {
         if (!reconstruction->ok()) return end(reconstruction->status());
+        posing_.take();
         const absl::StatusOr<FrameResultPtr> result = feed_.pipeline->pose(**std::move(reconstruction));
+        if (result.ok()) publish(*result);
+        posing_.put_down();
         if (!result.ok()) return end(result.status());
-        publish(*result);
     }
+}
+
+std::chrono::nanoseconds Runner::longest_in_hand(InHand::Clock::time_point now) const {
+    return std::max(reconstructing_.held(now), posing_.held(now));
 }
 
 void Runner::publish(const FrameResultPtr& result) {

@@ -2,6 +2,7 @@
 // reconstructs the volume, the third finds the pose and publishes the result.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -16,6 +17,7 @@
 
 #include "server/cameras/frame_source.h"
 #include "server/pipeline/handover.h"
+#include "server/pipeline/in_hand.h"
 #include "server/pipeline/pipeline.h"
 #include "server/pipeline/run_statistics.h"
 #include "server/pipeline/stream_hub.h"
@@ -102,6 +104,8 @@ class Runner {
     };
     State state() const;
     RunFigures figures() const { return statistics_.figures(); }
+    // How long the frame set that is longest in the pipeline has been there; zero while it waits for one. Any thread.
+    std::chrono::nanoseconds longest_in_hand(InHand::Clock::time_point now = InHand::Clock::now()) const;
     // Of a live source's cameras, in the order of cameras(); empty for other sources and while nothing runs. Any thread.
     std::vector<CameraLink> camera_links() const;
 
@@ -154,6 +158,7 @@ class Runner {
 
     std::optional<std::int64_t> utc_minus_capture_ns_;   // of this run; the posing thread's own
     std::thread fetch_thread_, reconstruct_thread_, pose_thread_;
+    InHand reconstructing_, posing_;
 };
 
 }  // namespace kinevox

@@ -2,7 +2,6 @@
 
 #include <unistd.h>
 
-#include <cmath>
 #include <system_error>
 #include <utility>
 
@@ -10,7 +9,6 @@
 
 #include "common/recording_files.h"
 #include "server/recording/append_file.h"
-#include "server/recording/video_file.h"
 
 namespace kinevox {
 namespace {
@@ -73,26 +71,10 @@ void BackgroundClip::write(const std::vector<Camera>& cameras, double fps,
         if (!made.ok() || !made->lock()) return;
         lock_ = std::make_unique<Lock>(Lock{*std::move(made)});
     }
-    std::vector<fs::path> files;
-    for (std::size_t c = 0; c < cameras.size(); ++c) {
-        const fs::path video = own / (cameras[c].name + ".mkv");
-        fs::remove(video, error);   // a recording may hold the old one by another name
-        fs::remove(fs::path(video).replace_extension(".index"), error);
-        auto encoder = PictureEncoder::create(cameras[c], fps, VideoCodec::kUtVideo);
-        if (!encoder.ok()) return;
-        auto file = VideoFile::create(video, (*encoder)->format());
-        if (!file.ok()) return;
-        for (std::size_t n = 0; n < pictures[c].size(); ++n) {
-            if (stop.stop_requested()) return;
-            const auto encoded = (*encoder)->encode(pictures[c][n], true);
-            const auto time_ns = std::llround(1e9 * static_cast<double>(n) / fps);
-            if (!encoded.ok() || !(*file)->append(**encoded, time_ns).ok()) return;
-        }
-        (*file)->close().IgnoreError();
-        files.push_back(video);
-    }
+    auto files = write_empty_scene(own, cameras, fps, pictures, stop);
+    if (!files.ok()) return;
     const std::scoped_lock lock(mutex_);
-    files_ = std::move(files);
+    files_ = *std::move(files);
 }
 
 std::vector<fs::path> BackgroundClip::files(bool wait) {

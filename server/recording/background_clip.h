@@ -10,12 +10,9 @@
 #include <vector>
 
 #include "common/camera.h"
-#include "server/cameras/frame_source.h"
+#include "server/recording/empty_scene_files.h"
 
 namespace kinevox {
-
-// Per camera, the pictures of the empty scene.
-using EmptyScene = std::shared_ptr<const std::vector<std::vector<Picture>>>;
 
 // Any thread.
 class BackgroundClip {

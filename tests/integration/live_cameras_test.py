@@ -106,6 +106,26 @@ class LiveCameras(unittest.TestCase):
                 camera.vanish()
             self.assertGreaterEqual(camera.total("taken"), count)
 
+    def test_after_a_crash_the_background_is_there_again(self):
+        empty = Path(self.folder.name) / "empty"
+        empty.touch()
+        self.cameras = [FakeCamera(FAKE, n, ["--session", self.session, "--camera", name, "--empty-while", empty])
+                        for n, name in enumerate(NAMES, 1)]
+        text = cameras_toml(NAMES, self.calibration, 'trigger = "external"\npixel_format = "BayerRG8"\n') + LIGHT
+        daemon = Daemon(self.folder.name, text, BUILD / "server/daemon/kinevoxd", BUILD / "client/cli/kinevox")
+        wait_until("all deliver", lambda: all(link and link["connected"] for link in daemon.links()))
+        daemon.kinevox("learn-background", "--frames", "16")
+        stored = Path(self.folder.name) / "kinevox/background"
+        wait_until("it is stored", lambda: all((stored / f"{name}.index").is_file() for name in NAMES))
+        daemon.process.kill()
+        daemon.stop()
+        empty.unlink()   # from now on somebody stands there: it could not be learned again
+        daemon = Daemon(self.folder.name, text, BUILD / "server/daemon/kinevoxd", BUILD / "client/cli/kinevox")
+        wait_until("somebody is tracked", lambda: daemon.status().get("subject"))
+        learned = [event["message"] for event in daemon.events("background_learned")]
+        self.assertEqual(len(learned), 1, learned)
+        daemon.stop()
+
     def test_every_byte_is_as_it_was_sent_and_every_loss_counted(self):
         self.fakes("--loss", 0.02, "--lost-pictures", 0.05, "--jitter-ms", 30, "--first-block", 65450)
         seen, _ = self.probe(8, 'trigger = "external"\npixel_format = "Mono8"\n', None, "--pattern")

@@ -1,0 +1,29 @@
+// The files that the kernel and the system tell of themselves by. Below a root of their own in tests.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace kinevox::doctor {
+
+class Machine {
+  public:
+    explicit Machine(std::filesystem::path root = "/") : root_(std::move(root)) {}
+
+    // `path` from the machine's root: "proc/sys/net/core/rmem_max".
+    std::filesystem::path at(const std::string& path) const { return root_ / path; }
+    // Without the white space at its end; empty where it cannot be read.
+    std::string text(const std::string& path) const;
+    std::optional<long long> number(const std::string& path) const;   // with which it begins
+    bool exists(const std::string& path) const;
+    std::vector<std::string> names(const std::string& folder) const;   // in it, sorted
+    // The process of that name, and 0 for none.
+    int process(const std::string& name) const;
+
+  private:
+    std::filesystem::path root_;
+};
+
+}  // namespace kinevox::doctor
