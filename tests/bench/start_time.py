@@ -89,6 +89,7 @@ def restarts(build, runs):
     with tempfile.TemporaryDirectory() as folder:
         daemon = Daemon(build, folder, "[source.studio]\nfps = 15\n")
         daemon.start()
+        daemon.first_pose()
         daemon.kinevox("body", "fit")
         state = Path(folder) / "kinevox"
         until("the body is stored", lambda: (state / "body.toml").exists())

@@ -154,7 +154,8 @@ TEST_F(DoctorTest, TheDaemonsOwnLimitCountsWhereItRuns) {
     const std::string header = "Limit                     Soft Limit           Hard Limit           Units\n";
     write("proc/self/limits", header + "Max open files            1024                 524288               files");
     EXPECT_THAT(check_limits(facts()), ElementsAre(is(Level::kOk, "a program that you start may have 1024")));
-    write("proc/4711/comm", "kinevoxd");
+    write("proc/4711/comm", "exe");
+    write("proc/4711/cmdline", std::string("/usr/bin/kinevoxd\0--config", 26));
     write("proc/4711/limits", header + "Max open files            256                  524288               files");
     EXPECT_THAT(check_limits(facts()), ElementsAre(is(Level::kBad, "process 4711) may have only 256")));
 }

@@ -37,10 +37,13 @@ std::vector<std::string> Machine::names(const std::string& folder) const {
     return out;
 }
 
+// By its command: the kernel's own name of the daemon is that of the link by which it starts itself anew for huge pages.
 int Machine::process(const std::string& name) const {
-    for (const std::string& entry : names("proc"))
-        if (std::ranges::all_of(entry, [](unsigned char c) { return std::isdigit(c); }) && text("proc/" + entry + "/comm") == name)
-            return std::stoi(entry);
+    for (const std::string& entry : names("proc")) {
+        if (!std::ranges::all_of(entry, [](unsigned char c) { return std::isdigit(c); })) continue;
+        const std::string command = text("proc/" + entry + "/cmdline");
+        if (std::filesystem::path(command.substr(0, command.find('\0'))).filename() == name) return std::stoi(entry);
+    }
     return 0;
 }
 
