@@ -142,6 +142,12 @@ void read_control(const TomlTable& table, ControlConfig& control) {
                                control.lease_timeout_s, control.longest_lease_timeout_s));
 }
 
+void read_metrics(const TomlTable& table, MetricsConfig& metrics) {
+    metrics.listen = table.text_or("listen", metrics.listen);
+    if (metrics.listen.empty()) return;
+    if (const std::string problem = listen_address_problem(metrics.listen); !problem.empty()) table.fail("listen", problem);
+}
+
 void read_log(const TomlTable& table, const std::filesystem::path& folder, LogConfig& log) {
     log.level = table.choice_or("level", log.level, {"trace", "debug", "info", "warning", "error", "off"});
     log.file = resolved(table.text_or("file", ""), folder);
@@ -181,6 +187,7 @@ absl::StatusOr<DaemonConfig> parse_config_toml(const std::string& text, const st
     read_recording_config(root.table_or_empty("recording"), folder, config.recording);
     read_stream(root.table_or_empty("stream"), config.stream);
     read_control(root.table_or_empty("control"), config.control);
+    read_metrics(root.table_or_empty("metrics"), config.metrics);
     read_log(root.table_or_empty("log"), folder, config.log);
     if (absl::Status status = (*document)->finish(); !status.ok()) return status;
     return config;

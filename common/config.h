@@ -111,6 +111,11 @@ struct ControlConfig {
     bool operator==(const ControlConfig&) const = default;
 };
 
+struct MetricsConfig {
+    std::string listen;             // HOST:PORT to serve Prometheus on; empty: nowhere
+    bool operator==(const MetricsConfig&) const = default;
+};
+
 struct LogConfig {
     std::string level = "info";  // trace, debug, info, warning, error or off
     std::filesystem::path file;  // absolute after reading; empty: standard error alone
@@ -127,6 +132,7 @@ struct DaemonConfig {
     RecordingConfig recording;
     StreamConfig stream;
     ControlConfig control;
+    MetricsConfig metrics;
     LogConfig log;
     bool operator==(const DaemonConfig&) const = default;
 };

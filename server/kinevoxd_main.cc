@@ -22,6 +22,9 @@
 #include "server/daemon/service_clock.h"
 #include "server/daemon/setup.h"
 #include "server/daemon/stored_background.h"
+#include "server/metrics/capture_figures.h"
+#include "server/metrics/capture_metrics.h"
+#include "server/metrics/http_endpoint.h"
 #include "server/pipeline/huge_pages.h"
 #include "server/pipeline/runner.h"
 #include "server/pipeline/stream_hub.h"
@@ -84,7 +87,9 @@ int serve(const DaemonConfig& given) {
     }
     CameraWatch camera_watch(runner.cameras(), {}, [&hub](const Event& event) { hub.publish_event(event, utc_now_ns()); });
     std::unique_ptr<Recorder> recorder;
+    metrics::CaptureFigures figures;
     runner.set_after_result([&](const FrameResult& result) {
+        figures.observe(result.times);
         if (result.frame_set.recorded_frame) return;   // a replay teaches nothing of the cameras and who is before them
         camera_watch.observe(result);
         recorder->observe(result, pose_stage ? &pose_stage->body() : nullptr);
@@ -146,11 +151,20 @@ int serve(const DaemonConfig& given) {
                    .recordings = recordings.get_executor(),
                    .exports = exports.get_executor(),
                    .camera_watch = &camera_watch,
+                   .figures = &figures,
                    .replay = &replay,
                    .source_description = describe(config.source)};
     apply(config.stream, api);
     auto server = ApiServer::listen(config.server.listen, api);
     if (!server.ok()) return fail(server.status());
+    std::unique_ptr<metrics::HttpEndpoint> endpoint;
+    if (!config.metrics.listen.empty()) {
+        auto listening = metrics::HttpEndpoint::listen(
+            config.metrics.listen, [&api](metrics::Format format) { return metrics::capture_metrics(api, format); });
+        if (!listening.ok()) return fail(listening.status());
+        endpoint = *std::move(listening);
+        spdlog::info("metrics on port {}", endpoint->port());
+    }
 
     // The clocks. Until here nothing ran by itself; from here on a signal ends io.run().
     StatusLog status_log(io, runner, hub);
@@ -178,6 +192,7 @@ int serve(const DaemonConfig& given) {
 
     // Backwards. First all that waits is told, so that nothing below waits long.
     service_clock.stop();
+    endpoint.reset();
     (*server)->set_serving(false);
     runner.abort();
     if (poses) poses->close();

@@ -17,6 +17,9 @@
 namespace kinevox {
 
 class Recorder;
+namespace metrics {
+struct CaptureFigures;
+}
 
 struct ApiContext {
     Runner& runner;
@@ -50,6 +53,8 @@ struct ApiContext {
     boost::asio::any_io_executor exports{};  // one thread: files for other programs, one after the other
 
     const CameraWatch* camera_watch = nullptr;   // null where nothing watches the cameras' places
+
+    metrics::CaptureFigures* figures = nullptr;  // counted for monitoring; null: nobody looks
 
     Replay* replay = nullptr;                    // null where nothing can be replayed
 

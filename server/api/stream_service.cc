@@ -9,6 +9,8 @@
 #include "server/api/encode.h"
 #include "server/api/stream_reactor.h"
 #include "server/api/to_proto.h"
+#include "server/metrics/capture_figures.h"
+#include "server/pipeline/utc_clock.h"
 
 namespace kinevox {
 namespace {
@@ -16,6 +18,8 @@ namespace {
 using VolumeReactor = StreamReactor<VolumeMailbox, grpc::ByteBuffer>;
 using PoseReactor = StreamReactor<PoseMailbox, grpc::ByteBuffer>;
 using PreviewReactor = StreamReactor<PictureMailbox, grpc::ByteBuffer>;
+
+double age_s(std::int64_t published_utc_ns) { return 1e-9 * static_cast<double>(utc_now_ns() - published_utc_ns); }
 
 template <typename Request>
 absl::StatusOr<Request> parse(const grpc::ByteBuffer& bytes) {
@@ -115,7 +119,9 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamVolumes(grp
             VolumeForm form{request.level(), !request.without_colours()};
             if (published.volume && request.has_max_voxel_m())
                 form.level = level_for(published.volume->grid.voxel_m, request.max_voxel_m());
-            return to_buffer(encode(published, form, api_.runner.cameras()), taken.missed);
+            const EncodedMessage message = encode(published, form, api_.runner.cameras());
+            if (api_.figures) api_.figures->volumes.took(age_s(published.header.published_utc_ns), taken.missed);
+            return to_buffer(message, taken.missed);
         });
 }
 
@@ -130,7 +136,11 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPoses(grpc:
         [this, options = mailbox_options(*request, api_)](std::function<void()> on_ready) {
             return api_.hub.subscribe_poses(options, std::move(on_ready));
         },
-        [](const PoseMailbox::Taken& taken) { return to_buffer(encode(*taken.message), taken.missed); });
+        [this](const PoseMailbox::Taken& taken) {
+            const EncodedMessage message = encode(*taken.message);
+            if (api_.figures) api_.figures->poses.took(age_s(taken.message->header.published_utc_ns), taken.missed);
+            return to_buffer(message, taken.missed);
+        });
 }
 
 grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPreviews(grpc::CallbackServerContext*,
@@ -142,8 +152,10 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPreviews(gr
     return PreviewReactor::run(
         api_, request->max_rate_hz() > 0 ? request->max_rate_hz() : 10.0,
         [this](std::function<void()> on_ready) { return api_.hub.subscribe_pictures(std::move(on_ready)); },
-        [form = *form, camera = request->camera()](const PictureMailbox::Taken& taken) {
-            return to_buffer(encode(*taken.message, form, camera), taken.missed);
+        [this, form = *form, camera = request->camera()](const PictureMailbox::Taken& taken) {
+            const EncodedMessage message = encode(*taken.message, form, camera);
+            if (api_.figures) api_.figures->pictures.took(age_s(taken.message->published_utc_ns), taken.missed);
+            return to_buffer(message, taken.missed);
         });
 }
 
