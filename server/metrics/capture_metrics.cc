@@ -26,22 +26,28 @@ void write_capture(const ApiContext& api, MetricsText& text) {
     text.gauge("kinevox_state", "What the capture does: 1 for the state it is in.");
     for (const auto& [each, name] : kStates) text.sample(each == state ? 1 : 0, {{"state", name}});
     const RunFigures figures = api.runner.figures();
-    text.one_gauge("kinevox_source_frame_sets_per_second", "The source's nominal rate.", api.runner.source_fps());
+    text.one_gauge("kinevox_source_frame_sets_per_second", "The source's nominal rate.",
+                   api.runner.source_fps());
     text.one_gauge("kinevox_results_per_second", "Results a second over the last two seconds.",
                    state == RunState::kRunning ? figures.results_per_second : 0);
-    text.one_counter("kinevox_results", "Results since the capture's last start.", static_cast<double>(figures.results));
-    text.one_counter("kinevox_lost_frame_sets", "Frame sets lost before the pipeline since the capture's last start.",
+    text.one_counter("kinevox_results", "Results since the capture's last start.",
+                     static_cast<double>(figures.results));
+    text.one_counter("kinevox_lost_frame_sets",
+                     "Frame sets lost before the pipeline since the capture's last start.",
                      static_cast<double>(figures.lost));
     const auto newest = api.hub.newest();
     const FrameResult* const result = newest ? newest->result.get() : nullptr;
-    text.one_gauge("kinevox_subject_tracked", "1 while somebody is tracked.", result && result->subject ? 1 : 0);
-    text.one_gauge("kinevox_pose_found", "1 while the newest result has a pose.", result && result->pose ? 1 : 0);
+    text.one_gauge("kinevox_subject_tracked", "1 while somebody is tracked.",
+                   result && result->subject ? 1 : 0);
+    text.one_gauge("kinevox_pose_found", "1 while the newest result has a pose.",
+                   result && result->pose ? 1 : 0);
     text.one_gauge("kinevox_subject_volume_litres", "Of the newest result.",
                    result && result->volume ? volume_litres(*result->volume) : 0);
 }
 
 void write_stages(const CaptureFigures& figures, MetricsText& text) {
-    text.histogram("kinevox_stage_seconds", "What a frame set spends in each stage of the pipeline; total: in all of it.");
+    text.histogram("kinevox_stage_seconds",
+                   "What a frame set spends in each stage of the pipeline; total: in all of it.");
     const std::pair<const char*, const RunningHistogram*> stages[] = {
         {"segmentation", &figures.segmentation}, {"tracking", &figures.tracking}, {"hull", &figures.hull},
         {"colouring", &figures.colouring},       {"pose", &figures.pose},         {"total", &figures.total}};
@@ -57,16 +63,21 @@ void write_streams(const ApiContext& api, const CaptureFigures& figures, Metrics
     text.sample(subscribers.events, {{"stream", "events"}});
     const std::pair<const char*, const StreamFigures*> streams[] = {
         {"volumes", &figures.volumes}, {"poses", &figures.poses}, {"previews", &figures.pictures}};
-    text.histogram("kinevox_stream_lag_seconds", "Age of a message when it is handed to a subscriber's connection.");
+    text.histogram("kinevox_stream_lag_seconds",
+                   "Age of a message when it is handed to a subscriber's connection.");
     for (const auto& [name, stream] : streams) text.sample(stream->age.read(), {{"stream", name}});
     text.counter("kinevox_stream_messages", "Messages sent to subscribers.");
-    for (const auto& [name, stream] : streams) text.sample(static_cast<double>(stream->sent), {{"stream", name}});
-    text.counter("kinevox_stream_missed", "Messages that subscribers missed since they read too slowly or asked for fewer.");
-    for (const auto& [name, stream] : streams) text.sample(static_cast<double>(stream->missed), {{"stream", name}});
+    for (const auto& [name, stream] : streams)
+        text.sample(static_cast<double>(stream->sent), {{"stream", name}});
+    text.counter("kinevox_stream_missed",
+                 "Messages that subscribers missed since they read too slowly or asked for fewer.");
+    for (const auto& [name, stream] : streams)
+        text.sample(static_cast<double>(stream->missed), {{"stream", name}});
 }
 
 // Of live cameras; other sources have no links.
-void write_links(const std::vector<Camera>& cameras, const std::vector<CameraLink>& links, MetricsText& text) {
+void write_links(const std::vector<Camera>& cameras, const std::vector<CameraLink>& links,
+                 MetricsText& text) {
     if (links.empty()) return;
     const auto each = [&](const auto& value) {
         for (std::size_t i = 0; i < std::min(cameras.size(), links.size()); ++i)
@@ -79,16 +90,22 @@ void write_links(const std::vector<Camera>& cameras, const std::vector<CameraLin
     text.gauge("kinevox_camera_connected", "1 while the camera delivers pictures.");
     each([](const CameraLink& link) { return link.connected ? 1.0 : 0.0; });
     count("kinevox_camera_pictures", "Complete pictures that got into a frame set.", &CameraLink::pictures);
-    count("kinevox_camera_pictures_lost", "Pictures of which nothing arrived, or for which no buffer was free.", &CameraLink::lost);
-    count("kinevox_camera_pictures_incomplete", "Pictures whose packets were missing.", &CameraLink::incomplete);
-    count("kinevox_camera_pictures_late", "Pictures that came when their frame set was gone.", &CameraLink::late);
-    count("kinevox_camera_pictures_unmatched", "Pictures that too few others had the time of.", &CameraLink::unmatched);
+    count("kinevox_camera_pictures_lost",
+          "Pictures of which nothing arrived, or for which no buffer was free.", &CameraLink::lost);
+    count("kinevox_camera_pictures_incomplete", "Pictures whose packets were missing.",
+          &CameraLink::incomplete);
+    count("kinevox_camera_pictures_late", "Pictures that came when their frame set was gone.",
+          &CameraLink::late);
+    count("kinevox_camera_pictures_unmatched", "Pictures that too few others had the time of.",
+          &CameraLink::unmatched);
     count("kinevox_camera_disconnects", "Times that the camera went away.", &CameraLink::disconnects);
     count("kinevox_camera_packets_missing", "Packets that never came.", &CameraLink::packets_missing);
     count("kinevox_camera_packets_resent", "Packets that came on request.", &CameraLink::packets_resent);
-    text.gauge("kinevox_camera_skew_seconds", "Its time against the middle of its frame sets, mean of the newest 128.");
+    text.gauge("kinevox_camera_skew_seconds",
+               "Its time against the middle of its frame sets, mean of the newest 128.");
     each([](const CameraLink& link) { return link.skew_ms / 1e3; });
-    text.gauge("kinevox_camera_lateness_seconds", "Its pictures' arrival behind the first of their set, mean of the newest 128.");
+    text.gauge("kinevox_camera_lateness_seconds",
+               "Its pictures' arrival behind the first of their set, mean of the newest 128.");
     each([](const CameraLink& link) { return link.lateness_ms / 1e3; });
 }
 
@@ -96,7 +113,8 @@ void write_cameras(const ApiContext& api, MetricsText& text) {
     const std::vector<Camera> cameras = api.runner.cameras();
     write_links(cameras, api.runner.camera_links(), text);
     const auto newest = api.hub.newest();
-    text.gauge("kinevox_camera_silhouette_agreement", "Volume's projection against the silhouette, 0 to 1; absent while nobody is tracked.");
+    text.gauge("kinevox_camera_silhouette_agreement",
+               "Volume's projection against the silhouette, 0 to 1; absent while nobody is tracked.");
     if (newest)
         for (std::size_t i = 0; i < std::min(cameras.size(), newest->result->silhouette_iou.size()); ++i)
             if (const float iou = newest->result->silhouette_iou[i]; !std::isnan(iou))
@@ -104,7 +122,8 @@ void write_cameras(const ApiContext& api, MetricsText& text) {
     if (!api.camera_watch || (api.replay && api.replay->status().open)) return;
     const std::vector<WatchedCamera> watched = api.camera_watch->cameras();
     text.gauge("kinevox_camera_calibration_disagreement_pixels",
-               "How far what stands still in its pictures has moved since the capture began; absent where it is not known.");
+               "How far what stands still in its pictures has moved since the capture began; absent where it "
+               "is not known.");
     for (std::size_t i = 0; i < std::min(cameras.size(), watched.size()); ++i)
         if (watched[i].shift_px) text.sample(*watched[i].shift_px, {{"camera", cameras[i].name}});
     text.gauge("kinevox_camera_calibration_suspect", "1 where the camera seems to have moved.");
@@ -115,18 +134,24 @@ void write_cameras(const ApiContext& api, MetricsText& text) {
 void write_recorder(const ApiContext& api, MetricsText& text) {
     if (!api.recorder || api.recorder->options().folder.empty()) return;
     const RecorderStatus status = api.recorder->status();
-    text.one_gauge("kinevox_recording", "1 while a recording is being made.", status.state == RecorderState::kIdle ? 0 : 1);
-    text.one_gauge("kinevox_recording_free_bytes", "Free on the recordings' disk.", static_cast<double>(status.free_bytes));
-    text.one_gauge("kinevox_recording_queued_bytes", "Taken and not yet written.", static_cast<double>(status.queued_bytes));
-    text.one_gauge("kinevox_recording_held_seconds", "Kept in memory for `record keep`.", status.held_seconds);
+    text.one_gauge("kinevox_recording", "1 while a recording is being made.",
+                   status.state == RecorderState::kIdle ? 0 : 1);
+    text.one_gauge("kinevox_recording_free_bytes", "Free on the recordings' disk.",
+                   static_cast<double>(status.free_bytes));
+    text.one_gauge("kinevox_recording_queued_bytes", "Taken and not yet written.",
+                   static_cast<double>(status.queued_bytes));
+    text.one_gauge("kinevox_recording_held_seconds", "Kept in memory for `record keep`.",
+                   status.held_seconds);
 }
 
 void write_process(MetricsText& text) {
     const ProcessFigures figures = process_figures();
-    text.one_gauge("kinevox_resident_memory_bytes", "Of the daemon.", static_cast<double>(figures.resident_bytes));
+    text.one_gauge("kinevox_resident_memory_bytes", "Of the daemon.",
+                   static_cast<double>(figures.resident_bytes));
     text.one_counter("kinevox_processor_seconds", "Of all its threads since its start.", figures.processor_s);
     text.one_gauge("kinevox_open_files", "Files and connections that it has open.", figures.open_files);
-    text.one_gauge("kinevox_open_files_limit", "How many it may have.", static_cast<double>(figures.open_files_limit));
+    text.one_gauge("kinevox_open_files_limit", "How many it may have.",
+                   static_cast<double>(figures.open_files_limit));
 }
 
 }  // namespace

@@ -1,18 +1,18 @@
 #include "server/metrics/http_endpoint.h"
 
-#include <chrono>
-#include <optional>
-#include <string_view>
-#include <thread>
-#include <utility>
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/core/tcp_stream.hpp>
 #include <boost/beast/http.hpp>
-#include <fmt/format.h>
-#include <spdlog/spdlog.h>
+#include <chrono>
+#include <optional>
+#include <string_view>
+#include <thread>
+#include <utility>
 
 namespace kinevox::metrics {
 namespace {
@@ -22,7 +22,7 @@ namespace beast = boost::beast;
 namespace http = beast::http;
 using asio::ip::tcp;
 
-constexpr std::chrono::seconds kPatience{10};        // with one request or answer
+constexpr std::chrono::seconds kPatience{10};  // with one request or answer
 constexpr std::uint32_t kLargestHead = 8 << 10;
 constexpr int kMostConnections = 32;
 
@@ -37,10 +37,13 @@ class Connection : public std::enable_shared_from_this<Connection> {
         parser_->header_limit(kLargestHead);
         parser_->body_limit(0);
         stream_.expires_after(kPatience);
-        http::async_read(stream_, buffer_, *parser_, [self = shared_from_this()](beast::error_code error, std::size_t) {
-            if (!error) self->answer();
-            else self->close();
-        });
+        http::async_read(stream_, buffer_, *parser_,
+                         [self = shared_from_this()](beast::error_code error, std::size_t) {
+                             if (!error)
+                                 self->answer();
+                             else
+                                 self->close();
+                         });
     }
 
   private:
@@ -66,10 +69,13 @@ class Connection : public std::enable_shared_from_this<Connection> {
         response_.prepare_payload();
         if (request.method() == http::verb::head) response_.body().clear();
         stream_.expires_after(kPatience);
-        http::async_write(stream_, response_, [self = shared_from_this()](beast::error_code error, std::size_t) {
-            if (!error && self->response_.keep_alive()) self->read();
-            else self->close();
-        });
+        http::async_write(stream_, response_,
+                          [self = shared_from_this()](beast::error_code error, std::size_t) {
+                              if (!error && self->response_.keep_alive())
+                                  self->read();
+                              else
+                                  self->close();
+                          });
     }
 
     void say(http::status status, std::string text) {
@@ -85,15 +91,17 @@ class Connection : public std::enable_shared_from_this<Connection> {
 
     beast::tcp_stream stream_;
     const HttpEndpoint::Metrics& metrics_;
-    std::shared_ptr<void> counted_;   // counts the connections that live
+    std::shared_ptr<void> counted_;  // counts the connections that live
     beast::flat_buffer buffer_;
     std::optional<http::request_parser<http::empty_body>> parser_;
     http::response<http::string_body> response_;
 };
 
 absl::Status cannot_listen(const std::string& address, const beast::error_code& error) {
-    return absl::UnavailableError(fmt::format("cannot serve metrics on {}: {}; stop the other program, or set another listen "
-                                              "under [metrics]", address, error.message()));
+    return absl::UnavailableError(
+        fmt::format("cannot serve metrics on {}: {}; stop the other program, or set another listen "
+                    "under [metrics]",
+                    address, error.message()));
 }
 
 }  // namespace
@@ -108,10 +116,10 @@ struct HttpEndpoint::Parts {
     void accept() {
         acceptor.async_accept([this](const beast::error_code& error, tcp::socket socket) {
             if (error == asio::error::operation_aborted) return;
-            if (error) {   // no file is left, or the like: not all the time again
+            if (error) {  // no file is left, or the like: not all the time again
                 spdlog::warn("metrics: {}", error.message());
                 std::this_thread::sleep_for(std::chrono::milliseconds(100));
-            } else if (connections.use_count() <= kMostConnections) {   // else it is closed at once
+            } else if (connections.use_count() <= kMostConnections) {  // else it is closed at once
                 std::make_shared<Connection>(std::move(socket), metrics, connections)->read();
             }
             accept();
@@ -119,13 +127,15 @@ struct HttpEndpoint::Parts {
     }
 };
 
-absl::StatusOr<std::unique_ptr<HttpEndpoint>> HttpEndpoint::listen(const std::string& address, Metrics metrics) {
+absl::StatusOr<std::unique_ptr<HttpEndpoint>> HttpEndpoint::listen(const std::string& address,
+                                                                   Metrics metrics) {
     auto parts = std::make_unique<Parts>();
     parts->metrics = std::move(metrics);
     std::string host = address.substr(0, address.rfind(':'));
     if (host.size() > 1 && host.front() == '[') host = host.substr(1, host.size() - 2);
     beast::error_code error;
-    const auto found = tcp::resolver(parts->io).resolve(host, address.substr(address.rfind(':') + 1), tcp::resolver::passive, error);
+    const auto found = tcp::resolver(parts->io).resolve(host, address.substr(address.rfind(':') + 1),
+                                                        tcp::resolver::passive, error);
     if (error || found.empty()) return cannot_listen(address, error);
     const tcp::endpoint endpoint = found.begin()->endpoint();
     parts->acceptor.open(endpoint.protocol(), error);
@@ -146,6 +156,8 @@ HttpEndpoint::~HttpEndpoint() {
     parts_->thread.join();
 }
 
-int HttpEndpoint::port() const { return parts_->acceptor.local_endpoint().port(); }
+int HttpEndpoint::port() const {
+    return parts_->acceptor.local_endpoint().port();
+}
 
 }  // namespace kinevox::metrics

@@ -1,9 +1,9 @@
 #include "server/metrics/metrics_text.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <iterator>
-
-#include <fmt/format.h>
 
 namespace kinevox::metrics {
 namespace {
@@ -11,10 +11,14 @@ namespace {
 std::string escaped(std::string_view text, bool quotes) {
     std::string out;
     for (const char c : text) {
-        if (c == '\\') out += "\\\\";
-        else if (c == '\n') out += "\\n";
-        else if (c == '"' && quotes) out += "\\\"";
-        else out += c;
+        if (c == '\\')
+            out += "\\\\";
+        else if (c == '\n')
+            out += "\\n";
+        else if (c == '"' && quotes)
+            out += "\\\"";
+        else
+            out += c;
     }
     return out;
 }
@@ -23,7 +27,7 @@ std::string number(double value) {
     if (std::isnan(value)) return "NaN";
     if (std::isinf(value)) return value > 0 ? "+Inf" : "-Inf";
     if (value == std::floor(value) && std::abs(value) < 1e15) return fmt::format("{:.0f}", value);
-    return fmt::format("{}", value);   // the shortest that reads back the same
+    return fmt::format("{}", value);  // the shortest that reads back the same
 }
 
 }  // namespace
@@ -33,13 +37,20 @@ void MetricsText::family(Kind kind, std::string_view name, std::string_view help
     kind_ = kind;
     name_ = name;
     const char* const total = kind == Kind::kCounter && format_ == Format::kPrometheus ? "_total" : "";
-    fmt::format_to(std::back_inserter(text_), "# HELP {}{} {}\n# TYPE {}{} {}\n", name, total, escaped(help, format_ == Format::kOpenMetrics),
-                   name, total, kNames[static_cast<int>(kind)]);
+    fmt::format_to(std::back_inserter(text_), "# HELP {}{} {}\n# TYPE {}{} {}\n", name, total,
+                   escaped(help, format_ == Format::kOpenMetrics), name, total,
+                   kNames[static_cast<int>(kind)]);
 }
 
-void MetricsText::counter(std::string_view name, std::string_view help) { family(Kind::kCounter, name, help); }
-void MetricsText::gauge(std::string_view name, std::string_view help) { family(Kind::kGauge, name, help); }
-void MetricsText::histogram(std::string_view name, std::string_view help) { family(Kind::kHistogram, name, help); }
+void MetricsText::counter(std::string_view name, std::string_view help) {
+    family(Kind::kCounter, name, help);
+}
+void MetricsText::gauge(std::string_view name, std::string_view help) {
+    family(Kind::kGauge, name, help);
+}
+void MetricsText::histogram(std::string_view name, std::string_view help) {
+    family(Kind::kHistogram, name, help);
+}
 
 void MetricsText::line(std::string_view suffix, const Labels& labels, double value) {
     text_ += name_;
@@ -47,7 +58,8 @@ void MetricsText::line(std::string_view suffix, const Labels& labels, double val
     if (!labels.empty()) {
         text_ += '{';
         for (std::size_t i = 0; i < labels.size(); ++i)
-            fmt::format_to(std::back_inserter(text_), "{}{}=\"{}\"", i > 0 ? "," : "", labels[i].first, escaped(labels[i].second, true));
+            fmt::format_to(std::back_inserter(text_), "{}{}=\"{}\"", i > 0 ? "," : "", labels[i].first,
+                           escaped(labels[i].second, true));
         text_ += '}';
     }
     text_ += ' ';
@@ -65,7 +77,8 @@ void MetricsText::sample(const Histogram& histogram, const Labels& labels) {
     with_bound.emplace_back("le", "");
     for (std::size_t i = 0; i < histogram.counts.size(); ++i) {
         below += histogram.counts[i];
-        with_bound.back().second = i < histogram.bounds.size() ? fmt::format("{}", histogram.bounds[i]) : "+Inf";
+        with_bound.back().second =
+            i < histogram.bounds.size() ? fmt::format("{}", histogram.bounds[i]) : "+Inf";
         line("_bucket", with_bound, static_cast<double>(below));
     }
     line("_sum", labels, histogram.sum);

@@ -55,6 +55,8 @@ void declare(CLI::App& app, Arguments& arguments, std::string& device, std::vect
     app.add_option("--frames", options.most_frames, "Stop after so many frame sets; 0: all")
         ->check(CLI::Range(0, 1'000'000'000))
         ->capture_default_str();
+    app.add_flag("--resume", options.resume,
+                 "Do nothing where --out holds the results of the same input and options already");
     app.add_flag("--quiet", options.quiet, "No progress bar and no summary");
 }
 

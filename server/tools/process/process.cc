@@ -13,12 +13,11 @@
 #include "common/atomic_file.h"
 #include "common/calibration_file.h"
 #include "common/session_file.h"
-#include "common/session_offsets.h"
-#include "common/toml_reader.h"
 #include "server/cameras/session_source.h"
 #include "server/pose/body_fitter.h"
 #include "server/pose/pose_stage.h"
 #include "server/tools/process/progress_bar.h"
+#include "server/tools/process/run_record.h"
 #include "server/tools/process/run_summary.h"
 
 namespace kinevox {
@@ -32,26 +31,6 @@ absl::Status learn_background(FrameSource& source, Pipeline& pipeline, const std
     const auto background = background_of_all(source, session_file);
     if (!background.ok()) return background.status();
     return pipeline.learn_background(*background);
-}
-
-// What made these results, for `kinevox report`, which shows the pictures again, and for whoever finds the folder later.
-std::string run_toml(const ProcessOptions& options, double fps, std::int64_t frames) {
-    std::error_code error;
-    const auto session = std::filesystem::absolute(options.session_file, error).lexically_normal();
-    std::string text = "# How `kinevox process` made the files beside this one.\n";
-    text += fmt::format("session = {}\n", toml_quoted(error ? options.session_file.string() : session.string()));
-    text += fmt::format("fps = {}\nframes = {}\n", toml_number(fps), frames);
-    text += fmt::format("voxel_mm = {}\n", toml_number(1000 * options.pipeline.voxel_m));
-    text += fmt::format("colouring = {}\npose = {}\n", options.pipeline.colouring, options.pipeline.pose);
-    text += fmt::format("smooth_hz = {}   # of the poses' zero-phase low pass; 0: none\n",
-                        toml_number(options.poses.cutoff_hz));
-    if (const auto read = read_session(options.session_file); read.ok() && has_offsets(*read)) {
-        text += "\n[first_pictures]   # of each camera's video, from 0: the one in frame 0\n";
-        const std::vector<std::int64_t> first = first_pictures(*read);
-        for (std::size_t c = 0; c < first.size(); ++c)
-            text += fmt::format("{} = {}\n", toml_quoted(read->cameras[c].name), first[c]);
-    }
-    return text;
 }
 
 // The body of the person in a session, fitted to all of its frame sets. None where somebody is there whose pose cannot
@@ -104,6 +83,12 @@ std::vector<Table> certificate_tables(const std::filesystem::path& session_file)
 
 absl::Status process_session(const ProcessOptions& asked, const std::atomic<bool>& stop) {
     ProcessOptions options = asked;
+    const auto fingerprint = run_fingerprint(options);
+    if (!fingerprint.ok()) return fingerprint.status();
+    if (options.resume && holds_results_of(options.out_folder, *fingerprint)) {
+        if (!options.quiet) fmt::print("{} holds these results already; nothing was done\n", options.out_folder.string());
+        return absl::OkStatus();
+    }
     if (!options.tpose_file.empty() && options.pipeline.pose) {
         auto body = body_of_session(options.tpose_file, options, stop);
         if (!body.ok()) return body.status();
@@ -149,13 +134,13 @@ absl::Status process_session(const ProcessOptions& asked, const std::atomic<bool
         }
     }
     const double wall_s = seconds_since(start);
-    (*writer)->add_table({"run.toml", run_toml(options, (*source)->fps(), summary.frames())});
     (*writer)->add_table({"calibration.toml", calibration_toml((*source)->cameras())});
     for (Table& table : certificate_tables(options.session_file)) (*writer)->add_table(std::move(table));
     if (pose_stage) {
         for (Table& table : pose_tables(poses.finish(*pose_stage))) (*writer)->add_table(std::move(table));
         if (poses.body()) (*writer)->add_table({"body.toml", body_shape_toml(*poses.body())});
     }
+    (*writer)->add_table({"run.toml", run_toml(options, *fingerprint, (*source)->fps(), summary.frames())});   // the last
     if (absl::Status finished = (*writer)->finish(); !finished.ok()) return finished;
     if (!options.quiet) {
         fmt::print("{}results in {}\n", summary.text(wall_s), options.out_folder.string());

@@ -8,7 +8,10 @@
 #include <thread>
 #include <utility>
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
@@ -44,14 +47,17 @@ class FolderWriter final : public ResultWriter {
         }
         end_threads();
         std::error_code ignored;
-        fs::remove_all(aside_, ignored);
+        if (opened_) fs::remove_all(aside_, ignored);
         if (made_folder_) fs::remove(folder_, ignored);   // only if it is empty
+        if (lock_ >= 0) ::close(lock_);
     }
 
     absl::Status open() {
         std::error_code error;
         made_folder_ = fs::create_directories(folder_, error);
         if (error) return cannot_write(folder_, error.message());
+        if (absl::Status alone = lock(); !alone.ok()) return alone;
+        opened_ = true;
         fs::remove_all(aside_, error);
         fs::create_directories(aside_, error);
         if (error) return cannot_write(aside_, error.message());
@@ -79,6 +85,15 @@ class FolderWriter final : public ResultWriter {
     absl::Status finish() override;
 
   private:
+    // The kernel lets go of it when this process ends, however that comes about.
+    absl::Status lock() {
+        lock_ = ::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+        if (lock_ < 0) return cannot_write(folder_, std::generic_category().message(errno));
+        if (flock(lock_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return absl::OkStatus();   // some disks know no locks
+        return absl::FailedPreconditionError(
+            fmt::format("{}: another kinevox process writes there; wait for it, or give another --out", folder_.string()));
+    }
+
     void write_waiting();
     void end_threads();
     absl::Status write_one(const FrameResult& result) const;
@@ -89,6 +104,8 @@ class FolderWriter final : public ResultWriter {
     ResultTables tables_;
     std::vector<Table> more_tables_;
     bool made_folder_ = false;
+    bool opened_ = false;   // else what lies aside is another's
+    int lock_ = -1;
 
     std::mutex mutex_;   // of the three below
     std::condition_variable changed_;
@@ -158,7 +175,8 @@ absl::Status FolderWriter::finish() {
     }
     // An earlier run's pictures and poses go even if this run made none: they do not belong to the new tables.
     std::error_code error;
-    for (const char* old : {"silhouettes", "volumes", "joints.csv", "angles.csv", "coordinates.csv",
+    // The earlier run.toml first: what is half exchanged is nobody's results.
+    for (const char* old : {"run.toml", "silhouettes", "volumes", "joints.csv", "angles.csv", "coordinates.csv",
                             "uncertainty.csv", "withheld.csv", "body.toml"}) {
         fs::remove_all(folder_ / old, error);
         if (error) return cannot_write(folder_ / old, error.message());

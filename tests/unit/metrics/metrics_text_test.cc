@@ -4,14 +4,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <limits>
-#include <thread>
-
 #include <boost/asio/connect.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/read.hpp>
 #include <boost/asio/write.hpp>
+#include <limits>
+#include <thread>
 
 #include "server/metrics/http_endpoint.h"
 #include "server/metrics/running_histogram.h"
@@ -27,17 +26,21 @@ TEST(MetricsText, CountersAreNamedAsEachFormatWantsIt) {
     MetricsText open(Format::kOpenMetrics), old(Format::kPrometheus);
     open.one_counter("kinevox_results", "Results.", 12);
     old.one_counter("kinevox_results", "Results.", 12);
-    EXPECT_EQ(open.take(), "# HELP kinevox_results Results.\n# TYPE kinevox_results counter\nkinevox_results_total 12\n# EOF\n");
+    EXPECT_EQ(
+        open.take(),
+        "# HELP kinevox_results Results.\n# TYPE kinevox_results counter\nkinevox_results_total 12\n# EOF\n");
     EXPECT_EQ(old.take(),
-              "# HELP kinevox_results_total Results.\n# TYPE kinevox_results_total counter\nkinevox_results_total 12\n");
+              "# HELP kinevox_results_total Results.\n# TYPE kinevox_results_total "
+              "counter\nkinevox_results_total 12\n");
 }
 
 TEST(MetricsText, LabelsAndHelpAreEscaped) {
     MetricsText text(Format::kOpenMetrics);
     text.gauge("kinevox_state", "One\nline with \\.");
     text.sample(1, {{"camera", "a\"b\\c\nd"}, {"other", "x"}});
-    EXPECT_THAT(text.take(), HasSubstr("# HELP kinevox_state One\\nline with \\\\.\n# TYPE kinevox_state gauge\n"
-                                       "kinevox_state{camera=\"a\\\"b\\\\c\\nd\",other=\"x\"} 1\n"));
+    EXPECT_THAT(text.take(),
+                HasSubstr("# HELP kinevox_state One\\nline with \\\\.\n# TYPE kinevox_state gauge\n"
+                          "kinevox_state{camera=\"a\\\"b\\\\c\\nd\",other=\"x\"} 1\n"));
 }
 
 TEST(MetricsText, NumbersReadBackTheSame) {
@@ -54,7 +57,7 @@ TEST(RunningHistogram, CountsEachValueInItsBucketAndAllBelowInThoseAbove) {
     for (const double seconds : {0.0001, 0.0005, 0.004, 0.004, 7.0}) running.add(seconds);
     const Histogram read = running.read();
     ASSERT_EQ(read.counts.size(), read.bounds.size() + 1);
-    EXPECT_EQ(read.counts[0], 2u);                       // a bound belongs to its bucket
+    EXPECT_EQ(read.counts[0], 2u);  // a bound belongs to its bucket
     EXPECT_EQ(read.counts.back(), 1u);
     EXPECT_NEAR(read.sum, 7.0086, 1e-6);
     MetricsText text(Format::kOpenMetrics);
@@ -63,7 +66,8 @@ TEST(RunningHistogram, CountsEachValueInItsBucketAndAllBelowInThoseAbove) {
     const std::string out = text.take();
     EXPECT_THAT(out, HasSubstr("t_bucket{stage=\"hull\",le=\"0.0005\"} 2\n"));
     EXPECT_THAT(out, HasSubstr("t_bucket{stage=\"hull\",le=\"0.005\"} 4\n"));
-    EXPECT_THAT(out, HasSubstr("t_bucket{stage=\"hull\",le=\"+Inf\"} 5\nt_sum{stage=\"hull\"} 7.0086\nt_count{stage=\"hull\"} 5\n"));
+    EXPECT_THAT(out, HasSubstr("t_bucket{stage=\"hull\",le=\"+Inf\"} 5\nt_sum{stage=\"hull\"} "
+                               "7.0086\nt_count{stage=\"hull\"} 5\n"));
 }
 
 // What the server answers to these bytes, until it closes.
@@ -72,7 +76,7 @@ std::string ask(int port, const std::string& request) {
     boost::asio::ip::tcp::socket socket(io);
     socket.connect({boost::asio::ip::make_address("127.0.0.1"), static_cast<unsigned short>(port)});
     std::string answer;
-    boost::system::error_code error;   // it may close before it has read all
+    boost::system::error_code error;  // it may close before it has read all
     boost::asio::write(socket, boost::asio::buffer(request), error);
     boost::asio::read(socket, boost::asio::dynamic_buffer(answer), error);
     return answer;
@@ -89,8 +93,10 @@ class HttpEndpointTest : public testing::Test {
         EXPECT_TRUE(endpoint.ok()) << endpoint.status();
         endpoint_ = *std::move(endpoint);
     }
-    std::string get(const std::string& path, const std::string& headers = "", const std::string& method = "GET") {
-        return ask(endpoint_->port(), method + " " + path + " HTTP/1.1\r\nHost: x\r\nConnection: close\r\n" + headers + "\r\n");
+    std::string get(const std::string& path, const std::string& headers = "",
+                    const std::string& method = "GET") {
+        return ask(endpoint_->port(),
+                   method + " " + path + " HTTP/1.1\r\nHost: x\r\nConnection: close\r\n" + headers + "\r\n");
     }
     std::unique_ptr<HttpEndpoint> endpoint_;
 };
@@ -100,7 +106,8 @@ TEST_F(HttpEndpointTest, AnswersInTheFormatThatIsAskedFor) {
     EXPECT_THAT(old, StartsWith("HTTP/1.1 200 OK"));
     EXPECT_THAT(old, HasSubstr("text/plain; version=0.0.4"));
     EXPECT_THAT(old, Not(HasSubstr("# EOF")));
-    const std::string open = get("/metrics", "Accept: application/openmetrics-text;version=1.0.0;q=0.75,text/plain;q=0.5\r\n");
+    const std::string open =
+        get("/metrics", "Accept: application/openmetrics-text;version=1.0.0;q=0.75,text/plain;q=0.5\r\n");
     EXPECT_THAT(open, HasSubstr("application/openmetrics-text; version=1.0.0"));
     EXPECT_THAT(open, HasSubstr("# EOF"));
     EXPECT_THAT(get("/metrics?x=1"), StartsWith("HTTP/1.1 200 OK"));
@@ -119,7 +126,8 @@ TEST_F(HttpEndpointTest, LivesThroughNonsenseAndThoseWhoOnlyConnect) {
     std::vector<tcp::socket> silent;
     for (int i = 0; i < 10; ++i) {
         silent.emplace_back(io);
-        silent.back().connect({boost::asio::ip::make_address("127.0.0.1"), static_cast<unsigned short>(endpoint_->port())});
+        silent.back().connect(
+            {boost::asio::ip::make_address("127.0.0.1"), static_cast<unsigned short>(endpoint_->port())});
     }
     ask(endpoint_->port(), std::string("\x16\x03\x01\x02\x00\x01\x00\x01 nothing of HTTP\r\n\r\n", 30));
     ask(endpoint_->port(), "GET /metrics HTTP/1.1\r\nX: " + std::string(100'000, 'x') + "\r\n\r\n");
@@ -127,7 +135,8 @@ TEST_F(HttpEndpointTest, LivesThroughNonsenseAndThoseWhoOnlyConnect) {
 }
 
 TEST_F(HttpEndpointTest, SaysWhatIsWrongWithAPortThatIsTaken) {
-    const auto second = HttpEndpoint::listen("127.0.0.1:" + std::to_string(endpoint_->port()), [](Format) { return ""; });
+    const auto second =
+        HttpEndpoint::listen("127.0.0.1:" + std::to_string(endpoint_->port()), [](Format) { return ""; });
     ASSERT_FALSE(second.ok());
     EXPECT_THAT(std::string(second.status().message()), HasSubstr("[metrics]"));
 }

@@ -1,0 +1,136 @@
+#include "server/tools/process/run_record.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <fstream>
+#include <string_view>
+#include <vector>
+
+#include "common/atomic_file.h"
+#include "common/session_file.h"
+#include "common/session_offsets.h"
+#include "common/toml_reader.h"
+#include "server/tools/process/process.h"
+
+namespace kinevox {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kEdgeBytes =
+    1 << 20;  // of each file's beginning and end; a video is too long to read for this alone
+
+// FNV-1a, 64 bits: tells changes apart, nobody is to be kept from forging one.
+class Fingerprint {
+  public:
+    void add(std::string_view bytes) {
+        for (const char c : bytes) hash_ = (hash_ ^ static_cast<unsigned char>(c)) * 0x100000001b3ull;
+        hash_ = (hash_ ^ 0xff) * 0x100000001b3ull;  // where one part ends
+    }
+    template <typename Number>
+    void add_number(Number number) {
+        add(fmt::format("{}", number));
+    }
+    // A file, or all files of a folder; what is missing counts as missing.
+    void add_file(const fs::path& file) {
+        std::error_code error;
+        if (fs::is_directory(file, error)) {
+            std::vector<fs::path> inside;
+            for (const auto& entry : fs::directory_iterator(file, error)) inside.push_back(entry.path());
+            std::ranges::sort(inside);
+            for (const fs::path& each : inside) {
+                add(each.filename().string());
+                add_edges(each);
+            }
+            return;
+        }
+        add_edges(file);
+    }
+    std::string text() const { return fmt::format("{:016x}", hash_); }
+
+  private:
+    void add_edges(const fs::path& file) {
+        std::ifstream in(file, std::ios::binary | std::ios::ate);
+        if (!in) return add("missing");
+        const std::streamoff bytes = in.tellg();
+        add_number(bytes);
+        std::string edge(kEdgeBytes, '\0');
+        for (const std::streamoff from :
+             {std::streamoff{0},
+              std::max<std::streamoff>(0, bytes - static_cast<std::streamoff>(kEdgeBytes))}) {
+            in.clear();
+            in.seekg(from);
+            in.read(edge.data(), static_cast<std::streamsize>(edge.size()));
+            add(std::string_view(edge.data(), static_cast<std::size_t>(in.gcount())));
+        }
+    }
+
+    std::uint64_t hash_ = 0xcbf29ce484222325ull;
+};
+
+absl::Status add_session(const fs::path& file, Fingerprint& fingerprint) {
+    const auto session = read_session(file);
+    if (!session.ok()) return session.status();
+    fingerprint.add_number(session->fps);
+    fingerprint.add_file(session->calibration);
+    for (const SessionCamera& camera : session->cameras) {
+        fingerprint.add(camera.name);
+        fingerprint.add_number(camera.offset_s.value_or(0));
+        fingerprint.add_file(camera.video);
+        if (!camera.background.empty()) fingerprint.add_file(camera.background);
+    }
+    if (session->recording) fingerprint.add_file(file.parent_path() / "frames.csv");
+    return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> run_fingerprint(const ProcessOptions& options) {
+    Fingerprint fingerprint;
+    fingerprint.add(KINEVOX_VERSION);
+    if (absl::Status added = add_session(options.session_file, fingerprint); !added.ok()) return added;
+    const PipelineOptions& pipeline = options.pipeline;
+    fingerprint.add_number(static_cast<int>(pipeline.device));
+    fingerprint.add_number(pipeline.voxel_m);
+    fingerprint.add_number(pipeline.segmentation.samples);
+    fingerprint.add_number(pipeline.colouring);
+    fingerprint.add_number(pipeline.pose);
+    fingerprint.add_number(options.poses.cutoff_hz);
+    fingerprint.add_number(options.most_frames);
+    fingerprint.add_number(options.writer.save_silhouettes);
+    fingerprint.add_number(options.writer.save_volumes);
+    if (!options.tpose_file.empty() && pipeline.pose)
+        if (absl::Status added = add_session(options.tpose_file, fingerprint); !added.ok()) return added;
+    return fingerprint.text();
+}
+
+std::string run_toml(const ProcessOptions& options, const std::string& fingerprint, double fps,
+                     std::int64_t frames) {
+    std::error_code error;
+    const auto session = fs::absolute(options.session_file, error).lexically_normal();
+    std::string text = "# How `kinevox process` made the files beside this one.\n";
+    text +=
+        fmt::format("session = {}\n", toml_quoted(error ? options.session_file.string() : session.string()));
+    text += fmt::format("fps = {}\nframes = {}\n", toml_number(fps), frames);
+    text += fmt::format("voxel_mm = {}\n", toml_number(1000 * options.pipeline.voxel_m));
+    text += fmt::format("colouring = {}\npose = {}\n", options.pipeline.colouring, options.pipeline.pose);
+    text += fmt::format("smooth_hz = {}   # of the poses' zero-phase low pass; 0: none\n",
+                        toml_number(options.poses.cutoff_hz));
+    text += fmt::format("fingerprint = \"{}\"   # of input, options and program: --resume goes by it\n",
+                        fingerprint);
+    if (const auto read = read_session(options.session_file); read.ok() && has_offsets(*read)) {
+        text += "\n[first_pictures]   # of each camera's video, from 0: the one in frame 0\n";
+        const std::vector<std::int64_t> first = first_pictures(*read);
+        for (std::size_t c = 0; c < first.size(); ++c)
+            text += fmt::format("{} = {}\n", toml_quoted(read->cameras[c].name), first[c]);
+    }
+    return text;
+}
+
+bool holds_results_of(const fs::path& folder, const std::string& fingerprint) {
+    const auto text = read_file(folder / "run.toml");
+    return text.ok() && text->find(fmt::format("\nfingerprint = \"{}\"", fingerprint)) != std::string::npos;
+}
+
+}  // namespace kinevox
