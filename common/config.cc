@@ -119,6 +119,8 @@ void read_recording_config(const TomlTable& table, const std::filesystem::path& 
     megabytes("keep_last_mb", recording.keep_last_mb, 1);
     megabytes("queue_mb", recording.queue_mb, 1);
     megabytes("least_free_mb", recording.least_free_mb, 0);
+    recording.keep_days = table.number_or("keep_days", recording.keep_days, {0, 36500});
+    recording.keep_gb = table.number_or("keep_gb", recording.keep_gb, {0, 1e6});
 }
 
 void read_stream(const TomlTable& table, StreamConfig& stream) {

@@ -94,6 +94,8 @@ struct RecordingConfig {
     int keep_last_mb = 1024;         // most that it may hold
     int queue_mb = 256;              // taken and not yet written; beyond it frame sets are dropped
     int least_free_mb = 512;         // on the disk, below which a recording ends
+    double keep_days = 0;            // older ones are deleted; 0: none
+    double keep_gb = 0;              // beyond it the oldest are deleted; 0: none
     bool operator==(const RecordingConfig&) const = default;
 };
 

@@ -170,6 +170,7 @@ int serve(const DaemonConfig& given) {
     StatusLog status_log(io, runner, hub);
     LeaseClock lease_clock(io, lease, hub);
     ServiceClock service_clock(io, runner);
+    RetentionClock retention_clock(io, recordings.get_executor(), retention_limits(config.recording), *recorder, replay, hub);
     signals.async_wait([&](const boost::system::error_code&, int signal) {
         spdlog::info("stopping on {}", signal == SIGINT ? "SIGINT" : "SIGTERM");
         signals.async_wait([](const boost::system::error_code&, int) {});   // a second one changes nothing
@@ -216,6 +217,7 @@ int serve(const DaemonConfig& given) {
     procedure.reset();                                     // its thread ends at its next step
     body_fit.reset();                                      // its thread ends at its next frame set
     poses.reset();                                         // its thread ends as soon as it sees that it is to end
+    retention_clock.stop();
     lease_clock.stop();
     status_log.stop();
     spdlog::info("stopped");

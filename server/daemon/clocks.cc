@@ -59,6 +59,36 @@ void StatusLog::log_figures() {
                  figures.median.total_ms, figures.total_p99_ms, volume, subscribers.volumes + subscribers.pictures);
 }
 
+RetentionClock::RetentionClock(boost::asio::io_context& io, boost::asio::any_io_executor files, const RetentionLimits& limits,
+                               const Recorder& recorder, const Replay& replay, StreamHub& hub)
+    : files_(std::move(files)), limits_(limits), recorder_(recorder), replay_(replay), hub_(hub), timer_(io) {
+    if (!recorder_.options().folder.empty()) look();
+}
+
+void RetentionClock::look() {
+    boost::asio::post(files_, [this] {
+        const auto replayed = replay_.status();
+        apply_retention(
+            recorder_.options().folder, limits_, utc_now_ns(),
+            replayed.open ? replayed.session_file : std::filesystem::path(),
+            [this](const std::string& name, const absl::Status& deleted) {
+                if (deleted.ok())
+                    spdlog::info("recording \"{}\" was deleted, as keep_days and keep_gb of [recording] say", name);
+                else   // an event is logged, too
+                    hub_.publish_event({EventKind::kError, 0, 0, {},
+                                        fmt::format("recording \"{}\" should be deleted and cannot be: {}", name,
+                                                    std::string(deleted.message()))},
+                                       utc_now_ns());
+            });
+    });
+    timer_.expires_after(std::chrono::minutes(10));
+    timer_.async_wait([this](const boost::system::error_code& error) {
+        if (!error) look();
+    });
+}
+
+void RetentionClock::stop() { timer_.cancel(); }
+
 LeaseClock::LeaseClock(boost::asio::io_context& io, ControlLease& lease, StreamHub& hub)
     : io_(io), lease_(lease), hub_(hub), timer_(io) {
     lease_.set_on_change([this] { boost::asio::post(io_, [this] { rearm(); }); });

@@ -3,12 +3,16 @@
 
 #include <memory>
 
+#include <boost/asio/any_io_executor.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
 
 #include "server/api/control_lease.h"
+#include "server/pipeline/replay.h"
 #include "server/pipeline/runner.h"
 #include "server/pipeline/stream_hub.h"
+#include "server/recording/recorder.h"
+#include "server/recording/retention.h"
 
 namespace kinevox {
 
@@ -29,6 +33,25 @@ class StatusLog {
     boost::asio::steady_timer timer_;
     std::shared_ptr<EventMailbox> events_;
     std::uint64_t logged_results_ = 0;
+};
+
+// Deletes recordings that are too old or too many: at the start, then every ten minutes, on `files`, which waits for the
+// disk. Nothing where `recorder` has no folder.
+class RetentionClock {
+  public:
+    RetentionClock(boost::asio::io_context& io, boost::asio::any_io_executor files, const RetentionLimits& limits,
+                   const Recorder& recorder, const Replay& replay, StreamHub& hub);
+    void stop();   // on the io_context's thread
+
+  private:
+    void look();
+
+    const boost::asio::any_io_executor files_;
+    const RetentionLimits limits_;
+    const Recorder& recorder_;
+    const Replay& replay_;
+    StreamHub& hub_;
+    boost::asio::steady_timer timer_;
 };
 
 // Publishes an event when a lease runs out.

@@ -188,6 +188,10 @@ absl::StatusOr<std::unique_ptr<Recorder>> make_recorder(const DaemonConfig& daem
         [&hub](const Event& event) { hub.publish_event(event, utc_now_ns()); });
 }
 
+RetentionLimits retention_limits(const RecordingConfig& config) {
+    return {config.keep_days, static_cast<std::uint64_t>(config.keep_gb * 1e9)};
+}
+
 PoseDatabaseOptions pose_database_options(const PoseConfig& config) {
     PoseDatabaseOptions options;
     options.poses = config.database_poses;

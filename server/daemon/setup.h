@@ -14,6 +14,7 @@
 #include "server/pipeline/replay.h"
 #include "server/pose/database/database_service.h"
 #include "server/recording/recorder.h"
+#include "server/recording/retention.h"
 
 namespace kinevox {
 
@@ -49,6 +50,8 @@ std::filesystem::path recordings_folder(const RecordingConfig& config);
 absl::StatusOr<std::unique_ptr<Recorder>> make_recorder(const DaemonConfig& config, const Runner& runner,
                                                         const CalibrationStore& store, const CalibrationUse& use,
                                                         StreamHub& hub);
+
+RetentionLimits retention_limits(const RecordingConfig& config);
 
 PoseDatabaseOptions pose_database_options(const PoseConfig& config);
 

@@ -14,6 +14,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kLongestName = 100;
+constexpr std::string_view kDeleted = ".deleted-";   // no recording's name begins with a dot
 
 std::uint64_t bytes_of(const fs::path& folder) {
     std::uint64_t bytes = 0;
@@ -100,14 +101,22 @@ absl::Status delete_recording(const fs::path& folder, const std::string& name) {
     if (!info.ok()) return info.status();
     if (being_written(info->about.times))
         return absl::FailedPreconditionError(fmt::format("\"{}\" is being recorded; stop that first", name));
+    // Under another name it is no recording any more, and what an end in the middle leaves of it is found again.
     std::error_code error;
-    // Without its session file it is no recording any more, should the rest take its time.
-    fs::remove(info->session_file, error);
-    fs::remove_all(info->session_file.parent_path(), error);
-    if (error)
-        return absl::UnavailableError(
-            fmt::format("{}: {}; correct its rights", info->session_file.parent_path().string(), error.message()));
+    const fs::path from = info->session_file.parent_path(), aside = folder / (std::string(kDeleted) + name);
+    fs::remove_all(aside, error);
+    fs::rename(from, aside, error);
+    if (!error) fs::remove_all(aside, error);
+    if (error) return absl::UnavailableError(fmt::format("{}: {}; correct its rights", from.string(), error.message()));
     return absl::OkStatus();
+}
+
+void sweep_deleted(const fs::path& folder) {
+    std::error_code error;
+    std::vector<fs::path> left;
+    for (const auto& entry : fs::directory_iterator(folder, error))
+        if (entry.path().filename().string().starts_with(kDeleted)) left.push_back(entry.path());
+    for (const fs::path& each : left) fs::remove_all(each, error);
 }
 
 }  // namespace kinevox

@@ -39,5 +39,7 @@ absl::StatusOr<RecordingInfo> read_recording(const std::filesystem::path& folder
 std::vector<RecordingInfo> list_recordings(const std::filesystem::path& folder);
 // FailedPrecondition while it is being written.
 absl::Status delete_recording(const std::filesystem::path& folder, const std::string& name);
+// What a deletion left that was cut off.
+void sweep_deleted(const std::filesystem::path& folder);
 
 }  // namespace kinevox
