@@ -11,8 +11,8 @@ from kinevox.aio import AsyncClient
 from kinevox.client import Client
 from kinevox.coordinates import COORDINATE_NAMES, SEGMENT_NAMES
 from kinevox.errors import (Aborted, AlreadyExists, Cancelled, DataLoss, DeadlineExceeded, FailedPrecondition,
-                            InvalidArgument, KinevoxError, NotFound, OutOfRange, ResourceExhausted, Unavailable,
-                            Unimplemented)
+                            InvalidArgument, KinevoxError, NotFound, OutOfRange, PermissionDenied, ResourceExhausted,
+                            Unauthenticated, Unavailable, Unimplemented)
 from kinevox.poses import ANGLE_NAMES, JOINT_NAMES, RATIO_NAMES, Pose
 from kinevox.streams import Stream
 from kinevox.tables import PoseTable
@@ -22,5 +22,5 @@ __version__ = "0.1.0"
 __all__ = ["ANGLE_NAMES", "COORDINATE_NAMES", "JOINT_NAMES", "RATIO_NAMES", "SEGMENT_NAMES", "Aborted", "AlreadyExists",
            "AsyncClient", "Cancelled", "Client", "DataLoss", "DeadlineExceeded", "FailedPrecondition",
            "InvalidArgument",
-           "KinevoxError", "NotFound", "OutOfRange", "Pose", "PoseTable", "ResourceExhausted", "Stream", "Unavailable",
-           "Unimplemented", "Volume", "VolumeFrame"]
+           "KinevoxError", "NotFound", "OutOfRange", "PermissionDenied", "Pose", "PoseTable", "ResourceExhausted", "Stream",
+           "Unauthenticated", "Unavailable", "Unimplemented", "Volume", "VolumeFrame"]

@@ -84,6 +84,18 @@ class Cancelled(KinevoxError):
     code = "CANCELLED"
 
 
+class Unauthenticated(KinevoxError):
+    """There is no token, or one that is wrong, expired or revoked."""
+
+    code = "UNAUTHENTICATED"
+
+
+class PermissionDenied(KinevoxError, PermissionError):
+    """The token's role may not do that."""
+
+    code = "PERMISSION_DENIED"
+
+
 class Unimplemented(KinevoxError):
     """What answers is not a Kinevox daemon, or one of another version."""
 
@@ -93,7 +105,8 @@ class Unimplemented(KinevoxError):
 _CLASSES: dict[str, type[KinevoxError]] = {
     kind.code: kind
     for kind in (Unavailable, DeadlineExceeded, InvalidArgument, OutOfRange, NotFound, AlreadyExists,
-                 FailedPrecondition, ResourceExhausted, Aborted, DataLoss, Cancelled, Unimplemented)
+                 FailedPrecondition, ResourceExhausted, Aborted, DataLoss, Cancelled, Unauthenticated,
+                 PermissionDenied, Unimplemented)
 }
 
 
