@@ -15,10 +15,11 @@ std::filesystem::path resolved(const std::string& text, const std::filesystem::p
     return text.empty() ? std::filesystem::path() : (folder / text).lexically_normal();
 }
 
-void read_server(const TomlTable& table, ServerConfig& server) {
+void read_server(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist, ServerConfig& server) {
     server.listen = table.text_or("listen", server.listen);
     if (const std::string problem = listen_address_problem(server.listen); !problem.empty())
         table.fail("listen", problem);
+    read_access(table, folder, check_files_exist, server.access);
 }
 
 void read_studio(const TomlTable& table, StudioConfig& studio) {
@@ -180,7 +181,7 @@ absl::StatusOr<DaemonConfig> parse_config_toml(const std::string& text, const st
     if (!document.ok()) return document.status();
     const TomlTable root = (*document)->root();
     DaemonConfig config;
-    read_server(root.table_or_empty("server"), config.server);
+    read_server(root.table_or_empty("server"), folder, check_files_exist, config.server);
     read_source(root.table_or_empty("source"), folder, check_files_exist, config.source);
     read_pipeline(root.table_or_empty("pipeline"), config.pipeline);
     read_segmentation(root.table_or_empty("segmentation"), folder, config.segmentation);

@@ -11,6 +11,7 @@
 #include <string>
 #include <string_view>
 
+#include "common/access_config.h"
 #include "common/live_camera_config.h"
 
 namespace kinevox {
@@ -21,6 +22,7 @@ inline constexpr std::array<std::string_view, 6> kStudioMotions{"walk",  "run", 
 
 struct ServerConfig {
     std::string listen = "127.0.0.1:50770";  // HOST:PORT; port 0 takes a free one
+    AccessConfig access;
     bool operator==(const ServerConfig&) const = default;
 };
 

@@ -27,7 +27,8 @@ TEST(Config, TheExampleExplainsEveryKey) {
     const std::string example = *read_file(kExample);
     int keys = 0;
     for (const std::string table :
-         {"server", "source", "source.studio", "source.cameras", "pipeline", "segmentation", "pose", "stream", "control", "log"}) {
+         {"server", "server.limits", "source", "source.studio", "source.cameras", "pipeline", "segmentation", "pose", "stream",
+          "control", "log"}) {
         const auto config = parse_config_toml("[" + table + "]\nno_such_key = 1\n", "/", "probe", false);
         const std::string message{config.status().message()};
         std::smatch found;
@@ -36,12 +37,37 @@ TEST(Config, TheExampleExplainsEveryKey) {
         const std::regex word("[a-z_]+");
         for (auto i = std::sregex_iterator(list.begin(), list.end(), word); i != std::sregex_iterator();
              ++i) {
-            if (i->str() == "studio" || i->str() == "cameras" || i->str() == "camera") continue;  // a table of its own
+            if (i->str() == "studio" || i->str() == "cameras" || i->str() == "camera" || i->str() == "limits")
+                continue;  // a table of its own
             EXPECT_TRUE(std::regex_search(example, std::regex("\n(# )?" + i->str() + " = "))) << i->str();
             ++keys;
         }
     }
     EXPECT_GE(keys, 20);
+}
+
+TEST(Config, ReadsWhoMayDoWhat) {
+    const auto config = parse_config_toml(
+        "[server]\nlisten = \"0.0.0.0:1\"\ncertificate = \"c.pem\"\nkey = \"/k.pem\"\nclient_ca = \"ca.pem\"\ntokens = \"t.toml\"\n"
+        "audit = \"\"\n[server.limits]\nmax_streams = 7\nrequests_per_s = 2.5\n",
+        "/rig", "probe", false);
+    ASSERT_TRUE(config.ok()) << config.status();
+    const AccessConfig& access = config->server.access;
+    EXPECT_EQ(access.certificate, "/rig/c.pem");
+    EXPECT_EQ(access.key, "/k.pem");
+    EXPECT_EQ(access.client_ca, "/rig/ca.pem");
+    EXPECT_EQ(access.tokens, "/rig/t.toml");
+    EXPECT_EQ(access.audit, std::filesystem::path());
+    EXPECT_EQ(access.max_streams, 7);
+    EXPECT_EQ(access.requests_per_s, 2.5);
+}
+
+TEST(Config, HalfOfWhoMayDoWhatIsTold) {
+    for (const char* text : {"certificate = \"c.pem\"", "key = \"k.pem\"", "client_ca = \"ca.pem\"", "token = \"t.toml\"",
+                             "limits = 3", "[server.limits]\nmax_streams = 0", "[server.limits]\nrequests_per_s = 0.5"})
+        EXPECT_TRUE(absl::IsInvalidArgument(parse_config_toml("[server]\n" + std::string(text) + "\n", "/rig", "probe", false).status()))
+            << text;
+    EXPECT_TRUE(absl::IsNotFound(parse_config_toml("[server]\ntokens = \"none.toml\"\n", "/nowhere", "probe", true).status()));
 }
 
 constexpr char kCameras[] = R"([source]

@@ -1,0 +1,32 @@
+// A private certificate authority, and what it signs; PEM throughout.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace kinevox {
+
+struct CertificateAndKey {
+    std::string certificate, key;
+};
+
+struct NewCertificate {
+    enum class Kind { kAuthority, kServer, kClient };
+    Kind kind = Kind::kServer;
+    std::string name;                      // its subject's common name
+    std::vector<std::string> hosts;        // a server's: names and addresses that clients reach it by
+    std::int64_t from_s = 0, until_s = 0;  // seconds since 1970, UTC
+};
+
+// A key on the curve P-256 and its certificate, signed by `authority`; null: by itself.
+absl::StatusOr<CertificateAndKey> make_certificate(const NewCertificate& wanted, const CertificateAndKey* authority);
+
+// Until when the first certificate of `certificate` is valid. InvalidArgument where it cannot be read,
+// FailedPrecondition where `key`, unless that is empty, is not its key.
+absl::StatusOr<std::int64_t> check_certificate(const std::string& certificate, const std::string& key);
+
+}  // namespace kinevox

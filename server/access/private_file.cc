@@ -1,0 +1,75 @@
+#include "server/access/private_file.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <string>
+#include <system_error>
+
+namespace kinevox {
+namespace {
+
+absl::Status cannot_write(const std::filesystem::path& file, int error) {
+    return absl::UnavailableError(
+        fmt::format("{}: cannot be written: {}; check the folder's permissions and free space", file.string(),
+                    std::strerror(error)));
+}
+
+bool write_all(int descriptor, std::string_view contents) {
+    while (!contents.empty()) {
+        const ssize_t written = ::write(descriptor, contents.data(), contents.size());
+        if (written < 0 && errno == EINTR) continue;
+        if (written < 0) return false;
+        contents.remove_prefix(static_cast<std::size_t>(written));
+    }
+    return ::fsync(descriptor) == 0;
+}
+
+}  // namespace
+
+void make_private_folder(const std::filesystem::path& folder) {
+    std::error_code ignored;  // what is written there tells
+    if (folder.empty() || std::filesystem::exists(folder, ignored)) return;
+    std::filesystem::create_directories(folder, ignored);
+    std::filesystem::permissions(folder, std::filesystem::perms::owner_all, ignored);
+}
+
+absl::Status write_private_file(const std::filesystem::path& file, std::string_view contents, Existing existing) {
+    make_private_folder(file.parent_path());
+    std::string aside = file.string() + ".XXXXXX";
+    const int descriptor = ::mkostemp(aside.data(), O_CLOEXEC);  // with mode 0600
+    if (descriptor < 0) return cannot_write(file, errno);
+    bool done = write_all(descriptor, contents);
+    int error = errno;
+    ::close(descriptor);
+    if (done) {
+        // A link, other than a rename, does not take the place of what is there.
+        done = existing == Existing::kReplace ? ::rename(aside.c_str(), file.c_str()) == 0
+                                              : ::link(aside.c_str(), file.c_str()) == 0;
+        error = errno;
+    }
+    if (!done || existing == Existing::kKeep) ::unlink(aside.c_str());
+    if (done) return absl::OkStatus();
+    if (error == EEXIST)
+        return absl::AlreadyExistsError(
+            fmt::format("{} is there already and is not replaced; move it away, or name another place", file.string()));
+    return cannot_write(file, error);
+}
+
+absl::Status check_private(const std::filesystem::path& file) {
+    struct stat found {};
+    if (::stat(file.c_str(), &found) != 0)
+        return absl::NotFoundError(fmt::format("{}: {}; check the path", file.string(), std::strerror(errno)));
+    if ((found.st_mode & 077) == 0) return absl::OkStatus();
+    return absl::PermissionDeniedError(
+        fmt::format("{}: its mode is {:o}, so that others than its owner have rights to it; "
+                    "chmod 600 it",
+                    file.string(), found.st_mode & 0777));
+}
+
+}  // namespace kinevox
