@@ -18,6 +18,7 @@
 #include "server/api/version.h"
 #include "server/calibration/camera_watch.h"
 #include "server/cameras/session_source.h"
+#include "server/daemon/access_setup.h"
 #include "server/daemon/clocks.h"
 #include "server/daemon/service_clock.h"
 #include "server/daemon/setup.h"
@@ -44,7 +45,7 @@ int fail(std::string message) {
 
 int fail(const absl::Status& status) { return fail(std::string(status.message())); }
 
-int serve(const DaemonConfig& given) {
+int serve(const DaemonConfig& given, bool serve_everyone) {
     // Signals first, so that one that comes early is not lost.
     asio::io_context io(1);
     asio::signal_set signals(io, SIGTERM, SIGINT);
@@ -58,6 +59,16 @@ int serve(const DaemonConfig& given) {
         if (!source.ok()) return source;
         return background.restoring(*std::move(source));
     };
+    if (const absl::Status reach = check_reach(config.server, serve_everyone); !reach.ok()) return fail(reach);
+    const auto server_options = api_server_options(config.server.access);
+    if (!server_options.ok()) return fail(server_options.status());
+    const auto audit = open_audit_log(config.server.access);
+    if (!audit.ok()) return fail(audit.status());
+    const auto guard = make_guard(config.server.access, audit->get());
+    if (!guard.ok()) return fail(guard.status());
+    if (!is_loopback(config.server.listen) && (*guard)->open())
+        spdlog::warn("everyone who reaches {} may do everything", config.server.listen);
+    raise_open_files_limit();
     std::optional<oneapi::tbb::global_control> compute_threads;
     if (config.pipeline.threads > 0)
         compute_threads.emplace(oneapi::tbb::global_control::max_allowed_parallelism,
@@ -153,9 +164,10 @@ int serve(const DaemonConfig& given) {
                    .camera_watch = &camera_watch,
                    .figures = &figures,
                    .replay = &replay,
+                   .guard = guard->get(),
                    .source_description = describe(config.source)};
     apply(config.stream, api);
-    auto server = ApiServer::listen(config.server.listen, api);
+    auto server = ApiServer::listen(config.server.listen, api, *server_options);
     if (!server.ok()) return fail(server.status());
     std::unique_ptr<metrics::HttpEndpoint> endpoint;
     if (!config.metrics.listen.empty()) {
@@ -171,6 +183,7 @@ int serve(const DaemonConfig& given) {
     LeaseClock lease_clock(io, lease, hub);
     ServiceClock service_clock(io, runner);
     RetentionClock retention_clock(io, recordings.get_executor(), retention_limits(config.recording), *recorder, replay, hub);
+    GuardClock guard_clock(io, **guard);
     signals.async_wait([&](const boost::system::error_code&, int signal) {
         spdlog::info("stopping on {}", signal == SIGINT ? "SIGINT" : "SIGTERM");
         signals.async_wait([](const boost::system::error_code&, int) {});   // a second one changes nothing
@@ -218,6 +231,7 @@ int serve(const DaemonConfig& given) {
     body_fit.reset();                                      // its thread ends at its next frame set
     poses.reset();                                         // its thread ends as soon as it sees that it is to end
     retention_clock.stop();
+    guard_clock.stop();
     lease_clock.stop();
     status_log.stop();
     spdlog::info("stopped");
@@ -234,6 +248,10 @@ int main(int argc, char** argv) {
     CLI::App app("The Kinevox capture daemon. Without a configuration it serves the virtual studio on 127.0.0.1:50770.",
                  "kinevoxd");
     app.add_option("--config", config_file, "TOML; deploy/kinevoxd.toml explains every key");
+    bool serve_everyone = false;
+    app.add_flag(kServeEveryoneFlag, serve_everyone,
+                 "Serve beyond this machine without TLS and tokens: everyone on the network may watch, record and "
+                 "delete");
     app.set_version_flag("--version", std::string("kinevoxd ") + kVersion);
     try {
         app.parse(argc, argv);
@@ -248,7 +266,7 @@ int main(int argc, char** argv) {
     }
     silence_video_libraries();
     try {
-        return serve(config);
+        return serve(config, serve_everyone);
     } catch (const std::exception& error) {
         return fail(fmt::format("ends on an error nobody expected: {}", error.what()));
     }

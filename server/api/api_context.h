@@ -16,6 +16,7 @@
 
 namespace kinevox {
 
+class Guard;
 class Recorder;
 namespace metrics {
 struct CaptureFigures;
@@ -57,6 +58,8 @@ struct ApiContext {
     metrics::CaptureFigures* figures = nullptr;  // counted for monitoring; null: nobody looks
 
     Replay* replay = nullptr;                    // null where nothing can be replayed
+
+    Guard* guard = nullptr;                      // null: everybody may do everything, as often as he likes
 
     std::string source_description;          // "session /data/trial/session.toml"
     std::chrono::steady_clock::time_point started_at = std::chrono::steady_clock::now();

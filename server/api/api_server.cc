@@ -5,6 +5,8 @@
 #include <grpcpp/health_check_service_interface.h>
 #include <grpcpp/grpcpp.h>
 
+#include "server/access/guard.h"
+#include "server/api/audit_interceptor.h"
 #include "server/api/calibration_service.h"
 #include "server/api/capture_service.h"
 #include "server/api/pose_service.h"
@@ -16,7 +18,8 @@ namespace kinevox {
 
 struct ApiServer::Parts {
     explicit Parts(const ApiContext& api)
-        : capture(api), stream(api), pose(api), calibration(api), recording(api), replay(api) {}
+        : guard(api.guard), capture(api), stream(api), pose(api), calibration(api), recording(api), replay(api) {}
+    Guard* const guard;
     CaptureServiceImpl capture;
     StreamServiceImpl stream;
     PoseServiceImpl pose;
@@ -26,33 +29,47 @@ struct ApiServer::Parts {
     int port = 0;
     std::unique_ptr<grpc::Server> server;
 
-    void build(const std::string& address) {
+    std::vector<grpc::Service*> services() { return {&capture, &stream, &pose, &calibration, &recording, &replay}; }
+
+    // Before every call, whatever service it is of.
+    void set_guard(grpc::ServerBuilder& builder) {
+        if (!guard) return;
+        guard->set_services({v1::CaptureService::service_full_name(), v1::StreamService::service_full_name(),
+                             v1::PoseService::service_full_name(), v1::CalibrationService::service_full_name(),
+                             v1::RecordingService::service_full_name(), v1::ReplayService::service_full_name()});
+        if (!guard->audit()) return;
+        std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
+        interceptors.push_back(audit_interceptors(*guard));
+        builder.experimental().SetInterceptorCreators(std::move(interceptors));
+    }
+
+    void build(const std::string& address, const ApiServerOptions& options) {
         grpc::EnableDefaultHealthCheckService(true);
         grpc::reflection::InitProtoReflectionServerBuilderPlugin();
         grpc::ServerBuilder builder;
-        builder.RegisterService(&capture);
-        builder.RegisterService(&stream);
-        builder.RegisterService(&pose);
-        builder.RegisterService(&calibration);
-        builder.RegisterService(&recording);
-        builder.RegisterService(&replay);
+        for (grpc::Service* service : services()) builder.RegisterService(service);
+        set_guard(builder);
         builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);   // two daemons on one port: the second must notice
         // A client that vanished without a word is found out within a minute.
         builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 30'000);
         builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 20'000);
         builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 5'000);
         builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
-        builder.SetMaxReceiveMessageSize((32 << 20) + (1 << 10));  // requests are small, but for a BVH file
-        if (!address.empty()) builder.AddListeningPort(address, grpc::InsecureServerCredentials(), &port);
+        // Who connects and says nothing, or says all and calls nothing, is cut off.
+        builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, static_cast<int>(options.handshake_timeout.count()));
+        builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, 600'000);
+        builder.SetMaxReceiveMessageSize(options.longest_request_bytes);
+        if (!address.empty()) builder.AddListeningPort(address, guarded_credentials(options.identity, guard), &port);
         server = builder.BuildAndStart();
     }
 };
 
 ApiServer::ApiServer(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
 
-absl::StatusOr<std::unique_ptr<ApiServer>> ApiServer::listen(const std::string& address, const ApiContext& api) {
+absl::StatusOr<std::unique_ptr<ApiServer>> ApiServer::listen(const std::string& address, const ApiContext& api,
+                                                             const ApiServerOptions& options) {
     auto parts = std::make_unique<Parts>(api);
-    parts->build(address);
+    parts->build(address, options);
     if (!parts->server || parts->port == 0)
         return absl::UnavailableError(
             fmt::format("cannot listen on {}: the port is in use or the address is not this machine's; stop the other "
@@ -64,7 +81,7 @@ absl::StatusOr<std::unique_ptr<ApiServer>> ApiServer::listen(const std::string& 
 
 std::unique_ptr<ApiServer> ApiServer::in_process(const ApiContext& api) {
     auto parts = std::make_unique<Parts>(api);
-    parts->build({});
+    parts->build({}, {});
     return std::unique_ptr<ApiServer>(new ApiServer(std::move(parts)));
 }
 

@@ -67,11 +67,12 @@ CalibrationServiceImpl::Reactor* CalibrationServiceImpl::RemoveCalibration(Conte
 }
 
 grpc::ServerWriteReactor<v1::WatchProcedureResponse>* CalibrationServiceImpl::WatchProcedure(
-    Context*, const v1::WatchProcedureRequest*) {
+    Context* context, const v1::WatchProcedureRequest*) {
     if (const absl::Status missing = check_calibration(api_); !missing.ok())
         return ProcedureReactor::refuse(api_, to_grpc(missing));
     return ProcedureReactor::run(
-        api_, 0, [this](std::function<void()> on_ready) { return api_.procedure_watch->subscribe(std::move(on_ready)); },
+        api_, context, 0,
+        [this](std::function<void()> on_ready) { return api_.procedure_watch->subscribe(std::move(on_ready)); },
         [](const ProcedureWatch::Box::Taken& taken) { return to_proto(taken.message); });
 }
 

@@ -71,11 +71,11 @@ CaptureServiceImpl::Reactor* CaptureServiceImpl::ReleaseControl(Context* context
 }
 
 grpc::ServerWriteReactor<v1::WatchEventsResponse>* CaptureServiceImpl::WatchEvents(
-    Context*, const v1::WatchEventsRequest* request) {
+    Context* context, const v1::WatchEventsRequest* request) {
     if (const absl::Status bad = check_watch_events(*request); !bad.ok())
         return EventReactor::refuse(api_, to_grpc(bad));
     return EventReactor::run(
-        api_, 0,
+        api_, context, 0,
         [this, past = static_cast<std::size_t>(request->past())](std::function<void()> on_ready) {
             return api_.hub.subscribe_events(past, std::move(on_ready));
         },

@@ -16,6 +16,7 @@
 
 #include "common/background_priority.h"
 #include "common/degrees.h"
+#include "server/api/caller.h"
 #include "server/api/recording_handlers.h"
 #include "server/api/to_proto.h"
 
@@ -60,21 +61,34 @@ absl::StatusOr<std::string> format_of(v1::ExportFormat format) {
 
 }  // namespace
 
-ExportReactor* ExportReactor::run(const ApiContext& api, const v1::ExportRequest& request) {
+ExportReactor* ExportReactor::run(const ApiContext& api, grpc::CallbackServerContext* context,
+                                  const v1::ExportRequest& request) {
     std::shared_ptr<ExportReactor> reactor(new ExportReactor(api));
     reactor->self_ = reactor;
     if (const absl::Status missing = check_recording(api); !missing.ok())
         reactor->Finish(to_grpc(missing));
+    else if (const absl::Status counted = reactor->be_counted(context); !counted.ok())
+        reactor->Finish(to_grpc(counted));
     else
         boost::asio::post(api.exports, [reactor, request] { reactor->make(request); });
     return reactor.get();
+}
+
+absl::Status ExportReactor::be_counted(grpc::CallbackServerContext* context) {
+    if (!api_.guard) return absl::OkStatus();
+    auto counted = api_.guard->open_stream(authorization_of(*context), [weak = weak_from_this()](const absl::Status&) {
+        if (const auto self = weak.lock()) self->revoked_ = self->stop_ = true;
+    });
+    if (counted.ok()) counted_ = *std::move(counted);
+    return counted.status();
 }
 
 // The files go first: who has got the answer finds nothing left behind.
 void ExportReactor::finish(const grpc::Status& status) {
     std::error_code ignored;
     if (!folder_.empty()) fs::remove_all(folder_, ignored);
-    Finish(status);
+    counted_.reset();
+    Finish(revoked_ ? grpc::Status(grpc::StatusCode::UNAUTHENTICATED, "the token was revoked or has expired") : status);
 }
 
 absl::Status ExportReactor::make_files(const v1::ExportRequest& request) {

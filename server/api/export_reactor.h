@@ -9,6 +9,7 @@
 #include <grpcpp/support/server_callback.h>
 
 #include "kinevox/v1/recording_service.pb.h"
+#include "server/access/guard.h"
 #include "server/api/api_context.h"
 #include "server/recording/recording_export.h"
 
@@ -19,13 +20,14 @@ namespace kinevox {
 class ExportReactor final : public grpc::ServerWriteReactor<v1::ExportResponse>,
                             public std::enable_shared_from_this<ExportReactor> {
   public:
-    static ExportReactor* run(const ApiContext& api, const v1::ExportRequest& request);
+    static ExportReactor* run(const ApiContext& api, grpc::CallbackServerContext* context, const v1::ExportRequest& request);
     void OnWriteDone(bool ok) override;
     void OnCancel() override { stop_ = true; }
     void OnDone() override;
 
   private:
     explicit ExportReactor(const ApiContext& api) : api_(api) {}
+    absl::Status be_counted(grpc::CallbackServerContext* context);
     void make(const v1::ExportRequest& request);
     absl::Status make_files(const v1::ExportRequest& request);
     void send_next();
@@ -34,6 +36,8 @@ class ExportReactor final : public grpc::ServerWriteReactor<v1::ExportResponse>,
     const ApiContext& api_;
     std::shared_ptr<ExportReactor> self_;   // until OnDone
     std::atomic<bool> stop_ = false;
+    std::atomic<bool> revoked_ = false;     // by the guard, which stops it too
+    std::shared_ptr<Guard::Stream> counted_;
     std::filesystem::path folder_;
     ExportedFiles files_;
     std::size_t at_ = 0;                    // of files_

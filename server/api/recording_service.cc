@@ -49,8 +49,9 @@ RecordingServiceImpl::Reactor* RecordingServiceImpl::DeleteRecording(Context* co
     return unary_call(api_, api_.recordings, context, request, response, check_recording, delete_recording);
 }
 
-grpc::ServerWriteReactor<v1::ExportResponse>* RecordingServiceImpl::Export(Context*, const v1::ExportRequest* request) {
-    return ExportReactor::run(api_, *request);
+grpc::ServerWriteReactor<v1::ExportResponse>* RecordingServiceImpl::Export(
+    Context* context, const v1::ExportRequest* request) {
+    return ExportReactor::run(api_, context, *request);
 }
 
 }  // namespace kinevox

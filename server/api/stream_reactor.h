@@ -19,7 +19,9 @@
 #include <grpcpp/support/server_callback.h>
 #include <spdlog/spdlog.h>
 
+#include "server/access/guard.h"
 #include "server/api/api_context.h"
+#include "server/api/caller.h"
 #include "server/api/to_proto.h"
 
 namespace kinevox {
@@ -34,10 +36,14 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
     using Subscribe = std::function<std::shared_ptr<Box>(std::function<void()> on_ready)>;
 
     // `max_rate_hz` 0: no limit.
-    static StreamReactor* run(const ApiContext& api, double max_rate_hz, const Subscribe& subscribe,
-                              Translate translate) {
+    static StreamReactor* run(const ApiContext& api, grpc::CallbackServerContext* context, double max_rate_hz,
+                              const Subscribe& subscribe, Translate translate) {
         auto reactor = std::shared_ptr<StreamReactor>(new StreamReactor(api, max_rate_hz, std::move(translate)));
         reactor->self_ = reactor;
+        if (const absl::Status counted = reactor->be_counted(api, context); !counted.ok()) {
+            reactor->Finish(to_grpc(counted));
+            return reactor.get();
+        }
         boost::asio::post(reactor->strand_, [reactor, subscribe] {
             reactor->box_ = subscribe([weak = reactor->weak_from_this()] {
                 if (const auto alive = weak.lock()) alive->wake();
@@ -77,6 +83,7 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
             self->finished_ = true;
             self->timer_.cancel();
             self->box_.reset();
+            self->counted_.reset();
         });
     }
 
@@ -87,6 +94,26 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
         : strand_(boost::asio::make_strand(api.encoders)), timer_(api.clock), translate_(std::move(translate)) {
         if (max_rate_hz > 0)
             period_ = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / max_rate_hz));
+    }
+
+    absl::Status be_counted(const ApiContext& api, grpc::CallbackServerContext* context) {
+        if (!api.guard) return absl::OkStatus();
+        auto on_end = [weak = this->weak_from_this(), context](const absl::Status& why) {
+            const auto self = weak.lock();
+            if (self) boost::asio::post(self->strand_, [self, context, why] { self->end(context, why); });
+        };
+        auto counted = api.guard->open_stream(authorization_of(*context), std::move(on_end));
+        if (counted.ok()) counted_ = *std::move(counted);
+        return counted.status();
+    }
+
+    // The context lives until gRPC is done, which it is not before finish(). A write that its client does not take is
+    // given up.
+    void end(grpc::CallbackServerContext* context, const absl::Status& why) {
+        if (finished_) return;
+        ended_ = why;
+        if (writing_) context->TryCancel();
+        advance();
     }
 
     // Any thread.
@@ -102,11 +129,13 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
         finished_ = true;
         timer_.cancel();
         box_.reset();   // whatever is queued goes now, not when gRPC is done with the call
+        counted_.reset();
         this->Finish(status);
     }
 
     void advance() {
         if (finished_ || writing_) return;
+        if (!ended_.ok()) return finish(to_grpc(ended_));
         if (cancelled_) return finish({grpc::StatusCode::CANCELLED, "the client left"});
         const absl::Status status = box_->status();
         if (absl::IsResourceExhausted(status))
@@ -152,6 +181,8 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
     boost::asio::steady_timer timer_;
     Translate translate_;
     std::shared_ptr<Box> box_;
+    std::shared_ptr<Guard::Stream> counted_;
+    absl::Status ended_;                    // by the guard
     Message message_;                       // must live until OnWriteDone
     Clock::duration period_{0};
     Clock::time_point next_{};

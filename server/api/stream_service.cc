@@ -6,6 +6,9 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "server/access/call_table.h"
+#include "server/access/guard.h"
+#include "server/api/caller.h"
 #include "server/api/encode.h"
 #include "server/api/stream_reactor.h"
 #include "server/api/to_proto.h"
@@ -65,6 +68,14 @@ absl::Status check(const v1::StreamVolumesRequest& request, double longest_hz) {
     return check_delivery(request, longest_hz);
 }
 
+// What the guard could not know before the request was read: pictures are for fewer roles than silhouettes.
+absl::Status check_values(const ApiContext& api, const grpc::CallbackServerContext& context,
+                          const v1::StreamPreviewsRequest& request) {
+    const v1::Permission needed = needed_by_values(request);
+    if (!api.guard || needed == v1::PERMISSION_UNSPECIFIED) return absl::OkStatus();
+    return api.guard->allow(authorization_of(context), needed, "StreamService.StreamPreviews");
+}
+
 absl::StatusOr<PreviewForm> preview_form(const v1::StreamPreviewsRequest& request, const ApiContext& api) {
     const std::vector<Camera>& cameras = api.runner.cameras();
     PreviewForm form;
@@ -102,7 +113,7 @@ int level_for(double voxel_m, double max_voxel_m) {
     return level;
 }
 
-grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamVolumes(grpc::CallbackServerContext*,
+grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamVolumes(grpc::CallbackServerContext* context,
                                                                              const grpc::ByteBuffer* bytes) {
     const auto request = parse<v1::StreamVolumesRequest>(*bytes);
     if (!request.ok()) return VolumeReactor::refuse(api_, to_grpc(request.status()));
@@ -110,7 +121,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamVolumes(grp
         return VolumeReactor::refuse(api_, to_grpc(bad));
     const MailboxOptions options = mailbox_options(*request, api_);
     return VolumeReactor::run(
-        api_, request->max_rate_hz(),
+        api_, context, request->max_rate_hz(),
         [this, options](std::function<void()> on_ready) {
             return api_.hub.subscribe_volumes(options, std::move(on_ready));
         },
@@ -125,14 +136,14 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamVolumes(grp
         });
 }
 
-grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPoses(grpc::CallbackServerContext*,
+grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPoses(grpc::CallbackServerContext* context,
                                                                            const grpc::ByteBuffer* bytes) {
     const auto request = parse<v1::StreamPosesRequest>(*bytes);
     if (!request.ok()) return PoseReactor::refuse(api_, to_grpc(request.status()));
     if (const absl::Status bad = check_delivery(*request, api_.longest_rate_hz); !bad.ok())
         return PoseReactor::refuse(api_, to_grpc(bad));
     return PoseReactor::run(
-        api_, request->max_rate_hz(),
+        api_, context, request->max_rate_hz(),
         [this, options = mailbox_options(*request, api_)](std::function<void()> on_ready) {
             return api_.hub.subscribe_poses(options, std::move(on_ready));
         },
@@ -143,14 +154,16 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPoses(grpc:
         });
 }
 
-grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPreviews(grpc::CallbackServerContext*,
+grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPreviews(grpc::CallbackServerContext* context,
                                                                               const grpc::ByteBuffer* bytes) {
     const auto request = parse<v1::StreamPreviewsRequest>(*bytes);
     if (!request.ok()) return PreviewReactor::refuse(api_, to_grpc(request.status()));
+    if (const absl::Status forbidden = check_values(api_, *context, *request); !forbidden.ok())
+        return PreviewReactor::refuse(api_, to_grpc(forbidden));
     const absl::StatusOr<PreviewForm> form = preview_form(*request, api_);
     if (!form.ok()) return PreviewReactor::refuse(api_, to_grpc(form.status()));
     return PreviewReactor::run(
-        api_, request->max_rate_hz() > 0 ? request->max_rate_hz() : 10.0,
+        api_, context, request->max_rate_hz() > 0 ? request->max_rate_hz() : 10.0,
         [this](std::function<void()> on_ready) { return api_.hub.subscribe_pictures(std::move(on_ready)); },
         [this, form = *form, camera = request->camera()](const PictureMailbox::Taken& taken) {
             const EncodedMessage message = encode(*taken.message, form, camera);

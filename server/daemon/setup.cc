@@ -1,7 +1,6 @@
 #include "server/daemon/setup.h"
 
 #include <algorithm>
-#include <cstdlib>
 #include <thread>
 
 #include <fmt/format.h>
@@ -10,6 +9,7 @@
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 
+#include "common/state_folder.h"
 #include "server/cameras/aravis/live_source.h"
 #include "server/cameras/session_source.h"
 #include "server/cameras/studio/studio_source.h"
@@ -18,16 +18,6 @@
 
 namespace kinevox {
 namespace {
-
-// Empty for a user without a home. Not a cache: the files hold what users added (XDG base directory specification).
-std::filesystem::path in_state_folder(const char* name) {
-    std::filesystem::path folder;
-    if (const char* state = std::getenv("XDG_STATE_HOME"); state && *state == '/')
-        folder = state;
-    else if (const char* home = std::getenv("HOME"); home && *home == '/')
-        folder = std::filesystem::path(home) / ".local/state";
-    return folder.empty() ? folder : folder / "kinevox" / name;
-}
 
 std::chrono::milliseconds milliseconds(double seconds) {
     return std::chrono::milliseconds(static_cast<std::int64_t>(seconds * 1000));

@@ -42,7 +42,7 @@ class Client(Capture):
         server: "host:port"; empty: the environment's KINEVOX_SERVER, else 127.0.0.1:50770. timeout_s: of a call, the
         connection included. operator: whom others read about while this program holds control.
 
-        The daemon itself speaks plain gRPC. For a proxy before it that does TLS: credentials, for instance
+        For a daemon beyond this machine, which asks for TLS and a token (docs/access.md): credentials, for instance
         grpc.ssl_channel_credentials(Path("ca.pem").read_bytes()); server_name, the name in its certificate where that
         is not the address; token, sent as "authorization: Bearer TOKEN" with every call.
         """

@@ -1,0 +1,71 @@
+#include "server/api/guarded_credentials.h"
+
+#include <grpc/grpc.h>
+#include <grpc/grpc_security.h>
+#include <grpcpp/security/server_credentials.h>
+
+#include <string_view>
+#include <utility>
+
+#include "server/access/guard.h"
+
+namespace kinevox {
+namespace {
+
+std::string_view view(const grpc_slice& slice) {
+    return {reinterpret_cast<const char*>(GRPC_SLICE_START_PTR(slice)), GRPC_SLICE_LENGTH(slice)};
+}
+
+// gRPC's, between a call's headers and its service. More than one authorization is none: nobody shall see another one
+// here than there.
+void admit(void* guard, grpc_auth_context*, const grpc_metadata* metadata, std::size_t count,
+           grpc_process_auth_metadata_done_cb done, void* call) {
+    std::string_view path, authorization;
+    for (std::size_t i = 0; i < count; ++i) {
+        const std::string_view key = view(metadata[i].key), value = view(metadata[i].value);
+        if (key == ":path") path = value;
+        if (key == "authorization") authorization = authorization.empty() ? value : "twice";
+    }
+    const absl::Status status = static_cast<Guard*>(guard)->admit(path, authorization);
+    done(call, nullptr, 0, nullptr, 0, static_cast<grpc_status_code>(status.code()),
+         status.ok() ? nullptr : std::string(status.message()).c_str());
+}
+
+// gRPC's own C++ credentials that are not encrypted take no processor; its C interface does for both kinds.
+class GuardedCredentials final : public grpc::ServerCredentials {
+  public:
+    GuardedCredentials(std::optional<ServerIdentity> identity, Guard* guard)
+        : identity_(std::move(identity)), guard_(guard) {}
+    void SetAuthMetadataProcessor(const std::shared_ptr<grpc::AuthMetadataProcessor>&) override {}
+
+  private:
+    int AddPortToServer(const std::string& address, grpc_server* server) override {
+        grpc_server_credentials* const credentials = make();
+        if (guard_) grpc_server_credentials_set_auth_metadata_processor(credentials, {admit, nullptr, guard_});
+        const int port = grpc_server_add_http2_port(server, address.c_str(), credentials);
+        grpc_server_credentials_release(credentials);
+        return port;
+    }
+
+    grpc_server_credentials* make() const {
+        if (!identity_) return grpc_insecure_server_credentials_create();
+        grpc_ssl_pem_key_cert_pair pair{identity_->key.c_str(), identity_->certificate.c_str()};
+        const bool ask = !identity_->client_ca.empty();
+        return grpc_ssl_server_credentials_create_ex(
+            ask ? identity_->client_ca.c_str() : nullptr, &pair, 1,
+            ask ? GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY : GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE,
+            nullptr);
+    }
+
+    const std::optional<ServerIdentity> identity_;
+    Guard* const guard_;
+};
+
+}  // namespace
+
+std::shared_ptr<grpc::ServerCredentials> guarded_credentials(const std::optional<ServerIdentity>& identity,
+                                                             Guard* guard) {
+    return std::make_shared<GuardedCredentials>(identity, guard);
+}
+
+}  // namespace kinevox

@@ -1,0 +1,120 @@
+#include "server/daemon/access_setup.h"
+
+#include <arpa/inet.h>
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <ctime>
+
+#include "common/atomic_file.h"
+#include "common/state_folder.h"
+#include "server/access/certificates.h"
+#include "server/access/token_file.h"
+
+namespace kinevox {
+namespace {
+
+absl::Status in_file(const std::filesystem::path& file, const absl::Status& status) {
+    return absl::Status(status.code(), fmt::format("{}: {}; docs/access.md tells how to make one", file.string(),
+                                                   std::string(status.message())));
+}
+
+// A certificate in use must still be valid; the log warns a month before it is not.
+absl::Status check_time(const std::filesystem::path& file, std::int64_t until_s) {
+    const std::int64_t left_s = until_s - std::time(nullptr);
+    if (left_s <= 0)
+        return absl::FailedPreconditionError(fmt::format(
+            "{}: the certificate expired at {}; kinevox tls server makes a new one", file.string(), to_utc(until_s)));
+    if (left_s < 30 * 86'400) spdlog::warn("{}: the certificate expires at {}", file.string(), to_utc(until_s));
+    return absl::OkStatus();
+}
+
+}  // namespace
+
+bool is_loopback(const std::string& listen) {
+    std::string host = listen.substr(0, listen.rfind(':'));
+    if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
+    if (host == "localhost") return true;
+    in_addr v4{};
+    if (inet_pton(AF_INET, host.c_str(), &v4) == 1) return ntohl(v4.s_addr) >> 24 == 127;
+    in6_addr v6{};
+    return inet_pton(AF_INET6, host.c_str(), &v6) == 1 && IN6_IS_ADDR_LOOPBACK(&v6);
+}
+
+absl::Status check_reach(const ServerConfig& config, bool serve_everyone) {
+    const bool tls = !config.access.certificate.empty(), tokens = !config.access.tokens.empty();
+    if (is_loopback(config.listen) || serve_everyone || (tls && tokens)) return absl::OkStatus();
+    return absl::FailedPreconditionError(
+        fmt::format("listen is {}, which other machines reach, without {}; give [server] certificate, key and tokens "
+                    "(kinevox tls init, "
+                    "kinevox token create; docs/access.md), or listen on 127.0.0.1",
+                    config.listen,
+                    tls      ? "tokens"
+                    : tokens ? "TLS"
+                             : "TLS and tokens"));
+}
+
+absl::StatusOr<ApiServerOptions> api_server_options(const AccessConfig& config) {
+    ApiServerOptions options;
+    options.longest_request_bytes = (config.max_message_mb << 20) + (1 << 10);  // a file of that size, and its name
+    options.handshake_timeout = std::chrono::milliseconds(static_cast<std::int64_t>(config.handshake_timeout_s * 1000));
+    if (config.certificate.empty()) return options;
+    auto certificate = read_file(config.certificate), key = read_file(config.key);
+    if (!certificate.ok()) return certificate.status();
+    if (!key.ok()) return key.status();
+    const auto until_s = check_certificate(*certificate, *key);
+    if (!until_s.ok()) return in_file(config.certificate, until_s.status());
+    if (absl::Status time = check_time(config.certificate, *until_s); !time.ok()) return time;
+    ServerIdentity identity{*std::move(certificate), *std::move(key), {}};
+    if (!config.client_ca.empty()) {
+        auto client_ca = read_file(config.client_ca);
+        if (!client_ca.ok()) return client_ca.status();
+        const auto ca_until_s = check_certificate(*client_ca, {});
+        if (!ca_until_s.ok()) return in_file(config.client_ca, ca_until_s.status());
+        if (absl::Status time = check_time(config.client_ca, *ca_until_s); !time.ok()) return time;
+        identity.client_ca = *std::move(client_ca);
+    }
+    options.identity = std::move(identity);
+    return options;
+}
+
+absl::StatusOr<std::unique_ptr<AuditLog>> open_audit_log(const AccessConfig& config) {
+    if (config.audit) return AuditLog::open(*config.audit);
+    auto log = AuditLog::open(in_state_folder("audit.jsonl"));
+    if (log.ok()) return log;
+    spdlog::warn("there is no audit log: {}", std::string(log.status().message()));
+    return AuditLog::open({});
+}
+
+absl::StatusOr<std::unique_ptr<Guard>> make_guard(const AccessConfig& config, AuditLog* audit) {
+    return Guard::create(config.tokens, {config.max_streams, config.max_streams_per_token, config.requests_per_s},
+                         audit);
+}
+
+void raise_open_files_limit() {
+    rlimit limit{};
+    if (::getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur >= limit.rlim_max) return;
+    limit.rlim_cur = std::min<rlim_t>(limit.rlim_max, 65536);
+    ::setrlimit(RLIMIT_NOFILE, &limit);
+}
+
+GuardClock::GuardClock(boost::asio::io_context& io, Guard& guard) : guard_(guard), timer_(io) {
+    wait();
+}
+
+void GuardClock::wait() {
+    timer_.expires_after(std::chrono::seconds(1));
+    timer_.async_wait([this](const boost::system::error_code& error) {
+        if (error) return;
+        guard_.tick();
+        wait();
+    });
+}
+
+void GuardClock::stop() {
+    timer_.cancel();
+}
+
+}  // namespace kinevox
