@@ -5,7 +5,7 @@
 // Visitors come and go as tests/support/scripted_daemon.cc has them: a cycle of a minute, 25 poses and 25 volumes
 // (40 mm) a second. Two parts, each of the whole time:
 //   page     every pose and every volume goes through the page's own way from the socket's bytes to the scene and the
-//            panels, with the page's clock moved on by 40 ms a pair; each 25th picture is painted (software OpenGL is
+//            panels, with the page's clock moved on by 40 ms a pair; each --draw-every-th picture is painted (software OpenGL is
 //            what costs).
 //   gateway  the scripted daemon sends as many over gRPC as fast as kinevox-web reads; kinevox-web passes on to the
 //            page over its WebSocket what the page asks for, 30 poses and 25 volumes a second, the newest.

@@ -49,7 +49,7 @@ function markLanguage(languages: Languages): void {
 function freeCentre(wide: boolean): readonly [number, number] {
   const attract = document.body.classList.contains("attract");
   if (wide) return attract ? [0.71, 0.54] : [0.5, 0.54];
-  return attract ? [0.5, 0.4] : [0.5, 0.31];
+  return attract ? [0.5, 0.4] : [0.5, 0.29];
 }
 
 /** Follows the window's size at once, and the free middle slowly. */
