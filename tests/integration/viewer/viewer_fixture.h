@@ -56,6 +56,12 @@ class ViewerTest : public testing::DaemonTest {
         std::filesystem::create_directories(KINEVOX_VIEWER_PICTURES);
         EXPECT_TRUE(window_->picture().save(QString("%1/%2.png").arg(KINEVOX_VIEWER_PICTURES, name)));
     }
+    // Until so many further results have come, however long the machine takes for them.
+    bool results_come(std::uint64_t count) {
+        const std::uint64_t begin = window_->feed().volume()->sequence;
+        return wait([&] { return window_->feed().volume()->sequence >= begin + count && !window_->feed().volume()->points.empty(); },
+                    3 * kSoon_ms);
+    }
     bool sees_a_person() {
         return window_->feed().volume() && !window_->feed().volume()->points.empty() &&
                coloured_pixels(window_->scene().grabFramebuffer()) > 300;

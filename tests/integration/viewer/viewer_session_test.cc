@@ -1,10 +1,9 @@
 // The viewer on a recorded session of a real athlete, and on the virtual studio as a newcomer finds it.
 #include <QListWidget>
 
-#include <cstdlib>
-
 #include "client/viewer/replay_bar.h"
 #include "tests/integration/viewer/viewer_fixture.h"
+#include "tests/support/test_data.h"
 
 namespace kinevox::viewer {
 namespace {
@@ -29,7 +28,7 @@ class ViewerSessionTest : public ViewerTest {
         press("record");
         ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("record")->text() == "Stop recording"; })) << window_->status_line().toStdString();
         QTest::keyClick(window_.get(), Qt::Key_M);
-        QTest::qWait(3000);
+        ASSERT_TRUE(results_come(30)) << window_->status_line().toStdString();
         keep_picture((name + "_live").c_str());
         window_->save_plots_in(QString::fromStdString(folder_.path().string()));
         EXPECT_GT(std::filesystem::file_size(folder_.path() / "knee_flexion_l.png"), 1000U);
@@ -59,10 +58,7 @@ class ViewerSessionTest : public ViewerTest {
 };
 
 TEST_F(ViewerSessionTest, ABalancingAthlete) {
-    const char* data = std::getenv("KINEVOX_TEST_DATA");
-    const auto session = std::filesystem::path(data ? data : "") / "balancing/session.toml";
-    if (!data || !std::filesystem::exists(session))
-        GTEST_SKIP() << "no balancing session: set KINEVOX_TEST_DATA to the folder that has balancing/session.toml";
+    KINEVOX_REQUIRE_DATA(session, "balancing/session.toml");
     use([&](const std::string& listen) {
         return fmt::format("[server]\nlisten = \"{}\"\n[source]\nkind = \"session\"\nsession = \"{}\"\npacing = \"real_time\"\n"
                            "loop = true\n", listen, session.string()) + recording();

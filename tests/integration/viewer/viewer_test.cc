@@ -98,7 +98,7 @@ TEST_F(ViewerTest, AGhostIsLaidOverAReplayAndMarksStandInThePlots) {
         ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("record")->isEnabled(); }));
         press("record");
         ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("record")->text() == "Stop recording"; })) << window_->status_line().toStdString();
-        QTest::qWait(1500);
+        ASSERT_TRUE(results_come(30)) << window_->status_line().toStdString();
         press("record");
         ASSERT_TRUE(wait([&] { return list->count() == recordings; })) << window_->status_line().toStdString();
     }
