@@ -6,10 +6,12 @@
 #include <QLabel>
 #include <QListWidget>
 #include <QPainter>
+#include <QScreen>
 #include <QSettings>
 #include <QStatusBar>
 #include <QStyle>
 
+#include <algorithm>
 #include <utility>
 
 #include "client/viewer/angle_panel.h"
@@ -30,7 +32,9 @@ constexpr int kWords_ms = 250;
 
 MainWindow::MainWindow(const client::ConnectionOptions& connection) {
     setWindowTitle("Kinevox");
-    resize(1280, 800);
+    // Most of the screen, whether it is a laptop's or a 4K one; what the coach makes of it is remembered.
+    const QSize most = screen()->availableSize();
+    resize(QSize(std::max(1280, 3 * most.width() / 4), std::max(800, 3 * most.height() / 4)).boundedTo(most));
     scene_ = new SceneView;
     scene_widget_ = QWidget::createWindowContainer(scene_, this);   // owns it
     scene_widget_->setMinimumSize(320, 240);
@@ -124,7 +128,8 @@ void MainWindow::set_previews(PreviewKind kind) {
 }
 
 QImage MainWindow::picture() {
-    QImage image(size(), QImage::Format_RGB32);
+    QImage image(size() * devicePixelRatio(), QImage::Format_RGB32);   // as sharp as the screen
+    image.setDevicePixelRatio(devicePixelRatio());
     render(&image);
     // What OpenGL painted is not in what render() draws.
     QPainter painter(&image);
