@@ -23,6 +23,7 @@ namespace {
 using SteadyClock = std::chrono::steady_clock;
 
 constexpr std::size_t kBytesAhead = std::size_t{128} << 20;
+constexpr std::chrono::milliseconds kMostLate{500};   // behind real time, until it is taken as it comes
 
 class SessionSource final : public FrameSource {
   public:
@@ -75,6 +76,9 @@ class SessionSource final : public FrameSource {
     void decode(std::size_t c);
     absl::StatusOr<FrameSet> take_set(std::unique_lock<std::mutex>& lock);
     bool all_full() const;
+    bool none_empty() const {
+        return std::ranges::none_of(lanes_, [](const Lane& lane) { return lane.queue.empty(); });
+    }
     std::chrono::nanoseconds recording_time(std::uint64_t sequence) const {
         return std::chrono::nanoseconds(files_.times.of(static_cast<std::int64_t>(sequence)));
     }
@@ -136,15 +140,12 @@ absl::Status SessionSource::uneven_end(std::size_t ended_camera) const {
 }
 
 absl::StatusOr<FrameSet> SessionSource::take_set(std::unique_lock<std::mutex>& lock) {
-    const auto any_empty = [this] {
-        return std::any_of(lanes_.begin(), lanes_.end(), [](const Lane& lane) { return lane.queue.empty(); });
-    };
-    if (options_.decode_in_bursts && any_empty()) {
+    if (options_.decode_in_bursts && !none_empty()) {
         filling_ = true;
         changed_.notify_all();
         changed_.wait(lock, [&] { return stopped_ || !filling_ || all_full(); });
     }
-    changed_.wait(lock, [&] { return stopped_ || !any_empty(); });
+    changed_.wait(lock, [&] { return stopped_ || none_empty(); });
     if (stopped_) return absl::CancelledError("the session source was stopped");
 
     // A damaged file is told before the uneven end that it causes.
@@ -182,10 +183,12 @@ absl::StatusOr<FrameSet> SessionSource::next() {
             set->capture_time_ns = time.count();
             return set;
         }
-        if (set->sequence == 0) start_ = SteadyClock::now();
+        const SteadyClock::time_point now = SteadyClock::now();
+        // A machine that decodes more slowly than the recording was taken shows it as it comes; it would show nothing else.
+        if (set->sequence == 0 || now - (start_ + time) > kMostLate) start_ = now - time;
         const SteadyClock::time_point due = start_ + time;
-        // A set whose successor is due as well comes too late to matter: it shows as a gap.
-        if (SteadyClock::now() > start_ + recording_time(set->sequence + 1)) continue;
+        // A set whose successor is decoded and due as well comes too late to matter: it shows as a gap.
+        if (now > start_ + recording_time(set->sequence + 1) && none_empty()) continue;
         if (changed_.wait_until(lock, due, [this] { return stopped_; }))
             return absl::CancelledError("the session source was stopped");
         set->capture_time_ns = due.time_since_epoch().count();

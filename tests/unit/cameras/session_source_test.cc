@@ -151,6 +151,38 @@ TEST_F(SessionOnDisk, KeepsThePaceAndSkipsWhatIsLate) {
     EXPECT_TRUE(std::is_sorted(sequences.begin(), sequences.end()));
 }
 
+TEST_F(SessionOnDisk, ShowsWhatItCanWhereDecodingIsSlowerThanTheRecording) {
+    // Pictures of noise, each of which takes many times the half millisecond that lies between two of them.
+    const cv::Size size(1280, 960);
+    std::vector<Camera> cameras(1);
+    cameras[0].name = "left";
+    cameras[0].width = size.width, cameras[0].height = size.height;
+    cameras[0].fx = cameras[0].fy = 1000, cameras[0].cx = 639.5, cameras[0].cy = 479.5;
+    ASSERT_TRUE(write_calibration_toml(cameras, folder_ / "large.toml").ok());
+    fs::create_directories(folder_ / "noise");
+    cv::Mat noise(size, CV_8UC3);
+    for (int n = 0; n < 3; ++n) {
+        cv::randu(noise, 0, 255);
+        cv::imwrite((folder_ / fmt::format("noise/{}.png", n)).string(), noise);
+    }
+    folder_.write("session.toml", "name = \"fast\"\nfps = 2000.0\ncalibration = \"large.toml\"\n"
+                                  "[[camera]]\nname = \"left\"\nvideo = \"noise\"\n");
+    auto source = open({.pacing = Pacing::kRealTime, .loop = true});
+    ASSERT_TRUE(source.ok()) << source.status();
+    std::jthread patience([&](const std::stop_token& stop) {
+        for (int n = 0; n < 200 && !stop.stop_requested(); ++n) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+        (*source)->stop();
+    });
+    std::int64_t last_ns = 0;
+    for (int n = 0; n < 20; ++n) {
+        const auto set = (*source)->next();
+        ASSERT_TRUE(set.ok()) << "none came within ten seconds: " << set.status();
+        EXPECT_GE(set->capture_time_ns, last_ns);
+        last_ns = set->capture_time_ns;
+    }
+    patience.request_stop();
+}
+
 TEST_F(SessionOnDisk, StopsFromAnotherThread) {
     auto source = open({.pacing = Pacing::kRealTime, .loop = true});
     ASSERT_TRUE(source.ok());
