@@ -144,21 +144,27 @@ class Batch(unittest.TestCase):
         if why := slurm_node.problem():
             self.skipTest(why)
         listed, out = self.sessions(*self.trials), self.folder / "out"
-        with slurm_node.SlurmNode(self.folder / "node") as node:
-            def submit():
-                return node.call("sbatch", "--wait", "--array=1-2%2", "--cpus-per-task=1", "--mem=500", "--export=ALL",
-                                 f"--output={self.folder}/slurm-%a.log", BATCH / "kinevox-array.sbatch", check=False,
-                                 SESSIONS=str(listed), OUT=str(out), KINEVOX=str(BUILD / "client/cli/kinevox"),
-                                 OPTIONS=" ".join(QUICK))
+        node = slurm_node.SlurmNode(self.folder / "node")
+        try:
+            node.start()
+        except (RuntimeError, subprocess.SubprocessError) as why:   # a machine that lets no Slurm run tells nothing of the script
+            self.skipTest(f"Slurm does not come up here: {why}")
+        self.addCleanup(node.stop)
 
-            done = submit()
-            logs = "".join(file.read_text() for file in self.folder.glob("slurm-*.log"))
-            self.assertEqual(done.returncode, 0, done.stdout + done.stderr + logs)
-            self.assertEqual(sorted(p.name for p in out.iterdir()), ["0001-first", "0002-second"])
-            before = {p.name: contents(p) for p in out.iterdir()}
-            self.assertIn("volume.csv", before["0001-first"])
-            self.assertEqual(submit().returncode, 0)
-            self.assertEqual({p.name: contents(p) for p in out.iterdir()}, before, "the array submitted again changes nothing")
+        def submit():
+            return node.call("sbatch", "--wait", "--array=1-2%2", "--cpus-per-task=1", "--mem=500", "--export=ALL",
+                             f"--output={self.folder}/slurm-%a.log", BATCH / "kinevox-array.sbatch", check=False,
+                             SESSIONS=str(listed), OUT=str(out), KINEVOX=str(BUILD / "client/cli/kinevox"),
+                             OPTIONS=" ".join(QUICK))
+
+        done = submit()
+        logs = "".join(file.read_text() for file in self.folder.glob("slurm-*.log"))
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr + logs)
+        self.assertEqual(sorted(p.name for p in out.iterdir()), ["0001-first", "0002-second"])
+        before = {p.name: contents(p) for p in out.iterdir()}
+        self.assertIn("volume.csv", before["0001-first"])
+        self.assertEqual(submit().returncode, 0)
+        self.assertEqual({p.name: contents(p) for p in out.iterdir()}, before, "the array submitted again changes nothing")
 
 
 if __name__ == "__main__":

@@ -53,7 +53,7 @@ def free_ports(count):
 
 
 class SlurmNode:
-    """Use as a context; call() runs a program of Slurm's against it. RuntimeError where it does not come up."""
+    """Between start() and stop(), call() runs a program of Slurm's against it."""
 
     def __init__(self, folder):
         self.folder = Path(folder)
@@ -70,7 +70,8 @@ class SlurmNode:
         self.environment = dict(os.environ, SLURM_CONF=str(self.folder / "slurm.conf"),
                                 PATH=os.environ["PATH"] + ":/usr/sbin")
 
-    def __enter__(self):
+    def start(self):
+        """RuntimeError or CalledProcessError where it does not come up."""
         try:
             munge = self.folder / "munge"
             self.call("munged", f"--key-file={munge}/key", f"--socket={munge}/socket", f"--pid-file={munge}/pid",
@@ -83,11 +84,10 @@ class SlurmNode:
                     raise RuntimeError("no idle node: " + (self.folder / "slurmctld.log").read_text()[-2000:])
                 time.sleep(0.2)
         except BaseException:
-            self.__exit__()
+            self.stop()
             raise
-        return self
 
-    def __exit__(self, *_):
+    def stop(self):
         for pid_file in ("slurmd.pid", "slurmctld.pid", "munge/pid"):
             try:
                 pid = int((self.folder / pid_file).read_text())
