@@ -40,8 +40,8 @@ export class ChampionPanel {
     // The figures change with the champion, with a better pose, and with the picture's size alone.
     const state = `${visit.champion.id} ${visit.number} ${best} ${windowSize.changes}`;
     if (state === this.drawn) return;
-    this.drawn = state;
-    this.duel.draw(visit.best?.joints, visit.champion.joints, visit.best?.score.mirrored ?? false);
+    if (this.duel.draw(visit.best?.joints, visit.champion.joints, visit.best?.score.mirrored ?? false))
+      this.drawn = state;
   }
 
   private showNumbers(now: number | undefined, best: number | undefined): void {

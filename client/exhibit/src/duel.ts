@@ -26,17 +26,19 @@ export class Duel {
     this.context = canvas.getContext("2d")!;
   }
 
-  draw(visitor: Joints | undefined, champion: Joints, exchanged: boolean): void {
+  /** False while the canvas has no size yet: then it has to be asked again. */
+  draw(visitor: Joints | undefined, champion: Joints, exchanged: boolean): boolean {
     const ratio = window.devicePixelRatio;
     const width = Math.round(this.canvas.clientWidth * ratio),
       height = Math.round(this.canvas.clientHeight * ratio);
-    if (width === 0 || height === 0) return;
+    if (width === 0 || height === 0) return false;
     if (this.canvas.width !== width || this.canvas.height !== height)
       ((this.canvas.width = width), (this.canvas.height = height));
     this.context.clearRect(0, 0, width, height);
     if (visitor) this.figure(visitor, 0, width / 2, height);
     else this.nobody(0, width / 2, height);
     this.figure(exchanged ? reflected(champion) : champion, width / 2, width / 2, height);
+    return true;
   }
 
   private figure(joints: Joints, x0: number, width: number, height: number): void {

@@ -120,10 +120,15 @@ const steps = {
     await until("a score against him", async () => /^\d+ %$/.test(await page.textContent("#score-best")));
     const duel = await page.locator("#duel").boundingBox();
     const half = { x: duel.x + duel.width / 2, y: duel.y, width: duel.width / 2, height: duel.height };
-    for (const part of [{ ...half, x: duel.x }, half]) {
-      const seen = await pixels(part);
-      assert.ok(seen.left > 20 && seen.right > 20, `a figure on either side: ${JSON.stringify(seen)}`);
-    }
+    for (const [side, part] of [
+      ["the visitor's figure", { ...half, x: duel.x }],
+      ["the champion's figure", half],
+    ])
+      // The score is written at once, the figures are drawn with the next picture.
+      await until(side, async () => {
+        const seen = await pixels(part);
+        return seen.left > 20 && seen.right > 20;
+      });
   },
 
   async "speaks the languages of its files"() {
