@@ -14,6 +14,7 @@
 #include <spdlog/spdlog.h>
 
 #include "common/config.h"
+#include "common/loopback.h"
 #include "server/api/api_server.h"
 #include "server/api/version.h"
 #include "server/calibration/camera_watch.h"

@@ -1,8 +1,9 @@
 #include "client/lib/security.h"
 
 #include <absl/status/status.h>
-#include <arpa/inet.h>
 #include <fmt/format.h>
+
+#include "common/loopback.h"
 
 #include <filesystem>
 #include <fstream>
@@ -57,13 +58,7 @@ absl::StatusOr<std::string> token(const std::string& file) {
     return line;
 }
 
-bool is_on_this_machine(const std::string& server) {
-    const std::string host = server.substr(0, server.rfind(':'));
-    in_addr address;
-    const bool v4 = inet_pton(AF_INET, host.c_str(), &address) == 1;
-    return (v4 && ntohl(address.s_addr) >> 24 == 127) || host == "localhost" || host == "[::1]" ||
-           server.starts_with("unix:");
-}
+bool is_on_this_machine(const std::string& server) { return is_loopback(server) || server.starts_with("unix:"); }
 
 }  // namespace
 

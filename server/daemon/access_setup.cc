@@ -1,6 +1,5 @@
 #include "server/daemon/access_setup.h"
 
-#include <arpa/inet.h>
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
@@ -9,6 +8,7 @@
 #include <ctime>
 
 #include "common/atomic_file.h"
+#include "common/loopback.h"
 #include "common/state_folder.h"
 #include "server/access/certificates.h"
 #include "server/access/token_file.h"
@@ -32,16 +32,6 @@ absl::Status check_time(const std::filesystem::path& file, std::int64_t until_s)
 }
 
 }  // namespace
-
-bool is_loopback(const std::string& listen) {
-    std::string host = listen.substr(0, listen.rfind(':'));
-    if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
-    if (host == "localhost") return true;
-    in_addr v4{};
-    if (inet_pton(AF_INET, host.c_str(), &v4) == 1) return ntohl(v4.s_addr) >> 24 == 127;
-    in6_addr v6{};
-    return inet_pton(AF_INET6, host.c_str(), &v6) == 1 && IN6_IS_ADDR_LOOPBACK(&v6);
-}
 
 absl::Status check_reach(const ServerConfig& config, bool serve_everyone) {
     const bool tls = !config.access.certificate.empty(), tokens = !config.access.tokens.empty();

@@ -19,9 +19,6 @@ namespace kinevox {
 // The flag that lets everybody in.
 inline constexpr const char* kServeEveryoneFlag = "--serve-everyone-without-password";
 
-// Whether only programs of this machine reach HOST:PORT.
-bool is_loopback(const std::string& listen);
-
 // FailedPrecondition where others than this machine's users could reach the daemon without TLS or without a token.
 absl::Status check_reach(const ServerConfig& config, bool serve_everyone);
 
