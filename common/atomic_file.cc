@@ -18,7 +18,8 @@ absl::Status cannot_write(const std::filesystem::path& file, const std::string& 
         "{}: cannot be written: {}; check the folder's permissions and free space", file.string(), why));
 }
 
-// Writes everything and flushes it to the disk; errno tells why not.
+}  // namespace
+
 bool write_all(int descriptor, std::string_view contents) {
     while (!contents.empty()) {
         const ssize_t written = ::write(descriptor, contents.data(), contents.size());
@@ -28,8 +29,6 @@ bool write_all(int descriptor, std::string_view contents) {
     }
     return ::fsync(descriptor) == 0 || errno == EINVAL;  // EINVAL: a pipe or the like, nothing to flush
 }
-
-}  // namespace
 
 absl::Status write_file_atomically(const std::filesystem::path& file, std::string_view contents) {
     static std::atomic<unsigned> counter{0};  // two threads writing one file need two names aside

@@ -13,6 +13,9 @@ namespace kinevox {
 // Replaces `file` by `contents`, creating its folder if need be. On an error the old file stays as it was.
 absl::Status write_file_atomically(const std::filesystem::path& file, std::string_view contents);
 
+// Writes everything to an open file and flushes it to the disk; errno tells why not.
+bool write_all(int descriptor, std::string_view contents);
+
 // The whole file. NotFound if it is not there, InvalidArgument if it is larger than `max_bytes` or no file.
 absl::StatusOr<std::string> read_file(const std::filesystem::path& file, std::size_t max_bytes = 16 << 20);
 

@@ -11,6 +11,8 @@
 #include <string>
 #include <system_error>
 
+#include "common/atomic_file.h"
+
 namespace kinevox {
 namespace {
 
@@ -18,16 +20,6 @@ absl::Status cannot_write(const std::filesystem::path& file, int error) {
     return absl::UnavailableError(
         fmt::format("{}: cannot be written: {}; check the folder's permissions and free space", file.string(),
                     std::strerror(error)));
-}
-
-bool write_all(int descriptor, std::string_view contents) {
-    while (!contents.empty()) {
-        const ssize_t written = ::write(descriptor, contents.data(), contents.size());
-        if (written < 0 && errno == EINTR) continue;
-        if (written < 0) return false;
-        contents.remove_prefix(static_cast<std::size_t>(written));
-    }
-    return ::fsync(descriptor) == 0;
 }
 
 }  // namespace
