@@ -76,11 +76,11 @@ void fill_preview(const FrameResult& result, const PreviewForm& form, v1::Stream
 
 }  // namespace
 
-EncodedMessage encode(const PublishedVolume& published, const VolumeForm& form, const std::vector<Camera>& cameras) {
+EncodedMessage encode(const PublishedVolume& published, const VolumeForm& form, const Runner& runner) {
     return published.encodings.get(form, [&] {
         v1::StreamVolumesResponse message;
         fill_header(published.header, message.mutable_header());
-        if (const auto& subject = published.header.subject) *message.mutable_subject() = to_proto(*subject, cameras);
+        if (const auto& subject = published.header.subject) *message.mutable_subject() = to_proto(*subject, runner.cameras());
         if (published.volume) fill_volume(published, form, &message);
         return message.SerializeAsString();
     });

@@ -7,15 +7,16 @@
 
 #include <grpcpp/support/byte_buffer.h>
 
-#include "common/camera.h"
 #include "server/pipeline/stream_hub.h"
 
 namespace kinevox {
 
+class Runner;
+
 using EncodedMessage = std::shared_ptr<const std::string>;
 
-// StreamVolumesResponse. `cameras` are the capture's, whose names the subject's message tells.
-EncodedMessage encode(const PublishedVolume& published, const VolumeForm& form, const std::vector<Camera>& cameras);
+// StreamVolumesResponse. The runner is asked for the cameras, whose names the subject's message tells.
+EncodedMessage encode(const PublishedVolume& published, const VolumeForm& form, const Runner& runner);
 // StreamPosesResponse.
 EncodedMessage encode(const PublishedPose& published);
 // StreamPreviewsResponse; without a picture (or, for a silhouette, without one) no bytes in it.

@@ -22,7 +22,12 @@ using VolumeReactor = StreamReactor<VolumeMailbox, grpc::ByteBuffer>;
 using PoseReactor = StreamReactor<PoseMailbox, grpc::ByteBuffer>;
 using PreviewReactor = StreamReactor<PictureMailbox, grpc::ByteBuffer>;
 
-double age_s(std::int64_t published_utc_ns) { return 1e-9 * static_cast<double>(utc_now_ns() - published_utc_ns); }
+// What is written to one subscriber, counted for the monitoring.
+grpc::ByteBuffer counted(const ApiContext& api, metrics::StreamFigures metrics::CaptureFigures::* stream,
+                         std::int64_t published_utc_ns, std::uint64_t missed, const EncodedMessage& message) {
+    if (api.figures) (api.figures->*stream).took(1e-9 * static_cast<double>(utc_now_ns() - published_utc_ns), missed);
+    return to_buffer(message, missed);
+}
 
 template <typename Request>
 absl::StatusOr<Request> parse(const grpc::ByteBuffer& bytes) {
@@ -130,9 +135,8 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamVolumes(grp
             VolumeForm form{request.level(), !request.without_colours()};
             if (published.volume && request.has_max_voxel_m())
                 form.level = level_for(published.volume->grid.voxel_m, request.max_voxel_m());
-            const EncodedMessage message = encode(published, form, api_.runner.cameras());
-            if (api_.figures) api_.figures->volumes.took(age_s(published.header.published_utc_ns), taken.missed);
-            return to_buffer(message, taken.missed);
+            return counted(api_, &metrics::CaptureFigures::volumes, published.header.published_utc_ns, taken.missed,
+                           encode(published, form, api_.runner));
         });
 }
 
@@ -148,9 +152,8 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPoses(grpc:
             return api_.hub.subscribe_poses(options, std::move(on_ready));
         },
         [this](const PoseMailbox::Taken& taken) {
-            const EncodedMessage message = encode(*taken.message);
-            if (api_.figures) api_.figures->poses.took(age_s(taken.message->header.published_utc_ns), taken.missed);
-            return to_buffer(message, taken.missed);
+            return counted(api_, &metrics::CaptureFigures::poses, taken.message->header.published_utc_ns, taken.missed,
+                           encode(*taken.message));
         });
 }
 
@@ -166,9 +169,8 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPreviews(gr
         api_, context, request->max_rate_hz() > 0 ? request->max_rate_hz() : 10.0,
         [this](std::function<void()> on_ready) { return api_.hub.subscribe_pictures(std::move(on_ready)); },
         [this, form = *form, camera = request->camera()](const PictureMailbox::Taken& taken) {
-            const EncodedMessage message = encode(*taken.message, form, camera);
-            if (api_.figures) api_.figures->pictures.took(age_s(taken.message->published_utc_ns), taken.missed);
-            return to_buffer(message, taken.missed);
+            return counted(api_, &metrics::CaptureFigures::pictures, taken.message->published_utc_ns, taken.missed,
+                           encode(*taken.message, form, camera));
         });
 }
 

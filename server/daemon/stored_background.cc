@@ -98,7 +98,7 @@ void StoredBackground::store(std::vector<Camera> cameras, double fps, EmptyScene
     });
 }
 
-// Written aside: a crash at any moment leaves the one before or the new one, whole.
+// Written aside: what lies in the folder is whole. A crash between the two renames leaves none there, and it is learned anew.
 absl::Status StoredBackground::write(const std::vector<Camera>& cameras, double fps,
                                      const std::vector<std::vector<Picture>>& pictures, const std::stop_token& stop) const {
     const fs::path aside = beside(folder_, ".part"), old = beside(folder_, ".old");
