@@ -11,25 +11,11 @@ import tempfile
 import unittest
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
+from studio_daemon import StudioDaemon  # noqa: E402
+
 BUILD = Path(sys.argv.pop(1))
 EXAMPLES = Path(__file__).resolve().parents[2] / "client/bridge/examples"
-CONFIG = """[server]
-listen = "127.0.0.1:0"
-[pose]
-database = ""
-fit_body = false
-[calibration]
-folder = ""
-[recording]
-folder = ""
-[source]
-kind = "studio"
-[source.studio]
-motion = "walk"
-width = 240
-height = 180
-fps = 8.0
-"""
 
 
 def example(name):
@@ -49,17 +35,12 @@ class BridgeTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory()
-        config = Path(cls.folder.name) / "kinevoxd.toml"
-        config.write_text(CONFIG)
-        cls.daemon = subprocess.Popen([BUILD / "server/daemon/kinevoxd", "--config", config], stdout=subprocess.PIPE,
-                                      stderr=subprocess.DEVNULL, text=True)
-        cls.address = cls.daemon.stdout.readline().split()[-1]
+        cls.daemon = StudioDaemon(BUILD / "server/daemon/kinevoxd", cls.folder.name, size=(240, 180), fps=8)
+        cls.address = cls.daemon.address
 
     @classmethod
     def tearDownClass(cls):
-        cls.daemon.terminate()
-        cls.daemon.wait()
-        cls.daemon.stdout.close()
+        cls.daemon.stop()
         cls.folder.cleanup()
 
     def bridge(self, kind, port, *more):

@@ -17,31 +17,11 @@ import urllib.request
 from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(REPOSITORY / "tests/support"))
+from studio_daemon import StudioDaemon  # noqa: E402
+
 MONITORING = REPOSITORY / "deploy/monitoring"
 BUILD = Path()
-CONFIG = """
-[server]
-listen = "127.0.0.1:0"
-[source.studio]
-cameras = 2
-width = 160
-height = 120
-fps = 15.0
-[pipeline]
-voxel_mm = 40.0
-[pose]
-database = ""
-fit_body = false
-[calibration]
-folder = ""
-[recording]
-folder = "recordings"
-[metrics]
-listen = "127.0.0.1:{port}"
-[log]
-level = "warning"
-"""
-
 
 def free_port():
     with socket.socket() as probe:
@@ -85,17 +65,14 @@ class Monitoring(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory()
         cls.port = free_port()
-        config = Path(cls.folder.name) / "kinevoxd.toml"
-        config.write_text(CONFIG.format(port=cls.port))
-        cls.daemon = subprocess.Popen([BUILD / "server/daemon/kinevoxd", "--config", config], stdout=subprocess.PIPE, text=True)
-        cls.address = cls.daemon.stdout.readline().split()[-1]
+        cls.daemon = StudioDaemon(BUILD / "server/daemon/kinevoxd", cls.folder.name, size=(160, 120), fps=15,
+                                  more=f'[pipeline]\nvoxel_mm = 40.0\n[metrics]\nlisten = "127.0.0.1:{cls.port}"\n')
+        cls.address = cls.daemon.address
         cls.url = f"http://127.0.0.1:{cls.port}/metrics"
 
     @classmethod
     def tearDownClass(cls):
-        cls.daemon.terminate()
-        cls.daemon.wait()
-        cls.daemon.stdout.close()
+        cls.daemon.stop()
         cls.folder.cleanup()
 
     def value(self, line):
