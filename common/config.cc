@@ -129,6 +129,7 @@ void read_stream(const TomlTable& table, StreamConfig& stream) {
         static_cast<int>(table.integer_or("lossless_max_messages", stream.lossless_max_messages, 1, 100000));
     stream.lossless_max_mb =
         static_cast<int>(table.integer_or("lossless_max_mb", stream.lossless_max_mb, 1, 4096));
+    stream.newest_per_s = table.number_or("newest_per_s", stream.newest_per_s, {0, 1e9});
     stream.preview_width_px =
         static_cast<int>(table.integer_or("preview_width_px", stream.preview_width_px, 16, 8192));
     stream.preview_jpeg_quality =

@@ -104,6 +104,7 @@ struct RecordingConfig {
 struct StreamConfig {
     int lossless_max_messages = 256;  // queued for one lossless subscriber before its stream ends
     int lossless_max_mb = 32;
+    double newest_per_s = 0;        // messages to all together who want the newest only; 0: by the number of cores
     int preview_width_px = 320;     // where a subscriber asks for no size
     int preview_jpeg_quality = 80;  // where a subscriber asks for none, 1 to 100
     bool operator==(const StreamConfig&) const = default;

@@ -5,6 +5,7 @@
 #include <thread>
 
 #include <CLI/CLI.hpp>
+#include <absl/synchronization/mutex.h>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/signal_set.hpp>
@@ -16,6 +17,7 @@
 #include "common/config.h"
 #include "common/loopback.h"
 #include "server/api/api_server.h"
+#include "server/api/fair_share.h"
 #include "server/api/version.h"
 #include "server/calibration/camera_watch.h"
 #include "server/cameras/session_source.h"
@@ -143,6 +145,7 @@ int serve(const DaemonConfig& given, bool serve_everyone) {
     asio::thread_pool recordings(1);    // recordings' files
     asio::thread_pool exports(1);       // in other programs' formats
     asio::thread_pool encoders(2);   // volumes and pictures, and the streams' writes
+    FairShare share(newest_per_s(config.stream));
     ApiContext api{.runner = runner,
                    .hub = hub,
                    .lease = lease,
@@ -166,6 +169,7 @@ int serve(const DaemonConfig& given, bool serve_everyone) {
                    .figures = &figures,
                    .replay = &replay,
                    .guard = guard->get(),
+                   .share = &share,
                    .source_description = describe(config.source)};
     apply(config.stream, api);
     auto server = ApiServer::listen(config.server.listen, api, *server_options);
@@ -245,6 +249,8 @@ int serve(const DaemonConfig& given, bool serve_everyone) {
 int main(int argc, char** argv) {
     kinevox::restart_with_huge_pages(argv);
     std::signal(SIGPIPE, SIG_IGN);
+    // Debian builds Abseil with its search for deadlocks, which every mutex of gRPC pays for.
+    absl::SetMutexDeadlockDetectionMode(absl::OnDeadlockCycle::kIgnore);
     std::string config_file;
     CLI::App app("The Kinevox capture daemon. Without a configuration it serves the virtual studio on 127.0.0.1:50770.",
                  "kinevoxd");

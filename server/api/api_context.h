@@ -16,6 +16,7 @@
 
 namespace kinevox {
 
+class FairShare;
 class Guard;
 class Recorder;
 namespace metrics {
@@ -60,6 +61,8 @@ struct ApiContext {
     Replay* replay = nullptr;                    // null where nothing can be replayed
 
     Guard* guard = nullptr;                      // null: everybody may do everything, as often as he likes
+
+    FairShare* share = nullptr;                  // of the subscribers to the newest; null: as often as there is one
 
     std::string source_description;          // "session /data/trial/session.toml"
     std::chrono::steady_clock::time_point started_at = std::chrono::steady_clock::now();

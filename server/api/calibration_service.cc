@@ -71,7 +71,7 @@ grpc::ServerWriteReactor<v1::WatchProcedureResponse>* CalibrationServiceImpl::Wa
     if (const absl::Status missing = check_calibration(api_); !missing.ok())
         return ProcedureReactor::refuse(api_, to_grpc(missing));
     return ProcedureReactor::run(
-        api_, context, 0,
+        api_, context, {},
         [this](std::function<void()> on_ready) { return api_.procedure_watch->subscribe(std::move(on_ready)); },
         [](const ProcedureWatch::Box::Taken& taken) { return to_proto(taken.message); });
 }

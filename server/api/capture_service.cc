@@ -75,7 +75,7 @@ grpc::ServerWriteReactor<v1::WatchEventsResponse>* CaptureServiceImpl::WatchEven
     if (const absl::Status bad = check_watch_events(*request); !bad.ok())
         return EventReactor::refuse(api_, to_grpc(bad));
     return EventReactor::run(
-        api_, context, 0,
+        api_, context, {},
         [this, past = static_cast<std::size_t>(request->past())](std::function<void()> on_ready) {
             return api_.hub.subscribe_events(past, std::move(on_ready));
         },

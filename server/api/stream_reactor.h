@@ -5,6 +5,7 @@
 // the state below needs no lock.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <exception>
@@ -22,9 +23,15 @@
 #include "server/access/guard.h"
 #include "server/api/api_context.h"
 #include "server/api/caller.h"
+#include "server/api/fair_share.h"
 #include "server/api/to_proto.h"
 
 namespace kinevox {
+
+struct StreamPace {
+    double max_rate_hz = 0;   // 0: no limit
+    bool newest_only = false; // takes part in the fair share of the daemon's messages
+};
 
 // `Box` is a Mailbox. The reactor owns itself from run() to gRPC's OnDone.
 template <typename Box, typename Message>
@@ -35,11 +42,11 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
     using Translate = std::function<Message(const typename Box::Taken&)>;
     using Subscribe = std::function<std::shared_ptr<Box>(std::function<void()> on_ready)>;
 
-    // `max_rate_hz` 0: no limit.
-    static StreamReactor* run(const ApiContext& api, grpc::CallbackServerContext* context, double max_rate_hz,
+    static StreamReactor* run(const ApiContext& api, grpc::CallbackServerContext* context, const StreamPace& pace,
                               const Subscribe& subscribe, Translate translate) {
-        auto reactor = std::shared_ptr<StreamReactor>(new StreamReactor(api, max_rate_hz, std::move(translate)));
+        auto reactor = std::shared_ptr<StreamReactor>(new StreamReactor(api, pace.max_rate_hz, std::move(translate)));
         reactor->self_ = reactor;
+        if (api.share && pace.newest_only) reactor->place_.emplace(*api.share);
         if (const absl::Status counted = reactor->be_counted(api, context); !counted.ok()) {
             reactor->Finish(to_grpc(counted));
             return reactor.get();
@@ -84,6 +91,7 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
             self->timer_.cancel();
             self->box_.reset();
             self->counted_.reset();
+            self->place_.reset();
         });
     }
 
@@ -130,6 +138,7 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
         timer_.cancel();
         box_.reset();   // whatever is queued goes now, not when gRPC is done with the call
         counted_.reset();
+        place_.reset();
         this->Finish(status);
     }
 
@@ -143,14 +152,19 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
                            "this lossless stream was read too slowly and its queue is full; read faster, ask for "
                            "larger voxels, or take LATEST_ONLY"});
         const Clock::time_point now = Clock::now();
-        if (status.ok() && now < next_) return wait_until_next();
+        const Clock::duration share = place_ ? place_->period() : Clock::duration{0};
+        if (status.ok() && now < next_) {
+            // Shared: the next message comes soon and is newer; a timer for each would cost as much as sending it.
+            return wait_until(period_ >= share ? next_ : next_ + 4 * share);
+        }
         auto taken = box_->take();
         if (!taken) {
             if (!status.ok()) finish(to_grpc(status));
             return;
         }
         // Late by less than a period: the beat is kept. Later, or the first: it begins anew.
-        next_ = (next_ + period_ > now ? next_ : now) + period_;
+        const Clock::duration period = std::max(period_, share);
+        next_ = (next_ + period > now ? next_ : now) + period;
         try {
             message_ = translate_(*taken);
         } catch (const std::exception& error) {
@@ -161,9 +175,9 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
         this->StartWrite(&message_);
     }
 
-    void wait_until_next() {
+    void wait_until(Clock::time_point time) {
         if (std::exchange(timer_runs_, true)) return;
-        timer_.expires_at(next_);
+        timer_.expires_at(time);
         // Not bound to the strand: what is bound counts as the encoders' work, and a timer that the stopped clock never
         // completes would hold up the daemon's end.
         timer_.async_wait([weak = this->weak_from_this()](const boost::system::error_code& error) {
@@ -182,6 +196,7 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
     Translate translate_;
     std::shared_ptr<Box> box_;
     std::shared_ptr<Guard::Stream> counted_;
+    std::optional<FairShare::Place> place_;
     absl::Status ended_;                    // by the guard
     Message message_;                       // must live until OnWriteDone
     Clock::duration period_{0};

@@ -63,6 +63,11 @@ MailboxOptions mailbox_options(const Request& request, const ApiContext& api) {
     return {MailboxOptions::WhenFull::kOverflow, api.lossless_max_messages, api.lossless_max_bytes};
 }
 
+template <typename Request>
+StreamPace pace(const Request& request) {
+    return {request.max_rate_hz(), request.delivery() != v1::DELIVERY_LOSSLESS};
+}
+
 absl::Status check(const v1::StreamVolumesRequest& request, double longest_hz) {
     if (request.has_max_voxel_m() && !(std::isfinite(request.max_voxel_m()) && request.max_voxel_m() > 0))
         return absl::InvalidArgumentError(
@@ -126,7 +131,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamVolumes(grp
         return VolumeReactor::refuse(api_, to_grpc(bad));
     const MailboxOptions options = mailbox_options(*request, api_);
     return VolumeReactor::run(
-        api_, context, request->max_rate_hz(),
+        api_, context, pace(*request),
         [this, options](std::function<void()> on_ready) {
             return api_.hub.subscribe_volumes(options, std::move(on_ready));
         },
@@ -147,7 +152,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPoses(grpc:
     if (const absl::Status bad = check_delivery(*request, api_.longest_rate_hz); !bad.ok())
         return PoseReactor::refuse(api_, to_grpc(bad));
     return PoseReactor::run(
-        api_, context, request->max_rate_hz(),
+        api_, context, pace(*request),
         [this, options = mailbox_options(*request, api_)](std::function<void()> on_ready) {
             return api_.hub.subscribe_poses(options, std::move(on_ready));
         },
@@ -166,7 +171,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPreviews(gr
     const absl::StatusOr<PreviewForm> form = preview_form(*request, api_);
     if (!form.ok()) return PreviewReactor::refuse(api_, to_grpc(form.status()));
     return PreviewReactor::run(
-        api_, context, request->max_rate_hz() > 0 ? request->max_rate_hz() : 10.0,
+        api_, context, {request->max_rate_hz() > 0 ? request->max_rate_hz() : 10.0, true},
         [this](std::function<void()> on_ready) { return api_.hub.subscribe_pictures(std::move(on_ready)); },
         [this, form = *form, camera = request->camera()](const PictureMailbox::Taken& taken) {
             return counted(api_, &metrics::CaptureFigures::pictures, taken.message->published_utc_ns, taken.missed,

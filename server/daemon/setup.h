@@ -28,6 +28,7 @@ std::string describe(const SourceConfig& config);   // "studio walk", "session /
 absl::StatusOr<PipelineOptions> pipeline_options(const DaemonConfig& config);
 ControlLeaseOptions lease_options(const ControlConfig& config);
 void apply(const StreamConfig& config, ApiContext& api);
+double newest_per_s(const StreamConfig& config);
 
 // Where the pose database lies and whether there is one: empty where the configuration says so, or where it says
 // nothing and the user has no home.

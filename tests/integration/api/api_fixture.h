@@ -13,6 +13,7 @@
 
 #include "client/lib/client.h"
 #include "server/api/api_server.h"
+#include "server/api/fair_share.h"
 #include "tests/support/fake_capture.h"
 #include "tests/support/person_volume.h"
 
@@ -77,6 +78,7 @@ class ApiTest : public ::testing::Test {
     asio::executor_work_guard<asio::io_context::executor_type> work_{io_.get_executor()};
     std::thread io_thread_{[this] { io_.run(); }};
     asio::thread_pool control_{1}, encoders_{2};
+    std::optional<FairShare> share_;
     ApiContext api_{.runner = runner_, .hub = hub_, .lease = lease_, .control = control_.get_executor(),
                     .encoders = encoders_.get_executor(), .clock = io_.get_executor(), .source_description = "fake"};
     std::unique_ptr<ApiServer> server_ = ApiServer::in_process(api_);

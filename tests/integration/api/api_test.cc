@@ -159,6 +159,48 @@ TEST_F(ApiTest, StreamVolumesAccountsForEveryResultWhateverItMisses) {
                   out.frames[i - 1].header.sequence() + 1 + out.frames[i].header.missed());
 }
 
+TEST_F(ApiTest, ManyWhoWantTheNewestShareWhatMayBeSentAndAllGetTheLast) {
+    constexpr std::size_t kWatchers = 4;
+    api_.share = &share_.emplace(40);   // ten a second each
+    constexpr std::uint64_t kLast = 199;
+    std::vector<std::future<std::vector<std::uint64_t>>> watchers;
+    for (std::size_t i = 0; i < kWatchers; ++i)
+        watchers.push_back(std::async(std::launch::async, [&] {
+            std::vector<std::uint64_t> sequences;
+            std::uint64_t accounted = 0;
+            const absl::Status status = client_.stream_poses({}, [&](const v1::StreamPosesResponse& message) {
+                accounted += 1 + message.header().missed();
+                sequences.push_back(message.header().sequence());
+                return sequences.back() < kLast;
+            }, {});
+            EXPECT_TRUE(status.ok()) << status;
+            EXPECT_EQ(accounted, kLast + 1);
+            return sequences;
+        }));
+    while (hub_.subscribers().poses < static_cast<int>(kWatchers)) std::this_thread::yield();
+    v1::StreamPosesRequest lossless;
+    lossless.set_delivery(v1::DELIVERY_LOSSLESS);
+    auto all = std::async(std::launch::async, [&] {
+        int messages = 0;
+        EXPECT_TRUE(client_.stream_poses(lossless, [&](const auto&) { return ++messages <= static_cast<int>(kLast); }, {}).ok());
+        return messages;
+    });
+    while (hub_.subscribers().poses == static_cast<int>(kWatchers)) std::this_thread::yield();
+    start();
+    const auto begin = std::chrono::steady_clock::now();
+    for (std::uint64_t i = 0; i <= kLast; ++i) {
+        source_.give(1);
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    for (auto& watcher : watchers) {
+        const std::size_t messages = watcher.get().size();
+        const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
+        EXPECT_GE(messages, 3u);
+        EXPECT_LE(static_cast<double>(messages), took.count() * 10 + 2);
+    }
+    EXPECT_EQ(all.get(), static_cast<int>(kLast) + 1) << "who wants every message gets it";
+}
+
 TEST_F(ApiTest, AnOverflowingLosslessStreamEndsWithResourceExhausted) {
     // Reads nothing until the queue must be full: the raw stub, since the client library reads by itself.
     api_.lossless_max_messages = 8;
