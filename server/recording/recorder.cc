@@ -55,7 +55,8 @@ void LiveRecorder::observe(const FrameResult& result, const BodyShape* body) {
         body_ = *body;
         body_changed_ = true;
     }
-    if (closed_ || !taking()) return;
+    // The pipeline is some frame sets behind: those of the last ones come when no more are taken.
+    if (!finish_ && (closed_ || !taking())) return;
     results_.push_back({run_, result.sequence, options_.poses ? result.pose : nullptr,
                         options_.volumes ? result.volume : nullptr});
     if (results_.size() > kMostQueuedResults) results_.pop_front();

@@ -6,6 +6,7 @@
 
 #include <chrono>
 #include <fstream>
+#include <future>
 #include <mutex>
 #include <random>
 #include <thread>
@@ -294,6 +295,28 @@ TEST_F(RecorderTest, TheLastSecondsAreKeptAndARecordingCanGoOnFromThem) {
     EXPECT_EQ(end->about.frames, 151U);
     EXPECT_EQ(end->about.lost, 0U);
     expect_noise_sets(read_all(session_file("jump2")), 149, 151);
+}
+
+TEST_F(RecorderTest, ThePosesOfTheLastFrameSetsAreWaitedFor) {
+    options.volumes = false;
+    make();
+    ASSERT_TRUE(recorder->start("late", {}).ok());
+    const auto volume = std::make_shared<const Volume>();
+    for (std::uint64_t n = 0; n < 20; ++n) recorder->offer(noise_set(n));
+    for (std::uint64_t n = 0; n < 12; ++n) recorder->observe(*testing::fake_result(n, volume), nullptr);
+    auto stopping = std::async(std::launch::async, [this] { return recorder->stop(); });
+    while (recorder->status().state != RecorderState::kFinishing) std::this_thread::yield();
+    for (std::uint64_t n = 12; n < 25; ++n)   // and of some that are no longer in it
+        recorder->observe(*testing::fake_result(n, volume), nullptr);
+    ASSERT_TRUE(stopping.get().ok());
+    std::ifstream angles(options.folder / "late" / "poses" / "angles.csv");
+    std::string line;
+    std::getline(angles, line);
+    for (int n = 0; n < 20; ++n) {
+        ASSERT_TRUE(std::getline(angles, line)) << n;
+        EXPECT_THAT(line, ::testing::Not(HasSubstr(",,,,"))) << "a row without its pose";
+    }
+    EXPECT_FALSE(std::getline(angles, line)) << line;
 }
 
 TEST_F(RecorderTest, ABoundInBytesShortensWhatIsKept) {
