@@ -237,8 +237,8 @@ void Feed::run_preview(const std::string& camera, PreviewKind kind, const std::s
     request.set_max_width_px(kPreviewWidth_px);
     request.set_max_rate_hz(kPreviews_hz);
     const client::StreamOptions options{.reconnect = true, .on_reconnect = {}, .stop = stop};
-    until(stop, [&] {
-        return client.stream_previews(
+    until(stop, [&]() -> absl::Status {
+        const absl::Status ended = client.stream_previews(
             request,
             [&](const client::PreviewFrame& frame) {
                 const client::Image& image = frame.image;
@@ -255,6 +255,11 @@ void Feed::run_preview(const std::string& camera, PreviewKind kind, const std::s
                 return true;
             },
             options);
+        if (!absl::IsPermissionDenied(ended)) return ended;
+        emit previews_refused(QString::fromStdString(std::string(ended.message())));
+        std::unique_lock lock(mutex_);
+        wake_.wait(lock, stop, [] { return false; });
+        return ended;
     });
 }
 

@@ -63,6 +63,7 @@ class Feed final : public QObject {
     void state_came();
     void cameras_came();
     void preview_came();
+    void previews_refused(const QString& why);   // to this connection's token; not asked for again
     void event_came(int kind, const QString& message, qint64 time_ns);   // v1::EventKind; UTC
 
   private:

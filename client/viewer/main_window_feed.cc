@@ -63,6 +63,8 @@ void MainWindow::connect_feed() {
         previews_changed_ = true;
         show_panels_soon();
     });
+    connect(feed_.get(), &Feed::previews_refused, this,
+            [this](const QString& why) { answered(tr("No pictures: ") + why, true); });
 }
 
 void MainWindow::connect_commands() {

@@ -40,8 +40,8 @@ class ViewerTest : public testing::DaemonTest {
                                                   recordings.string()),
                               "database = \"\"\nfit_body = false");
     }
-    void show() {
-        window_ = std::make_unique<MainWindow>(client::ConnectionOptions{.server = address_, .files = {}});
+    void show(const client::SecurityFiles& files = {}) {
+        window_ = std::make_unique<MainWindow>(client::ConnectionOptions{.server = address_, .files = files});
         window_->show();
         ASSERT_TRUE(QTest::qWaitForWindowExposed(window_.get(), kSoon_ms));
         QApplication::setActiveWindow(window_.get());   // no window manager does it here; keys need it

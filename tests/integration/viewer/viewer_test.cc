@@ -60,6 +60,21 @@ TEST_F(ViewerTest, AnAthleteIsSeenWithoutADialogueAndTheSceneTurns) {
     press("light");
 }
 
+TEST_F(ViewerTest, SaysWhyThereAreNoPictures) {
+    const auto tokens = folder_.path() / "tokens.toml";
+    const auto made = testing::run({KINEVOX_TOKEN, "create", "--file", tokens.string(), "--role", "watch", "--name", "coach"},
+                                   folder_.path());
+    ASSERT_EQ(made.status, 0) << made.errors;
+    std::string text = config("127.0.0.1:0", folder_.path() / "recordings");
+    text.insert(text.find('\n') + 1, fmt::format("tokens = \"{}\"\naudit = \"\"\n", tokens.string()));
+    const auto daemon = start_daemon(text);
+    show({.token = write("coach.token", made.output).string()});
+    ASSERT_TRUE(wait([&] { return sees_a_person(); })) << window_->status_line().toStdString();
+    EXPECT_TRUE(wait([&] { return window_->last_answer().startsWith("No pictures: "); })) << window_->last_answer().toStdString();
+    EXPECT_TRUE(window_->last_answer().contains("the token of coach has watch")) << window_->last_answer().toStdString();
+    keep_picture("no_pictures");
+}
+
 TEST_F(ViewerTest, RecordsAndReplays) {
     const auto daemon = start_daemon(config("127.0.0.1:0", folder_.path() / "recordings"));
     show();
