@@ -14,7 +14,7 @@
 namespace kinevox::viewer {
 namespace {
 
-constexpr int kNumberHeight_pt = 30;
+constexpr int kNumberHeight_pt = 30, kUsualNumberHeight_pt = 15, kLeastNumberHeight_pt = 10;
 constexpr double kLeastSpan_deg = 20, kWindow_s = 6;
 // Texts of marks: how long one is, how high; in rows so that they do not cover each other.
 constexpr double kMarkText_s = 1.6, kMarkRow = 0.14;
@@ -31,20 +31,45 @@ QString number(const std::optional<double>& value_deg) {
     return value_deg ? QString::number(std::lround(*value_deg)) + QChar(0x00b0) : QStringLiteral("–");
 }
 
+// As large as its place lets the widest number be; the place does not change with the number.
+class LargeNumber final : public QLabel {
+  public:
+    explicit LargeNumber(QWidget* parent) : QLabel(parent) {
+        setAlignment(Qt::AlignCenter);
+        setFixedHeight(QFontMetrics(in(kNumberHeight_pt)).height());
+    }
+    QSize sizeHint() const override { return {width_in(kUsualNumberHeight_pt), height()}; }
+    QSize minimumSizeHint() const override { return {width_in(kLeastNumberHeight_pt), height()}; }
+
+  protected:
+    void resizeEvent(QResizeEvent* event) override {
+        const int fitting = kNumberHeight_pt * width() / width_in(kNumberHeight_pt);
+        setFont(in(std::clamp(fitting, kLeastNumberHeight_pt, kNumberHeight_pt)));
+        QLabel::resizeEvent(event);
+    }
+
+  private:
+    QFont in(int height_pt) const {
+        QFont font = this->font();
+        font.setPointSize(height_pt);
+        font.setBold(true);
+        return font;
+    }
+    int width_in(int height_pt) const { return QFontMetrics(in(height_pt)).horizontalAdvance(number(-188)) + 4; }
+};
+
 }  // namespace
 
 AnglePanel::AnglePanel(QWidget* parent) : QWidget(parent), wanted_(kFirstChoice) {
     auto* all = new QVBoxLayout(this);
     auto* grid = new QGridLayout;
     for (int n = 0; n < kNumbers; ++n) {
-        Number number{make_choice(), new QLabel(this), new QLabel(this)};
-        for (QLabel* label : {number.left, number.right}) {
-            QFont font = label->font();
-            font.setPointSize(kNumberHeight_pt);
-            font.setBold(true);
-            label->setFont(font);
-            label->setAlignment(Qt::AlignCenter);
-        }
+        Number number{make_choice(), new LargeNumber(this), new LargeNumber(this)};
+        number.choice->setSizeAdjustPolicy(QComboBox::AdjustToMinimumContentsLengthWithIcon);
+        number.choice->setMinimumContentsLength(6);
+        number.choice->setSizePolicy(QSizePolicy::Expanding, QSizePolicy::Fixed);
+        number.choice->setToolTip(tr("Shown in large numbers"));
+        grid->setColumnStretch(n, 1);
         number.left->setToolTip(tr("left"));
         number.right->setToolTip(tr("right"));
         grid->addWidget(number.choice, 0, n);
