@@ -29,6 +29,7 @@ bool Commands::ask(const QString& what, std::function<absl::Status(client::Clien
     const std::scoped_lock lock(mutex_);
     if (asked_.size() >= kMostWaiting) return false;
     asked_.push_back({what, std::move(act)});
+    idle_since_.reset();
     changed_.notify_all();
     return true;
 }
@@ -46,11 +47,20 @@ void Commands::run(const std::stop_token& stop) {
         emit begun(asked.what);
         std::string message;
         const absl::Status status = asked.act(client, message);
+        {
+            const std::scoped_lock lock(mutex_);
+            if (asked_.empty()) idle_since_ = std::chrono::steady_clock::now();
+        }
         if (status.ok())
             emit done(QString::fromStdString(message));
         else
             emit failed(asked.what + ": " + QString::fromStdString(std::string(status.message())));
     }
+}
+
+std::optional<std::chrono::steady_clock::time_point> Commands::idle_since() const {
+    const std::scoped_lock lock(mutex_);
+    return idle_since_;
 }
 
 bool Commands::start_capture() {

@@ -7,10 +7,12 @@
 
 #include <absl/status/status.h>
 
+#include <chrono>
 #include <condition_variable>
 #include <deque>
 #include <functional>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 
@@ -50,6 +52,9 @@ class Commands final : public QObject {
     bool set_speed(double speed);
     bool set_loop(bool on);
 
+    // Since when nothing waits and nothing is under way; nothing while something does.
+    std::optional<std::chrono::steady_clock::time_point> idle_since() const;
+
   signals:
     void begun(const QString& what);
     void done(const QString& message);
@@ -65,8 +70,9 @@ class Commands final : public QObject {
     void run(const std::stop_token& stop);
 
     const client::ClientOptions options_;
-    std::mutex mutex_;
+    mutable std::mutex mutex_;
     std::condition_variable_any changed_;
+    std::optional<std::chrono::steady_clock::time_point> idle_since_ = std::chrono::steady_clock::now();
     std::deque<Asked> asked_;
     std::jthread thread_;
 };

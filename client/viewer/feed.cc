@@ -193,9 +193,10 @@ void Feed::run_states(const std::stop_token& stop) {
     client::Client client(impatient);
     std::string cameras_of;   // the source that the cameras were asked for
     while (!stop.stop_requested()) {
+        DaemonState state;
+        state.asked_at = Clock::now();
         auto status = client.status();
         if (status.ok()) {
-            DaemonState state;
             if (auto recorder = client.recorder_status(); recorder.ok())
                 state.recorder = std::make_shared<const v1::GetRecorderStatusResponse>(*std::move(recorder));
             if (auto replay = client.get_replay(); replay.ok())

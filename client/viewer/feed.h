@@ -31,6 +31,7 @@ struct DaemonState {
     std::shared_ptr<const v1::GetStatusResponse> status;
     std::shared_ptr<const v1::GetRecorderStatusResponse> recorder;
     std::shared_ptr<const v1::Replay> replay;
+    std::chrono::steady_clock::time_point asked_at;   // all that is in it was so then or later
 };
 
 enum class PreviewKind { kNone, kPictures, kSilhouettes };

@@ -150,7 +150,9 @@ void MainWindow::take_state() {
                    state.status->state() == v1::CAPTURE_STATE_STARTING;
         start_->setText(running_ ? tr("Stop") : tr("Start"));
     }
-    if (state.recorder) {
+    // What was asked before the last command was through would show the recording that it ended.
+    const auto idle_since = commands_->idle_since();
+    if (state.recorder && idle_since && state.asked_at >= *idle_since) {
         const v1::GetRecorderStatusResponse& r = *state.recorder;
         recording_ = r.has_recording();
         record_->setText(recording_ ? tr("Stop recording") : tr("Record"));
