@@ -23,12 +23,14 @@
 #include "server/cameras/session_source.h"
 #include "server/daemon/access_setup.h"
 #include "server/daemon/clocks.h"
+#include "server/daemon/kinevoxd.h"
 #include "server/daemon/service_clock.h"
 #include "server/daemon/setup.h"
 #include "server/daemon/stored_background.h"
 #include "server/metrics/capture_figures.h"
 #include "server/metrics/capture_metrics.h"
 #include "server/metrics/http_endpoint.h"
+#include "server/pipeline/gpu.h"
 #include "server/pipeline/huge_pages.h"
 #include "server/pipeline/runner.h"
 #include "server/pipeline/stream_hub.h"
@@ -39,6 +41,7 @@ namespace {
 
 using namespace kinevox;
 namespace asio = boost::asio;
+using MakeGpu = std::function<std::unique_ptr<const kernels::StageMaker>()>;
 
 int fail(std::string message) {
     std::ranges::replace(message, '\n', ' ');
@@ -48,7 +51,7 @@ int fail(std::string message) {
 
 int fail(const absl::Status& status) { return fail(std::string(status.message())); }
 
-int serve(const DaemonConfig& given, bool serve_everyone) {
+int serve(const DaemonConfig& given, bool serve_everyone, const MakeGpu& make_gpu) {
     // Signals first, so that one that comes early is not lost.
     asio::io_context io(1);
     asio::signal_set signals(io, SIGTERM, SIGINT);
@@ -78,8 +81,11 @@ int serve(const DaemonConfig& given, bool serve_everyone) {
                                 static_cast<std::size_t>(config.pipeline.threads));
     auto source = open();
     if (!source.ok()) return fail(source.status());
-    const auto options = pipeline_options(config);
+    auto options = pipeline_options(config);
     if (!options.ok()) return fail(options.status());
+    const std::shared_ptr<Gpu> gpu =
+        options->device == kernels::Device::kCuda ? std::make_shared<Gpu>(make_gpu()) : nullptr;
+    options->gpu = gpu;
     auto pipeline = Pipeline::create((*source)->cameras(), (*source)->fps(), *options);
     if (!pipeline.ok()) return fail(pipeline.status());
 
@@ -170,6 +176,7 @@ int serve(const DaemonConfig& given, bool serve_everyone) {
                    .replay = &replay,
                    .guard = guard->get(),
                    .share = &share,
+                   .gpu = gpu.get(),
                    .source_description = describe(config.source)};
     apply(config.stream, api);
     auto server = ApiServer::listen(config.server.listen, api, *server_options);
@@ -186,7 +193,7 @@ int serve(const DaemonConfig& given, bool serve_everyone) {
     // The clocks. Until here nothing ran by itself; from here on a signal ends io.run().
     StatusLog status_log(io, runner, hub);
     LeaseClock lease_clock(io, lease, hub);
-    ServiceClock service_clock(io, runner);
+    ServiceClock service_clock(io, runner, gpu.get());
     RetentionClock retention_clock(io, recordings.get_executor(), retention_limits(config.recording), *recorder, replay, hub);
     GuardClock guard_clock(io, **guard);
     signals.async_wait([&](const boost::system::error_code&, int signal) {
@@ -246,7 +253,7 @@ int serve(const DaemonConfig& given, bool serve_everyone) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int kinevox::run_kinevoxd(int argc, char** argv, const MakeGpu& make_gpu) {
     kinevox::restart_with_huge_pages(argv);
     std::signal(SIGPIPE, SIG_IGN);
     // Debian builds Abseil with its search for deadlocks, which every mutex of gRPC pays for.
@@ -273,7 +280,7 @@ int main(int argc, char** argv) {
     }
     silence_video_libraries();
     try {
-        return serve(config, serve_everyone);
+        return serve(config, serve_everyone, make_gpu);
     } catch (const std::exception& error) {
         return fail(fmt::format("ends on an error nobody expected: {}", error.what()));
     }

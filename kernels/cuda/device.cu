@@ -1,9 +1,9 @@
 #include "kernels/cuda/device.h"
 
-#include <stdexcept>
 #include <string>
 
 #include "kernels/cuda/forms.h"
+#include "kernels/device_error.h"
 
 namespace kinevox::kernels {
 namespace cuda {
@@ -48,13 +48,13 @@ __global__ void scan_kernel(const int* in, int* out, int count) {
 
 void check(cudaError_t error, const char* call, const char* file, int line) {
     if (error == cudaSuccess) return;
-    throw std::runtime_error(std::string("CUDA: ") + cudaGetErrorString(error) + " in " + call + " (" + file + ":" +
+    throw DeviceError(std::string("CUDA: ") + cudaGetErrorString(error) + " in " + call + " (" + file + ":" +
                              std::to_string(line) + ")");
 }
 
 void require_gpu(const char* what) {
     if (const std::string problem = cuda_problem(); !problem.empty()) {
-        throw std::runtime_error(std::string(what) + ": " + problem + "; use device cpu");
+        throw DeviceError(std::string(what) + ": " + problem + "; use device cpu");
     }
 }
 
@@ -85,6 +85,12 @@ std::string cuda_device_name() {
     cudaDeviceProp properties{};
     if (!cuda_problem().empty() || cudaGetDeviceProperties(&properties, 0) != cudaSuccess) return {};
     return properties.name;
+}
+
+DeviceMemory cuda_memory() {
+    std::size_t free_bytes = 0, total_bytes = 0;
+    if (cudaMemGetInfo(&free_bytes, &total_bytes) != cudaSuccess) return {};
+    return {total_bytes - free_bytes, total_bytes};
 }
 
 }  // namespace kinevox::kernels

@@ -9,11 +9,11 @@
 
 namespace kinevox::kernels::cuda {
 
-// Throws std::runtime_error with the call, the place and CUDA's own words unless `error` is cudaSuccess.
+// Throws DeviceError with the call, the place and CUDA's own words unless `error` is cudaSuccess.
 void check(cudaError_t error, const char* call, const char* file, int line);
 #define KINEVOX_CUDA_CHECK(call) ::kinevox::kernels::cuda::check((call), #call, __FILE__, __LINE__)
 
-// Throws std::runtime_error that begins with `what` where no GPU can be used.
+// Throws DeviceError that begins with `what` where no GPU can be used.
 void require_gpu(const char* what);
 
 class Stream {

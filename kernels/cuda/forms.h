@@ -1,5 +1,5 @@
-// The CUDA forms of the stages, for the factories; no CUDA types here. Each throws std::runtime_error where no
-// GPU can be used, and where a CUDA call fails later.
+// The CUDA forms of the stages, for the factories; no CUDA types here. Each throws DeviceError where no GPU can
+// be used, and where a CUDA call fails later.
 #pragma once
 
 #include <memory>
@@ -10,6 +10,7 @@
 #include "kernels/hull.h"
 #include "kernels/moments.h"
 #include "kernels/segmentation.h"
+#include "kernels/stages.h"
 
 namespace kinevox::kernels {
 
@@ -25,5 +26,8 @@ std::string cuda_problem();
 
 // The first GPU's name, "NVIDIA T4" for instance; empty where there is none.
 std::string cuda_device_name();
+
+// Its memory; zeros where it does not answer.
+DeviceMemory cuda_memory();
 
 }  // namespace kinevox::kernels

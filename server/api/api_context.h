@@ -17,6 +17,7 @@
 namespace kinevox {
 
 class FairShare;
+class Gpu;
 class Guard;
 class Recorder;
 namespace metrics {
@@ -63,6 +64,7 @@ struct ApiContext {
     Guard* guard = nullptr;                      // null: everybody may do everything, as often as he likes
 
     FairShare* share = nullptr;                  // of the subscribers to the newest; null: as often as there is one
+    const Gpu* gpu = nullptr;                    // null where none is asked for
 
     std::string source_description;          // "session /data/trial/session.toml"
     std::chrono::steady_clock::time_point started_at = std::chrono::steady_clock::now();

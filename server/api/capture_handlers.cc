@@ -6,6 +6,7 @@
 
 #include "server/api/to_proto.h"
 #include "server/api/version.h"
+#include "server/pipeline/gpu.h"
 #include "server/pipeline/utc_clock.h"
 
 namespace kinevox {
@@ -54,6 +55,8 @@ absl::Status get_status(const ApiContext& api, v1::GetStatusResponse& response) 
     response.set_version(kVersion);
     response.set_state(to_proto(state.state));
     response.set_state_message(state.message);
+    if (const std::string gpu = api.gpu ? api.gpu->message() : ""; !gpu.empty())
+        response.set_state_message(state.message.empty() ? gpu : state.message + "; " + gpu);
     const bool replayed = api.replay && api.replay->status().open;
     response.set_source(replayed ? "replay of " + api.replay->status().session_file.string() : api.source_description);
     response.set_uptime_ms(std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::steady_clock::now() -

@@ -5,6 +5,8 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
+#include "server/pipeline/gpu.h"
+
 namespace kinevox {
 namespace {
 
@@ -32,8 +34,8 @@ std::string in_words(const Runner& runner) {
 
 }  // namespace
 
-ServiceClock::ServiceClock(boost::asio::io_context& io, const Runner& runner)
-    : runner_(runner), timer_(io), watchdog_(watchdog_interval()) {}
+ServiceClock::ServiceClock(boost::asio::io_context& io, const Runner& runner, const Gpu* gpu)
+    : runner_(runner), gpu_(gpu), timer_(io), watchdog_(watchdog_interval()) {}
 
 void ServiceClock::ready() {
     tell("READY=1");
@@ -61,7 +63,9 @@ void ServiceClock::look() {
             tell("WATCHDOG=trigger");
             break;
     }
-    if (std::string words = in_words(runner_); words != told_) {
+    std::string words = in_words(runner_);
+    if (gpu_ && !gpu_->usable()) words += "; the GPU has failed, the CPU computes";
+    if (words != told_) {
         tell("STATUS=" + words);
         told_ = std::move(words);
     }

@@ -12,11 +12,13 @@
 
 namespace kinevox {
 
+class Gpu;
+
 // On the io_context's thread: a thread that cannot run timers any more feeds no watchdog either.
 class ServiceClock {
   public:
-    // Begins to tell with ready().
-    ServiceClock(boost::asio::io_context& io, const Runner& runner);
+    // Begins to tell with ready(). `gpu`: null where none is asked for.
+    ServiceClock(boost::asio::io_context& io, const Runner& runner, const Gpu* gpu = nullptr);
     void ready();
     void stop();
 
@@ -25,6 +27,7 @@ class ServiceClock {
     void look();
 
     const Runner& runner_;
+    const Gpu* const gpu_;
     boost::asio::steady_timer timer_;
     Watchdog watchdog_;
     std::string told_;

@@ -9,6 +9,7 @@
 #include "server/api/version.h"
 #include "server/metrics/capture_figures.h"
 #include "server/metrics/process_figures.h"
+#include "server/pipeline/gpu.h"
 #include "server/recording/recorder.h"
 
 namespace kinevox::metrics {
@@ -144,6 +145,20 @@ void write_recorder(const ApiContext& api, MetricsText& text) {
                    status.held_seconds);
 }
 
+void write_gpu(const ApiContext& api, MetricsText& text) {
+    const Gpu::State gpu = api.gpu ? api.gpu->state() : Gpu::State{.usable = false};
+    text.gauge("kinevox_compute_device", "1 for the device that computes.");
+    text.sample(gpu.usable ? 0 : 1, {{"device", "cpu"}});
+    text.sample(gpu.usable ? 1 : 0, {{"device", "cuda"}});
+    text.one_gauge("kinevox_gpu_configured", "1 where the configuration asks for a GPU.", api.gpu ? 1 : 0);
+    text.one_counter("kinevox_gpu_failures", "Times that the GPU could not be used or failed, so that the CPU computes.",
+                     static_cast<double>(gpu.failures));
+    text.one_gauge("kinevox_gpu_memory_used_bytes", "Of the GPU that computes, by all programs; 0 where none does.",
+                   static_cast<double>(gpu.memory.used_bytes));
+    text.one_gauge("kinevox_gpu_memory_total_bytes", "Of the GPU that computes; 0 where none does.",
+                   static_cast<double>(gpu.memory.total_bytes));
+}
+
 void write_process(MetricsText& text) {
     const ProcessFigures figures = process_figures();
     text.one_gauge("kinevox_resident_memory_bytes", "Of the daemon.",
@@ -169,6 +184,7 @@ std::string capture_metrics(const ApiContext& api, Format format) {
     }
     write_cameras(api, text);
     write_recorder(api, text);
+    write_gpu(api, text);
     write_process(text);
     return text.take();
 }

@@ -12,8 +12,8 @@
 #include <fmt/format.h>
 
 #include "kernels/projection.h"
-#include "kernels/segmentation_memory.h"
 #include "server/pipeline/convert.h"
+#include "server/pipeline/device_stages.h"
 #include "server/pipeline/for_each_camera.h"
 #include "server/pipeline/result_pool.h"
 #include "server/pose/pose_stage.h"
@@ -68,25 +68,10 @@ class SpareReconstructions {
 class StagedPipeline final : public Pipeline {
   public:
     StagedPipeline(std::vector<Camera> cameras, double fps, const PipelineOptions& options)
-        : cameras_(std::move(cameras)), fps_(fps), options_(options), tracker_(cameras_, fps, tracker_options(options)) {
-        for (const Camera& camera : cameras_) {
-            models_.push_back(to_kernel(camera));
-            if (options.jumps) {
-                auto segmenter = kernels::make_rewindable_segmenter(options.device, camera.width, camera.height, 3,
-                                                                    options.segmentation);
-                rewindable_.push_back(segmenter.get());
-                segmenters_.push_back(std::move(segmenter));
-            } else {
-                segmenters_.push_back(kernels::make_segmenter(options.device, camera.width, camera.height, 3,
-                                                              options.segmentation));
-            }
-        }
-        kernels::HullOptions many_views = options.hull;
-        many_views.min_views = std::max(many_views.min_views, 3);
-        carver_ = kernels::make_hull_carver(options.device, options.hull);
-        many_views_carver_ = kernels::make_hull_carver(options.device, many_views);
+        : cameras_(std::move(cameras)), fps_(fps), options_(options), device_(cameras_, options),
+          tracker_(cameras_, fps, tracker_options(options)) {
+        for (const Camera& camera : cameras_) models_.push_back(to_kernel(camera));
         expected_.resize(cameras_.size());
-        if (options.colouring) colourer_ = kernels::make_voxel_colourer(options.device, options.colour);
         if (options.pose) pose_stage_.emplace(cameras_, fps, options.posing);
     }
 
@@ -123,11 +108,8 @@ class StagedPipeline final : public Pipeline {
     SpareReconstructions spare_;
 
     // Of the first half alone.
-    std::vector<std::unique_ptr<kernels::Segmenter>> segmenters_;
-    std::vector<kernels::RewindableSegmenter*> rewindable_;   // the same, where frame sets may jump
+    DeviceStages device_;
     Tracker tracker_;
-    std::unique_ptr<kernels::HullCarver> carver_, many_views_carver_;
-    std::unique_ptr<kernels::VoxelColourer> colourer_;   // null without colouring
     ResultPool results_;
     bool learned_ = false;
     bool track_forgotten_ = false;                        // since the last reconstruction
@@ -140,6 +122,7 @@ class StagedPipeline final : public Pipeline {
     TrackerUpdate update_;
     std::vector<kernels::HullView> hull_views_;
     std::vector<kernels::ColouringView> colouring_views_;
+    kernels::VoxelVolume carved_;                         // what the GPU colours, as it was
     kernels::ColouringReport report_;
 
     // Of the second half alone.
@@ -168,11 +151,10 @@ absl::Status StagedPipeline::learn_background(const std::vector<std::vector<Pict
             if (absl::Status checked = check_picture(picture, c); !checked.ok()) return checked;
     }
     try {
-        for_each_camera(cameras_.size(), [&](std::size_t c) {
-            std::vector<kernels::PictureView> views;
-            for (const Picture& picture : empty_scene[c]) views.push_back(to_kernel(picture));
-            segmenters_[c]->learn(views);
-        });
+        std::vector<std::vector<kernels::PictureView>> views(cameras_.size());
+        for (std::size_t c = 0; c < cameras_.size(); ++c)
+            for (const Picture& picture : empty_scene[c]) views[c].push_back(to_kernel(picture));
+        device_.learn(views);
     } catch (const std::exception& error) {
         return absl::InternalError(fmt::format("learning the background failed: {}", error.what()));
     }
@@ -185,7 +167,7 @@ absl::Status StagedPipeline::learn_background(const std::vector<std::vector<Pict
 absl::Status StagedPipeline::forget_frames() {
     if (!options_.jumps)
         return absl::FailedPreconditionError("a frame set does not follow the one before, which this pipeline was not made for");
-    for_each_camera(cameras_.size(), [&](std::size_t c) { rewindable_[c]->forget_frames(); });
+    device_.forget_frames();
     reset_track();
     return absl::OkStatus();
 }
@@ -205,27 +187,30 @@ void StagedPipeline::set_cameras(std::vector<Camera> cameras) {
 
 void StagedPipeline::segment(FrameResult& result) {
     Vec3 motion;
-    auto priors = tracker_.predict(result.capture_time_ns, &motion);
+    const auto priors = tracker_.predict(result.capture_time_ns, &motion);
     const float moved[3] = {static_cast<float>(motion.x), static_cast<float>(motion.y), static_cast<float>(motion.z)};
     result.silhouettes.resize(cameras_.size());
     seen_.assign(cameras_.size(), nullptr);
-    for_each_camera(cameras_.size(), [&](std::size_t c) {
-        const Picture& picture = result.frame_set.pictures[c];
-        if (picture.empty()) {
-            result.silhouettes[c] = {};
-            return;
-        }
-        if (expect_volume_ && !priors[c].region.empty()) {
-            // Limbs move on their own besides; islands need only touch what is expected.
-            const int dilate_px = std::max(1, cameras_[c].height / kExpectedDilation);
-            kernels::Rect ignored;
-            expected_[c].resize(static_cast<std::size_t>(cameras_[c].width) * cameras_[c].height);
-            kernels::project_volume(last_shape_, models_[c], moved, dilate_px, expected_[c].data(), ignored);
-            priors[c].expected = expected_[c].data();
-            if (priors[c].reach_px >= 0) priors[c].reach_px = std::max(priors[c].reach_px - dilate_px, 0);
-        }
-        segmenters_[c]->segment(to_kernel(picture), priors[c], result.silhouettes[c]);
-        seen_[c] = &result.silhouettes[c];
+    device_.run([&](Stages& stages) {
+        for_each_camera(cameras_.size(), [&](std::size_t c) {
+            const Picture& picture = result.frame_set.pictures[c];
+            if (picture.empty()) {
+                result.silhouettes[c] = {};
+                return;
+            }
+            kernels::SegmentationPrior prior = priors[c];
+            if (expect_volume_ && !prior.region.empty()) {
+                // Limbs move on their own besides; islands need only touch what is expected.
+                const int dilate_px = std::max(1, cameras_[c].height / kExpectedDilation);
+                kernels::Rect ignored;
+                expected_[c].resize(static_cast<std::size_t>(cameras_[c].width) * cameras_[c].height);
+                kernels::project_volume(last_shape_, models_[c], moved, dilate_px, expected_[c].data(), ignored);
+                prior.expected = expected_[c].data();
+                if (prior.reach_px >= 0) prior.reach_px = std::max(prior.reach_px - dilate_px, 0);
+            }
+            stages.segmenters[c]->segment(to_kernel(picture), prior, result.silhouettes[c]);
+            seen_[c] = &result.silhouettes[c];
+        });
     });
 }
 
@@ -246,8 +231,10 @@ void StagedPipeline::carve(Reconstruction& work) {
         hull_views_.push_back({&models_[c], s.loose.data(), s.probability.data(), s.bounds});
         work.carving_cameras.push_back(c);
     }
-    kernels::HullCarver& carver = hull_views_.size() >= kManyViews ? *many_views_carver_ : *carver_;
-    carver.carve(hull_views_, *update_.lattice, work.volume);
+    const bool many = hull_views_.size() >= kManyViews;
+    device_.run([&](Stages& stages) {
+        (many ? stages.many_views_carver : stages.carver)->carve(hull_views_, *update_.lattice, work.volume);
+    });
 }
 
 void StagedPipeline::colour(Reconstruction& work) {
@@ -259,7 +246,13 @@ void StagedPipeline::colour(Reconstruction& work) {
             {&models_[c], to_kernel(result.frame_set.pictures[c]), s.loose.data(), s.sharp.data(),
              s.bounds});
     }
-    colourer_->colour(colouring_views_, work.volume, report_);
+    // It changes the volume, which a GPU that fails in the middle of it leaves neither carved nor as it was.
+    if (device_.on_gpu()) carved_ = work.volume;
+    bool again = false;
+    device_.run([&](Stages& stages) {
+        if (std::exchange(again, true)) std::swap(work.volume, carved_);
+        stages.colourer->colour(colouring_views_, work.volume, report_);
+    });
     for (std::size_t view = 0; view < work.carving_cameras.size() && view < report_.silhouette_iou.size(); ++view)
         result.silhouette_iou[work.carving_cameras[view]] = report_.silhouette_iou[view];
 }
@@ -297,7 +290,7 @@ absl::StatusOr<std::unique_ptr<Reconstruction>> StagedPipeline::reconstruct(Fram
         if (update_.lattice) {
             carve(*work);
             result.times.hull_ms = clock.lap_ms();
-            if (colourer_) {
+            if (options_.colouring) {
                 colour(*work);
                 result.times.colouring_ms = clock.lap_ms();
             }
@@ -309,6 +302,9 @@ absl::StatusOr<std::unique_ptr<Reconstruction>> StagedPipeline::reconstruct(Fram
     } catch (const std::exception& error) {
         return absl::InternalError(fmt::format("frame set {}: {}", result.sequence, error.what()));
     }
+    if (options_.gpu)
+        if (std::string news = options_.gpu->take_news(); !news.empty())
+            result.events.push_back({EventKind::kError, result.sequence, result.capture_time_ns, {}, std::move(news)});
     return work;
 }
 

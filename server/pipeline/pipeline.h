@@ -22,10 +22,14 @@
 
 namespace kinevox {
 
+class Gpu;
 class PoseStage;
 
 struct PipelineOptions {
     kernels::Device device = kernels::Device::kCpu;
+    // Where it is given, this GPU computes until it fails, then the CPU does, and `device` says nothing. Without it a
+    // GPU's failure is an error.
+    std::shared_ptr<Gpu> gpu;
     double voxel_m = 0.01;
     bool colouring = true;
     bool pose = true;

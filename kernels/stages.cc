@@ -1,0 +1,58 @@
+#include "kernels/stages.h"
+
+#include "kernels/cuda/forms.h"
+
+namespace kinevox::kernels {
+namespace {
+
+class DeviceStages final : public StageMaker {
+  public:
+    explicit DeviceStages(Device device) : device_(device) {}
+
+    std::unique_ptr<Segmenter> segmenter(int width, int height, int channels,
+                                         const SegmentationOptions& options) const override {
+        return make_segmenter(device_, width, height, channels, options);
+    }
+    std::unique_ptr<RewindableSegmenter> rewindable_segmenter(
+        int width, int height, int channels, const SegmentationOptions& options) const override {
+        return make_rewindable_segmenter(device_, width, height, channels, options);
+    }
+    std::unique_ptr<HullCarver> hull_carver(const HullOptions& options) const override {
+        return make_hull_carver(device_, options);
+    }
+    std::unique_ptr<VoxelColourer> voxel_colourer(const ColouringOptions& options) const override {
+        return make_voxel_colourer(device_, options);
+    }
+
+    std::string problem() const override {
+        if (device_ == Device::kCpu) return {};
+#ifdef KINEVOX_HAVE_CUDA
+        return cuda_problem();
+#else
+        return "this program was built without a CUDA compiler";
+#endif
+    }
+    std::string name() const override {
+#ifdef KINEVOX_HAVE_CUDA
+        if (device_ == Device::kCuda) return cuda_device_name();
+#endif
+        return {};
+    }
+    DeviceMemory memory() const override {
+#ifdef KINEVOX_HAVE_CUDA
+        if (device_ == Device::kCuda) return cuda_memory();
+#endif
+        return {};
+    }
+
+  private:
+    const Device device_;
+};
+
+}  // namespace
+
+std::unique_ptr<StageMaker> make_stage_maker(Device device) {
+    return std::make_unique<DeviceStages>(device);
+}
+
+}  // namespace kinevox::kernels

@@ -1,0 +1,176 @@
+// What a pipeline does when its GPU fails: the frame set is finished on the CPU, and the clients hear of it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <set>
+
+#include "server/cameras/studio/studio_source.h"
+#include "server/pipeline/gpu.h"
+#include "server/pipeline/pipeline.h"
+#include "tests/support/failing_gpu.h"
+
+namespace kinevox {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
+
+constexpr int kFrames = 12;
+
+std::unique_ptr<StudioSource> studio() {
+    StudioSourceOptions options;
+    options.studio.width = 160, options.studio.height = 120;
+    options.background_frames = 10;
+    options.pacing = Pacing::kAsFastAsPossible;
+    return *StudioSource::create(options);
+}
+
+PipelineOptions small_options(std::shared_ptr<Gpu> gpu) {
+    PipelineOptions options;
+    options.voxel_m = 0.04;
+    options.pose = false;
+    options.gpu = std::move(gpu);
+    return options;
+}
+
+// The results of the studio's first frame sets; empty where one fails.
+std::vector<FrameResultPtr> run(std::shared_ptr<Gpu> gpu, const std::function<void(int frame)>& before = {}) {
+    const auto source = studio();
+    auto pipeline = Pipeline::create(source->cameras(), source->fps(), small_options(std::move(gpu)));
+    EXPECT_TRUE(pipeline.ok()) << pipeline.status();
+    EXPECT_TRUE((*pipeline)->learn_background(*source->background()).ok());
+    std::vector<FrameResultPtr> results;
+    for (int frame = 0; frame < kFrames; ++frame) {
+        if (before) before(frame);
+        auto result = (*pipeline)->process(*source->next());
+        EXPECT_TRUE(result.ok()) << result.status();
+        if (!result.ok()) return {};
+        results.push_back(*std::move(result));
+    }
+    return results;
+}
+
+std::shared_ptr<Gpu> gpu_that(testing::GpuFails fails, std::string problem = {}) {
+    return std::make_shared<Gpu>(std::make_unique<testing::FailingGpu>(std::move(fails), std::move(problem)));
+}
+
+std::vector<std::string> errors_in(const std::vector<FrameResultPtr>& results) {
+    std::vector<std::string> errors;
+    for (const auto& result : results)
+        for (const Event& event : result->events)
+            if (event.kind == EventKind::kError) errors.push_back(event.message);
+    return errors;
+}
+
+double volume_of(const FrameResultPtr& result) {
+    return result->volume ? volume_litres(*result->volume) : 0;
+}
+
+void expect_same(const FrameResultPtr& a, const FrameResultPtr& b) {
+    for (std::size_t c = 0; c < a->silhouettes.size(); ++c)
+        EXPECT_EQ(a->silhouettes[c].sharp, b->silhouettes[c].sharp);
+    ASSERT_EQ(a->volume != nullptr, b->volume != nullptr) << a->sequence;
+    if (!a->volume) return;
+    EXPECT_EQ(volume_of(a), volume_of(b)) << a->sequence;
+    EXPECT_EQ(a->volume->colours, b->volume->colours) << a->sequence;
+}
+
+class FailsIn : public ::testing::TestWithParam<const char*> {};
+
+// A failure in any stage of any frame: that frame set comes out as if nothing had been, the others go on.
+TEST_P(FailsIn, TheFrameSetIsFinishedOnTheCpu) {
+    constexpr int kFailing = 8;
+    const auto undisturbed = run(nullptr);
+    ASSERT_THAT(undisturbed, SizeIs(kFrames));
+    ASSERT_GT(volume_of(undisturbed[kFailing]), 20) << "somebody is to be seen by then";
+    std::atomic<bool> failing = false;
+    std::atomic<int> asked_after = 0;
+    bool failed = false;
+    const auto gpu = gpu_that([&](const std::string& stage) {
+        if (failed) ++asked_after;
+        return failing && stage == GetParam();
+    });
+    const auto results = run(gpu, [&](int frame) {
+        EXPECT_EQ(gpu->usable(), frame <= kFailing);
+        failed = frame > kFailing;
+        failing = frame >= kFailing;
+    });
+    ASSERT_THAT(results, SizeIs(kFrames));
+    for (int frame = 0; frame < kFailing; ++frame) expect_same(results[frame], undisturbed[frame]);
+    // What a failing segmentation is replaced by knows the empty scene only.
+    if (std::string(GetParam()) != "segmentation") expect_same(results[kFailing], undisturbed[kFailing]);
+    for (int frame = kFailing; frame < kFrames; ++frame)
+        EXPECT_NEAR(volume_of(results[frame]), volume_of(undisturbed[frame]),
+                    0.1 * volume_of(undisturbed[frame]));
+    EXPECT_EQ(asked_after, 0) << "the GPU is left alone once it has failed";
+    EXPECT_THAT(errors_in(results),
+                ElementsAre(AllOf(HasSubstr("the GPU (a GPU made to fail) failed: CUDA: "),
+                                  HasSubstr("; the CPU computes since "), HasSubstr("restart"))));
+    EXPECT_EQ(gpu->state().failures, 1u);
+    EXPECT_EQ(gpu->state().memory.total_bytes, 0u);
+}
+
+INSTANTIATE_TEST_SUITE_P(Stages, FailsIn, ::testing::Values("segmentation", "hull", "colouring"));
+
+TEST(GpuFallback, AGpuThatWorksIsUsedAndToldOf) {
+    std::set<std::string> used;
+    std::mutex mutex;
+    const auto gpu = gpu_that([&](const std::string& stage) {
+        const std::scoped_lock lock(mutex);
+        used.insert(stage);
+        return false;
+    });
+    const auto results = run(gpu);
+    EXPECT_THAT(used,
+                ::testing::UnorderedElementsAre("making", "learning", "segmentation", "hull", "colouring"));
+    EXPECT_THAT(errors_in(results), SizeIs(0));
+    EXPECT_TRUE(gpu->state().usable);
+    EXPECT_EQ(gpu->state().message, "");
+    EXPECT_EQ(gpu->state().memory.used_bytes, std::uint64_t{3} << 30);
+}
+
+// From the first frame set on, so that nothing of the GPU's is missed: the CPU's own results, bit for bit.
+TEST(GpuFallback, NothingButTheDeviceIsAnotherOne) {
+    const auto expected = run(nullptr);
+    const auto says = [](const char* stage) {
+        return [stage](const std::string& asked) { return asked == stage; };
+    };
+    for (const auto& gpu :
+         {gpu_that(says("making")), gpu_that(says("learning")), gpu_that(says("segmentation")),
+          gpu_that(says("none"), "this machine has no CUDA device")}) {
+        const auto results = run(gpu);
+        ASSERT_THAT(results, SizeIs(kFrames));
+        for (int frame = 0; frame < kFrames; ++frame) expect_same(results[frame], expected[frame]);
+        EXPECT_THAT(errors_in(results), SizeIs(1));
+        EXPECT_FALSE(gpu->usable());
+    }
+}
+
+TEST(GpuFallback, AnotherPipelineLeavesTheGpuThatFailedAlone) {
+    std::atomic<int> asked = 0;
+    const auto gpu = gpu_that([&](const std::string&) { return ++asked, false; });
+    gpu->fail("CUDA: out of memory");
+    gpu->fail("CUDA: out of memory, once more");
+    const auto results = run(gpu);
+    EXPECT_THAT(results, SizeIs(kFrames));
+    EXPECT_EQ(asked, 0);
+    EXPECT_EQ(gpu->state().failures, 2u);
+    EXPECT_THAT(errors_in(results), ElementsAre(HasSubstr("failed: CUDA: out of memory; ")));
+    EXPECT_EQ(gpu->take_news(), "") << "told once";
+    EXPECT_THAT(gpu->state().message, HasSubstr("out of memory")) << "and to be had afterwards";
+}
+
+TEST(GpuFallback, WithoutASecondDeviceAFailureIsAnError) {
+    PipelineOptions options = small_options(nullptr);
+    options.device = kernels::Device::kCuda;
+    if (kernels::make_stage_maker(kernels::Device::kCuda)->problem().empty())
+        GTEST_SKIP() << "there is a GPU";
+    const auto pipeline = Pipeline::create(studio()->cameras(), 30, options);
+    EXPECT_EQ(pipeline.status().code(), absl::StatusCode::kFailedPrecondition);
+}
+
+}  // namespace
+}  // namespace kinevox
