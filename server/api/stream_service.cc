@@ -13,7 +13,6 @@
 #include "server/api/stream_reactor.h"
 #include "server/api/to_proto.h"
 #include "server/metrics/capture_figures.h"
-#include "server/pipeline/utc_clock.h"
 
 namespace kinevox {
 namespace {
@@ -24,8 +23,9 @@ using PreviewReactor = StreamReactor<PictureMailbox, grpc::ByteBuffer>;
 
 // What is written to one subscriber, counted for the monitoring.
 grpc::ByteBuffer counted(const ApiContext& api, metrics::StreamFigures metrics::CaptureFigures::* stream,
-                         std::int64_t published_utc_ns, std::uint64_t missed, const EncodedMessage& message) {
-    if (api.figures) (api.figures->*stream).took(1e-9 * static_cast<double>(utc_now_ns() - published_utc_ns), missed);
+                         std::chrono::steady_clock::time_point published_at, std::uint64_t missed, const EncodedMessage& message) {
+    const std::chrono::duration<double> age = std::chrono::steady_clock::now() - published_at;
+    if (api.figures) (api.figures->*stream).took(age.count(), missed);
     return to_buffer(message, missed);
 }
 
@@ -140,7 +140,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamVolumes(grp
             VolumeForm form{request.level(), !request.without_colours()};
             if (published.volume && request.has_max_voxel_m())
                 form.level = level_for(published.volume->grid.voxel_m, request.max_voxel_m());
-            return counted(api_, &metrics::CaptureFigures::volumes, published.header.published_utc_ns, taken.missed,
+            return counted(api_, &metrics::CaptureFigures::volumes, published.header.published_at, taken.missed,
                            encode(published, form, api_.runner));
         });
 }
@@ -157,7 +157,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPoses(grpc:
             return api_.hub.subscribe_poses(options, std::move(on_ready));
         },
         [this](const PoseMailbox::Taken& taken) {
-            return counted(api_, &metrics::CaptureFigures::poses, taken.message->header.published_utc_ns, taken.missed,
+            return counted(api_, &metrics::CaptureFigures::poses, taken.message->header.published_at, taken.missed,
                            encode(*taken.message));
         });
 }
@@ -174,7 +174,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPreviews(gr
         api_, context, {request->max_rate_hz() > 0 ? request->max_rate_hz() : 10.0, true},
         [this](std::function<void()> on_ready) { return api_.hub.subscribe_pictures(std::move(on_ready)); },
         [this, form = *form, camera = request->camera()](const PictureMailbox::Taken& taken) {
-            return counted(api_, &metrics::CaptureFigures::pictures, taken.message->published_utc_ns, taken.missed,
+            return counted(api_, &metrics::CaptureFigures::pictures, taken.message->published_at, taken.missed,
                            encode(*taken.message, form, camera));
         });
 }

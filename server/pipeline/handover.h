@@ -36,6 +36,22 @@ class Handover {
         return true;
     }
 
+    // Takes the place of what waits there. False once it is closed.
+    bool replace(T value) {
+        const std::scoped_lock lock(mutex_);
+        if (closed_) return false;
+        ready_ = std::move(value);
+        changed_.notify_all();
+        return true;
+    }
+
+    // Waits until nothing waits there. False once it is closed.
+    bool wait_until_empty() {
+        std::unique_lock lock(mutex_);
+        changed_.wait(lock, [&] { return closed_ || !ready_; });
+        return !closed_;
+    }
+
     // Empty once it is closed.
     std::optional<T> pop() {
         std::unique_lock lock(mutex_);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdlib>
 
 #include <fmt/format.h>
 
@@ -119,6 +120,7 @@ absl::Status Runner::start() {
     statistics_.reset();
     utc_minus_capture_ns_.reset();
     source()->set_on_camera_event([this](const CameraEvent& event) { tell(event); });
+    live_ = false;
     fetched_.open();
     reconstructed_.open();
     set_state(RunState::kRunning);
@@ -246,18 +248,30 @@ void Runner::learn_background(int frames, std::function<void(absl::Status)> done
 
 void Runner::fetch_loop() {
     const std::shared_ptr<FrameSource> source = this->source();
+    // Of what is live, the newest is of use. Cameras do not wait: what nobody took is replaced. The studio would draw in
+    // vain what nobody takes.
+    const bool cameras = !source->camera_links().empty();
+    live_ = cameras;
     for (bool last = false; !last;) {
+        if (live_ && !cameras && !fetched_.wait_until_empty()) return;
         const auto start = std::chrono::steady_clock::now();
         Fetched fetched{source->next(), 0};
         fetched.waited_ms = ms_since(start);
-        if (feed_.taps.on_frame_set && fetched.frame_set.ok()) feed_.taps.on_frame_set(*fetched.frame_set);
         last = !fetched.frame_set.ok();
-        if (!fetched_.push(std::move(fetched))) return;
+        if (!last) {
+            live_ = cameras || is_live(fetched.frame_set->capture_time_ns);
+            if (feed_.taps.on_frame_set) feed_.taps.on_frame_set(*fetched.frame_set);
+        }
+        const bool handed_on = cameras && !last ? fetched_.replace(std::move(fetched)) : fetched_.push(std::move(fetched));
+        if (!handed_on) return;
     }
 }
 
 void Runner::reconstruct_loop() {
-    while (std::optional<Fetched> fetched = fetched_.pop()) {
+    // Of a live source nothing is begun that would wait for the pose of another: it would be old by then.
+    while (!live_ || reconstructed_.wait_until_empty()) {
+        std::optional<Fetched> fetched = fetched_.pop();
+        if (!fetched) return;
         reconstructing_.take();
         absl::StatusOr<std::unique_ptr<Reconstruction>> reconstruction = reconstruct(*std::move(fetched));
         reconstructing_.put_down();   // one that it cannot hand on is held up by the posing thread, which has its own
@@ -310,7 +324,17 @@ std::chrono::nanoseconds Runner::longest_in_hand(InHand::Clock::time_point now) 
 }
 
 void Runner::publish(const FrameResultPtr& result) {
-    if (!utc_minus_capture_ns_) utc_minus_capture_ns_ = utc_minus_capture_ns(result->capture_time_ns);
+    if (!utc_minus_capture_ns_) {
+        utc_minus_capture_ns_ = utc_minus_capture_ns(result->capture_time_ns);
+        clock_steps_ = {};
+    } else if (const std::int64_t step_ns = clock_steps_.step_ns(); step_ns != 0) {
+        *utc_minus_capture_ns_ += step_ns;
+        tell(EventKind::kError,
+             fmt::format("the machine's clock was set {} by {:.1f} s; the times of what is streamed follow it, those of a "
+                         "recording that has begun go on evenly",
+                         step_ns > 0 ? "forward" : "back", 1e-9 * static_cast<double>(std::abs(step_ns))),
+             result->sequence);
+    }
     if (after_result_) after_result_(*result);
     statistics_.add(result->sequence, result->times);
     hub_.publish(result, *utc_minus_capture_ns_);

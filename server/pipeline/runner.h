@@ -2,6 +2,7 @@
 // reconstructs the volume, the third finds the pose and publishes the result.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <cstdint>
 #include <functional>
@@ -21,6 +22,7 @@
 #include "server/pipeline/pipeline.h"
 #include "server/pipeline/run_statistics.h"
 #include "server/pipeline/stream_hub.h"
+#include "server/pipeline/utc_clock.h"
 
 namespace kinevox {
 
@@ -153,10 +155,12 @@ class Runner {
     bool aborted_ = false;
     std::optional<Learning> learning_;
 
+    std::atomic<bool> live_ = false;      // the newest frame set fetched shows what happens now
     Handover<Fetched> fetched_;
     Handover<absl::StatusOr<std::unique_ptr<Reconstruction>>> reconstructed_;   // the last is why no more come
 
-    std::optional<std::int64_t> utc_minus_capture_ns_;   // of this run; the posing thread's own
+    std::optional<std::int64_t> utc_minus_capture_ns_;   // of this run; the posing thread's own, and so are
+    ClockSteps clock_steps_;                             // those since
     std::thread fetch_thread_, reconstruct_thread_, pose_thread_;
     InHand reconstructing_, posing_;
 };

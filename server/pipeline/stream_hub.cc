@@ -72,6 +72,7 @@ void StreamHub::publish(const FrameResultPtr& result, std::int64_t utc_minus_cap
     pictures->result = result;
     pictures->capture_time_utc_ns = result->capture_time_ns + utc_minus_capture_ns;
     pictures->published_utc_ns = utc_now_ns();
+    pictures->published_at = std::chrono::steady_clock::now();
 
     std::vector<std::shared_ptr<VolumeMailbox>> volume_boxes;
     std::vector<std::shared_ptr<PoseMailbox>> pose_boxes;

@@ -1,6 +1,7 @@
 // Hands each result to everyone who subscribed, without ever making the pipeline wait.
 #pragma once
 
+#include <chrono>
 #include <compare>
 #include <cstdint>
 #include <deque>
@@ -47,6 +48,7 @@ struct PublishedHeader {
     std::optional<SubjectTrack> subject;
     std::optional<std::int64_t> recorded_frame;   // of a replay
     std::int64_t published_utc_ns = 0;
+    std::chrono::steady_clock::time_point published_at;   // the same, whatever becomes of the machine's clock
 };
 
 // A message's bytes as they are sent, the same for all subscribers who ask for one form. Made on demand by whoever needs
@@ -73,9 +75,10 @@ struct PublishedPose {
 struct PublishedPictures {
     FrameResultPtr result;
     std::int64_t capture_time_utc_ns = 0, published_utc_ns = 0;
+    std::chrono::steady_clock::time_point published_at;
     PublishedHeader header() const {
         return {result->sequence, capture_time_utc_ns,          result->times, result->subject,
-                result->frame_set.recorded_frame, published_utc_ns};
+                result->frame_set.recorded_frame, published_utc_ns, published_at};
     }
     Encodings<PreviewForm> encodings;
 };

@@ -13,6 +13,7 @@
 #include <thread>
 #include <utility>
 
+#include "server/pipeline/utc_clock.h"
 #include "server/pose/body_shape.h"
 #include "server/recording/encoding_lanes.h"
 #include "server/recording/recorder.h"
@@ -86,7 +87,8 @@ class LiveRecorder final : public Recorder {
     std::uint64_t first_number_ = 0;            // of the recording under way
     std::uint64_t run_ = 0, next_number_ = 0, dropped_ = 0, held_dropped_ = 0, told_dropped_ = 0;
     std::size_t queued_bytes_ = 0;
-    std::optional<std::int64_t> utc_minus_capture_ns_;   // of this run
+    std::optional<std::int64_t> utc_minus_capture_ns_;   // of this run, as of the newest recording's start
+    ClockSteps clock_steps_;                             // since then
     std::deque<std::shared_ptr<EncodedSet>> done_;
     std::deque<ResultOfSet> results_;
     std::optional<BodyShape> body_;

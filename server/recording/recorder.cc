@@ -32,7 +32,10 @@ void LiveRecorder::offer(const FrameSet& frame_set) {
         bytes += static_cast<std::size_t>(picture.width) * static_cast<std::size_t>(picture.height * picture.channels);
     const std::scoped_lock lock(mutex_);
     if (closed_ || !taking()) return;
-    if (!utc_minus_capture_ns_) utc_minus_capture_ns_ = utc_minus_capture_ns(frame_set.capture_time_ns);
+    if (!utc_minus_capture_ns_) {
+        utc_minus_capture_ns_ = utc_minus_capture_ns(frame_set.capture_time_ns);
+        clock_steps_ = {};
+    }
     if (queued_bytes_ > 0 && queued_bytes_ + bytes > options_.queue_bytes) {
         ++(recording_ ? dropped_ : held_dropped_);
         return;
@@ -162,6 +165,7 @@ absl::StatusOr<std::string> LiveRecorder::start(const std::string& asked, std::o
     status_.state = RecorderState::kWaiting;
     status_.recording = (*folder)->info();
     recording_ = key_wanted_ = true;
+    if (utc_minus_capture_ns_) *utc_minus_capture_ns_ += clock_steps_.step_ns();   // within a recording, time is even
     dropped_ = told_dropped_ = 0;
     first_number_ = next_number_;
     begin_at_ = 0;

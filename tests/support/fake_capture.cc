@@ -1,5 +1,6 @@
 #include "tests/support/fake_capture.h"
 
+#include <chrono>
 #include <limits>
 
 namespace kinevox::testing {
@@ -38,6 +39,9 @@ class FakeSource : public FrameSource {
     const std::vector<Camera>& cameras() const override { return cameras_; }
     double fps() const override { return 100; }
     std::int64_t frame_count() const override { return -1; }
+    std::vector<CameraLink> camera_links() const override {
+        return std::vector<CameraLink>(control_.cameras ? cameras_.size() : 0);
+    }
     absl::StatusOr<std::vector<std::vector<Picture>>> background() override {
         if (!control_.with_background) return std::vector<std::vector<Picture>>();
         return std::vector<std::vector<Picture>>(2, {picture(10), picture(11)});
@@ -52,6 +56,8 @@ class FakeSource : public FrameSource {
         FrameSet set;
         set.sequence = sequence_++;
         set.capture_time_ns = static_cast<std::int64_t>(set.sequence) * 10'000'000;
+        if (control_.live)
+            set.capture_time_ns = std::chrono::steady_clock::now().time_since_epoch() / std::chrono::nanoseconds(1);
         set.pictures = {picture(static_cast<std::uint8_t>(100 + set.sequence % 100)), picture(50)};
         return set;
     }
@@ -91,6 +97,11 @@ std::unique_ptr<FrameSource> FakeSourceControl::open() {
     const std::scoped_lock lock(mutex_);
     ++opened_;
     return std::make_unique<FakeSource>(*this);
+}
+
+int FakeSourceControl::waiting() const {
+    const std::scoped_lock lock(mutex_);
+    return waiting_;
 }
 
 int FakeSourceControl::opened() const {

@@ -22,6 +22,11 @@ std::vector<Camera> fake_cameras();
 class FakeSourceControl {
   public:
     bool with_background = true;
+    // To be set before the start.
+    bool live = false;                      // times are the steady clock's
+    bool cameras = false;                   // the source has links
+
+    int waiting() const;                    // frame sets that may still be handed out
 
     void give(int frame_sets);              // so many more may be handed out
     void end();                             // the recording is over after those

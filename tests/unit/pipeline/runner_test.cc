@@ -1,6 +1,9 @@
 #include "server/pipeline/runner.h"
 
+#include <atomic>
+#include <chrono>
 #include <future>
+#include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -81,6 +84,73 @@ TEST_F(RunnerTest, StartsLearnsAndPublishesInOrder) {
     EXPECT_EQ(pipeline_->learned_pictures, 2u);
     EXPECT_EQ(runner_->state().state, RunState::kStopped);
     EXPECT_EQ(runner_->stop().code(), absl::StatusCode::kFailedPrecondition);
+}
+
+// The first frame set is held where its pose is found, until release().
+class HeldPose {
+  public:
+    explicit HeldPose(testing::FakePipeline& pipeline) {
+        pipeline.on_pose = [this](std::uint64_t sequence) {
+            if (sequence > 0) return;
+            held_.set_value();
+            release_.get_future().wait();
+        };
+        pipeline.on_reconstruct = [this](std::uint64_t sequence) { newest_begun = sequence; };
+    }
+    void wait_until_held() { held_.get_future().wait(); }
+    void release() { release_.set_value(); }
+    std::atomic<std::uint64_t> newest_begun = 0;
+
+  private:
+    std::promise<void> held_, release_;
+};
+
+template <class Condition>
+bool comes(Condition condition, std::chrono::milliseconds limit) {
+    for (const auto end = std::chrono::steady_clock::now() + limit; std::chrono::steady_clock::now() < end;
+         std::this_thread::sleep_for(std::chrono::milliseconds(1)))
+        if (condition()) return true;
+    return false;
+}
+
+using namespace std::chrono_literals;
+
+TEST_F(RunnerTest, OfCamerasTheNewestFrameSetIsTaken) {
+    source_.live = source_.cameras = true;
+    HeldPose pose(*pipeline_);
+    ASSERT_TRUE(runner_->start().ok());
+    source_.give(1);
+    pose.wait_until_held();
+    source_.give(1);
+    ASSERT_TRUE(comes([&] { return pose.newest_begun == 1; }, 10s)) << "one ahead";
+    source_.give(8);
+    ASSERT_TRUE(comes([&] { return source_.waiting() == 0; }, 10s)) << "cameras are not held up";
+    EXPECT_EQ(pose.newest_begun, 1u);
+    pose.release();
+    EXPECT_THAT(results(3), ::testing::ElementsAre(0, 1, 9));
+    EXPECT_EQ(runner_->figures().lost, 7u);
+}
+
+TEST_F(RunnerTest, OfAStudioNothingIsDrawnAndBegunThatWouldWait) {
+    source_.live = true;
+    HeldPose pose(*pipeline_);
+    ASSERT_TRUE(runner_->start().ok());
+    source_.give(10);
+    pose.wait_until_held();
+    ASSERT_TRUE(comes([&] { return pose.newest_begun == 1 && source_.waiting() == 7; }, 10s));
+    EXPECT_FALSE(comes([&] { return pose.newest_begun > 1 || source_.waiting() < 7; }, 100ms));
+    pose.release();
+    EXPECT_THAT(results(10), ::testing::ElementsAre(0, 1, 2, 3, 4, 5, 6, 7, 8, 9));
+}
+
+TEST_F(RunnerTest, OfARecordingAsMuchAsThereIsRoomForIsDoneAhead) {
+    HeldPose pose(*pipeline_);
+    ASSERT_TRUE(runner_->start().ok());
+    source_.give(10);
+    pose.wait_until_held();
+    EXPECT_TRUE(comes([&] { return pose.newest_begun == 2 && source_.waiting() == 5; }, 10s));
+    pose.release();
+    EXPECT_THAT(results(10), ::testing::ElementsAre(0, 1, 2, 3, 4, 5, 6, 7, 8, 9));
 }
 
 TEST_F(RunnerTest, OtherCamerasAreTakenBetweenTwoRuns) {
