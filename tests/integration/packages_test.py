@@ -50,6 +50,7 @@ class Packages(unittest.TestCase):
         self.assertLessEqual({"kinevox-server", "kinevox-client", "python3-kinevox"}, set(self.packages))
         server = self.files("kinevox-server")
         for file in ["/etc/kinevox/kinevoxd.toml", "/usr/bin/kinevoxd", "/lib/systemd/system/kinevoxd.service",
+                     "/lib/systemd/system/kinevox.slice",
                      "/lib/udev/rules.d/60-kinevox.rules", "/usr/lib/kinevox/kinevox-doctor", "/usr/lib/kinevox/kinevox-process",
                      "/usr/lib/kinevox/kinevox-tls", "/usr/lib/kinevox/kinevox-token"]:
             self.assertIn(file, server)
