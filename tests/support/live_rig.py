@@ -15,14 +15,15 @@ BUILD = REPOSITORY / "build/release"
 SKIP = 77
 
 
-def in_a_namespace(cameras=8):
-    """Returns inside the namespace. Exits with 77 where the kernel allows none."""
+def in_a_namespace(cameras=8, mounts=False):
+    """Returns inside the namespace, with `mounts` also one for file systems. Exits with 77 where the kernel allows none."""
     if os.environ.get("KINEVOX_OWN_NETWORK") == "1":
         subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
         for n in range(2, cameras + 1):
             subprocess.run(["ip", "address", "add", f"127.0.0.{n}/8", "dev", "lo"], check=True)
         return
-    for way in (["unshare", "--net"], ["unshare", "--net", "--map-root-user"]):
+    kinds = ["--net", "--mount"] if mounts else ["--net"]
+    for way in (["unshare", *kinds], ["unshare", *kinds, "--map-root-user"]):
         try:
             if subprocess.run([*way, "true"], stderr=subprocess.DEVNULL).returncode == 0:
                 os.execvpe(way[0], [*way, sys.executable, *sys.argv], dict(os.environ, KINEVOX_OWN_NETWORK="1"))
