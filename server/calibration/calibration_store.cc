@@ -89,23 +89,21 @@ absl::StatusOr<CalibrationListing> CalibrationStore::read_about(const std::strin
     if (!about.is_object()) return missing();
     CalibrationListing out;
     out.id = id;
+    std::size_t fitting = 0;
     try {
         out.time_utc_ns = about.value("time_utc_ns", std::int64_t{0});
         out.made_by = about.value("made_by", "");
         out.note = about.value("note", "");
         out.verdict = verdict_of(about.value("verdict", ""));
-    } catch (const Json::exception&) {
-        return absl::DataLossError(fmt::format("{}: is damaged; remove the folder", (folder_of(id) / kAbout).string()));
-    }
-    std::size_t fitting = 0;
-    if (about.contains("cameras") && about["cameras"].is_array())
-        for (const Json& camera : about["cameras"]) {
-            if (!camera.is_object()) continue;
+        for (const Json& camera : about.value("cameras", Json::array())) {
             const std::string name = camera.value("name", "");
             out.cameras.push_back(name);
             const Camera* const own = camera_named(own_, name);
             fitting += own && own->width == camera.value("width", 0) && own->height == camera.value("height", 0);
         }
+    } catch (const Json::exception&) {
+        return absl::DataLossError(fmt::format("{}: is damaged; remove the folder", (folder_of(id) / kAbout).string()));
+    }
     out.fits = fitting == own_.size();
     return out;
 }
