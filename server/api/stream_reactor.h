@@ -48,10 +48,11 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
         reactor->self_ = reactor;
         if (api.share && pace.newest_only) reactor->place_.emplace(*api.share);
         if (const absl::Status counted = reactor->be_counted(api, context); !counted.ok()) {
-            reactor->Finish(to_grpc(counted));
+            reactor->finish_at_once(to_grpc(counted));
             return reactor.get();
         }
         boost::asio::post(reactor->strand_, [reactor, subscribe] {
+            if (reactor->finished_) return;   // the guard was quicker
             reactor->box_ = subscribe([weak = reactor->weak_from_this()] {
                 if (const auto alive = weak.lock()) alive->wake();
             });
@@ -65,7 +66,7 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
     static StreamReactor* refuse(const ApiContext& api, const grpc::Status& why) {
         auto reactor = std::shared_ptr<StreamReactor>(new StreamReactor(api, 0, {}));
         reactor->self_ = reactor;
-        reactor->Finish(why);
+        reactor->finish_at_once(why);
         return reactor.get();
     }
 
@@ -131,6 +132,12 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
             self->woken_ = false;
             self->advance();
         });
+    }
+
+    // Before gRPC has the reactor. A client that leaves meanwhile must not end the call once more.
+    void finish_at_once(const grpc::Status& status) {
+        finished_ = true;
+        this->Finish(status);
     }
 
     void finish(const grpc::Status& status) {

@@ -337,6 +337,19 @@ TEST_F(ApiTest, StreamPreviewsRefusesWhatMakesNoSense) {
     EXPECT_EQ(told([](auto& r) { r.set_max_rate_hz(1e9); }).code(), kInvalid);
 }
 
+TEST_F(ApiTest, ARefusedStreamMayBeCancelledAtOnce) {
+    const auto stub = v1::StreamService::NewStub(server_->in_process_channel());
+    v1::StreamPosesRequest request;
+    request.set_max_rate_hz(-1);
+    for (int i = 0; i < 500; ++i) {   // in some of them the word that the client left comes before the call is over
+        grpc::ClientContext context;
+        const auto reader = stub->StreamPoses(&context, request);
+        context.TryCancel();
+        EXPECT_FALSE(reader->Finish().ok());
+    }
+    EXPECT_TRUE(client_.status().ok());
+}
+
 TEST_F(ApiTest, WhenTheDaemonStopsStreamsEndSayingSo) {
     auto collected = collect({}, 1000);
     runner_.abort();
