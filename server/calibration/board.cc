@@ -5,6 +5,8 @@
 #include <charconv>
 #include <cmath>
 
+#include "common/one_line.h"
+
 namespace kinevox {
 namespace {
 
@@ -82,7 +84,7 @@ bool BoardSpec::has_direction() const {
 absl::StatusOr<BoardSpec> parse_board(std::string_view text) {
     const auto wrong = [&](std::string_view what) {
         return absl::InvalidArgumentError(
-            fmt::format("board '{}': {}; {}", text.substr(0, 80), what, kExamples));
+            one_line(fmt::format("board '{}': {}; {}", text.substr(0, 80), what.substr(0, 100), kExamples)));
     };
     const std::vector<std::string_view> parts = split(text, ':');
     BoardSpec board;

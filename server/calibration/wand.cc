@@ -7,6 +7,7 @@
 #include <cmath>
 #include <set>
 
+#include "common/one_line.h"
 #include "server/calibration/extrinsics_checks.h"
 #include "server/calibration/median.h"
 #include "server/calibration/triangulation.h"
@@ -117,10 +118,9 @@ absl::StatusOr<WandSpec> parse_wand(std::string_view text) {
                       read(lengths.substr(colon + 1), wand.length_m)
                 : read(lengths, wand.length_m)))
         return absl::InvalidArgumentError(
-            fmt::format("wand '{}': write wand:200:600, mm from the first ball to the second and to the "
-                        "third, or wand:600 for "
-                        "two balls",
-                        text.substr(0, 60)));
+            one_line(fmt::format("wand '{}': write wand:200:600, mm from the first ball to the second and to the "
+                                 "third, or wand:600 for two balls",
+                                 text.substr(0, 60))));
     wand.middle_m /= 1000, wand.length_m /= 1000;
     if (const std::string problem = wand.check(); !problem.empty())
         return absl::InvalidArgumentError(problem);
