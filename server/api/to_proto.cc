@@ -1,5 +1,7 @@
 #include "server/api/to_proto.h"
 
+#include "common/one_line.h"
+
 namespace kinevox {
 
 v1::Vec3 to_proto(const Vec3& vector) {
@@ -136,7 +138,9 @@ v1::WatchEventsResponse to_proto(const PublishedEvent& published, std::uint64_t 
 }
 
 grpc::Status to_grpc(const absl::Status& status) {
-    return {static_cast<grpc::StatusCode>(status.code()), std::string(status.message())};
+    // Messages quote what was sent. One line, and no more than goes into a call's trailer, of 8 kB with what is escaped.
+    constexpr std::size_t kLongest = 2000;
+    return {static_cast<grpc::StatusCode>(status.code()), one_line(std::string(status.message().substr(0, kLongest)))};
 }
 
 }  // namespace kinevox
