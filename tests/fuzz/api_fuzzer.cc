@@ -1,0 +1,216 @@
+// The gRPC handlers, over a connection as any client has one: calls of every method, with any bytes, by every
+// role, one after the other or at once, cancelled when it suits the input. Each ends in good time with a
+// status that its caller's role allows, nothing outside the daemon's folder is touched, and the daemon
+// answers afterwards.
+#include <google/protobuf/message.h>
+#include <google/protobuf/stubs/logging.h>
+#include <grpcpp/generic/generic_stub.h>
+#include <grpcpp/grpcpp.h>
+
+#include <chrono>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "kinevox/v1/calibration_service.pb.h"
+#include "kinevox/v1/capture_service.pb.h"
+#include "tests/fuzz/api_script.h"
+#include "tests/fuzz/fuzz_check.h"
+#include "tests/fuzz/fuzzed_daemon.h"
+
+extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t* data, std::size_t size, std::size_t max_size);
+
+namespace {
+
+using namespace kinevox::fuzz;
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
+
+constexpr std::chrono::seconds kLongestCall{
+    20};                      // far more than any needs, under a sanitizer on a busy machine
+constexpr int kMostRead = 3;  // messages of a stream
+
+FuzzedDaemon& daemon() {
+    static const auto kDaemon = [] {
+        google::protobuf::SetLogHandler(nullptr);
+        return std::make_unique<FuzzedDaemon>();
+    }();
+    return *kDaemon;
+}
+
+std::string replaced(std::string text, const std::string& word, const std::string& by) {
+    for (std::size_t at = text.find(word); at != std::string::npos; at = text.find(word, at + by.size()))
+        text.replace(at, word.size(), by);
+    return text;
+}
+
+// The words that stand for what is known only while it runs.
+void resolve(Message& message, const std::string& lease) {
+    std::vector<const FieldDescriptor*> fields;
+    const auto& r = *message.GetReflection();
+    r.ListFields(message, &fields);
+    const auto known = [&](const std::string& text) {
+        return replaced(replaced(text, kLeaseWord, lease), kRootWord, daemon().root().string());
+    };
+    for (const FieldDescriptor* field : fields) {
+        const int count = field->is_repeated() ? r.FieldSize(message, field) : 0;
+        if (field->type() == FieldDescriptor::TYPE_STRING) {
+            for (int i = 0; i < count; ++i)
+                r.SetRepeatedString(&message, field, i, known(r.GetRepeatedString(message, field, i)));
+            if (!field->is_repeated()) r.SetString(&message, field, known(r.GetString(message, field)));
+        } else if (field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE && !field->is_map()) {
+            for (int i = 0; i < count; ++i) resolve(*r.MutableRepeatedMessage(&message, field, i), lease);
+            if (!field->is_repeated()) resolve(*r.MutableMessage(&message, field), lease);
+        }
+    }
+}
+
+std::string request_of(const Step& step, const std::string& lease) {
+    if (!step.called().request) return step.request;
+    std::unique_ptr<Message> message(step.called().request->New());
+    if (!message->ParseFromString(step.request)) return step.request;  // what is none is sent as it is
+    resolve(*message, lease);
+    // The page is drawn by a program of its own, for seconds; its tests are elsewhere.
+    if (auto* certificate = dynamic_cast<kinevox::v1::GetCertificateRequest*>(message.get()))
+        certificate->set_with_page(false);
+    return message->SerializeAsString();
+}
+
+class Call {
+  public:
+    Call(const Step& step, const std::string& lease) : step_(step) {
+        context_.set_deadline(std::chrono::system_clock::now() + kLongestCall);
+        if (step.who == Who::kTwoTokens) context_.AddMetadata("authorization", daemon().token(step.who));
+        if (const std::string& token = daemon().token(step.who); !token.empty())
+            context_.AddMetadata("authorization", token);
+        call_ = grpc::GenericStub(daemon().channel()).PrepareCall(&context_, step.called().path, &queue_);
+        call_->StartCall(this);
+        goes_on_ = wait();
+        if (!goes_on_) return;
+        const grpc::Slice slice(request_of(step, lease));
+        call_->WriteLast(grpc::ByteBuffer(&slice, 1), {}, this);
+        if (step.ending == Ending::kCancelAtOnce) context_.TryCancel();
+        goes_on_ = wait();
+    }
+
+    // Reads what the step asks for, ends the call and checks its status.
+    void end() {
+        const bool all = step_.ending == Ending::kRead && !step_.called().streams;
+        for (int i = 0; goes_on_ && i < (all ? 1 : kMostRead); ++i) {
+            if (step_.called().streams && !may_wait(i)) context_.TryCancel();
+            call_->Read(&answer_, this);
+            goes_on_ = wait();
+        }
+        if (step_.called().streams) context_.TryCancel();
+        grpc::Status status;
+        call_->Finish(&status, this);
+        wait();
+        queue_.Shutdown();
+        for (void* tag = nullptr; queue_.Next(&tag, &ignored_);) {
+        }
+        check(status);
+    }
+
+  private:
+    // A stream's first word comes by itself from those that tell a state; others wait for frame sets that may
+    // never come.
+    bool may_wait(int messages) const {
+        return step_.ending == Ending::kReadOne && messages == 0 &&
+               step_.called().path.find("/Watch") != std::string::npos;
+    }
+
+    bool wait() {
+        void* tag = nullptr;
+        bool ok = false;
+        FUZZ_CHECK(queue_.Next(&tag, &ok));
+        return ok;
+    }
+
+    void check(const grpc::Status& status) const {
+        FUZZ_CHECK(status.error_code() != grpc::StatusCode::DEADLINE_EXCEEDED);
+        FUZZ_CHECK(status.error_code() != grpc::StatusCode::UNKNOWN);
+        FUZZ_CHECK(status.error_message().find('\n') == std::string::npos);
+        if (!status.ok()) return;
+        // What was cancelled may end before anybody has looked at who called.
+        const std::string& path = step_.called().path;
+        FUZZ_CHECK(daemon().may(step_.who, path));
+    }
+
+    const Step step_;
+    grpc::ClientContext context_;
+    grpc::CompletionQueue queue_;
+    std::unique_ptr<grpc::GenericClientAsyncReaderWriter> call_;
+    grpc::ByteBuffer answer_;
+    bool goes_on_ = false, ignored_ = false;
+};
+
+// Somebody who may, afterwards.
+void check_answers() {
+    grpc::GenericStub stub(daemon().channel());
+    Step step;
+    for (std::size_t m = 0; m < methods().size(); ++m)
+        if (methods()[m].path == "/kinevox.v1.CaptureService/GetStatus")
+            step.method = static_cast<std::uint8_t>(m);
+    Call call(step, "");
+    call.end();
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+    const std::vector<Step> steps = read_script({data, size});
+    if (steps.empty()) return 0;
+    const std::string lease = daemon().acquire_control();
+    std::vector<std::unique_ptr<Call>> open;
+    for (const Step& step : steps) {
+        daemon().give(step.frame_sets);
+        auto call = std::make_unique<Call>(step, lease);
+        if (step.ending == Ending::kLeaveOpen)
+            open.push_back(std::move(call));
+        else
+            call->end();
+    }
+    for (const auto& call : open) call->end();
+    check_answers();
+    daemon().begin_anew();
+    return 0;
+}
+
+extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size, std::size_t max_size,
+                                               unsigned seed) {
+    std::mt19937 random(seed);
+    std::vector<Step> steps = read_script({data, size});
+    const auto any = [&] { return random() % steps.size(); };
+    const unsigned what = random() % 8;
+    if (steps.empty() || (what == 0 && steps.size() < kMostSteps)) {
+        const auto at =
+            steps.begin() + static_cast<std::ptrdiff_t>(steps.empty() ? 0 : random() % (steps.size() + 1));
+        steps.insert(at, random_step(random() % methods().size(), random));
+    } else if (what == 1 && steps.size() > 1) {
+        steps.erase(steps.begin() + static_cast<std::ptrdiff_t>(any()));
+    } else if (what == 2) {
+        std::swap(steps[any()], steps[any()]);
+    } else if (what == 3) {
+        Step& step = steps[any()];
+        const Step other = random_step(step.method, random);
+        step.who = other.who, step.ending = other.ending, step.frame_sets = other.frame_sets;
+    } else if (what == 4) {  // bytes, whatever they mean
+        std::string& request = steps[any()].request;
+        std::string bytes = request;
+        bytes.resize(std::min<std::size_t>(request.size() + 64, 60'000));
+        bytes.resize(LLVMFuzzerMutate(reinterpret_cast<std::uint8_t*>(bytes.data()),
+                                      std::min(request.size(), bytes.size()), bytes.size()));
+        request = bytes;
+    } else {
+        Step& step = steps[any()];
+        if (!step.called().request) return LLVMFuzzerMutate(data, size, max_size);
+        std::unique_ptr<Message> message(step.called().request->New());
+        message->ParsePartialFromString(step.request);
+        change(*message, random);
+        step.request = message->SerializePartialAsString();
+    }
+    const std::string bytes = script_bytes(steps);
+    if (bytes.size() > max_size) return LLVMFuzzerMutate(data, size, max_size);
+    std::copy(bytes.begin(), bytes.end(), data);
+    return bytes.size();
+}

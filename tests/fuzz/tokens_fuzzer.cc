@@ -1,0 +1,29 @@
+#include <cstdint>
+#include <string>
+
+#include "common/access_config.h"
+#include "common/toml_reader.h"
+#include "server/access/token_file.h"
+#include "tests/fuzz/fuzz_check.h"
+
+// Both files that say who may do what: the tokens, whose own text reads the same again, and [server]'s keys.
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+    using namespace kinevox;
+    const std::string text(data, data + size);
+    const auto tokens = parse_tokens(text, "fuzz.toml");
+    FUZZ_CHECK(tokens.ok() || tokens.status().message().find('\n') == absl::string_view::npos);
+    if (tokens.ok()) {
+        for (const Token& token : *tokens) {
+            FUZZ_CHECK(!token.name.empty() && token.name.size() <= 64 && token.role != v1::ROLE_UNSPECIFIED);
+            (void)token.valid(1'700'000'000);
+        }
+        const auto again = parse_tokens(to_toml(*tokens), "again.toml");
+        FUZZ_CHECK(again.ok() && *again == *tokens);
+    }
+    const auto document = TomlDocument::parse(text, "fuzz.toml");
+    if (!document.ok()) return 0;
+    AccessConfig access;
+    read_access((*document)->root().table_or_empty("server"), "/etc/kinevox", false, access);
+    FUZZ_CHECK(!(*document)->finish().ok() || access.certificate.empty() == access.key.empty());
+    return 0;
+}
