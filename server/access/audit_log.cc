@@ -19,6 +19,8 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "common/log_fields.h"
+
 namespace kinevox {
 namespace {
 
@@ -239,7 +241,13 @@ void AuditLog::add_refused(const AuditEntry& entry) {
             return;
         }
     }
-    spdlog::warn("refused {}: {}", cut(entry.method), entry.message);
+    {
+        const LogFields fields{{"KINEVOX_EVENT", "refused"},
+                               {"KINEVOX_METHOD", cut(entry.method)},
+                               {"KINEVOX_PEER", entry.peer},
+                               {"KINEVOX_WHO", entry.who}};
+        spdlog::warn("refused {}: {}", cut(entry.method), entry.message);
+    }
     std::string line = line_of(entry);
     const std::scoped_lock lock(parts_->mutex);
     parts_->put(std::move(line));

@@ -1,12 +1,25 @@
 #include "server/daemon/clocks.h"
 
 #include <boost/asio/post.hpp>
+#include <absl/strings/ascii.h>
+#include <absl/strings/strip.h>
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
+#include "common/log_fields.h"
+#include "server/api/to_proto.h"
 #include "server/pipeline/utc_clock.h"
 
 namespace kinevox {
+namespace {
+
+// "camera_lost", as in the API.
+std::string event_word(EventKind kind) {
+    const std::string name = v1::EventKind_Name(to_proto(kind));
+    return absl::AsciiStrToLower(absl::StripPrefix(name, "EVENT_KIND_"));
+}
+
+}  // namespace
 
 StatusLog::StatusLog(boost::asio::io_context& io, const Runner& runner, StreamHub& hub)
     : runner_(runner), hub_(hub), timer_(io), events_(hub.subscribe_events(0, [] {})) {
@@ -34,6 +47,9 @@ void StatusLog::log_events() {
     while (const auto taken = events_->take()) {
         const Event& event = taken->message.event;
         further += static_cast<int>(taken->missed);
+        const LogFields fields{{"KINEVOX_EVENT", event_word(event.kind)},
+                               {"KINEVOX_CAMERA", event.camera},
+                               {"KINEVOX_SEQUENCE", std::to_string(event.sequence)}};
         if (event.kind == EventKind::kError)
             spdlog::error("{}", event.message);
         else if (logged < kMost)
@@ -52,6 +68,13 @@ void StatusLog::log_figures() {
     if (const auto newest = hub_.newest(); newest && newest->result->volume)
         volume = fmt::format("{:.1f} l", volume_litres(*newest->result->volume));
     const StreamHub::Subscribers subscribers = hub_.subscribers();
+    const LogFields fields{{"KINEVOX_EVENT", "figures"},
+                           {"KINEVOX_SEQUENCE", std::to_string(figures.newest_sequence)},
+                           {"KINEVOX_RATE", fmt::format("{:.1f}", figures.results_per_second)},
+                           {"KINEVOX_LOST", std::to_string(figures.lost)},
+                           {"KINEVOX_TOTAL_MS", fmt::format("{:.1f}", figures.median.total_ms)},
+                           {"KINEVOX_P99_MS", fmt::format("{:.1f}", figures.total_p99_ms)},
+                           {"KINEVOX_SUBSCRIBERS", std::to_string(subscribers.volumes + subscribers.pictures)}};
     spdlog::info("frame {} {:.1f}/s lost {} | seg {:.1f} track {:.1f} hull {:.1f} colour {:.1f} total {:.1f} p99 {:.1f} ms "
                  "| {} | {} subscribers",
                  figures.newest_sequence, figures.results_per_second, figures.lost, figures.median.segmentation_ms,
@@ -72,6 +95,7 @@ void RetentionClock::look() {
             recorder_.options().folder, limits_, utc_now_ns(),
             replayed.open ? replayed.session_file : std::filesystem::path(),
             [this](const std::string& name, const absl::Status& deleted) {
+                const LogFields fields{{"KINEVOX_EVENT", "recording_deleted"}, {"KINEVOX_RECORDING", name}};
                 if (deleted.ok())
                     spdlog::info("recording \"{}\" was deleted, as keep_days and keep_gb of [recording] say", name);
                 else   // an event is logged, too

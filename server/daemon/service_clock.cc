@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
+#include "common/log_fields.h"
 #include "server/pipeline/gpu.h"
 
 namespace kinevox {
@@ -56,12 +57,14 @@ void ServiceClock::look() {
     switch (watchdog_.look(runner_.longest_in_hand())) {
         case Watchdog::Word::kNone: break;
         case Watchdog::Word::kAlive: tell("WATCHDOG=1"); break;
-        case Watchdog::Word::kHung:
+        case Watchdog::Word::kHung: {
+            const LogFields fields{{"KINEVOX_EVENT", "hang"}};
             spdlog::critical("the pipeline hangs: it has had a frame set in hand for {:.1f} s; the service manager is asked "
                              "to start the daemon anew",
                              std::chrono::duration<double>(watchdog_.longest_in_hand()).count());
             tell("WATCHDOG=trigger");
             break;
+        }
     }
     std::string words = in_words(runner_);
     if (gpu_ && !gpu_->usable()) words += "; the GPU has failed, the CPU computes";

@@ -13,6 +13,7 @@
 #include "server/cameras/aravis/live_source.h"
 #include "server/cameras/session_source.h"
 #include "server/cameras/studio/studio_source.h"
+#include "server/daemon/journal_sink.h"
 #include "server/pipeline/convert.h"
 #include "server/pipeline/utc_clock.h"
 
@@ -30,7 +31,11 @@ std::chrono::milliseconds milliseconds(double seconds) {
 }  // namespace
 
 absl::Status set_up_logging(const LogConfig& config) {
-    std::vector<spdlog::sink_ptr> sinks{std::make_shared<spdlog::sinks::stderr_color_sink_mt>()};
+    std::vector<spdlog::sink_ptr> sinks;
+    if (stderr_is_journal())
+        sinks.push_back(std::make_shared<JournalSink>());
+    else
+        sinks.push_back(std::make_shared<spdlog::sinks::stderr_color_sink_mt>());
     if (!config.file.empty()) {
         try {
             sinks.push_back(std::make_shared<spdlog::sinks::basic_file_sink_mt>(config.file.string()));
