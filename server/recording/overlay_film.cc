@@ -26,6 +26,7 @@ namespace {
 constexpr int kWidestByDefault_px = 1280;
 constexpr double kLineWidth = 1.0 / 200;   // of a tile's height
 constexpr int kFilmQuality = 20;
+constexpr double kRoomGrey = 28, kPersonGrey = 112;   // where silhouettes are shown
 
 // B G R: the middle white, the left side blue, the right orange, as in reports.
 cv::Scalar colour_of(BodySide side) {
@@ -151,6 +152,10 @@ absl::Status write_overlay_film(const Session& session, const Trial& trial, cons
             if (trial.pictures[n] >= 0)
                 if (absl::Status read = read_picture(tile, trial.pictures[n]); !read.ok()) return read;
             if (!tile.picture.empty()) cv::resize(tile.picture, canvas(tile.place), tile.place.size(), 0, 0, cv::INTER_AREA);
+            if (options.silhouettes) {
+                cv::Mat shown = canvas(tile.place);
+                shown.convertTo(shown, -1, (kPersonGrey - kRoomGrey) / 255, kRoomGrey);
+            }
             draw_skeleton(tile, trial.joints[n], canvas);
             if (tiles->size() > 1)
                 cv::putText(canvas(tile.place), tile.camera.name, {6, 18}, cv::FONT_HERSHEY_SIMPLEX, 0.5, {255, 255, 255}, 1,

@@ -15,6 +15,8 @@
 #include "common/session_file.h"
 #include "common/toml_reader.h"
 #include "server/cameras/recorded_session.h"
+#include "server/recording/anonymous_export.h"
+#include "server/recording/anonymous_session.h"
 #include "server/recording/overlay_film.h"
 #include "server/recording/trial_formats.h"
 #include "server/recording/volume_file.h"
@@ -57,7 +59,7 @@ absl::StatusOr<ExportSource> find_source(const fs::path& from, const std::string
         return ExportSource{session->recording->poses, *std::move(session)};
     }
     ExportSource source{from, {}};
-    if (format != "mp4") return source;
+    if (format != "mp4" && format != "session") return source;
     auto session = session_of_results(from);
     if (!session.ok()) return session.status();
     source.session = *std::move(session);
@@ -102,8 +104,9 @@ absl::StatusOr<ExportedFiles> write_volumes(const fs::path& file, const ExportOp
         if (stop) return absl::CancelledError("the export was stopped");
         const auto frame = static_cast<std::int64_t>(entry.frame);
         if (frame < options.first_frame || (options.last_frame >= 0 && frame > options.last_frame)) continue;
-        const auto volume = volumes->read(entry);
+        auto volume = volumes->read(entry);
         if (!volume.ok()) return volume.status();
+        if (options.anonymous) volume->colours.clear();
         const fs::path target = out / fmt::format("{:06}.ply", entry.frame);
         if (absl::Status done = write_volume_ply(*volume, target); !done.ok()) return done;
         written.files.push_back(target);
@@ -114,12 +117,22 @@ absl::StatusOr<ExportedFiles> write_volumes(const fs::path& file, const ExportOp
     return written;
 }
 
+absl::Status check_session_options(const ExportOptions& options) {
+    if (!options.anonymous)
+        return absl::InvalidArgumentError("a session is exported anonymous only; add that, or copy the recording's folder");
+    if (options.first_frame > 0 || options.last_frame >= 0 || options.turn_rad != 0 || !options.camera.empty())
+        return absl::InvalidArgumentError("a session is exported whole; leave frames, turn and camera out");
+    return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::StatusOr<ExportedFiles> export_recording(const fs::path& from, const ExportOptions& options, const fs::path& out,
                                                const std::atomic<bool>& stop) {
     if (std::ranges::find(kExportFormats, options.format) == std::end(kExportFormats))
         return absl::InvalidArgumentError(fmt::format("there is no format \"{}\"", options.format));
+    if (options.format == "session")
+        if (absl::Status asked = check_session_options(options); !asked.ok()) return asked;
     const auto source = find_source(from, options.format);
     if (!source.ok()) return source.status();
     if (options.format == "ply") {
@@ -131,11 +144,16 @@ absl::StatusOr<ExportedFiles> export_recording(const fs::path& from, const Expor
     auto trial = read_trial(source->tables);
     if (!trial.ok()) return trial.status();
     if (source->session && source->session->recording) trial->name = source->session->name;
+    if (options.anonymous) trial->name = kAnonymous;
+    const Trial whole = options.anonymous ? *trial : Trial{};
     if (options.first_frame > 0 || options.last_frame >= 0) {
         const std::int64_t last = options.last_frame >= 0 ? options.last_frame : trial->frames.back();
         trial = part_of_trial(*trial, options.first_frame, last);
         if (!trial.ok()) return trial.status();
     }
+    if (options.anonymous && source->session)
+        if (options.format == "mp4" || options.format == "session")
+            return export_anonymous(*source->session, whole, *trial, options, out, stop);
     ExportedFiles written;
     written.files.push_back(out);
     written.frames = static_cast<std::int64_t>(trial->size());

@@ -15,7 +15,7 @@
 
 namespace kinevox {
 
-inline constexpr std::string_view kExportFormats[] = {"trc", "mot", "c3d", "bvh", "csv", "ply", "mp4"};
+inline constexpr std::string_view kExportFormats[] = {"trc", "mot", "c3d", "bvh", "csv", "ply", "mp4", "session"};
 
 struct ExportOptions {
     std::string format;             // one of kExportFormats
@@ -24,6 +24,8 @@ struct ExportOptions {
     bool hold = false;              // bvh: where a value is withheld, repeat the last measured one
     std::string camera;             // mp4: empty: all in tiles
     int width_px = 0;               // mp4: see OverlayOptions
+    bool anonymous = false;         // no pictures, colours and names: mp4 shows silhouettes; session wants it
+    bool beside_capture = false;    // what is computed leaves the other cores alone
 };
 
 struct ExportedFiles {
@@ -34,7 +36,8 @@ struct ExportedFiles {
 };
 
 // `from`: a folder that `kinevox process` wrote, or a recording's session.toml or folder, whose stored poses and volumes
-// are taken. Writes into `out`: the file, or for ply the folder of files. InvalidArgument, NotFound, FailedPrecondition;
+// are taken. Writes into `out`: the file, or for ply and session
+// the folder of files (for session it is there and empty). InvalidArgument, NotFound, FailedPrecondition;
 // Cancelled after `stop`. What was written before an error is for the caller to remove.
 absl::StatusOr<ExportedFiles> export_recording(const std::filesystem::path& from, const ExportOptions& options,
                                                const std::filesystem::path& out, const std::atomic<bool>& stop);

@@ -1,5 +1,6 @@
 // kinevox-export: a processed trial in the format of another program.
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <atomic>
@@ -8,6 +9,8 @@
 #include <exception>
 #include <filesystem>
 #include <string>
+#include <system_error>
+#include <vector>
 
 #include "common/degrees.h"
 #include "server/cameras/session_source.h"
@@ -16,13 +19,14 @@
 
 namespace {
 
+namespace fs = std::filesystem;
 
 struct Arguments {
     std::filesystem::path folder, out;
     std::string format, frames, camera;
     double turn_deg = 0;
     int width_px = 0;
-    bool hold = false, quiet = false;
+    bool hold = false, anonymous = false, quiet = false;
 };
 
 int fail(std::string message) {
@@ -35,10 +39,12 @@ void declare(CLI::App& app, Arguments& arguments) {
     app.add_option("folder", arguments.folder, "What `kinevox process` wrote, or a recording's folder or session.toml")
         ->required();
     app.add_option("--format", arguments.format, "trc, mot (OpenSim), c3d, bvh, csv, ply (a recording's volumes, into a folder) or "
-                                                    "mp4 (pictures with the skeleton)")
-        ->required()
-        ->check(CLI::IsMember({"trc", "mot", "c3d", "bvh", "csv", "ply", "mp4"}));
-    app.add_option("--out", arguments.out, "The file to write; of ply the folder")->required();
+                                                    "mp4 (pictures with the skeleton); session: a folder to pass on, with --anonymous, where it is "
+                                                    "the default")
+        ->check(CLI::IsMember(std::vector<std::string>(std::begin(kinevox::kExportFormats), std::end(kinevox::kExportFormats))));
+    app.add_flag("--anonymous", arguments.anonymous,
+                 "Nothing by which the person can be seen or named: silhouettes for pictures, no colours, no names, no date");
+    app.add_option("--out", arguments.out, "The file to write; of ply and session the folder")->required();
     app.add_option("--frames", arguments.frames, "A part of the trial, FIRST-LAST, both included");
     app.add_option(
            "--turn", arguments.turn_deg,
@@ -59,8 +65,24 @@ bool parse_frames(const std::string& text, std::int64_t& first, std::int64_t& la
     return true;
 }
 
+// Written beside and renamed when it is whole.
+absl::StatusOr<kinevox::ExportedFiles> export_session(const fs::path& from, const kinevox::ExportOptions& options,
+                                                      const fs::path& out, const std::atomic<bool>& stop) {
+    std::error_code error;
+    if (fs::exists(out, error))
+        return absl::AlreadyExistsError(fmt::format("{}: is there already; give another --out, or remove it", out.string()));
+    const fs::path aside = fs::absolute(out, error).parent_path() / fmt::format(".{}.{}", out.filename().string(), getpid());
+    fs::create_directories(aside, error);
+    if (error) return absl::UnavailableError(fmt::format("{}: cannot be made: {}", out.string(), error.message()));
+    auto written = kinevox::export_recording(from, options, aside, stop);
+    if (written.ok()) fs::rename(aside, out, error);
+    if (error) written = absl::UnavailableError(fmt::format("{}: cannot be made: {}", out.string(), error.message()));
+    fs::remove_all(aside, error);
+    return written;
+}
+
 int run(int argc, char** argv) {
-    CLI::App app("Writes a processed trial or a recording as TRC or MOT (OpenSim), C3D, BVH, CSV, PLY or MP4. With --session NAME: "
+    CLI::App app("Writes a processed trial or a recording as TRC or MOT (OpenSim), C3D, BVH, CSV, PLY or MP4, or as a folder without pictures. With --session NAME: "
                  "a recording of a running daemon (`kinevox export --session NAME --help`).",
                  "kinevox export");
     Arguments arguments;
@@ -72,6 +94,8 @@ int run(int argc, char** argv) {
     } catch (const CLI::ParseError& error) {
         return fail(std::string(error.what()) + "; see kinevox export --help");
     }
+    if (arguments.format.empty() && !arguments.anonymous) return fail("--format is required; see kinevox export --help");
+    if (arguments.format.empty()) arguments.format = "session";
     if (arguments.out.filename().empty()) return fail("--out is no file's name; give the file to write");
     kinevox::ExportOptions options;
     options.format = arguments.format;
@@ -79,11 +103,14 @@ int run(int argc, char** argv) {
     options.hold = arguments.hold;
     options.camera = arguments.camera;
     options.width_px = arguments.width_px;
+    options.anonymous = arguments.anonymous;
     if (!arguments.frames.empty() && !parse_frames(arguments.frames, options.first_frame, options.last_frame))
         return fail(fmt::format("--frames is '{}'; write it as FIRST-LAST, for example 30-89", arguments.frames));
     std::atomic<bool> stop{false};
     const kinevox::Interrupt interrupt([&stop] { stop = true; });
-    const auto written = kinevox::export_recording(arguments.folder, options, arguments.out, stop);
+    const bool session = arguments.format == "session";
+    const auto written = session ? export_session(arguments.folder, options, arguments.out, stop)
+                                 : kinevox::export_recording(arguments.folder, options, arguments.out, stop);
     if (!written.ok()) {
         if (arguments.format == "mp4") std::remove(arguments.out.c_str());   // half a film
         return fail(std::string(written.status().message()));

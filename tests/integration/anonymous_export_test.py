@@ -1,0 +1,168 @@
+#!/usr/bin/python3
+"""`kinevox export --anonymous`: what it writes shows and names nobody. usage: anonymous_export_test.py BUILD_FOLDER
+
+On the studio's walk and on the person on the beam: the silhouettes are those of `kinevox process`, of its main subject; the
+film has nothing but greys and the skeleton's colours, flat where the picture was not; no name of session, folder and camera
+is in any file; the folder is a recording that is exported and processed again. Skips (77) without the test data."""
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+REPOSITORY = Path(__file__).resolve().parent.parent.parent
+sys.path.insert(0, str(REPOSITORY / "tests/bench"))
+from process_runs import data_folder  # noqa: E402
+
+FRAMES = 12
+NAME = "Erika_Mustermann"
+DETAIL = 2.5   # grey levels: deviation inside what should be flat, of H.264
+
+
+def check(what, good, found=""):
+    print(f"{'ok' if good else 'FAILED'}: {what}{f' ({found})' if found != '' else ''}", flush=True)
+    if not good:
+        sys.exit(1)
+
+
+def named_session(original, folder):
+    """The session with a person's name wherever people put one; the videos stay where they are."""
+    folder.mkdir(parents=True)
+    lines = []
+    for line in original.read_text().splitlines():
+        key, _, value = line.partition("=")
+        key, value = key.strip(), value.split("#")[0].strip()
+        if key in ("video", "background"):
+            line = f'{key} = "{original.parent / value.strip(chr(34))}"'
+        elif key == "name" and value.strip('"').startswith("cam"):
+            line = f'name = "{NAME}_{value.strip(chr(34))}"'
+        elif key == "name":
+            line = f'name = "{NAME}"'
+        elif key == "calibration":
+            cameras = (original.parent / value.strip('"')).read_text().replace("[cam", f"[{NAME}_cam")
+            (folder / "calibration.toml").write_text(cameras)
+            line = 'calibration = "calibration.toml"'
+        lines.append(line)
+    (folder / "session.toml").write_text("\n".join(lines) + "\n")
+    return folder / "session.toml"
+
+
+def pictures_of(video):
+    film, pictures = cv2.VideoCapture(str(video)), []
+    while (read := film.read())[0]:
+        pictures.append(read[1])
+    return pictures
+
+
+def check_silhouettes(results, anonymous, cameras):
+    for n, camera in enumerate(cameras):
+        ours = pictures_of(anonymous / f"cam_{n + 1:02}.mkv")
+        check(f"{camera}: a silhouette a frame", len(ours) == FRAMES, len(ours))
+        share = []
+        for frame, picture in enumerate(ours):
+            theirs = cv2.imread(str(results / "silhouettes" / camera / f"{frame:06}.png"), cv2.IMREAD_GRAYSCALE) > 0
+            if not set(np.unique(picture)) <= {0, 255} or np.ptp(picture, axis=2).any():
+                check(f"{camera}: white on black", False, f"frame {frame}")
+            mine = picture[..., 0] > 0
+            if (mine & ~theirs).any():
+                check(f"{camera}: nothing but what process finds", False, f"frame {frame}")
+            share.append(mine.sum() / max(theirs.sum(), 1))
+        check(f"{camera}: the silhouettes are those of process, of the main subject", np.median(share) > 0.9, f"{min(share):.3f}")
+        empty = pictures_of(anonymous / f"cam_{n + 1:02}_empty.mkv")
+        check(f"{camera}: the room is black", len(empty) == 1 and not empty[0].any())
+
+
+def check_film(film, silhouettes, source):
+    """Flat where neither the skeleton nor an edge is; `source` are the pictures, to show that they are not."""
+    pictures = pictures_of(film)
+    check("the film has all frames", len(pictures) == FRAMES, len(pictures))
+    disk = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (7, 7))
+    inside, outside = [], []
+    for picture, silhouette, original in zip(pictures, silhouettes, source):
+        spread = np.ptp(picture.astype(int), axis=2)
+        drawn = cv2.dilate(((spread > 20) | (picture.max(2) > 140) | (picture.max(2) < 12)).astype(np.uint8), disk) > 0
+        person = cv2.erode(silhouette[..., 0], disk) > 0
+        room = cv2.dilate(silhouette[..., 0], disk) == 0
+        for where, levels, found in ((person & ~drawn, 112, inside), (room & ~drawn, 28, outside)):
+            if where.sum() < 200:
+                continue
+            values = picture[where].astype(float)
+            found.append((np.abs(np.median(values) - levels), values.std(), original[where].astype(float).std()))
+    for what, found in (("person", inside), ("room", outside)):
+        off, deviation, original = np.max(np.array(found), axis=0)
+        check(f"the {what} is flat grey in the film", len(found) >= FRAMES // 2 and off <= 3 and deviation < DETAIL < original,
+              f"{deviation:.1f} of {original:.1f} levels in {len(found)} frames")
+
+
+def check_names(folder):
+    for file in folder.iterdir():
+        if b"mustermann" in file.read_bytes().lower() or "mustermann" in file.name.lower():
+            check("no name is in any file", False, file.name)
+    check("no name is in any file", True)
+    text = (folder / "README.txt").read_text()
+    check("README.txt says what was left out and what remains", "What was left out" in text and "What remains" in text)
+
+
+def run(*command):
+    return subprocess.run([str(word) for word in command], capture_output=True, text=True)
+
+
+def check_sequence(tools, original, folder):
+    session = named_session(original, folder / NAME)
+    cameras = [line.split('"')[1] for line in session.read_text().splitlines() if line.startswith(f'name = "{NAME}_')]
+    results, anonymous = folder / f"{NAME}_results", folder / "passed_on"
+    done = run(tools / "kinevox-process", session, "--out", results, "--frames", FRAMES, "--save", "silhouettes", "--quiet")
+    check("process", done.returncode == 0, done.stderr.strip())
+    done = run(tools / "kinevox-export", results, "--anonymous", "--out", anonymous, "--quiet")
+    check("export --anonymous", (done.returncode, done.stderr) == (0, ""), done.stderr)
+    check_names(anonymous)
+    check_silhouettes(results, anonymous, cameras)
+
+    first = pictures_of(anonymous / "cam_01.mkv")
+    film = folder / "film.mp4"
+    done = run(tools / "kinevox-export", results, "--anonymous", "--format", "mp4", "--camera", cameras[0], "--width",
+               first[0].shape[1], "--out", film, "--quiet")
+    check("a film alone", done.returncode == 0 and not list(folder.glob(".kinevox-*")), done.stderr)
+    video = next(line.split('"')[1] for line in session.read_text().splitlines() if line.startswith("video"))
+    check_film(film, first, pictures_of(video)[:FRAMES])
+
+    done = run(tools / "kinevox-export", anonymous, "--format", "c3d", "--out", folder / "again.c3d")
+    check("the folder is a recording: c3d of it", done.returncode == 0, done.stderr.strip())
+    done = run(tools / "kinevox-export", anonymous, "--format", "ply", "--out", folder / "volumes")
+    check("and its volumes", done.returncode == 0, done.stderr.strip())
+    done = run(tools / "kinevox-process", anonymous / "session.toml", "--out", folder / "again", "--no-pose", "--quiet")
+    check("and process takes it", done.returncode == 0, done.stderr.strip())
+    return session, results
+
+
+def check_refusals(tools, folder, session, results):
+    out = folder / "refused"
+    done = run(tools / "kinevox-export", results, "--format", "session", "--out", out)
+    check("a session with pictures is not exported", done.returncode == 1 and "anonymous" in done.stderr, done.stderr.strip())
+    done = run(tools / "kinevox-export", results, "--anonymous", "--frames", "0-5", "--out", out)
+    check("nor a part of it", done.returncode == 1 and "whole" in done.stderr, done.stderr.strip())
+    session.write_text("\n".join(line for line in session.read_text().splitlines() if not line.startswith("background")))
+    done = run(tools / "kinevox-export", results, "--anonymous", "--out", out)
+    check("without a background it is refused in a line", done.returncode == 1 and done.stderr.count("\n") == 1 and
+          "background" in done.stderr, done.stderr.strip())
+    check("and nothing is left", not out.exists() and not list(folder.glob(".refused*")))
+
+
+def main():
+    tools = Path(sys.argv[1]) / "server/tools"
+    sequences = [data_folder() / name for name in ("studio/walk/session.toml", "balancing/session.toml")]
+    missing = [str(file) for file in sequences if not file.exists()]
+    if missing:
+        print(f"skipped: {missing[0]} is not here")
+        sys.exit(77)
+    with tempfile.TemporaryDirectory() as temporary:
+        for number, sequence in enumerate(sequences):
+            folder = Path(temporary) / str(number)
+            made = check_sequence(tools, sequence, folder)
+        check_refusals(tools, folder, *made)
+
+
+if __name__ == "__main__":
+    main()
