@@ -44,7 +44,7 @@ void declare(CLI::App& app, Arguments& arguments) {
         ->check(CLI::IsMember(std::vector<std::string>(std::begin(kinevox::kExportFormats), std::end(kinevox::kExportFormats))));
     app.add_flag("--anonymous", arguments.anonymous,
                  "Nothing by which the person can be seen or named: silhouettes for pictures, no colours, no names, no date");
-    app.add_option("--out", arguments.out, "The file to write; of ply and session the folder")->required();
+    app.add_option("--out", arguments.out, "The file to write; of ply and session the folder; required");
     app.add_option("--frames", arguments.frames, "A part of the trial, FIRST-LAST, both included");
     app.add_option(
            "--turn", arguments.turn_deg,
