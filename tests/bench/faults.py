@@ -119,6 +119,8 @@ def phase(rig, tally, latency, kind, act, seconds, begun):
         print(f"FAILED {kind}: {type(error).__name__}: {error}", flush=True)
         if not type(error).__name__ == "Violated":
             traceback.print_exc()
+        said = Path(rig.main.service.log.name).read_text().splitlines()
+        print("\n".join(["the last that the daemon said:", *said[-25:]]), flush=True)
         rig.repair()
         return
     tally.add(kind, found, latency.between(at + SETTLE_S, time.monotonic()), time.monotonic() - begun, rig.main_mb())

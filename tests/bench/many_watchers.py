@@ -2,8 +2,8 @@
 """Many watchers on one daemon: what the capture loses by them and how late they get their messages.
 
 usage: many_watchers.py [--poses 25] [--volumes 25] [--stalled 0] [--source walk|studio] [--fps 30] [--seconds 20]
-                        [--lossless] [--fast] [--most-behind MS] [--most-delivery MS] [--fewest N] [--results FOLDER]
-                        [--name many_watchers]
+                        [--lossless] [--fast] [--most-behind MS] [--most-delivery MS] [--fewest N] [--nice N]
+                        [--results FOLDER] [--name many_watchers]
 
 Starts kinevoxd on a studio sequence from shared/data at its own speed (or on the daemon's own virtual studio with small
 pictures at --fps, where poses are wanted faster than the sequence has them), reads its rate with nobody watching, then
@@ -82,6 +82,7 @@ def main():
     parser.add_argument("--most-behind", type=float, default=200.0)
     parser.add_argument("--most-delivery", type=float, default=float("inf"))
     parser.add_argument("--fewest", type=float, default=0)
+    parser.add_argument("--nice", type=int, help="the daemon's priority; deploy/systemd gives -15")
     parser.add_argument("--fast", action="store_true")
     parser.add_argument("--results", type=Path, default=RESULTS)
     parser.add_argument("--name", default="many_watchers")
@@ -92,7 +93,8 @@ def main():
         config = Path(folder) / "kinevoxd.toml"
         config.write_text('[server]\nlisten = "127.0.0.1:0"\n[pose]\ndatabase = ""\nfit_body = false\n[calibration]\nfolder = ""\n'
                           f'[recording]\nfolder = ""\n[log]\nlevel = "warning"\n[source]\n{source_of(arguments)}')
-        daemon = subprocess.Popen([BUILD / "server/daemon/kinevoxd", "--config", config], stdout=subprocess.PIPE, text=True)
+        priority = ["nice", "-n", str(arguments.nice)] if arguments.nice is not None else []
+        daemon = subprocess.Popen([*priority, BUILD / "server/daemon/kinevoxd", "--config", config], stdout=subprocess.PIPE, text=True)
         try:
             address = daemon.stdout.readline().split()[-1]
             time.sleep(5)
