@@ -149,8 +149,10 @@ def hung(rig, seconds):
         daemon.client.recordings.start("lost")
         seen = watch(daemon, rig.random.uniform(1.5, 1.5 + seconds / 4))
         begin = time.monotonic()
-        for _ in range(20):   # a thread that waits for a frame set hangs with none in hand, which is no hang
+        for attempt in range(10):   # a thread that waits for a frame set hangs with none in hand, which is no hang
             begin = time.monotonic()
+            if attempt == 8:   # it was never met with one
+                victim = "all"
             thread = None if victim == "all" else HeldThread(daemon.service.process.pid, victim)
             if thread is None or not thread.held:   # not every user may hold one
                 victim = "all"
@@ -219,6 +221,7 @@ def cameras_vanish(rig, seconds):
         daemon.kinevox("record", "start", "--name", "vanishing")
         gone = rig.random.sample(cameras, 1)
         results = lambda: int(daemon.status()["results"])   # noqa: E731
+        at_start = results()
         gone[0].vanish()
         before = results()
         wait_until("the others go on", lambda: results() > before + 10)
@@ -234,12 +237,14 @@ def cameras_vanish(rig, seconds):
         wait_until("it goes on with all", lambda: results() > before + 10)
         wait_until("somebody is tracked again", lambda: daemon.status().get("subject"))
         recovered_s = time.monotonic() - begin
+        computed = results() - at_start
         daemon.kinevox("record", "stop")
         run = subprocess.run([rig.build / "server/tools/kinevox-process", f"{folder}/recordings/vanishing/session.toml", "--out",
                               f"{folder}/out", "--quiet", "--frames", "3", "--no-pose"], capture_output=True, text=True)
         demand("the recording does not open", run.returncode == 0, run.stderr.strip())
         frames = frames_of(f"{folder}/recordings/vanishing")
-        demand("the recording has too little", len(frames) > 30, len(frames))
+        # All that was computed meanwhile, but for what the pipeline had in hand when it began.
+        demand("the recording has too little", len(frames) >= computed - 3 > 15, f"{len(frames)} of {computed}")
         daemon.stop()
         demand("the daemon ends badly", daemon.process.returncode == 0, daemon.process.returncode)
         return {"recovered_s": recovered_s, "note": f"{len(frames)} frame sets"}

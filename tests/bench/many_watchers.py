@@ -102,6 +102,7 @@ def main():
             before_mb = rss_mb(daemon.pid)
             run = subprocess.Popen(watchers(address, arguments, arguments.seconds), stdout=subprocess.PIPE, text=True)
             time.sleep(3 + arguments.poses / 200)
+            begun_mb = rss_mb(daemon.pid)
             watched, last = rate_over(address, max(arguments.seconds - 1, 1))
             during_mb = rss_mb(daemon.pid)
             got = json.loads(run.communicate()[0])
@@ -113,7 +114,7 @@ def main():
              f"{len(os.sched_getaffinity(0))} cores for daemon and watchers, {arguments.seconds:.0f} s, "
              f"{'lossless' if arguments.lossless else 'latest only'}, {arguments.stalled} stalled: {alone:.1f} results a second alone, "
              f"**{watched:.1f}** watched ({100 * fall:+.1f} % less), {last.get('lost', 0)} frame sets lost; memory {before_mb:.0f} MB "
-             f"alone, {during_mb:.0f} MB watched.", "",
+             f"alone, {begun_mb:.1f} MB when all had begun, {during_mb:.1f} MB at the end.", "",
              "| watchers | messages/s | fewest of one | missed | gaps | ended | behind p50, ms | p99 | max | delivery p50, ms | p99 | max |",
              "| --- |" + " ---: |" * 11]
     lines += [row(name, got[name]) for name in ("poses", "volumes") if got[name]["watchers"]]
