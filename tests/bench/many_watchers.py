@@ -98,7 +98,7 @@ def main():
         try:
             address = daemon.stdout.readline().split()[-1]
             time.sleep(5)
-            alone, _ = rate_over(address, arguments.seconds)
+            alone, _ = rate_over(address, min(arguments.seconds, 20))
             before_mb = rss_mb(daemon.pid)
             run = subprocess.Popen(watchers(address, arguments, arguments.seconds), stdout=subprocess.PIPE, text=True)
             time.sleep(3 + arguments.poses / 200)
