@@ -3,11 +3,11 @@
 #include <absl/status/status.h>
 #include <fmt/format.h>
 
-#include "common/loopback.h"
-
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+
+#include "common/loopback.h"
 
 namespace kinevox::client {
 namespace {

@@ -32,8 +32,6 @@ class DeviceStages {
     void learn(const std::vector<std::vector<kernels::PictureView>>& pictures);
     void forget_frames();
 
-    bool on_gpu() const { return gpu_stages_ != nullptr; }
-
     // Calls work(stages), once more with the CPU's where the GPU fails in it: `work` must not count on what
     // its first call left.
     void run(const std::function<void(Stages&)>& work);

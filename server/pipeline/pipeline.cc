@@ -98,6 +98,7 @@ class StagedPipeline final : public Pipeline {
     void segment(FrameResult& result);
     void track(FrameResult& result);
     void carve(Reconstruction& work);
+    void carve_with(Stages& stages, Reconstruction& work);
     void colour(Reconstruction& work);
 
     // Of both halves.
@@ -122,7 +123,6 @@ class StagedPipeline final : public Pipeline {
     TrackerUpdate update_;
     std::vector<kernels::HullView> hull_views_;
     std::vector<kernels::ColouringView> colouring_views_;
-    kernels::VoxelVolume carved_;                         // what the GPU colours, as it was
     kernels::ColouringReport report_;
 
     // Of the second half alone.
@@ -231,10 +231,12 @@ void StagedPipeline::carve(Reconstruction& work) {
         hull_views_.push_back({&models_[c], s.loose.data(), s.probability.data(), s.bounds});
         work.carving_cameras.push_back(c);
     }
+    device_.run([&](Stages& stages) { carve_with(stages, work); });
+}
+
+void StagedPipeline::carve_with(Stages& stages, Reconstruction& work) {
     const bool many = hull_views_.size() >= kManyViews;
-    device_.run([&](Stages& stages) {
-        (many ? stages.many_views_carver : stages.carver)->carve(hull_views_, *update_.lattice, work.volume);
-    });
+    (many ? stages.many_views_carver : stages.carver)->carve(hull_views_, *update_.lattice, work.volume);
 }
 
 void StagedPipeline::colour(Reconstruction& work) {
@@ -246,11 +248,10 @@ void StagedPipeline::colour(Reconstruction& work) {
             {&models_[c], to_kernel(result.frame_set.pictures[c]), s.loose.data(), s.sharp.data(),
              s.bounds});
     }
-    // It changes the volume, which a GPU that fails in the middle of it leaves neither carved nor as it was.
-    if (device_.on_gpu()) carved_ = work.volume;
     bool again = false;
     device_.run([&](Stages& stages) {
-        if (std::exchange(again, true)) std::swap(work.volume, carved_);
+        // It changes the volume: what a GPU that failed in the middle of it left is carved anew.
+        if (std::exchange(again, true)) carve_with(stages, work);
         stages.colourer->colour(colouring_views_, work.volume, report_);
     });
     for (std::size_t view = 0; view < work.carving_cameras.size() && view < report_.silhouette_iou.size(); ++view)
