@@ -28,6 +28,7 @@
 #include "server/recording/recorder.h"
 #include "tests/fuzz/fuzz_check.h"
 #include "tests/fuzz/fuzzed_folder.h"
+#include "tests/fuzz/small_pose_options.h"
 #include "tests/support/fake_capture.h"
 #include "tests/support/person_volume.h"
 
@@ -201,13 +202,7 @@ struct FuzzedDaemon::Parts {
     void build_poses() {
         std::vector<kernels::CameraModel> models;
         for (const Camera& camera : runner.cameras()) models.push_back(to_kernel(camera));
-        PoseDatabaseOptions options;
-        options.poses = 1;
-        options.order = 2;
-        options.side_px = 32;
-        options.elevation_step_deg = 45;
-        options.inverse_distance_step = 2;
-        poses.start(std::move(models), default_body_shape(), options,
+        poses.start(std::move(models), default_body_shape(), testing::small_pose_options(),
                     [this](const DatabaseProgress& progress) { pose_watch.publish(progress); });
         poses.wait();
     }

@@ -7,6 +7,7 @@
 
 #include "common/atomic_file.h"
 #include "server/pose/database/database_file.h"
+#include "tests/fuzz/small_pose_options.h"
 #include "tests/support/small_bvh.h"
 
 namespace {
@@ -26,14 +27,8 @@ kernels::CameraModel camera() {
 
 // Without the header, which the fuzzer makes anew.
 absl::Status write_database(const std::filesystem::path& folder) {
-    PoseDatabaseOptions options;
-    options.poses = 1;
-    options.order = 2;
-    options.side_px = 32;
-    options.elevation_step_deg = 45;
-    options.inverse_distance_step = 2;
     const kernels::CameraModel cameras[] = {camera()};
-    const auto database = build_pose_database(cameras, default_body_shape(), options);
+    const auto database = build_pose_database(cameras, default_body_shape(), testing::small_pose_options());
     if (!database.ok()) return database.status();
     const auto file = folder / "small.kvxposes";
     if (absl::Status written = write_pose_database(*database, file); !written.ok()) return written;
