@@ -23,7 +23,7 @@ struct ExportOptions {
     fs::path out;
     double turn_deg = 0, wait_s = 600;
     int width_px = 0;
-    bool hold = false;
+    bool hold = false, anonymous = false;
 };
 
 absl::StatusOr<v1::ExportFormat> format_of(std::string name) {
@@ -81,7 +81,8 @@ class PieceFiles {
 };
 
 absl::Status run_export(const Common& common, const ExportOptions& options) {
-    const auto format = format_of(options.format);
+    if (options.format.empty() && !options.anonymous) return absl::InvalidArgumentError("--format is required");
+    const auto format = format_of(options.format.empty() ? "session" : options.format);
     if (!format.ok()) return format.status();
     v1::ExportRequest request;
     request.set_recording(options.session);
@@ -90,6 +91,7 @@ absl::Status run_export(const Common& common, const ExportOptions& options) {
     request.set_hold(options.hold);
     request.set_camera(options.camera);
     request.set_width_px(options.width_px);
+    request.set_anonymous(options.anonymous);
     if (!options.frames.empty()) {
         long long first = 0, last = 0;
         char rest = 0;
@@ -101,7 +103,7 @@ absl::Status run_export(const Common& common, const ExportOptions& options) {
     client::StreamOptions stream;
     stream.stop = stop_on_signals();
     stream.longest_silence = std::chrono::milliseconds(static_cast<std::int64_t>(options.wait_s * 1000));
-    PieceFiles files(options.out, *format == v1::EXPORT_FORMAT_PLY);
+    PieceFiles files(options.out, *format == v1::EXPORT_FORMAT_PLY || *format == v1::EXPORT_FORMAT_SESSION);
     absl::Status written;
     const absl::Status status = client::Client(common.client_options())
                                     .export_recording(
@@ -137,10 +139,12 @@ void add_export_verb(CLI::App& app, Common& common, Run& run) {
     verb->footer("On files, without a daemon: `kinevox export FOLDER --format FORMAT --out FILE`.");
     verb->add_option("--session", options->session, "The recording, as `kinevox record list` shows it")->required();
     verb->add_option("--format", options->format, "trc, mot (OpenSim), c3d, bvh, csv, ply (a folder of volumes) or mp4 (pictures "
-                                                  "with the skeleton)")
-        ->required()
-        ->check(CLI::IsMember({"trc", "mot", "c3d", "bvh", "csv", "ply", "mp4"}));
-    verb->add_option("--out", options->out, "The file to write; of ply the folder")->required();
+                                                  "with the skeleton); session: a folder to pass on, with "
+                                                  "--anonymous, where it is the default")
+        ->check(CLI::IsMember({"trc", "mot", "c3d", "bvh", "csv", "ply", "mp4", "session"}));
+    verb->add_flag("--anonymous", options->anonymous,
+                   "Nothing by which the person can be seen or named: silhouettes for pictures, no colours, no names, no date");
+    verb->add_option("--out", options->out, "The file to write; of ply and session the folder")->required();
     verb->add_option("--frames", options->frames, "A part of it, FIRST-LAST, both included");
     verb->add_option("--turn", options->turn_deg, "About the vertical, degrees, anticlockwise from above")
         ->check(CLI::Range(-360.0, 360.0));

@@ -19,6 +19,7 @@
 #include "server/api/caller.h"
 #include "server/api/recording_handlers.h"
 #include "server/api/to_proto.h"
+#include "server/recording/anonymous_session.h"
 
 namespace kinevox {
 namespace {
@@ -54,6 +55,7 @@ absl::StatusOr<std::string> format_of(v1::ExportFormat format) {
         case v1::EXPORT_FORMAT_CSV: return "csv";
         case v1::EXPORT_FORMAT_PLY: return "ply";
         case v1::EXPORT_FORMAT_MP4: return "mp4";
+        case v1::EXPORT_FORMAT_SESSION: return "session";
         default:
             return absl::InvalidArgumentError(fmt::format("format is {}, which this daemon does not know", static_cast<int>(format)));
     }
@@ -111,7 +113,11 @@ absl::Status ExportReactor::make_files(const v1::ExportRequest& request) {
     options.hold = request.hold();
     options.camera = request.camera();
     options.width_px = request.width_px();
-    const fs::path out = *format == "ply" ? folder_ : folder_ / (request.recording() + "." + *format);
+    options.anonymous = request.anonymous();
+    options.beside_capture = true;
+    const bool many = *format == "ply" || *format == "session";
+    const std::string name = request.anonymous() ? kAnonymous : request.recording();
+    const fs::path out = many ? folder_ : folder_ / (name + "." + *format);
     auto files = export_recording(*session, options, out, stop_);
     if (!files.ok()) return files.status();
     files_ = *std::move(files);

@@ -189,9 +189,10 @@ class AsyncClient(AsyncCapture):
         return AsyncStream(self._transport, database_call(), silence_s=silence_s)
 
     async def export(self, recording: str, form: Format, to: str | Path, *, first_frame: int = 0, last_frame: int = -1,
-                     turn_deg: float = 0, hold: bool = False, camera: str = "", width_px: int = 0) -> list[Path]:
+                     turn_deg: float = 0, hold: bool = False, camera: str = "", width_px: int = 0,
+                     anonymous: bool = False) -> list[Path]:
         """See Client.export."""
-        call = export_call(recording, form, first_frame, last_frame, turn_deg, hold, camera, width_px)
+        call = export_call(recording, form, first_frame, last_frame, turn_deg, hold, camera, width_px, anonymous)
         async with AsyncStream(self._transport, call) as pieces:
             with ExportFiles(Path(to)) as files:
                 async for piece in pieces:

@@ -113,17 +113,20 @@ class Client(Capture):
         return self._stream(database_call(), False, silence_s, None)
 
     def export(self, recording: str, form: Format, to: str | Path, *, first_frame: int = 0, last_frame: int = -1,
-               turn_deg: float = 0, hold: bool = False, camera: str = "", width_px: int = 0) -> list[Path]:
+               turn_deg: float = 0, hold: bool = False, camera: str = "", width_px: int = 0,
+               anonymous: bool = False) -> list[Path]:
         """A recording in another program's format, written to the folder or file `to`; returns the files.
 
         form: trc, mot (OpenSim), c3d, bvh, csv, ply (a file of coloured points a frame set; `to` is a folder), mp4
         (the pictures with the skeleton). first_frame, last_frame: from 0, included; -1: to the end. turn_deg: about
         the vertical, anticlockwise from above; not for mp4. hold: bvh, where a value is withheld, repeat the last one.
-        camera, width_px: mp4, one camera instead of all in tiles, and the film's width. NotFound, InvalidArgument. A
-        file is there whole or not at all.
+        camera, width_px: mp4, one camera instead of all in tiles, and the film's width. anonymous: silhouettes for
+        pictures, no colours and names; form "session", a folder to pass on, wants it. NotFound, InvalidArgument,
+        FailedPrecondition. A file is there whole or not at all.
         """
         files = ExportFiles(Path(to))
-        with self._stream(export_call(recording, form, first_frame, last_frame, turn_deg, hold, camera, width_px),
+        with self._stream(export_call(recording, form, first_frame, last_frame, turn_deg, hold, camera, width_px,
+                                      anonymous),
                           False, None, None) as pieces:
             with files:
                 for piece in pieces:

@@ -10,7 +10,7 @@ from kinevox.transport import START_TIMEOUT_S
 from kinevox.v1 import recording_service_pb2 as pb
 
 Codec = Literal["ffv1", "utvideo", "h264"]
-Format = Literal["trc", "mot", "c3d", "bvh", "csv", "ply", "mp4"]
+Format = Literal["trc", "mot", "c3d", "bvh", "csv", "ply", "mp4", "session"]
 
 
 @dataclass(frozen=True)
@@ -83,14 +83,14 @@ class ExportPiece:
 
 
 def export_call(recording: str, form: Format, first_frame: int, last_frame: int, turn_deg: float, hold: bool,
-                camera: str,
-                width_px: int) -> StreamCall[ExportPiece]:
+                camera: str, width_px: int, anonymous: bool) -> StreamCall[ExportPiece]:
     """See Client.export."""
     value = pb.ExportFormat.DESCRIPTOR.values_by_name.get(f"EXPORT_FORMAT_{form.upper()}")
     if value is None:
-        raise ValueError(f"there is no format '{form}'; take trc, mot, c3d, bvh, csv, ply or mp4")
+        raise ValueError(f"there is no format '{form}'; take trc, mot, c3d, bvh, csv, ply, mp4 or session")
     request = pb.ExportRequest(recording=recording, format=value.number, first_frame=first_frame, last_frame=last_frame,
-                               turn_deg=turn_deg, hold=hold, camera=camera, width_px=width_px)
+                               turn_deg=turn_deg, hold=hold, camera=camera, width_px=width_px,
+                               anonymous=anonymous)
     return StreamCall("RecordingService/Export", request, pb.ExportResponse, ExportPiece.of)
 
 
