@@ -19,6 +19,19 @@ std::string event_word(EventKind kind) {
     return absl::AsciiStrToLower(absl::StripPrefix(name, "EVENT_KIND_"));
 }
 
+// Somebody has to do something, or a recording will lack what is lost meanwhile.
+spdlog::level::level_enum level_of(EventKind kind) {
+    switch (kind) {
+        case EventKind::kError:
+        case EventKind::kRecordingFailed: return spdlog::level::err;
+        case EventKind::kCameraLost:
+        case EventKind::kCameraLosses:
+        case EventKind::kCameraMoved:
+        case EventKind::kRecordingDrops: return spdlog::level::warn;
+        default: return spdlog::level::info;
+    }
+}
+
 }  // namespace
 
 StatusLog::StatusLog(boost::asio::io_context& io, const Runner& runner, StreamHub& hub)
@@ -50,12 +63,11 @@ void StatusLog::log_events() {
         const LogFields fields{{"KINEVOX_EVENT", event_word(event.kind)},
                                {"KINEVOX_CAMERA", event.camera},
                                {"KINEVOX_SEQUENCE", std::to_string(event.sequence)}};
-        if (event.kind == EventKind::kError)
-            spdlog::error("{}", event.message);
-        else if (logged < kMost)
-            spdlog::info("{}", event.message), ++logged;
-        else
+        const auto level = level_of(event.kind);
+        if (level == spdlog::level::info && ++logged > kMost)
             ++further;
+        else
+            spdlog::log(level, "{}", event.message);
     }
     if (further > 0) spdlog::info("and {} further events; `kinevox events` shows them", further);
 }

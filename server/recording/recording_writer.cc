@@ -50,10 +50,13 @@ void RecordingWriter::take(ResultOfSet result) {
 
 // Results come in their sets' order; one whose set was dropped belongs to none.
 void RecordingWriter::join_results() {
-    while (!results_.empty()) {
-        ResultOfSet& result = results_.front();
-        const bool too_early = result.run > run_ || entries_.empty() || result.sequence > entries_.back().set->sequence;
-        if (too_early && result.run >= run_) return;
+    const auto too_early = [this](const ResultOfSet& result) {
+        return result.run > run_ ||
+               (result.run == run_ && (entries_.empty() || result.sequence > entries_.back().set->sequence));
+    };
+    while (!results_.empty() && !too_early(results_.front())) {
+        ResultOfSet result = std::move(results_.front());   // a recording that fails meanwhile drops those that wait
+        results_.pop_front();
         const auto found = std::ranges::lower_bound(entries_, result.sequence, {},
                                                     [](const Entry& entry) { return entry.set->sequence; });
         if (result.run == run_ && found != entries_.end() && found->set->sequence == result.sequence &&
@@ -65,7 +68,6 @@ void RecordingWriter::join_results() {
             entries_bytes_ += found->result.volume.size();
             if (folder_ && found->frame) check(folder_->append_result(*found->frame, found->result));
         }
-        results_.pop_front();
     }
 }
 

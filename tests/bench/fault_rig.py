@@ -80,7 +80,7 @@ class Watched:
 class Rig:
     """What the faults share: the daemon that lives through all but three of them, its clock and its disk."""
 
-    def __init__(self, build, folder, random, nice, size, fps):
+    def __init__(self, build, folder, random, nice, size, fps, phase_s):
         self.build, self.folder, self.random, self.nice = build, Path(folder), random, nice
         self.session = self.folder / "scene/session.toml"
         subprocess.run([build / "server/tools/kinevox-studio", "--motion", "walk", "--frames", "12", "--background-frames", "8",
@@ -92,7 +92,9 @@ class Rig:
                        f'fitted_body = ""\n[calibration]\nfolder = ""\n[log]\nlevel = "warning"\n')
         self.disk = self.folder / "disk"
         self.disk.mkdir()
-        subprocess.run(["mount", "-t", "tmpfs", "-o", "size=192m", "tmpfs", str(self.disk)], check=True)
+        # A recording of a phase and a half, were it not compressed; "full disk" has to fill it.
+        phase_mb = 1e-6 * 3 * size[0] * size[1] * 3 * fps * phase_s
+        subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={max(192, 1.5 * phase_mb):.0f}m", "tmpfs", str(self.disk)], check=True)
         self.clock = self.folder / "clock"
         self.step_clock(0)
         self.main = Watched(self, self.folder / "main", self.disk / "recordings",

@@ -149,7 +149,8 @@ def bounds(tally, with_figures):
 def run(arguments, folder):
     from fault_kinds import FAULTS, quiet   # which need the client that was built
     from fault_rig import Rig
-    rig = Rig(arguments.build, folder, random.Random(arguments.seed), arguments.nice, arguments.size, arguments.fps)
+    rig = Rig(arguments.build, folder, random.Random(arguments.seed), arguments.nice, arguments.size, arguments.fps,
+              arguments.phase_s)
     tally, begun, rounds = Tally(), time.monotonic(), 0
     try:
         from kinevox import Client

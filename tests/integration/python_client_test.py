@@ -270,7 +270,11 @@ class Recorded(ClientTest):
             self.client.export("trial", "mp4", out / "trial.mp4", camera="cam9")
         with self.assertRaisesRegex(ValueError, "take trc, mot"):
             self.client.export("trial", "xls", out / "trial.xls")
+        with self.assertRaisesRegex(kinevox.InvalidArgument, "anonymous"):
+            self.client.export("trial", "session", out)
         self.assertEqual([file.name for file in out.iterdir()], ["trial.csv"])
+        passed_on = {file.name for file in self.client.export("trial", "session", out / "passed_on", anonymous=True)}
+        self.assertLessEqual({"session.toml", "README.txt", "cam_01.mkv", "film.mp4", "joints.csv"}, passed_on)
 
     def test_volumes_decode_to_what_the_daemon_exports(self):
         points = self.client.export("trial", "ply", Path(folder.name) / "points", first_frame=5, last_frame=7)

@@ -42,6 +42,39 @@ def ply_points(file):
     return points["p"]
 
 
+def pictures_of(video):
+    film, pictures = cv2.VideoCapture(str(video)), []
+    while (read := film.read())[0]:
+        pictures.append(read[1])
+    return pictures
+
+
+def check_anonymous_export(tools, daemon, folder, recordings):
+    """The files that the tool writes (what is in them: anonymous_export_test), and refusals."""
+    ours, theirs = folder / "passed_on", folder / "tool" / "passed_on"
+    daemon.client("export", "--session", "walk", "--anonymous", "--out", str(ours))
+    subprocess.run([tools.export, str(recordings / "walk"), "--anonymous", "--out", str(theirs), "--quiet"], check=True)
+    names = sorted(file.name for file in theirs.iterdir())
+    check("an anonymous export over the network has the tool's files", sorted(file.name for file in ours.iterdir()) == names,
+          len(names))
+    for name in names:
+        if name.endswith((".mkv", ".mp4")):   # whose containers have identifiers of their own
+            same = np.array_equal(pictures_of(ours / name), pictures_of(theirs / name))
+        elif name.endswith(".index"):
+            same = (ours / name).stat().st_size == (theirs / name).stat().st_size
+        else:
+            same = (ours / name).read_bytes() == (theirs / name).read_bytes()
+        if not same:
+            check(f"{name} over the network is the tool's", False)
+    check("and each is the tool's", True)
+    daemon.client("export", "--session", "walk", "--anonymous", "--format", "c3d", "--out", str(folder / "walk.c3d"))
+    check("a table with --anonymous has no name of the recording", b"walk" not in (folder / "walk.c3d").read_bytes().lower())
+    for words, why in ((["--format", "session"], "anonymous"), (["--anonymous", "--frames", "0-5"], "whole"), ([], "--format")):
+        done = daemon.client("export", "--session", "walk", *words, "--out", str(folder / "refused"), check=False)
+        check(f"export {' '.join(words)}: refused in a line", done.returncode in (1, 2) and done.stderr.count("\n") == 1 and
+              why in done.stderr and not (folder / "refused").exists(), f"{done.returncode}: {done.stderr.strip()}")
+
+
 def check_exports(tools, daemon, folder, recordings):
     out = folder / "exports"
     for form in ("trc", "mot", "c3d", "bvh", "csv"):
@@ -54,10 +87,7 @@ def check_exports(tools, daemon, folder, recordings):
     trc, c3d = motion_files.read_trc(out / "walk.trc"), motion_files.read_c3d(out / "walk.c3d")
     check("trc and c3d are read back", trc is not None and c3d is not None)
     daemon.client("export", "--session", "walk", "--format", "mp4", "--out", str(out / "walk.mp4"), "--frames", "10-29")
-    film = cv2.VideoCapture(str(out / "walk.mp4"))
-    pictures = []
-    while (read := film.read())[0]:
-        pictures.append(read[1])
+    pictures = pictures_of(out / "walk.mp4")
     check("the film has the pictures asked for", len(pictures) == 20 and pictures[0].shape == (960, 1280, 3),
           f"{len(pictures)} of {pictures[0].shape if pictures else None}")
     daemon.client("export", "--session", "walk", "--format", "mp4", "--camera", "cam2", "--out", str(out / "cam2.mp4"),
@@ -69,6 +99,7 @@ def check_exports(tools, daemon, folder, recordings):
     check("an unknown camera is refused", wrong.returncode == 1 and "cam1, cam2" in wrong.stderr and not (out / "x.mp4").exists(),
           wrong.stderr.strip())
     daemon.client("export", "--session", "walk", "--format", "ply", "--out", str(out / "volumes"), "--frames", "0-39")
+    check_anonymous_export(tools, daemon, folder, recordings)
     check("nothing is left behind", not list(recordings.glob(".export-*")))
     return out / "volumes"
 
