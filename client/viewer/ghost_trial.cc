@@ -14,6 +14,7 @@ namespace {
 constexpr double kStill_m_s = 0.5, kMoving_m_s = 1.0;  // a foot on the floor, one in the air; horizontally
 constexpr double kNearFloor_m = 0.05, kOffFloor_m = 0.08;  // above the lowest that the foot comes
 constexpr double kLowestPart = 0.05;  // of all frames, so that one wrong frame says nothing
+constexpr double kLongest_s = 1e7;
 constexpr std::size_t kCells = 3 * kJointNames.size();
 
 std::vector<std::string_view> split(std::string_view line) {
@@ -146,6 +147,7 @@ std::optional<GhostJoints> GhostTrial::at(double time_s) const {
 absl::StatusOr<GhostTrial> parse_ghost_trial(std::string_view csv, const std::string& name) {
     GhostTrial trial{name, {}};
     std::optional<Columns> columns;
+    double first_s = 0;
     for (int line = 1; !csv.empty(); ++line) {
         const std::size_t end = csv.find('\n');
         const std::string_view text = csv.substr(0, end);
@@ -163,10 +165,12 @@ absl::StatusOr<GhostTrial> parse_ghost_trial(std::string_view csv, const std::st
         };
         if (cells.size() != columns->count)
             return wrong(fmt::format("{} cells instead of {}", cells.size(), columns->count));
-        const auto time_s = number(cells[columns->time]);
-        if (!time_s || (!trial.instants.empty() && *time_s <= trial.instants.back().time_s))
+        const auto told_s = number(cells[columns->time]);
+        if (told_s && trial.instants.empty()) first_s = *told_s;
+        const double time_s = told_s.value_or(0) - first_s;
+        if (!told_s || !(time_s < kLongest_s) || (!trial.instants.empty() && !(time_s > trial.instants.back().time_s)))
             return wrong(fmt::format("time_s '{}' is no time after the one before", cells[columns->time]));
-        GhostInstant instant{*time_s, {}};
+        GhostInstant instant{time_s, {}};
         for (std::size_t j = 0; j < kJointNames.size(); ++j) {
             const auto x = number(cells[columns->cells[3 * j]]), y = number(cells[columns->cells[3 * j + 1]]),
                        z = number(cells[columns->cells[3 * j + 2]]);
@@ -177,8 +181,6 @@ absl::StatusOr<GhostTrial> parse_ghost_trial(std::string_view csv, const std::st
     if (trial.instants.size() < 2)
         return absl::InvalidArgumentError(
             fmt::format("{}: fewer than two frames; give a trial that moves", name));
-    const double first_s = trial.instants.front().time_s;
-    for (GhostInstant& instant : trial.instants) instant.time_s -= first_s;
     return trial;
 }
 

@@ -15,6 +15,7 @@ network and mount namespaces; exit status 77 without. --results appends to fault
 import argparse
 import os
 import random
+import signal
 import sys
 import tempfile
 import threading
@@ -183,6 +184,7 @@ def main():
     arguments = parser.parse_args()
     arguments.build = arguments.build.resolve()
     in_a_namespace(3, mounts=True)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))   # and no daemon is left
     sys.path.insert(0, str(arguments.build / "client/python"))
     if arguments.nice is None:
         arguments.nice = unit_nice()
