@@ -18,6 +18,7 @@
 #include "client/lib/client.h"
 #include "common/atomic_file.h"
 #include "server/cameras/frame_source.h"
+#include "tests/support/patience.h"
 
 namespace kinevox::testing {
 
@@ -160,7 +161,7 @@ class Operator {
     v1::WatchProcedureResponse wait(const std::function<bool(const v1::WatchProcedureResponse&)>& so) {
         v1::WatchProcedureResponse last;
         client::StreamOptions options;
-        options.longest_silence = std::chrono::seconds(15);
+        options.longest_silence = patient(std::chrono::seconds(15));
         const absl::Status status = client_.watch_procedure(
             [&](const v1::WatchProcedureResponse& progress) {
                 last = progress;

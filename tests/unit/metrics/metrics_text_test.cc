@@ -21,6 +21,7 @@ namespace {
 using testing::HasSubstr;
 using testing::Not;
 using testing::StartsWith;
+using namespace std::string_literals;
 
 TEST(MetricsText, CountersAreNamedAsEachFormatWantsIt) {
     MetricsText open(Format::kOpenMetrics), old(Format::kPrometheus);
@@ -129,7 +130,7 @@ TEST_F(HttpEndpointTest, LivesThroughNonsenseAndThoseWhoOnlyConnect) {
         silent.back().connect(
             {boost::asio::ip::make_address("127.0.0.1"), static_cast<unsigned short>(endpoint_->port())});
     }
-    ask(endpoint_->port(), std::string("\x16\x03\x01\x02\x00\x01\x00\x01 nothing of HTTP\r\n\r\n", 30));
+    ask(endpoint_->port(), "\x16\x03\x01\x02\x00\x01\x00\x01 nothing of HTTP\r\n\r\n"s);
     ask(endpoint_->port(), "GET /metrics HTTP/1.1\r\nX: " + std::string(100'000, 'x') + "\r\n\r\n");
     EXPECT_THAT(get("/metrics"), StartsWith("HTTP/1.1 200 OK"));
 }
