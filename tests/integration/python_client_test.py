@@ -28,7 +28,9 @@ recorded_poses = {}   # by sequence; of the recording "trial" and a few before a
 def setUpModule():
     global folder, daemon, recording
     folder = tempfile.TemporaryDirectory()
+    unittest.addModuleCleanup(folder.cleanup)
     daemon = StudioDaemon(DAEMON, folder.name)
+    unittest.addModuleCleanup(stop_daemon)   # also where what follows fails
     with Client(daemon.address) as client, client.poses(silence_s=20) as poses:
         next(pose for pose in poses if pose.found)
         client.recordings.start("trial")
@@ -44,9 +46,8 @@ def setUpModule():
             recorded_poses[pose.sequence] = pose
 
 
-def tearDownModule():
+def stop_daemon():
     status = daemon.stop()
-    folder.cleanup()
     if status != 0:
         raise RuntimeError(f"the daemon ended with {status}")
 
