@@ -51,7 +51,7 @@ class Daemon:
                 raise RuntimeError("the daemon measures nothing")
             time.sleep(0.1)
 
-    def wait_until_idle(self, limit_s=120):
+    def wait_until_idle(self, limit_s=600):
         """The recorder's status once a recording that was begun has ended by itself."""
         end = time.monotonic() + limit_s
         while (status := self.json("record", "status"))["state"] != "idle":

@@ -31,7 +31,7 @@ def setUpModule():
     unittest.addModuleCleanup(folder.cleanup)
     daemon = StudioDaemon(DAEMON, folder.name)
     unittest.addModuleCleanup(stop_daemon)   # also where what follows fails
-    with Client(daemon.address) as client, client.poses(silence_s=20) as poses:
+    with Client(daemon.address) as client, client.poses(silence_s=60) as poses:
         next(pose for pose in poses if pose.found)
         client.recordings.start("trial")
         for pose in poses:
@@ -62,7 +62,7 @@ class ClientTest(unittest.TestCase):
         self.client = Client(daemon.address, operator="a test")
         self.addCleanup(self.client.close)
 
-    def wait_until(self, good, limit_s=10):
+    def wait_until(self, good, limit_s=60):
         end = time.monotonic() + limit_s
         while not good():
             self.assertLess(time.monotonic(), end, "it did not come true")
@@ -131,7 +131,7 @@ class Streams(ClientTest):
             self.client.poses("some")
 
     def test_volumes_at_several_resolutions(self):
-        fine = next(frame for frame in self.client.volumes(silence_s=20) if frame.volume)
+        fine = next(frame for frame in self.client.volumes(silence_s=60) if frame.volume)
         coarse = next(frame for frame in self.client.volumes(max_voxel_m=0.04, colours=False) if frame.volume)
         volume = fine.volume
         self.assertAlmostEqual(volume.litres, fine.litres, delta=1e-6)
@@ -192,7 +192,7 @@ class Control(ClientTest):
             self.assertEqual(self.client.status().control, "")
         finally:
             self.client.start()
-        self.assertIsNotNone(next(self.client.poses(silence_s=20)))
+        self.assertIsNotNone(next(self.client.poses(silence_s=60)))
 
     def test_calls_cover_the_api(self):
         from kinevox.v1 import calibration_service_pb2, capture_service_pb2, pose_service_pb2
@@ -310,7 +310,7 @@ class Recorded(ClientTest):
         session = self.folder / "session.toml"
         with self.assertRaises(kinevox.NotFound):
             self.client.replay.open("/nowhere/session.toml")
-        with self.client.control("the replayer"), self.client.poses(silence_s=20) as poses:
+        with self.client.control("the replayer"), self.client.poses(silence_s=60) as poses:
             try:
                 self.assertEqual(self.client.replay.open(session, paused=True).state, "paused")
                 for wanted in (0, 1, 2):
@@ -433,7 +433,7 @@ class Asynchronous(unittest.TestCase):
             async with AsyncClient(daemon.address, operator="an async test") as client:
                 self.assertEqual((await client.status()).state, "running")
                 count = 0
-                async for pose in client.poses(silence_s=20):
+                async for pose in client.poses(silence_s=60):
                     count += 1
                     self.assertEqual(pose.missed, 0)
                     if count == 5:
