@@ -14,6 +14,7 @@ import numpy as np
 
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(REPOSITORY / "tests/bench"))
+from films import pictures_of  # noqa: E402
 from process_runs import data_folder  # noqa: E402
 
 FRAMES = 12
@@ -47,13 +48,6 @@ def named_session(original, folder):
         lines.append(line)
     (folder / "session.toml").write_text("\n".join(lines) + "\n")
     return folder / "session.toml"
-
-
-def pictures_of(video):
-    film, pictures = cv2.VideoCapture(str(video)), []
-    while (read := film.read())[0]:
-        pictures.append(read[1])
-    return pictures
 
 
 def check_silhouettes(results, anonymous, cameras):

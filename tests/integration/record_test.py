@@ -16,6 +16,7 @@ import numpy as np
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
 sys.path[:0] = [str(REPOSITORY / "tests/bench"), str(REPOSITORY / "tests/integration")]
 import motion_files  # noqa: E402
+from films import pictures_of  # noqa: E402
 from process_runs import data_folder  # noqa: E402
 from recording_daemon import Daemon, frames_of  # noqa: E402
 
@@ -40,13 +41,6 @@ def ply_points(file):
     count = int(next(line for line in head.splitlines() if line.startswith(b"element vertex")).split()[-1])
     points = np.frombuffer(body, dtype=np.dtype([("p", "<f4", 3), ("c", "u1", 3)]), count=count)
     return points["p"]
-
-
-def pictures_of(video):
-    film, pictures = cv2.VideoCapture(str(video)), []
-    while (read := film.read())[0]:
-        pictures.append(read[1])
-    return pictures
 
 
 def check_anonymous_export(tools, daemon, folder, recordings):
