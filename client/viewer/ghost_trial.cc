@@ -14,7 +14,7 @@ namespace {
 constexpr double kStill_m_s = 0.5, kMoving_m_s = 1.0;  // a foot on the floor, one in the air; horizontally
 constexpr double kNearFloor_m = 0.05, kOffFloor_m = 0.08;  // above the lowest that the foot comes
 constexpr double kLowestPart = 0.05;  // of all frames, so that one wrong frame says nothing
-constexpr double kLongest_s = 1e7;
+constexpr double kLongest_s = 1e7;  // of a trial
 constexpr std::size_t kCells = 3 * kJointNames.size();
 
 std::vector<std::string_view> split(std::string_view line) {
