@@ -1,10 +1,12 @@
 #include "server/cameras/h264_file.h"
 
 #include <cmath>
+#include <optional>
 
 #include <fmt/format.h>
 
 #include "server/cameras/libav.h"
+#include "server/cameras/yuv_of_bgr.h"
 
 namespace kinevox {
 namespace {
@@ -54,8 +56,7 @@ class LibavFile final : public H264File {
         frame_->height = height;
         if (int e = av_frame_get_buffer(frame_.get(), 0); e < 0) return failed("begin", e);
         packet_.reset(av_packet_alloc());
-        scaler_.reset(sws_getContext(width, height, AV_PIX_FMT_BGR24, width, height, AV_PIX_FMT_YUV420P,
-                                     SWS_AREA | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INP, nullptr, nullptr, nullptr));
+        scaler_.emplace(width, height);
         open_ = true;
         return absl::OkStatus();
     }
@@ -65,9 +66,7 @@ class LibavFile final : public H264File {
             return absl::InvalidArgumentError(fmt::format("{}: a picture of {} x {} px with {} channels does not fit", file_,
                                                           picture.width, picture.height, picture.channels));
         if (int e = av_frame_make_writable(frame_.get()); e < 0) return failed("write", e);
-        const std::uint8_t* const planes[1] = {picture.data.get()};
-        const int strides[1] = {3 * picture.width};
-        sws_scale(scaler_.get(), planes, strides, 0, picture.height, frame_->data, frame_->linesize);
+        scaler_->convert(picture.data.get(), *frame_);
         frame_->pts = count_++;
         return encode(frame_.get());
     }
@@ -103,7 +102,7 @@ class LibavFile final : public H264File {
     Owned<AVCodecContext> encoder_;
     Owned<AVFrame> frame_;
     Owned<AVPacket> packet_;
-    Owned<SwsContext> scaler_;
+    std::optional<YuvOfBgr> scaler_;
     AVStream* stream_ = nullptr;
     std::int64_t count_ = 0;
     bool open_ = false;

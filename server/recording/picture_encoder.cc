@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <optional>
 #include <utility>
 
 #include <fmt/format.h>
@@ -10,6 +11,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "server/cameras/libav.h"
+#include "server/cameras/yuv_of_bgr.h"
 
 namespace kinevox {
 namespace {
@@ -39,7 +41,7 @@ class LibavEncoder final : public PictureEncoder {
     libav::Owned<AVCodecContext> encoder_;
     libav::Owned<AVFrame> frame_;
     libav::Owned<AVPacket> packet_;
-    libav::Owned<SwsContext> scaler_;
+    std::optional<YuvOfBgr> scaler_;
     cv::Mat colour_;   // of a grey picture
     std::int64_t count_ = 0;
 };
@@ -129,13 +131,8 @@ void LibavEncoder::fill_frame(const Picture& picture) {
             break;
         }
         case VideoCodec::kH264: {
-            if (!scaler_)
-                scaler_.reset(sws_getContext(format_.width, format_.height, AV_PIX_FMT_BGR24, format_.width, format_.height,
-                                             AV_PIX_FMT_YUV420P, SWS_AREA | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INP, nullptr,
-                                             nullptr, nullptr));
-            const std::uint8_t* const planes[1] = {from.data};
-            const int strides[1] = {static_cast<int>(from.step)};
-            sws_scale(scaler_.get(), planes, strides, 0, format_.height, frame_->data, frame_->linesize);
+            if (!scaler_) scaler_.emplace(format_.width, format_.height);
+            scaler_->convert(from.data, *frame_);
         }
     }
 }
