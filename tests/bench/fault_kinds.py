@@ -59,7 +59,7 @@ def clock_steps(rig, seconds):
             rig.step_clock(step_s)
             time.sleep(seconds / 8)
             before = rig.main.client.status().message.capture_time_ns
-            demand("told times do not follow the clock", abs(before / 1e9 - time.time() - step_s) < 5,
+            demand("told times do not follow the clock", abs(before / 1e9 - time.time() - step_s) < 5 * rig.times_slower,
                    before / 1e9 - time.time())
             time.sleep(seconds / 8)
             rig.step_clock(0)
@@ -76,7 +76,7 @@ def full_disk(rig, seconds):
     with contextlib.suppress(OSError), open(filler, "wb", buffering=0) as full:   # until nothing fits any more
         while full.write(bytes(2**20)):
             pass
-    end = time.monotonic() + 30
+    end = time.monotonic() + 30 * rig.times_slower
     while main.client.recordings.status().state != "idle":
         demand("the recording does not end on a full disk", time.monotonic() < end)
         time.sleep(0.05)
@@ -158,7 +158,7 @@ def hung(rig, seconds):
             if thread is None or not thread.held:   # not every user may hold one
                 victim = "all"
                 daemon.service.process.send_signal(signal.SIGSTOP)
-            while daemon.service.hangs == 0 and time.monotonic() - begin < (6 if victim == "all" else 3):
+            while daemon.service.hangs == 0 and time.monotonic() - begin < (6 if victim == "all" else 3) * rig.times_slower:
                 time.sleep(0.02)
             if thread:
                 thread.release()

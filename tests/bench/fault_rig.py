@@ -1,5 +1,6 @@
 """What the faults of tests/bench/fault_kinds.py are done to: daemons with a service manager, a clock and a disk."""
 import contextlib
+import os
 import re
 import struct
 import subprocess
@@ -31,15 +32,16 @@ class Watched:
         self.recordings = Path(recordings)
         self.service = Service(rig.build / "tests/kinevoxd_failing_gpu", folder, rig.studio + more.format(folder=folder) +
                                f'[recording]\nfolder = "{recordings}"\nleast_free_mb = 4\nqueue_mb = 64\n',
-                               watchdog_s, rig.nice, environment)
+                               watchdog_s * rig.times_slower, rig.nice, environment)
         self.service.wait_ready()
         self.client = Client(self.service.address, timeout_s=30, operator="faults")
 
     def results(self):
         return int(self.client.status().message.results)
 
-    def wait_measuring(self, limit_s=60):
+    def wait_measuring(self):
         """Seconds until the daemon answers and a new result came."""
+        limit_s = 60 * self.rig.times_slower
         begin, first = time.monotonic(), None
         while time.monotonic() - begin < limit_s:
             with contextlib.suppress(KinevoxError):
@@ -80,8 +82,9 @@ class Watched:
 class Rig:
     """What the faults share: the daemon that lives through all but three of them, its clock and its disk."""
 
-    def __init__(self, build, folder, random, nice, size, fps, phase_s):
+    def __init__(self, build, folder, random, nice, size, fps, phase_s, times_slower):
         self.build, self.folder, self.random, self.nice = build, Path(folder), random, nice
+        self.times_slower = times_slower
         self.session = self.folder / "scene/session.toml"
         subprocess.run([build / "server/tools/kinevox-studio", "--motion", "walk", "--frames", "12", "--background-frames", "8",
                         "--cameras", "3", "--size", "320x240", "--no-masks", "--out", self.session.parent], check=True,
@@ -97,8 +100,9 @@ class Rig:
         subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={max(192, 1.5 * phase_mb):.0f}m", "tmpfs", str(self.disk)], check=True)
         self.clock = self.folder / "clock"
         self.step_clock(0)
+        preload = f"{os.environ.get('LD_PRELOAD', '')} {build / 'tests/step_clock.so'}"
         self.main = Watched(self, self.folder / "main", self.disk / "recordings",
-                            environment={"LD_PRELOAD": str(build / "tests/step_clock.so"), "KINEVOX_CLOCK_STEP": str(self.clock)})
+                            environment={"LD_PRELOAD": preload, "KINEVOX_CLOCK_STEP": str(self.clock)})
         self.main.wait_measuring()
 
     def step_clock(self, seconds):

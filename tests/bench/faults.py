@@ -2,7 +2,7 @@
 """All that goes wrong, over and over, in random order, on the studio's daemon: what does it lose, and how late is it?
 
 usage: faults.py [--minutes 60] [--round] [--phase-s 16] [--fps 60] [--size 240x180] [--seed 1] [--only FAULT ...]
-                 [--nice N] [--build build/release] [--results [FOLDER]]
+                 [--nice N] [--times-slower N] [--build build/release] [--results [FOLDER]]
 
 A round is each fault once: kill -9, a hang, a full disk, clock steps of an hour, vanishing cameras, a CUDA error, two busy
 loops a core; and a quiet phase. One daemon lives through all rounds; those that a fault ends, and those with cameras, are
@@ -10,6 +10,7 @@ daemons of their own. The script is the service manager: it hears sd_notify, sta
 it may. Bounds: every recording opens and has what it should (after an end all but the last second), nobody ends who should
 not, each daemon measures again, and with --minutes: latency from capture to result at its 99th percentile beside the
 loops at most twice the quiet one, resident memory that does not grow. --round: one round, without those two, as a test.
+--times-slower: how much longer to wait for what must come, of a build with sanitizers.
 The GPU is one that computes on the CPU and fails on demand; the clock is the daemon's alone (CLOCK_REALTIME). Needs
 network and mount namespaces; exit status 77 without. --results appends to faults.md."""
 import argparse
@@ -151,7 +152,7 @@ def run(arguments, folder):
     from fault_kinds import FAULTS, quiet   # which need the client that was built
     from fault_rig import Rig
     rig = Rig(arguments.build, folder, random.Random(arguments.seed), arguments.nice, arguments.size, arguments.fps,
-              arguments.phase_s)
+              arguments.phase_s, arguments.times_slower)
     tally, begun, rounds = Tally(), time.monotonic(), 0
     try:
         from kinevox import Client
@@ -178,6 +179,7 @@ def main():
     parser.add_argument("--size", default="240x180", type=lambda text: tuple(int(part) for part in text.split("x")))
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", action="append", help="a fault's name; again for more")
+    parser.add_argument("--times-slower", type=float, default=1)
     parser.add_argument("--nice", type=int, help="another priority than the unit's")
     parser.add_argument("--build", type=Path, default=REPOSITORY / "build/release")
     parser.add_argument("--results", type=Path, nargs="?", const=RESULTS)

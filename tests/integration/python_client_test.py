@@ -21,6 +21,7 @@ import kinevox  # noqa: E402
 from kinevox import AsyncClient, Client  # noqa: E402
 
 DAEMON = str(BUILD / "server/daemon/kinevoxd")
+FPS = 2 if BUILD.name in ("asan", "tsan") else 10   # a recording waits five seconds for a frame set's pose
 folder = daemon = recording = None
 recorded_poses = {}   # by sequence; of the recording "trial" and a few before and after
 
@@ -29,7 +30,7 @@ def setUpModule():
     global folder, daemon, recording
     folder = tempfile.TemporaryDirectory()
     unittest.addModuleCleanup(folder.cleanup)
-    daemon = StudioDaemon(DAEMON, folder.name)
+    daemon = StudioDaemon(DAEMON, folder.name, fps=FPS)
     unittest.addModuleCleanup(stop_daemon)   # also where what follows fails
     with Client(daemon.address) as client, client.poses(silence_s=60) as poses:
         next(pose for pose in poses if pose.found)
@@ -310,7 +311,8 @@ class Recorded(ClientTest):
         session = self.folder / "session.toml"
         with self.assertRaises(kinevox.NotFound):
             self.client.replay.open("/nowhere/session.toml")
-        with self.client.control("the replayer"), self.client.poses(silence_s=60) as poses:
+        with self.client.control("the replayer", timeout_s=600), self.client.poses(silence_s=60) as poses:
+            poses.wait_until_subscribed()
             try:
                 self.assertEqual(self.client.replay.open(session, paused=True).state, "paused")
                 for wanted in (0, 1, 2):

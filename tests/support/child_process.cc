@@ -11,6 +11,8 @@
 #include <sstream>
 #include <thread>
 
+#include "tests/support/patience.h"
+
 namespace kinevox::testing {
 namespace {
 
@@ -60,7 +62,7 @@ ChildProcess::~ChildProcess() {
 void ChildProcess::signal(int number) const { kill(id_, number); }
 
 std::optional<int> ChildProcess::wait(std::chrono::milliseconds limit) {
-    const auto end = std::chrono::steady_clock::now() + limit;
+    const auto end = std::chrono::steady_clock::now() + patient(limit);
     while (!status_) {
         int status = 0;
         if (waitpid(id_, &status, WNOHANG) == id_)

@@ -21,6 +21,7 @@
 #include "server/access/token_file.h"
 #include "server/api/api_server.h"
 #include "tests/support/fake_capture.h"
+#include "tests/support/patience.h"
 #include "tests/support/person_volume.h"
 #include "tests/support/small_session.h"
 
@@ -37,7 +38,7 @@ inline std::int64_t seconds_now() {
 // What `authorization` is sent with, once for each; the status that came back. `request`: the message's bytes.
 inline grpc::Status call(const std::shared_ptr<grpc::Channel>& channel, const std::string& path,
                          const std::vector<std::string>& authorization, const std::string& request = "",
-                         std::chrono::milliseconds limit = std::chrono::seconds(10)) {
+                         std::chrono::milliseconds limit = testing::patient(std::chrono::seconds(10))) {
     grpc::GenericStub stub(channel);
     grpc::CompletionQueue queue;
     grpc::ClientContext context;

@@ -6,6 +6,7 @@
 #include "kinevox/v1/capture_service.grpc.pb.h"
 #include "kinevox/v1/recording_service.grpc.pb.h"
 #include "tests/integration/access/access_fixture.h"
+#include "tests/support/patience.h"
 
 namespace kinevox {
 namespace {
@@ -59,7 +60,7 @@ class LimitsTest : public AccessTest {
     }
 
     void wait_for_streams(int count) const {
-        const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+        const auto end = std::chrono::steady_clock::now() + testing::patient(std::chrono::seconds(20));
         while (guard_->streams() != count && std::chrono::steady_clock::now() < end)
             std::this_thread::sleep_for(std::chrono::milliseconds(1));
         ASSERT_EQ(guard_->streams(), count);
@@ -68,7 +69,7 @@ class LimitsTest : public AccessTest {
     // The audit log's lines of a method, when there are as many as that.
     std::vector<nlohmann::json> lines_of(const std::string& method, std::size_t count) const {
         std::vector<nlohmann::json> lines;
-        const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(10);
+        const auto end = std::chrono::steady_clock::now() + testing::patient(std::chrono::seconds(10));
         do {
             lines.clear();
             std::istringstream text(audited());
@@ -87,7 +88,7 @@ TEST_F(LimitsTest, OnePastAThousandWatchersIsRefusedAtOnceAndAPlaceThatIsFreedIs
     wait_for_streams(1000);
     const auto before = std::chrono::steady_clock::now();
     const grpc::Status refused = Watcher(*service, "").wait_for_the_end();
-    EXPECT_LT(std::chrono::steady_clock::now() - before, std::chrono::milliseconds(500));
+    EXPECT_LT(std::chrono::steady_clock::now() - before, testing::patient(std::chrono::milliseconds(500)));
     EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
     EXPECT_THAT(refused.error_message(), AllOf(HasSubstr("1000"), HasSubstr("max_streams")));
     watchers.pop_back();
@@ -160,7 +161,7 @@ TEST_F(LimitsTest, ATokenThatExpiresEndsItsStreams) {
     wait_for_streams(1);
     guard_->tick();
     EXPECT_EQ(guard_->streams(), 1);
-    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(10);
+    const auto end = std::chrono::steady_clock::now() + testing::patient(std::chrono::seconds(10));
     while (guard_->streams() == 1 && std::chrono::steady_clock::now() < end) {
         guard_->tick();
         std::this_thread::sleep_for(std::chrono::milliseconds(20));

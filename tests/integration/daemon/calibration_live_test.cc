@@ -149,7 +149,8 @@ TEST_F(LiveCalibrationTest, AKnockedCameraIsRefinedFromThePersonWhoWalks) {
     seen = coach.wait([](const auto& progress) { return over(progress) || collecting(progress); });
     ASSERT_EQ(seen.state(), v1::PROCEDURE_STATE_SOLVED) << seen.message();
     const bool bad = seen.verdict() == v1::VERDICT_NO_GO;
-    ASSERT_TRUE(coach.apply(seen.calibration_id(), true, bad).ok());
+    const auto applied = coach.apply(seen.calibration_id(), true, bad);
+    ASSERT_TRUE(applied.ok()) << applied.status();
     EXPECT_LT(second_from_first_error_deg(*coach.client().cameras(), session.truth), 0.2);
     ASSERT_TRUE(coach.undo(true).ok());
     EXPECT_EQ(*coach.client().cameras(), before);

@@ -61,9 +61,11 @@ inline Picture wall(const Camera& camera, std::uint32_t seed) {
 // One operator at a daemon, who watches the procedure all the time.
 class Operator {
   public:
-    explicit Operator(const std::string& address) : client_({.server = address}) {
+    explicit Operator(const std::string& address)
+        : client_({.server = address, .timeout = patient(std::chrono::milliseconds(5'000))}) {
         v1::AcquireControlRequest request;
         request.set_name("coach");
+        request.set_timeout_ms(patient(std::chrono::milliseconds(30'000)).count());
         const auto lease = client_.acquire_control(request);
         if (lease.ok()) lease_ = lease->lease_id();
     }

@@ -12,6 +12,7 @@
 #include "common/calibration_file.h"
 #include "tests/integration/daemon/calibration_operator.h"
 #include "tests/integration/daemon/daemon_fixture.h"
+#include "tests/support/patience.h"
 
 namespace kinevox {
 namespace {
@@ -267,7 +268,7 @@ TEST_F(ReplayTest, WhatWasRecordedIsOpenedByItsNameAndNotRecordedAgain) {
         EXPECT_REFUSED(client.open_replay("coach", open), kFailedPrecondition, "\"walk\" is being recorded");
         EXPECT_REFUSED(client.open_replay("coach", recording("", true)), kFailedPrecondition, "kinevox record stop");
         const auto recorded = [&] {
-            for (int i = 0; i < 400; ++i, std::this_thread::sleep_for(std::chrono::milliseconds(25)))
+            for (int i = 0; i < testing::patient(400); ++i, std::this_thread::sleep_for(std::chrono::milliseconds(25)))
                 if (const auto now = client.recorder_status(); now.ok() && now->recording().frames() >= 10) return true;
             return false;
         };

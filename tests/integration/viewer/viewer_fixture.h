@@ -10,10 +10,11 @@
 #include "client/viewer/main_window.h"
 #include "client/viewer/scene_view.h"
 #include "tests/integration/daemon/daemon_fixture.h"
+#include "tests/support/patience.h"
 
 namespace kinevox::viewer {
 
-inline constexpr int kSoon_ms = 20'000;
+inline constexpr int kSoon_ms = testing::patient(20'000);
 
 // Pixels of the scene that are coloured, as only the person is.
 inline int coloured_pixels(const QImage& picture) {

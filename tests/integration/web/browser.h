@@ -13,6 +13,7 @@
 #include <string>
 
 #include "kinevox/web/v1/exhibit.pb.h"
+#include "tests/support/patience.h"
 
 namespace kinevox::testing {
 
@@ -53,7 +54,7 @@ class TestBrowser {
     }
 
     // The next message; nothing after `limit` or at the connection's end (`error` then).
-    std::optional<web::v1::GatewayMessage> read(std::chrono::milliseconds limit = std::chrono::seconds(20)) {
+    std::optional<web::v1::GatewayMessage> read(std::chrono::milliseconds limit = testing::patient(std::chrono::seconds(20))) {
         boost::beast::flat_buffer buffer;
         bool done = false;
         socket_.async_read(buffer, [&](boost::system::error_code e, std::size_t) { done = true, error = e; });
@@ -70,7 +71,7 @@ class TestBrowser {
     // The first message for which `good` holds; nothing if none comes in time.
     std::optional<web::v1::GatewayMessage> wait_for(
         const std::function<bool(const web::v1::GatewayMessage&)>& good,
-        std::chrono::seconds limit = std::chrono::seconds(20)) {
+        std::chrono::seconds limit = testing::patient(std::chrono::seconds(20))) {
         const auto end = std::chrono::steady_clock::now() + limit;
         while (std::chrono::steady_clock::now() < end) {
             auto message = read(limit);

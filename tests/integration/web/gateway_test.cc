@@ -61,7 +61,7 @@ class GatewayTest : public ::testing::Test {
     }
     template <typename Condition>
     static bool eventually(const Condition& condition) {
-        for (int n = 0; n < 1000 && !condition(); ++n) std::this_thread::sleep_for(10ms);
+        for (int n = 0; n < testing::patient(1000) && !condition(); ++n) std::this_thread::sleep_for(10ms);
         return condition();
     }
 
@@ -160,6 +160,7 @@ TEST_F(GatewayTest, ABrowserThatReadsSlowlyGetsTheNewestAndIsToldWhatItMissed) {
     daemon_ = std::make_unique<FakeDaemon>();
     daemon_->volume_padding = 400'000;
     daemon_->pause_ms = 1;
+    options_.stuck = testing::patient(options_.stuck), options_.silence = testing::patient(options_.silence);
     start();
     TestBrowser slow(gateway_->address()), quick(gateway_->address());
     slow.ask({TestBrowser::want(v1::KIND_VOLUMES)});

@@ -50,7 +50,7 @@ class LiveBodyFitTest : public ::testing::Test {
     }
     BodyFitProgress wait_for(BodyFitState state) {
         std::unique_lock lock(mutex_);
-        EXPECT_TRUE(changed_.wait_for(lock, std::chrono::seconds(60),
+        EXPECT_TRUE(changed_.wait_for(lock, testing::patient(std::chrono::seconds(60)),
                                       [&] { return !told_.empty() && told_.back().state == state; }));
         return told_.back();
     }
