@@ -27,6 +27,9 @@ if(KINEVOX_SANITIZE)
   add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-fsanitize=${KINEVOX_SANITIZE}>
                       $<$<COMPILE_LANGUAGE:CXX>:-fno-omit-frame-pointer>)
   add_link_options(-fsanitize=${KINEVOX_SANITIZE})
+  if(KINEVOX_SANITIZE STREQUAL "thread")
+    include_directories(BEFORE ${CMAKE_CURRENT_LIST_DIR}/../tests/sanitize)   # oneapi/tbb: loops that the sanitizer can follow
+  endif()
 endif()
 
 # kinevox_library(NAME SOURCES a.cc ... PUBLIC lib ... PRIVATE lib ...): a static library whose headers are

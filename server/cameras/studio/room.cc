@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include <tbb/parallel_for.h>
+#include <oneapi/tbb/parallel_for.h>
 
 #include "server/cameras/studio/hash_noise.h"
 #include "server/cameras/studio/lens.h"

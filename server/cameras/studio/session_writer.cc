@@ -2,8 +2,8 @@
 
 
 #include <fmt/format.h>
+#include <oneapi/tbb/parallel_for.h>
 #include <opencv2/imgcodecs.hpp>
-#include <tbb/parallel_for.h>
 
 #include "common/atomic_file.h"
 #include "common/calibration_file.h"

@@ -5,7 +5,7 @@
 
 #include <absl/status/status.h>
 #include <fmt/format.h>
-#include <tbb/parallel_for.h>
+#include <oneapi/tbb/parallel_for.h>
 
 #include "server/cameras/studio/body_raster.h"
 #include "server/cameras/studio/hash_noise.h"

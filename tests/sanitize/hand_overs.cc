@@ -1,0 +1,80 @@
+// Preloaded under the thread sanitizer. gRPC and Abseil, as Debian has them, are not instrumented, and Abseil's mutex is made of
+// atomics that the sanitizer does not see: what one thread hands to another through gRPC looks like a race. Here each of
+// their mutexes is told to it.
+#include <dlfcn.h>
+
+#include <string>
+
+#include <absl/base/options.h>
+#include <absl/synchronization/mutex.h>
+#include <absl/time/time.h>
+
+extern "C" {
+// Absent in programs without the sanitizer, which are given this library, too.
+__attribute__((weak)) void __tsan_acquire(void* address);
+__attribute__((weak)) void __tsan_release(void* address);
+}
+
+namespace {
+
+#define AS_TEXT(name) #name
+#define TEXT_OF(name) AS_TEXT(name)
+
+// The library's own function; `name` as it is mangled behind Abseil's namespace.
+template <class F>
+F real(const char* name) {
+    const std::string space = TEXT_OF(ABSL_OPTION_INLINE_NAMESPACE_NAME);
+    return reinterpret_cast<F>(dlsym(RTLD_NEXT, ("_ZN4absl" + std::to_string(space.size()) + space + name).c_str()));
+}
+
+void acquire(void* address) {
+    if (__tsan_acquire) __tsan_acquire(address);
+}
+void release(void* address) {
+    if (__tsan_release) __tsan_release(address);
+}
+
+}  // namespace
+
+void absl::Mutex::Lock() {
+    static const auto lock = real<void (*)(Mutex*)>("5Mutex4LockEv");
+    lock(this);
+    acquire(this);
+}
+
+void absl::Mutex::Unlock() {
+    static const auto unlock = real<void (*)(Mutex*)>("5Mutex6UnlockEv");
+    release(this);
+    unlock(this);
+}
+
+bool absl::Mutex::TryLock() {
+    static const auto try_lock = real<bool (*)(Mutex*)>("5Mutex7TryLockEv");
+    const bool locked = try_lock(this);
+    if (locked) acquire(this);
+    return locked;
+}
+
+void absl::CondVar::Wait(Mutex* mutex) {
+    static const auto wait = real<void (*)(CondVar*, Mutex*)>("7CondVar4WaitEPNS0_5MutexE");
+    release(mutex);
+    wait(this, mutex);
+    acquire(mutex);
+}
+
+bool absl::CondVar::WaitWithTimeout(Mutex* mutex, Duration timeout) {
+    static const auto wait =
+        real<bool (*)(CondVar*, Mutex*, Duration)>("7CondVar15WaitWithTimeoutEPNS0_5MutexENS0_8DurationE");
+    release(mutex);
+    const bool timed_out = wait(this, mutex, timeout);
+    acquire(mutex);
+    return timed_out;
+}
+
+bool absl::CondVar::WaitWithDeadline(Mutex* mutex, Time deadline) {
+    static const auto wait = real<bool (*)(CondVar*, Mutex*, Time)>("7CondVar16WaitWithDeadlineEPNS0_5MutexENS0_4TimeE");
+    release(mutex);
+    const bool timed_out = wait(this, mutex, deadline);
+    acquire(mutex);
+    return timed_out;
+}

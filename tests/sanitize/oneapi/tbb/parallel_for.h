@@ -1,0 +1,56 @@
+// In the place of oneTBB's header of this name under the thread sanitizer, which cannot see how oneTBB's own library (Debian's,
+// not instrumented) hands work from thread to thread: the same loops on threads of the standard library, so that races of the
+// bodies are found, with each other and with what comes before and after them.
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <cstddef>
+#include <future>
+#include <type_traits>
+#include <vector>
+
+#include <oneapi/tbb/blocked_range.h>
+#include <oneapi/tbb/partitioner.h>
+
+namespace kinevox::sanitize {
+
+inline constexpr int kThreads = 3;
+
+// one_piece(n) of each n below `pieces`, in any order, on any of the threads.
+template <class F>
+void share_out(std::size_t pieces, const F& one_piece) {
+    std::atomic<std::size_t> next = 0;
+    const auto work = [&] {
+        for (std::size_t n = next++; n < pieces; n = next++) one_piece(n);
+    };
+    std::vector<std::future<void>> others;
+    for (std::size_t t = 1; t < std::min<std::size_t>(kThreads, pieces); ++t)
+        others.push_back(std::async(std::launch::async, work));
+    work();
+    for (auto& other : others) other.get();
+}
+
+}  // namespace kinevox::sanitize
+
+namespace tbb {
+
+template <class Index, class F, class... Partitioner>
+    requires std::is_integral_v<Index>
+void parallel_for(Index begin, std::type_identity_t<Index> end, const F& body, Partitioner&&...) {
+    if (begin < end)
+        kinevox::sanitize::share_out(static_cast<std::size_t>(end - begin),
+                                     [&](std::size_t n) { body(static_cast<Index>(begin + static_cast<Index>(n))); });
+}
+
+template <class Range, class F, class... Partitioner>
+    requires(!std::is_integral_v<Range>)
+void parallel_for(const Range& range, const F& body, Partitioner&&...) {
+    const std::size_t size = range.size(), grain = range.grainsize();
+    kinevox::sanitize::share_out((size + grain - 1) / grain, [&](std::size_t n) {
+        const auto first = range.begin() + n * grain;
+        body(Range(first, first + std::min(grain, size - n * grain), grain));
+    });
+}
+
+}  // namespace tbb
