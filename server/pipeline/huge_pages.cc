@@ -4,6 +4,9 @@
 
 #ifdef __linux__
 #include <unistd.h>
+
+#include <filesystem>
+#include <system_error>
 #endif
 
 namespace kinevox {
@@ -15,7 +18,10 @@ void restart_with_huge_pages([[maybe_unused]] char** arguments) {
     // pages and would be returned and cleared again with every frame.
     setenv("GLIBC_TUNABLES",
            "glibc.malloc.hugetlb=1:glibc.malloc.mmap_threshold=67108864:glibc.malloc.top_pad=16777216", 0);
-    execv("/proc/self/exe", arguments);  // returns only where it fails: small pages do as well
+    // By its own path: ps, top and the service manager call a process as the last part of what was executed.
+    std::error_code error;
+    const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", error);
+    if (!error) execv(self.c_str(), arguments);  // returns only where it fails: small pages do as well
 #endif
 }
 

@@ -114,6 +114,7 @@ class Packages(unittest.TestCase):
             ready = daemon.stdout.readline()
             log.seek(0)
             self.assertRegex(ready, "^ready on ", log.read())
+            self.assertEqual(Path(f"/proc/{daemon.pid}/comm").read_text(), "kinevoxd\n")
             environment["KINEVOX_SERVER"] = ready.split()[-1]
             angles = run("kinevox", "stream", "angles", "--format", "csv", "--frames", "30", env=environment, timeout=200).splitlines()
             self.assertEqual(len(angles), 31)
