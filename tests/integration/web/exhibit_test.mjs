@@ -155,7 +155,8 @@ const steps = {
     const refused = await until("a refusal", async () => (await stats()).refused[0]);
     assert.match(refused, /^PERMISSION_DENIED: camera pictures are never given/);
     await page.reload();
-    await until("a visitor again", async () => (await stats())?.present);
+    // The invitation goes with the next picture: until then it says nothing of what comes.
+    await until("a visitor again", async () => (await stats())?.present && !(await attract()));
   },
 
   async "invites when nobody is there, and says why nothing comes"() {
