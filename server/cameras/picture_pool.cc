@@ -5,11 +5,6 @@
 #include <vector>
 
 namespace kinevox {
-namespace {
-
-constexpr std::size_t kBehind = 64;   // vector code, libswscale's above all, may touch some bytes behind a picture
-
-}  // namespace
 
 struct PicturePool::Shelf {
     std::size_t bytes = 0, keep = 0;
@@ -33,7 +28,7 @@ std::shared_ptr<std::uint8_t[]> PicturePool::take() {
             shelf_->idle.pop_back();
         }
     }
-    if (!buffer) buffer = std::make_unique_for_overwrite<std::uint8_t[]>(shelf_->bytes + kBehind);
+    if (!buffer) buffer = std::make_unique_for_overwrite<std::uint8_t[]>(shelf_->bytes + kBytesBehindPicture);
     return {buffer.release(), [shelf = shelf_](std::uint8_t* data) {
                 std::unique_ptr<std::uint8_t[]> back(data);
                 const std::lock_guard lock(shelf->mutex);

@@ -3,19 +3,19 @@
 #include <algorithm>
 
 #include "server/cameras/libav.h"
+#include "server/cameras/picture_pool.h"
 
 namespace kinevox {
 namespace {
 
-constexpr int kLastRows = 2;            // those that share a row of colour
-constexpr std::size_t kBehind = 64;     // the scaler's vector code reads some bytes behind the row it converts
+constexpr int kLastRows = 2;   // those that share a row of colour
 
 }  // namespace
 
 void YuvOfBgr::Free::operator()(SwsContext* scaler) const { sws_freeContext(scaler); }
 
 YuvOfBgr::YuvOfBgr(int width, int height)
-    : width_(width), height_(height), last_rows_(static_cast<std::size_t>(kLastRows) * 3 * width + kBehind) {
+    : width_(width), height_(height), last_rows_(static_cast<std::size_t>(kLastRows) * 3 * width + kBytesBehindPicture) {
     scaler_.reset(sws_getContext(width, height, AV_PIX_FMT_BGR24, width, height, AV_PIX_FMT_YUV420P,
                                  SWS_AREA | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INP, nullptr, nullptr, nullptr));
 }

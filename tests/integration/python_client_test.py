@@ -21,7 +21,6 @@ import kinevox  # noqa: E402
 from kinevox import AsyncClient, Client  # noqa: E402
 
 DAEMON = str(BUILD / "server/daemon/kinevoxd")
-FPS = 2 if BUILD.name in ("asan", "tsan") else 10   # a recording waits five seconds for a frame set's pose
 folder = daemon = recording = None
 recorded_poses = {}   # by sequence; of the recording "trial" and a few before and after
 
@@ -30,7 +29,7 @@ def setUpModule():
     global folder, daemon, recording
     folder = tempfile.TemporaryDirectory()
     unittest.addModuleCleanup(folder.cleanup)
-    daemon = StudioDaemon(DAEMON, folder.name, fps=FPS)
+    daemon = StudioDaemon(DAEMON, folder.name)
     unittest.addModuleCleanup(stop_daemon)   # also where what follows fails
     with Client(daemon.address) as client, client.poses(silence_s=60) as poses:
         next(pose for pose in poses if pose.found)

@@ -21,9 +21,9 @@ class ChildProcess {
     ChildProcess& operator=(const ChildProcess&) = delete;
 
     void signal(int number) const;
-    // The exit status, 128 + n after signal n; nothing if it still runs after `limit`.
+    // The exit status, 128 + n after signal n; nothing if it still runs after patient(`limit`).
     std::optional<int> wait(std::chrono::milliseconds limit);
-    // Waits until standard output has a whole first line, or the program has ended, or ten seconds.
+    // Waits until standard output has a whole first line, or the program has ended, or patient(ten seconds).
     std::string first_line();
 
     std::string output() const;

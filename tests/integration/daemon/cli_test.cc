@@ -7,7 +7,6 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/integration/daemon/daemon_fixture.h"
-#include "tests/support/patience.h"
 #include "tests/support/small_bvh.h"
 
 namespace kinevox {
@@ -131,7 +130,7 @@ TEST_F(CliTest, FitsTheBodyOfWhoIsSeen) {
 
     // What was kept is what the next daemon begins with.
     daemon->signal(SIGTERM);
-    EXPECT_EQ(daemon->wait(testing::patient(std::chrono::milliseconds(2000))), 0) << daemon->errors();
+    EXPECT_EQ(daemon->wait(std::chrono::milliseconds(2000)), 0) << daemon->errors();
     const auto next = start_daemon(
         session_config("127.0.0.1:0", "autostart = false\n", "database = \"\"\nbody = \"kept/body.toml\""));
     EXPECT_EQ(json::parse(kinevox({"body", "show", "--json"}).output)["body"]["stature"]["value_m"],

@@ -8,7 +8,6 @@
 #include <gmock/gmock.h>
 
 #include "tests/integration/daemon/daemon_fixture.h"
-#include "tests/support/patience.h"
 
 namespace kinevox {
 namespace {
@@ -17,7 +16,6 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using testing::ChildProcess;
 using testing::DaemonTest;
-using testing::patient;
 
 TEST_F(DaemonTest, ServesASessionAndStopsOnSigterm) {
     const auto daemon = start_daemon(session_config("127.0.0.1:0"));
@@ -38,7 +36,7 @@ TEST_F(DaemonTest, ServesASessionAndStopsOnSigterm) {
     const auto begin = std::chrono::steady_clock::now();
     daemon->signal(SIGTERM);
     daemon->signal(SIGTERM);   // a second one changes nothing
-    EXPECT_EQ(daemon->wait(patient(std::chrono::milliseconds(2000))), 0) << daemon->errors();
+    EXPECT_EQ(daemon->wait(std::chrono::milliseconds(2000)), 0) << daemon->errors();
     RecordProperty("stopped_within_ms", static_cast<int>(std::chrono::duration_cast<std::chrono::milliseconds>(
                                             std::chrono::steady_clock::now() - begin).count()));
     const absl::Status ended = stream.get();
@@ -61,7 +59,7 @@ TEST_F(DaemonTest, StopsInTimeAlthoughASubscriberReadsNothing) {
     });
     first.get_future().wait();
     daemon->signal(SIGTERM);
-    EXPECT_EQ(daemon->wait(patient(std::chrono::milliseconds(2000))), 0) << daemon->errors();
+    EXPECT_EQ(daemon->wait(std::chrono::milliseconds(2000)), 0) << daemon->errors();
     leave.set_value();
     stream.get().IgnoreError();
 }
@@ -82,7 +80,7 @@ TEST_F(DaemonTest, StopsInTimeAlthoughASubscriberWantsFewMessages) {
     first.get_future().wait();
     std::this_thread::sleep_for(std::chrono::milliseconds(300));   // until the next result is ready and has to wait
     daemon->signal(SIGTERM);
-    EXPECT_EQ(daemon->wait(patient(std::chrono::milliseconds(2000))), 0) << daemon->errors();
+    EXPECT_EQ(daemon->wait(std::chrono::milliseconds(2000)), 0) << daemon->errors();
     stream.get().IgnoreError();
 }
 
@@ -177,7 +175,7 @@ TEST_F(DaemonTest, BuildsItsPoseDatabaseOnceAndReadsItAfterwards) {
         EXPECT_TRUE(std::filesystem::exists(file));
         wait_for_a_volume(client);   // with candidates from it
         daemon->signal(SIGTERM);
-        EXPECT_EQ(daemon->wait(patient(std::chrono::milliseconds(2000))), 0) << daemon->errors();
+        EXPECT_EQ(daemon->wait(std::chrono::milliseconds(2000)), 0) << daemon->errors();
     }
     // Damage is told and repaired.
     std::filesystem::resize_file(file, 1000);
@@ -193,7 +191,7 @@ TEST_F(DaemonTest, StopsInTimeWheneverTheSignalComes) {
         const auto daemon = start_daemon(session_config("127.0.0.1:0", "", pose));
         std::this_thread::sleep_for(std::chrono::milliseconds(after_ms));   // the moment is what is tested
         daemon->signal(SIGTERM);
-        EXPECT_EQ(daemon->wait(patient(std::chrono::milliseconds(2000))), 0) << after_ms << " ms: " << daemon->errors();
+        EXPECT_EQ(daemon->wait(std::chrono::milliseconds(2000)), 0) << after_ms << " ms: " << daemon->errors();
     }
 }
 
@@ -203,7 +201,7 @@ TEST_F(DaemonTest, StopsInTimeWhileThePoseDatabaseIsBuilt) {
     client::Client client({.server = address_});
     wait_for_a_volume(client);
     daemon->signal(SIGTERM);
-    EXPECT_EQ(daemon->wait(patient(std::chrono::milliseconds(2000))), 0) << daemon->errors();
+    EXPECT_EQ(daemon->wait(std::chrono::milliseconds(2000)), 0) << daemon->errors();
     EXPECT_FALSE(std::filesystem::exists(folder_.path() / "poses.kvxposes"));
 }
 
