@@ -14,6 +14,7 @@
 #include <oneapi/tbb/global_control.h>
 #include <spdlog/spdlog.h>
 
+#include "common/background_priority.h"
 #include "common/config.h"
 #include "common/loopback.h"
 #include "server/api/api_server.h"
@@ -41,6 +42,10 @@ namespace {
 
 using namespace kinevox;
 namespace asio = boost::asio;
+
+// Where the service manager gives the daemon priority, it is for the capture: a thousand watchers would otherwise slow it down,
+// and on one machine starve themselves of what they are sent.
+constexpr int kServingNicer = 10;
 using MakeGpu = std::function<std::unique_ptr<const kernels::StageMaker>()>;
 
 int fail(std::string message) {
@@ -150,13 +155,14 @@ int serve(const DaemonConfig& given, bool serve_everyone, const MakeGpu& make_gp
     asio::thread_pool calibrating(1);   // calibrations' files
     asio::thread_pool recordings(1);    // recordings' files
     asio::thread_pool exports(1);       // in other programs' formats
-    asio::thread_pool encoders(2);   // volumes and pictures, and the streams' writes
+    std::optional<asio::thread_pool> encoders;   // volumes and pictures, and the streams' writes
+    with_nicer_threads(kServingNicer, [&] { encoders.emplace(2); });
     FairShare share(newest_per_s(config.stream));
     ApiContext api{.runner = runner,
                    .hub = hub,
                    .lease = lease,
                    .control = control.get_executor(),
-                   .encoders = encoders.get_executor(),
+                   .encoders = encoders->get_executor(),
                    .clock = io.get_executor(),
                    .poses = poses ? &*poses : nullptr,
                    .pose_watch = &pose_watch,
@@ -179,7 +185,8 @@ int serve(const DaemonConfig& given, bool serve_everyone, const MakeGpu& make_gp
                    .gpu = gpu.get(),
                    .source_description = describe(config.source)};
     apply(config.stream, api);
-    auto server = ApiServer::listen(config.server.listen, api, *server_options);
+    absl::StatusOr<std::unique_ptr<ApiServer>> server;
+    with_nicer_threads(kServingNicer, [&] { server = ApiServer::listen(config.server.listen, api, *server_options); });
     if (!server.ok()) return fail(server.status());
     std::unique_ptr<metrics::HttpEndpoint> endpoint;
     if (!config.metrics.listen.empty()) {
@@ -237,7 +244,7 @@ int serve(const DaemonConfig& given, bool serve_everyone, const MakeGpu& make_gp
     recordings.join();
     exports.join();
     runner.stop().IgnoreError();                           // its threads; FailedPrecondition if nothing runs
-    encoders.join();
+    encoders->join();
     recorder->close();                                     // what is being recorded is finished
     procedure.reset();                                     // its thread ends at its next step
     body_fit.reset();                                      // its thread ends at its next frame set
