@@ -28,7 +28,7 @@ if(KINEVOX_SANITIZE)
                       $<$<COMPILE_LANGUAGE:CXX>:-fno-omit-frame-pointer>)
   add_link_options(-fsanitize=${KINEVOX_SANITIZE})
   if(KINEVOX_SANITIZE STREQUAL "thread")
-    include_directories(BEFORE ${CMAKE_CURRENT_LIST_DIR}/../tests/sanitize)   # oneapi/tbb: loops that the sanitizer can follow
+    include_directories(BEFORE ${CMAKE_CURRENT_LIST_DIR}/../tests/sanitize/headers)   # in the place of libraries' own
   endif()
 endif()
 

@@ -23,6 +23,7 @@ absl::Status Common::open() {
 
 void add_common_options(CLI::App& verb, Common& common) {
     verb.add_option("--timeout", common.timeout_s, "Seconds to wait for the daemon's answer")
+        ->envname("KINEVOX_TIMEOUT")
         ->check(CLI::Range(0.001, 86400.0))
         ->capture_default_str();
     verb.add_flag("--json", common.json, "JSON on standard output");
