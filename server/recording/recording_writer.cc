@@ -13,7 +13,8 @@ namespace kinevox {
 namespace {
 
 constexpr std::size_t kMostWaitingResults = 256;
-constexpr double kLongestWithoutResult_s = 5;
+// What waits for its result costs little without its pictures, which are written; with them less is kept.
+constexpr double kLongestWithoutResult_s = 60, kLongestWithPictures_s = 5;
 constexpr std::chrono::milliseconds kCheckSpaceEvery{250};
 
 }  // namespace
@@ -28,6 +29,7 @@ void RecordingWriter::take(std::shared_ptr<const EncodedSet> set) {
         entries_bytes_ = 0;
         shortened_ = false;
         run_ = set->run;
+        awaited_from_ = 0;
     }
     if (!set->status.ok()) {
         if (folder_) fail(set->status);
@@ -57,6 +59,7 @@ void RecordingWriter::join_results() {
     while (!results_.empty() && !too_early(results_.front())) {
         ResultOfSet result = std::move(results_.front());   // a recording that fails meanwhile drops those that wait
         results_.pop_front();
+        if (result.run == run_) awaited_from_ = result.sequence + 1;
         const auto found = std::ranges::lower_bound(entries_, result.sequence, {},
                                                     [](const Entry& entry) { return entry.set->sequence; });
         if (result.run == run_ && found != entries_.end() && found->set->sequence == result.sequence &&
@@ -72,10 +75,12 @@ void RecordingWriter::join_results() {
 }
 
 void RecordingWriter::trim() {
-    const auto over = [this] {
+    const double longest_wait_s = options_.keep_last_s > 0 ? kLongestWithPictures_s : kLongestWithoutResult_s;
+    const auto over = [this, longest_wait_s] {
         const Entry& oldest = entries_.front();
         const double age_s = 1e-9 * static_cast<double>(entries_.back().set->capture_time_ns - oldest.set->capture_time_ns);
-        if (folder_ && oldest.frame && !oldest.has_result && age_s < kLongestWithoutResult_s) return false;
+        const bool awaited = folder_ && oldest.frame && !oldest.has_result && oldest.set->sequence >= awaited_from_;
+        if (awaited && age_s < longest_wait_s) return false;
         if (options_.keep_last_s == 0) return true;
         if (age_s > options_.keep_last_s) return true;
         return entries_bytes_ > options_.keep_last_bytes && (shortened_ = true);

@@ -82,6 +82,7 @@ class RecordingWriter {
     bool shortened_ = false;
     std::deque<ResultOfSet> results_;             // whose sets are still being encoded
     std::uint64_t run_ = 0, next_number_ = 0;
+    std::uint64_t awaited_from_ = 0;              // the first sequence whose result is still to come; they come in order
     std::unique_ptr<RecordingFolder> folder_;     // null: no recording
     std::filesystem::path path_;                  // of it
     std::uint64_t first_number_ = 0;

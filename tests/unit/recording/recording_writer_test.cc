@@ -26,6 +26,7 @@ class FullFolder final : public RecordingFolder {
     const std::filesystem::path& path() const override { return path_; }
     const SessionRecording& about() const override { return about_; }
     RecordingInfo info() const override { return {.name = "full", .about = about_}; }
+    int room() const { return room_; }
 
   private:
     const std::filesystem::path path_ = std::filesystem::temp_directory_path() / "full";
@@ -73,6 +74,27 @@ TEST(RecordingWriter, ARecordingWhoseResultsDoNotFitEndsOnce) {
         EXPECT_TRUE(writer.has_all_results());
         EXPECT_EQ(writer.end(0, "").about.end_reason, "");
     }
+}
+
+TEST(RecordingWriter, ResultsOfASlowMachineAreWaitedForAndThoseThatNeverComeAreNot) {
+    RecorderOptions options;
+    options.least_free_bytes = 0;
+    RecordingWriter writer(options, [](const RecordingInfo&) { FAIL() << "ended"; });
+    auto made = std::make_unique<FullFolder>(100);
+    const FullFolder& folder = *made;
+    writer.begin(std::move(made), 0);
+    for (std::uint64_t n = 0; n < 3000; ++n) writer.take(set_of(n));   // 30 s
+    writer.take(ResultOfSet{1, 0, nullptr, nullptr});
+    EXPECT_EQ(folder.room(), 99);
+    EXPECT_FALSE(writer.has_all_results());
+    writer.take(ResultOfSet{1, 2998, nullptr, nullptr});   // the pipeline took none of those between
+    EXPECT_EQ(folder.room(), 98);
+    EXPECT_FALSE(writer.has_all_results());
+    writer.take(ResultOfSet{1, 2999, nullptr, nullptr});
+    EXPECT_TRUE(writer.has_all_results());
+    for (std::uint64_t n = 3000; n < 10'000; ++n) writer.take(set_of(n));   // 70 s, and the pipeline hangs
+    writer.take(ResultOfSet{1, 3000, nullptr, nullptr});
+    EXPECT_EQ(folder.room(), 97) << "it is not waited for for ever";
 }
 
 }  // namespace
