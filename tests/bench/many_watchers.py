@@ -2,12 +2,13 @@
 """Many watchers on one daemon: what the capture loses by them and how late they get their messages.
 
 usage: many_watchers.py [--poses 25] [--volumes 25] [--stalled 0] [--source walk|studio] [--fps 30] [--seconds 20]
-                        [--lossless] [--fast] [--most-behind MS] [--most-delivery MS] [--fewest N] [--nice N]
+                        [--lossless] [--grpc] [--fast] [--most-behind MS] [--most-delivery MS] [--fewest N] [--nice N]
                         [--results FOLDER] [--name many_watchers]
 
 Starts kinevoxd on a studio sequence from shared/data at its own speed (or on the daemon's own virtual studio with small
 pictures at --fps, where poses are wanted faster than the sequence has them), reads its rate with nobody watching, then
-with all of them (tests/bench/watchers, each on a connection of its own, on the same machine). "Behind" counts from the
+with all of them (tests/bench/watchers, each on a connection of its own, on the same machine; --grpc: with the client of
+gRPC's own library, which takes more of the processor than the daemon spends on it). "Behind" counts from the
 capture to the message decoded in the watcher; "delivery" from the moment the daemon had it ready. Bounds: the rate falls by
 less than 10 %, 99 of 100 messages are at most --most-behind (200) and delivered within --most-delivery, nobody gets fewer
 than --fewest a second. Appends to NAME.md. --fast: the recording as fast as it
@@ -60,7 +61,7 @@ def watchers(address, arguments, seconds):
     command = [BUILD / "tests/bench/watchers", "--server", address, "--poses", str(arguments.poses), "--volumes",
                str(arguments.volumes), "--stalled", str(arguments.stalled), "--seconds", str(seconds), "--warm-up",
                str(3 + arguments.poses / 200)]
-    return command + (["--lossless"] if arguments.lossless else [])
+    return command + [f"--{name}" for name in ("lossless", "grpc") if getattr(arguments, name)]
 
 
 def row(name, of):
@@ -79,6 +80,7 @@ def main():
     parser.add_argument("--fps", type=float, default=60.0)
     parser.add_argument("--seconds", type=float, default=20)
     parser.add_argument("--lossless", action="store_true")
+    parser.add_argument("--grpc", action="store_true")
     parser.add_argument("--most-behind", type=float, default=200.0)
     parser.add_argument("--most-delivery", type=float, default=float("inf"))
     parser.add_argument("--fewest", type=float, default=0)
