@@ -43,6 +43,11 @@ namespace {
 using namespace kinevox;
 namespace asio = boost::asio;
 
+// Nothing may log any more.
+struct LogEnd {
+    ~LogEnd() { spdlog::shutdown(); }
+};
+
 // Where the service manager gives the daemon priority, it is for the capture: a thousand watchers would otherwise slow it down,
 // and on one machine starve themselves of what they are sent.
 constexpr int kServingNicer = 10;
@@ -63,6 +68,7 @@ int serve(const DaemonConfig& given, bool serve_everyone, const MakeGpu& make_gp
 
     // What can fail, before anyone is told that the daemon is there.
     if (const absl::Status logging = set_up_logging(given.log); !logging.ok()) return fail(logging);
+    const LogEnd after_all_below;   // cameras and the stored background have threads until they are destroyed, and log
     const DaemonConfig config = with_fitted_body(given);
     StoredBackground background(background_folder(config), [](const std::string& what) { spdlog::info("{}", what); });
     const auto open = [&config, &background]() -> absl::StatusOr<std::unique_ptr<FrameSource>> {
@@ -254,7 +260,6 @@ int serve(const DaemonConfig& given, bool serve_everyone, const MakeGpu& make_gp
     lease_clock.stop();
     status_log.stop();
     spdlog::info("stopped");
-    spdlog::shutdown();
     return 0;
 }
 
