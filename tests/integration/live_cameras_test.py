@@ -70,6 +70,7 @@ class LiveCameras(unittest.TestCase):
         daemon = Daemon(self.folder.name,
                         cameras_toml(NAMES, self.calibration, 'trigger = "external"\npixel_format = "BayerRG8"\n') + LIGHT,
                         BUILD / "server/daemon/kinevoxd", BUILD / "client/cli/kinevox")
+        self.addCleanup(daemon.end)
         wait_until("all deliver", lambda: all(link and link["connected"] for link in daemon.links()))
         daemon.kinevox("learn-background", "--frames", "16")
         empty.unlink()
@@ -113,6 +114,7 @@ class LiveCameras(unittest.TestCase):
                         for n, name in enumerate(NAMES, 1)]
         text = cameras_toml(NAMES, self.calibration, 'trigger = "external"\npixel_format = "BayerRG8"\n') + LIGHT
         daemon = Daemon(self.folder.name, text, BUILD / "server/daemon/kinevoxd", BUILD / "client/cli/kinevox")
+        self.addCleanup(daemon.end)
         wait_until("all deliver", lambda: all(link and link["connected"] for link in daemon.links()))
         daemon.kinevox("learn-background", "--frames", "16")
         stored = Path(self.folder.name) / "kinevox/background"
@@ -121,6 +123,7 @@ class LiveCameras(unittest.TestCase):
         daemon.stop()
         empty.unlink()   # from now on somebody stands there: it could not be learned again
         daemon = Daemon(self.folder.name, text, BUILD / "server/daemon/kinevoxd", BUILD / "client/cli/kinevox")
+        self.addCleanup(daemon.end)
         wait_until("somebody is tracked", lambda: daemon.status().get("subject"))
         learned = [event["message"] for event in daemon.events("background_learned")]
         self.assertEqual(len(learned), 1, learned)

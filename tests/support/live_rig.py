@@ -107,6 +107,12 @@ class Daemon:
     def resident_mb(self):
         return resident_mb(self.process.pid)
 
+    def end(self):
+        """However a test ends: what is still there goes."""
+        for process in (self.process, self.events_process):
+            process.kill()
+            process.wait()
+
     def stop(self):
         """Returns the seconds that it took."""
         begin = time.monotonic()
