@@ -78,3 +78,35 @@ bool absl::CondVar::WaitWithDeadline(Mutex* mutex, Time deadline) {
     acquire(mutex);
     return timed_out;
 }
+
+// Qt's signals from thread to thread, and the events that they come as. By their mangled names, for programs without Qt. Whatever
+// was done before a signal counts as done before every later event: a little too much, where a lock of each queue would be exact.
+namespace {
+
+char signals;
+
+template <class F>
+F qt(const char* name) {
+    return reinterpret_cast<F>(dlsym(RTLD_NEXT, name));
+}
+
+}  // namespace
+
+#define QT_ACTIVATE "_ZN11QMetaObject8activateEP7QObjectPKS_iPPv"
+extern "C" void qt_activate(void* sender, const void* type, int signal, void** values) __asm__(QT_ACTIVATE);
+extern "C" void qt_activate(void* sender, const void* type, int signal, void** values) {
+    static const auto activate = qt<void (*)(void*, const void*, int, void**)>(QT_ACTIVATE);
+    release(&signals);
+    activate(sender, type, signal, values);
+}
+
+#define QT_EVENT(function, mangled)                                                    \
+    extern "C" bool function(void* receiver, void* event) __asm__(mangled);            \
+    extern "C" bool function(void* receiver, void* event) {                            \
+        static const auto take = qt<bool (*)(void*, void*)>(mangled);                  \
+        acquire(&signals);                                                             \
+        return take(receiver, event);                                                  \
+    }
+QT_EVENT(qt_object_event, "_ZN7QObject5eventEP6QEvent")
+QT_EVENT(qt_widget_event, "_ZN7QWidget5eventEP6QEvent")
+QT_EVENT(qt_main_window_event, "_ZN11QMainWindow5eventEP6QEvent")
