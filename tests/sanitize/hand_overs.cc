@@ -1,6 +1,6 @@
 // Preloaded under the thread sanitizer. gRPC and Abseil, as Debian has them, are not instrumented, and Abseil's mutex is made of
 // atomics that the sanitizer does not see: what one thread hands to another through gRPC looks like a race. Here each of
-// their mutexes is told to it.
+// their mutexes is told to it; and Qt's signals, below.
 #include <dlfcn.h>
 
 #include <string>
