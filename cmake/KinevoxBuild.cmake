@@ -19,6 +19,7 @@ if(CCACHE_PROGRAM)
 endif()
 
 set(KINEVOX_SANITIZE "" CACHE STRING "Sanitizers for everything: address,undefined or thread")
+option(KINEVOX_SANITIZE_KERNELS "The kernels, too: they take most of the time, and have no threads but their loops'" ON)
 
 add_library(kinevox_build_options INTERFACE)
 target_compile_options(kinevox_build_options INTERFACE

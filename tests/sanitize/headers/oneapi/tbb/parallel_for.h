@@ -6,29 +6,38 @@
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
-#include <future>
+#include <exception>
 #include <type_traits>
-#include <vector>
 
 #include <oneapi/tbb/blocked_range.h>
 #include <oneapi/tbb/partitioner.h>
 
+#include "loop_crew.h"
+
 namespace kinevox::sanitize {
 
-inline constexpr int kThreads = 3;
+inline constexpr std::size_t kThreads = 3;   // at a loop, the caller's among them
 
-// one_piece(n) of each n below `pieces`, in any order, on any of the threads.
+// one_piece(n) of each n below `pieces`, in any order, on any of the threads. Throws what a piece throws, when all have ended.
 template <class F>
 void share_out(std::size_t pieces, const F& one_piece) {
     std::atomic<std::size_t> next = 0;
+    // Relaxed: a piece does not see what another has done, and the sanitizer is not to believe it.
     const auto work = [&] {
-        for (std::size_t n = next++; n < pieces; n = next++) one_piece(n);
+        for (auto n = next.fetch_add(1, std::memory_order_relaxed); n < pieces; n = next.fetch_add(1, std::memory_order_relaxed))
+            one_piece(n);
     };
-    std::vector<std::future<void>> others;
-    for (std::size_t t = 1; t < std::min<std::size_t>(kThreads, pieces); ++t)
-        others.push_back(std::async(std::launch::async, work));
-    work();
-    for (auto& other : others) other.get();
+    if (pieces < 2) return work();
+    LoopCrew::Loop loop{.work = work, .wanted = std::min(kThreads, pieces) - 1};
+    loop_crew().invite(loop);
+    try {
+        work();
+    } catch (...) {
+        loop_crew().close(loop);
+        throw;
+    }
+    loop_crew().close(loop);
+    if (loop.thrown) std::rethrow_exception(loop.thrown);
 }
 
 }  // namespace kinevox::sanitize
