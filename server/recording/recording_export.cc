@@ -141,7 +141,7 @@ absl::StatusOr<ExportedFiles> export_recording(const fs::path& from, const Expor
                 "{}: no volumes were recorded with it; `kinevox process --save volumes` writes them", from.string()));
         return write_volumes(source->session->recording->volumes, options, out, stop);
     }
-    auto trial = read_trial(source->tables);
+    auto trial = read_trial(source->tables, source->session ? source->session->fps : 0);
     if (!trial.ok()) return trial.status();
     if (source->session && source->session->recording) trial->name = source->session->name;
     if (options.anonymous) trial->name = kAnonymous;
@@ -168,6 +168,9 @@ absl::StatusOr<ExportedFiles> export_recording(const fs::path& from, const Expor
     if (options.turn_rad != 0) turn_trial(*trial, options.turn_rad);
     const auto bytes = text_of(*trial, options, out, written.remark);
     if (!bytes.ok()) return bytes.status();
+    if (trial->most_beside_s > 0 && written.remark.empty())
+        written.remark = fmt::format("the cameras' beat was not even: times are moved by {:.0f} ms at most",
+                                     1000 * trial->most_beside_s);
     if (absl::Status done = write_file_atomically(out, *bytes); !done.ok()) return done;
     return written;
 }

@@ -83,11 +83,37 @@ std::optional<std::size_t> take_step(double step_s, double tolerance, Trial& tri
     return std::nullopt;
 }
 
+// Frames by the nearest of an even row that has so long between two of them; the first row that none is near, or none.
+std::optional<std::size_t> take_nearest(double step_s, Trial& trial) {
+    double most_beside_frames = 0;
+    for (std::size_t n = 1; n < trial.size(); ++n) {
+        const double frames = (trial.time_s[n] - trial.time_s.front()) / step_s;
+        trial.frames[n] = std::max<std::int64_t>(trial.frames[n - 1] + 1, trial.frames.front() + std::llround(frames));
+        const double beside = std::abs(static_cast<double>(trial.frames[n] - trial.frames.front()) - frames);
+        if (beside > 1) return n;
+        most_beside_frames = std::max(most_beside_frames, beside);
+    }
+    trial.rate_hz = 1 / step_s;
+    trial.most_beside_s = most_beside_frames * step_s;
+    return std::nullopt;
+}
+
+// Of the steps of one frame: the shortest, and those near it.
+double shortest_step_s(std::vector<double>& steps_s) {
+    std::ranges::sort(steps_s);
+    const auto end = std::ranges::upper_bound(steps_s, 1.5 * steps_s.front());
+    return steps_s[static_cast<std::size_t>(end - steps_s.begin()) / 2];
+}
+
 // The rate, to a thousandth of a hertz: times are written to the microsecond. Where frame sets were lost times lie several
 // frames apart; trial.frames counts those too. Half of the steps or more may: then the median is not one frame but a few.
-absl::Status take_rate(const CsvTable& table, Trial& trial) {
+// A source that lagged may begin its beat anew, at any time between two frames. Then no even row holds, or one that is near
+// the cameras' rate and is not it: `fps` is the session's rate for then, 0 if it is not known.
+absl::Status take_rate(const CsvTable& table, double fps, Trial& trial) {
     constexpr double kLongestGap_s = 3600;
     constexpr int kMostFramesInMedian = 6;
+    constexpr double kClocksDiffer = 0.002, kAnotherRate = 0.1;   // of the rate
+    constexpr std::int64_t kMostFrames = 2'000'000;   // nine hours of 60 a second; each takes half a kilobyte
     std::vector<double> steps_s;
     for (std::size_t n = 1; n < trial.size(); ++n) {
         const double step_s = trial.time_s[n] - trial.time_s[n - 1];
@@ -95,14 +121,25 @@ absl::Status take_rate(const CsvTable& table, Trial& trial) {
             return wrong(table, n, fmt::format("time_s is {:.4f} after {:.4f}", trial.time_s[n], trial.time_s[n - 1]));
         steps_s.push_back(step_s);
     }
+    const auto long_enough = [&] {
+        const std::int64_t frames = trial.frames.back() - trial.frames.front() + 1;
+        return frames <= kMostFrames ? absl::OkStatus()
+                                     : wrong(table, trial.size() - 1, fmt::format("{} frames with those that were lost, expected {} at most",
+                                                                                  frames, kMostFrames));
+    };
     const auto middle = steps_s.begin() + static_cast<std::ptrdiff_t>(steps_s.size() / 2);
     std::nth_element(steps_s.begin(), middle, steps_s.end());
     for (int frames = 1; frames <= kMostFramesInMedian; ++frames)
-        if (!take_step(*middle / frames, frames == 1 ? 0.5 : 0.2, trial)) return absl::OkStatus();
-    const std::size_t n = *take_step(*middle, 0.5, trial);
-    const double even_s = trial.time_s.front() + static_cast<double>(trial.frames[n] - trial.frames.front()) / trial.rate_hz;
-    return wrong(table, n, fmt::format("time_s is {:.4f}, but {:.4f} at {:g} frames a second", trial.time_s[n], even_s,
-                                       trial.rate_hz));
+        if (!take_step(*middle / frames, frames == 1 ? 0.5 : 0.2, trial)) {
+            const double off = fps > 0 ? std::abs(trial.rate_hz / fps - 1) : 0;
+            if (off < kClocksDiffer || off > kAnotherRate) return long_enough();
+            break;
+        }
+    const double step_s = fps > 0 ? 1 / fps : shortest_step_s(steps_s);
+    if (const auto n = take_nearest(step_s, trial))
+        return wrong(table, *n, fmt::format("time_s is {:.4f} after {:.4f}, less than a frame at {:g} a second", trial.time_s[*n],
+                                            trial.time_s[*n - 1], 1 / step_s));
+    return long_enough();
 }
 
 // Rows without values where frame sets were lost.
@@ -170,7 +207,7 @@ absl::StatusOr<CsvTable> read_beside(const fs::path& file, std::span<const std::
 
 }  // namespace
 
-absl::StatusOr<Trial> read_trial(const fs::path& folder) {
+absl::StatusOr<Trial> read_trial(const fs::path& folder, double fps) {
     std::error_code error;
     if (!fs::is_directory(folder, error))
         return absl::NotFoundError(
@@ -185,8 +222,10 @@ absl::StatusOr<Trial> read_trial(const fs::path& folder) {
                         (folder / "joints.csv").string()));
     auto joints = read_csv_table(folder / "joints.csv", joint_columns());
     if (!joints.ok()) return joints.status();
-    for (const auto take : {take_frames, take_rate, take_joints})
-        if (absl::Status taken = take(*joints, trial); !taken.ok()) return taken;
+    absl::Status taken = take_frames(*joints, trial);
+    if (taken.ok()) taken = take_rate(*joints, fps, trial);
+    if (taken.ok()) taken = take_joints(*joints, trial);
+    if (!taken.ok()) return taken;
 
     if (fs::exists(folder / "angles.csv", error)) {
         auto angles = read_beside(folder / "angles.csv", angle_columns(), trial);

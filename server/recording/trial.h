@@ -28,6 +28,7 @@ struct Trial {
     std::vector<std::int64_t> frames;
     std::vector<std::int64_t> pictures;                        // the session's frame; -1: it was lost
     std::vector<double> time_s;                                // even, within half a frame
+    double most_beside_s = 0;   // how far it lay beside, where the source's beat was not even
     std::vector<std::array<Vec3, kJointNames.size()>> joints;  // in the order of kJointNames
     // Empty where the folder has no such file.
     std::vector<std::array<double, kJointAngleNames.size()>> angles_rad;  // in the order of kJointAngleNames
@@ -39,8 +40,9 @@ struct Trial {
 
 // Reads joints.csv, which must be there, and angles.csv, coordinates.csv and body.toml where they are. Strict: other
 // columns, other frames than joints.csv, a cell that is no number: one line with file and line. A trial of fewer than
-// two frames, or in which no joint of any frame was measured, is an error too.
-absl::StatusOr<Trial> read_trial(const std::filesystem::path& folder);
+// two frames, or in which no joint of any frame was measured, is an error too. `fps`: the session's rate, 0 if not known; it
+// is asked for only where the times of a source that lagged do not tell.
+absl::StatusOr<Trial> read_trial(const std::filesystem::path& folder, double fps = 0);
 
 // FailedPrecondition names the file that is missing and the format that is made of it.
 absl::Status needs_coordinates_and_body(const Trial& trial, std::string_view format);

@@ -121,7 +121,7 @@ TEST_F(ViewerTest, AGhostIsLaidOverAReplayAndMarksStandInThePlots) {
     // Live, the ghost stands at its event until the moment is marked.
     list->setCurrentRow(1);
     QTest::keyClick(window_.get(), Qt::Key_G);
-    ASSERT_TRUE(wait([&] { return window_->ghost().match().ghost() != nullptr; })) << window_->status_line().toStdString();
+    ASSERT_TRUE(wait([&] { return window_->ghost().match().ghost() != nullptr; })) << window_->last_answer().toStdString();
     EXPECT_FALSE(window_->ghost().match().shown_event_s());
     EXPECT_TRUE(window_->findChild<GhostBar*>()->isVisible());
     QTest::keyClick(window_.get(), Qt::Key_M);
