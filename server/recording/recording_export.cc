@@ -11,6 +11,7 @@
 
 #include "common/atomic_file.h"
 #include "common/degrees.h"
+#include "common/one_line.h"
 #include "common/ply.h"
 #include "common/session_file.h"
 #include "common/toml_reader.h"
@@ -43,7 +44,10 @@ absl::StatusOr<Session> session_of_results(const fs::path& folder) {
     const std::string session = root.text("session");
     for (const std::string& key : root.keys()) root.ignore(key);
     if (absl::Status read = (*document)->finish(); !read.ok()) return read;
-    return read_session(session);
+    auto read = read_session(session);
+    if (read.ok()) return read;
+    const std::string why(read.status().message());
+    return absl::Status(read.status().code(), one_line(fmt::format("{}: session: {}", file.string(), why)));
 }
 
 absl::StatusOr<ExportSource> find_source(const fs::path& from, const std::string& format) {

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <optional>
 #include <numbers>
 #include <type_traits>
 #include <utility>
@@ -66,9 +65,8 @@ absl::Status take_frames(const CsvTable& table, Trial& trial) {
     return absl::OkStatus();
 }
 
-// Frames and rate with so long between two of them; the first row that lies by more than `tolerance` of a frame beside its
-// own, or none.
-std::optional<std::size_t> take_step(double step_s, double tolerance, Trial& trial) {
+// Frames and rate with so long between two of them; whether each row lies within `tolerance` of a frame of its own.
+bool take_step(double step_s, double tolerance, Trial& trial) {
     const double start_s = trial.time_s.front();
     for (std::size_t n = 1; n < trial.size(); ++n)
         trial.frames[n] = trial.frames[n - 1] +
@@ -78,24 +76,24 @@ std::optional<std::size_t> take_step(double step_s, double tolerance, Trial& tri
     trial.rate_hz = std::max(std::round(1000 * rate_hz) / 1000, 0.001);
     for (std::size_t n = 0; n < trial.size(); ++n) {
         const double even_s = start_s + static_cast<double>(trial.frames[n] - trial.frames.front()) / rate_hz;
-        if (std::abs(trial.time_s[n] - even_s) > tolerance / rate_hz) return n;
+        if (std::abs(trial.time_s[n] - even_s) > tolerance / rate_hz) return false;
     }
-    return std::nullopt;
+    return true;
 }
 
-// Frames by the nearest of an even row that has so long between two of them; the first row that none is near, or none.
-std::optional<std::size_t> take_nearest(double step_s, Trial& trial) {
+// Frames by the nearest of an even row that has so long between two of them; whether each has one within a frame.
+bool take_nearest(double step_s, Trial& trial) {
     double most_beside_frames = 0;
     for (std::size_t n = 1; n < trial.size(); ++n) {
         const double frames = (trial.time_s[n] - trial.time_s.front()) / step_s;
         trial.frames[n] = std::max<std::int64_t>(trial.frames[n - 1] + 1, trial.frames.front() + std::llround(frames));
         const double beside = std::abs(static_cast<double>(trial.frames[n] - trial.frames.front()) - frames);
-        if (beside > 1) return n;
+        if (beside > 1) return false;
         most_beside_frames = std::max(most_beside_frames, beside);
     }
-    trial.rate_hz = 1 / step_s;
+    trial.rate_hz = std::max(std::round(1000 / step_s) / 1000, 0.001);
     trial.most_beside_s = most_beside_frames * step_s;
-    return std::nullopt;
+    return true;
 }
 
 // Of the steps of one frame: the shortest, and those near it.
@@ -105,15 +103,28 @@ double shortest_step_s(std::vector<double>& steps_s) {
     return steps_s[static_cast<std::size_t>(end - steps_s.begin()) / 2];
 }
 
-// The rate, to a thousandth of a hertz: times are written to the microsecond. Where frame sets were lost times lie several
-// frames apart; trial.frames counts those too. Half of the steps or more may: then the median is not one frame but a few.
-// A source that lagged may begin its beat anew, at any time between two frames. Then no even row holds, or one that is near
-// the cameras' rate and is not it: `fps` is the session's rate for then, 0 if it is not known.
+// Times are written to the microsecond. Where frame sets were lost times lie several frames apart; trial.frames counts those
+// too. Half of the steps or more may: then the median is not one frame but a few. A source that lagged may begin its beat
+// anew, at any time between two frames: then no even row holds, and the nearest frame is as good as it gets. The session's
+// rate is not believed before the times are: a camera may keep another.
+bool take_steps(std::vector<double> steps_s, double fps, Trial& trial) {
+    constexpr int kMostFramesInMedian = 6;
+    const auto middle = steps_s.begin() + static_cast<std::ptrdiff_t>(steps_s.size() / 2);
+    std::nth_element(steps_s.begin(), middle, steps_s.end());
+    const double median_s = *middle;
+    if (take_step(median_s, 0.2, trial)) return true;
+    if (fps > 0 && (take_step(1 / fps, 0.5, trial) || take_nearest(1 / fps, trial))) return true;
+    if (take_step(median_s, 0.5, trial)) return true;
+    for (int frames = 2; frames <= kMostFramesInMedian; ++frames)
+        if (take_step(median_s / frames, 0.2, trial)) return true;
+    return take_nearest(shortest_step_s(steps_s), trial);
+}
+
+// The rate, to a thousandth of a hertz, and the frames that its times are. `fps`: the session's, 0 if it is not known.
 absl::Status take_rate(const CsvTable& table, double fps, Trial& trial) {
     constexpr double kLongestGap_s = 3600;
-    constexpr int kMostFramesInMedian = 6;
-    constexpr double kClocksDiffer = 0.002, kAnotherRate = 0.1;   // of the rate
-    constexpr std::int64_t kMostFrames = 2'000'000;   // nine hours of 60 a second; each takes half a kilobyte
+    // Each takes half a kilobyte. A million are over four hours of 60 a second.
+    const std::int64_t most_frames = std::max<std::int64_t>(1'000'000, 4 * static_cast<std::int64_t>(trial.size()));
     std::vector<double> steps_s;
     for (std::size_t n = 1; n < trial.size(); ++n) {
         const double step_s = trial.time_s[n] - trial.time_s[n - 1];
@@ -121,25 +132,13 @@ absl::Status take_rate(const CsvTable& table, double fps, Trial& trial) {
             return wrong(table, n, fmt::format("time_s is {:.4f} after {:.4f}", trial.time_s[n], trial.time_s[n - 1]));
         steps_s.push_back(step_s);
     }
-    const auto long_enough = [&] {
-        const std::int64_t frames = trial.frames.back() - trial.frames.front() + 1;
-        return frames <= kMostFrames ? absl::OkStatus()
-                                     : wrong(table, trial.size() - 1, fmt::format("{} frames with those that were lost, expected {} at most",
-                                                                                  frames, kMostFrames));
-    };
-    const auto middle = steps_s.begin() + static_cast<std::ptrdiff_t>(steps_s.size() / 2);
-    std::nth_element(steps_s.begin(), middle, steps_s.end());
-    for (int frames = 1; frames <= kMostFramesInMedian; ++frames)
-        if (!take_step(*middle / frames, frames == 1 ? 0.5 : 0.2, trial)) {
-            const double off = fps > 0 ? std::abs(trial.rate_hz / fps - 1) : 0;
-            if (off < kClocksDiffer || off > kAnotherRate) return long_enough();
-            break;
-        }
-    const double step_s = fps > 0 ? 1 / fps : shortest_step_s(steps_s);
-    if (const auto n = take_nearest(step_s, trial))
-        return wrong(table, *n, fmt::format("time_s is {:.4f} after {:.4f}, less than a frame at {:g} a second", trial.time_s[*n],
-                                            trial.time_s[*n - 1], 1 / step_s));
-    return long_enough();
+    if (!take_steps(std::move(steps_s), fps, trial))
+        return wrong(table, trial.size() - 1, "the times before are no frames of any even rate");
+    const std::int64_t frames = trial.frames.back() - trial.frames.front() + 1;
+    if (frames > most_frames)
+        return wrong(table, trial.size() - 1,
+                     fmt::format("{} frames with those that were lost, expected {} at most", frames, most_frames));
+    return absl::OkStatus();
 }
 
 // Rows without values where frame sets were lost.

@@ -1,3 +1,4 @@
+#include <atomic>
 #include <cstdint>
 #include <string>
 
@@ -5,7 +6,7 @@
 #include "common/session_file.h"
 #include "common/session_offsets.h"
 #include "server/pose/body_shape.h"
-#include "server/recording/csv_table.h"
+#include "server/recording/recording_export.h"
 #include "server/recording/trial.h"
 #include "server/recording/volume_file.h"
 #include "tests/fuzz/fuzz_check.h"
@@ -57,9 +58,18 @@ void check_files(testing::FuzzedFolder& folder, std::string_view bytes) {
     check_line(body.status());
     // A trial's tables: one of them this input, the others as they should be.
     folder.write("joints.csv", bytes);
-    const auto trial = read_trial(folder.path());
-    check_line(trial.status());
-    if (trial.ok()) FUZZ_CHECK(trial->size() >= 2 && trial->joints.size() == trial->size());
+    for (const double fps : {0.0, 50.0}) {
+        const auto trial = read_trial(folder.path(), fps);
+        check_line(trial.status());
+        if (trial.ok()) FUZZ_CHECK(trial->size() >= 2 && trial->joints.size() == trial->size());
+    }
+}
+
+// What `kinevox process` leaves beside its tables names the session that pictures are taken from.
+void check_results(testing::FuzzedFolder& folder, std::string_view bytes) {
+    folder.write("run.toml", bytes);
+    const std::atomic<bool> stop = false;
+    check_line(export_recording(folder.path(), {.format = "mp4"}, folder.path() / "film.mp4", stop).status());
 }
 
 }  // namespace
@@ -73,5 +83,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     check_times(bytes);
     check_offsets(bytes);
     check_files(folder, bytes);
+    check_results(folder, bytes);
     return 0;
 }

@@ -137,7 +137,7 @@ TEST(Trial, ASourceThatLaggedMayBeginItsBeatAnew) {
     text = line + '\n';
     int kept = 0;
     double time_s = 0;   // of 20 a second; after each third frame the source lags, and begins anew at any time
-    for (; std::getline(lines, line); time_s += 0.05 * (++kept % 3 == 0 ? 33.7 + 0.15 * kept : 1)) {
+    for (; std::getline(lines, line); time_s += 0.05 * (++kept % 3 != 0 ? 1 : kept / 9 % 2 == 0 ? 34.37 : 33.63)) {
         const std::size_t first = line.find(','), second = line.find(',', first + 1);
         text += fmt::format("{}{:.6f}{}\n", line.substr(0, first + 1), time_s, line.substr(second));
     }
@@ -150,7 +150,7 @@ TEST(Trial, ASourceThatLaggedMayBeginItsBeatAnew) {
         EXPECT_LE(trial->most_beside_s, 0.025 + 1e-6);
         EXPECT_EQ(trial->pictures[2], 2);
         EXPECT_EQ(trial->pictures[3], -1);
-        EXPECT_EQ(trial->pictures[36], 3) << "2 + 34.15 frames from the start, the nearest";
+        EXPECT_EQ(trial->pictures[36], 3) << "2 + 34.37 frames from the start, the nearest";
         EXPECT_NEAR(trial->joints[36][0].x, 1.054, 1e-5);
         EXPECT_TRUE(std::isnan(trial->joints[35][0].x));
     }
@@ -160,11 +160,8 @@ TEST(Trial, ASourceThatLaggedMayBeginItsBeatAnew) {
     };
     with_times("0.050500", "0.051000");
     EXPECT_TRUE(read_trial(folder.path(), 20).ok()) << "within a frame";
-    with_times("0.001000", "0.002000");
-    EXPECT_THAT(std::string(read_trial(folder.path(), 20).status().message()),
-                HasSubstr("joints.csv:4: time_s is 0.0020 after 0.0010, less than a frame at 20 a second"));
-    with_times("0.000010", "0.000020");
-    EXPECT_THAT(message_of(folder.path()), HasSubstr("frames with those that were lost, expected 2000000 at most"));
+    with_times("0.000010", "0.000020");   // three sets in a moment are of no camera
+    EXPECT_THAT(message_of(folder.path()), HasSubstr("frames with those that were lost, expected 1000000 at most"));
 }
 
 TEST(Trial, APartHasItsFramesOnly) {
