@@ -35,6 +35,23 @@ std::string message_of(const std::filesystem::path& folder) {
     return std::string(read_trial(folder).status().message());
 }
 
+// A trial of joints alone, with the times of a list; also what it wrote.
+std::string write_joints_at(const testing::TemporaryFolder& folder, const std::vector<double>& times_s) {
+    EXPECT_TRUE(testing::write_posed_trial(folder.path(), false).ok());
+    for (const char* file : {"angles.csv", "coordinates.csv", "body.toml"}) std::filesystem::remove(folder / file);
+    std::istringstream lines(text_of(folder / "joints.csv"));
+    std::string line, text;
+    std::getline(lines, line);
+    text = line + '\n';
+    for (const double time_s : times_s) {
+        std::getline(lines, line);
+        const std::size_t first = line.find(','), second = line.find(',', first + 1);
+        text += fmt::format("{}{:.6f}{}\n", line.substr(0, first + 1), time_s, line.substr(second));
+    }
+    folder.write("joints.csv", text);
+    return text;
+}
+
 TEST(Trial, HoldsWhatWasWritten) {
     const testing::TemporaryFolder folder;
     ASSERT_TRUE(testing::write_posed_trial(folder.path(), true).ok());
@@ -107,18 +124,9 @@ TEST(Trial, TellsWhatIsWrongInOneLine) {
 
 TEST(Trial, MoreFramesMayBeLostThanKept) {
     const testing::TemporaryFolder folder;
-    ASSERT_TRUE(testing::write_posed_trial(folder.path(), false).ok());
-    for (const char* file : {"angles.csv", "coordinates.csv", "body.toml"}) std::filesystem::remove(folder / file);
-    std::istringstream lines(text_of(folder / "joints.csv"));
-    std::string line, text;
-    std::getline(lines, line);
-    text = line + '\n';
-    int kept = 0, frame = 0;
-    for (; std::getline(lines, line); frame += kept++ % 3 == 0 ? 3 : 2) {   // of 50 a second
-        const std::size_t first = line.find(','), second = line.find(',', first + 1);
-        text += fmt::format("{}{:.6f}{}\n", line.substr(0, first + 1), 0.02 * frame, line.substr(second));
-    }
-    folder.write("joints.csv", text);
+    std::vector<double> times_s{0};   // of 50 a second
+    for (int n = 0; n < 39; ++n) times_s.push_back(times_s.back() + 0.02 * (n % 3 == 0 ? 3 : 2));
+    write_joints_at(folder, times_s);
     const auto trial = read_trial(folder.path());
     ASSERT_TRUE(trial.ok()) << trial.status();
     EXPECT_EQ(trial->rate_hz, 50);
@@ -129,19 +137,9 @@ TEST(Trial, MoreFramesMayBeLostThanKept) {
 
 TEST(Trial, ASourceThatLaggedMayBeginItsBeatAnew) {
     const testing::TemporaryFolder folder;
-    ASSERT_TRUE(testing::write_posed_trial(folder.path(), false).ok());
-    for (const char* file : {"angles.csv", "coordinates.csv", "body.toml"}) std::filesystem::remove(folder / file);
-    std::istringstream lines(text_of(folder / "joints.csv"));
-    std::string line, text;
-    std::getline(lines, line);
-    text = line + '\n';
-    int kept = 0;
-    double time_s = 0;   // of 20 a second; after each third frame the source lags, and begins anew at any time
-    for (; std::getline(lines, line); time_s += 0.05 * (++kept % 3 != 0 ? 1 : kept / 9 % 2 == 0 ? 34.37 : 33.63)) {
-        const std::size_t first = line.find(','), second = line.find(',', first + 1);
-        text += fmt::format("{}{:.6f}{}\n", line.substr(0, first + 1), time_s, line.substr(second));
-    }
-    folder.write("joints.csv", text);
+    std::vector<double> times_s{0};   // of 20 a second; after each third frame the source lags, and begins anew at any time
+    for (int n = 1; n < 40; ++n) times_s.push_back(times_s.back() + 0.05 * (n % 3 != 0 ? 1 : n / 9 % 2 == 0 ? 34.37 : 33.63));
+    const std::string text = write_joints_at(folder, times_s);
     for (const double fps : {20.0, 0.0}) {
         const auto trial = read_trial(folder.path(), fps);
         ASSERT_TRUE(trial.ok()) << trial.status();
