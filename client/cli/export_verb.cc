@@ -12,6 +12,7 @@
 #include "client/cli/action.h"
 #include "client/cli/json.h"
 #include "client/cli/verbs.h"
+#include "common/progress_line.h"
 
 namespace kinevox::cli {
 namespace {
@@ -105,14 +106,16 @@ absl::Status run_export(const Common& common, const ExportOptions& options) {
     stream.longest_silence = std::chrono::milliseconds(static_cast<std::int64_t>(options.wait_s * 1000));
     PieceFiles files(options.out, *format == v1::EXPORT_FORMAT_PLY || *format == v1::EXPORT_FORMAT_SESSION);
     absl::Status written;
-    const absl::Status status = client::Client(common.client_options())
-                                    .export_recording(
-                                        request,
-                                        [&](const v1::ExportResponse& piece) {
-                                            written = files.add(piece);
-                                            return written.ok();
-                                        },
-                                        stream);
+    const auto add = [&](const v1::ExportResponse& piece) {
+        written = files.add(piece);
+        return written.ok();
+    };
+    absl::Status status;
+    {
+        ProgressLine line(common.json);
+        const auto show = [&line](double share) { line.show(share); };
+        status = client::Client(common.client_options()).export_recording(request, add, show, stream);
+    }
     if (!written.ok()) return written;
     if (!status.ok()) return status;
     if (common.json)
@@ -151,7 +154,7 @@ void add_export_verb(CLI::App& app, Common& common, Run& run) {
     verb->add_flag("--hold", options->hold, "bvh: where a value is withheld, repeat the last measured one");
     verb->add_option("--camera", options->camera, "mp4: this camera's pictures; else all of them in tiles");
     verb->add_option("--width", options->width_px, "mp4: of the film, px; 0: 1280 at most")->check(CLI::Range(0, 8192));
-    verb->add_option("--wait", options->wait_s, "Seconds in which the daemon must deliver something")
+    verb->add_option("--wait", options->wait_s, "Seconds in which the daemon must say something: the exports before this one come first")
         ->check(CLI::Range(1.0, 86400.0))
         ->capture_default_str();
 }

@@ -465,15 +465,20 @@ absl::StatusOr<v1::GetRecordingResponse> Client::get_recording(const std::string
     return parts_->call_on(*parts_->recording, &v1::RecordingService::Stub::GetRecording, request);
 }
 
-absl::Status Client::export_recording(const v1::ExportRequest& request,
+absl::Status Client::export_recording(v1::ExportRequest request,
                                       const std::function<bool(const v1::ExportResponse&)>& on_piece,
-                                      const StreamOptions& options) {
+                                      const std::function<void(double share)>& on_progress, const StreamOptions& options) {
+    request.set_progress(true);
     return read_stream<v1::ExportResponse>(
         [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
             return parts_->recording->PrepareAsyncExport(context, request, queue);
         },
-        [&](const v1::ExportResponse& piece) -> absl::StatusOr<bool> { return on_piece(piece); }, options,
-        parts_->options);
+        [&](const v1::ExportResponse& piece) -> absl::StatusOr<bool> {
+            if (!piece.file_name().empty()) return on_piece(piece);
+            on_progress(piece.done_share());
+            return true;
+        },
+        options, parts_->options);
 }
 
 Camera camera_from_proto(const v1::Camera& from) {

@@ -158,10 +158,9 @@ class Client {
     absl::StatusOr<v1::GetRecorderStatusResponse> recorder_status();
     absl::StatusOr<v1::ListRecordingsResponse> list_recordings();
     absl::StatusOr<v1::GetRecordingResponse> get_recording(const std::string& name);
-    // The files' pieces in their order.
-    absl::Status export_recording(const v1::ExportRequest& request,
-                                  const std::function<bool(const v1::ExportResponse&)>& on_piece,
-                                  const StreamOptions& options);
+    // The files' pieces in their order; before the first of them, four times a second, what share of the files is made.
+    absl::Status export_recording(v1::ExportRequest request, const std::function<bool(const v1::ExportResponse&)>& on_piece,
+                                  const std::function<void(double share)>& on_progress, const StreamOptions& options);
 
   private:
     struct Parts;

@@ -27,6 +27,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kPieceBytes = 512 << 10;
+constexpr std::chrono::milliseconds kBetweenWords{250};
 constexpr std::string_view kPrefix = ".export-";
 
 // A hidden folder beside the recordings, where there is room for films; those of daemons that are gone are removed.
@@ -93,7 +94,7 @@ void ExportReactor::finish(const grpc::Status& status) {
     Finish(revoked_ ? grpc::Status(grpc::StatusCode::UNAUTHENTICATED, "the token was revoked or has expired") : status);
 }
 
-absl::Status ExportReactor::make_files(const v1::ExportRequest& request) {
+absl::StatusOr<ExportedFiles> ExportReactor::make_files(const v1::ExportRequest& request) {
     const auto format = format_of(request.format());
     if (!format.ok()) return format.status();
     const fs::path recordings = api_.recorder->options().folder;
@@ -118,21 +119,33 @@ absl::Status ExportReactor::make_files(const v1::ExportRequest& request) {
     const bool many = *format == "ply" || *format == "session";
     const std::string name = request.anonymous() ? kAnonymous : request.recording();
     const fs::path out = many ? folder_ : folder_ / (name + "." + *format);
-    auto files = export_recording(*session, options, out, stop_);
-    if (!files.ok()) return files.status();
-    files_ = *std::move(files);
-    return absl::OkStatus();
+    LongWork work{stop_};
+    if (request.progress()) work.progress = [this](double share) { tell(share); };
+    return export_recording(*session, options, out, work);
 }
 
 void ExportReactor::make(const v1::ExportRequest& request) {
     lower_this_threads_priority();   // the thread does nothing else
-    if (absl::Status made = make_files(request); !made.ok()) return finish(to_grpc(made));
-    send_next();
+    next_word_ = std::chrono::steady_clock::now() + kBetweenWords;
+    made_ = make_files(request);
+    if (writing_.exchange(Writing::kPieces) == Writing::kNothing) send_next();
+}
+
+// A client that reads slowly misses words.
+void ExportReactor::tell(double share) {
+    const auto now = std::chrono::steady_clock::now();
+    Writing nothing = Writing::kNothing;
+    if (now < next_word_ || !writing_.compare_exchange_strong(nothing, Writing::kWord)) return;
+    next_word_ = now + kBetweenWords;
+    piece_.Clear();
+    piece_.set_done_share(share);
+    StartWrite(&piece_);
 }
 
 void ExportReactor::send_next() {
-    if (stop_ || at_ >= files_.files.size()) return finish(stop_ ? grpc::Status::CANCELLED : grpc::Status::OK);
-    const fs::path& path = files_.files[at_];
+    if (!made_.ok()) return finish(to_grpc(made_.status()));
+    if (stop_ || at_ >= made_->files.size()) return finish(stop_ ? grpc::Status::CANCELLED : grpc::Status::OK);
+    const fs::path& path = made_->files[at_];
     if (!file_.is_open()) file_.open(path, std::ios::binary);
     piece_.Clear();
     piece_.set_file_name(path.filename().string());
@@ -143,7 +156,7 @@ void ExportReactor::send_next() {
     if (file_.bad()) return finish({grpc::StatusCode::DATA_LOSS, fmt::format("{}: cannot be read back", path.string())});
     if (file_.eof() || file_.peek() == std::ifstream::traits_type::eof()) {
         piece_.set_last_of_file(true);
-        if (++at_ == files_.files.size()) piece_.set_remark(files_.remark);
+        if (++at_ == made_->files.size()) piece_.set_remark(made_->remark);
         file_.close();
         file_.clear();
     }
@@ -152,6 +165,8 @@ void ExportReactor::send_next() {
 
 void ExportReactor::OnWriteDone(bool ok) {
     if (!ok) stop_ = true;
+    Writing word = Writing::kWord;
+    if (writing_.compare_exchange_strong(word, Writing::kNothing)) return;   // make() goes on
     boost::asio::post(api_.exports, [self = shared_from_this()] { self->send_next(); });
 }
 

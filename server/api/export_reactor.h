@@ -1,7 +1,9 @@
-// The gRPC side of one export: the files are made on the exports' thread, then sent piece by piece.
+// The gRPC side of one export: the files are made on the exports' thread, then sent piece by piece; who asks for it is
+// told meanwhile how far that is.
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -29,18 +31,24 @@ class ExportReactor final : public grpc::ServerWriteReactor<v1::ExportResponse>,
     explicit ExportReactor(const ApiContext& api) : api_(api) {}
     absl::Status be_counted(grpc::CallbackServerContext* context);
     void make(const v1::ExportRequest& request);
-    absl::Status make_files(const v1::ExportRequest& request);
+    void tell(double share);
+    absl::StatusOr<ExportedFiles> make_files(const v1::ExportRequest& request);
     void send_next();
     void finish(const grpc::Status& status);
+
+    // What is being written. Words go while the files are made; the first piece waits for the last word.
+    enum class Writing { kNothing, kWord, kPieces };
 
     const ApiContext& api_;
     std::shared_ptr<ExportReactor> self_;   // until OnDone
     std::atomic<bool> stop_ = false;
     std::atomic<bool> revoked_ = false;     // by the guard, which stops it too
     std::shared_ptr<Guard::Stream> counted_;
+    std::atomic<Writing> writing_ = Writing::kNothing;
+    std::chrono::steady_clock::time_point next_word_;
     std::filesystem::path folder_;
-    ExportedFiles files_;
-    std::size_t at_ = 0;                    // of files_
+    absl::StatusOr<ExportedFiles> made_;    // since make()
+    std::size_t at_ = 0;                    // of its files
     std::ifstream file_;
     v1::ExportResponse piece_;              // must live until OnWriteDone
 };

@@ -11,6 +11,6 @@ namespace kinevox {
 // As export_recording() for the formats mp4 (of `part`, the trial's frames that are asked for) and session.
 absl::StatusOr<ExportedFiles> export_anonymous(const Session& session, const Trial& trial, const Trial& part,
                                                const ExportOptions& options, const std::filesystem::path& out,
-                                               const std::atomic<bool>& stop);
+                                               const LongWork& work);
 
 }  // namespace kinevox

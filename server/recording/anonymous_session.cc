@@ -190,12 +190,12 @@ absl::StatusOr<AnonymousSession> AnonymousFolder::close(const Session& session) 
 std::string anonymous_camera_name(std::size_t camera) { return fmt::format("cam_{:02}", camera + 1); }
 
 absl::StatusOr<AnonymousSession> write_anonymous_session(const Session& session, const Trial& trial, const fs::path& folder,
-                                                         bool one_thread, const std::atomic<bool>& stop) {
+                                                         bool one_thread, const LongWork& work) {
     const std::int64_t frame_sets = *std::ranges::max_element(trial.pictures) + 1;
     AnonymousFolder made(session, folder);
     if (absl::Status opened = made.open(session, static_cast<std::size_t>(frame_sets)); !opened.ok()) return opened;
     const auto take = [&](const FrameResult& result) { return made.add(result); };
-    if (absl::Status found = find_silhouettes(session, {frame_sets, one_thread}, take, stop); !found.ok()) return found;
+    if (absl::Status found = find_silhouettes(session, {frame_sets, one_thread}, take, work); !found.ok()) return found;
     if (absl::Status added = made.add_tables(trial); !added.ok()) return added;
     return made.close(session);
 }

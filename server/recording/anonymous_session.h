@@ -4,12 +4,12 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
-#include <atomic>
 #include <filesystem>
 #include <string>
 #include <vector>
 
 #include "common/session_file.h"
+#include "server/recording/long_work.h"
 #include "server/recording/trial.h"
 
 namespace kinevox {
@@ -30,7 +30,7 @@ struct AnonymousSession {
 // SilhouettePassOptions; errors as find_silhouettes().
 absl::StatusOr<AnonymousSession> write_anonymous_session(const Session& session, const Trial& trial,
                                                          const std::filesystem::path& folder, bool one_thread,
-                                                         const std::atomic<bool>& stop);
+                                                         const LongWork& work);
 
 // README.txt for it and the film beside it: what is there, what was left out, and who can still be recognised by what.
 std::string anonymous_readme();

@@ -137,14 +137,14 @@ absl::Status read_picture(Tile& tile, std::int64_t frame_set) {
 }  // namespace
 
 absl::Status write_overlay_film(const Session& session, const Trial& trial, const OverlayOptions& options,
-                                const std::filesystem::path& file, const std::atomic<bool>& stop) {
+                                const std::filesystem::path& file, const LongWork& work) {
     auto tiles = open_tiles(session, options.camera);
     if (!tiles.ok()) return tiles.status();
     const cv::Size size = place_tiles(*tiles, options.width_px);
     auto film = H264File::create(file, size.width, size.height, {trial.rate_hz, kFilmQuality});
     if (!film.ok()) return film.status();
     for (std::size_t n = 0; n < trial.size(); ++n) {
-        if (stop) return absl::CancelledError("the film was stopped");
+        if (work.stop) return absl::CancelledError("the film was stopped");
         const std::size_t bytes = static_cast<std::size_t>(size.area()) * 3;
         std::shared_ptr<std::uint8_t[]> data(new std::uint8_t[bytes]());
         cv::Mat canvas(size, CV_8UC3, data.get());
@@ -162,6 +162,7 @@ absl::Status write_overlay_film(const Session& session, const Trial& trial, cons
                             cv::LINE_AA);
         }
         if (absl::Status written = (*film)->write({size.width, size.height, 3, std::move(data)}); !written.ok()) return written;
+        work.tell(static_cast<double>(n + 1) / static_cast<double>(trial.size()));
     }
     return (*film)->close();
 }

@@ -3,12 +3,12 @@
 
 #include <absl/status/status.h>
 
-#include <atomic>
 #include <cstdint>
 #include <filesystem>
 #include <string>
 
 #include "common/session_file.h"
+#include "server/recording/long_work.h"
 #include "server/recording/trial.h"
 
 namespace kinevox {
@@ -20,9 +20,9 @@ struct OverlayOptions {
 };
 
 // H.264 in MP4, a picture for each frame of the trial, whose frames are the session's; where joints are withheld nothing
-// is drawn, and a frame set that was lost repeats the one before. NotFound for an unknown camera; Cancelled after `stop`;
+// is drawn, and a frame set that was lost repeats the one before. NotFound for an unknown camera; Cancelled after `work.stop`;
 // else what reading and writing say.
 absl::Status write_overlay_film(const Session& session, const Trial& trial, const OverlayOptions& options,
-                                const std::filesystem::path& file, const std::atomic<bool>& stop);
+                                const std::filesystem::path& file, const LongWork& work);
 
 }  // namespace kinevox

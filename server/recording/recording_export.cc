@@ -98,14 +98,16 @@ absl::StatusOr<std::string> text_of(const Trial& trial, const ExportOptions& opt
 }
 
 absl::StatusOr<ExportedFiles> write_volumes(const fs::path& file, const ExportOptions& options, const fs::path& out,
-                                            const std::atomic<bool>& stop) {
+                                            const LongWork& work) {
     if (options.turn_rad != 0)
         return absl::InvalidArgumentError("volumes are not turned; leave the turn out, or turn the points in their program");
     const auto volumes = VolumeFileReader::open(file);
     if (!volumes.ok()) return volumes.status();
     ExportedFiles written;
+    std::size_t begun = 0;
     for (const VolumeFileReader::Entry& entry : volumes->entries()) {
-        if (stop) return absl::CancelledError("the export was stopped");
+        work.tell(static_cast<double>(begun++) / static_cast<double>(volumes->entries().size()));
+        if (work.stop) return absl::CancelledError("the export was stopped");
         const auto frame = static_cast<std::int64_t>(entry.frame);
         if (frame < options.first_frame || (options.last_frame >= 0 && frame > options.last_frame)) continue;
         auto volume = volumes->read(entry);
@@ -132,7 +134,7 @@ absl::Status check_session_options(const ExportOptions& options) {
 }  // namespace
 
 absl::StatusOr<ExportedFiles> export_recording(const fs::path& from, const ExportOptions& options, const fs::path& out,
-                                               const std::atomic<bool>& stop) {
+                                               const LongWork& work) {
     if (std::ranges::find(kExportFormats, options.format) == std::end(kExportFormats))
         return absl::InvalidArgumentError(fmt::format("there is no format \"{}\"", options.format));
     if (options.format == "session")
@@ -143,7 +145,7 @@ absl::StatusOr<ExportedFiles> export_recording(const fs::path& from, const Expor
         if (!source->session || source->session->recording->volumes.empty())
             return absl::FailedPreconditionError(fmt::format(
                 "{}: no volumes were recorded with it; `kinevox process --save volumes` writes them", from.string()));
-        return write_volumes(source->session->recording->volumes, options, out, stop);
+        return write_volumes(source->session->recording->volumes, options, out, work);
     }
     auto trial = read_trial(source->tables, source->session ? source->session->fps : 0);
     if (!trial.ok()) return trial.status();
@@ -157,14 +159,14 @@ absl::StatusOr<ExportedFiles> export_recording(const fs::path& from, const Expor
     }
     if (options.anonymous && source->session)
         if (options.format == "mp4" || options.format == "session")
-            return export_anonymous(*source->session, whole, *trial, options, out, stop);
+            return export_anonymous(*source->session, whole, *trial, options, out, work);
     ExportedFiles written;
     written.files.push_back(out);
     written.frames = static_cast<std::int64_t>(trial->size());
     written.rate_hz = trial->rate_hz;
     if (options.format == "mp4") {
         if (absl::Status done =
-                write_overlay_film(*source->session, *trial, {options.camera, options.width_px}, out, stop);
+                write_overlay_film(*source->session, *trial, {options.camera, options.width_px}, out, work);
             !done.ok())
             return done;
         return written;

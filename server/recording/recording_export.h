@@ -4,13 +4,13 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
-#include <atomic>
 #include <cstdint>
 #include <filesystem>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "server/recording/long_work.h"
 #include "server/recording/trial.h"
 
 namespace kinevox {
@@ -38,8 +38,8 @@ struct ExportedFiles {
 // `from`: a folder that `kinevox process` wrote, or a recording's session.toml or folder, whose stored poses and volumes
 // are taken. Writes into `out`: the file, or for ply and session
 // the folder of files (for session it is there and empty). InvalidArgument, NotFound, FailedPrecondition;
-// Cancelled after `stop`. What was written before an error is for the caller to remove.
+// Cancelled after `work.stop`. What was written before an error is for the caller to remove.
 absl::StatusOr<ExportedFiles> export_recording(const std::filesystem::path& from, const ExportOptions& options,
-                                               const std::filesystem::path& out, const std::atomic<bool>& stop);
+                                               const std::filesystem::path& out, const LongWork& work);
 
 }  // namespace kinevox

@@ -13,7 +13,7 @@ namespace kinevox {
 namespace {
 
 absl::Status run(const Session& session, std::int64_t frame_sets, const std::function<absl::Status(const FrameResult&)>& take,
-                 const std::atomic<bool>& stop) {
+                 const LongWork& work) {
     const auto source = open_session_source(session);
     if (!source.ok()) return source.status();
     const auto background = background_of_all(**source, session.name);
@@ -26,7 +26,7 @@ absl::Status run(const Session& session, std::int64_t frame_sets, const std::fun
     if (!pipeline.ok()) return pipeline.status();
     if (absl::Status learned = (*pipeline)->learn_background(*background); !learned.ok()) return learned;
     for (std::int64_t n = 0; n < frame_sets; ++n) {
-        if (stop) return absl::CancelledError("the export was stopped");
+        if (work.stop) return absl::CancelledError("the export was stopped");
         auto frame_set = (*source)->next();
         if (absl::IsOutOfRange(frame_set.status()))
             return absl::DataLossError(fmt::format("session \"{}\" has pictures of {} frame sets, and poses of {}; process it anew",
@@ -35,6 +35,7 @@ absl::Status run(const Session& session, std::int64_t frame_sets, const std::fun
         const auto result = (*pipeline)->process(*std::move(frame_set));
         if (!result.ok()) return result.status();
         if (absl::Status taken = take(**result); !taken.ok()) return taken;
+        work.tell(static_cast<double>(n + 1) / static_cast<double>(frame_sets));
     }
     return absl::OkStatus();
 }
@@ -42,10 +43,10 @@ absl::Status run(const Session& session, std::int64_t frame_sets, const std::fun
 }  // namespace
 
 absl::Status find_silhouettes(const Session& session, const SilhouettePassOptions& options,
-                              const std::function<absl::Status(const FrameResult&)>& take, const std::atomic<bool>& stop) {
-    if (!options.one_thread) return run(session, options.frame_sets, take, stop);
+                              const std::function<absl::Status(const FrameResult&)>& take, const LongWork& work) {
+    if (!options.one_thread) return run(session, options.frame_sets, take, work);
     oneapi::tbb::task_arena arena(1);
-    return arena.execute([&] { return run(session, options.frame_sets, take, stop); });
+    return arena.execute([&] { return run(session, options.frame_sets, take, work); });
 }
 
 }  // namespace kinevox

@@ -3,12 +3,12 @@
 
 #include <absl/status/status.h>
 
-#include <atomic>
 #include <cstdint>
 #include <functional>
 
 #include "common/session_file.h"
 #include "server/pipeline/frame_result.h"
+#include "server/recording/long_work.h"
 
 namespace kinevox {
 
@@ -18,8 +18,8 @@ struct SilhouettePassOptions {
 };
 
 // Gives each frame set's result to `take`, in their order, without poses; stops with its first error. FailedPrecondition
-// where a camera has no background; Cancelled after `stop`; else what reading says.
+// where a camera has no background; Cancelled after `work.stop`; else what reading says.
 absl::Status find_silhouettes(const Session& session, const SilhouettePassOptions& options,
-                              const std::function<absl::Status(const FrameResult&)>& take, const std::atomic<bool>& stop);
+                              const std::function<absl::Status(const FrameResult&)>& take, const LongWork& work);
 
 }  // namespace kinevox

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "common/degrees.h"
+#include "common/progress_line.h"
 #include "server/cameras/session_source.h"
 #include "server/recording/recording_export.h"
 #include "server/tools/interrupt.h"
@@ -67,18 +68,26 @@ bool parse_frames(const std::string& text, std::int64_t& first, std::int64_t& la
 
 // Written beside and renamed when it is whole.
 absl::StatusOr<kinevox::ExportedFiles> export_session(const fs::path& from, const kinevox::ExportOptions& options,
-                                                      const fs::path& out, const std::atomic<bool>& stop) {
+                                                      const fs::path& out, const kinevox::LongWork& work) {
     std::error_code error;
     if (fs::exists(out, error))
         return absl::AlreadyExistsError(fmt::format("{}: is there already; give another --out, or remove it", out.string()));
     const fs::path aside = fs::absolute(out, error).parent_path() / fmt::format(".{}.{}", out.filename().string(), getpid());
     fs::create_directories(aside, error);
     if (error) return absl::UnavailableError(fmt::format("{}: cannot be made: {}", out.string(), error.message()));
-    auto written = kinevox::export_recording(from, options, aside, stop);
+    auto written = kinevox::export_recording(from, options, aside, work);
     if (written.ok()) fs::rename(aside, out, error);
     if (error) written = absl::UnavailableError(fmt::format("{}: cannot be made: {}", out.string(), error.message()));
     fs::remove_all(aside, error);
     return written;
+}
+
+absl::StatusOr<kinevox::ExportedFiles> export_files(const Arguments& arguments, const kinevox::ExportOptions& options,
+                                                    const std::atomic<bool>& stop) {
+    kinevox::ProgressLine line(arguments.quiet);
+    const kinevox::LongWork work{stop, [&line](double share) { line.show(share); }};
+    if (arguments.format == "session") return export_session(arguments.folder, options, arguments.out, work);
+    return kinevox::export_recording(arguments.folder, options, arguments.out, work);
 }
 
 int run(int argc, char** argv) {
@@ -108,9 +117,7 @@ int run(int argc, char** argv) {
         return fail(fmt::format("--frames is '{}'; write it as FIRST-LAST, for example 30-89", arguments.frames));
     std::atomic<bool> stop{false};
     const kinevox::Interrupt interrupt([&stop] { stop = true; });
-    const bool session = arguments.format == "session";
-    const auto written = session ? export_session(arguments.folder, options, arguments.out, stop)
-                                 : kinevox::export_recording(arguments.folder, options, arguments.out, stop);
+    const auto written = export_files(arguments, options, stop);
     if (!written.ok()) {
         if (arguments.format == "mp4") std::remove(arguments.out.c_str());   // half a film
         return fail(std::string(written.status().message()));

@@ -122,9 +122,13 @@ class Streams(ClientTest):
             pass
 
     def test_latest_only_counts_what_it_missed(self):
-        with self.client.poses(max_rate_hz=1) as poses:
-            kept = [next(poses) for _ in range(3)]
-        self.assertGreater(sum(pose.missed for pose in kept), 0)
+        missed = 0
+        for rate_hz in (1, 0.2):   # the second for a capture that is slow itself, under a sanitizer
+            with self.client.poses(max_rate_hz=rate_hz) as poses:
+                missed = sum(next(poses).missed for _ in range(3))
+            if missed:
+                break
+        self.assertGreater(missed, 0)
         with self.assertRaisesRegex(kinevox.InvalidArgument, "lossless"):
             next(self.client.poses("all", max_rate_hz=4))
         with self.assertRaisesRegex(ValueError, "take 'all' or 'latest'"):
@@ -278,7 +282,11 @@ class Recorded(ClientTest):
         with self.assertRaisesRegex(kinevox.InvalidArgument, "anonymous"):
             self.client.export("trial", "session", out)
         self.assertEqual([file.name for file in out.iterdir()], ["trial.csv"])
-        passed_on = {file.name for file in self.client.export("trial", "session", out / "passed_on", anonymous=True)}
+        shares = []
+        passed_on = {file.name for file in self.client.export("trial", "session", out / "passed_on", anonymous=True,
+                                                              on_progress=shares.append)}
+        self.assertTrue(shares, "nothing was said while the silhouettes were computed")
+        self.assertTrue(0 < shares[0] and shares == sorted(shares) and shares[-1] <= 1, shares)
         self.assertLessEqual({"session.toml", "README.txt", "cam_01.mkv", "film.mp4", "joints.csv"}, passed_on)
 
     def test_volumes_decode_to_what_the_daemon_exports(self):
@@ -300,7 +308,7 @@ class Recorded(ClientTest):
         random = np.random.default_rng(1)
         refused = 0
         for _ in range(120):
-            damaged = bytearray(volumes[6])
+            damaged = bytearray(volumes[int(points[0].stem)])
             for place in random.integers(0, len(damaged) if random.random() < 0.5 else 112, size=2):
                 damaged[place] ^= 1 << random.integers(8)
             try:

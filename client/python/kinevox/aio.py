@@ -22,7 +22,7 @@ from kinevox.calibration import Calibrations, Procedure, progress_call
 from kinevox.calls import Call, acquire, release
 from kinevox.capture import Capture, Event, Service
 from kinevox.errors import KinevoxError
-from kinevox.export_files import ExportFiles
+from kinevox.export_files import ExportFiles, OnProgress
 from kinevox.poses import Pose
 from kinevox.recordings import Format, Recordings, export_call
 from kinevox.replay import Replay
@@ -190,11 +190,11 @@ class AsyncClient(AsyncCapture):
 
     async def export(self, recording: str, form: Format, to: str | Path, *, first_frame: int = 0, last_frame: int = -1,
                      turn_deg: float = 0, hold: bool = False, camera: str = "", width_px: int = 0,
-                     anonymous: bool = False) -> list[Path]:
+                     anonymous: bool = False, on_progress: OnProgress | None = None) -> list[Path]:
         """See Client.export."""
         call = export_call(recording, form, first_frame, last_frame, turn_deg, hold, camera, width_px, anonymous)
         async with AsyncStream(self._transport, call) as pieces:
-            with ExportFiles(Path(to)) as files:
+            with ExportFiles(Path(to), on_progress) as files:
                 async for piece in pieces:
                     files.take(piece)
         return files.written

@@ -15,7 +15,7 @@ from kinevox.calibration import Calibrations, Procedure, progress_call
 from kinevox.calls import StreamCall, acquire, release
 from kinevox.capture import Capture, Event
 from kinevox.errors import KinevoxError
-from kinevox.export_files import ExportFiles
+from kinevox.export_files import ExportFiles, OnProgress
 from kinevox.poses import Pose
 from kinevox.recordings import Format, Recordings, export_call
 from kinevox.replay import Replay
@@ -114,17 +114,18 @@ class Client(Capture):
 
     def export(self, recording: str, form: Format, to: str | Path, *, first_frame: int = 0, last_frame: int = -1,
                turn_deg: float = 0, hold: bool = False, camera: str = "", width_px: int = 0,
-               anonymous: bool = False) -> list[Path]:
+               anonymous: bool = False, on_progress: OnProgress | None = None) -> list[Path]:
         """A recording in another program's format, written to the folder or file `to`; returns the files.
 
         form: trc, mot (OpenSim), c3d, bvh, csv, ply (a file of coloured points a frame set; `to` is a folder), mp4
         (the pictures with the skeleton). first_frame, last_frame: from 0, included; -1: to the end. turn_deg: about
         the vertical, anticlockwise from above; not for mp4. hold: bvh, where a value is withheld, repeat the last one.
         camera, width_px: mp4, one camera instead of all in tiles, and the film's width. anonymous: silhouettes for
-        pictures, no colours and names; form "session", a folder to pass on, wants it. NotFound, InvalidArgument,
+        pictures, no colours and names; form "session", a folder to pass on, wants it. on_progress: called four times a
+        second with the share, 0 to 1, of the files that is made, before they come. NotFound, InvalidArgument,
         FailedPrecondition. A file is there whole or not at all.
         """
-        files = ExportFiles(Path(to))
+        files = ExportFiles(Path(to), on_progress)
         with self._stream(export_call(recording, form, first_frame, last_frame, turn_deg, hold, camera, width_px,
                                       anonymous),
                           False, None, None) as pieces:

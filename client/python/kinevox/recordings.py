@@ -69,17 +69,19 @@ class RecorderStatus:
 
 @dataclass(frozen=True)
 class ExportPiece:
-    """Part of an exported file. last: of this file. remark: one line where there is something to know."""
+    """Part of an exported file. last: of this file. remark: one line where there is something to know. Without
+    file_name: done_share of the files, 0 to 1, is made."""
 
     file_name: str
     data: bytes
     last: bool
     remark: str
+    done_share: float
 
     @staticmethod
     def of(piece: Any, _: str = "") -> "ExportPiece":
         """From the daemon's message."""
-        return ExportPiece(piece.file_name, piece.data, piece.last_of_file, piece.remark)
+        return ExportPiece(piece.file_name, piece.data, piece.last_of_file, piece.remark, piece.done_share)
 
 
 def export_call(recording: str, form: Format, first_frame: int, last_frame: int, turn_deg: float, hold: bool,
@@ -90,7 +92,7 @@ def export_call(recording: str, form: Format, first_frame: int, last_frame: int,
         raise ValueError(f"there is no format '{form}'; take trc, mot, c3d, bvh, csv, ply, mp4 or session")
     request = pb.ExportRequest(recording=recording, format=value.number, first_frame=first_frame, last_frame=last_frame,
                                turn_deg=turn_deg, hold=hold, camera=camera, width_px=width_px,
-                               anonymous=anonymous)
+                               anonymous=anonymous, progress=True)
     return StreamCall("RecordingService/Export", request, pb.ExportResponse, ExportPiece.of)
 
 

@@ -1,13 +1,11 @@
 #include "server/tools/calibrate/console.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <atomic>
-#include <chrono>
-#include <cstdio>
 #include <memory>
 
+#include "common/progress_line.h"
 #include "server/tools/interrupt.h"
 
 namespace kinevox::calibrate {
@@ -15,26 +13,24 @@ namespace kinevox::calibrate {
 namespace {
 
 struct Console {
+    explicit Console(bool quiet) : line(quiet) {}
+    ProgressLine line;
     std::atomic<bool> interrupted = false;
-    std::chrono::steady_clock::time_point drawn;
     Interrupt interrupt{[this] { interrupted = true; }};   // last: its thread ends first
 };
 
 }  // namespace
 
 SolveProgress console_progress(bool quiet) {
-    const bool draws = !quiet && isatty(STDERR_FILENO);
-    return [draws, console = std::make_shared<Console>()](double part, const std::string& what) {
+    return [console = std::make_shared<Console>(quiet)](double part, const std::string& what) {
         if (console->interrupted) {
-            if (draws) fmt::print(stderr, "\r\033[K");
+            console->line.clear();
             return false;
         }
-        const auto now = std::chrono::steady_clock::now();
-        if (!draws || (part < 1 && now - console->drawn < std::chrono::milliseconds(100))) return true;
-        console->drawn = now;
-        fmt::print(stderr, "\r\033[K{:3.0f} %  {}", 100 * part, what);
-        if (part >= 1) fmt::print(stderr, "\r\033[K");
-        std::fflush(stderr);
+        if (part >= 1)
+            console->line.clear();
+        else if (console->line.due())
+            console->line.draw(fmt::format("{:3.0f} %  {}", 100 * part, what));
         return true;
     };
 }

@@ -4,21 +4,22 @@
 #include <chrono>
 #include <cstdint>
 
+#include "common/progress_line.h"
+
 namespace kinevox {
 
-// Draws on standard error, at most ten times a second, and only if that is a terminal.
+// A ProgressLine with the rate and the time that is left.
 class ProgressBar {
   public:
     // total < 0: unknown.
     explicit ProgressBar(std::int64_t total, bool quiet);
-    ~ProgressBar();
     void show(std::int64_t done);
 
   private:
     using Clock = std::chrono::steady_clock;
     std::int64_t total_;
-    bool on_;
-    Clock::time_point start_ = Clock::now(), drawn_{};
+    ProgressLine line_;
+    Clock::time_point start_ = Clock::now();
 };
 
 }  // namespace kinevox

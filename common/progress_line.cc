@@ -1,0 +1,36 @@
+#include "common/progress_line.h"
+
+#include <unistd.h>
+
+#include <cstdio>
+
+#include <fmt/format.h>
+
+namespace kinevox {
+
+ProgressLine::ProgressLine(bool quiet) : on_(!quiet && isatty(STDERR_FILENO) != 0) {}
+
+bool ProgressLine::due() {
+    if (!on_) return false;
+    const auto now = std::chrono::steady_clock::now();
+    if (now - drawn_ < std::chrono::milliseconds(100)) return false;
+    drawn_ = now;
+    return true;
+}
+
+void ProgressLine::draw(std::string_view text) {
+    fmt::print(stderr, "\r\033[K{}", text);
+    std::fflush(stderr);
+    shown_ = true;
+}
+
+void ProgressLine::show(double share) {
+    if (due()) draw(fmt::format("{:3.0f} %", 100 * share));
+}
+
+void ProgressLine::clear() {
+    if (shown_) std::fputs("\r\033[K", stderr);
+    shown_ = false;
+}
+
+}  // namespace kinevox
