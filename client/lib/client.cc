@@ -39,6 +39,11 @@ std::shared_ptr<grpc::Channel> connect(const ClientOptions& options) {
 
 absl::Status to_absl(const grpc::Status& status, const std::string& server) {
     if (status.ok()) return absl::OkStatus();
+    // What gRPC says of a call that reaches a server that is stopping. As CANCELLED it would be taken for a leaving of
+    // the client's own: no error, no new connection.
+    if (status.error_code() == grpc::StatusCode::CANCELLED)
+        return absl::UnavailableError(
+            fmt::format("the daemon at {} ended the call, as it does when it stops; connect again later", server));
     const auto code = static_cast<absl::StatusCode>(status.error_code());
     std::string message = status.error_message();
     std::ranges::replace(message, '\n', ' ');

@@ -13,6 +13,7 @@
 
 namespace kinevox::client {
 
+// Of a call that this client did not cancel itself.
 absl::Status to_absl(const grpc::Status& status, const std::string& server);
 // Connects when it is first used, and again by itself.
 std::shared_ptr<grpc::Channel> connect(const ClientOptions& options);

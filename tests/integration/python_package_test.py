@@ -16,6 +16,7 @@ import grpc  # noqa: E402
 import numpy as np  # noqa: E402
 
 import kinevox  # noqa: E402
+from kinevox.errors import from_status  # noqa: E402
 from kinevox.v1 import capture_service_pb2 as capture_pb  # noqa: E402
 
 
@@ -73,6 +74,17 @@ class Package(unittest.TestCase):
         for options, words in (({"server": "somewhere"}, "give HOST:PORT"), ({"timeout_s": 0}, "more than 0")):
             with self.assertRaisesRegex(kinevox.InvalidArgument, words):
                 kinevox.Client(**{"server": "127.0.0.1:1", **options})
+
+    def test_who_cancelled_a_call(self):
+        def error(details):
+            return from_status(grpc.StatusCode.CANCELLED, details, "here:1")
+
+        self.assertIsInstance(error("Locally cancelled by application!"), kinevox.Cancelled)
+        self.assertIsInstance(error("Channel closed!"), kinevox.Cancelled)
+        stopping = error("CANCELLED")   # gRPC, of a call that reaches a daemon that is stopping
+        self.assertIsInstance(stopping, kinevox.Unavailable)
+        self.assertEqual(stopping.code, "UNAVAILABLE")
+        self.assertEqual(str(stopping), "the daemon at here:1 ended the call, as it does when it stops; connect again later")
 
     def test_damaged_volumes(self):
         for data in (b"", b"KVXV", b"x" * 200, bytes(56)):

@@ -79,7 +79,7 @@ class DataLoss(KinevoxError):
 
 
 class Cancelled(KinevoxError):
-    """It was cancelled, here or there."""
+    """This client cancelled the call or closed its channel."""
 
     code = "CANCELLED"
 
@@ -110,12 +110,21 @@ _CLASSES: dict[str, type[KinevoxError]] = {
 }
 
 
+def _here(message: str) -> bool:
+    """Whether a cancelled call was cancelled by this client."""
+    return message.startswith(("Locally cancelled", "Channel closed"))
+
+
 def from_status(code: grpc.StatusCode | None, details: str | None, server: str) -> KinevoxError:
     """The exception for a call's status. The daemon's own words stay; gRPC's get an address and a remedy."""
     name = code.name if code is not None else "UNKNOWN"
     message = " ".join((details or "").split())
     own = "daemon" in message   # the daemon's own words, or gRPC's
-    if name == "UNAVAILABLE" and not own:
+    if name == "CANCELLED" and not _here(message):
+        # What gRPC says of a call that reaches a server that is stopping.
+        name = "UNAVAILABLE"
+        message = f"the daemon at {server} ended the call, as it does when it stops; connect again later"
+    elif name == "UNAVAILABLE" and not own:
         message = (f"cannot reach a daemon at {server} ({message}); start kinevoxd there or give another address")
     elif name == "DEADLINE_EXCEEDED":
         message = f"the daemon at {server} did not answer in time; try again or allow it more with timeout_s"
