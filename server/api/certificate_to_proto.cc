@@ -2,6 +2,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "server/calibration/whole_number.h"
+
 namespace kinevox {
 namespace {
 
@@ -71,7 +73,7 @@ v1::Certificate certificate_to_proto(const std::string& text_of_it) {
             to.mutable_centre_in_world()->set_y(centre[1].get<double>());
             to.mutable_centre_in_world()->set_z(centre[2].get<double>());
         }
-        number(camera, "views", [&](double value) { to.set_views(static_cast<int>(value)); });
+        if (const auto views = whole_number<int>(member(camera, "views"))) to.set_views(*views);
         number(camera, "fit_rms_px", [&](double value) { to.set_fit_rms_px(value); });
         number(camera, "held_out_rms_px", [&](double value) { to.set_held_out_rms_px(value); });
         number(camera, "coverage", [&](double value) { to.set_coverage(value); });

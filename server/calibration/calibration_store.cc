@@ -10,6 +10,7 @@
 #include "common/atomic_file.h"
 #include "common/calibration_file.h"
 #include "server/calibration/report_page.h"
+#include "server/calibration/whole_number.h"
 
 namespace kinevox {
 namespace {
@@ -55,6 +56,15 @@ std::vector<std::string> strings(const Json& array) {
     return out;
 }
 
+// 0 where there is none.
+template <std::integral T>
+T whole_number_at(const Json& object, const char* key) {
+    const auto found = object.find(key);
+    if (found == object.end()) return 0;
+    if (const auto number = whole_number<T>(*found)) return *number;
+    throw std::invalid_argument(fmt::format("{} is no whole number", key));
+}
+
 std::vector<int> numbers_in(const fs::path& folder) {
     std::vector<int> numbers;
     std::error_code error;
@@ -91,7 +101,7 @@ absl::StatusOr<CalibrationListing> CalibrationStore::read_about(const std::strin
     out.id = id;
     std::size_t fitting = 0;
     try {
-        out.time_utc_ns = about.value("time_utc_ns", std::int64_t{0});
+        out.time_utc_ns = whole_number_at<std::int64_t>(about, "time_utc_ns");
         out.made_by = about.value("made_by", "");
         out.note = about.value("note", "");
         out.verdict = verdict_of(about.value("verdict", ""));
@@ -99,9 +109,10 @@ absl::StatusOr<CalibrationListing> CalibrationStore::read_about(const std::strin
             const std::string name = camera.value("name", "");
             out.cameras.push_back(name);
             const Camera* const own = camera_named(own_, name);
-            fitting += own && own->width == camera.value("width", 0) && own->height == camera.value("height", 0);
+            const int width = whole_number_at<int>(camera, "width"), height = whole_number_at<int>(camera, "height");
+            fitting += own && own->width == width && own->height == height;
         }
-    } catch (const Json::exception&) {
+    } catch (const std::exception&) {  // nlohmann's, too
         return absl::DataLossError(fmt::format("{}: is damaged; remove the folder", (folder_of(id) / kAbout).string()));
     }
     out.fits = fitting == own_.size();

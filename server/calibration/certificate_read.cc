@@ -8,6 +8,7 @@
 #include "common/one_line.h"
 #include "server/calibration/certificate.h"
 #include "server/calibration/coverage.h"
+#include "server/calibration/whole_number.h"
 
 namespace kinevox {
 namespace {
@@ -31,8 +32,14 @@ Verdict verdict_of(const std::string& text) {
     throw std::invalid_argument("'" + text.substr(0, 20) + "' is no verdict");
 }
 
+int count(const Json& value) {
+    if (const auto number = whole_number<int>(value); number.value_or(-1) >= 0) return *number;
+    throw std::invalid_argument(value.dump().substr(0, 20) + " is no count");
+}
+
 std::vector<int> counts_of(const Json& object) {
-    auto counts = object.value("coverage_counts", std::vector<int>{});
+    std::vector<int> counts;
+    for (const Json& views : object.value("coverage_counts", Json::array())) counts.push_back(count(views));
     if (!counts.empty() && counts.size() != std::size_t{Coverage::kColumns * Coverage::kRows})
         throw std::invalid_argument("coverage_counts has another size");
     return counts;
@@ -43,7 +50,7 @@ Camera camera_of(const std::string& name, const Json& in) {
     camera.name = name;
     if (!camera_name_problem(name).empty())
         throw std::invalid_argument("a camera's name " + camera_name_problem(name));
-    camera.width = in.at("size_px").at(0).get<int>(), camera.height = in.at("size_px").at(1).get<int>();
+    camera.width = count(in.at("size_px").at(0)), camera.height = count(in.at("size_px").at(1));
     camera.fx = number(in.at("focal_px").at(0)), camera.fy = number(in.at("focal_px").at(1));
     camera.cx = number(in.at("middle_px").at(0)), camera.cy = number(in.at("middle_px").at(1));
     double* const distortion[] = {&camera.k1, &camera.k2, &camera.p1, &camera.p2, &camera.k3};
@@ -56,7 +63,7 @@ Camera camera_of(const std::string& name, const Json& in) {
 
 CameraQuality quality_of(const Json& in) {
     CameraQuality quality;
-    quality.views = in.at("views").get<int>();
+    quality.views = count(in.at("views"));
     quality.fit_rms_px = number(in.at("fit_rms_px"));
     quality.held_out_rms_px = maybe(in, "held_out_rms_px");
     quality.coverage = number(in.at("coverage"));
@@ -72,7 +79,7 @@ IntrinsicsResult lens_of(const Camera& camera, const Json& in) {
     lens.camera = camera;
     lens.rms_px = number(in.at("rms_px"));
     lens.held_out_rms_px = maybe(in, "held_out_rms_px");
-    lens.used = in.at("views_used").get<int>();
+    lens.used = count(in.at("views_used"));
     lens.coverage = number(in.at("coverage"));
     lens.coverage_counts = counts_of(in);
     static constexpr const char* kNames[] = {"fx_px", "fy_px", "cx_px", "cy_px", "k1",
@@ -84,7 +91,7 @@ IntrinsicsResult lens_of(const Camera& camera, const Json& in) {
 HullAgreement hull_of(const Json& in, const std::vector<Camera>& cameras) {
     HullAgreement hull;
     hull.mean_iou = number(in.at("mean_iou"));
-    hull.frames = in.at("frames").get<int>();
+    hull.frames = count(in.at("frames"));
     for (const Camera& camera : cameras)
         hull.iou.push_back(
             maybe(in.value("cameras", Json::object()), camera.name.c_str()).value_or(std::nan("")));
@@ -103,7 +110,7 @@ Certificate certificate_of(const Json& in) {
     out.held_out_rms_px = maybe(in, "held_out_rms_px");
     if (const auto scale = in.find("scale_error_mm_per_m"); scale != in.end())
         out.scale = ScaleError{number(scale->at("bias")), number(scale->at("spread")),
-                               scale->at("distances").get<int>()};
+                               count(scale->at("distances"))};
     if (const auto volume = in.find("volume"); volume != in.end())
         out.volume =
             VolumeCoverage{point(volume->at("lower_m")), point(volume->at("upper_m")),

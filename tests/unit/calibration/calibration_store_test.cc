@@ -32,6 +32,7 @@ TEST_F(CalibrationStoreTest, AnAboutOfAnotherShapeIsLeftOutOfTheListAndNamed) {
     const std::string whole = add(), damaged = add();
     for (const char* about :
          {R"({"cameras": [{"name": 7}]})", R"({"cameras": [{"name": "left", "width": "64"}]})",
+          R"({"cameras": [{"name": "left", "width": 64e30}]})", R"({"time_utc_ns": 18446744073709551615})",
           R"({"cameras": [3]})", R"({"cameras": 3})", R"({"note": []})", R"({"time_utc_ns": "now"})"}) {
         damage(damaged, about);
         const auto list = store_.list();
