@@ -10,6 +10,8 @@
 
 namespace kinevox {
 
+inline constexpr double kMaxPicturePx = 32768;   // a picture's side in any calibration file
+
 // Qualisys Track Manager's exported calibration (XML). Lengths there are in mm and pixels in 1/64 px; the
 // position is the camera's centre in the world, r11 to r33 (row, column) turn world axes to the camera's,
 // which are x right, y up, z backward. Distortion coefficients are OpenCV's k1 k2 p1 p2 k3 as they stand.

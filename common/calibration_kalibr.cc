@@ -12,8 +12,6 @@
 namespace kinevox {
 namespace {
 
-constexpr double kMaxPicturePx = 32768;
-
 // Reads one camera's keys and keeps the first thing that is wrong with any.
 class CameraReader {
   public:

@@ -14,8 +14,6 @@
 namespace kinevox {
 namespace {
 
-constexpr double kMaxPicturePx = 32768;
-
 // One camera's map; notes the first thing that is wrong.
 class CameraMap {
   public:

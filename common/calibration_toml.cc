@@ -13,7 +13,6 @@
 namespace kinevox {
 namespace {
 
-constexpr double kMaxPicturePx = 32768;
 constexpr double kMaxFocalPx = 1e6;
 constexpr double kMaxDistortion = 1e4;
 constexpr double kMaxDistanceM = 1000;

@@ -33,7 +33,7 @@ std::string recording_text(const v1::Recording& recording) {
     return text;
 }
 
-std::string status_text(const v1::GetRecorderStatusResponse& status) {
+std::string recorder_text(const v1::GetRecorderStatusResponse& status) {
     std::string text = short_name(*v1::RecorderState_descriptor()->FindValueByNumber(status.state()));
     if (status.state() == v1::RECORDER_STATE_OFF) return text + ": the daemon has no folder for recordings";
     if (status.has_recording()) text += "\n  now    " + recording_text(status.recording());
@@ -81,7 +81,7 @@ absl::Status run_keep(const Common& common, const RecordOptions& options) {
 
 absl::Status run_status(const Common& common, const RecordOptions&) {
     const auto response = client::Client(common.client_options()).recorder_status();
-    return report<v1::GetRecorderStatusResponse>(common, response, status_text);
+    return report<v1::GetRecorderStatusResponse>(common, response, recorder_text);
 }
 
 absl::Status run_list(const Common& common, const RecordOptions&) {

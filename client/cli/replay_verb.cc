@@ -30,7 +30,7 @@ absl::Status report(const Common& common, const v1::Replay& replay) {
     return absl::OkStatus();
 }
 
-absl::Status run_status(const Common& common, const ReplayOptions&) {
+absl::Status run_shown(const Common& common, const ReplayOptions&) {
     const auto answer = client::Client(common.client_options()).get_replay();
     return answer.ok() ? report(common, answer->replay()) : answer.status();
 }
@@ -52,7 +52,7 @@ absl::Status run_open(const Common& common, const ReplayOptions& options) {
 absl::Status run_live(const Common& common, const ReplayOptions& options) {
     client::Client client(common.client_options());
     if (absl::Status closed = client.close_replay(options.name); !closed.ok()) return closed;
-    return run_status(common, options);
+    return run_shown(common, options);
 }
 
 absl::Status set(const Common& common, const ReplayOptions& options, const v1::SetReplayRequest& request) {
@@ -117,7 +117,7 @@ void add_replay_verb(CLI::App& app, Common& common, Run& run) {
     replay->require_subcommand(1);
     const auto add = [&](const char* name, const char* help, absl::Status (*act)(const Common&, const ReplayOptions&)) {
         CLI::App* action = add_action(*replay, common, run, options, name, help, act);
-        if (act != run_status)
+        if (act != run_shown)
             action->add_option("--name", options->name, "Under which name control is taken")->capture_default_str();
         return action;
     };
@@ -127,7 +127,7 @@ void add_replay_verb(CLI::App& app, Common& common, Run& run) {
     open->add_flag("--loop", options->loop, "Again and again");
     open->add_option("--speed", options->speed, "Times the recording's own")->check(CLI::Range(0.01, 100.0));
     add("live", "Back to the cameras", run_live);
-    add("status", "What is shown, and where it is", run_status);
+    add("status", "What is shown, and where it is", run_shown);
     add("play", "Go on", run_play);
     add("pause", "Stand still", run_pause);
     CLI::App* step = add("step", "One frame set on, or so many; negative: back", run_step);

@@ -27,7 +27,7 @@ absl::StatusOr<GhostTrial> read_recording(client::Client& client, const std::str
             csv += piece.data();
             return csv.size() < kMostBytes;
         },
-        options);
+        [](double) {}, options);
     if (!status.ok()) return status;
     return parse_ghost_trial(csv, name);
 }

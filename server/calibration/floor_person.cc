@@ -21,7 +21,7 @@ constexpr std::size_t kLowVoxels = 6;   // as many lie lower than what counts as
 constexpr double kSoleHeight_m = 0.03;  // voxels this near to the lowest one tell where the foot is
 constexpr double kFeetHeight_m = 0.15;  // and so near to it the other foot
 constexpr std::size_t kFewestMoments = 6;
-constexpr double kStayed_m = 0.5;
+constexpr double kNotWalked_m = 0.5;
 constexpr double kNarrow_m = 0.12, kUnsure_deg = 1.0;
 
 struct Moment {
@@ -214,7 +214,7 @@ absl::StatusOr<FloorResult> floor_from_person(const std::vector<Camera>& cameras
         path.begin(), path.end(),
         [&](const Vector& a, const Vector& b) { return (a - start).norm() < (b - start).norm(); });
     Vector x = farthest - start;
-    const bool walked = x.norm() > kStayed_m;
+    const bool walked = x.norm() > kNotWalked_m;
     if (!walked) {
         const Mat3& r = cameras.front().camera_from_world.rotation;
         x = Vector(r(2, 0), r(2, 1), r(2, 2));

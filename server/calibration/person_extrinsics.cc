@@ -14,6 +14,7 @@
 #include "server/calibration/person_world.h"
 #include "server/calibration/silhouette_refine.h"
 #include "server/calibration/triangulation.h"
+#include "server/calibration/unit_plane.h"
 
 namespace kinevox {
 namespace {
@@ -30,11 +31,6 @@ constexpr double kUnevenHeight = 1.08;       // upper over middle height of the 
 
 using Landmarks = std::vector<std::vector<std::optional<PersonLandmarks>>>;  // [moment][camera]
 
-cv::Point2d on_plane(const Camera& camera, Vec2 pixel) {
-    const Vec3 d = direction_in_camera(camera, pixel);
-    return {d.x / d.z, d.y / d.z};
-}
-
 // The length of the upper body, in units of the two cameras' distance, makes all pairs' units the same.
 std::optional<CameraPair> join(const std::vector<Camera>& lenses, const Landmarks& landmarks, int a, int b,
                                const PersonExtrinsicsOptions& options, int attempt) {
@@ -42,8 +38,8 @@ std::optional<CameraPair> join(const std::vector<Camera>& lenses, const Landmark
     for (const auto& moment : landmarks) {
         if (!moment[a] || !moment[b]) continue;
         for (int k = 0; k < kPersonLandmarks; ++k) {
-            in_a.push_back(on_plane(lenses[a], (*moment[a])[k]));
-            in_b.push_back(on_plane(lenses[b], (*moment[b])[k]));
+            in_a.push_back(on_unit_plane(lenses[a], (*moment[a])[k]));
+            in_b.push_back(on_unit_plane(lenses[b], (*moment[b])[k]));
         }
     }
     if (in_a.size() < kPersonLandmarks * kFewestTogether) return std::nullopt;

@@ -12,7 +12,7 @@
 namespace kinevox {
 namespace {
 
-constexpr double kNearest_m = 0.3;
+constexpr double kNearestDepth_m = 0.3;
 constexpr double kOutsidePx = 60;  // what a place outside a camera's picture counts as
 
 // Pixel and its derivative by the point in the camera frame, the lens' distortion included in the pixel only:
@@ -107,7 +107,7 @@ OutlineRays::Hit OutlineRays::search(const std::vector<Camera>& cameras, const O
     const double centre = dot(middle - origin, along);
     Hit best{0, 1e300};
     const auto try_depth = [&](double depth) {
-        if (depth < kNearest_m) return;
+        if (depth < kNearestDepth_m) return;
         const double squares = squares_at(cameras, ray, origin + depth * along);
         if (squares < best.squares) best = {depth, squares};
     };
@@ -132,7 +132,7 @@ OutlineRays::Hit OutlineRays::follow(const std::vector<Camera>& cameras, const O
     Hit best{depth, squares(depth)};
     const double step = 0.5 * options_.depth_step_m;
     for (const double at : {depth - step, depth + step})
-        if (best.squares > 0 && at > kNearest_m)
+        if (best.squares > 0 && at > kNearestDepth_m)
             if (const double there = squares(at); there < best.squares) best = {at, there};
     polish(cameras, ray, best);
     return best;
@@ -160,7 +160,7 @@ void OutlineRays::polish(const std::vector<Camera>& cameras, const OutlineRay& r
         }
         const double step = std::clamp(-gradient / curvature, -options_.depth_step_m, options_.depth_step_m);
         const double depth = hit.depth + step;
-        if (!(depth > kNearest_m) || std::abs(step) < 1e-5) return;
+        if (!(depth > kNearestDepth_m) || std::abs(step) < 1e-5) return;
         const double squares = squares_at(cameras, ray, world_from_own * (depth * ray.direction_in_camera));
         if (!(squares < hit.squares)) return;
         hit = {depth, squares};

@@ -16,7 +16,7 @@ namespace kinevox {
 namespace {
 
 constexpr double kRaysPerSample = 400;  // and by one pixel squared
-constexpr int kFewestMoments = 5;
+constexpr int kFewestRefined = 5;
 constexpr double kDamping = 1e-5, kLeastDamping = 1e-9;  // of the diagonal: more would stop steps along flat valleys
 
 Camera moved(const Camera& camera, const Eigen::Matrix<double, 6, 1>& step) {
@@ -157,11 +157,11 @@ absl::StatusOr<SilhouetteRefineResult> refine_from_silhouettes(const std::vector
                                                                const SolveProgress& progress) {
     const Misses misses(cameras, silhouettes, options);
     const OutlineRays& rays = misses.rays();
-    if (rays.moments() < kFewestMoments)
+    if (rays.moments() < kFewestRefined)
         return absl::FailedPreconditionError(
             fmt::format("the person is seen by two cameras in {} moments, at least {} are needed; let a "
                         "person walk where all see them",
-                        rays.moments(), kFewestMoments));
+                        rays.moments(), kFewestRefined));
     const double side = longest_side_px(cameras);
     const double first = options.first_scale_part * side, last = options.last_scale_part * side;
     SilhouetteRefineResult result;

@@ -15,8 +15,8 @@ constexpr int kWidths_px[] = {80, 160, 320};  // of the longer side: coarse to f
 constexpr int kRounds = 8;
 constexpr double kNoise_grey = 6;        // differences beyond count less and less
 constexpr double kLeastSeenPart = 0.15;  // of the picture
-constexpr double kMarginPart = 0.03;     // of the longer side, around the subject: shadows, motion
-constexpr double kSureTurn_deg = 0.1;    // up to which what was hidden before is added to the first picture
+constexpr double kShadowPart = 0.03;     // of the longer side, around the subject: shadows, motion
+constexpr double kStillTurn_deg = 0.1;   // up to which what was hidden before is added to the first picture
 
 using Vector5 = Eigen::Matrix<double, 5, 1>;
 using Matrix5 = Eigen::Matrix<double, 5, 5>;
@@ -49,7 +49,7 @@ Level level_of(const cv::Mat& finest, const Picture& picture, const kernels::Rec
     cv::GaussianBlur(level.grey, level.grey, {5, 5}, 1.2);
     level.seen = cv::Mat(level.grey.size(), CV_8U, cv::Scalar(255));
     if (!ignored.empty()) {
-        const double margin = kMarginPart * longer_px;
+        const double margin = kShadowPart * longer_px;
         const cv::Point from(static_cast<int>(scale * ignored.x0 - margin), static_cast<int>(scale * ignored.y0 - margin));
         const cv::Point to(static_cast<int>(scale * ignored.x1 + margin), static_cast<int>(scale * ignored.y1 + margin));
         cv::rectangle(level.seen, from, to, cv::Scalar(0), cv::FILLED);
@@ -151,7 +151,7 @@ std::optional<SceneShift> StillScene::measure(const Picture& picture, const kern
     shift.turn_deg = degrees(std::hypot(std::atan(aside / camera_.fx), motion.roll));
     shift.shift_px = std::hypot(aside, 0.25 * std::max(camera_.width, camera_.height) * motion.roll);
     shift.explained = still > 0 ? std::clamp(1 - cost / still, 0.0, 1.0) : 0;
-    if (shift.turn_deg < kSureTurn_deg)
+    if (shift.turn_deg < kStillTurn_deg)
         for (std::size_t l = 0; l < now.levels.size(); ++l) {
             Level& first = first_->levels[l];
             const cv::Mat fresh = now.levels[l].seen & (255 - first.seen);

@@ -7,21 +7,17 @@
 
 #include "server/calibration/median.h"
 #include "server/calibration/triangulation.h"
+#include "server/calibration/unit_plane.h"
 
 namespace kinevox {
 namespace {
 
-constexpr double kInsidePx = 1.5;   // from the epipolar line
+constexpr double kInlierPx = 1.5;   // from the epipolar line
 constexpr double kClearPart = 0.5;  // of the other assignment's distance: a ball went on to be this one
 constexpr std::size_t kMostSeeds = 4;
 
 double between(Vec2 a, Vec2 b) {
     return std::hypot(a.x - b.x, a.y - b.y);
-}
-
-cv::Point2d on_plane(const Camera& camera, Vec2 pixel) {
-    const Vec3 d = direction_in_camera(camera, pixel);
-    return {d.x / d.z, d.y / d.z};
 }
 
 // What both cameras saw at one moment, on the planes at z = 1; the balls of `b` in an order that stays the
@@ -193,13 +189,13 @@ std::vector<CameraPair> wand_pairs(const std::vector<Camera>& lenses, const std:
                 const auto one = views.find(a), other = views.find(b);
                 if (one == views.end() || other == views.end()) continue;
                 Joint joint;
-                for (const Vec2 pixel : one->second) joint.a.push_back(on_plane(lenses[a], pixel));
-                for (const Vec2 pixel : other->second) joint.b.push_back(on_plane(lenses[b], pixel));
+                for (const Vec2 pixel : one->second) joint.a.push_back(on_unit_plane(lenses[a], pixel));
+                for (const Vec2 pixel : other->second) joint.b.push_back(on_unit_plane(lenses[b], pixel));
                 if (alike) joint.run = {runs[a][moment], runs[b][moment]};
                 joints.push_back(std::move(joint));
             }
             if (static_cast<int>(joints.size()) < kFewestWandMoments) continue;
-            const double threshold = kInsidePx / std::min(lenses[a].fx, lenses[b].fx);
+            const double threshold = kInlierPx / std::min(lenses[a].fx, lenses[b].fx);
             const Found found =
                 alike ? with_alike_balls(joints, threshold) : with_known_balls(joints, threshold);
             const std::vector<Joint> good = inside(found);

@@ -18,9 +18,9 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::size_t kBytesAhead = std::size_t{64} << 20;
+constexpr std::size_t kReplayBytesAhead = std::size_t{64} << 20;
 constexpr std::size_t kAheadPaused = 2;
-constexpr std::chrono::milliseconds kMostLate{500};   // behind the speed asked for, until it is taken as it comes
+constexpr std::chrono::milliseconds kReplayMostLate{500};   // behind the speed asked for, until it is taken as it comes
 
 class LanedReplay final : public ReplaySource {
   public:
@@ -28,7 +28,7 @@ class LanedReplay final : public ReplaySource {
         : files_(std::move(files)), frames_(frames), lanes_(files_.pictures.size()), playing_(!options.paused),
           loop_(options.loop), speed_(options.speed) {
         ahead_ = options.frames_ahead > 0 ? static_cast<std::size_t>(options.frames_ahead)
-                                          : std::clamp<std::size_t>(kBytesAhead / frame_set_bytes(cameras()), 2, 16);
+                                          : std::clamp<std::size_t>(kReplayBytesAhead / frame_set_bytes(cameras()), 2, 16);
     }
     ~LanedReplay() override {
         stop();
@@ -252,7 +252,7 @@ void LanedReplay::leave_out_late(Clock::time_point now) {
         ++at_, ++sequence_;
         changed_.notify_all();
     }
-    if (now - due(at_) > kMostLate) anchor_ = Anchor{at_, now};
+    if (now - due(at_) > kReplayMostLate) anchor_ = Anchor{at_, now};
 }
 
 absl::StatusOr<FrameSet> LanedReplay::next() {

@@ -34,6 +34,7 @@ enum BodyDof : int {
     kDofHipL = 12, kDofKneeL = 15, kDofAnkleL = 16, kDofShoulderL = 17, kDofElbowL = 20, kDofWristL = 21,
     kDofHipR = 22, kDofKneeR = 25, kDofAnkleR = 26, kDofShoulderR = 27, kDofElbowR = 30, kDofWristR = 31,
 };
+constexpr bool is_position(int dof) { return dof < kDofRootRotation; }   // m; all others are angles, rad
 
 struct BodyDofInfo {
     std::string_view name;

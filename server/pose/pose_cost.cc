@@ -9,8 +9,6 @@
 namespace kinevox {
 namespace {
 
-constexpr double kDegree = radians(1);
-
 Vec3 point(const float* p) {
     return {p[0], p[1], p[2]};
 }

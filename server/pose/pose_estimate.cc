@@ -14,7 +14,6 @@ namespace kinevox {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kDegree = radians(1);
 // What is known without any picture, so that the covariance is finite: the room and a turn.
 constexpr double kRoomStd_m = 2, kTurnStd = 1.5;
 constexpr double kLeastHipFlexion = 5 * kDegree;  // for a ratio

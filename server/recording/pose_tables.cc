@@ -26,8 +26,6 @@ constexpr std::array<std::string_view, kBodySegmentCount> kFarJoints{
     "root",   "skullbase", "head_top", "knee_l",  "ankle_l", "toe_l",   "elbow_l", "wrist_l",
     "hand_l", "knee_r",    "ankle_r",  "toe_r",   "elbow_r", "wrist_r", "hand_r"};
 
-bool is_position(int dof) { return dof < kDofRootRotation; }
-
 // A degree of freedom or its deviation: metres, or degrees with so many decimals.
 void append_coordinate(std::string& to, int dof, double value, int decimals_deg) {
     if (is_position(dof))

@@ -18,10 +18,6 @@ namespace {
 namespace fs = std::filesystem;
 constexpr std::size_t kFirstValue = 2;  // after frame and time_s
 
-bool is_position(int dof) {
-    return dof < kDofRootRotation;
-}
-
 std::vector<std::string> joint_columns() {
     std::vector<std::string> columns{"frame", "time_s"};
     for (const std::string_view joint : kJointNames)

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <string>
 
+#include "common/degrees.h"
 #include "server/pose/ray_capsule.h"
 
 namespace kinevox::testing {
@@ -67,17 +69,17 @@ kernels::Silhouettes silhouette_of(const Camera& camera, const std::vector<BodyC
 BodyCoordinates SeenBody::standing() const {
     BodyCoordinates q{};
     q[2] = 0.96;
-    q[5] = deg(25);
-    q[kDofShoulderL + 1] = deg(-35), q[kDofShoulderR] = deg(40), q[kDofElbowR] = deg(60), q[kDofElbowL] = deg(20);
-    q[kDofHipL] = deg(25), q[kDofKneeL] = deg(35), q[kDofHipR] = deg(-5), q[kDofKneeR] = deg(10);
+    q[5] = radians(25);
+    q[kDofShoulderL + 1] = radians(-35), q[kDofShoulderR] = radians(40), q[kDofElbowR] = radians(60), q[kDofElbowL] = radians(20);
+    q[kDofHipL] = radians(25), q[kDofKneeL] = radians(35), q[kDofHipR] = radians(-5), q[kDofKneeR] = radians(10);
     return q;
 }
 
 BodyCoordinates SeenBody::t_pose() const {
     BodyCoordinates q{};
     q[2] = 0.98;
-    q[kDofShoulderL + 1] = q[kDofShoulderR + 1] = deg(-88);
-    q[kDofHipL + 1] = q[kDofHipR + 1] = deg(-8);
+    q[kDofShoulderL + 1] = q[kDofShoulderR + 1] = radians(-88);
+    q[kDofHipL + 1] = q[kDofHipR + 1] = radians(-8);
     return q;
 }
 

@@ -2,15 +2,12 @@
 #pragma once
 
 #include <memory>
-#include <numbers>
 #include <vector>
 
 #include "server/pose/body_model.h"
 #include "server/pose/silhouette_rays.h"
 
 namespace kinevox::testing {
-
-constexpr double deg(double degrees) { return degrees * std::numbers::pi / 180; }
 
 // Cameras of 320 x 240 px around the origin, 4 m away, looking at the height of the hips.
 std::vector<Camera> camera_ring(int count = 4);

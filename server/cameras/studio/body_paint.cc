@@ -8,11 +8,6 @@
 namespace kinevox::studio {
 namespace {
 
-Albedo times(Albedo a, float s) { return {a.r * s, a.g * s, a.b * s}; }
-Albedo mix(Albedo a, Albedo b, float t) {
-    return {a.r + (b.r - a.r) * t, a.g + (b.g - a.g) * t, a.b + (b.b - a.b) * t};
-}
-
 bool on_arm(Bone bone) {
     for (Side side : kSides)
         for (Bone left : {kUpperArmL, kForearmL, kHandL, kShoulderHelpL, kElbowHelpL})

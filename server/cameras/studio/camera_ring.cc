@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include <fmt/format.h>
 
@@ -9,7 +10,7 @@
 namespace kinevox::studio {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
+using std::numbers::pi;
 
 // z towards the target, x level.
 Rigid3 look_at(Vec3 eye, Vec3 target) {
@@ -31,7 +32,7 @@ std::vector<Vec3> action_space(const StudioOptions& options, bool lane) {
     const double radius = options.motion == "run" ? 2.5 : goes_around ? 1.8 : 1.05;
     for (int i = 0; i < 12; ++i)
         for (double z : {-0.05, goes_around ? 1.95 : 2.3})
-            points.push_back({radius * std::cos(i * kPi / 6), radius * std::sin(i * kPi / 6), z});
+            points.push_back({radius * std::cos(i * pi / 6), radius * std::sin(i * pi / 6), z});
     return points;
 }
 
@@ -60,7 +61,7 @@ std::vector<Camera> ring_of_cameras(const StudioOptions& options, bool lane) {
         const auto draw = [&](std::uint32_t what) { return 2.0 * hash_unit(options.seed, i, 60 + what) - 1.0; };
         // Not quite evenly, so that no two cameras look straight at each other. Along a lane two of four look from
         // near its ends: there one lens can hold all of it and the runner still is not small.
-        const double angle = 2 * kPi * (i + (lane ? 0.06 : 0.5)) / options.cameras + 0.16 * draw(1) * std::min(1.0, 6.0 / options.cameras);
+        const double angle = 2 * pi * (i + (lane ? 0.06 : 0.5)) / options.cameras + 0.16 * draw(1) * std::min(1.0, 6.0 / options.cameras);
         const Vec3 middle = lane ? Vec3{5.2, 0, 0.9} : Vec3{0, 0, 0.95};
         const double along = lane ? 10.2 : 4.25, across = lane ? 8.2 : 4.05;
         const Vec3 eye{middle.x + along * std::cos(angle), middle.y + across * std::sin(angle),

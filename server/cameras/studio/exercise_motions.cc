@@ -1,5 +1,6 @@
 // Exercises in place: squat, jumping jack, arm raise. Endless and periodic.
 #include <cmath>
+#include <numbers>
 
 #include "server/cameras/studio/footsteps.h"
 #include "server/cameras/studio/key_curve.h"
@@ -8,20 +9,20 @@
 namespace kinevox::studio {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-constexpr double kFacing = 20 * kPi / 180;  // no limb lies in an axis plane of the world
+using std::numbers::pi;
+constexpr double kFacing = 20 * pi / 180;  // no limb lies in an axis plane of the world
 const Vec3 kLeftOfSubject{-0.34202014332566873, 0.9396926207859084, 0};
 
 // Trunk and head breathe and sway a little, never quite still.
 void stand(const Rig& rig, Pose& pose, double t, double lean) {
-    const double sway = 0.012 * std::sin(2 * kPi * 0.23 * t), breath = 0.010 * std::sin(2 * kPi * 0.27 * t);
+    const double sway = 0.012 * std::sin(2 * pi * 0.23 * t), breath = 0.010 * std::sin(2 * pi * 0.27 * t);
     pose.root_in_world = {0, 0, rig.measures().standing_root_z() - 0.006};
     pose.root_in_world += 0.5 * sway * kLeftOfSubject;
     pose[kPelvis] = rotation_z(kFacing) * rotation_x(-0.3 * sway) * rotation_y(0.6 * lean);
     pose[kLumbar] = rotation_y(0.3 * lean) * rotation_x(sway);
     pose[kThorax] = rotation_y(0.1 * lean - breath);
     pose[kNeck] = rotation_y(radians(8) - 0.2 * lean);
-    pose[kHead] = rotation_y(radians(-7) - 0.35 * lean) * rotation_z(0.05 * std::sin(2 * kPi * 0.11 * t));
+    pose[kHead] = rotation_y(radians(-7) - 0.35 * lean) * rotation_z(0.05 * std::sin(2 * pi * 0.11 * t));
 }
 
 std::array<PlacedFoot, 2> feet_apart(const Rig& rig, double half_width_m, double out, double height_m = 0) {

@@ -1,6 +1,7 @@
 // Walking and running at a steady pace. Times, step lengths and amplitudes follow the descriptions of normal gait in
 // Perry, Gait Analysis (1992), and Novacheck, The biomechanics of running, Gait & Posture 7 (1998).
 #include <cmath>
+#include <numbers>
 
 #include "server/cameras/studio/footsteps.h"
 #include "server/cameras/studio/motion.h"
@@ -8,7 +9,7 @@
 namespace kinevox::studio {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
+using std::numbers::pi;
 
 struct GaitStyle {
     double speed_per_stature;     // 1/s; times stature: m/s
@@ -62,7 +63,7 @@ class Gait final : public Motion {
     Place path(double distance, double left) const {
         if (stage_ == Stage::kLane) return {{kLaneStart + distance, left, 0}, 0};
         const double angle = distance / radius_;
-        return {{(radius_ - left) * std::cos(angle), (radius_ - left) * std::sin(angle), 0}, angle + kPi / 2};
+        return {{(radius_ - left) * std::cos(angle), (radius_ - left) * std::sin(angle), 0}, angle + pi / 2};
     }
     // The `index`th stance; the right foot is half a stride later.
     Contact contact(Side side, double index) const {
@@ -84,8 +85,8 @@ class Gait final : public Motion {
 
 Pose Gait::pose(double time_s) const {
     const double t = period_s() > 0 ? std::fmod(time_s, period_s()) : time_s;
-    const double phase = 2 * kPi * t / style_.stride_s;  // 0: the left foot comes down
-    const double stance_side = std::cos(phase - 2 * kPi * 0.5 * style_.duty);  // +1: middle of the left stance
+    const double phase = 2 * pi * t / style_.stride_s;  // 0: the left foot comes down
+    const double stance_side = std::cos(phase - 2 * pi * 0.5 * style_.duty);  // +1: middle of the left stance
     const Place place = path(speed_ * t, style_.sway_m * stance_side);
     // Leaning into the bend as gravity and speed ask for.
     const double bank = stage_ == Stage::kLane ? 0.0 : 0.8 * std::atan(speed_ * speed_ / (9.81 * radius_));
@@ -93,8 +94,8 @@ Pose Gait::pose(double time_s) const {
     Pose pose;
     pose.root_in_world = place.point;
     pose.root_in_world.z = rig_.measures().standing_root_z() - style_.root_below_standing +
-                           style_.bob_m * std::cos(2 * phase - 4 * kPi * style_.bob_at);
-    const double turn = -style_.pelvis_turn * std::cos(phase), list = style_.pelvis_list * std::cos(phase - 0.4 * kPi);
+                           style_.bob_m * std::cos(2 * phase - 4 * pi * style_.bob_at);
+    const double turn = -style_.pelvis_turn * std::cos(phase), list = style_.pelvis_list * std::cos(phase - 0.4 * pi);
     pose[kPelvis] = rotation_z(place.yaw) * rotation_x(-bank) * rotation_z(turn) * rotation_y(style_.pelvis_tilt) *
                     rotation_x(list);
     pose[kLumbar] = rotation_x(-0.6 * list) * rotation_y(style_.trunk_lean - style_.pelvis_tilt) * rotation_z(-0.9 * turn);

@@ -41,7 +41,7 @@ Entry enter(const Room::Box& box, Vec3f origin, Vec3f direction) {
     return {near, face};
 }
 
-std::uint16_t encode(float light) {
+std::uint16_t encode_light(float light) {
     const float shown = std::pow(std::max(light, 0.0f), 1 / 2.2f);
     return static_cast<std::uint16_t>(std::min(shown, 1.0f) * 255.0f * kGreyScale + 0.5f);
 }
@@ -189,9 +189,9 @@ RoomView Room::draw(const Camera& camera) const {
             const Vec3f direction = lens.direction_through(column + offset[0], row + offset[1]);
             const Hit hit = trace(eye, direction, boxes);
             const Vec3f light = shade(hit, eye + hit.distance * direction);
-            shown[0] += encode(light.z);
-            shown[1] += encode(light.y);
-            shown[2] += encode(light.x);
+            shown[0] += encode_light(light.z);
+            shown[1] += encode_light(light.y);
+            shown[2] += encode_light(light.x);
         }
         for (int c = 0; c < 3; ++c) view.bgr[3 * pixel + c] = static_cast<std::uint16_t>(0.25f * shown[c]);
         const Vec3f direction = lens.direction_through(static_cast<float>(column), static_cast<float>(row));

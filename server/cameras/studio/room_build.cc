@@ -7,7 +7,7 @@
 namespace kinevox::studio {
 namespace {
 
-constexpr Albedo kWhite{0.66f, 0.65f, 0.62f};
+constexpr Albedo kLinePaint{0.66f, 0.65f, 0.62f};
 
 Albedo pick(std::initializer_list<Albedo> from, std::uint32_t seed) {
     return from.begin()[hash_u32(seed) % from.size()];
@@ -46,12 +46,12 @@ void Room::build_shell() {
 
     if (hall) {  // u, v of the floor: world x, y less the corner
         for (float y : {-5.0f, -3.0f, -1.0f, 1.0f, 3.0f, 5.0f})
-            faces_[0].decals.push_back({DecalKind::kLaneLine, 1.5f, y - lower_.y - 0.025f, size.x - 1.5f, y - lower_.y + 0.025f, kWhite, seed_});
+            faces_[0].decals.push_back({DecalKind::kLaneLine, 1.5f, y - lower_.y - 0.025f, size.x - 1.5f, y - lower_.y + 0.025f, kLinePaint, seed_});
         for (float x : {0.0f, 12.0f})
-            faces_[0].decals.push_back({DecalKind::kLaneLine, x - lower_.x - 0.03f, 4.0f, x - lower_.x + 0.03f, 14.0f, kWhite, seed_ + 1});
+            faces_[0].decals.push_back({DecalKind::kLaneLine, x - lower_.x - 0.03f, 4.0f, x - lower_.x + 0.03f, 14.0f, kLinePaint, seed_ + 1});
     } else {
         faces_[0].decals.push_back({DecalKind::kTape, 2.2f, 3.1f, 2.24f, 4.6f, {0.60f, 0.45f, 0.03f}, seed_});
-        faces_[0].decals.push_back({DecalKind::kTape, 6.9f, 6.0f, 8.3f, 6.04f, kWhite, seed_ + 1});
+        faces_[0].decals.push_back({DecalKind::kTape, 6.9f, 6.0f, 8.3f, 6.04f, kLinePaint, seed_ + 1});
         faces_[0].decals.push_back({DecalKind::kTape, 4.1f, 7.7f, 4.7f, 7.76f, {0.05f, 0.10f, 0.40f}, seed_ + 2});
     }
     std::uint32_t number = 0;

@@ -8,10 +8,6 @@
 namespace kinevox::studio {
 namespace {
 
-Albedo times(Albedo a, float s) { return {a.r * s, a.g * s, a.b * s}; }
-Albedo mix(Albedo a, Albedo b, float t) {
-    return {a.r + (b.r - a.r) * t, a.g + (b.g - a.g) * t, a.b + (b.b - a.b) * t};
-}
 std::uint32_t cell(float x) { return static_cast<std::uint32_t>(static_cast<int>(std::floor(x))); }
 float fraction(float x) { return x - std::floor(x); }
 

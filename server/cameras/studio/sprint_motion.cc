@@ -3,6 +3,7 @@
 // (1992), and Nagahara et al. (2014) for the first steps.
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <vector>
 
 #include "server/cameras/studio/footsteps.h"
@@ -12,7 +13,7 @@
 namespace kinevox::studio {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
+using std::numbers::pi;
 constexpr double kGo_s = 1.0;  // held in "set" until then
 constexpr std::array<double, 9> kStance_s{0.20, 0.18, 0.165, 0.15, 0.14, 0.13, 0.125, 0.12, 0.12};
 constexpr std::array<double, 9> kFlight_s{0.05, 0.05, 0.06, 0.07, 0.08, 0.09, 0.10, 0.105, 0.11};
@@ -87,14 +88,14 @@ Pose SprintStart::pose(double time_s) const {
     static const KeyCurve kSwing{{kGo_s, 30}, {kGo_s + 0.3, 58}, {kGo_s + 1.6, 46}};
     const double t = std::fmod(time_s, kEnd_s), running = kRunning(t);
     const KeyCurve phase_curve(phase_keys_);
-    const double phase = 2 * kPi * phase_curve(t);
+    const double phase = 2 * pi * phase_curve(t);
 
     Pose pose;
-    const double breath = (1 - running) * 0.004 * std::sin(2 * kPi * 0.4 * t);
-    const double bob = running * 0.022 * scale_ * std::cos(2 * phase - 4 * kPi * 0.43);
+    const double breath = (1 - running) * 0.004 * std::sin(2 * pi * 0.4 * t);
+    const double bob = running * 0.022 * scale_ * std::cos(2 * phase - 4 * pi * 0.43);
     pose.root_in_world = {travelled(t), 0, kHeight(t) * rig_.measures().height + bob + breath};
     const double lean = radians(kLean(t)), pelvis_lean = kTail(t) * lean;
-    const double turn = -running * radians(9) * std::cos(phase), list = running * radians(4) * std::cos(phase - 0.4 * kPi);
+    const double turn = -running * radians(9) * std::cos(phase), list = running * radians(4) * std::cos(phase - 0.4 * pi);
     pose[kPelvis] = rotation_z(turn) * rotation_y(pelvis_lean) * rotation_x(list);
     pose[kLumbar] = rotation_x(-0.6 * list) * rotation_y(0.55 * (lean - pelvis_lean)) * rotation_z(-0.9 * turn);
     pose[kThorax] = rotation_x(-0.4 * list) * rotation_y(0.45 * (lean - pelvis_lean)) * rotation_z(-0.9 * turn);

@@ -10,6 +10,10 @@ namespace kinevox::studio {
 struct Albedo {
     float r = 0, g = 0, b = 0;
 };
+inline Albedo times(Albedo a, float s) { return {a.r * s, a.g * s, a.b * s}; }
+inline Albedo mix(Albedo a, Albedo b, float t) {
+    return {a.r + (b.r - a.r) * t, a.g + (b.g - a.g) * t, a.b + (b.b - a.b) * t};
+}
 
 enum class ShirtPattern { kStripes, kDots, kChecks, kPlain, kTwoTone };
 

@@ -15,7 +15,7 @@ namespace {
 constexpr std::size_t kMostBlobs = 6;          // per camera
 constexpr double kMostCentreJump_m = 0.4;      // of a measured centre from the predicted one
 constexpr double kReach_m = 1.4;               // of a body's parts from its centre
-constexpr double kNearest_m = 0.3;             // of a body's parts to a camera that is to predict their motion
+constexpr double kNearestPart_m = 0.3;         // of a body's parts to a camera that is to predict their motion
 constexpr double kMinExpectedInside = 0.5;     // of the subject's box, for a camera that ought to see it
 
 Box3 box_around(Vec3 centre, const Box3& extent, double margin_m) {
@@ -99,7 +99,7 @@ std::vector<kernels::SegmentationPrior> Tracker::predict(std::int64_t time_ns, V
         priors[c].region = projected_box(cameras_[c], box);
         // Of the subject's nearest point; one that may be behind the camera can be anywhere.
         const double depth = nearest_depth(cameras_[c], box_around(filter_.centre_in_world(), extent_, 0));
-        if (depth > kNearest_m)
+        if (depth > kNearestPart_m)
             priors[c].reach_px =
                 static_cast<int>(std::ceil(std::max(cameras_[c].fx, cameras_[c].fy) * margin_m / depth));
         if (priors[c].region.empty()) priors[c].region = {0, 0, 8, 8};   // out of sight: as good as nothing

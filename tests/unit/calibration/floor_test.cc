@@ -47,7 +47,7 @@ Miss miss_of(const FloorResult& floor) {
 
 TEST(Floor, FromABoardIsTheBoard) {
     const std::vector<Camera> truth = ring(4);
-    const std::vector<Vec3> points = parse_board("charuco:6x5:160:120:DICT_4X4_100")->points();
+    const std::vector<Vec3> points = testing::kBoard.points();
     const Rigid3 world_from_board{rotation_z(0.7), {0.3, -0.4, 0.01}};  // on a board of 10 mm
     std::mt19937 random(3);
     std::vector<std::vector<Corner>> seen;

@@ -11,6 +11,8 @@
 
 namespace kinevox::testing {
 
+inline const BoardSpec kBoard = *parse_board("charuco:6x5:160:120:DICT_4X4_100");
+
 inline std::vector<Camera> ring(int count) {
     studio::StudioOptions options;
     options.cameras = count, options.width = 1280, options.height = 960, options.distortion = 0.05;

@@ -13,11 +13,10 @@ namespace kinevox {
 namespace {
 
 using testing::board_at;
+using testing::kBoard;
 using testing::lenses_of;
 using testing::ring;
 using testing::see_board;
-
-const BoardSpec kBoard = *parse_board("charuco:6x5:160:120:DICT_4X4_100");
 
 struct Wrong {
     const char* what;

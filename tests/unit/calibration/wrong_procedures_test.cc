@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <functional>
+#include <numbers>
 
 #include "server/calibration/diagnosis.h"
 #include "server/calibration/floor.h"
@@ -16,12 +17,10 @@ namespace kinevox {
 namespace {
 
 using testing::board_at;
+using testing::kBoard;
 using testing::lenses_of;
 using testing::ring;
 using testing::see_board;
-
-constexpr double kPi = 3.14159265358979323846;
-const BoardSpec kBoard = *parse_board("charuco:6x5:160:120:DICT_4X4_100");
 
 std::string told(const std::vector<Finding>& findings) {
     std::string all;
@@ -163,7 +162,7 @@ TEST(WrongProcedures, AMirroredOrHangingCameraOnTheFloor) {
     }
     // Mounted upside down for all of it: the board does not mind, the world tells.
     std::vector<Camera> hanging = truth;
-    hanging[3] = studio::knocked(hanging[3], {0, 0, kPi}, {});
+    hanging[3] = studio::knocked(hanging[3], {0, 0, std::numbers::pi}, {});
     ExtrinsicsOptions options;
     options.solve_delays = false;
     ExtrinsicsProcedure procedure(lenses_of(hanging), kBoard, options);

@@ -9,7 +9,7 @@
 namespace kinevox {
 namespace {
 
-constexpr int kWidth = 16, kHeight = 8;
+constexpr int kRowWidth = 16, kRows = 8;
 constexpr std::uint8_t kBgr[3] = {40, 90, 200};
 
 // Values of 8 bits, as a camera with so many bits packs them; its lower bits are 1, which must not matter.
@@ -37,8 +37,8 @@ std::vector<std::uint8_t> packed(const std::vector<std::uint8_t>& values, const 
 // The colours of a sensor's first two rows, such as "RGGB".
 std::vector<std::uint8_t> mosaic(const std::string& pattern) {
     std::vector<std::uint8_t> out;
-    for (int y = 0; y < kHeight; ++y)
-        for (int x = 0; x < kWidth; ++x) {
+    for (int y = 0; y < kRows; ++y)
+        for (int x = 0; x < kRowWidth; ++x) {
             const char colour = pattern[(y % 2) * 2 + x % 2];
             out.push_back(kBgr[colour == 'B' ? 0 : colour == 'G' ? 1 : 2]);
         }
@@ -64,36 +64,36 @@ TEST(PixelFormats, EachColourComesOutAsItself) {
     for (const auto& row : kTable) {
         const auto bytes = packed(mosaic(row.pattern), row.packing);
         ASSERT_TRUE(is_known_pixel_format(row.format));
-        ASSERT_EQ(bytes.size(), picture_bytes(row.format, kWidth, kHeight)) << row.pattern << row.packing;
-        std::vector<std::uint8_t> bgr(3 * kWidth * kHeight);
-        ASSERT_TRUE(to_bgr(row.format, bytes, kWidth, kHeight, bgr.data()).ok());
+        ASSERT_EQ(bytes.size(), picture_bytes(row.format, kRowWidth, kRows)) << row.pattern << row.packing;
+        std::vector<std::uint8_t> bgr(3 * kRowWidth * kRows);
+        ASSERT_TRUE(to_bgr(row.format, bytes, kRowWidth, kRows, bgr.data()).ok());
         for (std::size_t i = 0; i < bgr.size(); ++i)
             ASSERT_EQ(bgr[i], kBgr[i % 3]) << row.pattern << row.packing << " byte " << i;
     }
 }
 
 TEST(PixelFormats, GreyAndColourAreTakenAsTheyAre) {
-    std::vector<std::uint8_t> grey(kWidth * kHeight), out(3 * kWidth * kHeight);
+    std::vector<std::uint8_t> grey(kRowWidth * kRows), out(3 * kRowWidth * kRows);
     for (std::size_t i = 0; i < grey.size(); ++i) grey[i] = static_cast<std::uint8_t>(i + 3);
     for (const auto& [format, packing] : std::vector<std::pair<std::uint32_t, std::string>>{
              {0x01080001, "8"}, {0x01100003, "10"}, {0x01100005, "12"}, {0x010c0004, "10Packed"}, {0x010c0006, "12Packed"},
              {0x010a0046, "10p"}, {0x010c0047, "12p"}}) {
-        ASSERT_TRUE(to_bgr(format, packed(grey, packing), kWidth, kHeight, out.data()).ok());
+        ASSERT_TRUE(to_bgr(format, packed(grey, packing), kRowWidth, kRows, out.data()).ok());
         for (std::size_t i = 0; i < out.size(); ++i) ASSERT_EQ(out[i], grey[i / 3]) << packing;
     }
-    std::vector<std::uint8_t> colours(3 * kWidth * kHeight), swapped(colours.size());
+    std::vector<std::uint8_t> colours(3 * kRowWidth * kRows), swapped(colours.size());
     for (std::size_t i = 0; i < colours.size(); ++i) swapped[i / 3 * 3 + 2 - i % 3] = colours[i] = static_cast<std::uint8_t>(i);
-    ASSERT_TRUE(to_bgr(0x02180015, colours, kWidth, kHeight, out.data()).ok());
+    ASSERT_TRUE(to_bgr(0x02180015, colours, kRowWidth, kRows, out.data()).ok());
     EXPECT_EQ(out, colours);
-    ASSERT_TRUE(to_bgr(0x02180014, swapped, kWidth, kHeight, out.data()).ok());
+    ASSERT_TRUE(to_bgr(0x02180014, swapped, kRowWidth, kRows, out.data()).ok());
     EXPECT_EQ(out, colours);
 }
 
 TEST(PixelFormats, WhatIsNotUnderstoodIsRefused) {
-    std::vector<std::uint8_t> bytes(64), out(3 * kWidth * kHeight);
+    std::vector<std::uint8_t> bytes(64), out(3 * kRowWidth * kRows);
     EXPECT_FALSE(is_known_pixel_format(0x0210001f));   // YUV422
-    EXPECT_TRUE(absl::IsInvalidArgument(to_bgr(0x0210001f, bytes, kWidth, kHeight, out.data())));
-    EXPECT_TRUE(absl::IsInvalidArgument(to_bgr(0x01080009, bytes, kWidth, kHeight, out.data()))) << "too few bytes";
+    EXPECT_TRUE(absl::IsInvalidArgument(to_bgr(0x0210001f, bytes, kRowWidth, kRows, out.data())));
+    EXPECT_TRUE(absl::IsInvalidArgument(to_bgr(0x01080009, bytes, kRowWidth, kRows, out.data()))) << "too few bytes";
 }
 
 }  // namespace

@@ -27,15 +27,15 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-constexpr int kWidth = 64, kHeight = 48, kFrames = 12;
+constexpr int kFilmWidth = 64, kFilmHeight = 48, kFilmFrames = 12;
 
 // Frame n of camera c is recognised by its grey level.
 int grey_of(int camera, int frame) { return 20 + 60 * camera + 4 * frame; }
-cv::Mat frame_picture(int camera, int frame, cv::Size size = {kWidth, kHeight}) {
+cv::Mat frame_picture(int camera, int frame, cv::Size size = {kFilmWidth, kFilmHeight}) {
     return cv::Mat(size, CV_8UC3, cv::Scalar::all(grey_of(camera, frame)));
 }
 
-void write_video(const fs::path& file, int camera, int frames, cv::Size size = {kWidth, kHeight}) {
+void write_video(const fs::path& file, int camera, int frames, cv::Size size = {kFilmWidth, kFilmHeight}) {
     cv::VideoWriter writer(file.string(), cv::CAP_FFMPEG, cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 30, size);
     ASSERT_TRUE(writer.isOpened());
     for (int n = 0; n < frames; ++n) writer.write(frame_picture(camera, n, size));
@@ -59,13 +59,13 @@ class SessionOnDisk : public ::testing::Test {
         std::vector<Camera> cameras(2);
         for (int c = 0; c < 2; ++c) {
             cameras[c].name = c == 0 ? "left" : "right";
-            cameras[c].width = kWidth, cameras[c].height = kHeight;
+            cameras[c].width = kFilmWidth, cameras[c].height = kFilmHeight;
             cameras[c].fx = cameras[c].fy = 60, cameras[c].cx = 31.5, cameras[c].cy = 23.5;
             cv::imwrite((folder_ / fmt::format("empty{}.png", c)).string(), frame_picture(c, 0));
         }
         ASSERT_TRUE(write_calibration_toml(cameras, folder_ / "calibration.toml").ok());
-        write_video(folder_ / "left.avi", 0, kFrames);
-        write_folder(folder_ / "right", 1, kFrames);
+        write_video(folder_ / "left.avi", 0, kFilmFrames);
+        write_folder(folder_ / "right", 1, kFilmFrames);
         folder_.write("session.toml",
                       "name = \"made\"\nfps = 50.0\ncalibration = \"calibration.toml\"\n"
                       "[[camera]]\nname = \"left\"\nvideo = \"left.avi\"\nbackground = \"empty0.png\"\n"
@@ -96,16 +96,16 @@ TEST_F(SessionOnDisk, DeliversEveryFrameSetInOrder) {
         for (const int ahead : {1, 3, 0}) {
             auto source = open({.frames_ahead = ahead, .decode_in_bursts = bursts});
             ASSERT_TRUE(source.ok()) << source.status();
-            EXPECT_EQ((*source)->frame_count(), kFrames);
+            EXPECT_EQ((*source)->frame_count(), kFilmFrames);
             EXPECT_EQ((*source)->fps(), 50);
-            for (int n = 0; n < kFrames; ++n) {
+            for (int n = 0; n < kFilmFrames; ++n) {
                 auto set = (*source)->next();
                 ASSERT_TRUE(set.ok()) << set.status();
                 EXPECT_EQ(set->sequence, static_cast<std::uint64_t>(n));
                 EXPECT_EQ(set->capture_time_ns, n * 20'000'000);
                 ASSERT_EQ(set->pictures.size(), 2u);
                 EXPECT_NEAR(set->pictures[0].data[0], grey_of(0, n), 2) << n;   // motion JPEG
-                EXPECT_EQ(set->pictures[1].data[3 * kWidth * kHeight - 1], grey_of(1, n)) << n;
+                EXPECT_EQ(set->pictures[1].data[3 * kFilmWidth * kFilmHeight - 1], grey_of(1, n)) << n;
             }
             EXPECT_TRUE(absl::IsOutOfRange((*source)->next().status()));
             EXPECT_TRUE(absl::IsOutOfRange((*source)->next().status())) << "and stays so";
@@ -126,11 +126,11 @@ TEST_F(SessionOnDisk, StartsAgainWhenItLoops) {
     auto source = open({.loop = true});
     ASSERT_TRUE(source.ok());
     EXPECT_EQ((*source)->frame_count(), -1);
-    for (int n = 0; n < 3 * kFrames; ++n) {
+    for (int n = 0; n < 3 * kFilmFrames; ++n) {
         auto set = (*source)->next();
         ASSERT_TRUE(set.ok()) << set.status();
         EXPECT_EQ(set->sequence, static_cast<std::uint64_t>(n));
-        EXPECT_EQ(set->pictures[1].data[0], grey_of(1, n % kFrames));
+        EXPECT_EQ(set->pictures[1].data[0], grey_of(1, n % kFilmFrames));
     }
 }
 
@@ -146,8 +146,8 @@ TEST_F(SessionOnDisk, KeepsThePaceAndSkipsWhatIsLate) {
         if (set->sequence == 3) std::this_thread::sleep_for(std::chrono::milliseconds(75));   // three frames and more
     }
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    EXPECT_GE(seconds, (kFrames - 1) / 50.0 - 0.001);
-    EXPECT_LT(sequences.size(), static_cast<std::size_t>(kFrames)) << "late frame sets are skipped";
+    EXPECT_GE(seconds, (kFilmFrames - 1) / 50.0 - 0.001);
+    EXPECT_LT(sequences.size(), static_cast<std::size_t>(kFilmFrames)) << "late frame sets are skipped";
     EXPECT_TRUE(std::is_sorted(sequences.begin(), sequences.end()));
 }
 
@@ -205,7 +205,7 @@ class LateCamera : public SessionOnDisk {
     void SetUp() override {
         SessionOnDisk::SetUp();
         fs::remove_all(folder_ / "right");
-        write_folder(folder_ / "right", 1, kFrames + 3);
+        write_folder(folder_ / "right", 1, kFilmFrames + 3);
         write_offset("0.068");
     }
     void write_offset(const std::string& right) {
@@ -226,7 +226,7 @@ TEST_F(LateCamera, ItsPicturesAreJoinedWithThoseOfItsTime) {
         write_offset(offset);
         auto source = open();
         ASSERT_TRUE(source.ok()) << source.status();
-        const int length = std::min(kFrames - left, kFrames + 3 - right);
+        const int length = std::min(kFilmFrames - left, kFilmFrames + 3 - right);
         EXPECT_EQ((*source)->frame_count(), length);
         for (int n = 0; n < length; ++n) {
             auto set = (*source)->next();
@@ -245,17 +245,17 @@ TEST_F(LateCamera, ItsPicturesAreJoinedWithThoseOfItsTime) {
 TEST_F(LateCamera, LoopsWithTheOther) {
     auto source = open({.loop = true});
     ASSERT_TRUE(source.ok()) << source.status();
-    for (int n = 0; n < 3 * (kFrames - 3); ++n) {
+    for (int n = 0; n < 3 * (kFilmFrames - 3); ++n) {
         auto set = (*source)->next();
         ASSERT_TRUE(set.ok()) << set.status();
         EXPECT_EQ(set->sequence, static_cast<std::uint64_t>(n));
-        expect_pictures(*set, 3 + n % (kFrames - 3), n % (kFrames - 3));
+        expect_pictures(*set, 3 + n % (kFilmFrames - 3), n % (kFilmFrames - 3));
     }
 }
 
 // Matroska does not tell its number of frames exactly; it is counted.
 TEST_F(LateCamera, EndsWithTheFirstVideoThatEnds) {
-    write_video(folder_ / "left.mkv", 0, kFrames);
+    write_video(folder_ / "left.mkv", 0, kFilmFrames);
     std::string text;
     {
         std::ifstream stream(folder_ / "session.toml");
@@ -265,7 +265,7 @@ TEST_F(LateCamera, EndsWithTheFirstVideoThatEnds) {
     for (const bool loop : {false, true}) {
         auto source = open({.loop = loop});
         ASSERT_TRUE(source.ok()) << source.status();
-        for (int n = 0; n < kFrames - 3; ++n) {
+        for (int n = 0; n < kFilmFrames - 3; ++n) {
             auto set = (*source)->next();
             ASSERT_TRUE(set.ok()) << set.status();
             expect_pictures(*set, 3 + n, n);
@@ -321,7 +321,7 @@ INSTANTIATE_TEST_SUITE_P(
                  {"camera right", "11 frames", "camera left has 12"}},
         BadInput{"cut_off_video", [](const auto& f) { shorten_file(f / "left.avi", 0.85); },
                  {"camera left", "left.avi", "of 12 frames", "damaged or cut off"}},
-        BadInput{"wrong_video_size", [](const auto& f) { write_video(f / "left.avi", 0, kFrames, {80, 48}); },
+        BadInput{"wrong_video_size", [](const auto& f) { write_video(f / "left.avi", 0, kFilmFrames, {80, 48}); },
                  {"camera left", "left.avi", "80 x 48", "64 x 48"}},
         BadInput{"wrong_picture_size",
                  [](const auto& f) { cv::imwrite((f / "right" / "frame5.png").string(), frame_picture(1, 5, {64, 40})); },

@@ -1,19 +1,17 @@
 #include "server/pose/body_model.h"
 
 #include <cmath>
-#include <numbers>
 #include <random>
 #include <string>
 
 #include <gtest/gtest.h>
 
 #include "common/body_pose.h"
+#include "common/degrees.h"
 #include "common/joint_angles.h"
 
 namespace kinevox {
 namespace {
-
-constexpr double deg(double degrees) { return degrees * std::numbers::pi / 180; }
 
 int dof(std::string_view name) {
     for (int k = 0; k < kBodyDofCount; ++k)
@@ -54,7 +52,7 @@ TEST(BodyModel, CoordinatesBendTheWayTheirNamesSay) {
     const BodyModel model(default_body_shape());
     const auto moved = [&](std::string_view name, double angle, std::string_view which) {
         BodyCoordinates q{};
-        q[dof(name)] = deg(angle);
+        q[dof(name)] = radians(angle);
         return joint(model.forward(q), which) - joint(model.forward(BodyCoordinates{}), which);
     };
     for (const std::string side : {"l", "r"}) {
@@ -79,14 +77,14 @@ TEST(BodyModel, CoordinatesBendTheWayTheirNamesSay) {
 TEST(BodyModel, ReportedAnglesFollowTheCoordinates) {
     const BodyModel model(default_body_shape());
     BodyCoordinates q{};
-    q[dof("knee_angle_l")] = deg(70);
-    q[dof("elbow_flex_r")] = deg(40);
-    q[dof("hip_flexion_r")] = deg(50);
-    q[dof("hip_adduction_l")] = deg(-20);
-    q[dof("arm_add_l")] = deg(-90);
-    q[dof("pelvis_rotation")] = deg(130);
+    q[dof("knee_angle_l")] = radians(70);
+    q[dof("elbow_flex_r")] = radians(40);
+    q[dof("hip_flexion_r")] = radians(50);
+    q[dof("hip_adduction_l")] = radians(-20);
+    q[dof("arm_add_l")] = radians(-90);
+    q[dof("pelvis_rotation")] = radians(130);
     const auto angles = joint_angles(model.forward(q).joints_in_world);
-    const auto at = [&](std::string_view name) { return angles[*angle_index(name)] / deg(1); };
+    const auto at = [&](std::string_view name) { return angles[*angle_index(name)] / kDegree; };
     EXPECT_NEAR(at("knee_flexion_l"), 70, 1e-9);
     EXPECT_NEAR(at("elbow_flexion_r"), 40, 1e-9);
     EXPECT_NEAR(at("hip_flexion_r"), 50, 0.5);
@@ -106,8 +104,8 @@ TEST(BodyModel, CoordinatesSurviveTheWayToRotationsAndBack) {
 TEST(BodyModel, SingularPosesKeepTheirRotation) {
     for (const double adduction : {-90.0, 90.0}) {
         BodyCoordinates q{};
-        q[kDofShoulderL] = deg(20), q[kDofShoulderL + 1] = deg(adduction), q[kDofShoulderL + 2] = deg(30);
-        q[kDofRootRotation] = deg(20), q[kDofRootRotation + 1] = deg(adduction), q[kDofRootRotation + 2] = deg(30);
+        q[kDofShoulderL] = radians(20), q[kDofShoulderL + 1] = radians(adduction), q[kDofShoulderL + 2] = radians(30);
+        q[kDofRootRotation] = radians(20), q[kDofRootRotation + 1] = radians(adduction), q[kDofRootRotation + 2] = radians(30);
         const BodyPosture posture = posture_from_coordinates(q);
         const BodyPosture back = posture_from_coordinates(coordinates_from_posture(posture));
         const BodyStep step = step_between(posture, back);

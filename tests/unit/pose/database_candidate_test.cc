@@ -1,6 +1,7 @@
 // The pose stage and the pose database together: a body in a pose that only the database knows is found by it.
 #include <gtest/gtest.h>
 
+#include "common/degrees.h"
 #include "server/pipeline/convert.h"
 #include "server/pose/database/database_search.h"
 #include "server/pose/pose_stage.h"
@@ -10,16 +11,14 @@
 namespace kinevox {
 namespace {
 
-using testing::deg;
-
 // Upside down: far from every pose that the fit tries of itself.
 BodyCoordinates handstand() {
     BodyCoordinates q{};
     q[2] = 1.05;
-    q[kDofRootRotation] = deg(180);
-    q[kDofRootRotation + 2] = deg(40);
-    q[kDofShoulderL] = q[kDofShoulderR] = deg(175);
-    q[kDofHipL] = deg(50), q[kDofHipR] = deg(-20);
+    q[kDofRootRotation] = radians(180);
+    q[kDofRootRotation + 2] = radians(40);
+    q[kDofShoulderL] = q[kDofShoulderR] = radians(175);
+    q[kDofHipL] = radians(50), q[kDofHipR] = radians(-20);
     return q;
 }
 

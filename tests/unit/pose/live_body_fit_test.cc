@@ -7,6 +7,7 @@
 #include <chrono>
 #include <condition_variable>
 
+#include "common/degrees.h"
 #include "tests/support/patience.h"
 #include "tests/support/seen_body.h"
 #include "tests/unit/common/temporary_folder.h"
@@ -40,7 +41,7 @@ class LiveBodyFitTest : public ::testing::Test {
     void show(double seconds) {
         for (int n = 0; n < seconds * 10; ++n, time_ns_ += kFrame_ns) {
             BodyCoordinates q = scene_.t_pose();
-            q[kDofShoulderL + 1] += testing::deg(n % 7);
+            q[kDofShoulderL + 1] += radians(n % 7);
             PoseObservation seen{time_ns_, {0, 0, 0.95}, scene_.see(q)};
             fit_->observe(time_ns_, &seen);
         }

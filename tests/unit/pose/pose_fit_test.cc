@@ -4,9 +4,9 @@
 #include <bit>
 #include <cmath>
 #include <memory>
-#include <numbers>
 #include <vector>
 
+#include "common/degrees.h"
 #include "server/pose/body_model.h"
 #include "server/pose/key_poses.h"
 #include "server/pose/limb_search.h"
@@ -21,7 +21,6 @@
 namespace kinevox {
 namespace {
 
-using testing::deg;
 using Scene = testing::SeenBody;
 
 TEST(PoseFit, RecoversThePoseThatThrewTheSilhouettes) {
@@ -29,7 +28,7 @@ TEST(PoseFit, RecoversThePoseThatThrewTheSilhouettes) {
     const BodyCoordinates truth = scene.standing();
     const auto views = scene.see(truth);
     BodyCoordinates start = truth;
-    for (int k = 0; k < kBodyDofCount; ++k) start[k] += (k % 2 == 0 ? 1 : -1) * (k < 3 ? 0.03 : deg(8));
+    for (int k = 0; k < kBodyDofCount; ++k) start[k] += (k % 2 == 0 ? 1 : -1) * (k < 3 ? 0.03 : radians(8));
     PoseFitter fitter;
     const PoseFit fit = fitter.fit(*scene.model, views, posture_from_coordinates(start), nullptr, true);
     EXPECT_LT(scene.error_m(fit.posture, truth), 0.015);
@@ -43,7 +42,7 @@ TEST(PoseFit, OneCameraOfFourMayBeMissing) {
     auto views = scene.see(truth);
     views[2].camera = nullptr;
     BodyCoordinates start = truth;
-    for (int k = 3; k < kBodyDofCount; ++k) start[k] += (k % 2 == 0 ? 1 : -1) * deg(5);
+    for (int k = 3; k < kBodyDofCount; ++k) start[k] += (k % 2 == 0 ? 1 : -1) * radians(5);
     PoseFitter fitter;
     const PoseFit fit = fitter.fit(*scene.model, views, posture_from_coordinates(start), nullptr, true);
     EXPECT_LT(scene.error_m(fit.posture, truth), 0.025);
@@ -52,12 +51,12 @@ TEST(PoseFit, OneCameraOfFourMayBeMissing) {
 TEST(PoseFit, KeepsJointsWithinTheirLimits) {
     const Scene scene;
     BodyCoordinates bent = scene.standing();
-    bent[kDofKneeL] = deg(-40);  // no knee bends that way
+    bent[kDofKneeL] = radians(-40);  // no knee bends that way
     const auto views = scene.see(bent);
     PoseFitter fitter;
     const PoseFit fit =
         fitter.fit(*scene.model, views, posture_from_coordinates(scene.standing()), nullptr, true);
-    EXPECT_GT(coordinates_from_posture(fit.posture)[kDofKneeL], deg(-12));
+    EXPECT_GT(coordinates_from_posture(fit.posture)[kDofKneeL], radians(-12));
 }
 
 TEST(PoseTracker, FindsABodyItKnowsNothingOf) {
@@ -75,12 +74,12 @@ TEST(PoseTracker, FindsABodyItKnowsNothingOf) {
 TEST(LimbSearch, PartsArmsThatLieInOnePlace) {
     const Scene scene;
     BodyCoordinates truth = scene.standing();
-    truth[kDofShoulderL] = deg(80), truth[kDofShoulderL + 1] = 0, truth[kDofElbowL] = deg(10);
-    truth[kDofShoulderR] = deg(-30), truth[kDofShoulderR + 1] = deg(-30), truth[kDofElbowR] = deg(100);
+    truth[kDofShoulderL] = radians(80), truth[kDofShoulderL + 1] = 0, truth[kDofElbowL] = radians(10);
+    truth[kDofShoulderR] = radians(-30), truth[kDofShoulderR + 1] = radians(-30), truth[kDofElbowR] = radians(100);
     const auto views = scene.see(truth);
     BodyCoordinates start = truth;
-    start[kDofShoulderR] = deg(80), start[kDofShoulderR + 1] = deg(30), start[kDofElbowR] = deg(10);
-    start[kDofShoulderL] = deg(20), start[kDofElbowL] = deg(90);
+    start[kDofShoulderR] = radians(80), start[kDofShoulderR + 1] = radians(30), start[kDofElbowR] = radians(10);
+    start[kDofShoulderL] = radians(20), start[kDofElbowL] = radians(90);
     LimbSearch search;
     PoseFitter fitter;
     const auto moved = search.improve_pair(*scene.model, posture_from_coordinates(start), views, Limb::kArmL,
@@ -194,9 +193,9 @@ TEST(PostureFilter, ZeroPhaseKeepsASlowMovementInPlace) {
     for (int n = 0; n < 120; ++n) {
         BodyCoordinates q{};
         q[0] = 0.01 * n;
-        q[kDofKneeL] = deg(40) + deg(30) * std::sin(0.08 * n);
+        q[kDofKneeL] = radians(40) + radians(30) * std::sin(0.08 * n);
         postures.emplace_back(posture_from_coordinates(q));
-        q[kDofKneeL] += deg(4) * (n % 2 == 0 ? 1 : -1);
+        q[kDofKneeL] += radians(4) * (n % 2 == 0 ? 1 : -1);
         noisy.emplace_back(posture_from_coordinates(q));
     }
     noisy[50].reset();
@@ -204,7 +203,7 @@ TEST(PostureFilter, ZeroPhaseKeepsASlowMovementInPlace) {
     EXPECT_FALSE(noisy[50].has_value());
     for (const int n : {10, 30, 70, 100}) {
         const double wanted = coordinates_from_posture(*postures[n])[kDofKneeL];
-        EXPECT_NEAR(coordinates_from_posture(*noisy[n])[kDofKneeL], wanted, deg(0.7)) << n;
+        EXPECT_NEAR(coordinates_from_posture(*noisy[n])[kDofKneeL], wanted, radians(0.7)) << n;
         EXPECT_NEAR(noisy[n]->root_in_world.x, 0.01 * n, 1e-4);
     }
 }
@@ -214,19 +213,19 @@ TEST(PostureFilter, OneEuroCalmsRestAndFollowsMovement) {
     BodyCoordinates q{};
     double calm = 0;
     for (int n = 0; n < 60; ++n) {
-        q[kDofElbowL] = deg(60) + deg(2) * (n % 2 == 0 ? 1 : -1);
+        q[kDofElbowL] = radians(60) + radians(2) * (n % 2 == 0 ? 1 : -1);
         const double out = coordinates_from_posture(
             filter.filter(posture_from_coordinates(q), n * 16'666'667LL))[kDofElbowL];
-        if (n > 30) calm = std::max(calm, std::abs(out - deg(60)));
+        if (n > 30) calm = std::max(calm, std::abs(out - radians(60)));
     }
-    EXPECT_LT(calm, deg(1.6));
+    EXPECT_LT(calm, radians(1.6));
     double lag = 0;
     for (int n = 60; n < 80; ++n) {
-        q[kDofElbowL] += deg(3);
+        q[kDofElbowL] += radians(3);
         lag = q[kDofElbowL] - coordinates_from_posture(
                                   filter.filter(posture_from_coordinates(q), n * 16'666'667LL))[kDofElbowL];
     }
-    EXPECT_LT(lag, deg(6));
+    EXPECT_LT(lag, radians(6));
 }
 
 }  // namespace

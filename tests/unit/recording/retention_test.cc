@@ -12,8 +12,8 @@ namespace kinevox {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::ElementsAre;
-using testing::IsEmpty;
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
 
 constexpr std::int64_t kDay_ns = 86'400'000'000'000, kNow_ns = 20'000 * kDay_ns;
 
@@ -53,10 +53,10 @@ TEST(Retention, OneThatIsBeingWrittenStays) {
     EXPECT_THAT(due_for_deletion(recordings, {.keep_bytes = 299}, kNow_ns), ElementsAre("newer"));
 }
 
-class RetentionOnDisk : public testing::Test {
+class RetentionOnDisk : public ::testing::Test {
   protected:
     void SetUp() override {
-        folder_ = fs::path(testing::TempDir()) / testing::UnitTest::GetInstance()->current_test_info()->name();
+        folder_ = fs::path(::testing::TempDir()) / ::testing::UnitTest::GetInstance()->current_test_info()->name();
         fs::remove_all(folder_);
     }
     void TearDown() override { fs::remove_all(folder_); }

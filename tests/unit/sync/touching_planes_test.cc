@@ -12,7 +12,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-constexpr double kFps = 30;
+constexpr double kVideoFps = 30;
 
 // At a place, looking at the middle of the room.
 Camera camera_at(const std::string& name, Vec3 place) {
@@ -30,7 +30,7 @@ CameraMotion seen_by(const Camera& camera, double begins_s, int pictures) {
     CameraMotion motion{camera, {}};
     double before = 0;
     for (int n = 0; n < pictures; ++n) {
-        const double t = begins_s + n / kFps;
+        const double t = begins_s + n / kVideoFps;
         const Vec3 middle{0.8 * std::sin(0.9 * t), 0.6 * std::cos(0.7 * t),
                           0.9 + 0.25 * std::sin(2.3 * t) * std::sin(0.31 * t)};
         const Vec3 half{0.2 + 0.1 * std::sin(1.7 * t), 0.15, 0.8 + 0.1 * std::sin(3.1 * t + 1)};
@@ -64,7 +64,7 @@ TEST(TouchingPlanes, AreTheSameInBothCameras) {
     const std::vector<Camera> cameras = three_cameras();
     std::vector<CameraMotion> motions;
     for (const Camera& camera : cameras) motions.push_back(seen_by(camera, 0, 120));
-    const auto pairs = pair_signals(motions, kFps);
+    const auto pairs = pair_signals(motions, kVideoFps);
     ASSERT_EQ(pairs.size(), 3u);
     for (const PairSignals& pair : pairs) {
         ASSERT_EQ(pair.equal_px.size(), 2u);
@@ -82,22 +82,22 @@ TEST(TouchingPlanes, AreTheSameInBothCameras) {
 
 TEST(Align, FindsTheBeginsOfMadeCameras) {
     const std::vector<Camera> cameras = three_cameras();
-    const double begins[] = {0.0, 1.2 + 0.5 / kFps, 0.4};
+    const double begins[] = {0.0, 1.2 + 0.5 / kVideoFps, 0.4};
     std::vector<CameraMotion> motions;
     for (std::size_t c = 0; c < 3; ++c)
         motions.push_back(seen_by(cameras[c], begins[c], 200 - 20 * static_cast<int>(c)));
-    const auto aligned = align(motions, kFps, {});
+    const auto aligned = align(motions, kVideoFps, {});
     ASSERT_TRUE(aligned.ok()) << aligned.status();
     EXPECT_TRUE(aligned->used_places);
     for (std::size_t c = 0; c < 3; ++c)
-        EXPECT_NEAR(aligned->solution.cameras[c].offset_s, begins[c], 0.2 / kFps) << c;
+        EXPECT_NEAR(aligned->solution.cameras[c].offset_s, begins[c], 0.2 / kVideoFps) << c;
 }
 
 TEST(Align, NamesACameraThatNeverSeesThePerson) {
     std::vector<CameraMotion> motions;
     for (const Camera& camera : three_cameras()) motions.push_back(seen_by(camera, 0, 150));
     for (std::size_t n = 20; n < motions[1].shapes.size(); ++n) motions[1].shapes[n] = {};
-    const auto aligned = align(motions, kFps, {});
+    const auto aligned = align(motions, kVideoFps, {});
     ASSERT_FALSE(aligned.ok());
     EXPECT_THAT(std::string(aligned.status().message()),
                 HasSubstr("camera b: somebody is seen in 20 of its 150 pictures"));
@@ -108,7 +108,7 @@ TEST(Align, CamerasWithoutPlacesGoByMovementAlone) {
     for (const Camera& camera : three_cameras()) motions.push_back(seen_by(camera, 0, 200));
     for (CameraMotion& motion : motions)
         motion.camera.camera_from_world = Rigid3();  // as a calibration of lenses has it
-    for (const PairSignals& pair : pair_signals(motions, kFps)) EXPECT_TRUE(pair.equal_px.empty());
+    for (const PairSignals& pair : pair_signals(motions, kVideoFps)) EXPECT_TRUE(pair.equal_px.empty());
 }
 
 }  // namespace
