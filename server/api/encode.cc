@@ -111,8 +111,8 @@ grpc::ByteBuffer to_buffer(const EncodedMessage& message, std::uint64_t missed) 
         grpc::Slice(const_cast<char*>(message->data()), message->size(), release, new EncodedMessage(message)), {}};
     if (missed == 0) return {slices, 1};
     v1::StreamPosesResponse own;   // the header has the same number in all three
-    static_assert(v1::StreamPosesResponse::kHeaderFieldNumber == v1::StreamVolumesResponse::kHeaderFieldNumber &&
-                  v1::StreamPosesResponse::kHeaderFieldNumber == v1::StreamPreviewsResponse::kHeaderFieldNumber);
+    static_assert(int{v1::StreamPosesResponse::kHeaderFieldNumber} == int{v1::StreamVolumesResponse::kHeaderFieldNumber} &&
+                  int{v1::StreamPosesResponse::kHeaderFieldNumber} == int{v1::StreamPreviewsResponse::kHeaderFieldNumber});
     own.mutable_header()->set_missed(missed);
     slices[1] = grpc::Slice(own.SerializeAsString());
     return {slices, 2};
