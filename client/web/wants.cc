@@ -9,7 +9,7 @@ namespace kinevox::web {
 namespace {
 
 constexpr int kMostLevel = 5;
-constexpr double kMostRate_hz = 1000;
+constexpr double kLeastRate_hz = 0.001, kMostRate_hz = 1000;
 constexpr std::size_t kMostName_bytes = 100;
 
 v1::Refusal refusal(const char* code, std::string message) {
@@ -78,12 +78,13 @@ Wants read_wants(std::string_view bytes) {
         return not_understood(fmt::format("{} wants; ask for {} at most", message.wants_size(), kMostWants));
     Wants out;
     for (const v1::Want& want : message.wants()) {
-        Subscription subscription{{}, want.max_rate_hz()};
+        const double rate_hz = want.max_rate_hz();
+        Subscription subscription{{}, rate_hz};
         v1::Refusal why;
         bool granted = read_topic(want, subscription.topic, why);
-        if (granted && !(want.max_rate_hz() >= 0 && want.max_rate_hz() <= kMostRate_hz)) {  // NaN, too
-            why = refusal("INVALID_ARGUMENT", fmt::format("max_rate_hz is {}; ask for 0, no limit, to {}",
-                                                          want.max_rate_hz(), kMostRate_hz));
+        if (granted && rate_hz != 0 && !(rate_hz >= kLeastRate_hz && rate_hz <= kMostRate_hz)) {  // NaN, too
+            why = refusal("INVALID_ARGUMENT", fmt::format("max_rate_hz is {}; ask for {} to {}, or 0, no limit", rate_hz,
+                                                          kLeastRate_hz, kMostRate_hz));
             granted = false;
         }
         if (!granted) {

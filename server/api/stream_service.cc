@@ -38,11 +38,14 @@ absl::StatusOr<Request> parse(const grpc::ByteBuffer& bytes) {
         fmt::format("the request is no {}; make it from this daemon's .proto files", Request::descriptor()->name()));
 }
 
+// A slower one has a period that no clock holds.
+constexpr double kSlowestRate_hz = 0.001;
+
 absl::Status check_rate(double rate_hz, double longest_hz) {
-    if (std::isfinite(rate_hz) && rate_hz >= 0 && rate_hz <= longest_hz) return absl::OkStatus();
+    if (rate_hz == 0 || (rate_hz >= kSlowestRate_hz && rate_hz <= longest_hz)) return absl::OkStatus();
     return absl::InvalidArgumentError(
-        fmt::format("max_rate_hz is {}; it is 0 to {} messages a second, 0 leaves the choice to the daemon", rate_hz,
-                    longest_hz));
+        fmt::format("max_rate_hz is {}; it is {} to {} messages a second, or 0, which leaves the choice to the daemon",
+                    rate_hz, kSlowestRate_hz, longest_hz));
 }
 
 // What streams of volumes and poses have in common.

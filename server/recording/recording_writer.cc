@@ -146,10 +146,9 @@ void RecordingWriter::begin(std::unique_ptr<RecordingFolder> folder, std::uint64
 
 void RecordingWriter::begin_with_held(std::unique_ptr<RecordingFolder> folder, double seconds) {
     std::uint64_t first = next_number_;
-    const std::int64_t wanted_ns = std::llround(1e9 * seconds);
     for (const Entry& entry : entries_) {
-        const std::int64_t age_ns = entries_.back().set->capture_time_ns - entry.set->capture_time_ns;
-        if (!entry.set->key || (seconds > 0 && age_ns >= wanted_ns)) continue;
+        const auto age_ns = static_cast<double>(entries_.back().set->capture_time_ns - entry.set->capture_time_ns);
+        if (!entry.set->key || (seconds > 0 && age_ns >= std::round(1e9 * seconds))) continue;
         first = entry.set->number;
         break;
     }

@@ -36,7 +36,7 @@ void check_wants(std::string_view bytes) {
     FUZZ_CHECK(wants.granted.size() + wants.refused.size() <= static_cast<std::size_t>(web::kMostWants));
     FUZZ_CHECK(wants.understood || (wants.granted.empty() && wants.refused.size() == 1));
     for (const web::Subscription& one : wants.granted) {
-        FUZZ_CHECK(one.max_rate_hz >= 0 && one.max_rate_hz <= 1000);
+        FUZZ_CHECK(one.max_rate_hz == 0 || (one.max_rate_hz >= 0.001 && one.max_rate_hz <= 1000));
         FUZZ_CHECK(one.topic.level >= 0 && one.topic.level <= 5);
     }
     for (const web::v1::Refusal& refusal : wants.refused) FUZZ_CHECK(!refusal.message().empty());

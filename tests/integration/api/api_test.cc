@@ -237,6 +237,7 @@ TEST_F(ApiTest, StreamVolumesRefusesWhatMakesNoSense) {
     EXPECT_EQ(told([](auto& r) { r.set_level(6); }), kInvalid);
     EXPECT_EQ(told([](auto& r) { r.set_level(-1); }), kInvalid);
     EXPECT_EQ(told([](auto& r) { r.set_max_rate_hz(-1); }), kInvalid);
+    EXPECT_EQ(told([](auto& r) { r.set_max_rate_hz(1e-12); }), kInvalid);
     EXPECT_EQ(told([](auto& r) { r.set_delivery(static_cast<v1::Delivery>(9)); }), kInvalid);
     EXPECT_EQ(told([](auto& r) { r.set_delivery(v1::DELIVERY_LOSSLESS), r.set_max_rate_hz(5); }), kInvalid);
 }

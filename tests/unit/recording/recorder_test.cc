@@ -286,6 +286,9 @@ TEST_F(RecorderTest, TheLastSecondsAreKeptAndARecordingCanGoOnFromThem) {
     ASSERT_TRUE(info.ok()) << info.status();
     EXPECT_EQ(info->about.frames, 30U);
     expect_noise_sets(read_all(session_file("jump")), 170, 30);
+    const auto all = recorder->keep_last("all", 1e300, false);
+    ASSERT_TRUE(all.ok()) << all.status();
+    expect_noise_sets(read_all(session_file("all")), 149, 51);
 
     const auto going = recorder->keep_last("jump2", 0, true);
     ASSERT_TRUE(going.ok()) << going.status();

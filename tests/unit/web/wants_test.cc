@@ -65,6 +65,7 @@ TEST(Wants, ValuesOutOfRangeAreNamed) {
           std::pair{want(v1::KIND_VOLUMES, -1), "level is -1"},
           std::pair{want(v1::KIND_SILHOUETTE), "camera"},
           std::pair{want(v1::KIND_POSES, 0, "", -1), "max_rate_hz"},
+          std::pair{want(v1::KIND_POSES, 0, "", 1e-12), "max_rate_hz"},
           std::pair{want(v1::KIND_POSES, 0, "", nan), "max_rate_hz"},
           std::pair{want(v1::KIND_SILHOUETTE, 0, std::string(101, 'a')), "camera"}}) {
         const Wants wants = asked({bad});
