@@ -65,6 +65,7 @@ void FrameSetAssembler::add(ArrivedPicture arrived) {
         lane.last_number = arrived.number;
     }
     if (!complete) ++lane.counts.incomplete;
+    if (arrived.clock == CameraClock::kUnknown) return;
     lane.counts.clock = arrived.clock;
 
     std::int64_t time_ns = arrived.arrival_ns;

@@ -24,7 +24,7 @@ struct FrameSetAssemblerOptions {
 struct ArrivedPicture {
     std::size_t camera = 0;
     std::uint64_t number = 0;       // counted by the camera; a gap is a lost picture. 0: it does not count
-    CameraClock clock = CameraClock::kArrival;
+    CameraClock clock = CameraClock::kArrival;   // kUnknown: it is not known when it was taken; only with none
     std::int64_t timestamp_ns = 0;  // by that clock; of no meaning with kArrival
     std::int64_t arrival_ns = 0;    // steady clock, of the first packet
     Picture picture;                // empty: it arrived incomplete

@@ -146,6 +146,17 @@ class LiveCameras(unittest.TestCase):
             self.assertGreaterEqual(not_counted, 0)
             self.assertLessEqual(not_counted, 10 + camera.total("under_way"))
 
+    def test_a_picture_without_its_first_packet_is_counted_once(self):
+        self.fakes("--loss", 0.02)
+        seen, _ = self.probe(6, EXTERNAL + 'pixel_format = "Mono8"\npacket_resend = false\n', None, "--pattern")
+        self.assertEqual(seen["wrong"], 0)
+        for camera, link in zip(self.cameras, seen["cameras"]):
+            camera.vanish()
+            self.assertGreater(link["incomplete"], 20 / TIMES_SLOWER)
+            not_counted = camera.total("taken") - sum(link[way] for way in WAYS)   # on their way at the end
+            self.assertGreaterEqual(not_counted, 0)
+            self.assertLessEqual(not_counted, 10 + camera.total("under_way"))
+
     def test_the_same_moment_by_command_by_line_and_by_ptp(self):
         for more, clock in ((f'trigger = "software"\nfps = {FPS}\n', 2), (EXTERNAL + 'ptp = true\n', 3)):
             self.fakes()

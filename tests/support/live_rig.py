@@ -82,9 +82,10 @@ class Daemon:
         if not line.startswith("ready on "):
             raise RuntimeError(f"the daemon did not start: {line}")
         self.address = line.split()[-1]
-        self.events_process = subprocess.Popen(
-            [self.client, "events", "--json", "--past", "100", "--server", self.address],
-            stdout=open(self.events_file, "w"), stderr=subprocess.DEVNULL)
+        with open(self.events_file, "w") as events:
+            self.events_process = subprocess.Popen(
+                [self.client, "events", "--json", "--past", "100", "--server", self.address],
+                stdout=events, stderr=subprocess.DEVNULL)
 
     def kinevox(self, *arguments):
         run = subprocess.run([self.client, *arguments, "--server", self.address, "--timeout", "30"], capture_output=True,
@@ -112,6 +113,7 @@ class Daemon:
         for process in (self.process, self.events_process):
             process.kill()
             process.wait()
+        self.process.stdout.close()
 
     def stop(self):
         """Returns the seconds that it took."""

@@ -30,10 +30,20 @@ class PictureNumber {
         last_ = number;
         return base_ + number;
     }
+    // Of one that does not tell its number: what follows the last, so that a gap before it is found behind it. 0 where
+    // there was none yet.
+    std::uint64_t following() { return last_ == 0 ? 0 : unwrap(last_ == 0xffff ? 1 : last_ + 1, false); }
 
   private:
     std::uint64_t base_ = 0, last_ = 0;
 };
+
+// Aravis writes a picture's number and times with its first packet. Where that never comes they stay those of the picture
+// that the buffer had before, so that there must be none of them.
+void push_anew(ArvStream* stream, ArvBuffer* buffer) {
+    arv_buffer_set_frame_id(buffer, 0);
+    arv_stream_push_buffer(stream, buffer);
+}
 
 }  // namespace
 
@@ -149,8 +159,18 @@ CameraSession::Outcome CameraSession::next(std::chrono::milliseconds longest, Pi
     const std::int64_t now_ns = steady_now_ns();
     const ArvBufferStatus status = arv_buffer_get_status(buffer);
     if (status == ARV_BUFFER_STATUS_ABORTED || status == ARV_BUFFER_STATUS_CLEARED) {
-        arv_stream_push_buffer(state_->stream.get(), buffer);
+        push_anew(state_->stream.get(), buffer);
         return Outcome::kNothing;
+    }
+    out.picture = {};
+    const bool first_packet_came =
+        !state_->is_gige || status == ARV_BUFFER_STATUS_SUCCESS || arv_buffer_get_frame_id(buffer) != 0;
+    if (!first_packet_came) {
+        out.number = state_->number.following();
+        out.clock = CameraClock::kUnknown;
+        out.arrival_ns = now_ns;
+        push_anew(state_->stream.get(), buffer);
+        return Outcome::kPicture;
     }
     // Aravis noted the first packet's arrival by UTC.
     const std::int64_t ago_ns = g_get_real_time() * 1000 - static_cast<std::int64_t>(arv_buffer_get_system_timestamp(buffer));
@@ -159,7 +179,6 @@ CameraSession::Outcome CameraSession::next(std::chrono::milliseconds longest, Pi
     out.timestamp_ns = static_cast<std::int64_t>(arv_buffer_get_timestamp(buffer));
     const bool dated = state_->timestamps && out.timestamp_ns != 0;
     out.clock = !dated ? CameraClock::kArrival : state_->ptp ? CameraClock::kPtp : CameraClock::kDevice;
-    out.picture = {};
     if (status == ARV_BUFFER_STATUS_SUCCESS) {
         std::size_t bytes = 0;
         const auto* data = static_cast<const std::uint8_t*>(arv_buffer_get_data(buffer, &bytes));
@@ -171,7 +190,7 @@ CameraSession::Outcome CameraSession::next(std::chrono::milliseconds longest, Pi
                 out.picture = {width, height, 3, std::move(memory)};
         }
     }
-    arv_stream_push_buffer(state_->stream.get(), buffer);
+    push_anew(state_->stream.get(), buffer);
     return Outcome::kPicture;
 }
 

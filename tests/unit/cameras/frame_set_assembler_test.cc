@@ -187,6 +187,23 @@ TEST(FrameSets, WhatArrivedIncompleteIsMarkedAndCounted) {
     EXPECT_EQ(rig.link(1).lost, 0u);
 }
 
+TEST(FrameSets, WhatArrivedWithoutItsTimeIsCountedAndDisturbsNobody) {
+    Rig rig(std::vector<Rig::Eye>(3));
+    for (int n = 0; n < 20; ++n) rig.shoot(n);
+    const std::size_t before = rig.run().size();
+    rig.assembler->add({1, 21, CameraClock::kUnknown, 0, kSteady0 + std::llround(20.5 * 1000 / 30 * kMs), {}});
+    rig.shoot(20, {}, [](std::size_t c) { return c != 1; });
+    rig.shoot(21);
+    const auto sets = rig.run();
+    ASSERT_EQ(sets.size(), 2u);
+    EXPECT_EQ(pictures_in(sets[0]), 2);
+    EXPECT_EQ(pictures_in(sets[1]), 3);
+    EXPECT_EQ(rig.link(1).incomplete, 1u);
+    EXPECT_EQ(rig.link(1).lost, 0u);
+    EXPECT_EQ(rig.link(1).pictures, before + 1);
+    EXPECT_EQ(rig.link(1).clock, CameraClock::kDevice);
+}
+
 TEST(FrameSets, ACameraThatEndsDelaysTheOthersByTheLongestWaitAndThenNotAtAll) {
     Rig rig(std::vector<Rig::Eye>(3));
     for (int n = 0; n < 60; ++n) rig.shoot(n, {}, [&](std::size_t c) { return c != 2 || n < 30; });
