@@ -1,6 +1,7 @@
 // One value on its way from a thread to the next. Holds one at most: the giver waits for the taker.
 #pragma once
 
+#include <chrono>
 #include <condition_variable>
 #include <mutex>
 #include <optional>
@@ -50,6 +51,12 @@ class Handover {
         std::unique_lock lock(mutex_);
         changed_.wait(lock, [&] { return closed_ || !ready_; });
         return !closed_;
+    }
+
+    // Waits until there is one, or it is closed; false: neither within that time.
+    bool wait_for_one(std::chrono::milliseconds longest) {
+        std::unique_lock lock(mutex_);
+        return changed_.wait_for(lock, longest, [&] { return closed_ || ready_; });
     }
 
     // Empty once it is closed.

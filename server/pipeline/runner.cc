@@ -239,7 +239,8 @@ void Runner::learn_background(int frames, std::function<void(absl::Status)> done
         // The recording may have ended between the look at the state and here.
         if (state_.state == RunState::kRunning && !aborted_) {
             state_ = {RunState::kLearning, fmt::format("learning the background from {} frame sets", frames)};
-            learning_ = Learning{frames, 0, std::vector<std::vector<Picture>>(feed_.own_cameras.size()), std::move(done)};
+            learning_ = Learning{frames, 0, std::chrono::steady_clock::now(),
+                                 std::vector<std::vector<Picture>>(feed_.own_cameras.size()), std::move(done)};
             return;
         }
     }
@@ -270,7 +271,7 @@ void Runner::fetch_loop() {
 void Runner::reconstruct_loop() {
     // Of a live source nothing is begun that would wait for the pose of another: it would be old by then.
     while (!live_ || reconstructed_.wait_until_empty()) {
-        std::optional<Fetched> fetched = fetched_.pop();
+        std::optional<Fetched> fetched = next_fetched();
         if (!fetched) return;
         reconstructing_.take();
         absl::StatusOr<std::unique_ptr<Reconstruction>> reconstruction = reconstruct(*std::move(fetched));
@@ -279,6 +280,12 @@ void Runner::reconstruct_loop() {
         const bool last = !reconstruction.ok();
         if (!reconstructed_.push(std::move(reconstruction)) || last) return;
     }
+}
+
+// Empty once it is over.
+std::optional<Runner::Fetched> Runner::next_fetched() {
+    while (!fetched_.wait_for_one(longest_silence_ / 4)) give_up_silent_learning();
+    return fetched_.pop();
 }
 
 absl::StatusOr<std::unique_ptr<Reconstruction>> Runner::reconstruct(Fetched fetched) {
@@ -363,8 +370,10 @@ void Runner::collect(const FrameSet& frame_set) {
     std::optional<Learning> complete;
     {
         const std::scoped_lock lock(mutex_);
+        if (!learning_) return;   // aborted meanwhile
         Learning& learning = *learning_;
         ++learning.seen;
+        learning.newest_at = std::chrono::steady_clock::now();
         const bool usable = frame_set.pictures.size() == feed_.own_cameras.size() &&
                             std::ranges::none_of(frame_set.pictures, &Picture::empty);
         if (usable)
@@ -394,6 +403,20 @@ void Runner::collect(const FrameSet& frame_set) {
         tell(EventKind::kBackgroundLearned,
              fmt::format("background learned from {} live frame sets", complete->wanted), frame_set.sequence);
     complete->done(status);
+}
+
+// Its caller would wait for cameras that nothing triggers until his patience is over, and not know why.
+void Runner::give_up_silent_learning() {
+    std::optional<Learning> silent;
+    {
+        const std::scoped_lock lock(mutex_);
+        if (!learning_ || std::chrono::steady_clock::now() - learning_->newest_at < longest_silence_) return;
+        silent.swap(learning_);
+        state_ = {RunState::kRunning, {}};
+    }
+    silent->done(absl::FailedPreconditionError(fmt::format(
+        "no frame set came for {:g} s, after {} of the {} to learn from; see that the cameras deliver pictures",
+        std::chrono::duration<double>(longest_silence_).count(), silent->seen, silent->wanted)));
 }
 
 void Runner::finish_learning(absl::Status status) {

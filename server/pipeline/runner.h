@@ -91,9 +91,11 @@ class Runner {
     void set_on_cameras(std::function<void(const std::vector<Camera>&)> on_cameras) { on_cameras_ = std::move(on_cameras); }
 
     // `frames` > 0: from the next so many live frame sets, which yield no results meanwhile; 0: from the source's
-    // own clip. `done` is called once, on this or one of the runner's threads: InvalidArgument, FailedPrecondition,
-    // Aborted by a stop, or what the pipeline said.
+    // own clip. `done` is called once, on this or one of the runner's threads: InvalidArgument, FailedPrecondition
+    // (also where no frame set comes for the longest silence), Aborted by a stop, or what the pipeline said.
     void learn_background(int frames, std::function<void(absl::Status)> done);
+    // To be set before the first start; 10 s.
+    void set_longest_silence(std::chrono::milliseconds longest) { longest_silence_ = longest; }
 
     // For the daemon's end. Tells the source to stop, so that a start() in progress on another thread and the
     // runner's own threads end soon, and ends a learning in progress with Unavailable; nothing starts afterwards. stop() is still
@@ -121,6 +123,7 @@ class Runner {
     };
     struct Learning {
         int wanted = 0, seen = 0;
+        std::chrono::steady_clock::time_point newest_at;   // or the begin, where none has come
         std::vector<std::vector<Picture>> pictures;   // per camera
         std::function<void(absl::Status)> done;
     };
@@ -136,7 +139,9 @@ class Runner {
     // Null for a frame set that the learning took.
     absl::StatusOr<std::unique_ptr<Reconstruction>> reconstruct(Fetched fetched);
     void publish(const FrameResultPtr& result);
+    std::optional<Fetched> next_fetched();
     void collect(const FrameSet& frame_set);
+    void give_up_silent_learning();
     void finish_learning(absl::Status status);
     void close_handovers();
     void set_state(RunState state, std::string message = {});
@@ -147,6 +152,7 @@ class Runner {
     StreamHub& hub_;
     std::function<void(const FrameResult&)> after_result_;
     std::function<void(const std::vector<Camera>&)> on_cameras_;
+    std::chrono::milliseconds longest_silence_{10'000};   // cameras come back within a few seconds
     RunStatistics statistics_;
 
     mutable std::mutex mutex_;            // guards the members down to the blank line

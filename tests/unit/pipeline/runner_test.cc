@@ -307,6 +307,27 @@ TEST_F(RunnerTest, AStopEndsALearningInProgress) {
     EXPECT_EQ(learned.get_future().get().code(), absl::StatusCode::kAborted);
 }
 
+TEST_F(RunnerTest, ALearningToWhichNoFrameSetComesIsGivenUp) {
+    runner_->set_longest_silence(std::chrono::seconds(1));
+    ASSERT_TRUE(runner_->start().ok());
+    const auto learns = [&](int given) {
+        std::promise<absl::Status> learned;
+        runner_->learn_background(5, [&](absl::Status status) { learned.set_value(std::move(status)); });
+        for (int i = 0; i < given; ++i) {
+            std::this_thread::sleep_for(std::chrono::milliseconds(300));   // slow, but they come
+            source_.give(1);
+        }
+        return learned.get_future().get();
+    };
+    const absl::Status silent = learns(2);
+    EXPECT_EQ(silent.code(), absl::StatusCode::kFailedPrecondition);
+    EXPECT_THAT(std::string(silent.message()), HasSubstr("no frame set came for 1 s, after 2 of the 5"));
+    EXPECT_EQ(runner_->state().state, RunState::kRunning);
+    EXPECT_TRUE(learns(5).ok()) << "anew, from the first";
+    source_.give(1);
+    EXPECT_THAT(results(1), ::testing::ElementsAre(7));
+}
+
 TEST_F(RunnerTest, AfterAnAbortNothingStarts) {
     ASSERT_TRUE(runner_->start().ok());
     runner_->abort();
