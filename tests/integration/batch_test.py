@@ -88,7 +88,8 @@ class Batch(unittest.TestCase):
         whole, out = self.folder / "whole", self.folder / "out"
         self.process(self.trials[0], whole)
         command = [BUILD / "server/tools/kinevox-process", self.trials[0], "--out", out, *QUICK, "--resume", "--quiet"]
-        for _ in range(3):
+        killed = 0
+        for _ in range(20):
             job = subprocess.Popen(command)
             end = time.monotonic() + 30
             while not (out / ".kinevox-partial").exists() and time.monotonic() < end:
@@ -96,7 +97,13 @@ class Batch(unittest.TestCase):
             time.sleep(0.05)
             job.send_signal(signal.SIGKILL)
             job.wait()
-            self.assertFalse((out / "run.toml").exists(), "killed too late to tell anything")
+            if (out / "run.toml").exists():   # a busy machine killed it too late to tell anything
+                shutil.rmtree(out)
+                continue
+            killed += 1
+            if killed == 3:
+                break
+        self.assertEqual(killed, 3, "it was always over before it was killed")
         self.assertEqual(subprocess.run(command).returncode, 0)
         read = lambda folder: {name: text for name, (text, _) in contents(folder).items()}
         self.assertEqual(read(out), read(whole))
