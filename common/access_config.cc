@@ -17,10 +17,10 @@ std::filesystem::path read_path(const TomlTable& table, const char* key, const s
     const std::filesystem::path file = (folder / text).lexically_normal();
     std::error_code ignored;
     if (must_exist && !std::filesystem::exists(file, ignored))
-        table.fail(
-            key,
-            fmt::format("is \"{}\", but {} does not exist; docs/access.md tells how to make it", text, file.string()),
-            absl::StatusCode::kNotFound);
+        table.fail(key,
+                   fmt::format("is \"{}\", but {} does not exist; docs/access.md tells how to make it", text,
+                               file.string()),
+                   absl::StatusCode::kNotFound);
     return file;
 }
 
@@ -33,7 +33,8 @@ void read_access(const TomlTable& server, const std::filesystem::path& folder, b
     access.client_ca = read_path(server, "client_ca", folder, check_files_exist);
     access.tokens = read_path(server, "tokens", folder, check_files_exist);
     if (access.certificate.empty() != access.key.empty())
-        server.fail(access.key.empty() ? "certificate" : "key", "is given without the other; give certificate and key");
+        server.fail(access.key.empty() ? "certificate" : "key",
+                    "is given without the other; give certificate and key");
     if (!access.client_ca.empty() && access.certificate.empty())
         server.fail("client_ca", "is given without certificate and key; give those too");
     if (server.has("audit")) access.audit = read_path(server, "audit", folder, false);
@@ -45,7 +46,8 @@ void read_access(const TomlTable& server, const std::filesystem::path& folder, b
     count("max_streams", access.max_streams, 100'000);
     count("max_streams_per_token", access.max_streams_per_token, 100'000);
     access.requests_per_s = limits.number_or("requests_per_s", access.requests_per_s, {1, 1e6});
-    access.handshake_timeout_s = limits.number_or("handshake_timeout_s", access.handshake_timeout_s, {1, 300});
+    access.handshake_timeout_s =
+        limits.number_or("handshake_timeout_s", access.handshake_timeout_s, {1, 300});
 }
 
 }  // namespace kinevox

@@ -1,4 +1,5 @@
-// [server]'s keys of who may do what; deploy/kinevoxd.toml explains every key, docs/access.md how they go together.
+// [server]'s keys of who may do what; deploy/kinevoxd.toml explains every key, docs/access.md how they go
+// together.
 #pragma once
 
 #include <filesystem>
@@ -9,10 +10,11 @@ namespace kinevox {
 class TomlTable;
 
 struct AccessConfig {
-    std::filesystem::path certificate, key;      // PEM, absolute; both or neither
-    std::filesystem::path client_ca;             // PEM; empty: clients need no certificate
-    std::filesystem::path tokens;                // empty: no tokens
-    std::optional<std::filesystem::path> audit;  // empty: no file; not given: in the user's folder for programs' state
+    std::filesystem::path certificate, key;  // PEM, absolute; both or neither
+    std::filesystem::path client_ca;         // PEM; empty: clients need no certificate
+    std::filesystem::path tokens;            // empty: no tokens
+    std::optional<std::filesystem::path>
+        audit;  // empty: no file; not given: in the user's folder for programs' state
 
     int max_message_mb = 32;  // of a request, 1 to 1024
     int max_streams = 1000;   // of all clients together, 1 to 100000

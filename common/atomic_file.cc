@@ -84,7 +84,8 @@ absl::StatusOr<std::filesystem::path> folder_of(const std::filesystem::path& fil
     std::error_code error;
     const std::filesystem::path absolute = std::filesystem::absolute(file, error);
     if (error)
-        return absl::InvalidArgumentError(fmt::format("{}: {}; check the path", file.string(), error.message()));
+        return absl::InvalidArgumentError(
+            fmt::format("{}: {}; check the path", file.string(), error.message()));
     return absolute.lexically_normal().parent_path();
 }
 

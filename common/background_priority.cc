@@ -13,7 +13,9 @@ namespace kinevox {
 namespace {
 
 #ifdef __linux__
-id_t this_thread() { return static_cast<id_t>(syscall(SYS_gettid)); }
+id_t this_thread() {
+    return static_cast<id_t>(syscall(SYS_gettid));
+}
 #endif
 
 }  // namespace

@@ -8,8 +8,9 @@ namespace kinevox {
 // Linux: nice 10 for the calling thread and the threads it starts; elsewhere nothing. Failing is harmless.
 void lower_this_threads_priority();
 
-// Runs `work` to its end; on Linux the threads that it starts are `levels` nicer than the caller (setpriority(2): each is some
-// 0.8 of the processor time, where there is too little), yet never nicer than an ordinary program. Failing is harmless.
+// Runs `work` to its end; on Linux the threads that it starts are `levels` nicer than the caller
+// (setpriority(2): each is some 0.8 of the processor time, where there is too little), yet never nicer than
+// an ordinary program. Failing is harmless.
 void with_nicer_threads(int levels, const std::function<void()>& work);
 
 }  // namespace kinevox

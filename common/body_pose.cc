@@ -42,7 +42,11 @@ std::array<Vec3, kJointNames.size()> BodyPose::joint_positions() const {
     return positions;
 }
 
-std::optional<std::size_t> joint_index(std::string_view name) { return index_of(kJointNames, name); }
-std::optional<std::size_t> angle_index(std::string_view name) { return index_of(kJointAngleNames, name); }
+std::optional<std::size_t> joint_index(std::string_view name) {
+    return index_of(kJointNames, name);
+}
+std::optional<std::size_t> angle_index(std::string_view name) {
+    return index_of(kJointAngleNames, name);
+}
 
 }  // namespace kinevox

@@ -24,17 +24,17 @@ inline constexpr int kPoseCoordinateCount = 32;
 inline constexpr int kPoseSegmentCount = 15;
 
 struct JointEstimate {
-    Vec3 in_world;             // m; NaN where withheld
-    double std_m = 0;          // of one axis
-    int cameras = 0;           // whose silhouettes determine it
-    std::string withheld;      // why there is no value; empty: there is one
+    Vec3 in_world;         // m; NaN where withheld
+    double std_m = 0;      // of one axis
+    int cameras = 0;       // whose silhouettes determine it
+    std::string withheld;  // why there is no value; empty: there is one
     bool measured() const { return withheld.empty(); }
 };
 
 struct AngleEstimate {
-    double value_rad = 0;      // NaN where withheld
+    double value_rad = 0;  // NaN where withheld
     double std_rad = 0;
-    double velocity_rad_s = 0; // NaN without a frame before
+    double velocity_rad_s = 0;  // NaN without a frame before
     int cameras = 0;
     std::string withheld;
     bool measured() const { return withheld.empty(); }
@@ -51,16 +51,17 @@ struct BodyPose {
     std::uint32_t subject_id = 0;
     std::uint64_t sequence = 0;
     std::int64_t capture_time_ns = 0;
-    std::array<JointEstimate, kJointNames.size()> joints;         // in the order of kJointNames
-    std::array<AngleEstimate, kJointAngleNames.size()> angles;    // in the order of kJointAngleNames
-    std::array<double, kPoseCoordinateCount> coordinates{};       // m, rad; names: server/pose/body_model.h, kBodyDofs
+    std::array<JointEstimate, kJointNames.size()> joints;       // in the order of kJointNames
+    std::array<AngleEstimate, kJointAngleNames.size()> angles;  // in the order of kJointAngleNames
+    std::array<double, kPoseCoordinateCount>
+        coordinates{};  // m, rad; names: server/pose/body_model.h, kBodyDofs
     std::array<double, kPoseCoordinateCount> coordinate_std{};
     // Of the segments in the order of kBodySegmentNames; at identity x is forward, y left, z up.
     std::array<Quaternion, kPoseSegmentCount> world_from_segment;
     std::array<Quaternion, kPoseSegmentCount> parent_from_segment;
     SegmentRatios ratios;
-    double contour_rms_m = 0;      // of the silhouettes' contours around the body's outline
-    bool filtered = false;         // smoothed over time
+    double contour_rms_m = 0;  // of the silhouettes' contours around the body's outline
+    bool filtered = false;     // smoothed over time
 
     // Positions in the order of kJointNames, NaN where withheld.
     std::array<Vec3, kJointNames.size()> joint_positions() const;

@@ -1,5 +1,5 @@
-// Calibration files: Pose2Sim/aniposelib TOML, OpenCV YAML and Kalibr camchain YAML read and written, Qualisys
-// .qca.txt read.
+// Calibration files: Pose2Sim/aniposelib TOML, OpenCV YAML and Kalibr camchain YAML read and written,
+// Qualisys .qca.txt read.
 #pragma once
 
 #include <absl/status/status.h>
@@ -13,10 +13,10 @@
 
 namespace kinevox {
 
-// Reads by ending: .toml, .qca.txt/.qca/.xml (Qualisys; mm, 1/64 px, y up z back axes), .yml/.yaml (OpenCV, or
-// Kalibr by its key camera_model).
-// Errors name the file, the line or key, the value and the remedy: NotFound, InvalidArgument. Every number is
-// finite, sizes and focal lengths are positive, names unique, rotations proper.
+// Reads by ending: .toml, .qca.txt/.qca/.xml (Qualisys; mm, 1/64 px, y up z back axes), .yml/.yaml (OpenCV,
+// or Kalibr by its key camera_model). Errors name the file, the line or key, the value and the remedy:
+// NotFound, InvalidArgument. Every number is finite, sizes and focal lengths are positive, names unique,
+// rotations proper.
 absl::StatusOr<std::vector<Camera>> read_calibration(const std::filesystem::path& file);
 
 // The same from text, `name_for_errors` standing for the file; TOML only. What the fuzzer calls.

@@ -10,7 +10,7 @@
 
 namespace kinevox {
 
-inline constexpr double kMaxPicturePx = 32768;   // a picture's side in any calibration file
+inline constexpr double kMaxPicturePx = 32768;  // a picture's side in any calibration file
 
 // Qualisys Track Manager's exported calibration (XML). Lengths there are in mm and pixels in 1/64 px; the
 // position is the camera's centre in the world, r11 to r33 (row, column) turn world axes to the camera's,
@@ -37,8 +37,9 @@ absl::StatusOr<std::vector<Camera>> parse_calibration_opencv(const std::string& 
                                                              const std::string& name_for_errors);
 
 // Kalibr's camchain YAML: cam0, cam1, ... with camera_model pinhole, distortion_model radtan or none,
-// intrinsics [fx, fy, cx, cy], distortion_coeffs [k1, k2, p1, p2], resolution [width, height] and, from the second on,
-// T_cn_cnm1, which takes points from the camera before to this one. The first camera is the world's origin.
+// intrinsics [fx, fy, cx, cy], distortion_coeffs [k1, k2, p1, p2], resolution [width, height] and, from the
+// second on, T_cn_cnm1, which takes points from the camera before to this one. The first camera is the
+// world's origin.
 absl::StatusOr<std::vector<Camera>> parse_calibration_kalibr(const std::string& text,
                                                              const std::string& name_for_errors);
 

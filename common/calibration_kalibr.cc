@@ -149,9 +149,10 @@ absl::StatusOr<std::vector<Camera>> parse_calibration_kalibr(const std::string& 
 std::string kalibr_problem(const std::vector<Camera>& cameras) {
     for (const Camera& camera : cameras)
         if (camera.k3 != 0)
-            return fmt::format("camera {} has k3 = {:g}, which Kalibr's format cannot hold; calibrate it without k3 or "
-                               "export to opencv",
-                               camera.name, camera.k3);
+            return fmt::format(
+                "camera {} has k3 = {:g}, which Kalibr's format cannot hold; calibrate it without k3 or "
+                "export to opencv",
+                camera.name, camera.k3);
     return "";
 }
 

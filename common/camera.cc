@@ -77,7 +77,8 @@ Ray Camera::ray_through(Vec2 pixel) const {
 }
 
 const Camera* camera_named(std::span<const Camera> cameras, std::string_view name) {
-    const auto found = std::find_if(cameras.begin(), cameras.end(), [&](const Camera& c) { return c.name == name; });
+    const auto found =
+        std::find_if(cameras.begin(), cameras.end(), [&](const Camera& c) { return c.name == name; });
     return found == cameras.end() ? nullptr : &*found;
 }
 

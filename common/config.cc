@@ -15,7 +15,8 @@ std::filesystem::path resolved(const std::string& text, const std::filesystem::p
     return text.empty() ? std::filesystem::path() : (folder / text).lexically_normal();
 }
 
-void read_server(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist, ServerConfig& server) {
+void read_server(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist,
+                 ServerConfig& server) {
     server.listen = table.text_or("listen", server.listen);
     if (const std::string problem = listen_address_problem(server.listen); !problem.empty())
         table.fail("listen", problem);
@@ -73,7 +74,8 @@ void read_pipeline(const TomlTable& table, PipelineConfig& pipeline) {
     pipeline.threads = static_cast<int>(table.integer_or("threads", pipeline.threads, 0, 1024));
 }
 
-void read_segmentation(const TomlTable& table, const std::filesystem::path& folder, SegmentationConfig& segmentation) {
+void read_segmentation(const TomlTable& table, const std::filesystem::path& folder,
+                       SegmentationConfig& segmentation) {
     segmentation.samples = static_cast<int>(table.integer_or("samples", segmentation.samples, 4, 255));
     const std::string stored = table.text_or("stored_background", "");
     if (table.has("stored_background")) segmentation.stored_background = resolved(stored, folder);
@@ -85,14 +87,16 @@ void read_segmentation(const TomlTable& table, const std::filesystem::path& fold
                                segmentation.loose_threshold, segmentation.sharp_threshold));
 }
 
-void read_pose(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist, PoseConfig& pose) {
+void read_pose(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist,
+               PoseConfig& pose) {
     pose.enabled = table.boolean_or("enabled", pose.enabled);
     pose.filtered = table.boolean_or("filtered", pose.filtered);
     pose.body = resolved(table.text_or("body", ""), folder);
     std::error_code ignored;
     if (check_files_exist && !pose.body.empty() && !std::filesystem::exists(pose.body, ignored))
         table.fail("body",
-                   fmt::format("is {}, which does not exist; kinevox process --tpose writes one", pose.body.string()),
+                   fmt::format("is {}, which does not exist; kinevox process --tpose writes one",
+                               pose.body.string()),
                    absl::StatusCode::kNotFound);
     pose.fit_body = table.boolean_or("fit_body", pose.fit_body);
     const std::string fitted_body = table.text_or("fitted_body", "");
@@ -102,12 +106,14 @@ void read_pose(const TomlTable& table, const std::filesystem::path& folder, bool
     pose.database_poses = static_cast<int>(table.integer_or("database_poses", pose.database_poses, 1, 4000));
 }
 
-void read_calibration_config(const TomlTable& table, const std::filesystem::path& base, CalibrationConfig& calibration) {
+void read_calibration_config(const TomlTable& table, const std::filesystem::path& base,
+                             CalibrationConfig& calibration) {
     const std::string folder = table.text_or("folder", "");
     if (table.has("folder")) calibration.folder = resolved(folder, base);
 }
 
-void read_recording_config(const TomlTable& table, const std::filesystem::path& base, RecordingConfig& recording) {
+void read_recording_config(const TomlTable& table, const std::filesystem::path& base,
+                           RecordingConfig& recording) {
     const std::string folder = table.text_or("folder", "");
     if (table.has("folder")) recording.folder = resolved(folder, base);
     recording.codec = table.choice_or("codec", recording.codec, {"ffv1", "utvideo", "h264"});
@@ -149,7 +155,8 @@ void read_control(const TomlTable& table, ControlConfig& control) {
 void read_metrics(const TomlTable& table, MetricsConfig& metrics) {
     metrics.listen = table.text_or("listen", metrics.listen);
     if (metrics.listen.empty()) return;
-    if (const std::string problem = listen_address_problem(metrics.listen); !problem.empty()) table.fail("listen", problem);
+    if (const std::string problem = listen_address_problem(metrics.listen); !problem.empty())
+        table.fail("listen", problem);
 }
 
 void read_log(const TomlTable& table, const std::filesystem::path& folder, LogConfig& log) {

@@ -42,7 +42,7 @@ struct SourceConfig {
     Kind kind = Kind::kStudio;
     std::filesystem::path session;  // session.toml, absolute after reading; for Kind::kSession
     Pacing pacing = Pacing::kRealTime;
-    bool loop = true;  // start again behind the last frame set
+    bool loop = true;       // start again behind the last frame set
     bool autostart = true;  // capture from the daemon's start on, without waiting for an operator
     StudioConfig studio;
     LiveCamerasConfig cameras;  // for Kind::kCameras
@@ -62,49 +62,54 @@ struct SegmentationConfig {
     int samples = 32;               // of the background per pixel, N
     double sharp_threshold = 0.5;   // foreground probability from which a pixel is in the sharp silhouette
     double loose_threshold = 0.15;  // and in the loose one; not above sharp_threshold
-    // Folder where a background that live cameras showed is stored, absolute; empty: nowhere; not given: in the user's folder.
+    // Folder where a background that live cameras showed is stored, absolute; empty: nowhere; not given: in
+    // the user's folder.
     std::optional<std::filesystem::path> stored_background;
     bool operator==(const SegmentationConfig&) const = default;
 };
 
 struct PoseConfig {
-    bool enabled = true;            // off: stop at the volume
-    bool filtered = true;           // smooth poses over time, causally
-    std::filesystem::path body;     // body.toml of the subject, absolute; empty: an adult of average build
+    bool enabled = true;         // off: stop at the volume
+    bool filtered = true;        // smooth poses over time, causally
+    std::filesystem::path body;  // body.toml of the subject, absolute; empty: an adult of average build
     // Without a body: fit one to the first seconds in which somebody is seen.
     bool fit_body = true;
-    // Where a body that was fitted on request is stored, absolute; empty: nowhere; not given: in the user's folder.
+    // Where a body that was fitted on request is stored, absolute; empty: nowhere; not given: in the user's
+    // folder.
     std::optional<std::filesystem::path> fitted_body;
-    // The pose database's file, absolute; empty: no database; not given: in the user's folder for programs' state.
+    // The pose database's file, absolute; empty: no database; not given: in the user's folder for programs'
+    // state.
     std::optional<std::filesystem::path> database;
-    int database_poses = 1400;      // of our own library, 1 to 4000
+    int database_poses = 1400;  // of our own library, 1 to 4000
     bool operator==(const PoseConfig&) const = default;
 };
 
 struct CalibrationConfig {
-    // Where calibrations are stored, absolute; empty: nowhere; not given: in the user's folder for programs' state.
+    // Where calibrations are stored, absolute; empty: nowhere; not given: in the user's folder for programs'
+    // state.
     std::optional<std::filesystem::path> folder;
     bool operator==(const CalibrationConfig&) const = default;
 };
 
 struct RecordingConfig {
-    // Where recordings are stored, absolute; empty: nowhere; not given: in the user's folder for programs' state.
+    // Where recordings are stored, absolute; empty: nowhere; not given: in the user's folder for programs'
+    // state.
     std::optional<std::filesystem::path> folder;
-    std::string codec = "utvideo";   // ffv1, utvideo or h264
+    std::string codec = "utvideo";  // ffv1, utvideo or h264
     bool poses = true, volumes = true;
-    double keep_last_s = 0;          // of the rolling buffer; 0: none
-    int keep_last_mb = 1024;         // most that it may hold
-    int queue_mb = 256;              // taken and not yet written; beyond it frame sets are dropped
-    int least_free_mb = 512;         // on the disk, below which a recording ends
-    double keep_days = 0;            // older ones are deleted; 0: none
-    double keep_gb = 0;              // beyond it the oldest are deleted; 0: none
+    double keep_last_s = 0;   // of the rolling buffer; 0: none
+    int keep_last_mb = 1024;  // most that it may hold
+    int queue_mb = 256;       // taken and not yet written; beyond it frame sets are dropped
+    int least_free_mb = 512;  // on the disk, below which a recording ends
+    double keep_days = 0;     // older ones are deleted; 0: none
+    double keep_gb = 0;       // beyond it the oldest are deleted; 0: none
     bool operator==(const RecordingConfig&) const = default;
 };
 
 struct StreamConfig {
     int lossless_max_messages = 256;  // queued for one lossless subscriber before its stream ends
     int lossless_max_mb = 32;
-    double newest_per_s = 0;        // messages to all together who want the newest only; 0: by the number of cores
+    double newest_per_s = 0;  // messages to all together who want the newest only; 0: by the number of cores
     int preview_width_px = 320;     // where a subscriber asks for no size
     int preview_jpeg_quality = 80;  // where a subscriber asks for none, 1 to 100
     bool operator==(const StreamConfig&) const = default;
@@ -117,7 +122,7 @@ struct ControlConfig {
 };
 
 struct MetricsConfig {
-    std::string listen;             // HOST:PORT to serve Prometheus on; empty: nowhere
+    std::string listen;  // HOST:PORT to serve Prometheus on; empty: nowhere
     bool operator==(const MetricsConfig&) const = default;
 };
 

@@ -30,8 +30,14 @@ Vec3 rodrigues_from_rotation(const Mat3& rotation) {
     return {v.x(), v.y(), v.z()};
 }
 
-Mat3 rotation_x(double angle) { return rotation_from_rodrigues({angle, 0, 0}); }
-Mat3 rotation_y(double angle) { return rotation_from_rodrigues({0, angle, 0}); }
-Mat3 rotation_z(double angle) { return rotation_from_rodrigues({0, 0, angle}); }
+Mat3 rotation_x(double angle) {
+    return rotation_from_rodrigues({angle, 0, 0});
+}
+Mat3 rotation_y(double angle) {
+    return rotation_from_rodrigues({0, angle, 0});
+}
+Mat3 rotation_z(double angle) {
+    return rotation_from_rodrigues({0, 0, angle});
+}
 
 }  // namespace kinevox

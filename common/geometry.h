@@ -1,5 +1,5 @@
-// Small vectors, rotations and rigid transforms, plain so that headers stay light (Eigen works inside .cc files).
-// A transform is named target_from_source: x_target = target_from_source * x_source.
+// Small vectors, rotations and rigid transforms, plain so that headers stay light (Eigen works inside .cc
+// files). A transform is named target_from_source: x_target = target_from_source * x_source.
 #pragma once
 
 #include <array>
@@ -25,12 +25,18 @@ struct Vec3 {
     bool operator==(const Vec3&) const = default;
 };
 
-inline double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline double dot(Vec3 a, Vec3 b) {
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
 inline Vec3 cross(Vec3 a, Vec3 b) {
     return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
-inline double norm(Vec3 a) { return std::sqrt(dot(a, a)); }
-inline Vec3 normalized(Vec3 a) { return a / norm(a); }
+inline double norm(Vec3 a) {
+    return std::sqrt(dot(a, a));
+}
+inline Vec3 normalized(Vec3 a) {
+    return a / norm(a);
+}
 
 // Row major 3 x 3.
 struct Mat3 {
@@ -45,8 +51,7 @@ struct Mat3 {
     friend Mat3 operator*(const Mat3& a, const Mat3& b) {
         Mat3 c;
         for (int r = 0; r < 3; ++r)
-            for (int k = 0; k < 3; ++k)
-                c(r, k) = a(r, 0) * b(0, k) + a(r, 1) * b(1, k) + a(r, 2) * b(2, k);
+            for (int k = 0; k < 3; ++k) c(r, k) = a(r, 0) * b(0, k) + a(r, 1) * b(1, k) + a(r, 2) * b(2, k);
         return c;
     }
     Mat3 transposed() const { return {{m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8]}}; }

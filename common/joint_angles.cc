@@ -12,7 +12,8 @@ constexpr int joint_index(std::string_view name) {
     throw "no such joint";  // at compile time
 }
 
-constexpr int kRoot = joint_index("root"), kSacroiliac = joint_index("sacroiliac"), kSkullbase = joint_index("skullbase");
+constexpr int kRoot = joint_index("root"), kSacroiliac = joint_index("sacroiliac"),
+              kSkullbase = joint_index("skullbase");
 struct Limbs {
     int shoulder, elbow, wrist, hip, knee, ankle;
 };
@@ -42,7 +43,8 @@ std::array<double, kJointAngleNames.size()> joint_angles(std::span<const Vec3, k
     for (std::size_t side = 0; side < 2; ++side) {
         const Limbs& at = kLimbs[side];
         const Vec3 thigh = joints[at.knee] - joints[at.hip], shank = joints[at.ankle] - joints[at.knee];
-        const Vec3 upper_arm = joints[at.elbow] - joints[at.shoulder], forearm = joints[at.wrist] - joints[at.elbow];
+        const Vec3 upper_arm = joints[at.elbow] - joints[at.shoulder],
+                   forearm = joints[at.wrist] - joints[at.elbow];
         const Vec3 u = normalized(thigh);
         const double sideways = dot(u, lat) * (side == 0 ? 1.0 : -1.0);
         angles[0 + side] = angle_between(thigh, shank);

@@ -1,9 +1,9 @@
 #include "common/live_camera_config.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <system_error>
-
-#include <fmt/format.h>
 
 #include "common/toml_reader.h"
 
@@ -24,7 +24,8 @@ void read_settings(const TomlTable& table, CameraSettings& settings) {
     }
     if (table.has("offset_px")) {
         const auto offset = table.numbers("offset_px", 2, 2, {0, 65535});
-        if (offset.size() == 2) settings.offset_px = {static_cast<int>(offset[0]), static_cast<int>(offset[1])};
+        if (offset.size() == 2)
+            settings.offset_px = {static_cast<int>(offset[0]), static_cast<int>(offset[1])};
     }
 }
 
@@ -33,10 +34,12 @@ void check(const TomlTable& table, bool check_files_exist, const LiveCamerasConf
         table.fail("calibration", "is missing, but kind is \"cameras\"; give the cameras' calibration file");
     std::error_code ignored;
     if (check_files_exist && !std::filesystem::exists(cameras.calibration, ignored))
-        table.fail("calibration", fmt::format("is {}, which does not exist; correct the path", cameras.calibration.string()),
+        table.fail("calibration",
+                   fmt::format("is {}, which does not exist; correct the path", cameras.calibration.string()),
                    absl::StatusCode::kNotFound);
     if (cameras.cameras.empty())
-        table.fail("camera", "is missing, but kind is \"cameras\"; add a [[source.cameras.camera]] for each camera");
+        table.fail("camera",
+                   "is missing, but kind is \"cameras\"; add a [[source.cameras.camera]] for each camera");
     for (std::size_t a = 0; a < cameras.cameras.size(); ++a)
         for (std::size_t b = 0; b < a; ++b)
             for (std::string LiveCameraConfig::*key : {&LiveCameraConfig::name, &LiveCameraConfig::device})
@@ -45,19 +48,22 @@ void check(const TomlTable& table, bool check_files_exist, const LiveCamerasConf
                                                      cameras.cameras[a].*key));
     if (cameras.trigger == Trigger::kMaster &&
         std::ranges::find(cameras.cameras, cameras.master, &LiveCameraConfig::name) == cameras.cameras.end())
-        table.fail("master", fmt::format("is \"{}\", which is no [[source.cameras.camera]]; give the name of the one that "
-                                         "triggers the others",
-                                         cameras.master));
+        table.fail(
+            "master",
+            fmt::format("is \"{}\", which is no [[source.cameras.camera]]; give the name of the one that "
+                        "triggers the others",
+                        cameras.master));
 }
 
 }  // namespace
 
-void read_live_cameras(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist, bool required,
-                       LiveCamerasConfig& cameras) {
+void read_live_cameras(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist,
+                       bool required, LiveCamerasConfig& cameras) {
     const std::string calibration = table.text_or("calibration", "");
     if (!calibration.empty()) cameras.calibration = (folder / calibration).lexically_normal();
     cameras.fps = table.number_or("fps", cameras.fps, {1, 1000});
-    const std::string trigger = table.choice_or("trigger", "software", {"free", "software", "external", "master"});
+    const std::string trigger =
+        table.choice_or("trigger", "software", {"free", "software", "external", "master"});
     cameras.trigger = trigger == "free"       ? Trigger::kFree
                       : trigger == "external" ? Trigger::kExternal
                       : trigger == "master"   ? Trigger::kMaster
@@ -73,9 +79,10 @@ void read_live_cameras(const TomlTable& table, const std::filesystem::path& fold
     cameras.packet_resend = table.boolean_or("packet_resend", cameras.packet_resend);
     cameras.packet_bytes = static_cast<int>(table.integer_or("packet_bytes", cameras.packet_bytes, 0, 16000));
     if (cameras.packet_bytes > 0 && cameras.packet_bytes < 576)
-        table.fail("packet_bytes", fmt::format("is {}, expected 576 to 16000, or 0 for the largest that gets through; "
-                                               "correct it",
-                                               cameras.packet_bytes));
+        table.fail("packet_bytes",
+                   fmt::format("is {}, expected 576 to 16000, or 0 for the largest that gets through; "
+                               "correct it",
+                               cameras.packet_bytes));
     CameraSettings common;
     read_settings(table, common);
     for (const TomlTable& entry : table.tables("camera")) {

@@ -14,9 +14,9 @@ class ProgressLine {
     ProgressLine(const ProgressLine&) = delete;
     ProgressLine& operator=(const ProgressLine&) = delete;
 
-    bool due();                          // whether it is time to draw
-    void draw(std::string_view text);    // where it is due
-    void show(double share);             // "42 %" of 0 to 1, if it is due
+    bool due();                        // whether it is time to draw
+    void draw(std::string_view text);  // where it is due
+    void show(double share);           // "42 %" of 0 to 1, if it is due
     void clear();
 
   private:

@@ -44,9 +44,11 @@ std::string video_index_bytes(const VideoIndexEntry& entry) {
     return bytes;
 }
 
-absl::StatusOr<std::vector<VideoIndexEntry>> parse_video_index(std::string_view bytes, std::uint64_t video_bytes) {
+absl::StatusOr<std::vector<VideoIndexEntry>> parse_video_index(std::string_view bytes,
+                                                               std::uint64_t video_bytes) {
     if (!bytes.starts_with(kVideoIndexHeader))
-        return absl::InvalidArgumentError("is no video index of this version; remove it to read the video without it");
+        return absl::InvalidArgumentError(
+            "is no video index of this version; remove it to read the video without it");
     bytes.remove_prefix(kVideoIndexHeader.size());
     std::vector<VideoIndexEntry> entries;
     entries.reserve(bytes.size() / kVideoIndexEntryBytes);
@@ -58,11 +60,12 @@ absl::StatusOr<std::vector<VideoIndexEntry>> parse_video_index(std::string_view 
         entry.time_ns = std::bit_cast<std::int64_t>(take_little_endian<std::uint64_t>(bytes));
         entry.payload_bytes = take_little_endian<std::uint32_t>(bytes);
         entry.flags = take_little_endian<std::uint32_t>(bytes);
-        const bool sensible = entry.cluster_offset >= behind_last && entry.payload_offset > entry.cluster_offset &&
-                              entry.payload_offset <= std::numeric_limits<std::uint64_t>::max() - entry.payload_bytes &&
-                              entry.end() <= video_bytes && entry.payload_bytes > 0 &&
-                              (entries.empty() || entry.time_ns > entries.back().time_ns) &&
-                              (!entries.empty() || entry.flags & VideoIndexEntry::kKey);
+        const bool sensible =
+            entry.cluster_offset >= behind_last && entry.payload_offset > entry.cluster_offset &&
+            entry.payload_offset <= std::numeric_limits<std::uint64_t>::max() - entry.payload_bytes &&
+            entry.end() <= video_bytes && entry.payload_bytes > 0 &&
+            (entries.empty() || entry.time_ns > entries.back().time_ns) &&
+            (!entries.empty() || entry.flags & VideoIndexEntry::kKey);
         if (!sensible) break;
         behind_last = entry.end();
         entries.push_back(entry);
@@ -74,13 +77,15 @@ absl::StatusOr<std::vector<VideoIndexEntry>> read_video_index(const std::filesys
     std::error_code error;
     const std::uintmax_t video_bytes = std::filesystem::file_size(video, error);
     if (error)
-        return absl::NotFoundError(fmt::format("{}: {}; put the video there", video.string(), error.message()));
+        return absl::NotFoundError(
+            fmt::format("{}: {}; put the video there", video.string(), error.message()));
     const std::filesystem::path file = video_index_file(video);
     const absl::StatusOr<std::string> bytes = read_file(file, kMostTableBytes);
     if (!bytes.ok()) return bytes.status();
     auto entries = parse_video_index(*bytes, video_bytes);
     if (!entries.ok())
-        return absl::InvalidArgumentError(fmt::format("{}: {}", file.string(), std::string(entries.status().message())));
+        return absl::InvalidArgumentError(
+            fmt::format("{}: {}", file.string(), std::string(entries.status().message())));
     return entries;
 }
 
@@ -91,8 +96,9 @@ std::string recorded_time_line(std::uint64_t frame, const RecordedTime& time) {
 absl::StatusOr<std::vector<RecordedTime>> parse_recorded_times(std::string_view text,
                                                                const std::string& name_for_errors) {
     if (!text.starts_with(kRecordedTimesHeader))
-        return absl::InvalidArgumentError(fmt::format("{}:1: is not the header of a recording's times, {}", name_for_errors,
-                                                      kRecordedTimesHeader.substr(0, kRecordedTimesHeader.size() - 1)));
+        return absl::InvalidArgumentError(
+            fmt::format("{}:1: is not the header of a recording's times, {}", name_for_errors,
+                        kRecordedTimesHeader.substr(0, kRecordedTimesHeader.size() - 1)));
     text.remove_prefix(kRecordedTimesHeader.size());
     std::vector<RecordedTime> times;
     for (;;) {
@@ -101,9 +107,10 @@ absl::StatusOr<std::vector<RecordedTime>> parse_recorded_times(std::string_view 
         if (!take_number(text, frame, ',') || !take_number(text, time.sequence, ',') ||
             !take_number(text, time.time_ns, ',') || !take_number(text, time.capture_time_utc_ns, '\n'))
             break;
-        const bool follows = frame == times.size() && (times.empty() ? time.time_ns == 0
-                                                                     : time.sequence > times.back().sequence &&
-                                                                           time.time_ns > times.back().time_ns);
+        const bool follows =
+            frame == times.size() &&
+            (times.empty() ? time.time_ns == 0
+                           : time.sequence > times.back().sequence && time.time_ns > times.back().time_ns);
         if (!follows) break;
         times.push_back(time);
     }

@@ -42,7 +42,8 @@ std::string written_path(const std::filesystem::path& path, const std::filesyste
     return (below ? relative : path).generic_string();
 }
 
-SessionRecording read_recording(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist) {
+SessionRecording read_recording(const TomlTable& table, const std::filesystem::path& folder,
+                                bool check_files_exist) {
     constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
     SessionRecording recording;
     recording.times = read_path(table, "times", true, folder, check_files_exist);
@@ -54,7 +55,9 @@ SessionRecording read_recording(const TomlTable& table, const std::filesystem::p
     recording.recovered = table.boolean_or("recovered", false);
     recording.end_reason = table.text_or("end_reason", "");
     recording.started_utc_ns = table.integer_or("started_utc_ns", 0, 0, kMost);
-    const auto count = [&](const char* key) { return static_cast<std::uint64_t>(table.integer_or(key, 0, 0, kMost)); };
+    const auto count = [&](const char* key) {
+        return static_cast<std::uint64_t>(table.integer_or(key, 0, 0, kMost));
+    };
     recording.frames = count("frames");
     recording.dropped = count("dropped");
     recording.lost = count("lost");
@@ -63,16 +66,19 @@ SessionRecording read_recording(const TomlTable& table, const std::filesystem::p
 }
 
 std::string recording_toml(const SessionRecording& recording, const std::filesystem::path& folder) {
-    std::string out = fmt::format("\n[recording]\ntimes = {}\n", toml_quoted(written_path(recording.times, folder)));
-    if (!recording.poses.empty()) out += fmt::format("poses = {}\n", toml_quoted(written_path(recording.poses, folder)));
+    std::string out =
+        fmt::format("\n[recording]\ntimes = {}\n", toml_quoted(written_path(recording.times, folder)));
+    if (!recording.poses.empty())
+        out += fmt::format("poses = {}\n", toml_quoted(written_path(recording.poses, folder)));
     if (!recording.volumes.empty())
         out += fmt::format("volumes = {}\n", toml_quoted(written_path(recording.volumes, folder)));
     out += fmt::format("codec = {}\ncalibration_id = {}\nclosed = {}\nrecovered = {}\nend_reason = {}\n",
                        toml_quoted(recording.codec), toml_quoted(recording.calibration_id), recording.closed,
                        recording.recovered, toml_quoted(recording.end_reason));
-    return out + fmt::format("started_utc_ns = {}\nframes = {}\ndropped = {}\nlost = {}\nmissing_pictures = {}\n",
-                             recording.started_utc_ns, recording.frames, recording.dropped, recording.lost,
-                             recording.missing_pictures);
+    return out +
+           fmt::format("started_utc_ns = {}\nframes = {}\ndropped = {}\nlost = {}\nmissing_pictures = {}\n",
+                       recording.started_utc_ns, recording.frames, recording.dropped, recording.lost,
+                       recording.missing_pictures);
 }
 
 }  // namespace
@@ -99,8 +105,10 @@ absl::StatusOr<Session> parse_session_toml(const std::string& text, const std::f
         if (table.has("offset_s")) {
             camera.offset_s = table.number("offset_s", {-kMostOffset_s, kMostOffset_s});
             if (root.has("recording"))
-                table.fail("offset_s", "has no place in a session with [recording], whose cameras were joined by their clocks; "
-                                       "remove it");
+                table.fail(
+                    "offset_s",
+                    "has no place in a session with [recording], whose cameras were joined by their clocks; "
+                    "remove it");
         }
         if (const std::string problem = camera_name_problem(camera.name);
             !problem.empty() && table.has("name"))

@@ -87,16 +87,17 @@ absl::StatusOr<std::int64_t> common_length(const Session& session, std::span<con
         if (pictures[c] - first[c] < length) length = pictures[c] - first[c], ends = c;
     if (length > 0) return length;
     const std::size_t begins = static_cast<std::size_t>(std::ranges::min_element(first) - first.begin());
-    return absl::InvalidArgumentError(
-        fmt::format("session \"{}\": camera {} begins when camera {} has ended, so that no frame set is left; "
-                    "correct their offset_s, or "
-                    "find them with kinevox sync",
-                    session.name, session.cameras[begins].name, session.cameras[ends].name));
+    return absl::InvalidArgumentError(fmt::format(
+        "session \"{}\": camera {} begins when camera {} has ended, so that no frame set is left; "
+        "correct their offset_s, or "
+        "find them with kinevox sync",
+        session.name, session.cameras[begins].name, session.cameras[ends].name));
 }
 
 absl::StatusOr<std::string> with_offsets(const std::string& text, std::span<const double> offsets_s) {
     const auto unknown = [] {
-        return absl::InvalidArgumentError("the session's cameras are not written as [[camera]] with one key a line");
+        return absl::InvalidArgumentError(
+            "the session's cameras are not written as [[camera]] with one key a line");
     };
     std::vector<std::string> lines = lines_of(text);
     std::string out;

@@ -7,7 +7,9 @@
 
 namespace kinevox {
 
-inline Eigen::Vector3d to_eigen(Vec3 v) { return {v.x, v.y, v.z}; }
+inline Eigen::Vector3d to_eigen(Vec3 v) {
+    return {v.x, v.y, v.z};
+}
 
 inline Eigen::Matrix3d to_eigen(const Mat3& m) {
     Eigen::Matrix3d out;
@@ -16,6 +18,8 @@ inline Eigen::Matrix3d to_eigen(const Mat3& m) {
     return out;
 }
 
-inline Vec3 from_eigen(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+inline Vec3 from_eigen(const Eigen::Vector3d& v) {
+    return {v.x(), v.y(), v.z()};
+}
 
 }  // namespace kinevox

@@ -6,11 +6,13 @@ namespace kinevox {
 namespace {
 
 constexpr char32_t kFirst = 0x80, kLast = 0xFEFF, kShift = 0xF0000;
-constexpr bool surrogate(char32_t c) { return c >= 0xD800 && c <= 0xDFFF; }
+constexpr bool surrogate(char32_t c) {
+    return c >= 0xD800 && c <= 0xDFFF;
+}
 
 struct Character {
     char32_t code = 0;
-    std::size_t bytes = 0;   // 0: no valid UTF-8 begins here
+    std::size_t bytes = 0;  // 0: no valid UTF-8 begins here
 };
 
 Character first_character(std::string_view text) {

@@ -1,6 +1,7 @@
-// Keeps characters beyond ASCII away from toml++, whose version 3.3 runs into undefined behaviour where it meets some of
-// them outside strings (is_non_ascii_horizontal_whitespace() reaches __builtin_unreachable() for U+00A1 to U+0499 and
-// others). It never does for private use characters of plane 15, so the others take their place while it reads.
+// Keeps characters beyond ASCII away from toml++, whose version 3.3 runs into undefined behaviour where it
+// meets some of them outside strings (is_non_ascii_horizontal_whitespace() reaches __builtin_unreachable()
+// for U+00A1 to U+0499 and others). It never does for private use characters of plane 15, so the others take
+// their place while it reads.
 #pragma once
 
 #include <string>
@@ -8,8 +9,9 @@
 
 namespace kinevox {
 
-// UTF-8 in which U+0080 to U+FEFF have become U+F0080 to U+FFEFF, character for character, so that lines and columns
-// stay; a byte order mark at the start remains. What is no valid UTF-8 is left for the parser to refuse.
+// UTF-8 in which U+0080 to U+FEFF have become U+F0080 to U+FFEFF, character for character, so that lines and
+// columns stay; a byte order mark at the start remains. What is no valid UTF-8 is left for the parser to
+// refuse.
 std::string shielded(std::string_view utf8);
 
 // The reverse.

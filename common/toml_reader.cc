@@ -297,7 +297,8 @@ absl::StatusOr<std::unique_ptr<TomlDocument>> TomlDocument::parse(std::string_vi
     } catch (const toml::parse_error& error) {
         const toml::source_position where = error.source().begin;
         const std::string what = unshielded(error.description());
-        const bool beyond_ascii = std::ranges::any_of(what, [](char c) { return static_cast<unsigned char>(c) >= 0x80; });
+        const bool beyond_ascii =
+            std::ranges::any_of(what, [](char c) { return static_cast<unsigned char>(c) >= 0x80; });
         return absl::InvalidArgumentError(one_line(
             fmt::format("{}:{}:{}: is no valid TOML: {}; {}", name_for_errors, where.line, where.column, what,
                         beyond_ascii ? "put characters beyond ASCII into quotes" : "correct the line")));

@@ -14,13 +14,16 @@ std::string ColouringOptions::check() const {
     }
     const auto within = [](float value, float low, float high) { return value >= low && value <= high; };
     const auto say = [](const char* name, float value, const char* allowed) {
-        return std::string("colouring.") + name + " is " + std::to_string(value) + "; " + allowed + " is allowed";
+        return std::string("colouring.") + name + " is " + std::to_string(value) + "; " + allowed +
+               " is allowed";
     };
     if (!within(sharp_budget_permille, -1e6f, 50)) {
-        return say("sharp_budget_permille", sharp_budget_permille, "up to 50, or a negative number for never,");
+        return say("sharp_budget_permille", sharp_budget_permille,
+                   "up to 50, or a negative number for never,");
     }
     if (!within(fill_reach_m, 0, 1)) return say("fill_reach_m", fill_reach_m, "0 to 1 m");
-    if (!within(max_colour_deviation, 0, 1000)) return say("max_colour_deviation", max_colour_deviation, "0 to 1000");
+    if (!within(max_colour_deviation, 0, 1000))
+        return say("max_colour_deviation", max_colour_deviation, "0 to 1000");
     if (!within(noise_grey, 0.1f, 255)) return say("noise_grey", noise_grey, "0.1 to 255");
     if (!within(support_edge_m, 0, 1)) return say("support_edge_m", support_edge_m, "0 to 1 m");
     if (!within(min_support, 0, 0.5f)) return say("min_support", min_support, "0 to 0.5");
@@ -34,7 +37,8 @@ std::unique_ptr<VoxelColourer> make_voxel_colourer(Device device, const Colourin
 #ifdef KINEVOX_HAVE_CUDA
         return make_voxel_colourer_cuda(options);
 #else
-        throw std::runtime_error("colouring: built without a CUDA compiler; build where nvcc is found, or use device cpu");
+        throw std::runtime_error(
+            "colouring: built without a CUDA compiler; build where nvcc is found, or use device cpu");
 #endif
     }
     return make_voxel_colourer_cpu(options);

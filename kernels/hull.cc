@@ -11,7 +11,8 @@ namespace kinevox::kernels {
 std::string HullOptions::check() const {
     if (min_views < 1) return "hull.min_views is " + std::to_string(min_views) + "; at least 1 is needed";
     if (!(miss_budget_permille >= 0 && miss_budget_permille <= 50)) {
-        return "hull.miss_budget_permille is " + std::to_string(miss_budget_permille) + "; 0 to 50 is allowed";
+        return "hull.miss_budget_permille is " + std::to_string(miss_budget_permille) +
+               "; 0 to 50 is allowed";
     }
     if (!(fill_reach_m >= 0 && fill_reach_m <= 1)) {
         return "hull.fill_reach_m is " + std::to_string(fill_reach_m) + "; 0 to 1 m is allowed";
@@ -25,7 +26,8 @@ std::unique_ptr<HullCarver> make_hull_carver(Device device, const HullOptions& o
 #ifdef KINEVOX_HAVE_CUDA
         return make_hull_carver_cuda(options);
 #else
-        throw std::runtime_error("hull: built without a CUDA compiler; build where nvcc is found, or use device cpu");
+        throw std::runtime_error(
+            "hull: built without a CUDA compiler; build where nvcc is found, or use device cpu");
 #endif
     }
     return make_hull_carver_cpu(options);

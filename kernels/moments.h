@@ -62,7 +62,7 @@ struct MomentView {
     std::ptrdiff_t stride = 0;           // bytes from one row to the next
     Rect bounds;                         // px, a box around the silhouette
     std::optional<DiskMapping> mapping;  // from the silhouette itself if absent
-    float radius_px = 0;                 // without a mapping: the centre from the silhouette, this radius; 0: both
+    float radius_px = 0;  // without a mapping: the centre from the silhouette, this radius; 0: both
 };
 
 struct SilhouetteMoments {

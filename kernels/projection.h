@@ -7,10 +7,11 @@
 
 namespace kinevox::kernels {
 
-// Clears `mask` (camera.width * camera.height bytes) and sets to 255 what the volume covers after it was moved by
-// `translation_m` (x, y, z; world) in the picture of `camera`, wider by `dilate_px` on every side. Solid, without
-// pinholes; the outline may be about a voxel too wide. `bounds` is the smallest box around what was set, empty if
-// there is nothing. Throws std::invalid_argument for a camera that has no size or whose calibration is not finite.
+// Clears `mask` (camera.width * camera.height bytes) and sets to 255 what the volume covers after it was
+// moved by `translation_m` (x, y, z; world) in the picture of `camera`, wider by `dilate_px` on every side.
+// Solid, without pinholes; the outline may be about a voxel too wide. `bounds` is the smallest box around
+// what was set, empty if there is nothing. Throws std::invalid_argument for a camera that has no size or
+// whose calibration is not finite.
 void project_volume(const VoxelVolume& volume, const CameraModel& camera, const float translation_m[3],
                     int dilate_px, std::uint8_t* mask, Rect& bounds);
 

@@ -1,5 +1,5 @@
-// Viewing rays and a body of tapered capsules: which capsule each ray comes nearest to. The innermost loop of fitting a
-// pose to contours.
+// Viewing rays and a body of tapered capsules: which capsule each ray comes nearest to. The innermost loop of
+// fitting a pose to contours.
 #pragma once
 
 #include <span>
@@ -10,19 +10,20 @@ namespace kinevox::kernels {
 
 // Rays of one origin through a silhouette's border.
 struct RayBundle {
-    float origin[3] = {0, 0, 0};                                   // m, world
-    const float* direction[3] = {nullptr, nullptr, nullptr};       // x, y, z of `count` unit vectors, world
-    const float* outward[3] = {nullptr, nullptr, nullptr};         // normal to the ray, away from the silhouette
+    float origin[3] = {0, 0, 0};                              // m, world
+    const float* direction[3] = {nullptr, nullptr, nullptr};  // x, y, z of `count` unit vectors, world
+    const float* outward[3] = {nullptr, nullptr, nullptr};    // normal to the ray, away from the silhouette
     int count = 0;
 };
 
 inline constexpr int kMostCapsules = 64;
 inline constexpr float kWrongSide_m = 1e3f;
 
-// For each ray the capsule with the least signed distance to it, m (negative: the ray goes through it), and that
-// distance. A capsule whose axis lies on the outer side of the border counts only if the ray goes through it. Where
-// none counts, -1 and kWrongSide_m. `distance_m` and `nearest` have room for all rays. Throws
-// std::invalid_argument for more than kMostCapsules.
-void nearest_capsules(const RayBundle& rays, std::span<const TaperedCapsule> capsules, float* distance_m, int* nearest);
+// For each ray the capsule with the least signed distance to it, m (negative: the ray goes through it), and
+// that distance. A capsule whose axis lies on the outer side of the border counts only if the ray goes
+// through it. Where none counts, -1 and kWrongSide_m. `distance_m` and `nearest` have room for all rays.
+// Throws std::invalid_argument for more than kMostCapsules.
+void nearest_capsules(const RayBundle& rays, std::span<const TaperedCapsule> capsules, float* distance_m,
+                      int* nearest);
 
 }  // namespace kinevox::kernels

@@ -14,9 +14,9 @@ enum class Device { kCpu, kCuda };
 // 3 channels are B, G, R (OpenCV's order); 1 is grey.
 struct PictureView {
     const std::uint8_t* data = nullptr;
-    int width = 0;           // px
-    int height = 0;          // px
-    int channels = 0;        // 1 or 3
+    int width = 0;              // px
+    int height = 0;             // px
+    int channels = 0;           // 1 or 3
     std::ptrdiff_t stride = 0;  // bytes from one row to the next
 
     const std::uint8_t* row(int y) const { return data + y * stride; }
@@ -34,14 +34,14 @@ struct Rect {
 // OpenCV's pinhole camera: x_camera = rotation * x_world + translation (metres; x right, y down, z forward),
 // then distortion k1 k2 p1 p2 k3, then u = fx * x'' + cx. The first pixel's centre is (0, 0).
 struct CameraModel {
-    int width = 0, height = 0;                    // px
-    float fx = 0, fy = 0, cx = 0, cy = 0;         // px
+    int width = 0, height = 0;             // px
+    float fx = 0, fy = 0, cx = 0, cy = 0;  // px
     float k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0;
     float rotation_camera_from_world[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  // row major
     float translation_camera_from_world[3] = {0, 0, 0};                 // m
 };
 
-inline constexpr int kBrickEdge = 8;                               // voxels
+inline constexpr int kBrickEdge = 8;  // voxels
 inline constexpr int kBrickVoxels = kBrickEdge * kBrickEdge * kBrickEdge;
 
 // An axis-aligned box of cubic voxels in the world frame. Voxel (i, j, k) spans
@@ -49,7 +49,7 @@ inline constexpr int kBrickVoxels = kBrickEdge * kBrickEdge * kBrickEdge;
 struct Lattice {
     float origin[3] = {0, 0, 0};  // m, world, the corner with the smallest coordinates
     float voxel_m = 0.01f;
-    int size[3] = {0, 0, 0};      // voxels along x, y, z
+    int size[3] = {0, 0, 0};  // voxels along x, y, z
 
     bool operator==(const Lattice&) const = default;
 };
@@ -65,9 +65,9 @@ struct Colour {
     bool operator==(const Colour&) const = default;
 };
 
-// A volume as non-empty bricks sorted by (z, y, x). A surface voxel is an occupied one with at least one of its
-// six neighbours empty (outside the lattice counts as empty). `colours` has one entry a surface voxel, in the
-// order of the bricks and, inside a brick, of z, y, x; it is empty for a volume without colours.
+// A volume as non-empty bricks sorted by (z, y, x). A surface voxel is an occupied one with at least one of
+// its six neighbours empty (outside the lattice counts as empty). `colours` has one entry a surface voxel, in
+// the order of the bricks and, inside a brick, of z, y, x; it is empty for a volume without colours.
 struct VoxelVolume {
     Lattice lattice;
     std::vector<Brick> bricks;

@@ -1,18 +1,18 @@
-// kinevoxd: the capture daemon. This page shows all parts, the order in which they start, and the reverse order in
-// which they stop; docs/threads.md tells which thread may call what.
-#include <csignal>
-#include <cstdio>
-#include <thread>
+// kinevoxd: the capture daemon. This page shows all parts, the order in which they start, and the reverse
+// order in which they stop; docs/threads.md tells which thread may call what.
+#include <absl/synchronization/mutex.h>
+#include <fmt/format.h>
+#include <oneapi/tbb/global_control.h>
+#include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
-#include <absl/synchronization/mutex.h>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/signal_set.hpp>
 #include <boost/asio/thread_pool.hpp>
-#include <fmt/format.h>
-#include <oneapi/tbb/global_control.h>
-#include <spdlog/spdlog.h>
+#include <csignal>
+#include <cstdio>
+#include <thread>
 
 #include "common/background_priority.h"
 #include "common/config.h"
@@ -48,8 +48,8 @@ struct LogEnd {
     ~LogEnd() { spdlog::shutdown(); }
 };
 
-// Where the service manager gives the daemon priority, it is for the capture: a thousand watchers would otherwise slow it down,
-// and on one machine starve themselves of what they are sent.
+// Where the service manager gives the daemon priority, it is for the capture: a thousand watchers would
+// otherwise slow it down, and on one machine starve themselves of what they are sent.
 constexpr int kServingNicer = 10;
 using MakeGpu = std::function<std::unique_ptr<const kernels::StageMaker>()>;
 
@@ -59,7 +59,9 @@ int fail(std::string message) {
     return 1;
 }
 
-int fail(const absl::Status& status) { return fail(std::string(status.message())); }
+int fail(const absl::Status& status) {
+    return fail(std::string(status.message()));
+}
 
 int serve(const DaemonConfig& given, bool serve_everyone, const MakeGpu& make_gpu) {
     // Signals first, so that one that comes early is not lost.
@@ -68,15 +70,18 @@ int serve(const DaemonConfig& given, bool serve_everyone, const MakeGpu& make_gp
 
     // What can fail, before anyone is told that the daemon is there.
     if (const absl::Status logging = set_up_logging(given.log); !logging.ok()) return fail(logging);
-    const LogEnd after_all_below;   // cameras and the stored background have threads until they are destroyed, and log
+    const LogEnd
+        after_all_below;  // cameras and the stored background have threads until they are destroyed, and log
     const DaemonConfig config = with_fitted_body(given);
-    StoredBackground background(background_folder(config), [](const std::string& what) { spdlog::info("{}", what); });
+    StoredBackground background(background_folder(config),
+                                [](const std::string& what) { spdlog::info("{}", what); });
     const auto open = [&config, &background]() -> absl::StatusOr<std::unique_ptr<FrameSource>> {
         auto source = open_source(config.source);
         if (!source.ok()) return source;
         return background.restoring(*std::move(source));
     };
-    if (const absl::Status reach = check_reach(config.server, serve_everyone); !reach.ok()) return fail(reach);
+    if (const absl::Status reach = check_reach(config.server, serve_everyone); !reach.ok())
+        return fail(reach);
     const auto server_options = api_server_options(config.server.access);
     if (!server_options.ok()) return fail(server_options.status());
     const auto audit = open_audit_log(config.server.access);
@@ -106,7 +111,7 @@ int serve(const DaemonConfig& given, bool serve_everyone, const MakeGpu& make_gp
     std::optional<PoseDatabaseService> poses;
     if (const auto file = pose_database_file(config.pose); !file.empty()) {
         poses.emplace(file);
-        (*pipeline)->pose_stage()->set_proposer(&*poses);   // has nothing to propose until it is built
+        (*pipeline)->pose_stage()->set_proposer(&*poses);  // has nothing to propose until it is built
     }
     ControlLease lease(lease_options(config.control));
     PoseStage* const pose_stage = (*pipeline)->pose_stage();
@@ -114,14 +119,17 @@ int serve(const DaemonConfig& given, bool serve_everyone, const MakeGpu& make_gp
     BodyWatch body_watch;
     std::unique_ptr<LiveBodyFit> body_fit;
     if (pose_stage) {
-        body_fit = make_body_fit(config.pose, runner, options->posing, poses ? &*poses : nullptr, hub, body_watch);
+        body_fit =
+            make_body_fit(config.pose, runner, options->posing, poses ? &*poses : nullptr, hub, body_watch);
     }
-    CameraWatch camera_watch(runner.cameras(), {}, [&hub](const Event& event) { hub.publish_event(event, utc_now_ns()); });
+    CameraWatch camera_watch(runner.cameras(), {},
+                             [&hub](const Event& event) { hub.publish_event(event, utc_now_ns()); });
     std::unique_ptr<Recorder> recorder;
     metrics::CaptureFigures figures;
     runner.set_after_result([&](const FrameResult& result) {
         figures.observe(result.times);
-        if (result.frame_set.recorded_frame) return;   // a replay teaches nothing of the cameras and who is before them
+        if (result.frame_set.recorded_frame)
+            return;  // a replay teaches nothing of the cameras and who is before them
         camera_watch.observe(result);
         recorder->observe(result, pose_stage ? &pose_stage->body() : nullptr);
         if (!body_fit) return;
@@ -131,8 +139,9 @@ int serve(const DaemonConfig& given, bool serve_everyone, const MakeGpu& make_gp
     });
 
     // The calibration that was applied last, in the place of the source's own; and the way to another one.
-    CalibrationStore calibrations(calibration_folder(config.calibration), describe(config.source), runner.cameras());
-    bool serving = false;   // the control thread's
+    CalibrationStore calibrations(calibration_folder(config.calibration), describe(config.source),
+                                  runner.cameras());
+    bool serving = false;  // the control thread's
     CalibrationUse calibration_use(calibrations, runner, [&](const std::vector<Camera>& cameras) {
         if (body_fit) body_fit->set_cameras(cameras);
         camera_watch.begin_anew(cameras);
@@ -151,17 +160,20 @@ int serve(const DaemonConfig& given, bool serve_everyone, const MakeGpu& make_gp
                      },
                      [&] { recorder->capture_ended(); }});
     Replay replay(runner, make_replay_pipeline(*options, runner, poses ? &*poses : nullptr),
-                  [&hub](std::string what) { hub.publish_event({EventKind::kReplay, 0, 0, {}, std::move(what)}, utc_now_ns()); });
+                  [&hub](std::string what) {
+                      hub.publish_event({EventKind::kReplay, 0, 0, {}, std::move(what)}, utc_now_ns());
+                  });
     ProcedureWatch procedure_watch;
-    std::unique_ptr<CalibrationProcedure> procedure = make_calibration_procedure(calibrations, hub, procedure_watch);
+    std::unique_ptr<CalibrationProcedure> procedure =
+        make_calibration_procedure(calibrations, hub, procedure_watch);
 
     // The threads that serve it, and the services.
-    asio::thread_pool control(1);    // start, stop and learning
-    asio::thread_pool changes(1);    // of the pose database
-    asio::thread_pool calibrating(1);   // calibrations' files
-    asio::thread_pool recordings(1);    // recordings' files
-    asio::thread_pool exports(1);       // in other programs' formats
-    std::optional<asio::thread_pool> encoders;   // volumes and pictures, and the streams' writes
+    asio::thread_pool control(1);               // start, stop and learning
+    asio::thread_pool changes(1);               // of the pose database
+    asio::thread_pool calibrating(1);           // calibrations' files
+    asio::thread_pool recordings(1);            // recordings' files
+    asio::thread_pool exports(1);               // in other programs' formats
+    std::optional<asio::thread_pool> encoders;  // volumes and pictures, and the streams' writes
     with_nicer_threads(kServingNicer, [&] { encoders.emplace(2); });
     FairShare share(newest_per_s(config.stream));
     ApiContext api{.runner = runner,
@@ -192,12 +204,14 @@ int serve(const DaemonConfig& given, bool serve_everyone, const MakeGpu& make_gp
                    .source_description = describe(config.source)};
     apply(config.stream, api);
     absl::StatusOr<std::unique_ptr<ApiServer>> server;
-    with_nicer_threads(kServingNicer, [&] { server = ApiServer::listen(config.server.listen, api, *server_options); });
+    with_nicer_threads(kServingNicer,
+                       [&] { server = ApiServer::listen(config.server.listen, api, *server_options); });
     if (!server.ok()) return fail(server.status());
     std::unique_ptr<metrics::HttpEndpoint> endpoint;
     if (!config.metrics.listen.empty()) {
-        auto listening = metrics::HttpEndpoint::listen(
-            config.metrics.listen, [&api](metrics::Format format) { return metrics::capture_metrics(api, format); });
+        auto listening = metrics::HttpEndpoint::listen(config.metrics.listen, [&api](metrics::Format format) {
+            return metrics::capture_metrics(api, format);
+        });
         if (!listening.ok()) return fail(listening.status());
         endpoint = *std::move(listening);
         spdlog::info("metrics on port {}", endpoint->port());
@@ -207,25 +221,28 @@ int serve(const DaemonConfig& given, bool serve_everyone, const MakeGpu& make_gp
     StatusLog status_log(io, runner, hub);
     LeaseClock lease_clock(io, lease, hub);
     ServiceClock service_clock(io, runner, gpu.get());
-    RetentionClock retention_clock(io, recordings.get_executor(), retention_limits(config.recording), *recorder, replay, hub);
+    RetentionClock retention_clock(io, recordings.get_executor(), retention_limits(config.recording),
+                                   *recorder, replay, hub);
     GuardClock guard_clock(io, **guard);
     signals.async_wait([&](const boost::system::error_code&, int signal) {
         spdlog::info("stopping on {}", signal == SIGINT ? "SIGINT" : "SIGTERM");
-        signals.async_wait([](const boost::system::error_code&, int) {});   // a second one changes nothing
+        signals.async_wait([](const boost::system::error_code&, int) {});  // a second one changes nothing
         io.stop();
     });
-    asio::post(control, [&] {   // where calibrations are applied, too
+    asio::post(control, [&] {  // where calibrations are applied, too
         serving = true;
-        if (poses) start_pose_database(*poses, config.pose, runner.cameras(), options->posing.body, hub, pose_watch);
+        if (poses)
+            start_pose_database(*poses, config.pose, runner.cameras(), options->posing.body, hub, pose_watch);
     });
     if (config.source.autostart)
-        asio::post(control, [&runner] { runner.start().IgnoreError(); });   // an error is an event and a state
+        asio::post(control, [&runner] { runner.start().IgnoreError(); });  // an error is an event and a state
 
     (*server)->set_serving(true);
     const std::string host = config.server.listen.substr(0, config.server.listen.rfind(':'));
     fmt::print("ready on {}:{}\n", host, (*server)->port());
     std::fflush(stdout);
-    spdlog::info("kinevoxd {} serves {} on {}:{}", kVersion, describe(config.source), host, (*server)->port());
+    spdlog::info("kinevoxd {} serves {} on {}:{}", kVersion, describe(config.source), host,
+                 (*server)->port());
     service_clock.ready();
     io.run();
 
@@ -243,18 +260,18 @@ int serve(const DaemonConfig& given, bool serve_everyone, const MakeGpu& make_gp
     pose_watch.close(stopping);
     body_watch.close(stopping);
     procedure_watch.close(stopping);
-    (*server)->shutdown(std::chrono::milliseconds(700));   // streams end with the words above
-    control.join();                                        // a start or stop in progress
+    (*server)->shutdown(std::chrono::milliseconds(700));  // streams end with the words above
+    control.join();                                       // a start or stop in progress
     changes.join();
     calibrating.join();
     recordings.join();
     exports.join();
-    runner.stop().IgnoreError();                           // its threads; FailedPrecondition if nothing runs
+    runner.stop().IgnoreError();  // its threads; FailedPrecondition if nothing runs
     encoders->join();
-    recorder->close();                                     // what is being recorded is finished
-    procedure.reset();                                     // its thread ends at its next step
-    body_fit.reset();                                      // its thread ends at its next frame set
-    poses.reset();                                         // its thread ends as soon as it sees that it is to end
+    recorder->close();  // what is being recorded is finished
+    procedure.reset();  // its thread ends at its next step
+    body_fit.reset();   // its thread ends at its next frame set
+    poses.reset();      // its thread ends as soon as it sees that it is to end
     retention_clock.stop();
     guard_clock.stop();
     lease_clock.stop();
@@ -271,18 +288,22 @@ int kinevox::run_kinevoxd(int argc, char** argv, const MakeGpu& make_gpu) {
     // Debian builds Abseil with its search for deadlocks, which every mutex of gRPC pays for.
     absl::SetMutexDeadlockDetectionMode(absl::OnDeadlockCycle::kIgnore);
     std::string config_file;
-    CLI::App app("The Kinevox capture daemon. Without a configuration it serves the virtual studio on 127.0.0.1:50770.",
-                 "kinevoxd");
+    CLI::App app(
+        "The Kinevox capture daemon. Without a configuration it serves the virtual studio on "
+        "127.0.0.1:50770.",
+        "kinevoxd");
     app.add_option("--config", config_file, "TOML; deploy/kinevoxd.toml explains every key");
     bool serve_everyone = false;
-    app.add_flag(kServeEveryoneFlag, serve_everyone,
-                 "Serve beyond this machine without TLS and tokens: everyone on the network may watch, record and "
-                 "delete");
+    app.add_flag(
+        kServeEveryoneFlag, serve_everyone,
+        "Serve beyond this machine without TLS and tokens: everyone on the network may watch, record and "
+        "delete");
     app.set_version_flag("--version", std::string("kinevoxd ") + kVersion);
     try {
         app.parse(argc, argv);
     } catch (const CLI::ParseError& error) {
-        return error.get_exit_code() == 0 ? app.exit(error) : fail(std::string(error.what()) + "; see kinevoxd --help");
+        return error.get_exit_code() == 0 ? app.exit(error)
+                                          : fail(std::string(error.what()) + "; see kinevoxd --help");
     }
     DaemonConfig config;
     if (!config_file.empty()) {

@@ -1,11 +1,11 @@
 // kinevox-bridge: poses for programs that people run already, over UDP.
+#include <fmt/format.h>
+#include <grpc/support/log.h>
+
+#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <optional>
 #include <string>
-
-#include <CLI/CLI.hpp>
-#include <fmt/format.h>
-#include <grpc/support/log.h>
 
 #include "client/bridge/udp_sender.h"
 #include "client/bridge/vmc.h"
@@ -19,7 +19,7 @@ namespace {
 using namespace kinevox;
 using namespace kinevox::bridge;
 
-constexpr std::int64_t kHeadEvery_ns = 2'000'000'000;   // for receivers that come later
+constexpr std::int64_t kHeadEvery_ns = 2'000'000'000;  // for receivers that come later
 
 struct Options {
     client::ConnectionOptions connection;
@@ -83,7 +83,7 @@ int run_csv(const Options& options) {
     std::int64_t head_ns = 0;
     return run(options, [&](const v1::StreamPosesResponse& message, UdpSender& sender) {
         const std::int64_t now_ns = message.header().capture_time_ns();
-        const bool first = !first_ns || now_ns < head_ns;   // or a replay went back
+        const bool first = !first_ns || now_ns < head_ns;  // or a replay went back
         if (first) first_ns = now_ns;
         if (first || now_ns - head_ns >= kHeadEvery_ns) {
             head_ns = now_ns;
@@ -96,7 +96,7 @@ int run_csv(const Options& options) {
 }  // namespace
 
 int main(int argc, char** argv) {
-    gpr_set_log_function([](gpr_log_func_args*) {});   // errors come back as statuses; one line each is enough
+    gpr_set_log_function([](gpr_log_func_args*) {});  // errors come back as statuses; one line each is enough
     Options options;
     CLI::App app("Poses of a Kinevox daemon for other programs, over UDP, until stopped.", "kinevox-bridge");
     app.require_subcommand(1);
@@ -114,7 +114,8 @@ int main(int argc, char** argv) {
         return verb;
     };
     const std::string vmc_to = fmt::format("127.0.0.1:{}", kVmcPort), csv_to = "127.0.0.1:50780";
-    CLI::App* vmc = add("vmc", "The Virtual Motion Capture protocol (OSC), for game engines and avatars", vmc_to);
+    CLI::App* vmc =
+        add("vmc", "The Virtual Motion Capture protocol (OSC), for game engines and avatars", vmc_to);
     CLI::App* csv = add("csv", "A line of CSV a datagram, the columns' names every two seconds", csv_to);
     csv->add_flag("--joints", options.joints, "Joints in metres instead of angles in degrees");
     CLI11_PARSE(app, argc, argv);

@@ -1,4 +1,5 @@
-// Datagrams to one address. What cannot be sent at once is dropped and counted: the next pose is better than an old one.
+// Datagrams to one address. What cannot be sent at once is dropped and counted: the next pose is better than
+// an old one.
 #pragma once
 
 #include <absl/status/statusor.h>

@@ -1,17 +1,17 @@
 #include "client/bridge/vmc.h"
 
+#include <oscpack/osc/OscOutboundPacketStream.h>
+
 #include <cmath>
 #include <map>
 #include <optional>
 #include <string_view>
 
-#include <oscpack/osc/OscOutboundPacketStream.h>
-
 namespace kinevox::bridge {
 namespace {
 
 constexpr std::size_t kDatagram_bytes = 1472;
-constexpr std::size_t kBonesADatagram = 12;   // of some 90 bytes
+constexpr std::size_t kBonesADatagram = 12;  // of some 90 bytes
 
 struct Quat {
     double w = 1, x = 0, y = 0, z = 0;
@@ -30,38 +30,44 @@ struct Mapped {
     const char* bone;
     Rest rest, parent_rest;
 };
-constexpr Mapped kBones[] = {
-    {"pelvis", "Hips", Rest::kSame, Rest::kSame},
-    {"thorax", "Spine", Rest::kSame, Rest::kSame},
-    {"head", "Head", Rest::kSame, Rest::kSame},
-    {"thigh_l", "LeftUpperLeg", Rest::kSame, Rest::kSame},
-    {"shank_l", "LeftLowerLeg", Rest::kSame, Rest::kSame},
-    {"foot_l", "LeftFoot", Rest::kSame, Rest::kSame},
-    {"upper_arm_l", "LeftUpperArm", Rest::kLeftArm, Rest::kSame},
-    {"forearm_l", "LeftLowerArm", Rest::kLeftArm, Rest::kLeftArm},
-    {"hand_l", "LeftHand", Rest::kLeftArm, Rest::kLeftArm},
-    {"thigh_r", "RightUpperLeg", Rest::kSame, Rest::kSame},
-    {"shank_r", "RightLowerLeg", Rest::kSame, Rest::kSame},
-    {"foot_r", "RightFoot", Rest::kSame, Rest::kSame},
-    {"upper_arm_r", "RightUpperArm", Rest::kRightArm, Rest::kSame},
-    {"forearm_r", "RightLowerArm", Rest::kRightArm, Rest::kRightArm},
-    {"hand_r", "RightHand", Rest::kRightArm, Rest::kRightArm}};
+constexpr Mapped kBones[] = {{"pelvis", "Hips", Rest::kSame, Rest::kSame},
+                             {"thorax", "Spine", Rest::kSame, Rest::kSame},
+                             {"head", "Head", Rest::kSame, Rest::kSame},
+                             {"thigh_l", "LeftUpperLeg", Rest::kSame, Rest::kSame},
+                             {"shank_l", "LeftLowerLeg", Rest::kSame, Rest::kSame},
+                             {"foot_l", "LeftFoot", Rest::kSame, Rest::kSame},
+                             {"upper_arm_l", "LeftUpperArm", Rest::kLeftArm, Rest::kSame},
+                             {"forearm_l", "LeftLowerArm", Rest::kLeftArm, Rest::kLeftArm},
+                             {"hand_l", "LeftHand", Rest::kLeftArm, Rest::kLeftArm},
+                             {"thigh_r", "RightUpperLeg", Rest::kSame, Rest::kSame},
+                             {"shank_r", "RightLowerLeg", Rest::kSame, Rest::kSame},
+                             {"foot_r", "RightFoot", Rest::kSame, Rest::kSame},
+                             {"upper_arm_r", "RightUpperArm", Rest::kRightArm, Rest::kSame},
+                             {"forearm_r", "RightLowerArm", Rest::kRightArm, Rest::kRightArm},
+                             {"hand_r", "RightHand", Rest::kRightArm, Rest::kRightArm}};
 
-// Kinevox's body rests with hanging arms, palms towards the thighs; a humanoid in the T-pose. segment from bone: a quarter
-// turn about x, which leads the arm that points aside down.
+// Kinevox's body rests with hanging arms, palms towards the thighs; a humanoid in the T-pose. segment from
+// bone: a quarter turn about x, which leads the arm that points aside down.
 Quat segment_from_bone(Rest rest) {
     const double half = std::sqrt(0.5);
     switch (rest) {
-        case Rest::kLeftArm: return {half, -half, 0, 0};
-        case Rest::kRightArm: return {half, half, 0, 0};
-        case Rest::kSame: break;
+        case Rest::kLeftArm:
+            return {half, -half, 0, 0};
+        case Rest::kRightArm:
+            return {half, half, 0, 0};
+        case Rest::kSame:
+            break;
     }
     return {};
 }
 
 // From x forward, y left, z up, right-handed. The mirror turns a rotation's sense round.
-Vec3 to_vmc(const Vec3& v) { return {-v.y, v.z, v.x}; }
-std::array<double, 4> to_vmc(const Quat& q) { return {q.y, -q.z, -q.x, q.w}; }
+Vec3 to_vmc(const Vec3& v) {
+    return {-v.y, v.z, v.x};
+}
+std::array<double, 4> to_vmc(const Quat& q) {
+    return {q.y, -q.z, -q.x, q.w};
+}
 
 std::string datagram(const auto& write) {
     std::array<char, kDatagram_bytes> room;
@@ -84,13 +90,15 @@ std::vector<VmcBone> vmc_bones(const v1::Pose& pose) {
     std::optional<Vec3> root;
     for (const v1::JointEstimate& joint : pose.joints())
         if (joint.name() == "root" && joint.has_position_in_world())
-            root = Vec3{joint.position_in_world().x(), joint.position_in_world().y(), joint.position_in_world().z()};
+            root = Vec3{joint.position_in_world().x(), joint.position_in_world().y(),
+                        joint.position_in_world().z()};
     std::vector<VmcBone> bones;
     if (!root) return bones;
     for (const Mapped& m : kBones) {
         const auto found = parent_from_segment.find(m.segment);
         if (found == parent_from_segment.end()) return {};
-        const Quat rotation = segment_from_bone(m.parent_rest).conjugate() * found->second * segment_from_bone(m.rest);
+        const Quat rotation =
+            segment_from_bone(m.parent_rest).conjugate() * found->second * segment_from_bone(m.rest);
         bones.push_back({m.bone, m.segment == "pelvis" ? to_vmc(*root) : Vec3{}, to_vmc(rotation)});
     }
     return bones;
@@ -112,7 +120,8 @@ std::vector<std::string> vmc_datagrams(const v1::Pose* pose, double time_s) {
             for (std::size_t n = first; n < std::min(bones.size(), first + kBonesADatagram); ++n) {
                 const VmcBone& bone = bones[n];
                 out << osc::BeginMessage("/VMC/Ext/Bone/Pos") << bone.name;
-                for (const double value : {bone.position.x, bone.position.y, bone.position.z}) out << static_cast<float>(value);
+                for (const double value : {bone.position.x, bone.position.y, bone.position.z})
+                    out << static_cast<float>(value);
                 for (const double value : bone.rotation_xyzw) out << static_cast<float>(value);
                 out << osc::EndMessage;
             }

@@ -1,10 +1,9 @@
 // `kinevox body`: the size of the person that the daemon measures.
-#include <algorithm>
-#include <chrono>
-
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
 
 #include "client/cli/action.h"
 #include "client/cli/json.h"
@@ -59,7 +58,8 @@ absl::Status run_fit(const Common& common, const BodyOptions& options) {
     if (absl::Status begun = client.fit_body(options.name, request); !begun.ok()) return begun;
     client::StreamOptions stream;
     stream.stop = stop_on_signals();
-    stream.longest_silence = std::max<std::chrono::milliseconds>(kLongestSilence, common.client_options().timeout);
+    stream.longest_silence =
+        std::max<std::chrono::milliseconds>(kLongestSilence, common.client_options().timeout);
     absl::Status failed;
     const absl::Status status = client.watch_body(
         [&](const v1::WatchBodyResponse& progress) {

@@ -25,7 +25,8 @@ struct StartOptions {
 };
 
 constexpr std::chrono::seconds kLease{30}, kRenewal{8};
-constexpr std::chrono::minutes kLongestSilence{10};   // some steps of a solve on a busy machine have nothing to tell
+constexpr std::chrono::minutes kLongestSilence{
+    10};  // some steps of a solve on a busy machine have nothing to tell
 
 // Control for as long as it lives.
 class HeldControl {
@@ -34,7 +35,7 @@ class HeldControl {
         : client_(options), lease_id_(std::move(lease_id)), renewal_([this](const std::stop_token& stop) {
               std::unique_lock lock(mutex_);
               while (!stopped_.wait_for(lock, stop, kRenewal, [] { return false; }) && !stop.stop_requested())
-                  client_.renew_control(lease_id_).IgnoreError();   // the next call says what is wrong
+                  client_.renew_control(lease_id_).IgnoreError();  // the next call says what is wrong
           }) {}
     ~HeldControl() {
         renewal_.request_stop();
@@ -96,7 +97,8 @@ class Guide {
         return client_.start_procedure(request).status();
     }
 
-    // Shows progress until `so`. Cancelled by Ctrl-C; an end by somebody else is an error. `limit` ends it, too.
+    // Shows progress until `so`. Cancelled by Ctrl-C; an end by somebody else is an error. `limit` ends it,
+    // too.
     absl::StatusOr<Progress> watch(const std::function<bool(const Progress&)>& so) {
         Progress last;
         client::StreamOptions stream;
@@ -112,7 +114,8 @@ class Guide {
             },
             stream);
         if (!status.ok()) return status;
-        if (!reached) return absl::AbortedError(last.message().empty() ? "nobody reads any more" : last.message());
+        if (!reached)
+            return absl::AbortedError(last.message().empty() ? "nobody reads any more" : last.message());
         return last;
     }
 
@@ -132,12 +135,15 @@ class Guide {
         if (!options_.wand.empty()) {
             say("leave the space empty for a moment");
             if (absl::Status taken = take(v1::LiveObservations::WHAT_EMPTY_SCENE); !taken.ok()) return taken;
-            if (const auto seen = watch([](const Progress& p) { return !p.live(); }); !seen.ok()) return seen.status();
+            if (const auto seen = watch([](const Progress& p) { return !p.live(); }); !seen.ok())
+                return seen.status();
         }
         if (options_.floor) {
             say("lay the board on the floor, print up, where two cameras see all of it");
-            if (absl::Status taken = take(v1::LiveObservations::WHAT_BOARD_ON_FLOOR); !taken.ok()) return taken;
-            if (const auto seen = watch([](const Progress& p) { return p.floor_seen() && !p.live(); }); !seen.ok())
+            if (absl::Status taken = take(v1::LiveObservations::WHAT_BOARD_ON_FLOOR); !taken.ok())
+                return taken;
+            if (const auto seen = watch([](const Progress& p) { return p.floor_seen() && !p.live(); });
+                !seen.ok())
                 return seen.status();
         }
         const std::string until = options_.seconds > 0 ? fmt::format("{:g} s long", options_.seconds)
@@ -162,7 +168,8 @@ class Guide {
         for (const std::string& text : options_.clips) {
             const std::size_t equals = text.find('=');
             if (equals == std::string::npos)
-                return absl::InvalidArgumentError(fmt::format("'{}': write NAME=FILE with the camera's name", text));
+                return absl::InvalidArgumentError(
+                    fmt::format("'{}': write NAME=FILE with the camera's name", text));
             v1::CameraClip& clip = *files.add_clips();
             clip.set_camera(text.substr(0, equals));
             clip.set_file(std::filesystem::absolute(text.substr(equals + 1)).lexically_normal().string());
@@ -172,7 +179,8 @@ class Guide {
         files.set_every(options_.every);
         if (options_.floor_frame >= 0) files.set_floor_frame(options_.floor_frame);
         if (absl::Status added = client_.add_observations(request).status(); !added.ok()) return added;
-        const auto read = watch([](const Progress& p) { return p.state() == v1::PROCEDURE_STATE_COLLECTING; });
+        const auto read =
+            watch([](const Progress& p) { return p.state() == v1::PROCEDURE_STATE_COLLECTING; });
         if (!read.ok()) return read.status();
         if (read->message() != "the files are read") return absl::AbortedError(read->message());
         return absl::OkStatus();
@@ -194,7 +202,8 @@ class Guide {
         std::string text = certificate_text(certificate->certificate());
         text.pop_back();
         print_line(text);
-        if (!options_.apply) print_line(fmt::format("stored as {0}; kinevox calibrate apply {0} --restart uses it", id_));
+        if (!options_.apply)
+            print_line(fmt::format("stored as {0}; kinevox calibrate apply {0} --restart uses it", id_));
         return absl::OkStatus();
     }
 
@@ -221,34 +230,44 @@ class Guide {
 
 void add_start_verb(CLI::App& calibrate, Common& common, Run& run) {
     const auto options = std::make_shared<StartOptions>();
-    CLI::App* start = calibrate.add_subcommand(
-        "start", "Calibrate with the daemon's live cameras, guided, or with files on its machine (holds control meanwhile)");
+    CLI::App* start = calibrate.add_subcommand("start",
+                                               "Calibrate with the daemon's live cameras, guided, or with "
+                                               "files on its machine (holds control meanwhile)");
     add_common_options(*start, common);
     start->add_option("what", options->what, "intrinsics, extrinsics or refine")
         ->required()
         ->check(CLI::IsMember({"intrinsics", "extrinsics", "refine"}));
     start->add_option("clips", options->clips, "NAME=FILE for each camera, instead of the live cameras");
-    start->add_option("--board", options->board,
-                      "checkerboard:4x7:60 (inner corners, mm), charuco:4x5:54:40.5:DICT_4X4_1000[:inverted] (squares, "
-                      "square mm, marker mm) or aprilgrid:6x6:88:26.4 (tags, tag mm, gap mm)");
-    start->add_option("--wand", options->wand, "For extrinsics, instead of a board: wand:200:600, mm along it");
+    start->add_option(
+        "--board", options->board,
+        "checkerboard:4x7:60 (inner corners, mm), charuco:4x5:54:40.5:DICT_4X4_1000[:inverted] (squares, "
+        "square mm, marker mm) or aprilgrid:6x6:88:26.4 (tags, tag mm, gap mm)");
+    start->add_option("--wand", options->wand,
+                      "For extrinsics, instead of a board: wand:200:600, mm along it");
     start->add_option("--camera", options->cameras, "Only this one, and others so given; else all");
-    start->add_option("--lenses", options->lenses, "For extrinsics: the calibration whose lenses are taken; else the one in use");
-    start->add_flag("--refine-lenses", options->refine_lenses, "For extrinsics: let the lenses move a little");
+    start->add_option("--lenses", options->lenses,
+                      "For extrinsics: the calibration whose lenses are taken; else the one in use");
+    start->add_flag("--refine-lenses", options->refine_lenses,
+                    "For extrinsics: let the lenses move a little");
     start->add_flag("--k3", options->k3, "For intrinsics: a third radial coefficient, for very wide lenses");
-    start->add_flag("--floor", options->floor, "For extrinsics: first the board lies on the floor and makes the world");
+    start->add_flag("--floor", options->floor,
+                    "For extrinsics: first the board lies on the floor and makes the world");
     start->add_option("--floor-frame", options->floor_frame, "With files: the picture in which it does")
         ->check(CLI::NonNegativeNumber);
-    start->add_option("--every", options->every, "With files: every so many pictures only")->check(CLI::Range(1, 100000));
+    start->add_option("--every", options->every, "With files: every so many pictures only")
+        ->check(CLI::Range(1, 100000));
     start->add_option("--session", options->session, "For refine: a session.toml on the daemon's machine");
     start->add_option("--subject-height", options->subject_height_m, "For refine: m, as measured")
         ->check(CLI::Range(0.5, 2.6));
-    start->add_option("--seconds", options->seconds, "Look so long; else until enough is seen")->check(CLI::PositiveNumber);
+    start->add_option("--seconds", options->seconds, "Look so long; else until enough is seen")
+        ->check(CLI::PositiveNumber);
     start->add_option("--note", options->note, "Kept with the calibration");
     start->add_flag("--apply", options->apply, "Use it afterwards, unless it is NO-GO");
-    start->add_flag("--restart", options->restart, "With --apply: stop a capture that runs and start it anew with it");
+    start->add_flag("--restart", options->restart,
+                    "With --apply: stop a capture that runs and start it anew with it");
     start->add_option("--name", options->name, "Under which name control is taken")->capture_default_str();
-    start->callback([&common, &run, options] { run = [&common, options] { return Guide(common, *options).run(); }; });
+    start->callback(
+        [&common, &run, options] { run = [&common, options] { return Guide(common, *options).run(); }; });
 }
 
 }  // namespace kinevox::cli

@@ -23,24 +23,32 @@ std::string cameras_text(const v1::WatchProcedureResponse& progress) {
 }
 
 std::string state_text(const v1::WatchProcedureResponse& progress) {
-    const std::string state = short_name(*v1::ProcedureState_descriptor()->FindValueByNumber(progress.state()));
+    const std::string state =
+        short_name(*v1::ProcedureState_descriptor()->FindValueByNumber(progress.state()));
     if (progress.state() == v1::PROCEDURE_STATE_COLLECTING && !progress.hints().empty())
         return "next: " + progress.hints(0);
     if (progress.state() == v1::PROCEDURE_STATE_COLLECTING && progress.complete()) return "enough is seen";
-    if (progress.state() == v1::PROCEDURE_STATE_READING || progress.state() == v1::PROCEDURE_STATE_SOLVING) return state;
+    if (progress.state() == v1::PROCEDURE_STATE_READING || progress.state() == v1::PROCEDURE_STATE_SOLVING)
+        return state;
     return progress.message().empty() ? state : progress.message();
 }
 
-std::string optional_px(bool has, double value) { return has ? fmt::format("{:.3f}", value) : "-"; }
+std::string optional_px(bool has, double value) {
+    return has ? fmt::format("{:.3f}", value) : "-";
+}
 
 }  // namespace
 
 std::string verdict_text(v1::Verdict verdict) {
     switch (verdict) {
-        case v1::VERDICT_GO: return "GO";
-        case v1::VERDICT_CARE: return "CARE";
-        case v1::VERDICT_NO_GO: return "NO-GO";
-        default: return "-";
+        case v1::VERDICT_GO:
+            return "GO";
+        case v1::VERDICT_CARE:
+            return "CARE";
+        case v1::VERDICT_NO_GO:
+            return "NO-GO";
+        default:
+            return "-";
     }
 }
 
@@ -48,7 +56,8 @@ std::string certificate_text(const v1::Certificate& certificate) {
     std::string out = verdict_text(certificate.verdict()) + "\n";
     for (const v1::CertificateFinding& finding : certificate.findings()) {
         if (finding.verdict() == v1::VERDICT_GO) continue;
-        const bool named = finding.camera().empty() || finding.reason().find(finding.camera()) != std::string::npos;
+        const bool named =
+            finding.camera().empty() || finding.reason().find(finding.camera()) != std::string::npos;
         out += fmt::format("  {}: {}{}{}{}\n", verdict_text(finding.verdict()),
                            named ? "" : "camera " + finding.camera() + ": ", finding.reason(),
                            finding.remedy().empty() ? "" : "; ", finding.remedy());
@@ -63,20 +72,22 @@ std::string certificate_text(const v1::Certificate& certificate) {
                            certificate.has_hull_iou_before()
                                ? fmt::format(", before {:.3f}", certificate.hull_iou_before())
                                : "");
-    out += fmt::format("{:<12} {:>5} {:>8} {:>9} {:>8}  centre m\n", "camera", "views", "fit px", "held out", "covered");
+    out += fmt::format("{:<12} {:>5} {:>8} {:>9} {:>8}  centre m\n", "camera", "views", "fit px", "held out",
+                       "covered");
     for (const v1::CertifiedCamera& camera : certificate.cameras())
-        out += fmt::format("{:<12} {:>5} {:>8} {:>9} {:>8}  {:.3f} {:.3f} {:.3f}\n", camera.name(), camera.views(),
-                           camera.has_lens_rms_px() ? optional_px(true, camera.lens_rms_px())
-                                                    : optional_px(camera.has_fit_rms_px(), camera.fit_rms_px()),
-                           optional_px(camera.has_held_out_rms_px(), camera.held_out_rms_px()),
-                           camera.has_coverage() ? fmt::format("{:.0f} %", 100 * camera.coverage()) : "-",
-                           camera.centre_in_world().x(), camera.centre_in_world().y(), camera.centre_in_world().z());
+        out += fmt::format(
+            "{:<12} {:>5} {:>8} {:>9} {:>8}  {:.3f} {:.3f} {:.3f}\n", camera.name(), camera.views(),
+            camera.has_lens_rms_px() ? optional_px(true, camera.lens_rms_px())
+                                     : optional_px(camera.has_fit_rms_px(), camera.fit_rms_px()),
+            optional_px(camera.has_held_out_rms_px(), camera.held_out_rms_px()),
+            camera.has_coverage() ? fmt::format("{:.0f} %", 100 * camera.coverage()) : "-",
+            camera.centre_in_world().x(), camera.centre_in_world().y(), camera.centre_in_world().z());
     return out;
 }
 
 bool is_open(const v1::WatchProcedureResponse& progress) {
-    return progress.state() == v1::PROCEDURE_STATE_COLLECTING || progress.state() == v1::PROCEDURE_STATE_READING ||
-           progress.state() == v1::PROCEDURE_STATE_SOLVING;
+    return progress.state() == v1::PROCEDURE_STATE_COLLECTING ||
+           progress.state() == v1::PROCEDURE_STATE_READING || progress.state() == v1::PROCEDURE_STATE_SOLVING;
 }
 
 bool ProcedureText::print(const v1::WatchProcedureResponse& progress) {

@@ -1,5 +1,5 @@
-// `kinevox calibrate` with a daemon: the stored calibrations. The guided procedure is in calibrate_start.cc, the verbs on
-// files in the program kinevox-calibrate.
+// `kinevox calibrate` with a daemon: the stored calibrations. The guided procedure is in calibrate_start.cc,
+// the verbs on files in the program kinevox-calibrate.
 #include "client/cli/calibrate_verb.h"
 
 #include <fmt/format.h>
@@ -48,7 +48,8 @@ std::string date_text(std::int64_t time_ns) {
 
 std::string in_use_text(const std::string& id, bool in_use) {
     return (id.empty() ? "the source's own calibration" : id) +
-           (in_use ? " is in use" : " will be used from the capture's next start on; --restart does that now");
+           (in_use ? " is in use"
+                   : " will be used from the capture's next start on; --restart does that now");
 }
 
 absl::Status run_list(const Common& common, const Options&) {
@@ -59,8 +60,10 @@ absl::Status run_list(const Common& common, const Options&) {
         const bool next = entry.id() == response->at_next_start() && !entry.in_use();
         print_line(fmt::format("{:<5} {} {:<7} {:<7} {:<10} {}{}", entry.id(), date_text(entry.time_ns()),
                                verdict_text(entry.verdict()), entry.made_by(),
-                               entry.in_use() ? "in use" : next ? "next start" : "", entry.note(),
-                               entry.fits() ? "" : " (of other cameras)"));
+                               entry.in_use() ? "in use"
+                               : next         ? "next start"
+                                              : "",
+                               entry.note(), entry.fits() ? "" : " (of other cameras)"));
     }
     if (response->in_use().empty()) print_line("in use: the source's own");
     return absl::OkStatus();
@@ -73,7 +76,8 @@ absl::Status run_certificate(const Common& common, const Options& options) {
     const auto response = client::Client(common.client_options()).get_certificate(request);
     if (!response.ok()) return response.status();
     if (!options.page.empty())
-        if (absl::Status written = write_file_atomically(options.page, response->page_png()); !written.ok()) return written;
+        if (absl::Status written = write_file_atomically(options.page, response->page_png()); !written.ok())
+            return written;
     std::string text = common.json ? response->json() : certificate_text(response->certificate());
     while (text.ends_with('\n')) text.pop_back();
     print_line(text);
@@ -121,7 +125,8 @@ absl::Status run_import(const Common& common, const Options& options) {
     if (!text.ok()) return text.status();
     v1::ImportCalibrationRequest request;
     request.set_format(format_of(options.file, *text));
-    request.set_note(options.note.empty() ? std::filesystem::path(options.file).filename().string() : options.note);
+    request.set_note(options.note.empty() ? std::filesystem::path(options.file).filename().string()
+                                          : options.note);
     request.set_text(*std::move(text));
     return change<v1::ImportCalibrationRequest, v1::ImportCalibrationResponse>(
         common, options.name, request, &client::Client::import_calibration, [](const auto& response) {
@@ -152,8 +157,9 @@ absl::Status run_watch(const Common& common, const Options& options) {
     const absl::Status status = client::Client(common.client_options())
                                     .watch_procedure(
                                         [&](const v1::WatchProcedureResponse& progress) {
-                                            const bool read = common.json ? print_line(to_json(progress).dump())
-                                                                          : text.print(progress);
+                                            const bool read = common.json
+                                                                  ? print_line(to_json(progress).dump())
+                                                                  : text.print(progress);
                                             return read && (options.follow || is_open(progress));
                                         },
                                         stream);
@@ -166,34 +172,37 @@ absl::Status run_cancel(const Common& common, const Options& options) {
 }
 
 bool is_id(const std::string& text) {
-    return text.size() > 1 && text[0] == 'c' && std::all_of(text.begin() + 1, text.end(), [](unsigned char c) {
-               return std::isdigit(c);
-           });
+    return text.size() > 1 && text[0] == 'c' &&
+           std::all_of(text.begin() + 1, text.end(), [](unsigned char c) { return std::isdigit(c); });
 }
 
 }  // namespace
 
 bool wants_a_daemon(const std::vector<std::string>& arguments) {
-    static const std::vector<std::string> kLive{"start", "watch", "cancel", "list", "certificate", "apply", "undo", "remove"};
-    if (arguments.empty() || arguments[0].starts_with('-')) return true;   // tells about both
+    static const std::vector<std::string> kLive{"start",       "watch", "cancel", "list",
+                                                "certificate", "apply", "undo",   "remove"};
+    if (arguments.empty() || arguments[0].starts_with('-')) return true;  // tells about both
     const std::string& verb = arguments[0];
     const bool to_file = std::any_of(arguments.begin() + 1, arguments.end(), [](const std::string& argument) {
         return argument == "--out" || argument.starts_with("--out=");
     });
     if (verb == "import") return !to_file;
-    if (verb == "export")   // a file, or what the daemon has stored or uses
+    if (verb == "export")  // a file, or what the daemon has stored or uses
         return arguments.size() < 2 || arguments[1].starts_with('-') || is_id(arguments[1]);
     return std::find(kLive.begin(), kLive.end(), verb) != kLive.end();
 }
 
 void add_calibrate_verb(CLI::App& app, Common& common, Run& run) {
     const auto options = std::make_shared<Options>();
-    CLI::App* calibrate = app.add_subcommand("calibrate", "Cameras: lenses, places in the room, and whether to trust them");
+    CLI::App* calibrate =
+        app.add_subcommand("calibrate", "Cameras: lenses, places in the room, and whether to trust them");
     calibrate->require_subcommand(1);
     calibrate->footer(
-        "On files, without a daemon: intrinsics, extrinsics, refine, check, import FILE --out OUT, export FILE --out OUT; "
+        "On files, without a daemon: intrinsics, extrinsics, refine, check, import FILE --out OUT, export "
+        "FILE --out OUT; "
         "`kinevox calibrate VERB --help` tells more.");
-    const auto add = [&](const char* name, const char* help, absl::Status (*act)(const Common&, const Options&)) {
+    const auto add = [&](const char* name, const char* help,
+                         absl::Status (*act)(const Common&, const Options&)) {
         return add_action(*calibrate, common, run, options, name, help, act);
     };
     const auto add_name = [&](CLI::App* verb) {
@@ -213,22 +222,31 @@ void add_calibrate_verb(CLI::App& app, Common& common, Run& run) {
         ->add_flag("--follow", options->follow, "Also after its end, for the next one");
     add_name(add("cancel", "End the procedure (takes control for the moment)", run_cancel));
     add("list", "The stored calibrations", run_list);
-    add_id(add("certificate", "How good a calibration is, and why; --json: all that is known", run_certificate))
+    add_id(
+        add("certificate", "How good a calibration is, and why; --json: all that is known", run_certificate))
         ->add_option("--page", options->page, "Also as a page of pictures, into this PNG");
     CLI::App* apply = add_restart(
         add_name(add_id(add("apply", "Use a stored calibration (takes control for the moment)", run_apply))));
-    apply->add_flag("--although-bad", options->although_bad, "Even if its verdict is NO-GO or it has no floor");
-    add_restart(add_name(add("undo", "Back to what was in use before (takes control for the moment)", run_undo)));
+    apply->add_flag("--although-bad", options->although_bad,
+                    "Even if its verdict is NO-GO or it has no floor");
+    add_restart(
+        add_name(add("undo", "Back to what was in use before (takes control for the moment)", run_undo)));
     add_name(add_id(add("remove", "Delete a stored calibration (takes control for the moment)", run_remove)));
-    CLI::App* import = add_name(add("import", "Store another program's calibration (takes control for the moment); with "
-                                              "--out: convert a file, without a daemon",
-                                    run_import));
-    import->add_option("file", options->file, ".toml (Pose2Sim, aniposelib), .qca.txt (Qualisys), .yml (OpenCV, Kalibr)")
+    CLI::App* import =
+        add_name(add("import",
+                     "Store another program's calibration (takes control for the moment); with "
+                     "--out: convert a file, without a daemon",
+                     run_import));
+    import
+        ->add_option("file", options->file,
+                     ".toml (Pose2Sim, aniposelib), .qca.txt (Qualisys), .yml (OpenCV, Kalibr)")
         ->required();
     import->add_option("--note", options->note, "Kept with it; else the file's name");
-    CLI::App* export_ = add("export", "A stored calibration, or the one in use, as text; with a file: convert it, without a "
-                                      "daemon",
-                            run_export);
+    CLI::App* export_ =
+        add("export",
+            "A stored calibration, or the one in use, as text; with a file: convert it, without a "
+            "daemon",
+            run_export);
     export_->add_option("id", options->id, "c7; none: the one in use");
     export_->add_option("--out", options->out, "Into this file; else on standard output");
     options->format = "toml";

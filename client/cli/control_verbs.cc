@@ -42,20 +42,25 @@ void add_control_verbs(CLI::App& app, Common& common, Run& run) {
         };
     });
 
-    CLI::App* learn = app.add_subcommand("learn-background", "Learn the empty scene anew (takes control for the moment)");
+    CLI::App* learn =
+        app.add_subcommand("learn-background", "Learn the empty scene anew (takes control for the moment)");
     add_common_options(*learn, common);
     add_name(*learn, *options);
-    learn->add_option("--frames", options->frames,
-                      "Live frame sets to learn from, nobody in the scene; 0: the source's own clip, capture stopped")
+    learn
+        ->add_option(
+            "--frames", options->frames,
+            "Live frame sets to learn from, nobody in the scene; 0: the source's own clip, capture stopped")
         ->check(CLI::Range(0, 1000))
         ->capture_default_str();
     learn->callback([&, options] {
         run = [&common, options] {
             // Learning takes as long as its frames last; ten a second is slow for a camera.
-            const std::chrono::milliseconds timeout =
-                common.client_options().timeout + std::chrono::seconds(20) + options->frames * std::chrono::milliseconds(100);
+            const std::chrono::milliseconds timeout = common.client_options().timeout +
+                                                      std::chrono::seconds(20) +
+                                                      options->frames * std::chrono::milliseconds(100);
             return report(common,
-                          client::Client(common.client_options()).learn_background(options->name, options->frames, timeout),
+                          client::Client(common.client_options())
+                              .learn_background(options->name, options->frames, timeout),
                           "learned");
         };
     });

@@ -1,7 +1,7 @@
-#include <ctime>
+#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <fmt/format.h>
+#include <ctime>
 
 #include "client/cli/json.h"
 #include "client/cli/verbs.h"
@@ -11,7 +11,7 @@ namespace {
 
 struct EventsOptions {
     int past = 20;
-    int count = 0;   // 0: until stopped
+    int count = 0;  // 0: until stopped
     bool reconnect = false;
 };
 
@@ -39,14 +39,15 @@ absl::Status run_events(const Common& common, const EventsOptions& options) {
     v1::WatchEventsRequest request;
     request.set_past(options.past);
     int shown = 0;
-    const absl::Status status = client::Client(common.client_options())
-                                    .watch_events(request,
-                                                  [&](const v1::WatchEventsResponse& event) {
-                                                      const bool read = print_line(common.json ? to_json(event).dump()
-                                                                                               : event_text(event));
-                                                      return read && ++shown != options.count;
-                                                  },
-                                                  stream);
+    const absl::Status status =
+        client::Client(common.client_options())
+            .watch_events(
+                request,
+                [&](const v1::WatchEventsResponse& event) {
+                    const bool read = print_line(common.json ? to_json(event).dump() : event_text(event));
+                    return read && ++shown != options.count;
+                },
+                stream);
     return absl::IsCancelled(status) ? absl::OkStatus() : status;
 }
 
@@ -56,8 +57,11 @@ void add_events_verb(CLI::App& app, Common& common, Run& run) {
     const auto options = std::make_shared<EventsOptions>();
     CLI::App* events = app.add_subcommand("events", "Events as they happen, the last few first");
     add_common_options(*events, common);
-    events->add_option("--past", options->past, "So many from before")->check(CLI::Range(0, 100))->capture_default_str();
-    events->add_option("--count", options->count, "Events to show, 0: until stopped")->check(CLI::NonNegativeNumber);
+    events->add_option("--past", options->past, "So many from before")
+        ->check(CLI::Range(0, 100))
+        ->capture_default_str();
+    events->add_option("--count", options->count, "Events to show, 0: until stopped")
+        ->check(CLI::NonNegativeNumber);
     events->add_flag("--reconnect", options->reconnect, "Wait for the daemon when it goes away");
     events->callback([&, options] { run = [&common, options] { return run_events(common, *options); }; });
 }

@@ -28,7 +28,8 @@ struct ExportOptions {
 };
 
 absl::StatusOr<v1::ExportFormat> format_of(std::string name) {
-    std::ranges::transform(name, name.begin(), [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
+    std::ranges::transform(name, name.begin(),
+                           [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
     v1::ExportFormat format = v1::EXPORT_FORMAT_UNSPECIFIED;
     if (!v1::ExportFormat_Parse("EXPORT_FORMAT_" + name, &format))
         return absl::InvalidArgumentError(fmt::format("there is no format '{}'", name));
@@ -42,7 +43,7 @@ class PieceFiles {
 
     absl::Status add(const v1::ExportResponse& piece) {
         if (!file_.is_open()) {
-            const fs::path name = fs::path(piece.file_name()).filename();   // nothing leads out of the folder
+            const fs::path name = fs::path(piece.file_name()).filename();  // nothing leads out of the folder
             target_ = many_ ? out_ / name : out_;
             std::error_code error;
             if (target_.has_parent_path()) fs::create_directories(target_.parent_path(), error);
@@ -57,7 +58,8 @@ class PieceFiles {
         if (file_) fs::rename(aside_, target_, error);
         if (!file_ || error) {
             fs::remove(aside_, error);
-            return absl::UnavailableError(fmt::format("{}: cannot be written; correct the path or make room", target_.string()));
+            return absl::UnavailableError(
+                fmt::format("{}: cannot be written; correct the path or make room", target_.string()));
         }
         ++written_;
         return absl::OkStatus();
@@ -82,7 +84,8 @@ class PieceFiles {
 };
 
 absl::Status run_export(const Common& common, const ExportOptions& options) {
-    if (options.format.empty() && !options.anonymous) return absl::InvalidArgumentError("--format is required");
+    if (options.format.empty() && !options.anonymous)
+        return absl::InvalidArgumentError("--format is required");
     const auto format = format_of(options.format.empty() ? "session" : options.format);
     if (!format.ok()) return format.status();
     v1::ExportRequest request;
@@ -96,8 +99,10 @@ absl::Status run_export(const Common& common, const ExportOptions& options) {
     if (!options.frames.empty()) {
         long long first = 0, last = 0;
         char rest = 0;
-        if (std::sscanf(options.frames.c_str(), "%15lld-%15lld%c", &first, &last, &rest) != 2 || first < 0 || last <= first)
-            return absl::InvalidArgumentError(fmt::format("--frames is '{}'; give FIRST-LAST", options.frames));
+        if (std::sscanf(options.frames.c_str(), "%15lld-%15lld%c", &first, &last, &rest) != 2 || first < 0 ||
+            last <= first)
+            return absl::InvalidArgumentError(
+                fmt::format("--frames is '{}'; give FIRST-LAST", options.frames));
         request.set_first_frame(first);
         request.set_last_frame(last);
     }
@@ -121,8 +126,8 @@ absl::Status run_export(const Common& common, const ExportOptions& options) {
     if (common.json)
         print_line(nlohmann::ordered_json({{"files", files.written()}, {"remark", files.remark()}}).dump());
     else
-        print_line(fmt::format("{} file{} in {}{}", files.written(), files.written() == 1 ? "" : "s", options.out.string(),
-                               files.remark().empty() ? "" : "; " + files.remark()));
+        print_line(fmt::format("{} file{} in {}{}", files.written(), files.written() == 1 ? "" : "s",
+                               options.out.string(), files.remark().empty() ? "" : "; " + files.remark()));
     return absl::OkStatus();
 }
 
@@ -136,25 +141,30 @@ bool exports_recording(const std::vector<std::string>& arguments) {
 
 void add_export_verb(CLI::App& app, Common& common, Run& run) {
     const auto options = std::make_shared<ExportOptions>();
-    CLI::App* verb = add_action(app, common, run, options, "export",
-                                "A daemon's recording, or what `kinevox process` wrote, in another program's format",
-                                run_export);
+    CLI::App* verb = add_action(
+        app, common, run, options, "export",
+        "A daemon's recording, or what `kinevox process` wrote, in another program's format", run_export);
     verb->footer("On files, without a daemon: `kinevox export FOLDER --format FORMAT --out FILE`.");
-    verb->add_option("--session", options->session, "The recording, as `kinevox record list` shows it")->required();
-    verb->add_option("--format", options->format, "trc, mot (OpenSim), c3d, bvh, csv, ply (a folder of volumes) or mp4 (pictures "
-                                                  "with the skeleton); session: a folder to pass on, with "
-                                                  "--anonymous, where it is the default")
+    verb->add_option("--session", options->session, "The recording, as `kinevox record list` shows it")
+        ->required();
+    verb->add_option("--format", options->format,
+                     "trc, mot (OpenSim), c3d, bvh, csv, ply (a folder of volumes) or mp4 (pictures "
+                     "with the skeleton); session: a folder to pass on, with "
+                     "--anonymous, where it is the default")
         ->check(CLI::IsMember({"trc", "mot", "c3d", "bvh", "csv", "ply", "mp4", "session"}));
     verb->add_flag("--anonymous", options->anonymous,
-                   "Nothing by which the person can be seen or named: silhouettes for pictures, no colours, no names, no date");
+                   "Nothing by which the person can be seen or named: silhouettes for pictures, no colours, "
+                   "no names, no date");
     verb->add_option("--out", options->out, "The file to write; of ply and session the folder")->required();
     verb->add_option("--frames", options->frames, "A part of it, FIRST-LAST, both included");
     verb->add_option("--turn", options->turn_deg, "About the vertical, degrees, anticlockwise from above")
         ->check(CLI::Range(-360.0, 360.0));
     verb->add_flag("--hold", options->hold, "bvh: where a value is withheld, repeat the last measured one");
     verb->add_option("--camera", options->camera, "mp4: this camera's pictures; else all of them in tiles");
-    verb->add_option("--width", options->width_px, "mp4: of the film, px; 0: 1280 at most")->check(CLI::Range(0, 8192));
-    verb->add_option("--wait", options->wait_s, "Seconds in which the daemon must say something: the exports before this one come first")
+    verb->add_option("--width", options->width_px, "mp4: of the film, px; 0: 1280 at most")
+        ->check(CLI::Range(0, 8192));
+    verb->add_option("--wait", options->wait_s,
+                     "Seconds in which the daemon must say something: the exports before this one come first")
         ->check(CLI::Range(1.0, 86400.0))
         ->capture_default_str();
 }

@@ -1,5 +1,5 @@
-// `kinevox VERB` starts the program kinevox-VERB, as git does: the tools that need the pipeline but no daemon live
-// there, so that this client needs neither OpenCV nor the kernels.
+// `kinevox VERB` starts the program kinevox-VERB, as git does: the tools that need the pipeline but no daemon
+// live there, so that this client needs neither OpenCV nor the kernels.
 #pragma once
 
 #include <filesystem>
@@ -15,8 +15,8 @@ std::optional<std::filesystem::path> find_external_verb(const std::string& verb)
 // Their names without "kinevox-", sorted.
 std::vector<std::string> external_verbs();
 
-// Replaces this process; arguments[0] (the verb) becomes the program's path. Returns only if that fails, with the
-// reason.
+// Replaces this process; arguments[0] (the verb) becomes the program's path. Returns only if that fails, with
+// the reason.
 std::string run_external_verb(const std::filesystem::path& program, char** arguments);
 
 }  // namespace kinevox::cli

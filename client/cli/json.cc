@@ -10,7 +10,9 @@ namespace {
 namespace pb = google::protobuf;
 using Json = nlohmann::ordered_json;
 
-Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+Json number(double value) {
+    return std::isfinite(value) ? Json(value) : Json(nullptr);
+}
 
 // One value: of a singular field, or the index-th of a repeated one (index >= 0).
 Json value_of(const pb::Message& message, const pb::FieldDescriptor& field, int index) {
@@ -21,20 +23,29 @@ Json value_of(const pb::Message& message, const pb::FieldDescriptor& field, int 
     using R = pb::Reflection;
     if (index < 0 && field.has_presence() && !get.HasField(message, &field)) return nullptr;
     switch (field.cpp_type()) {
-        case pb::FieldDescriptor::CPPTYPE_INT32: return pick(&R::GetInt32, &R::GetRepeatedInt32);
-        case pb::FieldDescriptor::CPPTYPE_INT64: return pick(&R::GetInt64, &R::GetRepeatedInt64);
-        case pb::FieldDescriptor::CPPTYPE_UINT32: return pick(&R::GetUInt32, &R::GetRepeatedUInt32);
-        case pb::FieldDescriptor::CPPTYPE_UINT64: return pick(&R::GetUInt64, &R::GetRepeatedUInt64);
-        case pb::FieldDescriptor::CPPTYPE_DOUBLE: return number(pick(&R::GetDouble, &R::GetRepeatedDouble));
-        case pb::FieldDescriptor::CPPTYPE_FLOAT: return number(pick(&R::GetFloat, &R::GetRepeatedFloat));
-        case pb::FieldDescriptor::CPPTYPE_BOOL: return pick(&R::GetBool, &R::GetRepeatedBool);
-        case pb::FieldDescriptor::CPPTYPE_ENUM: return short_name(*pick(&R::GetEnum, &R::GetRepeatedEnum));
+        case pb::FieldDescriptor::CPPTYPE_INT32:
+            return pick(&R::GetInt32, &R::GetRepeatedInt32);
+        case pb::FieldDescriptor::CPPTYPE_INT64:
+            return pick(&R::GetInt64, &R::GetRepeatedInt64);
+        case pb::FieldDescriptor::CPPTYPE_UINT32:
+            return pick(&R::GetUInt32, &R::GetRepeatedUInt32);
+        case pb::FieldDescriptor::CPPTYPE_UINT64:
+            return pick(&R::GetUInt64, &R::GetRepeatedUInt64);
+        case pb::FieldDescriptor::CPPTYPE_DOUBLE:
+            return number(pick(&R::GetDouble, &R::GetRepeatedDouble));
+        case pb::FieldDescriptor::CPPTYPE_FLOAT:
+            return number(pick(&R::GetFloat, &R::GetRepeatedFloat));
+        case pb::FieldDescriptor::CPPTYPE_BOOL:
+            return pick(&R::GetBool, &R::GetRepeatedBool);
+        case pb::FieldDescriptor::CPPTYPE_ENUM:
+            return short_name(*pick(&R::GetEnum, &R::GetRepeatedEnum));
         case pb::FieldDescriptor::CPPTYPE_STRING: {
             const std::string text = pick(&R::GetString, &R::GetRepeatedString);
             return field.type() == pb::FieldDescriptor::TYPE_BYTES ? Json(text.size()) : Json(text);
         }
         case pb::FieldDescriptor::CPPTYPE_MESSAGE:
-            return to_json(index >= 0 ? get.GetRepeatedMessage(message, &field, index) : get.GetMessage(message, &field));
+            return to_json(index >= 0 ? get.GetRepeatedMessage(message, &field, index)
+                                      : get.GetMessage(message, &field));
     }
     return nullptr;
 }
@@ -47,7 +58,8 @@ std::string short_name(const pb::EnumValueDescriptor& value) {
     for (const char c : value.type()->name()) prefix += std::isupper(static_cast<unsigned char>(c)) ? 2 : 1;
     prefix -= 1;
     std::string name = value.name().size() > prefix ? value.name().substr(prefix) : value.name();
-    std::ranges::transform(name, name.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    std::ranges::transform(name, name.begin(),
+                           [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
     return name;
 }
 

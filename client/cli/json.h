@@ -1,8 +1,9 @@
-// The API's messages as JSON for scripts: field names as in the .proto, numbers as numbers (64-bit ones too), enums
-// by their short name in lower case, NaN and absent messages as null, bytes by their length.
+// The API's messages as JSON for scripts: field names as in the .proto, numbers as numbers (64-bit ones too),
+// enums by their short name in lower case, NaN and absent messages as null, bytes by their length.
 #pragma once
 
 #include <google/protobuf/message.h>
+
 #include <nlohmann/json.hpp>
 
 namespace kinevox::cli {

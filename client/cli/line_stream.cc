@@ -1,11 +1,11 @@
 #include "client/cli/line_stream.h"
 
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
 #include <cerrno>
 #include <system_error>
 #include <utility>
-
-#include <CLI/CLI.hpp>
-#include <fmt/format.h>
 
 namespace kinevox::cli {
 
@@ -48,7 +48,9 @@ absl::StatusOr<LineWriter> LineWriter::open(const std::filesystem::path& file) {
 LineWriter::LineWriter(LineWriter&& other) noexcept
     : file_(std::exchange(other.file_, nullptr)), name_(std::move(other.name_)) {}
 
-LineWriter::~LineWriter() { close().IgnoreError(); }
+LineWriter::~LineWriter() {
+    close().IgnoreError();
+}
 
 bool LineWriter::print(const std::string& line) {
     if (!file_) return print_line(line);

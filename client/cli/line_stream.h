@@ -1,12 +1,12 @@
 // What the verbs that stream lines have in common: their options, where the lines go, and how a stream ends.
 #pragma once
 
+#include <absl/status/statusor.h>
+
 #include <cstdio>
 #include <filesystem>
 #include <string>
 #include <vector>
-
-#include <absl/status/statusor.h>
 
 #include "client/cli/verbs.h"
 
@@ -14,13 +14,13 @@ namespace kinevox::cli {
 
 struct LineStreamOptions {
     std::string format = "jsonl";
-    std::filesystem::path out;      // empty: standard output
-    int frames = 0;                 // 0: until stopped
+    std::filesystem::path out;  // empty: standard output
+    int frames = 0;             // 0: until stopped
     bool lossless = false, reconnect = false;
-    double rate_hz = 0;             // 0: no limit
-    double longest_silence_s = 0;   // 0: waits for ever
+    double rate_hz = 0;            // 0: no limit
+    double longest_silence_s = 0;  // 0: waits for ever
 
-    client::StreamOptions stream() const;   // stopped by signals too
+    client::StreamOptions stream() const;  // stopped by signals too
     v1::Delivery delivery() const { return lossless ? v1::DELIVERY_LOSSLESS : v1::DELIVERY_LATEST_ONLY; }
 };
 
@@ -35,12 +35,12 @@ class LineWriter {
     LineWriter(LineWriter&& other) noexcept;
     ~LineWriter();
 
-    bool print(const std::string& line);   // false when nobody can read it any more
-    absl::Status close();                  // an error where a line did not reach the disk
+    bool print(const std::string& line);  // false when nobody can read it any more
+    absl::Status close();                 // an error where a line did not reach the disk
 
   private:
     LineWriter(std::FILE* file, std::filesystem::path name) : file_(file), name_(std::move(name)) {}
-    std::FILE* file_ = nullptr;            // null: standard output
+    std::FILE* file_ = nullptr;  // null: standard output
     std::filesystem::path name_;
 };
 

@@ -1,12 +1,12 @@
 // kinevox: the daemon's command line, and the door to the tools that need none.
-#include <algorithm>
-#include <csignal>
-#include <cstdio>
-
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <grpc/support/log.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <csignal>
+#include <cstdio>
 
 #include "client/cli/calibrate_verb.h"
 #include "client/cli/export_verb.h"
@@ -32,8 +32,8 @@ bool is_own_verb(CLI::App& app, const std::string& verb) {
 }  // namespace
 
 int main(int argc, char** argv) {
-    std::signal(SIGPIPE, SIG_IGN);                          // a closed pipe is noticed where it is written to
-    gpr_set_log_function([](gpr_log_func_args*) {});        // errors come back as statuses; one line each is enough
+    std::signal(SIGPIPE, SIG_IGN);                    // a closed pipe is noticed where it is written to
+    gpr_set_log_function([](gpr_log_func_args*) {});  // errors come back as statuses; one line each is enough
 
     Common common;
     Run run;
@@ -59,11 +59,13 @@ int main(int argc, char** argv) {
     const bool on_files = argc > 1 && ((argv[1] == std::string("calibrate") && !wants_a_daemon(rest)) ||
                                        (argv[1] == std::string("export") && !exports_recording(rest)));
     if (argc > 1 && argv[1][0] != '-' && (on_files || !is_own_verb(app, argv[1]))) {
-        if (const auto program = find_external_verb(argv[1])) return fail(run_external_verb(*program, argv + 1));
+        if (const auto program = find_external_verb(argv[1]))
+            return fail(run_external_verb(*program, argv + 1));
         return fail(fmt::format("there is no verb '{}'; see `kinevox --help`", argv[1]));
     }
     if (const auto others = external_verbs(); !others.empty())
-        app.footer(fmt::format("Verbs that need no daemon: {}. `kinevox VERB --help` tells more.", fmt::join(others, ", ")));
+        app.footer(fmt::format("Verbs that need no daemon: {}. `kinevox VERB --help` tells more.",
+                               fmt::join(others, ", ")));
 
     try {
         app.parse(argc, argv);
@@ -71,7 +73,7 @@ int main(int argc, char** argv) {
         if (status.ok()) status = run();
         return status.ok() ? 0 : fail(std::string(status.message()));
     } catch (const CLI::ParseError& error) {
-        if (error.get_exit_code() == 0) return app.exit(error);   // --help, --version
+        if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
         return fail(std::string(error.what()) + "; see `kinevox --help`");
     } catch (const std::exception& error) {
         return fail(error.what());

@@ -1,9 +1,9 @@
 // `kinevox poses`: the daemon's pose database.
-#include <algorithm>
-#include <filesystem>
+#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <fmt/format.h>
+#include <algorithm>
+#include <filesystem>
 
 #include "client/cli/action.h"
 #include "client/cli/json.h"
@@ -17,7 +17,7 @@ namespace {
 struct PosesOptions {
     std::string name = default_operator_name();
     std::string label, file;
-    std::vector<std::string> coordinates;   // NAME=DEGREES
+    std::vector<std::string> coordinates;  // NAME=DEGREES
     double every_s = 0;
     bool added_only = false, follow = false;
 };
@@ -27,8 +27,9 @@ absl::Status run_list(const Common& common, const PosesOptions& options) {
     if (!response.ok()) return response.status();
     if (options.added_only) {
         auto& poses = *response->mutable_poses();
-        poses.erase(std::remove_if(poses.begin(), poses.end(), [](const auto& pose) { return !pose.added(); }),
-                    poses.end());
+        poses.erase(
+            std::remove_if(poses.begin(), poses.end(), [](const auto& pose) { return !pose.added(); }),
+            poses.end());
     }
     if (common.json) {
         print_line(to_json(*response).dump());
@@ -67,7 +68,8 @@ absl::Status run_import(const Common& common, const PosesOptions& options) {
     auto text = read_file(options.file, 32 << 20);
     if (!text.ok()) return text.status();
     v1::ImportBvhRequest request;
-    request.set_label(options.label.empty() ? std::filesystem::path(options.file).stem().string() : options.label);
+    request.set_label(options.label.empty() ? std::filesystem::path(options.file).stem().string()
+                                            : options.label);
     request.set_bvh(*std::move(text));
     request.set_every_s(options.every_s);
     return report<v1::ImportBvhResponse>(
@@ -79,7 +81,8 @@ absl::Status run_import(const Common& common, const PosesOptions& options) {
 
 std::string progress_text(const v1::WatchDatabaseResponse& progress) {
     std::string out = short_name(*v1::DatabaseState_descriptor()->FindValueByNumber(progress.state()));
-    if (progress.state() == v1::DATABASE_STATE_BUILDING) out += fmt::format(" {:.0f} %", 100 * progress.part());
+    if (progress.state() == v1::DATABASE_STATE_BUILDING)
+        out += fmt::format(" {:.0f} %", 100 * progress.part());
     if (progress.entries() > 0) out += fmt::format(", {} entries", progress.entries());
     return progress.message().empty() ? out : out + ": " + progress.message();
 }
@@ -89,14 +92,19 @@ absl::Status run_watch(const Common& common, const PosesOptions& options) {
     client::StreamOptions stream;
     stream.stop = stop_on_signals();
     absl::Status failed;
-    const absl::Status status = client::Client(common.client_options()).watch_database(
-        [&](const v1::WatchDatabaseResponse& progress) {
-            const bool read = print_line(common.json ? to_json(progress).dump() : progress_text(progress));
-            if (!read || options.follow) return read;
-            if (progress.state() == v1::DATABASE_STATE_FAILED) failed = absl::InternalError(progress.message());
-            return progress.state() == v1::DATABASE_STATE_BUILDING || progress.state() == v1::DATABASE_STATE_NONE;
-        },
-        stream);
+    const absl::Status status =
+        client::Client(common.client_options())
+            .watch_database(
+                [&](const v1::WatchDatabaseResponse& progress) {
+                    const bool read =
+                        print_line(common.json ? to_json(progress).dump() : progress_text(progress));
+                    if (!read || options.follow) return read;
+                    if (progress.state() == v1::DATABASE_STATE_FAILED)
+                        failed = absl::InternalError(progress.message());
+                    return progress.state() == v1::DATABASE_STATE_BUILDING ||
+                           progress.state() == v1::DATABASE_STATE_NONE;
+                },
+                stream);
     if (!failed.ok()) return failed;
     return absl::IsCancelled(status) ? absl::OkStatus() : status;
 }
@@ -107,27 +115,32 @@ void add_poses_verb(CLI::App& app, Common& common, Run& run) {
     const auto options = std::make_shared<PosesOptions>();
     CLI::App* poses = app.add_subcommand("poses", "The poses from which the daemon finds a body");
     poses->require_subcommand(1);
-    const auto add = [&](const char* name, const char* help, absl::Status (*act)(const Common&, const PosesOptions&)) {
+    const auto add = [&](const char* name, const char* help,
+                         absl::Status (*act)(const Common&, const PosesOptions&)) {
         return add_action(*poses, common, run, options, name, help, act);
     };
     const auto add_name = [&](CLI::App* verb) {
         verb->add_option("--name", options->name, "Under which name control is taken")->capture_default_str();
     };
 
-    add("list", "Their labels", run_list)->add_flag("--added", options->added_only, "Only those that were added");
+    add("list", "Their labels", run_list)
+        ->add_flag("--added", options->added_only, "Only those that were added");
 
-    CLI::App* one = add("add", "Add the pose that was measured last, or the one given (takes control for the moment)",
-                        run_add);
+    CLI::App* one =
+        add("add", "Add the pose that was measured last, or the one given (takes control for the moment)",
+            run_add);
     one->add_option("label", options->label, "Under which it will be listed")->required();
     one->add_option("--set", options->coordinates,
                     "NAME=DEGREES of the body model, such as knee_angle_l=90; those not given are 0");
     add_name(one);
 
-    CLI::App* remove = add("remove", "Take out all poses of a label (takes control for the moment)", run_remove);
+    CLI::App* remove =
+        add("remove", "Take out all poses of a label (takes control for the moment)", run_remove);
     remove->add_option("label", options->label, "As it is listed")->required();
     add_name(remove);
 
-    CLI::App* import = add("import", "Add the poses of a BVH file (takes control for the moment)", run_import);
+    CLI::App* import =
+        add("import", "Add the poses of a BVH file (takes control for the moment)", run_import);
     import->add_option("file", options->file, "The BVH file")->required();
     import->add_option("--label", options->label, "Of its poses; else the file's name");
     import->add_option("--every", options->every_s, "Seconds from one pose to the next; 0: 0.1")

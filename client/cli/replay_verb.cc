@@ -24,8 +24,9 @@ absl::Status report(const Common& common, const v1::Replay& replay) {
     if (common.json) return print_line(to_json(replay).dump()), absl::OkStatus();
     std::string text = short_name(*v1::ReplayState_descriptor()->FindValueByNumber(replay.state()));
     if (!replay.session().empty())
-        text += fmt::format(": {}, frame {} of {}, {:.3f} s, {:g} times its speed{}", replay.session(), replay.frame(),
-                            replay.frames(), replay.position_s(), replay.speed(), replay.loop() ? ", again and again" : "");
+        text += fmt::format(": {}, frame {} of {}, {:.3f} s, {:g} times its speed{}", replay.session(),
+                            replay.frame(), replay.frames(), replay.position_s(), replay.speed(),
+                            replay.loop() ? ", again and again" : "");
     print_line(text);
     return absl::OkStatus();
 }
@@ -41,7 +42,8 @@ absl::Status run_open(const Common& common, const ReplayOptions& options) {
     std::error_code error;
     const std::filesystem::path given = options.session;
     const bool is_file = given.has_parent_path() || std::filesystem::is_regular_file(given, error);
-    request.set_session(is_file ? std::filesystem::absolute(given).lexically_normal().string() : options.session);
+    request.set_session(is_file ? std::filesystem::absolute(given).lexically_normal().string()
+                                : options.session);
     request.set_paused(options.paused);
     request.set_loop(options.loop);
     request.set_speed(options.speed);
@@ -113,16 +115,22 @@ absl::Status run_seek(const Common& common, const ReplayOptions& options) {
 
 void add_replay_verb(CLI::App& app, Common& common, Run& run) {
     const auto options = std::make_shared<ReplayOptions>();
-    CLI::App* replay = app.add_subcommand("replay", "A recording in the place of the cameras: every other verb works on it");
+    CLI::App* replay =
+        app.add_subcommand("replay", "A recording in the place of the cameras: every other verb works on it");
     replay->require_subcommand(1);
-    const auto add = [&](const char* name, const char* help, absl::Status (*act)(const Common&, const ReplayOptions&)) {
+    const auto add = [&](const char* name, const char* help,
+                         absl::Status (*act)(const Common&, const ReplayOptions&)) {
         CLI::App* action = add_action(*replay, common, run, options, name, help, act);
         if (act != run_shown)
-            action->add_option("--name", options->name, "Under which name control is taken")->capture_default_str();
+            action->add_option("--name", options->name, "Under which name control is taken")
+                ->capture_default_str();
         return action;
     };
-    CLI::App* open = add("open", "Show a recording instead of the cameras (takes control for the moment)", run_open);
-    open->add_option("session", options->session, "Its name, as `kinevox record list` shows it, or a session.toml on the daemon's machine")->required();
+    CLI::App* open =
+        add("open", "Show a recording instead of the cameras (takes control for the moment)", run_open);
+    open->add_option("session", options->session,
+                     "Its name, as `kinevox record list` shows it, or a session.toml on the daemon's machine")
+        ->required();
     open->add_flag("--paused", options->paused, "Show the first frame set and wait");
     open->add_flag("--loop", options->loop, "Again and again");
     open->add_option("--speed", options->speed, "Times the recording's own")->check(CLI::Range(0.01, 100.0));
@@ -132,8 +140,12 @@ void add_replay_verb(CLI::App& app, Common& common, Run& run) {
     add("pause", "Stand still", run_pause);
     CLI::App* step = add("step", "One frame set on, or so many; negative: back", run_step);
     step->add_option("frames", options->step, "How many");
-    add("seek", "Go to a frame, 120, or a time, 4.5s", run_seek)->add_option("where", options->where)->required();
-    add("speed", "Times the recording's own, 0.01 to 100", run_speed)->add_option("speed", options->speed)->required();
+    add("seek", "Go to a frame, 120, or a time, 4.5s", run_seek)
+        ->add_option("where", options->where)
+        ->required();
+    add("speed", "Times the recording's own, 0.01 to 100", run_speed)
+        ->add_option("speed", options->speed)
+        ->required();
     add("loop", "Again and again: on or off", run_loop)
         ->add_option("on", options->on)
         ->check(CLI::IsMember({"on", "off"}));

@@ -1,11 +1,11 @@
 // What a call answered, for people or for scripts.
 #pragma once
 
-#include <functional>
-#include <string>
-
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
+
+#include <functional>
+#include <string>
 
 #include "client/cli/json.h"
 #include "client/cli/verbs.h"

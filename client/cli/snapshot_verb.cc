@@ -1,8 +1,8 @@
-#include <algorithm>
-#include <filesystem>
+#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <fmt/format.h>
+#include <algorithm>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "client/cli/verbs.h"
@@ -15,10 +15,10 @@ namespace {
 
 struct SnapshotOptions {
     std::filesystem::path out;
-    std::string camera;        // empty: the first
+    std::string camera;  // empty: the first
     int height_px = 480;
     bool whole_picture = false;
-    double wait_s = 15;        // for somebody to be tracked
+    double wait_s = 15;  // for somebody to be tracked
 };
 
 absl::StatusOr<Camera> choose_camera(client::Client& client, const std::string& name) {
@@ -32,8 +32,8 @@ absl::StatusOr<Camera> choose_camera(client::Client& client, const std::string& 
     return *found;
 }
 
-// A volume and the same frame set's picture. Both streams run on their own clocks, so pictures are gathered until one
-// has the sequence number of a volume.
+// A volume and the same frame set's picture. Both streams run on their own clocks, so pictures are gathered
+// until one has the sequence number of a volume.
 struct Pair {
     client::VolumeFrame volume;
     client::PreviewFrame preview;
@@ -49,7 +49,7 @@ absl::StatusOr<Pair> take_pair(client::Client& client, const Camera& camera, con
     constexpr std::size_t kKept = 12;
     std::stop_source done;
     const std::stop_callback pass_on(stop, [&] { done.request_stop(); });
-    const auto match = [&] {   // mutex held
+    const auto match = [&] {  // mutex held
         for (const client::VolumeFrame& v : volumes)
             for (const client::PreviewFrame& p : previews)
                 if (v.header.sequence() == p.header.sequence()) pair = Pair{v, p};
@@ -96,9 +96,12 @@ absl::StatusOr<Pair> take_pair(client::Client& client, const Camera& camera, con
         if (!status.ok() && !absl::IsCancelled(status)) return status;
     if (stop.stop_requested()) return absl::CancelledError("stopped");
     return absl::DeadlineExceededError(
-        anybody ? fmt::format("no volume and picture of one frame set within {:g} s; allow it more with --wait", options.wait_s)
-                : fmt::format("nobody was tracked within {:g} s; see `kinevox status`, or allow it more with --wait",
-                              options.wait_s));
+        anybody
+            ? fmt::format("no volume and picture of one frame set within {:g} s; allow it more with --wait",
+                          options.wait_s)
+            : fmt::format(
+                  "nobody was tracked within {:g} s; see `kinevox status`, or allow it more with --wait",
+                  options.wait_s));
 }
 
 absl::Status run_snapshot(const Common& common, const SnapshotOptions& options) {
@@ -117,12 +120,13 @@ absl::Status run_snapshot(const Common& common, const SnapshotOptions& options) 
                                                         : client::window_around(volume, *camera);
     const Camera part = client::cropped(*camera, window);
     const double scale = 2.0 * options.height_px / part.height;
-    const client::Image same_view =
-        client::scaled_to_height(client::render_volume(volume, client::scaled(part, scale)), options.height_px);
+    const client::Image same_view = client::scaled_to_height(
+        client::render_volume(volume, client::scaled(part, scale)), options.height_px);
     const int side = options.height_px;
     const Camera oblique =
         client::oblique_camera(volume, camera->centre_in_world(), 0.9, 0.45, 2 * side * 4 / 5, 2 * side);
-    const client::Image oblique_view = client::scaled_to_height(client::render_volume(volume, oblique), options.height_px);
+    const client::Image oblique_view =
+        client::scaled_to_height(client::render_volume(volume, oblique), options.height_px);
     const client::Image together = client::side_by_side(
         {client::scaled_to_height(client::cropped(pair->preview.image, window), options.height_px), same_view,
          oblique_view});
@@ -134,10 +138,12 @@ absl::Status run_snapshot(const Common& common, const SnapshotOptions& options) 
                                            {"voxels", voxel_count(volume)},
                                            {"litres", pair->volume.litres},
                                            {"ply", ply.string()},
-                                           {"png", png.string()}}).dump());
+                                           {"png", png.string()}})
+                       .dump());
     else
-        print_line(fmt::format("frame {}: {} voxels, {:.1f} l; wrote {} and {}", pair->volume.header.sequence(),
-                               voxel_count(volume), pair->volume.litres, ply.string(), png.string()));
+        print_line(fmt::format("frame {}: {} voxels, {:.1f} l; wrote {} and {}",
+                               pair->volume.header.sequence(), voxel_count(volume), pair->volume.litres,
+                               ply.string(), png.string()));
     return absl::OkStatus();
 }
 
@@ -145,7 +151,8 @@ absl::Status run_snapshot(const Common& common, const SnapshotOptions& options) 
 
 void add_snapshot_verb(CLI::App& app, Common& common, Run& run) {
     const auto options = std::make_shared<SnapshotOptions>();
-    CLI::App* snapshot = app.add_subcommand("snapshot", "The newest volume as PLY, and a picture of it beside a camera's");
+    CLI::App* snapshot =
+        app.add_subcommand("snapshot", "The newest volume as PLY, and a picture of it beside a camera's");
     add_common_options(*snapshot, common);
     snapshot->add_option("--out", options->out, "Folder for volume.ply and snapshot.png")->required();
     snapshot->add_option("--camera", options->camera, "Which camera's picture; the first if not given");

@@ -1,8 +1,8 @@
 #include "client/cli/status_text.h"
 
-#include <cmath>
-
 #include <fmt/format.h>
+
+#include <cmath>
 
 #include "client/cli/json.h"
 
@@ -35,15 +35,16 @@ std::string link_text(const v1::CameraStatus& camera) {
     if (!camera.has_link()) return "";
     const v1::CameraLink& link = camera.link();
     if (!link.problem().empty()) return link.problem();
-    return fmt::format("{} pictures, {} lost, {} in part, {} late; skew {:.1f} ms", link.pictures(), link.lost(),
-                       link.incomplete(), link.late() + link.unmatched(), link.skew_ms());
+    return fmt::format("{} pictures, {} lost, {} in part, {} late; skew {:.1f} ms", link.pictures(),
+                       link.lost(), link.incomplete(), link.late() + link.unmatched(), link.skew_ms());
 }
 
 std::string camera_table(const v1::GetStatusResponse& status) {
     std::string out;
     for (const v1::CameraStatus& camera : status.cameras()) {
-        const std::string iou = std::isnan(camera.silhouette_iou()) ? "-" : fmt::format("{:.3f}", camera.silhouette_iou());
-        const char* state = !camera.has_picture() ? "no picture"
+        const std::string iou =
+            std::isnan(camera.silhouette_iou()) ? "-" : fmt::format("{:.3f}", camera.silhouette_iou());
+        const char* state = !camera.has_picture()   ? "no picture"
                             : !status.has_subject() ? ""
                             : camera.used()         ? "agrees"
                                                     : "left out";
@@ -56,24 +57,27 @@ std::string camera_table(const v1::GetStatusResponse& status) {
 }  // namespace
 
 std::string status_text(const v1::GetStatusResponse& status) {
-    std::string out = fmt::format("kinevoxd {}  {}  {}", status.version(), state_name(status), status.source());
+    std::string out =
+        fmt::format("kinevoxd {}  {}  {}", status.version(), state_name(status), status.source());
     if (!status.state_message().empty()) out += fmt::format("\n  {}", status.state_message());
-    out += fmt::format("\n  {:.1f} of {:g} frame sets/s   {} results   {} lost   up {} s\n", status.results_per_second(),
-                       status.source_fps(), status.results(), status.lost(), status.uptime_ms() / 1000);
+    out += fmt::format("\n  {:.1f} of {:g} frame sets/s   {} results   {} lost   up {} s\n",
+                       status.results_per_second(), status.source_fps(), status.results(), status.lost(),
+                       status.uptime_ms() / 1000);
     out += stage_table(status);
     if (status.has_volume())
         out += fmt::format("  volume        {:>10} voxels of {:g} mm, {:.1f} l\n", status.volume().voxels(),
                            status.volume().voxel_m() * 1000, status.volume().litres());
     if (status.has_subject()) {
         const v1::Vec3& centre = status.subject().centre_in_world();
-        out += fmt::format("  subject {:<6}{:>10} {:.2f} {:.2f} {:.2f} m\n", status.subject().subject_id(), "at",
-                           centre.x(), centre.y(), centre.z());
+        out += fmt::format("  subject {:<6}{:>10} {:.2f} {:.2f} {:.2f} m\n", status.subject().subject_id(),
+                           "at", centre.x(), centre.y(), centre.z());
     } else {
         out += "  nobody is tracked\n";
     }
     out += camera_table(status);
-    out += fmt::format("  subscribers   {} volumes, {} poses, {} previews, {} events", status.volume_subscribers(),
-                       status.pose_subscribers(), status.preview_subscribers(), status.event_subscribers());
+    out += fmt::format("  subscribers   {} volumes, {} poses, {} previews, {} events",
+                       status.volume_subscribers(), status.pose_subscribers(), status.preview_subscribers(),
+                       status.event_subscribers());
     if (status.has_control())
         out += fmt::format("\n  control       {} for another {:.0f} s", status.control().holder(),
                            static_cast<double>(status.control().remaining_ms()) / 1000);
@@ -83,10 +87,12 @@ std::string status_text(const v1::GetStatusResponse& status) {
 std::string status_line(const v1::GetStatusResponse& status) {
     const v1::StageTimes& t = status.median_times();
     std::string out = fmt::format(
-        "{} frame {} {:.1f}/s lost {} | seg {:.2f} track {:.2f} hull {:.2f} colour {:.2f} pose {:.2f} total {:.2f} "
+        "{} frame {} {:.1f}/s lost {} | seg {:.2f} track {:.2f} hull {:.2f} colour {:.2f} pose {:.2f} total "
+        "{:.2f} "
         "p99 {:.2f} ms |",
-        state_name(status), status.sequence(), status.results_per_second(), status.lost(), t.segmentation_ms(),
-        t.tracking_ms(), t.hull_ms(), t.colouring_ms(), t.pose_ms(), t.total_ms(), status.total_p99_ms());
+        state_name(status), status.sequence(), status.results_per_second(), status.lost(),
+        t.segmentation_ms(), t.tracking_ms(), t.hull_ms(), t.colouring_ms(), t.pose_ms(), t.total_ms(),
+        status.total_p99_ms());
     if (status.has_volume())
         out += fmt::format(" {} voxels {:.1f} l", status.volume().voxels(), status.volume().litres());
     else

@@ -1,8 +1,8 @@
-#include <cmath>
-
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+
+#include <CLI/CLI.hpp>
+#include <cmath>
 
 #include "client/cli/json.h"
 #include "client/cli/status_text.h"
@@ -49,8 +49,8 @@ absl::Status run_cameras(const Common& common) {
         const Vec3 centre = camera.centre_in_world();
         const double view_deg = 2 * std::atan(0.5 * camera.width / camera.fx) * 180 / M_PI;
         print_line(fmt::format("{:<12} {:>11} {:>9.1f} {:>9.1f}   {:.3f} {:.3f} {:.3f}", camera.name,
-                               fmt::format("{}x{}", camera.width, camera.height), camera.fx, view_deg, centre.x,
-                               centre.y, centre.z));
+                               fmt::format("{}x{}", camera.width, camera.height), camera.fx, view_deg,
+                               centre.x, centre.y, centre.z));
     }
     return absl::OkStatus();
 }

@@ -1,11 +1,11 @@
 #include "client/cli/stream_poses.h"
 
-#include <memory>
-#include <optional>
+#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <fmt/format.h>
+#include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "client/cli/json.h"
 #include "client/lib/pose_csv.h"
@@ -52,18 +52,20 @@ absl::Status run_poses(const Common& common, PosePart part, const LineStreamOpti
     v1::StreamPosesRequest request;
     request.set_max_rate_hz(options.rate_hz);
     request.set_delivery(options.delivery());
-    const client::StreamOptions stream = options.stream();   // blocks signals, so before gRPC starts threads
+    const client::StreamOptions stream = options.stream();  // blocks signals, so before gRPC starts threads
     int count = 0;
     std::optional<std::int64_t> first_time_ns;
-    const absl::Status status = client::Client(common.client_options())
-        .stream_poses(request,
-                      [&](const v1::StreamPosesResponse& message) {
-                          if (!first_time_ns) first_time_ns = message.header().capture_time_ns();
-                          const bool read = writer->print(csv ? client::pose_csv_line(part, message, *first_time_ns)
-                                                              : json_line(part, message));
-                          return read && ++count != options.frames;
-                      },
-                      stream);
+    const absl::Status status =
+        client::Client(common.client_options())
+            .stream_poses(
+                request,
+                [&](const v1::StreamPosesResponse& message) {
+                    if (!first_time_ns) first_time_ns = message.header().capture_time_ns();
+                    const bool read = writer->print(csv ? client::pose_csv_line(part, message, *first_time_ns)
+                                                        : json_line(part, message));
+                    return read && ++count != options.frames;
+                },
+                stream);
     if (const absl::Status written = writer->close(); !written.ok()) return written;
     return absl::IsCancelled(status) ? absl::OkStatus() : status;
 }
@@ -76,10 +78,14 @@ void add_pose_streams(CLI::App& stream, Common& common, Run& run) {
         CLI::App* verb = stream.add_subcommand(name, help);
         add_common_options(*verb, common);
         add_line_stream_options(*verb, *options, {}, "File for the lines");
-        verb->callback([&, options, part] { run = [&common, options, part] { return run_poses(common, part, *options); }; });
+        verb->callback([&, options, part] {
+            run = [&common, options, part] { return run_poses(common, part, *options); };
+        });
     };
-    add(PosePart::kAngles, "angles", "Joint angles in degrees: a line a result, csv with the columns of angles.csv");
-    add(PosePart::kJoints, "joints", "Joint positions in metres: a line a result, csv with the columns of joints.csv");
+    add(PosePart::kAngles, "angles",
+        "Joint angles in degrees: a line a result, csv with the columns of angles.csv");
+    add(PosePart::kJoints, "joints",
+        "Joint positions in metres: a line a result, csv with the columns of joints.csv");
 }
 
 }  // namespace kinevox::cli

@@ -1,8 +1,8 @@
-#include <algorithm>
-#include <filesystem>
+#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <fmt/format.h>
+#include <algorithm>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "client/cli/json.h"
@@ -14,7 +14,7 @@ namespace kinevox::cli {
 namespace {
 
 struct VolumesOptions : LineStreamOptions {
-    double max_voxel_mm = 0;        // 0: as captured
+    double max_voxel_mm = 0;  // 0: as captured
     int level = -1;
     bool no_colours = false;
 };
@@ -37,22 +37,25 @@ std::optional<Bounds> bounds_of(const VolumeGrid& grid, const std::vector<VoxelI
 }
 
 constexpr const char* kCsvHead =
-    "frame,capture_time_ns,subject_id,voxel_mm,voxels,volume_litres,min_x,min_y,min_z,max_x,max_y,max_z,bytes,missed,"
+    "frame,capture_time_ns,subject_id,voxel_mm,voxels,volume_litres,min_x,min_y,min_z,max_x,max_y,max_z,"
+    "bytes,missed,"
     "total_ms";
 
 // Cells of a frame without a volume stay empty.
 std::string csv_line(const client::VolumeFrame& frame) {
     const v1::StreamHeader& header = frame.header;
-    std::string out = fmt::format("{},{},{},", header.sequence(), header.capture_time_ns(), header.subject_id());
+    std::string out =
+        fmt::format("{},{},{},", header.sequence(), header.capture_time_ns(), header.subject_id());
     std::optional<Bounds> box;
     if (frame.volume) box = bounds_of(frame.volume->grid, surface_voxels(*frame.volume));
     if (frame.volume)
-        out += fmt::format("{:g},{},{:.3f},", frame.volume->grid.voxel_m * 1000, voxel_count(*frame.volume), frame.litres);
+        out += fmt::format("{:g},{},{:.3f},", frame.volume->grid.voxel_m * 1000, voxel_count(*frame.volume),
+                           frame.litres);
     else
         out += ",,,";
     if (box)
-        out += fmt::format("{:.4f},{:.4f},{:.4f},{:.4f},{:.4f},{:.4f},", box->low.x, box->low.y, box->low.z, box->high.x,
-                           box->high.y, box->high.z);
+        out += fmt::format("{:.4f},{:.4f},{:.4f},{:.4f},{:.4f},{:.4f},", box->low.x, box->low.y, box->low.z,
+                           box->high.x, box->high.y, box->high.z);
     else
         out += ",,,,,,";
     return out + fmt::format("{},{},{:.3f}", frame.bytes, header.missed(), header.times().total_ms());
@@ -97,22 +100,24 @@ absl::Status run_volumes(const Common& common, const VolumesOptions& options) {
     if (!writer.ok()) return writer.status();
     const bool csv = options.format == "csv" && !common.json;
     if (csv) writer->print(kCsvHead);
-    const client::StreamOptions stream = options.stream();   // blocks signals, so before gRPC starts threads
+    const client::StreamOptions stream = options.stream();  // blocks signals, so before gRPC starts threads
     int count = 0;
     absl::Status written;
-    const absl::Status status = client::Client(common.client_options())
-        .stream_volumes(request_of(options),
-                        [&](const client::VolumeFrame& frame) {
-                            if (ply && frame.volume) {
-                                written = write_volume_ply(*frame.volume,
-                                                    options.out / fmt::format("{:06}.ply", frame.header.sequence()));
-                                if (!written.ok()) return false;
-                            }
-                            if (!ply || common.json)
-                                if (!writer->print(csv ? csv_line(frame) : json_line(frame))) return false;
-                            return ++count != options.frames;
-                        },
-                        stream);
+    const absl::Status status =
+        client::Client(common.client_options())
+            .stream_volumes(
+                request_of(options),
+                [&](const client::VolumeFrame& frame) {
+                    if (ply && frame.volume) {
+                        written = write_volume_ply(
+                            *frame.volume, options.out / fmt::format("{:06}.ply", frame.header.sequence()));
+                        if (!written.ok()) return false;
+                    }
+                    if (!ply || common.json)
+                        if (!writer->print(csv ? csv_line(frame) : json_line(frame))) return false;
+                    return ++count != options.frames;
+                },
+                stream);
     if (!written.ok()) return written;
     if (written = writer->close(); !written.ok()) return written;
     return absl::IsCancelled(status) ? absl::OkStatus() : status;
@@ -121,16 +126,20 @@ absl::Status run_volumes(const Common& common, const VolumesOptions& options) {
 }  // namespace
 
 void add_stream_verb(CLI::App& app, Common& common, Run& run) {
-    CLI::App* stream = app.add_subcommand("stream", "Results as they come, to standard output, until stopped");
+    CLI::App* stream =
+        app.add_subcommand("stream", "Results as they come, to standard output, until stopped");
     stream->require_subcommand(1);
     const auto options = std::make_shared<VolumesOptions>();
     CLI::App* volumes = stream->add_subcommand("volumes", "Volumes: a line each, or a PLY file each");
     add_common_options(*volumes, common);
     add_line_stream_options(*volumes, *options, {"ply-folder"},
                             "File for the lines, or folder for the PLY files of --format ply-folder");
-    auto* voxel = volumes->add_option("--max-voxel-mm", options->max_voxel_mm, "Coarsest voxel edge that will do")
-                      ->check(CLI::PositiveNumber);
-    volumes->add_option("--level", options->level, "Halvings of the resolution")->check(CLI::Range(0, 5))->excludes(voxel);
+    auto* voxel =
+        volumes->add_option("--max-voxel-mm", options->max_voxel_mm, "Coarsest voxel edge that will do")
+            ->check(CLI::PositiveNumber);
+    volumes->add_option("--level", options->level, "Halvings of the resolution")
+        ->check(CLI::Range(0, 5))
+        ->excludes(voxel);
     volumes->add_flag("--no-colours", options->no_colours, "Shape alone");
     volumes->callback([&, options] { run = [&common, options] { return run_volumes(common, *options); }; });
     add_pose_streams(*stream, common, run);

@@ -1,11 +1,11 @@
-// The verbs of `kinevox`. Each registers itself as a subcommand; what it does is run by the returned function, whose
-// error becomes one line on stderr and exit status 1.
+// The verbs of `kinevox`. Each registers itself as a subcommand; what it does is run by the returned
+// function, whose error becomes one line on stderr and exit status 1.
 #pragma once
+
+#include <absl/status/status.h>
 
 #include <functional>
 #include <string>
-
-#include <absl/status/status.h>
 
 #include "client/lib/connection_options.h"
 #include "client/lib/stop_signals.h"
@@ -35,19 +35,19 @@ void add_common_options(CLI::App& verb, Common& common);
 
 using Run = std::function<absl::Status()>;
 
-void add_status_verbs(CLI::App& app, Common& common, Run& run);    // status, cameras
-void add_control_verbs(CLI::App& app, Common& common, Run& run);   // start, stop, learn-background
+void add_status_verbs(CLI::App& app, Common& common, Run& run);   // status, cameras
+void add_control_verbs(CLI::App& app, Common& common, Run& run);  // start, stop, learn-background
 void add_watch_verb(CLI::App& app, Common& common, Run& run);
 void add_events_verb(CLI::App& app, Common& common, Run& run);
 void add_stream_verb(CLI::App& app, Common& common, Run& run);
 void add_snapshot_verb(CLI::App& app, Common& common, Run& run);
-void add_poses_verb(CLI::App& app, Common& common, Run& run);      // list, add, remove, import, watch
-void add_body_verb(CLI::App& app, Common& common, Run& run);       // fit, show
-void add_replay_verb(CLI::App& app, Common& common, Run& run);     // open, live, play, pause, step, seek, ...
+void add_poses_verb(CLI::App& app, Common& common, Run& run);   // list, add, remove, import, watch
+void add_body_verb(CLI::App& app, Common& common, Run& run);    // fit, show
+void add_replay_verb(CLI::App& app, Common& common, Run& run);  // open, live, play, pause, step, seek, ...
 
-void add_record_verb(CLI::App& app, Common& common, Run& run);     // start, stop, keep, status, list, delete
+void add_record_verb(CLI::App& app, Common& common, Run& run);  // start, stop, keep, status, list, delete
 
-void add_export_verb(CLI::App& app, Common& common, Run& run);     // of a daemon's recording
+void add_export_verb(CLI::App& app, Common& common, Run& run);  // of a daemon's recording
 
 // "user@host": under which control is taken.
 std::string default_operator_name();

@@ -1,10 +1,9 @@
+#include <fmt/format.h>
 #include <unistd.h>
 
+#include <CLI/CLI.hpp>
 #include <condition_variable>
 #include <mutex>
-
-#include <CLI/CLI.hpp>
-#include <fmt/format.h>
 
 #include "client/cli/json.h"
 #include "client/cli/status_text.h"
@@ -15,7 +14,7 @@ namespace {
 
 struct WatchOptions {
     double interval_s = 1;
-    int count = 0;   // 0: until stopped
+    int count = 0;  // 0: until stopped
 };
 
 // False when stopped.
@@ -36,12 +35,14 @@ absl::Status run_watch(const Common& common, const WatchOptions& options) {
         const auto status = client.status();
         if (!status.ok() && !(seen && absl::IsUnavailable(status.status()))) return status.status();
         std::string text;
-        if (!status.ok())   // it may come back; the lines on standard output stay clean
+        if (!status.ok())  // it may come back; the lines on standard output stay clean
             redraw ? void(text = std::string(status.status().message()))
                    : void(fmt::print(stderr, "kinevox: {}\n", std::string(status.status().message())));
         else
-            text = common.json ? to_json(*status).dump() : redraw ? status_text(*status) : status_line(*status);
-        if (redraw) text = "\x1b[H\x1b[J" + text;   // home, clear
+            text = common.json ? to_json(*status).dump()
+                   : redraw    ? status_text(*status)
+                               : status_line(*status);
+        if (redraw) text = "\x1b[H\x1b[J" + text;  // home, clear
         if (!text.empty() && !print_line(text)) return absl::OkStatus();
         seen = seen || status.ok();
         if (status.ok() && ++shown == options.count) return absl::OkStatus();
@@ -54,7 +55,8 @@ absl::Status run_watch(const Common& common, const WatchOptions& options) {
 
 void add_watch_verb(CLI::App& app, Common& common, Run& run) {
     const auto options = std::make_shared<WatchOptions>();
-    CLI::App* watch = app.add_subcommand("watch", "Live: stage times, rates and drops; lines where it is no terminal");
+    CLI::App* watch =
+        app.add_subcommand("watch", "Live: stage times, rates and drops; lines where it is no terminal");
     add_common_options(*watch, common);
     watch->add_option("--interval", options->interval_s, "Seconds between two looks")
         ->check(CLI::Range(0.05, 3600.0))

@@ -29,8 +29,9 @@ std::shared_ptr<grpc::ChannelCredentials> credentials(const Security& security) 
 
 std::shared_ptr<grpc::Channel> connect(const ClientOptions& options) {
     grpc::ChannelArguments arguments;
-    if (!options.security.server_name.empty()) arguments.SetSslTargetNameOverride(options.security.server_name);
-    arguments.SetMaxReceiveMessageSize(256 << 20);   // a 16-camera hall at 2 mm is large
+    if (!options.security.server_name.empty())
+        arguments.SetSslTargetNameOverride(options.security.server_name);
+    arguments.SetMaxReceiveMessageSize(256 << 20);  // a 16-camera hall at 2 mm is large
     arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 20'000);
     arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 200);
     arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2'000);
@@ -39,22 +40,24 @@ std::shared_ptr<grpc::Channel> connect(const ClientOptions& options) {
 
 absl::Status to_absl(const grpc::Status& status, const std::string& server) {
     if (status.ok()) return absl::OkStatus();
-    // What gRPC says of a call that reaches a server that is stopping. As CANCELLED it would be taken for a leaving of
-    // the client's own: no error, no new connection.
+    // What gRPC says of a call that reaches a server that is stopping. As CANCELLED it would be taken for a
+    // leaving of the client's own: no error, no new connection.
     if (status.error_code() == grpc::StatusCode::CANCELLED)
-        return absl::UnavailableError(
-            fmt::format("the daemon at {} ended the call, as it does when it stops; connect again later", server));
+        return absl::UnavailableError(fmt::format(
+            "the daemon at {} ended the call, as it does when it stops; connect again later", server));
     const auto code = static_cast<absl::StatusCode>(status.error_code());
     std::string message = status.error_message();
     std::ranges::replace(message, '\n', ' ');
-    const bool own = message.find("daemon") != std::string::npos;   // the daemon's own words, or gRPC's
+    const bool own = message.find("daemon") != std::string::npos;  // the daemon's own words, or gRPC's
     if (code == absl::StatusCode::kUnavailable && !own)
-        message = fmt::format("cannot reach a daemon at {} ({}); start kinevoxd there or give another address", server,
-                              message);
+        message =
+            fmt::format("cannot reach a daemon at {} ({}); start kinevoxd there or give another address",
+                        server, message);
     else if (code == absl::StatusCode::kDeadlineExceeded)
         message = fmt::format("the daemon at {} did not answer in time; try again or allow it more", server);
     else if (code == absl::StatusCode::kUnimplemented)
-        message = fmt::format("what answers at {} is not a Kinevox daemon of this version ({})", server, message);
+        message =
+            fmt::format("what answers at {} is not a Kinevox daemon of this version ({})", server, message);
     return {code, message};
 }
 
@@ -72,13 +75,14 @@ struct Client::Parts {
     template <typename Request, typename Response>
     absl::StatusOr<Response> call(grpc::Status (v1::CaptureService::Stub::*method)(grpc::ClientContext*,
                                                                                    const Request&, Response*),
-                                  const Request& request, std::optional<std::chrono::milliseconds> timeout = {}) {
+                                  const Request& request,
+                                  std::optional<std::chrono::milliseconds> timeout = {}) {
         return call_on(*capture, method, request, timeout);
     }
     template <typename Stub, typename Request, typename Response>
-    absl::StatusOr<Response> call_on(Stub& stub,
-                                     grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
-                                     const Request& request, std::optional<std::chrono::milliseconds> timeout = {}) {
+    absl::StatusOr<Response> call_on(
+        Stub& stub, grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
+        const Request& request, std::optional<std::chrono::milliseconds> timeout = {}) {
         grpc::ClientContext context;
         prepare_context(context, options);
         context.set_deadline(std::chrono::system_clock::now() + timeout.value_or(options.timeout));
@@ -173,11 +177,13 @@ absl::Status with_control(Client& client, const std::string& operator_name, std:
 }  // namespace
 
 absl::Status Client::start(const std::string& operator_name) {
-    return with_control(*this, operator_name, kLeaseTimeout, [&](const std::string& id) { return start_with(id); });
+    return with_control(*this, operator_name, kLeaseTimeout,
+                        [&](const std::string& id) { return start_with(id); });
 }
 
 absl::Status Client::stop(const std::string& operator_name) {
-    return with_control(*this, operator_name, kLeaseTimeout, [&](const std::string& id) { return stop_with(id); });
+    return with_control(*this, operator_name, kLeaseTimeout,
+                        [&](const std::string& id) { return stop_with(id); });
 }
 
 absl::Status Client::learn_background(const std::string& operator_name, int frames,
@@ -203,9 +209,9 @@ absl::Status Client::stream_volumes(const v1::StreamVolumesRequest& request,
                 auto volume = decode_volume({reinterpret_cast<const std::uint8_t*>(message.volume().data()),
                                              message.volume().size()});
                 if (!volume.ok())
-                    return absl::DataLossError(fmt::format("volume {} from {} cannot be decoded: {}",
-                                                           message.header().sequence(), parts_->options.server,
-                                                           std::string(volume.status().message())));
+                    return absl::DataLossError(
+                        fmt::format("volume {} from {} cannot be decoded: {}", message.header().sequence(),
+                                    parts_->options.server, std::string(volume.status().message())));
                 frame.volume = std::move(*volume);
             }
             return on_frame(frame);
@@ -220,8 +226,8 @@ absl::Status Client::stream_poses(const v1::StreamPosesRequest& request,
         [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
             return parts_->stream->PrepareAsyncStreamPoses(context, request, queue);
         },
-        [&](const v1::StreamPosesResponse& message) -> absl::StatusOr<bool> { return on_pose(message); }, options,
-        parts_->options);
+        [&](const v1::StreamPosesResponse& message) -> absl::StatusOr<bool> { return on_pose(message); },
+        options, parts_->options);
 }
 
 absl::Status Client::stream_previews(const v1::StreamPreviewsRequest& request,
@@ -234,8 +240,8 @@ absl::Status Client::stream_previews(const v1::StreamPreviewsRequest& request,
         [&](const v1::StreamPreviewsResponse& message) -> absl::StatusOr<bool> {
             PreviewFrame frame{message.header(), message.camera(), {}};
             if (!message.jpeg().empty()) {
-                auto image = decode_jpeg({reinterpret_cast<const std::uint8_t*>(message.jpeg().data()),
-                                          message.jpeg().size()});
+                auto image = decode_jpeg(
+                    {reinterpret_cast<const std::uint8_t*>(message.jpeg().data()), message.jpeg().size()});
                 if (!image.ok()) return image.status();
                 frame.image = std::move(*image);
             }
@@ -251,8 +257,8 @@ absl::Status Client::watch_events(const v1::WatchEventsRequest& request,
         [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
             return parts_->capture->PrepareAsyncWatchEvents(context, request, queue);
         },
-        [&](const v1::WatchEventsResponse& event) -> absl::StatusOr<bool> { return on_event(event); }, options,
-        parts_->options);
+        [&](const v1::WatchEventsResponse& event) -> absl::StatusOr<bool> { return on_event(event); },
+        options, parts_->options);
 }
 
 absl::StatusOr<v1::ListPosesResponse> Client::list_poses() {
@@ -265,21 +271,23 @@ namespace {
 constexpr std::chrono::seconds kChangeTimeout{120};
 
 template <typename Response, typename Call, typename Request>
-absl::StatusOr<Response> change_under_control(Client& client, const std::string& operator_name, Request& request,
-                                      const Call& call) {
+absl::StatusOr<Response> change_under_control(Client& client, const std::string& operator_name,
+                                              Request& request, const Call& call) {
     absl::StatusOr<Response> response;
-    const absl::Status status = with_control(client, operator_name, kChangeTimeout, [&](const std::string& id) {
-        request.set_lease_id(id);
-        response = call();
-        return response.status();
-    });
+    const absl::Status status =
+        with_control(client, operator_name, kChangeTimeout, [&](const std::string& id) {
+            request.set_lease_id(id);
+            response = call();
+            return response.status();
+        });
     if (!status.ok()) return status;
     return response;
 }
 
 }  // namespace
 
-absl::StatusOr<v1::AddPoseResponse> Client::add_pose(const std::string& operator_name, v1::AddPoseRequest request) {
+absl::StatusOr<v1::AddPoseResponse> Client::add_pose(const std::string& operator_name,
+                                                     v1::AddPoseRequest request) {
     return change_under_control<v1::AddPoseResponse>(*this, operator_name, request, [&] {
         return parts_->call_on(*parts_->pose, &v1::PoseService::Stub::AddPose, request, kChangeTimeout);
     });
@@ -305,7 +313,9 @@ absl::Status Client::watch_database(const std::function<bool(const v1::WatchData
         [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
             return parts_->pose->PrepareAsyncWatchDatabase(context, v1::WatchDatabaseRequest(), queue);
         },
-        [&](const v1::WatchDatabaseResponse& progress) -> absl::StatusOr<bool> { return on_progress(progress); },
+        [&](const v1::WatchDatabaseResponse& progress) -> absl::StatusOr<bool> {
+            return on_progress(progress);
+        },
         options, parts_->options);
 }
 
@@ -322,12 +332,12 @@ absl::Status Client::watch_body(const std::function<bool(const v1::WatchBodyResp
         [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
             return parts_->pose->PrepareAsyncWatchBody(context, v1::WatchBodyRequest(), queue);
         },
-        [&](const v1::WatchBodyResponse& progress) -> absl::StatusOr<bool> { return on_progress(progress); }, options,
-        parts_->options);
+        [&](const v1::WatchBodyResponse& progress) -> absl::StatusOr<bool> { return on_progress(progress); },
+        options, parts_->options);
 }
 
 absl::Status Client::under_control(const std::string& operator_name,
-                                  const std::function<absl::Status(const std::string& lease_id)>& act) {
+                                   const std::function<absl::Status(const std::string& lease_id)>& act) {
     return with_control(*this, operator_name, kChangeTimeout, act);
 }
 
@@ -336,12 +346,13 @@ absl::StatusOr<v1::OpenReplayResponse> Client::open_replay(const std::string& op
     v1::OpenReplayResponse opened;
     const auto open = [&](const std::string& lease_id) {
         request.set_lease_id(lease_id);
-        auto response = parts_->call_on(*parts_->replay, &v1::ReplayService::Stub::OpenReplay, request, kChangeTimeout);
+        auto response =
+            parts_->call_on(*parts_->replay, &v1::ReplayService::Stub::OpenReplay, request, kChangeTimeout);
         if (response.ok()) opened = *std::move(response);
         return response.status();
     };
-    const absl::Status done =
-        request.lease_id().empty() ? under_control(operator_name, open) : open(std::string(request.lease_id()));
+    const absl::Status done = request.lease_id().empty() ? under_control(operator_name, open)
+                                                         : open(std::string(request.lease_id()));
     if (!done.ok()) return done;
     return opened;
 }
@@ -350,11 +361,14 @@ absl::Status Client::close_replay(const std::string& operator_name) {
     return under_control(operator_name, [&](const std::string& lease_id) {
         v1::CloseReplayRequest request;
         request.set_lease_id(lease_id);
-        return parts_->call_on(*parts_->replay, &v1::ReplayService::Stub::CloseReplay, request, kChangeTimeout).status();
+        return parts_
+            ->call_on(*parts_->replay, &v1::ReplayService::Stub::CloseReplay, request, kChangeTimeout)
+            .status();
     });
 }
 
-absl::StatusOr<v1::SetReplayResponse> Client::set_replay(const std::string& operator_name, v1::SetReplayRequest request) {
+absl::StatusOr<v1::SetReplayResponse> Client::set_replay(const std::string& operator_name,
+                                                         v1::SetReplayRequest request) {
     v1::SetReplayResponse changed;
     const auto change = [&](const std::string& lease_id) {
         request.set_lease_id(lease_id);
@@ -362,8 +376,8 @@ absl::StatusOr<v1::SetReplayResponse> Client::set_replay(const std::string& oper
         if (response.ok()) changed = *std::move(response);
         return response.status();
     };
-    const absl::Status done =
-        request.lease_id().empty() ? under_control(operator_name, change) : change(std::string(request.lease_id()));
+    const absl::Status done = request.lease_id().empty() ? under_control(operator_name, change)
+                                                         : change(std::string(request.lease_id()));
     if (!done.ok()) return done;
     return changed;
 }
@@ -376,7 +390,8 @@ absl::StatusOr<v1::StartProcedureResponse> Client::start_procedure(const v1::Sta
     return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::StartProcedure, request);
 }
 
-absl::StatusOr<v1::AddObservationsResponse> Client::add_observations(const v1::AddObservationsRequest& request) {
+absl::StatusOr<v1::AddObservationsResponse> Client::add_observations(
+    const v1::AddObservationsRequest& request) {
     return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::AddObservations, request);
 }
 
@@ -384,11 +399,13 @@ absl::StatusOr<v1::SolveProcedureResponse> Client::solve_procedure(const v1::Sol
     return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::SolveProcedure, request);
 }
 
-absl::StatusOr<v1::CancelProcedureResponse> Client::cancel_procedure(const v1::CancelProcedureRequest& request) {
+absl::StatusOr<v1::CancelProcedureResponse> Client::cancel_procedure(
+    const v1::CancelProcedureRequest& request) {
     return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::CancelProcedure, request);
 }
 
-absl::StatusOr<v1::ListCalibrationsResponse> Client::list_calibrations(const v1::ListCalibrationsRequest& request) {
+absl::StatusOr<v1::ListCalibrationsResponse> Client::list_calibrations(
+    const v1::ListCalibrationsRequest& request) {
     return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::ListCalibrations, request);
 }
 
@@ -397,40 +414,51 @@ absl::StatusOr<v1::GetCertificateResponse> Client::get_certificate(const v1::Get
                            request.with_page() ? kChangeTimeout : parts_->options.timeout);
 }
 
-absl::StatusOr<v1::ApplyCalibrationResponse> Client::apply_calibration(const v1::ApplyCalibrationRequest& request) {
-    return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::ApplyCalibration, request, kChangeTimeout);
+absl::StatusOr<v1::ApplyCalibrationResponse> Client::apply_calibration(
+    const v1::ApplyCalibrationRequest& request) {
+    return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::ApplyCalibration, request,
+                           kChangeTimeout);
 }
 
-absl::StatusOr<v1::UndoCalibrationResponse> Client::undo_calibration(const v1::UndoCalibrationRequest& request) {
-    return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::UndoCalibration, request, kChangeTimeout);
+absl::StatusOr<v1::UndoCalibrationResponse> Client::undo_calibration(
+    const v1::UndoCalibrationRequest& request) {
+    return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::UndoCalibration, request,
+                           kChangeTimeout);
 }
 
-absl::StatusOr<v1::ImportCalibrationResponse> Client::import_calibration(const v1::ImportCalibrationRequest& request) {
+absl::StatusOr<v1::ImportCalibrationResponse> Client::import_calibration(
+    const v1::ImportCalibrationRequest& request) {
     return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::ImportCalibration, request);
 }
 
-absl::StatusOr<v1::ExportCalibrationResponse> Client::export_calibration(const v1::ExportCalibrationRequest& request) {
+absl::StatusOr<v1::ExportCalibrationResponse> Client::export_calibration(
+    const v1::ExportCalibrationRequest& request) {
     return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::ExportCalibration, request);
 }
 
-absl::StatusOr<v1::RemoveCalibrationResponse> Client::remove_calibration(const v1::RemoveCalibrationRequest& request) {
+absl::StatusOr<v1::RemoveCalibrationResponse> Client::remove_calibration(
+    const v1::RemoveCalibrationRequest& request) {
     return parts_->call_on(*parts_->calibration, &v1::CalibrationService::Stub::RemoveCalibration, request);
 }
 
-absl::Status Client::watch_procedure(const std::function<bool(const v1::WatchProcedureResponse&)>& on_progress,
-                                     const StreamOptions& options) {
+absl::Status Client::watch_procedure(
+    const std::function<bool(const v1::WatchProcedureResponse&)>& on_progress, const StreamOptions& options) {
     return read_stream<v1::WatchProcedureResponse>(
         [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
-            return parts_->calibration->PrepareAsyncWatchProcedure(context, v1::WatchProcedureRequest(), queue);
+            return parts_->calibration->PrepareAsyncWatchProcedure(context, v1::WatchProcedureRequest(),
+                                                                   queue);
         },
-        [&](const v1::WatchProcedureResponse& progress) -> absl::StatusOr<bool> { return on_progress(progress); },
+        [&](const v1::WatchProcedureResponse& progress) -> absl::StatusOr<bool> {
+            return on_progress(progress);
+        },
         options, parts_->options);
 }
 
 absl::StatusOr<v1::StartRecordingResponse> Client::start_recording(const std::string& operator_name,
                                                                    v1::StartRecordingRequest request) {
     return change_under_control<v1::StartRecordingResponse>(*this, operator_name, request, [&] {
-        return parts_->call_on(*parts_->recording, &v1::RecordingService::Stub::StartRecording, request, kLeaseTimeout);
+        return parts_->call_on(*parts_->recording, &v1::RecordingService::Stub::StartRecording, request,
+                               kLeaseTimeout);
     });
 }
 
@@ -438,11 +466,13 @@ absl::StatusOr<v1::StopRecordingResponse> Client::stop_recording(const std::stri
                                                                  std::chrono::milliseconds timeout) {
     v1::StopRecordingRequest request;
     return change_under_control<v1::StopRecordingResponse>(*this, operator_name, request, [&] {
-        return parts_->call_on(*parts_->recording, &v1::RecordingService::Stub::StopRecording, request, timeout);
+        return parts_->call_on(*parts_->recording, &v1::RecordingService::Stub::StopRecording, request,
+                               timeout);
     });
 }
 
-absl::StatusOr<v1::KeepLastResponse> Client::keep_last(const std::string& operator_name, v1::KeepLastRequest request,
+absl::StatusOr<v1::KeepLastResponse> Client::keep_last(const std::string& operator_name,
+                                                       v1::KeepLastRequest request,
                                                        std::chrono::milliseconds timeout) {
     return change_under_control<v1::KeepLastResponse>(*this, operator_name, request, [&] {
         return parts_->call_on(*parts_->recording, &v1::RecordingService::Stub::KeepLast, request, timeout);
@@ -452,16 +482,19 @@ absl::StatusOr<v1::KeepLastResponse> Client::keep_last(const std::string& operat
 absl::StatusOr<v1::DeleteRecordingResponse> Client::delete_recording(const std::string& operator_name,
                                                                      v1::DeleteRecordingRequest request) {
     return change_under_control<v1::DeleteRecordingResponse>(*this, operator_name, request, [&] {
-        return parts_->call_on(*parts_->recording, &v1::RecordingService::Stub::DeleteRecording, request, kLeaseTimeout);
+        return parts_->call_on(*parts_->recording, &v1::RecordingService::Stub::DeleteRecording, request,
+                               kLeaseTimeout);
     });
 }
 
 absl::StatusOr<v1::GetRecorderStatusResponse> Client::recorder_status() {
-    return parts_->call_on(*parts_->recording, &v1::RecordingService::Stub::GetRecorderStatus, v1::GetRecorderStatusRequest());
+    return parts_->call_on(*parts_->recording, &v1::RecordingService::Stub::GetRecorderStatus,
+                           v1::GetRecorderStatusRequest());
 }
 
 absl::StatusOr<v1::ListRecordingsResponse> Client::list_recordings() {
-    return parts_->call_on(*parts_->recording, &v1::RecordingService::Stub::ListRecordings, v1::ListRecordingsRequest());
+    return parts_->call_on(*parts_->recording, &v1::RecordingService::Stub::ListRecordings,
+                           v1::ListRecordingsRequest());
 }
 
 absl::StatusOr<v1::GetRecordingResponse> Client::get_recording(const std::string& name) {
@@ -472,7 +505,8 @@ absl::StatusOr<v1::GetRecordingResponse> Client::get_recording(const std::string
 
 absl::Status Client::export_recording(v1::ExportRequest request,
                                       const std::function<bool(const v1::ExportResponse&)>& on_piece,
-                                      const std::function<void(double share)>& on_progress, const StreamOptions& options) {
+                                      const std::function<void(double share)>& on_progress,
+                                      const StreamOptions& options) {
     request.set_progress(true);
     return read_stream<v1::ExportResponse>(
         [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {

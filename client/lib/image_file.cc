@@ -1,22 +1,22 @@
 #include "client/lib/image_file.h"
 
-#include <csetjmp>
-#include <cstdio>
-#include <cstring>
-
 #include <fmt/format.h>
 #include <jpeglib.h>
 #include <png.h>
+
+#include <csetjmp>
+#include <cstdio>
+#include <cstring>
 
 #include "common/atomic_file.h"
 
 namespace kinevox::client {
 namespace {
 
-constexpr unsigned kLargestEdge = 16384;   // px; more than any camera has, small enough to allocate
+constexpr unsigned kLargestEdge = 16384;  // px; more than any camera has, small enough to allocate
 
 struct JpegErrors {
-    jpeg_error_mgr manager;   // first: libjpeg knows this struct by its address
+    jpeg_error_mgr manager;  // first: libjpeg knows this struct by its address
     std::jmp_buf escape;
     char message[JMSG_LENGTH_MAX] = "";
 };
@@ -28,7 +28,8 @@ struct JpegErrors {
 }
 
 // Every object that outlives the longjmp belongs to the caller, so none is skipped over.
-bool decode_into(std::span<const std::uint8_t> bytes, jpeg_decompress_struct& info, JpegErrors& errors, Image& image) {
+bool decode_into(std::span<const std::uint8_t> bytes, jpeg_decompress_struct& info, JpegErrors& errors,
+                 Image& image) {
     if (setjmp(errors.escape)) return false;
     jpeg_create_decompress(&info);
     jpeg_mem_src(&info, bytes.data(), bytes.size());
@@ -42,7 +43,8 @@ bool decode_into(std::span<const std::uint8_t> bytes, jpeg_decompress_struct& in
     image.width = static_cast<int>(info.output_width);
     image.height = static_cast<int>(info.output_height);
     image.channels = info.output_components;
-    const std::size_t stride = std::size_t{info.output_width} * static_cast<std::size_t>(info.output_components);
+    const std::size_t stride =
+        std::size_t{info.output_width} * static_cast<std::size_t>(info.output_components);
     image.data.resize(stride * info.output_height);
     while (info.output_scanline < info.output_height) {
         JSAMPROW row = image.data.data() + stride * info.output_scanline;

@@ -1,12 +1,12 @@
 // JPEG in, PNG out.
 #pragma once
 
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
 #include <cstdint>
 #include <filesystem>
 #include <span>
-
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 #include "client/lib/client.h"
 

@@ -58,7 +58,9 @@ absl::StatusOr<std::string> token(const std::string& file) {
     return line;
 }
 
-bool is_on_this_machine(const std::string& server) { return is_loopback(server) || server.starts_with("unix:"); }
+bool is_on_this_machine(const std::string& server) {
+    return is_loopback(server) || server.starts_with("unix:");
+}
 
 }  // namespace
 

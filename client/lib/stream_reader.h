@@ -1,13 +1,13 @@
 // Reads a stream on the calling thread, with a limit on silence, a stop from outside, and reconnection.
 #pragma once
 
+#include <absl/status/status.h>
+#include <grpcpp/grpcpp.h>
+
 #include <algorithm>
 #include <condition_variable>
 #include <mutex>
 #include <type_traits>
-
-#include <absl/status/status.h>
-#include <grpcpp/grpcpp.h>
 
 #include "client/lib/client.h"
 
@@ -20,11 +20,12 @@ std::shared_ptr<grpc::Channel> connect(const ClientOptions& options);
 
 // What goes with every call.
 inline void prepare_context(grpc::ClientContext& context, const ClientOptions& options) {
-    if (!options.security.token.empty()) context.AddMetadata("authorization", "Bearer " + options.security.token);
+    if (!options.security.token.empty())
+        context.AddMetadata("authorization", "Bearer " + options.security.token);
 }
 
-// One connection's worth. `prepare(context, queue)` yields a ClientAsyncReader<Message>. `on_message` returns an
-// error, which ends the stream with it, or whether to go on.
+// One connection's worth. `prepare(context, queue)` yields a ClientAsyncReader<Message>. `on_message` returns
+// an error, which ends the stream with it, or whether to go on.
 template <typename Message, typename Prepare>
 absl::Status read_stream_once(const Prepare& prepare,
                               const std::function<absl::StatusOr<bool>(const Message&)>& on_message,
@@ -75,7 +76,8 @@ absl::Status read_stream_once(const Prepare& prepare,
     bool ok = false;
     queue.Next(&tag, &ok);
     queue.Shutdown();
-    while (queue.Next(&tag, &ok)) {}
+    while (queue.Next(&tag, &ok)) {
+    }
     if (leaving) return ended;
     if (options.stop.stop_requested()) return absl::CancelledError("stopped");
     if (silent)

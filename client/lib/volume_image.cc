@@ -21,7 +21,8 @@ class Occupancy {
                         bits_[at(8 * brick.x + bit % 8, 8 * brick.y + bit / 8, 8 * brick.z + z)] = true;
     }
     bool operator()(int i, int j, int k) const {
-        return i >= 0 && j >= 0 && k >= 0 && i < size_[0] && j < size_[1] && k < size_[2] && bits_[at(i, j, k)];
+        return i >= 0 && j >= 0 && k >= 0 && i < size_[0] && j < size_[1] && k < size_[2] &&
+               bits_[at(i, j, k)];
     }
 
     // Outwards: away from the occupied voxels of the neighbourhood.
@@ -31,15 +32,18 @@ class Occupancy {
         for (int dk = -kReach; dk <= kReach; ++dk)
             for (int dj = -kReach; dj <= kReach; ++dj)
                 for (int di = -kReach; di <= kReach; ++di)
-                    if (di * di + dj * dj + dk * dk <= kReach * kReach && (*this)(v.i + di, v.j + dj, v.k + dk))
+                    if (di * di + dj * dj + dk * dk <= kReach * kReach &&
+                        (*this)(v.i + di, v.j + dj, v.k + dk))
                         sum += Vec3{-1.0 * di, -1.0 * dj, -1.0 * dk};
         return norm(sum) > 0 ? normalized(sum) : Vec3{0, 0, 1};
     }
 
   private:
     std::size_t at(int i, int j, int k) const {
-        return (static_cast<std::size_t>(k) * static_cast<std::size_t>(size_[1]) + static_cast<std::size_t>(j)) *
-                   static_cast<std::size_t>(size_[0]) + static_cast<std::size_t>(i);
+        return (static_cast<std::size_t>(k) * static_cast<std::size_t>(size_[1]) +
+                static_cast<std::size_t>(j)) *
+                   static_cast<std::size_t>(size_[0]) +
+               static_cast<std::size_t>(i);
     }
     std::array<int, 3> size_;
     std::vector<bool> bits_;
@@ -55,7 +59,7 @@ class Canvas {
             image_.data.insert(image_.data.end(), {background.r, background.g, background.b});
     }
 
-    void fill(int x0, int y0, int x1, int y1, double depth, Rgb colour) {   // both ends included
+    void fill(int x0, int y0, int x1, int y1, double depth, Rgb colour) {  // both ends included
         for (int y = std::max(0, y0); y <= std::min(image_.height - 1, y1); ++y)
             for (int x = std::max(0, x0); x <= std::min(image_.width - 1, x1); ++x) {
                 const auto i = static_cast<std::size_t>(y * image_.width + x);
@@ -75,15 +79,17 @@ class Canvas {
 };
 
 struct Box {
-    Vec3 low, high;   // m, world
+    Vec3 low, high;  // m, world
 };
 
 Box bounds_of(const Volume& volume) {
     Box box{{1e9, 1e9, 1e9}, {-1e9, -1e9, -1e9}};
     const double brick_m = 8 * volume.grid.voxel_m;
     for (const VolumeBrick& brick : volume.bricks) {
-        const Vec3 corner = volume.grid.origin_in_world + brick_m * Vec3{1.0 * brick.x, 1.0 * brick.y, 1.0 * brick.z};
-        box.low = {std::min(box.low.x, corner.x), std::min(box.low.y, corner.y), std::min(box.low.z, corner.z)};
+        const Vec3 corner =
+            volume.grid.origin_in_world + brick_m * Vec3{1.0 * brick.x, 1.0 * brick.y, 1.0 * brick.z};
+        box.low = {std::min(box.low.x, corner.x), std::min(box.low.y, corner.y),
+                   std::min(box.low.z, corner.z)};
         box.high = {std::max(box.high.x, corner.x + brick_m), std::max(box.high.y, corner.y + brick_m),
                     std::max(box.high.z, corner.z + brick_m)};
     }
@@ -91,7 +97,9 @@ Box bounds_of(const Volume& volume) {
 }
 
 Rgb shaded(Rgb colour, double light) {
-    const auto channel = [&](std::uint8_t c) { return static_cast<std::uint8_t>(std::min(255.0, c * light)); };
+    const auto channel = [&](std::uint8_t c) {
+        return static_cast<std::uint8_t>(std::min(255.0, c * light));
+    };
     return {channel(colour.r), channel(colour.g), channel(colour.b)};
 }
 
@@ -106,7 +114,8 @@ void draw_floor(const Box& box, const Camera& camera, const RenderOptions& optio
         if (const auto pixel = camera.project(point)) {
             const double depth = (camera.camera_from_world * point).z;
             if (depth < 0.2 || std::abs(pixel->x) > 1e5 || std::abs(pixel->y) > 1e5) return;
-            const int px = static_cast<int>(std::lround(pixel->x)), py = static_cast<int>(std::lround(pixel->y));
+            const int px = static_cast<int>(std::lround(pixel->x)),
+                      py = static_cast<int>(std::lround(pixel->y));
             canvas.fill(px, py, px, py, depth, colour);
         }
     };
@@ -137,18 +146,20 @@ Image render_volume(const Volume& volume, const Camera& camera, const RenderOpti
     for (std::size_t v = 0; v < voxels.size(); ++v) {
         const VoxelIndex& index = voxels[v];
         const double edge = volume.grid.voxel_m;
-        const Vec3 centre = volume.grid.origin_in_world +
-                            edge * Vec3{index.i + 0.5, index.j + 0.5, index.k + 0.5};
+        const Vec3 centre =
+            volume.grid.origin_in_world + edge * Vec3{index.i + 0.5, index.j + 0.5, index.k + 0.5};
         const auto pixel = camera.project(centre);
         const double depth = (camera.camera_from_world * centre).z;
         if (!pixel || depth < 0.05) continue;
-        const double half_x_px = half_across * edge * camera.fx / depth, half_y_px = half_down * edge * camera.fy / depth;
+        const double half_x_px = half_across * edge * camera.fx / depth,
+                     half_y_px = half_down * edge * camera.fy / depth;
         const Vec3 normal = occupied.normal(index);
         const double facing = std::max(0.0, dot(normal, to_light));
         const double rim = std::max(0.0, dot(normal, normalized(eye - centre)));
         const double light = options.ambient * (0.6 + 0.4 * rim) + (1.25 - options.ambient) * facing;
         const Rgb colour = shaded(coloured ? volume.colours[v] : options.uncoloured, light);
-        canvas.fill(static_cast<int>(std::ceil(pixel->x - half_x_px)), static_cast<int>(std::ceil(pixel->y - half_y_px)),
+        canvas.fill(static_cast<int>(std::ceil(pixel->x - half_x_px)),
+                    static_cast<int>(std::ceil(pixel->y - half_y_px)),
                     static_cast<int>(std::floor(pixel->x + half_x_px)),
                     static_cast<int>(std::floor(pixel->y + half_y_px)), depth, colour);
     }
@@ -161,7 +172,7 @@ Camera scaled(const Camera& camera, double scale) {
     out.height = std::max(1, static_cast<int>(std::lround(camera.height * scale)));
     out.fx = camera.fx * scale;
     out.fy = camera.fy * scale;
-    out.cx = (camera.cx + 0.5) * scale - 0.5;   // the first pixel's centre is (0, 0), its corner (-0.5, -0.5)
+    out.cx = (camera.cx + 0.5) * scale - 0.5;  // the first pixel's centre is (0, 0), its corner (-0.5, -0.5)
     out.cy = (camera.cy + 0.5) * scale - 0.5;
     return out;
 }
@@ -181,8 +192,10 @@ Window window_around(const Volume& volume, const Camera& camera) {
     Window window;
     window.width = std::min(side, camera.width);
     window.height = std::min(side, camera.height);
-    window.x = std::clamp(static_cast<int>(0.5 * (x0 + x1)) - window.width / 2, 0, camera.width - window.width);
-    window.y = std::clamp(static_cast<int>(0.5 * (y0 + y1)) - window.height / 2, 0, camera.height - window.height);
+    window.x =
+        std::clamp(static_cast<int>(0.5 * (x0 + x1)) - window.width / 2, 0, camera.width - window.width);
+    window.y =
+        std::clamp(static_cast<int>(0.5 * (y0 + y1)) - window.height / 2, 0, camera.height - window.height);
     return window;
 }
 
@@ -199,19 +212,20 @@ Image cropped(const Image& image, const Window& window) {
     Image out{window.width, window.height, image.channels, {}};
     out.data.reserve(static_cast<std::size_t>(out.width * out.height * out.channels));
     for (int y = window.y; y < window.y + window.height; ++y) {
-        const auto row = image.data.begin() + static_cast<std::ptrdiff_t>((y * image.width + window.x) * image.channels);
+        const auto row =
+            image.data.begin() + static_cast<std::ptrdiff_t>((y * image.width + window.x) * image.channels);
         out.data.insert(out.data.end(), row, row + window.width * image.channels);
     }
     return out;
 }
 
-Camera oblique_camera(const Volume& volume, const Vec3& towards_in_world, double azimuth, double elevation, int width,
-                      int height) {
+Camera oblique_camera(const Volume& volume, const Vec3& towards_in_world, double azimuth, double elevation,
+                      int width, int height) {
     const Box box = bounds_of(volume);
     const Vec3 middle = 0.5 * (box.low + box.high);
     const double from = std::atan2(towards_in_world.y - middle.y, towards_in_world.x - middle.x) + azimuth;
     const Vec3 backward{std::cos(elevation) * std::cos(from), std::cos(elevation) * std::sin(from),
-                        std::sin(elevation)};   // from the volume to the eye
+                        std::sin(elevation)};  // from the volume to the eye
     const Vec3 right = normalized(cross(-backward, Vec3{0, 0, 1}));
     const Vec3 down = cross(-backward, right);
     Camera camera;
@@ -223,11 +237,13 @@ Camera oblique_camera(const Volume& volume, const Vec3& towards_in_world, double
     camera.cy = 0.5 * (height - 1);
     // Far enough that the box's sphere, or for something tall its height, fits with a margin.
     const Vec3 half = 0.5 * (box.high - box.low);
-    const double distance = 1.2 * camera.fy *
-                            std::max(std::hypot(half.x, half.y) / (0.5 * width), norm(half) * 0.9 / (0.5 * height));
-    camera.camera_from_world.rotation.m = {right.x, right.y, right.z, down.x, down.y, down.z,
-                                           -backward.x, -backward.y, -backward.z};
-    camera.camera_from_world.translation = -(camera.camera_from_world.rotation * (middle + distance * backward));
+    const double distance =
+        1.2 * camera.fy *
+        std::max(std::hypot(half.x, half.y) / (0.5 * width), norm(half) * 0.9 / (0.5 * height));
+    camera.camera_from_world.rotation.m = {right.x, right.y,     right.z,     down.x,     down.y,
+                                           down.z,  -backward.x, -backward.y, -backward.z};
+    camera.camera_from_world.translation =
+        -(camera.camera_from_world.rotation * (middle + distance * backward));
     return camera;
 }
 
@@ -244,7 +260,8 @@ Image side_by_side(const std::vector<Image>& images, int gap_px, Rgb background)
         for (int y = 0; y < image.height; ++y)
             for (int x = 0; x < image.width; ++x)
                 for (int c = 0; c < 3; ++c) {
-                    const int from = image.channels == 1 ? y * image.width + x : 3 * (y * image.width + x) + c;
+                    const int from =
+                        image.channels == 1 ? y * image.width + x : 3 * (y * image.width + x) + c;
                     out.data[static_cast<std::size_t>(3 * (y * out.width + x0 + x) + c)] =
                         image.data[static_cast<std::size_t>(from)];
                 }
@@ -266,7 +283,8 @@ Image scaled_to_height(const Image& image, int height) {
             const double u = fx - x0, v = fy - y0;
             for (int c = 0; c < 3; ++c) {
                 const auto at = [&](int px, int py) {
-                    const int i = image.channels == 1 ? py * image.width + px : 3 * (py * image.width + px) + c;
+                    const int i =
+                        image.channels == 1 ? py * image.width + px : 3 * (py * image.width + px) + c;
                     return static_cast<double>(image.data[static_cast<std::size_t>(i)]);
                 };
                 const double value = (1 - v) * ((1 - u) * at(x0, y0) + u * at(x1, y0)) +

@@ -11,12 +11,13 @@ namespace kinevox::client {
 
 struct RenderOptions {
     Rgb background{24, 26, 30};
-    Rgb uncoloured{200, 190, 180};   // of volumes without colours
-    double ambient = 0.55;           // 0..1; the rest of the light comes from beside the camera
-    bool floor_grid = true;          // lines half a metre apart on z = 0, two metres around the volume
+    Rgb uncoloured{200, 190, 180};  // of volumes without colours
+    double ambient = 0.55;          // 0..1; the rest of the light comes from beside the camera
+    bool floor_grid = true;         // lines half a metre apart on z = 0, two metres around the volume
 };
 
-// R G B, the camera's size: every surface voxel as a cube, nearest in front, shaded by the volume's smoothed normal.
+// R G B, the camera's size: every surface voxel as a cube, nearest in front, shaded by the volume's smoothed
+// normal.
 Image render_volume(const Volume& volume, const Camera& camera, const RenderOptions& options = {});
 
 // The same camera with pictures scaled by `scale`.
@@ -24,13 +25,13 @@ Camera scaled(const Camera& camera, double scale);
 
 // A pinhole camera that sees the whole volume, at `elevation` above the horizon, turned about the vertical by
 // `azimuth` from `towards` (a camera's centre); radians, px.
-Camera oblique_camera(const Volume& volume, const Vec3& towards_in_world, double azimuth, double elevation, int width,
-                      int height);
+Camera oblique_camera(const Volume& volume, const Vec3& towards_in_world, double azimuth, double elevation,
+                      int width, int height);
 
-// The part of a camera's picture in which the volume lies, twice as high as it appears there, as wide as high, within
-// the picture; the whole picture for an empty volume. And a camera that sees just that part.
+// The part of a camera's picture in which the volume lies, twice as high as it appears there, as wide as
+// high, within the picture; the whole picture for an empty volume. And a camera that sees just that part.
 struct Window {
-    int x = 0, y = 0, width = 0, height = 0;   // px
+    int x = 0, y = 0, width = 0, height = 0;  // px
 };
 Window window_around(const Volume& volume, const Camera& camera);
 Camera cropped(const Camera& camera, const Window& window);

@@ -12,7 +12,9 @@ constexpr std::int64_t kKept_ns = std::int64_t{1'000'000'000} * AngleHistory::kK
 
 }  // namespace
 
-void AngleHistory::clear() { instants_.clear(); }
+void AngleHistory::clear() {
+    instants_.clear();
+}
 
 void AngleHistory::add(const ShownPose& pose) {
     if (!instants_.empty()) {
@@ -38,14 +40,16 @@ AngleHistory::Series AngleHistory::series(const std::string& angle) const {
     if (place == places_.end() || instants_.empty()) return series;
     for (const Instant& instant : instants_) {
         series.time_s.push_back(1e-9 * static_cast<double>(instant.time_ns - instants_.back().time_ns));
-        series.value_deg.push_back(place->second < instant.value_deg.size() ? instant.value_deg[place->second] : kNothing);
+        series.value_deg.push_back(place->second < instant.value_deg.size() ? instant.value_deg[place->second]
+                                                                            : kNothing);
     }
     return series;
 }
 
 std::optional<double> AngleHistory::newest_deg(const std::string& angle) const {
     const auto place = places_.find(angle);
-    if (place == places_.end() || instants_.empty() || place->second >= instants_.back().value_deg.size()) return {};
+    if (place == places_.end() || instants_.empty() || place->second >= instants_.back().value_deg.size())
+        return {};
     const float value = instants_.back().value_deg[place->second];
     return std::isnan(value) ? std::nullopt : std::optional<double>(value);
 }

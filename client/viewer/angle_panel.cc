@@ -1,15 +1,14 @@
 #include "client/viewer/angle_panel.h"
 
+#include <qcustomplot.h>
+
 #include <QComboBox>
 #include <QGridLayout>
 #include <QLabel>
 #include <QVBoxLayout>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
-
-#include <qcustomplot.h>
 
 namespace kinevox::viewer {
 namespace {
@@ -19,11 +18,13 @@ constexpr double kLeastSpan_deg = 20, kWindow_s = 6;
 // Texts of marks: how long one is, how high; in rows so that they do not cover each other.
 constexpr double kMarkText_s = 1.6, kMarkRow = 0.14;
 constexpr std::size_t kMarkRows = 4;
-const std::vector<std::string> kFirstChoice{"knee_flexion_l", "hip_flexion_l", "trunk_lean", "knee_flexion_l", "hip_flexion_l"};
+const std::vector<std::string> kFirstChoice{"knee_flexion_l", "hip_flexion_l", "trunk_lean", "knee_flexion_l",
+                                            "hip_flexion_l"};
 
 // knee_flexion_l: "knee flexion"
 QString label(const std::string& angle) {
-    QString text = QString::fromStdString(AngleHistory::other_side(angle).empty() ? angle : angle.substr(0, angle.size() - 2));
+    QString text = QString::fromStdString(
+        AngleHistory::other_side(angle).empty() ? angle : angle.substr(0, angle.size() - 2));
     return text.replace('_', ' ');
 }
 
@@ -55,7 +56,9 @@ class LargeNumber final : public QLabel {
         font.setBold(true);
         return font;
     }
-    int width_in(int height_pt) const { return QFontMetrics(in(height_pt)).horizontalAdvance(number(-188)) + 4; }
+    int width_in(int height_pt) const {
+        return QFontMetrics(in(height_pt)).horizontalAdvance(number(-188)) + 4;
+    }
 };
 
 }  // namespace
@@ -91,7 +94,7 @@ AnglePanel::AnglePanel(QWidget* parent) : QWidget(parent), wanted_(kFirstChoice)
         curve.plot->addGraph();
         curve.plot->addGraph();
         curve.plot->setAntialiasedElements(QCP::aeNone);
-        curve.plot->setNotAntialiasedElements(QCP::aeAll);   // half the cost of a live curve
+        curve.plot->setNotAntialiasedElements(QCP::aeAll);  // half the cost of a live curve
         curve.plot->xAxis->setNumberFormat("f");
         curve.plot->xAxis->setNumberPrecision(0);
         curve.plot->xAxis->setLabel(tr("seconds before now"));
@@ -149,7 +152,8 @@ void AnglePanel::choose(const std::vector<std::string>& names) {
 void AnglePanel::show_history(const AngleHistory& history, const PlotMarks& marks) {
     offer(history.names());
     for (Number& n : numbers_) {
-        const std::string name = n.choice->currentData().toString().toStdString(), other = AngleHistory::other_side(name);
+        const std::string name = n.choice->currentData().toString().toStdString(),
+                          other = AngleHistory::other_side(name);
         n.left->setText(number(history.newest_deg(name)));
         n.left->setStyleSheet("color: " + (other.empty() ? theme_.middle : theme_.left).name());
         n.right->setVisible(!other.empty());
@@ -163,7 +167,8 @@ void AnglePanel::show_history(const AngleHistory& history, const PlotMarks& mark
 }
 
 void AnglePanel::show_curve(Curve& c, const AngleHistory& history) {
-    const std::string name = c.choice->currentData().toString().toStdString(), other = AngleHistory::other_side(name);
+    const std::string name = c.choice->currentData().toString().toStdString(),
+                      other = AngleHistory::other_side(name);
     double low = 1e9, high = -1e9;
     for (int side = 0; side < 2; ++side) {
         const AngleHistory::Series series = history.series(side == 0 ? name : other);
@@ -194,12 +199,13 @@ void AnglePanel::show_marks(Curve& c, const AngleHistory& history, const PlotMar
     c.plot->clearItems();
     const auto newest_ns = history.newest_time_ns();
     if (!newest_ns) return;
-    std::array<double, kMarkRows> free_from_s;   // of each row of texts
+    std::array<double, kMarkRows> free_from_s;  // of each row of texts
     free_from_s.fill(-2 * kWindow_s);
-    for (const PlotMark& mark : marks.between(*newest_ns - static_cast<std::int64_t>(1e9 * kWindow_s), *newest_ns)) {
+    for (const PlotMark& mark :
+         marks.between(*newest_ns - static_cast<std::int64_t>(1e9 * kWindow_s), *newest_ns)) {
         const double at_s = 1e-9 * static_cast<double>(mark.time_ns - *newest_ns);
         const QColor& colour = mark.coach ? theme_.good : theme_.faint;
-        auto* line = new QCPItemStraightLine(c.plot);   // the plot owns its items
+        auto* line = new QCPItemStraightLine(c.plot);  // the plot owns its items
         line->point1->setCoords(at_s, 0);
         line->point2->setCoords(at_s, 1);
         line->setPen(QPen(colour, 1, Qt::DashLine));
@@ -245,7 +251,7 @@ void AnglePanel::set_theme(const Theme& theme) {
 bool AnglePanel::save_plot(int curve, const QString& file) const {
     QCustomPlot* plot = curves_.at(static_cast<std::size_t>(curve)).plot;
     plot->graph(1)->visible() ? plot->graph(1)->addToLegend() : plot->graph(1)->removeFromLegend();
-    plot->legend->setVisible(true);   // beside it on the screen, nowhere on paper
+    plot->legend->setVisible(true);  // beside it on the screen, nowhere on paper
     const bool saved = file.endsWith(".pdf") ? plot->savePdf(file) : plot->savePng(file, 0, 0, 2);
     plot->legend->setVisible(false);
     return saved;

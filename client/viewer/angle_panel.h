@@ -2,7 +2,6 @@
 #pragma once
 
 #include <QWidget>
-
 #include <string>
 #include <vector>
 
@@ -31,7 +30,8 @@ class AnglePanel final : public QWidget {
     // Names as in angles.csv; for a pair the left one. kNumbers and then kCurves.
     std::vector<std::string> choices() const;
     void choose(const std::vector<std::string>& names);
-    // A curve as it is, with its marks and which side is which, PNG or PDF by the name's ending; false where that cannot be written.
+    // A curve as it is, with its marks and which side is which, PNG or PDF by the name's ending; false where
+    // that cannot be written.
     bool save_plot(int curve, const QString& file) const;
 
   signals:

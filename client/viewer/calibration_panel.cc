@@ -278,7 +278,8 @@ void CalibrationPanel::show_progress() {
     if (solving || hints.isEmpty()) hints = QStringList(text(progress.message()));
     hint_->setText(hints.join("\n\n"));
     // A label that breaks its lines does not tell a layout how high that makes it.
-    for (QLabel* label : {instruction_, hint_}) label->setMinimumHeight(std::max(0, label->heightForWidth(label->width())));
+    for (QLabel* label : {instruction_, hint_})
+        label->setMinimumHeight(std::max(0, label->heightForWidth(label->width())));
     part_->setVisible(solving);
     part_->setValue(static_cast<int>(1000 * progress.part()));
     enough_->setVisible(own && !solving);

@@ -1,7 +1,6 @@
 #include "client/viewer/camera_panel.h"
 
 #include <QPainter>
-
 #include <algorithm>
 #include <cmath>
 
@@ -11,11 +10,13 @@ namespace kinevox::viewer {
 namespace {
 
 constexpr int kGap_px = 4, kTextHeight_px = 18;
-constexpr double kUsualShape = 4.0 / 3;   // width over height, before there is a picture
+constexpr double kUsualShape = 4.0 / 3;  // width over height, before there is a picture
 
 }  // namespace
 
-CameraPanel::CameraPanel(QWidget* parent) : QWidget(parent) { setMinimumSize(200, 120); }
+CameraPanel::CameraPanel(QWidget* parent) : QWidget(parent) {
+    setMinimumSize(200, 120);
+}
 
 void CameraPanel::show_previews(std::map<std::string, QImage> pictures) {
     pictures_ = std::move(pictures);
@@ -26,7 +27,8 @@ void CameraPanel::show_status(const v1::GetStatusResponse& status) {
     std::vector<Tile> tiles;
     for (const v1::CameraStatus& camera : status.cameras()) {
         const CameraTrouble trouble = camera_trouble(camera, status.has_subject());
-        Tile tile{QString::fromStdString(camera.name()), tr(trouble.short_word.c_str()), trouble.gravity == 0};
+        Tile tile{QString::fromStdString(camera.name()), tr(trouble.short_word.c_str()),
+                  trouble.gravity == 0};
         tiles.push_back(std::move(tile));
     }
     const auto same = [](const Tile& a, const Tile& b) { return a.name == b.name && a.trouble == b.trouble; };
@@ -57,11 +59,13 @@ void CameraPanel::paintEvent(QPaintEvent*) {
         const double tile_width = std::min(static_cast<double>(width()) / c, shape * tile_height);
         if (tile_width > best) best = tile_width, columns = c;
     }
-    const int tile_width = static_cast<int>(best) - kGap_px, tile_height = static_cast<int>(tile_width / shape);
+    const int tile_width = static_cast<int>(best) - kGap_px,
+              tile_height = static_cast<int>(tile_width / shape);
     for (int i = 0; i < n; ++i) {
         const Tile& tile = tiles_[static_cast<std::size_t>(i)];
         const QRect place(kGap_px / 2 + i % columns * (tile_width + kGap_px),
-                          kGap_px / 2 + i / columns * (tile_height + kTextHeight_px + kGap_px), tile_width, tile_height);
+                          kGap_px / 2 + i / columns * (tile_height + kTextHeight_px + kGap_px), tile_width,
+                          tile_height);
         const auto picture = pictures_.find(tile.name.toStdString());
         if (picture != pictures_.end() && !picture->second.isNull())
             painter.drawImage(place, picture->second);
@@ -69,7 +73,8 @@ void CameraPanel::paintEvent(QPaintEvent*) {
             painter.fillRect(place, theme_.floor_lines);
         const QRect text(place.left(), place.bottom() + 1, tile_width, kTextHeight_px);
         painter.setPen(tile.good ? theme_.text : theme_.care);
-        painter.drawText(text, Qt::AlignVCenter | Qt::AlignLeft, tile.good ? tile.name : tile.name + ": " + tile.trouble);
+        painter.drawText(text, Qt::AlignVCenter | Qt::AlignLeft,
+                         tile.good ? tile.name : tile.name + ": " + tile.trouble);
         if (!tile.good) {
             painter.setPen(QPen(theme_.care, 2));
             painter.drawRect(place);

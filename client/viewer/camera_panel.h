@@ -3,7 +3,6 @@
 
 #include <QImage>
 #include <QWidget>
-
 #include <map>
 #include <string>
 

@@ -1,17 +1,17 @@
 #include "client/viewer/commands.h"
 
-#include <utility>
-
 #include <fmt/format.h>
 
+#include <utility>
 
 namespace kinevox::viewer {
 namespace {
 
-constexpr std::chrono::seconds kLongWork{60};   // learning, closing a recording
+constexpr std::chrono::seconds kLongWork{60};  // learning, closing a recording
 
 std::string summary(const v1::Recording& r) {
-    std::string text = fmt::format("\"{}\" is recorded: {:.1f} s, {} frame sets", r.name(), r.seconds(), r.frames());
+    std::string text =
+        fmt::format("\"{}\" is recorded: {:.1f} s, {} frame sets", r.name(), r.seconds(), r.frames());
     if (r.dropped() > 0) text += fmt::format(", {} not recorded", r.dropped());
     if (!r.end_reason().empty()) text += "; " + r.end_reason();
     return text;
@@ -40,7 +40,8 @@ void Commands::run(const std::stop_token& stop) {
         Asked asked;
         {
             std::unique_lock lock(mutex_);
-            if (!changed_.wait(lock, stop, [this] { return !asked_.empty(); }) || stop.stop_requested()) return;
+            if (!changed_.wait(lock, stop, [this] { return !asked_.empty(); }) || stop.stop_requested())
+                return;
             asked = std::move(asked_.front());
             asked_.pop_front();
         }

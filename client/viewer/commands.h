@@ -1,12 +1,12 @@
-// What the coach asks the daemon to do, one after the other on a thread of its own, so that the window never waits.
+// What the coach asks the daemon to do, one after the other on a thread of its own, so that the window never
+// waits.
 #pragma once
+
+#include <absl/status/status.h>
 
 #include <QObject>
 #include <QString>
 #include <QStringList>
-
-#include <absl/status/status.h>
-
 #include <chrono>
 #include <condition_variable>
 #include <deque>
@@ -20,7 +20,7 @@
 
 namespace kinevox::viewer {
 
-inline constexpr const char* kOperator = "viewer";   // under which control is taken
+inline constexpr const char* kOperator = "viewer";  // under which control is taken
 
 // Signals come on the thread here.
 class Commands final : public QObject {
@@ -44,7 +44,7 @@ class Commands final : public QObject {
     bool keep_last();
     // Answered by recordings_came().
     bool list_recordings();
-    bool open_replay(const std::string& recording);   // its name
+    bool open_replay(const std::string& recording);  // its name
     bool close_replay();
     bool play(bool on);
     bool step(int frames);

@@ -25,7 +25,8 @@ ShownPose shown(const v1::StreamPosesResponse& message) {
             pose.joints_in_world[*place] = Vec3{p.x(), p.y(), p.z()};
         }
     for (const v1::AngleEstimate& angle : message.pose().angles())
-        pose.angles.push_back({angle.name(), angle.has_value_deg() ? std::optional(angle.value_deg()) : std::nullopt});
+        pose.angles.push_back(
+            {angle.name(), angle.has_value_deg() ? std::optional(angle.value_deg()) : std::nullopt});
     return pose;
 }
 
@@ -99,7 +100,9 @@ void Feed::show_previews(PreviewKind kind) {
     std::vector<Camera> cameras;
     {
         const std::scoped_lock lock(mutex_);
-        if (kind == preview_kind_ && (kind == PreviewKind::kNone || preview_threads_.size() == cameras_.size())) return;
+        if (kind == preview_kind_ &&
+            (kind == PreviewKind::kNone || preview_threads_.size() == cameras_.size()))
+            return;
         preview_kind_ = kind;
         cameras = cameras_;
     }
@@ -191,7 +194,7 @@ void Feed::run_states(const std::stop_token& stop) {
     client::ClientOptions impatient = options_;
     impatient.timeout = std::chrono::milliseconds(2000);
     client::Client client(impatient);
-    std::string cameras_of;   // the source that the cameras were asked for
+    std::string cameras_of;  // the source that the cameras were asked for
     while (!stop.stop_requested()) {
         DaemonState state;
         state.asked_at = Clock::now();
@@ -245,9 +248,10 @@ void Feed::run_preview(const std::string& camera, PreviewKind kind, const std::s
                 const client::Image& image = frame.image;
                 QImage picture;
                 if (image.width > 0)
-                    picture = QImage(image.data.data(), image.width, image.height, image.channels * image.width,
-                                     image.channels == 1 ? QImage::Format_Grayscale8 : QImage::Format_RGB888)
-                                  .convertToFormat(QImage::Format_RGB32);   // which copies
+                    picture =
+                        QImage(image.data.data(), image.width, image.height, image.channels * image.width,
+                               image.channels == 1 ? QImage::Format_Grayscale8 : QImage::Format_RGB888)
+                            .convertToFormat(QImage::Format_RGB32);  // which copies
                 {
                     const std::scoped_lock lock(mutex_);
                     previews_[camera] = std::move(picture);

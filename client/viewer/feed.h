@@ -1,13 +1,12 @@
-// What comes from the daemon: streams and states, each on a thread of its own, the newest kept. Nothing here waits for
-// the painting, and the painting waits for nothing here.
+// What comes from the daemon: streams and states, each on a thread of its own, the newest kept. Nothing here
+// waits for the painting, and the painting waits for nothing here.
 #pragma once
+
+#include <absl/status/status.h>
 
 #include <QImage>
 #include <QObject>
 #include <QString>
-
-#include <absl/status/status.h>
-
 #include <chrono>
 #include <condition_variable>
 #include <functional>
@@ -31,13 +30,13 @@ struct DaemonState {
     std::shared_ptr<const v1::GetStatusResponse> status;
     std::shared_ptr<const v1::GetRecorderStatusResponse> recorder;
     std::shared_ptr<const v1::Replay> replay;
-    std::chrono::steady_clock::time_point asked_at;   // all that is in it was so then or later
+    std::chrono::steady_clock::time_point asked_at;  // all that is in it was so then or later
 };
 
 enum class PreviewKind { kNone, kPictures, kSilhouettes };
 
-// Signals come on the threads here: connect them to objects, whose threads they are then queued to. Many messages may
-// stand behind one signal.
+// Signals come on the threads here: connect them to objects, whose threads they are then queued to. Many
+// messages may stand behind one signal.
 class Feed final : public QObject {
     Q_OBJECT
 
@@ -51,7 +50,7 @@ class Feed final : public QObject {
     std::vector<std::shared_ptr<const ShownPose>> take_poses();
     DaemonState state() const;
     std::vector<Camera> cameras() const;
-    std::map<std::string, QImage> previews() const;   // by camera
+    std::map<std::string, QImage> previews() const;  // by camera
     // Without delay and painted rate, which the painting knows.
     Link link() const;
 
@@ -64,8 +63,8 @@ class Feed final : public QObject {
     void state_came();
     void cameras_came();
     void preview_came();
-    void previews_refused(const QString& why);   // to this connection's token; not asked for again
-    void event_came(int kind, const QString& message, qint64 time_ns);   // v1::EventKind; UTC
+    void previews_refused(const QString& why);  // to this connection's token; not asked for again
+    void event_came(int kind, const QString& message, qint64 time_ns);  // v1::EventKind; UTC
 
   private:
     using Clock = std::chrono::steady_clock;
@@ -90,7 +89,7 @@ class Feed final : public QObject {
     PreviewKind preview_kind_ = PreviewKind::kNone;
 
     std::condition_variable_any wake_;
-    std::vector<std::jthread> preview_threads_;   // the owner's thread starts and ends them
+    std::vector<std::jthread> preview_threads_;  // the owner's thread starts and ends them
     std::vector<std::jthread> threads_;
 };
 

@@ -138,13 +138,15 @@ void Ghost::show_state(const DaemonState& state) {
     replay_fps_ = open ? state.replay->fps() : 0;
     const std::string session = open ? state.replay->session() : std::string();
     const std::filesystem::path file(session);
-    const bool of_recorder = open && state.recorder && file.parent_path().parent_path() == state.recorder->folder();
+    const bool of_recorder =
+        open && state.recorder && file.parent_path().parent_path() == state.recorder->folder();
     replayed_ = of_recorder ? file.parent_path().filename().string() : std::string();
     const bool was_live = replay_session_.empty();
     if (std::exchange(replay_session_, session) != session) {
         shown_read_of_.clear();
         match_.set_shown(nullptr);
-        if (match_.ghost() && was_live == open) bar_.set_shown_event(open ? TrialEvent::kBegin : TrialEvent::kMark);
+        if (match_.ghost() && was_live == open)
+            bar_.set_shown_event(open ? TrialEvent::kBegin : TrialEvent::kMark);
         bar_.show_lack(match_.lack());
     }
     read_replayed();

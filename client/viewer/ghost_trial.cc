@@ -14,7 +14,7 @@ namespace {
 constexpr double kStill_m_s = 0.5, kMoving_m_s = 1.0;  // a foot on the floor, one in the air; horizontally
 constexpr double kNearFloor_m = 0.05, kOffFloor_m = 0.08;  // above the lowest that the foot comes
 constexpr double kLowestPart = 0.05;  // of all frames, so that one wrong frame says nothing
-constexpr double kLongest_s = 1e7;  // of a trial
+constexpr double kLongest_s = 1e7;    // of a trial
 constexpr std::size_t kCells = 3 * kJointNames.size();
 
 std::vector<std::string_view> split(std::string_view line) {
@@ -168,7 +168,8 @@ absl::StatusOr<GhostTrial> parse_ghost_trial(std::string_view csv, const std::st
         const auto told_s = number(cells[columns->time]);
         if (told_s && trial.instants.empty()) first_s = *told_s;
         const double time_s = told_s.value_or(0) - first_s;
-        if (!told_s || !(time_s < kLongest_s) || (!trial.instants.empty() && !(time_s > trial.instants.back().time_s)))
+        if (!told_s || !(time_s < kLongest_s) ||
+            (!trial.instants.empty() && !(time_s > trial.instants.back().time_s)))
             return wrong(fmt::format("time_s '{}' is no time after the one before", cells[columns->time]));
         GhostInstant instant{time_s, {}};
         for (std::size_t j = 0; j < kJointNames.size(); ++j) {

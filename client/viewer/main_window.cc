@@ -10,7 +10,6 @@
 #include <QSettings>
 #include <QStatusBar>
 #include <QStyle>
-
 #include <algorithm>
 #include <utility>
 
@@ -36,7 +35,7 @@ MainWindow::MainWindow(const client::ConnectionOptions& connection) {
     const QSize most = screen()->availableSize();
     resize(QSize(std::max(1280, 3 * most.width() / 4), std::max(800, 3 * most.height() / 4)).boundedTo(most));
     scene_ = new SceneView;
-    scene_widget_ = QWidget::createWindowContainer(scene_, this);   // owns it
+    scene_widget_ = QWidget::createWindowContainer(scene_, this);  // owns it
     scene_widget_->setMinimumSize(320, 240);
     setCentralWidget(scene_widget_);
     make_docks();
@@ -78,7 +77,8 @@ MainWindow::~MainWindow() {
 }
 
 void MainWindow::make_docks() {
-    const auto dock = [this](const QString& title, const char* name, QWidget* widget, Qt::DockWidgetArea where) {
+    const auto dock = [this](const QString& title, const char* name, QWidget* widget,
+                             Qt::DockWidgetArea where) {
         auto* made = new QDockWidget(title, this);
         made->setObjectName(name);
         made->setWidget(widget);
@@ -128,12 +128,13 @@ void MainWindow::set_previews(PreviewKind kind) {
 }
 
 QImage MainWindow::picture() {
-    QImage image(size() * devicePixelRatio(), QImage::Format_RGB32);   // as sharp as the screen
+    QImage image(size() * devicePixelRatio(), QImage::Format_RGB32);  // as sharp as the screen
     image.setDevicePixelRatio(devicePixelRatio());
     render(&image);
     // What OpenGL painted is not in what render() draws.
     QPainter painter(&image);
-    painter.drawImage(QRect(scene_widget_->mapTo(this, QPoint(0, 0)), scene_widget_->size()), scene_->grabFramebuffer());
+    painter.drawImage(QRect(scene_widget_->mapTo(this, QPoint(0, 0)), scene_widget_->size()),
+                      scene_->grabFramebuffer());
     return image;
 }
 

@@ -1,5 +1,5 @@
-// The coach's window: the scene in the middle, angles beside it, cameras and recordings below, and in the status line how
-// it goes.
+// The coach's window: the scene in the middle, angles beside it, cameras and recordings below, and in the
+// status line how it goes.
 #pragma once
 
 #include <QElapsedTimer>
@@ -7,7 +7,6 @@
 #include <QString>
 #include <QStringList>
 #include <QTimer>
-
 #include <functional>
 #include <memory>
 
@@ -51,7 +50,7 @@ class MainWindow final : public QMainWindow {
     v1::WatchProcedureResponse calibration_progress() const;
     const Feed& feed() const { return *feed_; }
     Ghost& ghost() { return *ghost_; }
-    QString status_line() const;   // as it is shown, state, line and remedy
+    QString status_line() const;  // as it is shown, state, line and remedy
     QString last_answer() const { return last_answer_; }
 
     void save_plots_in(const QString& folder);
@@ -67,7 +66,8 @@ class MainWindow final : public QMainWindow {
     void make_view_actions();
     void make_ghost_actions();
     void make_replay_actions();
-    QAction* make_action(QMenu* menu, const char* name, const QString& text, const QKeySequence& key, std::function<void()> act);
+    QAction* make_action(QMenu* menu, const char* name, const QString& text, const QKeySequence& key,
+                         std::function<void()> act);
     QAction* make_toggle(QMenu* menu, const char* name, const QString& text, const QKeySequence& key, bool on,
                          std::function<void(bool)> act);
     void connect_feed();

@@ -60,7 +60,8 @@ void MainWindow::make_actions() {
     QAction* learn = make_action(capture_menu_, "learn", tr("Learn the empty scene"), Qt::Key_B,
                                  [this] { learn_background(); });
     record_ = make_action(capture_menu_, "record", tr("Record"), Qt::Key_R, [this] {
-        record_->setEnabled(false);   // until it is known what came of it: pressed again it would mean the opposite
+        record_->setEnabled(
+            false);  // until it is known what came of it: pressed again it would mean the opposite
         busy_unless(recording_ ? commands_->stop_recording() : commands_->start_recording());
     });
     keep_ = make_action(capture_menu_, "keep", tr("Keep last"), Qt::Key_K,

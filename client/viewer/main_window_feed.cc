@@ -24,7 +24,8 @@ constexpr qint64 kAnswerShown_ms = 6000;
 
 void MainWindow::connect_to(const client::ConnectionOptions& connection) {
     const auto options = connection.open();
-    if (!options.ok()) return answered(QString::fromStdString(std::string(options.status().message())), false);
+    if (!options.ok())
+        return answered(QString::fromStdString(std::string(options.status().message())), false);
     ghost_.reset();
     calibration_.reset();
     commands_.reset();
@@ -199,7 +200,9 @@ void MainWindow::replay_recording(const QString& name) {
     busy_unless(commands_->open_replay(name.toStdString()));
 }
 
-v1::WatchProcedureResponse MainWindow::calibration_progress() const { return calibration_->progress(); }
+v1::WatchProcedureResponse MainWindow::calibration_progress() const {
+    return calibration_->progress();
+}
 
 void MainWindow::busy_unless(bool taken) {
     if (!taken) answered(tr("too much waits already; a moment"), false);

@@ -9,13 +9,16 @@ namespace {
 
 constexpr float kDegreesPerPixel = 0.35f, kZoomPerStep = 0.88f, kFollowTime_s = 0.25f;
 
-float radians(float degrees) { return degrees * std::numbers::pi_v<float> / 180; }
+float radians(float degrees) {
+    return degrees * std::numbers::pi_v<float> / 180;
+}
 
 }  // namespace
 
 QVector3D OrbitCamera::eye_in_world() const {
     const float a = radians(azimuth_deg), e = radians(elevation_deg);
-    return target_in_world + distance_m * QVector3D(std::cos(e) * std::cos(a), std::cos(e) * std::sin(a), std::sin(e));
+    return target_in_world +
+           distance_m * QVector3D(std::cos(e) * std::cos(a), std::cos(e) * std::sin(a), std::sin(e));
 }
 
 QMatrix4x4 OrbitCamera::eye_from_world() const {
@@ -30,7 +33,9 @@ QMatrix4x4 OrbitCamera::clip_from_eye(float width_over_height) const {
     return m;
 }
 
-float OrbitCamera::pixels_per_metre(float height_px) { return height_px / 2 / std::tan(radians(kFieldOfView_deg / 2)); }
+float OrbitCamera::pixels_per_metre(float height_px) {
+    return height_px / 2 / std::tan(radians(kFieldOfView_deg / 2));
+}
 
 void OrbitCamera::orbit(float right_px, float down_px) {
     azimuth_deg = std::remainder(azimuth_deg - kDegreesPerPixel * right_px, 360.f);
@@ -50,10 +55,18 @@ void OrbitCamera::zoom(float steps) {
 
 void OrbitCamera::look(Look from) {
     switch (from) {
-        case Look::kFront: azimuth_deg = 0, elevation_deg = 0; break;
-        case Look::kSide: azimuth_deg = -90, elevation_deg = 0; break;
-        case Look::kTop: azimuth_deg = -90, elevation_deg = kSteepest_deg; break;
-        case Look::kOblique: azimuth_deg = 35, elevation_deg = 12; break;
+        case Look::kFront:
+            azimuth_deg = 0, elevation_deg = 0;
+            break;
+        case Look::kSide:
+            azimuth_deg = -90, elevation_deg = 0;
+            break;
+        case Look::kTop:
+            azimuth_deg = -90, elevation_deg = kSteepest_deg;
+            break;
+        case Look::kOblique:
+            azimuth_deg = 35, elevation_deg = 12;
+            break;
     }
 }
 

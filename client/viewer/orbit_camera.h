@@ -8,11 +8,11 @@ namespace kinevox::viewer {
 
 enum class Look { kFront, kSide, kTop, kOblique };
 
-// Angles in degrees, lengths in metres, world frame. Azimuth 0 looks along -x (the person's front where she faces +x),
-// growing anticlockwise seen from above.
+// Angles in degrees, lengths in metres, world frame. Azimuth 0 looks along -x (the person's front where she
+// faces +x), growing anticlockwise seen from above.
 struct OrbitCamera {
     static constexpr float kNearest_m = 0.3f, kFarthest_m = 60.f, kSteepest_deg = 89.f;
-    static constexpr float kFieldOfView_deg = 40.f;   // vertical
+    static constexpr float kFieldOfView_deg = 40.f;  // vertical
 
     QVector3D target_in_world{0, 0, 0.95f};
     float azimuth_deg = 35, elevation_deg = 12, distance_m = 4.5f;
@@ -31,7 +31,8 @@ struct OrbitCamera {
     void zoom(float steps);
     // Towards the target from that side; the target and the distance stay.
     void look(Look from);
-    // Goes a part of the way to `point`, so that what moves unevenly is followed evenly. `seconds` since the last call.
+    // Goes a part of the way to `point`, so that what moves unevenly is followed evenly. `seconds` since the
+    // last call.
     void follow(const QVector3D& point_in_world, float seconds);
 };
 

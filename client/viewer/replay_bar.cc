@@ -5,7 +5,6 @@
 #include <QLabel>
 #include <QSignalBlocker>
 #include <QSlider>
-
 #include <algorithm>
 #include <cmath>
 
@@ -53,7 +52,8 @@ void ReplayBar::show_replay(const v1::Replay& replay) {
     play_->setText(playing_ ? tr("Pause") : tr("Play"));
     const QSignalBlocker quiet_timeline(timeline_), quiet_loop(loop_);
     timeline_->setRange(0, static_cast<int>(std::max<std::int64_t>(0, replay.frames() - 1)));
-    if (!timeline_->isSliderDown()) timeline_->setValue(static_cast<int>(std::max<std::int64_t>(0, replay.frame())));
+    if (!timeline_->isSliderDown())
+        timeline_->setValue(static_cast<int>(std::max<std::int64_t>(0, replay.frame())));
     loop_->setChecked(replay.loop());
     if (const int at = speed_->findData(replay.speed()); at >= 0) speed_->setCurrentIndex(at);
     where_->setText(tr("%1 s   frame %2 of %3")

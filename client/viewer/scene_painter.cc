@@ -10,21 +10,23 @@
 namespace kinevox::viewer {
 namespace {
 
-constexpr unsigned kProgramPointSize = 0x8642;   // GL_PROGRAM_POINT_SIZE, which OpenGL ES has not
+constexpr unsigned kProgramPointSize = 0x8642;  // GL_PROGRAM_POINT_SIZE, which OpenGL ES has not
 constexpr float kGrid_m = 0.5f, kFrustum_m = 0.45f, kBone_m = 0.016f, kJoint_m = 0.022f;
 constexpr int kLeastReach_m = 3, kMostReach_m = 20;
 
-QVector3D to_qt(const Vec3& v) { return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z)}; }
+QVector3D to_qt(const Vec3& v) {
+    return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z)};
+}
 
-// The picture's corners on a plane `depth_m` before the camera: upper left, upper right, lower left, lower right; world.
-// Without the lens's distortion, which would not show.
+// The picture's corners on a plane `depth_m` before the camera: upper left, upper right, lower left, lower
+// right; world. Without the lens's distortion, which would not show.
 std::array<QVector3D, 4> frustum_corners(const Camera& camera, double depth_m) {
     std::array<QVector3D, 4> corners;
     const Rigid3 world_from_camera = camera.camera_from_world.inverse();
     for (std::size_t n = 0; n < 4; ++n) {
         const double x = n % 2 ? camera.width : 0, y = n / 2 ? camera.height : 0;
-        corners[n] = to_qt(world_from_camera *
-                           Vec3{(x - camera.cx) / camera.fx * depth_m, (y - camera.cy) / camera.fy * depth_m, depth_m});
+        corners[n] = to_qt(world_from_camera * Vec3{(x - camera.cx) / camera.fx * depth_m,
+                                                    (y - camera.cy) / camera.fy * depth_m, depth_m});
     }
     return corners;
 }
@@ -88,11 +90,16 @@ void ScenePainter::set_theme(const Theme& theme) {
 
 void ScenePainter::set_volume(const ShownVolume& volume) {
     voxel_m_ = volume.voxel_m;
-    fill(volume_, volume.points.data(), volume.points.size() * sizeof(SurfacePoint), static_cast<int>(volume.points.size()));
+    fill(volume_, volume.points.data(), volume.points.size() * sizeof(SurfacePoint),
+         static_cast<int>(volume.points.size()));
 }
 
-void ScenePainter::set_pose(const ShownPose& pose) { pose_ = pose; }
-void ScenePainter::set_ghost(const ShownPose& pose) { ghost_ = pose; }
+void ScenePainter::set_pose(const ShownPose& pose) {
+    pose_ = pose;
+}
+void ScenePainter::set_ghost(const ShownPose& pose) {
+    ghost_ = pose;
+}
 
 void ScenePainter::set_cameras(const std::vector<Camera>& cameras) {
     cameras_ = cameras;
@@ -152,23 +159,27 @@ void ScenePainter::make_frusta() {
         const QVector3D centre = to_qt(camera.centre_in_world());
         const auto corners = frustum_corners(camera, kFrustum_m);
         for (const QVector3D& corner : corners) add(centre, corner);
-        add(corners[0], corners[1]), add(corners[1], corners[3]), add(corners[3], corners[2]), add(corners[2], corners[0]);
+        add(corners[0], corners[1]), add(corners[1], corners[3]), add(corners[3], corners[2]),
+            add(corners[2], corners[0]);
     }
     fill(frusta_, lines.data(), lines.size() * sizeof(LineVertex), static_cast<int>(lines.size()));
 }
 
 // Bands that face the eye, since lines wider than a pixel are not everywhere to be had. Triangles.
-std::vector<ScenePainter::LineVertex> ScenePainter::bones(const ShownPose& pose, const QVector3D& eye, bool ghost) const {
+std::vector<ScenePainter::LineVertex> ScenePainter::bones(const ShownPose& pose, const QVector3D& eye,
+                                                          bool ghost) const {
     std::vector<LineVertex> triangles;
     const auto band = [&](const QVector3D& from, const QVector3D& to, float half_m, const QColor& c) {
         QVector3D side = QVector3D::crossProduct(to - from, eye - from);
         if (side.lengthSquared() < 1e-12f) return;
         side = half_m * side.normalized();
         const std::array corners{from - side, from + side, to - side, to + side};
-        for (const std::size_t n : {0U, 1U, 2U, 2U, 1U, 3U}) triangles.emplace_back(corners[n], c, ghost ? 90 : 235);
+        for (const std::size_t n : {0U, 1U, 2U, 2U, 1U, 3U})
+            triangles.emplace_back(corners[n], c, ghost ? 90 : 235);
     };
     for (const Bone& bone : kBones) {
-        const auto &from = pose.joints_in_world[*joint_index(bone.from)], &to = pose.joints_in_world[*joint_index(bone.to)];
+        const auto &from = pose.joints_in_world[*joint_index(bone.from)],
+                   &to = pose.joints_in_world[*joint_index(bone.to)];
         if (!from || !to) continue;
         const QColor& colour = bone.side == BodySide::kLeft    ? theme_.left
                                : bone.side == BodySide::kRight ? theme_.right
@@ -179,8 +190,10 @@ std::vector<ScenePainter::LineVertex> ScenePainter::bones(const ShownPose& pose,
     for (const auto& joint : pose.joints_in_world) {
         if (!joint) continue;
         const QVector3D at = to_qt(*joint), towards = (eye - at).normalized();
-        const QVector3D up = QVector3D::crossProduct(QVector3D::crossProduct(towards, {0, 0, 1}), towards).normalized();
-        band(at - kJoint_m / 2 * up, at + kJoint_m / 2 * up, kJoint_m / 2, theme_.dark ? Qt::black : Qt::white);
+        const QVector3D up =
+            QVector3D::crossProduct(QVector3D::crossProduct(towards, {0, 0, 1}), towards).normalized();
+        band(at - kJoint_m / 2 * up, at + kJoint_m / 2 * up, kJoint_m / 2,
+             theme_.dark ? Qt::black : Qt::white);
     }
     return triangles;
 }
@@ -237,7 +250,8 @@ void ScenePainter::paint(const OrbitCamera& eye, const SceneParts& parts, int wi
         surface_.bind();
         surface_.setUniformValue("eye_from_world", eye_from_world);
         surface_.setUniformValue("clip_from_eye", clip_from_eye);
-        surface_.setUniformValue("pixels_per_metre", OrbitCamera::pixels_per_metre(static_cast<float>(height_px)));
+        surface_.setUniformValue("pixels_per_metre",
+                                 OrbitCamera::pixels_per_metre(static_cast<float>(height_px)));
         surface_.setUniformValue("voxel_m", static_cast<float>(voxel_m_));
         surface_.setUniformValue("least_light", theme_.dark ? 0.45f : 0.6f);
         const QOpenGLVertexArrayObject::Binder bound(&volume_.array);
@@ -250,8 +264,10 @@ void ScenePainter::paint(const OrbitCamera& eye, const SceneParts& parts, int wi
         glEnable(GL_BLEND);
         glBlendFuncSeparate(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA, GL_ONE, GL_ONE);
         for (const bool ghost : {true, false}) {
-            const std::vector<LineVertex> triangles = bones(ghost ? ghost_ : pose_, eye.eye_in_world(), ghost);
-            fill(bones_, triangles.data(), triangles.size() * sizeof(LineVertex), static_cast<int>(triangles.size()));
+            const std::vector<LineVertex> triangles =
+                bones(ghost ? ghost_ : pose_, eye.eye_in_world(), ghost);
+            fill(bones_, triangles.data(), triangles.size() * sizeof(LineVertex),
+                 static_cast<int>(triangles.size()));
             lines(bones_, GL_TRIANGLES);
         }
         glDisable(GL_BLEND);

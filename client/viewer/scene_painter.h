@@ -1,5 +1,5 @@
-// Draws the scene with OpenGL 3.3: floor, volume, skeleton, cameras. Keeps nothing of Qt's widgets, so that it draws into
-// any framebuffer.
+// Draws the scene with OpenGL 3.3: floor, volume, skeleton, cameras. Keeps nothing of Qt's widgets, so that
+// it draws into any framebuffer.
 #pragma once
 
 #include <QColor>
@@ -10,7 +10,6 @@
 #include <QOpenGLShaderProgram>
 #include <QOpenGLTexture>
 #include <QOpenGLVertexArrayObject>
-
 #include <map>
 #include <memory>
 #include <string>
@@ -47,12 +46,15 @@ class ScenePainter : private QOpenGLExtraFunctions {
 
   private:
     struct LineVertex {
-        QVector3D at;            // m, world
+        QVector3D at;  // m, world
         std::uint8_t r, g, b, a;
 
         LineVertex(const QVector3D& place, const QColor& colour, int alpha = 255)
-            : at(place), r(static_cast<std::uint8_t>(colour.red())), g(static_cast<std::uint8_t>(colour.green())),
-              b(static_cast<std::uint8_t>(colour.blue())), a(static_cast<std::uint8_t>(alpha)) {}
+            : at(place),
+              r(static_cast<std::uint8_t>(colour.red())),
+              g(static_cast<std::uint8_t>(colour.green())),
+              b(static_cast<std::uint8_t>(colour.blue())),
+              a(static_cast<std::uint8_t>(alpha)) {}
     };
     static_assert(sizeof(LineVertex) == 16);
 
@@ -76,7 +78,7 @@ class ScenePainter : private QOpenGLExtraFunctions {
     ShownPose pose_, ghost_;
     std::vector<Camera> cameras_;
     std::map<std::string, std::unique_ptr<QOpenGLTexture>> textures_;
-    bool scene_changed_ = true;   // floor and frusta
+    bool scene_changed_ = true;  // floor and frusta
 };
 
 }  // namespace kinevox::viewer

@@ -4,7 +4,6 @@
 #include <QOpenGLContext>
 #include <QSurfaceFormat>
 #include <QWheelEvent>
-
 #include <algorithm>
 #include <chrono>
 #include <vector>
@@ -13,13 +12,15 @@ namespace kinevox::viewer {
 namespace {
 
 constexpr std::size_t kDelays = 128;
-constexpr int kSoon_ms = 60;   // longer than from a volume to the next
+constexpr int kSoon_ms = 60;  // longer than from a volume to the next
 constexpr double kLongestDelay_ms = 10'000;
 constexpr qint64 kRateOver_ms = 10'000;
 constexpr float kLookAtHeight_m = 0.95f;
 
 std::int64_t utc_now_ns() {
-    return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch()).count();
+    return std::chrono::duration_cast<std::chrono::nanoseconds>(
+               std::chrono::system_clock::now().time_since_epoch())
+        .count();
 }
 
 }  // namespace
@@ -31,7 +32,7 @@ SceneView::SceneView() {
     format.setDepthBufferSize(24);
     format.setSwapInterval(1);
     setFormat(format);
-    setFlag(Qt::WindowDoesNotAcceptFocus);   // keys are the coach's window's
+    setFlag(Qt::WindowDoesNotAcceptFocus);  // keys are the coach's window's
     clock_.start();
     connect(this, &QOpenGLWindow::frameSwapped, this, &SceneView::swapped);
     due_.setSingleShot(true);
@@ -39,7 +40,7 @@ SceneView::SceneView() {
 }
 
 SceneView::~SceneView() {
-    if (context()) disconnect(context(), nullptr, this, nullptr);   // it goes after the members here
+    if (context()) disconnect(context(), nullptr, this, nullptr);  // it goes after the members here
     close_painter();
 }
 
@@ -122,7 +123,8 @@ void SceneView::paintGL() {
         while (now_ms - volume_paints_ms_.front() > kRateOver_ms) volume_paints_ms_.pop_front();
     }
     if (following_ && subject_in_world_)
-        eye_.follow(*subject_in_world_, static_cast<float>(std::min<qint64>(now_ms - last_paint_ms_, 200)) / 1000.f);
+        eye_.follow(*subject_in_world_,
+                    static_cast<float>(std::min<qint64>(now_ms - last_paint_ms_, 200)) / 1000.f);
     last_paint_ms_ = now_ms;
     ++paints_;
     const qreal scale = devicePixelRatio();
@@ -150,16 +152,20 @@ double SceneView::painted_volumes_per_second() const {
     const qint64 now_ms = clock_.elapsed();
     const auto count = std::count_if(volume_paints_ms_.begin(), volume_paints_ms_.end(),
                                      [&](qint64 t) { return now_ms - t < kRateOver_ms; });
-    return 1000.0 * static_cast<double>(count) / static_cast<double>(std::clamp<qint64>(now_ms, 1, kRateOver_ms));
+    return 1000.0 * static_cast<double>(count) /
+           static_cast<double>(std::clamp<qint64>(now_ms, 1, kRateOver_ms));
 }
 
-void SceneView::mousePressEvent(QMouseEvent* event) { grabbed_px_ = event->pos(); }
+void SceneView::mousePressEvent(QMouseEvent* event) {
+    grabbed_px_ = event->pos();
+}
 
 void SceneView::mouseMoveEvent(QMouseEvent* event) {
     const QPoint by = event->pos() - grabbed_px_;
     grabbed_px_ = event->pos();
     const auto right = static_cast<float>(by.x()), down = static_cast<float>(by.y());
-    const bool pans = event->buttons() & (Qt::RightButton | Qt::MiddleButton) || event->modifiers() & Qt::ShiftModifier;
+    const bool pans =
+        event->buttons() & (Qt::RightButton | Qt::MiddleButton) || event->modifiers() & Qt::ShiftModifier;
     if (pans) {
         eye_.pan(right, down, static_cast<float>(height()));
         following_ = false;

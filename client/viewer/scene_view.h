@@ -1,13 +1,13 @@
-// The scene, in a native window of its own inside the coach's: as a widget it would be put together with all others for each
-// picture, which takes four times as long as drawing it where there is no graphics card. Mouse and wheel turn, move and near
-// it; it is painted whenever a volume came or something moved, with the newest of all else.
+// The scene, in a native window of its own inside the coach's: as a widget it would be put together with all
+// others for each picture, which takes four times as long as drawing it where there is no graphics card.
+// Mouse and wheel turn, move and near it; it is painted whenever a volume came or something moved, with the
+// newest of all else.
 #pragma once
 
 #include <QElapsedTimer>
 #include <QOpenGLWindow>
 #include <QPoint>
 #include <QTimer>
-
 #include <deque>
 #include <memory>
 #include <optional>
@@ -37,10 +37,10 @@ class SceneView final : public QOpenGLWindow {
     void look(Look from);
     void set_following(bool on);
 
-    // From a volume's capture until it was on the screen, median of the newest 128; nothing before the first. Where the
-    // times are not of now, as in a replay, they are not looked at.
+    // From a volume's capture until it was on the screen, median of the newest 128; nothing before the first.
+    // Where the times are not of now, as in a replay, they are not looked at.
     std::optional<double> delay_ms() const;
-    double painted_volumes_per_second() const;   // over the last ten seconds
+    double painted_volumes_per_second() const;  // over the last ten seconds
     std::uint64_t paints() const { return paints_; }
 
   protected:
@@ -69,7 +69,7 @@ class SceneView final : public QOpenGLWindow {
     std::optional<std::map<std::string, QImage>> new_previews_;
     std::optional<QVector3D> subject_in_world_;
 
-    std::optional<std::int64_t> painted_capture_time_ns_;   // of the volume that the next swap shows first
+    std::optional<std::int64_t> painted_capture_time_ns_;  // of the volume that the next swap shows first
     std::deque<double> delays_ms_;
     std::deque<qint64> volume_paints_ms_;
     std::uint64_t paints_ = 0;

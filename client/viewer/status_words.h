@@ -11,11 +11,11 @@
 namespace kinevox::viewer {
 
 struct Link {
-    std::string server;             // HOST:PORT
-    bool connected = false;         // the last call or message came through
-    std::string problem;            // why not, one line
-    double silent_s = 0;            // since the last message of any kind
-    std::optional<double> delay_ms; // from the capture to the painted picture, median
+    std::string server;              // HOST:PORT
+    bool connected = false;          // the last call or message came through
+    std::string problem;             // why not, one line
+    double silent_s = 0;             // since the last message of any kind
+    std::optional<double> delay_ms;  // from the capture to the painted picture, median
 };
 
 enum class Mood { kGood, kCare, kBad };
@@ -31,15 +31,15 @@ struct Words {
 bool replayed(const v1::Replay* replay);
 
 struct CameraTrouble {
-    std::string short_word;   // for its picture
-    std::string line;         // what it is and what to do
-    int gravity = 0;          // 0: nothing is wrong; the most is the worst
+    std::string short_word;  // for its picture
+    std::string line;        // what it is and what to do
+    int gravity = 0;         // 0: nothing is wrong; the most is the worst
 };
 // `subject`: somebody is tracked, so that cameras can be compared.
 CameraTrouble camera_trouble(const v1::CameraStatus& camera, bool subject);
 
 // `status`, `recorder`, `replay`: the newest that came; null: none yet.
-Words in_words(const Link& link, const v1::GetStatusResponse* status, const v1::GetRecorderStatusResponse* recorder,
-               const v1::Replay* replay);
+Words in_words(const Link& link, const v1::GetStatusResponse* status,
+               const v1::GetRecorderStatusResponse* recorder, const v1::Replay* replay);
 
 }  // namespace kinevox::viewer

@@ -8,11 +8,11 @@
 namespace kinevox::viewer {
 namespace {
 
-constexpr int kReach = 3;   // voxels that a normal is made of, each way
+constexpr int kReach = 3;  // voxels that a normal is made of, each way
 constexpr std::uint8_t kGrey = 196;
 
-// What lies in which direction around a voxel. Of the ball only every other voxel: half the work, the same normal to
-// within a degree or two.
+// What lies in which direction around a voxel. Of the ball only every other voxel: half the work, the same
+// normal to within a degree or two.
 struct Neighbour {
     int i, j, k;
 };
@@ -23,14 +23,15 @@ std::vector<Neighbour> neighbours() {
         for (int j = -kReach; j <= kReach; ++j)
             for (int i = -kReach; i <= kReach; ++i) {
                 const int squared = i * i + j * j + k * k;
-                if (squared > 0 && squared <= kReach * kReach && (i + j + k) % 2 != 0) around.push_back({i, j, k});
+                if (squared > 0 && squared <= kReach * kReach && (i + j + k) % 2 != 0)
+                    around.push_back({i, j, k});
             }
     return around;
 }
 
 // The volume's own box of bricks with a rim, a byte a voxel.
 struct Box {
-    std::array<int, 3> first{}, size{};   // voxels
+    std::array<int, 3> first{}, size{};  // voxels
     std::vector<std::uint8_t> inside;
 
     explicit Box(const Volume& volume) {
@@ -59,7 +60,8 @@ struct Box {
                 }
     }
     std::ptrdiff_t at(int i, int j, int k) const {
-        return (static_cast<std::ptrdiff_t>(k - first[2]) * size[1] + (j - first[1])) * size[0] + (i - first[0]);
+        return (static_cast<std::ptrdiff_t>(k - first[2]) * size[1] + (j - first[1])) * size[0] +
+               (i - first[0]);
     }
 };
 

@@ -2,14 +2,13 @@
 // alone.
 #pragma once
 
-#include <utility>  // which Asio's awaitable.hpp of Boost 1.74 forgets; so it stands first
-
 #include <boost/asio/awaitable.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core/tcp_stream.hpp>
 #include <boost/beast/websocket/stream.hpp>
 #include <memory>
+#include <utility>  // which Asio's awaitable.hpp of Boost 1.74 forgets; so it stands first
 
 #include "client/web/gateway.h"
 #include "client/web/outbox.h"

@@ -83,8 +83,9 @@ Wants read_wants(std::string_view bytes) {
         v1::Refusal why;
         bool granted = read_topic(want, subscription.topic, why);
         if (granted && rate_hz != 0 && !(rate_hz >= kLeastRate_hz && rate_hz <= kMostRate_hz)) {  // NaN, too
-            why = refusal("INVALID_ARGUMENT", fmt::format("max_rate_hz is {}; ask for {} to {}, or 0, no limit", rate_hz,
-                                                          kLeastRate_hz, kMostRate_hz));
+            why =
+                refusal("INVALID_ARGUMENT", fmt::format("max_rate_hz is {}; ask for {} to {}, or 0, no limit",
+                                                        rate_hz, kLeastRate_hz, kMostRate_hz));
             granted = false;
         }
         if (!granted) {

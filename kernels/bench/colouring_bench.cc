@@ -30,10 +30,16 @@ const int kRounds = ColouringOptions{}.max_rounds;
 
 BENCHMARK(BM_Colouring)
     ->ArgNames({"mm", "cameras", "rounds"})
-    ->Args({20, 4, kRounds})->Args({10, 4, kRounds})->Args({5, 4, kRounds})
-    ->Args({10, 4, 0})->Args({10, 4, 1})
-    ->Args({10, 2, kRounds})->Args({10, 8, kRounds})->Args({10, 16, kRounds})
-    ->Unit(benchmark::kMillisecond)->UseRealTime();
+    ->Args({20, 4, kRounds})
+    ->Args({10, 4, kRounds})
+    ->Args({5, 4, kRounds})
+    ->Args({10, 4, 0})
+    ->Args({10, 4, 1})
+    ->Args({10, 2, kRounds})
+    ->Args({10, 8, kRounds})
+    ->Args({10, 16, kRounds})
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
 
 }  // namespace
 }  // namespace kinevox::kernels

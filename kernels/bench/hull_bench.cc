@@ -1,4 +1,5 @@
-// Visual hull: ms a frame set against voxel size, cameras and the lattice's extent. Run un-niced on a quiet machine:
+// Visual hull: ms a frame set against voxel size, cameras and the lattice's extent. Run un-niced on a quiet
+// machine:
 //   kernels_bench --benchmark_filter=Hull
 #include <benchmark/benchmark.h>
 
@@ -13,7 +14,8 @@ namespace {
 void BM_Hull(benchmark::State& state) {
     const bool arms_out = state.range(2) != 0;
     const bench::Body& body = bench::body(static_cast<int>(state.range(1)), arms_out);
-    const Lattice lattice = bench::lattice_around(1e-3f * static_cast<float>(state.range(0)), arms_out ? 2.f : 1.f);
+    const Lattice lattice =
+        bench::lattice_around(1e-3f * static_cast<float>(state.range(0)), arms_out ? 2.f : 1.f);
     const auto carver = make_hull_carver(bench::device());
     VoxelVolume volume;
     for (auto _ : state) carver->carve(body.hull_views, lattice, volume);
@@ -32,10 +34,17 @@ void BM_Projection(benchmark::State& state) {
 
 BENCHMARK(BM_Hull)
     ->ArgNames({"mm", "cameras", "arms_out"})
-    ->Args({20, 4, 0})->Args({10, 4, 0})->Args({5, 4, 0})
-    ->Args({20, 4, 1})->Args({10, 4, 1})->Args({5, 4, 1})
-    ->Args({10, 2, 0})->Args({10, 8, 0})->Args({10, 16, 0})
-    ->Unit(benchmark::kMillisecond)->UseRealTime();
+    ->Args({20, 4, 0})
+    ->Args({10, 4, 0})
+    ->Args({5, 4, 0})
+    ->Args({20, 4, 1})
+    ->Args({10, 4, 1})
+    ->Args({5, 4, 1})
+    ->Args({10, 2, 0})
+    ->Args({10, 8, 0})
+    ->Args({10, 16, 0})
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
 BENCHMARK(BM_Projection)->Unit(benchmark::kMillisecond);
 
 }  // namespace

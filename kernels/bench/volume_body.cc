@@ -28,11 +28,13 @@ float distance_to(const Capsule& c, const float* p) {
 }
 
 Body make_body(int cameras, bool arms_out) {
-    std::vector<Capsule> parts = {
-        {{0, 0, 0.95f}, {0, 0, 1.40f}, 0.16f},        {{0, 0, 1.62f}, {0, 0, 1.70f}, 0.10f},
-        {{0, 0, 1.4f}, {0, 0, 1.6f}, 0.06f},          {{0, 0.10f, 0.95f}, {0.15f, 0.12f, 0.50f}, 0.085f},
-        {{0.15f, 0.12f, 0.5f}, {0, 0.12f, 0.08f}, 0.06f}, {{0, -0.10f, 0.95f}, {-0.1f, -0.12f, 0.5f}, 0.085f},
-        {{-0.1f, -0.12f, 0.5f}, {-0.25f, -0.12f, 0.1f}, 0.06f}};
+    std::vector<Capsule> parts = {{{0, 0, 0.95f}, {0, 0, 1.40f}, 0.16f},
+                                  {{0, 0, 1.62f}, {0, 0, 1.70f}, 0.10f},
+                                  {{0, 0, 1.4f}, {0, 0, 1.6f}, 0.06f},
+                                  {{0, 0.10f, 0.95f}, {0.15f, 0.12f, 0.50f}, 0.085f},
+                                  {{0.15f, 0.12f, 0.5f}, {0, 0.12f, 0.08f}, 0.06f},
+                                  {{0, -0.10f, 0.95f}, {-0.1f, -0.12f, 0.5f}, 0.085f},
+                                  {{-0.1f, -0.12f, 0.5f}, {-0.25f, -0.12f, 0.1f}, 0.06f}};
     for (const float side : {-1.f, 1.f}) {
         const float reach = arms_out ? 0.85f : 0.3f, low = arms_out ? 1.42f : 0.85f;
         parts.push_back({{0, side * 0.18f, 1.40f}, {0.05f, side * reach, low}, 0.045f});

@@ -16,7 +16,8 @@ using kde::kBorderReach;
 
 // The first border pixel of [x, x1), or x1; most of a row is none.
 inline int next_border(const std::uint8_t* zones, int x, int x1) {
-    const void* found = x < x1 ? std::memchr(zones + x, kde::kZoneBorder, static_cast<std::size_t>(x1 - x)) : nullptr;
+    const void* found =
+        x < x1 ? std::memchr(zones + x, kde::kZoneBorder, static_cast<std::size_t>(x1 - x)) : nullptr;
     return found ? static_cast<int>(static_cast<const std::uint8_t*>(found) - zones) : x1;
 }
 
@@ -24,25 +25,27 @@ template <int kChannels>
 void unmix_plain(const BorderPictures& p, int y, int x0, int x1, std::uint8_t* sharp) {
     const std::uint8_t* const zones = p.zones + static_cast<std::ptrdiff_t>(y) * p.width;
     for (int x = next_border(zones, x0, x1); x < x1; x = next_border(zones, x + 1, x1)) {
-        const int part = kde::unmix_border_pixel<kChannels>(x, y, p.width, p.limit, p.zones, p.values, p.reference,
-                                                            p.cells_per_row, p.parameters);
+        const int part = kde::unmix_border_pixel<kChannels>(x, y, p.width, p.limit, p.zones, p.values,
+                                                            p.reference, p.cells_per_row, p.parameters);
         if (part >= 0) sharp[x] = part ? 255 : 0;
     }
 }
 
 #ifdef KINEVOX_HAVE_AVX2_FORM
-// The weights of a window's rows for eight pixels from kBorderReach to the left on; 0 where the chessboard's other
-// colour is and behind the window.
+// The weights of a window's rows for eight pixels from kBorderReach to the left on; 0 where the chessboard's
+// other colour is and behind the window.
 using Weights = std::array<std::array<std::int16_t, 8>, 2 * kBorderReach + 1>;
 constexpr Weights weights_of(int odd) {
     Weights weights{};
     for (int dy = -kBorderReach; dy <= kBorderReach; ++dy)
         for (int dx = -kBorderReach; dx <= kBorderReach; ++dx)
             if (((dx + dy) & 1) == odd)
-                weights[dy + kBorderReach][dx + kBorderReach] = static_cast<std::int16_t>(kde::border_weight(dx, dy));
+                weights[dy + kBorderReach][dx + kBorderReach] =
+                    static_cast<std::int16_t>(kde::border_weight(dx, dy));
     return weights;
 }
-constexpr Weights kWeights[2] = {weights_of(0), weights_of(1)};   // of a pixel on the one colour and on the other
+constexpr Weights kWeights[2] = {weights_of(0),
+                                 weights_of(1)};  // of a pixel on the one colour and on the other
 static_assert(kde::kWeightOne * 255 < 32768);
 
 KINEVOX_AVX2 KINEVOX_INLINE __m128i eight(const std::uint8_t* from) {
@@ -57,11 +60,14 @@ KINEVOX_AVX2 KINEVOX_INLINE int sum_of(__m128i four) {
 // kde::sum_around() of a pixel whose window, one column more to the right, is inside the limit and one cell.
 KINEVOX_AVX2 KINEVOX_INLINE kde::BorderSums<3> sum_window(const BorderPictures& p, int x, int y) {
     constexpr int kPlane = kde::kCellPixels;
-    const Weights& weights = kWeights[(x + y) & 1];   // the fields that count have an even sum of column and row
+    const Weights& weights =
+        kWeights[(x + y) & 1];  // the fields that count have an even sum of column and row
     const __m128i zero = _mm_setzero_si128(), one = _mm_set1_epi16(1);
-    const __m128i inside_zone = _mm_set1_epi16(kde::kZoneInside), outside_zone = _mm_set1_epi16(kde::kZoneOutside);
+    const __m128i inside_zone = _mm_set1_epi16(kde::kZoneInside),
+                  outside_zone = _mm_set1_epi16(kde::kZoneOutside);
     __m128i subject[3] = {zero, zero, zero}, weight = zero, product = zero, energy = zero;
-    const std::uint8_t* zones = p.zones + static_cast<std::ptrdiff_t>(y - kBorderReach) * p.width + x - kBorderReach;
+    const std::uint8_t* zones =
+        p.zones + static_cast<std::ptrdiff_t>(y - kBorderReach) * p.width + x - kBorderReach;
     const long long first = kde::border_offset<3>(x - kBorderReach, y - kBorderReach, p.cells_per_row);
     const long long row_bytes = static_cast<long long>(p.cells_per_row) * 3 * kPlane;
     const std::uint8_t *values = p.values + first, *reference = p.reference + first;

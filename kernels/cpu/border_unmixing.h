@@ -1,5 +1,5 @@
-// Row by row over the border of a silhouette: kde::unmix_border_pixel() for every pixel of it, by vectors where the
-// processor can.
+// Row by row over the border of a silhouette: kde::unmix_border_pixel() for every pixel of it, by vectors
+// where the processor can.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,8 @@ struct BorderPictures {
     kde::BorderParameters parameters;
 };
 
-// Writes 0 or 255 into `sharp`, the mask's row `y`, for the border's pixels in [x0, x1) where that can be told.
+// Writes 0 or 255 into `sharp`, the mask's row `y`, for the border's pixels in [x0, x1) where that can be
+// told.
 void unmix_row(const BorderPictures& pictures, int y, int x0, int x1, std::uint8_t* sharp);
 
 }  // namespace kinevox::kernels::cpu

@@ -36,7 +36,8 @@ Projector make_projector(const CameraModel& camera, const char* what) {
     double sum = c.fx + c.fy + c.cx + c.cy + c.k1 + c.k2 + c.p1 + c.p2 + c.k3;
     for (float value : c.r) sum += value;
     for (float value : c.t) sum += value;
-    if (!std::isfinite(sum)) throw std::invalid_argument(name + ": calibration has a value that is not finite");
+    if (!std::isfinite(sum))
+        throw std::invalid_argument(name + ": calibration has a value that is not finite");
     if (!(c.fx > 0 && c.fy > 0)) throw std::invalid_argument(name + ": focal length must be positive");
 
     c.distorted = c.k1 != 0 || c.k2 != 0 || c.p1 != 0 || c.p2 != 0 || c.k3 != 0;
@@ -54,7 +55,8 @@ Projector make_projector(const CameraModel& camera, const char* what) {
         if (slope < 0.05) break;
         radius = r;
         const double tangential = 6 * r * (std::fabs(c.p1) + std::fabs(c.p2));
-        stretch = std::max({stretch, slope + tangential, r > 0 ? distorted_radius(c, r) / r + tangential : 1.0});
+        stretch =
+            std::max({stretch, slope + tangential, r > 0 ? distorted_radius(c, r) / r + tangential : 1.0});
         if (distorted_radius(c, r) > 1.05 * corner) break;
     }
     c.max_radius2 = static_cast<float>(radius * radius);

@@ -48,12 +48,14 @@ void mark_plain(const CarvingEvidence& evidence, const Surface& surface, int fir
 }
 
 #ifdef KINEVOX_HAVE_AVX2_FORM
-// The same for eight voxels at a time without a branch on any of them: what they see is too mixed to be foretold.
+// The same for eight voxels at a time without a branch on any of them: what they see is too mixed to be
+// foretold.
 class EightVoxels {
   public:
     // Of the voxels n .. n + 7 those below `last`.
     KINEVOX_AVX2 EightVoxels(const CarvingEvidence& evidence, const Surface& surface, int n, int last)
-        : evidence_(evidence), n_(n),
+        : evidence_(evidence),
+          n_(n),
           here_(_mm256_cmpgt_epi32(_mm256_set1_epi32(last - n), _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7))),
           open_(_mm256_cvtepu8_epi32(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(&surface.open[n])))) {}
 
@@ -63,9 +65,10 @@ class EightVoxels {
         views_ = 0;
         for (std::size_t v = 0; v < evidence_.views.size(); ++v) {
             const ViewOfVolume& view = evidence_.views[v];
-            if (view.depths.empty()) continue;   // sees nothing
+            if (view.depths.empty()) continue;  // sees nothing
             const __m256i cell = load(&view.cell[n_]);
-            const __m256i in_picture = _mm256_and_si256(here_, _mm256_cmpgt_epi32(cell, _mm256_set1_epi32(-1)));
+            const __m256i in_picture =
+                _mm256_and_si256(here_, _mm256_cmpgt_epi32(cell, _mm256_set1_epi32(-1)));
             const __m256i at = _mm256_and_si256(cell, in_picture);
             const float* depths = &view.depths[0].front_m;
             const __m256 front = _mm256_i32gather_ps(depths, at, sizeof(DepthCell));
@@ -93,14 +96,16 @@ class EightVoxels {
             if (_mm256_testz_si256(sees_[v], sees_[v])) continue;
             const int* cells = reinterpret_cast<const int*>(cells_[v]);
             mean[count] = _mm256_and_si256(_mm256_i32gather_epi32(cells, at_[v], sizeof(CellColour)), bgr);
-            limit[count] = _mm256_and_si256(_mm256_i32gather_epi32(cells + 1, at_[v], sizeof(CellColour)), bgr);
+            limit[count] =
+                _mm256_and_si256(_mm256_i32gather_epi32(cells + 1, at_[v], sizeof(CellColour)), bgr);
             sees[count] = sees_[v];
             for (int other = 0; other < count; ++other) {
                 const __m256i gap = _mm256_sub_epi8(_mm256_max_epu8(mean[count], mean[other]),
                                                     _mm256_min_epu8(mean[count], mean[other]));
                 const __m256i beyond = _mm256_subs_epu8(gap, _mm256_max_epu8(limit[count], limit[other]));
                 const __m256i agree = _mm256_cmpeq_epi32(beyond, _mm256_setzero_si256());
-                any = _mm256_or_si256(any, _mm256_andnot_si256(agree, _mm256_and_si256(sees[count], sees[other])));
+                any = _mm256_or_si256(any,
+                                      _mm256_andnot_si256(agree, _mm256_and_si256(sees[count], sees[other])));
             }
             ++count;
         }
@@ -115,7 +120,7 @@ class EightVoxels {
     const CarvingEvidence& evidence_;
     const int n_;
     const __m256i here_, open_;
-    int views_ = 0;                 // that have colours
+    int views_ = 0;  // that have colours
     __m256i at_[kMaxViews], sees_[kMaxViews];
     const CellColour* cells_[kMaxViews];
 };
@@ -129,10 +134,13 @@ KINEVOX_AVX2 void mark_avx2(const CarvingEvidence& evidence, const Surface& surf
         if (spare == 0) continue;
         const __m256i bits =
             _mm256_cvtepu16_epi32(_mm_loadu_si128(reinterpret_cast<const __m128i*>(&surface.bit[n])));
-        const __m256i bit = _mm256_and_si256(bits, _mm256_set1_epi32(kBrickVoxels - 1));   // the last may be nobody's
-        const __m256i word = _mm256_i32gather_epi32(reinterpret_cast<const int*>(thin), _mm256_srli_epi32(bit, 5), 4);
+        const __m256i bit =
+            _mm256_and_si256(bits, _mm256_set1_epi32(kBrickVoxels - 1));  // the last may be nobody's
+        const __m256i word =
+            _mm256_i32gather_epi32(reinterpret_cast<const int*>(thin), _mm256_srli_epi32(bit, 5), 4);
         // The voxel's own bit becomes the sign.
-        const __m256i to_sign = _mm256_sub_epi32(_mm256_set1_epi32(31), _mm256_and_si256(bit, _mm256_set1_epi32(31)));
+        const __m256i to_sign =
+            _mm256_sub_epi32(_mm256_set1_epi32(31), _mm256_and_si256(bit, _mm256_set1_epi32(31)));
         unsigned goes = _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_sllv_epi32(word, to_sign)));
         if (spare & ~goes) goes |= _mm256_movemask_ps(_mm256_castsi256_ps(voxels.colours_disagree()));
         for (goes &= spare; goes; goes &= goes - 1) {

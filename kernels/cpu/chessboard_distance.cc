@@ -16,10 +16,11 @@ HWY_BEFORE_NAMESPACE();
 
 namespace kinevox::kernels::HWY_NAMESPACE {
 
-constexpr int kLanes = 16;   // what rows are padded to, at both sides
+constexpr int kLanes = 16;  // what rows are padded to, at both sides
 
-// One pass over a row of `padded` cells (a multiple of kLanes), `ahead` being the row that the pass came from. First
-// from that row, then along the row: backwards where `kBackwards`. `rim`: what lies beside the row.
+// One pass over a row of `padded` cells (a multiple of kLanes), `ahead` being the row that the pass came
+// from. First from that row, then along the row: backwards where `kBackwards`. `rim`: what lies beside the
+// row.
 #if defined(KINEVOX_HAVE_HIGHWAY) && HWY_TARGET != HWY_SCALAR
 namespace hn = hwy::HWY_NAMESPACE;
 using Cells = hn::FixedTag<std::uint8_t, kLanes>;
@@ -42,7 +43,8 @@ HWY_INLINE void relax_row(const std::uint8_t* ahead, int padded, int rim, std::u
     int carry = rim;
     for (int n = 0; n < padded; n += kLanes) {
         const int x = kBackwards ? padded - kLanes - n : n;
-        const V above = hn::Min(hn::Min(hn::LoadU(d, ahead + x - 1), hn::LoadU(d, ahead + x)), hn::LoadU(d, ahead + x + 1));
+        const V above = hn::Min(hn::Min(hn::LoadU(d, ahead + x - 1), hn::LoadU(d, ahead + x)),
+                                hn::LoadU(d, ahead + x + 1));
         V v = hn::Min(hn::LoadU(d, row + x), hn::SaturatedAdd(above, one));
         v = hn::Min(v, hn::SaturatedAdd(moved<kBackwards, 1>(v, far), one));
         v = hn::Min(v, hn::SaturatedAdd(moved<kBackwards, 2>(v, far), hn::Set(d, 2)));
@@ -66,14 +68,17 @@ void relax_row(const std::uint8_t* ahead, int padded, int rim, std::uint8_t* row
 }
 #endif
 
-// Beyond the picture's width the rows hold what a picture that goes on there would hold, which changes nothing inside:
-// no way around is shorter.
-void transform(int width, int height, const std::uint8_t* kind, std::vector<std::uint8_t>& scratch, std::int8_t* out) {
+// Beyond the picture's width the rows hold what a picture that goes on there would hold, which changes
+// nothing inside: no way around is shorter.
+void transform(int width, int height, const std::uint8_t* kind, std::vector<std::uint8_t>& scratch,
+               std::int8_t* out) {
     constexpr int kFar = 127;
     const int padded = (width + kLanes - 1) / kLanes * kLanes, stride = padded + 2 * kLanes;
     const std::size_t plane = static_cast<std::size_t>(stride) * (height + 2);
     scratch.resize(2 * plane);
-    const auto fore_row = [&](int y) { return scratch.data() + static_cast<std::ptrdiff_t>(y + 1) * stride + kLanes; };
+    const auto fore_row = [&](int y) {
+        return scratch.data() + static_cast<std::ptrdiff_t>(y + 1) * stride + kLanes;
+    };
     const auto back_row = [&](int y) { return fore_row(y) + plane; };
     std::memset(scratch.data(), kFar, plane);
     std::memset(scratch.data() + plane, 0, plane);

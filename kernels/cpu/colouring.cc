@@ -19,8 +19,8 @@
 #include "kernels/cpu/paint.h"
 #include "kernels/cpu/parallel.h"
 #include "kernels/cpu/support.h"
-#include "kernels/cpu/surrounded.h"
 #include "kernels/cpu/surface.h"
+#include "kernels/cpu/surrounded.h"
 #include "kernels/cpu/visibility.h"
 
 namespace kinevox::kernels {

@@ -1,5 +1,5 @@
-// How a file that Highway's foreach_target.h reads once a processor family, with its functions in a namespace of each,
-// calls the one that fits the machine. Without Highway there is one form, in the namespace `plain`.
+// How a file that Highway's foreach_target.h reads once a processor family, with its functions in a namespace
+// of each, calls the one that fits the machine. Without Highway there is one form, in the namespace `plain`.
 #pragma once
 
 #ifdef KINEVOX_HAVE_HIGHWAY

@@ -9,11 +9,12 @@
 namespace kinevox::kernels {
 namespace {
 
-// Per cell: bit 0 where any of its pixels is foreground, bit 1 where any is background. Pixels outside the picture
-// are neither.
+// Per cell: bit 0 where any of its pixels is foreground, bit 1 where any is background. Pixels outside the
+// picture are neither.
 void classify_cells(const HullView& view, const HullMaps& maps, std::uint8_t* kind) {
     const int width = view.camera->width, height = view.camera->height, edge = 1 << maps.cell_shift;
-    const int columns = maps.cells_width;   // of its own: what is written may be anything, for all the compiler knows
+    const int columns =
+        maps.cells_width;  // of its own: what is written may be anything, for all the compiler knows
     for (int row = 0; row < maps.cells_height; ++row) {
         std::uint8_t* out = kind + static_cast<std::size_t>(row) * columns;
         std::memset(out, 0, columns);
@@ -37,8 +38,8 @@ void classify_cells(const HullView& view, const HullMaps& maps, std::uint8_t* ki
     }
 }
 
-// Chessboard distances up to the budget, which is small: along rows, then along columns, as minima over a window;
-// then as shares of the budget.
+// Chessboard distances up to the budget, which is small: along rows, then along columns, as minima over a
+// window; then as shares of the budget.
 void make_miss_map(const HullView& view, const Rect& bounds, HullMapsStorage& out) {
     const HullMaps& maps = out.maps;
     const int budget = maps.budget_px, rim = budget + 1;
@@ -98,9 +99,9 @@ HullMaps frame_hull_maps(const Rect& silhouette_bounds, const Projector& camera,
                          float block_radius_px, Rect& bounds) {
     HullMaps maps;
     maps.camera = camera;
-    maps.budget_px = std::clamp(
-        static_cast<int>(miss_budget_permille * 1e-3f * static_cast<float>(std::max(camera.width, camera.height))), 0,
-        120);
+    maps.budget_px = std::clamp(static_cast<int>(miss_budget_permille * 1e-3f *
+                                                 static_cast<float>(std::max(camera.width, camera.height))),
+                                0, 120);
     maps.cell_shift = std::clamp(static_cast<int>(std::log2(std::max(block_radius_px, 1.f) / 5)), 0, 4);
     bounds = silhouette_bounds;
     bounds.x0 = std::max(bounds.x0, 0), bounds.y0 = std::max(bounds.y0, 0);
@@ -135,7 +136,8 @@ void make_hull_maps(const HullView& view, const Projector& camera, float miss_bu
         out.cells.resize(size);
         classify_cells(view, maps, reinterpret_cast<std::uint8_t*>(out.cells.data()));
         chessboard_distances(maps.cells_width, maps.cells_height,
-                             reinterpret_cast<const std::uint8_t*>(out.cells.data()), out.scratch, out.cells.data());
+                             reinterpret_cast<const std::uint8_t*>(out.cells.data()), out.scratch,
+                             out.cells.data());
         make_miss_map(view, bounds, out);
     }
     maps.cells = out.cells.data();

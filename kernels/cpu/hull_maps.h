@@ -16,8 +16,8 @@ struct HullMapsStorage {
     std::vector<std::uint8_t> scratch;
 };
 
-// `block_radius_px`: about how far the smallest blocks to be decided reach in this picture; sets the cells' size.
-// `view.silhouette` must not be null.
+// `block_radius_px`: about how far the smallest blocks to be decided reach in this picture; sets the cells'
+// size. `view.silhouette` must not be null.
 void make_hull_maps(const HullView& view, const Projector& camera, float miss_budget_permille,
                     float block_radius_px, HullMapsStorage& out);
 

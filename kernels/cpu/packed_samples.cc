@@ -16,7 +16,7 @@ HWY_BEFORE_NAMESPACE();
 
 namespace kinevox::kernels::cpu::HWY_NAMESPACE {
 
-constexpr int kLargest = 15;   // above the lowest value
+constexpr int kLargest = 15;  // above the lowest value
 
 // samples: [sample][plane bytes]. False: they spread too far; `packed` then holds nothing of use.
 bool pack_cell(const std::uint8_t* samples, int sample_count, int plane_bytes, std::uint8_t* packed) {
@@ -55,7 +55,7 @@ bool pack_cell(const std::uint8_t* samples, int sample_count, int plane_bytes, s
 // False: the sample does not fit what is packed, which stays as it was.
 bool replace_sample(const std::uint8_t* sample, int slot, int plane_bytes, std::uint8_t* packed) {
     int above = 0;
-    for (int x = 0; x < plane_bytes; ++x) above |= sample[x] - packed[x];   // a negative one has high bits
+    for (int x = 0; x < plane_bytes; ++x) above |= sample[x] - packed[x];  // a negative one has high bits
     if ((above & ~kLargest) != 0) return false;
     std::uint8_t* __restrict pair = packed + (1 + slot / 2) * plane_bytes;
     const int shift = slot % 2 * 4, other = 0xf0 >> shift;
@@ -82,7 +82,8 @@ void PackedSamples::build(const BackgroundModel& model) {
     data_.assign(cells * cell_bytes_, 0);
     narrow_.assign(cells, 0);
     parallel_for(0, model.height, 16, [&](int first, int last) {
-        for (std::size_t cell = model.cell_index(first, 0); cell < model.cell_index(last, 0); ++cell) pack(model, cell);
+        for (std::size_t cell = model.cell_index(first, 0); cell < model.cell_index(last, 0); ++cell)
+            pack(model, cell);
     });
 }
 

@@ -1,5 +1,5 @@
-// The background's samples in half a byte each, where a cell's noise leaves room for that: the sums over them wait for
-// memory, and so half the bytes is most of half the time. Nothing is lost; the sums are the same.
+// The background's samples in half a byte each, where a cell's noise leaves room for that: the sums over them
+// wait for memory, and so half the bytes is most of half the time. Nothing is lost; the sums are the same.
 #pragma once
 
 #include <cstdint>
@@ -22,15 +22,16 @@ class PackedSamples {
     // They changed in this slot alone.
     void replace(const BackgroundModel& model, std::size_t cell, int slot);
 
-    // [channel][64] lowest values, then [pair of samples][channel][64], the first of a pair in the lower four bits: a
-    // sample is its half byte above the lowest value. Null where a pixel's samples spread over more than 16 levels.
+    // [channel][64] lowest values, then [pair of samples][channel][64], the first of a pair in the lower four
+    // bits: a sample is its half byte above the lowest value. Null where a pixel's samples spread over more
+    // than 16 levels.
     const std::uint8_t* cell(std::size_t cell) const {
         return narrow_[cell] ? data_.data() + cell * cell_bytes_ : nullptr;
     }
 
   private:
-    AlignedVector<std::uint8_t> data_;   // [row][cell]
-    std::vector<std::uint8_t> narrow_;   // [row][cell], whether it holds the samples
+    AlignedVector<std::uint8_t> data_;  // [row][cell]
+    std::vector<std::uint8_t> narrow_;  // [row][cell], whether it holds the samples
     std::size_t cell_bytes_ = 0;
 };
 

@@ -1,5 +1,6 @@
-// Data parallelism inside a stage: small tasks that idle workers steal (oneTBB), so that a busy neighbour on one
-// core delays a frame by one task and not by half of it. Serial where TBB is missing. Private to kernels/cpu.
+// Data parallelism inside a stage: small tasks that idle workers steal (oneTBB), so that a busy neighbour on
+// one core delays a frame by one task and not by half of it. Serial where TBB is missing. Private to
+// kernels/cpu.
 #pragma once
 
 #include <algorithm>
@@ -11,9 +12,9 @@
 
 namespace kinevox::kernels {
 
-// Calls body(first, last) for consecutive pieces [begin + n * grain, ...) that together cover [begin, end), in any
-// order and on any thread. The cuts depend on `grain` only, never on the number of threads, so a body that
-// reduces per piece gives the same result on every machine.
+// Calls body(first, last) for consecutive pieces [begin + n * grain, ...) that together cover [begin, end),
+// in any order and on any thread. The cuts depend on `grain` only, never on the number of threads, so a body
+// that reduces per piece gives the same result on every machine.
 template <class F>
 void parallel_for(int begin, int end, int grain, F body) {
     if (end <= begin) return;

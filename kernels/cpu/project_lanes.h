@@ -32,6 +32,8 @@ KINEVOX_INLINE LanePixels project_lanes(const Projector& c, Floats px, Floats py
     return out;
 }
 
-KINEVOX_INLINE Ints lane_index(Floats u) { return to_ints(u + 32768.5f) - 32768; }
+KINEVOX_INLINE Ints lane_index(Floats u) {
+    return to_ints(u + 32768.5f) - 32768;
+}
 
 }  // namespace kinevox::kernels

@@ -19,15 +19,15 @@ HWY_BEFORE_NAMESPACE();
 
 namespace kinevox::kernels::HWY_NAMESPACE {
 
-constexpr int kBlock = 16;   // rays
+constexpr int kBlock = 16;  // rays
 
 // A capsule as seen from the rays' origin.
 struct SeenCapsule {
-    float a[3], e[3];            // one end of the axis, and from there to the other
-    float ee, ea, aa;            // their products
-    float radius_a, taper;       // m; m along the whole axis
-    float centre[3], centre2;    // of the ball around all of it, and its squared distance
-    float reach;                 // the ball's radius
+    float a[3], e[3];          // one end of the axis, and from there to the other
+    float ee, ea, aa;          // their products
+    float radius_a, taper;     // m; m along the whole axis
+    float centre[3], centre2;  // of the ball around all of it, and its squared distance
+    float reach;               // the ball's radius
 };
 
 struct RayBlock {
@@ -51,7 +51,8 @@ inline SeenCapsule seen_from(const float* origin, const TaperedCapsule& c) {
     return s;
 }
 
-// False if the ball around the capsule is for no ray nearer than what was found. A margin is left for what floats lose.
+// False if the ball around the capsule is for no ray nearer than what was found. A margin is left for what
+// floats lose.
 inline bool may_be_nearest(const RayBlock& rays, const SeenCapsule& c) {
     constexpr float kMargin_m = 1e-3f, kMargin2 = 1e-4f;
     int any = 0;
@@ -63,8 +64,8 @@ inline bool may_be_nearest(const RayBlock& rays, const SeenCapsule& c) {
     return any != 0;
 }
 
-// The axis' point at t lies sqrt(q2 t^2 + 2 q1 t + q0) from the ray. Without taper the nearest is where that is least;
-// with it the nearest moves on towards the thicker end, until the surface's slope is met.
+// The axis' point at t lies sqrt(q2 t^2 + 2 q1 t + q0) from the ray. Without taper the nearest is where that
+// is least; with it the nearest moves on towards the thicker end, until the surface's slope is met.
 inline void meet(RayBlock& rays, const SeenCapsule& c, int index) {
     for (int i = 0; i < kBlock; ++i) {
         const float de = rays.dx[i] * c.e[0] + rays.dy[i] * c.e[1] + rays.dz[i] * c.e[2];
@@ -92,13 +93,14 @@ void nearest_capsules(const RayBundle& rays, std::span<const TaperedCapsule> cap
     const int count = static_cast<int>(capsules.size());
     for (int k = 0; k < count; ++k) seen[k] = seen_from(rays.origin, capsules[k]);
     RayBlock block{};
-    int likely = 0;   // neighbours on the border are near one capsule
+    int likely = 0;  // neighbours on the border are near one capsule
     for (int first = 0; first < rays.count; first += kBlock) {
         const int size = std::min(kBlock, rays.count - first);
         const auto load = [&](const float* from, float* to) {
             std::memcpy(to, from + first, sizeof(float) * static_cast<std::size_t>(size));
         };
-        load(rays.direction[0], block.dx), load(rays.direction[1], block.dy), load(rays.direction[2], block.dz);
+        load(rays.direction[0], block.dx), load(rays.direction[1], block.dy),
+            load(rays.direction[2], block.dz);
         load(rays.outward[0], block.nx), load(rays.outward[1], block.ny), load(rays.outward[2], block.nz);
         std::fill_n(block.best, kBlock, kWrongSide_m);
         std::fill_n(block.which, kBlock, -1);
@@ -125,8 +127,8 @@ KINEVOX_EXPORT(nearest_capsules);
 void nearest_capsules(const RayBundle& rays, std::span<const TaperedCapsule> capsules, float* distance_m,
                       int* nearest) {
     if (capsules.size() > kMostCapsules)
-        throw std::invalid_argument("nearest capsules: " + std::to_string(capsules.size()) + " capsules; at most " +
-                                    std::to_string(kMostCapsules));
+        throw std::invalid_argument("nearest capsules: " + std::to_string(capsules.size()) +
+                                    " capsules; at most " + std::to_string(kMostCapsules));
     KINEVOX_DISPATCH(nearest_capsules)(rays, capsules, distance_m, nearest);
 }
 

@@ -10,7 +10,7 @@ namespace kinevox::kernels::cpu {
 
 std::uint64_t set_pixels(const std::uint8_t* row, int x, int end) {
     const int count = std::min(end - x, 64);
-    if (count < 64 && end < 64) {   // nothing to read whole vectors from
+    if (count < 64 && end < 64) {  // nothing to read whole vectors from
         std::uint64_t bits = 0;
         for (int i = 0; i < count; ++i) bits |= static_cast<std::uint64_t>(row[x + i] != 0) << i;
         return bits;
@@ -41,17 +41,18 @@ void RunComponents::find_runs(const std::uint8_t* mask, int stride, const Rect& 
     for (int y = box.y0; y < box.y1; ++y) {
         const std::size_t row_begin = runs.size();
         std::size_t above = above_begin;
-        for_each_run<kSet>(mask + static_cast<std::ptrdiff_t>(y) * stride, box.x0, box.x1, [&](int x, int end) {
-            const int index = static_cast<int>(runs.size());
-            runs.push_back({y, x, end, index});
-            parent_.push_back(index);
-            while (above < above_end && runs[above].x1 + reach <= x) ++above;
-            for (std::size_t a = above; a < above_end && runs[a].x0 < end + reach; ++a) {
-                const int low = std::min(root(static_cast<int>(a)), root(index));
-                const int high = std::max(root(static_cast<int>(a)), root(index));
-                parent_[high] = low;
-            }
-        });
+        for_each_run<kSet>(mask + static_cast<std::ptrdiff_t>(y) * stride, box.x0, box.x1,
+                           [&](int x, int end) {
+                               const int index = static_cast<int>(runs.size());
+                               runs.push_back({y, x, end, index});
+                               parent_.push_back(index);
+                               while (above < above_end && runs[above].x1 + reach <= x) ++above;
+                               for (std::size_t a = above; a < above_end && runs[a].x0 < end + reach; ++a) {
+                                   const int low = std::min(root(static_cast<int>(a)), root(index));
+                                   const int high = std::max(root(static_cast<int>(a)), root(index));
+                                   parent_[high] = low;
+                               }
+                           });
         above_begin = row_begin;
         above_end = runs.size();
     }

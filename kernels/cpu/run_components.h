@@ -9,16 +9,16 @@
 
 namespace kinevox::kernels::cpu {
 
-// Bit i: whether row[x + i] is not 0, for i < min(64, end - x); the bits above are 0. `row` is a picture's row from its
-// first column on.
+// Bit i: whether row[x + i] is not 0, for i < min(64, end - x); the bits above are 0. `row` is a picture's
+// row from its first column on.
 std::uint64_t set_pixels(const std::uint8_t* row, int x, int end);
 
-// Calls body(x0, x1) for the runs in [x, end) of pixels that are not 0, or that are where `kSet` is false. 64 pixels at
-// once: rows are mostly uniform.
+// Calls body(x0, x1) for the runs in [x, end) of pixels that are not 0, or that are where `kSet` is false. 64
+// pixels at once: rows are mostly uniform.
 template <bool kSet = true, class F>
 void for_each_run(const std::uint8_t* row, int x, int end, F body) {
     int first = 0;
-    bool inside = false;   // a run that began at `first`
+    bool inside = false;  // a run that began at `first`
     for (; x < end; x += 64) {
         std::uint64_t bits = set_pixels(row, x, end);
         if (!kSet) bits = end - x < 64 ? ~bits & ((std::uint64_t{1} << (end - x)) - 1) : ~bits;

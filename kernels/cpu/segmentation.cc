@@ -81,17 +81,18 @@ class CpuSegmenter final : public RewindableSegmenter {
     std::uint8_t probability_of_[256];  // of evidence in steps of limit / 128
     bool learned_ = false, keep_learned_ = false;
     std::int64_t frame_ = 0;
-    BackgroundModel model_, learned_model_;   // the latter empty unless it is kept
+    BackgroundModel model_, learned_model_;  // the latter empty unless it is kept
     PackedSamples packed_;
     std::array<std::uint16_t, 3> inverse_gain_{};
     AlignedVector<std::uint8_t> cells_, density_;
-    std::vector<std::uint8_t> candidates_;    // per cell, the groups near its unsure pixels; 0: plainly background
-    std::vector<std::uint8_t> active_;        // per cell, the groups that are looked at
-    std::vector<std::uint8_t> searched_;             // per cell, whether its density is this frame's
-    std::vector<std::uint8_t> spread_;        // scratch of find_active
-    std::vector<GroupSpan> active_span_;              // per row, from the first active group to the last
-    std::vector<std::uint8_t> lit_;      // per cell, the groups for which the planes hold values of their own
-    std::vector<std::uint8_t> looked_;   // per cell, samples that are in its density
+    std::vector<std::uint8_t>
+        candidates_;                    // per cell, the groups near its unsure pixels; 0: plainly background
+    std::vector<std::uint8_t> active_;  // per cell, the groups that are looked at
+    std::vector<std::uint8_t> searched_;  // per cell, whether its density is this frame's
+    std::vector<std::uint8_t> spread_;    // scratch of find_active
+    std::vector<GroupSpan> active_span_;  // per row, from the first active group to the last
+    std::vector<std::uint8_t> lit_;     // per cell, the groups for which the planes hold values of their own
+    std::vector<std::uint8_t> looked_;  // per cell, samples that are in its density
     Plane weighted_value_, weighted_energy_, factor_, residual_, neighbourhood_, evidence_, smoothed_;
     ForegroundColours colours_;
     std::vector<float> log_foreground_;
@@ -209,16 +210,16 @@ void CpuSegmenter::density_rows(const PictureView& picture, int y0, int y1, int 
         const int this_y = y, this_k = k;
         next(y, k);
         const SamplesAhead ahead = y < y1 ? samples_ahead(y, k) : SamplesAhead{};
-        const DensityLooks looks = cell_density(tables_, values, samples_of(this_y, this_k),
-                                                model_.cell_scale(this_y, this_k), channels_, 0, true,
-                                                density, ahead);
+        const DensityLooks looks =
+            cell_density(tables_, values, samples_of(this_y, this_k), model_.cell_scale(this_y, this_k),
+                         channels_, 0, true, density, ahead);
         candidates_[cell] = looks.plain ? 0 : groups_near_unsure(density);
         looked_[cell] = static_cast<std::uint8_t>(looks.samples);
     }
 }
 
-// Marks the searched cells' groups near unsure pixels, and the span of each row that they take; returns the box
-// around them.
+// Marks the searched cells' groups near unsure pixels, and the span of each row that they take; returns the
+// box around them.
 CellBox CpuSegmenter::find_active(const CellBox& work) {
     CellBox box{work.y1, work.y0, work.k1, work.k0};
     std::fill(active_span_.begin(), active_span_.end(), GroupSpan{});
@@ -262,8 +263,10 @@ void CpuSegmenter::fit_light(const CellBox& box) {
                 const bool inside = y >= box.y0 && y < box.y1 && k >= box.k0 && k < box.k1;
                 const std::size_t cell = model_.cell_index(y, k);
                 const int active = inside ? active_[cell] : 0;
-                for (unsigned left = lit_[cell] & ~static_cast<unsigned>(active); left != 0; left &= left - 1) {
-                    const std::ptrdiff_t at = x + static_cast<std::ptrdiff_t>(std::countr_zero(left)) * kGroupPixels;
+                for (unsigned left = lit_[cell] & ~static_cast<unsigned>(active); left != 0;
+                     left &= left - 1) {
+                    const std::ptrdiff_t at =
+                        x + static_cast<std::ptrdiff_t>(std::countr_zero(left)) * kGroupPixels;
                     std::fill_n(weighted_value_.row(y) + at, kGroupPixels, 0.0f);
                     std::fill_n(weighted_energy_.row(y) + at, kGroupPixels, 0.0f);
                     std::fill_n(evidence_.row(y) + at, kGroupPixels, -parameters_.limit);
@@ -429,7 +432,8 @@ void CpuSegmenter::update_model(const PictureView& picture, const SegmentationPr
                     for_each_run(out.loose.data() + row, 0, width_, keep);
                     if (prior.expected) for_each_run(prior.expected + row, 0, width_, keep);
                 }
-            update_row(model_, packed_, y, {cells_.data(), density_.data(), keep_out_.data(), visit}, options_);
+            update_row(model_, packed_, y, {cells_.data(), density_.data(), keep_out_.data(), visit},
+                       options_);
         }
     });
 }
@@ -527,10 +531,11 @@ std::unique_ptr<Segmenter> make_segmenter(Device device, int width, int height, 
     return std::make_unique<cpu::CpuSegmenter>(width, height, channels, options);
 }
 
-std::unique_ptr<RewindableSegmenter> make_rewindable_segmenter(Device device, int width, int height, int channels,
+std::unique_ptr<RewindableSegmenter> make_rewindable_segmenter(Device device, int width, int height,
+                                                               int channels,
                                                                const SegmentationOptions& options) {
     std::unique_ptr<Segmenter> made = make_segmenter(device, width, height, channels, options);
-    auto* const segmenter = dynamic_cast<RewindableSegmenter*>(made.get());   // both forms are
+    auto* const segmenter = dynamic_cast<RewindableSegmenter*>(made.get());  // both forms are
     if (!segmenter) throw std::logic_error("segmentation: this device's segmenter cannot be rewound");
     made.release();
     segmenter->keep_learned();

@@ -57,9 +57,9 @@ namespace kinevox::kernels::cpu::HWY_NAMESPACE {
 #if HWY_TARGET == HWY_SCALAR
 // A processor without vectors of bytes: the shared scalar form.
 template <int kChannels>
-DensityLooks cell_density_of(const kde::DensityTables& tables, const std::uint8_t* cell, const CellSamples& samples,
-                             const std::uint8_t* bandwidth_scale, int begin, bool may_stop, const SamplesAhead&,
-                             std::uint8_t* density) {
+DensityLooks cell_density_of(const kde::DensityTables& tables, const std::uint8_t* cell,
+                             const CellSamples& samples, const std::uint8_t* bandwidth_scale, int begin,
+                             bool may_stop, const SamplesAhead&, std::uint8_t* density) {
     return cell_density_plain(tables, cell, samples, bandwidth_scale, kChannels, begin, may_stop, density);
 }
 void split_whole_cell(const std::uint8_t* interleaved, int channels, const std::uint16_t* gain_64,
@@ -147,13 +147,14 @@ class PackedPairs {
   public:
     HWY_INLINE PackedPairs(const CellSamples& samples, int lane)
         : pairs_(samples.packed + kChannels * kCellPixels + lane) {
-        for (int c = 0; c < kChannels; ++c) lowest_[c] = hn::Load(Bytes(), samples.packed + c * kCellPixels + lane);
+        for (int c = 0; c < kChannels; ++c)
+            lowest_[c] = hn::Load(Bytes(), samples.packed + c * kCellPixels + lane);
     }
     template <class Add>
     HWY_INLINE void each(int first, int last, const Add& add) const {
         const Bytes bytes;
         const auto half = hn::Set(bytes, 0x0f);
-        for (int i = first; i < last; i += 2) {   // `first` is even
+        for (int i = first; i < last; i += 2) {  // `first` is even
             SampleLanes<kChannels> even, odd;
             for (int c = 0; c < kChannels; ++c) {
                 const auto pair = hn::Load(bytes, pairs_ + (i / 2 * kChannels + c) * kCellPixels);
@@ -178,8 +179,9 @@ HWY_INLINE int unsure_lanes(hn::Vec<Bytes> sum) {
 
 template <int kChannels, template <int> class Samples>
 HWY_INLINE DensityLooks sum_samples(const kde::DensityTables& tables, const std::uint8_t* cell,
-                                    const CellSamples& samples, const std::uint8_t* bandwidth_scale, int begin,
-                                    bool may_stop, const SamplesAhead& ahead, std::uint8_t* density) {
+                                    const CellSamples& samples, const std::uint8_t* bandwidth_scale,
+                                    int begin, bool may_stop, const SamplesAhead& ahead,
+                                    std::uint8_t* density) {
     static_assert(kde::kSamplesPerLook % 2 == 0);
     const Bytes bytes;
     const auto squared_table = hn::LoadDup128(bytes, tables.squared);
@@ -241,13 +243,13 @@ HWY_INLINE DensityLooks sum_samples(const kde::DensityTables& tables, const std:
 }
 
 template <int kChannels>
-DensityLooks cell_density_of(const kde::DensityTables& tables, const std::uint8_t* cell, const CellSamples& samples,
-                             const std::uint8_t* bandwidth_scale, int begin, bool may_stop, const SamplesAhead& ahead,
-                             std::uint8_t* density) {
-    return samples.packed ? sum_samples<kChannels, PackedPairs>(tables, cell, samples, bandwidth_scale, begin, may_stop,
-                                                                ahead, density)
-                          : sum_samples<kChannels, WholeSamples>(tables, cell, samples, bandwidth_scale, begin,
-                                                                 may_stop, ahead, density);
+DensityLooks cell_density_of(const kde::DensityTables& tables, const std::uint8_t* cell,
+                             const CellSamples& samples, const std::uint8_t* bandwidth_scale, int begin,
+                             bool may_stop, const SamplesAhead& ahead, std::uint8_t* density) {
+    return samples.packed ? sum_samples<kChannels, PackedPairs>(tables, cell, samples, bandwidth_scale, begin,
+                                                                may_stop, ahead, density)
+                          : sum_samples<kChannels, WholeSamples>(tables, cell, samples, bandwidth_scale,
+                                                                 begin, may_stop, ahead, density);
 }
 
 // One plane: value * gain / 16384 in 1/64 levels, rounded.
@@ -286,14 +288,14 @@ void split_whole_cell(const std::uint8_t* interleaved, int channels, const std::
 
 #endif  // HWY_SCALAR
 
-DensityLooks cell_density_1(const kde::DensityTables& tables, const std::uint8_t* cell, const CellSamples& samples,
-                            const std::uint8_t* bandwidth_scale, int begin, bool may_stop, const SamplesAhead& ahead,
-                            std::uint8_t* density) {
+DensityLooks cell_density_1(const kde::DensityTables& tables, const std::uint8_t* cell,
+                            const CellSamples& samples, const std::uint8_t* bandwidth_scale, int begin,
+                            bool may_stop, const SamplesAhead& ahead, std::uint8_t* density) {
     return cell_density_of<1>(tables, cell, samples, bandwidth_scale, begin, may_stop, ahead, density);
 }
-DensityLooks cell_density_3(const kde::DensityTables& tables, const std::uint8_t* cell, const CellSamples& samples,
-                            const std::uint8_t* bandwidth_scale, int begin, bool may_stop, const SamplesAhead& ahead,
-                            std::uint8_t* density) {
+DensityLooks cell_density_3(const kde::DensityTables& tables, const std::uint8_t* cell,
+                            const CellSamples& samples, const std::uint8_t* bandwidth_scale, int begin,
+                            bool may_stop, const SamplesAhead& ahead, std::uint8_t* density) {
     return cell_density_of<3>(tables, cell, samples, bandwidth_scale, begin, may_stop, ahead, density);
 }
 
@@ -335,14 +337,14 @@ void split_cell(const std::uint8_t* interleaved, int pixels, int channels, const
     split_plain(interleaved, pixels, channels, gain_64, cell);
 }
 
-DensityLooks cell_density(const kde::DensityTables& tables, const std::uint8_t* cell, const CellSamples& samples,
-                          const std::uint8_t* bandwidth_scale, int channels, int begin, bool may_stop,
-                          std::uint8_t* density, const SamplesAhead& ahead) {
+DensityLooks cell_density(const kde::DensityTables& tables, const std::uint8_t* cell,
+                          const CellSamples& samples, const std::uint8_t* bandwidth_scale, int channels,
+                          int begin, bool may_stop, std::uint8_t* density, const SamplesAhead& ahead) {
 #ifdef KINEVOX_HAVE_HIGHWAY
-    return channels == 1 ? HWY_DYNAMIC_DISPATCH(cell_density_1)(tables, cell, samples, bandwidth_scale, begin, may_stop,
-                                                                ahead, density)
-                         : HWY_DYNAMIC_DISPATCH(cell_density_3)(tables, cell, samples, bandwidth_scale, begin, may_stop,
-                                                                ahead, density);
+    return channels == 1 ? HWY_DYNAMIC_DISPATCH(cell_density_1)(tables, cell, samples, bandwidth_scale, begin,
+                                                                may_stop, ahead, density)
+                         : HWY_DYNAMIC_DISPATCH(cell_density_3)(tables, cell, samples, bandwidth_scale, begin,
+                                                                may_stop, ahead, density);
 #else
     static_cast<void>(ahead);
     return cell_density_plain(tables, cell, samples, bandwidth_scale, channels, begin, may_stop, density);

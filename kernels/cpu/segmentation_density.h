@@ -26,18 +26,18 @@ struct DensityLooks {
 };
 // A cell's samples.
 struct CellSamples {
-    const std::uint8_t* whole = nullptr;    // [sample][channel][64]
-    const std::uint8_t* packed = nullptr;   // the same samples as PackedSamples keeps them, or null
+    const std::uint8_t* whole = nullptr;   // [sample][channel][64]
+    const std::uint8_t* packed = nullptr;  // the same samples as PackedSamples keeps them, or null
     int count = 0;
 };
-// What of the cell that will be asked for next is fetched in the meantime, since memory takes longer to deliver a cell
-// than the sums take: `lines` groups of [channel][64] bytes.
+// What of the cell that will be asked for next is fetched in the meantime, since memory takes longer to
+// deliver a cell than the sums take: `lines` groups of [channel][64] bytes.
 struct SamplesAhead {
     const std::uint8_t* first = nullptr;
     int lines = 0;
 };
-DensityLooks cell_density(const kde::DensityTables& tables, const std::uint8_t* cell, const CellSamples& samples,
-                          const std::uint8_t* bandwidth_scale, int channels, int begin, bool may_stop,
-                          std::uint8_t* density, const SamplesAhead& ahead = {});
+DensityLooks cell_density(const kde::DensityTables& tables, const std::uint8_t* cell,
+                          const CellSamples& samples, const std::uint8_t* bandwidth_scale, int channels,
+                          int begin, bool may_stop, std::uint8_t* density, const SamplesAhead& ahead = {});
 
 }  // namespace kinevox::kernels::cpu

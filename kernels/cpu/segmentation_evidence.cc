@@ -8,8 +8,8 @@
 #include "kernels/cpu/dispatch.h"
 #include "kernels/shared/kde_groups.h"
 
-// Compiled for each family that Highway chooses from at run time. The plain loops are vectorised by the compiler; no
-// two of their arrays overlap (ivdep).
+// Compiled for each family that Highway chooses from at run time. The plain loops are vectorised by the
+// compiler; no two of their arrays overlap (ivdep).
 #ifdef KINEVOX_HAVE_HIGHWAY
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/cpu/segmentation_evidence.cc"
@@ -53,7 +53,8 @@ struct QuotientLanes {
 
 // kde::fit_light() of pixels from x on.
 template <int kChannels>
-HWY_INLINE void fit_light_at(const EvidenceCell& cell, const kde::EvidenceParameters& p, const LightRows& out, int x) {
+HWY_INLINE void fit_light_at(const EvidenceCell& cell, const kde::EvidenceParameters& p, const LightRows& out,
+                             int x) {
     const Floats f;
     V value[kChannels], reference[kChannels], product = hn::Zero(f), energy = hn::Zero(f);
     for (int c = 0; c < kChannels; ++c) {
@@ -62,8 +63,9 @@ HWY_INLINE void fit_light_at(const EvidenceCell& cell, const kde::EvidenceParame
         product = hn::MulAdd(value[c], reference[c], product);
         energy = hn::MulAdd(reference[c], reference[c], energy);
     }
-    const V factor = hn::Min(hn::Max(hn::Div(product, hn::Max(energy, hn::Set(f, 1.0f))), hn::Set(f, p.darkest)),
-                             hn::Set(f, p.brightest));
+    const V factor =
+        hn::Min(hn::Max(hn::Div(product, hn::Max(energy, hn::Set(f, 1.0f))), hn::Set(f, p.darkest)),
+                hn::Set(f, p.brightest));
     QuotientLanes squared_distance;
     for (int c = 0; c < kChannels; ++c) {
         const V scale = levels(cell.scale + c * kCellPixels + x), squared_scale = hn::Mul(scale, scale);
@@ -94,8 +96,9 @@ HWY_INLINE hn::Vec<Numbers> histogram_bins(const std::uint8_t* value) {
 
 // kde::evidence() of pixels from x on.
 template <int kChannels>
-HWY_INLINE void evidence_at(const EvidenceCell& cell, const kde::EvidenceParameters& p, const LightAround& light,
-                            const float* log_lit, const float* log_foreground, float* evidence, int x) {
+HWY_INLINE void evidence_at(const EvidenceCell& cell, const kde::EvidenceParameters& p,
+                            const LightAround& light, const float* log_lit, const float* log_foreground,
+                            float* evidence, int x) {
     constexpr int kReach = kde::kLightReach;
     const Floats f;
     const float *around = light.neighbourhood + x, *above = around - kReach * light.stride,
@@ -123,9 +126,9 @@ HWY_INLINE void evidence_at(const EvidenceCell& cell, const kde::EvidenceParamet
     const V certain = hn::Add(precision.denominator, precision.numerator);
     const V spread =
         hn::MulAdd(hn::Set(f, p.light_deviation * p.light_deviation), certain, precision.denominator);
-    const V disagreement =
-        hn::Add(hn::LoadU(f, light.residual + x),
-                hn::Div(hn::Mul(hn::Mul(hn::Set(f, p.light_smoothness), hn::Mul(step, step)), certain), spread));
+    const V disagreement = hn::Add(
+        hn::LoadU(f, light.residual + x),
+        hn::Div(hn::Mul(hn::Mul(hn::Set(f, p.light_smoothness), hn::Mul(step, step)), certain), spread));
     const V shaded = hn::NegMulAdd(hn::Set(f, 0.5f), disagreement, hn::Set(f, p.log_prior_light));
     const V colour = hn::GatherIndex(f, log_foreground, histogram_bins<kChannels>(cell.value + x));
     const V ratio = hn::Sub(hn::Sub(colour, hn::LoadU(f, cell.log_peak + x)), hn::Max(lit, shaded));
@@ -155,9 +158,10 @@ void evidence_at(const EvidenceCell& cell, const kde::EvidenceParameters& p, con
     for (const std::ptrdiff_t to : {-kReach * light.stride, std::ptrdiff_t{-kReach}, std::ptrdiff_t{0},
                                     std::ptrdiff_t{kReach}, kReach * light.stride})
         step = std::min(step, std::abs(light.factor[x] - around[to]));
-    evidence[x] = kde::evidence<kChannels>(cell.value + x, cell.reference + x, cell.scale + x, cell.density[x],
-                                           log_lit[cell.density[x]], cell.log_peak[x], light.residual[x], step,
-                                           log_foreground[kde::histogram_bin<kChannels>(cell.value + x)], p);
+    evidence[x] =
+        kde::evidence<kChannels>(cell.value + x, cell.reference + x, cell.scale + x, cell.density[x],
+                                 log_lit[cell.density[x]], cell.log_peak[x], light.residual[x], step,
+                                 log_foreground[kde::histogram_bin<kChannels>(cell.value + x)], p);
 }
 
 template <class At>

@@ -1,5 +1,5 @@
-// The loops over the pixels that are not plainly background: kde_evidence.h for a cell's groups of 16, and the
-// smoothing of the result. Compiled for each processor family where Highway is there.
+// The loops over the pixels that are not plainly background: kde_evidence.h for a cell's groups of 16, and
+// the smoothing of the result. Compiled for each processor family where Highway is there.
 #pragma once
 
 #include <cstdint>

@@ -9,7 +9,7 @@
 namespace kinevox::kernels::cpu {
 namespace {
 
-constexpr std::size_t kReadBeyond = 8;   // bytes, by vectors at the picture's end
+constexpr std::size_t kReadBeyond = 8;  // bytes, by vectors at the picture's end
 
 void set_run(const MaskPicture& mask, const Run& run, int value) {
     std::memset(mask.row(run.y) + run.x0, value, run.x1 - run.x0);
@@ -97,8 +97,9 @@ void BorderRefiner::refine(const MaskPicture& sharp, const Rect& box, const Rect
             zones[x] =
                 static_cast<std::uint8_t>((inside[x] & kde::kZoneInside) | (~grown[x] & kde::kZoneOutside));
     }
-    const BorderPictures pictures{sharp.width, limit, zones_.data(), cells, model.reference.data(),
-                                  model.cells_per_row, model.channels, parameters};
+    const BorderPictures pictures{
+        sharp.width,         limit,          zones_.data(), cells, model.reference.data(),
+        model.cells_per_row, model.channels, parameters};
     parallel_for(box.y0, box.y1, 16, [&](int first, int last) {
         for (int y = first; y < last; ++y) unmix_row(pictures, y, box.x0, box.x1, sharp.row(y));
     });

@@ -23,7 +23,7 @@ int groups_near_unsure(const std::uint8_t* density) {
     for (int n = 0; n < kde::kSlices; ++n) {
         std::uint32_t word;
         std::memcpy(&word, density + n * kde::kActiveMargin, sizeof word);
-        word &= 0xf8f8f8f8u;   // a byte is 0 where the density is below the sure one
+        word &= 0xf8f8f8f8u;  // a byte is 0 where the density is below the sure one
         slices |= ((word - 0x01010101u) & ~word & 0x80808080u) != 0 ? 1 << n : 0;
     }
     return kde::groups_near(slices);

@@ -49,8 +49,8 @@ void learn_values(std::uint8_t* samples, std::uint8_t* scales, std::uint8_t* ref
     }
 }
 
-// What may be learned of a cell's pixels, 255 or 0 each: `learn`, background; `strange`, neither that nor the subject,
-// for which alone the visits go on counting. Returns whether any is strange.
+// What may be learned of a cell's pixels, 255 or 0 each: `learn`, background; `strange`, neither that nor the
+// subject, for which alone the visits go on counting. Returns whether any is strange.
 bool judge_pixels(const std::uint8_t* density, const std::uint8_t* keep_out, int pixels, std::uint8_t* learn,
                   std::uint8_t* strange, std::uint8_t* visits) {
     int any_strange = 0;
@@ -106,9 +106,9 @@ void update_row(BackgroundModel& model, PackedSamples& packed, int y, const Mode
         std::uint8_t learn[kCellPixels] = {}, strange[kCellPixels] = {};
         const bool any_strange =
             KINEVOX_DISPATCH(judge_pixels)(density, keep_out, pixels, learn, strange, visits);
-        KINEVOX_DISPATCH(learn_values)(model.cell_samples(y, k), model.bandwidth_scale.data() + bytes,
-                                       model.reference.data() + bytes, model.channels, update.cells + bytes,
-                                       learn, p);
+        KINEVOX_DISPATCH(learn_values)
+        (model.cell_samples(y, k), model.bandwidth_scale.data() + bytes, model.reference.data() + bytes,
+         model.channels, update.cells + bytes, learn, p);
         update_log_peak(model, cell);
         bool absorbed = false;
         for (int x = 0; any_strange && x < pixels; ++x)

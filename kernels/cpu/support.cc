@@ -15,7 +15,7 @@ namespace {
 typedef std::uint64_t Four __attribute__((vector_size(32)));
 typedef std::uint64_t Eight __attribute__((vector_size(64)));
 template <class Words>
-constexpr int kWordsOf = static_cast<int>(sizeof(Words) / 8);   // slices at a time
+constexpr int kWordsOf = static_cast<int>(sizeof(Words) / 8);  // slices at a time
 
 constexpr int digits_of(int most) {
     return std::bit_width(static_cast<unsigned>(most));
@@ -146,7 +146,8 @@ using FindThin = void (*)(const VoxelVolume& volume, const BrickGrid& grid, int 
 
 struct Plain {
     template <int kRadius>
-    static void find_thin(const VoxelVolume& volume, const BrickGrid& grid, int brick, int least, std::uint64_t* thin) {
+    static void find_thin(const VoxelVolume& volume, const BrickGrid& grid, int brick, int least,
+                          std::uint64_t* thin) {
         find_thin_body<Four, kRadius>(volume, grid, brick, least, thin);
     }
 };
@@ -162,8 +163,8 @@ struct Avx2 {
 
 struct Avx512 {
     template <int kRadius>
-    KINEVOX_AVX512 static void find_thin(const VoxelVolume& volume, const BrickGrid& grid, int brick, int least,
-                                         std::uint64_t* thin) {
+    KINEVOX_AVX512 static void find_thin(const VoxelVolume& volume, const BrickGrid& grid, int brick,
+                                         int least, std::uint64_t* thin) {
         find_thin_body<Eight, kRadius>(volume, grid, brick, least, thin);
     }
 };

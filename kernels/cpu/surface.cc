@@ -15,9 +15,9 @@ namespace {
 // The surface voxels of one slice of a brick.
 struct SurfaceSlice {
     std::uint64_t voxels;
-    const std::uint64_t* open;   // for each of the six directions the voxels without a neighbour there
-    float x0, y0, z, voxel;      // m: the first voxel's centre, and a voxel's edge
-    int k;                       // the slice's number in the brick
+    const std::uint64_t* open;  // for each of the six directions the voxels without a neighbour there
+    float x0, y0, z, voxel;     // m: the first voxel's centre, and a voxel's edge
+    int k;                      // the slice's number in the brick
 };
 
 void list_slice_plain(const SurfaceSlice& slice, Surface& surface, int out) {
@@ -41,8 +41,9 @@ KINEVOX_AVX512 void list_slice_avx512(const SurfaceSlice& slice, Surface& surfac
     const auto to_floats = [](__m512i v) KINEVOX_AVX512 { return _mm512_maskz_cvtepi32_ps(0xffff, v); };
     const __m512i lane = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
     const __m512 voxel = _mm512_set1_ps(slice.voxel);
-    const __m512 x = _mm512_add_ps(_mm512_set1_ps(slice.x0),
-                                   _mm512_mul_ps(to_floats(_mm512_and_si512(lane, _mm512_set1_epi32(7))), voxel));
+    const __m512 x =
+        _mm512_add_ps(_mm512_set1_ps(slice.x0),
+                      _mm512_mul_ps(to_floats(_mm512_and_si512(lane, _mm512_set1_epi32(7))), voxel));
     for (int first = 0; first < 64; first += 16) {
         const auto here = static_cast<__mmask16>(slice.voxels >> first);
         if (!here) continue;
@@ -75,7 +76,6 @@ void list_slice(const SurfaceSlice& slice, Surface& surface, int out) {
 }
 
 }  // namespace
-
 
 void BrickGrid::build(const VoxelVolume& volume) {
     nx_ = volume.lattice.size[0] / kBrickEdge + 2;

@@ -1,5 +1,5 @@
-// Voxel colouring on the device, step for step as kernels/cpu/colouring.cc: each round marks voxels on a snapshot,
-// then clears them, so that no order of threads shows.
+// Voxel colouring on the device, step for step as kernels/cpu/colouring.cc: each round marks voxels on a
+// snapshot, then clears them, so that no order of threads shows.
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -24,7 +24,9 @@ namespace {
 constexpr int kWords = kBrickVoxels / 32;  // of a brick's occupancy
 constexpr int kMarkThreads = 64;
 
-__device__ std::uint32_t* words_of(Brick& brick) { return reinterpret_cast<std::uint32_t*>(brick.occupancy); }
+__device__ std::uint32_t* words_of(Brick& brick) {
+    return reinterpret_cast<std::uint32_t*>(brick.occupancy);
+}
 
 // One block a brick, one thread a voxel: clears what sticks out of the sharp silhouettes.
 __global__ void carve_outside(HullQuestion q, Lattice lattice, Brick* bricks, unsigned long long* carved) {
@@ -38,7 +40,8 @@ __global__ void carve_outside(HullQuestion q, Lattice lattice, Brick* bricks, un
     }
     __syncthreads();
     if (whole == BlockState::kFull) return;
-    const unsigned kept = __ballot_sync(0xffffffffu, voxel_inside(q, lattice, brick.x, brick.y, brick.z, bit));
+    const unsigned kept =
+        __ballot_sync(0xffffffffu, voxel_inside(q, lattice, brick.x, brick.y, brick.z, bit));
     if (bit % 32 == 0) {
         std::uint32_t& word = words_of(brick)[bit / 32];
         atomicAdd(&gone, __popc(word & ~kept));
@@ -96,14 +99,16 @@ __device__ bool colours_disagree(const ViewSet& set, const SurfaceVoxel& voxel, 
     return false;
 }
 
-// Occupied voxels in the cube of 2 * radius + 1 around voxel `bit` of the middle one of 27 bricks, row by row.
+// Occupied voxels in the cube of 2 * radius + 1 around voxel `bit` of the middle one of 27 bricks, row by
+// row.
 __device__ int count_support(const std::uint64_t (*bricks)[kBrickEdge], int bit, int radius) {
     const int x = bit & 7, y = bit >> 3 & 7, z = bit >> 6;
     const unsigned row_mask = (1u << (2 * radius + 1)) - 1;
     int count = 0;
     for (int gz = z - radius + kBrickEdge; gz <= z + radius + kBrickEdge; ++gz) {
         for (int gy = y - radius + kBrickEdge; gy <= y + radius + kBrickEdge; ++gy) {
-            const std::uint64_t(*row_of_bricks)[kBrickEdge] = bricks + (gz / kBrickEdge * 3 + gy / kBrickEdge) * 3;
+            const std::uint64_t(*row_of_bricks)[kBrickEdge] =
+                bricks + (gz / kBrickEdge * 3 + gy / kBrickEdge) * 3;
             const int slice = gz % kBrickEdge, shift = gy % kBrickEdge * 8;
             unsigned row = 0;  // 24 voxels along x, the middle brick's from bit 8 on
             for (int b = 0; b < 3; ++b) {
@@ -115,10 +120,11 @@ __device__ int count_support(const std::uint64_t (*bricks)[kBrickEdge], int bit,
     return count;
 }
 
-// One block a brick; marks: 16 words a brick, one bit a voxel that goes. `last_marks` are those of the round before,
-// null in the first: where they took nothing from a brick or the 26 around it, the answer would be the same again.
-__global__ void mark_voxels(const Brick* bricks, BrickTable table, SurfaceList surface, ViewSet set, Rules rules,
-                            const std::uint32_t* last_marks, std::uint32_t* marks) {
+// One block a brick; marks: 16 words a brick, one bit a voxel that goes. `last_marks` are those of the round
+// before, null in the first: where they took nothing from a brick or the 26 around it, the answer would be
+// the same again.
+__global__ void mark_voxels(const Brick* bricks, BrickTable table, SurfaceList surface, ViewSet set,
+                            Rules rules, const std::uint32_t* last_marks, std::uint32_t* marks) {
     __shared__ std::uint64_t around[27][kBrickEdge];
     __shared__ std::uint32_t marked[kWords];
     const int brick = blockIdx.x, thread = threadIdx.x;
@@ -140,8 +146,8 @@ __global__ void mark_voxels(const Brick* bricks, BrickTable table, SurfaceList s
     for (int n = first + thread; n < last; n += kMarkThreads) {
         const SurfaceVoxel& voxel = surface.voxels[n];
         const int bit = voxel.bit;
-        const bool thin = rules.least_support > 0 &&
-                          count_support(around, bit, rules.support_radius) < rules.least_support;
+        const bool thin =
+            rules.least_support > 0 && count_support(around, bit, rules.support_radius) < rules.least_support;
         if (can_spare(set, n, rules) && (thin || colours_disagree(set, voxel, n, rules))) {
             atomicOr(&marked[bit / 32], 1u << (bit % 32));
         }
@@ -151,7 +157,8 @@ __global__ void mark_voxels(const Brick* bricks, BrickTable table, SurfaceList s
 }
 
 // A thread a word of 32 voxels. Only surface voxels are marked, so each mark is a voxel carved.
-__global__ void clear_marked(Brick* bricks, int count, const std::uint32_t* marks, unsigned long long* carved) {
+__global__ void clear_marked(Brick* bricks, int count, const std::uint32_t* marks,
+                             unsigned long long* carved) {
     __shared__ int gone;
     if (threadIdx.x == 0) gone = 0;
     __syncthreads();
@@ -220,7 +227,7 @@ class CudaVoxelColourer final : public VoxelColourer {
             colours_.resize(surface.count);
             host_colours_.resize(surface.count);
             paint<<<blocks(surface.count), kThreads, 0, stream_.get()>>>(surface, view_set(), lattice.voxel_m,
-                                                                        colours_.data());
+                                                                         colours_.data());
             KINEVOX_CUDA_CHECK(cudaGetLastError());
             download(stream_, host_colours_.data(), colours_.data(), surface.count);
         }
@@ -240,8 +247,9 @@ class CudaVoxelColourer final : public VoxelColourer {
             SilhouetteView sharp;
             sharp.camera = make_projector(*view.camera, "colouring: camera");
             sharp.mask = view.sharp;
-            sharp.bounds = view.bounds.empty() ? bounds_of(view.sharp, sharp.camera.width, sharp.camera.height)
-                                               : view.bounds;
+            sharp.bounds = view.bounds.empty()
+                               ? bounds_of(view.sharp, sharp.camera.width, sharp.camera.height)
+                               : view.bounds;
             sharp.block_radius_px =
                 typical_block_radius_px(sharp.camera, lattice, 0.5f * kBrickEdge * lattice.voxel_m);
             sharp_.push_back(sharp);
@@ -250,8 +258,8 @@ class CudaVoxelColourer final : public VoxelColourer {
         const HullQuestion question{maps_.make(stream_, sharp_, options_.sharp_budget_permille),
                                     static_cast<int>(sharp_.size()), 0};
         fill_bytes(stream_, carved_.data(), 0, 1);
-        carve_outside<<<volume_.brick_count(), kBrickVoxels, 0, stream_.get()>>>(question, lattice, volume_.bricks(),
-                                                                               carved_.data());
+        carve_outside<<<volume_.brick_count(), kBrickVoxels, 0, stream_.get()>>>(
+            question, lattice, volume_.bricks(), carved_.data());
         KINEVOX_CUDA_CHECK(cudaGetLastError());
         return read_carved();
     }
@@ -274,19 +282,20 @@ class CudaVoxelColourer final : public VoxelColourer {
         rules.voxel_m = lattice.voxel_m;
         rules.by_colour = options_.max_colour_deviation > 0;
         rules.keep_on_ray_m = options_.keep_on_ray_m;
-        rules.support_radius = std::clamp(
-            static_cast<int>(std::lround((options_.support_edge_m / lattice.voxel_m - 1) / 2)), 1, kMaxSupportRadius);
+        rules.support_radius =
+            std::clamp(static_cast<int>(std::lround((options_.support_edge_m / lattice.voxel_m - 1) / 2)), 1,
+                       kMaxSupportRadius);
         const int edge = 2 * rules.support_radius + 1;
         rules.least_support = static_cast<int>(options_.min_support * static_cast<float>(edge * edge * edge));
         const int bricks = volume_.brick_count();
         DeviceBuffer<std::uint32_t>&marks = marks_[round % 2], &last_marks = marks_[(round + 1) % 2];
         marks.resize(static_cast<std::size_t>(bricks) * kWords);
         fill_bytes(stream_, carved_.data(), 0, 1);
-        mark_voxels<<<bricks, kMarkThreads, 0, stream_.get()>>>(volume_.bricks(), volume_.table(), surface,
-                                                               view_set(), rules, round > 0 ? last_marks.data() : nullptr,
-                                                               marks.data());
-        clear_marked<<<blocks(marks.size()), kThreads, 0, stream_.get()>>>(volume_.bricks(), bricks, marks.data(),
-                                                                          carved_.data());
+        mark_voxels<<<bricks, kMarkThreads, 0, stream_.get()>>>(
+            volume_.bricks(), volume_.table(), surface, view_set(), rules,
+            round > 0 ? last_marks.data() : nullptr, marks.data());
+        clear_marked<<<blocks(marks.size()), kThreads, 0, stream_.get()>>>(volume_.bricks(), bricks,
+                                                                           marks.data(), carved_.data());
         KINEVOX_CUDA_CHECK(cudaGetLastError());
         return read_carved();
     }

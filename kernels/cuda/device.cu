@@ -1,7 +1,6 @@
-#include "kernels/cuda/device.h"
-
 #include <string>
 
+#include "kernels/cuda/device.h"
 #include "kernels/cuda/forms.h"
 #include "kernels/device_error.h"
 
@@ -49,7 +48,7 @@ __global__ void scan_kernel(const int* in, int* out, int count) {
 void check(cudaError_t error, const char* call, const char* file, int line) {
     if (error == cudaSuccess) return;
     throw DeviceError(std::string("CUDA: ") + cudaGetErrorString(error) + " in " + call + " (" + file + ":" +
-                             std::to_string(line) + ")");
+                      std::to_string(line) + ")");
 }
 
 void require_gpu(const char* what) {

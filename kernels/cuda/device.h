@@ -1,5 +1,5 @@
-// RAII around the CUDA runtime. A stage owns one stream and its buffers; nothing runs on the default stream. Host
-// memory that the device copies is pinned, and is only written again after the stream was waited for.
+// RAII around the CUDA runtime. A stage owns one stream and its buffers; nothing runs on the default stream.
+// Host memory that the device copies is pinned, and is only written again after the stream was waited for.
 #pragma once
 
 #include <cuda_runtime.h>
@@ -30,7 +30,8 @@ class Stream {
     cudaStream_t stream_ = nullptr;
 };
 
-// Memory for `size()` elements of a trivially copyable type; resize() only ever grows it and forgets what it held.
+// Memory for `size()` elements of a trivially copyable type; resize() only ever grows it and forgets what it
+// held.
 template <class T, bool kPinned>
 class Buffer {
   public:
@@ -56,11 +57,7 @@ class Buffer {
 
     T* data() const { return data_; }
     std::size_t size() const { return size_; }
-    T& operator[](std::size_t n) const
-        requires kPinned
-    {
-        return data_[n];
-    }
+    T& operator[](std::size_t n) const requires kPinned { return data_[n]; }
 
   private:
     void release() {  // both wait for work that may still use the memory
@@ -85,7 +82,8 @@ using PinnedBuffer = Buffer<T, true>;
 template <class T>
 void upload(const Stream& stream, T* device, const T* pinned, std::size_t count) {
     if (count == 0) return;
-    KINEVOX_CUDA_CHECK(cudaMemcpyAsync(device, pinned, count * sizeof(T), cudaMemcpyHostToDevice, stream.get()));
+    KINEVOX_CUDA_CHECK(
+        cudaMemcpyAsync(device, pinned, count * sizeof(T), cudaMemcpyHostToDevice, stream.get()));
 }
 
 // Makes `device` as long as `pinned` and copies it.
@@ -99,7 +97,8 @@ void upload(const Stream& stream, DeviceBuffer<T>& device, const PinnedBuffer<T>
 template <class T>
 void download(const Stream& stream, T* pinned, const T* device, std::size_t count) {
     if (count == 0) return;
-    KINEVOX_CUDA_CHECK(cudaMemcpyAsync(pinned, device, count * sizeof(T), cudaMemcpyDeviceToHost, stream.get()));
+    KINEVOX_CUDA_CHECK(
+        cudaMemcpyAsync(pinned, device, count * sizeof(T), cudaMemcpyDeviceToHost, stream.get()));
 }
 
 template <class T>
@@ -115,12 +114,15 @@ inline dim3 blocks(std::size_t count, int rows = 1, int threads = kThreads) {
     return dim3(static_cast<unsigned>((count + threads - 1) / threads), static_cast<unsigned>(rows));
 }
 
-// out[n] = in[0] + .. + in[n - 1] for n in 0 .. count; `out` has one entry more than `in`; they may be the same.
+// out[n] = in[0] + .. + in[n - 1] for n in 0 .. count; `out` has one entry more than `in`; they may be the
+// same.
 void exclusive_scan(const Stream& stream, const int* in, int* out, int count);
 
 #ifdef __CUDACC__
 // This thread's place along x.
-__device__ inline int thread_index() { return static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x); }
+__device__ inline int thread_index() {
+    return static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+}
 #endif
 
 }  // namespace kinevox::kernels::cuda

@@ -1,5 +1,5 @@
-// The CUDA forms of the stages, for the factories; no CUDA types here. Each throws DeviceError where no GPU can
-// be used, and where a CUDA call fails later.
+// The CUDA forms of the stages, for the factories; no CUDA types here. Each throws DeviceError where no GPU
+// can be used, and where a CUDA call fails later.
 #pragma once
 
 #include <memory>

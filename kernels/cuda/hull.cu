@@ -1,5 +1,5 @@
-// The carver on the device: maps of the silhouettes, super-blocks, bricks, then a block of 512 threads a brick that
-// is not empty. The host only sees the finished bricks, already in order.
+// The carver on the device: maps of the silhouettes, super-blocks, bricks, then a block of 512 threads a
+// brick that is not empty. The host only sees the finished bricks, already in order.
 #include <algorithm>
 #include <stdexcept>
 #include <string>
@@ -32,13 +32,13 @@ __global__ void decide_super_blocks(HullQuestion q, Lattice lattice, Grid3 super
 }
 
 // Also marks what is not empty, for the scan.
-__global__ void decide_each_brick(HullQuestion q, Lattice lattice, Grid3 supers, const BlockState* super_states,
-                                  Grid3 bricks, BlockState* states, int* kept) {
+__global__ void decide_each_brick(HullQuestion q, Lattice lattice, Grid3 supers,
+                                  const BlockState* super_states, Grid3 bricks, BlockState* states,
+                                  int* kept) {
     const int n = thread_index();
     if (n >= bricks.x * bricks.y * bricks.z) return;
     const int x = n % bricks.x, y = n / bricks.x % bricks.y, z = n / (bricks.x * bricks.y);
-    BlockState state =
-        super_states[(z / kSuperEdge * supers.y + y / kSuperEdge) * supers.x + x / kSuperEdge];
+    BlockState state = super_states[(z / kSuperEdge * supers.y + y / kSuperEdge) * supers.x + x / kSuperEdge];
     if (state == BlockState::kMixed) state = decide_bricks(q, lattice, x, y, z, 1);
     states[n] = state;
     kept[n] = state != BlockState::kEmpty;
@@ -54,11 +54,13 @@ __global__ void list_bricks(Grid3 grid, const BlockState* states, const int* pla
 }
 
 // One block a brick, one thread a voxel; a warp's votes are 32 bits of the occupancy.
-__global__ void carve_bricks(HullQuestion q, Lattice lattice, Grid3 grid, const BlockState* states, Brick* bricks) {
+__global__ void carve_bricks(HullQuestion q, Lattice lattice, Grid3 grid, const BlockState* states,
+                             Brick* bricks) {
     Brick& brick = bricks[blockIdx.x];
     const int bit = threadIdx.x;
     const BlockState state = states[(brick.z * grid.y + brick.y) * grid.x + brick.x];
-    const bool inside = state == BlockState::kFull || voxel_inside(q, lattice, brick.x, brick.y, brick.z, bit);
+    const bool inside =
+        state == BlockState::kFull || voxel_inside(q, lattice, brick.x, brick.y, brick.z, bit);
     const unsigned votes = __ballot_sync(0xffffffffu, inside);
     if (bit % 32 == 0) reinterpret_cast<std::uint32_t*>(brick.occupancy)[bit / 32] = votes;
 }
@@ -77,14 +79,15 @@ class CudaHullCarver final : public HullCarver {
         stream_.wait();
         const HullQuestion question{maps_.make(stream_, silhouettes_, options_.miss_budget_permille),
                                     static_cast<int>(silhouettes_.size()), options_.min_views};
-        const Grid3 grid{lattice.size[0] / kBrickEdge, lattice.size[1] / kBrickEdge, lattice.size[2] / kBrickEdge};
+        const Grid3 grid{lattice.size[0] / kBrickEdge, lattice.size[1] / kBrickEdge,
+                         lattice.size[2] / kBrickEdge};
         const int count = decide(question, lattice, grid);
         if (count == 0) return;
         bricks_.resize(count);
         list_bricks<<<blocks(grid.count()), kThreads, 0, stream_.get()>>>(grid, states_.data(), place_.data(),
-                                                                         bricks_.data());
+                                                                          bricks_.data());
         carve_bricks<<<count, kBrickVoxels, 0, stream_.get()>>>(question, lattice, grid, states_.data(),
-                                                               bricks_.data());
+                                                                bricks_.data());
         KINEVOX_CUDA_CHECK(cudaGetLastError());
         host_bricks_.resize(count);
         download(stream_, host_bricks_.data(), bricks_.data(), count);
@@ -94,7 +97,8 @@ class CudaHullCarver final : public HullCarver {
             for (std::uint64_t slice : host_bricks_[n].occupancy) any |= slice;
             if (any) out.bricks.push_back(host_bricks_[n]);
         }
-        filler_.fill(out, options_.fill_reach_m, kFillLinesOfHull);  // on the host, where the bricks are by now
+        filler_.fill(out, options_.fill_reach_m,
+                     kFillLinesOfHull);  // on the host, where the bricks are by now
     }
 
   private:
@@ -123,8 +127,8 @@ class CudaHullCarver final : public HullCarver {
         super_states_.resize(super_grid.count());
         states_.resize(grid.count());
         place_.resize(grid.count() + 1);
-        decide_super_blocks<<<blocks(super_grid.count()), kThreads, 0, stream_.get()>>>(question, lattice, super_grid,
-                                                                                       super_states_.data());
+        decide_super_blocks<<<blocks(super_grid.count()), kThreads, 0, stream_.get()>>>(
+            question, lattice, super_grid, super_states_.data());
         decide_each_brick<<<blocks(grid.count()), kThreads, 0, stream_.get()>>>(
             question, lattice, super_grid, super_states_.data(), grid, states_.data(), place_.data());
         KINEVOX_CUDA_CHECK(cudaGetLastError());

@@ -12,8 +12,8 @@ struct HullQuestion {
 };
 
 // A block of `edge` bricks a side whose first brick is (bx, by, bz).
-__device__ inline BlockState decide_bricks(const HullQuestion& q, const Lattice& lattice, int bx, int by, int bz,
-                                           int edge) {
+__device__ inline BlockState decide_bricks(const HullQuestion& q, const Lattice& lattice, int bx, int by,
+                                           int bz, int edge) {
     const float voxel = lattice.voxel_m;
     const float half = 0.5f * static_cast<float>(edge * kBrickEdge) * voxel;
     const int brick[3] = {bx, by, bz};
@@ -25,7 +25,8 @@ __device__ inline BlockState decide_bricks(const HullQuestion& q, const Lattice&
 }
 
 // Voxel `bit` (z * 64 + y * 8 + x) of brick (bx, by, bz).
-__device__ inline bool voxel_inside(const HullQuestion& q, const Lattice& lattice, int bx, int by, int bz, int bit) {
+__device__ inline bool voxel_inside(const HullQuestion& q, const Lattice& lattice, int bx, int by, int bz,
+                                    int bit) {
     const float voxel = lattice.voxel_m;
     const auto centre = [&](int axis, int brick) {
         return lattice.origin[axis] + (static_cast<float>(brick * kBrickEdge) + 0.5f) * voxel;

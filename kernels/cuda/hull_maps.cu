@@ -1,11 +1,10 @@
-// Chessboard distances are separable: along rows first, then along columns. Each thread searches outwards from its
-// own place and stops at the first hit, so that near the outline, where it matters, little is read.
-#include "kernels/cuda/hull_maps.h"
-
+// Chessboard distances are separable: along rows first, then along columns. Each thread searches outwards
+// from its own place and stops at the first hit, so that near the outline, where it matters, little is read.
 #include <algorithm>
 #include <cstring>
 
 #include "kernels/cpu/hull_maps.h"
+#include "kernels/cuda/hull_maps.h"
 
 namespace kinevox::kernels::cuda {
 namespace {
@@ -100,8 +99,10 @@ __global__ void miss_columns(const MapsOfView* views) {
     const int x = n % width, y = n / width + maps.miss_y0 - view.bounds.y0;
     int nearest = budget + 1;
     for (int d = 0; d < nearest; ++d) {
-        if (y - d >= 0 && y - d < rows) nearest = min(nearest, max(d, static_cast<int>(view.miss_rows[(y - d) * width + x])));
-        if (y + d >= 0 && y + d < rows) nearest = min(nearest, max(d, static_cast<int>(view.miss_rows[(y + d) * width + x])));
+        if (y - d >= 0 && y - d < rows)
+            nearest = min(nearest, max(d, static_cast<int>(view.miss_rows[(y - d) * width + x])));
+        if (y + d >= 0 && y + d < rows)
+            nearest = min(nearest, max(d, static_cast<int>(view.miss_rows[(y + d) * width + x])));
     }
     view.miss[n] = static_cast<std::uint8_t>(maps.miss_of_distance(nearest));
 }
@@ -117,8 +118,8 @@ const HullMaps* HullMapMaker::make(const Stream& stream, std::span<const Silhoue
     for (int n = 0; n < count; ++n) {
         MapsOfView& view = views_[n];
         view = {};
-        view.maps = frame_hull_maps(views[n].bounds, views[n].camera, miss_budget_permille, views[n].block_radius_px,
-                                    view.bounds);
+        view.maps = frame_hull_maps(views[n].bounds, views[n].camera, miss_budget_permille,
+                                    views[n].block_radius_px, view.bounds);
         const HullMaps& maps = view.maps;
         if (!view.bounds.empty()) {  // whole cells, as far as the picture goes
             const int shift = maps.cell_shift;
@@ -144,9 +145,11 @@ const HullMaps* HullMapMaker::make(const Stream& stream, std::span<const Silhoue
         view.mask = device_masks_.data() + mask_at;
         for (int y = box.y0; y < box.y1; ++y, mask_at += box.width()) {
             std::memcpy(masks_.data() + mask_at,
-                        views[n].mask + static_cast<std::size_t>(y) * view.maps.camera.width + box.x0, box.width());
+                        views[n].mask + static_cast<std::size_t>(y) * view.maps.camera.width + box.x0,
+                        box.width());
         }
-        view.kind = kind_.data() + cell_at, view.fore = fore_.data() + cell_at, view.back = back_.data() + cell_at;
+        view.kind = kind_.data() + cell_at, view.fore = fore_.data() + cell_at,
+        view.back = back_.data() + cell_at;
         view.cells = cells_.data() + cell_at;
         view.miss_rows = miss_rows_.data() + miss_at, view.miss = miss_.data() + miss_at;
         view.maps.cells = view.cells, view.maps.miss = view.miss;

@@ -13,14 +13,14 @@ struct SilhouetteView {
     const std::uint8_t* mask = nullptr;  // host; camera.width * camera.height bytes
     Rect bounds;                         // smallest box around the silhouette, or a larger one
     Projector camera;
-    float block_radius_px = 1;           // see kernels/cpu/hull_maps.h
+    float block_radius_px = 1;  // see kernels/cpu/hull_maps.h
 };
 
 // What the kernels know of one view; `maps` holds device pointers.
 struct MapsOfView {
     HullMaps maps;
-    Rect bounds;                         // px, clipped to the picture
-    Rect mask_box;                       // px, the part of the picture that `mask` holds, without padding
+    Rect bounds;    // px, clipped to the picture
+    Rect mask_box;  // px, the part of the picture that `mask` holds, without padding
     const std::uint8_t* mask = nullptr;
     std::uint8_t *kind = nullptr, *fore = nullptr, *back = nullptr, *miss_rows = nullptr;  // scratch
     std::int8_t* cells = nullptr;
@@ -29,10 +29,11 @@ struct MapsOfView {
 
 class HullMapMaker {
   public:
-    // Queues the work; the maps are ready for what is queued on `stream` later. At least one view. Returns a device
-    // array of views.size() maps, valid until the next call. The masks are read before this returns; `stream`
-    // must have been waited for since the last call.
-    const HullMaps* make(const Stream& stream, std::span<const SilhouetteView> views, float miss_budget_permille);
+    // Queues the work; the maps are ready for what is queued on `stream` later. At least one view. Returns a
+    // device array of views.size() maps, valid until the next call. The masks are read before this returns;
+    // `stream` must have been waited for since the last call.
+    const HullMaps* make(const Stream& stream, std::span<const SilhouetteView> views,
+                         float miss_budget_permille);
 
   private:
     PinnedBuffer<std::uint8_t> masks_;

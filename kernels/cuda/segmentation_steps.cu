@@ -70,7 +70,9 @@ __global__ void row_density_kernel(SegmentData d, CellRange work, int phase, int
 }
 
 // Whether a cell's pixel belongs to one of the groups.
-__device__ bool in_group(int groups, int lane) { return groups >> lane / kde::kGroupPixels & 1; }
+__device__ bool in_group(int groups, int lane) {
+    return groups >> lane / kde::kGroupPixels & 1;
+}
 
 // A thread a cell of `work`: its groups within kActiveMargin rows and columns of a candidate's unsure pixels.
 __global__ void active_kernel(SegmentData d, CellRange work) {

@@ -1,5 +1,6 @@
-// The steps of segmentation on the device, each queued on a stream; kernels/cpu/segmentation.cc tells the story.
-// Data lie in cells of 64 pixels as in kernels/cpu/segmentation_model.h; a block of threads works on one cell.
+// The steps of segmentation on the device, each queued on a stream; kernels/cpu/segmentation.cc tells the
+// story. Data lie in cells of 64 pixels as in kernels/cpu/segmentation_model.h; a block of threads works on
+// one cell.
 #pragma once
 
 #include <cstdint>
@@ -19,25 +20,26 @@ struct CellRange {
     __host__ __device__ bool empty() const { return y1 <= y0 || k1 <= k0; }
 };
 
-inline constexpr int kPlaneMargin = 8;   // rows above and below the planes of floats; a cell at each side
+inline constexpr int kPlaneMargin = 8;  // rows above and below the planes of floats; a cell at each side
 
 // Device pointers and sizes; handed to every kernel.
 struct SegmentData {
     int width = 0, height = 0, channels = 0, sample_count = 0, cells_per_row = 0;
     std::uint8_t *samples, *scale, *reference, *candidate, *visits;  // as BackgroundModel
     float* log_peak;
-    const std::uint8_t* picture;  // interleaved, without padding
+    const std::uint8_t* picture;     // interleaved, without padding
     std::uint8_t *values, *density;  // of this picture, as BackgroundModel's planes
-    std::uint8_t *candidates, *active;  // per cell, its groups (kde_groups.h) near unsure pixels and those looked at
+    std::uint8_t *candidates,
+        *active;  // per cell, its groups (kde_groups.h) near unsure pixels and those looked at
     float *weighted_value, *weighted_energy, *factor, *residual, *evidence, *smoothed;
     const float *log_lit, *log_foreground;
     const std::uint8_t* probability_of;
     std::uint8_t *probability, *sharp, *loose, *zones;  // width bytes a row
-    const std::uint8_t* expected;  // or null
-    int* active_box;               // y0 y1 k0 k1
+    const std::uint8_t* expected;                       // or null
+    int* active_box;                                    // y0 y1 k0 k1
     int* colour_counts;
-    unsigned long long* sums;      // of `sharp`: pixels, x, y
-    int* bounds;                   // of `loose`: x0 y0 x1 y1
+    unsigned long long* sums;  // of `sharp`: pixels, x, y
+    int* bounds;               // of `loose`: x0 y0 x1 y1
     int gain_64[3];
     kde::DensityTables tables;
     kde::EvidenceParameters parameters;
@@ -50,7 +52,9 @@ struct SegmentData {
     __host__ __device__ std::size_t at(int y, int x) const {
         return static_cast<std::size_t>(y + kPlaneMargin) * stride() + kde::kCellPixels + x;
     }
-    __host__ __device__ std::size_t cell(int y, int k) const { return static_cast<std::size_t>(y) * cells_per_row + k; }
+    __host__ __device__ std::size_t cell(int y, int k) const {
+        return static_cast<std::size_t>(y) * cells_per_row + k;
+    }
 };
 
 struct Smoothing {
@@ -63,15 +67,18 @@ void queue_density_of_rows(const Stream& stream, const SegmentData& data, const 
                            int interval);
 // Fills data.active and data.active_box, which must hold {height, 0, cells_per_row, 0} before.
 void queue_active(const Stream& stream, const SegmentData& data, const CellRange& work);
-void queue_evidence(const Stream& stream, const SegmentData& data, const CellRange& box, const Smoothing& smoothing);
-// Log odds above which a pixel belongs to a silhouette; evidence_to_step turns nats into 1 / 127.5 of the limit.
-void queue_decisions(const Stream& stream, const SegmentData& data, const Rect& box, float sharp, float loose);
+void queue_evidence(const Stream& stream, const SegmentData& data, const CellRange& box,
+                    const Smoothing& smoothing);
+// Log odds above which a pixel belongs to a silhouette; evidence_to_step turns nats into 1 / 127.5 of the
+// limit.
+void queue_decisions(const Stream& stream, const SegmentData& data, const Rect& box, float sharp,
+                     float loose);
 void queue_colour_counts(const Stream& stream, const SegmentData& data, const Rect& box, float sure_evidence);
 // data.zones must be filled for `box` and kde::kBorderReach around it.
 void queue_border(const Stream& stream, const SegmentData& data, const Rect& box, const Rect& limit);
 // Adds `sharp` to `loose` and measures both; sums must be 0 and bounds {width, height, 0, 0} before.
 void queue_measure(const Stream& stream, const SegmentData& data, const Rect& box);
-void queue_update(const Stream& stream, const SegmentData& data, const kde::UpdateParameters& parameters, int phase,
-                  int interval, bool tracked);
+void queue_update(const Stream& stream, const SegmentData& data, const kde::UpdateParameters& parameters,
+                  int phase, int interval, bool tracked);
 
 }  // namespace kinevox::kernels::cuda

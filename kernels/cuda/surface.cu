@@ -1,6 +1,6 @@
-#include "kernels/cuda/surface.h"
-
 #include <algorithm>
+
+#include "kernels/cuda/surface.h"
 
 namespace kinevox::kernels::cuda {
 namespace {
@@ -46,7 +46,8 @@ __global__ void list_surface(const Brick* bricks, int count, BrickTable table, c
     for (int before = n - k; before < n; ++before) place += __popcll(slices[before]);
     const BrickNeighbours around = neighbours_of(bricks, table, brick);
     std::uint64_t side[6];
-    for (int direction = 0; direction < 6; ++direction) side[direction] = ~neighbour_slice(around, k, direction);
+    for (int direction = 0; direction < 6; ++direction)
+        side[direction] = ~neighbour_slice(around, k, direction);
     for (std::uint64_t slice = slices[n]; slice; slice &= slice - 1) {
         const int bit = __ffsll(static_cast<long long>(slice)) - 1;
         SurfaceVoxel voxel;
@@ -77,8 +78,8 @@ void DeviceVolume::load(const Stream& stream, const VoxelVolume& volume) {
     table_.index = index_.data();
     fill_bytes(stream, index_.data(), 0xff, index_.size());  // -1
     if (brick_count() > 0) {
-        index_bricks<<<blocks(bricks_.size()), kThreads, 0, stream.get()>>>(bricks_.data(), brick_count(), table_,
-                                                                            index_.data());
+        index_bricks<<<blocks(bricks_.size()), kThreads, 0, stream.get()>>>(bricks_.data(), brick_count(),
+                                                                            table_, index_.data());
         KINEVOX_CUDA_CHECK(cudaGetLastError());
     }
 }
@@ -97,9 +98,8 @@ SurfaceList DeviceVolume::find_surface(const Stream& stream) {
     stream.wait();
     voxels_.resize(host_count_[0]);
     if (host_count_[0] > 0) {
-        list_surface<<<blocks(slices_.size()), kThreads, 0, stream.get()>>>(bricks_.data(), count, table_,
-                                                                            slices_.data(), first_.data(),
-                                                                            voxels_.data());
+        list_surface<<<blocks(slices_.size()), kThreads, 0, stream.get()>>>(
+            bricks_.data(), count, table_, slices_.data(), first_.data(), voxels_.data());
         KINEVOX_CUDA_CHECK(cudaGetLastError());
     }
     return {voxels_.data(), first_.data(), host_count_[0]};

@@ -1,8 +1,8 @@
-#include "kernels/cuda/views.h"
-
 #include <algorithm>
 #include <cstring>
 #include <limits>
+
+#include "kernels/cuda/views.h"
 
 namespace kinevox::kernels::cuda {
 namespace {
@@ -10,8 +10,8 @@ namespace {
 constexpr double kDepthUnit = 1 << 20;  // depths are summed as whole numbers, so that their order never shows
 
 // A thread a brick, a row of blocks a view. boxes: x0 y0 x1 y1 in px; sums: depths, bricks.
-__global__ void frame_bricks(const ViewOnDevice* views, const Brick* bricks, int count, Lattice lattice, int* boxes,
-                             unsigned long long* sums) {
+__global__ void frame_bricks(const ViewOnDevice* views, const Brick* bricks, int count, Lattice lattice,
+                             int* boxes, unsigned long long* sums) {
     const int n = thread_index(), view = blockIdx.y;
     if (n >= count) return;
     const Brick& brick = bricks[n];
@@ -39,7 +39,8 @@ __global__ void cell_means(const ViewOnDevice* views) {
     const ViewOnDevice& view = views[blockIdx.y];
     const int n = thread_index(), columns = view.width + 2;
     if (!view.picture || view.width == 0 || n >= columns * (view.height + 2)) return;
-    const int last_column = (view.camera.width - 1) >> view.shift, last_row = (view.camera.height - 1) >> view.shift;
+    const int last_column = (view.camera.width - 1) >> view.shift,
+              last_row = (view.camera.height - 1) >> view.shift;
     const int column = min(max(view.cells.x0 + n % columns - 1, 0), last_column);
     const int row = min(max(view.cells.y0 + n / columns - 1, 0), last_row);
     const Rect& box = view.picture_box;
@@ -55,7 +56,8 @@ __global__ void cell_means(const ViewOnDevice* views) {
         }
     }
     const unsigned count = static_cast<unsigned>((x1 - x0) * (y1 - y0));
-    for (int c = 0; c < 3; ++c) view.means[3 * n + c] = static_cast<std::uint8_t>((sum[c] + count / 2) / count);
+    for (int c = 0; c < 3; ++c)
+        view.means[3 * n + c] = static_cast<std::uint8_t>((sum[c] + count / 2) / count);
 }
 
 // Mean and deviation over 3 x 3 cells.
@@ -103,9 +105,10 @@ __global__ void splat(const ViewOnDevice* views, Lattice lattice, SurfaceList su
         const SurfaceVoxel& at = surface.voxels[n];
         const float voxel = lattice.voxel_m;
         const Projector& c = view.camera;
-        const CameraPoint p = to_camera(c, lattice.origin[0] + 0.5f * voxel + voxel * static_cast<float>(at.x),
-                                        lattice.origin[1] + 0.5f * voxel + voxel * static_cast<float>(at.y),
-                                        lattice.origin[2] + 0.5f * voxel + voxel * static_cast<float>(at.z));
+        const CameraPoint p =
+            to_camera(c, lattice.origin[0] + 0.5f * voxel + voxel * static_cast<float>(at.x),
+                      lattice.origin[1] + 0.5f * voxel + voxel * static_cast<float>(at.y),
+                      lattice.origin[2] + 0.5f * voxel + voxel * static_cast<float>(at.z));
         float u, v;
         VoxelCell cell;
         cell.depth_m = p.z;
@@ -121,7 +124,8 @@ __global__ void splat(const ViewOnDevice* views, Lattice lattice, SurfaceList su
         }
         out.at(blockIdx.y, n) = cell;
     }
-    for (int step = 16; step > 0; step /= 2) nearest = min(nearest, __shfl_xor_sync(0xffffffffu, nearest, step));
+    for (int step = 16; step > 0; step /= 2)
+        nearest = min(nearest, __shfl_xor_sync(0xffffffffu, nearest, step));
     if ((threadIdx.x & 31) == 0) atomicMin(view.nearest, nearest);
 }
 
@@ -129,7 +133,8 @@ __device__ int reach_of(const ViewOnDevice& view, float voxel_m) {
     return splat_reach_of(view.camera, view.shift, __int_as_float(*view.nearest), voxel_m);
 }
 
-// Each cell takes the nearest front and the farthest back of the cells around it: along rows, then along columns.
+// Each cell takes the nearest front and the farthest back of the cells around it: along rows, then along
+// columns.
 __global__ void widen_rows(const ViewOnDevice* views, float voxel_m) {
     const ViewOnDevice& view = views[blockIdx.y];
     const int n = thread_index();
@@ -163,14 +168,14 @@ __global__ void count_mask(const ViewOnDevice* views) {
     const ViewOnDevice& view = views[blockIdx.y];
     const int n = thread_index(), x = n % view.camera.width, y = n / view.camera.width;
     const Rect& box = view.mask_box;
-    const bool set = view.mask && y < view.camera.height && x >= box.x0 && x < box.x1 && y >= box.y0 && y < box.y1 &&
-                     view.mask[n] != 0;
+    const bool set = view.mask && y < view.camera.height && x >= box.x0 && x < box.x1 && y >= box.y0 &&
+                     y < box.y1 && view.mask[n] != 0;
     const int here = __syncthreads_count(set);
     if (threadIdx.x == 0 && here > 0) atomicAdd(view.counts, static_cast<unsigned long long>(here));
 }
 
-// counts[1] and [2]: the volume's projection, and what of it is in the mask. The splats made the projection wider
-// by `reach` cells; a cell counts only if all within that reach are covered.
+// counts[1] and [2]: the volume's projection, and what of it is in the mask. The splats made the projection
+// wider by `reach` cells; a cell counts only if all within that reach are covered.
 __global__ void count_projection(const ViewOnDevice* views, float voxel_m) {
     __shared__ unsigned covered, shared_px;
     const ViewOnDevice& view = views[blockIdx.y];
@@ -220,11 +225,12 @@ void DeviceViews::frame(const Stream& stream, std::span<const ColouringView> vie
     if (most_cells_ == 0) return;
     std::size_t most_with_rim = 0;
     for (int n = 0; n < count(); ++n) {
-        most_with_rim = std::max(most_with_rim, static_cast<std::size_t>(views_[n].width + 2) * (views_[n].height + 2));
+        most_with_rim =
+            std::max(most_with_rim, static_cast<std::size_t>(views_[n].width + 2) * (views_[n].height + 2));
     }
     cell_means<<<blocks(most_with_rim, count()), kThreads, 0, stream.get()>>>(device_views_.data());
-    cell_colours<<<blocks(most_cells_, count()), kThreads, 0, stream.get()>>>(device_views_.data(), max_deviation,
-                                                                             noise_grey);
+    cell_colours<<<blocks(most_cells_, count()), kThreads, 0, stream.get()>>>(device_views_.data(),
+                                                                              max_deviation, noise_grey);
     KINEVOX_CUDA_CHECK(cudaGetLastError());
 }
 
@@ -242,14 +248,16 @@ void DeviceViews::find_cells(const Stream& stream, const Lattice& lattice, const
     fill_bytes(stream, sums_.data(), 0, sums_.size());
     if (volume.brick_count() > 0) {
         frame_bricks<<<blocks(volume.brick_count(), count()), kThreads, 0, stream.get()>>>(
-            device_views_.data(), volume.bricks(), volume.brick_count(), lattice, boxes_.data(), sums_.data());
+            device_views_.data(), volume.bricks(), volume.brick_count(), lattice, boxes_.data(),
+            sums_.data());
         KINEVOX_CUDA_CHECK(cudaGetLastError());
     }
     download(stream, host_boxes_.data(), boxes_.data(), boxes_.size());
     download(stream, host_sums_.data(), sums_.data(), sums_.size());
     stream.wait();
     for (int n = 0; n < count(); ++n) {
-        const Rect px{host_boxes_[4 * n], host_boxes_[4 * n + 1], host_boxes_[4 * n + 2], host_boxes_[4 * n + 3]};
+        const Rect px{host_boxes_[4 * n], host_boxes_[4 * n + 1], host_boxes_[4 * n + 2],
+                      host_boxes_[4 * n + 3]};
         ViewOfVolume framed;
         framed.camera = views_[n].camera;
         finish_frame(lattice.voxel_m, px, static_cast<double>(host_sums_[2 * n]) / kDepthUnit,
@@ -274,10 +282,12 @@ void DeviceViews::place_pictures(const Stream& stream, std::span<const Colouring
         most_px_ = std::max(most_px_, static_cast<std::size_t>(c.width) * c.height);
         if (views[n].picture.data && here > 0) {
             view.channels = views[n].picture.channels;
-            view.picture_box = {std::max(view.cells.x0 - 1, 0) << view.shift, std::max(view.cells.y0 - 1, 0) << view.shift,
+            view.picture_box = {std::max(view.cells.x0 - 1, 0) << view.shift,
+                                std::max(view.cells.y0 - 1, 0) << view.shift,
                                 std::min((view.cells.x1 + 1) << view.shift, c.width),
                                 std::min((view.cells.y1 + 1) << view.shift, c.height)};
-            byte_count += static_cast<std::size_t>(view.picture_box.width()) * view.picture_box.height() * view.channels;
+            byte_count += static_cast<std::size_t>(view.picture_box.width()) * view.picture_box.height() *
+                          view.channels;
         }
         if (views[n].sharp || views[n].silhouette) byte_count += static_cast<std::size_t>(c.width) * c.height;
     }
@@ -306,7 +316,8 @@ void DeviceViews::place_pictures(const Stream& stream, std::span<const Colouring
             const Rect& box = view.picture_box;
             const std::size_t row_bytes = static_cast<std::size_t>(box.width()) * view.channels;
             for (int y = box.y0; y < box.y1; ++y, byte_at += row_bytes) {
-                std::memcpy(host_bytes_.data() + byte_at, views[n].picture.row(y) + box.x0 * view.channels, row_bytes);
+                std::memcpy(host_bytes_.data() + byte_at, views[n].picture.row(y) + box.x0 * view.channels,
+                            row_bytes);
             }
         }
         if (const std::uint8_t* mask = views[n].sharp ? views[n].sharp : views[n].silhouette) {
@@ -328,13 +339,14 @@ void DeviceViews::look(const Stream& stream, const Lattice& lattice, const Surfa
     clear_depth<<<blocks(std::max<std::size_t>(most_cells_, 1), count()), kThreads, 0, stream.get()>>>(
         device_views_.data());
     if (surface.count > 0) {
-        splat<<<blocks(surface.count, count()), kThreads, 0, stream.get()>>>(device_views_.data(), lattice, surface,
-                                                                             voxel_cells_);
+        splat<<<blocks(surface.count, count()), kThreads, 0, stream.get()>>>(device_views_.data(), lattice,
+                                                                             surface, voxel_cells_);
     }
     if (surface.count > 0 && most_cells_ > 0) {
-        widen_rows<<<blocks(most_cells_, count()), kThreads, 0, stream.get()>>>(device_views_.data(), lattice.voxel_m);
+        widen_rows<<<blocks(most_cells_, count()), kThreads, 0, stream.get()>>>(device_views_.data(),
+                                                                                lattice.voxel_m);
         widen_columns<<<blocks(most_cells_, count()), kThreads, 0, stream.get()>>>(device_views_.data(),
-                                                                                  lattice.voxel_m);
+                                                                                   lattice.voxel_m);
     }
     KINEVOX_CUDA_CHECK(cudaGetLastError());
 }
@@ -343,7 +355,8 @@ std::vector<float> DeviceViews::agreement(const Stream& stream, float voxel_m) {
     fill_bytes(stream, counts_.data(), 0, counts_.size());
     count_mask<<<blocks(most_px_, count()), kThreads, 0, stream.get()>>>(device_views_.data());
     if (most_cells_ > 0) {
-        count_projection<<<blocks(most_cells_, count()), kThreads, 0, stream.get()>>>(device_views_.data(), voxel_m);
+        count_projection<<<blocks(most_cells_, count()), kThreads, 0, stream.get()>>>(device_views_.data(),
+                                                                                      voxel_m);
     }
     KINEVOX_CUDA_CHECK(cudaGetLastError());
     host_sums_.resize(counts_.size());

@@ -1,5 +1,5 @@
-// What each camera sees of a volume, on the device: its depth pictures on a grid of cells, and the colours and the
-// silhouette on that grid. See kernels/cpu/visibility.h for the ideas.
+// What each camera sees of a volume, on the device: its depth pictures on a grid of cells, and the colours
+// and the silhouette on that grid. See kernels/cpu/visibility.h for the ideas.
 #pragma once
 
 #include <cstdint>
@@ -16,22 +16,22 @@ namespace kinevox::kernels::cuda {
 // One view as the kernels know it; device pointers.
 struct ViewOnDevice {
     Projector camera;
-    int shift = 0;                          // a cell is 2^shift px wide and high
-    Rect cells;                             // the part of the picture that is looked at, in cells
-    int width = 0, height = 0;              // of `cells`
-    float *front_m = nullptr, *back_m = nullptr;                // per cell, as ViewOfVolume
-    float *front_scratch = nullptr, *back_scratch = nullptr;    // per cell
-    int* nearest = nullptr;                 // bits of the nearest seen voxel's depth, m; kFar_m where none is seen
+    int shift = 0;                                // a cell is 2^shift px wide and high
+    Rect cells;                                   // the part of the picture that is looked at, in cells
+    int width = 0, height = 0;                    // of `cells`
+    float *front_m = nullptr, *back_m = nullptr;  // per cell, as ViewOfVolume
+    float *front_scratch = nullptr, *back_scratch = nullptr;  // per cell
+    int* nearest = nullptr;  // bits of the nearest seen voxel's depth, m; kFar_m where none is seen
 
     const std::uint8_t* picture = nullptr;  // the part `picture_box`, without padding; null: none
     int channels = 0;
-    Rect picture_box;                       // px
-    std::uint8_t* means = nullptr;          // B, G, R per cell, of width + 2 by height + 2 cells
-    CellColour* colours = nullptr;          // per cell
+    Rect picture_box;               // px
+    std::uint8_t* means = nullptr;  // B, G, R per cell, of width + 2 by height + 2 cells
+    CellColour* colours = nullptr;  // per cell
 
-    const std::uint8_t* mask = nullptr;     // for the agreement, the whole picture; null: none
-    Rect mask_box;                          // px, where its foreground is counted
-    unsigned long long* counts = nullptr;   // px: mask, projection, both
+    const std::uint8_t* mask = nullptr;    // for the agreement, the whole picture; null: none
+    Rect mask_box;                         // px, where its foreground is counted
+    unsigned long long* counts = nullptr;  // px: mask, projection, both
 };
 
 // Where a surface voxel falls in a view: [view][voxel].
@@ -45,15 +45,17 @@ struct VoxelCells {
 
 class DeviceViews {
   public:
-    // Finds the part of each picture that the volume covers, and queues copies of that part and of the masks and
-    // the work on the cells' colours, with the limits of colour_limit(). At least one view. The stream must have been waited for before.
+    // Finds the part of each picture that the volume covers, and queues copies of that part and of the masks
+    // and the work on the cells' colours, with the limits of colour_limit(). At least one view. The stream
+    // must have been waited for before.
     void frame(const Stream& stream, std::span<const ColouringView> views, const Lattice& lattice,
                const DeviceVolume& volume, float max_deviation, float noise_grey);
 
     // Projects the surface and fills the depth pictures.
     void look(const Stream& stream, const Lattice& lattice, const SurfaceList& surface);
 
-    // Intersection over union of the volume's projection and the silhouette, as silhouette_agreement(); waits.
+    // Intersection over union of the volume's projection and the silhouette, as silhouette_agreement();
+    // waits.
     std::vector<float> agreement(const Stream& stream, float voxel_m);
 
     const ViewOnDevice* views() const { return device_views_.data(); }
@@ -70,8 +72,8 @@ class DeviceViews {
     PinnedBuffer<unsigned long long> host_sums_;
     DeviceBuffer<ViewOnDevice> device_views_;
     DeviceBuffer<std::uint8_t> bytes_, means_;
-    DeviceBuffer<int> boxes_;                 // 4 a view
-    DeviceBuffer<unsigned long long> sums_;   // 2 a view: depths, bricks
+    DeviceBuffer<int> boxes_;                // 4 a view
+    DeviceBuffer<unsigned long long> sums_;  // 2 a view: depths, bricks
     DeviceBuffer<float> depths_;
     DeviceBuffer<int> nearest_;
     DeviceBuffer<CellColour> colours_;

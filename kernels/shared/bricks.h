@@ -23,12 +23,18 @@ KINEVOX_HD inline std::uint64_t neighbour_slice(const BrickNeighbours& b, int k,
     const std::uint64_t* side = b.side[direction];
     const std::uint64_t beyond = side ? side[direction == 4 ? kBrickEdge - 1 : (direction == 5 ? 0 : k)] : 0;
     switch (direction) {
-        case 0: return ((own << 1) & ~kFirstColumn) | ((beyond >> 7) & kFirstColumn);
-        case 1: return ((own >> 1) & ~kLastColumn) | ((beyond << 7) & kLastColumn);
-        case 2: return (own << 8) | (beyond >> 56);
-        case 3: return (own >> 8) | (beyond << 56);
-        case 4: return k > 0 ? b.self[k - 1] : beyond;
-        default: return k < kBrickEdge - 1 ? b.self[k + 1] : beyond;
+        case 0:
+            return ((own << 1) & ~kFirstColumn) | ((beyond >> 7) & kFirstColumn);
+        case 1:
+            return ((own >> 1) & ~kLastColumn) | ((beyond << 7) & kLastColumn);
+        case 2:
+            return (own << 8) | (beyond >> 56);
+        case 3:
+            return (own >> 8) | (beyond << 56);
+        case 4:
+            return k > 0 ? b.self[k - 1] : beyond;
+        default:
+            return k < kBrickEdge - 1 ? b.self[k + 1] : beyond;
     }
 }
 

@@ -10,23 +10,24 @@ namespace kinevox::kernels {
 
 // Plain data, copied to the device as it is. World to pixel, see CameraModel.
 struct Projector {
-    int width = 0, height = 0;      // px
-    float r[9];                     // camera_from_world, row major
-    float t[3];                     // m
-    float fx, fy, cx, cy;           // px
+    int width = 0, height = 0;  // px
+    float r[9];                 // camera_from_world, row major
+    float t[3];                 // m
+    float fx, fy, cx, cy;       // px
     float k1, k2, p1, p2, k3;
     bool distorted = false;
-    // Beyond this squared radius of normalised coordinates a point counts as unseen: OpenCV's polynomial turns
-    // back there and would fold far points into the picture.
+    // Beyond this squared radius of normalised coordinates a point counts as unseen: OpenCV's polynomial
+    // turns back there and would fold far points into the picture.
     float max_radius2 = 0;
-    // Largest stretch of the distortion inside that radius, >= 1; bounds what a small step can move in the picture.
+    // Largest stretch of the distortion inside that radius, >= 1; bounds what a small step can move in the
+    // picture.
     float stretch = 1;
 };
 
 inline constexpr float kNearest_m = 0.05f;  // nothing nearer to a camera is seen
 
-// Throws std::invalid_argument for a camera without a size, with a focal length that is not positive or with a
-// value that is not finite; `what` names it in the message.
+// Throws std::invalid_argument for a camera without a size, with a focal length that is not positive or with
+// a value that is not finite; `what` names it in the message.
 Projector make_projector(const CameraModel& camera, const char* what);
 
 struct CameraPoint {
@@ -59,27 +60,27 @@ KINEVOX_HD KINEVOX_INLINE bool to_pixel(const Projector& c, CameraPoint p, float
     return seen;
 }
 
-// The nearest pixel's column or row; the first pixel's centre is 0. Rounds half up, as floor does, for every value
-// that can be a pixel of ours.
+// The nearest pixel's column or row; the first pixel's centre is 0. Rounds half up, as floor does, for every
+// value that can be a pixel of ours.
 KINEVOX_HD KINEVOX_INLINE int to_index(float u) {
     u = u < -30000.f ? -30000.f : (u > 30000.f ? 30000.f : u);
     return static_cast<int>(u + 32768.5f) - 32768;
 }
 
-// Where all points of an axis-aligned cube (centre, half edge in m) fall: within +-radius_px of (u, v) in both
-// directions. False: the cube comes too near to the camera or to the limit of its lens for a bound.
-KINEVOX_HD KINEVOX_INLINE bool cube_bound(const Projector& c, float x, float y, float z, float half_edge, float& u,
-                                          float& v, float& radius_px) {
+// Where all points of an axis-aligned cube (centre, half edge in m) fall: within +-radius_px of (u, v) in
+// both directions. False: the cube comes too near to the camera or to the limit of its lens for a bound.
+KINEVOX_HD KINEVOX_INLINE bool cube_bound(const Projector& c, float x, float y, float z, float half_edge,
+                                          float& u, float& v, float& radius_px) {
     const CameraPoint p = to_camera(c, x, y, z);
     const float reach_z = half_edge * (fabsf(c.r[6]) + fabsf(c.r[7]) + fabsf(c.r[8]));
     const float nearest = p.z - reach_z;
     if (!(nearest > kNearest_m)) return false;
     const float a = p.x / p.z, b = p.y / p.z;
     // (X + dX) / (Z + dZ) - X / Z = (dX - a dZ) / (Z + dZ), and dX - a dZ is linear in the cube's offset.
-    const float reach_x = half_edge * (fabsf(c.r[0] - a * c.r[6]) + fabsf(c.r[1] - a * c.r[7]) +
-                                       fabsf(c.r[2] - a * c.r[8]));
-    const float reach_y = half_edge * (fabsf(c.r[3] - b * c.r[6]) + fabsf(c.r[4] - b * c.r[7]) +
-                                       fabsf(c.r[5] - b * c.r[8]));
+    const float reach_x =
+        half_edge * (fabsf(c.r[0] - a * c.r[6]) + fabsf(c.r[1] - a * c.r[7]) + fabsf(c.r[2] - a * c.r[8]));
+    const float reach_y =
+        half_edge * (fabsf(c.r[3] - b * c.r[6]) + fabsf(c.r[4] - b * c.r[7]) + fabsf(c.r[5] - b * c.r[8]));
     const float move_x = reach_x / nearest, move_y = reach_y / nearest;
     const float far_x = fabsf(a) + move_x, far_y = fabsf(b) + move_y;
     if (!(far_x * far_x + far_y * far_y < c.max_radius2)) return false;

@@ -9,22 +9,24 @@
 namespace kinevox::kernels {
 
 inline constexpr int kMaxViews = 64;
-inline constexpr int kMissBudget = 252;   // a voxel whose misses, summed over the views, exceed this is outside
+inline constexpr int kMissBudget =
+    252;  // a voxel whose misses, summed over the views, exceed this is outside
 inline constexpr int kMissOutside = 255;  // one view alone rejects
 inline constexpr int kMissPadding = 3;    // bytes, for the CPU's gathers of 32 bits
 
-// One view's maps; the pointers are the device's own. Distances are chessboard distances in px between pixels.
+// One view's maps; the pointers are the device's own. Distances are chessboard distances in px between
+// pixels.
 struct HullMaps {
     Projector camera;
 
-    // Per cell of 2^cell_shift px, over the silhouette's bounds: +n: n cells to the nearest cell with foreground;
-    // -n: n cells to the nearest cell that is not wholly foreground; 0: mixed. Clamped to +-127.
+    // Per cell of 2^cell_shift px, over the silhouette's bounds: +n: n cells to the nearest cell with
+    // foreground; -n: n cells to the nearest cell that is not wholly foreground; 0: mixed. Clamped to +-127.
     const std::int8_t* cells = nullptr;
     int cell_shift = 0;
     int cells_x0 = 0, cells_y0 = 0, cells_width = 0, cells_height = 0;  // in cells
 
-    // Per pixel, in an area that has a rim of kMissOutside around the silhouette: 0 in the silhouette, else the
-    // distance to it in shares of the budget. kMissPadding bytes more can be read behind it.
+    // Per pixel, in an area that has a rim of kMissOutside around the silhouette: 0 in the silhouette, else
+    // the distance to it in shares of the budget. kMissPadding bytes more can be read behind it.
     const std::uint8_t* miss = nullptr;
     int miss_x0 = 0, miss_y0 = 0, miss_width = 0, miss_height = 0;  // px
 
@@ -38,10 +40,11 @@ struct HullMaps {
 
 enum class BlockState : std::uint8_t { kEmpty = 0, kFull = 1, kMixed = 2 };
 
-// All voxel centres of the block lie within +-half_edge (m) of (x, y, z) along each axis. `inside`, if asked for, gets
-// a bit for each view that sees and contains the whole block; not for blocks that are empty.
-KINEVOX_HD inline BlockState decide_block(const HullMaps* views, int view_count, int min_views, float x, float y,
-                                          float z, float half_edge, std::uint64_t* inside = nullptr) {
+// All voxel centres of the block lie within +-half_edge (m) of (x, y, z) along each axis. `inside`, if asked
+// for, gets a bit for each view that sees and contains the whole block; not for blocks that are empty.
+KINEVOX_HD inline BlockState decide_block(const HullMaps* views, int view_count, int min_views, float x,
+                                          float y, float z, float half_edge,
+                                          std::uint64_t* inside = nullptr) {
     int misses = 0, may_contain = 0, contain = 0;
     std::uint64_t containing = 0;
     bool certain = true;
@@ -60,10 +63,12 @@ KINEVOX_HD inline BlockState decide_block(const HullMaps* views, int view_count,
             ++may_contain;
             continue;
         }
-        const int reach = static_cast<int>(radius) + 1;  // px by which a voxel's pixel can differ from this one
+        const int reach =
+            static_cast<int>(radius) + 1;  // px by which a voxel's pixel can differ from this one
         int column = (to_index(u) >> view.cell_shift) - view.cells_x0;
         int row = (to_index(v) >> view.cell_shift) - view.cells_y0;
-        int beyond = 0;  // cells from the bounds; moving into them never lengthens a distance to a point in them
+        int beyond =
+            0;  // cells from the bounds; moving into them never lengthens a distance to a point in them
         if (column < 0) beyond = -column, column = 0;
         if (column >= view.cells_width) beyond = column - view.cells_width + 1, column = view.cells_width - 1;
         int beyond_y = 0;
@@ -95,7 +100,8 @@ KINEVOX_HD inline BlockState decide_block(const HullMaps* views, int view_count,
 
 // The pixel under (u, v) in `view`: its miss, or -1 where the picture ends.
 KINEVOX_HD KINEVOX_INLINE int miss_at(const HullMaps& view, float u, float v) {
-    if (!(u >= -0.5f && v >= -0.5f && u < view.camera.width - 0.5f && v < view.camera.height - 0.5f)) return -1;
+    if (!(u >= -0.5f && v >= -0.5f && u < view.camera.width - 0.5f && v < view.camera.height - 0.5f))
+        return -1;
     int column = to_index(u) - view.miss_x0, row = to_index(v) - view.miss_y0;
     column = column < 0 ? 0 : (column >= view.miss_width ? view.miss_width - 1 : column);
     row = row < 0 ? 0 : (row >= view.miss_height ? view.miss_height - 1 : row);

@@ -25,16 +25,16 @@ struct BorderParameters {
 
 inline constexpr std::uint8_t kZoneBorder = 0, kZoneInside = 1, kZoneOutside = 2;
 
-// Of a pixel `dx`, `dy` beside the one that is decided: 1 / (1 + its squared distance) in parts of kWeightOne. Whole
-// numbers, so that no order of summing changes a sum.
+// Of a pixel `dx`, `dy` beside the one that is decided: 1 / (1 + its squared distance) in parts of
+// kWeightOne. Whole numbers, so that no order of summing changes a sum.
 inline constexpr int kWeightOne = 120;
 KINEVOX_HD constexpr int border_weight(int dx, int dy) {
     const int from_one = 1 + dx * dx + dy * dy;
     return (kWeightOne + from_one / 2) / from_one;
 }
 
-// What the pixels around a border pixel sum up to, weighted: the subject's colours, and for the light the products of
-// value and reference and the references' squares, over all channels.
+// What the pixels around a border pixel sum up to, weighted: the subject's colours, and for the light the
+// products of value and reference and the references' squares, over all channels.
 template <int kChannels>
 struct BorderSums {
     int subject[kChannels] = {}, subject_weight = 0;
@@ -65,14 +65,15 @@ KINEVOX_HD inline void for_each_told(const std::uint8_t* zones, int first, int e
 // Where the values of pixel (x, y) lie in arrays of cells, `cells_per_row` to a row.
 template <int kChannels>
 KINEVOX_HD inline long long border_offset(int x, int y, int cells_per_row) {
-    return (static_cast<long long>(y) * cells_per_row + x / kCellPixels) * (kChannels * kCellPixels) + x % kCellPixels;
+    return (static_cast<long long>(y) * cells_per_row + x / kCellPixels) * (kChannels * kCellPixels) +
+           x % kCellPixels;
 }
 
 // `zones` has `width` bytes a row; only pixels inside `limit` are read.
 template <int kChannels>
-KINEVOX_HD inline BorderSums<kChannels> sum_around(int x, int y, int width, const Rect& limit, const std::uint8_t* zones,
-                                                   const std::uint8_t* values, const std::uint8_t* reference,
-                                                   int cells_per_row) {
+KINEVOX_HD inline BorderSums<kChannels> sum_around(int x, int y, int width, const Rect& limit,
+                                                   const std::uint8_t* zones, const std::uint8_t* values,
+                                                   const std::uint8_t* reference, int cells_per_row) {
     BorderSums<kChannels> sums;
     const int x0 = x - kBorderReach < limit.x0 ? limit.x0 : x - kBorderReach;
     const int y0 = y - kBorderReach < limit.y0 ? limit.y0 : y - kBorderReach;
@@ -102,8 +103,8 @@ KINEVOX_HD inline BorderSums<kChannels> sum_around(int x, int y, int width, cons
 
 // Whether a pixel of these values is half the subject's: 1 or 0, or -1 where that cannot be told.
 template <int kChannels>
-KINEVOX_HD inline int unmix(const BorderSums<kChannels>& sums, const std::uint8_t* value, const std::uint8_t* reference,
-                            const BorderParameters& p) {
+KINEVOX_HD inline int unmix(const BorderSums<kChannels>& sums, const std::uint8_t* value,
+                            const std::uint8_t* reference, const BorderParameters& p) {
     if (sums.subject_weight <= 0) return -1;
     const auto weight = static_cast<float>(sums.subject_weight);
     float light = sums.energy > 0 ? static_cast<float>(sums.product) / static_cast<float>(sums.energy) : 1.0f;
@@ -121,12 +122,14 @@ KINEVOX_HD inline int unmix(const BorderSums<kChannels>& sums, const std::uint8_
 
 // unmix() of the pixel (x, y); `values` and `reference` in cells.
 template <int kChannels>
-KINEVOX_HD inline int unmix_border_pixel(int x, int y, int width, const Rect& limit, const std::uint8_t* zones,
-                                         const std::uint8_t* values, const std::uint8_t* reference, int cells_per_row,
+KINEVOX_HD inline int unmix_border_pixel(int x, int y, int width, const Rect& limit,
+                                         const std::uint8_t* zones, const std::uint8_t* values,
+                                         const std::uint8_t* reference, int cells_per_row,
                                          const BorderParameters& p) {
     const long long at = border_offset<kChannels>(x, y, cells_per_row);
-    return unmix<kChannels>(sum_around<kChannels>(x, y, width, limit, zones, values, reference, cells_per_row),
-                            values + at, reference + at, p);
+    return unmix<kChannels>(
+        sum_around<kChannels>(x, y, width, limit, zones, values, reference, cells_per_row), values + at,
+        reference + at, p);
 }
 
 }  // namespace kinevox::kernels::kde

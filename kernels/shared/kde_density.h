@@ -48,8 +48,9 @@ KINEVOX_HD inline int kernel_of(const DensityTables& tables, int squared_sum) {
 }
 
 // value: `channels` bytes `value_step` apart; samples: [sample][channel], steps in bytes; 0..255.
-KINEVOX_HD inline int density(const DensityTables& tables, const std::uint8_t* value, const std::uint8_t* samples,
-                       const std::uint8_t* bandwidth_scale, int sample_count, int channels) {
+KINEVOX_HD inline int density(const DensityTables& tables, const std::uint8_t* value,
+                              const std::uint8_t* samples, const std::uint8_t* bandwidth_scale,
+                              int sample_count, int channels) {
     int sum = 0;
     for (int i = 0; i < sample_count && sum < 255; ++i) {
         int squared = 0;

@@ -51,9 +51,10 @@ struct Quotient {
 // distance from factor * reference in standard deviations. The quotient of the sums of the two weighted terms
 // over a neighbourhood is its light; a pixel that does not fit has no weight in it.
 template <int kChannels>
-KINEVOX_HD inline void fit_light(const std::uint8_t* value, const std::uint8_t* reference, const std::uint8_t* scale,
-                          const EvidenceParameters& p, float& weighted_value, float& weighted_energy,
-                          float& factor_out, float& residual_out) {
+KINEVOX_HD inline void fit_light(const std::uint8_t* value, const std::uint8_t* reference,
+                                 const std::uint8_t* scale, const EvidenceParameters& p,
+                                 float& weighted_value, float& weighted_energy, float& factor_out,
+                                 float& residual_out) {
     float product = 0, energy = 0;
     for (int c = 0; c < kChannels; ++c) {
         const float v = value[c * kCellPixels], r = reference[c * kCellPixels];
@@ -83,9 +84,10 @@ KINEVOX_HD inline void fit_light(const std::uint8_t* value, const std::uint8_t* 
 // four sides, since a hard shadow ends between two pixels. log_foreground: log density of the pixel's colour
 // on the subject.
 template <int kChannels>
-KINEVOX_HD inline float evidence(const std::uint8_t* value, const std::uint8_t* reference, const std::uint8_t* scale,
-                          int density, float log_lit, float log_peak, float residual, float light_step,
-                          float log_foreground, const EvidenceParameters& p) {
+KINEVOX_HD inline float evidence(const std::uint8_t* value, const std::uint8_t* reference,
+                                 const std::uint8_t* scale, int density, float log_lit, float log_peak,
+                                 float residual, float light_step, float log_foreground,
+                                 const EvidenceParameters& p) {
     float distance = 0;
     Quotient precision;
     for (int c = 0; c < kChannels; ++c) {

@@ -1,5 +1,5 @@
-// Which pixels the evidence is worked out for: those near a pixel that may be foreground, by groups that fit a vector
-// register. CPU and CUDA look at the same ones.
+// Which pixels the evidence is worked out for: those near a pixel that may be foreground, by groups that fit
+// a vector register. CPU and CUDA look at the same ones.
 #pragma once
 
 #include <cstdint>
@@ -10,8 +10,8 @@
 namespace kinevox::kernels::kde {
 
 inline constexpr int kGroupPixels = 16;
-inline constexpr int kActiveMargin = 4;   // px in rows and columns: the light's reach and the smoothing's
-inline constexpr int kSlices = kCellPixels / kActiveMargin;   // of a cell, as wide as the margin
+inline constexpr int kActiveMargin = 4;  // px in rows and columns: the light's reach and the smoothing's
+inline constexpr int kSlices = kCellPixels / kActiveMargin;  // of a cell, as wide as the margin
 
 // Groups of a cell as bits, from the left; beside them those of the cells to the left and to the right.
 inline constexpr int kAllGroups = (1 << kCellPixels / kGroupPixels) - 1;

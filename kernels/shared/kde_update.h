@@ -56,8 +56,8 @@ KINEVOX_HD inline std::uint8_t& sample_of(const PixelModel& m, int slot, int cha
 }
 
 // A value that is background.
-KINEVOX_HD inline void learn_background_value(const std::uint8_t* value, int channels, const UpdateParameters& p,
-                                       const PixelModel& m) {
+KINEVOX_HD inline void learn_background_value(const std::uint8_t* value, int channels,
+                                              const UpdateParameters& p, const PixelModel& m) {
     for (int c = 0; c < channels; ++c) {
         const int at = c * kCellPixels;
         if (p.sample_count > 1)
@@ -72,7 +72,7 @@ KINEVOX_HD inline void learn_background_value(const std::uint8_t* value, int cha
 // A value that is neither background nor the subject: once it has stayed for long enough it fills the
 // short-term memory. The long-term memory still knows what was there before.
 KINEVOX_HD inline void watch_strange_value(const std::uint8_t* value, int channels, const UpdateParameters& p,
-                                    const PixelModel& m) {
+                                           const PixelModel& m) {
     bool same = *m.visits > 0;
     for (int c = 0; c < channels; ++c) {
         const int at = c * kCellPixels;

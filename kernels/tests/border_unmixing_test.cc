@@ -25,7 +25,8 @@ struct Scene {
         for (std::size_t n = 0; n < bytes; ++n) {
             reference[n] = static_cast<std::uint8_t>(grey(random));
             // Half of it near the background, so that both answers come.
-            values[n] = static_cast<std::uint8_t>(n % 2 ? grey(random) : std::clamp(reference[n] + noise(random), 0, 255));
+            values[n] = static_cast<std::uint8_t>(n % 2 ? grey(random)
+                                                        : std::clamp(reference[n] + noise(random), 0, 255));
         }
     }
     BorderPictures pictures(const Rect& limit) const {
@@ -47,10 +48,10 @@ TEST_P(BorderUnmixing, OfARowIsThatOfEachOfItsPixels) {
                 int part = -1;
                 if (x >= limit.x0 && x < limit.x1 && scene.zones[y * Scene::kWidth + x] == kde::kZoneBorder)
                     part = scene.channels == 1
-                               ? kde::unmix_border_pixel<1>(x, y, p.width, limit, p.zones, p.values, p.reference,
-                                                            p.cells_per_row, p.parameters)
-                               : kde::unmix_border_pixel<3>(x, y, p.width, limit, p.zones, p.values, p.reference,
-                                                            p.cells_per_row, p.parameters);
+                               ? kde::unmix_border_pixel<1>(x, y, p.width, limit, p.zones, p.values,
+                                                            p.reference, p.cells_per_row, p.parameters)
+                               : kde::unmix_border_pixel<3>(x, y, p.width, limit, p.zones, p.values,
+                                                            p.reference, p.cells_per_row, p.parameters);
                 ASSERT_EQ(row[x], part < 0 ? 77 : part ? 255 : 0) << "x " << x << " y " << y;
                 (part < 0 ? untold : part ? subject : background) += 1;
             }

@@ -14,7 +14,8 @@ int distance_to(const std::vector<std::uint8_t>& kind, int width, int height, in
     int nearest = bit == 2 ? std::min({x + 1, y + 1, width - x, height - y}) : 127;
     for (int v = 0; v < height; ++v)
         for (int u = 0; u < width; ++u)
-            if (kind[v * width + u] & bit) nearest = std::min(nearest, std::max(std::abs(u - x), std::abs(v - y)));
+            if (kind[v * width + u] & bit)
+                nearest = std::min(nearest, std::max(std::abs(u - x), std::abs(v - y)));
     return std::min(nearest, 127);
 }
 

@@ -43,7 +43,8 @@ VoxelVolume volume_of(const Lattice& lattice, const Inside& inside) {
                     const int ijk[3] = {x * 8 + (bit & 7), y * 8 + (bit >> 3 & 7), z * 8 + (bit >> 6)};
                     float p[3];
                     for (int axis = 0; axis < 3; ++axis)
-                        p[axis] = lattice.origin[axis] + (static_cast<float>(ijk[axis]) + 0.5f) * lattice.voxel_m;
+                        p[axis] =
+                            lattice.origin[axis] + (static_cast<float>(ijk[axis]) + 0.5f) * lattice.voxel_m;
                     if (!inside(p)) continue;
                     brick.occupancy[bit >> 6] |= std::uint64_t{1} << (bit & 63);
                     any = true;
@@ -64,7 +65,8 @@ std::size_t count(const VoxelVolume& volume, const Inside& where) {
                             static_cast<int>(at / size[0] / size[1])};
         float p[3];
         for (int axis = 0; axis < 3; ++axis)
-            p[axis] = volume.lattice.origin[axis] + (static_cast<float>(ijk[axis]) + 0.5f) * volume.lattice.voxel_m;
+            p[axis] =
+                volume.lattice.origin[axis] + (static_cast<float>(ijk[axis]) + 0.5f) * volume.lattice.voxel_m;
         n += where(p);
     }
     return n;
@@ -111,7 +113,8 @@ TEST(Surface, MatchesItsDefinitionVoxelByVoxel) {
         for (int n = surface.first[b]; n < surface.first[b + 1]; ++n) {
             const Brick& brick = volume.bricks[b];
             const int bit = surface.bit[n];
-            const int x = brick.x * 8 + (bit & 7), y = brick.y * 8 + (bit >> 3 & 7), z = brick.z * 8 + (bit >> 6);
+            const int x = brick.x * 8 + (bit & 7), y = brick.y * 8 + (bit >> 3 & 7),
+                      z = brick.z * 8 + (bit >> 6);
             ASSERT_TRUE(at(x, y, z));
             const auto empty = [&](int dx, int dy, int dz) { return at(x + dx, y + dy, z + dz) ? 0u : 1u; };
             const unsigned open = empty(-1, 0, 0) | empty(1, 0, 0) << 1 | empty(0, -1, 0) << 2 |
@@ -137,7 +140,8 @@ TEST(Surface, MatchesItsDefinitionVoxelByVoxel) {
             for (int dz = -radius; dz <= radius; ++dz)
                 for (int dy = -radius; dy <= radius; ++dy)
                     for (int dx = -radius; dx <= radius; ++dx)
-                        sum += at(b.x * 8 + (bit & 7) + dx, b.y * 8 + (bit >> 3 & 7) + dy, b.z * 8 + (bit >> 6) + dz);
+                        sum += at(b.x * 8 + (bit & 7) + dx, b.y * 8 + (bit >> 3 & 7) + dy,
+                                  b.z * 8 + (bit >> 6) + dz);
             for (int n = 0; n < 5; ++n) {
                 ASSERT_EQ(thin[n][bit >> 6] >> (bit & 63) & 1, sum < least[n] ? 1u : 0u)
                     << "radius " << radius << " bit " << bit << " has " << sum << " of " << least[n];
@@ -153,7 +157,9 @@ TEST(Colouring, HiddenSurfacesTakeNoColourFromWhatHidesThem) {
     const auto red = [&](const float* p) { return sphere_distance(p, ax, ay, 1, 0.2f); };
     const auto green = [&](const float* p) { return sphere_distance(p, -ax, -ay, 1, 0.2f); };
     scene.draw([&](const float* p) { return std::min(red(p), green(p)); },
-               [&](const float* p) { return red(p) < green(p) ? Colour{220, 30, 30} : Colour{30, 200, 30}; });
+               [&](const float* p) {
+                   return red(p) < green(p) ? Colour{220, 30, 30} : Colour{30, 200, 30};
+               });
     const Lattice lattice = make_lattice(0.01f, 160, 96, 64);
     VoxelVolume volume = volume_of(lattice, [&](const float* p) { return std::min(red(p), green(p)) < 0; });
     ColouringReport report;
@@ -170,7 +176,8 @@ TEST(Colouring, HiddenSurfacesTakeNoColourFromWhatHidesThem) {
             for (int axis = 0; axis < 3; ++axis) {
                 float centre = 0;
                 for (int row = 0; row < 3; ++row)
-                    centre -= c.rotation_camera_from_world[3 * row + axis] * c.translation_camera_from_world[row];
+                    centre -=
+                        c.rotation_camera_from_world[3 * row + axis] * c.translation_camera_from_world[row];
                 to[axis] = centre - p[axis];
                 length += to[axis] * to[axis];
             }
@@ -207,12 +214,12 @@ TEST(Colouring, CarvesAPhantomAndKeepsTheBody) {
     const auto phantom = [](const float* p) {
         return sphere_distance(p, 0, 0, 1, 0.37f) > 0 && sphere_distance(p, 0.25f, 0.1f, 1.2f, 0.16f) < 0;
     };
-    VoxelVolume volume = volume_of(make_lattice(0.01f, 96, 96, 96),
-                                   [&](const float* p) { return body(p) || phantom(p); });
+    VoxelVolume volume =
+        volume_of(make_lattice(0.01f, 96, 96, 96), [&](const float* p) { return body(p) || phantom(p); });
     const std::size_t body_before = count(volume, body), phantom_before = count(volume, phantom);
     ColouringOptions options;
     options.max_rounds = 40;
-    options.min_support = 0;              // colours alone
+    options.min_support = 0;  // colours alone
     options.sharp_budget_permille = -1;
     ColouringReport report;
     make_voxel_colourer(Device::kCpu, options)->colour(scene.colouring_views(), volume, report);
@@ -237,7 +244,8 @@ TEST(Colouring, SharpSilhouettesTrimWhatLooseOnesLetThrough) {
     ColouringReport report;
     make_voxel_colourer(Device::kCpu, options)->colour(scene.colouring_views(), volume, report);
     EXPECT_EQ(count(volume, body), before);
-    EXPECT_LT(count(volume, [](const float*) { return true; }), all * 6 / 10);  // (0.3 / 0.4)^3 and some corners
+    EXPECT_LT(count(volume, [](const float*) { return true; }),
+              all * 6 / 10);  // (0.3 / 0.4)^3 and some corners
 }
 
 // Four cameras make a prism of a cylinder; a rod thinner than what a ray must keep stays as it is.
@@ -286,7 +294,8 @@ TEST(Colouring, SameResultWhateverTheThreads) {
     ASSERT_GT(first.bricks.size(), 50u);
     for (int threads : {1, 2, 5}) {
 #ifdef KINEVOX_HAVE_TBB
-        const oneapi::tbb::global_control limit(oneapi::tbb::global_control::max_allowed_parallelism, threads);
+        const oneapi::tbb::global_control limit(oneapi::tbb::global_control::max_allowed_parallelism,
+                                                threads);
 #endif
         VoxelVolume again;
         ColouringReport report;
@@ -309,7 +318,8 @@ TEST(Colouring, EmptyVolumeAndAbsentPictures) {
     EXPECT_TRUE(nothing.colours.empty());
     for (float iou : report.silhouette_iou) EXPECT_EQ(iou, 0.f);  // a silhouette, but no volume
 
-    VoxelVolume volume = volume_of(nothing.lattice, [](const float* p) { return sphere_distance(p, 0, 0, 1, 0.2f) < 0; });
+    VoxelVolume volume =
+        volume_of(nothing.lattice, [](const float* p) { return sphere_distance(p, 0, 0, 1, 0.2f) < 0; });
     auto views = scene.colouring_views();
     for (ColouringView& view : views) view.picture = {}, view.silhouette = view.sharp = nullptr;
     colourer->colour(views, volume, report);
@@ -337,9 +347,12 @@ TEST(Colouring, BadInputIsRefusedWithItsName) {
 
 TEST(Projection, CoversTheSilhouetteItCameFromAndFollowsAMove) {
     Scene scene = ring_of_cameras(4, -0.1f, 0.02f, 0.0005f);
-    const auto ball = [](float x) { return [x](const float* p) { return sphere_distance(p, x, 0, 1, 0.3f); }; };
+    const auto ball = [](float x) {
+        return [x](const float* p) { return sphere_distance(p, x, 0, 1, 0.3f); };
+    };
     scene.draw(ball(0));
-    VoxelVolume volume = volume_of(make_lattice(0.01f, 72, 72, 72), [&](const float* p) { return ball(0)(p) < 0; });
+    VoxelVolume volume =
+        volume_of(make_lattice(0.01f, 72, 72, 72), [&](const float* p) { return ball(0)(p) < 0; });
     Scene moved = scene;
     moved.draw(ball(0.2f));
     for (std::size_t n = 0; n < scene.cameras.size(); ++n) {
@@ -358,7 +371,8 @@ TEST(Projection, CoversTheSilhouetteItCameFromAndFollowsAMove) {
                     both += mask[at] && truth[at];
                     either += mask[at] || truth[at];
                     missing += !mask[at] && truth[at];
-                    outside += mask[at] && (x < bounds.x0 || x >= bounds.x1 || y < bounds.y0 || y >= bounds.y1);
+                    outside +=
+                        mask[at] && (x < bounds.x0 || x >= bounds.x1 || y < bounds.y0 || y >= bounds.y1);
                 }
             EXPECT_GT(static_cast<double>(both) / static_cast<double>(either), 0.86);
             EXPECT_LT(missing, either / 100);

@@ -1,8 +1,9 @@
-// The CUDA form of each stage against the CPU form. Equality is that of roundings: the CPU's vector forms contract
-// products and sums where the device does not, so a voxel whose pixel border lies within about 1e-4 px may fall on
-// the other side. Everything else is whole-number work, the same by construction.
+// The CUDA form of each stage against the CPU form. Equality is that of roundings: the CPU's vector forms
+// contract products and sums where the device does not, so a voxel whose pixel border lies within about 1e-4
+// px may fall on the other side. Everything else is whole-number work, the same by construction.
 //
-// Where no GPU is found the comparisons skip and say so; with KINEVOX_REQUIRE_GPU in the environment they fail.
+// Where no GPU is found the comparisons skip and say so; with KINEVOX_REQUIRE_GPU in the environment they
+// fail.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -87,7 +88,8 @@ std::pair<std::size_t, std::size_t> compare(const VoxelVolume& a, const VoxelVol
 }
 
 Colour checks(const float* p) {
-    const int n = static_cast<int>(std::floor(p[0] / 0.07f) + std::floor(p[1] / 0.07f) + std::floor(p[2] / 0.07f));
+    const int n =
+        static_cast<int>(std::floor(p[0] / 0.07f) + std::floor(p[1] / 0.07f) + std::floor(p[2] / 0.07f));
     return n % 2 ? Colour{200, 80, 30} : Colour{40, 90, 180};
 }
 
@@ -170,7 +172,8 @@ class CudaColouring : public Cuda {
         scene = ring_of_cameras(5, -0.1f, 0.02f, 0.0003f);
         scene.draw(
             [](const float* p) {
-                return std::min(box_distance(p, 0.12f, 0.2f, 0.3f), sphere_distance(p, 0.2f, 0.1f, 1.1f, 0.2f));
+                return std::min(box_distance(p, 0.12f, 0.2f, 0.3f),
+                                sphere_distance(p, 0.2f, 0.1f, 1.1f, 0.2f));
             },
             checks);
         make_hull_carver(Device::kCpu)->carve(scene.hull_views(), make_lattice(0.012f, 80, 88, 96), hull);
@@ -197,7 +200,8 @@ class CudaColouring : public Cuda {
         ASSERT_EQ(gpu_report.silhouette_iou.size(), cpu_report.silhouette_iou.size());
         for (std::size_t n = 0; n < views.size(); ++n) {
             const float a = gpu_report.silhouette_iou[n], b = cpu_report.silhouette_iou[n];
-            EXPECT_TRUE((std::isnan(a) && std::isnan(b)) || std::fabs(a - b) < 0.002f + part) << a << " and " << b;
+            EXPECT_TRUE((std::isnan(a) && std::isnan(b)) || std::fabs(a - b) < 0.002f + part)
+                << a << " and " << b;
         }
         expect_sorted_and_filled(gpu);
         if (different > 0) return;
@@ -248,9 +252,11 @@ TEST_F(CudaColouring, AllTogetherWithAbsentPicturesAndMasks) {
     views[1].picture = {};
     views[2].sharp = nullptr;
     views[3].sharp = views[3].silhouette = nullptr;
-    std::vector<std::uint8_t> grey(static_cast<std::size_t>(scene.cameras[4].width) * scene.cameras[4].height);
+    std::vector<std::uint8_t> grey(static_cast<std::size_t>(scene.cameras[4].width) *
+                                   scene.cameras[4].height);
     for (std::size_t n = 0; n < grey.size(); ++n) grey[n] = scene.pictures[4][3 * n + 1];
-    views[4].picture = {grey.data(), scene.cameras[4].width, scene.cameras[4].height, 1, scene.cameras[4].width};
+    views[4].picture = {grey.data(), scene.cameras[4].width, scene.cameras[4].height, 1,
+                        scene.cameras[4].width};
     expect_same({}, views, 0.01);
 }
 

@@ -56,7 +56,8 @@ std::vector<std::uint8_t> reference_hull(const Scene& scene, const Lattice& latt
                     if (!project(c, p, u, v)) continue;
                     const double at_u = u + 0.5 - std::floor(u + 0.5), at_v = v + 0.5 - std::floor(v + 0.5);
                     close |= std::min({at_u, 1 - at_u, at_v, 1 - at_v}) < 0.01;
-                    const int column = static_cast<int>(std::floor(u + 0.5)), row = static_cast<int>(std::floor(v + 0.5));
+                    const int column = static_cast<int>(std::floor(u + 0.5)),
+                              row = static_cast<int>(std::floor(v + 0.5));
                     if (column < 0 || row < 0 || column >= c.width || row >= c.height) continue;
                     ++contain;
                     outside |= scene.masks[n][static_cast<std::size_t>(row) * c.width + column] == 0;
@@ -128,7 +129,8 @@ TEST(Hull, PartlySeenVolumeIsCarvedOnlyByCamerasThatSeeIt) {
         make_hull_carver(Device::kCpu, options)->carve(scene.hull_views(), lattice, volume);
         if (min_views == 4) {
             const auto is = bits_of(volume), should = reference_hull(scene, lattice, min_views);
-            for (std::size_t n = 0; n < is.size(); ++n) ASSERT_TRUE(should[n] == 2 || is[n] == should[n]) << n;
+            for (std::size_t n = 0; n < is.size(); ++n)
+                ASSERT_TRUE(should[n] == 2 || is[n] == should[n]) << n;
         } else {
             expect_equal(bits_of(volume), reference_hull(scene, lattice, min_views));
         }
@@ -200,7 +202,8 @@ TEST(Hull, FillsWhatItsLinesSurround) {
         brick.y = static_cast<std::int16_t>(n / 3 % 2);
         brick.z = static_cast<std::int16_t>(n / 6);
         for (int bit = 0; bit < kBrickVoxels; ++bit) {
-            const int x = brick.x * 8 + (bit & 7), y = brick.y * 8 + (bit >> 3 & 7), z = brick.z * 8 + (bit >> 6);
+            const int x = brick.x * 8 + (bit & 7), y = brick.y * 8 + (bit >> 3 & 7),
+                      z = brick.z * 8 + (bit >> 6);
             if (bits[(static_cast<std::size_t>(z) * 16 + y) * 24 + x])
                 brick.occupancy[bit >> 6] |= std::uint64_t{1} << (bit & 63);
         }
@@ -233,7 +236,8 @@ TEST(Hull, FillsWhatItsLinesSurround) {
                 }
                 const bool absent = x / 8 == 1 && y / 8 == 0 && z / 8 == 1;
                 const bool should = bits[n] || (lines >= least && !absent);
-                ASSERT_EQ(out[n] != 0, should) << "reach " << reach << ", at least " << least << ", voxel " << n;
+                ASSERT_EQ(out[n] != 0, should)
+                    << "reach " << reach << ", at least " << least << ", voxel " << n;
                 count += should && !bits[n];
             }
             EXPECT_EQ(filled, count);
@@ -272,7 +276,8 @@ TEST(Hull, MissMapHoldsChessboardDistances) {
     CameraModel camera;
     camera.width = width, camera.height = height, camera.fx = camera.fy = 100;
     HullMapsStorage storage;
-    make_hull_maps({&camera, mask.data(), nullptr, {15, 12, 31, 21}}, make_projector(camera, "test"), 101, 1, storage);
+    make_hull_maps({&camera, mask.data(), nullptr, {15, 12, 31, 21}}, make_projector(camera, "test"), 101, 1,
+                   storage);
     const HullMaps& maps = storage.maps;
     ASSERT_EQ(maps.budget_px, 4);
     for (int y = 0; y < height; ++y)
@@ -282,7 +287,8 @@ TEST(Hull, MissMapHoldsChessboardDistances) {
                 for (int a = 0; a < width; ++a)
                     if (mask[b * width + a])
                         distance = std::min(distance, std::max(std::abs(a - x), std::abs(b - y)));
-            ASSERT_EQ(miss_at(maps, static_cast<float>(x), static_cast<float>(y)), maps.miss_of_distance(distance))
+            ASSERT_EQ(miss_at(maps, static_cast<float>(x), static_cast<float>(y)),
+                      maps.miss_of_distance(distance))
                 << x << " " << y;
         }
 }

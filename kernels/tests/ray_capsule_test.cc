@@ -75,7 +75,7 @@ TEST(NearestCapsules, AreThoseThatAskingEveryCapsuleGives) {
     std::mt19937 random(7);
     const float origin[3] = {4, -3, 1.5f};
     const auto body = some_body(random, 23);
-    const Rays rays = rays_at(body, origin, 333, random);   // no whole number of blocks
+    const Rays rays = rays_at(body, origin, 333, random);  // no whole number of blocks
     std::vector<float> distance(333);
     std::vector<int> nearest(333);
     nearest_capsules(rays.bundle(origin), body, distance.data(), nearest.data());
@@ -124,7 +124,8 @@ TEST(NearestCapsules, WithoutABodyThereIsNone) {
     nearest_capsules(rays.bundle(origin), {}, distance.data(), nearest.data());
     EXPECT_EQ(nearest, std::vector<int>(20, -1));
     EXPECT_EQ(distance, std::vector<float>(20, kWrongSide_m));
-    EXPECT_THROW(nearest_capsules(rays.bundle(origin), body, distance.data(), nearest.data()), std::invalid_argument);
+    EXPECT_THROW(nearest_capsules(rays.bundle(origin), body, distance.data(), nearest.data()),
+                 std::invalid_argument);
 }
 
 }  // namespace

@@ -109,9 +109,8 @@ TEST_P(SegmentationDensity, EndsEarlyOnlyWhereThePixelsAreBackgroundAnyway) {
     for (unsigned seed = 200; seed < 230; ++seed) {
         Cell cell = random_cell(sample_count, channels, seed);
         AlignedVector<std::uint8_t> early(kCellPixels);
-        const DensityLooks looks =
-            cell_density(tables, cell.value.data(), samples_of(cell, sample_count), cell.scale.data(), channels,
-                         0, true, early.data());
+        const DensityLooks looks = cell_density(tables, cell.value.data(), samples_of(cell, sample_count),
+                                                cell.scale.data(), channels, 0, true, early.data());
         cell_density(tables, cell.value.data(), samples_of(cell, sample_count), cell.scale.data(), channels,
                      0, false, cell.density.data());
         int unsure = 0;
@@ -159,11 +158,11 @@ void expect_same_sums(const BackgroundModel& model, const PackedSamples& packed,
     for (std::size_t x = 0; x < value.size(); ++x)
         value[x] = static_cast<std::uint8_t>(std::min(samples[x] + static_cast<int>(x % 12), 255));
     for (const bool may_stop : {false, true}) {
-        const DensityLooks a = cell_density(tables, value.data(), {samples, nullptr, model.sample_count}, scale.data(),
-                                            model.channels, 0, may_stop, whole.data());
-        const DensityLooks b =
-            cell_density(tables, value.data(), {samples, packed.cell(model.cell_index(0, k)), model.sample_count},
-                         scale.data(), model.channels, 0, may_stop, half.data());
+        const DensityLooks a = cell_density(tables, value.data(), {samples, nullptr, model.sample_count},
+                                            scale.data(), model.channels, 0, may_stop, whole.data());
+        const DensityLooks b = cell_density(
+            tables, value.data(), {samples, packed.cell(model.cell_index(0, k)), model.sample_count},
+            scale.data(), model.channels, 0, may_stop, half.data());
         EXPECT_EQ(a.samples, b.samples);
         EXPECT_EQ(a.plain, b.plain);
         EXPECT_EQ(whole, half) << "cell " << k;

@@ -64,13 +64,15 @@ void expect_scalar_values(int groups) {
     const kde::EvidenceParameters p;
     std::vector<float> planes[5];
     for (auto& plane : planes) plane.assign(kCellPixels, kUntouched);
-    fit_light_cell(s.cell(), groups, p, {planes[0].data(), planes[1].data(), planes[2].data(), planes[3].data()});
+    fit_light_cell(s.cell(), groups, p,
+                   {planes[0].data(), planes[1].data(), planes[2].data(), planes[3].data()});
     const float* around = s.neighbourhood.data() + 2 * Scene::kStride + 4;
     // Factors and residuals everywhere, so that untouched pixels show.
     std::vector<float> factor(kCellPixels), residual(kCellPixels);
     for (int x = 0; x < kCellPixels; ++x) {
         float value = 0, energy = 0;
-        kde::fit_light<kChannels>(&s.value[x], &s.reference[x], &s.scale[x], p, value, energy, factor[x], residual[x]);
+        kde::fit_light<kChannels>(&s.value[x], &s.reference[x], &s.scale[x], p, value, energy, factor[x],
+                                  residual[x]);
         if (groups >> x / kGroupPixels & 1) {
             EXPECT_NEAR(planes[0][x], value, 1e-4f * std::abs(value) + 0.05f) << x;
             EXPECT_NEAR(planes[1][x], energy, 1e-4f * std::abs(energy) + 0.05f) << x;
@@ -80,8 +82,8 @@ void expect_scalar_values(int groups) {
             for (int n = 0; n < 4; ++n) EXPECT_EQ(planes[n][x], kUntouched) << x;
         }
     }
-    evidence_cell(s.cell(), groups, p, {factor.data(), residual.data(), around, Scene::kStride}, s.log_lit.data(),
-                  s.log_foreground.data(), planes[4].data());
+    evidence_cell(s.cell(), groups, p, {factor.data(), residual.data(), around, Scene::kStride},
+                  s.log_lit.data(), s.log_foreground.data(), planes[4].data());
     int undecided = 0;
     for (int x = 0; x < kCellPixels; ++x) {
         if (!(groups >> x / kGroupPixels & 1)) {
@@ -89,8 +91,8 @@ void expect_scalar_values(int groups) {
             continue;
         }
         float step = 10.0f;
-        for (const std::ptrdiff_t to : {-2 * Scene::kStride, std::ptrdiff_t{-2}, std::ptrdiff_t{0}, std::ptrdiff_t{2},
-                                        2 * Scene::kStride})
+        for (const std::ptrdiff_t to : {-2 * Scene::kStride, std::ptrdiff_t{-2}, std::ptrdiff_t{0},
+                                        std::ptrdiff_t{2}, 2 * Scene::kStride})
             step = std::min(step, std::abs(factor[x] - around[x + to]));
         const float expected = kde::evidence<kChannels>(
             &s.value[x], &s.reference[x], &s.scale[x], s.density[x], s.log_lit[s.density[x]], s.log_peak[x],

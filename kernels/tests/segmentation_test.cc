@@ -89,7 +89,8 @@ TEST(Segmentation, WhatFramesTaughtItIsForgottenToTheBit) {
     for (int k = 0; k < 60; ++k) {
         pictures.push_back(room.picture(1 + 0.002 * k));
         room.draw(pictures.back(), kBody, 40, 60, 190);
-        room.draw(pictures.back(), {10, 10, 30, 30}, 120, 130, 20);   // stays, and becomes background little by little
+        room.draw(pictures.back(), {10, 10, 30, 30}, 120, 130,
+                  20);  // stays, and becomes background little by little
     }
     const auto segmented = [&](const TestPicture& picture) {
         Silhouettes out;

@@ -51,7 +51,8 @@ Scene ring_of_cameras(int count, float k1, float k2, float p1) {
         }
         for (int row = 0; row < 3; ++row) {
             double t = 0;
-            for (int axis = 0; axis < 3; ++axis) t -= c.rotation_camera_from_world[3 * row + axis] * centre[axis];
+            for (int axis = 0; axis < 3; ++axis)
+                t -= c.rotation_camera_from_world[3 * row + axis] * centre[axis];
             c.translation_camera_from_world[row] = static_cast<float>(t);
         }
         scene.cameras.push_back(c);
@@ -112,7 +113,8 @@ std::vector<HullView> Scene::hull_views() const {
             for (int v = 0; v < cameras[n].height; ++v) {
                 for (int u = 0; u < cameras[n].width; ++u) {
                     if (masks[n][static_cast<std::size_t>(v) * cameras[n].width + u] == 0) continue;
-                    box = {std::min(box.x0, u), std::min(box.y0, v), std::max(box.x1, u + 1), std::max(box.y1, v + 1)};
+                    box = {std::min(box.x0, u), std::min(box.y0, v), std::max(box.x1, u + 1),
+                           std::max(box.y1, v + 1)};
                 }
             }
             view.bounds = box.empty() ? Rect{} : box;
@@ -149,7 +151,8 @@ Lattice make_lattice(float voxel_m, int nx, int ny, int nz) {
     lattice.voxel_m = voxel_m;
     lattice.size[0] = nx, lattice.size[1] = ny, lattice.size[2] = nz;
     for (int axis = 0; axis < 3; ++axis) {
-        lattice.origin[axis] = -0.5f * voxel_m * static_cast<float>(lattice.size[axis]) + (axis == 2 ? 1.f : 0.f);
+        lattice.origin[axis] =
+            -0.5f * voxel_m * static_cast<float>(lattice.size[axis]) + (axis == 2 ? 1.f : 0.f);
     }
     return lattice;
 }
@@ -160,7 +163,8 @@ std::vector<std::uint8_t> bits_of(const VoxelVolume& volume) {
     for (const Brick& brick : volume.bricks) {
         for (int bit = 0; bit < kBrickVoxels; ++bit) {
             if (!(brick.occupancy[bit >> 6] >> (bit & 63) & 1)) continue;
-            const int x = brick.x * 8 + (bit & 7), y = brick.y * 8 + (bit >> 3 & 7), z = brick.z * 8 + (bit >> 6);
+            const int x = brick.x * 8 + (bit & 7), y = brick.y * 8 + (bit >> 3 & 7),
+                      z = brick.z * 8 + (bit >> 6);
             out[(static_cast<std::size_t>(z) * size[1] + y) * size[0] + x] = 1;
         }
     }

@@ -26,7 +26,8 @@ struct Scene {
     std::vector<ColouringView> colouring_views() const;
 };
 
-// Cameras of 320 x 240 or 640 x 480 px (alternating), 3 m around (0, 0, 1), looking at it from different heights.
+// Cameras of 320 x 240 or 640 x 480 px (alternating), 3 m around (0, 0, 1), looking at it from different
+// heights.
 Scene ring_of_cameras(int count, float k1, float k2, float p1);
 
 float sphere_distance(const float* p, float x, float y, float z, float radius);

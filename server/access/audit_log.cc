@@ -43,8 +43,9 @@ std::string dump(const ordered_json& line) {
 }
 
 std::string cut(const std::string& text) {
-    return text.size() <= kLongestText ? text
-                                       : fmt::format("{}... {} bytes", text.substr(0, kLongestText), text.size());
+    return text.size() <= kLongestText
+               ? text
+               : fmt::format("{}... {} bytes", text.substr(0, kLongestText), text.size());
 }
 
 ordered_json to_json(const Message& message, int depth);
@@ -55,13 +56,14 @@ ordered_json value_of(const Message& message, const FieldDescriptor* field, int 
     const bool many = field->is_repeated();
     switch (field->cpp_type()) {
         case FieldDescriptor::CPPTYPE_MESSAGE:
-            return to_json(
-                many ? reflection->GetRepeatedMessage(message, field, index) : reflection->GetMessage(message, field),
-                depth + 1);
+            return to_json(many ? reflection->GetRepeatedMessage(message, field, index)
+                                : reflection->GetMessage(message, field),
+                           depth + 1);
         case FieldDescriptor::CPPTYPE_STRING: {
-            const std::string text =
-                many ? reflection->GetRepeatedString(message, field, index) : reflection->GetString(message, field);
-            return field->type() == FieldDescriptor::TYPE_BYTES ? fmt::format("{} bytes", text.size()) : cut(text);
+            const std::string text = many ? reflection->GetRepeatedString(message, field, index)
+                                          : reflection->GetString(message, field);
+            return field->type() == FieldDescriptor::TYPE_BYTES ? fmt::format("{} bytes", text.size())
+                                                                : cut(text);
         }
         case FieldDescriptor::CPPTYPE_ENUM: {
             const int number = many ? reflection->GetRepeatedEnumValue(message, field, index)
@@ -70,19 +72,26 @@ ordered_json value_of(const Message& message, const FieldDescriptor* field, int 
             return value ? ordered_json(value->name()) : ordered_json(number);
         }
         case FieldDescriptor::CPPTYPE_BOOL:
-            return many ? reflection->GetRepeatedBool(message, field, index) : reflection->GetBool(message, field);
+            return many ? reflection->GetRepeatedBool(message, field, index)
+                        : reflection->GetBool(message, field);
         case FieldDescriptor::CPPTYPE_DOUBLE:
-            return many ? reflection->GetRepeatedDouble(message, field, index) : reflection->GetDouble(message, field);
+            return many ? reflection->GetRepeatedDouble(message, field, index)
+                        : reflection->GetDouble(message, field);
         case FieldDescriptor::CPPTYPE_FLOAT:
-            return many ? reflection->GetRepeatedFloat(message, field, index) : reflection->GetFloat(message, field);
+            return many ? reflection->GetRepeatedFloat(message, field, index)
+                        : reflection->GetFloat(message, field);
         case FieldDescriptor::CPPTYPE_INT32:
-            return many ? reflection->GetRepeatedInt32(message, field, index) : reflection->GetInt32(message, field);
+            return many ? reflection->GetRepeatedInt32(message, field, index)
+                        : reflection->GetInt32(message, field);
         case FieldDescriptor::CPPTYPE_UINT32:
-            return many ? reflection->GetRepeatedUInt32(message, field, index) : reflection->GetUInt32(message, field);
+            return many ? reflection->GetRepeatedUInt32(message, field, index)
+                        : reflection->GetUInt32(message, field);
         case FieldDescriptor::CPPTYPE_INT64:
-            return many ? reflection->GetRepeatedInt64(message, field, index) : reflection->GetInt64(message, field);
+            return many ? reflection->GetRepeatedInt64(message, field, index)
+                        : reflection->GetInt64(message, field);
         case FieldDescriptor::CPPTYPE_UINT64:
-            return many ? reflection->GetRepeatedUInt64(message, field, index) : reflection->GetUInt64(message, field);
+            return many ? reflection->GetRepeatedUInt64(message, field, index)
+                        : reflection->GetUInt64(message, field);
     }
     return nullptr;
 }
@@ -101,7 +110,8 @@ ordered_json to_json(const Message& message, int depth) {
         }
         const int size = message.GetReflection()->FieldSize(message, field);
         ordered_json values = ordered_json::array();
-        for (int i = 0; i < std::min(size, kMostElements); ++i) values.push_back(value_of(message, field, i, depth));
+        for (int i = 0; i < std::min(size, kMostElements); ++i)
+            values.push_back(value_of(message, field, i, depth));
         if (size > kMostElements) values.push_back(fmt::format("... {} in all", size));
         out[field->name()] = std::move(values);
     }
@@ -206,8 +216,8 @@ absl::StatusOr<std::unique_ptr<AuditLog>> AuditLog::open(const std::filesystem::
         std::error_code ignored;
         if (file.has_parent_path()) std::filesystem::create_directories(file.parent_path(), ignored);
         if (const std::string problem = append(file, ""); !problem.empty())
-            return absl::UnavailableError(
-                fmt::format("{}: the audit log cannot be written: {}; correct [server] audit", file.string(), problem));
+            return absl::UnavailableError(fmt::format(
+                "{}: the audit log cannot be written: {}; correct [server] audit", file.string(), problem));
     }
     return std::unique_ptr<AuditLog>(new AuditLog(std::move(parts)));
 }

@@ -25,8 +25,9 @@ struct AuditEntry {
     std::string request;  // its essence as JSON; empty where it is not known
 };
 
-// Any thread; nothing waits for the disk: a thread writes what is queued, and where more comes than the queue holds the
-// file says how many lines are missing. The file is opened anew for each batch, so that it may be moved away.
+// Any thread; nothing waits for the disk: a thread writes what is queued, and where more comes than the queue
+// holds the file says how many lines are missing. The file is opened anew for each batch, so that it may be
+// moved away.
 class AuditLog {
   public:
     // Empty `file`: the daemon's log alone. Unavailable where it cannot be written.

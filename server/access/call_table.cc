@@ -28,7 +28,8 @@ v1::Permission naming(const Option& option, std::string_view what) {
 }
 
 std::string lower(std::string text) {
-    std::ranges::transform(text, text.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    std::ranges::transform(text, text.begin(),
+                           [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
     return text;
 }
 
@@ -51,7 +52,8 @@ std::string name_of(v1::Role role) {
 v1::Role role_named(std::string_view name) {
     const auto* roles = v1::Role_descriptor();
     for (int i = 0; i < roles->value_count(); ++i)
-        if (const auto role = static_cast<v1::Role>(roles->value(i)->number()); !name.empty() && name_of(role) == name)
+        if (const auto role = static_cast<v1::Role>(roles->value(i)->number());
+            !name.empty() && name_of(role) == name)
             return role;
     return v1::ROLE_UNSPECIFIED;
 }
@@ -75,8 +77,8 @@ CallTable::CallTable(const std::vector<std::string>& services) {
         const auto* service = google::protobuf::DescriptorPool::generated_pool()->FindServiceByName(name);
         for (int i = 0; service && i < service->method_count(); ++i) {
             const auto* method = service->method(i);
-            calls_["/" + name + "/" + method->name()] = {naming(v1::calls, service->name() + "." + method->name()),
-                                                         method};
+            calls_["/" + name + "/" + method->name()] = {
+                naming(v1::calls, service->name() + "." + method->name()), method};
         }
     }
 }
@@ -90,7 +92,8 @@ v1::Permission needed_by_values(const google::protobuf::Message& request) {
     const auto* descriptor = request.GetDescriptor();
     for (int i = 0; i < descriptor->field_count(); ++i) {
         const auto* field = descriptor->field(i);
-        if (field->cpp_type() != google::protobuf::FieldDescriptor::CPPTYPE_ENUM || field->is_repeated()) continue;
+        if (field->cpp_type() != google::protobuf::FieldDescriptor::CPPTYPE_ENUM || field->is_repeated())
+            continue;
         const auto* value =
             field->enum_type()->FindValueByNumber(request.GetReflection()->GetEnumValue(request, field));
         if (!value) continue;  // the handler refuses it

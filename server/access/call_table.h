@@ -1,4 +1,5 @@
-// Which permission each call needs and which role has it, read from access.proto's options as they are linked in.
+// Which permission each call needs and which role has it, read from access.proto's options as they are linked
+// in.
 #pragma once
 
 #include <string>
@@ -31,7 +32,8 @@ class CallTable {
         bool audited() const;
     };
 
-    // Services by their full names, "kinevox.v1.CaptureService". gRPC's health and reflection are always in it.
+    // Services by their full names, "kinevox.v1.CaptureService". gRPC's health and reflection are always in
+    // it.
     explicit CallTable(const std::vector<std::string>& services);
 
     // "/kinevox.v1.CaptureService/Start"; null where there is no such call.

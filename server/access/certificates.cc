@@ -93,12 +93,14 @@ bool add_extension(X509* certificate, X509* issuer, int id, const std::string& v
 
 bool add_extensions(const NewCertificate& wanted, X509* certificate, X509* issuer) {
     using Kind = NewCertificate::Kind;
-    const auto add = [&](int id, const std::string& value) { return add_extension(certificate, issuer, id, value); };
+    const auto add = [&](int id, const std::string& value) {
+        return add_extension(certificate, issuer, id, value);
+    };
     bool good = add(NID_basic_constraints,
                     wanted.kind == Kind::kAuthority ? "critical,CA:TRUE,pathlen:0" : "critical,CA:FALSE") &&
                 add(NID_subject_key_identifier, "hash") && add(NID_authority_key_identifier, "keyid") &&
-                add(NID_key_usage,
-                    wanted.kind == Kind::kAuthority ? "critical,keyCertSign,cRLSign" : "critical,digitalSignature");
+                add(NID_key_usage, wanted.kind == Kind::kAuthority ? "critical,keyCertSign,cRLSign"
+                                                                   : "critical,digitalSignature");
     if (wanted.kind == Kind::kServer) good = good && add(NID_ext_key_usage, "serverAuth");
     if (wanted.kind == Kind::kClient) good = good && add(NID_ext_key_usage, "clientAuth");
     if (!wanted.hosts.empty()) good = good && add(NID_subject_alt_name, alternative_names(wanted.hosts));
@@ -115,13 +117,14 @@ absl::StatusOr<CertificateAndKey> to_pem(X509* certificate, EVP_PKEY* key) {
 
 }  // namespace
 
-absl::StatusOr<CertificateAndKey> make_certificate(const NewCertificate& wanted, const CertificateAndKey* authority) {
+absl::StatusOr<CertificateAndKey> make_certificate(const NewCertificate& wanted,
+                                                   const CertificateAndKey* authority) {
     for (const std::string& host : wanted.hosts)
         if (host.empty() || host.find_first_of(",:= \t\n") != std::string::npos) {
             unsigned char address[16];
             if (inet_pton(AF_INET6, host.c_str(), address) != 1)
-                return absl::InvalidArgumentError(
-                    fmt::format("'{}' is no host's name or address; give one such as hall.example or 10.0.0.5", host));
+                return absl::InvalidArgumentError(fmt::format(
+                    "'{}' is no host's name or address; give one such as hall.example or 10.0.0.5", host));
         }
     const Key key(EVP_EC_gen("P-256"));
     const Certificate certificate(X509_new());
@@ -130,21 +133,23 @@ absl::StatusOr<CertificateAndKey> make_certificate(const NewCertificate& wanted,
     if (authority) {
         issuer = read_certificate(authority->certificate);
         issuer_key = read_key(authority->key);
-        if (!issuer || !issuer_key) return openssl_failed("the authority's certificate or key cannot be read");
+        if (!issuer || !issuer_key)
+            return openssl_failed("the authority's certificate or key cannot be read");
     }
     X509* const signing = issuer ? issuer.get() : certificate.get();
     if (!key || !certificate) return openssl_failed("no key can be made");
     X509_NAME* const subject = X509_get_subject_name(certificate.get());
     const auto* name = reinterpret_cast<const unsigned char*>(wanted.name.data());
-    const bool made = X509_set_version(certificate.get(), X509_VERSION_3) == 1 && set_serial(certificate.get()) &&
-                      X509_NAME_add_entry_by_txt(subject, "CN", MBSTRING_UTF8, name,
-                                                 static_cast<int>(wanted.name.size()), -1, 0) == 1 &&
-                      X509_set_issuer_name(certificate.get(), X509_get_subject_name(signing)) == 1 &&
-                      set_time(X509_getm_notBefore(certificate.get()), wanted.from_s) &&
-                      set_time(X509_getm_notAfter(certificate.get()), wanted.until_s) &&
-                      X509_set_pubkey(certificate.get(), key.get()) == 1 &&
-                      add_extensions(wanted, certificate.get(), signing) &&
-                      X509_sign(certificate.get(), issuer_key ? issuer_key.get() : key.get(), EVP_sha256()) != 0;
+    const bool made =
+        X509_set_version(certificate.get(), X509_VERSION_3) == 1 && set_serial(certificate.get()) &&
+        X509_NAME_add_entry_by_txt(subject, "CN", MBSTRING_UTF8, name, static_cast<int>(wanted.name.size()),
+                                   -1, 0) == 1 &&
+        X509_set_issuer_name(certificate.get(), X509_get_subject_name(signing)) == 1 &&
+        set_time(X509_getm_notBefore(certificate.get()), wanted.from_s) &&
+        set_time(X509_getm_notAfter(certificate.get()), wanted.until_s) &&
+        X509_set_pubkey(certificate.get(), key.get()) == 1 &&
+        add_extensions(wanted, certificate.get(), signing) &&
+        X509_sign(certificate.get(), issuer_key ? issuer_key.get() : key.get(), EVP_sha256()) != 0;
     if (!made) return openssl_failed("the certificate cannot be made");
     return to_pem(certificate.get(), key.get());
 }

@@ -23,7 +23,8 @@ struct NewCertificate {
 };
 
 // A key on the curve P-256 and its certificate, signed by `authority`; null: by itself.
-absl::StatusOr<CertificateAndKey> make_certificate(const NewCertificate& wanted, const CertificateAndKey* authority);
+absl::StatusOr<CertificateAndKey> make_certificate(const NewCertificate& wanted,
+                                                   const CertificateAndKey* authority);
 
 // Until when the first certificate of `certificate` is valid. InvalidArgument where it cannot be read,
 // FailedPrecondition where `key`, unless that is empty, is not its key.

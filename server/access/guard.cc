@@ -25,7 +25,8 @@ using Clock = std::chrono::steady_clock;
 using Tokens = std::vector<Token>;
 
 std::int64_t now_s() {
-    return std::chrono::duration_cast<std::chrono::seconds>(std::chrono::system_clock::now().time_since_epoch())
+    return std::chrono::duration_cast<std::chrono::seconds>(
+               std::chrono::system_clock::now().time_since_epoch())
         .count();
 }
 
@@ -96,8 +97,8 @@ struct Guard::Parts {
         stamp = now;
         tokens = std::make_shared<const Tokens>(read.ok() ? *std::move(read) : Tokens());
         std::erase_if(buckets, [&](const auto& bucket) {
-            return std::ranges::none_of(*tokens,
-                                        [&](const Token& token) { return to_hex(token.digest) == bucket.first; });
+            return std::ranges::none_of(
+                *tokens, [&](const Token& token) { return to_hex(token.digest) == bucket.first; });
         });
         return read.status();
     }
@@ -110,16 +111,16 @@ struct Guard::Parts {
     void refused(const std::string& who, const std::string& role, std::string_view path,
                  const absl::Status& why) const {
         if (!audit) return;
-        audit->add_refused(
-            {who, role, "", short_name(path), absl::StatusCodeToString(why.code()), std::string(why.message()), ""});
+        audit->add_refused({who, role, "", short_name(path), absl::StatusCodeToString(why.code()),
+                            std::string(why.message()), ""});
     }
 };
 
 Guard::Guard(std::shared_ptr<Parts> parts) : parts_(std::move(parts)) {}
 Guard::~Guard() = default;
 
-absl::StatusOr<std::unique_ptr<Guard>> Guard::create(const std::filesystem::path& tokens, const AccessLimits& limits,
-                                                     AuditLog* audit) {
+absl::StatusOr<std::unique_ptr<Guard>> Guard::create(const std::filesystem::path& tokens,
+                                                     const AccessLimits& limits, AuditLog* audit) {
     auto parts = std::make_shared<Parts>();
     parts->file = tokens;
     parts->limits = limits;
@@ -149,7 +150,8 @@ absl::StatusOr<Caller> Guard::identify(std::string_view authorization) const {
         return absl::UnauthenticatedError("this daemon asks for a token; give one (docs/access.md)");
     const std::string_view scheme = authorization.substr(0, kScheme.size());
     if (!absl::EqualsIgnoreCase({scheme.data(), scheme.size()}, {kScheme.data(), kScheme.size()}))
-        return absl::UnauthenticatedError("the call's authorization is no bearer token; send 'Bearer ' and the token");
+        return absl::UnauthenticatedError(
+            "the call's authorization is no bearer token; send 'Bearer ' and the token");
     const Digest digest = sha256(authorization.substr(kScheme.size()));
     const auto tokens = parts_->current();
     const Token* found = nullptr;
@@ -172,45 +174,49 @@ absl::Status Guard::admit(std::string_view path, std::string_view authorization)
         return why;
     };
     if (!parts_->take(caller->digest))
-        return refuse(absl::ResourceExhaustedError(
-            fmt::format("{} sends more than {} requests a second; wait, or raise [server.limits] requests_per_s",
-                        caller->name, parts_->limits.requests_per_s)));
+        return refuse(absl::ResourceExhaustedError(fmt::format(
+            "{} sends more than {} requests a second; wait, or raise [server.limits] requests_per_s",
+            caller->name, parts_->limits.requests_per_s)));
     const CallTable::Call* call = parts_->calls->find(path);
     if (!call) return absl::UnimplementedError("this daemon has no such call; is it older than the client?");
     if (!has(caller->role, call->permission))
-        return refuse(absl::PermissionDeniedError(fmt::format("{} is for the roles {}; the token of {} has {}",
-                                                              short_name(path), roles_with(call->permission),
-                                                              caller->name, name_of(caller->role))));
+        return refuse(absl::PermissionDeniedError(
+            fmt::format("{} is for the roles {}; the token of {} has {}", short_name(path),
+                        roles_with(call->permission), caller->name, name_of(caller->role))));
     return absl::OkStatus();
 }
 
-absl::Status Guard::allow(std::string_view authorization, v1::Permission permission, std::string_view method) const {
+absl::Status Guard::allow(std::string_view authorization, v1::Permission permission,
+                          std::string_view method) const {
     const auto caller = identify(authorization);
     absl::Status status = caller.status();
     if (caller.ok() && !has(caller->role, permission))
-        status = absl::PermissionDeniedError(fmt::format("{} with {} is for the roles {}; the token of {} has {}",
-                                                         method, v1::Permission_Name(permission),
-                                                         roles_with(permission), caller->name, name_of(caller->role)));
+        status = absl::PermissionDeniedError(fmt::format(
+            "{} with {} is for the roles {}; the token of {} has {}", method, v1::Permission_Name(permission),
+            roles_with(permission), caller->name, name_of(caller->role)));
     if (!status.ok())
-        parts_->refused(caller.ok() ? caller->name : "", caller.ok() ? name_of(caller->role) : "", method, status);
+        parts_->refused(caller.ok() ? caller->name : "", caller.ok() ? name_of(caller->role) : "", method,
+                        status);
     return status;
 }
 
-absl::StatusOr<std::shared_ptr<Guard::Stream>> Guard::open_stream(std::string_view authorization,
-                                                                  std::function<void(const absl::Status&)> end) {
+absl::StatusOr<std::shared_ptr<Guard::Stream>> Guard::open_stream(
+    std::string_view authorization, std::function<void(const absl::Status&)> end) {
     auto caller = identify(authorization);
     if (!caller.ok()) return caller.status();
     const AccessLimits& limits = parts_->limits;
     const std::scoped_lock lock(parts_->streams_mutex);
     if (parts_->streams.size() >= static_cast<std::size_t>(limits.max_streams))
-        return absl::ResourceExhaustedError(fmt::format(
-            "this daemon serves {} streams, as many as it may; end others, or raise [server.limits] max_streams",
-            limits.max_streams));
+        return absl::ResourceExhaustedError(
+            fmt::format("this daemon serves {} streams, as many as it may; end others, or raise "
+                        "[server.limits] max_streams",
+                        limits.max_streams));
     int& own = parts_->streams_of[caller->digest];
     if (!open() && own >= limits.max_streams_per_token)
-        return absl::ResourceExhaustedError(fmt::format(
-            "{} has {} streams, as many as a token may; end others, or raise [server.limits] max_streams_per_token",
-            caller->name, own));
+        return absl::ResourceExhaustedError(
+            fmt::format("{} has {} streams, as many as a token may; end others, or raise [server.limits] "
+                        "max_streams_per_token",
+                        caller->name, own));
     ++own;
     std::shared_ptr<Stream> stream(new Stream(parts_, *std::move(caller), std::move(end)));
     parts_->streams.insert(stream.get());
@@ -245,13 +251,15 @@ void Guard::tick() {
     for (const auto& end : ends) end(absl::UnauthenticatedError(kGone));  // may destroy the stream
 }
 
-Guard::Stream::Stream(std::shared_ptr<Parts> parts, Caller caller, std::function<void(const absl::Status&)> end)
+Guard::Stream::Stream(std::shared_ptr<Parts> parts, Caller caller,
+                      std::function<void(const absl::Status&)> end)
     : parts_(std::move(parts)), caller_(std::move(caller)), end_(std::move(end)) {}
 
 Guard::Stream::~Stream() {
     const std::scoped_lock lock(parts_->streams_mutex);
     parts_->streams.erase(this);
-    if (const auto own = parts_->streams_of.find(caller_.digest); --own->second == 0) parts_->streams_of.erase(own);
+    if (const auto own = parts_->streams_of.find(caller_.digest); --own->second == 0)
+        parts_->streams_of.erase(own);
 }
 
 }  // namespace kinevox

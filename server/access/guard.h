@@ -1,5 +1,5 @@
-// Decides, before anything of a call runs, whether it may; counts streams, and ends those whose token is no longer
-// valid.
+// Decides, before anything of a call runs, whether it may; counts streams, and ends those whose token is no
+// longer valid.
 #pragma once
 
 #include <absl/status/status.h>
@@ -36,10 +36,12 @@ struct Caller {
 // Any thread. `authorization` is what a call brings: "Bearer kvx_...".
 class Guard {
   public:
-    // Empty `tokens`: there are none, and everybody may do everything. Otherwise that file is read here, and again
-    // whenever it has changed; while it cannot be read no token is valid. `audit` may be null, and outlives the guard.
+    // Empty `tokens`: there are none, and everybody may do everything. Otherwise that file is read here, and
+    // again whenever it has changed; while it cannot be read no token is valid. `audit` may be null, and
+    // outlives the guard.
     static absl::StatusOr<std::unique_ptr<Guard>> create(const std::filesystem::path& tokens,
-                                                         const AccessLimits& limits, AuditLog* audit = nullptr);
+                                                         const AccessLimits& limits,
+                                                         AuditLog* audit = nullptr);
     ~Guard();
 
     bool open() const;  // everybody may do everything
@@ -49,17 +51,18 @@ class Guard {
     void set_services(const std::vector<std::string>& full_names);
     const CallTable& calls() const;
 
-    // Whether a call may begin, and counts it: Unauthenticated, PermissionDenied, ResourceExhausted; Unimplemented
-    // where there is no such call. What is refused is audited.
+    // Whether a call may begin, and counts it: Unauthenticated, PermissionDenied, ResourceExhausted;
+    // Unimplemented where there is no such call. What is refused is audited.
     absl::Status admit(std::string_view path, std::string_view authorization);
     // The same as above without counting.
     absl::StatusOr<Caller> identify(std::string_view authorization) const;
     // Whether the caller has a permission that depends on what a call asks for; audited where not.
-    absl::Status allow(std::string_view authorization, v1::Permission permission, std::string_view method) const;
+    absl::Status allow(std::string_view authorization, v1::Permission permission,
+                       std::string_view method) const;
 
-    // Counted as a stream until it is destroyed. `end` is called once, from tick(), when the token stops being valid;
-    // it may still be called while the stream is being destroyed. ResourceExhausted where there are as many as there
-    // may be.
+    // Counted as a stream until it is destroyed. `end` is called once, from tick(), when the token stops
+    // being valid; it may still be called while the stream is being destroyed. ResourceExhausted where there
+    // are as many as there may be.
     class Stream;
     absl::StatusOr<std::shared_ptr<Stream>> open_stream(std::string_view authorization,
                                                         std::function<void(const absl::Status&)> end);

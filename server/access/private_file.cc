@@ -31,7 +31,8 @@ void make_private_folder(const std::filesystem::path& folder) {
     std::filesystem::permissions(folder, std::filesystem::perms::owner_all, ignored);
 }
 
-absl::Status write_private_file(const std::filesystem::path& file, std::string_view contents, Existing existing) {
+absl::Status write_private_file(const std::filesystem::path& file, std::string_view contents,
+                                Existing existing) {
     make_private_folder(file.parent_path());
     std::string aside = file.string() + ".XXXXXX";
     const int descriptor = ::mkostemp(aside.data(), O_CLOEXEC);  // with mode 0600
@@ -48,15 +49,16 @@ absl::Status write_private_file(const std::filesystem::path& file, std::string_v
     if (!done || existing == Existing::kKeep) ::unlink(aside.c_str());
     if (done) return absl::OkStatus();
     if (error == EEXIST)
-        return absl::AlreadyExistsError(
-            fmt::format("{} is there already and is not replaced; move it away, or name another place", file.string()));
+        return absl::AlreadyExistsError(fmt::format(
+            "{} is there already and is not replaced; move it away, or name another place", file.string()));
     return cannot_write(file, error);
 }
 
 absl::Status check_private(const std::filesystem::path& file) {
     struct stat found {};
     if (::stat(file.c_str(), &found) != 0)
-        return absl::NotFoundError(fmt::format("{}: {}; check the path", file.string(), std::strerror(errno)));
+        return absl::NotFoundError(
+            fmt::format("{}: {}; check the path", file.string(), std::strerror(errno)));
     if ((found.st_mode & 077) == 0) return absl::OkStatus();
     return absl::PermissionDeniedError(
         fmt::format("{}: its mode is {:o}, so that others than its owner have rights to it; "

@@ -34,7 +34,8 @@ std::int64_t read_time(const TomlTable& table, const char* key) {
     std::string problem;
     if (text.empty()) return 0;
     if (!absl::ParseTime(kTime, text, &time, &problem)) {
-        table.fail(key, fmt::format("is \"{}\", expected a time such as 2026-03-01T12:00:00Z; correct it", text));
+        table.fail(key,
+                   fmt::format("is \"{}\", expected a time such as 2026-03-01T12:00:00Z; correct it", text));
         return 0;
     }
     return absl::ToUnixSeconds(time);
@@ -47,8 +48,8 @@ Token read_token(const TomlTable& table) {
     const std::string role = table.text("role");
     token.role = role_named(role);
     if (token.role == v1::ROLE_UNSPECIFIED)
-        table.fail("role",
-                   fmt::format("is \"{}\", expected one of {}; correct it", role, roles_with(v1::PERMISSION_STATUS)));
+        table.fail("role", fmt::format("is \"{}\", expected one of {}; correct it", role,
+                                       roles_with(v1::PERMISSION_STATUS)));
     if (!from_hex(table.text("sha256"), token.digest))
         table.fail("sha256", "is not 64 hexadecimal digits; create the token anew");
     token.created_s = read_time(table, "created");
@@ -89,7 +90,8 @@ std::string to_utc(std::int64_t time_s) {
 
 std::string to_toml(const std::vector<Token>& tokens) {
     std::string text =
-        "# Made by `kinevox token`. Hashes of tokens: what their holders have cannot be computed from them.\n";
+        "# Made by `kinevox token`. Hashes of tokens: what their holders have cannot be computed from "
+        "them.\n";
     for (const Token& token : tokens) {
         text += fmt::format("\n[[token]]\nname = {}\nrole = {}\nsha256 = \"{}\"\ncreated = \"{}\"\n",
                             toml_quoted(token.name), toml_quoted(name_of(token.role)), to_hex(token.digest),
@@ -122,20 +124,20 @@ absl::StatusOr<std::vector<Token>> read_tokens(const std::filesystem::path& file
 absl::StatusOr<std::string> create_token(const std::filesystem::path& file, const NewToken& wanted,
                                          std::int64_t now_s) {
     if (!good_name(wanted.name))
-        return absl::InvalidArgumentError(
-            fmt::format("the name '{}' is not 1 to 64 letters, digits and . _ - @; give another", wanted.name));
+        return absl::InvalidArgumentError(fmt::format(
+            "the name '{}' is not 1 to 64 letters, digits and . _ - @; give another", wanted.name));
     const FileLock lock(file);
     auto tokens = read_or_none(file);
     if (!tokens.ok()) return tokens.status();
     for (const Token& token : *tokens)
         if (token.name == wanted.name && token.valid(now_s))
-            return absl::AlreadyExistsError(
-                fmt::format("{} has a valid token of that name; kinevox token revoke {}, or give another name",
-                            file.string(), wanted.name));
+            return absl::AlreadyExistsError(fmt::format(
+                "{} has a valid token of that name; kinevox token revoke {}, or give another name",
+                file.string(), wanted.name));
     std::erase_if(*tokens, [&](const Token& token) { return token.name == wanted.name; });
     if (tokens->size() >= kMostTokens)
-        return absl::ResourceExhaustedError(
-            fmt::format("{} has {} tokens, as many as it may; take out old ones", file.string(), tokens->size()));
+        return absl::ResourceExhaustedError(fmt::format(
+            "{} has {} tokens, as many as it may; take out old ones", file.string(), tokens->size()));
     auto secret = make_secret();
     if (!secret.ok()) return secret.status();
     const std::int64_t expires_s = wanted.days > 0 ? now_s + std::int64_t{wanted.days} * 86'400 : 0;
@@ -149,7 +151,8 @@ absl::Status revoke_token(const std::filesystem::path& file, std::string_view na
     const FileLock lock(file);
     auto tokens = read_tokens(file);
     if (!tokens.ok()) return tokens.status();
-    const auto found = std::ranges::find_if(*tokens, [&](const Token& t) { return t.name == name && t.valid(now_s); });
+    const auto found =
+        std::ranges::find_if(*tokens, [&](const Token& t) { return t.name == name && t.valid(now_s); });
     if (found == tokens->end())
         return absl::NotFoundError(
             fmt::format("{} has no valid token named '{}'; see kinevox token list", file.string(), name));

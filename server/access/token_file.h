@@ -1,4 +1,5 @@
-// The file of tokens: who holds one, with which role and until when, and the SHA-256 of it; never the token itself.
+// The file of tokens: who holds one, with which role and until when, and the SHA-256 of it; never the token
+// itself.
 #pragma once
 
 #include <absl/status/status.h>
@@ -42,9 +43,11 @@ struct NewToken {
     int days = 0;  // it is valid; 0: for ever
 };
 
-// The token as its bearer needs it, which is nowhere else. A token of that name that is no longer valid makes room;
-// AlreadyExists where it is valid. Makes the file. Two that change the file at once wait for each other.
-absl::StatusOr<std::string> create_token(const std::filesystem::path& file, const NewToken& wanted, std::int64_t now_s);
+// The token as its bearer needs it, which is nowhere else. A token of that name that is no longer valid makes
+// room; AlreadyExists where it is valid. Makes the file. Two that change the file at once wait for each
+// other.
+absl::StatusOr<std::string> create_token(const std::filesystem::path& file, const NewToken& wanted,
+                                         std::int64_t now_s);
 
 // NotFound where no valid token has that name.
 absl::Status revoke_token(const std::filesystem::path& file, std::string_view name, std::int64_t now_s);

@@ -1,10 +1,9 @@
 // What the services work on. Everything in it outlives the gRPC server.
 #pragma once
 
+#include <boost/asio/any_io_executor.hpp>
 #include <chrono>
 #include <string>
-
-#include <boost/asio/any_io_executor.hpp>
 
 #include "server/api/control_lease.h"
 #include "server/api/state_watch.h"
@@ -29,9 +28,9 @@ struct ApiContext {
     StreamHub& hub;
     ControlLease& lease;
 
-    boost::asio::any_io_executor control;    // one thread: start, stop and learning, one after the other
-    boost::asio::any_io_executor encoders;   // volumes and pictures are encoded and written here
-    boost::asio::any_io_executor clock;      // the io_context: rate timers
+    boost::asio::any_io_executor control;   // one thread: start, stop and learning, one after the other
+    boost::asio::any_io_executor encoders;  // volumes and pictures are encoded and written here
+    boost::asio::any_io_executor clock;     // the io_context: rate timers
 
     // The pose database and who follows its building; null where there is none. Changes to it, one thread.
     PoseDatabaseService* poses = nullptr;
@@ -42,8 +41,8 @@ struct ApiContext {
     LiveBodyFit* body_fit = nullptr;
     BodyWatch* body_watch = nullptr;
 
-    // Calibrations, which of them is used, the procedure and who follows it; all or none. What they do with files, one
-    // thread.
+    // Calibrations, which of them is used, the procedure and who follows it; all or none. What they do with
+    // files, one thread.
     CalibrationStore* calibrations = nullptr;
     CalibrationUse* calibration_use = nullptr;
     CalibrationProcedure* procedure = nullptr;
@@ -55,23 +54,23 @@ struct ApiContext {
     boost::asio::any_io_executor recordings{};
     boost::asio::any_io_executor exports{};  // one thread: files for other programs, one after the other
 
-    const CameraWatch* camera_watch = nullptr;   // null where nothing watches the cameras' places
+    const CameraWatch* camera_watch = nullptr;  // null where nothing watches the cameras' places
 
     metrics::CaptureFigures* figures = nullptr;  // counted for monitoring; null: nobody looks
 
-    Replay* replay = nullptr;                    // null where nothing can be replayed
+    Replay* replay = nullptr;  // null where nothing can be replayed
 
-    Guard* guard = nullptr;                      // null: everybody may do everything, as often as he likes
+    Guard* guard = nullptr;  // null: everybody may do everything, as often as he likes
 
-    FairShare* share = nullptr;                  // of the subscribers to the newest; null: as often as there is one
-    const Gpu* gpu = nullptr;                    // null where none is asked for
+    FairShare* share = nullptr;  // of the subscribers to the newest; null: as often as there is one
+    const Gpu* gpu = nullptr;    // null where none is asked for
 
-    std::string source_description;          // "session /data/trial/session.toml"
+    std::string source_description;  // "session /data/trial/session.toml"
     std::chrono::steady_clock::time_point started_at = std::chrono::steady_clock::now();
     std::size_t lossless_max_messages = 256;
     std::size_t lossless_max_bytes = std::size_t{32} << 20;
-    int preview_width_px = 320;              // where a subscriber asks for no size
-    int preview_jpeg_quality = 80;           // where a subscriber asks for none
+    int preview_width_px = 320;     // where a subscriber asks for no size
+    int preview_jpeg_quality = 80;  // where a subscriber asks for none
     double longest_rate_hz = 1000;
 };
 

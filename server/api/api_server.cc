@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
-#include <grpcpp/health_check_service_interface.h>
 #include <grpcpp/grpcpp.h>
+#include <grpcpp/health_check_service_interface.h>
 
 #include "server/access/guard.h"
 #include "server/api/audit_interceptor.h"
@@ -18,7 +18,13 @@ namespace kinevox {
 
 struct ApiServer::Parts {
     explicit Parts(const ApiContext& api)
-        : guard(api.guard), capture(api), stream(api), pose(api), calibration(api), recording(api), replay(api) {}
+        : guard(api.guard),
+          capture(api),
+          stream(api),
+          pose(api),
+          calibration(api),
+          recording(api),
+          replay(api) {}
     Guard* const guard;
     CaptureServiceImpl capture;
     StreamServiceImpl stream;
@@ -29,14 +35,17 @@ struct ApiServer::Parts {
     int port = 0;
     std::unique_ptr<grpc::Server> server;
 
-    std::vector<grpc::Service*> services() { return {&capture, &stream, &pose, &calibration, &recording, &replay}; }
+    std::vector<grpc::Service*> services() {
+        return {&capture, &stream, &pose, &calibration, &recording, &replay};
+    }
 
     // Before every call, whatever service it is of.
     void set_guard(grpc::ServerBuilder& builder) {
         if (!guard) return;
-        guard->set_services({v1::CaptureService::service_full_name(), v1::StreamService::service_full_name(),
-                             v1::PoseService::service_full_name(), v1::CalibrationService::service_full_name(),
-                             v1::RecordingService::service_full_name(), v1::ReplayService::service_full_name()});
+        guard->set_services(
+            {v1::CaptureService::service_full_name(), v1::StreamService::service_full_name(),
+             v1::PoseService::service_full_name(), v1::CalibrationService::service_full_name(),
+             v1::RecordingService::service_full_name(), v1::ReplayService::service_full_name()});
         if (!guard->audit()) return;
         std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
         interceptors.push_back(audit_interceptors(*guard));
@@ -49,32 +58,37 @@ struct ApiServer::Parts {
         grpc::ServerBuilder builder;
         for (grpc::Service* service : services()) builder.RegisterService(service);
         set_guard(builder);
-        builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);   // two daemons on one port: the second must notice
+        builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT,
+                                   0);  // two daemons on one port: the second must notice
         // A client that vanished without a word is found out within a minute.
         builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 30'000);
         builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 20'000);
         builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 5'000);
         builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
         // Who connects and says nothing, or says all and calls nothing, is cut off.
-        builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, static_cast<int>(options.handshake_timeout.count()));
+        builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS,
+                                   static_cast<int>(options.handshake_timeout.count()));
         builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, 600'000);
-        builder.AddChannelArgument(GRPC_ARG_ENABLE_CHANNELZ, 0);   // nobody can ask for its figures
+        builder.AddChannelArgument(GRPC_ARG_ENABLE_CHANNELZ, 0);  // nobody can ask for its figures
         builder.SetMaxReceiveMessageSize(options.longest_request_bytes);
-        if (!address.empty()) builder.AddListeningPort(address, guarded_credentials(options.identity, guard), &port);
+        if (!address.empty())
+            builder.AddListeningPort(address, guarded_credentials(options.identity, guard), &port);
         server = builder.BuildAndStart();
     }
 };
 
 ApiServer::ApiServer(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
 
-absl::StatusOr<std::unique_ptr<ApiServer>> ApiServer::listen(const std::string& address, const ApiContext& api,
+absl::StatusOr<std::unique_ptr<ApiServer>> ApiServer::listen(const std::string& address,
+                                                             const ApiContext& api,
                                                              const ApiServerOptions& options) {
     auto parts = std::make_unique<Parts>(api);
     parts->build(address, options);
     if (!parts->server || parts->port == 0)
-        return absl::UnavailableError(
-            fmt::format("cannot listen on {}: the port is in use or the address is not this machine's; stop the other "
-                        "program, or set another listen under [server]", address));
+        return absl::UnavailableError(fmt::format(
+            "cannot listen on {}: the port is in use or the address is not this machine's; stop the other "
+            "program, or set another listen under [server]",
+            address));
     std::unique_ptr<ApiServer> server(new ApiServer(std::move(parts)));
     server->set_serving(false);
     return server;
@@ -86,9 +100,13 @@ std::unique_ptr<ApiServer> ApiServer::in_process(const ApiContext& api) {
     return std::unique_ptr<ApiServer>(new ApiServer(std::move(parts)));
 }
 
-ApiServer::~ApiServer() { shutdown(std::chrono::milliseconds(0)); }
+ApiServer::~ApiServer() {
+    shutdown(std::chrono::milliseconds(0));
+}
 
-int ApiServer::port() const { return parts_->port; }
+int ApiServer::port() const {
+    return parts_->port;
+}
 
 void ApiServer::set_serving(bool serving) {
     if (auto* health = parts_->server->GetHealthCheckService()) health->SetServingStatus(serving);

@@ -1,12 +1,12 @@
 // The gRPC server: all services, health and reflection.
 #pragma once
 
+#include <absl/status/statusor.h>
+
 #include <chrono>
 #include <memory>
 #include <optional>
 #include <string>
-
-#include <absl/status/statusor.h>
 
 #include "server/api/api_context.h"
 #include "server/api/guarded_credentials.h"
@@ -18,17 +18,18 @@ class Channel;
 namespace kinevox {
 
 struct ApiServerOptions {
-    std::optional<ServerIdentity> identity;               // none: nothing is encrypted
-    int longest_request_bytes = (32 << 20) + (1 << 10);   // requests are small, but for a BVH file
+    std::optional<ServerIdentity> identity;              // none: nothing is encrypted
+    int longest_request_bytes = (32 << 20) + (1 << 10);  // requests are small, but for a BVH file
     // Until a new connection has shaken hands, TLS and HTTP/2; then it is closed.
     std::chrono::milliseconds handshake_timeout{10'000};
 };
 
 class ApiServer {
   public:
-    // Listens on HOST:PORT; port 0 takes a free one. Unavailable: the port is taken or the host is not this machine's.
-    // `api` must outlive the server. Health says NOT_SERVING until set_serving(true).
-    static absl::StatusOr<std::unique_ptr<ApiServer>> listen(const std::string& address, const ApiContext& api,
+    // Listens on HOST:PORT; port 0 takes a free one. Unavailable: the port is taken or the host is not this
+    // machine's. `api` must outlive the server. Health says NOT_SERVING until set_serving(true).
+    static absl::StatusOr<std::unique_ptr<ApiServer>> listen(const std::string& address,
+                                                             const ApiContext& api,
                                                              const ApiServerOptions& options = {});
     // Reached over in_process_channel() alone; for tests.
     static std::unique_ptr<ApiServer> in_process(const ApiContext& api);

@@ -22,7 +22,8 @@ using grpc::experimental::InterceptionHookPoints;
 // Of one call.
 class AuditInterceptor final : public grpc::experimental::Interceptor {
   public:
-    AuditInterceptor(const Guard& guard, const CallTable::Call& call, grpc::experimental::ServerRpcInfo* call_info)
+    AuditInterceptor(const Guard& guard, const CallTable::Call& call,
+                     grpc::experimental::ServerRpcInfo* call_info)
         : guard_(guard), info_(call_info) {
         streams_ = call.method->server_streaming();
         entry_.method = call.method->service()->name() + "." + call.method->name();
@@ -34,14 +35,16 @@ class AuditInterceptor final : public grpc::experimental::Interceptor {
     }
 
     void Intercept(grpc::experimental::InterceptorBatchMethods* methods) override {
-        if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::POST_RECV_INITIAL_METADATA)) who_calls();
+        if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::POST_RECV_INITIAL_METADATA))
+            who_calls();
         if (!streams_ && methods->QueryInterceptionHookPoint(InterceptionHookPoints::POST_RECV_MESSAGE))
             if (const void* request =
                     methods->GetRecvMessage())  // of a type that protoc made, which begins with its base
                 entry_.request = essence(*static_cast<const google::protobuf::Message*>(request));
         if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_STATUS)) {
             const grpc::Status status = methods->GetSendStatus();
-            tell(absl::StatusCodeToString(static_cast<absl::StatusCode>(status.error_code())), status.error_message());
+            tell(absl::StatusCodeToString(static_cast<absl::StatusCode>(status.error_code())),
+                 status.error_message());
         }
         methods->Proceed();
     }
@@ -72,7 +75,8 @@ class AuditInterceptors final : public grpc::experimental::ServerInterceptorFact
   public:
     explicit AuditInterceptors(const Guard& guard) : guard_(guard) {}
 
-    grpc::experimental::Interceptor* CreateServerInterceptor(grpc::experimental::ServerRpcInfo* info) override {
+    grpc::experimental::Interceptor* CreateServerInterceptor(
+        grpc::experimental::ServerRpcInfo* info) override {
         const CallTable::Call* call = guard_.calls().find(info->method());
         return call && call->method && call->audited() ? new AuditInterceptor(guard_, *call, info) : nullptr;
     }
@@ -83,7 +87,8 @@ class AuditInterceptors final : public grpc::experimental::ServerInterceptorFact
 
 }  // namespace
 
-std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface> audit_interceptors(const Guard& guard) {
+std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface> audit_interceptors(
+    const Guard& guard) {
     return std::make_unique<AuditInterceptors>(guard);
 }
 

@@ -20,37 +20,48 @@ void tell(const ApiContext& api, std::string message) {
     api.hub.publish_event({EventKind::kCalibration, 0, 0, {}, std::move(message)}, utc_now_ns());
 }
 
-absl::Status use_control(const ApiContext& api, const std::string& lease_id) { return api.lease.use(lease_id).status(); }
+absl::Status use_control(const ApiContext& api, const std::string& lease_id) {
+    return api.lease.use(lease_id).status();
+}
 
 absl::Status check_note(const std::string& note) {
     if (note.size() > kLongestNote)
         return absl::InvalidArgumentError(
             fmt::format("the note has {} bytes; {} at most are allowed", note.size(), kLongestNote));
     if (std::ranges::any_of(note, [](unsigned char c) { return c < 0x20 || c == 0x7f; }))
-        return absl::InvalidArgumentError("the note holds a control character; write one line of printable ones");
+        return absl::InvalidArgumentError(
+            "the note holds a control character; write one line of printable ones");
     return absl::OkStatus();
 }
 
 absl::StatusOr<ProcedureKind> kind_of(v1::ProcedureKind kind) {
     switch (kind) {
-        case v1::PROCEDURE_KIND_INTRINSICS: return ProcedureKind::kIntrinsics;
-        case v1::PROCEDURE_KIND_EXTRINSICS_BOARD: return ProcedureKind::kExtrinsicsBoard;
-        case v1::PROCEDURE_KIND_EXTRINSICS_WAND: return ProcedureKind::kExtrinsicsWand;
-        case v1::PROCEDURE_KIND_REFINE_PERSON: return ProcedureKind::kRefinePerson;
+        case v1::PROCEDURE_KIND_INTRINSICS:
+            return ProcedureKind::kIntrinsics;
+        case v1::PROCEDURE_KIND_EXTRINSICS_BOARD:
+            return ProcedureKind::kExtrinsicsBoard;
+        case v1::PROCEDURE_KIND_EXTRINSICS_WAND:
+            return ProcedureKind::kExtrinsicsWand;
+        case v1::PROCEDURE_KIND_REFINE_PERSON:
+            return ProcedureKind::kRefinePerson;
         default:
-            return absl::InvalidArgumentError(
-                fmt::format("there is no procedure of kind {}; give INTRINSICS, EXTRINSICS_BOARD, EXTRINSICS_WAND or "
-                            "REFINE_PERSON",
-                            static_cast<int>(kind)));
+            return absl::InvalidArgumentError(fmt::format(
+                "there is no procedure of kind {}; give INTRINSICS, EXTRINSICS_BOARD, EXTRINSICS_WAND or "
+                "REFINE_PERSON",
+                static_cast<int>(kind)));
     }
 }
 
 v1::ProcedureKind to_proto(ProcedureKind kind) {
     switch (kind) {
-        case ProcedureKind::kIntrinsics: return v1::PROCEDURE_KIND_INTRINSICS;
-        case ProcedureKind::kExtrinsicsBoard: return v1::PROCEDURE_KIND_EXTRINSICS_BOARD;
-        case ProcedureKind::kExtrinsicsWand: return v1::PROCEDURE_KIND_EXTRINSICS_WAND;
-        case ProcedureKind::kRefinePerson: return v1::PROCEDURE_KIND_REFINE_PERSON;
+        case ProcedureKind::kIntrinsics:
+            return v1::PROCEDURE_KIND_INTRINSICS;
+        case ProcedureKind::kExtrinsicsBoard:
+            return v1::PROCEDURE_KIND_EXTRINSICS_BOARD;
+        case ProcedureKind::kExtrinsicsWand:
+            return v1::PROCEDURE_KIND_EXTRINSICS_WAND;
+        case ProcedureKind::kRefinePerson:
+            return v1::PROCEDURE_KIND_REFINE_PERSON;
     }
     return v1::PROCEDURE_KIND_UNSPECIFIED;
 }
@@ -58,35 +69,51 @@ v1::ProcedureKind to_proto(ProcedureKind kind) {
 absl::StatusOr<Taking> taking_of(v1::LiveObservations::What what) {
     switch (what) {
         case v1::LiveObservations::WHAT_UNSPECIFIED:
-        case v1::LiveObservations::WHAT_MOVING: return Taking::kMoving;
-        case v1::LiveObservations::WHAT_BOARD_ON_FLOOR: return Taking::kBoardOnFloor;
-        case v1::LiveObservations::WHAT_EMPTY_SCENE: return Taking::kEmptyScene;
-        case v1::LiveObservations::WHAT_PAUSE: return Taking::kNothing;
+        case v1::LiveObservations::WHAT_MOVING:
+            return Taking::kMoving;
+        case v1::LiveObservations::WHAT_BOARD_ON_FLOOR:
+            return Taking::kBoardOnFloor;
+        case v1::LiveObservations::WHAT_EMPTY_SCENE:
+            return Taking::kEmptyScene;
+        case v1::LiveObservations::WHAT_PAUSE:
+            return Taking::kNothing;
         default:
             return absl::InvalidArgumentError(fmt::format(
-                "live observations cannot be {}; give MOVING, BOARD_ON_FLOOR, EMPTY_SCENE or PAUSE", static_cast<int>(what)));
+                "live observations cannot be {}; give MOVING, BOARD_ON_FLOOR, EMPTY_SCENE or PAUSE",
+                static_cast<int>(what)));
     }
 }
 
 v1::LiveObservations::What to_proto(Taking taking) {
     switch (taking) {
-        case Taking::kNothing: return v1::LiveObservations::WHAT_PAUSE;
-        case Taking::kMoving: return v1::LiveObservations::WHAT_MOVING;
-        case Taking::kBoardOnFloor: return v1::LiveObservations::WHAT_BOARD_ON_FLOOR;
-        case Taking::kEmptyScene: return v1::LiveObservations::WHAT_EMPTY_SCENE;
+        case Taking::kNothing:
+            return v1::LiveObservations::WHAT_PAUSE;
+        case Taking::kMoving:
+            return v1::LiveObservations::WHAT_MOVING;
+        case Taking::kBoardOnFloor:
+            return v1::LiveObservations::WHAT_BOARD_ON_FLOOR;
+        case Taking::kEmptyScene:
+            return v1::LiveObservations::WHAT_EMPTY_SCENE;
     }
     return v1::LiveObservations::WHAT_UNSPECIFIED;
 }
 
 v1::ProcedureState to_proto(ProcedureState state) {
     switch (state) {
-        case ProcedureState::kNone: return v1::PROCEDURE_STATE_NONE;
-        case ProcedureState::kCollecting: return v1::PROCEDURE_STATE_COLLECTING;
-        case ProcedureState::kReading: return v1::PROCEDURE_STATE_READING;
-        case ProcedureState::kSolving: return v1::PROCEDURE_STATE_SOLVING;
-        case ProcedureState::kSolved: return v1::PROCEDURE_STATE_SOLVED;
-        case ProcedureState::kCancelled: return v1::PROCEDURE_STATE_CANCELLED;
-        case ProcedureState::kFailed: return v1::PROCEDURE_STATE_FAILED;
+        case ProcedureState::kNone:
+            return v1::PROCEDURE_STATE_NONE;
+        case ProcedureState::kCollecting:
+            return v1::PROCEDURE_STATE_COLLECTING;
+        case ProcedureState::kReading:
+            return v1::PROCEDURE_STATE_READING;
+        case ProcedureState::kSolving:
+            return v1::PROCEDURE_STATE_SOLVING;
+        case ProcedureState::kSolved:
+            return v1::PROCEDURE_STATE_SOLVED;
+        case ProcedureState::kCancelled:
+            return v1::PROCEDURE_STATE_CANCELLED;
+        case ProcedureState::kFailed:
+            return v1::PROCEDURE_STATE_FAILED;
     }
     return v1::PROCEDURE_STATE_UNSPECIFIED;
 }
@@ -94,15 +121,19 @@ v1::ProcedureState to_proto(ProcedureState state) {
 v1::Verdict to_proto(std::optional<Verdict> verdict) {
     if (!verdict) return v1::VERDICT_UNSPECIFIED;
     switch (*verdict) {
-        case Verdict::kGo: return v1::VERDICT_GO;
-        case Verdict::kCare: return v1::VERDICT_CARE;
-        case Verdict::kNoGo: return v1::VERDICT_NO_GO;
+        case Verdict::kGo:
+            return v1::VERDICT_GO;
+        case Verdict::kCare:
+            return v1::VERDICT_CARE;
+        case Verdict::kNoGo:
+            return v1::VERDICT_NO_GO;
     }
     return v1::VERDICT_UNSPECIFIED;
 }
 
 // The cameras in use, with the lenses of the calibration that was asked for.
-absl::StatusOr<std::vector<Camera>> cameras_with_lenses(const ApiContext& api, const std::string& lenses_from) {
+absl::StatusOr<std::vector<Camera>> cameras_with_lenses(const ApiContext& api,
+                                                        const std::string& lenses_from) {
     std::vector<Camera> cameras = api.runner.cameras();
     if (lenses_from.empty()) return cameras;
     const auto lenses = api.calibrations->fitting_cameras(lenses_from);
@@ -119,10 +150,14 @@ absl::StatusOr<std::vector<Camera>> parse_calibration(const std::string& text, v
     const std::string name = "the calibration";
     switch (format) {
         case v1::CALIBRATION_FORMAT_UNSPECIFIED:
-        case v1::CALIBRATION_FORMAT_TOML: return parse_calibration_toml(text, name);
-        case v1::CALIBRATION_FORMAT_OPENCV: return parse_calibration_opencv(text, name);
-        case v1::CALIBRATION_FORMAT_KALIBR: return parse_calibration_kalibr(text, name);
-        case v1::CALIBRATION_FORMAT_QUALISYS: return parse_calibration_qualisys(text, name);
+        case v1::CALIBRATION_FORMAT_TOML:
+            return parse_calibration_toml(text, name);
+        case v1::CALIBRATION_FORMAT_OPENCV:
+            return parse_calibration_opencv(text, name);
+        case v1::CALIBRATION_FORMAT_KALIBR:
+            return parse_calibration_kalibr(text, name);
+        case v1::CALIBRATION_FORMAT_QUALISYS:
+            return parse_calibration_qualisys(text, name);
         default:
             return absl::InvalidArgumentError(fmt::format(
                 "there is no format {}; give TOML, OPENCV, KALIBR or QUALISYS", static_cast<int>(format)));
@@ -135,31 +170,36 @@ absl::Status check_verdict(const ApiContext& api, const std::string& id) {
     if (!json.ok()) return json.status();
     const v1::Certificate certificate = certificate_to_proto(*json);
     if (certificate.verdict() == v1::VERDICT_NO_GO) {
-        const auto worst = std::ranges::find_if(certificate.findings(), [](const v1::CertificateFinding& finding) {
-            return finding.verdict() == v1::VERDICT_NO_GO;
-        });
+        const auto worst = std::ranges::find_if(
+            certificate.findings(),
+            [](const v1::CertificateFinding& finding) { return finding.verdict() == v1::VERDICT_NO_GO; });
         return absl::FailedPreconditionError(
             fmt::format("calibration {} is NO-GO{}; calibrate anew, or insist with although_bad", id,
                         worst == certificate.findings().end() ? "" : ": " + worst->reason()));
     }
     if (!certificate.world_is_set())
-        return absl::FailedPreconditionError(fmt::format(
-            "calibration {} has no world: nobody knows where the floor is; show the board on the floor, or insist with "
-            "although_bad",
-            id));
+        return absl::FailedPreconditionError(
+            fmt::format("calibration {} has no world: nobody knows where the floor is; show the board on the "
+                        "floor, or insist with "
+                        "although_bad",
+                        id));
     return absl::OkStatus();
 }
 
-std::string named(const std::string& id) { return id.empty() ? "the source's own calibration" : "calibration " + id; }
+std::string named(const std::string& id) {
+    return id.empty() ? "the source's own calibration" : "calibration " + id;
+}
 
 std::string use_text(const CalibrationUse::Applied& applied) {
-    return named(applied.id) + (applied.in_use ? " is in use" : " will be used from the capture's next start on");
+    return named(applied.id) +
+           (applied.in_use ? " is in use" : " will be used from the capture's next start on");
 }
 
 }  // namespace
 
 absl::Status check_calibration(const ApiContext& api) {
-    if (api.calibrations && api.calibration_use && api.procedure && api.procedure_watch) return absl::OkStatus();
+    if (api.calibrations && api.calibration_use && api.procedure && api.procedure_watch)
+        return absl::OkStatus();
     return absl::FailedPreconditionError("this daemon cannot calibrate");
 }
 
@@ -170,7 +210,8 @@ absl::Status start_procedure(const ApiContext& api, const v1::StartProcedureRequ
     const auto kind = kind_of(request.kind());
     if (!kind.ok()) return kind.status();
     if (absl::Status note = check_note(request.note()); !note.ok()) return note;
-    if (const auto there = api.calibrations->list(); !there.ok()) return there.status();   // nowhere to store it
+    if (const auto there = api.calibrations->list(); !there.ok())
+        return there.status();  // nowhere to store it
     ProcedureRequest wanted;
     wanted.kind = *kind;
     wanted.cameras = {request.cameras().begin(), request.cameras().end()};
@@ -197,7 +238,8 @@ absl::Status add_observations(const ApiContext& api, const v1::AddObservationsRe
         if (!what.ok()) return what.status();
         const RunState state = api.runner.state().state;
         if (*what != Taking::kNothing && state != RunState::kRunning && state != RunState::kLearning)
-            return absl::FailedPreconditionError("the capture does not run; start it to observe with its cameras");
+            return absl::FailedPreconditionError(
+                "the capture does not run; start it to observe with its cameras");
         return api.procedure->take(*what);
     }
     if (!request.has_files())
@@ -300,8 +342,8 @@ absl::Status apply_calibration(const ApiContext& api, const v1::ApplyCalibration
                                v1::ApplyCalibrationResponse& response) {
     if (absl::Status control = use_control(api, request.lease_id()); !control.ok()) return control;
     if (absl::Status live = check_live(api, "a calibration is of"); !live.ok()) return live;
-    if (absl::Status good = check_verdict(api, request.id()); !good.ok() &&
-        !(request.although_bad() && absl::IsFailedPrecondition(good)))
+    if (absl::Status good = check_verdict(api, request.id());
+        !good.ok() && !(request.although_bad() && absl::IsFailedPrecondition(good)))
         return good;
     const auto applied = api.calibration_use->apply(request.id(), request.restart_capture());
     if (!applied.ok()) return applied.status();
@@ -327,16 +369,17 @@ absl::Status import_calibration(const ApiContext& api, const v1::ImportCalibrati
     if (absl::Status control = use_control(api, request.lease_id()); !control.ok()) return control;
     if (absl::Status note = check_note(request.note()); !note.ok()) return note;
     if (request.text().size() > kLongestText)
-        return absl::InvalidArgumentError(
-            fmt::format("the calibration has {} bytes; {} at most are read", request.text().size(), kLongestText));
+        return absl::InvalidArgumentError(fmt::format("the calibration has {} bytes; {} at most are read",
+                                                      request.text().size(), kLongestText));
     const auto cameras = parse_calibration(request.text(), request.format());
     if (!cameras.ok()) return absl::InvalidArgumentError(std::string(cameras.status().message()));
     Certificate certificate;
     certificate.made_by = "import";
     certificate.cameras = *cameras;
     certificate.world_is_set = request.format() != v1::CALIBRATION_FORMAT_KALIBR;
-    certificate.findings.push_back({Verdict::kCare, "imported", "", "this calibration was imported and not checked here",
-                                    "record a person who walks through the space, and check the recording with it"});
+    certificate.findings.push_back(
+        {Verdict::kCare, "imported", "", "this calibration was imported and not checked here",
+         "record a person who walks through the space, and check the recording with it"});
     const auto id = api.calibrations->add(*cameras, certificate_json(certificate), certificate.made_by,
                                           certificate.verdict(), request.note(), utc_now_ns());
     if (!id.ok()) return id.status();
@@ -353,16 +396,21 @@ absl::Status export_calibration(const ApiContext& api, const v1::ExportCalibrati
     if (!stored.ok()) return stored.status();
     switch (request.format()) {
         case v1::CALIBRATION_FORMAT_UNSPECIFIED:
-        case v1::CALIBRATION_FORMAT_TOML: response.set_text(calibration_toml(*stored)); return absl::OkStatus();
-        case v1::CALIBRATION_FORMAT_OPENCV: response.set_text(calibration_opencv_yaml(*stored)); return absl::OkStatus();
+        case v1::CALIBRATION_FORMAT_TOML:
+            response.set_text(calibration_toml(*stored));
+            return absl::OkStatus();
+        case v1::CALIBRATION_FORMAT_OPENCV:
+            response.set_text(calibration_opencv_yaml(*stored));
+            return absl::OkStatus();
         case v1::CALIBRATION_FORMAT_KALIBR:
             if (const std::string problem = kalibr_problem(*stored); !problem.empty())
                 return absl::InvalidArgumentError(problem);
             response.set_text(calibration_kalibr_yaml(*stored));
             return absl::OkStatus();
         default:
-            return absl::InvalidArgumentError(fmt::format(
-                "calibrations are not written in format {}; give TOML, OPENCV or KALIBR", static_cast<int>(request.format())));
+            return absl::InvalidArgumentError(
+                fmt::format("calibrations are not written in format {}; give TOML, OPENCV or KALIBR",
+                            static_cast<int>(request.format())));
     }
 }
 

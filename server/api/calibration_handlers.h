@@ -1,5 +1,6 @@
-// CalibrationService's calls, one function each: check, act, translate. Those that read or write files run on the thread
-// for calibrations, those that change what the capture uses on the control thread; all after check_calibration().
+// CalibrationService's calls, one function each: check, act, translate. Those that read or write files run on
+// the thread for calibrations, those that change what the capture uses on the control thread; all after
+// check_calibration().
 #pragma once
 
 #include <absl/status/status.h>

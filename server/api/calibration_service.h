@@ -13,18 +13,26 @@ class CalibrationServiceImpl final : public v1::CalibrationService::CallbackServ
     using Context = grpc::CallbackServerContext;
     using Reactor = grpc::ServerUnaryReactor;
     Reactor* StartProcedure(Context*, const v1::StartProcedureRequest*, v1::StartProcedureResponse*) override;
-    Reactor* AddObservations(Context*, const v1::AddObservationsRequest*, v1::AddObservationsResponse*) override;
+    Reactor* AddObservations(Context*, const v1::AddObservationsRequest*,
+                             v1::AddObservationsResponse*) override;
     Reactor* SolveProcedure(Context*, const v1::SolveProcedureRequest*, v1::SolveProcedureResponse*) override;
-    Reactor* CancelProcedure(Context*, const v1::CancelProcedureRequest*, v1::CancelProcedureResponse*) override;
-    grpc::ServerWriteReactor<v1::WatchProcedureResponse>* WatchProcedure(Context*,
-                                                                         const v1::WatchProcedureRequest*) override;
-    Reactor* ListCalibrations(Context*, const v1::ListCalibrationsRequest*, v1::ListCalibrationsResponse*) override;
+    Reactor* CancelProcedure(Context*, const v1::CancelProcedureRequest*,
+                             v1::CancelProcedureResponse*) override;
+    grpc::ServerWriteReactor<v1::WatchProcedureResponse>* WatchProcedure(
+        Context*, const v1::WatchProcedureRequest*) override;
+    Reactor* ListCalibrations(Context*, const v1::ListCalibrationsRequest*,
+                              v1::ListCalibrationsResponse*) override;
     Reactor* GetCertificate(Context*, const v1::GetCertificateRequest*, v1::GetCertificateResponse*) override;
-    Reactor* ApplyCalibration(Context*, const v1::ApplyCalibrationRequest*, v1::ApplyCalibrationResponse*) override;
-    Reactor* UndoCalibration(Context*, const v1::UndoCalibrationRequest*, v1::UndoCalibrationResponse*) override;
-    Reactor* ImportCalibration(Context*, const v1::ImportCalibrationRequest*, v1::ImportCalibrationResponse*) override;
-    Reactor* ExportCalibration(Context*, const v1::ExportCalibrationRequest*, v1::ExportCalibrationResponse*) override;
-    Reactor* RemoveCalibration(Context*, const v1::RemoveCalibrationRequest*, v1::RemoveCalibrationResponse*) override;
+    Reactor* ApplyCalibration(Context*, const v1::ApplyCalibrationRequest*,
+                              v1::ApplyCalibrationResponse*) override;
+    Reactor* UndoCalibration(Context*, const v1::UndoCalibrationRequest*,
+                             v1::UndoCalibrationResponse*) override;
+    Reactor* ImportCalibration(Context*, const v1::ImportCalibrationRequest*,
+                               v1::ImportCalibrationResponse*) override;
+    Reactor* ExportCalibration(Context*, const v1::ExportCalibrationRequest*,
+                               v1::ExportCalibrationResponse*) override;
+    Reactor* RemoveCalibration(Context*, const v1::RemoveCalibrationRequest*,
+                               v1::RemoveCalibrationResponse*) override;
 
   private:
     const ApiContext& api_;

@@ -1,17 +1,18 @@
 // What a call brings to the guard.
 #pragma once
 
-#include <string_view>
-
 #include <grpcpp/server_context.h>
+
+#include <string_view>
 
 namespace kinevox {
 
 // Empty where there is none. The guard has seen to it that there are not two.
 inline std::string_view authorization_of(const grpc::ServerContextBase& context) {
     const auto found = context.client_metadata().find("authorization");
-    return found == context.client_metadata().end() ? std::string_view()
-                                                    : std::string_view(found->second.data(), found->second.size());
+    return found == context.client_metadata().end()
+               ? std::string_view()
+               : std::string_view(found->second.data(), found->second.size());
 }
 
 }  // namespace kinevox

@@ -1,8 +1,8 @@
 #include "server/api/capture_handlers.h"
 
-#include <limits>
-
 #include <fmt/format.h>
+
+#include <limits>
 
 #include "server/api/to_proto.h"
 #include "server/api/version.h"
@@ -25,8 +25,9 @@ void fill_newest(const ApiContext& api, const PublishedPictures& newest, v1::Get
 void fill_cameras(const ApiContext& api, const FrameResult* result, v1::GetStatusResponse& response) {
     const std::vector<Camera>& cameras = api.runner.cameras();
     const std::vector<CameraLink> links = api.runner.camera_links();
-    const bool replayed = api.replay && api.replay->status().open;   // nobody watches a recording's cameras
-    const auto watched = api.camera_watch && !replayed ? api.camera_watch->cameras() : std::vector<WatchedCamera>{};
+    const bool replayed = api.replay && api.replay->status().open;  // nobody watches a recording's cameras
+    const auto watched =
+        api.camera_watch && !replayed ? api.camera_watch->cameras() : std::vector<WatchedCamera>{};
     for (std::size_t i = 0; i < cameras.size(); ++i) {
         v1::CameraStatus& camera = *response.add_cameras();
         camera.set_name(cameras[i].name);
@@ -58,9 +59,11 @@ absl::Status get_status(const ApiContext& api, v1::GetStatusResponse& response) 
     if (const std::string gpu = api.gpu ? api.gpu->message() : ""; !gpu.empty())
         response.set_state_message(state.message.empty() ? gpu : state.message + "; " + gpu);
     const bool replayed = api.replay && api.replay->status().open;
-    response.set_source(replayed ? "replay of " + api.replay->status().session_file.string() : api.source_description);
-    response.set_uptime_ms(std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::steady_clock::now() -
-                                                                                 api.started_at).count());
+    response.set_source(replayed ? "replay of " + api.replay->status().session_file.string()
+                                 : api.source_description);
+    response.set_uptime_ms(std::chrono::duration_cast<std::chrono::milliseconds>(
+                               std::chrono::steady_clock::now() - api.started_at)
+                               .count());
     response.set_source_fps(api.runner.source_fps());
     response.set_results_per_second(figures.results_per_second);
     response.set_results(figures.results);
@@ -92,14 +95,15 @@ absl::Status list_cameras(const ApiContext& api, v1::ListCamerasResponse& respon
 
 absl::Status acquire_control(const ApiContext& api, const v1::AcquireControlRequest& request,
                              v1::AcquireControlResponse& response) {
-    const auto granted =
-        api.lease.acquire(request.name(), std::chrono::milliseconds(request.timeout_ms()), request.lease_id());
+    const auto granted = api.lease.acquire(request.name(), std::chrono::milliseconds(request.timeout_ms()),
+                                           request.lease_id());
     if (!granted.ok()) return granted.status();
     response.set_lease_id(granted->lease_id);
     response.set_timeout_ms(granted->timeout.count());
     if (granted->lease_id != request.lease_id())
-        api.hub.publish_event({EventKind::kControlTaken, 0, 0, {}, fmt::format("'{}' has control", request.name())},
-                              utc_now_ns());
+        api.hub.publish_event(
+            {EventKind::kControlTaken, 0, 0, {}, fmt::format("'{}' has control", request.name())},
+            utc_now_ns());
     return absl::OkStatus();
 }
 
@@ -115,7 +119,8 @@ absl::Status release_control(const ApiContext& api, const v1::ReleaseControlRequ
     const auto name = api.lease.release(request.lease_id());
     if (!name.ok()) return name.status();
     api.hub.publish_event(
-        {EventKind::kControlReleased, 0, 0, {}, fmt::format("'{}' has released control", *name)}, utc_now_ns());
+        {EventKind::kControlReleased, 0, 0, {}, fmt::format("'{}' has released control", *name)},
+        utc_now_ns());
     return absl::OkStatus();
 }
 
@@ -136,9 +141,10 @@ void learn_background(const ApiContext& api, const v1::LearnBackgroundRequest& r
 }
 
 absl::Status check_watch_events(const v1::WatchEventsRequest& request) {
-    if (request.past() >= 0 && request.past() <= static_cast<int>(StreamHub::kPastEvents)) return absl::OkStatus();
-    return absl::InvalidArgumentError(
-        fmt::format("past is {}; the daemon keeps the newest {} events", request.past(), StreamHub::kPastEvents));
+    if (request.past() >= 0 && request.past() <= static_cast<int>(StreamHub::kPastEvents))
+        return absl::OkStatus();
+    return absl::InvalidArgumentError(fmt::format("past is {}; the daemon keeps the newest {} events",
+                                                  request.past(), StreamHub::kPastEvents));
 }
 
 }  // namespace kinevox

@@ -1,10 +1,10 @@
-// CaptureService's calls, one function each: check, act, translate. Those that take time run on the control thread
-// (start_capture, stop_capture, learn_background); the others answer at once, on any thread.
+// CaptureService's calls, one function each: check, act, translate. Those that take time run on the control
+// thread (start_capture, stop_capture, learn_background); the others answer at once, on any thread.
 #pragma once
 
-#include <functional>
-
 #include <absl/status/status.h>
+
+#include <functional>
 
 #include "kinevox/v1/capture_service.pb.h"
 #include "server/api/api_context.h"

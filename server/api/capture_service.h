@@ -16,11 +16,13 @@ class CaptureServiceImpl final : public v1::CaptureService::CallbackService {
     Reactor* ListCameras(Context*, const v1::ListCamerasRequest*, v1::ListCamerasResponse*) override;
     Reactor* Start(Context*, const v1::StartRequest*, v1::StartResponse*) override;
     Reactor* Stop(Context*, const v1::StopRequest*, v1::StopResponse*) override;
-    Reactor* LearnBackground(Context*, const v1::LearnBackgroundRequest*, v1::LearnBackgroundResponse*) override;
+    Reactor* LearnBackground(Context*, const v1::LearnBackgroundRequest*,
+                             v1::LearnBackgroundResponse*) override;
     Reactor* AcquireControl(Context*, const v1::AcquireControlRequest*, v1::AcquireControlResponse*) override;
     Reactor* RenewControl(Context*, const v1::RenewControlRequest*, v1::RenewControlResponse*) override;
     Reactor* ReleaseControl(Context*, const v1::ReleaseControlRequest*, v1::ReleaseControlResponse*) override;
-    grpc::ServerWriteReactor<v1::WatchEventsResponse>* WatchEvents(Context*, const v1::WatchEventsRequest*) override;
+    grpc::ServerWriteReactor<v1::WatchEventsResponse>* WatchEvents(Context*,
+                                                                   const v1::WatchEventsRequest*) override;
 
   private:
     const ApiContext& api_;

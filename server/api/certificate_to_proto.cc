@@ -56,9 +56,11 @@ v1::Certificate certificate_to_proto(const std::string& text_of_it) {
     number(scale, "spread", [&](double value) { out.set_scale_spread_mm_per_m(value); });
     const Json& hull = member(json, "hull_agreement");
     number(hull, "mean_iou", [&](double value) { out.set_hull_iou(value); });
-    number(member(json, "hull_agreement_before"), "mean_iou", [&](double value) { out.set_hull_iou_before(value); });
+    number(member(json, "hull_agreement_before"), "mean_iou",
+           [&](double value) { out.set_hull_iou_before(value); });
     number(json, "subject_height_m", [&](double value) { out.set_subject_height_m(value); });
-    if (const Json& set = member(json, "world_is_set"); set.is_boolean()) out.set_world_is_set(set.get<bool>());
+    if (const Json& set = member(json, "world_is_set"); set.is_boolean())
+        out.set_world_is_set(set.get<bool>());
     const Json& volume = member(json, "volume");
     number(volume, "seen_by_two_cameras", [&](double value) { out.set_volume_seen_by_two(value); });
     number(volume, "seen_by_three_cameras", [&](double value) { out.set_volume_seen_by_three(value); });
@@ -67,8 +69,9 @@ v1::Certificate certificate_to_proto(const std::string& text_of_it) {
     for (const auto& [name, camera] : cameras.items()) {
         v1::CertifiedCamera& to = *out.add_cameras();
         to.set_name(name);
-        if (const Json& centre = member(camera, "centre_m");
-            centre.is_array() && centre.size() == 3 && centre[0].is_number() && centre[1].is_number() && centre[2].is_number()) {
+        if (const Json& centre = member(camera, "centre_m"); centre.is_array() && centre.size() == 3 &&
+                                                             centre[0].is_number() && centre[1].is_number() &&
+                                                             centre[2].is_number()) {
             to.mutable_centre_in_world()->set_x(centre[0].get<double>());
             to.mutable_centre_in_world()->set_y(centre[1].get<double>());
             to.mutable_centre_in_world()->set_z(centre[2].get<double>());

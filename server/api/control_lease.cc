@@ -1,9 +1,9 @@
 #include "server/api/control_lease.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <random>
-
-#include <fmt/format.h>
 
 namespace kinevox {
 namespace {
@@ -11,7 +11,7 @@ namespace {
 constexpr std::size_t kLongestName = 100;
 
 std::string random_id() {
-    std::random_device device;   // the system's own random numbers
+    std::random_device device;  // the system's own random numbers
     return fmt::format("{:08x}{:08x}{:08x}{:08x}", device(), device(), device(), device());
 }
 
@@ -24,7 +24,9 @@ std::chrono::milliseconds until(ControlLease::Clock::time_point end, ControlLeas
 ControlLease::ControlLease(const ControlLeaseOptions& options, std::function<Clock::time_point()> now)
     : options_(options), now_(std::move(now)) {}
 
-void ControlLease::set_on_change(std::function<void()> on_change) { on_change_ = std::move(on_change); }
+void ControlLease::set_on_change(std::function<void()> on_change) {
+    on_change_ = std::move(on_change);
+}
 
 absl::StatusOr<ControlLease::Granted> ControlLease::acquire(const std::string& name,
                                                             std::chrono::milliseconds timeout,
@@ -102,8 +104,9 @@ absl::Status ControlLease::refusal(const std::string& lease_id, Clock::time_poin
                         lease_->name, seconds));
     }
     if (lease_id.empty())
-        return absl::FailedPreconditionError("this needs control and nobody holds it; call AcquireControl first and "
-                                             "send its lease_id");
+        return absl::FailedPreconditionError(
+            "this needs control and nobody holds it; call AcquireControl first and "
+            "send its lease_id");
     return absl::FailedPreconditionError("this lease has run out or was released; call AcquireControl again");
 }
 

@@ -1,14 +1,15 @@
-// Who may start, stop and teach the capture: one operator at a time, for as long as he uses or renews his lease.
+// Who may start, stop and teach the capture: one operator at a time, for as long as he uses or renews his
+// lease.
 #pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
 
 #include <chrono>
 #include <functional>
 #include <mutex>
 #include <optional>
 #include <string>
-
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 namespace kinevox {
 
@@ -23,7 +24,7 @@ class ControlLease {
     using Clock = std::chrono::steady_clock;
 
     struct Granted {
-        std::string lease_id;   // 128 random bits in hex: who knows it holds control
+        std::string lease_id;  // 128 random bits in hex: who knows it holds control
         std::chrono::milliseconds timeout{};
     };
     struct Holder {
@@ -31,12 +32,14 @@ class ControlLease {
         std::chrono::milliseconds remaining{};
     };
 
-    explicit ControlLease(const ControlLeaseOptions& options = {}, std::function<Clock::time_point()> now = Clock::now);
+    explicit ControlLease(const ControlLeaseOptions& options = {},
+                          std::function<Clock::time_point()> now = Clock::now);
 
-    void set_on_change(std::function<void()> on_change);   // before the first use
+    void set_on_change(std::function<void()> on_change);  // before the first use
 
-    // InvalidArgument: no name or a bad one, a timeout out of range. FailedPrecondition: somebody else holds control,
-    // named in the message with the time left. `held_id` renews a lease already held, with another name or time.
+    // InvalidArgument: no name or a bad one, a timeout out of range. FailedPrecondition: somebody else holds
+    // control, named in the message with the time left. `held_id` renews a lease already held, with another
+    // name or time.
     absl::StatusOr<Granted> acquire(const std::string& name, std::chrono::milliseconds timeout,
                                     const std::string& held_id = {});
 
@@ -57,13 +60,13 @@ class ControlLease {
         std::chrono::milliseconds timeout{};
         Clock::time_point end;
     };
-    absl::Status refusal(const std::string& lease_id, Clock::time_point now) const;   // mutex held
+    absl::Status refusal(const std::string& lease_id, Clock::time_point now) const;  // mutex held
 
     const ControlLeaseOptions options_;
     const std::function<Clock::time_point()> now_;
     std::function<void()> on_change_ = [] {};
     mutable std::mutex mutex_;
-    std::optional<Lease> lease_;   // may have run out: Lease::end tells
+    std::optional<Lease> lease_;  // may have run out: Lease::end tells
 };
 
 }  // namespace kinevox

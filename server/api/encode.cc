@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -22,7 +21,8 @@ void fill_header(const PublishedHeader& published, v1::StreamHeader* header) {
     header->set_subject_id(published.subject ? published.subject->subject_id : 0);
 }
 
-void fill_volume(const PublishedVolume& published, const VolumeForm& form, v1::StreamVolumesResponse* message) {
+void fill_volume(const PublishedVolume& published, const VolumeForm& form,
+                 v1::StreamVolumesResponse* message) {
     const VolumeCodecOptions options{.with_colours = form.with_colours};
     message->set_litres(published.litres);
     if (form.level == 0) {
@@ -37,7 +37,8 @@ void fill_volume(const PublishedVolume& published, const VolumeForm& form, v1::S
 
 // The sharp silhouette white, what only the loose one has grey.
 cv::Mat silhouette_picture(const kernels::Silhouettes& silhouettes) {
-    const auto pixels = static_cast<std::size_t>(silhouettes.width) * static_cast<std::size_t>(silhouettes.height);
+    const auto pixels =
+        static_cast<std::size_t>(silhouettes.width) * static_cast<std::size_t>(silhouettes.height);
     if (pixels == 0 || silhouettes.sharp.size() != pixels || silhouettes.loose.size() != pixels) return {};
     cv::Mat picture(silhouettes.height, silhouettes.width, CV_8UC1);
     for (std::size_t i = 0; i < pixels; ++i)
@@ -49,7 +50,9 @@ cv::Mat scaled_to_fit(const cv::Mat& picture, int max_width_px, int max_height_p
     double scale = std::min(1.0, static_cast<double>(max_width_px) / picture.cols);
     if (max_height_px > 0) scale = std::min(scale, static_cast<double>(max_height_px) / picture.rows);
     if (scale >= 1) return picture;
-    const auto scaled = [&](int length) { return std::max(1, static_cast<int>(std::lround(scale * length))); };
+    const auto scaled = [&](int length) {
+        return std::max(1, static_cast<int>(std::lround(scale * length)));
+    };
     cv::Mat out;
     cv::resize(picture, out, {scaled(picture.cols), scaled(picture.rows)}, 0, 0, cv::INTER_AREA);
     return out;
@@ -58,10 +61,11 @@ cv::Mat scaled_to_fit(const cv::Mat& picture, int max_width_px, int max_height_p
 void fill_preview(const FrameResult& result, const PreviewForm& form, v1::StreamPreviewsResponse* message) {
     cv::Mat picture;
     if (form.silhouette) {
-        if (form.camera < result.silhouettes.size()) picture = silhouette_picture(result.silhouettes[form.camera]);
+        if (form.camera < result.silhouettes.size())
+            picture = silhouette_picture(result.silhouettes[form.camera]);
     } else if (form.camera < result.frame_set.pictures.size()) {
         const Picture& from = result.frame_set.pictures[form.camera];
-        if (!from.empty())   // only read; cv::Mat knows no const data
+        if (!from.empty())  // only read; cv::Mat knows no const data
             picture = cv::Mat(from.height, from.width, from.channels == 1 ? CV_8UC1 : CV_8UC3,
                               const_cast<std::uint8_t*>(from.data.get()));
     }
@@ -80,7 +84,8 @@ EncodedMessage encode(const PublishedVolume& published, const VolumeForm& form, 
     return published.encodings.get(form, [&] {
         v1::StreamVolumesResponse message;
         fill_header(published.header, message.mutable_header());
-        if (const auto& subject = published.header.subject) *message.mutable_subject() = to_proto(*subject, runner.cameras());
+        if (const auto& subject = published.header.subject)
+            *message.mutable_subject() = to_proto(*subject, runner.cameras());
         if (published.volume) fill_volume(published, form, &message);
         return message.SerializeAsString();
     });
@@ -95,7 +100,8 @@ EncodedMessage encode(const PublishedPose& published) {
     });
 }
 
-EncodedMessage encode(const PublishedPictures& published, const PreviewForm& form, const std::string& camera) {
+EncodedMessage encode(const PublishedPictures& published, const PreviewForm& form,
+                      const std::string& camera) {
     return published.encodings.get(form, [&] {
         v1::StreamPreviewsResponse message;
         fill_header(published.header(), message.mutable_header());
@@ -107,12 +113,15 @@ EncodedMessage encode(const PublishedPictures& published, const PreviewForm& for
 
 grpc::ByteBuffer to_buffer(const EncodedMessage& message, std::uint64_t missed) {
     const auto release = [](void* owner) { delete static_cast<EncodedMessage*>(owner); };
-    grpc::Slice slices[2] = {
-        grpc::Slice(const_cast<char*>(message->data()), message->size(), release, new EncodedMessage(message)), {}};
+    grpc::Slice slices[2] = {grpc::Slice(const_cast<char*>(message->data()), message->size(), release,
+                                         new EncodedMessage(message)),
+                             {}};
     if (missed == 0) return {slices, 1};
-    v1::StreamPosesResponse own;   // the header has the same number in all three
-    static_assert(int{v1::StreamPosesResponse::kHeaderFieldNumber} == int{v1::StreamVolumesResponse::kHeaderFieldNumber} &&
-                  int{v1::StreamPosesResponse::kHeaderFieldNumber} == int{v1::StreamPreviewsResponse::kHeaderFieldNumber});
+    v1::StreamPosesResponse own;  // the header has the same number in all three
+    static_assert(int{v1::StreamPosesResponse::kHeaderFieldNumber} ==
+                      int{v1::StreamVolumesResponse::kHeaderFieldNumber} &&
+                  int{v1::StreamPosesResponse::kHeaderFieldNumber} ==
+                      int{v1::StreamPreviewsResponse::kHeaderFieldNumber});
     own.mutable_header()->set_missed(missed);
     slices[1] = grpc::Slice(own.SerializeAsString());
     return {slices, 2};

@@ -1,14 +1,14 @@
-// The gRPC side of one export: the files are made on the exports' thread, then sent piece by piece; who asks for it is
-// told meanwhile how far that is.
+// The gRPC side of one export: the files are made on the exports' thread, then sent piece by piece; who asks
+// for it is told meanwhile how far that is.
 #pragma once
+
+#include <grpcpp/support/server_callback.h>
 
 #include <atomic>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <memory>
-
-#include <grpcpp/support/server_callback.h>
 
 #include "kinevox/v1/recording_service.pb.h"
 #include "server/access/guard.h"
@@ -17,12 +17,13 @@
 
 namespace kinevox {
 
-// Owns itself from run() to gRPC's OnDone. The state below is the exports' thread's; one write is in flight, so a client
-// that reads slowly costs a piece.
+// Owns itself from run() to gRPC's OnDone. The state below is the exports' thread's; one write is in flight,
+// so a client that reads slowly costs a piece.
 class ExportReactor final : public grpc::ServerWriteReactor<v1::ExportResponse>,
                             public std::enable_shared_from_this<ExportReactor> {
   public:
-    static ExportReactor* run(const ApiContext& api, grpc::CallbackServerContext* context, const v1::ExportRequest& request);
+    static ExportReactor* run(const ApiContext& api, grpc::CallbackServerContext* context,
+                              const v1::ExportRequest& request);
     void OnWriteDone(bool ok) override;
     void OnCancel() override { stop_ = true; }
     void OnDone() override;
@@ -40,17 +41,17 @@ class ExportReactor final : public grpc::ServerWriteReactor<v1::ExportResponse>,
     enum class Writing { kNothing, kWord, kPieces };
 
     const ApiContext& api_;
-    std::shared_ptr<ExportReactor> self_;   // until OnDone
+    std::shared_ptr<ExportReactor> self_;  // until OnDone
     std::atomic<bool> stop_ = false;
-    std::atomic<bool> revoked_ = false;     // by the guard, which stops it too
+    std::atomic<bool> revoked_ = false;  // by the guard, which stops it too
     std::shared_ptr<Guard::Stream> counted_;
     std::atomic<Writing> writing_ = Writing::kNothing;
     std::chrono::steady_clock::time_point next_word_;
     std::filesystem::path folder_;
-    absl::StatusOr<ExportedFiles> made_;    // since make()
-    std::size_t at_ = 0;                    // of its files
+    absl::StatusOr<ExportedFiles> made_;  // since make()
+    std::size_t at_ = 0;                  // of its files
     std::ifstream file_;
-    v1::ExportResponse piece_;              // must live until OnWriteDone
+    v1::ExportResponse piece_;  // must live until OnWriteDone
 };
 
 }  // namespace kinevox

@@ -1,6 +1,6 @@
-// How often each of very many subscribers gets the newest message, so that all of them together take no more than this
-// machine can send: what is written faster than the clients read waits in the sockets, where nothing newer can replace
-// it, and the capture has no processor left.
+// How often each of very many subscribers gets the newest message, so that all of them together take no more
+// than this machine can send: what is written faster than the clients read waits in the sockets, where
+// nothing newer can replace it, and the capture has no processor left.
 #pragma once
 
 #include <atomic>
@@ -24,7 +24,8 @@ class FairShare {
 
         // Between two messages of one subscriber, at least.
         std::chrono::nanoseconds period() const {
-            return std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 * share_.places_ / share_.messages_per_s_));
+            return std::chrono::nanoseconds(
+                static_cast<std::int64_t>(1e9 * share_.places_ / share_.messages_per_s_));
         }
 
       private:

@@ -16,8 +16,8 @@ std::string_view view(const grpc_slice& slice) {
     return {reinterpret_cast<const char*>(GRPC_SLICE_START_PTR(slice)), GRPC_SLICE_LENGTH(slice)};
 }
 
-// gRPC's, between a call's headers and its service. More than one authorization is none: nobody shall see another one
-// here than there.
+// gRPC's, between a call's headers and its service. More than one authorization is none: nobody shall see
+// another one here than there.
 void admit(void* guard, grpc_auth_context*, const grpc_metadata* metadata, std::size_t count,
            grpc_process_auth_metadata_done_cb done, void* call) {
     std::string_view path, authorization;
@@ -41,7 +41,8 @@ class GuardedCredentials final : public grpc::ServerCredentials {
   private:
     int AddPortToServer(const std::string& address, grpc_server* server) override {
         grpc_server_credentials* const credentials = make();
-        if (guard_) grpc_server_credentials_set_auth_metadata_processor(credentials, {admit, nullptr, guard_});
+        if (guard_)
+            grpc_server_credentials_set_auth_metadata_processor(credentials, {admit, nullptr, guard_});
         const int port = grpc_server_add_http2_port(server, address.c_str(), credentials);
         grpc_server_credentials_release(credentials);
         return port;
@@ -53,7 +54,8 @@ class GuardedCredentials final : public grpc::ServerCredentials {
         const bool ask = !identity_->client_ca.empty();
         return grpc_ssl_server_credentials_create_ex(
             ask ? identity_->client_ca.c_str() : nullptr, &pair, 1,
-            ask ? GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY : GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE,
+            ask ? GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY
+                : GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE,
             nullptr);
     }
 

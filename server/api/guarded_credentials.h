@@ -19,8 +19,8 @@ struct ServerIdentity {
     std::string client_ca;  // empty: clients need no certificate
 };
 
-// Without an identity nothing is encrypted. The guard, which may be null, is asked before any part of a call is handed
-// to its service, and outlives the server.
+// Without an identity nothing is encrypted. The guard, which may be null, is asked before any part of a call
+// is handed to its service, and outlives the server.
 std::shared_ptr<grpc::ServerCredentials> guarded_credentials(const std::optional<ServerIdentity>& identity,
                                                              Guard* guard);
 

@@ -1,10 +1,10 @@
 #include "server/api/pose_handlers.h"
 
-#include <algorithm>
-#include <cmath>
-
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
 
 #include "common/degrees.h"
 #include "server/pose/database/bvh_import.h"
@@ -25,7 +25,8 @@ absl::StatusOr<BodyCoordinates> measured_coordinates(const ApiContext& api) {
     const auto newest = api.hub.newest();
     if (!newest || !newest->result->pose)
         return absl::FailedPreconditionError(
-            "there is no measured pose at the moment; see with `kinevox status` that somebody is tracked, or give "
+            "there is no measured pose at the moment; see with `kinevox status` that somebody is tracked, or "
+            "give "
             "coordinates");
     return newest->result->pose->coordinates;
 }
@@ -40,17 +41,16 @@ absl::StatusOr<BodyCoordinates> given_coordinates(const google::protobuf::Map<st
         ++known;
         const auto& [name, lower, upper] = kBodyDofs[dof];
         if (!std::isfinite(out[dof]) || !(out[dof] >= lower && out[dof] <= upper))
-            return absl::InvalidArgumentError(
-                fmt::format("{} is {} deg; {:.0f} to {:.0f} is allowed", name, found->second,
-                            degrees(lower), degrees(upper)));
+            return absl::InvalidArgumentError(fmt::format("{} is {} deg; {:.0f} to {:.0f} is allowed", name,
+                                                          found->second, degrees(lower), degrees(upper)));
     }
     if (known == given.size()) return out;
     std::vector<std::string_view> names;
     for (int dof = kDofRootRotation; dof < kBodyDofCount; ++dof) names.push_back(kBodyDofs[dof].name);
     for (const auto& [name, value] : given)
         if (std::ranges::find(names, name) == names.end())
-            return absl::InvalidArgumentError(
-                fmt::format("there is no coordinate '{}'; known are {}", name.substr(0, 80), fmt::join(names, ", ")));
+            return absl::InvalidArgumentError(fmt::format("there is no coordinate '{}'; known are {}",
+                                                          name.substr(0, 80), fmt::join(names, ", ")));
     return out;
 }
 
@@ -75,7 +75,8 @@ absl::Status list_poses(const ApiContext& api, v1::ListPosesResponse& response) 
     return absl::OkStatus();
 }
 
-absl::Status add_pose(const ApiContext& api, const v1::AddPoseRequest& request, v1::AddPoseResponse& response) {
+absl::Status add_pose(const ApiContext& api, const v1::AddPoseRequest& request,
+                      v1::AddPoseResponse& response) {
     if (const auto control = api.lease.use(request.lease_id()); !control.ok()) return control.status();
     const auto coordinates = request.coordinates_deg().empty() ? measured_coordinates(api)
                                                                : given_coordinates(request.coordinates_deg());
@@ -94,7 +95,8 @@ absl::Status remove_pose(const ApiContext& api, const v1::RemovePoseRequest& req
     return absl::OkStatus();
 }
 
-absl::Status import_bvh(const ApiContext& api, const v1::ImportBvhRequest& request, v1::ImportBvhResponse& response) {
+absl::Status import_bvh(const ApiContext& api, const v1::ImportBvhRequest& request,
+                        v1::ImportBvhResponse& response) {
     if (const auto control = api.lease.use(request.lease_id()); !control.ok()) return control.status();
     const double every_s = request.every_s() == 0 ? BvhImportOptions().every_s : request.every_s();
     if (!(every_s >= 0.001 && every_s <= 3600))
@@ -109,31 +111,44 @@ absl::Status import_bvh(const ApiContext& api, const v1::ImportBvhRequest& reque
 
 absl::Status check_body_fit(const ApiContext& api) {
     if (api.body_fit && api.body_watch) return absl::OkStatus();
-    return absl::FailedPreconditionError("this daemon measures no poses; enable them under [pose] in its configuration");
+    return absl::FailedPreconditionError(
+        "this daemon measures no poses; enable them under [pose] in its configuration");
 }
 
 absl::Status fit_body(const ApiContext& api, const v1::FitBodyRequest& request) {
     if (absl::Status missing = check_body_fit(api); !missing.ok()) return missing;
     if (const auto control = api.lease.use(request.lease_id()); !control.ok()) return control.status();
     if (api.runner.state().state != RunState::kRunning)
-        return absl::FailedPreconditionError("the capture does not run; start it to fit the body of whoever is seen");
+        return absl::FailedPreconditionError(
+            "the capture does not run; start it to fit the body of whoever is seen");
     return api.body_fit->start(request.seconds() == 0 ? LiveBodyFit::kUsualSeconds : request.seconds());
 }
 
 v1::WatchBodyResponse to_proto(const BodyFitProgress& progress) {
     v1::WatchBodyResponse out;
     switch (progress.state) {
-        case BodyFitState::kNone: out.set_state(v1::BODY_FIT_STATE_NONE); break;
-        case BodyFitState::kCollecting: out.set_state(v1::BODY_FIT_STATE_COLLECTING); break;
-        case BodyFitState::kFitting: out.set_state(v1::BODY_FIT_STATE_FITTING); break;
-        case BodyFitState::kReady: out.set_state(v1::BODY_FIT_STATE_READY); break;
-        case BodyFitState::kFailed: out.set_state(v1::BODY_FIT_STATE_FAILED); break;
+        case BodyFitState::kNone:
+            out.set_state(v1::BODY_FIT_STATE_NONE);
+            break;
+        case BodyFitState::kCollecting:
+            out.set_state(v1::BODY_FIT_STATE_COLLECTING);
+            break;
+        case BodyFitState::kFitting:
+            out.set_state(v1::BODY_FIT_STATE_FITTING);
+            break;
+        case BodyFitState::kReady:
+            out.set_state(v1::BODY_FIT_STATE_READY);
+            break;
+        case BodyFitState::kFailed:
+            out.set_state(v1::BODY_FIT_STATE_FAILED);
+            break;
     }
     out.set_part(progress.part);
     out.set_asked(progress.asked);
     out.set_message(progress.message);
     v1::Body& body = *out.mutable_body();
-    const auto set = [](v1::BodyMeasure& measure, std::string_view name, double value_m, std::optional<double> std_m) {
+    const auto set = [](v1::BodyMeasure& measure, std::string_view name, double value_m,
+                        std::optional<double> std_m) {
         measure.set_name(std::string(name));
         measure.set_value_m(value_m);
         if (std_m) measure.set_std_m(*std_m);
@@ -157,11 +172,21 @@ v1::WatchBodyResponse to_proto(const BodyFitProgress& progress) {
 v1::WatchDatabaseResponse to_proto(const DatabaseProgress& progress) {
     v1::WatchDatabaseResponse out;
     switch (progress.state) {
-        case DatabaseState::kNone: out.set_state(v1::DATABASE_STATE_NONE); break;
-        case DatabaseState::kBuilding: out.set_state(v1::DATABASE_STATE_BUILDING); break;
-        case DatabaseState::kReady: out.set_state(v1::DATABASE_STATE_READY); break;
-        case DatabaseState::kCancelled: out.set_state(v1::DATABASE_STATE_CANCELLED); break;
-        case DatabaseState::kFailed: out.set_state(v1::DATABASE_STATE_FAILED); break;
+        case DatabaseState::kNone:
+            out.set_state(v1::DATABASE_STATE_NONE);
+            break;
+        case DatabaseState::kBuilding:
+            out.set_state(v1::DATABASE_STATE_BUILDING);
+            break;
+        case DatabaseState::kReady:
+            out.set_state(v1::DATABASE_STATE_READY);
+            break;
+        case DatabaseState::kCancelled:
+            out.set_state(v1::DATABASE_STATE_CANCELLED);
+            break;
+        case DatabaseState::kFailed:
+            out.set_state(v1::DATABASE_STATE_FAILED);
+            break;
     }
     out.set_part(progress.part);
     out.set_entries(progress.entries);

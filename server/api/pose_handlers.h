@@ -1,5 +1,5 @@
-// PoseService's calls, one function each: check, act, translate. Those that change the database take their time and run
-// on the thread for changes, after check_pose_database().
+// PoseService's calls, one function each: check, act, translate. Those that change the database take their
+// time and run on the thread for changes, after check_pose_database().
 #pragma once
 
 #include <absl/status/status.h>
@@ -13,10 +13,12 @@ namespace kinevox {
 absl::Status check_pose_database(const ApiContext& api);
 
 absl::Status list_poses(const ApiContext& api, v1::ListPosesResponse& response);
-absl::Status add_pose(const ApiContext& api, const v1::AddPoseRequest& request, v1::AddPoseResponse& response);
+absl::Status add_pose(const ApiContext& api, const v1::AddPoseRequest& request,
+                      v1::AddPoseResponse& response);
 absl::Status remove_pose(const ApiContext& api, const v1::RemovePoseRequest& request,
                          v1::RemovePoseResponse& response);
-absl::Status import_bvh(const ApiContext& api, const v1::ImportBvhRequest& request, v1::ImportBvhResponse& response);
+absl::Status import_bvh(const ApiContext& api, const v1::ImportBvhRequest& request,
+                        v1::ImportBvhResponse& response);
 
 // FailedPrecondition where this daemon measures no poses.
 absl::Status check_body_fit(const ApiContext& api);

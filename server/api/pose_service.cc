@@ -35,7 +35,8 @@ grpc::ServerWriteReactor<v1::WatchDatabaseResponse>* PoseServiceImpl::WatchDatab
     if (const absl::Status missing = check_pose_database(api_); !missing.ok())
         return DatabaseReactor::refuse(api_, to_grpc(missing));
     return DatabaseReactor::run(
-        api_, context, {}, [this](std::function<void()> on_ready) { return api_.pose_watch->subscribe(std::move(on_ready)); },
+        api_, context, {},
+        [this](std::function<void()> on_ready) { return api_.pose_watch->subscribe(std::move(on_ready)); },
         [](const DatabaseWatch::Box::Taken& taken) { return to_proto(taken.message); });
 }
 
@@ -44,12 +45,13 @@ PoseServiceImpl::Reactor* PoseServiceImpl::FitBody(Context* context, const v1::F
     return answer(context, fit_body(api_, *request));
 }
 
-grpc::ServerWriteReactor<v1::WatchBodyResponse>* PoseServiceImpl::WatchBody(
-    Context* context, const v1::WatchBodyRequest*) {
+grpc::ServerWriteReactor<v1::WatchBodyResponse>* PoseServiceImpl::WatchBody(Context* context,
+                                                                            const v1::WatchBodyRequest*) {
     if (const absl::Status missing = check_body_fit(api_); !missing.ok())
         return BodyReactor::refuse(api_, to_grpc(missing));
     return BodyReactor::run(
-        api_, context, {}, [this](std::function<void()> on_ready) { return api_.body_watch->subscribe(std::move(on_ready)); },
+        api_, context, {},
+        [this](std::function<void()> on_ready) { return api_.body_watch->subscribe(std::move(on_ready)); },
         [](const BodyWatch::Box::Taken& taken) { return to_proto(taken.message); });
 }
 

@@ -16,10 +16,11 @@ class PoseServiceImpl final : public v1::PoseService::CallbackService {
     Reactor* AddPose(Context*, const v1::AddPoseRequest*, v1::AddPoseResponse*) override;
     Reactor* RemovePose(Context*, const v1::RemovePoseRequest*, v1::RemovePoseResponse*) override;
     Reactor* ImportBvh(Context*, const v1::ImportBvhRequest*, v1::ImportBvhResponse*) override;
-    grpc::ServerWriteReactor<v1::WatchDatabaseResponse>* WatchDatabase(Context*,
-                                                                       const v1::WatchDatabaseRequest*) override;
+    grpc::ServerWriteReactor<v1::WatchDatabaseResponse>* WatchDatabase(
+        Context*, const v1::WatchDatabaseRequest*) override;
     Reactor* FitBody(Context*, const v1::FitBodyRequest*, v1::FitBodyResponse*) override;
-    grpc::ServerWriteReactor<v1::WatchBodyResponse>* WatchBody(Context*, const v1::WatchBodyRequest*) override;
+    grpc::ServerWriteReactor<v1::WatchBodyResponse>* WatchBody(Context*,
+                                                               const v1::WatchBodyRequest*) override;
 
   private:
     const ApiContext& api_;

@@ -1,7 +1,7 @@
 #include <cmath>
 
-#include "server/api/to_proto.h"
 #include "common/degrees.h"
+#include "server/api/to_proto.h"
 #include "server/pose/body_model.h"
 
 namespace kinevox {
@@ -55,7 +55,8 @@ v1::SegmentRatios to_proto(const SegmentRatios& ratios) {
 v1::Pose to_proto(const BodyPose& pose) {
     v1::Pose out;
     out.set_subject_id(pose.subject_id);
-    for (std::size_t i = 0; i < kJointNames.size(); ++i) *out.add_joints() = to_proto(pose.joints[i], kJointNames[i]);
+    for (std::size_t i = 0; i < kJointNames.size(); ++i)
+        *out.add_joints() = to_proto(pose.joints[i], kJointNames[i]);
     for (std::size_t i = 0; i < kJointAngleNames.size(); ++i)
         *out.add_angles() = to_proto(pose.angles[i], kJointAngleNames[i]);
     for (std::size_t i = 0; i < kBodySegmentNames.size(); ++i) {

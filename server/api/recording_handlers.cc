@@ -16,20 +16,30 @@ v1::RecordingCodec codec_to_proto(std::string_view name) {
 
 absl::StatusOr<std::optional<VideoCodec>> codec_from_proto(v1::RecordingCodec codec) {
     switch (codec) {
-        case v1::RECORDING_CODEC_UNSPECIFIED: return std::nullopt;
-        case v1::RECORDING_CODEC_FFV1: return VideoCodec::kFfv1;
-        case v1::RECORDING_CODEC_UTVIDEO: return VideoCodec::kUtVideo;
-        case v1::RECORDING_CODEC_H264: return VideoCodec::kH264;
-        default: return absl::InvalidArgumentError(fmt::format("codec is {}, which this daemon does not know", static_cast<int>(codec)));
+        case v1::RECORDING_CODEC_UNSPECIFIED:
+            return std::nullopt;
+        case v1::RECORDING_CODEC_FFV1:
+            return VideoCodec::kFfv1;
+        case v1::RECORDING_CODEC_UTVIDEO:
+            return VideoCodec::kUtVideo;
+        case v1::RECORDING_CODEC_H264:
+            return VideoCodec::kH264;
+        default:
+            return absl::InvalidArgumentError(
+                fmt::format("codec is {}, which this daemon does not know", static_cast<int>(codec)));
     }
 }
 
 v1::RecorderState to_proto(RecorderState state) {
     switch (state) {
-        case RecorderState::kIdle: return v1::RECORDER_STATE_IDLE;
-        case RecorderState::kWaiting: return v1::RECORDER_STATE_WAITING;
-        case RecorderState::kRecording: return v1::RECORDER_STATE_RECORDING;
-        case RecorderState::kFinishing: return v1::RECORDER_STATE_FINISHING;
+        case RecorderState::kIdle:
+            return v1::RECORDER_STATE_IDLE;
+        case RecorderState::kWaiting:
+            return v1::RECORDER_STATE_WAITING;
+        case RecorderState::kRecording:
+            return v1::RECORDER_STATE_RECORDING;
+        case RecorderState::kFinishing:
+            return v1::RECORDER_STATE_FINISHING;
     }
     return v1::RECORDER_STATE_UNSPECIFIED;
 }
@@ -85,7 +95,8 @@ absl::Status stop_recording(const ApiContext& api, const v1::StopRecordingReques
     return absl::OkStatus();
 }
 
-absl::Status keep_last(const ApiContext& api, const v1::KeepLastRequest& request, v1::KeepLastResponse& response) {
+absl::Status keep_last(const ApiContext& api, const v1::KeepLastRequest& request,
+                       v1::KeepLastResponse& response) {
     if (const auto control = api.lease.use(request.lease_id()); !control.ok()) return control.status();
     if (absl::Status live = check_live(api, "what is recorded comes from"); !live.ok()) return live;
     const auto info = api.recorder->keep_last(request.name(), request.seconds(), request.go_on());
@@ -120,7 +131,8 @@ absl::Status get_recorder_status(const ApiContext& api, const v1::GetRecorderSta
     return absl::OkStatus();
 }
 
-absl::Status list_recordings(const ApiContext& api, const v1::ListRecordingsRequest&, v1::ListRecordingsResponse& response) {
+absl::Status list_recordings(const ApiContext& api, const v1::ListRecordingsRequest&,
+                             v1::ListRecordingsResponse& response) {
     for (const RecordingInfo& info : list_recordings(api.recorder->options().folder))
         *response.add_recordings() = to_proto(info);
     return absl::OkStatus();

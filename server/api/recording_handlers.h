@@ -18,7 +18,8 @@ absl::Status start_recording(const ApiContext& api, const v1::StartRecordingRequ
                              v1::StartRecordingResponse& response);
 absl::Status stop_recording(const ApiContext& api, const v1::StopRecordingRequest& request,
                             v1::StopRecordingResponse& response);
-absl::Status keep_last(const ApiContext& api, const v1::KeepLastRequest& request, v1::KeepLastResponse& response);
+absl::Status keep_last(const ApiContext& api, const v1::KeepLastRequest& request,
+                       v1::KeepLastResponse& response);
 absl::Status get_recorder_status(const ApiContext& api, const v1::GetRecorderStatusRequest& request,
                                  v1::GetRecorderStatusResponse& response);
 absl::Status list_recordings(const ApiContext& api, const v1::ListRecordingsRequest& request,

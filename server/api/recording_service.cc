@@ -19,15 +19,15 @@ RecordingServiceImpl::Reactor* RecordingServiceImpl::StopRecording(Context* cont
     return unary_call(api_, api_.recordings, context, request, response, check_recording, stop_recording);
 }
 
-RecordingServiceImpl::Reactor* RecordingServiceImpl::KeepLast(Context* context, const v1::KeepLastRequest* request,
+RecordingServiceImpl::Reactor* RecordingServiceImpl::KeepLast(Context* context,
+                                                              const v1::KeepLastRequest* request,
                                                               v1::KeepLastResponse* response) {
     return unary_call(api_, api_.recordings, context, request, response, check_recording, keep_last);
 }
 
 // Not behind a call that waits for files.
-RecordingServiceImpl::Reactor* RecordingServiceImpl::GetRecorderStatus(Context* context,
-                                                                       const v1::GetRecorderStatusRequest* request,
-                                                                       v1::GetRecorderStatusResponse* response) {
+RecordingServiceImpl::Reactor* RecordingServiceImpl::GetRecorderStatus(
+    Context* context, const v1::GetRecorderStatusRequest* request, v1::GetRecorderStatusResponse* response) {
     return answer(context, get_recorder_status(api_, *request, *response));
 }
 
@@ -43,14 +43,13 @@ RecordingServiceImpl::Reactor* RecordingServiceImpl::GetRecording(Context* conte
     return unary_call(api_, api_.recordings, context, request, response, check_recording, get_recording);
 }
 
-RecordingServiceImpl::Reactor* RecordingServiceImpl::DeleteRecording(Context* context,
-                                                                     const v1::DeleteRecordingRequest* request,
-                                                                     v1::DeleteRecordingResponse* response) {
+RecordingServiceImpl::Reactor* RecordingServiceImpl::DeleteRecording(
+    Context* context, const v1::DeleteRecordingRequest* request, v1::DeleteRecordingResponse* response) {
     return unary_call(api_, api_.recordings, context, request, response, check_recording, delete_recording);
 }
 
-grpc::ServerWriteReactor<v1::ExportResponse>* RecordingServiceImpl::Export(
-    Context* context, const v1::ExportRequest* request) {
+grpc::ServerWriteReactor<v1::ExportResponse>* RecordingServiceImpl::Export(Context* context,
+                                                                           const v1::ExportRequest* request) {
     return ExportReactor::run(api_, context, *request);
 }
 

@@ -1,12 +1,12 @@
 #include "server/api/replay_handlers.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <string>
 #include <vector>
-
-#include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include "server/api/recording_handlers.h"
 #include "server/calibration/procedure.h"
@@ -16,7 +16,7 @@
 namespace kinevox {
 namespace {
 
-constexpr std::size_t kMostNames = 12;   // of recordings, in a message
+constexpr std::size_t kMostNames = 12;  // of recordings, in a message
 
 void fill(const ApiContext& api, v1::Replay& out) {
     const ReplayStatus status = api.replay->status();
@@ -27,7 +27,7 @@ void fill(const ApiContext& api, v1::Replay& out) {
     if (!status.position) return out.set_state(v1::REPLAY_STATE_STOPPED);
     const ReplayPosition& position = *status.position;
     const RunState run = api.runner.state().state;
-    out.set_state(!is_active(run)                            ? v1::REPLAY_STATE_STOPPED
+    out.set_state(!is_active(run)                           ? v1::REPLAY_STATE_STOPPED
                   : position.state == ReplayState::kPlaying ? v1::REPLAY_STATE_PLAYING
                   : position.state == ReplayState::kPaused  ? v1::REPLAY_STATE_PAUSED
                                                             : v1::REPLAY_STATE_ENDED);
@@ -43,9 +43,11 @@ void fill(const ApiContext& api, v1::Replay& out) {
 // An absolute path, or the name of one of the daemon's recordings.
 absl::StatusOr<std::filesystem::path> session_to_open(const ApiContext& api, const std::string& session) {
     if (std::filesystem::path(session).is_absolute()) return session;
-    const std::string neither = fmt::format("'{}' is no absolute path of a session.toml on the daemon's machine", session);
+    const std::string neither =
+        fmt::format("'{}' is no absolute path of a session.toml on the daemon's machine", session);
     if (!check_recording(api).ok())
-        return absl::NotFoundError(neither + ", and the daemon has no folder for recordings; give such a path");
+        return absl::NotFoundError(neither +
+                                   ", and the daemon has no folder for recordings; give such a path");
     const std::filesystem::path& folder = api.recorder->options().folder;
     if (const auto file = recording_session_file(folder, session); file.ok()) return file;
     std::vector<std::string> names;
@@ -53,8 +55,9 @@ absl::StatusOr<std::filesystem::path> session_to_open(const ApiContext& api, con
     const std::size_t left_out = names.size() - std::min(names.size(), kMostNames);
     names.erase(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(left_out));
     if (left_out > 0) names.insert(names.begin(), fmt::format("{} older ones", left_out));
-    return absl::NotFoundError(fmt::format("{}, and no recording in {}, which has {}", neither, folder.string(),
-                                           names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
+    return absl::NotFoundError(
+        fmt::format("{}, and no recording in {}, which has {}", neither, folder.string(),
+                    names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
 }
 
 }  // namespace
@@ -65,18 +68,21 @@ absl::Status check_replay(const ApiContext& api) {
 
 absl::Status check_live(const ApiContext& api, const char* why) {
     if (!api.replay || !api.replay->status().open) return absl::OkStatus();
-    return absl::FailedPreconditionError(
-        fmt::format("a recording is replayed, {} the cameras; go back to them first, with kinevox replay live", why));
+    return absl::FailedPreconditionError(fmt::format(
+        "a recording is replayed, {} the cameras; go back to them first, with kinevox replay live", why));
 }
 
-absl::Status open_replay(const ApiContext& api, const v1::OpenReplayRequest& request, v1::OpenReplayResponse& response) {
+absl::Status open_replay(const ApiContext& api, const v1::OpenReplayRequest& request,
+                         v1::OpenReplayResponse& response) {
     if (const auto control = api.lease.use(request.lease_id()); !control.ok()) return control.status();
     if (api.procedure && api.procedure->progress().open())
-        return absl::FailedPreconditionError("a calibration procedure is open, which needs the cameras; cancel it first");
+        return absl::FailedPreconditionError(
+            "a calibration procedure is open, which needs the cameras; cancel it first");
     if (api.recorder)
         if (const RecorderStatus now = api.recorder->status(); now.state != RecorderState::kIdle)
             return absl::FailedPreconditionError(
-                fmt::format("\"{}\" is being recorded, which needs the cameras; stop that first, with kinevox record stop",
+                fmt::format("\"{}\" is being recorded, which needs the cameras; stop that first, with "
+                            "kinevox record stop",
                             now.recording ? now.recording->name : "another recording"));
     const auto session = session_to_open(api, request.session());
     if (!session.ok()) return session.status();
@@ -89,12 +95,14 @@ absl::Status open_replay(const ApiContext& api, const v1::OpenReplayRequest& req
     return absl::OkStatus();
 }
 
-absl::Status close_replay(const ApiContext& api, const v1::CloseReplayRequest& request, v1::CloseReplayResponse&) {
+absl::Status close_replay(const ApiContext& api, const v1::CloseReplayRequest& request,
+                          v1::CloseReplayResponse&) {
     if (const auto control = api.lease.use(request.lease_id()); !control.ok()) return control.status();
     return api.replay->live();
 }
 
-absl::Status set_replay(const ApiContext& api, const v1::SetReplayRequest& request, v1::SetReplayResponse& response) {
+absl::Status set_replay(const ApiContext& api, const v1::SetReplayRequest& request,
+                        v1::SetReplayResponse& response) {
     if (absl::Status there = check_replay(api); !there.ok()) return there;
     if (const auto control = api.lease.use(request.lease_id()); !control.ok()) return control.status();
     ReplayChange change;

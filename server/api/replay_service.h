@@ -12,10 +12,14 @@ class ReplayServiceImpl final : public v1::ReplayService::CallbackService {
 
     using Context = grpc::CallbackServerContext;
     using Reactor = grpc::ServerUnaryReactor;
-    Reactor* OpenReplay(Context* context, const v1::OpenReplayRequest* request, v1::OpenReplayResponse* response) override;
-    Reactor* CloseReplay(Context* context, const v1::CloseReplayRequest* request, v1::CloseReplayResponse* response) override;
-    Reactor* SetReplay(Context* context, const v1::SetReplayRequest* request, v1::SetReplayResponse* response) override;
-    Reactor* GetReplay(Context* context, const v1::GetReplayRequest* request, v1::GetReplayResponse* response) override;
+    Reactor* OpenReplay(Context* context, const v1::OpenReplayRequest* request,
+                        v1::OpenReplayResponse* response) override;
+    Reactor* CloseReplay(Context* context, const v1::CloseReplayRequest* request,
+                         v1::CloseReplayResponse* response) override;
+    Reactor* SetReplay(Context* context, const v1::SetReplayRequest* request,
+                       v1::SetReplayResponse* response) override;
+    Reactor* GetReplay(Context* context, const v1::GetReplayRequest* request,
+                       v1::GetReplayResponse* response) override;
 
   private:
     const ApiContext& api_;

@@ -1,24 +1,24 @@
 // The gRPC side of one subscriber: one write in flight, the next message fetched when it is through.
 //
-// Everything happens on a strand of the encoders: the mailbox's word that something is ready, gRPC's that a write is
-// through, the client's leaving, the rate's timer. So the pipeline's thread only posts, gRPC's threads only post, and
-// the state below needs no lock.
+// Everything happens on a strand of the encoders: the mailbox's word that something is ready, gRPC's that a
+// write is through, the client's leaving, the rate's timer. So the pipeline's thread only posts, gRPC's
+// threads only post, and the state below needs no lock.
 #pragma once
+
+#include <grpcpp/support/server_callback.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <atomic>
+#include <boost/asio/post.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/asio/strand.hpp>
 #include <chrono>
 #include <exception>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <utility>
-
-#include <boost/asio/post.hpp>
-#include <boost/asio/steady_timer.hpp>
-#include <boost/asio/strand.hpp>
-#include <grpcpp/support/server_callback.h>
-#include <spdlog/spdlog.h>
 
 #include "server/access/guard.h"
 #include "server/api/api_context.h"
@@ -29,8 +29,8 @@
 namespace kinevox {
 
 struct StreamPace {
-    double max_rate_hz = 0;   // 0: no limit
-    bool newest_only = false; // takes part in the fair share of the daemon's messages
+    double max_rate_hz = 0;    // 0: no limit
+    bool newest_only = false;  // takes part in the fair share of the daemon's messages
 };
 
 // `Box` is a Mailbox. The reactor owns itself from run() to gRPC's OnDone.
@@ -42,9 +42,10 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
     using Translate = std::function<Message(const typename Box::Taken&)>;
     using Subscribe = std::function<std::shared_ptr<Box>(std::function<void()> on_ready)>;
 
-    static StreamReactor* run(const ApiContext& api, grpc::CallbackServerContext* context, const StreamPace& pace,
-                              const Subscribe& subscribe, Translate translate) {
-        auto reactor = std::shared_ptr<StreamReactor>(new StreamReactor(api, pace.max_rate_hz, std::move(translate)));
+    static StreamReactor* run(const ApiContext& api, grpc::CallbackServerContext* context,
+                              const StreamPace& pace, const Subscribe& subscribe, Translate translate) {
+        auto reactor =
+            std::shared_ptr<StreamReactor>(new StreamReactor(api, pace.max_rate_hz, std::move(translate)));
         reactor->self_ = reactor;
         if (api.share && pace.newest_only) reactor->place_.emplace(*api.share);
         if (const absl::Status counted = reactor->be_counted(api, context); !counted.ok()) {
@@ -52,11 +53,11 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
             return reactor.get();
         }
         boost::asio::post(reactor->strand_, [reactor, subscribe] {
-            if (reactor->finished_) return;   // the guard was quicker
+            if (reactor->finished_) return;  // the guard was quicker
             reactor->box_ = subscribe([weak = reactor->weak_from_this()] {
                 if (const auto alive = weak.lock()) alive->wake();
             });
-            reactor->StartSendInitialMetadata();   // tells the client that it is subscribed
+            reactor->StartSendInitialMetadata();  // tells the client that it is subscribed
             reactor->advance();
         });
         return reactor.get();
@@ -100,9 +101,12 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
     using Clock = std::chrono::steady_clock;
 
     StreamReactor(const ApiContext& api, double max_rate_hz, Translate translate)
-        : strand_(boost::asio::make_strand(api.encoders)), timer_(api.clock), translate_(std::move(translate)) {
+        : strand_(boost::asio::make_strand(api.encoders)),
+          timer_(api.clock),
+          translate_(std::move(translate)) {
         if (max_rate_hz > 0)
-            period_ = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / max_rate_hz));
+            period_ =
+                std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / max_rate_hz));
     }
 
     absl::Status be_counted(const ApiContext& api, grpc::CallbackServerContext* context) {
@@ -116,8 +120,8 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
         return counted.status();
     }
 
-    // The context lives until gRPC is done, which it is not before finish(). A write that its client does not take is
-    // given up.
+    // The context lives until gRPC is done, which it is not before finish(). A write that its client does not
+    // take is given up.
     void end(grpc::CallbackServerContext* context, const absl::Status& why) {
         if (finished_) return;
         ended_ = why;
@@ -127,7 +131,7 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
 
     // Any thread.
     void wake() {
-        if (woken_.exchange(true)) return;   // its task is still to run
+        if (woken_.exchange(true)) return;  // its task is still to run
         boost::asio::post(strand_, [self = this->shared_from_this()] {
             self->woken_ = false;
             self->advance();
@@ -143,7 +147,7 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
     void finish(const grpc::Status& status) {
         finished_ = true;
         timer_.cancel();
-        box_.reset();   // whatever is queued goes now, not when gRPC is done with the call
+        box_.reset();  // whatever is queued goes now, not when gRPC is done with the call
         counted_.reset();
         place_.reset();
         this->Finish(status);
@@ -155,13 +159,15 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
         if (cancelled_) return finish({grpc::StatusCode::CANCELLED, "the client left"});
         const absl::Status status = box_->status();
         if (absl::IsResourceExhausted(status))
-            return finish({grpc::StatusCode::RESOURCE_EXHAUSTED,
-                           "this lossless stream was read too slowly and its queue is full; read faster, ask for "
-                           "larger voxels, or take LATEST_ONLY"});
+            return finish(
+                {grpc::StatusCode::RESOURCE_EXHAUSTED,
+                 "this lossless stream was read too slowly and its queue is full; read faster, ask for "
+                 "larger voxels, or take LATEST_ONLY"});
         const Clock::time_point now = Clock::now();
         const Clock::duration share = place_ ? place_->period() : Clock::duration{0};
         if (status.ok() && now < next_) {
-            // Shared: the next message comes soon and is newer; a timer for each would cost as much as sending it.
+            // Shared: the next message comes soon and is newer; a timer for each would cost as much as
+            // sending it.
             return wait_until(period_ >= share ? next_ : next_ + 4 * share);
         }
         auto taken = box_->take();
@@ -185,8 +191,8 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
     void wait_until(Clock::time_point time) {
         if (std::exchange(timer_runs_, true)) return;
         timer_.expires_at(time);
-        // Not bound to the strand: what is bound counts as the encoders' work, and a timer that the stopped clock never
-        // completes would hold up the daemon's end.
+        // Not bound to the strand: what is bound counts as the encoders' work, and a timer that the stopped
+        // clock never completes would hold up the daemon's end.
         timer_.async_wait([weak = this->weak_from_this()](const boost::system::error_code& error) {
             const auto self = weak.lock();
             if (!self || error) return;
@@ -197,15 +203,15 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
         });
     }
 
-    std::shared_ptr<StreamReactor> self_;   // until OnDone
+    std::shared_ptr<StreamReactor> self_;  // until OnDone
     boost::asio::strand<boost::asio::any_io_executor> strand_;
     boost::asio::steady_timer timer_;
     Translate translate_;
     std::shared_ptr<Box> box_;
     std::shared_ptr<Guard::Stream> counted_;
     std::optional<FairShare::Place> place_;
-    absl::Status ended_;                    // by the guard
-    Message message_;                       // must live until OnWriteDone
+    absl::Status ended_;  // by the guard
+    Message message_;     // must live until OnWriteDone
     Clock::duration period_{0};
     Clock::time_point next_{};
     std::atomic<bool> woken_ = false;

@@ -1,10 +1,10 @@
 #include "server/api/stream_service.h"
 
-#include <algorithm>
-#include <cmath>
-
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
 
 #include "server/access/call_table.h"
 #include "server/access/guard.h"
@@ -22,8 +22,9 @@ using PoseReactor = StreamReactor<PoseMailbox, grpc::ByteBuffer>;
 using PreviewReactor = StreamReactor<PictureMailbox, grpc::ByteBuffer>;
 
 // What is written to one subscriber, counted for the monitoring.
-grpc::ByteBuffer counted(const ApiContext& api, metrics::StreamFigures metrics::CaptureFigures::* stream,
-                         std::chrono::steady_clock::time_point published_at, std::uint64_t missed, const EncodedMessage& message) {
+grpc::ByteBuffer counted(const ApiContext& api, metrics::StreamFigures metrics::CaptureFigures::*stream,
+                         std::chrono::steady_clock::time_point published_at, std::uint64_t missed,
+                         const EncodedMessage& message) {
     const std::chrono::duration<double> age = std::chrono::steady_clock::now() - published_at;
     if (api.figures) (api.figures->*stream).took(age.count(), missed);
     return to_buffer(message, missed);
@@ -31,11 +32,11 @@ grpc::ByteBuffer counted(const ApiContext& api, metrics::StreamFigures metrics::
 
 template <typename Request>
 absl::StatusOr<Request> parse(const grpc::ByteBuffer& bytes) {
-    grpc::ByteBuffer copy(bytes);   // of references
+    grpc::ByteBuffer copy(bytes);  // of references
     Request request;
     if (grpc::SerializationTraits<Request>::Deserialize(&copy, &request).ok()) return request;
-    return absl::InvalidArgumentError(
-        fmt::format("the request is no {}; make it from this daemon's .proto files", Request::descriptor()->name()));
+    return absl::InvalidArgumentError(fmt::format(
+        "the request is no {}; make it from this daemon's .proto files", Request::descriptor()->name()));
 }
 
 // A slower one has a period that no clock holds.
@@ -43,26 +44,27 @@ constexpr double kSlowestRate_hz = 0.001;
 
 absl::Status check_rate(double rate_hz, double longest_hz) {
     if (rate_hz == 0 || (rate_hz >= kSlowestRate_hz && rate_hz <= longest_hz)) return absl::OkStatus();
-    return absl::InvalidArgumentError(
-        fmt::format("max_rate_hz is {}; it is {} to {} messages a second, or 0, which leaves the choice to the daemon",
-                    rate_hz, kSlowestRate_hz, longest_hz));
+    return absl::InvalidArgumentError(fmt::format(
+        "max_rate_hz is {}; it is {} to {} messages a second, or 0, which leaves the choice to the daemon",
+        rate_hz, kSlowestRate_hz, longest_hz));
 }
 
 // What streams of volumes and poses have in common.
 template <typename Request>
 absl::Status check_delivery(const Request& request, double longest_hz) {
     if (!v1::Delivery_IsValid(request.delivery()))
-        return absl::InvalidArgumentError(fmt::format("delivery {} is not known; take LATEST_ONLY or LOSSLESS",
-                                                      static_cast<int>(request.delivery())));
+        return absl::InvalidArgumentError(fmt::format(
+            "delivery {} is not known; take LATEST_ONLY or LOSSLESS", static_cast<int>(request.delivery())));
     if (request.delivery() == v1::DELIVERY_LOSSLESS && request.max_rate_hz() != 0)
-        return absl::InvalidArgumentError("a lossless stream goes without a rate limit; leave max_rate_hz 0 or take "
-                                          "LATEST_ONLY");
+        return absl::InvalidArgumentError(
+            "a lossless stream goes without a rate limit; leave max_rate_hz 0 or take "
+            "LATEST_ONLY");
     return check_rate(request.max_rate_hz(), longest_hz);
 }
 
 template <typename Request>
 MailboxOptions mailbox_options(const Request& request, const ApiContext& api) {
-    if (request.delivery() != v1::DELIVERY_LOSSLESS) return {};   // the newest only
+    if (request.delivery() != v1::DELIVERY_LOSSLESS) return {};  // the newest only
     return {MailboxOptions::WhenFull::kOverflow, api.lossless_max_messages, api.lossless_max_bytes};
 }
 
@@ -100,20 +102,22 @@ absl::StatusOr<PreviewForm> preview_form(const v1::StreamPreviewsRequest& reques
             fmt::format("there is no camera '{}'; there are {}", request.camera(), fmt::join(names, ", ")));
     form.camera = static_cast<std::size_t>(found - names.begin());
     if (!v1::StreamPreviewsRequest::Kind_IsValid(request.kind()))
-        return absl::InvalidArgumentError(
-            fmt::format("kind {} is not known; take PICTURE or SILHOUETTE", static_cast<int>(request.kind())));
+        return absl::InvalidArgumentError(fmt::format("kind {} is not known; take PICTURE or SILHOUETTE",
+                                                      static_cast<int>(request.kind())));
     form.silhouette = request.kind() == v1::StreamPreviewsRequest::KIND_SILHOUETTE;
     const auto size_ok = [](int size) { return size == 0 || (size >= 16 && size <= 8192); };
     if (!size_ok(request.max_width_px()) || !size_ok(request.max_height_px()))
-        return absl::InvalidArgumentError(fmt::format("max_width_px is {} and max_height_px {}; each is 16 to 8192, or 0",
-                                                      request.max_width_px(), request.max_height_px()));
+        return absl::InvalidArgumentError(
+            fmt::format("max_width_px is {} and max_height_px {}; each is 16 to 8192, or 0",
+                        request.max_width_px(), request.max_height_px()));
     form.max_width_px = request.max_width_px() ? request.max_width_px() : api.preview_width_px;
     form.max_height_px = request.max_height_px();
     if (request.jpeg_quality() < 0 || request.jpeg_quality() > 100)
-        return absl::InvalidArgumentError(
-            fmt::format("jpeg_quality is {}; it is 1 to 100, or 0 for the daemon's default", request.jpeg_quality()));
+        return absl::InvalidArgumentError(fmt::format(
+            "jpeg_quality is {}; it is 1 to 100, or 0 for the daemon's default", request.jpeg_quality()));
     form.jpeg_quality = request.jpeg_quality() ? request.jpeg_quality() : api.preview_jpeg_quality;
-    if (const absl::Status rate = check_rate(request.max_rate_hz(), api.longest_rate_hz); !rate.ok()) return rate;
+    if (const absl::Status rate = check_rate(request.max_rate_hz(), api.longest_rate_hz); !rate.ok())
+        return rate;
     return form;
 }
 
@@ -126,8 +130,8 @@ int level_for(double voxel_m, double max_voxel_m) {
     return level;
 }
 
-grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamVolumes(grpc::CallbackServerContext* context,
-                                                                             const grpc::ByteBuffer* bytes) {
+grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamVolumes(
+    grpc::CallbackServerContext* context, const grpc::ByteBuffer* bytes) {
     const auto request = parse<v1::StreamVolumesRequest>(*bytes);
     if (!request.ok()) return VolumeReactor::refuse(api_, to_grpc(request.status()));
     if (const absl::Status bad = check(*request, api_.longest_rate_hz); !bad.ok())
@@ -143,13 +147,13 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamVolumes(grp
             VolumeForm form{request.level(), !request.without_colours()};
             if (published.volume && request.has_max_voxel_m())
                 form.level = level_for(published.volume->grid.voxel_m, request.max_voxel_m());
-            return counted(api_, &metrics::CaptureFigures::volumes, published.header.published_at, taken.missed,
-                           encode(published, form, api_.runner));
+            return counted(api_, &metrics::CaptureFigures::volumes, published.header.published_at,
+                           taken.missed, encode(published, form, api_.runner));
         });
 }
 
-grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPoses(grpc::CallbackServerContext* context,
-                                                                           const grpc::ByteBuffer* bytes) {
+grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPoses(
+    grpc::CallbackServerContext* context, const grpc::ByteBuffer* bytes) {
     const auto request = parse<v1::StreamPosesRequest>(*bytes);
     if (!request.ok()) return PoseReactor::refuse(api_, to_grpc(request.status()));
     if (const absl::Status bad = check_delivery(*request, api_.longest_rate_hz); !bad.ok())
@@ -160,13 +164,13 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPoses(grpc:
             return api_.hub.subscribe_poses(options, std::move(on_ready));
         },
         [this](const PoseMailbox::Taken& taken) {
-            return counted(api_, &metrics::CaptureFigures::poses, taken.message->header.published_at, taken.missed,
-                           encode(*taken.message));
+            return counted(api_, &metrics::CaptureFigures::poses, taken.message->header.published_at,
+                           taken.missed, encode(*taken.message));
         });
 }
 
-grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPreviews(grpc::CallbackServerContext* context,
-                                                                              const grpc::ByteBuffer* bytes) {
+grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPreviews(
+    grpc::CallbackServerContext* context, const grpc::ByteBuffer* bytes) {
     const auto request = parse<v1::StreamPreviewsRequest>(*bytes);
     if (!request.ok()) return PreviewReactor::refuse(api_, to_grpc(request.status()));
     if (const absl::Status forbidden = check_values(api_, *context, *request); !forbidden.ok())
@@ -177,8 +181,8 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPreviews(gr
         api_, context, {request->max_rate_hz() > 0 ? request->max_rate_hz() : 10.0, true},
         [this](std::function<void()> on_ready) { return api_.hub.subscribe_pictures(std::move(on_ready)); },
         [this, form = *form, camera = request->camera()](const PictureMailbox::Taken& taken) {
-            return counted(api_, &metrics::CaptureFigures::pictures, taken.message->published_at, taken.missed,
-                           encode(*taken.message, form, camera));
+            return counted(api_, &metrics::CaptureFigures::pictures, taken.message->published_at,
+                           taken.missed, encode(*taken.message, form, camera));
         });
 }
 

@@ -56,10 +56,18 @@ v1::CameraLink to_proto(const CameraLink& link) {
     out.set_device(link.device);
     out.set_problem(link.problem);
     switch (link.clock) {
-        case CameraClock::kUnknown: out.set_clock(v1::CAMERA_CLOCK_UNSPECIFIED); break;
-        case CameraClock::kArrival: out.set_clock(v1::CAMERA_CLOCK_ARRIVAL); break;
-        case CameraClock::kDevice: out.set_clock(v1::CAMERA_CLOCK_DEVICE); break;
-        case CameraClock::kPtp: out.set_clock(v1::CAMERA_CLOCK_PTP); break;
+        case CameraClock::kUnknown:
+            out.set_clock(v1::CAMERA_CLOCK_UNSPECIFIED);
+            break;
+        case CameraClock::kArrival:
+            out.set_clock(v1::CAMERA_CLOCK_ARRIVAL);
+            break;
+        case CameraClock::kDevice:
+            out.set_clock(v1::CAMERA_CLOCK_DEVICE);
+            break;
+        case CameraClock::kPtp:
+            out.set_clock(v1::CAMERA_CLOCK_PTP);
+            break;
     }
     out.set_pictures(link.pictures);
     out.set_lost(link.lost);
@@ -83,43 +91,74 @@ v1::CameraLink to_proto(const CameraLink& link) {
 
 v1::CaptureState to_proto(RunState state) {
     switch (state) {
-        case RunState::kStopped: return v1::CAPTURE_STATE_STOPPED;
-        case RunState::kStarting: return v1::CAPTURE_STATE_STARTING;
-        case RunState::kRunning: return v1::CAPTURE_STATE_RUNNING;
-        case RunState::kLearning: return v1::CAPTURE_STATE_LEARNING;
-        case RunState::kEnded: return v1::CAPTURE_STATE_ENDED;
-        case RunState::kFailed: return v1::CAPTURE_STATE_FAILED;
+        case RunState::kStopped:
+            return v1::CAPTURE_STATE_STOPPED;
+        case RunState::kStarting:
+            return v1::CAPTURE_STATE_STARTING;
+        case RunState::kRunning:
+            return v1::CAPTURE_STATE_RUNNING;
+        case RunState::kLearning:
+            return v1::CAPTURE_STATE_LEARNING;
+        case RunState::kEnded:
+            return v1::CAPTURE_STATE_ENDED;
+        case RunState::kFailed:
+            return v1::CAPTURE_STATE_FAILED;
     }
     return v1::CAPTURE_STATE_UNSPECIFIED;
 }
 
 v1::EventKind to_proto(EventKind kind) {
     switch (kind) {
-        case EventKind::kSubjectFound: return v1::EVENT_KIND_SUBJECT_FOUND;
-        case EventKind::kSubjectLost: return v1::EVENT_KIND_SUBJECT_LOST;
-        case EventKind::kCameraLeftOut: return v1::EVENT_KIND_CAMERA_LEFT_OUT;
-        case EventKind::kCameraBack: return v1::EVENT_KIND_CAMERA_BACK;
-        case EventKind::kCameraSilent: return v1::EVENT_KIND_CAMERA_SILENT;
-        case EventKind::kBackgroundLearned: return v1::EVENT_KIND_BACKGROUND_LEARNED;
-        case EventKind::kStarted: return v1::EVENT_KIND_STARTED;
-        case EventKind::kStopped: return v1::EVENT_KIND_STOPPED;
-        case EventKind::kSourceEnded: return v1::EVENT_KIND_SOURCE_ENDED;
-        case EventKind::kControlTaken: return v1::EVENT_KIND_CONTROL_TAKEN;
-        case EventKind::kControlReleased: return v1::EVENT_KIND_CONTROL_RELEASED;
-        case EventKind::kPoseDatabase: return v1::EVENT_KIND_POSE_DATABASE;
-        case EventKind::kBodyFitted: return v1::EVENT_KIND_BODY_FITTED;
-        case EventKind::kCameraMoved: return v1::EVENT_KIND_CAMERA_MOVED;
-        case EventKind::kCameraInPlace: return v1::EVENT_KIND_CAMERA_IN_PLACE;
-        case EventKind::kCalibration: return v1::EVENT_KIND_CALIBRATION;
-        case EventKind::kCameraLost: return v1::EVENT_KIND_CAMERA_LOST;
-        case EventKind::kCameraRejoined: return v1::EVENT_KIND_CAMERA_REJOINED;
-        case EventKind::kCameraLosses: return v1::EVENT_KIND_CAMERA_LOSSES;
-        case EventKind::kRecordingStarted: return v1::EVENT_KIND_RECORDING_STARTED;
-        case EventKind::kRecordingStopped: return v1::EVENT_KIND_RECORDING_STOPPED;
-        case EventKind::kRecordingFailed: return v1::EVENT_KIND_RECORDING_FAILED;
-        case EventKind::kRecordingDrops: return v1::EVENT_KIND_RECORDING_DROPS;
-        case EventKind::kReplay: return v1::EVENT_KIND_REPLAY;
-        case EventKind::kError: return v1::EVENT_KIND_ERROR;
+        case EventKind::kSubjectFound:
+            return v1::EVENT_KIND_SUBJECT_FOUND;
+        case EventKind::kSubjectLost:
+            return v1::EVENT_KIND_SUBJECT_LOST;
+        case EventKind::kCameraLeftOut:
+            return v1::EVENT_KIND_CAMERA_LEFT_OUT;
+        case EventKind::kCameraBack:
+            return v1::EVENT_KIND_CAMERA_BACK;
+        case EventKind::kCameraSilent:
+            return v1::EVENT_KIND_CAMERA_SILENT;
+        case EventKind::kBackgroundLearned:
+            return v1::EVENT_KIND_BACKGROUND_LEARNED;
+        case EventKind::kStarted:
+            return v1::EVENT_KIND_STARTED;
+        case EventKind::kStopped:
+            return v1::EVENT_KIND_STOPPED;
+        case EventKind::kSourceEnded:
+            return v1::EVENT_KIND_SOURCE_ENDED;
+        case EventKind::kControlTaken:
+            return v1::EVENT_KIND_CONTROL_TAKEN;
+        case EventKind::kControlReleased:
+            return v1::EVENT_KIND_CONTROL_RELEASED;
+        case EventKind::kPoseDatabase:
+            return v1::EVENT_KIND_POSE_DATABASE;
+        case EventKind::kBodyFitted:
+            return v1::EVENT_KIND_BODY_FITTED;
+        case EventKind::kCameraMoved:
+            return v1::EVENT_KIND_CAMERA_MOVED;
+        case EventKind::kCameraInPlace:
+            return v1::EVENT_KIND_CAMERA_IN_PLACE;
+        case EventKind::kCalibration:
+            return v1::EVENT_KIND_CALIBRATION;
+        case EventKind::kCameraLost:
+            return v1::EVENT_KIND_CAMERA_LOST;
+        case EventKind::kCameraRejoined:
+            return v1::EVENT_KIND_CAMERA_REJOINED;
+        case EventKind::kCameraLosses:
+            return v1::EVENT_KIND_CAMERA_LOSSES;
+        case EventKind::kRecordingStarted:
+            return v1::EVENT_KIND_RECORDING_STARTED;
+        case EventKind::kRecordingStopped:
+            return v1::EVENT_KIND_RECORDING_STOPPED;
+        case EventKind::kRecordingFailed:
+            return v1::EVENT_KIND_RECORDING_FAILED;
+        case EventKind::kRecordingDrops:
+            return v1::EVENT_KIND_RECORDING_DROPS;
+        case EventKind::kReplay:
+            return v1::EVENT_KIND_REPLAY;
+        case EventKind::kError:
+            return v1::EVENT_KIND_ERROR;
     }
     return v1::EVENT_KIND_UNSPECIFIED;
 }
@@ -138,9 +177,11 @@ v1::WatchEventsResponse to_proto(const PublishedEvent& published, std::uint64_t 
 }
 
 grpc::Status to_grpc(const absl::Status& status) {
-    // Messages quote what was sent. One line, and no more than goes into a call's trailer, of 8 kB with what is escaped.
+    // Messages quote what was sent. One line, and no more than goes into a call's trailer, of 8 kB with what
+    // is escaped.
     constexpr std::size_t kLongest = 2000;
-    return {static_cast<grpc::StatusCode>(status.code()), one_line(std::string(status.message().substr(0, kLongest)))};
+    return {static_cast<grpc::StatusCode>(status.code()),
+            one_line(std::string(status.message().substr(0, kLongest)))};
 }
 
 }  // namespace kinevox

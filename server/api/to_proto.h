@@ -1,10 +1,10 @@
 // What the pipeline says, as the API's messages.
 #pragma once
 
-#include <cstdint>
-
 #include <absl/status/status.h>
 #include <grpcpp/support/status.h>
+
+#include <cstdint>
 
 #include "common/body_pose.h"
 #include "common/camera.h"
@@ -27,6 +27,6 @@ v1::CaptureState to_proto(RunState state);
 v1::EventKind to_proto(EventKind kind);
 v1::WatchEventsResponse to_proto(const PublishedEvent& published, std::uint64_t missed);
 
-grpc::Status to_grpc(const absl::Status& status);   // both count the same codes
+grpc::Status to_grpc(const absl::Status& status);  // both count the same codes
 
 }  // namespace kinevox

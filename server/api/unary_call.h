@@ -1,20 +1,22 @@
 // Calls with one answer.
 #pragma once
 
+#include <grpcpp/support/server_callback.h>
+
 #include <boost/asio/any_io_executor.hpp>
 #include <boost/asio/post.hpp>
-#include <grpcpp/support/server_callback.h>
 
 #include "server/api/api_context.h"
 #include "server/api/to_proto.h"
 
 namespace kinevox {
 
-// `handler` runs on `thread`, which is not gRPC's, if `check` allows it. gRPC keeps request and response until Finish().
+// `handler` runs on `thread`, which is not gRPC's, if `check` allows it. gRPC keeps request and response
+// until Finish().
 template <typename Request, typename Response>
 grpc::ServerUnaryReactor* unary_call(const ApiContext& api, const boost::asio::any_io_executor& thread,
-                                     grpc::CallbackServerContext* context, const Request* request, Response* response,
-                                     absl::Status (*check)(const ApiContext&),
+                                     grpc::CallbackServerContext* context, const Request* request,
+                                     Response* response, absl::Status (*check)(const ApiContext&),
                                      absl::Status (*handler)(const ApiContext&, const Request&, Response&)) {
     grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
     if (const absl::Status refused = check(api); !refused.ok()) {

@@ -2,6 +2,6 @@
 
 namespace kinevox {
 
-inline constexpr const char* kVersion = KINEVOX_VERSION;   // the project's, from CMake
+inline constexpr const char* kVersion = KINEVOX_VERSION;  // the project's, from CMake
 
 }  // namespace kinevox

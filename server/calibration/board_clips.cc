@@ -86,7 +86,8 @@ absl::StatusOr<std::vector<CameraClip>> open_clips(const std::vector<std::string
 }
 
 absl::Status read_side_by_side(
-    const std::vector<CameraClip>& clips, const ClipPictures& which, const std::string& what, const SolveProgress& progress,
+    const std::vector<CameraClip>& clips, const ClipPictures& which, const std::string& what,
+    const SolveProgress& progress,
     const std::function<absl::StatusOr<std::function<void(const Picture&)>>(std::size_t, const Camera&)>&
         start) {
     std::mutex mutex;
@@ -107,8 +108,9 @@ absl::Status read_side_by_side(
             if (absl::Status there = (*reader)->seek(clips[c].first); !there.ok()) return fail(there);
         auto see = start(c, size);
         if (!see.ok()) return fail(see.status());
-        const std::int64_t end = which.most < 0 ? std::numeric_limits<std::int64_t>::max()
-                                                : which.first + std::int64_t{which.every} * (which.most - 1) + 1;
+        const std::int64_t end = which.most < 0
+                                     ? std::numeric_limits<std::int64_t>::max()
+                                     : which.first + std::int64_t{which.every} * (which.most - 1) + 1;
         total += std::max<std::int64_t>(std::min((*reader)->promised() - clips[c].first, end), 1);
         for (std::int64_t frame = 0; frame < end && !stop; ++frame) {
             auto picture = (*reader)->next();
@@ -128,7 +130,8 @@ absl::Status read_side_by_side(
 }
 
 absl::StatusOr<std::vector<std::vector<BoardSighting>>> find_boards(const std::vector<CameraClip>& clips,
-                                                                    const BoardSpec& board, const ClipPictures& which,
+                                                                    const BoardSpec& board,
+                                                                    const ClipPictures& which,
                                                                     const SolveProgress& progress) {
     return for_pictures<BoardSighting>(
         clips, which, "looking for the board", progress,

@@ -20,7 +20,7 @@ struct CameraClip {
     std::filesystem::path file;        // a video, a picture or a folder of pictures
     std::filesystem::path background;  // of the empty scene; empty where none is known
     int width = 0, height = 0;         // px
-    std::int64_t first = 0;            // of its pictures that counts as its first: cameras may begin one by one
+    std::int64_t first = 0;  // of its pictures that counts as its first: cameras may begin one by one
 };
 
 inline constexpr const char* kBoardHelp =
@@ -39,18 +39,20 @@ absl::StatusOr<std::vector<CameraClip>> open_clips(const std::vector<std::string
 // Which pictures of each clip are looked at.
 struct ClipPictures {
     int first = 0;
-    int every = 1;   // from the first on
-    int most = -1;   // so many; -1: to the clip's end
+    int every = 1;  // from the first on
+    int most = -1;  // so many; -1: to the clip's end
 };
 
-// Cameras side by side: sightings[camera][picture], frame numbers are first + every * picture. Cancelled by `progress`.
+// Cameras side by side: sightings[camera][picture], frame numbers are first + every * picture. Cancelled by
+// `progress`.
 absl::StatusOr<std::vector<std::vector<BoardSighting>>> find_boards(const std::vector<CameraClip>& clips,
-                                                                    const BoardSpec& board, const ClipPictures& which,
+                                                                    const BoardSpec& board,
+                                                                    const ClipPictures& which,
                                                                     const SolveProgress& progress);
 
 // Hands those pictures of each clip to what `start` made for its camera.
-absl::Status read_side_by_side(const std::vector<CameraClip>& clips, const ClipPictures& which, const std::string& what,
-                               const SolveProgress& progress,
+absl::Status read_side_by_side(const std::vector<CameraClip>& clips, const ClipPictures& which,
+                               const std::string& what, const SolveProgress& progress,
                                const std::function<absl::StatusOr<std::function<void(const Picture&)>>(
                                    std::size_t camera, const Camera& size)>& start);
 

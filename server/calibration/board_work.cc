@@ -8,12 +8,12 @@
 namespace kinevox {
 namespace {
 
-constexpr std::size_t kFloorMoments = 3;   // the board lies still: any of them will do
+constexpr std::size_t kFloorMoments = 3;  // the board lies still: any of them will do
 
 class BoardWork final : public PlaceWork {
   public:
-    BoardWork(const BoardSpec& board, std::unique_ptr<BoardDetector> detector, const ExtrinsicsOptions& options,
-              std::vector<Camera> cameras, std::vector<std::size_t> chosen)
+    BoardWork(const BoardSpec& board, std::unique_ptr<BoardDetector> detector,
+              const ExtrinsicsOptions& options, std::vector<Camera> cameras, std::vector<std::size_t> chosen)
         : PlaceWork(std::move(cameras), std::move(chosen)),
           board_(board),
           detector_(std::move(detector)),
@@ -43,20 +43,23 @@ class BoardWork final : public PlaceWork {
             return absl::InvalidArgumentError(
                 fmt::format("floor_frame is {}; pictures count from 0", *files.floor_frame));
         if (files.floor_frame && *files.floor_frame % files.every != 0)
-            return absl::InvalidArgumentError(fmt::format("floor_frame {} is not looked at with every {}; give a "
-                                                          "multiple of it",
-                                                          *files.floor_frame, files.every));
+            return absl::InvalidArgumentError(
+                fmt::format("floor_frame {} is not looked at with every {}; give a "
+                            "multiple of it",
+                            *files.floor_frame, files.every));
         return check_clips(cameras_, chosen_, files);
     }
 
     absl::Status read(const ProcedureFiles& files, const SolveProgress& progress) override {
         const auto sightings = find_boards(files.clips, board_, {.every = files.every}, progress);
         if (!sightings.ok()) return sightings.status();
-        const auto shared = add_clips(files, *sightings, [this](int moment, int index, const BoardSighting& sighting) {
-            return add(moment, index, sighting);
-        });
+        const auto shared =
+            add_clips(files, *sightings, [this](int moment, int index, const BoardSighting& sighting) {
+                return add(moment, index, sighting);
+            });
         if (files.floor_frame)
-            if (const auto lying = shared.find(*files.floor_frame); lying != shared.end()) lying_.push_back(lying->second);
+            if (const auto lying = shared.find(*files.floor_frame); lying != shared.end())
+                lying_.push_back(lying->second);
         return absl::OkStatus();
     }
 
@@ -66,8 +69,9 @@ class BoardWork final : public PlaceWork {
         report.floor_seen = !lying_.empty();
         report.complete = procedure_.complete() && report.floor_seen;
         if (!report.floor_seen)
-            report.hints.push_back("no board has lain on the floor: lay it there to set floor and origin, or they are "
-                                   "those of the calibration in use");
+            report.hints.push_back(
+                "no board has lain on the floor: lay it there to set floor and origin, or they are "
+                "those of the calibration in use");
         return report;
     }
 
@@ -89,13 +93,18 @@ class BoardWork final : public PlaceWork {
     bool add(int moment, int index, const BoardSighting& sighting) {
         ObservedCamera& seen = seen_[index];
         ++seen.pictures;
-        if (!has_room()) return reject_view(seen, "no room", "as many moments are kept as can be; solve"), false;
+        if (!has_room())
+            return reject_view(seen, "no room", "as many moments are kept as can be; solve"), false;
         procedure_.add_observation(moment, index, sighting);
         if (sighting.mirrored_picture)
-            return reject_view(seen, "mirrored", "the picture is a mirror image: switch the camera's mirroring off"), false;
+            return reject_view(seen, "mirrored",
+                               "the picture is a mirror image: switch the camera's mirroring off"),
+                   false;
         if (!sighting.found()) return reject_view(seen, "not found", ""), false;
         if (sighting.edge_px > most_edge_px_)
-            return reject_view(seen, "blurred", fmt::format("blurred: edges are {:.1f} px wide", sighting.edge_px)), false;
+            return reject_view(seen, "blurred",
+                               fmt::format("blurred: edges are {:.1f} px wide", sighting.edge_px)),
+                   false;
         std::vector<Vec2> pixels;
         for (const Corner& corner : sighting.corners) pixels.push_back(corner.pixel);
         accept(index, pixels);
@@ -106,7 +115,7 @@ class BoardWork final : public PlaceWork {
     std::unique_ptr<BoardDetector> detector_;
     double most_edge_px_;
     ExtrinsicsProcedure procedure_;
-    std::vector<int> lying_;   // moments
+    std::vector<int> lying_;  // moments
 };
 
 }  // namespace
@@ -116,10 +125,10 @@ MadeWork make_board_work(const ProcedureRequest& request, const std::vector<Came
     const auto board = parse_board(request.board);
     if (!board.ok()) return board.status();
     if (!board->has_direction())
-        return absl::InvalidArgumentError(
-            fmt::format("{} looks the same after half a turn, so that cameras cannot be matched by it; use one with an "
-                        "odd and an even number, or a ChArUco board",
-                        board_text(*board)));
+        return absl::InvalidArgumentError(fmt::format(
+            "{} looks the same after half a turn, so that cameras cannot be matched by it; use one with an "
+            "odd and an even number, or a ChArUco board",
+            board_text(*board)));
     auto detector = BoardDetector::create(*board);
     if (!detector.ok()) return detector.status();
     ExtrinsicsOptions options;

@@ -204,7 +204,8 @@ absl::Status solve_bundle(Bundle& bundle, const BundleOptions& options, BundleRe
     solver.linear_solver_ordering = ordering;
     solver.max_num_iterations = options.most_iterations;
     solver.function_tolerance = 1e-9;
-    // The turn of a wand about itself is seen by nobody: some damping always remains, or nothing could be solved.
+    // The turn of a wand about itself is seen by nobody: some damping always remains, or nothing could be
+    // solved.
     solver.min_lm_diagonal = 1e-3;
     solver.max_trust_region_radius = 1e6;
     solver.num_threads = options.threads;

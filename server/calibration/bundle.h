@@ -55,8 +55,8 @@ Vec3 observed_point(const Bundle& bundle, const BundleObservation& observation);
 absl::Status solve_bundle(Bundle& bundle, const BundleOptions& options, BundleReport& report,
                           const SolveProgress& progress = {});
 
-// The thing's poses at the moments of `held_out`, by the cameras of `fit`, which stay where they are; nothing where it
-// has no observations.
+// The thing's poses at the moments of `held_out`, by the cameras of `fit`, which stay where they are; nothing
+// where it has no observations.
 absl::Status place_held_out(const Bundle& fit, BundleOptions options, Bundle& held_out, BundleReport& report);
 
 // The errors as they stand.

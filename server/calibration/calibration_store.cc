@@ -69,7 +69,8 @@ std::vector<int> numbers_in(const fs::path& folder) {
     std::vector<int> numbers;
     std::error_code error;
     for (const fs::directory_entry& entry : fs::directory_iterator(folder, error))
-        if (const int number = number_of(entry.path().filename().string()); number > 0) numbers.push_back(number);
+        if (const int number = number_of(entry.path().filename().string()); number > 0)
+            numbers.push_back(number);
     std::ranges::sort(numbers);
     return numbers;
 }
@@ -87,7 +88,9 @@ absl::Status CalibrationStore::check_folder() const {
         "this daemon stores no calibrations; give [calibration] folder in its configuration");
 }
 
-fs::path CalibrationStore::folder_of(const std::string& id) const { return folder_ / id; }
+fs::path CalibrationStore::folder_of(const std::string& id) const {
+    return folder_ / id;
+}
 
 absl::StatusOr<CalibrationListing> CalibrationStore::read_about(const std::string& id) const {
     const auto missing = [&] {
@@ -109,11 +112,13 @@ absl::StatusOr<CalibrationListing> CalibrationStore::read_about(const std::strin
             const std::string name = camera.value("name", "");
             out.cameras.push_back(name);
             const Camera* const own = camera_named(own_, name);
-            const int width = whole_number_at<int>(camera, "width"), height = whole_number_at<int>(camera, "height");
+            const int width = whole_number_at<int>(camera, "width"),
+                      height = whole_number_at<int>(camera, "height");
             fitting += own && own->width == width && own->height == height;
         }
     } catch (const std::exception&) {  // nlohmann's, too
-        return absl::DataLossError(fmt::format("{}: is damaged; remove the folder", (folder_of(id) / kAbout).string()));
+        return absl::DataLossError(
+            fmt::format("{}: is damaged; remove the folder", (folder_of(id) / kAbout).string()));
     }
     out.fits = fitting == own_.size();
     return out;
@@ -128,20 +133,22 @@ absl::StatusOr<std::vector<CalibrationListing>> CalibrationStore::list() const {
 }
 
 absl::StatusOr<std::string> CalibrationStore::add(const std::vector<Camera>& cameras,
-                                                  const std::string& certificate_json, const std::string& made_by,
-                                                  std::optional<Verdict> verdict, const std::string& note,
-                                                  std::int64_t time_utc_ns) {
+                                                  const std::string& certificate_json,
+                                                  const std::string& made_by, std::optional<Verdict> verdict,
+                                                  const std::string& note, std::int64_t time_utc_ns) {
     if (absl::Status there = check_folder(); !there.ok()) return there;
     const std::scoped_lock lock(mutex_);
     const std::vector<int> numbers = numbers_in(folder_);
     if (numbers.size() >= kMostCalibrations)
         return absl::ResourceExhaustedError(fmt::format(
-            "{} calibrations are stored, which is as many as are kept; remove some that are not needed", numbers.size()));
+            "{} calibrations are stored, which is as many as are kept; remove some that are not needed",
+            numbers.size()));
     Json about{{"time_utc_ns", time_utc_ns}, {"made_by", made_by}, {"note", note}};
     if (verdict) about["verdict"] = to_text(*verdict);
     about["cameras"] = Json::array();
     for (const Camera& camera : cameras)
-        about["cameras"].push_back({{"name", camera.name}, {"width", camera.width}, {"height", camera.height}});
+        about["cameras"].push_back(
+            {{"name", camera.name}, {"width", camera.width}, {"height", camera.height}});
     // Whole or not at all: the folder gets its name when all is in it.
     const fs::path aside = folder_ / fmt::format(".new-{}", getpid());
     std::error_code error;
@@ -149,14 +156,14 @@ absl::StatusOr<std::string> CalibrationStore::add(const std::vector<Camera>& cam
     absl::Status written = write_calibration_toml(cameras, aside / kCalibration);
     if (written.ok()) written = write_file_atomically(aside / kCertificate, certificate_json);
     if (written.ok())
-        written = write_file_atomically(
-            aside / kAbout, about.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+        written = write_file_atomically(aside / kAbout,
+                                        about.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
     std::string id;
     for (int number = numbers.empty() ? 1 : numbers.back() + 1; written.ok() && id.empty(); ++number) {
         id = fmt::format("c{}", number);
         fs::rename(aside, folder_of(id), error);
         if (!error) continue;
-        const bool taken = fs::exists(folder_of(id));   // by another daemon, just now
+        const bool taken = fs::exists(folder_of(id));  // by another daemon, just now
         if (!taken)
             written = absl::UnavailableError(fmt::format("{}: the calibration cannot be stored ({})",
                                                          folder_of(id).string(), error.message()));
@@ -175,8 +182,8 @@ absl::Status CalibrationStore::remove(const std::string& id) {
     if (all.is_object())
         for (const auto& [key, ids] : all.items())
             if (const auto applied = strings(ids); std::ranges::find(applied, id) != applied.end())
-                return absl::FailedPreconditionError(
-                    fmt::format("calibration {} is in use, or to be undone to; undo or apply another first", id));
+                return absl::FailedPreconditionError(fmt::format(
+                    "calibration {} is in use, or to be undone to; undo or apply another first", id));
     const fs::path aside = folder_ / fmt::format(".old-{}", getpid());
     std::error_code error;
     fs::remove_all(aside, error);
@@ -232,7 +239,8 @@ absl::StatusOr<std::vector<Camera>> CalibrationStore::fitting_cameras(const std:
                 fmt::format("calibration {} has no camera {}; calibrate all cameras together", id, own.name));
         if (found->width != own.width || found->height != own.height)
             return absl::FailedPreconditionError(
-                fmt::format("calibration {} has camera {} at {} x {} px, its pictures are {} x {}; calibrate at that size",
+                fmt::format("calibration {} has camera {} at {} x {} px, its pictures are {} x {}; calibrate "
+                            "at that size",
                             id, own.name, found->width, found->height, own.width, own.height));
         out.push_back(*found);
     }
@@ -281,7 +289,8 @@ absl::StatusOr<std::string> CalibrationStore::undo() {
     const std::scoped_lock lock(mutex_);
     std::vector<std::string> ids = read_applied();
     if (ids.empty())
-        return absl::FailedPreconditionError("the source's own calibration is in use; there is nothing to undo");
+        return absl::FailedPreconditionError(
+            "the source's own calibration is in use; there is nothing to undo");
     ids.pop_back();
     if (absl::Status written = write_applied(ids); !written.ok()) return written;
     return ids.empty() ? "" : ids.back();

@@ -1,6 +1,6 @@
 // Calibrations on disk, and which of them is in use. A folder each (c1, c2, ...) with calibration.toml,
-// certificate.json and about.json, written aside and renamed; in_use.json tells for each source which were applied one
-// after the other. Sessions and configurations are never written to.
+// certificate.json and about.json, written aside and renamed; in_use.json tells for each source which were
+// applied one after the other. Sessions and configurations are never written to.
 #pragma once
 
 #include <absl/status/status.h>
@@ -25,7 +25,7 @@ struct CalibrationListing {
     std::optional<Verdict> verdict;  // empty: nobody has judged it
     std::string note;
     std::vector<std::string> cameras;
-    bool fits = false;               // has all of the source's cameras at their sizes
+    bool fits = false;  // has all of the source's cameras at their sizes
 };
 
 // Any thread. Several daemons may share a folder.
@@ -34,9 +34,9 @@ class CalibrationStore {
     static constexpr std::size_t kMostCalibrations = 200;
     static constexpr std::size_t kMostUndos = 20;
 
-    // `folder` empty: nothing is stored, and what would need it is FailedPrecondition. `source` and the source's own
-    // cameras tell whose calibration is in use: a source that gets other cameras, or another calibration of its own,
-    // begins anew.
+    // `folder` empty: nothing is stored, and what would need it is FailedPrecondition. `source` and the
+    // source's own cameras tell whose calibration is in use: a source that gets other cameras, or another
+    // calibration of its own, begins anew.
     CalibrationStore(std::filesystem::path folder, std::string source, std::vector<Camera> own_cameras);
 
     // Oldest first; what cannot be read is left out.
@@ -44,16 +44,17 @@ class CalibrationStore {
 
     // The new id. ResourceExhausted when the folder is full; Unavailable where it cannot be written.
     absl::StatusOr<std::string> add(const std::vector<Camera>& cameras, const std::string& certificate_json,
-                                    const std::string& made_by, std::optional<Verdict> verdict, const std::string& note,
-                                    std::int64_t time_utc_ns);
+                                    const std::string& made_by, std::optional<Verdict> verdict,
+                                    const std::string& note, std::int64_t time_utc_ns);
     // FailedPrecondition for one that is in use or to be undone to, by whatever source.
     absl::Status remove(const std::string& id);
 
     // NotFound for an id that is not there; an empty id is the source's own calibration.
     absl::StatusOr<std::vector<Camera>> cameras(const std::string& id) const;
-    std::filesystem::path calibration_file(const std::string& id) const;   // whether it is there or not
+    std::filesystem::path calibration_file(const std::string& id) const;  // whether it is there or not
     absl::StatusOr<std::string> certificate_json(const std::string& id) const;
-    // PNG. Drawn at the first time, by a program of its own, which takes seconds; Unavailable where that fails.
+    // PNG. Drawn at the first time, by a program of its own, which takes seconds; Unavailable where that
+    // fails.
     absl::StatusOr<std::string> certificate_page(const std::string& id) const;
     absl::StatusOr<CalibrationListing> find(const std::string& id) const;
 
@@ -77,9 +78,9 @@ class CalibrationStore {
     absl::Status write_applied(const std::vector<std::string>& ids) const;
 
     const std::filesystem::path folder_;
-    const std::string key_;   // of the source, in in_use.json
+    const std::string key_;  // of the source, in in_use.json
     const std::vector<Camera> own_;
-    mutable std::mutex mutex_;   // changes, one after the other
+    mutable std::mutex mutex_;  // changes, one after the other
 };
 
 }  // namespace kinevox

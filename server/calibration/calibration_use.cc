@@ -44,15 +44,16 @@ absl::StatusOr<CalibrationUse::Applied> CalibrationUse::take(const std::string& 
     }
     if (runner_.set_cameras(*std::move(cameras))) {
         const std::scoped_lock lock(mutex_);
-        in_use_ = id;   // the same cameras may have two names
+        in_use_ = id;  // the same cameras may have two names
         return Applied{id, true};
     }
     if (!restart) return Applied{id, false};
     absl::Status back = runner_.stop();
-    if (back.ok() || absl::IsFailedPrecondition(back)) back = runner_.start();   // it may have ended meanwhile
+    if (back.ok() || absl::IsFailedPrecondition(back)) back = runner_.start();  // it may have ended meanwhile
     if (!back.ok())
-        return absl::AbortedError(fmt::format("the calibration is applied, but the capture did not start with it: {}",
-                                              std::string(back.message())));
+        return absl::AbortedError(
+            fmt::format("the calibration is applied, but the capture did not start with it: {}",
+                        std::string(back.message())));
     return Applied{id, true};
 }
 

@@ -14,23 +14,24 @@
 
 namespace kinevox {
 
-// begin(), apply() and undo() are the control thread's, as the runner's start() and stop(); in_use() and at_next_start()
-// any. Store and runner must outlive it.
+// begin(), apply() and undo() are the control thread's, as the runner's start() and stop(); in_use() and
+// at_next_start() any. Store and runner must outlive it.
 class CalibrationUse {
   public:
     // `on_taken`: whenever the capture has taken other cameras, on the control thread.
     CalibrationUse(CalibrationStore& store, Runner& runner,
                    std::function<void(const std::vector<Camera>&)> on_taken);
 
-    // Before the first start: takes what was applied before. An error says why the source's own is used instead.
+    // Before the first start: takes what was applied before. An error says why the source's own is used
+    // instead.
     absl::Status begin();
 
     struct Applied {
         std::string id;       // empty: the source's own
         bool in_use = false;  // false: from the capture's next start on
     };
-    // `restart`: a capture that runs is stopped and started with it. Aborted where it does not come back up; the
-    // calibration is applied all the same.
+    // `restart`: a capture that runs is stopped and started with it. Aborted where it does not come back up;
+    // the calibration is applied all the same.
     absl::StatusOr<Applied> apply(const std::string& id, bool restart);
     absl::StatusOr<Applied> undo(bool restart);
 

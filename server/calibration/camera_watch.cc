@@ -11,16 +11,18 @@
 namespace kinevox {
 namespace {
 
-constexpr double kLargestPart = 0.5;   // of the picture: more is no subject but what a knocked camera sees as foreground
+constexpr double kLargestPart =
+    0.5;  // of the picture: more is no subject but what a knocked camera sees as foreground
 
-// Where the subject is in a camera's picture, px: where its volume is, or, without one, the camera's foreground. A knocked
-// camera's foreground is the whole room, which must not hide the knock.
+// Where the subject is in a camera's picture, px: where its volume is, or, without one, the camera's
+// foreground. A knocked camera's foreground is the whole room, which must not hide the knock.
 kernels::Rect subject_box(const FrameResult& result, std::size_t c, const Camera& camera) {
     kernels::Rect box{camera.width, camera.height, 0, 0};
     if (result.volume) {
         const VolumeGrid& grid = result.volume->grid;
         for (int corner = 0; corner < 8; ++corner) {
-            const Vec3 along{grid.voxel_m * grid.size[0] * (corner & 1), grid.voxel_m * grid.size[1] * (corner >> 1 & 1),
+            const Vec3 along{grid.voxel_m * grid.size[0] * (corner & 1),
+                             grid.voxel_m * grid.size[1] * (corner >> 1 & 1),
                              grid.voxel_m * grid.size[2] * (corner >> 2)};
             const auto pixel = camera.project(grid.origin_in_world + along);
             if (!pixel) continue;
@@ -33,7 +35,8 @@ kernels::Rect subject_box(const FrameResult& result, std::size_t c, const Camera
         box = result.silhouettes[c].bounds;
     }
     const double area = static_cast<double>(box.x1 - box.x0) * (box.y1 - box.y0);
-    const bool usable = box.x0 < box.x1 && box.y0 < box.y1 && area < kLargestPart * camera.width * camera.height;
+    const bool usable =
+        box.x0 < box.x1 && box.y0 < box.y1 && area < kLargestPart * camera.width * camera.height;
     return usable ? box : kernels::Rect{};
 }
 
@@ -54,7 +57,8 @@ CameraVerdict::Change CameraVerdict::add(const std::optional<SceneShift>& shift,
         camera_.reason.clear();
     else if (moved)
         camera_.reason = fmt::format(
-            "camera {} was knocked: it has turned by {:.1f} degrees since the capture began; put it back, or learn the "
+            "camera {} was knocked: it has turned by {:.1f} degrees since the capture began; put it back, or "
+            "learn the "
             "background again and calibrate with kinevox calibrate refine",
             camera, shift->turn_deg);
     if (camera_.suspect == was) return Change::kNone;
@@ -62,7 +66,10 @@ CameraVerdict::Change CameraVerdict::add(const std::optional<SceneShift>& shift,
 }
 
 CameraWatch::CameraWatch(std::vector<Camera> cameras, const CameraWatchOptions& options, OnEvent on_event)
-    : options_(options), on_event_(std::move(on_event)), cameras_(std::move(cameras)), verdicts_(cameras_.size()) {
+    : options_(options),
+      on_event_(std::move(on_event)),
+      cameras_(std::move(cameras)),
+      verdicts_(cameras_.size()) {
     worker_ = std::thread([this] { watch_loop(); });
 }
 
@@ -92,15 +99,22 @@ std::vector<WatchedCamera> CameraWatch::cameras() const {
 
 void CameraWatch::observe(const FrameResult& result) {
     const bool anew = last_ns_ && result.capture_time_ns < *last_ns_;
-    if (last_ns_ && !anew && 1e-9 * static_cast<double>(result.capture_time_ns - *last_ns_) < options_.interval_s)
+    if (last_ns_ && !anew &&
+        1e-9 * static_cast<double>(result.capture_time_ns - *last_ns_) < options_.interval_s)
         return;
     last_ns_ = result.capture_time_ns;
     const std::scoped_lock lock(mutex_);
     if (result.frame_set.pictures.size() != cameras_.size()) return;
     anew_ = anew_ || anew;
     if (busy_ || closed_) return;  // the machine is loaded: one look less
-    Look look{result.sequence, result.capture_time_ns, std::exchange(anew_, false), result.frame_set.pictures, {}, {}};
-    for (std::size_t c = 0; c < cameras_.size(); ++c) look.ignored.push_back(subject_box(result, c, cameras_[c]));
+    Look look{result.sequence,
+              result.capture_time_ns,
+              std::exchange(anew_, false),
+              result.frame_set.pictures,
+              {},
+              {}};
+    for (std::size_t c = 0; c < cameras_.size(); ++c)
+        look.ignored.push_back(subject_box(result, c, cameras_[c]));
     if (look.anew) look.cameras = cameras_;
     next_ = std::move(look);
     busy_ = true;

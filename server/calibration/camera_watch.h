@@ -1,7 +1,8 @@
-// Watches, behind the running capture, whether every camera still stands where it stood when the capture began.
+// Watches, behind the running capture, whether every camera still stands where it stood when the capture
+// began.
 //
-// Threads: observe() the posing thread's, everything else any. The callback comes from a thread of its own and must not
-// call back into this class.
+// Threads: observe() the posing thread's, everything else any. The callback comes from a thread of its own
+// and must not call back into this class.
 #pragma once
 
 #include <condition_variable>
@@ -23,8 +24,9 @@ struct CameraWatchOptions {
     double interval_s = 0.5;     // between frame sets that are looked at
     double suspect_deg = 0.25;   // a camera turned by so much is suspect; half a degree is to be found
     double in_place_deg = 0.12;  // and by less it is in place again
-    double explained = 0.35;     // part of the pictures' difference that the turn must explain: else it is the light
-    int confirmations = 2;       // looks in a row
+    double explained =
+        0.35;  // part of the pictures' difference that the turn must explain: else it is the light
+    int confirmations = 2;  // looks in a row
 };
 
 struct WatchedCamera {
@@ -37,7 +39,8 @@ struct WatchedCamera {
 class CameraVerdict {
   public:
     enum class Change { kNone, kMoved, kInPlace };
-    Change add(const std::optional<SceneShift>& shift, const std::string& camera, const CameraWatchOptions& options);
+    Change add(const std::optional<SceneShift>& shift, const std::string& camera,
+               const CameraWatchOptions& options);
     const WatchedCamera& camera() const { return camera_; }
 
   private:
@@ -54,11 +57,11 @@ class CameraWatch {
     CameraWatch(const CameraWatch&) = delete;
     CameraWatch& operator=(const CameraWatch&) = delete;
 
-    // After each frame set; takes hold of the pictures of some of them, copies nothing and never waits. Where time goes
-    // backwards the capture began anew, and so does the watch.
+    // After each frame set; takes hold of the pictures of some of them, copies nothing and never waits. Where
+    // time goes backwards the capture began anew, and so does the watch.
     void observe(const FrameResult& result);
-    // Whatever the cameras see next is how they are meant to stand: a calibration was applied. The same cameras, in the same
-    // order.
+    // Whatever the cameras see next is how they are meant to stand: a calibration was applied. The same
+    // cameras, in the same order.
     void begin_anew(std::vector<Camera> cameras);
     // In the order of the cameras.
     std::vector<WatchedCamera> cameras() const;

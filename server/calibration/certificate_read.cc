@@ -109,8 +109,8 @@ Certificate certificate_of(const Json& in) {
     out.fit_rms_px = number(in.at("fit_rms_px"));
     out.held_out_rms_px = maybe(in, "held_out_rms_px");
     if (const auto scale = in.find("scale_error_mm_per_m"); scale != in.end())
-        out.scale = ScaleError{number(scale->at("bias")), number(scale->at("spread")),
-                               count(scale->at("distances"))};
+        out.scale =
+            ScaleError{number(scale->at("bias")), number(scale->at("spread")), count(scale->at("distances"))};
     if (const auto volume = in.find("volume"); volume != in.end())
         out.volume =
             VolumeCoverage{point(volume->at("lower_m")), point(volume->at("upper_m")),

@@ -37,9 +37,9 @@ struct CameraQuality {
     int views = 0;  // used in the fit
     double fit_rms_px = 0;
     std::optional<double> held_out_rms_px;
-    double coverage = 0;                  // part of the picture, 0 to 1, by the views used
-    std::vector<int> coverage_counts;     // see Coverage
-    std::vector<PixelMiss> misses;        // evenly some of the points held out, or of those fitted where none were
+    double coverage = 0;               // part of the picture, 0 to 1, by the views used
+    std::vector<int> coverage_counts;  // see Coverage
+    std::vector<PixelMiss> misses;  // evenly some of the points held out, or of those fitted where none were
 };
 
 // Distances between points of the board, triangulated, against the print. mm per metre.

@@ -19,8 +19,7 @@ constexpr double kFar_m = 1000;
 bool read_numbers(std::string_view text, std::vector<double>& numbers) {
     for (const absl::string_view part : absl::StrSplit(absl::string_view(text.data(), text.size()), ',')) {
         double value = 0;
-        if (!absl::SimpleAtod(part, &value) || !std::isfinite(value))
-            return false;
+        if (!absl::SimpleAtod(part, &value) || !std::isfinite(value)) return false;
         numbers.push_back(value);
     }
     return true;

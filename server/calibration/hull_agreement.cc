@@ -27,8 +27,8 @@ HullAgreement hull_agreement(const std::vector<Camera>& cameras, const Silhouett
             for (int y = 0; y < cameras[c].height; y += step)
                 for (int x = 0; x < cameras[c].width; x += step) {
                     if (!mask[static_cast<std::size_t>(y) * cameras[c].width + x]) continue;
-                    const auto answer = hull.meets(c, cameras[c].ray_through({1.0 * x, 1.0 * y}), options.reach_m,
-                                                   options.step_m);
+                    const auto answer = hull.meets(c, cameras[c].ray_through({1.0 * x, 1.0 * y}),
+                                                   options.reach_m, options.step_m);
                     asked += answer != SilhouetteHull::Meets::kUnseen;
                     inside += answer == SilhouetteHull::Meets::kYes;
                 }

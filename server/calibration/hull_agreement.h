@@ -13,10 +13,10 @@ struct HullAgreementOptions {
     int most_moments = 40;  // evenly from those given
 };
 
-// Intersection over union of each silhouette and the hull's projection into its picture, exactly, without voxels: a
-// pixel belongs to the projection if its ray meets all the other silhouettes at one place. The hull lies within every
-// silhouette, so the union is the silhouette. (A hull of voxels comes out wider by about a voxel on each side, and that
-// hides what a wrong camera cuts off.)
+// Intersection over union of each silhouette and the hull's projection into its picture, exactly, without
+// voxels: a pixel belongs to the projection if its ray meets all the other silhouettes at one place. The hull
+// lies within every silhouette, so the union is the silhouette. (A hull of voxels comes out wider by about a
+// voxel on each side, and that hides what a wrong camera cuts off.)
 HullAgreement hull_agreement(const std::vector<Camera>& cameras, const SilhouetteSet& silhouettes,
                              const HullAgreementOptions& options = {});
 

@@ -21,7 +21,7 @@ struct IntrinsicsOptions {
     double most_edge_px = 6;       // views whose edges are blurred wider are rejected, and those
     double most_edge_ratio = 2.2;  // wider than so many times the median
     double least_tilt_deg = 6;     // a board nearer to parallel with the picture tells no focal length: it is
-                                // rejected unless it covers a part of the picture that no other view does
+                                   // rejected unless it covers a part of the picture that no other view does
     double same_view_part =
         0.015;  // of the picture's width: views whose corners moved less than this are one view
 };

@@ -10,29 +10,41 @@ namespace {
 
 const char* short_reason(ViewUse use) {
     switch (use) {
-        case ViewUse::kNotFound: return "not found";
-        case ViewUse::kMirrored: return "mirrored";
-        case ViewUse::kBlurred: return "blurred";
-        case ViewUse::kSameAsBefore: return "same as before";
-        case ViewUse::kParallel: return "parallel";
-        case ViewUse::kDoesNotFit: return "does not fit";
+        case ViewUse::kNotFound:
+            return "not found";
+        case ViewUse::kMirrored:
+            return "mirrored";
+        case ViewUse::kBlurred:
+            return "blurred";
+        case ViewUse::kSameAsBefore:
+            return "same as before";
+        case ViewUse::kParallel:
+            return "parallel";
+        case ViewUse::kDoesNotFit:
+            return "does not fit";
         case ViewUse::kUsed:
-        case ViewUse::kSpare: break;
+        case ViewUse::kSpare:
+            break;
     }
     return "";
 }
 
 class LensWork final : public ProcedureWork {
   public:
-    LensWork(const BoardSpec& board, std::unique_ptr<BoardDetector> detector, bool k3, std::vector<Camera> cameras,
-             std::vector<std::size_t> chosen)
-        : board_(board), detector_(std::move(detector)), cameras_(std::move(cameras)), chosen_(std::move(chosen)) {
+    LensWork(const BoardSpec& board, std::unique_ptr<BoardDetector> detector, bool k3,
+             std::vector<Camera> cameras, std::vector<std::size_t> chosen)
+        : board_(board),
+          detector_(std::move(detector)),
+          cameras_(std::move(cameras)),
+          chosen_(std::move(chosen)) {
         IntrinsicsOptions options;
         options.k3 = k3;
         for (const std::size_t c : chosen_) {
             const Camera& camera = cameras_[c];
             lenses_.push_back({IntrinsicsProcedure(camera.name, camera.width, camera.height, board, options),
-                               Coverage(camera.width, camera.height), {}, 0});
+                               Coverage(camera.width, camera.height),
+                               {},
+                               0});
             lenses_.back().seen.name = camera.name;
         }
     }
@@ -41,14 +53,16 @@ class LensWork final : public ProcedureWork {
         for (std::size_t i = 0; i < chosen_.size(); ++i) {
             const Picture& picture = result.frame_set.pictures[chosen_[i]];
             lenses_[i].seen.seen_last = false;
-            if (!picture.empty()) add(lenses_[i], static_cast<int>(result.sequence), detector_->detect(picture));
+            if (!picture.empty())
+                add(lenses_[i], static_cast<int>(result.sequence), detector_->detect(picture));
         }
         return false;
     }
 
     absl::Status check_files(ProcedureFiles& files) const override {
         if (files.floor_frame)
-            return absl::InvalidArgumentError("floor_frame is given; lenses have no floor, places from a board have");
+            return absl::InvalidArgumentError(
+                "floor_frame is given; lenses have no floor, places from a board have");
         return check_clips(cameras_, chosen_, files);
     }
 
@@ -81,7 +95,8 @@ class LensWork final : public ProcedureWork {
     absl::StatusOr<Certificate> solve(const SolveProgress& progress) const override {
         std::vector<IntrinsicsResult> results;
         for (const Lens& lens : lenses_) {
-            const auto before = static_cast<double>(results.size()), all = static_cast<double>(lenses_.size());
+            const auto before = static_cast<double>(results.size()),
+                       all = static_cast<double>(lenses_.size());
             auto result = lens.procedure.solve([&](double part, const std::string& what) {
                 return !progress || progress((before + part) / all, what);
             });
@@ -99,7 +114,8 @@ class LensWork final : public ProcedureWork {
         certificate.cameras = std::move(cameras);
         certificate.world_is_set = true;
         certificate.findings.push_back(
-            {Verdict::kCare, "places", "", "the cameras' places are those of the calibration in use, found with other lenses",
+            {Verdict::kCare, "places", "",
+             "the cameras' places are those of the calibration in use, found with other lenses",
              "calibrate the places next, with these lenses"});
         return certificate;
     }
@@ -117,7 +133,8 @@ class LensWork final : public ProcedureWork {
         ++seen.pictures;
         seen.seen_last = sighting.found();
         if (!sighting.found() && !sighting.mirrored_picture) return reject_view(seen, "not found", "");
-        if (lens.kept >= kMostViews) return reject_view(seen, "no room", "as many views are kept as can be; solve");
+        if (lens.kept >= kMostViews)
+            return reject_view(seen, "no room", "as many views are kept as can be; solve");
         ++lens.kept;
         const IntrinsicsView view = lens.procedure.add_observation(frame, sighting);
         if (view.use != ViewUse::kSpare) return reject_view(seen, short_reason(view.use), view.reason);

@@ -22,12 +22,13 @@ namespace {
 constexpr std::size_t kFewestTogether = 12;  // moments
 constexpr double kTopToMiddlePart = 0.42;    // of a person's height, from the top of the head to the centre
 constexpr int kTries = 3;                    // of the first places, by landmarks drawn differently
-constexpr double kSureMissPart = 0.001;      // of the picture's longer side: first places that need no other try
-constexpr double kGoodMissPart = 0.002;      // more than that are not to be trusted
+constexpr double kSureMissPart = 0.001;  // of the picture's longer side: first places that need no other try
+constexpr double kGoodMissPart = 0.002;  // more than that are not to be trusted
 constexpr double kStayed_m = 0.5, kWayLong_m = 1.5;  // over which the subject should walk
-constexpr double kSureCentre_mm = 60, kSureTurn_deg = 1.0;        // between the recording's halves: more is not sure
+constexpr double kSureCentre_mm = 60,
+                 kSureTurn_deg = 1.0;  // between the recording's halves: more is not sure
 constexpr double kUnknownCentre_mm = 300, kUnknownTurn_deg = 5;  // and more is no calibration
-constexpr double kUnevenHeight = 1.08;       // upper over middle height of the hulls: bent, or arms raised
+constexpr double kUnevenHeight = 1.08;  // upper over middle height of the hulls: bent, or arms raised
 
 using Landmarks = std::vector<std::vector<std::optional<PersonLandmarks>>>;  // [moment][camera]
 
@@ -51,8 +52,8 @@ std::optional<CameraPair> join(const std::vector<Camera>& lenses, const Landmark
     const cv::Mat essential =
         cv::findEssentialMat(in_b, in_a, cv::Mat::eye(3, 3, CV_64F), cv::RANSAC, 0.9999, threshold, inside);
     if (essential.rows != 3) return std::nullopt;
-    const int good =
-        cv::recoverPose(essential, in_b, in_a, cv::Mat::eye(3, 3, CV_64F), rotation, shift, 1e3, inside, points);
+    const int good = cv::recoverPose(essential, in_b, in_a, cv::Mat::eye(3, 3, CV_64F), rotation, shift, 1e3,
+                                     inside, points);
     if (good < static_cast<int>(kPersonLandmarks * kFewestTogether) / 2) return std::nullopt;
     std::vector<double> lengths;
     for (int m = 0; m + kPersonLandmarks <= points.cols; m += kPersonLandmarks) {
@@ -60,7 +61,8 @@ std::optional<CameraPair> join(const std::vector<Camera>& lenses, const Landmark
         if (!inside.at<std::uint8_t>(m) || !inside.at<std::uint8_t>(last)) continue;
         const auto at = [&](int i) {
             const double w = points.at<double>(3, i);
-            return Vec3{points.at<double>(0, i) / w, points.at<double>(1, i) / w, points.at<double>(2, i) / w};
+            return Vec3{points.at<double>(0, i) / w, points.at<double>(1, i) / w,
+                        points.at<double>(2, i) / w};
         };
         lengths.push_back(norm(at(m) - at(last)));
     }
@@ -75,8 +77,8 @@ std::optional<CameraPair> join(const std::vector<Camera>& lenses, const Landmark
 }
 
 // Every landmark of every moment is a point of its own.
-absl::Status adjust(std::vector<Camera>& cameras, const Landmarks& landmarks, const std::vector<int>& camera_of,
-                    double robust_px) {
+absl::Status adjust(std::vector<Camera>& cameras, const Landmarks& landmarks,
+                    const std::vector<int>& camera_of, double robust_px) {
     Bundle bundle;
     bundle.cameras = cameras;
     bundle.points_in_thing = {{0, 0, 0}};
@@ -125,23 +127,26 @@ void judge(const PersonWorld& world, double side_px, PersonExtrinsicsResult& res
     // Both halves have the same mistakes then, and agree.
     if (world.way_long_m < kStayed_m)
         add(Verdict::kNoGo, "movement",
-            fmt::format("the person stayed at one place, within {:.1f} m: that leaves the cameras' places open by a "
-                        "decimetre and more",
-                        world.way_long_m),
+            fmt::format(
+                "the person stayed at one place, within {:.1f} m: that leaves the cameras' places open by a "
+                "decimetre and more",
+                world.way_long_m),
             "let the person walk round through the whole space, best in a circle of two metres or more");
     else if (little || unsure)
         add(unknown ? Verdict::kNoGo : Verdict::kCare, "movement",
             fmt::format("the person moved over {:.1f} m by {:.1f} m; {}", world.way_long_m, world.way_wide_m,
-                        !result.uncertainty ? "how certain the places are cannot be told from so few moments"
-                                            : fmt::format("the two halves of the recording give places that differ by "
-                                                          "{:.0f} mm and {:.1f} degrees",
-                                                          centre_mm, turn_deg)),
+                        !result.uncertainty
+                            ? "how certain the places are cannot be told from so few moments"
+                            : fmt::format("the two halves of the recording give places that differ by "
+                                          "{:.0f} mm and {:.1f} degrees",
+                                          centre_mm, turn_deg)),
             "let the person walk round through the whole space, best in a circle of two metres or more");
     if (world.uneven_height > kUnevenHeight)
         add(Verdict::kCare, "scale",
-            fmt::format("the person's height varies by {:.0f} %: bent down or with raised arms, so that the scale is "
-                        "uncertain",
-                        100 * (world.uneven_height - 1)),
+            fmt::format(
+                "the person's height varies by {:.0f} %: bent down or with raised arms, so that the scale is "
+                "uncertain",
+                100 * (world.uneven_height - 1)),
             "let the person walk upright with the arms down");
 }
 
@@ -170,7 +175,8 @@ SilhouetteRefineOptions refinement(int moments, bool wide) {
 }
 
 // From the middle to the top of the head, on average.
-Vec3 body_axis(const std::vector<Camera>& cameras, const Landmarks& landmarks, const std::vector<int>& camera_of) {
+Vec3 body_axis(const std::vector<Camera>& cameras, const Landmarks& landmarks,
+               const std::vector<int>& camera_of) {
     Vec3 sum;
     for (const auto& moment : landmarks) {
         std::vector<Sight> tops, middles;
@@ -200,10 +206,10 @@ absl::StatusOr<Places> first_places(const std::vector<Camera>& lenses, const Lan
         for (int b = a + 1; b < count; ++b)
             if (const auto pair = join(lenses, landmarks, a, b, options, attempt)) pairs.push_back(*pair);
     if (pairs.empty())
-        return absl::FailedPreconditionError(
-            fmt::format("no two cameras have seen the whole person together in {} moments or more, from head to feet "
-                        "and at different places; let a person walk through the whole space for half a minute",
-                        kFewestTogether));
+        return absl::FailedPreconditionError(fmt::format(
+            "no two cameras have seen the whole person together in {} moments or more, from head to feet "
+            "and at different places; let a person walk through the whole space for half a minute",
+            kFewestTogether));
     const CameraTree tree = join_cameras(count, pairs);
     Places places;
     places.camera_of = tree.groups.front();
@@ -212,7 +218,8 @@ absl::StatusOr<Places> first_places(const std::vector<Camera>& lenses, const Lan
         places.cameras.back().camera_from_world = tree.camera_from_world[c];
     }
     const double robust_px = 0.25 * options.landmark_px_part * longest_side_px(lenses);
-    if (absl::Status adjusted = adjust(places.cameras, landmarks, places.camera_of, robust_px); !adjusted.ok())
+    if (absl::Status adjusted = adjust(places.cameras, landmarks, places.camera_of, robust_px);
+        !adjusted.ok())
         return adjusted;
     const SilhouetteSet seen = of_cameras(silhouettes, places.camera_of);
     auto refined = refine_from_silhouettes(places.cameras, seen, refinement(options.first_moments, true));
@@ -242,7 +249,8 @@ absl::StatusOr<PersonExtrinsicsResult> extrinsics_from_person(const std::vector<
         const bool more = places->cameras.size() > best.cameras.size();
         if (more || (places->cameras.size() == best.cameras.size() && places->miss_px < best.miss_px))
             best = *std::move(places);
-        if (best.cameras.size() == lenses.size() && best.miss_px < kSureMissPart * longest_side_px(lenses)) break;
+        if (best.cameras.size() == lenses.size() && best.miss_px < kSureMissPart * longest_side_px(lenses))
+            break;
     }
     const SilhouetteSet seen = of_cameras(silhouettes, best.camera_of);
     const SolveProgress within = [&](double part, const std::string& what) {
@@ -251,11 +259,13 @@ absl::StatusOr<PersonExtrinsicsResult> extrinsics_from_person(const std::vector<
     PersonExtrinsicsResult result;
     result.cameras = best.cameras;
     for (std::size_t c = 0; c < lenses.size(); ++c)
-        if (std::find(best.camera_of.begin(), best.camera_of.end(), static_cast<int>(c)) == best.camera_of.end()) {
+        if (std::find(best.camera_of.begin(), best.camera_of.end(), static_cast<int>(c)) ==
+            best.camera_of.end()) {
             result.left_out.push_back(lenses[c].name);
             result.findings.push_back(
                 {Verdict::kNoGo, "unconnected", lenses[c].name,
-                 fmt::format("camera {} saw too little of the person together with the others", lenses[c].name),
+                 fmt::format("camera {} saw too little of the person together with the others",
+                             lenses[c].name),
                  "let the person walk where it and another camera see them from head to feet"});
         }
     return improve_extrinsics_from_person(std::move(result), seen, options, within);
@@ -265,13 +275,13 @@ absl::StatusOr<PersonExtrinsicsResult> improve_extrinsics_from_person(PersonExtr
                                                                       const SilhouetteSet& silhouettes,
                                                                       const PersonExtrinsicsOptions& options,
                                                                       const SolveProgress& progress) {
-    const auto refined =
-        refine_from_silhouettes(result.cameras, silhouettes, refinement(options.most_moments, false), progress);
+    const auto refined = refine_from_silhouettes(result.cameras, silhouettes,
+                                                 refinement(options.most_moments, false), progress);
     if (!refined.ok()) return refined.status();
     result.cameras = refined->cameras;
     if (options.tell_uncertainty) {
-        const auto told =
-            places_uncertainty(result.cameras, silhouettes, refinement(options.most_moments, false), progress);
+        const auto told = places_uncertainty(result.cameras, silhouettes,
+                                             refinement(options.most_moments, false), progress);
         if (!told.ok()) return told.status();
         result.uncertainty = *told;
     }
@@ -282,7 +292,8 @@ absl::StatusOr<PersonExtrinsicsResult> improve_extrinsics_from_person(PersonExtr
     const auto world = person_world(result.cameras, silhouettes, axis, options.height_m);
     if (!world)
         return absl::FailedPreconditionError(
-            "the person was never whole in all pictures; let a person walk where all cameras see head and feet");
+            "the person was never whole in all pictures; let a person walk where all cameras see head and "
+            "feet");
     move_cameras(world->world_from_solved, result.cameras);
     result.moments = world->moments;
     result.walked_m = world->way_long_m, result.walked_wide_m = world->way_wide_m;

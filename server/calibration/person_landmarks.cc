@@ -8,7 +8,8 @@
 namespace kinevox {
 namespace {
 
-// Where the body's axis points in a camera's picture, over all moments; the camera stands upright within 60 degrees.
+// Where the body's axis points in a camera's picture, over all moments; the camera stands upright within 60
+// degrees.
 Vec2 picture_up(const Camera& camera, const SilhouetteSet& silhouettes, std::size_t c) {
     double cosine = 0, sine = 0;  // of twice the axis' angle: an axis has no sign
     for (const auto& pictures : silhouettes.moments) {
@@ -37,7 +38,8 @@ std::optional<PersonLandmarks> landmarks_of(const Camera& camera, const Silhouet
     const auto each = [&](const auto& body) {
         for (int y = 0; y < camera.height; ++y)
             for (int x = 0; x < camera.width; ++x)
-                if (picture.mask[static_cast<std::size_t>(y) * camera.width + x]) body(x, y, up.x * x + up.y * y);
+                if (picture.mask[static_cast<std::size_t>(y) * camera.width + x])
+                    body(x, y, up.x * x + up.y * y);
     };
     each([&](int x, int y, double along) {
         most = std::max(most, along), least = std::min(least, along);
@@ -63,7 +65,8 @@ std::vector<std::vector<std::optional<PersonLandmarks>>> person_landmarks(const 
     oneapi::tbb::parallel_for(std::size_t{0}, lenses.size(), [&](std::size_t c) {
         const Vec2 up = picture_up(lenses[c], silhouettes, c);
         for (std::size_t m = 0; m < out.size(); ++m)
-            if (const SilhouettePicture& picture = silhouettes.moments[m][c]; !picture.empty() && !picture.cut)
+            if (const SilhouettePicture& picture = silhouettes.moments[m][c];
+                !picture.empty() && !picture.cut)
                 out[m][c] = landmarks_of(lenses[c], picture, up);
     });
     return out;

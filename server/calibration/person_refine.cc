@@ -8,18 +8,21 @@
 
 namespace kinevox {
 
-void judge_by_person(const SilhouetteSet& silhouettes, std::optional<double> height_m, Certificate& certificate) {
+void judge_by_person(const SilhouetteSet& silhouettes, std::optional<double> height_m,
+                     Certificate& certificate) {
     const std::vector<Camera>& cameras = certificate.cameras;
     const auto extent = subject_extent(cameras, silhouettes);
     if (extent) certificate.subject_height_m = extent->highest_m - extent->lowest_m;
     certificate.world_is_set = true;
     certificate.pictures = agreement_pictures(cameras, silhouettes);
-    for (Finding& finding : check_world(cameras, extent, height_m)) certificate.findings.push_back(std::move(finding));
+    for (Finding& finding : check_world(cameras, extent, height_m))
+        certificate.findings.push_back(std::move(finding));
 }
 
 absl::StatusOr<PersonRefinement> refine_from_person(const std::vector<Camera>& cameras,
                                                     const SilhouetteSet& silhouettes, int moments,
-                                                    std::optional<double> height_m, const SolveProgress& progress) {
+                                                    std::optional<double> height_m,
+                                                    const SolveProgress& progress) {
     PersonRefinement out;
     Certificate& certificate = out.certificate;
     certificate.made_by = "person";
@@ -31,7 +34,8 @@ absl::StatusOr<PersonRefinement> refine_from_person(const std::vector<Camera>& c
     certificate.hull_before = certificate.hull = hull_agreement(cameras, kept_out);
     // How far the cameras may be from where they are believed to be is not known: what the hull agrees with
     // best is taken.
-    for (const auto& [angle_deg, shift_m] : {std::pair{0.25, 0.02}, std::pair{1.0, 0.07}, std::pair{5.0, 0.35}}) {
+    for (const auto& [angle_deg, shift_m] :
+         {std::pair{0.25, 0.02}, std::pair{1.0, 0.07}, std::pair{5.0, 0.35}}) {
         SilhouetteRefineOptions options;
         options.most_moments = moments;
         options.prior_angle_deg = angle_deg, options.prior_shift_m = shift_m;
@@ -45,7 +49,8 @@ absl::StatusOr<PersonRefinement> refine_from_person(const std::vector<Camera>& c
     }
     if (!out.better)
         certificate.findings.push_back(
-            {Verdict::kCare, "unchanged", "", "the silhouettes fit no other places better: nothing was changed",
+            {Verdict::kCare, "unchanged", "",
+             "the silhouettes fit no other places better: nothing was changed",
              "if it should be better, record a person who walks through the whole space"});
     judge_by_person(silhouettes, height_m, certificate);
     return out;

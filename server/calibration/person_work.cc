@@ -12,27 +12,29 @@
 namespace kinevox {
 namespace {
 
-constexpr int kMoments = 48;                            // that are used
-constexpr std::size_t kMostBytes = std::size_t{256} << 20;   // of silhouettes that are kept
-constexpr int kFewestMoments = 12;                      // that are worth solving
-constexpr double kApart_s = 0.25;                       // of capture time, so that the person has moved
-constexpr double kEnoughCoverage = 0.25;                // of a picture; people do not fill the ceiling
+constexpr int kMoments = 48;                                // that are used
+constexpr std::size_t kMostBytes = std::size_t{256} << 20;  // of silhouettes that are kept
+constexpr int kFewestMoments = 12;                          // that are worth solving
+constexpr double kApart_s = 0.25;                           // of capture time, so that the person has moved
+constexpr double kEnoughCoverage = 0.25;                    // of a picture; people do not fill the ceiling
 
 class PersonWork final : public ProcedureWork {
   public:
-    PersonWork(std::vector<Camera> cameras, double height_m) : cameras_(std::move(cameras)), height_m_(height_m) {
+    PersonWork(std::vector<Camera> cameras, double height_m)
+        : cameras_(std::move(cameras)), height_m_(height_m) {
         std::size_t bytes = 0;
         for (const Camera& camera : cameras_) {
             bytes += static_cast<std::size_t>(camera.width) * camera.height;
             coverage_.emplace_back(camera.width, camera.height);
             seen_.emplace_back().name = camera.name;
         }
-        most_moments_ = std::clamp<std::size_t>(kMostBytes / std::max<std::size_t>(bytes, 1), 8, 2 * kMoments);
+        most_moments_ =
+            std::clamp<std::size_t>(kMostBytes / std::max<std::size_t>(bytes, 1), 8, 2 * kMoments);
     }
 
     // The newest moments are kept: what the cameras see now counts.
     bool observe(const FrameResult& result, Taking) override {
-        const bool first = !last_ns_ || result.capture_time_ns < *last_ns_;   // a recording began anew
+        const bool first = !last_ns_ || result.capture_time_ns < *last_ns_;  // a recording began anew
         if (!first && 1e-9 * static_cast<double>(result.capture_time_ns - *last_ns_) < kApart_s) return false;
         last_ns_ = result.capture_time_ns;
         add(silhouettes_of(result, cameras_));
@@ -41,21 +43,23 @@ class PersonWork final : public ProcedureWork {
 
     absl::Status check_files(ProcedureFiles& files) const override {
         if (!files.clips.empty() || files.floor_frame)
-            return absl::InvalidArgumentError("refining needs silhouettes: give a session with a person in it, no clips");
+            return absl::InvalidArgumentError(
+                "refining needs silhouettes: give a session with a person in it, no clips");
         if (!files.session.is_absolute())
             return absl::InvalidArgumentError(fmt::format(
                 "'{}' is no absolute path; the daemon reads a session by its full name on its own machine",
                 files.session.string()));
         std::error_code error;
         if (!std::filesystem::exists(files.session, error))
-            return absl::NotFoundError(fmt::format("there is no file {}; correct the path", files.session.string()));
+            return absl::NotFoundError(
+                fmt::format("there is no file {}; correct the path", files.session.string()));
         return absl::OkStatus();
     }
 
     absl::Status read(const ProcedureFiles& files, const SolveProgress& progress) override {
         auto read = session_silhouettes(files.session, kMoments, std::string(), progress);
         if (!read.ok()) return read.status();
-        std::vector<std::size_t> index;   // of each of our cameras in the session
+        std::vector<std::size_t> index;  // of each of our cameras in the session
         for (const Camera& camera : cameras_) {
             const Camera* const there = camera_named(read->cameras, camera.name);
             if (!there || there->width != camera.width || there->height != camera.height)
@@ -83,12 +87,12 @@ class PersonWork final : public ProcedureWork {
             if (seen_[c].accepted == 0)
                 report.hints.push_back(fmt::format("camera {} has not seen the person", cameras_[c].name));
             else if (coverage_[c].part() < kEnoughCoverage)
-                report.hints.push_back(fmt::format("camera {}: walk also through {} of the picture", cameras_[c].name,
-                                                   coverage_[c].emptiest()));
+                report.hints.push_back(fmt::format("camera {}: walk also through {} of the picture",
+                                                   cameras_[c].name, coverage_[c].emptiest()));
         }
         if (report.moments < kFewestMoments)
-            report.hints.push_back(fmt::format("{} of {} moments; walk through the whole space", report.moments,
-                                               kFewestMoments));
+            report.hints.push_back(fmt::format("{} of {} moments; walk through the whole space",
+                                               report.moments, kFewestMoments));
         return report;
     }
 
@@ -141,7 +145,8 @@ class PersonWork final : public ProcedureWork {
 }  // namespace
 
 MadeWork make_person_work(const ProcedureRequest& request, const std::vector<Camera>& cameras) {
-    if (request.subject_height_m != 0 && !(request.subject_height_m >= 0.5 && request.subject_height_m <= 2.6))
+    if (request.subject_height_m != 0 &&
+        !(request.subject_height_m >= 0.5 && request.subject_height_m <= 2.6))
         return absl::InvalidArgumentError(
             fmt::format("subject_height_m is {}; 0.5 to 2.6 is allowed, or 0 where it is not known",
                         request.subject_height_m));

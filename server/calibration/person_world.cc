@@ -12,19 +12,18 @@
 namespace kinevox {
 namespace {
 
-constexpr double kLeanStd_rad = 0.06;     // of a walking body, on average over its way
-constexpr double kFloorStdPart = 0.02;    // of the height: of the lowest point of a hull, about the floor
+constexpr double kLeanStd_rad = 0.06;   // of a walking body, on average over its way
+constexpr double kFloorStdPart = 0.02;  // of the height: of the lowest point of a hull, about the floor
 constexpr double kUprightQuantile = 0.75, kTallQuantile = 0.97;  // of the heights of the hulls
 constexpr int kFewest = 5;
-
 
 double quantile(std::vector<double> values, double part) {
     std::sort(values.begin(), values.end());
     return values[static_cast<std::size_t>(part * static_cast<double>(values.size() - 1))];
 }
 
-std::vector<SilhouetteHull::Extent> extents(const std::vector<Camera>& cameras, const SilhouetteSet& silhouettes,
-                                            Vec3 up) {
+std::vector<SilhouetteHull::Extent> extents(const std::vector<Camera>& cameras,
+                                            const SilhouetteSet& silhouettes, Vec3 up) {
     std::vector<std::optional<SilhouetteHull::Extent>> all(silhouettes.moments.size());
     oneapi::tbb::parallel_for(std::size_t{0}, all.size(), [&](std::size_t m) {
         for (const SilhouettePicture& picture : silhouettes.moments[m])
@@ -61,12 +60,14 @@ Vec3 normal_of_floor(const std::vector<SilhouetteHull::Extent>& extents, Vec3 up
 // Along the direction in which the subject's places spread most, and across it; world lengths.
 void measure_way(const std::vector<SilhouetteHull::Extent>& extents, PersonWorld& world) {
     std::vector<Vec3> places;
-    for (const auto& extent : extents) places.push_back(world.world_from_solved(0.5 * (extent.lowest + extent.highest)));
+    for (const auto& extent : extents)
+        places.push_back(world.world_from_solved(0.5 * (extent.lowest + extent.highest)));
     double xx = 0, xy = 0, yy = 0;
     Vec3 mean;
     for (const Vec3 p : places) mean += p / static_cast<double>(places.size());
     for (const Vec3 p : places)
-        xx += (p.x - mean.x) * (p.x - mean.x), xy += (p.x - mean.x) * (p.y - mean.y), yy += (p.y - mean.y) * (p.y - mean.y);
+        xx += (p.x - mean.x) * (p.x - mean.x), xy += (p.x - mean.x) * (p.y - mean.y),
+            yy += (p.y - mean.y) * (p.y - mean.y);
     const double angle = 0.5 * std::atan2(2 * xy, xx - yy);
     std::vector<double> along, across;
     for (const Vec3 p : places) {
@@ -108,7 +109,8 @@ std::optional<PersonWorld> person_world(const std::vector<Camera>& cameras, cons
     world.world_from_solved.scale = scale;
     world.world_from_solved.to_from_from.rotation = {{x.x, x.y, x.z, y.x, y.y, y.z, up.x, up.y, up.z}};
     const Vec3 origin = middle - (dot(middle, up) - floor) * up;
-    world.world_from_solved.to_from_from.translation = -(world.world_from_solved.to_from_from.rotation * (scale * origin));
+    world.world_from_solved.to_from_from.translation =
+        -(world.world_from_solved.to_from_from.rotation * (scale * origin));
     measure_way(found, world);
     return world;
 }

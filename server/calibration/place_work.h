@@ -35,8 +35,8 @@ class PlaceWork : public ProcedureWork {
     }
 
   protected:
-    // The number of the next live moment, and room for so many pictures of a clip. Live moments lie apart, so that
-    // nobody takes two of them for neighbours in time.
+    // The number of the next live moment, and room for so many pictures of a clip. Live moments lie apart, so
+    // that nobody takes two of them for neighbours in time.
     int next_moment() { return std::exchange(next_moment_, next_moment_ + 2); }
     int next_moments(int count) { return std::exchange(next_moment_, next_moment_ + count + 2); }
 
@@ -57,10 +57,12 @@ class PlaceWork : public ProcedureWork {
         kept_moments_ += seen_by > 0;
         shared_moments_ += seen_by > 1;
     }
-    // What was seen in clips, cameras side by side, as found[clip][picture]: `add(moment, camera's index, what)` says
-    // whether it can be used. The moment of each picture, counted in the clips, that two cameras or more saw.
+    // What was seen in clips, cameras side by side, as found[clip][picture]: `add(moment, camera's index,
+    // what)` says whether it can be used. The moment of each picture, counted in the clips, that two cameras
+    // or more saw.
     template <class Found, class Add>
-    std::map<int, int> add_clips(const ProcedureFiles& files, const std::vector<std::vector<Found>>& found, Add add) {
+    std::map<int, int> add_clips(const ProcedureFiles& files, const std::vector<std::vector<Found>>& found,
+                                 Add add) {
         std::size_t longest = 0;
         for (const auto& clip : found) longest = std::max(longest, clip.size());
         const int first = next_moments(static_cast<int>(longest) * files.every);
@@ -69,7 +71,8 @@ class PlaceWork : public ProcedureWork {
             const int picture = static_cast<int>(i) * files.every;
             int seen_by = 0;
             for (std::size_t clip = 0; clip < found.size(); ++clip)
-                if (i < found[clip].size()) seen_by += add(first + picture, index_of(files.clips[clip].camera), found[clip][i]);
+                if (i < found[clip].size())
+                    seen_by += add(first + picture, index_of(files.clips[clip].camera), found[clip][i]);
             count_moment(seen_by);
             if (seen_by > 1) shared.emplace(picture, first + picture);
         }
@@ -79,9 +82,9 @@ class PlaceWork : public ProcedureWork {
 
     std::vector<Camera> cameras_;
     std::vector<std::size_t> chosen_;
-    std::vector<Camera> lenses_;           // of those chosen
-    std::vector<ObservedCamera> seen_;     // the same
-    std::vector<Coverage> coverage_;       // the same
+    std::vector<Camera> lenses_;        // of those chosen
+    std::vector<ObservedCamera> seen_;  // the same
+    std::vector<Coverage> coverage_;    // the same
 
   private:
     int next_moment_ = 0, kept_moments_ = 0, shared_moments_ = 0;

@@ -12,24 +12,31 @@
 namespace kinevox {
 namespace {
 
-constexpr std::chrono::milliseconds kTick{100};   // how late an end by neglect, or a frame set, is noticed at most
+constexpr std::chrono::milliseconds kTick{
+    100};  // how late an end by neglect, or a frame set, is noticed at most
 
 const char* in_words(ProcedureKind kind) {
     switch (kind) {
-        case ProcedureKind::kIntrinsics: return "lenses from a board";
-        case ProcedureKind::kExtrinsicsBoard: return "places from a board";
-        case ProcedureKind::kExtrinsicsWand: return "places from a wand";
-        case ProcedureKind::kRefinePerson: return "places from a person";
+        case ProcedureKind::kIntrinsics:
+            return "lenses from a board";
+        case ProcedureKind::kExtrinsicsBoard:
+            return "places from a board";
+        case ProcedureKind::kExtrinsicsWand:
+            return "places from a wand";
+        case ProcedureKind::kRefinePerson:
+            return "places from a person";
     }
     return "";
 }
 
-double seconds(std::chrono::steady_clock::duration duration) { return std::chrono::duration<double>(duration).count(); }
+double seconds(std::chrono::steady_clock::duration duration) {
+    return std::chrono::duration<double>(duration).count();
+}
 
 }  // namespace
 
-CalibrationProcedure::CalibrationProcedure(Subscribe subscribe, Store store, Watched watched, OnProgress on_progress,
-                                           const ProcedureOptions& options)
+CalibrationProcedure::CalibrationProcedure(Subscribe subscribe, Store store, Watched watched,
+                                           OnProgress on_progress, const ProcedureOptions& options)
     : subscribe_(std::move(subscribe)),
       store_(std::move(store)),
       watched_(std::move(watched)),
@@ -98,8 +105,7 @@ absl::StatusOr<std::uint64_t> CalibrationProcedure::start(const ProcedureRequest
 
 absl::Status CalibrationProcedure::check_collecting() const {
     if (closed_) return absl::UnavailableError("the daemon is stopping; nothing is calibrated");
-    if (!progress_.open())
-        return absl::FailedPreconditionError("no procedure is open; start one first");
+    if (!progress_.open()) return absl::FailedPreconditionError("no procedure is open; start one first");
     if (progress_.state == ProcedureState::kReading)
         return absl::FailedPreconditionError("the procedure reads files; wait for that, or stop it");
     if (progress_.state == ProcedureState::kSolving)
@@ -109,7 +115,7 @@ absl::Status CalibrationProcedure::check_collecting() const {
 
 absl::Status CalibrationProcedure::take(Taking what) {
     const auto full = absl::ResourceExhaustedError("as much is observed as is kept; solve, or begin anew");
-    std::shared_ptr<PictureMailbox> box;   // let go without the mutex
+    std::shared_ptr<PictureMailbox> box;  // let go without the mutex
     if (what != Taking::kNothing)
         box = subscribe_([this] {
             ready_ = true;
@@ -149,7 +155,8 @@ absl::Status CalibrationProcedure::read(ProcedureFiles files) {
     {
         const std::scoped_lock lock(mutex_);
         if (absl::Status status = check_collecting(); !status.ok()) return status;
-        if (work != work_) return absl::FailedPreconditionError("the procedure was ended meanwhile; start one anew");
+        if (work != work_)
+            return absl::FailedPreconditionError("the procedure was ended meanwhile; start one anew");
         files_ = std::move(files);
         box = begin(Job::kRead, ProcedureState::kReading, "reading files");
     }
@@ -175,13 +182,14 @@ absl::Status CalibrationProcedure::cancel(bool keep_observations) {
     std::shared_ptr<PictureMailbox> box;
     {
         const std::scoped_lock lock(mutex_);
-        if (!progress_.open()) return absl::FailedPreconditionError("no procedure is open; there is nothing to cancel");
+        if (!progress_.open())
+            return absl::FailedPreconditionError("no procedure is open; there is nothing to cancel");
         if (keep_observations && progress_.state == ProcedureState::kCollecting)
             return absl::FailedPreconditionError(
                 "the procedure neither reads nor solves; there is nothing to stop but the procedure itself");
         last_use_ = Clock::now();
         if (keep_observations) {
-            stop_job_ = true;   // the worker tells when it has stopped
+            stop_job_ = true;  // the worker tells when it has stopped
         } else {
             box = end(ProcedureState::kCancelled, "cancelled by an operator");
         }
@@ -191,7 +199,8 @@ absl::Status CalibrationProcedure::cancel(bool keep_observations) {
     return absl::OkStatus();
 }
 
-std::shared_ptr<PictureMailbox> CalibrationProcedure::begin(Job job, ProcedureState state, std::string message) {
+std::shared_ptr<PictureMailbox> CalibrationProcedure::begin(Job job, ProcedureState state,
+                                                            std::string message) {
     job_ = job;
     stop_job_ = false;
     progress_.state = state;
@@ -218,10 +227,11 @@ bool CalibrationProcedure::abandoned() {
     return now - last_use_ > abandon_after_;
 }
 
-// The worker's. Whatever it does may be overtaken by the procedure's end and another one's start: `number` tells.
+// The worker's. Whatever it does may be overtaken by the procedure's end and another one's start: `number`
+// tells.
 void CalibrationProcedure::run() {
-    lower_this_threads_priority();        // the capture comes first
-    oneapi::tbb::task_arena alone(1);     // none of the pipeline's workers
+    lower_this_threads_priority();     // the capture comes first
+    oneapi::tbb::task_arena alone(1);  // none of the pipeline's workers
     std::unique_lock lock(mutex_);
     while (!closed_) {
         if (work_ && abandoned()) {
@@ -242,8 +252,10 @@ void CalibrationProcedure::run() {
             const std::string note = note_;
             lock.unlock();
             alone.execute([&] {
-                guarded(number,
-                        [&] { job == Job::kRead ? read_files(number, *work, files) : solve_observed(number, *work, note); });
+                guarded(number, [&] {
+                    job == Job::kRead ? read_files(number, *work, files)
+                                      : solve_observed(number, *work, note);
+                });
             });
             lock.lock();
             continue;
@@ -302,7 +314,8 @@ SolveProgress CalibrationProcedure::progress_of(std::uint64_t number) {
     };
 }
 
-void CalibrationProcedure::read_files(std::uint64_t number, ProcedureWork& work, const ProcedureFiles& files) {
+void CalibrationProcedure::read_files(std::uint64_t number, ProcedureWork& work,
+                                      const ProcedureFiles& files) {
     const absl::Status status = work.read(files, progress_of(number));
     ProcedureReport report = work.report();
     {
@@ -311,14 +324,16 @@ void CalibrationProcedure::read_files(std::uint64_t number, ProcedureWork& work,
         progress_.state = ProcedureState::kCollecting;
         progress_.part = 0;
         progress_.report = std::move(report);
-        progress_.message = status.ok()                  ? "the files are read"
-                            : absl::IsCancelled(status) ? "reading was stopped; nothing of these files was added"
-                                                         : "the files were not added: " + std::string(status.message());
+        progress_.message = status.ok() ? "the files are read"
+                            : absl::IsCancelled(status)
+                                ? "reading was stopped; nothing of these files was added"
+                                : "the files were not added: " + std::string(status.message());
     }
     tell();
 }
 
-void CalibrationProcedure::solve_observed(std::uint64_t number, ProcedureWork& work, const std::string& note) {
+void CalibrationProcedure::solve_observed(std::uint64_t number, ProcedureWork& work,
+                                          const std::string& note) {
     const auto solved = work.solve(progress_of(number));
     bool overtaken = false;
     {
@@ -337,11 +352,12 @@ void CalibrationProcedure::solve_observed(std::uint64_t number, ProcedureWork& w
             progress_.verdict = solved->verdict();
         } else if (absl::IsInternal(id.status())) {
             end(ProcedureState::kFailed, std::string(id.status().message()));
-        } else {   // more observations, or room in the store, may help
+        } else {  // more observations, or room in the store, may help
             progress_.state = ProcedureState::kCollecting;
             progress_.part = 0;
-            progress_.message = absl::IsCancelled(id.status()) ? "solving was stopped; the observations are kept"
-                                                               : "not solved: " + std::string(id.status().message());
+            progress_.message = absl::IsCancelled(id.status())
+                                    ? "solving was stopped; the observations are kept"
+                                    : "not solved: " + std::string(id.status().message());
         }
     }
     tell();
@@ -360,10 +376,10 @@ void CalibrationProcedure::look_at_newest() {
     if (!box || !work) return;
     auto taken = box->take();
     if (!taken || !taken->message->result) return;
-    if (taken->message->result->frame_set.recorded_frame) return;   // a replay's cameras are others
+    if (taken->message->result->frame_set.recorded_frame) return;  // a replay's cameras are others
     const bool over = work->observe(*taken->message->result, what);
     const std::uint64_t skipped = taken->missed;
-    taken.reset();   // its pictures go before anything else
+    taken.reset();  // its pictures go before anything else
     ProcedureReport report = work->report();
     std::shared_ptr<PictureMailbox> done;
     {
@@ -372,7 +388,7 @@ void CalibrationProcedure::look_at_newest() {
         progress_.report = std::move(report);
         progress_.skipped += skipped;
         last_frame_set_ = Clock::now();
-        if (box_ == box) {   // nobody has asked for something else meanwhile
+        if (box_ == box) {  // nobody has asked for something else meanwhile
             progress_.message = "looking at the running capture";
             if (over || progress_.report.full) {
                 progress_.taking = Taking::kNothing;

@@ -1,5 +1,5 @@
-// What a calibration procedure of each kind does with what the cameras see: observe, hint, solve. CalibrationProcedure
-// (procedure.h) gives it a thread, frame sets and an end.
+// What a calibration procedure of each kind does with what the cameras see: observe, hint, solve.
+// CalibrationProcedure (procedure.h) gives it a thread, frame sets and an end.
 #pragma once
 
 #include <absl/status/status.h>
@@ -35,10 +35,10 @@ struct ProcedureRequest {
 };
 
 struct ProcedureFiles {
-    std::vector<CameraClip> clips;     // board and wand; their sizes are filled in by check_files()
-    int every = 1;                     // every so many pictures only
-    std::optional<int> floor_frame;    // board: the picture in which it lies on the floor
-    std::filesystem::path session;     // refining
+    std::vector<CameraClip> clips;   // board and wand; their sizes are filled in by check_files()
+    int every = 1;                   // every so many pictures only
+    std::optional<int> floor_frame;  // board: the picture in which it lies on the floor
+    std::filesystem::path session;   // refining
 };
 
 struct ObservedCamera {
@@ -54,19 +54,20 @@ struct ObservedCamera {
 
 struct ProcedureReport {
     std::vector<ObservedCamera> cameras;
-    std::vector<std::string> hints;   // what to do next, a sentence each
-    bool complete = false;            // more observations would add little
-    bool full = false;                // no more observations are kept
-    bool floor_seen = false;          // the world will be set by a board on the floor
-    int moments = 0;                  // with something seen by two cameras or more
-    bool needs_empty_scene = false;   // before anything else can be taken
+    std::vector<std::string> hints;  // what to do next, a sentence each
+    bool complete = false;           // more observations would add little
+    bool full = false;               // no more observations are kept
+    bool floor_seen = false;         // the world will be set by a board on the floor
+    int moments = 0;                 // with something seen by two cameras or more
+    bool needs_empty_scene = false;  // before anything else can be taken
 };
 
 // One thread at a time.
 class ProcedureWork {
   public:
-    // `cameras`: all of the daemon's, with the lenses to use and the places in use. InvalidArgument for a request that
-    // cannot be, NotFound for a camera that is not there; FailedPrecondition for too few cameras.
+    // `cameras`: all of the daemon's, with the lenses to use and the places in use. InvalidArgument for a
+    // request that cannot be, NotFound for a camera that is not there; FailedPrecondition for too few
+    // cameras.
     static absl::StatusOr<std::unique_ptr<ProcedureWork>> create(const ProcedureRequest& request,
                                                                  const std::vector<Camera>& cameras);
     virtual ~ProcedureWork() = default;

@@ -48,14 +48,17 @@ absl::StatusOr<OpenSession> open_session(const std::filesystem::path& session_fi
     return OpenSession{*std::move(source), *std::move(background)};
 }
 
-// Calls `see(set, due)` with every `stride`-th frame set and says which of them are due, about `moments` in all.
+// Calls `see(set, due)` with every `stride`-th frame set and says which of them are due, about `moments` in
+// all.
 template <class See>
-absl::Status walk_through(FrameSource& source, int moments, bool all_between, const SolveProgress& progress, See see) {
+absl::Status walk_through(FrameSource& source, int moments, bool all_between, const SolveProgress& progress,
+                          See see) {
     const std::int64_t all = source.frame_count();
     const std::int64_t step = all > moments ? all / moments : 1;
     // The tracker follows what moves a little from one picture to the next.
     const std::int64_t stride =
-        all_between ? std::clamp<std::int64_t>(std::llround(source.fps() / kTrackedPerSecond), 1, step) : step;
+        all_between ? std::clamp<std::int64_t>(std::llround(source.fps() / kTrackedPerSecond), 1, step)
+                    : step;
     std::int64_t due = 0;
     for (std::int64_t frame = 0;; ++frame) {
         auto set = source.next();
@@ -74,14 +77,15 @@ absl::Status walk_through(FrameSource& source, int moments, bool all_between, co
 
 std::vector<SilhouettePicture> silhouettes_of(const FrameResult& result, const std::vector<Camera>& cameras) {
     std::vector<SilhouettePicture> pictures(cameras.size());
-    oneapi::tbb::parallel_for(std::size_t{0}, std::min(cameras.size(), result.silhouettes.size()), [&](std::size_t c) {
-        const kernels::Silhouettes& seen = result.silhouettes[c];
-        if (seen.sharp.empty()) return;
-        const bool tracked = result.subject && result.subject->camera_used[c];
-        const bool whole = seen.searched.x1 - seen.searched.x0 == cameras[c].width &&
-                           seen.searched.y1 - seen.searched.y0 == cameras[c].height;
-        if (tracked || whole) pictures[c] = subject_of(seen.sharp, cameras[c].width, cameras[c].height);
-    });
+    oneapi::tbb::parallel_for(
+        std::size_t{0}, std::min(cameras.size(), result.silhouettes.size()), [&](std::size_t c) {
+            const kernels::Silhouettes& seen = result.silhouettes[c];
+            if (seen.sharp.empty()) return;
+            const bool tracked = result.subject && result.subject->camera_used[c];
+            const bool whole = seen.searched.x1 - seen.searched.x0 == cameras[c].width &&
+                               seen.searched.y1 - seen.searched.y0 == cameras[c].height;
+            if (tracked || whole) pictures[c] = subject_of(seen.sharp, cameras[c].width, cameras[c].height);
+        });
     return pictures;
 }
 

@@ -18,14 +18,16 @@ struct SessionSilhouettes {
     SilhouetteSet set;
 };
 
-// What the tracked subject covers in each camera's picture; where a camera is not tracked but was searched as a whole, the
-// largest thing that moves there and what lies beside it. Empty pictures where neither can be told.
+// What the tracked subject covers in each camera's picture; where a camera is not tracked but was searched as
+// a whole, the largest thing that moves there and what lies beside it. Empty pictures where neither can be
+// told.
 std::vector<SilhouettePicture> silhouettes_of(const FrameResult& result, const std::vector<Camera>& cameras);
 
-// About `moments` frame sets, evenly over the recording, from the pipeline's own segmentation and tracking: the
-// volume tells what belongs to the subject and what is a shadow or moves elsewhere. Cameras whose place is so wrong
-// that the tracker leaves them out are searched as a whole; of what moves there, the largest thing and what lies
-// beside it counts. `cameras`: of the session, in its order, as they are believed to stand.
+// About `moments` frame sets, evenly over the recording, from the pipeline's own segmentation and tracking:
+// the volume tells what belongs to the subject and what is a shadow or moves elsewhere. Cameras whose place
+// is so wrong that the tracker leaves them out are searched as a whole; of what moves there, the largest
+// thing and what lies beside it counts. `cameras`: of the session, in its order, as they are believed to
+// stand.
 absl::StatusOr<SilhouetteSet> tracked_silhouettes(const std::filesystem::path& session_file,
                                                   const std::vector<Camera>& cameras, int moments,
                                                   const SolveProgress& progress);

@@ -14,18 +14,20 @@ constexpr double kReach_m = 1.6, kStep_m = 0.008, kNearest_m = 0.3;
 
 }  // namespace
 
-SilhouetteHull::SilhouetteHull(const std::vector<Camera>& cameras, const std::vector<SilhouettePicture>& pictures)
+SilhouetteHull::SilhouetteHull(const std::vector<Camera>& cameras,
+                               const std::vector<SilhouettePicture>& pictures)
     : cameras_(cameras), fields_(cameras.size()) {
     std::vector<Sight> sights;
     for (std::size_t c = 0; c < cameras.size(); ++c) {
         if (pictures[c].empty()) continue;
         auto field = std::make_unique<SilhouetteField>(pictures[c].mask, cameras[c].width, cameras[c].height);
         if (field->empty()) continue;
-        sights.push_back({&cameras[c], {0.5 * (field->left + field->right), 0.5 * (field->top + field->bottom)}});
+        sights.push_back(
+            {&cameras[c], {0.5 * (field->left + field->right), 0.5 * (field->top + field->bottom)}});
         fields_[c] = std::move(field);
     }
-    // What only two of many cameras see is no hull: behind the border of the other pictures the cones of two that face
-    // each other meet in a long ghost.
+    // What only two of many cameras see is no hull: behind the border of the other pictures the cones of two
+    // that face each other meet in a long ghost.
     if (sights.size() >= 4) fewest_others_ = 2;
     if (sights.size() >= 2) middle_ = triangulate(sights);
 }
@@ -37,7 +39,8 @@ double SilhouetteHull::clear_m(std::size_t own, Vec3 point) const {
         if (c == own || !fields_[c]) continue;
         const auto pixel = cameras_[c].project(point);
         if (!pixel) continue;
-        const double inside = fields_[c]->distance(static_cast<float>(pixel->x), static_cast<float>(pixel->y));
+        const double inside =
+            fields_[c]->distance(static_cast<float>(pixel->x), static_cast<float>(pixel->y));
         if (std::isnan(inside)) continue;
         ++votes;
         if (inside < -kInsidePx)
@@ -59,7 +62,8 @@ void SilhouetteHull::walk(std::size_t own, const Ray& ray, double reach_m, doubl
     }
 }
 
-SilhouetteHull::Meets SilhouetteHull::meets(std::size_t own, const Ray& ray, double reach_m, double step_m) const {
+SilhouetteHull::Meets SilhouetteHull::meets(std::size_t own, const Ray& ray, double reach_m,
+                                            double step_m) const {
     Meets answer = Meets::kUnseen;
     walk(own, ray, reach_m, step_m, [&](Vec3, double clear) {
         if (!std::isnan(clear)) answer = clear == 0 ? Meets::kYes : Meets::kNo;
@@ -74,7 +78,7 @@ std::optional<SilhouetteHull::Extent> SilhouetteHull::extent(Vec3 up) const {
         if (!fields_[c]) continue;
         for (const Vec2 pixel : fields_[c]->outline(kOutlinePoints))
             walk(c, cameras_[c].ray_through(pixel), kReach_m, kStep_m, [&](Vec3 place, double clear) {
-                if (clear != 0) return true;   // NaN neither
+                if (clear != 0) return true;  // NaN neither
                 if (!extent) extent = Extent{place, place};
                 if (dot(place - extent->lowest, up) < 0) extent->lowest = place;
                 if (dot(place - extent->highest, up) > 0) extent->highest = place;

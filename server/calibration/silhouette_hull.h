@@ -22,22 +22,24 @@ class SilhouetteHull {
     const SilhouetteField* field(std::size_t camera) const { return fields_[camera].get(); }
 
     enum class Meets { kYes, kNo, kUnseen };
-    // Whether the ray through a pixel of camera `own` meets all other silhouettes at one place, within `reach_m` of the
-    // middle; kUnseen where it passes no place that enough of them see.
+    // Whether the ray through a pixel of camera `own` meets all other silhouettes at one place, within
+    // `reach_m` of the middle; kUnseen where it passes no place that enough of them see.
     Meets meets(std::size_t own, const Ray& ray, double reach_m, double step_m) const;
 
-    // The hull's lowest and highest point along `up` (world, length 1), on rays through the outlines, m; nothing where
-    // the hull is empty. A hull reaches a little below feet and above a head: under soles that are `w` wide by about
-    // w / 2 times the tangent of the angle by which the cameras look down.
+    // The hull's lowest and highest point along `up` (world, length 1), on rays through the outlines, m;
+    // nothing where the hull is empty. A hull reaches a little below feet and above a head: under soles that
+    // are `w` wide by about w / 2 times the tangent of the angle by which the cameras look down.
     struct Extent {
         Vec3 lowest, highest;
     };
     std::optional<Extent> extent(Vec3 up) const;
 
   private:
-    // By how much a place is at least away from the hull; 0 within it. NaN where too few other cameras see it.
+    // By how much a place is at least away from the hull; 0 within it. NaN where too few other cameras see
+    // it.
     double clear_m(std::size_t own, Vec3 point) const;
-    // visit(place, clear_m of it) along a ray of camera `own`, within `reach_m` of the middle, until it returns false.
+    // visit(place, clear_m of it) along a ray of camera `own`, within `reach_m` of the middle, until it
+    // returns false.
     template <class Visit>
     void walk(std::size_t own, const Ray& ray, double reach_m, double step_m, Visit visit) const;
 

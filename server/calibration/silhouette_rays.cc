@@ -52,8 +52,8 @@ OutlineRays::OutlineRays(const std::vector<Camera>& cameras, const SilhouetteSet
         for (std::size_t c = 0; c < cameras.size(); ++c) {
             fields_[n].push_back(nullptr);
             if (pictures[c].empty()) continue;
-            auto field = std::make_unique<SilhouetteField>(pictures[c].mask, cameras[c].width,
-                                                           cameras[c].height);
+            auto field =
+                std::make_unique<SilhouetteField>(pictures[c].mask, cameras[c].width, cameras[c].height);
             if (!field->empty()) fields_[n].back() = std::move(field);
         }
     });
@@ -89,8 +89,8 @@ double OutlineRays::squares_at(const std::vector<Camera>& cameras, const Outline
         if (!field || static_cast<int>(c) == ray.camera) continue;
         float x, y;
         const Vec3 in_camera = cameras[c].camera_from_world * point;
-        const double inside = project(cameras[c], in_camera, x, y) ? field->distance(x, y) - margin_px_
-                                                                  : std::nan("");
+        const double inside =
+            project(cameras[c], in_camera, x, y) ? field->distance(x, y) - margin_px_ : std::nan("");
         // A place that this camera cannot see is neither right nor wrong; a little wrong, so that it attracts
         // nothing.
         const double miss = std::isnan(inside) ? 0.1 * kOutsidePx : std::min(0.0, inside);
@@ -112,7 +112,8 @@ OutlineRays::Hit OutlineRays::search(const std::vector<Camera>& cameras, const O
         if (squares < best.squares) best = {depth, squares};
     };
     const int steps = static_cast<int>(options_.reach_m / options_.depth_step_m) / 4;
-    for (int k = 0; k <= 2 * steps && best.squares > 0; ++k)  // coarse, from the middle outwards; then around the best
+    for (int k = 0; k <= 2 * steps && best.squares > 0;
+         ++k)  // coarse, from the middle outwards; then around the best
         try_depth(centre + 4 * (k % 2 ? (k + 1) / 2 : -k / 2) * options_.depth_step_m);
     for (double step = 2 * options_.depth_step_m; step > 0.4 * options_.depth_step_m && best.squares > 0;
          step /= 2) {
@@ -124,7 +125,8 @@ OutlineRays::Hit OutlineRays::search(const std::vector<Camera>& cameras, const O
     return best;
 }
 
-OutlineRays::Hit OutlineRays::follow(const std::vector<Camera>& cameras, const OutlineRay& ray, double depth) const {
+OutlineRays::Hit OutlineRays::follow(const std::vector<Camera>& cameras, const OutlineRay& ray,
+                                     double depth) const {
     const Rigid3 world_from_camera = cameras[ray.camera].camera_from_world.inverse();
     const auto squares = [&](double at) {
         return squares_at(cameras, ray, world_from_camera * (at * ray.direction_in_camera));
@@ -151,8 +153,8 @@ void OutlineRays::polish(const std::vector<Camera>& cameras, const OutlineRay& r
             if (!project(cameras[c], in_camera, x, y)) continue;
             const double inside = field->distance(x, y, dx, dy) - margin_px_;
             if (std::isnan(inside) || inside >= 0) continue;
-            const Vec3 along = cameras[c].camera_from_world.rotation *
-                               (world_from_own.rotation * ray.direction_in_camera);
+            const Vec3 along =
+                cameras[c].camera_from_world.rotation * (world_from_own.rotation * ray.direction_in_camera);
             const double by_depth = (dx * cameras[c].fx * (along.x - in_camera.x / in_camera.z * along.z) +
                                      dy * cameras[c].fy * (along.y - in_camera.y / in_camera.z * along.z)) /
                                     in_camera.z;
@@ -222,7 +224,7 @@ void OutlineRays::add(const std::vector<Camera>& cameras, const OutlineRay& ray,
 }
 
 PlacesNormal OutlineRays::measure(const std::vector<Camera>& cameras, double scale_px,
-                                         bool with_derivatives) const {
+                                  bool with_derivatives) const {
     const int size = 6 * static_cast<int>(cameras.size());
     const std::vector<Vec3> middle = middles(cameras);
     // Fixed blocks summed in their order, so that the numbers do not depend on the threads.

@@ -18,9 +18,9 @@ class OutlineRays {
     std::size_t count() const { return rays_.size(); }
     int moments() const { return static_cast<int>(fields_.size()); }
 
-    // At these places; `scale_px` is the robust kernel's (Geman-McClure). With derivatives every ray is searched for the
-    // depth at which it misses least; without, those depths are followed from there, where there are any.
-    // Not thread safe.
+    // At these places; `scale_px` is the robust kernel's (Geman-McClure). With derivatives every ray is
+    // searched for the depth at which it misses least; without, those depths are followed from there, where
+    // there are any. Not thread safe.
     PlacesNormal measure(const std::vector<Camera>& cameras, double scale_px, bool with_derivatives) const;
 
   private:
@@ -35,7 +35,8 @@ class OutlineRays {
     Hit search(const std::vector<Camera>& cameras, const OutlineRay& ray, Vec3 middle) const;
     // From a depth that was right for places nearby.
     Hit follow(const std::vector<Camera>& cameras, const OutlineRay& ray, double depth) const;
-    // To the least of the squares next to it, by Gauss-Newton: so exactly that they are smooth in the cameras' places.
+    // To the least of the squares next to it, by Gauss-Newton: so exactly that they are smooth in the
+    // cameras' places.
     void polish(const std::vector<Camera>& cameras, const OutlineRay& ray, Hit& hit) const;
     double squares_at(const std::vector<Camera>& cameras, const OutlineRay& ray, Vec3 point) const;
     void add(const std::vector<Camera>& cameras, const OutlineRay& ray, const Hit& hit, double weight,

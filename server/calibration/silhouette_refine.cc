@@ -17,7 +17,8 @@ namespace {
 
 constexpr double kRaysPerSample = 400;  // and by one pixel squared
 constexpr int kFewestRefined = 5;
-constexpr double kDamping = 1e-5, kLeastDamping = 1e-9;  // of the diagonal: more would stop steps along flat valleys
+constexpr double kDamping = 1e-5,
+                 kLeastDamping = 1e-9;  // of the diagonal: more would stop steps along flat valleys
 
 Camera moved(const Camera& camera, const Eigen::Matrix<double, 6, 1>& step) {
     Camera out = camera;
@@ -88,7 +89,8 @@ class Misses {
         PlacesNormal sum = rays_.measure(cameras, scale_px, with_derivatives);
         if (!tangents_) return sum;
         const double weight = options_.tangent_weight;
-        const PlacesNormal more = tangents_->measure(cameras, options_.tangent_scale * scale_px, with_derivatives);
+        const PlacesNormal more =
+            tangents_->measure(cameras, options_.tangent_scale * scale_px, with_derivatives);
         sum.cost += weight * more.cost;
         if (with_derivatives) sum.square += weight * more.square, sum.right += weight * more.right;
         return sum;
@@ -238,8 +240,9 @@ absl::StatusOr<std::optional<PlacesUncertainty>> places_uncertainty(const std::v
     PlacesUncertainty worst;
     for (std::size_t c = 0; c < cameras.size(); ++c) {
         worst.centre_mm = std::max(worst.centre_mm, 1000 * norm(places[0][c].centre_in_world() - to[c]));
-        worst.turn_deg = std::max(worst.turn_deg, degrees(angle_between(places[0][c].camera_from_world.rotation,
-                                                                        places[1][c].camera_from_world.rotation)));
+        worst.turn_deg =
+            std::max(worst.turn_deg, degrees(angle_between(places[0][c].camera_from_world.rotation,
+                                                           places[1][c].camera_from_world.rotation)));
     }
     return std::optional(worst);
 }

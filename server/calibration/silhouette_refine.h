@@ -23,13 +23,13 @@ struct SilhouetteRefineOptions {
     int rounds = 30;          // of Gauss-Newton, at most
     double first_scale_part =
         0.03;  // of the picture's longer side: misses beyond it count less and less, at first
-    double last_scale_part = 0.004;                    // and at the end
-    // Of the picture's longer side: by so much within the other silhouettes an outline's ray must lie. Silhouettes that
-    // come out a little wide would otherwise meet at many places of the cameras; with a margin the ends of all limbs
-    // miss a little on each side and the places between are found.
+    double last_scale_part = 0.004;  // and at the end
+    // Of the picture's longer side: by so much within the other silhouettes an outline's ray must lie.
+    // Silhouettes that come out a little wide would otherwise meet at many places of the cameras; with a
+    // margin the ends of all limbs miss a little on each side and the places between are found.
     double margin_part = 0.0015;
-    // Planes that touch two silhouettes at once (see silhouette_tangents.h) count so much against rays; 0: not at all.
-    // They tell two places apart that outlines alone hardly do.
+    // Planes that touch two silhouettes at once (see silhouette_tangents.h) count so much against rays; 0:
+    // not at all. They tell two places apart that outlines alone hardly do.
     double tangent_weight = 0;
     double tangent_scale = 0.4;  // of the rays' scale: touching planes are exact, or they are wrong
     double prior_angle_deg = 1, prior_shift_m = 0.07;  // standard deviations of the places given
@@ -51,15 +51,16 @@ absl::StatusOr<SilhouetteRefineResult> refine_from_silhouettes(const std::vector
                                                                const SilhouetteRefineOptions& options = {},
                                                                const SolveProgress& progress = {});
 
-// How well places fit silhouettes: the robust mean of what the refinement minimises, px, over the cameras' own
-// outlines. Cheap: for trying what could be wrong.
+// How well places fit silhouettes: the robust mean of what the refinement minimises, px, over the cameras'
+// own outlines. Cheap: for trying what could be wrong.
 double silhouette_miss_px(const std::vector<Camera>& cameras, const SilhouetteSet& silhouettes,
                           const SilhouetteRefineOptions& options = {});
 
-// How far refined places can be trusted: by how much those from the first half of the moments and those from the second
-// differ in the worst camera, once world and scale are taken out. About twice the standard deviation of places from
-// all moments. Whatever is wrong with a silhouette at one place of the room and not at another counts; what is wrong all
-// the time is not seen. Nothing where half of the moments are too few; Cancelled by `progress`.
+// How far refined places can be trusted: by how much those from the first half of the moments and those from
+// the second differ in the worst camera, once world and scale are taken out. About twice the standard
+// deviation of places from all moments. Whatever is wrong with a silhouette at one place of the room and not
+// at another counts; what is wrong all the time is not seen. Nothing where half of the moments are too few;
+// Cancelled by `progress`.
 struct PlacesUncertainty {
     double centre_mm = 0, turn_deg = 0;
 };

@@ -13,13 +13,13 @@
 
 namespace kinevox {
 
-// Makes the board that lies on the floor the world: origin at its lower left corner, z up. `lying`: moments in which
-// it does; the first one that was solved counts, and its neighbours in which the board lay as still. FailedPrecondition
-// where none was.
+// Makes the board that lies on the floor the world: origin at its lower left corner, z up. `lying`: moments
+// in which it does; the first one that was solved counts, and its neighbours in which the board lay as still.
+// FailedPrecondition where none was.
 absl::Status set_world_by_board(std::span<const int> lying, ExtrinsicsResult& result);
 
-// Takes the world over from cameras that stood in one, where these seem to stand at about the same places: rigid, no
-// scale. Tells in a finding how far they agree; false, and nothing changed, where they do not.
+// Takes the world over from cameras that stood in one, where these seem to stand at about the same places:
+// rigid, no scale. Tells in a finding how far they agree; false, and nothing changed, where they do not.
 bool take_over_world(const std::vector<Camera>& like, ExtrinsicsResult& result);
 
 // The cameras are the lenses'; they have no places.

@@ -38,7 +38,8 @@ cv::Mat reduced(const Picture& picture) {
     return small;
 }
 
-// `finest`: as reduced() makes it. `ignored`: px of the picture that it was made of, `longer_px` of the level.
+// `finest`: as reduced() makes it. `ignored`: px of the picture that it was made of, `longer_px` of the
+// level.
 Level level_of(const cv::Mat& finest, const Picture& picture, const kernels::Rect& ignored, int longer_px) {
     const double scale = static_cast<double>(longer_px) / std::max(picture.width, picture.height);
     Level level;
@@ -50,20 +51,23 @@ Level level_of(const cv::Mat& finest, const Picture& picture, const kernels::Rec
     level.seen = cv::Mat(level.grey.size(), CV_8U, cv::Scalar(255));
     if (!ignored.empty()) {
         const double margin = kShadowPart * longer_px;
-        const cv::Point from(static_cast<int>(scale * ignored.x0 - margin), static_cast<int>(scale * ignored.y0 - margin));
-        const cv::Point to(static_cast<int>(scale * ignored.x1 + margin), static_cast<int>(scale * ignored.y1 + margin));
+        const cv::Point from(static_cast<int>(scale * ignored.x0 - margin),
+                             static_cast<int>(scale * ignored.y0 - margin));
+        const cv::Point to(static_cast<int>(scale * ignored.x1 + margin),
+                           static_cast<int>(scale * ignored.y1 + margin));
         cv::rectangle(level.seen, from, to, cv::Scalar(0), cv::FILLED);
     }
     return level;
 }
 
 struct Motion {
-    double x = 0, y = 0, roll = 0;     // px of the level, px, radians about the picture's middle
-    double gain = 1, offset = 0;       // of the light
+    double x = 0, y = 0, roll = 0;  // px of the level, px, radians about the picture's middle
+    double gain = 1, offset = 0;    // of the light
 };
 
 // Sum of robust squared differences, and the step that lowers it.
-double compare(const Level& first, const Level& now, const Motion& motion, Matrix5* square, Vector5* right, int& used) {
+double compare(const Level& first, const Level& now, const Motion& motion, Matrix5* square, Vector5* right,
+               int& used) {
     const cv::Mat& image = now.grey;
     const double cx = 0.5 * (image.cols - 1), cy = 0.5 * (image.rows - 1);
     const double cosine = std::cos(motion.roll), sine = std::sin(motion.roll);
@@ -76,9 +80,13 @@ double compare(const Level& first, const Level& now, const Motion& motion, Matri
             const double u = cosine * (x - cx) - sine * (y - cy) + cx + motion.x;
             const double v = sine * (x - cx) + cosine * (y - cy) + cy + motion.y;
             const int i = static_cast<int>(std::floor(u)), j = static_cast<int>(std::floor(v));
-            if (i < 1 || j < 1 || i + 2 >= image.cols || j + 2 >= image.rows || !now.seen.at<std::uint8_t>(j, i)) continue;
+            if (i < 1 || j < 1 || i + 2 >= image.cols || j + 2 >= image.rows ||
+                !now.seen.at<std::uint8_t>(j, i))
+                continue;
             const double a = u - i, b = v - j;
-            const auto at = [&](int row, int column) { return static_cast<double>(image.at<float>(row, column)); };
+            const auto at = [&](int row, int column) {
+                return static_cast<double>(image.at<float>(row, column));
+            };
             const double upper = at(j, i) + a * (at(j, i + 1) - at(j, i));
             const double lower = at(j + 1, i) + a * (at(j + 1, i + 1) - at(j + 1, i));
             const double before = first.grey.at<float>(y, x);
@@ -116,7 +124,8 @@ std::optional<SceneShift> StillScene::measure(const Picture& picture, const kern
     if (picture.empty()) return std::nullopt;
     Levels now;
     const cv::Mat finest_picture = reduced(picture);
-    for (const int width : kWidths_px) now.levels.push_back(level_of(finest_picture, picture, ignored, width));
+    for (const int width : kWidths_px)
+        now.levels.push_back(level_of(finest_picture, picture, ignored, width));
     if (!first_) {
         first_ = std::make_unique<Levels>(std::move(now));
         return SceneShift{};
@@ -125,8 +134,9 @@ std::optional<SceneShift> StillScene::measure(const Picture& picture, const kern
     double cost = 0;
     int used = 0;
     for (std::size_t l = 0; l < now.levels.size(); ++l) {
-        if (l > 0) motion.x *= static_cast<double>(kWidths_px[l]) / kWidths_px[l - 1],
-                   motion.y *= static_cast<double>(kWidths_px[l]) / kWidths_px[l - 1];
+        if (l > 0)
+            motion.x *= static_cast<double>(kWidths_px[l]) / kWidths_px[l - 1],
+                motion.y *= static_cast<double>(kWidths_px[l]) / kWidths_px[l - 1];
         for (int round = 0; round < kRounds; ++round) {
             Matrix5 square;
             Vector5 right;
@@ -145,7 +155,8 @@ std::optional<SceneShift> StillScene::measure(const Picture& picture, const kern
     int ignored_count = 0;
     const double still =
         compare(first_->levels.back(), finest, without_turn(motion), nullptr, nullptr, ignored_count);
-    const double px = static_cast<double>(std::max(camera_.width, camera_.height)) / kWidths_px[std::size(kWidths_px) - 1];
+    const double px =
+        static_cast<double>(std::max(camera_.width, camera_.height)) / kWidths_px[std::size(kWidths_px) - 1];
     const double aside = px * std::hypot(motion.x, motion.y);
     SceneShift shift;
     shift.turn_deg = degrees(std::hypot(std::atan(aside / camera_.fx), motion.roll));

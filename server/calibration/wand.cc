@@ -117,10 +117,10 @@ absl::StatusOr<WandSpec> parse_wand(std::string_view text) {
     if (!(three ? read(lengths.substr(0, colon), wand.middle_m) && wand.middle_m > 0 &&
                       read(lengths.substr(colon + 1), wand.length_m)
                 : read(lengths, wand.length_m)))
-        return absl::InvalidArgumentError(
-            one_line(fmt::format("wand '{}': write wand:200:600, mm from the first ball to the second and to the "
-                                 "third, or wand:600 for two balls",
-                                 text.substr(0, 60))));
+        return absl::InvalidArgumentError(one_line(
+            fmt::format("wand '{}': write wand:200:600, mm from the first ball to the second and to the "
+                        "third, or wand:600 for two balls",
+                        text.substr(0, 60))));
     wand.middle_m /= 1000, wand.length_m /= 1000;
     if (const std::string problem = wand.check(); !problem.empty())
         return absl::InvalidArgumentError(problem);

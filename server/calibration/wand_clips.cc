@@ -45,7 +45,8 @@ absl::StatusOr<Picture> empty_scene(const CameraClip& clip, const Camera& size) 
 }  // namespace
 
 absl::StatusOr<std::vector<std::vector<WandPicture>>> find_wands(const std::vector<CameraClip>& clips,
-                                                                 const WandSpec& wand, const ClipPictures& which,
+                                                                 const WandSpec& wand,
+                                                                 const ClipPictures& which,
                                                                  const SolveProgress& progress) {
     return for_pictures<WandPicture>(
         clips, which, "looking for the wand", progress,

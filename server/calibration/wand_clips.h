@@ -17,7 +17,8 @@ struct WandPicture {
     double changed = 0;  // see changed_part()
 };
 absl::StatusOr<std::vector<std::vector<WandPicture>>> find_wands(const std::vector<CameraClip>& clips,
-                                                                 const WandSpec& wand, const ClipPictures& which,
+                                                                 const WandSpec& wand,
+                                                                 const ClipPictures& which,
                                                                  const SolveProgress& progress);
 
 }  // namespace kinevox

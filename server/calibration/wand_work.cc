@@ -61,7 +61,8 @@ class WandWork final : public PlaceWork {
         report.complete = report.hints.empty();
         report.needs_empty_scene = needs_empty_scene();
         if (report.needs_empty_scene && report.moments == 0)
-            report.hints.insert(report.hints.begin(), "take a picture of the empty scene first, then wave the wand");
+            report.hints.insert(report.hints.begin(),
+                                "take a picture of the empty scene first, then wave the wand");
         return report;
     }
 
@@ -87,7 +88,7 @@ class WandWork final : public PlaceWork {
 
     WandSpec wand_;
     WandProcedure procedure_;
-    std::vector<Picture> empty_;   // per chosen camera
+    std::vector<Picture> empty_;  // per chosen camera
 };
 
 }  // namespace

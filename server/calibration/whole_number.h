@@ -8,8 +8,9 @@
 
 namespace kinevox {
 
-// The whole number that `value` is; nothing where it is something else or does not fit into T. nlohmann's own get()
-// converts any number: beyond T's range another number comes out, and from one with a fraction the result is undefined.
+// The whole number that `value` is; nothing where it is something else or does not fit into T. nlohmann's own
+// get() converts any number: beyond T's range another number comes out, and from one with a fraction the
+// result is undefined.
 template <std::integral T>
 std::optional<T> whole_number(const nlohmann::ordered_json& value) {
     const auto fitting = [](auto number) {

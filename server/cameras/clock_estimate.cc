@@ -9,10 +9,10 @@ namespace {
 
 constexpr double kWindow_s = 1;
 constexpr std::size_t kMostWindows = 60;
-constexpr double kLeastSpan_s = 10;      // below it the drift drowns in the delays
-constexpr double kMostDrift = 500e-6;    // a quartz is better
-constexpr double kJump_s = 1;            // no network delays a picture by so much: the clock was set
-constexpr double kJumpAhead_s = 0.02;    // nor does one arrive before it was taken
+constexpr double kLeastSpan_s = 10;    // below it the drift drowns in the delays
+constexpr double kMostDrift = 500e-6;  // a quartz is better
+constexpr double kJump_s = 1;          // no network delays a picture by so much: the clock was set
+constexpr double kJumpAhead_s = 0.02;  // nor does one arrive before it was taken
 
 }  // namespace
 
@@ -28,7 +28,8 @@ std::int64_t ClockEstimate::add(std::int64_t timestamp_ns, std::int64_t arrival_
         if (samples_ > 0) {
             const double delay_s = point.offset_s - offset_at(timestamp_s);
             const bool settling = samples_ < kSettled;
-            if (std::abs(delay_s) > kJump_s || (!settling && delay_s < -kJumpAhead_s - kMostDrift * kWindow_s)) {
+            if (std::abs(delay_s) > kJump_s ||
+                (!settling && delay_s < -kJumpAhead_s - kMostDrift * kWindow_s)) {
                 reset();
                 continue;
             }
@@ -46,7 +47,8 @@ std::int64_t ClockEstimate::add(std::int64_t timestamp_ns, std::int64_t arrival_
     }
 }
 
-// The edge of the points' lower hull over their middle: of all lines below them the one that is closest on average.
+// The edge of the points' lower hull over their middle: of all lines below them the one that is closest on
+// average.
 void ClockEstimate::close_window() {
     windows_.push_back(lowest_);
     if (windows_.size() > kMostWindows) windows_.pop_front();
@@ -70,7 +72,7 @@ void ClockEstimate::close_window() {
     slope_ = std::clamp((b.offset_s - a.offset_s) / (b.timestamp_s - a.timestamp_s), -kMostDrift, kMostDrift);
     anchor_ = a;
     fitted_ = true;
-    drift_ = -slope_;   // a fast clock's offset falls
+    drift_ = -slope_;  // a fast clock's offset falls
 }
 
 double ClockEstimate::offset_at(double timestamp_s) const {

@@ -6,14 +6,15 @@
 
 namespace kinevox {
 
-// A picture arrives some delay after it was taken, never before. The smallest delays are nearly constant, the others are
-// what network and scheduler add; so the line below all points (timestamp, arrival - timestamp) that runs closest to
-// them tells offset and drift. Times come out later than the truth by that smallest delay, by the same amount for
-// cameras of one kind. One thread at a time.
+// A picture arrives some delay after it was taken, never before. The smallest delays are nearly constant, the
+// others are what network and scheduler add; so the line below all points (timestamp, arrival - timestamp)
+// that runs closest to them tells offset and drift. Times come out later than the truth by that smallest
+// delay, by the same amount for cameras of one kind. One thread at a time.
 class ClockEstimate {
   public:
-    // Takes a picture's timestamp (the camera's clock, ns, any zero) and its arrival (steady clock, ns) into account and
-    // returns when it was taken, on the steady clock, not behind `arrival_ns`. A clock that jumps is learned anew.
+    // Takes a picture's timestamp (the camera's clock, ns, any zero) and its arrival (steady clock, ns) into
+    // account and returns when it was taken, on the steady clock, not behind `arrival_ns`. A clock that jumps
+    // is learned anew.
     std::int64_t add(std::int64_t timestamp_ns, std::int64_t arrival_ns);
 
     // Enough pictures have been seen for the offset to be better than the delays' scatter.
@@ -34,11 +35,11 @@ class ClockEstimate {
     std::int64_t timestamp_0_ns_ = 0, arrival_0_ns_ = 0;
     std::int64_t last_timestamp_ns_ = 0;
     double window_begin_s_ = 0;
-    Point lowest_;                // of the window under way
-    std::deque<Point> windows_;   // the lowest of each window before it
+    Point lowest_;               // of the window under way
+    std::deque<Point> windows_;  // the lowest of each window before it
     bool fitted_ = false;
-    Point anchor_;                // of the fitted line
-    double slope_ = 0;            // of the offset
+    Point anchor_;      // of the fitted line
+    double slope_ = 0;  // of the offset
     double drift_ = 0;
 };
 

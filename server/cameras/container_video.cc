@@ -1,14 +1,14 @@
 #include "server/cameras/container_video.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <deque>
 #include <limits>
+#include <opencv2/core.hpp>
 #include <thread>
 #include <utility>
 #include <vector>
-
-#include <fmt/format.h>
-#include <opencv2/core.hpp>
 
 #include "server/cameras/libav.h"
 #include "server/cameras/picture_pool.h"
@@ -19,10 +19,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::int64_t kNear = 8;             // so few are decoded rather than looked for, or kept before one sought
-constexpr std::size_t kReordered = 17;        // no codec shows a packet's picture so many packets later
+constexpr std::int64_t kNear = 8;  // so few are decoded rather than looked for, or kept before one sought
+constexpr std::size_t kReordered = 17;  // no codec shows a packet's picture so many packets later
 constexpr std::size_t kKeptBytes = std::size_t{32} << 20, kMostKept = 48;
-constexpr unsigned kMostThreads = 4;          // of one decoder; the cameras are decoded beside each other
+constexpr unsigned kMostThreads = 4;  // of one decoder; the cameras are decoded beside each other
 
 // Whether a picture's memory has so many rows, which are more than are shown where the codec works in blocks.
 bool has_rows(const AVFrame& frame, int rows) {
@@ -31,7 +31,8 @@ bool has_rows(const AVFrame& frame, int rows) {
         const AVBufferRef* const buffer = av_frame_get_plane_buffer(const_cast<AVFrame*>(&frame), p);
         const int of_plane = p == 1 || p == 2 ? AV_CEIL_RSHIFT(rows, format->log2_chroma_h) : rows;
         if (!buffer || frame.linesize[p] <= 0 ||
-            frame.data[p] + static_cast<std::ptrdiff_t>(of_plane) * frame.linesize[p] > buffer->data + buffer->size)
+            frame.data[p] + static_cast<std::ptrdiff_t>(of_plane) * frame.linesize[p] >
+                buffer->data + buffer->size)
             return false;
     }
     return format != nullptr;
@@ -40,7 +41,10 @@ bool has_rows(const AVFrame& frame, int rows) {
 class ContainerVideo final : public PictureReader {
   public:
     ContainerVideo(fs::path file, const Camera& camera, std::unique_ptr<VideoPackets> packets)
-        : file_(std::move(file)), camera_(camera), whose_("camera " + camera.name), packets_(std::move(packets)),
+        : file_(std::move(file)),
+          camera_(camera),
+          whose_("camera " + camera.name),
+          packets_(std::move(packets)),
           pool_(std::size_t{3} * camera.width * camera.height) {}
 
     absl::Status open();
@@ -62,12 +66,12 @@ class ContainerVideo final : public PictureReader {
         Frame frame;
     };
 
-    absl::Status check_size(int width, int height) const;   // as they are coded
+    absl::Status check_size(int width, int height) const;  // as they are coded
     absl::Status ended(std::int64_t after) const;
-    absl::StatusOr<Frame> decode();                     // the next one that is shown; null: there is none
+    absl::StatusOr<Frame> decode();  // the next one that is shown; null: there is none
     const AVFrame* kept(std::int64_t picture) const;
     const AVFrame& keep(std::int64_t picture, Frame frame);
-    absl::Status bring(std::int64_t picture);           // into kept_
+    absl::Status bring(std::int64_t picture);  // into kept_
     absl::Status decode_on_to(std::int64_t picture);
     absl::StatusOr<bool> bring_from_key(std::int64_t picture);
     absl::StatusOr<bool> read_from(const KeyPacket& key, std::size_t most, std::vector<std::int64_t>& times);
@@ -79,23 +83,25 @@ class ContainerVideo final : public PictureReader {
     const std::string whose_;
     const std::unique_ptr<VideoPackets> packets_;
     PicturePool pool_;
-    int turn_deg_ = 0;                           // clockwise, of the coded pictures
+    int turn_deg_ = 0;  // clockwise, of the coded pictures
     libav::Owned<AVCodecContext> decoder_;
     libav::Owned<AVPacket> packet_;
     libav::Owned<SwsContext> scaler_;
-    Frame bgr_;                                  // of the coded size
+    Frame bgr_;  // of the coded size
 
-    std::int64_t at_ = 0;                        // what next() delivers
-    std::int64_t decoded_ = 0;                   // what decode() delivers; -1: unknown
-    std::deque<libav::Owned<AVPacket>> read_;    // for the decoder, before what packets_ has
-    std::int64_t skip_before_ = AV_NOPTS_VALUE;  // pictures shown earlier need not come, if no other needs them
-    // Whether the first picture shown was the first that was read. Else some before it could not be decoded, so that numbers
-    // found by counting packets would be other ones.
+    std::int64_t at_ = 0;                      // what next() delivers
+    std::int64_t decoded_ = 0;                 // what decode() delivers; -1: unknown
+    std::deque<libav::Owned<AVPacket>> read_;  // for the decoder, before what packets_ has
+    std::int64_t skip_before_ =
+        AV_NOPTS_VALUE;  // pictures shown earlier need not come, if no other needs them
+    // Whether the first picture shown was the first that was read. Else some before it could not be decoded,
+    // so that numbers found by counting packets would be other ones.
     enum class Begin { kUnseen, kWhole, kTorn } begin_ = Begin::kUnseen;
-    std::int64_t earliest_ = std::numeric_limits<std::int64_t>::max();   // of the packets' times since restart()
+    std::int64_t earliest_ =
+        std::numeric_limits<std::int64_t>::max();  // of the packets' times since restart()
     bool sought_ = false;
-    std::size_t most_kept_ = 1;                  // once it was sought in
-    std::deque<Kept> kept_;                      // oldest first
+    std::size_t most_kept_ = 1;  // once it was sought in
+    std::deque<Kept> kept_;      // oldest first
 };
 
 absl::Status ContainerVideo::check_size(int width, int height) const {
@@ -111,11 +117,14 @@ absl::Status ContainerVideo::open() {
     decoder_.reset(avcodec_alloc_context3(packets_->decoder()));
     packet_.reset(av_packet_alloc());
     if (!decoder_ || !packet_ || avcodec_parameters_to_context(decoder_.get(), &parameters) < 0)
-        return absl::ResourceExhaustedError(fmt::format("{}: no memory for a decoder of {}", whose_, file_.string()));
-    decoder_->thread_count = static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1U, kMostThreads));
+        return absl::ResourceExhaustedError(
+            fmt::format("{}: no memory for a decoder of {}", whose_, file_.string()));
+    decoder_->thread_count =
+        static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1U, kMostThreads));
     if (int e = avcodec_open2(decoder_.get(), packets_->decoder(), nullptr); e < 0)
         return absl::InvalidArgumentError(
-            fmt::format("{}: {}: its decoder cannot be opened ({}); convert it with ffmpeg", whose_, file_.string(), libav::reason(e)));
+            fmt::format("{}: {}: its decoder cannot be opened ({}); convert it with ffmpeg", whose_,
+                        file_.string(), libav::reason(e)));
     return absl::OkStatus();
 }
 
@@ -128,13 +137,15 @@ absl::StatusOr<std::int64_t> ContainerVideo::count() {
 absl::Status ContainerVideo::ended(std::int64_t after) const {
     if (promise_is_exact() && 0 < after && after < promised())
         return absl::DataLossError(
-            fmt::format("{}: {} breaks off after {} of {} frames: it is damaged or cut off; copy it again or shorten all of the "
+            fmt::format("{}: {} breaks off after {} of {} frames: it is damaged or cut off; copy it again or "
+                        "shorten all of the "
                         "session's videos to {} frames",
                         whose_, file_.string(), after, promised(), after));
     if (after == 0)
-        return absl::DataLossError(fmt::format("{}: no frame of {} can be decoded: it is empty, damaged or of an unknown format; "
-                                               "copy it again or convert it with ffmpeg",
-                                               whose_, file_.string()));
+        return absl::DataLossError(
+            fmt::format("{}: no frame of {} can be decoded: it is empty, damaged or of an unknown format; "
+                        "copy it again or convert it with ffmpeg",
+                        whose_, file_.string()));
     return absl::OutOfRangeError("the video has ended");
 }
 
@@ -153,7 +164,7 @@ absl::StatusOr<ContainerVideo::Frame> ContainerVideo::decode() {
                 packet_ = std::move(read_.front());
                 read_.pop_front();
             } else {
-                error = packets_->next(packet_.get());   // an unreadable rest is the end
+                error = packets_->next(packet_.get());  // an unreadable rest is the end
             }
             const bool wanted = error < 0 || packet_->pts == AV_NOPTS_VALUE || packet_->pts >= skip_before_;
             decoder_->skip_frame = wanted ? AVDISCARD_DEFAULT : AVDISCARD_NONREF;
@@ -163,9 +174,10 @@ absl::StatusOr<ContainerVideo::Frame> ContainerVideo::decode() {
         }
         // What comes before the first picture may be the rest of something that was cut.
         if (error < 0 && error != AVERROR_EOF && decoded_ != 0)
-            return absl::DataLossError(fmt::format("{}: only {} of {} frames of {} can be decoded ({}): it is damaged or cut off; "
-                                                   "copy it again",
-                                                   whose_, decoded_, promised(), file_.string(), libav::reason(error)));
+            return absl::DataLossError(
+                fmt::format("{}: only {} of {} frames of {} can be decoded ({}): it is damaged or cut off; "
+                            "copy it again",
+                            whose_, decoded_, promised(), file_.string(), libav::reason(error)));
     }
 }
 
@@ -195,15 +207,18 @@ absl::Status ContainerVideo::decode_on_to(std::int64_t picture) {
         auto frame = decode();
         if (!frame.ok()) return frame.status();
         if (!*frame) return ended(decoded_);
-        if (decoded_ == 0) begin_ = (*frame)->pts == AV_NOPTS_VALUE || (*frame)->pts > earliest_ ? Begin::kTorn : Begin::kWhole;
+        if (decoded_ == 0)
+            begin_ =
+                (*frame)->pts == AV_NOPTS_VALUE || (*frame)->pts > earliest_ ? Begin::kTorn : Begin::kWhole;
         keep(decoded_++, *std::move(frame));
     }
     return absl::OkStatus();
 }
 
-// Reads at least `most` packets from the key on, as far as there are, and tells when those that are shown are shown. False
-// where that is not known of each.
-absl::StatusOr<bool> ContainerVideo::read_from(const KeyPacket& key, std::size_t most, std::vector<std::int64_t>& times) {
+// Reads at least `most` packets from the key on, as far as there are, and tells when those that are shown are
+// shown. False where that is not known of each.
+absl::StatusOr<bool> ContainerVideo::read_from(const KeyPacket& key, std::size_t most,
+                                               std::vector<std::int64_t>& times) {
     read_.clear();
     decoded_ = -1;
     if (absl::Status there = packets_->go_to(key); !there.ok()) return there;
@@ -231,9 +246,11 @@ absl::StatusOr<bool> ContainerVideo::bring_from_key(std::int64_t picture) {
         const std::int64_t of_key = read_.front()->pts;
         std::ranges::sort(times);
         if (std::ranges::adjacent_find(times) != times.end()) return false;
-        if (wanted >= times.size()) return ended(key->pictures_before + static_cast<std::int64_t>(times.size()));
+        if (wanted >= times.size())
+            return ended(key->pictures_before + static_cast<std::int64_t>(times.size()));
         // Pictures that are shown before the key though they follow it may need what came before it.
-        const auto leading = static_cast<std::size_t>(std::ranges::lower_bound(times, of_key) - times.begin());
+        const auto leading =
+            static_cast<std::size_t>(std::ranges::lower_bound(times, of_key) - times.begin());
         if (wanted < leading) continue;
         const std::size_t first = std::max(leading, wanted - std::min<std::size_t>(wanted, kNear - 1));
         skip_before_ = packets_->parameters().codec_id == AV_CODEC_ID_H264 ? times[first] : AV_NOPTS_VALUE;
@@ -241,7 +258,7 @@ absl::StatusOr<bool> ContainerVideo::bring_from_key(std::int64_t picture) {
             auto frame = decode();
             if (!frame.ok() || !*frame) return false;
             const std::int64_t time = (*frame)->pts;
-            if (time == AV_NOPTS_VALUE || time > times[wanted]) return false;   // the wanted one did not come
+            if (time == AV_NOPTS_VALUE || time > times[wanted]) return false;  // the wanted one did not come
             if (time < times[first]) continue;
             const auto n = std::ranges::lower_bound(times, time) - times.begin();
             keep(key->pictures_before + n, *std::move(frame));
@@ -279,7 +296,7 @@ absl::Status ContainerVideo::seek(std::int64_t frame) {
         return absl::OutOfRangeError(
             fmt::format("{}: frame {} is not one of {}'s {}", whose_, frame, file_.string(), promised()));
     if (!sought_) {
-        const std::size_t bytes = std::size_t{2} * camera_.width * camera_.height;   // of one kept, about
+        const std::size_t bytes = std::size_t{2} * camera_.width * camera_.height;  // of one kept, about
         most_kept_ = std::clamp<std::size_t>(kKeptBytes / std::max<std::size_t>(bytes, 1), 1, kMostKept);
         sought_ = true;
     }
@@ -301,37 +318,50 @@ absl::StatusOr<Picture> ContainerVideo::next() {
     return picture;
 }
 
-// As OpenCV makes B G R of a video, bit for bit; but turned as players turn it, which OpenCV 4.6 does the wrong way.
+// As OpenCV makes B G R of a video, bit for bit; but turned as players turn it, which OpenCV 4.6 does the
+// wrong way.
 absl::StatusOr<Picture> ContainerVideo::picture_of(const AVFrame& frame) {
-    int width = std::max(decoder_->coded_width, frame.width), height = std::max(decoder_->coded_height, frame.height);
+    int width = std::max(decoder_->coded_width, frame.width),
+        height = std::max(decoder_->coded_height, frame.height);
     if (!has_rows(frame, height)) width = frame.width, height = frame.height;
-    scaler_.reset(sws_getCachedContext(scaler_.release(), width, height, static_cast<AVPixelFormat>(frame.format), width, height,
+    scaler_.reset(sws_getCachedContext(scaler_.release(), width, height,
+                                       static_cast<AVPixelFormat>(frame.format), width, height,
                                        AV_PIX_FMT_BGR24, SWS_BICUBIC, nullptr, nullptr, nullptr));
     if (!scaler_)
-        return absl::InvalidArgumentError(
-            fmt::format("{}: the pixels of {} are of an unknown kind; convert it with ffmpeg", whose_, file_.string()));
+        return absl::InvalidArgumentError(fmt::format(
+            "{}: the pixels of {} are of an unknown kind; convert it with ffmpeg", whose_, file_.string()));
     if (!bgr_ || bgr_->width != width || bgr_->height != height) {
         bgr_.reset(av_frame_alloc());
         bgr_->format = AV_PIX_FMT_BGR24, bgr_->width = width, bgr_->height = height;
         if (av_frame_get_buffer(bgr_.get(), 32) < 0)
-            return absl::ResourceExhaustedError(fmt::format("{}: no memory for a picture of {}", whose_, file_.string()));
+            return absl::ResourceExhaustedError(
+                fmt::format("{}: no memory for a picture of {}", whose_, file_.string()));
     }
     sws_scale(scaler_.get(), frame.data, frame.linesize, 0, height, bgr_->data, bgr_->linesize);
     auto data = pool_.take();
-    const cv::Mat shown(frame.height, frame.width, CV_8UC3, bgr_->data[0], static_cast<std::size_t>(bgr_->linesize[0]));
+    const cv::Mat shown(frame.height, frame.width, CV_8UC3, bgr_->data[0],
+                        static_cast<std::size_t>(bgr_->linesize[0]));
     cv::Mat out(camera_.height, camera_.width, CV_8UC3, data.get());
     switch (turn_deg_) {
-        case 90: cv::rotate(shown, out, cv::ROTATE_90_CLOCKWISE); break;
-        case 180: cv::rotate(shown, out, cv::ROTATE_180); break;
-        case 270: cv::rotate(shown, out, cv::ROTATE_90_COUNTERCLOCKWISE); break;
-        default: shown.copyTo(out);
+        case 90:
+            cv::rotate(shown, out, cv::ROTATE_90_CLOCKWISE);
+            break;
+        case 180:
+            cv::rotate(shown, out, cv::ROTATE_180);
+            break;
+        case 270:
+            cv::rotate(shown, out, cv::ROTATE_90_COUNTERCLOCKWISE);
+            break;
+        default:
+            shown.copyTo(out);
     }
     return Picture{camera_.width, camera_.height, 3, std::move(data)};
 }
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<PictureReader>> open_container_video(const fs::path& file, const Camera& camera) {
+absl::StatusOr<std::unique_ptr<PictureReader>> open_container_video(const fs::path& file,
+                                                                    const Camera& camera) {
     auto packets = VideoPackets::open(file, "camera " + camera.name);
     if (!packets.ok()) return packets.status();
     auto video = std::make_unique<ContainerVideo>(file, camera, *std::move(packets));

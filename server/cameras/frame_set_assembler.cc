@@ -9,9 +9,11 @@ namespace kinevox {
 namespace {
 
 constexpr std::size_t kMostPending = 64;
-constexpr std::uint64_t kRestarted = 1000;   // a camera that counts on from so far away began anew
+constexpr std::uint64_t kRestarted = 1000;  // a camera that counts on from so far away began anew
 
-std::int64_t from_ms(double ms) { return std::llround(ms * 1e6); }
+std::int64_t from_ms(double ms) {
+    return std::llround(ms * 1e6);
+}
 
 }  // namespace
 
@@ -21,7 +23,9 @@ void FrameSetAssembler::Newest128::add(double value) {
 }
 
 double FrameSetAssembler::Newest128::mean() const {
-    return values.empty() ? 0 : std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+    return values.empty()
+               ? 0
+               : std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
 double FrameSetAssembler::Newest128::largest() const {
@@ -31,9 +35,11 @@ double FrameSetAssembler::Newest128::largest() const {
 }
 
 FrameSetAssembler::FrameSetAssembler(const FrameSetAssemblerOptions& options)
-    : options_(options), period_ns_(from_ms(1000 / options.fps)),
+    : options_(options),
+      period_ns_(from_ms(1000 / options.fps)),
       tolerance_ns_(options.tolerance_ms > 0 ? from_ms(options.tolerance_ms) : period_ns_ / 2),
-      longest_wait_ns_(from_ms(options.longest_wait_ms)), lanes_(options.cameras) {}
+      longest_wait_ns_(from_ms(options.longest_wait_ms)),
+      lanes_(options.cameras) {}
 
 void FrameSetAssembler::connect(std::size_t camera) {
     Lane& lane = lanes_.at(camera);
@@ -43,7 +49,9 @@ void FrameSetAssembler::connect(std::size_t camera) {
     lane.newest_time_ns.reset();
 }
 
-void FrameSetAssembler::disconnect(std::size_t camera) { lanes_.at(camera).connected = false; }
+void FrameSetAssembler::disconnect(std::size_t camera) {
+    lanes_.at(camera).connected = false;
+}
 
 FrameSetAssembler::Pending* FrameSetAssembler::find(std::int64_t time_ns, std::size_t camera) {
     Pending* nearest = nullptr;
@@ -79,7 +87,8 @@ void FrameSetAssembler::add(ArrivedPicture arrived) {
         }
     }
     lane.newest_time_ns = std::max(lane.newest_time_ns.value_or(time_ns), time_ns);
-    // What belongs to the set that went out last, unless that one has this camera's picture: then it is the next.
+    // What belongs to the set that went out last, unless that one has this camera's picture: then it is the
+    // next.
     if (last_time_ns_ && time_ns <= *last_time_ns_ + (lane.in_last_set ? 0 : tolerance_ns_)) {
         if (complete) ++lane.counts.late;
         return;
@@ -91,17 +100,18 @@ void FrameSetAssembler::add(ArrivedPicture arrived) {
         set = &*pending_.insert(at, std::move(opened));
     }
     set->begin_ns = std::min(set->begin_ns, arrived.arrival_ns);
-    set->slots[arrived.camera] = {true,          time_ns,              arrived.arrival_ns,
-                                  arrived.clock, arrived.timestamp_ns, std::move(arrived.picture)};
+    set->slots[arrived.camera] = {
+        true, time_ns, arrived.arrival_ns, arrived.clock, arrived.timestamp_ns, std::move(arrived.picture)};
 }
 
 bool FrameSetAssembler::is_ready(const Pending& set, std::int64_t now_ns) const {
     if (now_ns >= set.begin_ns + longest_wait_ns_ || pending_.size() > kMostPending) return true;
     for (std::size_t c = 0; c < lanes_.size(); ++c) {
-        const auto& newest_ns = lanes_[c].newest_time_ns;   // empty: it has only just come, its clock is being learned
+        const auto& newest_ns =
+            lanes_[c].newest_time_ns;  // empty: it has only just come, its clock is being learned
         if (set.slots[c].there || !lanes_[c].connected) continue;
         if (!newest_ns) {
-            if (!last_time_ns_) return false;   // all of them have, at the beginning
+            if (!last_time_ns_) return false;  // all of them have, at the beginning
             continue;
         }
         // Its pictures come in order: one of a later time says that none will come for this set.
@@ -119,7 +129,8 @@ std::optional<FrameSet> FrameSetAssembler::take(std::int64_t now_ns) {
     return std::nullopt;
 }
 
-// Pictures by one clock differ as their timestamps do; the estimate, which moves, only says where on the steady clock.
+// Pictures by one clock differ as their timestamps do; the estimate, which moves, only says where on the
+// steady clock.
 void FrameSetAssembler::compare_directly(std::vector<Slot>& slots) {
     const Slot* first = nullptr;
     for (Slot& slot : slots) {
@@ -135,7 +146,7 @@ std::optional<FrameSet> FrameSetAssembler::finish(Pending set) {
     for (std::size_t c = 0; c < lanes_.size(); ++c) lanes_[c].in_last_set = set.slots[c].there;
     std::size_t complete = 0;
     std::int64_t first_ns = 0, last_ns = 0, first_arrival_ns = 0;
-    double mean_ns = 0;   // against set.time_ns
+    double mean_ns = 0;  // against set.time_ns
     for (const Slot& slot : set.slots) {
         if (slot.picture.empty()) continue;
         first_ns = complete ? std::min(first_ns, slot.time_ns) : slot.time_ns;

@@ -1,5 +1,5 @@
-// Joins the pictures of cameras that are not perfect to frame sets: their clocks differ, they lose pictures, come late,
-// go away and come back. Pure logic: no threads, no clock of its own.
+// Joins the pictures of cameras that are not perfect to frame sets: their clocks differ, they lose pictures,
+// come late, go away and come back. Pure logic: no threads, no clock of its own.
 #pragma once
 
 #include <cstdint>
@@ -15,24 +15,26 @@ namespace kinevox {
 
 struct FrameSetAssemblerOptions {
     std::size_t cameras = 0;
-    double fps = 30;               // nominal pictures a second of each camera
-    double tolerance_ms = 0;       // pictures that are so near in time belong together; 0: half of a picture's time
-    double longest_wait_ms = 200;  // after its first picture's arrival a set goes out as it is
+    double fps = 30;  // nominal pictures a second of each camera
+    double tolerance_ms =
+        0;  // pictures that are so near in time belong together; 0: half of a picture's time
+    double longest_wait_ms = 200;    // after its first picture's arrival a set goes out as it is
     std::size_t least_pictures = 2;  // a set with fewer is not handed out
 };
 
 struct ArrivedPicture {
     std::size_t camera = 0;
-    std::uint64_t number = 0;       // counted by the camera; a gap is a lost picture. 0: it does not count
-    CameraClock clock = CameraClock::kArrival;   // kUnknown: it is not known when it was taken; only with none
-    std::int64_t timestamp_ns = 0;  // by that clock; of no meaning with kArrival
-    std::int64_t arrival_ns = 0;    // steady clock, of the first packet
-    Picture picture;                // empty: it arrived incomplete
+    std::uint64_t number = 0;  // counted by the camera; a gap is a lost picture. 0: it does not count
+    CameraClock clock = CameraClock::kArrival;  // kUnknown: it is not known when it was taken; only with none
+    std::int64_t timestamp_ns = 0;              // by that clock; of no meaning with kArrival
+    std::int64_t arrival_ns = 0;                // steady clock, of the first packet
+    Picture picture;                            // empty: it arrived incomplete
 };
 
-// One thread at a time. Sets come out ordered by time, their numbers rise; a jump in the numbers stands for sets of which
-// nothing arrived. A set goes out when each connected camera has its picture in it, or has sent a later one, or
-// longest_wait_ms after it began; so one camera's loss or end delays the others by no more than that.
+// One thread at a time. Sets come out ordered by time, their numbers rise; a jump in the numbers stands for
+// sets of which nothing arrived. A set goes out when each connected camera has its picture in it, or has sent
+// a later one, or longest_wait_ms after it began; so one camera's loss or end delays the others by no more
+// than that.
 class FrameSetAssembler {
   public:
     explicit FrameSetAssembler(const FrameSetAssemblerOptions& options);
@@ -59,15 +61,15 @@ class FrameSetAssembler {
         Picture picture;
     };
     struct Pending {
-        std::int64_t time_ns = 0;     // of the picture that opened it
-        std::int64_t begin_ns = 0;    // its arrival, steady clock
+        std::int64_t time_ns = 0;   // of the picture that opened it
+        std::int64_t begin_ns = 0;  // its arrival, steady clock
         std::vector<Slot> slots;
     };
     struct Newest128 {
         std::deque<double> values;
         void add(double value);
         double mean() const;
-        double largest() const;   // without sign
+        double largest() const;  // without sign
     };
     struct Lane {
         CameraLink counts;
@@ -75,11 +77,13 @@ class FrameSetAssembler {
         std::uint64_t last_number = 0;
         std::optional<std::int64_t> newest_time_ns;
         bool connected = false;
-        bool in_last_set = false;   // that went out
+        bool in_last_set = false;  // that went out
         Newest128 skew_ms, lateness_ms;
     };
 
-    ClockEstimate& clock_of(Lane& lane, CameraClock clock) { return clock == CameraClock::kPtp ? ptp_ : lane.clock; }
+    ClockEstimate& clock_of(Lane& lane, CameraClock clock) {
+        return clock == CameraClock::kPtp ? ptp_ : lane.clock;
+    }
     Pending* find(std::int64_t time_ns, std::size_t camera);
     static void compare_directly(std::vector<Slot>& slots);
     bool is_ready(const Pending& set, std::int64_t now_ns) const;
@@ -88,10 +92,10 @@ class FrameSetAssembler {
     const FrameSetAssemblerOptions options_;
     const std::int64_t period_ns_, tolerance_ns_, longest_wait_ns_;
     std::vector<Lane> lanes_;
-    ClockEstimate ptp_;               // one for all cameras that keep a clock together
-    std::deque<Pending> pending_;     // by time
-    std::optional<std::int64_t> last_time_ns_;      // of the set that went out last: its opening picture's
-    std::optional<std::int64_t> last_capture_ns_;   // and its pictures' mean
+    ClockEstimate ptp_;                            // one for all cameras that keep a clock together
+    std::deque<Pending> pending_;                  // by time
+    std::optional<std::int64_t> last_time_ns_;     // of the set that went out last: its opening picture's
+    std::optional<std::int64_t> last_capture_ns_;  // and its pictures' mean
     std::uint64_t next_sequence_ = 0;
 };
 

@@ -1,9 +1,9 @@
 #include "server/cameras/h264_file.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <optional>
-
-#include <fmt/format.h>
 
 #include "server/cameras/libav.h"
 #include "server/cameras/yuv_of_bgr.h"
@@ -21,7 +21,9 @@ class LibavFile final : public H264File {
 
     absl::Status open(int width, int height, const H264Options& options) {
         const AVCodec* codec = avcodec_find_encoder_by_name("libx264");
-        if (!codec) return absl::UnavailableError(fmt::format("{}: libavcodec has no libx264; install libavcodec-extra", file_));
+        if (!codec)
+            return absl::UnavailableError(
+                fmt::format("{}: libavcodec has no libx264; install libavcodec-extra", file_));
         encoder_.reset(avcodec_alloc_context3(codec));
         const AVRational rate = av_d2q(options.fps, 100000);
         encoder_->width = width;
@@ -40,15 +42,19 @@ class LibavFile final : public H264File {
         encoder_->log_level_offset = 64;  // x264 chats; errors come back as codes
 
         AVFormatContext* container = nullptr;
-        if (int e = avformat_alloc_output_context2(&container, nullptr, "mp4", file_.c_str()); e < 0) return failed("begin", e);
+        if (int e = avformat_alloc_output_context2(&container, nullptr, "mp4", file_.c_str()); e < 0)
+            return failed("begin", e);
         container_.reset(container);
         if (container_->oformat->flags & AVFMT_GLOBALHEADER) encoder_->flags |= AV_CODEC_FLAG_GLOBAL_HEADER;
-        if (int e = avcodec_open2(encoder_.get(), codec, nullptr); e < 0) return failed("open the encoder for", e);
+        if (int e = avcodec_open2(encoder_.get(), codec, nullptr); e < 0)
+            return failed("open the encoder for", e);
         stream_ = avformat_new_stream(container_.get(), nullptr);
         stream_->time_base = encoder_->time_base;
         stream_->avg_frame_rate = rate;
-        if (int e = avcodec_parameters_from_context(stream_->codecpar, encoder_.get()); e < 0) return failed("begin", e);
-        if (int e = avio_open(&container_->pb, file_.c_str(), AVIO_FLAG_WRITE); e < 0) return failed("create", e);
+        if (int e = avcodec_parameters_from_context(stream_->codecpar, encoder_.get()); e < 0)
+            return failed("begin", e);
+        if (int e = avio_open(&container_->pb, file_.c_str(), AVIO_FLAG_WRITE); e < 0)
+            return failed("create", e);
         if (int e = avformat_write_header(container_.get(), nullptr); e < 0) return failed("begin", e);
         frame_.reset(av_frame_alloc());
         frame_->format = encoder_->pix_fmt;
@@ -63,8 +69,9 @@ class LibavFile final : public H264File {
 
     absl::Status write(const Picture& picture) override {
         if (picture.width != frame_->width || picture.height != frame_->height || picture.channels != 3)
-            return absl::InvalidArgumentError(fmt::format("{}: a picture of {} x {} px with {} channels does not fit", file_,
-                                                          picture.width, picture.height, picture.channels));
+            return absl::InvalidArgumentError(
+                fmt::format("{}: a picture of {} x {} px with {} channels does not fit", file_, picture.width,
+                            picture.height, picture.channels));
         if (int e = av_frame_make_writable(frame_.get()); e < 0) return failed("write", e);
         scaler_->convert(picture.data.get(), *frame_);
         frame_->pts = count_++;
@@ -93,7 +100,8 @@ class LibavFile final : public H264File {
             packet_->duration = 1;
             av_packet_rescale_ts(packet_.get(), encoder_->time_base, stream_->time_base);
             packet_->stream_index = stream_->index;
-            if (int w = av_interleaved_write_frame(container_.get(), packet_.get()); w < 0) return failed("write", w);
+            if (int w = av_interleaved_write_frame(container_.get(), packet_.get()); w < 0)
+                return failed("write", w);
         }
     }
 
@@ -110,10 +118,11 @@ class LibavFile final : public H264File {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<H264File>> H264File::create(const std::filesystem::path& file, int width, int height,
-                                                           const H264Options& options) {
+absl::StatusOr<std::unique_ptr<H264File>> H264File::create(const std::filesystem::path& file, int width,
+                                                           int height, const H264Options& options) {
     if (width % 2 || height % 2)
-        return absl::InvalidArgumentError(fmt::format("{}: H.264 needs an even width and height, not {} x {}", file.string(), width, height));
+        return absl::InvalidArgumentError(fmt::format("{}: H.264 needs an even width and height, not {} x {}",
+                                                      file.string(), width, height));
     auto video = std::make_unique<LibavFile>(file);
     if (absl::Status status = video->open(width, height, options); !status.ok()) return status;
     return video;

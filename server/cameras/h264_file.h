@@ -1,11 +1,12 @@
-// An MP4 file of H.264 that keeps the sensor's noise (OpenCV's own writer smooths it away). Pictures B G R, 8 bits.
+// An MP4 file of H.264 that keeps the sensor's noise (OpenCV's own writer smooths it away). Pictures B G R, 8
+// bits.
 #pragma once
-
-#include <filesystem>
-#include <memory>
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
+
+#include <filesystem>
+#include <memory>
 
 #include "server/cameras/frame_source.h"
 
@@ -19,8 +20,8 @@ struct H264Options {
 class H264File {
   public:
     // Width and height even. Unavailable if this libavcodec has no libx264; else errors name the file.
-    static absl::StatusOr<std::unique_ptr<H264File>> create(const std::filesystem::path& file, int width, int height,
-                                                            const H264Options& options);
+    static absl::StatusOr<std::unique_ptr<H264File>> create(const std::filesystem::path& file, int width,
+                                                            int height, const H264Options& options);
     virtual ~H264File() = default;
 
     virtual absl::Status write(const Picture& picture) = 0;

@@ -17,7 +17,9 @@ PicturePool::PicturePool(std::size_t bytes, std::size_t keep) : shelf_(std::make
     shelf_->keep = keep;
 }
 
-std::size_t PicturePool::bytes() const { return shelf_->bytes; }
+std::size_t PicturePool::bytes() const {
+    return shelf_->bytes;
+}
 
 std::shared_ptr<std::uint8_t[]> PicturePool::take() {
     std::unique_ptr<std::uint8_t[]> buffer;

@@ -10,8 +10,8 @@ namespace kinevox {
 // Vector code, libswscale's above all, may touch so many bytes behind a picture: what it is given has them.
 inline constexpr std::size_t kBytesBehindPicture = 64;
 
-// Thread safe. Buffers may outlive the pool. Keeps at most `keep` idle buffers, frees the rest. Behind each there are
-// kBytesBehindPicture more.
+// Thread safe. Buffers may outlive the pool. Keeps at most `keep` idle buffers, frees the rest. Behind each
+// there are kBytesBehindPicture more.
 class PicturePool {
   public:
     explicit PicturePool(std::size_t bytes, std::size_t keep = 32);

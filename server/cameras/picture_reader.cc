@@ -1,16 +1,16 @@
 #include "server/cameras/picture_reader.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <system_error>
-#include <utility>
-#include <vector>
-
-#include <fmt/format.h>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <system_error>
+#include <utility>
+#include <vector>
 
 #include "server/cameras/container_video.h"
 #include "server/cameras/picture_pool.h"
@@ -80,10 +80,10 @@ class FolderReader final : public PictureReader {
         // Unchanged: an EXIF orientation must not turn a calibrated camera's picture.
         const cv::Mat picture = cv::imread(file.string(), cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
         if (picture.empty())
-            return absl::DataLossError(
-                fmt::format("camera {}: {} (picture {} of {}) cannot be decoded: it is damaged or no picture; "
-                            "replace it",
-                            camera_.name, file.string(), at_ + 1, files_.size()));
+            return absl::DataLossError(fmt::format(
+                "camera {}: {} (picture {} of {}) cannot be decoded: it is damaged or no picture; "
+                "replace it",
+                camera_.name, file.string(), at_ + 1, files_.size()));
         if (picture.cols != camera_.width || picture.rows != camera_.height)
             return wrong_size(camera_, file, picture.cols, picture.rows);
         auto data = pool_.take();
@@ -94,8 +94,8 @@ class FolderReader final : public PictureReader {
 
     absl::Status seek(std::int64_t frame) override {
         if (frame < 0 || frame >= promised())
-            return absl::OutOfRangeError(fmt::format("camera {}: picture {} is not one of its folder's {}", camera_.name, frame,
-                                                     files_.size()));
+            return absl::OutOfRangeError(fmt::format("camera {}: picture {} is not one of its folder's {}",
+                                                     camera_.name, frame, files_.size()));
         at_ = static_cast<std::size_t>(frame);
         return absl::OkStatus();
     }

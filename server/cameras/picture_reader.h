@@ -1,12 +1,12 @@
 // One camera's recorded pictures, one after the other: a video or a folder of pictures.
 #pragma once
 
+#include <absl/status/statusor.h>
+
 #include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <string>
-
-#include <absl/status/statusor.h>
 
 #include "server/cameras/frame_source.h"
 
@@ -19,7 +19,8 @@ class PictureReader {
 
     // Pictures the file promises; -1 if it does not say.
     virtual std::int64_t promised() const = 0;
-    // True: promised() is exact (a folder, an index in the container), false: an estimate from length and rate.
+    // True: promised() is exact (a folder, an index in the container), false: an estimate from length and
+    // rate.
     virtual bool promise_is_exact() const = 0;
     // How many there are. Where promised() is not exact, the file is read through once, without decoding it.
     virtual absl::StatusOr<std::int64_t> count() { return promised(); }
@@ -35,9 +36,9 @@ class PictureReader {
     virtual absl::Status rewind() = 0;
 };
 
-// `camera` names the camera in messages and fixes the size that every picture must have. NotFound if there is no
-// such file, InvalidArgument if it holds no readable picture or pictures of another size. A single picture file
-// counts as a clip of one.
+// `camera` names the camera in messages and fixes the size that every picture must have. NotFound if there is
+// no such file, InvalidArgument if it holds no readable picture or pictures of another size. A single picture
+// file counts as a clip of one.
 absl::StatusOr<std::unique_ptr<PictureReader>> open_pictures(const std::filesystem::path& file,
                                                              const Camera& camera);
 

@@ -1,5 +1,7 @@
 #include "server/cameras/recorded_session.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <charconv>
@@ -7,8 +9,6 @@
 #include <string_view>
 #include <system_error>
 #include <utility>
-
-#include <fmt/format.h>
 
 #include "common/atomic_file.h"
 
@@ -22,14 +22,15 @@ absl::Status cut(const fs::path& file, std::uint64_t bytes) {
     std::error_code error;
     if (fs::file_size(file, error) <= bytes && !error) return absl::OkStatus();
     if (!error) fs::resize_file(file, bytes, error);
-    return error ? absl::UnavailableError(fmt::format("{}: {}; it cannot be repaired", file.string(), error.message()))
+    return error ? absl::UnavailableError(
+                       fmt::format("{}: {}; it cannot be repaired", file.string(), error.message()))
                  : absl::OkStatus();
 }
 
-// A table's lines begin with their frame. How many bytes its header and the lines of frames below `limit` are, as far as
-// they are whole; and the frame that follows the last of them.
+// A table's lines begin with their frame. How many bytes its header and the lines of frames below `limit`
+// are, as far as they are whole; and the frame that follows the last of them.
 std::pair<std::size_t, std::uint64_t> whole_lines(std::string_view text, std::uint64_t limit) {
-    std::size_t end = text.find('\n') + 1;   // 0 without one
+    std::size_t end = text.find('\n') + 1;  // 0 without one
     std::uint64_t next = 0;
     while (end > 0) {
         const std::size_t newline = text.find('\n', end);
@@ -52,7 +53,8 @@ absl::Status cut_poses(const fs::path& folder, std::uint64_t frames) {
         tables.emplace_back(folder / name, *std::move(text));
     }
     std::uint64_t limit = frames;
-    for (std::size_t t = 0; t + 1 < tables.size(); ++t) limit = std::min(limit, whole_lines(tables[t].second, limit).second);
+    for (std::size_t t = 0; t + 1 < tables.size(); ++t)
+        limit = std::min(limit, whole_lines(tables[t].second, limit).second);
     for (const auto& [file, text] : tables)
         if (absl::Status done = cut(file, whole_lines(text, limit).first); !done.ok()) return done;
     return absl::OkStatus();
@@ -77,7 +79,8 @@ absl::StatusOr<std::vector<RecordedTime>> whole_frame_sets(const Session& sessio
 absl::StatusOr<bool> repair_recording(const fs::path& session_file) {
     auto session = read_session(session_file);
     if (!session.ok()) return session.status();
-    if (!session->recording || session->recording->closed || being_written(session->recording->times)) return false;
+    if (!session->recording || session->recording->closed || being_written(session->recording->times))
+        return false;
     const auto times = whole_frame_sets(*session);
     if (!times.ok()) return times.status();
     SessionRecording& recording = *session->recording;
@@ -90,9 +93,9 @@ absl::StatusOr<bool> repair_recording(const fs::path& session_file) {
                                     kVideoIndexHeader.size() + frames * kVideoIndexEntryBytes);
             !done.ok())
             return done;
-        recording.missing_pictures += static_cast<std::uint64_t>(
-            std::count_if(index->begin(), index->begin() + static_cast<std::ptrdiff_t>(frames),
-                          [](const VideoIndexEntry& entry) { return entry.flags & VideoIndexEntry::kMissing; }));
+        recording.missing_pictures += static_cast<std::uint64_t>(std::count_if(
+            index->begin(), index->begin() + static_cast<std::ptrdiff_t>(frames),
+            [](const VideoIndexEntry& entry) { return entry.flags & VideoIndexEntry::kMissing; }));
     }
     const auto table = read_file(recording.times, kMostTableBytes);
     if (!table.ok()) return table.status();

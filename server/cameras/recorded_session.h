@@ -13,13 +13,13 @@
 
 namespace kinevox {
 
-// The frame sets of a recording that are whole in every file, with their times. InvalidArgument, NotFound; DataLoss where
-// there is none. For a session with session.recording.
+// The frame sets of a recording that are whole in every file, with their times. InvalidArgument, NotFound;
+// DataLoss where there is none. For a session with session.recording.
 absl::StatusOr<std::vector<RecordedTime>> whole_frame_sets(const Session& session);
 
-// Closes a recording that was cut off: its files are cut to what is whole, and its session.toml says so. False where
-// there was nothing to do: closed, being written, or no recording. Errors where the files cannot be changed; they can be
-// read all the same.
+// Closes a recording that was cut off: its files are cut to what is whole, and its session.toml says so.
+// False where there was nothing to do: closed, being written, or no recording. Errors where the files cannot
+// be changed; they can be read all the same.
 absl::StatusOr<bool> repair_recording(const std::filesystem::path& session_file);
 
 }  // namespace kinevox

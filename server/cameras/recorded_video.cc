@@ -1,17 +1,16 @@
 #include "server/cameras/recorded_video.h"
 
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
-#include <utility>
-
-#include <fcntl.h>
-#include <unistd.h>
-
-#include <fmt/format.h>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 
 #include "server/cameras/libav.h"
 #include "server/cameras/picture_pool.h"
@@ -24,7 +23,9 @@ namespace fs = std::filesystem;
 class IndexedVideo final : public RecordedVideo {
   public:
     IndexedVideo(fs::path file, const Camera& camera, std::vector<VideoIndexEntry> index)
-        : file_(std::move(file)), camera_(camera), index_(std::move(index)),
+        : file_(std::move(file)),
+          camera_(camera),
+          index_(std::move(index)),
           pool_(std::size_t{3} * camera.width * camera.height) {}
     ~IndexedVideo() override {
         if (descriptor_ >= 0) ::close(descriptor_);
@@ -45,17 +46,18 @@ class IndexedVideo final : public RecordedVideo {
     }
     absl::Status seek(std::int64_t frame) override {
         if (frame < 0 || frame > size())
-            return absl::OutOfRangeError(
-                fmt::format("camera {}: frame {} is not one of {}'s {}", camera_.name, frame, file_.string(), size()));
+            return absl::OutOfRangeError(fmt::format("camera {}: frame {} is not one of {}'s {}",
+                                                     camera_.name, frame, file_.string(), size()));
         at_ = frame;
         return absl::OkStatus();
     }
 
   private:
     absl::Status damaged(std::int64_t frame, const std::string& why) const {
-        return absl::DataLossError(fmt::format("camera {}: picture {} of {} cannot be decoded ({}): the file is damaged; copy "
-                                               "it again",
-                                               camera_.name, frame, file_.string(), why));
+        return absl::DataLossError(
+            fmt::format("camera {}: picture {} of {} cannot be decoded ({}): the file is damaged; copy "
+                        "it again",
+                        camera_.name, frame, file_.string(), why));
     }
     // Decodes one picture; the decoder's frame holds it afterwards.
     absl::Status decode(std::int64_t frame);
@@ -70,39 +72,41 @@ class IndexedVideo final : public RecordedVideo {
     libav::Owned<AVFrame> frame_;
     libav::Owned<AVPacket> packet_;
     libav::Owned<SwsContext> scaler_;
-    std::int64_t at_ = 0;         // what next() delivers
-    std::int64_t decoded_ = -1;   // last; -1: the decoder knows nothing
+    std::int64_t at_ = 0;        // what next() delivers
+    std::int64_t decoded_ = -1;  // last; -1: the decoder knows nothing
 };
 
 absl::Status IndexedVideo::open() {
     AVFormatContext* opened = nullptr;
     // The header alone is read: it says all that the decoder must know.
     if (int e = avformat_open_input(&opened, file_.c_str(), nullptr, nullptr); e < 0)
-        return absl::InvalidArgumentError(fmt::format("camera {}: {} cannot be read as a video ({}); copy it again",
-                                                      camera_.name, file_.string(), libav::reason(e)));
+        return absl::InvalidArgumentError(
+            fmt::format("camera {}: {} cannot be read as a video ({}); copy it again", camera_.name,
+                        file_.string(), libav::reason(e)));
     const libav::OwnedInput container(opened);
     if (container->nb_streams != 1 || container->streams[0]->codecpar->codec_type != AVMEDIA_TYPE_VIDEO)
-        return absl::InvalidArgumentError(fmt::format("camera {}: {} is no recorded video; copy it again", camera_.name,
-                                                      file_.string()));
+        return absl::InvalidArgumentError(
+            fmt::format("camera {}: {} is no recorded video; copy it again", camera_.name, file_.string()));
     const AVCodecParameters& parameters = *container->streams[0]->codecpar;
     if (parameters.width != camera_.width || parameters.height != camera_.height)
         return wrong_size(camera_, file_, parameters.width, parameters.height);
     const AVCodec* codec = avcodec_find_decoder(parameters.codec_id);
     decoder_.reset(avcodec_alloc_context3(codec));
     if (!codec || !decoder_ || avcodec_parameters_to_context(decoder_.get(), &parameters) < 0)
-        return absl::InvalidArgumentError(fmt::format("camera {}: {} holds pictures of a kind that this FFmpeg cannot decode",
-                                                      camera_.name, file_.string()));
-    decoder_->thread_count = 1;   // the cameras are decoded beside each other
-    decoder_->flags |= AV_CODEC_FLAG_LOW_DELAY;   // no picture waits for another
+        return absl::InvalidArgumentError(
+            fmt::format("camera {}: {} holds pictures of a kind that this FFmpeg cannot decode", camera_.name,
+                        file_.string()));
+    decoder_->thread_count = 1;                  // the cameras are decoded beside each other
+    decoder_->flags |= AV_CODEC_FLAG_LOW_DELAY;  // no picture waits for another
     if (int e = avcodec_open2(decoder_.get(), codec, nullptr); e < 0)
-        return absl::InvalidArgumentError(fmt::format("camera {}: {}: its decoder cannot be opened ({})", camera_.name,
-                                                      file_.string(), libav::reason(e)));
+        return absl::InvalidArgumentError(fmt::format("camera {}: {}: its decoder cannot be opened ({})",
+                                                      camera_.name, file_.string(), libav::reason(e)));
     frame_.reset(av_frame_alloc());
     packet_.reset(av_packet_alloc());
     descriptor_ = ::open(file_.c_str(), O_RDONLY | O_CLOEXEC);
     if (descriptor_ < 0)
-        return absl::InvalidArgumentError(
-            fmt::format("camera {}: {} cannot be read: {}", camera_.name, file_.string(), std::strerror(errno)));
+        return absl::InvalidArgumentError(fmt::format("camera {}: {} cannot be read: {}", camera_.name,
+                                                      file_.string(), std::strerror(errno)));
     return absl::OkStatus();
 }
 
@@ -110,7 +114,8 @@ absl::Status IndexedVideo::decode(std::int64_t frame) {
     decoded_ = -1;
     const VideoIndexEntry& entry = index_[static_cast<std::size_t>(frame)];
     av_packet_unref(packet_.get());
-    if (av_new_packet(packet_.get(), static_cast<int>(entry.payload_bytes)) < 0) return damaged(frame, "it is too large");
+    if (av_new_packet(packet_.get(), static_cast<int>(entry.payload_bytes)) < 0)
+        return damaged(frame, "it is too large");
     for (std::size_t done = 0; done < entry.payload_bytes;) {
         const ssize_t got = ::pread(descriptor_, packet_->data + done, entry.payload_bytes - done,
                                     static_cast<off_t>(entry.payload_offset + done));
@@ -122,8 +127,10 @@ absl::Status IndexedVideo::decode(std::int64_t frame) {
         packet_->flags |= AV_PKT_FLAG_KEY;
         avcodec_flush_buffers(decoder_.get());
     }
-    if (int e = avcodec_send_packet(decoder_.get(), packet_.get()); e < 0) return damaged(frame, libav::reason(e));
-    if (int e = avcodec_receive_frame(decoder_.get(), frame_.get()); e < 0) return damaged(frame, libav::reason(e));
+    if (int e = avcodec_send_packet(decoder_.get(), packet_.get()); e < 0)
+        return damaged(frame, libav::reason(e));
+    if (int e = avcodec_receive_frame(decoder_.get(), frame_.get()); e < 0)
+        return damaged(frame, libav::reason(e));
     if (frame_->width != camera_.width || frame_->height != camera_.height)
         return damaged(frame, fmt::format("it is {} x {} px", frame_->width, frame_->height));
     decoded_ = frame;
@@ -152,8 +159,9 @@ absl::StatusOr<Picture> IndexedVideo::picture_of_frame(std::int64_t frame) {
             break;
         default: {
             if (!scaler_)
-                scaler_.reset(sws_getContext(width, height, static_cast<AVPixelFormat>(frame_->format), width, height,
-                                             AV_PIX_FMT_BGR24, SWS_BICUBIC | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INT, nullptr,
+                scaler_.reset(sws_getContext(width, height, static_cast<AVPixelFormat>(frame_->format), width,
+                                             height, AV_PIX_FMT_BGR24,
+                                             SWS_BICUBIC | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INT, nullptr,
                                              nullptr, nullptr));
             if (!scaler_) return damaged(frame, "its pixels are of an unknown kind");
             std::uint8_t* const planes[1] = {data.get()};
@@ -166,10 +174,12 @@ absl::StatusOr<Picture> IndexedVideo::picture_of_frame(std::int64_t frame) {
 
 absl::StatusOr<Picture> IndexedVideo::read(std::int64_t frame) {
     if (frame < 0 || frame >= size())
-        return absl::OutOfRangeError(
-            fmt::format("camera {}: frame {} is not one of {}'s {}", camera_.name, frame, file_.string(), size()));
+        return absl::OutOfRangeError(fmt::format("camera {}: frame {} is not one of {}'s {}", camera_.name,
+                                                 frame, file_.string(), size()));
     at_ = frame + 1;
-    const auto key = [&](std::int64_t f) { return index_[static_cast<std::size_t>(f)].flags & VideoIndexEntry::kKey; };
+    const auto key = [&](std::int64_t f) {
+        return index_[static_cast<std::size_t>(f)].flags & VideoIndexEntry::kKey;
+    };
     std::int64_t first = frame;
     while (first > 0 && !key(first) && first - 1 != decoded_) --first;
     for (std::int64_t f = first; f <= frame; ++f)
@@ -185,12 +195,13 @@ bool RecordedVideo::is_one(const fs::path& video) {
     return video.extension() == ".mkv" && fs::is_regular_file(video_index_file(video), error);
 }
 
-absl::StatusOr<std::unique_ptr<RecordedVideo>> RecordedVideo::open(const fs::path& video, const Camera& camera,
+absl::StatusOr<std::unique_ptr<RecordedVideo>> RecordedVideo::open(const fs::path& video,
+                                                                   const Camera& camera,
                                                                    std::int64_t most_frames) {
     auto index = read_video_index(video);
     if (!index.ok())
-        return absl::Status(index.status().code(), fmt::format("camera {}: {}", camera.name,
-                                                               std::string(index.status().message())));
+        return absl::Status(index.status().code(),
+                            fmt::format("camera {}: {}", camera.name, std::string(index.status().message())));
     if (most_frames >= 0 && static_cast<std::int64_t>(index->size()) > most_frames)
         index->resize(static_cast<std::size_t>(most_frames));
     auto opened = std::make_unique<IndexedVideo>(video, camera, *std::move(index));

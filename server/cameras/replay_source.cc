@@ -1,5 +1,7 @@
 #include "server/cameras/replay_source.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <condition_variable>
@@ -8,8 +10,6 @@
 #include <optional>
 #include <thread>
 #include <utility>
-
-#include <fmt/format.h>
 
 #include "server/cameras/session_files.h"
 
@@ -20,15 +20,21 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t kReplayBytesAhead = std::size_t{64} << 20;
 constexpr std::size_t kAheadPaused = 2;
-constexpr std::chrono::milliseconds kReplayMostLate{500};   // behind the speed asked for, until it is taken as it comes
+constexpr std::chrono::milliseconds kReplayMostLate{
+    500};  // behind the speed asked for, until it is taken as it comes
 
 class LanedReplay final : public ReplaySource {
   public:
     LanedReplay(SessionFiles files, std::int64_t frames, const ReplayOptions& options)
-        : files_(std::move(files)), frames_(frames), lanes_(files_.pictures.size()), playing_(!options.paused),
-          loop_(options.loop), speed_(options.speed) {
-        ahead_ = options.frames_ahead > 0 ? static_cast<std::size_t>(options.frames_ahead)
-                                          : std::clamp<std::size_t>(kReplayBytesAhead / frame_set_bytes(cameras()), 2, 16);
+        : files_(std::move(files)),
+          frames_(frames),
+          lanes_(files_.pictures.size()),
+          playing_(!options.paused),
+          loop_(options.loop),
+          speed_(options.speed) {
+        ahead_ = options.frames_ahead > 0
+                     ? static_cast<std::size_t>(options.frames_ahead)
+                     : std::clamp<std::size_t>(kReplayBytesAhead / frame_set_bytes(cameras()), 2, 16);
     }
     ~LanedReplay() override {
         stop();
@@ -38,7 +44,7 @@ class LanedReplay final : public ReplaySource {
 
     const std::vector<Camera>& cameras() const override { return files_.cameras; }
     double fps() const override { return files_.session.fps; }
-    std::int64_t frame_count() const override { return -1; }   // it does not end
+    std::int64_t frame_count() const override { return -1; }  // it does not end
     absl::StatusOr<std::vector<std::vector<Picture>>> background() override {
         return read_backgrounds(files_.session, files_.cameras);
     }
@@ -79,10 +85,10 @@ class LanedReplay final : public ReplaySource {
     // A camera's thread and what that has decoded ahead.
     struct Lane {
         std::thread thread;
-        std::uint64_t epoch = 0;                                                // of the queue
-        std::deque<std::pair<std::int64_t, absl::StatusOr<Picture>>> queue;     // frame and picture
-        std::int64_t at = 0;                                                    // to be decoded next
-        bool over = false;                                                      // nothing will be added
+        std::uint64_t epoch = 0;                                             // of the queue
+        std::deque<std::pair<std::int64_t, absl::StatusOr<Picture>>> queue;  // frame and picture
+        std::int64_t at = 0;                                                 // to be decoded next
+        bool over = false;                                                   // nothing will be added
     };
     struct Anchor {
         std::int64_t frame = 0;
@@ -98,38 +104,40 @@ class LanedReplay final : public ReplaySource {
     std::chrono::nanoseconds time_of(std::int64_t frame) const {
         return std::chrono::nanoseconds(files_.times.of(frame));
     }
-    Clock::time_point due(std::int64_t frame) const {   // mutex held; with an anchor
-        const double since_ns = static_cast<double>((time_of(frame) - time_of(anchor_->frame)).count()) / speed_;
+    Clock::time_point due(std::int64_t frame) const {  // mutex held; with an anchor
+        const double since_ns =
+            static_cast<double>((time_of(frame) - time_of(anchor_->frame)).count()) / speed_;
         return anchor_->time + std::chrono::nanoseconds(std::llround(since_ns));
     }
     void decode(std::size_t c);
-    bool may_go_ahead(const Lane& lane) const;           // mutex held
-    void begin_at(std::int64_t frame);                   // mutex held, as all of these
-    bool decoded(std::int64_t frame) const;              // by all cameras, or an error of one
+    bool may_go_ahead(const Lane& lane) const;  // mutex held
+    void begin_at(std::int64_t frame);          // mutex held, as all of these
+    bool decoded(std::int64_t frame) const;     // by all cameras, or an error of one
     absl::StatusOr<FrameSet> take(std::int64_t frame);
     void leave_out_late(Clock::time_point now);
 
-    const SessionFiles files_;   // each camera's pictures are read by its own thread
+    const SessionFiles files_;  // each camera's pictures are read by its own thread
     const std::int64_t frames_;
     std::size_t ahead_ = 2;
     std::deque<Lane> lanes_;
 
-    mutable std::mutex mutex_;   // of everything below and the lanes but for their readers
+    mutable std::mutex mutex_;  // of everything below and the lanes but for their readers
     std::condition_variable changed_;
     bool started_ = false, stopped_ = false;
     bool playing_, loop_, ended_ = false;
     double speed_;
-    std::optional<std::int64_t> target_;   // to be shown as soon as can be
-    std::optional<Anchor> anchor_;         // when which frame was due; empty: with the next one shown
-    std::int64_t at_ = 0;                  // follows the one shown last
+    std::optional<std::int64_t> target_;  // to be shown as soon as can be
+    std::optional<Anchor> anchor_;        // when which frame was due; empty: with the next one shown
+    std::int64_t at_ = 0;                 // follows the one shown last
     std::int64_t shown_ = -1;
-    bool jumped_ = false;                  // the next one does not follow
+    bool jumped_ = false;  // the next one does not follow
     std::uint64_t epoch_ = 1, sequence_ = 0, jumps_ = 0;
 };
 
 absl::Status LanedReplay::seek(std::int64_t frame) {
     if (frame < 0 || frame >= frames_)
-        return absl::OutOfRangeError(fmt::format("there is no frame {}; the recording has frames 0 to {}", frame, frames_ - 1));
+        return absl::OutOfRangeError(
+            fmt::format("there is no frame {}; the recording has frames 0 to {}", frame, frames_ - 1));
     change([&] {
         target_ = frame;
         ended_ = false;
@@ -139,8 +147,8 @@ absl::Status LanedReplay::seek(std::int64_t frame) {
 
 absl::Status LanedReplay::set_speed(double speed) {
     if (!(speed >= kSlowest && speed <= kFastest))
-        return absl::OutOfRangeError(fmt::format("speed is {}; {} to {} times the recording's is allowed", speed, kSlowest,
-                                                 kFastest));
+        return absl::OutOfRangeError(
+            fmt::format("speed is {}; {} to {} times the recording's is allowed", speed, kSlowest, kFastest));
     change([&] {
         speed_ = speed;
         anchor_.reset();
@@ -175,9 +183,8 @@ void LanedReplay::decode(std::size_t c) {
     PictureReader& pictures = *files_.pictures[c];
     std::unique_lock lock(mutex_);
     for (;;) {
-        changed_.wait(lock, [&] {
-            return stopped_ || lane.epoch != epoch_ || (!lane.over && may_go_ahead(lane));
-        });
+        changed_.wait(lock,
+                      [&] { return stopped_ || lane.epoch != epoch_ || (!lane.over && may_go_ahead(lane)); });
         if (stopped_) return;
         bool sought = false;
         if (lane.epoch != epoch_) {
@@ -197,7 +204,7 @@ void LanedReplay::decode(std::size_t c) {
         const absl::Status there = sought ? pictures.seek(frame) : absl::OkStatus();
         auto picture = there.ok() ? pictures.next() : absl::StatusOr<Picture>(there);
         lock.lock();
-        if (epoch != epoch_) continue;   // sought elsewhere meanwhile
+        if (epoch != epoch_) continue;  // sought elsewhere meanwhile
         lane.over = !picture.ok();
         lane.queue.emplace_back(frame, std::move(picture));
         lane.at = frame + 1;
@@ -205,8 +212,8 @@ void LanedReplay::decode(std::size_t c) {
     }
 }
 
-// Not while another camera is at work on the frame set that is waited for, which needs the cores; and not far while it is
-// not known whether it will play on from there.
+// Not while another camera is at work on the frame set that is waited for, which needs the cores; and not far
+// while it is not known whether it will play on from there.
 bool LanedReplay::may_go_ahead(const Lane& lane) const {
     if (lane.queue.size() >= (playing_ ? ahead_ : std::min(ahead_, kAheadPaused))) return false;
     return lane.queue.empty() || std::ranges::all_of(lanes_, [&](const Lane& other) {
@@ -223,9 +230,10 @@ bool LanedReplay::decoded(std::int64_t frame) const {
 absl::StatusOr<FrameSet> LanedReplay::take(std::int64_t frame) {
     for (std::size_t c = 0; c < lanes_.size(); ++c)
         if (const auto& picture = lanes_[c].queue.front().second; !picture.ok())
-            return absl::IsOutOfRange(picture.status())   // the file promised more
-                       ? absl::DataLossError(fmt::format("camera {}: its video ends before frame {}; copy it again",
-                                                         cameras()[c].name, frame))
+            return absl::IsOutOfRange(picture.status())  // the file promised more
+                       ? absl::DataLossError(
+                             fmt::format("camera {}: its video ends before frame {}; copy it again",
+                                         cameras()[c].name, frame))
                        : picture.status();
     FrameSet set;
     set.sequence = sequence_++;
@@ -260,9 +268,10 @@ absl::StatusOr<FrameSet> LanedReplay::next() {
     if (!started_ && !stopped_) {
         started_ = true;
         if (!target_) target_ = 0;
-        for (std::size_t c = 0; c < lanes_.size(); ++c) lanes_[c].thread = std::thread([this, c] { decode(c); });
+        for (std::size_t c = 0; c < lanes_.size(); ++c)
+            lanes_[c].thread = std::thread([this, c] { decode(c); });
     }
-    std::optional<std::int64_t> wanted;   // a target that is being decoded
+    std::optional<std::int64_t> wanted;  // a target that is being decoded
     for (;;) {
         if (stopped_) return absl::CancelledError("the replay was stopped");
         if (target_) {
@@ -271,8 +280,10 @@ absl::StatusOr<FrameSet> LanedReplay::next() {
         }
         if (!wanted) {
             if (playing_ && at_ >= frames_) {
-                if (loop_) begin_at(0);
-                else playing_ = false, ended_ = true;
+                if (loop_)
+                    begin_at(0);
+                else
+                    playing_ = false, ended_ = true;
             }
             if (!playing_) {
                 changed_.wait(lock);
@@ -303,9 +314,9 @@ absl::StatusOr<FrameSet> LanedReplay::next() {
 absl::StatusOr<std::shared_ptr<ReplaySource>> ReplaySource::open(const std::filesystem::path& session_file,
                                                                  const ReplayOptions& options) {
     if (!(options.speed >= kSlowest && options.speed <= kFastest) || options.frames_ahead < 0)
-        return absl::InvalidArgumentError(
-            fmt::format("a replay's speed is {} and its frames_ahead {}; the speed is {} to {}, the number 0 or more",
-                        options.speed, options.frames_ahead, kSlowest, kFastest));
+        return absl::InvalidArgumentError(fmt::format(
+            "a replay's speed is {} and its frames_ahead {}; the speed is {} to {}, the number 0 or more",
+            options.speed, options.frames_ahead, kSlowest, kFastest));
     auto files = open_session_files(session_file);
     if (!files.ok()) return files.status();
     const auto frames = count_frame_sets(*files);

@@ -1,12 +1,13 @@
-// A recorded session as a source that can be paused, stepped, sought in, slowed down and looped while it runs.
+// A recorded session as a source that can be paused, stepped, sought in, slowed down and looped while it
+// runs.
 #pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
 
 #include <cstdint>
 #include <filesystem>
 #include <memory>
-
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 #include "common/session_file.h"
 #include "server/cameras/frame_source.h"
@@ -16,37 +17,37 @@ namespace kinevox {
 enum class ReplayState {
     kPlaying,
     kPaused,
-    kEnded,   // paused behind the last frame set; play() begins anew
+    kEnded,  // paused behind the last frame set; play() begins anew
 };
 
 struct ReplayPosition {
     ReplayState state = ReplayState::kPlaying;
-    std::int64_t frame = -1;    // handed out last, from 0; -1: none yet
-    std::int64_t frames = 0;    // of the recording
-    double position_s = 0;      // of that frame, from the recording's begin
-    double fps = 0;             // nominal
-    double speed = 1;           // asked for
+    std::int64_t frame = -1;  // handed out last, from 0; -1: none yet
+    std::int64_t frames = 0;  // of the recording
+    double position_s = 0;    // of that frame, from the recording's begin
+    double fps = 0;           // nominal
+    double speed = 1;         // asked for
     bool loop = false;
-    std::uint64_t jumps = 0;    // frame sets handed out that did not follow the one before
+    std::uint64_t jumps = 0;  // frame sets handed out that did not follow the one before
 };
 
 struct ReplayOptions {
-    bool paused = false;        // hands out the first frame set and waits
+    bool paused = false;  // hands out the first frame set and waits
     bool loop = false;
     double speed = 1;
-    int frames_ahead = 0;       // pictures decoded ahead per camera; 0: as many as fit into 64 MB, 2 to 16
+    int frames_ahead = 0;  // pictures decoded ahead per camera; 0: as many as fit into 64 MB, 2 to 16
 };
 
-// A frame set's capture time is the recording's own and goes back with it; its sequence always rises. Where the pipeline
-// or the decoders are too slow for the speed, frame sets are left out as those of a live camera are, which shows as a gap
-// in the sequence, and where that does not help the replay runs slower. It never ends by itself: behind the last frame
-// set next() waits.
+// A frame set's capture time is the recording's own and goes back with it; its sequence always rises. Where
+// the pipeline or the decoders are too slow for the speed, frame sets are left out as those of a live camera
+// are, which shows as a gap in the sequence, and where that does not help the replay runs slower. It never
+// ends by itself: behind the last frame set next() waits.
 class ReplaySource : public FrameSource {
   public:
     static constexpr double kSlowest = 0.01, kFastest = 100;
 
-    // Errors as open_session_source()'s; InvalidArgument also for options out of range. A video whose container does not
-    // tell its length is read through once.
+    // Errors as open_session_source()'s; InvalidArgument also for options out of range. A video whose
+    // container does not tell its length is read through once.
     static absl::StatusOr<std::shared_ptr<ReplaySource>> open(const std::filesystem::path& session_file,
                                                               const ReplayOptions& options = {});
 

@@ -1,12 +1,12 @@
 #include "server/cameras/session_files.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <thread>
 #include <utility>
-
-#include <fmt/format.h>
 
 #include "common/session_offsets.h"
 #include "server/cameras/recorded_session.h"
@@ -16,8 +16,8 @@ namespace kinevox {
 namespace {
 
 constexpr std::size_t kBackgroundBytes = std::size_t{512} << 20;
-constexpr std::size_t kMostBackgroundPictures = 64;   // twice the default N
-constexpr double kFarthest = 1e15;                    // frames; still exact as a double
+constexpr std::size_t kMostBackgroundPictures = 64;  // twice the default N
+constexpr double kFarthest = 1e15;                   // frames; still exact as a double
 
 // Up to `most` pictures of the empty scene, spread over the file.
 absl::StatusOr<std::vector<Picture>> read_background(const std::filesystem::path& file, const Camera& camera,
@@ -42,7 +42,8 @@ absl::Status check_lengths(const SessionFiles& files, const std::vector<std::int
     if (*shortest == *longest) return absl::OkStatus();
     const auto camera = static_cast<std::size_t>(shortest - lengths.begin());
     return absl::InvalidArgumentError(fmt::format(
-        "camera {}: {} has {} frames, that of camera {} has {}; all cameras of a session need the same number: "
+        "camera {}: {} has {} frames, that of camera {} has {}; all cameras of a session need the same "
+        "number: "
         "copy the file again or cut all to {} frames",
         files.cameras[camera].name, files.session.cameras[camera].video.string(), *shortest,
         files.cameras[static_cast<std::size_t>(longest - lengths.begin())].name, *longest, *shortest));
@@ -66,7 +67,8 @@ class PartOfPictures final : public PictureReader {
     }
     absl::Status seek(std::int64_t frame) override {
         if (frame < 0 || frame > length_)
-            return absl::OutOfRangeError(fmt::format("frame {} is not one of the cameras' common {}", frame, length_));
+            return absl::OutOfRangeError(
+                fmt::format("frame {} is not one of the cameras' common {}", frame, length_));
         at_ = frame;
         sought_ = true;
         return absl::OkStatus();
@@ -76,8 +78,8 @@ class PartOfPictures final : public PictureReader {
   private:
     const std::unique_ptr<PictureReader> all_;
     const std::int64_t first_, length_;
-    std::int64_t at_ = 0;     // what next() delivers
-    bool sought_ = true;      // all_ stands elsewhere
+    std::int64_t at_ = 0;  // what next() delivers
+    bool sought_ = true;   // all_ stands elsewhere
 };
 
 absl::StatusOr<std::vector<std::int64_t>> count_pictures(const SessionFiles& files) {
@@ -136,8 +138,8 @@ std::int64_t FrameTimes::nearest(double seconds) const {
     if (last < 0 || seconds < 0) return even(seconds);
     const auto seconds_of = [&](std::int64_t frame) { return 1e-9 * static_cast<double>(of(frame)); };
     if (seconds > seconds_of(last)) return last + even(seconds - seconds_of(last));
-    const auto behind = std::ranges::lower_bound(recorded_, seconds, {},
-                                                 [](const RecordedTime& t) { return 1e-9 * static_cast<double>(t.time_ns); });
+    const auto behind = std::ranges::lower_bound(
+        recorded_, seconds, {}, [](const RecordedTime& t) { return 1e-9 * static_cast<double>(t.time_ns); });
     const std::int64_t frame = behind - recorded_.begin();
     return frame > 0 && seconds - seconds_of(frame - 1) < seconds_of(frame) - seconds ? frame - 1 : frame;
 }
@@ -165,14 +167,14 @@ absl::StatusOr<SessionFiles> open_session_files(Session session) {
     absl::Status fit;
     if (has_offsets(files.session))
         fit = join(files);
-    else if (exact)   // else whoever reads on will notice
+    else if (exact)  // else whoever reads on will notice
         fit = check_lengths(files, lengths);
     if (!fit.ok()) return fit;
     return files;
 }
 
 absl::StatusOr<SessionFiles> open_session_files(const std::filesystem::path& session_file) {
-    repair_recording(session_file).IgnoreError();   // can be read without
+    repair_recording(session_file).IgnoreError();  // can be read without
     auto session = read_session(session_file);
     if (!session.ok()) return session.status();
     return open_session_files(*std::move(session));
@@ -194,18 +196,21 @@ absl::StatusOr<std::int64_t> count_frame_sets(const SessionFiles& files) {
 absl::StatusOr<std::vector<std::vector<Picture>>> read_backgrounds(const Session& session,
                                                                    const std::vector<Camera>& cameras) {
     const std::size_t count = cameras.size();
-    if (std::ranges::all_of(session.cameras, [](const SessionCamera& camera) { return camera.background.empty(); }))
+    if (std::ranges::all_of(session.cameras,
+                            [](const SessionCamera& camera) { return camera.background.empty(); }))
         return std::vector<std::vector<Picture>>{};
     // The recorder kept what a background was learned from, and all of it makes the same again.
     const std::size_t most = session.recording
                                  ? std::numeric_limits<std::size_t>::max()
-                                 : std::clamp<std::size_t>(kBackgroundBytes / frame_set_bytes(cameras), 8, kMostBackgroundPictures);
+                                 : std::clamp<std::size_t>(kBackgroundBytes / frame_set_bytes(cameras), 8,
+                                                           kMostBackgroundPictures);
     std::vector<absl::StatusOr<std::vector<Picture>>> read(count, std::vector<Picture>{});
     {
         std::vector<std::jthread> threads;
         for (std::size_t c = 0; c < count; ++c)
             if (!session.cameras[c].background.empty())
-                threads.emplace_back([&, c] { read[c] = read_background(session.cameras[c].background, cameras[c], most); });
+                threads.emplace_back(
+                    [&, c] { read[c] = read_background(session.cameras[c].background, cameras[c], most); });
     }
     std::vector<std::vector<Picture>> pictures;
     for (auto& one : read) {
@@ -215,13 +220,13 @@ absl::StatusOr<std::vector<std::vector<Picture>>> read_backgrounds(const Session
     return pictures;
 }
 
-absl::Status each_has_background(const std::vector<std::vector<Picture>>& background, const std::vector<Camera>& cameras,
-                                 const std::string& session) {
+absl::Status each_has_background(const std::vector<std::vector<Picture>>& background,
+                                 const std::vector<Camera>& cameras, const std::string& session) {
     for (std::size_t c = 0; c < cameras.size(); ++c)
         if (c >= background.size() || background[c].empty())
-            return absl::InvalidArgumentError(
-                fmt::format("{}: camera {} has no `background`; add a picture, a clip or a folder of the empty scene", session,
-                            cameras[c].name));
+            return absl::InvalidArgumentError(fmt::format(
+                "{}: camera {} has no `background`; add a picture, a clip or a folder of the empty scene",
+                session, cameras[c].name));
     return absl::OkStatus();
 }
 

@@ -1,17 +1,17 @@
 #include "server/cameras/session_source.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <condition_variable>
 #include <cstdlib>
 #include <deque>
 #include <mutex>
+#include <opencv2/core/utils/logger.hpp>
 #include <thread>
 #include <utility>
 #include <vector>
-
-#include <fmt/format.h>
-#include <opencv2/core/utils/logger.hpp>
 
 #include "common/background_priority.h"
 #include "server/cameras/libav.h"
@@ -23,7 +23,7 @@ namespace {
 using SteadyClock = std::chrono::steady_clock;
 
 constexpr std::size_t kBytesAhead = std::size_t{128} << 20;
-constexpr std::chrono::milliseconds kMostLate{500};   // behind real time, until it is taken as it comes
+constexpr std::chrono::milliseconds kMostLate{500};  // behind real time, until it is taken as it comes
 
 class SessionSource final : public FrameSource {
   public:
@@ -83,7 +83,7 @@ class SessionSource final : public FrameSource {
         return std::chrono::nanoseconds(files_.times.of(static_cast<std::int64_t>(sequence)));
     }
 
-    const SessionFiles files_;   // each camera's pictures are read by its own thread
+    const SessionFiles files_;  // each camera's pictures are read by its own thread
     SessionSourceOptions options_;
     std::size_t capacity_ = 2;
     std::deque<Lane> lanes_;
@@ -136,7 +136,8 @@ absl::Status SessionSource::uneven_end(std::size_t ended_camera) const {
     return absl::DataLossError(fmt::format(
         "camera {}: {} ends after {} frames, the other cameras go on; all cameras of a session need the same "
         "number: copy the file again or cut all to {} frames",
-        files_.cameras[ended_camera].name, files_.session.cameras[ended_camera].video.string(), sequence_, sequence_));
+        files_.cameras[ended_camera].name, files_.session.cameras[ended_camera].video.string(), sequence_,
+        sequence_));
 }
 
 absl::StatusOr<FrameSet> SessionSource::take_set(std::unique_lock<std::mutex>& lock) {
@@ -173,7 +174,8 @@ absl::StatusOr<FrameSet> SessionSource::next() {
     if (stopped_) return absl::CancelledError("the session source was stopped");
     if (!started_) {
         started_ = true;
-        for (std::size_t c = 0; c < lanes_.size(); ++c) lanes_[c].thread = std::thread([this, c] { decode(c); });
+        for (std::size_t c = 0; c < lanes_.size(); ++c)
+            lanes_[c].thread = std::thread([this, c] { decode(c); });
     }
     for (;;) {
         auto set = take_set(lock);
@@ -184,7 +186,8 @@ absl::StatusOr<FrameSet> SessionSource::next() {
             return set;
         }
         const SteadyClock::time_point now = SteadyClock::now();
-        // A machine that decodes more slowly than the recording was taken shows it as it comes; it would show nothing else.
+        // A machine that decodes more slowly than the recording was taken shows it as it comes; it would show
+        // nothing else.
         if (set->sequence == 0 || now - (start_ + time) > kMostLate) start_ = now - time;
         const SteadyClock::time_point due = start_ + time;
         // A set whose successor is decoded and due as well comes too late to matter: it shows as a gap.
@@ -196,10 +199,11 @@ absl::StatusOr<FrameSet> SessionSource::next() {
     }
 }
 
-absl::StatusOr<std::unique_ptr<FrameSource>> open_session_source(SessionFiles files, const SessionSourceOptions& options) {
+absl::StatusOr<std::unique_ptr<FrameSource>> open_session_source(SessionFiles files,
+                                                                 const SessionSourceOptions& options) {
     if (options.frames_ahead < 0)
-        return absl::InvalidArgumentError(fmt::format(
-            "frames_ahead is {}; it must be 0 (chosen by memory) or more", options.frames_ahead));
+        return absl::InvalidArgumentError(
+            fmt::format("frames_ahead is {}; it must be 0 (chosen by memory) or more", options.frames_ahead));
     return std::make_unique<SessionSource>(std::move(files), options);
 }
 
@@ -219,11 +223,13 @@ absl::StatusOr<std::unique_ptr<FrameSource>> open_session_source(const std::file
     return open_session_source(*std::move(files), options);
 }
 
-absl::StatusOr<std::vector<std::vector<Picture>>> background_of_all(FrameSource& source,
-                                                                    const std::filesystem::path& session_file) {
+absl::StatusOr<std::vector<std::vector<Picture>>> background_of_all(
+    FrameSource& source, const std::filesystem::path& session_file) {
     auto background = source.background();
     if (!background.ok()) return background.status();
-    if (absl::Status all = each_has_background(*background, source.cameras(), session_file.string()); !all.ok()) return all;
+    if (absl::Status all = each_has_background(*background, source.cameras(), session_file.string());
+        !all.ok())
+        return all;
     return background;
 }
 

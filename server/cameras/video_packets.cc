@@ -1,12 +1,12 @@
 #include "server/cameras/video_packets.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <functional>
 #include <span>
 #include <string_view>
-
-#include <fmt/format.h>
 
 extern "C" {
 #include <libavutil/display.h>
@@ -23,8 +23,10 @@ bool packet_is_picture(AVCodecID codec) {
         case AV_CODEC_ID_VP9:
         case AV_CODEC_ID_AV1:
         case AV_CODEC_ID_MPEG2VIDEO:
-        case AV_CODEC_ID_MPEG4: return true;
-        default: break;
+        case AV_CODEC_ID_MPEG4:
+            return true;
+        default:
+            break;
     }
     const AVCodecDescriptor* const about = avcodec_descriptor_get(codec);
     return about && (about->props & AV_CODEC_PROP_INTRA_ONLY);
@@ -33,11 +35,14 @@ bool packet_is_picture(AVCodecID codec) {
 bool is_mp4(const AVFormatContext& container) {
     return std::string_view(container.iformat->name).find("mp4") != std::string_view::npos;
 }
-bool is_avi(const AVFormatContext& container) { return std::string_view(container.iformat->name) == "avi"; }
+bool is_avi(const AVFormatContext& container) {
+    return std::string_view(container.iformat->name) == "avi";
+}
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<VideoPackets>> VideoPackets::open(const std::filesystem::path& file, const std::string& whose) {
+absl::StatusOr<std::unique_ptr<VideoPackets>> VideoPackets::open(const std::filesystem::path& file,
+                                                                 const std::string& whose) {
     std::unique_ptr<VideoPackets> packets(new VideoPackets(file, whose));
     packets->held_.reset(av_packet_alloc());
     if (absl::Status opened = packets->restart(); !opened.ok()) return opened;
@@ -48,11 +53,12 @@ absl::StatusOr<std::unique_ptr<VideoPackets>> VideoPackets::open(const std::file
     else if (stream.nb_frames > 0)
         packets->promised_ = stream.nb_frames;
     packets->exact_ = packets->of_container_ || (stream.nb_frames > 0 && is_avi(*packets->container_));
-    if (packets->promised_ < 0) {   // an estimate
+    if (packets->promised_ < 0) {  // an estimate
         const double seconds = stream.duration != AV_NOPTS_VALUE
                                    ? static_cast<double>(stream.duration) * av_q2d(stream.time_base)
                                    : static_cast<double>(packets->container_->duration) / AV_TIME_BASE;
-        const double frames = seconds * av_q2d(stream.avg_frame_rate.num ? stream.avg_frame_rate : stream.r_frame_rate);
+        const double frames =
+            seconds * av_q2d(stream.avg_frame_rate.num ? stream.avg_frame_rate : stream.r_frame_rate);
         if (frames >= 1 && frames < 1e9) packets->promised_ = static_cast<std::int64_t>(frames + 0.5);
     }
     return packets;
@@ -63,7 +69,8 @@ absl::Status VideoPackets::restart() {
     container_.reset();
     AVFormatContext* opened = nullptr;
     AVDictionary* options = nullptr;
-    av_dict_set(&options, "protocol_whitelist", "file", 0);   // what a file says about other places is not followed
+    av_dict_set(&options, "protocol_whitelist", "file",
+                0);  // what a file says about other places is not followed
     const int error = avformat_open_input(&opened, file_.c_str(), nullptr, &options);
     av_dict_free(&options);
     container_.reset(error < 0 ? nullptr : opened);
@@ -72,11 +79,13 @@ absl::Status VideoPackets::restart() {
     if (container_ && avformat_find_stream_info(container_.get(), nullptr) >= 0)
         for (unsigned s = 0; s < container_->nb_streams && best < 0; ++s) {
             decoder_ = avcodec_find_decoder(container_->streams[s]->codecpar->codec_id);
-            if (container_->streams[s]->codecpar->codec_type == AVMEDIA_TYPE_VIDEO && decoder_) best = static_cast<int>(s);
+            if (container_->streams[s]->codecpar->codec_type == AVMEDIA_TYPE_VIDEO && decoder_)
+                best = static_cast<int>(s);
         }
     if (best < 0)
         return absl::InvalidArgumentError(
-            fmt::format("{}: {} cannot be read as a video: it is damaged, cut off or of an unknown format; copy it again or "
+            fmt::format("{}: {} cannot be read as a video: it is damaged, cut off or of an unknown format; "
+                        "copy it again or "
                         "convert it with ffmpeg",
                         whose_, file_));
     stream_ = container_->streams[best];
@@ -86,8 +95,8 @@ absl::Status VideoPackets::restart() {
 }
 
 int VideoPackets::turn_deg() const {
-    const auto* const matrix =
-        reinterpret_cast<const std::int32_t*>(av_stream_get_side_data(stream_, AV_PKT_DATA_DISPLAYMATRIX, nullptr));
+    const auto* const matrix = reinterpret_cast<const std::int32_t*>(
+        av_stream_get_side_data(stream_, AV_PKT_DATA_DISPLAYMATRIX, nullptr));
     const double angle_deg = matrix ? -av_display_rotation_get(matrix) : 0;
     const int turn_deg = std::isfinite(angle_deg) ? static_cast<int>(std::lround(angle_deg) + 360) % 360 : 0;
     return turn_deg % 90 == 0 ? turn_deg : 0;
@@ -107,8 +116,8 @@ int VideoPackets::next(AVPacket* packet) {
     }
 }
 
-// MP4's and AVI's have an entry a packet. What an edit list leaves out is not in it, or marked; fragments and an AVI that
-// was cut off have none.
+// MP4's and AVI's have an entry a packet. What an edit list leaves out is not in it, or marked; fragments and
+// an AVI that was cut off have none.
 bool VideoPackets::read_container_index() {
     const int entries = avformat_index_get_entries_count(stream_);
     if (stream_->nb_frames < 1 || entries < 1) return false;
@@ -122,7 +131,7 @@ bool VideoPackets::read_container_index() {
 }
 
 absl::Status VideoPackets::read_through() {
-    const auto other = open(file_, whose_);   // so that this one stays where it is
+    const auto other = open(file_, whose_);  // so that this one stays where it is
     if (!other.ok()) return other.status();
     const libav::Owned<AVPacket> packet(av_packet_alloc());
     usable_ = true;
@@ -140,17 +149,21 @@ absl::StatusOr<bool> VideoPackets::index() {
     if (!of_container_)
         if (absl::Status read = read_through(); !read.ok()) return read;
     indexed_ = true;
-    usable_ = usable_ && packet_is_picture(stream_->codecpar->codec_id) && !keys_.empty() && keys_.front().packets_before == 0 &&
+    usable_ = usable_ && packet_is_picture(stream_->codecpar->codec_id) && !keys_.empty() &&
+              keys_.front().packets_before == 0 &&
               std::ranges::adjacent_find(keys_, std::greater_equal(), &KeyPacket::timestamp) == keys_.end();
     return usable_;
 }
 
-std::int64_t VideoPackets::timestamp_of(const AVPacket& packet) const { return of_container_ ? packet.dts : packet.pts; }
+std::int64_t VideoPackets::timestamp_of(const AVPacket& packet) const {
+    return of_container_ ? packet.dts : packet.pts;
+}
 
-// Asks the container for a time and reads on to a key. How many packets there are before it, if it is the wanted one or one
-// before; it is held then.
+// Asks the container for a time and reads on to a key. How many packets there are before it, if it is the
+// wanted one or one before; it is held then.
 std::optional<std::int64_t> VideoPackets::lead_to(const KeyPacket& wanted, std::int64_t timestamp) {
-    if (av_seek_frame(container_.get(), stream_->index, timestamp, AVSEEK_FLAG_BACKWARD) < 0) return std::nullopt;
+    if (av_seek_frame(container_.get(), stream_->index, timestamp, AVSEEK_FLAG_BACKWARD) < 0)
+        return std::nullopt;
     const std::span<const KeyPacket> upto(keys_.data(), static_cast<std::size_t>(&wanted - keys_.data()) + 1);
     while (next(held_.get()) >= 0 && timestamp_of(*held_) <= wanted.timestamp) {
         const auto found = std::ranges::lower_bound(upto, timestamp_of(*held_), {}, &KeyPacket::timestamp);
@@ -163,13 +176,15 @@ absl::Status VideoPackets::go_to(const KeyPacket& key) {
     holds_ = false;
     std::optional<std::int64_t> at;
     if (of_container_) {
-        // MP4 looks for a key that is shown by then, and its index only tells when it is decoded, which is earlier.
+        // MP4 looks for a key that is shown by then, and its index only tells when it is decoded, which is
+        // earlier.
         const int entries = avformat_index_get_entries_count(stream_);
         at = lead_to(key, &key == &keys_.back() ? avformat_index_get_entry(stream_, entries - 1)->timestamp
                                                 : (&key + 1)->timestamp - 1);
     } else {
         at = lead_to(key, key.timestamp);
-        if (!at && &key != &keys_.front()) at = lead_to(key, (&key - 1)->timestamp);   // it led to a place behind
+        if (!at && &key != &keys_.front())
+            at = lead_to(key, (&key - 1)->timestamp);  // it led to a place behind
     }
     if (!at) {
         if (absl::Status begun = restart(); !begun.ok()) return begun;
@@ -177,8 +192,9 @@ absl::Status VideoPackets::go_to(const KeyPacket& key) {
     }
     for (; *at < key.packets_before; ++*at)
         if (const int error = next(held_.get()); error < 0)
-            return absl::DataLossError(fmt::format("{}: {} breaks off after {} frames ({}): it is damaged or cut off; copy it again",
-                                                   whose_, file_, *at + 1, libav::reason(error)));
+            return absl::DataLossError(
+                fmt::format("{}: {} breaks off after {} frames ({}): it is damaged or cut off; copy it again",
+                            whose_, file_, *at + 1, libav::reason(error)));
     holds_ = true;
     return absl::OkStatus();
 }

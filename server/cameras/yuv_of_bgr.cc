@@ -8,16 +8,21 @@
 namespace kinevox {
 namespace {
 
-constexpr int kLastRows = 2;   // those that share a row of colour
+constexpr int kLastRows = 2;  // those that share a row of colour
 
 }  // namespace
 
-void YuvOfBgr::Free::operator()(SwsContext* scaler) const { sws_freeContext(scaler); }
+void YuvOfBgr::Free::operator()(SwsContext* scaler) const {
+    sws_freeContext(scaler);
+}
 
 YuvOfBgr::YuvOfBgr(int width, int height)
-    : width_(width), height_(height), last_rows_(static_cast<std::size_t>(kLastRows) * 3 * width + kBytesBehindPicture) {
+    : width_(width),
+      height_(height),
+      last_rows_(static_cast<std::size_t>(kLastRows) * 3 * width + kBytesBehindPicture) {
     scaler_.reset(sws_getContext(width, height, AV_PIX_FMT_BGR24, width, height, AV_PIX_FMT_YUV420P,
-                                 SWS_AREA | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INP, nullptr, nullptr, nullptr));
+                                 SWS_AREA | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INP, nullptr, nullptr,
+                                 nullptr));
 }
 
 void YuvOfBgr::convert(const std::uint8_t* bgr, AVFrame& yuv) {

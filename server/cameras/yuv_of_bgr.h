@@ -16,7 +16,8 @@ class YuvOfBgr {
     // Pixels; even sides.
     YuvOfBgr(int width, int height);
 
-    // `bgr`: width * height * 3 bytes, row by row without gaps; `yuv`: a frame of AV_PIX_FMT_YUV420P with buffers of its own.
+    // `bgr`: width * height * 3 bytes, row by row without gaps; `yuv`: a frame of AV_PIX_FMT_YUV420P with
+    // buffers of its own.
     void convert(const std::uint8_t* bgr, AVFrame& yuv);
 
   private:

@@ -17,17 +17,19 @@ namespace kinevox {
 namespace {
 
 absl::Status in_file(const std::filesystem::path& file, const absl::Status& status) {
-    return absl::Status(status.code(), fmt::format("{}: {}; docs/access.md tells how to make one", file.string(),
-                                                   std::string(status.message())));
+    return absl::Status(status.code(), fmt::format("{}: {}; docs/access.md tells how to make one",
+                                                   file.string(), std::string(status.message())));
 }
 
 // A certificate in use must still be valid; the log warns a month before it is not.
 absl::Status check_time(const std::filesystem::path& file, std::int64_t until_s) {
     const std::int64_t left_s = until_s - std::time(nullptr);
     if (left_s <= 0)
-        return absl::FailedPreconditionError(fmt::format(
-            "{}: the certificate expired at {}; kinevox tls server makes a new one", file.string(), to_utc(until_s)));
-    if (left_s < 30 * 86'400) spdlog::warn("{}: the certificate expires at {}", file.string(), to_utc(until_s));
+        return absl::FailedPreconditionError(
+            fmt::format("{}: the certificate expired at {}; kinevox tls server makes a new one",
+                        file.string(), to_utc(until_s)));
+    if (left_s < 30 * 86'400)
+        spdlog::warn("{}: the certificate expires at {}", file.string(), to_utc(until_s));
     return absl::OkStatus();
 }
 
@@ -36,20 +38,22 @@ absl::Status check_time(const std::filesystem::path& file, std::int64_t until_s)
 absl::Status check_reach(const ServerConfig& config, bool serve_everyone) {
     const bool tls = !config.access.certificate.empty(), tokens = !config.access.tokens.empty();
     if (is_loopback(config.listen) || serve_everyone || (tls && tokens)) return absl::OkStatus();
-    return absl::FailedPreconditionError(
-        fmt::format("listen is {}, which other machines reach, without {}; give [server] certificate, key and tokens "
-                    "(kinevox tls init, "
-                    "kinevox token create; docs/access.md), or listen on 127.0.0.1",
-                    config.listen,
-                    tls      ? "tokens"
-                    : tokens ? "TLS"
-                             : "TLS and tokens"));
+    return absl::FailedPreconditionError(fmt::format(
+        "listen is {}, which other machines reach, without {}; give [server] certificate, key and tokens "
+        "(kinevox tls init, "
+        "kinevox token create; docs/access.md), or listen on 127.0.0.1",
+        config.listen,
+        tls      ? "tokens"
+        : tokens ? "TLS"
+                 : "TLS and tokens"));
 }
 
 absl::StatusOr<ApiServerOptions> api_server_options(const AccessConfig& config) {
     ApiServerOptions options;
-    options.longest_request_bytes = (config.max_message_mb << 20) + (1 << 10);  // a file of that size, and its name
-    options.handshake_timeout = std::chrono::milliseconds(static_cast<std::int64_t>(config.handshake_timeout_s * 1000));
+    options.longest_request_bytes =
+        (config.max_message_mb << 20) + (1 << 10);  // a file of that size, and its name
+    options.handshake_timeout =
+        std::chrono::milliseconds(static_cast<std::int64_t>(config.handshake_timeout_s * 1000));
     if (config.certificate.empty()) return options;
     auto certificate = read_file(config.certificate), key = read_file(config.key);
     if (!certificate.ok()) return certificate.status();
@@ -79,8 +83,8 @@ absl::StatusOr<std::unique_ptr<AuditLog>> open_audit_log(const AccessConfig& con
 }
 
 absl::StatusOr<std::unique_ptr<Guard>> make_guard(const AccessConfig& config, AuditLog* audit) {
-    return Guard::create(config.tokens, {config.max_streams, config.max_streams_per_token, config.requests_per_s},
-                         audit);
+    return Guard::create(config.tokens,
+                         {config.max_streams, config.max_streams_per_token, config.requests_per_s}, audit);
 }
 
 void raise_open_files_limit() {

@@ -19,13 +19,15 @@ namespace kinevox {
 // The flag that lets everybody in.
 inline constexpr const char* kServeEveryoneFlag = "--serve-everyone-without-password";
 
-// FailedPrecondition where others than this machine's users could reach the daemon without TLS or without a token.
+// FailedPrecondition where others than this machine's users could reach the daemon without TLS or without a
+// token.
 absl::Status check_reach(const ServerConfig& config, bool serve_everyone);
 
 // Reads certificates and key. Errors name the file; a certificate that soon expires is a warning in the log.
 absl::StatusOr<ApiServerOptions> api_server_options(const AccessConfig& config);
 
-// Where the configuration names no file and the user's folder cannot be written, the log says so and there is none.
+// Where the configuration names no file and the user's folder cannot be written, the log says so and there is
+// none.
 absl::StatusOr<std::unique_ptr<AuditLog>> open_audit_log(const AccessConfig& config);
 
 // `audit` outlives it.
@@ -34,8 +36,8 @@ absl::StatusOr<std::unique_ptr<Guard>> make_guard(const AccessConfig& config, Au
 // As many open files as the system lets this process have: a connection is one.
 void raise_open_files_limit();
 
-// Calls the guard's tick() every second. Starts with the constructor, ends with stop(); both on the io_context's
-// thread.
+// Calls the guard's tick() every second. Starts with the constructor, ends with stop(); both on the
+// io_context's thread.
 class GuardClock {
   public:
     GuardClock(boost::asio::io_context& io, Guard& guard);

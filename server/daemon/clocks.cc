@@ -1,10 +1,11 @@
 #include "server/daemon/clocks.h"
 
-#include <boost/asio/post.hpp>
 #include <absl/strings/ascii.h>
 #include <absl/strings/strip.h>
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
+
+#include <boost/asio/post.hpp>
 
 #include "common/log_fields.h"
 #include "server/api/to_proto.h"
@@ -23,12 +24,15 @@ std::string event_word(EventKind kind) {
 spdlog::level::level_enum level_of(EventKind kind) {
     switch (kind) {
         case EventKind::kError:
-        case EventKind::kRecordingFailed: return spdlog::level::err;
+        case EventKind::kRecordingFailed:
+            return spdlog::level::err;
         case EventKind::kCameraLost:
         case EventKind::kCameraLosses:
         case EventKind::kCameraMoved:
-        case EventKind::kRecordingDrops: return spdlog::level::warn;
-        default: return spdlog::level::info;
+        case EventKind::kRecordingDrops:
+            return spdlog::level::warn;
+        default:
+            return spdlog::level::info;
     }
 }
 
@@ -80,22 +84,26 @@ void StatusLog::log_figures() {
     if (const auto newest = hub_.newest(); newest && newest->result->volume)
         volume = fmt::format("{:.1f} l", volume_litres(*newest->result->volume));
     const StreamHub::Subscribers subscribers = hub_.subscribers();
-    const LogFields fields{{"KINEVOX_EVENT", "figures"},
-                           {"KINEVOX_SEQUENCE", std::to_string(figures.newest_sequence)},
-                           {"KINEVOX_RATE", fmt::format("{:.1f}", figures.results_per_second)},
-                           {"KINEVOX_LOST", std::to_string(figures.lost)},
-                           {"KINEVOX_TOTAL_MS", fmt::format("{:.1f}", figures.median.total_ms)},
-                           {"KINEVOX_P99_MS", fmt::format("{:.1f}", figures.total_p99_ms)},
-                           {"KINEVOX_SUBSCRIBERS", std::to_string(subscribers.volumes + subscribers.pictures)}};
-    spdlog::info("frame {} {:.1f}/s lost {} | seg {:.1f} track {:.1f} hull {:.1f} colour {:.1f} total {:.1f} p99 {:.1f} ms "
-                 "| {} | {} subscribers",
-                 figures.newest_sequence, figures.results_per_second, figures.lost, figures.median.segmentation_ms,
-                 figures.median.tracking_ms, figures.median.hull_ms, figures.median.colouring_ms,
-                 figures.median.total_ms, figures.total_p99_ms, volume, subscribers.volumes + subscribers.pictures);
+    const LogFields fields{
+        {"KINEVOX_EVENT", "figures"},
+        {"KINEVOX_SEQUENCE", std::to_string(figures.newest_sequence)},
+        {"KINEVOX_RATE", fmt::format("{:.1f}", figures.results_per_second)},
+        {"KINEVOX_LOST", std::to_string(figures.lost)},
+        {"KINEVOX_TOTAL_MS", fmt::format("{:.1f}", figures.median.total_ms)},
+        {"KINEVOX_P99_MS", fmt::format("{:.1f}", figures.total_p99_ms)},
+        {"KINEVOX_SUBSCRIBERS", std::to_string(subscribers.volumes + subscribers.pictures)}};
+    spdlog::info(
+        "frame {} {:.1f}/s lost {} | seg {:.1f} track {:.1f} hull {:.1f} colour {:.1f} total {:.1f} p99 "
+        "{:.1f} ms "
+        "| {} | {} subscribers",
+        figures.newest_sequence, figures.results_per_second, figures.lost, figures.median.segmentation_ms,
+        figures.median.tracking_ms, figures.median.hull_ms, figures.median.colouring_ms,
+        figures.median.total_ms, figures.total_p99_ms, volume, subscribers.volumes + subscribers.pictures);
 }
 
-RetentionClock::RetentionClock(boost::asio::io_context& io, boost::asio::any_io_executor files, const RetentionLimits& limits,
-                               const Recorder& recorder, const Replay& replay, StreamHub& hub)
+RetentionClock::RetentionClock(boost::asio::io_context& io, boost::asio::any_io_executor files,
+                               const RetentionLimits& limits, const Recorder& recorder, const Replay& replay,
+                               StreamHub& hub)
     : files_(std::move(files)), limits_(limits), recorder_(recorder), replay_(replay), hub_(hub), timer_(io) {
     if (!recorder_.options().folder.empty()) look();
 }
@@ -109,11 +117,15 @@ void RetentionClock::look() {
             [this](const std::string& name, const absl::Status& deleted) {
                 const LogFields fields{{"KINEVOX_EVENT", "recording_deleted"}, {"KINEVOX_RECORDING", name}};
                 if (deleted.ok())
-                    spdlog::info("recording \"{}\" was deleted, as keep_days and keep_gb of [recording] say", name);
-                else   // an event is logged, too
-                    hub_.publish_event({EventKind::kError, 0, 0, {},
-                                        fmt::format("recording \"{}\" should be deleted and cannot be: {}", name,
-                                                    std::string(deleted.message()))},
+                    spdlog::info("recording \"{}\" was deleted, as keep_days and keep_gb of [recording] say",
+                                 name);
+                else  // an event is logged, too
+                    hub_.publish_event({EventKind::kError,
+                                        0,
+                                        0,
+                                        {},
+                                        fmt::format("recording \"{}\" should be deleted and cannot be: {}",
+                                                    name, std::string(deleted.message()))},
                                        utc_now_ns());
             });
     });
@@ -123,7 +135,9 @@ void RetentionClock::look() {
     });
 }
 
-void RetentionClock::stop() { timer_.cancel(); }
+void RetentionClock::stop() {
+    timer_.cancel();
+}
 
 LeaseClock::LeaseClock(boost::asio::io_context& io, ControlLease& lease, StreamHub& hub)
     : io_(io), lease_(lease), hub_(hub), timer_(io) {
@@ -141,8 +155,9 @@ void LeaseClock::rearm() {
     timer_.async_wait([this](const boost::system::error_code& error) {
         if (error) return;
         if (const auto name = lease_.take_expired())
-            hub_.publish_event({EventKind::kControlReleased, 0, 0, {}, fmt::format("the lease of '{}' has run out", *name)},
-                               utc_now_ns());
+            hub_.publish_event(
+                {EventKind::kControlReleased, 0, 0, {}, fmt::format("the lease of '{}' has run out", *name)},
+                utc_now_ns());
         else
             rearm();
     });

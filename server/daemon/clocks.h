@@ -1,11 +1,10 @@
 // What the daemon does by the clock, on the io_context: the log's line a second and the end of a lease.
 #pragma once
 
-#include <memory>
-
 #include <boost/asio/any_io_executor.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
+#include <memory>
 
 #include "server/api/control_lease.h"
 #include "server/pipeline/replay.h"
@@ -16,12 +15,13 @@
 
 namespace kinevox {
 
-// While frame sets come, one line a second with rate, losses, stage times and volume; events as they were published,
-// a few a second at most. Starts with the constructor, ends with stop(). On the io_context's thread.
+// While frame sets come, one line a second with rate, losses, stage times and volume; events as they were
+// published, a few a second at most. Starts with the constructor, ends with stop(). On the io_context's
+// thread.
 class StatusLog {
   public:
     StatusLog(boost::asio::io_context& io, const Runner& runner, StreamHub& hub);
-    void stop();   // logs what is left
+    void stop();  // logs what is left
 
   private:
     void wait();
@@ -35,13 +35,14 @@ class StatusLog {
     std::uint64_t logged_results_ = 0;
 };
 
-// Deletes recordings that are too old or too many: at the start, then every ten minutes, on `files`, which waits for the
-// disk. Nothing where `recorder` has no folder.
+// Deletes recordings that are too old or too many: at the start, then every ten minutes, on `files`, which
+// waits for the disk. Nothing where `recorder` has no folder.
 class RetentionClock {
   public:
-    RetentionClock(boost::asio::io_context& io, boost::asio::any_io_executor files, const RetentionLimits& limits,
-                   const Recorder& recorder, const Replay& replay, StreamHub& hub);
-    void stop();   // on the io_context's thread
+    RetentionClock(boost::asio::io_context& io, boost::asio::any_io_executor files,
+                   const RetentionLimits& limits, const Recorder& recorder, const Replay& replay,
+                   StreamHub& hub);
+    void stop();  // on the io_context's thread
 
   private:
     void look();
@@ -58,7 +59,7 @@ class RetentionClock {
 class LeaseClock {
   public:
     LeaseClock(boost::asio::io_context& io, ControlLease& lease, StreamHub& hub);
-    void stop();   // on the io_context's thread
+    void stop();  // on the io_context's thread
 
   private:
     void rearm();

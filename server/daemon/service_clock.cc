@@ -1,9 +1,8 @@
 #include "server/daemon/service_clock.h"
 
-#include <systemd/sd-daemon.h>
-
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
+#include <systemd/sd-daemon.h>
 
 #include "common/log_fields.h"
 #include "server/pipeline/gpu.h"
@@ -13,24 +12,34 @@ namespace {
 
 std::chrono::nanoseconds watchdog_interval() {
     std::uint64_t microseconds = 0;
-    return sd_watchdog_enabled(0, &microseconds) > 0 ? std::chrono::microseconds(microseconds) : std::chrono::microseconds(0);
+    return sd_watchdog_enabled(0, &microseconds) > 0 ? std::chrono::microseconds(microseconds)
+                                                     : std::chrono::microseconds(0);
 }
 
-void tell(const std::string& words) { sd_notify(0, words.c_str()); }
+void tell(const std::string& words) {
+    sd_notify(0, words.c_str());
+}
 
 std::string in_words(const Runner& runner) {
     const Runner::State state = runner.state();
     const std::string more = state.message.empty() ? "" : ": " + state.message;
     switch (state.state) {
-        case RunState::kStopped: return "stopped" + more;
-        case RunState::kStarting: return "starting" + more;
-        case RunState::kLearning: return "learning the background" + more;
-        case RunState::kEnded: return "ended" + more;
-        case RunState::kFailed: return "failed" + more;
-        case RunState::kRunning: break;
+        case RunState::kStopped:
+            return "stopped" + more;
+        case RunState::kStarting:
+            return "starting" + more;
+        case RunState::kLearning:
+            return "learning the background" + more;
+        case RunState::kEnded:
+            return "ended" + more;
+        case RunState::kFailed:
+            return "failed" + more;
+        case RunState::kRunning:
+            break;
     }
     const RunFigures figures = runner.figures();
-    return fmt::format("capturing, {:.1f} frame sets a second, {} lost", figures.results_per_second, figures.lost);
+    return fmt::format("capturing, {:.1f} frame sets a second, {} lost", figures.results_per_second,
+                       figures.lost);
 }
 
 }  // namespace
@@ -55,13 +64,18 @@ void ServiceClock::wait() {
 
 void ServiceClock::look() {
     switch (watchdog_.look(runner_.longest_in_hand())) {
-        case Watchdog::Word::kNone: break;
-        case Watchdog::Word::kAlive: tell("WATCHDOG=1"); break;
+        case Watchdog::Word::kNone:
+            break;
+        case Watchdog::Word::kAlive:
+            tell("WATCHDOG=1");
+            break;
         case Watchdog::Word::kHung: {
             const LogFields fields{{"KINEVOX_EVENT", "hang"}};
-            spdlog::critical("the pipeline hangs: it has had a frame set in hand for {:.1f} s; the service manager is asked "
-                             "to start the daemon anew",
-                             std::chrono::duration<double>(watchdog_.longest_in_hand()).count());
+            spdlog::critical(
+                "the pipeline hangs: it has had a frame set in hand for {:.1f} s; the service manager is "
+                "asked "
+                "to start the daemon anew",
+                std::chrono::duration<double>(watchdog_.longest_in_hand()).count());
             tell("WATCHDOG=trigger");
             break;
         }

@@ -1,10 +1,9 @@
-// What the daemon tells the service manager that started it: ready, what it does, alive or hung, stopping. Tells nothing
-// where none did.
+// What the daemon tells the service manager that started it: ready, what it does, alive or hung, stopping.
+// Tells nothing where none did.
 #pragma once
 
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
-
 #include <string>
 
 #include "server/daemon/watchdog.h"

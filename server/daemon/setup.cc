@@ -1,13 +1,13 @@
 #include "server/daemon/setup.h"
 
-#include <algorithm>
-#include <thread>
-
 #include <fmt/format.h>
 #include <grpc/support/log.h>
 #include <spdlog/sinks/basic_file_sink.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <thread>
 
 #include "common/state_folder.h"
 #include "server/cameras/aravis/live_source.h"
@@ -20,8 +20,8 @@
 namespace kinevox {
 namespace {
 
-// A message to a subscriber costs gRPC, the kernel and a reader on the same machine 35 to 45 us of a 2020s processor
-// (tests/bench/many_watchers.py); the capture needs some, too.
+// A message to a subscriber costs gRPC, the kernel and a reader on the same machine 35 to 45 us of a 2020s
+// processor (tests/bench/many_watchers.py); the capture needs some, too.
 constexpr double kNewestPerCore = 16000;
 
 std::chrono::milliseconds milliseconds(double seconds) {
@@ -40,8 +40,9 @@ absl::Status set_up_logging(const LogConfig& config) {
         try {
             sinks.push_back(std::make_shared<spdlog::sinks::basic_file_sink_mt>(config.file.string()));
         } catch (const spdlog::spdlog_ex& error) {
-            return absl::UnavailableError(fmt::format("{}: the log cannot be written ({}); correct [log] file",
-                                                      config.file.string(), error.what()));
+            return absl::UnavailableError(
+                fmt::format("{}: the log cannot be written ({}); correct [log] file", config.file.string(),
+                            error.what()));
         }
     }
     auto logger = std::make_shared<spdlog::logger>("kinevoxd", sinks.begin(), sinks.end());
@@ -59,7 +60,8 @@ absl::StatusOr<std::unique_ptr<FrameSource>> open_source(const SourceConfig& con
     switch (config.kind) {
         case SourceConfig::Kind::kSession:
             return open_session_source(config.session, {.pacing = pacing, .loop = config.loop});
-        case SourceConfig::Kind::kCameras: return open_live_source(config.cameras);
+        case SourceConfig::Kind::kCameras:
+            return open_live_source(config.cameras);
         case SourceConfig::Kind::kStudio: {
             StudioSourceOptions options;
             options.studio.motion = config.studio.motion;
@@ -78,21 +80,24 @@ absl::StatusOr<std::unique_ptr<FrameSource>> open_source(const SourceConfig& con
 
 std::string describe(const SourceConfig& config) {
     switch (config.kind) {
-        case SourceConfig::Kind::kSession: return "session " + config.session.string();
+        case SourceConfig::Kind::kSession:
+            return "session " + config.session.string();
         case SourceConfig::Kind::kCameras: {
             std::string names;
-            for (const LiveCameraConfig& camera : config.cameras.cameras) names += (names.empty() ? "" : ", ") + camera.name;
+            for (const LiveCameraConfig& camera : config.cameras.cameras)
+                names += (names.empty() ? "" : ", ") + camera.name;
             return "cameras " + names;
         }
-        case SourceConfig::Kind::kStudio: break;
+        case SourceConfig::Kind::kStudio:
+            break;
     }
     return "studio " + config.studio.motion;
 }
 
 absl::StatusOr<PipelineOptions> pipeline_options(const DaemonConfig& config) {
     PipelineOptions options;
-    options.device =
-        config.pipeline.device == PipelineConfig::Device::kCuda ? kernels::Device::kCuda : kernels::Device::kCpu;
+    options.device = config.pipeline.device == PipelineConfig::Device::kCuda ? kernels::Device::kCuda
+                                                                             : kernels::Device::kCpu;
     options.voxel_m = config.pipeline.voxel_mm / 1000;
     options.colouring = config.pipeline.colouring;
     options.pose = config.pose.enabled;
@@ -136,11 +141,14 @@ std::filesystem::path fitted_body_file(const PoseConfig& config) {
 DaemonConfig with_fitted_body(DaemonConfig config) {
     const std::filesystem::path file = fitted_body_file(config.pose);
     std::error_code error;
-    if (!config.pose.enabled || !config.pose.body.empty() || file.empty() || !std::filesystem::exists(file, error))
+    if (!config.pose.enabled || !config.pose.body.empty() || file.empty() ||
+        !std::filesystem::exists(file, error))
         return config;
     if (const auto body = read_body_shape(file); body.ok()) {
-        spdlog::info("the body that was fitted before is used, of {:.2f} m, from {}; `kinevox body fit` measures another",
-                     body->stature_m, file.string());
+        spdlog::info(
+            "the body that was fitted before is used, of {:.2f} m, from {}; `kinevox body fit` measures "
+            "another",
+            body->stature_m, file.string());
         config.pose.body = file;
     } else {
         spdlog::warn("the body that was fitted before is not used: {}", std::string(body.status().message()));
@@ -150,7 +158,8 @@ DaemonConfig with_fitted_body(DaemonConfig config) {
 
 std::filesystem::path background_folder(const DaemonConfig& config) {
     if (config.source.kind != SourceConfig::Kind::kCameras) return {};
-    return config.segmentation.stored_background ? *config.segmentation.stored_background : in_state_folder("background");
+    return config.segmentation.stored_background ? *config.segmentation.stored_background
+                                                 : in_state_folder("background");
 }
 
 std::filesystem::path calibration_folder(const CalibrationConfig& config) {
@@ -162,13 +171,14 @@ std::filesystem::path recordings_folder(const RecordingConfig& config) {
 }
 
 absl::StatusOr<std::unique_ptr<Recorder>> make_recorder(const DaemonConfig& daemon, const Runner& runner,
-                                                        const CalibrationStore& store, const CalibrationUse& use,
-                                                        StreamHub& hub) {
+                                                        const CalibrationStore& store,
+                                                        const CalibrationUse& use, StreamHub& hub) {
     const auto bytes = [](int megabytes) { return static_cast<std::size_t>(megabytes) << 20; };
     const RecordingConfig& config = daemon.recording;
     std::filesystem::path own_calibration;
     if (daemon.source.kind == SourceConfig::Kind::kSession)
-        if (const auto session = read_session(daemon.source.session); session.ok()) own_calibration = session->calibration;
+        if (const auto session = read_session(daemon.source.session); session.ok())
+            own_calibration = session->calibration;
     RecorderOptions options;
     options.folder = recordings_folder(config);
     for (const VideoCodec codec : {VideoCodec::kFfv1, VideoCodec::kUtVideo, VideoCodec::kH264})
@@ -183,7 +193,8 @@ absl::StatusOr<std::unique_ptr<Recorder>> make_recorder(const DaemonConfig& daem
         options,
         [&runner, &store, &use, own_calibration] {
             RecordedCapture capture{runner.cameras(), runner.source_fps(), use.in_use(), {}, own_calibration};
-            if (!capture.calibration_id.empty()) capture.calibration_file = store.calibration_file(capture.calibration_id);
+            if (!capture.calibration_id.empty())
+                capture.calibration_file = store.calibration_file(capture.calibration_id);
             if (!capture.calibration_id.empty())
                 if (auto certificate = store.certificate_json(capture.calibration_id); certificate.ok())
                     capture.certificate_json = *std::move(certificate);
@@ -204,35 +215,45 @@ PoseDatabaseOptions pose_database_options(const PoseConfig& config) {
     return options;
 }
 
-void start_pose_database(PoseDatabaseService& database, const PoseConfig& config, const std::vector<Camera>& cameras,
-                         const BodyShape& body, StreamHub& hub, DatabaseWatch& watch) {
+void start_pose_database(PoseDatabaseService& database, const PoseConfig& config,
+                         const std::vector<Camera>& cameras, const BodyShape& body, StreamHub& hub,
+                         DatabaseWatch& watch) {
     std::vector<kernels::CameraModel> models;
     for (const Camera& camera : cameras) models.push_back(to_kernel(camera));
-    database.start(std::move(models), body, pose_database_options(config), [&](const DatabaseProgress& progress) {
-        watch.publish(progress);
-        const std::string why = progress.message.empty() ? "read as it was stored" : progress.message;
-        if (progress.state == DatabaseState::kReady)
-            hub.publish_event({EventKind::kPoseDatabase, 0, 0, {},
-                               fmt::format("the pose database is ready: {} entries; {}", progress.entries, why)},
-                              utc_now_ns());
-        else if (progress.state == DatabaseState::kFailed)
-            hub.publish_event({EventKind::kError, 0, 0, {}, "there is no pose database: " + why}, utc_now_ns());
-    });
+    database.start(
+        std::move(models), body, pose_database_options(config), [&](const DatabaseProgress& progress) {
+            watch.publish(progress);
+            const std::string why = progress.message.empty() ? "read as it was stored" : progress.message;
+            if (progress.state == DatabaseState::kReady)
+                hub.publish_event(
+                    {EventKind::kPoseDatabase,
+                     0,
+                     0,
+                     {},
+                     fmt::format("the pose database is ready: {} entries; {}", progress.entries, why)},
+                    utc_now_ns());
+            else if (progress.state == DatabaseState::kFailed)
+                hub.publish_event({EventKind::kError, 0, 0, {}, "there is no pose database: " + why},
+                                  utc_now_ns());
+        });
 }
 
-std::unique_ptr<LiveBodyFit> make_body_fit(const PoseConfig& config, const Runner& runner, const PoseStageOptions& posing,
-                                           PoseDatabaseService* database, StreamHub& hub, BodyWatch& watch) {
+std::unique_ptr<LiveBodyFit> make_body_fit(const PoseConfig& config, const Runner& runner,
+                                           const PoseStageOptions& posing, PoseDatabaseService* database,
+                                           StreamHub& hub, BodyWatch& watch) {
     LiveBodyFitOptions options;
     options.by_itself = config.fit_body && config.body.empty();
     options.file = fitted_body_file(config);
     auto fit = std::make_unique<LiveBodyFit>(
-        runner.cameras(), runner.source_fps(), posing, options, [database, &hub, &watch](const BodyFitProgress& progress) {
+        runner.cameras(), runner.source_fps(), posing, options,
+        [database, &hub, &watch](const BodyFitProgress& progress) {
             watch.publish(progress);
             if (progress.state == BodyFitState::kReady) {
                 if (database) database->set_stature(progress.body.stature_m);
                 hub.publish_event({EventKind::kBodyFitted, 0, 0, {}, progress.message}, utc_now_ns());
             } else if (progress.state == BodyFitState::kFailed) {
-                hub.publish_event({EventKind::kError, 0, 0, {}, "no body was fitted: " + progress.message}, utc_now_ns());
+                hub.publish_event({EventKind::kError, 0, 0, {}, "no body was fitted: " + progress.message},
+                                  utc_now_ns());
             }
         });
     watch.publish(fit->progress());
@@ -247,17 +268,23 @@ std::unique_ptr<CalibrationProcedure> make_calibration_procedure(CalibrationStor
             auto id = store.add(certificate.cameras, certificate_json(certificate), certificate.made_by,
                                 certificate.verdict(), note, utc_now_ns());
             if (id.ok())
-                hub.publish_event({EventKind::kCalibration, 0, 0, {},
-                                   fmt::format("calibration {} is solved: {}", *id, to_text(certificate.verdict()))},
-                                  utc_now_ns());
+                hub.publish_event(
+                    {EventKind::kCalibration,
+                     0,
+                     0,
+                     {},
+                     fmt::format("calibration {} is solved: {}", *id, to_text(certificate.verdict()))},
+                    utc_now_ns());
             return id;
         },
-        [&watch] { return watch.watched(); }, [&watch](const ProcedureProgress& progress) { watch.publish(progress); });
+        [&watch] { return watch.watched(); },
+        [&watch](const ProcedureProgress& progress) { watch.publish(progress); });
 }
 
-Replay::MakePipeline make_replay_pipeline(const PipelineOptions& options, const Runner& runner, PoseDatabaseService* database) {
-    return [options, live = runner.cameras(), database](const std::vector<Camera>& cameras,
-                                                        double fps) -> absl::StatusOr<std::unique_ptr<Pipeline>> {
+Replay::MakePipeline make_replay_pipeline(const PipelineOptions& options, const Runner& runner,
+                                          PoseDatabaseService* database) {
+    return [options, live = runner.cameras(), database](
+               const std::vector<Camera>& cameras, double fps) -> absl::StatusOr<std::unique_ptr<Pipeline>> {
         PipelineOptions of_replay = options;
         of_replay.jumps = true;
         auto pipeline = Pipeline::create(cameras, fps, of_replay);

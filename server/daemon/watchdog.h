@@ -14,8 +14,8 @@ class Watchdog {
     // `interval`: within which the service manager wants to hear; zero: it does not watch.
     explicit Watchdog(std::chrono::nanoseconds interval) : interval_(interval) {}
 
-    // To be asked each period(). `in_hand`: how long the pipeline has had a frame set in hand. kHung once for each that
-    // is kept for longest_in_hand(); after that nothing until it has come out.
+    // To be asked each period(). `in_hand`: how long the pipeline has had a frame set in hand. kHung once for
+    // each that is kept for longest_in_hand(); after that nothing until it has come out.
     Word look(std::chrono::nanoseconds in_hand);
 
     std::chrono::nanoseconds longest_in_hand() const { return interval_ / 2; }

@@ -11,7 +11,7 @@ namespace kinevox::metrics {
 
 // Of the subscribers of one kind of stream.
 struct StreamFigures {
-    RunningHistogram age;                      // of a message when it is handed to gRPC, since the daemon had it ready
+    RunningHistogram age;  // of a message when it is handed to gRPC, since the daemon had it ready
     std::atomic<std::uint64_t> sent{0}, missed{0};
 
     void took(double age_s, std::uint64_t missed_before) {

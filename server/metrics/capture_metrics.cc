@@ -151,9 +151,11 @@ void write_gpu(const ApiContext& api, MetricsText& text) {
     text.sample(gpu.usable ? 0 : 1, {{"device", "cpu"}});
     text.sample(gpu.usable ? 1 : 0, {{"device", "cuda"}});
     text.one_gauge("kinevox_gpu_configured", "1 where the configuration asks for a GPU.", api.gpu ? 1 : 0);
-    text.one_counter("kinevox_gpu_failures", "Times that the GPU could not be used or failed, so that the CPU computes.",
+    text.one_counter("kinevox_gpu_failures",
+                     "Times that the GPU could not be used or failed, so that the CPU computes.",
                      static_cast<double>(gpu.failures));
-    text.one_gauge("kinevox_gpu_memory_used_bytes", "Of the GPU that computes, by all programs; 0 where none does.",
+    text.one_gauge("kinevox_gpu_memory_used_bytes",
+                   "Of the GPU that computes, by all programs; 0 where none does.",
                    static_cast<double>(gpu.memory.used_bytes));
     text.one_gauge("kinevox_gpu_memory_total_bytes", "Of the GPU that computes; 0 where none does.",
                    static_cast<double>(gpu.memory.total_bytes));

@@ -1,24 +1,26 @@
 // A small HTTP server for monitoring: GET /metrics, and nothing else.
 #pragma once
 
+#include <absl/status/statusor.h>
+
 #include <functional>
 #include <memory>
 #include <string>
-
-#include <absl/status/statusor.h>
 
 #include "server/metrics/metrics_text.h"
 
 namespace kinevox::metrics {
 
-// Has a thread of its own, which asks `metrics` for the text; nobody who reads slowly or not at all keeps others from it.
+// Has a thread of its own, which asks `metrics` for the text; nobody who reads slowly or not at all keeps
+// others from it.
 class HttpEndpoint {
   public:
     using Metrics = std::function<std::string(Format)>;
 
-    // `address` is HOST:PORT, port 0 takes a free one. Unavailable where it cannot listen there, with the remedy.
+    // `address` is HOST:PORT, port 0 takes a free one. Unavailable where it cannot listen there, with the
+    // remedy.
     static absl::StatusOr<std::unique_ptr<HttpEndpoint>> listen(const std::string& address, Metrics metrics);
-    ~HttpEndpoint();   // ends the thread
+    ~HttpEndpoint();  // ends the thread
     HttpEndpoint(const HttpEndpoint&) = delete;
     HttpEndpoint& operator=(const HttpEndpoint&) = delete;
 

@@ -10,9 +10,10 @@
 
 namespace kinevox::metrics {
 
-// From half a millisecond, by steps of a factor of two to three, to five seconds: in it lie all stages, delays and waits.
-inline constexpr std::array kTimeBounds_s = {0.0005, 0.001, 0.002, 0.005, 0.01, 0.015, 0.02, 0.03, 0.05, 0.075,
-                                             0.1,    0.15,  0.2,   0.3,   0.5,  1.0,   2.0,  5.0};
+// From half a millisecond, by steps of a factor of two to three, to five seconds: in it lie all stages,
+// delays and waits.
+inline constexpr std::array kTimeBounds_s = {0.0005, 0.001, 0.002, 0.005, 0.01, 0.015, 0.02, 0.03, 0.05,
+                                             0.075,  0.1,   0.15,  0.2,   0.3,  0.5,   1.0,  2.0,  5.0};
 
 // Any thread. Never waits: a reader may see a count whose sum is a moment behind.
 class RunningHistogram {

@@ -37,7 +37,8 @@ kernels::PictureView to_kernel(const Picture& picture) {
 
 Volume to_common(const kernels::VoxelVolume& volume) {
     Volume out;
-    // The lattice's float edge and origin are 0.01f and the like; what was meant is a whole number of micrometres.
+    // The lattice's float edge and origin are 0.01f and the like; what was meant is a whole number of
+    // micrometres.
     const auto exact = [](float metres) { return std::round(1e6 * static_cast<double>(metres)) / 1e6; };
     out.grid.origin_in_world = {exact(volume.lattice.origin[0]), exact(volume.lattice.origin[1]),
                                 exact(volume.lattice.origin[2])};
@@ -49,18 +50,19 @@ Volume to_common(const kernels::VoxelVolume& volume) {
         std::copy(std::begin(brick.occupancy), std::end(brick.occupancy), to.occupancy.begin());
     }
     out.colours.reserve(volume.colours.size());
-    for (const kernels::Colour& colour : volume.colours) out.colours.push_back({colour.r, colour.g, colour.b});
+    for (const kernels::Colour& colour : volume.colours)
+        out.colours.push_back({colour.r, colour.g, colour.b});
     return out;
 }
 
 void coarsen_by_four(const kernels::VoxelVolume& volume, kernels::VoxelVolume& out) {
     constexpr int kFactor = 4;
-    constexpr std::uint64_t kFourByFour = 0x0f0f0f0f;   // x and y below 4
+    constexpr std::uint64_t kFourByFour = 0x0f0f0f0f;  // x and y below 4
     out.lattice = volume.lattice;
     out.lattice.voxel_m = kFactor * volume.lattice.voxel_m;
     out.colours.clear();
     out.bricks.clear();
-    int grid[3];   // coarse bricks
+    int grid[3];  // coarse bricks
     for (int axis = 0; axis < 3; ++axis) {
         const int bricks = volume.lattice.size[axis] / kernels::kBrickEdge;
         grid[axis] = (bricks + kFactor - 1) / kFactor;
@@ -78,7 +80,8 @@ void coarsen_by_four(const kernels::VoxelVolume& volume, kernels::VoxelVolume& o
             std::uint64_t coarse = 0;
             for (int v = 0; v < 2; ++v)
                 for (int u = 0; u < 2; ++u)
-                    if (layers >> (32 * v + 4 * u) & kFourByFour) coarse |= std::uint64_t{1} << (8 * (y + v) + x + u);
+                    if (layers >> (32 * v + 4 * u) & kFourByFour)
+                        coarse |= std::uint64_t{1} << (8 * (y + v) + x + u);
             to.occupancy[z + half] |= coarse;
         }
     }
@@ -109,7 +112,8 @@ std::optional<Vec3> centre_of(const kernels::VoxelVolume& volume) {
     if (count == 0) return std::nullopt;
     const double brick_m = kernels::kBrickEdge * static_cast<double>(volume.lattice.voxel_m);
     const auto middle = [&](int axis, std::int64_t sum) {
-        return volume.lattice.origin[axis] + brick_m * (static_cast<double>(sum) / static_cast<double>(count) + 0.5);
+        return volume.lattice.origin[axis] +
+               brick_m * (static_cast<double>(sum) / static_cast<double>(count) + 0.5);
     };
     return Vec3{middle(0, x), middle(1, y), middle(2, z)};
 }

@@ -1,13 +1,14 @@
 #pragma once
 
-#include <cstddef>
-
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/partitioner.h>
 
+#include <cstddef>
+
 namespace kinevox {
 
-// body(0) .. body(count - 1), cameras side by side; what a camera's stage splits further is stolen by idle workers.
+// body(0) .. body(count - 1), cameras side by side; what a camera's stage splits further is stolen by idle
+// workers.
 template <class F>
 void for_each_camera(std::size_t count, F body) {
     oneapi::tbb::parallel_for(std::size_t{0}, count, body, oneapi::tbb::simple_partitioner());

@@ -8,7 +8,8 @@
 
 namespace kinevox {
 
-Gpu::Gpu(std::unique_ptr<const kernels::StageMaker> stages) : stages_(std::move(stages)), name_(stages_->name()) {
+Gpu::Gpu(std::unique_ptr<const kernels::StageMaker> stages)
+    : stages_(std::move(stages)), name_(stages_->name()) {
     if (const std::string problem = stages_->problem(); !problem.empty()) fail(problem);
 }
 

@@ -30,7 +30,7 @@ class Gpu {
         std::string message;  // why the CPU computes, since when and what to do; empty while the GPU does
         kernels::DeviceMemory memory;  // zeros where the GPU is not used
     };
-    State state() const;       // asks the GPU for its memory
+    State state() const;  // asks the GPU for its memory
     std::string message() const;
 
     // The message, once; else empty.
@@ -38,7 +38,7 @@ class Gpu {
 
   private:
     const std::unique_ptr<const kernels::StageMaker> stages_;
-    const std::string name_;   // known before it fails
+    const std::string name_;  // known before it fails
     mutable std::mutex mutex_;
     std::uint64_t failures_ = 0;
     std::string message_, news_;

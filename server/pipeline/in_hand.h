@@ -1,4 +1,5 @@
-// For how long a thread has had the same frame set in hand: tells a pipeline that hangs from one that has nothing to do.
+// For how long a thread has had the same frame set in hand: tells a pipeline that hangs from one that has
+// nothing to do.
 #pragma once
 
 #include <atomic>

@@ -1,6 +1,8 @@
-// A bounded queue between the pipeline and one subscriber. put() never blocks and never grows beyond its bounds:
-// either the oldest message goes, or the mailbox overflows and says so.
+// A bounded queue between the pipeline and one subscriber. put() never blocks and never grows beyond its
+// bounds: either the oldest message goes, or the mailbox overflows and says so.
 #pragma once
+
+#include <absl/status/status.h>
 
 #include <cstddef>
 #include <cstdint>
@@ -10,33 +12,31 @@
 #include <optional>
 #include <utility>
 
-#include <absl/status/status.h>
-
 namespace kinevox {
 
 struct MailboxOptions {
     enum class WhenFull { kDropOldest, kOverflow };
     WhenFull when_full = WhenFull::kDropOldest;
-    std::size_t max_messages = 1;            // 1 with kDropOldest: the newest only
-    std::size_t max_bytes = SIZE_MAX;        // of what size_bytes put() was told; a single message always fits
+    std::size_t max_messages = 1;      // 1 with kDropOldest: the newest only
+    std::size_t max_bytes = SIZE_MAX;  // of what size_bytes put() was told; a single message always fits
 };
 
-// put() by one producer, take() and status() by one consumer, close() by any thread. `on_ready` is called, without
-// a lock held, on the producer's or closer's thread after each change the consumer should look at; it must only
-// pass the word on.
+// put() by one producer, take() and status() by one consumer, close() by any thread. `on_ready` is called,
+// without a lock held, on the producer's or closer's thread after each change the consumer should look at; it
+// must only pass the word on.
 template <typename T>
 class Mailbox {
   public:
     struct Taken {
         T message;
-        std::uint64_t missed = 0;   // messages dropped between the one taken before and this one
+        std::uint64_t missed = 0;  // messages dropped between the one taken before and this one
     };
 
     Mailbox(const MailboxOptions& options, std::function<void()> on_ready)
         : options_(options), on_ready_(std::move(on_ready)) {}
 
     void put(T message, std::size_t size_bytes = 0) {
-        std::deque<Entry> dropped;   // destroyed after the lock is gone
+        std::deque<Entry> dropped;  // destroyed after the lock is gone
         {
             const std::scoped_lock lock(mutex_);
             if (!status_.ok()) return;
@@ -62,8 +62,8 @@ class Mailbox {
         on_ready_();
     }
 
-    // The oldest queued message, if there is one. What lies in the queue when the mailbox is closed is still given
-    // out; an overflow empties it.
+    // The oldest queued message, if there is one. What lies in the queue when the mailbox is closed is still
+    // given out; an overflow empties it.
     std::optional<Taken> take() {
         const std::scoped_lock lock(mutex_);
         if (queue_.empty()) return std::nullopt;

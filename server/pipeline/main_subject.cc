@@ -21,7 +21,7 @@ std::vector<std::uint8_t> main_subject(std::span<const std::uint8_t> mask, int w
         return cv::Rect(boxes.at<int>(i, cv::CC_STAT_LEFT), boxes.at<int>(i, cv::CC_STAT_TOP),
                         boxes.at<int>(i, cv::CC_STAT_WIDTH), boxes.at<int>(i, cv::CC_STAT_HEIGHT));
     };
-    int largest = 0;   // 0 is what is not set
+    int largest = 0;  // 0 is what is not set
     for (int i = 1; i < count; ++i)
         if (largest == 0 || area(i) > area(largest)) largest = i;
     if (largest == 0 || area(largest) < kFewestPart * width * height) return {};

@@ -1,5 +1,7 @@
 #include "server/pipeline/pipeline.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <exception>
@@ -8,8 +10,6 @@
 #include <optional>
 #include <stdexcept>
 #include <utility>
-
-#include <fmt/format.h>
 
 #include "kernels/projection.h"
 #include "server/pipeline/convert.h"
@@ -21,13 +21,15 @@
 namespace kinevox {
 namespace {
 
-constexpr int kExpectedDilation = 40;   // 1/40 of the picture's height
+constexpr int kExpectedDilation = 40;  // 1/40 of the picture's height
 
 constexpr std::size_t kManyViews = 4;
 
 using Clock = std::chrono::steady_clock;
 
-double to_ms(Clock::duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
+double to_ms(Clock::duration time) {
+    return std::chrono::duration<double, std::milli>(time).count();
+}
 
 // Milliseconds since it was made or last asked.
 class LapClock {
@@ -60,7 +62,7 @@ class SpareReconstructions {
     }
 
   private:
-    static constexpr std::size_t kMost = 3;   // one in each half, one between
+    static constexpr std::size_t kMost = 3;  // one in each half, one between
     std::mutex mutex_;
     std::vector<std::unique_ptr<Reconstruction>> spare_;
 };
@@ -68,7 +70,10 @@ class SpareReconstructions {
 class StagedPipeline final : public Pipeline {
   public:
     StagedPipeline(std::vector<Camera> cameras, double fps, const PipelineOptions& options)
-        : cameras_(std::move(cameras)), fps_(fps), options_(options), device_(cameras_, options),
+        : cameras_(std::move(cameras)),
+          fps_(fps),
+          options_(options),
+          device_(cameras_, options),
           tracker_(cameras_, fps, tracker_options(options)) {
         for (const Camera& camera : cameras_) models_.push_back(to_kernel(camera));
         expected_.resize(cameras_.size());
@@ -113,40 +118,41 @@ class StagedPipeline final : public Pipeline {
     Tracker tracker_;
     ResultPool results_;
     bool learned_ = false;
-    bool track_forgotten_ = false;                        // since the last reconstruction
-    bool expect_volume_ = false;                          // the next line is of the last frame set's subject
-    kernels::VoxelVolume last_shape_;                     // coarse
-    std::vector<std::vector<std::uint8_t>> expected_;     // per camera, its projection to where it should be now
+    bool track_forgotten_ = false;                     // since the last reconstruction
+    bool expect_volume_ = false;                       // the next line is of the last frame set's subject
+    kernels::VoxelVolume last_shape_;                  // coarse
+    std::vector<std::vector<std::uint8_t>> expected_;  // per camera, its projection to where it should be now
 
     // Of the first half's frame set in work; members so that their memory is kept.
-    std::vector<const kernels::Silhouettes*> seen_;       // per camera, null: no picture
+    std::vector<const kernels::Silhouettes*> seen_;  // per camera, null: no picture
     TrackerUpdate update_;
     std::vector<kernels::HullView> hull_views_;
     std::vector<kernels::ColouringView> colouring_views_;
     kernels::ColouringReport report_;
 
     // Of the second half alone.
-    std::optional<PoseStage> pose_stage_;                 // empty without poses
+    std::optional<PoseStage> pose_stage_;  // empty without poses
     std::vector<PoseView> pose_views_;
     std::uint32_t posed_subject_ = 0;
 };
 
 absl::Status StagedPipeline::check_picture(const Picture& picture, std::size_t camera) const {
     const Camera& c = cameras_[camera];
-    if (picture.width == c.width && picture.height == c.height && picture.channels == 3) return absl::OkStatus();
-    return absl::InvalidArgumentError(
-        fmt::format("camera {}: a picture of {} x {} px with {} channels does not fit its calibration of {} x {} px "
-                    "(3 channels); set the camera's format or calibrate it again",
-                    c.name, picture.width, picture.height, picture.channels, c.width, c.height));
+    if (picture.width == c.width && picture.height == c.height && picture.channels == 3)
+        return absl::OkStatus();
+    return absl::InvalidArgumentError(fmt::format(
+        "camera {}: a picture of {} x {} px with {} channels does not fit its calibration of {} x {} px "
+        "(3 channels); set the camera's format or calibrate it again",
+        c.name, picture.width, picture.height, picture.channels, c.width, c.height));
 }
 
 absl::Status StagedPipeline::learn_background(const std::vector<std::vector<Picture>>& empty_scene) {
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
         if (c >= empty_scene.size() || empty_scene[c].empty())
-            return absl::InvalidArgumentError(
-                fmt::format("camera {} has no picture of the empty scene; record one (`background` in the session "
-                            "file) or let the background be learned live",
-                            cameras_[c].name));
+            return absl::InvalidArgumentError(fmt::format(
+                "camera {} has no picture of the empty scene; record one (`background` in the session "
+                "file) or let the background be learned live",
+                cameras_[c].name));
         for (const Picture& picture : empty_scene[c])
             if (absl::Status checked = check_picture(picture, c); !checked.ok()) return checked;
     }
@@ -166,7 +172,8 @@ absl::Status StagedPipeline::learn_background(const std::vector<std::vector<Pict
 // As if the background had been learned just now.
 absl::Status StagedPipeline::forget_frames() {
     if (!options_.jumps)
-        return absl::FailedPreconditionError("a frame set does not follow the one before, which this pipeline was not made for");
+        return absl::FailedPreconditionError(
+            "a frame set does not follow the one before, which this pipeline was not made for");
     device_.forget_frames();
     reset_track();
     return absl::OkStatus();
@@ -188,7 +195,8 @@ void StagedPipeline::set_cameras(std::vector<Camera> cameras) {
 void StagedPipeline::segment(FrameResult& result) {
     Vec3 motion;
     const auto priors = tracker_.predict(result.capture_time_ns, &motion);
-    const float moved[3] = {static_cast<float>(motion.x), static_cast<float>(motion.y), static_cast<float>(motion.z)};
+    const float moved[3] = {static_cast<float>(motion.x), static_cast<float>(motion.y),
+                            static_cast<float>(motion.z)};
     result.silhouettes.resize(cameras_.size());
     seen_.assign(cameras_.size(), nullptr);
     device_.run([&](Stages& stages) {
@@ -204,7 +212,8 @@ void StagedPipeline::segment(FrameResult& result) {
                 const int dilate_px = std::max(1, cameras_[c].height / kExpectedDilation);
                 kernels::Rect ignored;
                 expected_[c].resize(static_cast<std::size_t>(cameras_[c].width) * cameras_[c].height);
-                kernels::project_volume(last_shape_, models_[c], moved, dilate_px, expected_[c].data(), ignored);
+                kernels::project_volume(last_shape_, models_[c], moved, dilate_px, expected_[c].data(),
+                                        ignored);
                 prior.expected = expected_[c].data();
                 if (prior.reach_px >= 0) prior.reach_px = std::max(prior.reach_px - dilate_px, 0);
             }
@@ -220,8 +229,9 @@ void StagedPipeline::track(FrameResult& result) {
     result.events = std::move(update_.events);
 }
 
-// Only the cameras that agree on the subject carve it. Where four or more do, what only two of them see is not
-// kept: behind the border of the other pictures the cones of two cameras that face each other meet in a long ghost.
+// Only the cameras that agree on the subject carve it. Where four or more do, what only two of them see is
+// not kept: behind the border of the other pictures the cones of two cameras that face each other meet in a
+// long ghost.
 void StagedPipeline::carve(Reconstruction& work) {
     hull_views_.clear();
     work.carving_cameras.clear();
@@ -245,8 +255,7 @@ void StagedPipeline::colour(Reconstruction& work) {
     for (const std::size_t c : work.carving_cameras) {
         const kernels::Silhouettes& s = result.silhouettes[c];
         colouring_views_.push_back(
-            {&models_[c], to_kernel(result.frame_set.pictures[c]), s.loose.data(), s.sharp.data(),
-             s.bounds});
+            {&models_[c], to_kernel(result.frame_set.pictures[c]), s.loose.data(), s.sharp.data(), s.bounds});
     }
     bool again = false;
     device_.run([&](Stages& stages) {
@@ -254,17 +263,20 @@ void StagedPipeline::colour(Reconstruction& work) {
         if (std::exchange(again, true)) carve_with(stages, work);
         stages.colourer->colour(colouring_views_, work.volume, report_);
     });
-    for (std::size_t view = 0; view < work.carving_cameras.size() && view < report_.silhouette_iou.size(); ++view)
+    for (std::size_t view = 0; view < work.carving_cameras.size() && view < report_.silhouette_iou.size();
+         ++view)
         result.silhouette_iou[work.carving_cameras[view]] = report_.silhouette_iou[view];
 }
 
 absl::StatusOr<std::unique_ptr<Reconstruction>> StagedPipeline::reconstruct(FrameSet frame_set) {
     const Clock::time_point arrived = Clock::now();
     if (!learned_)
-        return absl::FailedPreconditionError("the background is not learned; learn it from an empty scene first");
+        return absl::FailedPreconditionError(
+            "the background is not learned; learn it from an empty scene first");
     if (frame_set.pictures.size() != cameras_.size())
         return absl::InvalidArgumentError(fmt::format("frame set {} has {} pictures for {} cameras",
-                                                      frame_set.sequence, frame_set.pictures.size(), cameras_.size()));
+                                                      frame_set.sequence, frame_set.pictures.size(),
+                                                      cameras_.size()));
     for (std::size_t c = 0; c < cameras_.size(); ++c)
         if (!frame_set.pictures[c].empty())
             if (absl::Status checked = check_picture(frame_set.pictures[c], c); !checked.ok()) return checked;
@@ -305,7 +317,8 @@ absl::StatusOr<std::unique_ptr<Reconstruction>> StagedPipeline::reconstruct(Fram
     }
     if (options_.gpu)
         if (std::string news = options_.gpu->take_news(); !news.empty())
-            result.events.push_back({EventKind::kError, result.sequence, result.capture_time_ns, {}, std::move(news)});
+            result.events.push_back(
+                {EventKind::kError, result.sequence, result.capture_time_ns, {}, std::move(news)});
     return work;
 }
 
@@ -320,10 +333,12 @@ absl::StatusOr<FrameResultPtr> StagedPipeline::pose(std::unique_ptr<Reconstructi
         posed_subject_ = subject.subject_id;
         pose_views_.assign(cameras_.size(), {});
         for (std::size_t c = 0; c < cameras_.size(); ++c) pose_views_[c].camera = &models_[c];
-        for (const std::size_t c : work->carving_cameras) pose_views_[c].silhouettes = &result->silhouettes[c];
+        for (const std::size_t c : work->carving_cameras)
+            pose_views_[c].silhouettes = &result->silhouettes[c];
         try {
-            result->pose = pose_stage_->process(subject.subject_id, result->sequence, result->capture_time_ns,
-                                                pose_views_, work->volume, work->coarse, subject.centre_in_world);
+            result->pose =
+                pose_stage_->process(subject.subject_id, result->sequence, result->capture_time_ns,
+                                     pose_views_, work->volume, work->coarse, subject.centre_in_world);
         } catch (const std::exception& error) {
             return absl::InternalError(fmt::format("frame set {}: {}", result->sequence, error.what()));
         }
@@ -339,8 +354,8 @@ absl::StatusOr<FrameResultPtr> StagedPipeline::pose(std::unique_ptr<Reconstructi
 std::string PipelineOptions::check() const {
     TrackerOptions with_voxel = tracker;
     with_voxel.voxel_m = voxel_m;
-    for (std::string problem : {with_voxel.check(), segmentation.check(), hull.check(), colour.check(),
-                                posing.check()})
+    for (std::string problem :
+         {with_voxel.check(), segmentation.check(), hull.check(), colour.check(), posing.check()})
         if (!problem.empty()) return problem;
     return {};
 }
@@ -353,11 +368,13 @@ absl::StatusOr<FrameResultPtr> Pipeline::process(FrameSet frame_set) {
 
 absl::StatusOr<std::unique_ptr<Pipeline>> Pipeline::create(std::vector<Camera> cameras, double fps,
                                                            const PipelineOptions& options) {
-    if (const std::string problem = options.check(); !problem.empty()) return absl::InvalidArgumentError(problem);
+    if (const std::string problem = options.check(); !problem.empty())
+        return absl::InvalidArgumentError(problem);
     if (cameras.size() < 2)
         return absl::InvalidArgumentError(
             fmt::format("{} cameras; a volume needs at least 2 that see the subject", cameras.size()));
-    if (!(fps > 0)) return absl::InvalidArgumentError(fmt::format("{} frame sets a second; it must be positive", fps));
+    if (!(fps > 0))
+        return absl::InvalidArgumentError(fmt::format("{} frame sets a second; it must be positive", fps));
     try {
         return std::make_unique<StagedPipeline>(std::move(cameras), fps, options);
     } catch (const std::invalid_argument& error) {

@@ -1,10 +1,10 @@
 #include "server/pipeline/replay.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
-
-#include <fmt/format.h>
 
 namespace kinevox {
 
@@ -14,7 +14,7 @@ Replay::Replay(Runner& runner, MakePipeline make_pipeline, std::function<void(st
 absl::Status Replay::stop_running(bool& ran) {
     const absl::Status stopped = runner_.stop();
     ran = stopped.ok();
-    return absl::IsFailedPrecondition(stopped) ? absl::OkStatus() : stopped;   // nothing ran
+    return absl::IsFailedPrecondition(stopped) ? absl::OkStatus() : stopped;  // nothing ran
 }
 
 absl::Status Replay::open(const std::filesystem::path& session_file, const ReplayOptions& options) {
@@ -45,7 +45,7 @@ absl::Status Replay::open(const std::filesystem::path& session_file, const Repla
     if (const absl::Status started = runner_.start(); !started.ok()) {
         // As before: the cameras, or the recording that was shown.
         if (const auto back = runner_.exchange(*std::move(before)); !back.ok()) return back.status();
-        if (ran) runner_.start().IgnoreError();   // its own event says what is wrong
+        if (ran) runner_.start().IgnoreError();  // its own event says what is wrong
         return started;
     }
     if (!live_) live_ = *std::move(before), live_ran_ = ran;
@@ -62,7 +62,8 @@ absl::Status Replay::live() {
     if (!live_) return absl::FailedPreconditionError("nothing is replayed; the capture sees its cameras");
     bool ran = false;
     if (absl::Status stopped = stop_running(ran); !stopped.ok()) return stopped;
-    if (const auto replayed = runner_.exchange(*std::exchange(live_, std::nullopt)); !replayed.ok()) return replayed.status();
+    if (const auto replayed = runner_.exchange(*std::exchange(live_, std::nullopt)); !replayed.ok())
+        return replayed.status();
     {
         const std::scoped_lock lock(mutex_);
         shown_.reset();
@@ -86,9 +87,11 @@ std::shared_ptr<ReplaySource> Replay::source() const {
 absl::Status Replay::change(const ReplayChange& change) {
     const auto replayed = source();
     if (!replayed)
-        return absl::FailedPreconditionError("nothing is replayed; open a recording first, with kinevox replay open");
+        return absl::FailedPreconditionError(
+            "nothing is replayed; open a recording first, with kinevox replay open");
     if (change.position_s && !std::isfinite(*change.position_s))
-        return absl::InvalidArgumentError("the position is not a number; give seconds from the recording's begin");
+        return absl::InvalidArgumentError(
+            "the position is not a number; give seconds from the recording's begin");
     if (change.speed)
         if (absl::Status set = replayed->set_speed(*change.speed); !set.ok()) return set;
     if (change.loop) replayed->set_loop(*change.loop);

@@ -64,8 +64,8 @@ RunFigures RunStatistics::figures(Clock::time_point now) const {
         return values;
     };
     for (double StageTimes::*field :
-         {&StageTimes::decode_ms, &StageTimes::segmentation_ms, &StageTimes::tracking_ms, &StageTimes::hull_ms,
-          &StageTimes::colouring_ms, &StageTimes::pose_ms, &StageTimes::total_ms})
+         {&StageTimes::decode_ms, &StageTimes::segmentation_ms, &StageTimes::tracking_ms,
+          &StageTimes::hull_ms, &StageTimes::colouring_ms, &StageTimes::pose_ms, &StageTimes::total_ms})
         out.median.*field = quantile(column(field), 0.5);
     out.total_p99_ms = quantile(column(&StageTimes::total_ms), 0.99);
     return out;

@@ -11,12 +11,12 @@
 namespace kinevox {
 
 struct RunFigures {
-    std::uint64_t results = 0;         // since reset()
-    std::uint64_t lost = 0;            // frame sets lost before the pipeline, from the gaps in the sequence
+    std::uint64_t results = 0;  // since reset()
+    std::uint64_t lost = 0;     // frame sets lost before the pipeline, from the gaps in the sequence
     std::uint64_t newest_sequence = 0;
-    double results_per_second = 0;     // over the last two seconds
+    double results_per_second = 0;  // over the last two seconds
     StageTimes newest;
-    StageTimes median;                 // over the last kWindow results, each stage for itself
+    StageTimes median;  // over the last kWindow results, each stage for itself
     double total_p99_ms = 0;
 };
 
@@ -34,7 +34,7 @@ class RunStatistics {
     mutable std::mutex mutex_;
     std::uint64_t results_ = 0, lost_ = 0, newest_sequence_ = 0;
     std::deque<StageTimes> times_;
-    std::deque<Clock::time_point> arrivals_;   // of the last two seconds
+    std::deque<Clock::time_point> arrivals_;  // of the last two seconds
 };
 
 }  // namespace kinevox

@@ -1,12 +1,11 @@
 #include "server/pipeline/runner.h"
 
+#include <fmt/format.h>
 #include <pthread.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cstdlib>
-
-#include <fmt/format.h>
 
 #include "server/pipeline/utc_clock.h"
 
@@ -58,7 +57,7 @@ double Runner::source_fps() const {
 
 absl::StatusOr<Feed> Runner::exchange(Feed feed) {
     if (is_active(state().state)) return absl::FailedPreconditionError("the capture runs; stop it first");
-    join_threads();   // of a run that ended by itself
+    join_threads();  // of a run that ended by itself
     const std::scoped_lock lock(mutex_);
     if (aborted_) return absl::UnavailableError("the daemon is stopping");
     return std::exchange(feed_, std::move(feed));
@@ -83,7 +82,7 @@ bool Runner::set_cameras(std::vector<Camera> cameras) {
         feed_.next_cameras = std::move(cameras);
     }
     if (active) return false;
-    join_threads();   // of a run that ended by itself
+    join_threads();  // of a run that ended by itself
     take_cameras();
     return true;
 }
@@ -103,12 +102,15 @@ void Runner::take_cameras() {
 absl::Status Runner::start() {
     if (is_active(state().state))
         return absl::FailedPreconditionError("the capture runs already; stop it first to start it anew");
-    join_threads();   // of a run that ended by itself
+    join_threads();  // of a run that ended by itself
     set_state(RunState::kStarting);
     take_cameras();
     absl::Status status = open_source();
     if (status.ok()) {
-        const bool learned = [&] { const std::scoped_lock lock(mutex_); return feed_.background_learned; }();
+        const bool learned = [&] {
+            const std::scoped_lock lock(mutex_);
+            return feed_.background_learned;
+        }();
         if (!learned) status = learn_from_clip();
     }
     if (!status.ok()) {
@@ -135,7 +137,8 @@ absl::Status Runner::start() {
 }
 
 absl::Status Runner::stop() {
-    if (!is_active(state().state)) return absl::FailedPreconditionError("the capture does not run; start it first");
+    if (!is_active(state().state))
+        return absl::FailedPreconditionError("the capture does not run; start it first");
     if (const auto running = source()) running->stop();
     join_threads();
     finish_learning(absl::AbortedError("the capture was stopped before the background was learned"));
@@ -176,8 +179,9 @@ absl::Status Runner::open_source() {
     auto opened = feed_.reopen();
     if (!opened.ok()) return opened.status();
     if ((*opened)->cameras() != feed_.own_cameras)
-        return absl::FailedPreconditionError("the source's cameras or their calibration have changed since the "
-                                             "daemon was started; restart the daemon");
+        return absl::FailedPreconditionError(
+            "the source's cameras or their calibration have changed since the "
+            "daemon was started; restart the daemon");
     const std::scoped_lock lock(mutex_);
     if (aborted_) return absl::UnavailableError("the daemon is stopping");
     feed_.source = std::move(*opened);
@@ -189,58 +193,70 @@ absl::Status Runner::learn_from_clip() {
     if (!pictures.ok()) return pictures.status();
     const bool complete = !pictures->empty() &&
                           std::ranges::none_of(*pictures, [](const auto& camera) { return camera.empty(); });
-    if (!complete) return absl::OkStatus();   // an operator will let it learn from live frames
-    if (const absl::Status learned = feed_.pipeline->learn_background(*pictures); !learned.ok()) return learned;
+    if (!complete) return absl::OkStatus();  // an operator will let it learn from live frames
+    if (const absl::Status learned = feed_.pipeline->learn_background(*pictures); !learned.ok())
+        return learned;
     const std::size_t count = pictures->front().size();
     if (feed_.taps.on_background)
-        feed_.taps.on_background(std::make_shared<const std::vector<std::vector<Picture>>>(*std::move(pictures)));
+        feed_.taps.on_background(
+            std::make_shared<const std::vector<std::vector<Picture>>>(*std::move(pictures)));
     {
         const std::scoped_lock lock(mutex_);
         feed_.background_learned = true;
     }
-    tell(EventKind::kBackgroundLearned, fmt::format("background learned from the source's own {} pictures a camera",
-                                                    count));
+    tell(EventKind::kBackgroundLearned,
+         fmt::format("background learned from the source's own {} pictures a camera", count));
     return absl::OkStatus();
 }
 
 void Runner::learn_background(int frames, std::function<void(absl::Status)> done) {
     const RunState now = state().state;
     if (frames < 0 || frames > kMaxLearningFrames)
-        return done(absl::InvalidArgumentError(
-            fmt::format("frames is {}; learning takes 1 to {} live frame sets, or 0 for the source's own clip", frames,
-                        kMaxLearningFrames)));
+        return done(absl::InvalidArgumentError(fmt::format(
+            "frames is {}; learning takes 1 to {} live frame sets, or 0 for the source's own clip", frames,
+            kMaxLearningFrames)));
     if (frames == 0) {
         if (is_active(now))
-            return done(absl::FailedPreconditionError("the capture runs; stop it to learn from the source's own "
-                                                      "clip, or give a number of live frame sets"));
+            return done(
+                absl::FailedPreconditionError("the capture runs; stop it to learn from the source's own "
+                                              "clip, or give a number of live frame sets"));
         absl::Status status = open_source();
         if (status.ok()) {
-            { const std::scoped_lock lock(mutex_); feed_.background_learned = false; }
+            {
+                const std::scoped_lock lock(mutex_);
+                feed_.background_learned = false;
+            }
             status = learn_from_clip();
         }
-        const bool learned = [&] { const std::scoped_lock lock(mutex_); return feed_.background_learned; }();
+        const bool learned = [&] {
+            const std::scoped_lock lock(mutex_);
+            return feed_.background_learned;
+        }();
         if (status.ok() && !learned)
-            status = absl::FailedPreconditionError("the source has no clip of the empty scene; start the capture, "
-                                                   "clear the scene and give a number of live frame sets");
+            status = absl::FailedPreconditionError(
+                "the source has no clip of the empty scene; start the capture, "
+                "clear the scene and give a number of live frame sets");
         return done(status);
     }
     if (now != RunState::kRunning)
-        return done(absl::FailedPreconditionError(now == RunState::kLearning
-                                                      ? "a background is being learned already; wait for it"
-                                                      : "the capture does not run; start it to learn from live frames"));
+        return done(absl::FailedPreconditionError(
+            now == RunState::kLearning ? "a background is being learned already; wait for it"
+                                       : "the capture does not run; start it to learn from live frames"));
     std::int64_t set_bytes = 0;
-    for (const Camera& camera : feed_.own_cameras) set_bytes += std::int64_t{3} * camera.width * camera.height;
+    for (const Camera& camera : feed_.own_cameras)
+        set_bytes += std::int64_t{3} * camera.width * camera.height;
     if (set_bytes * frames > kMaxLearningBytes)
-        return done(absl::InvalidArgumentError(
-            fmt::format("{} frame sets of these cameras take {} MB while they are collected; ask for {} at most",
-                        frames, set_bytes * frames >> 20, std::max<std::int64_t>(1, kMaxLearningBytes / set_bytes))));
+        return done(absl::InvalidArgumentError(fmt::format(
+            "{} frame sets of these cameras take {} MB while they are collected; ask for {} at most", frames,
+            set_bytes * frames >> 20, std::max<std::int64_t>(1, kMaxLearningBytes / set_bytes))));
     {
         const std::scoped_lock lock(mutex_);
         // The recording may have ended between the look at the state and here.
         if (state_.state == RunState::kRunning && !aborted_) {
             state_ = {RunState::kLearning, fmt::format("learning the background from {} frame sets", frames)};
-            learning_ = Learning{frames, 0, std::chrono::steady_clock::now(),
-                                 std::vector<std::vector<Picture>>(feed_.own_cameras.size()), std::move(done)};
+            learning_ =
+                Learning{frames, 0, std::chrono::steady_clock::now(),
+                         std::vector<std::vector<Picture>>(feed_.own_cameras.size()), std::move(done)};
             return;
         }
     }
@@ -249,8 +265,8 @@ void Runner::learn_background(int frames, std::function<void(absl::Status)> done
 
 void Runner::fetch_loop() {
     const std::shared_ptr<FrameSource> source = this->source();
-    // Of what is live, the newest is of use. Cameras do not wait: what nobody took is replaced. The studio would draw in
-    // vain what nobody takes.
+    // Of what is live, the newest is of use. Cameras do not wait: what nobody took is replaced. The studio
+    // would draw in vain what nobody takes.
     const bool cameras = !source->camera_links().empty();
     live_ = cameras;
     for (bool last = false; !last;) {
@@ -263,7 +279,8 @@ void Runner::fetch_loop() {
             live_ = cameras || is_live(fetched.frame_set->capture_time_ns);
             if (feed_.taps.on_frame_set) feed_.taps.on_frame_set(*fetched.frame_set);
         }
-        const bool handed_on = cameras && !last ? fetched_.replace(std::move(fetched)) : fetched_.push(std::move(fetched));
+        const bool handed_on =
+            cameras && !last ? fetched_.replace(std::move(fetched)) : fetched_.push(std::move(fetched));
         if (!handed_on) return;
     }
 }
@@ -275,7 +292,8 @@ void Runner::reconstruct_loop() {
         if (!fetched) return;
         reconstructing_.take();
         absl::StatusOr<std::unique_ptr<Reconstruction>> reconstruction = reconstruct(*std::move(fetched));
-        reconstructing_.put_down();   // one that it cannot hand on is held up by the posing thread, which has its own
+        reconstructing_
+            .put_down();  // one that it cannot hand on is held up by the posing thread, which has its own
         if (reconstruction.ok() && *reconstruction == nullptr) continue;
         const bool last = !reconstruction.ok();
         if (!reconstructed_.push(std::move(reconstruction)) || last) return;
@@ -337,7 +355,8 @@ void Runner::publish(const FrameResultPtr& result) {
     } else if (const std::int64_t step_ns = clock_steps_.step_ns(); step_ns != 0) {
         *utc_minus_capture_ns_ += step_ns;
         tell(EventKind::kError,
-             fmt::format("the machine's clock was set {} by {:.1f} s; the times of what is streamed follow it, those of a "
+             fmt::format("the machine's clock was set {} by {:.1f} s; the times of what is streamed follow "
+                         "it, those of a "
                          "recording that has begun go on evenly",
                          step_ns > 0 ? "forward" : "back", 1e-9 * static_cast<double>(std::abs(step_ns))),
              result->sequence);
@@ -357,7 +376,7 @@ void Runner::end(const absl::Status& why) {
     set_state(over ? RunState::kEnded : RunState::kFailed, message);
     tell(over ? EventKind::kSourceEnded : EventKind::kError, message,
          over ? statistics_.figures().newest_sequence : 0);
-    close_handovers();   // lets the other threads go
+    close_handovers();  // lets the other threads go
     {
         const std::scoped_lock lock(mutex_);
         if (feed_.source) feed_.source->stop();
@@ -370,14 +389,15 @@ void Runner::collect(const FrameSet& frame_set) {
     std::optional<Learning> complete;
     {
         const std::scoped_lock lock(mutex_);
-        if (!learning_) return;   // aborted meanwhile
+        if (!learning_) return;  // aborted meanwhile
         Learning& learning = *learning_;
         ++learning.seen;
         learning.newest_at = std::chrono::steady_clock::now();
         const bool usable = frame_set.pictures.size() == feed_.own_cameras.size() &&
                             std::ranges::none_of(frame_set.pictures, &Picture::empty);
         if (usable)
-            for (std::size_t c = 0; c < feed_.own_cameras.size(); ++c) learning.pictures[c].push_back(frame_set.pictures[c]);
+            for (std::size_t c = 0; c < feed_.own_cameras.size(); ++c)
+                learning.pictures[c].push_back(frame_set.pictures[c]);
         const bool enough = static_cast<int>(learning.pictures.front().size()) >= learning.wanted;
         const bool hopeless = learning.seen >= 3 * learning.wanted + 30;
         if (!enough && !hopeless) return;
@@ -393,7 +413,8 @@ void Runner::collect(const FrameSet& frame_set) {
         status = feed_.pipeline->learn_background(complete->pictures);
     if (status.ok()) feed_.pipeline->reset_track();
     if (status.ok() && feed_.taps.on_background)
-        feed_.taps.on_background(std::make_shared<const std::vector<std::vector<Picture>>>(std::move(complete->pictures)));
+        feed_.taps.on_background(
+            std::make_shared<const std::vector<std::vector<Picture>>>(std::move(complete->pictures)));
     {
         const std::scoped_lock lock(mutex_);
         if (status.ok()) feed_.background_learned = true;
@@ -414,9 +435,10 @@ void Runner::give_up_silent_learning() {
         silent.swap(learning_);
         state_ = {RunState::kRunning, {}};
     }
-    silent->done(absl::FailedPreconditionError(fmt::format(
-        "no frame set came for {:g} s, after {} of the {} to learn from; see that the cameras deliver pictures",
-        std::chrono::duration<double>(longest_silence_).count(), silent->seen, silent->wanted)));
+    silent->done(absl::FailedPreconditionError(
+        fmt::format("no frame set came for {:g} s, after {} of the {} to learn from; see that the cameras "
+                    "deliver pictures",
+                    std::chrono::duration<double>(longest_silence_).count(), silent->seen, silent->wanted)));
 }
 
 void Runner::finish_learning(absl::Status status) {
@@ -446,9 +468,12 @@ void Runner::set_state(RunState state, std::string message) {
 void Runner::tell(const CameraEvent& event) {
     const auto kind = [&] {
         switch (event.kind) {
-            case CameraEvent::Kind::kLost: return EventKind::kCameraLost;
-            case CameraEvent::Kind::kRejoined: return EventKind::kCameraRejoined;
-            case CameraEvent::Kind::kLosses: break;
+            case CameraEvent::Kind::kLost:
+                return EventKind::kCameraLost;
+            case CameraEvent::Kind::kRejoined:
+                return EventKind::kCameraRejoined;
+            case CameraEvent::Kind::kLosses:
+                break;
         }
         return EventKind::kCameraLosses;
     }();

@@ -34,8 +34,8 @@ std::size_t size_in_memory(const PublishedVolume& published) {
 }  // namespace
 
 template <typename Box>
-std::shared_ptr<Box> StreamHub::subscribe(std::vector<std::weak_ptr<Box>>& boxes, const MailboxOptions& options,
-                                          std::function<void()> on_ready) {
+std::shared_ptr<Box> StreamHub::subscribe(std::vector<std::weak_ptr<Box>>& boxes,
+                                          const MailboxOptions& options, std::function<void()> on_ready) {
     auto box = std::make_shared<Box>(options, std::move(on_ready));
     const std::scoped_lock lock(mutex_);
     if (!closed_.ok()) box->close(closed_);
@@ -58,7 +58,8 @@ std::shared_ptr<PictureMailbox> StreamHub::subscribe_pictures(std::function<void
 }
 
 std::shared_ptr<EventMailbox> StreamHub::subscribe_events(std::size_t past, std::function<void()> on_ready) {
-    auto box = std::make_shared<EventMailbox>(MailboxOptions{.max_messages = kQueuedEvents}, std::move(on_ready));
+    auto box =
+        std::make_shared<EventMailbox>(MailboxOptions{.max_messages = kQueuedEvents}, std::move(on_ready));
     const std::scoped_lock lock(mutex_);
     const std::size_t count = std::min(past, past_events_.size());
     for (std::size_t i = past_events_.size() - count; i < past_events_.size(); ++i) box->put(past_events_[i]);
@@ -77,7 +78,7 @@ void StreamHub::publish(const FrameResultPtr& result, std::int64_t utc_minus_cap
     std::vector<std::shared_ptr<VolumeMailbox>> volume_boxes;
     std::vector<std::shared_ptr<PoseMailbox>> pose_boxes;
     std::vector<std::shared_ptr<PictureMailbox>> picture_boxes;
-    std::shared_ptr<const PublishedPictures> previous;   // its pictures are freed outside the lock
+    std::shared_ptr<const PublishedPictures> previous;  // its pictures are freed outside the lock
     {
         const std::scoped_lock lock(mutex_);
         volume_boxes = alive(volumes_);
@@ -101,12 +102,13 @@ void StreamHub::publish(const FrameResultPtr& result, std::int64_t utc_minus_cap
     }
     for (const auto& box : picture_boxes) box->put(pictures);
     for (const Event& event : result->events)
-        publish_event(event, pictures->capture_time_utc_ns, result->subject ? result->subject->subject_id : 0);
+        publish_event(event, pictures->capture_time_utc_ns,
+                      result->subject ? result->subject->subject_id : 0);
 }
 
 void StreamHub::publish_event(Event event, std::int64_t time_utc_ns, std::uint32_t subject_id) {
     PublishedEvent published{0, time_utc_ns, subject_id, std::move(event)};
-    const std::scoped_lock lock(mutex_);   // held while posting, so that all see the same order
+    const std::scoped_lock lock(mutex_);  // held while posting, so that all see the same order
     published.number = ++event_count_;
     past_events_.push_back(published);
     if (past_events_.size() > kPastEvents) past_events_.pop_front();

@@ -1,6 +1,8 @@
 // Hands each result to everyone who subscribed, without ever making the pipeline wait.
 #pragma once
 
+#include <absl/status/status.h>
+
 #include <chrono>
 #include <compare>
 #include <cstdint>
@@ -13,8 +15,6 @@
 #include <variant>
 #include <vector>
 
-#include <absl/status/status.h>
-
 #include "common/body_pose.h"
 #include "common/volume.h"
 #include "server/pipeline/frame_result.h"
@@ -25,17 +25,17 @@ namespace kinevox {
 
 // In which form a subscriber wants the volume.
 struct VolumeForm {
-    int level = 0;              // halvings of the resolution
+    int level = 0;  // halvings of the resolution
     bool with_colours = true;
     auto operator<=>(const VolumeForm&) const = default;
 };
 
 // In which form a subscriber wants a preview.
 struct PreviewForm {
-    std::size_t camera = 0;     // its place in the frame set
+    std::size_t camera = 0;  // its place in the frame set
     bool silhouette = false;
     int max_width_px = 320;
-    int max_height_px = 0;      // 0: no limit
+    int max_height_px = 0;  // 0: no limit
     int jpeg_quality = 80;
     auto operator<=>(const PreviewForm&) const = default;
 };
@@ -46,20 +46,20 @@ struct PublishedHeader {
     std::int64_t capture_time_utc_ns = 0;
     StageTimes times;
     std::optional<SubjectTrack> subject;
-    std::optional<std::int64_t> recorded_frame;   // of a replay
+    std::optional<std::int64_t> recorded_frame;  // of a replay
     std::int64_t published_utc_ns = 0;
-    std::chrono::steady_clock::time_point published_at;   // the same, whatever becomes of the machine's clock
+    std::chrono::steady_clock::time_point published_at;  // the same, whatever becomes of the machine's clock
 };
 
-// A message's bytes as they are sent, the same for all subscribers who ask for one form. Made on demand by whoever needs
-// them first, never on the pipeline's thread.
+// A message's bytes as they are sent, the same for all subscribers who ask for one form. Made on demand by
+// whoever needs them first, never on the pipeline's thread.
 template <typename Form>
 using Encodings = OnceMap<Form, std::string>;
 
 // A result without its pictures, which a queue may hold many of.
 struct PublishedVolume {
     PublishedHeader header;
-    std::shared_ptr<const Volume> volume;   // null while nobody is tracked
+    std::shared_ptr<const Volume> volume;  // null while nobody is tracked
     double litres = 0;
     Encodings<VolumeForm> encodings;
 };
@@ -67,8 +67,8 @@ struct PublishedVolume {
 // A result's pose alone: small, so that a queue may hold very many.
 struct PublishedPose {
     PublishedHeader header;
-    std::shared_ptr<const BodyPose> pose;   // null where there is none
-    Encodings<std::monostate> encodings;    // there is one form
+    std::shared_ptr<const BodyPose> pose;  // null where there is none
+    Encodings<std::monostate> encodings;   // there is one form
 };
 
 // A result with its pictures.
@@ -77,14 +77,19 @@ struct PublishedPictures {
     std::int64_t capture_time_utc_ns = 0, published_utc_ns = 0;
     std::chrono::steady_clock::time_point published_at;
     PublishedHeader header() const {
-        return {result->sequence, capture_time_utc_ns,          result->times, result->subject,
-                result->frame_set.recorded_frame, published_utc_ns, published_at};
+        return {result->sequence,
+                capture_time_utc_ns,
+                result->times,
+                result->subject,
+                result->frame_set.recorded_frame,
+                published_utc_ns,
+                published_at};
     }
     Encodings<PreviewForm> encodings;
 };
 
 struct PublishedEvent {
-    std::uint64_t number = 0;               // counts from 1
+    std::uint64_t number = 0;  // counts from 1
     std::int64_t time_utc_ns = 0;
     std::uint32_t subject_id = 0;
     Event event;
@@ -99,14 +104,16 @@ using EventMailbox = Mailbox<PublishedEvent>;
 // others by any. No method of the hub may be called from on_ready.
 class StreamHub {
   public:
-    std::shared_ptr<VolumeMailbox> subscribe_volumes(const MailboxOptions& options, std::function<void()> on_ready);
-    std::shared_ptr<PoseMailbox> subscribe_poses(const MailboxOptions& options, std::function<void()> on_ready);
-    std::shared_ptr<PictureMailbox> subscribe_pictures(std::function<void()> on_ready);   // the newest only
+    std::shared_ptr<VolumeMailbox> subscribe_volumes(const MailboxOptions& options,
+                                                     std::function<void()> on_ready);
+    std::shared_ptr<PoseMailbox> subscribe_poses(const MailboxOptions& options,
+                                                 std::function<void()> on_ready);
+    std::shared_ptr<PictureMailbox> subscribe_pictures(std::function<void()> on_ready);  // the newest only
     // Starts with the newest `past` events.
     std::shared_ptr<EventMailbox> subscribe_events(std::size_t past, std::function<void()> on_ready);
 
-    // To everyone, and the result's events too. `utc_minus_capture_ns` makes UTC of its capture times. Costs the
-    // caller a few microseconds a subscriber.
+    // To everyone, and the result's events too. `utc_minus_capture_ns` makes UTC of its capture times. Costs
+    // the caller a few microseconds a subscriber.
     void publish(const FrameResultPtr& result, std::int64_t utc_minus_capture_ns);
     void publish_event(Event event, std::int64_t time_utc_ns, std::uint32_t subject_id = 0);
 

@@ -6,7 +6,8 @@ namespace kinevox {
 namespace {
 
 std::int64_t steady_now_ns() {
-    return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
+    return std::chrono::duration_cast<std::chrono::nanoseconds>(
+               std::chrono::steady_clock::now().time_since_epoch())
         .count();
 }
 
@@ -21,7 +22,9 @@ std::int64_t utc_minus_capture_ns(std::int64_t first_capture_time_ns) {
     return utc_now_ns() - (is_live(first_capture_time_ns) ? steady_now_ns() : first_capture_time_ns);
 }
 
-std::int64_t ClockSteps::utc_minus_steady_ns() { return utc_now_ns() - steady_now_ns(); }
+std::int64_t ClockSteps::utc_minus_steady_ns() {
+    return utc_now_ns() - steady_now_ns();
+}
 
 std::int64_t ClockSteps::step_ns() {
     constexpr std::int64_t kStepNs = 500'000'000;

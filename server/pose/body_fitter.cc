@@ -1,12 +1,12 @@
 #include "server/pose/body_fitter.h"
 
+#include <fmt/format.h>
+#include <oneapi/tbb/parallel_for.h>
+
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <utility>
-
-#include <Eigen/Cholesky>
-#include <fmt/format.h>
-#include <oneapi/tbb/parallel_for.h>
 
 #include "common/to_eigen.h"
 #include "server/pose/pose_tracker.h"
@@ -25,8 +25,8 @@ using ShapeMatrix = Eigen::Matrix<double, kParameters, kParameters>;
 using MixedMatrix = Eigen::Matrix<double, kBodyDofCount, kParameters>;
 using PointByShape = Eigen::Matrix<double, 3, kParameters>;
 
-
-// How joints and capsules move in their segments' frames with the lengths: constant, since all is linear in them.
+// How joints and capsules move in their segments' frames with the lengths: constant, since all is linear in
+// them.
 struct ShapeRates {
     struct Capsule {
         PointByShape a, b;
@@ -46,7 +46,8 @@ struct ShapeRates {
             longer.lengths_m[k] += kStep_m;
             const BodyModel model(longer);
             for (int s = 0; s < kBodySegmentCount; ++s)
-                offsets[s].col(k) = to_eigen((model.offset_in_parent(s) - base.offset_in_parent(s)) / kStep_m);
+                offsets[s].col(k) =
+                    to_eigen((model.offset_in_parent(s) - base.offset_in_parent(s)) / kStep_m);
             for (std::size_t n = 0; n < capsules.size(); ++n) {
                 const BodyCapsule &p = base.capsules_in_segments()[n], &q = model.capsules_in_segments()[n];
                 for (int axis = 0; axis < 3; ++axis) {
@@ -85,7 +86,8 @@ void add_shape(const ShapeRates& rates, const BodyModel& model, const PoseCost& 
         const ShapeRates::Capsule& c = rates.capsules[term.capsule];
         const int segment = cost.capsules()[term.capsule].segment;
         const Eigen::Vector3d g = to_eigen(term.gradient);
-        const Eigen::Vector3d in_segment = to_eigen(posed.world_from_segment[segment].rotation).transpose() * g;
+        const Eigen::Vector3d in_segment =
+            to_eigen(posed.world_from_segment[segment].rotation).transpose() * g;
         row = g.transpose() * origin_rates[segment] +
               in_segment.transpose() * ((1 - term.along) * c.a + term.along * c.b) +
               term.radius_gradient * ((1 - term.along) * c.radius_a + term.along * c.radius_b);
@@ -93,15 +95,16 @@ void add_shape(const ShapeRates& rates, const BodyModel& model, const PoseCost& 
         system.shape_gradient += term.weight * term.residual * row.transpose();
         for (const int k : dofs_of_segment(segment)) {
             const DofFrame& f = frames[k];
-            const double by_dof =
-                dot(f.axis, cross(term.point_in_world - f.origin, term.gradient)) + dot(f.shift, term.gradient);
+            const double by_dof = dot(f.axis, cross(term.point_in_world - f.origin, term.gradient)) +
+                                  dot(f.shift, term.gradient);
             system.mixed.row(k) += term.weight * by_dof * row;
         }
     }
 }
 
 // What is usual: each length its part of the stature, each stature near the mean. Returns the cost.
-double add_usual(const BodyShape& shape, const BodyFitOptions& options, ShapeMatrix& hessian, ShapeVector& gradient) {
+double add_usual(const BodyShape& shape, const BodyFitOptions& options, ShapeMatrix& hessian,
+                 ShapeVector& gradient) {
     const double mean = default_body_shape().stature_m;
     double w = 1 / (options.stature_std_m * options.stature_std_m);
     hessian(kStature, kStature) += w;
@@ -125,10 +128,17 @@ double add_usual(const BodyShape& shape, const BodyFitOptions& options, ShapeMat
 
 class JointFit {
   public:
-    JointFit(std::span<const PoseObservation* const> frames, std::vector<BodyPosture> postures, const BodyShape& shape,
-             const PoseStageOptions& posing, const BodyFitOptions& options, std::stop_token stop)
-        : frames_(frames), postures_(std::move(postures)), shape_(shape), options_(options), stop_(std::move(stop)), rates_(shape),
-          costs_(frames.size(), PoseCost(posing.tracker.fit.cost)), systems_(frames.size()) {}
+    JointFit(std::span<const PoseObservation* const> frames, std::vector<BodyPosture> postures,
+             const BodyShape& shape, const PoseStageOptions& posing, const BodyFitOptions& options,
+             std::stop_token stop)
+        : frames_(frames),
+          postures_(std::move(postures)),
+          shape_(shape),
+          options_(options),
+          stop_(std::move(stop)),
+          rates_(shape),
+          costs_(frames.size(), PoseCost(posing.tracker.fit.cost)),
+          systems_(frames.size()) {}
 
     void descend(double robust_m, int steps) {
         robust_m_ = robust_m;
@@ -211,13 +221,16 @@ class JointFit {
             gradient += share_ * (s.shape_gradient - s.mixed.transpose() * s.factor.solve(s.pose.gradient));
         hessian.diagonal() *= 1 + damping;
         const ShapeVector change = hessian.ldlt().solve(-gradient);
-        for (int k = 0; k < kBodyLengthCount; ++k) shape.lengths_m[k] = std::max(0.004, shape.lengths_m[k] + change(k));
+        for (int k = 0; k < kBodyLengthCount; ++k)
+            shape.lengths_m[k] = std::max(0.004, shape.lengths_m[k] + change(k));
         shape.stature_m = std::clamp(shape.stature_m + change(kStature), 0.6, 2.4);
         for (std::size_t n = 0; n < postures.size(); ++n) {
-            PoseVector d = systems_[n].factor.solve(-(systems_[n].pose.gradient + systems_[n].mixed * change));
+            PoseVector d =
+                systems_[n].factor.solve(-(systems_[n].pose.gradient + systems_[n].mixed * change));
             const double largest = d.tail<kBodyDofCount - 3>().cwiseAbs().maxCoeff();
             if (largest > 0.4) d *= 0.4 / largest;
-            postures[n] = stepped(postures[n], std::span<const double, kBodyDofCount>(d.data(), kBodyDofCount));
+            postures[n] =
+                stepped(postures[n], std::span<const double, kBodyDofCount>(d.data(), kBodyDofCount));
         }
     }
 
@@ -242,14 +255,15 @@ double girth_std_m(const BodyFit& fit, const BodyGirthInfo& girth) {
         wider[which] += fit.lengths_std_m[which];
         return girth_m(wider, girth) - girth_m(fit.shape, girth);
     };
-    return girth.half_width == girth.half_depth ? moved(girth.half_width)
-                                                : std::hypot(moved(girth.half_width), moved(girth.half_depth));
+    return girth.half_width == girth.half_depth
+               ? moved(girth.half_width)
+               : std::hypot(moved(girth.half_width), moved(girth.half_depth));
 }
 
 absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
                                  std::span<const PoseObservation* const> frames, const BodyShape& start,
-                                 const PoseStageOptions& posing, const BodyFitOptions& options, std::stop_token stop,
-                                 const std::function<void(double)>& progress) {
+                                 const PoseStageOptions& posing, const BodyFitOptions& options,
+                                 std::stop_token stop, const std::function<void(double)>& progress) {
     BodyShape shape = start;
     BodyFit fit;
     for (int round = 0; round < options.rounds; ++round) {
@@ -272,7 +286,8 @@ absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
         if (stop.stop_requested()) return absl::CancelledError("the fit of the body was cancelled");
         if (used.empty())
             return absl::FailedPreconditionError(fmt::format(
-                "no person's pose was found in {} frame sets; fit the body where one person stands free", frames.size()));
+                "no person's pose was found in {} frame sets; fit the body where one person stands free",
+                frames.size()));
         // Evenly over time.
         const std::size_t most = static_cast<std::size_t>(options.most_frames);
         if (used.size() > most) {

@@ -11,19 +11,27 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-bool left_side(int segment) { return segment >= kThighL && segment <= kHandL; }
+bool left_side(int segment) {
+    return segment >= kThighL && segment <= kHandL;
+}
 
 // +1 for the right side and the middle, -1 for the left: adduction and internal rotation are mirrored.
-double mirror(int segment) { return left_side(segment) ? -1.0 : 1.0; }
+double mirror(int segment) {
+    return left_side(segment) ? -1.0 : 1.0;
+}
 
-Mat3 about(Vec3 axis, double angle) { return rotation_from_rodrigues(angle * axis); }
+Mat3 about(Vec3 axis, double angle) {
+    return rotation_from_rodrigues(angle * axis);
+}
 
-// Axes of the three angles, in the order of the coordinates (flexion or tilt, adduction or list, rotation), each in
-// the frame in which it is fixed.
+// Axes of the three angles, in the order of the coordinates (flexion or tilt, adduction or list, rotation),
+// each in the frame in which it is fixed.
 struct BallAxes {
     Vec3 flexion, adduction, rotation;
 };
-BallAxes ball_axes(int segment) { return {{0, -1, 0}, {mirror(segment), 0, 0}, {0, 0, mirror(segment)}}; }
+BallAxes ball_axes(int segment) {
+    return {{0, -1, 0}, {mirror(segment), 0, 0}, {0, 0, mirror(segment)}};
+}
 
 Mat3 ball_rotation(int segment, const double* angles) {
     const BallAxes axes = ball_axes(segment);
@@ -36,7 +44,7 @@ Mat3 ball_rotation(int segment, const double* angles) {
 void ball_angles(int segment, const Mat3& r, double* angles) {
     const double m = mirror(segment);
     constexpr double kSingular = 1 - 1e-9;
-    if (segment == kPelvis) {   // Rz(t) Rx(a) Ry(f)
+    if (segment == kPelvis) {  // Rz(t) Rx(a) Ry(f)
         const double sin_a = std::clamp(r(2, 1), -1.0, 1.0);
         const bool singular = std::abs(sin_a) > kSingular;
         angles[1] = std::asin(sin_a);
@@ -46,7 +54,7 @@ void ball_angles(int segment, const Mat3& r, double* angles) {
         angles[2] = t;
         return;
     }
-    const double sin_a = std::clamp(-r(1, 2), -1.0, 1.0);   // Ry(f) Rx(a) Rz(t)
+    const double sin_a = std::clamp(-r(1, 2), -1.0, 1.0);  // Ry(f) Rx(a) Rz(t)
     const bool singular = std::abs(sin_a) > kSingular;
     const double f = singular ? std::atan2(-r(2, 0), r(0, 0)) : std::atan2(r(0, 2), r(2, 2));
     const double t = singular ? 0 : std::atan2(r(1, 0), r(1, 1));
@@ -102,12 +110,12 @@ Vec3 hinge_axis(int segment) {
     switch (segment) {
         case kShankL:
         case kShankR:
-            return {0, 1, 0};                // flexion takes the shank back
+            return {0, 1, 0};  // flexion takes the shank back
         case kHandL:
         case kHandR:
             return {mirror(segment), 0, 0};  // palms face the thighs: flexion takes the hand inwards
         default:
-            return {0, -1, 0};               // dorsiflexion and elbow flexion: forwards
+            return {0, -1, 0};  // dorsiflexion and elbow flexion: forwards
     }
 }
 

@@ -59,7 +59,7 @@ double standing_height(const BodyShape& s) {
 }
 
 double girth_m(const BodyShape& shape, const BodyGirthInfo& girth) {
-    const double a = shape[girth.half_width], b = shape[girth.half_depth];   // Ramanujan's ellipse
+    const double a = shape[girth.half_width], b = shape[girth.half_depth];  // Ramanujan's ellipse
     return std::numbers::pi * (3 * (a + b) - std::sqrt((3 * a + b) * (a + 3 * b)));
 }
 

@@ -1,38 +1,50 @@
 // The proportions of one person: segment lengths and half-widths of the surface, clothes included.
 #pragma once
 
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
 #include <array>
 #include <filesystem>
 #include <string>
 #include <string_view>
 
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
-
 namespace kinevox {
 
 enum BodyLength : int {
     // Between rotation centres, left and right alike.
-    kRootToWaist,          // root to sacroiliac
-    kWaistToSkullbase,     // sacroiliac to skullbase
-    kSkullbaseToTop,       // skullbase to the top of the head
-    kHipHalfWidth,         // middle of the hips to a hip
-    kShoulderHalfWidth,    // arms hanging
-    kWaistToShoulders,     // height of the shoulders above the sacroiliac, arms hanging
-    kUpperArm, kForearm,
-    kHand,                 // wrist to the tip of the middle finger
-    kThigh, kShank,
-    kAnkleToToe,           // forwards, to the tip of the second toe
-    kAnkleHeight,          // above the sole
+    kRootToWaist,        // root to sacroiliac
+    kWaistToSkullbase,   // sacroiliac to skullbase
+    kSkullbaseToTop,     // skullbase to the top of the head
+    kHipHalfWidth,       // middle of the hips to a hip
+    kShoulderHalfWidth,  // arms hanging
+    kWaistToShoulders,   // height of the shoulders above the sacroiliac, arms hanging
+    kUpperArm,
+    kForearm,
+    kHand,  // wrist to the tip of the middle finger
+    kThigh,
+    kShank,
+    kAnkleToToe,   // forwards, to the tip of the second toe
+    kAnkleHeight,  // above the sole
     // Half-widths and half-depths of the trunk, radii of the limbs.
-    kPelvisHalfWidth, kPelvisHalfDepth, kWaistHalfWidth, kWaistHalfDepth, kChestHalfWidth, kChestHalfDepth,
-    kNeckRadius, kHeadRadius,
-    kThighRadius,          // a quarter of the way from hip to knee
-    kKneeRadius, kCalfRadius, kAnkleRadius, kFootRadius,
-    kUpperArmRadius,       // a quarter of the way from shoulder to elbow
+    kPelvisHalfWidth,
+    kPelvisHalfDepth,
+    kWaistHalfWidth,
+    kWaistHalfDepth,
+    kChestHalfWidth,
+    kChestHalfDepth,
+    kNeckRadius,
+    kHeadRadius,
+    kThighRadius,  // a quarter of the way from hip to knee
+    kKneeRadius,
+    kCalfRadius,
+    kAnkleRadius,
+    kFootRadius,
+    kUpperArmRadius,  // a quarter of the way from shoulder to elbow
     kElbowRadius,
-    kForearmRadius,        // a quarter of the way from elbow to wrist
-    kWristRadius, kHandRadius,
+    kForearmRadius,  // a quarter of the way from elbow to wrist
+    kWristRadius,
+    kHandRadius,
     kBodyLengthCount
 };
 
@@ -42,9 +54,9 @@ struct BodyLengthInfo {
     double relative_std;         // between people of one stature: the prior of a fit
 };
 // Lengths: means of both sexes after de Leva (1996, joint centres) and Drillis & Contini (1966, as in Winter,
-// Biomechanics and Motor Control of Human Movement, table 4.1), hip and shoulder centres moved from the bony landmarks
-// to the rotation centres. Widths and radii between the girths of Gordon et al. (ANSUR, 1988) with a
-// centimetre of clothes and those that fit the clothed meshes of the test data with this surface.
+// Biomechanics and Motor Control of Human Movement, table 4.1), hip and shoulder centres moved from the bony
+// landmarks to the rotation centres. Widths and radii between the girths of Gordon et al. (ANSUR, 1988) with
+// a centimetre of clothes and those that fit the clothed meshes of the test data with this surface.
 extern const std::array<BodyLengthInfo, kBodyLengthCount> kBodyLengths;
 
 struct BodyShape {
@@ -59,7 +71,7 @@ struct BodyShape {
 // Circumferences, from the half-widths and radii: what a tape measure tells.
 struct BodyGirthInfo {
     std::string_view name;
-    BodyLength half_width, half_depth;   // the same for a limb
+    BodyLength half_width, half_depth;  // the same for a limb
 };
 inline constexpr std::array<BodyGirthInfo, 12> kBodyGirths{{
     {"pelvis", kPelvisHalfWidth, kPelvisHalfDepth},

@@ -117,7 +117,8 @@ void LiveBodyFit::keep(std::int64_t time_ns, const PoseObservation& seen) {
     if (!collecting.last_ns || seconds_between(*collecting.last_ns, time_ns) >= kJitter * apart_s) {
         auto frame = std::make_unique<PoseObservation>(seen);
         for (std::size_t c = 0; c < frame->views.size() && c < cameras_->size(); ++c)
-            if (frame->views[c].camera) frame->views[c].camera = &(*cameras_)[c];  // may outlive the pipeline's
+            if (frame->views[c].camera)
+                frame->views[c].camera = &(*cameras_)[c];  // may outlive the pipeline's
         collecting.frames.push_back(std::move(frame));
         collecting.last_ns = time_ns;
     }
@@ -155,8 +156,8 @@ void LiveBodyFit::report() {
 }
 
 void LiveBodyFit::fit_loop() {
-    lower_this_threads_priority();    // the capture comes first
-    oneapi::tbb::task_arena alone(1);     // none of the pipeline's workers
+    lower_this_threads_priority();     // the capture comes first
+    oneapi::tbb::task_arena alone(1);  // none of the pipeline's workers
     while (true) {
         std::unique_lock lock(mutex_);
         changed_.wait(lock, [&] { return closed_ || to_fit_; });

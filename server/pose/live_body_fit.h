@@ -62,8 +62,8 @@ class LiveBodyFit {
 
     // After each frame set: what was seen, null where nobody was. Copies some of them, at most 30 a second.
     void observe(std::int64_t time_ns, const PoseObservation* seen);
-    // Other places and lenses of the same cameras. What was collected so far is dropped; a fit under way goes on with the
-    // cameras that its frames were seen by. While observe() is not called.
+    // Other places and lenses of the same cameras. What was collected so far is dropped; a fit under way goes
+    // on with the cameras that its frames were seen by. While observe() is not called.
     void set_cameras(std::vector<Camera> cameras);
     // A body that was fitted since the last call.
     std::optional<BodyShape> take_body();
@@ -74,7 +74,7 @@ class LiveBodyFit {
 
   private:
     using Frames = std::vector<std::unique_ptr<PoseObservation>>;
-    using Cameras = std::shared_ptr<const std::vector<Camera>>;   // the frames point into them
+    using Cameras = std::shared_ptr<const std::vector<Camera>>;  // the frames point into them
     struct ToFit {
         Cameras cameras;
         Frames frames;

@@ -9,12 +9,15 @@ namespace kinevox {
 namespace {
 
 constexpr float kBelowFloor_m = 0.06f;
-constexpr float kBeside_m = 0.2f;    // so far beside the largest part, seen from above, another one may be the subject's
+constexpr float kBeside_m =
+    0.2f;  // so far beside the largest part, seen from above, another one may be the subject's
 
-// Parts of which at least half stands over or under the largest one: what a missing middle (trousers like the floor)
-// parts from it.
-std::vector<char> parts_of_subject(const kernels::Lattice& lattice, const std::vector<int>& part, int parts, int largest) {
-    const int nx = lattice.size[0], ny = lattice.size[1], reach = static_cast<int>(kBeside_m / lattice.voxel_m + 0.5f);
+// Parts of which at least half stands over or under the largest one: what a missing middle (trousers like the
+// floor) parts from it.
+std::vector<char> parts_of_subject(const kernels::Lattice& lattice, const std::vector<int>& part, int parts,
+                                   int largest) {
+    const int nx = lattice.size[0], ny = lattice.size[1],
+              reach = static_cast<int>(kBeside_m / lattice.voxel_m + 0.5f);
     const std::size_t columns = static_cast<std::size_t>(nx) * ny;
     std::vector<char> footprint(columns, 0);
     for (std::size_t k = 0; k < part.size(); ++k) {
@@ -45,14 +48,17 @@ std::optional<MainBody> main_body(const kernels::VoxelVolume& coarse) {
     const kernels::Lattice& lattice = coarse.lattice;
     const int nx = lattice.size[0], ny = lattice.size[1], nz = lattice.size[2];
     const auto index = [&](int x, int y, int z) { return (static_cast<std::size_t>(z) * ny + y) * nx + x; };
-    std::vector<int> part(static_cast<std::size_t>(nx) * ny * nz, -1);   // -1 empty, 0 not visited, else its part
+    std::vector<int> part(static_cast<std::size_t>(nx) * ny * nz,
+                          -1);  // -1 empty, 0 not visited, else its part
     for (const kernels::Brick& brick : coarse.bricks)
         for (int z = 0; z < kernels::kBrickEdge; ++z) {
             const int k = kernels::kBrickEdge * brick.z + z;
-            if (lattice.origin[2] + (static_cast<float>(k) + 0.5f) * lattice.voxel_m < -kBelowFloor_m) continue;
+            if (lattice.origin[2] + (static_cast<float>(k) + 0.5f) * lattice.voxel_m < -kBelowFloor_m)
+                continue;
             for (int bit = 0; bit < 64; ++bit)
                 if (brick.occupancy[z] >> bit & 1)
-                    part[index(kernels::kBrickEdge * brick.x + bit % 8, kernels::kBrickEdge * brick.y + bit / 8, k)] = 0;
+                    part[index(kernels::kBrickEdge * brick.x + bit % 8,
+                               kernels::kBrickEdge * brick.y + bit / 8, k)] = 0;
         }
     int parts = 0, largest = 0;
     std::size_t most = 0;
@@ -71,7 +77,8 @@ std::optional<MainBody> main_body(const kernels::VoxelVolume& coarse) {
                     for (int side = 0; side < 6; ++side) {
                         auto next = at;
                         next[side / 2] += side % 2 == 0 ? -1 : 1;
-                        if (next[0] < 0 || next[1] < 0 || next[2] < 0 || next[0] >= nx || next[1] >= ny || next[2] >= nz)
+                        if (next[0] < 0 || next[1] < 0 || next[2] < 0 || next[0] >= nx || next[1] >= ny ||
+                            next[2] >= nz)
                             continue;
                         int& there = part[index(next[0], next[1], next[2])];
                         if (there != 0) continue;
@@ -93,8 +100,8 @@ std::optional<MainBody> main_body(const kernels::VoxelVolume& coarse) {
         for (int z = 0; z < kernels::kBrickEdge; ++z) {
             kept.occupancy[z] = 0;
             for (int bit = 0; bit < 64; ++bit) {
-                const int i = kernels::kBrickEdge * brick.x + bit % 8, j = kernels::kBrickEdge * brick.y + bit / 8,
-                          k = kernels::kBrickEdge * brick.z + z;
+                const int i = kernels::kBrickEdge * brick.x + bit % 8,
+                          j = kernels::kBrickEdge * brick.y + bit / 8, k = kernels::kBrickEdge * brick.z + z;
                 if (const int p = part[index(i, j, k)]; p <= 0 || !subject[p]) continue;
                 kept.occupancy[z] |= std::uint64_t{1} << bit;
                 sum[0] += i, sum[1] += j, sum[2] += k;
@@ -111,11 +118,14 @@ std::optional<MainBody> main_body(const kernels::VoxelVolume& coarse) {
     return body;
 }
 
-kernels::VoxelVolume inside_of(const kernels::VoxelVolume& fine, const kernels::VoxelVolume& coarse, int factor) {
-    const int bricks_x = coarse.lattice.size[0] / kernels::kBrickEdge, bricks_y = coarse.lattice.size[1] / kernels::kBrickEdge,
+kernels::VoxelVolume inside_of(const kernels::VoxelVolume& fine, const kernels::VoxelVolume& coarse,
+                               int factor) {
+    const int bricks_x = coarse.lattice.size[0] / kernels::kBrickEdge,
+              bricks_y = coarse.lattice.size[1] / kernels::kBrickEdge,
               bricks_z = coarse.lattice.size[2] / kernels::kBrickEdge;
     std::vector<const kernels::Brick*> at(static_cast<std::size_t>(bricks_x) * bricks_y * bricks_z, nullptr);
-    for (const kernels::Brick& b : coarse.bricks) at[(static_cast<std::size_t>(b.z) * bricks_y + b.y) * bricks_x + b.x] = &b;
+    for (const kernels::Brick& b : coarse.bricks)
+        at[(static_cast<std::size_t>(b.z) * bricks_y + b.y) * bricks_x + b.x] = &b;
     kernels::VoxelVolume out;
     out.lattice = fine.lattice;
     for (const kernels::Brick& brick : fine.bricks) {
@@ -126,8 +136,10 @@ kernels::VoxelVolume inside_of(const kernels::VoxelVolume& fine, const kernels::
             for (int bit = 0; bit < 64; ++bit) {
                 if (!(brick.occupancy[z] >> bit & 1)) continue;
                 const int i = (kernels::kBrickEdge * brick.x + bit % 8) / factor,
-                          j = (kernels::kBrickEdge * brick.y + bit / 8) / factor, k = (kernels::kBrickEdge * brick.z + z) / factor;
-                const int bx = i / kernels::kBrickEdge, by = j / kernels::kBrickEdge, bz = k / kernels::kBrickEdge;
+                          j = (kernels::kBrickEdge * brick.y + bit / 8) / factor,
+                          k = (kernels::kBrickEdge * brick.z + z) / factor;
+                const int bx = i / kernels::kBrickEdge, by = j / kernels::kBrickEdge,
+                          bz = k / kernels::kBrickEdge;
                 if (bx >= bricks_x || by >= bricks_y || bz >= bricks_z) continue;
                 const kernels::Brick* b = at[(static_cast<std::size_t>(bz) * bricks_y + by) * bricks_x + bx];
                 if (b && b->occupancy[k % 8] >> (8 * (j % 8) + i % 8) & 1) keep |= std::uint64_t{1} << bit;
@@ -155,7 +167,8 @@ double part_outside(const kernels::Silhouettes& seen, const kernels::VoxelVolume
     return 1 - static_cast<double>(inside) / static_cast<double>(seen.sharp_pixels);
 }
 
-void cut_to_mask(const kernels::Silhouettes& seen, const std::vector<std::uint8_t>& mask, kernels::Silhouettes& out) {
+void cut_to_mask(const kernels::Silhouettes& seen, const std::vector<std::uint8_t>& mask,
+                 kernels::Silhouettes& out) {
     out = seen;
     out.sharp_pixels = 0;
     out.bounds = {seen.width, seen.height, 0, 0};

@@ -1,13 +1,12 @@
 // How well a posed body explains the silhouettes, linearised for the fit.
 //
-// Contour term: a ray through a silhouette's border touches the body, so the signed distance from the ray to the
-// nearest capsule is zero. Inside term: no part of the body may project outside of a silhouette.
+// Contour term: a ray through a silhouette's border touches the body, so the signed distance from the ray to
+// the nearest capsule is zero. Inside term: no part of the body may project outside of a silhouette.
 #pragma once
 
+#include <Eigen/Core>
 #include <span>
 #include <vector>
-
-#include <Eigen/Core>
 
 #include "server/pose/body_model.h"
 #include "server/pose/pose_options.h"
@@ -19,24 +18,24 @@ namespace kinevox {
 struct SurfaceTerm {
     int camera = 0;
     int capsule = 0;
-    double along = 0;           // from a (0) to b (1)
-    Vec3 point_in_world;        // on the capsule's axis
-    Vec3 gradient;              // d residual / d point
-    double radius_gradient = 0; // d residual / d radius at the point
-    double residual = 0;        // m
-    double weight = 0;          // 1/m^2, the robust factor included
+    double along = 0;            // from a (0) to b (1)
+    Vec3 point_in_world;         // on the capsule's axis
+    Vec3 gradient;               // d residual / d point
+    double radius_gradient = 0;  // d residual / d radius at the point
+    double residual = 0;         // m
+    double weight = 0;           // 1/m^2, the robust factor included
 };
 
 struct Linearisation {
-    Eigen::Matrix<double, kBodyDofCount, kBodyDofCount> hessian;   // J^T W J, full
-    Eigen::Matrix<double, kBodyDofCount, 1> gradient;              // J^T W r
+    Eigen::Matrix<double, kBodyDofCount, kBodyDofCount> hessian;  // J^T W J, full
+    Eigen::Matrix<double, kBodyDofCount, 1> gradient;             // J^T W r
     double cost = 0;
 };
 
 // The prior of a fit: where the body is expected.
 struct MotionPrior {
     BodyPosture expected;
-    BodyStep std{};             // infinite: nothing is expected of this degree of freedom
+    BodyStep std{};  // infinite: nothing is expected of this degree of freedom
 };
 
 class PoseCost {
@@ -62,7 +61,7 @@ class PoseCost {
     std::vector<BodyCapsule> capsules_;
     std::vector<SurfaceTerm> terms_;
     double cost_ = 0;
-    std::vector<float> best_rank_;    // per ray
+    std::vector<float> best_rank_;  // per ray
     std::vector<int> best_capsule_;
 };
 

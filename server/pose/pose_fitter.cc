@@ -1,10 +1,10 @@
 #include "server/pose/pose_fitter.h"
 
-#include <algorithm>
-#include <cmath>
+#include <fmt/format.h>
 
 #include <Eigen/Cholesky>
-#include <fmt/format.h>
+#include <algorithm>
+#include <cmath>
 
 namespace kinevox {
 namespace {
@@ -13,7 +13,7 @@ using Vector = Eigen::Matrix<double, kBodyDofCount, 1>;
 using Matrix = Eigen::Matrix<double, kBodyDofCount, kBodyDofCount>;
 
 constexpr double kFirstDamping = 1e-3, kLeastDamping = 1e-6, kMostDamping = 1e6;
-constexpr double kMostTurn = 0.5;        // rad a step and degree of freedom: the linearisation holds no farther
+constexpr double kMostTurn = 0.5;  // rad a step and degree of freedom: the linearisation holds no farther
 // Added to the diagonal whatever the damping: what no silhouette tells stays where it is (1/m^2 and 1/rad^2).
 constexpr double kFloor = 1e-2;
 
@@ -21,17 +21,20 @@ constexpr double kFloor = 1e-2;
 
 std::string PoseFitOptions::check() const {
     if (!(narrow_m > 0) || !(wide_m >= narrow_m))
-        return fmt::format("pose fit: wide_m {} and narrow_m {}; both must be positive, the wide one not smaller", wide_m,
-                           narrow_m);
+        return fmt::format(
+            "pose fit: wide_m {} and narrow_m {}; both must be positive, the wide one not smaller", wide_m,
+            narrow_m);
     if (wide_steps < 0 || narrow_steps < 1)
-        return fmt::format("pose fit: {} wide and {} narrow steps; at least 0 and 1", wide_steps, narrow_steps);
-    if (!(cost.contour_std_m > 0) || !(cost.inside_std_m > 0) || !(cost.floor_std_m > 0) || !(cost.term_weight > 0))
+        return fmt::format("pose fit: {} wide and {} narrow steps; at least 0 and 1", wide_steps,
+                           narrow_steps);
+    if (!(cost.contour_std_m > 0) || !(cost.inside_std_m > 0) || !(cost.floor_std_m > 0) ||
+        !(cost.term_weight > 0))
         return "pose fit: standard deviations and weights of the cost must be positive";
     return {};
 }
 
-void PoseFitter::descend(const BodyModel& model, std::span<const SilhouetteRays> views, const MotionPrior* prior,
-                         double robust_m, int steps, PoseFit& fit) {
+void PoseFitter::descend(const BodyModel& model, std::span<const SilhouetteRays> views,
+                         const MotionPrior* prior, double robust_m, int steps, PoseFit& fit) {
     cost_.linearise(model, fit.posture, views, prior, robust_m, fit.at);
     double damping = kFirstDamping;
     for (int k = 0; k < steps; ++k) {
@@ -42,7 +45,8 @@ void PoseFitter::descend(const BodyModel& model, std::span<const SilhouetteRays>
         if (!step.allFinite()) return;
         const double largest = step.tail<kBodyDofCount - 3>().cwiseAbs().maxCoeff();
         if (largest > kMostTurn) step *= kMostTurn / largest;
-        const BodyPosture next = stepped(fit.posture, std::span<const double, kBodyDofCount>(step.data(), kBodyDofCount));
+        const BodyPosture next =
+            stepped(fit.posture, std::span<const double, kBodyDofCount>(step.data(), kBodyDofCount));
         cost_.linearise(model, next, views, prior, robust_m, trial_);
         if (trial_.cost < fit.at.cost) {
             const double gained = (fit.at.cost - trial_.cost) / fit.at.cost;
@@ -57,8 +61,8 @@ void PoseFitter::descend(const BodyModel& model, std::span<const SilhouetteRays>
     }
 }
 
-PoseFit PoseFitter::fit(const BodyModel& model, std::span<const SilhouetteRays> views, const BodyPosture& start,
-                        const MotionPrior* prior, bool wide) {
+PoseFit PoseFitter::fit(const BodyModel& model, std::span<const SilhouetteRays> views,
+                        const BodyPosture& start, const MotionPrior* prior, bool wide) {
     PoseFit fit;
     fit.posture = start;
     if (wide) descend(model, views, prior, options_.wide_m, options_.wide_steps, fit);
@@ -69,7 +73,7 @@ PoseFit PoseFitter::fit(const BodyModel& model, std::span<const SilhouetteRays> 
     for (const SilhouetteRays& view : views)
         if (view.camera) rays += static_cast<int>(view.contour.size());
     for (const SurfaceTerm& term : cost_.terms()) {
-        if (term.radius_gradient > 0) continue;   // no contour ray
+        if (term.radius_gradient > 0) continue;  // no contour ray
         const double r = std::abs(term.residual);
         if (r < 3 * options_.narrow_m) sum += r * r, ++within;
         if (r < options_.narrow_m) ++touching;
@@ -79,7 +83,8 @@ PoseFit PoseFitter::fit(const BodyModel& model, std::span<const SilhouetteRays> 
     return fit;
 }
 
-double PoseFitter::cost_of(const BodyModel& model, std::span<const SilhouetteRays> views, const BodyPosture& posture) {
+double PoseFitter::cost_of(const BodyModel& model, std::span<const SilhouetteRays> views,
+                           const BodyPosture& posture) {
     cost_.linearise(model, posture, views, nullptr, options_.wide_m, trial_);
     return trial_.cost;
 }

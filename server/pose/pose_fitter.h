@@ -13,9 +13,9 @@ namespace kinevox {
 
 struct PoseFit {
     BodyPosture posture;
-    Linearisation at;             // the solution, at narrow_m
-    double contour_rms_m = 0;     // of the contour rays within 3 narrow_m
-    double explained = 0;         // part of the contour rays that lie within narrow_m of the outline, 0..1
+    Linearisation at;          // the solution, at narrow_m
+    double contour_rms_m = 0;  // of the contour rays within 3 narrow_m
+    double explained = 0;      // part of the contour rays that lie within narrow_m of the outline, 0..1
 };
 
 // Not thread safe; keeps its memory.

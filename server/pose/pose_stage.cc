@@ -1,14 +1,15 @@
 #include "server/pose/pose_stage.h"
 
-#include <algorithm>
-
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/partitioner.h>
+
+#include <algorithm>
 
 namespace kinevox {
 
 std::string BodyFitOptions::check() const {
-    if (most_frames < 1 || rounds < 1 || steps < 1) return "body fit: frames, rounds and steps must be at least 1";
+    if (most_frames < 1 || rounds < 1 || steps < 1)
+        return "body fit: frames, rounds and steps must be at least 1";
     if (!(independent_frames > 0) || !(stature_std_m > 0))
         return "body fit: independent_frames and stature_std_m must be positive";
     return {};
@@ -30,7 +31,9 @@ PoseStage::PoseStage(std::vector<Camera> cameras, double fps, const PoseStageOpt
     set_body(options.body);
 }
 
-void PoseStage::set_body(const BodyShape& body) { tracker_.set_model(std::make_shared<BodyModel>(body)); }
+void PoseStage::set_body(const BodyShape& body) {
+    tracker_.set_model(std::make_shared<BodyModel>(body));
+}
 
 void PoseStage::reset() {
     tracker_.reset();
@@ -39,9 +42,12 @@ void PoseStage::reset() {
     last_.reset();
 }
 
-// Usually the coarse projection tells that all is well; the fine one is made only where a silhouette must be cut.
-void PoseStage::cut_views(const kernels::VoxelVolume& volume, const MainBody& body, std::vector<PoseView>& views) {
-    constexpr int kWide = 80, kNarrow = 300;   // parts of the picture's height by which the projections are widened
+// Usually the coarse projection tells that all is well; the fine one is made only where a silhouette must be
+// cut.
+void PoseStage::cut_views(const kernels::VoxelVolume& volume, const MainBody& body,
+                          std::vector<PoseView>& views) {
+    constexpr int kWide = 80,
+                  kNarrow = 300;  // parts of the picture's height by which the projections are widened
     cut_.resize(cameras_.size());
     cut_mask_.resize(cameras_.size());
     std::vector<char> cluttered(views.size(), 0);
@@ -51,8 +57,8 @@ void PoseStage::cut_views(const kernels::VoxelVolume& volume, const MainBody& bo
     each([&](std::size_t c) {
         if (!views[c].silhouettes) return;
         const int dilate_px = std::max(1, views[c].silhouettes->height / kWide);
-        cluttered[c] = part_outside(*views[c].silhouettes, body.volume, *views[c].camera, dilate_px, cut_mask_[c]) >
-                       options_.most_outside_volume;
+        cluttered[c] = part_outside(*views[c].silhouettes, body.volume, *views[c].camera, dilate_px,
+                                    cut_mask_[c]) > options_.most_outside_volume;
     });
     if (std::none_of(cluttered.begin(), cluttered.end(), [](char c) { return c != 0; })) return;
     const kernels::VoxelVolume fine = inside_of(volume, body.volume, kCoarser);
@@ -65,10 +71,10 @@ void PoseStage::cut_views(const kernels::VoxelVolume& volume, const MainBody& bo
     });
 }
 
-std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint64_t sequence, std::int64_t time_ns,
-                                             std::span<const PoseView> views,
-                                             const kernels::VoxelVolume& volume, const kernels::VoxelVolume& coarse,
-                                             Vec3 centre) {
+std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint64_t sequence,
+                                             std::int64_t time_ns, std::span<const PoseView> views,
+                                             const kernels::VoxelVolume& volume,
+                                             const kernels::VoxelVolume& coarse, Vec3 centre) {
     std::vector<PoseView> shown(views.begin(), views.end());
     if (const std::optional<MainBody> body = main_body(coarse)) {
         centre = body->centre_in_world;
@@ -86,12 +92,13 @@ std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint
         },
         oneapi::tbb::simple_partitioner());
     std::vector<PoseCandidate> candidates;
-    if (proposer_ && !tracker_.tracking()) candidates = proposer_->propose(shown, centre, options_.candidates);
+    if (proposer_ && !tracker_.tracking())
+        candidates = proposer_->propose(shown, centre, options_.candidates);
     return process(subject_id, sequence, time_ns, observation_, candidates);
 }
 
-std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint64_t sequence, std::int64_t time_ns,
-                                             const PoseObservation& seen,
+std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint64_t sequence,
+                                             std::int64_t time_ns, const PoseObservation& seen,
                                              std::span<const PoseCandidate> candidates) {
     tracked_ = tracker_.update(time_ns, seen.views, seen.centre_in_world, candidates);
     if (!tracked_) {
@@ -106,12 +113,14 @@ std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint
     pose->contour_rms_m = tracked_->fit.contour_rms_m;
     pose->filtered = options_.filtered;
     Linearisation data;
-    judge_.linearise(tracker_.model(), tracked_->fit.posture, seen.views, nullptr, options_.tracker.fit.narrow_m, data);
+    judge_.linearise(tracker_.model(), tracked_->fit.posture, seen.views, nullptr,
+                     options_.tracker.fit.narrow_m, data);
     data_cost_ = data.cost;
     judge_posture(tracker_.model(), tracked_->fit.posture, data, judge_.terms(), judge_.capsules(),
                   static_cast<int>(cameras_.size()), options_.estimate, *pose);
     const BodyPosture& measured = tracked_->fit.posture;
-    describe_posture(tracker_.model(), options_.filtered ? filter_.filter(measured, time_ns) : measured, *pose);
+    describe_posture(tracker_.model(), options_.filtered ? filter_.filter(measured, time_ns) : measured,
+                     *pose);
     if (last_) set_velocities(*last_, *pose);
     last_ = pose;
     return pose;

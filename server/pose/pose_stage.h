@@ -37,8 +37,8 @@ class PoseStage {
     void set_proposer(PoseProposer* proposer) { proposer_ = proposer; }
     PoseProposer* proposer() const { return proposer_; }
 
-    // Views in the order of the cameras; the volume, and the same with `kCoarser` times the voxels (any of whose voxels
-    // is occupied). Null where no body can be told.
+    // Views in the order of the cameras; the volume, and the same with `kCoarser` times the voxels (any of
+    // whose voxels is occupied). Null where no body can be told.
     static constexpr int kCoarser = 4;
     std::shared_ptr<BodyPose> process(std::uint32_t subject_id, std::uint64_t sequence, std::int64_t time_ns,
                                       std::span<const PoseView> views, const kernels::VoxelVolume& volume,
@@ -47,9 +47,10 @@ class PoseStage {
     const PoseObservation& observation() const { return observation_; }
     // The same from an observation; time as the caller tells it, since recordings may be followed backwards.
     std::shared_ptr<BodyPose> process(std::uint32_t subject_id, std::uint64_t sequence, std::int64_t time_ns,
-                                      const PoseObservation& observation, std::span<const PoseCandidate> candidates);
-    // How badly the silhouettes are explained by the last posture, without any motion prior; for comparing postures of
-    // one frame set.
+                                      const PoseObservation& observation,
+                                      std::span<const PoseCandidate> candidates);
+    // How badly the silhouettes are explained by the last posture, without any motion prior; for comparing
+    // postures of one frame set.
     double data_cost() const { return data_cost_; }
     // Of the last frame set, not filtered.
     const std::optional<TrackedPosture>& tracked() const { return tracked_; }
@@ -65,7 +66,7 @@ class PoseStage {
     PoseCost judge_;
     OneEuroPosture filter_;
     PoseProposer* proposer_ = nullptr;
-    std::vector<kernels::Silhouettes> cut_;             // per camera
+    std::vector<kernels::Silhouettes> cut_;  // per camera
     std::vector<std::vector<std::uint8_t>> cut_mask_;
     PoseObservation observation_;
     std::optional<TrackedPosture> tracked_;

@@ -1,11 +1,11 @@
 #include "server/pose/posture_filter.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <span>
-
-#include <fmt/format.h>
 
 namespace kinevox {
 namespace {
@@ -20,7 +20,8 @@ struct Biquad {
     double b0, b1, b2, a1, a2;
 };
 
-// Two passes lower the cutoff; its frequency is raised so that together they have -3 dB there (Winter, section 2.2.4.4).
+// Two passes lower the cutoff; its frequency is raised so that together they have -3 dB there (Winter,
+// section 2.2.4.4).
 Biquad butterworth(double fps, double cutoff_hz) {
     const double corrected = cutoff_hz / std::pow(std::numbers::sqrt2 - 1, 0.25);
     const double k = std::tan(std::numbers::pi * std::min(corrected / fps, 0.45));
@@ -72,24 +73,27 @@ void smooth_run(const Biquad& f, std::span<std::optional<BodyPosture>> run) {
         for (std::size_t n = 0; n < run.size(); ++n) run[n]->root_in_world.*axis = x[n];
     }
     for (int s = 0; s < kBodySegmentCount; ++s) {
-        // The nine numbers of a rotation matrix have no jumps; neighbouring frames differ little, so that making the
-        // smoothed ones orthonormal again is a small correction.
+        // The nine numbers of a rotation matrix have no jumps; neighbouring frames differ little, so that
+        // making the smoothed ones orthonormal again is a small correction.
         std::vector<Mat3> smoothed(run.size());
         for (int k = 0; k < 9; ++k) {
             for (std::size_t n = 0; n < run.size(); ++n) x[n] = run[n]->parent_from_segment[s].m[k];
             run_both_ways(f, x);
             for (std::size_t n = 0; n < run.size(); ++n) smoothed[n].m[k] = x[n];
         }
-        for (std::size_t n = 0; n < run.size(); ++n) run[n]->parent_from_segment[s] = orthonormal(smoothed[n]);
+        for (std::size_t n = 0; n < run.size(); ++n)
+            run[n]->parent_from_segment[s] = orthonormal(smoothed[n]);
     }
 }
 
 }  // namespace
 
 std::string OneEuroOptions::check() const {
-    if (!(min_cutoff_hz > 0) || !(rate_cutoff_hz > 0) || !(speed_factor_root >= 0) || !(speed_factor_angle >= 0))
-        return fmt::format("One-Euro filter: cutoffs {} and {} Hz must be positive, speed factors {} and {} not negative",
-                           min_cutoff_hz, rate_cutoff_hz, speed_factor_root, speed_factor_angle);
+    if (!(min_cutoff_hz > 0) || !(rate_cutoff_hz > 0) || !(speed_factor_root >= 0) ||
+        !(speed_factor_angle >= 0))
+        return fmt::format(
+            "One-Euro filter: cutoffs {} and {} Hz must be positive, speed factors {} and {} not negative",
+            min_cutoff_hz, rate_cutoff_hz, speed_factor_root, speed_factor_angle);
     return {};
 }
 

@@ -25,8 +25,9 @@ class OneEuroPosture {
     BodyStep rate_{};
 };
 
-// A second-order Butterworth forwards and backwards (no delay, fourth order altogether), for a whole recording.
-// Postures that are nothing stay nothing; the runs between them are filtered by themselves, their ends mirrored.
+// A second-order Butterworth forwards and backwards (no delay, fourth order altogether), for a whole
+// recording. Postures that are nothing stay nothing; the runs between them are filtered by themselves, their
+// ends mirrored.
 void smooth_zero_phase(std::vector<std::optional<BodyPosture>>& postures, double fps, double cutoff_hz);
 
 }  // namespace kinevox

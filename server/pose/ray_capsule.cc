@@ -9,12 +9,12 @@
 namespace kinevox {
 namespace {
 
-constexpr float kThin_m = 0.09f;       // a capsule is drawn over the border if it need not move farther
+constexpr float kThin_m = 0.09f;  // a capsule is drawn over the border if it need not move farther
 
 }  // namespace
 
-void nearest_capsules(const ContourRays& rays, std::span<const BodyCapsule> capsules, std::vector<float>& distance,
-                      std::vector<int>& capsule) {
+void nearest_capsules(const ContourRays& rays, std::span<const BodyCapsule> capsules,
+                      std::vector<float>& distance, std::vector<int>& capsule) {
     std::array<kernels::TaperedCapsule, kernels::kMostCapsules> plain;
     const std::size_t count = std::min(capsules.size(), plain.size());
     for (std::size_t k = 0; k < count; ++k) {

@@ -1,9 +1,9 @@
 #include "server/pose/retrack.h"
 
+#include <oneapi/tbb/parallel_invoke.h>
+
 #include <array>
 #include <limits>
-
-#include <oneapi/tbb/parallel_invoke.h>
 
 namespace kinevox {
 namespace {
@@ -32,7 +32,8 @@ Pass follow(const std::vector<Camera>& cameras, double fps, std::span<const Reco
             continue;
         }
         const std::int64_t time_ns = backwards ? -frames[n].seen->time_ns : frames[n].seen->time_ns;
-        pass.frames[n].pose = stage.process(frames[n].subject_id, frames[n].sequence, time_ns, *frames[n].seen, {});
+        pass.frames[n].pose =
+            stage.process(frames[n].subject_id, frames[n].sequence, time_ns, *frames[n].seen, {});
         if (!pass.frames[n].pose) continue;
         pass.frames[n].pose->capture_time_ns = frames[n].seen->time_ns;
         pass.frames[n].posture = stage.tracked()->fit.posture;
@@ -51,8 +52,8 @@ double jump(const std::array<Vec3, kJointNames.size()>& a, const std::array<Vec3
 }  // namespace
 
 // The cheapest path through the two passes (Viterbi): misfit of each frame set plus the jumps between them.
-std::vector<RetrackedFrame> retrack(const std::vector<Camera>& cameras, double fps, std::span<const RecordedView> frames,
-                                    const PoseStageOptions& options) {
+std::vector<RetrackedFrame> retrack(const std::vector<Camera>& cameras, double fps,
+                                    std::span<const RecordedView> frames, const PoseStageOptions& options) {
     PoseStageOptions unfiltered = options;
     unfiltered.filtered = false;
     unfiltered.tracker.patient = true;
@@ -62,7 +63,8 @@ std::vector<RetrackedFrame> retrack(const std::vector<Camera>& cameras, double f
     const std::size_t count = frames.size();
     std::vector<std::array<int, 2>> came_from(count);
     std::array<double, 2> best{0, 0};
-    constexpr double kNothing = 1e6;   // of a frame set without a pose, so that a pose is taken where there is one
+    constexpr double kNothing =
+        1e6;  // of a frame set without a pose, so that a pose is taken where there is one
     for (std::size_t n = 0; n < count; ++n) {
         std::array<double, 2> next;
         for (int to = 0; to < 2; ++to) {

@@ -7,11 +7,11 @@
 namespace kinevox {
 namespace {
 
-constexpr int kNormalReach = 3;    // px; the normal is that of the mask's mean over a window of this half-width
-constexpr int kMapMargin = 8;      // cells around the silhouette's box
+constexpr int kNormalReach = 3;  // px; the normal is that of the mask's mean over a window of this half-width
+constexpr int kMapMargin = 8;    // cells around the silhouette's box
 
 struct BorderPoint {
-    float x, y;        // px, between the two pixels
+    float x, y;  // px, between the two pixels
 };
 
 // Midpoints between an inside and an outside pixel that touch, in raster order.
@@ -31,7 +31,8 @@ void find_border(const std::uint8_t* mask, int width, const kernels::Rect& b, in
     }
 }
 
-// Away from the silhouette: against the centre of gravity of its pixels in a window. Length 0 where that says nothing.
+// Away from the silhouette: against the centre of gravity of its pixels in a window. Length 0 where that says
+// nothing.
 Vec2 outward_normal(const std::uint8_t* mask, int width, int height, BorderPoint p) {
     double sx = 0, sy = 0;
     const int x0 = std::max(0, static_cast<int>(std::ceil(p.x)) - kNormalReach),
@@ -65,7 +66,8 @@ void transform_line(float* f, int n, std::ptrdiff_t stride, Scratch& scratch) {
         float s;
         while (true) {
             const int p = v[k];
-            s = ((line[q] + static_cast<float>(q) * q) - (line[p] + static_cast<float>(p) * p)) / (2.f * (q - p));
+            s = ((line[q] + static_cast<float>(q) * q) - (line[p] + static_cast<float>(p) * p)) /
+                (2.f * (q - p));
             if (s > z[k] || k == 0) break;
             --k;
         }
@@ -87,7 +89,8 @@ void transform_line(float* f, int n, std::ptrdiff_t stride, Scratch& scratch) {
 
 }  // namespace
 
-void SilhouetteDistance::build(const std::uint8_t* mask, int width, int height, const kernels::Rect& bounds, int side) {
+void SilhouetteDistance::build(const std::uint8_t* mask, int width, int height, const kernels::Rect& bounds,
+                               int side) {
     picture_width_ = width, picture_height_ = height;
     cell_ = std::max(1, (std::max(bounds.width(), bounds.height()) + side - 1) / side);
     const int margin = kMapMargin * cell_;
@@ -105,7 +108,8 @@ void SilhouetteDistance::build(const std::uint8_t* mask, int width, int height, 
         for (int c = 0; c < columns_; ++c) {
             int set = 0;
             for (int y = 0; y < cell_; ++y) {
-                const std::uint8_t* row = mask + static_cast<std::ptrdiff_t>(y0_ + r * cell_ + y) * width + x0_ + c * cell_;
+                const std::uint8_t* row =
+                    mask + static_cast<std::ptrdiff_t>(y0_ + r * cell_ + y) * width + x0_ + c * cell_;
                 for (int x = 0; x < cell_; ++x) set += row[x] != 0;
             }
             inside[static_cast<std::size_t>(r) * columns_ + c] = 2 * set >= cell_ * cell_ ? 1.f : 0.f;
@@ -113,8 +117,7 @@ void SilhouetteDistance::build(const std::uint8_t* mask, int width, int height, 
     for (const bool to_inside : {true, false}) {
         squared.resize(cells);
         for (std::size_t k = 0; k < cells; ++k) squared[k] = (inside[k] > 0) == to_inside ? 0.f : kFar;
-        for (int c = 0; c < columns_; ++c)
-            transform_line(squared.data() + c, rows_, columns_, scratch);
+        for (int c = 0; c < columns_; ++c) transform_line(squared.data() + c, rows_, columns_, scratch);
         for (int r = 0; r < rows_; ++r)
             transform_line(squared.data() + static_cast<std::ptrdiff_t>(r) * columns_, columns_, 1, scratch);
         for (std::size_t k = 0; k < cells; ++k) {
@@ -127,7 +130,8 @@ void SilhouetteDistance::build(const std::uint8_t* mask, int width, int height, 
 }
 
 bool SilhouetteDistance::at(Vec2 p, double& distance, Vec2& gradient) const {
-    if (distance_.empty() || !(p.x > -0.5 && p.y > -0.5 && p.x < picture_width_ - 0.5 && p.y < picture_height_ - 0.5))
+    if (distance_.empty() ||
+        !(p.x > -0.5 && p.y > -0.5 && p.x < picture_width_ - 0.5 && p.y < picture_height_ - 0.5))
         return false;
     const double half = 0.5 * (cell_ - 1);
     const double gx = (p.x - x0_ - half) / cell_, gy = (p.y - y0_ - half) / cell_;
@@ -136,10 +140,13 @@ bool SilhouetteDistance::at(Vec2 p, double& distance, Vec2& gradient) const {
               j = std::min(static_cast<int>(cy), std::max(0, rows_ - 2));
     const int i1 = std::min(i + 1, columns_ - 1), j1 = std::min(j + 1, rows_ - 1);
     const double u = cx - i, v = cy - j;
-    const auto cell = [&](int x, int y) -> double { return distance_[static_cast<std::size_t>(y) * columns_ + x]; };
+    const auto cell = [&](int x, int y) -> double {
+        return distance_[static_cast<std::size_t>(y) * columns_ + x];
+    };
     const double d00 = cell(i, j), d10 = cell(i1, j), d01 = cell(i, j1), d11 = cell(i1, j1);
     distance = (1 - v) * ((1 - u) * d00 + u * d10) + v * ((1 - u) * d01 + u * d11);
-    gradient = {((1 - v) * (d10 - d00) + v * (d11 - d01)) / cell_, ((1 - u) * (d01 - d00) + u * (d11 - d10)) / cell_};
+    gradient = {((1 - v) * (d10 - d00) + v * (d11 - d01)) / cell_,
+                ((1 - u) * (d01 - d00) + u * (d11 - d10)) / cell_};
     const double ox = (gx - cx) * cell_, oy = (gy - cy) * cell_, out = std::hypot(ox, oy);
     if (out > 0) {
         distance -= out;

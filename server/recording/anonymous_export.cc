@@ -1,12 +1,11 @@
 #include "server/recording/anonymous_export.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <stdlib.h>
 
 #include <system_error>
 #include <utility>
-
-#include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include "common/atomic_file.h"
 #include "common/session_file.h"
@@ -18,14 +17,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kSilhouettesShare = 0.8;   // of the time, the rest is the film's
+constexpr double kSilhouettesShare = 0.8;  // of the time, the rest is the film's
 
 // A hidden folder beside the film, where there is room for it.
 class FolderBeside {
   public:
     explicit FolderBeside(const fs::path& file) {
         std::error_code error;
-        std::string pattern = (fs::absolute(file, error).parent_path() / ".kinevox-silhouettes-XXXXXX").string();
+        std::string pattern =
+            (fs::absolute(file, error).parent_path() / ".kinevox-silhouettes-XXXXXX").string();
         if (::mkdtemp(pattern.data())) path_ = pattern;
     }
     ~FolderBeside() {
@@ -47,8 +47,8 @@ absl::StatusOr<std::string> new_name(const Session& session, const std::string& 
         names.push_back(session.cameras[c].name);
     }
     if (camera.empty()) return "";
-    return absl::NotFoundError(
-        fmt::format("session \"{}\" has no camera \"{}\"; it has {}", session.name, camera, fmt::join(names, ", ")));
+    return absl::NotFoundError(fmt::format("session \"{}\" has no camera \"{}\"; it has {}", session.name,
+                                           camera, fmt::join(names, ", ")));
 }
 
 }  // namespace
@@ -66,17 +66,21 @@ absl::StatusOr<ExportedFiles> export_anonymous(const Session& session, const Tri
     if (options.format == "mp4") {
         const FolderBeside beside(out);
         if (beside.path().empty())
-            return absl::UnavailableError(fmt::format("{}: nothing can be written beside it; correct the path", out.string()));
-        const auto made = write_anonymous_session(session, trial, beside.path(), options.beside_capture, silhouettes);
+            return absl::UnavailableError(
+                fmt::format("{}: nothing can be written beside it; correct the path", out.string()));
+        const auto made =
+            write_anonymous_session(session, trial, beside.path(), options.beside_capture, silhouettes);
         if (!made.ok()) return made.status();
         written.files.push_back(out);
-        if (absl::Status done = write_overlay_film(made->session, part, overlay, out, drawing); !done.ok()) return done;
+        if (absl::Status done = write_overlay_film(made->session, part, overlay, out, drawing); !done.ok())
+            return done;
         return written;
     }
     auto made = write_anonymous_session(session, trial, out, options.beside_capture, silhouettes);
     if (!made.ok()) return made.status();
     const fs::path film = out / "film.mp4", readme = out / "README.txt";
-    if (absl::Status done = write_overlay_film(made->session, part, overlay, film, drawing); !done.ok()) return done;
+    if (absl::Status done = write_overlay_film(made->session, part, overlay, film, drawing); !done.ok())
+        return done;
     if (absl::Status done = write_file_atomically(readme, anonymous_readme()); !done.ok()) return done;
     written.files = std::move(made->files);
     written.files.push_back(film);

@@ -1,5 +1,7 @@
 #include "server/recording/anonymous_session.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -7,8 +9,6 @@
 #include <span>
 #include <system_error>
 #include <utility>
-
-#include <fmt/format.h>
 
 #include "common/atomic_file.h"
 #include "common/calibration_file.h"
@@ -134,12 +134,14 @@ absl::Status AnonymousFolder::add(const FrameResult& result) {
     const std::size_t frame = added_++;
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
         const kernels::Silhouettes& seen = result.silhouettes[c];
-        Picture picture;   // stays empty where the camera delivered nothing
+        Picture picture;  // stays empty where the camera delivered nothing
         if (!seen.sharp.empty())
-            picture = grey_picture(seen.width, seen.height, main_subject(seen.sharp, seen.width, seen.height));
+            picture =
+                grey_picture(seen.width, seen.height, main_subject(seen.sharp, seen.width, seen.height));
         const auto encoded = encoders_[c]->encode(picture, true);
         if (!encoded.ok()) return encoded.status();
-        if (absl::Status written = videos_[c]->append(**encoded, times_[frame].time_ns); !written.ok()) return written;
+        if (absl::Status written = videos_[c]->append(**encoded, times_[frame].time_ns); !written.ok())
+            return written;
     }
     if (!result.volume) return absl::OkStatus();
     Volume volume = *result.volume;
@@ -154,7 +156,9 @@ absl::Status AnonymousFolder::add_tables(const Trial& trial) {
         if (!fs::exists(trial.folder / name, error)) continue;
         const fs::path target = file(std::string(name));
         fs::copy_file(trial.folder / name, target, error);
-        if (error) return absl::UnavailableError(fmt::format("{}: cannot be written: {}", target.string(), error.message()));
+        if (error)
+            return absl::UnavailableError(
+                fmt::format("{}: cannot be written: {}", target.string(), error.message()));
         fs::permissions(target, fs::perms::owner_write, fs::perm_options::add, error);
     }
     made_.session.recording->poses = folder_ / ".";
@@ -166,7 +170,8 @@ absl::StatusOr<AnonymousSession> AnonymousFolder::close(const Session& session) 
     for (const auto& video : videos_)
         if (absl::Status closed = video->close(); !closed.ok()) return closed;
     volumes_.reset();
-    if (absl::Status written = write_calibration_toml(cameras_, made_.session.calibration); !written.ok()) return written;
+    if (absl::Status written = write_calibration_toml(cameras_, made_.session.calibration); !written.ok())
+        return written;
     std::string lines(kRecordedTimesHeader);
     for (std::size_t n = 0; n < times_.size(); ++n) lines += recorded_time_line(n, times_[n]);
     SessionRecording& recording = *made_.session.recording;
@@ -187,15 +192,20 @@ absl::StatusOr<AnonymousSession> AnonymousFolder::close(const Session& session) 
 
 }  // namespace
 
-std::string anonymous_camera_name(std::size_t camera) { return fmt::format("cam_{:02}", camera + 1); }
+std::string anonymous_camera_name(std::size_t camera) {
+    return fmt::format("cam_{:02}", camera + 1);
+}
 
-absl::StatusOr<AnonymousSession> write_anonymous_session(const Session& session, const Trial& trial, const fs::path& folder,
-                                                         bool one_thread, const LongWork& work) {
+absl::StatusOr<AnonymousSession> write_anonymous_session(const Session& session, const Trial& trial,
+                                                         const fs::path& folder, bool one_thread,
+                                                         const LongWork& work) {
     const std::int64_t frame_sets = *std::ranges::max_element(trial.pictures) + 1;
     AnonymousFolder made(session, folder);
-    if (absl::Status opened = made.open(session, static_cast<std::size_t>(frame_sets)); !opened.ok()) return opened;
+    if (absl::Status opened = made.open(session, static_cast<std::size_t>(frame_sets)); !opened.ok())
+        return opened;
     const auto take = [&](const FrameResult& result) { return made.add(result); };
-    if (absl::Status found = find_silhouettes(session, {frame_sets, one_thread}, take, work); !found.ok()) return found;
+    if (absl::Status found = find_silhouettes(session, {frame_sets, one_thread}, take, work); !found.ok())
+        return found;
     if (absl::Status added = made.add_tables(trial); !added.ok()) return added;
     return made.close(session);
 }

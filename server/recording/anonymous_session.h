@@ -14,7 +14,7 @@
 
 namespace kinevox {
 
-inline constexpr const char* kAnonymous = "anonymous";   // in the place of every name
+inline constexpr const char* kAnonymous = "anonymous";  // in the place of every name
 
 // "cam_01" for the first one: cameras are often named after rooms and machines.
 std::string anonymous_camera_name(std::size_t camera);
@@ -24,15 +24,16 @@ struct AnonymousSession {
     std::vector<std::filesystem::path> files;
 };
 
-// Into `folder`, which is there, a recording as docs/recording.md describes it, all in one folder: videos of the main
-// subject's silhouettes, white on black, black backgrounds, calibration, volumes without colours and the trial's tables;
-// times count from the first frame set. Of the session as many frame sets as the trial has. `one_thread` as
-// SilhouettePassOptions; errors as find_silhouettes().
+// Into `folder`, which is there, a recording as docs/recording.md describes it, all in one folder: videos of
+// the main subject's silhouettes, white on black, black backgrounds, calibration, volumes without colours and
+// the trial's tables; times count from the first frame set. Of the session as many frame sets as the trial
+// has. `one_thread` as SilhouettePassOptions; errors as find_silhouettes().
 absl::StatusOr<AnonymousSession> write_anonymous_session(const Session& session, const Trial& trial,
                                                          const std::filesystem::path& folder, bool one_thread,
                                                          const LongWork& work);
 
-// README.txt for it and the film beside it: what is there, what was left out, and who can still be recognised by what.
+// README.txt for it and the film beside it: what is there, what was left out, and who can still be recognised
+// by what.
 std::string anonymous_readme();
 
 }  // namespace kinevox

@@ -1,15 +1,14 @@
 #include "server/recording/append_file.h"
 
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <utility>
-
-#include <fcntl.h>
-#include <sys/file.h>
-#include <unistd.h>
-
-#include <fmt/format.h>
 
 namespace kinevox {
 
@@ -21,7 +20,9 @@ absl::StatusOr<AppendFile> AppendFile::create(const std::filesystem::path& file)
     return made;
 }
 
-AppendFile::AppendFile(AppendFile&& other) noexcept { *this = std::move(other); }
+AppendFile::AppendFile(AppendFile&& other) noexcept {
+    *this = std::move(other);
+}
 
 AppendFile& AppendFile::operator=(AppendFile&& other) noexcept {
     std::swap(path_, other.path_);
@@ -67,8 +68,12 @@ absl::Status AppendFile::truncate(std::uint64_t bytes) {
     return absl::OkStatus();
 }
 
-void AppendFile::sync() const { ::fdatasync(descriptor_); }
+void AppendFile::sync() const {
+    ::fdatasync(descriptor_);
+}
 
-bool AppendFile::lock() const { return ::flock(descriptor_, LOCK_EX | LOCK_NB) == 0; }
+bool AppendFile::lock() const {
+    return ::flock(descriptor_, LOCK_EX | LOCK_NB) == 0;
+}
 
 }  // namespace kinevox

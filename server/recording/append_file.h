@@ -20,14 +20,15 @@ class AppendFile {
     AppendFile& operator=(AppendFile&& other) noexcept;
     ~AppendFile();
 
-    // At the end. What was written of it before an error is taken back: ResourceExhausted where the disk is full,
-    // Unavailable else; the message names the file.
+    // At the end. What was written of it before an error is taken back: ResourceExhausted where the disk is
+    // full, Unavailable else; the message names the file.
     absl::Status append(std::string_view bytes);
     // Over what is there already, growing the file where it reaches beyond.
     absl::Status write_at(std::uint64_t offset, std::string_view bytes);
     absl::Status truncate(std::uint64_t bytes);
-    void sync() const;   // waits until the disk has it
-    // As long as the file is open others see that it is being written (being_written()). False: somebody else does.
+    void sync() const;  // waits until the disk has it
+    // As long as the file is open others see that it is being written (being_written()). False: somebody else
+    // does.
     bool lock() const;
 
     std::uint64_t size() const { return size_; }

@@ -1,11 +1,10 @@
 #include "server/recording/background_clip.h"
 
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <system_error>
 #include <utility>
-
-#include <fmt/format.h>
 
 #include "common/recording_files.h"
 #include "server/recording/append_file.h"
@@ -34,7 +33,7 @@ BackgroundClip::BackgroundClip(fs::path folder, std::function<void()> on_written
 }
 
 BackgroundClip::~BackgroundClip() {
-    thread_ = {};   // asks it to stop and joins it
+    thread_ = {};  // asks it to stop and joins it
     if (!lock_) return;
     std::error_code ignored;
     fs::remove_all(lock_->file.path().parent_path(), ignored);
@@ -48,8 +47,8 @@ void BackgroundClip::keep(std::vector<Camera> cameras, double fps, EmptyScene pi
         writing_ = true;
         files_.clear();
     }
-    thread_ = std::jthread([this, cameras = std::move(cameras), fps, pictures = std::move(pictures)](
-                               const std::stop_token& stop) mutable {
+    thread_ = std::jthread([this, cameras = std::move(cameras), fps,
+                            pictures = std::move(pictures)](const std::stop_token& stop) mutable {
         write(cameras, fps, *pictures, stop);
         pictures.reset();
         {

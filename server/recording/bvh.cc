@@ -87,8 +87,8 @@ Mat3 turn_between(Vec3 from, Vec3 to) {
 
 Mat3 clavicle_turn(const BodyModel& model, const BodyPosture& posture, int arm) {
     const Vec3 rest = model.offset_in_parent(arm) - clavicle_start(model, arm);
-    return turn_between(
-        rest, rest + model.shoulder_shift(arm == kUpperArmL, posture.parent_from_segment[arm] * Vec3{0, 0, -1}));
+    return turn_between(rest, rest + model.shoulder_shift(arm == kUpperArmL,
+                                                          posture.parent_from_segment[arm] * Vec3{0, 0, -1}));
 }
 
 Mat3 rotation_of(const BodyModel& model, const BodyPosture& posture, const Node& node) {
@@ -101,7 +101,9 @@ Mat3 rotation_of(const BodyModel& model, const BodyPosture& posture, const Node&
 std::string hierarchy(const BodyModel& model, const std::vector<Node>& nodes) {
     constexpr std::string_view kAxes = "XYZ";
     std::string text = "HIERARCHY\n";
-    const auto line = [&text](int depth, const std::string& words) { text += std::string(depth, '\t') + words + '\n'; };
+    const auto line = [&text](int depth, const std::string& words) {
+        text += std::string(depth, '\t') + words + '\n';
+    };
     const auto offset = [](Vec3 v) {
         const Vec3 b = to_bvh(v);
         return fmt::format("OFFSET {:.4f} {:.4f} {:.4f}", b.x + 0.0, b.y + 0.0, b.z + 0.0);
@@ -114,7 +116,8 @@ std::string hierarchy(const BodyModel& model, const std::vector<Node>& nodes) {
         line(node.depth, fmt::format("{} {}", n == 0 ? "ROOT" : "JOINT", node.name));
         line(node.depth, "{");
         line(node.depth + 1, offset(offset_of(model, node)));
-        line(node.depth + 1, (n == 0 ? "CHANNELS 6 Xposition Yposition Zposition" : "CHANNELS 3") + rotations);
+        line(node.depth + 1,
+             (n == 0 ? "CHANNELS 6 Xposition Yposition Zposition" : "CHANNELS 3") + rotations);
         if (node.end_joint >= 0) {
             line(node.depth + 1, "End Site");
             line(node.depth + 1, "{");
@@ -122,13 +125,15 @@ std::string hierarchy(const BodyModel& model, const std::vector<Node>& nodes) {
             line(node.depth + 1, "}");
         }
         const int next = n + 1 < nodes.size() ? nodes[n + 1].depth : 0;
-        for (int depth = node.depth; depth >= next && (depth > 0 || n + 1 == nodes.size()); --depth) line(depth, "}");
+        for (int depth = node.depth; depth >= next && (depth > 0 || n + 1 == nodes.size()); --depth)
+            line(depth, "}");
     }
     return text;
 }
 
 // Every coordinate measured or, with `hold`, the last measured value; before the first one that one.
-absl::StatusOr<std::vector<BodyCoordinates>> whole_coordinates(const Trial& trial, bool hold, std::int64_t& held) {
+absl::StatusOr<std::vector<BodyCoordinates>> whole_coordinates(const Trial& trial, bool hold,
+                                                               std::int64_t& held) {
     std::vector<BodyCoordinates> out = trial.coordinates;
     std::vector<bool> frame_held(out.size());
     for (int d = 0; d < kBodyDofCount; ++d) {
@@ -142,9 +147,9 @@ absl::StatusOr<std::vector<BodyCoordinates>> whole_coordinates(const Trial& tria
             }
             frame_held[n] = true;
             if (!last)
-                return absl::FailedPreconditionError(
-                    fmt::format("{}: {} was measured in no frame, and BVH cannot leave it out; export TRC or C3D",
-                                (trial.folder / "coordinates.csv").string(), kBodyDofs[d].name));
+                return absl::FailedPreconditionError(fmt::format(
+                    "{}: {} was measured in no frame, and BVH cannot leave it out; export TRC or C3D",
+                    (trial.folder / "coordinates.csv").string(), kBodyDofs[d].name));
             out[n][d] = *last;
         }
     }
@@ -154,7 +159,8 @@ absl::StatusOr<std::vector<BodyCoordinates>> whole_coordinates(const Trial& tria
         int d = 0;
         while (!std::isnan(trial.coordinates[n][d])) ++d;
         return absl::FailedPreconditionError(fmt::format(
-            "{}: {} is withheld in frame {} ({} frames lack something), and BVH has no way to say so; give --hold to "
+            "{}: {} is withheld in frame {} ({} frames lack something), and BVH has no way to say so; give "
+            "--hold to "
             "repeat the last measured value, or --frames FIRST-LAST for a part",
             (trial.folder / "coordinates.csv").string(), kBodyDofs[d].name, trial.frames[n], held));
     }

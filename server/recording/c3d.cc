@@ -1,5 +1,5 @@
-// C3D: header, parameters and data in blocks of 512 bytes, after the format's user guide (www.c3d.org): Intel order,
-// floats (negative POINT:SCALE), no analog channels.
+// C3D: header, parameters and data in blocks of 512 bytes, after the format's user guide (www.c3d.org): Intel
+// order, floats (negative POINT:SCALE), no analog channels.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -40,7 +40,8 @@ class Parameters {
         ++group_;
         entry(name, -group_, "", description);
     }
-    void integers(std::string_view name, std::span<const std::uint16_t> values, std::string_view description) {
+    void integers(std::string_view name, std::span<const std::uint16_t> values,
+                  std::string_view description) {
         std::string data = shape(2, values.size());
         for (const std::uint16_t value : values) put(data, value);
         entry(name, group_, data, description);
@@ -164,7 +165,8 @@ std::string parameter_section(const Trial& trial, std::uint16_t data_block) {
     p.group("TRIAL", "first and last frame, two words each");
     p.integers("ACTUAL_START_FIELD", std::array<std::uint16_t, 2>{1, 0}, "first frame");
     p.integers("ACTUAL_END_FIELD",
-               std::array{static_cast<std::uint16_t>(frames), static_cast<std::uint16_t>(frames >> 16)}, "last frame");
+               std::array{static_cast<std::uint16_t>(frames), static_cast<std::uint16_t>(frames >> 16)},
+               "last frame");
     p.number("CAMERA_RATE", trial.rate_hz, "frames a second");
     p.group("MANUFACTURER", "who wrote this");
     p.text("COMPANY", "Kinevox", "");
@@ -196,8 +198,8 @@ absl::StatusOr<std::string> c3d_file(const Trial& trial) {
     constexpr std::size_t kMostFrames = std::size_t{1} << 24;  // that LONG_FRAMES, a float, counts exactly
     if (trial.size() > kMostFrames)
         return absl::InvalidArgumentError(
-            fmt::format("{}: {} frames are more than C3D counts, {}; export a part by --frames", trial.folder.string(),
-                        trial.size(), kMostFrames));
+            fmt::format("{}: {} frames are more than C3D counts, {}; export a part by --frames",
+                        trial.folder.string(), trial.size(), kMostFrames));
     const std::size_t parameter_blocks = parameter_section(trial, 0).size() / kBlock;
     const auto data_block = static_cast<std::uint16_t>(2 + parameter_blocks);
     std::string out = header_section(trial, data_block) + parameter_section(trial, data_block);
@@ -206,7 +208,9 @@ absl::StatusOr<std::string> c3d_file(const Trial& trial) {
         for (const Vec3& p : joints) {
             const bool valid = !std::isnan(p.x);
             for (const double value : {p.x, p.y, p.z}) put(out, static_cast<float>(valid ? 1000 * value : 0));
-            put(out, valid ? 0.0f : -1.0f);  // residual and cameras: 0 for a point that was computed, not triangulated
+            put(out, valid
+                         ? 0.0f
+                         : -1.0f);  // residual and cameras: 0 for a point that was computed, not triangulated
         }
     fill_block(out);
     return out;

@@ -40,13 +40,14 @@ std::size_t count_cells(std::string_view line) {
     return 1 + static_cast<std::size_t>(std::count(line.begin(), line.end(), ','));
 }
 
-absl::Status check_header(std::string_view line, std::span<const std::string> columns, const std::string& file) {
+absl::Status check_header(std::string_view line, std::span<const std::string> columns,
+                          const std::string& file) {
     const std::size_t found = count_cells(line);
     for (const std::string& expected : columns) {
         const std::string_view name = take(line, ',');
         if (name != expected)
-            return absl::InvalidArgumentError(fmt::format("{}:1: column {} stands where '{}' is expected; {}", file,
-                                                          quoted(name), expected, kRemedy));
+            return absl::InvalidArgumentError(fmt::format("{}:1: column {} stands where '{}' is expected; {}",
+                                                          file, quoted(name), expected, kRemedy));
     }
     if (found != columns.size())
         return absl::InvalidArgumentError(
@@ -56,7 +57,8 @@ absl::Status check_header(std::string_view line, std::span<const std::string> co
 
 }  // namespace
 
-absl::StatusOr<CsvTable> read_csv_table(const std::filesystem::path& path, std::span<const std::string> columns) {
+absl::StatusOr<CsvTable> read_csv_table(const std::filesystem::path& path,
+                                        std::span<const std::string> columns) {
     auto text = read_file(path, kMostBytes);
     if (!text.ok()) return text.status();
     CsvTable table;
@@ -67,16 +69,18 @@ absl::StatusOr<CsvTable> read_csv_table(const std::filesystem::path& path, std::
     for (std::size_t number = 2; !rest.empty(); ++number) {
         std::string_view line = take_line(rest);
         if (const std::size_t found = count_cells(line); found != columns.size())
-            return absl::InvalidArgumentError(fmt::format("{}:{}: {} cells, expected {}; the file is damaged: {}",
-                                                          table.file, number, found, columns.size(), kRemedy));
+            return absl::InvalidArgumentError(
+                fmt::format("{}:{}: {} cells, expected {}; the file is damaged: {}", table.file, number,
+                            found, columns.size(), kRemedy));
         for (const std::string& column : columns) {
             const std::string_view cell = take(line, ',');
             double value = std::numeric_limits<double>::quiet_NaN();
             if (!cell.empty()) {
                 const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
                 if (error != std::errc() || end != cell.data() + cell.size() || !std::isfinite(value))
-                    return absl::InvalidArgumentError(fmt::format("{}:{}: {} is {}, expected a number or nothing; {}",
-                                                                  table.file, number, column, quoted(cell), kRemedy));
+                    return absl::InvalidArgumentError(
+                        fmt::format("{}:{}: {} is {}, expected a number or nothing; {}", table.file, number,
+                                    column, quoted(cell), kRemedy));
             }
             table.cells.push_back(value);
         }

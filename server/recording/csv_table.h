@@ -21,7 +21,9 @@ struct CsvTable {
     std::size_t line(std::size_t row) const { return row + 2; }  // in the file, from 1
 };
 
-// A header of exactly `columns`, then rows of numbers or nothing. InvalidArgument names file, line and column.
-absl::StatusOr<CsvTable> read_csv_table(const std::filesystem::path& file, std::span<const std::string> columns);
+// A header of exactly `columns`, then rows of numbers or nothing. InvalidArgument names file, line and
+// column.
+absl::StatusOr<CsvTable> read_csv_table(const std::filesystem::path& file,
+                                        std::span<const std::string> columns);
 
 }  // namespace kinevox

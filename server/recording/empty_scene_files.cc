@@ -10,25 +10,28 @@ namespace kinevox {
 
 namespace fs = std::filesystem;
 
-absl::StatusOr<std::vector<fs::path>> write_empty_scene(const fs::path& folder, const std::vector<Camera>& cameras, double fps,
+absl::StatusOr<std::vector<fs::path>> write_empty_scene(const fs::path& folder,
+                                                        const std::vector<Camera>& cameras, double fps,
                                                         const std::vector<std::vector<Picture>>& pictures,
                                                         const std::stop_token& stop) {
     std::vector<fs::path> files;
     std::error_code error;
     for (std::size_t c = 0; c < cameras.size(); ++c) {
         const fs::path video = folder / (cameras[c].name + ".mkv");
-        fs::remove(video, error);   // somebody may hold the old one by another name
+        fs::remove(video, error);  // somebody may hold the old one by another name
         fs::remove(video_index_file(video), error);
         auto encoder = PictureEncoder::create(cameras[c], fps, VideoCodec::kUtVideo);
         if (!encoder.ok()) return encoder.status();
         auto file = VideoFile::create(video, (*encoder)->format());
         if (!file.ok()) return file.status();
         for (std::size_t n = 0; n < pictures[c].size(); ++n) {
-            if (stop.stop_requested()) return absl::CancelledError("another background was learned meanwhile");
+            if (stop.stop_requested())
+                return absl::CancelledError("another background was learned meanwhile");
             const auto encoded = (*encoder)->encode(pictures[c][n], true);
             if (!encoded.ok()) return encoded.status();
             const auto time_ns = std::llround(1e9 * static_cast<double>(n) / fps);
-            if (const absl::Status written = (*file)->append(**encoded, time_ns); !written.ok()) return written;
+            if (const absl::Status written = (*file)->append(**encoded, time_ns); !written.ok())
+                return written;
         }
         (*file)->close().IgnoreError();
         files.push_back(video);

@@ -16,11 +16,10 @@ namespace kinevox {
 // Per camera, the pictures of the empty scene.
 using EmptyScene = std::shared_ptr<const std::vector<std::vector<Picture>>>;
 
-// Lossless, per camera `folder`/NAME.mkv and its index, which take the place of those before; their videos. Cancelled
-// where a stop was requested.
-absl::StatusOr<std::vector<std::filesystem::path>> write_empty_scene(const std::filesystem::path& folder,
-                                                                     const std::vector<Camera>& cameras, double fps,
-                                                                     const std::vector<std::vector<Picture>>& pictures,
-                                                                     const std::stop_token& stop);
+// Lossless, per camera `folder`/NAME.mkv and its index, which take the place of those before; their videos.
+// Cancelled where a stop was requested.
+absl::StatusOr<std::vector<std::filesystem::path>> write_empty_scene(
+    const std::filesystem::path& folder, const std::vector<Camera>& cameras, double fps,
+    const std::vector<std::vector<Picture>>& pictures, const std::stop_token& stop);
 
 }  // namespace kinevox

@@ -7,8 +7,8 @@ namespace kinevox {
 
 struct EncodingLanes::Job {
     std::shared_ptr<EncodedSet> set;
-    std::vector<Picture> pictures;              // each lane's own
-    std::vector<absl::Status> statuses;         // likewise
+    std::vector<Picture> pictures;       // each lane's own
+    std::vector<absl::Status> statuses;  // likewise
     std::atomic<std::size_t> remaining{0};
 };
 
@@ -18,8 +18,9 @@ std::size_t EncodedSet::bytes() const {
     return bytes;
 }
 
-absl::StatusOr<std::unique_ptr<EncodingLanes>> EncodingLanes::create(const std::vector<Camera>& cameras, double fps,
-                                                                     VideoCodec codec, OnDone on_done) {
+absl::StatusOr<std::unique_ptr<EncodingLanes>> EncodingLanes::create(const std::vector<Camera>& cameras,
+                                                                     double fps, VideoCodec codec,
+                                                                     OnDone on_done) {
     auto lanes = std::make_unique<EncodingLanes>();
     lanes->on_done_ = std::move(on_done);
     for (const Camera& camera : cameras) {
@@ -29,7 +30,8 @@ absl::StatusOr<std::unique_ptr<EncodingLanes>> EncodingLanes::create(const std::
     }
     for (std::size_t c = 0; c < cameras.size(); ++c) {
         Lane& lane = lanes->lanes_[c];
-        lane.thread = std::jthread([self = lanes.get(), &lane, c](const std::stop_token& stop) { self->encode(lane, c, stop); });
+        lane.thread = std::jthread(
+            [self = lanes.get(), &lane, c](const std::stop_token& stop) { self->encode(lane, c, stop); });
     }
     return lanes;
 }
@@ -60,12 +62,14 @@ void EncodingLanes::put(std::shared_ptr<EncodedSet> set, std::vector<Picture> pi
 }
 
 void EncodingLanes::encode(Lane& lane, std::size_t camera, const std::stop_token& stop) {
-    // At the capture's own priority: a result that is late comes a few milliseconds later, a picture that is dropped never.
+    // At the capture's own priority: a result that is late comes a few milliseconds later, a picture that is
+    // dropped never.
     for (;;) {
         std::shared_ptr<Job> job;
         {
             std::unique_lock lock(mutex_);
-            if (!changed_.wait(lock, stop, [&] { return !lane.jobs.empty(); }) || stop.stop_requested()) return;
+            if (!changed_.wait(lock, stop, [&] { return !lane.jobs.empty(); }) || stop.stop_requested())
+                return;
             job = std::move(lane.jobs.front());
             lane.jobs.pop_front();
         }

@@ -20,28 +20,29 @@ namespace kinevox {
 
 // A frame set with its encoded pictures.
 struct EncodedSet {
-    std::uint64_t number = 0;            // counts what was taken, without gaps
-    std::uint64_t run = 0;               // of the capture: each has sequences of its own
-    std::uint64_t sequence = 0;          // at the source
-    std::int64_t capture_time_ns = 0;    // as the source tells it
+    std::uint64_t number = 0;          // counts what was taken, without gaps
+    std::uint64_t run = 0;             // of the capture: each has sequences of its own
+    std::uint64_t sequence = 0;        // at the source
+    std::int64_t capture_time_ns = 0;  // as the source tells it
     std::int64_t capture_time_utc_ns = 0;
-    bool key = false;                    // all pictures can be decoded without those before
-    std::vector<std::shared_ptr<const EncodedPicture>> pictures;   // per camera
-    std::size_t raw_bytes = 0;           // before encoding
-    absl::Status status;                 // of the encoding; not OK: pictures are missing
+    bool key = false;  // all pictures can be decoded without those before
+    std::vector<std::shared_ptr<const EncodedPicture>> pictures;  // per camera
+    std::size_t raw_bytes = 0;                                    // before encoding
+    absl::Status status;  // of the encoding; not OK: pictures are missing
 
     std::size_t bytes() const;
 };
 
-// put() by one thread. `on_done` is called in the order of put(), one call at a time, on a lane's thread. No bound of its
-// own: the caller counts what is under way.
+// put() by one thread. `on_done` is called in the order of put(), one call at a time, on a lane's thread. No
+// bound of its own: the caller counts what is under way.
 class EncodingLanes {
   public:
     using OnDone = std::function<void(std::shared_ptr<EncodedSet>)>;
 
-    static absl::StatusOr<std::unique_ptr<EncodingLanes>> create(const std::vector<Camera>& cameras, double fps,
-                                                                 VideoCodec codec, OnDone on_done);
-    ~EncodingLanes();   // what is under way is not finished
+    static absl::StatusOr<std::unique_ptr<EncodingLanes>> create(const std::vector<Camera>& cameras,
+                                                                 double fps, VideoCodec codec,
+                                                                 OnDone on_done);
+    ~EncodingLanes();  // what is under way is not finished
 
     // `pictures` are let go one by one as soon as each is encoded.
     void put(std::shared_ptr<EncodedSet> set, std::vector<Picture> pictures);
@@ -57,7 +58,7 @@ class EncodingLanes {
     void encode(Lane& lane, std::size_t camera, const std::stop_token& stop);
 
     OnDone on_done_;
-    std::mutex mutex_;   // of the lanes' jobs
+    std::mutex mutex_;  // of the lanes' jobs
     std::condition_variable_any changed_;
     std::deque<Lane> lanes_;
 };

@@ -11,12 +11,13 @@ enum Axis : int { kAxisX, kAxisY, kAxisZ };
 using EulerOrder = std::array<Axis, 3>;     // three different axes
 using EulerAngles = std::array<double, 3>;  // rad
 
-// R = R_first(angles[0]) * R_second(angles[1]) * R_third(angles[2]). At the singular pose the third angle is 0.
+// R = R_first(angles[0]) * R_second(angles[1]) * R_third(angles[2]). At the singular pose the third angle is
+// 0.
 EulerAngles euler_from_rotation(const Mat3& rotation, const EulerOrder& order);
 Mat3 rotation_from_euler(const EulerAngles& angles, const EulerOrder& order);
 
-// The same rotation by the angles that lie nearest to `previous`: full turns added, and the other of the two triples
-// that mean one rotation where that is nearer, so that a curve over time does not jump.
+// The same rotation by the angles that lie nearest to `previous`: full turns added, and the other of the two
+// triples that mean one rotation where that is nearer, so that a curve over time does not jump.
 EulerAngles nearest_euler(const EulerAngles& angles, const EulerAngles& previous);
 
 }  // namespace kinevox

@@ -1,5 +1,5 @@
-// The recorder itself, in two halves: what the capture and the calls do (recorder.cc), and what the writer's thread does
-// with it (recorder_loop.cc).
+// The recorder itself, in two halves: what the capture and the calls do (recorder.cc), and what the writer's
+// thread does with it (recorder_loop.cc).
 #pragma once
 
 #include <chrono>
@@ -24,8 +24,11 @@ namespace kinevox {
 
 class LiveRecorder final : public Recorder {
   public:
-    LiveRecorder(const RecorderOptions& options, std::function<RecordedCapture()> capture, std::function<void(Event)> tell)
-        : options_(options), capture_(std::move(capture)), tell_(std::move(tell)),
+    LiveRecorder(const RecorderOptions& options, std::function<RecordedCapture()> capture,
+                 std::function<void(Event)> tell)
+        : options_(options),
+          capture_(std::move(capture)),
+          tell_(std::move(tell)),
           writer_(options, [this](const RecordingInfo& info) { failed(info); }),
           clip_(options.folder, [this] {
               const std::scoped_lock lock(mutex_);
@@ -55,18 +58,20 @@ class LiveRecorder final : public Recorder {
   private:
     using Clock = std::chrono::steady_clock;
     struct Finish {
-        std::uint64_t upto = 0;   // the first set that is not in it
+        std::uint64_t upto = 0;  // the first set that is not in it
         std::string reason;
         std::optional<std::promise<RecordingInfo>> answer;
         Clock::time_point begun = Clock::now();
     };
 
-    absl::Status check_idle() const;   // mutex held
+    absl::Status check_idle() const;  // mutex held
     absl::StatusOr<std::unique_ptr<RecordingFolder>> make_folder(const std::string& name, VideoCodec codec);
     absl::Status make_lanes(const RecordedCapture& capture, VideoCodec codec);
     void drop_lanes();
     absl::StatusOr<RecordingInfo> finish(std::string reason);
-    bool taking() const { return lanes_ != nullptr && (options_.keep_last_s > 0 || recording_); }   // mutex held
+    bool taking() const {
+        return lanes_ != nullptr && (options_.keep_last_s > 0 || recording_);
+    }  // mutex held
     void write_loop(const std::stop_token& stop);
     void finish_if_done();
     void tell_drops();
@@ -76,31 +81,31 @@ class LiveRecorder final : public Recorder {
     const RecorderOptions options_;
     const std::function<RecordedCapture()> capture_;
     const std::function<void(Event)> tell_;
-    std::mutex requests_;                       // start, stop and keep, one after the other
+    std::mutex requests_;  // start, stop and keep, one after the other
 
-    mutable std::mutex mutex_;                  // guards the members down to the blank line
+    mutable std::mutex mutex_;  // guards the members down to the blank line
     std::condition_variable_any changed_;
     std::unique_ptr<EncodingLanes> lanes_;
     VideoCodec lanes_codec_ = VideoCodec::kUtVideo;
     bool closed_ = false, recording_ = false, key_wanted_ = true;
-    std::uint64_t key_distance_ = 1;            // frame sets
-    std::uint64_t first_number_ = 0;            // of the recording under way
+    std::uint64_t key_distance_ = 1;  // frame sets
+    std::uint64_t first_number_ = 0;  // of the recording under way
     std::uint64_t run_ = 0, next_number_ = 0, dropped_ = 0, held_dropped_ = 0, told_dropped_ = 0;
     std::size_t queued_bytes_ = 0;
-    std::optional<std::int64_t> utc_minus_capture_ns_;   // of this run, as of the newest recording's start
-    ClockSteps clock_steps_;                             // since then
+    std::optional<std::int64_t> utc_minus_capture_ns_;  // of this run, as of the newest recording's start
+    ClockSteps clock_steps_;                            // since then
     std::deque<std::shared_ptr<EncodedSet>> done_;
     std::deque<ResultOfSet> results_;
     std::optional<BodyShape> body_;
     bool body_changed_ = false, background_changed_ = false;
-    std::function<void()> begin_;               // by the writer's thread, once the sets before it are done
+    std::function<void()> begin_;  // by the writer's thread, once the sets before it are done
     std::uint64_t begin_at_ = 0;
     std::optional<Finish> finish_;
     RecorderStatus status_;
 
-    RecordingWriter writer_;                    // the writer thread's own
+    RecordingWriter writer_;  // the writer thread's own
     Clock::time_point drops_told_{};
-    BackgroundClip clip_;                       // tells the members above
+    BackgroundClip clip_;  // tells the members above
     std::jthread writer_thread_;
 };
 

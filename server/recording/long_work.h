@@ -7,8 +7,9 @@
 namespace kinevox {
 
 struct LongWork {
-    const std::atomic<bool>& stop;                 // from then on it ends with Cancelled
-    std::function<void(double)> progress = {};     // the share that is done, 0 to 1, growing; often, on the work's thread
+    const std::atomic<bool>& stop;  // from then on it ends with Cancelled
+    std::function<void(double)> progress =
+        {};  // the share that is done, 0 to 1, growing; often, on the work's thread
 
     void tell(double share) const {
         if (progress) progress(share);

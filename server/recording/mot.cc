@@ -20,7 +20,8 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 // OpenSim's axes: x forward, y up, z right.
 constexpr Mat3 kOpenSimFromWorld{{1, 0, 0, 0, 0, 1, 0, -1, 0}};
 constexpr EulerOrder kPelvisOrder{kAxisZ, kAxisX, kAxisY};  // tilt, list, rotation
-// Rajagopal2016.osim, a person of 1.70 m: from the middle of the hip joints to the pelvis' origin, in its axes.
+// Rajagopal2016.osim, a person of 1.70 m: from the middle of the hip joints to the pelvis' origin, in its
+// axes.
 constexpr double kModelStature_m = 1.70;
 constexpr Vec3 kOriginFromHips{0.056276, 0.07849, 0};
 
@@ -41,7 +42,8 @@ std::vector<EulerAngles> pelvis_angles(const Trial& trial) {
         }
         EulerAngles angles = euler_from_rotation(pelvis_in_opensim(q), kPelvisOrder);
         if (any)
-            for (int k = 0; k < 3; ++k) angles[k] = last[k] + std::remainder(angles[k] - last[k], 2 * std::numbers::pi);
+            for (int k = 0; k < 3; ++k)
+                angles[k] = last[k] + std::remainder(angles[k] - last[k], 2 * std::numbers::pi);
         any = true;
         out.push_back(last = angles);
     }
@@ -95,7 +97,8 @@ AngleRange mot_pelvis_rotation(const Trial& trial) {
     constexpr double kInfinity = std::numeric_limits<double>::infinity();
     AngleRange range{kInfinity, -kInfinity};
     for (const EulerAngles& angles : pelvis_angles(trial))
-        if (!std::isnan(angles[2])) range = {std::min(range.least_rad, angles[2]), std::max(range.most_rad, angles[2])};
+        if (!std::isnan(angles[2]))
+            range = {std::min(range.least_rad, angles[2]), std::max(range.most_rad, angles[2])};
     return range.least_rad <= range.most_rad ? range : AngleRange{};
 }
 

@@ -1,14 +1,14 @@
 #include "server/recording/picture_encoder.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cstring>
-#include <optional>
-#include <utility>
-
-#include <fmt/format.h>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
+#include <optional>
+#include <utility>
 
 #include "server/cameras/libav.h"
 #include "server/cameras/yuv_of_bgr.h"
@@ -31,8 +31,9 @@ class LibavEncoder final : public PictureEncoder {
 
   private:
     absl::Status failed(const std::string& what) const {
-        return absl::UnavailableError(fmt::format("camera {}: {} pictures cannot be encoded ({}); choose another codec",
-                                                  camera_, name_of(format_.codec), what));
+        return absl::UnavailableError(
+            fmt::format("camera {}: {} pictures cannot be encoded ({}); choose another codec", camera_,
+                        name_of(format_.codec), what));
     }
     void fill_frame(const Picture& picture);
 
@@ -42,34 +43,38 @@ class LibavEncoder final : public PictureEncoder {
     libav::Owned<AVFrame> frame_;
     libav::Owned<AVPacket> packet_;
     std::optional<YuvOfBgr> scaler_;
-    cv::Mat colour_;   // of a grey picture
+    cv::Mat colour_;  // of a grey picture
     std::int64_t count_ = 0;
 };
 
 absl::Status LibavEncoder::open(double fps, VideoCodec codec) {
     format_.codec = codec;
     format_.fps = fps;
-    const char* const library = codec == VideoCodec::kH264 ? "libx264" : codec == VideoCodec::kFfv1 ? "ffv1" : "utvideo";
+    const char* const library = codec == VideoCodec::kH264   ? "libx264"
+                                : codec == VideoCodec::kFfv1 ? "ffv1"
+                                                             : "utvideo";
     const AVCodec* const found = avcodec_find_encoder_by_name(library);
     if (!found) return failed(fmt::format("FFmpeg has no {}", library));
     if (codec == VideoCodec::kH264 && (format_.width % 2 || format_.height % 2))
-        return absl::InvalidArgumentError(fmt::format("camera {}: H.264 needs even sides, its pictures are {} x {} px; record "
-                                                      "with codec = \"utvideo\"",
-                                                      camera_, format_.width, format_.height));
+        return absl::InvalidArgumentError(
+            fmt::format("camera {}: H.264 needs even sides, its pictures are {} x {} px; record "
+                        "with codec = \"utvideo\"",
+                        camera_, format_.width, format_.height));
     encoder_.reset(avcodec_alloc_context3(found));
     const AVRational rate = av_d2q(fps, 100000);
     encoder_->width = format_.width;
     encoder_->height = format_.height;
     encoder_->time_base = av_inv_q(rate);
     encoder_->framerate = rate;
-    encoder_->thread_count = 1;   // a thread a camera
+    encoder_->thread_count = 1;  // a thread a camera
     encoder_->log_level_offset = 64;
     encoder_->flags |= AV_CODEC_FLAG_GLOBAL_HEADER;
     encoder_->gop_size = key_distance(codec, fps);
     AVDictionary* options = nullptr;
     const auto set = [&options](const char* key, const char* value) { av_dict_set(&options, key, value, 0); };
     switch (codec) {
-        case VideoCodec::kFfv1:   // of its ways the fastest; the range coder takes half as long again for a tenth less
+        case VideoCodec::kFfv1:  // of its ways the fastest; the range coder takes half as long again for a
+                                 // tenth less
             encoder_->pix_fmt = AV_PIX_FMT_BGR0;
             encoder_->slices = 4;
             set("level", "3");
@@ -81,7 +86,7 @@ absl::Status LibavEncoder::open(double fps, VideoCodec codec) {
             encoder_->pix_fmt = AV_PIX_FMT_GBRP;
             set("pred", "median");
             break;
-        case VideoCodec::kH264:   // of the sensor's noise the most is kept
+        case VideoCodec::kH264:  // of the sensor's noise the most is kept
             encoder_->pix_fmt = AV_PIX_FMT_YUV420P;
             encoder_->max_b_frames = 0;
             encoder_->colorspace = AVCOL_SPC_SMPTE170M;
@@ -117,7 +122,8 @@ void LibavEncoder::fill_frame(const Picture& picture) {
         from = colour_;
     }
     const auto plane = [&](int p, int type) {
-        return cv::Mat(format_.height, format_.width, type, frame_->data[p], static_cast<std::size_t>(frame_->linesize[p]));
+        return cv::Mat(format_.height, format_.width, type, frame_->data[p],
+                       static_cast<std::size_t>(frame_->linesize[p]));
     };
     switch (format_.codec) {
         case VideoCodec::kFfv1: {
@@ -126,7 +132,7 @@ void LibavEncoder::fill_frame(const Picture& picture) {
             break;
         }
         case VideoCodec::kUtVideo: {
-            std::array planes{plane(1, CV_8UC1), plane(0, CV_8UC1), plane(2, CV_8UC1)};   // of B, G, R
+            std::array planes{plane(1, CV_8UC1), plane(0, CV_8UC1), plane(2, CV_8UC1)};  // of B, G, R
             cv::split(from, planes.data());
             break;
         }
@@ -141,9 +147,9 @@ absl::StatusOr<std::shared_ptr<const EncodedPicture>> LibavEncoder::encode(const
     const bool missing = picture.empty();
     if (!missing && (picture.width != format_.width || picture.height != format_.height ||
                      (picture.channels != 3 && picture.channels != 1)))
-        return absl::InvalidArgumentError(
-            fmt::format("camera {}: a picture of {} x {} px with {} channels, its calibration says {} x {}", camera_,
-                        picture.width, picture.height, picture.channels, format_.width, format_.height));
+        return absl::InvalidArgumentError(fmt::format(
+            "camera {}: a picture of {} x {} px with {} channels, its calibration says {} x {}", camera_,
+            picture.width, picture.height, picture.channels, format_.width, format_.height));
     if (int e = av_frame_make_writable(frame_.get()); e < 0) return failed(libav::reason(e));
     if (!missing) fill_frame(picture);
     frame_->pts = count_++;
@@ -151,7 +157,8 @@ absl::StatusOr<std::shared_ptr<const EncodedPicture>> LibavEncoder::encode(const
     if (int e = avcodec_send_frame(encoder_.get(), frame_.get()); e < 0) return failed(libav::reason(e));
     if (int e = avcodec_receive_packet(encoder_.get(), packet_.get()); e < 0) return failed(libav::reason(e));
     auto encoded = std::make_shared<EncodedPicture>();
-    encoded->bytes.assign(reinterpret_cast<const char*>(packet_->data), static_cast<std::size_t>(packet_->size));
+    encoded->bytes.assign(reinterpret_cast<const char*>(packet_->data),
+                          static_cast<std::size_t>(packet_->size));
     encoded->key = packet_->flags & AV_PKT_FLAG_KEY;
     encoded->missing = missing;
     av_packet_unref(packet_.get());
@@ -162,9 +169,12 @@ absl::StatusOr<std::shared_ptr<const EncodedPicture>> LibavEncoder::encode(const
 
 std::string_view name_of(VideoCodec codec) {
     switch (codec) {
-        case VideoCodec::kFfv1: return "ffv1";
-        case VideoCodec::kUtVideo: return "utvideo";
-        case VideoCodec::kH264: return "h264";
+        case VideoCodec::kFfv1:
+            return "ffv1";
+        case VideoCodec::kUtVideo:
+            return "utvideo";
+        case VideoCodec::kH264:
+            return "h264";
     }
     return "";
 }

@@ -1,11 +1,11 @@
 #include "server/recording/pose_tables.h"
 
+#include <fmt/format.h>
+
 #include <array>
 #include <cmath>
 #include <iterator>
 #include <utility>
-
-#include <fmt/format.h>
 
 #include "common/degrees.h"
 #include "server/pose/body_model.h"
@@ -19,12 +19,14 @@ void append(std::string& to, fmt::format_string<T...> format, T&&... values) {
 }
 
 // A row's first two cells; every table begins with them.
-std::string row_begin(const PoseRow& row) { return fmt::format("{},{:.6f}", row.frame, row.time_s); }
+std::string row_begin(const PoseRow& row) {
+    return fmt::format("{},{:.6f}", row.frame, row.time_s);
+}
 
 // The joint at a segment's far end: where it is not known, the segment's turn is not either.
 constexpr std::array<std::string_view, kBodySegmentCount> kFarJoints{
-    "root",   "skullbase", "head_top", "knee_l",  "ankle_l", "toe_l",   "elbow_l", "wrist_l",
-    "hand_l", "knee_r",    "ankle_r",  "toe_r",   "elbow_r", "wrist_r", "hand_r"};
+    "root",   "skullbase", "head_top", "knee_l", "ankle_l", "toe_l",   "elbow_l", "wrist_l",
+    "hand_l", "knee_r",    "ankle_r",  "toe_r",  "elbow_r", "wrist_r", "hand_r"};
 
 // A degree of freedom or its deviation: metres, or degrees with so many decimals.
 void append_coordinate(std::string& to, int dof, double value, int decimals_deg) {
@@ -72,14 +74,16 @@ std::string angles_row(const PoseRow& row) {
     std::string text = row_begin(row);
     for (std::size_t k = 0; k < kJointAngleNames.size(); ++k) {
         text += ',';
-        if (row.pose && row.pose->angles[k].measured()) append(text, "{:.3f}", degrees(row.pose->angles[k].value_rad));
+        if (row.pose && row.pose->angles[k].measured())
+            append(text, "{:.3f}", degrees(row.pose->angles[k].value_rad));
     }
     return text + '\n';
 }
 
 std::string coordinates_header() {
     std::string text = "frame,time_s";
-    for (int d = 0; d < kBodyDofCount; ++d) append(text, ",{}_{}", kBodyDofs[d].name, is_position(d) ? "m" : "deg");
+    for (int d = 0; d < kBodyDofCount; ++d)
+        append(text, ",{}_{}", kBodyDofs[d].name, is_position(d) ? "m" : "deg");
     return text + '\n';
 }
 
@@ -97,7 +101,8 @@ std::string uncertainty_header() {
     std::string text = "frame,time_s";
     for (const std::string_view joint : kJointNames) append(text, ",{0}_std_m,{0}_cameras", joint);
     for (const std::string_view angle : kJointAngleNames) append(text, ",{0}_std_deg,{0}_cameras", angle);
-    for (int d = 0; d < kBodyDofCount; ++d) append(text, ",{}_std_{}", kBodyDofs[d].name, is_position(d) ? "m" : "deg");
+    for (int d = 0; d < kBodyDofCount; ++d)
+        append(text, ",{}_std_{}", kBodyDofs[d].name, is_position(d) ? "m" : "deg");
     return text + '\n';
 }
 
@@ -105,8 +110,10 @@ std::string uncertainty_row(const PoseRow& row) {
     constexpr std::size_t kColumns = 2 * (kJointNames.size() + kJointAngleNames.size()) + kBodyDofCount;
     std::string text = row_begin(row);
     if (!row.pose) return text.append(kColumns, ',') + '\n';
-    for (const JointEstimate& joint : row.pose->joints) append(text, ",{:.5f},{}", joint.std_m, joint.cameras);
-    for (const AngleEstimate& angle : row.pose->angles) append(text, ",{:.3f},{}", degrees(angle.std_rad), angle.cameras);
+    for (const JointEstimate& joint : row.pose->joints)
+        append(text, ",{:.5f},{}", joint.std_m, joint.cameras);
+    for (const AngleEstimate& angle : row.pose->angles)
+        append(text, ",{:.3f},{}", degrees(angle.std_rad), angle.cameras);
     for (int d = 0; d < kBodyDofCount; ++d) {
         text += ',';
         append_coordinate(text, d, row.pose->coordinate_std[d], 3);
@@ -130,7 +137,8 @@ std::string withheld_rows(const PoseRow& row) {
 }  // namespace
 
 PoseLines pose_table_headers() {
-    return {joints_header(), angles_header(), coordinates_header(), uncertainty_header(), "frame,time_s,name,reason\n"};
+    return {joints_header(), angles_header(), coordinates_header(), uncertainty_header(),
+            "frame,time_s,name,reason\n"};
 }
 
 PoseLines pose_table_rows(const PoseRow& row) {
@@ -144,7 +152,8 @@ std::vector<Table> pose_tables(const std::vector<PoseRow>& rows) {
         for (std::size_t t = 0; t < texts.size(); ++t) texts[t] += lines[t];
     }
     std::vector<Table> tables;
-    for (std::size_t t = 0; t < texts.size(); ++t) tables.push_back({kPoseTableNames[t], std::move(texts[t])});
+    for (std::size_t t = 0; t < texts.size(); ++t)
+        tables.push_back({kPoseTableNames[t], std::move(texts[t])});
     return tables;
 }
 

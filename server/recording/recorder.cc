@@ -1,10 +1,10 @@
 #include "server/recording/recorder.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <ctime>
 #include <system_error>
-
-#include <fmt/format.h>
 
 #include "server/pipeline/utc_clock.h"
 #include "server/recording/live_recorder.h"
@@ -29,7 +29,8 @@ std::string name_by_time() {
 void LiveRecorder::offer(const FrameSet& frame_set) {
     std::size_t bytes = 0;
     for (const Picture& picture : frame_set.pictures)
-        bytes += static_cast<std::size_t>(picture.width) * static_cast<std::size_t>(picture.height * picture.channels);
+        bytes += static_cast<std::size_t>(picture.width) *
+                 static_cast<std::size_t>(picture.height * picture.channels);
     const std::scoped_lock lock(mutex_);
     if (closed_ || !taking()) return;
     if (!utc_minus_capture_ns_) {
@@ -72,7 +73,7 @@ void LiveRecorder::capture_ended() {
     utc_minus_capture_ns_.reset();
     held_dropped_ = 0;
     key_wanted_ = true;
-    if (recording_ && !finish_ && next_number_ > first_number_) {   // else it waits for the next run
+    if (recording_ && !finish_ && next_number_ > first_number_) {  // else it waits for the next run
         recording_ = false;
         finish_.emplace(Finish{next_number_, "the capture ended", {}});
     }
@@ -82,13 +83,16 @@ void LiveRecorder::capture_ended() {
 absl::Status LiveRecorder::check_idle() const {
     if (closed_) return absl::UnavailableError("the daemon is stopping");
     if (status_.state == RecorderState::kIdle && !finish_ && !begin_) return absl::OkStatus();
-    return absl::FailedPreconditionError(fmt::format("\"{}\" is being recorded; stop that first",
-                                                     status_.recording ? status_.recording->name : "another recording"));
+    return absl::FailedPreconditionError(
+        fmt::format("\"{}\" is being recorded; stop that first",
+                    status_.recording ? status_.recording->name : "another recording"));
 }
 
-absl::StatusOr<std::unique_ptr<RecordingFolder>> LiveRecorder::make_folder(const std::string& name, VideoCodec codec) {
+absl::StatusOr<std::unique_ptr<RecordingFolder>> LiveRecorder::make_folder(const std::string& name,
+                                                                           VideoCodec codec) {
     if (options_.folder.empty())
-        return absl::FailedPreconditionError("this daemon has no folder for recordings; set [recording] folder");
+        return absl::FailedPreconditionError(
+            "this daemon has no folder for recordings; set [recording] folder");
     if (const std::string problem = recording_name_problem(name); !problem.empty())
         return absl::InvalidArgumentError(problem);
     std::error_code error;
@@ -96,16 +100,16 @@ absl::StatusOr<std::unique_ptr<RecordingFolder>> LiveRecorder::make_folder(const
     if (const auto space = std::filesystem::space(options_.folder, error);
         !error && space.available < options_.least_free_bytes)
         return absl::ResourceExhaustedError(
-            fmt::format("{} MB are free on the disk of {}, least_free_mb is {}; make room", space.available >> 20,
-                        options_.folder.string(), options_.least_free_bytes >> 20));
+            fmt::format("{} MB are free on the disk of {}, least_free_mb is {}; make room",
+                        space.available >> 20, options_.folder.string(), options_.least_free_bytes >> 20));
     const RecordedCapture capture = capture_();
     RecordingPlan plan;
     plan.folder = options_.folder / name;
     plan.fps = capture.fps;
     plan.codec = codec;
     plan.cameras = capture.cameras;
-    // A second or two after learning it is still being written. A recording that were killed before it came would be of
-    // no use, so that the begin waits for it.
+    // A second or two after learning it is still being written. A recording that were killed before it came
+    // would be of no use, so that the begin waits for it.
     plan.background = clip_.files(true);
     plan.calibration_id = capture.calibration_id;
     plan.certificate_json = capture.certificate_json;
@@ -128,14 +132,16 @@ absl::Status LiveRecorder::make_lanes(const RecordedCapture& capture, VideoCodec
         const std::scoped_lock lock(mutex_);
         if (lanes_ && lanes_codec_ == codec) return absl::OkStatus();
         if (lanes_ && options_.keep_last_s > 0)
-            return absl::FailedPreconditionError(fmt::format(
-                "the rolling buffer is kept as {}; record with that, or set keep_last_s = 0", name_of(lanes_codec_)));
+            return absl::FailedPreconditionError(
+                fmt::format("the rolling buffer is kept as {}; record with that, or set keep_last_s = 0",
+                            name_of(lanes_codec_)));
     }
-    auto lanes = EncodingLanes::create(capture.cameras, capture.fps, codec, [this](std::shared_ptr<EncodedSet> set) {
-        const std::scoped_lock lock(mutex_);
-        done_.push_back(std::move(set));
-        changed_.notify_all();
-    });
+    auto lanes =
+        EncodingLanes::create(capture.cameras, capture.fps, codec, [this](std::shared_ptr<EncodedSet> set) {
+            const std::scoped_lock lock(mutex_);
+            done_.push_back(std::move(set));
+            changed_.notify_all();
+        });
     if (!lanes.ok()) return lanes.status();
     const std::scoped_lock lock(mutex_);
     lanes_ = *std::move(lanes);
@@ -165,13 +171,13 @@ absl::StatusOr<std::string> LiveRecorder::start(const std::string& asked, std::o
     status_.state = RecorderState::kWaiting;
     status_.recording = (*folder)->info();
     recording_ = key_wanted_ = true;
-    if (utc_minus_capture_ns_) *utc_minus_capture_ns_ += clock_steps_.step_ns();   // within a recording, time is even
+    if (utc_minus_capture_ns_)
+        *utc_minus_capture_ns_ += clock_steps_.step_ns();  // within a recording, time is even
     dropped_ = told_dropped_ = 0;
     first_number_ = next_number_;
     begin_at_ = 0;
-    begin_ = [this, made = std::make_shared<std::unique_ptr<RecordingFolder>>(*std::move(folder)), first = next_number_] {
-        writer_.begin(std::move(*made), first);
-    };
+    begin_ = [this, made = std::make_shared<std::unique_ptr<RecordingFolder>>(*std::move(folder)),
+              first = next_number_] { writer_.begin(std::move(*made), first); };
     changed_.notify_all();
     tell_({EventKind::kRecordingStarted, 0, 0, {}, fmt::format("recording \"{}\" begins", name)});
     return name;
@@ -186,8 +192,10 @@ absl::StatusOr<RecordingInfo> LiveRecorder::keep_last(const std::string& asked, 
             const std::scoped_lock lock(mutex_);
             if (absl::Status idle = check_idle(); !idle.ok()) return idle;
             if (options_.keep_last_s == 0)
-                return absl::FailedPreconditionError("the daemon keeps no rolling buffer; set [recording] keep_last_s");
-            if (!(seconds >= 0)) return absl::InvalidArgumentError(fmt::format("seconds is {}; give 0 or more", seconds));
+                return absl::FailedPreconditionError(
+                    "the daemon keeps no rolling buffer; set [recording] keep_last_s");
+            if (!(seconds >= 0))
+                return absl::InvalidArgumentError(fmt::format("seconds is {}; give 0 or more", seconds));
             if (status_.held_seconds <= 0)
                 return absl::FailedPreconditionError("the rolling buffer is empty; start the capture");
         }
@@ -198,18 +206,20 @@ absl::StatusOr<RecordingInfo> LiveRecorder::keep_last(const std::string& asked, 
         status_.recording = (*folder)->info();
         recording_ = true;
         dropped_ = told_dropped_ = 0;
-        first_number_ = 0;   // it has its first set
+        first_number_ = 0;  // it has its first set
         begin_at_ = next_number_;
-        begin_ = [this, made = std::make_shared<std::unique_ptr<RecordingFolder>>(*std::move(folder)), seconds] {
-            writer_.begin_with_held(std::move(*made), seconds);
-        };
+        begin_ = [this, made = std::make_shared<std::unique_ptr<RecordingFolder>>(*std::move(folder)),
+                  seconds] { writer_.begin_with_held(std::move(*made), seconds); };
         if (!go_on) {
             recording_ = false;
             finish_.emplace(Finish{next_number_, {}, std::promise<RecordingInfo>()});
             answer = finish_->answer->get_future();
         }
         changed_.notify_all();
-        tell_({EventKind::kRecordingStarted, 0, 0, {},
+        tell_({EventKind::kRecordingStarted,
+               0,
+               0,
+               {},
                fmt::format("what was kept of the last seconds goes into recording \"{}\"", name)});
         if (go_on) return *status_.recording;
     }
@@ -244,9 +254,11 @@ RecorderStatus LiveRecorder::status() const {
     }
     std::error_code error;
     std::filesystem::path existing = options_.folder;
-    while (!existing.empty() && !std::filesystem::exists(existing, error) && existing != existing.parent_path())
+    while (!existing.empty() && !std::filesystem::exists(existing, error) &&
+           existing != existing.parent_path())
         existing = existing.parent_path();
-    if (const auto space = std::filesystem::space(existing, error); !error) status.free_bytes = space.available;
+    if (const auto space = std::filesystem::space(existing, error); !error)
+        status.free_bytes = space.available;
     return status;
 }
 
@@ -255,10 +267,11 @@ void LiveRecorder::close() {
         const std::scoped_lock lock(mutex_);
         if (std::exchange(closed_, true)) return;
     }
-    finish("the daemon was stopped").IgnoreError();   // or somebody else's stop is under way
+    finish("the daemon was stopped").IgnoreError();  // or somebody else's stop is under way
     {
         std::unique_lock lock(mutex_);
-        changed_.wait_for(lock, kLongestClose, [this] { return status_.state == RecorderState::kIdle && !finish_; });
+        changed_.wait_for(lock, kLongestClose,
+                          [this] { return status_.state == RecorderState::kIdle && !finish_; });
     }
     writer_thread_ = {};
     if (finish_ && finish_->answer) finish_->answer->set_value({});

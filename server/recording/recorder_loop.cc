@@ -1,6 +1,6 @@
-#include <algorithm>
-
 #include <fmt/format.h>
+
+#include <algorithm>
 
 #include "server/recording/live_recorder.h"
 
@@ -11,7 +11,8 @@ constexpr std::chrono::milliseconds kLongestWaitForResults{1500}, kWriterBeat{50
 constexpr std::chrono::seconds kTellDropsEvery{5};
 
 std::string summary(const RecordingInfo& info) {
-    std::string text = fmt::format("{} frame sets, {:.1f} s, {} MB", info.about.frames, info.seconds, info.bytes >> 20);
+    std::string text =
+        fmt::format("{} frame sets, {:.1f} s, {} MB", info.about.frames, info.seconds, info.bytes >> 20);
     if (info.about.dropped > 0) text += fmt::format(", {} dropped", info.about.dropped);
     if (info.about.lost > 0) text += fmt::format(", {} lost before", info.about.lost);
     return text;
@@ -42,8 +43,8 @@ void LiveRecorder::write_loop(const std::stop_token& stop) {
             writer_.dropped = dropped_;
         }
         for (auto& set : done) {
-            // Just before the first set that came after the request: what the rolling buffer held then is what was
-            // asked for, and each set that it takes from now on would push out its oldest.
+            // Just before the first set that came after the request: what the rolling buffer held then is
+            // what was asked for, and each set that it takes from now on would push out its oldest.
             if (begin && set->number >= begin_at) std::exchange(begin, nullptr)();
             const std::size_t bytes = set->raw_bytes;
             writer_.take(std::move(set));
@@ -70,7 +71,8 @@ void LiveRecorder::finish_if_done() {
         status_.held_bytes = held.bytes;
         status_.held_shortened = held.shortened;
         status_.recording = begin_ ? status_.recording : writer_.recording(dropped_);
-        if (status_.state == RecorderState::kWaiting && status_.recording && status_.recording->about.frames > 0)
+        if (status_.state == RecorderState::kWaiting && status_.recording &&
+            status_.recording->about.frames > 0)
             status_.state = RecorderState::kRecording;
         if (!finish_ || begin_) return;
         const bool all_sets = writer_.next_number() >= finish_->upto || !lanes_;
@@ -82,7 +84,7 @@ void LiveRecorder::finish_if_done() {
     }
     RecordingInfo info;
     if (!ended_by_itself) {
-        writer_.set_background(clip_.files(true));   // learned, but not yet written
+        writer_.set_background(clip_.files(true));  // learned, but not yet written
         info = writer_.end(dropped, finish.reason);
         ended(info, EventKind::kRecordingStopped);
     } else {
@@ -98,19 +100,26 @@ void LiveRecorder::tell_drops() {
     std::string name;
     {
         const std::scoped_lock lock(mutex_);
-        if (!status_.recording || dropped_ == told_dropped_ || Clock::now() - drops_told_ < kTellDropsEvery) return;
+        if (!status_.recording || dropped_ == told_dropped_ || Clock::now() - drops_told_ < kTellDropsEvery)
+            return;
         dropped = dropped_ - std::exchange(told_dropped_, dropped_);
         name = status_.recording->name;
         drops_told_ = Clock::now();
     }
-    tell_({EventKind::kRecordingDrops, 0, 0, {},
-           fmt::format("{} frame sets did not get into \"{}\": they came faster than they could be encoded and written; a "
+    tell_({EventKind::kRecordingDrops,
+           0,
+           0,
+           {},
+           fmt::format("{} frame sets did not get into \"{}\": they came faster than they could be encoded "
+                       "and written; a "
                        "faster codec or fewer programs beside it help",
                        dropped, name)});
 }
 
 // On the writer's thread.
-void LiveRecorder::failed(const RecordingInfo& info) { ended(info, EventKind::kRecordingFailed); }
+void LiveRecorder::failed(const RecordingInfo& info) {
+    ended(info, EventKind::kRecordingFailed);
+}
 
 void LiveRecorder::ended(const RecordingInfo& info, EventKind kind) {
     {

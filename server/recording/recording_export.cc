@@ -1,13 +1,13 @@
 #include "server/recording/recording_export.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <optional>
 #include <system_error>
 #include <utility>
-
-#include <fmt/format.h>
 
 #include "common/atomic_file.h"
 #include "common/degrees.h"
@@ -59,7 +59,8 @@ absl::StatusOr<ExportSource> find_source(const fs::path& from, const std::string
         if (!session.ok()) return session.status();
         if (!session->recording || session->recording->poses.empty())
             return absl::FailedPreconditionError(
-                fmt::format("{}: no poses were recorded with it; export what `kinevox process` makes of it", file.string()));
+                fmt::format("{}: no poses were recorded with it; export what `kinevox process` makes of it",
+                            file.string()));
         return ExportSource{session->recording->poses, *std::move(session)};
     }
     ExportSource source{from, {}};
@@ -74,10 +75,11 @@ absl::StatusOr<ExportSource> find_source(const fs::path& from, const std::string
 std::string clamped_remark(const AngleRange& range, double turn_rad) {
     const double least = degrees(range.least_rad), most = degrees(range.most_rad);
     if (least >= -90 && most <= 90) return {};
-    std::string remark =
-        fmt::format("pelvis_rotation goes from {:.0f} to {:.0f} deg, but OpenSim's models clamp it at 90", least, most);
+    std::string remark = fmt::format(
+        "pelvis_rotation goes from {:.0f} to {:.0f} deg, but OpenSim's models clamp it at 90", least, most);
     if (most - least < 170)
-        remark += fmt::format(": --turn {:.0f} avoids that", std::remainder(degrees(turn_rad) - (least + most) / 2, 360.0));
+        remark += fmt::format(": --turn {:.0f} avoids that",
+                              std::remainder(degrees(turn_rad) - (least + most) / 2, 360.0));
     return remark;
 }
 
@@ -97,10 +99,11 @@ absl::StatusOr<std::string> text_of(const Trial& trial, const ExportOptions& opt
     return text;
 }
 
-absl::StatusOr<ExportedFiles> write_volumes(const fs::path& file, const ExportOptions& options, const fs::path& out,
-                                            const LongWork& work) {
+absl::StatusOr<ExportedFiles> write_volumes(const fs::path& file, const ExportOptions& options,
+                                            const fs::path& out, const LongWork& work) {
     if (options.turn_rad != 0)
-        return absl::InvalidArgumentError("volumes are not turned; leave the turn out, or turn the points in their program");
+        return absl::InvalidArgumentError(
+            "volumes are not turned; leave the turn out, or turn the points in their program");
     const auto volumes = VolumeFileReader::open(file);
     if (!volumes.ok()) return volumes.status();
     ExportedFiles written;
@@ -118,23 +121,26 @@ absl::StatusOr<ExportedFiles> write_volumes(const fs::path& file, const ExportOp
         written.files.push_back(target);
     }
     if (written.files.empty())
-        return absl::OutOfRangeError(fmt::format("{}: nobody was tracked in these frames; give others", file.string()));
+        return absl::OutOfRangeError(
+            fmt::format("{}: nobody was tracked in these frames; give others", file.string()));
     written.frames = static_cast<std::int64_t>(written.files.size());
     return written;
 }
 
 absl::Status check_session_options(const ExportOptions& options) {
     if (!options.anonymous)
-        return absl::InvalidArgumentError("a session is exported anonymous only; add that, or copy the recording's folder");
-    if (options.first_frame > 0 || options.last_frame >= 0 || options.turn_rad != 0 || !options.camera.empty())
+        return absl::InvalidArgumentError(
+            "a session is exported anonymous only; add that, or copy the recording's folder");
+    if (options.first_frame > 0 || options.last_frame >= 0 || options.turn_rad != 0 ||
+        !options.camera.empty())
         return absl::InvalidArgumentError("a session is exported whole; leave frames, turn and camera out");
     return absl::OkStatus();
 }
 
 }  // namespace
 
-absl::StatusOr<ExportedFiles> export_recording(const fs::path& from, const ExportOptions& options, const fs::path& out,
-                                               const LongWork& work) {
+absl::StatusOr<ExportedFiles> export_recording(const fs::path& from, const ExportOptions& options,
+                                               const fs::path& out, const LongWork& work) {
     if (std::ranges::find(kExportFormats, options.format) == std::end(kExportFormats))
         return absl::InvalidArgumentError(fmt::format("there is no format \"{}\"", options.format));
     if (options.format == "session")
@@ -144,7 +150,8 @@ absl::StatusOr<ExportedFiles> export_recording(const fs::path& from, const Expor
     if (options.format == "ply") {
         if (!source->session || source->session->recording->volumes.empty())
             return absl::FailedPreconditionError(fmt::format(
-                "{}: no volumes were recorded with it; `kinevox process --save volumes` writes them", from.string()));
+                "{}: no volumes were recorded with it; `kinevox process --save volumes` writes them",
+                from.string()));
         return write_volumes(source->session->recording->volumes, options, out, work);
     }
     auto trial = read_trial(source->tables, source->session ? source->session->fps : 0);

@@ -1,6 +1,7 @@
 #include "server/recording/recording_folder.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -11,8 +12,6 @@
 #include <system_error>
 #include <thread>
 #include <utility>
-
-#include <fmt/format.h>
 
 #include "common/atomic_file.h"
 #include "common/calibration_file.h"
@@ -27,12 +26,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uint64_t kReserveBytes = 4 << 20;   // kept free for what closing writes
+constexpr std::uint64_t kReserveBytes = 4 << 20;  // kept free for what closing writes
 constexpr std::chrono::seconds kSyncEvery{1};
 
 absl::Status unavailable(const fs::path& path, const std::error_code& error) {
-    return absl::UnavailableError(fmt::format("{}: {}; correct [recording] folder or its rights", path.string(),
-                                              error.message()));
+    return absl::UnavailableError(
+        fmt::format("{}: {}; correct [recording] folder or its rights", path.string(), error.message()));
 }
 
 // The same file under another name where the disk allows it, else a copy.
@@ -72,10 +71,10 @@ class SessionFolder final : public RecordingFolder {
     Session session_;
     std::vector<std::unique_ptr<VideoFile>> videos_;
     AppendFile times_, reserve_;
-    std::vector<AppendFile> tables_;              // as kPoseTableNames
+    std::vector<AppendFile> tables_;  // as kPoseTableNames
     std::unique_ptr<VolumeFile> volumes_;
-    std::vector<std::int64_t> row_times_ns_;      // of the frames that have no row yet
-    std::uint64_t first_row_ = 0;                 // the frame of the first of them
+    std::vector<std::int64_t> row_times_ns_;  // of the frames that have no row yet
+    std::uint64_t first_row_ = 0;             // the frame of the first of them
     std::int64_t first_capture_ns_ = 0, last_time_ns_ = 0;
     std::uint64_t last_sequence_ = 0;
     std::jthread syncing_;
@@ -87,8 +86,8 @@ absl::Status SessionFolder::make_folder() {
     if (error) return unavailable(folder_.parent_path(), error);
     if (!fs::create_directory(folder_, error)) {
         if (error) return unavailable(folder_, error);
-        return absl::AlreadyExistsError(
-            fmt::format("there is a recording \"{}\" already; choose another name", folder_.filename().string()));
+        return absl::AlreadyExistsError(fmt::format(
+            "there is a recording \"{}\" already; choose another name", folder_.filename().string()));
     }
     auto reserve = AppendFile::create(folder_ / ".reserve");
     if (!reserve.ok()) return reserve.status();
@@ -106,9 +105,11 @@ absl::Status SessionFolder::write_calibration() {
         });
     };
     const auto text = read_file(plan_.calibration_file);
-    const auto same = text.ok() ? parse_calibration_toml(*text, plan_.calibration_file.string()) : text.status();
-    const absl::Status written = same.ok() && holds(*same) ? write_file_atomically(session_.calibration, *text)
-                                                           : write_calibration_toml(plan_.cameras, session_.calibration);
+    const auto same =
+        text.ok() ? parse_calibration_toml(*text, plan_.calibration_file.string()) : text.status();
+    const absl::Status written = same.ok() && holds(*same)
+                                     ? write_file_atomically(session_.calibration, *text)
+                                     : write_calibration_toml(plan_.cameras, session_.calibration);
     if (!written.ok()) return written;
     if (plan_.certificate_json.empty()) return absl::OkStatus();
     return write_file_atomically(folder_ / "calibration.certificate.json", plan_.certificate_json);
@@ -121,8 +122,9 @@ absl::Status SessionFolder::open_tables() {
         table = *std::move(made);
         return table.append(header);
     };
-    if (absl::Status begun = begin(times_, folder_ / "frames.csv", kRecordedTimesHeader); !begun.ok()) return begun;
-    times_.lock();   // nobody repairs a recording that is being written
+    if (absl::Status begun = begin(times_, folder_ / "frames.csv", kRecordedTimesHeader); !begun.ok())
+        return begun;
+    times_.lock();  // nobody repairs a recording that is being written
     if (plan_.poses) {
         std::error_code error;
         fs::create_directory(folder_ / "poses", error);
@@ -130,7 +132,8 @@ absl::Status SessionFolder::open_tables() {
         const auto headers = pose_table_headers();
         tables_.resize(headers.size());
         for (std::size_t t = 0; t < headers.size(); ++t)
-            if (absl::Status begun = begin(tables_[t], folder_ / "poses" / kPoseTableNames[t], headers[t]); !begun.ok())
+            if (absl::Status begun = begin(tables_[t], folder_ / "poses" / kPoseTableNames[t], headers[t]);
+                !begun.ok())
                 return begun;
         if (plan_.body)
             if (absl::Status written = set_body(*plan_.body); !written.ok()) return written;
@@ -150,7 +153,8 @@ absl::Status SessionFolder::take_background(const std::vector<fs::path>& videos)
     for (std::size_t c = 0; c < videos.size(); ++c) {
         const fs::path background = folder_ / "background" / (session_.cameras[c].name + ".mkv");
         if (absl::Status taken = take_over(videos[c], background); !taken.ok()) return taken;
-        if (absl::Status taken = take_over(video_index_file(videos[c]), video_index_file(background)); !taken.ok())
+        if (absl::Status taken = take_over(video_index_file(videos[c]), video_index_file(background));
+            !taken.ok())
             return taken;
         session_.cameras[c].background = background;
     }
@@ -184,7 +188,8 @@ absl::Status SessionFolder::open() {
     recording.codec = name_of(plan_.codec);
     recording.calibration_id = plan_.calibration_id;
     recording.closed = false;
-    if (absl::Status written = write_session(session_, folder_ / "session.toml"); !written.ok()) return written;
+    if (absl::Status written = write_session(session_, folder_ / "session.toml"); !written.ok())
+        return written;
     // Power may fail, too: what is older than about a second is on the disk then.
     syncing_ = std::jthread([this](const std::stop_token& stop) {
         std::mutex mutex;
@@ -217,9 +222,10 @@ absl::Status SessionFolder::append(const EncodedSet& set) {
     const RecordedTime time{set.sequence, set.capture_time_ns - first_capture_ns_, set.capture_time_utc_ns};
     absl::Status written;
     std::size_t done = 0;
-    for (; done < videos_.size() && written.ok(); ++done) written = videos_[done]->append(*set.pictures[done], time.time_ns);
+    for (; done < videos_.size() && written.ok(); ++done)
+        written = videos_[done]->append(*set.pictures[done], time.time_ns);
     if (written.ok()) written = times_.append(recorded_time_line(recording.frames, time));
-    if (!written.ok()) {   // all videos end with the same set
+    if (!written.ok()) {  // all videos end with the same set
         for (std::size_t c = 0; c < done; ++c)
             if (videos_[c]->frames() > recording.frames) videos_[c]->take_back().IgnoreError();
         return written;
@@ -248,7 +254,8 @@ absl::Status SessionFolder::append_result(std::uint64_t frame, const RecordedRes
         written = append_row({first_row_ + i, 1e-9 * static_cast<double>(row_times_ns_[i]),
                               i == index ? result.pose : nullptr});
     if (written.ok() && volumes_ && !result.volume.empty()) written = volumes_->append(frame, result.volume);
-    row_times_ns_.erase(row_times_ns_.begin(), row_times_ns_.begin() + static_cast<std::ptrdiff_t>(index) + 1);
+    row_times_ns_.erase(row_times_ns_.begin(),
+                        row_times_ns_.begin() + static_cast<std::ptrdiff_t>(index) + 1);
     first_row_ = frame + 1;
     return written;
 }
@@ -265,14 +272,14 @@ absl::Status SessionFolder::close(const Ending& ending) {
     std::error_code ignored;
     fs::remove(reserve_.path(), ignored);
     if (recording.frames > first_row_) closed.Update(append_result(recording.frames - 1, {}));
-    for (const auto& video : videos_) video->close().IgnoreError();   // can be read without
+    for (const auto& video : videos_) video->close().IgnoreError();  // can be read without
     for_files([](const auto& file) { file.sync(); });
     recording.dropped = ending.dropped;
-    recording.lost -= std::min(recording.lost, ending.dropped);   // both are gaps in the sequence
+    recording.lost -= std::min(recording.lost, ending.dropped);  // both are gaps in the sequence
     recording.end_reason = ending.reason;
     recording.closed = true;
     closed.Update(write_session(session_, folder_ / "session.toml"));
-    times_ = {};   // lets go of the lock
+    times_ = {};  // lets go of the lock
     return closed;
 }
 
@@ -281,7 +288,8 @@ RecordingInfo SessionFolder::info() const {
     for (const auto& video : videos_) bytes += video->bytes();
     for (const AppendFile& table : tables_) bytes += table.size();
     const bool any = session_.recording->frames > 0;
-    return recording_info(session_, folder_ / "session.toml", any ? std::optional(last_time_ns_) : std::nullopt, bytes);
+    return recording_info(session_, folder_ / "session.toml",
+                          any ? std::optional(last_time_ns_) : std::nullopt, bytes);
 }
 
 }  // namespace

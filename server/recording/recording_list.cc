@@ -1,10 +1,10 @@
 #include "server/recording/recording_list.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <system_error>
 #include <utility>
-
-#include <fmt/format.h>
 
 #include "common/recording_files.h"
 
@@ -14,13 +14,13 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kLongestName = 100;
-constexpr std::string_view kDeleted = ".deleted-";   // no recording's name begins with a dot
+constexpr std::string_view kDeleted = ".deleted-";  // no recording's name begins with a dot
 
 std::uint64_t bytes_of(const fs::path& folder) {
     std::uint64_t bytes = 0;
     std::error_code error;
-    for (auto entry = fs::recursive_directory_iterator(folder, error); !error && entry != fs::recursive_directory_iterator();
-         entry.increment(error)) {
+    for (auto entry = fs::recursive_directory_iterator(folder, error);
+         !error && entry != fs::recursive_directory_iterator(); entry.increment(error)) {
         std::error_code gone;
         const auto size = entry->is_regular_file(gone) ? entry->file_size(gone) : 0;
         if (!gone) bytes += size;
@@ -30,8 +30,8 @@ std::uint64_t bytes_of(const fs::path& folder) {
 
 }  // namespace
 
-RecordingInfo recording_info(const Session& session, const fs::path& session_file, std::optional<std::int64_t> last_time_ns,
-                             std::uint64_t bytes) {
+RecordingInfo recording_info(const Session& session, const fs::path& session_file,
+                             std::optional<std::int64_t> last_time_ns, std::uint64_t bytes) {
     RecordingInfo info;
     info.name = session_file.parent_path().filename().string();
     info.session_file = session_file;
@@ -48,12 +48,15 @@ RecordingInfo recording_info(const Session& session, const fs::path& session_fil
 
 std::string recording_name_problem(const std::string& name) {
     const auto allowed = [](char c) {
-        return (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || c == '.' || c == '_' || c == '-';
+        return (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || c == '.' ||
+               c == '_' || c == '-';
     };
-    if (name.empty() || name.size() > kLongestName || name.front() == '.' || !std::ranges::all_of(name, allowed))
-        return fmt::format("the name \"{}\" is not 1 to {} letters, digits, '.', '_' or '-', the first not '.'; choose "
-                           "another one",
-                           name.substr(0, 120), kLongestName);
+    if (name.empty() || name.size() > kLongestName || name.front() == '.' ||
+        !std::ranges::all_of(name, allowed))
+        return fmt::format(
+            "the name \"{}\" is not 1 to {} letters, digits, '.', '_' or '-', the first not '.'; choose "
+            "another one",
+            name.substr(0, 120), kLongestName);
     return {};
 }
 
@@ -63,7 +66,8 @@ absl::StatusOr<fs::path> recording_session_file(const fs::path& folder, const st
     const fs::path file = folder / name / "session.toml";
     std::error_code error;
     if (!fs::is_regular_file(file, error))
-        return absl::NotFoundError(fmt::format("there is no recording \"{}\"; see `kinevox record list`", name));
+        return absl::NotFoundError(
+            fmt::format("there is no recording \"{}\"; see `kinevox record list`", name));
     return file;
 }
 
@@ -73,13 +77,14 @@ absl::StatusOr<RecordingInfo> read_recording(const fs::path& folder, const std::
     const auto session = read_session(*file);
     if (!session.ok()) return session.status();
     if (!session->recording)
-        return absl::NotFoundError(fmt::format("\"{}\" is a session, but the recorder did not write it", name));
+        return absl::NotFoundError(
+            fmt::format("\"{}\" is a session, but the recorder did not write it", name));
     const auto times = read_recorded_times(session->recording->times);
     if (!times.ok()) return times.status();
     RecordingInfo info =
         recording_info(*session, *file, times->empty() ? std::nullopt : std::optional(times->back().time_ns),
                        bytes_of(file->parent_path()));
-    if (!info.about.closed) {   // being written, or never closed
+    if (!info.about.closed) {  // being written, or never closed
         info.about.frames = times->size();
         if (!times->empty()) info.about.started_utc_ns = times->front().capture_time_utc_ns;
     }
@@ -92,7 +97,8 @@ std::vector<RecordingInfo> list_recordings(const fs::path& folder) {
     for (const auto& entry : fs::directory_iterator(folder, error))
         if (auto info = read_recording(folder, entry.path().filename().string()); info.ok())
             found.push_back(*std::move(info));
-    std::ranges::sort(found, {}, [](const RecordingInfo& info) { return std::pair(info.about.started_utc_ns, info.name); });
+    std::ranges::sort(
+        found, {}, [](const RecordingInfo& info) { return std::pair(info.about.started_utc_ns, info.name); });
     return found;
 }
 
@@ -101,13 +107,16 @@ absl::Status delete_recording(const fs::path& folder, const std::string& name) {
     if (!info.ok()) return info.status();
     if (being_written(info->about.times))
         return absl::FailedPreconditionError(fmt::format("\"{}\" is being recorded; stop that first", name));
-    // Under another name it is no recording any more, and what an end in the middle leaves of it is found again.
+    // Under another name it is no recording any more, and what an end in the middle leaves of it is found
+    // again.
     std::error_code error;
     const fs::path from = info->session_file.parent_path(), aside = folder / (std::string(kDeleted) + name);
     fs::remove_all(aside, error);
     fs::rename(from, aside, error);
     if (!error) fs::remove_all(aside, error);
-    if (error) return absl::UnavailableError(fmt::format("{}: {}; correct its rights", from.string(), error.message()));
+    if (error)
+        return absl::UnavailableError(
+            fmt::format("{}: {}; correct its rights", from.string(), error.message()));
     return absl::OkStatus();
 }
 

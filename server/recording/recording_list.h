@@ -24,8 +24,8 @@ struct RecordingInfo {
     SessionRecording about;
 };
 
-// What a recording's session says; its folder has the name. `last_time_ns`: of its last frame set, from the first; empty:
-// there is none.
+// What a recording's session says; its folder has the name. `last_time_ns`: of its last frame set, from the
+// first; empty: there is none.
 RecordingInfo recording_info(const Session& session, const std::filesystem::path& session_file,
                              std::optional<std::int64_t> last_time_ns, std::uint64_t bytes);
 
@@ -33,7 +33,8 @@ RecordingInfo recording_info(const Session& session, const std::filesystem::path
 std::string recording_name_problem(const std::string& name);
 
 // InvalidArgument for a name that none can have, NotFound where there is no such recording.
-absl::StatusOr<std::filesystem::path> recording_session_file(const std::filesystem::path& folder, const std::string& name);
+absl::StatusOr<std::filesystem::path> recording_session_file(const std::filesystem::path& folder,
+                                                             const std::string& name);
 absl::StatusOr<RecordingInfo> read_recording(const std::filesystem::path& folder, const std::string& name);
 // Oldest first; what is none, or cannot be read, is left out.
 std::vector<RecordingInfo> list_recordings(const std::filesystem::path& folder);

@@ -1,11 +1,11 @@
 #include "server/recording/recording_writer.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <system_error>
 #include <utility>
-
-#include <fmt/format.h>
 
 #include "common/volume_codec.h"
 
@@ -19,7 +19,8 @@ constexpr std::chrono::milliseconds kCheckSpaceEvery{250};
 
 }  // namespace
 
-RecordingWriter::RecordingWriter(const RecorderOptions& options, std::function<void(const RecordingInfo&)> on_failure)
+RecordingWriter::RecordingWriter(const RecorderOptions& options,
+                                 std::function<void(const RecordingInfo&)> on_failure)
     : options_(options), on_failure_(std::move(on_failure)) {}
 
 void RecordingWriter::take(std::shared_ptr<const EncodedSet> set) {
@@ -57,7 +58,8 @@ void RecordingWriter::join_results() {
                (result.run == run_ && (entries_.empty() || result.sequence > entries_.back().set->sequence));
     };
     while (!results_.empty() && !too_early(results_.front())) {
-        ResultOfSet result = std::move(results_.front());   // a recording that fails meanwhile drops those that wait
+        ResultOfSet result =
+            std::move(results_.front());  // a recording that fails meanwhile drops those that wait
         results_.pop_front();
         if (result.run == run_) awaited_from_ = result.sequence + 1;
         const auto found = std::ranges::lower_bound(entries_, result.sequence, {},
@@ -78,8 +80,10 @@ void RecordingWriter::trim() {
     const double longest_wait_s = options_.keep_last_s > 0 ? kLongestWithPictures_s : kLongestWithoutResult_s;
     const auto over = [this, longest_wait_s] {
         const Entry& oldest = entries_.front();
-        const double age_s = 1e-9 * static_cast<double>(entries_.back().set->capture_time_ns - oldest.set->capture_time_ns);
-        const bool awaited = folder_ && oldest.frame && !oldest.has_result && oldest.set->sequence >= awaited_from_;
+        const double age_s =
+            1e-9 * static_cast<double>(entries_.back().set->capture_time_ns - oldest.set->capture_time_ns);
+        const bool awaited =
+            folder_ && oldest.frame && !oldest.has_result && oldest.set->sequence >= awaited_from_;
         if (awaited && age_s < longest_wait_s) return false;
         if (options_.keep_last_s == 0) return true;
         if (age_s > options_.keep_last_s) return true;
@@ -90,7 +94,7 @@ void RecordingWriter::trim() {
         entries_.pop_front();
     }
     if (options_.keep_last_s > 0) return;
-    for (Entry& entry : entries_)   // they wait for their results alone
+    for (Entry& entry : entries_)  // they wait for their results alone
         if (entry.frame && entry.set->bytes() > 0) {
             auto light = std::make_shared<EncodedSet>(*entry.set);
             light->pictures.clear();
@@ -121,9 +125,9 @@ absl::Status RecordingWriter::check_space() {
     std::error_code error;
     const auto space = std::filesystem::space(path_, error);
     if (error || space.available >= options_.least_free_bytes) return absl::OkStatus();
-    return absl::ResourceExhaustedError(fmt::format("{} MB are free on the disk of {}, least_free_mb is {}; make room",
-                                                    space.available >> 20, path_.parent_path().string(),
-                                                    options_.least_free_bytes >> 20));
+    return absl::ResourceExhaustedError(
+        fmt::format("{} MB are free on the disk of {}, least_free_mb is {}; make room", space.available >> 20,
+                    path_.parent_path().string(), options_.least_free_bytes >> 20));
 }
 
 void RecordingWriter::write(Entry& entry) {
@@ -147,7 +151,8 @@ void RecordingWriter::begin(std::unique_ptr<RecordingFolder> folder, std::uint64
 void RecordingWriter::begin_with_held(std::unique_ptr<RecordingFolder> folder, double seconds) {
     std::uint64_t first = next_number_;
     for (const Entry& entry : entries_) {
-        const auto age_ns = static_cast<double>(entries_.back().set->capture_time_ns - entry.set->capture_time_ns);
+        const auto age_ns =
+            static_cast<double>(entries_.back().set->capture_time_ns - entry.set->capture_time_ns);
         if (!entry.set->key || (seconds > 0 && age_ns >= std::round(1e9 * seconds))) continue;
         first = entry.set->number;
         break;
@@ -160,7 +165,7 @@ std::optional<RecordingInfo> RecordingWriter::recording(std::uint64_t dropped_se
     RecordingInfo info = folder_->info();
     if (!info.about.closed) {
         info.about.dropped = dropped_sets;
-        info.about.lost -= std::min(info.about.lost, dropped_sets);   // both are gaps in the sequence
+        info.about.lost -= std::min(info.about.lost, dropped_sets);  // both are gaps in the sequence
     }
     return info;
 }

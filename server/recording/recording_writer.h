@@ -1,5 +1,5 @@
-// The recorder's writing half: holds the newest encoded frame sets, joins them with the pipeline's results and appends
-// both to the recording under way.
+// The recorder's writing half: holds the newest encoded frame sets, joins them with the pipeline's results
+// and appends both to the recording under way.
 #pragma once
 
 #include <absl/status/status.h>
@@ -30,7 +30,8 @@ struct ResultOfSet {
 class RecordingWriter {
   public:
     // `on_failure`: the recording ended by itself, `about` says why.
-    RecordingWriter(const RecorderOptions& options, std::function<void(const RecordingInfo& about)> on_failure);
+    RecordingWriter(const RecorderOptions& options,
+                    std::function<void(const RecordingInfo& about)> on_failure);
 
     // In their order; a set of a new run empties the rolling buffer.
     void take(std::shared_ptr<const EncodedSet> set);
@@ -53,10 +54,11 @@ class RecordingWriter {
     struct Held {
         double seconds = 0;
         std::size_t bytes = 0, sets = 0;
-        bool shortened = false;   // by its bound in bytes
+        bool shortened = false;  // by its bound in bytes
     };
     Held held() const;
-    std::uint64_t dropped = 0;   // of the recording under way, as its owner counts; told when it ends by itself
+    std::uint64_t dropped =
+        0;  // of the recording under way, as its owner counts; told when it ends by itself
 
   private:
     struct Entry {
@@ -64,7 +66,7 @@ class RecordingWriter {
         std::size_t bytes = 0;
         RecordedResult result;
         bool has_result = false;
-        std::optional<std::uint64_t> frame;   // of the recording under way
+        std::optional<std::uint64_t> frame;  // of the recording under way
     };
     void write(Entry& entry);
     void join_results();
@@ -80,11 +82,11 @@ class RecordingWriter {
     std::deque<Entry> entries_;
     std::size_t entries_bytes_ = 0;
     bool shortened_ = false;
-    std::deque<ResultOfSet> results_;             // whose sets are still being encoded
+    std::deque<ResultOfSet> results_;  // whose sets are still being encoded
     std::uint64_t run_ = 0, next_number_ = 0;
-    std::uint64_t awaited_from_ = 0;              // the first sequence whose result is still to come; they come in order
-    std::unique_ptr<RecordingFolder> folder_;     // null: no recording
-    std::filesystem::path path_;                  // of it
+    std::uint64_t awaited_from_ = 0;  // the first sequence whose result is still to come; they come in order
+    std::unique_ptr<RecordingFolder> folder_;  // null: no recording
+    std::filesystem::path path_;               // of it
     std::uint64_t first_number_ = 0;
     std::chrono::steady_clock::time_point space_checked_{};
 };

@@ -1,10 +1,10 @@
 #include "server/recording/silhouette_pass.h"
 
-#include <memory>
-#include <utility>
-
 #include <fmt/format.h>
 #include <oneapi/tbb/task_arena.h>
+
+#include <memory>
+#include <utility>
 
 #include "server/cameras/session_source.h"
 #include "server/pipeline/pipeline.h"
@@ -12,15 +12,15 @@
 namespace kinevox {
 namespace {
 
-absl::Status run(const Session& session, std::int64_t frame_sets, const std::function<absl::Status(const FrameResult&)>& take,
-                 const LongWork& work) {
+absl::Status run(const Session& session, std::int64_t frame_sets,
+                 const std::function<absl::Status(const FrameResult&)>& take, const LongWork& work) {
     const auto source = open_session_source(session);
     if (!source.ok()) return source.status();
     const auto background = background_of_all(**source, session.name);
     if (!background.ok())
-        return absl::FailedPreconditionError(
-            fmt::format("without a background there are no silhouettes: {}", std::string(background.status().message())));
-    PipelineOptions options;   // colours and all: the volume of one frame tells where the next one's person is
+        return absl::FailedPreconditionError(fmt::format("without a background there are no silhouettes: {}",
+                                                         std::string(background.status().message())));
+    PipelineOptions options;  // colours and all: the volume of one frame tells where the next one's person is
     options.pose = false;
     const auto pipeline = Pipeline::create((*source)->cameras(), (*source)->fps(), options);
     if (!pipeline.ok()) return pipeline.status();
@@ -29,8 +29,9 @@ absl::Status run(const Session& session, std::int64_t frame_sets, const std::fun
         if (work.stop) return absl::CancelledError("the export was stopped");
         auto frame_set = (*source)->next();
         if (absl::IsOutOfRange(frame_set.status()))
-            return absl::DataLossError(fmt::format("session \"{}\" has pictures of {} frame sets, and poses of {}; process it anew",
-                                                   session.name, n, frame_sets));
+            return absl::DataLossError(
+                fmt::format("session \"{}\" has pictures of {} frame sets, and poses of {}; process it anew",
+                            session.name, n, frame_sets));
         if (!frame_set.ok()) return frame_set.status();
         const auto result = (*pipeline)->process(*std::move(frame_set));
         if (!result.ok()) return result.status();
@@ -43,7 +44,8 @@ absl::Status run(const Session& session, std::int64_t frame_sets, const std::fun
 }  // namespace
 
 absl::Status find_silhouettes(const Session& session, const SilhouettePassOptions& options,
-                              const std::function<absl::Status(const FrameResult&)>& take, const LongWork& work) {
+                              const std::function<absl::Status(const FrameResult&)>& take,
+                              const LongWork& work) {
     if (!options.one_thread) return run(session, options.frame_sets, take, work);
     oneapi::tbb::task_arena arena(1);
     return arena.execute([&] { return run(session, options.frame_sets, take, work); });

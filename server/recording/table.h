@@ -8,7 +8,7 @@ namespace kinevox {
 
 struct Table {
     std::string_view file_name;
-    std::string text;   // header and rows
+    std::string text;  // header and rows
 };
 
 // Quoted where a comma, a quote or a line break demands it.

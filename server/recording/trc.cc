@@ -1,5 +1,5 @@
-// TRC: markers as text, as OpenSim reads it: tabs, NaN where a marker is missing (its older releases take neighbouring
-// tabs for one), frames from 1.
+// TRC: markers as text, as OpenSim reads it: tabs, NaN where a marker is missing (its older releases take
+// neighbouring tabs for one), frames from 1.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -12,7 +12,9 @@ namespace kinevox {
 
 std::string trc_file(const Trial& trial, const std::string& file_name) {
     std::string text = fmt::format("PathFileType\t4\t(X/Y/Z)\t{}\n", one_line(file_name));
-    text += "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n";
+    text +=
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames"
+        "\n";
     const auto put = [&text]<class... T>(fmt::format_string<T...> format, T&&... values) {
         fmt::format_to(std::back_inserter(text), format, std::forward<T>(values)...);
     };

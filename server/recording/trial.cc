@@ -61,12 +61,14 @@ absl::Status take_frames(const CsvTable& table, Trial& trial) {
     return absl::OkStatus();
 }
 
-// Frames and rate with so long between two of them; whether each row lies within `tolerance` of a frame of its own.
+// Frames and rate with so long between two of them; whether each row lies within `tolerance` of a frame of
+// its own.
 bool take_step(double step_s, double tolerance, Trial& trial) {
     const double start_s = trial.time_s.front();
     for (std::size_t n = 1; n < trial.size(); ++n)
-        trial.frames[n] = trial.frames[n - 1] +
-                          std::max<std::int64_t>(1, std::llround((trial.time_s[n] - trial.time_s[n - 1]) / step_s));
+        trial.frames[n] =
+            trial.frames[n - 1] +
+            std::max<std::int64_t>(1, std::llround((trial.time_s[n] - trial.time_s[n - 1]) / step_s));
     const double rate_hz =
         static_cast<double>(trial.frames.back() - trial.frames.front()) / (trial.time_s.back() - start_s);
     trial.rate_hz = std::max(std::round(1000 * rate_hz) / 1000, 0.001);
@@ -77,12 +79,14 @@ bool take_step(double step_s, double tolerance, Trial& trial) {
     return true;
 }
 
-// Frames by the nearest of an even row that has so long between two of them; whether each has one within a frame.
+// Frames by the nearest of an even row that has so long between two of them; whether each has one within a
+// frame.
 bool take_nearest(double step_s, Trial& trial) {
     double most_beside_frames = 0;
     for (std::size_t n = 1; n < trial.size(); ++n) {
         const double frames = (trial.time_s[n] - trial.time_s.front()) / step_s;
-        trial.frames[n] = std::max<std::int64_t>(trial.frames[n - 1] + 1, trial.frames.front() + std::llround(frames));
+        trial.frames[n] =
+            std::max<std::int64_t>(trial.frames[n - 1] + 1, trial.frames.front() + std::llround(frames));
         const double beside = std::abs(static_cast<double>(trial.frames[n] - trial.frames.front()) - frames);
         if (beside > 1) return false;
         most_beside_frames = std::max(most_beside_frames, beside);
@@ -99,10 +103,11 @@ double shortest_step_s(std::vector<double>& steps_s) {
     return steps_s[static_cast<std::size_t>(end - steps_s.begin()) / 2];
 }
 
-// Times are written to the microsecond. Where frame sets were lost times lie several frames apart; trial.frames counts those
-// too. Half of the steps or more may: then the median is not one frame but a few. A source that lagged may begin its beat
-// anew, at any time between two frames: then no even row holds, and the nearest frame is as good as it gets. The session's
-// rate is not believed before the times are: a camera may keep another.
+// Times are written to the microsecond. Where frame sets were lost times lie several frames apart;
+// trial.frames counts those too. Half of the steps or more may: then the median is not one frame but a few. A
+// source that lagged may begin its beat anew, at any time between two frames: then no even row holds, and the
+// nearest frame is as good as it gets. The session's rate is not believed before the times are: a camera may
+// keep another.
 bool take_steps(std::vector<double> steps_s, double fps, Trial& trial) {
     constexpr int kMostFramesInMedian = 6;
     const auto middle = steps_s.begin() + static_cast<std::ptrdiff_t>(steps_s.size() / 2);
@@ -116,24 +121,28 @@ bool take_steps(std::vector<double> steps_s, double fps, Trial& trial) {
     return take_nearest(shortest_step_s(steps_s), trial);
 }
 
-// The rate, to a thousandth of a hertz, and the frames that its times are. `fps`: the session's, 0 if it is not known.
+// The rate, to a thousandth of a hertz, and the frames that its times are. `fps`: the session's, 0 if it is
+// not known.
 absl::Status take_rate(const CsvTable& table, double fps, Trial& trial) {
     constexpr double kLongestGap_s = 3600;
     // Each takes half a kilobyte. A million are over four hours of 60 a second.
-    const std::int64_t most_frames = std::max<std::int64_t>(1'000'000, 4 * static_cast<std::int64_t>(trial.size()));
+    const std::int64_t most_frames =
+        std::max<std::int64_t>(1'000'000, 4 * static_cast<std::int64_t>(trial.size()));
     std::vector<double> steps_s;
     for (std::size_t n = 1; n < trial.size(); ++n) {
         const double step_s = trial.time_s[n] - trial.time_s[n - 1];
         if (!(step_s > 1e-6 && step_s < kLongestGap_s))
-            return wrong(table, n, fmt::format("time_s is {:.4f} after {:.4f}", trial.time_s[n], trial.time_s[n - 1]));
+            return wrong(table, n,
+                         fmt::format("time_s is {:.4f} after {:.4f}", trial.time_s[n], trial.time_s[n - 1]));
         steps_s.push_back(step_s);
     }
     if (!take_steps(std::move(steps_s), fps, trial))
         return wrong(table, trial.size() - 1, "the times before are no frames of any even rate");
     const std::int64_t frames = trial.frames.back() - trial.frames.front() + 1;
     if (frames > most_frames)
-        return wrong(table, trial.size() - 1,
-                     fmt::format("{} frames with those that were lost, expected {} at most", frames, most_frames));
+        return wrong(
+            table, trial.size() - 1,
+            fmt::format("{} frames with those that were lost, expected {} at most", frames, most_frames));
     return absl::OkStatus();
 }
 
@@ -146,7 +155,8 @@ void fill_gaps(Trial& trial) {
     const auto spread = [&](auto& values, const auto& missing) {
         if (values.empty()) return;
         std::decay_t<decltype(values)> spaced(size, missing);
-        for (std::size_t n = 0; n < values.size(); ++n) spaced[static_cast<std::size_t>(trial.frames[n] - first)] = values[n];
+        for (std::size_t n = 0; n < values.size(); ++n)
+            spaced[static_cast<std::size_t>(trial.frames[n] - first)] = values[n];
         values = std::move(spaced);
     };
     std::array<Vec3, kJointNames.size()> no_joints;
@@ -181,22 +191,25 @@ absl::Status take_joints(const CsvTable& table, Trial& trial) {
             trial.joints[n][j] = {p[0], p[1], p[2]};
         }
     if (!any)
-        return absl::InvalidArgumentError(
-            fmt::format("{}: no joint of any frame was measured; withheld.csv beside it says why", table.file));
+        return absl::InvalidArgumentError(fmt::format(
+            "{}: no joint of any frame was measured; withheld.csv beside it says why", table.file));
     return absl::OkStatus();
 }
 
 // A table beside joints.csv, with the same frames.
-absl::StatusOr<CsvTable> read_beside(const fs::path& file, std::span<const std::string> columns, const Trial& trial) {
+absl::StatusOr<CsvTable> read_beside(const fs::path& file, std::span<const std::string> columns,
+                                     const Trial& trial) {
     auto table = read_csv_table(file, columns);
     if (!table.ok()) return table;
     for (std::size_t n = 0; n < std::min(table->rows(), trial.size()); ++n)
         if (table->at(n, 0) != static_cast<double>(trial.pictures[n]))
-            return wrong(*table, n,
-                         fmt::format("frame {} stands where joints.csv has {}", table->at(n, 0), trial.pictures[n]));
+            return wrong(
+                *table, n,
+                fmt::format("frame {} stands where joints.csv has {}", table->at(n, 0), trial.pictures[n]));
     if (table->rows() != trial.size())
-        return absl::InvalidArgumentError(fmt::format("{}: {} frames, but joints.csv has {}; both must be of one run",
-                                                      table->file, table->rows(), trial.size()));
+        return absl::InvalidArgumentError(
+            fmt::format("{}: {} frames, but joints.csv has {}; both must be of one run", table->file,
+                        table->rows(), trial.size()));
     return table;
 }
 
@@ -259,12 +272,12 @@ absl::Status needs_coordinates_and_body(const Trial& trial, std::string_view for
 
 absl::StatusOr<Trial> part_of_trial(const Trial& trial, std::int64_t first_frame, std::int64_t last_frame) {
     const std::int64_t begin = std::max<std::int64_t>(first_frame - trial.frames.front(), 0);
-    const std::int64_t end =
-        std::min<std::int64_t>(last_frame - trial.frames.front() + 1, static_cast<std::int64_t>(trial.size()));
+    const std::int64_t end = std::min<std::int64_t>(last_frame - trial.frames.front() + 1,
+                                                    static_cast<std::int64_t>(trial.size()));
     if (end - begin < 2)
         return absl::OutOfRangeError(fmt::format("{}: frames {} to {} are not two of {} to {}; give others",
-                                                 trial.folder.string(), first_frame, last_frame, trial.frames.front(),
-                                                 trial.frames.back()));
+                                                 trial.folder.string(), first_frame, last_frame,
+                                                 trial.frames.front(), trial.frames.back()));
     const auto cut = [&](auto& values) {
         if (values.empty()) return;
         values.erase(values.begin() + end, values.end());

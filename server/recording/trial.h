@@ -23,12 +23,12 @@ struct Trial {
     std::string name;  // of the folder
     std::filesystem::path folder;
     double rate_hz = 0;
-    // Counted at the rate, without gaps; those of the session where it lost no frame set, else what was lost is counted
-    // too and has no values.
+    // Counted at the rate, without gaps; those of the session where it lost no frame set, else what was lost
+    // is counted too and has no values.
     std::vector<std::int64_t> frames;
-    std::vector<std::int64_t> pictures;                        // the session's frame; -1: it was lost
-    std::vector<double> time_s;                                // even, within half a frame
-    double most_beside_s = 0;   // how far it lay beside, where the source's beat was not even
+    std::vector<std::int64_t> pictures;  // the session's frame; -1: it was lost
+    std::vector<double> time_s;          // even, within half a frame
+    double most_beside_s = 0;            // how far it lay beside, where the source's beat was not even
     std::vector<std::array<Vec3, kJointNames.size()>> joints;  // in the order of kJointNames
     // Empty where the folder has no such file.
     std::vector<std::array<double, kJointAngleNames.size()>> angles_rad;  // in the order of kJointAngleNames
@@ -38,10 +38,11 @@ struct Trial {
     std::size_t size() const { return frames.size(); }
 };
 
-// Reads joints.csv, which must be there, and angles.csv, coordinates.csv and body.toml where they are. Strict: other
-// columns, other frames than joints.csv, a cell that is no number: one line with file and line. A trial of fewer than
-// two frames, or in which no joint of any frame was measured, is an error too. `fps`: the session's rate, 0 if not known; it
-// is asked for only where the times of a source that lagged do not tell.
+// Reads joints.csv, which must be there, and angles.csv, coordinates.csv and body.toml where they are.
+// Strict: other columns, other frames than joints.csv, a cell that is no number: one line with file and line.
+// A trial of fewer than two frames, or in which no joint of any frame was measured, is an error too. `fps`:
+// the session's rate, 0 if not known; it is asked for only where the times of a source that lagged do not
+// tell.
 absl::StatusOr<Trial> read_trial(const std::filesystem::path& folder, double fps = 0);
 
 // FailedPrecondition names the file that is missing and the format that is made of it.

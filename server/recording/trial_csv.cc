@@ -17,7 +17,8 @@ std::string csv_file(const Trial& trial) {
     if (!trial.angles_rad.empty())
         for (const std::string_view angle : kJointAngleNames) put(",{}_deg", angle);
     if (!trial.coordinates.empty())
-        for (int d = 0; d < kBodyDofCount; ++d) put(",{}_{}", kBodyDofs[d].name, d < kDofRootRotation ? "m" : "deg");
+        for (int d = 0; d < kBodyDofCount; ++d)
+            put(",{}_{}", kBodyDofs[d].name, d < kDofRootRotation ? "m" : "deg");
     const auto put_value = [&](double value, int digits) {
         text += ',';
         if (!std::isnan(value)) put("{:.{}f}", value, digits);

@@ -1,11 +1,11 @@
 #include "server/recording/video_file.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <optional>
 #include <string>
 #include <utility>
-
-#include <fmt/format.h>
 
 #include "common/recording_files.h"
 #include "server/cameras/libav.h"
@@ -39,13 +39,13 @@ class EbmlReader {
 };
 
 struct Payload {
-    std::size_t offset = 0, bytes = 0;   // in the cluster
+    std::size_t offset = 0, bytes = 0;  // in the cluster
 };
 
 // Where the picture lies in a cluster that holds one simple block, last.
 std::optional<Payload> payload_of(std::string_view cluster) {
     constexpr std::uint64_t kCluster = 0x1F43B675, kSimpleBlock = 0xA3;
-    constexpr std::size_t kBlockHeader = 3;   // behind the track's number: time and flags
+    constexpr std::size_t kBlockHeader = 3;  // behind the track's number: time and flags
     EbmlReader reader(cluster);
     const auto id = reader.number(true), size = reader.number(false);
     if (id != kCluster || !size) return std::nullopt;
@@ -87,7 +87,8 @@ class MatroskaFile final : public VideoFile {
 
   private:
     static int write(void* self, std::uint8_t* bytes, int count) {
-        return static_cast<MatroskaFile*>(self)->gather({reinterpret_cast<const char*>(bytes), static_cast<std::size_t>(count)});
+        return static_cast<MatroskaFile*>(self)->gather(
+            {reinterpret_cast<const char*>(bytes), static_cast<std::size_t>(count)});
     }
     static std::int64_t seek(void* self, std::int64_t offset, int whence) {
         return static_cast<MatroskaFile*>(self)->go_to(offset, whence);
@@ -97,8 +98,8 @@ class MatroskaFile final : public VideoFile {
     absl::Status flush();
     absl::Status failed(int error) const {
         if (!write_status_.ok()) return write_status_;
-        return absl::UnavailableError(fmt::format("{}: the video cannot be written: {}", video_.path().string(),
-                                                  libav::reason(error)));
+        return absl::UnavailableError(
+            fmt::format("{}: the video cannot be written: {}", video_.path().string(), libav::reason(error)));
     }
 
     AppendFile video_, index_;
@@ -106,7 +107,8 @@ class MatroskaFile final : public VideoFile {
     libav::Owned<AVFormatContext> container_;
     AVStream* stream_ = nullptr;
     libav::Owned<AVPacket> packet_;
-    // What FFmpeg has written since the last flush(), to go to the file at once: a cluster is there or it is not.
+    // What FFmpeg has written since the last flush(), to go to the file at once: a cluster is there or it is
+    // not.
     std::string gathered_;
     std::uint64_t gathered_at_ = 0, position_ = 0;
     absl::Status write_status_;
@@ -115,7 +117,7 @@ class MatroskaFile final : public VideoFile {
 };
 
 int MatroskaFile::gather(std::string_view bytes) {
-    if (position_ != gathered_at_ + gathered_.size()) {   // it went back to fill something in
+    if (position_ != gathered_at_ + gathered_.size()) {  // it went back to fill something in
         write_status_.Update(flush());
         gathered_at_ = position_;
     }
@@ -135,7 +137,7 @@ std::int64_t MatroskaFile::go_to(std::int64_t offset, int whence) {
 }
 
 absl::Status MatroskaFile::flush() {
-    absl::Status written = gathered_.empty()                    ? absl::OkStatus()
+    absl::Status written = gathered_.empty()               ? absl::OkStatus()
                            : gathered_at_ == video_.size() ? video_.append(gathered_)
                                                            : video_.write_at(gathered_at_, gathered_);
     gathered_at_ += gathered_.size();
@@ -153,10 +155,11 @@ absl::Status MatroskaFile::open(const std::filesystem::path& video, const VideoF
     if (absl::Status begun = index_.append(kVideoIndexHeader); !begun.ok()) return begun;
 
     constexpr int kBufferBytes = 1 << 16;
-    io_ = avio_alloc_context(static_cast<unsigned char*>(av_malloc(kBufferBytes)), kBufferBytes, 1, this, nullptr, &write,
-                             &seek);
+    io_ = avio_alloc_context(static_cast<unsigned char*>(av_malloc(kBufferBytes)), kBufferBytes, 1, this,
+                             nullptr, &write, &seek);
     AVFormatContext* container = nullptr;
-    if (int e = avformat_alloc_output_context2(&container, nullptr, "matroska", nullptr); e < 0) return failed(e);
+    if (int e = avformat_alloc_output_context2(&container, nullptr, "matroska", nullptr); e < 0)
+        return failed(e);
     container_.reset(container);
     container_->pb = io_;
     container_->flags |= AVFMT_FLAG_CUSTOM_IO | AVFMT_FLAG_BITEXACT;
@@ -183,7 +186,8 @@ absl::Status MatroskaFile::open(const std::filesystem::path& video, const VideoF
             parameters.format = AV_PIX_FMT_YUV420P;
             break;
     }
-    parameters.extradata = static_cast<std::uint8_t*>(av_mallocz(format.extra_data.size() + AV_INPUT_BUFFER_PADDING_SIZE));
+    parameters.extradata =
+        static_cast<std::uint8_t*>(av_mallocz(format.extra_data.size() + AV_INPUT_BUFFER_PADDING_SIZE));
     std::copy(format.extra_data.begin(), format.extra_data.end(), parameters.extradata);
     parameters.extradata_size = static_cast<int>(format.extra_data.size());
     if (int e = avformat_write_header(container_.get(), nullptr); e < 0) return failed(e);
@@ -194,7 +198,8 @@ absl::Status MatroskaFile::open(const std::filesystem::path& video, const VideoF
 
 absl::Status MatroskaFile::append(const EncodedPicture& picture, std::int64_t time_ns) {
     const std::uint64_t cluster = video_.size();
-    packet_->data = reinterpret_cast<std::uint8_t*>(const_cast<char*>(picture.bytes.data()));   // FFmpeg only reads it
+    packet_->data =
+        reinterpret_cast<std::uint8_t*>(const_cast<char*>(picture.bytes.data()));  // FFmpeg only reads it
     packet_->size = static_cast<int>(picture.bytes.size());
     packet_->stream_index = 0;
     packet_->flags = picture.key ? AV_PKT_FLAG_KEY : 0;
@@ -204,7 +209,7 @@ absl::Status MatroskaFile::append(const EncodedPicture& picture, std::int64_t ti
     int e = av_write_frame(container_.get(), packet_.get());
     packet_->data = nullptr;
     packet_->size = 0;
-    if (e >= 0) e = av_write_frame(container_.get(), nullptr);   // ends the cluster
+    if (e >= 0) e = av_write_frame(container_.get(), nullptr);  // ends the cluster
     avio_flush(io_);
     const std::optional<Payload> payload = payload_of(gathered_);
     if (e < 0 || !write_status_.ok() || !payload || gathered_at_ != cluster) {
@@ -217,7 +222,8 @@ absl::Status MatroskaFile::append(const EncodedPicture& picture, std::int64_t ti
     entry.cluster_offset = cluster;
     entry.time_ns = time_ns;
     entry.payload_bytes = static_cast<std::uint32_t>(payload->bytes);
-    entry.flags = (picture.key ? VideoIndexEntry::kKey : 0) | (picture.missing ? VideoIndexEntry::kMissing : 0);
+    entry.flags =
+        (picture.key ? VideoIndexEntry::kKey : 0) | (picture.missing ? VideoIndexEntry::kMissing : 0);
     if (absl::Status indexed = index_.append(video_index_bytes(entry)); !indexed.ok()) {
         video_.truncate(cluster).IgnoreError();
         return write_status_ = indexed;
@@ -228,9 +234,11 @@ absl::Status MatroskaFile::append(const EncodedPicture& picture, std::int64_t ti
 }
 
 absl::Status MatroskaFile::take_back() {
-    if (absl::Status shorter = index_.truncate(index_.size() - kVideoIndexEntryBytes); !shorter.ok()) return shorter;
+    if (absl::Status shorter = index_.truncate(index_.size() - kVideoIndexEntryBytes); !shorter.ok())
+        return shorter;
     --frames_;
-    write_status_ = absl::CancelledError(fmt::format("{}: was cut", video_.path().string()));   // FFmpeg knows nothing of it
+    write_status_ = absl::CancelledError(
+        fmt::format("{}: was cut", video_.path().string()));  // FFmpeg knows nothing of it
     return video_.truncate(before_last_);
 }
 
@@ -250,7 +258,8 @@ absl::Status MatroskaFile::close() {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<VideoFile>> VideoFile::create(const std::filesystem::path& video, const VideoFormat& format) {
+absl::StatusOr<std::unique_ptr<VideoFile>> VideoFile::create(const std::filesystem::path& video,
+                                                             const VideoFormat& format) {
     auto file = std::make_unique<MatroskaFile>();
     if (absl::Status opened = file->open(video, format); !opened.ok()) return opened;
     return file;

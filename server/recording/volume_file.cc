@@ -1,12 +1,12 @@
 #include "server/recording/volume_file.h"
 
+#include <fmt/format.h>
+
 #include <cstring>
 #include <fstream>
 #include <span>
 #include <system_error>
 #include <utility>
-
-#include <fmt/format.h>
 
 #include "common/little_endian.h"
 #include "common/volume_codec.h"
@@ -15,7 +15,7 @@ namespace kinevox {
 namespace {
 
 constexpr std::string_view kHeader{"KVXVOLS\1", 8};
-constexpr std::size_t kEntryHeader = 12;   // frame: 8 bytes, length: 4 bytes, little endian
+constexpr std::size_t kEntryHeader = 12;  // frame: 8 bytes, length: 4 bytes, little endian
 
 }  // namespace
 
@@ -38,7 +38,9 @@ absl::Status VolumeFile::append(std::uint64_t frame, std::string_view encoded) {
 
 absl::StatusOr<VolumeFileReader> VolumeFileReader::open(const std::filesystem::path& file) {
     std::ifstream in(file, std::ios::binary);
-    if (!in) return absl::NotFoundError(fmt::format("{}: there are no volumes; record with volumes = true", file.string()));
+    if (!in)
+        return absl::NotFoundError(
+            fmt::format("{}: there are no volumes; record with volumes = true", file.string()));
     std::error_code error;
     const std::uintmax_t size = std::filesystem::file_size(file, error);
     char header[kHeader.size()];
@@ -63,8 +65,10 @@ absl::StatusOr<VolumeFileReader> VolumeFileReader::open(const std::filesystem::p
 absl::StatusOr<Volume> VolumeFileReader::read(const Entry& entry) const {
     std::ifstream in(file_, std::ios::binary);
     std::vector<std::uint8_t> bytes(entry.bytes);
-    if (!in.seekg(static_cast<std::streamoff>(entry.offset)).read(reinterpret_cast<char*>(bytes.data()), entry.bytes))
-        return absl::DataLossError(fmt::format("{}: the volume of frame {} cannot be read", file_.string(), entry.frame));
+    if (!in.seekg(static_cast<std::streamoff>(entry.offset))
+             .read(reinterpret_cast<char*>(bytes.data()), entry.bytes))
+        return absl::DataLossError(
+            fmt::format("{}: the volume of frame {} cannot be read", file_.string(), entry.frame));
     auto volume = decode_volume(bytes);
     if (!volume.ok())
         return absl::DataLossError(fmt::format("{}: the volume of frame {}: {}", file_.string(), entry.frame,

@@ -15,20 +15,22 @@ constexpr double kPixels = 640;  // along the longer side, that scatter and miss
 
 absl::Status check_seen(const std::vector<CameraMotion>& cameras, double fps) {
     for (const CameraMotion& camera : cameras) {
-        const auto seen = std::ranges::count_if(camera.shapes, [](const SeenShape& shape) { return shape.seen; });
+        const auto seen =
+            std::ranges::count_if(camera.shapes, [](const SeenShape& shape) { return shape.seen; });
         if (static_cast<double>(seen) >= kFewestSeconds * fps) continue;
-        return absl::FailedPreconditionError(
-            fmt::format("camera {}: somebody is seen in {} of its {} pictures only; {:g} s are needed. Is its "
-                        "background that of this place, "
-                        "and does the person walk through its view?",
-                        camera.camera.name, seen, camera.shapes.size(), kFewestSeconds));
+        return absl::FailedPreconditionError(fmt::format(
+            "camera {}: somebody is seen in {} of its {} pictures only; {:g} s are needed. Is its "
+            "background that of this place, "
+            "and does the person walk through its view?",
+            camera.camera.name, seen, camera.shapes.size(), kFewestSeconds));
     }
     return absl::OkStatus();
 }
 
 }  // namespace
 
-absl::StatusOr<Alignment> align(const std::vector<CameraMotion>& cameras, double fps, const AlignOptions& options) {
+absl::StatusOr<Alignment> align(const std::vector<CameraMotion>& cameras, double fps,
+                                const AlignOptions& options) {
     if (cameras.size() < 2)
         return absl::FailedPreconditionError("the session has one camera; there is nothing to align it with");
     if (absl::Status seen = check_seen(cameras, fps); !seen.ok()) return seen;
@@ -56,8 +58,9 @@ absl::StatusOr<Alignment> align(const std::vector<CameraMotion>& cameras, double
         // Why it cannot be told is worth more than that it cannot.
         for (std::size_t c = 0; c < cameras.size(); ++c)
             if (out.movements[c].hardly_moves < kHardlyMoves)
-                return absl::FailedPreconditionError(fmt::format("{} (camera {}: who stands there hardly moves)",
-                                                                 std::string(solution.status().message()), names[c]));
+                return absl::FailedPreconditionError(
+                    fmt::format("{} (camera {}: who stands there hardly moves)",
+                                std::string(solution.status().message()), names[c]));
         return solution.status();
     }
     out.solution = *std::move(solution);

@@ -25,6 +25,7 @@ struct Alignment {
 };
 
 // FailedPrecondition as solve_offsets(), and where a camera never sees anybody.
-absl::StatusOr<Alignment> align(const std::vector<CameraMotion>& cameras, double fps, const AlignOptions& options);
+absl::StatusOr<Alignment> align(const std::vector<CameraMotion>& cameras, double fps,
+                                const AlignOptions& options);
 
 }  // namespace kinevox::sync

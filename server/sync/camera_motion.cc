@@ -24,12 +24,14 @@ cv::Mat smaller(const Picture& picture, int factor) {
     if (factor == 1) return full;
     const cv::Size size(picture.width / factor, picture.height / factor);
     cv::Mat small;  // exactly that factor: what remains of an edge is left out
-    cv::resize(full(cv::Rect(0, 0, size.width * factor, size.height * factor)), small, size, 0, 0, cv::INTER_AREA);
+    cv::resize(full(cv::Rect(0, 0, size.width * factor, size.height * factor)), small, size, 0, 0,
+               cv::INTER_AREA);
     return small;
 }
 
 kernels::PictureView view_of(const cv::Mat& picture) {
-    return {picture.data, picture.cols, picture.rows, picture.channels(), static_cast<std::ptrdiff_t>(picture.step)};
+    return {picture.data, picture.cols, picture.rows, picture.channels(),
+            static_cast<std::ptrdiff_t>(picture.step)};
 }
 
 // `factor`: of the full picture's pixels make one of the mask's.
@@ -57,8 +59,9 @@ SeenShape shape_of(const cv::Mat& mask, int factor) {
         bottom = y;
         sum += count, sum_x += moment, sum_y += count * y;
         const auto l = static_cast<float>(left), r = static_cast<float>(right), at = static_cast<float>(y);
-        for (const cv::Point2f p : {cv::Point2f(l - 0.5f, at), cv::Point2f(r + 0.5f, at), cv::Point2f(l, at - 0.5f),
-                                    cv::Point2f(r, at - 0.5f), cv::Point2f(l, at + 0.5f), cv::Point2f(r, at + 0.5f)})
+        for (const cv::Point2f p :
+             {cv::Point2f(l - 0.5f, at), cv::Point2f(r + 0.5f, at), cv::Point2f(l, at - 0.5f),
+              cv::Point2f(r, at - 0.5f), cv::Point2f(l, at + 0.5f), cv::Point2f(r, at + 0.5f)})
             ends.push_back(p);
         out.cut_aside = out.cut_aside || left == 0 || right == mask.cols - 1;
     }
@@ -111,8 +114,8 @@ absl::Status read_camera(PictureReader& reader, const std::vector<Picture>& back
         views.push_back(view_of(empty_scene.emplace_back(smaller(picture, factor))));
     kernels::SegmentationOptions options;
     options.absorb_frames = 100'000'000;  // who stands still for long is still there
-    const auto segmenter =
-        kernels::make_segmenter(kernels::Device::kCpu, views[0].width, views[0].height, views[0].channels, options);
+    const auto segmenter = kernels::make_segmenter(kernels::Device::kCpu, views[0].width, views[0].height,
+                                                   views[0].channels, options);
     segmenter->learn(views);
     kernels::Silhouettes silhouettes;
     cv::Mat before;
@@ -144,7 +147,8 @@ absl::Status read_camera(PictureReader& reader, const std::vector<Picture>& back
 
 }  // namespace
 
-absl::StatusOr<std::vector<CameraMotion>> read_motion(const Session& session, const CameraMotionOptions& options,
+absl::StatusOr<std::vector<CameraMotion>> read_motion(const Session& session,
+                                                      const CameraMotionOptions& options,
                                                       const Progress& progress) {
     const auto cameras = read_session_cameras(session);
     if (!cameras.ok()) return cameras.status();
@@ -168,7 +172,8 @@ absl::StatusOr<std::vector<CameraMotion>> read_motion(const Session& session, co
             const int longest = std::max((*cameras)[c].width, (*cameras)[c].height);
             int factor = 1;
             while (options.longest_side_px > 0 && longest / factor > options.longest_side_px) ++factor;
-            if (absl::Status read = read_camera(*readers[c], (*background)[c], factor, together, out[c]); !read.ok())
+            if (absl::Status read = read_camera(*readers[c], (*background)[c], factor, together, out[c]);
+                !read.ok())
                 together.fail(read);
         },
         oneapi::tbb::simple_partitioner());

@@ -39,7 +39,8 @@ using Progress = std::function<bool(double part, const std::string& what)>;
 
 // All videos from their first to their last picture, whatever their lengths; offsets in the session count for
 // nothing. Every camera needs a background. Errors name camera and file; Cancelled by `progress`.
-absl::StatusOr<std::vector<CameraMotion>> read_motion(const Session& session, const CameraMotionOptions& options = {},
+absl::StatusOr<std::vector<CameraMotion>> read_motion(const Session& session,
+                                                      const CameraMotionOptions& options = {},
                                                       const Progress& progress = {});
 
 }  // namespace kinevox::sync

@@ -12,7 +12,7 @@ namespace kinevox::sync {
 namespace {
 
 constexpr double kFirstScatter_px = 2, kLeastScatter_px = 0.5, kMostScatter_px = 6;  // times pixel_px
-constexpr double kBias_px = 0.7;             // standard deviation of what calibrations are wrong by, times pixel_px
+constexpr double kBias_px = 0.7;  // standard deviation of what calibrations are wrong by, times pixel_px
 constexpr std::size_t kMostForChance = 400;  // samples of a signal
 constexpr std::size_t kFewestValues = 10;    // of a signal that says anything
 constexpr double kFewestIndependent = 4;     // stretches, for a correlation
@@ -31,7 +31,8 @@ std::vector<double> values_of(const Signal& signal) {
         if (!std::isnan(v)) values.push_back(v);
     if (values.size() <= kMostForChance) return values;
     std::vector<double> some;
-    for (std::size_t i = 0; i < kMostForChance; ++i) some.push_back(values[i * values.size() / kMostForChance]);
+    for (std::size_t i = 0; i < kMostForChance; ++i)
+        some.push_back(values[i * values.size() / kMostForChance]);
     return some;
 }
 
@@ -44,7 +45,8 @@ double median_of(std::vector<double>& values) {
 // The signal at a place between two pictures; NaN where either is missing.
 double value_at(const Signal& signal, double place) {
     const double whole = std::floor(place), part = place - whole;
-    if (whole < 0 || whole > static_cast<double>(signal.size() - 1)) return std::numeric_limits<double>::quiet_NaN();
+    if (whole < 0 || whole > static_cast<double>(signal.size() - 1))
+        return std::numeric_limits<double>::quiet_NaN();
     const auto i = static_cast<std::size_t>(whole);
     if (part < 1e-9) return signal[i];
     return i + 1 < signal.size() ? signal[i] + part * (signal[i + 1] - signal[i])
@@ -61,7 +63,8 @@ PairEvidence::PairEvidence(PairSignals signals, const EvidenceOptions& options)
         return values_of(pair[0]).size() < kFewestValues || values_of(pair[1]).size() < kFewestValues;
     });
     scatter_px_.assign(signals_.equal_px.size(), kFirstScatter_px * options_.pixel_px);
-    const auto mask = [](const std::vector<std::array<Signal, 2>>& from, std::vector<std::array<Masked, 2>>& to) {
+    const auto mask = [](const std::vector<std::array<Signal, 2>>& from,
+                         std::vector<std::array<Masked, 2>>& to) {
         to.resize(from.size());
         for (std::size_t k = 0; k < from.size(); ++k)
             for (const int side : {0, 1})
@@ -78,7 +81,8 @@ PairEvidence::PairEvidence(PairSignals signals, const EvidenceOptions& options)
 void PairEvidence::measure_chance() {
     chance_.clear();
     for (std::size_t k = 0; k < signals_.equal_px.size(); ++k) {
-        const std::vector<double> x = values_of(signals_.equal_px[k][0]), y = values_of(signals_.equal_px[k][1]);
+        const std::vector<double> x = values_of(signals_.equal_px[k][0]),
+                                  y = values_of(signals_.equal_px[k][1]);
         double sum = 0;
         for (const double a : x)
             for (const double b : y) sum += log_likelihood(a - b, scatter_px_[k]);
@@ -90,9 +94,11 @@ double PairEvidence::alike_evidence(double n, double x, double y, double xx, dou
     if (n < kFewestIndependent * independent_) return 0;
     const double both = (xx - x * x / n) * (yy - y * y / n);
     if (!(both > 0)) return 0;
-    const double correlation = std::clamp((xy - x * y / n) / std::sqrt(both), -kMostCorrelation, kMostCorrelation);
+    const double correlation =
+        std::clamp((xy - x * y / n) / std::sqrt(both), -kMostCorrelation, kMostCorrelation);
     const double sign = correlation < 0 ? -1 : 1;
-    return options_.alike_weight * sign * -0.5 * (n / independent_ - 1) * std::log1p(-correlation * correlation);
+    return options_.alike_weight * sign * -0.5 * (n / independent_ - 1) *
+           std::log1p(-correlation * correlation);
 }
 
 PairEvidence::Entry PairEvidence::whole(int lag) const {
@@ -100,7 +106,8 @@ PairEvidence::Entry PairEvidence::whole(int lag) const {
     // Pictures of the first camera from .. to - 1 have one of the second.
     const auto range = [lag](const std::array<Masked, 2>& pair) {
         const int from = std::max(0, lag);
-        const int to = std::min(static_cast<int>(pair[0].value.size()), static_cast<int>(pair[1].value.size()) + lag);
+        const int to =
+            std::min(static_cast<int>(pair[0].value.size()), static_cast<int>(pair[1].value.size()) + lag);
         return std::pair{from, to};
     };
     for (std::size_t k = 0; k < equal_.size(); ++k) {
@@ -149,14 +156,16 @@ void PairEvidence::tabulate(int lowest, int highest) {
     lowest_ = std::max(lowest, 1 - longest[1]);
     const int last = std::min(highest, longest[0] - 1);
     table_.assign(std::max(0, last - lowest_ + 1), {});
-    oneapi::tbb::parallel_for(0, static_cast<int>(table_.size()), [this](int i) { table_[i] = whole(lowest_ + i); });
+    oneapi::tbb::parallel_for(0, static_cast<int>(table_.size()),
+                              [this](int i) { table_[i] = whole(lowest_ + i); });
 }
 
 std::vector<double> PairEvidence::distances_px(std::size_t signal, double lag) const {
     std::vector<double> out;
     const auto& [x, y] = signals_.equal_px[signal];
     for (std::size_t i = 0; i < x.size(); ++i)
-        if (const double d = x[i] - value_at(y, static_cast<double>(i) - lag); !std::isnan(d)) out.push_back(d);
+        if (const double d = x[i] - value_at(y, static_cast<double>(i) - lag); !std::isnan(d))
+            out.push_back(d);
     return out;
 }
 
@@ -169,7 +178,8 @@ double PairEvidence::between(double lag) const {
         // What the median leaves of a bias that is expected to be small.
         const double prior = kBias_px * options_.pixel_px, scatter = scatter_px_[k];
         std::vector<double> sorted = distances;
-        const double bias = median_of(sorted) * prior * prior / (prior * prior + 2 * scatter * scatter / stretches);
+        const double bias =
+            median_of(sorted) * prior * prior / (prior * prior + 2 * scatter * scatter / stretches);
         double sum = 0;
         for (const double d : distances) sum += log_likelihood(d - bias, scatter) - chance_[k];
         evidence += sum / independent_ - 0.5 * bias * bias / (prior * prior);

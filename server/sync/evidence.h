@@ -18,10 +18,10 @@ struct EvidenceOptions {
     double alike_weight = 0.5;
 };
 
-// Logarithms of likelihood ratios (nats): the signals belong together at this lag, against: their instants have
-// nothing to do with each other. More overlap, more evidence; signals that stay as they are give none. A lag is the
-// second camera's offset less the first one's, in frames: the first one's picture n and the second one's n - lag show
-// the same instant.
+// Logarithms of likelihood ratios (nats): the signals belong together at this lag, against: their instants
+// have nothing to do with each other. More overlap, more evidence; signals that stay as they are give none. A
+// lag is the second camera's offset less the first one's, in frames: the first one's picture n and the second
+// one's n - lag show the same instant.
 class PairEvidence {
   public:
     PairEvidence(PairSignals signals, const EvidenceOptions& options);
@@ -39,8 +39,8 @@ class PairEvidence {
     // How many pictures of the first camera had one of the second to be compared with.
     int overlap(int lag) const { return covers(lag) ? table_[lag - lowest_].overlap : 0; }
 
-    // At any lag, linear between pictures. Lets equal signals differ by a constant as calibrations do that are not
-    // quite right.
+    // At any lag, linear between pictures. Lets equal signals differ by a constant as calibrations do that
+    // are not quite right.
     double between(double lag) const;
 
     // The scatter of equal signals is taken from this lag, where they are believed to belong together.

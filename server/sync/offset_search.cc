@@ -113,7 +113,9 @@ std::vector<int> whole_offsets(const std::vector<PairEvidence>& pairs, std::size
     for (std::size_t start = 0; start <= cameras; ++start) {
         std::vector<std::size_t> order(pairs.size());
         std::iota(order.begin(), order.end(), std::size_t{0});
-        const auto has_start = [&](std::size_t p) { return pairs[p].first() == start || pairs[p].second() == start; };
+        const auto has_start = [&](std::size_t p) {
+            return pairs[p].first() == start || pairs[p].second() == start;
+        };
         std::ranges::stable_sort(order, [&](std::size_t a, std::size_t b) {
             if (has_start(a) != has_start(b)) return has_start(a);
             return peaks[a].evidence > peaks[b].evidence;
@@ -138,7 +140,8 @@ std::vector<Group> ways_to_part(const std::vector<PairEvidence>& pairs, std::siz
                                 const std::vector<int>& offsets) {
     std::vector<Group> out;
     const auto add = [&](Group group) {
-        if (2 * static_cast<std::size_t>(std::count(group.begin(), group.end(), true)) > cameras) group.flip();
+        if (2 * static_cast<std::size_t>(std::count(group.begin(), group.end(), true)) > cameras)
+            group.flip();
         if (std::find(out.begin(), out.end(), group) == out.end()) out.push_back(std::move(group));
     };
     if (cameras <= kMostForAllWays) {
@@ -168,8 +171,8 @@ std::vector<Group> ways_to_part(const std::vector<PairEvidence>& pairs, std::siz
     return out;
 }
 
-GroupCurve group_curve(const std::vector<PairEvidence>& pairs, const Group& group, const std::vector<int>& offsets,
-                       int most) {
+GroupCurve group_curve(const std::vector<PairEvidence>& pairs, const Group& group,
+                       const std::vector<int>& offsets, int most) {
     GroupCurve out{std::vector<double>(2 * most + 1, 0), std::vector<int>(2 * most + 1, 0)};
     for (const PairEvidence& pair : pairs) {
         if (group[pair.first()] == group[pair.second()]) continue;
@@ -182,7 +185,8 @@ GroupCurve group_curve(const std::vector<PairEvidence>& pairs, const Group& grou
     return out;
 }
 
-FineOffsets fine_offsets(const std::vector<PairEvidence>& pairs, std::size_t cameras, const std::vector<int>& whole) {
+FineOffsets fine_offsets(const std::vector<PairEvidence>& pairs, std::size_t cameras,
+                         const std::vector<int>& whole) {
     const auto count = static_cast<Eigen::Index>(cameras);
     FineOffsets out;
     out.frames.assign(whole.begin(), whole.end());
@@ -225,15 +229,16 @@ FineOffsets fine_offsets(const std::vector<PairEvidence>& pairs, std::size_t cam
         const double excess = spare > 0 ? std::max(1.0, misfit / spare) : 1;
         out.deviation_frames.clear();
         for (Eigen::Index c = 0; c < count; ++c)
-            out.deviation_frames.push_back(
-                std::sqrt(std::max(0.0, excess * (spread(c, c) - 1.0 / static_cast<double>(cameras * cameras)))));
+            out.deviation_frames.push_back(std::sqrt(
+                std::max(0.0, excess * (spread(c, c) - 1.0 / static_cast<double>(cameras * cameras)))));
         out.pairs.clear();
         for (std::size_t p = 0; p < pairs.size(); ++p) {
             const double lag = out.frames[pairs[p].second()] - out.frames[pairs[p].first()];
             const bool peaked = !std::isnan(tops[p].lag);
             out.pairs.push_back({pairs[p].first(), pairs[p].second(), tops[p].lag,
-                                 peaked ? 1 / std::sqrt(tops[p].curvature) : 0, peaked ? tops[p].lag - lag : 0,
-                                 peaked ? weight[p] : 0, pairs[p].between(lag), pairs[p].miss_px(lag)});
+                                 peaked ? 1 / std::sqrt(tops[p].curvature) : 0,
+                                 peaked ? tops[p].lag - lag : 0, peaked ? weight[p] : 0,
+                                 pairs[p].between(lag), pairs[p].miss_px(lag)});
         }
     }
     return out;

@@ -43,7 +43,8 @@ Verdict judge(const GroupCurve& curve, const OffsetOptions& options) {
         const int step = side ? 1 : -1;
         int i = middle, wide = middle;
         while (i + step >= 0 && i + step < size &&
-               (quality(curve, i) > options.rival_quality * here || curve.evidence[i + step] <= curve.evidence[i])) {
+               (quality(curve, i) > options.rival_quality * here ||
+                curve.evidence[i + step] <= curve.evidence[i])) {
             i += step;
             if (curve.evidence[i] > out.evidence - kClearly_nats && std::abs(i - wide) == 1) wide = i;
         }
@@ -53,7 +54,8 @@ Verdict judge(const GroupCurve& curve, const OffsetOptions& options) {
     double most = out.evidence;
     for (int i = 0; i < size; ++i) {
         if (curve.evidence[i] > most) most = curve.evidence[i], out.better_frames = i - middle;
-        if ((i >= ends[0] && i <= ends[1]) || curve.overlap[i] < options.rival_overlap * curve.overlap[middle])
+        if ((i >= ends[0] && i <= ends[1]) ||
+            curve.overlap[i] < options.rival_overlap * curve.overlap[middle])
             continue;
         if (const double there = quality(curve, i) / here; there > out.rival)
             out.rival = there, out.rival_frames = i - middle;
@@ -100,30 +102,34 @@ std::string names_of(const Group& group, std::span<const std::string> names) {
 }
 
 absl::Status untied(const Judged& worst, std::span<const std::string> names, const OffsetOptions& options) {
-    return absl::FailedPreconditionError(
-        fmt::format("{}: no shift up to {:g} s fits the others well enough (the best one by {:.0f} % of what is "
-                    "needed). Either nobody moves while "
-                    "both see them, or it is another recording, or it began earlier or later than that; record "
-                    "somebody who moves in view "
-                    "of all cameras, such as a jump, or give a larger --max-shift",
-                    names_of(worst.group, names), options.max_shift_s, 100 * std::max(0.0, worst.tied)));
+    return absl::FailedPreconditionError(fmt::format(
+        "{}: no shift up to {:g} s fits the others well enough (the best one by {:.0f} % of what is "
+        "needed). Either nobody moves while "
+        "both see them, or it is another recording, or it began earlier or later than that; record "
+        "somebody who moves in view "
+        "of all cameras, such as a jump, or give a larger --max-shift",
+        names_of(worst.group, names), options.max_shift_s, 100 * std::max(0.0, worst.tied)));
 }
 
-absl::Status ambiguous(const Judged& worst, std::span<const std::string> names, const OffsetOptions& options) {
-    return absl::FailedPreconditionError(fmt::format(
-        "{}: fits the others at two shifts that are {:.3f} s apart, the second {:.0f} % as well as the first, as "
-        "when a movement "
-        "repeats itself; record a movement that does not, such as one jump, or give a --max-shift that leaves one of "
-        "them out",
-        names_of(worst.group, names), std::abs(worst.verdict.rival_frames) / options.fps, 100 * worst.verdict.rival));
+absl::Status ambiguous(const Judged& worst, std::span<const std::string> names,
+                       const OffsetOptions& options) {
+    return absl::FailedPreconditionError(
+        fmt::format("{}: fits the others at two shifts that are {:.3f} s apart, the second {:.0f} % as well "
+                    "as the first, as "
+                    "when a movement "
+                    "repeats itself; record a movement that does not, such as one jump, or give a "
+                    "--max-shift that leaves one of "
+                    "them out",
+                    names_of(worst.group, names), std::abs(worst.verdict.rival_frames) / options.fps,
+                    100 * worst.verdict.rival));
 }
 
 absl::Status blurred(const Judged& worst, std::span<const std::string> names, const OffsetOptions& options) {
-    return absl::FailedPreconditionError(
-        fmt::format("{}: its shift against the others cannot be told to within {:.2f} s, since the movement is too "
-                    "slow; record something "
-                    "quick, such as a jump",
-                    names_of(worst.group, names), worst.verdict.wide_frames / options.fps));
+    return absl::FailedPreconditionError(fmt::format(
+        "{}: its shift against the others cannot be told to within {:.2f} s, since the movement is too "
+        "slow; record something "
+        "quick, such as a jump",
+        names_of(worst.group, names), worst.verdict.wide_frames / options.fps));
 }
 
 // All pairs' tables and the whole offsets, with the scatter of what is equal taken from there.
@@ -140,7 +146,8 @@ std::vector<int> search(std::vector<PairEvidence>& pairs, std::size_t cameras, i
 }
 
 // What is equal must be so: near enough for each camera against the others.
-absl::Status check_misses(const FineOffsets& fine, std::span<const std::string> names, const OffsetOptions& options) {
+absl::Status check_misses(const FineOffsets& fine, std::span<const std::string> names,
+                          const OffsetOptions& options) {
     for (std::size_t c = 0; c < names.size(); ++c) {
         std::vector<double> misses;
         for (const PairFit& pair : fine.pairs)
@@ -149,19 +156,20 @@ absl::Status check_misses(const FineOffsets& fine, std::span<const std::string> 
         const auto middle = misses.begin() + static_cast<std::ptrdiff_t>(misses.size() / 2);
         std::ranges::nth_element(misses, middle);
         if (*middle <= options.most_miss_px * options.pixel_px) continue;
-        return absl::FailedPreconditionError(
-            fmt::format("camera {}: its silhouettes miss those of the others by {:.1f} px even where they fit best: "
-                        "it is of another recording, "
-                        "or stands elsewhere than its calibration says; correct that, or give --no-places to go by "
-                        "the movement alone",
-                        names[c], *middle));
+        return absl::FailedPreconditionError(fmt::format(
+            "camera {}: its silhouettes miss those of the others by {:.1f} px even where they fit best: "
+            "it is of another recording, "
+            "or stands elsewhere than its calibration says; correct that, or give --no-places to go by "
+            "the movement alone",
+            names[c], *middle));
     }
     return absl::OkStatus();
 }
 
 }  // namespace
 
-absl::StatusOr<OffsetSolution> solve_offsets(std::vector<PairEvidence>& pairs, std::span<const std::string> names,
+absl::StatusOr<OffsetSolution> solve_offsets(std::vector<PairEvidence>& pairs,
+                                             std::span<const std::string> names,
                                              const OffsetOptions& options) {
     const std::size_t cameras = names.size();
     const int most = static_cast<int>(std::lround(options.max_shift_s * options.fps));
@@ -195,9 +203,11 @@ absl::StatusOr<OffsetSolution> solve_offsets(std::vector<PairEvidence>& pairs, s
     const FineOffsets fine = fine_offsets(pairs, cameras, whole);
     if (absl::Status fits = check_misses(fine, names, options); !fits.ok()) return fits;
     for (std::size_t c = 0; c < cameras; ++c)
-        if (std::ranges::none_of(fine.pairs,
-                                 [&](const PairFit& p) { return p.weight > 0 && (p.first == c || p.second == c); })) {
-            Judged lonely{Group(cameras, false), 0, {}};   // best where the search ends, or nowhere in particular
+        if (std::ranges::none_of(fine.pairs, [&](const PairFit& p) {
+                return p.weight > 0 && (p.first == c || p.second == c);
+            })) {
+            Judged lonely{
+                Group(cameras, false), 0, {}};  // best where the search ends, or nowhere in particular
             lonely.group[c] = true;
             return untied(lonely, names, options);
         }

@@ -1,5 +1,5 @@
-// Offsets of all cameras at which the evidence of all pairs together is largest, and whether there is but one such
-// answer.
+// Offsets of all cameras at which the evidence of all pairs together is largest, and whether there is but one
+// such answer.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -17,15 +17,15 @@ namespace kinevox::sync {
 struct OffsetOptions {
     double fps = 30;
     double max_shift_s = 30;  // between any two cameras
-    // Nats that tie any group of cameras to the others: where nothing is equal, and where something is, which a
-    // calibration of another place or a camera of another recording makes look equal for a while.
+    // Nats that tie any group of cameras to the others: where nothing is equal, and where something is, which
+    // a calibration of another place or a camera of another recording makes look equal for a while.
     double least_evidence = 25, least_evidence_equal = 50;
-    // Where something is equal, a group's evidence a picture must also be such a part of that of the best quarter of
-    // pairs: a camera of another recording finds a shift at which it fits a little, but never as well as the others
-    // do.
+    // Where something is equal, a group's evidence a picture must also be such a part of that of the best
+    // quarter of pairs: a camera of another recording finds a shift at which it fits a little, but never as
+    // well as the others do.
     double least_part = 0.4;
-    // Another shift whose evidence a picture is so near to the best one's, over so much of its overlap, makes it
-    // ambiguous.
+    // Another shift whose evidence a picture is so near to the best one's, over so much of its overlap, makes
+    // it ambiguous.
     double rival_quality = 0.88, rival_overlap = 0.4;
     double widest_s = 0.15;   // evidence must fall off within that, or within three frames
     double most_miss_px = 4;  // median, of a camera's equal signals, in the unit below
@@ -53,8 +53,8 @@ struct CameraFit {
     double offset_s = 0;     // the earliest camera's is 0
     double deviation_s = 0;  // standard deviation against all cameras' common time
     double evidence = 0;     // nats, of the weakest tie of any group with this camera to the others
-    // Of the best other shift, against the answer's: evidence a picture. 0 where there is none to speak of, 1: as
-    // good.
+    // Of the best other shift, against the answer's: evidence a picture. 0 where there is none to speak of,
+    // 1: as good.
     double rival = 0;
     double rival_shift_s = 0;
     ShiftCurve curve;
@@ -65,10 +65,11 @@ struct OffsetSolution {
     std::vector<PairFit> pairs;
 };
 
-// `names`: of the cameras, for messages. FailedPrecondition, with cameras, figures and what to do, where a group of
-// cameras is not tied to the others, where it fits at several shifts, where its shift is not sharp, or where the
-// places of the cameras do not fit what they see.
-absl::StatusOr<OffsetSolution> solve_offsets(std::vector<PairEvidence>& pairs, std::span<const std::string> names,
+// `names`: of the cameras, for messages. FailedPrecondition, with cameras, figures and what to do, where a
+// group of cameras is not tied to the others, where it fits at several shifts, where its shift is not sharp,
+// or where the places of the cameras do not fit what they see.
+absl::StatusOr<OffsetSolution> solve_offsets(std::vector<PairEvidence>& pairs,
+                                             std::span<const std::string> names,
                                              const OffsetOptions& options);
 
 }  // namespace kinevox::sync

@@ -20,8 +20,9 @@ constexpr double kTangentSmoothing_s = 0.03;
 constexpr double kLeastWeight = 0.3;  // of a Gaussian's, that must lie on values
 
 constexpr double kNearestCentres_m = 0.05;
-constexpr double kLeastOffAxis = 0.17;  // sine: nearer to the line through both centres a plane is a matter of luck
-constexpr double kWidest = 2.4;         // radians: a silhouette that covers more has the other camera behind it
+constexpr double kLeastOffAxis =
+    0.17;                        // sine: nearer to the line through both centres a plane is a matter of luck
+constexpr double kWidest = 2.4;  // radians: a silhouette that covers more has the other camera behind it
 
 template <class Value>
 Signal collect(const CameraMotion& motion, Value value) {
@@ -83,8 +84,8 @@ Vec3 mean_direction(const std::vector<Sight>& seen) {
     return sum;
 }
 
-// Angles of the two touching planes, radians about `axis` from `from`, and how many pixels a radian is, in the
-// middle.
+// Angles of the two touching planes, radians about `axis` from `from`, and how many pixels a radian is, in
+// the middle.
 struct Touches {
     Signal angle[2];
     double pixels_per_radian = kNone;
@@ -118,8 +119,8 @@ Touches touches(const CameraMotion& motion, const std::vector<Sight>& seen, Vec3
 }
 
 std::vector<std::array<Signal, 2>> touching_planes(const CameraMotion& a, const CameraMotion& b,
-                                                   const std::vector<Sight>& in_a, const std::vector<Sight>& in_b,
-                                                   double smoothing) {
+                                                   const std::vector<Sight>& in_a,
+                                                   const std::vector<Sight>& in_b, double smoothing) {
     const Vec3 base = b.camera.centre_in_world() - a.camera.centre_in_world();
     if (!(norm(base) > kNearestCentres_m)) return {};
     const Vec3 axis = normalized(base);
@@ -156,14 +157,16 @@ Signal smoothed(const Signal& signal, double deviation_samples) {
         if (std::isnan(signal[i])) continue;
         double sum = 0, weight = 0;
         for (int k = std::max(-reach, -i); k <= std::min(reach, size - 1 - i); ++k)
-            if (!std::isnan(signal[i + k])) sum += weights[k + reach] * signal[i + k], weight += weights[k + reach];
+            if (!std::isnan(signal[i + k]))
+                sum += weights[k + reach] * signal[i + k], weight += weights[k + reach];
         if (weight > kLeastWeight * all) out[i] = sum / weight;
     }
     return out;
 }
 
 MovementSignals movement_signals(const CameraMotion& motion, double fps) {
-    const double height = median_of(collect(motion, [](const SeenShape& s) { return s.bottom_px - s.top_px; }));
+    const double height =
+        median_of(collect(motion, [](const SeenShape& s) { return s.bottom_px - s.top_px; }));
     const double per_height = -fps / height;  // y points down
     const double smoothing = std::max(1.0, kMovementSmoothing_s * fps), slow = kSlow_s * fps;
     MovementSignals out;

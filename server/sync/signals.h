@@ -15,8 +15,8 @@ using Signal = std::vector<double>;
 // Of the cameras `first` and `second`, in that order in each array.
 struct PairSignals {
     std::size_t first = 0, second = 0;
-    // Have the same value at the same instant, px: where the planes that contain both cameras' centres touch the
-    // subject.
+    // Have the same value at the same instant, px: where the planes that contain both cameras' centres touch
+    // the subject.
     std::vector<std::array<Signal, 2>> equal_px;
     // Rise and fall together, in whatever unit.
     std::vector<std::array<Signal, 2>> alike;
@@ -38,8 +38,8 @@ struct SignalOptions {
     bool use_places = true;  // false: nothing but what needs no calibration
 };
 
-// All pairs of cameras. Pairs whose places tell nothing (the same place, or one looks along the line to the other)
-// have no equal_px.
+// All pairs of cameras. Pairs whose places tell nothing (the same place, or one looks along the line to the
+// other) have no equal_px.
 std::vector<PairSignals> pair_signals(const std::vector<CameraMotion>& cameras, double fps,
                                       const SignalOptions& options = {});
 

@@ -24,8 +24,7 @@ int run(int argc, char** argv) {
     app.require_subcommand(1);
     std::vector<kinevox::calibrate::Verb> verbs = kinevox::calibrate::file_verbs(app);
     for (const auto& more : {kinevox::calibrate::lens_verbs(app), kinevox::calibrate::places_verbs(app),
-                             kinevox::calibrate::floor_verbs(app),
-                             kinevox::calibrate::session_verbs(app)})
+                             kinevox::calibrate::floor_verbs(app), kinevox::calibrate::session_verbs(app)})
         verbs.insert(verbs.end(), more.begin(), more.end());
     try {
         app.parse(argc, argv);

@@ -1,8 +1,8 @@
 // kinevox discover: the cameras on the network and on USB, and how to name them in the configuration.
-#include <cstdio>
+#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <fmt/format.h>
+#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "server/cameras/aravis/discovery.h"
@@ -12,17 +12,20 @@ namespace {
 using namespace kinevox;
 
 nlohmann::ordered_json to_json(const FoundCamera& camera) {
-    return {{"serial", camera.serial},   {"name", camera.user_name},   {"vendor", camera.vendor}, {"model", camera.model},
-            {"address", camera.address}, {"mac", camera.physical_id}, {"id", camera.id},         {"protocol", camera.protocol}};
+    return {{"serial", camera.serial}, {"name", camera.user_name},   {"vendor", camera.vendor},
+            {"model", camera.model},   {"address", camera.address},  {"mac", camera.physical_id},
+            {"id", camera.id},         {"protocol", camera.protocol}};
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
     bool json = false;
-    CLI::App app("The cameras on the network and on USB. Asks on every network interface and waits a second for answers; "
-                 "cameras in another subnet do not hear it.",
-                 "kinevox discover");
+    CLI::App app(
+        "The cameras on the network and on USB. Asks on every network interface and waits a second for "
+        "answers; "
+        "cameras in another subnet do not hear it.",
+        "kinevox discover");
     app.add_flag("--json", json, "One JSON list");
     try {
         app.parse(argc, argv);
@@ -42,9 +45,10 @@ int main(int argc, char** argv) {
         fmt::print("no camera answers; see docs/cameras.md for cables, addresses and firewalls\n");
         return 0;
     }
-    fmt::print("{:<16} {:<16} {:<16} {:<18} {:<12} {}\n", "serial", "name", "address", "MAC", "protocol", "camera");
+    fmt::print("{:<16} {:<16} {:<16} {:<18} {:<12} {}\n", "serial", "name", "address", "MAC", "protocol",
+               "camera");
     for (const FoundCamera& camera : found)
-        fmt::print("{:<16} {:<16} {:<16} {:<18} {:<12} {} {}\n", camera.serial, camera.user_name, camera.address,
-                   camera.physical_id, camera.protocol, camera.vendor, camera.model);
+        fmt::print("{:<16} {:<16} {:<16} {:<18} {:<12} {} {}\n", camera.serial, camera.user_name,
+                   camera.address, camera.physical_id, camera.protocol, camera.vendor, camera.model);
     return 0;
 }

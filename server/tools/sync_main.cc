@@ -31,15 +31,17 @@ struct Arguments {
 };
 
 void declare(CLI::App& app, Arguments& arguments) {
-    app.add_option("session", arguments.session_file,
-                   "The session's file, session.toml: a video, a background and a calibrated lens for each camera")
+    app.add_option(
+           "session", arguments.session_file,
+           "The session's file, session.toml: a video, a background and a calibrated lens for each camera")
         ->required();
     app.add_option("--max-shift", arguments.align.max_shift_s, "Two cameras began at most so far apart, s")
         ->check(CLI::Range(0.1, 3600.0))
         ->capture_default_str();
-    app.add_flag("--no-places", arguments.no_places,
-                 "Do without the cameras' places in the calibration; for a calibration of the lenses alone this goes "
-                 "by itself");
+    app.add_flag(
+        "--no-places", arguments.no_places,
+        "Do without the cameras' places in the calibration; for a calibration of the lenses alone this goes "
+        "by itself");
     app.add_flag("--dry-run", arguments.dry_run, "Tell the offsets, but leave session.toml as it is");
     app.add_option("--plot", arguments.plot,
                    "The page of evidence and aligned movement, .png; without it sync.png beside the session");
@@ -68,16 +70,18 @@ absl::Status run(const Arguments& arguments) {
     const auto session = read_session(arguments.session_file);
     if (!session.ok()) return session.status();
     if (session->recording)
-        return absl::FailedPreconditionError(fmt::format(
-            "{}: was recorded by kinevoxd, which joined its cameras by their clocks; there is nothing to align",
-            arguments.session_file.string()));
+        return absl::FailedPreconditionError(
+            fmt::format("{}: was recorded by kinevoxd, which joined its cameras by their clocks; there is "
+                        "nothing to align",
+                        arguments.session_file.string()));
     const auto motion = sync::read_motion(*session, {}, calibrate::console_progress(arguments.quiet));
     if (!motion.ok()) return motion.status();
     const auto alignment = sync::align(*motion, session->fps, arguments.align);
     if (!alignment.ok()) return alignment.status();
 
     // The page first: it is worth less than the offsets, but nothing is to be half done where it fails.
-    const fs::path plot = arguments.plot.empty() ? arguments.session_file.parent_path() / "sync.png" : arguments.plot;
+    const fs::path plot =
+        arguments.plot.empty() ? arguments.session_file.parent_path() / "sync.png" : arguments.plot;
     bool drawn = false;
     if (!arguments.no_plot) {
         const absl::Status status = draw_page(*session, *alignment, plot);
@@ -87,7 +91,8 @@ absl::Status run(const Arguments& arguments) {
     if (!arguments.dry_run) {
         std::vector<double> offsets;
         for (const sync::CameraFit& camera : alignment->solution.cameras) offsets.push_back(camera.offset_s);
-        if (absl::Status written = write_offsets(arguments.session_file, offsets); !written.ok()) return written;
+        if (absl::Status written = write_offsets(arguments.session_file, offsets); !written.ok())
+            return written;
     }
     if (arguments.json) {
         auto json = sync::json_of(*session, *alignment);
@@ -97,8 +102,9 @@ absl::Status run(const Arguments& arguments) {
         return absl::OkStatus();
     }
     fmt::print("{}", sync::table_of(*session, *alignment));
-    fmt::print("{}\n", alignment->used_places ? "by the silhouettes' motion and the cameras' places"
-                                              : "by the silhouettes' motion alone, without the cameras' places");
+    fmt::print("{}\n", alignment->used_places
+                           ? "by the silhouettes' motion and the cameras' places"
+                           : "by the silhouettes' motion alone, without the cameras' places");
     if (drawn) fmt::print("plot in {}\n", plot.string());
     fmt::print("{} {}\n", arguments.dry_run ? "left as it was:" : "offset_s written into",
                arguments.session_file.string());
@@ -111,9 +117,11 @@ std::string first_line(const std::string& text) {
 
 int parse_and_run(int argc, char** argv) {
     CLI::App app(
-        "Aligns videos that were not started together, by how the silhouettes of one moving person move, and writes "
+        "Aligns videos that were not started together, by how the silhouettes of one moving person move, and "
+        "writes "
         "each "
-        "camera's offset_s into session.toml. Where that cannot be told for sure it says why and writes nothing.",
+        "camera's offset_s into session.toml. Where that cannot be told for sure it says why and writes "
+        "nothing.",
         "kinevox sync");
     Arguments arguments;
     declare(app, arguments);
@@ -126,7 +134,8 @@ int parse_and_run(int argc, char** argv) {
         return 1;
     }
     if (!arguments.plot.empty() && arguments.plot.extension() != ".png") {
-        fmt::print(stderr, "kinevox sync: --plot is '{}'; give a file that ends in .png\n", arguments.plot.string());
+        fmt::print(stderr, "kinevox sync: --plot is '{}'; give a file that ends in .png\n",
+                   arguments.plot.string());
         return 1;
     }
     arguments.align.use_places = !arguments.no_places;

@@ -48,21 +48,25 @@ absl::Status write_pair(const fs::path& folder, const std::string& name, const C
     const fs::path certificate = folder / (name + ".pem"), key = folder / (name + "-key.pem");
     for (const fs::path& file : {certificate, key})
         if (std::error_code ignored; fs::exists(file, ignored))
-            return absl::AlreadyExistsError(fmt::format(
-                "{} is there already and is not replaced; move it away, or give another --out", file.string()));
-    if (absl::Status written = write_private_file(key, made.key, Existing::kKeep); !written.ok()) return written;
-    if (absl::Status written = write_private_file(certificate, made.certificate, Existing::kKeep); !written.ok())
+            return absl::AlreadyExistsError(
+                fmt::format("{} is there already and is not replaced; move it away, or give another --out",
+                            file.string()));
+    if (absl::Status written = write_private_file(key, made.key, Existing::kKeep); !written.ok())
+        return written;
+    if (absl::Status written = write_private_file(certificate, made.certificate, Existing::kKeep);
+        !written.ok())
         return written;
     std::error_code ignored;  // certificates are no secret
-    fs::permissions(certificate, fs::perms::group_read | fs::perms::others_read, fs::perm_options::add, ignored);
+    fs::permissions(certificate, fs::perms::group_read | fs::perms::others_read, fs::perm_options::add,
+                    ignored);
     return absl::OkStatus();
 }
 
 absl::StatusOr<CertificateAndKey> read_authority(const fs::path& folder) {
     auto certificate = read_file(folder / "ca.pem"), key = read_file(folder / "ca-key.pem");
     if (!certificate.ok() || !key.ok())
-        return absl::NotFoundError(
-            fmt::format("{} holds no ca.pem and ca-key.pem; run kinevox tls init, or give --out", folder.string()));
+        return absl::NotFoundError(fmt::format(
+            "{} holds no ca.pem and ca-key.pem; run kinevox tls init, or give --out", folder.string()));
     return CertificateAndKey{*std::move(certificate), *std::move(key)};
 }
 
@@ -85,9 +89,9 @@ absl::Status make_authority(const fs::path& folder) {
 }
 
 bool good_file_name(const std::string& name) {
-    return !name.empty() && name.size() <= 64 && name.front() != '.' && std::ranges::all_of(name, [](unsigned char c) {
-        return std::isalnum(c) || c == '.' || c == '_' || c == '-';
-    });
+    return !name.empty() && name.size() <= 64 && name.front() != '.' &&
+           std::ranges::all_of(
+               name, [](unsigned char c) { return std::isalnum(c) || c == '.' || c == '_' || c == '-'; });
 }
 
 int tell_server(const fs::path& folder, const std::vector<std::string>& hosts) {
@@ -106,14 +110,16 @@ int main(int argc, char** argv) {
     std::vector<std::string> hosts;
     int days = 825;
     CLI::App app(
-        "Certificates for a daemon that other machines reach, of a private authority of its own. Keys are readable by "
+        "Certificates for a daemon that other machines reach, of a private authority of its own. Keys are "
+        "readable by "
         "their "
         "owner alone; nothing is replaced.",
         "kinevox tls");
     app.require_subcommand(1);
     const auto add = [&](const char* verb, const char* what) {
         CLI::App* sub = app.add_subcommand(verb, what);
-        sub->add_option("--out", out, "The folder of the authority and its certificates")->capture_default_str();
+        sub->add_option("--out", out, "The folder of the authority and its certificates")
+            ->capture_default_str();
         sub->add_option("--days", days, "How long the certificate is valid")
             ->capture_default_str()
             ->check(CLI::Range(1, kAuthorityDays));
@@ -125,13 +131,15 @@ int main(int argc, char** argv) {
             "A name or address that clients reach the daemon by, beside this machine's own; may be repeated");
     };
     CLI::App* const init = add(
-        "init", "Makes the authority (ca.pem, ca-key.pem) and the daemon's certificate (server.pem, server-key.pem)");
+        "init",
+        "Makes the authority (ca.pem, ca-key.pem) and the daemon's certificate (server.pem, server-key.pem)");
     add_hosts(init);
-    CLI::App* const server = add("server", "Makes the daemon's certificate anew, when the old one is moved away");
+    CLI::App* const server =
+        add("server", "Makes the daemon's certificate anew, when the old one is moved away");
     add_hosts(server);
-    CLI::App* const client = add(
-        "client",
-        "Makes a client's certificate, NAME.pem and NAME-key.pem, for daemons that ask for one ([server] client_ca)");
+    CLI::App* const client = add("client",
+                                 "Makes a client's certificate, NAME.pem and NAME-key.pem, for daemons that "
+                                 "ask for one ([server] client_ca)");
     client->add_option("name", name, "Whose it is")->required();
     try {
         app.parse(argc, argv);
@@ -143,8 +151,8 @@ int main(int argc, char** argv) {
     const fs::path folder = fs::absolute(out).lexically_normal();
     if (client->parsed()) {
         if (!good_file_name(name) || name == "ca" || name == "server")
-            return fail(
-                fmt::format("the name '{}' is not 1 to 64 letters, digits and . _ -, or is taken; give another", name));
+            return fail(fmt::format(
+                "the name '{}' is not 1 to 64 letters, digits and . _ -, or is taken; give another", name));
         const absl::Status made = make(folder, name, {Kind::kClient, name, {}}, days);
         if (!made.ok()) return fail(made);
         fmt::print("{} and its key: kinevox VERB --ca ca.pem --certificate {}.pem --key {}-key.pem ...\n",

@@ -31,8 +31,8 @@ int create(const std::filesystem::path& file, const NewToken& wanted) {
     if (!token.ok()) return fail(token.status());
     // Alone on standard output, so that it can be written to a file.
     fmt::print("{}\n", *token);
-    fmt::print(stderr, "This is the token of {}, role {}, {}. It is shown only now; {} holds its hash.\n", wanted.name,
-               name_of(wanted.role),
+    fmt::print(stderr, "This is the token of {}, role {}, {}. It is shown only now; {} holds its hash.\n",
+               wanted.name, name_of(wanted.role),
                wanted.days > 0 ? fmt::format("valid for {} days", wanted.days) : "valid until it is revoked",
                file.string());
     return 0;
@@ -59,7 +59,8 @@ int main(int argc, char** argv) {
     std::string file = in_state_folder("tokens.toml").string(), role, name;
     int days = 365;
     CLI::App app(
-        "Tokens for programs that call a daemon from other machines. The daemon reads their hashes from the file that "
+        "Tokens for programs that call a daemon from other machines. The daemon reads their hashes from the "
+        "file that "
         "[server] tokens names; what changes there acts within two seconds.",
         "kinevox token");
     app.require_subcommand(1);

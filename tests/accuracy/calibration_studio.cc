@@ -44,7 +44,7 @@ Errors errors_against(const std::vector<Camera>& truth, std::vector<Camera> solv
             std::max(errors.centre_mm, 1000 * norm(solved[c].centre_in_world() - truth[c].centre_in_world()));
         errors.turn_deg =
             std::max(errors.turn_deg, degrees(angle_between(solved[c].camera_from_world.rotation,
-                                                               truth[c].camera_from_world.rotation)));
+                                                            truth[c].camera_from_world.rotation)));
     }
     return errors;
 }

@@ -1,14 +1,14 @@
 // A subscriber as gRPC's own library makes it.
 #pragma once
 
+#include <google/protobuf/arena.h>
+#include <grpcpp/grpcpp.h>
+
 #include <functional>
 #include <memory>
 #include <string>
 #include <utility>
 #include <vector>
-
-#include <google/protobuf/arena.h>
-#include <grpcpp/grpcpp.h>
 
 #include "kinevox/v1/stream_service.grpc.pb.h"
 #include "tests/bench/watched.h"
@@ -23,7 +23,7 @@ class GrpcWatcher final : public Watcher, public grpc::ClientReadReactor<Message
     GrpcWatcher(const std::string& server, const Request& request, bool stalled, const Begin& begin)
         : request_(request), stalled_(stalled) {
         grpc::ChannelArguments arguments;
-        arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);   // a connection of its own
+        arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);  // a connection of its own
         // They share the daemon's cores: what a thousand machines would pay for is left out.
         arguments.SetInt(GRPC_ARG_MINIMAL_STACK, 1);
         arguments.SetInt(GRPC_ARG_ENABLE_CHANNELZ, 0);

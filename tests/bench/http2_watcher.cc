@@ -1,17 +1,17 @@
 #include "tests/bench/http2_watcher.h"
 
+#include <nghttp2/nghttp2.h>
+
 #include <algorithm>
 #include <array>
-#include <cstdint>
-#include <cstring>
-#include <utility>
-#include <vector>
-
 #include <boost/asio/connect.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/write.hpp>
-#include <nghttp2/nghttp2.h>
+#include <cstdint>
+#include <cstring>
+#include <utility>
+#include <vector>
 
 namespace kinevox::bench {
 namespace {
@@ -19,7 +19,7 @@ namespace {
 namespace asio = boost::asio;
 using asio::ip::tcp;
 
-constexpr std::size_t kPrefix = 5;   // of a message: compressed or not, and its length
+constexpr std::size_t kPrefix = 5;  // of a message: compressed or not, and its length
 
 std::string framed(const std::string& message) {
     std::string out(kPrefix, '\0');
@@ -34,7 +34,9 @@ std::size_t length_of(const char* prefix) {
 }
 
 nghttp2_nv header(std::string_view name, std::string_view value) {
-    const auto bytes = [](std::string_view text) { return reinterpret_cast<std::uint8_t*>(const_cast<char*>(text.data())); };
+    const auto bytes = [](std::string_view text) {
+        return reinterpret_cast<std::uint8_t*>(const_cast<char*>(text.data()));
+    };
     return {bytes(name), bytes(value), name.size(), value.size(), NGHTTP2_NV_FLAG_NONE};
 }
 
@@ -46,13 +48,16 @@ struct SessionEnd {
 
 class Http2Stream::Connection : public std::enable_shared_from_this<Connection> {
   public:
-    Connection(asio::io_context& io, Call call) : socket_(io), call_(std::move(call)), body_(framed(call_.request)) {}
+    Connection(asio::io_context& io, Call call)
+        : socket_(io), call_(std::move(call)), body_(framed(call_.request)) {}
 
     void begin() {
         const std::size_t colon = call_.server.rfind(':');
         tcp::resolver resolver(socket_.get_executor());
         boost::system::error_code error;
-        asio::connect(socket_, resolver.resolve(call_.server.substr(0, colon), call_.server.substr(colon + 1), error), error);
+        asio::connect(socket_,
+                      resolver.resolve(call_.server.substr(0, colon), call_.server.substr(colon + 1), error),
+                      error);
         if (!error) socket_.set_option(tcp::no_delay(true), error);
         if (!error) socket_.non_blocking(true, error);
         if (error) return end(error.message());
@@ -78,13 +83,15 @@ class Http2Stream::Connection : public std::enable_shared_from_this<Connection> 
         nghttp2_session_callbacks* callbacks = nullptr;
         nghttp2_session_callbacks_new(&callbacks);
         nghttp2_session_callbacks_set_on_data_chunk_recv_callback(
-            callbacks, [](nghttp2_session*, std::uint8_t, std::int32_t, const std::uint8_t* data, std::size_t size, void* of) {
+            callbacks, [](nghttp2_session*, std::uint8_t, std::int32_t, const std::uint8_t* data,
+                          std::size_t size, void* of) {
                 self(of).take({reinterpret_cast<const char*>(data), size});
                 return 0;
             });
         nghttp2_session_callbacks_set_on_header_callback(
-            callbacks, [](nghttp2_session*, const nghttp2_frame*, const std::uint8_t* name, std::size_t name_size,
-                          const std::uint8_t* value, std::size_t value_size, std::uint8_t, void* of) {
+            callbacks,
+            [](nghttp2_session*, const nghttp2_frame*, const std::uint8_t* name, std::size_t name_size,
+               const std::uint8_t* value, std::size_t value_size, std::uint8_t, void* of) {
                 const std::string_view key(reinterpret_cast<const char*>(name), name_size);
                 if (key == "grpc-message" || key == "grpc-status")
                     self(of).status_ += std::string(reinterpret_cast<const char*>(value), value_size) + " ";
@@ -105,12 +112,13 @@ class Http2Stream::Connection : public std::enable_shared_from_this<Connection> 
         nghttp2_session_callbacks_del(callbacks);
 
         nghttp2_submit_settings(session, NGHTTP2_FLAG_NONE, nullptr, 0);
-        const std::array headers = {header(":method", "POST"), header(":scheme", "http"), header(":path", call_.path),
-                                    header(":authority", call_.server), header("te", "trailers"),
-                                    header("content-type", "application/grpc")};
+        const std::array headers = {header(":method", "POST"),   header(":scheme", "http"),
+                                    header(":path", call_.path), header(":authority", call_.server),
+                                    header("te", "trailers"),    header("content-type", "application/grpc")};
         const nghttp2_data_provider body = {
-            {.ptr = this}, [](nghttp2_session*, std::int32_t, std::uint8_t* out, std::size_t room, std::uint32_t* flags,
-                              nghttp2_data_source* source, void*) -> ssize_t {
+            {.ptr = this},
+            [](nghttp2_session*, std::int32_t, std::uint8_t* out, std::size_t room, std::uint32_t* flags,
+               nghttp2_data_source* source, void*) -> ssize_t {
                 Connection& of = self(source->ptr);
                 const std::size_t size = std::min(room, of.body_.size() - of.sent_);
                 std::memcpy(out, of.body_.data() + of.sent_, size);
@@ -138,18 +146,19 @@ class Http2Stream::Connection : public std::enable_shared_from_this<Connection> 
     // Waits without a buffer: a thousand share the one of their thread.
     void receive() {
         if (!session_) return;
-        socket_.async_wait(tcp::socket::wait_read, [this, self = shared_from_this()](boost::system::error_code error) {
-            if (!session_) return;
-            static thread_local std::vector<std::uint8_t> buffer(256 << 10);
-            const std::size_t size = error ? 0 : socket_.read_some(asio::buffer(buffer), error);
-            if (error == asio::error::would_block) return receive();
-            if (error) return end(error.message());
-            const ssize_t read = nghttp2_session_mem_recv(session_.get(), buffer.data(), size);
-            if (read < 0) return end(nghttp2_strerror(static_cast<int>(read)));
-            if (closed_) return end(status_);
-            if (nghttp2_session_want_write(session_.get())) send();
-            receive();
-        });
+        socket_.async_wait(
+            tcp::socket::wait_read, [this, self = shared_from_this()](boost::system::error_code error) {
+                if (!session_) return;
+                static thread_local std::vector<std::uint8_t> buffer(256 << 10);
+                const std::size_t size = error ? 0 : socket_.read_some(asio::buffer(buffer), error);
+                if (error == asio::error::would_block) return receive();
+                if (error) return end(error.message());
+                const ssize_t read = nghttp2_session_mem_recv(session_.get(), buffer.data(), size);
+                if (read < 0) return end(nghttp2_strerror(static_cast<int>(read)));
+                if (closed_) return end(status_);
+                if (nghttp2_session_want_write(session_.get())) send();
+                receive();
+            });
     }
 
     // Messages as they come whole; one that lies in one piece is not copied.
@@ -171,27 +180,31 @@ class Http2Stream::Connection : public std::enable_shared_from_this<Connection> 
         if (std::exchange(ended_, true)) return;
         boost::system::error_code ignored;
         socket_.close(ignored);
-        asio::post(socket_.get_executor(), [self = shared_from_this()] { self->session_.reset(); });   // it may be calling
+        asio::post(socket_.get_executor(),
+                   [self = shared_from_this()] { self->session_.reset(); });  // it may be calling
         call_.on_end(std::move(why));
     }
 
     tcp::socket socket_;
     Call call_;
     const std::string body_;
-    std::size_t sent_ = 0;   // of it
+    std::size_t sent_ = 0;  // of it
     std::unique_ptr<nghttp2_session, SessionEnd> session_;
     std::int32_t stream_ = 0;
-    std::string rest_;       // the begin of a message
+    std::string rest_;  // the begin of a message
     std::string status_;
     bool taken_ = false, closed_ = false, ended_ = false;
 };
 
-Http2Stream::Http2Stream(asio::io_context& io, Call call) : connection_(std::make_shared<Connection>(io, std::move(call))) {
+Http2Stream::Http2Stream(asio::io_context& io, Call call)
+    : connection_(std::make_shared<Connection>(io, std::move(call))) {
     asio::post(io, [connection = connection_] { connection->begin(); });
 }
 
 Http2Stream::~Http2Stream() = default;
 
-void Http2Stream::stop() { connection_->cancel(); }
+void Http2Stream::stop() {
+    connection_->cancel();
+}
 
 }  // namespace kinevox::bench

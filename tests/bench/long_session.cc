@@ -1,6 +1,8 @@
-// A long session out of a short one, its first GROUP frame sets over and over: long_session SESSION.toml KIND FRAMES OUT.
-// KIND: utvideo, ffv1 or h264, as the recorder writes them; mp4, as x264 makes it by itself: a key frame every 250, which is
-// GROUP, with B pictures between.
+// A long session out of a short one, its first GROUP frame sets over and over: long_session SESSION.toml KIND
+// FRAMES OUT. KIND: utvideo, ffv1 or h264, as the recorder writes them; mp4, as x264 makes it by itself: a
+// key frame every 250, which is GROUP, with B pictures between.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <condition_variable>
 #include <cstdlib>
@@ -8,8 +10,6 @@
 #include <mutex>
 #include <string>
 #include <vector>
-
-#include <fmt/format.h>
 
 #include "common/calibration_file.h"
 #include "common/session_file.h"
@@ -35,15 +35,17 @@ void must(int error, const char* what) {
     if (error < 0) fail(fmt::format("cannot {}: {}", what, libav::reason(error)));
 }
 
-void record(const std::vector<FrameSet>& sets, const FrameSource& source, VideoCodec codec, std::int64_t frames, const fs::path& out) {
+void record(const std::vector<FrameSet>& sets, const FrameSource& source, VideoCodec codec,
+            std::int64_t frames, const fs::path& out) {
     std::mutex mutex;
     std::condition_variable changed;
     std::vector<std::shared_ptr<EncodedSet>> done;
-    auto lanes = EncodingLanes::create(source.cameras(), source.fps(), codec, [&](std::shared_ptr<EncodedSet> set) {
-        const std::scoped_lock lock(mutex);
-        done.push_back(std::move(set));
-        changed.notify_all();
-    });
+    auto lanes =
+        EncodingLanes::create(source.cameras(), source.fps(), codec, [&](std::shared_ptr<EncodedSet> set) {
+            const std::scoped_lock lock(mutex);
+            done.push_back(std::move(set));
+            changed.notify_all();
+        });
     must(lanes.status());
     for (std::size_t n = 0; n < sets.size(); ++n) {
         auto set = std::make_shared<EncodedSet>();
@@ -73,7 +75,8 @@ void record(const std::vector<FrameSet>& sets, const FrameSource& source, VideoC
 }
 
 // One camera's pictures, again and again; encoded once.
-void write_mp4(const std::vector<FrameSet>& sets, std::size_t camera, double fps, std::int64_t frames, const fs::path& file) {
+void write_mp4(const std::vector<FrameSet>& sets, std::size_t camera, double fps, std::int64_t frames,
+               const fs::path& file) {
     const AVCodec* const codec = avcodec_find_encoder_by_name("libx264");
     if (!codec) fail("libavcodec has no libx264; install libavcodec-extra");
     const libav::Owned<AVCodecContext> encoder(avcodec_alloc_context3(codec));
@@ -94,12 +97,13 @@ void write_mp4(const std::vector<FrameSet>& sets, std::size_t camera, double fps
     must(avcodec_parameters_from_context(stream->codecpar, encoder.get()), "begin the video");
     must(avio_open(&container->pb, file.c_str(), AVIO_FLAG_WRITE), "create the video");
     must(avformat_write_header(container.get(), nullptr), "write the video");
-    const libav::Owned<SwsContext> scaler(sws_getContext(first.width, first.height, AV_PIX_FMT_BGR24, first.width, first.height,
-                                                         AV_PIX_FMT_YUV420P, SWS_BICUBIC, nullptr, nullptr, nullptr));
+    const libav::Owned<SwsContext> scaler(sws_getContext(first.width, first.height, AV_PIX_FMT_BGR24,
+                                                         first.width, first.height, AV_PIX_FMT_YUV420P,
+                                                         SWS_BICUBIC, nullptr, nullptr, nullptr));
     std::vector<libav::Owned<AVPacket>> packets;
     const auto collect = [&] {
-        for (libav::Owned<AVPacket> packet(av_packet_alloc()); avcodec_receive_packet(encoder.get(), packet.get()) == 0;
-             packet.reset(av_packet_alloc()))
+        for (libav::Owned<AVPacket> packet(av_packet_alloc());
+             avcodec_receive_packet(encoder.get(), packet.get()) == 0; packet.reset(av_packet_alloc()))
             packets.push_back(std::move(packet));
     };
     for (std::size_t n = 0; n < sets.size(); ++n) {

@@ -1,14 +1,14 @@
-// How long a recording takes from a seek to the frame set: seek_times SESSION.toml [SEEKS]. Prints one line: frames, the time
-// to open it and to its first frame set in ms; then median, 99 of 100 and worst in ms of seeks to frames drawn at random,
-// and the same of steps back by one.
+// How long a recording takes from a seek to the frame set: seek_times SESSION.toml [SEEKS]. Prints one line:
+// frames, the time to open it and to its first frame set in ms; then median, 99 of 100 and worst in ms of
+// seeks to frames drawn at random, and the same of steps back by one.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cstdlib>
 #include <random>
 #include <string>
 #include <vector>
-
-#include <fmt/format.h>
 
 #include "server/cameras/replay_source.h"
 #include "server/cameras/session_source.h"
@@ -22,7 +22,9 @@ using Clock = std::chrono::steady_clock;
     fmt::print(stderr, "seek_times: {}\n", why);
     std::exit(1);
 }
-double ms_since(Clock::time_point begun) { return std::chrono::duration<double, std::milli>(Clock::now() - begun).count(); }
+double ms_since(Clock::time_point begun) {
+    return std::chrono::duration<double, std::milli>(Clock::now() - begun).count();
+}
 
 // From the request to the frame set, ms.
 double seek(ReplaySource& source, std::int64_t frame) {
@@ -37,7 +39,9 @@ double seek(ReplaySource& source, std::int64_t frame) {
 
 std::string summary(std::vector<double> ms) {
     std::ranges::sort(ms);
-    const auto at = [&](double part) { return ms[static_cast<std::size_t>(part * static_cast<double>(ms.size() - 1))]; };
+    const auto at = [&](double part) {
+        return ms[static_cast<std::size_t>(part * static_cast<double>(ms.size() - 1))];
+    };
     return fmt::format("{:.1f} {:.1f} {:.1f}", at(0.5), at(0.99), ms.back());
 }
 
@@ -60,10 +64,13 @@ int main(int argc, char** argv) {
     std::vector<double> far, back;
     for (int k = 0; k < seeks; ++k) far.push_back(seek(**source, any(random)));
     for (std::int64_t frame = any(random), k = 0; k < seeks; ++k) {
-        if (k % 50 == 0) seek(**source, frame = std::max<std::int64_t>(any(random), std::min<std::int64_t>(51, frames - 1)));
+        if (k % 50 == 0)
+            seek(**source,
+                 frame = std::max<std::int64_t>(any(random), std::min<std::int64_t>(51, frames - 1)));
         frame = std::max<std::int64_t>(frame - 1, 0);
         back.push_back(seek(**source, frame));
     }
-    fmt::print("{} {:.0f} {:.0f} {} {}\n", frames, open_ms, first_ms, summary(std::move(far)), summary(std::move(back)));
+    fmt::print("{} {:.0f} {:.0f} {} {}\n", frames, open_ms, first_ms, summary(std::move(far)),
+               summary(std::move(back)));
     return 0;
 }

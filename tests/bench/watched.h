@@ -15,9 +15,9 @@ inline std::atomic<bool> counting = false;
 // On the thread that reads the messages; looked at when nothing is counted any more.
 struct Watched {
     std::uint64_t messages = 0, missed = 0, gaps = 0;
-    std::vector<float> behind_ms, delivery_ms;   // since the capture, since the daemon had it ready
+    std::vector<float> behind_ms, delivery_ms;  // since the capture, since the daemon had it ready
     std::atomic<bool> ended = false;
-    std::string why;                             // of an end that was not asked for
+    std::string why;  // of an end that was not asked for
 
     template <typename Message>
     void take(const Message& message) {
@@ -35,7 +35,8 @@ struct Watched {
   private:
     static float ms_since(std::int64_t utc_ns) {
         const std::int64_t now = std::chrono::duration_cast<std::chrono::nanoseconds>(
-                                     std::chrono::system_clock::now().time_since_epoch()).count();
+                                     std::chrono::system_clock::now().time_since_epoch())
+                                     .count();
         return static_cast<float>(1e-6 * static_cast<double>(now - utc_ns));
     }
 

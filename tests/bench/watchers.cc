@@ -1,7 +1,14 @@
-// Very many subscribers in one program, each on a connection of its own: what each of them gets, and how late. Prints one
-// JSON object; tests/bench/many_watchers.py starts the daemon and judges.
+// Very many subscribers in one program, each on a connection of its own: what each of them gets, and how
+// late. Prints one JSON object; tests/bench/many_watchers.py starts the daemon and judges.
+#include <absl/synchronization/mutex.h>
+#include <fmt/format.h>
+#include <sys/resource.h>
+
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
+#include <boost/asio/executor_work_guard.hpp>
+#include <boost/asio/io_context.hpp>
 #include <chrono>
 #include <cstdint>
 #include <cstdio>
@@ -9,13 +16,6 @@
 #include <string>
 #include <thread>
 #include <vector>
-
-#include <CLI/CLI.hpp>
-#include <absl/synchronization/mutex.h>
-#include <boost/asio/executor_work_guard.hpp>
-#include <boost/asio/io_context.hpp>
-#include <fmt/format.h>
-#include <sys/resource.h>
 
 #include "tests/bench/grpc_watcher.h"
 #include "tests/bench/http2_watcher.h"
@@ -35,11 +35,14 @@ struct Options {
 
 using Watchers = std::vector<std::unique_ptr<Watcher>>;
 
-std::string path(const char* method) { return fmt::format("/{}/{}", v1::StreamService::service_full_name(), method); }
+std::string path(const char* method) {
+    return fmt::format("/{}/{}", v1::StreamService::service_full_name(), method);
+}
 
 double percentile(std::vector<float>& values, double part) {
     if (values.empty()) return 0;
-    const auto at = values.begin() + static_cast<std::ptrdiff_t>(part * static_cast<double>(values.size() - 1));
+    const auto at =
+        values.begin() + static_cast<std::ptrdiff_t>(part * static_cast<double>(values.size() - 1));
     std::nth_element(values.begin(), at, values.end());
     return *at;
 }
@@ -63,25 +66,27 @@ std::string summary(const Watchers& watchers, double seconds) {
         R"({{"watchers":{},"messages":{},"per_second":{:.2f},"fewest_per_second":{:.2f},"missed":{},"gaps":{},"ended":{},)"
         R"("why":"{}","behind_ms":{{"p50":{:.2f},"p99":{:.2f},"max":{:.2f}}},"delivery_ms":{{"p50":{:.2f},"p99":{:.2f},"max":{:.2f}}}}})",
         watchers.size(), messages, static_cast<double>(messages) / n / seconds,
-        watchers.empty() ? 0.0 : static_cast<double>(fewest) / seconds, missed, gaps, ended, why, percentile(behind, 0.5),
-        percentile(behind, 0.99), percentile(behind, 1), percentile(delivery, 0.5), percentile(delivery, 0.99),
-        percentile(delivery, 1));
+        watchers.empty() ? 0.0 : static_cast<double>(fewest) / seconds, missed, gaps, ended, why,
+        percentile(behind, 0.5), percentile(behind, 0.99), percentile(behind, 1), percentile(delivery, 0.5),
+        percentile(delivery, 0.99), percentile(delivery, 1));
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-    absl::SetMutexDeadlockDetectionMode(absl::OnDeadlockCycle::kIgnore);   // which Debian's Abseil has on
+    absl::SetMutexDeadlockDetectionMode(absl::OnDeadlockCycle::kIgnore);  // which Debian's Abseil has on
     Options options;
     CLI::App app("Subscribes many times to one daemon and tells what each got.", "watchers");
     app.add_option("--server", options.server, "HOST:PORT");
     app.add_option("--poses", options.poses, "Subscribers to poses");
     app.add_option("--volumes", options.volumes, "Subscribers to volumes");
-    app.add_option("--stalled", options.stalled, "Further subscribers, to poses and volumes by turns, that stop reading");
+    app.add_option("--stalled", options.stalled,
+                   "Further subscribers, to poses and volumes by turns, that stop reading");
     app.add_option("--seconds", options.seconds, "How long is counted");
     app.add_option("--warm-up", options.warm_up_s, "Seconds before");
     app.add_option("--rate", options.max_rate_hz, "Messages a second at most; 0: all");
-    app.add_option("--voxel", options.voxel_m, "Edge of the volumes' voxels at most, m; 0: the capture's own");
+    app.add_option("--voxel", options.voxel_m,
+                   "Edge of the volumes' voxels at most, m; 0: the capture's own");
     app.add_flag("--grpc", options.grpc, "Clients of gRPC's own library, which take more of the processor");
     app.add_flag("--lossless", options.lossless, "Every message in order");
     CLI11_PARSE(app, argc, argv);
@@ -106,7 +111,8 @@ int main(int argc, char** argv) {
             return std::make_unique<Http2Watcher<v1::StreamPosesResponse>>(
                 io, options.server, path("StreamPoses"), pose_request.SerializeAsString(), stalled);
         return std::make_unique<GrpcWatcher<v1::StreamPosesRequest, v1::StreamPosesResponse>>(
-            options.server, pose_request, stalled, [](auto& stub, auto* context, auto* request, auto* reactor) {
+            options.server, pose_request, stalled,
+            [](auto& stub, auto* context, auto* request, auto* reactor) {
                 stub.async()->StreamPoses(context, request, reactor);
             });
     };
@@ -115,28 +121,33 @@ int main(int argc, char** argv) {
             return std::make_unique<Http2Watcher<v1::StreamVolumesResponse>>(
                 io, options.server, path("StreamVolumes"), volume_request.SerializeAsString(), stalled);
         return std::make_unique<GrpcWatcher<v1::StreamVolumesRequest, v1::StreamVolumesResponse>>(
-            options.server, volume_request, stalled, [](auto& stub, auto* context, auto* request, auto* reactor) {
+            options.server, volume_request, stalled,
+            [](auto& stub, auto* context, auto* request, auto* reactor) {
                 stub.async()->StreamVolumes(context, request, reactor);
             });
     };
     Watchers poses, volumes, stalled;
     for (int i = 0; i < options.poses; ++i) poses.push_back(poses_of(false));
     for (int i = 0; i < options.volumes; ++i) volumes.push_back(volumes_of(false));
-    for (int i = 0; i < options.stalled; ++i) stalled.push_back(i % 2 == 0 ? poses_of(true) : volumes_of(true));
+    for (int i = 0; i < options.stalled; ++i)
+        stalled.push_back(i % 2 == 0 ? poses_of(true) : volumes_of(true));
     std::this_thread::sleep_for(std::chrono::duration<double>(options.warm_up_s));
     const auto begin = std::chrono::steady_clock::now();
     counting = true;
     std::this_thread::sleep_for(std::chrono::duration<double>(options.seconds));
     counting = false;
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-    std::this_thread::sleep_for(std::chrono::milliseconds(200));   // what was being counted is through
-    fmt::print(R"({{"seconds":{:.2f},"poses":{},"volumes":{}}})" "\n", seconds, summary(poses, seconds), summary(volumes, seconds));
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));  // what was being counted is through
+    fmt::print(R"({{"seconds":{:.2f},"poses":{},"volumes":{}}})"
+               "\n",
+               seconds, summary(poses, seconds), summary(volumes, seconds));
     std::fflush(stdout);
 
     for (Watchers* all : {&poses, &volumes, &stalled})
         for (auto& watcher : *all) watcher->stop();
     const auto all_ended = [](const Watchers& watchers) {
-        return std::ranges::all_of(watchers, [](const auto& watcher) { return watcher->watched.ended.load(); });
+        return std::ranges::all_of(watchers,
+                                   [](const auto& watcher) { return watcher->watched.ended.load(); });
     };
     const auto limit = std::chrono::steady_clock::now() + std::chrono::seconds(20);
     while (!(all_ended(poses) && all_ended(volumes)) && std::chrono::steady_clock::now() < limit)

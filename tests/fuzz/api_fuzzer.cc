@@ -112,12 +112,12 @@ class Call {
     }
 
   private:
-    // A stream's first word comes by itself from those that tell a state; others wait for frame sets or events
-    // that may never come.
+    // A stream's first word comes by itself from those that tell a state; others wait for frame sets or
+    // events that may never come.
     bool may_wait(int messages) const {
         const std::string& path = step_.called().path;
-        return step_.ending == Ending::kReadOne && messages == 0 && path.find("/Watch") != std::string::npos &&
-               !path.ends_with("/WatchEvents");
+        return step_.ending == Ending::kReadOne && messages == 0 &&
+               path.find("/Watch") != std::string::npos && !path.ends_with("/WatchEvents");
     }
 
     bool wait() {
@@ -129,7 +129,8 @@ class Call {
 
     void check(const grpc::Status& status) const {
         // Where the daemon acts on the deadline first, what it says is CANCELLED.
-        FUZZ_CHECK(step_.ending == Ending::kLeaveOpen || std::chrono::system_clock::now() < context_.deadline());
+        FUZZ_CHECK(step_.ending == Ending::kLeaveOpen ||
+                   std::chrono::system_clock::now() < context_.deadline());
         FUZZ_CHECK(status.error_code() != grpc::StatusCode::DEADLINE_EXCEEDED);
         FUZZ_CHECK(status.error_code() != grpc::StatusCode::UNKNOWN);
         FUZZ_CHECK(status.error_message().find('\n') == std::string::npos);

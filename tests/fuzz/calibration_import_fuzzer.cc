@@ -4,7 +4,8 @@
 #include "common/calibration_import.h"
 #include "tests/fuzz/check_cameras.h"
 
-// XML begins with '<', YAML does not, Kalibr's has a camera_model; each text goes to the reader it looks like.
+// XML begins with '<', YAML does not, Kalibr's has a camera_model; each text goes to the reader it looks
+// like.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     const std::string text(data, data + size);
     const auto cameras = text.starts_with("<") ? kinevox::parse_calibration_qualisys(text, "fuzz.qca.txt")

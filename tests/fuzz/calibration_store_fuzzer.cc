@@ -25,8 +25,9 @@ struct StoredFile {
 };
 constexpr StoredFile kFiles[] = {
     {"c1/about.json", R"({"made_by": "board", "cameras": [{"name": "cam1", "width": 8, "height": 8}]})"},
-    {"c1/calibration.toml", "[cam1]\nname = \"cam1\"\nsize = [8, 8]\nmatrix = [[10.0, 0, 4], [0, 10.0, 4], [0, 0, 1]]\n"
-                            "distortions = [0, 0, 0, 0]\nrotation = [0.1, 0, 0]\ntranslation = [0, 0, 3.0]\nfisheye = false\n"},
+    {"c1/calibration.toml",
+     "[cam1]\nname = \"cam1\"\nsize = [8, 8]\nmatrix = [[10.0, 0, 4], [0, 10.0, 4], [0, 0, 1]]\n"
+     "distortions = [0, 0, 0, 0]\nrotation = [0.1, 0, 0]\ntranslation = [0, 0, 3.0]\nfisheye = false\n"},
     {"c1/certificate.json", "{}"},
     {"in_use.json", "{}"},
 };

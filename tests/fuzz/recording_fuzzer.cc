@@ -69,7 +69,8 @@ void check_files(testing::FuzzedFolder& folder, std::string_view bytes) {
 void check_results(testing::FuzzedFolder& folder, std::string_view bytes) {
     folder.write("run.toml", bytes);
     const std::atomic<bool> stop = false;
-    check_line(export_recording(folder.path(), {.format = "mp4"}, folder.path() / "film.mp4", {stop}).status());
+    check_line(
+        export_recording(folder.path(), {.format = "mp4"}, folder.path() / "film.mp4", {stop}).status());
 }
 
 }  // namespace

@@ -1,5 +1,8 @@
-// What users get wrong, given to the real programs: each ends with status 1 and exactly one line on standard error that
-// names the thing, and leaves nothing behind. The readers' own tables are in tests/unit, a port in use is in daemon_test.
+// What users get wrong, given to the real programs: each ends with status 1 and exactly one line on standard
+// error that names the thing, and leaves nothing behind. The readers' own tables are in tests/unit, a port in
+// use is in daemon_test.
+#include <fmt/format.h>
+#include <gmock/gmock.h>
 #include <signal.h>
 #include <sys/stat.h>
 
@@ -8,12 +11,9 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <nlohmann/json.hpp>
 #include <sstream>
 #include <thread>
-
-#include <fmt/format.h>
-#include <gmock/gmock.h>
-#include <nlohmann/json.hpp>
 
 #include "tests/support/child_process.h"
 #include "tests/support/small_session.h"
@@ -32,7 +32,9 @@ std::string contents(const fs::path& file) {
     return out.str();
 }
 
-void write(const fs::path& file, const std::string& text) { std::ofstream(file, std::ios::binary) << text; }
+void write(const fs::path& file, const std::string& text) {
+    std::ofstream(file, std::ios::binary) << text;
+}
 
 // In the file, the first `from` becomes `to`.
 void edit(const fs::path& file, const std::string& from, const std::string& to) {
@@ -60,9 +62,10 @@ class BadInputTest : public ::testing::Test {
   protected:
     static void SetUpTestSuite() {
         shared_ = new testing::TemporaryFolder;
-        const Ran made = testing::run({KINEVOX_STUDIO, "--motion", "walk", "--frames", "3", "--size", "160x120",
-                                       "--background-frames", "8", "--no-masks", "--out", (shared_->path() / "good").string()},
-                                      shared_->path());
+        const Ran made = testing::run(
+            {KINEVOX_STUDIO, "--motion", "walk", "--frames", "3", "--size", "160x120", "--background-frames",
+             "8", "--no-masks", "--out", (shared_->path() / "good").string()},
+            shared_->path());
         ASSERT_EQ(made.status, 0) << made.errors;
     }
     static void TearDownTestSuite() {
@@ -81,7 +84,10 @@ class BadInputTest : public ::testing::Test {
                         const std::vector<std::string>& words) {
         SCOPED_TRACE(what);
         const Ran ran = testing::run(command, folder_.path());
-        EXPECT_EQ(ran.status, 1) << (ran.status == 124 ? "it hangs" : ran.status > 128 ? "it crashed" : "") << ran.errors;
+        EXPECT_EQ(ran.status, 1) << (ran.status == 124  ? "it hangs"
+                                     : ran.status > 128 ? "it crashed"
+                                                        : "")
+                                 << ran.errors;
         EXPECT_EQ(std::ranges::count(ran.errors, '\n'), 1) << ran.errors;
         EXPECT_EQ(ran.output, "");
         for (const std::string& word : words) EXPECT_THAT(ran.errors, HasSubstr(word));
@@ -105,46 +111,87 @@ struct SpoiledSession {
 
 const std::vector<SpoiledSession>& spoiled_sessions() {
     static const std::vector<SpoiledSession> table{
-        {"missing video", [](const auto& s) { fs::remove(s / "cam2.mp4"); }, {"session.toml:", "cam2.mp4", "does not exist"}},
-        {"missing background", [](const auto& s) { fs::remove(s / "background/cam3.mp4"); },
+        {"missing video",
+         [](const auto& s) { fs::remove(s / "cam2.mp4"); },
+         {"session.toml:", "cam2.mp4", "does not exist"}},
+        {"missing background",
+         [](const auto& s) { fs::remove(s / "background/cam3.mp4"); },
          {"session.toml:", "background/cam3.mp4", "does not exist"}},
-        {"missing calibration", [](const auto& s) { fs::remove(s / "calibration.toml"); }, {"calibration.toml", "does not exist"}},
-        {"truncated video", [](const auto& s) { cut(s / "cam2.mp4", 0.6); }, {"camera cam2", "cam2.mp4", "cut off", "copy it again"}},
-        {"truncated background", [](const auto& s) { cut(s / "background/cam3.mp4", 0.6); },
+        {"missing calibration",
+         [](const auto& s) { fs::remove(s / "calibration.toml"); },
+         {"calibration.toml", "does not exist"}},
+        {"truncated video",
+         [](const auto& s) { cut(s / "cam2.mp4", 0.6); },
+         {"camera cam2", "cam2.mp4", "cut off", "copy it again"}},
+        {"truncated background",
+         [](const auto& s) { cut(s / "background/cam3.mp4", 0.6); },
          {"camera cam3", "background/cam3.mp4", "cut off"}},
-        {"empty video", [](const auto& s) { write(s / "cam4.mp4", ""); }, {"camera cam4", "cam4.mp4", "damaged"}},
-        {"no video at all", [](const auto& s) { write(s / "cam4.mp4", std::string(5000, 'x')); },
+        {"empty video",
+         [](const auto& s) { write(s / "cam4.mp4", ""); },
+         {"camera cam4", "cam4.mp4", "damaged"}},
+        {"no video at all",
+         [](const auto& s) { write(s / "cam4.mp4", std::string(5000, 'x')); },
          {"camera cam4", "cam4.mp4", "cannot be read as a video"}},
-        {"damaged video", [](const auto& s) { spoil_pictures(s / "cam2.mp4"); }, {"camera cam2", "cam2.mp4", "damaged"}},
-        {"longer video", [](const auto& s) { fs::copy_file(s / "background/cam1.mp4", s / "cam1.mp4",
-                                                           fs::copy_options::overwrite_existing); },
+        {"damaged video",
+         [](const auto& s) { spoil_pictures(s / "cam2.mp4"); },
+         {"camera cam2", "cam2.mp4", "damaged"}},
+        {"longer video",
+         [](const auto& s) {
+             fs::copy_file(s / "background/cam1.mp4", s / "cam1.mp4", fs::copy_options::overwrite_existing);
+         },
          {"3 frames", "camera cam1 has 8", "the same number"}},
-        {"a pipe for a video", [](const auto& s) { fs::remove(s / "cam1.mp4"); ASSERT_EQ(mkfifo((s / "cam1.mp4").c_str(), 0600), 0); },
+        {"a pipe for a video",
+         [](const auto& s) {
+             fs::remove(s / "cam1.mp4");
+             ASSERT_EQ(mkfifo((s / "cam1.mp4").c_str(), 0600), 0);
+         },
          {"camera cam1", "cam1.mp4", "neither a file nor a folder"}},
-        {"a folder without pictures", [](const auto& s) { fs::remove(s / "cam1.mp4"); fs::create_directory(s / "cam1.mp4"); },
+        {"a folder without pictures",
+         [](const auto& s) {
+             fs::remove(s / "cam1.mp4");
+             fs::create_directory(s / "cam1.mp4");
+         },
          {"camera cam1", "cam1.mp4", "holds no picture"}},
-        {"wrong picture size", [](const auto& s) { edit(s / "calibration.toml", "[160.0, 120.0]", "[320.0, 240.0]"); },
+        {"wrong picture size",
+         [](const auto& s) { edit(s / "calibration.toml", "[160.0, 120.0]", "[320.0, 240.0]"); },
          {"camera cam1", "cam1.mp4", "160 x 120", "320 x 240"}},
-        {"NaN in calibration", [](const auto& s) { edit(s / "calibration.toml", "[[157.0,", "[[nan,"); },
+        {"NaN in calibration",
+         [](const auto& s) { edit(s / "calibration.toml", "[[157.0,", "[[nan,"); },
          {"calibration.toml:", "cam1.matrix", "nan", "finite"}},
-        {"two cameras of one name", [](const auto& s) { edit(s / "session.toml", "\"cam2\"", "\"cam1\""); },
+        {"two cameras of one name",
+         [](const auto& s) { edit(s / "session.toml", "\"cam2\"", "\"cam1\""); },
          {"session.toml:", "cam1", "its own"}},
-        {"two calibrations of one name", [](const auto& s) { edit(s / "calibration.toml", "[cam2]", "[cam1]"); },
+        {"two calibrations of one name",
+         [](const auto& s) { edit(s / "calibration.toml", "[cam2]", "[cam1]"); },
          {"calibration.toml:", "cam1"}},
         {"a camera without calibration",
-         [](const auto& s) { edit(s / "calibration.toml", "[cam2]", "[other]"); edit(s / "calibration.toml", "\"cam2\"", "\"other\""); },
+         [](const auto& s) {
+             edit(s / "calibration.toml", "[cam2]", "[other]");
+             edit(s / "calibration.toml", "\"cam2\"", "\"other\"");
+         },
          {"camera \"cam2\"", "calibration.toml", "other"}},
-        {"zero cameras", [](const auto& s) { write(s / "session.toml", "fps = 30.0\ncalibration = \"calibration.toml\"\n"); },
+        {"zero cameras",
+         [](const auto& s) { write(s / "session.toml", "fps = 30.0\ncalibration = \"calibration.toml\"\n"); },
          {"session.toml", "no camera", "[[camera]]"}},
         {"one camera",
-         [](const auto& s) { write(s / "session.toml", "fps = 30.0\ncalibration = \"calibration.toml\"\n[[camera]]\nname = \"cam1\"\n"
-                                                       "video = \"cam1.mp4\"\nbackground = \"background/cam1.mp4\"\n"); },
+         [](const auto& s) {
+             write(s / "session.toml",
+                   "fps = 30.0\ncalibration = \"calibration.toml\"\n[[camera]]\nname = \"cam1\"\n"
+                   "video = \"cam1.mp4\"\nbackground = \"background/cam1.mp4\"\n");
+         },
          {"1 cameras", "at least 2"}},
-        {"empty calibration", [](const auto& s) { write(s / "calibration.toml", ""); }, {"calibration.toml", "no camera"}},
-        {"rate of zero", [](const auto& s) { edit(s / "session.toml", "fps = 30.0", "fps = 0"); }, {"session.toml:3", "'fps'", "0"}},
-        {"unknown key", [](const auto& s) { edit(s / "session.toml", "fps = 30.0", "fps = 30.0\nfpps = 3"); },
+        {"empty calibration",
+         [](const auto& s) { write(s / "calibration.toml", ""); },
+         {"calibration.toml", "no camera"}},
+        {"rate of zero",
+         [](const auto& s) { edit(s / "session.toml", "fps = 30.0", "fps = 0"); },
+         {"session.toml:3", "'fps'", "0"}},
+        {"unknown key",
+         [](const auto& s) { edit(s / "session.toml", "fps = 30.0", "fps = 30.0\nfpps = 3"); },
          {"session.toml:4", "'fpps'", "unknown"}},
-        {"bytes, not text", [](const auto& s) { write(s / "session.toml", std::string("\0\xff\x01[[", 5)); }, {"session.toml:1"}},
+        {"bytes, not text",
+         [](const auto& s) { write(s / "session.toml", std::string("\0\xff\x01[[", 5)); },
+         {"session.toml:1"}},
     };
     return table;
 }
@@ -153,23 +200,27 @@ TEST_F(BadInputTest, SpoiledSessionsToProcess) {
     for (const auto& row : spoiled_sessions()) {
         const fs::path session = fresh_session();
         row.spoil(session);
-        expect_refused(row.what, {KINEVOX_PROCESS, (session / "session.toml").string(), "--out", out(), "--quiet",
-                                  "--save", "silhouettes,volumes"}, row.words);
+        expect_refused(row.what,
+                       {KINEVOX_PROCESS, (session / "session.toml").string(), "--out", out(), "--quiet",
+                        "--save", "silhouettes,volumes"},
+                       row.words);
         expect_nothing_left(row.what);
         fs::remove_all(session);
     }
 }
 
-// What shows only when pictures are decoded is the capture's error, not the daemon's end; all else is refused at once.
+// What shows only when pictures are decoded is the capture's error, not the daemon's end; all else is refused
+// at once.
 TEST_F(BadInputTest, SpoiledSessionsToTheDaemon) {
     for (const auto& row : spoiled_sessions()) {
         const std::string what = row.what;
-        if (what == "damaged video" || what == "truncated background") continue;   // the next test
+        if (what == "damaged video" || what == "truncated background") continue;  // the next test
         const fs::path session = fresh_session();
         row.spoil(session);
         const fs::path config = folder_.path() / "kinevoxd.toml";
         write(config, fmt::format("[server]\nlisten = \"127.0.0.1:0\"\n[pose]\ndatabase = \"\"\n[source]\n"
-                                  "kind = \"session\"\nsession = \"{}\"\nautostart = false\n", (session / "session.toml").string()));
+                                  "kind = \"session\"\nsession = \"{}\"\nautostart = false\n",
+                                  (session / "session.toml").string()));
         expect_refused(what, {KINEVOX_DAEMON, "--config", config.string()}, row.words);
         fs::remove_all(session);
     }
@@ -256,14 +307,16 @@ TEST_F(BadInputTest, FlagsOfStudio) {
         {{"--motion", "walk", "--frames", "0", "--out", out()}, {"frames", "0"}},
         {{"--motion", "walk", "--frames", "x", "--out", out()}, {"--frames", "x"}},
         {{"--motion", "walk", "--frames", "3"}, {"--out"}},
-        {{"--motion", "walk", "--frames", "3", "--out", out(), "--size", "big"}, {"--size", "big", "640x480"}},
+        {{"--motion", "walk", "--frames", "3", "--out", out(), "--size", "big"},
+         {"--size", "big", "640x480"}},
         {{"--motion", "walk", "--frames", "3", "--out", out(), "--size", "0x0"}, {"0x0"}},
         {{"--motion", "walk", "--frames", "3", "--out", out(), "--cameras", "0"}, {"cameras", "0"}},
         {{"--motion", "walk", "--frames", "3", "--out", out(), "--fps", "nan"}, {"fps", "nan"}},
         {{"--motion", "walk", "--frames", "3", "--out", out(), "--bogus"}, {"--bogus"}},
         {{"--motion", "walk", "--frames", "3", "--out", file.string()}, {file.string(), "name another"}},
         {{"--motion", "walk", "--frames", "3", "--out", (file / "below").string()}, {file.string()}},
-        {{"--motion", "walk", "--frames", "3", "--out", (shared_->path() / "good").string()}, {"good", "not an empty folder"}},
+        {{"--motion", "walk", "--frames", "3", "--out", (shared_->path() / "good").string()},
+         {"good", "not an empty folder"}},
     };
     for (const auto& row : table) {
         std::vector<std::string> command{KINEVOX_STUDIO};

@@ -1,13 +1,12 @@
-// Preloaded under the thread sanitizer. gRPC and Abseil, as Debian has them, are not instrumented, and Abseil's mutex is made of
-// atomics that the sanitizer does not see: what one thread hands to another through gRPC looks like a race. Here each of
-// their mutexes is told to it; and Qt's signals, below.
-#include <dlfcn.h>
-
-#include <string>
-
+// Preloaded under the thread sanitizer. gRPC and Abseil, as Debian has them, are not instrumented, and
+// Abseil's mutex is made of atomics that the sanitizer does not see: what one thread hands to another through
+// gRPC looks like a race. Here each of their mutexes is told to it; and Qt's signals, below.
 #include <absl/base/options.h>
 #include <absl/synchronization/mutex.h>
 #include <absl/time/time.h>
+#include <dlfcn.h>
+
+#include <string>
 
 extern "C" {
 // Absent in programs without the sanitizer, which are given this library, too.
@@ -24,7 +23,8 @@ namespace {
 template <class F>
 F real(const char* name) {
     const std::string space = TEXT_OF(ABSL_OPTION_INLINE_NAMESPACE_NAME);
-    return reinterpret_cast<F>(dlsym(RTLD_NEXT, ("_ZN4absl" + std::to_string(space.size()) + space + name).c_str()));
+    return reinterpret_cast<F>(
+        dlsym(RTLD_NEXT, ("_ZN4absl" + std::to_string(space.size()) + space + name).c_str()));
 }
 
 void acquire(void* address) {
@@ -72,15 +72,17 @@ bool absl::CondVar::WaitWithTimeout(Mutex* mutex, Duration timeout) {
 }
 
 bool absl::CondVar::WaitWithDeadline(Mutex* mutex, Time deadline) {
-    static const auto wait = real<bool (*)(CondVar*, Mutex*, Time)>("7CondVar16WaitWithDeadlineEPNS0_5MutexENS0_4TimeE");
+    static const auto wait =
+        real<bool (*)(CondVar*, Mutex*, Time)>("7CondVar16WaitWithDeadlineEPNS0_5MutexENS0_4TimeE");
     release(mutex);
     const bool timed_out = wait(this, mutex, deadline);
     acquire(mutex);
     return timed_out;
 }
 
-// Qt's signals from thread to thread, and the events that they come as. By their mangled names, for programs without Qt. Whatever
-// was done before a signal counts as done before every later event: a little too much, where a lock of each queue would be exact.
+// Qt's signals from thread to thread, and the events that they come as. By their mangled names, for programs
+// without Qt. Whatever was done before a signal counts as done before every later event: a little too much,
+// where a lock of each queue would be exact.
 namespace {
 
 char signals;
@@ -100,12 +102,12 @@ extern "C" void qt_activate(void* sender, const void* type, int signal, void** v
     activate(sender, type, signal, values);
 }
 
-#define QT_EVENT(function, mangled)                                                    \
-    extern "C" bool function(void* receiver, void* event) __asm__(mangled);            \
-    extern "C" bool function(void* receiver, void* event) {                            \
-        static const auto take = qt<bool (*)(void*, void*)>(mangled);                  \
-        acquire(&signals);                                                             \
-        return take(receiver, event);                                                  \
+#define QT_EVENT(function, mangled)                                         \
+    extern "C" bool function(void* receiver, void* event) __asm__(mangled); \
+    extern "C" bool function(void* receiver, void* event) {                 \
+        static const auto take = qt<bool (*)(void*, void*)>(mangled);       \
+        acquire(&signals);                                                  \
+        return take(receiver, event);                                       \
     }
 QT_EVENT(qt_object_event, "_ZN7QObject5eventEP6QEvent")
 QT_EVENT(qt_widget_event, "_ZN7QWidget5eventEP6QEvent")

@@ -42,8 +42,8 @@ ChildProcess::ChildProcess(const std::vector<std::string>& command, const std::f
     for (char** v = environ; *v; ++v) variables.emplace_back(*v);
     const std::vector<char*> argv = pointers(arguments), envp = pointers(variables);
     id_ = fork();
-    if (id_ == 0) {   // only async-signal-safe calls from here on
-        prctl(PR_SET_PDEATHSIG, SIGKILL);   // a test that is aborted leaves nothing behind
+    if (id_ == 0) {                        // only async-signal-safe calls from here on
+        prctl(PR_SET_PDEATHSIG, SIGKILL);  // a test that is aborted leaves nothing behind
         const int out = open(output_.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
         const int err = open(errors_.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
         dup2(out, 1);
@@ -59,7 +59,9 @@ ChildProcess::~ChildProcess() {
     wait(std::chrono::seconds(10));
 }
 
-void ChildProcess::signal(int number) const { kill(id_, number); }
+void ChildProcess::signal(int number) const {
+    kill(id_, number);
+}
 
 std::optional<int> ChildProcess::wait(std::chrono::milliseconds limit) {
     const auto end = std::chrono::steady_clock::now() + patient(limit);
@@ -84,8 +86,12 @@ std::string ChildProcess::first_line() {
     return contents(output_);
 }
 
-std::string ChildProcess::output() const { return contents(output_); }
-std::string ChildProcess::errors() const { return contents(errors_); }
+std::string ChildProcess::output() const {
+    return contents(output_);
+}
+std::string ChildProcess::errors() const {
+    return contents(errors_);
+}
 
 double ChildProcess::resident_mb() const {
     std::ifstream status("/proc/" + std::to_string(id_) + "/status");
@@ -98,7 +104,8 @@ double ChildProcess::cpu_ms() const {
     const std::string stat = contents("/proc/" + std::to_string(id_) + "/stat");
     std::istringstream after_name(stat.substr(std::min(stat.size(), stat.rfind(')') + 1)));
     std::string skipped;
-    for (int i = 3; i < 14; ++i) after_name >> skipped;   // fields 3 to 13; 14 and 15 are user and system ticks
+    for (int i = 3; i < 14; ++i)
+        after_name >> skipped;  // fields 3 to 13; 14 and 15 are user and system ticks
     double user = 0, system = 0;
     after_name >> user >> system;
     return (user + system) * 1000 / static_cast<double>(sysconf(_SC_CLK_TCK));

@@ -13,10 +13,11 @@ namespace kinevox::testing {
 
 class ChildProcess {
   public:
-    // Standard output and error go to files in `folder`. `environment`: NAME=VALUE, added to this process's own.
+    // Standard output and error go to files in `folder`. `environment`: NAME=VALUE, added to this process's
+    // own.
     ChildProcess(const std::vector<std::string>& command, const std::filesystem::path& folder,
                  const std::vector<std::string>& environment = {});
-    ~ChildProcess();   // kills it if it still runs
+    ~ChildProcess();  // kills it if it still runs
     ChildProcess(const ChildProcess&) = delete;
     ChildProcess& operator=(const ChildProcess&) = delete;
 
@@ -29,7 +30,7 @@ class ChildProcess {
     std::string output() const;
     std::string errors() const;
     double resident_mb() const;
-    double cpu_ms() const;   // used by all its threads so far
+    double cpu_ms() const;  // used by all its threads so far
     pid_t id() const { return id_; }
 
   private:

@@ -24,7 +24,7 @@ std::vector<Camera> fake_cameras() {
     left.fx = left.fy = 60;
     left.cx = 31.5;
     left.cy = 23.5;
-    left.camera_from_world.rotation.m = {1, 0, 0, 0, 0, -1, 0, 1, 0};   // looks along +y, z up
+    left.camera_from_world.rotation.m = {1, 0, 0, 0, 0, -1, 0, 1, 0};  // looks along +y, z up
     left.camera_from_world.translation = {0, 1, 4};
     Camera right = left;
     right.name = "right";
@@ -57,7 +57,8 @@ class FakeSource : public FrameSource {
         set.sequence = sequence_++;
         set.capture_time_ns = static_cast<std::int64_t>(set.sequence) * 10'000'000;
         if (control_.live)
-            set.capture_time_ns = std::chrono::steady_clock::now().time_since_epoch() / std::chrono::nanoseconds(1);
+            set.capture_time_ns =
+                std::chrono::steady_clock::now().time_since_epoch() / std::chrono::nanoseconds(1);
         set.pictures = {picture(static_cast<std::uint8_t>(100 + set.sequence % 100)), picture(50)};
         return set;
     }
@@ -71,7 +72,7 @@ class FakeSource : public FrameSource {
     FakeSourceControl& control_;
     const std::vector<Camera> cameras_;
     std::uint64_t sequence_ = 0;
-    bool stopped_ = false;   // under the control's mutex
+    bool stopped_ = false;  // under the control's mutex
 };
 
 void FakeSourceControl::give(int frame_sets) {
@@ -80,7 +81,9 @@ void FakeSourceControl::give(int frame_sets) {
     changed_.notify_all();
 }
 
-void FakeSourceControl::end() { fail(absl::OutOfRangeError("the recording is over")); }
+void FakeSourceControl::end() {
+    fail(absl::OutOfRangeError("the recording is over"));
+}
 
 void FakeSourceControl::fail(absl::Status status) {
     const std::scoped_lock lock(mutex_);
@@ -147,7 +150,8 @@ std::shared_ptr<const BodyPose> fake_pose(std::uint64_t sequence) {
     auto pose = std::make_shared<BodyPose>();
     pose->subject_id = 1;
     pose->sequence = sequence;
-    for (std::size_t i = 0; i < pose->joints.size(); ++i) pose->joints[i] = {{0.1 * static_cast<double>(i), 0, 1}, 0.01, 2, {}};
+    for (std::size_t i = 0; i < pose->joints.size(); ++i)
+        pose->joints[i] = {{0.1 * static_cast<double>(i), 0, 1}, 0.01, 2, {}};
     for (AngleEstimate& angle : pose->angles) angle = {0.5, 0.02, 1, 2, {}};
     const double none = std::numeric_limits<double>::quiet_NaN();
     pose->joints.back() = {{none, none, none}, none, 0, "outside every picture"};

@@ -1,5 +1,5 @@
-// A capture without cameras or compute: a source that hands out what the test gives it, and a pipeline that turns
-// each frame set into a known volume. Nothing here sleeps.
+// A capture without cameras or compute: a source that hands out what the test gives it, and a pipeline that
+// turns each frame set into a known volume. Nothing here sleeps.
 #pragma once
 
 #include <condition_variable>
@@ -23,16 +23,16 @@ class FakeSourceControl {
   public:
     bool with_background = true;
     // To be set before the start.
-    bool live = false;                      // times are the steady clock's
-    bool cameras = false;                   // the source has links
+    bool live = false;     // times are the steady clock's
+    bool cameras = false;  // the source has links
 
-    int waiting() const;                    // frame sets that may still be handed out
+    int waiting() const;  // frame sets that may still be handed out
 
-    void give(int frame_sets);              // so many more may be handed out
-    void end();                             // the recording is over after those
-    void fail(absl::Status status);         // next() says so after those
-    void lose(int frame_sets);              // a gap in the sequence before the next one
-    std::unique_ptr<FrameSource> open();    // a source from sequence 0
+    void give(int frame_sets);            // so many more may be handed out
+    void end();                           // the recording is over after those
+    void fail(absl::Status status);       // next() says so after those
+    void lose(int frame_sets);            // a gap in the sequence before the next one
+    std::unique_ptr<FrameSource> open();  // a source from sequence 0
     int opened() const;
 
   private:
@@ -55,11 +55,11 @@ class FakePipeline : public Pipeline {
     void set_cameras(std::vector<Camera> cameras) override { cameras_set = std::move(cameras); }
     PoseStage* pose_stage() override { return nullptr; }
 
-    std::vector<Camera> cameras_set;                        // by set_cameras(); read when nothing runs
-    std::size_t learned_pictures = 0;                       // a camera; read when nothing runs
+    std::vector<Camera> cameras_set;   // by set_cameras(); read when nothing runs
+    std::size_t learned_pictures = 0;  // a camera; read when nothing runs
     // To be set before the start.
     std::optional<absl::Status> reconstruct_error, pose_error;
-    std::function<void(std::uint64_t)> on_reconstruct, on_pose;   // with the sequence, at its begin
+    std::function<void(std::uint64_t)> on_reconstruct, on_pose;  // with the sequence, at its begin
 
   private:
     std::shared_ptr<const Volume> volume_;

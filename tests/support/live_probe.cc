@@ -1,6 +1,9 @@
-// live_probe CONFIG --seconds N: takes frame sets from the cameras of a daemon's configuration, without the pipeline behind
-// them, and prints what came as a line of JSON. With --pattern each picture is compared, byte by byte, with what the fake
-// camera sent.
+// live_probe CONFIG --seconds N: takes frame sets from the cameras of a daemon's configuration, without the
+// pipeline behind them, and prints what came as a line of JSON. With --pattern each picture is compared, byte
+// by byte, with what the fake camera sent.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -8,9 +11,6 @@
 #include <mutex>
 #include <thread>
 #include <vector>
-
-#include <CLI/CLI.hpp>
-#include <fmt/format.h>
 
 #include "common/config.h"
 #include "server/cameras/aravis/live_source.h"
@@ -47,16 +47,19 @@ int main(int argc, char** argv) {
     auto source = open_live_source(config->source.cameras);
     if (!source.ok()) return fmt::print(stderr, "live_probe: {}\n", source.status().ToString()), 1;
     const auto begin = std::chrono::steady_clock::now();
-    const auto seconds_now = [&] { return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count(); };
+    const auto seconds_now = [&] {
+        return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    };
     std::mutex printing;
     (*source)->set_on_camera_event([&](const CameraEvent& event) {
         const std::scoped_lock lock(printing);
-        fmt::print("{{\"event\": {}, \"camera\": {}, \"at_s\": {:.3f}, \"message\": \"{}\"}}\n", static_cast<int>(event.kind),
-                   event.camera, seconds_now(), event.message);
+        fmt::print("{{\"event\": {}, \"camera\": {}, \"at_s\": {:.3f}, \"message\": \"{}\"}}\n",
+                   static_cast<int>(event.kind), event.camera, seconds_now(), event.message);
         std::fflush(stdout);
     });
     std::jthread clock([&](const std::stop_token& stop) {
-        while (!stop.stop_requested() && seconds_now() < seconds) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+        while (!stop.stop_requested() && seconds_now() < seconds)
+            std::this_thread::sleep_for(std::chrono::milliseconds(20));
         (*source)->stop();
     });
     std::uint64_t sets = 0, complete = 0, wrong = 0, gaps = 0, last = 0;
@@ -78,18 +81,25 @@ int main(int argc, char** argv) {
     }
     clock.request_stop();
     const std::scoped_lock lock(printing);
-    fmt::print("{{\"sets\": {}, \"complete\": {}, \"gaps\": {}, \"wrong\": {}, \"longest_gap_ms\": {:.1f}, \"cameras\": [", sets,
-               complete, gaps, wrong, longest_gap_ms);
+    fmt::print(
+        "{{\"sets\": {}, \"complete\": {}, \"gaps\": {}, \"wrong\": {}, \"longest_gap_ms\": {:.1f}, "
+        "\"cameras\": [",
+        sets, complete, gaps, wrong, longest_gap_ms);
     const auto links = (*source)->camera_links();
     for (std::size_t c = 0; c < links.size(); ++c) {
         const CameraLink& l = links[c];
-        fmt::print("{}{{\"pictures\": {}, \"lost\": {}, \"incomplete\": {}, \"late\": {}, \"unmatched\": {}, \"settling\": {}, "
-                   "\"disconnects\": {}, \"resend_requests\": {}, \"resent\": {}, \"missing\": {}, \"underruns\": {}, "
-                   "\"packet\": {}, \"skew_ms\": {:.3f}, \"skew_max_ms\": {:.3f}, \"late_ms\": {:.2f}, \"late_max_ms\": {:.2f}, "
-                   "\"drift_ppm\": {:.1f}, \"clock\": {}, \"problem\": \"{}\"}}",
-                   c ? ", " : "", l.pictures, l.lost, l.incomplete, l.late, l.unmatched, l.settling, l.disconnects,
-                   l.resend_requests, l.packets_resent, l.packets_missing, l.underruns, l.packet_bytes, l.skew_ms, l.skew_max_ms,
-                   l.lateness_ms, l.lateness_max_ms, l.clock_drift_ppm, static_cast<int>(l.clock), l.problem);
+        fmt::print(
+            "{}{{\"pictures\": {}, \"lost\": {}, \"incomplete\": {}, \"late\": {}, \"unmatched\": {}, "
+            "\"settling\": {}, "
+            "\"disconnects\": {}, \"resend_requests\": {}, \"resent\": {}, \"missing\": {}, \"underruns\": "
+            "{}, "
+            "\"packet\": {}, \"skew_ms\": {:.3f}, \"skew_max_ms\": {:.3f}, \"late_ms\": {:.2f}, "
+            "\"late_max_ms\": {:.2f}, "
+            "\"drift_ppm\": {:.1f}, \"clock\": {}, \"problem\": \"{}\"}}",
+            c ? ", " : "", l.pictures, l.lost, l.incomplete, l.late, l.unmatched, l.settling, l.disconnects,
+            l.resend_requests, l.packets_resent, l.packets_missing, l.underruns, l.packet_bytes, l.skew_ms,
+            l.skew_max_ms, l.lateness_ms, l.lateness_max_ms, l.clock_drift_ppm, static_cast<int>(l.clock),
+            l.problem);
     }
     fmt::print("]}}\n");
     return 0;

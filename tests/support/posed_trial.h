@@ -1,5 +1,5 @@
-// A trial as `kinevox process` would write it, made from the body model: a person who turns, walks on the spot, raises
-// the arms and bends, so that every coordinate moves.
+// A trial as `kinevox process` would write it, made from the body model: a person who turns, walks on the
+// spot, raises the arms and bends, so that every coordinate moves.
 #pragma once
 
 #include <absl/status/status.h>
@@ -15,8 +15,8 @@ inline constexpr double kPosedTrialFps = 50;
 
 BodyCoordinates posed_coordinates(int frame);
 
-// joints.csv, angles.csv, coordinates.csv and body.toml. With `gaps`: nothing in frames 10 to 12, no right hand in
-// frame 20, which takes the wrist's coordinate with it.
+// joints.csv, angles.csv, coordinates.csv and body.toml. With `gaps`: nothing in frames 10 to 12, no right
+// hand in frame 20, which takes the wrist's coordinate with it.
 absl::Status write_posed_trial(const std::filesystem::path& folder, bool gaps);
 
 }  // namespace kinevox::testing

@@ -27,7 +27,8 @@ std::vector<Camera> camera_ring(int count) {
         camera.width = kWidth, camera.height = kHeight;
         camera.fx = camera.fy = 330;
         camera.cx = (kWidth - 1) / 2.0, camera.cy = (kHeight - 1) / 2.0;
-        camera.camera_from_world.rotation = {{right.x, right.y, right.z, down.x, down.y, down.z, forward.x, forward.y, forward.z}};
+        camera.camera_from_world.rotation = {
+            {right.x, right.y, right.z, down.x, down.y, down.z, forward.x, forward.y, forward.z}};
         camera.camera_from_world.translation = -(camera.camera_from_world.rotation * centre);
         cameras.push_back(camera);
     }
@@ -43,8 +44,10 @@ kernels::Silhouettes silhouette_of(const Camera& camera, const std::vector<BodyC
     rays.origin_in_world = camera.centre_in_world();
     for (int y = 0; y < camera.height; ++y)
         for (int x = 0; x < camera.width; ++x) {
-            const Vec3 d = camera.ray_through({static_cast<double>(x), static_cast<double>(y)}).direction_in_world;
-            const float direction[3] = {static_cast<float>(d.x), static_cast<float>(d.y), static_cast<float>(d.z)};
+            const Vec3 d =
+                camera.ray_through({static_cast<double>(x), static_cast<double>(y)}).direction_in_world;
+            const float direction[3] = {static_cast<float>(d.x), static_cast<float>(d.y),
+                                        static_cast<float>(d.z)};
             for (int axis = 0; axis < 3; ++axis) {
                 rays.direction[axis].push_back(direction[axis]);
                 rays.outward[axis].push_back(0);
@@ -70,8 +73,10 @@ BodyCoordinates SeenBody::standing() const {
     BodyCoordinates q{};
     q[2] = 0.96;
     q[5] = radians(25);
-    q[kDofShoulderL + 1] = radians(-35), q[kDofShoulderR] = radians(40), q[kDofElbowR] = radians(60), q[kDofElbowL] = radians(20);
-    q[kDofHipL] = radians(25), q[kDofKneeL] = radians(35), q[kDofHipR] = radians(-5), q[kDofKneeR] = radians(10);
+    q[kDofShoulderL + 1] = radians(-35), q[kDofShoulderR] = radians(40), q[kDofElbowR] = radians(60),
+                      q[kDofElbowL] = radians(20);
+    q[kDofHipL] = radians(25), q[kDofKneeL] = radians(35), q[kDofHipR] = radians(-5),
+    q[kDofKneeR] = radians(10);
     return q;
 }
 
@@ -95,7 +100,8 @@ std::vector<SilhouetteRays> SeenBody::see(const BodyCoordinates& q) const {
 double SeenBody::error_m(const BodyPosture& posture, const BodyCoordinates& truth) const {
     const PosedBody a = model->forward(posture), b = model->forward(truth);
     double sum = 0;
-    for (std::size_t j = 0; j < kJointNames.size(); ++j) sum += norm(a.joints_in_world[j] - b.joints_in_world[j]);
+    for (std::size_t j = 0; j < kJointNames.size(); ++j)
+        sum += norm(a.joints_in_world[j] - b.joints_in_world[j]);
     return sum / kJointNames.size();
 }
 

@@ -20,10 +20,10 @@ struct SeenBody {
     std::vector<Camera> cameras = camera_ring();
     std::shared_ptr<const BodyModel> model = std::make_shared<BodyModel>(default_body_shape(1.75));
 
-    BodyCoordinates standing() const;   // one arm and one leg forward
+    BodyCoordinates standing() const;  // one arm and one leg forward
     BodyCoordinates t_pose() const;
     std::vector<SilhouetteRays> see(const BodyCoordinates& q) const;
-    double error_m(const BodyPosture& posture, const BodyCoordinates& truth) const;   // mean over the joints
+    double error_m(const BodyPosture& posture, const BodyCoordinates& truth) const;  // mean over the joints
 };
 
 }  // namespace kinevox::testing

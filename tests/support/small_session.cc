@@ -1,11 +1,11 @@
 #include "tests/support/small_session.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <cstdlib>
 #include <random>
 #include <stdexcept>
-
-#include <fmt/format.h>
 
 #include "client/lib/image_file.h"
 #include "client/lib/volume_image.h"
@@ -34,8 +34,8 @@ Camera camera_at(int index, const SmallSession& what) {
     camera.fx = camera.fy = 1.1 * what.width;
     camera.cx = 0.5 * (what.width - 1);
     camera.cy = 0.5 * (what.height - 1);
-    camera.camera_from_world.rotation.m = {right.x,   right.y,   right.z,   down.x,   down.y,
-                                           down.z,    forward.x, forward.y, forward.z};
+    camera.camera_from_world.rotation.m = {right.x, right.y,   right.z,   down.x,   down.y,
+                                           down.z,  forward.x, forward.y, forward.z};
     camera.camera_from_world.translation = -(camera.camera_from_world.rotation * centre);
     return camera;
 }
@@ -65,7 +65,8 @@ std::filesystem::path write_small_session(const std::filesystem::path& folder, c
                                    background / fmt::format("{:04}.png", i)));
         for (int i = 0; i < what.frames; ++i) {
             Volume moved = person;
-            moved.grid.origin_in_world.x += 0.4 * std::sin(2 * M_PI * i / what.frames);   // so that it loops smoothly
+            moved.grid.origin_in_world.x +=
+                0.4 * std::sin(2 * M_PI * i / what.frames);  // so that it loops smoothly
             must(client::write_png(with_noise(client::render_volume(moved, camera, room), random),
                                    pictures / fmt::format("{:04}.png", i)));
         }

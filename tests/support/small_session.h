@@ -7,7 +7,7 @@ namespace kinevox::testing {
 
 struct SmallSession {
     int frames = 12;
-    int width = 160, height = 120;   // px
+    int width = 160, height = 120;  // px
     double fps = 20;
 };
 

@@ -1,5 +1,6 @@
-// For LD_PRELOAD: the wall clock as another one sees it who sets it. Adds the seconds in the file KINEVOX_CLOCK_STEP, a
-// 64-bit number that may change at any time, to CLOCK_REALTIME; the steady clocks stay as they are.
+// For LD_PRELOAD: the wall clock as another one sees it who sets it. Adds the seconds in the file
+// KINEVOX_CLOCK_STEP, a 64-bit number that may change at any time, to CLOCK_REALTIME; the steady clocks stay
+// as they are.
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <sys/syscall.h>
@@ -27,7 +28,9 @@ std::int64_t step_s() {
     return *step;
 }
 
-int real_clock(clockid_t clock, timespec* time) { return static_cast<int>(syscall(SYS_clock_gettime, clock, time)); }
+int real_clock(clockid_t clock, timespec* time) {
+    return static_cast<int>(syscall(SYS_clock_gettime, clock, time));
+}
 
 }  // namespace
 

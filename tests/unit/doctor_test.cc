@@ -1,12 +1,11 @@
 // `kinevox doctor` on machines that the tests made up.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <fstream>
 #include <limits>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "server/tools/doctor/clock_state.h"
 #include "server/tools/doctor/interfaces.h"
@@ -50,19 +49,22 @@ class DoctorTest : public ::testing::Test {
         write("sys/bus/usb/devices/2-1:1.0/bInterfaceSubClass", "05");
         write("sys/bus/usb/devices/2-1:1.1/bInterfaceClass", "ef");
         write("sys/bus/usb/devices/2-1:1.1/bInterfaceSubClass", "05");
-        write("sys/bus/usb/devices/1-4:1.0/bInterfaceClass", "03");   // a mouse
+        write("sys/bus/usb/devices/1-4:1.0/bInterfaceClass", "03");  // a mouse
         write("sys/bus/usb/devices/1-4:1.0/bInterfaceSubClass", "01");
     }
     static FoundCamera gige(const std::string& address) {
         FoundCamera camera;
-        camera.serial = "F1", camera.address = address, camera.protocol = "GigEVision", camera.vendor = "Maker", camera.model = "M";
+        camera.serial = "F1", camera.address = address, camera.protocol = "GigEVision",
+        camera.vendor = "Maker", camera.model = "M";
         return camera;
     }
 
     testing::TemporaryFolder folder_;
 };
 
-auto is(Level level, const std::string& what) { return AllOf(Field(&Finding::level, level), Field(&Finding::what, HasSubstr(what))); }
+auto is(Level level, const std::string& what) {
+    return AllOf(Field(&Finding::level, level), Field(&Finding::what, HasSubstr(what)));
+}
 
 TEST_F(DoctorTest, SmallReceiveBuffersAreBadOnlyWithCamerasOnTheNetwork) {
     write("proc/sys/net/core/rmem_max", "212992");
@@ -78,12 +80,14 @@ TEST_F(DoctorTest, SmallReceiveBuffersAreBadOnlyWithCamerasOnTheNetwork) {
 }
 
 TEST_F(DoctorTest, AnInterfaceWithoutSettingsIsNotTakenForGood) {
-    EXPECT_THAT(check_network(facts()), ElementsAre(is(Level::kWarn, "cannot be read"), is(Level::kWarn, "cannot be read")));
+    EXPECT_THAT(check_network(facts()),
+                ElementsAre(is(Level::kWarn, "cannot be read"), is(Level::kWarn, "cannot be read")));
 }
 
 TEST_F(DoctorTest, FindsTheInterfacesThatHaveCameras) {
     const std::vector<Interface> all{{"eth0", 0x0a000001, 0xffffff00}, {"eth1", 0xc0a80701, 0xffffff00}};
-    EXPECT_THAT(with_cameras(all, {gige("192.168.7.5"), gige("192.168.7.6")}), ElementsAre(Field(&Interface::name, "eth1")));
+    EXPECT_THAT(with_cameras(all, {gige("192.168.7.5"), gige("192.168.7.6")}),
+                ElementsAre(Field(&Interface::name, "eth1")));
     EXPECT_THAT(with_cameras(all, {gige("172.16.0.1")}), IsEmpty());
     FoundCamera usb = gige("192.168.7.5");
     usb.protocol = "USB3Vision";
@@ -97,32 +101,38 @@ TEST_F(DoctorTest, JudgesAnInterface) {
     write("proc/sys/net/ipv4/conf/eth1/rp_filter", "0");
     const std::vector<Interface> eth1{{"eth1", 0, 0}};
     const auto findings = check_interfaces(facts(), eth1);
-    EXPECT_THAT(findings, ElementsAre(is(Level::kWarn, "packets of 1500"), is(Level::kBad, "100 Mbit/s"), is(Level::kWarn, "rp_filter 1")));
+    EXPECT_THAT(findings, ElementsAre(is(Level::kWarn, "packets of 1500"), is(Level::kBad, "100 Mbit/s"),
+                                      is(Level::kWarn, "rp_filter 1")));
     EXPECT_THAT(findings[0].mend, HasSubstr("ip link set eth1 mtu 9000"));
     write("sys/class/net/eth1/mtu", "9000");
     write("sys/class/net/eth1/speed", "1000");
-    write("proc/sys/net/ipv4/conf/eth1/rp_filter", "2");   // the greater counts
-    EXPECT_THAT(check_interfaces(facts(), eth1), ElementsAre(is(Level::kOk, "9000"), is(Level::kOk, "1000"), is(Level::kOk, "rp_filter 2")));
+    write("proc/sys/net/ipv4/conf/eth1/rp_filter", "2");  // the greater counts
+    EXPECT_THAT(check_interfaces(facts(), eth1),
+                ElementsAre(is(Level::kOk, "9000"), is(Level::kOk, "1000"), is(Level::kOk, "rp_filter 2")));
 }
 
 TEST_F(DoctorTest, CamerasOfTheConfigurationAnswerOrDoNot) {
-    Facts some = facts_with("[source]\nkind = \"cameras\"\n[source.cameras]\ncalibration = \"c.toml\"\n"
-                            "[[source.cameras.camera]]\nname = \"left\"\ndevice = \"F1\"\n"
-                            "[[source.cameras.camera]]\nname = \"right\"\ndevice = \"F2\"\n");
+    Facts some = facts_with(
+        "[source]\nkind = \"cameras\"\n[source.cameras]\ncalibration = \"c.toml\"\n"
+        "[[source.cameras.camera]]\nname = \"left\"\ndevice = \"F1\"\n"
+        "[[source.cameras.camera]]\nname = \"right\"\ndevice = \"F2\"\n");
     some.found = {gige("192.168.7.5")};
-    EXPECT_THAT(check_cameras(some), ElementsAre(is(Level::kOk, "left is "), is(Level::kBad, "right (F2) does not answer; 1 others do")));
+    EXPECT_THAT(check_cameras(some), ElementsAre(is(Level::kOk, "left is "),
+                                                 is(Level::kBad, "right (F2) does not answer; 1 others do")));
     EXPECT_THAT(check_cameras(facts()), ElementsAre(is(Level::kOk, "none are asked for")));
 }
 
 TEST_F(DoctorTest, AUsbCameraNeedsItsNodeItsSpeedAndMemory) {
     usb_camera("480");
     write("sys/module/usbcore/parameters/usbfs_memory_mb", "16");
-    EXPECT_THAT(check_usb(facts()), ElementsAre(is(Level::kBad, "/dev/bus/usb/002/007"), is(Level::kBad, "480 Mbit/s"),
-                                                is(Level::kBad, "usbfs_memory_mb is 16")));
+    EXPECT_THAT(check_usb(facts()),
+                ElementsAre(is(Level::kBad, "/dev/bus/usb/002/007"), is(Level::kBad, "480 Mbit/s"),
+                            is(Level::kBad, "usbfs_memory_mb is 16")));
     usb_camera("5000");
     write("dev/bus/usb/002/007", "");
     write("sys/module/usbcore/parameters/usbfs_memory_mb", "1000");
-    EXPECT_THAT(check_usb(facts()), ElementsAre(is(Level::kOk, "may be opened"), is(Level::kOk, "5000"), is(Level::kOk, "1000")));
+    EXPECT_THAT(check_usb(facts()),
+                ElementsAre(is(Level::kOk, "may be opened"), is(Level::kOk, "5000"), is(Level::kOk, "1000")));
 }
 
 TEST_F(DoctorTest, WithoutUsbCamerasTheirMemoryIsNoMatter) {
@@ -137,8 +147,10 @@ TEST_F(DoctorTest, AGpuIsBadOnlyWhereItIsAskedFor) {
     write("sys/bus/pci/devices/0000:01:00.0/vendor", "0x10de");
     write("sys/bus/pci/devices/0000:01:00.0/class", "0x030000");
     EXPECT_THAT(check_gpu(facts()), ElementsAre(is(Level::kWarn, "driver is not loaded")));
-    write("proc/driver/nvidia/version", "NVRM version: NVIDIA UNIX x86_64 Kernel Module  535.183.01  Sun May 12");
-    EXPECT_THAT(check_gpu(cuda), ElementsAre(is(Level::kBad, "535.183.01 is loaded, but /dev/nvidiactl is missing")));
+    write("proc/driver/nvidia/version",
+          "NVRM version: NVIDIA UNIX x86_64 Kernel Module  535.183.01  Sun May 12");
+    EXPECT_THAT(check_gpu(cuda),
+                ElementsAre(is(Level::kBad, "535.183.01 is loaded, but /dev/nvidiactl is missing")));
     for (const char* node : {"nvidiactl", "nvidia0", "nvidia-uvm"}) write(std::string("dev/") + node, "");
     EXPECT_THAT(check_gpu(cuda), ElementsAre(is(Level::kOk, "535.183.01")));
 }
@@ -152,11 +164,13 @@ TEST_F(DoctorTest, HugePages) {
 
 TEST_F(DoctorTest, TheDaemonsOwnLimitCountsWhereItRuns) {
     const std::string header = "Limit                     Soft Limit           Hard Limit           Units\n";
-    write("proc/self/limits", header + "Max open files            1024                 524288               files");
+    write("proc/self/limits",
+          header + "Max open files            1024                 524288               files");
     EXPECT_THAT(check_limits(facts()), ElementsAre(is(Level::kOk, "a program that you start may have 1024")));
     write("proc/4711/comm", "exe");
     write("proc/4711/cmdline", std::string("/usr/bin/kinevoxd\0--config", 26));
-    write("proc/4711/limits", header + "Max open files            256                  524288               files");
+    write("proc/4711/limits",
+          header + "Max open files            256                  524288               files");
     EXPECT_THAT(check_limits(facts()), ElementsAre(is(Level::kBad, "process 4711) may have only 256")));
 }
 
@@ -184,7 +198,7 @@ TEST_F(DoctorTest, DiskSpaceAndSpeed) {
     const auto findings = check_disk(some);
     ASSERT_EQ(findings.size(), 2u);
     EXPECT_THAT(findings[0].what, HasSubstr("minutes of recordings"));
-    EXPECT_THAT(findings[1].what, HasSubstr("the cameras bring 111"));   // 4 of 640 x 480 at 30
+    EXPECT_THAT(findings[1].what, HasSubstr("the cameras bring 111"));  // 4 of 640 x 480 at 30
     EXPECT_TRUE(std::filesystem::is_empty(folder_.path())) << "leaves nothing";
     EXPECT_THAT(check_disk(facts()), ElementsAre(is(Level::kOk, "records nothing")));
     some.config->recording.least_free_mb = std::numeric_limits<int>::max();
@@ -195,7 +209,7 @@ TEST_F(DoctorTest, DiskSpaceAndSpeed) {
 TEST_F(DoctorTest, APortThatIsTaken) {
     Facts some = facts_with("[server]\nlisten = \"127.0.0.1:0\"\n");
     EXPECT_THAT(check_port(some), ElementsAre(is(Level::kOk, "is free")));
-    some = facts_with("[server]\nlisten = \"192.0.2.1:50770\"\n");   // nobody's
+    some = facts_with("[server]\nlisten = \"192.0.2.1:50770\"\n");  // nobody's
     EXPECT_THAT(check_port(some), ElementsAre(is(Level::kBad, "192.0.2.1:50770")));
 }
 
@@ -214,7 +228,9 @@ TEST_F(DoctorTest, TheScriptMendsWhatWasFound) {
     Findings findings = check_network(some);
     for (Finding& finding : check_interfaces(some, {{"eth1", 0, 0}})) findings.push_back(finding);
     const std::string script = fix_script(findings);
-    EXPECT_THAT(script, HasSubstr("cat >/etc/sysctl.d/60-kinevox.conf <<'END'\nnet.core.rmem_max=33554432\nnet.core.netdev_max_backlog=5000\nEND\n"));
+    EXPECT_THAT(script,
+                HasSubstr("cat >/etc/sysctl.d/60-kinevox.conf "
+                          "<<'END'\nnet.core.rmem_max=33554432\nnet.core.netdev_max_backlog=5000\nEND\n"));
     EXPECT_THAT(script, HasSubstr("\nip link set eth1 mtu 9000\n"));
     EXPECT_THAT(script, Not(HasSubstr("tmpfiles")));
     const auto file = folder_.path() / "fix.sh";
@@ -225,8 +241,11 @@ TEST_F(DoctorTest, TheScriptMendsWhatWasFound) {
 
 TEST_F(DoctorTest, InWordsAndAsJson) {
     const Findings findings{{Level::kOk, "clock", "fine"}, {Level::kBad, "port", "taken", "choose another"}};
-    EXPECT_THAT(to_text(findings, false), AllOf(HasSubstr("OK    clock            fine\n"), HasSubstr("-> choose another\n"), HasSubstr("1 bad, 0 to look at")));
-    EXPECT_THAT(to_json(findings), AllOf(HasSubstr("\"bad\":1"), HasSubstr("\"level\":\"BAD\",\"check\":\"port\"")));
+    EXPECT_THAT(to_text(findings, false),
+                AllOf(HasSubstr("OK    clock            fine\n"), HasSubstr("-> choose another\n"),
+                      HasSubstr("1 bad, 0 to look at")));
+    EXPECT_THAT(to_json(findings),
+                AllOf(HasSubstr("\"bad\":1"), HasSubstr("\"level\":\"BAD\",\"check\":\"port\"")));
     EXPECT_TRUE(any_bad(findings));
     EXPECT_FALSE(any_bad({findings[0]}));
 }

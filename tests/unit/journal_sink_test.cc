@@ -1,4 +1,10 @@
 // What the journal receives of a line of the log, by a socket in its place.
+#include "server/daemon/journal_sink.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <spdlog/logger.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
@@ -9,13 +15,7 @@
 #include <memory>
 #include <string>
 
-#include <fmt/format.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-#include <spdlog/logger.h>
-
 #include "common/log_fields.h"
-#include "server/daemon/journal_sink.h"
 #include "tests/unit/common/temporary_folder.h"
 
 namespace kinevox {
@@ -23,7 +23,8 @@ namespace {
 
 class FakeJournal {
   public:
-    explicit FakeJournal(const std::filesystem::path& path) : socket_(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
+    explicit FakeJournal(const std::filesystem::path& path)
+        : socket_(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
         sockaddr_un address{};
         address.sun_family = AF_UNIX;
         std::strncpy(address.sun_path, path.c_str(), sizeof address.sun_path - 1);
@@ -54,13 +55,16 @@ TEST_F(JournalSinkTest, ALineHasPriorityMessageAndFields) {
     const FakeJournal journal(path_);
     const LogFields run{{"KINEVOX_EVENT", "outer"}};
     {
-        const LogFields fields{{"KINEVOX_EVENT", "camera_lost"}, {"KINEVOX_CAMERA", "cam1"}, {"KINEVOX_RECORDING", ""}};
+        const LogFields fields{
+            {"KINEVOX_EVENT", "camera_lost"}, {"KINEVOX_CAMERA", "cam1"}, {"KINEVOX_RECORDING", ""}};
         log_.error("cam1 is gone");
     }
     log_.info("all is well");
-    EXPECT_EQ(journal.take(), "MESSAGE=cam1 is gone\nPRIORITY=3\nSYSLOG_IDENTIFIER=kinevoxd\nKINEVOX_EVENT=outer\n"
-                              "KINEVOX_EVENT=camera_lost\nKINEVOX_CAMERA=cam1\n");
-    EXPECT_EQ(journal.take(), "MESSAGE=all is well\nPRIORITY=6\nSYSLOG_IDENTIFIER=kinevoxd\nKINEVOX_EVENT=outer\n");
+    EXPECT_EQ(journal.take(),
+              "MESSAGE=cam1 is gone\nPRIORITY=3\nSYSLOG_IDENTIFIER=kinevoxd\nKINEVOX_EVENT=outer\n"
+              "KINEVOX_EVENT=camera_lost\nKINEVOX_CAMERA=cam1\n");
+    EXPECT_EQ(journal.take(),
+              "MESSAGE=all is well\nPRIORITY=6\nSYSLOG_IDENTIFIER=kinevoxd\nKINEVOX_EVENT=outer\n");
     EXPECT_EQ(journal.take(), "");
 }
 
@@ -76,20 +80,21 @@ TEST_F(JournalSinkTest, AValueOfSeveralLinesCannotPassForAField) {
     const FakeJournal journal(path_);
     log_.info("refused\nPRIORITY=0");
     using namespace std::string_literals;
-    EXPECT_THAT(journal.take(), ::testing::StartsWith("MESSAGE\n\x12\0\0\0\0\0\0\0refused\nPRIORITY=0\nPRIORITY=6\n"s));
+    EXPECT_THAT(journal.take(),
+                ::testing::StartsWith("MESSAGE\n\x12\0\0\0\0\0\0\0refused\nPRIORITY=0\nPRIORITY=6\n"s));
 }
 
 TEST_F(JournalSinkTest, WithoutAJournalTheLineGoesToStandardError) {
     ::testing::internal::CaptureStderr();
     log_.warn("nobody listens");
     EXPECT_EQ(::testing::internal::GetCapturedStderr(), "<4>nobody listens\n");
-    const FakeJournal journal(path_);   // started anew
+    const FakeJournal journal(path_);  // started anew
     log_.warn("again");
     EXPECT_THAT(journal.take(), ::testing::StartsWith("MESSAGE=again\n"));
 }
 
 TEST(StderrIsJournal, WhereTheServiceManagerSaysThisVeryStream) {
-    struct stat now{};
+    struct stat now {};
     ASSERT_EQ(::fstat(STDERR_FILENO, &now), 0);
     ::setenv("JOURNAL_STREAM", fmt::format("{}:{}", now.st_dev, now.st_ino).c_str(), 1);
     EXPECT_TRUE(stderr_is_journal());

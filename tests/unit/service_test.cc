@@ -1,8 +1,8 @@
 // What the service manager is told: an idle pipeline is well, one that keeps a frame set in hand is not.
-#include <condition_variable>
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include <condition_variable>
 
 #include "server/daemon/stored_background.h"
 #include "server/daemon/watchdog.h"
@@ -20,16 +20,16 @@ using Word = Watchdog::Word;
 TEST(Watchdog, AnIdlePipelineIsAlive) {
     Watchdog watchdog(20s);
     for (int n = 0; n < 100; ++n) EXPECT_EQ(watchdog.look(0s), Word::kAlive);
-    EXPECT_EQ(watchdog.look(9s), Word::kAlive);   // slow, but not hung
+    EXPECT_EQ(watchdog.look(9s), Word::kAlive);  // slow, but not hung
 }
 
 TEST(Watchdog, AFrameSetThatDoesNotComeOutIsToldOnce) {
     Watchdog watchdog(20s);
     EXPECT_EQ(watchdog.look(9900ms), Word::kAlive);
     EXPECT_EQ(watchdog.look(10s), Word::kHung);
-    EXPECT_EQ(watchdog.look(11s), Word::kNone);   // and not fed any more
+    EXPECT_EQ(watchdog.look(11s), Word::kNone);  // and not fed any more
     EXPECT_EQ(watchdog.look(1000s), Word::kNone);
-    EXPECT_EQ(watchdog.look(10ms), Word::kAlive);   // it came out after all
+    EXPECT_EQ(watchdog.look(10ms), Word::kAlive);  // it came out after all
     EXPECT_EQ(watchdog.look(10s), Word::kHung);
 }
 
@@ -70,18 +70,23 @@ class HungRunnerTest : public ::testing::TestWithParam<const char*> {
 };
 
 TEST_P(HungRunnerTest, HasItsFrameSetInHandUntilItComesOut) {
-    auto pipeline = std::make_unique<testing::FakePipeline>(std::make_shared<const Volume>(testing::person_volume(0.05)));
-    const auto block = [this](std::uint64_t sequence) { if (sequence == 1) hold(); };
+    auto pipeline =
+        std::make_unique<testing::FakePipeline>(std::make_shared<const Volume>(testing::person_volume(0.05)));
+    const auto block = [this](std::uint64_t sequence) {
+        if (sequence == 1) hold();
+    };
     (std::string(GetParam()) == "pose" ? pipeline->on_pose : pipeline->on_reconstruct) = block;
     testing::FakeSourceControl source;
     StreamHub hub;
-    Runner runner(source.open(), [&] { return source.open(); }, std::move(pipeline), hub);
+    Runner runner(
+        source.open(), [&] { return source.open(); }, std::move(pipeline), hub);
     const auto in = [](auto time) { return InHand::Clock::now() + time; };
     EXPECT_EQ(runner.longest_in_hand(in(1h)), 0s) << "not started";
     ASSERT_TRUE(runner.start().ok());
     source.give(1);
     while (runner.figures().results < 1) std::this_thread::yield();
-    while (runner.longest_in_hand(in(1h)) != 0s) std::this_thread::yield();   // waits for pictures, however long
+    while (runner.longest_in_hand(in(1h)) != 0s)
+        std::this_thread::yield();  // waits for pictures, however long
     source.give(5);
     wait_until_held();
     EXPECT_GE(runner.longest_in_hand(in(1h)), 1h);
@@ -102,7 +107,8 @@ std::vector<std::vector<Picture>> noisy_scene(const std::vector<Camera>& cameras
         for (int n = 0; n < count; ++n) {
             const std::size_t bytes = std::size_t{3} * cameras[c].width * cameras[c].height;
             auto data = std::make_shared<std::uint8_t[]>(bytes);
-            for (std::size_t i = 0; i < bytes; ++i) data[i] = static_cast<std::uint8_t>((random = random * 1664525u + 1013904223u) >> 24);
+            for (std::size_t i = 0; i < bytes; ++i)
+                data[i] = static_cast<std::uint8_t>((random = random * 1664525u + 1013904223u) >> 24);
             out[c].push_back({cameras[c].width, cameras[c].height, 3, data});
         }
     return out;
@@ -111,19 +117,28 @@ std::vector<std::vector<Picture>> noisy_scene(const std::vector<Camera>& cameras
 class StoredBackgroundTest : public ::testing::Test {
   protected:
     StoredBackground::Tell tell() {
-        return [this](const std::string& words) { const std::scoped_lock lock(mutex_); told_ += words + "\n"; };
+        return [this](const std::string& words) {
+            const std::scoped_lock lock(mutex_);
+            told_ += words + "\n";
+        };
     }
     std::filesystem::path folder() const { return folder_.path() / "background"; }
-    std::string told() const { const std::scoped_lock lock(mutex_); return told_; }
+    std::string told() const {
+        const std::scoped_lock lock(mutex_);
+        return told_;
+    }
 
     void store(const std::vector<Camera>& cameras, const std::vector<std::vector<Picture>>& pictures) {
         StoredBackground background(folder(), tell());
         background.store(cameras, 30, std::make_shared<const std::vector<std::vector<Picture>>>(pictures));
         const auto newest = folder() / (cameras.back().name + ".mkv");
-        const auto before = std::filesystem::exists(newest) ? std::filesystem::last_write_time(newest) : std::filesystem::file_time_type{};
-        for (int n = 0; n < 2000; ++n) {   // it is put in place at once
+        const auto before = std::filesystem::exists(newest) ? std::filesystem::last_write_time(newest)
+                                                            : std::filesystem::file_time_type{};
+        for (int n = 0; n < 2000; ++n) {  // it is put in place at once
             std::error_code error;
-            if (std::filesystem::exists(newest, error) && std::filesystem::last_write_time(newest, error) != before) return;
+            if (std::filesystem::exists(newest, error) &&
+                std::filesystem::last_write_time(newest, error) != before)
+                return;
             std::this_thread::sleep_for(10ms);
         }
         ADD_FAILURE() << "not stored: " << told();
@@ -136,7 +151,7 @@ class StoredBackgroundTest : public ::testing::Test {
 
 TEST_F(StoredBackgroundTest, IsTheSameAfterARestart) {
     const auto cameras = testing::fake_cameras();
-    const auto pictures = noisy_scene(cameras, 70);   // more than a session's clip would give
+    const auto pictures = noisy_scene(cameras, 70);  // more than a session's clip would give
     store(cameras, noisy_scene(cameras, 2));
     store(cameras, pictures);
     StoredBackground again(folder(), tell());
@@ -145,8 +160,10 @@ TEST_F(StoredBackgroundTest, IsTheSameAfterARestart) {
     for (std::size_t c = 0; c < cameras.size(); ++c) {
         ASSERT_EQ(read[c].size(), pictures[c].size());
         for (std::size_t n = 0; n < read[c].size(); ++n)
-            ASSERT_TRUE(std::equal(read[c][n].data.get(), read[c][n].data.get() + 3 * cameras[c].width * cameras[c].height,
-                                   pictures[c][n].data.get())) << c << " " << n;
+            ASSERT_TRUE(std::equal(read[c][n].data.get(),
+                                   read[c][n].data.get() + 3 * cameras[c].width * cameras[c].height,
+                                   pictures[c][n].data.get()))
+                << c << " " << n;
     }
     EXPECT_THAT(told(), ::testing::HasSubstr("is used; where the scene has changed"));
 }
@@ -170,7 +187,7 @@ TEST_F(StoredBackgroundTest, RestoresOnlyWhereTheSourceHasNone) {
     store(cameras, noisy_scene(cameras, 3));
     StoredBackground again(folder(), tell());
     testing::FakeSourceControl source;
-    EXPECT_EQ(again.restoring(source.open())->background()->front().size(), 2u);   // its own
+    EXPECT_EQ(again.restoring(source.open())->background()->front().size(), 2u);  // its own
     source.with_background = false;
     EXPECT_EQ(again.restoring(source.open())->background()->front().size(), 3u);
     StoredBackground nowhere({}, tell());

@@ -26,7 +26,8 @@ namespace {
 constexpr double kDegrees = 180 / 3.14159265358979323846;
 
 std::size_t joint(std::string_view name) {
-    return static_cast<std::size_t>(std::find(kJointNames.begin(), kJointNames.end(), name) - kJointNames.begin());
+    return static_cast<std::size_t>(std::find(kJointNames.begin(), kJointNames.end(), name) -
+                                    kJointNames.begin());
 }
 
 StudioOptions small(std::string motion) {
@@ -74,11 +75,13 @@ TEST_P(EveryMotion, JointsLieInsideTheMasks) {
         for (std::size_t c = 0; c < masks.size(); ++c) {
             const Camera& camera = studio->cameras()[c];
             for (std::size_t j = 0; j < kJointNames.size(); ++j) {
-                if (kJointNames[j] == "head_top" || kJointNames[j].starts_with("hand_") || kJointNames[j].starts_with("toe_"))
+                if (kJointNames[j] == "head_top" || kJointNames[j].starts_with("hand_") ||
+                    kJointNames[j].starts_with("toe_"))
                     continue;  // on the skin
                 const auto pixel = camera.project(truth.joints_in_world[j]);
                 ASSERT_TRUE(pixel) << kJointNames[j];
-                const int x = static_cast<int>(std::lround(pixel->x)), y = static_cast<int>(std::lround(pixel->y));
+                const int x = static_cast<int>(std::lround(pixel->x)),
+                          y = static_cast<int>(std::lround(pixel->y));
                 ASSERT_TRUE(x >= 0 && y >= 0 && x < camera.width && y < camera.height)
                     << kJointNames[j] << " leaves the picture of " << camera.name << " in frame " << frame;
                 inside += masks[c][static_cast<std::size_t>(y) * camera.width + x] == 255;
@@ -104,7 +107,8 @@ TEST_P(EveryMotion, PictureChangesWhereTheMaskSaysAndElsewhereOnlyDarkens) {
             for (int x = 1; x + 1 < width; ++x) {
                 const int i = y * width + x;
                 bool near = false;  // a pixel on the border is a mixture
-                for (int n : {i, i - 1, i + 1, i - width, i + width, i - width - 1, i - width + 1, i + width - 1, i + width + 1})
+                for (int n : {i, i - 1, i + 1, i - width, i + width, i - width - 1, i - width + 1,
+                              i + width - 1, i + width + 1})
                     near = near || masks[c][n];
                 int change = 0, most = -255;
                 for (int k = 0; k < 3; ++k) {
@@ -128,7 +132,8 @@ TEST_P(EveryMotion, FeetAndHandsNeverSinkIntoTheFloor) {
         double lowest = 1;
         for (const Vec3& v : studio->surface(frame).vertices) lowest = std::min(lowest, v.z);
         EXPECT_GT(lowest, -0.012) << "frame " << frame;
-        const bool may_fly = GetParam() == "run" || GetParam() == "sprint_start" || GetParam() == "jumping_jack";
+        const bool may_fly =
+            GetParam() == "run" || GetParam() == "sprint_start" || GetParam() == "jumping_jack";
         EXPECT_LT(lowest, may_fly ? 0.16 : 0.012) << "frame " << frame;
     }
 }
@@ -162,7 +167,8 @@ TEST_P(EveryMotion, MovesAsHumansCan) {
 TEST_P(EveryMotion, StandingFeetDoNotSlide) {
     constexpr double kFps = 120;
     const MovingRig person(GetParam(), kFps);
-    // The toe's joint rests from the foot's coming down until the heel has left the floor and the toes follow.
+    // The toe's joint rests from the foot's coming down until the heel has left the floor and the toes
+    // follow.
     int frames = 0, with_a_foot_at_rest = 0;
     for (int frame = 0; frame < 360; ++frame) {
         if (person.frames_per_loop() > 0 && (frame + 1) % person.frames_per_loop() == 0) continue;  // the cut
@@ -173,7 +179,8 @@ TEST_P(EveryMotion, StandingFeetDoNotSlide) {
         ++frames;
         with_a_foot_at_rest += slowest < 0.0015;  // 0.18 m/s
     }
-    const bool hops = GetParam() == "jumping_jack", runs = GetParam() == "run" || GetParam() == "sprint_start";
+    const bool hops = GetParam() == "jumping_jack",
+               runs = GetParam() == "run" || GetParam() == "sprint_start";
     EXPECT_GT(with_a_foot_at_rest, (runs ? 0.5 : hops ? 0.3 : 0.95) * frames);
 }
 
@@ -206,14 +213,17 @@ TEST(Studio, SprinterStartsOnHandsAndRunsEightMetres) {
     }
     EXPECT_GT(joint_angles(set.joints_in_world)[10] * kDegrees, 80);  // trunk level
     const auto last = studio->frames_per_loop() - 1;
-    const auto root_x = [&](std::int64_t frame) { return studio->truth(frame).joints_in_world[joint("root")].x; };
+    const auto root_x = [&](std::int64_t frame) {
+        return studio->truth(frame).joints_in_world[joint("root")].x;
+    };
     EXPECT_GT(root_x(last) - root_x(0), 8.0);
     const double speed = (root_x(last) - root_x(last - 3)) * options.fps / 3;
     EXPECT_GT(speed, 5.5);
     EXPECT_LT(speed, 10.0);
     EXPECT_LT(joint_angles(studio->truth(last).joints_in_world)[10] * kDegrees, 25);
     double fastest_change = 0;  // accelerates all the way, never backwards
-    for (std::int64_t f = 30; f < last; ++f) fastest_change = std::min(fastest_change, root_x(f + 1) - root_x(f));
+    for (std::int64_t f = 30; f < last; ++f)
+        fastest_change = std::min(fastest_change, root_x(f + 1) - root_x(f));
     EXPECT_GE(fastest_change, -0.002);
 }
 
@@ -227,7 +237,9 @@ TEST(Studio, SameSeedSameBitsWhateverTheThreads) {
     }
     StudioOptions another = small("walk");
     another.seed = 9;
-    EXPECT_NE(std::memcmp(must_create(another)->draw(0, false)[0].data.get(), a->draw(0, false)[0].data.get(), 320 * 240 * 3), 0);
+    EXPECT_NE(std::memcmp(must_create(another)->draw(0, false)[0].data.get(), a->draw(0, false)[0].data.get(),
+                          320 * 240 * 3),
+              0);
 }
 
 TEST(Studio, NoiseAndFlickerAreAsAskedFor) {
@@ -274,7 +286,8 @@ TEST(Studio, BadOptionsAreOneSentence) {
     EXPECT_THAT(message([](auto& o) { o.width = 10; }), ::testing::HasSubstr("10x480"));
     EXPECT_THAT(message([](auto& o) { o.fps = std::nan(""); }), ::testing::HasSubstr("fps"));
     EXPECT_THAT(message([](auto& o) { o.subject_height_m = 3; }), ::testing::HasSubstr("height"));
-    EXPECT_THAT(message([](auto& o) { o.motion = "sprint_start", o.stage = "room"; }), ::testing::HasSubstr("lane"));
+    EXPECT_THAT(message([](auto& o) { o.motion = "sprint_start", o.stage = "room"; }),
+                ::testing::HasSubstr("lane"));
 }
 
 TEST(StudioSource, CountsFramesAndStops) {
@@ -316,7 +329,8 @@ TEST(StudioSource, RealTimeHandsOutFramesInTheirTime) {
 }
 
 TEST(StudioSession, ReadsBack) {
-    const std::filesystem::path folder = std::filesystem::path(::testing::TempDir()) / "kinevox_studio_session";
+    const std::filesystem::path folder =
+        std::filesystem::path(::testing::TempDir()) / "kinevox_studio_session";
     std::filesystem::remove_all(folder);
     const auto studio = must_create(small("squat"));
     SessionWriterOptions options{.frames = 4, .background_frames = 3, .mesh_every = 2};
@@ -335,14 +349,16 @@ TEST(StudioSession, ReadsBack) {
         EXPECT_NEAR(written->x, own->x, 1e-6);
         EXPECT_NEAR(written->y, own->y, 1e-6);
     }
-    for (const char* file : {"truth/joints.csv", "truth/angles.csv", "truth/masks_cam2/frame_0003.png", "truth/mesh/frame_0002.ply"})
+    for (const char* file : {"truth/joints.csv", "truth/angles.csv", "truth/masks_cam2/frame_0003.png",
+                             "truth/mesh/frame_0002.ply"})
         EXPECT_TRUE(std::filesystem::exists(folder / file)) << file;
     std::ifstream angles(folder / "truth/angles.csv");
     std::string line;
     int lines = 0;
     while (std::getline(angles, line)) ++lines;
     EXPECT_EQ(lines, 5);
-    // Through the same reader as any recording: the pictures are those that were drawn, but for H.264's losses.
+    // Through the same reader as any recording: the pictures are those that were drawn, but for H.264's
+    // losses.
     auto source = open_session_source(folder / "session.toml");
     ASSERT_TRUE(source.ok()) << source.status().message();
     EXPECT_EQ((*source)->frame_count(), 4);

@@ -32,7 +32,9 @@ class GCatch {
     GError* error_ = nullptr;
 };
 
-inline std::string text_of(const char* text) { return text ? text : ""; }
+inline std::string text_of(const char* text) {
+    return text ? text : "";
+}
 
 // Aravis keeps one list of devices a process and does not guard all of it; whoever lists or opens holds this.
 std::mutex& aravis_list_mutex();

@@ -1,10 +1,10 @@
 #include "server/cameras/aravis/camera_session.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <atomic>
 #include <mutex>
-
-#include <fmt/format.h>
 
 #include "server/cameras/aravis/aravis_handles.h"
 #include "server/cameras/aravis/camera_settings.h"
@@ -13,12 +13,14 @@
 namespace kinevox {
 namespace {
 
-constexpr int kBuffers = 24;                  // of Aravis' own, 0.8 s at 30 pictures a second
-constexpr unsigned kSocketBytes = 8u << 20;   // the kernel grants what net.core.rmem_max allows
-constexpr std::uint32_t kControlPrivilege = 0x0a00;   // a register that every GigE Vision camera has
+constexpr int kBuffers = 24;                         // of Aravis' own, 0.8 s at 30 pictures a second
+constexpr unsigned kSocketBytes = 8u << 20;          // the kernel grants what net.core.rmem_max allows
+constexpr std::uint32_t kControlPrivilege = 0x0a00;  // a register that every GigE Vision camera has
 
 std::int64_t steady_now_ns() {
-    return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch()).count();
+    return std::chrono::duration_cast<std::chrono::nanoseconds>(
+               std::chrono::steady_clock::now().time_since_epoch())
+        .count();
 }
 
 // What a picture without a hole has once it is through: GigE Vision's own numbers have 16 bits and no 0.
@@ -30,16 +32,16 @@ class PictureNumber {
         last_ = number;
         return base_ + number;
     }
-    // Of one that does not tell its number: what follows the last, so that a gap before it is found behind it. 0 where
-    // there was none yet.
+    // Of one that does not tell its number: what follows the last, so that a gap before it is found behind
+    // it. 0 where there was none yet.
     std::uint64_t following() { return last_ == 0 ? 0 : unwrap(last_ == 0xffff ? 1 : last_ + 1, false); }
 
   private:
     std::uint64_t base_ = 0, last_ = 0;
 };
 
-// Aravis writes a picture's number and times with its first packet. Where that never comes they stay those of the picture
-// that the buffer had before, so that there must be none of them.
+// Aravis writes a picture's number and times with its first packet. Where that never comes they stay those of
+// the picture that the buffer had before, so that there must be none of them.
 void push_anew(ArvStream* stream, ArvBuffer* buffer) {
     arv_buffer_set_frame_id(buffer, 0);
     arv_stream_push_buffer(stream, buffer);
@@ -58,14 +60,15 @@ struct CameraSession::State {
     bool timestamps = false;
     std::atomic<bool> ptp = false, lost = false;
     PictureNumber number;
-    std::mutex features;   // Aravis' description of the camera is not for two threads at once: trigger and reader
+    std::mutex
+        features;  // Aravis' description of the camera is not for two threads at once: trigger and reader
 
     ~State() {
         if (camera && !lost) {
             GCatch error;
             arv_camera_stop_acquisition(camera.get(), error);
         }
-        stream.reset();   // its thread before the device that it asks for packets
+        stream.reset();  // its thread before the device that it asks for packets
     }
 
     absl::Status open(const FoundCamera& found);
@@ -83,17 +86,16 @@ absl::Status CameraSession::State::open(const FoundCamera& found) {
         device.reset(arv_open_device(found.id.c_str(), error));
     }
     if (!device) return refused(describe(found) + " cannot be opened", error);
-    g_signal_connect(device.get(), "control-lost", G_CALLBACK(+[](ArvDevice*, void* state) {
-                         static_cast<State*>(state)->lost = true;
-                     }),
+    g_signal_connect(device.get(), "control-lost",
+                     G_CALLBACK(+[](ArvDevice*, void* state) { static_cast<State*>(state)->lost = true; }),
                      this);
     camera.reset(arv_camera_new_with_device(device.get(), error));
     if (!camera) return refused(describe(found) + " is no camera", error);
     is_gige = arv_camera_is_gv_device(camera.get());
     if (is_gige && !arv_gv_device_is_controller(ARV_GV_DEVICE(device.get()))) {
-        lost = true;   // never ours: nothing is to be given back
-        return absl::PermissionDeniedError(fmt::format(
-            "camera {}: another program controls {}; end that program", name, describe(found)));
+        lost = true;  // never ours: nothing is to be given back
+        return absl::PermissionDeniedError(
+            fmt::format("camera {}: another program controls {}; end that program", name, describe(found)));
     }
     return absl::OkStatus();
 }
@@ -102,8 +104,10 @@ absl::Status CameraSession::State::stream_on(const LiveCamerasConfig& config) {
     GCatch error;
     if (is_gige) {
         // Small packets cost a busy machine its pictures: the largest that the network carries.
-        if (config.packet_bytes > 0) arv_camera_gv_set_packet_size(camera.get(), config.packet_bytes, error);
-        else arv_camera_gv_auto_packet_size(camera.get(), error);
+        if (config.packet_bytes > 0)
+            arv_camera_gv_set_packet_size(camera.get(), config.packet_bytes, error);
+        else
+            arv_camera_gv_auto_packet_size(camera.get(), error);
         if (error.caught()) return refused("the packets' size cannot be set; give packet_bytes", error);
         arv_camera_gv_set_packet_size_adjustment(camera.get(), ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER);
         // One way of receiving for every user: raw sockets would be taken where the daemon may use them.
@@ -121,10 +125,11 @@ absl::Status CameraSession::State::stream_on(const LiveCamerasConfig& config) {
     if (is_gige) {
         // A picture is given up some time before its frame set is.
         const auto retention_us = static_cast<unsigned>(std::max(20.0, 0.8 * config.longest_wait_ms) * 1000);
-        g_object_set(stream.get(), "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED, "socket-buffer-size", kSocketBytes,
-                     "packet-resend",
-                     config.packet_resend ? ARV_GV_STREAM_PACKET_RESEND_ALWAYS : ARV_GV_STREAM_PACKET_RESEND_NEVER,
-                     "packet-request-ratio", 1.0, "packet-timeout", 20000u, "frame-retention", retention_us, nullptr);
+        g_object_set(
+            stream.get(), "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED, "socket-buffer-size",
+            kSocketBytes, "packet-resend",
+            config.packet_resend ? ARV_GV_STREAM_PACKET_RESEND_ALWAYS : ARV_GV_STREAM_PACKET_RESEND_NEVER,
+            "packet-request-ratio", 1.0, "packet-timeout", 20000u, "frame-retention", retention_us, nullptr);
     }
     for (int i = 0; i < kBuffers; ++i) arv_stream_push_buffer(stream.get(), arv_buffer_new_allocate(payload));
     arv_camera_start_acquisition(camera.get(), error);
@@ -137,14 +142,17 @@ CameraSession::~CameraSession() = default;
 
 absl::StatusOr<std::unique_ptr<CameraSession>> CameraSession::open(const FoundCamera& found,
                                                                    const LiveCamerasConfig& config,
-                                                                   const LiveCameraConfig& camera, int width, int height) {
+                                                                   const LiveCameraConfig& camera, int width,
+                                                                   int height) {
     auto state = std::make_unique<State>();
     state->name = camera.name;
     state->width = width;
     state->height = height;
     state->wants_ptp = config.ptp;
     if (absl::Status status = state->open(found); !status.ok()) return status;
-    if (absl::Status status = apply_settings(state->camera.get(), config, camera, width, height); !status.ok()) return status;
+    if (absl::Status status = apply_settings(state->camera.get(), config, camera, width, height);
+        !status.ok())
+        return status;
     if (config.ptp) enable_ptp(state->camera.get());
     if (absl::Status status = state->stream_on(config); !status.ok()) return status;
     std::unique_ptr<CameraSession> session(new CameraSession(std::move(state)));
@@ -152,7 +160,8 @@ absl::StatusOr<std::unique_ptr<CameraSession>> CameraSession::open(const FoundCa
     return session;
 }
 
-CameraSession::Outcome CameraSession::next(std::chrono::milliseconds longest, PicturePool& pool, ArrivedPicture& out) {
+CameraSession::Outcome CameraSession::next(std::chrono::milliseconds longest, PicturePool& pool,
+                                           ArrivedPicture& out) {
     ArvBuffer* buffer = arv_stream_timeout_pop_buffer(
         state_->stream.get(), static_cast<std::uint64_t>(std::chrono::microseconds(longest).count()));
     if (!buffer) return Outcome::kNothing;
@@ -173,7 +182,8 @@ CameraSession::Outcome CameraSession::next(std::chrono::milliseconds longest, Pi
         return Outcome::kPicture;
     }
     // Aravis noted the first packet's arrival by UTC.
-    const std::int64_t ago_ns = g_get_real_time() * 1000 - static_cast<std::int64_t>(arv_buffer_get_system_timestamp(buffer));
+    const std::int64_t ago_ns =
+        g_get_real_time() * 1000 - static_cast<std::int64_t>(arv_buffer_get_system_timestamp(buffer));
     out.arrival_ns = ago_ns >= 0 && ago_ns < 5'000'000'000 ? now_ns - ago_ns : now_ns;
     out.number = state_->number.unwrap(arv_buffer_get_frame_id(buffer), !state_->is_gige);
     out.timestamp_ns = static_cast<std::int64_t>(arv_buffer_get_timestamp(buffer));
@@ -194,7 +204,9 @@ CameraSession::Outcome CameraSession::next(std::chrono::milliseconds longest, Pi
     return Outcome::kPicture;
 }
 
-bool CameraSession::control_lost() const { return state_->lost; }
+bool CameraSession::control_lost() const {
+    return state_->lost;
+}
 
 bool CameraSession::answers() {
     if (state_->lost) return false;
@@ -202,7 +214,8 @@ bool CameraSession::answers() {
     GCatch error;
     if (state_->is_gige) {
         guint32 value = 0;
-        arv_device_read_register(arv_camera_get_device(state_->camera.get()), kControlPrivilege, &value, error);
+        arv_device_read_register(arv_camera_get_device(state_->camera.get()), kControlPrivilege, &value,
+                                 error);
         if (!error.caught() && value != 0) return true;
     } else {
         arv_camera_get_payload(state_->camera.get(), error);
@@ -226,7 +239,9 @@ void CameraSession::look_at_clock() {
 }
 
 void CameraSession::fill(CameraLink& link) const {
-    const auto figure = [&](const char* name) { return arv_stream_get_info_uint64_by_name(state_->stream.get(), name); };
+    const auto figure = [&](const char* name) {
+        return arv_stream_get_info_uint64_by_name(state_->stream.get(), name);
+    };
     guint64 completed = 0, failures = 0, underruns = 0;
     arv_stream_get_statistics(state_->stream.get(), &completed, &failures, &underruns);
     link.underruns = underruns;

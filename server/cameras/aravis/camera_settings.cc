@@ -1,8 +1,8 @@
 #include "server/cameras/aravis/camera_settings.h"
 
-#include <functional>
-
 #include <fmt/format.h>
+
+#include <functional>
 
 #include "server/cameras/aravis/pixel_format.h"
 
@@ -22,9 +22,9 @@ class Settings {
         GCatch error;
         call(camera_, arguments..., error);
         if (error.caught())
-            status_ = absl::InvalidArgumentError(
-                fmt::format("camera {}: {} = {} is refused: {}; correct it in [source.cameras] or leave it out", name_, key,
-                            value, error.message()));
+            status_ = absl::InvalidArgumentError(fmt::format(
+                "camera {}: {} = {} is refused: {}; correct it in [source.cameras] or leave it out", name_,
+                key, value, error.message()));
     }
     bool has(const char* feature) {
         GCatch error;
@@ -53,20 +53,24 @@ void set_picture(Settings& settings, ArvCamera* camera, const CameraSettings& wa
     const auto format = static_cast<std::uint32_t>(arv_camera_get_pixel_format(camera, error));
     if (!error.caught() && !is_known_pixel_format(format))
         settings.fail(fmt::format("its pixel format {} is not understood; set pixel_format to one of {}",
-                                  text_of(arv_camera_get_pixel_format_as_string(camera, error)), kKnownPixelFormats));
+                                  text_of(arv_camera_get_pixel_format_as_string(camera, error)),
+                                  kKnownPixelFormats));
     const auto offset = wanted.offset_px.value_or(std::array<int, 2>{0, 0});
     const std::string region = fmt::format("[{}, {}] and {} x {} px", offset[0], offset[1], width, height);
     // First to the corner, so that the size fits wherever it was before.
-    if (settings.has("OffsetX")) settings.set("offset_px", region, arv_camera_set_integer, "OffsetX", gint64{0});
-    if (settings.has("OffsetY")) settings.set("offset_px", region, arv_camera_set_integer, "OffsetY", gint64{0});
+    if (settings.has("OffsetX"))
+        settings.set("offset_px", region, arv_camera_set_integer, "OffsetX", gint64{0});
+    if (settings.has("OffsetY"))
+        settings.set("offset_px", region, arv_camera_set_integer, "OffsetY", gint64{0});
     settings.set("the calibration's size", region, arv_camera_set_region, -1, -1, width, height);
     if (offset[0] != 0 || offset[1] != 0)
         settings.set("offset_px", region, arv_camera_set_region, offset[0], offset[1], width, height);
     int x = 0, y = 0, has_width = 0, has_height = 0;
     arv_camera_get_region(camera, &x, &y, &has_width, &has_height, error);
     if (!error.caught() && (has_width != width || has_height != height))
-        settings.fail(fmt::format("gives pictures of {} x {} px, its calibration is for {} x {}; calibrate it as it is used",
-                                  has_width, has_height, width, height));
+        settings.fail(fmt::format(
+            "gives pictures of {} x {} px, its calibration is for {} x {}; calibrate it as it is used",
+            has_width, has_height, width, height));
 }
 
 void set_light(Settings& settings, const CameraSettings& wanted) {
@@ -80,7 +84,9 @@ void set_light(Settings& settings, const CameraSettings& wanted) {
         settings.set("gain_db", fmt::format("{}", *wanted.gain_db), arv_camera_set_gain, *wanted.gain_db);
     }
     if (!wanted.white_balance.empty()) {
-        const char* value = wanted.white_balance == "off" ? "Off" : wanted.white_balance == "once" ? "Once" : "Continuous";
+        const char* value = wanted.white_balance == "off"    ? "Off"
+                            : wanted.white_balance == "once" ? "Once"
+                                                             : "Continuous";
         settings.set("white_balance", wanted.white_balance, arv_camera_set_string, "BalanceWhiteAuto", value);
     }
     if (wanted.white_balance_ratios) {
@@ -88,8 +94,10 @@ void set_light(Settings& settings, const CameraSettings& wanted) {
         const char* channels[] = {"Red", "Green", "Blue"};
         for (int i = 0; i < 3; ++i) {
             const double ratio = (*wanted.white_balance_ratios)[i];
-            settings.set("white_balance_ratios", channels[i], arv_camera_set_string, "BalanceRatioSelector", channels[i]);
-            settings.set("white_balance_ratios", fmt::format("{}", ratio), arv_camera_set_float, "BalanceRatio", ratio);
+            settings.set("white_balance_ratios", channels[i], arv_camera_set_string, "BalanceRatioSelector",
+                         channels[i]);
+            settings.set("white_balance_ratios", fmt::format("{}", ratio), arv_camera_set_float,
+                         "BalanceRatio", ratio);
         }
     }
 }
@@ -106,8 +114,10 @@ void set_timing(Settings& settings, const LiveCamerasConfig& config, const std::
         settings.set("trigger", source, arv_camera_set_trigger, source.c_str());
     }
     if (is_master) {
-        settings.set("master_line", config.master_line, arv_camera_set_string, "LineSelector", config.master_line.c_str());
-        if (settings.has("LineMode")) settings.set("master_line", "Output", arv_camera_set_string, "LineMode", "Output");
+        settings.set("master_line", config.master_line, arv_camera_set_string, "LineSelector",
+                     config.master_line.c_str());
+        if (settings.has("LineMode"))
+            settings.set("master_line", "Output", arv_camera_set_string, "LineMode", "Output");
         settings.set("master_line", "ExposureActive", arv_camera_set_string, "LineSource", "ExposureActive");
     }
 }
@@ -123,8 +133,8 @@ const char* ptp_feature(ArvCamera* camera, const char* name, const char* old_nam
 
 }  // namespace
 
-absl::Status apply_settings(ArvCamera* camera, const LiveCamerasConfig& config, const LiveCameraConfig& of, int width,
-                            int height) {
+absl::Status apply_settings(ArvCamera* camera, const LiveCamerasConfig& config, const LiveCameraConfig& of,
+                            int width, int height) {
     Settings settings(camera, of.name);
     set_picture(settings, camera, of.settings, width, height);
     set_light(settings, of.settings);

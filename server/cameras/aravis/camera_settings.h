@@ -8,10 +8,10 @@
 
 namespace kinevox {
 
-// Pixel format, region, exposure, gain, white balance, rate and trigger. InvalidArgument names the camera, the key, its
-// value and what the camera said.
-absl::Status apply_settings(ArvCamera* camera, const LiveCamerasConfig& config, const LiveCameraConfig& of, int width,
-                            int height);
+// Pixel format, region, exposure, gain, white balance, rate and trigger. InvalidArgument names the camera,
+// the key, its value and what the camera said.
+absl::Status apply_settings(ArvCamera* camera, const LiveCamerasConfig& config, const LiveCameraConfig& of,
+                            int width, int height);
 
 // Switches PTP on where the camera has it.
 void enable_ptp(ArvCamera* camera);

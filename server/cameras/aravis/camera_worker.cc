@@ -1,13 +1,13 @@
 #include "server/cameras/aravis/camera_worker.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <optional>
 #include <thread>
 #include <utility>
-
-#include <fmt/format.h>
 
 #include "server/cameras/aravis/camera_session.h"
 
@@ -18,7 +18,7 @@ using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 using Trigger = LiveCamerasConfig::Trigger;
 
-constexpr milliseconds kPatience{3000};        // at the start, before anything is named that others need to hear of
+constexpr milliseconds kPatience{3000};  // at the start, before anything is named that others need to hear of
 constexpr milliseconds kFirstPause{250}, kLongestPause{2000};
 constexpr milliseconds kBetweenLosses{10000};  // events of one camera
 constexpr milliseconds kPulse{50};             // how long at most a thread does not look up
@@ -34,15 +34,16 @@ FrameSetAssemblerOptions assembling(const LiveCamerasConfig& config) {
     options.cameras = config.cameras.size();
     options.fps = config.fps;
     // Cameras that run free have any phase: nearly a whole period joins all of them, and the skew is told.
-    options.tolerance_ms = config.tolerance_ms > 0                     ? config.tolerance_ms
-                           : config.trigger == Trigger::kFree          ? 900 / config.fps
-                                                                       : 0;
+    options.tolerance_ms = config.tolerance_ms > 0            ? config.tolerance_ms
+                           : config.trigger == Trigger::kFree ? 900 / config.fps
+                                                              : 0;
     options.longest_wait_ms = config.longest_wait_ms;
     options.least_pictures = static_cast<std::size_t>(config.least_cameras);
     return options;
 }
 
-// Commands a picture at each multiple of the period on the steady clock, so that all cameras' threads do it at once.
+// Commands a picture at each multiple of the period on the steady clock, so that all cameras' threads do it
+// at once.
 class TriggerThread {
   public:
     TriggerThread(CameraSession& session, double fps)
@@ -62,11 +63,15 @@ class TriggerThread {
 class Worker {
   public:
     Worker(LiveCameras& shared, CameraFinder& finder, std::size_t index)
-        : shared_(shared), finder_(finder), index_(index), config_(shared.config.cameras[index]),
+        : shared_(shared),
+          finder_(finder),
+          index_(index),
+          config_(shared.config.cameras[index]),
           camera_(shared.cameras[index]),
           pool_(std::size_t{3} * camera_.width * camera_.height, kPicturesInUse + shared.config.queue),
           begun_(Clock::now()) {
-        // All memory that a full queue takes is taken now: the first hiccup of the machine is no time to ask for it.
+        // All memory that a full queue takes is taken now: the first hiccup of the machine is no time to ask
+        // for it.
         std::vector<std::shared_ptr<std::uint8_t[]>> pictures(kPicturesInUse + shared.config.queue);
         for (auto& picture : pictures) std::memset((picture = pool_.take()).get(), 0, pool_.bytes());
     }
@@ -114,9 +119,9 @@ class Worker {
     const Camera& camera_;
     PicturePool pool_;
     const Clock::time_point begun_;
-    bool delivers_ = false;       // as the others were told
+    bool delivers_ = false;  // as the others were told
     bool told_lost_ = false;
-    CameraLink before_;           // figures of the connections before this one
+    CameraLink before_;  // figures of the connections before this one
     Clock::time_point connected_at_;
     std::uint64_t losses_told_ = 0;
     std::optional<Clock::time_point> losses_told_at_;
@@ -129,8 +134,8 @@ absl::StatusOr<std::unique_ptr<CameraSession>> Worker::connect() {
         std::string others;
         for (const FoundCamera& camera : *found) others += (others.empty() ? "" : ", ") + describe(camera);
         return absl::NotFoundError(
-            fmt::format("camera {}: {} does not answer; check its cable and power; there are: {}", config_.name,
-                        config_.device, others.empty() ? "no cameras" : others));
+            fmt::format("camera {}: {} does not answer; check its cable and power; there are: {}",
+                        config_.name, config_.device, others.empty() ? "no cameras" : others));
     }
     auto session = CameraSession::open(*chosen, shared_.config, config_, camera_.width, camera_.height);
     const std::scoped_lock lock(shared_.mutex);
@@ -155,8 +160,10 @@ void Worker::read(CameraSession& session) {
         } else if (now - heard > silence) {
             fell_silent("it delivers no pictures");
             if (!session.answers()) return;
-            not_there("it answers, but delivers no pictures; see that it is triggered and that nothing between it and "
-                      "this machine drops UDP packets");
+            not_there(
+                "it answers, but delivers no pictures; see that it is triggered and that nothing between it "
+                "and "
+                "this machine drops UDP packets");
             heard = Clock::now();
         }
         if (now - looked > std::chrono::seconds(1)) {
@@ -183,7 +190,8 @@ void Worker::take(ArrivedPicture picture) {
     }
     // First the word, then the picture: what follows from it is told after it.
     if (rejoined)
-        shared_.tell(CameraEvent::Kind::kRejoined, index_, fmt::format("camera {} is back and delivers pictures", config_.name));
+        shared_.tell(CameraEvent::Kind::kRejoined, index_,
+                     fmt::format("camera {} is back and delivers pictures", config_.name));
     const std::scoped_lock lock(shared_.mutex);
     shared_.assembler.add(std::move(picture));
     shared_.collect();
@@ -223,11 +231,13 @@ void Worker::watch_losses() {
     }
     const std::uint64_t losses = link.lost + link.incomplete + link.late;
     const Clock::time_point now = Clock::now();
-    // Until the cameras and their buffers have found their pace something goes amiss that nobody needs to hear of.
+    // Until the cameras and their buffers have found their pace something goes amiss that nobody needs to
+    // hear of.
     if (now - connected_at_ < kPatience) losses_told_ = losses;
     if (losses == losses_told_ || (losses_told_at_ && now - *losses_told_at_ < kBetweenLosses)) return;
     shared_.tell(CameraEvent::Kind::kLosses, index_,
-                 fmt::format("camera {}: of {} pictures {} never arrived, {} in part and {} too late; see the network settings "
+                 fmt::format("camera {}: of {} pictures {} never arrived, {} in part and {} too late; see "
+                             "the network settings "
                              "in docs/cameras.md",
                              config_.name, link.pictures + losses, link.lost, link.incomplete, link.late));
     losses_told_ = losses;
@@ -254,7 +264,10 @@ void Worker::keep(const CameraSession& session) {
 }  // namespace
 
 LiveCameras::LiveCameras(const LiveCamerasConfig& given, std::vector<Camera> calibrated)
-    : config(given), cameras(std::move(calibrated)), assembler(assembling(given)), links(given.cameras.size()) {}
+    : config(given),
+      cameras(std::move(calibrated)),
+      assembler(assembling(given)),
+      links(given.cameras.size()) {}
 
 void LiveCameras::collect() {
     const std::int64_t now_ns =
@@ -282,7 +295,8 @@ CameraFinder::List CameraFinder::newest(milliseconds at_most_old) {
     return list_;
 }
 
-void run_camera(std::shared_ptr<LiveCameras> cameras, std::shared_ptr<CameraFinder> finder, std::size_t index) {
+void run_camera(std::shared_ptr<LiveCameras> cameras, std::shared_ptr<CameraFinder> finder,
+                std::size_t index) {
     Worker(*cameras, *finder, index).run();
     const std::scoped_lock lock(cameras->mutex);
     --cameras->running;

@@ -17,33 +17,33 @@
 
 namespace kinevox {
 
-// What the cameras' threads and the source share. Kept alive by each of them, so that a thread that is stuck in a dead
-// camera may be left behind.
+// What the cameras' threads and the source share. Kept alive by each of them, so that a thread that is stuck
+// in a dead camera may be left behind.
 struct LiveCameras {
     LiveCameras(const LiveCamerasConfig& config, std::vector<Camera> cameras);
 
     const LiveCamerasConfig config;
-    const std::vector<Camera> cameras;   // in the order of config.cameras
+    const std::vector<Camera> cameras;  // in the order of config.cameras
 
-    // Moves what the assembler has ready; under the mutex. Whoever fetches late gets the newest sets, and sees the others as
-    // a gap in the numbers.
+    // Moves what the assembler has ready; under the mutex. Whoever fetches late gets the newest sets, and
+    // sees the others as a gap in the numbers.
     void collect();
     void tell(CameraEvent::Kind kind, std::size_t camera, std::string message);
 
-    std::mutex event_mutex;              // held while an event is told, so that none comes after stop
+    std::mutex event_mutex;  // held while an event is told, so that none comes after stop
     OnCameraEvent on_event;
 
-    std::mutex mutex;   // guards all below
+    std::mutex mutex;  // guards all below
     std::condition_variable changed;
     bool stopped = false;
     FrameSetAssembler assembler;
-    std::deque<FrameSet> ready;          // at most config.queue
-    std::vector<CameraLink> links;       // device, problem and what the connections told
-    std::size_t running = 0;             // threads
+    std::deque<FrameSet> ready;     // at most config.queue
+    std::vector<CameraLink> links;  // device, problem and what the connections told
+    std::size_t running = 0;        // threads
 };
 
-// The cameras that were found last; asks again when that is too long ago. Any thread; several that ask at once share one
-// answer.
+// The cameras that were found last; asks again when that is too long ago. Any thread; several that ask at
+// once share one answer.
 class CameraFinder {
   public:
     using List = std::shared_ptr<const std::vector<FoundCamera>>;
@@ -56,6 +56,7 @@ class CameraFinder {
 };
 
 // Runs until the cameras are stopped.
-void run_camera(std::shared_ptr<LiveCameras> cameras, std::shared_ptr<CameraFinder> finder, std::size_t index);
+void run_camera(std::shared_ptr<LiveCameras> cameras, std::shared_ptr<CameraFinder> finder,
+                std::size_t index);
 
 }  // namespace kinevox

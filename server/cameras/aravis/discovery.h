@@ -1,10 +1,10 @@
 // Which cameras there are on the network and on USB.
 #pragma once
 
+#include <absl/status/statusor.h>
+
 #include <string>
 #include <vector>
-
-#include <absl/status/statusor.h>
 
 namespace kinevox {
 
@@ -13,11 +13,12 @@ struct FoundCamera {
     std::string physical_id;  // MAC or the like
     std::string address;      // IP; of USB: empty or the bus
     std::string vendor, model, serial;
-    std::string user_name;    // that somebody gave it; of GigE Vision cameras only
-    std::string protocol;     // "GigEVision" or "USB3Vision"
+    std::string user_name;  // that somebody gave it; of GigE Vision cameras only
+    std::string protocol;   // "GigEVision" or "USB3Vision"
 };
 
-// Asks on every network interface and waits for the answers, about a second. One at a time: others wait. Any thread.
+// Asks on every network interface and waits for the answers, about a second. One at a time: others wait. Any
+// thread.
 std::vector<FoundCamera> discover_cameras();
 
 // The one that `device` means: serial number, user's name, address, MAC or Aravis' id. Null: none of them.

@@ -1,11 +1,11 @@
 #include "server/cameras/aravis/live_source.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <thread>
 #include <vector>
-
-#include <fmt/format.h>
 
 #include "common/calibration_file.h"
 #include "server/cameras/aravis/camera_worker.h"
@@ -32,15 +32,20 @@ class LiveSource final : public FrameSource {
         const bool all_ended = shared_->running == 0;
         lock.unlock();
         for (std::thread& thread : threads_) {
-            if (all_ended) thread.join();
-            else thread.detach();   // in a camera that answers no more; it holds what it needs, and ends by itself
+            if (all_ended)
+                thread.join();
+            else
+                thread.detach();  // in a camera that answers no more; it holds what it needs, and ends by
+                                  // itself
         }
     }
 
     const std::vector<Camera>& cameras() const override { return shared_->cameras; }
     double fps() const override { return shared_->config.fps; }
     std::int64_t frame_count() const override { return -1; }
-    absl::StatusOr<std::vector<std::vector<Picture>>> background() override { return std::vector<std::vector<Picture>>{}; }
+    absl::StatusOr<std::vector<std::vector<Picture>>> background() override {
+        return std::vector<std::vector<Picture>>{};
+    }
 
     absl::StatusOr<FrameSet> next() override {
         std::unique_lock lock(shared_->mutex);
@@ -87,12 +92,13 @@ class LiveSource final : public FrameSource {
         started_ = true;
         auto finder = std::make_shared<CameraFinder>();
         shared_->running = shared_->cameras.size();
-        for (std::size_t c = 0; c < shared_->cameras.size(); ++c) threads_.emplace_back(run_camera, shared_, finder, c);
+        for (std::size_t c = 0; c < shared_->cameras.size(); ++c)
+            threads_.emplace_back(run_camera, shared_, finder, c);
     }
 
     const std::shared_ptr<LiveCameras> shared_;
     std::vector<std::thread> threads_;
-    bool started_ = false;   // guarded by shared_->mutex
+    bool started_ = false;  // guarded by shared_->mutex
 };
 
 }  // namespace
@@ -104,9 +110,10 @@ absl::StatusOr<std::unique_ptr<FrameSource>> open_live_source(const LiveCamerasC
     for (const LiveCameraConfig& wanted : config.cameras) {
         const auto at = std::ranges::find(*calibrated, wanted.name, &Camera::name);
         if (at == calibrated->end())
-            return absl::NotFoundError(fmt::format("{}: has no camera '{}', which [[source.cameras.camera]] names; calibrate "
-                                                   "it or correct the name",
-                                                   config.calibration.string(), wanted.name));
+            return absl::NotFoundError(
+                fmt::format("{}: has no camera '{}', which [[source.cameras.camera]] names; calibrate "
+                            "it or correct the name",
+                            config.calibration.string(), wanted.name));
         cameras.push_back(*at);
     }
     return std::make_unique<LiveSource>(std::make_shared<LiveCameras>(config, std::move(cameras)));

@@ -1,9 +1,9 @@
 #include "server/cameras/studio/body_mesh.h"
 
+#include <oneapi/tbb/parallel_for.h>
+
 #include <algorithm>
 #include <cmath>
-
-#include <oneapi/tbb/parallel_for.h>
 
 namespace kinevox::studio {
 namespace {
@@ -20,7 +20,8 @@ BoneWeights nearness_weights(const ImplicitBody& body, Vec3f rest) {
     const float nearest = *std::min_element(std::begin(distance), std::end(distance));
     BoneWeights weights;
     float sum = 0;
-    for (int b = 0; b < kBoneCount; ++b) sum += weights[b] = std::exp((nearest - distance[b]) / kWeightFalloff_m);
+    for (int b = 0; b < kBoneCount; ++b)
+        sum += weights[b] = std::exp((nearest - distance[b]) / kWeightFalloff_m);
     for (float& w : weights) w /= sum;
     return weights;
 }
@@ -35,7 +36,8 @@ std::vector<std::vector<std::uint32_t>> vertex_neighbours(const TriangleMesh& me
 std::vector<SkinWeights> make_weights(const ImplicitBody& body, const TriangleMesh& mesh) {
     const std::size_t n = mesh.vertices.size();
     std::vector<BoneWeights> weights(n), smoothed(n);
-    tbb::parallel_for(std::size_t{0}, n, [&](std::size_t i) { weights[i] = nearness_weights(body, mesh.vertices[i]); });
+    tbb::parallel_for(std::size_t{0}, n,
+                      [&](std::size_t i) { weights[i] = nearness_weights(body, mesh.vertices[i]); });
     const auto neighbours = vertex_neighbours(mesh);
     for (int round = 0; round < kSmoothingRounds; ++round) {
         for (std::size_t i = 0; i < n; ++i) {
@@ -59,7 +61,6 @@ std::vector<SkinWeights> make_weights(const ImplicitBody& body, const TriangleMe
         for (int k = 0; k < 4; ++k) {
             out[i].bone[k] = static_cast<std::uint8_t>(order[k]);
             out[i].weight[k] = weights[i][order[k]] / sum;
-            
         }
     }
     return out;
@@ -82,14 +83,16 @@ float openness_at(const ImplicitBody& body, Vec3f p, Vec3f normal) {
 }
 
 std::uint8_t encode(float reflectance) {
-    return static_cast<std::uint8_t>(std::clamp(255.0f * std::pow(reflectance, 1 / 2.2f) + 0.5f, 0.0f, 255.0f));
+    return static_cast<std::uint8_t>(
+        std::clamp(255.0f * std::pow(reflectance, 1 / 2.2f) + 0.5f, 0.0f, 255.0f));
 }
 
 }  // namespace
 
 BodyMesh make_body_mesh(const ImplicitBody& body, const Subject& subject, const BodyMeshOptions& options) {
     BodyMesh mesh;
-    mesh.surface = mesh_distance([&](Vec3f p) { return body.distance(p); }, body.lower(), body.upper(), options.cell_m);
+    mesh.surface =
+        mesh_distance([&](Vec3f p) { return body.distance(p); }, body.lower(), body.upper(), options.cell_m);
     mesh.weights = make_weights(body, mesh.surface);
     const std::vector<Vec3f>& vertices = mesh.surface.vertices;
     mesh.normals.resize(vertices.size());
@@ -103,15 +106,16 @@ BodyMesh make_body_mesh(const ImplicitBody& body, const Subject& subject, const 
     const auto& triangles = mesh.surface.triangles;
     mesh.texels.resize(triangles.size() * kTexelsPerTriangle);
     tbb::parallel_for(std::size_t{0}, triangles.size(), [&](std::size_t t) {
-        const Vec3f a = vertices[triangles[t][0]], b = vertices[triangles[t][1]], c = vertices[triangles[t][2]];
+        const Vec3f a = vertices[triangles[t][0]], b = vertices[triangles[t][1]],
+                    c = vertices[triangles[t][2]];
         for (int u = 0; u < kTexelsAcross; ++u)
             for (int v = 0; u + v < kTexelsAcross; ++v) {
                 const float b1 = (static_cast<float>(u) + 0.33f) / kTexelsAcross;
                 const float b2 = (static_cast<float>(v) + 0.33f) / kTexelsAcross;
                 const Vec3f p = (1 - b1 - b2) * a + b1 * b + b2 * c;
                 const Albedo albedo = paint(body, subject, p, body.sample(p).nearest);
-                mesh.texels[t * kTexelsPerTriangle + u * kTexelsAcross + v] = {encode(albedo.b), encode(albedo.g),
-                                                                               encode(albedo.r), 0};
+                mesh.texels[t * kTexelsPerTriangle + u * kTexelsAcross + v] = {
+                    encode(albedo.b), encode(albedo.g), encode(albedo.r), 0};
             }
     });
     return mesh;

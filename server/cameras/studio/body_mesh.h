@@ -1,4 +1,5 @@
-// The person as a triangle mesh in the rest pose: skinning weights, ambient occlusion and painted texels. Made once.
+// The person as a triangle mesh in the rest pose: skinning weights, ambient occlusion and painted texels.
+// Made once.
 #pragma once
 
 #include <array>
@@ -10,7 +11,8 @@
 
 namespace kinevox::studio {
 
-inline constexpr int kTexelsAcross = 4;  // a triangle's texel (u, v) covers barycentric (b1, b2) in [u, u+1) / 4 ...
+inline constexpr int kTexelsAcross =
+    4;  // a triangle's texel (u, v) covers barycentric (b1, b2) in [u, u+1) / 4 ...
 inline constexpr int kTexelsPerTriangle = kTexelsAcross * kTexelsAcross;
 
 // Reflectance to the power 1 / 2.2, 0..255: what a sensor shows of it in light of strength 1.

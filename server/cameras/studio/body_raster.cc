@@ -29,13 +29,16 @@ void BodyRaster::project(const Camera& camera, const SkinnedBody& body) {
         y0 = std::min(y0, seen_[i].y);
         y1 = std::max(y1, seen_[i].y);
     }
-    const auto inside = [](float v, int size) { return static_cast<int>(std::clamp(v, 0.0f, static_cast<float>(size))); };
+    const auto inside = [](float v, int size) {
+        return static_cast<int>(std::clamp(v, 0.0f, static_cast<float>(size)));
+    };
     box_ = {inside(std::floor(x0), camera.width), inside(std::floor(y0), camera.height),
             inside(std::ceil(x1) + 1, camera.width), inside(std::ceil(y1) + 1, camera.height)};
     if (x0 > x1 || box_.empty()) box_ = {};
 }
 
-void BodyRaster::draw(const Camera& camera, const BodyMesh& mesh, const SkinnedBody& body, const std::vector<Vec3f>& shown_light) {
+void BodyRaster::draw(const Camera& camera, const BodyMesh& mesh, const SkinnedBody& body,
+                      const std::vector<Vec3f>& shown_light) {
     mesh_ = &mesh;
     light_ = &shown_light;
     project(camera, body);
@@ -58,8 +61,10 @@ void BodyRaster::draw(const Camera& camera, const BodyMesh& mesh, const SkinnedB
     }
 }
 
-// Four samples of a row at a time: whether a sample lies inside cannot be predicted, so nothing branches on it.
-inline void BodyRaster::fill(Vec3f a, Vec3f b, Vec3f c, float inverse_area, std::int32_t triangle, int wide, int high) {
+// Four samples of a row at a time: whether a sample lies inside cannot be predicted, so nothing branches on
+// it.
+inline void BodyRaster::fill(Vec3f a, Vec3f b, Vec3f c, float inverse_area, std::int32_t triangle, int wide,
+                             int high) {
     constexpr float kHair = 1e-3f, kAlmostOne = 0.9999f;
     const float low_x = std::max(std::min(a.x, std::min(b.x, c.x)) - kHair, 0.0f);
     const float high_x = std::min(std::max(a.x, std::max(b.x, c.x)) + kHair, static_cast<float>(wide - 1));
@@ -86,7 +91,9 @@ inline void BodyRaster::fill(Vec3f a, Vec3f b, Vec3f c, float inverse_area, std:
             const Float4 depth = a.z + b1 * depth_b + b2 * depth_c;
             const Int4 drawn = (b1 >= -1e-4f) & (b2 >= -1e-4f) & (b1 + b2 <= 1.0001f) & (depth < old_depth);
             const Float4 u = 3.999f * (b1 > zero ? b1 : zero), v = 3.999f * (b2 > zero ? b2 : zero);
-            const Int4 texel = kTexelsPerTriangle * triangle + kTexelsAcross * __builtin_convertvector(u, Int4) + __builtin_convertvector(v, Int4);
+            const Int4 texel = kTexelsPerTriangle * triangle +
+                               kTexelsAcross * __builtin_convertvector(u, Int4) +
+                               __builtin_convertvector(v, Int4);
             const Float4 new_depth = drawn ? depth : old_depth;
             const Int4 new_texel = drawn ? texel : old_texel;
             std::memcpy(&depth_[row + x], &new_depth, sizeof new_depth);
@@ -96,13 +103,16 @@ inline void BodyRaster::fill(Vec3f a, Vec3f b, Vec3f c, float inverse_area, std:
 }
 
 void BodyRaster::blend_row(int y, std::uint16_t* bgr) const {
-    const std::size_t first = static_cast<std::size_t>(kSamples * (y - box_.y0)) * static_cast<std::size_t>(stride_);
+    const std::size_t first =
+        static_cast<std::size_t>(kSamples * (y - box_.y0)) * static_cast<std::size_t>(stride_);
     for (int x = box_.x0; x < box_.x1; ++x) {
         const std::size_t corner = first + static_cast<std::size_t>(kSamples * (x - box_.x0));
         const float* near = &depth_[corner];
-        const float nearest = std::min(std::min(near[0], near[1]), std::min(near[stride_], near[stride_ + 1]));
+        const float nearest =
+            std::min(std::min(near[0], near[1]), std::min(near[stride_], near[stride_ + 1]));
         if (nearest == kNothing) continue;
-        const float farthest = std::max(std::max(near[0], near[1]), std::max(near[stride_], near[stride_ + 1]));
+        const float farthest =
+            std::max(std::max(near[0], near[1]), std::max(near[stride_], near[stride_ + 1]));
         const bool whole = farthest != kNothing;
         int hits = 0, sum_b = 0, sum_g = 0, sum_r = 0;
         std::int32_t lit = 0;
@@ -118,16 +128,21 @@ void BodyRaster::blend_row(int y, std::uint16_t* bgr) const {
         // Light changes slowly: one sample's stands for the pixel.
         const Vec3f light = (*light_)[static_cast<std::size_t>(lit / kTexelsPerTriangle)];
         constexpr int kAll = kSamples * kSamples;
-        const float keep = static_cast<float>(kAll - hits) / kAll, scale = static_cast<float>(kGreyScale) / kAll;
+        const float keep = static_cast<float>(kAll - hits) / kAll,
+                    scale = static_cast<float>(kGreyScale) / kAll;
         constexpr float kWhite = 255.0f * kGreyScale;
         std::uint16_t* out = bgr + 3 * x;
-        out[0] = static_cast<std::uint16_t>(std::min(keep * out[0] + scale * light.z * static_cast<float>(sum_b), kWhite));
-        out[1] = static_cast<std::uint16_t>(std::min(keep * out[1] + scale * light.y * static_cast<float>(sum_g), kWhite));
-        out[2] = static_cast<std::uint16_t>(std::min(keep * out[2] + scale * light.x * static_cast<float>(sum_r), kWhite));
+        out[0] = static_cast<std::uint16_t>(
+            std::min(keep * out[0] + scale * light.z * static_cast<float>(sum_b), kWhite));
+        out[1] = static_cast<std::uint16_t>(
+            std::min(keep * out[1] + scale * light.y * static_cast<float>(sum_g), kWhite));
+        out[2] = static_cast<std::uint16_t>(
+            std::min(keep * out[2] + scale * light.x * static_cast<float>(sum_r), kWhite));
     }
 }
 
-void BodyRaster::mask(const Camera& camera, const BodyMesh& mesh, const SkinnedBody& body, std::vector<std::uint8_t>& out) {
+void BodyRaster::mask(const Camera& camera, const BodyMesh& mesh, const SkinnedBody& body,
+                      std::vector<std::uint8_t>& out) {
     project(camera, body);
     out.assign(static_cast<std::size_t>(camera.width) * camera.height, 0);
     for (const auto& t : mesh.surface.triangles) {

@@ -1,8 +1,8 @@
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-
-#include <fmt/format.h>
 
 #include "server/cameras/studio/hash_noise.h"
 #include "server/cameras/studio/studio.h"
@@ -58,10 +58,13 @@ std::vector<Camera> ring_of_cameras(const StudioOptions& options, bool lane) {
     std::vector<Camera> cameras;
     const std::vector<Vec3> points = action_space(options, lane);
     for (int i = 0; i < options.cameras; ++i) {
-        const auto draw = [&](std::uint32_t what) { return 2.0 * hash_unit(options.seed, i, 60 + what) - 1.0; };
-        // Not quite evenly, so that no two cameras look straight at each other. Along a lane two of four look from
-        // near its ends: there one lens can hold all of it and the runner still is not small.
-        const double angle = 2 * pi * (i + (lane ? 0.06 : 0.5)) / options.cameras + 0.16 * draw(1) * std::min(1.0, 6.0 / options.cameras);
+        const auto draw = [&](std::uint32_t what) {
+            return 2.0 * hash_unit(options.seed, i, 60 + what) - 1.0;
+        };
+        // Not quite evenly, so that no two cameras look straight at each other. Along a lane two of four look
+        // from near its ends: there one lens can hold all of it and the runner still is not small.
+        const double angle = 2 * pi * (i + (lane ? 0.06 : 0.5)) / options.cameras +
+                             0.16 * draw(1) * std::min(1.0, 6.0 / options.cameras);
         const Vec3 middle = lane ? Vec3{5.2, 0, 0.9} : Vec3{0, 0, 0.95};
         const double along = lane ? 10.2 : 4.25, across = lane ? 8.2 : 4.05;
         const Vec3 eye{middle.x + along * std::cos(angle), middle.y + across * std::sin(angle),
@@ -80,7 +83,8 @@ std::vector<Camera> ring_of_cameras(const StudioOptions& options, bool lane) {
         }
         const View view = view_of(camera.camera_from_world, points);
         const double wide = std::max(-view.left, view.right), high = std::max(-view.top, view.bottom);
-        camera.fx = camera.fy = std::floor(std::min(0.49 * options.width / wide, 0.49 * options.height / high));
+        camera.fx = camera.fy =
+            std::floor(std::min(0.49 * options.width / wide, 0.49 * options.height / high));
         camera.k1 = options.distortion;
         camera.k2 = -0.25 * options.distortion;
         camera.p1 = 0.004 * options.distortion * draw(3);

@@ -49,7 +49,8 @@ class Squat final : public Motion {
         pose.root_in_world += (-0.115 * h * depth) * forward;
         pose.root_in_world.z -= 0.245 * h * depth;
         for (Side side : kSides)
-            pose_arm(pose, side, radians(4 + 100 * depth), radians(8 - 4 * depth), radians(-10), radians(12 - 4 * depth));
+            pose_arm(pose, side, radians(4 + 100 * depth), radians(8 - 4 * depth), radians(-10),
+                     radians(12 - 4 * depth));
         put_on_feet(rig_, pose, feet_apart(rig_, 0.100 * h, radians(16)), kFacing);
         return pose;
     }
@@ -66,8 +67,8 @@ class JumpingJack final : public Motion {
         // Stand closed, hop apart, stand open, hop together.
         static const KeyCurve kOpen{{0, 0}, {0.16, 0}, {0.48, 1}, {0.66, 1}, {0.98, 0}, {1.1, 0}};
         static const KeyCurve kArms{{0, 0}, {0.08, 0}, {0.52, 1}, {0.60, 1}, {1.04, 0}, {1.1, 0}};
-        static const KeyCurve kKnees{{0, 0.6}, {0.05, 1}, {0.17, 0.1}, {0.32, 0.0}, {0.47, 0.2}, {0.57, 1},
-                                     {0.67, 0.1}, {0.82, 0.0}, {0.97, 0.2}, {1.1, 0.6}};
+        static const KeyCurve kKnees{{0, 0.6},  {0.05, 1},   {0.17, 0.1}, {0.32, 0.0}, {0.47, 0.2},
+                                     {0.57, 1}, {0.67, 0.1}, {0.82, 0.0}, {0.97, 0.2}, {1.1, 0.6}};
         const double t = std::fmod(time_s, 1.1), open = kOpen(t), arms = kArms(t), h = rig_.measures().height;
         const auto hop = [&](double from) {
             const double s = (t - from) / 0.32;
@@ -77,14 +78,18 @@ class JumpingJack final : public Motion {
         Pose pose;
         stand(rig_, pose, time_s, radians(3 + 5 * kKnees(t)));
         const double half_width = (0.045 + 0.135 * open) * h;
-        const double spread = std::max(0.0, half_width - rig_.measures().hip_half_width), leg = rig_.measures().leg();
-        pose.root_in_world.z += height - (leg - std::sqrt(leg * leg - spread * spread)) - 0.012 - 0.035 * kKnees(t);
+        const double spread = std::max(0.0, half_width - rig_.measures().hip_half_width),
+                     leg = rig_.measures().leg();
+        pose.root_in_world.z +=
+            height - (leg - std::sqrt(leg * leg - spread * spread)) - 0.012 - 0.035 * kKnees(t);
         for (Side side : kSides)
-            pose_arm(pose, side, radians(4), radians(10 + 155 * arms), radians(-10 + 40 * arms), radians(18 + 10 * arms));
+            pose_arm(pose, side, radians(4), radians(10 + 155 * arms), radians(-10 + 40 * arms),
+                     radians(18 + 10 * arms));
         std::array<PlacedFoot, 2> feet = feet_apart(rig_, half_width, radians(8 + 8 * open), height);
         for (PlacedFoot& foot : feet) {  // toes hang in the air
             const double pitch = radians(32) * std::min(1.0, height / 0.06);
-            const Vec3 ball{rig_.measures().foot_ball_x, 0, rig_.measures().ball_height - rig_.measures().ankle_height};
+            const Vec3 ball{rig_.measures().foot_ball_x, 0,
+                            rig_.measures().ball_height - rig_.measures().ankle_height};
             const Vec3 ball_in_world = foot.ankle_in_world + foot.world_from_foot * ball;
             foot.world_from_foot = foot.world_from_foot * rotation_y(pitch);
             foot.ankle_in_world = ball_in_world - foot.world_from_foot * ball;
@@ -113,7 +118,8 @@ class ArmRaise final : public Motion {
         stand(rig_, pose, time_s, radians(2));
         for (Side side : kSides) {
             const double abduction = 8 + kBoth(t) + (side == Side::kLeft ? kLeft(t) : kRight(t));
-            pose_arm(pose, side, radians(kFlexion(t)), radians(abduction), radians(-6 + 0.3 * (abduction - 8)), radians(9));
+            pose_arm(pose, side, radians(kFlexion(t)), radians(abduction),
+                     radians(-6 + 0.3 * (abduction - 8)), radians(9));
         }
         pose[kLumbar] = pose[kLumbar] * rotation_x(radians(-0.03 * (kLeft(t) - kRight(t))));
         put_on_feet(rig_, pose, feet_apart(rig_, 0.062 * rig_.measures().height, radians(9)), kFacing);
@@ -126,8 +132,14 @@ class ArmRaise final : public Motion {
 
 }  // namespace
 
-std::unique_ptr<Motion> make_squat(const Rig& rig) { return std::make_unique<Squat>(rig); }
-std::unique_ptr<Motion> make_jumping_jack(const Rig& rig) { return std::make_unique<JumpingJack>(rig); }
-std::unique_ptr<Motion> make_arm_raise(const Rig& rig) { return std::make_unique<ArmRaise>(rig); }
+std::unique_ptr<Motion> make_squat(const Rig& rig) {
+    return std::make_unique<Squat>(rig);
+}
+std::unique_ptr<Motion> make_jumping_jack(const Rig& rig) {
+    return std::make_unique<JumpingJack>(rig);
+}
+std::unique_ptr<Motion> make_arm_raise(const Rig& rig) {
+    return std::make_unique<ArmRaise>(rig);
+}
 
 }  // namespace kinevox::studio

@@ -47,7 +47,8 @@ double sole_below_ankle(const Measures& m, const PlacedFoot& foot) {
     const double ball_x = m.foot_ball_x, toe_x = ball_x + m.toe_length * std::cos(foot.toe_extension);
     const double toe_z = -m.ankle_height + m.toe_length * std::sin(foot.toe_extension);
     double lowest = 0;
-    for (const Vec3 p : {Vec3{m.foot_heel_x, 0, -m.ankle_height}, Vec3{ball_x, 0, -m.ankle_height}, Vec3{toe_x, 0, toe_z}})
+    for (const Vec3 p :
+         {Vec3{m.foot_heel_x, 0, -m.ankle_height}, Vec3{ball_x, 0, -m.ankle_height}, Vec3{toe_x, 0, toe_z}})
         lowest = std::min(lowest, (foot.world_from_foot * p).z);
     return -lowest;
 }
@@ -59,7 +60,8 @@ PlacedFoot place_foot(const Measures& m, const Contact& current, const Contact& 
     const double swing = next.on_s - current.off_s, s = std::clamp((t - current.off_s) / swing, 0.0, 1.0);
     const PlacedFoot from = in_contact(m, current, current.off_s), to = in_contact(m, next, next.on_s);
     constexpr double kStep = 1e-3;
-    const PlacedFoot before = in_contact(m, current, current.off_s - kStep), after = in_contact(m, next, next.on_s + kStep);
+    const PlacedFoot before = in_contact(m, current, current.off_s - kStep),
+                     after = in_contact(m, next, next.on_s + kStep);
     const Vec3 leave = (swing / kStep) * (from.ankle_in_world - before.ankle_in_world);
     const Vec3 arrive = (swing / kStep) * (after.ankle_in_world - to.ankle_in_world);
     const Vec3 a = from.ankle_in_world, b = to.ankle_in_world;
@@ -70,7 +72,8 @@ PlacedFoot place_foot(const Measures& m, const Contact& current, const Contact& 
                            hermite(a.z, leave.z, b.z, arrive.z, s) + current.swing_lift_m * bump};
     const double turn = std::remainder(next.yaw - current.yaw, 2 * 3.14159265358979323846);
     // The foot pitches on for a moment after it left the floor, then comes level early.
-    const double pitch = hermite(current.off_pitch, 0.6 * current.off_pitch, next.strike_pitch, 0, ease(1.15 * s));
+    const double pitch =
+        hermite(current.off_pitch, 0.6 * current.off_pitch, next.strike_pitch, 0, ease(1.15 * s));
     foot.world_from_foot = rotation_z(current.yaw + turn * ease(s)) * rotation_y(pitch);
     foot.toe_extension = std::max(current.off_pitch, 0.0) * (1 - ease(2.5 * s)) +
                          std::max(next.strike_pitch, 0.0) * ease(4 * s - 3);
@@ -103,14 +106,16 @@ void put_on_feet(const Rig& rig, Pose& pose, const std::array<PlacedFoot, 2>& fe
         const PlacedFoot& foot = feet[side == Side::kRight];
         const double foot_yaw = std::atan2(foot.world_from_foot(1, 0), foot.world_from_foot(0, 0));
         const bool upside = foot.world_from_foot(2, 2) < 0;  // a heel kicked up past the vertical
-        const double knee_yaw = upside ? yaw : yaw + 0.7 * std::remainder(foot_yaw - yaw, 2 * 3.14159265358979323846);
+        const double knee_yaw =
+            upside ? yaw : yaw + 0.7 * std::remainder(foot_yaw - yaw, 2 * 3.14159265358979323846);
         rig.reach_with_leg(pose, side, foot.ankle_in_world, foot.world_from_foot,
                            rotation_z(knee_yaw) * Vec3{1, 0, 0.35});
         pose[on_side(kToesL, side)] = rotation_y(-foot.toe_extension);
     }
 }
 
-void pose_arm(Pose& pose, Side side, double flexion, double abduction, double external_rotation, double elbow) {
+void pose_arm(Pose& pose, Side side, double flexion, double abduction, double external_rotation,
+              double elbow) {
     const double s = sign_of(side);
     const double raised = std::max({flexion, abduction, 0.0});
     const double girdle = 0.22 * std::max(0.0, raised - radians(40));

@@ -8,7 +8,9 @@
 namespace kinevox::studio {
 namespace {
 
-bool is_foot(Bone bone) { return bone == kFootL || bone == kFootR || bone == kToesL || bone == kToesR; }
+bool is_foot(Bone bone) {
+    return bone == kFootL || bone == kFootR || bone == kToesL || bone == kToesR;
+}
 
 Side side_of(Bone bone) {
     if (bone >= kPosedBoneCount) return bone >= kShoulderHelpR ? Side::kRight : Side::kLeft;
@@ -45,7 +47,8 @@ ImplicitBody::ImplicitBody(const Rig& rig, const Subject& subject)
 }
 
 // a, b in the bone's frame in units of a 1.8 m tall body; radii likewise, times girth except on the head.
-void ImplicitBody::add(Bone bone, Vec3f a, float ra, Vec3f b, float rb, float flat_x, float flat_y, float blend) {
+void ImplicitBody::add(Bone bone, Vec3f a, float ra, Vec3f b, float rb, float flat_x, float flat_y,
+                       float blend) {
     const float thick = unit_ * (bone == kHead || is_foot(bone) ? 1.0f : girth_);
     const Vec3f start = unit_ * a, end = unit_ * b;
     Primitive p;
@@ -87,17 +90,21 @@ void ImplicitBody::add_trunk() {
     const float waist = 1.0f - 0.12f * f;
     add(kPelvis, {-0.005f, 0, -0.015f}, 0.142f + 0.010f * f, {0.0f, 0, 0.07f}, 0.132f, 0.72f, 1, 0.03f);
     for (float s : {1.0f, -1.0f})
-        add(kPelvis, {-0.045f, s * 0.068f, -0.035f}, 0.083f, {-0.035f, s * 0.06f, 0.02f}, 0.075f, 1, 1, 0.05f);
+        add(kPelvis, {-0.045f, s * 0.068f, -0.035f}, 0.083f, {-0.035f, s * 0.06f, 0.02f}, 0.075f, 1, 1,
+            0.05f);
     add(kLumbar, {0.005f, 0, -0.05f}, 0.133f * waist, {0.0f, 0, 0.07f}, 0.136f * waist, 0.74f, 1, 0.05f);
     add(kLumbar, {0.04f, 0, -0.05f}, 0.075f, {0.035f, 0, 0.05f}, 0.075f, 0.8f, 1.2f, 0.05f);
-    add(kThorax, {0.0f, 0, 0.01f}, 0.138f - 0.010f * f, {-0.008f, 0, 0.17f}, 0.146f - 0.012f * f, 0.74f, 1, 0.05f);
+    add(kThorax, {0.0f, 0, 0.01f}, 0.138f - 0.010f * f, {-0.008f, 0, 0.17f}, 0.146f - 0.012f * f, 0.74f, 1,
+        0.05f);
     add(kThorax, {-0.025f, 0.115f, 0.225f}, 0.066f, {-0.025f, -0.115f, 0.225f}, 0.066f, 1, 1, 0.06f);
     for (float s : {1.0f, -1.0f}) {
         const float bust = 0.022f * f;
         add(kThorax, {0.045f + 0.6f * bust, s * 0.072f, 0.125f - bust}, 0.062f + 0.2f * bust,
             {0.04f, s * 0.08f, 0.16f}, 0.06f, 0.8f, 1.1f, 0.05f);
-        add(kThorax, {-0.022f, s * 0.03f, 0.315f}, 0.038f, {-0.020f, s * 0.125f, 0.265f}, 0.050f, 1, 1, 0.05f);
-        add(kThorax, {-0.055f, s * 0.075f, 0.17f}, 0.065f, {-0.05f, s * 0.065f, 0.06f}, 0.06f, 0.9f, 1.1f, 0.05f);
+        add(kThorax, {-0.022f, s * 0.03f, 0.315f}, 0.038f, {-0.020f, s * 0.125f, 0.265f}, 0.050f, 1, 1,
+            0.05f);
+        add(kThorax, {-0.055f, s * 0.075f, 0.17f}, 0.065f, {-0.05f, s * 0.065f, 0.06f}, 0.06f, 0.9f, 1.1f,
+            0.05f);
     }
     const float neck = 0.056f - 0.008f * f;
     add(kNeck, {-0.008f, 0, -0.03f}, neck + 0.006f, {0.008f, 0, 0.08f}, neck, 1, 1, 0.04f);
@@ -106,10 +113,11 @@ void ImplicitBody::add_trunk() {
 void ImplicitBody::add_head() {
     add(kHead, {0.000f, 0, 0.060f}, 0.092f, {0.012f, 0, 0.066f}, 0.088f, 1.0f, 0.82f, 0.015f);
     add(kHead, {0.030f, 0, 0.040f}, 0.068f, {0.056f, 0, -0.048f}, 0.036f, 1.0f, 0.92f, 0.03f);
-    add(kHead, {0.100f, 0, 0.032f}, 0.010f, {0.110f, 0, 0.004f}, 0.014f, 1.0f, 1.0f, 0.012f);   // nose
+    add(kHead, {0.100f, 0, 0.032f}, 0.010f, {0.110f, 0, 0.004f}, 0.014f, 1.0f, 1.0f, 0.012f);    // nose
     add(kHead, {0.078f, 0, -0.028f}, 0.018f, {0.082f, 0, -0.020f}, 0.016f, 1.0f, 1.4f, 0.012f);  // mouth
     for (float s : {1.0f, -1.0f})
-        add(kHead, {-0.006f, s * 0.078f, 0.006f}, 0.013f, {-0.012f, s * 0.082f, 0.036f}, 0.020f, 1, 0.45f, 0.008f);
+        add(kHead, {-0.006f, s * 0.078f, 0.006f}, 0.013f, {-0.012f, s * 0.082f, 0.036f}, 0.020f, 1, 0.45f,
+            0.008f);
     if (subject_.long_hair) {
         add(kHead, {-0.085f, 0, 0.055f}, 0.045f, {-0.125f, 0, 0.035f}, 0.030f, 1, 1, 0.03f);
         add(kHead, {-0.130f, 0, 0.03f}, 0.030f, {-0.140f, 0, -0.10f}, 0.018f, 1, 1.1f, 0.02f);
@@ -125,30 +133,43 @@ void ImplicitBody::add_limbs(Side side) {
     const float f = static_cast<float>(subject_.femininity), arm = 1.0f - 0.12f * f;
     const auto on = [side](Bone left) { return on_side(left, side); };
 
-    add(on(kShoulderHelpL), {0, s * -0.004f, -0.002f}, 0.059f * arm, {0, s * 0.004f, -0.035f}, 0.054f * arm, 1, 1, 0.05f);
-    add(on(kUpperArmL), {0, 0, -0.07f}, 0.050f * arm, {0.008f, 0, -0.6f * upper_arm}, 0.046f * arm, 1, 0.95f, 0.03f);
-    add(on(kUpperArmL), {0, 0, -0.6f * upper_arm}, 0.045f * arm, {0, 0, -0.88f * upper_arm}, 0.040f * arm, 1, 1, 0.03f);
+    add(on(kShoulderHelpL), {0, s * -0.004f, -0.002f}, 0.059f * arm, {0, s * 0.004f, -0.035f}, 0.054f * arm,
+        1, 1, 0.05f);
+    add(on(kUpperArmL), {0, 0, -0.07f}, 0.050f * arm, {0.008f, 0, -0.6f * upper_arm}, 0.046f * arm, 1, 0.95f,
+        0.03f);
+    add(on(kUpperArmL), {0, 0, -0.6f * upper_arm}, 0.045f * arm, {0, 0, -0.88f * upper_arm}, 0.040f * arm, 1,
+        1, 0.03f);
     add(on(kElbowHelpL), {-0.004f, 0, 0.01f}, 0.041f * arm, {0, 0, -0.01f}, 0.041f * arm, 1, 1, 0.02f);
-    add(on(kForearmL), {0, 0, -0.025f}, 0.041f * arm, {0.002f, 0, -0.32f * forearm}, 0.043f * arm, 1, 0.95f, 0.02f);
-    add(on(kForearmL), {0, 0, -0.32f * forearm}, 0.042f * arm, {0, 0, -forearm}, 0.027f * arm, 1, 0.9f, 0.02f);
+    add(on(kForearmL), {0, 0, -0.025f}, 0.041f * arm, {0.002f, 0, -0.32f * forearm}, 0.043f * arm, 1, 0.95f,
+        0.02f);
+    add(on(kForearmL), {0, 0, -0.32f * forearm}, 0.042f * arm, {0, 0, -forearm}, 0.027f * arm, 1, 0.9f,
+        0.02f);
     // The palm faces the thigh: thin along y, thumb in front.
     add(on(kHandL), {0, 0, 0.0f}, 0.027f * arm, {0.002f, 0, -0.04f}, 0.040f, 1, 0.52f, 0.015f);
     add(on(kHandL), {0.002f, 0, -0.04f}, 0.042f, {0.000f, 0, -0.085f}, 0.041f, 1, 0.40f, 0.015f);
     add(on(kHandL), {0.0f, 0, -0.09f}, 0.040f, {0.0f, s * -0.008f, -0.162f}, 0.026f, 1, 0.34f, 0.01f);
-    add(on(kHandL), {0.026f, s * -0.006f, -0.03f}, 0.017f, {0.056f, s * -0.014f, -0.092f}, 0.012f, 1, 0.9f, 0.015f);
+    add(on(kHandL), {0.026f, s * -0.006f, -0.03f}, 0.017f, {0.056f, s * -0.014f, -0.092f}, 0.012f, 1, 0.9f,
+        0.015f);
 
     const float flesh = 1.0f + 0.05f * f;
-    add(on(kHipHelpL), {-0.008f, 0.0f, 0.01f}, 0.092f * flesh, {-0.004f, s * 0.01f, -0.06f}, 0.091f * flesh, 1, 0.92f, 0.05f);
-    add(on(kThighL), {0.0f, s * 0.004f, -0.09f}, 0.089f * flesh, {0.008f, 0, -0.55f * thigh}, 0.073f * flesh, 1, 0.95f, 0.03f);
-    add(on(kThighL), {0.006f, 0, -0.55f * thigh}, 0.073f * flesh, {0.002f, 0, -0.9f * thigh}, 0.057f, 1, 0.95f, 0.03f);
+    add(on(kHipHelpL), {-0.008f, 0.0f, 0.01f}, 0.092f * flesh, {-0.004f, s * 0.01f, -0.06f}, 0.091f * flesh,
+        1, 0.92f, 0.05f);
+    add(on(kThighL), {0.0f, s * 0.004f, -0.09f}, 0.089f * flesh, {0.008f, 0, -0.55f * thigh}, 0.073f * flesh,
+        1, 0.95f, 0.03f);
+    add(on(kThighL), {0.006f, 0, -0.55f * thigh}, 0.073f * flesh, {0.002f, 0, -0.9f * thigh}, 0.057f, 1,
+        0.95f, 0.03f);
     add(on(kKneeHelpL), {0.006f, 0, 0.02f}, 0.055f, {0.006f, 0, -0.02f}, 0.053f, 1, 0.95f, 0.025f);
     add(on(kShankL), {-0.006f, 0, -0.05f}, 0.052f, {-0.016f, 0, -0.30f * shank}, 0.056f, 1, 0.93f, 0.025f);
-    add(on(kShankL), {-0.016f, 0, -0.30f * shank}, 0.055f, {-0.006f, 0, -0.93f * shank}, 0.034f, 1, 0.93f, 0.025f);
+    add(on(kShankL), {-0.016f, 0, -0.30f * shank}, 0.055f, {-0.006f, 0, -0.93f * shank}, 0.034f, 1, 0.93f,
+        0.025f);
     add(on(kFootL), {-0.006f, 0, 0.03f}, 0.036f, {-0.004f, 0, -0.01f}, 0.037f, 1, 0.92f, 0.02f);
     add(on(kFootL), {-0.028f, 0, 0.036f - ankle}, 0.040f, {0.01f, 0, 0.04f - ankle}, 0.040f, 1, 0.86f, 0.02f);
-    add(on(kFootL), {0.0f, 0, 0.045f - ankle}, 0.044f, {0.115f, s * 0.004f, 0.020f - ankle}, 0.034f, 1, 1.05f, 0.025f);
-    add(on(kFootL), {0.09f, s * 0.003f, 0.016f - ankle}, 0.032f, {0.14f, s * 0.004f, 0.014f - ankle}, 0.030f, 1, 1.40f, 0.02f);
-    add(on(kToesL), {-0.02f, s * 0.003f, 0.0f}, 0.030f, {0.044f, s * -0.004f, -0.006f}, 0.024f, 1, 1.45f, 0.015f);
+    add(on(kFootL), {0.0f, 0, 0.045f - ankle}, 0.044f, {0.115f, s * 0.004f, 0.020f - ankle}, 0.034f, 1, 1.05f,
+        0.025f);
+    add(on(kFootL), {0.09f, s * 0.003f, 0.016f - ankle}, 0.032f, {0.14f, s * 0.004f, 0.014f - ankle}, 0.030f,
+        1, 1.40f, 0.02f);
+    add(on(kToesL), {-0.02f, s * 0.003f, 0.0f}, 0.030f, {0.044f, s * -0.004f, -0.006f}, 0.024f, 1, 1.45f,
+        0.015f);
 }
 
 float ImplicitBody::primitive_distance(const Primitive& primitive, Vec3f rest) {
@@ -162,9 +183,12 @@ float ImplicitBody::primitive_distance(const Primitive& primitive, Vec3f rest) {
     } else {
         const float b = dr / l, a = std::sqrt(1 - b * b);
         const float k = -b * radial + a * q.z;
-        if (k < 0) d = std::sqrt(radial * radial + q.z * q.z) - primitive.ra;
-        else if (k > a * l) d = std::sqrt(radial * radial + (q.z - l) * (q.z - l)) - primitive.rb;
-        else d = radial * a + q.z * b - primitive.ra;
+        if (k < 0)
+            d = std::sqrt(radial * radial + q.z * q.z) - primitive.ra;
+        else if (k > a * l)
+            d = std::sqrt(radial * radial + (q.z - l) * (q.z - l)) - primitive.rb;
+        else
+            d = radial * a + q.z * b - primitive.ra;
     }
     return d * primitive.shrink;
 }
@@ -194,7 +218,8 @@ ImplicitBody::Sample ImplicitBody::sample(Vec3f rest) const {
 
 void ImplicitBody::bone_distances(Vec3f rest, float (&distance)[kBoneCount]) const {
     std::fill(std::begin(distance), std::end(distance), 1.0f);
-    for (const Primitive& p : primitives_) distance[p.bone] = std::min(distance[p.bone], primitive_distance(p, rest));
+    for (const Primitive& p : primitives_)
+        distance[p.bone] = std::min(distance[p.bone], primitive_distance(p, rest));
 }
 
 Material ImplicitBody::material(Vec3f rest, Bone nearest) const {
@@ -205,14 +230,17 @@ Material ImplicitBody::material(Vec3f rest, Bone nearest) const {
     switch (twin) {
         case kHead: {
             const Vec3f q = (1.0f / u) * in_bone(rest, kHead);
-            const float hairline = 0.062f - 0.25f * (q.x - 0.06f) + (q.x < 0.02f ? -0.35f * (0.02f - q.x) : 0.0f);
+            const float hairline =
+                0.062f - 0.25f * (q.x - 0.06f) + (q.x < 0.02f ? -0.35f * (0.02f - q.x) : 0.0f);
             const bool nape = q.x < -0.012f && q.z > (subject_.long_hair ? -0.12f : -0.02f);
-            if (q.z > 0.098f - 0.10f * std::abs(q.y) || nape || (q.x < 0.045f && q.z > hairline)) return Material::kHair;
+            if (q.z > 0.098f - 0.10f * std::abs(q.y) || nape || (q.x < 0.045f && q.z > hairline))
+                return Material::kHair;
             if (q.x < -0.07f) return Material::kHair;
             if (q.x > 0.05f) {
                 const float ey = (std::abs(q.y) - 0.032f) / 0.010f, ez = (q.z - 0.036f) / 0.005f;
                 if (ey * ey + ez * ez < 1) return Material::kEye;
-                if (std::abs(std::abs(q.y) - 0.034f) < 0.016f && std::abs(q.z - 0.054f) < 0.003f) return Material::kBrow;
+                if (std::abs(std::abs(q.y) - 0.034f) < 0.016f && std::abs(q.z - 0.054f) < 0.003f)
+                    return Material::kBrow;
                 if (std::abs(q.y) < 0.024f && std::abs(q.z + 0.024f) < 0.006f) return Material::kLips;
             }
             return Material::kSkin;
@@ -226,20 +254,32 @@ Material ImplicitBody::material(Vec3f rest, Bone nearest) const {
             const float collar = std::sqrt((q.x + 0.01f) * (q.x + 0.01f) + q.y * q.y);
             return collar < 0.082f && q.z > -0.03f - 0.25f * q.x ? Material::kSkin : Material::kShirt;
         }
-        case kLumbar: case kClavicleL: case kShoulderHelpL: return Material::kShirt;
-        case kPelvis: case kHipHelpL:
+        case kLumbar:
+        case kClavicleL:
+        case kShoulderHelpL:
+            return Material::kShirt;
+        case kPelvis:
+        case kHipHelpL:
             return in_bone(rest, kPelvis).z > 0.005f * u ? Material::kShirt : Material::kTrousers;
-        case kUpperArmL: case kElbowHelpL: case kForearmL: case kHandL: {
+        case kUpperArmL:
+        case kElbowHelpL:
+        case kForearmL:
+        case kHandL: {
             const float along = -local(kUpperArmL).z / static_cast<float>(m.upper_arm);
             if (twin == kUpperArmL && along < 0.62f) return Material::kShirt;
             if (!subject_.long_sleeves || twin == kHandL) return Material::kSkin;
-            return -local(kForearmL).z < 0.93f * static_cast<float>(m.forearm) ? Material::kShirt : Material::kSkin;
+            return -local(kForearmL).z < 0.93f * static_cast<float>(m.forearm) ? Material::kShirt
+                                                                               : Material::kSkin;
         }
-        case kThighL: case kKneeHelpL: case kShankL: {
+        case kThighL:
+        case kKneeHelpL:
+        case kShankL: {
             const float thigh = -local(kThighL).z / static_cast<float>(m.thigh);
             const float shank = -local(kShankL).z / static_cast<float>(m.shank);
             if (subject_.shorts)
-                return thigh < 0.72f ? Material::kTrousers : shank > 0.80f ? Material::kSock : Material::kSkin;
+                return thigh < 0.72f   ? Material::kTrousers
+                       : shank > 0.80f ? Material::kSock
+                                       : Material::kSkin;
             return shank < 0.95f ? Material::kTrousers : Material::kSock;
         }
         default: {  // feet
@@ -258,26 +298,38 @@ float ImplicitBody::clothes(Vec3f rest, Bone nearest) const {
         return -in_bone(rest, on_side(left, side_of(nearest))).z / static_cast<float>(length);
     };
     const auto hem = [](float t, float end) {  // 0..1..0
-        return (0.55f + 0.45f * smoothstep(end - 0.5f, end, t)) * (1.0f - smoothstep(end - 0.005f, end + 0.045f, t));
+        return (0.55f + 0.45f * smoothstep(end - 0.5f, end, t)) *
+               (1.0f - smoothstep(end - 0.005f, end + 0.045f, t));
     };
     switch (twin) {
-        case kHead: return material(rest, nearest) == Material::kHair ? 0.011f * unit_ : 0.0f;
-        case kThorax: case kShoulderHelpL: case kClavicleL: return 0.007f;
-        case kLumbar: return 0.010f;
-        case kPelvis: case kHipHelpL: {
+        case kHead:
+            return material(rest, nearest) == Material::kHair ? 0.011f * unit_ : 0.0f;
+        case kThorax:
+        case kShoulderHelpL:
+        case kClavicleL:
+            return 0.007f;
+        case kLumbar:
+            return 0.010f;
+        case kPelvis:
+        case kHipHelpL: {
             const float z = in_bone(rest, kPelvis).z / unit_;
             return 0.004f + 0.012f * smoothstep(-0.004f, 0.010f, z);
         }
-        case kUpperArmL: case kElbowHelpL: case kForearmL:
+        case kUpperArmL:
+        case kElbowHelpL:
+        case kForearmL:
             if (subject_.long_sleeves) {
                 const float t = twin == kUpperArmL ? 0.0f : along(kForearmL, m.forearm);
                 return 0.012f * hem(t, 0.93f);
             }
             return twin == kUpperArmL ? 0.017f * hem(along(kUpperArmL, m.upper_arm), 0.62f) : 0.0f;
-        case kThighL: case kKneeHelpL: case kShankL:
+        case kThighL:
+        case kKneeHelpL:
+        case kShankL:
             if (subject_.shorts) return twin == kThighL ? 0.020f * hem(along(kThighL, m.thigh), 0.72f) : 0.0f;
             return twin == kThighL ? 0.009f : 0.008f + 0.010f * hem(along(kShankL, m.shank), 0.95f);
-        default: return 0.0f;
+        default:
+            return 0.0f;
     }
 }
 

@@ -1,6 +1,6 @@
-// The person's surface as a signed distance: a smooth union of tapered, flattened capsules that ride on the rig's
-// bones, with clothes as an outward offset. Defined in the rig's rest pose.
-// Round cones after I. Quilez, "Distance functions"; the smooth minimum is his quadratic one.
+// The person's surface as a signed distance: a smooth union of tapered, flattened capsules that ride on the
+// rig's bones, with clothes as an outward offset. Defined in the rig's rest pose. Round cones after I.
+// Quilez, "Distance functions"; the smooth minimum is his quadratic one.
 #pragma once
 
 #include <vector>
@@ -10,7 +10,18 @@
 
 namespace kinevox::studio {
 
-enum class Material : unsigned char { kSkin, kHair, kShirt, kTrousers, kShoe, kSole, kSock, kEye, kBrow, kLips };
+enum class Material : unsigned char {
+    kSkin,
+    kHair,
+    kShirt,
+    kTrousers,
+    kShoe,
+    kSole,
+    kSock,
+    kEye,
+    kBrow,
+    kLips
+};
 
 class ImplicitBody {
   public:
@@ -38,10 +49,10 @@ class ImplicitBody {
         Bone bone;
         Affine3f local_from_rest;  // a at the origin, b on +z, flattened axes scaled up to round
         float ra, rb, length;
-        float shrink;              // scaled distances times this never exceed the true ones
-        Vec3f centre;              // bounding ball, rest pose
+        float shrink;  // scaled distances times this never exceed the true ones
+        Vec3f centre;  // bounding ball, rest pose
         float radius;
-        float blend;               // m, of the smooth union with what came before
+        float blend;  // m, of the smooth union with what came before
     };
     void add(Bone bone, Vec3f a, float ra, Vec3f b, float rb, float flat_x, float flat_y, float blend);
     void add_trunk();

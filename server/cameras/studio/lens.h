@@ -1,4 +1,5 @@
-// Projection with OpenCV's distortion in single precision, for the inner loops (Camera does the same in double).
+// Projection with OpenCV's distortion in single precision, for the inner loops (Camera does the same in
+// double).
 #pragma once
 
 #include "common/camera.h"
@@ -10,10 +11,15 @@ class Lens {
   public:
     explicit Lens(const Camera& c)
         : camera_from_world_(to_float(c.camera_from_world)),
-          fx_(static_cast<float>(c.fx)), fy_(static_cast<float>(c.fy)),
-          cx_(static_cast<float>(c.cx)), cy_(static_cast<float>(c.cy)),
-          k1_(static_cast<float>(c.k1)), k2_(static_cast<float>(c.k2)), k3_(static_cast<float>(c.k3)),
-          p1_(static_cast<float>(c.p1)), p2_(static_cast<float>(c.p2)) {
+          fx_(static_cast<float>(c.fx)),
+          fy_(static_cast<float>(c.fy)),
+          cx_(static_cast<float>(c.cx)),
+          cy_(static_cast<float>(c.cy)),
+          k1_(static_cast<float>(c.k1)),
+          k2_(static_cast<float>(c.k2)),
+          k3_(static_cast<float>(c.k3)),
+          p1_(static_cast<float>(c.p1)),
+          p2_(static_cast<float>(c.p2)) {
         const Rigid3 back = c.camera_from_world.inverse();
         world_from_camera_ = to_float(back);
         centre_ = to_float(back.translation);
@@ -44,7 +50,8 @@ class Lens {
   private:
     Vec3f distort(float x, float y) const {
         const float r2 = x * x + y * y, radial = 1 + r2 * (k1_ + r2 * (k2_ + r2 * k3_));
-        return {x * radial + 2 * p1_ * x * y + p2_ * (r2 + 2 * x * x), y * radial + p1_ * (r2 + 2 * y * y) + 2 * p2_ * x * y, 0};
+        return {x * radial + 2 * p1_ * x * y + p2_ * (r2 + 2 * x * x),
+                y * radial + p1_ * (r2 + 2 * y * y) + 2 * p2_ * x * y, 0};
     }
     Affine3f camera_from_world_, world_from_camera_;
     Vec3f centre_;

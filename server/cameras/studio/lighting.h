@@ -1,5 +1,5 @@
-// The studio's lamps. One key lamp casts the visible shadow; panels and the light that walls throw back fill in.
-// Light is measured against what falls on the floor's middle: there it is 1.
+// The studio's lamps. One key lamp casts the visible shadow; panels and the light that walls throw back fill
+// in. Light is measured against what falls on the floor's middle: there it is 1.
 #pragma once
 
 #include <algorithm>
@@ -11,10 +11,10 @@
 namespace kinevox::studio {
 
 struct Lamp {
-    Vec3f position;          // world, m
-    Vec3f power;             // m^2: light at 1 m straight below
+    Vec3f position;            // world, m
+    Vec3f power;               // m^2: light at 1 m straight below
     float half_size_m = 0.1f;  // a square of twice this, horizontal
-    bool downlight = true;   // gives cos of the angle to the vertical; else the same in all directions
+    bool downlight = true;     // gives cos of the angle to the vertical; else the same in all directions
 };
 
 struct Lighting {

@@ -1,11 +1,11 @@
 // What the virtual studio's person does: a pose for every time.
 #pragma once
 
+#include <absl/status/statusor.h>
+
 #include <memory>
 #include <string>
 #include <string_view>
-
-#include <absl/status/statusor.h>
 
 #include "server/cameras/studio/rig.h"
 
@@ -14,7 +14,10 @@ namespace kinevox::studio {
 inline constexpr std::array<std::string_view, 6> kMotionNames{"walk",  "run",          "sprint_start",
                                                               "squat", "jumping_jack", "arm_raise"};
 
-enum class Stage { kRoom, kLane };  // a room of 10 m x 9 m about the origin; a hall with a lane, x 0..12, y -1..1
+enum class Stage {
+    kRoom,
+    kLane
+};  // a room of 10 m x 9 m about the origin; a hall with a lane, x 0..12, y -1..1
 
 class Motion {
   public:
@@ -32,9 +35,9 @@ Stage natural_stage(std::string_view motion);
 absl::StatusOr<std::unique_ptr<Motion>> make_motion(std::string_view name, Stage stage, const Rig& rig);
 
 // One factory a file.
-std::unique_ptr<Motion> make_gait(bool run, Stage stage, const Rig& rig);      // gait_motion.cc
-std::unique_ptr<Motion> make_sprint_start(const Rig& rig);                    // sprint_motion.cc
-std::unique_ptr<Motion> make_squat(const Rig& rig);                           // exercise_motions.cc
+std::unique_ptr<Motion> make_gait(bool run, Stage stage, const Rig& rig);  // gait_motion.cc
+std::unique_ptr<Motion> make_sprint_start(const Rig& rig);                 // sprint_motion.cc
+std::unique_ptr<Motion> make_squat(const Rig& rig);                        // exercise_motions.cc
 std::unique_ptr<Motion> make_jumping_jack(const Rig& rig);
 std::unique_ptr<Motion> make_arm_raise(const Rig& rig);
 

@@ -63,10 +63,11 @@ Rig::Rig(const Subject& subject) : measures_(make_measures(subject)) {
         const double s = sign_of(side);
         const Vec3 clavicle{0, s * 0.02 * m.height, m.thorax_to_neck - 0.022 * m.height};
         // Acromion at 0.818 of the stature; the joint's centre lies a little lower.
-        const double shoulder_z = 0.812 * m.height -
-                                  (m.standing_root_z() + m.root_to_waist + m.waist_to_thorax);
+        const double shoulder_z =
+            0.812 * m.height - (m.standing_root_z() + m.root_to_waist + m.waist_to_thorax);
         offset_[on_side(kClavicleL, side)] = clavicle;
-        offset_[on_side(kUpperArmL, side)] = Vec3{-0.006 * m.height, s * m.shoulder_half_width, shoulder_z} - clavicle;
+        offset_[on_side(kUpperArmL, side)] =
+            Vec3{-0.006 * m.height, s * m.shoulder_half_width, shoulder_z} - clavicle;
         offset_[on_side(kForearmL, side)] = {0, 0, -m.upper_arm};
         offset_[on_side(kHandL, side)] = {0, 0, -m.forearm};
         offset_[on_side(kThighL, side)] = {0, s * m.hip_half_width, -m.root_above_hips};
@@ -92,8 +93,8 @@ PosedRig Rig::forward(const Pose& pose) const {
     for (Side side : kSides) {
         for (int i = 0; i < 4; ++i) {
             const Bone helper = on_side(kHelpers[i], side), helped = on_side(kHelped[i], side);
-            out.world_from_bone[helper] =
-                out.world_from_bone[parent(helper)] * Rigid3{slerp(Mat3{}, pose[helped], 0.5), offset_[helper]};
+            out.world_from_bone[helper] = out.world_from_bone[parent(helper)] *
+                                          Rigid3{slerp(Mat3{}, pose[helped], 0.5), offset_[helper]};
         }
     }
     return out;
@@ -135,8 +136,8 @@ struct TwoBone {
     double miss;
 };
 
-// Law of cosines; the middle joint goes to the side of `towards`. `hinge_sign` +1: y is the hinge's axis with the
-// middle joint in front (knee), -1: behind (elbow).
+// Law of cosines; the middle joint goes to the side of `towards`. `hinge_sign` +1: y is the hinge's axis with
+// the middle joint in front (knee), -1: behind (elbow).
 TwoBone two_bone(Vec3 start, Vec3 target, double upper, double lower, Vec3 towards, double hinge_sign) {
     Vec3 reach = target - start;
     const double wanted = norm(reach);
@@ -159,7 +160,8 @@ double Rig::reach_with_leg(Pose& pose, Side side, Vec3 ankle_in_world, const Mat
     const Mat3 world_from_pelvis = pose[kPelvis];
     const Vec3 hip = pose.root_in_world + world_from_pelvis * offset_[thigh];
     // x forward cross -z down = y left.
-    const TwoBone leg = two_bone(hip, ankle_in_world, measures_.thigh, measures_.shank, forward_in_world, 1.0);
+    const TwoBone leg =
+        two_bone(hip, ankle_in_world, measures_.thigh, measures_.shank, forward_in_world, 1.0);
     pose[thigh] = world_from_pelvis.transposed() * leg.upper;
     pose[shank] = leg.upper.transposed() * leg.lower;
     pose[foot] = leg.lower.transposed() * world_from_foot;
@@ -168,7 +170,8 @@ double Rig::reach_with_leg(Pose& pose, Side side, Vec3 ankle_in_world, const Mat
 
 double Rig::reach_with_arm(Pose& pose, Side side, Vec3 wrist_in_world, const Mat3& world_from_hand,
                            Vec3 elbow_towards_in_world) const {
-    const Bone upper = on_side(kUpperArmL, side), fore = on_side(kForearmL, side), hand = on_side(kHandL, side);
+    const Bone upper = on_side(kUpperArmL, side), fore = on_side(kForearmL, side),
+               hand = on_side(kHandL, side);
     const PosedRig posed = forward(pose);
     const TwoBone arm = two_bone(posed.joint(upper), wrist_in_world, measures_.upper_arm, measures_.forearm,
                                  elbow_towards_in_world, -1.0);

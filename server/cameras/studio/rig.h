@@ -11,14 +11,38 @@
 
 namespace kinevox::studio {
 
-// Centre bones, then eight bones a side, then helpers that turn half as far as the joint they sit on (they keep
-// the volume of a bent knee where plain linear blend skinning would crush it).
+// Centre bones, then eight bones a side, then helpers that turn half as far as the joint they sit on (they
+// keep the volume of a bent knee where plain linear blend skinning would crush it).
 enum Bone : int {
-    kPelvis, kLumbar, kThorax, kNeck, kHead,
-    kClavicleL, kUpperArmL, kForearmL, kHandL, kThighL, kShankL, kFootL, kToesL,
-    kClavicleR, kUpperArmR, kForearmR, kHandR, kThighR, kShankR, kFootR, kToesR,
-    kShoulderHelpL, kElbowHelpL, kHipHelpL, kKneeHelpL,
-    kShoulderHelpR, kElbowHelpR, kHipHelpR, kKneeHelpR,
+    kPelvis,
+    kLumbar,
+    kThorax,
+    kNeck,
+    kHead,
+    kClavicleL,
+    kUpperArmL,
+    kForearmL,
+    kHandL,
+    kThighL,
+    kShankL,
+    kFootL,
+    kToesL,
+    kClavicleR,
+    kUpperArmR,
+    kForearmR,
+    kHandR,
+    kThighR,
+    kShankR,
+    kFootR,
+    kToesR,
+    kShoulderHelpL,
+    kElbowHelpL,
+    kHipHelpL,
+    kKneeHelpL,
+    kShoulderHelpR,
+    kElbowHelpR,
+    kHipHelpR,
+    kKneeHelpR,
     kBoneCount
 };
 inline constexpr int kPosedBoneCount = kShoulderHelpL;
@@ -31,14 +55,17 @@ inline Bone on_side(Bone left, Side side) {
     if (side == Side::kLeft) return left;
     return static_cast<Bone>(left + (left >= kPosedBoneCount ? kHelpStride : kSideStride));
 }
-inline double sign_of(Side side) { return side == Side::kLeft ? 1.0 : -1.0; }  // of y at the zero pose
+inline double sign_of(Side side) {
+    return side == Side::kLeft ? 1.0 : -1.0;
+}  // of y at the zero pose
 
-// Lengths in metres, from the fractions of stature of Drillis & Contini (1966), as in Winter, Biomechanics and
-// Motor Control of Human Movement, table 4.1.
+// Lengths in metres, from the fractions of stature of Drillis & Contini (1966), as in Winter, Biomechanics
+// and Motor Control of Human Movement, table 4.1.
 struct Measures {
     double height, thigh, shank, ankle_height, foot_ball_x, foot_heel_x, toe_length, ball_height;
     double upper_arm, forearm, hand, hip_half_width, shoulder_half_width;
-    double root_above_hips, root_to_waist, waist_to_thorax, thorax_to_neck, neck_to_skullbase, skullbase_to_top;
+    double root_above_hips, root_to_waist, waist_to_thorax, thorax_to_neck, neck_to_skullbase,
+        skullbase_to_top;
     double standing_root_z() const { return ankle_height + shank + thigh + root_above_hips; }
     double leg() const { return thigh + shank; }
 };
@@ -62,7 +89,7 @@ class Rig {
     explicit Rig(const Subject& subject);
 
     const Measures& measures() const { return measures_; }
-    static Bone parent(Bone bone);                           // kPelvis for kPelvis
+    static Bone parent(Bone bone);  // kPelvis for kPelvis
     Vec3 offset_in_parent(Bone bone) const { return offset_[bone]; }
 
     PosedRig forward(const Pose& pose) const;
@@ -70,12 +97,13 @@ class Rig {
     // World positions in the order of kJointNames.
     std::array<Vec3, kJointNames.size()> joints(const PosedRig& posed) const;
 
-    // Turns thigh and shank so that the ankle comes to `ankle_in_world` (pulled towards the hip where it is out of
-    // reach) with the knee bending towards `forward_in_world`, and the foot to `world_from_foot`.
-    // The pelvis and the root must be set; parent_from_bone of the leg is written. Returns the miss in metres.
+    // Turns thigh and shank so that the ankle comes to `ankle_in_world` (pulled towards the hip where it is
+    // out of reach) with the knee bending towards `forward_in_world`, and the foot to `world_from_foot`. The
+    // pelvis and the root must be set; parent_from_bone of the leg is written. Returns the miss in metres.
     double reach_with_leg(Pose& pose, Side side, Vec3 ankle_in_world, const Mat3& world_from_foot,
                           Vec3 forward_in_world) const;
-    // The same for upper arm and forearm, elbow pointing to `elbow_towards_in_world`, the hand to world_from_hand.
+    // The same for upper arm and forearm, elbow pointing to `elbow_towards_in_world`, the hand to
+    // world_from_hand.
     double reach_with_arm(Pose& pose, Side side, Vec3 wrist_in_world, const Mat3& world_from_hand,
                           Vec3 elbow_towards_in_world) const;
 

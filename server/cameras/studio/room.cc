@@ -1,10 +1,10 @@
 #include "server/cameras/studio/room.h"
 
+#include <oneapi/tbb/parallel_for.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
-
-#include <oneapi/tbb/parallel_for.h>
 
 #include "server/cameras/studio/hash_noise.h"
 #include "server/cameras/studio/lens.h"
@@ -21,7 +21,8 @@ struct Entry {
 };
 Entry enter(const Room::Box& box, Vec3f origin, Vec3f direction) {
     const Vec3f o = origin - box.centre;
-    const float position[3] = {box.yaw_cos * o.x + box.yaw_sin * o.y, -box.yaw_sin * o.x + box.yaw_cos * o.y, o.z};
+    const float position[3] = {box.yaw_cos * o.x + box.yaw_sin * o.y, -box.yaw_sin * o.x + box.yaw_cos * o.y,
+                               o.z};
     const float way[3] = {box.yaw_cos * direction.x + box.yaw_sin * direction.y,
                           -box.yaw_sin * direction.x + box.yaw_cos * direction.y, direction.z};
     const float half[3] = {box.half.x, box.half.y, box.half.z};
@@ -77,8 +78,10 @@ Vec3f Room::light_at(Vec3f p, Vec3f normal, std::uint32_t dither) const {
         Vec3f sum;
         for (int i = 0; i < across * across; ++i) {
             Lamp part = lamp;
-            part.position.x += lamp.half_size_m * (2 * (static_cast<float>(i % across) + hash_unit(dither, i, 1)) / across - 1);
-            part.position.y += lamp.half_size_m * (2 * (static_cast<float>(i / across) + hash_unit(dither, i, 2)) / across - 1);
+            part.position.x += lamp.half_size_m *
+                               (2 * (static_cast<float>(i % across) + hash_unit(dither, i, 1)) / across - 1);
+            part.position.y += lamp.half_size_m *
+                               (2 * (static_cast<float>(i / across) + hash_unit(dither, i, 2)) / across - 1);
             const Vec3f light = Lighting::direct(part, p, normal);
             if (light.y > 0 && !blocked(start, part.position)) sum += light;
         }
@@ -92,8 +95,10 @@ Vec3f Room::light_at(Vec3f p, Vec3f normal, std::uint32_t dither) const {
     const Vec3f x = normalized(cross(helper, normal)), y = cross(normal, x);
     float open = 0;
     for (int i = 0; i < kRays; ++i) {
-        const float r2 = (static_cast<float>(i) + 0.5f) / kRays, r = std::sqrt(r2), angle = 2.39996f * static_cast<float>(i);
-        const Vec3f direction = r * std::cos(angle) * x + r * std::sin(angle) * y + std::sqrt(1 - r2) * normal;
+        const float r2 = (static_cast<float>(i) + 0.5f) / kRays, r = std::sqrt(r2),
+                    angle = 2.39996f * static_cast<float>(i);
+        const Vec3f direction =
+            r * std::cos(angle) * x + r * std::sin(angle) * y + std::sqrt(1 - r2) * normal;
         const Hit hit = trace(start, direction, all_boxes_);
         open += std::min(1.0f, 0.25f + 0.75f * hit.distance / 0.8f);
     }
@@ -103,14 +108,19 @@ Vec3f Room::light_at(Vec3f p, Vec3f normal, std::uint32_t dither) const {
 void Room::light_faces() {
     for (std::size_t f = 0; f < faces_.size(); ++f) {
         Face& face = faces_[f];
-        const float cell = (f == 0 ? 0.08f : f < kShellFaces ? 0.16f : 0.12f) * (stage_ == Stage::kLane ? 1.8f : 1.0f);
+        const float cell = (f == 0            ? 0.08f
+                            : f < kShellFaces ? 0.16f
+                                              : 0.12f) *
+                           (stage_ == Stage::kLane ? 1.8f : 1.0f);
         face.map_u = std::max(3, static_cast<int>(face.u_length / cell) + 2);
         face.map_v = std::max(3, static_cast<int>(face.v_length / cell) + 2);
         face.light.resize(static_cast<std::size_t>(face.map_u) * face.map_v);
         tbb::parallel_for(0, face.map_v, [&](int j) {
             for (int i = 0; i < face.map_u; ++i) {
-                const float u = face.u_length * std::clamp(static_cast<float>(i) / (face.map_u - 1), 0.004f, 0.996f);
-                const float v = face.v_length * std::clamp(static_cast<float>(j) / (face.map_v - 1), 0.004f, 0.996f);
+                const float u =
+                    face.u_length * std::clamp(static_cast<float>(i) / (face.map_u - 1), 0.004f, 0.996f);
+                const float v =
+                    face.v_length * std::clamp(static_cast<float>(j) / (face.map_v - 1), 0.004f, 0.996f);
                 const Vec3f p = face.origin + u * face.along_u + v * face.along_v;
                 face.light[static_cast<std::size_t>(j) * face.map_u + i] = light_at(p, face.normal, 7);
             }
@@ -146,7 +156,8 @@ Room::Hit Room::trace(Vec3f origin, Vec3f direction, const std::vector<int>& box
         if (along < 0 && along * along > r2) continue;
         if (dot(o, o) - along * along > r2) continue;
         const Entry entry = enter(boxes_[b], origin, direction);
-        if (entry.distance < hit.distance) hit = {entry.distance, kShellFaces + kFacesPerBox * b + entry.face};
+        if (entry.distance < hit.distance)
+            hit = {entry.distance, kShellFaces + kFacesPerBox * b + entry.face};
     }
     return hit;
 }
@@ -165,10 +176,12 @@ Vec3f Room::shade(const Hit& hit, Vec3f p) const {
         }
     if (emits) return {albedo.r, albedo.g, albedo.b};
     const float x = u / face.u_length * (face.map_u - 1), y = v / face.v_length * (face.map_v - 1);
-    const int i = std::min(static_cast<int>(x), face.map_u - 2), j = std::min(static_cast<int>(y), face.map_v - 2);
+    const int i = std::min(static_cast<int>(x), face.map_u - 2),
+              j = std::min(static_cast<int>(y), face.map_v - 2);
     const float fx = x - i, fy = y - j;
     const Vec3f* row = &face.light[static_cast<std::size_t>(j) * face.map_u + i];
-    const Vec3f light = (1 - fy) * ((1 - fx) * row[0] + fx * row[1]) + fy * ((1 - fx) * row[face.map_u] + fx * row[face.map_u + 1]);
+    const Vec3f light = (1 - fy) * ((1 - fx) * row[0] + fx * row[1]) +
+                        fy * ((1 - fx) * row[face.map_u] + fx * row[face.map_u + 1]);
     return {albedo.r * light.x, albedo.g * light.y, albedo.b * light.z};
 }
 
@@ -181,7 +194,8 @@ RoomView Room::draw(const Camera& camera) const {
     view.floor_xy.resize(2 * pixels);
     const Lens lens(camera);
     const Vec3f eye = lens.centre_in_world();
-    constexpr float kOffsets[4][2] = {{-0.375f, -0.125f}, {0.125f, -0.375f}, {0.375f, 0.125f}, {-0.125f, 0.375f}};
+    constexpr float kOffsets[4][2] = {
+        {-0.375f, -0.125f}, {0.125f, -0.375f}, {0.375f, 0.125f}, {-0.125f, 0.375f}};
     const auto draw_pixel = [&](int column, int row, const std::vector<int>& boxes) {
         const std::size_t pixel = static_cast<std::size_t>(row) * camera.width + column;
         float shown[3] = {};
@@ -206,11 +220,13 @@ RoomView Room::draw(const Camera& camera) const {
         const int y0 = tile_row * kTile, y1 = std::min(y0 + kTile, camera.height);
         for (int x0 = 0; x0 < camera.width; x0 += kTile) {
             const int x1 = std::min(x0 + kTile, camera.width);
-            const Vec3f axis = lens.direction_through(0.5f * static_cast<float>(x0 + x1), 0.5f * static_cast<float>(y0 + y1));
+            const Vec3f axis = lens.direction_through(0.5f * static_cast<float>(x0 + x1),
+                                                      0.5f * static_cast<float>(y0 + y1));
             float cosine = 1;  // of the cone that holds the tile and two pixels around it
             for (int x : {x0 - 2, x1 + 2})
                 for (int y : {y0 - 2, y1 + 2})
-                    cosine = std::min(cosine, dot(axis, lens.direction_through(static_cast<float>(x), static_cast<float>(y))));
+                    cosine = std::min(cosine, dot(axis, lens.direction_through(static_cast<float>(x),
+                                                                               static_cast<float>(y))));
             const std::vector<int> boxes = boxes_in_cone(eye, axis, cosine);
             for (int y = y0; y < y1; ++y)
                 for (int x = x0; x < x1; ++x) draw_pixel(x, y, boxes);

@@ -1,5 +1,5 @@
-// The empty studio: a furnished room, or a hall with a running lane. Lit once into light maps, then drawn once for
-// every camera; only the person and the shadow are drawn for every frame.
+// The empty studio: a furnished room, or a hall with a running lane. Lit once into light maps, then drawn
+// once for every camera; only the person and the shadow are drawn for every frame.
 #pragma once
 
 #include <cstdint>
@@ -17,8 +17,8 @@ inline constexpr int kGreyScale = 160;  // pictures before the sensor: grey leve
 // What one camera sees of the empty room.
 struct RoomView {
     int width = 0, height = 0;
-    std::vector<std::uint16_t> bgr;    // height * width * 3
-    std::vector<float> floor_xy;       // height * width * 2: world metres of the floor seen there, NaN: not floor
+    std::vector<std::uint16_t> bgr;  // height * width * 3
+    std::vector<float> floor_xy;  // height * width * 2: world metres of the floor seen there, NaN: not floor
 };
 
 class Room {
@@ -40,7 +40,7 @@ class Room {
         Texture texture;
         std::vector<Decal> decals;
         int map_u = 0, map_v = 0;
-        std::vector<Vec3f> light;                // map_v * map_u, at the map's cell corners
+        std::vector<Vec3f> light;  // map_v * map_u, at the map's cell corners
     };
 
   private:
@@ -63,10 +63,10 @@ class Room {
 
     Stage stage_;
     std::uint32_t seed_;
-    Vec3f lower_, upper_;       // the room's inside
+    Vec3f lower_, upper_;  // the room's inside
     std::vector<int> all_boxes_;
-    std::vector<Box> boxes_;    // box i has the faces 6 + 5 i ...: +x, -x, +y, -y, top
-    std::vector<Face> faces_;   // 0..5: floor, ceiling, walls x-, x+, y-, y+
+    std::vector<Box> boxes_;   // box i has the faces 6 + 5 i ...: +x, -x, +y, -y, top
+    std::vector<Face> faces_;  // 0..5: floor, ceiling, walls x-, x+, y-, y+
     Lighting lighting_;
 };
 

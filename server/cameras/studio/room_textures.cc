@@ -8,8 +8,12 @@
 namespace kinevox::studio {
 namespace {
 
-std::uint32_t cell(float x) { return static_cast<std::uint32_t>(static_cast<int>(std::floor(x))); }
-float fraction(float x) { return x - std::floor(x); }
+std::uint32_t cell(float x) {
+    return static_cast<std::uint32_t>(static_cast<int>(std::floor(x)));
+}
+float fraction(float x) {
+    return x - std::floor(x);
+}
 
 Albedo bright_colour(std::uint32_t a, std::uint32_t b) {
     const float hue = 6 * hash_unit(a, b, 1), value = 0.08f + 0.45f * hash_unit(a, b, 2);
@@ -22,7 +26,8 @@ Albedo bright_colour(std::uint32_t a, std::uint32_t b) {
 
 Albedo wood(Albedo base, float along, float across, std::uint32_t seed) {
     const float grain = fractal_noise(1.2f * along, 22.0f * across, seed);
-    const float rings = 0.5f + 0.5f * std::sin(55.0f * across + 9.0f * fractal_noise(0.9f * along, 3.0f * across, seed + 9));
+    const float rings =
+        0.5f + 0.5f * std::sin(55.0f * across + 9.0f * fractal_noise(0.9f * along, 3.0f * across, seed + 9));
     return times(base, 0.62f + 0.55f * grain + 0.14f * rings);
 }
 
@@ -84,29 +89,39 @@ Albedo texture_at(const Texture& t, float u, float v, float u_length, float v_le
             return times(t.base, grain() * stains * skirting);
         }
         case TextureKind::kPanelling: {
-            if (v > 1.05f) return texture_at({TextureKind::kPaint, {0.55f, 0.54f, 0.50f}, t.seed}, u, v, u_length, v_length);
+            if (v > 1.05f)
+                return texture_at({TextureKind::kPaint, {0.55f, 0.54f, 0.50f}, t.seed}, u, v, u_length,
+                                  v_length);
             const float groove = fraction(u / 0.42f);
             const float rail = v > 0.98f || v < 0.10f ? 0.7f : 1.0f;
             return times(t.base, grain() * rail * (groove < 0.02f ? 0.5f : 1.0f));
         }
-        case TextureKind::kBrick: return v < 0.10f ? times({0.12f, 0.11f, 0.10f}, grain()) : brick(t, u, v);
-        case TextureKind::kWoodFloor: return wood_floor(t, u, v);
+        case TextureKind::kBrick:
+            return v < 0.10f ? times({0.12f, 0.11f, 0.10f}, grain()) : brick(t, u, v);
+        case TextureKind::kWoodFloor:
+            return wood_floor(t, u, v);
         case TextureKind::kConcrete: {
-            const float cloud = fractal_noise(0.7f * u, 0.7f * v, t.seed), fine = fractal_noise(14 * u, 14 * v, t.seed + 3);
+            const float cloud = fractal_noise(0.7f * u, 0.7f * v, t.seed),
+                        fine = fractal_noise(14 * u, 14 * v, t.seed + 3);
             const float joint = std::min(fraction(u / 3), fraction(v / 3)) * 3 < 0.012f ? 0.6f : 1.0f;
             return times(t.base, (0.66f + 0.42f * cloud + 0.26f * fine) * joint);
         }
         case TextureKind::kTrack: {
-            const float fine = smooth_noise(55 * u, 55 * v, t.seed), cloud = fractal_noise(0.6f * u, 0.6f * v, t.seed + 1);
+            const float fine = smooth_noise(55 * u, 55 * v, t.seed),
+                        cloud = fractal_noise(0.6f * u, 0.6f * v, t.seed + 1);
             return times(t.base, 0.72f + 0.26f * fine + 0.30f * cloud);
         }
         case TextureKind::kCeiling: {
-            const float joint = std::min(fraction(u / 0.6f), fraction(v / 0.6f)) * 0.6f < 0.012f ? 0.75f : 1.0f;
+            const float joint =
+                std::min(fraction(u / 0.6f), fraction(v / 0.6f)) * 0.6f < 0.012f ? 0.75f : 1.0f;
             return times(t.base, grain() * joint);
         }
-        case TextureKind::kShelf: return shelf(t, u, v);
-        case TextureKind::kCabinet: return cabinet(t, u, v, u_length, v_length);
-        case TextureKind::kWood: return wood(t.base, u, v, t.seed);
+        case TextureKind::kShelf:
+            return shelf(t, u, v);
+        case TextureKind::kCabinet:
+            return cabinet(t, u, v, u_length, v_length);
+        case TextureKind::kWood:
+            return wood(t.base, u, v, t.seed);
         case TextureKind::kCrate: {
             const float edge = std::min(std::min(u, u_length - u), std::min(v, v_length - v));
             const bool tape = std::abs(u - 0.5f * u_length) < 0.03f;
@@ -116,8 +131,10 @@ Albedo texture_at(const Texture& t, float u, float v, float u_length, float v_le
             const float edge = std::min(std::min(u, u_length - u), std::min(v, v_length - v));
             return edge < 0.02f ? Albedo{0.02f, 0.02f, 0.02f} : times({0.03f, 0.05f, 0.08f}, grain());
         }
-        case TextureKind::kMat: return times(t.base, 0.85f + 0.3f * smooth_noise(40 * u, 40 * v, t.seed));
-        case TextureKind::kLamp: return {3, 3, 2.9f};
+        case TextureKind::kMat:
+            return times(t.base, 0.85f + 0.3f * smooth_noise(40 * u, 40 * v, t.seed));
+        case TextureKind::kLamp:
+            return {3, 3, 2.9f};
     }
     return t.base;
 }
@@ -136,7 +153,8 @@ Albedo decal_at(const Decal& d, float u, float v) {
                 const bool bar = std::abs(x - cx) < r && std::abs(y - cy) < 0.4f * r;
                 if (i % 2 ? disc : bar) colour = bright_colour(d.seed, i);
             }
-            if (y < 0.22f && fraction(y / 0.055f) < 0.5f && x > 0.1f && x < 0.55f + 0.4f * hash_unit(d.seed, cell(y / 0.055f), 9))
+            if (y < 0.22f && fraction(y / 0.055f) < 0.5f && x > 0.1f &&
+                x < 0.55f + 0.4f * hash_unit(d.seed, cell(y / 0.055f), 9))
                 return {0.04f, 0.04f, 0.05f};
             return colour;
         }
@@ -150,8 +168,10 @@ Albedo decal_at(const Decal& d, float u, float v) {
             if (std::abs(x - 0.86f) < 0.03f && std::abs(v - 1.02f) < 0.02f) return {0.35f, 0.35f, 0.35f};
             return wood(d.base, v, u, d.seed);
         }
-        case DecalKind::kLampPanel: return {3, 3, 2.9f};
-        case DecalKind::kTape: case DecalKind::kLaneLine:
+        case DecalKind::kLampPanel:
+            return {3, 3, 2.9f};
+        case DecalKind::kTape:
+        case DecalKind::kLaneLine:
             return times(d.base, 0.82f + 0.3f * smooth_noise(30 * u, 30 * v, d.seed));
     }
     return d.base;

@@ -9,7 +9,20 @@
 namespace kinevox::studio {
 
 enum class TextureKind {
-    kPaint, kBrick, kPanelling, kWoodFloor, kConcrete, kTrack, kCeiling, kShelf, kCabinet, kWood, kCrate, kScreen, kLamp, kMat
+    kPaint,
+    kBrick,
+    kPanelling,
+    kWoodFloor,
+    kConcrete,
+    kTrack,
+    kCeiling,
+    kShelf,
+    kCabinet,
+    kWood,
+    kCrate,
+    kScreen,
+    kLamp,
+    kMat
 };
 
 struct Texture {

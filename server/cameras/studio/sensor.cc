@@ -21,9 +21,11 @@ Sensor::Sensor(double noise_grey, double flicker, double fps, std::uint32_t seed
     for (std::size_t i = 0; i < noise_.size(); ++i) {  // Box-Muller
         const auto n = static_cast<std::uint32_t>(i);
         const float radius = std::sqrt(-2.0f * std::log(hash_unit(n, seed, 41) + 3e-8f));
-        const float value = radius * std::cos(kTwoPi * hash_unit(n, seed, 42)) * static_cast<float>(noise_grey) * kNoiseScale;
+        const float value =
+            radius * std::cos(kTwoPi * hash_unit(n, seed, 42)) * static_cast<float>(noise_grey) * kNoiseScale;
         // Half a step more, since expose() cuts off.
-        noise_[i] = static_cast<std::int16_t>(std::lround(std::clamp(value, -8000.0f, 8000.0f)) + kNoiseScale / 2);
+        noise_[i] =
+            static_cast<std::int16_t>(std::lround(std::clamp(value, -8000.0f, 8000.0f)) + kNoiseScale / 2);
     }
 }
 
@@ -35,12 +37,15 @@ double Sensor::gain(std::uint32_t camera, std::int64_t frame) const {
     return 1.0 + flicker_ * (0.8 * beat + 0.2 * jitter);
 }
 
-void Sensor::expose(const std::uint16_t* light, int count, double gain, std::uint32_t row_key, std::uint8_t* out) const {
+void Sensor::expose(const std::uint16_t* light, int count, double gain, std::uint32_t row_key,
+                    std::uint8_t* out) const {
     constexpr int kMost = 255 * kNoiseScale + kNoiseScale - 1;
-    const auto factor = static_cast<std::uint32_t>(std::lround(std::clamp(gain, 0.5, 1.5) * 65536.0 * kNoiseScale / kGreyScale));
+    const auto factor = static_cast<std::uint32_t>(
+        std::lround(std::clamp(gain, 0.5, 1.5) * 65536.0 * kNoiseScale / kGreyScale));
     for (int done = 0, part = 0; done < count; ++part) {
         const int here = std::min(count - done, kNoiseStarts);
-        const std::int16_t* noise = &noise_[hash_u32(row_key, static_cast<std::uint32_t>(part)) % kNoiseStarts];
+        const std::int16_t* noise =
+            &noise_[hash_u32(row_key, static_cast<std::uint32_t>(part)) % kNoiseStarts];
         for (int i = 0; i < here; ++i) {
             const auto level = static_cast<std::int16_t>((light[done + i] * factor) >> 16);
             const auto noisy = static_cast<std::int16_t>(level + noise[i]);

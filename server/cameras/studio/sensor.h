@@ -14,7 +14,8 @@ class Sensor {
     double gain(std::uint32_t camera, std::int64_t frame) const;
 
     // One row: grey levels times kGreyScale to 8 bits. `row_key` chooses the noise.
-    void expose(const std::uint16_t* light, int count, double gain, std::uint32_t row_key, std::uint8_t* out) const;
+    void expose(const std::uint16_t* light, int count, double gain, std::uint32_t row_key,
+                std::uint8_t* out) const;
 
   private:
     double flicker_, fps_;

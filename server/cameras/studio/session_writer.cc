@@ -1,8 +1,8 @@
 #include "server/cameras/studio/session_writer.h"
 
-
 #include <fmt/format.h>
 #include <oneapi/tbb/parallel_for.h>
+
 #include <opencv2/imgcodecs.hpp>
 
 #include "common/atomic_file.h"
@@ -29,14 +29,17 @@ class TruthTables {
     void add(std::int64_t frame, double fps, const SubjectTruth& truth) {
         const std::string start = fmt::format("{},{:.5f}", frame, static_cast<double>(frame) / fps);
         joints_ += start;
-        for (const Vec3& p : truth.joints_in_world) joints_ += fmt::format(",{:.5f},{:.5f},{:.5f}", p.x, p.y, p.z);
+        for (const Vec3& p : truth.joints_in_world)
+            joints_ += fmt::format(",{:.5f},{:.5f},{:.5f}", p.x, p.y, p.z);
         angles_ += start;
-        for (double angle : joint_angles(truth.joints_in_world)) angles_ += fmt::format(",{:.3f}", angle * 180 / 3.14159265358979323846);
+        for (double angle : joint_angles(truth.joints_in_world))
+            angles_ += fmt::format(",{:.3f}", angle * 180 / 3.14159265358979323846);
         joints_ += '\n';
         angles_ += '\n';
     }
     absl::Status write(const fs::path& folder) const {
-        if (absl::Status status = write_file_atomically(folder / "joints.csv", joints_); !status.ok()) return status;
+        if (absl::Status status = write_file_atomically(folder / "joints.csv", joints_); !status.ok())
+            return status;
         return write_file_atomically(folder / "angles.csv", angles_);
     }
 
@@ -50,10 +53,12 @@ class PropTable {
     void add(std::int64_t frame, double fps, const Rigid3& world_from_prop) {
         const Vec3 at = world_from_prop.translation, turn = rodrigues_from_rotation(world_from_prop.rotation);
         text_ += fmt::format("{},{:.5f},{:.6f},{:.6f},{:.6f},{:.5f},{:.5f},{:.5f}\n", frame,
-                             static_cast<double>(frame) / fps, at.x, at.y, at.z, degrees(turn.x), degrees(turn.y),
-                             degrees(turn.z));
+                             static_cast<double>(frame) / fps, at.x, at.y, at.z, degrees(turn.x),
+                             degrees(turn.y), degrees(turn.z));
     }
-    absl::Status write(const fs::path& folder) const { return write_file_atomically(folder / "prop.csv", text_); }
+    absl::Status write(const fs::path& folder) const {
+        return write_file_atomically(folder / "prop.csv", text_);
+    }
 
   private:
     std::string text_ = "frame,time_s,x_m,y_m,z_m,rotation_x_deg,rotation_y_deg,rotation_z_deg\n";
@@ -66,12 +71,13 @@ absl::Status write_knock(const Studio& studio, const fs::path& folder) {
     const auto frame = static_cast<std::int64_t>(std::ceil(knock.time_s * fps));
     std::vector<Camera> after = studio.cameras();
     after[knock.camera] = studio.camera_at(knock.camera, frame);
-    if (absl::Status status = write_calibration_toml(after, folder / "calibration_after_knock.toml"); !status.ok())
+    if (absl::Status status = write_calibration_toml(after, folder / "calibration_after_knock.toml");
+        !status.ok())
         return status;
-    return write_file_atomically(folder / "knock.csv",
-                                 fmt::format("camera,frame,time_s,turn_deg\n{},{},{:.5f},{:.4f}\n",
-                                             after[knock.camera].name, frame, static_cast<double>(frame) / fps,
-                                             knock.turn_deg));
+    return write_file_atomically(
+        folder / "knock.csv",
+        fmt::format("camera,frame,time_s,turn_deg\n{},{},{:.5f},{:.4f}\n", after[knock.camera].name, frame,
+                    static_cast<double>(frame) / fps, knock.turn_deg));
 }
 
 absl::Status write_mask(const fs::path& file, const Camera& camera, std::vector<std::uint8_t>& mask) {
@@ -84,10 +90,13 @@ absl::Status write_mask(const fs::path& file, const Camera& camera, std::vector<
 }
 
 absl::Status write_mesh(const fs::path& file, const Studio::Surface& surface) {
-    std::string text = fmt::format("ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\n"
-                                   "property float z\nelement face {}\nproperty list uchar int vertex_indices\nend_header\n",
-                                   surface.vertices.size(), surface.triangles.size());
-    const auto put = [&](const auto& value) { text.append(reinterpret_cast<const char*>(&value), sizeof value); };
+    std::string text = fmt::format(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\n"
+        "property float z\nelement face {}\nproperty list uchar int vertex_indices\nend_header\n",
+        surface.vertices.size(), surface.triangles.size());
+    const auto put = [&](const auto& value) {
+        text.append(reinterpret_cast<const char*>(&value), sizeof value);
+    };
     for (const Vec3& v : surface.vertices)
         for (double c : {v.x, v.y, v.z}) put(static_cast<float>(c));
     for (const auto& t : surface.triangles) {
@@ -100,15 +109,19 @@ absl::Status write_mesh(const fs::path& file, const Studio::Surface& surface) {
 absl::Status make_folders(const fs::path& folder, const Studio& studio, const SessionWriterOptions& options) {
     std::error_code error;
     if (fs::exists(folder, error) && (!fs::is_directory(folder, error) || !fs::is_empty(folder, error)))
-        return absl::AlreadyExistsError(fmt::format("{}: is there already and not an empty folder; name another one", folder.string()));
+        return absl::AlreadyExistsError(
+            fmt::format("{}: is there already and not an empty folder; name another one", folder.string()));
     std::vector<fs::path> wanted{folder / "background", folder / "truth"};
     const bool person = studio.options().staging.person;
     if (person && options.mesh_every > 0) wanted.push_back(folder / "truth" / "mesh");
     if (person && options.masks)
-        for (const Camera& camera : studio.cameras()) wanted.push_back(folder / "truth" / ("masks_" + camera.name));
+        for (const Camera& camera : studio.cameras())
+            wanted.push_back(folder / "truth" / ("masks_" + camera.name));
     for (const fs::path& path : wanted) {
         fs::create_directories(path, error);
-        if (error) return absl::UnavailableError(fmt::format("{}: cannot create the folder: {}", path.string(), error.message()));
+        if (error)
+            return absl::UnavailableError(
+                fmt::format("{}: cannot create the folder: {}", path.string(), error.message()));
     }
     return absl::OkStatus();
 }
@@ -118,8 +131,8 @@ using Videos = std::vector<std::unique_ptr<H264File>>;
 absl::StatusOr<Videos> open_videos(const fs::path& folder, const Studio& studio, int quality) {
     Videos videos;
     for (const Camera& camera : studio.cameras()) {
-        absl::StatusOr<std::unique_ptr<H264File>> video =
-            H264File::create(folder / (camera.name + ".mp4"), camera.width, camera.height, {studio.options().fps, quality});
+        absl::StatusOr<std::unique_ptr<H264File>> video = H264File::create(
+            folder / (camera.name + ".mp4"), camera.width, camera.height, {studio.options().fps, quality});
         if (!video.ok()) return video.status();
         videos.push_back(*std::move(video));
     }
@@ -136,12 +149,14 @@ absl::Status for_cameras(const Studio& studio, Work&& work) {
     return absl::OkStatus();
 }
 
-absl::Status write_backgrounds(const Studio& studio, const fs::path& folder, const SessionWriterOptions& options) {
+absl::Status write_backgrounds(const Studio& studio, const fs::path& folder,
+                               const SessionWriterOptions& options) {
     absl::StatusOr<Videos> videos = open_videos(folder, studio, options.quality);
     if (!videos.ok()) return videos.status();
     return for_cameras(studio, [&](std::size_t i) {
         for (int frame = 0; frame < options.background_frames; ++frame)
-            if (absl::Status status = (*videos)[i]->write(studio.draw_empty(i, frame)); !status.ok()) return status;
+            if (absl::Status status = (*videos)[i]->write(studio.draw_empty(i, frame)); !status.ok())
+                return status;
         return (*videos)[i]->close();
     });
 }
@@ -162,11 +177,13 @@ absl::Status write_frames(Studio& studio, const fs::path& folder, const SessionW
             const Camera& camera = studio.cameras()[i];
             absl::Status written = (*videos)[i]->write(pictures[i]);
             if (written.ok() && masks_wanted)
-                written = write_mask(truth / ("masks_" + camera.name) / fmt::format("frame_{:04}.png", frame), camera, masks[i]);
+                written = write_mask(truth / ("masks_" + camera.name) / fmt::format("frame_{:04}.png", frame),
+                                     camera, masks[i]);
             return written;
         });
         if (status.ok() && staging.person && options.mesh_every > 0 && frame % options.mesh_every == 0)
-            status = write_mesh(truth / "mesh" / fmt::format("frame_{:04}.ply", frame), studio.surface(frame));
+            status =
+                write_mesh(truth / "mesh" / fmt::format("frame_{:04}.ply", frame), studio.surface(frame));
         if (!status.ok()) return status;
         if (staging.person) tables.add(frame, studio.options().fps, studio.truth(frame));
         if (staging.has_prop()) prop.add(frame, studio.options().fps, studio.world_from_prop(frame));
@@ -193,20 +210,32 @@ std::string SessionWriterOptions::check() const {
 }
 
 absl::Status write_session(Studio& studio, const fs::path& folder, const SessionWriterOptions& options) {
-    if (const std::string wrong = options.check(); !wrong.empty()) return absl::InvalidArgumentError("studio: " + wrong);
+    if (const std::string wrong = options.check(); !wrong.empty())
+        return absl::InvalidArgumentError("studio: " + wrong);
     for (const Camera& camera : studio.cameras())
         if (camera.width % 2 || camera.height % 2)
-            return absl::InvalidArgumentError(fmt::format("studio: size is {}x{}; videos need even sides", camera.width, camera.height));
+            return absl::InvalidArgumentError(
+                fmt::format("studio: size is {}x{}; videos need even sides", camera.width, camera.height));
     const fs::path root = fs::absolute(folder);
     if (absl::Status status = make_folders(root, studio, options); !status.ok()) return status;
-    if (absl::Status status = write_calibration_toml(studio.cameras(), root / "calibration.toml"); !status.ok()) return status;
-    if (absl::Status status = write_backgrounds(studio, root / "background", options); !status.ok()) return status;
+    if (absl::Status status = write_calibration_toml(studio.cameras(), root / "calibration.toml");
+        !status.ok())
+        return status;
+    if (absl::Status status = write_backgrounds(studio, root / "background", options); !status.ok())
+        return status;
     if (absl::Status status = write_frames(studio, root, options); !status.ok()) return status;
     const Staging& staging = studio.options().staging;
-    Session session{.name = staging.person ? studio.options().motion : staging.board ? "board" : staging.wand ? "wand" : "empty", .fps = studio.options().fps, .calibration = root / "calibration.toml",
-                    .truth = root / "truth", .cameras = {}};
+    Session session{.name = staging.person  ? studio.options().motion
+                            : staging.board ? "board"
+                            : staging.wand  ? "wand"
+                                            : "empty",
+                    .fps = studio.options().fps,
+                    .calibration = root / "calibration.toml",
+                    .truth = root / "truth",
+                    .cameras = {}};
     for (const Camera& camera : studio.cameras())
-        session.cameras.push_back({camera.name, root / (camera.name + ".mp4"), root / "background" / (camera.name + ".mp4")});
+        session.cameras.push_back(
+            {camera.name, root / (camera.name + ".mp4"), root / "background" / (camera.name + ".mp4")});
     return kinevox::write_session(session, root / "session.toml");
 }
 

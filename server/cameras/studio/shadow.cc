@@ -27,7 +27,8 @@ void FloorShadow::Layer::mark(int x, int y, float value) {
 void FloorShadow::Layer::blur(int radius, std::vector<float>& scratch) {
     if (box.empty() || radius < 1) return;
     const int grow = 2 * radius;
-    box = {std::max(0, box.x0 - grow), std::max(0, box.y0 - grow), std::min(kCells, box.x1 + grow), std::min(kCells, box.y1 + grow)};
+    box = {std::max(0, box.x0 - grow), std::max(0, box.y0 - grow), std::min(kCells, box.x1 + grow),
+           std::min(kCells, box.y1 + grow)};
     const int wide = box.x1 - box.x0, high = box.y1 - box.y0;
     const float share = 1.0f / static_cast<float>(2 * radius + 1);
     scratch.resize(static_cast<std::size_t>(kCells) * kCells);
@@ -50,22 +51,26 @@ void FloorShadow::Layer::blur(int radius, std::vector<float>& scratch) {
         for (int y = 0; y < high; ++y) {
             float* out = &cover[static_cast<std::size_t>(box.y0 + y) * kCells + box.x0];
             if (y + radius < high)
-                for (int x = 0; x < wide; ++x) sums[x] += scratch[static_cast<std::size_t>(y + radius) * wide + x];
+                for (int x = 0; x < wide; ++x)
+                    sums[x] += scratch[static_cast<std::size_t>(y + radius) * wide + x];
             if (y - radius - 1 >= 0)
-                for (int x = 0; x < wide; ++x) sums[x] -= scratch[static_cast<std::size_t>(y - radius - 1) * wide + x];
+                for (int x = 0; x < wide; ++x)
+                    sums[x] -= scratch[static_cast<std::size_t>(y - radius - 1) * wide + x];
             for (int x = 0; x < wide; ++x) out[x] = sums[x] * share;
         }
     }
 }
 
-void FloorShadow::cast(const TriangleMesh& surface, const std::vector<Vec3f>& vertices, const Lighting& lighting) {
+void FloorShadow::cast(const TriangleMesh& surface, const std::vector<Vec3f>& vertices,
+                       const Lighting& lighting) {
     const Vec3f lamp = lighting.key.position;
     Vec3f centre;
     for (const Vec3f& v : vertices) centre += v;
     centre = (1.0f / static_cast<float>(vertices.size())) * centre;
     // Half way between the body and its shadow's head, in whole cells of the world.
     const float stretch = 1.0f + 0.5f * 1.7f / std::max(lamp.z - 1.7f, 0.5f);
-    const float middle_x = lamp.x + stretch * (centre.x - lamp.x), middle_y = lamp.y + stretch * (centre.y - lamp.y);
+    const float middle_x = lamp.x + stretch * (centre.x - lamp.x),
+                middle_y = lamp.y + stretch * (centre.y - lamp.y);
     origin_x_ = (std::round(middle_x / kCell_m) - 0.5f * kCells) * kCell_m;
     origin_y_ = (std::round(middle_y / kCell_m) - 0.5f * kCells) * kCell_m;
     factor_.resize(static_cast<std::size_t>(kCells) * kCells);
@@ -89,18 +94,21 @@ void FloorShadow::cast(const TriangleMesh& surface, const std::vector<Vec3f>& ve
             to_cells(from_lamp(a), ax, ay);
             to_cells(from_lamp(b), bx, by);
             to_cells(from_lamp(c), cx, cy);
-            for_cells_in_triangle(ax, ay, bx, by, cx, cy, all, [&](int x, int y, float, float) { layer.mark(x, y, 1.0f); });
+            for_cells_in_triangle(ax, ay, bx, by, cx, cy, all,
+                                  [&](int x, int y, float, float) { layer.mark(x, y, 1.0f); });
         }
         if (height < 0.7f && cross(b - a, c - a).z < 0) {
             to_cells(a, ax, ay);
             to_cells(b, bx, by);
             to_cells(c, cx, cy);
             const float value = std::exp(-std::max(height, 0.0f) / 0.16f);
-            for_cells_in_triangle(ax, ay, bx, by, cx, cy, all, [&](int x, int y, float, float) { layers_[3].mark(x, y, value); });
+            for_cells_in_triangle(ax, ay, bx, by, cx, cy, all,
+                                  [&](int x, int y, float, float) { layers_[3].mark(x, y, value); });
         }
     }
     for (int i = 0; i < 3; ++i) {
-        const float soft = lighting.key.half_size_m * kLayerHeights_m[i] / std::max(lamp.z - kLayerHeights_m[i], 0.3f);
+        const float soft =
+            lighting.key.half_size_m * kLayerHeights_m[i] / std::max(lamp.z - kLayerHeights_m[i], 0.3f);
         layers_[i].blur(std::max(1, static_cast<int>(soft / kCell_m + 0.5f)), scratch_);
     }
     layers_[3].blur(1, scratch_);
@@ -108,14 +116,17 @@ void FloorShadow::cast(const TriangleMesh& surface, const std::vector<Vec3f>& ve
     dark_ = {kCells, kCells, 0, 0};
     for (const Layer& l : layers_)
         if (!l.box.empty())
-            dark_ = {std::min(dark_.x0, l.box.x0), std::min(dark_.y0, l.box.y0), std::max(dark_.x1, l.box.x1), std::max(dark_.y1, l.box.y1)};
+            dark_ = {std::min(dark_.x0, l.box.x0), std::min(dark_.y0, l.box.y0), std::max(dark_.x1, l.box.x1),
+                     std::max(dark_.y1, l.box.y1)};
     if (dark_.empty()) return;
     // A rim of ones, so that interpolation ends smoothly.
-    dark_ = {std::max(0, dark_.x0 - 1), std::max(0, dark_.y0 - 1), std::min(kCells, dark_.x1 + 1), std::min(kCells, dark_.y1 + 1)};
+    dark_ = {std::max(0, dark_.x0 - 1), std::max(0, dark_.y0 - 1), std::min(kCells, dark_.x1 + 1),
+             std::min(kCells, dark_.y1 + 1)};
     for (int y = dark_.y0; y < dark_.y1; ++y)
         for (int x = dark_.x0; x < dark_.x1; ++x) {
             const std::size_t i = static_cast<std::size_t>(y) * kCells + x;
-            const float open = (1 - layers_[0].cover[i]) * (1 - layers_[1].cover[i]) * (1 - layers_[2].cover[i]);
+            const float open =
+                (1 - layers_[0].cover[i]) * (1 - layers_[1].cover[i]) * (1 - layers_[2].cover[i]);
             const float under = layers_[3].cover[i];
             if (open > 0.999f && under < 0.001f) {
                 factor_[i] = 1;
@@ -168,10 +179,11 @@ void BodyShadow::cast(const TriangleMesh& surface, const std::vector<Vec3f>& ver
     depth_.assign(static_cast<std::size_t>(kCells) * kCells, std::numeric_limits<float>::infinity());
     for (const auto& t : surface.triangles) {
         const Vec3f a = seen_[t[0]], b = seen_[t[1]], c = seen_[t[2]];
-        for_cells_in_triangle(a.x, a.y, b.x, b.y, c.x, c.y, {0, 0, kCells, kCells}, [&](int x, int y, float b1, float b2) {
-            float& depth = depth_[static_cast<std::size_t>(y) * kCells + x];
-            depth = std::min(depth, a.z + b1 * (b.z - a.z) + b2 * (c.z - a.z));
-        });
+        for_cells_in_triangle(a.x, a.y, b.x, b.y, c.x, c.y, {0, 0, kCells, kCells},
+                              [&](int x, int y, float b1, float b2) {
+                                  float& depth = depth_[static_cast<std::size_t>(y) * kCells + x];
+                                  depth = std::min(depth, a.z + b1 * (b.z - a.z) + b2 * (c.z - a.z));
+                              });
     }
 }
 
@@ -183,7 +195,8 @@ float BodyShadow::lit(Vec3f p) const {
     const float fx = s.x - i, fy = s.y - j, limit = s.z - kBias_m;
     const float* row = &depth_[static_cast<std::size_t>(j) * kCells + i];
     const auto open = [&](float depth) { return depth >= limit ? 1.0f : 0.0f; };
-    return (1 - fy) * ((1 - fx) * open(row[0]) + fx * open(row[1])) + fy * ((1 - fx) * open(row[kCells]) + fx * open(row[kCells + 1]));
+    return (1 - fy) * ((1 - fx) * open(row[0]) + fx * open(row[1])) +
+           fy * ((1 - fx) * open(row[kCells]) + fx * open(row[kCells + 1]));
 }
 
 }  // namespace kinevox::studio

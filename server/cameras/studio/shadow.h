@@ -1,5 +1,5 @@
-// Shadows of the person: the key lamp's on the floor (sharp at the feet, soft further up), the dark patch under
-// feet and hands, and the key lamp's on the body itself.
+// Shadows of the person: the key lamp's on the floor (sharp at the feet, soft further up), the dark patch
+// under feet and hands, and the key lamp's on the body itself.
 #pragma once
 
 #include <vector>
@@ -10,8 +10,8 @@
 
 namespace kinevox::studio {
 
-// What the floor still shows with the person there, as a factor on sensor values (light to the power 1 / 2.2), on a
-// square of the floor that moves with the person in whole cells.
+// What the floor still shows with the person there, as a factor on sensor values (light to the power 1
+// / 2.2), on a square of the floor that moves with the person in whole cells.
 class FloorShadow {
   public:
     static constexpr int kCells = 200;
@@ -31,7 +31,8 @@ class FloorShadow {
         const int i = static_cast<int>(u), j = static_cast<int>(v);
         const float fu = u - i, fv = v - j;
         const float* row = &factor_[static_cast<std::size_t>(j) * kCells + i];
-        return (1 - fv) * ((1 - fu) * row[0] + fu * row[1]) + fv * ((1 - fu) * row[kCells] + fu * row[kCells + 1]);
+        return (1 - fv) * ((1 - fu) * row[0] + fu * row[1]) +
+               fv * ((1 - fu) * row[kCells] + fu * row[kCells + 1]);
     }
 
   private:
@@ -44,7 +45,7 @@ class FloorShadow {
     };
     float origin_x_ = 0, origin_y_ = 0;  // m, of the middle of cell (0, 0)
     std::vector<float> factor_, scratch_;
-    Layer layers_[4];                    // of the key lamp: three heights; under the body
+    Layer layers_[4];  // of the key lamp: three heights; under the body
     CellBounds dark_;
 };
 

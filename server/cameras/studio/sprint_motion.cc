@@ -1,6 +1,6 @@
-// A sprint start on a lane along +x: "set" with the hands at x = 0, push-off, accelerating steps. Contact and flight
-// times and step lengths are near those in Mero, Komi & Gregor, Biomechanics of sprint running, Sports Medicine 13
-// (1992), and Nagahara et al. (2014) for the first steps.
+// A sprint start on a lane along +x: "set" with the hands at x = 0, push-off, accelerating steps. Contact and
+// flight times and step lengths are near those in Mero, Komi & Gregor, Biomechanics of sprint running, Sports
+// Medicine 13 (1992), and Nagahara et al. (2014) for the first steps.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -39,16 +39,27 @@ class SprintStart final : public Motion {
 
     const Rig& rig_;
     double scale_;
-    std::array<std::vector<Contact>, 2> contacts_;       // left (front foot), right (rear foot)
-    std::vector<std::pair<double, double>> phase_keys_;  // time to stride phase: whole numbers: left comes down
+    std::array<std::vector<Contact>, 2> contacts_;  // left (front foot), right (rear foot)
+    std::vector<std::pair<double, double>>
+        phase_keys_;  // time to stride phase: whole numbers: left comes down
 };
 
 void SprintStart::plan_steps() {
     const double u = scale_;
-    Contact front{.on_s = -1, .off_s = kFrontOff_s, .ball_in_world = {-0.46 * u, 0.105 * u, 0}, .yaw = 0,
-                  .strike_pitch = radians(42), .off_pitch = radians(72), .swing_lift_m = 0.10 * u};
-    Contact rear{.on_s = -1, .off_s = kRearOff_s, .ball_in_world = {-0.84 * u, -0.105 * u, 0}, .yaw = 0,
-                 .strike_pitch = radians(62), .off_pitch = radians(78), .swing_lift_m = 0.06 * u};
+    Contact front{.on_s = -1,
+                  .off_s = kFrontOff_s,
+                  .ball_in_world = {-0.46 * u, 0.105 * u, 0},
+                  .yaw = 0,
+                  .strike_pitch = radians(42),
+                  .off_pitch = radians(72),
+                  .swing_lift_m = 0.10 * u};
+    Contact rear{.on_s = -1,
+                 .off_s = kRearOff_s,
+                 .ball_in_world = {-0.84 * u, -0.105 * u, 0},
+                 .yaw = 0,
+                 .strike_pitch = radians(62),
+                 .off_pitch = radians(78),
+                 .swing_lift_m = 0.06 * u};
     contacts_[0].push_back(front);
     contacts_[1].push_back(rear);
     phase_keys_ = {{kGo_s, 0.12}, {kFrontOff_s, 0.42}};
@@ -59,11 +70,16 @@ void SprintStart::plan_steps() {
         const double off = on + kStance_s[row], middle = 0.5 * (on + off);
         const bool right = step % 2 == 0;
         const double ahead = (-0.02 + 0.10 * progress) * u;  // ball before the pelvis at mid stance
-        contacts_[right].push_back({.on_s = on, .off_s = off,
-                                    .ball_in_world = {travelled(middle) + ahead, (right ? -1 : 1) * (0.09 - 0.05 * progress) * u, 0},
-                                    .yaw = 0, .strike_pitch = radians(14 - 14 * progress), .off_pitch = radians(74),
-                                    .flat_from = 0.25, .flat_until = 0.40,
-                                    .swing_lift_m = (0.06 + 0.20 * progress) * u});
+        contacts_[right].push_back(
+            {.on_s = on,
+             .off_s = off,
+             .ball_in_world = {travelled(middle) + ahead, (right ? -1 : 1) * (0.09 - 0.05 * progress) * u, 0},
+             .yaw = 0,
+             .strike_pitch = radians(14 - 14 * progress),
+             .off_pitch = radians(74),
+             .flat_from = 0.25,
+             .flat_until = 0.40,
+             .swing_lift_m = (0.06 + 0.20 * progress) * u});
         phase_keys_.push_back({on, 0.5 + 0.5 * static_cast<double>(step)});
         on = off + kFlight_s[row];
     }
@@ -81,9 +97,12 @@ void SprintStart::pose_set_arms(Pose& pose) const {
 }
 
 Pose SprintStart::pose(double time_s) const {
-    static const KeyCurve kLean{{0, 107}, {kGo_s, 107}, {kGo_s + 0.36, 62}, {kGo_s + 0.8, 40}, {kGo_s + 1.5, 17}, {kEnd_s, 9}};
-    static const KeyCurve kHeight{{kGo_s, 0.455}, {kGo_s + 0.36, 0.490}, {kGo_s + 0.9, 0.500}, {kGo_s + 1.7, 0.512}};
-    static const KeyCurve kTail{{kGo_s, 0.80}, {kGo_s + 0.5, 0.62}, {kGo_s + 1.6, 0.8}};  // pelvis' share of the lean
+    static const KeyCurve kLean{{0, 107},          {kGo_s, 107},      {kGo_s + 0.36, 62},
+                                {kGo_s + 0.8, 40}, {kGo_s + 1.5, 17}, {kEnd_s, 9}};
+    static const KeyCurve kHeight{
+        {kGo_s, 0.455}, {kGo_s + 0.36, 0.490}, {kGo_s + 0.9, 0.500}, {kGo_s + 1.7, 0.512}};
+    static const KeyCurve kTail{
+        {kGo_s, 0.80}, {kGo_s + 0.5, 0.62}, {kGo_s + 1.6, 0.8}};  // pelvis' share of the lean
     static const KeyCurve kRunning{{kGo_s + 0.02, 0}, {kGo_s + 0.30, 1}};
     static const KeyCurve kSwing{{kGo_s, 30}, {kGo_s + 0.3, 58}, {kGo_s + 1.6, 46}};
     const double t = std::fmod(time_s, kEnd_s), running = kRunning(t);
@@ -95,10 +114,13 @@ Pose SprintStart::pose(double time_s) const {
     const double bob = running * 0.022 * scale_ * std::cos(2 * phase - 4 * pi * 0.43);
     pose.root_in_world = {travelled(t), 0, kHeight(t) * rig_.measures().height + bob + breath};
     const double lean = radians(kLean(t)), pelvis_lean = kTail(t) * lean;
-    const double turn = -running * radians(9) * std::cos(phase), list = running * radians(4) * std::cos(phase - 0.4 * pi);
+    const double turn = -running * radians(9) * std::cos(phase),
+                 list = running * radians(4) * std::cos(phase - 0.4 * pi);
     pose[kPelvis] = rotation_z(turn) * rotation_y(pelvis_lean) * rotation_x(list);
-    pose[kLumbar] = rotation_x(-0.6 * list) * rotation_y(0.55 * (lean - pelvis_lean)) * rotation_z(-0.9 * turn);
-    pose[kThorax] = rotation_x(-0.4 * list) * rotation_y(0.45 * (lean - pelvis_lean)) * rotation_z(-0.9 * turn);
+    pose[kLumbar] =
+        rotation_x(-0.6 * list) * rotation_y(0.55 * (lean - pelvis_lean)) * rotation_z(-0.9 * turn);
+    pose[kThorax] =
+        rotation_x(-0.4 * list) * rotation_y(0.45 * (lean - pelvis_lean)) * rotation_z(-0.9 * turn);
     pose[kNeck] = rotation_y(-0.05 * lean) * rotation_z(0.5 * turn);
     pose[kHead] = rotation_y(-0.22 * lean) * rotation_z(0.3 * turn);
 
@@ -144,6 +166,8 @@ Pose SprintStart::pose(double time_s) const {
 
 }  // namespace
 
-std::unique_ptr<Motion> make_sprint_start(const Rig& rig) { return std::make_unique<SprintStart>(rig); }
+std::unique_ptr<Motion> make_sprint_start(const Rig& rig) {
+    return std::make_unique<SprintStart>(rig);
+}
 
 }  // namespace kinevox::studio

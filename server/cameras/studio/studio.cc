@@ -1,11 +1,11 @@
 #include "server/cameras/studio/studio.h"
 
-#include <algorithm>
-#include <cmath>
-
 #include <absl/status/status.h>
 #include <fmt/format.h>
 #include <oneapi/tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
 
 #include "server/cameras/studio/body_raster.h"
 #include "server/cameras/studio/hash_noise.h"
@@ -21,7 +21,8 @@ namespace {
 class ShownLight {
   public:
     ShownLight() {
-        for (int i = 0; i <= kSteps; ++i) table_[i] = std::pow(4.0f * static_cast<float>(i) / kSteps, 1 / 2.2f);
+        for (int i = 0; i <= kSteps; ++i)
+            table_[i] = std::pow(4.0f * static_cast<float>(i) / kSteps, 1 / 2.2f);
     }
     float operator()(float light) const {
         const float x = std::clamp(light, 0.0f, 3.99f) * (kSteps / 4.0f);
@@ -38,7 +39,8 @@ class RenderedStudio final : public Studio {
   public:
     RenderedStudio(const StudioOptions& options, Stage stage)
         : options_(options),
-          cameras_(options.own_cameras.empty() ? ring_of_cameras(options, stage == Stage::kLane) : options.own_cameras),
+          cameras_(options.own_cameras.empty() ? ring_of_cameras(options, stage == Stage::kLane)
+                                               : options.own_cameras),
           subject_(make_subject(options.seed, options.subject_height_m)),
           rig_(subject_),
           rest_(rig_.forward(rig_.rest_pose())),
@@ -57,8 +59,11 @@ class RenderedStudio final : public Studio {
     }
     absl::Status start() {
         absl::StatusOr<std::unique_ptr<Motion>> motion =
-            make_motion(options_.motion, options_.stage == "auto" ? natural_stage(options_.motion)
-                                         : options_.stage == "lane" ? Stage::kLane : Stage::kRoom, rig_);
+            make_motion(options_.motion,
+                        options_.stage == "auto"   ? natural_stage(options_.motion)
+                        : options_.stage == "lane" ? Stage::kLane
+                                                   : Stage::kRoom,
+                        rig_);
         if (motion.ok()) motion_ = *std::move(motion);
         return motion.status();
     }
@@ -76,7 +81,9 @@ class RenderedStudio final : public Studio {
         return is_knocked(camera, frame) ? knocked_ : cameras_[camera];
     }
     Rigid3 world_from_prop(std::int64_t frame) const override {
-        return options_.staging.has_prop() ? studio::world_from_prop(options_.staging, cameras_, frame, options_.fps) : Rigid3{};
+        return options_.staging.has_prop()
+                   ? studio::world_from_prop(options_.staging, cameras_, frame, options_.fps)
+                   : Rigid3{};
     }
     std::vector<std::vector<std::uint8_t>> masks(std::int64_t frame) override;
     Surface surface(std::int64_t frame) override;
@@ -95,7 +102,8 @@ class RenderedStudio final : public Studio {
     void draw_camera(std::size_t camera, std::int64_t frame, std::uint8_t* out);
     CellBounds shadow_box(const Camera& camera) const;
     std::uint32_t row_key(std::size_t camera, std::int64_t frame, int row, std::uint32_t what) const {
-        return hash_u32(hash_u32(options_.seed, static_cast<std::uint32_t>(camera), what), static_cast<std::uint32_t>(frame), static_cast<std::uint32_t>(row));
+        return hash_u32(hash_u32(options_.seed, static_cast<std::uint32_t>(camera), what),
+                        static_cast<std::uint32_t>(frame), static_cast<std::uint32_t>(row));
     }
 
     StudioOptions options_;
@@ -124,13 +132,18 @@ class RenderedStudio final : public Studio {
 std::string RenderedStudio::description() const {
     if (!options_.staging.person)
         return fmt::format("{} at {} fps, nobody there: {} cameras of {} x {} px",
-                           options_.staging.board ? "a board" : options_.staging.wand ? "a wand" : "the empty room", options_.fps,
-                           cameras_.size(), cameras_.front().width, cameras_.front().height);
-    return fmt::format("{} at {} fps: a person of {:.2f} m, {} cameras of {} x {} px", options_.motion, options_.fps,
-                       subject_.height_m, cameras_.size(), cameras_.front().width, cameras_.front().height);
+                           options_.staging.board  ? "a board"
+                           : options_.staging.wand ? "a wand"
+                                                   : "the empty room",
+                           options_.fps, cameras_.size(), cameras_.front().width, cameras_.front().height);
+    return fmt::format("{} at {} fps: a person of {:.2f} m, {} cameras of {} x {} px", options_.motion,
+                       options_.fps, subject_.height_m, cameras_.size(), cameras_.front().width,
+                       cameras_.front().height);
 }
 
-void RenderedStudio::set_body(std::int64_t frame) { skin(mesh_, rest_, rig_.forward(pose(frame)), skinned_); }
+void RenderedStudio::set_body(std::int64_t frame) {
+    skin(mesh_, rest_, rig_.forward(pose(frame)), skinned_);
+}
 
 void RenderedStudio::light_body() {
     const Lighting& lights = room_.lighting();
@@ -147,7 +160,8 @@ void RenderedStudio::light_body() {
     const auto& triangles = mesh_.surface.triangles;
     shown_light_.resize(triangles.size());
     for (std::size_t t = 0; t < triangles.size(); ++t)
-        shown_light_[t] = (1 / 3.0f) * (vertex_light_[triangles[t][0]] + vertex_light_[triangles[t][1]] + vertex_light_[triangles[t][2]]);
+        shown_light_[t] = (1 / 3.0f) * (vertex_light_[triangles[t][0]] + vertex_light_[triangles[t][1]] +
+                                        vertex_light_[triangles[t][2]]);
 }
 
 std::vector<Picture> RenderedStudio::draw(std::int64_t frame, bool parallel) {
@@ -163,12 +177,13 @@ std::vector<Picture> RenderedStudio::draw(std::int64_t frame, bool parallel) {
     std::vector<Picture> pictures(cameras_.size());
     const auto one = [&](std::size_t i) {
         const Camera& camera = cameras_[i];
-        std::shared_ptr<std::uint8_t[]> data(new std::uint8_t[static_cast<std::size_t>(camera.width) * camera.height * 3]);
+        std::shared_ptr<std::uint8_t[]> data(
+            new std::uint8_t[static_cast<std::size_t>(camera.width) * camera.height * 3]);
         draw_camera(i, frame, data.get());
         pictures[i] = {camera.width, camera.height, 3, std::move(data)};
         if (staging.has_prop())
-            pictures[i] = draw_prop(staging, pictures[i], camera_at(i, frame), world_from_prop(frame), options_.noise_grey,
-                                    row_key(i, frame, 0, 3));
+            pictures[i] = draw_prop(staging, pictures[i], camera_at(i, frame), world_from_prop(frame),
+                                    options_.noise_grey, row_key(i, frame, 0, 3));
     };
     if (parallel) {
         tbb::parallel_for(std::size_t{0}, cameras_.size(), one);
@@ -187,7 +202,14 @@ CellBounds RenderedStudio::shadow_box(const Camera& camera) const {
     float u0 = 1e9f, v0 = 1e9f, u1 = -1e9f, v1 = -1e9f;
     for (int i = 0; i < 16; ++i) {  // around the rectangle's edge; lenses bend it
         const float s = static_cast<float>(i % 4) / 4;
-        const float ex = i / 4 == 0 ? s : i / 4 == 1 ? 1 : i / 4 == 2 ? 1 - s : 0, ey = i / 4 == 0 ? 0 : i / 4 == 1 ? s : i / 4 == 2 ? 1 : 1 - s;
+        const float ex = i / 4 == 0   ? s
+                         : i / 4 == 1 ? 1
+                         : i / 4 == 2 ? 1 - s
+                                      : 0,
+                    ey = i / 4 == 0   ? 0
+                         : i / 4 == 1 ? s
+                         : i / 4 == 2 ? 1
+                                      : 1 - s;
         const Vec3f p = lens.project({x[0] + ex * (x[1] - x[0]), y[0] + ey * (y[1] - y[0]), 0});
         if (p.z < 0.2f) return {0, 0, camera.width, camera.height};
         u0 = std::min(u0, p.x);
@@ -195,8 +217,11 @@ CellBounds RenderedStudio::shadow_box(const Camera& camera) const {
         v0 = std::min(v0, p.y);
         v1 = std::max(v1, p.y);
     }
-    const auto inside = [](float v, int size) { return static_cast<int>(std::clamp(v, 0.0f, static_cast<float>(size))); };
-    return {inside(u0 - 6, camera.width), inside(v0 - 6, camera.height), inside(u1 + 7, camera.width), inside(v1 + 7, camera.height)};
+    const auto inside = [](float v, int size) {
+        return static_cast<int>(std::clamp(v, 0.0f, static_cast<float>(size)));
+    };
+    return {inside(u0 - 6, camera.width), inside(v0 - 6, camera.height), inside(u1 + 7, camera.width),
+            inside(v1 + 7, camera.height)};
 }
 
 void RenderedStudio::draw_camera(std::size_t index, std::int64_t frame, std::uint8_t* out) {
@@ -224,11 +249,13 @@ void RenderedStudio::draw_camera(std::size_t index, std::int64_t frame, std::uin
             for (int x = dark.x0; x < dark.x1; ++x) {
                 const float factor = floor_shadow_.factor(floor[2 * x], floor[2 * x + 1]);
                 if (factor >= 1.0f) continue;
-                for (int c = 0; c < 3; ++c) row[3 * x + c] = static_cast<std::uint16_t>(factor * row[3 * x + c]);
+                for (int c = 0; c < 3; ++c)
+                    row[3 * x + c] = static_cast<std::uint16_t>(factor * row[3 * x + c]);
             }
         }
         if (has_body) raster.blend_row(y, row.data());
-        sensor_.expose(light, values, gain, row_key(index, frame, y, 1), out + static_cast<std::size_t>(y) * values);
+        sensor_.expose(light, values, gain, row_key(index, frame, y, 1),
+                       out + static_cast<std::size_t>(y) * values);
     }
 }
 
@@ -240,8 +267,8 @@ Picture RenderedStudio::draw_empty(std::size_t index, std::int64_t frame) const 
     const std::int64_t moment = -1000 - frame;
     const double gain = sensor_.gain(static_cast<std::uint32_t>(index), moment);
     for (int y = 0; y < camera.height; ++y)
-        sensor_.expose(&views_[index].bgr[static_cast<std::size_t>(y) * values], values, gain, row_key(index, frame, y, 2),
-                       data.get() + static_cast<std::size_t>(y) * values);
+        sensor_.expose(&views_[index].bgr[static_cast<std::size_t>(y) * values], values, gain,
+                       row_key(index, frame, y, 2), data.get() + static_cast<std::size_t>(y) * values);
     return {camera.width, camera.height, 3, std::move(data)};
 }
 
@@ -274,22 +301,29 @@ std::string StudioOptions::check() const {
         return fmt::format("motion '{}' is unknown; there are {}", motion, fmt::join(kMotionNames, ", "));
     if (stage != "auto" && stage != "room" && stage != "lane")
         return fmt::format("stage '{}' is unknown; there are auto, room, lane", stage);
-    if (motion == "sprint_start" && stage == "room") return "sprint_start needs the stage 'lane', a room is too short";
-    if (own_cameras.empty() && (cameras < 1 || cameras > 64)) return fmt::format("cameras is {}; it must be 1 .. 64", cameras);
+    if (motion == "sprint_start" && stage == "room")
+        return "sprint_start needs the stage 'lane', a room is too short";
+    if (own_cameras.empty() && (cameras < 1 || cameras > 64))
+        return fmt::format("cameras is {}; it must be 1 .. 64", cameras);
     if (width < 64 || width > 4096 || height < 64 || height > 4096)
         return fmt::format("size is {}x{}; each side must be 64 .. 4096 px", width, height);
     if (outside(fps, 1, 1000)) return fmt::format("fps is {}; it must be 1 .. 1000", fps);
     if (subject_height_m != 0 && outside(subject_height_m, 1.2, 2.2))
-        return fmt::format("subject height is {} m; it must be 1.2 .. 2.2, or 0 to draw one", subject_height_m);
-    if (outside(noise_grey, 0, 50)) return fmt::format("noise is {} grey levels; it must be 0 .. 50", noise_grey);
+        return fmt::format("subject height is {} m; it must be 1.2 .. 2.2, or 0 to draw one",
+                           subject_height_m);
+    if (outside(noise_grey, 0, 50))
+        return fmt::format("noise is {} grey levels; it must be 0 .. 50", noise_grey);
     if (outside(flicker, 0, 0.3)) return fmt::format("flicker is {}; it must be 0 .. 0.3", flicker);
-    if (outside(distortion, -0.3, 0.3)) return fmt::format("distortion is {}; it must be -0.3 .. 0.3", distortion);
+    if (outside(distortion, -0.3, 0.3))
+        return fmt::format("distortion is {}; it must be -0.3 .. 0.3", distortion);
     return staging.check(own_cameras.empty() ? static_cast<std::size_t>(cameras) : own_cameras.size());
 }
 
 absl::StatusOr<std::unique_ptr<Studio>> Studio::create(const StudioOptions& options) {
-    if (const std::string wrong = options.check(); !wrong.empty()) return absl::InvalidArgumentError("studio: " + wrong);
-    const bool lane = options.stage == "lane" || (options.stage == "auto" && natural_stage(options.motion) == Stage::kLane);
+    if (const std::string wrong = options.check(); !wrong.empty())
+        return absl::InvalidArgumentError("studio: " + wrong);
+    const bool lane =
+        options.stage == "lane" || (options.stage == "auto" && natural_stage(options.motion) == Stage::kLane);
     auto studio = std::make_unique<RenderedStudio>(options, lane ? Stage::kLane : Stage::kRoom);
     if (absl::Status status = studio->start(); !status.ok()) return status;
     return studio;

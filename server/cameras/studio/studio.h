@@ -1,14 +1,14 @@
-// The virtual studio: a person, a motion, a room, cameras and a sensor; a picture for every camera and frame, and
-// what is true in it. The same options and the same frame give the same bits.
+// The virtual studio: a person, a motion, a room, cameras and a sensor; a picture for every camera and frame,
+// and what is true in it. The same options and the same frame give the same bits.
 #pragma once
+
+#include <absl/status/statusor.h>
 
 #include <array>
 #include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
-
-#include <absl/status/statusor.h>
 
 #include "common/camera.h"
 #include "common/skeleton.h"
@@ -18,16 +18,16 @@
 namespace kinevox::studio {
 
 struct StudioOptions {
-    std::string motion = "walk";   // one of kMotionNames (motion.h)
-    std::string stage = "auto";    // "room", "lane", or "auto": what suits the motion
-    int cameras = 4;               // on a ring around the room's middle or the lane; 1 .. 64
-    int width = 640, height = 480; // px of every camera; 64 .. 4096
-    double fps = 30;               // frame sets a second; 1 .. 1000
-    std::uint32_t seed = 1;        // person, clothes, room, cameras' places, noise
-    double subject_height_m = 0;   // 1.2 .. 2.2, or 0: drawn from the seed
-    double noise_grey = 1.4;       // standard deviation of the sensor's noise, grey levels; 0 .. 50
-    double flicker = 0.02;         // the light's relative amplitude; 0 .. 0.3
-    double distortion = 0;         // k1 of the lenses (k2, p1, p2 follow from it); -0.3 .. 0.3
+    std::string motion = "walk";      // one of kMotionNames (motion.h)
+    std::string stage = "auto";       // "room", "lane", or "auto": what suits the motion
+    int cameras = 4;                  // on a ring around the room's middle or the lane; 1 .. 64
+    int width = 640, height = 480;    // px of every camera; 64 .. 4096
+    double fps = 30;                  // frame sets a second; 1 .. 1000
+    std::uint32_t seed = 1;           // person, clothes, room, cameras' places, noise
+    double subject_height_m = 0;      // 1.2 .. 2.2, or 0: drawn from the seed
+    double noise_grey = 1.4;          // standard deviation of the sensor's noise, grey levels; 0 .. 50
+    double flicker = 0.02;            // the light's relative amplitude; 0 .. 0.3
+    double distortion = 0;            // k1 of the lenses (k2, p1, p2 follow from it); -0.3 .. 0.3
     std::vector<Camera> own_cameras;  // used instead of the ring where not empty
     Staging staging;                  // a board, a wand, a knocked camera, nobody
 
@@ -73,7 +73,8 @@ class Studio {
     virtual Surface surface(std::int64_t frame) = 0;
 };
 
-// Cameras on an ellipse around what happens, looking at it, focal lengths such that all of it is in every picture.
+// Cameras on an ellipse around what happens, looking at it, focal lengths such that all of it is in every
+// picture.
 std::vector<Camera> ring_of_cameras(const StudioOptions& options, bool lane);
 
 }  // namespace kinevox::studio

@@ -1,17 +1,19 @@
 #include "server/cameras/studio/studio_source.h"
 
+#include <absl/status/status.h>
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-
-#include <absl/status/status.h>
-#include <fmt/format.h>
 
 namespace kinevox {
 namespace {
 
 std::int64_t now_ns() {
-    return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch()).count();
+    return std::chrono::duration_cast<std::chrono::nanoseconds>(
+               std::chrono::steady_clock::now().time_since_epoch())
+        .count();
 }
 
 }  // namespace
@@ -29,7 +31,7 @@ absl::StatusOr<std::vector<std::vector<Picture>>> StudioSource::background() {
     std::vector<std::vector<Picture>> pictures(cameras().size());
     for (std::size_t camera = 0; camera < cameras().size(); ++camera)
         for (int frame = 0; frame < options_.background_frames; ++frame) {
-            {   // a daemon that is told to stop does not wait for the last picture
+            {  // a daemon that is told to stop does not wait for the last picture
                 const std::lock_guard lock(mutex_);
                 if (stopped_) return absl::CancelledError("the virtual studio was stopped");
             }
@@ -48,7 +50,8 @@ absl::StatusOr<FrameSet> StudioSource::next() {
         const std::int64_t now = now_ns();
         if (start_ns_ == 0) start_ns_ = now;
         // The newest frame whose time is not over yet; what lies before it was missed.
-        const auto current = static_cast<std::int64_t>(std::floor(static_cast<double>(now - start_ns_) / period_ns));
+        const auto current =
+            static_cast<std::int64_t>(std::floor(static_cast<double>(now - start_ns_) / period_ns));
         next_frame_ = std::max(next_frame_, current);
     }
     FrameSet set;

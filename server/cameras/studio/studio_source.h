@@ -31,7 +31,9 @@ class StudioSource final : public FrameSource {
     void stop() override;
 
     // What is true in frame `sequence`.
-    studio::SubjectTruth truth(std::uint64_t sequence) const { return studio_->truth(static_cast<std::int64_t>(sequence)); }
+    studio::SubjectTruth truth(std::uint64_t sequence) const {
+        return studio_->truth(static_cast<std::int64_t>(sequence));
+    }
 
   private:
     StudioSource(const StudioSourceOptions& options, std::unique_ptr<studio::Studio> studio)

@@ -1,9 +1,9 @@
 #include "server/cameras/studio/surface_nets.h"
 
+#include <oneapi/tbb/parallel_for.h>
+
 #include <algorithm>
 #include <cmath>
-
-#include <oneapi/tbb/parallel_for.h>
 
 namespace kinevox::studio {
 namespace {
@@ -29,7 +29,8 @@ void sample_grid(Grid& grid, const std::function<float(Vec3f)>& distance) {
         for (int bj = 0; bj < blocks(grid.ny); ++bj)
             for (int bi = 0; bi < blocks(grid.nx); ++bi) {
                 const int i0 = bi * kBlock, j0 = bj * kBlock, k0 = bk * kBlock;
-                const Vec3f middle = grid.point(i0, j0, k0) + 0.5f * grid.cell * Vec3f{kBlock, kBlock, kBlock};
+                const Vec3f middle =
+                    grid.point(i0, j0, k0) + 0.5f * grid.cell * Vec3f{kBlock, kBlock, kBlock};
                 const float at_middle = distance(middle);
                 const bool far = std::abs(at_middle) > 2.2f * reach;
                 for (int k = k0; k < std::min(k0 + kBlock, grid.nz); ++k)
@@ -42,7 +43,8 @@ void sample_grid(Grid& grid, const std::function<float(Vec3f)>& distance) {
 
 }  // namespace
 
-TriangleMesh mesh_distance(const std::function<float(Vec3f)>& distance, Vec3f lower, Vec3f upper, float cell_m) {
+TriangleMesh mesh_distance(const std::function<float(Vec3f)>& distance, Vec3f lower, Vec3f upper,
+                           float cell_m) {
     Grid grid;
     grid.lower = lower;
     grid.cell = cell_m;
@@ -72,7 +74,8 @@ TriangleMesh mesh_distance(const std::function<float(Vec3f)>& distance, Vec3f lo
                         const int other = c | 1 << axis;
                         if ((corner[c] < 0) == (corner[other] < 0)) continue;
                         const float t = corner[c] / (corner[c] - corner[other]);
-                        Vec3f p{static_cast<float>(c & 1), static_cast<float>(c >> 1 & 1), static_cast<float>(c >> 2)};
+                        Vec3f p{static_cast<float>(c & 1), static_cast<float>(c >> 1 & 1),
+                                static_cast<float>(c >> 2)};
                         (axis == 0 ? p.x : axis == 1 ? p.y : p.z) += t;
                         sum += p;
                         ++crossings;
@@ -81,8 +84,9 @@ TriangleMesh mesh_distance(const std::function<float(Vec3f)>& distance, Vec3f lo
                 mesh.vertices.push_back(grid.point(i, j, k) + (cell_m / static_cast<float>(crossings)) * sum);
             }
     const auto quad = [&](std::size_t a, std::size_t b, std::size_t c, std::size_t d, bool flip) {
-        std::uint32_t v[4] = {static_cast<std::uint32_t>(vertex_of_cell[a]), static_cast<std::uint32_t>(vertex_of_cell[b]),
-                              static_cast<std::uint32_t>(vertex_of_cell[c]), static_cast<std::uint32_t>(vertex_of_cell[d])};
+        std::uint32_t v[4] = {
+            static_cast<std::uint32_t>(vertex_of_cell[a]), static_cast<std::uint32_t>(vertex_of_cell[b]),
+            static_cast<std::uint32_t>(vertex_of_cell[c]), static_cast<std::uint32_t>(vertex_of_cell[d])};
         if (flip) std::swap(v[1], v[3]);
         mesh.triangles.push_back({v[0], v[1], v[2]});
         mesh.triangles.push_back({v[0], v[2], v[3]});

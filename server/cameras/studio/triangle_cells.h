@@ -1,5 +1,5 @@
-// Visits the integer points inside a triangle. Points within a hair of an edge belong to both neighbours, so that a
-// closed mesh leaves no cracks.
+// Visits the integer points inside a triangle. Points within a hair of an edge belong to both neighbours, so
+// that a closed mesh leaves no cracks.
 #pragma once
 
 #include <algorithm>
@@ -30,7 +30,8 @@ inline void for_cells_in_triangle(float ax, float ay, float bx, float by, float 
     if (std::abs(area) < 1e-12f) return;
     const float inv = 1.0f / area;
     // b1 = ((p - a) x (c - a)) / area, b2 = ((b - a) x (p - a)) / area.
-    const float b1_dx = (cy - ay) * inv, b1_dy = -(cx - ax) * inv, b2_dx = -(by - ay) * inv, b2_dy = (bx - ax) * inv;
+    const float b1_dx = (cy - ay) * inv, b1_dy = -(cx - ax) * inv, b2_dx = -(by - ay) * inv,
+                b2_dy = (bx - ax) * inv;
     const float px = static_cast<float>(x0) - ax;
     for (int y = y0; y <= y1; ++y) {
         const float py = static_cast<float>(y) - ay;

@@ -16,11 +16,15 @@ struct Vec3f {
     friend Vec3f operator*(Vec3f a, Vec3f b) { return {a.x * b.x, a.y * b.y, a.z * b.z}; }
     Vec3f& operator+=(Vec3f b) { return *this = *this + b; }
 };
-inline float dot(Vec3f a, Vec3f b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline float dot(Vec3f a, Vec3f b) {
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
 inline Vec3f cross(Vec3f a, Vec3f b) {
     return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
-inline float norm(Vec3f a) { return std::sqrt(dot(a, a)); }
+inline float norm(Vec3f a) {
+    return std::sqrt(dot(a, a));
+}
 inline Vec3f normalized(Vec3f a) {
     const float n = norm(a);
     return n > 1e-12f ? (1.0f / n) * a : Vec3f{0, 0, 1};
@@ -28,7 +32,9 @@ inline Vec3f normalized(Vec3f a) {
 inline Vec3f to_float(Vec3 a) {
     return {static_cast<float>(a.x), static_cast<float>(a.y), static_cast<float>(a.z)};
 }
-inline Vec3 to_double(Vec3f a) { return {a.x, a.y, a.z}; }
+inline Vec3 to_double(Vec3f a) {
+    return {a.x, a.y, a.z};
+}
 
 // x_target = row . (x_source, 1): three rows of four.
 struct Affine3f {

@@ -18,8 +18,8 @@ struct Cell {
 };
 
 struct CellGrid {
-    Rect area;      // px
-    int edge = 8;   // px
+    Rect area;     // px
+    int edge = 8;  // px
     int columns = 0, rows = 0;
     std::vector<Cell> cells;
 
@@ -34,7 +34,8 @@ std::uint64_t load_word(const std::uint8_t* bytes, int count) {
     return word;
 }
 
-// Pixels are 0 or 255, so that each byte of a word holds 8 equal bits (little endian: the first pixel is lowest).
+// Pixels are 0 or 255, so that each byte of a word holds 8 equal bits (little endian: the first pixel is
+// lowest).
 void count_pixels(const kernels::Silhouettes& s, CellGrid& grid) {
     for (int y = grid.area.y0; y < grid.area.y1; ++y) {
         const std::size_t row = static_cast<std::size_t>(y) * s.width;
@@ -55,13 +56,15 @@ void count_pixels(const kernels::Silhouettes& s, CellGrid& grid) {
 // Distance to the outline by the two passes of the 3-4 chamfer (Borgefors 1986), on every `step`-th pixel.
 void weigh_pixels(const kernels::Silhouettes& s, CellGrid& grid) {
     constexpr int kMostRows = 200;
-    const int step = std::max(1, (std::max(grid.area.height(), grid.area.width()) + kMostRows - 1) / kMostRows);
+    const int step =
+        std::max(1, (std::max(grid.area.height(), grid.area.width()) + kMostRows - 1) / kMostRows);
     const int width = grid.area.width() / step, height = grid.area.height() / step;
-    const int stride = width + 2;   // a frame of zeros: what lies beyond the area is outside
+    const int stride = width + 2;  // a frame of zeros: what lies beyond the area is outside
     std::vector<int> distance(static_cast<std::size_t>(stride) * (height + 2), 0);
     const auto sample = [&](int n, int first) { return first + n * step + step / 2; };
     for (int y = 0; y < height; ++y) {
-        const std::uint8_t* row = s.sharp.data() + static_cast<std::size_t>(sample(y, grid.area.y0)) * s.width;
+        const std::uint8_t* row =
+            s.sharp.data() + static_cast<std::size_t>(sample(y, grid.area.y0)) * s.width;
         int* d = distance.data() + static_cast<std::size_t>(y + 1) * stride + 1;
         for (int x = 0; x < width; ++x) {
             if (row[sample(x, grid.area.x0)] == 0) continue;
@@ -109,7 +112,7 @@ std::vector<Blob> find_blobs(const kernels::Silhouettes& s, std::int64_t min_sha
     if (area.empty()) return {};
     CellGrid grid;
     grid.area = area;
-    grid.edge = 8 * std::max(1, (s.height + 240) / 480);   // a multiple of the word
+    grid.edge = 8 * std::max(1, (s.height + 240) / 480);  // a multiple of the word
     grid.columns = (area.width() + grid.edge - 1) / grid.edge;
     grid.rows = (area.height() + grid.edge - 1) / grid.edge;
     grid.cells.resize(static_cast<std::size_t>(grid.columns) * grid.rows);
@@ -150,8 +153,8 @@ std::vector<Blob> find_blobs(const kernels::Silhouettes& s, std::int64_t min_sha
     for (const Sums& sum : sums) {
         if (sum.sharp < std::max<std::int64_t>(min_sharp_pixels, 1) || sum.weight == 0) continue;
         const double weight = static_cast<double>(sum.weight);
-        blobs.push_back({sum.sharp, weight, static_cast<double>(sum.x) / weight, static_cast<double>(sum.y) / weight,
-                         sum.bounds,
+        blobs.push_back({sum.sharp, weight, static_cast<double>(sum.x) / weight,
+                         static_cast<double>(sum.y) / weight, sum.bounds,
                          sum.bounds.x0 <= 0 || sum.bounds.y0 <= 0 || sum.bounds.x1 >= s.width ||
                              sum.bounds.y1 >= s.height});
     }

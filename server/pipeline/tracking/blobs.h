@@ -9,13 +9,14 @@
 
 namespace kinevox {
 
-// Pieces of foreground that lie within about 1/60 of the picture's height of each other (a belt or a sleeve of the
-// background's colour does not cut a person in two).
+// Pieces of foreground that lie within about 1/60 of the picture's height of each other (a belt or a sleeve
+// of the background's colour does not cut a person in two).
 //
-// Its centre of gravity is meant to be the projection of the body's. A silhouette has no depth: with equal weights
-// the thin legs would count as much as the thick trunk and pull the centre down (by 40 to 130 mm, tests/accuracy/
-// tracking.py). So each pixel weighs with the body's thickness behind it, for which its distance to the silhouette's
-// outline stands: summed across a limb of round section that grows as the section's area.
+// Its centre of gravity is meant to be the projection of the body's. A silhouette has no depth: with equal
+// weights the thin legs would count as much as the thick trunk and pull the centre down (by 40 to 130 mm,
+// tests/accuracy/ tracking.py). So each pixel weighs with the body's thickness behind it, for which its
+// distance to the silhouette's outline stands: summed across a limb of round section that grows as the
+// section's area.
 struct Blob {
     std::int64_t sharp_pixels = 0;
     double weight = 0;                      // sum of its sharp pixels' weights
@@ -25,7 +26,8 @@ struct Blob {
 };
 
 // Blobs with at least `min_sharp_pixels`, the largest first, at most `most`.
-std::vector<Blob> find_blobs(const kernels::Silhouettes& silhouettes, std::int64_t min_sharp_pixels, std::size_t most);
+std::vector<Blob> find_blobs(const kernels::Silhouettes& silhouettes, std::int64_t min_sharp_pixels,
+                             std::size_t most);
 
 // Several blobs as one. Not empty.
 Blob merged(const std::vector<Blob>& blobs);

@@ -1,9 +1,8 @@
 #include "server/pipeline/tracking/centre_filter.h"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-
-#include <Eigen/Dense>
 
 namespace kinevox {
 namespace {
@@ -19,11 +18,13 @@ void CentreFilter::start(Vec3 centre_in_world, const Mat3& covariance_m2) {
     Eigen::Map<Matrix6> p(covariance_.data());
     p.setZero();
     p.topLeftCorner<3, 3>() = Eigen::Map<const RowMatrix3>(covariance_m2.m.data());
-    p.bottomRightCorner<3, 3>().diagonal().setConstant(options_.first_speed_std_m_s * options_.first_speed_std_m_s);
+    p.bottomRightCorner<3, 3>().diagonal().setConstant(options_.first_speed_std_m_s *
+                                                       options_.first_speed_std_m_s);
 }
 
 void CentreFilter::predict(double seconds) {
-    const double t = std::max(seconds, 0.0), q = options_.acceleration_std_m_s2 * options_.acceleration_std_m_s2;
+    const double t = std::max(seconds, 0.0),
+                 q = options_.acceleration_std_m_s2 * options_.acceleration_std_m_s2;
     Eigen::Map<Vector6> x(state_.data());
     Eigen::Map<Matrix6> p(covariance_.data());
     Matrix6 f = Matrix6::Identity();
@@ -51,8 +52,12 @@ void CentreFilter::correct(Vec3 centre_in_world, const Mat3& covariance_m2) {
     p = (keep * p * keep.transpose() + gain * r * gain.transpose()).eval();  // Joseph: stays symmetric
 }
 
-Vec3 CentreFilter::centre_in_world() const { return {state_[0], state_[1], state_[2]}; }
-Vec3 CentreFilter::velocity_in_world() const { return {state_[3], state_[4], state_[5]}; }
+Vec3 CentreFilter::centre_in_world() const {
+    return {state_[0], state_[1], state_[2]};
+}
+Vec3 CentreFilter::velocity_in_world() const {
+    return {state_[3], state_[4], state_[5]};
+}
 
 double CentreFilter::centre_std_m() const {
     return std::sqrt((covariance_[0] + covariance_[7] + covariance_[14]) / 3);

@@ -8,8 +8,8 @@
 namespace kinevox {
 
 struct CentreFilterOptions {
-    double acceleration_std_m_s2 = 6;   // of people: a sprinter's push-off reaches about this
-    double first_speed_std_m_s = 2;     // of a subject just found
+    double acceleration_std_m_s2 = 6;  // of people: a sprinter's push-off reaches about this
+    double first_speed_std_m_s = 2;    // of a subject just found
 };
 
 class CentreFilter {
@@ -22,14 +22,14 @@ class CentreFilter {
     void predict(double seconds);
     void correct(Vec3 centre_in_world, const Mat3& covariance_m2);
 
-    Vec3 centre_in_world() const;     // m
-    Vec3 velocity_in_world() const;   // m/s
-    double centre_std_m() const;      // one axis, root mean square of the three
+    Vec3 centre_in_world() const;    // m
+    Vec3 velocity_in_world() const;  // m/s
+    double centre_std_m() const;     // one axis, root mean square of the three
 
   private:
     CentreFilterOptions options_;
-    std::array<double, 6> state_{};         // position, velocity
-    std::array<double, 36> covariance_{};   // row major
+    std::array<double, 6> state_{};        // position, velocity
+    std::array<double, 36> covariance_{};  // row major
 };
 
 }  // namespace kinevox

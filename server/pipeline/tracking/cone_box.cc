@@ -16,16 +16,18 @@ struct HalfSpace {
 };
 
 using Polygon = std::vector<Vec3>;
-using Polytope = std::vector<Polygon>;   // its faces; orientation does not matter here
+using Polytope = std::vector<Polygon>;  // its faces; orientation does not matter here
 
 Polytope polytope_of(const Box3& b) {
     const auto corner = [&](int n) {
         return Vec3{n & 1 ? b.max_in_world.x : b.min_in_world.x, n & 2 ? b.max_in_world.y : b.min_in_world.y,
                     n & 4 ? b.max_in_world.z : b.min_in_world.z};
     };
-    static constexpr int kFaces[6][4] = {{0, 1, 3, 2}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 3, 7, 6}, {0, 2, 6, 4}, {1, 3, 7, 5}};
+    static constexpr int kFaces[6][4] = {{0, 1, 3, 2}, {4, 5, 7, 6}, {0, 1, 5, 4},
+                                         {2, 3, 7, 6}, {0, 2, 6, 4}, {1, 3, 7, 5}};
     Polytope faces;
-    for (const auto& face : kFaces) faces.push_back({corner(face[0]), corner(face[1]), corner(face[2]), corner(face[3])});
+    for (const auto& face : kFaces)
+        faces.push_back({corner(face[0]), corner(face[1]), corner(face[2]), corner(face[3])});
     return faces;
 }
 
@@ -37,9 +39,9 @@ void sort_around(Polygon& points, Vec3 normal) {
     const Vec3 axis = std::abs(normal.z) < 0.9 ? Vec3{0, 0, 1} : Vec3{1, 0, 0};
     const Vec3 u = normalized(cross(normal, axis)), v = cross(normal, u);
     std::vector<std::pair<double, Vec3>> by_angle;
-    for (const Vec3& p : points)
-        by_angle.emplace_back(std::atan2(dot(p - middle, v), dot(p - middle, u)), p);
-    std::stable_sort(by_angle.begin(), by_angle.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+    for (const Vec3& p : points) by_angle.emplace_back(std::atan2(dot(p - middle, v), dot(p - middle, u)), p);
+    std::stable_sort(by_angle.begin(), by_angle.end(),
+                     [](const auto& a, const auto& b) { return a.first < b.first; });
     for (std::size_t n = 0; n < points.size(); ++n) points[n] = by_angle[n].second;
 }
 
@@ -67,8 +69,8 @@ void clip(Polytope& polytope, const HalfSpace& half) {
     polytope = std::move(kept);
 }
 
-// The pyramid's sides, through the camera's centre. Lens distortion bends the box's sides: the outermost of several
-// points of each side counts.
+// The pyramid's sides, through the camera's centre. Lens distortion bends the box's sides: the outermost of
+// several points of each side counts.
 void add_pyramid(const SilhouetteCone& cone, std::vector<HalfSpace>& halves) {
     constexpr int kSamples = 8;
     constexpr double kMargin_px = 1.0;
@@ -76,7 +78,8 @@ void add_pyramid(const SilhouetteCone& cone, std::vector<HalfSpace>& halves) {
     const bool cut_left = cone.bounds.x0 <= 0, cut_right = cone.bounds.x1 >= camera.width;
     const bool cut_above = cone.bounds.y0 <= 0, cut_below = cone.bounds.y1 >= camera.height;
     const double widened_px = cut_above || cut_below ? 0.5 * cone.bounds.width() : 0;
-    const double u0 = cone.bounds.x0 - 0.5 - kMargin_px - widened_px, u1 = cone.bounds.x1 - 0.5 + kMargin_px + widened_px;
+    const double u0 = cone.bounds.x0 - 0.5 - kMargin_px - widened_px,
+                 u1 = cone.bounds.x1 - 0.5 + kMargin_px + widened_px;
     const double v0 = cone.bounds.y0 - 0.5 - kMargin_px, v1 = cone.bounds.y1 - 0.5 + kMargin_px;
     const Vec3 centre = camera.centre_in_world();
     const Mat3 world_from_camera = camera.camera_from_world.rotation.transposed();
@@ -142,8 +145,8 @@ kernels::Lattice lattice_over(const Box3& box, double voxel_m, double max_side_m
 }
 
 kernels::Rect projected_box(const Camera& camera, const Box3& box, double* fraction_inside) {
-    // A grid over the box's faces would be exact with distortion; its corners and middles come near enough, since
-    // callers add a margin.
+    // A grid over the box's faces would be exact with distortion; its corners and middles come near enough,
+    // since callers add a margin.
     double u0 = std::numeric_limits<double>::infinity(), v0 = u0, u1 = -u0, v1 = -u0;
     int behind = 0;
     for (int n = 0; n < 27; ++n) {

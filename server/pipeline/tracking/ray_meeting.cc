@@ -1,19 +1,19 @@
 #include "server/pipeline/tracking/ray_meeting.h"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-
-#include <Eigen/Dense>
 
 #include "common/to_eigen.h"
 
 namespace kinevox {
 namespace {
 
-constexpr double kNearest_m = 0.2;       // in front of a camera
-constexpr double kMinPairSine = 0.12;    // about 7 degrees between two rays that propose a point
+constexpr double kNearest_m = 0.2;     // in front of a camera
+constexpr double kMinPairSine = 0.12;  // about 7 degrees between two rays that propose a point
 
-// The middle of the shortest segment between two rays; nothing if they are near parallel or meet behind a camera.
+// The middle of the shortest segment between two rays; nothing if they are near parallel or meet behind a
+// camera.
 std::optional<Vec3> middle_of(const Ray& a, const Ray& b) {
     const Vec3 between = b.origin_in_world - a.origin_in_world;
     const double cosine = dot(a.direction_in_world, b.direction_in_world);
@@ -22,7 +22,8 @@ std::optional<Vec3> middle_of(const Ray& a, const Ray& b) {
     const double ta = dot(between, a.direction_in_world), tb = dot(between, b.direction_in_world);
     const double s = (ta - cosine * tb) / sine2, t = (cosine * ta - tb) / sine2;
     if (s < kNearest_m || t < kNearest_m) return std::nullopt;
-    return 0.5 * (a.origin_in_world + s * a.direction_in_world + b.origin_in_world + t * b.direction_in_world);
+    return 0.5 *
+           (a.origin_in_world + s * a.direction_in_world + b.origin_in_world + t * b.direction_in_world);
 }
 
 struct Vote {
@@ -45,13 +46,15 @@ double vote_of(const RayCandidate& candidate, Vec3 point, const MeetingOptions& 
     return size * (1 - 0.5 * off * off) * (candidate.partial ? 0.5 : 1.0);
 }
 
-Vote vote(const std::vector<RayCandidate>& candidates, int camera_count, Vec3 point, const MeetingOptions& options) {
+Vote vote(const std::vector<RayCandidate>& candidates, int camera_count, Vec3 point,
+          const MeetingOptions& options) {
     Vote result;
     result.chosen.assign(camera_count, -1);
     std::vector<double> best(camera_count, 0);
     for (int n = 0; n < static_cast<int>(candidates.size()); ++n) {
         const double score = vote_of(candidates[n], point, options);
-        if (score > best[candidates[n].camera]) best[candidates[n].camera] = score, result.chosen[candidates[n].camera] = n;
+        if (score > best[candidates[n].camera])
+            best[candidates[n].camera] = score, result.chosen[candidates[n].camera] = n;
     }
     for (int camera = 0; camera < camera_count; ++camera) {
         if (result.chosen[camera] < 0) continue;
@@ -61,9 +64,8 @@ Vote vote(const std::vector<RayCandidate>& candidates, int camera_count, Vec3 po
     return result;
 }
 
-
-// Least squares over the chosen rays, weighted by how far they pass `point`, which is then moved. False if they fix
-// no point.
+// Least squares over the chosen rays, weighted by how far they pass `point`, which is then moved. False if
+// they fix no point.
 bool refine_once(const std::vector<RayCandidate>& candidates, const std::vector<int>& chosen,
                  const MeetingOptions& options, Vec3& point, Mat3& covariance) {
     Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
@@ -73,7 +75,8 @@ bool refine_once(const std::vector<RayCandidate>& candidates, const std::vector<
         const double std_m = options.ray_std_m * (candidates[n].partial ? 6.0 : 1.0);
         const double off = distance_to_ray(candidates[n].ray, point) / (2 * std_m);
         const Eigen::Vector3d d = to_eigen(candidates[n].ray.direction_in_world);
-        const Eigen::Matrix3d across = (Eigen::Matrix3d::Identity() - d * d.transpose()) / (std_m * std_m * (1 + off * off));
+        const Eigen::Matrix3d across =
+            (Eigen::Matrix3d::Identity() - d * d.transpose()) / (std_m * std_m * (1 + off * off));
         information += across;
         right += across * to_eigen(candidates[n].ray.origin_in_world);
     }

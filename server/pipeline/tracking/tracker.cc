@@ -1,22 +1,22 @@
 #include "server/pipeline/tracking/tracker.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
-
-#include <fmt/format.h>
 
 #include "server/pipeline/for_each_camera.h"
 
 namespace kinevox {
 namespace {
 
-constexpr std::size_t kMostBlobs = 6;          // per camera
-constexpr double kMostCentreJump_m = 0.4;      // of a measured centre from the predicted one
-constexpr double kReach_m = 1.4;               // of a body's parts from its centre
-constexpr double kNearestPart_m = 0.3;         // of a body's parts to a camera that is to predict their motion
-constexpr double kMinExpectedInside = 0.5;     // of the subject's box, for a camera that ought to see it
+constexpr std::size_t kMostBlobs = 6;       // per camera
+constexpr double kMostCentreJump_m = 0.4;   // of a measured centre from the predicted one
+constexpr double kReach_m = 1.4;            // of a body's parts from its centre
+constexpr double kNearestPart_m = 0.3;      // of a body's parts to a camera that is to predict their motion
+constexpr double kMinExpectedInside = 0.5;  // of the subject's box, for a camera that ought to see it
 
 Box3 box_around(Vec3 centre, const Box3& extent, double margin_m) {
     const Vec3 margin{margin_m, margin_m, margin_m};
@@ -56,7 +56,10 @@ std::string TrackerOptions::check() const {
 }
 
 Tracker::Tracker(std::vector<Camera> cameras, double fps, const TrackerOptions& options)
-    : cameras_(std::move(cameras)), fps_(fps), options_(options), camera_states_(cameras_.size()),
+    : cameras_(std::move(cameras)),
+      fps_(fps),
+      options_(options),
+      camera_states_(cameras_.size()),
       filter_(options.filter) {}
 
 void Tracker::reset() {
@@ -83,7 +86,7 @@ std::vector<kernels::SegmentationPrior> Tracker::predict(std::int64_t time_ns, V
     if (motion) *motion = {};
     if (!tracking_) return priors;
     double seconds = 1e-9 * static_cast<double>(time_ns - last_time_ns_);
-    if (!(seconds > 0 && seconds < 1)) seconds = 1 / fps_;   // a clock that jumped
+    if (!(seconds > 0 && seconds < 1)) seconds = 1 / fps_;  // a clock that jumped
     const Vec3 before = filter_.centre_in_world();
     filter_.predict(seconds);
     last_time_ns_ = time_ns;
@@ -92,7 +95,8 @@ std::vector<kernels::SegmentationPrior> Tracker::predict(std::int64_t time_ns, V
 
     const Box3 box = search_box(seconds);
     const double margin_m = search_margin_m(seconds);
-    const auto interval = static_cast<std::uint64_t>(std::max(1.0, std::round(options_.full_pass_interval_s * fps_)));
+    const auto interval =
+        static_cast<std::uint64_t>(std::max(1.0, std::round(options_.full_pass_interval_s * fps_)));
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
         // One camera after the other, so that no frame set pays for all.
         priors[c].full_pass = (predictions_ + c * interval / cameras_.size()) % interval == 0;
@@ -102,7 +106,7 @@ std::vector<kernels::SegmentationPrior> Tracker::predict(std::int64_t time_ns, V
         if (depth > kNearestPart_m)
             priors[c].reach_px =
                 static_cast<int>(std::ceil(std::max(cameras_[c].fx, cameras_[c].fy) * margin_m / depth));
-        if (priors[c].region.empty()) priors[c].region = {0, 0, 8, 8};   // out of sight: as good as nothing
+        if (priors[c].region.empty()) priors[c].region = {0, 0, 8, 8};  // out of sight: as good as nothing
     }
     ++predictions_;
     return priors;
@@ -126,7 +130,8 @@ std::optional<Meeting> Tracker::find_meeting(const BlobsByCamera& blobs,
     return gather(blobs, around, meeting->point_in_world, kReach_m, chosen);
 }
 
-// Of each camera the blobs in the projection of `around`: as one, or the best single one, whichever agrees better.
+// Of each camera the blobs in the projection of `around`: as one, or the best single one, whichever agrees
+// better.
 std::optional<Meeting> Tracker::gather(const BlobsByCamera& blobs, const Box3& around, Vec3 centre,
                                        double radius_m, std::vector<std::optional<Blob>>& chosen) const {
     std::vector<RayCandidate> candidates;
@@ -148,7 +153,8 @@ std::optional<Meeting> Tracker::gather(const BlobsByCamera& blobs, const Box3& a
             candidates.push_back(candidate(c, blob));
         }
     }
-    const auto meeting = meet_rays(candidates, static_cast<int>(cameras_.size()), options_.meeting, &centre, radius_m);
+    const auto meeting =
+        meet_rays(candidates, static_cast<int>(cameras_.size()), options_.meeting, &centre, radius_m);
     chosen.assign(cameras_.size(), std::nullopt);
     if (!meeting) return std::nullopt;
     for (std::size_t c = 0; c < cameras_.size(); ++c)
@@ -156,8 +162,10 @@ std::optional<Meeting> Tracker::gather(const BlobsByCamera& blobs, const Box3& a
     return meeting;
 }
 
-void Tracker::assign_roles(const Meeting& meeting, const std::vector<const kernels::Silhouettes*>& silhouettes,
-                           const std::vector<std::optional<Blob>>& chosen, std::vector<CameraRole>& roles) const {
+void Tracker::assign_roles(const Meeting& meeting,
+                           const std::vector<const kernels::Silhouettes*>& silhouettes,
+                           const std::vector<std::optional<Blob>>& chosen,
+                           std::vector<CameraRole>& roles) const {
     const Box3 body = box_around(meeting.point_in_world, tracking_ ? extent_ : kAnyPerson, 0);
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
         double inside = 0;
@@ -196,9 +204,12 @@ void Tracker::miss(std::uint64_t sequence, std::int64_t time_ns, TrackerUpdate& 
     }
     tracking_ = false;
     const Vec3 at = filter_.centre_in_world();
-    update.events.push_back({EventKind::kSubjectLost, sequence, time_ns, {},
-                             fmt::format("subject {} lost near ({:.2f}, {:.2f}, {:.2f}) m", subject_id_, at.x, at.y,
-                                         at.z)});
+    update.events.push_back(
+        {EventKind::kSubjectLost,
+         sequence,
+         time_ns,
+         {},
+         fmt::format("subject {} lost near ({:.2f}, {:.2f}, {:.2f}) m", subject_id_, at.x, at.y, at.z)});
     for (CameraState& state : camera_states_) state.disagreeing = state.agreeing = 0;
 }
 
@@ -223,7 +234,8 @@ TrackerUpdate Tracker::update(std::uint64_t sequence, std::int64_t time_ns,
         meeting = find_meeting(blobs, chosen);
     const bool seen = meeting && meeting->score >= options_.min_score;
     if (seen && !tracking_) ++frames_seen_;
-    if (!seen || (!tracking_ && meeting->score < options_.sure_score && frames_seen_ < options_.unsure_frames)) {
+    if (!seen ||
+        (!tracking_ && meeting->score < options_.sure_score && frames_seen_ < options_.unsure_frames)) {
         if (!seen) miss(sequence, time_ns, update);
         report_cameras(sequence, time_ns, update);
         return update;
@@ -239,7 +251,10 @@ TrackerUpdate Tracker::update(std::uint64_t sequence, std::int64_t time_ns,
         predictions_ = 0;
         ++subject_id_;
         const Vec3 at = meeting->point_in_world;
-        update.events.push_back({EventKind::kSubjectFound, sequence, time_ns, {},
+        update.events.push_back({EventKind::kSubjectFound,
+                                 sequence,
+                                 time_ns,
+                                 {},
                                  fmt::format("subject {} found at ({:.2f}, {:.2f}, {:.2f}) m by {} cameras",
                                              subject_id_, at.x, at.y, at.z, meeting->agreeing)});
     } else {
@@ -247,8 +262,8 @@ TrackerUpdate Tracker::update(std::uint64_t sequence, std::int64_t time_ns,
     }
     frames_seen_ = 0;
     last_time_ns_ = last_measured_ns_ = time_ns;
-    update.subject = SubjectTrack{subject_id_, meeting->point_in_world, filter_.velocity_in_world(),
-                                  filter_.centre_std_m(), {}};
+    update.subject = SubjectTrack{
+        subject_id_, meeting->point_in_world, filter_.velocity_in_world(), filter_.centre_std_m(), {}};
     for (const CameraRole role : update.roles)
         update.subject->camera_used.push_back(role == CameraRole::kAgrees || role == CameraRole::kPartial);
     lay_lattice(chosen, update);
@@ -260,7 +275,8 @@ void Tracker::observe_volume(Vec3 centre_in_world) {
     if (!tracking_) return;
     shape_offset_ += options_.shape_offset_gain * (centre_in_world - met_in_world_ - shape_offset_);
     const double length = norm(shape_offset_);
-    if (length > options_.max_shape_offset_m) shape_offset_ = (options_.max_shape_offset_m / length) * shape_offset_;
+    if (length > options_.max_shape_offset_m)
+        shape_offset_ = (options_.max_shape_offset_m / length) * shape_offset_;
 }
 
 void Tracker::report_cameras(std::uint64_t sequence, std::int64_t time_ns, TrackerUpdate& update) {
@@ -271,7 +287,8 @@ void Tracker::report_cameras(std::uint64_t sequence, std::int64_t time_ns, Track
         CameraState& state = camera_states_[c];
         const std::string& name = cameras_[c].name;
         const bool silent = update.roles[c] == CameraRole::kSilent;
-        if (silent && !state.silent) tell(EventKind::kCameraSilent, c, fmt::format("camera {} delivers no picture", name));
+        if (silent && !state.silent)
+            tell(EventKind::kCameraSilent, c, fmt::format("camera {} delivers no picture", name));
         if (!silent && state.silent && !state.left_out)
             tell(EventKind::kCameraBack, c, fmt::format("camera {} delivers pictures again", name));
         state.silent = silent;
@@ -283,9 +300,10 @@ void Tracker::report_cameras(std::uint64_t sequence, std::int64_t time_ns, Track
         if (!state.left_out && state.disagreeing == options_.report_after_frames) {
             state.left_out = true;
             tell(EventKind::kCameraLeftOut, c,
-                 fmt::format("camera {} is left out: its silhouette disagrees with the other cameras; check its "
-                             "calibration, its background and its view",
-                             name));
+                 fmt::format(
+                     "camera {} is left out: its silhouette disagrees with the other cameras; check its "
+                     "calibration, its background and its view",
+                     name));
         }
         if (state.left_out && state.agreeing == options_.report_after_frames) {
             state.left_out = false;

@@ -44,8 +44,8 @@ absl::StatusOr<PoseDatabase> build_pose_database(std::span<const kernels::Camera
                                                  std::stop_token stop = {});
 
 // Adds a user's poses to a database that is there. The heading of their coordinates and the root's place do
-// not matter. InvalidArgument for coordinates that are not finite or an empty label; Cancelled if `stop` says so, the
-// database is then of no use.
+// not matter. InvalidArgument for coordinates that are not finite or an empty label; Cancelled if `stop` says
+// so, the database is then of no use.
 absl::Status add_poses(PoseDatabase& database, std::span<const LibraryPose> poses, std::stop_token stop = {});
 
 }  // namespace kinevox

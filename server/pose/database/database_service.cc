@@ -103,7 +103,8 @@ std::shared_ptr<const PoseDatabase> PoseDatabaseService::current() const {
 
 absl::StatusOr<std::vector<PoseListing>> PoseDatabaseService::list() const {
     const auto database = current();
-    if (!database) return absl::UnavailableError("the daemon's pose database is not built yet; ask again later");
+    if (!database)
+        return absl::UnavailableError("the daemon's pose database is not built yet; ask again later");
     std::vector<PoseListing> out;
     for (const LibraryPose& pose : database->poses) out.push_back({pose.label, pose.added});
     return out;
@@ -113,7 +114,8 @@ absl::Status PoseDatabaseService::change(const std::function<absl::Status(PoseDa
     const std::lock_guard changing(changes_);
     const auto before = current();
     if (!before || progress().state == DatabaseState::kBuilding)
-        return absl::UnavailableError("the daemon's pose database is being built; change it when that is done");
+        return absl::UnavailableError(
+            "the daemon's pose database is being built; change it when that is done");
     auto after = std::make_shared<PoseDatabase>(*before);
     if (const absl::Status status = how(*after); !status.ok()) return status;
     if (closed_) return absl::UnavailableError(kStopping);

@@ -24,8 +24,8 @@ enum class DatabaseState { kNone, kBuilding, kReady, kCancelled, kFailed };
 
 struct DatabaseProgress {
     DatabaseState state = DatabaseState::kNone;
-    double part = 0;      // of the building, 0..1
-    std::string message;  // why it was built, or what went wrong; one line
+    double part = 0;           // of the building, 0..1
+    std::string message;       // why it was built, or what went wrong; one line
     std::int64_t entries = 0;  // of the database that answers meanwhile
 };
 

@@ -27,7 +27,8 @@ struct PoseBuilder {
     PoseBuilder& leg(Limb side, double hip_flexion, double knee, double ankle = 0, double hip_abduction = 2,
                      double external_rotation = 5) {
         const int hip = side == Limb::kLeft ? kDofHipL : kDofHipR;
-        q[hip] = radians(hip_flexion), q[hip + 1] = radians(-hip_abduction), q[hip + 2] = radians(-external_rotation);
+        q[hip] = radians(hip_flexion), q[hip + 1] = radians(-hip_abduction),
+        q[hip + 2] = radians(-external_rotation);
         q[hip + 3] = radians(knee), q[hip + 4] = radians(ankle);
         return *this;
     }

@@ -16,7 +16,7 @@ struct Console {
     explicit Console(bool quiet) : line(quiet) {}
     ProgressLine line;
     std::atomic<bool> interrupted = false;
-    Interrupt interrupt{[this] { interrupted = true; }};   // last: its thread ends first
+    Interrupt interrupt{[this] { interrupted = true; }};  // last: its thread ends first
 };
 
 }  // namespace

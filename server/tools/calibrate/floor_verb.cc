@@ -15,10 +15,10 @@
 #include "server/calibration/floor.h"
 #include "server/calibration/floor_points.h"
 #include "server/calibration/hull_agreement.h"
+#include "server/calibration/session_silhouettes.h"
 #include "server/calibration/triangulation.h"
 #include "server/tools/calibrate/certificate_files.h"
 #include "server/tools/calibrate/console.h"
-#include "server/calibration/session_silhouettes.h"
 #include "server/tools/calibrate/verbs.h"
 
 namespace kinevox::calibrate {

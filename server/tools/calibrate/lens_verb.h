@@ -5,8 +5,8 @@
 
 #include <vector>
 
-#include "server/calibration/intrinsics.h"
 #include "server/calibration/board_clips.h"
+#include "server/calibration/intrinsics.h"
 
 namespace kinevox::calibrate {
 

@@ -13,7 +13,8 @@ namespace kinevox::calibrate {
 
 absl::Status person_extrinsics(const PersonArguments& arguments) {
     if (!(arguments.height_m > 0))
-        return absl::InvalidArgumentError("--person needs --height, the subject's in metres: it gives the scale");
+        return absl::InvalidArgumentError(
+            "--person needs --height, the subject's in metres: it gives the scale");
     const SolveProgress progress = console_progress(arguments.quiet);
     const auto lenses = session_cameras(arguments.session, arguments.lenses);
     if (!lenses.ok()) return lenses.status();
@@ -45,11 +46,15 @@ absl::Status person_extrinsics(const PersonArguments& arguments) {
         fmt::print("hull and silhouettes agree to {:.4f} (IoU, {} frames)\n", certificate.hull->mean_iou,
                    certificate.hull->frames);
     }
-    fmt::print("outlines miss by {:.2f} px; the subject was whole in {} moments and walked over {:.1f} m by {:.1f} m\n",
-               solved->miss_px, solved->moments, solved->walked_m, solved->walked_wide_m);
+    fmt::print(
+        "outlines miss by {:.2f} px; the subject was whole in {} moments and walked over {:.1f} m by {:.1f} "
+        "m\n",
+        solved->miss_px, solved->moments, solved->walked_m, solved->walked_wide_m);
     if (solved->uncertainty)
-        fmt::print("the two halves of the recording give places that differ by {:.0f} mm and {:.2f} degrees at worst\n",
-                   solved->uncertainty->centre_mm, solved->uncertainty->turn_deg);
+        fmt::print(
+            "the two halves of the recording give places that differ by {:.0f} mm and {:.2f} degrees at "
+            "worst\n",
+            solved->uncertainty->centre_mm, solved->uncertainty->turn_deg);
     for (const Camera& camera : solved->cameras) {
         const Vec3 centre = camera.centre_in_world();
         fmt::print("{:12} {:.3f} {:.3f} {:.3f} m\n", camera.name, centre.x, centre.y, centre.z);

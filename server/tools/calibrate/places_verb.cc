@@ -133,7 +133,8 @@ absl::StatusOr<ExtrinsicsResult> places_by_wand(const std::vector<CameraClip>& c
 
 absl::Status by_person(const PlacesArguments& arguments) {
     if (!arguments.board.empty() || !arguments.wand.empty())
-        return absl::InvalidArgumentError("what was moved through the space? Give one of --board and --wand, or --person");
+        return absl::InvalidArgumentError(
+            "what was moved through the space? Give one of --board and --wand, or --person");
     if (!is_session(arguments.clips))
         return absl::InvalidArgumentError("--person takes one file, the session.toml of a person who walks");
     PersonArguments person{arguments.clips.front(), arguments.lenses, arguments.out, arguments.height_m};
@@ -182,9 +183,9 @@ absl::Status extrinsics(const PlacesArguments& arguments) {
 
 std::vector<Verb> places_verbs(CLI::App& app) {
     const auto places = std::make_shared<PlacesArguments>();
-    CLI::App* const verb = app.add_subcommand(
-        "extrinsics",
-        "Places of cameras from synchronised videos of a board or a wand moved, or a person who walked, through the space");
+    CLI::App* const verb = app.add_subcommand("extrinsics",
+                                              "Places of cameras from synchronised videos of a board or a "
+                                              "wand moved, or a person who walked, through the space");
     verb->add_option(
             "clips", places->clips,
             "NAME=FILE for each camera: a video or a folder of pictures; or a session's session.toml")
@@ -194,9 +195,10 @@ std::vector<Verb> places_verbs(CLI::App& app) {
         "--wand", places->wand,
         "Instead of a board: wand:200:600 (mm from the first ball to the second and to the third) or "
         "wand:600 (two balls)");
-    verb->add_flag("--person", places->person,
-                   "Instead of a board: a person who walks upright round through the space, in a session.toml whose "
-                   "calibration (or --lenses) gives the lenses");
+    verb->add_flag(
+        "--person", places->person,
+        "Instead of a board: a person who walks upright round through the space, in a session.toml whose "
+        "calibration (or --lenses) gives the lenses");
     verb->add_option("--height", places->height_m, "m, of that person with shoes and hair: gives the scale")
         ->check(CLI::Range(0.5, 2.6));
     verb->add_option("--out", places->out, "The calibration to write, .toml; its certificate goes beside it")

@@ -42,13 +42,15 @@ absl::Status refine(const SessionArguments& arguments) {
     const SolveProgress progress = console_progress(arguments.quiet);
     const auto seen = open(arguments, progress);
     if (!seen.ok()) return seen.status();
-    const auto refined = refine_from_person(seen->cameras, seen->set, arguments.moments, known_height(arguments), progress);
+    const auto refined =
+        refine_from_person(seen->cameras, seen->set, arguments.moments, known_height(arguments), progress);
     if (!refined.ok()) return refined.status();
     const Certificate& certificate = refined->certificate;
     print_hull("before", *certificate.hull_before, seen->cameras);
     if (const auto& better = refined->better) {
         print_hull("after ", *certificate.hull, seen->cameras);
-        fmt::print("outlines miss by {:.2f} px, before {:.2f}\n", better->miss_after_px, better->miss_before_px);
+        fmt::print("outlines miss by {:.2f} px, before {:.2f}\n", better->miss_after_px,
+                   better->miss_before_px);
         for (std::size_t c = 0; c < seen->cameras.size(); ++c)
             fmt::print("{:12} turned by {:.2f} degrees, moved by {:.0f} mm\n", seen->cameras[c].name,
                        better->turned_deg[c], 1000 * better->moved_m[c]);
@@ -98,8 +100,7 @@ std::vector<Verb> session_verbs(CLI::App& app) {
         ->required();
     CLI::App* const check_verb =
         declare(app, "check", "Whether a session's calibration can be trusted: GO, CARE or NO-GO", *checked);
-    check_verb->add_option("--out", checked->out,
-                           "Write the certificate to this name with .json added");
+    check_verb->add_option("--out", checked->out, "Write the certificate to this name with .json added");
     return {{refine_verb, [refined] { return refine(*refined); }},
             {check_verb, [checked] { return check(*checked); }}};
 }

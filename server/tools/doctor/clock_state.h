@@ -7,7 +7,7 @@ namespace kinevox::doctor {
 
 struct ClockState {
     bool known = false, synchronised = false;
-    double error_ms = 0;   // as the kernel estimates it
+    double error_ms = 0;  // as the kernel estimates it
 };
 
 ClockState clock_state();

@@ -6,14 +6,14 @@
 
 namespace kinevox::doctor {
 
-enum class Level { kOk, kWarn, kBad };   // as it should be; it works, with losses or risks; it does not work
+enum class Level { kOk, kWarn, kBad };  // as it should be; it works, with losses or risks; it does not work
 
 // What root would do about it, as --fix-script writes it.
 struct Fix {
     enum class Kind {
-        kSysctl,    // "net.core.rmem_max=33554432", kept in /etc/sysctl.d
-        kTmpfile,   // a line for /etc/tmpfiles.d
-        kUdev,      // a line for /etc/udev/rules.d
+        kSysctl,   // "net.core.rmem_max=33554432", kept in /etc/sysctl.d
+        kTmpfile,  // a line for /etc/tmpfiles.d
+        kUdev,     // a line for /etc/udev/rules.d
         kCommand,
     };
     Kind kind;
@@ -23,9 +23,9 @@ struct Fix {
 
 struct Finding {
     Level level = Level::kOk;
-    std::string check;        // "receive buffers"
-    std::string what;         // one line
-    std::string mend = {};    // one line; empty where there is nothing to mend
+    std::string check;      // "receive buffers"
+    std::string what;       // one line
+    std::string mend = {};  // one line; empty where there is nothing to mend
     std::vector<Fix> fixes = {};
 };
 

@@ -11,12 +11,13 @@ namespace kinevox::doctor {
 
 struct Interface {
     std::string name;
-    std::uint32_t address = 0, mask = 0;   // IPv4, in the host's order of bytes
+    std::uint32_t address = 0, mask = 0;  // IPv4, in the host's order of bytes
 };
 
-std::vector<Interface> interfaces();   // of this machine, with an IPv4 address
+std::vector<Interface> interfaces();  // of this machine, with an IPv4 address
 // Those in whose network a camera answered.
-std::vector<Interface> with_cameras(const std::vector<Interface>& all, const std::vector<FoundCamera>& cameras);
+std::vector<Interface> with_cameras(const std::vector<Interface>& all,
+                                    const std::vector<FoundCamera>& cameras);
 Findings check_interfaces(const Facts& facts, const std::vector<Interface>& interfaces);
 
 }  // namespace kinevox::doctor

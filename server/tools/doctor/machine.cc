@@ -13,7 +13,9 @@ std::string Machine::text(const std::string& path) const {
     std::ostringstream out;
     out << in.rdbuf();
     std::string text = out.str();
-    text.erase(std::find_if(text.rbegin(), text.rend(), [](unsigned char c) { return !std::isspace(c); }).base(), text.end());
+    text.erase(
+        std::find_if(text.rbegin(), text.rend(), [](unsigned char c) { return !std::isspace(c); }).base(),
+        text.end());
     return text;
 }
 
@@ -32,17 +34,20 @@ bool Machine::exists(const std::string& path) const {
 std::vector<std::string> Machine::names(const std::string& folder) const {
     std::error_code error;
     std::vector<std::string> out;
-    for (const auto& entry : std::filesystem::directory_iterator(at(folder), error)) out.push_back(entry.path().filename());
+    for (const auto& entry : std::filesystem::directory_iterator(at(folder), error))
+        out.push_back(entry.path().filename());
     std::ranges::sort(out);
     return out;
 }
 
-// By its command: the kernel's own name of the daemon is that of the link by which it starts itself anew for huge pages.
+// By its command: the kernel's own name of the daemon is that of the link by which it starts itself anew for
+// huge pages.
 int Machine::process(const std::string& name) const {
     for (const std::string& entry : names("proc")) {
         if (!std::ranges::all_of(entry, [](unsigned char c) { return std::isdigit(c); })) continue;
         const std::string command = text("proc/" + entry + "/cmdline");
-        if (std::filesystem::path(command.substr(0, command.find('\0'))).filename() == name) return std::stoi(entry);
+        if (std::filesystem::path(command.substr(0, command.find('\0'))).filename() == name)
+            return std::stoi(entry);
     }
     return 0;
 }

@@ -16,9 +16,9 @@ class Machine {
     std::filesystem::path at(const std::string& path) const { return root_ / path; }
     // Without the white space at its end; empty where it cannot be read.
     std::string text(const std::string& path) const;
-    std::optional<long long> number(const std::string& path) const;   // with which it begins
+    std::optional<long long> number(const std::string& path) const;  // with which it begins
     bool exists(const std::string& path) const;
-    std::vector<std::string> names(const std::string& folder) const;   // in it, sorted
+    std::vector<std::string> names(const std::string& folder) const;  // in it, sorted
     // The process of that name, and 0 for none.
     int process(const std::string& name) const;
 

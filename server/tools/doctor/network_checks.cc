@@ -1,11 +1,10 @@
 #include <arpa/inet.h>
+#include <fmt/format.h>
 #include <ifaddrs.h>
 
 #include <algorithm>
 #include <map>
 #include <memory>
-
-#include <fmt/format.h>
 
 #include "server/tools/doctor/checks.h"
 #include "server/tools/doctor/interfaces.h"
@@ -13,54 +12,70 @@
 namespace kinevox::doctor {
 namespace {
 
-constexpr long long kReceiveBytes = 33554432;   // docs/cameras.md: the daemon asks for 8 MB a camera
-constexpr long long kBacklog = 5000;            // packets; a gigabit of 1500 bytes brings 80 a millisecond
-constexpr long long kJumboBytes = 8192;         // from which packets count as jumbo frames
+constexpr long long kReceiveBytes = 33554432;  // docs/cameras.md: the daemon asks for 8 MB a camera
+constexpr long long kBacklog = 5000;           // packets; a gigabit of 1500 bytes brings 80 a millisecond
+constexpr long long kJumboBytes = 8192;        // from which packets count as jumbo frames
 
 bool has_network_cameras(const Facts& facts) {
-    return std::ranges::any_of(facts.found, [](const FoundCamera& camera) { return camera.protocol == "GigEVision"; });
+    return std::ranges::any_of(facts.found,
+                               [](const FoundCamera& camera) { return camera.protocol == "GigEVision"; });
 }
 
-Finding at_least(const Facts& facts, const char* check, const std::string& key, long long least, const char* why) {
+Finding at_least(const Facts& facts, const char* check, const std::string& key, long long least,
+                 const char* why) {
     std::string path = "proc/sys/" + key;
     std::ranges::replace(path, '.', '/');
     const auto value = facts.machine.number(path);
-    if (!value) return {Level::kWarn, check, fmt::format("{} cannot be read", key), "run this outside of a container"};
+    if (!value)
+        return {Level::kWarn, check, fmt::format("{} cannot be read", key),
+                "run this outside of a container"};
     if (*value >= least) return {Level::kOk, check, fmt::format("{} is {}", key, *value)};
     // Without cameras on the network nothing is lost yet.
-    return {has_network_cameras(facts) ? Level::kBad : Level::kWarn, check,
-            fmt::format("{} is {}, below {}: {}", key, *value, least, why), fmt::format("sysctl -w {}={}", key, least),
+    return {has_network_cameras(facts) ? Level::kBad : Level::kWarn,
+            check,
+            fmt::format("{} is {}, below {}: {}", key, *value, least, why),
+            fmt::format("sysctl -w {}={}", key, least),
             {{Fix::Kind::kSysctl, fmt::format("{}={}", key, least)}}};
 }
 
 Finding mtu_of(const Facts& facts, const Interface& interface) {
     const auto mtu = facts.machine.number("sys/class/net/" + interface.name + "/mtu").value_or(0);
-    if (mtu >= kJumboBytes) return {Level::kOk, "jumbo frames", fmt::format("{} takes packets of {} bytes", interface.name, mtu)};
-    return {Level::kWarn, "jumbo frames",
-            fmt::format("{}, which cameras are behind, takes packets of {} bytes: six times as many interrupts as with 9000",
+    if (mtu >= kJumboBytes)
+        return {Level::kOk, "jumbo frames", fmt::format("{} takes packets of {} bytes", interface.name, mtu)};
+    return {Level::kWarn,
+            "jumbo frames",
+            fmt::format("{}, which cameras are behind, takes packets of {} bytes: six times as many "
+                        "interrupts as with 9000",
                         interface.name, mtu),
             fmt::format("ip link set {} mtu 9000, and the same on the switch", interface.name),
             {{Fix::Kind::kCommand, fmt::format("ip link set {} mtu 9000", interface.name)},
-             {Fix::Kind::kUdev, fmt::format("ACTION==\"add\", SUBSYSTEM==\"net\", KERNEL==\"{}\", ATTR{{mtu}}=\"9000\"",
-                                            interface.name)}}};
+             {Fix::Kind::kUdev,
+              fmt::format("ACTION==\"add\", SUBSYSTEM==\"net\", KERNEL==\"{}\", ATTR{{mtu}}=\"9000\"",
+                          interface.name)}}};
 }
 
 Finding speed_of(const Facts& facts, const Interface& interface) {
     const auto megabits = facts.machine.number("sys/class/net/" + interface.name + "/speed").value_or(-1);
     if (megabits < 0) return {Level::kOk, "network speed", interface.name + " tells no speed"};
-    if (megabits >= 1000) return {Level::kOk, "network speed", fmt::format("{} runs at {} Mbit/s", interface.name, megabits)};
-    return {Level::kBad, "network speed", fmt::format("{}, which cameras are behind, runs at {} Mbit/s", interface.name, megabits),
+    if (megabits >= 1000)
+        return {Level::kOk, "network speed", fmt::format("{} runs at {} Mbit/s", interface.name, megabits)};
+    return {Level::kBad, "network speed",
+            fmt::format("{}, which cameras are behind, runs at {} Mbit/s", interface.name, megabits),
             "use a cable and a port of 1 Gbit/s or more"};
 }
 
-// 1 drops what comes from an address that this interface would not answer to; the kernel takes the greater of the two.
+// 1 drops what comes from an address that this interface would not answer to; the kernel takes the greater of
+// the two.
 Finding path_filter_of(const Facts& facts, const Interface& interface) {
     const std::string folder = "proc/sys/net/ipv4/conf/";
     const auto filter = std::max(facts.machine.number(folder + "all/rp_filter").value_or(0),
                                  facts.machine.number(folder + interface.name + "/rp_filter").value_or(0));
-    if (filter != 1) return {Level::kOk, "path filter", fmt::format("{} has rp_filter {}", interface.name, filter)};
-    return {Level::kWarn, "path filter",
-            fmt::format("{} has rp_filter 1: cameras that have no address of its network yet are not heard", interface.name),
+    if (filter != 1)
+        return {Level::kOk, "path filter", fmt::format("{} has rp_filter {}", interface.name, filter)};
+    return {Level::kWarn,
+            "path filter",
+            fmt::format("{} has rp_filter 1: cameras that have no address of its network yet are not heard",
+                        interface.name),
             fmt::format("sysctl -w net.ipv4.conf.{}.rp_filter=2", interface.name),
             {{Fix::Kind::kSysctl, fmt::format("net.ipv4.conf.{}.rp_filter=2", interface.name)}}};
 }
@@ -82,11 +97,13 @@ std::vector<Interface> interfaces() {
     return out;
 }
 
-std::vector<Interface> with_cameras(const std::vector<Interface>& all, const std::vector<FoundCamera>& cameras) {
+std::vector<Interface> with_cameras(const std::vector<Interface>& all,
+                                    const std::vector<FoundCamera>& cameras) {
     std::map<std::string, Interface> out;
     for (const FoundCamera& camera : cameras) {
         in_addr address{};
-        if (camera.protocol != "GigEVision" || inet_pton(AF_INET, camera.address.c_str(), &address) != 1) continue;
+        if (camera.protocol != "GigEVision" || inet_pton(AF_INET, camera.address.c_str(), &address) != 1)
+            continue;
         for (const Interface& interface : all)
             if ((ntohl(address.s_addr) & interface.mask) == (interface.address & interface.mask))
                 out.insert({interface.name, interface});
@@ -97,8 +114,10 @@ std::vector<Interface> with_cameras(const std::vector<Interface>& all, const std
 }
 
 Findings check_network(const Facts& facts) {
-    return {at_least(facts, "receive buffers", "net.core.rmem_max", kReceiveBytes, "pictures lose packets when many come at once"),
-            at_least(facts, "packet backlog", "net.core.netdev_max_backlog", kBacklog, "packets are dropped while a core is busy")};
+    return {at_least(facts, "receive buffers", "net.core.rmem_max", kReceiveBytes,
+                     "pictures lose packets when many come at once"),
+            at_least(facts, "packet backlog", "net.core.netdev_max_backlog", kBacklog,
+                     "packets are dropped while a core is busy")};
 }
 
 Findings check_interfaces(const Facts& facts, const std::vector<Interface>& interfaces) {

@@ -9,7 +9,7 @@ namespace kinevox::doctor {
 
 bool any_bad(const Findings& findings);
 std::string to_text(const Findings& findings, bool coloured);
-std::string to_json(const Findings& findings);   // one object
+std::string to_json(const Findings& findings);  // one object
 // A shell script that mends what root can mend, to be read before it is run.
 std::string fix_script(const Findings& findings);
 

@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <netdb.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -6,8 +7,6 @@
 #include <cerrno>
 #include <memory>
 #include <system_error>
-
-#include <fmt/format.h>
 
 #include "server/tools/doctor/checks.h"
 
@@ -24,7 +23,8 @@ int listen_error(const std::string& host, const std::string& port) {
     const int socket = ::socket(list->ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0);
     if (socket < 0) return errno;
     const int yes = 1;
-    setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);   // connections that are ending do not count
+    setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes,
+               sizeof yes);  // connections that are ending do not count
     const int error = bind(socket, list->ai_addr, list->ai_addrlen) == 0 ? 0 : errno;
     close(socket);
     return error;
@@ -34,12 +34,16 @@ int listen_error(const std::string& host, const std::string& port) {
 
 Findings check_config(const Facts& facts) {
     if (!facts.config.ok())
-        return {{Level::kBad, "configuration", std::string(facts.config.status().message()), "correct it; the daemon does not start"}};
+        return {{Level::kBad, "configuration", std::string(facts.config.status().message()),
+                 "correct it; the daemon does not start"}};
     if (facts.config_file.empty()) return {{Level::kOk, "configuration", "none; the defaults count"}};
-    struct stat of{};
+    struct stat of {};
     if (stat(facts.config_file.c_str(), &of) == 0 && (of.st_mode & S_IWOTH))
-        return {{Level::kBad, "configuration", facts.config_file.string() + " may be written by everybody",
-                 "chmod o-w " + facts.config_file.string(), {{Fix::Kind::kCommand, "chmod o-w '" + facts.config_file.string() + "'"}}}};
+        return {{Level::kBad,
+                 "configuration",
+                 facts.config_file.string() + " may be written by everybody",
+                 "chmod o-w " + facts.config_file.string(),
+                 {{Fix::Kind::kCommand, "chmod o-w '" + facts.config_file.string() + "'"}}}};
     return {{Level::kOk, "configuration", facts.config_file.string() + " has no errors"}};
 }
 
@@ -52,18 +56,22 @@ Findings check_port(const Facts& facts) {
     const int error = listen_error(host, port);
     const int daemon = facts.machine.process("kinevoxd");
     if (error == 0)
-        return {{Level::kOk, "port", listen + (daemon ? " is free, though a kinevoxd runs: it listens elsewhere" : " is free")}};
-    if (error == EADDRINUSE && daemon) return {{Level::kOk, "port", fmt::format("kinevoxd (process {}) runs, {} is taken", daemon, listen)}};
+        return {{Level::kOk, "port",
+                 listen + (daemon ? " is free, though a kinevoxd runs: it listens elsewhere" : " is free")}};
+    if (error == EADDRINUSE && daemon)
+        return {{Level::kOk, "port", fmt::format("kinevoxd (process {}) runs, {} is taken", daemon, listen)}};
     if (error == EADDRINUSE)
-        return {{Level::kBad, "port", listen + " is taken by another program", "see `ss -ltnp`; give [server] listen another port"}};
+        return {{Level::kBad, "port", listen + " is taken by another program",
+                 "see `ss -ltnp`; give [server] listen another port"}};
     return {{Level::kBad, "port", fmt::format("{}: {}", listen, std::generic_category().message(error)),
              "give [server] listen an address of this machine, and a port above 1023"}};
 }
 
 Findings check_all(const Facts& facts) {
     Findings out;
-    for (const auto check : {check_config, check_port, check_cameras, check_camera_interfaces, check_network, check_usb, check_gpu,
-                             check_memory, check_limits, check_clock, check_state, check_disk})
+    for (const auto check :
+         {check_config, check_port, check_cameras, check_camera_interfaces, check_network, check_usb,
+          check_gpu, check_memory, check_limits, check_clock, check_state, check_disk})
         for (Finding& finding : check(facts)) out.push_back(std::move(finding));
     return out;
 }

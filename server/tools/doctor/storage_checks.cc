@@ -1,4 +1,5 @@
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <pwd.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
@@ -8,8 +9,6 @@
 #include <cerrno>
 #include <chrono>
 #include <system_error>
-
-#include <fmt/format.h>
 
 #include "common/calibration_file.h"
 #include "server/tools/doctor/checks.h"
@@ -22,7 +21,8 @@ namespace fs = std::filesystem;
 // The folder itself, or the nearest above it that is there.
 fs::path nearest(fs::path folder) {
     std::error_code error;
-    while (!folder.empty() && folder != folder.parent_path() && !fs::exists(folder, error)) folder = folder.parent_path();
+    while (!folder.empty() && folder != folder.parent_path() && !fs::exists(folder, error))
+        folder = folder.parent_path();
     return folder;
 }
 
@@ -42,7 +42,8 @@ double picture_rate(const DaemonConfig& config) {
                         if (camera.name == wanted.name) pixels += 1.0 * camera.width * camera.height;
             return 3.0 * pixels * config.source.cameras.fps;
         }
-        case SourceConfig::Kind::kSession: break;
+        case SourceConfig::Kind::kSession:
+            break;
     }
     return 0;
 }
@@ -52,15 +53,17 @@ double write_speed(const fs::path& folder, std::uint64_t bytes) {
     std::string name = (folder / ".kinevox-doctor-XXXXXX").string();
     const int file = mkostemp(name.data(), O_CLOEXEC);
     if (file < 0) return -1;
-    unlink(name.c_str());   // gone whatever happens
+    unlink(name.c_str());  // gone whatever happens
     std::string block(std::size_t{4} << 20, '\0');
     unsigned random = 1;
-    for (char& byte : block) byte = static_cast<char>((random = random * 1664525u + 1013904223u) >> 24);   // not compressible
+    for (char& byte : block)
+        byte = static_cast<char>((random = random * 1664525u + 1013904223u) >> 24);  // not compressible
     const auto begin = std::chrono::steady_clock::now();
     std::uint64_t written = 0;
     bool ok = true;
     while (ok && written < bytes) {
-        const ssize_t count = write(file, block.data(), std::min<std::uint64_t>(block.size(), bytes - written));
+        const ssize_t count =
+            write(file, block.data(), std::min<std::uint64_t>(block.size(), bytes - written));
         ok = count > 0;
         written += static_cast<std::uint64_t>(std::max<ssize_t>(count, 0));
     }
@@ -76,20 +79,24 @@ std::string owner_of(const struct stat& of) {
 }
 
 Finding space(const Facts& facts, const fs::path& folder, double rate) {
-    struct statvfs disk{};
+    struct statvfs disk {};
     if (statvfs(folder.c_str(), &disk) != 0)
-        return {Level::kBad, "disk space", fmt::format("{}: {}", folder.string(), std::generic_category().message(errno)),
+        return {Level::kBad, "disk space",
+                fmt::format("{}: {}", folder.string(), std::generic_category().message(errno)),
                 "correct [recording] folder"};
     const double free = static_cast<double>(disk.f_bavail) * static_cast<double>(disk.f_frsize);
     const double least = static_cast<double>(facts.settings().recording.least_free_mb) * (1 << 20);
     const double seconds = rate > 0 ? std::max(free - least, 0.0) / (rate / 2) : 1e9;
-    const std::string what = fmt::format("{:.0f} GB are free for {}{}", free / 1e9, facts.recordings.string(),
-                                         rate > 0 ? fmt::format(": about {:.0f} minutes of recordings", seconds / 60) : "");
+    const std::string what =
+        fmt::format("{:.0f} GB are free for {}{}", free / 1e9, facts.recordings.string(),
+                    rate > 0 ? fmt::format(": about {:.0f} minutes of recordings", seconds / 60) : "");
     if (free <= least)
-        return {Level::kBad, "disk space", what + ", less than [recording] least_free_mb: nothing can be recorded",
+        return {Level::kBad, "disk space",
+                what + ", less than [recording] least_free_mb: nothing can be recorded",
                 "`kinevox record delete` what is not needed, or set [recording] folder to another disk"};
     if (seconds < 600)
-        return {Level::kWarn, "disk space", what, "`kinevox record delete` what is not needed, or set [recording] folder to another disk"};
+        return {Level::kWarn, "disk space", what,
+                "`kinevox record delete` what is not needed, or set [recording] folder to another disk"};
     return {Level::kOk, "disk space", what};
 }
 
@@ -97,27 +104,38 @@ Finding space(const Facts& facts, const fs::path& folder, double rate) {
 
 Findings check_state(const Facts& facts) {
     if (facts.state_folder.empty())
-        return {{Level::kWarn, "state", "there is no folder for calibrations, backgrounds, bodies and poses: all are forgotten at the end",
+        return {{Level::kWarn, "state",
+                 "there is no folder for calibrations, backgrounds, bodies and poses: all are forgotten at "
+                 "the end",
                  "set XDG_STATE_HOME, or install the service"}};
-    struct stat of{};
+    struct stat of {};
     const std::string folder = facts.state_folder.string();
     if (stat(facts.state_folder.c_str(), &of) != 0) {
         const fs::path above = nearest(facts.state_folder);
-        if (access(above.c_str(), W_OK) == 0) return {{Level::kOk, "state", folder + " is made when it is needed"}};
-        return {{Level::kBad, "state", fmt::format("{} is not there and may not be made below {}", folder, above.string()),
+        if (access(above.c_str(), W_OK) == 0)
+            return {{Level::kOk, "state", folder + " is made when it is needed"}};
+        return {{Level::kBad, "state",
+                 fmt::format("{} is not there and may not be made below {}", folder, above.string()),
                  "make it and give it to the daemon's user"}};
     }
     // The service's folder is the service's; everybody else asks for his own.
     const passwd* user = getpwnam("kinevox");
     const bool of_service = folder.starts_with(facts.machine.at("var/lib/kinevox").string());
     if (of_service && user && of.st_uid != user->pw_uid)
-        return {{Level::kBad, "state", fmt::format("{} belongs to {}, the service runs as kinevox", folder, owner_of(of)),
-                 "chown -R kinevox:kinevox " + folder, {{Fix::Kind::kCommand, "chown -R kinevox:kinevox '" + folder + "'"}}}};
+        return {{Level::kBad,
+                 "state",
+                 fmt::format("{} belongs to {}, the service runs as kinevox", folder, owner_of(of)),
+                 "chown -R kinevox:kinevox " + folder,
+                 {{Fix::Kind::kCommand, "chown -R kinevox:kinevox '" + folder + "'"}}}};
     if (of.st_mode & S_IWOTH)
-        return {{Level::kBad, "state", folder + " may be written by everybody", "chmod o-w " + folder,
+        return {{Level::kBad,
+                 "state",
+                 folder + " may be written by everybody",
+                 "chmod o-w " + folder,
                  {{Fix::Kind::kCommand, "chmod o-w '" + folder + "'"}}}};
     if (!of_service && access(folder.c_str(), W_OK) != 0)
-        return {{Level::kBad, "state", fmt::format("{} belongs to {} and may not be written by you", folder, owner_of(of)),
+        return {{Level::kBad, "state",
+                 fmt::format("{} belongs to {} and may not be written by you", folder, owner_of(of)),
                  "give it to the daemon's user, or set XDG_STATE_HOME"}};
     return {{Level::kOk, "state", fmt::format("{} belongs to {}", folder, owner_of(of))}};
 }
@@ -128,21 +146,27 @@ Findings check_disk(const Facts& facts) {
     const double rate = picture_rate(facts.settings());
     Findings out{space(facts, folder, rate)};
     if (access(folder.c_str(), W_OK) != 0) {
-        out.push_back({Level::kWarn, "disk speed", fmt::format("{} may not be written by you, so its speed is not known", folder.string()),
-                       "run this as root"});
+        out.push_back(
+            {Level::kWarn, "disk speed",
+             fmt::format("{} may not be written by you, so its speed is not known", folder.string()),
+             "run this as root"});
         return out;
     }
-    if (out.front().level == Level::kBad) return out;   // no room for the test either
+    if (out.front().level == Level::kBad) return out;  // no room for the test either
     const double speed = write_speed(folder, facts.disk_test_bytes);
-    const std::string what = fmt::format("{} takes {:.0f} MB/s; the cameras bring {:.0f}, about half of it when encoded",
-                                         folder.string(), speed / 1e6, rate / 1e6);
+    const std::string what =
+        fmt::format("{} takes {:.0f} MB/s; the cameras bring {:.0f}, about half of it when encoded",
+                    folder.string(), speed / 1e6, rate / 1e6);
     if (speed < 0)
-        out.push_back({Level::kBad, "disk speed", fmt::format("{}: {}", folder.string(), std::generic_category().message(errno)),
+        out.push_back({Level::kBad, "disk speed",
+                       fmt::format("{}: {}", folder.string(), std::generic_category().message(errno)),
                        "see whether the disk is full or mounted read-only"});
     else if (speed < rate / 2)
-        out.push_back({Level::kBad, "disk speed", what, "record to a faster disk, or with [recording] codec = \"h264\""});
+        out.push_back({Level::kBad, "disk speed", what,
+                       "record to a faster disk, or with [recording] codec = \"h264\""});
     else if (speed < rate)
-        out.push_back({Level::kWarn, "disk speed", what, "a busy disk may fall behind: record to a faster one"});
+        out.push_back(
+            {Level::kWarn, "disk speed", what, "a busy disk may fall behind: record to a faster one"});
     else
         out.push_back({Level::kOk, "disk speed", what});
     return out;

@@ -1,14 +1,14 @@
-// The poses of a recording: the body fitted to its first seconds, its frame sets followed again with that body, smoothed
-// as a whole at the end.
+// The poses of a recording: the body fitted to its first seconds, its frame sets followed again with that
+// body, smoothed as a whole at the end.
 #pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
 
 #include <cstddef>
 #include <memory>
 #include <optional>
 #include <vector>
-
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 #include "common/camera.h"
 #include "server/pipeline/frame_result.h"
@@ -22,10 +22,11 @@ class PoseStage;
 struct PoseObservation;
 
 struct PosePassOptions {
-    double cutoff_hz = 6;         // of the zero-phase filter; 0: none
-    double body_seconds = 6;      // of movement, from which the body is fitted
-    bool fit_body = true;         // else the pipeline's body is the subject's
-    // So many frame sets are kept and followed both ways with the fitted body; those after them are followed once.
+    double cutoff_hz = 6;     // of the zero-phase filter; 0: none
+    double body_seconds = 6;  // of movement, from which the body is fitted
+    bool fit_body = true;     // else the pipeline's body is the subject's
+    // So many frame sets are kept and followed both ways with the fitted body; those after them are followed
+    // once.
     std::size_t most_kept = 1200;
     BodyFitOptions body;
 };
@@ -33,7 +34,8 @@ struct PosePassOptions {
 class PosePass {
   public:
     // `posing` as the pipeline's.
-    PosePass(std::vector<Camera> cameras, double fps, const PoseStageOptions& posing, const PosePassOptions& options);
+    PosePass(std::vector<Camera> cameras, double fps, const PoseStageOptions& posing,
+             const PosePassOptions& options);
     ~PosePass();
 
     // After each frame set of the pipeline; `stage` is the pipeline's.
@@ -57,9 +59,8 @@ class PosePass {
     PoseStageOptions posing_;
     PosePassOptions options_;
     std::vector<Frame> frames_;
-    bool settled_ = false;             // the kept frame sets were followed
+    bool settled_ = false;  // the kept frame sets were followed
     std::optional<BodyShape> body_;
 };
-
 
 }  // namespace kinevox

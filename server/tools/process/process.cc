@@ -1,5 +1,7 @@
 #include "server/tools/process/process.h"
 
+#include <fmt/format.h>
+
 #include <chrono>
 #include <cstdio>
 #include <memory>
@@ -7,8 +9,6 @@
 #include <string>
 #include <utility>
 #include <vector>
-
-#include <fmt/format.h>
 
 #include "common/atomic_file.h"
 #include "common/calibration_file.h"
@@ -25,24 +25,29 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+double seconds_since(Clock::time_point start) {
+    return std::chrono::duration<double>(Clock::now() - start).count();
+}
 
-absl::Status learn_background(FrameSource& source, Pipeline& pipeline, const std::filesystem::path& session_file) {
+absl::Status learn_background(FrameSource& source, Pipeline& pipeline,
+                              const std::filesystem::path& session_file) {
     const auto background = background_of_all(source, session_file);
     if (!background.ok()) return background.status();
     return pipeline.learn_background(*background);
 }
 
-// The body of the person in a session, fitted to all of its frame sets. None where somebody is there whose pose cannot
-// be told from what else has changed in the room: that is said and does not cost the trial, whose movement tells the
-// body too.
-absl::StatusOr<std::optional<BodyShape>> body_of_session(const std::filesystem::path& session_file, const ProcessOptions& options,
-                                          const std::atomic<bool>& stop) {
+// The body of the person in a session, fitted to all of its frame sets. None where somebody is there whose
+// pose cannot be told from what else has changed in the room: that is said and does not cost the trial, whose
+// movement tells the body too.
+absl::StatusOr<std::optional<BodyShape>> body_of_session(const std::filesystem::path& session_file,
+                                                         const ProcessOptions& options,
+                                                         const std::atomic<bool>& stop) {
     auto source = open_session_source(session_file);
     if (!source.ok()) return source.status();
     auto pipeline = Pipeline::create((*source)->cameras(), (*source)->fps(), options.pipeline);
     if (!pipeline.ok()) return pipeline.status();
-    if (absl::Status learned = learn_background(**source, **pipeline, session_file); !learned.ok()) return learned;
+    if (absl::Status learned = learn_background(**source, **pipeline, session_file); !learned.ok())
+        return learned;
     std::vector<std::unique_ptr<PoseObservation>> frames;
     const auto most = static_cast<std::size_t>(options.poses.body_seconds * (*source)->fps()) + 1;
     while (frames.size() < most && !stop) {
@@ -86,7 +91,8 @@ absl::Status process_session(const ProcessOptions& asked, const std::atomic<bool
     const auto fingerprint = run_fingerprint(options);
     if (!fingerprint.ok()) return fingerprint.status();
     if (options.resume && holds_results_of(options.out_folder, *fingerprint)) {
-        if (!options.quiet) fmt::print("{} holds these results already; nothing was done\n", options.out_folder.string());
+        if (!options.quiet)
+            fmt::print("{} holds these results already; nothing was done\n", options.out_folder.string());
         return absl::OkStatus();
     }
     if (!options.tpose_file.empty() && options.pipeline.pose) {
@@ -114,7 +120,8 @@ absl::Status process_session(const ProcessOptions& asked, const std::atomic<bool
     const Clock::time_point start = Clock::now();
     {
         std::int64_t total = (*source)->frame_count();
-        if (options.most_frames > 0 && (total < 0 || total > options.most_frames)) total = options.most_frames;
+        if (options.most_frames > 0 && (total < 0 || total > options.most_frames))
+            total = options.most_frames;
         ProgressBar bar(total, options.quiet);
         while (options.most_frames == 0 || summary.frames() < options.most_frames) {
             if (stop)
@@ -140,7 +147,8 @@ absl::Status process_session(const ProcessOptions& asked, const std::atomic<bool
         for (Table& table : pose_tables(poses.finish(*pose_stage))) (*writer)->add_table(std::move(table));
         if (poses.body()) (*writer)->add_table({"body.toml", body_shape_toml(*poses.body())});
     }
-    (*writer)->add_table({"run.toml", run_toml(options, *fingerprint, (*source)->fps(), summary.frames())});   // the last
+    (*writer)->add_table(
+        {"run.toml", run_toml(options, *fingerprint, (*source)->fps(), summary.frames())});  // the last
     if (absl::Status finished = (*writer)->finish(); !finished.ok()) return finished;
     if (!options.quiet) {
         fmt::print("{}results in {}\n", summary.text(wall_s), options.out_folder.string());

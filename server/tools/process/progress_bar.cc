@@ -1,9 +1,9 @@
 #include "server/tools/process/progress_bar.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <string>
-
-#include <fmt/format.h>
 
 namespace kinevox {
 

@@ -1,23 +1,23 @@
 #include "server/tools/process/result_writer.h"
 
-#include <algorithm>
-#include <condition_variable>
-#include <deque>
-#include <mutex>
-#include <system_error>
-#include <thread>
-#include <utility>
-
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/file.h>
 #include <unistd.h>
+
+#include <algorithm>
+#include <condition_variable>
+#include <deque>
+#include <mutex>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <system_error>
+#include <thread>
+#include <utility>
 
 #include "common/atomic_file.h"
-#include "common/ply.h"
 #include "common/background_priority.h"
+#include "common/ply.h"
 #include "server/tools/process/tables.h"
 
 namespace kinevox {
@@ -27,17 +27,22 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kAside = ".kinevox-partial";
 
-std::string six_digits(std::uint64_t frame, std::string_view ending) { return fmt::format("{:06d}{}", frame, ending); }
+std::string six_digits(std::uint64_t frame, std::string_view ending) {
+    return fmt::format("{:06d}{}", frame, ending);
+}
 
 absl::Status cannot_write(const fs::path& file, std::string_view why) {
-    return absl::InternalError(
-        fmt::format("{} cannot be written ({}); is the disk full or the folder read-only?", file.string(), why));
+    return absl::InternalError(fmt::format(
+        "{} cannot be written ({}); is the disk full or the folder read-only?", file.string(), why));
 }
 
 class FolderWriter final : public ResultWriter {
   public:
     FolderWriter(fs::path folder, std::vector<std::string> names, const ResultWriterOptions& options)
-        : folder_(std::move(folder)), aside_(folder_ / kAside), names_(std::move(names)), options_(options),
+        : folder_(std::move(folder)),
+          aside_(folder_ / kAside),
+          names_(std::move(names)),
+          options_(options),
           tables_(names_) {}
 
     ~FolderWriter() override {
@@ -48,7 +53,7 @@ class FolderWriter final : public ResultWriter {
         end_threads();
         std::error_code ignored;
         if (opened_) fs::remove_all(aside_, ignored);
-        if (made_folder_) fs::remove(folder_, ignored);   // only if it is empty
+        if (made_folder_) fs::remove(folder_, ignored);  // only if it is empty
         if (lock_ >= 0) ::close(lock_);
     }
 
@@ -62,11 +67,13 @@ class FolderWriter final : public ResultWriter {
         fs::create_directories(aside_, error);
         if (error) return cannot_write(aside_, error.message());
         if (options_.save_silhouettes)
-            for (const std::string& name : names_) fs::create_directories(aside_ / "silhouettes" / name, error);
+            for (const std::string& name : names_)
+                fs::create_directories(aside_ / "silhouettes" / name, error);
         if (options_.save_volumes) fs::create_directories(aside_ / "volumes", error);
         if (error) return cannot_write(aside_, error.message());
         if (options_.save_silhouettes || options_.save_volumes)
-            for (int n = 0; n < std::max(options_.threads, 1); ++n) threads_.emplace_back([this] { write_waiting(); });
+            for (int n = 0; n < std::max(options_.threads, 1); ++n)
+                threads_.emplace_back([this] { write_waiting(); });
         return absl::OkStatus();
     }
 
@@ -89,9 +96,11 @@ class FolderWriter final : public ResultWriter {
     absl::Status lock() {
         lock_ = ::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
         if (lock_ < 0) return cannot_write(folder_, std::generic_category().message(errno));
-        if (flock(lock_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return absl::OkStatus();   // some disks know no locks
+        if (flock(lock_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK)
+            return absl::OkStatus();  // some disks know no locks
         return absl::FailedPreconditionError(
-            fmt::format("{}: another kinevox process writes there; wait for it, or give another --out", folder_.string()));
+            fmt::format("{}: another kinevox process writes there; wait for it, or give another --out",
+                        folder_.string()));
     }
 
     void write_waiting();
@@ -104,10 +113,10 @@ class FolderWriter final : public ResultWriter {
     ResultTables tables_;
     std::vector<Table> more_tables_;
     bool made_folder_ = false;
-    bool opened_ = false;   // else what lies aside is another's
+    bool opened_ = false;  // else what lies aside is another's
     int lock_ = -1;
 
-    std::mutex mutex_;   // of the three below
+    std::mutex mutex_;  // of the three below
     std::condition_variable changed_;
     std::deque<FrameResultPtr> waiting_;
     bool no_more_ = false;
@@ -119,11 +128,12 @@ absl::Status FolderWriter::write_one(const FrameResult& result) const {
     if (options_.save_silhouettes)
         for (std::size_t c = 0; c < names_.size(); ++c) {
             const kernels::Silhouettes& s = result.silhouettes[c];
-            if (s.sharp.empty()) continue;   // the camera delivered nothing
+            if (s.sharp.empty()) continue;  // the camera delivered nothing
             const cv::Mat picture(s.height, s.width, CV_8UC1, const_cast<std::uint8_t*>(s.sharp.data()));
             const fs::path file = aside_ / "silhouettes" / names_[c] / six_digits(result.sequence, ".png");
             std::vector<std::uint8_t> png;
-            if (!cv::imencode(".png", picture, png, {cv::IMWRITE_PNG_COMPRESSION, 1, cv::IMWRITE_PNG_BILEVEL, 1}))
+            if (!cv::imencode(".png", picture, png,
+                              {cv::IMWRITE_PNG_COMPRESSION, 1, cv::IMWRITE_PNG_BILEVEL, 1}))
                 return cannot_write(file, "PNG encoding failed");
             const std::string_view bytes(reinterpret_cast<const char*>(png.data()), png.size());
             if (absl::Status written = write_file_atomically(file, bytes); !written.ok()) return written;
@@ -142,7 +152,7 @@ void FolderWriter::write_waiting() {
         const FrameResultPtr result = std::move(waiting_.front());
         waiting_.pop_front();
         changed_.notify_all();
-        if (!status_.ok()) continue;   // drain
+        if (!status_.ok()) continue;  // drain
         lock.unlock();
         absl::Status written = write_one(*result);
         lock.lock();
@@ -173,11 +183,12 @@ absl::Status FolderWriter::finish() {
         if (absl::Status written = write_file_atomically(aside_ / table.file_name, table.text); !written.ok())
             return written;
     }
-    // An earlier run's pictures and poses go even if this run made none: they do not belong to the new tables.
+    // An earlier run's pictures and poses go even if this run made none: they do not belong to the new
+    // tables.
     std::error_code error;
     // The earlier run.toml first: what is half exchanged is nobody's results.
-    for (const char* old : {"run.toml", "silhouettes", "volumes", "joints.csv", "angles.csv", "coordinates.csv",
-                            "uncertainty.csv", "withheld.csv", "body.toml"}) {
+    for (const char* old : {"run.toml", "silhouettes", "volumes", "joints.csv", "angles.csv",
+                            "coordinates.csv", "uncertainty.csv", "withheld.csv", "body.toml"}) {
         fs::remove_all(folder_ / old, error);
         if (error) return cannot_write(folder_ / old, error.message());
     }

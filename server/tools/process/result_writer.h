@@ -1,14 +1,14 @@
 // What `kinevox process` leaves behind: the tables, and on request silhouettes and volumes.
 #pragma once
 
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
 #include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
-
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 #include "server/pipeline/frame_result.h"
 #include "server/tools/process/tables.h"
@@ -16,14 +16,14 @@
 namespace kinevox {
 
 struct ResultWriterOptions {
-    bool save_silhouettes = false;   // silhouettes/CAMERA/000000.png, the sharp ones
-    bool save_volumes = false;       // volumes/000000.ply
-    int threads = 2;                 // that compress and write pictures and volumes
-    int most_waiting = 8;            // frame sets; add() waits when so many are not yet written
+    bool save_silhouettes = false;  // silhouettes/CAMERA/000000.png, the sharp ones
+    bool save_volumes = false;      // volumes/000000.ply
+    int threads = 2;                // that compress and write pictures and volumes
+    int most_waiting = 8;           // frame sets; add() waits when so many are not yet written
 };
 
-// Everything is written into a hidden folder inside the output folder and moved to its place by finish(), so that
-// what lies there is always whole. Used by one thread.
+// Everything is written into a hidden folder inside the output folder and moved to its place by finish(), so
+// that what lies there is always whole. Used by one thread.
 class ResultWriter {
   public:
     static absl::StatusOr<std::unique_ptr<ResultWriter>> create(const std::filesystem::path& folder,

@@ -52,7 +52,7 @@ class Fingerprint {
   private:
     void add_edges(const fs::path& file) {
         std::error_code error;
-        if (!fs::is_regular_file(file, error)) return add("missing");   // a pipe would be waited for
+        if (!fs::is_regular_file(file, error)) return add("missing");  // a pipe would be waited for
         std::ifstream in(file, std::ios::binary | std::ios::ate);
         if (!in) return add("missing");
         const std::streamoff bytes = in.tellg();

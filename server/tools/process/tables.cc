@@ -1,12 +1,12 @@
 #include "server/tools/process/tables.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <iterator>
 #include <optional>
-
-#include <fmt/format.h>
 
 namespace kinevox {
 namespace {
@@ -20,7 +20,7 @@ struct Extent {
 
 std::optional<Extent> extent_of(const Volume& volume) {
     constexpr int kNone = 1 << 30;
-    int low[3] = {kNone, kNone, kNone}, high[3] = {-kNone, -kNone, -kNone};   // voxels, half open
+    int low[3] = {kNone, kNone, kNone}, high[3] = {-kNone, -kNone, -kNone};  // voxels, half open
     const auto include = [&](int axis, int first, int last) {
         low[axis] = std::min(low[axis], first);
         high[axis] = std::max(high[axis], last);
@@ -33,7 +33,8 @@ std::optional<Extent> extent_of(const Volume& volume) {
             include(2, 8 * brick.z + z, 8 * brick.z + z + 1);
         }
         if (layers == 0) continue;
-        include(1, 8 * brick.y + std::countr_zero(layers) / 8, 8 * brick.y + 8 - std::countl_zero(layers) / 8);
+        include(1, 8 * brick.y + std::countr_zero(layers) / 8,
+                8 * brick.y + 8 - std::countl_zero(layers) / 8);
         std::uint64_t columns = layers | layers >> 32;
         columns |= columns >> 16;
         columns = (columns | columns >> 8) & 0xff;
@@ -55,31 +56,56 @@ void append(std::string& to, fmt::format_string<T...> format, T&&... values) {
 
 std::string_view event_name(EventKind kind) {
     switch (kind) {
-        case EventKind::kSubjectFound: return "subject_found";
-        case EventKind::kSubjectLost: return "subject_lost";
-        case EventKind::kCameraLeftOut: return "camera_left_out";
-        case EventKind::kCameraBack: return "camera_back";
-        case EventKind::kCameraSilent: return "camera_silent";
-        case EventKind::kBackgroundLearned: return "background_learned";
-        case EventKind::kStarted: return "started";
-        case EventKind::kStopped: return "stopped";
-        case EventKind::kSourceEnded: return "source_ended";
-        case EventKind::kControlTaken: return "control_taken";
-        case EventKind::kControlReleased: return "control_released";
-        case EventKind::kCameraMoved: return "camera_moved";
-        case EventKind::kCameraInPlace: return "camera_in_place";
-        case EventKind::kPoseDatabase: return "pose_database";
-        case EventKind::kBodyFitted: return "body_fitted";
-        case EventKind::kCalibration: return "calibration";
-        case EventKind::kCameraLost: return "camera_lost";
-        case EventKind::kCameraRejoined: return "camera_rejoined";
-        case EventKind::kCameraLosses: return "camera_losses";
-        case EventKind::kRecordingStarted: return "recording_started";
-        case EventKind::kRecordingStopped: return "recording_stopped";
-        case EventKind::kRecordingFailed: return "recording_failed";
-        case EventKind::kRecordingDrops: return "recording_drops";
-        case EventKind::kReplay: return "replay";
-        case EventKind::kError: return "error";
+        case EventKind::kSubjectFound:
+            return "subject_found";
+        case EventKind::kSubjectLost:
+            return "subject_lost";
+        case EventKind::kCameraLeftOut:
+            return "camera_left_out";
+        case EventKind::kCameraBack:
+            return "camera_back";
+        case EventKind::kCameraSilent:
+            return "camera_silent";
+        case EventKind::kBackgroundLearned:
+            return "background_learned";
+        case EventKind::kStarted:
+            return "started";
+        case EventKind::kStopped:
+            return "stopped";
+        case EventKind::kSourceEnded:
+            return "source_ended";
+        case EventKind::kControlTaken:
+            return "control_taken";
+        case EventKind::kControlReleased:
+            return "control_released";
+        case EventKind::kCameraMoved:
+            return "camera_moved";
+        case EventKind::kCameraInPlace:
+            return "camera_in_place";
+        case EventKind::kPoseDatabase:
+            return "pose_database";
+        case EventKind::kBodyFitted:
+            return "body_fitted";
+        case EventKind::kCalibration:
+            return "calibration";
+        case EventKind::kCameraLost:
+            return "camera_lost";
+        case EventKind::kCameraRejoined:
+            return "camera_rejoined";
+        case EventKind::kCameraLosses:
+            return "camera_losses";
+        case EventKind::kRecordingStarted:
+            return "recording_started";
+        case EventKind::kRecordingStopped:
+            return "recording_stopped";
+        case EventKind::kRecordingFailed:
+            return "recording_failed";
+        case EventKind::kRecordingDrops:
+            return "recording_drops";
+        case EventKind::kReplay:
+            return "replay";
+        case EventKind::kError:
+            return "error";
     }
     return "unknown";
 }
@@ -90,7 +116,8 @@ ResultTables::ResultTables(const std::vector<std::string>& camera_names) {
                {"track.csv", "frame,time_s,x,y,z,std_m,cameras\n"},
                {"agreement.csv", "frame"},
                {"events.csv", "frame,time_s,event,camera,message\n"}};
-    for (const std::string& name : camera_names) tables_[kAgreement].text.append(1, ',').append(csv_cell(name));
+    for (const std::string& name : camera_names)
+        tables_[kAgreement].text.append(1, ',').append(csv_cell(name));
     tables_[kAgreement].text += '\n';
 }
 
@@ -101,8 +128,8 @@ void ResultTables::add(const FrameResult& result) {
     std::string& volume = tables_[kVolume].text;
     const auto extent = result.volume ? extent_of(*result.volume) : std::nullopt;
     if (result.volume)
-        append(volume, "{},{:g},{},{:.3f}", frame, 1000 * result.volume->grid.voxel_m, voxel_count(*result.volume),
-               volume_litres(*result.volume));
+        append(volume, "{},{:g},{},{:.3f}", frame, 1000 * result.volume->grid.voxel_m,
+               voxel_count(*result.volume), volume_litres(*result.volume));
     else
         append(volume, "{},,,", frame);
     if (extent) {
@@ -137,8 +164,9 @@ void ResultTables::add(const FrameResult& result) {
     agreement += '\n';
 
     for (const Event& event : result.events)
-        append(tables_[kEvents].text, "{},{:.6f},{},{},{}\n", event.sequence, 1e-9 * static_cast<double>(event.time_ns),
-               event_name(event.kind), csv_cell(event.camera), csv_cell(event.message));
+        append(tables_[kEvents].text, "{},{:.6f},{},{},{}\n", event.sequence,
+               1e-9 * static_cast<double>(event.time_ns), event_name(event.kind), csv_cell(event.camera),
+               csv_cell(event.message));
 }
 
 }  // namespace kinevox

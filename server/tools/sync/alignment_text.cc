@@ -26,15 +26,16 @@ Json rounded(const std::vector<double>& values, double step) {
 std::string table_of(const Session& session, const Alignment& alignment) {
     std::size_t width = 6;
     for (const SessionCamera& camera : session.cameras) width = std::max(width, camera.name.size());
-    std::string out = fmt::format("{:<{}} {:>10} {:>8} {:>9} {:>9}  {}\n", "camera", width, "offset s", "+- s",
-                                  "frames", "evidence", "next best shift");
+    std::string out = fmt::format("{:<{}} {:>10} {:>8} {:>9} {:>9}  {}\n", "camera", width, "offset s",
+                                  "+- s", "frames", "evidence", "next best shift");
     for (std::size_t c = 0; c < session.cameras.size(); ++c) {
         const CameraFit& fit = alignment.solution.cameras[c];
         const std::string rival =
             fit.rival > 0 ? fmt::format("{:+.3f} s fits {:.0f} % as well", fit.rival_shift_s, 100 * fit.rival)
                           : "none near";
-        out += fmt::format("{:<{}} {:>10.4f} {:>8.4f} {:>9.2f} {:>9.0f}  {}\n", session.cameras[c].name, width,
-                           fit.offset_s, fit.deviation_s, fit.offset_s * session.fps, fit.evidence, rival);
+        out +=
+            fmt::format("{:<{}} {:>10.4f} {:>8.4f} {:>9.2f} {:>9.0f}  {}\n", session.cameras[c].name, width,
+                        fit.offset_s, fit.deviation_s, fit.offset_s * session.fps, fit.evidence, rival);
     }
     return out;
 }

@@ -1,4 +1,5 @@
-// A server with a guard on a free port, with or without TLS, before a fake capture; and calls by their path alone.
+// A server with a guard on a free port, with or without TLS, before a fake capture; and calls by their path
+// alone.
 #pragma once
 
 #include <gmock/gmock.h>
@@ -29,13 +30,15 @@ namespace kinevox {
 
 namespace asio = boost::asio;
 
-inline constexpr v1::Role kRoles[] = {v1::ROLE_WATCH, v1::ROLE_EXHIBIT, v1::ROLE_OPERATE, v1::ROLE_ADMINISTER};
+inline constexpr v1::Role kRoles[] = {v1::ROLE_WATCH, v1::ROLE_EXHIBIT, v1::ROLE_OPERATE,
+                                      v1::ROLE_ADMINISTER};
 
 inline std::int64_t seconds_now() {
     return std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
 }
 
-// What `authorization` is sent with, once for each; the status that came back. `request`: the message's bytes.
+// What `authorization` is sent with, once for each; the status that came back. `request`: the message's
+// bytes.
 inline grpc::Status call(const std::shared_ptr<grpc::Channel>& channel, const std::string& path,
                          const std::vector<std::string>& authorization, const std::string& request = "",
                          std::chrono::milliseconds limit = testing::patient(std::chrono::seconds(10))) {
@@ -92,7 +95,8 @@ class AccessTest : public ::testing::Test {
         listen(options);
     }
 
-    std::string create(const std::string& name, v1::Role role, int days = 1, std::int64_t now_s = seconds_now()) {
+    std::string create(const std::string& name, v1::Role role, int days = 1,
+                       std::int64_t now_s = seconds_now()) {
         auto token = create_token(token_file_, {name, role, days}, now_s);
         EXPECT_TRUE(token.ok()) << token.status();
         return token.ok() ? "Bearer " + *token : "";
@@ -129,7 +133,8 @@ class AccessTest : public ::testing::Test {
     ControlLease lease_;
     Runner runner_{
         source_.open(), [this] { return source_.open(); },
-        std::make_unique<testing::FakePipeline>(std::make_shared<const Volume>(testing::person_volume(0.02))), hub_};
+        std::make_unique<testing::FakePipeline>(std::make_shared<const Volume>(testing::person_volume(0.02))),
+        hub_};
     asio::io_context io_;
     asio::executor_work_guard<asio::io_context::executor_type> work_{io_.get_executor()};
     std::thread io_thread_{[this] { io_.run(); }};

@@ -48,19 +48,23 @@ class AccessDaemonTest : public DaemonTest {
 
     std::string config(const std::string& listen, const std::string& keys) const {
         return fmt::format(
-            "[server]\nlisten = \"{}\"\naudit = \"audit.jsonl\"\n{}[pose]\ndatabase = \"\"\nfit_body = false\n"
-            "[calibration]\nfolder = \"\"\n[recording]\nfolder = \"\"\n[source]\nkind = \"session\"\nsession = "
+            "[server]\nlisten = \"{}\"\naudit = \"audit.jsonl\"\n{}[pose]\ndatabase = \"\"\nfit_body = "
+            "false\n"
+            "[calibration]\nfolder = \"\"\n[recording]\nfolder = \"\"\n[source]\nkind = \"session\"\nsession "
+            "= "
             "\"{}\"\n",
             listen, keys, session_.string());
     }
 
     std::string tls_keys() const {
-        return fmt::format("certificate = \"{0}/server.pem\"\nkey = \"{0}/server-key.pem\"\n", certificates_.string());
+        return fmt::format("certificate = \"{0}/server.pem\"\nkey = \"{0}/server-key.pem\"\n",
+                           certificates_.string());
     }
 
     // What it says where it does not start.
     Ran start_and_fail(const std::string& text) {
-        const Ran ran = run({KINEVOX_DAEMON, "--config", write("kinevoxd.toml", text).string()}, folder_.path());
+        const Ran ran =
+            run({KINEVOX_DAEMON, "--config", write("kinevoxd.toml", text).string()}, folder_.path());
         EXPECT_EQ(ran.status, 1) << ran.output;
         EXPECT_EQ(std::ranges::count(ran.errors, '\n'), 1) << ran.errors;
         return ran;
@@ -112,8 +116,8 @@ TEST_F(AccessDaemonTest, BeyondThisMachineItDoesNotStartWithoutTlsAndTokens) {
 
 TEST_F(AccessDaemonTest, TheFlagLetsEverybodyIn) {
     const auto daemon = start(config("0.0.0.0:0", ""), {kFlag});
-    const auto open =
-        v1::CaptureService::NewStub(grpc::CreateChannel("127.0.0.1:" + port_, grpc::InsecureChannelCredentials()));
+    const auto open = v1::CaptureService::NewStub(
+        grpc::CreateChannel("127.0.0.1:" + port_, grpc::InsecureChannelCredentials()));
     EXPECT_EQ(status(*open, ""), grpc::StatusCode::OK);
     daemon->signal(SIGTERM);
     EXPECT_EQ(daemon->wait(std::chrono::seconds(10)), 0);
@@ -177,7 +181,8 @@ TEST_F(AccessDaemonTest, CertificatesAreMadeOnceAndKeysAreTheirOwnersAlone) {
     EXPECT_EQ(tls({"server"}).status, 1);
     EXPECT_EQ(read(certificates_ / "server.pem"), before);
     EXPECT_EQ(tls({"client", "anna"}).status, 0);
-    EXPECT_TRUE(check_certificate(read(certificates_ / "anna.pem"), read(certificates_ / "anna-key.pem")).ok());
+    EXPECT_TRUE(
+        check_certificate(read(certificates_ / "anna.pem"), read(certificates_ / "anna-key.pem")).ok());
     EXPECT_EQ(tls({"client", "anna"}).status, 1);
     EXPECT_EQ(tls({"client", "ca"}).status, 1);
     EXPECT_EQ(tls({"client", "../anna"}).status, 1);
@@ -193,8 +198,8 @@ TEST_F(AccessDaemonTest, OpensslAcceptsTheChain) {
           {"sslserver", "-verify_ip", "10.0.0.5", "server.pem"},
           {"sslserver", "-verify_hostname", "localhost", "server.pem"},
           {"sslclient", "-verify_depth", "1", "anna.pem"}}) {
-        const Ran verified = run({"/usr/bin/openssl", "verify", "-x509_strict", "-CAfile", ca, "-purpose", more[0],
-                                  more[1], more[2], (certificates_ / more[3]).string()},
+        const Ran verified = run({"/usr/bin/openssl", "verify", "-x509_strict", "-CAfile", ca, "-purpose",
+                                  more[0], more[1], more[2], (certificates_ / more[3]).string()},
                                  folder_.path());
         EXPECT_EQ(verified.status, 0) << more[2] << ": " << verified.output << verified.errors;
     }
@@ -208,15 +213,18 @@ TEST_F(AccessDaemonTest, CertificatesThatCannotServeAreNamed) {
     };
     const std::string own_key = (certificates_ / "server-key.pem").string(),
                       ca_key = (certificates_ / "ca-key.pem").string();
-    EXPECT_THAT(start_and_fail(config("127.0.0.1:0", keys((certificates_ / "server.pem").string(), ca_key))).errors,
-                HasSubstr("another certificate"));
-    EXPECT_THAT(start_and_fail(config("127.0.0.1:0", keys(write("x.pem", "no certificate").string(), own_key))).errors,
-                HasSubstr("x.pem"));
+    EXPECT_THAT(
+        start_and_fail(config("127.0.0.1:0", keys((certificates_ / "server.pem").string(), ca_key))).errors,
+        HasSubstr("another certificate"));
+    EXPECT_THAT(
+        start_and_fail(config("127.0.0.1:0", keys(write("x.pem", "no certificate").string(), own_key)))
+            .errors,
+        HasSubstr("x.pem"));
     EXPECT_THAT(start_and_fail(config("127.0.0.1:0", "certificate = \"tls/server.pem\"\n")).errors,
                 HasSubstr("certificate and key"));
     const std::int64_t now_s = std::time(nullptr);
-    const auto expired =
-        make_certificate({NewCertificate::Kind::kServer, "x", {"localhost"}, now_s - 9000, now_s - 100}, nullptr);
+    const auto expired = make_certificate(
+        {NewCertificate::Kind::kServer, "x", {"localhost"}, now_s - 9000, now_s - 100}, nullptr);
     ASSERT_TRUE(expired.ok());
     EXPECT_THAT(start_and_fail(config("127.0.0.1:0", keys(write("old.pem", expired->certificate).string(),
                                                           write("old-key.pem", expired->key).string())))
@@ -231,8 +239,8 @@ TEST_F(AccessDaemonTest, ATokenIsShownOnceAndListedWithoutIt) {
     EXPECT_EQ(token({"create", "--role", "king", "--name", "bert"}).status, 1);
     const Ran listed = token({"list"});
     EXPECT_EQ(listed.status, 0);
-    EXPECT_THAT(listed.output,
-                AllOf(HasSubstr("anna"), HasSubstr("operate"), HasSubstr("valid"), ::testing::Not(HasSubstr(anna))));
+    EXPECT_THAT(listed.output, AllOf(HasSubstr("anna"), HasSubstr("operate"), HasSubstr("valid"),
+                                     ::testing::Not(HasSubstr(anna))));
     EXPECT_EQ(token({"revoke", "anna"}).status, 0);
     EXPECT_THAT(token({"list"}).output, HasSubstr("revoked"));
     EXPECT_EQ(token({"revoke", "anna"}).status, 1);

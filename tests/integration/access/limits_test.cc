@@ -74,7 +74,8 @@ class LimitsTest : public AccessTest {
             lines.clear();
             std::istringstream text(audited());
             for (std::string line; std::getline(text, line);)
-                if (auto read = nlohmann::json::parse(line, nullptr, false); read.value("method", "") == method)
+                if (auto read = nlohmann::json::parse(line, nullptr, false);
+                    read.value("method", "") == method)
                     lines.push_back(std::move(read));
         } while (lines.size() < count && std::chrono::steady_clock::now() < end);
         return lines;
@@ -116,7 +117,8 @@ TEST_F(LimitsTest, MoreRequestsThanATokenMaySendAreRefused) {
     int good = 0, refused = 0;
     std::string message;
     for (int i = 0; i < 200; ++i) {
-        const grpc::Status status = call(channel, "/kinevox.v1.CaptureService/GetStatus", {tokens_[v1::ROLE_WATCH]});
+        const grpc::Status status =
+            call(channel, "/kinevox.v1.CaptureService/GetStatus", {tokens_[v1::ROLE_WATCH]});
         good += status.ok();
         refused += status.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED;
         if (!status.ok()) message = status.error_message();
@@ -125,7 +127,8 @@ TEST_F(LimitsTest, MoreRequestsThanATokenMaySendAreRefused) {
     EXPECT_GT(refused, 0);
     EXPECT_EQ(good + refused, 200);
     EXPECT_THAT(message, HasSubstr("requests_per_s"));
-    EXPECT_TRUE(call(channel, "/kinevox.v1.CaptureService/GetStatus", {tokens_[v1::ROLE_OPERATE]}).ok());  // not others
+    EXPECT_TRUE(call(channel, "/kinevox.v1.CaptureService/GetStatus", {tokens_[v1::ROLE_OPERATE]})
+                    .ok());  // not others
 }
 
 TEST_F(LimitsTest, ARequestThatIsTooLargeIsRefused) {
@@ -175,7 +178,8 @@ TEST_F(LimitsTest, WhileTheFileCannotBeReadNoTokenIsValid) {
     const auto ask = [&] {
         return call(channel, "/kinevox.v1.CaptureService/GetStatus", {tokens_[v1::ROLE_WATCH]}).error_code();
     };
-    std::filesystem::permissions(token_file_, std::filesystem::perms::group_read, std::filesystem::perm_options::add);
+    std::filesystem::permissions(token_file_, std::filesystem::perms::group_read,
+                                 std::filesystem::perm_options::add);
     guard_->tick();
     EXPECT_EQ(ask(), grpc::StatusCode::UNAUTHENTICATED);
     std::filesystem::permissions(token_file_, std::filesystem::perms::group_read,
@@ -209,7 +213,8 @@ TEST_F(LimitsTest, EveryOperatingCallIsAuditedAndNoSecret) {
     EXPECT_THAT(started[0].value("peer", ""), HasSubstr("127.0.0.1"));
     const auto recorded = lines_of("RecordingService.StartRecording", 1);
     ASSERT_EQ(recorded.size(), 1u);
-    EXPECT_THAT(recorded[0].at("request").value("name", ""), AllOf(HasSubstr("jump xxx"), HasSubstr("1005 bytes")));
+    EXPECT_THAT(recorded[0].at("request").value("name", ""),
+                AllOf(HasSubstr("jump xxx"), HasSubstr("1005 bytes")));
     const auto stopped = lines_of("CaptureService.Stop", 1);
     ASSERT_EQ(stopped.size(), 1u);
     EXPECT_EQ(stopped[0].value("outcome", ""), "PERMISSION_DENIED");

@@ -39,7 +39,8 @@ TEST_F(RolesTest, TheTableHasEveryServiceOfTheServer) {
     grpc::CompletionQueue queue;
     grpc::ClientContext context;
     context.AddMetadata("authorization", tokens_[v1::ROLE_WATCH]);
-    auto asking = stub.PrepareCall(&context, "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", &queue);
+    auto asking =
+        stub.PrepareCall(&context, "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", &queue);
     void* tag = nullptr;
     bool ok = false;
     asking->StartCall(nullptr);
@@ -63,7 +64,8 @@ TEST_F(RolesTest, TheTableHasEveryServiceOfTheServer) {
     }
 
     std::set<std::string> known, served;
-    for (const auto& [path, call] : guard_->calls().calls()) known.insert(path.substr(1, path.find('/', 1) - 1));
+    for (const auto& [path, call] : guard_->calls().calls())
+        known.insert(path.substr(1, path.find('/', 1) - 1));
     for (std::size_t at = 0; at < text.size(); ++at) {  // a name stands behind its length
         const std::size_t length = static_cast<unsigned char>(text[at]);
         const std::string name = text.substr(at + 1, length);
@@ -88,18 +90,20 @@ TEST_F(RolesTest, EveryCallNamesAPermission) {
 // By hand: a permission that was given by mistake fails here.
 TEST_F(RolesTest, ExhibitsAndWatchersMayDoNoMoreThanThis) {
     serve();
-    EXPECT_THAT(calls_of(v1::ROLE_EXHIBIT, guard_->calls()),
-                UnorderedElementsAre("GetStatus", "ListCameras", "StreamVolumes", "StreamPoses", "StreamPreviews"));
     EXPECT_THAT(
-        calls_of(v1::ROLE_WATCH, guard_->calls()),
-        UnorderedElementsAre("GetStatus", "ListCameras", "StreamVolumes", "StreamPoses", "StreamPreviews",
-                             "WatchEvents", "WatchProcedure", "ListCalibrations", "GetCertificate", "ExportCalibration",
-                             "ListPoses", "WatchDatabase", "WatchBody", "GetRecorderStatus", "GetReplay"));
+        calls_of(v1::ROLE_EXHIBIT, guard_->calls()),
+        UnorderedElementsAre("GetStatus", "ListCameras", "StreamVolumes", "StreamPoses", "StreamPreviews"));
+    EXPECT_THAT(calls_of(v1::ROLE_WATCH, guard_->calls()),
+                UnorderedElementsAre("GetStatus", "ListCameras", "StreamVolumes", "StreamPoses",
+                                     "StreamPreviews", "WatchEvents", "WatchProcedure", "ListCalibrations",
+                                     "GetCertificate", "ExportCalibration", "ListPoses", "WatchDatabase",
+                                     "WatchBody", "GetRecorderStatus", "GetReplay"));
     std::set<std::string> only_administrators;
     const auto operators = calls_of(v1::ROLE_OPERATE, guard_->calls());
     for (const std::string& call : calls_of(v1::ROLE_ADMINISTER, guard_->calls()))
         if (!operators.contains(call)) only_administrators.insert(call);
-    EXPECT_THAT(only_administrators, UnorderedElementsAre("DeleteRecording", "RemoveCalibration", "RemovePose"));
+    EXPECT_THAT(only_administrators,
+                UnorderedElementsAre("DeleteRecording", "RemoveCalibration", "RemovePose"));
 }
 
 TEST_F(RolesTest, EachRoleGetsThroughToWhatItMayCallAndToNothingElse) {
@@ -110,9 +114,11 @@ TEST_F(RolesTest, EachRoleGetsThroughToWhatItMayCallAndToNothingElse) {
             const grpc::Status status = call(channel, path, {tokens_[role]}, "", limit_of(what));
             if (path.ends_with("/StreamPreviews")) continue;  // its request says what for; see below
             if (has(role, what.permission))
-                EXPECT_FALSE(denied(status)) << path << " as " << name_of(role) << ": " << status.error_message();
+                EXPECT_FALSE(denied(status))
+                    << path << " as " << name_of(role) << ": " << status.error_message();
             else
-                EXPECT_EQ(status.error_code(), grpc::StatusCode::PERMISSION_DENIED) << path << " as " << name_of(role);
+                EXPECT_EQ(status.error_code(), grpc::StatusCode::PERMISSION_DENIED)
+                    << path << " as " << name_of(role);
         }
 }
 
@@ -125,8 +131,9 @@ TEST_F(RolesTest, PicturesAreForFewerRolesThanSilhouettes) {
             Request request;
             request.set_camera(runner_.cameras().front().name);
             request.set_kind(kind);
-            const grpc::Status status = call(channel, "/kinevox.v1.StreamService/StreamPreviews", {tokens_[role]},
-                                             request.SerializeAsString(), std::chrono::milliseconds(300));
+            const grpc::Status status =
+                call(channel, "/kinevox.v1.StreamService/StreamPreviews", {tokens_[role]},
+                     request.SerializeAsString(), std::chrono::milliseconds(300));
             const bool may =
                 kind == Request::KIND_SILHOUETTE || role == v1::ROLE_OPERATE || role == v1::ROLE_ADMINISTER;
             EXPECT_EQ(status.error_code(),
@@ -152,9 +159,11 @@ TEST_F(RolesTest, EveryNameInTheTableIsOfACallOrOfAValue) {
     for (int i = 0; i < permissions->value_count(); ++i) {
         const auto& options = permissions->value(i)->options();
         for (int n = 0; n < options.ExtensionSize(v1::calls); ++n)
-            EXPECT_EQ(calls.erase(options.GetExtension(v1::calls, n)), 1u) << options.GetExtension(v1::calls, n);
+            EXPECT_EQ(calls.erase(options.GetExtension(v1::calls, n)), 1u)
+                << options.GetExtension(v1::calls, n);
         for (int n = 0; n < options.ExtensionSize(v1::values); ++n) {
-            EXPECT_TRUE(values.contains(options.GetExtension(v1::values, n))) << options.GetExtension(v1::values, n);
+            EXPECT_TRUE(values.contains(options.GetExtension(v1::values, n)))
+                << options.GetExtension(v1::values, n);
             // The one handler that looks at them; the test above tries it.
             EXPECT_TRUE(options.GetExtension(v1::values, n).starts_with("StreamPreviewsRequest."));
         }
@@ -225,10 +234,12 @@ TEST_F(RolesTest, TenThousandWrongTokensOpenNothing) {
 TEST_F(RolesTest, CallsThatThereAreNotAreRefused) {
     serve();
     const auto channel = plain();
-    for (const char* path : {"/kinevox.v1.CaptureService/Begin", "/kinevox.v1.NoService/Start",
-                             "/kinevox.v1.CaptureService/", "/kinevox.v1.CaptureService/start", "/Start", "/"}) {
+    for (const char* path :
+         {"/kinevox.v1.CaptureService/Begin", "/kinevox.v1.NoService/Start", "/kinevox.v1.CaptureService/",
+          "/kinevox.v1.CaptureService/start", "/Start", "/"}) {
         EXPECT_EQ(call(channel, path, {}).error_code(), grpc::StatusCode::UNAUTHENTICATED) << path;
-        EXPECT_EQ(call(channel, path, {tokens_[v1::ROLE_ADMINISTER]}).error_code(), grpc::StatusCode::UNIMPLEMENTED)
+        EXPECT_EQ(call(channel, path, {tokens_[v1::ROLE_ADMINISTER]}).error_code(),
+                  grpc::StatusCode::UNIMPLEMENTED)
             << path;
     }
 }

@@ -17,10 +17,11 @@ constexpr std::int64_t kDay = 86'400;
 
 CertificateAndKey make(Kind kind, const CertificateAndKey* authority, std::int64_t from_days = -1,
                        std::int64_t until_days = 1) {
-    const auto hosts =
-        kind == Kind::kServer ? std::vector<std::string>{"localhost", "127.0.0.1"} : std::vector<std::string>{};
+    const auto hosts = kind == Kind::kServer ? std::vector<std::string>{"localhost", "127.0.0.1"}
+                                             : std::vector<std::string>{};
     auto made = make_certificate(
-        {kind, "test", hosts, seconds_now() + from_days * kDay, seconds_now() + until_days * kDay}, authority);
+        {kind, "test", hosts, seconds_now() + from_days * kDay, seconds_now() + until_days * kDay},
+        authority);
     EXPECT_TRUE(made.ok()) << made.status();
     return *made;
 }
@@ -52,7 +53,8 @@ class TlsTest : public AccessTest {
         gpr_set_log_function([](gpr_log_func_args*) {});  // gRPC tells of each
     }
 
-    const CertificateAndKey ca_ = make(Kind::kAuthority, nullptr), foreign_ca_ = make(Kind::kAuthority, nullptr);
+    const CertificateAndKey ca_ = make(Kind::kAuthority, nullptr),
+                            foreign_ca_ = make(Kind::kAuthority, nullptr);
 };
 
 TEST_F(TlsTest, ATokenOpensOverTlsAndNothingElseDoes) {
@@ -64,7 +66,8 @@ TEST_F(TlsTest, ATokenOpensOverTlsAndNothingElseDoes) {
     EXPECT_EQ(call(channel, "/kinevox.v1.CaptureService/Start", {tokens_[v1::ROLE_WATCH]}).error_code(),
               grpc::StatusCode::PERMISSION_DENIED);
     EXPECT_EQ(ask(plain()).error_code(), grpc::StatusCode::UNAVAILABLE);
-    EXPECT_EQ(ask(tls({}, foreign_ca_.certificate)).error_code(), grpc::StatusCode::UNAVAILABLE);  // the client refuses
+    EXPECT_EQ(ask(tls({}, foreign_ca_.certificate)).error_code(),
+              grpc::StatusCode::UNAVAILABLE);  // the client refuses
 }
 
 TEST_F(TlsTest, WithAClientAuthorityACertificateIsNeededBesideTheToken) {
@@ -90,7 +93,8 @@ TEST_F(TlsTest, WrongCertificatesOpenNothing) {
     for (int i = 0; i < 25; ++i)
         for (const auto& [what, client] : wrong) {
             const grpc::Status status = ask(tls(client, ca_.certificate));
-            ASSERT_EQ(status.error_code(), grpc::StatusCode::UNAVAILABLE) << what << ": " << status.error_message();
+            ASSERT_EQ(status.error_code(), grpc::StatusCode::UNAVAILABLE)
+                << what << ": " << status.error_message();
         }
     EXPECT_EQ(ask(plain()).error_code(), grpc::StatusCode::UNAVAILABLE);
     EXPECT_TRUE(ask(tls(good, ca_.certificate)).ok());
@@ -149,7 +153,8 @@ TEST_F(TlsTest, TwoHundredSilentConnectionsHoldUpNobodyAndAreClosed) {
         const grpc::Status status = encrypted ? ask(tls({}, ca_.certificate)) : ask(plain());
         EXPECT_TRUE(status.ok()) << status.error_message();
         EXPECT_LT(std::chrono::steady_clock::now() - before, std::chrono::seconds(1));
-        for (Idle& connection : idle) ASSERT_TRUE(connection.is_closed_within(before + std::chrono::seconds(20)));
+        for (Idle& connection : idle)
+            ASSERT_TRUE(connection.is_closed_within(before + std::chrono::seconds(20)));
     }
 }
 

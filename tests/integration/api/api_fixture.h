@@ -1,15 +1,15 @@
 // The API over an in-process channel, against a fake capture.
 #pragma once
 
-#include <future>
-#include <thread>
+#include <gmock/gmock.h>
+#include <grpcpp/grpcpp.h>
+#include <gtest/gtest.h>
 
 #include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/thread_pool.hpp>
-#include <gmock/gmock.h>
-#include <grpcpp/grpcpp.h>
-#include <gtest/gtest.h>
+#include <future>
+#include <thread>
 
 #include "client/lib/client.h"
 #include "server/api/api_server.h"
@@ -54,21 +54,22 @@ class ApiTest : public ::testing::Test {
         const int before = hub_.subscribers().volumes;
         auto collected = std::async(std::launch::async, [this, request, count] {
             Collected out;
-            out.status = client_.stream_volumes(
-                request,
-                [&](const client::VolumeFrame& frame) {
-                    out.frames.push_back(frame);
-                    return out.frames.size() < count;
-                },
-                {});
+            out.status = client_.stream_volumes(request,
+                                                [&](const client::VolumeFrame& frame) {
+                                                    out.frames.push_back(frame);
+                                                    return out.frames.size() < count;
+                                                },
+                                                {});
             return out;
         });
         while (hub_.subscribers().volumes == before &&
-               collected.wait_for(std::chrono::milliseconds(1)) != std::future_status::ready) {}
+               collected.wait_for(std::chrono::milliseconds(1)) != std::future_status::ready) {
+        }
         return collected;
     }
 
-    const std::shared_ptr<const Volume> volume_ = std::make_shared<const Volume>(testing::person_volume(0.02));
+    const std::shared_ptr<const Volume> volume_ =
+        std::make_shared<const Volume>(testing::person_volume(0.02));
     testing::FakeSourceControl source_;
     StreamHub hub_;
     ControlLease lease_;
@@ -79,8 +80,13 @@ class ApiTest : public ::testing::Test {
     std::thread io_thread_{[this] { io_.run(); }};
     asio::thread_pool control_{1}, encoders_{2};
     std::optional<FairShare> share_;
-    ApiContext api_{.runner = runner_, .hub = hub_, .lease = lease_, .control = control_.get_executor(),
-                    .encoders = encoders_.get_executor(), .clock = io_.get_executor(), .source_description = "fake"};
+    ApiContext api_{.runner = runner_,
+                    .hub = hub_,
+                    .lease = lease_,
+                    .control = control_.get_executor(),
+                    .encoders = encoders_.get_executor(),
+                    .clock = io_.get_executor(),
+                    .source_description = "fake"};
     std::unique_ptr<ApiServer> server_ = ApiServer::in_process(api_);
     client::Client client_;
 };

@@ -1,10 +1,10 @@
 // Each call of capture and stream service over an in-process channel, against a fake capture.
+#include <grpcpp/generic/generic_stub.h>
+
 #include <atomic>
 #include <future>
 #include <numbers>
 #include <thread>
-
-#include <grpcpp/generic/generic_stub.h>
 
 #include "kinevox/v1/stream_service.grpc.pb.h"
 #include "server/api/stream_service.h"
@@ -76,9 +76,10 @@ TEST_F(ApiTest, LearnBackgroundAnswersWhenItIsLearned) {
     start();
     source_.give(1);
     seen.get();
-    auto learned = std::async(std::launch::async,
-                              [&] { return client_.learn_background("tester", 3, std::chrono::seconds(10)); });
-    while (client_.status()->state() != v1::CAPTURE_STATE_LEARNING) {}
+    auto learned = std::async(
+        std::launch::async, [&] { return client_.learn_background("tester", 3, std::chrono::seconds(10)); });
+    while (client_.status()->state() != v1::CAPTURE_STATE_LEARNING) {
+    }
     source_.give(3);
     EXPECT_TRUE(learned.get().ok());
 }
@@ -90,7 +91,8 @@ TEST_F(ApiTest, WatchEventsTellsWhatHappensInOrder) {
     v1::WatchEventsRequest request;
     request.set_past(7);
     const absl::Status status = client_.watch_events(
-        request, [&](const v1::WatchEventsResponse& event) { return kinds.push_back(event.kind()), kinds.size() < 7; },
+        request,
+        [&](const v1::WatchEventsResponse& event) { return kinds.push_back(event.kind()), kinds.size() < 7; },
         {});
     EXPECT_TRUE(status.ok());
     EXPECT_THAT(kinds, ElementsAre(v1::EVENT_KIND_CONTROL_TAKEN, v1::EVENT_KIND_BACKGROUND_LEARNED,
@@ -125,7 +127,7 @@ TEST_F(ApiTest, StreamVolumesLosslessDeliversEveryResultDecodable) {
 
 TEST_F(ApiTest, StreamVolumesSendsTheFormThatWasAskedFor) {
     v1::StreamVolumesRequest coarse, plain;
-    coarse.set_max_voxel_m(0.09);   // 0.02, 0.04, 0.08 fit
+    coarse.set_max_voxel_m(0.09);  // 0.02, 0.04, 0.08 fit
     plain.set_level(1);
     plain.set_without_colours(true);
     auto first = collect(coarse, 1), second = collect(plain, 1);
@@ -144,7 +146,7 @@ TEST_F(ApiTest, StreamVolumesAccountsForEveryResultWhateverItMisses) {
     auto collected = collect(request, 5);
     start();
     std::atomic<bool> done{false};
-    std::thread giver([&] {   // as fast as they are taken, so that the rate's limit has something to drop
+    std::thread giver([&] {  // as fast as they are taken, so that the rate's limit has something to drop
         while (!done) source_.give(1), std::this_thread::yield();
     });
     const auto begin = std::chrono::steady_clock::now();
@@ -161,18 +163,21 @@ TEST_F(ApiTest, StreamVolumesAccountsForEveryResultWhateverItMisses) {
 
 TEST_F(ApiTest, ManyWhoWantTheNewestShareWhatMayBeSentAndAllGetTheLast) {
     constexpr std::size_t kWatchers = 4;
-    api_.share = &share_.emplace(40);   // ten a second each
+    api_.share = &share_.emplace(40);  // ten a second each
     constexpr std::uint64_t kLast = 199;
     std::vector<std::future<std::vector<std::uint64_t>>> watchers;
     for (std::size_t i = 0; i < kWatchers; ++i)
         watchers.push_back(std::async(std::launch::async, [&] {
             std::vector<std::uint64_t> sequences;
             std::uint64_t accounted = 0;
-            const absl::Status status = client_.stream_poses({}, [&](const v1::StreamPosesResponse& message) {
-                accounted += 1 + message.header().missed();
-                sequences.push_back(message.header().sequence());
-                return sequences.back() < kLast;
-            }, {});
+            const absl::Status status =
+                client_.stream_poses({},
+                                     [&](const v1::StreamPosesResponse& message) {
+                                         accounted += 1 + message.header().missed();
+                                         sequences.push_back(message.header().sequence());
+                                         return sequences.back() < kLast;
+                                     },
+                                     {});
             EXPECT_TRUE(status.ok()) << status;
             EXPECT_EQ(accounted, kLast + 1);
             return sequences;
@@ -182,7 +187,10 @@ TEST_F(ApiTest, ManyWhoWantTheNewestShareWhatMayBeSentAndAllGetTheLast) {
     lossless.set_delivery(v1::DELIVERY_LOSSLESS);
     auto all = std::async(std::launch::async, [&] {
         int messages = 0;
-        EXPECT_TRUE(client_.stream_poses(lossless, [&](const auto&) { return ++messages <= static_cast<int>(kLast); }, {}).ok());
+        EXPECT_TRUE(client_
+                        .stream_poses(lossless,
+                                      [&](const auto&) { return ++messages <= static_cast<int>(kLast); }, {})
+                        .ok());
         return messages;
     });
     while (hub_.subscribers().poses == static_cast<int>(kWatchers)) std::this_thread::yield();
@@ -211,7 +219,7 @@ TEST_F(ApiTest, AnOverflowingLosslessStreamEndsWithResourceExhausted) {
     const auto reader = stub->StreamVolumes(&context, request);
     reader->WaitForInitialMetadata();
     start();
-    source_.give(2000);   // far more than the transport can hold of them
+    source_.give(2000);  // far more than the transport can hold of them
     while (runner_.figures().results < 2000) std::this_thread::yield();
     v1::StreamVolumesResponse message;
     std::uint64_t messages = 0;
@@ -247,7 +255,8 @@ TEST_F(ApiTest, StreamPosesLosslessCarriesValuesAndWhatIsWithheld) {
     request.set_delivery(v1::DELIVERY_LOSSLESS);
     std::vector<v1::StreamPosesResponse> messages;
     auto streamed = std::async(std::launch::async, [&] {
-        return client_.stream_poses(request, [&](const auto& m) { return messages.push_back(m), messages.size() < 20; }, {});
+        return client_.stream_poses(
+            request, [&](const auto& m) { return messages.push_back(m), messages.size() < 20; }, {});
     });
     while (hub_.subscribers().poses == 0) std::this_thread::yield();
     EXPECT_EQ(client_.status()->pose_subscribers(), 1);
@@ -279,7 +288,9 @@ TEST_F(ApiTest, StreamPosesLosslessCarriesValuesAndWhatIsWithheld) {
 TEST_F(ApiTest, StreamPosesRefusesWhatMakesNoSense) {
     v1::StreamPosesRequest request;
     request.set_max_rate_hz(-1);
-    const auto told = [&] { return client_.stream_poses(request, [](const auto&) { return true; }, {}).code(); };
+    const auto told = [&] {
+        return client_.stream_poses(request, [](const auto&) { return true; }, {}).code();
+    };
     EXPECT_EQ(told(), absl::StatusCode::kInvalidArgument);
     request.set_max_rate_hz(5);
     request.set_delivery(v1::DELIVERY_LOSSLESS);
@@ -293,7 +304,8 @@ TEST_F(ApiTest, StreamPreviewsSendsPictureAndSilhouette) {
         set(request);
         client::PreviewFrame out;
         auto got = std::async(std::launch::async, [&] {
-            return client_.stream_previews(request, [&](const client::PreviewFrame& f) { return out = f, false; }, {});
+            return client_.stream_previews(request,
+                                           [&](const client::PreviewFrame& f) { return out = f, false; }, {});
         });
         while (hub_.subscribers().pictures == 0) std::this_thread::yield();
         source_.give(1);
@@ -316,8 +328,8 @@ TEST_F(ApiTest, StreamPreviewsSendsPictureAndSilhouette) {
     ASSERT_EQ(silhouette.image.height, 24);
     EXPECT_EQ(silhouette.image.channels, 1);
     const auto at = [&](int x, int y) { return silhouette.image.data[static_cast<std::size_t>(y * 32 + x)]; };
-    EXPECT_GT(at(16, 12), 240);                                      // sharp
-    EXPECT_NEAR(at(11, 12), 128, 25);                                // loose alone
+    EXPECT_GT(at(16, 12), 240);        // sharp
+    EXPECT_NEAR(at(11, 12), 128, 25);  // loose alone
     EXPECT_LT(at(2, 2), 15);
 }
 
@@ -342,7 +354,8 @@ TEST_F(ApiTest, ARefusedStreamMayBeCancelledAtOnce) {
     const auto stub = v1::StreamService::NewStub(server_->in_process_channel());
     v1::StreamPosesRequest request;
     request.set_max_rate_hz(-1);
-    for (int i = 0; i < 500; ++i) {   // in some of them the word that the client left comes before the call is over
+    for (int i = 0; i < 500;
+         ++i) {  // in some of them the word that the client left comes before the call is over
         grpc::ClientContext context;
         const auto reader = stub->StreamPoses(&context, request);
         context.TryCancel();
@@ -364,8 +377,10 @@ TEST_F(ApiTest, AClientThatLeavesIsForgotten) {
     std::stop_source stop;
     client::StreamOptions options;
     options.stop = stop.get_token();
-    auto ended = std::async(std::launch::async,
-                            [&] { return client_.stream_volumes({}, [](const auto&) { return true; }, options); });
+    auto ended = std::async(std::launch::async, [&] {
+        return client_.stream_volumes(
+            {}, [](const auto&) { return true; }, options);
+    });
     while (hub_.subscribers().volumes == 0) std::this_thread::yield();
     stop.request_stop();
     EXPECT_EQ(ended.get().code(), absl::StatusCode::kCancelled);
@@ -373,7 +388,8 @@ TEST_F(ApiTest, AClientThatLeavesIsForgotten) {
 }
 
 // One request, one response of a method whose messages this build knows only as bytes.
-std::string raw_call(const std::shared_ptr<grpc::Channel>& channel, const std::string& method, const std::string& request) {
+std::string raw_call(const std::shared_ptr<grpc::Channel>& channel, const std::string& method,
+                     const std::string& request) {
     grpc::GenericStub stub(channel);
     grpc::ClientContext context;
     context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(10));
@@ -406,8 +422,9 @@ TEST_F(ApiTest, HealthAndReflectionAnswer) {
     EXPECT_EQ(raw_call(channel, "/grpc.health.v1.Health/Check", ""), "\x08\x02") << "NOT_SERVING";
     server_->set_serving(true);
     EXPECT_EQ(raw_call(channel, "/grpc.health.v1.Health/Check", ""), "\x08\x01") << "SERVING";
-    const std::string listed = raw_call(
-        channel, "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", std::string("\x3a\x00", 2));
+    const std::string listed =
+        raw_call(channel, "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",
+                 std::string("\x3a\x00", 2));
     EXPECT_THAT(listed, HasSubstr("kinevox.v1.CaptureService"));
     EXPECT_THAT(listed, HasSubstr("kinevox.v1.StreamService"));
 }

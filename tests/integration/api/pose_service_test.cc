@@ -18,7 +18,8 @@ kernels::CameraModel model_at(double x, double y) {
     kernels::CameraModel camera;
     camera.width = 640, camera.height = 480;
     camera.fx = camera.fy = 500, camera.cx = 319.5, camera.cy = 239.5;
-    const Vec3 forward = normalized(Vec3{-x, -y, 0}), right = normalized(cross(forward, Vec3{0, 0, 1})), down{0, 0, -1};
+    const Vec3 forward = normalized(Vec3{-x, -y, 0}), right = normalized(cross(forward, Vec3{0, 0, 1})),
+               down{0, 0, -1};
     const Vec3 centre{x, y, 1};
     const Vec3 rows[3] = {right, down, forward};
     for (int i = 0; i < 3; ++i) {
@@ -36,7 +37,7 @@ class PoseApiTest : public ApiTest {
         api_.pose_watch = &watch_;
         api_.changes = changes_.get_executor();
     }
-    ~PoseApiTest() override {   // as the daemon does it
+    ~PoseApiTest() override {  // as the daemon does it
         poses_.close();
         watch_.close(absl::UnavailableError("the daemon is stopping; connect again later"));
         server_->shutdown(std::chrono::milliseconds(500));
@@ -78,11 +79,13 @@ TEST_F(ApiTest, ADaemonWithoutAPoseDatabaseSaysSo) {
 TEST_F(PoseApiTest, WatchDatabaseTellsHowFarItIs) {
     EXPECT_EQ(client_.list_poses().status().code(), absl::StatusCode::kUnavailable) << "not built yet";
     std::vector<v1::WatchDatabaseResponse> told;
-    const absl::Status status = client_.watch_database([&](const auto& progress) {
-        if (told.empty()) build();
-        told.push_back(progress);
-        return progress.state() != v1::DATABASE_STATE_READY;
-    }, {});
+    const absl::Status status = client_.watch_database(
+        [&](const auto& progress) {
+            if (told.empty()) build();
+            told.push_back(progress);
+            return progress.state() != v1::DATABASE_STATE_READY;
+        },
+        {});
     ASSERT_TRUE(status.ok()) << status;
     EXPECT_EQ(told.front().state(), v1::DATABASE_STATE_NONE);
     EXPECT_EQ(told.front().entries(), 0);
@@ -92,11 +95,13 @@ TEST_F(PoseApiTest, WatchDatabaseTellsHowFarItIs) {
     for (std::size_t i = 1; i < told.size(); ++i) EXPECT_GE(told[i].part(), told[i - 1].part());
 
     // Who comes later is told the same, and that the daemon is stopping.
-    const absl::Status ended = client_.watch_database([&](const auto& progress) {
-        EXPECT_EQ(progress.state(), v1::DATABASE_STATE_READY);
-        watch_.close(absl::UnavailableError("the daemon is stopping; connect again later"));
-        return true;
-    }, {});
+    const absl::Status ended = client_.watch_database(
+        [&](const auto& progress) {
+            EXPECT_EQ(progress.state(), v1::DATABASE_STATE_READY);
+            watch_.close(absl::UnavailableError("the daemon is stopping; connect again later"));
+            return true;
+        },
+        {});
     EXPECT_EQ(ended.code(), absl::StatusCode::kUnavailable);
 }
 
@@ -109,7 +114,8 @@ TEST_F(PoseApiTest, PosesAreAddedListedAndRemoved) {
     EXPECT_EQ(listed->entries(), kOwn * 72);
 
     // The measured one: of the newest result.
-    EXPECT_EQ(client_.add_pose("ann", add("as measured")).status().code(), absl::StatusCode::kFailedPrecondition)
+    EXPECT_EQ(client_.add_pose("ann", add("as measured")).status().code(),
+              absl::StatusCode::kFailedPrecondition)
         << "nobody has been measured yet";
     auto collected = collect({}, 1);
     start();

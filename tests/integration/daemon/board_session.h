@@ -1,11 +1,11 @@
 // A session in which a board is moved about before four cameras of the virtual studio.
 #pragma once
 
+#include <oneapi/tbb/parallel_for.h>
+
 #include <cstdint>
 #include <filesystem>
 #include <vector>
-
-#include <oneapi/tbb/parallel_for.h>
 
 #include "common/calibration_file.h"
 #include "common/session_file.h"
@@ -16,18 +16,20 @@
 
 namespace kinevox::testing {
 
-inline constexpr int kMoments = 30;   // of a loop
+inline constexpr int kMoments = 30;  // of a loop
 inline constexpr double kFps = 10;
 
-// Four cameras whose session has a calibration that is a little off; the board wanders, and lies on the floor in the
-// first pictures.
+// Four cameras whose session has a calibration that is a little off; the board wanders, and lies on the floor
+// in the first pictures.
 struct BoardSession {
     std::vector<Camera> truth;
     std::filesystem::path session;
 };
 
 // Each camera a little above the floor's middle sees a board that lies there.
-inline Rigid3 on_floor() { return Rigid3{Mat3{}, {-0.48, -0.40, 0}}; }
+inline Rigid3 on_floor() {
+    return Rigid3{Mat3{}, {-0.48, -0.40, 0}};
+}
 
 inline BoardSession write_board_session(const std::filesystem::path& folder) {
     studio::StudioOptions options;
@@ -46,13 +48,13 @@ inline BoardSession write_board_session(const std::filesystem::path& folder) {
         const Camera& camera = out.truth[c];
         const auto pictures = folder / camera.name, empty_room = folder / (camera.name + "_empty");
         const Picture empty = wall(camera, 0);
-        for (int i = 0; i < 2; ++i)
-            write_picture(wall(camera, i), empty_room / fmt::format("{:04}.ppm", i));
+        for (int i = 0; i < 2; ++i) write_picture(wall(camera, i), empty_room / fmt::format("{:04}.ppm", i));
         for (int m = 0; m < kMoments; ++m) {
             const Rigid3 pose = m < 3 ? on_floor()
                                       : studio::held_board(out.truth, {-0.7, -0.7, 0.6}, {0.7, 0.7, 1.6},
                                                            {0.48, 0.40, 0}, m, 5);
-            write_picture(studio::draw_print(empty, camera, print, pose, 1.4, static_cast<std::uint32_t>(97 * m + 7 * c)),
+            write_picture(studio::draw_print(empty, camera, print, pose, 1.4,
+                                             static_cast<std::uint32_t>(97 * m + 7 * c)),
                           pictures / fmt::format("{:04}.ppm", m));
         }
     });

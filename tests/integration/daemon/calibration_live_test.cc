@@ -1,5 +1,5 @@
-// Calibrating a real daemon with what its cameras see meanwhile, in the virtual studio: a wand that is waved, a person who
-// walks; a camera that is knocked; and what is refused because there is no room for more.
+// Calibrating a real daemon with what its cameras see meanwhile, in the virtual studio: a wand that is waved,
+// a person who walks; a camera that is knocked; and what is refused because there is no room for more.
 #include "common/calibration_file.h"
 #include "common/degrees.h"
 #include "common/session_file.h"
@@ -14,42 +14,47 @@ namespace kinevox {
 namespace {
 
 using ::testing::AllOf;
-using ::testing::HasSubstr;
 using testing::collecting;
+using ::testing::HasSubstr;
 using testing::must;
 using testing::Operator;
 using testing::over;
 using testing::wait_until_running;
 
 constexpr double kFps = 10;
-constexpr int kEmptyFrames = 30;   // at the wand session's begin
+constexpr int kEmptyFrames = 30;  // at the wand session's begin
 
 struct StudioSession {
     std::vector<Camera> truth;
     std::filesystem::path session;
 };
 
-// Pictures of the studio, `empty_frames` of the empty room first; its calibration says `published` of the true cameras.
-StudioSession write_studio_session(const std::filesystem::path& folder, const studio::StudioOptions& options, int empty_frames,
-                                   int frames, const std::function<void(std::vector<Camera>&)>& published) {
+// Pictures of the studio, `empty_frames` of the empty room first; its calibration says `published` of the
+// true cameras.
+StudioSession write_studio_session(const std::filesystem::path& folder, const studio::StudioOptions& options,
+                                   int empty_frames, int frames,
+                                   const std::function<void(std::vector<Camera>&)>& published) {
     auto studio = studio::Studio::create(options);
     must(studio.status());
     StudioSession out{(*studio)->cameras(), folder / "session.toml"};
     Session session{"studio", options.fps, folder / "calibration.toml", {}, {}};
     for (std::size_t c = 0; c < out.truth.size(); ++c) {
-        const auto pictures = folder / out.truth[c].name, empty_room = folder / (out.truth[c].name + "_empty");
+        const auto pictures = folder / out.truth[c].name,
+                   empty_room = folder / (out.truth[c].name + "_empty");
         for (int i = 0; i < std::max(empty_frames, 8); ++i)
             testing::write_picture((*studio)->draw_empty(c, i), empty_room / fmt::format("{:04}.ppm", i));
         for (int i = 0; i < empty_frames; ++i) {
             std::filesystem::create_directories(pictures);
-            std::filesystem::create_symlink(empty_room / fmt::format("{:04}.ppm", i), pictures / fmt::format("{:04}.ppm", i));
+            std::filesystem::create_symlink(empty_room / fmt::format("{:04}.ppm", i),
+                                            pictures / fmt::format("{:04}.ppm", i));
         }
         session.cameras.push_back({out.truth[c].name, pictures, empty_room});
     }
     for (int frame = 0; frame < frames; ++frame) {
         const auto pictures = (*studio)->draw(frame, true);
         for (std::size_t c = 0; c < pictures.size(); ++c)
-            testing::write_picture(pictures[c], session.cameras[c].video / fmt::format("{:04}.ppm", empty_frames + frame));
+            testing::write_picture(pictures[c],
+                                   session.cameras[c].video / fmt::format("{:04}.ppm", empty_frames + frame));
     }
     std::vector<Camera> cameras = out.truth;
     published(cameras);
@@ -84,17 +89,21 @@ class LiveCalibrationTest : public testing::DaemonTest {
             studio::StudioOptions options = small_studio(400, 300);
             options.staging.person = false;
             options.staging.wand = studio::StagedWand{{0, 0.2, 0.6}};
-            return write_studio_session(folder("wand"), options, kEmptyFrames, 80, [](std::vector<Camera>& cameras) {
-                for (Camera& camera : cameras) camera = studio::knocked(camera, {0, 0.004, 0}, {0.01, 0, 0});
-            });
+            return write_studio_session(folder("wand"), options, kEmptyFrames, 80,
+                                        [](std::vector<Camera>& cameras) {
+                                            for (Camera& camera : cameras)
+                                                camera = studio::knocked(camera, {0, 0.004, 0}, {0.01, 0, 0});
+                                        });
         }();
         return session;
     }
 
-    std::unique_ptr<testing::ChildProcess> start_on(const StudioSession& session, const std::string& source = "") {
+    std::unique_ptr<testing::ChildProcess> start_on(const StudioSession& session,
+                                                    const std::string& source = "") {
         session_ = session.session;
-        return start_daemon(session_config("127.0.0.1:0", source, "enabled = false\ndatabase = \"\"") +
-                            "[calibration]\nfolder = \"calibrations\"\n[pipeline]\nvoxel_mm = 40\ncolouring = false\n");
+        return start_daemon(
+            session_config("127.0.0.1:0", source, "enabled = false\ndatabase = \"\"") +
+            "[calibration]\nfolder = \"calibrations\"\n[pipeline]\nvoxel_mm = 40\ncolouring = false\n");
     }
 };
 
@@ -107,7 +116,8 @@ TEST_F(LiveCalibrationTest, PlacesFromAWandThatIsWavedAreSolvedAndApplied) {
     ASSERT_TRUE(coach.take(v1::LiveObservations::WHAT_EMPTY_SCENE).ok());
     coach.wait([](const auto& progress) { return !progress.live(); });
     ASSERT_TRUE(coach.take(v1::LiveObservations::WHAT_MOVING).ok());
-    v1::WatchProcedureResponse seen = coach.wait([](const auto& progress) { return progress.moments() >= 50; });
+    v1::WatchProcedureResponse seen =
+        coach.wait([](const auto& progress) { return progress.moments() >= 50; });
     for (const v1::ObservedCamera& camera : seen.cameras()) EXPECT_GT(camera.accepted(), 20) << camera.name();
     ASSERT_TRUE(coach.solve().ok());
     seen = coach.wait([](const auto& progress) { return over(progress) || collecting(progress); });
@@ -144,7 +154,8 @@ TEST_F(LiveCalibrationTest, AKnockedCameraIsRefinedFromThePersonWhoWalks) {
     EXPECT_GT(second_from_first_error_deg(before, session.truth), 0.4);
     ASSERT_TRUE(coach.start(v1::PROCEDURE_KIND_REFINE_PERSON).ok());
     ASSERT_TRUE(coach.take(v1::LiveObservations::WHAT_MOVING).ok());
-    v1::WatchProcedureResponse seen = coach.wait([](const auto& progress) { return progress.moments() >= 24; });
+    v1::WatchProcedureResponse seen =
+        coach.wait([](const auto& progress) { return progress.moments() >= 24; });
     ASSERT_TRUE(coach.solve().ok());
     seen = coach.wait([](const auto& progress) { return over(progress) || collecting(progress); });
     ASSERT_EQ(seen.state(), v1::PROCEDURE_STATE_SOLVED) << seen.message();
@@ -211,8 +222,9 @@ TEST_F(LiveCalibrationTest, WhatThereIsNoRoomForIsRefusedWithTheRemedy) {
         const std::filesystem::path many = folder_.path() / name;
         std::filesystem::create_directory(many);
         for (int i = 0; i < 2500; ++i)
-            std::filesystem::create_symlink(session_.parent_path() / name / fmt::format("{:04}.ppm", kEmptyFrames + i % 80),
-                                            many / fmt::format("{:05}.ppm", i));
+            std::filesystem::create_symlink(
+                session_.parent_path() / name / fmt::format("{:04}.ppm", kEmptyFrames + i % 80),
+                many / fmt::format("{:05}.ppm", i));
         v1::CameraClip& clip = *clips.mutable_files()->add_clips();
         clip.set_camera(name);
         clip.set_file(many.string());
@@ -222,7 +234,8 @@ TEST_F(LiveCalibrationTest, WhatThereIsNoRoomForIsRefusedWithTheRemedy) {
     coach.wait(collecting);
     EXPECT_REFUSED(coach.client().add_observations(clips), kResourceExhausted, "solve, or begin anew");
     ASSERT_TRUE(coach.client().start_with(coach.lease()).ok());
-    EXPECT_REFUSED(coach.take(v1::LiveObservations::WHAT_EMPTY_SCENE), kResourceExhausted, "solve, or begin anew");
+    EXPECT_REFUSED(coach.take(v1::LiveObservations::WHAT_EMPTY_SCENE), kResourceExhausted,
+                   "solve, or begin anew");
     ASSERT_TRUE(coach.cancel().ok());
 
     // More calibrations than are stored.
@@ -230,7 +243,8 @@ TEST_F(LiveCalibrationTest, WhatThereIsNoRoomForIsRefusedWithTheRemedy) {
     ASSERT_EQ(*coach.import(own, v1::CALIBRATION_FORMAT_TOML), "c1");
     const std::filesystem::path stored = folder_.path() / "calibrations";
     for (std::size_t i = 2; i <= CalibrationStore::kMostCalibrations; ++i)
-        std::filesystem::copy(stored / "c1", stored / fmt::format("c{}", i), std::filesystem::copy_options::recursive);
+        std::filesystem::copy(stored / "c1", stored / fmt::format("c{}", i),
+                              std::filesystem::copy_options::recursive);
     EXPECT_EQ(coach.list().calibrations_size(), static_cast<int>(CalibrationStore::kMostCalibrations));
     EXPECT_REFUSED(coach.import(own, v1::CALIBRATION_FORMAT_TOML), kResourceExhausted, "remove");
     v1::RemoveCalibrationRequest remove;

@@ -1,6 +1,9 @@
 // An operator who calibrates with a real daemon, and the pictures that its cameras see.
 #pragma once
 
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
@@ -12,9 +15,6 @@
 #include <thread>
 #include <vector>
 
-#include <fmt/format.h>
-#include <gmock/gmock.h>
-
 #include "client/lib/client.h"
 #include "common/atomic_file.h"
 #include "server/cameras/frame_source.h"
@@ -25,15 +25,19 @@ namespace kinevox::testing {
 inline constexpr const char* kBoard = "charuco:6x5:160:120:DICT_4X4_100";
 inline constexpr const char* kWand = "wand:200:600";
 
-inline absl::Status status_of(const absl::Status& status) { return status; }
+inline absl::Status status_of(const absl::Status& status) {
+    return status;
+}
 template <typename T>
-absl::Status status_of(const absl::StatusOr<T>& result) { return result.status(); }
+absl::Status status_of(const absl::StatusOr<T>& result) {
+    return result.status();
+}
 
-#define EXPECT_REFUSED(call, status_code, words)                                              \
-    do {                                                                                      \
-        const absl::Status refused = ::kinevox::testing::status_of(call);                                         \
-        EXPECT_EQ(refused.code(), absl::StatusCode::status_code) << refused;                  \
-        EXPECT_THAT(std::string(refused.message()), ::testing::HasSubstr(words));                        \
+#define EXPECT_REFUSED(call, status_code, words)                                  \
+    do {                                                                          \
+        const absl::Status refused = ::kinevox::testing::status_of(call);         \
+        EXPECT_EQ(refused.code(), absl::StatusCode::status_code) << refused;      \
+        EXPECT_THAT(std::string(refused.message()), ::testing::HasSubstr(words)); \
     } while (false)
 
 inline void must(const absl::Status& status) {
@@ -89,7 +93,8 @@ class Operator {
         return client_.add_observations(request).status();
     }
     // One a camera, in the folder of the camera's name.
-    v1::AddObservationsRequest clips(const std::vector<Camera>& cameras, const std::filesystem::path& folder) const {
+    v1::AddObservationsRequest clips(const std::vector<Camera>& cameras,
+                                     const std::filesystem::path& folder) const {
         v1::AddObservationsRequest request;
         request.set_lease_id(lease_);
         for (const Camera& camera : cameras) {
@@ -110,7 +115,8 @@ class Operator {
         request.set_keep_observations(keep);
         return client_.cancel_procedure(request).status();
     }
-    absl::StatusOr<v1::ApplyCalibrationResponse> apply(const std::string& id, bool restart, bool although_bad = false) {
+    absl::StatusOr<v1::ApplyCalibrationResponse> apply(const std::string& id, bool restart,
+                                                       bool although_bad = false) {
         v1::ApplyCalibrationRequest request;
         request.set_lease_id(lease_);
         request.set_id(id);
@@ -144,17 +150,18 @@ class Operator {
         return client_.list_calibrations({}).value_or(v1::ListCalibrationsResponse());
     }
     // The messages of a kind's events, past ones too, until there are `count`.
-    std::vector<std::string> events(v1::EventKind kind, std::size_t count, std::chrono::seconds longest_silence) {
+    std::vector<std::string> events(v1::EventKind kind, std::size_t count,
+                                    std::chrono::seconds longest_silence) {
         std::vector<std::string> messages;
         v1::WatchEventsRequest past;
         past.set_past(50);
-        const absl::Status watched = client_.watch_events(
-            past,
-            [&](const v1::WatchEventsResponse& event) {
-                if (event.kind() == kind) messages.push_back(event.message());
-                return messages.size() < count;
-            },
-            {.longest_silence = longest_silence});
+        const absl::Status watched = client_.watch_events(past,
+                                                          [&](const v1::WatchEventsResponse& event) {
+                                                              if (event.kind() == kind)
+                                                                  messages.push_back(event.message());
+                                                              return messages.size() < count;
+                                                          },
+                                                          {.longest_silence = longest_silence});
         EXPECT_TRUE(watched.ok()) << watched;
         return messages;
     }

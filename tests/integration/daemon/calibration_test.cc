@@ -1,11 +1,10 @@
 // CalibrationService of a real daemon, on a session in which a board is moved about in the virtual studio.
+#include <gmock/gmock.h>
 #include <signal.h>
 
+#include <nlohmann/json.hpp>
 #include <random>
 #include <thread>
-
-#include <gmock/gmock.h>
-#include <nlohmann/json.hpp>
 
 #include "common/atomic_file.h"
 #include "common/calibration_file.h"
@@ -18,12 +17,13 @@
 namespace kinevox {
 namespace {
 
+using nlohmann::json;
 using ::testing::AllOf;
+using testing::BoardSession;
+using testing::collecting;
 using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using testing::BoardSession;
-using testing::collecting;
 using testing::kBoard;
 using testing::kMoments;
 using testing::must;
@@ -32,7 +32,6 @@ using testing::Operator;
 using testing::over;
 using testing::wait_until_running;
 using testing::write_board_session;
-using nlohmann::json;
 
 // A file holds rotations as vectors, so that the last digit may change.
 void expect_same(const std::vector<Camera>& a, const std::vector<Camera>& b) {
@@ -59,7 +58,8 @@ class CalibrationTest : public testing::DaemonTest {
     }
 
     // The capture itself is of no interest: coarse voxels, no poses.
-    std::string config(const std::string& source = "", const std::string& pose = "enabled = false\ndatabase = \"\"") {
+    std::string config(const std::string& source = "",
+                       const std::string& pose = "enabled = false\ndatabase = \"\"") {
         return session_config("127.0.0.1:0", source, pose) +
                "[calibration]\nfolder = \"calibrations\"\n[pipeline]\nvoxel_mm = 50\ncolouring = false\n";
     }
@@ -105,7 +105,8 @@ TEST_F(CalibrationTest, PlacesFromALiveBoardAreSolvedAppliedKeptAndUndone) {
     EXPECT_THAT(seen.message(), HasSubstr("not solved: no two cameras have seen the board at the same time"));
 
     // Whoever else has control may not; one procedure at a time.
-    EXPECT_REFUSED(coach.start(v1::PROCEDURE_KIND_INTRINSICS), kFailedPrecondition, "another procedure is open");
+    EXPECT_REFUSED(coach.start(v1::PROCEDURE_KIND_INTRINSICS), kFailedPrecondition,
+                   "another procedure is open");
     ASSERT_TRUE(coach.take(v1::LiveObservations::WHAT_BOARD_ON_FLOOR).ok());
     seen = coach.wait([](const auto& progress) { return progress.floor_seen() && !progress.live(); });
     EXPECT_GE(seen.moments(), 1);
@@ -135,7 +136,8 @@ TEST_F(CalibrationTest, PlacesFromALiveBoardAreSolvedAppliedKeptAndUndone) {
     ASSERT_TRUE(solved.ok()) << solved.status();
     ASSERT_EQ(solved->size(), 4u);
     EXPECT_LT(centre_errors(board_->truth, *solved).among_them, 0.03);
-    EXPECT_LT(centre_errors(board_->truth, *solved).in_world, 0.15);   // five metres from a board seen at a low angle
+    EXPECT_LT(centre_errors(board_->truth, *solved).in_world,
+              0.15);  // five metres from a board seen at a low angle
     v1::GetCertificateRequest of_c1;
     of_c1.set_id("c1");
     const auto certificate = coach.client().get_certificate(of_c1);
@@ -143,7 +145,8 @@ TEST_F(CalibrationTest, PlacesFromALiveBoardAreSolvedAppliedKeptAndUndone) {
     EXPECT_EQ(certificate->certificate().verdict(), seen.verdict());
     EXPECT_EQ(certificate->certificate().made_by(), "board");
     EXPECT_TRUE(certificate->certificate().world_is_set());
-    EXPECT_LT(certificate->certificate().held_out_rms_px(), 2.0);   // which moments were seen differs from run to run
+    EXPECT_LT(certificate->certificate().held_out_rms_px(),
+              2.0);  // which moments were seen differs from run to run
     ASSERT_EQ(certificate->certificate().cameras_size(), 4);
     EXPECT_GT(certificate->certificate().cameras(0).views(), 5);
     EXPECT_EQ(json::parse(certificate->json())["made_by"], "board");
@@ -169,8 +172,10 @@ TEST_F(CalibrationTest, PlacesFromALiveBoardAreSolvedAppliedKeptAndUndone) {
     expect_same(*coach.client().cameras(), *solved);
     EXPECT_EQ(coach.client().status()->state(), v1::CAPTURE_STATE_RUNNING);
     EXPECT_EQ(coach.client().status()->calibration_id(), "c1");
-    const std::vector<std::string> events = coach.events(v1::EVENT_KIND_CALIBRATION, 3, std::chrono::seconds(10));
-    EXPECT_THAT(events, ElementsAre(HasSubstr("c1 is solved"), HasSubstr("next start"), HasSubstr("c1 is in use")));
+    const std::vector<std::string> events =
+        coach.events(v1::EVENT_KIND_CALIBRATION, 3, std::chrono::seconds(10));
+    EXPECT_THAT(events,
+                ElementsAre(HasSubstr("c1 is solved"), HasSubstr("next start"), HasSubstr("c1 is in use")));
     v1::RemoveCalibrationRequest remove;
     remove.set_lease_id(coach.lease());
     remove.set_id("c1");
@@ -224,16 +229,17 @@ TEST_F(CalibrationTest, FilesAreReadAndStoppedAndLensesSolved) {
         EXPECT_GT(camera.accepted(), 3);
         std::vector<std::string> reasons;
         for (const auto& one : camera.rejected()) reasons.push_back(one.reason());
-        EXPECT_THAT(reasons, Contains("same as before"));   // on the floor it lay still
+        EXPECT_THAT(reasons, Contains("same as before"));  // on the floor it lay still
     }
     ASSERT_TRUE(coach.solve().ok());
     seen = coach.wait([](const auto& progress) { return over(progress) || collecting(progress); });
     ASSERT_EQ(seen.state(), v1::PROCEDURE_STATE_SOLVED) << seen.DebugString();
-    const auto lenses = parse_calibration_toml(*coach.export_as(seen.calibration_id(), v1::CALIBRATION_FORMAT_TOML), "");
+    const auto lenses =
+        parse_calibration_toml(*coach.export_as(seen.calibration_id(), v1::CALIBRATION_FORMAT_TOML), "");
     ASSERT_TRUE(lenses.ok());
     const std::vector<Camera> own = *coach.client().cameras();
     for (std::size_t c = 0; c < own.size(); ++c) {
-        EXPECT_NEAR((*lenses)[c].fx / board_->truth[c].fx, 1, 0.12);   // small pictures, few views
+        EXPECT_NEAR((*lenses)[c].fx / board_->truth[c].fx, 1, 0.12);  // small pictures, few views
         EXPECT_LT(norm((*lenses)[c].centre_in_world() - own[c].centre_in_world()), 1e-9);
     }
     // Places with these lenses.
@@ -328,14 +334,17 @@ TEST_F(CalibrationTest, RefusesWhatCannotBeAndSaysWhy) {
         EXPECT_REFUSED(client.get_certificate(certificate), kNotFound, "no calibration");
         EXPECT_REFUSED(coach.apply(id, false), kNotFound, "no calibration");
     }
-    EXPECT_REFUSED(coach.import("no toml [", v1::CALIBRATION_FORMAT_TOML), kInvalidArgument, "the calibration");
-    EXPECT_REFUSED(coach.import(std::string((1 << 20) + 1, '#'), v1::CALIBRATION_FORMAT_TOML), kInvalidArgument, "bytes");
+    EXPECT_REFUSED(coach.import("no toml [", v1::CALIBRATION_FORMAT_TOML), kInvalidArgument,
+                   "the calibration");
+    EXPECT_REFUSED(coach.import(std::string((1 << 20) + 1, '#'), v1::CALIBRATION_FORMAT_TOML),
+                   kInvalidArgument, "bytes");
     EXPECT_REFUSED(coach.import("", static_cast<v1::CalibrationFormat>(77)), kInvalidArgument, "77");
     std::vector<Camera> cameras = *client.cameras();
     const auto kalibr = coach.import(calibration_kalibr_yaml(cameras), v1::CALIBRATION_FORMAT_KALIBR);
     ASSERT_TRUE(kalibr.ok()) << kalibr.status();
     EXPECT_REFUSED(coach.apply(*kalibr, false), kFailedPrecondition, "has no world");
-    EXPECT_REFUSED(coach.apply(*kalibr, false, true), kFailedPrecondition, "has no camera");   // Kalibr's are cam0, cam1, ...
+    EXPECT_REFUSED(coach.apply(*kalibr, false, true), kFailedPrecondition,
+                   "has no camera");  // Kalibr's are cam0, cam1, ...
     cameras[0].width += 2;
     const auto other_size = coach.import(calibration_toml(cameras), v1::CALIBRATION_FORMAT_TOML);
     ASSERT_TRUE(other_size.ok());
@@ -354,7 +363,8 @@ TEST_F(CalibrationTest, RefusesWhatCannotBeAndSaysWhy) {
         const auto id = coach.import(*text, format);
         ASSERT_TRUE(id.ok()) << id.status();
         EXPECT_TRUE(coach.list().calibrations(coach.list().calibrations_size() - 1).fits());
-        const auto there_and_back = parse_calibration_toml(*coach.export_as(*id, v1::CALIBRATION_FORMAT_TOML), *id);
+        const auto there_and_back =
+            parse_calibration_toml(*coach.export_as(*id, v1::CALIBRATION_FORMAT_TOML), *id);
         ASSERT_TRUE(there_and_back.ok()) << there_and_back.status();
         expect_same(*there_and_back, *client.cameras());
     }
@@ -382,7 +392,7 @@ TEST_F(CalibrationTest, AProcedureThatIsLeftAloneEndsByItself) {
     }
     EXPECT_TRUE(started.ok()) << started;
     EXPECT_EQ(coach.wait([](const auto&) { return true; }).procedure(), 2u);
-    daemon->signal(SIGTERM);   // an open procedure does not hold the daemon up
+    daemon->signal(SIGTERM);  // an open procedure does not hold the daemon up
     EXPECT_EQ(daemon->wait(std::chrono::seconds(10)), 0);
 }
 
@@ -404,7 +414,7 @@ TEST_F(CalibrationTest, ApplyingBuildsThePoseDatabaseAnew) {
     };
     wait_ready();
     std::vector<Camera> cameras = *coach.client().cameras();
-    for (Camera& camera : cameras) camera.camera_from_world.translation.z += 1.5;   // seen from farther away
+    for (Camera& camera : cameras) camera.camera_from_world.translation.z += 1.5;  // seen from farther away
     const auto id = coach.import(calibration_toml(cameras), v1::CALIBRATION_FORMAT_TOML);
     ASSERT_TRUE(id.ok()) << id.status();
     // Stopped: in use at once.
@@ -413,16 +423,19 @@ TEST_F(CalibrationTest, ApplyingBuildsThePoseDatabaseAnew) {
     EXPECT_TRUE(applied->in_use());
     expect_same(*coach.client().cameras(), cameras);
     wait_ready();
-    const std::vector<std::string> events = coach.events(v1::EVENT_KIND_POSE_DATABASE, 2, std::chrono::seconds(20));
+    const std::vector<std::string> events =
+        coach.events(v1::EVENT_KIND_POSE_DATABASE, 2, std::chrono::seconds(20));
     ASSERT_EQ(events.size(), 2u);
-    EXPECT_THAT(events[1], HasSubstr("cameras"));   // why it was built
+    EXPECT_THAT(events[1], HasSubstr("cameras"));  // why it was built
 }
 
 // The command line: files on the daemon's machine, then what is stored.
 TEST_F(CalibrationTest, TheCommandLineGuidesShowsAppliesAndUndoes) {
     const auto daemon = start_daemon(config("autostart = false\n"));
-    std::vector<std::string> start{"calibrate", "start", "extrinsics", "--board", kBoard, "--floor-frame", "0",
-                                   "--every", "2", "--note", "hall"};   // pictures one after the other show no movement
+    std::vector<std::string> start{
+        "calibrate", "start",   "extrinsics", "--board", kBoard, "--floor-frame",
+        "0",         "--every", "2",          "--note",  "hall"};  // pictures one after the other show no
+                                                                   // movement
     for (const Camera& camera : board_->truth)
         start.push_back(camera.name + "=" + (session_.parent_path() / camera.name).string());
     const auto solved = kinevox(start);
@@ -430,12 +443,14 @@ TEST_F(CalibrationTest, TheCommandLineGuidesShowsAppliesAndUndoes) {
     EXPECT_THAT(solved.output, AllOf(HasSubstr("reading"), HasSubstr("solving"), HasSubstr("solved: c1"),
                                      HasSubstr("views kept out of the fit"), HasSubstr("stored as c1")));
     EXPECT_EQ(kinevox({"calibrate", "apply", "c1", "--although-bad"}).output, "c1 is in use\n");
-    EXPECT_THAT(kinevox({"calibrate", "list"}).output, AllOf(HasSubstr("c1 "), HasSubstr("in use"), HasSubstr("hall")));
+    EXPECT_THAT(kinevox({"calibrate", "list"}).output,
+                AllOf(HasSubstr("c1 "), HasSubstr("in use"), HasSubstr("hall")));
     const auto certificate = kinevox({"calibrate", "certificate", "c1"});
     EXPECT_THAT(certificate.output, AllOf(HasSubstr("camera"), HasSubstr(board_->truth[0].name)));
     EXPECT_EQ(json::parse(kinevox({"calibrate", "certificate", "c1", "--json"}).output)["made_by"], "board");
 
-    // Imported and exported: a file's name without --out goes to the daemon, an id comes from it; else files alone.
+    // Imported and exported: a file's name without --out goes to the daemon, an id comes from it; else files
+    // alone.
     const std::string own = (session_.parent_path() / "calibration.toml").string();
     EXPECT_THAT(kinevox({"calibrate", "import", own}).output, HasSubstr("c2: 4 cameras"));
     const std::string out = (folder_.path() / "out.yml").string();
@@ -466,7 +481,8 @@ TEST_F(CalibrationTest, TheCommandLineGuidesShowsAppliesAndUndoes) {
         EXPECT_THAT(refused.errors, HasSubstr(words));
         EXPECT_EQ(std::count(refused.errors.begin(), refused.errors.end(), '\n'), 1) << refused.errors;
     }
-    EXPECT_THAT(kinevox({"calibrate", "watch"}).output, HasSubstr("cancelled"));   // no procedure was left behind
+    EXPECT_THAT(kinevox({"calibrate", "watch"}).output,
+                HasSubstr("cancelled"));  // no procedure was left behind
 }
 
 // Whether the process has blocked SIGINT, as it does once it waits for it.
@@ -483,13 +499,15 @@ TEST_F(CalibrationTest, CtrlCStopsTheVerbsOnFiles) {
     const std::filesystem::path many = folder_.path() / "many";
     std::filesystem::create_directory(many);
     for (int i = 0; i < 20'000; ++i)
-        std::filesystem::create_symlink(session_.parent_path() / board_->truth[0].name /
-                                            fmt::format("{:04}.ppm", i % kMoments),
-                                        many / fmt::format("{:05}.ppm", i));
+        std::filesystem::create_symlink(
+            session_.parent_path() / board_->truth[0].name / fmt::format("{:04}.ppm", i % kMoments),
+            many / fmt::format("{:05}.ppm", i));
     const std::string out = (folder_.path() / "lenses.toml").string();
-    testing::ChildProcess verb({KINEVOX_CALIBRATE, "intrinsics", "cam1=" + many.string(), "--board", kBoard, "--out", out},
-                               folder_.path());
-    while (!waits_for_interrupts(verb.id()) && !verb.wait(std::chrono::milliseconds(1))) {}
+    testing::ChildProcess verb(
+        {KINEVOX_CALIBRATE, "intrinsics", "cam1=" + many.string(), "--board", kBoard, "--out", out},
+        folder_.path());
+    while (!waits_for_interrupts(verb.id()) && !verb.wait(std::chrono::milliseconds(1))) {
+    }
     verb.signal(SIGINT);
     EXPECT_EQ(verb.wait(std::chrono::seconds(20)), 1);
     EXPECT_EQ(verb.errors(), "kinevox calibrate: stopped; nothing was written\n");

@@ -1,9 +1,8 @@
 // `kinevox` against a real daemon.
+#include <gmock/gmock.h>
 #include <signal.h>
 
 #include <algorithm>
-
-#include <gmock/gmock.h>
 #include <nlohmann/json.hpp>
 
 #include "tests/integration/daemon/daemon_fixture.h"
@@ -12,9 +11,9 @@
 namespace kinevox {
 namespace {
 
+using nlohmann::json;
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
-using nlohmann::json;
 
 class CliTest : public testing::DaemonTest {
   protected:
@@ -27,8 +26,8 @@ class CliTest : public testing::DaemonTest {
 };
 
 TEST_F(CliTest, ControlsWatchesAndStreams) {
-    const auto daemon = start_daemon(
-        session_config("127.0.0.1:0", "autostart = false\npacing = \"as_fast_as_possible\"\n"));   // loses no frame set
+    const auto daemon = start_daemon(session_config(
+        "127.0.0.1:0", "autostart = false\npacing = \"as_fast_as_possible\"\n"));  // loses no frame set
 
     EXPECT_EQ(json::parse(kinevox({"status", "--json"}).output)["state"], "stopped");
     EXPECT_EQ(kinevox({"start"}).output, "started\n");
@@ -49,7 +48,8 @@ TEST_F(CliTest, ControlsWatchesAndStreams) {
         sequence = message["sequence"].get<std::uint64_t>();
         EXPECT_EQ(message["missed"], 0);
     }
-    const auto csv = kinevox({"stream", "volumes", "--frames", "2", "--format", "csv", "--max-voxel-mm", "20"});
+    const auto csv =
+        kinevox({"stream", "volumes", "--frames", "2", "--format", "csv", "--max-voxel-mm", "20"});
     ASSERT_EQ(lines(csv.output).size(), 3u) << csv.errors;
     EXPECT_THAT(lines(csv.output)[0], StartsWith("frame,capture_time_ns,subject_id,voxel_mm,"));
 
@@ -64,7 +64,10 @@ TEST_F(CliTest, ControlsWatchesAndStreams) {
     EXPECT_TRUE(json::parse(kinevox({"stream", "angles", "--frames", "1"}).output).contains("angles"));
 
     const auto plys = folder_.path() / "plys";
-    ASSERT_EQ(kinevox({"stream", "volumes", "--frames", "3", "--format", "ply-folder", "--out", plys.string()}).status, 0);
+    ASSERT_EQ(
+        kinevox({"stream", "volumes", "--frames", "3", "--format", "ply-folder", "--out", plys.string()})
+            .status,
+        0);
     EXPECT_EQ(std::distance(std::filesystem::directory_iterator(plys), {}), 3);
 
     EXPECT_THAT(kinevox({"watch", "--count", "2", "--interval", "0.1"}).output, HasSubstr("running frame"));
@@ -89,8 +92,9 @@ TEST_F(CliTest, PosesAreListedAddedImportedAndRemoved) {
     EXPECT_THAT(lines(watched.output).back(), StartsWith("ready, 864 entries"));
     EXPECT_EQ(json::parse(kinevox({"poses", "list", "--json"}).output)["poses"].size(), 12u);
 
-    EXPECT_EQ(kinevox({"poses", "add", "sitting", "--set", "knee_angle_l=90", "--set", "knee_angle_r=90"}).output,
-              "added; 936 entries\n");
+    EXPECT_EQ(
+        kinevox({"poses", "add", "sitting", "--set", "knee_angle_l=90", "--set", "knee_angle_r=90"}).output,
+        "added; 936 entries\n");
     const auto file = write("kick.bvh", testing::small_bvh(3));
     EXPECT_EQ(json::parse(kinevox({"poses", "import", file.string(), "--json"}).output)["poses"], 3);
     EXPECT_EQ(lines(kinevox({"poses", "list", "--added"}).output),
@@ -98,9 +102,12 @@ TEST_F(CliTest, PosesAreListedAddedImportedAndRemoved) {
                                         "added  kick, 0.20 s"}));
     EXPECT_EQ(kinevox({"poses", "remove", "sitting"}).output, "removed; 1080 entries\n");
 
-    for (const std::vector<std::string>& wrong : std::vector<std::vector<std::string>>{
-             {"poses", "remove", "sitting"}, {"poses", "add", "x", "--set", "knee"}, {"poses", "add", "x"},
-             {"poses", "import", "/nowhere.bvh"}, {"poses"}}) {
+    for (const std::vector<std::string>& wrong :
+         std::vector<std::vector<std::string>>{{"poses", "remove", "sitting"},
+                                               {"poses", "add", "x", "--set", "knee"},
+                                               {"poses", "add", "x"},
+                                               {"poses", "import", "/nowhere.bvh"},
+                                               {"poses"}}) {
         const auto ran = kinevox(wrong);
         EXPECT_EQ(ran.status, 1);
         EXPECT_EQ(lines(ran.errors).size(), 1u) << ran.errors;
@@ -108,8 +115,9 @@ TEST_F(CliTest, PosesAreListedAddedImportedAndRemoved) {
 }
 
 TEST_F(CliTest, FitsTheBodyOfWhoIsSeen) {
-    const auto daemon = start_daemon(session_config("127.0.0.1:0", "autostart = false\n",
-                                                    "database = \"\"\nfit_body = false\nfitted_body = \"kept/body.toml\""));
+    const auto daemon =
+        start_daemon(session_config("127.0.0.1:0", "autostart = false\n",
+                                    "database = \"\"\nfit_body = false\nfitted_body = \"kept/body.toml\""));
     const auto stopped = kinevox({"body", "fit"});
     EXPECT_EQ(stopped.status, 1);
     EXPECT_THAT(stopped.errors, HasSubstr("does not run"));

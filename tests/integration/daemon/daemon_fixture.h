@@ -1,12 +1,12 @@
 // A real kinevoxd on a free port.
 #pragma once
 
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
 #include <fstream>
 #include <memory>
 #include <string>
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
 
 #include "client/lib/client.h"
 #include "tests/support/child_process.h"
@@ -33,8 +33,9 @@ class DaemonTest : public ::testing::Test {
 
     static std::string session_config(const std::string& listen, const std::string& more = "",
                                       const std::string& pose = "database = \"\"") {
-        return fmt::format("[server]\nlisten = \"{}\"\n[pose]\n{}\n[source]\nkind = \"session\"\nsession = \"{}\"\n{}",
-                           listen, pose, session_.string(), more);
+        return fmt::format(
+            "[server]\nlisten = \"{}\"\n[pose]\n{}\n[source]\nkind = \"session\"\nsession = \"{}\"\n{}",
+            listen, pose, session_.string(), more);
     }
 
     // Waits until it is ready; `address` then holds where.
@@ -59,7 +60,8 @@ class DaemonTest : public ::testing::Test {
     void wait_for_a_volume(client::Client& client) {
         client::StreamOptions options;
         options.longest_silence = std::chrono::seconds(20);
-        const absl::Status status = client.stream_volumes({}, [](const auto& frame) { return !frame.volume; }, options);
+        const absl::Status status = client.stream_volumes(
+            {}, [](const auto& frame) { return !frame.volume; }, options);
         ASSERT_TRUE(status.ok()) << status;
     }
 

@@ -1,4 +1,5 @@
 // kinevoxd as a process: its start, its end, and what it says when something is wrong.
+#include <gmock/gmock.h>
 #include <signal.h>
 
 #include <algorithm>
@@ -6,17 +7,15 @@
 #include <future>
 #include <thread>
 
-#include <gmock/gmock.h>
-
 #include "tests/integration/daemon/daemon_fixture.h"
 
 namespace kinevox {
 namespace {
 
 using ::testing::AllOf;
-using ::testing::HasSubstr;
 using testing::ChildProcess;
 using testing::DaemonTest;
+using ::testing::HasSubstr;
 
 TEST_F(DaemonTest, ServesASessionAndStopsOnSigterm) {
     const auto daemon = start_daemon(session_config("127.0.0.1:0", "loop = true\n"));
@@ -35,25 +34,28 @@ TEST_F(DaemonTest, ServesASessionAndStopsOnSigterm) {
     EXPECT_LT(status->volume().litres(), 250);
 
     // A stream in progress ends with words, within the two seconds.
-    while (client.status()->volume_subscribers() != 0) {}   // the one that waited for a volume is still leaving
-    auto stream = std::async(std::launch::async, [&] {
-        return client.stream_volumes({}, [](const auto&) { return true; }, {});
-    });
-    while (client.status()->volume_subscribers() == 0) {}
+    while (client.status()->volume_subscribers() != 0) {
+    }  // the one that waited for a volume is still leaving
+    auto stream = std::async(std::launch::async,
+                             [&] { return client.stream_volumes({}, [](const auto&) { return true; }, {}); });
+    while (client.status()->volume_subscribers() == 0) {
+    }
     const auto begin = std::chrono::steady_clock::now();
     daemon->signal(SIGTERM);
-    daemon->signal(SIGTERM);   // a second one changes nothing
+    daemon->signal(SIGTERM);  // a second one changes nothing
     EXPECT_EQ(daemon->wait(std::chrono::milliseconds(2000)), 0) << daemon->errors();
-    RecordProperty("stopped_within_ms", static_cast<int>(std::chrono::duration_cast<std::chrono::milliseconds>(
-                                            std::chrono::steady_clock::now() - begin).count()));
+    RecordProperty("stopped_within_ms",
+                   static_cast<int>(std::chrono::duration_cast<std::chrono::milliseconds>(
+                                        std::chrono::steady_clock::now() - begin)
+                                        .count()));
     const absl::Status ended = stream.get();
     EXPECT_EQ(ended.code(), absl::StatusCode::kUnavailable);
     EXPECT_THAT(std::string(ended.message()), HasSubstr("the daemon is stopping"));
     EXPECT_EQ(daemon->output(), "ready on " + address_ + "\n") << "nothing else on standard output";
 }
 
-// gRPC ends a call that it takes while it stops with CANCELLED, which for a client means that it stopped by itself: it
-// would leave without an error, and not connect again.
+// gRPC ends a call that it takes while it stops with CANCELLED, which for a client means that it stopped by
+// itself: it would leave without an error, and not connect again.
 TEST_F(DaemonTest, WhoCallsWhileItStopsIsToldToConnectAgain) {
     const auto daemon = start_daemon(session_config("127.0.0.1:0", "autostart = false\n"));
     std::atomic<bool> begun = false;
@@ -84,11 +86,14 @@ TEST_F(DaemonTest, StopsInTimeAlthoughASubscriberReadsNothing) {
     std::promise<void> first, leave;
     auto stream = std::async(std::launch::async, [&] {
         bool told = false;
-        return client.stream_volumes({}, [&](const auto&) {
-            if (!std::exchange(told, true)) first.set_value();
-            leave.get_future().wait();   // reads nothing more until the daemon is gone
-            return false;
-        }, {});
+        return client.stream_volumes(
+            {},
+            [&](const auto&) {
+                if (!std::exchange(told, true)) first.set_value();
+                leave.get_future().wait();  // reads nothing more until the daemon is gone
+                return false;
+            },
+            {});
     });
     first.get_future().wait();
     daemon->signal(SIGTERM);
@@ -105,13 +110,16 @@ TEST_F(DaemonTest, StopsInTimeAlthoughASubscriberWantsFewMessages) {
     few.set_max_rate_hz(0.1);
     std::promise<void> first;
     auto stream = std::async(std::launch::async, [&, told = false]() mutable {
-        return client.stream_volumes(few, [&](const auto&) {
-            if (!std::exchange(told, true)) first.set_value();
-            return true;
-        }, {});
+        return client.stream_volumes(few,
+                                     [&](const auto&) {
+                                         if (!std::exchange(told, true)) first.set_value();
+                                         return true;
+                                     },
+                                     {});
     });
     first.get_future().wait();
-    std::this_thread::sleep_for(std::chrono::milliseconds(300));   // until the next result is ready and has to wait
+    std::this_thread::sleep_for(
+        std::chrono::milliseconds(300));  // until the next result is ready and has to wait
     daemon->signal(SIGTERM);
     EXPECT_EQ(daemon->wait(std::chrono::milliseconds(2000)), 0) << daemon->errors();
     stream.get().IgnoreError();
@@ -126,12 +134,14 @@ TEST_F(DaemonTest, ASecondDaemonOnThePortSaysSoAndEnds) {
     EXPECT_THAT(second.errors, AllOf(HasSubstr(address_), HasSubstr("in use"), HasSubstr("[server]")));
     EXPECT_EQ(second.output, "");
     client::Client client({.server = address_});
-    EXPECT_EQ(client.status()->state(), v1::CAPTURE_STATE_STOPPED) << "the first goes on, and waits as configured";
+    EXPECT_EQ(client.status()->state(), v1::CAPTURE_STATE_STOPPED)
+        << "the first goes on, and waits as configured";
 }
 
 TEST_F(DaemonTest, WhatIsWrongAtTheStartIsOneLineAndStatusOne) {
-    const auto wrong_calibration = [&] {   // cam3 is missing from the session's calibration
-        std::filesystem::copy(session_.parent_path(), folder_.path() / "copy", std::filesystem::copy_options::recursive);
+    const auto wrong_calibration = [&] {  // cam3 is missing from the session's calibration
+        std::filesystem::copy(session_.parent_path(), folder_.path() / "copy",
+                              std::filesystem::copy_options::recursive);
         std::filesystem::remove_all(folder_.path() / "copy/cam3");
         return (folder_.path() / "copy/session.toml").string();
     }();
@@ -144,9 +154,13 @@ TEST_F(DaemonTest, WhatIsWrongAtTheStartIsOneLineAndStatusOne) {
         {"wrong type", "[pipeline]\nvoxel_mm = \"ten\"\n", {"bad.toml:2", "voxel_mm"}},
         {"no TOML", "[server\n", {"bad.toml:1"}},
         {"missing session", "[source]\nkind = \"session\"\nsession = \"nowhere.toml\"\n", {"nowhere.toml"}},
-        {"missing pictures", "[source]\nkind = \"session\"\nsession = \"" + wrong_calibration + "\"\n", {"cam3"}},
+        {"missing pictures",
+         "[source]\nkind = \"session\"\nsession = \"" + wrong_calibration + "\"\n",
+         {"cam3"}},
         {"no address of this machine", session_config("192.0.2.1:50771"), {"192.0.2.1:50771"}},
-        {"log that cannot be written", session_config("127.0.0.1:0", "[log]\nfile = \"/proc/no/log\"\n"), {"/proc/no/log"}},
+        {"log that cannot be written",
+         session_config("127.0.0.1:0", "[log]\nfile = \"/proc/no/log\"\n"),
+         {"/proc/no/log"}},
     };
     for (const auto& row : kTable) {
         const auto file = write("bad.toml", row.config);
@@ -176,10 +190,15 @@ TEST_F(DaemonTest, AVanishedOperatorsLeaseRunsOut) {
     std::vector<std::string> messages;
     client::StreamOptions options;
     options.longest_silence = std::chrono::seconds(10);
-    ASSERT_TRUE(client.watch_events(watch, [&](const auto& event) {
-        messages.push_back(event.message());
-        return event.kind() != v1::EVENT_KIND_CONTROL_RELEASED;
-    }, options).ok());
+    ASSERT_TRUE(client
+                    .watch_events(
+                        watch,
+                        [&](const auto& event) {
+                            messages.push_back(event.message());
+                            return event.kind() != v1::EVENT_KIND_CONTROL_RELEASED;
+                        },
+                        options)
+                    .ok());
     EXPECT_THAT(messages.back(), HasSubstr("'ann' has run out"));
     EXPECT_TRUE(client.start("bob").ok());
 }
@@ -191,10 +210,15 @@ std::string message_of(client::Client& client, v1::EventKind kind) {
     client::StreamOptions options;
     options.longest_silence = std::chrono::seconds(30);
     std::string message;
-    EXPECT_TRUE(client.watch_events(watch, [&](const auto& event) {
-        if (event.kind() == kind) message = event.message();
-        return message.empty();
-    }, options).ok());
+    EXPECT_TRUE(client
+                    .watch_events(
+                        watch,
+                        [&](const auto& event) {
+                            if (event.kind() == kind) message = event.message();
+                            return message.empty();
+                        },
+                        options)
+                    .ok());
     return message;
 }
 
@@ -204,9 +228,10 @@ TEST_F(DaemonTest, BuildsItsPoseDatabaseOnceAndReadsItAfterwards) {
     for (const char* said : {"was not there yet", "read as it was stored"}) {
         const auto daemon = start_daemon(session_config("127.0.0.1:0", "", pose));
         client::Client client({.server = address_});
-        EXPECT_THAT(message_of(client, v1::EVENT_KIND_POSE_DATABASE), AllOf(HasSubstr("2160 entries"), HasSubstr(said)));
+        EXPECT_THAT(message_of(client, v1::EVENT_KIND_POSE_DATABASE),
+                    AllOf(HasSubstr("2160 entries"), HasSubstr(said)));
         EXPECT_TRUE(std::filesystem::exists(file));
-        wait_for_a_volume(client);   // with candidates from it
+        wait_for_a_volume(client);  // with candidates from it
         daemon->signal(SIGTERM);
         EXPECT_EQ(daemon->wait(std::chrono::milliseconds(2000)), 0) << daemon->errors();
     }
@@ -222,9 +247,10 @@ TEST_F(DaemonTest, StopsInTimeWheneverTheSignalComes) {
     const std::string pose = "database = \"poses.kvxposes\"\ndatabase_poses = 1400";
     for (const int after_ms : {0, 20, 60, 150, 300, 600, 1200}) {
         const auto daemon = start_daemon(session_config("127.0.0.1:0", "", pose));
-        std::this_thread::sleep_for(std::chrono::milliseconds(after_ms));   // the moment is what is tested
+        std::this_thread::sleep_for(std::chrono::milliseconds(after_ms));  // the moment is what is tested
         daemon->signal(SIGTERM);
-        EXPECT_EQ(daemon->wait(std::chrono::milliseconds(2000)), 0) << after_ms << " ms: " << daemon->errors();
+        EXPECT_EQ(daemon->wait(std::chrono::milliseconds(2000)), 0)
+            << after_ms << " ms: " << daemon->errors();
     }
 }
 

@@ -1,13 +1,12 @@
 // A recording in the cameras' place, in a real daemon.
+#include <gmock/gmock.h>
 #include <signal.h>
 
 #include <condition_variable>
 #include <deque>
 #include <mutex>
-#include <thread>
-
-#include <gmock/gmock.h>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "common/calibration_file.h"
 #include "tests/integration/daemon/calibration_operator.h"
@@ -17,10 +16,9 @@
 namespace kinevox {
 namespace {
 
-
+using nlohmann::json;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
-using nlohmann::json;
 using testing::Operator;
 
 constexpr int kFrames = 30;
@@ -30,7 +28,7 @@ struct Shown {
     std::uint64_t sequence = 0;
     std::optional<std::int64_t> frame;
     std::optional<Volume> volume;
-    std::string pose;   // serialised, without the subject's number; empty: none
+    std::string pose;  // serialised, without the subject's number; empty: none
 };
 
 // Follows volumes and poses from its construction on.
@@ -46,7 +44,8 @@ class Follower {
                 .stream_volumes(
                     every,
                     [this](const client::VolumeFrame& frame) {
-                        take(frame.header, [&](Shown& shown) { shown.volume = frame.volume; }, 1);
+                        take(
+                            frame.header, [&](Shown& shown) { shown.volume = frame.volume; }, 1);
                         return true;
                     },
                     options)
@@ -63,8 +62,12 @@ class Follower {
                     [this](const v1::StreamPosesResponse& message) {
                         v1::Pose pose = message.pose();
                         pose.set_subject_id(0);
-                        take(message.header(),
-                             [&](Shown& shown) { shown.pose = message.has_pose() ? pose.SerializeAsString() : ""; }, 2);
+                        take(
+                            message.header(),
+                            [&](Shown& shown) {
+                                shown.pose = message.has_pose() ? pose.SerializeAsString() : "";
+                            },
+                            2);
                         return true;
                     },
                     options)
@@ -116,7 +119,7 @@ class Follower {
     std::string address_;
     std::mutex mutex_;
     std::condition_variable changed_;
-    std::deque<std::pair<Shown, int>> waiting_;   // and which parts of it came
+    std::deque<std::pair<Shown, int>> waiting_;  // and which parts of it came
     std::jthread volumes_, poses_;
 };
 
@@ -237,7 +240,8 @@ TEST_F(ReplayTest, RefusesWhatCannotBeAndSaysWhy) {
 
     // Calibrating and replaying shut each other out.
     ASSERT_TRUE(coach.start(v1::PROCEDURE_KIND_INTRINSICS).ok());
-    EXPECT_REFUSED(client.open_replay("", recording(coach.lease(), true)), kFailedPrecondition, "calibration procedure");
+    EXPECT_REFUSED(client.open_replay("", recording(coach.lease(), true)), kFailedPrecondition,
+                   "calibration procedure");
     ASSERT_TRUE(coach.cancel().ok());
     ASSERT_TRUE(client.open_replay("", recording(coach.lease(), true)).ok());
     EXPECT_REFUSED(coach.start(v1::PROCEDURE_KIND_INTRINSICS), kFailedPrecondition, "replay live");
@@ -251,7 +255,8 @@ TEST_F(ReplayTest, RefusesWhatCannotBeAndSaysWhy) {
 
 TEST_F(ReplayTest, WhatWasRecordedIsOpenedByItsNameAndNotRecordedAgain) {
     const std::string recording_config =
-        fmt::format("[recording]\nfolder = \"{}\"\nkeep_last_s = 1\nleast_free_mb = 0\n", (folder_.path() / "kept").string());
+        fmt::format("[recording]\nfolder = \"{}\"\nkeep_last_s = 1\nleast_free_mb = 0\n",
+                    (folder_.path() / "kept").string());
     auto daemon = start_daemon(config() + recording_config);
     {
         client::Client client({.server = address_});
@@ -266,10 +271,13 @@ TEST_F(ReplayTest, WhatWasRecordedIsOpenedByItsNameAndNotRecordedAgain) {
         const auto started = client.start_recording("coach", start);
         ASSERT_TRUE(started.ok()) << started.status();
         EXPECT_REFUSED(client.open_replay("coach", open), kFailedPrecondition, "\"walk\" is being recorded");
-        EXPECT_REFUSED(client.open_replay("coach", recording("", true)), kFailedPrecondition, "kinevox record stop");
+        EXPECT_REFUSED(client.open_replay("coach", recording("", true)), kFailedPrecondition,
+                       "kinevox record stop");
         const auto recorded = [&] {
-            for (int i = 0; i < testing::patient(400); ++i, std::this_thread::sleep_for(std::chrono::milliseconds(25)))
-                if (const auto now = client.recorder_status(); now.ok() && now->recording().frames() >= 10) return true;
+            for (int i = 0; i < testing::patient(400);
+                 ++i, std::this_thread::sleep_for(std::chrono::milliseconds(25)))
+                if (const auto now = client.recorder_status(); now.ok() && now->recording().frames() >= 10)
+                    return true;
             return false;
         };
         ASSERT_TRUE(recorded());
@@ -280,7 +288,8 @@ TEST_F(ReplayTest, WhatWasRecordedIsOpenedByItsNameAndNotRecordedAgain) {
         EXPECT_THAT(shown.output, HasSubstr("kept/walk/session.toml"));
         start.set_name("again");
         EXPECT_REFUSED(client.start_recording("coach", start), kFailedPrecondition, "kinevox replay live");
-        EXPECT_REFUSED(client.keep_last("coach", keep, std::chrono::seconds(20)), kFailedPrecondition, "kinevox replay live");
+        EXPECT_REFUSED(client.keep_last("coach", keep, std::chrono::seconds(20)), kFailedPrecondition,
+                       "kinevox replay live");
         const auto none = kinevox({"replay", "open", "run"});
         EXPECT_EQ(none.status, 1);
         EXPECT_THAT(none.errors, AllOf(HasSubstr("'run' is no absolute path"), HasSubstr("which has walk")));
@@ -340,7 +349,9 @@ TEST_F(ReplayTest, TheCommandLine) {
     EXPECT_THAT(replay({"play"}).output, HasSubstr("playing"));
     EXPECT_THAT(replay({"pause"}).output, HasSubstr("paused"));
     for (const auto& [words, why] : std::vector<std::pair<std::vector<std::string>, std::string>>{
-             {{"seek", "later"}, "neither a frame"}, {{"seek", "99"}, "0 to 29"}, {{"open", "/nowhere.toml"}, "nowhere"}}) {
+             {{"seek", "later"}, "neither a frame"},
+             {{"seek", "99"}, "0 to 29"},
+             {{"open", "/nowhere.toml"}, "nowhere"}}) {
         const auto refused = replay(words);
         EXPECT_EQ(refused.status, 1);
         EXPECT_THAT(refused.errors, HasSubstr(why));

@@ -1,15 +1,13 @@
 // kinevoxd as a service: this test is the service manager, with a socket and a watchdog of its own.
+#include <gmock/gmock.h>
+#include <poll.h>
 #include <sys/ptrace.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <poll.h>
-
 #include <chrono>
-
-#include <gmock/gmock.h>
 
 #include "tests/integration/daemon/daemon_fixture.h"
 
@@ -18,8 +16,8 @@ namespace {
 
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
-using ::testing::HasSubstr;
 using testing::ChildProcess;
+using ::testing::HasSubstr;
 
 class ServiceManagerTest : public testing::DaemonTest {
   protected:
@@ -48,7 +46,8 @@ class ServiceManagerTest : public testing::DaemonTest {
         if (poll(&waiting, 1, static_cast<int>(limit / 1ms)) <= 0) return "";
         char bytes[4096], control[CMSG_SPACE(sizeof(ucred))];
         iovec piece{bytes, sizeof bytes};
-        msghdr message{.msg_iov = &piece, .msg_iovlen = 1, .msg_control = control, .msg_controllen = sizeof control};
+        msghdr message{
+            .msg_iov = &piece, .msg_iovlen = 1, .msg_control = control, .msg_controllen = sizeof control};
         const ssize_t count = recvmsg(socket_, &message, 0);
         if (const cmsghdr* header = CMSG_FIRSTHDR(&message); header && header->cmsg_type == SCM_CREDENTIALS)
             std::memcpy(&sender_, CMSG_DATA(header), sizeof sender_);
@@ -89,8 +88,8 @@ class HeldThread {
         return 0;
     }
     explicit HeldThread(pid_t id) : id_(id) {
-        held_ = ptrace(PTRACE_SEIZE, id_, nullptr, nullptr) == 0 && ptrace(PTRACE_INTERRUPT, id_, nullptr, nullptr) == 0 &&
-                waitpid(id_, nullptr, __WALL) == id_;
+        held_ = ptrace(PTRACE_SEIZE, id_, nullptr, nullptr) == 0 &&
+                ptrace(PTRACE_INTERRUPT, id_, nullptr, nullptr) == 0 && waitpid(id_, nullptr, __WALL) == id_;
     }
     ~HeldThread() {
         if (held_) ptrace(PTRACE_DETACH, id_, nullptr, nullptr);
@@ -102,9 +101,11 @@ class HeldThread {
     bool held_ = false;
 };
 
-const std::string kRestful = "[pose]\ndatabase = \"\"\nfit_body = false\nfitted_body = \"\"\n[recording]\nfolder = \"\"\n"
-                             "[calibration]\nfolder = \"\"\n[server]\nlisten = \"127.0.0.1:0\"\n";
-const std::string kStudio = "[source]\nkind = \"studio\"\n[source.studio]\nwidth = 160\nheight = 120\nfps = 20\ncameras = 2\n";
+const std::string kRestful =
+    "[pose]\ndatabase = \"\"\nfit_body = false\nfitted_body = \"\"\n[recording]\nfolder = \"\"\n"
+    "[calibration]\nfolder = \"\"\n[server]\nlisten = \"127.0.0.1:0\"\n";
+const std::string kStudio =
+    "[source]\nkind = \"studio\"\n[source.studio]\nwidth = 160\nheight = 120\nfps = 20\ncameras = 2\n";
 
 TEST_F(ServiceManagerTest, HearsReadinessStatusAndTheEnd) {
     const auto daemon = start_service(kRestful + kStudio, 2s);
@@ -124,8 +125,10 @@ TEST_F(ServiceManagerTest, AnIdleDaemonIsNotStartedAnew) {
 }
 
 TEST_F(ServiceManagerTest, ARecordingThatHasEndedIsNoHang) {
-    const auto daemon = start_service(
-        kRestful + fmt::format("[source]\nkind = \"session\"\nsession = \"{}\"\nloop = false\n", session_.string()), 800ms);
+    const auto daemon =
+        start_service(kRestful + fmt::format("[source]\nkind = \"session\"\nsession = \"{}\"\nloop = false\n",
+                                             session_.string()),
+                      800ms);
     ASSERT_NE(wait_for("STATUS=ended", 30s), "") << daemon->errors();
     expect_alive(2s, 4);
 }
@@ -143,7 +146,8 @@ TEST_F(ServiceManagerTest, AHungPipelineIsToldAndNotFed) {
             if (!held.held()) GTEST_SKIP() << "no thread may be held here: " << std::strerror(errno);
             trigger = wait_for("WATCHDOG=trigger", 2s);
             if (trigger.empty()) continue;
-            while (!heard(0s).empty()) {}
+            while (!heard(0s).empty()) {
+            }
             wait_for("WATCHDOG=trigger", 2s);
             EXPECT_EQ(alive_, 0) << name << ": fed though it hangs";
             EXPECT_THAT(daemon->errors(), HasSubstr("the pipeline hangs"));

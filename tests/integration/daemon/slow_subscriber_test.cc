@@ -1,13 +1,12 @@
 // A client that reads nothing must neither slow the pipeline nor fill the daemon's memory.
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <grpcpp/grpcpp.h>
 #include <signal.h>
 
 #include <algorithm>
 #include <optional>
 #include <thread>
-
-#include <gmock/gmock.h>
-#include <fmt/format.h>
-#include <grpcpp/grpcpp.h>
 
 #include "kinevox/v1/stream_service.grpc.pb.h"
 #include "tests/integration/daemon/daemon_fixture.h"
@@ -21,7 +20,7 @@ class SlowSubscriberTest : public testing::DaemonTest {
   protected:
     struct Phase {
         double results_per_second = 0;
-        double cpu_ms_per_result = 0;   // says more than the rate where other programs want the processor, too
+        double cpu_ms_per_result = 0;  // says more than the rate where other programs want the processor, too
         double most_resident_mb = 0;
     };
 
@@ -54,26 +53,26 @@ struct Stalled {
     }
     ~Stalled() {
         context.TryCancel();
-        reader->Finish();   // the status is of no interest
+        reader->Finish();  // the status is of no interest
     }
     grpc::ClientContext context;
     std::unique_ptr<grpc::ClientReader<v1::StreamVolumesResponse>> reader;
 };
 
 TEST_F(SlowSubscriberTest, ChangesTheRateByLessThanFivePercentAndMemoryByLessThan50Megabytes) {
-    // The source's pace decides the rate: ten a second, of which this takes a fraction of a core. A pipeline that waits
-    // for a subscriber falls behind that pace at once and in every round; other programs do in some, so the best of up
-    // to four rounds counts.
+    // The source's pace decides the rate: ten a second, of which this takes a fraction of a core. A pipeline
+    // that waits for a subscriber falls behind that pace at once and in every round; other programs do in
+    // some, so the best of up to four rounds counts.
     constexpr double kStalledSeconds = 10;
     constexpr int kMostRounds = 4;
     const auto session = testing::write_small_session(folder_.path() / "session", {.fps = 10});
     const auto daemon = start_daemon(
         fmt::format("[server]\nlisten = \"127.0.0.1:0\"\n[source]\nkind = \"session\"\nsession = \"{}\"\n"
-                    "[pose]\ndatabase = \"\"\nfit_body = false\n",   // both take time and memory of their own
+                    "[pose]\ndatabase = \"\"\nfit_body = false\n",  // both take time and memory of their own
                     session.string()));
     client::Client client({.server = address_});
     wait_for_a_volume(client);
-    observe(client, *daemon, 3);   // memory pools fill
+    observe(client, *daemon, 3);  // memory pools fill
 
     // What the client's transport would take in on its own would hide that nobody reads.
     grpc::ChannelArguments arguments;
@@ -94,12 +93,13 @@ TEST_F(SlowSubscriberTest, ChangesTheRateByLessThanFivePercentAndMemoryByLessTha
         const double growth_mb = stalled.most_resident_mb - alone.most_resident_mb;
         least_change = std::min(least_change, std::abs(change));
         most_growth_mb = std::max(most_growth_mb, growth_mb);
-        fmt::print("                     alone   two stalled subscribers\n"
-                   "results a second  {:8.2f}   {:8.2f} ({:+.2f} %)\n"
-                   "CPU ms a result   {:8.2f}   {:8.2f}\n"
-                   "resident MB       {:8.1f}   {:8.1f} ({:+.1f})\n",
-                   alone.results_per_second, stalled.results_per_second, 100 * change, alone.cpu_ms_per_result,
-                   stalled.cpu_ms_per_result, alone.most_resident_mb, stalled.most_resident_mb, growth_mb);
+        fmt::print(
+            "                     alone   two stalled subscribers\n"
+            "results a second  {:8.2f}   {:8.2f} ({:+.2f} %)\n"
+            "CPU ms a result   {:8.2f}   {:8.2f}\n"
+            "resident MB       {:8.1f}   {:8.1f} ({:+.1f})\n",
+            alone.results_per_second, stalled.results_per_second, 100 * change, alone.cpu_ms_per_result,
+            stalled.cpu_ms_per_result, alone.most_resident_mb, stalled.most_resident_mb, growth_mb);
         EXPECT_GT(stalled.results_per_second, 1) << "it does not stand still";
         if (least_change >= 0.05 && round + 1 < kMostRounds) newest.reset(), every.reset();
     }

@@ -20,8 +20,9 @@ class ViewerCalibrationTest : public ViewerTest {
         session_ = testing::write_board_session(shared_->path()).session;
     }
     std::unique_ptr<testing::ChildProcess> start_on_board() {
-        return start_daemon(session_config("127.0.0.1:0", "", "enabled = false\ndatabase = \"\"") +
-                            "[calibration]\nfolder = \"calibrations\"\n[pipeline]\nvoxel_mm = 50\ncolouring = false\n");
+        return start_daemon(
+            session_config("127.0.0.1:0", "", "enabled = false\ndatabase = \"\"") +
+            "[calibration]\nfolder = \"calibrations\"\n[pipeline]\nvoxel_mm = 50\ncolouring = false\n");
     }
     // Chooses what to calibrate, as the coach does.
     void choose(v1::ProcedureKind kind, bool floor) {
@@ -33,7 +34,8 @@ class ViewerCalibrationTest : public ViewerTest {
     }
     void click(const char* button) {
         auto* found = panel().findChild<QPushButton*>(button);
-        ASSERT_TRUE(found && found->isEnabled() && found->isVisible()) << button << ": " << window_->status_line().toStdString();
+        ASSERT_TRUE(found && found->isEnabled() && found->isVisible())
+            << button << ": " << window_->status_line().toStdString();
         QTest::mouseClick(found, Qt::LeftButton);
     }
     bool instructs(const char* words) {
@@ -53,33 +55,40 @@ TEST_F(ViewerCalibrationTest, PlacesFromABoardAreSolvedCertifiedUsedAndUndone) {
     const auto daemon = start_on_board();
     show();
     ASSERT_TRUE(wait([&] { return window_->status_line().startsWith("Live"); })) << state();
-    choose(v1::PROCEDURE_KIND_EXTRINSICS_BOARD, false);   // floor and origin are the published calibration's
+    choose(v1::PROCEDURE_KIND_EXTRINSICS_BOARD, false);  // floor and origin are the published calibration's
     keep_picture("calibration_choice");
     click("calibration_begin");
     ASSERT_TRUE(wait([&] { return instructs("Move the board"); }, 2 * kSoon_ms)) << state();
-    ASSERT_TRUE(wait([&] { return panel().findChild<QLabel*>("calibration_hint")->text().contains("camera"); })) << state();
-    ASSERT_TRUE(wait([&] { return window_->calibration_progress().moments() >= 20; }, 3 * kSoon_ms)) << state();
+    ASSERT_TRUE(wait([&] {
+        return panel().findChild<QLabel*>("calibration_hint")->text().contains("camera");
+    })) << state();
+    ASSERT_TRUE(wait([&] { return window_->calibration_progress().moments() >= 20; }, 3 * kSoon_ms))
+        << state();
     keep_picture("calibration");
-    click("calibration_enough");   // it would wait for the floor, which is known here
+    click("calibration_enough");  // it would wait for the floor, which is known here
     ASSERT_TRUE(wait([&] { return panel().certificate().isVisible(); }, 3 * kSoon_ms)) << state();
     const v1::Certificate& certificate = panel().certificate().shown().certificate;
-    ASSERT_TRUE(certificate.verdict() == v1::VERDICT_GO || certificate.verdict() == v1::VERDICT_CARE) << certificate.DebugString();
+    ASSERT_TRUE(certificate.verdict() == v1::VERDICT_GO || certificate.verdict() == v1::VERDICT_CARE)
+        << certificate.DebugString();
     EXPECT_EQ(certificate.cameras_size(), 4);
     EXPECT_TRUE(certificate.world_is_set());
     EXPECT_TRUE(wait([&] { return !panel().certificate().shown().page.isNull(); }, 2 * kSoon_ms)) << state();
     std::filesystem::create_directories(KINEVOX_VIEWER_PICTURES);
-    EXPECT_TRUE(panel().certificate().grab().save(QString("%1/certificate.png").arg(KINEVOX_VIEWER_PICTURES)));
+    EXPECT_TRUE(
+        panel().certificate().grab().save(QString("%1/certificate.png").arg(KINEVOX_VIEWER_PICTURES)));
     panel().certificate().hide();
     ASSERT_TRUE(wait([&] { return stored().count() == 1; })) << state();
     EXPECT_FALSE(instructs(""));
 
     stored().setCurrentRow(0);
     click("calibration_apply");
-    EXPECT_TRUE(wait([&] { return stored().count() == 1 && stored().item(0)->text().contains("in use"); })) << state();
+    EXPECT_TRUE(wait([&] { return stored().count() == 1 && stored().item(0)->text().contains("in use"); }))
+        << state();
     EXPECT_TRUE(wait([&] { return window_->status_line().startsWith("Live"); })) << state();
     keep_picture("calibration_used");
     click("calibration_undo");
-    EXPECT_TRUE(wait([&] { return stored().count() == 1 && !stored().item(0)->text().contains("in use"); })) << state();
+    EXPECT_TRUE(wait([&] { return stored().count() == 1 && !stored().item(0)->text().contains("in use"); }))
+        << state();
     stored().setCurrentRow(0);
     click("calibration_remove");
     EXPECT_TRUE(wait([&] { return stored().count() == 0; })) << state();
@@ -93,16 +102,20 @@ TEST_F(ViewerCalibrationTest, TooLittleIsSaidAndTheLookingGoesOnUntilItIsCancell
     click("calibration_begin");
     ASSERT_TRUE(wait([&] { return instructs("Lay the board on the floor"); })) << state();
     click("calibration_cancel");
-    ASSERT_TRUE(wait([&] { return panel().findChild<QPushButton*>("calibration_begin")->isVisible(); })) << state();
+    ASSERT_TRUE(wait([&] { return panel().findChild<QPushButton*>("calibration_begin")->isVisible(); }))
+        << state();
 
     panel().findChild<QCheckBox*>()->setChecked(false);
     click("calibration_begin");
     ASSERT_TRUE(wait([&] { return instructs("Move the board"); })) << state();
-    click("calibration_enough");   // hardly anything was seen
-    // Two things may be: it was too little, which is said and looked on; or it sufficed. It must not end in between.
-    ASSERT_TRUE(wait([&] { return instructs("Move the board") || stored().count() == 1; }, 2 * kSoon_ms)) << state();
+    click("calibration_enough");  // hardly anything was seen
+    // Two things may be: it was too little, which is said and looked on; or it sufficed. It must not end in
+    // between.
+    ASSERT_TRUE(wait([&] { return instructs("Move the board") || stored().count() == 1; }, 2 * kSoon_ms))
+        << state();
     if (stored().count() == 0) click("calibration_cancel");
-    ASSERT_TRUE(wait([&] { return panel().findChild<QPushButton*>("calibration_begin")->isVisible(); })) << state();
+    ASSERT_TRUE(wait([&] { return panel().findChild<QPushButton*>("calibration_begin")->isVisible(); }))
+        << state();
     client::Client client({.server = address_});
     v1::ProcedureState last = v1::PROCEDURE_STATE_UNSPECIFIED;
     ASSERT_TRUE(client
@@ -123,8 +136,11 @@ TEST_F(ViewerCalibrationTest, WhatCannotBeBegunIsSaid) {
     choose(v1::PROCEDURE_KIND_INTRINSICS, false);
     panel().findChild<QComboBox*>("calibration_board")->setEditText("a chessboard");
     click("calibration_begin");
-    EXPECT_TRUE(wait([&] { return window_->last_answer().contains("Not done") && window_->last_answer().contains("a chessboard"); })) << state();
-    EXPECT_TRUE(wait([&] { return panel().findChild<QPushButton*>("calibration_begin")->isVisible(); })) << state();
+    EXPECT_TRUE(wait([&] {
+        return window_->last_answer().contains("Not done") && window_->last_answer().contains("a chessboard");
+    })) << state();
+    EXPECT_TRUE(wait([&] { return panel().findChild<QPushButton*>("calibration_begin")->isVisible(); }))
+        << state();
 }
 
 }  // namespace

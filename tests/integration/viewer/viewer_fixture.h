@@ -1,11 +1,12 @@
-// The viewer's window on a real daemon, in a display of its own. Its pictures stay in the build folder, to be looked at.
+// The viewer's window on a real daemon, in a display of its own. Its pictures stay in the build folder, to be
+// looked at.
 #pragma once
+
+#include <signal.h>
 
 #include <QAction>
 #include <QApplication>
 #include <QTest>
-
-#include <signal.h>
 
 #include "client/viewer/main_window.h"
 #include "client/viewer/scene_view.h"
@@ -37,17 +38,21 @@ inline int differing_pixels(const QImage& a, const QImage& b) {
 class ViewerTest : public testing::DaemonTest {
   protected:
     static std::string config(const std::string& listen, const std::filesystem::path& recordings) {
-        return session_config(listen, fmt::format("pacing = \"real_time\"\nloop = true\n[recording]\nfolder = \"{}\"\nkeep_last_s = 2\nleast_free_mb = 1\n",
-                                                  recordings.string()),
+        return session_config(listen,
+                              fmt::format("pacing = \"real_time\"\nloop = true\n[recording]\nfolder = "
+                                          "\"{}\"\nkeep_last_s = 2\nleast_free_mb = 1\n",
+                                          recordings.string()),
                               "database = \"\"\nfit_body = false");
     }
     void show(const client::SecurityFiles& files = {}) {
         window_ = std::make_unique<MainWindow>(client::ConnectionOptions{.server = address_, .files = files});
         window_->show();
         ASSERT_TRUE(QTest::qWaitForWindowExposed(window_.get(), kSoon_ms));
-        QApplication::setActiveWindow(window_.get());   // no window manager does it here; keys need it
+        QApplication::setActiveWindow(window_.get());  // no window manager does it here; keys need it
     }
-    bool wait(const std::function<bool()>& until, int limit_ms = kSoon_ms) { return QTest::qWaitFor(until, limit_ms); }
+    bool wait(const std::function<bool()>& until, int limit_ms = kSoon_ms) {
+        return QTest::qWaitFor(until, limit_ms);
+    }
     void press(const char* action) {
         auto* found = window_->findChild<QAction*>(action);
         ASSERT_TRUE(found && found->isEnabled()) << action << ": " << window_->status_line().toStdString();
@@ -60,8 +65,12 @@ class ViewerTest : public testing::DaemonTest {
     // Until so many further results have come, however long the machine takes for them.
     bool results_come(std::uint64_t count) {
         const std::uint64_t begin = window_->feed().volume()->sequence;
-        return wait([&] { return window_->feed().volume()->sequence >= begin + count && !window_->feed().volume()->points.empty(); },
-                    3 * kSoon_ms);
+        return wait(
+            [&] {
+                return window_->feed().volume()->sequence >= begin + count &&
+                       !window_->feed().volume()->points.empty();
+            },
+            3 * kSoon_ms);
     }
     bool sees_a_person() {
         return window_->feed().volume() && !window_->feed().volume()->points.empty() &&

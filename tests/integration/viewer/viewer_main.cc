@@ -1,7 +1,7 @@
 // Settings of its own, so that nobody's are read or changed.
-#include <QApplication>
-
 #include <gtest/gtest.h>
+
+#include <QApplication>
 
 #include "tests/support/small_session.h"
 

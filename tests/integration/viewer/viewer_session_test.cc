@@ -15,7 +15,8 @@ class ViewerSessionTest : public ViewerTest {
         auto daemon = start_daemon(config("127.0.0.1:0"));
         const std::string address = address_;
         show();
-        ASSERT_TRUE(wait([&] { return sees_a_person(); }, 2 * kSoon_ms)) << window_->status_line().toStdString();
+        ASSERT_TRUE(wait([&] { return sees_a_person(); }, 2 * kSoon_ms))
+            << window_->status_line().toStdString();
         SceneView& scene = window_->scene();
         const QPoint middle(scene.width() / 2, scene.height() / 2);
         const float azimuth = scene.eye().azimuth_deg;
@@ -26,7 +27,8 @@ class ViewerSessionTest : public ViewerTest {
         EXPECT_NE(scene.eye().azimuth_deg, azimuth);
         ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("record")->isEnabled(); }));
         press("record");
-        ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("record")->text() == "Stop recording"; })) << window_->status_line().toStdString();
+        ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("record")->text() == "Stop recording"; }))
+            << window_->status_line().toStdString();
         QTest::keyClick(window_.get(), Qt::Key_M);
         ASSERT_TRUE(results_come(30)) << window_->status_line().toStdString();
         keep_picture((name + "_live").c_str());
@@ -34,41 +36,62 @@ class ViewerSessionTest : public ViewerTest {
         EXPECT_GT(std::filesystem::file_size(folder_.path() / "knee_flexion_l.png"), 1000U);
         press("record");
         auto* list = window_->findChild<QListWidget*>("recordings");
-        ASSERT_TRUE(wait([&] { return list->count() == 1; }, 2 * kSoon_ms)) << window_->status_line().toStdString();
+        ASSERT_TRUE(wait([&] { return list->count() == 1; }, 2 * kSoon_ms))
+            << window_->status_line().toStdString();
         Q_EMIT list->itemActivated(list->item(0));
-        ASSERT_TRUE(wait([&] { return window_->findChild<ReplayBar*>()->isVisible(); }, 3 * kSoon_ms)) << window_->last_answer().toStdString();
-        Q_EMIT window_->findChild<ReplayBar*>()->speed(0.1);   // so that no machine leaves frames out and begins anew
-        ASSERT_TRUE(wait([&] { return window_->status_line().startsWith("Replay") && window_->feed().volume()->recorded_frame && sees_a_person(); },
-                         2 * kSoon_ms))
+        ASSERT_TRUE(wait([&] { return window_->findChild<ReplayBar*>()->isVisible(); }, 3 * kSoon_ms))
+            << window_->last_answer().toStdString();
+        Q_EMIT window_->findChild<ReplayBar*>()->speed(
+            0.1);  // so that no machine leaves frames out and begins anew
+        ASSERT_TRUE(wait(
+            [&] {
+                return window_->status_line().startsWith("Replay") &&
+                       window_->feed().volume()->recorded_frame && sees_a_person();
+            },
+            2 * kSoon_ms))
             << window_->status_line().toStdString();
         keep_picture((name + "_replay").c_str());
 
         daemon->signal(SIGKILL);
         daemon->wait(std::chrono::seconds(5));
-        EXPECT_TRUE(wait([&] { return window_->status_line().startsWith("No connection"); })) << window_->status_line().toStdString();
+        EXPECT_TRUE(wait([&] { return window_->status_line().startsWith("No connection"); }))
+            << window_->status_line().toStdString();
         const std::uint64_t last = window_->feed().volume()->sequence;
         daemon = start_daemon(config(address));
-        EXPECT_TRUE(wait([&] { return window_->feed().volume()->sequence != last && sees_a_person(); }, 2 * kSoon_ms))
+        EXPECT_TRUE(
+            wait([&] { return window_->feed().volume()->sequence != last && sees_a_person(); }, 2 * kSoon_ms))
             << window_->status_line().toStdString();
     }
     std::string recording() const {
-        return fmt::format("[pose]\ndatabase = \"\"\nfit_body = false\n[recording]\nfolder = \"{}\"\nleast_free_mb = 1\n",
-                           (folder_.path() / "recordings").string());
+        return fmt::format(
+            "[pose]\ndatabase = \"\"\nfit_body = false\n[recording]\nfolder = \"{}\"\nleast_free_mb = 1\n",
+            (folder_.path() / "recordings").string());
     }
 };
 
 TEST_F(ViewerSessionTest, ABalancingAthlete) {
     KINEVOX_REQUIRE_DATA(session, "balancing/session.toml");
-    use([&](const std::string& listen) {
-        return fmt::format("[server]\nlisten = \"{}\"\n[source]\nkind = \"session\"\nsession = \"{}\"\npacing = \"real_time\"\n"
-                           "loop = true\n", listen, session.string()) + recording();
-    }, "balancing");
+    use(
+        [&](const std::string& listen) {
+            return fmt::format(
+                       "[server]\nlisten = \"{}\"\n[source]\nkind = \"session\"\nsession = \"{}\"\npacing = "
+                       "\"real_time\"\n"
+                       "loop = true\n",
+                       listen, session.string()) +
+                   recording();
+        },
+        "balancing");
 }
 
 TEST_F(ViewerSessionTest, TheVirtualStudio) {
-    use([&](const std::string& listen) {
-        return fmt::format("[server]\nlisten = \"{}\"\n[source.studio]\nwidth = 320\nheight = 240\nfps = 10.0\n", listen) + recording();
-    }, "studio");
+    use(
+        [&](const std::string& listen) {
+            return fmt::format(
+                       "[server]\nlisten = \"{}\"\n[source.studio]\nwidth = 320\nheight = 240\nfps = 10.0\n",
+                       listen) +
+                   recording();
+        },
+        "studio");
 }
 
 }  // namespace

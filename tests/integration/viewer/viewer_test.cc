@@ -18,7 +18,9 @@ std::string walking_joints() {
     for (int n = 0; n < 100; ++n) {
         csv += fmt::format("\n{},{}", n, 0.02 * n);
         for (std::size_t j = 0; j < kJointNames.size(); ++j) {
-            const double side = kJointNames[j].ends_with("_l") ? 0.2 : kJointNames[j].ends_with("_r") ? -0.2 : 0;
+            const double side = kJointNames[j].ends_with("_l")   ? 0.2
+                                : kJointNames[j].ends_with("_r") ? -0.2
+                                                                 : 0;
             csv += fmt::format(",{},{},{}", 0.02 * n, side, 1.7 - 0.08 * static_cast<double>(j % 12));
         }
     }
@@ -29,7 +31,8 @@ TEST_F(ViewerTest, AnAthleteIsSeenWithoutADialogueAndTheSceneTurns) {
     const auto daemon = start_daemon(config("127.0.0.1:0", folder_.path() / "recordings"));
     show();
     ASSERT_TRUE(wait([&] { return sees_a_person(); })) << window_->status_line().toStdString();
-    EXPECT_TRUE(wait([&] { return window_->status_line().contains("4 cameras"); })) << window_->status_line().toStdString();
+    EXPECT_TRUE(wait([&] { return window_->status_line().contains("4 cameras"); }))
+        << window_->status_line().toStdString();
     EXPECT_TRUE(wait([&] { return window_->feed().previews().size() == 4; }));
     keep_picture("live");
 
@@ -63,16 +66,19 @@ TEST_F(ViewerTest, AnAthleteIsSeenWithoutADialogueAndTheSceneTurns) {
 
 TEST_F(ViewerTest, SaysWhyThereAreNoPictures) {
     const auto tokens = folder_.path() / "tokens.toml";
-    const auto made = testing::run({KINEVOX_TOKEN, "create", "--file", tokens.string(), "--role", "watch", "--name", "coach"},
-                                   folder_.path());
+    const auto made = testing::run(
+        {KINEVOX_TOKEN, "create", "--file", tokens.string(), "--role", "watch", "--name", "coach"},
+        folder_.path());
     ASSERT_EQ(made.status, 0) << made.errors;
     std::string text = config("127.0.0.1:0", folder_.path() / "recordings");
     text.insert(text.find('\n') + 1, fmt::format("tokens = \"{}\"\naudit = \"\"\n", tokens.string()));
     const auto daemon = start_daemon(text);
     show({.token = write("coach.token", made.output).string()});
     ASSERT_TRUE(wait([&] { return sees_a_person(); })) << window_->status_line().toStdString();
-    EXPECT_TRUE(wait([&] { return window_->last_answer().startsWith("No pictures: "); })) << window_->last_answer().toStdString();
-    EXPECT_TRUE(window_->last_answer().contains("the token of coach has watch")) << window_->last_answer().toStdString();
+    EXPECT_TRUE(wait([&] { return window_->last_answer().startsWith("No pictures: "); }))
+        << window_->last_answer().toStdString();
+    EXPECT_TRUE(window_->last_answer().contains("the token of coach has watch"))
+        << window_->last_answer().toStdString();
     keep_picture("no_pictures");
 }
 
@@ -83,30 +89,38 @@ TEST_F(ViewerTest, RecordsAndReplays) {
     auto* record = window_->findChild<QAction*>("record");
     ASSERT_TRUE(wait([&] { return record->isEnabled(); }));
     press("record");
-    ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("record")->text() == "Stop recording"; })) << window_->status_line().toStdString();
+    ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("record")->text() == "Stop recording"; }))
+        << window_->status_line().toStdString();
     QTest::qWait(1000);
     press("record");
     auto* list = window_->findChild<QListWidget*>("recordings");
-    ASSERT_TRUE(wait([&] { return list->count() == 1 && record->text() == "Record"; })) << window_->status_line().toStdString();
+    ASSERT_TRUE(wait([&] { return list->count() == 1 && record->text() == "Record"; }))
+        << window_->status_line().toStdString();
     ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("keep")->isEnabled(); }));
     press("keep");
     ASSERT_TRUE(wait([&] { return list->count() == 2; })) << window_->status_line().toStdString();
 
     Q_EMIT list->itemActivated(list->item(1));
-    ASSERT_TRUE(wait([&] { return window_->status_line().startsWith("Replay"); })) << window_->status_line().toStdString();
-    ASSERT_TRUE(wait([&] { return window_->feed().volume()->recorded_frame.has_value() && sees_a_person(); }));
+    ASSERT_TRUE(wait([&] { return window_->status_line().startsWith("Replay"); }))
+        << window_->status_line().toStdString();
+    ASSERT_TRUE(
+        wait([&] { return window_->feed().volume()->recorded_frame.has_value() && sees_a_person(); }));
     keep_picture("replay");
     QTest::keyClick(window_.get(), Qt::Key_Space);
-    ASSERT_TRUE(wait([&] { return window_->status_line().startsWith("Replay, paused"); })) << window_->status_line().toStdString();
+    ASSERT_TRUE(wait([&] { return window_->status_line().startsWith("Replay, paused"); }))
+        << window_->status_line().toStdString();
     // A slow machine still works at the frame it stands at, and may have read one more than the answer told.
     const auto* timeline = window_->findChild<ReplayBar*>()->findChild<QSlider*>();
     QTest::qWait(1500);
-    ASSERT_TRUE(wait([&] { return window_->feed().volume()->recorded_frame == timeline->value(); })) << timeline->value();
+    ASSERT_TRUE(wait([&] { return window_->feed().volume()->recorded_frame == timeline->value(); }))
+        << timeline->value();
     const std::int64_t frame = timeline->value();
     QTest::keyClick(window_.get(), Qt::Key_Left);
-    EXPECT_TRUE(wait([&] { return window_->feed().volume()->recorded_frame == std::max<std::int64_t>(0, frame - 1); }))
-        << frame << ", now " << window_->feed().volume()->recorded_frame.value_or(-1) << " and " << timeline->value() << " of the timeline, "
-        << window_->status_line().toStdString();
+    EXPECT_TRUE(wait([&] {
+        return window_->feed().volume()->recorded_frame == std::max<std::int64_t>(0, frame - 1);
+    })) << frame
+        << ", now " << window_->feed().volume()->recorded_frame.value_or(-1) << " and " << timeline->value()
+        << " of the timeline, " << window_->status_line().toStdString();
 }
 
 TEST_F(ViewerTest, AGhostIsLaidOverAReplayAndMarksStandInThePlots) {
@@ -117,16 +131,19 @@ TEST_F(ViewerTest, AGhostIsLaidOverAReplayAndMarksStandInThePlots) {
     for (int recordings = 1; recordings <= 2; ++recordings) {
         ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("record")->isEnabled(); }));
         press("record");
-        ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("record")->text() == "Stop recording"; })) << window_->status_line().toStdString();
+        ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("record")->text() == "Stop recording"; }))
+            << window_->status_line().toStdString();
         ASSERT_TRUE(results_come(30)) << window_->status_line().toStdString();
         press("record");
-        ASSERT_TRUE(wait([&] { return list->count() == recordings; })) << window_->status_line().toStdString();
+        ASSERT_TRUE(wait([&] { return list->count() == recordings; }))
+            << window_->status_line().toStdString();
     }
 
     // Live, the ghost stands at its event until the moment is marked.
     list->setCurrentRow(1);
     QTest::keyClick(window_.get(), Qt::Key_G);
-    ASSERT_TRUE(wait([&] { return window_->ghost().match().ghost() != nullptr; })) << window_->last_answer().toStdString();
+    ASSERT_TRUE(wait([&] { return window_->ghost().match().ghost() != nullptr; }))
+        << window_->last_answer().toStdString();
     EXPECT_FALSE(window_->ghost().match().shown_event_s());
     EXPECT_TRUE(window_->findChild<GhostBar*>()->isVisible());
     QTest::keyClick(window_.get(), Qt::Key_M);
@@ -138,24 +155,29 @@ TEST_F(ViewerTest, AGhostIsLaidOverAReplayAndMarksStandInThePlots) {
     window_->save_plots_in(QString::fromStdString(folder_.path().string()));
     EXPECT_GT(std::filesystem::file_size(folder_.path() / "knee_flexion_l.pdf"), 1000U);
     EXPECT_FALSE(QImage(QString::fromStdString((folder_.path() / "knee_flexion_l.png").string())).isNull());
-    std::filesystem::copy_file(folder_.path() / "knee_flexion_l.png", std::string(KINEVOX_VIEWER_PICTURES) + "/plot.png",
+    std::filesystem::copy_file(folder_.path() / "knee_flexion_l.png",
+                               std::string(KINEVOX_VIEWER_PICTURES) + "/plot.png",
                                std::filesystem::copy_options::overwrite_existing);
 
     // Replayed, with a ghost whose frames are known; stepping keeps both together.
     window_->ghost().choose_file(QString::fromStdString(write("joints.csv", walking_joints())));
     Q_EMIT list->itemActivated(list->item(0));
-    ASSERT_TRUE(wait([&] { return window_->findChild<ReplayBar*>()->isVisible(); })) << window_->last_answer().toStdString();
+    ASSERT_TRUE(wait([&] { return window_->findChild<ReplayBar*>()->isVisible(); }))
+        << window_->last_answer().toStdString();
     QTest::keyClick(window_.get(), Qt::Key_Space);
-    ASSERT_TRUE(wait([&] { return window_->status_line().startsWith("Replay, paused"); })) << window_->status_line().toStdString();
+    ASSERT_TRUE(wait([&] { return window_->status_line().startsWith("Replay, paused"); }))
+        << window_->status_line().toStdString();
     Q_EMIT window_->findChild<ReplayBar*>()->seek(0);
     const GhostMatch& match = window_->ghost().match();
-    const auto ghost_x_m = [&] { return window_->ghost().pose()->joints_in_world[0].value_or(Vec3{-1, 0, 0}).x; };
+    const auto ghost_x_m = [&] {
+        return window_->ghost().pose()->joints_in_world[0].value_or(Vec3{-1, 0, 0}).x;
+    };
     ASSERT_TRUE(wait([&] { return match.shown_event_s() == 0.0 && ghost_x_m() == 0; })) << match.lack();
-    QTest::keyClick(window_.get(), Qt::Key_Right);   // frame sets lie 1/20 s apart, the ghost walks 1 m/s
+    QTest::keyClick(window_.get(), Qt::Key_Right);  // frame sets lie 1/20 s apart, the ghost walks 1 m/s
     EXPECT_TRUE(wait([&] { return std::abs(ghost_x_m() - 0.05) < 1e-6; })) << ghost_x_m();
     QTest::keyClick(window_.get(), Qt::Key_Left);
     EXPECT_TRUE(wait([&] { return ghost_x_m() == 0; })) << ghost_x_m();
-    QTest::keyClick(window_.get(), Qt::Key_Period);   // ahead
+    QTest::keyClick(window_.get(), Qt::Key_Period);  // ahead
     EXPECT_NEAR(ghost_x_m(), 0.02, 1e-6);
     keep_picture("ghost");
     press("no_ghost");
@@ -163,7 +185,8 @@ TEST_F(ViewerTest, AGhostIsLaidOverAReplayAndMarksStandInThePlots) {
 
     // What is replayed, from where it stands.
     QTest::keyClick(window_.get(), Qt::Key_G, Qt::ShiftModifier);
-    EXPECT_TRUE(wait([&] { return match.ghost() && match.ghost_event_s().value_or(-1) >= 0; })) << window_->status_line().toStdString();
+    EXPECT_TRUE(wait([&] { return match.ghost() && match.ghost_event_s().value_or(-1) >= 0; }))
+        << window_->status_line().toStdString();
 }
 
 TEST_F(ViewerTest, LosesTheDaemonSaysSoStaysSmoothAndFindsItAgain) {
@@ -172,9 +195,11 @@ TEST_F(ViewerTest, LosesTheDaemonSaysSoStaysSmoothAndFindsItAgain) {
     show();
     ASSERT_TRUE(wait([&] { return sees_a_person(); })) << window_->status_line().toStdString();
 
-    daemon->signal(SIGSTOP);   // the network stalls
-    EXPECT_TRUE(wait([&] { return window_->status_line().startsWith("Stalled") || window_->status_line().startsWith("No connection"); }))
-        << window_->status_line().toStdString();
+    daemon->signal(SIGSTOP);  // the network stalls
+    EXPECT_TRUE(wait([&] {
+        return window_->status_line().startsWith("Stalled") ||
+               window_->status_line().startsWith("No connection");
+    })) << window_->status_line().toStdString();
     const std::uint64_t paints = window_->scene().paints();
     for (int n = 0; n < 20; ++n) {
         QTest::mousePress(&window_->scene(), Qt::LeftButton, {}, QPoint(200, 200));
@@ -184,24 +209,30 @@ TEST_F(ViewerTest, LosesTheDaemonSaysSoStaysSmoothAndFindsItAgain) {
     }
     EXPECT_GE(window_->scene().paints() - paints, 15U) << "the scene turns while nothing comes";
     daemon->signal(SIGCONT);
-    EXPECT_TRUE(wait([&] { return window_->status_line().startsWith("Live"); })) << window_->status_line().toStdString();
+    EXPECT_TRUE(wait([&] { return window_->status_line().startsWith("Live"); }))
+        << window_->status_line().toStdString();
 
     daemon->signal(SIGKILL);
     daemon->wait(std::chrono::seconds(5));
-    EXPECT_TRUE(wait([&] { return window_->status_line().startsWith("No connection"); }, 5000)) << window_->status_line().toStdString();
+    EXPECT_TRUE(wait([&] { return window_->status_line().startsWith("No connection"); }, 5000))
+        << window_->status_line().toStdString();
     EXPECT_TRUE(window_->status_line().contains("trying again")) << window_->status_line().toStdString();
     keep_picture("gone");
     const std::uint64_t last = window_->feed().volume()->sequence;
     daemon = start_daemon(config(address, folder_.path() / "recordings"));
-    EXPECT_TRUE(wait([&] { return window_->status_line().startsWith("Live"); })) << window_->status_line().toStdString();
-    EXPECT_TRUE(wait([&] { return window_->feed().volume()->sequence != last && sees_a_person(); })) << window_->status_line().toStdString();
+    EXPECT_TRUE(wait([&] { return window_->status_line().startsWith("Live"); }))
+        << window_->status_line().toStdString();
+    EXPECT_TRUE(wait([&] { return window_->feed().volume()->sequence != last && sees_a_person(); }))
+        << window_->status_line().toStdString();
 }
 
 TEST_F(ViewerTest, NobodyThereIsSaidInPlainWords) {
     address_ = "127.0.0.1:1";
     show();
-    EXPECT_TRUE(wait([&] { return window_->status_line().contains("127.0.0.1:1") && window_->status_line().contains("trying again"); }))
-        << window_->status_line().toStdString();
+    EXPECT_TRUE(wait([&] {
+        return window_->status_line().contains("127.0.0.1:1") &&
+               window_->status_line().contains("trying again");
+    })) << window_->status_line().toStdString();
 }
 
 }  // namespace

@@ -54,7 +54,8 @@ class TestBrowser {
     }
 
     // The next message; nothing after `limit` or at the connection's end (`error` then).
-    std::optional<web::v1::GatewayMessage> read(std::chrono::milliseconds limit = testing::patient(std::chrono::seconds(20))) {
+    std::optional<web::v1::GatewayMessage> read(
+        std::chrono::milliseconds limit = testing::patient(std::chrono::seconds(20))) {
         boost::beast::flat_buffer buffer;
         bool done = false;
         socket_.async_read(buffer, [&](boost::system::error_code e, std::size_t) { done = true, error = e; });

@@ -1,5 +1,5 @@
-// Threads that help in loops under the thread sanitizer. They stay from loop to loop: it takes the sanitizer milliseconds to
-// make one.
+// Threads that help in loops under the thread sanitizer. They stay from loop to loop: it takes the sanitizer
+// milliseconds to make one.
 #pragma once
 
 #include <condition_variable>
@@ -83,7 +83,7 @@ class LoopCrew {
 };
 
 inline LoopCrew& loop_crew() {
-    static LoopCrew crew;   // of a test's process; the product has none
+    static LoopCrew crew;  // of a test's process; the product has none
     return crew;
 }
 

@@ -17,7 +17,7 @@ namespace kinevox::testing {
 namespace {
 
 constexpr std::uint16_t kPort = 3956;
-constexpr std::size_t kKept = 16;   // pictures to resend from
+constexpr std::size_t kKept = 16;  // pictures to resend from
 constexpr std::uint16_t kDiscover = 0x02, kResend = 0x40, kReadRegister = 0x80, kWriteRegister = 0x82,
                         kReadMemory = 0x84, kWriteMemory = 0x86;
 constexpr std::uint16_t kInvalidAddress = 0x8003, kAccessDenied = 0x8006, kNotImplemented = 0x8001;
@@ -56,7 +56,9 @@ bool same(const sockaddr_in& a, const sockaddr_in& b) {
 }  // namespace
 
 FakeCamera::FakeCamera(const FakeCameraOptions& options, Scene scene)
-    : options_(options), scene_(std::move(scene)), registers_(parse(options.address), options.serial, options.name),
+    : options_(options),
+      scene_(std::move(scene)),
+      registers_(parse(options.address), options.serial, options.name),
       block_(std::max<std::uint16_t>(1, options.first_block)) {}
 
 FakeCamera::~FakeCamera() {
@@ -67,7 +69,8 @@ FakeCamera::~FakeCamera() {
 absl::Status FakeCamera::listen() {
     socket_ = udp_socket(parse(options_.address), false);
     if (socket_ < 0)
-        return absl::UnavailableError("cannot listen on " + options_.address + ":3956: " + std::strerror(errno));
+        return absl::UnavailableError("cannot listen on " + options_.address +
+                                      ":3956: " + std::strerror(errno));
     for (const char* broadcast : {"255.255.255.255", "127.255.255.255"})
         if (const int fd = udp_socket(parse(broadcast), true); fd >= 0) listeners_.push_back(fd);
     network_ = std::make_unique<LossyNetwork>(socket_, options_.network);
@@ -82,7 +85,8 @@ double FakeCamera::period_ns() const {
 std::int64_t FakeCamera::next_pulse_utc_ns(std::int64_t now_utc_ns) const {
     const double period = period_ns();
     const auto phase = static_cast<std::int64_t>(options_.phase_ms * 1e6);
-    const double n = std::floor(static_cast<double>(now_utc_ns - phase) / period + 1e-3) + 1;   // it is itself a pulse
+    const double n =
+        std::floor(static_cast<double>(now_utc_ns - phase) / period + 1e-3) + 1;  // it is itself a pulse
     return static_cast<std::int64_t>(n * period) + phase;
 }
 
@@ -92,14 +96,16 @@ void FakeCamera::run(const std::atomic<bool>& stop) {
     while (!stop) {
         const std::int64_t now = now_ns(CLOCK_MONOTONIC), utc = now_ns(CLOCK_REALTIME);
         std::int64_t wait_ns = 50'000'000;
-        const bool by_itself = registers_.get(reg::kTriggerMode) == 0 || registers_.get(reg::kTriggerSource) == 1;
+        const bool by_itself =
+            registers_.get(reg::kTriggerMode) == 0 || registers_.get(reg::kTriggerSource) == 1;
         if (streaming_ && by_itself) {
             // A sensor misses no pulse: where this program comes late, it makes up for it.
             for (int i = 0; i < 100 && utc >= next_picture_utc_ns_; ++i) {
                 take_picture(next_picture_utc_ns_, now - (utc - next_picture_utc_ns_));
                 const bool external = registers_.get(reg::kTriggerMode) == 1;
-                next_picture_utc_ns_ = external ? next_pulse_utc_ns(next_picture_utc_ns_)
-                                                : next_picture_utc_ns_ + static_cast<std::int64_t>(period_ns());
+                next_picture_utc_ns_ = external
+                                           ? next_pulse_utc_ns(next_picture_utc_ns_)
+                                           : next_picture_utc_ns_ + static_cast<std::int64_t>(period_ns());
             }
             wait_ns = std::min(wait_ns, next_picture_utc_ns_ - utc);
         }
@@ -108,7 +114,8 @@ void FakeCamera::run(const std::atomic<bool>& stop) {
         if (ppoll(fds.data(), fds.size(), &timeout, nullptr) > 0)
             for (const pollfd& fd : fds)
                 if (fd.revents & POLLIN) receive(fd.fd);
-        if (controller_ && now_ns(CLOCK_MONOTONIC) - heard_ns_ > std::int64_t{registers_.get(reg::kHeartbeatMs)} * 1'000'000)
+        if (controller_ &&
+            now_ns(CLOCK_MONOTONIC) - heard_ns_ > std::int64_t{registers_.get(reg::kHeartbeatMs)} * 1'000'000)
             end_of_control();
     }
     network_->forget();
@@ -124,9 +131,10 @@ void FakeCamera::end_of_control() {
 void FakeCamera::receive(int fd) {
     std::uint8_t buffer[2048];
     sockaddr_in from{};
-    for (int i = 0; i < 16; ++i) {   // not for ever: pictures wait
+    for (int i = 0; i < 16; ++i) {  // not for ever: pictures wait
         socklen_t from_bytes = sizeof from;
-        const ssize_t bytes = recvfrom(fd, buffer, sizeof buffer, 0, reinterpret_cast<sockaddr*>(&from), &from_bytes);
+        const ssize_t bytes =
+            recvfrom(fd, buffer, sizeof buffer, 0, reinterpret_cast<sockaddr*>(&from), &from_bytes);
         if (bytes < 8) return;
         answer({buffer, static_cast<std::size_t>(bytes)}, from);
     }
@@ -142,37 +150,52 @@ void FakeCamera::answer(std::span<const std::uint8_t> request, const sockaddr_in
     Wire out(data);
     std::uint32_t status = 0;
     switch (command) {
-        case kDiscover: out.bytes(registers_.read(0, 0xf8)); break;
+        case kDiscover:
+            out.bytes(registers_.read(0, 0xf8));
+            break;
         case kReadRegister:
-            for (std::size_t at = 0; at + 4 <= body.size(); at += 4) out.u32(registers_.get(big_endian(body, at, 4)));
+            for (std::size_t at = 0; at + 4 <= body.size(); at += 4)
+                out.u32(registers_.get(big_endian(body, at, 4)));
             break;
         case kWriteRegister: {
             std::uint32_t written = 0;
             for (std::size_t at = 0; at + 8 <= body.size() && status == 0; at += 8)
-                if (write_register(big_endian(body, at, 4), big_endian(body, at + 4, 4), from)) ++written;
-                else status = kAccessDenied;
+                if (write_register(big_endian(body, at, 4), big_endian(body, at + 4, 4), from))
+                    ++written;
+                else
+                    status = kAccessDenied;
             out.u16(0).u16(written);
             break;
         }
         case kReadMemory: {
             const auto read = registers_.read(big_endian(body, 0, 4), big_endian(body, 6, 2));
-            if (read.empty()) status = kInvalidAddress;
-            else out.u32(big_endian(body, 0, 4)).bytes(read);
+            if (read.empty())
+                status = kInvalidAddress;
+            else
+                out.u32(big_endian(body, 0, 4)).bytes(read);
             break;
         }
         case kWriteMemory: {
             const bool allowed = controller_ && same(*controller_, from);
-            if (!allowed) status = kAccessDenied;
-            else if (!registers_.write(big_endian(body, 0, 4), body.subspan(std::min<std::size_t>(4, body.size()))))
+            if (!allowed)
+                status = kAccessDenied;
+            else if (!registers_.write(big_endian(body, 0, 4),
+                                       body.subspan(std::min<std::size_t>(4, body.size()))))
                 status = kInvalidAddress;
             out.u16(0).u16(status ? 0 : static_cast<std::uint32_t>(body.size() - 4));
             break;
         }
-        default: status = kNotImplemented;
+        default:
+            status = kNotImplemented;
     }
-    if (command != kDiscover && (request[1] & 1) == 0) return;   // no acknowledgement asked for
+    if (command != kDiscover && (request[1] & 1) == 0) return;  // no acknowledgement asked for
     std::vector<std::uint8_t> packet;
-    Wire(packet).u16(status).u16(command + 1).u16(static_cast<std::uint32_t>(data.size())).u16(id).bytes(data);
+    Wire(packet)
+        .u16(status)
+        .u16(command + 1)
+        .u16(static_cast<std::uint32_t>(data.size()))
+        .u16(id)
+        .bytes(data);
     sendto(socket_, packet.data(), packet.size(), 0, reinterpret_cast<const sockaddr*>(&from), sizeof from);
 }
 
@@ -200,13 +223,15 @@ bool FakeCamera::write_register(std::uint32_t address, std::uint32_t value, cons
         streaming_ = value == 1;
         if (streaming_) {
             const bool external = registers_.get(reg::kTriggerMode) == 1;
-            next_picture_utc_ns_ = external ? next_pulse_utc_ns(utc) : utc + static_cast<std::int64_t>(options_.phase_ms * 1e6);
+            next_picture_utc_ns_ =
+                external ? next_pulse_utc_ns(utc) : utc + static_cast<std::int64_t>(options_.phase_ms * 1e6);
         } else {
             network_->forget();
         }
     } else if (address == reg::kTriggerSoftware) {
         registers_.set(address, 0);
-        const bool by_command = registers_.get(reg::kTriggerMode) == 1 && registers_.get(reg::kTriggerSource) == 0;
+        const bool by_command =
+            registers_.get(reg::kTriggerMode) == 1 && registers_.get(reg::kTriggerSource) == 0;
         if (streaming_ && by_command) take_picture(utc, now_ns(CLOCK_MONOTONIC));
     } else if (address == reg::kPtpEnable) {
         registers_.set(reg::kPtpStatus, value ? 1 : 0);
@@ -230,15 +255,16 @@ void FakeCamera::take_picture(std::int64_t utc_ns, std::int64_t steady_ns) {
     const bool empty = !options_.empty_while.empty() && std::filesystem::exists(options_.empty_while);
     picture->bytes = scene_.picture(scene_.is_pattern() ? block_ : moment, empty, registers_);
     picture->block = block_;
-    block_ = block_ == 0xffff ? 1 : static_cast<std::uint16_t>(block_ + 1);   // 0 is none
+    block_ = block_ == 0xffff ? 1 : static_cast<std::uint16_t>(block_ + 1);  // 0 is none
     const double own_ns = static_cast<double>(steady_ns) * (1 + options_.clock_drift_ppm * 1e-6) +
                           options_.clock_offset_s * 1e9;
-    picture->timestamp_ns = registers_.get(reg::kPtpEnable) ? static_cast<std::uint64_t>(utc_ns)
-                                                            : static_cast<std::uint64_t>(std::max(0.0, own_ns));
+    picture->timestamp_ns = registers_.get(reg::kPtpEnable)
+                                ? static_cast<std::uint64_t>(utc_ns)
+                                : static_cast<std::uint64_t>(std::max(0.0, own_ns));
     picture->pixel_format = registers_.get(reg::kPixelFormat);
     picture->width = registers_.get(reg::kWidth);
     picture->height = registers_.get(reg::kHeight);
-    picture->packet_payload = (registers_.get(reg::kPacketSize) & 0xffff) - 36;   // IP, UDP and GVSP
+    picture->packet_payload = (registers_.get(reg::kPacketSize) & 0xffff) - 36;  // IP, UDP and GVSP
     picture->to.sin_family = AF_INET;
     picture->to.sin_addr.s_addr = htonl(registers_.get(reg::kStreamAddress));
     picture->to.sin_port = htons(static_cast<std::uint16_t>(registers_.get(reg::kStreamPort)));
@@ -249,7 +275,7 @@ void FakeCamera::take_picture(std::int64_t utc_ns, std::int64_t steady_ns) {
 }
 
 void FakeCamera::resend(std::span<const std::uint8_t> body, std::uint8_t flags) {
-    if (flags & 0x10) return;   // extended numbers: never announced
+    if (flags & 0x10) return;  // extended numbers: never announced
     const std::uint32_t block = big_endian(body, 2, 2), first = big_endian(body, 4, 4) & 0xffffff,
                         last = big_endian(body, 8, 4) & 0xffffff;
     const auto picture = std::ranges::find(sent_, block, [](const auto& sent) { return sent->block; });

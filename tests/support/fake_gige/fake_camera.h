@@ -1,8 +1,9 @@
-// A GigE Vision camera as a program, for the tests: control (GVCP), pictures (GVSP), resends, triggers, a clock of its
-// own, and a bad network below it. One thread, no state besides this object; told to stop it vanishes without a word, as
-// an unplugged camera does.
+// A GigE Vision camera as a program, for the tests: control (GVCP), pictures (GVSP), resends, triggers, a
+// clock of its own, and a bad network below it. One thread, no state besides this object; told to stop it
+// vanishes without a word, as an unplugged camera does.
 #pragma once
 
+#include <absl/status/status.h>
 #include <netinet/in.h>
 
 #include <atomic>
@@ -15,8 +16,6 @@
 #include <string>
 #include <vector>
 
-#include <absl/status/status.h>
-
 #include "tests/support/fake_gige/network.h"
 #include "tests/support/fake_gige/registers.h"
 #include "tests/support/fake_gige/scene.h"
@@ -24,13 +23,13 @@
 namespace kinevox::testing {
 
 struct FakeCameraOptions {
-    std::string address = "127.0.0.1";   // of this machine; port 3956
+    std::string address = "127.0.0.1";  // of this machine; port 3956
     std::string serial = "F1", name;
-    double external_fps = 30;            // of the generator on Line1: pulses at multiples of its period, UTC
-    double clock_offset_s = 0, clock_drift_ppm = 0;   // of its own clock
-    double phase_ms = 0;                 // it takes its pictures so much after the pulse, or the beginning of the second
+    double external_fps = 30;  // of the generator on Line1: pulses at multiples of its period, UTC
+    double clock_offset_s = 0, clock_drift_ppm = 0;  // of its own clock
+    double phase_ms = 0;  // it takes its pictures so much after the pulse, or the beginning of the second
     std::uint16_t first_block = 1;
-    std::filesystem::path empty_while;   // the scene is empty while this file exists
+    std::filesystem::path empty_while;  // the scene is empty while this file exists
     NetworkOptions network;
 };
 
@@ -56,7 +55,7 @@ class FakeCamera {
     void resend(std::span<const std::uint8_t> body, std::uint8_t flags);
     bool write_register(std::uint32_t address, std::uint32_t value, const sockaddr_in& from);
     void fire_test_packet();
-    void take_picture(std::int64_t utc_ns, std::int64_t steady_ns);   // when
+    void take_picture(std::int64_t utc_ns, std::int64_t steady_ns);  // when
     std::int64_t next_pulse_utc_ns(std::int64_t now_utc_ns) const;
     double period_ns() const;
     bool streaming() const { return streaming_; }
@@ -65,16 +64,16 @@ class FakeCamera {
     const FakeCameraOptions options_;
     Scene scene_;
     Registers registers_;
-    int socket_ = -1;                    // control and stream
-    std::vector<int> listeners_;         // of broadcasts
+    int socket_ = -1;             // control and stream
+    std::vector<int> listeners_;  // of broadcasts
     std::unique_ptr<LossyNetwork> network_;
     std::optional<sockaddr_in> controller_;
-    std::int64_t heard_ns_ = 0;          // of the controller, steady clock
+    std::int64_t heard_ns_ = 0;  // of the controller, steady clock
     bool streaming_ = false;
     std::int64_t next_picture_utc_ns_ = 0;
     std::uint16_t block_ = 1;
     std::uint64_t taken_ = 0;
-    std::deque<std::shared_ptr<SentPicture>> sent_;   // to resend from
+    std::deque<std::shared_ptr<SentPicture>> sent_;  // to resend from
 };
 
 }  // namespace kinevox::testing

@@ -1,17 +1,17 @@
-// kinevox-fake-gige: a GigE Vision camera for the tests. Prints "ready ADDRESS"; on SIGTERM it vanishes and prints what
-// it sent as a line of JSON.
+// kinevox-fake-gige: a GigE Vision camera for the tests. Prints "ready ADDRESS"; on SIGTERM it vanishes and
+// prints what it sent as a line of JSON.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
 #include <atomic>
 #include <csignal>
 #include <cstdio>
-
-#include <CLI/CLI.hpp>
-#include <fmt/format.h>
 
 #include "tests/support/fake_gige/fake_camera.h"
 
 namespace {
 
-std::atomic<bool> stop = false;   // a signal handler's only way
+std::atomic<bool> stop = false;  // a signal handler's only way
 
 }  // namespace
 
@@ -34,7 +34,8 @@ int main(int argc, char** argv) {
     app.add_option("--clock-drift-ppm", options.clock_drift_ppm);
     app.add_option("--first-block", options.first_block, "number of the first picture");
     app.add_option("--loss", options.network.loss, "part of the packets, 0..1");
-    app.add_option("--lost-pictures", options.network.lost_pictures, "part of the pictures of which nothing arrives");
+    app.add_option("--lost-pictures", options.network.lost_pictures,
+                   "part of the pictures of which nothing arrives");
     app.add_option("--jitter-ms", options.network.jitter_ms, "of a picture");
     app.add_option("--reorder-ms", options.network.reorder_ms, "of each packet");
     app.add_option("--seed", options.network.seed);
@@ -43,7 +44,8 @@ int main(int argc, char** argv) {
     Scene scene;
     if (!session.empty()) {
         auto opened = Scene::open(session, camera, pictures);
-        if (!opened.ok()) return fmt::print(stderr, "kinevox-fake-gige: {}\n", std::string(opened.status().message())), 1;
+        if (!opened.ok())
+            return fmt::print(stderr, "kinevox-fake-gige: {}\n", std::string(opened.status().message())), 1;
         scene = *std::move(opened);
     }
     std::signal(SIGTERM, [](int) { stop = true; });
@@ -55,8 +57,10 @@ int main(int argc, char** argv) {
     std::fflush(stdout);
     fake.run(stop);
     const NetworkCounts& counts = fake.counts();
-    fmt::print("{{\"taken\": {}, \"gone\": {}, \"packets\": {}, \"packets_lost\": {}, \"resent\": {}, \"under_way\": {}}}\n",
-               fake.pictures_taken(), counts.pictures_gone, counts.packets, counts.packets_lost, counts.resent,
-               counts.under_way);
+    fmt::print(
+        "{{\"taken\": {}, \"gone\": {}, \"packets\": {}, \"packets_lost\": {}, \"resent\": {}, "
+        "\"under_way\": {}}}\n",
+        fake.pictures_taken(), counts.pictures_gone, counts.packets, counts.packets_lost, counts.resent,
+        counts.under_way);
     return 0;
 }

@@ -12,7 +12,8 @@ namespace kinevox::testing {
 LossyNetwork::LossyNetwork(int socket, const NetworkOptions& options)
     : socket_(socket), options_(options), random_(options.seed) {}
 
-void LossyNetwork::put(const std::shared_ptr<SentPicture>& picture, std::uint32_t number, std::int64_t due_ns) {
+void LossyNetwork::put(const std::shared_ptr<SentPicture>& picture, std::uint32_t number,
+                       std::int64_t due_ns) {
     ++counts_.packets;
     if (options_.loss > 0 && draw() < options_.loss) {
         ++counts_.packets_lost;
@@ -23,7 +24,8 @@ void LossyNetwork::put(const std::shared_ptr<SentPicture>& picture, std::uint32_
 }
 
 std::int64_t LossyNetwork::queued_until(std::int64_t now_ns) {
-    last_due_ns_ = std::max(last_due_ns_, now_ns + static_cast<std::int64_t>(draw() * options_.jitter_ms * 1e6));
+    last_due_ns_ =
+        std::max(last_due_ns_, now_ns + static_cast<std::int64_t>(draw() * options_.jitter_ms * 1e6));
     return last_due_ns_;
 }
 
@@ -37,8 +39,8 @@ void LossyNetwork::send(std::shared_ptr<SentPicture> picture, std::int64_t now_n
     for (std::uint32_t n = 0; n < picture->packets(); ++n) put(picture, n, due_ns);
 }
 
-void LossyNetwork::resend(const std::shared_ptr<SentPicture>& picture, std::uint32_t first, std::uint32_t last,
-                          std::int64_t now_ns) {
+void LossyNetwork::resend(const std::shared_ptr<SentPicture>& picture, std::uint32_t first,
+                          std::uint32_t last, std::int64_t now_ns) {
     if (picture->gone) return;
     for (std::uint32_t n = first; n <= std::min(last, picture->packets() - 1); ++n) {
         ++counts_.resent;
@@ -67,7 +69,13 @@ void LossyNetwork::transmit(const Packet& packet) {
     const bool leader = packet.number == 0, trailer = packet.number + 1 == picture.packets();
     buffer_.clear();
     Wire wire(buffer_);
-    wire.u16(0).u16(picture.block).u32((leader ? kLeader : trailer ? kTrailer : kPayload) << 24 | packet.number);
+    wire.u16(0)
+        .u16(picture.block)
+        .u32((leader    ? kLeader
+              : trailer ? kTrailer
+                        : kPayload)
+                 << 24 |
+             packet.number);
     if (leader) {
         wire.u16(0).u16(kImage).u32(static_cast<std::uint32_t>(picture.timestamp_ns >> 32));
         wire.u32(static_cast<std::uint32_t>(picture.timestamp_ns)).u32(picture.pixel_format);
@@ -80,8 +88,8 @@ void LossyNetwork::transmit(const Packet& packet) {
         wire.bytes({picture.bytes->data() + begin, bytes});
     }
     // A full socket loses the packet, as a switch would.
-    if (sendto(socket_, buffer_.data(), buffer_.size(), MSG_DONTWAIT, reinterpret_cast<const sockaddr*>(&picture.to),
-               sizeof picture.to) < 0)
+    if (sendto(socket_, buffer_.data(), buffer_.size(), MSG_DONTWAIT,
+               reinterpret_cast<const sockaddr*>(&picture.to), sizeof picture.to) < 0)
         ++counts_.packets_lost;
 }
 

@@ -13,11 +13,11 @@
 namespace kinevox::testing {
 
 struct NetworkOptions {
-    double loss = 0;             // part of the packets that never arrive, 0..1
-    double lost_pictures = 0;    // part of the pictures of which nothing arrives, not even on request
-    double jitter_ms = 0;        // a picture's packets wait so long at most, drawn anew for each picture; as in a switch's
-                                 // queue nothing overtakes
-    double reorder_ms = 0;       // and each packet for itself, so that they do
+    double loss = 0;           // part of the packets that never arrive, 0..1
+    double lost_pictures = 0;  // part of the pictures of which nothing arrives, not even on request
+    double jitter_ms = 0;  // a picture's packets wait so long at most, drawn anew for each picture; as in a
+                           // switch's queue nothing overtakes
+    double reorder_ms = 0;  // and each packet for itself, so that they do
     std::uint32_t seed = 1;
 };
 
@@ -29,16 +29,16 @@ struct SentPicture {
     std::size_t packet_payload = 0;
     std::shared_ptr<const std::vector<std::uint8_t>> bytes;
     sockaddr_in to{};
-    bool gone = false;   // of lost_pictures
+    bool gone = false;  // of lost_pictures
 
-    std::uint32_t packets() const {   // leader, data, trailer
+    std::uint32_t packets() const {  // leader, data, trailer
         return static_cast<std::uint32_t>((bytes->size() + packet_payload - 1) / packet_payload) + 2;
     }
 };
 
 struct NetworkCounts {
     std::uint64_t pictures_gone = 0, packets = 0, packets_lost = 0, resent = 0;
-    std::uint64_t under_way = 0;   // pictures that were forgotten before all of their packets had left
+    std::uint64_t under_way = 0;  // pictures that were forgotten before all of their packets had left
 };
 
 class LossyNetwork {
@@ -46,10 +46,11 @@ class LossyNetwork {
     LossyNetwork(int socket, const NetworkOptions& options);
 
     void send(std::shared_ptr<SentPicture> picture, std::int64_t now_ns);
-    void resend(const std::shared_ptr<SentPicture>& picture, std::uint32_t first, std::uint32_t last, std::int64_t now_ns);
+    void resend(const std::shared_ptr<SentPicture>& picture, std::uint32_t first, std::uint32_t last,
+                std::int64_t now_ns);
     // Sends what is due; returns when the next is.
     std::optional<std::int64_t> run(std::int64_t now_ns);
-    void forget();   // everything under way
+    void forget();  // everything under way
     const NetworkCounts& counts() const { return counts_; }
 
   private:
@@ -58,7 +59,7 @@ class LossyNetwork {
         std::uint64_t order;
         std::shared_ptr<SentPicture> picture;
         std::uint32_t number;
-        bool operator<(const Packet& other) const {   // the earliest on top
+        bool operator<(const Packet& other) const {  // the earliest on top
             return due_ns != other.due_ns ? due_ns > other.due_ns : order > other.order;
         }
     };
@@ -72,7 +73,7 @@ class LossyNetwork {
     std::mt19937 random_;
     std::priority_queue<Packet> waiting_;
     std::uint64_t order_ = 0;
-    std::int64_t last_due_ns_ = 0;   // of the queue
+    std::int64_t last_due_ns_ = 0;  // of the queue
     std::vector<std::uint8_t> buffer_;
     NetworkCounts counts_;
 };

@@ -1,9 +1,9 @@
 #include "tests/support/fake_gige/registers.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <bit>
-
-#include <fmt/format.h>
 
 namespace kinevox::testing {
 namespace {
@@ -18,12 +18,12 @@ Registers::Registers(std::uint32_t address, const std::string& serial, const std
     const std::size_t xml_bytes = sizeof kDescription - 1;
     memory_.resize((reg::kXml + xml_bytes + 1023) / 512 * 512);
     std::memcpy(memory_.data() + reg::kXml, kDescription, xml_bytes);
-    set(0x0000, 0x00010002);   // GigE Vision 1.2
-    set(0x0004, 0x80000001);   // big endian, UTF-8
-    set(0x0008, 0x0000024b);   // MAC
+    set(0x0000, 0x00010002);  // GigE Vision 1.2
+    set(0x0004, 0x80000001);  // big endian, UTF-8
+    set(0x0008, 0x0000024b);  // MAC
     set(0x000c, address);
     set(0x0010, 0x00000006);
-    set(0x0014, 0x00000005);   // persistent IP
+    set(0x0014, 0x00000005);  // persistent IP
     set(0x0024, address);
     set(0x0034, 0xff000000);
     text(0x0048, 32, "Kinevox");
@@ -35,9 +35,9 @@ Registers::Registers(std::uint32_t address, const std::string& serial, const std
     text(0x0200, 512, fmt::format("Local:fake.xml;{:x};{:x}", reg::kXml, xml_bytes));
     set(0x0600, 1);
     set(0x0904, 1);
-    set(0x0934, 0x0000000f);   // packet resend, write memory, concatenation
+    set(0x0934, 0x0000000f);  // packet resend, write memory, concatenation
     set(reg::kHeartbeatMs, 3000);
-    set(0x0940, 1'000'000'000);   // ticks a second
+    set(0x0940, 1'000'000'000);  // ticks a second
     set(reg::kPacketSize, 1500);
     set(reg::kWidth, 640);
     set(reg::kHeight, 480);
@@ -89,8 +89,10 @@ bool Registers::write(std::uint32_t address, std::span<const std::uint8_t> bytes
 }
 
 void Registers::update_payload() {
-    const std::uint32_t payload = get(reg::kWidth) * get(reg::kHeight) * static_cast<std::uint32_t>(bits_per_pixel()) / 8;
-    for (int i = 0; i < 4; ++i) memory_[reg::kPayloadSize + i] = static_cast<std::uint8_t>(payload >> (24 - 8 * i));
+    const std::uint32_t payload =
+        get(reg::kWidth) * get(reg::kHeight) * static_cast<std::uint32_t>(bits_per_pixel()) / 8;
+    for (int i = 0; i < 4; ++i)
+        memory_[reg::kPayloadSize + i] = static_cast<std::uint8_t>(payload >> (24 - 8 * i));
 }
 
 }  // namespace kinevox::testing

@@ -1,5 +1,5 @@
-// The fake camera's registers: GigE Vision's bootstrap registers, the features of camera_xml.py, and that description
-// itself.
+// The fake camera's registers: GigE Vision's bootstrap registers, the features of camera_xml.py, and that
+// description itself.
 #pragma once
 
 #include <cstdint>
@@ -11,8 +11,8 @@
 namespace kinevox::testing {
 
 namespace reg {
-inline constexpr std::uint32_t kHeartbeatMs = 0x938, kControl = 0xa00, kStreamPort = 0xd00, kPacketSize = 0xd04,
-                               kStreamAddress = 0xd18;
+inline constexpr std::uint32_t kHeartbeatMs = 0x938, kControl = 0xa00, kStreamPort = 0xd00,
+                               kPacketSize = 0xd04, kStreamAddress = 0xd18;
 inline constexpr std::uint32_t kWidth = 0x10000, kHeight = 0x10004, kOffsetX = 0x10008, kOffsetY = 0x1000c,
                                kPixelFormat = 0x10010, kPayloadSize = 0x10014, kAcquisition = 0x10018,
                                kFrameRate = 0x10020, kTriggerMode = 0x10050, kTriggerSource = 0x10054,

@@ -8,7 +8,8 @@
 namespace kinevox::testing {
 namespace {
 
-absl::StatusOr<std::vector<Picture>> read_some(const std::filesystem::path& file, const Camera& camera, std::size_t most) {
+absl::StatusOr<std::vector<Picture>> read_some(const std::filesystem::path& file, const Camera& camera,
+                                               std::size_t most) {
     auto reader = open_pictures(file, camera);
     if (!reader.ok()) return reader.status();
     std::vector<Picture> pictures;
@@ -24,33 +25,39 @@ absl::StatusOr<std::vector<Picture>> read_some(const std::filesystem::path& file
 // Which of B G R a sensor of GenICam's pattern has at a pixel.
 int channel_at(std::uint32_t format, int x, int y) {
     constexpr int kBlue = 0, kGreen = 1, kRed = 2;
-    const bool gb_first = (format & 0xff) == 0x0a;   // BayerGB: G B / R G; otherwise BayerRG: R G / G B
+    const bool gb_first = (format & 0xff) == 0x0a;  // BayerGB: G B / R G; otherwise BayerRG: R G / G B
     if (gb_first) return (x + y) % 2 == 0 ? kGreen : y % 2 == 0 ? kBlue : kRed;
     return (x + y) % 2 == 1 ? kGreen : y % 2 == 0 ? kRed : kBlue;
 }
 
 Bytes coded(const Picture& picture, const Registers& registers) {
     const std::uint32_t format = registers.get(reg::kPixelFormat);
-    const int width = static_cast<int>(registers.get(reg::kWidth)), height = static_cast<int>(registers.get(reg::kHeight));
+    const int width = static_cast<int>(registers.get(reg::kWidth)),
+              height = static_cast<int>(registers.get(reg::kHeight));
     const int bits = registers.bits_per_pixel();
     auto out = std::make_shared<std::vector<std::uint8_t>>();
     out->reserve(static_cast<std::size_t>(width) * height * bits / 8);
     for (int y = 0; y < height; ++y)
         for (int x = 0; x < width; ++x) {
             static constexpr std::uint8_t kBlack[3] = {0, 0, 0};
-            const std::uint8_t* bgr = x < picture.width && y < picture.height
-                                          ? picture.data.get() + 3 * (static_cast<std::size_t>(y) * picture.width + x)
-                                          : kBlack;
+            const std::uint8_t* bgr =
+                x < picture.width && y < picture.height
+                    ? picture.data.get() + 3 * (static_cast<std::size_t>(y) * picture.width + x)
+                    : kBlack;
             const std::uint8_t raw = bgr[channel_at(format, x, y)];
-            if (format == 0x02180015) out->insert(out->end(), bgr, bgr + 3);
-            else if (format == 0x02180014) out->insert(out->end(), {bgr[2], bgr[1], bgr[0]});
-            else if (format == 0x01080001) out->push_back(static_cast<std::uint8_t>((bgr[0] + 2 * bgr[1] + bgr[2]) / 4));
-            else if (bits == 8) out->push_back(raw);
-            else if (bits == 16) {   // 10 or 12 bits in the low ones
+            if (format == 0x02180015)
+                out->insert(out->end(), bgr, bgr + 3);
+            else if (format == 0x02180014)
+                out->insert(out->end(), {bgr[2], bgr[1], bgr[0]});
+            else if (format == 0x01080001)
+                out->push_back(static_cast<std::uint8_t>((bgr[0] + 2 * bgr[1] + bgr[2]) / 4));
+            else if (bits == 8)
+                out->push_back(raw);
+            else if (bits == 16) {  // 10 or 12 bits in the low ones
                 const int value = raw << (format == 0x0110000d ? 2 : 4);
                 out->push_back(static_cast<std::uint8_t>(value));
                 out->push_back(static_cast<std::uint8_t>(value >> 8));
-            } else if (x % 2 == 0) {   // BayerRG12p: the low bits are 0
+            } else if (x % 2 == 0) {  // BayerRG12p: the low bits are 0
                 out->push_back(static_cast<std::uint8_t>(raw << 4));
                 out->push_back(static_cast<std::uint8_t>(raw >> 4));
                 out->push_back(0);
@@ -70,11 +77,13 @@ std::vector<std::uint8_t> pattern_picture(std::uint64_t number, std::size_t byte
         state = state * 1664525u + 1013904223u;
         out[i] = static_cast<std::uint8_t>(state >> 24);
     }
-    for (std::size_t i = 0; i < std::min<std::size_t>(8, bytes); ++i) out[i] = static_cast<std::uint8_t>(number >> 8 * i);
+    for (std::size_t i = 0; i < std::min<std::size_t>(8, bytes); ++i)
+        out[i] = static_cast<std::uint8_t>(number >> 8 * i);
     return out;
 }
 
-absl::StatusOr<Scene> Scene::open(const std::filesystem::path& file, const std::string& name, std::size_t most) {
+absl::StatusOr<Scene> Scene::open(const std::filesystem::path& file, const std::string& name,
+                                  std::size_t most) {
     auto session = read_session(file);
     if (!session.ok()) return session.status();
     auto cameras = read_session_cameras(*session);
@@ -97,7 +106,8 @@ absl::StatusOr<Scene> Scene::open(const std::filesystem::path& file, const std::
 
 Bytes Scene::picture(std::uint64_t moment, bool empty_scene, const Registers& registers) {
     if (is_pattern())
-        return std::make_shared<std::vector<std::uint8_t>>(pattern_picture(moment, registers.get(reg::kPayloadSize)));
+        return std::make_shared<std::vector<std::uint8_t>>(
+            pattern_picture(moment, registers.get(reg::kPayloadSize)));
     if (const std::uint32_t format = registers.get(reg::kPixelFormat); format != format_) {
         format_ = format;
         coded_.assign(pictures_.size(), nullptr);
@@ -106,7 +116,8 @@ Bytes Scene::picture(std::uint64_t moment, bool empty_scene, const Registers& re
     const bool empty = empty_scene && !empty_.empty();
     const std::size_t at = moment % (empty ? empty_ : pictures_).size();
     Bytes& bytes = (empty ? coded_empty_ : coded_)[at];
-    if (!bytes || bytes->size() != registers.get(reg::kPayloadSize)) bytes = coded((empty ? empty_ : pictures_)[at], registers);
+    if (!bytes || bytes->size() != registers.get(reg::kPayloadSize))
+        bytes = coded((empty ? empty_ : pictures_)[at], registers);
     return bytes;
 }
 

@@ -1,13 +1,13 @@
 // What the fake camera sees, in the pixel format that it was set to.
 #pragma once
 
+#include <absl/status/statusor.h>
+
 #include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
-
-#include <absl/status/statusor.h>
 
 #include "server/cameras/frame_source.h"
 #include "tests/support/fake_gige/registers.h"
@@ -16,16 +16,19 @@ namespace kinevox::testing {
 
 using Bytes = std::shared_ptr<const std::vector<std::uint8_t>>;
 
-// The bytes of test picture `number`: its number in the first eight, then a pattern that the number decides. A receiver
-// can tell each wrong byte.
+// The bytes of test picture `number`: its number in the first eight, then a pattern that the number decides.
+// A receiver can tell each wrong byte.
 std::vector<std::uint8_t> pattern_picture(std::uint64_t number, std::size_t bytes);
 
-// Pictures of a session's camera, again and again, or of its empty scene; without a session the pattern above.
+// Pictures of a session's camera, again and again, or of its empty scene; without a session the pattern
+// above.
 class Scene {
   public:
     Scene() = default;
-    // The first `most` pictures of the camera and of its background. What open_pictures() and read_session() say.
-    static absl::StatusOr<Scene> open(const std::filesystem::path& session, const std::string& camera, std::size_t most);
+    // The first `most` pictures of the camera and of its background. What open_pictures() and read_session()
+    // say.
+    static absl::StatusOr<Scene> open(const std::filesystem::path& session, const std::string& camera,
+                                      std::size_t most);
 
     bool is_pattern() const { return pictures_.empty(); }
     // Picture `moment`; moments count at every camera alike.
@@ -33,7 +36,7 @@ class Scene {
 
   private:
     std::vector<Picture> pictures_, empty_;
-    std::vector<Bytes> coded_, coded_empty_;   // in the format below, made when first needed
+    std::vector<Bytes> coded_, coded_empty_;  // in the format below, made when first needed
     std::uint32_t format_ = 0;
 };
 

@@ -42,9 +42,9 @@ TEST(SecretTest, SecretsHave256BitsAndDiffer) {
         const auto secret = make_secret();
         ASSERT_TRUE(secret.ok());
         EXPECT_EQ(secret->size(), 4u + 43u);
-        EXPECT_EQ(
-            secret->substr(4).find_first_not_of("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"),
-            std::string::npos);
+        EXPECT_EQ(secret->substr(4).find_first_not_of(
+                      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"),
+                  std::string::npos);
         seen.insert(*secret);
     }
     EXPECT_EQ(seen.size(), 1000u);
@@ -71,13 +71,16 @@ TEST_F(TokenFileTest, KeepsHashesAndIsItsOwnersAlone) {
     const auto tokens = read_tokens(file_);
     ASSERT_TRUE(tokens.ok()) << tokens.status();
     ASSERT_EQ(tokens->size(), 1u);
-    EXPECT_EQ(tokens->front(), (Token{"hall-screen", v1::ROLE_EXHIBIT, sha256(*token), kNow, kNow + 90 * kDay, 0}));
+    EXPECT_EQ(tokens->front(),
+              (Token{"hall-screen", v1::ROLE_EXHIBIT, sha256(*token), kNow, kNow + 90 * kDay, 0}));
 }
 
 TEST_F(TokenFileTest, ANameHasOneValidToken) {
     ASSERT_TRUE(create_token(file_, {"coach", v1::ROLE_WATCH, 1}, kNow).ok());
-    EXPECT_TRUE(absl::IsAlreadyExists(create_token(file_, {"coach", v1::ROLE_OPERATE, 1}, kNow + 1).status()));
-    EXPECT_TRUE(create_token(file_, {"coach", v1::ROLE_OPERATE, 1}, kNow + 2 * kDay).ok());  // the first has expired
+    EXPECT_TRUE(
+        absl::IsAlreadyExists(create_token(file_, {"coach", v1::ROLE_OPERATE, 1}, kNow + 1).status()));
+    EXPECT_TRUE(
+        create_token(file_, {"coach", v1::ROLE_OPERATE, 1}, kNow + 2 * kDay).ok());  // the first has expired
     EXPECT_TRUE(revoke_token(file_, "coach", kNow + 2 * kDay).ok());
     EXPECT_TRUE(absl::IsNotFound(revoke_token(file_, "coach", kNow + 2 * kDay)));
     EXPECT_TRUE(absl::IsNotFound(revoke_token(file_, "nobody", kNow)));
@@ -88,7 +91,8 @@ TEST_F(TokenFileTest, ANameHasOneValidToken) {
 
 TEST_F(TokenFileTest, NamesThatWouldConfuseALogAreRefused) {
     for (const char* name : {"", "a b", "a\nb", "a\"b", "../x", "\xff"})
-        EXPECT_TRUE(absl::IsInvalidArgument(create_token(file_, {name, v1::ROLE_WATCH, 1}, kNow).status())) << name;
+        EXPECT_TRUE(absl::IsInvalidArgument(create_token(file_, {name, v1::ROLE_WATCH, 1}, kNow).status()))
+            << name;
     EXPECT_FALSE(std::filesystem::exists(file_));
 }
 
@@ -108,11 +112,12 @@ TEST_F(TokenFileTest, WhatIsWrongInTheFileIsNamed) {
         changed.replace(changed.find(from), from.size(), to);
         return parse_tokens(changed, "t").status();
     };
-    EXPECT_THAT(std::string(with("watch", "king").message()), HasSubstr("watch, exhibit, operate, administer"));
+    EXPECT_THAT(std::string(with("watch", "king").message()),
+                HasSubstr("watch, exhibit, operate, administer"));
     EXPECT_TRUE(absl::IsInvalidArgument(with("sha256 = \"", "sha256 = \"00")));
     EXPECT_TRUE(absl::IsInvalidArgument(with("created = \"2027", "created = \"soon")));
-    EXPECT_TRUE(
-        absl::IsInvalidArgument(with("created", "expires_at")));  // a typing error must not make it last for ever
+    EXPECT_TRUE(absl::IsInvalidArgument(
+        with("created", "expires_at")));  // a typing error must not make it last for ever
     EXPECT_TRUE(absl::IsInvalidArgument(with("\"coach\"", "\"\"")));
 }
 
@@ -124,12 +129,14 @@ TEST_F(TokenFileTest, PrivateFilesAreNotReplacedUnlessAskedTo) {
     EXPECT_EQ(text(), "two");
     EXPECT_EQ(mode_of(file_), 0600u);
     int files = 0;
-    for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(file_.parent_path())) ++files;
+    for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(file_.parent_path()))
+        ++files;
     EXPECT_EQ(files, 1);  // nothing is left aside
 }
 
 TEST(RolesTest, HaveNamesBothWays) {
-    for (const char* name : {"watch", "exhibit", "operate", "administer"}) EXPECT_EQ(name_of(role_named(name)), name);
+    for (const char* name : {"watch", "exhibit", "operate", "administer"})
+        EXPECT_EQ(name_of(role_named(name)), name);
     EXPECT_EQ(role_named(""), v1::ROLE_UNSPECIFIED);
     EXPECT_EQ(role_named("unspecified"), v1::ROLE_UNSPECIFIED);
     EXPECT_EQ(role_named("Watch"), v1::ROLE_UNSPECIFIED);

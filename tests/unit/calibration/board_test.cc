@@ -26,10 +26,10 @@ TEST(Board, TextIsReadAndWritten) {
 }
 
 TEST(Board, WrongTextIsRefusedInOneLine) {
-    for (const char* text : {"", "chess:4x7:60", "checkerboard:4x7", "checkerboard:4:60",
-                             "checkerboard:4x7:-60", "checkerboard:4x7:nan", "charuco:4x5:54:60:DICT_4X4_50",
-                             "charuco:4x5:54:40:DICT:x:y", "checkerboard:999999999999x7:60",
-                             "charuco:4\n5:54:40:DICT_4X4_50"}) {
+    for (const char* text :
+         {"", "chess:4x7:60", "checkerboard:4x7", "checkerboard:4:60", "checkerboard:4x7:-60",
+          "checkerboard:4x7:nan", "charuco:4x5:54:60:DICT_4X4_50", "charuco:4x5:54:40:DICT:x:y",
+          "checkerboard:999999999999x7:60", "charuco:4\n5:54:40:DICT_4X4_50"}) {
         const auto board = parse_board(text);
         ASSERT_FALSE(board.ok()) << text;
         EXPECT_THAT(std::string(board.status().message()), HasSubstr("charuco:4x5"));

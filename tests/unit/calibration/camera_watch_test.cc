@@ -58,7 +58,8 @@ TEST(StillScene, MeasuresTheKnockOfOneCameraAndNothingOfTheOthers) {
         }
         for (std::size_t c = 0; c < 4; ++c) {
             EXPECT_EQ(verdicts[c].camera().suspect, c == row.camera) << c;
-            EXPECT_EQ(verdicts[c].camera().reason.find(studio->cameras()[c].name) != std::string::npos, c == row.camera);
+            EXPECT_EQ(verdicts[c].camera().reason.find(studio->cameras()[c].name) != std::string::npos,
+                      c == row.camera);
         }
         EXPECT_GE(named_at[row.camera], kKnock_s * kFps);
         EXPECT_LE(named_at[row.camera], kKnock_s * kFps + 2 * kFps);
@@ -123,7 +124,8 @@ TEST(CameraWatch, TellsByEventAndStatus) {
     const auto named = [&] { return !events.empty(); };
     for (int frame = 0; frame < kKnock_s * kFps && !looked(); ++frame) show(frame, looked);
     ASSERT_TRUE(looked());
-    for (int look = 0; look < 100 && !named(); ++look) show(static_cast<int>(kKnock_s * kFps) + 5 * look, named);
+    for (int look = 0; look < 100 && !named(); ++look)
+        show(static_cast<int>(kKnock_s * kFps) + 5 * look, named);
     ASSERT_TRUE(named());
     EXPECT_EQ(events.size(), 1u);
     EXPECT_EQ(events[0].kind, EventKind::kCameraMoved);

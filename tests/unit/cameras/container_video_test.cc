@@ -1,7 +1,8 @@
-// Videos in the containers and codecs that people have: each picture is the one that OpenCV reads at that place, bit for
-// bit, wherever it is sought from.
+// Videos in the containers and codecs that people have: each picture is the one that OpenCV reads at that
+// place, bit for bit, wherever it is sought from.
 #include "server/cameras/container_video.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -9,13 +10,11 @@
 #include <cstdint>
 #include <cstring>
 #include <functional>
+#include <opencv2/core.hpp>
+#include <opencv2/videoio.hpp>
 #include <random>
 #include <string>
 #include <vector>
-
-#include <fmt/format.h>
-#include <opencv2/core.hpp>
-#include <opencv2/videoio.hpp>
 
 extern "C" {
 #include <libavutil/display.h>
@@ -33,13 +32,13 @@ namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
 struct Kind {
-    std::string name, extension, codec, options;    // of the codec
+    std::string name, extension, codec, options;  // of the codec
     std::string container_options = {};
     AVPixelFormat pixels = AV_PIX_FMT_YUV420P;
     int frames = 120;
-    int width = 64, height = 56;                    // px; blocks of 16 do not fit into the height
+    int width = 64, height = 56;  // px; blocks of 16 do not fit into the height
     bool even_times = true;
-    int turn_deg = 0;                               // to be shown upright, as a phone that was held so writes it
+    int turn_deg = 0;  // to be shown upright, as a phone that was held so writes it
 };
 
 AVDictionary* dictionary(const std::string& options) {
@@ -57,7 +56,8 @@ void draw(AVFrame& frame, int n, std::mt19937& random) {
         const int height = chroma ? AV_CEIL_RSHIFT(frame.height, format.log2_chroma_h) : frame.height;
         for (int y = 0; y < height; ++y)
             for (int x = 0; x < width * format.comp[p].step; ++x) {
-                const int value = 60 + 30 * p + ((x + 3 * n) % 24 < 8 ? 70 : 0) + (y + n) % 16 + static_cast<int>(random() % 8);
+                const int value = 60 + 30 * p + ((x + 3 * n) % 24 < 8 ? 70 : 0) + (y + n) % 16 +
+                                  static_cast<int>(random() % 8);
                 if (format.comp[0].depth > 8)
                     reinterpret_cast<std::uint16_t*>(frame.data[p] + y * frame.linesize[p])[x / 2] =
                         static_cast<std::uint16_t>(4 * value);
@@ -87,8 +87,8 @@ bool write(const fs::path& file, const Kind& kind) {
     av_dict_free(&options);
     AVStream* const stream = avformat_new_stream(container.get(), nullptr);
     if (kind.turn_deg != 0)
-        av_display_rotation_set(reinterpret_cast<std::int32_t*>(av_stream_new_side_data(stream, AV_PKT_DATA_DISPLAYMATRIX,
-                                                                                       9 * sizeof(std::int32_t))),
+        av_display_rotation_set(reinterpret_cast<std::int32_t*>(av_stream_new_side_data(
+                                    stream, AV_PKT_DATA_DISPLAYMATRIX, 9 * sizeof(std::int32_t))),
                                 kind.turn_deg);
     stream->time_base = encoder->time_base;
     if (kind.even_times) stream->avg_frame_rate = encoder->framerate;
@@ -131,11 +131,12 @@ Camera camera_of(const Kind& kind) {
 std::vector<cv::Mat> read_by_opencv(const fs::path& file, int turn_deg = 0) {
     std::vector<cv::Mat> pictures;
     cv::VideoCapture capture(file.string(), cv::CAP_FFMPEG);
-    capture.set(cv::CAP_PROP_ORIENTATION_AUTO, 0);   // OpenCV 4.6 turns the wrong way
+    capture.set(cv::CAP_PROP_ORIENTATION_AUTO, 0);  // OpenCV 4.6 turns the wrong way
     for (cv::Mat picture; capture.read(picture);) {
         pictures.push_back(picture.clone());
         const std::array turns{cv::ROTATE_90_CLOCKWISE, cv::ROTATE_180, cv::ROTATE_90_COUNTERCLOCKWISE};
-        if (turn_deg > 0) cv::rotate(picture, pictures.back(), turns[static_cast<std::size_t>(turn_deg / 90 - 1)]);
+        if (turn_deg > 0)
+            cv::rotate(picture, pictures.back(), turns[static_cast<std::size_t>(turn_deg / 90 - 1)]);
     }
     return pictures;
 }
@@ -157,7 +158,7 @@ TEST_P(ContainerVideo, EachPictureIsTheRightOneWhereverItIsSoughtFrom) {
     if (!write(file, kind)) GTEST_SKIP() << "this FFmpeg has no " << kind.codec;
     const std::vector<cv::Mat> truth = read_by_opencv(file, kind.turn_deg);
     const int frames = static_cast<int>(truth.size());
-    ASSERT_GE(frames, kind.frames - 1);   // MOV's edit list leaves out a last one that lasts no time
+    ASSERT_GE(frames, kind.frames - 1);  // MOV's edit list leaves out a last one that lasts no time
 
     auto video = open_container_video(file, camera_of(kind));
     ASSERT_TRUE(video.ok()) << video.status();
@@ -188,7 +189,8 @@ TEST_P(ContainerVideo, EachPictureIsTheRightOneWhereverItIsSoughtFrom) {
             ASSERT_TRUE(same(*picture, truth[static_cast<std::size_t>(n)])) << n << " behind " << frame;
         }
     };
-    for (int k = 0; k < 40; ++k) ASSERT_NO_FATAL_FAILURE(expect(static_cast<int>(random() % static_cast<unsigned>(frames))));
+    for (int k = 0; k < 40; ++k)
+        ASSERT_NO_FATAL_FAILURE(expect(static_cast<int>(random() % static_cast<unsigned>(frames))));
     for (int frame = frames - 1; frame > frames - 40; --frame) ASSERT_NO_FATAL_FAILURE(expect(frame));
     for (const int frame : {0, 1, frames - 1, 0, frames / 2}) ASSERT_NO_FATAL_FAILURE(expect(frame));
     EXPECT_TRUE(absl::IsOutOfRange((*video)->seek(-1)));
@@ -204,8 +206,10 @@ INSTANTIATE_TEST_SUITE_P(
         Kind{"Mp4FewKeys", "mp4", "libx264", "preset=medium", {}, AV_PIX_FMT_YUV420P, 300},
         Kind{"Mp4IndexFirst", "mp4", "libx264", "g=30", "movflags=faststart"},
         Kind{"Mp4Fragments", "mp4", "libx264", "g=24", "movflags=frag_keyframe+empty_moov"},
-        Kind{"Mp4OpenGroups", "mp4", "libx264", "x264-params=keyint=24:min-keyint=24:open-gop=1:bframes=3:b-adapt=0"},
-        Kind{"MatroskaOpenGroups", "mkv", "libx264", "x264-params=keyint=24:min-keyint=24:open-gop=1:bframes=3:b-adapt=0"},
+        Kind{"Mp4OpenGroups", "mp4", "libx264",
+             "x264-params=keyint=24:min-keyint=24:open-gop=1:bframes=3:b-adapt=0"},
+        Kind{"MatroskaOpenGroups", "mkv", "libx264",
+             "x264-params=keyint=24:min-keyint=24:open-gop=1:bframes=3:b-adapt=0"},
         Kind{"MatroskaNoKeysButTheFirst", "mkv", "libx264", "x264-params=intra-refresh=1:keyint=20"},
         Kind{"MovVariableRate", "mov", "libx264", "g=24", {}, AV_PIX_FMT_YUV420P, 120, 64, 56, false},
         Kind{"MatroskaVariableRate", "mkv", "libx264", "g=24", {}, AV_PIX_FMT_YUV420P, 120, 64, 56, false},
@@ -213,9 +217,9 @@ INSTANTIATE_TEST_SUITE_P(
         Kind{"Mp4PhoneUpsideDown", "mp4", "libx264", "g=24", {}, AV_PIX_FMT_YUV420P, 60, 64, 56, true, 180},
         Kind{"Mp4PhoneTheOtherWay", "mp4", "libx264", "g=24", {}, AV_PIX_FMT_YUV420P, 60, 64, 56, true, 270},
         Kind{"Mp4TenBits", "mp4", "libx264", "g=24", {}, AV_PIX_FMT_YUV420P10},
-        Kind{"TransportStream", "ts", "libx264", "g=24"},
-        Kind{"NoContainer", "h264", "libx264", "g=24"},
-        Kind{"Mp4Hevc", "mp4", "libx265", "x265-params=keyint=24:min-keyint=24:log-level=none:pools=none:frame-threads=1"},
+        Kind{"TransportStream", "ts", "libx264", "g=24"}, Kind{"NoContainer", "h264", "libx264", "g=24"},
+        Kind{"Mp4Hevc", "mp4", "libx265",
+             "x265-params=keyint=24:min-keyint=24:log-level=none:pools=none:frame-threads=1"},
         Kind{"WebmHiddenPictures", "webm", "libvpx", "g=24,auto-alt-ref=1,lag-in-frames=10,b=200000"},
         Kind{"AviMpeg4", "avi", "mpeg4", "g=24,q=3"},
         Kind{"AviMpeg4Reordered", "avi", "mpeg4", "g=24,bf=2,q=3"},
@@ -229,7 +233,8 @@ TEST(TestData, IsReadAsByOpenCV) {
     silence_video_libraries();
     KINEVOX_REQUIRE_DATA(balancing, "balancing/trial");
     KINEVOX_REQUIRE_DATA(walk, "studio/walk");
-    for (const fs::path& file : {balancing / "cam01.mp4", walk / "cam1.mp4", walk / "background" / "cam1.mp4"}) {
+    for (const fs::path& file :
+         {balancing / "cam01.mp4", walk / "cam1.mp4", walk / "background" / "cam1.mp4"}) {
         SCOPED_TRACE(file);
         cv::VideoCapture capture(file.string(), cv::CAP_FFMPEG);
         Camera camera;
@@ -256,10 +261,12 @@ TEST(TestData, IsReadAsByOpenCV) {
 TEST(CutOffVideo, IsReadAsFarAsItGoesAndThenSaysSo) {
     silence_video_libraries();
     const testing::TemporaryFolder folder;
-    for (const Kind& kind : {Kind{"avi", "avi", "mpeg4", "g=24,q=3"}, Kind{"mp4", "mp4", "libx264", "g=24", "movflags=faststart"},
+    for (const Kind& kind : {Kind{"avi", "avi", "mpeg4", "g=24,q=3"},
+                             Kind{"mp4", "mp4", "libx264", "g=24", "movflags=faststart"},
                              Kind{"mkv", "mkv", "libx264", "g=24"}}) {
         SCOPED_TRACE(kind.name);
-        const fs::path whole = folder / ("whole." + kind.extension), file = folder / ("cut." + kind.extension);
+        const fs::path whole = folder / ("whole." + kind.extension),
+                       file = folder / ("cut." + kind.extension);
         if (!write(whole, kind)) GTEST_SKIP() << "this FFmpeg has no " << kind.codec;
         fs::copy(whole, file);
         fs::resize_file(file, fs::file_size(file) * 6 / 10);
@@ -281,7 +288,7 @@ TEST(CutOffVideo, IsReadAsFarAsItGoesAndThenSaysSo) {
         }
         EXPECT_GT(read, 50);
         EXPECT_LT(read, kind.frames);
-        if (kind.name == "mkv") {   // it promises nothing
+        if (kind.name == "mkv") {  // it promises nothing
             EXPECT_TRUE(absl::IsOutOfRange(end)) << end;
             EXPECT_EQ((*video)->count().value_or(-1), read);
             continue;

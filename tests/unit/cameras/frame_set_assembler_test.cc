@@ -1,6 +1,8 @@
 // Frame sets from cameras whose clocks differ, that lose pictures, come late, go away and come back.
 #include "server/cameras/frame_set_assembler.h"
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
@@ -9,13 +11,11 @@
 #include <random>
 #include <vector>
 
-#include <gtest/gtest.h>
-
 namespace kinevox {
 namespace {
 
 constexpr double kMs = 1e6;
-constexpr std::int64_t kSteady0 = 5'000'000'000'000;   // of the daemon's clock when the tests begin
+constexpr std::int64_t kSteady0 = 5'000'000'000'000;  // of the daemon's clock when the tests begin
 
 Picture some_picture() {
     static const std::shared_ptr<const std::uint8_t[]> data = std::make_shared<std::uint8_t[]>(3);
@@ -26,10 +26,10 @@ Picture some_picture() {
 class Rig {
   public:
     struct Eye {
-        double offset_ms = 0, drift_ppm = 0;   // of its clock
-        double phase_ms = 0;                   // it takes its picture so much later
-        double delay_ms = 5;                   // every picture's, at least
-        double unsteady_ms = 0;                // its pictures are so much early or late at most
+        double offset_ms = 0, drift_ppm = 0;  // of its clock
+        double phase_ms = 0;                  // it takes its picture so much later
+        double delay_ms = 5;                  // every picture's, at least
+        double unsteady_ms = 0;               // its pictures are so much early or late at most
     };
 
     explicit Rig(std::vector<Eye> eyes, FrameSetAssemblerOptions options = {}) : eyes_(std::move(eyes)) {
@@ -44,7 +44,8 @@ class Rig {
     void shoot(int n, const std::function<double(std::size_t)>& more_delay_ms = {},
                const std::function<bool(std::size_t)>& arrives = {}) {
         for (std::size_t c = 0; c < eyes_.size(); ++c) {
-            const double taken_ms = n * period_ms_ + eyes_[c].phase_ms + eyes_[c].unsteady_ms * wobble_(random_);
+            const double taken_ms =
+                n * period_ms_ + eyes_[c].phase_ms + eyes_[c].unsteady_ms * wobble_(random_);
             const std::uint64_t number = ++number_[c];
             if (arrives && !arrives(c)) continue;
             const double arrival_ms = taken_ms + eyes_[c].delay_ms + (more_delay_ms ? more_delay_ms(c) : 0);
@@ -137,7 +138,8 @@ TEST(FrameSets, DriftAndJitterLoseNothing) {
     for (int n = 0; n < kFrames; ++n) rig.shoot(n, [&](std::size_t) { return jitter_ms(random); });
     const auto sets = rig.run();
     EXPECT_GE(sets.size(), kFrames - 12u);
-    const auto incomplete = std::ranges::count_if(sets, [](const FrameSet& set) { return pictures_in(set) < 4; });
+    const auto incomplete =
+        std::ranges::count_if(sets, [](const FrameSet& set) { return pictures_in(set) < 4; });
     EXPECT_LE(incomplete, 4) << "while the first clocks are learned";
     EXPECT_LE(sets.back().sequence + 1 - sets.size(), 0u) << "no gap";
     expect_rising(sets);
@@ -167,7 +169,8 @@ TEST(FrameSets, EveryLossIsCountedAndDelaysNobodyForLong) {
     }
     // The next picture of the camera tells that this one does not come.
     for (std::size_t n = 0; n + 1 < sets.size(); ++n)
-        EXPECT_LE(rig.took_at[n] - sets[n].capture_time_ns, std::llround(2 * 33.4 * kMs) + std::llround(6 * kMs));
+        EXPECT_LE(rig.took_at[n] - sets[n].capture_time_ns,
+                  std::llround(2 * 33.4 * kMs) + std::llround(6 * kMs));
 }
 
 TEST(FrameSets, WhatArrivedIncompleteIsMarkedAndCounted) {
@@ -191,7 +194,8 @@ TEST(FrameSets, WhatArrivedWithoutItsTimeIsCountedAndDisturbsNobody) {
     Rig rig(std::vector<Rig::Eye>(3));
     for (int n = 0; n < 20; ++n) rig.shoot(n);
     const std::size_t before = rig.run().size();
-    rig.assembler->add({1, 21, CameraClock::kUnknown, 0, kSteady0 + std::llround(20.5 * 1000 / 30 * kMs), {}});
+    rig.assembler->add(
+        {1, 21, CameraClock::kUnknown, 0, kSteady0 + std::llround(20.5 * 1000 / 30 * kMs), {}});
     rig.shoot(20, {}, [](std::size_t c) { return c != 1; });
     rig.shoot(21);
     const auto sets = rig.run();
@@ -228,7 +232,8 @@ TEST(FrameSets, ACameraThatEndsDelaysTheOthersByTheLongestWaitAndThenNotAtAll) {
         const std::int64_t arrival_ns = kSteady0 + time_ns + std::llround(5 * kMs);
         for (std::size_t c = 0; c < 3; ++c)
             rig.assembler->add({c, c == 2 ? n - 89u : n + 1u, CameraClock::kDevice,
-                                c == 2 ? time_ns - std::llround(2900 * kMs) : time_ns, arrival_ns, some_picture()});
+                                c == 2 ? time_ns - std::llround(2900 * kMs) : time_ns, arrival_ns,
+                                some_picture()});
         const auto set = rig.assembler->take(arrival_ns);
         ASSERT_TRUE(set);
         EXPECT_EQ(pictures_in(*set), n < 90 + ClockEstimate::kSettled - 1 ? 2 : 3) << n;
@@ -239,7 +244,9 @@ TEST(FrameSets, ACameraThatEndsDelaysTheOthersByTheLongestWaitAndThenNotAtAll) {
 TEST(FrameSets, APictureBehindItsSetIsLateNotInTheNext) {
     Rig rig(std::vector<Rig::Eye>(3));
     for (int n = 0; n < 100; ++n)
-        rig.shoot(n, [&](std::size_t c) { return c == 1 && n == 50 ? 290.0 : 0.0; });   // and holds up those behind it
+        rig.shoot(n, [&](std::size_t c) {
+            return c == 1 && n == 50 ? 290.0 : 0.0;
+        });  // and holds up those behind it
     const auto sets = rig.run();
     expect_rising(sets);
     EXPECT_EQ(sets.size(), 100u - 7) << "no set more, none less";
@@ -256,11 +263,15 @@ TEST(FrameSets, APictureBehindItsSetIsLateNotInTheNext) {
 TEST(FrameSets, CamerasThatRunFreeAreJoinedWithinTheTolerance) {
     FrameSetAssemblerOptions options;
     options.tolerance_ms = 0.9 * 1000 / 30;
-    Rig rig({{.phase_ms = 0, .unsteady_ms = 1.5}, {.phase_ms = 11, .unsteady_ms = 1.5}, {.phase_ms = 22}, {.phase_ms = 26}},
+    Rig rig({{.phase_ms = 0, .unsteady_ms = 1.5},
+             {.phase_ms = 11, .unsteady_ms = 1.5},
+             {.phase_ms = 22},
+             {.phase_ms = 26}},
             options);
     for (int n = 0; n < 300; ++n) rig.shoot(n);
     const auto sets = rig.run();
-    const auto complete = std::ranges::count_if(sets, [](const FrameSet& set) { return pictures_in(set) == 4; });
+    const auto complete =
+        std::ranges::count_if(sets, [](const FrameSet& set) { return pictures_in(set) == 4; });
     EXPECT_GE(complete, 290);
     EXPECT_LE(sets.size(), 300u);
     for (std::size_t c = 0; c < 4; ++c) EXPECT_EQ(rig.link(c).late, 0u) << c;
@@ -277,7 +288,8 @@ TEST(FrameSets, AMomentThatNobodySentIsAGapInTheSequence) {
 
 TEST(FrameSets, ASetWithTooFewPicturesIsNotHandedOut) {
     Rig rig(std::vector<Rig::Eye>(3));
-    for (int n = 0; n < 60; ++n) rig.shoot(n, {}, [&](std::size_t c) { return c == 0 || n % 2 == 0 || n < 8; });
+    for (int n = 0; n < 60; ++n)
+        rig.shoot(n, {}, [&](std::size_t c) { return c == 0 || n % 2 == 0 || n < 8; });
     const auto sets = rig.run();
     for (const FrameSet& set : sets) EXPECT_EQ(pictures_in(set), 3);
     EXPECT_GE(rig.link(0).unmatched, 25u);
@@ -292,7 +304,8 @@ TEST(FrameSets, ClocksKeptTogetherByPtpNeedNoLearningOfEach) {
     for (int n = 0; n < 100; ++n) rig.shoot(n, [&](std::size_t) { return jitter_ms(random); });
     const auto sets = rig.run();
     EXPECT_GE(sets.size(), 95u);
-    EXPECT_NEAR(rig.link(1).skew_max_ms, 0, 0.001) << "neither its longer delay nor the jitter is any of its time";
+    EXPECT_NEAR(rig.link(1).skew_max_ms, 0, 0.001)
+        << "neither its longer delay nor the jitter is any of its time";
     EXPECT_GT(rig.link(1).lateness_ms, 8);
     EXPECT_EQ(rig.link(1).clock, CameraClock::kPtp);
 }
@@ -312,7 +325,8 @@ TEST(FrameSets, AClockThatIsSetAnewIsLearnedAnew) {
     ClockEstimate clock;
     for (int n = 0; n < 100; ++n) clock.add(n * 33'000'000LL, kSteady0 + n * 33'000'000LL + 1'000'000);
     EXPECT_TRUE(clock.settled());
-    EXPECT_EQ(clock.add(7, kSteady0 + 100 * 33'000'000LL), kSteady0 + 100 * 33'000'000LL) << "the counter began anew";
+    EXPECT_EQ(clock.add(7, kSteady0 + 100 * 33'000'000LL), kSteady0 + 100 * 33'000'000LL)
+        << "the counter began anew";
     EXPECT_FALSE(clock.settled());
 }
 

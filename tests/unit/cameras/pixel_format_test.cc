@@ -1,10 +1,10 @@
 // A camera's pixels come out in their own colours, whichever way they are packed.
 #include "server/cameras/aravis/pixel_format.h"
 
+#include <gtest/gtest.h>
+
 #include <string>
 #include <vector>
-
-#include <gtest/gtest.h>
 
 namespace kinevox {
 namespace {
@@ -24,12 +24,14 @@ std::vector<std::uint8_t> packed(const std::vector<std::uint8_t>& values, const 
             out.push_back(static_cast<std::uint8_t>(value(i) >> 8));
         }
     } else if (packing == "10Packed" || packing == "12Packed") {
-        for (std::size_t i = 0; i < values.size(); i += 2) out.insert(out.end(), {values[i], 0xff, values[i + 1]});
-    } else {   // bits without gaps, low bits first
+        for (std::size_t i = 0; i < values.size(); i += 2)
+            out.insert(out.end(), {values[i], 0xff, values[i + 1]});
+    } else {  // bits without gaps, low bits first
         out.resize(values.size() * bits / 8);
         for (std::size_t i = 0; i < values.size(); ++i)
             for (int b = 0; b < bits; ++b)
-                if (value(i) >> b & 1) out[(i * bits + b) / 8] |= static_cast<std::uint8_t>(1 << (i * bits + b) % 8);
+                if (value(i) >> b & 1)
+                    out[(i * bits + b) / 8] |= static_cast<std::uint8_t>(1 << (i * bits + b) % 8);
     }
     return out;
 }
@@ -75,14 +77,20 @@ TEST(PixelFormats, EachColourComesOutAsItself) {
 TEST(PixelFormats, GreyAndColourAreTakenAsTheyAre) {
     std::vector<std::uint8_t> grey(kRowWidth * kRows), out(3 * kRowWidth * kRows);
     for (std::size_t i = 0; i < grey.size(); ++i) grey[i] = static_cast<std::uint8_t>(i + 3);
-    for (const auto& [format, packing] : std::vector<std::pair<std::uint32_t, std::string>>{
-             {0x01080001, "8"}, {0x01100003, "10"}, {0x01100005, "12"}, {0x010c0004, "10Packed"}, {0x010c0006, "12Packed"},
-             {0x010a0046, "10p"}, {0x010c0047, "12p"}}) {
+    for (const auto& [format, packing] :
+         std::vector<std::pair<std::uint32_t, std::string>>{{0x01080001, "8"},
+                                                            {0x01100003, "10"},
+                                                            {0x01100005, "12"},
+                                                            {0x010c0004, "10Packed"},
+                                                            {0x010c0006, "12Packed"},
+                                                            {0x010a0046, "10p"},
+                                                            {0x010c0047, "12p"}}) {
         ASSERT_TRUE(to_bgr(format, packed(grey, packing), kRowWidth, kRows, out.data()).ok());
         for (std::size_t i = 0; i < out.size(); ++i) ASSERT_EQ(out[i], grey[i / 3]) << packing;
     }
     std::vector<std::uint8_t> colours(3 * kRowWidth * kRows), swapped(colours.size());
-    for (std::size_t i = 0; i < colours.size(); ++i) swapped[i / 3 * 3 + 2 - i % 3] = colours[i] = static_cast<std::uint8_t>(i);
+    for (std::size_t i = 0; i < colours.size(); ++i)
+        swapped[i / 3 * 3 + 2 - i % 3] = colours[i] = static_cast<std::uint8_t>(i);
     ASSERT_TRUE(to_bgr(0x02180015, colours, kRowWidth, kRows, out.data()).ok());
     EXPECT_EQ(out, colours);
     ASSERT_TRUE(to_bgr(0x02180014, swapped, kRowWidth, kRows, out.data()).ok());
@@ -91,9 +99,10 @@ TEST(PixelFormats, GreyAndColourAreTakenAsTheyAre) {
 
 TEST(PixelFormats, WhatIsNotUnderstoodIsRefused) {
     std::vector<std::uint8_t> bytes(64), out(3 * kRowWidth * kRows);
-    EXPECT_FALSE(is_known_pixel_format(0x0210001f));   // YUV422
+    EXPECT_FALSE(is_known_pixel_format(0x0210001f));  // YUV422
     EXPECT_TRUE(absl::IsInvalidArgument(to_bgr(0x0210001f, bytes, kRowWidth, kRows, out.data())));
-    EXPECT_TRUE(absl::IsInvalidArgument(to_bgr(0x01080009, bytes, kRowWidth, kRows, out.data()))) << "too few bytes";
+    EXPECT_TRUE(absl::IsInvalidArgument(to_bgr(0x01080009, bytes, kRowWidth, kRows, out.data())))
+        << "too few bytes";
 }
 
 }  // namespace

@@ -1,21 +1,20 @@
 // A recording that is replayed: every frame set is the right one, wherever it was sought.
 #include "server/cameras/replay_source.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <chrono>
 #include <functional>
 #include <future>
-#include <thread>
-
-#include <fmt/format.h>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/videoio.hpp>
+#include <thread>
 
 #include "common/calibration_file.h"
-#include "server/cameras/session_source.h"
 #include "server/cameras/h264_file.h"
+#include "server/cameras/session_source.h"
 #include "tests/unit/common/temporary_folder.h"
 
 namespace kinevox {
@@ -34,7 +33,8 @@ cv::Mat numbered(int frame) {
 }
 int number_in(const Picture& picture) {
     const auto level = [&](int x) {
-        return static_cast<int>(std::lround((picture.data[3 * (picture.width * (kHeight / 2) + x)] - 20) / 20.0));
+        return static_cast<int>(
+            std::lround((picture.data[3 * (picture.width * (kHeight / 2) + x)] - 20) / 20.0));
     };
     return 10 * level(kWidth / 4) + level(3 * kWidth / 4);
 }
@@ -47,7 +47,8 @@ class ReplaySourceTest : public ::testing::Test {
         shared_ = new testing::TemporaryFolder;
         const std::filesystem::path folder = shared_->path();
         std::vector<Camera> cameras(3);
-        std::string session = fmt::format("name = \"numbered\"\nfps = {}\ncalibration = \"calibration.toml\"\n", kFps);
+        std::string session =
+            fmt::format("name = \"numbered\"\nfps = {}\ncalibration = \"calibration.toml\"\n", kFps);
         const char* const names[] = {"h264", "ffv1", "folder"};
         const char* const files[] = {"h264.mp4", "ffv1.avi", "folder"};
         for (int c = 0; c < 3; ++c) {
@@ -60,8 +61,8 @@ class ReplaySourceTest : public ::testing::Test {
         shared_->write("session.toml", session);
         auto h264 = H264File::create(folder / files[0], kWidth, kHeight, {.fps = kFps});
         ASSERT_TRUE(h264.ok()) << h264.status();
-        cv::VideoWriter ffv1((folder / files[1]).string(), cv::CAP_FFMPEG, cv::VideoWriter::fourcc('F', 'F', 'V', '1'), kFps,
-                             {kWidth, kHeight});
+        cv::VideoWriter ffv1((folder / files[1]).string(), cv::CAP_FFMPEG,
+                             cv::VideoWriter::fourcc('F', 'F', 'V', '1'), kFps, {kWidth, kHeight});
         ASSERT_TRUE(ffv1.isOpened());
         std::filesystem::create_directories(folder / files[2]);
         for (int frame = 0; frame < kFrames; ++frame) {
@@ -105,7 +106,8 @@ TEST_F(ReplaySourceTest, PlaysInOrderAtItsSpeedAndWaitsBehindTheLastFrameSet) {
         expect_shows(set, static_cast<int>(*set->recorded_frame));
         EXPECT_FALSE(set->after_jump);
         EXPECT_GT(*set->recorded_frame, last);
-        EXPECT_EQ(set->sequence, static_cast<std::uint64_t>(*set->recorded_frame)) << "what was left out is a gap";
+        EXPECT_EQ(set->sequence, static_cast<std::uint64_t>(*set->recorded_frame))
+            << "what was left out is a gap";
         last = static_cast<int>(*set->recorded_frame);
         sequence = set->sequence;
     }
@@ -116,7 +118,7 @@ TEST_F(ReplaySourceTest, PlaysInOrderAtItsSpeedAndWaitsBehindTheLastFrameSet) {
 
     auto after = std::async(std::launch::async, [&] { return source->next(); });
     EXPECT_EQ(after.wait_for(std::chrono::milliseconds(100)), std::future_status::timeout);
-    source->play();   // from the begin
+    source->play();  // from the begin
     const auto first = after.get();
     expect_shows(first, 0);
     EXPECT_TRUE(first->after_jump);
@@ -176,17 +178,20 @@ TEST_F(ReplaySourceTest, ASeekWhilePlayingGoesOnFromThereAndTheNewestCounts) {
     expect_shows(next, 71);
     EXPECT_FALSE(next->after_jump);
     EXPECT_EQ(source->position().jumps, 1u);
-    source->step(2);   // on from what was shown last, and pauses
+    source->step(2);  // on from what was shown last, and pauses
     expect_shows(source->next(), 73);
     EXPECT_EQ(source->position().state, ReplayState::kPaused);
 }
 
 TEST_F(ReplaySourceTest, CamerasThatBeganOneByOneShowTheSameInstantWhereverItIsSought) {
     std::string session = fmt::format("fps = {}\ncalibration = \"calibration.toml\"\n", kFps);
-    const std::tuple<const char*, const char*, int> begun[] = {{"h264", "h264.mp4", 0}, {"ffv1", "ffv1.avi", 7}, {"folder", "folder", -3}};
+    const std::tuple<const char*, const char*, int> begun[] = {
+        {"h264", "h264.mp4", 0}, {"ffv1", "ffv1.avi", 7}, {"folder", "folder", -3}};
     for (const auto& [name, file, frames] : begun)
-        session += fmt::format("[[camera]]\nname = \"{}\"\nvideo = \"{}\"\noffset_s = {}\n", name, file, frames / kFps);
-    const auto source = ReplaySource::open(shared_->write("begun_one_by_one.toml", session), {.paused = true});
+        session += fmt::format("[[camera]]\nname = \"{}\"\nvideo = \"{}\"\noffset_s = {}\n", name, file,
+                               frames / kFps);
+    const auto source =
+        ReplaySource::open(shared_->write("begun_one_by_one.toml", session), {.paused = true});
     ASSERT_TRUE(source.ok()) << source.status();
     ASSERT_TRUE((*source)->next().ok());
     EXPECT_EQ((*source)->position().frames, kFrames - 10);
@@ -196,7 +201,8 @@ TEST_F(ReplaySourceTest, CamerasThatBeganOneByOneShowTheSameInstantWhereverItIsS
         ASSERT_TRUE(set.ok()) << set.status();
         EXPECT_EQ(set->recorded_frame, frame);
         EXPECT_EQ(set->capture_time_ns, static_cast<std::int64_t>(frame * 1e9 / kFps));
-        for (std::size_t c = 0; c < 3; ++c) EXPECT_EQ(number_in(set->pictures[c]), frame + 7 - std::get<2>(begun[c])) << c;
+        for (std::size_t c = 0; c < 3; ++c)
+            EXPECT_EQ(number_in(set->pictures[c]), frame + 7 - std::get<2>(begun[c])) << c;
     }
     EXPECT_FALSE((*source)->seek(kFrames - 10).ok());
 }
@@ -211,7 +217,7 @@ TEST_F(ReplaySourceTest, WhoeverTakesSlowlySkipsFrameSetsAtTheSpeedAskedFor) {
         EXPECT_EQ(set->sequence, static_cast<std::uint64_t>(*set->recorded_frame));
         EXPECT_FALSE(set->after_jump);
         last = *set->recorded_frame;
-        std::this_thread::sleep_for(std::chrono::milliseconds(25));   // five frames long
+        std::this_thread::sleep_for(std::chrono::milliseconds(25));  // five frames long
     }
     EXPECT_LT(taken, kFrames / 2);
 }
@@ -222,8 +228,10 @@ TEST_F(ReplaySourceTest, RefusesWhatCannotBe) {
     for (const std::int64_t frame : {std::int64_t{-1}, std::int64_t{kFrames}, std::int64_t{1} << 62})
         EXPECT_TRUE(absl::IsOutOfRange(source->seek(frame)));
     EXPECT_THAT(std::string(source->seek(kFrames).message()), HasSubstr("0 to 99"));
-    for (const double speed : {0.0, -1.0, 1000.0, std::nan("")}) EXPECT_TRUE(absl::IsOutOfRange(source->set_speed(speed)));
-    EXPECT_TRUE(absl::IsInvalidArgument(ReplaySource::open(shared_->path() / "session.toml", {.speed = 0}).status()));
+    for (const double speed : {0.0, -1.0, 1000.0, std::nan("")})
+        EXPECT_TRUE(absl::IsOutOfRange(source->set_speed(speed)));
+    EXPECT_TRUE(
+        absl::IsInvalidArgument(ReplaySource::open(shared_->path() / "session.toml", {.speed = 0}).status()));
     EXPECT_TRUE(absl::IsNotFound(ReplaySource::open(shared_->path() / "none.toml").status()));
     expect_shows(source->next(), 0);
 }

@@ -1,18 +1,17 @@
 #include "server/cameras/session_source.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <chrono>
 #include <fstream>
 #include <functional>
-#include <string>
-#include <thread>
-
-#include <fmt/format.h>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
+#include <string>
+#include <thread>
 
 #include "common/calibration_file.h"
 #include "server/cameras/picture_pool.h"
@@ -30,20 +29,23 @@ using ::testing::Not;
 constexpr int kFilmWidth = 64, kFilmHeight = 48, kFilmFrames = 12;
 
 // Frame n of camera c is recognised by its grey level.
-int grey_of(int camera, int frame) { return 20 + 60 * camera + 4 * frame; }
+int grey_of(int camera, int frame) {
+    return 20 + 60 * camera + 4 * frame;
+}
 cv::Mat frame_picture(int camera, int frame, cv::Size size = {kFilmWidth, kFilmHeight}) {
     return cv::Mat(size, CV_8UC3, cv::Scalar::all(grey_of(camera, frame)));
 }
 
 void write_video(const fs::path& file, int camera, int frames, cv::Size size = {kFilmWidth, kFilmHeight}) {
-    cv::VideoWriter writer(file.string(), cv::CAP_FFMPEG, cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 30, size);
+    cv::VideoWriter writer(file.string(), cv::CAP_FFMPEG, cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 30,
+                           size);
     ASSERT_TRUE(writer.isOpened());
     for (int n = 0; n < frames; ++n) writer.write(frame_picture(camera, n, size));
 }
 
 void write_folder(const fs::path& folder, int camera, int frames) {
     fs::create_directories(folder);
-    for (int n = 0; n < frames; ++n)   // no leading zeros: 10 must come behind 9
+    for (int n = 0; n < frames; ++n)  // no leading zeros: 10 must come behind 9
         cv::imwrite((folder / fmt::format("frame{}.png", n)).string(), frame_picture(camera, n));
 }
 
@@ -104,7 +106,7 @@ TEST_F(SessionOnDisk, DeliversEveryFrameSetInOrder) {
                 EXPECT_EQ(set->sequence, static_cast<std::uint64_t>(n));
                 EXPECT_EQ(set->capture_time_ns, n * 20'000'000);
                 ASSERT_EQ(set->pictures.size(), 2u);
-                EXPECT_NEAR(set->pictures[0].data[0], grey_of(0, n), 2) << n;   // motion JPEG
+                EXPECT_NEAR(set->pictures[0].data[0], grey_of(0, n), 2) << n;  // motion JPEG
                 EXPECT_EQ(set->pictures[1].data[3 * kFilmWidth * kFilmHeight - 1], grey_of(1, n)) << n;
             }
             EXPECT_TRUE(absl::IsOutOfRange((*source)->next().status()));
@@ -143,7 +145,8 @@ TEST_F(SessionOnDisk, KeepsThePaceAndSkipsWhatIsLate) {
         auto set = (*source)->next();
         if (!set.ok()) break;
         sequences.push_back(set->sequence);
-        if (set->sequence == 3) std::this_thread::sleep_for(std::chrono::milliseconds(75));   // three frames and more
+        if (set->sequence == 3)
+            std::this_thread::sleep_for(std::chrono::milliseconds(75));  // three frames and more
     }
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     EXPECT_GE(seconds, (kFilmFrames - 1) / 50.0 - 0.001);
@@ -165,12 +168,14 @@ TEST_F(SessionOnDisk, ShowsWhatItCanWhereDecodingIsSlowerThanTheRecording) {
         cv::randu(noise, 0, 255);
         cv::imwrite((folder_ / fmt::format("noise/{}.png", n)).string(), noise);
     }
-    folder_.write("session.toml", "name = \"fast\"\nfps = 2000.0\ncalibration = \"large.toml\"\n"
-                                  "[[camera]]\nname = \"left\"\nvideo = \"noise\"\n");
+    folder_.write("session.toml",
+                  "name = \"fast\"\nfps = 2000.0\ncalibration = \"large.toml\"\n"
+                  "[[camera]]\nname = \"left\"\nvideo = \"noise\"\n");
     auto source = open({.pacing = Pacing::kRealTime, .loop = true});
     ASSERT_TRUE(source.ok()) << source.status();
     std::jthread patience([&](const std::stop_token& stop) {
-        for (int n = 0; n < 200 && !stop.stop_requested(); ++n) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+        for (int n = 0; n < 200 && !stop.stop_requested(); ++n)
+            std::this_thread::sleep_for(std::chrono::milliseconds(50));
         (*source)->stop();
     });
     std::int64_t last_ns = 0;
@@ -199,7 +204,8 @@ TEST_F(SessionOnDisk, StopsFromAnotherThread) {
     EXPECT_TRUE(absl::IsCancelled((*source)->next().status()));
 }
 
-// The same two cameras, begun one after the other: left first, right by 3.4 frames later, for as long as it could.
+// The same two cameras, begun one after the other: left first, right by 3.4 frames later, for as long as it
+// could.
 class LateCamera : public SessionOnDisk {
   protected:
     void SetUp() override {
@@ -209,14 +215,15 @@ class LateCamera : public SessionOnDisk {
         write_offset("0.068");
     }
     void write_offset(const std::string& right) {
-        folder_.write("session.toml",
-                      "name = \"made\"\nfps = 50.0\ncalibration = \"calibration.toml\"\n"
-                      "[[camera]]\nname = \"left\"\nvideo = \"left.avi\"\nbackground = \"empty0.png\"\n"
-                      "[[camera]]\nname = \"right\"\nvideo = \"right\"\nbackground = \"empty1.png\"\noffset_s = " +
-                          right + "\n");
+        folder_.write(
+            "session.toml",
+            "name = \"made\"\nfps = 50.0\ncalibration = \"calibration.toml\"\n"
+            "[[camera]]\nname = \"left\"\nvideo = \"left.avi\"\nbackground = \"empty0.png\"\n"
+            "[[camera]]\nname = \"right\"\nvideo = \"right\"\nbackground = \"empty1.png\"\noffset_s = " +
+                right + "\n");
     }
     static void expect_pictures(const FrameSet& set, int left, int right) {
-        EXPECT_NEAR(set.pictures[0].data[0], grey_of(0, left), 2);   // motion JPEG
+        EXPECT_NEAR(set.pictures[0].data[0], grey_of(0, left), 2);  // motion JPEG
         EXPECT_EQ(set.pictures[1].data[0], grey_of(1, right));
     }
 };
@@ -287,7 +294,7 @@ TEST_F(LateCamera, ThatBeginsBehindTheEndOfTheOtherIsToldAtOnce) {
 struct BadInput {
     std::string name;
     std::function<void(const testing::TemporaryFolder&)> spoil;
-    std::vector<std::string> message_has;   // all of them
+    std::vector<std::string> message_has;  // all of them
 };
 
 class BadSession : public SessionOnDisk, public ::testing::WithParamInterface<BadInput> {};
@@ -312,31 +319,45 @@ INSTANTIATE_TEST_SUITE_P(
                      fs::create_directory(f / "right");
                  },
                  {"camera right", "holds no picture"}},
-        BadInput{"no_video", [](const auto& f) { f.write("left.avi", "this is a text, not a video"); },
+        BadInput{"no_video",
+                 [](const auto& f) { f.write("left.avi", "this is a text, not a video"); },
                  {"camera left", "left.avi", "cannot be read as a video"}},
         BadInput{"empty_file", [](const auto& f) { f.write("left.avi", ""); }, {"camera left", "left.avi"}},
-        BadInput{"shorter_video", [](const auto& f) { write_video(f / "left.avi", 0, 7); },
+        BadInput{"shorter_video",
+                 [](const auto& f) { write_video(f / "left.avi", 0, 7); },
                  {"camera left", "left.avi", "7 frames", "camera right has 12", "cut all to 7"}},
-        BadInput{"shorter_folder", [](const auto& f) { fs::remove(f / "right" / "frame11.png"); },
+        BadInput{"shorter_folder",
+                 [](const auto& f) { fs::remove(f / "right" / "frame11.png"); },
                  {"camera right", "11 frames", "camera left has 12"}},
-        BadInput{"cut_off_video", [](const auto& f) { shorten_file(f / "left.avi", 0.85); },
+        BadInput{"cut_off_video",
+                 [](const auto& f) { shorten_file(f / "left.avi", 0.85); },
                  {"camera left", "left.avi", "of 12 frames", "damaged or cut off"}},
-        BadInput{"wrong_video_size", [](const auto& f) { write_video(f / "left.avi", 0, kFilmFrames, {80, 48}); },
+        BadInput{"wrong_video_size",
+                 [](const auto& f) {
+                     write_video(f / "left.avi", 0, kFilmFrames, {80, 48});
+                 },
                  {"camera left", "left.avi", "80 x 48", "64 x 48"}},
         BadInput{"wrong_picture_size",
-                 [](const auto& f) { cv::imwrite((f / "right" / "frame5.png").string(), frame_picture(1, 5, {64, 40})); },
+                 [](const auto& f) {
+                     cv::imwrite((f / "right" / "frame5.png").string(), frame_picture(1, 5, {64, 40}));
+                 },
                  {"camera right", "frame5.png", "64 x 40", "64 x 48"}},
-        BadInput{"damaged_picture", [](const auto& f) { f.write("right/frame5.png", "no picture"); },
+        BadInput{"damaged_picture",
+                 [](const auto& f) { f.write("right/frame5.png", "no picture"); },
                  {"camera right", "frame5.png", "picture 6 of 12"}},
         BadInput{"wrong_background_size",
-                 [](const auto& f) { cv::imwrite((f / "empty1.png").string(), frame_picture(1, 0, {32, 24})); },
+                 [](const auto& f) {
+                     cv::imwrite((f / "empty1.png").string(), frame_picture(1, 0, {32, 24}));
+                 },
                  {"camera right", "empty1.png", "32 x 24"}},
-        BadInput{"damaged_background", [](const auto& f) { f.write("empty0.png", "?"); },
+        BadInput{"damaged_background",
+                 [](const auto& f) { f.write("empty0.png", "?"); },
                  {"camera left", "empty0.png"}},
         BadInput{"missing_background", [](const auto& f) { fs::remove(f / "empty0.png"); }, {"empty0.png"}}),
     [](const auto& info) { return info.param.name; });
 
-// An index at the file's start promises frames that a cut-off file no longer holds: what a broken copy looks like.
+// An index at the file's start promises frames that a cut-off file no longer holds: what a broken copy looks
+// like.
 TEST(SessionSource, NamesTheFrameAtWhichARealVideoBreaksOff) {
     KINEVOX_REQUIRE_DATA(walk, "studio/walk");
     silence_video_libraries();

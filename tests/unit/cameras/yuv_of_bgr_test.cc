@@ -1,14 +1,13 @@
 // What H.264 is made of is what the whole picture gives at once, and nothing behind the picture is read.
 #include "server/cameras/yuv_of_bgr.h"
 
+#include <gtest/gtest.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
 #include <cstring>
 #include <random>
 #include <vector>
-
-#include <gtest/gtest.h>
 
 #include "server/cameras/libav.h"
 
@@ -20,8 +19,10 @@ class AtTheEnd {
   public:
     explicit AtTheEnd(std::size_t bytes) : page_(static_cast<std::size_t>(sysconf(_SC_PAGESIZE))) {
         size_ = (bytes / page_ + 2) * page_;
-        begin_ = static_cast<std::uint8_t*>(mmap(nullptr, size_, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
-        if (begin_ == MAP_FAILED || mprotect(begin_ + size_ - page_, page_, PROT_NONE) != 0) throw std::bad_alloc();
+        begin_ = static_cast<std::uint8_t*>(
+            mmap(nullptr, size_, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
+        if (begin_ == MAP_FAILED || mprotect(begin_ + size_ - page_, page_, PROT_NONE) != 0)
+            throw std::bad_alloc();
         picture_ = begin_ + size_ - page_ - bytes;
     }
     ~AtTheEnd() { munmap(begin_, size_); }
@@ -43,7 +44,8 @@ libav::Owned<AVFrame> yuv_frame(int width, int height) {
 
 TEST(YuvOfBgr, IsThatOfTheWholePictureAndReadsNothingBehindIt) {
     std::mt19937 random(7);
-    for (const auto& [width, height] : {std::pair{320, 240}, {322, 242}, {1920, 1080}, {640, 482}, {98, 2}, {16, 4}}) {
+    for (const auto& [width, height] :
+         {std::pair{320, 240}, {322, 242}, {1920, 1080}, {640, 482}, {98, 2}, {16, 4}}) {
         const std::size_t bytes = static_cast<std::size_t>(width) * height * 3;
         const AtTheEnd picture(bytes);
         for (std::size_t i = 0; i < bytes; ++i) picture.data()[i] = static_cast<std::uint8_t>(random());
@@ -52,15 +54,16 @@ TEST(YuvOfBgr, IsThatOfTheWholePictureAndReadsNothingBehindIt) {
 
         std::vector<std::uint8_t> padded(picture.data(), picture.data() + bytes);
         padded.resize(bytes + 256);
-        const libav::Owned<SwsContext> whole(sws_getContext(width, height, AV_PIX_FMT_BGR24, width, height, AV_PIX_FMT_YUV420P,
-                                                            SWS_AREA | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INP, nullptr, nullptr,
-                                                            nullptr));
+        const libav::Owned<SwsContext> whole(
+            sws_getContext(width, height, AV_PIX_FMT_BGR24, width, height, AV_PIX_FMT_YUV420P,
+                           SWS_AREA | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INP, nullptr, nullptr, nullptr));
         const std::uint8_t* const from = padded.data();
         const int stride = 3 * width;
         sws_scale(whole.get(), &from, &stride, 0, height, right->data, right->linesize);
         for (int p = 0; p < 3; ++p)
             for (int row = 0; row < (p == 0 ? height : height / 2); ++row)
-                ASSERT_EQ(std::memcmp(found->data[p] + row * found->linesize[p], right->data[p] + row * right->linesize[p],
+                ASSERT_EQ(std::memcmp(found->data[p] + row * found->linesize[p],
+                                      right->data[p] + row * right->linesize[p],
                                       static_cast<std::size_t>(p == 0 ? width : width / 2)),
                           0)
                     << width << " x " << height << " px, plane " << p << ", row " << row;

@@ -1,9 +1,9 @@
+#include <gtest/gtest.h>
+
 #include <cmath>
 #include <filesystem>
-#include <random>
-
-#include <gtest/gtest.h>
 #include <opencv2/imgcodecs.hpp>
+#include <random>
 
 #include "client/lib/image_file.h"
 #include "client/lib/volume_image.h"
@@ -19,12 +19,12 @@ std::vector<std::uint8_t> jpeg_of(const cv::Mat& picture) {
 }
 
 TEST(DecodeJpeg, ReadsColourAndGrey) {
-    const auto colour = decode_jpeg(jpeg_of(cv::Mat(20, 30, CV_8UC3, cv::Scalar(10, 120, 240))));   // B G R
+    const auto colour = decode_jpeg(jpeg_of(cv::Mat(20, 30, CV_8UC3, cv::Scalar(10, 120, 240))));  // B G R
     ASSERT_TRUE(colour.ok()) << colour.status();
     EXPECT_EQ(colour->width, 30);
     EXPECT_EQ(colour->height, 20);
     ASSERT_EQ(colour->channels, 3);
-    EXPECT_NEAR(colour->data[0], 240, 4);   // R first
+    EXPECT_NEAR(colour->data[0], 240, 4);  // R first
     EXPECT_NEAR(colour->data[2], 10, 4);
     const auto grey = decode_jpeg(jpeg_of(cv::Mat(8, 9, CV_8UC1, cv::Scalar(77))));
     ASSERT_TRUE(grey.ok());
@@ -39,8 +39,9 @@ TEST(DecodeJpeg, RefusesWhatIsNotAWholeJpegWithoutHarm) {
     const auto whole = jpeg_of(noise);
     EXPECT_FALSE(decode_jpeg({}).ok());
     for (const std::size_t size : {std::size_t{1}, std::size_t{20}, whole.size() / 2})
-        EXPECT_EQ(decode_jpeg({whole.data(), size}).status().code(), absl::StatusCode::kInvalidArgument) << size;
-    for (int i = 0; i < 200; ++i) {   // any damage yields a picture or an error, never more
+        EXPECT_EQ(decode_jpeg({whole.data(), size}).status().code(), absl::StatusCode::kInvalidArgument)
+            << size;
+    for (int i = 0; i < 200; ++i) {  // any damage yields a picture or an error, never more
         auto damaged = whole;
         for (int k = 0; k < 5; ++k) damaged[random() % damaged.size()] = static_cast<std::uint8_t>(random());
         decode_jpeg(damaged).status().IgnoreError();
@@ -48,7 +49,8 @@ TEST(DecodeJpeg, RefusesWhatIsNotAWholeJpegWithoutHarm) {
 }
 
 TEST(WritePng, IsReadBackByAnother) {
-    const auto file = std::filesystem::temp_directory_path() / ("kinevox_image_test_" + std::to_string(getpid()) + ".png");
+    const auto file =
+        std::filesystem::temp_directory_path() / ("kinevox_image_test_" + std::to_string(getpid()) + ".png");
     Image image{3, 2, 3, {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18}};
     ASSERT_TRUE(write_png(image, file).ok());
     const cv::Mat read = cv::imread(file.string());
@@ -74,7 +76,8 @@ TEST(RenderVolume, PaintsTheVolumeWhereTheCameraSeesIt) {
         const auto pixel = camera.project(testing::voxel_centre_in_world(person.grid, v));
         ASSERT_TRUE(pixel);
         const int x = static_cast<int>(std::lround(pixel->x)), y = static_cast<int>(std::lround(pixel->y));
-        ASSERT_TRUE(x >= 0 && y >= 0 && x < image.width && y < image.height) << "the whole person is in the picture";
+        ASSERT_TRUE(x >= 0 && y >= 0 && x < image.width && y < image.height)
+            << "the whole person is in the picture";
         holes += !is_body(x, y);
     }
     EXPECT_EQ(holes, 0);
@@ -89,7 +92,8 @@ TEST(RenderVolume, CroppingAndScalingTheCameraIsCroppingAndScalingThePicture) {
     const Camera camera = oblique_camera(person, {4, 1, 1}, 0.3, 0.2, 320, 240);
     const Window window = window_around(person, camera);
     EXPECT_LE(window.x + window.width, camera.width);
-    EXPECT_EQ(render_volume(person, cropped(camera, window)).data, cropped(render_volume(person, camera), window).data);
+    EXPECT_EQ(render_volume(person, cropped(camera, window)).data,
+              cropped(render_volume(person, camera), window).data);
     const Camera half = scaled(camera, 0.5);
     const Vec3 point{0.1, 0.2, 1.0};
     EXPECT_NEAR(half.project(point)->x, (camera.project(point)->x + 0.5) / 2 - 0.5, 1e-9);

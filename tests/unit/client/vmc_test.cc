@@ -1,25 +1,36 @@
 // Poses as VMC messages: what an avatar's bones do is held against where the body's limbs point.
-#include <cmath>
-#include <map>
+#include "client/bridge/vmc.h"
 
 #include <gmock/gmock.h>
 #include <oscpack/osc/OscReceivedElements.h>
 
+#include <cmath>
+#include <map>
+
 #include "client/bridge/udp_sender.h"
-#include "client/bridge/vmc.h"
 
 namespace kinevox::bridge {
 namespace {
 
 using ::testing::IsEmpty;
 
-const char* const kSegments[] = {"pelvis",  "thorax",  "head",   "thigh_l",     "shank_l",   "foot_l", "upper_arm_l", "forearm_l",
-                                 "hand_l",  "thigh_r", "shank_r", "foot_r",     "upper_arm_r", "forearm_r", "hand_r"};
-const std::map<std::string, std::string> kParents{
-    {"Spine", "Hips"}, {"Head", "Spine"}, {"LeftUpperLeg", "Hips"}, {"LeftLowerLeg", "LeftUpperLeg"}, {"LeftFoot", "LeftLowerLeg"},
-    {"LeftUpperArm", "Spine"}, {"LeftLowerArm", "LeftUpperArm"}, {"LeftHand", "LeftLowerArm"}, {"RightUpperLeg", "Hips"},
-    {"RightLowerLeg", "RightUpperLeg"}, {"RightFoot", "RightLowerLeg"}, {"RightUpperArm", "Spine"},
-    {"RightLowerArm", "RightUpperArm"}, {"RightHand", "RightLowerArm"}};
+const char* const kSegments[] = {"pelvis",  "thorax",      "head",        "thigh_l",   "shank_l",
+                                 "foot_l",  "upper_arm_l", "forearm_l",   "hand_l",    "thigh_r",
+                                 "shank_r", "foot_r",      "upper_arm_r", "forearm_r", "hand_r"};
+const std::map<std::string, std::string> kParents{{"Spine", "Hips"},
+                                                  {"Head", "Spine"},
+                                                  {"LeftUpperLeg", "Hips"},
+                                                  {"LeftLowerLeg", "LeftUpperLeg"},
+                                                  {"LeftFoot", "LeftLowerLeg"},
+                                                  {"LeftUpperArm", "Spine"},
+                                                  {"LeftLowerArm", "LeftUpperArm"},
+                                                  {"LeftHand", "LeftLowerArm"},
+                                                  {"RightUpperLeg", "Hips"},
+                                                  {"RightLowerLeg", "RightUpperLeg"},
+                                                  {"RightFoot", "RightLowerLeg"},
+                                                  {"RightUpperArm", "Spine"},
+                                                  {"RightLowerArm", "RightUpperArm"},
+                                                  {"RightHand", "RightLowerArm"}};
 
 v1::Pose standing() {
     v1::Pose pose;
@@ -43,7 +54,8 @@ void turn(v1::Pose& pose, const std::string& name, const Vec3& axis, double angl
         if (segment.name() == name) {
             v1::Quaternion* q = segment.mutable_parent_from_segment();
             q->set_w(std::cos(half));
-            q->set_x(std::sin(half) * axis.x), q->set_y(std::sin(half) * axis.y), q->set_z(std::sin(half) * axis.z);
+            q->set_x(std::sin(half) * axis.x), q->set_y(std::sin(half) * axis.y),
+                q->set_z(std::sin(half) * axis.z);
         }
 }
 
@@ -66,10 +78,12 @@ Vec3 in_scene(const std::vector<VmcBone>& bones, std::string bone, Vec3 v) {
 }
 
 void expect_near(const Vec3& a, const Vec3& b) {
-    EXPECT_NEAR(norm(a - b), 0, 1e-9) << a.x << " " << a.y << " " << a.z << ", not " << b.x << " " << b.y << " " << b.z;
+    EXPECT_NEAR(norm(a - b), 0, 1e-9)
+        << a.x << " " << a.y << " " << a.z << ", not " << b.x << " " << b.y << " " << b.z;
 }
 
-// The receiver's axes: x right, y up, z forward. In the T-pose the left arm points to -x, legs to -y, feet to +z.
+// The receiver's axes: x right, y up, z forward. In the T-pose the left arm points to -x, legs to -y, feet to
+// +z.
 constexpr Vec3 kLeft{-1, 0, 0}, kRight{1, 0, 0}, kDown{0, -1, 0}, kUp{0, 1, 0}, kForward{0, 0, 1};
 
 TEST(VmcTest, StandingWithHangingArmsHangsTheAvatarsArms) {
@@ -78,19 +92,20 @@ TEST(VmcTest, StandingWithHangingArmsHangsTheAvatarsArms) {
     expect_near(bones[0].position, {-0.5, 0.9, 2});
     for (const char* side : {"Left", "Right"}) {
         const Vec3 aside = side == std::string("Left") ? kLeft : kRight;
-        for (const char* part : {"UpperArm", "LowerArm", "Hand"}) expect_near(in_scene(bones, std::string(side) + part, aside), kDown);
-        expect_near(in_scene(bones, std::string(side) + "Hand", kDown), -aside);   // palms to the thighs
+        for (const char* part : {"UpperArm", "LowerArm", "Hand"})
+            expect_near(in_scene(bones, std::string(side) + part, aside), kDown);
+        expect_near(in_scene(bones, std::string(side) + "Hand", kDown), -aside);  // palms to the thighs
         expect_near(in_scene(bones, std::string(side) + "UpperLeg", kDown), kDown);
     }
 }
 
 TEST(VmcTest, LimbsPointWhereTheBodysDo) {
     v1::Pose pose = standing();
-    turn(pose, "upper_arm_l", {1, 0, 0}, 90);     // raised to the left: -z becomes +y
-    turn(pose, "upper_arm_r", {0, 1, 0}, -90);    // to the front: -z becomes +x
-    turn(pose, "forearm_r", {0, 1, 0}, -90);      // bent on: +x becomes +z
+    turn(pose, "upper_arm_l", {1, 0, 0}, 90);   // raised to the left: -z becomes +y
+    turn(pose, "upper_arm_r", {0, 1, 0}, -90);  // to the front: -z becomes +x
+    turn(pose, "forearm_r", {0, 1, 0}, -90);    // bent on: +x becomes +z
     turn(pose, "thigh_l", {0, 1, 0}, -90);
-    turn(pose, "shank_l", {0, 1, 0}, 90);         // a seat
+    turn(pose, "shank_l", {0, 1, 0}, 90);  // a seat
     auto bones = vmc_bones(pose);
     expect_near(in_scene(bones, "LeftUpperArm", kLeft), kLeft);
     expect_near(in_scene(bones, "RightUpperArm", kRight), kForward);
@@ -98,7 +113,7 @@ TEST(VmcTest, LimbsPointWhereTheBodysDo) {
     expect_near(in_scene(bones, "LeftUpperLeg", kDown), kForward);
     expect_near(in_scene(bones, "LeftLowerLeg", kDown), kDown);
 
-    turn(pose, "pelvis", {0, 0, 1}, 90);          // turns to her left: forward becomes the scene's left
+    turn(pose, "pelvis", {0, 0, 1}, 90);  // turns to her left: forward becomes the scene's left
     bones = vmc_bones(pose);
     expect_near(in_scene(bones, "Hips", kForward), kLeft);
     expect_near(in_scene(bones, "RightUpperArm", kRight), kLeft);
@@ -139,7 +154,8 @@ TEST(VmcTest, DatagramsAreOscAndFitAnEthernetFrame) {
 }
 
 TEST(UdpSenderTest, SaysWhatIsWrongWithAnAddress) {
-    for (const char* bad : {"", "host", ":1", "127.0.0.1:", "127.0.0.1:0", "127.0.0.1:65536", "127.0.0.1:12x"})
+    for (const char* bad :
+         {"", "host", ":1", "127.0.0.1:", "127.0.0.1:0", "127.0.0.1:65536", "127.0.0.1:12x"})
         EXPECT_TRUE(absl::IsInvalidArgument(UdpSender::open(bad).status())) << bad;
     EXPECT_TRUE(UdpSender::open("127.0.0.1:39539").ok());
     EXPECT_TRUE(UdpSender::open("[::1]:39539").ok());

@@ -1,18 +1,22 @@
 #include "common/background_priority.h"
 
-#include <thread>
-
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <thread>
+
 namespace kinevox {
 namespace {
 
-id_t this_thread() { return static_cast<id_t>(syscall(SYS_gettid)); }
+id_t this_thread() {
+    return static_cast<id_t>(syscall(SYS_gettid));
+}
 
-int niceness() { return getpriority(PRIO_PROCESS, this_thread()); }
+int niceness() {
+    return getpriority(PRIO_PROCESS, this_thread());
+}
 
 // Of a thread that is started within with_nicer_threads, by one that is itself as nice as `caller` says.
 int inherited(int caller, int levels, bool& allowed) {
@@ -27,7 +31,9 @@ int inherited(int caller, int levels, bool& allowed) {
 }
 
 TEST(BackgroundPriority, ThreadsAreNicerThanTheirCallerButNotThanOthersPrograms) {
-    struct Case { int caller, levels, want; };
+    struct Case {
+        int caller, levels, want;
+    };
     for (const Case& c : {Case{-15, 10, -5}, Case{-5, 10, 0}, Case{0, 10, 0}, Case{7, 10, 7}}) {
         bool allowed = false;
         const int seen = inherited(c.caller, c.levels, allowed);

@@ -26,9 +26,8 @@ TEST(Config, TheExampleHoldsTheDefaults) {
 TEST(Config, TheExampleExplainsEveryKey) {
     const std::string example = *read_file(kExample);
     int keys = 0;
-    for (const std::string table :
-         {"server", "server.limits", "source", "source.studio", "source.cameras", "pipeline", "segmentation", "pose", "stream",
-          "control", "log"}) {
+    for (const std::string table : {"server", "server.limits", "source", "source.studio", "source.cameras",
+                                    "pipeline", "segmentation", "pose", "stream", "control", "log"}) {
         const auto config = parse_config_toml("[" + table + "]\nno_such_key = 1\n", "/", "probe", false);
         const std::string message{config.status().message()};
         std::smatch found;
@@ -48,7 +47,8 @@ TEST(Config, TheExampleExplainsEveryKey) {
 
 TEST(Config, ReadsWhoMayDoWhat) {
     const auto config = parse_config_toml(
-        "[server]\nlisten = \"0.0.0.0:1\"\ncertificate = \"c.pem\"\nkey = \"/k.pem\"\nclient_ca = \"ca.pem\"\ntokens = \"t.toml\"\n"
+        "[server]\nlisten = \"0.0.0.0:1\"\ncertificate = \"c.pem\"\nkey = \"/k.pem\"\nclient_ca = "
+        "\"ca.pem\"\ntokens = \"t.toml\"\n"
         "audit = \"\"\n[server.limits]\nmax_streams = 7\nrequests_per_s = 2.5\n",
         "/rig", "probe", false);
     ASSERT_TRUE(config.ok()) << config.status();
@@ -63,11 +63,14 @@ TEST(Config, ReadsWhoMayDoWhat) {
 }
 
 TEST(Config, HalfOfWhoMayDoWhatIsTold) {
-    for (const char* text : {"certificate = \"c.pem\"", "key = \"k.pem\"", "client_ca = \"ca.pem\"", "token = \"t.toml\"",
-                             "limits = 3", "[server.limits]\nmax_streams = 0", "[server.limits]\nrequests_per_s = 0.5"})
-        EXPECT_TRUE(absl::IsInvalidArgument(parse_config_toml("[server]\n" + std::string(text) + "\n", "/rig", "probe", false).status()))
+    for (const char* text :
+         {"certificate = \"c.pem\"", "key = \"k.pem\"", "client_ca = \"ca.pem\"", "token = \"t.toml\"",
+          "limits = 3", "[server.limits]\nmax_streams = 0", "[server.limits]\nrequests_per_s = 0.5"})
+        EXPECT_TRUE(absl::IsInvalidArgument(
+            parse_config_toml("[server]\n" + std::string(text) + "\n", "/rig", "probe", false).status()))
             << text;
-    EXPECT_TRUE(absl::IsNotFound(parse_config_toml("[server]\ntokens = \"none.toml\"\n", "/nowhere", "probe", true).status()));
+    EXPECT_TRUE(absl::IsNotFound(
+        parse_config_toml("[server]\ntokens = \"none.toml\"\n", "/nowhere", "probe", true).status()));
 }
 
 constexpr char kCameras[] = R"([source]

@@ -31,7 +31,8 @@ std::vector<std::vector<double>> read_csv(const std::filesystem::path& file, std
 TEST(JointAngles, AgreeWithGroundTruth) {
     KINEVOX_REQUIRE_DATA(studio, "studio");
     for (const char* sequence : {"walk", "gesture", "signal", "sprint"}) {
-        std::string joint_names, angle_names, expected_joints = "frame,time_s", expected_angles = "frame,time_s";
+        std::string joint_names, angle_names, expected_joints = "frame,time_s",
+                                              expected_angles = "frame,time_s";
         const auto joints = read_csv(studio / sequence / "truth/joints.csv", joint_names);
         const auto angles = read_csv(studio / sequence / "truth/angles.csv", angle_names);
         for (auto name : kJointNames)
@@ -56,7 +57,9 @@ TEST(JointAngles, AgreeWithGroundTruth) {
 
 TEST(JointAngles, MissingJointsGiveNanOnlyWhereTheyAreNeeded) {
     std::array<Vec3, kJointNames.size()> joints;
-    for (std::size_t j = 0; j < joints.size(); ++j) joints[j] = {0.1 * static_cast<double>(j * j), 0.3 * static_cast<double>(j), 1.0 + 0.05 * static_cast<double>(j)};
+    for (std::size_t j = 0; j < joints.size(); ++j)
+        joints[j] = {0.1 * static_cast<double>(j * j), 0.3 * static_cast<double>(j),
+                     1.0 + 0.05 * static_cast<double>(j)};
     joints[6] = {std::nan(""), 0, 0};  // wrist_l
     const auto angles = joint_angles(joints);
     for (std::size_t a = 0; a < angles.size(); ++a)

@@ -1,4 +1,5 @@
-// Cameras that began one by one: which of their pictures belong together, and what is written into session.toml.
+// Cameras that began one by one: which of their pictures belong together, and what is written into
+// session.toml.
 #include "common/session_offsets.h"
 
 #include <gmock/gmock.h>
@@ -38,8 +39,11 @@ TEST(SessionOffsets, TheFirstFrameSetIsWhereTheLastCameraBegins) {
 
 // Each frame set spans less time than if every camera's begin were rounded by itself.
 TEST(SessionOffsets, JoinsThePicturesThatLieWithinTheShortestTime) {
-    for (const std::vector<double>& phases :
-         {std::vector<double>{0, .04, .05, .06}, {0, .09, .08, .01}, {.05, .1, .15}, {.02, .07}, {0, .033, .066}}) {
+    for (const std::vector<double>& phases : {std::vector<double>{0, .04, .05, .06},
+                                              {0, .09, .08, .01},
+                                              {.05, .1, .15},
+                                              {.02, .07},
+                                              {0, .033, .066}}) {
         Session session = session_with({});
         for (double phase : phases) {
             session.cameras.emplace_back();
@@ -116,7 +120,8 @@ TEST(SessionOffsets, AreWrittenIntoTheTextAndLeaveTheRest) {
 class OffsetsOnDisk : public ::testing::Test {
   protected:
     void SetUp() override {
-        for (const char* name : {"a.mp4", "b.mp4", "c.mp4", "a.png", "calibration.toml"}) folder_.write(name, "");
+        for (const char* name : {"a.mp4", "b.mp4", "c.mp4", "a.png", "calibration.toml"})
+            folder_.write(name, "");
     }
     std::string text() {
         std::ifstream stream(folder_ / "session.toml");

@@ -51,7 +51,7 @@ TEST(Convert, ACoarseVoxelIsOccupiedIfAnyOfItsVoxelsIs) {
     coarsen_by_four(volume, coarse);
     EXPECT_EQ(voxels_of(coarse), expected);
     EXPECT_FLOAT_EQ(coarse.lattice.voxel_m, 0.04f);
-    EXPECT_EQ(coarse.lattice.size[0], 24);   // 9 bricks: 3 coarse ones
+    EXPECT_EQ(coarse.lattice.size[0], 24);  // 9 bricks: 3 coarse ones
     EXPECT_EQ(coarse.lattice.size[1], 16);
     EXPECT_EQ(coarse.lattice.size[2], 32);
 }

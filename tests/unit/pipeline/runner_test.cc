@@ -1,12 +1,12 @@
 #include "server/pipeline/runner.h"
 
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
 #include <atomic>
 #include <chrono>
 #include <future>
 #include <thread>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "tests/support/fake_capture.h"
 #include "tests/support/person_volume.h"
@@ -22,9 +22,11 @@ class RunnerTest : public ::testing::Test {
         auto pipeline = std::make_unique<testing::FakePipeline>(
             std::make_shared<const Volume>(testing::person_volume(0.05)));
         pipeline_ = pipeline.get();
-        box_ = hub_.subscribe_volumes({MailboxOptions::WhenFull::kOverflow, 1000, SIZE_MAX}, [this] { changed(); });
+        box_ = hub_.subscribe_volumes({MailboxOptions::WhenFull::kOverflow, 1000, SIZE_MAX},
+                                      [this] { changed(); });
         events_ = hub_.subscribe_events(0, [this] { changed(); });
-        runner_.emplace(source_.open(), [this] { return source_.open(); }, std::move(pipeline), hub_);
+        runner_.emplace(
+            source_.open(), [this] { return source_.open(); }, std::move(pipeline), hub_);
     }
 
     void changed() {
@@ -70,7 +72,7 @@ class RunnerTest : public ::testing::Test {
     std::shared_ptr<EventMailbox> events_;
     std::shared_ptr<const PublishedVolume> last_;
     testing::FakePipeline* pipeline_ = nullptr;
-    std::optional<Runner> runner_;   // last: its threads use the others
+    std::optional<Runner> runner_;  // last: its threads use the others
 };
 
 TEST_F(RunnerTest, StartsLearnsAndPublishesInOrder) {
@@ -160,12 +162,12 @@ TEST_F(RunnerTest, OtherCamerasAreTakenBetweenTwoRuns) {
     std::vector<Camera> better = own, best = own;
     better[0].fx += 1;
     best[0].fx += 2;
-    EXPECT_TRUE(runner_->set_cameras(own));   // as they are: nothing to take
+    EXPECT_TRUE(runner_->set_cameras(own));  // as they are: nothing to take
     EXPECT_TRUE(taken.empty());
     EXPECT_TRUE(runner_->set_cameras(better));
     EXPECT_EQ(runner_->cameras(), better);
     EXPECT_EQ(pipeline_->cameras_set, better);
-    ASSERT_TRUE(runner_->start().ok());   // the source is still known by its own cameras
+    ASSERT_TRUE(runner_->start().ok());  // the source is still known by its own cameras
     EXPECT_FALSE(runner_->set_cameras(best));
     EXPECT_FALSE(runner_->set_cameras(own));
     EXPECT_EQ(runner_->cameras(), better);
@@ -181,7 +183,8 @@ TEST_F(RunnerTest, OtherCamerasAreTakenBetweenTwoRuns) {
 TEST_F(RunnerTest, CaptureTimesBecomeUtcWithTheRecordingsOwnSteps) {
     ASSERT_TRUE(runner_->start().ok());
     const auto now = std::chrono::duration_cast<std::chrono::nanoseconds>(
-                         std::chrono::system_clock::now().time_since_epoch()).count();
+                         std::chrono::system_clock::now().time_since_epoch())
+                         .count();
     source_.give(2);
     results(1);
     const std::int64_t first = last_->header.capture_time_utc_ns;
@@ -314,7 +317,7 @@ TEST_F(RunnerTest, ALearningToWhichNoFrameSetComesIsGivenUp) {
         std::promise<absl::Status> learned;
         runner_->learn_background(5, [&](absl::Status status) { learned.set_value(std::move(status)); });
         for (int i = 0; i < given; ++i) {
-            std::this_thread::sleep_for(std::chrono::milliseconds(300));   // slow, but they come
+            std::this_thread::sleep_for(std::chrono::milliseconds(300));  // slow, but they come
             source_.give(1);
         }
         return learned.get_future().get();

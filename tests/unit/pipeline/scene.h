@@ -1,5 +1,5 @@
-// A made-up scene for the tracker's tests: cameras around a lane and a body of ellipsoids, whose silhouettes are
-// drawn ray by ray, so that truth is known and nothing of the pipeline is needed.
+// A made-up scene for the tracker's tests: cameras around a lane and a body of ellipsoids, whose silhouettes
+// are drawn ray by ray, so that truth is known and nothing of the pipeline is needed.
 #pragma once
 
 #include <algorithm>
@@ -24,7 +24,8 @@ inline Camera camera_at(const std::string& name, Vec3 eye, Vec3 target, int widt
     camera.width = width, camera.height = height;
     camera.fx = camera.fy = focal_px;
     camera.cx = (width - 1) / 2.0, camera.cy = (height - 1) / 2.0;
-    camera.camera_from_world.rotation = {{right.x, right.y, right.z, down.x, down.y, down.z, forward.x, forward.y, forward.z}};
+    camera.camera_from_world.rotation = {
+        {right.x, right.y, right.z, down.x, down.y, down.z, forward.x, forward.y, forward.z}};
     camera.camera_from_world.translation = -(camera.camera_from_world.rotation * eye);
     return camera;
 }
@@ -36,8 +37,8 @@ inline std::vector<Camera> four_cameras() {
 }
 
 struct Ellipsoid {
-    Vec3 centre;   // m, world
-    Vec3 radii;    // m, along the world's axes
+    Vec3 centre;  // m, world
+    Vec3 radii;   // m, along the world's axes
 };
 
 // Upright, 1.7 m tall, its centre of gravity at `centre`: symmetric, so that the centre is exact.
@@ -60,10 +61,12 @@ inline kernels::Rect pixels_near(const Camera& camera, const std::vector<Ellipso
     double u0 = 1e9, v0 = 1e9, u1 = -1e9, v1 = -1e9;
     for (const Ellipsoid& e : body)
         for (int n = 0; n < 8; ++n) {
-            const auto p = camera.project(e.centre + Vec3{n & 1 ? e.radii.x : -e.radii.x, n & 2 ? e.radii.y : -e.radii.y,
-                                                          n & 4 ? e.radii.z : -e.radii.z});
+            const auto p =
+                camera.project(e.centre + Vec3{n & 1 ? e.radii.x : -e.radii.x, n & 2 ? e.radii.y : -e.radii.y,
+                                               n & 4 ? e.radii.z : -e.radii.z});
             if (!p) continue;
-            u0 = std::min(u0, p->x), u1 = std::max(u1, p->x), v0 = std::min(v0, p->y), v1 = std::max(v1, p->y);
+            u0 = std::min(u0, p->x), u1 = std::max(u1, p->x), v0 = std::min(v0, p->y),
+            v1 = std::max(v1, p->y);
         }
     const auto clamp_to = [](double v, int most) { return static_cast<int>(std::clamp(v, 0.0, 1.0 * most)); };
     return {clamp_to(u0 - 1, camera.width), clamp_to(v0 - 1, camera.height), clamp_to(u1 + 3, camera.width),
@@ -77,7 +80,7 @@ inline kernels::Silhouettes silhouettes_of(const Camera& camera, const std::vect
     s.sharp.assign(static_cast<std::size_t>(s.width) * s.height, 0);
     s.searched = {0, 0, s.width, s.height};
     kernels::Rect box{s.width, s.height, 0, 0};
-    const kernels::Rect near = pixels_near(camera, body);   // the rest is empty
+    const kernels::Rect near = pixels_near(camera, body);  // the rest is empty
     for (int y = near.y0; y < near.y1; ++y)
         for (int x = near.x0; x < near.x1; ++x) {
             const Ray ray = camera.ray_through({static_cast<double>(x), static_cast<double>(y)});
@@ -85,7 +88,8 @@ inline kernels::Silhouettes silhouettes_of(const Camera& camera, const std::vect
             for (const Ellipsoid& e : body) inside = inside || hits(ray, e);
             if (!inside) continue;
             s.sharp[static_cast<std::size_t>(y) * s.width + x] = 255;
-            box = {std::min(box.x0, x), std::min(box.y0, y), std::max(box.x1, x + 1), std::max(box.y1, y + 1)};
+            box = {std::min(box.x0, x), std::min(box.y0, y), std::max(box.x1, x + 1),
+                   std::max(box.y1, y + 1)};
             ++s.sharp_pixels;
         }
     s.bounds = s.sharp_pixels > 0 ? box : kernels::Rect{};

@@ -63,7 +63,8 @@ TEST(StreamHub, LosslessThatOverflowsSaysSoAndLetsItsMemoryGo) {
 
 TEST(StreamHub, LosslessIsBoundedInBytesToo) {
     StreamHub hub;
-    const std::size_t one = person()->bricks.size() * sizeof(VolumeBrick) + person()->colours.size() * sizeof(Rgb);
+    const std::size_t one =
+        person()->bricks.size() * sizeof(VolumeBrick) + person()->colours.size() * sizeof(Rgb);
     const auto box = hub.subscribe_volumes({MailboxOptions::WhenFull::kOverflow, 1000, 3 * one}, nobody);
     hub.publish(fake_result(0, person()), 0);
     hub.publish(fake_result(1, person()), 0);
@@ -79,7 +80,7 @@ TEST(StreamHub, AQueuedVolumeDoesNotKeepThePicturesAlive) {
     const std::weak_ptr<const FrameResult> pictures = result;
     hub.publish(result, 0);
     result.reset();
-    hub.publish(fake_result(1, person()), 0);   // the hub itself keeps the newest alone
+    hub.publish(fake_result(1, person()), 0);  // the hub itself keeps the newest alone
     EXPECT_TRUE(pictures.expired());
     EXPECT_THAT(sequences_in(*box), ElementsAre(0, 1));
 }

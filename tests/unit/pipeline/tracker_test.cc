@@ -24,8 +24,8 @@ class Stage {
     explicit Stage(std::vector<Camera> cameras) : cameras_(cameras), tracker_(std::move(cameras), kFps) {}
 
     // A camera whose entry in `instead` is not null sees that.
-    TrackerUpdate show(const std::vector<Ellipsoid>& body, std::vector<const std::vector<Ellipsoid>*> instead = {},
-                       int silent = -1) {
+    TrackerUpdate show(const std::vector<Ellipsoid>& body,
+                       std::vector<const std::vector<Ellipsoid>*> instead = {}, int silent = -1) {
         const auto time_ns = static_cast<std::int64_t>(std::llround(1e9 * frame_ / kFps));
         priors_ = tracker_.predict(time_ns);
         instead.resize(cameras_.size(), nullptr);
@@ -33,7 +33,8 @@ class Stage {
         for (std::size_t c = 0; c < cameras_.size(); ++c)
             made.push_back(silhouettes_of(cameras_[c], instead[c] ? *instead[c] : body));
         std::vector<const kernels::Silhouettes*> seen;
-        for (std::size_t c = 0; c < cameras_.size(); ++c) seen.push_back(static_cast<int>(c) == silent ? nullptr : &made[c]);
+        for (std::size_t c = 0; c < cameras_.size(); ++c)
+            seen.push_back(static_cast<int>(c) == silent ? nullptr : &made[c]);
         bounds_.clear();
         for (const auto& s : made) bounds_.push_back(s.bounds);
         return tracker_.update(static_cast<std::uint64_t>(frame_++), time_ns, seen);
@@ -59,7 +60,8 @@ bool contains(const kernels::Rect& outer, const kernels::Rect& inner) {
 bool covers(const kernels::Lattice& lattice, Vec3 low, Vec3 high) {
     const double a[3] = {low.x, low.y, low.z}, b[3] = {high.x, high.y, high.z};
     for (int n = 0; n < 3; ++n)
-        if (lattice.origin[n] > a[n] || lattice.origin[n] + lattice.voxel_m * lattice.size[n] < b[n]) return false;
+        if (lattice.origin[n] > a[n] || lattice.origin[n] + lattice.voxel_m * lattice.size[n] < b[n])
+            return false;
     return true;
 }
 
@@ -128,7 +130,7 @@ TEST(Tracker, DoesWithoutASilentCamera) {
 
 TEST(Tracker, ACameraThatCannotSeeTheSubjectIsNotBlamed) {
     std::vector<Camera> cameras = four_cameras();
-    cameras.push_back(camera_at("door", {0, -3, 1.5}, {0, -8, 1}));   // looks the other way
+    cameras.push_back(camera_at("door", {0, -3, 1.5}, {0, -8, 1}));  // looks the other way
     Stage stage(cameras);
     for (int n = 0; n < 10; ++n) {
         const TrackerUpdate update = stage.show(body_at({0.2, 0.1, 0.88}));

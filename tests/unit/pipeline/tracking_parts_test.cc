@@ -13,9 +13,13 @@ namespace {
 using testing::camera_at;
 using testing::four_cameras;
 
-Ray ray_to(Vec3 eye, Vec3 target) { return {eye, normalized(target - eye)}; }
+Ray ray_to(Vec3 eye, Vec3 target) {
+    return {eye, normalized(target - eye)};
+}
 
-RayCandidate candidate(int camera, const Ray& ray) { return {camera, ray, 10000, 1 / 500.0, false}; }
+RayCandidate candidate(int camera, const Ray& ray) {
+    return {camera, ray, 10000, 1 / 500.0, false};
+}
 
 TEST(RayMeeting, FindsThePointOfExactRays) {
     const Vec3 g{0.3, -0.4, 0.95};
@@ -65,9 +69,11 @@ TEST(RayMeeting, FindsNothingWhereNoTwoRaysMeet) {
     EXPECT_FALSE(meet_rays({}, 4));
     EXPECT_FALSE(meet_rays({candidate(0, {{0, 0, 0}, {1, 0, 0}})}, 4));
     // One above the other, 1 m apart.
-    EXPECT_FALSE(meet_rays({candidate(0, {{-4, 0, 0}, {1, 0, 0}}), candidate(1, {{0, -4, 1}, {0, 1, 0}})}, 2));
+    EXPECT_FALSE(
+        meet_rays({candidate(0, {{-4, 0, 0}, {1, 0, 0}}), candidate(1, {{0, -4, 1}, {0, 1, 0}})}, 2));
     // They meet behind one of the cameras.
-    EXPECT_FALSE(meet_rays({candidate(0, {{-4, 0, 0}, {-1, 0, 0}}), candidate(1, {{0, -4, 0}, {0, 1, 0}})}, 2));
+    EXPECT_FALSE(
+        meet_rays({candidate(0, {{-4, 0, 0}, {-1, 0, 0}}), candidate(1, {{0, -4, 0}, {0, 1, 0}})}, 2));
 }
 
 TEST(CentreFilter, FollowsASteadyRunWithoutLag) {
@@ -88,17 +94,17 @@ TEST(CentreFilter, FollowsASteadyRunWithoutLag) {
 
 TEST(Blobs, JoinsWhatABeltSeparatesAndKeepsApartWhatIsApart) {
     kernels::Silhouettes s;
-    s.width = 637, s.height = 480;   // not a multiple of the word
+    s.width = 637, s.height = 480;  // not a multiple of the word
     s.loose.assign(static_cast<std::size_t>(s.width) * s.height, 0);
     const auto fill = [&](int x0, int y0, int x1, int y1) {
         for (int y = y0; y < y1; ++y)
             for (int x = x0; x < x1; ++x) s.loose[static_cast<std::size_t>(y) * s.width + x] = 255;
     };
     fill(100, 100, 140, 180);
-    fill(100, 183, 140, 263);    // 3 px below: the same person
-    fill(500, 300, 530, 360);    // another
-    fill(620, 470, 637, 480);    // in the corner
-    fill(300, 10, 303, 13);      // a speck
+    fill(100, 183, 140, 263);  // 3 px below: the same person
+    fill(500, 300, 530, 360);  // another
+    fill(620, 470, 637, 480);  // in the corner
+    fill(300, 10, 303, 13);    // a speck
     s.sharp = s.probability = s.loose;
     s.bounds = {100, 10, 637, 480};
     const std::vector<Blob> blobs = find_blobs(s, 50, 8);
@@ -118,7 +124,8 @@ TEST(Blobs, AThickTrunkWeighsMoreThanThinLegs) {
     kernels::Silhouettes s;
     s.width = s.height = 200;
     s.loose.assign(40000, 0);
-    // Trunk 40 px wide and 60 tall; two legs 14 px wide and 80 tall. Round sections: areas as the squares of widths.
+    // Trunk 40 px wide and 60 tall; two legs 14 px wide and 80 tall. Round sections: areas as the squares of
+    // widths.
     for (int y = 20; y < 160; ++y)
         for (int x = 60; x < 140; ++x) {
             const bool trunk = y < 80 && x >= 80 && x < 120;
@@ -141,7 +148,8 @@ TEST(ConeBox, HoldsTheBodyAndLittleMore) {
     const Vec3 at{0.5, -0.3, 0.9};
     const auto body = testing::body_at(at);
     std::vector<SilhouetteCone> cones;
-    for (const Camera& camera : cameras) cones.push_back({&camera, testing::silhouettes_of(camera, body).bounds});
+    for (const Camera& camera : cameras)
+        cones.push_back({&camera, testing::silhouettes_of(camera, body).bounds});
     const Box3 within{at - Vec3{2, 2, 2}, at + Vec3{2, 2, 2}};
     const auto box = box_of_cones(cones, within);
     ASSERT_TRUE(box);
@@ -161,10 +169,11 @@ TEST(ConeBox, IsEmptyWhereConesMiss) {
     const std::vector<Camera> cameras = four_cameras();
     const Vec3 here{0.5, 0, 1}, there{-1.5, 0.5, 1};
     const Box3 within{{-3, -3, 0}, {3, 3, 2}};
-    EXPECT_FALSE(box_of_cones({{&cameras[0], testing::silhouettes_of(cameras[0], testing::body_at(here)).bounds},
-                               {&cameras[1], testing::silhouettes_of(cameras[1], testing::body_at(there)).bounds},
-                               {&cameras[2], testing::silhouettes_of(cameras[2], testing::body_at(there)).bounds}},
-                              within));
+    EXPECT_FALSE(
+        box_of_cones({{&cameras[0], testing::silhouettes_of(cameras[0], testing::body_at(here)).bounds},
+                      {&cameras[1], testing::silhouettes_of(cameras[1], testing::body_at(there)).bounds},
+                      {&cameras[2], testing::silhouettes_of(cameras[2], testing::body_at(there)).bounds}},
+                     within));
 }
 
 TEST(ConeBox, LatticesOfSuccessiveFramesLineUp) {

@@ -1,10 +1,10 @@
 #include "server/pose/body_model.h"
 
+#include <gtest/gtest.h>
+
 #include <cmath>
 #include <random>
 #include <string>
-
-#include <gtest/gtest.h>
 
 #include "common/body_pose.h"
 #include "common/degrees.h"
@@ -40,7 +40,8 @@ BodyCoordinates random_coordinates(unsigned seed) {
 TEST(BodyModel, StandsUpright) {
     const BodyModel model(default_body_shape(1.80));
     const PosedBody posed = model.forward(BodyCoordinates{});
-    const double height = joint(posed, "head_top").z - joint(posed, "ankle_l").z + model.shape()[kAnkleHeight];
+    const double height =
+        joint(posed, "head_top").z - joint(posed, "ankle_l").z + model.shape()[kAnkleHeight];
     EXPECT_NEAR(height, 1.80, 0.03);
     EXPECT_NEAR(standing_height(model.shape()), 1.80, 0.03);
     EXPECT_GT(joint(posed, "hip_l").y, joint(posed, "hip_r").y);
@@ -95,7 +96,8 @@ TEST(BodyModel, ReportedAnglesFollowTheCoordinates) {
 TEST(BodyModel, CoordinatesSurviveTheWayToRotationsAndBack) {
     for (unsigned seed = 0; seed < 50; ++seed) {
         BodyCoordinates q = random_coordinates(seed);
-        for (const int shoulder : {kDofShoulderL, kDofShoulderR}) q[shoulder + 1] *= 0.45;   // below 90 deg: unique
+        for (const int shoulder : {kDofShoulderL, kDofShoulderR})
+            q[shoulder + 1] *= 0.45;  // below 90 deg: unique
         const BodyCoordinates back = coordinates_from_posture(posture_from_coordinates(q));
         for (int k = 0; k < kBodyDofCount; ++k) EXPECT_NEAR(back[k], q[k], 1e-9) << kBodyDofs[k].name;
     }
@@ -104,8 +106,10 @@ TEST(BodyModel, CoordinatesSurviveTheWayToRotationsAndBack) {
 TEST(BodyModel, SingularPosesKeepTheirRotation) {
     for (const double adduction : {-90.0, 90.0}) {
         BodyCoordinates q{};
-        q[kDofShoulderL] = radians(20), q[kDofShoulderL + 1] = radians(adduction), q[kDofShoulderL + 2] = radians(30);
-        q[kDofRootRotation] = radians(20), q[kDofRootRotation + 1] = radians(adduction), q[kDofRootRotation + 2] = radians(30);
+        q[kDofShoulderL] = radians(20), q[kDofShoulderL + 1] = radians(adduction),
+        q[kDofShoulderL + 2] = radians(30);
+        q[kDofRootRotation] = radians(20), q[kDofRootRotation + 1] = radians(adduction),
+        q[kDofRootRotation + 2] = radians(30);
         const BodyPosture posture = posture_from_coordinates(q);
         const BodyPosture back = posture_from_coordinates(coordinates_from_posture(posture));
         const BodyStep step = step_between(posture, back);
@@ -127,15 +131,17 @@ TEST(BodyModel, JacobianAgreesWithDifferences) {
         const BodyPosture posture = posture_from_coordinates(random_coordinates(seed));
         const PosedBody posed = model.forward(posture);
         for (std::size_t j = 0; j < kJointNames.size(); ++j) {
-            const auto jacobian = BodyModel::point_jacobian(
-                model.dof_frames(posed), BodyModel::joint_segment(static_cast<int>(j)), posed.joints_in_world[j]);
+            const auto jacobian = BodyModel::point_jacobian(model.dof_frames(posed),
+                                                            BodyModel::joint_segment(static_cast<int>(j)),
+                                                            posed.joints_in_world[j]);
             for (int k = 0; k < kBodyDofCount; ++k) {
                 BodyStep forth{}, back{};
                 forth[k] = kStep, back[k] = -kStep;
                 const Vec3 numeric = (model.forward(stepped(posture, forth)).joints_in_world[j] -
                                       model.forward(stepped(posture, back)).joints_in_world[j]) /
                                      (2 * kStep);
-                EXPECT_NEAR(norm(numeric - jacobian[k]), 0, 1e-6) << kJointNames[j] << ' ' << kBodyDofs[k].name;
+                EXPECT_NEAR(norm(numeric - jacobian[k]), 0, 1e-6)
+                    << kJointNames[j] << ' ' << kBodyDofs[k].name;
             }
         }
     }
@@ -156,7 +162,8 @@ TEST(BodyModel, EulerRatesAgreeWithDifferences) {
                                   here = coordinates_from_posture(stepped(posture, back));
             for (int angle = 0; angle < 3; ++angle)
                 EXPECT_NEAR(rates(angle, k),
-                            (there[kSegmentDof[s] + angle] - here[kSegmentDof[s] + angle]) / (2 * kStep), 1e-6)
+                            (there[kSegmentDof[s] + angle] - here[kSegmentDof[s] + angle]) / (2 * kStep),
+                            1e-6)
                     << kBodySegmentNames[s];
         }
     }

@@ -1,4 +1,5 @@
-// The pose stage and the pose database together: a body in a pose that only the database knows is found by it.
+// The pose stage and the pose database together: a body in a pose that only the database knows is found by
+// it.
 #include <gtest/gtest.h>
 
 #include "common/degrees.h"
@@ -51,8 +52,8 @@ class DatabaseCandidateTest : public ::testing::Test {
         return stage.process(1, frame_++, time_ns, views, {}, {}, centre);
     }
 
-    // A person who stands, is gone for a second, and comes back upside down: the error of the 15th frame set after
-    // that, m; nothing where no pose is told.
+    // A person who stands, is gone for a second, and comes back upside down: the error of the 15th frame set
+    // after that, m; nothing where no pose is told.
     std::optional<double> error_after_return(PoseProposer* proposer) {
         PoseStage stage(scene_.cameras, 30, options_);
         stage.set_proposer(proposer);

@@ -100,7 +100,7 @@ TEST_F(Service, AFailureIsReported) {
 // Whatever the builder is at: a daemon that ends must not wait for it.
 TEST_F(Service, LetsGoSoonAtEveryStageOfABuild) {
     using std::chrono::steady_clock;
-    PoseDatabaseOptions options;   // of full size, but that a build takes a second or two
+    PoseDatabaseOptions options;  // of full size, but that a build takes a second or two
     options.poses = 150;
     for (const double part : {0.0, 0.01, 0.5, 0.96, 0.97}) {
         std::filesystem::remove(file);

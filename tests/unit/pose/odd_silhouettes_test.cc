@@ -1,9 +1,9 @@
-// Silhouettes that are not what they should be: what the pose stage says of each, while it follows a body and when it
-// has to find one.
+// Silhouettes that are not what they should be: what the pose stage says of each, while it follows a body and
+// when it has to find one.
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <functional>
-
-#include <gtest/gtest.h>
 
 #include "server/pipeline/convert.h"
 #include "server/pose/pose_stage.h"
@@ -36,13 +36,16 @@ void fill(kernels::Silhouettes& s) {
     std::ranges::fill(s.sharp, 255);
     cut(s, [](int, int) { return true; });
 }
-void remove(kernels::Silhouettes& s) { s = {}; }
+void remove(kernels::Silhouettes& s) {
+    s = {};
+}
 
 struct Case {
     const char* name;
     std::function<void(Silhouettes&)> spoil;
-    // Mean error of the joints told, while a body is followed and ten frame sets after it is first seen, m; 0: no pose may
-    // be told. Fewer cameras than the rest of the room has tell less of where a limb is that was never seen before.
+    // Mean error of the joints told, while a body is followed and ten frame sets after it is first seen, m;
+    // 0: no pose may be told. Fewer cameras than the rest of the room has tell less of where a limb is that
+    // was never seen before.
     double following_m, finding_m;
 };
 
@@ -86,7 +89,8 @@ class OddSilhouettes : public ::testing::TestWithParam<int> {
         return stage_->process(1, frame_++, time_ns, views, {}, {}, {0, 0, 0.95});
     }
 
-    void judge(const Case& one, double most_error_m, const std::shared_ptr<BodyPose>& pose, const char* when) {
+    void judge(const Case& one, double most_error_m, const std::shared_ptr<BodyPose>& pose,
+               const char* when) {
         if (most_error_m == 0) {
             EXPECT_FALSE(pose) << one.name << ", " << when << ": nothing determines a pose";
             return;
@@ -129,7 +133,8 @@ TEST_P(OddSilhouettes, WhileABodyIsToBeFound) {
 INSTANTIATE_TEST_SUITE_P(All, OddSilhouettes, ::testing::Range(0, static_cast<int>(std::size(kCases))),
                          [](const auto& info) {
                              std::string name = kCases[info.param].name;
-                             std::erase_if(name, [](char c) { return !std::isalnum(static_cast<unsigned char>(c)); });
+                             std::erase_if(
+                                 name, [](char c) { return !std::isalnum(static_cast<unsigned char>(c)); });
                              return name;
                          });
 

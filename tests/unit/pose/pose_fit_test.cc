@@ -75,10 +75,12 @@ TEST(LimbSearch, PartsArmsThatLieInOnePlace) {
     const Scene scene;
     BodyCoordinates truth = scene.standing();
     truth[kDofShoulderL] = radians(80), truth[kDofShoulderL + 1] = 0, truth[kDofElbowL] = radians(10);
-    truth[kDofShoulderR] = radians(-30), truth[kDofShoulderR + 1] = radians(-30), truth[kDofElbowR] = radians(100);
+    truth[kDofShoulderR] = radians(-30), truth[kDofShoulderR + 1] = radians(-30),
+    truth[kDofElbowR] = radians(100);
     const auto views = scene.see(truth);
     BodyCoordinates start = truth;
-    start[kDofShoulderR] = radians(80), start[kDofShoulderR + 1] = radians(30), start[kDofElbowR] = radians(10);
+    start[kDofShoulderR] = radians(80), start[kDofShoulderR + 1] = radians(30),
+    start[kDofElbowR] = radians(10);
     start[kDofShoulderL] = radians(20), start[kDofElbowL] = radians(90);
     LimbSearch search;
     PoseFitter fitter;
@@ -168,7 +170,7 @@ TEST(PoseEstimate, WithholdsWhatNoCameraShows) {
     std::vector<SilhouetteRays> views(scene.cameras.size());
     for (std::size_t c = 0; c < views.size(); ++c) {
         Camera& camera = scene.cameras[c];
-        camera.height = 120;   // the legs lie below the picture
+        camera.height = 120;  // the legs lie below the picture
         read_silhouette(camera, testing::silhouette_of(camera, capsules), {}, views[c]);
     }
     PoseCost cost;

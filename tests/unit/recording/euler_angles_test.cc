@@ -8,8 +8,9 @@
 namespace kinevox {
 namespace {
 
-constexpr EulerOrder kOrders[] = {{kAxisX, kAxisY, kAxisZ}, {kAxisX, kAxisZ, kAxisY}, {kAxisY, kAxisX, kAxisZ},
-                                  {kAxisY, kAxisZ, kAxisX}, {kAxisZ, kAxisX, kAxisY}, {kAxisZ, kAxisY, kAxisX}};
+constexpr EulerOrder kOrders[] = {{kAxisX, kAxisY, kAxisZ}, {kAxisX, kAxisZ, kAxisY},
+                                  {kAxisY, kAxisX, kAxisZ}, {kAxisY, kAxisZ, kAxisX},
+                                  {kAxisZ, kAxisX, kAxisY}, {kAxisZ, kAxisY, kAxisX}};
 constexpr double kQuarter = std::numbers::pi / 2;
 
 void expect_same(const Mat3& a, const Mat3& b) {
@@ -30,7 +31,8 @@ TEST(EulerAngles, KeepTheRotationAtTheSingularPose) {
             const Mat3 rotation = rotation_from_euler({0.7, middle, -0.4}, order);
             const EulerAngles back = euler_from_rotation(rotation, order);
             EXPECT_EQ(back[2], 0);
-            for (int k = 0; k < 9; ++k) EXPECT_NEAR(rotation_from_euler(back, order).m[k], rotation.m[k], 1e-6);
+            for (int k = 0; k < 9; ++k)
+                EXPECT_NEAR(rotation_from_euler(back, order).m[k], rotation.m[k], 1e-6);
         }
 }
 
@@ -38,7 +40,8 @@ TEST(EulerAngles, FollowACurveWithoutJumps) {
     const EulerOrder order{kAxisX, kAxisZ, kAxisY};
     EulerAngles last{};
     for (int n = 1; n < 200; ++n) {
-        const EulerAngles true_angles{0.05 * n, 0.02 * n, -0.03 * n};  // past a turn and past the singular pose
+        const EulerAngles true_angles{0.05 * n, 0.02 * n,
+                                      -0.03 * n};  // past a turn and past the singular pose
         const Mat3 rotation = rotation_from_euler(true_angles, order);
         const EulerAngles next = nearest_euler(euler_from_rotation(rotation, order), last);
         expect_same(rotation_from_euler(next, order), rotation);

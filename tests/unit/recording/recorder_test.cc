@@ -29,7 +29,7 @@ using testing::TemporaryFolder;
 using namespace std::chrono_literals;
 using ::testing::HasSubstr;
 
-constexpr double kFps = 100;   // of the fake cameras
+constexpr double kFps = 100;  // of the fake cameras
 constexpr std::int64_t kPeriodNs = 10'000'000;
 
 // Noise, other in each; a lossless codec has no way to be right by chance.
@@ -45,13 +45,16 @@ FrameSet noise_set(std::uint64_t sequence) {
     FrameSet set;
     set.sequence = sequence;
     set.capture_time_ns = static_cast<std::int64_t>(sequence) * kPeriodNs;
-    for (std::size_t c = 0; c < fake_cameras().size(); ++c) set.pictures.push_back(noise(fake_cameras()[c], 10 * sequence + c));
+    for (std::size_t c = 0; c < fake_cameras().size(); ++c)
+        set.pictures.push_back(noise(fake_cameras()[c], 10 * sequence + c));
     return set;
 }
 
 bool same(const Picture& a, const Picture& b) {
-    return !a.empty() && !b.empty() && a.width == b.width && a.height == b.height && a.channels == b.channels &&
-           std::equal(a.data.get(), a.data.get() + static_cast<std::size_t>(a.width) * a.height * a.channels, b.data.get());
+    return !a.empty() && !b.empty() && a.width == b.width && a.height == b.height &&
+           a.channels == b.channels &&
+           std::equal(a.data.get(), a.data.get() + static_cast<std::size_t>(a.width) * a.height * a.channels,
+                      b.data.get());
 }
 
 class RecorderTest : public ::testing::Test {
@@ -62,7 +65,10 @@ class RecorderTest : public ::testing::Test {
     }
     void make() {
         auto made = Recorder::create(
-            options, [] { return RecordedCapture{fake_cameras(), kFps, "c3", "{}"}; },
+            options,
+            [] {
+                return RecordedCapture{fake_cameras(), kFps, "c3", "{}"};
+            },
             [this](const Event& event) {
                 const std::scoped_lock lock(mutex);
                 events.push_back(event);
@@ -73,15 +79,17 @@ class RecorderTest : public ::testing::Test {
     // Offered without hurry, so that nothing need be dropped.
     void offer(std::uint64_t first, std::uint64_t count) {
         for (std::uint64_t n = first; n < first + count; ++n) {
-            while (recorder->status().queued_bytes > options.queue_bytes / 2) std::this_thread::sleep_for(1ms);
+            while (recorder->status().queued_bytes > options.queue_bytes / 2)
+                std::this_thread::sleep_for(1ms);
             recorder->offer(noise_set(n));
             recorder->observe(*testing::fake_result(n, nullptr), nullptr);
         }
     }
     void wait_until_written() {
-        for (int i = 0; i < 3000 && recorder->status().queued_bytes > 0; ++i) std::this_thread::sleep_for(2ms);
+        for (int i = 0; i < 3000 && recorder->status().queued_bytes > 0; ++i)
+            std::this_thread::sleep_for(2ms);
         ASSERT_EQ(recorder->status().queued_bytes, 0U);
-        std::this_thread::sleep_for(250ms);   // the status follows
+        std::this_thread::sleep_for(250ms);  // the status follows
     }
     fs::path session_file(const std::string& name) const { return options.folder / name / "session.toml"; }
     std::vector<EventKind> event_kinds() {
@@ -108,11 +116,14 @@ void expect_replayed(const fs::path& session_file, const std::vector<FrameSet>& 
         ASSERT_TRUE(set.ok()) << set.status();
         EXPECT_EQ(set->recorded_frame, static_cast<std::int64_t>(n));
         EXPECT_EQ(set->capture_time_ns, sets[n].capture_time_ns);
-        EXPECT_NEAR((*replay)->position().position_s, 1e-9 * static_cast<double>(sets[n].capture_time_ns), 1e-9);
+        EXPECT_NEAR((*replay)->position().position_s, 1e-9 * static_cast<double>(sets[n].capture_time_ns),
+                    1e-9);
         for (std::size_t c = 0; c < sets[n].pictures.size(); ++c)
-            EXPECT_TRUE((set->pictures[c].empty() && sets[n].pictures[c].empty()) || same(set->pictures[c], sets[n].pictures[c]))
+            EXPECT_TRUE((set->pictures[c].empty() && sets[n].pictures[c].empty()) ||
+                        same(set->pictures[c], sets[n].pictures[c]))
                 << n << " " << c;
-        EXPECT_EQ((*replay)->frame_at(1e-9 * static_cast<double>(set->capture_time_ns)), static_cast<std::int64_t>(n));
+        EXPECT_EQ((*replay)->frame_at(1e-9 * static_cast<double>(set->capture_time_ns)),
+                  static_cast<std::int64_t>(n));
     };
     for (std::size_t n = 0; n < sets.size(); ++n) {
         ASSERT_NO_FATAL_FAILURE(expect_next(n));
@@ -147,7 +158,8 @@ void expect_noise_sets(const std::vector<FrameSet>& sets, std::uint64_t first, s
         EXPECT_EQ(sets[n].sequence, n);
         EXPECT_EQ(sets[n].capture_time_ns, static_cast<std::int64_t>(n) * kPeriodNs);
         for (std::size_t c = 0; c < 2; ++c)
-            ASSERT_TRUE(same(sets[n].pictures[c], noise(fake_cameras()[c], 10 * (first + n) + c))) << n << " " << c;
+            ASSERT_TRUE(same(sets[n].pictures[c], noise(fake_cameras()[c], 10 * (first + n) + c)))
+                << n << " " << c;
     }
 }
 
@@ -159,7 +171,7 @@ TEST_F(RecorderTest, LosslessCodecsGiveBackEveryBitAndTheBackground) {
     recorder->learned(std::make_shared<const std::vector<std::vector<Picture>>>(empty));
     for (const VideoCodec codec : {VideoCodec::kFfv1, VideoCodec::kUtVideo}) {
         const std::string name(name_of(codec));
-        offer(0, 3);   // before: not in it
+        offer(0, 3);  // before: not in it
         ASSERT_EQ(*recorder->start(name, codec), name);
         offer(3, 30);
         const auto info = recorder->stop();
@@ -178,8 +190,8 @@ TEST_F(RecorderTest, LosslessCodecsGiveBackEveryBitAndTheBackground) {
         for (std::size_t c = 0; c < 2; ++c) {
             EXPECT_EQ((*cameras)[c].name, fake_cameras()[c].name);
             for (std::size_t i = 0; i < 9; ++i)
-                EXPECT_NEAR((*cameras)[c].camera_from_world.rotation.m[i], fake_cameras()[c].camera_from_world.rotation.m[i],
-                            1e-15);
+                EXPECT_NEAR((*cameras)[c].camera_from_world.rotation.m[i],
+                            fake_cameras()[c].camera_from_world.rotation.m[i], 1e-15);
         }
         auto source = open_session_source(*session);
         ASSERT_TRUE(source.ok()) << source.status();
@@ -191,8 +203,9 @@ TEST_F(RecorderTest, LosslessCodecsGiveBackEveryBitAndTheBackground) {
         }
         recorder->capture_ended();
     }
-    EXPECT_THAT(event_kinds(), ::testing::ElementsAre(EventKind::kRecordingStarted, EventKind::kRecordingStopped,
-                                                      EventKind::kRecordingStarted, EventKind::kRecordingStopped));
+    EXPECT_THAT(event_kinds(),
+                ::testing::ElementsAre(EventKind::kRecordingStarted, EventKind::kRecordingStopped,
+                                       EventKind::kRecordingStarted, EventKind::kRecordingStopped));
     const auto list = list_recordings(options.folder);
     ASSERT_EQ(list.size(), 2U);
     EXPECT_EQ(list[0].about.frames, 30U);
@@ -212,7 +225,8 @@ TEST_F(RecorderTest, AnyFrameIsReadAtOnce) {
         offer(0, 120);
         ASSERT_TRUE(recorder->stop().ok());
         const fs::path video = options.folder / name / "left.mkv";
-        auto all = RecordedVideo::open(video, fake_cameras()[0]), some = RecordedVideo::open(video, fake_cameras()[0]);
+        auto all = RecordedVideo::open(video, fake_cameras()[0]),
+             some = RecordedVideo::open(video, fake_cameras()[0]);
         ASSERT_TRUE(all.ok() && some.ok()) << all.status() << some.status();
         std::vector<Picture> pictures;
         for (int n = 0; n < 120; ++n) pictures.push_back(*(*all)->next());
@@ -222,7 +236,8 @@ TEST_F(RecorderTest, AnyFrameIsReadAtOnce) {
         // H.264 loses little even of noise.
         double difference = 0;
         const Picture truth = noise(fake_cameras()[0], 0);
-        for (int i = 0; i < 64 * 48 * 3; ++i) difference += std::abs(int{pictures[0].data[i]} - int{truth.data[i]});
+        for (int i = 0; i < 64 * 48 * 3; ++i)
+            difference += std::abs(int{pictures[0].data[i]} - int{truth.data[i]});
         if (codec == VideoCodec::kUtVideo)
             EXPECT_EQ(difference, 0);
         else
@@ -237,7 +252,7 @@ TEST_F(RecorderTest, MissingPicturesAndGapsAreKnown) {
     FrameSet half = noise_set(4);
     half.pictures[1] = {};
     recorder->offer(half);
-    offer(7, 3);   // 5 and 6 never came
+    offer(7, 3);  // 5 and 6 never came
     const auto info = recorder->stop();
     ASSERT_TRUE(info.ok()) << info.status();
     EXPECT_EQ(info->about.frames, 8U);
@@ -254,12 +269,13 @@ TEST_F(RecorderTest, MissingPicturesAndGapsAreKnown) {
     // Times that none was recorded at lead to the nearest frame.
     const auto replay = ReplaySource::open(session_file("gaps"), {.paused = true});
     ASSERT_TRUE(replay.ok()) << replay.status();
-    for (const auto& [seconds, frame] : {std::pair{0.05, 4}, {0.056, 5}, {0.0, 0}, {0.09, 7}, {0.12, 10}, {-0.02, -2}})
+    for (const auto& [seconds, frame] :
+         {std::pair{0.05, 4}, {0.056, 5}, {0.0, 0}, {0.09, 7}, {0.12, 10}, {-0.02, -2}})
         EXPECT_EQ((*replay)->frame_at(seconds), frame) << seconds;
 }
 
 TEST_F(RecorderTest, WhatTheQueueHasNoRoomForIsDroppedAndCounted) {
-    options.queue_bytes = 2 * 2 * 64 * 48 * 3;   // two frame sets
+    options.queue_bytes = 2 * 2 * 64 * 48 * 3;  // two frame sets
     make();
     ASSERT_TRUE(recorder->start("much", VideoCodec::kFfv1).ok());
     constexpr std::uint64_t kOffered = 400;
@@ -309,7 +325,7 @@ TEST_F(RecorderTest, ThePosesOfTheLastFrameSetsAreWaitedFor) {
     for (std::uint64_t n = 0; n < 12; ++n) recorder->observe(*testing::fake_result(n, volume), nullptr);
     auto stopping = std::async(std::launch::async, [this] { return recorder->stop(); });
     while (recorder->status().state != RecorderState::kFinishing) std::this_thread::yield();
-    for (std::uint64_t n = 12; n < 25; ++n)   // and of some that are no longer in it
+    for (std::uint64_t n = 12; n < 25; ++n)  // and of some that are no longer in it
         recorder->observe(*testing::fake_result(n, volume), nullptr);
     ASSERT_TRUE(stopping.get().ok());
     std::ifstream angles(options.folder / "late" / "poses" / "angles.csv");
@@ -324,7 +340,7 @@ TEST_F(RecorderTest, ThePosesOfTheLastFrameSetsAreWaitedFor) {
 
 TEST_F(RecorderTest, ABoundInBytesShortensWhatIsKept) {
     options.keep_last_s = 10;
-    options.keep_last_bytes = 50 * 2 * 64 * 48 * 3;   // noise cannot be made smaller
+    options.keep_last_bytes = 50 * 2 * 64 * 48 * 3;  // noise cannot be made smaller
     make();
     offer(0, 200);
     wait_until_written();
@@ -339,10 +355,11 @@ TEST_F(RecorderTest, ARecordingWaitsForTheCaptureAndEndsWithIt) {
     ASSERT_TRUE(recorder->start("", {}).ok());
     EXPECT_EQ(recorder->status().state, RecorderState::kWaiting);
     EXPECT_TRUE(absl::IsFailedPrecondition(recorder->start("second", {}).status()));
-    recorder->capture_ended();   // a start that failed
+    recorder->capture_ended();  // a start that failed
     offer(0, 10);
     recorder->capture_ended();
-    for (int i = 0; i < 2000 && recorder->status().state != RecorderState::kIdle; ++i) std::this_thread::sleep_for(2ms);
+    for (int i = 0; i < 2000 && recorder->status().state != RecorderState::kIdle; ++i)
+        std::this_thread::sleep_for(2ms);
     ASSERT_TRUE(recorder->status().last.has_value());
     const RecordingInfo last = *recorder->status().last;
     EXPECT_EQ(last.about.frames, 10U);
@@ -350,7 +367,7 @@ TEST_F(RecorderTest, ARecordingWaitsForTheCaptureAndEndsWithIt) {
     EXPECT_TRUE(absl::IsFailedPrecondition(recorder->stop().status()));
     EXPECT_TRUE(absl::IsAlreadyExists(recorder->start(last.name, {}).status()));
     EXPECT_TRUE(absl::IsInvalidArgument(recorder->start("a/b", {}).status()));
-    EXPECT_TRUE(recorder->start("again", {}).ok());   // an error before leaves nothing behind
+    EXPECT_TRUE(recorder->start("again", {}).ok());  // an error before leaves nothing behind
     recorder->close();
 }
 
@@ -389,7 +406,8 @@ TEST_F(RecorderTest, ARecordingThatWasCutOffIsRepaired) {
         auto session = read_session(copy / "session.toml");
         session->recording->closed = false;
         ASSERT_TRUE(write_session(*session, copy / "session.toml").ok());
-        if (cuts[n].bytes > 0 || std::string(cuts[n].file) == "frames.csv") fs::resize_file(copy / cuts[n].file, cuts[n].bytes);
+        if (cuts[n].bytes > 0 || std::string(cuts[n].file) == "frames.csv")
+            fs::resize_file(copy / cuts[n].file, cuts[n].bytes);
         // Whoever opens it first repairs it.
         if (n % 2 == 0) {
             EXPECT_TRUE(ReplaySource::open(copy / "session.toml").ok());
@@ -406,7 +424,7 @@ TEST_F(RecorderTest, ARecordingThatWasCutOffIsRepaired) {
         EXPECT_EQ(read_video_index(copy / "left.mkv")->size(), frames);
         EXPECT_EQ(read_recorded_times(copy / "frames.csv")->size(), frames);
     }
-    EXPECT_FALSE(*repair_recording(whole / "session.toml"));   // was closed
+    EXPECT_FALSE(*repair_recording(whole / "session.toml"));  // was closed
 }
 
 TEST_F(RecorderTest, NobodyRepairsWhatIsBeingWritten) {
@@ -420,7 +438,7 @@ TEST_F(RecorderTest, NobodyRepairsWhatIsBeingWritten) {
     EXPECT_EQ(now->about.frames, 40U);
     EXPECT_FALSE(*repair_recording(session_file("open")));
     EXPECT_TRUE(absl::IsFailedPrecondition(delete_recording(options.folder, "open")));
-    expect_noise_sets(read_all(session_file("open")), 0, 40);   // what is there already
+    expect_noise_sets(read_all(session_file("open")), 0, 40);  // what is there already
     ASSERT_TRUE(recorder->stop().ok());
 }
 

@@ -1,4 +1,5 @@
-// The recorder's writing half on a disk that fails: a recording whose files take no more ends, and nothing else does.
+// The recorder's writing half on a disk that fails: a recording whose files take no more ends, and nothing
+// else does.
 #include "server/recording/recording_writer.h"
 
 #include <gtest/gtest.h>
@@ -17,7 +18,9 @@ class FullFolder final : public RecordingFolder {
     absl::Status append_result(std::uint64_t, const RecordedResult&) override {
         return room_-- > 0 ? absl::OkStatus() : absl::ResourceExhaustedError("the disk is full");
     }
-    absl::Status set_background(const std::vector<std::filesystem::path>&) override { return absl::OkStatus(); }
+    absl::Status set_background(const std::vector<std::filesystem::path>&) override {
+        return absl::OkStatus();
+    }
     absl::Status set_body(const BodyShape&) override { return absl::OkStatus(); }
     absl::Status close(const Ending&) override {
         about_.closed = true;
@@ -83,16 +86,16 @@ TEST(RecordingWriter, ResultsOfASlowMachineAreWaitedForAndThoseThatNeverComeAreN
     auto made = std::make_unique<FullFolder>(100);
     const FullFolder& folder = *made;
     writer.begin(std::move(made), 0);
-    for (std::uint64_t n = 0; n < 3000; ++n) writer.take(set_of(n));   // 30 s
+    for (std::uint64_t n = 0; n < 3000; ++n) writer.take(set_of(n));  // 30 s
     writer.take(ResultOfSet{1, 0, nullptr, nullptr});
     EXPECT_EQ(folder.room(), 99);
     EXPECT_FALSE(writer.has_all_results());
-    writer.take(ResultOfSet{1, 2998, nullptr, nullptr});   // the pipeline took none of those between
+    writer.take(ResultOfSet{1, 2998, nullptr, nullptr});  // the pipeline took none of those between
     EXPECT_EQ(folder.room(), 98);
     EXPECT_FALSE(writer.has_all_results());
     writer.take(ResultOfSet{1, 2999, nullptr, nullptr});
     EXPECT_TRUE(writer.has_all_results());
-    for (std::uint64_t n = 3000; n < 10'000; ++n) writer.take(set_of(n));   // 70 s, and the pipeline hangs
+    for (std::uint64_t n = 3000; n < 10'000; ++n) writer.take(set_of(n));  // 70 s, and the pipeline hangs
     writer.take(ResultOfSet{1, 3000, nullptr, nullptr});
     EXPECT_EQ(folder.room(), 97) << "it is not waited for for ever";
 }

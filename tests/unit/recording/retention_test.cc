@@ -27,9 +27,12 @@ RecordingInfo recording(const std::string& name, double days_old, std::uint64_t 
     return info;
 }
 
-const std::vector<RecordingInfo> kThree{recording("old", 40, 100), recording("newer", 5, 100), recording("new", 1, 100)};
+const std::vector<RecordingInfo> kThree{recording("old", 40, 100), recording("newer", 5, 100),
+                                        recording("new", 1, 100)};
 
-TEST(Retention, KeepsAllWithoutLimits) { EXPECT_THAT(due_for_deletion(kThree, {}, kNow_ns), IsEmpty()); }
+TEST(Retention, KeepsAllWithoutLimits) {
+    EXPECT_THAT(due_for_deletion(kThree, {}, kNow_ns), IsEmpty());
+}
 
 TEST(Retention, WhatIsTooOldGoes) {
     EXPECT_THAT(due_for_deletion(kThree, {.keep_days = 30}, kNow_ns), ElementsAre("old"));
@@ -41,9 +44,11 @@ TEST(Retention, TheOldestGoUntilTheOthersFit) {
     EXPECT_THAT(due_for_deletion(kThree, {.keep_bytes = 300}, kNow_ns), IsEmpty());
     EXPECT_THAT(due_for_deletion(kThree, {.keep_bytes = 299}, kNow_ns), ElementsAre("old"));
     EXPECT_THAT(due_for_deletion(kThree, {.keep_bytes = 150}, kNow_ns), ElementsAre("old", "newer"));
-    EXPECT_THAT(due_for_deletion({kThree[2], kThree[0], kThree[1]}, {.keep_bytes = 299}, kNow_ns), ElementsAre("old"))
+    EXPECT_THAT(due_for_deletion({kThree[2], kThree[0], kThree[1]}, {.keep_bytes = 299}, kNow_ns),
+                ElementsAre("old"))
         << "in whatever order they were listed";
-    EXPECT_THAT(due_for_deletion(kThree, {.keep_days = 3, .keep_bytes = 250}, kNow_ns), ElementsAre("old", "newer"));
+    EXPECT_THAT(due_for_deletion(kThree, {.keep_days = 3, .keep_bytes = 250}, kNow_ns),
+                ElementsAre("old", "newer"));
 }
 
 TEST(Retention, OneThatIsBeingWrittenStays) {
@@ -56,7 +61,8 @@ TEST(Retention, OneThatIsBeingWrittenStays) {
 class RetentionOnDisk : public ::testing::Test {
   protected:
     void SetUp() override {
-        folder_ = fs::path(::testing::TempDir()) / ::testing::UnitTest::GetInstance()->current_test_info()->name();
+        folder_ =
+            fs::path(::testing::TempDir()) / ::testing::UnitTest::GetInstance()->current_test_info()->name();
         fs::remove_all(folder_);
     }
     void TearDown() override { fs::remove_all(folder_); }
@@ -73,23 +79,28 @@ class RetentionOnDisk : public ::testing::Test {
         session.recording.emplace();
         session.recording->times = into / "frames.csv";
         session.recording->closed = true;
-        session.recording->started_utc_ns = kNow_ns - static_cast<std::int64_t>(days * static_cast<double>(kDay_ns));
-        for (const char* file : {"calibration.toml", "cam1.mkv", "empty.mkv", "frames.csv", "poses/joints.csv"})
-            ASSERT_TRUE(write_file_atomically(into / file, "frame,sequence,time_ns,capture_time_utc_ns\n").ok());
+        session.recording->started_utc_ns =
+            kNow_ns - static_cast<std::int64_t>(days * static_cast<double>(kDay_ns));
+        for (const char* file :
+             {"calibration.toml", "cam1.mkv", "empty.mkv", "frames.csv", "poses/joints.csv"})
+            ASSERT_TRUE(
+                write_file_atomically(into / file, "frame,sequence,time_ns,capture_time_utc_ns\n").ok());
         ASSERT_TRUE(write_session(session, into / "session.toml").ok());
     }
     std::vector<std::string> names() const {
         std::vector<std::string> found;
-        for (const auto& entry : fs::directory_iterator(folder_)) found.push_back(entry.path().filename().string());
+        for (const auto& entry : fs::directory_iterator(folder_))
+            found.push_back(entry.path().filename().string());
         std::ranges::sort(found);
         return found;
     }
     std::vector<std::string> apply(const RetentionLimits& limits, const fs::path& spared = {}) {
         std::vector<std::string> told;
-        apply_retention(folder_, limits, kNow_ns, spared, [&](const std::string& name, const absl::Status& deleted) {
-            EXPECT_TRUE(deleted.ok()) << deleted;
-            told.push_back(name);
-        });
+        apply_retention(folder_, limits, kNow_ns, spared,
+                        [&](const std::string& name, const absl::Status& deleted) {
+                            EXPECT_TRUE(deleted.ok()) << deleted;
+                            told.push_back(name);
+                        });
         return told;
     }
     fs::path folder_;

@@ -1,4 +1,5 @@
-// What the readers in tests/integration/export_test.py cannot see: refusals, and bytes that stand at fixed places.
+// What the readers in tests/integration/export_test.py cannot see: refusals, and bytes that stand at fixed
+// places.
 #include "server/recording/trial_formats.h"
 
 #include <gmock/gmock.h>
@@ -23,9 +24,11 @@ Trial posed_trial(bool gaps) {
 
 TEST(TrialFormats, TrcHeaderIsTheOneOpenSimAsksFor) {
     const std::string text = trc_file(posed_trial(false), "a.trc");
-    EXPECT_THAT(text, StartsWith("PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\t"
-                                 "OrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n50\t50\t40\t20\tmm\t50\t1\t40\n"
-                                 "Frame#\tTime\troot\t\t\tsacroiliac\t"));
+    EXPECT_THAT(
+        text,
+        StartsWith("PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\t"
+                   "OrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n50\t50\t40\t20\tmm\t50\t1\t40\n"
+                   "Frame#\tTime\troot\t\t\tsacroiliac\t"));
     EXPECT_THAT(text, HasSubstr("\n\t\tX1\tY1\tZ1\tX2\t"));
     EXPECT_THAT(text, HasSubstr("\n\n1\t0.000000\t1000.000\t950.000\t500.000\t"));
 }
@@ -57,7 +60,8 @@ TEST(TrialFormats, LongC3dCountsBeyondSixteenBits) {
 TEST(TrialFormats, BvhDoesNotInvent) {
     const Trial trial = posed_trial(true);
     const auto refused = bvh_file(trial, false);
-    EXPECT_THAT(std::string(refused.status().message()), HasSubstr("pelvis_tx is withheld in frame 10 (4 frames lack"));
+    EXPECT_THAT(std::string(refused.status().message()),
+                HasSubstr("pelvis_tx is withheld in frame 10 (4 frames lack"));
     std::int64_t held = 0;
     EXPECT_TRUE(bvh_file(trial, true, &held).ok());
     EXPECT_EQ(held, 4);
@@ -81,7 +85,8 @@ TEST(TrialFormats, OurOwnBvhReaderFindsTheSamePoses) {
     for (int n = 0; n < testing::kPosedTrialFrames; ++n) {
         const BodyCoordinates expected = testing::posed_coordinates(n);
         for (const int dof : {kDofKneeL, kDofKneeR, kDofElbowL, kDofElbowR, kDofHipL, kDofHipR})
-            EXPECT_NEAR((*poses)[n].coordinates[dof], expected[dof], kTolerance) << n << ' ' << kBodyDofs[dof].name;
+            EXPECT_NEAR((*poses)[n].coordinates[dof], expected[dof], kTolerance)
+                << n << ' ' << kBodyDofs[dof].name;
     }
 }
 

@@ -38,7 +38,8 @@ std::string message_of(const std::filesystem::path& folder) {
 // A trial of joints alone, with the times of a list; also what it wrote.
 std::string write_joints_at(const testing::TemporaryFolder& folder, const std::vector<double>& times_s) {
     EXPECT_TRUE(testing::write_posed_trial(folder.path(), false).ok());
-    for (const char* file : {"angles.csv", "coordinates.csv", "body.toml"}) std::filesystem::remove(folder / file);
+    for (const char* file : {"angles.csv", "coordinates.csv", "body.toml"})
+        std::filesystem::remove(folder / file);
     std::istringstream lines(text_of(folder / "joints.csv"));
     std::string line, text;
     std::getline(lines, line);
@@ -72,7 +73,8 @@ TEST(Trial, HoldsWhatWasWritten) {
 TEST(Trial, NeedsOnlyTheJoints) {
     const testing::TemporaryFolder folder;
     ASSERT_TRUE(testing::write_posed_trial(folder.path(), false).ok());
-    for (const char* file : {"angles.csv", "coordinates.csv", "body.toml"}) std::filesystem::remove(folder / file);
+    for (const char* file : {"angles.csv", "coordinates.csv", "body.toml"})
+        std::filesystem::remove(folder / file);
     const auto trial = read_trial(folder.path());
     ASSERT_TRUE(trial.ok()) << trial.status();
     EXPECT_TRUE(trial->coordinates.empty());
@@ -98,13 +100,15 @@ TEST(Trial, TellsWhatIsWrongInOneLine) {
         {"no frames", header, "joints.csv: 0 frames"},
         {"one frame", good.substr(0, good.find("\n1,") + 1), "joints.csv: 1 frames"},
         {"a word", replaced(good, "\n3,0.060000,1", "\n3,0.060000,one1"), "joints.csv:5: root_x is 'one1"},
-        {"infinite", replaced(good, "\n3,0.060000,1.05400", "\n3,0.060000,inf"), "joints.csv:5: root_x is 'inf'"},
+        {"infinite", replaced(good, "\n3,0.060000,1.05400", "\n3,0.060000,inf"),
+         "joints.csv:5: root_x is 'inf'"},
         {"a cell more", replaced(good, "\n3,0.060000,", "\n3,0.060000,7,"), "joints.csv:5: 63 cells"},
         {"cut short", good.substr(0, good.size() - 30), "joints.csv:41:"},
         {"a gap", replaced(good, "\n3,", "\n4,"), "joints.csv:5: frame 4 follows frame 2"},
         {"a half frame", replaced(good, "\n3,", "\n3.5,"), "joints.csv:5: frame is 3.5"},
         {"no time", replaced(good, "\n3,0.060000,", "\n3,,"), "joints.csv:5: time_s is missing"},
-        {"a jump in time", replaced(good, "\n3,0.060000,", "\n3,0.090000,"), "joints.csv:6: time_s is 0.0800 after 0.0900"},
+        {"a jump in time", replaced(good, "\n3,0.060000,", "\n3,0.090000,"),
+         "joints.csv:6: time_s is 0.0800 after 0.0900"},
         {"half a joint", replaced(good, "\n3,0.060000,1.05400,", "\n3,0.060000,,"),
          "joints.csv:5: root has only a part"},
         {"nothing measured", nothing, "no joint of any frame was measured"},
@@ -124,21 +128,23 @@ TEST(Trial, TellsWhatIsWrongInOneLine) {
 
 TEST(Trial, MoreFramesMayBeLostThanKept) {
     const testing::TemporaryFolder folder;
-    std::vector<double> times_s{0};   // of 50 a second
+    std::vector<double> times_s{0};  // of 50 a second
     for (int n = 0; n < 39; ++n) times_s.push_back(times_s.back() + 0.02 * (n % 3 == 0 ? 3 : 2));
     write_joints_at(folder, times_s);
     const auto trial = read_trial(folder.path());
     ASSERT_TRUE(trial.ok()) << trial.status();
     EXPECT_EQ(trial->rate_hz, 50);
-    EXPECT_EQ(trial->size(), 92u);   // 39 steps: 13 times 3 + 2 + 2, and one frame
+    EXPECT_EQ(trial->size(), 92u);  // 39 steps: 13 times 3 + 2 + 2, and one frame
     EXPECT_FALSE(std::isnan(trial->joints[3][0].x));
     EXPECT_TRUE(std::isnan(trial->joints[4][0].x));
 }
 
 TEST(Trial, ASourceThatLaggedMayBeginItsBeatAnew) {
     const testing::TemporaryFolder folder;
-    std::vector<double> times_s{0};   // of 20 a second; after each third frame the source lags, and begins anew at any time
-    for (int n = 1; n < 40; ++n) times_s.push_back(times_s.back() + 0.05 * (n % 3 != 0 ? 1 : n / 9 % 2 == 0 ? 34.37 : 33.63));
+    std::vector<double> times_s{
+        0};  // of 20 a second; after each third frame the source lags, and begins anew at any time
+    for (int n = 1; n < 40; ++n)
+        times_s.push_back(times_s.back() + 0.05 * (n % 3 != 0 ? 1 : n / 9 % 2 == 0 ? 34.37 : 33.63));
     const std::string text = write_joints_at(folder, times_s);
     for (const double fps : {20.0, 0.0}) {
         const auto trial = read_trial(folder.path(), fps);
@@ -153,13 +159,14 @@ TEST(Trial, ASourceThatLaggedMayBeginItsBeatAnew) {
         EXPECT_TRUE(std::isnan(trial->joints[35][0].x));
     }
     const auto with_times = [&](const char* second, const char* third) {
-        folder.write("joints.csv", replaced(replaced(text, "\n1,0.050000,", fmt::format("\n1,{},", second)), "\n2,0.100000,",
-                                            fmt::format("\n2,{},", third)));
+        folder.write("joints.csv", replaced(replaced(text, "\n1,0.050000,", fmt::format("\n1,{},", second)),
+                                            "\n2,0.100000,", fmt::format("\n2,{},", third)));
     };
     with_times("0.050500", "0.051000");
     EXPECT_TRUE(read_trial(folder.path(), 20).ok()) << "within a frame";
-    with_times("0.000010", "0.000020");   // three sets in a moment are of no camera
-    EXPECT_THAT(message_of(folder.path()), HasSubstr("frames with those that were lost, expected 1000000 at most"));
+    with_times("0.000010", "0.000020");  // three sets in a moment are of no camera
+    EXPECT_THAT(message_of(folder.path()),
+                HasSubstr("frames with those that were lost, expected 1000000 at most"));
 }
 
 TEST(Trial, APartHasItsFramesOnly) {
@@ -185,7 +192,8 @@ TEST(Trial, TurnsWhole) {
     for (std::size_t n = 0; n < trial->size(); ++n) {
         const PosedBody posed = model.forward(trial->coordinates[n]);
         for (std::size_t j = 0; j < kJointNames.size(); ++j)
-            EXPECT_LT(norm(posed.joints_in_world[j] - trial->joints[n][j]), 2e-5) << n << ' ' << kJointNames[j];
+            EXPECT_LT(norm(posed.joints_in_world[j] - trial->joints[n][j]), 2e-5)
+                << n << ' ' << kJointNames[j];
     }
     EXPECT_NEAR(trial->joints[0][0].x, 0.5, 1e-4);
 }

@@ -78,7 +78,8 @@ class Made {
         std::vector<PairEvidence> evidence;
         for (const PairSignals& pair : pairs) evidence.emplace_back(pair, EvidenceOptions{.fps = kFps});
         std::vector<std::string> names;
-        for (std::size_t c = 0; c < cameras_.size(); ++c) names.push_back(std::string(1, static_cast<char>('a' + c)));
+        for (std::size_t c = 0; c < cameras_.size(); ++c)
+            names.push_back(std::string(1, static_cast<char>('a' + c)));
         options.fps = kFps;
         return solve_offsets(evidence, names, options);
     }
@@ -97,7 +98,8 @@ class Made {
     template <class Value>
     static Signal sampled(const MadeCamera& camera, Value value) {
         Signal out;
-        for (int n = 0; n < std::lround(camera.lasts_s * kFps); ++n) out.push_back(value(camera.begins_s + n / kFps));
+        for (int n = 0; n < std::lround(camera.lasts_s * kFps); ++n)
+            out.push_back(value(camera.begins_s + n / kFps));
         return out;
     }
     static inline bool with_equal = true;
@@ -141,7 +143,8 @@ TEST(Offsets, AConstantDifferenceAndGapsDoNotShiftThem) {
     for (PairSignals& pair : made.pairs) {
         for (double& v : pair.equal_px[0][1]) v += 1;  // a calibration that is not quite right
         for (std::size_t n = 30; n < 60; ++n) pair.equal_px[0][0][n] = pair.alike[0][1][n] = std::nan("");
-        for (std::size_t n = 100; n < 110; ++n) pair.equal_px[0][1][n] += 80;  // a silhouette without its head
+        for (std::size_t n = 100; n < 110; ++n)
+            pair.equal_px[0][1][n] += 80;  // a silhouette without its head
     }
     const auto found = made.solve();
     ASSERT_TRUE(found.ok()) << found.status();
@@ -196,15 +199,17 @@ TEST(Offsets, OfWhatStandsStillAreRefused) {
 
 TEST(Offsets, OfOneCameraOfAnotherRecordingAreRefusedByName) {
     const auto other = [](double t) { return 20 * walk(3.1 * t + 70, 2.2); };
-    EXPECT_THAT(
-        message_of(Made({{0.0, 8}, {0.5, 8}, {0.3, 8, other, other}, {1, 8}}).solve()),
-        AllOf(HasSubstr("camera c:"), ::testing::AnyOf(HasSubstr("another recording"), HasSubstr("two shifts"))));
+    EXPECT_THAT(message_of(Made({{0.0, 8}, {0.5, 8}, {0.3, 8, other, other}, {1, 8}}).solve()),
+                AllOf(HasSubstr("camera c:"),
+                      ::testing::AnyOf(HasSubstr("another recording"), HasSubstr("two shifts"))));
 }
 
 TEST(Offsets, OfASlowDriftAreNotTold) {
     const auto drifts = [](double t) { return 3 * std::sin(0.4 * t); };
-    const auto message = message_of(Made({{0.0, 12, drifts, drifts}, {0.5, 12, drifts, drifts}}, 0.3).solve());
-    EXPECT_THAT(message, ::testing::AnyOf(HasSubstr("too slow"), HasSubstr("no shift"), HasSubstr("two shifts")));
+    const auto message =
+        message_of(Made({{0.0, 12, drifts, drifts}, {0.5, 12, drifts, drifts}}, 0.3).solve());
+    EXPECT_THAT(message,
+                ::testing::AnyOf(HasSubstr("too slow"), HasSubstr("no shift"), HasSubstr("two shifts")));
 }
 
 TEST(Offsets, BeyondTheLargestShiftAreRefused) {

@@ -44,7 +44,8 @@ CameraMotion seen_by(const Camera& camera, double begins_s, int pictures) {
             const Vec2 pixel = *camera.project(point);
             shape.hull.push_back(pixel);
             shape.hull_at_border.push_back(false);
-            shape.top_px = std::min(shape.top_px, pixel.y), shape.bottom_px = std::max(shape.bottom_px, pixel.y);
+            shape.top_px = std::min(shape.top_px, pixel.y),
+            shape.bottom_px = std::max(shape.bottom_px, pixel.y);
             left = std::min(left, pixel.x), right = std::max(right, pixel.x);
         }
         shape.area_px2 = (right - left) * (shape.bottom_px - shape.top_px);

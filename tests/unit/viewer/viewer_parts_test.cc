@@ -1,10 +1,10 @@
 // The viewer's parts that need neither a display nor a daemon.
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
-
-#include <fmt/format.h>
-#include <gmock/gmock.h>
 
 #include "client/viewer/angle_history.h"
 #include "client/viewer/calibration_words.h"
@@ -77,11 +77,15 @@ Volume ball(double radius_voxels) {
     for (int bz = 0; bz < 5; ++bz)
         for (int by = 0; by < 5; ++by)
             for (int bx = 0; bx < 5; ++bx) {
-                VolumeBrick brick{static_cast<std::int16_t>(bx), static_cast<std::int16_t>(by), static_cast<std::int16_t>(bz), {}};
+                VolumeBrick brick{static_cast<std::int16_t>(bx),
+                                  static_cast<std::int16_t>(by),
+                                  static_cast<std::int16_t>(bz),
+                                  {}};
                 bool any = false;
                 for (int z = 0; z < 8; ++z)
                     for (int bit = 0; bit < 64; ++bit) {
-                        const Vec3 from_middle{8.0 * bx + bit % 8 - 19.5, 8.0 * by + bit / 8 - 19.5, 8.0 * bz + z - 19.5};
+                        const Vec3 from_middle{8.0 * bx + bit % 8 - 19.5, 8.0 * by + bit / 8 - 19.5,
+                                               8.0 * bz + z - 19.5};
                         if (norm(from_middle) > radius_voxels) continue;
                         brick.occupancy[static_cast<std::size_t>(z)] |= std::uint64_t{1} << bit;
                         any = true;
@@ -100,7 +104,8 @@ TEST(SurfacePointsTest, LieOnABallAndLookOutwards) {
     for (const SurfacePoint& p : points) {
         const Vec3 outwards = Vec3{p.x, p.y, p.z} - middle;
         EXPECT_NEAR(norm(outwards), 14 * 0.02, 0.03);
-        worst = std::min(worst, dot(normalized(outwards), normalized(Vec3{1.0 * p.nx, 1.0 * p.ny, 1.0 * p.nz})));
+        worst =
+            std::min(worst, dot(normalized(outwards), normalized(Vec3{1.0 * p.nx, 1.0 * p.ny, 1.0 * p.nz})));
     }
     EXPECT_GT(worst, std::cos(20 * M_PI / 180));
 }
@@ -128,7 +133,7 @@ TEST(AngleHistoryTest, KeepsSidesGapsAndTheNewestSeconds) {
     AngleHistory history;
     for (int n = 0; n < 100; ++n) history.add(pose(0.5 * n, n, n == 99 ? std::nullopt : std::optional(50.0)));
     const auto series = history.series("knee_flexion_l");
-    ASSERT_EQ(series.time_s.size(), 61U);   // 30 s and the newest
+    ASSERT_EQ(series.time_s.size(), 61U);  // 30 s and the newest
     EXPECT_DOUBLE_EQ(series.time_s.back(), 0);
     EXPECT_DOUBLE_EQ(series.value_deg.back(), 99);
     EXPECT_TRUE(std::isnan(history.series("knee_flexion_r").value_deg.back()));
@@ -202,7 +207,8 @@ TEST(StatusWordsTest, EachTroubleWithItsRemedy) {
     EXPECT_EQ(in_words(silent, &status, nullptr, &paused).state, "Replay, paused");
 
     status.mutable_cameras(1)->set_has_picture(false);
-    EXPECT_THAT(in_words(connected(), &status, nullptr, nullptr).remedy, HasSubstr("cam2 delivers no picture"));
+    EXPECT_THAT(in_words(connected(), &status, nullptr, nullptr).remedy,
+                HasSubstr("cam2 delivers no picture"));
     EXPECT_THAT(in_words(connected(), &status, nullptr, nullptr).line, HasSubstr("1 of 2 cameras"));
     status.mutable_cameras(1)->mutable_link()->set_problem("unplugged; look at its cable");
     EXPECT_THAT(in_words(connected(), &status, nullptr, nullptr).remedy, HasSubstr("look at its cable"));
@@ -220,7 +226,8 @@ TEST(StatusWordsTest, ARecordingThatLoses) {
     v1::GetRecorderStatusResponse recorder;
     recorder.mutable_recording()->set_name("jump");
     recorder.mutable_recording()->set_seconds(12.4);
-    EXPECT_THAT(in_words(connected(), &status, &recorder, nullptr).line, HasSubstr("recording \"jump\" 12 s"));
+    EXPECT_THAT(in_words(connected(), &status, &recorder, nullptr).line,
+                HasSubstr("recording \"jump\" 12 s"));
     recorder.mutable_recording()->set_dropped(3);
     EXPECT_EQ(in_words(connected(), &status, &recorder, nullptr).mood, Mood::kCare);
 }
@@ -275,7 +282,9 @@ TEST(GhostTrialTest, IsReadFromBothKindsOfTables) {
         for (int n = 0; n < 3; ++n) {
             csv += fmt::format("{},{}", 10 + n, 0.2 + 0.02 * n);
             for (std::size_t cell = 0; cell < 3 * kJointNames.size(); ++cell)
-                csv += cell < 3 ? "," : fmt::format(",{}", 0.1 * static_cast<double>(cell) + n);   // the first is withheld
+                csv += cell < 3 ? ","
+                                : fmt::format(",{}",
+                                              0.1 * static_cast<double>(cell) + n);  // the first is withheld
             csv += ",12.5\n";
         }
         const auto trial = parse_ghost_trial(csv, "t");
@@ -285,8 +294,10 @@ TEST(GhostTrialTest, IsReadFromBothKindsOfTables) {
         EXPECT_FALSE(trial->instants[0].joints_in_world[0]);
         EXPECT_NEAR(trial->instants[1].joints_in_world[1]->y, 1.4, 1e-9);
 
-        EXPECT_THAT(std::string(parse_ghost_trial(csv + "13,0.1\n", "t.csv").status().message()), HasSubstr("t.csv, line 5"));
-        EXPECT_THAT(std::string(parse_ghost_trial("frame,time_s,root_x\n", "t.csv").status().message()), HasSubstr("no column root_y"));
+        EXPECT_THAT(std::string(parse_ghost_trial(csv + "13,0.1\n", "t.csv").status().message()),
+                    HasSubstr("t.csv, line 5"));
+        EXPECT_THAT(std::string(parse_ghost_trial("frame,time_s,root_x\n", "t.csv").status().message()),
+                    HasSubstr("no column root_y"));
     }
     EXPECT_FALSE(parse_ghost_trial("", "t.csv").ok());
 }
@@ -308,11 +319,13 @@ TEST(GhostMatchTest, AReplayAndItsGhostMeetAtTheirEvents) {
     match.set_ghost(std::make_shared<GhostTrial>(walk("ghost")));
     EXPECT_DOUBLE_EQ(match.ghost_time_s(now_s).value(), 2) << "both from their begin";
 
-    // The replayed one is known beforehand: its first left step comes at 1.4 s, the ghost's right one at 2.0 s.
+    // The replayed one is known beforehand: its first left step comes at 1.4 s, the ghost's right one at 2.0
+    // s.
     match.set_shown(std::make_shared<GhostTrial>(walk("replayed")));
     match.set_events(TrialEvent::kRightFootDown, TrialEvent::kLeftFootDown);
     EXPECT_NEAR(match.ghost_time_s(1.4).value(), 2.0, 0.1);
-    EXPECT_NEAR(match.ghost_time_s(1.4 + 1 / 30.).value() - match.ghost_time_s(1.4).value(), 1 / 30., 1e-9) << "a step";
+    EXPECT_NEAR(match.ghost_time_s(1.4 + 1 / 30.).value() - match.ghost_time_s(1.4).value(), 1 / 30., 1e-9)
+        << "a step";
     match.set_offset_s(0.25);
     EXPECT_NEAR(match.ghost_time_s(1.4).value(), 2.25, 0.1);
 
@@ -360,7 +373,8 @@ TEST(PlotMarksTest, KeepsWhatACurveIsReadWith) {
     EXPECT_EQ(seen[0].text, "lost");
     EXPECT_EQ(seen[1].text, "mark 1");
     EXPECT_TRUE(seen[1].coach);
-    for (std::size_t n = 0; n < 2 * PlotMarks::kMost; ++n) marks.add_event(v1::EVENT_KIND_SUBJECT_FOUND, 1000);
+    for (std::size_t n = 0; n < 2 * PlotMarks::kMost; ++n)
+        marks.add_event(v1::EVENT_KIND_SUBJECT_FOUND, 1000);
     EXPECT_EQ(marks.between(0, 2000).size(), PlotMarks::kMost);
     marks.clear();
     EXPECT_EQ(marks.add_mark(1), 1);
@@ -368,8 +382,9 @@ TEST(PlotMarksTest, KeepsWhatACurveIsReadWith) {
 
 TEST(CalibrationWordsTest, EachStepSaysWhatToDo) {
     for (const CalibrationKindWords& kind : calibration_kinds())
-        for (const CalibrationStep step : {CalibrationStep::kStarting, CalibrationStep::kEmptyScene, CalibrationStep::kBoardOnFloor,
-                                           CalibrationStep::kMoving, CalibrationStep::kSolving})
+        for (const CalibrationStep step :
+             {CalibrationStep::kStarting, CalibrationStep::kEmptyScene, CalibrationStep::kBoardOnFloor,
+              CalibrationStep::kMoving, CalibrationStep::kSolving})
             EXPECT_THAT(instruction(kind.kind, step), Not(IsEmpty()));
     EXPECT_THAT(instruction(v1::PROCEDURE_KIND_EXTRINSICS_WAND, CalibrationStep::kMoving), HasSubstr("wand"));
     EXPECT_THAT(instruction(v1::PROCEDURE_KIND_REFINE_PERSON, CalibrationStep::kMoving), HasSubstr("Walk"));

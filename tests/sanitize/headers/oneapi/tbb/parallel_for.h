@@ -1,7 +1,11 @@
-// In the place of oneTBB's header of this name under the thread sanitizer, which cannot see how oneTBB's own library (Debian's,
-// not instrumented) hands work from thread to thread: the same loops on threads of the standard library, so that races of the
-// bodies are found, with each other and with what comes before and after them.
+// In the place of oneTBB's header of this name under the thread sanitizer, which cannot see how oneTBB's own
+// library (Debian's, not instrumented) hands work from thread to thread: the same loops on threads of the
+// standard library, so that races of the bodies are found, with each other and with what comes before and
+// after them.
 #pragma once
+
+#include <oneapi/tbb/blocked_range.h>
+#include <oneapi/tbb/partitioner.h>
 
 #include <algorithm>
 #include <atomic>
@@ -9,22 +13,21 @@
 #include <exception>
 #include <type_traits>
 
-#include <oneapi/tbb/blocked_range.h>
-#include <oneapi/tbb/partitioner.h>
-
 #include "loop_crew.h"
 
 namespace kinevox::sanitize {
 
-inline constexpr std::size_t kThreads = 3;   // at a loop, the caller's among them
+inline constexpr std::size_t kThreads = 3;  // at a loop, the caller's among them
 
-// one_piece(n) of each n below `pieces`, in any order, on any of the threads. Throws what a piece throws, when all have ended.
+// one_piece(n) of each n below `pieces`, in any order, on any of the threads. Throws what a piece throws,
+// when all have ended.
 template <class F>
 void share_out(std::size_t pieces, const F& one_piece) {
     std::atomic<std::size_t> next = 0;
     // Relaxed: a piece does not see what another has done, and the sanitizer is not to believe it.
     const auto work = [&] {
-        for (auto n = next.fetch_add(1, std::memory_order_relaxed); n < pieces; n = next.fetch_add(1, std::memory_order_relaxed))
+        for (auto n = next.fetch_add(1, std::memory_order_relaxed); n < pieces;
+             n = next.fetch_add(1, std::memory_order_relaxed))
             one_piece(n);
     };
     if (pieces < 2) return work();
@@ -45,16 +48,16 @@ void share_out(std::size_t pieces, const F& one_piece) {
 namespace tbb {
 
 template <class Index, class F, class... Partitioner>
-    requires std::is_integral_v<Index>
+requires std::is_integral_v<Index>
 void parallel_for(Index begin, std::type_identity_t<Index> end, const F& body, Partitioner&&...) {
     if (begin < end)
-        kinevox::sanitize::share_out(static_cast<std::size_t>(end - begin),
-                                     [&](std::size_t n) { body(static_cast<Index>(begin + static_cast<Index>(n))); });
+        kinevox::sanitize::share_out(static_cast<std::size_t>(end - begin), [&](std::size_t n) {
+            body(static_cast<Index>(begin + static_cast<Index>(n)));
+        });
 }
 
 template <class Range, class F, class... Partitioner>
-    requires(!std::is_integral_v<Range>)
-void parallel_for(const Range& range, const F& body, Partitioner&&...) {
+requires(!std::is_integral_v<Range>) void parallel_for(const Range& range, const F& body, Partitioner&&...) {
     const std::size_t size = range.size(), grain = range.grainsize();
     kinevox::sanitize::share_out((size + grain - 1) / grain, [&](std::size_t n) {
         const auto first = range.begin() + n * grain;

@@ -1,9 +1,9 @@
 // In the place of oneTBB's header of this name, as parallel_for.h beside it.
 #pragma once
 
-#include <functional>
-
 #include <oneapi/tbb/parallel_for.h>
+
+#include <functional>
 
 namespace tbb {
 
