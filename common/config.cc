@@ -125,7 +125,7 @@ void read_recording_config(const TomlTable& table, const std::filesystem::path& 
     };
     megabytes("keep_last_mb", recording.keep_last_mb, 1);
     megabytes("queue_mb", recording.queue_mb, 1);
-    megabytes("least_free_mb", recording.least_free_mb, 0);
+    megabytes("least_free_mb", recording.min_free_mb, 0);
     recording.keep_days = table.number_or("keep_days", recording.keep_days, {0, 36500});
     recording.keep_gb = table.number_or("keep_gb", recording.keep_gb, {0, 1e6});
 }
@@ -144,12 +144,12 @@ void read_stream(const TomlTable& table, StreamConfig& stream) {
 
 void read_control(const TomlTable& table, ControlConfig& control) {
     control.lease_timeout_s = table.number_or("lease_timeout_s", control.lease_timeout_s, {1, 86400});
-    control.longest_lease_timeout_s =
-        table.number_or("longest_lease_timeout_s", control.longest_lease_timeout_s, {1, 86400});
-    if (control.lease_timeout_s > control.longest_lease_timeout_s)
+    control.max_lease_timeout_s =
+        table.number_or("longest_lease_timeout_s", control.max_lease_timeout_s, {1, 86400});
+    if (control.lease_timeout_s > control.max_lease_timeout_s)
         table.fail("lease_timeout_s",
                    fmt::format("is {}, above longest_lease_timeout_s, which is {}; lower it",
-                               control.lease_timeout_s, control.longest_lease_timeout_s));
+                               control.lease_timeout_s, control.max_lease_timeout_s));
 }
 
 void read_metrics(const TomlTable& table, MetricsConfig& metrics) {

@@ -100,7 +100,7 @@ struct RecordingConfig {
     double keep_last_s = 0;   // of the rolling buffer; 0: none
     int keep_last_mb = 1024;  // most that it may hold
     int queue_mb = 256;       // taken and not yet written; beyond it frame sets are dropped
-    int least_free_mb = 512;  // on the disk, below which a recording ends
+    int min_free_mb = 512;    // on the disk, below which a recording ends
     double keep_days = 0;     // older ones are deleted; 0: none
     double keep_gb = 0;       // beyond it the oldest are deleted; 0: none
     bool operator==(const RecordingConfig&) const = default;
@@ -117,7 +117,7 @@ struct StreamConfig {
 
 struct ControlConfig {
     double lease_timeout_s = 30;  // where an operator asks for none
-    double longest_lease_timeout_s = 3600;
+    double max_lease_timeout_s = 3600;
     bool operator==(const ControlConfig&) const = default;
 };
 

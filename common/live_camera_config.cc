@@ -73,8 +73,8 @@ void read_live_cameras(const TomlTable& table, const std::filesystem::path& fold
     cameras.master_line = table.text_or("master_line", cameras.master_line);
     cameras.ptp = table.boolean_or("ptp", cameras.ptp);
     cameras.tolerance_ms = table.number_or("tolerance_ms", cameras.tolerance_ms, {0, 1000});
-    cameras.longest_wait_ms = table.number_or("longest_wait_ms", cameras.longest_wait_ms, {1, 5000});
-    cameras.least_cameras = static_cast<int>(table.integer_or("least_cameras", cameras.least_cameras, 1, 64));
+    cameras.max_wait_ms = table.number_or("longest_wait_ms", cameras.max_wait_ms, {1, 5000});
+    cameras.min_cameras = static_cast<int>(table.integer_or("least_cameras", cameras.min_cameras, 1, 64));
     cameras.queue = static_cast<int>(table.integer_or("queue", cameras.queue, 1, 64));
     cameras.packet_resend = table.boolean_or("packet_resend", cameras.packet_resend);
     cameras.packet_bytes = static_cast<int>(table.integer_or("packet_bytes", cameras.packet_bytes, 0, 16000));

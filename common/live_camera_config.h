@@ -45,10 +45,10 @@ struct LiveCamerasConfig {
     std::string master;                 // its name; for kMaster
     std::string master_line = "Line2";  // its output
     bool ptp = false;                   // switch PTP on where a camera has it
-    double tolerance_ms = 0;       // pictures so near belong together; 0: half a period, with kFree 0.9 of it
-    double longest_wait_ms = 200;  // for a picture that is missing in a set, 1 to 5000
-    int least_cameras = 2;         // a set with fewer pictures is not used
-    int queue = 8;                 // sets that may wait for the pipeline; then the oldest goes, 1 to 64
+    double tolerance_ms = 0;   // pictures so near belong together; 0: half a period, with kFree 0.9 of it
+    double max_wait_ms = 200;  // for a picture that is missing in a set, 1 to 5000
+    int min_cameras = 2;       // a set with fewer pictures is not used
+    int queue = 8;             // sets that may wait for the pipeline; then the oldest goes, 1 to 64
     bool packet_resend = true;
     int packet_bytes = 0;  // 576 to 16000; 0: the largest that gets through
     std::vector<LiveCameraConfig> cameras;

@@ -16,7 +16,7 @@
 namespace kinevox {
 namespace {
 
-constexpr std::size_t kMostTableBytes = std::size_t{1} << 30;
+constexpr std::size_t kMaxTableBytes = std::size_t{1} << 30;
 
 // The number that `text` begins with, and the character behind it; both are taken off.
 template <typename T>
@@ -80,7 +80,7 @@ absl::StatusOr<std::vector<VideoIndexEntry>> read_video_index(const std::filesys
         return absl::NotFoundError(
             fmt::format("{}: {}; put the video there", video.string(), error.message()));
     const std::filesystem::path file = video_index_file(video);
-    const absl::StatusOr<std::string> bytes = read_file(file, kMostTableBytes);
+    const absl::StatusOr<std::string> bytes = read_file(file, kMaxTableBytes);
     if (!bytes.ok()) return bytes.status();
     auto entries = parse_video_index(*bytes, video_bytes);
     if (!entries.ok())
@@ -118,7 +118,7 @@ absl::StatusOr<std::vector<RecordedTime>> parse_recorded_times(std::string_view 
 }
 
 absl::StatusOr<std::vector<RecordedTime>> read_recorded_times(const std::filesystem::path& file) {
-    const absl::StatusOr<std::string> text = read_file(file, kMostTableBytes);
+    const absl::StatusOr<std::string> text = read_file(file, kMaxTableBytes);
     if (!text.ok()) return text.status();
     return parse_recorded_times(*text, file.string());
 }

@@ -14,7 +14,7 @@ namespace kinevox {
 namespace {
 
 constexpr double kMinFps = 0.01, kMaxFps = 100000;
-constexpr double kMostOffset_s = 86400;
+constexpr double kMaxOffset_s = 86400;
 
 // The path that a key holds, made absolute; notes an error where nothing lies there.
 std::filesystem::path read_path(const TomlTable& table, const char* key, bool required,
@@ -103,7 +103,7 @@ absl::StatusOr<Session> parse_session_toml(const std::string& text, const std::f
         camera.video = read_path(table, "video", true, folder, check_files_exist);
         camera.background = read_path(table, "background", false, folder, check_files_exist);
         if (table.has("offset_s")) {
-            camera.offset_s = table.number("offset_s", {-kMostOffset_s, kMostOffset_s});
+            camera.offset_s = table.number("offset_s", {-kMaxOffset_s, kMaxOffset_s});
             if (root.has("recording"))
                 table.fail(
                     "offset_s",

@@ -16,13 +16,13 @@ struct RayBundle {
     int count = 0;
 };
 
-inline constexpr int kMostCapsules = 64;
+inline constexpr int kMaxCapsules = 64;
 inline constexpr float kWrongSide_m = 1e3f;
 
 // For each ray the capsule with the least signed distance to it, m (negative: the ray goes through it), and
 // that distance. A capsule whose axis lies on the outer side of the border counts only if the ray goes
 // through it. Where none counts, -1 and kWrongSide_m. `distance_m` and `nearest` have room for all rays.
-// Throws std::invalid_argument for more than kMostCapsules.
+// Throws std::invalid_argument for more than kMaxCapsules.
 void nearest_capsules(const RayBundle& rays, std::span<const TaperedCapsule> capsules, float* distance_m,
                       int* nearest);
 

@@ -37,7 +37,7 @@ void print_body(const v1::Body& body) {
 
 absl::Status run_show(const Common& common, const BodyOptions&) {
     client::StreamOptions stream;
-    stream.longest_silence = common.client_options().timeout;
+    stream.max_silence = common.client_options().timeout;
     return client::Client(common.client_options())
         .watch_body(
             [&](const v1::WatchBodyResponse& progress) {
@@ -50,7 +50,7 @@ absl::Status run_show(const Common& common, const BodyOptions&) {
 }
 
 absl::Status run_fit(const Common& common, const BodyOptions& options) {
-    constexpr std::chrono::seconds kLongestSilence{
+    constexpr std::chrono::seconds kMaxSilence{
         90};  // while nobody steps in, or other work leaves no processor
     client::Client client(common.client_options());
     v1::FitBodyRequest request;
@@ -58,8 +58,7 @@ absl::Status run_fit(const Common& common, const BodyOptions& options) {
     if (absl::Status begun = client.fit_body(options.name, request); !begun.ok()) return begun;
     client::StreamOptions stream;
     stream.stop = stop_on_signals();
-    stream.longest_silence =
-        std::max<std::chrono::milliseconds>(kLongestSilence, common.client_options().timeout);
+    stream.max_silence = std::max<std::chrono::milliseconds>(kMaxSilence, common.client_options().timeout);
     absl::Status failed;
     const absl::Status status = client.watch_body(
         [&](const v1::WatchBodyResponse& progress) {

@@ -25,7 +25,7 @@ struct StartOptions {
 };
 
 constexpr std::chrono::seconds kLease{30}, kRenewal{8};
-constexpr std::chrono::minutes kLongestSilence{
+constexpr std::chrono::minutes kMaxSilence{
     10};  // some steps of a solve on a busy machine have nothing to tell
 
 // Control for as long as it lives.
@@ -103,7 +103,7 @@ class Guide {
         Progress last;
         client::StreamOptions stream;
         stream.stop = stop_;
-        stream.longest_silence = kLongestSilence;
+        stream.max_silence = kMaxSilence;
         bool reached = false;
         const absl::Status status = client_.watch_procedure(
             [&](const Progress& progress) {

@@ -108,7 +108,7 @@ absl::Status run_export(const Common& common, const ExportOptions& options) {
     }
     client::StreamOptions stream;
     stream.stop = stop_on_signals();
-    stream.longest_silence = std::chrono::milliseconds(static_cast<std::int64_t>(options.wait_s * 1000));
+    stream.max_silence = std::chrono::milliseconds(static_cast<std::int64_t>(options.wait_s * 1000));
     PieceFiles files(options.out, *format == v1::EXPORT_FORMAT_PLY || *format == v1::EXPORT_FORMAT_SESSION);
     absl::Status written;
     const auto add = [&](const v1::ExportResponse& piece) {

@@ -13,7 +13,7 @@ client::StreamOptions LineStreamOptions::stream() const {
     client::StreamOptions stream;
     stream.stop = stop_on_signals();
     stream.reconnect = reconnect;
-    stream.longest_silence = std::chrono::milliseconds(static_cast<std::int64_t>(longest_silence_s * 1000));
+    stream.max_silence = std::chrono::milliseconds(static_cast<std::int64_t>(max_silence_s * 1000));
     stream.on_reconnect = [](const absl::Status& why) {
         fmt::print(stderr, "kinevox: {}; trying again\n", std::string(why.message()));
     };
@@ -30,7 +30,7 @@ void add_line_stream_options(CLI::App& verb, LineStreamOptions& options, std::ve
     verb.add_option("--frames", options.frames, "Messages, 0: until stopped")->check(CLI::NonNegativeNumber);
     verb.add_flag("--lossless", options.lossless, "Every result, none missed");
     verb.add_option("--rate", options.rate_hz, "Messages a second at most")->check(CLI::NonNegativeNumber);
-    verb.add_option("--longest-silence", options.longest_silence_s,
+    verb.add_option("--longest-silence", options.max_silence_s,
                     "Give up after so many seconds without a message; 0: wait")
         ->check(CLI::NonNegativeNumber);
     verb.add_flag("--reconnect", options.reconnect, "Wait for the daemon when it goes away");

@@ -17,8 +17,8 @@ struct LineStreamOptions {
     std::filesystem::path out;  // empty: standard output
     int frames = 0;             // 0: until stopped
     bool lossless = false, reconnect = false;
-    double rate_hz = 0;            // 0: no limit
-    double longest_silence_s = 0;  // 0: waits for ever
+    double rate_hz = 0;        // 0: no limit
+    double max_silence_s = 0;  // 0: waits for ever
 
     client::StreamOptions stream() const;  // stopped by signals too
     v1::Delivery delivery() const { return lossless ? v1::DELIVERY_LOSSLESS : v1::DELIVERY_LATEST_ONLY; }

@@ -18,7 +18,7 @@ struct RecordOptions {
     bool go_on = false;
 };
 
-constexpr std::chrono::seconds kLongestWriting{120};  // of what is queued or kept
+constexpr std::chrono::seconds kMaxWriting{120};  // of what is queued or kept
 
 std::string recording_text(const v1::Recording& recording) {
     std::string text =
@@ -68,7 +68,7 @@ absl::Status run_start(const Common& common, const RecordOptions& options) {
 
 absl::Status run_stop(const Common& common, const RecordOptions& options) {
     const auto response =
-        client::Client(common.client_options()).stop_recording(options.operator_name, kLongestWriting);
+        client::Client(common.client_options()).stop_recording(options.operator_name, kMaxWriting);
     return report<v1::StopRecordingResponse>(
         common, response, [](const auto& stopped) { return recording_text(stopped.recording()); });
 }
@@ -79,7 +79,7 @@ absl::Status run_keep(const Common& common, const RecordOptions& options) {
     request.set_seconds(options.seconds);
     request.set_go_on(options.go_on);
     const auto response =
-        client::Client(common.client_options()).keep_last(options.operator_name, request, kLongestWriting);
+        client::Client(common.client_options()).keep_last(options.operator_name, request, kMaxWriting);
     return report<v1::KeepLastResponse>(common, response,
                                         [](const auto& kept) { return recording_text(kept.recording()); });
 }

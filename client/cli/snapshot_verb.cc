@@ -60,7 +60,7 @@ absl::StatusOr<Pair> take_pair(client::Client& client, const Camera& camera, con
     };
     client::StreamOptions stream;
     stream.stop = done.get_token();
-    stream.longest_silence = std::chrono::milliseconds(static_cast<std::int64_t>(options.wait_s * 1000));
+    stream.max_silence = std::chrono::milliseconds(static_cast<std::int64_t>(options.wait_s * 1000));
 
     absl::Status preview_status;
     std::thread preview_thread([&] {
@@ -79,7 +79,7 @@ absl::StatusOr<Pair> take_pair(client::Client& client, const Camera& camera, con
             stream);
         if (!preview_status.ok() && !absl::IsCancelled(preview_status)) done.request_stop();
     });
-    const auto deadline = std::chrono::steady_clock::now() + stream.longest_silence;
+    const auto deadline = std::chrono::steady_clock::now() + stream.max_silence;
     const absl::Status volume_status = client.stream_volumes(
         {},
         [&](const client::VolumeFrame& frame) {

@@ -43,7 +43,7 @@ struct StreamOptions {
     bool reconnect = false;
     std::function<void(const absl::Status& why)> on_reconnect;
     // Ends the stream with DeadlineExceeded after so long without a message; 0: waits for ever.
-    std::chrono::milliseconds longest_silence{0};
+    std::chrono::milliseconds max_silence{0};
     std::stop_token stop;  // ends the stream with Cancelled, from any thread
 };
 

@@ -13,7 +13,7 @@
 namespace kinevox::client {
 namespace {
 
-constexpr unsigned kLargestEdge = 16384;  // px; more than any camera has, small enough to allocate
+constexpr unsigned kMaxEdge = 16384;  // px; more than any camera has, small enough to allocate
 
 struct JpegErrors {
     jpeg_error_mgr manager;  // first: libjpeg knows this struct by its address
@@ -34,7 +34,7 @@ bool decode_into(std::span<const std::uint8_t> bytes, jpeg_decompress_struct& in
     jpeg_create_decompress(&info);
     jpeg_mem_src(&info, bytes.data(), bytes.size());
     jpeg_read_header(&info, TRUE);
-    if (info.image_width > kLargestEdge || info.image_height > kLargestEdge) {
+    if (info.image_width > kMaxEdge || info.image_height > kMaxEdge) {
         std::strcpy(errors.message, "the picture is too large");
         return false;
     }

@@ -12,7 +12,7 @@
 namespace kinevox::client {
 namespace {
 
-constexpr std::size_t kLargestFile = 1 << 20;
+constexpr std::size_t kMaxFile = 1 << 20;
 
 absl::StatusOr<std::string> contents(const std::string& file, const char* what) {
     std::error_code error;
@@ -20,10 +20,10 @@ absl::StatusOr<std::string> contents(const std::string& file, const char* what) 
     if (!in || std::filesystem::is_directory(file, error))
         return absl::NotFoundError(
             fmt::format("{} '{}' cannot be read; give another file or its rights", what, file));
-    std::string text(kLargestFile + 1, '\0');
+    std::string text(kMaxFile + 1, '\0');
     in.read(text.data(), static_cast<std::streamsize>(text.size()));
     text.resize(static_cast<std::size_t>(in.gcount()));
-    if (text.size() > kLargestFile)
+    if (text.size() > kMaxFile)
         return absl::InvalidArgumentError(
             fmt::format("{} '{}' is larger than 1 MB; give another file", what, file));
     return text;

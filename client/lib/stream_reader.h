@@ -42,8 +42,8 @@ absl::Status read_stream_once(const Prepare& prepare,
     const auto wait = [&] {
         void* tag = nullptr;
         bool ok = false;
-        const bool limited = options.longest_silence.count() > 0 && !silent;
-        const auto deadline = limited ? std::chrono::system_clock::now() + options.longest_silence
+        const bool limited = options.max_silence.count() > 0 && !silent;
+        const auto deadline = limited ? std::chrono::system_clock::now() + options.max_silence
                                       : std::chrono::system_clock::time_point::max();
         while (queue.AsyncNext(&tag, &ok, deadline) == grpc::CompletionQueue::TIMEOUT) {
             silent = true;
@@ -82,7 +82,7 @@ absl::Status read_stream_once(const Prepare& prepare,
     if (options.stop.stop_requested()) return absl::CancelledError("stopped");
     if (silent)
         return absl::DeadlineExceededError("no message from " + client.server + " for " +
-                                           std::to_string(options.longest_silence.count() / 1000) +
+                                           std::to_string(options.max_silence.count() / 1000) +
                                            " s; see with `kinevox status` whether the capture runs");
     return to_absl(status, client.server);
 }
@@ -91,7 +91,7 @@ template <typename Message, typename Prepare>
 absl::Status read_stream(const Prepare& prepare,
                          const std::function<absl::StatusOr<bool>(const Message&)>& on_message,
                          const StreamOptions& options, const ClientOptions& client) {
-    constexpr std::chrono::milliseconds kFirstPause{200}, kLongestPause{5'000};
+    constexpr std::chrono::milliseconds kFirstPause{200}, kMaxPause{5'000};
     auto pause = kFirstPause;
     for (;;) {
         bool any_message = false;
@@ -104,7 +104,7 @@ absl::Status read_stream(const Prepare& prepare,
         std::unique_lock lock(mutex);
         stopped.wait_for(lock, options.stop, pause, [] { return false; });
         if (options.stop.stop_requested()) return absl::CancelledError("stopped");
-        pause = std::min(2 * pause, kLongestPause);
+        pause = std::min(2 * pause, kMaxPause);
     }
 }
 

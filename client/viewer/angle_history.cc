@@ -7,7 +7,7 @@ namespace kinevox::viewer {
 namespace {
 
 constexpr float kNothing = std::numeric_limits<float>::quiet_NaN();
-constexpr double kLeastForRatio_deg = 5;
+constexpr double kMinForRatio_deg = 5;
 constexpr std::int64_t kKept_ns = std::int64_t{1'000'000'000} * AngleHistory::kKept_s;
 
 }  // namespace
@@ -74,7 +74,7 @@ std::optional<double> AngleHistory::left_over_right(const std::string& angle) co
     if (other.empty()) return {};
     const bool is_left = angle.ends_with("_l");
     const auto left = newest_deg(is_left ? angle : other), right = newest_deg(is_left ? other : angle);
-    if (!left || !right || std::abs(*right) < kLeastForRatio_deg) return {};
+    if (!left || !right || std::abs(*right) < kMinForRatio_deg) return {};
     return *left / *right;
 }
 

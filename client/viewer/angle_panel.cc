@@ -13,8 +13,8 @@
 namespace kinevox::viewer {
 namespace {
 
-constexpr int kNumberHeight_pt = 30, kUsualNumberHeight_pt = 15, kLeastNumberHeight_pt = 10;
-constexpr double kLeastSpan_deg = 20, kWindow_s = 6;
+constexpr int kNumberHeight_pt = 30, kUsualNumberHeight_pt = 15, kMinNumberHeight_pt = 10;
+constexpr double kMinSpan_deg = 20, kWindow_s = 6;
 // Texts of marks: how long one is, how high; in rows so that they do not cover each other.
 constexpr double kMarkText_s = 1.6, kMarkRow = 0.14;
 constexpr std::size_t kMarkRows = 4;
@@ -40,12 +40,12 @@ class LargeNumber final : public QLabel {
         setFixedHeight(QFontMetrics(in(kNumberHeight_pt)).height());
     }
     QSize sizeHint() const override { return {width_in(kUsualNumberHeight_pt), height()}; }
-    QSize minimumSizeHint() const override { return {width_in(kLeastNumberHeight_pt), height()}; }
+    QSize minimumSizeHint() const override { return {width_in(kMinNumberHeight_pt), height()}; }
 
   protected:
     void resizeEvent(QResizeEvent* event) override {
         const int fitting = kNumberHeight_pt * width() / width_in(kNumberHeight_pt);
-        setFont(in(std::clamp(fitting, kLeastNumberHeight_pt, kNumberHeight_pt)));
+        setFont(in(std::clamp(fitting, kMinNumberHeight_pt, kNumberHeight_pt)));
         QLabel::resizeEvent(event);
     }
 
@@ -184,7 +184,7 @@ void AnglePanel::show_curve(Curve& c, const AngleHistory& history) {
         c.plot->graph(side)->setData(t, v, true);
     }
     if (low > high) low = -10, high = 90;
-    const double middle = (low + high) / 2, half = std::max(kLeastSpan_deg, 1.15 * (high - low)) / 2;
+    const double middle = (low + high) / 2, half = std::max(kMinSpan_deg, 1.15 * (high - low)) / 2;
     c.plot->xAxis->setRange(-kWindow_s, 0);
     c.plot->yAxis->setRange(middle - half, middle + half);
     c.plot->graph(0)->setPen(QPen(other.empty() ? theme_.middle : theme_.left, 2));

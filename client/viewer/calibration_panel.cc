@@ -27,7 +27,7 @@ namespace {
 
 // The instruction is read by whoever stands in the space.
 constexpr double kInstructionSize = 1.7;
-constexpr int kMostHints = 3;
+constexpr int kMaxHints = 3;
 
 QString text(const std::string& from) {
     return QString::fromStdString(from);
@@ -274,7 +274,7 @@ void CalibrationPanel::show_progress() {
     if (!calibration_->lack().empty()) hints << text(calibration_->lack());
     if (!own) hints << tr("Another program calibrates.");
     for (const std::string& hint : progress.hints())
-        if (!solving && hints.size() < kMostHints && !hints.contains(text(hint))) hints << text(hint);
+        if (!solving && hints.size() < kMaxHints && !hints.contains(text(hint))) hints << text(hint);
     if (solving || hints.isEmpty()) hints = QStringList(text(progress.message()));
     hint_->setText(hints.join("\n\n"));
     // A label that breaks its lines does not tell a layout how high that makes it.

@@ -8,7 +8,7 @@
 namespace kinevox::viewer {
 namespace {
 
-constexpr std::chrono::minutes kLongestSilence{
+constexpr std::chrono::minutes kMaxSilence{
     10};  // some steps of a solve on a busy machine have nothing to tell
 
 bool is_open(const v1::WatchProcedureResponse& progress) {
@@ -71,7 +71,7 @@ absl::Status CalibrationRun::under_control(const std::function<absl::Status(cons
 
 absl::Status CalibrationRun::watch(const std::function<bool(const Progress&)>& over, bool skippable) {
     client::StreamOptions options;
-    options.longest_silence = kLongestSilence;
+    options.max_silence = kMaxSilence;
     {
         const std::scoped_lock lock(mutex_);
         if (stopped_) return absl::CancelledError("stopped; nothing was stored");

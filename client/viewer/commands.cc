@@ -27,7 +27,7 @@ Commands::~Commands() = default;
 
 bool Commands::ask(const QString& what, std::function<absl::Status(client::Client&, std::string&)> act) {
     const std::scoped_lock lock(mutex_);
-    if (asked_.size() >= kMostWaiting) return false;
+    if (asked_.size() >= kMaxWaiting) return false;
     asked_.push_back({what, std::move(act)});
     idle_since_.reset();
     changed_.notify_all();

@@ -27,7 +27,7 @@ class Commands final : public QObject {
     Q_OBJECT
 
   public:
-    static constexpr std::size_t kMostWaiting = 8;
+    static constexpr std::size_t kMaxWaiting = 8;
 
     explicit Commands(client::ClientOptions options);
     ~Commands() override;

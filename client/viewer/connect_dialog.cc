@@ -15,7 +15,7 @@
 namespace kinevox::viewer {
 namespace {
 
-constexpr int kMostRecent = 8, kWidth_px = 520;
+constexpr int kMaxRecent = 8, kWidth_px = 520;
 
 QString group_of(const QString& server) {
     return "security/" + QString(server).replace('/', '_');
@@ -47,8 +47,8 @@ void remember(const client::ConnectionOptions& connection) {
     QStringList recent = recent_servers();
     recent.removeAll(server);
     recent.prepend(server);
-    settings.setValue("servers", QStringList(recent.mid(0, kMostRecent)));
-    for (const QString& forgotten : recent.mid(kMostRecent)) settings.remove(group_of(forgotten));
+    settings.setValue("servers", QStringList(recent.mid(0, kMaxRecent)));
+    for (const QString& forgotten : recent.mid(kMaxRecent)) settings.remove(group_of(forgotten));
     settings.beginGroup(group_of(server));
     const client::SecurityFiles& files = connection.files;
     settings.setValue("tls", files.tls);

@@ -8,9 +8,9 @@
 namespace kinevox::viewer {
 namespace {
 
-constexpr double kMostVolumes_hz = 30, kPreviews_hz = 5;
+constexpr double kMaxVolumes_hz = 30, kPreviews_hz = 5;
 constexpr int kPreviewWidth_px = 320;
-constexpr std::size_t kMostPoses = 512;
+constexpr std::size_t kMaxPoses = 512;
 constexpr std::chrono::milliseconds kStatePause{250}, kRetryPause{500};
 
 ShownPose shown(const v1::StreamPosesResponse& message) {
@@ -136,7 +136,7 @@ void Feed::until(const std::stop_token& stop, const std::function<absl::Status()
 void Feed::run_volumes(const std::stop_token& stop) {
     client::Client client(options_);
     v1::StreamVolumesRequest request;
-    request.set_max_rate_hz(kMostVolumes_hz);
+    request.set_max_rate_hz(kMaxVolumes_hz);
     const client::StreamOptions options{.reconnect = true, .on_reconnect = {}, .stop = stop};
     until(stop, [&] {
         return client.stream_volumes(
@@ -165,7 +165,7 @@ void Feed::run_poses(const std::stop_token& stop) {
                 auto pose = std::make_shared<const ShownPose>(shown(message));
                 {
                     const std::scoped_lock lock(mutex_);
-                    if (poses_.size() >= kMostPoses) poses_.erase(poses_.begin());
+                    if (poses_.size() >= kMaxPoses) poses_.erase(poses_.begin());
                     poses_.push_back(std::move(pose));
                     alive();
                 }

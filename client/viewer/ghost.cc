@@ -11,8 +11,8 @@
 namespace kinevox::viewer {
 namespace {
 
-constexpr std::chrono::seconds kLongestExport{60};
-constexpr std::size_t kMostBytes = 256 << 20;
+constexpr std::chrono::seconds kMaxExport{60};
+constexpr std::size_t kMaxBytes = 256 << 20;
 
 absl::StatusOr<GhostTrial> read_recording(client::Client& client, const std::string& name) {
     v1::ExportRequest request;
@@ -20,12 +20,12 @@ absl::StatusOr<GhostTrial> read_recording(client::Client& client, const std::str
     request.set_format(v1::EXPORT_FORMAT_CSV);
     std::string csv;
     client::StreamOptions options;
-    options.longest_silence = kLongestExport;
+    options.max_silence = kMaxExport;
     const absl::Status status = client.export_recording(
         request,
         [&](const v1::ExportResponse& piece) {
             csv += piece.data();
-            return csv.size() < kMostBytes;
+            return csv.size() < kMaxBytes;
         },
         [](double) {}, options);
     if (!status.ok()) return status;
@@ -33,7 +33,7 @@ absl::StatusOr<GhostTrial> read_recording(client::Client& client, const std::str
 }
 
 absl::StatusOr<GhostTrial> read_file_of(const std::string& file) {
-    const auto csv = read_file(file, kMostBytes);
+    const auto csv = read_file(file, kMaxBytes);
     if (!csv.ok()) return csv.status();
     const std::filesystem::path path(file);
     // joints.csv says nothing, its folder does.

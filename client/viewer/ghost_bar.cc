@@ -9,7 +9,7 @@
 namespace kinevox::viewer {
 namespace {
 
-constexpr double kOffsetStep_s = 0.02, kMostOffset_s = 60;
+constexpr double kOffsetStep_s = 0.02, kMaxOffset_s = 60;
 
 }  // namespace
 
@@ -23,7 +23,7 @@ GhostBar::GhostBar(QWidget* parent) : QToolBar(tr("Ghost"), parent) {
     ghost_event_->setObjectName("ghost_event");
     offset_ = new QDoubleSpinBox(this);
     offset_->setObjectName("ghost_offset");
-    offset_->setRange(-kMostOffset_s, kMostOffset_s);
+    offset_->setRange(-kMaxOffset_s, kMaxOffset_s);
     offset_->setSingleStep(kOffsetStep_s);
     offset_->setSuffix(" s");
     offset_->setFocusPolicy(Qt::ClickFocus);

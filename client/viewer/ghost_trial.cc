@@ -13,8 +13,8 @@ namespace {
 
 constexpr double kStill_m_s = 0.5, kMoving_m_s = 1.0;  // a foot on the floor, one in the air; horizontally
 constexpr double kNearFloor_m = 0.05, kOffFloor_m = 0.08;  // above the lowest that the foot comes
-constexpr double kLowestPart = 0.05;  // of all frames, so that one wrong frame says nothing
-constexpr double kLongest_s = 1e7;    // of a trial
+constexpr double kMinPart = 0.05;   // of all frames, so that one wrong frame says nothing
+constexpr double kLongest_s = 1e7;  // of a trial
 constexpr std::size_t kCells = 3 * kJointNames.size();
 
 std::vector<std::string_view> split(std::string_view line) {
@@ -90,7 +90,7 @@ std::optional<double> foot_down(const std::vector<GhostInstant>& instants, std::
         if (foot) heights.push_back(foot->height_m);
     if (heights.empty()) return {};
     const auto lowest =
-        heights.begin() + static_cast<std::ptrdiff_t>(kLowestPart * static_cast<double>(heights.size()));
+        heights.begin() + static_cast<std::ptrdiff_t>(kMinPart * static_cast<double>(heights.size()));
     std::nth_element(heights.begin(), lowest, heights.end());
     bool in_air = false;
     for (std::size_t n = 0; n < feet.size(); ++n) {

@@ -12,7 +12,7 @@ namespace {
 
 constexpr unsigned kProgramPointSize = 0x8642;  // GL_PROGRAM_POINT_SIZE, which OpenGL ES has not
 constexpr float kGrid_m = 0.5f, kFrustum_m = 0.45f, kBone_m = 0.016f, kJoint_m = 0.022f;
-constexpr int kLeastReach_m = 3, kMostReach_m = 20;
+constexpr int kMinReach_m = 3, kMaxReach_m = 20;
 
 QVector3D to_qt(const Vec3& v) {
     return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z)};
@@ -129,12 +129,12 @@ void ScenePainter::set_previews(const std::map<std::string, QImage>& pictures) {
 
 // As far as the cameras stand, whole metres, around the origin.
 void ScenePainter::make_floor() {
-    float reach = kLeastReach_m;
+    float reach = kMinReach_m;
     for (const Camera& camera : cameras_) {
         const QVector3D centre = to_qt(camera.centre_in_world());
         reach = std::max({reach, std::ceil(std::abs(centre.x())), std::ceil(std::abs(centre.y()))});
     }
-    reach = std::min(reach, static_cast<float>(kMostReach_m));
+    reach = std::min(reach, static_cast<float>(kMaxReach_m));
     std::vector<LineVertex> lines;
     const auto add = [&](float x0, float y0, float x1, float y1, const QColor& c) {
         lines.emplace_back(QVector3D(x0, y0, 0), c);

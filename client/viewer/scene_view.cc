@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t kDelays = 128;
 constexpr int kSoon_ms = 60;  // longer than from a volume to the next
-constexpr double kLongestDelay_ms = 10'000;
+constexpr double kMaxDelay_ms = 10'000;
 constexpr qint64 kRateOver_ms = 10'000;
 constexpr float kLookAtHeight_m = 0.95f;
 
@@ -135,7 +135,7 @@ void SceneView::swapped() {
     const auto captured = std::exchange(painted_capture_time_ns_, std::nullopt);
     if (!captured) return;
     const double delay_ms = 1e-6 * static_cast<double>(utc_now_ns() - *captured);
-    if (delay_ms < 0 || delay_ms > kLongestDelay_ms) return;
+    if (delay_ms < 0 || delay_ms > kMaxDelay_ms) return;
     delays_ms_.push_back(delay_ms);
     if (delays_ms_.size() > kDelays) delays_ms_.pop_front();
 }

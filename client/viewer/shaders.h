@@ -9,7 +9,7 @@ layout(location = 0) in vec3 at;
 layout(location = 1) in vec4 colour;
 layout(location = 2) in vec3 normal;
 uniform mat4 eye_from_world, clip_from_eye;
-uniform float pixels_per_metre, voxel_m, least_light;
+uniform float pixels_per_metre, voxel_m, min_light;
 out vec3 shade;
 void main() {
     vec4 eye = eye_from_world * vec4(at, 1);
@@ -17,7 +17,7 @@ void main() {
     // A cube seen over its corner is wider than its edge.
     gl_PointSize = max(1.0, 1.35 * voxel_m * pixels_per_metre / max(0.05, -eye.z));
     float facing = dot(mat3(eye_from_world) * normalize(normal), normalize(vec3(-0.35, 0.45, 0.82)));
-    shade = colour.rgb * mix(least_light, 1.12, 0.5 + 0.5 * facing);
+    shade = colour.rgb * mix(min_light, 1.12, 0.5 + 0.5 * facing);
 })";
 inline constexpr const char* kSurfaceFragment = R"(#version 330 core
 in vec3 shade;

@@ -18,9 +18,9 @@ namespace http = beast::http;
 namespace websocket = beast::websocket;
 using boost::system::error_code;
 
-constexpr std::uint32_t kMostHead_bytes = 8192;
+constexpr std::uint32_t kMaxHead_bytes = 8192;
 constexpr int kSendBuffer_bytes = 64 << 10;
-constexpr int kMostMessagesASecond = 30, kMostMisunderstood = 8;
+constexpr int kMaxMessagesASecond = 30, kMaxMisunderstood = 8;
 
 auto to(error_code& e) {
     return asio::redirect_error(asio::use_awaitable, e);
@@ -62,7 +62,7 @@ void hear(House& house, Browser& browser, std::string_view bytes) {
         browser.answer(message);
     }
     if (!wants.understood) {
-        if (++browser.misunderstood >= kMostMisunderstood) browser.close(websocket::close_code::policy_error);
+        if (++browser.misunderstood >= kMaxMisunderstood) browser.close(websocket::close_code::policy_error);
         return;
     }
     browser.outbox.subscribe(wants.granted);
@@ -75,7 +75,7 @@ bool too_many(Browser& browser) {
         browser.window_begin = now;
         browser.messages_in_window = 0;
     }
-    return ++browser.messages_in_window > kMostMessagesASecond;
+    return ++browser.messages_in_window > kMaxMessagesASecond;
 }
 
 asio::awaitable<void> write_to(std::shared_ptr<Browser> browser) {
@@ -104,7 +104,7 @@ asio::awaitable<void> talk(House& house, std::shared_ptr<Browser> browser) {
     asio::co_spawn(browser->socket.get_executor(), write_to(browser), asio::detached);
     error_code e;
     for (;;) {
-        beast::flat_buffer buffer(kMostBrowserMessage_bytes);
+        beast::flat_buffer buffer(kMaxBrowserMessage_bytes);
         co_await browser->socket.async_read(buffer, to(e));
         if (e) break;
         if (browser->closing) continue;  // waits for its side of the closing
@@ -126,7 +126,7 @@ asio::awaitable<void> upgrade(House& house, beast::tcp_stream& stream, const Par
     auto& socket = browser->socket;
     websocket::stream_base::timeout times{house.options().request_timeout, house.options().silence, true};
     socket.set_option(times);
-    socket.read_message_max(kMostBrowserMessage_bytes);
+    socket.read_message_max(kMaxBrowserMessage_bytes);
     socket.binary(true);
     socket.auto_fragment(false);
     error_code e;
@@ -171,10 +171,10 @@ asio::awaitable<void> serve(House& house, asio::ip::tcp::socket socket) {
     // What waits in the system is old when it comes: what is newest is chosen here, as late as can be.
     socket.set_option(asio::socket_base::send_buffer_size(kSendBuffer_bytes), e);
     beast::tcp_stream stream(std::move(socket));
-    beast::flat_buffer buffer(2 * kMostHead_bytes);
+    beast::flat_buffer buffer(2 * kMaxHead_bytes);
     for (bool again = true; again;) {
         Parser parser;
-        parser.header_limit(kMostHead_bytes);
+        parser.header_limit(kMaxHead_bytes);
         parser.body_limit(0);
         stream.expires_after(house.options().request_timeout);
         co_await http::async_read(stream, buffer, parser, to(e));

@@ -13,7 +13,7 @@
 namespace kinevox::web {
 namespace {
 
-constexpr std::chrono::milliseconds kFirstPause{200}, kLongestPause{5'000}, kStatusEvery{1'000},
+constexpr std::chrono::milliseconds kFirstPause{200}, kMaxPause{5'000}, kStatusEvery{1'000},
     kStatusTimeout{3'000};
 constexpr int kSilhouetteWidth_px = 480, kSilhouetteQuality = 75;
 constexpr double kSilhouettes_hz = 25;
@@ -146,7 +146,7 @@ absl::Status DaemonStreams::read(const Topic& topic, const std::stop_token& stop
         const absl::Status ended = parts_->once(topic, stop, listener, any);
         if (stop.stop_requested()) return absl::CancelledError("stopped");
         if (is_final(ended)) return ended;
-        next = any ? kFirstPause : std::min(2 * next, kLongestPause);
+        next = any ? kFirstPause : std::min(2 * next, kMaxPause);
         pause(next, stop);
     }
 }

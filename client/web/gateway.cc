@@ -93,7 +93,7 @@ struct Gateway::Parts final : House {
     }
 
     bool admit(const std::shared_ptr<Browser>& browser) override {
-        if (ending || browsers.size() >= gateway_options.most_browsers) return false;
+        if (ending || browsers.size() >= gateway_options.max_browsers) return false;
         browsers.insert(browser);
         if (browsers.size() == 1) link.reset();  // nobody asked meanwhile
         if (link) browser->answer(link_message(*link));
@@ -158,7 +158,7 @@ struct Gateway::Parts final : House {
                 co_await pause.async_wait(asio::redirect_error(asio::use_awaitable, e));
                 continue;
             }
-            if (connections >= gateway_options.most_connections) continue;  // closes it
+            if (connections >= gateway_options.max_connections) continue;  // closes it
             ++connections;
             asio::co_spawn(io, serve(*this, std::move(socket)),
                            [this](const std::exception_ptr&) { --connections; });

@@ -19,8 +19,8 @@ struct GatewayOptions {
     std::string listen = "127.0.0.1:8090";  // HOST:PORT; port 0 takes a free one
     client::ClientOptions daemon;
     HttpRules rules;
-    std::size_t most_browsers = 32;                     // WebSockets at a time
-    std::size_t most_connections = 128;                 // of any kind
+    std::size_t max_browsers = 32;                      // WebSockets at a time
+    std::size_t max_connections = 128;                  // of any kind
     std::chrono::milliseconds request_timeout{10'000};  // for a request's head, and for the next one
     std::chrono::milliseconds silence{
         30'000};                              // a browser that does not even answer a ping is gone after this

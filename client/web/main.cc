@@ -59,14 +59,14 @@ int main(int argc, char** argv) {
                    "be repeated");
     app.add_option("--origin", options.rules.origins,
                    "Another page whose scripts may connect, like http://kiosk.local:8000; may be repeated");
-    app.add_option("--browsers", options.most_browsers, "Browsers at a time, at most")
+    app.add_option("--browsers", options.max_browsers, "Browsers at a time, at most")
         ->check(CLI::Range(1, 1000))
         ->capture_default_str();
     CLI11_PARSE(app, argc, argv);
     const auto daemon = connection.open();
     if (!daemon.ok()) return fail(daemon.status());
     options.daemon = *daemon;
-    options.most_connections = 4 * options.most_browsers;
+    options.max_connections = 4 * options.max_browsers;
 
     auto pages = web::Pages::read(pages_folder);
     if (!pages.ok()) return fail(pages.status());

@@ -48,7 +48,7 @@ void Outbox::put(const Topic& topic, const std::shared_ptr<const std::string>& b
 }
 
 bool Outbox::answer(std::string body) {
-    if (answers_.size() >= kMostAnswers) return false;
+    if (answers_.size() >= kMaxAnswers) return false;
     answers_.push_back(std::move(body));
     return true;
 }

@@ -25,7 +25,7 @@ struct Outgoing {
 
 class Outbox {
   public:
-    static constexpr std::size_t kMostAnswers = 32;
+    static constexpr std::size_t kMaxAnswers = 32;
 
     // What was asked for before and is not among these is dropped.
     void subscribe(const std::vector<Subscription>& subscriptions);

@@ -15,7 +15,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::uintmax_t kMost_bytes = 64 << 20;
-constexpr std::size_t kMostFiles = 2000;
+constexpr std::size_t kMaxFiles = 2000;
 
 constexpr std::array<std::pair<std::string_view, const char*>, 13> kTypes{{
     {".html", "text/html; charset=utf-8"},
@@ -75,10 +75,10 @@ absl::StatusOr<Pages> Pages::read(const fs::path& folder) {
         const fs::path relative = at->path().lexically_relative(root);
         if (!at->is_regular_file(e) || hidden(relative) || !below(at->path(), root)) continue;
         bytes += at->file_size(e);
-        if (bytes > kMost_bytes || pages.size() >= kMostFiles)
+        if (bytes > kMost_bytes || pages.size() >= kMaxFiles)
             return absl::InvalidArgumentError(fmt::format(
                 "{} holds more than 64 MB or {} files, which is no page; name the page's own folder",
-                root.string(), kMostFiles));
+                root.string(), kMaxFiles));
         std::ifstream in(at->path(), std::ios::binary);
         Page page{{std::istreambuf_iterator<char>(in), {}}, type_of(at->path()), {}, false};
         if (!in) return absl::UnavailableError(fmt::format("cannot read {}", at->path().string()));

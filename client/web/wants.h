@@ -31,8 +31,8 @@ struct Wants {
     bool understood = true;  // else `granted` says nothing, and what was asked before holds
 };
 
-inline constexpr std::size_t kMostBrowserMessage_bytes = 4096;
-inline constexpr int kMostWants = 16;
+inline constexpr std::size_t kMaxBrowserMessage_bytes = 4096;
+inline constexpr int kMaxWants = 16;
 
 // One message of a browser, as it came.
 Wants read_wants(std::string_view bytes);

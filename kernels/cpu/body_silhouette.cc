@@ -36,7 +36,7 @@ Vector cross(Vector a, Vector b) {
 }
 
 constexpr float kPi = 3.14159265358979f;
-constexpr int kMostArcPieces = 96;
+constexpr int kMaxArcPieces = 96;
 constexpr int kLinePieces = 12;  // of a straight line that the lens bends
 
 class OutlineFiller {
@@ -81,7 +81,7 @@ class OutlineFiller {
         const Vector e2 = (rho / std::sqrt(d2)) * cross(centre, outwards);
         const float radius_px = std::max(camera_.fx, camera_.fy) * radius / centre.z;
         const float pieces_wanted = half * std::sqrt(std::max(radius_px, 0.1f) / 0.4f);
-        const int pieces = std::clamp(static_cast<int>(pieces_wanted) + 2, 2, kMostArcPieces);
+        const int pieces = std::clamp(static_cast<int>(pieces_wanted) + 2, 2, kMaxArcPieces);
         const float step = 2 * half / static_cast<float>(pieces);
         // Corners a little outside, so that the polygon has the arc's area; the ends belong to the straight
         // lines.
@@ -194,7 +194,7 @@ class OutlineFiller {
     std::uint8_t* mask_;
     Rect bounds_;
     int count_ = 0;
-    float u_[2 * (kMostArcPieces + kLinePieces + 1)], v_[2 * (kMostArcPieces + kLinePieces + 1)];
+    float u_[2 * (kMaxArcPieces + kLinePieces + 1)], v_[2 * (kMaxArcPieces + kLinePieces + 1)];
     static thread_local std::vector<float> left_, right_;
 };
 

@@ -89,7 +89,7 @@ inline void meet(RayBlock& rays, const SeenCapsule& c, int index) {
 
 void nearest_capsules(const RayBundle& rays, std::span<const TaperedCapsule> capsules, float* distance_m,
                       int* nearest) {
-    SeenCapsule seen[kMostCapsules];
+    SeenCapsule seen[kMaxCapsules];
     const int count = static_cast<int>(capsules.size());
     for (int k = 0; k < count; ++k) seen[k] = seen_from(rays.origin, capsules[k]);
     RayBlock block{};
@@ -126,9 +126,9 @@ KINEVOX_EXPORT(nearest_capsules);
 
 void nearest_capsules(const RayBundle& rays, std::span<const TaperedCapsule> capsules, float* distance_m,
                       int* nearest) {
-    if (capsules.size() > kMostCapsules)
+    if (capsules.size() > kMaxCapsules)
         throw std::invalid_argument("nearest capsules: " + std::to_string(capsules.size()) +
-                                    " capsules; at most " + std::to_string(kMostCapsules));
+                                    " capsules; at most " + std::to_string(kMaxCapsules));
     KINEVOX_DISPATCH(nearest_capsules)(rays, capsules, distance_m, nearest);
 }
 

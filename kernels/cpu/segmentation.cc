@@ -294,9 +294,9 @@ void CpuSegmenter::light_around(const CellBox& box) {
             for (const int dy : {-kReach, 0, kReach}) span.include(span_of(y + dy));
             if (span.empty()) continue;
             const int x1 = span.g1 * kGroupPixels + kReach;
-            for (int x = span.g0 * kGroupPixels - kReach; x < x1; x += kMostRowPixels)
+            for (int x = span.g0 * kGroupPixels - kReach; x < x1; x += kMaxRowPixels)
                 neighbourhood_light(weighted_value_.row(y) + x, weighted_energy_.row(y) + x,
-                                    neighbourhood_.stride, std::min(x1 - x, kMostRowPixels),
+                                    neighbourhood_.stride, std::min(x1 - x, kMaxRowPixels),
                                     neighbourhood_.row(y) + x);
         }
     });

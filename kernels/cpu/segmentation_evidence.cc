@@ -190,7 +190,7 @@ void neighbourhood_light(const float* weighted_value, const float* weighted_ener
                          int width, float* light) {
     constexpr int kReach = kde::kLightReach;
     static_assert(kReach == 2);
-    float value[kMostRowPixels + 2 * kReach], energy[kMostRowPixels + 2 * kReach];
+    float value[kMaxRowPixels + 2 * kReach], energy[kMaxRowPixels + 2 * kReach];
     const auto columns = [&](const float* plane, float* sum) {
         const float* a = plane - kReach * stride - kReach;
         const float *b = a + stride, *c = b + stride, *d = c + stride, *e = d + stride;

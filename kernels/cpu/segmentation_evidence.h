@@ -30,10 +30,10 @@ void fit_light_cell(const EvidenceCell& cell, int groups, const kde::EvidencePar
                     const LightRows& out);
 
 // The light of the neighbourhoods of kde::kLightReach around `width` pixels of a row (at most
-// kMostRowPixels); the weighted sums' planes have `stride` floats a row and as many rows and columns around.
+// kMaxRowPixels); the weighted sums' planes have `stride` floats a row and as many rows and columns around.
 void neighbourhood_light(const float* weighted_value, const float* weighted_energy, std::ptrdiff_t stride,
                          int width, float* light);
-inline constexpr int kMostRowPixels = 512;
+inline constexpr int kMaxRowPixels = 512;
 
 // What a cell's pixels are and what their neighbourhoods say; `neighbourhood` points into a plane of `stride`
 // floats a row that has kde::kLightReach rows and columns around the cell.

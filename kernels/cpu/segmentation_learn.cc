@@ -18,7 +18,7 @@ constexpr int kMinNoisePictures = 5;  // from which on the noise is measured
 // Grey levels are whole numbers: spreading each difference over its bin, in parts, gives the median the
 // fraction that the mean has. Differences beyond the largest mean the largest bandwidth anyway, and so a key
 // fits a byte.
-constexpr int kParts = 8, kLargestDifference = 31;
+constexpr int kParts = 8, kMaxDifference = 31;
 
 // Bandwidth scales by the median's key.
 std::array<std::uint8_t, 256> scale_of_median(float min_bandwidth) {
@@ -59,8 +59,7 @@ void median_step(const PixelHistory& history, std::uint8_t* keys, std::uint8_t* 
         std::uint8_t* key = keys + i * kCellPixels;
         for (int x = 0; x < kCellPixels; ++x) {
             const int difference = std::max(value[x], next[x]) - std::min(value[x], next[x]);
-            key[x] =
-                static_cast<std::uint8_t>(std::min(difference, kLargestDifference) * kParts + i % kParts);
+            key[x] = static_cast<std::uint8_t>(std::min(difference, kMaxDifference) * kParts + i % kParts);
         }
     }
     std::memset(median, 0, kCellPixels);

@@ -88,7 +88,7 @@ KINEVOX_INLINE bool any_of(Rows rows) {
 
 // The lines are those of fill_line().
 KINEVOX_INLINE void find_body(const VoxelVolume& volume, const BrickGrid& grid, int brick, int reach,
-                              int least_lines, std::uint64_t* filled) {
+                              int min_lines, std::uint64_t* filled) {
     static_assert(kFillLines == 7);
     const Brick& centre = volume.bricks[brick];
     Around around;
@@ -105,31 +105,31 @@ KINEVOX_INLINE void find_body(const VoxelVolume& volume, const BrickGrid& grid, 
         lines.add(between<0, 1, 0>(around, k, reach));
         lines.add(between<0, 0, 1>(around, k, reach));
         // The four diagonals to come cannot make up for more.
-        if (least_lines > 4 && !any_of(lines.at_least(least_lines - 4) & empty)) continue;
+        if (min_lines > 4 && !any_of(lines.at_least(min_lines - 4) & empty)) continue;
         lines.add(between<1, 1, 1>(around, k, diagonal));
         lines.add(between<1, -1, 1>(around, k, diagonal));
         lines.add(between<1, 1, -1>(around, k, diagonal));
         lines.add(between<1, -1, -1>(around, k, diagonal));
-        const Bytes slice = __builtin_convertvector((lines.at_least(least_lines) & empty) >> 8, Bytes);
+        const Bytes slice = __builtin_convertvector((lines.at_least(min_lines) & empty) >> 8, Bytes);
         std::memcpy(&filled[k], &slice, sizeof(slice));
     }
 }
 
-void find_plain(const VoxelVolume& volume, const BrickGrid& grid, int brick, int reach, int least_lines,
+void find_plain(const VoxelVolume& volume, const BrickGrid& grid, int brick, int reach, int min_lines,
                 std::uint64_t* filled) {
-    find_body(volume, grid, brick, reach, least_lines, filled);
+    find_body(volume, grid, brick, reach, min_lines, filled);
 }
 
 #ifdef KINEVOX_HAVE_AVX2_FORM
 KINEVOX_AVX2 void find_avx2(const VoxelVolume& volume, const BrickGrid& grid, int brick, int reach,
-                            int least_lines, std::uint64_t* filled) {
-    find_body(volume, grid, brick, reach, least_lines, filled);
+                            int min_lines, std::uint64_t* filled) {
+    find_body(volume, grid, brick, reach, min_lines, filled);
 }
 #endif
 
 }  // namespace
 
-std::int64_t HoleFiller::fill(VoxelVolume& volume, float reach_m, int least_lines) {
+std::int64_t HoleFiller::fill(VoxelVolume& volume, float reach_m, int min_lines) {
     const int bricks = static_cast<int>(volume.bricks.size()),
               reach = fill_reach_of(reach_m, volume.lattice.voxel_m);
     if (bricks == 0 || reach < 1) return 0;
@@ -141,7 +141,7 @@ std::int64_t HoleFiller::fill(VoxelVolume& volume, float reach_m, int least_line
     filled_.resize(static_cast<std::size_t>(bricks) * kBrickEdge);
     parallel_for(0, bricks, kBricksPerTask, [&](int first, int last) {
         for (int n = first; n < last; ++n) {
-            find(volume, grid_, n, reach, least_lines,
+            find(volume, grid_, n, reach, min_lines,
                  filled_.data() + static_cast<std::size_t>(n) * kBrickEdge);
         }
     });

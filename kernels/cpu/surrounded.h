@@ -12,9 +12,9 @@ namespace kinevox::kernels {
 class HoleFiller {
   public:
     // Fills the empty voxels of the volume's bricks that have an occupied voxel within `reach_m` on both
-    // sides along at least `least_lines` of the kFillLines lines through them; all from the volume as it was.
+    // sides along at least `min_lines` of the kFillLines lines through them; all from the volume as it was.
     // Returns how many.
-    std::int64_t fill(VoxelVolume& volume, float reach_m, int least_lines);
+    std::int64_t fill(VoxelVolume& volume, float reach_m, int min_lines);
 
   private:
     BrickGrid grid_;

@@ -55,8 +55,8 @@ struct Rules {
     float voxel_m = 0;
     bool by_colour = false;  // colours carve
     float keep_on_ray_m = 0;
-    int support_radius = 0;  // voxels
-    int least_support = 0;   // 0: no rounding
+    int support_radius = 0;     // voxels
+    int min_support_count = 0;  // 0: no rounding
 };
 
 struct ViewSet {
@@ -146,8 +146,8 @@ __global__ void mark_voxels(const Brick* bricks, BrickTable table, SurfaceList s
     for (int n = first + thread; n < last; n += kMarkThreads) {
         const SurfaceVoxel& voxel = surface.voxels[n];
         const int bit = voxel.bit;
-        const bool thin =
-            rules.least_support > 0 && count_support(around, bit, rules.support_radius) < rules.least_support;
+        const bool thin = rules.min_support_count > 0 &&
+                          count_support(around, bit, rules.support_radius) < rules.min_support_count;
         if (can_spare(set, n, rules) && (thin || colours_disagree(set, voxel, n, rules))) {
             atomicOr(&marked[bit / 32], 1u << (bit % 32));
         }
@@ -286,7 +286,8 @@ class CudaVoxelColourer final : public VoxelColourer {
             std::clamp(static_cast<int>(std::lround((options_.support_edge_m / lattice.voxel_m - 1) / 2)), 1,
                        kMaxSupportRadius);
         const int edge = 2 * rules.support_radius + 1;
-        rules.least_support = static_cast<int>(options_.min_support * static_cast<float>(edge * edge * edge));
+        rules.min_support_count =
+            static_cast<int>(options_.min_support * static_cast<float>(edge * edge * edge));
         const int bricks = volume_.brick_count();
         DeviceBuffer<std::uint32_t>&marks = marks_[round % 2], &last_marks = marks_[(round + 1) % 2];
         marks.resize(static_cast<std::size_t>(bricks) * kWords);

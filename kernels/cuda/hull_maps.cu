@@ -114,7 +114,7 @@ const HullMaps* HullMapMaker::make(const Stream& stream, std::span<const Silhoue
     const int count = static_cast<int>(views.size());
     views_.resize(count);
     maps_.resize(count);
-    std::size_t mask_bytes = 0, cells = 0, misses = 0, most_cells = 0, most_misses = 0;
+    std::size_t mask_bytes = 0, cells = 0, misses = 0, max_cells = 0, max_misses = 0;
     for (int n = 0; n < count; ++n) {
         MapsOfView& view = views_[n];
         view = {};
@@ -131,7 +131,7 @@ const HullMaps* HullMapMaker::make(const Stream& stream, std::span<const Silhoue
         const auto misses_here = static_cast<std::size_t>(maps.miss_width) * maps.miss_height;
         mask_bytes += static_cast<std::size_t>(view.mask_box.width()) * view.mask_box.height();
         cells += cells_here, misses += misses_here;
-        most_cells = std::max(most_cells, cells_here), most_misses = std::max(most_misses, misses_here);
+        max_cells = std::max(max_cells, cells_here), max_misses = std::max(max_misses, misses_here);
     }
     masks_.resize(mask_bytes);
     device_masks_.resize(mask_bytes);
@@ -161,11 +161,11 @@ const HullMaps* HullMapMaker::make(const Stream& stream, std::span<const Silhoue
     upload(stream, device_views_, views_);
     upload(stream, device_maps_, maps_);
     const MapsOfView* device = device_views_.data();
-    classify_cells<<<blocks(most_cells, count), kThreads, 0, stream.get()>>>(device);
-    cell_rows<<<blocks(most_cells, count), kThreads, 0, stream.get()>>>(device);
-    cell_columns<<<blocks(most_cells, count), kThreads, 0, stream.get()>>>(device);
-    miss_rows<<<blocks(most_misses, count), kThreads, 0, stream.get()>>>(device);
-    miss_columns<<<blocks(most_misses, count), kThreads, 0, stream.get()>>>(device);
+    classify_cells<<<blocks(max_cells, count), kThreads, 0, stream.get()>>>(device);
+    cell_rows<<<blocks(max_cells, count), kThreads, 0, stream.get()>>>(device);
+    cell_columns<<<blocks(max_cells, count), kThreads, 0, stream.get()>>>(device);
+    miss_rows<<<blocks(max_misses, count), kThreads, 0, stream.get()>>>(device);
+    miss_columns<<<blocks(max_misses, count), kThreads, 0, stream.get()>>>(device);
     KINEVOX_CUDA_CHECK(cudaGetLastError());
     return device_maps_.data();
 }

@@ -222,15 +222,15 @@ void DeviceViews::frame(const Stream& stream, std::span<const ColouringView> vie
     }
     find_cells(stream, lattice, volume);
     place_pictures(stream, views);
-    if (most_cells_ == 0) return;
-    std::size_t most_with_rim = 0;
+    if (max_cells_ == 0) return;
+    std::size_t max_with_rim = 0;
     for (int n = 0; n < count(); ++n) {
-        most_with_rim =
-            std::max(most_with_rim, static_cast<std::size_t>(views_[n].width + 2) * (views_[n].height + 2));
+        max_with_rim =
+            std::max(max_with_rim, static_cast<std::size_t>(views_[n].width + 2) * (views_[n].height + 2));
     }
-    cell_means<<<blocks(most_with_rim, count()), kThreads, 0, stream.get()>>>(device_views_.data());
-    cell_colours<<<blocks(most_cells_, count()), kThreads, 0, stream.get()>>>(device_views_.data(),
-                                                                              max_deviation, noise_grey);
+    cell_means<<<blocks(max_with_rim, count()), kThreads, 0, stream.get()>>>(device_views_.data());
+    cell_colours<<<blocks(max_cells_, count()), kThreads, 0, stream.get()>>>(device_views_.data(),
+                                                                             max_deviation, noise_grey);
     KINEVOX_CUDA_CHECK(cudaGetLastError());
 }
 
@@ -271,15 +271,15 @@ void DeviceViews::find_cells(const Stream& stream, const Lattice& lattice, const
 
 void DeviceViews::place_pictures(const Stream& stream, std::span<const ColouringView> views) {
     std::size_t cells = 0, rims = 0, byte_count = 0;
-    most_cells_ = most_px_ = 0;
+    max_cells_ = max_px_ = 0;
     for (int n = 0; n < count(); ++n) {
         ViewOnDevice& view = views_[n];
         const Projector& c = view.camera;
         const std::size_t here = static_cast<std::size_t>(view.width) * view.height;
         cells += here;
         rims += static_cast<std::size_t>(view.width + 2) * (view.height + 2);
-        most_cells_ = std::max(most_cells_, here);
-        most_px_ = std::max(most_px_, static_cast<std::size_t>(c.width) * c.height);
+        max_cells_ = std::max(max_cells_, here);
+        max_px_ = std::max(max_px_, static_cast<std::size_t>(c.width) * c.height);
         if (views[n].picture.data && here > 0) {
             view.channels = views[n].picture.channels;
             view.picture_box = {std::max(view.cells.x0 - 1, 0) << view.shift,
@@ -336,27 +336,27 @@ void DeviceViews::place_pictures(const Stream& stream, std::span<const Colouring
 void DeviceViews::look(const Stream& stream, const Lattice& lattice, const SurfaceList& surface) {
     cells_.resize(static_cast<std::size_t>(count()) * surface.count);
     voxel_cells_ = {cells_.data(), surface.count};
-    clear_depth<<<blocks(std::max<std::size_t>(most_cells_, 1), count()), kThreads, 0, stream.get()>>>(
+    clear_depth<<<blocks(std::max<std::size_t>(max_cells_, 1), count()), kThreads, 0, stream.get()>>>(
         device_views_.data());
     if (surface.count > 0) {
         splat<<<blocks(surface.count, count()), kThreads, 0, stream.get()>>>(device_views_.data(), lattice,
                                                                              surface, voxel_cells_);
     }
-    if (surface.count > 0 && most_cells_ > 0) {
-        widen_rows<<<blocks(most_cells_, count()), kThreads, 0, stream.get()>>>(device_views_.data(),
-                                                                                lattice.voxel_m);
-        widen_columns<<<blocks(most_cells_, count()), kThreads, 0, stream.get()>>>(device_views_.data(),
-                                                                                   lattice.voxel_m);
+    if (surface.count > 0 && max_cells_ > 0) {
+        widen_rows<<<blocks(max_cells_, count()), kThreads, 0, stream.get()>>>(device_views_.data(),
+                                                                               lattice.voxel_m);
+        widen_columns<<<blocks(max_cells_, count()), kThreads, 0, stream.get()>>>(device_views_.data(),
+                                                                                  lattice.voxel_m);
     }
     KINEVOX_CUDA_CHECK(cudaGetLastError());
 }
 
 std::vector<float> DeviceViews::agreement(const Stream& stream, float voxel_m) {
     fill_bytes(stream, counts_.data(), 0, counts_.size());
-    count_mask<<<blocks(most_px_, count()), kThreads, 0, stream.get()>>>(device_views_.data());
-    if (most_cells_ > 0) {
-        count_projection<<<blocks(most_cells_, count()), kThreads, 0, stream.get()>>>(device_views_.data(),
-                                                                                      voxel_m);
+    count_mask<<<blocks(max_px_, count()), kThreads, 0, stream.get()>>>(device_views_.data());
+    if (max_cells_ > 0) {
+        count_projection<<<blocks(max_cells_, count()), kThreads, 0, stream.get()>>>(device_views_.data(),
+                                                                                     voxel_m);
     }
     KINEVOX_CUDA_CHECK(cudaGetLastError());
     host_sums_.resize(counts_.size());

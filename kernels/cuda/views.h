@@ -80,7 +80,7 @@ class DeviceViews {
     DeviceBuffer<VoxelCell> cells_;
     DeviceBuffer<unsigned long long> counts_;
     VoxelCells voxel_cells_;
-    std::size_t most_cells_ = 0, most_px_ = 0;
+    std::size_t max_cells_ = 0, max_px_ = 0;
 };
 
 }  // namespace kinevox::kernels::cuda

@@ -117,7 +117,7 @@ TEST(NearestCapsules, OfARayDoNotDependOnItsNeighbours) {
 TEST(NearestCapsules, WithoutABodyThereIsNone) {
     std::mt19937 random(3);
     const float origin[3] = {0, 5, 1};
-    const auto body = some_body(random, kMostCapsules + 1);
+    const auto body = some_body(random, kMaxCapsules + 1);
     const Rays rays = rays_at(body, origin, 20, random);
     std::vector<float> distance(20);
     std::vector<int> nearest(20);

@@ -29,9 +29,9 @@ using google::protobuf::Message;
 using nlohmann::json;
 using nlohmann::ordered_json;
 
-constexpr std::size_t kMostQueued = 4096;
+constexpr std::size_t kMaxQueued = 4096;
 constexpr int kRefusedPerSecond = 5;
-constexpr std::size_t kLongestText = 200;
+constexpr std::size_t kMaxText = 200;
 
 std::string now_utc() {
     return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", absl::Now(), absl::UTCTimeZone());
@@ -43,9 +43,8 @@ std::string dump(const ordered_json& line) {
 }
 
 std::string cut(const std::string& text) {
-    return text.size() <= kLongestText
-               ? text
-               : fmt::format("{}... {} bytes", text.substr(0, kLongestText), text.size());
+    return text.size() <= kMaxText ? text
+                                   : fmt::format("{}... {} bytes", text.substr(0, kMaxText), text.size());
 }
 
 ordered_json to_json(const Message& message, int depth);
@@ -97,7 +96,7 @@ ordered_json value_of(const Message& message, const FieldDescriptor* field, int 
 }
 
 ordered_json to_json(const Message& message, int depth) {
-    constexpr int kDeepest = 3, kMostElements = 16;
+    constexpr int kDeepest = 3, kMaxElements = 16;
     if (depth > kDeepest) return "...";
     ordered_json out = ordered_json::object();
     std::vector<const FieldDescriptor*> fields;
@@ -110,9 +109,9 @@ ordered_json to_json(const Message& message, int depth) {
         }
         const int size = message.GetReflection()->FieldSize(message, field);
         ordered_json values = ordered_json::array();
-        for (int i = 0; i < std::min(size, kMostElements); ++i)
+        for (int i = 0; i < std::min(size, kMaxElements); ++i)
             values.push_back(value_of(message, field, i, depth));
-        if (size > kMostElements) values.push_back(fmt::format("... {} in all", size));
+        if (size > kMaxElements) values.push_back(fmt::format("... {} in all", size));
         out[field->name()] = std::move(values);
     }
     return out;
@@ -168,7 +167,7 @@ struct AuditLog::Parts {
     std::thread thread;
 
     void put(std::string line) {  // mutex held
-        if (queue.size() >= kMostQueued) {
+        if (queue.size() >= kMaxQueued) {
             ++lost;
             return;
         }

@@ -20,7 +20,7 @@ namespace kinevox {
 namespace {
 
 constexpr const char* kTime = "%Y-%m-%dT%H:%M:%SZ";
-constexpr std::size_t kMostTokens = 1000;  // each call is compared with all of them
+constexpr std::size_t kMaxTokens = 1000;  // each call is compared with all of them
 
 bool good_name(std::string_view name) {
     return !name.empty() && name.size() <= 64 && std::ranges::all_of(name, [](unsigned char c) {
@@ -108,9 +108,9 @@ absl::StatusOr<std::vector<Token>> parse_tokens(const std::string& text, const s
     std::vector<Token> tokens;
     for (const TomlTable& table : (*document)->root().tables("token")) tokens.push_back(read_token(table));
     if (absl::Status status = (*document)->finish(); !status.ok()) return status;
-    if (tokens.size() > kMostTokens)
+    if (tokens.size() > kMaxTokens)
         return absl::InvalidArgumentError(fmt::format("{}: has {} tokens, more than {}; take out old ones",
-                                                      name_for_errors, tokens.size(), kMostTokens));
+                                                      name_for_errors, tokens.size(), kMaxTokens));
     return tokens;
 }
 
@@ -135,7 +135,7 @@ absl::StatusOr<std::string> create_token(const std::filesystem::path& file, cons
                 "{} has a valid token of that name; kinevox token revoke {}, or give another name",
                 file.string(), wanted.name));
     std::erase_if(*tokens, [&](const Token& token) { return token.name == wanted.name; });
-    if (tokens->size() >= kMostTokens)
+    if (tokens->size() >= kMaxTokens)
         return absl::ResourceExhaustedError(fmt::format(
             "{} has {} tokens, as many as it may; take out old ones", file.string(), tokens->size()));
     auto secret = make_secret();

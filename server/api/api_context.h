@@ -71,7 +71,7 @@ struct ApiContext {
     std::size_t lossless_max_bytes = std::size_t{32} << 20;
     int preview_width_px = 320;     // where a subscriber asks for no size
     int preview_jpeg_quality = 80;  // where a subscriber asks for none
-    double longest_rate_hz = 1000;
+    double max_stream_rate_hz = 1000;
 };
 
 }  // namespace kinevox

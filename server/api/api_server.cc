@@ -70,7 +70,7 @@ struct ApiServer::Parts {
                                    static_cast<int>(options.handshake_timeout.count()));
         builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, 600'000);
         builder.AddChannelArgument(GRPC_ARG_ENABLE_CHANNELZ, 0);  // nobody can ask for its figures
-        builder.SetMaxReceiveMessageSize(options.longest_request_bytes);
+        builder.SetMaxReceiveMessageSize(options.max_request_bytes);
         if (!address.empty())
             builder.AddListeningPort(address, guarded_credentials(options.identity, guard), &port);
         server = builder.BuildAndStart();

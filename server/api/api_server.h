@@ -18,8 +18,8 @@ class Channel;
 namespace kinevox {
 
 struct ApiServerOptions {
-    std::optional<ServerIdentity> identity;              // none: nothing is encrypted
-    int longest_request_bytes = (32 << 20) + (1 << 10);  // requests are small, but for a BVH file
+    std::optional<ServerIdentity> identity;          // none: nothing is encrypted
+    int max_request_bytes = (32 << 20) + (1 << 10);  // requests are small, but for a BVH file
     // Until a new connection has shaken hands, TLS and HTTP/2; then it is closed.
     std::chrono::milliseconds handshake_timeout{10'000};
 };

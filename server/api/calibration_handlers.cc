@@ -13,8 +13,8 @@
 namespace kinevox {
 namespace {
 
-constexpr std::size_t kLongestNote = 200;
-constexpr std::size_t kLongestText = 1 << 20;
+constexpr std::size_t kMaxNote = 200;
+constexpr std::size_t kMaxText = 1 << 20;
 
 void tell(const ApiContext& api, std::string message) {
     api.hub.publish_event({EventKind::kCalibration, 0, 0, {}, std::move(message)}, utc_now_ns());
@@ -25,9 +25,9 @@ absl::Status use_control(const ApiContext& api, const std::string& lease_id) {
 }
 
 absl::Status check_note(const std::string& note) {
-    if (note.size() > kLongestNote)
+    if (note.size() > kMaxNote)
         return absl::InvalidArgumentError(
-            fmt::format("the note has {} bytes; {} at most are allowed", note.size(), kLongestNote));
+            fmt::format("the note has {} bytes; {} at most are allowed", note.size(), kMaxNote));
     if (std::ranges::any_of(note, [](unsigned char c) { return c < 0x20 || c == 0x7f; }))
         return absl::InvalidArgumentError(
             "the note holds a control character; write one line of printable ones");
@@ -368,9 +368,9 @@ absl::Status import_calibration(const ApiContext& api, const v1::ImportCalibrati
                                 v1::ImportCalibrationResponse& response) {
     if (absl::Status control = use_control(api, request.lease_id()); !control.ok()) return control;
     if (absl::Status note = check_note(request.note()); !note.ok()) return note;
-    if (request.text().size() > kLongestText)
+    if (request.text().size() > kMaxText)
         return absl::InvalidArgumentError(fmt::format("the calibration has {} bytes; {} at most are read",
-                                                      request.text().size(), kLongestText));
+                                                      request.text().size(), kMaxText));
     const auto cameras = parse_calibration(request.text(), request.format());
     if (!cameras.ok()) return absl::InvalidArgumentError(std::string(cameras.status().message()));
     Certificate certificate;

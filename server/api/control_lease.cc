@@ -8,7 +8,7 @@
 namespace kinevox {
 namespace {
 
-constexpr std::size_t kLongestName = 100;
+constexpr std::size_t kMaxName = 100;
 
 std::string random_id() {
     std::random_device device;  // the system's own random numbers
@@ -31,16 +31,15 @@ void ControlLease::set_on_change(std::function<void()> on_change) {
 absl::StatusOr<ControlLease::Granted> ControlLease::acquire(const std::string& name,
                                                             std::chrono::milliseconds timeout,
                                                             const std::string& held_id) {
-    if (name.empty() || name.size() > kLongestName)
-        return absl::InvalidArgumentError(
-            fmt::format("the name has {} bytes; control is taken under a name of 1 to {} bytes", name.size(),
-                        kLongestName));
+    if (name.empty() || name.size() > kMaxName)
+        return absl::InvalidArgumentError(fmt::format(
+            "the name has {} bytes; control is taken under a name of 1 to {} bytes", name.size(), kMaxName));
     if (std::ranges::any_of(name, [](unsigned char c) { return c < 0x20 || c == 0x7f; }))
         return absl::InvalidArgumentError("the name holds a control character; take a printable one");
-    if (timeout.count() < 0 || timeout > options_.longest_timeout)
+    if (timeout.count() < 0 || timeout > options_.max_timeout)
         return absl::InvalidArgumentError(
             fmt::format("timeout_ms is {}; this daemon grants 1 to {} ms, or 0 for its default of {} ms",
-                        timeout.count(), options_.longest_timeout.count(), options_.default_timeout.count()));
+                        timeout.count(), options_.max_timeout.count(), options_.default_timeout.count()));
     if (timeout.count() == 0) timeout = options_.default_timeout;
     Granted granted;
     {

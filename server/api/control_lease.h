@@ -15,7 +15,7 @@ namespace kinevox {
 
 struct ControlLeaseOptions {
     std::chrono::milliseconds default_timeout{30'000};
-    std::chrono::milliseconds longest_timeout{3'600'000};
+    std::chrono::milliseconds max_timeout{3'600'000};
 };
 
 // Any thread. `on_change` is called without a lock held after the holder or the end of the lease has changed.

@@ -118,7 +118,7 @@ absl::Status get_recorder_status(const ApiContext& api, const v1::GetRecorderSta
     if (status.last) *response.mutable_last() = to_proto(*status.last);
     response.set_folder(options.folder.string());
     response.set_free_bytes(static_cast<std::int64_t>(status.free_bytes));
-    response.set_least_free_bytes(static_cast<std::int64_t>(options.least_free_bytes));
+    response.set_least_free_bytes(static_cast<std::int64_t>(options.min_free_bytes));
     response.set_queued_bytes(static_cast<std::int64_t>(status.queued_bytes));
     response.set_queue_bytes(static_cast<std::int64_t>(options.queue_bytes));
     response.set_codec(codec_to_proto(name_of(options.codec)));

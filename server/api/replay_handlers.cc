@@ -16,7 +16,7 @@
 namespace kinevox {
 namespace {
 
-constexpr std::size_t kMostNames = 12;  // of recordings, in a message
+constexpr std::size_t kMaxNames = 12;  // of recordings, in a message
 
 void fill(const ApiContext& api, v1::Replay& out) {
     const ReplayStatus status = api.replay->status();
@@ -52,7 +52,7 @@ absl::StatusOr<std::filesystem::path> session_to_open(const ApiContext& api, con
     if (const auto file = recording_session_file(folder, session); file.ok()) return file;
     std::vector<std::string> names;
     for (const RecordingInfo& info : list_recordings(folder)) names.push_back(info.name);
-    const std::size_t left_out = names.size() - std::min(names.size(), kMostNames);
+    const std::size_t left_out = names.size() - std::min(names.size(), kMaxNames);
     names.erase(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(left_out));
     if (left_out > 0) names.insert(names.begin(), fmt::format("{} older ones", left_out));
     return absl::NotFoundError(

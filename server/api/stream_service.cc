@@ -42,16 +42,16 @@ absl::StatusOr<Request> parse(const grpc::ByteBuffer& bytes) {
 // A slower one has a period that no clock holds.
 constexpr double kSlowestRate_hz = 0.001;
 
-absl::Status check_rate(double rate_hz, double longest_hz) {
-    if (rate_hz == 0 || (rate_hz >= kSlowestRate_hz && rate_hz <= longest_hz)) return absl::OkStatus();
+absl::Status check_rate(double rate_hz, double max_hz) {
+    if (rate_hz == 0 || (rate_hz >= kSlowestRate_hz && rate_hz <= max_hz)) return absl::OkStatus();
     return absl::InvalidArgumentError(fmt::format(
         "max_rate_hz is {}; it is {} to {} messages a second, or 0, which leaves the choice to the daemon",
-        rate_hz, kSlowestRate_hz, longest_hz));
+        rate_hz, kSlowestRate_hz, max_hz));
 }
 
 // What streams of volumes and poses have in common.
 template <typename Request>
-absl::Status check_delivery(const Request& request, double longest_hz) {
+absl::Status check_delivery(const Request& request, double max_hz) {
     if (!v1::Delivery_IsValid(request.delivery()))
         return absl::InvalidArgumentError(fmt::format(
             "delivery {} is not known; take LATEST_ONLY or LOSSLESS", static_cast<int>(request.delivery())));
@@ -59,7 +59,7 @@ absl::Status check_delivery(const Request& request, double longest_hz) {
         return absl::InvalidArgumentError(
             "a lossless stream goes without a rate limit; leave max_rate_hz 0 or take "
             "LATEST_ONLY");
-    return check_rate(request.max_rate_hz(), longest_hz);
+    return check_rate(request.max_rate_hz(), max_hz);
 }
 
 template <typename Request>
@@ -73,14 +73,14 @@ StreamPace pace(const Request& request) {
     return {request.max_rate_hz(), request.delivery() != v1::DELIVERY_LOSSLESS};
 }
 
-absl::Status check(const v1::StreamVolumesRequest& request, double longest_hz) {
+absl::Status check(const v1::StreamVolumesRequest& request, double max_hz) {
     if (request.has_max_voxel_m() && !(std::isfinite(request.max_voxel_m()) && request.max_voxel_m() > 0))
         return absl::InvalidArgumentError(
             fmt::format("max_voxel_m is {}; it is an edge in metres, more than 0", request.max_voxel_m()));
-    if (request.has_level() && (request.level() < 0 || request.level() > kMostLevels))
+    if (request.has_level() && (request.level() < 0 || request.level() > kMaxLevels))
         return absl::InvalidArgumentError(
-            fmt::format("level is {}; it is 0 (full resolution) to {}", request.level(), kMostLevels));
-    return check_delivery(request, longest_hz);
+            fmt::format("level is {}; it is 0 (full resolution) to {}", request.level(), kMaxLevels));
+    return check_delivery(request, max_hz);
 }
 
 // What the guard could not know before the request was read: pictures are for fewer roles than silhouettes.
@@ -116,7 +116,7 @@ absl::StatusOr<PreviewForm> preview_form(const v1::StreamPreviewsRequest& reques
         return absl::InvalidArgumentError(fmt::format(
             "jpeg_quality is {}; it is 1 to 100, or 0 for the daemon's default", request.jpeg_quality()));
     form.jpeg_quality = request.jpeg_quality() ? request.jpeg_quality() : api.preview_jpeg_quality;
-    if (const absl::Status rate = check_rate(request.max_rate_hz(), api.longest_rate_hz); !rate.ok())
+    if (const absl::Status rate = check_rate(request.max_rate_hz(), api.max_stream_rate_hz); !rate.ok())
         return rate;
     return form;
 }
@@ -126,7 +126,7 @@ absl::StatusOr<PreviewForm> preview_form(const v1::StreamPreviewsRequest& reques
 int level_for(double voxel_m, double max_voxel_m) {
     int level = 0;
     // A hair of tolerance: 0.01 asked for as 0.02 / 2 in other people's arithmetic still means 0.01.
-    while (level < kMostLevels && std::ldexp(voxel_m, level + 1) <= max_voxel_m * (1 + 1e-6)) ++level;
+    while (level < kMaxLevels && std::ldexp(voxel_m, level + 1) <= max_voxel_m * (1 + 1e-6)) ++level;
     return level;
 }
 
@@ -134,7 +134,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamVolumes(
     grpc::CallbackServerContext* context, const grpc::ByteBuffer* bytes) {
     const auto request = parse<v1::StreamVolumesRequest>(*bytes);
     if (!request.ok()) return VolumeReactor::refuse(api_, to_grpc(request.status()));
-    if (const absl::Status bad = check(*request, api_.longest_rate_hz); !bad.ok())
+    if (const absl::Status bad = check(*request, api_.max_stream_rate_hz); !bad.ok())
         return VolumeReactor::refuse(api_, to_grpc(bad));
     const MailboxOptions options = mailbox_options(*request, api_);
     return VolumeReactor::run(
@@ -156,7 +156,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPoses(
     grpc::CallbackServerContext* context, const grpc::ByteBuffer* bytes) {
     const auto request = parse<v1::StreamPosesRequest>(*bytes);
     if (!request.ok()) return PoseReactor::refuse(api_, to_grpc(request.status()));
-    if (const absl::Status bad = check_delivery(*request, api_.longest_rate_hz); !bad.ok())
+    if (const absl::Status bad = check_delivery(*request, api_.max_stream_rate_hz); !bad.ok())
         return PoseReactor::refuse(api_, to_grpc(bad));
     return PoseReactor::run(
         api_, context, pace(*request),

@@ -17,7 +17,7 @@
 namespace kinevox {
 namespace {
 
-constexpr std::size_t kFewestCorners = 6;
+constexpr std::size_t kMinCorners = 6;
 
 // Twice the signed area of a triangle; positive where a, b, c turn clockwise on the screen (y down).
 double turn(cv::Point2f a, cv::Point2f b, cv::Point2f c) {
@@ -67,7 +67,7 @@ class OpenCvDetector final : public BoardDetector {
         if (!sighting.found() && board_.kind != BoardKind::kCheckerboard) {
             cv::Mat mirror;
             cv::flip(grey, mirror, 1);
-            sighting.mirrored_picture = detect_in(mirror).corners.size() >= 2 * kFewestCorners;
+            sighting.mirrored_picture = detect_in(mirror).corners.size() >= 2 * kMinCorners;
             sighting.corners.clear();
         }
         if (sighting.found()) sighting.edge_px = edge_width_px(grey, sighting.corners, points_);
@@ -92,8 +92,7 @@ class OpenCvDetector final : public BoardDetector {
                 sighting.corners = april_grid(grey);
                 break;
         }
-        if (sighting.corners.size() < kFewestCorners || on_one_line(sighting.corners))
-            sighting.corners.clear();
+        if (sighting.corners.size() < kMinCorners || on_one_line(sighting.corners)) sighting.corners.clear();
         return sighting;
     }
 
@@ -150,8 +149,7 @@ class OpenCvDetector final : public BoardDetector {
         std::vector<cv::Point2f> found;
         cv::aruco::interpolateCornersCharuco(outlines, markers, grey, charuco_, found, ids);
         // OpenCV's own search looks as far as the markers' corners, which lead it astray.
-        if (found.size() >= kFewestCorners)
-            refine(grey, found, 0.5 * (1 - board_.marker_m / board_.square_m));
+        if (found.size() >= kMinCorners) refine(grey, found, 0.5 * (1 - board_.marker_m / board_.square_m));
         // OpenCV 4.6 counts rows from the top of the print, ours from below.
         const int columns = board_.columns - 1, rows = board_.rows - 1;
         std::vector<Corner> corners;

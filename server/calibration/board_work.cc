@@ -17,7 +17,7 @@ class BoardWork final : public PlaceWork {
         : PlaceWork(std::move(cameras), std::move(chosen)),
           board_(board),
           detector_(std::move(detector)),
-          most_edge_px_(options.most_edge_px),
+          max_edge_px_(options.max_edge_px),
           procedure_(lenses_, board, options) {}
 
     absl::Status check_taking(Taking what) const override {
@@ -101,7 +101,7 @@ class BoardWork final : public PlaceWork {
                                "the picture is a mirror image: switch the camera's mirroring off"),
                    false;
         if (!sighting.found()) return reject_view(seen, "not found", ""), false;
-        if (sighting.edge_px > most_edge_px_)
+        if (sighting.edge_px > max_edge_px_)
             return reject_view(seen, "blurred",
                                fmt::format("blurred: edges are {:.1f} px wide", sighting.edge_px)),
                    false;
@@ -113,7 +113,7 @@ class BoardWork final : public PlaceWork {
 
     BoardSpec board_;
     std::unique_ptr<BoardDetector> detector_;
-    double most_edge_px_;
+    double max_edge_px_;
     ExtrinsicsProcedure procedure_;
     std::vector<int> lying_;  // moments
 };

@@ -202,7 +202,7 @@ absl::Status solve_bundle(Bundle& bundle, const BundleOptions& options, BundleRe
     ceres::Solver::Options solver;
     solver.linear_solver_type = ceres::DENSE_SCHUR;
     solver.linear_solver_ordering = ordering;
-    solver.max_num_iterations = options.most_iterations;
+    solver.max_num_iterations = options.max_iterations;
     solver.function_tolerance = 1e-9;
     // The turn of a wand about itself is seen by nobody: some damping always remains, or nothing could be
     // solved.
@@ -210,7 +210,7 @@ absl::Status solve_bundle(Bundle& bundle, const BundleOptions& options, BundleRe
     solver.max_trust_region_radius = 1e6;
     solver.num_threads = options.threads;
     solver.logging_type = ceres::SILENT;
-    ProgressCallback callback(progress, options.most_iterations);
+    ProgressCallback callback(progress, options.max_iterations);
     solver.callbacks.push_back(&callback);
     ceres::Solver::Summary summary;
     ceres::Solve(solver, &problem, &summary);

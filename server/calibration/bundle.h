@@ -37,7 +37,7 @@ struct BundleOptions {
     bool free_delays = false;     // Bundle::delay is solved too
     bool fixed_cameras = false;   // only the thing's poses are solved
     bool fixed_turns = false;     // the thing is a point that has no attitude
-    int most_iterations = 100;
+    int max_iterations = 100;
     int threads = 2;
 };
 

@@ -139,7 +139,7 @@ absl::StatusOr<std::string> CalibrationStore::add(const std::vector<Camera>& cam
     if (absl::Status there = check_folder(); !there.ok()) return there;
     const std::scoped_lock lock(mutex_);
     const std::vector<int> numbers = numbers_in(folder_);
-    if (numbers.size() >= kMostCalibrations)
+    if (numbers.size() >= kMaxCalibrations)
         return absl::ResourceExhaustedError(fmt::format(
             "{} calibrations are stored, which is as many as are kept; remove some that are not needed",
             numbers.size()));
@@ -280,7 +280,7 @@ absl::Status CalibrationStore::apply(const std::string& id) {
     std::vector<std::string> ids = read_applied();
     if (!ids.empty() && ids.back() == id) return absl::OkStatus();
     ids.push_back(id);
-    if (ids.size() > kMostUndos) ids.erase(ids.begin());
+    if (ids.size() > kMaxUndos) ids.erase(ids.begin());
     return write_applied(ids);
 }
 

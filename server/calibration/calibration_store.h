@@ -31,8 +31,8 @@ struct CalibrationListing {
 // Any thread. Several daemons may share a folder.
 class CalibrationStore {
   public:
-    static constexpr std::size_t kMostCalibrations = 200;
-    static constexpr std::size_t kMostUndos = 20;
+    static constexpr std::size_t kMaxCalibrations = 200;
+    static constexpr std::size_t kMaxUndos = 20;
 
     // `folder` empty: nothing is stored, and what would need it is FailedPrecondition. `source` and the
     // source's own cameras tell whose calibration is in use: a source that gets other cameras, or another

@@ -11,7 +11,7 @@
 namespace kinevox {
 namespace {
 
-constexpr double kLargestPart =
+constexpr double kMaxPart =
     0.5;  // of the picture: more is no subject but what a knocked camera sees as foreground
 
 // Where the subject is in a camera's picture, px: where its volume is, or, without one, the camera's
@@ -35,8 +35,7 @@ kernels::Rect subject_box(const FrameResult& result, std::size_t c, const Camera
         box = result.silhouettes[c].bounds;
     }
     const double area = static_cast<double>(box.x1 - box.x0) * (box.y1 - box.y0);
-    const bool usable =
-        box.x0 < box.x1 && box.y0 < box.y1 && area < kLargestPart * camera.width * camera.height;
+    const bool usable = box.x0 < box.x1 && box.y0 < box.y1 && area < kMaxPart * camera.width * camera.height;
     return usable ? box : kernels::Rect{};
 }
 

@@ -35,7 +35,7 @@ absl::StatusOr<std::vector<Finding>> diagnose_together(const std::vector<Camera>
                                                        const SolveProgress& progress) {
     const absl::Status cancelled = absl::CancelledError("stopped");
     const std::size_t count = cameras.size();
-    const double side = longest_side_px(cameras);
+    const double side = max_side_px(cameras);
     const double good = options.good_miss_part * side, bad = options.bad_miss_part * side;
     const double before = silhouette_miss_px(cameras, silhouettes, options.refine);
     if (before < good)

@@ -48,7 +48,7 @@ void set_velocities(const std::vector<int>& fit_moments, const std::vector<int>&
 
 // Leaves out views that their camera's delay, and the jitter that such cameras have, shifts far: a moving
 // board is known at its moments only. Each camera keeps its stillest ones all the same.
-void drop_moving(double most_px, Bundle& fit, Bundle& held_out) {
+void drop_moving(double max_px, Bundle& fit, Bundle& held_out) {
     constexpr double kJitter = 0.1;  // of the time between two moments
     constexpr std::size_t kStillest = 10;
     double longest = 0;
@@ -65,7 +65,7 @@ void drop_moving(double most_px, Bundle& fit, Bundle& held_out) {
             double& most = shift_px[{o.camera, o.moment}];
             most = std::max(most, px);
         }
-        std::vector<double> limit(fit.cameras.size(), most_px);
+        std::vector<double> limit(fit.cameras.size(), max_px);
         for (std::size_t c = 0; c < limit.size(); ++c) {
             std::vector<double> own;
             for (const auto& [key, px] : shift_px)
@@ -93,7 +93,7 @@ ExtrinsicsProcedure::ExtrinsicsProcedure(std::vector<Camera> lenses, const Board
 void ExtrinsicsProcedure::add_observation(int moment, int camera, const BoardSighting& sighting) {
     if (sighting.mirrored_picture) ++mirrored_[camera];
     if (!sighting.found()) return;
-    if (sighting.edge_px > options_.most_edge_px) {
+    if (sighting.edge_px > options_.max_edge_px) {
         ++blurred_[camera];
         return;
     }
@@ -153,9 +153,9 @@ absl::StatusOr<ExtrinsicsResult> ExtrinsicsProcedure::solve(const SolveProgress&
     PosedViews views(lenses_, board_.points());
     for (const auto& [moment, seen] : moments_)
         for (const View& view : seen) views.add(moment, view.camera, view.corners);
-    views.thin(options_.most_moments);
+    views.thin(options_.max_moments);
     const std::vector<Finding> found_early = check_views(views);
-    views.drop_misfits(options_.most_view_rms_px);
+    views.drop_misfits(options_.max_view_rms_px);
 
     const std::vector<CameraPair> pairs = views.pairs();
     if (pairs.empty()) {
@@ -217,7 +217,7 @@ absl::StatusOr<ExtrinsicsResult> ExtrinsicsProcedure::solve(const SolveProgress&
         if (absl::Status status = solve_bundle(bundle, options, report, within); !status.ok()) return status;
         if (absl::Status status = place_held_out(bundle, options, held_out, held_report); !status.ok())
             return status;
-        if (round + 1 < rounds && round > 0) drop_moving(options_.most_shift_px, bundle, held_out);
+        if (round + 1 < rounds && round > 0) drop_moving(options_.max_shift_px, bundle, held_out);
         if (round + 1 < rounds) set_velocities(fit_moments, held_moments, bundle, held_out);
     }
     result.cameras = bundle.cameras;

@@ -17,13 +17,13 @@
 namespace kinevox {
 
 struct ExtrinsicsOptions {
-    int held_out_every = 5;       // every so many moments are kept out of the fit and measure it; 0: none
-    bool solve_delays = true;     // cameras that take their pictures a little later than others: webcams
-    double most_shift_px = 2;     // views that such a delay shifts by more are left out: hold the board still
-    bool refine_lenses = false;   // the lenses may move a little too; for lenses fitted from few views
-    double most_edge_px = 8;      // blurrier views are left out
-    double most_view_rms_px = 4;  // views whose own pose misses by more are left out
-    int most_moments = 500;       // evenly taken from more
+    int held_out_every = 5;      // every so many moments are kept out of the fit and measure it; 0: none
+    bool solve_delays = true;    // cameras that take their pictures a little later than others: webcams
+    double max_shift_px = 2;     // views that such a delay shifts by more are left out: hold the board still
+    bool refine_lenses = false;  // the lenses may move a little too; for lenses fitted from few views
+    double max_edge_px = 8;      // blurrier views are left out
+    double max_view_rms_px = 4;  // views whose own pose misses by more are left out
+    int max_moments = 500;       // evenly taken from more
     double robust_px = 1.0;
     int threads = 2;
 };

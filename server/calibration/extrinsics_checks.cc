@@ -37,7 +37,7 @@ Bundle some_moments(const Bundle& bundle, int most) {
 // Root mean square error after a solve, outliers counted as 30 px.
 double solved_px(Bundle& bundle) {
     BundleOptions options;
-    options.most_iterations = 60;
+    options.max_iterations = 60;
     options.robust_px = 20;  // wide, so that a wrong start is left
     BundleReport report;
     if (!solve_bundle(bundle, options, report).ok()) return 1e9;

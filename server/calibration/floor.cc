@@ -16,7 +16,7 @@
 namespace kinevox {
 namespace {
 
-constexpr double kLeastTriangle_m = 0.05;  // the height of the triangle that three points span, at least
+constexpr double kMinTriangle_m = 0.05;  // the height of the triangle that three points span, at least
 constexpr double kGoodClick_px = 3, kBadClick_px = 10;
 constexpr double kGoodScale = 0.01, kBadScale = 0.03;
 constexpr double kFlat_mm = 15;
@@ -134,14 +134,14 @@ absl::StatusOr<FloorResult> from_known(const std::vector<Camera>& cameras,
             observations.push_back({camera, 0, static_cast<int>(in_world.size()), pixel, {}, {}});
         in_world.push_back(*point.in_world);
     }
-    if (triangle_height(in_world) < kLeastTriangle_m)
+    if (triangle_height(in_world) < kMinTriangle_m)
         return absl::InvalidArgumentError("the given points lie in a line; give three or more that do not");
     // Ideas of where the world could be: from points that two cameras saw, and from each camera by itself.
     std::vector<Rigid3> ideas;
     std::vector<Vec3> from, to;
     for (const FloorPoint& point : points)
         if (const auto seen = seen_at(cameras, point)) from.push_back(*point.in_world), to.push_back(*seen);
-    if (from.size() >= 3 && triangle_height(from) >= kLeastTriangle_m)
+    if (from.size() >= 3 && triangle_height(from) >= kMinTriangle_m)
         if (const auto aligned = align_points(from, to, false)) ideas.push_back(aligned->to_from_from);
     for (std::size_t c = 0; c < cameras.size(); ++c) {
         std::vector<Vec3> known;
@@ -214,7 +214,7 @@ absl::StatusOr<FloorResult> from_unknown(const std::vector<Camera>& cameras,
                 i + 1));
         in_old.push_back(*seen);
     }
-    if (triangle_height(in_old) < kLeastTriangle_m)
+    if (triangle_height(in_old) < kMinTriangle_m)
         return absl::InvalidArgumentError("the clicked points lie in a line; give three or more that do not");
     Eigen::Matrix3Xd p(3, in_old.size());
     for (std::size_t i = 0; i < in_old.size(); ++i) p.col(i) << in_old[i].x, in_old[i].y, in_old[i].z;

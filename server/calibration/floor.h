@@ -53,7 +53,7 @@ struct FloorPersonOptions {
     double lean_std_rad = 0.05;   // of the mean direction from the feet to the body's middle, about upright
     double highest_m = 0.025;     // above the floor: no contact but a step in the air
     double deepest_m = 0.05;      // below it: no foot but a shadow
-    int most_moments = 60;
+    int max_moments = 60;
 };
 
 // From the silhouettes of a person who walks. The floor touches the lowest points of the person's hull,

@@ -16,11 +16,11 @@ namespace {
 using Vector = Eigen::Vector3d;
 
 constexpr double kStanding = 2.5;  // variance along the body over that across it: an upright body's is more
-constexpr std::size_t kFewestVoxels = 400;
+constexpr std::size_t kMinVoxels = 400;
 constexpr std::size_t kLowVoxels = 6;   // as many lie lower than what counts as the lowest point
 constexpr double kSoleHeight_m = 0.03;  // voxels this near to the lowest one tell where the foot is
 constexpr double kFeetHeight_m = 0.15;  // and so near to it the other foot
-constexpr std::size_t kFewestMoments = 6;
+constexpr std::size_t kMinMoments = 6;
 constexpr double kNotWalked_m = 0.5;
 constexpr double kNarrow_m = 0.12, kUnsure_deg = 1.0;
 
@@ -35,14 +35,14 @@ std::vector<Moment> carve_all(const std::vector<Camera>& cameras, const Silhouet
     SubjectHull hull(cameras, {});
     std::vector<Moment> out;
     const std::size_t all = silhouettes.moments.size(),
-                      used = std::min<std::size_t>(all, options.most_moments);
+                      used = std::min<std::size_t>(all, options.max_moments);
     for (std::size_t n = 0; n < used && !cancelled; ++n) {
         cancelled = progress && !progress(0.9 * n / used, "the person's hull");
         const auto& pictures = silhouettes.moments[n * all / used];
         if (!hull.carve(pictures)) continue;
         Moment moment;
         for (const Vec3 p : hull.voxels()) moment.voxels.emplace_back(p.x, p.y, p.z);
-        if (moment.voxels.size() < kFewestVoxels) continue;
+        if (moment.voxels.size() < kMinVoxels) continue;
         moment.middle.setZero();
         for (const Vector& p : moment.voxels) moment.middle += p / static_cast<double>(moment.voxels.size());
         Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
@@ -133,7 +133,7 @@ Plane fit_plane(const std::vector<Moment>& moments, Vector upright, const FloorP
             over_feet += weights.back() * (moments[i].middle - feet[i]);
         }
         softness_m = std::max(0.03, 0.6 * softness_m);
-        if (plane.contacts.size() < kFewestMoments) break;
+        if (plane.contacts.size() < kMinMoments) break;
         // Whoever does not fall has the body over the feet, on average.
         upright = over_feet.normalized();
         Vector u, v, middle = Vector::Zero();
@@ -185,8 +185,8 @@ absl::StatusOr<FloorResult> floor_from_person(const std::vector<Camera>& cameras
         absl::FailedPreconditionError(fmt::format("the person is seen whole by two cameras in {} moments; at "
                                                   "least {} are needed, and a walk through the "
                                                   "space in which no picture cuts the feet is good",
-                                                  moments.size(), kFewestMoments));
-    if (moments.size() < kFewestMoments) return nobody;
+                                                  moments.size(), kMinMoments));
+    if (moments.size() < kMinMoments) return nobody;
     const Vector picture_up = up_in_pictures(cameras);
     Vector upright = Vector::Zero();
     for (const Moment& moment : moments)
@@ -194,7 +194,7 @@ absl::StatusOr<FloorResult> floor_from_person(const std::vector<Camera>& cameras
     const bool standing = upright.norm() > 0.3 * static_cast<double>(moments.size());
     upright = standing ? Vector(upright.normalized()) : picture_up;
     const Plane plane = fit_plane(moments, upright, options);
-    if (plane.contacts.size() < kFewestMoments)
+    if (plane.contacts.size() < kMinMoments)
         return absl::FailedPreconditionError(
             "the lowest points of the person lie on no floor; record a walk, and look whether the "
             "silhouettes have whole "

@@ -12,7 +12,7 @@ namespace kinevox {
 HullAgreement hull_agreement(const std::vector<Camera>& cameras, const SilhouetteSet& silhouettes,
                              const HullAgreementOptions& options) {
     const std::size_t all = silhouettes.moments.size(),
-                      used = std::min<std::size_t>(all, options.most_moments), count = cameras.size();
+                      used = std::min<std::size_t>(all, options.max_moments), count = cameras.size();
     std::vector<std::vector<double>> iou(used, std::vector<double>(count, std::nan("")));
     oneapi::tbb::parallel_for(std::size_t{0}, used, [&](std::size_t n) {
         const auto& pictures = silhouettes.moments[n * all / used];

@@ -10,7 +10,7 @@ struct HullAgreementOptions {
     int pixels = 1500;      // of each silhouette that are asked, evenly over it
     double reach_m = 1.6;   // along each ray, from the subject's middle
     double step_m = 0.004;  // along each ray where a silhouette is near
-    int most_moments = 40;  // evenly from those given
+    int max_moments = 40;   // evenly from those given
 };
 
 // Intersection over union of each silhouette and the hull's projection into its picture, exactly, without

@@ -11,7 +11,7 @@
 namespace kinevox {
 namespace {
 
-constexpr std::size_t kFewestViews = 3;
+constexpr std::size_t kMinViews = 3;
 constexpr int kEnoughViews = 15;
 constexpr double kEnoughCoverage = 0.7;
 
@@ -99,7 +99,7 @@ IntrinsicsView IntrinsicsProcedure::add_observation(int frame, const BoardSighti
         reject(view, ViewUse::kMirrored, "the picture is a mirror image: switch the camera's mirroring off");
     else if (!sighting.found())
         reject(view, ViewUse::kNotFound, "the board was not found");
-    else if (sighting.edge_px > options_.most_edge_px)
+    else if (sighting.edge_px > options_.max_edge_px)
         reject(view, ViewUse::kBlurred, fmt::format("blurred: edges are {:.1f} px wide", sighting.edge_px));
     for (const IntrinsicsView& other : views_) {
         if (view.use != ViewUse::kSpare) break;
@@ -162,7 +162,7 @@ absl::StatusOr<IntrinsicsResult> IntrinsicsProcedure::solve(const SolveProgress&
     const double typical_px = median(edges);
     for (std::size_t v = 0; v < views_.size(); ++v)
         if (views_[v].use == ViewUse::kSpare &&
-            edges_px_[v] > std::max(3.0, options_.most_edge_ratio * typical_px))
+            edges_px_[v] > std::max(3.0, options_.max_edge_ratio * typical_px))
             reject(result.views[v], ViewUse::kBlurred,
                    fmt::format("blurred: edges are {:.1f} px wide, {:.1f} px are usual here", edges_px_[v],
                                typical_px));
@@ -177,12 +177,12 @@ absl::StatusOr<IntrinsicsResult> IntrinsicsProcedure::solve(const SolveProgress&
                 view.use = ViewUse::kSpare, view.reason.clear();
                 candidates.push_back(&view);
             }
-        if (candidates.size() < kFewestViews)
+        if (candidates.size() < kMinViews)
             return absl::FailedPreconditionError(
                 fmt::format("camera {}: the board can be used in {} of {} pictures, at least {} are "
                             "needed{}; show the whole board in "
                             "ten or more places, tilted, still and sharp",
-                            camera_, candidates.size(), views_.size(), kFewestViews,
+                            camera_, candidates.size(), views_.size(), kMinViews,
                             hints().empty() || usable() > 0 ? "" : " (" + hints().front() + ")"));
         if (round == 0 && !fit.start(candidates)) break;
         fit.measure_tilts(candidates);
@@ -190,35 +190,35 @@ absl::StatusOr<IntrinsicsResult> IntrinsicsProcedure::solve(const SolveProgress&
         // Views parallel to the picture stay only for parts of it that nothing else covers.
         Coverage covered(width_, height_);
         for (const IntrinsicsView* view : candidates)
-            if (view->tilt_deg >= options_.least_tilt_deg)
+            if (view->tilt_deg >= options_.min_tilt_deg)
                 for (const Corner& corner : view->corners) covered.add(corner.pixel);
         std::vector<IntrinsicsView*> chosen;
         for (IntrinsicsView* view : candidates) {
             std::vector<Vec2> pixels;
             for (const Corner& corner : view->corners) pixels.push_back(corner.pixel);
-            if (view->tilt_deg < options_.least_tilt_deg && !covered.is_new(pixels)) {
+            if (view->tilt_deg < options_.min_tilt_deg && !covered.is_new(pixels)) {
                 reject(*view, ViewUse::kParallel,
                        fmt::format("nearly parallel to the picture ({:.0f} degrees) and covers nothing new",
                                    view->tilt_deg));
             } else {
-                if (view->tilt_deg < options_.least_tilt_deg)
+                if (view->tilt_deg < options_.min_tilt_deg)
                     for (const Vec2 pixel : pixels) covered.add(pixel);
                 chosen.push_back(view);
             }
         }
         if (chosen.size() <
-            kFewestViews) {  // flat in all views: solved all the same, and refused with the reason
+            kMinViews) {  // flat in all views: solved all the same, and refused with the reason
             chosen = candidates;
             for (IntrinsicsView* view : candidates) reject(*view, ViewUse::kSpare, "");
         }
-        fit.select_informative(chosen, static_cast<std::size_t>(options_.most_views));
+        fit.select_informative(chosen, static_cast<std::size_t>(options_.max_views));
         if (!fit.solve(chosen, result)) break;
         std::vector<double> errors;
         for (const IntrinsicsView* view : chosen) errors.push_back(view->rms_px);
         const double limit = std::max(1.0, 3 * median(errors));
         bool all_fit = true;
         for (IntrinsicsView* view : chosen)
-            if (view->rms_px > limit && chosen.size() > kFewestViews + 1) {
+            if (view->rms_px > limit && chosen.size() > kMinViews + 1) {
                 reject(*view, ViewUse::kDoesNotFit,
                        fmt::format("misses the lens by {:.1f} px", view->rms_px));
                 all_fit = false;

@@ -16,12 +16,12 @@
 namespace kinevox {
 
 struct IntrinsicsOptions {
-    bool k3 = false;               // a third radial coefficient; for very wide lenses
-    int most_views = 40;           // the most informative ones are used
-    double most_edge_px = 6;       // views whose edges are blurred wider are rejected, and those
-    double most_edge_ratio = 2.2;  // wider than so many times the median
-    double least_tilt_deg = 6;     // a board nearer to parallel with the picture tells no focal length: it is
-                                   // rejected unless it covers a part of the picture that no other view does
+    bool k3 = false;              // a third radial coefficient; for very wide lenses
+    int max_views = 40;           // the most informative ones are used
+    double max_edge_px = 6;       // views whose edges are blurred wider are rejected, and those
+    double max_edge_ratio = 2.2;  // wider than so many times the median
+    double min_tilt_deg = 6;      // a board nearer to parallel with the picture tells no focal length: it is
+                                  // rejected unless it covers a part of the picture that no other view does
     double same_view_part =
         0.015;  // of the picture's width: views whose corners moved less than this are one view
 };

@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::size_t kStartViews = 20;
 constexpr std::size_t kEnoughToChoose = 8;  // fewer views than this are all used
-constexpr double kLeastGain = 0.1;          // of the logarithm of the determinant: 0.6 % of each deviation
+constexpr double kMinGain = 0.1;            // of the logarithm of the determinant: 0.6 % of each deviation
 constexpr double kUncertainPart = 0.015;    // of the focal length: a simpler lens is fitted then
 using Matrix9 = Eigen::Matrix<double, 9, 9>;
 
@@ -137,7 +137,7 @@ void LensFit::select_informative(std::vector<IntrinsicsView*>& views, std::size_
             const double value = 2 * root.matrixLLT().diagonal().array().log().sum();
             if (value - log_determinant > best) best = value - log_determinant, which = v;
         }
-        if (best < 0 || (chosen.size() >= kEnoughToChoose && best < kLeastGain)) break;
+        if (best < 0 || (chosen.size() >= kEnoughToChoose && best < kMinGain)) break;
         taken[which] = true;
         known += adds[which];
         log_determinant += best;

@@ -86,7 +86,7 @@ class LensWork final : public ProcedureWork {
             report.cameras.back().coverage_counts = lens.coverage.counts();
             for (std::string& hint : lens.procedure.hints()) report.hints.push_back(std::move(hint));
             report.complete = report.complete && lens.procedure.complete();
-            report.full = report.full || lens.kept >= kMostViews;
+            report.full = report.full || lens.kept >= kMaxViews;
         }
         return report;
     }
@@ -133,7 +133,7 @@ class LensWork final : public ProcedureWork {
         ++seen.pictures;
         seen.seen_last = sighting.found();
         if (!sighting.found() && !sighting.mirrored_picture) return reject_view(seen, "not found", "");
-        if (lens.kept >= kMostViews)
+        if (lens.kept >= kMaxViews)
             return reject_view(seen, "no room", "as many views are kept as can be; solve");
         ++lens.kept;
         const IntrinsicsView view = lens.procedure.add_observation(frame, sighting);

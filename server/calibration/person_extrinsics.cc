@@ -19,9 +19,9 @@
 namespace kinevox {
 namespace {
 
-constexpr std::size_t kFewestTogether = 12;  // moments
-constexpr double kTopToMiddlePart = 0.42;    // of a person's height, from the top of the head to the centre
-constexpr int kTries = 3;                    // of the first places, by landmarks drawn differently
+constexpr std::size_t kMinTogether = 12;   // moments
+constexpr double kTopToMiddlePart = 0.42;  // of a person's height, from the top of the head to the centre
+constexpr int kTries = 3;                  // of the first places, by landmarks drawn differently
 constexpr double kSureMissPart = 0.001;  // of the picture's longer side: first places that need no other try
 constexpr double kGoodMissPart = 0.002;  // more than that are not to be trusted
 constexpr double kStayed_m = 0.5, kWayLong_m = 1.5;  // over which the subject should walk
@@ -43,7 +43,7 @@ std::optional<CameraPair> join(const std::vector<Camera>& lenses, const Landmark
             in_b.push_back(on_unit_plane(lenses[b], (*moment[b])[k]));
         }
     }
-    if (in_a.size() < kPersonLandmarks * kFewestTogether) return std::nullopt;
+    if (in_a.size() < kPersonLandmarks * kMinTogether) return std::nullopt;
     cv::setRNGSeed(1 + attempt);
     cv::Mat inside, rotation, shift, points;
     const double side = std::max(lenses[a].width, lenses[a].height);
@@ -54,7 +54,7 @@ std::optional<CameraPair> join(const std::vector<Camera>& lenses, const Landmark
     if (essential.rows != 3) return std::nullopt;
     const int good = cv::recoverPose(essential, in_b, in_a, cv::Mat::eye(3, 3, CV_64F), rotation, shift, 1e3,
                                      inside, points);
-    if (good < static_cast<int>(kPersonLandmarks * kFewestTogether) / 2) return std::nullopt;
+    if (good < static_cast<int>(kPersonLandmarks * kMinTogether) / 2) return std::nullopt;
     std::vector<double> lengths;
     for (int m = 0; m + kPersonLandmarks <= points.cols; m += kPersonLandmarks) {
         const int last = m + kPersonLandmarks - 1;
@@ -66,7 +66,7 @@ std::optional<CameraPair> join(const std::vector<Camera>& lenses, const Landmark
         };
         lengths.push_back(norm(at(m) - at(last)));
     }
-    if (lengths.size() < kFewestTogether / 2) return std::nullopt;
+    if (lengths.size() < kMinTogether / 2) return std::nullopt;
     const double length = median_of(lengths);
     if (!(length > 0)) return std::nullopt;
     CameraPair pair{a, b, {}, good};
@@ -163,7 +163,7 @@ SilhouetteSet of_cameras(const SilhouetteSet& all, const std::vector<int>& camer
 // Wide enough for places that are off by ten degrees, then on the outlines alone.
 SilhouetteRefineOptions refinement(int moments, bool wide) {
     SilhouetteRefineOptions options;
-    options.most_moments = moments;
+    options.max_moments = moments;
     options.outline_points = wide ? 56 : 24;
     options.rounds = wide ? 30 : 40;
     options.tangent_weight = 3, options.tangent_scale = 0.2;
@@ -209,7 +209,7 @@ absl::StatusOr<Places> first_places(const std::vector<Camera>& lenses, const Lan
         return absl::FailedPreconditionError(fmt::format(
             "no two cameras have seen the whole person together in {} moments or more, from head to feet "
             "and at different places; let a person walk through the whole space for half a minute",
-            kFewestTogether));
+            kMinTogether));
     const CameraTree tree = join_cameras(count, pairs);
     Places places;
     places.camera_of = tree.groups.front();
@@ -217,7 +217,7 @@ absl::StatusOr<Places> first_places(const std::vector<Camera>& lenses, const Lan
         places.cameras.push_back(lenses[c]);
         places.cameras.back().camera_from_world = tree.camera_from_world[c];
     }
-    const double robust_px = 0.25 * options.landmark_px_part * longest_side_px(lenses);
+    const double robust_px = 0.25 * options.landmark_px_part * max_side_px(lenses);
     if (absl::Status adjusted = adjust(places.cameras, landmarks, places.camera_of, robust_px);
         !adjusted.ok())
         return adjusted;
@@ -249,8 +249,7 @@ absl::StatusOr<PersonExtrinsicsResult> extrinsics_from_person(const std::vector<
         const bool more = places->cameras.size() > best.cameras.size();
         if (more || (places->cameras.size() == best.cameras.size() && places->miss_px < best.miss_px))
             best = *std::move(places);
-        if (best.cameras.size() == lenses.size() && best.miss_px < kSureMissPart * longest_side_px(lenses))
-            break;
+        if (best.cameras.size() == lenses.size() && best.miss_px < kSureMissPart * max_side_px(lenses)) break;
     }
     const SilhouetteSet seen = of_cameras(silhouettes, best.camera_of);
     const SolveProgress within = [&](double part, const std::string& what) {
@@ -276,12 +275,12 @@ absl::StatusOr<PersonExtrinsicsResult> improve_extrinsics_from_person(PersonExtr
                                                                       const PersonExtrinsicsOptions& options,
                                                                       const SolveProgress& progress) {
     const auto refined = refine_from_silhouettes(result.cameras, silhouettes,
-                                                 refinement(options.most_moments, false), progress);
+                                                 refinement(options.max_moments, false), progress);
     if (!refined.ok()) return refined.status();
     result.cameras = refined->cameras;
     if (options.tell_uncertainty) {
-        const auto told = places_uncertainty(result.cameras, silhouettes,
-                                             refinement(options.most_moments, false), progress);
+        const auto told =
+            places_uncertainty(result.cameras, silhouettes, refinement(options.max_moments, false), progress);
         if (!told.ok()) return told.status();
         result.uncertainty = *told;
     }
@@ -297,7 +296,7 @@ absl::StatusOr<PersonExtrinsicsResult> improve_extrinsics_from_person(PersonExtr
     move_cameras(world->world_from_solved, result.cameras);
     result.moments = world->moments;
     result.walked_m = world->way_long_m, result.walked_wide_m = world->way_wide_m;
-    judge(*world, longest_side_px(result.cameras), result);
+    judge(*world, max_side_px(result.cameras), result);
     return result;
 }
 

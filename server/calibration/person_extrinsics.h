@@ -21,7 +21,7 @@ namespace kinevox {
 struct PersonExtrinsicsOptions {
     double height_m = 1.75;  // of the subject upright, with hair and shoes
     int first_moments = 24;  // for the first places, evenly from those given
-    int most_moments = 150;  // for the last: what is wrong with a silhouette differs from moment to moment
+    int max_moments = 150;   // for the last: what is wrong with a silhouette differs from moment to moment
     bool tell_uncertainty = true;  // solves the halves of the moments, too
     double landmark_px_part =
         0.012;  // of the picture's longer side: landmarks that miss by more do not count

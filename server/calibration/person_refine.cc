@@ -37,7 +37,7 @@ absl::StatusOr<PersonRefinement> refine_from_person(const std::vector<Camera>& c
     for (const auto& [angle_deg, shift_m] :
          {std::pair{0.25, 0.02}, std::pair{1.0, 0.07}, std::pair{5.0, 0.35}}) {
         SilhouetteRefineOptions options;
-        options.most_moments = moments;
+        options.max_moments = moments;
         options.prior_angle_deg = angle_deg, options.prior_shift_m = shift_m;
         auto refined = refine_from_silhouettes(cameras, fitted, options, progress);
         if (!refined.ok()) return refined.status();

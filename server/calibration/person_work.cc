@@ -12,11 +12,11 @@
 namespace kinevox {
 namespace {
 
-constexpr int kMoments = 48;                                // that are used
-constexpr std::size_t kMostBytes = std::size_t{256} << 20;  // of silhouettes that are kept
-constexpr int kFewestMoments = 12;                          // that are worth solving
-constexpr double kApart_s = 0.25;                           // of capture time, so that the person has moved
-constexpr double kEnoughCoverage = 0.25;                    // of a picture; people do not fill the ceiling
+constexpr int kMoments = 48;                               // that are used
+constexpr std::size_t kMaxBytes = std::size_t{256} << 20;  // of silhouettes that are kept
+constexpr int kMinMoments = 12;                            // that are worth solving
+constexpr double kApart_s = 0.25;                          // of capture time, so that the person has moved
+constexpr double kEnoughCoverage = 0.25;                   // of a picture; people do not fill the ceiling
 
 class PersonWork final : public ProcedureWork {
   public:
@@ -28,8 +28,7 @@ class PersonWork final : public ProcedureWork {
             coverage_.emplace_back(camera.width, camera.height);
             seen_.emplace_back().name = camera.name;
         }
-        most_moments_ =
-            std::clamp<std::size_t>(kMostBytes / std::max<std::size_t>(bytes, 1), 8, 2 * kMoments);
+        max_moments_ = std::clamp<std::size_t>(kMaxBytes / std::max<std::size_t>(bytes, 1), 8, 2 * kMoments);
     }
 
     // The newest moments are kept: what the cameras see now counts.
@@ -80,7 +79,7 @@ class PersonWork final : public ProcedureWork {
         ProcedureReport report;
         report.cameras = seen_;
         report.moments = static_cast<int>(moments_.size());
-        report.complete = report.moments >= std::min<int>(kMoments, static_cast<int>(most_moments_));
+        report.complete = report.moments >= std::min<int>(kMoments, static_cast<int>(max_moments_));
         for (std::size_t c = 0; c < cameras_.size(); ++c) {
             report.cameras[c].coverage = coverage_[c].part();
             report.cameras[c].coverage_counts = coverage_[c].counts();
@@ -90,9 +89,9 @@ class PersonWork final : public ProcedureWork {
                 report.hints.push_back(fmt::format("camera {}: walk also through {} of the picture",
                                                    cameras_[c].name, coverage_[c].emptiest()));
         }
-        if (report.moments < kFewestMoments)
-            report.hints.push_back(fmt::format("{} of {} moments; walk through the whole space",
-                                               report.moments, kFewestMoments));
+        if (report.moments < kMinMoments)
+            report.hints.push_back(
+                fmt::format("{} of {} moments; walk through the whole space", report.moments, kMinMoments));
         return report;
     }
 
@@ -122,7 +121,7 @@ class PersonWork final : public ProcedureWork {
         }
         if (seen_by < 2) return;
         moments_.push_back(std::move(pictures));
-        if (moments_.size() > most_moments_) moments_.pop_front();
+        if (moments_.size() > max_moments_) moments_.pop_front();
     }
 
     void cover(const SilhouettePicture& picture, std::size_t c) {
@@ -135,7 +134,7 @@ class PersonWork final : public ProcedureWork {
 
     std::vector<Camera> cameras_;
     double height_m_;
-    std::size_t most_moments_ = 0;
+    std::size_t max_moments_ = 0;
     std::deque<std::vector<SilhouettePicture>> moments_;
     std::vector<ObservedCamera> seen_;
     std::vector<Coverage> coverage_;

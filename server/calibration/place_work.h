@@ -30,7 +30,7 @@ class PlaceWork : public ProcedureWork {
             report.cameras[i].coverage_counts = coverage_[i].counts();
         }
         report.moments = shared_moments_;
-        report.full = kept_moments_ >= kMostViews;
+        report.full = kept_moments_ >= kMaxViews;
         return report;
     }
 
@@ -78,7 +78,7 @@ class PlaceWork : public ProcedureWork {
         }
         return shared;
     }
-    bool has_room() const { return kept_moments_ < kMostViews; }
+    bool has_room() const { return kept_moments_ < kMaxViews; }
 
     std::vector<Camera> cameras_;
     std::vector<std::size_t> chosen_;

@@ -8,7 +8,7 @@ namespace {
 
 constexpr double kAgreesPx =
     0.006;  // part of the picture's width within which a moment agrees with a relative place
-constexpr std::size_t kMostTried = 40;  // relative places tried per pair
+constexpr std::size_t kMaxTried = 40;  // relative places tried per pair
 
 }  // namespace
 
@@ -63,9 +63,9 @@ void PosedViews::thin(int most) {
     });
 }
 
-void PosedViews::drop_misfits(double most_rms_px) {
+void PosedViews::drop_misfits(double max_rms_px) {
     for (auto& [moment, views] : views_)
-        std::erase_if(views, [&](const PosedView& view) { return view.pose.rms_px > most_rms_px; });
+        std::erase_if(views, [&](const PosedView& view) { return view.pose.rms_px > max_rms_px; });
     std::erase_if(views_, [](const auto& entry) { return entry.second.size() < 2; });
 }
 
@@ -102,7 +102,7 @@ std::vector<CameraPair> PosedViews::pairs() const {
             if (together.empty()) continue;
             CameraPair best{a, b, {}, 0};
             double best_error = 1e300;
-            const std::size_t tried = std::min(together.size(), kMostTried);
+            const std::size_t tried = std::min(together.size(), kMaxTried);
             for (std::size_t t = 0; t < tried; ++t) {
                 const auto& [from_a, from_b] = together[t * together.size() / tried];
                 const Rigid3 a_from_b =

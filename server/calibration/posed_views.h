@@ -23,7 +23,7 @@ class PosedViews {
     void add(int moment, int camera, const std::vector<Corner>& corners);
     // Leaves at most `most` moments that two or more cameras saw, evenly.
     void thin(int most);
-    void drop_misfits(double most_rms_px);
+    void drop_misfits(double max_rms_px);
 
     std::vector<int> moments() const;
     // A moment's views by the cameras that `new_index` keeps (>= 0), with their new indices.

@@ -73,10 +73,10 @@ void CalibrationProcedure::tell() {
 absl::StatusOr<std::uint64_t> CalibrationProcedure::start(const ProcedureRequest& request,
                                                           const std::vector<Camera>& cameras,
                                                           std::chrono::milliseconds abandon_after) {
-    if (abandon_after.count() < 0 || abandon_after > options_.longest_abandon_after)
+    if (abandon_after.count() < 0 || abandon_after > options_.max_abandon_after)
         return absl::InvalidArgumentError(
             fmt::format("abandon_after_ms is {}; 1 to {} is allowed, or 0 for {}", abandon_after.count(),
-                        options_.longest_abandon_after.count(), options_.abandon_after.count()));
+                        options_.max_abandon_after.count(), options_.abandon_after.count()));
     auto work = ProcedureWork::create(request, cameras);
     if (!work.ok()) return work.status();
     std::uint64_t number = 0;

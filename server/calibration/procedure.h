@@ -47,7 +47,7 @@ struct ProcedureProgress {
 
 struct ProcedureOptions {
     std::chrono::milliseconds abandon_after{60'000};  // where nobody says otherwise
-    std::chrono::milliseconds longest_abandon_after{3'600'000};
+    std::chrono::milliseconds max_abandon_after{3'600'000};
     std::chrono::milliseconds silence{3'000};  // without a frame set, until a hint says so
 };
 

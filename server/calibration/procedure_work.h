@@ -89,7 +89,7 @@ class ProcedureWork {
     virtual absl::StatusOr<Certificate> solve(const SolveProgress& progress) const = 0;
 
     // Views, or moments, that are kept at most.
-    static constexpr int kMostViews = 2000;
+    static constexpr int kMaxViews = 2000;
 };
 
 }  // namespace kinevox

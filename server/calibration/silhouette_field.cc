@@ -8,13 +8,13 @@
 namespace kinevox {
 namespace {
 
-constexpr double kMostCells = 800;  // about, along the longer side
+constexpr double kMaxCells = 800;  // about, along the longer side
 
 }  // namespace
 
 SilhouetteField::SilhouetteField(const std::vector<std::uint8_t>& mask, int width, int height)
     : width_(width), height_(height) {
-    const int step = std::max(1, static_cast<int>(std::lround(std::max(width, height) / kMostCells)));
+    const int step = std::max(1, static_cast<int>(std::lround(std::max(width, height) / kMaxCells)));
     step_ = static_cast<float>(step);
     const cv::Mat full(height, width, CV_8U, const_cast<std::uint8_t*>(mask.data()));
     const cv::Rect box = cv::boundingRect(full);

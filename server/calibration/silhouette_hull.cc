@@ -28,7 +28,7 @@ SilhouetteHull::SilhouetteHull(const std::vector<Camera>& cameras,
     }
     // What only two of many cameras see is no hull: behind the border of the other pictures the cones of two
     // that face each other meet in a long ghost.
-    if (sights.size() >= 4) fewest_others_ = 2;
+    if (sights.size() >= 4) min_others_ = 2;
     if (sights.size() >= 2) middle_ = triangulate(sights);
 }
 
@@ -47,7 +47,7 @@ double SilhouetteHull::clear_m(std::size_t own, Vec3 point) const {
             clear = std::max(clear, (-inside - kInsidePx) * (cameras_[c].camera_from_world * point).z /
                                         std::max(cameras_[c].fx, cameras_[c].fy));
     }
-    return votes >= fewest_others_ ? clear : std::nan("");
+    return votes >= min_others_ ? clear : std::nan("");
 }
 
 template <class Visit>

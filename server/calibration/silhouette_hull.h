@@ -45,7 +45,7 @@ class SilhouetteHull {
 
     const std::vector<Camera>& cameras_;
     std::vector<std::unique_ptr<SilhouetteField>> fields_;  // per camera, null: no silhouette
-    int fewest_others_ = 1;                                 // that must see a place
+    int min_others_ = 1;                                    // that must see a place
     std::optional<Vec3> middle_;
 };
 

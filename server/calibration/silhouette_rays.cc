@@ -38,14 +38,14 @@ Eigen::Matrix3d skew(Vec3 v) {
 
 OutlineRays::OutlineRays(const std::vector<Camera>& cameras, const SilhouetteSet& silhouettes,
                          const SilhouetteRefineOptions& options)
-    : options_(options), margin_px_(options.margin_part * longest_side_px(cameras)) {
+    : options_(options), margin_px_(options.margin_part * max_side_px(cameras)) {
     std::vector<std::size_t> usable;
     for (std::size_t m = 0; m < silhouettes.moments.size(); ++m) {
         const auto seen = std::count_if(silhouettes.moments[m].begin(), silhouettes.moments[m].end(),
                                         [](const SilhouettePicture& s) { return !s.empty(); });
         if (seen >= 2) usable.push_back(m);
     }
-    const std::size_t wanted = std::min<std::size_t>(usable.size(), options.most_moments);
+    const std::size_t wanted = std::min<std::size_t>(usable.size(), options.max_moments);
     fields_.resize(wanted);
     oneapi::tbb::parallel_for(std::size_t{0}, wanted, [&](std::size_t n) {
         const auto& pictures = silhouettes.moments[usable[n * usable.size() / wanted]];

@@ -16,9 +16,9 @@ namespace kinevox {
 namespace {
 
 constexpr double kRaysPerSample = 400;  // and by one pixel squared
-constexpr int kFewestRefined = 5;
+constexpr int kMinRefined = 5;
 constexpr double kDamping = 1e-5,
-                 kLeastDamping = 1e-9;  // of the diagonal: more would stop steps along flat valleys
+                 kMinDamping = 1e-9;  // of the diagonal: more would stop steps along flat valleys
 
 Camera moved(const Camera& camera, const Eigen::Matrix<double, 6, 1>& step) {
     Camera out = camera;
@@ -104,7 +104,7 @@ class Misses {
 
 }  // namespace
 
-double longest_side_px(const std::vector<Camera>& cameras) {
+double max_side_px(const std::vector<Camera>& cameras) {
     int side = 1;
     for (const Camera& camera : cameras) side = std::max({side, camera.width, camera.height});
     return side;
@@ -150,7 +150,7 @@ void align_to(const std::vector<Camera>& like, std::vector<Camera>& cameras) {
 double silhouette_miss_px(const std::vector<Camera>& cameras, const SilhouetteSet& silhouettes,
                           const SilhouetteRefineOptions& options) {
     const OutlineRays rays(cameras, silhouettes, options);
-    return mean_miss(rays, cameras, 2 * options.last_scale_part * longest_side_px(cameras));
+    return mean_miss(rays, cameras, 2 * options.last_scale_part * max_side_px(cameras));
 }
 
 absl::StatusOr<SilhouetteRefineResult> refine_from_silhouettes(const std::vector<Camera>& cameras,
@@ -159,12 +159,12 @@ absl::StatusOr<SilhouetteRefineResult> refine_from_silhouettes(const std::vector
                                                                const SolveProgress& progress) {
     const Misses misses(cameras, silhouettes, options);
     const OutlineRays& rays = misses.rays();
-    if (rays.moments() < kFewestRefined)
+    if (rays.moments() < kMinRefined)
         return absl::FailedPreconditionError(
             fmt::format("the person is seen by two cameras in {} moments, at least {} are needed; let a "
                         "person walk where all see them",
-                        rays.moments(), kFewestRefined));
-    const double side = longest_side_px(cameras);
+                        rays.moments(), kMinRefined));
+    const double side = max_side_px(cameras);
     const double first = options.first_scale_part * side, last = options.last_scale_part * side;
     SilhouetteRefineResult result;
     result.cameras = cameras;
@@ -192,7 +192,7 @@ absl::StatusOr<SilhouetteRefineResult> refine_from_silhouettes(const std::vector
             if (options.fixed.empty()) keep_spread(spread, tried);
             if (step.allFinite() && misses.measure(tried, scale, false).cost < normal.cost) {
                 result.cameras = tried;
-                damping = std::max(kLeastDamping, damping / 10);
+                damping = std::max(kMinDamping, damping / 10);
                 step_size = step.norm();
                 better = true;
             } else {
@@ -219,7 +219,7 @@ absl::StatusOr<std::optional<PlacesUncertainty>> places_uncertainty(const std::v
                                                                     SilhouetteRefineOptions options,
                                                                     const SolveProgress& progress) {
     const std::size_t all = silhouettes.moments.size();
-    options.most_moments = (options.most_moments + 1) / 2;
+    options.max_moments = (options.max_moments + 1) / 2;
     options.rounds = (options.rounds + 1) / 2;
     std::vector<Camera> places[2];
     for (const std::size_t half : {0, 1}) {

@@ -18,7 +18,7 @@
 namespace kinevox {
 
 struct SilhouetteRefineOptions {
-    int most_moments = 32;    // evenly from those given
+    int max_moments = 32;     // evenly from those given
     int outline_points = 56;  // per silhouette; 0: tangents alone, from all moments
     int rounds = 30;          // of Gauss-Newton, at most
     double first_scale_part =
@@ -70,7 +70,7 @@ absl::StatusOr<std::optional<PlacesUncertainty>> places_uncertainty(const std::v
                                                                     const SolveProgress& progress = {});
 
 // Of the cameras' pictures, px.
-double longest_side_px(const std::vector<Camera>& cameras);
+double max_side_px(const std::vector<Camera>& cameras);
 
 // Moves `cameras` so that they lie as `like` does: rigid and scale, by the most of them that agree.
 void align_to(const std::vector<Camera>& like, std::vector<Camera>& cameras);

@@ -13,8 +13,8 @@
 namespace kinevox {
 namespace {
 
-constexpr double kLeastOffAxis = 0.17;  // nearer to the line through both centres a plane is a matter of luck
-constexpr double kWidest = 2.4;  // radians: a silhouette that covers more has the other camera behind it
+constexpr double kMinOffAxis = 0.17;  // nearer to the line through both centres a plane is a matter of luck
+constexpr double kWidest = 2.4;       // radians: a silhouette that covers more has the other camera behind it
 constexpr std::size_t kBlock =
     8;  // moments that are summed together: the numbers do not depend on the threads
 
@@ -76,7 +76,7 @@ void SilhouetteTangents::touch(const Shape& shape, const Camera& camera, Vec3 ax
         if (shape.at_border[i]) continue;
         const Vec3 in_world = turn.transposed() * shape.directions_in_camera[i];
         const double off_axis = norm(cross(axis, in_world));
-        if (off_axis > kLeastOffAxis) ends[k] = {&shape.directions_in_camera[i], in_world, off_axis};
+        if (off_axis > kMinOffAxis) ends[k] = {&shape.directions_in_camera[i], in_world, off_axis};
     }
 }
 

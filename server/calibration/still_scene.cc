@@ -13,10 +13,10 @@ namespace {
 
 constexpr int kWidths_px[] = {80, 160, 320};  // of the longer side: coarse to fine
 constexpr int kRounds = 8;
-constexpr double kNoise_grey = 6;        // differences beyond count less and less
-constexpr double kLeastSeenPart = 0.15;  // of the picture
-constexpr double kShadowPart = 0.03;     // of the longer side, around the subject: shadows, motion
-constexpr double kStillTurn_deg = 0.1;   // up to which what was hidden before is added to the first picture
+constexpr double kNoise_grey = 6;       // differences beyond count less and less
+constexpr double kMinSeenPart = 0.15;   // of the picture
+constexpr double kShadowPart = 0.03;    // of the longer side, around the subject: shadows, motion
+constexpr double kStillTurn_deg = 0.1;  // up to which what was hidden before is added to the first picture
 
 using Vector5 = Eigen::Matrix<double, 5, 1>;
 using Matrix5 = Eigen::Matrix<double, 5, 5>;
@@ -141,7 +141,7 @@ std::optional<SceneShift> StillScene::measure(const Picture& picture, const kern
             Matrix5 square;
             Vector5 right;
             cost = compare(first_->levels[l], now.levels[l], motion, &square, &right, used);
-            if (used < kLeastSeenPart * static_cast<double>(now.levels[l].grey.total())) return std::nullopt;
+            if (used < kMinSeenPart * static_cast<double>(now.levels[l].grey.total())) return std::nullopt;
             square.diagonal() *= 1 + 1e-4;
             const Vector5 step = square.ldlt().solve(right);
             if (!step.allFinite()) return std::nullopt;

@@ -15,9 +15,9 @@
 namespace kinevox {
 namespace {
 
-constexpr double kMostMissPx = 8;     // views that miss by more, and by
-constexpr double kMostMissRatio = 6;  // so many times the median, are no view of the wand,
-constexpr double kMostStrays = 0.1;   // as long as they are fewer than this part of a camera's views
+constexpr double kMaxMissPx = 8;     // views that miss by more, and by
+constexpr double kMaxMissRatio = 6;  // so many times the median, are no view of the wand,
+constexpr double kMaxStrays = 0.1;   // as long as they are fewer than this part of a camera's views
 
 Rigid3 pose_between(Vec3 first, Vec3 last) {
     const Vec3 x = normalized(last - first);
@@ -74,7 +74,7 @@ void drop_strays(const Bundle& bundle, const BundleReport& report, const std::ve
     for (const double error : report.errors_px)
         if (std::isfinite(error)) errors.push_back(error);
     if (errors.empty()) return;
-    const double most = std::max(kMostMissPx, kMostMissRatio * median_of(errors));
+    const double most = std::max(kMaxMissPx, kMaxMissRatio * median_of(errors));
     std::vector<std::set<int>> views(bundle.cameras.size()), strays(bundle.cameras.size());
     for (std::size_t i = 0; i < report.errors_px.size(); ++i) {
         const BundleObservation& o = bundle.observations[i];
@@ -82,7 +82,7 @@ void drop_strays(const Bundle& bundle, const BundleReport& report, const std::ve
         if (!(report.errors_px[i] < most)) strays[o.camera].insert(o.moment);
     }
     for (std::size_t c = 0; c < views.size(); ++c)
-        if (static_cast<double>(strays[c].size()) < kMostStrays * static_cast<double>(views[c].size()))
+        if (static_cast<double>(strays[c].size()) < kMaxStrays * static_cast<double>(views[c].size()))
             for (const int moment : strays[c]) moments[numbers[moment]].erase(cameras[c]);
 }
 
@@ -141,10 +141,10 @@ std::vector<std::string> WandProcedure::hints() const {
         for (const auto& [camera, balls] : views) seen[camera] += views.size() > 1;
     std::vector<std::string> hints;
     for (std::size_t c = 0; c < lenses_.size(); ++c)
-        if (seen[c] < kFewestWandMoments)
+        if (seen[c] < kMinWandMoments)
             hints.push_back(fmt::format(
                 "camera {} has seen the wand together with another camera {} times; {} are needed",
-                lenses_[c].name, seen[c], kFewestWandMoments));
+                lenses_[c].name, seen[c], kMinWandMoments));
     return hints;
 }
 
@@ -157,7 +157,7 @@ absl::StatusOr<ExtrinsicsResult> WandProcedure::solve(const SolveProgress& progr
         return absl::FailedPreconditionError(fmt::format(
             "no two cameras have seen the whole wand together in {} moments or more; wave it {}for a "
             "minute where two or more see it",
-            kFewestWandMoments, balls.size() == 2 ? "slowly " : ""));
+            kMinWandMoments, balls.size() == 2 ? "slowly " : ""));
     const CameraTree tree = join_cameras(static_cast<int>(lenses_.size()), joined);
     ExtrinsicsResult result;
     std::vector<Camera> cameras = lenses_;

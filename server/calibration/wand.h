@@ -33,8 +33,8 @@ absl::StatusOr<WandSpec> parse_wand(std::string_view text);
 using WandSighting = std::optional<std::vector<Vec2>>;
 
 struct WandDetectorOptions {
-    int least_difference = 40;  // grey levels against the empty scene
-    double least_radius_px = 1.2, most_radius_px = 40;
+    int min_difference = 40;  // grey levels against the empty scene
+    double min_radius_px = 1.2, max_radius_px = 40;
 };
 
 // The bright spots that are not in the empty scene: three in a row, or just two; nothing where they cannot be

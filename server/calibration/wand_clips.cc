@@ -11,17 +11,17 @@
 namespace kinevox {
 namespace {
 
-constexpr std::size_t kMostOfScene = 21;  // pictures that make the empty scene
+constexpr std::size_t kMaxOfScene = 21;  // pictures that make the empty scene
 
-// Per pixel and channel the median of up to kMostOfScene pictures, evenly over the clip.
+// Per pixel and channel the median of up to kMaxOfScene pictures, evenly over the clip.
 absl::StatusOr<Picture> empty_scene(const CameraClip& clip, const Camera& size) {
     const std::filesystem::path& file = clip.background.empty() ? clip.file : clip.background;
     auto reader = open_pictures(file, size);
     if (!reader.ok()) return reader.status();
     const auto step =
-        std::max<std::int64_t>(1, (*reader)->promised() / static_cast<std::int64_t>(kMostOfScene));
+        std::max<std::int64_t>(1, (*reader)->promised() / static_cast<std::int64_t>(kMaxOfScene));
     std::vector<Picture> some;
-    for (std::int64_t frame = 0; some.size() < kMostOfScene; ++frame) {
+    for (std::int64_t frame = 0; some.size() < kMaxOfScene; ++frame) {
         auto picture = (*reader)->next();
         if (absl::IsOutOfRange(picture.status())) break;
         if (!picture.ok()) return picture.status();

@@ -8,10 +8,10 @@
 namespace kinevox {
 namespace {
 
-constexpr std::size_t kMostSpots = 12;
-constexpr double kLeastLengthPx = 12;  // of the wand in the picture
-constexpr double kAsBright = 0.8;      // as the brightest spot: else it is no ball of a two-ball wand
-constexpr double kAlike = 0.55;        // the farther ball's radius over the nearer one's, at least
+constexpr std::size_t kMaxSpots = 12;
+constexpr double kMinLengthPx = 12;  // of the wand in the picture
+constexpr double kAsBright = 0.8;    // as the brightest spot: else it is no ball of a two-ball wand
+constexpr double kAlike = 0.55;      // the farther ball's radius over the nearer one's, at least
 
 struct Spot {
     Vec2 centre;
@@ -22,13 +22,13 @@ struct Spot {
 std::vector<Spot> bright_spots(const cv::Mat& brighter, const cv::Mat& picture,
                                const WandDetectorOptions& options) {
     cv::Mat mask, labels, boxes, centres;
-    cv::threshold(brighter, mask, options.least_difference, 255, cv::THRESH_BINARY);
+    cv::threshold(brighter, mask, options.min_difference, 255, cv::THRESH_BINARY);
     const int count = cv::connectedComponentsWithStats(mask, labels, boxes, centres, 8, CV_32S);
     std::vector<Spot> spots;
     for (int i = 1; i < count; ++i) {
         const int width = boxes.at<int>(i, cv::CC_STAT_WIDTH), height = boxes.at<int>(i, cv::CC_STAT_HEIGHT);
         const double area = boxes.at<int>(i, cv::CC_STAT_AREA), radius = std::sqrt(area / 3.14159265);
-        if (radius < options.least_radius_px || radius > options.most_radius_px) continue;
+        if (radius < options.min_radius_px || radius > options.max_radius_px) continue;
         if (std::max(width, height) > 2 * std::min(width, height) + 1 || area < 0.55 * width * height)
             continue;  // not round
         // The centre of brightness, with the soft edge around the spot.
@@ -47,7 +47,7 @@ std::vector<Spot> bright_spots(const cv::Mat& brighter, const cv::Mat& picture,
     }
     std::sort(spots.begin(), spots.end(),
               [](const Spot& a, const Spot& b) { return a.radius_px > b.radius_px; });
-    if (spots.size() > kMostSpots) spots.resize(kMostSpots);
+    if (spots.size() > kMaxSpots) spots.resize(kMaxSpots);
     return spots;
 }
 
@@ -59,7 +59,7 @@ WandSighting two_balls(std::vector<Spot> spots) {
     if (spots.size() < 2 || spots[1].radius_px < kAlike * spots[0].radius_px) return std::nullopt;
     if (spots.size() > 2 && spots[2].radius_px > kAlike * spots[1].radius_px) return std::nullopt;
     const Vec2 p = spots[0].centre, q = spots[1].centre;
-    if (std::hypot(p.x - q.x, p.y - q.y) < kLeastLengthPx) return std::nullopt;
+    if (std::hypot(p.x - q.x, p.y - q.y) < kMinLengthPx) return std::nullopt;
     return std::vector<Vec2>{p, q};
 }
 
@@ -83,7 +83,7 @@ WandSighting find_wand(const Picture& picture, const Picture& empty_scene, const
                 if (a == b || b == c || a == c) continue;
                 const Vec2 p = spots[a].centre, q = spots[b].centre, r = spots[c].centre;
                 const double length = std::hypot(r.x - p.x, r.y - p.y);
-                if (length < kLeastLengthPx) continue;
+                if (length < kMinLengthPx) continue;
                 const double along =
                     ((q.x - p.x) * (r.x - p.x) + (q.y - p.y) * (r.y - p.y)) / (length * length);
                 const double off = std::abs((q.x - p.x) * (r.y - p.y) - (q.y - p.y) * (r.x - p.x)) / length;
@@ -101,7 +101,7 @@ double changed_part(const Picture& picture, const Picture& empty_scene, const Wa
     if (picture.empty() || empty_scene.empty()) return 0;
     cv::Mat difference;
     cv::absdiff(grey_of(picture), grey_of(empty_scene), difference);
-    return cv::countNonZero(difference > 0.6 * options.least_difference) /
+    return cv::countNonZero(difference > 0.6 * options.min_difference) /
            static_cast<double>(difference.total());
 }
 

@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kInlierPx = 1.5;   // from the epipolar line
 constexpr double kClearPart = 0.5;  // of the other assignment's distance: a ball went on to be this one
-constexpr std::size_t kMostSeeds = 4;
+constexpr std::size_t kMaxSeeds = 4;
 
 double between(Vec2 a, Vec2 b) {
     return std::hypot(a.x - b.x, a.y - b.y);
@@ -130,10 +130,10 @@ Found with_alike_balls(const std::vector<Joint>& joints, double threshold) {
     for (const Joint& joint : joints) stretches[joint.run].push_back(joint);
     std::vector<std::vector<Joint>> seeds;
     for (auto& [run, stretch] : stretches)
-        if (static_cast<int>(stretch.size()) >= kFewestWandMoments) seeds.push_back(std::move(stretch));
+        if (static_cast<int>(stretch.size()) >= kMinWandMoments) seeds.push_back(std::move(stretch));
     std::stable_sort(seeds.begin(), seeds.end(),
                      [](const auto& x, const auto& y) { return x.size() > y.size(); });
-    if (seeds.size() > kMostSeeds) seeds.resize(kMostSeeds);
+    if (seeds.size() > kMaxSeeds) seeds.resize(kMaxSeeds);
     Found best;
     for (std::vector<Joint>& seed : seeds)
         for (int way = 0; way < 2; ++way) {
@@ -194,12 +194,12 @@ std::vector<CameraPair> wand_pairs(const std::vector<Camera>& lenses, const std:
                 if (alike) joint.run = {runs[a][moment], runs[b][moment]};
                 joints.push_back(std::move(joint));
             }
-            if (static_cast<int>(joints.size()) < kFewestWandMoments) continue;
+            if (static_cast<int>(joints.size()) < kMinWandMoments) continue;
             const double threshold = kInlierPx / std::min(lenses[a].fx, lenses[b].fx);
             const Found found =
                 alike ? with_alike_balls(joints, threshold) : with_known_balls(joints, threshold);
             const std::vector<Joint> good = inside(found);
-            if (static_cast<int>(good.size()) < kFewestWandMoments) continue;
+            if (static_cast<int>(good.size()) < kMinWandMoments) continue;
             std::vector<cv::Point2d> in_a, in_b;
             for (const Joint& joint : good) {
                 in_a.insert(in_a.end(), joint.a.begin(), joint.a.end());

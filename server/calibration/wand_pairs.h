@@ -12,7 +12,7 @@ namespace kinevox {
 // [moment][camera]: px, a ball each, from the first to the last.
 using WandMoments = std::map<int, std::map<int, std::vector<Vec2>>>;
 
-inline constexpr int kFewestWandMoments = 12;  // that a pair of cameras needs in common
+inline constexpr int kMinWandMoments = 12;  // that a pair of cameras needs in common
 
 // Per pair of cameras with enough moments in common, their relative place from the essential matrix, its
 // scale from `balls` (m along the wand). Two alike balls are told apart by how they move on: only where

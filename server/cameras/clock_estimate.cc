@@ -8,9 +8,9 @@ namespace kinevox {
 namespace {
 
 constexpr double kWindow_s = 1;
-constexpr std::size_t kMostWindows = 60;
-constexpr double kLeastSpan_s = 10;    // below it the drift drowns in the delays
-constexpr double kMostDrift = 500e-6;  // a quartz is better
+constexpr std::size_t kMaxWindows = 60;
+constexpr double kMinSpan_s = 10;      // below it the drift drowns in the delays
+constexpr double kMaxDrift = 500e-6;   // a quartz is better
 constexpr double kJump_s = 1;          // no network delays a picture by so much: the clock was set
 constexpr double kJumpAhead_s = 0.02;  // nor does one arrive before it was taken
 
@@ -29,7 +29,7 @@ std::int64_t ClockEstimate::add(std::int64_t timestamp_ns, std::int64_t arrival_
             const double delay_s = point.offset_s - offset_at(timestamp_s);
             const bool settling = samples_ < kSettled;
             if (std::abs(delay_s) > kJump_s ||
-                (!settling && delay_s < -kJumpAhead_s - kMostDrift * kWindow_s)) {
+                (!settling && delay_s < -kJumpAhead_s - kMaxDrift * kWindow_s)) {
                 reset();
                 continue;
             }
@@ -51,8 +51,8 @@ std::int64_t ClockEstimate::add(std::int64_t timestamp_ns, std::int64_t arrival_
 // average.
 void ClockEstimate::close_window() {
     windows_.push_back(lowest_);
-    if (windows_.size() > kMostWindows) windows_.pop_front();
-    if (windows_.back().timestamp_s - windows_.front().timestamp_s < kLeastSpan_s) return;
+    if (windows_.size() > kMaxWindows) windows_.pop_front();
+    if (windows_.back().timestamp_s - windows_.front().timestamp_s < kMinSpan_s) return;
     std::vector<Point> hull;
     double mean_s = 0;
     for (const Point& p : windows_) {
@@ -69,7 +69,7 @@ void ClockEstimate::close_window() {
     std::size_t right = 1;
     while (right + 1 < hull.size() && hull[right].timestamp_s < mean_s) ++right;
     const Point &a = hull[right - 1], &b = hull[right];
-    slope_ = std::clamp((b.offset_s - a.offset_s) / (b.timestamp_s - a.timestamp_s), -kMostDrift, kMostDrift);
+    slope_ = std::clamp((b.offset_s - a.offset_s) / (b.timestamp_s - a.timestamp_s), -kMaxDrift, kMaxDrift);
     anchor_ = a;
     fitted_ = true;
     drift_ = -slope_;  // a fast clock's offset falls

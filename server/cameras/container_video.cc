@@ -21,8 +21,8 @@ namespace fs = std::filesystem;
 
 constexpr std::int64_t kNear = 8;  // so few are decoded rather than looked for, or kept before one sought
 constexpr std::size_t kReordered = 17;  // no codec shows a packet's picture so many packets later
-constexpr std::size_t kKeptBytes = std::size_t{32} << 20, kMostKept = 48;
-constexpr unsigned kMostThreads = 4;  // of one decoder; the cameras are decoded beside each other
+constexpr std::size_t kKeptBytes = std::size_t{32} << 20, kMaxKept = 48;
+constexpr unsigned kMaxThreads = 4;  // of one decoder; the cameras are decoded beside each other
 
 // Whether a picture's memory has so many rows, which are more than are shown where the codec works in blocks.
 bool has_rows(const AVFrame& frame, int rows) {
@@ -100,8 +100,8 @@ class ContainerVideo final : public PictureReader {
     std::int64_t earliest_ =
         std::numeric_limits<std::int64_t>::max();  // of the packets' times since restart()
     bool sought_ = false;
-    std::size_t most_kept_ = 1;  // once it was sought in
-    std::deque<Kept> kept_;      // oldest first
+    std::size_t max_kept_ = 1;  // once it was sought in
+    std::deque<Kept> kept_;     // oldest first
 };
 
 absl::Status ContainerVideo::check_size(int width, int height) const {
@@ -120,7 +120,7 @@ absl::Status ContainerVideo::open() {
         return absl::ResourceExhaustedError(
             fmt::format("{}: no memory for a decoder of {}", whose_, file_.string()));
     decoder_->thread_count =
-        static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1U, kMostThreads));
+        static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1U, kMaxThreads));
     if (int e = avcodec_open2(decoder_.get(), packets_->decoder(), nullptr); e < 0)
         return absl::InvalidArgumentError(
             fmt::format("{}: {}: its decoder cannot be opened ({}); convert it with ffmpeg", whose_,
@@ -188,7 +188,7 @@ const AVFrame* ContainerVideo::kept(std::int64_t picture) const {
 
 const AVFrame& ContainerVideo::keep(std::int64_t picture, Frame frame) {
     if (const AVFrame* const there = kept(picture)) return *there;
-    while (kept_.size() >= (sought_ ? most_kept_ : 1)) kept_.pop_front();
+    while (kept_.size() >= (sought_ ? max_kept_ : 1)) kept_.pop_front();
     kept_.push_back({picture, std::move(frame)});
     return *kept_.back().frame;
 }
@@ -297,7 +297,7 @@ absl::Status ContainerVideo::seek(std::int64_t frame) {
             fmt::format("{}: frame {} is not one of {}'s {}", whose_, frame, file_.string(), promised()));
     if (!sought_) {
         const std::size_t bytes = std::size_t{2} * camera_.width * camera_.height;  // of one kept, about
-        most_kept_ = std::clamp<std::size_t>(kKeptBytes / std::max<std::size_t>(bytes, 1), 1, kMostKept);
+        max_kept_ = std::clamp<std::size_t>(kKeptBytes / std::max<std::size_t>(bytes, 1), 1, kMaxKept);
         sought_ = true;
     }
     at_ = frame;

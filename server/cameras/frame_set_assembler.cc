@@ -8,7 +8,7 @@
 namespace kinevox {
 namespace {
 
-constexpr std::size_t kMostPending = 64;
+constexpr std::size_t kMaxPending = 64;
 constexpr std::uint64_t kRestarted = 1000;  // a camera that counts on from so far away began anew
 
 std::int64_t from_ms(double ms) {
@@ -38,7 +38,7 @@ FrameSetAssembler::FrameSetAssembler(const FrameSetAssemblerOptions& options)
     : options_(options),
       period_ns_(from_ms(1000 / options.fps)),
       tolerance_ns_(options.tolerance_ms > 0 ? from_ms(options.tolerance_ms) : period_ns_ / 2),
-      longest_wait_ns_(from_ms(options.longest_wait_ms)),
+      max_wait_ns_(from_ms(options.max_wait_ms)),
       lanes_(options.cameras) {}
 
 void FrameSetAssembler::connect(std::size_t camera) {
@@ -105,7 +105,7 @@ void FrameSetAssembler::add(ArrivedPicture arrived) {
 }
 
 bool FrameSetAssembler::is_ready(const Pending& set, std::int64_t now_ns) const {
-    if (now_ns >= set.begin_ns + longest_wait_ns_ || pending_.size() > kMostPending) return true;
+    if (now_ns >= set.begin_ns + max_wait_ns_ || pending_.size() > kMaxPending) return true;
     for (std::size_t c = 0; c < lanes_.size(); ++c) {
         const auto& newest_ns =
             lanes_[c].newest_time_ns;  // empty: it has only just come, its clock is being learned
@@ -155,7 +155,7 @@ std::optional<FrameSet> FrameSetAssembler::finish(Pending set) {
         mean_ns += static_cast<double>(slot.time_ns - set.time_ns);
         ++complete;
     }
-    if (complete < std::max<std::size_t>(1, std::min(options_.least_pictures, lanes_.size()))) {
+    if (complete < std::max<std::size_t>(1, std::min(options_.min_pictures, lanes_.size()))) {
         for (std::size_t c = 0; c < lanes_.size(); ++c)
             if (!set.slots[c].picture.empty()) ++lanes_[c].counts.unmatched;
         return std::nullopt;
@@ -187,7 +187,7 @@ std::optional<FrameSet> FrameSetAssembler::finish(Pending set) {
 
 std::optional<std::int64_t> FrameSetAssembler::due_ns() const {
     if (pending_.empty()) return std::nullopt;
-    return pending_.front().begin_ns + longest_wait_ns_;
+    return pending_.front().begin_ns + max_wait_ns_;
 }
 
 void FrameSetAssembler::fill(std::size_t camera, CameraLink& link) const {

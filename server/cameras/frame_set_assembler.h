@@ -18,8 +18,8 @@ struct FrameSetAssemblerOptions {
     double fps = 30;  // nominal pictures a second of each camera
     double tolerance_ms =
         0;  // pictures that are so near in time belong together; 0: half of a picture's time
-    double longest_wait_ms = 200;    // after its first picture's arrival a set goes out as it is
-    std::size_t least_pictures = 2;  // a set with fewer is not handed out
+    double max_wait_ms = 200;      // after its first picture's arrival a set goes out as it is
+    std::size_t min_pictures = 2;  // a set with fewer is not handed out
 };
 
 struct ArrivedPicture {
@@ -33,7 +33,7 @@ struct ArrivedPicture {
 
 // One thread at a time. Sets come out ordered by time, their numbers rise; a jump in the numbers stands for
 // sets of which nothing arrived. A set goes out when each connected camera has its picture in it, or has sent
-// a later one, or longest_wait_ms after it began; so one camera's loss or end delays the others by no more
+// a later one, or max_wait_ms after it began; so one camera's loss or end delays the others by no more
 // than that.
 class FrameSetAssembler {
   public:
@@ -90,7 +90,7 @@ class FrameSetAssembler {
     std::optional<FrameSet> finish(Pending set);
 
     const FrameSetAssemblerOptions options_;
-    const std::int64_t period_ns_, tolerance_ns_, longest_wait_ns_;
+    const std::int64_t period_ns_, tolerance_ns_, max_wait_ns_;
     std::vector<Lane> lanes_;
     ClockEstimate ptp_;                            // one for all cameras that keep a clock together
     std::deque<Pending> pending_;                  // by time

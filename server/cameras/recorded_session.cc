@@ -16,7 +16,7 @@ namespace kinevox {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr std::size_t kMostTableBytes = std::size_t{1} << 30;
+constexpr std::size_t kMaxTableBytes = std::size_t{1} << 30;
 
 absl::Status cut(const fs::path& file, std::uint64_t bytes) {
     std::error_code error;
@@ -48,7 +48,7 @@ std::pair<std::size_t, std::uint64_t> whole_lines(std::string_view text, std::ui
 absl::Status cut_poses(const fs::path& folder, std::uint64_t frames) {
     std::vector<std::pair<fs::path, std::string>> tables;
     for (const std::string_view name : kPoseTableNames) {
-        auto text = read_file(folder / name, kMostTableBytes);
+        auto text = read_file(folder / name, kMaxTableBytes);
         if (!text.ok()) return text.status();
         tables.emplace_back(folder / name, *std::move(text));
     }
@@ -97,7 +97,7 @@ absl::StatusOr<bool> repair_recording(const fs::path& session_file) {
             index->begin(), index->begin() + static_cast<std::ptrdiff_t>(frames),
             [](const VideoIndexEntry& entry) { return entry.flags & VideoIndexEntry::kMissing; }));
     }
-    const auto table = read_file(recording.times, kMostTableBytes);
+    const auto table = read_file(recording.times, kMaxTableBytes);
     if (!table.ok()) return table.status();
     if (absl::Status done = cut(recording.times, whole_lines(*table, frames).first); !done.ok()) return done;
     if (!recording.poses.empty())

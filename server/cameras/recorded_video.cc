@@ -197,13 +197,13 @@ bool RecordedVideo::is_one(const fs::path& video) {
 
 absl::StatusOr<std::unique_ptr<RecordedVideo>> RecordedVideo::open(const fs::path& video,
                                                                    const Camera& camera,
-                                                                   std::int64_t most_frames) {
+                                                                   std::int64_t max_frames) {
     auto index = read_video_index(video);
     if (!index.ok())
         return absl::Status(index.status().code(),
                             fmt::format("camera {}: {}", camera.name, std::string(index.status().message())));
-    if (most_frames >= 0 && static_cast<std::int64_t>(index->size()) > most_frames)
-        index->resize(static_cast<std::size_t>(most_frames));
+    if (max_frames >= 0 && static_cast<std::int64_t>(index->size()) > max_frames)
+        index->resize(static_cast<std::size_t>(max_frames));
     auto opened = std::make_unique<IndexedVideo>(video, camera, *std::move(index));
     if (absl::Status status = opened->open(); !status.ok()) return status;
     return opened;

@@ -19,12 +19,12 @@ namespace kinevox {
 // Used by one thread at a time.
 class RecordedVideo : public PictureReader {
   public:
-    // `most_frames`: as if there were no more, for videos that must end together; negative: all. NotFound
+    // `max_frames`: as if there were no more, for videos that must end together; negative: all. NotFound
     // without a video or an index; InvalidArgument where they cannot be read or the pictures are not of the
     // camera's size.
     static absl::StatusOr<std::unique_ptr<RecordedVideo>> open(const std::filesystem::path& video,
                                                                const Camera& camera,
-                                                               std::int64_t most_frames = -1);
+                                                               std::int64_t max_frames = -1);
     // Whether the recorder wrote it.
     static bool is_one(const std::filesystem::path& video);
 

@@ -16,8 +16,8 @@ namespace kinevox {
 namespace {
 
 constexpr std::size_t kBackgroundBytes = std::size_t{512} << 20;
-constexpr std::size_t kMostBackgroundPictures = 64;  // twice the default N
-constexpr double kFarthest = 1e15;                   // frames; still exact as a double
+constexpr std::size_t kMaxBackgroundPictures = 64;  // twice the default N
+constexpr double kFarthest = 1e15;                  // frames; still exact as a double
 
 // Up to `most` pictures of the empty scene, spread over the file.
 absl::StatusOr<std::vector<Picture>> read_background(const std::filesystem::path& file, const Camera& camera,
@@ -200,10 +200,10 @@ absl::StatusOr<std::vector<std::vector<Picture>>> read_backgrounds(const Session
                             [](const SessionCamera& camera) { return camera.background.empty(); }))
         return std::vector<std::vector<Picture>>{};
     // The recorder kept what a background was learned from, and all of it makes the same again.
-    const std::size_t most = session.recording
-                                 ? std::numeric_limits<std::size_t>::max()
-                                 : std::clamp<std::size_t>(kBackgroundBytes / frame_set_bytes(cameras), 8,
-                                                           kMostBackgroundPictures);
+    const std::size_t most =
+        session.recording
+            ? std::numeric_limits<std::size_t>::max()
+            : std::clamp<std::size_t>(kBackgroundBytes / frame_set_bytes(cameras), 8, kMaxBackgroundPictures);
     std::vector<absl::StatusOr<std::vector<Picture>>> read(count, std::vector<Picture>{});
     {
         std::vector<std::jthread> threads;

@@ -23,7 +23,7 @@ namespace {
 using SteadyClock = std::chrono::steady_clock;
 
 constexpr std::size_t kBytesAhead = std::size_t{128} << 20;
-constexpr std::chrono::milliseconds kMostLate{500};  // behind real time, until it is taken as it comes
+constexpr std::chrono::milliseconds kMaxLate{500};  // behind real time, until it is taken as it comes
 
 class SessionSource final : public FrameSource {
   public:
@@ -188,7 +188,7 @@ absl::StatusOr<FrameSet> SessionSource::next() {
         const SteadyClock::time_point now = SteadyClock::now();
         // A machine that decodes more slowly than the recording was taken shows it as it comes; it would show
         // nothing else.
-        if (set->sequence == 0 || now - (start_ + time) > kMostLate) start_ = now - time;
+        if (set->sequence == 0 || now - (start_ + time) > kMaxLate) start_ = now - time;
         const SteadyClock::time_point due = start_ + time;
         // A set whose successor is decoded and due as well comes too late to matter: it shows as a gap.
         if (now > start_ + recording_time(set->sequence + 1) && none_empty()) continue;

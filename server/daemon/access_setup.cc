@@ -50,7 +50,7 @@ absl::Status check_reach(const ServerConfig& config, bool serve_everyone) {
 
 absl::StatusOr<ApiServerOptions> api_server_options(const AccessConfig& config) {
     ApiServerOptions options;
-    options.longest_request_bytes =
+    options.max_request_bytes =
         (config.max_message_mb << 20) + (1 << 10);  // a file of that size, and its name
     options.handshake_timeout =
         std::chrono::milliseconds(static_cast<std::int64_t>(config.handshake_timeout_s * 1000));

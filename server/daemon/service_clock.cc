@@ -63,7 +63,7 @@ void ServiceClock::wait() {
 }
 
 void ServiceClock::look() {
-    switch (watchdog_.look(runner_.longest_in_hand())) {
+    switch (watchdog_.look(runner_.max_in_hand())) {
         case Watchdog::Word::kNone:
             break;
         case Watchdog::Word::kAlive:
@@ -75,7 +75,7 @@ void ServiceClock::look() {
                 "the pipeline hangs: it has had a frame set in hand for {:.1f} s; the service manager is "
                 "asked "
                 "to start the daemon anew",
-                std::chrono::duration<double>(watchdog_.longest_in_hand()).count());
+                std::chrono::duration<double>(watchdog_.max_in_hand()).count());
             tell("WATCHDOG=trigger");
             break;
         }

@@ -114,7 +114,7 @@ absl::StatusOr<PipelineOptions> pipeline_options(const DaemonConfig& config) {
 }
 
 ControlLeaseOptions lease_options(const ControlConfig& config) {
-    return {milliseconds(config.lease_timeout_s), milliseconds(config.longest_lease_timeout_s)};
+    return {milliseconds(config.lease_timeout_s), milliseconds(config.max_lease_timeout_s)};
 }
 
 void apply(const StreamConfig& config, ApiContext& api) {
@@ -188,7 +188,7 @@ absl::StatusOr<std::unique_ptr<Recorder>> make_recorder(const DaemonConfig& daem
     options.keep_last_s = options.folder.empty() ? 0 : config.keep_last_s;
     options.keep_last_bytes = bytes(config.keep_last_mb);
     options.queue_bytes = bytes(config.queue_mb);
-    options.least_free_bytes = bytes(config.least_free_mb);
+    options.min_free_bytes = bytes(config.min_free_mb);
     return Recorder::create(
         options,
         [&runner, &store, &use, own_calibration] {

@@ -7,7 +7,7 @@ namespace kinevox {
 Watchdog::Word Watchdog::look(std::chrono::nanoseconds in_hand) {
     if (interval_ <= std::chrono::nanoseconds::zero()) return Word::kNone;
     const bool was_hung = hung_;
-    hung_ = in_hand >= longest_in_hand();
+    hung_ = in_hand >= max_in_hand();
     if (!hung_) return Word::kAlive;
     return was_hung ? Word::kNone : Word::kHung;
 }

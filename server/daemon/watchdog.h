@@ -15,10 +15,10 @@ class Watchdog {
     explicit Watchdog(std::chrono::nanoseconds interval) : interval_(interval) {}
 
     // To be asked each period(). `in_hand`: how long the pipeline has had a frame set in hand. kHung once for
-    // each that is kept for longest_in_hand(); after that nothing until it has come out.
+    // each that is kept for max_in_hand(); after that nothing until it has come out.
     Word look(std::chrono::nanoseconds in_hand);
 
-    std::chrono::nanoseconds longest_in_hand() const { return interval_ / 2; }
+    std::chrono::nanoseconds max_in_hand() const { return interval_ / 2; }
     // Four looks an interval: one that comes late is not missed. A second at most, for the status.
     std::chrono::nanoseconds period() const;
 

@@ -23,8 +23,8 @@ namespace http = beast::http;
 using asio::ip::tcp;
 
 constexpr std::chrono::seconds kPatience{10};  // with one request or answer
-constexpr std::uint32_t kLargestHead = 8 << 10;
-constexpr int kMostConnections = 32;
+constexpr std::uint32_t kMaxHead = 8 << 10;
+constexpr int kMaxConnections = 32;
 
 // One connection; lives as long as an operation of it is under way.
 class Connection : public std::enable_shared_from_this<Connection> {
@@ -34,7 +34,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
 
     void read() {
         parser_.emplace();
-        parser_->header_limit(kLargestHead);
+        parser_->header_limit(kMaxHead);
         parser_->body_limit(0);
         stream_.expires_after(kPatience);
         http::async_read(stream_, buffer_, *parser_,
@@ -119,7 +119,7 @@ struct HttpEndpoint::Parts {
             if (error) {  // no file is left, or the like: not all the time again
                 spdlog::warn("metrics: {}", error.message());
                 std::this_thread::sleep_for(std::chrono::milliseconds(100));
-            } else if (connections.use_count() <= kMostConnections) {  // else it is closed at once
+            } else if (connections.use_count() <= kMaxConnections) {  // else it is closed at once
                 std::make_shared<Connection>(std::move(socket), metrics, connections)->read();
             }
             accept();

@@ -6,9 +6,9 @@
 namespace kinevox {
 namespace {
 
-constexpr double kBesidePart = 0.15;    // of the largest island's longer side: others so near belong to it
-constexpr double kSmallestPart = 0.01;  // of its area
-constexpr double kFewestPart = 0.0005;  // of the picture: less is nobody
+constexpr double kBesidePart = 0.15;       // of the largest island's longer side: others so near belong to it
+constexpr double kMinAreaFraction = 0.01;  // of its area
+constexpr double kMinImageFraction = 0.0005;  // of the picture: less is nobody
 
 }  // namespace
 
@@ -24,7 +24,7 @@ std::vector<std::uint8_t> main_subject(std::span<const std::uint8_t> mask, int w
     int largest = 0;  // 0 is what is not set
     for (int i = 1; i < count; ++i)
         if (largest == 0 || area(i) > area(largest)) largest = i;
-    if (largest == 0 || area(largest) < kFewestPart * width * height) return {};
+    if (largest == 0 || area(largest) < kMinImageFraction * width * height) return {};
 
     cv::Rect near = box(largest);
     const int margin = static_cast<int>(kBesidePart * std::max(near.height, near.width));
@@ -32,7 +32,7 @@ std::vector<std::uint8_t> main_subject(std::span<const std::uint8_t> mask, int w
     near += cv::Size(2 * margin, 2 * margin);
     std::vector<std::uint8_t> value(count, 0);
     for (int i = 1; i < count; ++i)
-        if ((box(i) & near).area() > 0 && area(i) > kSmallestPart * area(largest)) value[i] = 255;
+        if ((box(i) & near).area() > 0 && area(i) > kMinAreaFraction * area(largest)) value[i] = 255;
 
     std::vector<std::uint8_t> out(mask.size());
     for (int y = 0; y < height; ++y) {

@@ -302,7 +302,7 @@ void Runner::reconstruct_loop() {
 
 // Empty once it is over.
 std::optional<Runner::Fetched> Runner::next_fetched() {
-    while (!fetched_.wait_for_one(longest_silence_ / 4)) give_up_silent_learning();
+    while (!fetched_.wait_for_one(max_silence_ / 4)) give_up_silent_learning();
     return fetched_.pop();
 }
 
@@ -344,7 +344,7 @@ void Runner::pose_loop() {
     }
 }
 
-std::chrono::nanoseconds Runner::longest_in_hand(InHand::Clock::time_point now) const {
+std::chrono::nanoseconds Runner::max_in_hand(InHand::Clock::time_point now) const {
     return std::max(reconstructing_.held(now), posing_.held(now));
 }
 
@@ -431,14 +431,14 @@ void Runner::give_up_silent_learning() {
     std::optional<Learning> silent;
     {
         const std::scoped_lock lock(mutex_);
-        if (!learning_ || std::chrono::steady_clock::now() - learning_->newest_at < longest_silence_) return;
+        if (!learning_ || std::chrono::steady_clock::now() - learning_->newest_at < max_silence_) return;
         silent.swap(learning_);
         state_ = {RunState::kRunning, {}};
     }
     silent->done(absl::FailedPreconditionError(
         fmt::format("no frame set came for {:g} s, after {} of the {} to learn from; see that the cameras "
                     "deliver pictures",
-                    std::chrono::duration<double>(longest_silence_).count(), silent->seen, silent->wanted)));
+                    std::chrono::duration<double>(max_silence_).count(), silent->seen, silent->wanted)));
 }
 
 void Runner::finish_learning(absl::Status status) {

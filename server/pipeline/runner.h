@@ -102,7 +102,7 @@ class Runner {
     // the pipeline said.
     void learn_background(int frames, std::function<void(absl::Status)> done);
     // To be set before the first start; 10 s.
-    void set_longest_silence(std::chrono::milliseconds longest) { longest_silence_ = longest; }
+    void set_longest_silence(std::chrono::milliseconds longest) { max_silence_ = longest; }
 
     // For the daemon's end. Tells the source to stop, so that a start() in progress on another thread and the
     // runner's own threads end soon, and ends a learning in progress with Unavailable; nothing starts
@@ -117,7 +117,7 @@ class Runner {
     RunFigures figures() const { return statistics_.figures(); }
     // How long the frame set that is longest in the pipeline has been there; zero while it waits for one. Any
     // thread.
-    std::chrono::nanoseconds longest_in_hand(InHand::Clock::time_point now = InHand::Clock::now()) const;
+    std::chrono::nanoseconds max_in_hand(InHand::Clock::time_point now = InHand::Clock::now()) const;
     // Of a live source's cameras, in the order of cameras(); empty for other sources and while nothing runs.
     // Any thread.
     std::vector<CameraLink> camera_links() const;
@@ -162,7 +162,7 @@ class Runner {
     StreamHub& hub_;
     std::function<void(const FrameResult&)> after_result_;
     std::function<void(const std::vector<Camera>&)> on_cameras_;
-    std::chrono::milliseconds longest_silence_{10'000};  // cameras come back within a few seconds
+    std::chrono::milliseconds max_silence_{10'000};  // cameras come back within a few seconds
     RunStatistics statistics_;
 
     mutable std::mutex mutex_;  // guards the members down to the blank line

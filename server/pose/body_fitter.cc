@@ -271,7 +271,7 @@ absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
         stage_options.body = shape;
         stage_options.filtered = false;
         stage_options.tracker.patient = true;
-        stage_options.tracker.lost_below = options.least_explained;
+        stage_options.tracker.lost_below = options.min_explained;
         PoseStage stage(cameras, fps, stage_options);
         std::vector<const PoseObservation*> used;
         std::vector<BodyPosture> postures;
@@ -289,7 +289,7 @@ absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
                 "no person's pose was found in {} frame sets; fit the body where one person stands free",
                 frames.size()));
         // Evenly over time.
-        const std::size_t most = static_cast<std::size_t>(options.most_frames);
+        const std::size_t most = static_cast<std::size_t>(options.max_frames);
         if (used.size() > most) {
             for (std::size_t n = 0; n < most; ++n) {
                 used[n] = used[n * used.size() / most];

@@ -11,10 +11,10 @@
 namespace kinevox {
 namespace {
 
-constexpr double kMostRate_hz = 30;
-constexpr double kMostFrames = 80;  // that are kept, some 0.3 MB and 50 ms of one core each with four cameras
-constexpr double kLongestWait_s = 20;  // for a person, where somebody asked
-constexpr int kAttempts = 3;           // by itself
+constexpr double kMaxRate_hz = 30;
+constexpr double kMaxFrames = 80;  // that are kept, some 0.3 MB and 50 ms of one core each with four cameras
+constexpr double kMaxWait_s = 20;  // for a person, where somebody asked
+constexpr int kAttempts = 3;       // by itself
 
 double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
     return 1e-9 * static_cast<double>(to_ns - from_ns);
@@ -47,9 +47,9 @@ void LiveBodyFit::close() {
 }
 
 absl::Status LiveBodyFit::start(double seconds) {
-    if (!(seconds >= kLeastSeconds && seconds <= kMostSeconds))
+    if (!(seconds >= kMinSeconds && seconds <= kMaxSeconds))
         return absl::InvalidArgumentError(fmt::format("the body is fitted to {} to {} seconds, not to {}",
-                                                      kLeastSeconds, kMostSeconds, seconds));
+                                                      kMinSeconds, kMaxSeconds, seconds));
     {
         const std::scoped_lock lock(mutex_);
         if (closed_) return absl::UnavailableError("the daemon is stopping; no body is fitted");
@@ -96,11 +96,11 @@ void LiveBodyFit::observe(std::int64_t time_ns, const PoseObservation* seen) {
         if (seen) {
             keep(time_ns, *seen);
         } else if (collecting.asked && collecting.frames.empty() &&
-                   seconds_between(*collecting.asked_ns, time_ns) > kLongestWait_s) {
+                   seconds_between(*collecting.asked_ns, time_ns) > kMaxWait_s) {
             collecting_.reset();
             progress_.state = BodyFitState::kFailed;
             progress_.message =
-                fmt::format("nobody was seen for {} s; step into the space and ask again", kLongestWait_s);
+                fmt::format("nobody was seen for {} s; step into the space and ask again", kMaxWait_s);
             news = true;
         }
         news = news || static_cast<int>(10 * before) != static_cast<int>(10 * progress_.part) || to_fit_;
@@ -112,7 +112,7 @@ void LiveBodyFit::observe(std::int64_t time_ns, const PoseObservation* seen) {
 void LiveBodyFit::keep(std::int64_t time_ns, const PoseObservation& seen) {
     Collecting& collecting = *collecting_;
     if (!collecting.first_ns) collecting.first_ns = time_ns;
-    const double apart_s = std::max(1 / kMostRate_hz, collecting.seconds / kMostFrames);
+    const double apart_s = std::max(1 / kMaxRate_hz, collecting.seconds / kMaxFrames);
     constexpr double kJitter = 0.75;  // of a frame set's time, by which it may come early
     if (!collecting.last_ns || seconds_between(*collecting.last_ns, time_ns) >= kJitter * apart_s) {
         auto frame = std::make_unique<PoseObservation>(seen);

@@ -55,7 +55,7 @@ class LiveBodyFit {
 
     // Bounds and the default of what start() takes.
     static constexpr double kUsualSeconds = 4;
-    static constexpr double kLeastSeconds = 1, kMostSeconds = 30;
+    static constexpr double kMinSeconds = 1, kMaxSeconds = 30;
     // Fits to what is seen in the next `seconds` with a person; a fit under way gives way. InvalidArgument
     // beyond the bounds above, Unavailable after close().
     absl::Status start(double seconds);

@@ -16,13 +16,13 @@ namespace {
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 // What is known without any picture, so that the covariance is finite: the room and a turn.
 constexpr double kRoomStd_m = 2, kTurnStd = 1.5;
-constexpr double kLeastHipFlexion = 5 * kDegree;  // for a ratio
-constexpr int kTermsOfSupport = 4;                // residuals of a camera on a segment that make it a support
-constexpr int kMostCameras = 64;
+constexpr double kMinHipFlexion = 5 * kDegree;  // for a ratio
+constexpr int kTermsOfSupport = 4;              // residuals of a camera on a segment that make it a support
+constexpr int kMaxCameras = 64;
 
 using Matrix = Eigen::Matrix<double, kBodyDofCount, kBodyDofCount>;
 using Vector = Eigen::Matrix<double, kBodyDofCount, 1>;
-using CameraSet = std::bitset<kMostCameras>;
+using CameraSet = std::bitset<kMaxCameras>;
 
 // The segments that an angle turns against each other, by kJointAngleNames.
 struct SegmentPair {
@@ -42,13 +42,13 @@ constexpr std::array<SegmentPair, kJointAngleNames.size()> kAngleSegments{{{kThi
 
 std::array<CameraSet, kBodySegmentCount> supporting_cameras(std::span<const SurfaceTerm> terms,
                                                             std::span<const BodyCapsule> capsules) {
-    std::array<std::array<int, kMostCameras>, kBodySegmentCount> counts{};
+    std::array<std::array<int, kMaxCameras>, kBodySegmentCount> counts{};
     for (const SurfaceTerm& term : terms)
-        if (term.camera >= 0 && term.camera < kMostCameras)
+        if (term.camera >= 0 && term.camera < kMaxCameras)
             ++counts[capsules[term.capsule].segment][term.camera];
     std::array<CameraSet, kBodySegmentCount> sets;
     for (int s = 0; s < kBodySegmentCount; ++s)
-        for (int c = 0; c < kMostCameras; ++c) sets[s][c] = counts[s][c] >= kTermsOfSupport;
+        for (int c = 0; c < kMaxCameras; ++c) sets[s][c] = counts[s][c] >= kTermsOfSupport;
     return sets;
 }
 
@@ -101,7 +101,7 @@ double both(double data_variance, double model_std) {
 }
 
 double ratio(double knee, double hip) {
-    return std::abs(hip) < kLeastHipFlexion ? kNaN : knee / hip;
+    return std::abs(hip) < kMinHipFlexion ? kNaN : knee / hip;
 }
 
 }  // namespace
@@ -148,7 +148,7 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
         joint.withheld.clear();
         if (joint.cameras == 0)
             joint.withheld = fmt::format("none of {} cameras shows the segments at it", cameras);
-        else if (joint.std_m > options.most_joint_std_m)
+        else if (joint.std_m > options.max_joint_std_m)
             joint.withheld =
                 fmt::format("the silhouettes leave its place open by {:.0f} mm", 1000 * joint.std_m);
     }
@@ -182,7 +182,7 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
             angle.withheld =
                 fmt::format("none of {} cameras shows {}", cameras,
                             kBodySegmentNames[support[pair.first].none() ? pair.first : pair.second]);
-        else if (angle.std_rad > options.most_angle_std_rad)
+        else if (angle.std_rad > options.max_angle_std_rad)
             angle.withheld =
                 fmt::format("the silhouettes leave it open by {:.0f} deg", angle.std_rad / kDegree);
     }

@@ -12,8 +12,8 @@ namespace {
 using Vector = Eigen::Matrix<double, kBodyDofCount, 1>;
 using Matrix = Eigen::Matrix<double, kBodyDofCount, kBodyDofCount>;
 
-constexpr double kFirstDamping = 1e-3, kLeastDamping = 1e-6, kMostDamping = 1e6;
-constexpr double kMostTurn = 0.5;  // rad a step and degree of freedom: the linearisation holds no farther
+constexpr double kFirstDamping = 1e-3, kMinDamping = 1e-6, kMaxDamping = 1e6;
+constexpr double kMaxTurn = 0.5;  // rad a step and degree of freedom: the linearisation holds no farther
 // Added to the diagonal whatever the damping: what no silhouette tells stays where it is (1/m^2 and 1/rad^2).
 constexpr double kFloor = 1e-2;
 
@@ -44,7 +44,7 @@ void PoseFitter::descend(const BodyModel& model, std::span<const SilhouetteRays>
         Vector step = damped.ldlt().solve(-fit.at.gradient);
         if (!step.allFinite()) return;
         const double largest = step.tail<kBodyDofCount - 3>().cwiseAbs().maxCoeff();
-        if (largest > kMostTurn) step *= kMostTurn / largest;
+        if (largest > kMaxTurn) step *= kMaxTurn / largest;
         const BodyPosture next =
             stepped(fit.posture, std::span<const double, kBodyDofCount>(step.data(), kBodyDofCount));
         cost_.linearise(model, next, views, prior, robust_m, trial_);
@@ -52,11 +52,11 @@ void PoseFitter::descend(const BodyModel& model, std::span<const SilhouetteRays>
             const double gained = (fit.at.cost - trial_.cost) / fit.at.cost;
             fit.posture = next;
             std::swap(fit.at, trial_);
-            damping = std::max(kLeastDamping, damping / 5);
+            damping = std::max(kMinDamping, damping / 5);
             if (gained < options_.done_below) return;
         } else {
             damping *= 8;
-            if (damping > kMostDamping) return;
+            if (damping > kMaxDamping) return;
         }
     }
 }

@@ -65,8 +65,8 @@ struct OneEuroOptions {
 
 struct EstimateOptions {
     // Beyond these standard deviations a value is withheld.
-    double most_joint_std_m = 0.10;
-    double most_angle_std_rad = 0.45;
+    double max_joint_std_m = 0.10;
+    double max_angle_std_rad = 0.45;
 };
 
 struct PoseStageOptions {
@@ -76,7 +76,7 @@ struct PoseStageOptions {
     bool filtered = true;  // by the causal filter above; off for recordings, which are smoothed as a whole
     // Part of a silhouette that may lie outside of the volume's main part; where it is more, the silhouette
     // is cut there.
-    double most_outside_volume = 0.2;
+    double max_outside_volume = 0.2;
     int candidates = 5;  // asked of the proposer where a body must be found
     BodyShape body = default_body_shape();
 
@@ -85,14 +85,14 @@ struct PoseStageOptions {
 };
 
 struct BodyFitOptions {
-    int most_frames = 40;           // of those given, evenly chosen
+    int max_frames = 40;            // of those given, evenly chosen
     int rounds = 2;                 // of tracking and fitting
     int steps = 10;                 // each with a wide and a narrow kernel
     double independent_frames = 1;  // all frames together count as so many
     double stature_std_m = 0.12;    // around the mean adult
     // Part of the contour that a pose must explain to be used: less than the tracker asks, since a clip of
     // its own often has a poorer background.
-    double least_explained = 0.25;
+    double min_explained = 0.25;
 
     std::string check() const;
 };

@@ -8,7 +8,7 @@
 namespace kinevox {
 
 std::string BodyFitOptions::check() const {
-    if (most_frames < 1 || rounds < 1 || steps < 1)
+    if (max_frames < 1 || rounds < 1 || steps < 1)
         return "body fit: frames, rounds and steps must be at least 1";
     if (!(independent_frames > 0) || !(stature_std_m > 0))
         return "body fit: independent_frames and stature_std_m must be positive";
@@ -58,7 +58,7 @@ void PoseStage::cut_views(const kernels::VoxelVolume& volume, const MainBody& bo
         if (!views[c].silhouettes) return;
         const int dilate_px = std::max(1, views[c].silhouettes->height / kWide);
         cluttered[c] = part_outside(*views[c].silhouettes, body.volume, *views[c].camera, dilate_px,
-                                    cut_mask_[c]) > options_.most_outside_volume;
+                                    cut_mask_[c]) > options_.max_outside_volume;
     });
     if (std::none_of(cluttered.begin(), cluttered.end(), [](char c) { return c != 0; })) return;
     const kernels::VoxelVolume fine = inside_of(volume, body.volume, kCoarser);

@@ -15,7 +15,7 @@ constexpr float kThin_m = 0.09f;  // a capsule is drawn over the border if it ne
 
 void nearest_capsules(const ContourRays& rays, std::span<const BodyCapsule> capsules,
                       std::vector<float>& distance, std::vector<int>& capsule) {
-    std::array<kernels::TaperedCapsule, kernels::kMostCapsules> plain;
+    std::array<kernels::TaperedCapsule, kernels::kMaxCapsules> plain;
     const std::size_t count = std::min(capsules.size(), plain.size());
     for (std::size_t k = 0; k < count; ++k) {
         const BodyCapsule& c = capsules[k];

@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::size_t kBlock = 512;
 constexpr int kIntel = 84;
-constexpr std::size_t kMostCounted = 65535;  // frames in a 16-bit word; more need TRIAL and LONG_FRAMES
+constexpr std::size_t kMaxCounted = 65535;  // frames in a 16-bit word; more need TRIAL and LONG_FRAMES
 
 // A number of any size, lowest byte first.
 template <class T>
@@ -125,7 +125,7 @@ constexpr std::array<JointDescription, kJointNames.size()> kDescriptions{
      {"ankle_r", "right ankle centre"},
      {"toe_r", "tip of the right second toe"}}};
 
-double largest_mm(const Trial& trial) {
+double max_mm(const Trial& trial) {
     double largest = 0;
     for (const auto& joints : trial.joints)
         for (const Vec3& p : joints)
@@ -135,7 +135,7 @@ double largest_mm(const Trial& trial) {
 
 // POINT:SCALE's magnitude: of use to programs that turn the file into one of 16-bit integers.
 double scale_of(const Trial& trial) {
-    return -std::max(largest_mm(trial), 1.0) / 32000;
+    return -std::max(max_mm(trial), 1.0) / 32000;
 }
 
 std::string parameter_section(const Trial& trial, std::uint16_t data_block) {
@@ -151,8 +151,8 @@ std::string parameter_section(const Trial& trial, std::uint16_t data_block) {
     p.number("SCALE", scale_of(trial), "negative: floats");
     p.number("RATE", trial.rate_hz, "frames a second");
     p.integer("DATA_START", data_block, "block of the first frame");
-    p.integer("FRAMES", static_cast<std::uint16_t>(std::min<std::uint64_t>(frames, kMostCounted)), "frames");
-    if (frames > kMostCounted) p.number("LONG_FRAMES", static_cast<double>(frames), "frames");
+    p.integer("FRAMES", static_cast<std::uint16_t>(std::min<std::uint64_t>(frames, kMaxCounted)), "frames");
+    if (frames > kMaxCounted) p.number("LONG_FRAMES", static_cast<double>(frames), "frames");
     p.texts("LABELS", labels, "names");
     p.texts("DESCRIPTIONS", descriptions, "what the points are");
     p.text("UNITS", "mm", "of the coordinates");
@@ -179,7 +179,7 @@ std::string header_section(const Trial& trial, std::uint16_t data_block) {
     put(out, static_cast<std::uint16_t>(kJointNames.size()));
     put(out, std::uint16_t{0});  // analog values a frame
     put(out, std::uint16_t{1});  // first and last frame
-    put(out, static_cast<std::uint16_t>(std::min(trial.size(), kMostCounted)));
+    put(out, static_cast<std::uint16_t>(std::min(trial.size(), kMaxCounted)));
     put(out, std::uint16_t{0});  // no gap was interpolated
     put(out, static_cast<float>(scale_of(trial)));
     put(out, data_block);
@@ -195,11 +195,11 @@ std::string header_section(const Trial& trial, std::uint16_t data_block) {
 }  // namespace
 
 absl::StatusOr<std::string> c3d_file(const Trial& trial) {
-    constexpr std::size_t kMostFrames = std::size_t{1} << 24;  // that LONG_FRAMES, a float, counts exactly
-    if (trial.size() > kMostFrames)
+    constexpr std::size_t kMaxFrames = std::size_t{1} << 24;  // that LONG_FRAMES, a float, counts exactly
+    if (trial.size() > kMaxFrames)
         return absl::InvalidArgumentError(
             fmt::format("{}: {} frames are more than C3D counts, {}; export a part by --frames",
-                        trial.folder.string(), trial.size(), kMostFrames));
+                        trial.folder.string(), trial.size(), kMaxFrames));
     const std::size_t parameter_blocks = parameter_section(trial, 0).size() / kBlock;
     const auto data_block = static_cast<std::uint16_t>(2 + parameter_blocks);
     std::string out = header_section(trial, data_block) + parameter_section(trial, data_block);

@@ -14,7 +14,7 @@
 namespace kinevox {
 namespace {
 
-constexpr std::size_t kMostBytes = std::size_t{1} << 30;  // hours of capture
+constexpr std::size_t kMaxBytes = std::size_t{1} << 30;  // hours of capture
 constexpr const char* kRemedy = "write it anew with `kinevox process`";
 
 // Takes the text up to a delimiter (or the end) off the front of `rest`.
@@ -59,7 +59,7 @@ absl::Status check_header(std::string_view line, std::span<const std::string> co
 
 absl::StatusOr<CsvTable> read_csv_table(const std::filesystem::path& path,
                                         std::span<const std::string> columns) {
-    auto text = read_file(path, kMostBytes);
+    auto text = read_file(path, kMaxBytes);
     if (!text.ok()) return text.status();
     CsvTable table;
     table.file = path.string();

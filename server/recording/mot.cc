@@ -98,8 +98,8 @@ AngleRange mot_pelvis_rotation(const Trial& trial) {
     AngleRange range{kInfinity, -kInfinity};
     for (const EulerAngles& angles : pelvis_angles(trial))
         if (!std::isnan(angles[2]))
-            range = {std::min(range.least_rad, angles[2]), std::max(range.most_rad, angles[2])};
-    return range.least_rad <= range.most_rad ? range : AngleRange{};
+            range = {std::min(range.min_rad, angles[2]), std::max(range.max_rad, angles[2])};
+    return range.min_rad <= range.max_rad ? range : AngleRange{};
 }
 
 }  // namespace kinevox

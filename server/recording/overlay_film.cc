@@ -23,7 +23,7 @@
 namespace kinevox {
 namespace {
 
-constexpr int kWidestByDefault_px = 1280;
+constexpr int kMaxByDefault_px = 1280;
 constexpr double kLineWidth = 1.0 / 200;  // of a tile's height
 constexpr int kFilmQuality = 20;
 constexpr double kRoomGrey = 28, kPersonGrey = 112;  // where silhouettes are shown
@@ -106,7 +106,7 @@ cv::Size place_tiles(std::vector<Tile>& tiles, int width_px) {
         width = std::max(width, tile.camera.width);
         tallest = std::max(tallest, static_cast<double>(tile.camera.height) / tile.camera.width);
     }
-    const int film_width = width_px > 0 ? width_px : std::min(columns * width, kWidestByDefault_px);
+    const int film_width = width_px > 0 ? width_px : std::min(columns * width, kMaxByDefault_px);
     const int tile_width = std::max(film_width / columns / 2 * 2, 2);
     const int tile_height = std::max(static_cast<int>(tallest * tile_width) / 2 * 2, 2);
     for (std::size_t t = 0; t < tiles.size(); ++t) {

@@ -12,8 +12,8 @@
 namespace kinevox {
 namespace {
 
-constexpr std::size_t kMostQueuedResults = 256;
-constexpr std::chrono::seconds kLongestClose{5};
+constexpr std::size_t kMaxQueuedResults = 256;
+constexpr std::chrono::seconds kMaxClose{5};
 
 std::string name_by_time() {
     const std::time_t now = std::time(nullptr);
@@ -63,7 +63,7 @@ void LiveRecorder::observe(const FrameResult& result, const BodyShape* body) {
     if (!finish_ && (closed_ || !taking())) return;
     results_.push_back({run_, result.sequence, options_.poses ? result.pose : nullptr,
                         options_.volumes ? result.volume : nullptr});
-    if (results_.size() > kMostQueuedResults) results_.pop_front();
+    if (results_.size() > kMaxQueuedResults) results_.pop_front();
     changed_.notify_all();
 }
 
@@ -98,10 +98,10 @@ absl::StatusOr<std::unique_ptr<RecordingFolder>> LiveRecorder::make_folder(const
     std::error_code error;
     std::filesystem::create_directories(options_.folder, error);
     if (const auto space = std::filesystem::space(options_.folder, error);
-        !error && space.available < options_.least_free_bytes)
+        !error && space.available < options_.min_free_bytes)
         return absl::ResourceExhaustedError(
             fmt::format("{} MB are free on the disk of {}, least_free_mb is {}; make room",
-                        space.available >> 20, options_.folder.string(), options_.least_free_bytes >> 20));
+                        space.available >> 20, options_.folder.string(), options_.min_free_bytes >> 20));
     const RecordedCapture capture = capture_();
     RecordingPlan plan;
     plan.folder = options_.folder / name;
@@ -270,7 +270,7 @@ void LiveRecorder::close() {
     finish("the daemon was stopped").IgnoreError();  // or somebody else's stop is under way
     {
         std::unique_lock lock(mutex_);
-        changed_.wait_for(lock, kLongestClose,
+        changed_.wait_for(lock, kMaxClose,
                           [this] { return status_.state == RecorderState::kIdle && !finish_; });
     }
     writer_thread_ = {};

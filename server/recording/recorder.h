@@ -31,7 +31,7 @@ struct RecorderOptions {
     std::size_t keep_last_bytes = std::size_t{1} << 30;
     std::size_t queue_bytes = std::size_t{256}
                               << 20;  // taken and not yet written; beyond it frame sets are dropped
-    std::uint64_t least_free_bytes = std::uint64_t{512} << 20;  // on the disk, below which a recording ends
+    std::uint64_t min_free_bytes = std::uint64_t{512} << 20;  // on the disk, below which a recording ends
 };
 
 // Of the capture, asked for when a recording begins.

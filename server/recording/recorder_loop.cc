@@ -7,7 +7,7 @@
 namespace kinevox {
 namespace {
 
-constexpr std::chrono::milliseconds kLongestWaitForResults{1500}, kWriterBeat{50}, kFinishBeat{5};
+constexpr std::chrono::milliseconds kMaxWaitForResults{1500}, kWriterBeat{50}, kFinishBeat{5};
 constexpr std::chrono::seconds kTellDropsEvery{5};
 
 std::string summary(const RecordingInfo& info) {
@@ -76,7 +76,7 @@ void LiveRecorder::finish_if_done() {
             status_.state = RecorderState::kRecording;
         if (!finish_ || begin_) return;
         const bool all_sets = writer_.next_number() >= finish_->upto || !lanes_;
-        const bool late = Clock::now() - finish_->begun > kLongestWaitForResults;
+        const bool late = Clock::now() - finish_->begun > kMaxWaitForResults;
         if (status_.recording && (!all_sets || (!writer_.has_all_results() && !late))) return;
         finish = *std::exchange(finish_, std::nullopt);
         dropped = dropped_;

@@ -73,7 +73,7 @@ absl::StatusOr<ExportSource> find_source(const fs::path& from, const std::string
 
 // OpenSim's models let the pelvis turn 90 deg to either side of x.
 std::string clamped_remark(const AngleRange& range, double turn_rad) {
-    const double least = degrees(range.least_rad), most = degrees(range.most_rad);
+    const double least = degrees(range.min_rad), most = degrees(range.max_rad);
     if (least >= -90 && most <= 90) return {};
     std::string remark = fmt::format(
         "pelvis_rotation goes from {:.0f} to {:.0f} deg, but OpenSim's models clamp it at 90", least, most);
@@ -181,9 +181,9 @@ absl::StatusOr<ExportedFiles> export_recording(const fs::path& from, const Expor
     if (options.turn_rad != 0) turn_trial(*trial, options.turn_rad);
     const auto bytes = text_of(*trial, options, out, written.remark);
     if (!bytes.ok()) return bytes.status();
-    if (trial->most_beside_s > 0 && written.remark.empty())
+    if (trial->max_beside_s > 0 && written.remark.empty())
         written.remark = fmt::format("the cameras' beat was not even: times are moved by {:.0f} ms at most",
-                                     1000 * trial->most_beside_s);
+                                     1000 * trial->max_beside_s);
     if (absl::Status done = write_file_atomically(out, *bytes); !done.ok()) return done;
     return written;
 }

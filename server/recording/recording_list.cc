@@ -13,7 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kLongestName = 100;
+constexpr std::size_t kMaxName = 100;
 constexpr std::string_view kDeleted = ".deleted-";  // no recording's name begins with a dot
 
 std::uint64_t bytes_of(const fs::path& folder) {
@@ -51,12 +51,11 @@ std::string recording_name_problem(const std::string& name) {
         return (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || c == '.' ||
                c == '_' || c == '-';
     };
-    if (name.empty() || name.size() > kLongestName || name.front() == '.' ||
-        !std::ranges::all_of(name, allowed))
+    if (name.empty() || name.size() > kMaxName || name.front() == '.' || !std::ranges::all_of(name, allowed))
         return fmt::format(
             "the name \"{}\" is not 1 to {} letters, digits, '.', '_' or '-', the first not '.'; choose "
             "another one",
-            name.substr(0, 120), kLongestName);
+            name.substr(0, 120), kMaxName);
     return {};
 }
 

@@ -12,9 +12,9 @@
 namespace kinevox {
 namespace {
 
-constexpr std::size_t kMostWaitingResults = 256;
+constexpr std::size_t kMaxWaitingResults = 256;
 // What waits for its result costs little without its pictures, which are written; with them less is kept.
-constexpr double kLongestWithoutResult_s = 60, kLongestWithPictures_s = 5;
+constexpr double kMaxWithoutResult_s = 60, kMaxWithPictures_s = 5;
 constexpr std::chrono::milliseconds kCheckSpaceEvery{250};
 
 }  // namespace
@@ -46,7 +46,7 @@ void RecordingWriter::take(std::shared_ptr<const EncodedSet> set) {
 
 void RecordingWriter::take(ResultOfSet result) {
     results_.push_back(std::move(result));
-    if (results_.size() > kMostWaitingResults) results_.pop_front();
+    if (results_.size() > kMaxWaitingResults) results_.pop_front();
     join_results();
     trim();
 }
@@ -77,14 +77,14 @@ void RecordingWriter::join_results() {
 }
 
 void RecordingWriter::trim() {
-    const double longest_wait_s = options_.keep_last_s > 0 ? kLongestWithPictures_s : kLongestWithoutResult_s;
-    const auto over = [this, longest_wait_s] {
+    const double max_wait_s = options_.keep_last_s > 0 ? kMaxWithPictures_s : kMaxWithoutResult_s;
+    const auto over = [this, max_wait_s] {
         const Entry& oldest = entries_.front();
         const double age_s =
             1e-9 * static_cast<double>(entries_.back().set->capture_time_ns - oldest.set->capture_time_ns);
         const bool awaited =
             folder_ && oldest.frame && !oldest.has_result && oldest.set->sequence >= awaited_from_;
-        if (awaited && age_s < longest_wait_s) return false;
+        if (awaited && age_s < max_wait_s) return false;
         if (options_.keep_last_s == 0) return true;
         if (age_s > options_.keep_last_s) return true;
         return entries_bytes_ > options_.keep_last_bytes && (shortened_ = true);
@@ -124,10 +124,10 @@ absl::Status RecordingWriter::check_space() {
     space_checked_ = now;
     std::error_code error;
     const auto space = std::filesystem::space(path_, error);
-    if (error || space.available >= options_.least_free_bytes) return absl::OkStatus();
+    if (error || space.available >= options_.min_free_bytes) return absl::OkStatus();
     return absl::ResourceExhaustedError(
         fmt::format("{} MB are free on the disk of {}, least_free_mb is {}; make room", space.available >> 20,
-                    path_.parent_path().string(), options_.least_free_bytes >> 20));
+                    path_.parent_path().string(), options_.min_free_bytes >> 20));
 }
 
 void RecordingWriter::write(Entry& entry) {

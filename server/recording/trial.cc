@@ -82,22 +82,22 @@ bool take_step(double step_s, double tolerance, Trial& trial) {
 // Frames by the nearest of an even row that has so long between two of them; whether each has one within a
 // frame.
 bool take_nearest(double step_s, Trial& trial) {
-    double most_beside_frames = 0;
+    double max_beside_frames = 0;
     for (std::size_t n = 1; n < trial.size(); ++n) {
         const double frames = (trial.time_s[n] - trial.time_s.front()) / step_s;
         trial.frames[n] =
             std::max<std::int64_t>(trial.frames[n - 1] + 1, trial.frames.front() + std::llround(frames));
         const double beside = std::abs(static_cast<double>(trial.frames[n] - trial.frames.front()) - frames);
         if (beside > 1) return false;
-        most_beside_frames = std::max(most_beside_frames, beside);
+        max_beside_frames = std::max(max_beside_frames, beside);
     }
     trial.rate_hz = std::max(std::round(1000 / step_s) / 1000, 0.001);
-    trial.most_beside_s = most_beside_frames * step_s;
+    trial.max_beside_s = max_beside_frames * step_s;
     return true;
 }
 
 // Of the steps of one frame: the shortest, and those near it.
-double shortest_step_s(std::vector<double>& steps_s) {
+double min_step_s(std::vector<double>& steps_s) {
     std::ranges::sort(steps_s);
     const auto end = std::ranges::upper_bound(steps_s, 1.5 * steps_s.front());
     return steps_s[static_cast<std::size_t>(end - steps_s.begin()) / 2];
@@ -109,29 +109,29 @@ double shortest_step_s(std::vector<double>& steps_s) {
 // nearest frame is as good as it gets. The session's rate is not believed before the times are: a camera may
 // keep another.
 bool take_steps(std::vector<double> steps_s, double fps, Trial& trial) {
-    constexpr int kMostFramesInMedian = 6;
+    constexpr int kMaxFramesInMedian = 6;
     const auto middle = steps_s.begin() + static_cast<std::ptrdiff_t>(steps_s.size() / 2);
     std::nth_element(steps_s.begin(), middle, steps_s.end());
     const double median_s = *middle;
     if (take_step(median_s, 0.2, trial)) return true;
     if (fps > 0 && (take_step(1 / fps, 0.5, trial) || take_nearest(1 / fps, trial))) return true;
     if (take_step(median_s, 0.5, trial)) return true;
-    for (int frames = 2; frames <= kMostFramesInMedian; ++frames)
+    for (int frames = 2; frames <= kMaxFramesInMedian; ++frames)
         if (take_step(median_s / frames, 0.2, trial)) return true;
-    return take_nearest(shortest_step_s(steps_s), trial);
+    return take_nearest(min_step_s(steps_s), trial);
 }
 
 // The rate, to a thousandth of a hertz, and the frames that its times are. `fps`: the session's, 0 if it is
 // not known.
 absl::Status take_rate(const CsvTable& table, double fps, Trial& trial) {
-    constexpr double kLongestGap_s = 3600;
+    constexpr double kMaxGap_s = 3600;
     // Each takes half a kilobyte. A million are over four hours of 60 a second.
-    const std::int64_t most_frames =
+    const std::int64_t max_frames =
         std::max<std::int64_t>(1'000'000, 4 * static_cast<std::int64_t>(trial.size()));
     std::vector<double> steps_s;
     for (std::size_t n = 1; n < trial.size(); ++n) {
         const double step_s = trial.time_s[n] - trial.time_s[n - 1];
-        if (!(step_s > 1e-6 && step_s < kLongestGap_s))
+        if (!(step_s > 1e-6 && step_s < kMaxGap_s))
             return wrong(table, n,
                          fmt::format("time_s is {:.4f} after {:.4f}", trial.time_s[n], trial.time_s[n - 1]));
         steps_s.push_back(step_s);
@@ -139,10 +139,10 @@ absl::Status take_rate(const CsvTable& table, double fps, Trial& trial) {
     if (!take_steps(std::move(steps_s), fps, trial))
         return wrong(table, trial.size() - 1, "the times before are no frames of any even rate");
     const std::int64_t frames = trial.frames.back() - trial.frames.front() + 1;
-    if (frames > most_frames)
+    if (frames > max_frames)
         return wrong(
             table, trial.size() - 1,
-            fmt::format("{} frames with those that were lost, expected {} at most", frames, most_frames));
+            fmt::format("{} frames with those that were lost, expected {} at most", frames, max_frames));
     return absl::OkStatus();
 }
 

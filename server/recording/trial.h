@@ -28,7 +28,7 @@ struct Trial {
     std::vector<std::int64_t> frames;
     std::vector<std::int64_t> pictures;  // the session's frame; -1: it was lost
     std::vector<double> time_s;          // even, within half a frame
-    double most_beside_s = 0;            // how far it lay beside, where the source's beat was not even
+    double max_beside_s = 0;             // how far it lay beside, where the source's beat was not even
     std::vector<std::array<Vec3, kJointNames.size()>> joints;  // in the order of kJointNames
     // Empty where the folder has no such file.
     std::vector<std::array<double, kJointAngleNames.size()>> angles_rad;  // in the order of kJointAngleNames

@@ -22,7 +22,7 @@ std::string trc_file(const Trial& trial, const std::string& file_name);
 absl::StatusOr<std::string> mot_file(const Trial& trial);
 // The pelvis_rotation of that file; beyond 90 deg those models clamp it. Both 0 without a pose.
 struct AngleRange {
-    double least_rad = 0, most_rad = 0;
+    double min_rad = 0, max_rad = 0;
 };
 AngleRange mot_pelvis_rotation(const Trial& trial);
 

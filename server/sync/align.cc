@@ -7,7 +7,7 @@
 namespace kinevox::sync {
 namespace {
 
-constexpr double kFewestSeconds = 1;  // with somebody in the picture
+constexpr double kMinSeconds = 1;  // with somebody in the picture
 constexpr double kHardlyMoves =
     0.01;  // part of the silhouette that differs from picture to picture: noise alone makes less
 
@@ -17,12 +17,12 @@ absl::Status check_seen(const std::vector<CameraMotion>& cameras, double fps) {
     for (const CameraMotion& camera : cameras) {
         const auto seen =
             std::ranges::count_if(camera.shapes, [](const SeenShape& shape) { return shape.seen; });
-        if (static_cast<double>(seen) >= kFewestSeconds * fps) continue;
+        if (static_cast<double>(seen) >= kMinSeconds * fps) continue;
         return absl::FailedPreconditionError(fmt::format(
             "camera {}: somebody is seen in {} of its {} pictures only; {:g} s are needed. Is its "
             "background that of this place, "
             "and does the person walk through its view?",
-            camera.camera.name, seen, camera.shapes.size(), kFewestSeconds));
+            camera.camera.name, seen, camera.shapes.size(), kMinSeconds));
     }
     return absl::OkStatus();
 }
@@ -39,10 +39,10 @@ absl::StatusOr<Alignment> align(const std::vector<CameraMotion>& cameras, double
     OffsetOptions offsets;
     evidence.fps = offsets.fps = fps;
     offsets.max_shift_s = options.max_shift_s;
-    int longest_px = 0;
+    int max_px = 0;
     for (const CameraMotion& camera : cameras)
-        longest_px = std::max({longest_px, camera.camera.width, camera.camera.height});
-    evidence.pixel_px = offsets.pixel_px = longest_px / kPixels;
+        max_px = std::max({max_px, camera.camera.width, camera.camera.height});
+    evidence.pixel_px = offsets.pixel_px = max_px / kPixels;
     std::vector<std::string> names;
     for (const CameraMotion& camera : cameras) {
         names.push_back(camera.camera.name);

@@ -171,7 +171,7 @@ absl::StatusOr<std::vector<CameraMotion>> read_motion(const Session& session,
             out[c].camera = (*cameras)[c];
             const int longest = std::max((*cameras)[c].width, (*cameras)[c].height);
             int factor = 1;
-            while (options.longest_side_px > 0 && longest / factor > options.longest_side_px) ++factor;
+            while (options.max_side_px > 0 && longest / factor > options.max_side_px) ++factor;
             if (absl::Status read = read_camera(*readers[c], (*background)[c], factor, together, out[c]);
                 !read.ok())
                 together.fail(read);

@@ -31,7 +31,7 @@ struct CameraMotion {
 
 struct CameraMotionOptions {
     // Pictures are made smaller by a whole factor until their longer side is at most this, px. 0: never.
-    int longest_side_px = 960;
+    int max_side_px = 960;
 };
 
 // How far it is, 0 to 1, and what it does; false cancels. May come from several threads, one at a time.

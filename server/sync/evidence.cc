@@ -11,13 +11,13 @@
 namespace kinevox::sync {
 namespace {
 
-constexpr double kFirstScatter_px = 2, kLeastScatter_px = 0.5, kMostScatter_px = 6;  // times pixel_px
+constexpr double kFirstScatter_px = 2, kMinScatter_px = 0.5, kMaxScatter_px = 6;  // times pixel_px
 constexpr double kBias_px = 0.7;  // standard deviation of what calibrations are wrong by, times pixel_px
-constexpr std::size_t kMostForChance = 400;  // samples of a signal
-constexpr std::size_t kFewestValues = 10;    // of a signal that says anything
-constexpr double kFewestIndependent = 4;     // stretches, for a correlation
-constexpr double kMostCorrelation = 0.98;    // nothing two views see is more alike
-constexpr int kFactors = 16;                 // multiplied before a logarithm is taken: none can overflow
+constexpr std::size_t kMaxForChance = 400;  // samples of a signal
+constexpr std::size_t kMinValues = 10;      // of a signal that says anything
+constexpr double kMinIndependent = 4;       // stretches, for a correlation
+constexpr double kMaxCorrelation = 0.98;    // nothing two views see is more alike
+constexpr int kFactors = 16;                // multiplied before a logarithm is taken: none can overflow
 
 // Log likelihood of a distance, Cauchy's without its constant: a wrong silhouette costs little.
 double log_likelihood(double distance, double scatter) {
@@ -29,10 +29,9 @@ std::vector<double> values_of(const Signal& signal) {
     std::vector<double> values;
     for (const double v : signal)
         if (!std::isnan(v)) values.push_back(v);
-    if (values.size() <= kMostForChance) return values;
+    if (values.size() <= kMaxForChance) return values;
     std::vector<double> some;
-    for (std::size_t i = 0; i < kMostForChance; ++i)
-        some.push_back(values[i * values.size() / kMostForChance]);
+    for (std::size_t i = 0; i < kMaxForChance; ++i) some.push_back(values[i * values.size() / kMaxForChance]);
     return some;
 }
 
@@ -60,7 +59,7 @@ PairEvidence::PairEvidence(PairSignals signals, const EvidenceOptions& options)
       options_(options),
       independent_(std::max(1.0, options.independent_s * options.fps)) {
     std::erase_if(signals_.equal_px, [](const std::array<Signal, 2>& pair) {
-        return values_of(pair[0]).size() < kFewestValues || values_of(pair[1]).size() < kFewestValues;
+        return values_of(pair[0]).size() < kMinValues || values_of(pair[1]).size() < kMinValues;
     });
     scatter_px_.assign(signals_.equal_px.size(), kFirstScatter_px * options_.pixel_px);
     const auto mask = [](const std::vector<std::array<Signal, 2>>& from,
@@ -91,11 +90,11 @@ void PairEvidence::measure_chance() {
 }
 
 double PairEvidence::alike_evidence(double n, double x, double y, double xx, double yy, double xy) const {
-    if (n < kFewestIndependent * independent_) return 0;
+    if (n < kMinIndependent * independent_) return 0;
     const double both = (xx - x * x / n) * (yy - y * y / n);
     if (!(both > 0)) return 0;
     const double correlation =
-        std::clamp((xy - x * y / n) / std::sqrt(both), -kMostCorrelation, kMostCorrelation);
+        std::clamp((xy - x * y / n) / std::sqrt(both), -kMaxCorrelation, kMaxCorrelation);
     const double sign = correlation < 0 ? -1 : 1;
     return options_.alike_weight * sign * -0.5 * (n / independent_ - 1) *
            std::log1p(-correlation * correlation);
@@ -143,7 +142,7 @@ PairEvidence::Entry PairEvidence::whole(int lag) const {
         out.evidence += alike_evidence(n, sx, sy, sxx, syy, sxy);
         out.overlap = std::max(out.overlap, static_cast<int>(n));
     }
-    if (out.overlap < options_.least_overlap_s * options_.fps) out.evidence = std::min(out.evidence, 0.0);
+    if (out.overlap < options_.min_overlap_s * options_.fps) out.evidence = std::min(out.evidence, 0.0);
     return out;
 }
 
@@ -199,10 +198,10 @@ double PairEvidence::between(double lag) const {
 void PairEvidence::settle(double lag) {
     for (std::size_t k = 0; k < signals_.equal_px.size(); ++k) {
         std::vector<double> distances = distances_px(k, lag);
-        if (distances.size() < kFewestValues) continue;
+        if (distances.size() < kMinValues) continue;
         for (double& d : distances) d = std::abs(d);
-        scatter_px_[k] = std::clamp(median_of(distances), kLeastScatter_px * options_.pixel_px,
-                                    kMostScatter_px * options_.pixel_px);
+        scatter_px_[k] = std::clamp(median_of(distances), kMinScatter_px * options_.pixel_px,
+                                    kMaxScatter_px * options_.pixel_px);
     }
     measure_chance();
 }
@@ -211,7 +210,7 @@ std::optional<double> PairEvidence::miss_px(double lag) const {
     std::vector<double> all;
     for (std::size_t k = 0; k < signals_.equal_px.size(); ++k)
         for (const double d : distances_px(k, lag)) all.push_back(std::abs(d));
-    if (all.size() < kFewestValues) return std::nullopt;
+    if (all.size() < kMinValues) return std::nullopt;
     return median_of(all);
 }
 

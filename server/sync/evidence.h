@@ -11,9 +11,9 @@ namespace kinevox::sync {
 
 struct EvidenceOptions {
     double fps = 30;
-    double pixel_px = 1;            // a 640th of the picture's longer side: the unit of all scatter
-    double independent_s = 0.1;     // signals that far apart err independently of each other
-    double least_overlap_s = 0.75;  // in less, signals of anything are alike: nothing speaks for such a shift
+    double pixel_px = 1;          // a 640th of the picture's longer side: the unit of all scatter
+    double independent_s = 0.1;   // signals that far apart err independently of each other
+    double min_overlap_s = 0.75;  // in less, signals of anything are alike: nothing speaks for such a shift
     // Signals that only rise and fall together count so much against those that are equal.
     double alike_weight = 0.5;
 };

@@ -9,20 +9,20 @@
 namespace kinevox::sync {
 namespace {
 
-constexpr std::size_t kMostForAllWays = 8;  // cameras
-constexpr int kMostRounds = 20;
+constexpr std::size_t kMaxForAllWays = 8;  // cameras
+constexpr int kMaxRounds = 20;
 constexpr double kReach_frames = 1.5, kStep_frames = 0.25;  // around a pair's peak
 constexpr double kDisagreement_frames = 0.5;                // from here on a pair counts for half and less
-constexpr double kLeastCurvature = 1e-3;                    // nats per frame squared
+constexpr double kMinCurvature = 1e-3;                      // nats per frame squared
 
 struct Peak {
     int lag = 0;
     double evidence = 0;
 };
 
-Peak highest_peak(const PairEvidence& pair, int most_lag) {
+Peak highest_peak(const PairEvidence& pair, int max_lag) {
     Peak peak;
-    for (int lag = std::max(pair.lowest(), -most_lag); lag <= std::min(pair.highest(), most_lag); ++lag)
+    for (int lag = std::max(pair.lowest(), -max_lag); lag <= std::min(pair.highest(), max_lag); ++lag)
         if (pair.at(lag) > peak.evidence) peak = {lag, pair.at(lag)};
     return peak;
 }
@@ -48,14 +48,14 @@ void join(const std::vector<PairEvidence>& pairs, const std::vector<std::size_t>
     }
 }
 
-bool within(const std::vector<int>& offsets, int most_lag) {
+bool within(const std::vector<int>& offsets, int max_lag) {
     const auto [low, high] = std::minmax_element(offsets.begin(), offsets.end());
-    return *high - *low <= most_lag;
+    return *high - *low <= max_lag;
 }
 
 // One camera after the other to where it fits best, until none moves.
-void settle_one_by_one(const std::vector<PairEvidence>& pairs, int most_lag, std::vector<int>& offsets) {
-    for (int round = 0; round < kMostRounds; ++round) {
+void settle_one_by_one(const std::vector<PairEvidence>& pairs, int max_lag, std::vector<int>& offsets) {
+    for (int round = 0; round < kMaxRounds; ++round) {
         bool moved = false;
         for (std::size_t c = 0; c < offsets.size(); ++c) {
             int lowest = std::numeric_limits<int>::max(), highest = std::numeric_limits<int>::min();
@@ -64,7 +64,7 @@ void settle_one_by_one(const std::vector<PairEvidence>& pairs, int most_lag, std
                     lowest = std::min(lowest, offsets[other]), highest = std::max(highest, offsets[other]);
             double best = -std::numeric_limits<double>::infinity();
             int best_at = offsets[c];
-            for (int at = highest - most_lag; at <= lowest + most_lag; ++at) {
+            for (int at = highest - max_lag; at <= lowest + max_lag; ++at) {
                 double sum = 0;
                 for (const PairEvidence& pair : pairs)
                     if (pair.first() == c)
@@ -96,7 +96,7 @@ Top top_near(const PairEvidence& pair, double lag) {
         values[i] = pair.between(lag + x);
     }
     const Eigen::Vector3d fit = powers.colPivHouseholderQr().solve(values);
-    if (!(fit[2] < -kLeastCurvature)) return {};
+    if (!(fit[2] < -kMinCurvature)) return {};
     const double top = -fit[1] / (2 * fit[2]);
     if (std::abs(top) > kReach_frames) return {};
     return {lag + top, -2 * fit[2]};
@@ -104,9 +104,9 @@ Top top_near(const PairEvidence& pair, double lag) {
 
 }  // namespace
 
-std::vector<int> whole_offsets(const std::vector<PairEvidence>& pairs, std::size_t cameras, int most_lag) {
+std::vector<int> whole_offsets(const std::vector<PairEvidence>& pairs, std::size_t cameras, int max_lag) {
     std::vector<Peak> peaks;
-    for (const PairEvidence& pair : pairs) peaks.push_back(highest_peak(pair, most_lag));
+    for (const PairEvidence& pair : pairs) peaks.push_back(highest_peak(pair, max_lag));
     std::vector<int> best(cameras, 0);
     double most = -std::numeric_limits<double>::infinity();
     // The strongest tree, and for each camera the one that joins it to all others first.
@@ -127,8 +127,8 @@ std::vector<int> whole_offsets(const std::vector<PairEvidence>& pairs, std::size
             for (std::size_t c = 0; c < cameras; ++c)
                 if (group[c] == to) offsets[c] += shift;
         });
-        if (!within(offsets, most_lag)) std::fill(offsets.begin(), offsets.end(), 0);
-        settle_one_by_one(pairs, most_lag, offsets);
+        if (!within(offsets, max_lag)) std::fill(offsets.begin(), offsets.end(), 0);
+        settle_one_by_one(pairs, max_lag, offsets);
         if (const double sum = total(pairs, offsets); sum > most) most = sum, best = offsets;
     }
     const int first = best.empty() ? 0 : best[0];
@@ -144,7 +144,7 @@ std::vector<Group> ways_to_part(const std::vector<PairEvidence>& pairs, std::siz
             group.flip();
         if (std::find(out.begin(), out.end(), group) == out.end()) out.push_back(std::move(group));
     };
-    if (cameras <= kMostForAllWays) {
+    if (cameras <= kMaxForAllWays) {
         for (std::size_t bits = 1; bits < (std::size_t{1} << (cameras - 1)); ++bits) {
             Group group(cameras, false);
             for (std::size_t c = 0; c + 1 < cameras; ++c) group[c] = (bits >> c) & 1;

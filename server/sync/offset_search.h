@@ -13,7 +13,7 @@ namespace kinevox::sync {
 
 // Whole frames; the first camera's offset is 0. The largest sum of evidence that is found from several
 // beginnings by moving one camera after the other.
-std::vector<int> whole_offsets(const std::vector<PairEvidence>& pairs, std::size_t cameras, int most_lag);
+std::vector<int> whole_offsets(const std::vector<PairEvidence>& pairs, std::size_t cameras, int max_lag);
 
 // A group of cameras against all others. member[camera]
 using Group = std::vector<bool>;

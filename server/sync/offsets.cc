@@ -13,7 +13,7 @@
 namespace kinevox::sync {
 namespace {
 
-constexpr int kMostMoves = 8;        // of groups to where they fit better
+constexpr int kMaxMoves = 8;         // of groups to where they fit better
 constexpr double kClearly_nats = 6;  // by so much less evidence, a shift is out of the question
 constexpr double kNarrowest_frames = 3;
 
@@ -89,9 +89,9 @@ double best_quality(const std::vector<PairEvidence>& pairs, const std::vector<in
 }
 
 double how_tied(const Verdict& verdict, bool equal, double best, const OffsetOptions& options) {
-    if (!equal) return verdict.evidence / options.least_evidence;
-    const double enough = verdict.evidence / options.least_evidence_equal;
-    return best > 0 ? std::min(enough, verdict.quality / (options.least_part * best)) : enough;
+    if (!equal) return verdict.evidence / options.min_evidence;
+    const double enough = verdict.evidence / options.min_evidence_equal;
+    return best > 0 ? std::min(enough, verdict.quality / (options.min_part * best)) : enough;
 }
 
 std::string names_of(const Group& group, std::span<const std::string> names) {
@@ -155,7 +155,7 @@ absl::Status check_misses(const FineOffsets& fine, std::span<const std::string> 
         if (misses.empty()) continue;
         const auto middle = misses.begin() + static_cast<std::ptrdiff_t>(misses.size() / 2);
         std::ranges::nth_element(misses, middle);
-        if (*middle <= options.most_miss_px * options.pixel_px) continue;
+        if (*middle <= options.max_miss_px * options.pixel_px) continue;
         return absl::FailedPreconditionError(fmt::format(
             "camera {}: its silhouettes miss those of the others by {:.1f} px even where they fit best: "
             "it is of another recording, "
@@ -177,7 +177,7 @@ absl::StatusOr<OffsetSolution> solve_offsets(std::vector<PairEvidence>& pairs,
 
     const std::vector<Group> groups = ways_to_part(pairs, cameras, whole);
     std::vector<Judged> judged;
-    for (int move = 0; move < kMostMoves; ++move) {
+    for (int move = 0; move < kMaxMoves; ++move) {
         judged.clear();
         const Judged* better = nullptr;
         const double best = best_quality(pairs, whole);

@@ -19,17 +19,17 @@ struct OffsetOptions {
     double max_shift_s = 30;  // between any two cameras
     // Nats that tie any group of cameras to the others: where nothing is equal, and where something is, which
     // a calibration of another place or a camera of another recording makes look equal for a while.
-    double least_evidence = 25, least_evidence_equal = 50;
+    double min_evidence = 25, min_evidence_equal = 50;
     // Where something is equal, a group's evidence a picture must also be such a part of that of the best
     // quarter of pairs: a camera of another recording finds a shift at which it fits a little, but never as
     // well as the others do.
-    double least_part = 0.4;
+    double min_part = 0.4;
     // Another shift whose evidence a picture is so near to the best one's, over so much of its overlap, makes
     // it ambiguous.
     double rival_quality = 0.88, rival_overlap = 0.4;
-    double widest_s = 0.15;   // evidence must fall off within that, or within three frames
-    double most_miss_px = 4;  // median, of a camera's equal signals, in the unit below
-    double pixel_px = 1;      // a 640th of the picture's longer side
+    double widest_s = 0.15;  // evidence must fall off within that, or within three frames
+    double max_miss_px = 4;  // median, of a camera's equal signals, in the unit below
+    double pixel_px = 1;     // a 640th of the picture's longer side
 };
 
 // Of two cameras, at the answer.

@@ -17,10 +17,10 @@ constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr double kMovementSmoothing_s = 0.05;  // of positions, before their change is taken
 constexpr double kSlow_s = 0.5;                // slower parts depend on where the camera stands
 constexpr double kTangentSmoothing_s = 0.03;
-constexpr double kLeastWeight = 0.3;  // of a Gaussian's, that must lie on values
+constexpr double kMinWeight = 0.3;  // of a Gaussian's, that must lie on values
 
 constexpr double kNearestCentres_m = 0.05;
-constexpr double kLeastOffAxis =
+constexpr double kMinOffAxis =
     0.17;                        // sine: nearer to the line through both centres a plane is a matter of luck
 constexpr double kWidest = 2.4;  // radians: a silhouette that covers more has the other camera behind it
 
@@ -109,7 +109,7 @@ Touches touches(const CameraMotion& motion, const std::vector<Sight>& seen, Vec3
         if (ends[1] - ends[0] > kWidest) continue;
         for (const int k : {0, 1}) {
             const double off_axis = norm(cross(axis, directions[at[k]]));
-            if ((*seen[i].at_border)[at[k]] || off_axis < kLeastOffAxis) continue;
+            if ((*seen[i].at_border)[at[k]] || off_axis < kMinOffAxis) continue;
             out.angle[k][i] = ends[k];
             scales.push_back(motion.camera.fx * off_axis);
         }
@@ -159,7 +159,7 @@ Signal smoothed(const Signal& signal, double deviation_samples) {
         for (int k = std::max(-reach, -i); k <= std::min(reach, size - 1 - i); ++k)
             if (!std::isnan(signal[i + k]))
                 sum += weights[k + reach] * signal[i + k], weight += weights[k + reach];
-        if (weight > kLeastWeight * all) out[i] = sum / weight;
+        if (weight > kMinWeight * all) out[i] = sum / weight;
     }
     return out;
 }

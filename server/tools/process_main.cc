@@ -59,7 +59,7 @@ void declare(CLI::App& app, Arguments& arguments, std::string& device, std::vect
     app.add_option("--threads", arguments.threads, "Threads of the pipeline; 0: one a core")
         ->check(CLI::Range(0, 1024))
         ->capture_default_str();
-    app.add_option("--frames", options.most_frames, "Stop after so many frame sets; 0: all")
+    app.add_option("--frames", options.max_frames, "Stop after so many frame sets; 0: all")
         ->check(CLI::Range(0, 1'000'000'000))
         ->capture_default_str();
     app.add_flag("--resume", options.resume,

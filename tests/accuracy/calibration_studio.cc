@@ -21,7 +21,7 @@
 namespace kinevox {
 namespace {
 
-constexpr double kMostCentreMm = 5, kMostTurnDeg = 0.1, kMostScalePart = 0.002, kMostSeconds = 20;
+constexpr double kMaxCentreMm = 5, kMaxTurnDeg = 0.1, kMaxScalePart = 0.002, kMaxSeconds = 20;
 constexpr double kNoiseGrey = 1.4, kDistortion = 0.08;
 const Vec3 kLower{-1.2, -1.2, 0.4}, kUpper{1.2, 1.2, 1.9};
 
@@ -151,7 +151,7 @@ bool measure_time() {
         "| time, 8 cameras, 500 moments, {} views in the fit | {:.1f} s | progress told {} times | {:.2f} mm "
         "|\n",
         views, seconds, told, errors_against(cameras, result->cameras).centre_mm);
-    return seconds < kMostSeconds && told > 5;
+    return seconds < kMaxSeconds && told > 5;
 }
 
 bool accuracy_of(const std::string& tool, int cameras, int moments) {
@@ -166,7 +166,7 @@ bool accuracy_of(const std::string& tool, int cameras, int moments) {
     const Errors e = errors_against(studio->cameras(), result->cameras);
     fmt::print("| {}, {} cameras | {:.2f} mm | {:.4f} degrees | {:.3f} % | {:.2f} px |\n", tool, cameras,
                e.centre_mm, e.turn_deg, 100 * e.scale_part, result->held_out_rms_px.value_or(std::nan("")));
-    return e.centre_mm <= kMostCentreMm && e.turn_deg <= kMostTurnDeg && e.scale_part <= kMostScalePart;
+    return e.centre_mm <= kMaxCentreMm && e.turn_deg <= kMaxTurnDeg && e.scale_part <= kMaxScalePart;
 }
 
 }  // namespace

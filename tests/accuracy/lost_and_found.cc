@@ -36,7 +36,7 @@
 namespace kinevox {
 namespace {
 
-constexpr double kBound_s = 0.5, kMostError_m = 0.1;
+constexpr double kBound_s = 0.5, kMaxError_m = 0.1;
 constexpr int kInARow = 3;
 constexpr double kBefore_s = 1.0;  // of undisturbed movement
 
@@ -129,7 +129,7 @@ absl::StatusOr<bool> play(const std::filesystem::path& session_file, const Event
     std::vector<bool> volumes, poses;
     std::vector<double> errors_undisturbed, errors_after;  // of the same frames
     int invented = 0;                                      // poses told while nobody was to be seen
-    double longest_ms = 0;                                 // of a frame set's processing afterwards
+    double max_ms = 0;                                     // of a frame set's processing afterwards
     std::vector<std::string> story;
     std::uint64_t sequence = 0;
     int frame = -1;
@@ -151,9 +151,9 @@ absl::StatusOr<bool> play(const std::filesystem::path& session_file, const Event
         const auto error = known == truth.end() ? std::nullopt : error_of(**result, known->second);
         invented += phase == 1 && event.nobody_seen && (*result)->pose;
         if (phase == 2) {
-            longest_ms = std::max(longest_ms, (*result)->times.total_ms);
+            max_ms = std::max(max_ms, (*result)->times.total_ms);
             volumes.push_back((*result)->volume != nullptr);
-            poses.push_back(error && *error < kMostError_m);
+            poses.push_back(error && *error < kMaxError_m);
             story.push_back(!(*result)->volume ? "-" : error ? fmt::format("{:.0f}", 1000 * *error) : "v");
         }
         if (error && !event_or_none) undisturbed[frame] = *error;
@@ -194,11 +194,11 @@ absl::StatusOr<bool> play(const std::filesystem::path& session_file, const Event
                    session_file.parent_path().filename().string(), event.name);
         return true;
     }
-    const double search_s = timed ? 1e-3 * longest_ms : 0;
+    const double search_s = timed ? 1e-3 * max_ms : 0;
     const bool good = volume && pose && std::max(*volume, *pose) + search_s <= kBound_s && invented == 0;
     fmt::print("| {} | {} | {} | {} | {:.0f} | {} | {:.0f} | {:.0f} | {} |\n",
                session_file.parent_path().filename().string(), event.name, seconds_text(volume),
-               seconds_text(pose), longest_ms, invented, mean(errors_undisturbed), mean(errors_after),
+               seconds_text(pose), max_ms, invented, mean(errors_undisturbed), mean(errors_after),
                good ? "ok" : "FAILS");
     if (!good) {
         fmt::print(stderr,

@@ -63,7 +63,7 @@ std::string summary(const Watchers& watchers, double seconds) {
     }
     const auto n = static_cast<double>(std::max<std::size_t>(watchers.size(), 1));
     return fmt::format(
-        R"({{"watchers":{},"messages":{},"per_second":{:.2f},"fewest_per_second":{:.2f},"missed":{},"gaps":{},"ended":{},)"
+        R"({{"watchers":{},"messages":{},"per_second":{:.2f},"min_per_second":{:.2f},"missed":{},"gaps":{},"ended":{},)"
         R"("why":"{}","behind_ms":{{"p50":{:.2f},"p99":{:.2f},"max":{:.2f}}},"delivery_ms":{{"p50":{:.2f},"p99":{:.2f},"max":{:.2f}}}}})",
         watchers.size(), messages, static_cast<double>(messages) / n / seconds,
         watchers.empty() ? 0.0 : static_cast<double>(fewest) / seconds, missed, gaps, ended, why,

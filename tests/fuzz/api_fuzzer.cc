@@ -26,9 +26,8 @@ using namespace kinevox::fuzz;
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
-constexpr std::chrono::seconds kLongestCall{
-    20};                      // far more than any needs, under a sanitizer on a busy machine
-constexpr int kMostRead = 3;  // messages of a stream
+constexpr std::chrono::seconds kMaxCall{20};  // far more than any needs, under a sanitizer on a busy machine
+constexpr int kMaxRead = 3;                   // messages of a stream
 
 FuzzedDaemon& daemon() {
     static const auto kDaemon = [] {
@@ -79,7 +78,7 @@ std::string request_of(const Step& step, const std::string& lease) {
 class Call {
   public:
     Call(const Step& step, const std::string& lease) : step_(step) {
-        context_.set_deadline(std::chrono::system_clock::now() + kLongestCall);
+        context_.set_deadline(std::chrono::system_clock::now() + kMaxCall);
         if (step.who == Who::kTwoTokens) context_.AddMetadata("authorization", daemon().token(step.who));
         if (const std::string& token = daemon().token(step.who); !token.empty())
             context_.AddMetadata("authorization", token);
@@ -96,7 +95,7 @@ class Call {
     // Reads what the step asks for, ends the call and checks its status.
     void end() {
         const bool all = step_.ending == Ending::kRead && !step_.called().streams;
-        for (int i = 0; goes_on_ && i < (all ? 1 : kMostRead); ++i) {
+        for (int i = 0; goes_on_ && i < (all ? 1 : kMaxRead); ++i) {
             if (step_.called().streams && !may_wait(i)) context_.TryCancel();
             call_->Read(&answer_, this);
             goes_on_ = wait();
@@ -186,7 +185,7 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
     std::vector<Step> steps = read_script({data, size});
     const auto any = [&] { return random() % steps.size(); };
     const unsigned what = random() % 8;
-    if (steps.empty() || (what == 0 && steps.size() < kMostSteps)) {
+    if (steps.empty() || (what == 0 && steps.size() < kMaxSteps)) {
         const auto at =
             steps.begin() + static_cast<std::ptrdiff_t>(steps.empty() ? 0 : random() % (steps.size() + 1));
         steps.insert(at, random_step(random() % methods().size(), random));

@@ -204,7 +204,7 @@ const Method& Step::called() const {
 
 std::vector<Step> read_script(std::span<const std::uint8_t> bytes) {
     std::vector<Step> steps;
-    while (bytes.size() >= kHead && steps.size() < kMostSteps) {
+    while (bytes.size() >= kHead && steps.size() < kMaxSteps) {
         const std::uint8_t how = bytes[1];
         const std::size_t length =
             std::min<std::size_t>(bytes[2] + std::size_t{bytes[3]} * 256, bytes.size() - kHead);

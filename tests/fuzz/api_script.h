@@ -51,7 +51,7 @@ struct Step {
     const Method& called() const;
 };
 
-inline constexpr std::size_t kMostSteps = 12;
+inline constexpr std::size_t kMaxSteps = 12;
 
 // Any bytes are a script; what is cut off at the end is left out.
 std::vector<Step> read_script(std::span<const std::uint8_t> bytes);

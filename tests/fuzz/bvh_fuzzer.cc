@@ -18,7 +18,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         FUZZ_CHECK(motion->joints[j].first_value + static_cast<int>(motion->joints[j].channels.size()) <=
                    motion->values_per_frame);
     }
-    const auto poses = kinevox::poses_from_bvh(*motion, "fuzz", {.every_s = 0.1, .most_poses = 5});
+    const auto poses = kinevox::poses_from_bvh(*motion, "fuzz", {.every_s = 0.1, .max_poses = 5});
     FUZZ_CHECK(poses.ok() || poses.status().message().find('\n') == absl::string_view::npos);
     if (!poses.ok()) return 0;
     FUZZ_CHECK(poses->size() <= 5);

@@ -163,7 +163,7 @@ struct FuzzedDaemon::Parts {
         options.folder = inside / "recordings";
         options.keep_last_s = 1;
         options.keep_last_bytes = options.queue_bytes = 8 << 20;
-        options.least_free_bytes = 0;
+        options.min_free_bytes = 0;
         auto made = Recorder::create(
             options,
             [this] {

@@ -33,7 +33,7 @@ const web::Pages& pages() {
 
 void check_wants(std::string_view bytes) {
     const web::Wants wants = web::read_wants(bytes);
-    FUZZ_CHECK(wants.granted.size() + wants.refused.size() <= static_cast<std::size_t>(web::kMostWants));
+    FUZZ_CHECK(wants.granted.size() + wants.refused.size() <= static_cast<std::size_t>(web::kMaxWants));
     FUZZ_CHECK(wants.understood || (wants.granted.empty() && wants.refused.size() == 1));
     for (const web::Subscription& one : wants.granted) {
         FUZZ_CHECK(one.max_rate_hz == 0 || (one.max_rate_hz >= 0.001 && one.max_rate_hz <= 1000));

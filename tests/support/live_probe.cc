@@ -63,14 +63,14 @@ int main(int argc, char** argv) {
         (*source)->stop();
     });
     std::uint64_t sets = 0, complete = 0, wrong = 0, gaps = 0, last = 0;
-    double longest_gap_ms = 0, last_s = 0;
+    double max_gap_ms = 0, last_s = 0;
     for (;;) {
         auto set = (*source)->next();
         if (!set.ok()) break;
         const double now_s = seconds_now();
         if (sets > 0) {
             gaps += set->sequence - last - 1;
-            longest_gap_ms = std::max(longest_gap_ms, (now_s - last_s) * 1000);
+            max_gap_ms = std::max(max_gap_ms, (now_s - last_s) * 1000);
         }
         last = set->sequence;
         last_s = now_s;
@@ -84,7 +84,7 @@ int main(int argc, char** argv) {
     fmt::print(
         "{{\"sets\": {}, \"complete\": {}, \"gaps\": {}, \"wrong\": {}, \"longest_gap_ms\": {:.1f}, "
         "\"cameras\": [",
-        sets, complete, gaps, wrong, longest_gap_ms);
+        sets, complete, gaps, wrong, max_gap_ms);
     const auto links = (*source)->camera_links();
     for (std::size_t c = 0; c < links.size(); ++c) {
         const CameraLink& l = links[c];

@@ -201,7 +201,7 @@ TEST_F(DoctorTest, DiskSpaceAndSpeed) {
     EXPECT_THAT(findings[1].what, HasSubstr("the cameras bring 111"));  // 4 of 640 x 480 at 30
     EXPECT_TRUE(std::filesystem::is_empty(folder_.path())) << "leaves nothing";
     EXPECT_THAT(check_disk(facts()), ElementsAre(is(Level::kOk, "records nothing")));
-    some.config->recording.least_free_mb = std::numeric_limits<int>::max();
+    some.config->recording.min_free_mb = std::numeric_limits<int>::max();
     some.recordings = folder_.path();
     EXPECT_THAT(check_disk(some), ElementsAre(is(Level::kBad, "nothing can be recorded")));
 }

@@ -124,7 +124,7 @@ absl::Status CameraSession::State::stream_on(const LiveCamerasConfig& config) {
     if (!stream) return refused("its stream cannot be opened", error);
     if (is_gige) {
         // A picture is given up some time before its frame set is.
-        const auto retention_us = static_cast<unsigned>(std::max(20.0, 0.8 * config.longest_wait_ms) * 1000);
+        const auto retention_us = static_cast<unsigned>(std::max(20.0, 0.8 * config.max_wait_ms) * 1000);
         g_object_set(
             stream.get(), "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED, "socket-buffer-size",
             kSocketBytes, "packet-resend",

@@ -19,13 +19,13 @@ using std::chrono::milliseconds;
 using Trigger = LiveCamerasConfig::Trigger;
 
 constexpr milliseconds kPatience{3000};  // at the start, before anything is named that others need to hear of
-constexpr milliseconds kFirstPause{250}, kLongestPause{2000};
+constexpr milliseconds kFirstPause{250}, kMaxPause{2000};
 constexpr milliseconds kBetweenLosses{10000};  // events of one camera
 constexpr milliseconds kPulse{50};             // how long at most a thread does not look up
 constexpr std::size_t kPicturesInUse = 12;     // by the assembler and the pipeline, besides the queue
 
 // So long without a sign and a camera is gone: it must be named within a second.
-milliseconds longest_silence(double fps) {
+milliseconds max_silence(double fps) {
     return milliseconds(std::clamp<std::int64_t>(std::llround(4000 / fps), 500, 5000));
 }
 
@@ -37,8 +37,8 @@ FrameSetAssemblerOptions assembling(const LiveCamerasConfig& config) {
     options.tolerance_ms = config.tolerance_ms > 0            ? config.tolerance_ms
                            : config.trigger == Trigger::kFree ? 900 / config.fps
                                                               : 0;
-    options.longest_wait_ms = config.longest_wait_ms;
-    options.least_pictures = static_cast<std::size_t>(config.least_cameras);
+    options.max_wait_ms = config.max_wait_ms;
+    options.min_pictures = static_cast<std::size_t>(config.min_cameras);
     return options;
 }
 
@@ -83,7 +83,7 @@ class Worker {
             if (!session.ok()) {
                 not_there(std::string(session.status().message()));
                 if (wait(pause)) return;
-                pause = std::min(2 * pause, kLongestPause);
+                pause = std::min(2 * pause, kMaxPause);
                 continue;
             }
             pause = kFirstPause;
@@ -146,7 +146,7 @@ absl::StatusOr<std::unique_ptr<CameraSession>> Worker::connect() {
 void Worker::read(CameraSession& session) {
     std::optional<TriggerThread> trigger;
     if (shared_.config.trigger == Trigger::kSoftware) trigger.emplace(session, shared_.config.fps);
-    const milliseconds silence = longest_silence(shared_.config.fps);
+    const milliseconds silence = max_silence(shared_.config.fps);
     Clock::time_point heard = Clock::now(), looked = heard;
     while (!stopped()) {
         ArrivedPicture arrived;

@@ -15,7 +15,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::chrono::milliseconds kLongestGoodbye{1500};
+constexpr std::chrono::milliseconds kMaxGoodbye{1500};
 
 class LiveSource final : public FrameSource {
   public:
@@ -28,7 +28,7 @@ class LiveSource final : public FrameSource {
             shared_->on_event = nullptr;
         }
         std::unique_lock lock(shared_->mutex);
-        shared_->changed.wait_for(lock, kLongestGoodbye, [this] { return shared_->running == 0; });
+        shared_->changed.wait_for(lock, kMaxGoodbye, [this] { return shared_->running == 0; });
         const bool all_ended = shared_->running == 0;
         lock.unlock();
         for (std::thread& thread : threads_) {

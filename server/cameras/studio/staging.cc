@@ -12,8 +12,8 @@
 namespace kinevox::studio {
 namespace {
 
-constexpr double kAround_s = 24;      // in which the board has faced all cameras once
-constexpr double kMostTilt_deg = 28;  // away from them, in each of two directions
+constexpr double kAround_s = 24;     // in which the board has faced all cameras once
+constexpr double kMaxTilt_deg = 28;  // away from them, in each of two directions
 
 // A wave of 1 that no other of these repeats together with: periods by the golden ratio.
 double wave(double time_s, int which) {
@@ -73,7 +73,7 @@ Rigid3 world_from_prop(const Staging& staging, const std::vector<Camera>& camera
     const Vec3 towards = from + (turns - static_cast<double>(now)) * (to - from);
     const Vec3 z = normalized(towards - place), x = normalized(cross({0, 0, 1}, z)), y = cross(z, x);
     const Mat3 facing{{x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z}};
-    const double tilt = radians(kMostTilt_deg);
+    const double tilt = radians(kMaxTilt_deg);
     const Mat3 rotation =
         facing * rotation_x(tilt * wave(t, 3)) * rotation_y(tilt * wave(t, 4)) * rotation_z(0.9 * wave(t, 5));
     const Vec3 middle_in_board = staging.board ? staging.board->middle_in_board : Vec3{};

@@ -55,9 +55,8 @@ void count_pixels(const kernels::Silhouettes& s, CellGrid& grid) {
 
 // Distance to the outline by the two passes of the 3-4 chamfer (Borgefors 1986), on every `step`-th pixel.
 void weigh_pixels(const kernels::Silhouettes& s, CellGrid& grid) {
-    constexpr int kMostRows = 200;
-    const int step =
-        std::max(1, (std::max(grid.area.height(), grid.area.width()) + kMostRows - 1) / kMostRows);
+    constexpr int kMaxRows = 200;
+    const int step = std::max(1, (std::max(grid.area.height(), grid.area.width()) + kMaxRows - 1) / kMaxRows);
     const int width = grid.area.width() / step, height = grid.area.height() / step;
     const int stride = width + 2;  // a frame of zeros: what lies beyond the area is outside
     std::vector<int> distance(static_cast<std::size_t>(stride) * (height + 2), 0);

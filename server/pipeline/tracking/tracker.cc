@@ -12,8 +12,8 @@
 namespace kinevox {
 namespace {
 
-constexpr std::size_t kMostBlobs = 6;       // per camera
-constexpr double kMostCentreJump_m = 0.4;   // of a measured centre from the predicted one
+constexpr std::size_t kMaxBlobs = 6;        // per camera
+constexpr double kMaxCentreJump_m = 0.4;    // of a measured centre from the predicted one
 constexpr double kReach_m = 1.4;            // of a body's parts from its centre
 constexpr double kNearestPart_m = 0.3;      // of a body's parts to a camera that is to predict their motion
 constexpr double kMinExpectedInside = 0.5;  // of the subject's box, for a camera that ought to see it
@@ -220,7 +220,7 @@ TrackerUpdate Tracker::update(std::uint64_t sequence, std::int64_t time_ns,
     BlobsByCamera blobs(cameras_.size());
     for_each_camera(cameras_.size(), [&](std::size_t c) {
         if (silhouettes[c])
-            blobs[c] = find_blobs(*silhouettes[c], min_pixels(cameras_[c]), kMostBlobs);
+            blobs[c] = find_blobs(*silhouettes[c], min_pixels(cameras_[c]), kMaxBlobs);
         else
             update.roles[c] = CameraRole::kSilent;
     });
@@ -229,7 +229,7 @@ TrackerUpdate Tracker::update(std::uint64_t sequence, std::int64_t time_ns,
     std::optional<Meeting> meeting;
     if (tracking_)
         meeting = gather(blobs, search_box(seconds_ahead_), filter_.centre_in_world(),
-                         kMostCentreJump_m + 3 * filter_.centre_std_m(), chosen);
+                         kMaxCentreJump_m + 3 * filter_.centre_std_m(), chosen);
     else
         meeting = find_meeting(blobs, chosen);
     const bool seen = meeting && meeting->score >= options_.min_score;

@@ -148,7 +148,7 @@ class Retargeting {
 
 absl::StatusOr<std::vector<LibraryPose>> poses_from_bvh(const BvhMotion& motion, const std::string& label,
                                                         const BvhImportOptions& options) {
-    if (!(options.every_s >= 0) || options.most_poses < 1)
+    if (!(options.every_s >= 0) || options.max_poses < 1)
         return absl::InvalidArgumentError("bvh: every_s must not be negative and most_poses at least 1");
     if (label.empty() || label.size() > 180 || label.find('\n') != std::string::npos)
         return absl::InvalidArgumentError("bvh: a label of one line and 1 to 180 characters is needed");
@@ -156,7 +156,7 @@ absl::StatusOr<std::vector<LibraryPose>> poses_from_bvh(const BvhMotion& motion,
     if (!roles.ok()) return absl::InvalidArgumentError(label + ": " + std::string(roles.status().message()));
     Retargeting retargeting(motion, *roles);
     const double by_time = options.every_s / motion.frame_time_s,
-                 by_count = static_cast<double>(motion.frames) / options.most_poses;
+                 by_count = static_cast<double>(motion.frames) / options.max_poses;
     const double step = std::max({1.0, std::min(by_time, 1e9), by_count});
     std::vector<LibraryPose> poses;
     for (double place = 0; place < motion.frames; place += step) {

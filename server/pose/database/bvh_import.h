@@ -15,7 +15,7 @@ namespace kinevox {
 
 struct BvhImportOptions {
     double every_s = 0.1;  // one pose for so long a time, at least
-    int most_poses = 500;  // spread over the file
+    int max_poses = 500;   // spread over the file
 };
 
 // Labels are "NAME, 1.20 s". InvalidArgument names the joints that are unknown and those that are missing.

@@ -10,8 +10,8 @@
 namespace kinevox {
 namespace {
 
-constexpr std::size_t kMostJoints = 512, kMostValues = std::size_t{1} << 26;
-constexpr double kMostNumber = 1e7;
+constexpr std::size_t kMaxJoints = 512, kMaxValues = std::size_t{1} << 26;
+constexpr double kMaxNumber = 1e7;
 
 class Parser {
   public:
@@ -57,7 +57,7 @@ class Parser {
     bool number(double& value, const char* what) {
         const std::string_view got = word();
         const auto [end, error] = std::from_chars(got.data(), got.data() + got.size(), value);
-        if (error != std::errc() || end != got.data() + got.size() || !(std::fabs(value) <= kMostNumber))
+        if (error != std::errc() || end != got.data() + got.size() || !(std::fabs(value) <= kMaxNumber))
             return fail(fmt::format("{} where a number was expected ({})", shown(got), what));
         return true;
     }
@@ -113,7 +113,7 @@ class Parser {
         return true;
     }
     bool open_joint(int parent) {
-        if (out_.joints.size() == kMostJoints) return fail(fmt::format("more than {} joints", kMostJoints));
+        if (out_.joints.size() == kMaxJoints) return fail(fmt::format("more than {} joints", kMaxJoints));
         // Names may have spaces in them: all up to the line's end or the brace.
         std::string name(word());
         for (;;) {
@@ -139,7 +139,7 @@ class Parser {
         if (!(out_.frame_time_s > 0)) return fail("a frame time that is not positive");
         if (out_.values_per_frame == 0) return fail("a hierarchy without channels");
         const double wanted = frames * out_.values_per_frame;
-        if (wanted > static_cast<double>(kMostValues))
+        if (wanted > static_cast<double>(kMaxValues))
             return fail("more numbers than this program takes; cut the file");
         // What cannot be there is not waited for: a number takes at least two characters.
         if (wanted > static_cast<double>(text_.size() - at_) / 2 + 1)

@@ -16,7 +16,7 @@ static_assert(std::endian::native == std::endian::little, "the file is written a
 
 constexpr char kMagic[8] = {'K', 'V', 'X', 'P', 'O', 'S', 'E', 'S'};
 constexpr std::uint32_t kVersion = 2;
-constexpr std::size_t kHeaderBytes = 32, kMostBytes = std::size_t{4} << 30;
+constexpr std::size_t kHeaderBytes = 32, kMaxBytes = std::size_t{4} << 30;
 
 // Eight bytes at a time in four chains: damage is what it has to find, at several GB/s.
 std::uint64_t checksum(std::string_view bytes) {
@@ -222,7 +222,7 @@ absl::StatusOr<PoseDatabase> parse_pose_database(std::string_view bytes, const s
 }
 
 absl::StatusOr<PoseDatabase> read_pose_database(const std::filesystem::path& file, std::stop_token stop) {
-    auto bytes = read_file(file, kMostBytes);
+    auto bytes = read_file(file, kMaxBytes);
     if (!bytes.ok()) return bytes.status();
     return parse_pose_database(*bytes, file.string(), std::move(stop));
 }

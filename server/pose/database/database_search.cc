@@ -13,7 +13,7 @@ using kernels::kViewBins;
 constexpr double kTurn = 2 * std::numbers::pi;
 // A person's silhouette, m^2 for a stature of 1.75 m: a part of a limb, and more than with spread arms and a
 // coat.
-constexpr double kLeastArea = 0.03, kMostArea = 1.6, kStature = 1.75;
+constexpr double kMinArea = 0.03, kMaxArea = 1.6, kStature = 1.75;
 
 // Index of the (first) least score in [from, to); the least is sought by eights.
 int least_of(const float* scores, int from, int to) {
@@ -59,8 +59,8 @@ SilhouetteUse DatabaseSearch::judge(const AimedSilhouette& silhouette) const {
     const double metres_per_px = 2 * database_.half_width_m() * scale_ / database_.options.side_px;
     const double area = silhouette.pixels * metres_per_px * metres_per_px;
     const double unit = std::pow(database_.shape.stature_m * scale_ / kStature, 2);
-    if (area < kLeastArea * unit) return SilhouetteUse::kEmpty;
-    if (area > kMostArea * unit) return SilhouetteUse::kFull;
+    if (area < kMinArea * unit) return SilhouetteUse::kEmpty;
+    if (area > kMaxArea * unit) return SilhouetteUse::kFull;
     return silhouette.cut ? SilhouetteUse::kCut : SilhouetteUse::kUsed;
 }
 

@@ -23,7 +23,7 @@ absl::Status person_extrinsics(const PersonArguments& arguments) {
     PersonExtrinsicsOptions options;
     options.height_m = arguments.height_m;
     PersonExtrinsicsOptions rough = options;
-    rough.most_moments = rough.first_moments;
+    rough.max_moments = rough.first_moments;
     rough.tell_uncertainty = false;
     auto solved = extrinsics_from_person(*lenses, *seen, rough, progress);
     if (!solved.ok()) return solved.status();

@@ -85,7 +85,7 @@ Finding space(const Facts& facts, const fs::path& folder, double rate) {
                 fmt::format("{}: {}", folder.string(), std::generic_category().message(errno)),
                 "correct [recording] folder"};
     const double free = static_cast<double>(disk.f_bavail) * static_cast<double>(disk.f_frsize);
-    const double least = static_cast<double>(facts.settings().recording.least_free_mb) * (1 << 20);
+    const double least = static_cast<double>(facts.settings().recording.min_free_mb) * (1 << 20);
     const double seconds = rate > 0 ? std::max(free - least, 0.0) / (rate / 2) : 1e9;
     const std::string what =
         fmt::format("{:.0f} GB are free for {}{}", free / 1e9, facts.recordings.string(),

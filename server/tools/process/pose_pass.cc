@@ -24,7 +24,7 @@ void PosePass::add(const FrameResult& result, PoseStage& stage) {
     if (!settled_ && result.subject && result.volume)
         frame.seen = std::make_unique<PoseObservation>(stage.observation());
     frames_.push_back(std::move(frame));
-    if (!settled_ && frames_.size() >= options_.most_kept) settle(stage);
+    if (!settled_ && frames_.size() >= options_.max_kept) settle(stage);
 }
 
 // Fits the body, follows what was kept with it, and leaves it to the pipeline for what is to come.

@@ -27,7 +27,7 @@ struct PosePassOptions {
     bool fit_body = true;     // else the pipeline's body is the subject's
     // So many frame sets are kept and followed both ways with the fitted body; those after them are followed
     // once.
-    std::size_t most_kept = 1200;
+    std::size_t max_kept = 1200;
     BodyFitOptions body;
 };
 

@@ -120,10 +120,9 @@ absl::Status process_session(const ProcessOptions& asked, const std::atomic<bool
     const Clock::time_point start = Clock::now();
     {
         std::int64_t total = (*source)->frame_count();
-        if (options.most_frames > 0 && (total < 0 || total > options.most_frames))
-            total = options.most_frames;
+        if (options.max_frames > 0 && (total < 0 || total > options.max_frames)) total = options.max_frames;
         ProgressBar bar(total, options.quiet);
-        while (options.most_frames == 0 || summary.frames() < options.most_frames) {
+        while (options.max_frames == 0 || summary.frames() < options.max_frames) {
             if (stop)
                 return absl::CancelledError(
                     fmt::format("stopped after {} frame sets; nothing was written", summary.frames()));

@@ -19,7 +19,7 @@ struct ProcessOptions {
     PipelineOptions pipeline;
     ResultWriterOptions writer;
     PosePassOptions poses;
-    int most_frames = 0;           // stops after so many frame sets; 0: all
+    int max_frames = 0;            // stops after so many frame sets; 0: all
     bool decode_in_bursts = true;  // see SessionSourceOptions
     bool quiet = false;            // no progress bar, no summary
     bool resume = false;  // results of the same input and options that are there already are left as they are

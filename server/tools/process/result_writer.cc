@@ -81,7 +81,7 @@ class FolderWriter final : public ResultWriter {
         tables_.add(*result);
         std::unique_lock lock(mutex_);
         if (threads_.empty()) return status_;
-        changed_.wait(lock, [this] { return static_cast<int>(waiting_.size()) < options_.most_waiting; });
+        changed_.wait(lock, [this] { return static_cast<int>(waiting_.size()) < options_.max_waiting; });
         waiting_.push_back(std::move(result));
         changed_.notify_all();
         return status_;

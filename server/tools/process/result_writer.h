@@ -19,7 +19,7 @@ struct ResultWriterOptions {
     bool save_silhouettes = false;  // silhouettes/CAMERA/000000.png, the sharp ones
     bool save_volumes = false;      // volumes/000000.ply
     int threads = 2;                // that compress and write pictures and volumes
-    int most_waiting = 8;           // frame sets; add() waits when so many are not yet written
+    int max_waiting = 8;            // frame sets; add() waits when so many are not yet written
 };
 
 // Everything is written into a hidden folder inside the output folder and moved to its place by finish(), so

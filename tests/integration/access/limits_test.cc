@@ -133,7 +133,7 @@ TEST_F(LimitsTest, MoreRequestsThanATokenMaySendAreRefused) {
 
 TEST_F(LimitsTest, ARequestThatIsTooLargeIsRefused) {
     ApiServerOptions options;
-    options.longest_request_bytes = 1 << 20;
+    options.max_request_bytes = 1 << 20;
     serve({1000, 1000, 1e6}, options);
     const grpc::Status status = call(plain(), "/kinevox.v1.CaptureService/Start", {tokens_[v1::ROLE_OPERATE]},
                                      std::string((1 << 20) + 1, '\n'));

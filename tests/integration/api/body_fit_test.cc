@@ -13,7 +13,7 @@ class BodyFitApiTest : public ApiTest {
     BodyFitApiTest() {
         LiveBodyFitOptions options;
         options.by_itself = false;
-        options.fit.most_frames = 6;
+        options.fit.max_frames = 6;
         fit_ = std::make_unique<LiveBodyFit>(
             scene_.cameras, 10, PoseStageOptions(), options,
             [this](const BodyFitProgress& progress) { watch_.publish(progress); });

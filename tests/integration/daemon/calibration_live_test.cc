@@ -195,7 +195,7 @@ TEST_F(LiveCalibrationTest, ACameraThatIsKnockedWhileCapturingIsNamedAndClearedW
             if (event.kind() == v1::EVENT_KIND_CAMERA_IN_PLACE) back = event;
             return back.message().empty();
         },
-        {.longest_silence = std::chrono::seconds(30)});
+        {.max_silence = std::chrono::seconds(30)});
     ASSERT_TRUE(watched.ok()) << watched;
     EXPECT_THAT(moved.message(), AllOf(HasSubstr(name), HasSubstr("knocked"), HasSubstr("calibrate refine")));
     EXPECT_GE(moved.sequence(), kKnockFrame);
@@ -242,10 +242,10 @@ TEST_F(LiveCalibrationTest, WhatThereIsNoRoomForIsRefusedWithTheRemedy) {
     const std::string own = *coach.export_as("", v1::CALIBRATION_FORMAT_TOML);
     ASSERT_EQ(*coach.import(own, v1::CALIBRATION_FORMAT_TOML), "c1");
     const std::filesystem::path stored = folder_.path() / "calibrations";
-    for (std::size_t i = 2; i <= CalibrationStore::kMostCalibrations; ++i)
+    for (std::size_t i = 2; i <= CalibrationStore::kMaxCalibrations; ++i)
         std::filesystem::copy(stored / "c1", stored / fmt::format("c{}", i),
                               std::filesystem::copy_options::recursive);
-    EXPECT_EQ(coach.list().calibrations_size(), static_cast<int>(CalibrationStore::kMostCalibrations));
+    EXPECT_EQ(coach.list().calibrations_size(), static_cast<int>(CalibrationStore::kMaxCalibrations));
     EXPECT_REFUSED(coach.import(own, v1::CALIBRATION_FORMAT_TOML), kResourceExhausted, "remove");
     v1::RemoveCalibrationRequest remove;
     remove.set_lease_id(coach.lease());

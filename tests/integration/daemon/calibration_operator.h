@@ -150,8 +150,7 @@ class Operator {
         return client_.list_calibrations({}).value_or(v1::ListCalibrationsResponse());
     }
     // The messages of a kind's events, past ones too, until there are `count`.
-    std::vector<std::string> events(v1::EventKind kind, std::size_t count,
-                                    std::chrono::seconds longest_silence) {
+    std::vector<std::string> events(v1::EventKind kind, std::size_t count, std::chrono::seconds max_silence) {
         std::vector<std::string> messages;
         v1::WatchEventsRequest past;
         past.set_past(50);
@@ -161,7 +160,7 @@ class Operator {
                                                                   messages.push_back(event.message());
                                                               return messages.size() < count;
                                                           },
-                                                          {.longest_silence = longest_silence});
+                                                          {.max_silence = max_silence});
         EXPECT_TRUE(watched.ok()) << watched;
         return messages;
     }
@@ -170,7 +169,7 @@ class Operator {
     v1::WatchProcedureResponse wait(const std::function<bool(const v1::WatchProcedureResponse&)>& so) {
         v1::WatchProcedureResponse last;
         client::StreamOptions options;
-        options.longest_silence = patient(std::chrono::seconds(15));
+        options.max_silence = patient(std::chrono::seconds(15));
         const absl::Status status = client_.watch_procedure(
             [&](const v1::WatchProcedureResponse& progress) {
                 last = progress;

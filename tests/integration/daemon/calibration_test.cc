@@ -408,7 +408,7 @@ TEST_F(CalibrationTest, ApplyingBuildsThePoseDatabaseAnew) {
                                 states.push_back(progress.state());
                                 return progress.state() != v1::DATABASE_STATE_READY;
                             },
-                            {.longest_silence = std::chrono::seconds(20)})
+                            {.max_silence = std::chrono::seconds(20)})
                         .ok());
         return states;
     };

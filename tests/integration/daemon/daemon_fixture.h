@@ -59,7 +59,7 @@ class DaemonTest : public ::testing::Test {
     // Reads results until somebody is tracked.
     void wait_for_a_volume(client::Client& client) {
         client::StreamOptions options;
-        options.longest_silence = std::chrono::seconds(20);
+        options.max_silence = std::chrono::seconds(20);
         const absl::Status status = client.stream_volumes(
             {}, [](const auto& frame) { return !frame.volume; }, options);
         ASSERT_TRUE(status.ok()) << status;

@@ -189,7 +189,7 @@ TEST_F(DaemonTest, AVanishedOperatorsLeaseRunsOut) {
     watch.set_past(1);
     std::vector<std::string> messages;
     client::StreamOptions options;
-    options.longest_silence = std::chrono::seconds(10);
+    options.max_silence = std::chrono::seconds(10);
     ASSERT_TRUE(client
                     .watch_events(
                         watch,
@@ -208,7 +208,7 @@ std::string message_of(client::Client& client, v1::EventKind kind) {
     v1::WatchEventsRequest watch;
     watch.set_past(100);
     client::StreamOptions options;
-    options.longest_silence = std::chrono::seconds(30);
+    options.max_silence = std::chrono::seconds(30);
     std::string message;
     EXPECT_TRUE(client
                     .watch_events(

@@ -21,7 +21,7 @@ class SlowSubscriberTest : public testing::DaemonTest {
     struct Phase {
         double results_per_second = 0;
         double cpu_ms_per_result = 0;  // says more than the rate where other programs want the processor, too
-        double most_resident_mb = 0;
+        double max_resident_mb = 0;
     };
 
     // What the daemon does in `seconds`. Here time is the quantity under test, so here is a sleep.
@@ -35,7 +35,7 @@ class SlowSubscriberTest : public testing::DaemonTest {
         };
         while (elapsed() < seconds) {
             std::this_thread::sleep_for(std::chrono::milliseconds(100));
-            phase.most_resident_mb = std::max(phase.most_resident_mb, daemon.resident_mb());
+            phase.max_resident_mb = std::max(phase.max_resident_mb, daemon.resident_mb());
         }
         const double took = elapsed();
         const double results = static_cast<double>(client.status()->results() - first->results());
@@ -64,7 +64,7 @@ TEST_F(SlowSubscriberTest, ChangesTheRateByLessThanFivePercentAndMemoryByLessTha
     // that waits for a subscriber falls behind that pace at once and in every round; other programs do in
     // some, so the best of up to four rounds counts.
     constexpr double kStalledSeconds = 10;
-    constexpr int kMostRounds = 4;
+    constexpr int kMaxRounds = 4;
     const auto session = testing::write_small_session(folder_.path() / "session", {.fps = 10});
     const auto daemon = start_daemon(
         fmt::format("[server]\nlisten = \"127.0.0.1:0\"\n[source]\nkind = \"session\"\nsession = \"{}\"\n"
@@ -83,28 +83,28 @@ TEST_F(SlowSubscriberTest, ChangesTheRateByLessThanFivePercentAndMemoryByLessTha
     v1::StreamVolumesRequest lossless;
     lossless.set_delivery(v1::DELIVERY_LOSSLESS);
     std::optional<Stalled> newest, every;
-    double least_change = 1, most_growth_mb = 0;
-    for (int round = 0; round < kMostRounds && least_change >= 0.05; ++round) {
+    double min_change = 1, max_growth_mb = 0;
+    for (int round = 0; round < kMaxRounds && min_change >= 0.05; ++round) {
         const Phase alone = observe(client, *daemon, kStalledSeconds / 2);
         newest.emplace(*stub, v1::StreamVolumesRequest());
         every.emplace(*stub, lossless);
         const Phase stalled = observe(client, *daemon, kStalledSeconds);
         const double change = stalled.results_per_second / alone.results_per_second - 1;
-        const double growth_mb = stalled.most_resident_mb - alone.most_resident_mb;
-        least_change = std::min(least_change, std::abs(change));
-        most_growth_mb = std::max(most_growth_mb, growth_mb);
+        const double growth_mb = stalled.max_resident_mb - alone.max_resident_mb;
+        min_change = std::min(min_change, std::abs(change));
+        max_growth_mb = std::max(max_growth_mb, growth_mb);
         fmt::print(
             "                     alone   two stalled subscribers\n"
             "results a second  {:8.2f}   {:8.2f} ({:+.2f} %)\n"
             "CPU ms a result   {:8.2f}   {:8.2f}\n"
             "resident MB       {:8.1f}   {:8.1f} ({:+.1f})\n",
             alone.results_per_second, stalled.results_per_second, 100 * change, alone.cpu_ms_per_result,
-            stalled.cpu_ms_per_result, alone.most_resident_mb, stalled.most_resident_mb, growth_mb);
+            stalled.cpu_ms_per_result, alone.max_resident_mb, stalled.max_resident_mb, growth_mb);
         EXPECT_GT(stalled.results_per_second, 1) << "it does not stand still";
-        if (least_change >= 0.05 && round + 1 < kMostRounds) newest.reset(), every.reset();
+        if (min_change >= 0.05 && round + 1 < kMaxRounds) newest.reset(), every.reset();
     }
-    EXPECT_LT(least_change, 0.05);
-    EXPECT_LT(most_growth_mb, 50);
+    EXPECT_LT(min_change, 0.05);
+    EXPECT_LT(max_growth_mb, 50);
 
     // Who comes back finds the newest, and is told what was missed.
     v1::StreamVolumesResponse message;

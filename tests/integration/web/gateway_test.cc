@@ -243,7 +243,7 @@ TEST_F(GatewayTest, EndsWithAWordToTheBrowsers) {
 }
 
 TEST_F(GatewayTest, LimitsConnections) {
-    options_.most_browsers = 2;
+    options_.max_browsers = 2;
     start();
     TestBrowser first(gateway_->address()), second(gateway_->address()), third(gateway_->address());
     EXPECT_FALSE(third.wait_for(Message::kLink));

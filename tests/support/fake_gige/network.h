@@ -15,8 +15,8 @@ namespace kinevox::testing {
 struct NetworkOptions {
     double loss = 0;           // part of the packets that never arrive, 0..1
     double lost_pictures = 0;  // part of the pictures of which nothing arrives, not even on request
-    double jitter_ms = 0;  // a picture's packets wait so long at most, drawn anew for each picture; as in a
-                           // switch's queue nothing overtakes
+    double jitter_ms = 0;   // a picture's packets wait so long at most, drawn anew for each picture; as in a
+                            // switch's queue nothing overtakes
     double reorder_ms = 0;  // and each packet for itself, so that they do
     std::uint32_t seed = 1;
 };

@@ -75,7 +75,7 @@ struct PointsCase {
     std::vector<int> cameras;  // that click
     bool known = true;
     double click_std_px = 0.5;
-    double most_tilt_deg = 0.3, most_mm = 15;
+    double max_tilt_deg = 0.3, max_mm = 15;
     const char* check = "";  // the finding expected; none if empty
     std::function<void(std::vector<FloorPoint>&)> spoil;
     double scale = 1;
@@ -143,14 +143,14 @@ TEST(Floor, FromPointsIsWhereTheyAre) {
         const auto floor = floor_from_points(in_old(truth, test.scale), points);
         ASSERT_TRUE(floor.ok()) << floor.status();
         const Miss miss = miss_of(*floor);
-        EXPECT_LT(miss.tilt_deg, test.most_tilt_deg);
+        EXPECT_LT(miss.tilt_deg, test.max_tilt_deg);
         if (!*test.check) {
             EXPECT_TRUE(floor->findings.empty()) << floor->findings[0].reason;
             // Where the world was asked to be: its first point, and x to the second where that was all that
             // was told.
             const Vec3 first = test.known ? test.in_world[0] : Vec3{};
             const Vec3 found = miss.truth_from_world * first;
-            EXPECT_LT(1000 * norm(found - test.in_world[0]), test.most_mm);
+            EXPECT_LT(1000 * norm(found - test.in_world[0]), test.max_mm);
             const Vec3 x = miss.truth_from_world.rotation * Vec3{1, 0, 0};
             const Vec3 wanted = test.known ? Vec3{1, 0, 0} : normalized(test.in_world[1] - test.in_world[0]);
             EXPECT_GT(dot(x, wanted), 0.9999);
@@ -211,7 +211,7 @@ struct WalkCase {
     const char* motion;
     int cameras, frames;
     double seconds;  // over which the frames are spread
-    double most_tilt_deg, most_mm;
+    double max_tilt_deg, max_mm;
     bool narrow;  // no walk over an area: the verdict must say so
 };
 
@@ -239,8 +239,8 @@ TEST(Floor, FromAPersonWhoWalks) {
         RecordProperty("tilt_deg", std::to_string(miss.tilt_deg));
         printf("%s, %d cameras: tilt %.2f degrees (said: %.2f), height %+.0f mm\n", test.motion, test.cameras,
                miss.tilt_deg, *floor->tilt_std_deg, miss.height_mm);
-        EXPECT_LT(miss.tilt_deg, test.most_tilt_deg);
-        EXPECT_LT(std::abs(miss.height_mm), test.most_mm);
+        EXPECT_LT(miss.tilt_deg, test.max_tilt_deg);
+        EXPECT_LT(std::abs(miss.height_mm), test.max_mm);
         bool narrow = false;
         for (const Finding& finding : floor->findings) narrow = narrow || finding.check == "floor_narrow";
         EXPECT_EQ(narrow, test.narrow);

@@ -65,7 +65,7 @@ TEST(SilhouetteRefine, PutsKnockedCamerasBack) {
 PersonExtrinsicsOptions few_moments() {
     PersonExtrinsicsOptions options;
     options.height_m = 1.8;
-    options.first_moments = 12, options.most_moments = 14;
+    options.first_moments = 12, options.max_moments = 14;
     return options;
 }
 

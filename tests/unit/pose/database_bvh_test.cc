@@ -197,7 +197,7 @@ TEST_F(Bvh, TakesAPoseEverySoOften) {
     ASSERT_TRUE(motion.ok());
     EXPECT_EQ(poses_from_bvh(*motion, "m", {.every_s = 0.1})->size(), 20u);
     EXPECT_EQ(poses_from_bvh(*motion, "m", {.every_s = 100})->size(), 1u);
-    EXPECT_EQ(poses_from_bvh(*motion, "m", {.every_s = 0, .most_poses = 7})->size(), 7u);
+    EXPECT_EQ(poses_from_bvh(*motion, "m", {.every_s = 0, .max_poses = 7})->size(), 7u);
     EXPECT_FALSE(poses_from_bvh(*motion, "", {}).ok());
     EXPECT_FALSE(poses_from_bvh(*motion, "m", {.every_s = NAN}).ok());
 }

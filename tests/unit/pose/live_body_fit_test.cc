@@ -25,7 +25,7 @@ class LiveBodyFitTest : public ::testing::Test {
     LiveBodyFitTest() {
         options_.by_itself = false;
         options_.file = folder_.path() / "state/body.toml";
-        options_.fit.most_frames = 10;
+        options_.fit.max_frames = 10;
     }
 
     void make() {

@@ -89,9 +89,8 @@ class OddSilhouettes : public ::testing::TestWithParam<int> {
         return stage_->process(1, frame_++, time_ns, views, {}, {}, {0, 0, 0.95});
     }
 
-    void judge(const Case& one, double most_error_m, const std::shared_ptr<BodyPose>& pose,
-               const char* when) {
-        if (most_error_m == 0) {
+    void judge(const Case& one, double max_error_m, const std::shared_ptr<BodyPose>& pose, const char* when) {
+        if (max_error_m == 0) {
             EXPECT_FALSE(pose) << one.name << ", " << when << ": nothing determines a pose";
             return;
         }
@@ -103,7 +102,7 @@ class OddSilhouettes : public ::testing::TestWithParam<int> {
             if (pose->joints[j].measured())
                 sum += norm(pose->joints[j].in_world - truth.joints_in_world[j]), ++told;
         EXPECT_GE(told, 12) << one.name << ", " << when;
-        EXPECT_LT(sum / std::max(told, 1), most_error_m) << one.name << ", " << when;
+        EXPECT_LT(sum / std::max(told, 1), max_error_m) << one.name << ", " << when;
     }
 
     testing::SeenBody scene_;

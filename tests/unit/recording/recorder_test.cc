@@ -61,7 +61,7 @@ class RecorderTest : public ::testing::Test {
   protected:
     RecorderTest() {
         options.folder = folder.path() / "recordings";
-        options.least_free_bytes = 0;
+        options.min_free_bytes = 0;
     }
     void make() {
         auto made = Recorder::create(
@@ -372,7 +372,7 @@ TEST_F(RecorderTest, ARecordingWaitsForTheCaptureAndEndsWithIt) {
 }
 
 TEST_F(RecorderTest, NoRoomOnTheDiskIsSaidBeforeAndEndsARecording) {
-    options.least_free_bytes = std::uint64_t{1} << 62;
+    options.min_free_bytes = std::uint64_t{1} << 62;
     make();
     const auto refused = recorder->start("full", {});
     EXPECT_TRUE(absl::IsResourceExhausted(refused.status())) << refused.status();

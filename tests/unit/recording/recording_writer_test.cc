@@ -58,7 +58,7 @@ TEST(RecordingWriter, ARecordingWhoseResultsDoNotFitEndsOnce) {
     for (const double keep_last_s : {0.0, 10.0}) {
         RecorderOptions options;
         options.keep_last_s = keep_last_s;
-        options.least_free_bytes = 0;
+        options.min_free_bytes = 0;
         std::vector<RecordingInfo> ended;
         RecordingWriter writer(options, [&](const RecordingInfo& info) { ended.push_back(info); });
         fill(writer);
@@ -81,7 +81,7 @@ TEST(RecordingWriter, ARecordingWhoseResultsDoNotFitEndsOnce) {
 
 TEST(RecordingWriter, ResultsOfASlowMachineAreWaitedForAndThoseThatNeverComeAreNot) {
     RecorderOptions options;
-    options.least_free_bytes = 0;
+    options.min_free_bytes = 0;
     RecordingWriter writer(options, [](const RecordingInfo&) { FAIL() << "ended"; });
     auto made = std::make_unique<FullFolder>(100);
     const FullFolder& folder = *made;

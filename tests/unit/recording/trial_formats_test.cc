@@ -102,8 +102,8 @@ TEST(TrialFormats, NameWhatTheyLack) {
 
 TEST(TrialFormats, TellHowFarThePelvisTurns) {
     const AngleRange range = mot_pelvis_rotation(posed_trial(false));
-    EXPECT_GT(range.most_rad, 3.2) << "through 180 deg without a jump";
-    EXPECT_NEAR(range.most_rad - range.least_rad, 3 * 0.78, 0.3);
+    EXPECT_GT(range.max_rad, 3.2) << "through 180 deg without a jump";
+    EXPECT_NEAR(range.max_rad - range.min_rad, 3 * 0.78, 0.3);
 }
 
 }  // namespace

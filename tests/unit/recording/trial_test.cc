@@ -150,8 +150,8 @@ TEST(Trial, ASourceThatLaggedMayBeginItsBeatAnew) {
         const auto trial = read_trial(folder.path(), fps);
         ASSERT_TRUE(trial.ok()) << trial.status();
         EXPECT_NEAR(trial->rate_hz, 20, 1e-6);
-        EXPECT_GT(trial->most_beside_s, 0.01);
-        EXPECT_LE(trial->most_beside_s, 0.025 + 1e-6);
+        EXPECT_GT(trial->max_beside_s, 0.01);
+        EXPECT_LE(trial->max_beside_s, 0.025 + 1e-6);
         EXPECT_EQ(trial->pictures[2], 2);
         EXPECT_EQ(trial->pictures[3], -1);
         EXPECT_EQ(trial->pictures[36], 3) << "2 + 34.37 frames from the start, the nearest";

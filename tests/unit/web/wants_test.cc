@@ -85,7 +85,7 @@ TEST(Wants, BytesThatAreNoMessageChangeNothing) {
     EXPECT_FALSE(asked(many).understood);
     for (const std::string& bytes :
          {std::string("\xff\xff\xff"), std::string("GET / HTTP/1.1"), unknown_field, unknown_in_want,
-          std::string(kMostBrowserMessage_bytes + 1, '\0')}) {
+          std::string(kMaxBrowserMessage_bytes + 1, '\0')}) {
         const Wants wants = read_wants(bytes);
         EXPECT_FALSE(wants.understood);
         EXPECT_THAT(wants.granted, IsEmpty());
@@ -159,11 +159,11 @@ TEST(Outbox, AnswersGoFirstAndAreBounded) {
     Outbox outbox;
     outbox.subscribe({{poses}});
     outbox.put(poses, body("p"), 0, Clock::now());
-    for (std::size_t n = 0; n < Outbox::kMostAnswers; ++n) EXPECT_TRUE(outbox.answer("no"));
+    for (std::size_t n = 0; n < Outbox::kMaxAnswers; ++n) EXPECT_TRUE(outbox.answer("no"));
     EXPECT_FALSE(outbox.answer("no")) << "it does not read";
     EXPECT_EQ(*outbox.take()->body, "no");
     outbox.subscribe({});
-    for (std::size_t n = 1; n < Outbox::kMostAnswers; ++n) EXPECT_EQ(*outbox.take()->body, "no");
+    for (std::size_t n = 1; n < Outbox::kMaxAnswers; ++n) EXPECT_EQ(*outbox.take()->body, "no");
     EXPECT_FALSE(outbox.take()) << "what is no longer asked for is not sent";
 }
 
