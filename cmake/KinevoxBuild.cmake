@@ -1,5 +1,5 @@
-# Compiler settings that every part shares, and the two helpers that declare a library and a test.
-# kernels/ includes this too, so nothing here may need a package.
+# Compiler settings of all parts, and the helpers that declare a library and a test. kernels/ includes this file, too, so
+# nothing here may need a package.
 set(CMAKE_CXX_STANDARD 20)
 set(CMAKE_CXX_STANDARD_REQUIRED ON)
 set(CMAKE_CXX_EXTENSIONS OFF)
@@ -19,7 +19,7 @@ if(CCACHE_PROGRAM)
 endif()
 
 set(KINEVOX_SANITIZE "" CACHE STRING "Sanitizers for everything: address,undefined or thread")
-option(KINEVOX_SANITIZE_KERNELS "The kernels, too: they take most of the time, and have no threads but their loops'" ON)
+option(KINEVOX_SANITIZE_KERNELS "Instrument the kernels, too, which take most of the time" ON)
 
 add_library(kinevox_build_options INTERFACE)
 target_compile_options(kinevox_build_options INTERFACE
@@ -29,31 +29,31 @@ if(KINEVOX_SANITIZE)
                       $<$<COMPILE_LANGUAGE:CXX>:-fno-omit-frame-pointer>)
   add_link_options(-fsanitize=${KINEVOX_SANITIZE})
   if(KINEVOX_SANITIZE STREQUAL "thread")
-    include_directories(BEFORE ${CMAKE_CURRENT_LIST_DIR}/../tests/sanitize/headers)   # in the place of libraries' own
+    include_directories(BEFORE ${CMAKE_CURRENT_LIST_DIR}/../tests/sanitize/headers)   # instead of the libraries' headers
   endif()
 endif()
 
-# For the rest of a folder whose code waits for others: it need not be quick to run, but to compile (a third less).
+# For the rest of a folder whose code is not performance-critical: compiles in two thirds of the time.
 macro(kinevox_quick_to_compile)
   if(CMAKE_BUILD_TYPE STREQUAL "Release")
     add_compile_options(-O1)
   endif()
 endmacro()
 
-# For the folders that follow: a target's files are compiled six at a time, since most of a file's time is what gRPC, Eigen,
-# OpenCV and CLI11 bring along (a build from nothing takes half as long). What is in a file without a name, in an
-# anonymous namespace, must differ from what its neighbours have there. -DCMAKE_UNITY_BUILD=OFF compiles each alone.
+# For the folders that follow: compiles six files of a target per unit, since the headers of gRPC, Eigen, OpenCV and CLI11
+# take most of the time (a clean build takes half as long). Names in anonymous namespaces must differ from those in the other
+# files of a unit. -DCMAKE_UNITY_BUILD=OFF compiles each file alone.
 macro(kinevox_unity_builds)
   if(NOT DEFINED CMAKE_UNITY_BUILD)
     set(CMAKE_UNITY_BUILD ON)
     set(CMAKE_UNITY_BUILD_BATCH_SIZE 6)
-    # A hidden implementation may have members of its file's own types: they are one file's, included or not.
+    # A class of a single file may have members of types in an anonymous namespace.
     add_compile_options($<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
   endif()
 endmacro()
 
-# kinevox_library(NAME SOURCES a.cc ... PUBLIC lib ... PRIVATE lib ...): a static library whose headers are
-# included by their path from the repository's root.
+# kinevox_library(NAME SOURCES a.cc ... PUBLIC lib ... PRIVATE lib ...): a static library. Headers are included by their path
+# from the repository's root.
 get_filename_component(KINEVOX_ROOT ${CMAKE_CURRENT_LIST_DIR}/.. ABSOLUTE)
 function(kinevox_library name)
   cmake_parse_arguments(ARG "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
@@ -63,7 +63,7 @@ function(kinevox_library name)
 endfunction()
 
 # kinevox_test(NAME SOURCES a_test.cc ... LIBRARIES lib ... [LABELS ...] [TIMEOUT s]): a GoogleTest program run by
-# CTest as one test (a program a folder, not one a case: starting is what costs on two cores).
+# CTest as one test (one program per folder, not per case: starting programs is slow on two cores).
 function(kinevox_test name)
   cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LIBRARIES;LABELS" ${ARGN})
   if(NOT ARG_TIMEOUT)
@@ -76,7 +76,7 @@ function(kinevox_test name)
   set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
 endfunction()
 
-# At the end of a folder of tests: under sanitizers everything takes many times as long, and no time is measured.
+# At the end of a folder of tests: under sanitizers tests take many times as long and measure no time.
 macro(kinevox_tests_under_sanitizers)
   if(KINEVOX_SANITIZE)
     get_property(sanitized DIRECTORY PROPERTY TESTS)

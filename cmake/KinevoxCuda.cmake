@@ -1,5 +1,5 @@
-# KINEVOX_CUDA: AUTO builds the CUDA forms of the kernels where a compiler is found, ON insists, OFF leaves them out.
-# Included by the topmost CMakeLists.txt: a language must be enabled where every target that links it is below.
+# KINEVOX_CUDA: AUTO builds the CUDA kernels if a compiler is found, ON requires one, OFF omits them.
+# Included by the top-level CMakeLists.txt: a language must be enabled above every target that links it.
 set(KINEVOX_CUDA AUTO CACHE STRING "CUDA kernels: AUTO, ON or OFF")
 if(NOT KINEVOX_CUDA STREQUAL "OFF")
   find_program(KINEVOX_NVCC nvcc HINTS /usr/local/cuda/bin ENV CUDA_PATH PATH_SUFFIXES bin)
@@ -9,7 +9,7 @@ if(NOT KINEVOX_CUDA STREQUAL "OFF")
       set(CMAKE_CUDA_ARCHITECTURES 75-virtual 90-real CACHE STRING "")
     endif()
     enable_language(CUDA)
-    if(NOT CMAKE_CUDA20_STANDARD_COMPILE_OPTION)  # CMake 3.25.1 does not know yet that nvcc has it
+    if(NOT CMAKE_CUDA20_STANDARD_COMPILE_OPTION)  # not yet known to CMake 3.25.1
       set(CMAKE_CUDA20_STANDARD_COMPILE_OPTION -std=c++20)
       set(CMAKE_CUDA20_EXTENSION_COMPILE_OPTION -std=c++20)
     endif()

@@ -1,4 +1,4 @@
-# What the server and the clients link. kernels/ finds its own few packages, so that it configures alone.
+# Packages of the server and the clients. kernels/ finds its own packages, so that it configures alone.
 find_package(PkgConfig REQUIRED)
 find_package(Threads REQUIRED)
 find_package(Eigen3 REQUIRED NO_MODULE)

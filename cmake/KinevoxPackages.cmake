@@ -1,6 +1,5 @@
-# Debian packages by CPack, a component each; `deploy/package` builds them. Install rules name their component: server,
-# client, viewer, exhibit or python. What only Debian asks for (copyright, changelog, compressed pages) is added by
-# deploy/debian/finish.cmake.
+# Debian packages by CPack, one per component; `deploy/package` builds them. Install rules name their component: server,
+# client, viewer, exhibit or python. deploy/debian/finish.cmake adds copyright, changelog and compressed manual pages.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME kinevox)
 set(CPACK_PACKAGE_VENDOR "Kinevox")
@@ -8,7 +7,7 @@ set(CPACK_PACKAGE_CONTACT "The Kinevox authors <kinevox@users.noreply.kinevox.ex
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "markerless motion capture")
 set(CPACK_PACKAGE_DIRECTORY ${CMAKE_BINARY_DIR}/packages)
 set(CPACK_OUTPUT_FILE_PREFIX ${CPACK_PACKAGE_DIRECTORY})
-set(CPACK_SET_DESTDIR ON)          # units, rules and the configuration lie outside of the prefix
+set(CPACK_SET_DESTDIR ON)          # units, rules and the configuration are outside the prefix
 set(CPACK_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_PRE_BUILD_SCRIPTS ${PROJECT_SOURCE_DIR}/deploy/debian/finish.cmake)
@@ -36,29 +35,29 @@ set(CPACK_DEBIAN_SERVER_PACKAGE_CONTROL_EXTRA
   ${PROJECT_SOURCE_DIR}/deploy/debian/server/postinst ${PROJECT_SOURCE_DIR}/deploy/debian/server/prerm
   ${PROJECT_SOURCE_DIR}/deploy/debian/server/postrm ${PROJECT_SOURCE_DIR}/deploy/debian/server/conffiles)
 set(CPACK_COMPONENT_SERVER_DESCRIPTION "markerless motion capture: the daemon\n\
- Takes synchronised video from several cameras (GigE Vision, USB3 Vision),\n\
- carves the volume of the person in it, fits a body to it and serves both over\n\
- gRPC while the person moves. With the tools for recordings and calibration.")
+ Captures synchronised video from several cameras (GigE Vision, USB3 Vision),\n\
+ reconstructs the volume of the subject, fits a body model and streams both over\n\
+ gRPC in real time. Includes the tools for recordings and calibration.")
 
 set(CPACK_DEBIAN_CLIENT_PACKAGE_NAME kinevox-client)
 set(CPACK_DEBIAN_CLIENT_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_CLIENT_PACKAGE_SUGGESTS "kinevox-viewer, python3-kinevox")
 set(CPACK_COMPONENT_CLIENT_DESCRIPTION "markerless motion capture: the command line\n\
- Controls and watches a capture daemon, streams joint angles and volumes to\n\
- the terminal, and bridges poses to other programs.")
+ Controls and monitors a capture daemon, streams joint angles and volumes to\n\
+ the terminal, and forwards poses to other programs.")
 
 set(CPACK_DEBIAN_VIEWER_PACKAGE_NAME kinevox-viewer)
 set(CPACK_DEBIAN_VIEWER_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_VIEWER_PACKAGE_RECOMMENDS "libgl1-mesa-dri, qt6-qpa-plugins")
-set(CPACK_COMPONENT_VIEWER_DESCRIPTION "markerless motion capture: the coach's window\n\
+set(CPACK_COMPONENT_VIEWER_DESCRIPTION "markerless motion capture: the viewer for coaches\n\
  Shows volume, skeleton, cameras and joint angles of a capture daemon, and\n\
  its recordings.")
 
 set(CPACK_DEBIAN_EXHIBIT_PACKAGE_NAME kinevox-exhibit)
 set(CPACK_DEBIAN_EXHIBIT_PACKAGE_SECTION science)
-set(CPACK_COMPONENT_EXHIBIT_DESCRIPTION "markerless motion capture: an exhibit in the browser\n\
- A gateway that serves a page to browsers, and to the page the poses, volumes\n\
- and silhouettes of a capture daemon, never camera pictures.")
+set(CPACK_COMPONENT_EXHIBIT_DESCRIPTION "markerless motion capture: the exhibit page\n\
+ A gateway that serves a page to browsers and streams poses, volumes and\n\
+ silhouettes of a capture daemon to it, never camera images.")
 
 set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-kinevox)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)

@@ -18,7 +18,7 @@ std::filesystem::path read_path(const TomlTable& table, const char* key, const s
     std::error_code ignored;
     if (must_exist && !std::filesystem::exists(file, ignored))
         table.fail(key,
-                   fmt::format("is \"{}\", but {} does not exist; docs/access.md tells how to make it", text,
+                   fmt::format("is \"{}\", but {} does not exist; docs/access.md shows how to make it", text,
                                file.string()),
                    absl::StatusCode::kNotFound);
     return file;
@@ -28,24 +28,25 @@ std::filesystem::path read_path(const TomlTable& table, const char* key, const s
 
 void read_access(const TomlTable& server, const std::filesystem::path& folder, bool check_files_exist,
                  AccessConfig& access) {
-    access.certificate = read_path(server, "certificate", folder, check_files_exist);
-    access.key = read_path(server, "key", folder, check_files_exist);
-    access.client_ca = read_path(server, "client_ca", folder, check_files_exist);
-    access.tokens = read_path(server, "tokens", folder, check_files_exist);
-    if (access.certificate.empty() != access.key.empty())
-        server.fail(access.key.empty() ? "certificate" : "key",
-                    "is given without the other; give certificate and key");
-    if (!access.client_ca.empty() && access.certificate.empty())
-        server.fail("client_ca", "is given without certificate and key; give those too");
-    if (server.has("audit")) access.audit = read_path(server, "audit", folder, false);
+    access.tls_certificate_file = read_path(server, "tls_certificate_file", folder, check_files_exist);
+    access.tls_key_file = read_path(server, "tls_key_file", folder, check_files_exist);
+    access.tls_client_ca_file = read_path(server, "tls_client_ca_file", folder, check_files_exist);
+    access.token_file = read_path(server, "token_file", folder, check_files_exist);
+    if (access.tls_certificate_file.empty() != access.tls_key_file.empty())
+        server.fail(access.tls_key_file.empty() ? "tls_certificate_file" : "tls_key_file",
+                    "is given without the other; give tls_certificate_file and tls_key_file");
+    if (!access.tls_client_ca_file.empty() && access.tls_certificate_file.empty())
+        server.fail("tls_client_ca_file",
+                    "is given without tls_certificate_file and tls_key_file; give those too");
+    if (server.has("audit_file")) access.audit_file = read_path(server, "audit_file", folder, false);
     const TomlTable limits = server.table_or_empty("limits");
-    const auto count = [&](const char* key, int& value, int highest) {
-        value = static_cast<int>(limits.integer_or(key, value, 1, highest));
+    const auto count = [&](const char* key, int& value, int max) {
+        value = static_cast<int>(limits.integer_or(key, value, 1, max));
     };
-    count("max_message_mb", access.max_message_mb, 1024);
+    count("max_request_mb", access.max_request_mb, 1024);
     count("max_streams", access.max_streams, 100'000);
     count("max_streams_per_token", access.max_streams_per_token, 100'000);
-    access.requests_per_s = limits.number_or("requests_per_s", access.requests_per_s, {1, 1e6});
+    access.max_requests_per_s = limits.number_or("max_requests_per_s", access.max_requests_per_s, {1, 1e6});
     access.handshake_timeout_s =
         limits.number_or("handshake_timeout_s", access.handshake_timeout_s, {1, 300});
 }

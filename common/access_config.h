@@ -1,5 +1,5 @@
-// [server]'s keys of who may do what; deploy/kinevoxd.toml explains every key, docs/access.md how they go
-// together.
+// Access control in [server] and [server.limits]; deploy/kinevoxd.toml documents every key, docs/access.md
+// how they combine.
 #pragma once
 
 #include <filesystem>
@@ -10,17 +10,16 @@ namespace kinevox {
 class TomlTable;
 
 struct AccessConfig {
-    std::filesystem::path certificate, key;  // PEM, absolute; both or neither
-    std::filesystem::path client_ca;         // PEM; empty: clients need no certificate
-    std::filesystem::path tokens;            // empty: no tokens
-    std::optional<std::filesystem::path>
-        audit;  // empty: no file; not given: in the user's folder for programs' state
+    std::filesystem::path tls_certificate_file, tls_key_file;  // PEM, absolute; both or neither
+    std::filesystem::path tls_client_ca_file;                  // PEM; empty: clients need no certificate
+    std::filesystem::path token_file;                          // empty: no tokens
+    std::optional<std::filesystem::path> audit_file;           // empty: off; not given: in the state folder
 
-    int max_message_mb = 32;  // of a request, 1 to 1024
+    int max_request_mb = 32;  // 1 to 1024
     int max_streams = 1000;   // of all clients together, 1 to 100000
     int max_streams_per_token = 250;
-    double requests_per_s = 200;      // of one token, 1 to 1e6
-    double handshake_timeout_s = 10;  // until a new connection has shaken hands, 1 to 300
+    double max_requests_per_s = 200;  // per token, 1 to 1e6; also the burst size
+    double handshake_timeout_s = 10;  // of a new connection, 1 to 300
     bool operator==(const AccessConfig&) const = default;
 };
 

@@ -31,24 +31,24 @@ bool write_all(int descriptor, std::string_view contents) {
 }
 
 absl::Status write_file_atomically(const std::filesystem::path& file, std::string_view contents) {
-    static std::atomic<unsigned> counter{0};  // two threads writing one file need two names aside
+    static std::atomic<unsigned> counter{0};  // two threads that write one file need two temporary names
     std::error_code error;
     if (file.has_parent_path()) std::filesystem::create_directories(file.parent_path(), error);
     if (error) return cannot_write(file, error.message());
-    std::filesystem::path aside = file;
-    aside += fmt::format(".{}-{}.part", ::getpid(), counter.fetch_add(1));
-    const int descriptor = ::open(aside.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+    std::filesystem::path temporary = file;
+    temporary += fmt::format(".{}-{}.part", ::getpid(), counter.fetch_add(1));
+    const int descriptor = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
     if (descriptor < 0) return cannot_write(file, std::strerror(errno));
     const bool written = write_all(descriptor, contents);
     const int write_errno = errno;
     const bool closed = ::close(descriptor) == 0;
     if (!written || !closed) {
-        ::unlink(aside.c_str());
+        ::unlink(temporary.c_str());
         return cannot_write(file, std::strerror(written ? errno : write_errno));
     }
-    std::filesystem::rename(aside, file, error);
+    std::filesystem::rename(temporary, file, error);
     if (error) {
-        ::unlink(aside.c_str());
+        ::unlink(temporary.c_str());
         return cannot_write(file, error.message());
     }
     return absl::OkStatus();

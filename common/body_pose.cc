@@ -36,10 +36,11 @@ Quaternion quaternion_from_rotation(const Mat3& r) {
     return q;
 }
 
-std::array<Vec3, kJointNames.size()> BodyPose::joint_positions() const {
-    std::array<Vec3, kJointNames.size()> positions;
-    for (std::size_t j = 0; j < joints.size(); ++j) positions[j] = joints[j].in_world;
-    return positions;
+const std::string& coordinate_withheld_reason(const BodyPose& pose, int dof) {
+    int segment = kPelvis;
+    for (int s = 0; s < kBodySegmentCount; ++s)
+        if (dof >= kSegmentDof[s] && dof < kSegmentDof[s] + kSegmentDofCount[s]) segment = s;
+    return pose.joints[static_cast<std::size_t>(kSegmentFarJoint[segment])].withheld_reason;
 }
 
 std::optional<std::size_t> joint_index(std::string_view name) {

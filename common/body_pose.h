@@ -1,4 +1,4 @@
-// What was measured of a body at one instant: joints, angles and how far they can be trusted.
+// The measured body at one instant: joints, angles, coordinates and their uncertainty.
 #pragma once
 
 #include <array>
@@ -7,9 +7,8 @@
 #include <string>
 #include <string_view>
 
+#include "common/body_table.h"
 #include "common/geometry.h"
-#include "common/joint_angles.h"
-#include "common/skeleton.h"
 
 namespace kinevox {
 
@@ -20,31 +19,29 @@ struct Quaternion {
 };
 Quaternion quaternion_from_rotation(const Mat3& rotation);
 
-inline constexpr int kPoseCoordinateCount = 32;
-inline constexpr int kPoseSegmentCount = 15;
-
 struct JointEstimate {
-    Vec3 in_world;         // m; NaN where withheld
-    double std_m = 0;      // of one axis
-    int cameras = 0;       // whose silhouettes determine it
-    std::string withheld;  // why there is no value; empty: there is one
-    bool measured() const { return withheld.empty(); }
+    Vec3 in_world;                // m; NaN where withheld
+    double std_m = 0;             // per axis
+    int camera_count = 0;         // cameras whose silhouettes determine it
+    std::string withheld_reason;  // empty: measured
+    bool measured() const { return withheld_reason.empty(); }
 };
 
 struct AngleEstimate {
     double value_rad = 0;  // NaN where withheld
     double std_rad = 0;
-    double velocity_rad_s = 0;  // NaN without a frame before
-    int cameras = 0;
-    std::string withheld;
-    bool measured() const { return withheld.empty(); }
+    double velocity_rad_per_s = 0;  // NaN in the first frame and where withheld
+    int camera_count = 0;
+    std::string withheld_reason;
+    bool measured() const { return withheld_reason.empty(); }
 };
 
-// Of the subject's body, not of this frame; left/right is 1 for a symmetric body.
 struct SegmentRatios {
-    double thigh_left_right = 1, shank_left_right = 1, upper_arm_left_right = 1, forearm_left_right = 1;
-    // Movement: knee flexion over hip flexion of a side, NaN where the hip is flexed by less than 5 deg.
-    double knee_hip_l = 0, knee_hip_r = 0;
+    // Of the subject's body, not of this frame: left over right, 1 for a symmetric body.
+    double thigh_length_ratio = 1, shank_length_ratio = 1, upper_arm_length_ratio = 1,
+           forearm_length_ratio = 1;
+    // Of this frame: knee flexion over hip flexion, NaN where the hip is flexed by less than 5 deg.
+    double knee_hip_flexion_ratio_l = 0, knee_hip_flexion_ratio_r = 0;
 };
 
 struct BodyPose {
@@ -53,21 +50,25 @@ struct BodyPose {
     std::int64_t capture_time_ns = 0;
     std::array<JointEstimate, kJointNames.size()> joints;       // in the order of kJointNames
     std::array<AngleEstimate, kJointAngleNames.size()> angles;  // in the order of kJointAngleNames
-    std::array<double, kPoseCoordinateCount>
-        coordinates{};  // m, rad; names: server/pose/body_model.h, kBodyDofs
-    std::array<double, kPoseCoordinateCount> coordinate_std{};
-    // Of the segments in the order of kBodySegmentNames; at identity x is forward, y left, z up.
-    std::array<Quaternion, kPoseSegmentCount> world_from_segment;
-    std::array<Quaternion, kPoseSegmentCount> parent_from_segment;
+    // Model coordinates in the order of kBodyDofs, m and rad; coordinate_withheld_reason() says which are
+    // measured.
+    std::array<double, kBodyDofCount> coordinates{};
+    std::array<double, kBodyDofCount> coordinate_std{};
+    // m/s and rad/s; NaN in the first frame.
+    std::array<double, kBodyDofCount> coordinate_velocity{};
+    // Segments in the order of kBodySegmentNames; at identity x is forward, y left, z up.
+    std::array<Quaternion, kBodySegmentCount> world_from_segment;
+    std::array<Quaternion, kBodySegmentCount> parent_from_segment;
     SegmentRatios ratios;
-    double contour_rms_m = 0;  // of the silhouettes' contours around the body's outline
-    bool filtered = false;     // smoothed over time
-
-    // Positions in the order of kJointNames, NaN where withheld.
-    std::array<Vec3, kJointNames.size()> joint_positions() const;
+    double contour_residual_rms_m = 0;  // of the silhouettes' contours against the fitted body
+    bool filtered = false;              // smoothed over time
 };
 
-// By name; nothing for a name that there is not.
+// Why a coordinate of kBodyDofs has no value; empty: measured. It is withheld with the joint at its segment's
+// far end, the root's with the root.
+const std::string& coordinate_withheld_reason(const BodyPose& pose, int dof);
+
+// By name; nullopt for an unknown one.
 std::optional<std::size_t> joint_index(std::string_view name);
 std::optional<std::size_t> angle_index(std::string_view name);
 

@@ -32,7 +32,7 @@ std::string calibration_kalibr_yaml(const std::vector<Camera>& cameras);
 // Empty if Kalibr's format can hold these cameras, else one sentence.
 std::string kalibr_problem(const std::vector<Camera>& cameras);
 
-// Written aside and renamed, so that no reader ever sees half a file.
+// Written atomically.
 absl::Status write_calibration_toml(const std::vector<Camera>& cameras, const std::filesystem::path& file);
 
 }  // namespace kinevox

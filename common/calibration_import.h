@@ -10,7 +10,7 @@
 
 namespace kinevox {
 
-inline constexpr double kMaxPicturePx = 32768;  // a picture's side in any calibration file
+inline constexpr double kMaxImagePx = 32768;  // maximum side of an image in a calibration file
 
 // Qualisys Track Manager's exported calibration (XML). Lengths there are in mm and pixels in 1/64 px; the
 // position is the camera's centre in the world, r11 to r33 (row, column) turn world axes to the camera's,

@@ -12,7 +12,7 @@
 namespace kinevox {
 namespace {
 
-// Reads one camera's keys and keeps the first thing that is wrong with any.
+// Reads one camera's keys and keeps the first error.
 class CameraReader {
   public:
     CameraReader(const YAML::Node& map, std::string camera, std::string file, std::string& error)
@@ -70,7 +70,7 @@ Rigid3 read_transform(CameraReader& reader) {
         dot({r(0, 0), r(0, 1), r(0, 2)}, cross({r(1, 0), r(1, 1), r(1, 2)}, {r(2, 0), r(2, 1), r(2, 2)})) > 0;
     for (int i = 0; i < 9; ++i) proper = proper && std::abs(square.m[i] - (i % 4 == 0)) < 1e-4;
     if (!proper || !(norm(out.translation) <= 1000))
-        reader.wrong("T_cn_cnm1", "is no rigid transform in metres; correct it");
+        reader.wrong("T_cn_cnm1", "is not a rigid transform in metres; correct it");
     return proper ? out : Rigid3{};
 }
 
@@ -89,10 +89,10 @@ Camera read_camera(const YAML::Node& map, const std::string& name, const Rigid3*
                                                      distortion.substr(0, 40)));
     const std::vector<double> size = reader.numbers("resolution", 2);
     for (const double side : size)
-        if (!(side >= 1 && side <= kMaxPicturePx && side == std::floor(side)))
+        if (!(side >= 1 && side <= kMaxImagePx && side == std::floor(side)))
             reader.wrong("resolution", fmt::format("is not two whole numbers from 1 to {}; write [width, "
                                                    "height] in px",
-                                                   kMaxPicturePx));
+                                                   kMaxImagePx));
     if (!error.empty()) return camera;
     camera.width = static_cast<int>(size[0]), camera.height = static_cast<int>(size[1]);
     const std::vector<double> in = reader.numbers("intrinsics", 4);
@@ -121,14 +121,14 @@ absl::StatusOr<std::vector<Camera>> parse_calibration_kalibr(const std::string& 
             const YAML::Node map = root[name];
             if (!map.IsDefined()) break;
             if (!map.IsMap()) {
-                error = fmt::format("{}:{}: {} is no map of a camera's values; correct it", name_for_errors,
-                                    map.Mark().line + 1, name);
+                error = fmt::format("{}:{}: {} is not a map of a camera's values; correct it",
+                                    name_for_errors, map.Mark().line + 1, name);
                 break;
             }
             cameras.push_back(read_camera(map, name, n == 0 ? nullptr : &cameras.back().camera_from_world,
                                           name_for_errors, error));
             if (error.empty() && !(norm(cameras.back().camera_from_world.translation) <= 1000))
-                error = fmt::format("{}: {} lies more than 1000 m from cam0; T_cn_cnm1 is in metres",
+                error = fmt::format("{}: {} is more than 1000 m from cam0; T_cn_cnm1 is in metres",
                                     name_for_errors, name);
         }
         if (error.empty() && cameras.size() != (root.IsMap() ? root.size() : 0))
@@ -137,7 +137,7 @@ absl::StatusOr<std::vector<Camera>> parse_calibration_kalibr(const std::string& 
                 "cam0, cam1, ...",
                 name_for_errors, root.size(), static_cast<int>(cameras.size()) - 1);
     } catch (const YAML::Exception& exception) {
-        error = fmt::format("{}:{}: is no valid YAML: {}; correct the line", name_for_errors,
+        error = fmt::format("{}:{}: is not valid YAML: {}; correct the line", name_for_errors,
                             exception.mark.line + 1, exception.msg);
     }
     if (error.empty() && cameras.empty())

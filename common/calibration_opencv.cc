@@ -14,7 +14,7 @@
 namespace kinevox {
 namespace {
 
-// One camera's map; notes the first thing that is wrong.
+// One camera's map; keeps the first error.
 class CameraMap {
   public:
     CameraMap(const YAML::Node& map, std::string file, std::string& error)
@@ -55,9 +55,9 @@ class CameraMap {
         const YAML::Node node = map_[key];
         double value = 0;
         if (!node || !node.IsScalar() || !YAML::convert<double>::decode(node, value) ||
-            value != std::floor(value) || value < 1 || value > kMaxPicturePx) {
+            value != std::floor(value) || value < 1 || value > kMaxImagePx) {
             wrong(node ? node : map_, key,
-                  fmt::format("is missing or no whole number from 1 to {}; correct it", kMaxPicturePx));
+                  fmt::format("is missing or not an integer from 1 to {}; correct it", kMaxImagePx));
             return 1;
         }
         return static_cast<int>(value);
@@ -92,7 +92,7 @@ Mat3 read_rotation(CameraMap& reader) {
     const double determinant = dot({r[0], r[1], r[2]}, cross({r[3], r[4], r[5]}, {r[6], r[7], r[8]}));
     bool proper = determinant > 0;
     for (int i = 0; i < 9; ++i) proper = proper && std::abs(should_be_identity.m[i] - (i % 4 == 0)) < 1e-4;
-    if (!proper) reader.wrong(reader.map()["rotation"], "rotation", "is no rotation; correct it");
+    if (!proper) reader.wrong(reader.map()["rotation"], "rotation", "is not a rotation; correct it");
     return rotation;
 }
 
@@ -109,7 +109,7 @@ Camera read_camera(const YAML::Node& map, const std::string& name, const std::st
     if (!(m[0] > 0 && m[0] <= 1e6 && m[4] > 0 && m[4] <= 1e6) || m[1] != 0 || m[3] != 0 || m[6] != 0 ||
         m[7] != 0 || m[8] != 1 || std::abs(m[2]) > 1e6 || std::abs(m[5]) > 1e6)
         reader.wrong(map["camera_matrix"], "camera_matrix",
-                     "is no pinhole matrix without skew; write data: [fx, 0, cx, 0, fy, cy, 0, 0, 1]");
+                     "is not a pinhole matrix without skew; write data: [fx, 0, cx, 0, fy, cy, 0, 0, 1]");
     camera.fx = m[0], camera.fy = m[4], camera.cx = m[2], camera.cy = m[5];
     std::vector<double> d = reader.matrix("distortion_coefficients", {5, 4}, true);
     d.resize(5, 0.0);
@@ -156,7 +156,7 @@ absl::StatusOr<std::vector<Camera>> parse_calibration_opencv(const std::string& 
         }
     } catch (const YAML::Exception& exception) {
         return absl::InvalidArgumentError(
-            one_line(fmt::format("{}:{}: is no valid YAML: {}; correct the line", name_for_errors,
+            one_line(fmt::format("{}:{}: is not valid YAML: {}; correct the line", name_for_errors,
                                  exception.mark.line + 1, exception.msg)));
     }
     if (!error.empty()) return absl::InvalidArgumentError(one_line(error));

@@ -14,7 +14,7 @@ namespace {
 constexpr double kSubpixels = 64;  // Qualisys counts in 1/64 px
 constexpr double kMmPerMetre = 1000;
 
-// Reads attributes of one element and keeps the first thing that is wrong with any.
+// Reads attributes of one element and keeps the first error.
 class Attributes {
   public:
     Attributes(pugi::xml_node parent, const char* element, std::string where, std::string& error)
@@ -104,7 +104,8 @@ Camera read_camera(pugi::xml_node element, const std::string& where, std::string
     const Vec3 centre_mm{transform.number_between("x", -1e6, 1e6), transform.number_between("y", -1e6, 1e6),
                          transform.number_between("z", -1e6, 1e6)};
     if (!is_proper_rotation(qualisys_camera_from_world) && error.empty())
-        error = fmt::format("{}: <transform> r11 to r33 are no rotation; export the calibration anew", where);
+        error =
+            fmt::format("{}: <transform> r11 to r33 are not a rotation; export the calibration again", where);
     camera.camera_from_world = camera_from_world(qualisys_camera_from_world, centre_mm / kMmPerMetre);
     return camera;
 }
@@ -123,7 +124,7 @@ absl::StatusOr<std::vector<Camera>> parse_calibration_qualisys(const std::string
     const pugi::xml_parse_result parsed = document.load_buffer(text.data(), text.size());
     if (!parsed)
         return absl::InvalidArgumentError(
-            fmt::format("{}:{}: is no valid XML: {}; export the calibration anew", name_for_errors,
+            fmt::format("{}:{}: is not valid XML: {}; export the calibration again", name_for_errors,
                         line_of(text, parsed.offset), parsed.description()));
     std::vector<Camera> cameras;
     std::string error;

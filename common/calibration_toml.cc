@@ -19,7 +19,7 @@ constexpr double kMaxDistanceM = 1000;
 constexpr double kMaxRotationRad = 2 * 3.141592653589793 + 1e-6;
 
 void read_size(const TomlTable& table, Camera& camera) {
-    const std::vector<double> size = table.numbers("size", 2, 2, {1, kMaxPicturePx});
+    const std::vector<double> size = table.numbers("size", 2, 2, {1, kMaxImagePx});
     if (size[0] != std::floor(size[0]) || size[1] != std::floor(size[1]))
         table.fail("size", "is not whole; write [width, height] in pixels");
     camera.width = static_cast<int>(size[0]);
@@ -30,7 +30,7 @@ void read_matrix(const TomlTable& table, Camera& camera) {
     const std::vector<double> m = table.matrix("matrix", 3, 3);
     if (m[1] != 0 || m[3] != 0 || m[6] != 0 || m[7] != 0 || m[8] != 1)
         table.fail("matrix",
-                   "is no pinhole matrix without skew; write [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]");
+                   "is not a pinhole matrix without skew; write [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]");
     if (!(m[0] > 0 && m[0] <= kMaxFocalPx && m[4] > 0 && m[4] <= kMaxFocalPx))
         table.fail("matrix",
                    fmt::format("has the focal lengths {} and {} px, expected above 0 and at most {}; "
@@ -38,8 +38,8 @@ void read_matrix(const TomlTable& table, Camera& camera) {
                                m[0], m[4], kMaxFocalPx));
     if (std::abs(m[2]) > kMaxFocalPx || std::abs(m[5]) > kMaxFocalPx)
         table.fail("matrix",
-                   fmt::format("has the principal point ({}, {}) px, far outside any picture; correct it",
-                               m[2], m[5]));
+                   fmt::format("has the principal point ({}, {}) px, far outside the image; correct it", m[2],
+                               m[5]));
     camera.fx = m[0], camera.fy = m[4], camera.cx = m[2], camera.cy = m[5];
 }
 
@@ -72,7 +72,7 @@ Camera read_camera(const TomlTable& table, const std::string& section, std::stri
     read_pose(table, camera);
     if (table.boolean_or("fisheye", false))
         table.fail("fisheye",
-                   "is true, expected false: fisheye lenses are not supported; calibrate the camera with "
+                   "is true, expected false: the fisheye model is not supported; calibrate the camera with "
                    "the pinhole model (k1 k2 p1 p2 k3)");
     return camera;
 }
@@ -119,7 +119,7 @@ absl::StatusOr<std::vector<Camera>> read_calibration(const std::filesystem::path
     const bool opencv = ends_with(".yml") || ends_with(".yaml");
     if (!toml && !qualisys && !opencv)
         return absl::InvalidArgumentError(fmt::format(
-            "{}: is no calibration by its ending; give a .toml (Pose2Sim, aniposelib), .qca.txt (Qualisys) "
+            "{}: not a calibration by its ending; give a .toml (Pose2Sim, aniposelib), .qca.txt (Qualisys) "
             "or .yml (OpenCV, Kalibr)",
             file.string()));
     const absl::StatusOr<std::string> text = read_file(file);

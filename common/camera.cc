@@ -31,8 +31,8 @@ double squared(Vec2 a) {
     return a.x * a.x + a.y * a.y;
 }
 
-// Newton's method with halved steps where a full one would not come closer; a dozen rounds reach rounding
-// error for lenses whose distortion can be undone at all.
+// Newton's method with halved steps if a full one does not converge; a dozen rounds converge to rounding
+// error for every invertible distortion.
 Vec2 undistort(const Camera& c, Vec2 distorted) {
     Vec2 p = distorted;
     Distorted d = distort(c, p);

@@ -25,8 +25,8 @@ struct Camera {
 
     Vec3 centre_in_world() const { return camera_from_world.inverse().translation; }
 
-    // Pixel of a world point; nothing if it lies behind the camera. May lie outside the picture. As OpenCV's
-    // projectPoints; far outside the field of view a strong distortion may fold points back into the picture.
+    // Pixel of a world point; nothing if it lies behind the camera. May lie outside the image. As OpenCV's
+    // projectPoints; far outside the field of view a strong distortion may fold points back into the image.
     std::optional<Vec2> project(Vec3 point_in_world) const;
 
     // The ray through a pixel, distortion undone by iteration.

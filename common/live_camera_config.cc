@@ -10,7 +10,7 @@
 namespace kinevox {
 namespace {
 
-using Trigger = LiveCamerasConfig::Trigger;
+using Trigger = LiveSourceConfig::Trigger;
 
 void read_settings(const TomlTable& table, CameraSettings& settings) {
     settings.pixel_format = table.text_or("pixel_format", settings.pixel_format);
@@ -22,21 +22,23 @@ void read_settings(const TomlTable& table, CameraSettings& settings) {
         const auto ratios = table.numbers("white_balance_ratios", 3, 3, {0.05, 20});
         if (ratios.size() == 3) settings.white_balance_ratios = {ratios[0], ratios[1], ratios[2]};
     }
-    if (table.has("offset_px")) {
-        const auto offset = table.numbers("offset_px", 2, 2, {0, 65535});
+    if (table.has("sensor_offset_px")) {
+        const auto offset = table.numbers("sensor_offset_px", 2, 2, {0, 65535});
         if (offset.size() == 2)
-            settings.offset_px = {static_cast<int>(offset[0]), static_cast<int>(offset[1])};
+            settings.sensor_offset_px = {static_cast<int>(offset[0]), static_cast<int>(offset[1])};
     }
 }
 
-void check(const TomlTable& table, bool check_files_exist, const LiveCamerasConfig& cameras) {
-    if (cameras.calibration.empty())
-        table.fail("calibration", "is missing, but kind is \"cameras\"; give the cameras' calibration file");
+void check(const TomlTable& table, bool check_files_exist, const LiveSourceConfig& cameras) {
+    if (cameras.calibration_file.empty())
+        table.fail("calibration_file",
+                   "is missing, but kind is \"cameras\"; give the calibration file of the cameras");
     std::error_code ignored;
-    if (check_files_exist && !std::filesystem::exists(cameras.calibration, ignored))
-        table.fail("calibration",
-                   fmt::format("is {}, which does not exist; correct the path", cameras.calibration.string()),
-                   absl::StatusCode::kNotFound);
+    if (check_files_exist && !std::filesystem::exists(cameras.calibration_file, ignored))
+        table.fail(
+            "calibration_file",
+            fmt::format("is {}, which does not exist; correct the path", cameras.calibration_file.string()),
+            absl::StatusCode::kNotFound);
     if (cameras.cameras.empty())
         table.fail("camera",
                    "is missing, but kind is \"cameras\"; add a [[source.cameras.camera]] for each camera");
@@ -44,45 +46,48 @@ void check(const TomlTable& table, bool check_files_exist, const LiveCamerasConf
         for (std::size_t b = 0; b < a; ++b)
             for (std::string LiveCameraConfig::*key : {&LiveCameraConfig::name, &LiveCameraConfig::device})
                 if (cameras.cameras[a].*key == cameras.cameras[b].*key)
-                    table.fail("camera", fmt::format("\"{}\" stands there twice; give each camera its own",
+                    table.fail("camera", fmt::format("\"{}\" occurs twice; give each camera its own",
                                                      cameras.cameras[a].*key));
-    if (cameras.trigger == Trigger::kMaster &&
-        std::ranges::find(cameras.cameras, cameras.master, &LiveCameraConfig::name) == cameras.cameras.end())
+    if (cameras.trigger == Trigger::kCamera &&
+        std::ranges::find(cameras.cameras, cameras.trigger_camera, &LiveCameraConfig::name) ==
+            cameras.cameras.end())
         table.fail(
-            "master",
-            fmt::format("is \"{}\", which is no [[source.cameras.camera]]; give the name of the one that "
-                        "triggers the others",
-                        cameras.master));
+            "trigger_camera",
+            fmt::format("is \"{}\", which is no [[source.cameras.camera]]; give the name of the camera "
+                        "that triggers the others",
+                        cameras.trigger_camera));
 }
 
 }  // namespace
 
 void read_live_cameras(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist,
-                       bool required, LiveCamerasConfig& cameras) {
-    const std::string calibration = table.text_or("calibration", "");
-    if (!calibration.empty()) cameras.calibration = (folder / calibration).lexically_normal();
+                       bool required, LiveSourceConfig& cameras) {
+    const std::string calibration = table.text_or("calibration_file", "");
+    if (!calibration.empty()) cameras.calibration_file = (folder / calibration).lexically_normal();
     cameras.fps = table.number_or("fps", cameras.fps, {1, 1000});
     const std::string trigger =
-        table.choice_or("trigger", "software", {"free", "software", "external", "master"});
-    cameras.trigger = trigger == "free"       ? Trigger::kFree
+        table.choice_or("trigger", "software", {"software", "external", "camera", "free_run"});
+    cameras.trigger = trigger == "free_run"   ? Trigger::kFreeRun
                       : trigger == "external" ? Trigger::kExternal
-                      : trigger == "master"   ? Trigger::kMaster
+                      : trigger == "camera"   ? Trigger::kCamera
                                               : Trigger::kSoftware;
-    cameras.trigger_line = table.text_or("trigger_line", cameras.trigger_line);
-    cameras.master = table.text_or("master", cameras.master);
-    cameras.master_line = table.text_or("master_line", cameras.master_line);
+    cameras.trigger_input_line = table.text_or("trigger_input_line", cameras.trigger_input_line);
+    cameras.trigger_camera = table.text_or("trigger_camera", cameras.trigger_camera);
+    cameras.trigger_output_line = table.text_or("trigger_output_line", cameras.trigger_output_line);
     cameras.ptp = table.boolean_or("ptp", cameras.ptp);
-    cameras.tolerance_ms = table.number_or("tolerance_ms", cameras.tolerance_ms, {0, 1000});
-    cameras.max_wait_ms = table.number_or("longest_wait_ms", cameras.max_wait_ms, {1, 5000});
-    cameras.min_cameras = static_cast<int>(table.integer_or("least_cameras", cameras.min_cameras, 1, 64));
-    cameras.queue = static_cast<int>(table.integer_or("queue", cameras.queue, 1, 64));
+    cameras.match_tolerance_ms = table.number_or("match_tolerance_ms", cameras.match_tolerance_ms, {0, 1000});
+    cameras.max_wait_ms = table.number_or("max_wait_ms", cameras.max_wait_ms, {1, 5000});
+    cameras.min_cameras = static_cast<int>(table.integer_or("min_cameras", cameras.min_cameras, 1, 64));
+    cameras.max_queued_frame_sets =
+        static_cast<int>(table.integer_or("max_queued_frame_sets", cameras.max_queued_frame_sets, 1, 64));
     cameras.packet_resend = table.boolean_or("packet_resend", cameras.packet_resend);
-    cameras.packet_bytes = static_cast<int>(table.integer_or("packet_bytes", cameras.packet_bytes, 0, 16000));
-    if (cameras.packet_bytes > 0 && cameras.packet_bytes < 576)
-        table.fail("packet_bytes",
-                   fmt::format("is {}, expected 576 to 16000, or 0 for the largest that gets through; "
+    cameras.packet_size_bytes =
+        static_cast<int>(table.integer_or("packet_size_bytes", cameras.packet_size_bytes, 0, 16000));
+    if (cameras.packet_size_bytes > 0 && cameras.packet_size_bytes < 576)
+        table.fail("packet_size_bytes",
+                   fmt::format("is {}, expected 576 to 16000, or 0 for the largest that arrives; "
                                "correct it",
-                               cameras.packet_bytes));
+                               cameras.packet_size_bytes));
     CameraSettings common;
     read_settings(table, common);
     for (const TomlTable& entry : table.tables("camera")) {

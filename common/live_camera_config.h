@@ -1,5 +1,5 @@
-// [source.cameras] of the daemon's configuration: cameras on the network or on USB; deploy/kinevoxd.toml
-// explains every key.
+// [source.cameras] of the daemon's configuration: network and USB cameras; deploy/kinevoxd.toml documents
+// every key.
 #pragma once
 
 #include <array>
@@ -12,51 +12,51 @@ namespace kinevox {
 
 class TomlTable;
 
-// What is not given stays as the camera has it.
+// A setting that is not given stays as the camera has it.
 struct CameraSettings {
     std::string pixel_format;           // GenICam's name: Mono8, BayerRG8, BayerRG12p, RGB8, BGR8, ...
-    std::optional<double> exposure_us;  // 1 to 1e6; switches the automatic off
-    std::optional<double> gain_db;      // -20 to 100; the same
+    std::optional<double> exposure_us;  // 1 to 1e6; switches automatic exposure off
+    std::optional<double> gain_db;      // -20 to 100; switches automatic gain off
     std::string white_balance;          // "off", "once", "continuous"
     std::optional<std::array<double, 3>>
-        white_balance_ratios;                     // red, green, blue; 0.05 to 20; switches the automatic off
-    std::optional<std::array<int, 2>> offset_px;  // where on the sensor the picture begins: x, y
+        white_balance_ratios;  // red, green, blue; 0.05 to 20; switches automatic white balance off
+    std::optional<std::array<int, 2>> sensor_offset_px;  // origin of the image on the sensor: x, y
     bool operator==(const CameraSettings&) const = default;
 };
 
 struct LiveCameraConfig {
     std::string name;         // in the calibration
-    std::string device;       // serial number, address, MAC, the user's name for it, or Aravis' id
-    CameraSettings settings;  // those of all cameras, with its own over them
+    std::string device;       // serial number, user-defined name, IP address, MAC address or Aravis id
+    CameraSettings settings;  // those of all cameras, overridden by its own
     bool operator==(const LiveCameraConfig&) const = default;
 };
 
-struct LiveCamerasConfig {
+struct LiveSourceConfig {
     enum class Trigger {
-        kFree,      // each by itself
-        kSoftware,  // a command from this machine to each at the same moment
-        kExternal,  // a generator's pulses on trigger_line
-        kMaster,    // the master runs by itself, its exposure line triggers the others
+        kFreeRun,   // each camera by itself
+        kSoftware,  // a command from this machine to each camera at the same time
+        kExternal,  // a generator's pulses on trigger_input_line
+        kCamera,    // trigger_camera runs freely, its trigger_output_line triggers the others
     };
-    std::filesystem::path calibration;  // absolute after reading
-    double fps = 30;                    // 1 to 1000; of the generator with kExternal
+    std::filesystem::path calibration_file;  // absolute after reading
+    double fps = 30;                         // 1 to 1000; of the generator with kExternal
     Trigger trigger = Trigger::kSoftware;
-    std::string trigger_line = "Line1";
-    std::string master;                 // its name; for kMaster
-    std::string master_line = "Line2";  // its output
-    bool ptp = false;                   // switch PTP on where a camera has it
-    double tolerance_ms = 0;   // pictures so near belong together; 0: half a period, with kFree 0.9 of it
-    double max_wait_ms = 200;  // for a picture that is missing in a set, 1 to 5000
-    int min_cameras = 2;       // a set with fewer pictures is not used
-    int queue = 8;             // sets that may wait for the pipeline; then the oldest goes, 1 to 64
+    std::string trigger_input_line = "Line1";
+    std::string trigger_camera;  // its name; for kCamera
+    std::string trigger_output_line = "Line2";
+    bool ptp = false;               // enable PTP where a camera has it
+    double match_tolerance_ms = 0;  // within a frame set; 0: half a period, with kFreeRun 0.9 of it
+    double max_wait_ms = 200;       // for missing images, 1 to 5000
+    int min_cameras = 2;            // minimum number of images in a frame set
+    int max_queued_frame_sets = 8;  // for the pipeline, 1 to 64; when full, the oldest is dropped
     bool packet_resend = true;
-    int packet_bytes = 0;  // 576 to 16000; 0: the largest that gets through
+    int packet_size_bytes = 0;  // 576 to 16000; 0: the largest that arrives
     std::vector<LiveCameraConfig> cameras;
-    bool operator==(const LiveCamerasConfig&) const = default;
+    bool operator==(const LiveSourceConfig&) const = default;
 };
 
-// Reads the table; `required`: these are the cameras that are asked for, so that nothing may be missing.
+// Reads the table; `required`: the source is these cameras, so nothing may be missing.
 void read_live_cameras(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist,
-                       bool required, LiveCamerasConfig& cameras);
+                       bool required, LiveSourceConfig& cameras);
 
 }  // namespace kinevox

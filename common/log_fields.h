@@ -1,4 +1,4 @@
-// What a line of the log is about, for programs: the journal keeps it as fields beside the message.
+// Fields of a log line for programs: the journal stores them with the message.
 #pragma once
 
 #include <initializer_list>
@@ -8,9 +8,9 @@
 
 namespace kinevox {
 
-// Belongs to the lines that its thread logs as long as it lives; those of several are added up, innermost
-// last. Names are upper-case letters, digits and _, as the journal wants them: KINEVOX_EVENT, KINEVOX_CAMERA,
-// ... (docs/admin.md).
+// Added to the lines that its thread logs during its lifetime; nested ones accumulate, innermost last. Names
+// are upper-case letters, digits and _, as the journal requires: KINEVOX_EVENT, KINEVOX_CAMERA, ...
+// (docs/admin.md).
 class LogFields {
   public:
     using Field = std::pair<std::string, std::string>;  // name, value
@@ -20,7 +20,7 @@ class LogFields {
     LogFields(const LogFields&) = delete;
     LogFields& operator=(const LogFields&) = delete;
 
-    // Of the calling thread, now; those without a value are left out.
+    // The current ones of the calling thread, without empty ones.
     static std::vector<Field> now();
 
   private:

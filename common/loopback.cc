@@ -2,11 +2,13 @@
 
 #include <arpa/inet.h>
 
+#include "common/host_port.h"
+
 namespace kinevox {
 
 bool is_loopback(const std::string& host_and_port) {
-    std::string host = host_and_port.substr(0, host_and_port.rfind(':'));
-    if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
+    const auto address = parse_host_port(host_and_port);
+    const std::string& host = address ? address->host : host_and_port;
     if (host == "localhost") return true;
     in_addr v4{};
     if (inet_pton(AF_INET, host.c_str(), &v4) == 1) return ntohl(v4.s_addr) >> 24 == 127;

@@ -1,4 +1,4 @@
-// Volumes as PLY files, which every 3-D program opens.
+// Volumes as PLY files.
 #pragma once
 
 #include <absl/status/status.h>
@@ -10,7 +10,7 @@
 namespace kinevox {
 
 // The centres of the surface voxels as points: binary little endian, float x y z (m, world) and uchar red
-// green blue (grey where the volume has no colours). Written aside and renamed.
+// green blue (grey if the volume has no colours). Atomic.
 absl::Status write_volume_ply(const Volume& volume, const std::filesystem::path& file);
 
 }  // namespace kinevox

@@ -23,8 +23,8 @@ void ProgressLine::draw(std::string_view text) {
     shown_ = true;
 }
 
-void ProgressLine::show(double share) {
-    if (due()) draw(fmt::format("{:3.0f} %", 100 * share));
+void ProgressLine::show(double progress) {
+    if (due()) draw(fmt::format("{:3.0f} %", 100 * progress));
 }
 
 void ProgressLine::clear() {

@@ -1,4 +1,4 @@
-// How far a work is, in one line that goes when it ends.
+// Progress of a job in one line, which is erased at the end.
 #pragma once
 
 #include <chrono>
@@ -6,7 +6,7 @@
 
 namespace kinevox {
 
-// On standard error, at most ten times a second, and only if that is a terminal.
+// On standard error, at most ten times per second, and only if that is a terminal.
 class ProgressLine {
   public:
     explicit ProgressLine(bool quiet = false);
@@ -14,9 +14,9 @@ class ProgressLine {
     ProgressLine(const ProgressLine&) = delete;
     ProgressLine& operator=(const ProgressLine&) = delete;
 
-    bool due();                        // whether it is time to draw
-    void draw(std::string_view text);  // where it is due
-    void show(double share);           // "42 %" of 0 to 1, if it is due
+    bool due();                        // time to draw
+    void draw(std::string_view text);  // if due
+    void show(double progress);        // "42 %" of 0 to 1, if due
     void clear();
 
   private:

@@ -18,11 +18,11 @@ namespace {
 
 constexpr std::size_t kMaxTableBytes = std::size_t{1} << 30;
 
-// The number that `text` begins with, and the character behind it; both are taken off.
+// Removes a number and the character after it from the front of `text`.
 template <typename T>
-bool take_number(std::string_view& text, T& value, char behind) {
+bool take_number(std::string_view& text, T& value, char after) {
     const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (code != std::errc{} || end == text.data() + text.size() || *end != behind) return false;
+    if (code != std::errc{} || end == text.data() + text.size() || *end != after) return false;
     text.remove_prefix(static_cast<std::size_t>(end - text.data()) + 1);
     return true;
 }
@@ -48,11 +48,11 @@ absl::StatusOr<std::vector<VideoIndexEntry>> parse_video_index(std::string_view 
                                                                std::uint64_t video_bytes) {
     if (!bytes.starts_with(kVideoIndexHeader))
         return absl::InvalidArgumentError(
-            "is no video index of this version; remove it to read the video without it");
+            "is not a video index of this version; remove it to read the video without");
     bytes.remove_prefix(kVideoIndexHeader.size());
     std::vector<VideoIndexEntry> entries;
     entries.reserve(bytes.size() / kVideoIndexEntryBytes);
-    std::uint64_t behind_last = 0;
+    std::uint64_t after_last = 0;
     while (bytes.size() >= kVideoIndexEntryBytes) {
         VideoIndexEntry entry;
         entry.payload_offset = take_little_endian<std::uint64_t>(bytes);
@@ -61,13 +61,13 @@ absl::StatusOr<std::vector<VideoIndexEntry>> parse_video_index(std::string_view 
         entry.payload_bytes = take_little_endian<std::uint32_t>(bytes);
         entry.flags = take_little_endian<std::uint32_t>(bytes);
         const bool sensible =
-            entry.cluster_offset >= behind_last && entry.payload_offset > entry.cluster_offset &&
+            entry.cluster_offset >= after_last && entry.payload_offset > entry.cluster_offset &&
             entry.payload_offset <= std::numeric_limits<std::uint64_t>::max() - entry.payload_bytes &&
             entry.end() <= video_bytes && entry.payload_bytes > 0 &&
             (entries.empty() || entry.time_ns > entries.back().time_ns) &&
             (!entries.empty() || entry.flags & VideoIndexEntry::kKey);
         if (!sensible) break;
-        behind_last = entry.end();
+        after_last = entry.end();
         entries.push_back(entry);
     }
     return entries;
@@ -97,7 +97,7 @@ absl::StatusOr<std::vector<RecordedTime>> parse_recorded_times(std::string_view 
                                                                const std::string& name_for_errors) {
     if (!text.starts_with(kRecordedTimesHeader))
         return absl::InvalidArgumentError(
-            fmt::format("{}:1: is not the header of a recording's times, {}", name_for_errors,
+            fmt::format("{}:1: is not the header of frames.csv, {}", name_for_errors,
                         kRecordedTimesHeader.substr(0, kRecordedTimesHeader.size() - 1)));
     text.remove_prefix(kRecordedTimesHeader.size());
     std::vector<RecordedTime> times;

@@ -1,6 +1,6 @@
-// What lies beside a recorded session's videos: an index a camera and a table of times, both only ever
-// appended to, so that a recording which was cut off anywhere is whole up to there. docs/recording.md shows
-// them byte for byte.
+// The files next to a recorded session's videos: an index per camera and a table of times. Both are only
+// appended to, so that an interrupted recording is complete up to the interruption. docs/recording.md defines
+// the bytes.
 #pragma once
 
 #include <absl/status/status.h>
@@ -15,19 +15,16 @@
 
 namespace kinevox {
 
-// One picture in a video. 32 bytes in the file, little endian, in this order.
+// One image in a video. 32 bytes in the file, little endian, in this order.
 struct VideoIndexEntry {
-    std::uint64_t payload_offset =
-        0;  // of the picture's bytes in the video's file, as its decoder takes them
-    std::uint64_t cluster_offset =
-        0;                     // of the Matroska cluster that holds it alone; it ends behind the payload
-    std::int64_t time_ns = 0;  // since the recording's first frame set
+    std::uint64_t payload_offset = 0;  // of the image's bytes in the video file, as its decoder reads them
+    std::uint64_t cluster_offset = 0;  // of its own Matroska cluster, which ends after the payload
+    std::int64_t time_ns = 0;          // since the recording's first frame set
     std::uint32_t payload_bytes = 0;
     std::uint32_t flags = 0;  // kKey, kMissing
 
-    static constexpr std::uint32_t kKey = 1;  // can be decoded without those before it
-    static constexpr std::uint32_t kMissing =
-        2;  // the camera delivered nothing; a stand-in keeps the videos in step
+    static constexpr std::uint32_t kKey = 1;      // key frame
+    static constexpr std::uint32_t kMissing = 2;  // placeholder: the camera delivered no image
     std::uint64_t end() const { return payload_offset + payload_bytes; }
     bool operator==(const VideoIndexEntry&) const = default;
 };
@@ -40,16 +37,16 @@ std::filesystem::path video_index_file(const std::filesystem::path& video);
 
 std::string video_index_bytes(const VideoIndexEntry& entry);
 
-// The entries whose pictures lie wholly in a video of `video_bytes`, up to the first that does not or makes
-// no sense; a part of an entry at the end is left out. InvalidArgument where the file is no index.
+// The entries whose images are complete in a video of `video_bytes`, up to the first invalid one; an
+// incomplete entry at the end is ignored. InvalidArgument if the file is no index.
 absl::StatusOr<std::vector<VideoIndexEntry>> parse_video_index(std::string_view bytes,
                                                                std::uint64_t video_bytes);
-// NotFound where one of the two files is missing.
+// NotFound if one of the two files is missing.
 absl::StatusOr<std::vector<VideoIndexEntry>> read_video_index(const std::filesystem::path& video);
 
 // One line of frames.csv.
 struct RecordedTime {
-    std::uint64_t sequence = 0;  // at the source; gaps are frame sets that were lost
+    std::uint64_t sequence = 0;  // at the source; gaps are lost frame sets
     std::int64_t time_ns = 0;    // since the recording's first frame set
     std::int64_t capture_time_utc_ns = 0;
     bool operator==(const RecordedTime&) const = default;
@@ -59,16 +56,16 @@ inline constexpr std::string_view kRecordedTimesHeader = "frame,sequence,time_ns
 
 std::string recorded_time_line(std::uint64_t frame, const RecordedTime& time);
 
-// Up to the first line that is not whole or does not follow the one before.
+// Up to the first line that is incomplete or does not follow the one before.
 absl::StatusOr<std::vector<RecordedTime>> parse_recorded_times(std::string_view text,
                                                                const std::string& name_for_errors);
 absl::StatusOr<std::vector<RecordedTime>> read_recorded_times(const std::filesystem::path& file);
 
-// The poses' tables, in their folder; all but the last have a row a frame.
+// The pose tables, in their folder; all but the last have one row per frame and subject.
 inline constexpr std::array<std::string_view, 5> kPoseTableNames{
     "joints.csv", "angles.csv", "coordinates.csv", "uncertainty.csv", "withheld.csv"};
 
-// Whether a process that lives, this one or another, holds the lock of a file that it writes.
+// Whether a running process, this one or another, holds the lock of a file that it writes.
 bool being_written(const std::filesystem::path& file);
 
 }  // namespace kinevox

@@ -16,7 +16,15 @@ namespace {
 constexpr double kMinFps = 0.01, kMaxFps = 100000;
 constexpr double kMaxOffset_s = 86400;
 
-// The path that a key holds, made absolute; notes an error where nothing lies there.
+// Before version 1.
+constexpr RenamedKey kRenamedKeys[] = {{"recording.times", "recording.frame_times"},
+                                       {"recording.started_utc_ns", "recording.start_time_utc_ns"},
+                                       {"recording.frames", "recording.frame_sets"},
+                                       {"recording.dropped", "recording.dropped_frame_sets"},
+                                       {"recording.lost", "recording.lost_frame_sets"},
+                                       {"recording.missing_pictures", "recording.missing_images"}};
+
+// The path that a key holds, made absolute; notes an error if it does not exist.
 std::filesystem::path read_path(const TomlTable& table, const char* key, bool required,
                                 const std::filesystem::path& folder, bool check_exists) {
     const std::string text = required ? table.text(key) : table.text_or(key, "");
@@ -34,7 +42,7 @@ std::filesystem::path read_path(const TomlTable& table, const char* key, bool re
     return path;
 }
 
-// Relative to the folder where it lies below it.
+// Relative to the folder if it is below it.
 std::string written_path(const std::filesystem::path& path, const std::filesystem::path& folder) {
     if (path.is_relative()) return path.lexically_normal().generic_string();
     const std::filesystem::path relative = path.lexically_normal().lexically_relative(folder);
@@ -44,9 +52,9 @@ std::string written_path(const std::filesystem::path& path, const std::filesyste
 
 SessionRecording read_recording(const TomlTable& table, const std::filesystem::path& folder,
                                 bool check_files_exist) {
-    constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
+    constexpr std::int64_t kMaxCount = std::numeric_limits<std::int64_t>::max();
     SessionRecording recording;
-    recording.times = read_path(table, "times", true, folder, check_files_exist);
+    recording.frame_times = read_path(table, "frame_times", true, folder, check_files_exist);
     recording.poses = read_path(table, "poses", false, folder, check_files_exist);
     recording.volumes = read_path(table, "volumes", false, folder, check_files_exist);
     recording.codec = table.text_or("codec", "");
@@ -54,20 +62,20 @@ SessionRecording read_recording(const TomlTable& table, const std::filesystem::p
     recording.closed = table.boolean_or("closed", false);
     recording.recovered = table.boolean_or("recovered", false);
     recording.end_reason = table.text_or("end_reason", "");
-    recording.started_utc_ns = table.integer_or("started_utc_ns", 0, 0, kMost);
+    recording.start_time_utc_ns = table.integer_or("start_time_utc_ns", 0, 0, kMaxCount);
     const auto count = [&](const char* key) {
-        return static_cast<std::uint64_t>(table.integer_or(key, 0, 0, kMost));
+        return static_cast<std::uint64_t>(table.integer_or(key, 0, 0, kMaxCount));
     };
-    recording.frames = count("frames");
-    recording.dropped = count("dropped");
-    recording.lost = count("lost");
-    recording.missing_pictures = count("missing_pictures");
+    recording.frame_sets = count("frame_sets");
+    recording.dropped_frame_sets = count("dropped_frame_sets");
+    recording.lost_frame_sets = count("lost_frame_sets");
+    recording.missing_images = count("missing_images");
     return recording;
 }
 
 std::string recording_toml(const SessionRecording& recording, const std::filesystem::path& folder) {
-    std::string out =
-        fmt::format("\n[recording]\ntimes = {}\n", toml_quoted(written_path(recording.times, folder)));
+    std::string out = fmt::format("\n[recording]\nframe_times = {}\n",
+                                  toml_quoted(written_path(recording.frame_times, folder)));
     if (!recording.poses.empty())
         out += fmt::format("poses = {}\n", toml_quoted(written_path(recording.poses, folder)));
     if (!recording.volumes.empty())
@@ -75,17 +83,19 @@ std::string recording_toml(const SessionRecording& recording, const std::filesys
     out += fmt::format("codec = {}\ncalibration_id = {}\nclosed = {}\nrecovered = {}\nend_reason = {}\n",
                        toml_quoted(recording.codec), toml_quoted(recording.calibration_id), recording.closed,
                        recording.recovered, toml_quoted(recording.end_reason));
-    return out +
-           fmt::format("started_utc_ns = {}\nframes = {}\ndropped = {}\nlost = {}\nmissing_pictures = {}\n",
-                       recording.started_utc_ns, recording.frames, recording.dropped, recording.lost,
-                       recording.missing_pictures);
+    return out + fmt::format(
+                     "start_time_utc_ns = {}\nframe_sets = {}\ndropped_frame_sets = {}\nlost_frame_sets = "
+                     "{}\nmissing_images = {}\n",
+                     recording.start_time_utc_ns, recording.frame_sets, recording.dropped_frame_sets,
+                     recording.lost_frame_sets, recording.missing_images);
 }
 
 }  // namespace
 
 absl::StatusOr<Session> parse_session_toml(const std::string& text, const std::filesystem::path& folder,
                                            const std::string& name_for_errors, bool check_files_exist) {
-    absl::StatusOr<std::unique_ptr<TomlDocument>> document = TomlDocument::parse(text, name_for_errors);
+    absl::StatusOr<std::unique_ptr<TomlDocument>> document =
+        TomlDocument::parse(text, name_for_errors, kRenamedKeys);
     if (!document.ok()) return document.status();
     const TomlTable root = (*document)->root();
     Session session;
@@ -105,10 +115,9 @@ absl::StatusOr<Session> parse_session_toml(const std::string& text, const std::f
         if (table.has("offset_s")) {
             camera.offset_s = table.number("offset_s", {-kMaxOffset_s, kMaxOffset_s});
             if (root.has("recording"))
-                table.fail(
-                    "offset_s",
-                    "has no place in a session with [recording], whose cameras were joined by their clocks; "
-                    "remove it");
+                table.fail("offset_s",
+                           "is not allowed in a session with [recording], whose cameras are synchronised; "
+                           "remove it");
         }
         if (const std::string problem = camera_name_problem(camera.name);
             !problem.empty() && table.has("name"))
@@ -116,8 +125,7 @@ absl::StatusOr<Session> parse_session_toml(const std::string& text, const std::f
         const auto same_name = [&](const SessionCamera& other) { return other.name == camera.name; };
         if (std::any_of(session.cameras.begin(), session.cameras.end(), same_name))
             table.fail("name",
-                       fmt::format("is \"{}\", which an earlier [[camera]] has already; give each camera its "
-                                   "own",
+                       fmt::format("is \"{}\", the name of an earlier [[camera]]; names must be unique",
                                    camera.name));
         session.cameras.push_back(std::move(camera));
     }
@@ -126,7 +134,7 @@ absl::StatusOr<Session> parse_session_toml(const std::string& text, const std::f
     if (absl::Status status = (*document)->finish(); !status.ok()) return status;
     if (session.cameras.empty())
         return absl::InvalidArgumentError(fmt::format(
-            "{}: holds no camera; add a table [[camera]] with name and video for each", name_for_errors));
+            "{}: no camera; add a table [[camera]] with name and video for each", name_for_errors));
     return session;
 }
 

@@ -1,4 +1,4 @@
-// session.toml: which videos, backgrounds and calibration make one capture.
+// session.toml: the videos, backgrounds and calibration of one capture.
 #pragma once
 
 #include <absl/status/status.h>
@@ -16,55 +16,52 @@ namespace kinevox {
 
 struct SessionCamera {
     std::string name;                  // a section of the calibration file
-    std::filesystem::path video;       // a video or a folder of pictures; absolute after reading
-    std::filesystem::path background;  // a picture, a clip or a folder; empty if there is none
-    // When its first picture was taken, s, on the time axis that all cameras of the session share: picture n
-    // was taken at offset_s + n / fps. Absent: 0. With it the videos may be of different length; see
-    // session_offsets.h.
+    std::filesystem::path video;       // a video or a folder of images; absolute after reading
+    std::filesystem::path background;  // an image, a clip or a folder; empty: none
+    // Time of its first image, s, on the time axis that all cameras of the session share: image n is taken at
+    // offset_s + n / fps. Absent: 0. With it the videos may differ in length; see session_offsets.h.
     std::optional<double> offset_s = std::nullopt;
 };
 
-// What the recorder says of a session that it wrote; docs/recording.md.
+// [recording]: what the recorder states about a session that it wrote; docs/recording.md.
 struct SessionRecording {
     std::filesystem::path
-        times;  // frames.csv, common/recording_files.h; the videos have their indices beside them
-    std::filesystem::path
-        poses;  // folder of tables as `kinevox process` writes them; empty if there are none
-    std::filesystem::path volumes;  // empty if there are none
+        frame_times;              // frames.csv, common/recording_files.h; each video has its index next to it
+    std::filesystem::path poses;  // folder of tables as `kinevox process` writes them; empty: none
+    std::filesystem::path volumes;  // empty: none
     std::string codec;              // of the videos
-    std::string calibration_id;     // that was in use; empty: the source's own
-    bool closed = false;            // false: being written, or cut off
-    bool recovered = false;         // was cut off
-    std::string end_reason;         // why it ended; empty: somebody asked for that
-    std::int64_t started_utc_ns = 0;
+    std::string calibration_id;     // the active one; empty: the source's own
+    bool closed = false;            // false: being written, or interrupted
+    bool recovered = false;         // was interrupted and repaired
+    std::string end_reason;         // why it ended; empty: it was stopped on request
+    std::int64_t start_time_utc_ns = 0;
     // Known once it is closed.
-    std::uint64_t frames = 0;            // frame sets
-    std::uint64_t dropped = 0;           // that came, but not in time to be recorded
-    std::uint64_t lost = 0;              // before the recorder
-    std::uint64_t missing_pictures = 0;  // of single cameras
+    std::uint64_t frame_sets = 0;          // recorded
+    std::uint64_t dropped_frame_sets = 0;  // delivered, but too late to be recorded
+    std::uint64_t lost_frame_sets = 0;     // before the recorder
+    std::uint64_t missing_images = 0;      // of single cameras
 };
 
 struct Session {
     std::string name;
-    double fps = 0;                     // frame sets a second, > 0
+    double fps = 0;                     // frame sets per second, > 0
     std::filesystem::path calibration;  // absolute after reading
     std::filesystem::path truth;        // folder of ground truth, empty if there is none
     std::vector<SessionCamera> cameras;
     std::optional<SessionRecording> recording = std::nullopt;  // where the recorder wrote it
 };
 
-// Paths are resolved against the file's folder; a folder truth/ beside the file is found without a key. An
-// unknown key, a wrong type, no camera, two cameras of one name: InvalidArgument; a missing file: NotFound;
-// each one line with file and line number. Does not open the videos.
+// Paths are resolved against the file's folder; a folder truth/ next to the file needs no key.
+// InvalidArgument for an unknown or renamed key, a wrong type, no camera or two cameras of one name, NotFound
+// for a missing file; each one line with file and line number. Does not open the videos.
 absl::StatusOr<Session> read_session(const std::filesystem::path& file);
 absl::StatusOr<Session> parse_session_toml(const std::string& text, const std::filesystem::path& folder,
                                            const std::string& name_for_errors, bool check_files_exist);
 
-// The calibrated cameras of a session, in its order. NotFound names both files where the calibration lacks
-// one.
+// The calibrated cameras of a session, in its order. NotFound names both files if the calibration lacks one.
 absl::StatusOr<std::vector<Camera>> read_session_cameras(const Session& session);
 
-// Paths below the file's folder are written relative to it. Written aside and renamed.
+// Paths below the file's folder are written relative to it. Atomic.
 absl::Status write_session(const Session& session, const std::filesystem::path& file);
 
 }  // namespace kinevox

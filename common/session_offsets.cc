@@ -55,36 +55,36 @@ bool has_offsets(const Session& session) {
                                [](const SessionCamera& camera) { return camera.offset_s.has_value(); });
 }
 
-std::vector<std::int64_t> first_pictures(const Session& session) {
+std::vector<std::int64_t> first_image_indices(const Session& session) {
     const std::size_t count = session.cameras.size();
-    std::vector<double> whole(count), part(count), sorted;  // of each camera's begin, in frames
+    std::vector<double> full(count), fraction(count), sorted;  // of each camera's begin, in frames
     for (std::size_t c = 0; c < count; ++c) {
         const double begin = session.cameras[c].offset_s.value_or(0) * session.fps;
-        whole[c] = std::floor(begin);
-        part[c] = begin - whole[c];
+        full[c] = std::floor(begin);
+        fraction[c] = begin - full[c];
     }
-    // Frame sets are cut where the widest gap between the cameras' pictures is.
-    sorted = part;
+    // Frame sets are cut where the widest gap between the cameras' images is.
+    sorted = fraction;
     std::ranges::sort(sorted);
     double widest = sorted.empty() ? 0 : sorted.front() + 1 - sorted.back(), cut = -1;
     for (std::size_t i = 0; i + 1 < count; ++i)
         if (sorted[i + 1] - sorted[i] > widest) widest = sorted[i + 1] - sorted[i], cut = sorted[i];
     double last_begin = std::numeric_limits<double>::lowest();
     for (std::size_t c = 0; c < count; ++c) {
-        if (part[c] <= cut) whole[c] -= 1;
-        last_begin = std::max(last_begin, whole[c]);
+        if (fraction[c] <= cut) full[c] -= 1;
+        last_begin = std::max(last_begin, full[c]);
     }
     std::vector<std::int64_t> first(count);
-    for (std::size_t c = 0; c < count; ++c) first[c] = std::llround(last_begin - whole[c]);
+    for (std::size_t c = 0; c < count; ++c) first[c] = std::llround(last_begin - full[c]);
     return first;
 }
 
-absl::StatusOr<std::int64_t> common_length(const Session& session, std::span<const std::int64_t> pictures) {
-    const std::vector<std::int64_t> first = first_pictures(session);
+absl::StatusOr<std::int64_t> common_length(const Session& session, std::span<const std::int64_t> images) {
+    const std::vector<std::int64_t> first = first_image_indices(session);
     std::int64_t length = std::numeric_limits<std::int64_t>::max();
     std::size_t ends = 0;
     for (std::size_t c = 0; c < first.size(); ++c)
-        if (pictures[c] - first[c] < length) length = pictures[c] - first[c], ends = c;
+        if (images[c] - first[c] < length) length = images[c] - first[c], ends = c;
     if (length > 0) return length;
     const std::size_t begins = static_cast<std::size_t>(std::ranges::min_element(first) - first.begin());
     return absl::InvalidArgumentError(fmt::format(

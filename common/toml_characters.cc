@@ -26,8 +26,8 @@ Character first_character(std::string_view text) {
         if ((byte(i) & 0xC0) != 0x80) return {};
         code = code << 6 | (byte(i) & 0x3F);
     }
-    constexpr char32_t kShortest[] = {0, 0, 0x80, 0x800, 0x10000};
-    if (code < kShortest[bytes] || code > 0x10FFFF || surrogate(code)) return {};
+    constexpr char32_t kMinCode[] = {0, 0, 0x80, 0x800, 0x10000};
+    if (code < kMinCode[bytes] || code > 0x10FFFF || surrogate(code)) return {};
     return {code, bytes};
 }
 

@@ -1,7 +1,6 @@
-// Keeps characters beyond ASCII away from toml++, whose version 3.3 runs into undefined behaviour where it
-// meets some of them outside strings (is_non_ascii_horizontal_whitespace() reaches __builtin_unreachable()
-// for U+00A1 to U+0499 and others). It never does for private use characters of plane 15, so the others take
-// their place while it reads.
+// Hides characters beyond ASCII from toml++ 3.3, which has undefined behaviour for some of them outside
+// strings (is_non_ascii_horizontal_whitespace() ends in __builtin_unreachable() for U+00A1 to U+0499 and
+// others). Private use characters of plane 15 are safe, so they replace the others while it parses.
 #pragma once
 
 #include <string>

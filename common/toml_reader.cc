@@ -37,19 +37,19 @@ std::optional<double> as_number(const toml::node& node) {
 }
 
 bool within(double value, TomlRange range) {
-    return std::isfinite(value) && value >= range.lowest && value <= range.highest;
+    return std::isfinite(value) && value >= range.min && value <= range.max;
 }
 
 std::string describe(TomlRange range) {
-    const bool low = range.lowest > std::numeric_limits<double>::lowest();
-    const bool high = range.highest < std::numeric_limits<double>::max();
-    if (low && high) return fmt::format("a number from {} to {}", range.lowest, range.highest);
-    if (low) return fmt::format("a finite number, at least {}", range.lowest);
-    if (high) return fmt::format("a finite number, at most {}", range.highest);
+    const bool low = range.min > std::numeric_limits<double>::lowest();
+    const bool high = range.max < std::numeric_limits<double>::max();
+    if (low && high) return fmt::format("a number from {} to {}", range.min, range.max);
+    if (low) return fmt::format("a finite number, at least {}", range.min);
+    if (high) return fmt::format("a finite number, at most {}", range.max);
     return "a finite number";
 }
 
-// Gives keys and texts below `node` the characters of the file back; places in the file stay known.
+// Restores the file's characters in keys and texts below `node`; their positions in the file stay known.
 void unshield(toml::node& node) {
     if (auto* text = node.as_string()) {
         text->get() = unshielded(text->get());
@@ -85,6 +85,7 @@ struct TomlDocument::State {
     absl::StatusCode first_code = absl::StatusCode::kInvalidArgument;
     bool first_error_is_a_missing_key = false;
     toml::table empty;
+    std::span<const RenamedKey> renamed;
 
     TomlTable::Node* add(const toml::table* table, std::string path) {
         nodes.push_back({this, table, std::move(path), {}});
@@ -121,8 +122,8 @@ double TomlTable::number(std::string_view key, TomlRange range) const {
     return require(key) ? number_or(key, 0, range) : 0;
 }
 
-std::int64_t TomlTable::integer(std::string_view key, std::int64_t lowest, std::int64_t highest) const {
-    return require(key) ? integer_or(key, lowest, lowest, highest) : lowest;
+std::int64_t TomlTable::integer(std::string_view key, std::int64_t min, std::int64_t max) const {
+    return require(key) ? integer_or(key, min, min, max) : min;
 }
 
 std::string TomlTable::text(std::string_view key) const {
@@ -134,11 +135,11 @@ std::vector<double> TomlTable::numbers(std::string_view key, std::size_t min_cou
     std::vector<double> values(min_count, 0.0);
     const void* found = require(key);
     if (!found) return values;
-    const std::string how_many =
+    const std::string count =
         min_count == max_count ? fmt::format("{}", min_count) : fmt::format("{} to {}", min_count, max_count);
     const auto* array = static_cast<const toml::node*>(found)->as_array();
     if (!array || array->size() < min_count || array->size() > max_count) {
-        wrong(key, found, fmt::format("an array of {} numbers", how_many));
+        wrong(key, found, fmt::format("an array of {} numbers", count));
         return values;
     }
     values.clear();
@@ -147,7 +148,7 @@ std::vector<double> TomlTable::numbers(std::string_view key, std::size_t min_cou
         if (!value || !within(*value, range)) {
             node_->state->note(element.source(),
                                fmt::format("key '{}{}' holds {}, expected {} numbers, each {}; correct it",
-                                           node_->path, key, describe(element), how_many, describe(range)));
+                                           node_->path, key, describe(element), count, describe(range)));
             return std::vector<double>(min_count, 0.0);
         }
         values.push_back(*value);
@@ -195,13 +196,13 @@ double TomlTable::number_or(std::string_view key, double fallback, TomlRange ran
     return fallback;
 }
 
-std::int64_t TomlTable::integer_or(std::string_view key, std::int64_t fallback, std::int64_t lowest,
-                                   std::int64_t highest) const {
+std::int64_t TomlTable::integer_or(std::string_view key, std::int64_t fallback, std::int64_t min,
+                                   std::int64_t max) const {
     const void* found = find(key);
     if (!found) return fallback;
     const auto* integer = static_cast<const toml::node*>(found)->as_integer();
-    if (integer && integer->get() >= lowest && integer->get() <= highest) return integer->get();
-    wrong(key, found, fmt::format("a whole number from {} to {}", lowest, highest));
+    if (integer && integer->get() >= min && integer->get() <= max) return integer->get();
+    wrong(key, found, fmt::format("a whole number from {} to {}", min, max));
     return fallback;
 }
 
@@ -211,6 +212,19 @@ std::string TomlTable::text_or(std::string_view key, std::string fallback) const
     if (const auto* text = static_cast<const toml::node*>(found)->as_string()) return text->get();
     wrong(key, found, "a text in quotes");
     return fallback;
+}
+
+std::vector<std::string> TomlTable::texts_or_empty(std::string_view key) const {
+    const void* found = find(key);
+    if (!found) return {};
+    std::vector<std::string> texts;
+    const auto* array = static_cast<const toml::node*>(found)->as_array();
+    if (array)
+        for (const toml::node& element : *array)
+            if (const auto* text = element.as_string()) texts.push_back(text->get());
+    if (array && texts.size() == array->size()) return texts;
+    wrong(key, found, "an array of texts in quotes");
+    return {};
 }
 
 bool TomlTable::boolean_or(std::string_view key, bool fallback) const {
@@ -288,9 +302,11 @@ TomlDocument::TomlDocument(std::unique_ptr<State> state) : state_(std::move(stat
 TomlDocument::~TomlDocument() = default;
 
 absl::StatusOr<std::unique_ptr<TomlDocument>> TomlDocument::parse(std::string_view text,
-                                                                  std::string_view name_for_errors) {
+                                                                  std::string_view name_for_errors,
+                                                                  std::span<const RenamedKey> renamed) {
     auto state = std::make_unique<State>();
     state->name = name_for_errors;
+    state->renamed = renamed;
     try {
         state->root = toml::parse(shielded(text), name_for_errors);
         unshield(state->root);
@@ -312,17 +328,33 @@ TomlTable TomlDocument::root() const {
 }
 
 absl::Status TomlDocument::finish() const {
-    // A misspelt key is often also a missing one; then the misspelling is the thing to tell.
-    if (state_->first_error.empty() || state_->first_error_is_a_missing_key) {
-        for (const TomlTable::Node& node : state_->nodes) {
+    const auto unknown = [&](const auto& report) -> absl::Status {
+        for (const TomlTable::Node& node : state_->nodes)
             for (const std::string& key : TomlTable(const_cast<TomlTable::Node*>(&node)).keys()) {
                 if (node.asked.contains(key)) continue;
-                const auto entry = node.table->find(key);
-                return absl::InvalidArgumentError(one_line(fmt::format(
-                    "{}:{}: key '{}{}' is unknown, expected one of {}; correct or remove it", state_->name,
-                    entry->first.source().begin.line, node.path, key, fmt::join(node.asked, ", "))));
+                const auto line = node.table->find(key)->first.source().begin.line;
+                if (absl::Status status = report(node, key, line); !status.ok()) return status;
             }
-        }
+        return absl::OkStatus();
+    };
+    // A renamed key often makes another error, too: that the new key is missing.
+    absl::Status renamed = unknown([&](const TomlTable::Node& node, const std::string& key,
+                                       auto line) -> absl::Status {
+        for (const RenamedKey& each : state_->renamed)
+            if (each.before == node.path + key)
+                return absl::InvalidArgumentError(one_line(fmt::format(
+                    "{}:{}: key '{}' is now '{}'; rename it", state_->name, line, each.before, each.now)));
+        return absl::OkStatus();
+    });
+    if (!renamed.ok()) return renamed;
+    // So does a misspelt one.
+    if (state_->first_error.empty() || state_->first_error_is_a_missing_key) {
+        absl::Status misspelt = unknown([&](const TomlTable::Node& node, const std::string& key, auto line) {
+            return absl::InvalidArgumentError(
+                one_line(fmt::format("{}:{}: key '{}{}' is unknown, expected one of {}; correct or remove it",
+                                     state_->name, line, node.path, key, fmt::join(node.asked, ", "))));
+        });
+        if (!misspelt.ok()) return misspelt;
     }
     if (!state_->first_error.empty()) return absl::Status(state_->first_code, one_line(state_->first_error));
     return absl::OkStatus();

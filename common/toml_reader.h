@@ -2,8 +2,8 @@
 // file is an error. Used by the calibration, session and configuration readers. toml++ itself stays in
 // toml_reader.cc, since it is slow to compile.
 //
-// A reader asks for all its keys without looking at errors in between and asks finish() at the end: it tells
-// the first thing that is wrong as one line
+// A reader asks for all its keys without looking at errors in between and calls finish() at the end, which
+// returns the first error as one line
 //     FILE:LINE: key 'TABLE.KEY' is WHAT, expected WHAT; REMEDY
 // After an error the values returned are the defaults and must not be used.
 #pragma once
@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -22,10 +23,16 @@ namespace kinevox {
 
 class TomlDocument;
 
-// Numbers from lowest to highest, both allowed. Infinities and NaN never are.
+// Numbers from min to max, both allowed. Infinities and NaN never are.
 struct TomlRange {
-    double lowest = std::numeric_limits<double>::lowest();
-    double highest = std::numeric_limits<double>::max();
+    double min = std::numeric_limits<double>::lowest();
+    double max = std::numeric_limits<double>::max();
+};
+
+// A key of an earlier version, with its tables: "server.certificate" and "server.tls_certificate_file". A
+// file that has it gets an error that names the new one.
+struct RenamedKey {
+    std::string_view before, now;
 };
 
 // One table of a document; valid as long as the document. Copies mean the same table.
@@ -33,9 +40,9 @@ class TomlTable {
   public:
     // Required values.
     double number(std::string_view key, TomlRange range = {}) const;
-    std::int64_t integer(std::string_view key, std::int64_t lowest, std::int64_t highest) const;
+    std::int64_t integer(std::string_view key, std::int64_t min, std::int64_t max) const;
     std::string text(std::string_view key) const;
-    // Numbers of which there may be between min_count and max_count.
+    // Between min_count and max_count numbers.
     std::vector<double> numbers(std::string_view key, std::size_t min_count, std::size_t max_count,
                                 TomlRange range = {}) const;
     // rows x columns numbers, row after row, from an array of arrays.
@@ -43,25 +50,27 @@ class TomlTable {
 
     // Values with a default.
     double number_or(std::string_view key, double fallback, TomlRange range = {}) const;
-    std::int64_t integer_or(std::string_view key, std::int64_t fallback, std::int64_t lowest,
-                            std::int64_t highest) const;
+    std::int64_t integer_or(std::string_view key, std::int64_t fallback, std::int64_t min,
+                            std::int64_t max) const;
     std::string text_or(std::string_view key, std::string fallback) const;
     bool boolean_or(std::string_view key, bool fallback) const;
+    // An array of texts, empty if the key is missing.
+    std::vector<std::string> texts_or_empty(std::string_view key) const;
     // One of `allowed`.
     std::string choice_or(std::string_view key, std::string fallback,
                           const std::vector<std::string_view>& allowed) const;
 
-    // Tables. table_or_empty: as if it stood there without keys. tables: [[key]], none if it is missing.
+    // Tables. table_or_empty: a missing table is one without keys. tables: [[key]], none if it is missing.
     TomlTable table_or_empty(std::string_view key) const;
     std::vector<TomlTable> tables(std::string_view key) const;
 
     bool has(std::string_view key) const;
     // In the order of the file.
     std::vector<std::string> keys() const;
-    // Accepts a key whatever it holds.
+    // Accepts a key with any value.
     void ignore(std::string_view key) const;
 
-    // Notes an error of the reader's own about a key: "FILE:LINE: key 'KEY' WHAT". The first one counts.
+    // Records an error of the reader's own about a key: "FILE:LINE: key 'KEY' WHAT". The first one counts.
     void fail(std::string_view key, std::string_view what,
               absl::StatusCode code = absl::StatusCode::kInvalidArgument) const;
 
@@ -77,15 +86,17 @@ class TomlTable {
 
 class TomlDocument {
   public:
-    // InvalidArgument with FILE:LINE:COLUMN and the parser's words if the text is no TOML.
+    // InvalidArgument with FILE:LINE:COLUMN and the parser's message if the text is no TOML.
+    // `renamed` must outlive the document.
     static absl::StatusOr<std::unique_ptr<TomlDocument>> parse(std::string_view text,
-                                                               std::string_view name_for_errors);
+                                                               std::string_view name_for_errors,
+                                                               std::span<const RenamedKey> renamed = {});
     ~TomlDocument();
 
     TomlTable root() const;
 
-    // The first error, or else an unknown key in any table that was looked into: InvalidArgument, or the code
-    // that fail() was given.
+    // A renamed key, else the first error, else an unknown key in any table that was read: InvalidArgument,
+    // or the code that was passed to fail().
     absl::Status finish() const;
 
   private:
@@ -95,7 +106,7 @@ class TomlDocument {
     std::unique_ptr<State> state_;
 };
 
-// A TOML basic string with its quotes and escapes; a double such that reading gives the very same double.
+// A TOML basic string with its quotes and escapes; a double such that reading returns the same bits.
 std::string toml_quoted(std::string_view text);
 std::string toml_number(double value);
 

@@ -1,4 +1,4 @@
-// A coloured voxel volume as clients see it, and its compact form on the wire.
+// A coloured voxel volume; volume_codec.h has its compact form on the wire.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -36,7 +36,7 @@ struct Rgb {
     bool operator==(const Rgb&) const = default;
 };
 
-// Non-empty bricks sorted by (z, y, x). `colours`: one entry a surface voxel (occupied, with one of its six
+// Non-empty bricks sorted by (z, y, x). `colours`: one entry per surface voxel (occupied, with one of its six
 // neighbours empty) in the order of bricks and of z, y, x inside a brick; or empty.
 struct Volume {
     VolumeGrid grid;
@@ -46,12 +46,12 @@ struct Volume {
     bool operator==(const Volume&) const = default;
 };
 
-// What the codec and its readers can handle: 2^20 bricks are 75 MB, or 537 m3 at 10 mm.
+// Limit of the codec and its readers: 2^20 bricks are 75 MB, or 537 m3 at 10 mm.
 inline constexpr int kMaxBricksPerAxis = 32767;
 inline constexpr std::size_t kMaxBricks = 1 << 20;
 
-// Empty if the volume keeps what the comments above promise (colours apart, which encode_volume() checks),
-// else one sentence.
+// Empty if the volume is valid as described above (except colours, which encode_volume() checks), else one
+// sentence.
 std::string volume_problem(const Volume& volume);
 
 std::int64_t voxel_count(const Volume& volume);

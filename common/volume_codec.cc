@@ -16,7 +16,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "the wire form is little endian");
 
-// volume.proto describes each field.
+// docs/volume_format.md describes each field.
 constexpr char kMagic[4] = {'K', 'V', 'X', 'V'};
 constexpr std::uint8_t kVersion = 1;
 constexpr std::uint8_t kHasColours = 1;
@@ -102,7 +102,7 @@ absl::StatusOr<Header> read_header(std::span<const std::uint8_t> bytes, Volume& 
 // Whether the sections can be what their header says, before anything of their size is allocated.
 bool plausible(const Header& header, std::span<const SectionSizes> sizes) {
     const std::uint64_t bricks = header.brick_count;
-    const bool gaps = sizes[0].raw >= bricks && sizes[0].raw <= 7 * bricks;  // places are below 2^45
+    const bool gaps = sizes[0].raw >= bricks && sizes[0].raw <= 7 * bricks;  // brick indices are below 2^45
     const bool masks = sizes[1].raw == 2 * bricks;
     const bool octants = sizes[2].raw % 2 == 0 && sizes[2].raw <= 2 * 8 * bricks;
     const bool cells = sizes[3].raw <= std::uint64_t{4} * sizes[2].raw;  // 8 of an octant's 2 bytes
@@ -180,7 +180,7 @@ absl::StatusOr<Volume> decode_volume(std::span<const std::uint8_t> bytes) {
             sections[i] = stored;
             continue;
         }
-        // A frame says how much it holds: no need to provide the room before it agrees with the header.
+        // A zstd frame states its size: allocate only if it equals the header's.
         if (ZSTD_getFrameContentSize(stored.data(), stored.size()) != sizes[i].raw)
             return damaged(fmt::format("section {} does not hold what the header says", i));
         unpacked[i].resize(sizes[i].raw);

@@ -1,4 +1,4 @@
-// The wire form of a volume. proto/kinevox/v1/volume.proto documents it byte for byte.
+// The wire form of a volume. docs/volume_format.md documents it byte for byte.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -15,12 +15,12 @@ struct VolumeCodecOptions {
     int zstd_level = 1;
 };
 
-// A surface with more voxels than this goes without colours: 16 million colours are 50 MB.
+// A surface with more voxels has no colours: 16 million colours are 50 MB.
 inline constexpr std::size_t kMaxCodedColours = 1 << 24;
 
 // The shape is kept exactly, each colour channel to within 2 of 255 levels (see Rgb's coding in
-// volume.proto). Empty for a volume with a volume_problem(). Colours are left out where there is not one a
-// surface voxel.
+// docs/volume_format.md). Empty for a volume with a volume_problem(). Colours are omitted unless there is one
+// per surface voxel.
 std::string encode_volume(const Volume& volume, const VolumeCodecOptions& options = {});
 
 // InvalidArgument for anything that encode_volume() could not have written; never reads past `bytes`. The

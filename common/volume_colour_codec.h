@@ -1,5 +1,5 @@
-// The colours of a volume's surface voxels as three byte strings of prediction errors. volume.proto describes
-// them.
+// The colours of a volume's surface voxels as three byte strings of prediction errors. docs/volume_format.md
+// describes them.
 #pragma once
 
 #include <cstdint>

@@ -129,11 +129,11 @@ ShapeSections encode_shape(const Volume& volume) {
     out.bricks.reserve(2 * volume.bricks.size());
     out.octants.reserve(8 * volume.bricks.size());
     out.cells.reserve(16 * volume.bricks.size());
-    std::int64_t next_place = 0;
+    std::int64_t next_slot = 0;
     for (const VolumeBrick& brick : volume.bricks) {
-        const std::int64_t place = (brick.z * ny + brick.y) * nx + brick.x;
-        append_varint(out.gaps, static_cast<std::uint64_t>(place - next_place));
-        next_place = place + 1;
+        const std::int64_t slot = (brick.z * ny + brick.y) * nx + brick.x;
+        append_varint(out.gaps, static_cast<std::uint64_t>(slot - next_slot));
+        next_slot = slot + 1;
         encode_brick(brick, out);
     }
     return out;
@@ -142,18 +142,18 @@ ShapeSections encode_shape(const Volume& volume) {
 std::string decode_shape(const ShapeBytes& sections, std::size_t brick_count, Volume& volume) {
     const std::uint64_t nx = volume.grid.size[0] / 8, ny = volume.grid.size[1] / 8,
                         nz = volume.grid.size[2] / 8;
-    const std::uint64_t places = nx * ny * nz;  // below 2^45
+    const std::uint64_t brick_slots = nx * ny * nz;  // below 2^45
     ByteReader gaps(sections.gaps), bricks(sections.bricks), octants(sections.octants), cells(sections.cells);
     volume.bricks.resize(brick_count);
-    std::uint64_t next_place = 0;
+    std::uint64_t next_slot = 0;
     for (VolumeBrick& brick : volume.bricks) {
         const std::uint64_t gap = gaps.varint();
-        if (gap >= places - next_place) return "a brick lies outside the grid";
-        const std::uint64_t place = next_place + gap;
-        next_place = place + 1;
-        brick.x = static_cast<std::int16_t>(place % nx);
-        brick.y = static_cast<std::int16_t>(place / nx % ny);
-        brick.z = static_cast<std::int16_t>(place / nx / ny);
+        if (gap >= brick_slots - next_slot) return "a brick lies outside the grid";
+        const std::uint64_t slot = next_slot + gap;
+        next_slot = slot + 1;
+        brick.x = static_cast<std::int16_t>(slot % nx);
+        brick.y = static_cast<std::int16_t>(slot / nx % ny);
+        brick.z = static_cast<std::int16_t>(slot / nx / ny);
         if (!decode_brick(bricks, octants, cells, brick)) return "an octree mask contradicts itself";
     }
     if (!gaps.finished() || !bricks.finished() || !octants.finished() || !cells.finished())

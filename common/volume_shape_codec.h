@@ -1,5 +1,6 @@
 // The shape of a volume as four byte strings: where the bricks are, and each brick as an octree of three
-// levels whose branches end where everything is empty or full. volume.proto describes them byte for byte.
+// levels whose branches end where everything is empty or full. docs/volume_format.md describes them byte for
+// byte.
 #pragma once
 
 #include <array>

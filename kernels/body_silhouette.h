@@ -1,5 +1,5 @@
-// Silhouettes of a body made of tapered capsules, as any camera sees them: what a pose database is filled
-// with and what a pose is compared with. Thousands a second.
+// Renders silhouettes of a body of tapered capsules for any camera: fills the pose database and compares
+// poses. Thousands per second.
 #pragma once
 
 #include <cstdint>
@@ -16,8 +16,8 @@ struct TaperedCapsule {
     float radius_a = 0, radius_b = 0;          // m, not negative
 };
 
-// One camera's picture of the body. A pixel is set where the ray through its centre meets the body in front
-// of the camera.
+// One camera's view of the body. A pixel is set if the ray through its centre hits the body in front of the
+// camera.
 struct BodyView {
     const CameraModel* camera = nullptr;
     std::uint8_t* mask = nullptr;  // camera->width * camera->height bytes, written: 0 or 255
@@ -33,7 +33,7 @@ class BodySilhouetteRenderer {
     virtual void render(std::span<const TaperedCapsule> body, std::span<BodyView> views) = 0;
 };
 
-// Throws std::runtime_error where the device is absent. The CPU form draws each capsule's outline as a
+// Throws std::runtime_error where the device is absent. The CPU form draws each capsule's contour as a
 // polygon that is off by at most about 0.1 px; the CUDA form tests each pixel's ray.
 std::unique_ptr<BodySilhouetteRenderer> make_body_silhouette_renderer(Device device);
 

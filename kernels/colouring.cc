@@ -21,13 +21,13 @@ std::string ColouringOptions::check() const {
         return say("sharp_budget_permille", sharp_budget_permille,
                    "up to 50, or a negative number for never,");
     }
-    if (!within(fill_reach_m, 0, 1)) return say("fill_reach_m", fill_reach_m, "0 to 1 m");
-    if (!within(max_colour_deviation, 0, 1000))
-        return say("max_colour_deviation", max_colour_deviation, "0 to 1000");
+    if (!within(fill_radius_m, 0, 1)) return say("fill_radius_m", fill_radius_m, "0 to 1 m");
+    if (!within(max_colour_difference_std, 0, 1000))
+        return say("max_colour_difference_std", max_colour_difference_std, "0 to 1000");
     if (!within(noise_grey, 0.1f, 255)) return say("noise_grey", noise_grey, "0.1 to 255");
     if (!within(support_edge_m, 0, 1)) return say("support_edge_m", support_edge_m, "0 to 1 m");
     if (!within(min_support, 0, 0.5f)) return say("min_support", min_support, "0 to 0.5");
-    if (!within(keep_on_ray_m, 0, 1)) return say("keep_on_ray_m", keep_on_ray_m, "0 to 1 m");
+    if (!within(min_ray_length_m, 0, 1)) return say("min_ray_length_m", min_ray_length_m, "0 to 1 m");
     return {};
 }
 

@@ -1,20 +1,17 @@
 // Voxel colouring (Seitz and Dyer 1997, paper 3.2): each surface voxel is projected to the cameras that see
-// it, occlusion decided by the volume itself; voxels whose colours disagree are carved, until nothing changes
-// or `max_rounds` is reached; what remains carries its colour.
+// it, with occlusion by the volume itself; photo-inconsistent voxels are carved until nothing changes or
+// `max_rounds` is reached; the remaining ones are coloured.
 //
 // Three kinds of evidence carve, each from the surface inwards:
-//  1. the sharp silhouettes: what sticks out of them by more than a small budget is background that the loose
-//  ones
-//     let through;
-//  2. photo-consistency: the mean colours around a voxel's projections must agree within the noise and what
-//  the
-//     window itself spreads (a voxel on an edge of a print may look different, a voxel of plain cloth may
-//     not);
-//  3. roundness: four cameras around a body leave it with corners that no camera can see past. A surface
-//  voxel
-//     with little of the volume around it goes, as in a flow by mean curvature.
-// Colours and roundness carve only where the rays through the voxel keep enough of the volume, so that no
-// silhouette loses a limb, however the calibration is off.
+//  1. The sharp silhouettes: voxels outside them by more than a small budget are background that the loose
+//     silhouettes contain.
+//  2. Photo-consistency: the mean colours around a voxel's projections must be equal within the noise and the
+//     spread of the window (a voxel on an edge of a print may differ, a voxel of plain cloth may not).
+//  3. Roundness: four cameras leave a body with corners that no camera sees. Surface voxels with little
+//  volume
+//     around them are carved, as in mean curvature flow.
+// Colours and roundness carve only if the rays through the voxel keep enough of the volume, so that no limb
+// is lost when the calibration is inaccurate.
 #pragma once
 
 #include <cstdint>
@@ -23,54 +20,73 @@
 #include <string>
 #include <vector>
 
+#include "kernels/option_list.h"
 #include "kernels/types.h"
 
 namespace kinevox::kernels {
 
 struct ColouringOptions {
-    // Carving rounds at most; 0 only colours. Each looks at the whole surface once, with the occlusions that
-    // the round before left.
+    // Maximum number of carving rounds; 0: only colour. Each round tests the whole surface, with the
+    // occlusions after the previous round.
     int max_rounds = 6;
 
-    // A voxel may stick out of the sharp silhouettes by this many thousandths of the picture's longer side,
-    // summed over the views (as HullOptions::miss_budget_permille). Negative: the sharp silhouettes are not
-    // asked.
+    // Tolerance outside the sharp silhouettes, in thousandths of the longer image side, summed over the views
+    // (as HullOptions::miss_budget_permille). Negative: the sharp silhouettes are not used.
     float sharp_budget_permille = 1;
 
-    // What the sharp silhouettes took is filled again where the rest of the volume surrounds it within this
-    // length, m (as HullOptions::fill_reach_m): a hole in one of them drills a tunnel. 0: not.
-    float fill_reach_m = 0.08f;
+    // Voxels carved by the sharp silhouettes are filled if the volume surrounds them within this distance, m
+    // (as HullOptions::fill_radius_m). 0: off.
+    float fill_radius_m = 0.08f;
 
-    // Colours disagree where means differ by more than this many times (noise_grey + the windows' own
-    // standard deviation), in any channel. 0: colours do not carve.
-    float max_colour_deviation = 2;
-    float noise_grey = 4;  // grey levels (0..255): sensor noise, and how equally the cameras see a colour
+    // Colours are inconsistent if means differ by more than this multiple of (noise_grey + the sigma of the
+    // windows) in any channel. 0: colours do not carve.
+    float max_colour_difference_std = 2;
+    float noise_grey = 4;  // grey levels (0..255): sensor noise and colour differences between the cameras
 
-    // Roundness looks at a cube of this edge around a surface voxel, m; the voxel goes if less than
-    // `min_support` of it is occupied (a flat surface has 0.5, an edge of a box 0.25). 0: no rounding.
+    // Roundness: a surface voxel is carved if less than `min_support` of a cube of this edge (m) around it is
+    // occupied (a flat surface has 0.5, an edge of a box 0.25). 0: off.
     float support_edge_m = 0.07f;
     float min_support = 0.47f;
 
-    // Colours and roundness leave every ray at least this much of the volume, m: a little more than a
+    // Colours and roundness keep at least this length of the volume along every ray, m: a little more than a
     // forearm.
-    float keep_on_ray_m = 0.1f;
+    float min_ray_length_m = 0.1f;
 
     std::string check() const;
+    bool operator==(const ColouringOptions&) const = default;
 };
+
+template <typename T, typename F>
+requires SameOptions<T, ColouringOptions>
+void visit_options(T& o, F&& f) {
+    f({"max_rounds", 0, 1000, "", "Maximum number of carving rounds; 0: colour only."}, o.max_rounds);
+    f({"sharp_budget_permille", -1e6, 50, "1/1000 of the longer image side",
+       "Distance by which a voxel may lie outside the sharp silhouettes; negative: off."},
+      o.sharp_budget_permille);
+    f({"fill_radius_m", 0, 1, "m", "Radius within which surrounded holes are filled; 0: off."},
+      o.fill_radius_m);
+    f({"max_colour_difference_std", 0, 1000, "sigma",
+       "Maximum colour difference between cameras; 0: colours do not carve."},
+      o.max_colour_difference_std);
+    f({"noise_grey", 0.1, 255, "grey levels", "Noise of colours between cameras."}, o.noise_grey);
+    f({"support_edge_m", 0, 1, "m", "Edge of the cube that measures roundness; 0: off."}, o.support_edge_m);
+    f({"min_support", 0, 0.5, "", "Minimum occupied fraction of that cube."}, o.min_support);
+    f({"min_ray_length_m", 0, 1, "m", "Minimum volume left along each ray."}, o.min_ray_length_m);
+}
 
 struct ColouringView {
     const CameraModel* camera = nullptr;
-    PictureView picture;  // B, G, R or grey, the camera's size; no data: it does not colour
-    const std::uint8_t* silhouette = nullptr;  // the loose one, as HullView; used for the agreement; or null
-    const std::uint8_t* sharp = nullptr;       // or null: then this view's silhouette does not carve
-    Rect bounds = {};                          // of the silhouette; empty: looked for
+    ImageView image;                           // B, G, R or grey, the camera's size; no data: no colours
+    const std::uint8_t* silhouette = nullptr;  // the loose one, as HullView, or null; for the silhouette IoU
+    const std::uint8_t* sharp = nullptr;       // null: this view's silhouette does not carve
+    Rect bounds = {};                          // of the silhouette; empty: computed
 };
 
 struct ColouringReport {
     int rounds = 0;
-    std::int64_t carved = 0;  // voxels, less those that were filled again
+    std::int64_t carved = 0;  // voxels, without those that were filled again
     // Per view: intersection over union of the volume's own projection and the silhouette (the sharp one
-    // where there is one), 0..1; NaN where both are empty or there is no silhouette.
+    // if there is one), 0..1; NaN if both are empty or there is no silhouette.
     std::vector<float> silhouette_iou;
 };
 
@@ -78,8 +94,8 @@ struct ColouringReport {
 class VoxelColourer {
   public:
     virtual ~VoxelColourer() = default;
-    // Carves `volume` and fills its colours. Throws std::invalid_argument for a view without a camera and for
-    // a picture that does not fit its camera.
+    // Carves `volume` and fills its colours. Throws std::invalid_argument for a view without a camera or an
+    // image that does not match its camera.
     virtual void colour(std::span<const ColouringView> views, VoxelVolume& volume,
                         ColouringReport& report) = 0;
 };

@@ -1,4 +1,4 @@
-// A device that failed, as opposed to arguments that cannot be: the same work can be done on another one.
+// A device failure, as opposed to invalid arguments: the same work can be done on another device.
 #pragma once
 
 #include <stdexcept>

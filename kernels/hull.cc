@@ -14,8 +14,8 @@ std::string HullOptions::check() const {
         return "hull.miss_budget_permille is " + std::to_string(miss_budget_permille) +
                "; 0 to 50 is allowed";
     }
-    if (!(fill_reach_m >= 0 && fill_reach_m <= 1)) {
-        return "hull.fill_reach_m is " + std::to_string(fill_reach_m) + "; 0 to 1 m is allowed";
+    if (!(fill_radius_m >= 0 && fill_radius_m <= 1)) {
+        return "hull.fill_radius_m is " + std::to_string(fill_radius_m) + "; 0 to 1 m is allowed";
     }
     return {};
 }

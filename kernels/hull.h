@@ -7,40 +7,51 @@
 #include <span>
 #include <string>
 
+#include "kernels/option_list.h"
 #include "kernels/types.h"
 
 namespace kinevox::kernels {
 
 struct HullOptions {
-    // A voxel is kept only if at least this many cameras see and contain it; cameras that cannot see it
-    // (behind them or outside their picture) do not vote.
+    // Minimum number of cameras that see and contain a voxel; cameras that cannot see it (behind them or
+    // outside their image) do not vote.
     int min_views = 2;
 
-    // Calibration and silhouettes are never exact: a voxel that misses silhouettes survives if its misses,
-    // summed over all cameras, are at most this many thousandths of the picture's longer side (5 of 640
-    // px: 3.2 px, rounded down). One budget for all cameras together rescues a limb that one camera is a
-    // little off on without swelling the whole body as dilating every silhouette would. 0: strictly inside.
-    // At most 50.
+    // Tolerance for errors of calibration and silhouettes: a voxel outside silhouettes is kept if its
+    // distances to them, summed over all cameras, are at most this many thousandths of the longer image side
+    // (5 of 640 px: 3.2 px, rounded down). One budget for all cameras keeps a limb that one camera misplaces
+    // without enlarging the whole body, as dilating every silhouette would. 0: strictly inside. At most 50.
     float miss_budget_permille = 0;
 
-    // A hole in one silhouette drills a tunnel through the volume. What the rest surrounds within this length
-    // along all lines but one (kernels/shared/surrounded.h) is filled again, in the bricks that have any
-    // voxel; m. 0: not.
-    float fill_reach_m = 0.08f;
+    // A hole in one silhouette causes a tunnel through the volume. Voxels surrounded by the volume within
+    // this distance (m) along all lines but one (kernels/shared/surrounded.h) are filled, in non-empty
+    // bricks. 0: off.
+    float fill_radius_m = 0.08f;
 
     std::string check() const;
+    bool operator==(const HullOptions&) const = default;
 };
 
+template <typename T, typename F>
+requires SameOptions<T, HullOptions>
+void visit_options(T& o, F&& f) {
+    f({"min_views", 1, 64, "", "Minimum number of cameras that see and contain a voxel."}, o.min_views);
+    f({"miss_budget_permille", 0, 50, "1/1000 of the longer image side",
+       "Distance by which a voxel may lie outside silhouettes, summed over the cameras."},
+      o.miss_budget_permille);
+    f({"fill_radius_m", 0, 1, "m", "Radius within which surrounded holes are filled; 0: off."},
+      o.fill_radius_m);
+}
+
 // One camera's evidence. `silhouette` is the loose one: camera.width * camera.height bytes, 0 or 255, no
-// padding; null if this camera has no picture now: then it does not vote.
+// padding; null if this camera has no image now: then it does not vote.
 struct HullView {
     const CameraModel* camera = nullptr;
     const std::uint8_t* silhouette = nullptr;
-    const std::uint8_t* probability = nullptr;  // of foreground, same shape, or null; not used
-    Rect bounds;                                // smallest box around the silhouette, or a larger one
+    Rect bounds;  // smallest box around the silhouette, or a larger one
 };
 
-// Not thread safe; keeps its working memory from call to call.
+// Not thread-safe; keeps its working memory from call to call.
 class HullCarver {
   public:
     virtual ~HullCarver() = default;

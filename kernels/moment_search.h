@@ -1,4 +1,5 @@
-// Nearest neighbours among poses seen from all around, over all of them: the inner loop of the pose database.
+// Exhaustive nearest-neighbour search over poses seen from all directions: the inner loop of the pose
+// database.
 //
 // A view is a pose seen from one direction; its description is a code of kCodeBytes numbers of 0..127. A slab
 // holds every pose from kViewBins relative headings (the body's heading minus the direction to the camera),
@@ -41,8 +42,8 @@ struct MomentQuery {
 // kHeadings entries, heading n is n * 360 / kHeadings deg. All slabs have the same number of poses.
 void score_headings(std::span<const MomentQuery> queries, std::span<float> scores);
 
-// |query - (share_a a + share_b b)|^2 over `values` numbers: one record against a query by all its moments.
-float blended_distance(const float* query, const std::int16_t* a, const std::int16_t* b, float share_a,
-                       float share_b, int values);
+// |query - (weight_a a + weight_b b)|^2 over `values` numbers: one record against a query by all its moments.
+float blended_distance(const float* query, const std::int16_t* a, const std::int16_t* b, float weight_a,
+                       float weight_b, int values);
 
 }  // namespace kinevox::kernels

@@ -62,31 +62,4 @@ void moment_orthonormal_scale(int order, float* scale) {
     }
 }
 
-std::vector<float> reconstruct_from_moments(std::span<const float> values, int order, int grid) {
-    if (order < 0 || order > kMaxMomentOrder || static_cast<int>(values.size()) < moment_values(order) ||
-        grid < 1)
-        throw std::invalid_argument("moments: reconstruction needs moment_values(order) values and a grid");
-    std::vector<float> out(static_cast<std::size_t>(grid) * grid, 0.f);
-    double radial[kMaxMomentOrder + 1];
-    for (int row = 0; row < grid; ++row) {
-        for (int column = 0; column < grid; ++column) {
-            const double x = (2 * column + 1.0) / grid - 1, y = (2 * row + 1.0) / grid - 1;
-            const double r = std::hypot(x, y), theta = std::atan2(y, x);
-            if (r > 1) continue;
-            double sum = 0;
-            for (int q = 0; q <= order; ++q) {
-                pseudo_zernike_radial(q, order, r, radial);
-                double re = 0, im = 0;
-                for (int p = q; p <= order; ++p) {
-                    re += radial[p - q] * values[moment_re_index(p, q)];
-                    if (q > 0) im += radial[p - q] * values[moment_im_index(p, q)];
-                }
-                sum += q == 0 ? re : 2 * (re * std::cos(q * theta) - im * std::sin(q * theta));
-            }
-            out[static_cast<std::size_t>(row) * grid + column] = static_cast<float>(sum);
-        }
-    }
-    return out;
-}
-
 }  // namespace kinevox::kernels

@@ -1,14 +1,14 @@
 // Pseudo-Zernike moments of a silhouette (paper, section 4; Teh & Chin, On image analysis by the methods of
 // moments, PAMI 10, 1988):
 //   P_pq = (p + 1) / pi * integral over the unit disk of f * conj(W_pq),  W_pq = R_pq(r) e^(i q theta)
-// f is 0 outside of the silhouette, 1 inside, in between where a mask's value is. theta turns from the
-// picture's x (right) to its y (down).
+// f is 0 outside of the silhouette, 1 inside, in between where a mask's value is. theta runs from the
+// image's x (right) to its y (down).
 //
 // Mapping to the unit disk. The disk's centre lies in the silhouette's centre of gravity and its radius is
 // `disk_per_gyration` times the root mean square distance of the silhouette's area from there. That measure,
 // unlike the farthest pixel, hardly moves when a hand is lost or a speck appears. What lies outside of the
-// disk is cut off: at the default of 2.5 only a straight thin limb far from a compact body can reach there (a
-// bar ends at 1.73, a standing person's soles are at 2.1). So moments do not depend on place and size. A
+// disk is cut off: at the default of 2.5 only a straight thin limb far from a compact body extends so far (a
+// bar ends at 1.73, a standing person's soles are at 2.1). So moments do not depend on position and size. A
 // caller who knows the size from elsewhere gives the mapping instead.
 //
 // The mask is averaged over a fixed grid of square cells in the disk's square (each pixel counts with the
@@ -56,7 +56,7 @@ struct DiskMapping {
     float radius_px = 0;
 };
 
-// A mask somebody else owns; 0..255 a pixel, only what lies in `bounds` is read.
+// A non-owning view of a mask; 0..255 per pixel, only pixels inside `bounds` are read.
 struct MomentView {
     const std::uint8_t* mask = nullptr;  // null: no silhouette
     std::ptrdiff_t stride = 0;           // bytes from one row to the next
@@ -71,8 +71,8 @@ struct SilhouetteMoments {
     std::vector<float> values;  // moment_values(order)
 };
 
-// Not thread safe; keeps its working memory from call to call. The same mask gives the same bits, whatever
-// stands beside it in `views` and however many threads there are.
+// Not thread-safe; keeps its working memory from call to call. The same mask gives the same bits, independent
+// of the other views and the number of threads.
 class MomentCalculator {
   public:
     virtual ~MomentCalculator() = default;
@@ -90,9 +90,5 @@ void pseudo_zernike_radial(int q, int order, double r, double* out);
 // Scales moments so that the sum of squared differences of two vectors is the squared difference of the two
 // silhouettes over the disk, as far as this order resolves it: what a nearest neighbour should mean.
 void moment_orthonormal_scale(int order, float* scale);
-
-// The silhouette that these moments describe, sampled at the centres of grid x grid cells of the disk's
-// square; 0 outside of the disk.
-std::vector<float> reconstruct_from_moments(std::span<const float> values, int order, int grid);
 
 }  // namespace kinevox::kernels

@@ -1,5 +1,4 @@
-// Viewing rays and a body of tapered capsules: which capsule each ray comes nearest to. The innermost loop of
-// fitting a pose to contours.
+// The nearest capsule of a body to each viewing ray. The innermost loop of fitting a pose to contours.
 #pragma once
 
 #include <span>
@@ -19,8 +18,8 @@ struct RayBundle {
 inline constexpr int kMaxCapsules = 64;
 inline constexpr float kWrongSide_m = 1e3f;
 
-// For each ray the capsule with the least signed distance to it, m (negative: the ray goes through it), and
-// that distance. A capsule whose axis lies on the outer side of the border counts only if the ray goes
+// For each ray the capsule with the smallest signed distance to it, m (negative: the ray goes through it),
+// and that distance. A capsule whose axis lies on the outer side of the border counts only if the ray goes
 // through it. Where none counts, -1 and kWrongSide_m. `distance_m` and `nearest` have room for all rays.
 // Throws std::invalid_argument for more than kMaxCapsules.
 void nearest_capsules(const RayBundle& rays, std::span<const TaperedCapsule> capsules, float* distance_m,

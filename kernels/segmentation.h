@@ -1,4 +1,4 @@
-// Background subtraction by kernel density estimation, one Segmenter a camera (paper 3.1, after Elgammal
+// Background subtraction by kernel density estimation, one Segmenter per camera (paper 3.1, after Elgammal
 // 2000).
 //
 //   pdf(I_t) = 1/N * sum_i K(I_t - I_i),   K a Gaussian per channel, bandwidth per pixel and channel.
@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "kernels/option_list.h"
 #include "kernels/types.h"
 
 namespace kinevox::kernels {
@@ -20,90 +21,123 @@ namespace kinevox::kernels {
 struct SegmentationOptions {
     // Samples of the background model per pixel (N), short-term and long-term memory together; 1..255.
     int samples = 32;
-    // Bandwidths are never smaller than this: grey levels, one standard deviation; 1..32. Compressed video
-    // shows less noise from one picture to the next than over a minute, so the measured noise alone is too
-    // small.
+    // Minimum bandwidth: grey levels (sigma); 1..32. Compressed video has less noise between consecutive
+    // images than over a minute, so that the measured noise alone is too small.
     float min_bandwidth = 2.5f;
-    // The bandwidth where the background was learned from fewer than five pictures, grey levels; 1..32.
+    // Bandwidth if the background was learned from fewer than five images, grey levels; 1..32.
     float assumed_noise = 3.0f;
 
-    // Every how many frames a pixel of the background takes a new sample into its short-term memory (a
-    // quarter of the samples); 0 freezes the model.
+    // Interval in frames at which a background pixel adds a sample to its short-term memory (a quarter of the
+    // samples); 0 freezes the model.
     int update_interval = 32;
-    // Every how many of those samples one goes into the long-term memory (the other three quarters).
+    // Every Nth of these samples enters the long-term memory (the other three quarters).
     int long_term_interval = 8;
-    // Frames after which something that does not move and is not the tracked subject has become background.
+    // Frames after which a static object that is not the tracked subject becomes background.
     int absorb_frames = 600;
 
     // Darkest shadow and brightest light that are still background, as factors of the background's
     // brightness.
     float darkest_shadow = 0.35f;
     float brightest_light = 1.25f;
-    // Part of the background that is expected in a changed light, 0..1 exclusive. Smaller: less of the
-    // subject is taken for shadow; larger: less shadow is taken for the subject.
+    // Expected fraction of the background in changed light, 0..1 exclusive. Smaller values misclassify less
+    // of the subject as shadow, larger values less shadow as the subject.
     float light_change_prior = 0.1f;
 
-    // How much the colours seen on the subject before count against colours never seen, 0..1; 0 does without.
-    float colour_memory_share = 0.7f;
+    // Weight of colours seen on the subject before against unseen colours, 0..1; 0: off.
+    float colour_memory_weight = 0.7f;
 
-    // Foreground probability from which a pixel belongs to the sharp and to the loose silhouette, 0..1
-    // exclusive.
+    // Minimum foreground probability of the sharp and of the loose silhouette, 0..1 exclusive.
     float sharp_threshold = 0.5f;
     float loose_threshold = 0.3f;
-    // Unmixes the pixels at the border, so that the sharp silhouette ends where half a pixel is the subject.
+    // Unmixes border pixels, so that the sharp silhouette ends where half a pixel is the subject.
     bool refine_border = true;
-    // Islands of fewer pixels, or of less than this part of the largest one, are dropped.
-    int min_island_px = 30;
-    float min_island_part = 0.04f;
-    // Holes of fewer pixels, or of less than this part of the largest island, are filled.
+    // Components of fewer pixels, or below this fraction of the largest one, are removed.
+    int min_component_px = 30;
+    float min_component_fraction = 0.04f;
+    // Holes of fewer pixels, or below this fraction of the largest component, are filled.
     int max_hole_px = 60;
-    float max_hole_part = 0.003f;
+    float max_hole_fraction = 0.003f;
 
     // Empty when the options are usable, else one sentence: which field, its value, what is allowed.
     std::string check() const;
+    bool operator==(const SegmentationOptions&) const = default;
 };
 
-// What the tracker expects in this picture; everything may be absent.
+template <typename T, typename F>
+requires SameOptions<T, SegmentationOptions>
+void visit_options(T& o, F&& f) {
+    f({"background_samples", 1, 255, "", "Background samples per pixel."}, o.samples);
+    f({"min_bandwidth", 1, 32, "grey levels", "Minimum bandwidth of the density estimate."}, o.min_bandwidth);
+    f({"assumed_noise", 1, 32, "grey levels", "Bandwidth with fewer than five background images."},
+      o.assumed_noise);
+    f({"update_interval", 0, 100000, "frames", "Interval of new background samples per pixel; 0: never."},
+      o.update_interval);
+    f({"long_term_interval", 1, 100000, "", "Every Nth of these samples enters the long-term memory."},
+      o.long_term_interval);
+    f({"absorb_frames", 1, 100000000, "frames", "Time until a static object becomes background."},
+      o.absorb_frames);
+    f({"darkest_shadow", 0.05, 1, "", "Brightness factor of the darkest shadow that is background."},
+      o.darkest_shadow);
+    f({"brightest_light", 1, 4, "", "Brightness factor of the brightest light that is background."},
+      o.brightest_light);
+    f({"light_change_prior", 1e-9, 1 - 1e-4, "", "Expected fraction of the background in changed light."},
+      o.light_change_prior);
+    f({"colour_memory_weight", 0, 1 - 1e-4, "", "Weight of colours seen on the subject; 0: off."},
+      o.colour_memory_weight);
+    f({"sharp_threshold", 1e-4, 1 - 1e-4, "", "Foreground probability of the sharp silhouette."},
+      o.sharp_threshold);
+    f({"loose_threshold", 1e-4, 1 - 1e-4, "", "Foreground probability of the loose silhouette."},
+      o.loose_threshold);
+    f({"refine_border", 0, 1, "", "Unmix the pixels at the border of the sharp silhouette."},
+      o.refine_border);
+    f({"min_component_px", 0, 1e9, "px", "Smaller components are removed."}, o.min_component_px);
+    f({"min_component_fraction", 0, 1, "", "Components below this fraction of the largest are removed."},
+      o.min_component_fraction);
+    f({"max_hole_px", 0, 1e9, "px", "Smaller holes are filled."}, o.max_hole_px);
+    f({"max_hole_fraction", 0, 1, "", "Holes below this fraction of the largest component are filled."},
+      o.max_hole_fraction);
+}
+
+// The tracker's expectation for this image; all of it is optional.
 struct SegmentationPrior {
-    // Where the tracked subject can be, with its margin. Empty: nothing is tracked, the whole picture is
+    // Where the tracked subject can be, including a margin. Empty: nothing is tracked, the whole image is
     // searched.
     Rect region;
-    // True asks for the whole picture although a region is given (so that a newcomer is caught).
+    // True: searches the whole image despite the region (to detect new subjects).
     bool full_pass = true;
-    // The last volume's projection moved to where the subject is expected: width * height bytes, 255 inside,
-    // or null. Islands of foreground that do not touch it are dropped when `region` is set.
+    // Projection of the last volume at the expected position: width * height bytes, 255 inside, or null. If
+    // `region` is set, components of the foreground that do not touch it are removed.
     const std::uint8_t* expected = nullptr;
-    // How far from `expected` the subject can be, px; farther cells of the region need not be looked at.
-    // Negative: anywhere in the region. A device may look at them all the same.
-    int reach_px = -1;
+    // Maximum distance of the subject from `expected`, px; cells of the region farther away need not be
+    // searched, but may be. Negative: no limit.
+    int max_distance_px = -1;
 };
 
-// All three pictures have the camera's full size, rows without padding; outside `searched` they are 0.
+// All three images have the camera's full size, rows without padding; outside `searched` they are 0.
 struct Silhouettes {
     int width = 0, height = 0;
     std::vector<std::uint8_t> probability;  // of foreground, 0..255 for 0..1
     std::vector<std::uint8_t> sharp;        // 0 or 255
     std::vector<std::uint8_t> loose;        // 0 or 255, contains `sharp`
-    Rect searched;                          // the part of the picture that was looked at
-    Rect bounds;                            // smallest box around `loose`, empty if there is no foreground
+    Rect searched;                          // the part of the image that was searched
+    Rect bounds;                            // bounding box of `loose`, empty without foreground
     std::int64_t sharp_pixels = 0;
-    double centroid_x = 0, centroid_y = 0;  // centre of gravity of `sharp`, px; valid if sharp_pixels > 0
+    double centroid_x = 0, centroid_y = 0;  // centroid of `sharp`, px; valid if sharp_pixels > 0
 };
 
-// The background model of one camera and its use. Not thread safe; different cameras' segmenters may run at
-// once.
+// Segments the images of one camera. Not thread-safe; the segmenters of several cameras may run in parallel.
 class Segmenter {
   public:
     virtual ~Segmenter() = default;
 
-    // Fills the model from pictures of the empty scene, at least one, all of the segmenter's size; with a
-    // single picture the sensor's noise is assumed. Replaces what was learned before.
-    virtual void learn(std::span<const PictureView> empty_scene) = 0;
+    // Learns the model from background images, at least one, all of the segmenter's size; with fewer than
+    // five the noise is assumed. Replaces the previous model.
+    virtual void learn(std::span<const ImageView> empty_scene) = 0;
     virtual bool learned() const = 0;
 
-    // Segments one picture and updates the model. `out` is reused from call to call to spare the allocation.
-    // Throws std::invalid_argument for a picture of another size, std::logic_error before learn().
-    virtual void segment(const PictureView& picture, const SegmentationPrior& prior, Silhouettes& out) = 0;
+    // Segments one image and updates the model. Reuses the memory of `out`. Throws std::invalid_argument for
+    // an image of another size, std::logic_error before learn().
+    virtual void segment(const ImageView& image, const SegmentationPrior& prior, Silhouettes& out) = 0;
 };
 
 // Throws std::invalid_argument where options.check() is not empty, std::runtime_error where the device is

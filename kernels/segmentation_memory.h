@@ -1,5 +1,4 @@
-// A segmenter that can go back to what it was when it had learned the background: for recordings in which
-// somebody jumps about.
+// A segmenter that can return to its state after learn(), for replays with seeks.
 #pragma once
 
 #include <memory>
@@ -10,15 +9,14 @@ namespace kinevox::kernels {
 
 class RewindableSegmenter : public Segmenter {
   public:
-    // To be called before learn(): keeps what is learned beside what the frames make of it, which takes the
-    // model's memory twice.
+    // Call before learn(): keeps a copy of the learned model, which doubles its memory.
     virtual void keep_learned() = 0;
-    // Forgets all that frames have taught it since learn(): the next one is segmented as the first one was.
-    // Throws std::logic_error where nothing was learned and kept.
+    // Returns to the state after learn(): the next frame is segmented like the first. Throws std::logic_error
+    // if no learned model was kept.
     virtual void forget_frames() = 0;
 };
 
-// As make_segmenter(), on either device; keep_learned() is called already.
+// As make_segmenter(), on either device, with keep_learned() already called.
 std::unique_ptr<RewindableSegmenter> make_rewindable_segmenter(Device device, int width, int height,
                                                                int channels,
                                                                const SegmentationOptions& options = {});

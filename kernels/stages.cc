@@ -5,7 +5,7 @@
 namespace kinevox::kernels {
 namespace {
 
-class DeviceStages final : public StageMaker {
+class DeviceStages final : public StageFactory {
   public:
     explicit DeviceStages(Device device) : device_(device) {}
 
@@ -51,7 +51,7 @@ class DeviceStages final : public StageMaker {
 
 }  // namespace
 
-std::unique_ptr<StageMaker> make_stage_maker(Device device) {
+std::unique_ptr<StageFactory> make_stage_factory(Device device) {
     return std::make_unique<DeviceStages>(device);
 }
 

@@ -1,4 +1,4 @@
-// The stages of one device, for those who hold more than one device in hand.
+// The stages of one device, for callers that switch between devices.
 #pragma once
 
 #include <cstdint>
@@ -16,10 +16,11 @@ struct DeviceMemory {
     std::uint64_t total_bytes = 0;  // 0: not known
 };
 
-// Makers and stages throw DeviceError where the device is absent or fails, else what the stages' headers say.
-class StageMaker {
+// Stages throw DeviceError if the device fails. Factory methods throw DeviceError if the device cannot be
+// used, std::runtime_error if this build has no CUDA; otherwise errors as in the stages' headers.
+class StageFactory {
   public:
-    virtual ~StageMaker() = default;
+    virtual ~StageFactory() = default;
     virtual std::unique_ptr<Segmenter> segmenter(int width, int height, int channels,
                                                  const SegmentationOptions& options) const = 0;
     virtual std::unique_ptr<RewindableSegmenter> rewindable_segmenter(
@@ -28,12 +29,11 @@ class StageMaker {
     virtual std::unique_ptr<VoxelColourer> voxel_colourer(const ColouringOptions& options) const = 0;
 
     virtual std::string problem()
-        const = 0;  // empty where the device can be used, else why not, without a full stop
-    virtual std::string name()
-        const = 0;  // of the device, "NVIDIA T4" for instance; empty where there is none
-    virtual DeviceMemory memory() const = 0;  // of a GPU that can be used; any thread
+        const = 0;  // empty if the device can be used, else why not, without a full stop
+    virtual std::string name() const = 0;     // of the device, for example "NVIDIA T4"; empty for the CPU
+    virtual DeviceMemory memory() const = 0;  // of a usable GPU; any thread
 };
 
-std::unique_ptr<StageMaker> make_stage_maker(Device device);
+std::unique_ptr<StageFactory> make_stage_factory(Device device);
 
 }  // namespace kinevox::kernels

@@ -1,5 +1,5 @@
-// Plain types that every kernel speaks: pictures, cameras, the lattice and the voxel volume.
-// No library's types appear here, so that this folder builds alone on a bare GPU machine.
+// Plain types shared by all kernels: images, cameras, the lattice and the voxel volume. Without types of any
+// library, so that this folder builds alone on a GPU machine.
 #pragma once
 
 #include <cstddef>
@@ -10,9 +10,9 @@ namespace kinevox::kernels {
 
 enum class Device { kCpu, kCuda };
 
-// A picture somebody else owns: 8 bits a channel, rows `stride` bytes apart, channels interleaved.
+// A non-owning view of an image: 8 bits per channel, rows `stride` bytes apart, channels interleaved.
 // 3 channels are B, G, R (OpenCV's order); 1 is grey.
-struct PictureView {
+struct ImageView {
     const std::uint8_t* data = nullptr;
     int width = 0;              // px
     int height = 0;             // px
@@ -66,8 +66,8 @@ struct Colour {
 };
 
 // A volume as non-empty bricks sorted by (z, y, x). A surface voxel is an occupied one with at least one of
-// its six neighbours empty (outside the lattice counts as empty). `colours` has one entry a surface voxel, in
-// the order of the bricks and, inside a brick, of z, y, x; it is empty for a volume without colours.
+// its six neighbours empty (outside the lattice counts as empty). `colours` has one entry per surface voxel,
+// in the order of the bricks and, inside a brick, of z, y, x; it is empty for a volume without colours.
 struct VoxelVolume {
     Lattice lattice;
     std::vector<Brick> bricks;

@@ -4,8 +4,9 @@
 
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/udp.hpp>
-#include <charconv>
 #include <utility>
+
+#include "common/host_port.h"
 
 namespace kinevox::bridge {
 
@@ -22,21 +23,16 @@ UdpSender::~UdpSender() = default;
 UdpSender::UdpSender(UdpSender&&) noexcept = default;
 
 absl::StatusOr<UdpSender> UdpSender::open(const std::string& to) {
-    const std::size_t colon = to.rfind(':');
-    int port = 0;
-    const char* const end = to.data() + to.size();
-    if (colon == std::string::npos || colon == 0 ||
-        std::from_chars(to.data() + colon + 1, end, port).ptr != end || port < 1 || port > 65535)
+    const auto address = parse_host_port(to);
+    if (!address || address->port == 0)
         return absl::InvalidArgumentError(
-            fmt::format("\"{}\" is no HOST:PORT; give one, 127.0.0.1:39539 say", to));
+            fmt::format("\"{}\" is not HOST:PORT; give an address such as 127.0.0.1:39539", to));
     auto socket = std::make_unique<Socket>();
     boost::system::error_code error;
-    std::string host = to.substr(0, colon);
-    if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);  // IPv6
-    const auto found = udp::resolver(socket->io).resolve(host, std::to_string(port), error);
+    const auto found = udp::resolver(socket->io).resolve(address->host, std::to_string(address->port), error);
     if (error || found.empty())
-        return absl::NotFoundError(
-            fmt::format("{} is not known in this network ({}); give an address", host, error.message()));
+        return absl::NotFoundError(fmt::format("host {} cannot be resolved ({}); give an IP address",
+                                               address->host, error.message()));
     socket->to = found.begin()->endpoint();
     socket->socket.open(socket->to.protocol(), error);
     if (!error) socket->socket.set_option(udp::socket::broadcast(true), error);
@@ -48,7 +44,7 @@ absl::StatusOr<UdpSender> UdpSender::open(const std::string& to) {
 void UdpSender::send(std::span<const char> datagram) {
     boost::system::error_code error;
     socket_->socket.send_to(boost::asio::buffer(datagram.data(), datagram.size()), socket_->to, 0, error);
-    ++(error ? dropped_ : sent_);  // nobody listening shows as an error, too, and passes
+    ++(error ? dropped_ : sent_);  // also an error while no receiver listens
 }
 
 }  // namespace kinevox::bridge

@@ -1,5 +1,4 @@
-// Datagrams to one address. What cannot be sent at once is dropped and counted: the next pose is better than
-// an old one.
+// Datagrams to one address. One that cannot be sent immediately is dropped and counted.
 #pragma once
 
 #include <absl/status/statusor.h>

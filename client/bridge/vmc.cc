@@ -7,6 +7,8 @@
 #include <optional>
 #include <string_view>
 
+#include "common/body_table.h"
+
 namespace kinevox::bridge {
 namespace {
 
@@ -25,29 +27,15 @@ struct Quat {
 
 enum class Rest { kSame, kLeftArm, kRightArm };
 
-struct Mapped {
-    std::string_view segment;
-    const char* bone;
-    Rest rest, parent_rest;
-};
-constexpr Mapped kBones[] = {{"pelvis", "Hips", Rest::kSame, Rest::kSame},
-                             {"thorax", "Spine", Rest::kSame, Rest::kSame},
-                             {"head", "Head", Rest::kSame, Rest::kSame},
-                             {"thigh_l", "LeftUpperLeg", Rest::kSame, Rest::kSame},
-                             {"shank_l", "LeftLowerLeg", Rest::kSame, Rest::kSame},
-                             {"foot_l", "LeftFoot", Rest::kSame, Rest::kSame},
-                             {"upper_arm_l", "LeftUpperArm", Rest::kLeftArm, Rest::kSame},
-                             {"forearm_l", "LeftLowerArm", Rest::kLeftArm, Rest::kLeftArm},
-                             {"hand_l", "LeftHand", Rest::kLeftArm, Rest::kLeftArm},
-                             {"thigh_r", "RightUpperLeg", Rest::kSame, Rest::kSame},
-                             {"shank_r", "RightLowerLeg", Rest::kSame, Rest::kSame},
-                             {"foot_r", "RightFoot", Rest::kSame, Rest::kSame},
-                             {"upper_arm_r", "RightUpperArm", Rest::kRightArm, Rest::kSame},
-                             {"forearm_r", "RightLowerArm", Rest::kRightArm, Rest::kRightArm},
-                             {"hand_r", "RightHand", Rest::kRightArm, Rest::kRightArm}};
+// Of a segment, which kVmcBoneNames gives its bone.
+Rest rest_of(int segment) {
+    if (segment == kUpperArmL || segment == kForearmL || segment == kHandL) return Rest::kLeftArm;
+    if (segment == kUpperArmR || segment == kForearmR || segment == kHandR) return Rest::kRightArm;
+    return Rest::kSame;
+}
 
-// Kinevox's body rests with hanging arms, palms towards the thighs; a humanoid in the T-pose. segment from
-// bone: a quarter turn about x, which leads the arm that points aside down.
+// At rest the body model stands with hanging arms, palms towards the thighs; a humanoid in the T-pose.
+// segment from bone: a quarter turn about x, which rotates the T-pose's arm down.
 Quat segment_from_bone(Rest rest) {
     const double half = std::sqrt(0.5);
     switch (rest) {
@@ -61,7 +49,7 @@ Quat segment_from_bone(Rest rest) {
     return {};
 }
 
-// From x forward, y left, z up, right-handed. The mirror turns a rotation's sense round.
+// From x forward, y left, z up, right-handed. The reflection inverts the sense of rotations.
 Vec3 to_vmc(const Vec3& v) {
     return {-v.y, v.z, v.x};
 }
@@ -82,7 +70,7 @@ std::string datagram(const auto& write) {
 
 std::vector<VmcBone> vmc_bones(const v1::Pose& pose) {
     std::map<std::string_view, Quat> parent_from_segment;
-    for (const v1::SegmentOrientation& s : pose.segments())
+    for (const v1::SegmentOrientation& s : pose.segment_orientations())
         if (s.has_parent_from_segment()) {
             const v1::Quaternion& q = s.parent_from_segment();
             parent_from_segment[s.name()] = {q.w(), q.x(), q.y(), q.z()};
@@ -94,12 +82,14 @@ std::vector<VmcBone> vmc_bones(const v1::Pose& pose) {
                         joint.position_in_world().z()};
     std::vector<VmcBone> bones;
     if (!root) return bones;
-    for (const Mapped& m : kBones) {
-        const auto found = parent_from_segment.find(m.segment);
+    for (int segment = 0; segment < kBodySegmentCount; ++segment) {
+        const auto found = parent_from_segment.find(kBodySegmentNames[segment]);
         if (found == parent_from_segment.end()) return {};
+        const Rest parent_rest = segment == kPelvis ? Rest::kSame : rest_of(kBodyParent[segment]);
         const Quat rotation =
-            segment_from_bone(m.parent_rest).conjugate() * found->second * segment_from_bone(m.rest);
-        bones.push_back({m.bone, m.segment == "pelvis" ? to_vmc(*root) : Vec3{}, to_vmc(rotation)});
+            segment_from_bone(parent_rest).conjugate() * found->second * segment_from_bone(rest_of(segment));
+        bones.push_back(
+            {kVmcBoneNames[segment].data(), segment == kPelvis ? to_vmc(*root) : Vec3{}, to_vmc(rotation)});
     }
     return bones;
 }

@@ -11,7 +11,7 @@
 
 namespace kinevox::bridge {
 
-// Usual for what receives VMC.
+// The default port of VMC receivers.
 inline constexpr int kVmcPort = 39539;
 
 // x to the right, y up, z forward: left-handed, as VMC and Unity have it.
@@ -25,7 +25,7 @@ struct VmcBone {
 // Kinevox's +x looks along the receiver's +z.
 std::vector<VmcBone> vmc_bones(const v1::Pose& pose);
 
-// Datagrams of at most 1472 bytes, so that no network cuts them: state and time, then the bones. No pose:
+// Datagrams of at most 1472 bytes, below the MTU of Ethernet: state and time, then the bones. No pose:
 // /VMC/Ext/OK 0.
 std::vector<std::string> vmc_datagrams(const v1::Pose* pose, double time_s);
 

@@ -1,4 +1,4 @@
-// A verb of a verb, such as `kinevox poses list`.
+// A subcommand, such as `kinevox status` or `kinevox poses list`.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -8,15 +8,14 @@
 
 namespace kinevox::cli {
 
-// Adds it with the options that all verbs take; when it is called, `act` is what runs, with `options` as
-// parsed.
+// Adds it to the app or to a group; when it is parsed, `act` is what runs, with `options` as parsed.
 template <class Options>
-CLI::App* add_action(CLI::App& verb, Common& common, Run& run, const std::shared_ptr<Options>& options,
-                     const char* name, const char* help, absl::Status (*act)(const Common&, const Options&)) {
-    CLI::App* action = verb.add_subcommand(name, help);
-    add_common_options(*action, common);
+CLI::App* add_action(CLI::App& parent, GlobalOptions& global, Run& run,
+                     const std::shared_ptr<Options>& options, const char* name, const char* help,
+                     absl::Status (*act)(const GlobalOptions&, const Options&)) {
+    CLI::App* action = parent.add_subcommand(name, help);
     action->callback(
-        [&common, &run, options, act] { run = [&common, options, act] { return act(common, *options); }; });
+        [&global, &run, options, act] { run = [&global, options, act] { return act(global, *options); }; });
     return action;
 }
 

@@ -1,4 +1,4 @@
-// `kinevox body`: the size of the person that the daemon measures.
+// `kinevox body`: the subject's body model.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -7,68 +7,83 @@
 
 #include "client/cli/action.h"
 #include "client/cli/json.h"
-#include "client/cli/verbs.h"
+#include "client/cli/table.h"
+#include "common/proto_time.h"
 
 namespace kinevox::cli {
 namespace {
 
 struct BodyOptions {
-    std::string name = default_operator_name();
-    double seconds = 0;
+    std::string operator_name = default_operator_name();
+    double duration_s = 0;
+    std::uint32_t subject_id = 0;
 };
 
-std::string progress_text(const v1::WatchBodyResponse& progress) {
-    std::string out = short_name(*v1::BodyFitState_descriptor()->FindValueByNumber(progress.state()));
-    if (progress.state() == v1::BODY_FIT_STATE_COLLECTING || progress.state() == v1::BODY_FIT_STATE_FITTING)
-        out += fmt::format(" {:.0f} %", 100 * progress.part());
-    return progress.message().empty() ? out : out + ": " + progress.message();
+std::string progress_text(const v1::SubjectBody& body) {
+    std::string out = short_name(*v1::BodyFitState_descriptor()->FindValueByNumber(body.state()));
+    if (body.subject_id() > 0) out = fmt::format("subject {}: {}", body.subject_id(), out);
+    if (body.state() == v1::BODY_FIT_STATE_COLLECTING || body.state() == v1::BODY_FIT_STATE_FITTING)
+        out += fmt::format(" {:.0f} %", 100 * body.progress());
+    return body.message().empty() ? out : out + ": " + body.message();
 }
 
-std::string measure_text(const v1::BodyMeasure& measure, const char* what) {
-    std::string out = fmt::format("{:<8}{:<22}{:7.1f} cm", what, measure.name(), 100 * measure.value_m());
-    return measure.has_std_m() ? out + fmt::format("  +- {:.1f}", 100 * measure.std_m()) : out;
+std::string body_text(const v1::Body& body) {
+    Table table({"kind", "name", ">cm", ">std"});
+    const auto add = [&](const char* kind, const v1::BodyMeasurement& measurement) {
+        table.add({kind, measurement.name(), fmt::format("{:.1f}", 100 * measurement.value_m()),
+                   measurement.has_std_m() ? fmt::format("{:.1f}", 100 * measurement.std_m()) : "-"});
+    };
+    add("", body.stature());
+    for (const v1::BodyMeasurement& length : body.lengths()) add("length", length);
+    for (const v1::BodyMeasurement& girth : body.girths()) add("girth", girth);
+    return table.text();
 }
 
-void print_body(const v1::Body& body) {
-    print_line(measure_text(body.stature(), ""));
-    for (const v1::BodyMeasure& length : body.lengths()) print_line(measure_text(length, "length"));
-    for (const v1::BodyMeasure& girth : body.girths()) print_line(measure_text(girth, "girth"));
-}
-
-absl::Status run_show(const Common& common, const BodyOptions&) {
+absl::Status run_show(const GlobalOptions& global, const BodyOptions&) {
     client::StreamOptions stream;
-    stream.max_silence = common.client_options().timeout;
-    return client::Client(common.client_options())
+    stream.idle_timeout = global.client_options().timeout;
+    return client::Client(global.client_options())
         .watch_body(
-            [&](const v1::WatchBodyResponse& progress) {
-                if (common.json) return print_line(to_json(progress).dump()), false;
-                print_line(progress_text(progress));
-                print_body(progress.body());
+            [&](const v1::WatchBodyResponse& response) {
+                if (global.json) return print_line(to_json(response).dump()), false;
+                for (const v1::SubjectBody& subject : response.subjects()) {
+                    print_line(progress_text(subject));
+                    print_line(body_text(subject.body()));
+                }
                 return false;
             },
             stream);
 }
 
-absl::Status run_fit(const Common& common, const BodyOptions& options) {
-    constexpr std::chrono::seconds kMaxSilence{
-        90};  // while nobody steps in, or other work leaves no processor
-    client::Client client(common.client_options());
+// The body that is fitted: the requested one, or the only one.
+const v1::SubjectBody* fitted_body(const v1::WatchBodyResponse& response, std::uint32_t subject_id) {
+    for (const v1::SubjectBody& subject : response.subjects())
+        if (subject_id == 0 || subject.subject_id() == subject_id) return &subject;
+    return nullptr;
+}
+
+absl::Status run_fit(const GlobalOptions& global, const BodyOptions& options) {
+    // While no subject is there, or other work occupies the processor.
+    constexpr std::chrono::seconds kIdleTimeout{90};
+    client::Client client(global.client_options());
     v1::FitBodyRequest request;
-    request.set_seconds(options.seconds);
-    if (absl::Status begun = client.fit_body(options.name, request); !begun.ok()) return begun;
+    request.set_subject_id(options.subject_id);
+    if (options.duration_s != 0) *request.mutable_duration() = duration_from_s(options.duration_s);
+    if (absl::Status begun = client.fit_body(options.operator_name, request); !begun.ok()) return begun;
     client::StreamOptions stream;
     stream.stop = stop_on_signals();
-    stream.max_silence = std::max<std::chrono::milliseconds>(kMaxSilence, common.client_options().timeout);
+    stream.idle_timeout = std::max<std::chrono::milliseconds>(kIdleTimeout, global.client_options().timeout);
     absl::Status failed;
     const absl::Status status = client.watch_body(
-        [&](const v1::WatchBodyResponse& progress) {
-            const bool over =
-                progress.state() == v1::BODY_FIT_STATE_READY || progress.state() == v1::BODY_FIT_STATE_FAILED;
-            if (progress.state() == v1::BODY_FIT_STATE_FAILED)
-                failed = absl::FailedPreconditionError(progress.message());
-            const bool read = print_line(common.json ? to_json(progress).dump() : progress_text(progress));
-            if (progress.state() == v1::BODY_FIT_STATE_READY && !common.json) print_body(progress.body());
-            return read && !over;
+        [&](const v1::WatchBodyResponse& response) {
+            const v1::SubjectBody* const body = fitted_body(response, options.subject_id);
+            if (!body) return true;
+            const bool ready = body->state() == v1::BODY_FIT_STATE_READY;
+            if (body->state() == v1::BODY_FIT_STATE_FAILED)
+                failed = absl::FailedPreconditionError(body->message());
+            const bool read = print_line(global.json ? to_json(response).dump() : progress_text(*body));
+            if (ready && !global.json) print_line(body_text(body->body()));
+            return read && !ready && failed.ok();
         },
         stream);
     if (!failed.ok()) return failed;
@@ -77,22 +92,19 @@ absl::Status run_fit(const Common& common, const BodyOptions& options) {
 
 }  // namespace
 
-void add_body_verb(CLI::App& app, Common& common, Run& run) {
+void add_body_verb(CLI::App& app, GlobalOptions& global, Run& run) {
     const auto options = std::make_shared<BodyOptions>();
-    CLI::App* body = app.add_subcommand("body", "The size of the person that is measured");
+    CLI::App* body = app.add_subcommand("body", "Show or fit the subject's body model");
     body->require_subcommand(1);
-    const auto add = [&](const char* name, const char* help,
-                         absl::Status (*act)(const Common&, const BodyOptions&)) {
-        return add_action(*body, common, run, options, name, help, act);
-    };
-    add("show", "The body in use: lengths and girths, with their uncertainty where they were fitted",
-        run_show);
+    add_action(*body, global, run, options, "show",
+               "Show the active body: lengths and girths with their uncertainty", run_show);
     CLI::App* fit =
-        add("fit", "Fit it to who stands in the space, at best in a T-pose (takes control for the moment)",
-            run_fit);
-    fit->add_option("--seconds", options->seconds, "Of pictures to fit it to, 1 to 30; 0: 4")
+        add_action(*body, global, run, options, "fit",
+                   "Fit the body model to the subject, ideally in a T-pose (acquires control)", run_fit);
+    fit->add_option("--duration", options->duration_s, "Capture time to fit to (s, 1 to 30; default 4)")
         ->check(CLI::Range(0.0, 30.0));
-    fit->add_option("--name", options->name, "Under which name control is taken")->capture_default_str();
+    fit->add_option("--subject", options->subject_id, "Subject to fit (id; default: the only one)");
+    add_operator_option(*fit, options->operator_name);
 }
 
 }  // namespace kinevox::cli

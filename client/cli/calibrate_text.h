@@ -8,17 +8,15 @@
 
 namespace kinevox::cli {
 
-std::string verdict_text(v1::Verdict verdict);  // "NO-GO"; "-" where nobody has judged
-// The verdict and its findings, then a table of the cameras.
+std::string verdict_text(v1::Verdict verdict);  // "NO-GO"; "-" where it was not judged
+// The verdict and its findings, then a table of the cameras; no newline at the end.
 std::string certificate_text(const v1::Certificate& certificate);
 
-bool is_open(const v1::WatchProcedureResponse& progress);
-
-// A procedure's progress: a line on standard output whenever what to do next has changed, at most once in two
-// seconds; between them, where standard error is a terminal, one line there that is drawn over and over.
+// A procedure's progress: a line on standard output whenever the next hint changes, at most once in two
+// seconds; where standard error is a terminal, a line there that is redrawn.
 class ProcedureText {
   public:
-    // False when nobody reads standard output any more.
+    // False when nothing reads standard output any more.
     bool print(const v1::WatchProcedureResponse& progress);
 
   private:

@@ -1,69 +1,66 @@
+// `kinevox start`, `stop` and `learn-background`.
 #include <CLI/CLI.hpp>
+#include <cstdio>
+#include <nlohmann/json.hpp>
 
-#include "client/cli/verbs.h"
+#include "client/cli/action.h"
+#include "common/progress_line.h"
 
 namespace kinevox::cli {
 namespace {
 
 struct ControlOptions {
-    std::string name = default_operator_name();
+    std::string operator_name = default_operator_name();
     int frames = 0;
 };
 
-absl::Status report(const Common& common, const absl::Status& status, const std::string& done) {
-    if (status.ok()) print_line(common.json ? "{\"done\":\"" + done + "\"}" : done);
+absl::Status report(const GlobalOptions& global, const absl::Status& status, const std::string& done) {
+    if (status.ok()) print_line(global.json ? nlohmann::ordered_json({{"done", done}}).dump() : done);
     return status;
 }
 
-void add_name(CLI::App& verb, ControlOptions& options) {
-    verb.add_option("--name", options.name, "Under which name control is taken")->capture_default_str();
+absl::Status run_start(const GlobalOptions& global, const ControlOptions& options) {
+    ProgressLine line(global.json);
+    line.draw("starting the capture ...");
+    const absl::Status started = client::Client(global.client_options()).start(options.operator_name);
+    line.clear();
+    return report(global, started, "started");
+}
+
+absl::Status run_stop(const GlobalOptions& global, const ControlOptions& options) {
+    return report(global, client::Client(global.client_options()).stop(options.operator_name), "stopped");
+}
+
+absl::Status run_learn(const GlobalOptions& global, const ControlOptions& options) {
+    // Learning takes as long as its frames last; 10 per second is slow for a camera.
+    const std::chrono::milliseconds timeout = global.client_options().timeout + std::chrono::seconds(20) +
+                                              options.frames * std::chrono::milliseconds(100);
+    ProgressLine line(global.json);
+    line.draw("learning the background ...");
+    const absl::Status learned = client::Client(global.client_options())
+                                     .learn_background(options.operator_name, options.frames, timeout);
+    line.clear();
+    return report(global, learned, "learned");
 }
 
 }  // namespace
 
-void add_control_verbs(CLI::App& app, Common& common, Run& run) {
+void add_control_verbs(CLI::App& app, GlobalOptions& global, Run& run) {
     const auto options = std::make_shared<ControlOptions>();
-
-    CLI::App* start = app.add_subcommand("start", "Start capturing (takes control for the moment)");
-    add_common_options(*start, common);
-    add_name(*start, *options);
-    start->callback([&, options] {
-        run = [&common, options] {
-            return report(common, client::Client(common.client_options()).start(options->name), "started");
-        };
-    });
-
-    CLI::App* stop = app.add_subcommand("stop", "Stop capturing (takes control for the moment)");
-    add_common_options(*stop, common);
-    add_name(*stop, *options);
-    stop->callback([&, options] {
-        run = [&common, options] {
-            return report(common, client::Client(common.client_options()).stop(options->name), "stopped");
-        };
-    });
-
-    CLI::App* learn =
-        app.add_subcommand("learn-background", "Learn the empty scene anew (takes control for the moment)");
-    add_common_options(*learn, common);
-    add_name(*learn, *options);
-    learn
-        ->add_option(
-            "--frames", options->frames,
-            "Live frame sets to learn from, nobody in the scene; 0: the source's own clip, capture stopped")
+    const auto add = [&](const char* name, const char* help,
+                         absl::Status (*act)(const GlobalOptions&, const ControlOptions&)) {
+        CLI::App* command = add_action(app, global, run, options, name, help, act);
+        add_operator_option(*command, options->operator_name);
+        return command;
+    };
+    add("start", "Start the capture (acquires control)", run_start);
+    add("stop", "Stop the capture (acquires control)", run_stop);
+    add("learn-background", "Relearn the background (acquires control)", run_learn)
+        ->add_option("--frames", options->frames,
+                     "Live frame sets to learn from, scene empty (0: the source's background clip; capture "
+                     "stopped)")
         ->check(CLI::Range(0, 1000))
         ->capture_default_str();
-    learn->callback([&, options] {
-        run = [&common, options] {
-            // Learning takes as long as its frames last; ten a second is slow for a camera.
-            const std::chrono::milliseconds timeout = common.client_options().timeout +
-                                                      std::chrono::seconds(20) +
-                                                      options->frames * std::chrono::milliseconds(100);
-            return report(common,
-                          client::Client(common.client_options())
-                              .learn_background(options->name, options->frames, timeout),
-                          "learned");
-        };
-    });
 }
 
 }  // namespace kinevox::cli

@@ -1,50 +1,60 @@
+// `kinevox events`.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <ctime>
 
+#include "client/cli/action.h"
 #include "client/cli/json.h"
-#include "client/cli/verbs.h"
 
 namespace kinevox::cli {
 namespace {
 
 struct EventsOptions {
-    int past = 20;
+    int history = 20;
     int count = 0;  // 0: until stopped
     bool reconnect = false;
 };
 
-std::string event_text(const v1::WatchEventsResponse& event) {
-    const std::time_t seconds = event.time_ns() / 1'000'000'000;
+std::string event_text(const v1::WatchEventsResponse& response) {
+    const v1::Event& event = response.event();
+    const std::time_t seconds = event.event_time().seconds();
     std::tm utc{};
     gmtime_r(&seconds, &utc);
     char time[32] = "";
     std::strftime(time, sizeof time, "%Y-%m-%dT%H:%M:%S", &utc);
-    std::string out = fmt::format("{}.{:03}Z {:<18} ", time, event.time_ns() / 1'000'000 % 1000,
+    std::string out = fmt::format("{}.{:03}Z {:<24} ", time, event.event_time().nanos() / 1'000'000,
                                   short_name(*v1::EventKind_descriptor()->FindValueByNumber(event.kind())));
     if (event.sequence() > 0) out += fmt::format("frame {} ", event.sequence());
     if (!event.camera().empty()) out += event.camera() + " ";
-    if (event.missed() > 0) out += fmt::format("({} events missed) ", event.missed());
+    if (event.subject_id() > 0) out += fmt::format("subject {} ", event.subject_id());
+    if (response.missed_count() > 0) out += fmt::format("({} events missed) ", response.missed_count());
     return out + event.message();
 }
 
-absl::Status run_events(const Common& common, const EventsOptions& options) {
+// The event's fields, and how many were missed before it.
+std::string event_json(const v1::WatchEventsResponse& response) {
+    nlohmann::ordered_json out = to_json(response.event());
+    out["missed_count"] = response.missed_count();
+    return out.dump();
+}
+
+absl::Status run_events(const GlobalOptions& global, const EventsOptions& options) {
     client::StreamOptions stream;
     stream.stop = stop_on_signals();
     stream.reconnect = options.reconnect;
     stream.on_reconnect = [](const absl::Status& why) {
-        fmt::print(stderr, "kinevox: {}; trying again\n", std::string(why.message()));
+        fmt::print(stderr, "kinevox: {}; reconnecting\n", std::string(why.message()));
     };
     v1::WatchEventsRequest request;
-    request.set_past(options.past);
+    request.set_history_count(options.history);
     int shown = 0;
     const absl::Status status =
-        client::Client(common.client_options())
+        client::Client(global.client_options())
             .watch_events(
                 request,
                 [&](const v1::WatchEventsResponse& event) {
-                    const bool read = print_line(common.json ? to_json(event).dump() : event_text(event));
+                    const bool read = print_line(global.json ? event_json(event) : event_text(event));
                     return read && ++shown != options.count;
                 },
                 stream);
@@ -53,17 +63,16 @@ absl::Status run_events(const Common& common, const EventsOptions& options) {
 
 }  // namespace
 
-void add_events_verb(CLI::App& app, Common& common, Run& run) {
+void add_events_verb(CLI::App& app, GlobalOptions& global, Run& run) {
     const auto options = std::make_shared<EventsOptions>();
-    CLI::App* events = app.add_subcommand("events", "Events as they happen, the last few first");
-    add_common_options(*events, common);
-    events->add_option("--past", options->past, "So many from before")
+    CLI::App* events =
+        add_action(app, global, run, options, "events", "Show events as they happen", run_events);
+    events->add_option("--history", options->history, "Number of past events shown first")
         ->check(CLI::Range(0, 100))
         ->capture_default_str();
-    events->add_option("--count", options->count, "Events to show, 0: until stopped")
+    events->add_option("--count", options->count, "Number of events to show (0: until stopped)")
         ->check(CLI::NonNegativeNumber);
-    events->add_flag("--reconnect", options->reconnect, "Wait for the daemon when it goes away");
-    events->callback([&, options] { run = [&common, options] { return run_events(common, *options); }; });
+    events->add_flag("--reconnect", options->reconnect, "Reconnect when the daemon becomes unavailable");
 }
 
 }  // namespace kinevox::cli

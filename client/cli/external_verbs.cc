@@ -57,10 +57,11 @@ std::vector<std::string> external_verbs() {
     return {found.begin(), found.end()};
 }
 
-std::string run_external_verb(const fs::path& program, char** arguments) {
-    std::string name = program.string();
-    arguments[0] = name.data();
-    execv(program.c_str(), arguments);
+std::string run_external_verb(const fs::path& program, std::vector<std::string> arguments) {
+    std::vector<char*> argv;
+    for (std::string& argument : arguments) argv.push_back(argument.data());
+    argv.push_back(nullptr);
+    execv(program.c_str(), argv.data());
     return "cannot start " + program.string() + ": " + std::generic_category().message(errno);
 }
 

@@ -1,5 +1,5 @@
-// `kinevox VERB` starts the program kinevox-VERB, as git does: the tools that need the pipeline but no daemon
-// live there, so that this client needs neither OpenCV nor the kernels.
+// `kinevox COMMAND` starts the program kinevox-COMMAND, as git does: the tools that need the pipeline but no
+// daemon are programs of their own, so that this client needs neither OpenCV nor the kernels.
 #pragma once
 
 #include <filesystem>
@@ -9,14 +9,13 @@
 
 namespace kinevox::cli {
 
-// Looked for beside this executable, in ../lib/kinevox, where the build tree has it, then on PATH.
+// Searched for next to this executable, in ../lib/kinevox, where the build tree has it, then on PATH.
 std::optional<std::filesystem::path> find_external_verb(const std::string& verb);
 
 // Their names without "kinevox-", sorted.
 std::vector<std::string> external_verbs();
 
-// Replaces this process; arguments[0] (the verb) becomes the program's path. Returns only if that fails, with
-// the reason.
-std::string run_external_verb(const std::filesystem::path& program, char** arguments);
+// Replaces this process. Returns only if that fails, with the reason.
+std::string run_external_verb(const std::filesystem::path& program, std::vector<std::string> arguments);
 
 }  // namespace kinevox::cli

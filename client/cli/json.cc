@@ -1,17 +1,30 @@
 #include "client/cli/json.h"
 
+#include <google/protobuf/util/time_util.h>
+
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+
+#include "common/proto_time.h"
 
 namespace kinevox::cli {
 namespace {
 
 namespace pb = google::protobuf;
+using pb::util::TimeUtil;
 using Json = nlohmann::ordered_json;
 
-Json number(double value) {
-    return std::isfinite(value) ? Json(value) : Json(nullptr);
+bool is_duration(const pb::FieldDescriptor& field) {
+    return field.message_type() && field.message_type()->full_name() == "google.protobuf.Duration";
+}
+
+Json message_value(const pb::Message& message) {
+    if (const auto* duration = pb::DynamicCastToGenerated<const pb::Duration>(&message))
+        return number_or_null(to_seconds(*duration));
+    if (const auto* time = pb::DynamicCastToGenerated<const pb::Timestamp>(&message))
+        return TimeUtil::ToString(*time);
+    return to_json(message);
 }
 
 // One value: of a singular field, or the index-th of a repeated one (index >= 0).
@@ -32,9 +45,9 @@ Json value_of(const pb::Message& message, const pb::FieldDescriptor& field, int 
         case pb::FieldDescriptor::CPPTYPE_UINT64:
             return pick(&R::GetUInt64, &R::GetRepeatedUInt64);
         case pb::FieldDescriptor::CPPTYPE_DOUBLE:
-            return number(pick(&R::GetDouble, &R::GetRepeatedDouble));
+            return number_or_null(pick(&R::GetDouble, &R::GetRepeatedDouble));
         case pb::FieldDescriptor::CPPTYPE_FLOAT:
-            return number(pick(&R::GetFloat, &R::GetRepeatedFloat));
+            return number_or_null(pick(&R::GetFloat, &R::GetRepeatedFloat));
         case pb::FieldDescriptor::CPPTYPE_BOOL:
             return pick(&R::GetBool, &R::GetRepeatedBool);
         case pb::FieldDescriptor::CPPTYPE_ENUM:
@@ -44,8 +57,8 @@ Json value_of(const pb::Message& message, const pb::FieldDescriptor& field, int 
             return field.type() == pb::FieldDescriptor::TYPE_BYTES ? Json(text.size()) : Json(text);
         }
         case pb::FieldDescriptor::CPPTYPE_MESSAGE:
-            return to_json(index >= 0 ? get.GetRepeatedMessage(message, &field, index)
-                                      : get.GetMessage(message, &field));
+            return message_value(index >= 0 ? get.GetRepeatedMessage(message, &field, index)
+                                            : get.GetMessage(message, &field));
     }
     return nullptr;
 }
@@ -63,13 +76,17 @@ std::string short_name(const pb::EnumValueDescriptor& value) {
     return name;
 }
 
+Json number_or_null(double value) {
+    return std::isfinite(value) ? Json(value) : Json(nullptr);
+}
+
 Json to_json(const pb::Message& message) {
     Json out = Json::object();
     const pb::Descriptor& type = *message.GetDescriptor();
     for (int i = 0; i < type.field_count(); ++i) {
         const pb::FieldDescriptor& field = *type.field(i);
         if (!field.is_repeated()) {
-            out[field.name()] = value_of(message, field, -1);
+            out[field.name() + (is_duration(field) ? "_s" : "")] = value_of(message, field, -1);
             continue;
         }
         Json list = Json::array();

@@ -13,31 +13,36 @@ client::StreamOptions LineStreamOptions::stream() const {
     client::StreamOptions stream;
     stream.stop = stop_on_signals();
     stream.reconnect = reconnect;
-    stream.max_silence = std::chrono::milliseconds(static_cast<std::int64_t>(max_silence_s * 1000));
+    stream.idle_timeout = std::chrono::milliseconds(static_cast<std::int64_t>(idle_timeout_s * 1000));
     stream.on_reconnect = [](const absl::Status& why) {
-        fmt::print(stderr, "kinevox: {}; trying again\n", std::string(why.message()));
+        fmt::print(stderr, "kinevox: {}; reconnecting\n", std::string(why.message()));
     };
     return stream;
 }
 
-void add_line_stream_options(CLI::App& verb, LineStreamOptions& options, std::vector<std::string> formats,
+void add_line_stream_options(CLI::App& command, LineStreamOptions& options, std::vector<std::string> formats,
                              const std::string& out_help) {
     formats.insert(formats.begin(), {"jsonl", "csv"});
-    verb.add_option("--format", options.format, "What is written of each message")
+    command.add_option("--format", options.format, "Output format")
         ->check(CLI::IsMember(formats))
         ->capture_default_str();
-    verb.add_option("--out", options.out, out_help);
-    verb.add_option("--frames", options.frames, "Messages, 0: until stopped")->check(CLI::NonNegativeNumber);
-    verb.add_flag("--lossless", options.lossless, "Every result, none missed");
-    verb.add_option("--rate", options.rate_hz, "Messages a second at most")->check(CLI::NonNegativeNumber);
-    verb.add_option("--longest-silence", options.max_silence_s,
-                    "Give up after so many seconds without a message; 0: wait")
+    command.add_option("--out", options.out, out_help);
+    add_overwrite_option(command, options.overwrite);
+    command.add_option("--frames", options.frames, "Number of messages (0: until stopped)")
         ->check(CLI::NonNegativeNumber);
-    verb.add_flag("--reconnect", options.reconnect, "Wait for the daemon when it goes away");
+    command.add_flag("--lossless", options.lossless, "Deliver every result in order");
+    command.add_option("--max-rate", options.max_rate_hz, "Maximum rate (Hz; 0: no limit)")
+        ->check(CLI::NonNegativeNumber);
+    command
+        .add_option("--idle-timeout", options.idle_timeout_s,
+                    "Give up after this time without a message (s; 0: wait for ever)")
+        ->check(CLI::NonNegativeNumber);
+    command.add_flag("--reconnect", options.reconnect, "Reconnect when the daemon becomes unavailable");
 }
 
-absl::StatusOr<LineWriter> LineWriter::open(const std::filesystem::path& file) {
+absl::StatusOr<LineWriter> LineWriter::open(const std::filesystem::path& file, bool overwrite) {
     if (file.empty()) return LineWriter(nullptr, {});
+    if (absl::Status free = check_overwrite(overwrite, file.string()); !free.ok()) return free;
     std::FILE* opened = std::fopen(file.c_str(), "w");
     if (!opened)
         return absl::UnavailableError(fmt::format("cannot write {}: {}; choose another --out", file.string(),
@@ -62,7 +67,7 @@ absl::Status LineWriter::close() {
     if (!file) return absl::OkStatus();
     const bool failed = std::ferror(file) != 0;
     if (std::fclose(file) == 0 && !failed) return absl::OkStatus();
-    return absl::UnavailableError(fmt::format("cannot write {}: is the disk full?", name_.string()));
+    return absl::UnavailableError(fmt::format("cannot write {}: check the free disk space", name_.string()));
 }
 
 }  // namespace kinevox::cli

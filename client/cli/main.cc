@@ -1,4 +1,4 @@
-// kinevox: the daemon's command line, and the door to the tools that need none.
+// kinevox: the command line of the daemon, and the entry to the local tools.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <grpc/support/log.h>
@@ -6,27 +6,56 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <csignal>
-#include <cstdio>
 
 #include "client/cli/calibrate_verb.h"
-#include "client/cli/export_verb.h"
 #include "client/cli/external_verbs.h"
 #include "client/cli/verbs.h"
+#include "common/command_line.h"
 
 namespace {
 
 using namespace kinevox::cli;
 
-int fail(std::string message) {
-    for (char& c : message)
-        if (c == '\n') c = ' ';
-    fmt::print(stderr, "kinevox: {}\n", message);
-    return 1;
+// The words of the command line, taken apart without parsing: which program runs is decided by the command's
+// name alone.
+struct CommandWords {
+    std::vector<std::string> before;   // global options before the command, with their values
+    std::vector<std::string> command;  // "record", "start"
+    std::vector<std::string> after;    // what follows the first word of the command
+};
+
+CommandWords split_command(const CLI::App& app, const std::vector<std::string>& words) {
+    CommandWords out;
+    std::size_t i = 0;
+    for (; i < words.size() && words[i].starts_with('-'); ++i) {
+        out.before.push_back(words[i]);
+        const CLI::Option* const option = app.get_option_no_throw(words[i]);
+        if (option && option->get_expected_min() > 0 && i + 1 < words.size())
+            out.before.push_back(words[++i]);
+    }
+    if (i == words.size()) return out;
+    out.command.push_back(words[i]);
+    out.after.assign(words.begin() + static_cast<std::ptrdiff_t>(i) + 1, words.end());
+    for (++i; i < words.size(); ++i) {
+        if (const CLI::Option* const option = app.get_option_no_throw(words[i])) {
+            i += option->get_expected_min() > 0;
+        } else if (!words[i].starts_with('-')) {
+            out.command.push_back(words[i]);
+            break;
+        }
+    }
+    return out;
 }
 
-bool is_own_verb(CLI::App& app, const std::string& verb) {
-    const auto own = app.get_subcommands([&](const CLI::App* sub) { return sub->get_name() == verb; });
-    return !own.empty();
+bool is_own_command(const CLI::App& app, const std::string& name) {
+    return !app.get_subcommands([&](const CLI::App* sub) { return sub->get_name() == name; }).empty();
+}
+
+int run_external(const std::filesystem::path& program, const CommandWords& words) {
+    std::vector<std::string> arguments{program.string()};
+    arguments.insert(arguments.end(), words.after.begin(), words.after.end());
+    arguments.insert(arguments.end(), words.before.begin(), words.before.end());
+    return kinevox::report_failure("kinevox", run_external_verb(program, arguments));
 }
 
 }  // namespace
@@ -35,47 +64,57 @@ int main(int argc, char** argv) {
     std::signal(SIGPIPE, SIG_IGN);                    // a closed pipe is noticed where it is written to
     gpr_set_log_function([](gpr_log_func_args*) {});  // errors come back as statuses; one line each is enough
 
-    Common common;
+    GlobalOptions global;
     Run run;
-    CLI::App app("Kinevox: markerless motion capture. Talks to a running kinevoxd.", "kinevox");
+    CLI::App app("Kinevox: markerless motion capture. Command line of a running kinevoxd, and local tools.",
+                 "kinevox");
+    add_global_options(app, global);
     app.require_subcommand(1);
     app.set_version_flag("--version", std::string("kinevox ") + KINEVOX_VERSION);
-    app.failure_message([](const CLI::App*, const CLI::Error& error) { return std::string(error.what()); });
-    add_status_verbs(app, common, run);
-    add_control_verbs(app, common, run);
-    add_watch_verb(app, common, run);
-    add_events_verb(app, common, run);
-    add_stream_verb(app, common, run);
-    add_snapshot_verb(app, common, run);
-    add_poses_verb(app, common, run);
-    add_body_verb(app, common, run);
-    add_replay_verb(app, common, run);
-    add_calibrate_verb(app, common, run);
-    add_record_verb(app, common, run);
-    add_export_verb(app, common, run);
+    add_status_verbs(app, global, run);
+    add_control_verbs(app, global, run);
+    add_watch_verb(app, global, run);
+    add_events_verb(app, global, run);
+    add_stream_verb(app, global, run);
+    add_snapshot_verb(app, global, run);
+    add_poses_verb(app, global, run);
+    add_body_verb(app, global, run);
+    add_replay_verb(app, global, run);
+    add_calibrate_verb(app, global, run);
+    add_record_verb(app, global, run);
+    show_global_options_in_help(app);
 
-    // An unknown verb is somebody else's, and so is one that works on files.
-    const std::vector<std::string> rest{argv + std::min(argc, 2), argv + argc};
-    const bool on_files = argc > 1 && ((argv[1] == std::string("calibrate") && !wants_a_daemon(rest)) ||
-                                       (argv[1] == std::string("export") && !exports_recording(rest)));
-    if (argc > 1 && argv[1][0] != '-' && (on_files || !is_own_verb(app, argv[1]))) {
-        if (const auto program = find_external_verb(argv[1]))
-            return fail(run_external_verb(*program, argv + 1));
-        return fail(fmt::format("there is no verb '{}'; see `kinevox --help`", argv[1]));
+    const std::vector<std::string> all_words{argv + std::min(argc, 1), argv + argc};
+    const CommandWords words = split_command(app, all_words);
+    const std::vector<std::string> external = external_verbs();
+    if (!words.command.empty()) {
+        const std::string& name = words.command.front();
+        const bool on_files =
+            name == "calibrate" && words.command.size() > 1 && is_calibrate_file_command(words.command[1]);
+        if (on_files || !is_own_command(app, name))
+            if (const auto program = find_external_verb(name)) return run_external(*program, words);
+        if (on_files)
+            return kinevox::report_failure("kinevox",
+                                           "kinevox-calibrate is not installed; install the server package");
     }
-    if (const auto others = external_verbs(); !others.empty())
-        app.footer(fmt::format("Verbs that need no daemon: {}. `kinevox VERB --help` tells more.",
-                               fmt::join(others, ", ")));
-
+    std::vector<std::string> local;
+    for (const std::string& name : external)
+        if (!is_own_command(app, name)) local.push_back(name);
+    app.footer(fmt::format("{}\n{}",
+                           local.empty()
+                               ? ""
+                               : fmt::format("Local commands (no daemon): {}. See `kinevox COMMAND --help`.",
+                                             fmt::join(local, ", ")),
+                           kinevox::kExitStatusHelp));
     try {
         app.parse(argc, argv);
-        absl::Status status = common.open();
+        absl::Status status = global.open();
         if (status.ok()) status = run();
-        return status.ok() ? 0 : fail(std::string(status.message()));
+        return status.ok() ? 0 : kinevox::report_failure("kinevox", std::string(status.message()));
     } catch (const CLI::ParseError& error) {
         if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
-        return fail(std::string(error.what()) + "; see `kinevox --help`");
+        return kinevox::report_failure("kinevox", kinevox::parse_error_text(app, all_words, error, local));
     } catch (const std::exception& error) {
-        return fail(error.what());
+        return kinevox::report_failure("kinevox", error.what());
     }
 }

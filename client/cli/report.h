@@ -1,4 +1,4 @@
-// What a call answered, for people or for scripts.
+// The response of a call, for people or for scripts.
 #pragma once
 
 #include <absl/status/status.h>
@@ -12,12 +12,12 @@
 
 namespace kinevox::cli {
 
-// As JSON where that is asked for, else the text.
+// As JSON with --json, else the text.
 template <typename Response>
-absl::Status report(const Common& common, const absl::StatusOr<Response>& response,
+absl::Status report(const GlobalOptions& global, const absl::StatusOr<Response>& response,
                     const std::function<std::string(const Response&)>& text) {
     if (!response.ok()) return response.status();
-    print_line(common.json ? to_json(*response).dump() : text(*response));
+    print_line(global.json ? to_json(*response).dump() : text(*response));
     return absl::OkStatus();
 }
 

@@ -2,9 +2,8 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
-
 #include "client/cli/json.h"
+#include "client/cli/table.h"
 
 namespace kinevox::cli {
 namespace {
@@ -14,44 +13,72 @@ std::string state_name(const v1::GetStatusResponse& status) {
 }
 
 std::string stage_table(const v1::GetStatusResponse& status) {
-    std::string out = fmt::format("  {:<14}{:>10}{:>10}   ms\n", "stage", "newest", "median");
-    const auto row = [&](const char* name, double newest, double median) {
-        out += fmt::format("  {:<14}{:>10.2f}{:>10.2f}\n", name, newest, median);
+    std::string out = fmt::format("  {:<14}{:>10}{:>10}   ms\n", "stage", "latest", "median");
+    const auto row = [&](const char* name, double latest, double median) {
+        out += fmt::format("  {:<14}{:>10.2f}{:>10.2f}\n", name, latest, median);
     };
-    const v1::StageTimes& newest = status.newest_times();
-    const v1::StageTimes& median = status.median_times();
-    row("decode", newest.decode_ms(), median.decode_ms());
-    row("segmentation", newest.segmentation_ms(), median.segmentation_ms());
-    row("tracking", newest.tracking_ms(), median.tracking_ms());
-    row("hull", newest.hull_ms(), median.hull_ms());
-    row("colouring", newest.colouring_ms(), median.colouring_ms());
-    if (newest.pose_ms() > 0 || median.pose_ms() > 0) row("pose", newest.pose_ms(), median.pose_ms());
-    row("total", newest.total_ms(), median.total_ms());
+    const v1::StageTimes& latest = status.latest_stage_times();
+    const v1::StageTimes& median = status.median_stage_times();
+    row("decode", latest.decode_ms(), median.decode_ms());
+    row("segmentation", latest.segmentation_ms(), median.segmentation_ms());
+    row("tracking", latest.tracking_ms(), median.tracking_ms());
+    row("hull", latest.hull_ms(), median.hull_ms());
+    row("colouring", latest.colouring_ms(), median.colouring_ms());
+    if (latest.pose_ms() > 0 || median.pose_ms() > 0) row("pose", latest.pose_ms(), median.pose_ms());
+    row("total", latest.total_ms(), median.total_ms());
     return out + fmt::format("  {:<14}{:>10}{:>10.2f}\n", "total, p99", "", status.total_p99_ms());
 }
 
-// Of a live camera: what it lost and how well it keeps time, or why it is not there.
-std::string link_text(const v1::CameraStatus& camera) {
-    if (!camera.has_link()) return "";
-    const v1::CameraLink& link = camera.link();
-    if (!link.problem().empty()) return link.problem();
-    return fmt::format("{} pictures, {} lost, {} in part, {} late; skew {:.1f} ms", link.pictures(),
-                       link.lost(), link.incomplete(), link.late() + link.unmatched(), link.skew_ms());
+// Of a live camera: its losses and synchronisation, or why it is disconnected.
+std::string connection_text(const v1::CameraStatus& camera) {
+    if (!camera.has_connection()) return "";
+    const v1::CameraConnection& connection = camera.connection();
+    if (!connection.error_message().empty()) return connection.error_message();
+    return fmt::format("{} images, {} lost, {} incomplete, {} late; skew {:.1f} ms", connection.image_count(),
+                       connection.lost_image_count(), connection.incomplete_image_count(),
+                       connection.late_image_count() + connection.unmatched_image_count(),
+                       connection.mean_skew_ms());
 }
 
+// One row per camera and subject; one without a subject where none is tracked.
 std::string camera_table(const v1::GetStatusResponse& status) {
-    std::string out;
+    if (status.cameras().empty()) return "";
+    Table table({"camera", ">subject", ">IoU", "use", "connection"});
     for (const v1::CameraStatus& camera : status.cameras()) {
-        const std::string iou =
-            std::isnan(camera.silhouette_iou()) ? "-" : fmt::format("{:.3f}", camera.silhouette_iou());
-        const char* state = !camera.has_picture()   ? "no picture"
-                            : !status.has_subject() ? ""
-                            : camera.used()         ? "agrees"
-                                                    : "left out";
-        out += fmt::format("  {:<14}{:>10}   {:<10}   {}\n", camera.name(), iou, state, link_text(camera));
-        while (out.ends_with(" \n")) out.erase(out.size() - 2, 1);
+        if (camera.subjects().empty() || !camera.has_image())
+            table.add(
+                {camera.name(), "", "-", camera.has_image() ? "" : "no image", connection_text(camera)});
+        else
+            for (const v1::CameraSubjectStatus& subject : camera.subjects())
+                table.add(
+                    {camera.name(), fmt::to_string(subject.subject_id()),
+                     subject.has_silhouette_iou() ? fmt::format("{:.3f}", subject.silhouette_iou()) : "-",
+                     subject.used() ? "used" : "excluded", connection_text(camera)});
     }
-    return out.empty() ? out : fmt::format("  {:<14}{:>10}\n", "camera", "IoU") + out;
+    return table.text();
+}
+
+std::string subject_table(const v1::GetStatusResponse& status) {
+    if (status.subjects().empty()) return "no subject";
+    Table table({"subject", ">x m", ">y m", ">z m", ">voxels", ">mm", ">litres", "pose"});
+    for (const v1::SubjectStatus& subject : status.subjects()) {
+        const v1::Vec3& centre = subject.subject().centre_in_world();
+        const bool volume = subject.has_volume();
+        table.add({fmt::to_string(subject.subject().subject_id()), fmt::format("{:.2f}", centre.x()),
+                   fmt::format("{:.2f}", centre.y()), fmt::format("{:.2f}", centre.z()),
+                   volume ? fmt::to_string(subject.volume().voxel_count()) : "-",
+                   volume ? fmt::format("{:g}", subject.volume().voxel_m() * 1000) : "-",
+                   volume ? fmt::format("{:.1f}", subject.volume().volume_litres()) : "-",
+                   subject.pose_found() ? "found" : "none"});
+    }
+    return table.text();
+}
+
+// Each line further in.
+std::string indented(const std::string& text) {
+    std::string out = "  ";
+    for (const char c : text) out += c == '\n' ? std::string("\n  ") : std::string(1, c);
+    return out + "\n";
 }
 
 }  // namespace
@@ -60,43 +87,33 @@ std::string status_text(const v1::GetStatusResponse& status) {
     std::string out =
         fmt::format("kinevoxd {}  {}  {}", status.version(), state_name(status), status.source());
     if (!status.state_message().empty()) out += fmt::format("\n  {}", status.state_message());
-    out += fmt::format("\n  {:.1f} of {:g} frame sets/s   {} results   {} lost   up {} s\n",
-                       status.results_per_second(), status.source_fps(), status.results(), status.lost(),
-                       status.uptime_ms() / 1000);
+    out += fmt::format("\n  {:.1f} of {:g} frame sets/s   {}   {} lost   up {} s\n", status.result_rate_hz(),
+                       status.nominal_fps(), count_of(status.result_count(), "result"),
+                       status.lost_frame_set_count(), status.uptime().seconds());
     out += stage_table(status);
-    if (status.has_volume())
-        out += fmt::format("  volume        {:>10} voxels of {:g} mm, {:.1f} l\n", status.volume().voxels(),
-                           status.volume().voxel_m() * 1000, status.volume().litres());
-    if (status.has_subject()) {
-        const v1::Vec3& centre = status.subject().centre_in_world();
-        out += fmt::format("  subject {:<6}{:>10} {:.2f} {:.2f} {:.2f} m\n", status.subject().subject_id(),
-                           "at", centre.x(), centre.y(), centre.z());
-    } else {
-        out += "  nobody is tracked\n";
-    }
-    out += camera_table(status);
-    out += fmt::format("  subscribers   {} volumes, {} poses, {} previews, {} events",
-                       status.volume_subscribers(), status.pose_subscribers(), status.preview_subscribers(),
-                       status.event_subscribers());
-    if (status.has_control())
-        out += fmt::format("\n  control       {} for another {:.0f} s", status.control().holder(),
-                           static_cast<double>(status.control().remaining_ms()) / 1000);
+    out += indented(subject_table(status));
+    if (const std::string cameras = camera_table(status); !cameras.empty()) out += indented(cameras);
+    out += fmt::format("  subscribers: {} volumes, {} poses, {} previews, {} events",
+                       status.volume_subscriber_count(), status.pose_subscriber_count(),
+                       status.preview_subscriber_count(), status.event_subscriber_count());
+    if (status.has_control_lease())
+        out += fmt::format("\n  control: operator {}, {} s left", status.control_lease().operator_name(),
+                           status.control_lease().remaining_duration().seconds());
     return out;
 }
 
 std::string status_line(const v1::GetStatusResponse& status) {
-    const v1::StageTimes& t = status.median_times();
+    const v1::StageTimes& t = status.median_stage_times();
     std::string out = fmt::format(
         "{} frame {} {:.1f}/s lost {} | seg {:.2f} track {:.2f} hull {:.2f} colour {:.2f} pose {:.2f} total "
-        "{:.2f} "
-        "p99 {:.2f} ms |",
-        state_name(status), status.sequence(), status.results_per_second(), status.lost(),
+        "{:.2f} p99 {:.2f} ms |",
+        state_name(status), status.latest_sequence(), status.result_rate_hz(), status.lost_frame_set_count(),
         t.segmentation_ms(), t.tracking_ms(), t.hull_ms(), t.colouring_ms(), t.pose_ms(), t.total_ms(),
         status.total_p99_ms());
-    if (status.has_volume())
-        out += fmt::format(" {} voxels {:.1f} l", status.volume().voxels(), status.volume().litres());
-    else
-        out += " nobody is tracked";
+    if (status.subjects().empty()) return out + " no subject";
+    for (const v1::SubjectStatus& subject : status.subjects())
+        out += fmt::format(" subject {}: {} voxels {:.1f} l", subject.subject().subject_id(),
+                           subject.volume().voxel_count(), subject.volume().volume_litres());
     return out;
 }
 

@@ -1,20 +1,23 @@
+// `kinevox status` and `kinevox cameras`.
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <cmath>
 
+#include "client/cli/action.h"
 #include "client/cli/json.h"
 #include "client/cli/status_text.h"
-#include "client/cli/verbs.h"
+#include "client/cli/table.h"
 
 namespace kinevox::cli {
 namespace {
 
-absl::Status run_status(const Common& common) {
-    const auto status = client::Client(common.client_options()).status();
+struct NoOptions {};
+
+absl::Status run_status(const GlobalOptions& global, const NoOptions&) {
+    const auto status = client::Client(global.client_options()).status();
     if (!status.ok()) return status.status();
-    print_line(common.json ? to_json(*status).dump() : status_text(*status));
+    print_line(global.json ? to_json(*status).dump() : status_text(*status));
     return absl::OkStatus();
 }
 
@@ -34,36 +37,34 @@ nlohmann::ordered_json camera_json(const Camera& camera) {
             {"centre_in_world_m", {centre.x, centre.y, centre.z}}};
 }
 
-absl::Status run_cameras(const Common& common) {
-    const auto cameras = client::Client(common.client_options()).cameras();
+absl::Status run_cameras(const GlobalOptions& global, const NoOptions&) {
+    const auto cameras = client::Client(global.client_options()).cameras();
     if (!cameras.ok()) return cameras.status();
-    if (common.json) {
+    if (global.json) {
         nlohmann::ordered_json list = nlohmann::ordered_json::array();
         for (const Camera& camera : *cameras) list.push_back(camera_json(camera));
         print_line(list.dump());
         return absl::OkStatus();
     }
-    print_line(fmt::format("{:<12} {:>11} {:>9} {:>9}   {}", "camera", "picture px", "fx px", "view deg",
-                           "centre in the world, m"));
+    Table table({"camera", ">image px", ">fx px", ">view deg", ">x m", ">y m", ">z m"});
     for (const Camera& camera : *cameras) {
         const Vec3 centre = camera.centre_in_world();
         const double view_deg = 2 * std::atan(0.5 * camera.width / camera.fx) * 180 / M_PI;
-        print_line(fmt::format("{:<12} {:>11} {:>9.1f} {:>9.1f}   {:.3f} {:.3f} {:.3f}", camera.name,
-                               fmt::format("{}x{}", camera.width, camera.height), camera.fx, view_deg,
-                               centre.x, centre.y, centre.z));
+        table.add({camera.name, fmt::format("{}x{}", camera.width, camera.height),
+                   fmt::format("{:.1f}", camera.fx), fmt::format("{:.1f}", view_deg),
+                   fmt::format("{:.3f}", centre.x), fmt::format("{:.3f}", centre.y),
+                   fmt::format("{:.3f}", centre.z)});
     }
+    print_line(table.text());
     return absl::OkStatus();
 }
 
 }  // namespace
 
-void add_status_verbs(CLI::App& app, Common& common, Run& run) {
-    CLI::App* status = app.add_subcommand("status", "State, rates, stage times and the subject, once");
-    add_common_options(*status, common);
-    status->callback([&] { run = [&common] { return run_status(common); }; });
-    CLI::App* cameras = app.add_subcommand("cameras", "The cameras and their calibration");
-    add_common_options(*cameras, common);
-    cameras->callback([&] { run = [&common] { return run_cameras(common); }; });
+void add_status_verbs(CLI::App& app, GlobalOptions& global, Run& run) {
+    const auto none = std::make_shared<NoOptions>();
+    add_action(app, global, run, none, "status", "Show state, rates, stage times and subjects", run_status);
+    add_action(app, global, run, none, "cameras", "List cameras and their calibration", run_cameras);
 }
 
 }  // namespace kinevox::cli

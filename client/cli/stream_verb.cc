@@ -1,3 +1,4 @@
+// `kinevox stream`: results line by line.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -5,9 +6,11 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "client/cli/action.h"
 #include "client/cli/json.h"
 #include "client/cli/line_stream.h"
 #include "client/cli/stream_poses.h"
+#include "client/lib/pose_csv.h"
 #include "common/ply.h"
 
 namespace kinevox::cli {
@@ -36,21 +39,22 @@ std::optional<Bounds> bounds_of(const VolumeGrid& grid, const std::vector<VoxelI
     return Bounds{corner(low[0], low[1], low[2]), corner(high[0] + 1, high[1] + 1, high[2] + 1)};
 }
 
-constexpr const char* kCsvHead =
-    "frame,capture_time_ns,subject_id,voxel_mm,voxels,volume_litres,min_x,min_y,min_z,max_x,max_y,max_z,"
-    "bytes,missed,"
-    "total_ms";
+constexpr const char* kCsvHeader =
+    "frame,capture_time_ns,subject,sequence,voxel_mm,voxels,volume_litres,min_x,min_y,min_z,max_x,max_y,max_"
+    "z,"
+    "encoded_bytes,missed_count,total_ms";
 
-// Cells of a frame without a volume stay empty.
-std::string csv_line(const client::VolumeFrame& frame) {
-    const v1::StreamHeader& header = frame.header;
+// Cells of a frame without a subject or volume stay empty.
+std::string csv_line(const v1::StreamHeader& header, const client::SubjectVolume* subject) {
     std::string out =
-        fmt::format("{},{},{},", header.sequence(), header.capture_time_ns(), header.subject_id());
+        fmt::format("{},{},{},{},", client::frame_of(header), header.capture_time_ns(),
+                    subject ? fmt::to_string(subject->subject.subject_id()) : "", header.sequence());
+    const Volume* const volume = subject && subject->volume ? &*subject->volume : nullptr;
     std::optional<Bounds> box;
-    if (frame.volume) box = bounds_of(frame.volume->grid, surface_voxels(*frame.volume));
-    if (frame.volume)
-        out += fmt::format("{:g},{},{:.3f},", frame.volume->grid.voxel_m * 1000, voxel_count(*frame.volume),
-                           frame.litres);
+    if (volume) box = bounds_of(volume->grid, surface_voxels(*volume));
+    if (volume)
+        out += fmt::format("{:g},{},{:.3f},", volume->grid.voxel_m * 1000, voxel_count(*volume),
+                           subject->volume_litres);
     else
         out += ",,,";
     if (box)
@@ -58,63 +62,89 @@ std::string csv_line(const client::VolumeFrame& frame) {
                            box->high.x, box->high.y, box->high.z);
     else
         out += ",,,,,,";
-    return out + fmt::format("{},{},{:.3f}", frame.bytes, header.missed(), header.times().total_ms());
+    return out + fmt::format("{},{},{:.3f}", subject ? subject->encoded_bytes : 0, header.missed_count(),
+                             header.stage_times().total_ms());
+}
+
+nlohmann::ordered_json subject_json(const client::SubjectVolume& subject) {
+    nlohmann::ordered_json out{{"subject", to_json(subject.subject)}, {"volume", nullptr}};
+    if (!subject.volume) return out;
+    const std::vector<VoxelIndex> surface = surface_voxels(*subject.volume);
+    nlohmann::ordered_json volume = {
+        {"voxel_m", subject.volume->grid.voxel_m}, {"voxel_count", voxel_count(*subject.volume)},
+        {"surface_voxel_count", surface.size()},   {"coloured", !subject.volume->colours.empty()},
+        {"volume_litres", subject.volume_litres},  {"encoded_bytes", subject.encoded_bytes}};
+    if (const auto box = bounds_of(subject.volume->grid, surface)) {
+        volume["min_in_world_m"] = {box->low.x, box->low.y, box->low.z};
+        volume["max_in_world_m"] = {box->high.x, box->high.y, box->high.z};
+    }
+    out["volume"] = std::move(volume);
+    return out;
 }
 
 std::string json_line(const client::VolumeFrame& frame) {
     nlohmann::ordered_json out = to_json(frame.header);
-    out["subject"] = frame.subject ? to_json(*frame.subject) : nlohmann::ordered_json(nullptr);
-    out["volume"] = nullptr;
-    if (frame.volume) {
-        const std::vector<VoxelIndex> surface = surface_voxels(*frame.volume);
-        nlohmann::ordered_json volume = {{"voxel_m", frame.volume->grid.voxel_m},
-                                         {"voxels", voxel_count(*frame.volume)},
-                                         {"surface_voxels", surface.size()},
-                                         {"coloured", !frame.volume->colours.empty()},
-                                         {"litres", frame.litres},
-                                         {"bytes", frame.bytes}};
-        if (const auto box = bounds_of(frame.volume->grid, surface)) {
-            volume["min_in_world_m"] = {box->low.x, box->low.y, box->low.z};
-            volume["max_in_world_m"] = {box->high.x, box->high.y, box->high.z};
-        }
-        out["volume"] = std::move(volume);
-    }
+    nlohmann::ordered_json& subjects = out["subjects"] = nlohmann::ordered_json::array();
+    for (const client::SubjectVolume& subject : frame.subjects) subjects.push_back(subject_json(subject));
     return out.dump();
+}
+
+bool print_csv(LineWriter& writer, const client::VolumeFrame& frame) {
+    if (frame.subjects.empty()) return writer.print(csv_line(frame.header, nullptr));
+    for (const client::SubjectVolume& subject : frame.subjects)
+        if (!writer.print(csv_line(frame.header, &subject))) return false;
+    return true;
+}
+
+// A file per subject: FRAME.ply of the first, FRAME_sID.ply of others.
+absl::Status write_plys(const std::filesystem::path& folder, const client::VolumeFrame& frame) {
+    for (const client::SubjectVolume& subject : frame.subjects) {
+        if (!subject.volume) continue;
+        const std::string name =
+            &subject == frame.first_subject()
+                ? fmt::format("{:06}.ply", client::frame_of(frame.header))
+                : fmt::format("{:06}_s{}.ply", client::frame_of(frame.header), subject.subject.subject_id());
+        if (absl::Status written = write_volume_ply(*subject.volume, folder / name); !written.ok())
+            return written;
+    }
+    return absl::OkStatus();
 }
 
 v1::StreamVolumesRequest request_of(const VolumesOptions& options) {
     v1::StreamVolumesRequest request;
-    if (options.level >= 0) request.set_level(options.level);
+    if (options.level >= 0) request.set_downsample_level(options.level);
     if (options.max_voxel_mm > 0) request.set_max_voxel_m(options.max_voxel_mm / 1000);
-    request.set_without_colours(options.no_colours);
-    request.set_max_rate_hz(options.rate_hz);
+    request.set_omit_colours(options.no_colours);
+    request.set_max_rate_hz(options.max_rate_hz);
     request.set_delivery(options.delivery());
     return request;
 }
 
-absl::Status run_volumes(const Common& common, const VolumesOptions& options) {
+absl::Status run_volumes(const GlobalOptions& global, const VolumesOptions& options) {
     const bool ply = options.format == "ply-folder";
     if (ply && options.out.empty())
-        return absl::InvalidArgumentError("--format ply-folder needs the folder: give --out DIR");
-    absl::StatusOr<LineWriter> writer = LineWriter::open(ply ? std::filesystem::path() : options.out);
+        return absl::InvalidArgumentError("--format ply-folder needs a folder; give --out");
+    if (ply)
+        if (absl::Status free = check_overwrite(options.overwrite, options.out.string()); !free.ok())
+            return free;
+    absl::StatusOr<LineWriter> writer =
+        LineWriter::open(ply ? std::filesystem::path() : options.out, options.overwrite);
     if (!writer.ok()) return writer.status();
-    const bool csv = options.format == "csv" && !common.json;
-    if (csv) writer->print(kCsvHead);
+    const bool csv = options.format == "csv" && !global.json;
+    if (csv) writer->print(kCsvHeader);
     const client::StreamOptions stream = options.stream();  // blocks signals, so before gRPC starts threads
     int count = 0;
     absl::Status written;
     const absl::Status status =
-        client::Client(common.client_options())
+        client::Client(global.client_options())
             .stream_volumes(
                 request_of(options),
                 [&](const client::VolumeFrame& frame) {
-                    if (ply && frame.volume) {
-                        written = write_volume_ply(
-                            *frame.volume, options.out / fmt::format("{:06}.ply", frame.header.sequence()));
-                        if (!written.ok()) return false;
-                    }
-                    if (!ply || common.json)
-                        if (!writer->print(csv ? csv_line(frame) : json_line(frame))) return false;
+                    if (ply) written = write_plys(options.out, frame);
+                    if (!written.ok()) return false;
+                    if (!ply || global.json)
+                        if (!(csv ? print_csv(*writer, frame) : writer->print(json_line(frame))))
+                            return false;
                     return ++count != options.frames;
                 },
                 stream);
@@ -125,24 +155,22 @@ absl::Status run_volumes(const Common& common, const VolumesOptions& options) {
 
 }  // namespace
 
-void add_stream_verb(CLI::App& app, Common& common, Run& run) {
-    CLI::App* stream =
-        app.add_subcommand("stream", "Results as they come, to standard output, until stopped");
+void add_stream_verb(CLI::App& app, GlobalOptions& global, Run& run) {
+    CLI::App* stream = app.add_subcommand("stream", "Write results to standard output until stopped");
     stream->require_subcommand(1);
     const auto options = std::make_shared<VolumesOptions>();
-    CLI::App* volumes = stream->add_subcommand("volumes", "Volumes: a line each, or a PLY file each");
-    add_common_options(*volumes, common);
+    CLI::App* volumes = add_action(*stream, global, run, options, "volumes",
+                                   "One line or one PLY file per volume", run_volumes);
     add_line_stream_options(*volumes, *options, {"ply-folder"},
-                            "File for the lines, or folder for the PLY files of --format ply-folder");
+                            "Output file (default: standard output), or folder with --format ply-folder");
     auto* voxel =
-        volumes->add_option("--max-voxel-mm", options->max_voxel_mm, "Coarsest voxel edge that will do")
+        volumes->add_option("--max-voxel-mm", options->max_voxel_mm, "Largest acceptable voxel edge (mm)")
             ->check(CLI::PositiveNumber);
-    volumes->add_option("--level", options->level, "Halvings of the resolution")
+    volumes->add_option("--level", options->level, "Number of times the resolution is halved")
         ->check(CLI::Range(0, 5))
         ->excludes(voxel);
-    volumes->add_flag("--no-colours", options->no_colours, "Shape alone");
-    volumes->callback([&, options] { run = [&common, options] { return run_volumes(common, *options); }; });
-    add_pose_streams(*stream, common, run);
+    volumes->add_flag("--no-colours", options->no_colours, "Omit colours");
+    add_pose_streams(*stream, global, run);
 }
 
 }  // namespace kinevox::cli

@@ -1,3 +1,4 @@
+// `kinevox watch`.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -5,9 +6,9 @@
 #include <condition_variable>
 #include <mutex>
 
+#include "client/cli/action.h"
 #include "client/cli/json.h"
 #include "client/cli/status_text.h"
-#include "client/cli/verbs.h"
 
 namespace kinevox::cli {
 namespace {
@@ -26,20 +27,20 @@ bool pause(std::stop_token stop, double seconds) {
     return !stop.stop_requested();
 }
 
-absl::Status run_watch(const Common& common, const WatchOptions& options) {
+absl::Status run_watch(const GlobalOptions& global, const WatchOptions& options) {
     const std::stop_token stop = stop_on_signals();
-    const bool redraw = !common.json && isatty(STDOUT_FILENO);
-    client::Client client(common.client_options());
+    const bool redraw = !global.json && isatty(STDOUT_FILENO);
+    client::Client client(global.client_options());
     bool seen = false;
     for (int shown = 0; !stop.stop_requested();) {
         const auto status = client.status();
         if (!status.ok() && !(seen && absl::IsUnavailable(status.status()))) return status.status();
         std::string text;
-        if (!status.ok())  // it may come back; the lines on standard output stay clean
+        if (!status.ok())  // it may restart; standard output gets statuses only
             redraw ? void(text = std::string(status.status().message()))
                    : void(fmt::print(stderr, "kinevox: {}\n", std::string(status.status().message())));
         else
-            text = common.json ? to_json(*status).dump()
+            text = global.json ? to_json(*status).dump()
                    : redraw    ? status_text(*status)
                                : status_line(*status);
         if (redraw) text = "\x1b[H\x1b[J" + text;  // home, clear
@@ -53,16 +54,15 @@ absl::Status run_watch(const Common& common, const WatchOptions& options) {
 
 }  // namespace
 
-void add_watch_verb(CLI::App& app, Common& common, Run& run) {
+void add_watch_verb(CLI::App& app, GlobalOptions& global, Run& run) {
     const auto options = std::make_shared<WatchOptions>();
     CLI::App* watch =
-        app.add_subcommand("watch", "Live: stage times, rates and drops; lines where it is no terminal");
-    add_common_options(*watch, common);
-    watch->add_option("--interval", options->interval_s, "Seconds between two looks")
+        add_action(app, global, run, options, "watch", "Show live rates, stage times and losses", run_watch);
+    watch->add_option("--interval", options->interval_s, "Refresh interval (s)")
         ->check(CLI::Range(0.05, 3600.0))
         ->capture_default_str();
-    watch->add_option("--count", options->count, "Looks, 0: until stopped")->check(CLI::NonNegativeNumber);
-    watch->callback([&, options] { run = [&common, options] { return run_watch(common, *options); }; });
+    watch->add_option("--count", options->count, "Number of updates (0: until stopped)")
+        ->check(CLI::NonNegativeNumber);
 }
 
 }  // namespace kinevox::cli

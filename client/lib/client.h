@@ -33,30 +33,41 @@ inline constexpr const char* kDefaultServer = "127.0.0.1:50770";
 
 struct ClientOptions {
     std::string server = kDefaultServer;       // HOST:PORT
-    std::chrono::milliseconds timeout{5'000};  // of a call, the connection included
-    Security security;                         // none: for a daemon on this machine
+    std::chrono::milliseconds timeout{5'000};  // of a call, including the connection
+    Security security;                         // default: a daemon on this machine
 };
 
 struct StreamOptions {
-    // Connects again, with growing pauses up to 5 s, when the daemon goes away. What was published meanwhile
-    // is lost.
+    // Reconnects, with growing pauses up to 5 s, when the daemon becomes unavailable. Messages published
+    // meanwhile are lost.
     bool reconnect = false;
     std::function<void(const absl::Status& why)> on_reconnect;
-    // Ends the stream with DeadlineExceeded after so long without a message; 0: waits for ever.
-    std::chrono::milliseconds max_silence{0};
+    // Ends the stream with DeadlineExceeded after this time without a message; 0: waits for ever.
+    std::chrono::milliseconds idle_timeout{0};
     std::stop_token stop;  // ends the stream with Cancelled, from any thread
 };
 
-// One message of StreamVolumes, decoded.
-struct VolumeFrame {
-    v1::StreamHeader header;
-    std::optional<Volume> volume;  // empty while nobody is tracked
-    double litres = 0;             // at the capture's own resolution
-    std::optional<v1::Subject> subject;
-    std::size_t bytes = 0;  // of the volume on the wire
+// The lease of a client that holds control; see held_control.h for one that is renewed and released.
+struct Lease {
+    std::string id;
 };
 
-// 8 bits a channel, R G B or grey, rows without padding.
+// A subject of one message of StreamVolumes, decoded.
+struct SubjectVolume {
+    v1::Subject subject;
+    std::optional<Volume> volume;   // absent: tracked, but nothing was carved
+    double volume_litres = 0;       // at the resolution of the capture
+    std::size_t encoded_bytes = 0;  // on the wire
+};
+
+struct VolumeFrame {
+    v1::StreamHeader header;
+    std::vector<SubjectVolume> subjects;  // by id; empty while no subject is tracked
+
+    const SubjectVolume* first_subject() const { return subjects.empty() ? nullptr : &subjects.front(); }
+};
+
+// 8 bits per channel, R G B or grey, rows without padding.
 struct Image {
     int width = 0, height = 0, channels = 0;
     std::vector<std::uint8_t> data;
@@ -65,11 +76,13 @@ struct Image {
 struct PreviewFrame {
     v1::StreamHeader header;
     std::string camera;
-    Image image;  // empty where the camera delivered no picture
+    Image image;  // empty where the camera delivered no image
 };
 
 // Any thread; a stream occupies the thread that called it until it ends. The statuses are the daemon's own;
-// Unavailable where it cannot be reached, the message naming the address.
+// Unavailable where there is no connection, with the address in the message. Where a call takes an operator
+// name, it acquires control under that name, acts and releases control (see HeldControl); a lease_id in the
+// request is overwritten. Lists are complete: all pages are fetched.
 class Client {
   public:
     explicit Client(const ClientOptions& options = {});
@@ -80,22 +93,23 @@ class Client {
     absl::StatusOr<v1::GetStatusResponse> status();
     absl::StatusOr<std::vector<Camera>> cameras();
 
-    // Each takes control under `operator_name`, acts and gives control back.
-    absl::Status start(const std::string& operator_name);
-    absl::Status stop(const std::string& operator_name);
-    // `frames` live frame sets, 0: the source's own clip. Waits as long as that takes, `timeout` at most.
-    absl::Status learn_background(const std::string& operator_name, int frames,
-                                  std::chrono::milliseconds timeout);
-
     absl::StatusOr<v1::AcquireControlResponse> acquire_control(const v1::AcquireControlRequest& request);
     absl::StatusOr<v1::RenewControlResponse> renew_control(const std::string& lease_id);
     absl::Status release_control(const std::string& lease_id);
-    absl::Status start_with(const std::string& lease_id);
-    absl::Status stop_with(const std::string& lease_id);
-    absl::Status learn_background_with(const std::string& lease_id, int frames,
-                                       std::chrono::milliseconds timeout);
+    absl::Status with_control(const std::string& operator_name,
+                              const std::function<absl::Status(const Lease& lease)>& act);
 
-    // `on_...` returns whether to go on; false ends the stream with OK.
+    absl::Status start(const std::string& operator_name);
+    absl::Status start(const Lease& lease);
+    absl::Status stop(const std::string& operator_name);
+    absl::Status stop(const Lease& lease);
+    // Live frame sets to learn from; 0: the source's own background clip. Waits until it is done, `timeout`
+    // at most.
+    absl::Status learn_background(const std::string& operator_name, int frame_set_count,
+                                  std::chrono::milliseconds timeout);
+    absl::Status learn_background(const Lease& lease, int frame_set_count, std::chrono::milliseconds timeout);
+
+    // `on_...` returns whether to continue; false ends the stream with OK.
     absl::Status stream_volumes(const v1::StreamVolumesRequest& request,
                                 const std::function<bool(const VolumeFrame&)>& on_frame,
                                 const StreamOptions& options);
@@ -109,33 +123,29 @@ class Client {
                               const std::function<bool(const v1::WatchEventsResponse&)>& on_event,
                               const StreamOptions& options);
 
-    // The pose database. Changes take control under `operator_name`, act and give control back, as start().
-    absl::StatusOr<v1::ListPosesResponse> list_poses();
-    absl::StatusOr<v1::AddPoseResponse> add_pose(const std::string& operator_name,
-                                                 v1::AddPoseRequest request);
-    absl::StatusOr<v1::RemovePoseResponse> remove_pose(const std::string& operator_name,
-                                                       v1::RemovePoseRequest request);
-    absl::StatusOr<v1::ImportBvhResponse> import_bvh(const std::string& operator_name,
-                                                     v1::ImportBvhRequest request);
-    absl::Status watch_database(const std::function<bool(const v1::WatchDatabaseResponse&)>& on_progress,
-                                const StreamOptions& options);
-
-    // Begins a fit of the subject's body; watch_body() tells the rest.
+    // The pose database and the body.
+    absl::StatusOr<v1::ListLibraryPosesResponse> list_library_poses();
+    absl::StatusOr<v1::AddLibraryPoseResponse> add_library_pose(const std::string& operator_name,
+                                                                v1::AddLibraryPoseRequest request);
+    absl::StatusOr<v1::DeleteLibraryPoseResponse> delete_library_pose(const std::string& operator_name,
+                                                                      v1::DeleteLibraryPoseRequest request);
+    absl::StatusOr<v1::ImportLibraryPosesResponse> import_library_poses(
+        const std::string& operator_name, v1::ImportLibraryPosesRequest request);
+    absl::Status watch_pose_database(
+        const std::function<bool(const v1::WatchPoseDatabaseResponse&)>& on_progress,
+        const StreamOptions& options);
+    // Starts a fit; watch_body() reports its progress.
     absl::Status fit_body(const std::string& operator_name, v1::FitBodyRequest request);
     absl::Status watch_body(const std::function<bool(const v1::WatchBodyResponse&)>& on_progress,
                             const StreamOptions& options);
 
-    // Takes control under `operator_name`, acts and gives control back.
-    absl::Status under_control(const std::string& operator_name,
-                               const std::function<absl::Status(const std::string& lease_id)>& act);
-
-    // A recording in the place of the cameras. Changes take control under `operator_name` unless the request
-    // carries a lease_id already.
+    // Replay of a recording instead of the cameras. A lease_id in the request is used instead of acquiring
+    // control.
     absl::StatusOr<v1::OpenReplayResponse> open_replay(const std::string& operator_name,
                                                        v1::OpenReplayRequest request);
     absl::Status close_replay(const std::string& operator_name);
-    absl::StatusOr<v1::SetReplayResponse> set_replay(const std::string& operator_name,
-                                                     v1::SetReplayRequest request);
+    absl::StatusOr<v1::UpdateReplayResponse> update_replay(const std::string& operator_name,
+                                                           v1::UpdateReplayRequest request);
     absl::StatusOr<v1::GetReplayResponse> get_replay();
 
     // Calibration. Requests that need control carry their lease_id.
@@ -143,8 +153,7 @@ class Client {
     absl::StatusOr<v1::AddObservationsResponse> add_observations(const v1::AddObservationsRequest& request);
     absl::StatusOr<v1::SolveProcedureResponse> solve_procedure(const v1::SolveProcedureRequest& request);
     absl::StatusOr<v1::CancelProcedureResponse> cancel_procedure(const v1::CancelProcedureRequest& request);
-    absl::StatusOr<v1::ListCalibrationsResponse> list_calibrations(
-        const v1::ListCalibrationsRequest& request);
+    absl::StatusOr<v1::ListCalibrationsResponse> list_calibrations(v1::ListCalibrationsRequest request);
     absl::StatusOr<v1::GetCertificateResponse> get_certificate(const v1::GetCertificateRequest& request);
     absl::StatusOr<v1::ApplyCalibrationResponse> apply_calibration(
         const v1::ApplyCalibrationRequest& request);
@@ -153,30 +162,28 @@ class Client {
         const v1::ImportCalibrationRequest& request);
     absl::StatusOr<v1::ExportCalibrationResponse> export_calibration(
         const v1::ExportCalibrationRequest& request);
-    absl::StatusOr<v1::RemoveCalibrationResponse> remove_calibration(
-        const v1::RemoveCalibrationRequest& request);
+    absl::StatusOr<v1::DeleteCalibrationResponse> delete_calibration(
+        const v1::DeleteCalibrationRequest& request);
     absl::Status watch_procedure(const std::function<bool(const v1::WatchProcedureResponse&)>& on_progress,
                                  const StreamOptions& options);
 
-    // Recordings. Changes take control under `operator_name`, act and give control back, as start().
-    // `timeout` for those that wait until what is queued is written.
+    // Recordings. `timeout` for the calls that wait until the queue is written.
     absl::StatusOr<v1::StartRecordingResponse> start_recording(const std::string& operator_name,
                                                                v1::StartRecordingRequest request);
     absl::StatusOr<v1::StopRecordingResponse> stop_recording(const std::string& operator_name,
                                                              std::chrono::milliseconds timeout);
-    absl::StatusOr<v1::KeepLastResponse> keep_last(const std::string& operator_name,
-                                                   v1::KeepLastRequest request,
-                                                   std::chrono::milliseconds timeout);
+    absl::StatusOr<v1::SaveBufferResponse> save_buffer(const std::string& operator_name,
+                                                       v1::SaveBufferRequest request,
+                                                       std::chrono::milliseconds timeout);
     absl::StatusOr<v1::DeleteRecordingResponse> delete_recording(const std::string& operator_name,
                                                                  v1::DeleteRecordingRequest request);
     absl::StatusOr<v1::GetRecorderStatusResponse> recorder_status();
     absl::StatusOr<v1::ListRecordingsResponse> list_recordings();
     absl::StatusOr<v1::GetRecordingResponse> get_recording(const std::string& name);
-    // The files' pieces in their order; before the first of them, four times a second, what share of the
-    // files is made.
-    absl::Status export_recording(v1::ExportRequest request,
-                                  const std::function<bool(const v1::ExportResponse&)>& on_piece,
-                                  const std::function<void(double share)>& on_progress,
+    // The chunks of the files in their order; before the first one, progress (0 to 1) four times per second.
+    absl::Status export_recording(v1::ExportRecordingRequest request,
+                                  const std::function<bool(const v1::ExportRecordingResponse&)>& on_chunk,
+                                  const std::function<void(double progress)>& on_progress,
                                   const StreamOptions& options);
 
   private:

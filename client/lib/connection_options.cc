@@ -5,7 +5,8 @@
 namespace kinevox::client {
 
 absl::StatusOr<ClientOptions> ConnectionOptions::open() const {
-    ClientOptions out{.server = server};
+    ClientOptions out;
+    out.server = server;
     auto security = read_security(files, server);
     if (!security.ok()) return security.status();
     out.security = *std::move(security);
@@ -13,22 +14,26 @@ absl::StatusOr<ClientOptions> ConnectionOptions::open() const {
 }
 
 void add_connection_options(CLI::App& app, ConnectionOptions& options) {
-    app.add_option("--server", options.server, "The daemon's address, HOST:PORT")
-        ->envname("KINEVOX_SERVER")
-        ->capture_default_str();
+    app.fallthrough();
+    const auto add = [](CLI::Option* option, const char* variable) {
+        return option->envname(variable)->group(kGlobalOptionsGroup);
+    };
     SecurityFiles& files = options.files;
-    app.add_flag("--tls", files.tls, "Speak TLS; any of the next four says so, too")->envname("KINEVOX_TLS");
-    app.add_option("--ca", files.ca,
-                   "PEM file: who signed the daemon's certificate; else this machine's authorities")
-        ->envname("KINEVOX_CA");
-    app.add_option("--certificate", files.certificate, "PEM file: one's own certificate")
-        ->envname("KINEVOX_CERTIFICATE");
-    app.add_option("--key", files.key, "PEM file: its key")->envname("KINEVOX_KEY");
-    app.add_option("--server-name", files.server_name,
-                   "The name in the daemon's certificate where it is not HOST")
-        ->envname("KINEVOX_SERVER_NAME");
-    app.add_option("--token-file", files.token, "File with the token that the daemon's administrator gave")
-        ->envname("KINEVOX_TOKEN_FILE");
+    add(app.add_option("--server", options.server, "Address of the daemon, HOST:PORT"), "KINEVOX_SERVER")
+        ->capture_default_str();
+    add(app.add_flag("--tls", files.tls, "Use TLS (implied by --ca, --certificate, --key, --server-name)"),
+        "KINEVOX_TLS");
+    add(app.add_option("--ca", files.ca,
+                       "CA certificate that signed the daemon's (PEM; default: system CAs)"),
+        "KINEVOX_CA");
+    add(app.add_option("--certificate", files.certificate, "Client certificate (PEM)"),
+        "KINEVOX_CERTIFICATE");
+    add(app.add_option("--key", files.key, "Client key (PEM)"), "KINEVOX_KEY");
+    add(app.add_option("--server-name", files.server_name,
+                       "Expected name in the daemon's certificate (default: HOST)"),
+        "KINEVOX_SERVER_NAME");
+    add(app.add_option("--token-file", files.token, "File that contains the access token"),
+        "KINEVOX_TOKEN_FILE");
 }
 
 }  // namespace kinevox::client

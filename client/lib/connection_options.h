@@ -1,4 +1,4 @@
-// The options of a command line that say which daemon is meant and how it is spoken to.
+// The options of a command line that say which daemon to connect to, and how.
 #pragma once
 
 #include <string>
@@ -11,6 +11,8 @@ class App;
 
 namespace kinevox::client {
 
+inline constexpr const char* kGlobalOptionsGroup = "Global options";
+
 struct ConnectionOptions {
     std::string server = kDefaultServer;
     SecurityFiles files;
@@ -20,7 +22,10 @@ struct ConnectionOptions {
 };
 
 // Adds --server, --tls, --ca, --certificate, --key, --server-name and --token-file, each also from the
-// environment (KINEVOX_SERVER, KINEVOX_CA, ...). `options` is filled when the command line is parsed.
+// environment (KINEVOX_SERVER, KINEVOX_CA, ...): the command line takes precedence over the environment, that
+// over the default. Call it once per program, on the app itself and before its subcommands are added: CLI11
+// lets the variables of a subcommand's options override the command line of another. The options are then
+// accepted before and after a subcommand. `options` is filled when the command line is parsed.
 void add_connection_options(CLI::App& app, ConnectionOptions& options);
 
 }  // namespace kinevox::client

@@ -35,7 +35,7 @@ bool decode_into(std::span<const std::uint8_t> bytes, jpeg_decompress_struct& in
     jpeg_mem_src(&info, bytes.data(), bytes.size());
     jpeg_read_header(&info, TRUE);
     if (info.image_width > kMaxEdge || info.image_height > kMaxEdge) {
-        std::strcpy(errors.message, "the picture is too large");
+        std::strcpy(errors.message, "the image is too large");
         return false;
     }
     info.out_color_space = info.num_components == 1 ? JCS_GRAYSCALE : JCS_RGB;

@@ -12,10 +12,10 @@
 
 namespace kinevox::client {
 
-// R G B, or grey where the JPEG is. InvalidArgument for anything else than a whole JPEG.
+// R G B, or grey where the JPEG is. InvalidArgument for an incomplete or invalid JPEG.
 absl::StatusOr<Image> decode_jpeg(std::span<const std::uint8_t> bytes);
 
-// Written aside and renamed. Unavailable, naming the file, where that fails.
+// Written atomically (temporary file, rename). Unavailable, naming the file, if that fails.
 absl::Status write_png(const Image& image, const std::filesystem::path& file);
 
 }  // namespace kinevox::client

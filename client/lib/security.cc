@@ -19,7 +19,7 @@ absl::StatusOr<std::string> contents(const std::string& file, const char* what) 
     std::ifstream in(file, std::ios::binary);
     if (!in || std::filesystem::is_directory(file, error))
         return absl::NotFoundError(
-            fmt::format("{} '{}' cannot be read; give another file or its rights", what, file));
+            fmt::format("{} '{}' cannot be read; correct the path or its permissions", what, file));
     std::string text(kMaxFile + 1, '\0');
     in.read(text.data(), static_cast<std::streamsize>(text.size()));
     text.resize(static_cast<std::size_t>(in.gcount()));
@@ -41,19 +41,19 @@ absl::StatusOr<std::string> pem(const std::string& file, const char* what, const
 }
 
 absl::StatusOr<std::string> token(const std::string& file) {
-    auto text = contents(file, "the token's file");
+    auto text = contents(file, "the token file");
     if (!text.ok()) return text;
     const std::size_t begin = text->find_first_not_of(" \t\r\n");
     if (begin == std::string::npos)
         return absl::InvalidArgumentError(fmt::format(
-            "the token's file '{}' is empty; `kinevox token create` prints what belongs in it", file));
+            "the token file '{}' is empty; write the output of `kinevox token create` to it", file));
     std::string line = text->substr(begin, text->find_first_of(" \t\r\n", begin) - begin);
-    // What HTTP carries in a header; all else would only be told as a broken connection.
+    // Other characters are not allowed in an HTTP header and would only show as a failed connection.
     for (const char c : line)
         if (c < 0x21 || c > 0x7e)
             return absl::InvalidArgumentError(
-                fmt::format("the token's file '{}' begins with something else; its first line is the token "
-                            "as it was printed",
+                fmt::format("the token file '{}' does not contain a token; its first line is the output of "
+                            "`kinevox token create`",
                             file));
     return line;
 }
@@ -80,7 +80,7 @@ absl::StatusOr<Security> read_security(const SecurityFiles& files, const std::st
     };
     absl::Status status;
     if (!files.ca.empty())
-        status.Update(read(out.ca_pem, pem(files.ca, "the authority's certificate", "CERTIFICATE")));
+        status.Update(read(out.ca_pem, pem(files.ca, "the CA certificate", "CERTIFICATE")));
     if (!files.certificate.empty()) {
         status.Update(read(out.certificate_pem, pem(files.certificate, "the certificate", "CERTIFICATE")));
         status.Update(read(out.key_pem, pem(files.key, "the key", "PRIVATE KEY")));
@@ -88,8 +88,8 @@ absl::StatusOr<Security> read_security(const SecurityFiles& files, const std::st
     if (!files.token.empty()) status.Update(read(out.token, token(files.token)));
     if (!status.ok()) return status;
     if (!out.token.empty() && !out.tls && !is_on_this_machine(server))
-        return absl::InvalidArgumentError(fmt::format(
-            "the token would go to {} for everyone on the way to read; add --tls, or --ca FILE", server));
+        return absl::InvalidArgumentError(
+            fmt::format("the token would be sent to {} unencrypted; add --tls, or --ca FILE", server));
     return out;
 }
 

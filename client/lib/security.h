@@ -1,4 +1,4 @@
-// How a daemon beyond this machine is spoken to: TLS, who is trusted, and who one is oneself.
+// TLS, trusted CAs, client certificate and token of the connection to a daemon.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -7,16 +7,17 @@
 
 namespace kinevox::client {
 
-// What is read from the files below. The default: no TLS, no token, as a daemon on this machine wants it.
+// Contents of the files below. The default, no TLS and no token, suits a daemon on this machine.
 struct Security {
     bool tls = false;
-    std::string ca_pem;  // who may have signed the daemon's certificate; empty: this machine's authorities
-    std::string certificate_pem, key_pem;  // one's own, for daemons that ask for it (mutual TLS); empty: none
-    std::string server_name;  // the name in the daemon's certificate; empty: the HOST that is connected to
-    std::string token;        // goes with each call; empty: none
+    std::string ca_pem;  // CAs that may have signed the daemon's certificate; empty: the system's
+    std::string certificate_pem,
+        key_pem;              // of the client, for daemons that require it (mutual TLS); empty: none
+    std::string server_name;  // expected name in the daemon's certificate; empty: HOST
+    std::string token;        // sent with each call; empty: none
 };
 
-// As users give it. A file that is named means TLS, but for the token's.
+// As users give it. Any file but the token's implies TLS.
 struct SecurityFiles {
     bool tls = false;
     std::string ca, certificate, key;  // PEM
@@ -24,8 +25,8 @@ struct SecurityFiles {
     std::string token;  // its first line is the token
 };
 
-// InvalidArgument or NotFound with the file and the remedy. A token is refused without TLS where `server`
-// (HOST:PORT) is not on this machine: anyone on the way could take it.
+// InvalidArgument or NotFound with the file and the remedy. A token without TLS is refused unless `server`
+// (HOST:PORT) is on this machine: it would be sent unencrypted.
 absl::StatusOr<Security> read_security(const SecurityFiles& files, const std::string& server);
 
 }  // namespace kinevox::client

@@ -19,7 +19,7 @@ std::stop_token stop_on_signals() {
             int signal = 0;
             sigwait(&signals, &signal);
             source.request_stop();
-            sigwait(&signals, &signal);  // somebody is in a hurry
+            sigwait(&signals, &signal);  // a second signal ends the program at once
             _exit(1);
         }).detach();
         return source.get_token();

@@ -1,4 +1,4 @@
-// How a client program that runs until it is stopped hears of it.
+// SIGINT and SIGTERM as a stop token, for client programs that run until they are stopped.
 #pragma once
 
 #include <stop_token>
@@ -6,8 +6,8 @@
 namespace kinevox::client {
 
 // A token that SIGINT and SIGTERM stop; a second signal ends the program at once. The first call blocks these
-// signals and starts the thread that waits for them: make it before gRPC starts threads, which would get them
-// else.
+// signals and starts the thread that waits for them: call it before gRPC starts threads, which would receive
+// them otherwise.
 std::stop_token stop_on_signals();
 
 }  // namespace kinevox::client

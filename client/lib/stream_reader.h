@@ -1,4 +1,4 @@
-// Reads a stream on the calling thread, with a limit on silence, a stop from outside, and reconnection.
+// Reads a stream on the calling thread, with an idle timeout, a stop token and reconnection.
 #pragma once
 
 #include <absl/status/status.h>
@@ -10,22 +10,12 @@
 #include <type_traits>
 
 #include "client/lib/client.h"
+#include "client/lib/connection.h"
 
 namespace kinevox::client {
 
-// Of a call that this client did not cancel itself.
-absl::Status to_absl(const grpc::Status& status, const std::string& server);
-// Connects when it is first used, and again by itself.
-std::shared_ptr<grpc::Channel> connect(const ClientOptions& options);
-
-// What goes with every call.
-inline void prepare_context(grpc::ClientContext& context, const ClientOptions& options) {
-    if (!options.security.token.empty())
-        context.AddMetadata("authorization", "Bearer " + options.security.token);
-}
-
-// One connection's worth. `prepare(context, queue)` yields a ClientAsyncReader<Message>. `on_message` returns
-// an error, which ends the stream with it, or whether to go on.
+// Reads over one connection. `prepare(context, queue)` returns a ClientAsyncReader<Message>. `on_message`
+// returns whether to continue, or an error, which ends the stream with it.
 template <typename Message, typename Prepare>
 absl::Status read_stream_once(const Prepare& prepare,
                               const std::function<absl::StatusOr<bool>(const Message&)>& on_message,
@@ -37,16 +27,16 @@ absl::Status read_stream_once(const Prepare& prepare,
     const std::stop_callback cancel(options.stop, [&] { context.TryCancel(); });
     const auto reader = prepare(&context, &queue);
 
-    // Waits for the one operation in flight. False: it failed, the stream is over.
-    bool silent = false;
+    // Waits for the operation in flight. False: it failed, the stream is over.
+    bool idle = false;
     const auto wait = [&] {
         void* tag = nullptr;
         bool ok = false;
-        const bool limited = options.max_silence.count() > 0 && !silent;
-        const auto deadline = limited ? std::chrono::system_clock::now() + options.max_silence
+        const bool limited = options.idle_timeout.count() > 0 && !idle;
+        const auto deadline = limited ? std::chrono::system_clock::now() + options.idle_timeout
                                       : std::chrono::system_clock::time_point::max();
         while (queue.AsyncNext(&tag, &ok, deadline) == grpc::CompletionQueue::TIMEOUT) {
-            silent = true;
+            idle = true;
             context.TryCancel();
             queue.Next(&tag, &ok);
             return false;
@@ -62,9 +52,9 @@ absl::Status read_stream_once(const Prepare& prepare,
             reader->Read(&message, nullptr);
             if (!wait()) break;
             any_message = true;
-            const absl::StatusOr<bool> go_on = on_message(message);
-            if (go_on.ok() && *go_on) continue;
-            ended = go_on.status();
+            const absl::StatusOr<bool> proceed = on_message(message);
+            if (proceed.ok() && *proceed) continue;
+            ended = proceed.status();
             leaving = true;
             context.TryCancel();
             break;
@@ -80,11 +70,11 @@ absl::Status read_stream_once(const Prepare& prepare,
     }
     if (leaving) return ended;
     if (options.stop.stop_requested()) return absl::CancelledError("stopped");
-    if (silent)
+    if (idle)
         return absl::DeadlineExceededError("no message from " + client.server + " for " +
-                                           std::to_string(options.max_silence.count() / 1000) +
+                                           std::to_string(options.idle_timeout.count() / 1000) +
                                            " s; see with `kinevox status` whether the capture runs");
-    return to_absl(status, client.server);
+    return to_absl(status, client);
 }
 
 template <typename Message, typename Prepare>

@@ -27,12 +27,12 @@ class Occupancy {
 
     // Outwards: away from the occupied voxels of the neighbourhood.
     Vec3 normal(const VoxelIndex& v) const {
-        constexpr int kReach = 3;
+        constexpr int kRadius = 3;
         Vec3 sum;
-        for (int dk = -kReach; dk <= kReach; ++dk)
-            for (int dj = -kReach; dj <= kReach; ++dj)
-                for (int di = -kReach; di <= kReach; ++di)
-                    if (di * di + dj * dj + dk * dk <= kReach * kReach &&
+        for (int dk = -kRadius; dk <= kRadius; ++dk)
+            for (int dj = -kRadius; dj <= kRadius; ++dj)
+                for (int di = -kRadius; di <= kRadius; ++di)
+                    if (di * di + dj * dj + dk * dk <= kRadius * kRadius &&
                         (*this)(v.i + di, v.j + dj, v.k + dk))
                         sum += Vec3{-1.0 * di, -1.0 * dj, -1.0 * dk};
         return norm(sum) > 0 ? normalized(sum) : Vec3{0, 0, 1};
@@ -49,7 +49,7 @@ class Occupancy {
     std::vector<bool> bits_;
 };
 
-// A picture with the depth of what is nearest.
+// An image with the depth of the nearest surface.
 class Canvas {
   public:
     Canvas(int width, int height, Rgb background) : depth_(static_cast<std::size_t>(width * height), kFar) {

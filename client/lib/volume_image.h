@@ -1,4 +1,4 @@
-// Pictures of a volume: shaded, seen from a camera. For people to look at, not to measure on.
+// Shaded images of a volume from a camera; for viewing, not for measurement.
 #pragma once
 
 #include <vector>
@@ -12,24 +12,24 @@ namespace kinevox::client {
 struct RenderOptions {
     Rgb background{24, 26, 30};
     Rgb uncoloured{200, 190, 180};  // of volumes without colours
-    double ambient = 0.55;          // 0..1; the rest of the light comes from beside the camera
+    double ambient = 0.55;          // 0..1; the rest of the light comes from next to the camera
     bool floor_grid = true;         // lines half a metre apart on z = 0, two metres around the volume
 };
 
-// R G B, the camera's size: every surface voxel as a cube, nearest in front, shaded by the volume's smoothed
-// normal.
+// R G B, the camera's size: every surface voxel as a cube, the nearest in front, shaded by the volume's
+// smoothed normal.
 Image render_volume(const Volume& volume, const Camera& camera, const RenderOptions& options = {});
 
-// The same camera with pictures scaled by `scale`.
+// The same camera with images scaled by `scale`.
 Camera scaled(const Camera& camera, double scale);
 
-// A pinhole camera that sees the whole volume, at `elevation` above the horizon, turned about the vertical by
-// `azimuth` from `towards` (a camera's centre); radians, px.
+// A pinhole camera that sees the whole volume, at `elevation` above the horizon, rotated about the vertical
+// by `azimuth` from `towards` (a camera's centre); radians, px.
 Camera oblique_camera(const Volume& volume, const Vec3& towards_in_world, double azimuth, double elevation,
                       int width, int height);
 
-// The part of a camera's picture in which the volume lies, twice as high as it appears there, as wide as
-// high, within the picture; the whole picture for an empty volume. And a camera that sees just that part.
+// The square window of a camera's image around the volume, twice as high as the volume appears, within the
+// image; the full image for an empty volume. And a camera that sees just that window.
 struct Window {
     int x = 0, y = 0, width = 0, height = 0;  // px
 };
@@ -37,7 +37,7 @@ Window window_around(const Volume& volume, const Camera& camera);
 Camera cropped(const Camera& camera, const Window& window);
 Image cropped(const Image& image, const Window& window);
 
-// Pictures of one height side by side, `gap_px` apart, on `background`.
+// Images of equal height side by side, `gap_px` apart, on `background`.
 Image side_by_side(const std::vector<Image>& images, int gap_px = 8, Rgb background = {255, 255, 255});
 
 // Scaled by bilinear sampling to the given height; R G B.

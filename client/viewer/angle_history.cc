@@ -8,7 +8,7 @@ namespace {
 
 constexpr float kNothing = std::numeric_limits<float>::quiet_NaN();
 constexpr double kMinForRatio_deg = 5;
-constexpr std::int64_t kKept_ns = std::int64_t{1'000'000'000} * AngleHistory::kKept_s;
+constexpr std::int64_t kKept_ns = std::int64_t{1'000'000'000} * AngleHistory::kMaxAge_s;
 
 }  // namespace
 
@@ -23,7 +23,7 @@ void AngleHistory::add(const ShownPose& pose) {
     }
     Instant instant{pose.capture_time_ns, std::vector<float>(names_.size(), kNothing)};
     for (const ShownAngle& angle : pose.angles) {
-        const auto [place, is_new] = places_.try_emplace(angle.name, names_.size());
+        const auto [place, is_new] = index_.try_emplace(angle.name, names_.size());
         if (is_new) {
             names_.push_back(angle.name);
             instant.value_deg.push_back(kNothing);
@@ -36,8 +36,8 @@ void AngleHistory::add(const ShownPose& pose) {
 
 AngleHistory::Series AngleHistory::series(const std::string& angle) const {
     Series series;
-    const auto place = places_.find(angle);
-    if (place == places_.end() || instants_.empty()) return series;
+    const auto place = index_.find(angle);
+    if (place == index_.end() || instants_.empty()) return series;
     for (const Instant& instant : instants_) {
         series.time_s.push_back(1e-9 * static_cast<double>(instant.time_ns - instants_.back().time_ns));
         series.value_deg.push_back(place->second < instant.value_deg.size() ? instant.value_deg[place->second]
@@ -46,19 +46,19 @@ AngleHistory::Series AngleHistory::series(const std::string& angle) const {
     return series;
 }
 
-std::optional<double> AngleHistory::newest_deg(const std::string& angle) const {
-    const auto place = places_.find(angle);
-    if (place == places_.end() || instants_.empty() || place->second >= instants_.back().value_deg.size())
+std::optional<double> AngleHistory::latest_deg(const std::string& angle) const {
+    const auto place = index_.find(angle);
+    if (place == index_.end() || instants_.empty() || place->second >= instants_.back().value_deg.size())
         return {};
     const float value = instants_.back().value_deg[place->second];
     return std::isnan(value) ? std::nullopt : std::optional<double>(value);
 }
 
-std::optional<std::int64_t> AngleHistory::newest_time_ns() const {
+std::optional<std::int64_t> AngleHistory::latest_time_ns() const {
     return instants_.empty() ? std::nullopt : std::optional(instants_.back().time_ns);
 }
 
-std::string AngleHistory::other_side(const std::string& angle) {
+std::string AngleHistory::opposite_side(const std::string& angle) {
     std::string other = angle;
     if (angle.ends_with("_l"))
         other.back() = 'r';
@@ -70,10 +70,10 @@ std::string AngleHistory::other_side(const std::string& angle) {
 }
 
 std::optional<double> AngleHistory::left_over_right(const std::string& angle) const {
-    const std::string other = other_side(angle);
+    const std::string other = opposite_side(angle);
     if (other.empty()) return {};
     const bool is_left = angle.ends_with("_l");
-    const auto left = newest_deg(is_left ? angle : other), right = newest_deg(is_left ? other : angle);
+    const auto left = latest_deg(is_left ? angle : other), right = latest_deg(is_left ? other : angle);
     if (!left || !right || std::abs(*right) < kMinForRatio_deg) return {};
     return *left / *right;
 }

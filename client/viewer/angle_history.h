@@ -1,4 +1,4 @@
-// The newest seconds of all angles, for curves and numbers.
+// The latest seconds of all angles, for curves and numbers.
 #pragma once
 
 #include <deque>
@@ -13,27 +13,27 @@ namespace kinevox::viewer {
 
 class AngleHistory {
   public:
-    static constexpr int kKept_s = 30;
+    static constexpr int kMaxAge_s = 30;
 
-    // Poses in the order in which they came. One whose time is not after the newest's, as after a seek, or
-    // more than kKept_s after it, begins anew.
+    // Appends a pose. A time that is not after the latest, as after a seek, or more than kMaxAge_s after it,
+    // clears the history first.
     void add(const ShownPose& pose);
     void clear();
 
     struct Series {
-        std::vector<double> time_s;     // before the newest: 0 or less
-        std::vector<double> value_deg;  // NaN: withheld, nobody tracked
+        std::vector<double> time_s;     // relative to the latest: 0 or less
+        std::vector<double> value_deg;  // NaN: withheld, no subject
     };
     Series series(const std::string& angle) const;
-    // Of the newest pose; nothing where it is withheld.
-    std::optional<double> newest_deg(const std::string& angle) const;
-    std::optional<std::int64_t> newest_time_ns() const;
-    // As they came, in their order.
+    // Of the latest pose; empty if withheld.
+    std::optional<double> latest_deg(const std::string& angle) const;
+    std::optional<std::int64_t> latest_time_ns() const;
+    // In the order of the poses.
     std::vector<std::string> names() const { return names_; }
-    // The other side's: knee_flexion_l for knee_flexion_r; empty for an angle of the middle.
-    static std::string other_side(const std::string& angle);
-    // left / right of the newest pose; nothing where one is withheld or the right is under 5 degrees, where a
-    // ratio says nothing.
+    // knee_flexion_geometric_l for knee_flexion_geometric_r; empty for an angle of the midline.
+    static std::string opposite_side(const std::string& angle);
+    // left / right of the latest pose; empty if one is withheld, or if the right one is under 5 degrees,
+    // where a ratio is meaningless.
     std::optional<double> left_over_right(const std::string& angle) const;
 
   private:
@@ -42,7 +42,7 @@ class AngleHistory {
         std::vector<float> value_deg;  // in the order of names_
     };
     std::vector<std::string> names_;
-    std::map<std::string, std::size_t> places_;
+    std::map<std::string, std::size_t> index_;
     std::deque<Instant> instants_;
 };
 

@@ -9,61 +9,68 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <string_view>
+#include <utility>
+
+#include "common/body_table.h"
 
 namespace kinevox::viewer {
 namespace {
 
-constexpr int kNumberHeight_pt = 30, kUsualNumberHeight_pt = 15, kMinNumberHeight_pt = 10;
+constexpr int kNumberHeight_pt = 30, kDefaultNumberHeight_pt = 15, kMinNumberHeight_pt = 10;
 constexpr double kMinSpan_deg = 20, kWindow_s = 6;
-// Texts of marks: how long one is, how high; in rows so that they do not cover each other.
-constexpr double kMarkText_s = 1.6, kMarkRow = 0.14;
+// Labels of marks: their width and height; in rows so that they do not overlap.
+constexpr double kMarkLabel_s = 1.6, kMarkRow = 0.14;
 constexpr std::size_t kMarkRows = 4;
-const std::vector<std::string> kFirstChoice{"knee_flexion_l", "hip_flexion_l", "trunk_lean", "knee_flexion_l",
-                                            "hip_flexion_l"};
+const std::vector<std::string> kDefaultChoice{"knee_flexion_geometric_l", "hip_flexion_geometric_l",
+                                              "trunk_lean_geometric", "knee_flexion_geometric_l",
+                                              "hip_flexion_geometric_l"};
 
-// knee_flexion_l: "knee flexion"
+// The label of the body table; the name itself for an angle that it lacks.
 QString label(const std::string& angle) {
-    QString text = QString::fromStdString(
-        AngleHistory::other_side(angle).empty() ? angle : angle.substr(0, angle.size() - 2));
-    return text.replace('_', ' ');
+    const auto found = std::ranges::find(kJointAngleNames, angle);
+    if (found == kJointAngleNames.end()) return QString::fromStdString(angle);
+    const std::string_view text =
+        kJointAngleLabels[static_cast<std::size_t>(found - kJointAngleNames.begin())];
+    return QString::fromUtf8(text.data(), static_cast<qsizetype>(text.size()));
 }
 
 QString number(const std::optional<double>& value_deg) {
     return value_deg ? QString::number(std::lround(*value_deg)) + QChar(0x00b0) : QStringLiteral("–");
 }
 
-// As large as its place lets the widest number be; the place does not change with the number.
+// The font is as large as the widest number allows; it does not change with the number.
 class LargeNumber final : public QLabel {
   public:
     explicit LargeNumber(QWidget* parent) : QLabel(parent) {
         setAlignment(Qt::AlignCenter);
-        setFixedHeight(QFontMetrics(in(kNumberHeight_pt)).height());
+        setFixedHeight(QFontMetrics(font_of(kNumberHeight_pt)).height());
     }
-    QSize sizeHint() const override { return {width_in(kUsualNumberHeight_pt), height()}; }
+    QSize sizeHint() const override { return {width_in(kDefaultNumberHeight_pt), height()}; }
     QSize minimumSizeHint() const override { return {width_in(kMinNumberHeight_pt), height()}; }
 
   protected:
     void resizeEvent(QResizeEvent* event) override {
         const int fitting = kNumberHeight_pt * width() / width_in(kNumberHeight_pt);
-        setFont(in(std::clamp(fitting, kMinNumberHeight_pt, kNumberHeight_pt)));
+        setFont(font_of(std::clamp(fitting, kMinNumberHeight_pt, kNumberHeight_pt)));
         QLabel::resizeEvent(event);
     }
 
   private:
-    QFont in(int height_pt) const {
+    QFont font_of(int height_pt) const {
         QFont font = this->font();
         font.setPointSize(height_pt);
         font.setBold(true);
         return font;
     }
     int width_in(int height_pt) const {
-        return QFontMetrics(in(height_pt)).horizontalAdvance(number(-188)) + 4;
+        return QFontMetrics(font_of(height_pt)).horizontalAdvance(number(-188)) + 4;
     }
 };
 
 }  // namespace
 
-AnglePanel::AnglePanel(QWidget* parent) : QWidget(parent), wanted_(kFirstChoice) {
+AnglePanel::AnglePanel(QWidget* parent) : QWidget(parent), selected_(kDefaultChoice) {
     auto* all = new QVBoxLayout(this);
     auto* grid = new QGridLayout;
     for (int n = 0; n < kNumbers; ++n) {
@@ -71,7 +78,7 @@ AnglePanel::AnglePanel(QWidget* parent) : QWidget(parent), wanted_(kFirstChoice)
         number.choice->setSizeAdjustPolicy(QComboBox::AdjustToMinimumContentsLengthWithIcon);
         number.choice->setMinimumContentsLength(6);
         number.choice->setSizePolicy(QSizePolicy::Expanding, QSizePolicy::Fixed);
-        number.choice->setToolTip(tr("Shown in large numbers"));
+        number.choice->setToolTip(tr("Angle shown as a number"));
         grid->setColumnStretch(n, 1);
         number.left->setToolTip(tr("left"));
         number.right->setToolTip(tr("right"));
@@ -94,7 +101,7 @@ AnglePanel::AnglePanel(QWidget* parent) : QWidget(parent), wanted_(kFirstChoice)
         curve.plot->addGraph();
         curve.plot->addGraph();
         curve.plot->setAntialiasedElements(QCP::aeNone);
-        curve.plot->setNotAntialiasedElements(QCP::aeAll);  // half the cost of a live curve
+        curve.plot->setNotAntialiasedElements(QCP::aeAll);  // halves the cost of a live curve
         curve.plot->xAxis->setNumberFormat("f");
         curve.plot->xAxis->setNumberPrecision(0);
         curve.plot->xAxis->setLabel(tr("seconds before now"));
@@ -110,18 +117,18 @@ QComboBox* AnglePanel::make_choice() {
     auto* choice = new QComboBox(this);
     choice->setSizeAdjustPolicy(QComboBox::AdjustToContents);
     connect(choice, &QComboBox::activated, this, [this] {
-        wanted_ = choices();
+        selected_ = choices();
         emit chosen();
     });
     return choice;
 }
 
-// One entry a pair of sides. What is wanted stays so, whether or not the daemon has it yet.
+// One entry per pair of sides. The selection stays, even if the daemon does not send that angle.
 void AnglePanel::offer(const std::vector<std::string>& names) {
     std::vector<std::string> entries;
     for (const std::string& name : names)
         if (!name.ends_with("_r")) entries.push_back(name);
-    for (const std::string& name : wanted_)
+    for (const std::string& name : selected_)
         if (!std::ranges::count(entries, name)) entries.push_back(name);
     if (entries == offered_) return;
     offered_ = entries;
@@ -131,7 +138,7 @@ void AnglePanel::offer(const std::vector<std::string>& names) {
     for (std::size_t n = 0; n < boxes.size(); ++n) {
         boxes[n]->clear();
         for (const std::string& name : entries) boxes[n]->addItem(label(name), QString::fromStdString(name));
-        boxes[n]->setCurrentIndex(boxes[n]->findData(QString::fromStdString(wanted_[n])));
+        boxes[n]->setCurrentIndex(boxes[n]->findData(QString::fromStdString(selected_[n])));
     }
 }
 
@@ -143,8 +150,10 @@ std::vector<std::string> AnglePanel::choices() const {
 }
 
 void AnglePanel::choose(const std::vector<std::string>& names) {
-    if (names.size() != static_cast<std::size_t>(kNumbers + kCurves)) return;
-    wanted_ = names;
+    const auto known = [](const std::string& name) { return std::ranges::count(kJointAngleNames, name) > 0; };
+    if (names.size() != static_cast<std::size_t>(kNumbers + kCurves) || !std::ranges::all_of(names, known))
+        return;
+    selected_ = names;
     const std::vector<std::string> offered = std::exchange(offered_, {});
     offer(offered);
 }
@@ -153,11 +162,11 @@ void AnglePanel::show_history(const AngleHistory& history, const PlotMarks& mark
     offer(history.names());
     for (Number& n : numbers_) {
         const std::string name = n.choice->currentData().toString().toStdString(),
-                          other = AngleHistory::other_side(name);
-        n.left->setText(number(history.newest_deg(name)));
-        n.left->setStyleSheet("color: " + (other.empty() ? theme_.middle : theme_.left).name());
+                          other = AngleHistory::opposite_side(name);
+        n.left->setText(number(history.latest_deg(name)));
+        n.left->setStyleSheet("color: " + (other.empty() ? theme_.midline : theme_.left).name());
         n.right->setVisible(!other.empty());
-        if (!other.empty()) n.right->setText(number(history.newest_deg(other)));
+        if (!other.empty()) n.right->setText(number(history.latest_deg(other)));
     }
     for (Curve& c : curves_) {
         show_curve(c, history);
@@ -168,7 +177,7 @@ void AnglePanel::show_history(const AngleHistory& history, const PlotMarks& mark
 
 void AnglePanel::show_curve(Curve& c, const AngleHistory& history) {
     const std::string name = c.choice->currentData().toString().toStdString(),
-                      other = AngleHistory::other_side(name);
+                      other = AngleHistory::opposite_side(name);
     double low = 1e9, high = -1e9;
     for (int side = 0; side < 2; ++side) {
         const AngleHistory::Series series = history.series(side == 0 ? name : other);
@@ -184,10 +193,10 @@ void AnglePanel::show_curve(Curve& c, const AngleHistory& history) {
         c.plot->graph(side)->setData(t, v, true);
     }
     if (low > high) low = -10, high = 90;
-    const double middle = (low + high) / 2, half = std::max(kMinSpan_deg, 1.15 * (high - low)) / 2;
+    const double centre = (low + high) / 2, half = std::max(kMinSpan_deg, 1.15 * (high - low)) / 2;
     c.plot->xAxis->setRange(-kWindow_s, 0);
-    c.plot->yAxis->setRange(middle - half, middle + half);
-    c.plot->graph(0)->setPen(QPen(other.empty() ? theme_.middle : theme_.left, 2));
+    c.plot->yAxis->setRange(centre - half, centre + half);
+    c.plot->graph(0)->setPen(QPen(other.empty() ? theme_.midline : theme_.left, 2));
     c.plot->graph(0)->setName(other.empty() ? label(name) : label(name) + tr(", left"));
     c.plot->graph(1)->setName(label(name) + tr(", right"));
     c.plot->graph(1)->setVisible(!other.empty());
@@ -197,14 +206,14 @@ void AnglePanel::show_curve(Curve& c, const AngleHistory& history) {
 
 void AnglePanel::show_marks(Curve& c, const AngleHistory& history, const PlotMarks& marks) {
     c.plot->clearItems();
-    const auto newest_ns = history.newest_time_ns();
-    if (!newest_ns) return;
+    const auto latest_ns = history.latest_time_ns();
+    if (!latest_ns) return;
     std::array<double, kMarkRows> free_from_s;  // of each row of texts
     free_from_s.fill(-2 * kWindow_s);
     for (const PlotMark& mark :
-         marks.between(*newest_ns - static_cast<std::int64_t>(1e9 * kWindow_s), *newest_ns)) {
-        const double at_s = 1e-9 * static_cast<double>(mark.time_ns - *newest_ns);
-        const QColor& colour = mark.coach ? theme_.good : theme_.faint;
+         marks.between(*latest_ns - static_cast<std::int64_t>(1e9 * kWindow_s), *latest_ns)) {
+        const double at_s = 1e-9 * static_cast<double>(mark.time_ns - *latest_ns);
+        const QColor& colour = mark.by_user ? theme_.good : theme_.faint;
         auto* line = new QCPItemStraightLine(c.plot);  // the plot owns its items
         line->point1->setCoords(at_s, 0);
         line->point2->setCoords(at_s, 1);
@@ -214,9 +223,9 @@ void AnglePanel::show_marks(Curve& c, const AngleHistory& history, const PlotMar
         text->position->setTypeY(QCPItemPosition::ptAxisRectRatio);
         auto row = std::ranges::find_if(free_from_s, [&](double from_s) { return from_s <= at_s; });
         if (row == free_from_s.end()) row = std::ranges::min_element(free_from_s);
-        *row = at_s + kMarkText_s;
+        *row = at_s + kMarkLabel_s;
         text->position->setCoords(at_s, kMarkRow * static_cast<double>(row - free_from_s.begin()));
-        text->setPositionAlignment((at_s > -kMarkText_s ? Qt::AlignRight : Qt::AlignLeft) | Qt::AlignTop);
+        text->setPositionAlignment((at_s > -kMarkLabel_s ? Qt::AlignRight : Qt::AlignLeft) | Qt::AlignTop);
         text->setPadding(QMargins(3, 1, 3, 1));
         text->setText(QString::fromStdString(mark.text));
         text->setColor(colour);
@@ -251,7 +260,7 @@ void AnglePanel::set_theme(const Theme& theme) {
 bool AnglePanel::save_plot(int curve, const QString& file) const {
     QCustomPlot* plot = curves_.at(static_cast<std::size_t>(curve)).plot;
     plot->graph(1)->visible() ? plot->graph(1)->addToLegend() : plot->graph(1)->removeFromLegend();
-    plot->legend->setVisible(true);  // beside it on the screen, nowhere on paper
+    plot->legend->setVisible(true);  // on the screen, the colours of the numbers explain the sides
     const bool saved = file.endsWith(".pdf") ? plot->savePdf(file) : plot->savePng(file, 0, 0, 2);
     plot->legend->setVisible(false);
     return saved;

@@ -1,4 +1,4 @@
-// Chosen angles as large numbers and as live curves, left and right in one plot with their ratio.
+// Chosen angles as large numbers and live curves, left and right in one plot with their ratio.
 #pragma once
 
 #include <QWidget>
@@ -23,15 +23,16 @@ class AnglePanel final : public QWidget {
 
     explicit AnglePanel(QWidget* parent = nullptr);
 
-    // The history is read again; marks stand as lines in the curves.
+    // Marks are lines in the curves.
     void show_history(const AngleHistory& history, const PlotMarks& marks);
     void set_theme(const Theme& theme);
 
-    // Names as in angles.csv; for a pair the left one. kNumbers and then kCurves.
+    // Names as in angles.csv, for a pair the left one; kNumbers, then kCurves.
     std::vector<std::string> choices() const;
+    // Ignored unless all names are known.
     void choose(const std::vector<std::string>& names);
-    // A curve as it is, with its marks and which side is which, PNG or PDF by the name's ending; false where
-    // that cannot be written.
+    // Saves a curve with its marks and a legend of the sides, PNG or PDF by the file's extension; false on a
+    // write error.
     bool save_plot(int curve, const QString& file) const;
 
   signals:
@@ -55,7 +56,7 @@ class AnglePanel final : public QWidget {
 
     std::vector<Number> numbers_;
     std::vector<Curve> curves_;
-    std::vector<std::string> offered_, wanted_;
+    std::vector<std::string> offered_, selected_;
     Theme theme_ = Theme::make(true);
 };
 

@@ -7,9 +7,9 @@ namespace {
 
 constexpr std::chrono::milliseconds kRetryPause{500};
 
-std::string in_use_words(const std::string& id, bool in_use) {
+std::string applied_text(const std::string& id, bool active) {
     return (id.empty() ? "the source's own calibration" : "calibration " + id) +
-           (in_use ? " is in use" : " will be used from the next start on");
+           (active ? " is active" : " is used from the next start of the capture");
 }
 
 }  // namespace
@@ -24,9 +24,9 @@ Calibration::Calibration(client::ClientOptions options)
 
 Calibration::~Calibration() {
     watch(false);
-    std::shared_ptr<CalibrationRun> run;
-    changed([&] { run = run_; });
-    if (run) run->stop();
+    std::shared_ptr<client::GuidedCalibration> procedure;
+    changed([&] { procedure = procedure_; });
+    if (procedure) procedure->stop();
 }
 
 void Calibration::changed(const std::function<void()>& change) {
@@ -44,9 +44,9 @@ CalibrationStep Calibration::step() const {
     return step_;
 }
 
-std::string Calibration::lack() const {
+std::string Calibration::insufficient_reason() const {
     const std::scoped_lock lock(mutex_);
-    return lack_;
+    return insufficient_reason_;
 }
 
 v1::WatchProcedureResponse Calibration::progress() const {
@@ -83,144 +83,147 @@ void Calibration::watch_all(const std::stop_token& stop) {
             .watch_procedure(
                 [this](const v1::WatchProcedureResponse& progress) {
                     changed([&] { progress_ = progress; });
-                    emit progress_came();
+                    emit progress_received();
                     return true;
                 },
                 {.reconnect = true, .on_reconnect = {}, .stop = stop})
-            .IgnoreError();  // the status line says what is wrong with the daemon
+            .IgnoreError();  // the status line reports connection errors
         std::unique_lock lock(waiting);
         wake.wait_for(lock, stop, kRetryPause, [] { return false; });
     }
 }
 
-bool Calibration::begin(const CalibrationPlan& plan) {
+bool Calibration::begin(const client::CalibrationPlan& plan) {
     if (running()) return false;
-    const auto run = std::make_shared<CalibrationRun>(
-        plan,
-        [this](CalibrationStep step) {
-            changed([&] {
-                step_ = step;
-                if (step != CalibrationStep::kMoving) lack_.clear();
-            });
-            emit progress_came();
-        },
-        [this](const v1::WatchProcedureResponse& progress) {
-            changed([&] { progress_ = progress; });
-            emit progress_came();
-        },
-        [this](const std::string& lack) { changed([&] { lack_ = lack; }); });
+    client::CalibrationObserver observer;
+    observer.on_step = [this](CalibrationStep step) {
+        changed([&] {
+            step_ = step;
+            if (step != CalibrationStep::kMovingTarget) insufficient_reason_.clear();
+        });
+        emit progress_received();
+    };
+    observer.on_progress = [this](const v1::WatchProcedureResponse& progress) {
+        changed([&] { progress_ = progress; });
+        emit progress_received();
+        return true;
+    };
+    observer.on_insufficient = [this](const std::string& reason) {
+        changed([&] { insufficient_reason_ = reason; });
+    };
+    const auto procedure = std::make_shared<client::GuidedCalibration>(plan, std::move(observer));
     changed([&] {
-        run_ = run;
+        procedure_ = procedure;
         running_ = true;
-        lack_.clear();
+        insufficient_reason_.clear();
     });
-    running_thread_ = std::jthread([this, run] {
+    running_thread_ = std::jthread([this, procedure] {
         client::Client client(options_);
-        std::string id;
-        const absl::Status status = run->run(client, kOperator, id);
+        const absl::StatusOr<std::string> id = procedure->run(client, kOperatorName);
         changed([this] {
             running_ = false;
-            run_.reset();
+            procedure_.reset();
         });
-        emit progress_came();
-        if (status.ok())
-            emit solved(QString::fromStdString(id));
-        else if (!absl::IsCancelled(status))
-            emit failed(tr("Calibration: ") + QString::fromStdString(std::string(status.message())));
+        emit progress_received();
+        if (id.ok())
+            emit solved(QString::fromStdString(*id));
+        else if (!absl::IsCancelled(id.status()))
+            emit failed(tr("Calibration: ") + QString::fromStdString(std::string(id.status().message())));
     });
     return true;
 }
 
-void Calibration::enough() {
-    std::shared_ptr<CalibrationRun> run;
-    changed([&] { run = run_; });
-    if (run) run->enough();
+void Calibration::finish_step() {
+    std::shared_ptr<client::GuidedCalibration> procedure;
+    changed([&] { procedure = procedure_; });
+    if (procedure) procedure->finish_step();
 }
 
 void Calibration::cancel() {
-    std::shared_ptr<CalibrationRun> run;
-    changed([&] { run = run_; });
-    if (run) return run->stop();
-    change(tr("Cancel the calibration"), [](client::Client& c, const std::string& lease, std::string& done) {
+    std::shared_ptr<client::GuidedCalibration> procedure;
+    changed([&] { procedure = procedure_; });
+    if (procedure) return procedure->stop();
+    change(tr("Cancel calibration"), [](client::Client& c, const std::string& lease, std::string& done) {
         v1::CancelProcedureRequest request;
         request.set_lease_id(lease);
-        done = "the calibration is cancelled";
+        done = "calibration cancelled";
         return c.cancel_procedure(request).status();
     });
 }
 
 bool Calibration::change(const QString& what,
                          std::function<absl::Status(client::Client&, const std::string&, std::string&)> act) {
-    const bool taken = commands_.ask(what, [act = std::move(act)](client::Client& c, std::string& done) {
-        return c.under_control(kOperator, [&](const std::string& lease) { return act(c, lease, done); });
-    });
-    list();  // behind it in the same queue
-    return taken;
+    const bool accepted =
+        commands_.enqueue(what, [act = std::move(act)](client::Client& c, std::string& done) {
+            return c.with_control(kOperatorName,
+                                  [&](const client::Lease& lease) { return act(c, lease.id, done); });
+        });
+    list();  // after it, in the same queue
+    return accepted;
 }
 
 bool Calibration::list() {
-    return commands_.ask(tr("Stored calibrations"), [this](client::Client& c, std::string&) {
-        auto answer = c.list_calibrations({});
-        if (!answer.ok()) return answer.status();
-        changed([&] { stored_ = *std::move(answer); });
-        emit stored_came();
+    return commands_.enqueue(tr("List calibrations"), [this](client::Client& c, std::string&) {
+        auto response = c.list_calibrations({});
+        if (!response.ok()) return response.status();
+        changed([&] { stored_ = *std::move(response); });
+        emit stored_received();
         return absl::OkStatus();
     });
 }
 
-bool Calibration::apply(const std::string& id, bool although_bad) {
-    return change(tr("Use calibration %1").arg(QString::fromStdString(id)),
+bool Calibration::apply(const std::string& id, bool force) {
+    return change(tr("Apply calibration %1").arg(QString::fromStdString(id)),
                   [=](client::Client& c, const std::string& lease, std::string& done) {
                       v1::ApplyCalibrationRequest request;
                       request.set_lease_id(lease);
-                      request.set_id(id);
+                      request.set_calibration_id(id);
                       request.set_restart_capture(true);
-                      request.set_although_bad(although_bad);
-                      const auto answer = c.apply_calibration(request);
-                      if (answer.ok()) done = in_use_words(id, answer->in_use());
-                      return answer.status();
+                      request.set_force(force);
+                      const auto response = c.apply_calibration(request);
+                      if (response.ok()) done = applied_text(id, response->active());
+                      return response.status();
                   });
 }
 
 bool Calibration::undo() {
-    return change(tr("Back to the calibration before"),
-                  [](client::Client& c, const std::string& lease, std::string& done) {
-                      v1::UndoCalibrationRequest request;
-                      request.set_lease_id(lease);
-                      request.set_restart_capture(true);
-                      const auto answer = c.undo_calibration(request);
-                      if (answer.ok()) done = in_use_words(answer->id(), answer->in_use());
-                      return answer.status();
-                  });
+    return change(tr("Undo calibration"), [](client::Client& c, const std::string& lease, std::string& done) {
+        v1::UndoCalibrationRequest request;
+        request.set_lease_id(lease);
+        request.set_restart_capture(true);
+        const auto response = c.undo_calibration(request);
+        if (response.ok()) done = applied_text(response->calibration_id(), response->active());
+        return response.status();
+    });
 }
 
-bool Calibration::remove(const std::string& id) {
+bool Calibration::delete_calibration(const std::string& id) {
     return change(tr("Delete calibration %1").arg(QString::fromStdString(id)),
                   [=](client::Client& c, const std::string& lease, std::string& done) {
-                      v1::RemoveCalibrationRequest request;
+                      v1::DeleteCalibrationRequest request;
                       request.set_lease_id(lease);
-                      request.set_id(id);
-                      done = "calibration " + id + " is deleted";
-                      return c.remove_calibration(request).status();
+                      request.set_calibration_id(id);
+                      done = "calibration " + id + " deleted";
+                      return c.delete_calibration(request).status();
                   });
 }
 
 bool Calibration::show_certificate(const std::string& id) {
-    const auto ask = [this, id](bool with_page) {
-        return [this, id, with_page](client::Client& c, std::string&) {
+    const auto get = [this, id](bool include_page) {
+        return [this, id, include_page](client::Client& c, std::string&) {
             v1::GetCertificateRequest request;
-            request.set_id(id);
-            request.set_with_page(with_page);
-            const auto answer = c.get_certificate(request);
-            if (!answer.ok()) return answer.status();
+            request.set_calibration_id(id);
+            request.set_include_page(include_page);
+            const auto response = c.get_certificate(request);
+            if (!response.ok()) return response.status();
             QImage page;
-            if (with_page) page.loadFromData(QByteArray::fromStdString(answer->page_png()), "PNG");
-            changed([&] { certificate_ = {id, answer->certificate(), page}; });
-            emit certificate_came();
+            if (include_page) page.loadFromData(QByteArray::fromStdString(response->page_png()), "PNG");
+            changed([&] { certificate_ = {id, response->certificate(), page}; });
+            emit certificate_received();
             return absl::OkStatus();
         };
     };
-    return pages_.ask(tr("Certificate"), ask(false)) && pages_.ask(tr("The certificate's page"), ask(true));
+    return pages_.enqueue(tr("Certificate"), get(false)) && pages_.enqueue(tr("Certificate page"), get(true));
 }
 
 }  // namespace kinevox::viewer

@@ -1,5 +1,5 @@
-// What the coach does about calibration: a procedure that leads through its steps, and the stored
-// calibrations. Each thing that takes time is on a thread of its own, so that the window never waits.
+// Guided calibration and the stored calibrations. Calls to the daemon run on threads of their own, so that
+// the window never blocks.
 #pragma once
 
 #include <QImage>
@@ -10,7 +10,8 @@
 #include <string>
 #include <thread>
 
-#include "client/viewer/calibration_run.h"
+#include "client/lib/guided_calibration.h"
+#include "client/viewer/calibration_text.h"
 #include "client/viewer/commands.h"
 
 namespace kinevox::viewer {
@@ -18,10 +19,10 @@ namespace kinevox::viewer {
 struct ShownCertificate {
     std::string id;
     v1::Certificate certificate;
-    QImage page;  // null until it has come
+    QImage page;  // null until received
 };
 
-// Signals come on the threads here.
+// Signals are emitted on threads of this object.
 class Calibration final : public QObject {
     Q_OBJECT
 
@@ -29,32 +30,33 @@ class Calibration final : public QObject {
     explicit Calibration(client::ClientOptions options);
     ~Calibration() override;
 
-    // Watching keeps a procedure from ending by itself, of other clients too: only while the coach looks.
+    // A watched procedure, of any client, does not time out; so watch only while the panel is visible.
     void watch(bool on);
 
-    // A procedure of this window; false while one runs.
-    bool begin(const CalibrationPlan& plan);
-    void enough();
-    // This window's procedure, else whichever is open.
+    // Starts a procedure of this window; false while one runs.
+    bool begin(const client::CalibrationPlan& plan);
+    void finish_step();
+    // This window's procedure, else that of another client.
     void cancel();
     bool running() const;
     CalibrationStep step() const;
-    std::string lack() const;  // what the last attempt to solve lacked; empty after the next step
+    // Why the latest attempt to solve lacked observations; empty after the next step.
+    std::string insufficient_reason() const;
     v1::WatchProcedureResponse progress() const;
 
-    bool list();  // answered by stored_came()
-    bool apply(const std::string& id, bool although_bad);
+    bool list();  // emits stored_received()
+    bool apply(const std::string& id, bool force);
     bool undo();
-    bool remove(const std::string& id);
-    bool show_certificate(
-        const std::string& id);  // answered by certificate_came(), twice: without and with its page
+    bool delete_calibration(const std::string& id);
+    // Emits certificate_received() twice: without and with the page.
+    bool show_certificate(const std::string& id);
     v1::ListCalibrationsResponse stored() const;
     ShownCertificate certificate() const;
 
   signals:
-    void progress_came();
-    void stored_came();
-    void certificate_came();
+    void progress_received();
+    void stored_received();
+    void certificate_received();
     void solved(const QString& id);
     void done(const QString& message);
     void failed(const QString& message);
@@ -72,12 +74,12 @@ class Calibration final : public QObject {
     v1::ListCalibrationsResponse stored_;
     ShownCertificate certificate_;
     CalibrationStep step_ = CalibrationStep::kNone;
-    std::string lack_;
+    std::string insufficient_reason_;
     bool running_ = false;
-    std::shared_ptr<CalibrationRun> run_;  // null: none
+    std::shared_ptr<client::GuidedCalibration> procedure_;  // null: none
 
-    Commands commands_, pages_;               // a page takes seconds to be drawn
-    std::jthread watching_, running_thread_;  // the owner's thread starts and ends them
+    Commands commands_, pages_;               // separate queues: drawing a page takes seconds
+    std::jthread watching_, running_thread_;  // started and ended on the owner's thread
 };
 
 }  // namespace kinevox::viewer

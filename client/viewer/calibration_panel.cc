@@ -19,14 +19,15 @@
 #include <algorithm>
 #include <utility>
 
-#include "client/viewer/calibration_words.h"
+#include "client/viewer/calibration_text.h"
 #include "client/viewer/certificate_view.h"
+#include "common/proto_time.h"
 
 namespace kinevox::viewer {
 namespace {
 
-// The instruction is read by whoever stands in the space.
-constexpr double kInstructionSize = 1.7;
+// The instruction is read from within the space.
+constexpr double kInstructionScale = 1.7;
 constexpr int kMaxHints = 3;
 
 QString text(const std::string& from) {
@@ -58,7 +59,7 @@ QWidget* CalibrationPanel::make_choice() {
     const QSettings settings;
     kind_ = new QComboBox(page);
     kind_->setObjectName("calibration_kind");
-    for (const CalibrationKindWords& kind : calibration_kinds())
+    for (const CalibrationKindText& kind : calibration_kinds())
         kind_->addItem(tr(kind.name), static_cast<int>(kind.kind));
     kind_->setSizeAdjustPolicy(QComboBox::AdjustToMinimumContentsLengthWithIcon);
     kind_->setCurrentIndex(std::max(0, settings.value("calibration/kind", 0).toInt()));
@@ -71,19 +72,21 @@ QWidget* CalibrationPanel::make_choice() {
     board_->setEditText(settings.value("calibration/board", board_->itemText(0)).toString());
     board_->setToolTip(
         tr("charuco:SQUARESxSQUARES:SQUARE mm:MARKER mm:DICTIONARY, checkerboard:CORNERSxCORNERS:mm (inner "
-           "corners) or aprilgrid:TAGSxTAGS:TAG mm:GAP mm, as printed on it"));
+           "corners) or aprilgrid:TAGSxTAGS:TAG mm:GAP mm, as printed on the board"));
     wand_ = new QLineEdit(settings.value("calibration/wand", "wand:200:600").toString(), page);
-    wand_->setToolTip(tr("mm from the first ball to the second and to the third; wand:600 has two"));
-    height_ = new QDoubleSpinBox(page);
-    height_->setRange(0.49, 2.6);
-    height_->setSingleStep(0.01);
-    height_->setSpecialValueText(tr("not measured"));
-    height_->setSuffix(" m");
-    height_->setValue(settings.value("calibration/height_m", 0.49).toDouble());
-    height_->setToolTip(tr("Checks the scale"));
-    floor_ = new QCheckBox(tr("First the board lies on the floor: makes floor and origin"), page);
-    floor_->setChecked(settings.value("calibration/floor", false).toBool());
-    begin_ = new QPushButton(tr("Begin"), page);
+    wand_->setToolTip(
+        tr("Distances from the first ball to the second and third (mm); wand:600 has two balls"));
+    stature_ = new QDoubleSpinBox(page);
+    stature_->setRange(0.49, 2.6);
+    stature_->setSingleStep(0.01);
+    stature_->setSpecialValueText(tr("unknown"));
+    stature_->setSuffix(" m");
+    stature_->setValue(settings.value("calibration/stature_m", 0.49).toDouble());
+    stature_->setToolTip(tr("Measured stature of the person with shoes; checks the scale"));
+    board_on_floor_ =
+        new QCheckBox(tr("First capture the board on the floor to define floor and origin"), page);
+    board_on_floor_->setChecked(settings.value("calibration/board_on_floor", false).toBool());
+    begin_ = new QPushButton(tr("Start"), page);
     begin_->setObjectName("calibration_begin");
     begin_->setDefault(true);
     connect(begin_, &QPushButton::clicked, this, &CalibrationPanel::begin);
@@ -96,8 +99,8 @@ QWidget* CalibrationPanel::make_choice() {
     form->addRow(purpose_);
     form->addRow(board_label_ = new QLabel(tr("Board"), page), board_);
     form->addRow(wand_label_ = new QLabel(tr("Wand"), page), wand_);
-    form->addRow(height_label_ = new QLabel(tr("The person's height"), page), height_);
-    form->addRow(floor_);
+    form->addRow(stature_label_ = new QLabel(tr("Stature"), page), stature_);
+    form->addRow(board_on_floor_);
     form->addRow(begin_);
     return page;
 }
@@ -107,104 +110,104 @@ QWidget* CalibrationPanel::make_guide() {
     instruction_ = wrapped(page);
     instruction_->setObjectName("calibration_instruction");
     QFont font = instruction_->font();
-    font.setPointSizeF(kInstructionSize * font.pointSizeF());
+    font.setPointSizeF(kInstructionScale * font.pointSizeF());
     font.setBold(true);
     instruction_->setFont(font);
     hint_ = wrapped(page);
     hint_->setObjectName("calibration_hint");
     hint_->setAlignment(Qt::AlignTop | Qt::AlignLeft);
-    part_ = new QProgressBar(page);
-    part_->setRange(0, 1000);
-    part_->setFormat("%p %");
+    progress_ = new QProgressBar(page);
+    progress_->setRange(0, 1000);
+    progress_->setFormat("%p %");
     cameras_ = new QTableWidget(0, 3, page);
-    cameras_->setHorizontalHeaderLabels({tr("Camera"), tr("Views"), tr("Covered")});
+    cameras_->setHorizontalHeaderLabels({tr("Camera"), tr("Views"), tr("Coverage")});
     cameras_->verticalHeader()->hide();
     cameras_->horizontalHeader()->setSectionResizeMode(QHeaderView::Stretch);
     cameras_->setEditTriggers(QAbstractItemView::NoEditTriggers);
     cameras_->setSelectionMode(QAbstractItemView::NoSelection);
     cameras_->setFocusPolicy(Qt::NoFocus);
     cameras_->verticalHeader()->setDefaultSectionSize(cameras_->fontMetrics().height() + 6);
-    enough_ = new QPushButton(page);
-    enough_->setObjectName("calibration_enough");
+    finish_ = new QPushButton(page);
+    finish_->setObjectName("calibration_finish");
     cancel_ = new QPushButton(tr("Cancel"), page);
     cancel_->setObjectName("calibration_cancel");
-    connect(enough_, &QPushButton::clicked, this, [this] {
-        if (calibration_) calibration_->enough();
+    connect(finish_, &QPushButton::clicked, this, [this] {
+        if (calibration_) calibration_->finish_step();
     });
     connect(cancel_, &QPushButton::clicked, this, [this] {
         if (calibration_) calibration_->cancel();
     });
     auto* buttons = new QHBoxLayout;
-    buttons->addWidget(enough_, 1);
+    buttons->addWidget(finish_, 1);
     buttons->addWidget(cancel_);
     auto* all = new QVBoxLayout(page);
     all->setContentsMargins(0, 0, 0, 0);
     all->addWidget(instruction_);
     all->addWidget(hint_);
-    all->addWidget(part_);
+    all->addWidget(progress_);
     all->addWidget(cameras_, 1);
     all->addLayout(buttons);
     return page;
 }
 
 QWidget* CalibrationPanel::make_stored() {
-    auto* part = new QWidget(this);
-    stored_ = new QListWidget(part);
+    auto* widget = new QWidget(this);
+    stored_ = new QListWidget(widget);
     stored_->setObjectName("calibrations");
-    show_ = new QPushButton(tr("Certificate"), part);
+    show_ = new QPushButton(tr("Certificate"), widget);
     show_->setObjectName("calibration_show");
-    apply_ = new QPushButton(tr("Use it"), part);
+    apply_ = new QPushButton(tr("Apply"), widget);
     apply_->setObjectName("calibration_apply");
-    undo_ = new QPushButton(tr("Undo"), part);
+    undo_ = new QPushButton(tr("Undo"), widget);
     undo_->setObjectName("calibration_undo");
-    undo_->setToolTip(tr("Back to the calibration that was in use before"));
-    remove_ = new QPushButton(tr("Delete"), part);
-    remove_->setObjectName("calibration_remove");
+    undo_->setToolTip(tr("Revert to the previous calibration"));
+    delete_ = new QPushButton(tr("Delete"), widget);
+    delete_->setObjectName("calibration_delete");
     const auto show = [this] {
         if (calibration_ && !chosen_id().empty()) calibration_->show_certificate(chosen_id());
     };
     connect(show_, &QPushButton::clicked, this, show);
     connect(stored_, &QListWidget::itemActivated, this, show);
     connect(stored_, &QListWidget::currentRowChanged, this, [this] {
-        for (QPushButton* button : {show_, apply_, remove_}) button->setEnabled(!chosen_id().empty());
+        for (QPushButton* button : {show_, apply_, delete_}) button->setEnabled(!chosen_id().empty());
     });
     connect(apply_, &QPushButton::clicked, this, [this] { apply(chosen_id()); });
     connect(undo_, &QPushButton::clicked, this, [this] {
         if (calibration_) calibration_->undo();
     });
-    connect(remove_, &QPushButton::clicked, this, [this] {
-        if (calibration_ && !chosen_id().empty()) calibration_->remove(chosen_id());
+    connect(delete_, &QPushButton::clicked, this, [this] {
+        if (calibration_ && !chosen_id().empty()) calibration_->delete_calibration(chosen_id());
     });
     auto* buttons = new QHBoxLayout;
-    for (QPushButton* button : {show_, apply_, undo_, remove_}) {
+    for (QPushButton* button : {show_, apply_, undo_, delete_}) {
         button->setEnabled(false);
         buttons->addWidget(button);
     }
-    auto* all = new QVBoxLayout(part);
+    auto* all = new QVBoxLayout(widget);
     all->setContentsMargins(0, 0, 0, 0);
-    all->addWidget(new QLabel(tr("Stored calibrations"), part));
+    all->addWidget(new QLabel(tr("Stored calibrations"), widget));
     all->addWidget(stored_, 1);
     all->addLayout(buttons);
-    return part;
+    return widget;
 }
 
 void CalibrationPanel::set_calibration(Calibration* calibration) {
     calibration_ = calibration;
     stored_->clear();
     certificate_->hide();
-    connect(calibration, &Calibration::progress_came, this, &CalibrationPanel::show_progress);
-    connect(calibration, &Calibration::stored_came, this, &CalibrationPanel::show_stored);
-    connect(calibration, &Calibration::certificate_came, this,
+    connect(calibration, &Calibration::progress_received, this, &CalibrationPanel::show_progress);
+    connect(calibration, &Calibration::stored_received, this, &CalibrationPanel::show_stored);
+    connect(calibration, &Calibration::certificate_received, this,
             [this] { certificate_->show_certificate(calibration_->certificate()); });
     connect(calibration, &Calibration::solved, this, [this](const QString& id) {
-        emit answered(tr("stored as calibration %1").arg(id), true);
+        emit reported(tr("calibration %1 stored").arg(id), true);
         calibration_->list();
         calibration_->show_certificate(id.toStdString());
     });
     connect(calibration, &Calibration::done, this,
-            [this](const QString& message) { emit answered(message, true); });
+            [this](const QString& message) { emit reported(message, true); });
     connect(calibration, &Calibration::failed, this,
-            [this](const QString& message) { emit answered(message, false); });
+            [this](const QString& message) { emit reported(message, false); });
     if (isVisible()) {
         calibration->watch(true);
         calibration->list();
@@ -219,13 +222,13 @@ void CalibrationPanel::showEvent(QShowEvent*) {
 }
 
 void CalibrationPanel::hideEvent(QHideEvent*) {
-    if (calibration_) calibration_->watch(false);  // a procedure of this window watches itself
+    if (calibration_) calibration_->watch(false);  // this window's procedure is watched by its own thread
 }
 
 void CalibrationPanel::set_theme(const Theme& theme) {
     theme_ = theme;
     instruction_->setStyleSheet("color: " + theme.text.name());
-    hint_->setStyleSheet("color: " + theme.care.name());
+    hint_->setStyleSheet("color: " + theme.warning.name());
     certificate_->set_theme(theme);
     if (calibration_) show_stored();
 }
@@ -234,14 +237,14 @@ void CalibrationPanel::show_choice() {
     const auto kind = static_cast<v1::ProcedureKind>(kind_->currentData().toInt());
     const bool board = kind == v1::PROCEDURE_KIND_INTRINSICS || kind == v1::PROCEDURE_KIND_EXTRINSICS_BOARD;
     const bool wand = kind == v1::PROCEDURE_KIND_EXTRINSICS_WAND,
-               person = kind == v1::PROCEDURE_KIND_REFINE_PERSON;
+               person = kind == v1::PROCEDURE_KIND_EXTRINSICS_REFINE_PERSON;
     purpose_->setText(tr(calibration_kinds()[static_cast<std::size_t>(kind_->currentIndex())].purpose));
     for (QWidget* w : {static_cast<QWidget*>(board_label_), static_cast<QWidget*>(board_)})
         w->setVisible(board);
     for (QWidget* w : {static_cast<QWidget*>(wand_label_), static_cast<QWidget*>(wand_)}) w->setVisible(wand);
-    for (QWidget* w : {static_cast<QWidget*>(height_label_), static_cast<QWidget*>(height_)})
+    for (QWidget* w : {static_cast<QWidget*>(stature_label_), static_cast<QWidget*>(stature_)})
         w->setVisible(person);
-    floor_->setVisible(kind == v1::PROCEDURE_KIND_EXTRINSICS_BOARD);
+    board_on_floor_->setVisible(kind == v1::PROCEDURE_KIND_EXTRINSICS_BOARD);
 }
 
 void CalibrationPanel::begin() {
@@ -250,15 +253,16 @@ void CalibrationPanel::begin() {
     settings.setValue("calibration/kind", kind_->currentIndex());
     settings.setValue("calibration/board", board_->currentText());
     settings.setValue("calibration/wand", wand_->text());
-    settings.setValue("calibration/height_m", height_->value());
-    settings.setValue("calibration/floor", floor_->isChecked());
-    CalibrationPlan plan;
-    plan.what.set_kind(static_cast<v1::ProcedureKind>(kind_->currentData().toInt()));
-    plan.what.set_board(board_->currentText().trimmed().toStdString());
-    plan.what.set_wand(wand_->text().trimmed().toStdString());
-    if (height_->value() > height_->minimum()) plan.what.set_subject_height_m(height_->value());
-    plan.floor = plan.what.kind() == v1::PROCEDURE_KIND_EXTRINSICS_BOARD && floor_->isChecked();
-    if (!calibration_->begin(plan)) emit answered(tr("a calibration goes on already"), false);
+    settings.setValue("calibration/stature_m", stature_->value());
+    settings.setValue("calibration/board_on_floor", board_on_floor_->isChecked());
+    client::CalibrationPlan plan;
+    plan.procedure.set_kind(static_cast<v1::ProcedureKind>(kind_->currentData().toInt()));
+    plan.procedure.set_board(board_->currentText().trimmed().toStdString());
+    plan.procedure.set_wand(wand_->text().trimmed().toStdString());
+    if (stature_->value() > stature_->minimum()) plan.procedure.set_stature_m(stature_->value());
+    plan.board_on_floor =
+        plan.procedure.kind() == v1::PROCEDURE_KIND_EXTRINSICS_BOARD && board_on_floor_->isChecked();
+    if (!calibration_->begin(plan)) emit reported(tr("a calibration is already running"), false);
 }
 
 void CalibrationPanel::show_progress() {
@@ -269,38 +273,37 @@ void CalibrationPanel::show_progress() {
     pages_->setCurrentIndex(step == CalibrationStep::kNone ? 0 : 1);
     if (step == CalibrationStep::kNone) return;
     instruction_->setText(text(instruction(progress.kind(), step)));
-    const bool solving = step == CalibrationStep::kSolving;
+    const bool solving = step == CalibrationStep::kSolving || step == CalibrationStep::kReadingFiles;
     QStringList hints;
-    if (!calibration_->lack().empty()) hints << text(calibration_->lack());
-    if (!own) hints << tr("Another program calibrates.");
+    if (!calibration_->insufficient_reason().empty()) hints << text(calibration_->insufficient_reason());
+    if (!own) hints << tr("Another client is calibrating.");
     for (const std::string& hint : progress.hints())
         if (!solving && hints.size() < kMaxHints && !hints.contains(text(hint))) hints << text(hint);
     if (solving || hints.isEmpty()) hints = QStringList(text(progress.message()));
     hint_->setText(hints.join("\n\n"));
-    // A label that breaks its lines does not tell a layout how high that makes it.
+    // A layout does not know the height of a label with wrapped lines.
     for (QLabel* label : {instruction_, hint_})
         label->setMinimumHeight(std::max(0, label->heightForWidth(label->width())));
-    part_->setVisible(solving);
-    part_->setValue(static_cast<int>(1000 * progress.part()));
-    enough_->setVisible(own && !solving);
-    enough_->setEnabled(step == CalibrationStep::kMoving || step == CalibrationStep::kBoardOnFloor);
-    enough_->setText(step == CalibrationStep::kBoardOnFloor ? tr("Go on without the floor")
-                                                            : tr("That is enough"));
+    progress_->setVisible(solving);
+    progress_->setValue(static_cast<int>(1000 * progress.progress()));
+    finish_->setVisible(own && !solving);
+    finish_->setEnabled(step == CalibrationStep::kMovingTarget || step == CalibrationStep::kBoardOnFloor);
+    finish_->setText(step == CalibrationStep::kBoardOnFloor ? tr("Skip the floor") : tr("Finish"));
     show_cameras(progress);
 }
 
 void CalibrationPanel::show_cameras(const v1::WatchProcedureResponse& progress) {
     cameras_->setRowCount(progress.cameras_size());
     for (int row = 0; row < progress.cameras_size(); ++row) {
-        const v1::ObservedCamera& camera = progress.cameras(row);
-        const QString cells[] = {text(camera.name()), QString::number(camera.accepted()),
+        const v1::CameraObservations& camera = progress.cameras(row);
+        const QString cells[] = {text(camera.name()), QString::number(camera.accepted_count()),
                                  QString("%1 %").arg(qRound(100 * camera.coverage()))};
         for (int column = 0; column < 3; ++column) {
             QTableWidgetItem* item = cameras_->item(row, column);
             if (!item) cameras_->setItem(row, column, item = new QTableWidgetItem);
             item->setText(cells[column]);
-            item->setForeground(camera.seen_last() ? theme_.good : theme_.text);
-            item->setToolTip(text(camera.last_rejection()));
+            item->setForeground(camera.detected_in_latest() ? theme_.good : theme_.text);
+            item->setToolTip(text(camera.latest_rejection_reason()));
         }
     }
 }
@@ -310,21 +313,21 @@ void CalibrationPanel::show_stored() {
     const std::string chosen = chosen_id();
     stored_->clear();
     for (int n = stored.calibrations_size() - 1; n >= 0; --n) {
-        const v1::CalibrationEntry& entry = stored.calibrations(n);
-        const QString when =
-            QDateTime::fromMSecsSinceEpoch(entry.time_ns() / 1'000'000).toString("d MMM  hh:mm");
-        const bool next = entry.id() == stored.at_next_start() && !entry.in_use();
-        QString line =
-            QString("%1   %2   %3   %4")
-                .arg(text(entry.id()), when, text(verdict_word(entry.verdict())), text(entry.made_by()));
-        if (entry.in_use()) line += tr("   in use");
-        if (next) line += tr("   from the next start on");
-        if (!entry.fits()) line += tr("   of other cameras");
+        const v1::Calibration& entry = stored.calibrations(n);
+        const QString when = QDateTime::fromMSecsSinceEpoch(to_utc_ns(entry.create_time()) / 1'000'000)
+                                 .toString("d MMM  hh:mm");
+        const bool pending = entry.id() == stored.pending_id() && !entry.active();
+        QString line = QString("%1   %2   %3   %4")
+                           .arg(text(entry.id()), when, text(verdict_text(entry.verdict())),
+                                text(method_text(entry.method())));
+        if (entry.active()) line += tr("   active");
+        if (pending) line += tr("   from the next start");
+        if (!entry.compatible()) line += tr("   for other cameras");
         if (!entry.note().empty()) line += "   " + text(entry.note());
         auto* item = new QListWidgetItem(line, stored_);
         item->setData(Qt::UserRole, text(entry.id()));
         item->setForeground(colour_of(entry.verdict(), theme_));
-        if (entry.id() == chosen || (chosen.empty() && entry.in_use())) stored_->setCurrentItem(item);
+        if (entry.id() == chosen || (chosen.empty() && entry.active())) stored_->setCurrentItem(item);
     }
     undo_->setEnabled(stored.can_undo());
 }
@@ -334,18 +337,19 @@ std::string CalibrationPanel::chosen_id() const {
     return item ? item->data(Qt::UserRole).toString().toStdString() : std::string();
 }
 
-// What is refused unless somebody insists is asked for here, not sent and refused.
+// Asks before it forces what the daemon would refuse.
 void CalibrationPanel::apply(const std::string& id) {
     if (!calibration_ || id.empty()) return;
     const v1::ListCalibrationsResponse stored = calibration_->stored();
-    const auto entry = std::ranges::find(stored.calibrations(), id, &v1::CalibrationEntry::id);
-    const bool bad = entry != stored.calibrations().end() && entry->verdict() == v1::VERDICT_NO_GO;
-    if (bad && QMessageBox::question(
-                   this, tr("Use it all the same?"),
-                   tr("Calibration %1 is NO-GO: what is measured with it is wrong. Use it all the same?")
-                       .arg(text(id))) != QMessageBox::Yes)
+    const auto entry = std::ranges::find(stored.calibrations(), id, &v1::Calibration::id);
+    const bool no_go = entry != stored.calibrations().end() && entry->verdict() == v1::VERDICT_NO_GO;
+    if (no_go &&
+        QMessageBox::question(
+            this, tr("Apply anyway?"),
+            tr("Calibration %1 is NO-GO: measurements with it are wrong. Apply anyway?").arg(text(id))) !=
+            QMessageBox::Yes)
         return;
-    if (!calibration_->apply(id, bad)) emit answered(tr("too much waits already; a moment"), false);
+    if (!calibration_->apply(id, no_go)) emit reported(tr("too many pending commands; try again"), false);
 }
 
 }  // namespace kinevox::viewer

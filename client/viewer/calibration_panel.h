@@ -1,5 +1,5 @@
-// Calibrating in the window: which procedure, what to do now in large letters, how much each camera has seen,
-// and the stored calibrations.
+// Guided calibration: choice of the procedure, instruction in large letters, coverage of each camera, and the
+// stored calibrations.
 #pragma once
 
 #include <QPointer>
@@ -28,13 +28,13 @@ class CalibrationPanel final : public QWidget {
 
   public:
     explicit CalibrationPanel(QWidget* parent = nullptr);
-    // Of the daemon that is shown; another takes the place of the one before.
+    // Replaces the one of the previous daemon.
     void set_calibration(Calibration* calibration);
     void set_theme(const Theme& theme);
     CertificateView& certificate() { return *certificate_; }
 
   signals:
-    void answered(const QString& message, bool good);
+    void reported(const QString& message, bool ok);
 
   protected:
     void showEvent(QShowEvent* event) override;
@@ -56,16 +56,16 @@ class CalibrationPanel final : public QWidget {
     Theme theme_ = Theme::make(true);
     QStackedWidget* pages_ = nullptr;
     QComboBox *kind_ = nullptr, *board_ = nullptr;
-    QLabel *purpose_ = nullptr, *board_label_ = nullptr, *wand_label_ = nullptr, *height_label_ = nullptr;
+    QLabel *purpose_ = nullptr, *board_label_ = nullptr, *wand_label_ = nullptr, *stature_label_ = nullptr;
     QLineEdit* wand_ = nullptr;
-    QDoubleSpinBox* height_ = nullptr;
-    QCheckBox* floor_ = nullptr;
-    QPushButton *begin_ = nullptr, *enough_ = nullptr, *cancel_ = nullptr;
+    QDoubleSpinBox* stature_ = nullptr;
+    QCheckBox* board_on_floor_ = nullptr;
+    QPushButton *begin_ = nullptr, *finish_ = nullptr, *cancel_ = nullptr;
     QLabel *instruction_ = nullptr, *hint_ = nullptr;
-    QProgressBar* part_ = nullptr;
+    QProgressBar* progress_ = nullptr;
     QTableWidget* cameras_ = nullptr;
     QListWidget* stored_ = nullptr;
-    QPushButton *show_ = nullptr, *apply_ = nullptr, *undo_ = nullptr, *remove_ = nullptr;
+    QPushButton *show_ = nullptr, *apply_ = nullptr, *undo_ = nullptr, *delete_ = nullptr;
     CertificateView* certificate_ = nullptr;
 };
 

@@ -1,4 +1,4 @@
-// The cameras' pictures or silhouettes side by side, each with its name and what is wrong with it.
+// The cameras' images or silhouettes side by side, each with its name and issue.
 #pragma once
 
 #include <QImage>
@@ -16,7 +16,7 @@ class CameraPanel final : public QWidget {
 
   public:
     explicit CameraPanel(QWidget* parent = nullptr);
-    void show_previews(std::map<std::string, QImage> pictures);
+    void show_previews(std::map<std::string, QImage> images);
     void show_status(const v1::GetStatusResponse& status);
     void set_theme(const Theme& theme);
 
@@ -25,11 +25,11 @@ class CameraPanel final : public QWidget {
 
   private:
     struct Tile {
-        QString name, trouble;
+        QString name, issue;
         bool good = true;
     };
     std::vector<Tile> tiles_;
-    std::map<std::string, QImage> pictures_;
+    std::map<std::string, QImage> images_;
     Theme theme_ = Theme::make(true);
 };
 

@@ -9,12 +9,12 @@
 #include <QScrollArea>
 #include <QTextBrowser>
 
-#include "client/viewer/calibration_words.h"
+#include "client/viewer/calibration_text.h"
 
 namespace kinevox::viewer {
 namespace {
 
-constexpr double kVerdictSize = 2.6;
+constexpr double kVerdictScale = 2.6;
 
 QString escaped(const std::string& text) {
     return QString::fromStdString(text).toHtmlEscaped();
@@ -28,20 +28,26 @@ QString percent(bool has, double value) {
     return has ? QString("%1 %").arg(qRound(100 * value)) : QStringLiteral("–");
 }
 
+QString iou(bool has, double value) {
+    return has ? QString::number(value, 'f', 3) : QStringLiteral("–");
+}
+
 QString camera_table(const v1::Certificate& certificate) {
     QString rows = "<tr><th align='left'>" + QObject::tr("camera") + "</th>";
-    for (const QString& head : {QObject::tr("views"), QObject::tr("misses, px"),
-                                QObject::tr("kept apart, px"), QObject::tr("covered"), QObject::tr("agrees")})
+    for (const QString& head :
+         {QObject::tr("views"), QObject::tr("reprojection error, px"), QObject::tr("held-out error, px"),
+          QObject::tr("coverage"), QObject::tr("hull IoU")})
         rows += "<th align='right'>&nbsp;&nbsp;" + head + "</th>";
     rows += "</tr>";
-    for (const v1::CertifiedCamera& c : certificate.cameras()) {
+    for (const v1::CameraCertificate& c : certificate.cameras()) {
         rows += "<tr><td>" + escaped(c.name()) + "</td>";
         for (const QString& cell :
-             {c.views() > 0 ? QString::number(c.views()) : QStringLiteral("–"),
-              c.has_lens_rms_px() ? pixels(true, c.lens_rms_px())
-                                  : pixels(c.has_fit_rms_px(), c.fit_rms_px()),
-              pixels(c.has_held_out_rms_px(), c.held_out_rms_px()), percent(c.has_coverage(), c.coverage()),
-              percent(c.has_hull_iou(), c.hull_iou())})
+             {c.view_count() > 0 ? QString::number(c.view_count()) : QStringLiteral("–"),
+              c.has_intrinsics_rms_px()
+                  ? pixels(true, c.intrinsics_rms_px())
+                  : pixels(c.has_fit_reprojection_rms_px(), c.fit_reprojection_rms_px()),
+              pixels(c.has_held_out_reprojection_rms_px(), c.held_out_reprojection_rms_px()),
+              percent(c.has_coverage(), c.coverage()), iou(c.has_hull_iou(), c.hull_iou())})
             rows += "<td align='right'>&nbsp;&nbsp;" + cell + "</td>";
         rows += "</tr>";
     }
@@ -54,10 +60,10 @@ QColor colour_of(v1::Verdict verdict, const Theme& theme) {
     switch (verdict) {
         case v1::VERDICT_GO:
             return theme.good;
-        case v1::VERDICT_CARE:
-            return theme.care;
+        case v1::VERDICT_CAUTION:
+            return theme.warning;
         case v1::VERDICT_NO_GO:
-            return theme.bad;
+            return theme.error;
         default:
             return theme.faint;
     }
@@ -68,7 +74,7 @@ CertificateView::CertificateView(QWidget* parent) : QDialog(parent) {
     resize(1000, 640);
     verdict_ = new QLabel(this);
     QFont font = verdict_->font();
-    font.setPointSizeF(kVerdictSize * font.pointSizeF());
+    font.setPointSizeF(kVerdictScale * font.pointSizeF());
     font.setBold(true);
     verdict_->setFont(font);
     sentence_ = new QLabel(this);
@@ -79,8 +85,8 @@ CertificateView::CertificateView(QWidget* parent) : QDialog(parent) {
     page_->setMinimumSize(320, 320);
     page_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Ignored);
     auto* buttons = new QDialogButtonBox(QDialogButtonBox::Close, this);
-    apply_ = buttons->addButton(tr("Use it"), QDialogButtonBox::ActionRole);
-    save_ = buttons->addButton(tr("Save the page..."), QDialogButtonBox::ActionRole);
+    apply_ = buttons->addButton(tr("Apply"), QDialogButtonBox::ActionRole);
+    save_ = buttons->addButton(tr("Save page..."), QDialogButtonBox::ActionRole);
     for (QPushButton* button : {apply_, save_}) button->setAutoDefault(false);
     connect(buttons, &QDialogButtonBox::rejected, this, &QDialog::hide);
     connect(apply_, &QPushButton::clicked, this, [this] {
@@ -92,12 +98,12 @@ CertificateView::CertificateView(QWidget* parent) : QDialog(parent) {
     auto* top = new QHBoxLayout;
     top->addWidget(verdict_);
     top->addWidget(sentence_, 1);
-    auto* middle = new QHBoxLayout;
-    middle->addWidget(text_, 1);
-    middle->addWidget(page_, 1);
+    auto* contents = new QHBoxLayout;
+    contents->addWidget(text_, 1);
+    contents->addWidget(page_, 1);
     auto* all = new QVBoxLayout(this);
     all->addLayout(top);
-    all->addLayout(middle, 1);
+    all->addLayout(contents, 1);
     all->addWidget(buttons);
 }
 
@@ -105,13 +111,13 @@ void CertificateView::show_certificate(const ShownCertificate& certificate) {
     shown_ = certificate;
     const v1::Verdict verdict = shown_.certificate.verdict();
     setWindowTitle(tr("Calibration %1").arg(QString::fromStdString(shown_.id)));
-    verdict_->setText(QString::fromStdString(verdict_word(verdict)));
+    verdict_->setText(QString::fromStdString(verdict_text(verdict)));
     verdict_->setStyleSheet("color: " + colour_of(verdict, theme_).name());
     sentence_->setText(QString::fromStdString(verdict_sentence(verdict)));
     text_->setHtml(html());
     save_->setEnabled(!shown_.page.isNull());
     show_page();
-    if (!shown_.page.isNull()) return;  // comes by itself later, when the coach may have closed it
+    if (!shown_.page.isNull()) return;  // arrives later, when the user may have closed the window
     show();
     raise();
 }
@@ -119,20 +125,20 @@ void CertificateView::show_certificate(const ShownCertificate& certificate) {
 QString CertificateView::html() const {
     const v1::Certificate& certificate = shown_.certificate;
     QString out;
-    for (const v1::Verdict verdict : {v1::VERDICT_NO_GO, v1::VERDICT_CARE, v1::VERDICT_GO})
+    for (const v1::Verdict verdict : {v1::VERDICT_NO_GO, v1::VERDICT_CAUTION, v1::VERDICT_GO})
         for (const v1::CertificateFinding& finding : certificate.findings())
             if (finding.verdict() == verdict)
                 out += QString("<p><b style='color:%1'>%2</b>&nbsp; %3</p>")
-                           .arg(colour_of(verdict, theme_).name(), escaped(verdict_word(verdict)),
+                           .arg(colour_of(verdict, theme_).name(), escaped(verdict_text(verdict)),
                                 escaped(finding_line(finding)));
     out += "<table cellpadding='2'>";
-    for (const auto& [name, value] : certificate_figures(certificate))
+    for (const auto& [name, value] : certificate_values(certificate))
         out += "<tr><td>" + escaped(name) + "&nbsp;&nbsp;</td><td><b>" + escaped(value) + "</b></td></tr>";
     return out + "</table><p></p>" + camera_table(certificate);
 }
 
 void CertificateView::show_page() {
-    if (shown_.page.isNull()) return page_->setText(tr("Its page of pictures is being drawn"));
+    if (shown_.page.isNull()) return page_->setText(tr("Loading the page"));
     const qreal scale = devicePixelRatio();
     QPixmap page = QPixmap::fromImage(
         shown_.page.scaled(page_->size() * scale, Qt::KeepAspectRatio, Qt::SmoothTransformation));
@@ -152,10 +158,9 @@ void CertificateView::set_theme(const Theme& theme) {
 
 void CertificateView::save_page() {
     const QString name = QString::fromStdString(shown_.id) + " certificate.png";
-    const QString file = QFileDialog::getSaveFileName(this, tr("Save the page"), name, "PNG (*.png)");
+    const QString file = QFileDialog::getSaveFileName(this, tr("Save page"), name, "PNG (*.png)");
     if (!file.isEmpty() && !shown_.page.save(file))
-        QMessageBox::warning(this, tr("Save the page"),
-                             tr("%1 cannot be written; choose another folder").arg(file));
+        QMessageBox::warning(this, tr("Save page"), tr("cannot write %1; choose another folder").arg(file));
 }
 
 }  // namespace kinevox::viewer

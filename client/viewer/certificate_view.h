@@ -1,5 +1,4 @@
-// A calibration's certificate: the verdict in large letters, why, each camera's figures, and its page of
-// pictures.
+// A calibration's certificate: verdict, findings, quality measures of each camera, and the page of images.
 #pragma once
 
 #include <QDialog>
@@ -20,7 +19,7 @@ class CertificateView final : public QDialog {
 
   public:
     explicit CertificateView(QWidget* parent);
-    // Comes to the front; the scene goes on beside it.
+    // Raises the window, which is not modal.
     void show_certificate(const ShownCertificate& certificate);
     void set_theme(const Theme& theme);
     const ShownCertificate& shown() const { return shown_; }

@@ -4,15 +4,17 @@
 
 #include <utility>
 
+#include "common/proto_time.h"
+
 namespace kinevox::viewer {
 namespace {
 
-constexpr std::chrono::seconds kLongWork{60};  // learning, closing a recording
+constexpr std::chrono::seconds kLongCall{60};  // learning the background, closing a recording
 
 std::string summary(const v1::Recording& r) {
-    std::string text =
-        fmt::format("\"{}\" is recorded: {:.1f} s, {} frame sets", r.name(), r.seconds(), r.frames());
-    if (r.dropped() > 0) text += fmt::format(", {} not recorded", r.dropped());
+    std::string text = fmt::format("recording \"{}\" saved: {:.1f} s, {} frame sets", r.name(),
+                                   to_seconds(r.duration()), r.frame_set_count());
+    if (r.dropped_frame_set_count() > 0) text += fmt::format(", {} dropped", r.dropped_frame_set_count());
     if (!r.end_reason().empty()) text += "; " + r.end_reason();
     return text;
 }
@@ -25,10 +27,10 @@ Commands::Commands(client::ClientOptions options) : options_(std::move(options))
 
 Commands::~Commands() = default;
 
-bool Commands::ask(const QString& what, std::function<absl::Status(client::Client&, std::string&)> act) {
+bool Commands::enqueue(const QString& name, std::function<absl::Status(client::Client&, std::string&)> act) {
     const std::scoped_lock lock(mutex_);
-    if (asked_.size() >= kMaxWaiting) return false;
-    asked_.push_back({what, std::move(act)});
+    if (pending_.size() >= kMaxPending) return false;
+    pending_.push_back({name, std::move(act)});
     idle_since_.reset();
     changed_.notify_all();
     return true;
@@ -37,25 +39,25 @@ bool Commands::ask(const QString& what, std::function<absl::Status(client::Clien
 void Commands::run(const std::stop_token& stop) {
     client::Client client(options_);
     for (;;) {
-        Asked asked;
+        Command command;
         {
             std::unique_lock lock(mutex_);
-            if (!changed_.wait(lock, stop, [this] { return !asked_.empty(); }) || stop.stop_requested())
+            if (!changed_.wait(lock, stop, [this] { return !pending_.empty(); }) || stop.stop_requested())
                 return;
-            asked = std::move(asked_.front());
-            asked_.pop_front();
+            command = std::move(pending_.front());
+            pending_.pop_front();
         }
-        emit begun(asked.what);
+        emit started(command.name);
         std::string message;
-        const absl::Status status = asked.act(client, message);
+        const absl::Status status = command.act(client, message);
         {
             const std::scoped_lock lock(mutex_);
-            if (asked_.empty()) idle_since_ = std::chrono::steady_clock::now();
+            if (pending_.empty()) idle_since_ = std::chrono::steady_clock::now();
         }
         if (status.ok())
             emit done(QString::fromStdString(message));
         else
-            emit failed(asked.what + ": " + QString::fromStdString(std::string(status.message())));
+            emit failed(command.name + ": " + QString::fromStdString(std::string(status.message())));
     }
 }
 
@@ -65,119 +67,119 @@ std::optional<std::chrono::steady_clock::time_point> Commands::idle_since() cons
 }
 
 bool Commands::start_capture() {
-    return ask(tr("Start"), [](client::Client& c, std::string& done) {
-        done = "the capture runs";
-        return c.start(kOperator);
+    return enqueue(tr("Start"), [](client::Client& c, std::string& done) {
+        done = "capture started";
+        return c.start(kOperatorName);
     });
 }
 
 bool Commands::stop_capture() {
-    return ask(tr("Stop"), [](client::Client& c, std::string& done) {
-        done = "the capture is stopped";
-        return c.stop(kOperator);
+    return enqueue(tr("Stop"), [](client::Client& c, std::string& done) {
+        done = "capture stopped";
+        return c.stop(kOperatorName);
     });
 }
 
-bool Commands::learn_background(int frames) {
-    return ask(tr("Learn the empty scene"), [frames](client::Client& c, std::string& done) {
-        done = "the empty scene is learned";
-        return c.learn_background(kOperator, frames, kLongWork);
+bool Commands::learn_background(int frame_set_count) {
+    return enqueue(tr("Learn background"), [frame_set_count](client::Client& c, std::string& done) {
+        done = "background learned";
+        return c.learn_background(kOperatorName, frame_set_count, kLongCall);
     });
 }
 
 bool Commands::start_recording() {
-    return ask(tr("Record"), [](client::Client& c, std::string& done) {
-        const auto answer = c.start_recording(kOperator, {});
-        if (answer.ok()) done = "recording \"" + answer->name() + "\"";
-        return answer.status();
+    return enqueue(tr("Record"), [](client::Client& c, std::string& done) {
+        const auto response = c.start_recording(kOperatorName, {});
+        if (response.ok()) done = "recording \"" + response->name() + "\"";
+        return response.status();
     });
 }
 
 bool Commands::stop_recording() {
-    return ask(tr("Stop recording"), [](client::Client& c, std::string& done) {
-        const auto answer = c.stop_recording(kOperator, kLongWork);
-        if (answer.ok()) done = summary(answer->recording());
-        return answer.status();
+    return enqueue(tr("Stop recording"), [](client::Client& c, std::string& done) {
+        const auto response = c.stop_recording(kOperatorName, kLongCall);
+        if (response.ok()) done = summary(response->recording());
+        return response.status();
     });
 }
 
-bool Commands::keep_last() {
-    return ask(tr("Keep what just happened"), [](client::Client& c, std::string& done) {
-        const auto answer = c.keep_last(kOperator, {}, kLongWork);
-        if (answer.ok()) done = summary(answer->recording());
-        return answer.status();
+bool Commands::save_buffer() {
+    return enqueue(tr("Save buffer"), [](client::Client& c, std::string& done) {
+        const auto response = c.save_buffer(kOperatorName, {}, kLongCall);
+        if (response.ok()) done = summary(response->recording());
+        return response.status();
     });
 }
 
 bool Commands::list_recordings() {
-    return ask(tr("Recordings"), [this](client::Client& c, std::string&) {
-        const auto answer = c.list_recordings();
-        if (!answer.ok()) return answer.status();
-        QStringList names, texts;
-        for (const v1::Recording& r : answer->recordings()) {
+    return enqueue(tr("List recordings"), [this](client::Client& c, std::string&) {
+        const auto response = c.list_recordings();
+        if (!response.ok()) return response.status();
+        QStringList names, labels;
+        for (const v1::Recording& r : response->recordings()) {
             names.prepend(QString::fromStdString(r.name()));
-            texts.prepend(QString::fromStdString(
-                fmt::format("{}   {:.1f} s{}", r.name(), r.seconds(), r.has_poses() ? "" : ", no poses")));
+            labels.prepend(QString::fromStdString(fmt::format(
+                "{}   {:.1f} s{}", r.name(), to_seconds(r.duration()), r.has_poses() ? "" : ", no poses")));
         }
-        emit recordings_came(names, texts);
+        emit recordings_received(names, labels);
         return absl::OkStatus();
     });
 }
 
-bool Commands::open_replay(const std::string& recording) {
-    return ask(tr("Replay"), [recording](client::Client& c, std::string& done) {
+bool Commands::open_replay(const std::string& recording_name) {
+    return enqueue(tr("Replay"), [recording_name](client::Client& c, std::string& done) {
         v1::OpenReplayRequest request;
-        request.set_session(recording);
+        request.set_recording_name(recording_name);
         request.set_loop(true);
-        done = "replaying \"" + recording + "\"";
-        return c.open_replay(kOperator, std::move(request)).status();
+        done = "replay of \"" + recording_name + "\"";
+        return c.open_replay(kOperatorName, std::move(request)).status();
     });
 }
 
 bool Commands::close_replay() {
-    return ask(tr("Back to the cameras"), [](client::Client& c, std::string& done) {
-        done = "back to the cameras";
-        return c.close_replay(kOperator);
+    return enqueue(tr("Return to cameras"), [](client::Client& c, std::string& done) {
+        done = "live cameras";
+        return c.close_replay(kOperatorName);
     });
 }
 
 bool Commands::play(bool on) {
-    return ask(on ? tr("Play") : tr("Pause"), [on](client::Client& c, std::string&) {
-        v1::SetReplayRequest request;
-        request.set_play(on);
-        return c.set_replay(kOperator, std::move(request)).status();
+    return enqueue(on ? tr("Play") : tr("Pause"), [on](client::Client& c, std::string&) {
+        v1::UpdateReplayRequest request;
+        request.set_playing(on);
+        return c.update_replay(kOperatorName, std::move(request)).status();
     });
 }
 
 bool Commands::step(int frames) {
-    return ask(tr("Step"), [frames](client::Client& c, std::string&) {
-        v1::SetReplayRequest request;
-        request.set_step(frames);
-        return c.set_replay(kOperator, std::move(request)).status();
+    return enqueue(tr("Step"), [frames](client::Client& c, std::string&) {
+        v1::UpdateReplayRequest request;
+        request.set_step_frames(frames);
+        return c.update_replay(kOperatorName, std::move(request)).status();
     });
 }
 
 bool Commands::seek(std::int64_t frame) {
-    return ask(tr("Seek"), [frame](client::Client& c, std::string&) {
-        v1::SetReplayRequest request;
+    return enqueue(tr("Seek"), [frame](client::Client& c, std::string&) {
+        v1::UpdateReplayRequest request;
         request.set_frame(frame);
-        return c.set_replay(kOperator, std::move(request)).status();
+        return c.update_replay(kOperatorName, std::move(request)).status();
     });
 }
 
 bool Commands::set_speed(double speed) {
-    return ask(tr("Speed"), [speed](client::Client& c, std::string&) {
-        v1::SetReplayRequest request;
+    return enqueue(tr("Speed"), [speed](client::Client& c, std::string&) {
+        v1::UpdateReplayRequest request;
         request.set_speed(speed);
-        return c.set_replay(kOperator, std::move(request)).status();
+        return c.update_replay(kOperatorName, std::move(request)).status();
     });
 }
 
 bool Commands::set_loop(bool on) {
-    return ask(tr("Loop"), [on](client::Client& c, std::string&) {
-        v1::SetReplayRequest request;
+    return enqueue(tr("Loop"), [on](client::Client& c, std::string&) {
+        v1::UpdateReplayRequest request;
         request.set_loop(on);
-        return c.set_replay(kOperator, std::move(request)).status();
+        return c.update_replay(kOperatorName, std::move(request)).status();
     });
 }
 

@@ -1,5 +1,4 @@
-// What the coach asks the daemon to do, one after the other on a thread of its own, so that the window never
-// waits.
+// A queue of calls to the daemon on a thread of its own, so that the window never blocks.
 #pragma once
 
 #include <absl/status/status.h>
@@ -20,31 +19,31 @@
 
 namespace kinevox::viewer {
 
-inline constexpr const char* kOperator = "viewer";  // under which control is taken
+inline constexpr const char* kOperatorName = "viewer";  // holder of control
 
-// Signals come on the thread here.
+// Signals are emitted on the thread of this object.
 class Commands final : public QObject {
     Q_OBJECT
 
   public:
-    static constexpr std::size_t kMaxWaiting = 8;
+    static constexpr std::size_t kMaxPending = 8;
 
     explicit Commands(client::ClientOptions options);
     ~Commands() override;
 
-    // `act` returns what to tell the coach, or why it failed. False where too much waits already.
-    bool ask(const QString& what, std::function<absl::Status(client::Client&, std::string& done)> act);
+    // `act` sets the message to show, or returns an error. False: too many commands are pending.
+    bool enqueue(const QString& name, std::function<absl::Status(client::Client&, std::string& done)> act);
 
     bool start_capture();
     bool stop_capture();
-    // Of so many live frame sets, 0: the source's own clip.
-    bool learn_background(int frames);
+    // Live frame sets to learn from; 0: the source's own background clip.
+    bool learn_background(int frame_set_count);
     bool start_recording();
     bool stop_recording();
-    bool keep_last();
-    // Answered by recordings_came().
+    bool save_buffer();
+    // Emits recordings_received().
     bool list_recordings();
-    bool open_replay(const std::string& recording);  // its name
+    bool open_replay(const std::string& recording_name);
     bool close_replay();
     bool play(bool on);
     bool step(int frames);
@@ -52,19 +51,19 @@ class Commands final : public QObject {
     bool set_speed(double speed);
     bool set_loop(bool on);
 
-    // Since when nothing waits and nothing is under way; nothing while something does.
+    // Since when no command is pending or running; empty while one is.
     std::optional<std::chrono::steady_clock::time_point> idle_since() const;
 
   signals:
-    void begun(const QString& what);
+    void started(const QString& name);
     void done(const QString& message);
     void failed(const QString& message);
-    // Newest first; `texts` for people, in the same order.
-    void recordings_came(const QStringList& names, const QStringList& texts);
+    // Latest first; `labels` in the same order.
+    void recordings_received(const QStringList& names, const QStringList& labels);
 
   private:
-    struct Asked {
-        QString what;
+    struct Command {
+        QString name;
         std::function<absl::Status(client::Client&, std::string&)> act;
     };
     void run(const std::stop_token& stop);
@@ -73,7 +72,7 @@ class Commands final : public QObject {
     mutable std::mutex mutex_;
     std::condition_variable_any changed_;
     std::optional<std::chrono::steady_clock::time_point> idle_since_ = std::chrono::steady_clock::now();
-    std::deque<Asked> asked_;
+    std::deque<Command> pending_;
     std::jthread thread_;
 };
 

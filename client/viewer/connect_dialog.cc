@@ -27,7 +27,7 @@ QStringList recent_servers() {
     return QSettings().value("servers").toStringList();
 }
 
-client::SecurityFiles remembered_security(const QString& server) {
+client::SecurityFiles stored_security(const QString& server) {
     QSettings settings;
     settings.beginGroup(group_of(server));
     const auto text = [&](const char* key) { return settings.value(key).toString().toStdString(); };
@@ -41,14 +41,14 @@ client::SecurityFiles remembered_security(const QString& server) {
     return files;
 }
 
-void remember(const client::ConnectionOptions& connection) {
+void store_connection(const client::ConnectionOptions& connection) {
     const QString server = QString::fromStdString(connection.server);
     QSettings settings;
     QStringList recent = recent_servers();
     recent.removeAll(server);
     recent.prepend(server);
     settings.setValue("servers", QStringList(recent.mid(0, kMaxRecent)));
-    for (const QString& forgotten : recent.mid(kMaxRecent)) settings.remove(group_of(forgotten));
+    for (const QString& dropped : recent.mid(kMaxRecent)) settings.remove(group_of(dropped));
     settings.beginGroup(group_of(server));
     const client::SecurityFiles& files = connection.files;
     settings.setValue("tls", files.tls);
@@ -62,27 +62,27 @@ void remember(const client::ConnectionOptions& connection) {
 
 ConnectDialog::ConnectDialog(QWidget* parent) : QDialog(parent) {
     setObjectName("connect_dialog");
-    setWindowTitle(tr("Connect to"));
+    setWindowTitle(tr("Connect"));
     setMinimumWidth(kWidth_px);
     auto* form = new QFormLayout(this);
     server_ = new QComboBox(this);
     server_->setObjectName("server");
     server_->setEditable(true);
     server_->addItems(recent_servers());
-    form->addRow(tr("The daemon, HOST:PORT"), server_);
-    tls_ = new QCheckBox(tr("encrypted (TLS)"), this);
+    form->addRow(tr("Daemon (HOST:PORT)"), server_);
+    tls_ = new QCheckBox(tr("Use TLS"), this);
     tls_->setObjectName("tls");
     form->addRow(QString(), tls_);
-    ca_ = add_file(*form, tr("Authority"), "ca",
-                   tr("PEM: who signed the daemon's certificate; empty: this machine's authorities"));
+    ca_ = add_file(*form, tr("CA certificate"), "ca",
+                   tr("CA certificate that signed the daemon's (PEM); empty: system CAs"));
     certificate_ =
-        add_file(*form, tr("Own certificate"), "certificate", tr("PEM; for daemons that ask for it"));
-    key_ = add_file(*form, tr("Its key"), "key", tr("PEM"));
+        add_file(*form, tr("Client certificate"), "certificate", tr("PEM; for daemons that require it"));
+    key_ = add_file(*form, tr("Client key"), "key", tr("PEM"));
     server_name_ = new QLineEdit(this);
-    server_name_->setPlaceholderText(tr("as the HOST"));
-    form->addRow(tr("Name in its certificate"), server_name_);
-    token_ = add_file(*form, tr("Token's file"), "token",
-                      tr("Its first line is the token; only the file's name is remembered"));
+    server_name_->setPlaceholderText(tr("same as HOST"));
+    form->addRow(tr("Name in the daemon's certificate"), server_name_);
+    token_ = add_file(*form, tr("Token file"), "token",
+                      tr("The first line is the access token; only the path is stored"));
     problem_ = new QLabel(this);
     problem_->setObjectName("problem");
     problem_->setWordWrap(true);
@@ -90,7 +90,7 @@ ConnectDialog::ConnectDialog(QWidget* parent) : QDialog(parent) {
     auto* buttons = new QDialogButtonBox(QDialogButtonBox::Ok | QDialogButtonBox::Cancel, this);
     buttons->button(QDialogButtonBox::Ok)->setText(tr("Connect"));
     form->addRow(buttons);
-    connect(buttons, &QDialogButtonBox::accepted, this, &ConnectDialog::try_it);
+    connect(buttons, &QDialogButtonBox::accepted, this, &ConnectDialog::try_connection);
     connect(buttons, &QDialogButtonBox::rejected, this, &QDialog::reject);
     connect(server_, &QComboBox::textActivated, this, &ConnectDialog::show_server);
     show_server(server_->currentText());
@@ -116,7 +116,7 @@ QLineEdit* ConnectDialog::add_file(QFormLayout& form, const QString& label, cons
 }
 
 void ConnectDialog::show_server(const QString& server) {
-    const client::SecurityFiles files = remembered_security(server);
+    const client::SecurityFiles files = stored_security(server);
     tls_->setChecked(files.tls);
     for (const auto& [line, text] : {std::pair{ca_, files.ca},
                                      {certificate_, files.certificate},
@@ -135,11 +135,11 @@ client::ConnectionOptions ConnectDialog::connection() const {
     return connection;
 }
 
-// What is wrong with the files is said here, where it can be mended.
-void ConnectDialog::try_it() {
-    const client::ConnectionOptions wanted = connection();
-    if (wanted.server.empty()) return problem_->setText(tr("give the daemon's HOST:PORT"));
-    const absl::Status status = wanted.open().status();
+// Errors of the files are shown in the dialog, where they can be fixed.
+void ConnectDialog::try_connection() {
+    const client::ConnectionOptions options = this->connection();
+    if (options.server.empty()) return problem_->setText(tr("enter HOST:PORT of the daemon"));
+    const absl::Status status = options.open().status();
     if (status.ok()) return accept();
     problem_->setText(QString::fromStdString(std::string(status.message())));
 }

@@ -1,4 +1,5 @@
-// Which daemon, and how it is spoken to; each daemon's choices are remembered, files by their names alone.
+// Chooses the daemon and the security of the connection. Settings are stored per daemon; of files, only the
+// paths.
 #pragma once
 
 #include <QDialog>
@@ -14,24 +15,24 @@ class QLineEdit;
 
 namespace kinevox::viewer {
 
-// The newest first.
+// Latest first.
 QStringList recent_servers();
-// As it was spoken to last; without TLS where it never was.
-client::SecurityFiles remembered_security(const QString& server);
-void remember(const client::ConnectionOptions& connection);
+// The security of the latest connection; without TLS if there was none.
+client::SecurityFiles stored_security(const QString& server);
+void store_connection(const client::ConnectionOptions& connection);
 
 class ConnectDialog final : public QDialog {
     Q_OBJECT
 
   public:
     explicit ConnectDialog(QWidget* parent);
-    // Can be opened, once the dialogue is accepted.
+    // After the dialog was accepted: open() succeeds.
     client::ConnectionOptions connection() const;
 
   private:
     QLineEdit* add_file(QFormLayout& form, const QString& label, const char* name, const QString& tip);
     void show_server(const QString& server);
-    void try_it();
+    void try_connection();
 
     QComboBox* server_;
     QCheckBox* tls_;

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "common/body_pose.h"
+#include "common/proto_time.h"
 
 namespace kinevox::viewer {
 namespace {
@@ -13,35 +14,41 @@ constexpr int kPreviewWidth_px = 320;
 constexpr std::size_t kMaxPoses = 512;
 constexpr std::chrono::milliseconds kStatePause{250}, kRetryPause{500};
 
+// The first subject of the message.
 ShownPose shown(const v1::StreamPosesResponse& message) {
     ShownPose pose;
     pose.sequence = message.header().sequence();
     pose.capture_time_ns = message.header().capture_time_ns();
     if (message.header().has_recorded_frame()) pose.recorded_frame = message.header().recorded_frame();
-    pose.found = message.has_pose();
-    for (const v1::JointEstimate& joint : message.pose().joints())
-        if (const auto place = joint_index(joint.name()); place && joint.has_position_in_world()) {
+    if (message.subjects_size() == 0) return pose;
+    const v1::SubjectPose& subject = message.subjects(0);
+    pose.found = subject.has_pose();
+    for (const v1::JointEstimate& joint : subject.pose().joints())
+        if (const auto index = joint_index(joint.name()); index && joint.has_position_in_world()) {
             const v1::Vec3& p = joint.position_in_world();
-            pose.joints_in_world[*place] = Vec3{p.x(), p.y(), p.z()};
+            pose.joints_in_world[*index] = Vec3{p.x(), p.y(), p.z()};
         }
-    for (const v1::AngleEstimate& angle : message.pose().angles())
+    for (const v1::AngleEstimate& angle : subject.pose().angles())
         pose.angles.push_back(
             {angle.name(), angle.has_value_deg() ? std::optional(angle.value_deg()) : std::nullopt});
     return pose;
 }
 
+// All subjects; the first one is followed.
 ShownVolume shown(const client::VolumeFrame& frame) {
     ShownVolume volume;
     volume.sequence = frame.header.sequence();
     volume.capture_time_ns = frame.header.capture_time_ns();
     if (frame.header.has_recorded_frame()) volume.recorded_frame = frame.header.recorded_frame();
-    volume.litres = frame.litres;
-    if (frame.volume) {
-        volume.points = surface_points(*frame.volume);
-        volume.voxel_m = frame.volume->grid.voxel_m;
+    for (const client::SubjectVolume& subject : frame.subjects) {
+        volume.volume_litres += subject.volume_litres;
+        if (!subject.volume) continue;
+        const std::vector<SurfacePoint> points = surface_points(*subject.volume);
+        volume.points.insert(volume.points.end(), points.begin(), points.end());
+        volume.voxel_m = subject.volume->grid.voxel_m;
     }
-    if (frame.subject) {
-        const v1::Vec3& c = frame.subject->centre_in_world();
+    if (const client::SubjectVolume* first = frame.first_subject()) {
+        const v1::Vec3& c = first->subject.centre_in_world();
         volume.subject_in_world = Vec3{c.x(), c.y(), c.z()};
     }
     return volume;
@@ -86,14 +93,14 @@ std::map<std::string, QImage> Feed::previews() const {
     return previews_;
 }
 
-Link Feed::link() const {
+ConnectionStatus Feed::connection() const {
     const std::scoped_lock lock(mutex_);
-    Link link;
-    link.server = options_.server;
-    link.connected = connected_;
-    link.problem = problem_;
-    link.silent_s = std::chrono::duration<double>(Clock::now() - last_message_).count();
-    return link;
+    ConnectionStatus status;
+    status.server = options_.server;
+    status.connected = connected_;
+    status.error_message = error_message_;
+    status.idle_s = std::chrono::duration<double>(Clock::now() - latest_message_time_).count();
+    return status;
 }
 
 void Feed::show_previews(PreviewKind kind) {
@@ -118,14 +125,14 @@ void Feed::show_previews(PreviewKind kind) {
             [this, kind, name = camera.name](const std::stop_token& stop) { run_preview(name, kind, stop); });
 }
 
-void Feed::alive() {
-    last_message_ = Clock::now();
+void Feed::mark_alive() {
+    latest_message_time_ = Clock::now();
     connected_ = true;
-    problem_.clear();
+    error_message_.clear();
 }
 
-// A stream that ends by itself, with the daemon or refused by it, is begun again after a pause.
-void Feed::until(const std::stop_token& stop, const std::function<absl::Status()>& stream) {
+// Restarts a stream after a pause when the daemon has ended or rejected it.
+void Feed::run_until_stopped(const std::stop_token& stop, const std::function<absl::Status()>& stream) {
     while (!stop.stop_requested()) {
         stream().IgnoreError();
         std::unique_lock lock(mutex_);
@@ -138,7 +145,7 @@ void Feed::run_volumes(const std::stop_token& stop) {
     v1::StreamVolumesRequest request;
     request.set_max_rate_hz(kMaxVolumes_hz);
     const client::StreamOptions options{.reconnect = true, .on_reconnect = {}, .stop = stop};
-    until(stop, [&] {
+    run_until_stopped(stop, [&] {
         return client.stream_volumes(
             request,
             [this](const client::VolumeFrame& frame) {
@@ -146,9 +153,9 @@ void Feed::run_volumes(const std::stop_token& stop) {
                 {
                     const std::scoped_lock lock(mutex_);
                     volume_ = std::move(volume);
-                    alive();
+                    mark_alive();
                 }
-                emit volume_came();
+                emit volume_received();
                 return true;
             },
             options);
@@ -158,7 +165,7 @@ void Feed::run_volumes(const std::stop_token& stop) {
 void Feed::run_poses(const std::stop_token& stop) {
     client::Client client(options_);
     const client::StreamOptions options{.reconnect = true, .on_reconnect = {}, .stop = stop};
-    until(stop, [&] {
+    run_until_stopped(stop, [&] {
         return client.stream_poses(
             {},
             [this](const v1::StreamPosesResponse& message) {
@@ -167,9 +174,9 @@ void Feed::run_poses(const std::stop_token& stop) {
                     const std::scoped_lock lock(mutex_);
                     if (poses_.size() >= kMaxPoses) poses_.erase(poses_.begin());
                     poses_.push_back(std::move(pose));
-                    alive();
+                    mark_alive();
                 }
-                emit poses_came();
+                emit poses_received();
                 return true;
             },
             options);
@@ -179,11 +186,13 @@ void Feed::run_poses(const std::stop_token& stop) {
 void Feed::run_events(const std::stop_token& stop) {
     client::Client client(options_);
     const client::StreamOptions options{.reconnect = true, .on_reconnect = {}, .stop = stop};
-    until(stop, [&] {
+    run_until_stopped(stop, [&] {
         return client.watch_events(
             {},
-            [this](const v1::WatchEventsResponse& event) {
-                emit event_came(event.kind(), QString::fromStdString(event.message()), event.time_ns());
+            [this](const v1::WatchEventsResponse& response) {
+                emit event_received(response.event().kind(),
+                                    QString::fromStdString(response.event().message()),
+                                    to_utc_ns(response.event().event_time()));
                 return true;
             },
             options);
@@ -191,20 +200,20 @@ void Feed::run_events(const std::stop_token& stop) {
 }
 
 void Feed::run_states(const std::stop_token& stop) {
-    client::ClientOptions impatient = options_;
-    impatient.timeout = std::chrono::milliseconds(2000);
-    client::Client client(impatient);
-    std::string cameras_of;  // the source that the cameras were asked for
+    client::ClientOptions state_options = options_;
+    state_options.timeout = std::chrono::milliseconds(2000);
+    client::Client client(state_options);
+    std::string cameras_of;  // source and calibration of the latest ListCameras
     while (!stop.stop_requested()) {
         DaemonState state;
-        state.asked_at = Clock::now();
+        state.requested_at = Clock::now();
         auto status = client.status();
         if (status.ok()) {
             if (auto recorder = client.recorder_status(); recorder.ok())
                 state.recorder = std::make_shared<const v1::GetRecorderStatusResponse>(*std::move(recorder));
             if (auto replay = client.get_replay(); replay.ok())
                 state.replay = std::make_shared<const v1::Replay>(replay->replay());
-            const std::string source = status->source() + " " + status->calibration_id();
+            const std::string source = status->source() + " " + status->active_calibration_id();
             if (source != cameras_of)
                 if (auto cameras = client.cameras(); cameras.ok() && !cameras->empty()) {
                     cameras_of = source;
@@ -212,21 +221,21 @@ void Feed::run_states(const std::stop_token& stop) {
                         const std::scoped_lock lock(mutex_);
                         cameras_ = *std::move(cameras);
                     }
-                    emit cameras_came();
+                    emit cameras_received();
                 }
             state.status = std::make_shared<const v1::GetStatusResponse>(*std::move(status));
             const std::scoped_lock lock(mutex_);
             state_ = std::move(state);
-            // A capture that runs sends more than this.
-            const bool runs = state_.status->state() == v1::CAPTURE_STATE_RUNNING;
-            if (!runs || !connected_) alive();
+            // A running capture also sends results.
+            const bool running = state_.status->state() == v1::CAPTURE_STATE_RUNNING;
+            if (!running || !connected_) mark_alive();
         } else {
             const std::scoped_lock lock(mutex_);
             connected_ = false;
-            problem_ = std::string(status.status().message());
+            error_message_ = std::string(status.status().message());
             cameras_of.clear();
         }
-        emit state_came();
+        emit state_received();
         std::unique_lock lock(mutex_);
         wake_.wait_for(lock, stop, kStatePause, [] { return false; });
     }
@@ -237,31 +246,31 @@ void Feed::run_preview(const std::string& camera, PreviewKind kind, const std::s
     v1::StreamPreviewsRequest request;
     request.set_camera(camera);
     request.set_kind(kind == PreviewKind::kSilhouettes ? v1::StreamPreviewsRequest::KIND_SILHOUETTE
-                                                       : v1::StreamPreviewsRequest::KIND_PICTURE);
+                                                       : v1::StreamPreviewsRequest::KIND_IMAGE);
     request.set_max_width_px(kPreviewWidth_px);
     request.set_max_rate_hz(kPreviews_hz);
     const client::StreamOptions options{.reconnect = true, .on_reconnect = {}, .stop = stop};
-    until(stop, [&]() -> absl::Status {
+    run_until_stopped(stop, [&]() -> absl::Status {
         const absl::Status ended = client.stream_previews(
             request,
             [&](const client::PreviewFrame& frame) {
                 const client::Image& image = frame.image;
-                QImage picture;
+                QImage preview;
                 if (image.width > 0)
-                    picture =
+                    preview =
                         QImage(image.data.data(), image.width, image.height, image.channels * image.width,
                                image.channels == 1 ? QImage::Format_Grayscale8 : QImage::Format_RGB888)
                             .convertToFormat(QImage::Format_RGB32);  // which copies
                 {
                     const std::scoped_lock lock(mutex_);
-                    previews_[camera] = std::move(picture);
+                    previews_[camera] = std::move(preview);
                 }
-                emit preview_came();
+                emit preview_received();
                 return true;
             },
             options);
         if (!absl::IsPermissionDenied(ended)) return ended;
-        emit previews_refused(QString::fromStdString(std::string(ended.message())));
+        emit previews_denied(QString::fromStdString(std::string(ended.message())));
         std::unique_lock lock(mutex_);
         wake_.wait(lock, stop, [] { return false; });
         return ended;

@@ -1,5 +1,5 @@
-// What comes from the daemon: streams and states, each on a thread of its own, the newest kept. Nothing here
-// waits for the painting, and the painting waits for nothing here.
+// Streams and states of the daemon, each read on a thread of its own; the latest of each is kept. Reading and
+// painting never wait for each other.
 #pragma once
 
 #include <absl/status/status.h>
@@ -20,61 +20,61 @@
 
 #include "client/lib/client.h"
 #include "client/viewer/shown.h"
-#include "client/viewer/status_words.h"
+#include "client/viewer/status_text.h"
 #include "common/camera.h"
 
 namespace kinevox::viewer {
 
-// The newest of each state; null: none has come yet.
+// The latest of each state; null: not received yet.
 struct DaemonState {
     std::shared_ptr<const v1::GetStatusResponse> status;
     std::shared_ptr<const v1::GetRecorderStatusResponse> recorder;
     std::shared_ptr<const v1::Replay> replay;
-    std::chrono::steady_clock::time_point asked_at;  // all that is in it was so then or later
+    std::chrono::steady_clock::time_point requested_at;  // before the calls; the state is not older
 };
 
-enum class PreviewKind { kNone, kPictures, kSilhouettes };
+enum class PreviewKind { kNone, kImages, kSilhouettes };
 
-// Signals come on the threads here: connect them to objects, whose threads they are then queued to. Many
-// messages may stand behind one signal.
+// Signals are emitted on threads of this object; connect them with a receiver, so that Qt queues them to its
+// thread. One signal may stand for several messages.
 class Feed final : public QObject {
     Q_OBJECT
 
   public:
-    // Connects, and again whenever the daemon is gone, until it is destroyed.
+    // Connects, and reconnects until it is destroyed.
     explicit Feed(client::ClientOptions options);
     ~Feed() override;
 
     std::shared_ptr<const ShownVolume> volume() const;
-    // Those that came since the last call, oldest first; the newest 512 at most.
+    // Poses received since the last call, oldest first; at most the latest 512.
     std::vector<std::shared_ptr<const ShownPose>> take_poses();
     DaemonState state() const;
     std::vector<Camera> cameras() const;
     std::map<std::string, QImage> previews() const;  // by camera
-    // Without delay and painted rate, which the painting knows.
-    Link link() const;
+    // Without latency_ms, which the scene measures.
+    ConnectionStatus connection() const;
 
-    // Of all cameras, five a second; none costs nothing.
+    // Of all cameras, five per second.
     void show_previews(PreviewKind kind);
 
   signals:
-    void volume_came();
-    void poses_came();
-    void state_came();
-    void cameras_came();
-    void preview_came();
-    void previews_refused(const QString& why);  // to this connection's token; not asked for again
-    void event_came(int kind, const QString& message, qint64 time_ns);  // v1::EventKind; UTC
+    void volume_received();
+    void poses_received();
+    void state_received();
+    void cameras_received();
+    void preview_received();
+    void previews_denied(const QString& why);  // to the role of this token; not retried
+    void event_received(int kind, const QString& message, qint64 time_ns);  // v1::EventKind; UTC
 
   private:
     using Clock = std::chrono::steady_clock;
-    void until(const std::stop_token& stop, const std::function<absl::Status()>& stream);
+    void run_until_stopped(const std::stop_token& stop, const std::function<absl::Status()>& stream);
     void run_volumes(const std::stop_token& stop);
     void run_poses(const std::stop_token& stop);
     void run_states(const std::stop_token& stop);
     void run_events(const std::stop_token& stop);
     void run_preview(const std::string& camera, PreviewKind kind, const std::stop_token& stop);
-    void alive();
+    void mark_alive();
 
     const client::ClientOptions options_;
     mutable std::mutex mutex_;
@@ -84,12 +84,12 @@ class Feed final : public QObject {
     std::vector<Camera> cameras_;
     std::map<std::string, QImage> previews_;
     bool connected_ = false;
-    std::string problem_ = "connecting";
-    Clock::time_point last_message_ = Clock::now();
+    std::string error_message_ = "connecting";
+    Clock::time_point latest_message_time_ = Clock::now();
     PreviewKind preview_kind_ = PreviewKind::kNone;
 
     std::condition_variable_any wake_;
-    std::vector<std::jthread> preview_threads_;  // the owner's thread starts and ends them
+    std::vector<std::jthread> preview_threads_;  // started and ended on the owner's thread
     std::vector<std::jthread> threads_;
 };
 

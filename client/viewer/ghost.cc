@@ -5,26 +5,26 @@
 
 #include "client/lib/client.h"
 #include "client/viewer/ghost_bar.h"
-#include "client/viewer/status_words.h"
+#include "client/viewer/status_text.h"
 #include "common/atomic_file.h"
 
 namespace kinevox::viewer {
 namespace {
 
-constexpr std::chrono::seconds kMaxExport{60};
+constexpr std::chrono::seconds kExportIdleTimeout{60};
 constexpr std::size_t kMaxBytes = 256 << 20;
 
 absl::StatusOr<GhostTrial> read_recording(client::Client& client, const std::string& name) {
-    v1::ExportRequest request;
-    request.set_recording(name);
+    v1::ExportRecordingRequest request;
+    request.set_name(name);
     request.set_format(v1::EXPORT_FORMAT_CSV);
     std::string csv;
     client::StreamOptions options;
-    options.max_silence = kMaxExport;
+    options.idle_timeout = kExportIdleTimeout;
     const absl::Status status = client.export_recording(
         request,
-        [&](const v1::ExportResponse& piece) {
-            csv += piece.data();
+        [&](const v1::ExportRecordingResponse& chunk) {
+            csv += chunk.data();
             return csv.size() < kMaxBytes;
         },
         [](double) {}, options);
@@ -36,7 +36,7 @@ absl::StatusOr<GhostTrial> read_file_of(const std::string& file) {
     const auto csv = read_file(file, kMaxBytes);
     if (!csv.ok()) return csv.status();
     const std::filesystem::path path(file);
-    // joints.csv says nothing, its folder does.
+    // joints.csv is named by its folder.
     const std::string name =
         path.stem() == "joints" ? path.parent_path().filename().string() : path.stem().string();
     return parse_ghost_trial(*csv, name);
@@ -48,53 +48,52 @@ Ghost::Ghost(const client::ClientOptions& options, GhostBar& bar) : bar_(bar), r
     connect(&bar_, &GhostBar::changed, this, [this] {
         match_.set_events(bar_.ghost_event(), bar_.shown_event());
         match_.set_offset_s(bar_.offset_s());
-        match_.set_on_pelvis(bar_.on_pelvis());
-        bar_.show_lack(match_.lack());
+        match_.set_align_pelvis(bar_.align_pelvis());
+        bar_.show_problem(match_.problem());
         emit changed();
     });
-    connect(&bar_, &GhostBar::closed, this, &Ghost::none);
-    connect(this, &Ghost::read_, this, &Ghost::take, Qt::QueuedConnection);
+    connect(&bar_, &GhostBar::closed, this, &Ghost::clear);
+    connect(this, &Ghost::trial_read, this, &Ghost::take, Qt::QueuedConnection);
     connect(&reading_, &Commands::failed, this,
-            [this](const QString& message) { emit answered(message, false); });
+            [this](const QString& message) { emit reported(message, false); });
 }
 
 void Ghost::choose(std::function<absl::StatusOr<GhostTrial>(client::Client&)> read, const QString& what,
                    bool ghost) {
-    const bool taken =
-        reading_.ask(what, [this, ghost, read = std::move(read)](client::Client& client, std::string&) {
+    const bool accepted =
+        reading_.enqueue(what, [this, ghost, read = std::move(read)](client::Client& client, std::string&) {
             auto trial = read(client);
             if (!trial.ok()) return trial.status();
             {
                 const std::scoped_lock lock(mutex_);
                 (ghost ? read_ghost_ : read_shown_) = std::make_shared<const GhostTrial>(*std::move(trial));
             }
-            emit read_(ghost);
+            emit trial_read(ghost);
             return absl::OkStatus();
         });
-    if (!taken) emit answered(tr("too much waits already; a moment"), false);
+    if (!accepted) emit reported(tr("too many pending commands; try again"), false);
 }
 
 void Ghost::choose_recording(const std::string& name) {
-    wanted_mark_s_.reset();
+    pending_mark_s_.reset();
     choose([name](client::Client& client) { return read_recording(client, name); }, tr("Ghost"), true);
 }
 
 void Ghost::choose_file(const QString& file) {
-    wanted_mark_s_.reset();
+    pending_mark_s_.reset();
     choose([name = file.toStdString()](client::Client&) { return read_file_of(name); }, tr("Ghost"), true);
 }
 
 void Ghost::choose_replayed() {
-    if (replayed_.empty())
-        return emit answered(tr("replay a recording first; it becomes the ghost from there"), false);
+    if (replayed_.empty()) return emit reported(tr("no replay is open; open a recording first"), false);
     const auto mark_s = match_.shown_mark_s();
     const auto now_s = shown_ ? std::optional(shown_time_s(*shown_, replay_fps_)) : std::nullopt;
     const std::string name = replayed_;
     choose([name](client::Client& client) { return read_recording(client, name); }, tr("Ghost"), true);
-    wanted_mark_s_ = mark_s ? mark_s : now_s;
+    pending_mark_s_ = mark_s ? mark_s : now_s;
 }
 
-void Ghost::none() {
+void Ghost::clear() {
     match_.set_ghost(nullptr);
     bar_.hide();
     emit changed();
@@ -108,14 +107,14 @@ void Ghost::take(bool ghost) {
     }
     if (!trial) return;
     if (!ghost) {
-        const auto mark_s = match_.shown_mark_s();  // made while it was read
+        const auto mark_s = match_.shown_mark_s();  // set while it was read
         match_.set_shown(std::move(trial));
         if (mark_s) match_.mark_shown(*mark_s);
-        bar_.show_lack(match_.lack());
+        bar_.show_problem(match_.problem());
         return emit changed();
     }
     match_.set_ghost(std::move(trial));
-    const auto mark_s = std::exchange(wanted_mark_s_, std::nullopt);
+    const auto mark_s = std::exchange(pending_mark_s_, std::nullopt);
     if (mark_s) match_.mark_ghost(*mark_s);
     const bool live = replay_session_.empty();
     bar_.show_ghost(QString::fromStdString(match_.ghost()->name),
@@ -124,30 +123,30 @@ void Ghost::take(bool ghost) {
     read_replayed();
 }
 
-// Its events are looked for in its poses, where it has any.
+// The events of the replayed recording are found in its poses, if it has any.
 void Ghost::read_replayed() {
-    if (!match_.ghost() || replayed_.empty() || shown_read_of_ == replayed_) return;
-    shown_read_of_ = replayed_;
+    if (!match_.ghost() || replayed_.empty() || shown_recording_ == replayed_) return;
+    shown_recording_ = replayed_;
     const std::string name = replayed_;
-    choose([name](client::Client& client) { return read_recording(client, name); }, tr("What is replayed"),
+    choose([name](client::Client& client) { return read_recording(client, name); }, tr("Replayed recording"),
            false);
 }
 
 void Ghost::show_state(const DaemonState& state) {
     const bool open = replayed(state.replay.get());
-    replay_fps_ = open ? state.replay->fps() : 0;
-    const std::string session = open ? state.replay->session() : std::string();
+    replay_fps_ = open ? state.replay->nominal_fps() : 0;
+    const std::string session = open ? state.replay->session_path() : std::string();
     const std::filesystem::path file(session);
     const bool of_recorder =
         open && state.recorder && file.parent_path().parent_path() == state.recorder->folder();
     replayed_ = of_recorder ? file.parent_path().filename().string() : std::string();
     const bool was_live = replay_session_.empty();
     if (std::exchange(replay_session_, session) != session) {
-        shown_read_of_.clear();
+        shown_recording_.clear();
         match_.set_shown(nullptr);
         if (match_.ghost() && was_live == open)
             bar_.set_shown_event(open ? TrialEvent::kBegin : TrialEvent::kMark);
-        bar_.show_lack(match_.lack());
+        bar_.show_problem(match_.problem());
     }
     read_replayed();
 }
@@ -165,7 +164,7 @@ std::shared_ptr<const ShownPose> Ghost::pose() const {
 void Ghost::mark() {
     if (!shown_) return;
     match_.mark_shown(shown_time_s(*shown_, replay_fps_));
-    bar_.show_lack(match_.lack());
+    bar_.show_problem(match_.problem());
     emit changed();
 }
 

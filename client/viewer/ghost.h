@@ -1,4 +1,4 @@
-// The ghost: a second trial chosen by the coach, read beside everything else, and laid over what is shown.
+// The ghost: a second trial, read in the background and drawn over the current one.
 #pragma once
 
 #include <QObject>
@@ -15,7 +15,7 @@ namespace kinevox::viewer {
 
 class GhostBar;
 
-// The window's thread, but for what reads.
+// Used on the window's thread; trials are read on another one.
 class Ghost final : public QObject {
     Q_OBJECT
 
@@ -24,23 +24,23 @@ class Ghost final : public QObject {
 
     void choose_recording(const std::string& name);
     void choose_file(const QString& file);
-    // What is replayed, from its mark or else from where it stands; nothing happens live.
+    // The replayed recording, from its mark or else from the current frame; fails while live.
     void choose_replayed();
-    void none();
+    void clear();
 
     void show_state(const DaemonState& state);
-    // The ghost as it belongs to the newest pose; keeps that for mark().
+    // The ghost for the latest pose, which is stored for mark().
     std::shared_ptr<const ShownPose> pose_for(std::shared_ptr<const ShownPose> shown);
-    // The ghost's event belongs to what is shown now.
+    // Aligns the ghost's event with the current pose.
     void mark();
-    // The ghost with what was shown last, after a choice.
+    // The ghost for the stored pose.
     std::shared_ptr<const ShownPose> pose() const;
     const GhostMatch& match() const { return match_; }
 
   signals:
-    void changed();  // pose() is another
-    void answered(const QString& message, bool good);
-    void read_(bool ghost);  // on the reading thread
+    void changed();  // pose() has changed
+    void reported(const QString& message, bool ok);
+    void trial_read(bool ghost);  // on the reading thread
 
   private:
     void choose(std::function<absl::StatusOr<GhostTrial>(client::Client&)> read, const QString& what,
@@ -51,10 +51,10 @@ class Ghost final : public QObject {
     GhostBar& bar_;
     GhostMatch match_;
     std::shared_ptr<const ShownPose> shown_;
-    std::string replayed_, replay_session_;  // the recording's name; empty: live or another session
+    std::string replayed_, replay_session_;  // name of the recording; empty: live or another session
     double replay_fps_ = 0;
-    std::optional<double> wanted_mark_s_;  // of the ghost that is being read
-    std::string shown_read_of_;
+    std::optional<double> pending_mark_s_;  // of the ghost being read
+    std::string shown_recording_;
 
     std::mutex mutex_;
     std::shared_ptr<const GhostTrial> read_ghost_, read_shown_;

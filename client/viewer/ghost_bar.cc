@@ -27,36 +27,36 @@ GhostBar::GhostBar(QWidget* parent) : QToolBar(tr("Ghost"), parent) {
     offset_->setSingleStep(kOffsetStep_s);
     offset_->setSuffix(" s");
     offset_->setFocusPolicy(Qt::ClickFocus);
-    offset_->setToolTip(tr("The ghost is so much ahead ( , and . )"));
+    offset_->setToolTip(tr("Time by which the ghost is ahead ( , and . )"));
     connect(offset_, &QDoubleSpinBox::valueChanged, this, &GhostBar::changed);
-    on_pelvis_ = new QCheckBox(tr("pelvis on pelvis"), this);
-    on_pelvis_->setToolTip(tr("The ghost is moved along the floor to where the athlete is"));
-    on_pelvis_->setFocusPolicy(Qt::NoFocus);
-    connect(on_pelvis_, &QCheckBox::toggled, this, &GhostBar::changed);
-    lack_ = new QLabel(this);
-    const auto word = [this](const QString& text) { addWidget(new QLabel("  " + text + " ", this)); };
+    align_pelvis_ = new QCheckBox(tr("Align pelvis"), this);
+    align_pelvis_->setToolTip(tr("Moves the ghost along the floor to the athlete's position"));
+    align_pelvis_->setFocusPolicy(Qt::NoFocus);
+    connect(align_pelvis_, &QCheckBox::toggled, this, &GhostBar::changed);
+    problem_ = new QLabel(this);
+    const auto add_label = [this](const QString& text) { addWidget(new QLabel("  " + text + " ", this)); };
     addWidget(name_);
-    word(tr("its"));
+    add_label(tr("event"));
     addWidget(ghost_event_);
-    word(tr("on this one's"));
+    add_label(tr("aligned with"));
     addWidget(shown_event_);
-    word(tr("ahead by"));
+    add_label(tr("Ghost offset"));
     addWidget(offset_);
-    word("");
-    addWidget(on_pelvis_);
-    word("");
-    addWidget(lack_);
-    addAction(tr("No ghost"), this, &GhostBar::closed);
+    add_label("");
+    addWidget(align_pelvis_);
+    add_label("");
+    addWidget(problem_);
+    addAction(tr("Close ghost"), this, &GhostBar::closed);
     hide();
 }
 
 QComboBox* GhostBar::make_events() {
     auto* events = new QComboBox(this);
-    const std::pair<QString, TrialEvent> names[] = {{tr("begin"), TrialEvent::kBegin},
+    const std::pair<QString, TrialEvent> names[] = {{tr("start"), TrialEvent::kBegin},
                                                     {tr("left foot down"), TrialEvent::kLeftFootDown},
                                                     {tr("right foot down"), TrialEvent::kRightFootDown},
-                                                    {tr("highest point"), TrialEvent::kHighest},
-                                                    {tr("lowest point"), TrialEvent::kLowest},
+                                                    {tr("highest point"), TrialEvent::kHighestPoint},
+                                                    {tr("lowest point"), TrialEvent::kLowestPoint},
                                                     {tr("mark"), TrialEvent::kMark}};
     for (const auto& [name, event] : names) events->addItem(name, static_cast<int>(event));
     events->setFocusPolicy(Qt::ClickFocus);
@@ -74,8 +74,8 @@ void GhostBar::show_ghost(const QString& name, TrialEvent ghost_event, TrialEven
     emit changed();
 }
 
-void GhostBar::show_lack(const std::string& lack) {
-    lack_->setText(QString::fromStdString(lack));
+void GhostBar::show_problem(const std::string& lack) {
+    problem_->setText(QString::fromStdString(lack));
 }
 
 void GhostBar::shift(int steps) {
@@ -94,8 +94,8 @@ void GhostBar::set_shown_event(TrialEvent event) {
 double GhostBar::offset_s() const {
     return offset_->value();
 }
-bool GhostBar::on_pelvis() const {
-    return on_pelvis_->isChecked();
+bool GhostBar::align_pelvis() const {
+    return align_pelvis_->isChecked();
 }
 
 }  // namespace kinevox::viewer

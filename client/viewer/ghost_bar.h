@@ -1,5 +1,4 @@
-// The ghost's line of choices: of which trial, which event of it on which event of what is shown, how far
-// apart.
+// Toolbar of the ghost: the aligned events of ghost and current trial, the offset, and pelvis alignment.
 #pragma once
 
 #include <QToolBar>
@@ -19,16 +18,16 @@ class GhostBar final : public QToolBar {
 
   public:
     explicit GhostBar(QWidget* parent = nullptr);
-    // As it is offered first for a ghost that was just chosen.
+    // Shows the bar with the default choices for a new ghost.
     void show_ghost(const QString& name, TrialEvent ghost_event, TrialEvent shown_event);
-    void show_lack(const std::string& lack);
-    void shift(int steps);  // the ghost ahead by so many steps of the offset
+    void show_problem(const std::string& lack);
+    void shift(int steps);  // moves the ghost ahead by steps of the offset
 
     TrialEvent ghost_event() const;
     TrialEvent shown_event() const;
     void set_shown_event(TrialEvent event);
     double offset_s() const;
-    bool on_pelvis() const;
+    bool align_pelvis() const;
 
   signals:
     void changed();
@@ -37,10 +36,10 @@ class GhostBar final : public QToolBar {
   private:
     QComboBox* make_events();
 
-    QLabel *name_, *lack_;
+    QLabel *name_, *problem_;
     QComboBox *ghost_event_, *shown_event_;
     QDoubleSpinBox* offset_;
-    QCheckBox* on_pelvis_;
+    QCheckBox* align_pelvis_;
 };
 
 }  // namespace kinevox::viewer

@@ -11,7 +11,7 @@ std::optional<double> event_s(TrialEvent event, const GhostTrial* trial,
                               const std::optional<double>& mark_s) {
     if (event == TrialEvent::kMark) return mark_s;
     if (trial) return trial->time_of(event);
-    return event == TrialEvent::kBegin ? std::optional(0.0) : std::nullopt;  // known without its poses
+    return event == TrialEvent::kBegin ? std::optional(0.0) : std::nullopt;  // known without poses
 }
 
 }  // namespace
@@ -19,7 +19,7 @@ std::optional<double> event_s(TrialEvent event, const GhostTrial* trial,
 double shown_time_s(const ShownPose& shown, double replay_fps) {
     if (shown.recorded_frame && replay_fps > 0)
         return static_cast<double>(*shown.recorded_frame) / replay_fps;
-    return 1e-9 * static_cast<double>(shown.capture_time_ns);  // to 0.2 microseconds in this century
+    return 1e-9 * static_cast<double>(shown.capture_time_ns);  // precise to 0.2 microseconds
 }
 
 void GhostMatch::set_ghost(std::shared_ptr<const GhostTrial> trial) {
@@ -51,7 +51,7 @@ void GhostMatch::mark_shown(double time_s) {
     find_events();
 }
 
-// Once, since it goes through the whole trial.
+// Cached, because it searches the whole trial.
 void GhostMatch::find_events() {
     ghost_event_s_ = ghost_ ? event_s(ghost_event_, ghost_.get(), ghost_mark_s_) : std::nullopt;
     shown_event_s_ = event_s(shown_event_, shown_.get(), shown_mark_s_);
@@ -72,22 +72,21 @@ ShownPose GhostMatch::pose(const ShownPose& shown, double shown_time_s) const {
     pose.joints_in_world = *joints;
     const std::size_t root = *joint_index("root");
     const auto &from = (*joints)[root], &to = shown.joints_in_world[root];
-    if (on_pelvis_ && from && to)
+    if (align_pelvis_ && from && to)
         for (auto& joint : pose.joints_in_world)
             if (joint) joint = *joint + Vec3{to->x - from->x, to->y - from->y, 0};
     return pose;
 }
 
-std::string GhostMatch::lack() const {
+std::string GhostMatch::problem() const {
     if (!ghost_) return {};
     if (!ghost_event_s_)
-        return ghost_event_ == TrialEvent::kMark
-                   ? "no moment of the ghost is marked; choose another event of it"
-                   : "the ghost has no such event; choose another";
+        return ghost_event_ == TrialEvent::kMark ? "the ghost has no mark; choose another event"
+                                                 : "the ghost has no such event; choose another";
     if (shown_event_s_) return {};
-    if (shown_event_ == TrialEvent::kMark) return "press M at the moment that belongs to the ghost's";
-    return shown_ ? "what is replayed has no such event; choose another, or mark the moment (M)"
-                  : "such an event is known of recordings with poses only; mark the moment (M)";
+    if (shown_event_ == TrialEvent::kMark) return "press M at the corresponding instant";
+    return shown_ ? "the replayed recording has no such event; choose another, or set a mark (M)"
+                  : "this event needs a recording with poses; set a mark (M)";
 }
 
 }  // namespace kinevox::viewer

@@ -11,10 +11,12 @@
 namespace kinevox::viewer {
 namespace {
 
-constexpr double kStill_m_s = 0.5, kMoving_m_s = 1.0;  // a foot on the floor, one in the air; horizontally
-constexpr double kNearFloor_m = 0.05, kOffFloor_m = 0.08;  // above the lowest that the foot comes
-constexpr double kMinPart = 0.05;   // of all frames, so that one wrong frame says nothing
-constexpr double kLongest_s = 1e7;  // of a trial
+constexpr double kMaxStance_m_per_s = 0.5,
+                 kMinSwing_m_per_s = 1.0;  // a foot on the floor, one in the air; horizontally
+constexpr double kMaxStanceHeight_m = 0.05,
+                 kMinSwingHeight_m = 0.08;  // above the lowest position of the foot
+constexpr double kFloorQuantile = 0.05;     // of the foot heights, robust against single wrong frames
+constexpr double kMaxDuration_s = 1e7;
 constexpr std::size_t kCells = 3 * kJointNames.size();
 
 std::vector<std::string_view> split(std::string_view line) {
@@ -35,26 +37,26 @@ std::optional<double> number(std::string_view cell) {
     return value;
 }
 
-// Where a table has what is needed: time_s, then x, y, z of each joint.
+// Indices of the columns: time_s, and x, y, z of each joint.
 struct Columns {
     std::size_t time = 0, count = 0;
     std::array<std::size_t, kCells> cells{};
 };
 
-absl::StatusOr<Columns> find_columns(std::string_view head, const std::string& name) {
-    const std::vector<std::string_view> names = split(head);
-    const auto place = [&](const std::string& wanted) {
-        return std::ranges::find(names, wanted) - names.begin();
+absl::StatusOr<Columns> find_columns(std::string_view header, const std::string& name) {
+    const std::vector<std::string_view> names = split(header);
+    const auto position = [&](const std::string& column) {
+        return std::ranges::find(names, column) - names.begin();
     };
     Columns columns;
     columns.count = names.size();
     const auto missing = [&](const std::string& column) {
         return absl::InvalidArgumentError(
-            fmt::format("{}: there is no column {}; give joints.csv of `kinevox process` or `kinevox export "
+            fmt::format("{}: no column {}; use joints.csv of `kinevox process` or of `kinevox export "
                         "--format csv`",
                         name, column));
     };
-    const auto index = [&](const std::string& column) { return static_cast<std::size_t>(place(column)); };
+    const auto index = [&](const std::string& column) { return static_cast<std::size_t>(position(column)); };
     columns.time = index("time_s");
     if (columns.time == names.size()) return missing("time_s");
     for (std::size_t n = 0; n < kCells; ++n) {
@@ -65,9 +67,9 @@ absl::StatusOr<Columns> find_columns(std::string_view head, const std::string& n
     return columns;
 }
 
-// Foot's height and horizontal speed at an instant; nothing where the foot is not known there.
+// Height and horizontal speed of a foot at each instant; empty where the foot is withheld.
 struct Foot {
-    double height_m = 0, speed_m_s = 0;
+    double height_m = 0, speed_m_per_s = 0;
 };
 std::vector<std::optional<Foot>> follow_foot(const std::vector<GhostInstant>& instants, std::size_t joint) {
     std::vector<std::optional<Foot>> feet(instants.size());
@@ -75,14 +77,14 @@ std::vector<std::optional<Foot>> follow_foot(const std::vector<GhostInstant>& in
         const auto &before = instants[n - 1].joints_in_world[joint],
                    &now = instants[n].joints_in_world[joint], &after = instants[n + 1].joints_in_world[joint];
         if (!before || !now || !after) continue;
-        const Vec3 moved = *after - *before;
-        feet[n] =
-            Foot{now->z, std::hypot(moved.x, moved.y) / (instants[n + 1].time_s - instants[n - 1].time_s)};
+        const Vec3 displacement = *after - *before;
+        feet[n] = Foot{now->z, std::hypot(displacement.x, displacement.y) /
+                                   (instants[n + 1].time_s - instants[n - 1].time_s)};
     }
     return feet;
 }
 
-// The first moment at which a foot that was in the air comes to rest on the floor.
+// The first time at which a foot that was in the air rests on the floor.
 std::optional<double> foot_down(const std::vector<GhostInstant>& instants, std::size_t joint) {
     const std::vector<std::optional<Foot>> feet = follow_foot(instants, joint);
     std::vector<double> heights;
@@ -90,14 +92,15 @@ std::optional<double> foot_down(const std::vector<GhostInstant>& instants, std::
         if (foot) heights.push_back(foot->height_m);
     if (heights.empty()) return {};
     const auto lowest =
-        heights.begin() + static_cast<std::ptrdiff_t>(kMinPart * static_cast<double>(heights.size()));
+        heights.begin() + static_cast<std::ptrdiff_t>(kFloorQuantile * static_cast<double>(heights.size()));
     std::nth_element(heights.begin(), lowest, heights.end());
     bool in_air = false;
     for (std::size_t n = 0; n < feet.size(); ++n) {
         if (!feet[n]) continue;
         const double above_m = feet[n]->height_m - *lowest;
-        if (in_air && above_m < kNearFloor_m && feet[n]->speed_m_s < kStill_m_s) return instants[n].time_s;
-        if (above_m > kOffFloor_m || feet[n]->speed_m_s > kMoving_m_s) in_air = true;
+        if (in_air && above_m < kMaxStanceHeight_m && feet[n]->speed_m_per_s < kMaxStance_m_per_s)
+            return instants[n].time_s;
+        if (above_m > kMinSwingHeight_m || feet[n]->speed_m_per_s > kMinSwing_m_per_s) in_air = true;
     }
     return {};
 }
@@ -115,12 +118,12 @@ std::optional<double> GhostTrial::time_of(TrialEvent event) const {
             return foot_down(instants, *joint_index("ankle_r"));
         case TrialEvent::kMark:
             return {};
-        case TrialEvent::kHighest:
-        case TrialEvent::kLowest:
+        case TrialEvent::kHighestPoint:
+        case TrialEvent::kLowestPoint:
             break;
     }
     const std::size_t root = *joint_index("root");
-    const double sign = event == TrialEvent::kHighest ? 1 : -1;
+    const double sign = event == TrialEvent::kHighestPoint ? 1 : -1;
     const GhostInstant* best = nullptr;
     for (const GhostInstant& instant : instants)
         if (const auto& at = instant.joints_in_world[root];
@@ -134,12 +137,12 @@ std::optional<GhostJoints> GhostTrial::at(double time_s) const {
     const auto after = std::ranges::lower_bound(instants, time_s, {}, &GhostInstant::time_s);
     if (after == instants.begin()) return after->joints_in_world;
     const GhostInstant &a = *(after - 1), &b = *after;
-    const double part = (time_s - a.time_s) / (b.time_s - a.time_s);
+    const double fraction = (time_s - a.time_s) / (b.time_s - a.time_s);
     GhostJoints joints;
     for (std::size_t j = 0; j < joints.size(); ++j)
         if (a.joints_in_world[j] && b.joints_in_world[j])
-            joints[j] = *a.joints_in_world[j] + (*b.joints_in_world[j] - *a.joints_in_world[j]) * part;
-        else if (const auto& nearer = part < 0.5 ? a.joints_in_world[j] : b.joints_in_world[j])
+            joints[j] = *a.joints_in_world[j] + (*b.joints_in_world[j] - *a.joints_in_world[j]) * fraction;
+        else if (const auto& nearer = fraction < 0.5 ? a.joints_in_world[j] : b.joints_in_world[j])
             joints[j] = nearer;
     return joints;
 }
@@ -159,18 +162,18 @@ absl::StatusOr<GhostTrial> parse_ghost_trial(std::string_view csv, const std::st
             continue;
         }
         const std::vector<std::string_view> cells = split(text);
-        const auto wrong = [&](std::string_view what) {
+        const auto line_error = [&](std::string_view what) {
             return absl::InvalidArgumentError(
                 fmt::format("{}, line {}: {}; export the trial again", name, line, what));
         };
         if (cells.size() != columns->count)
-            return wrong(fmt::format("{} cells instead of {}", cells.size(), columns->count));
-        const auto told_s = number(cells[columns->time]);
-        if (told_s && trial.instants.empty()) first_s = *told_s;
-        const double time_s = told_s.value_or(0) - first_s;
-        if (!told_s || !(time_s < kLongest_s) ||
+            return line_error(fmt::format("{} cells instead of {}", cells.size(), columns->count));
+        const auto parsed_s = number(cells[columns->time]);
+        if (parsed_s && trial.instants.empty()) first_s = *parsed_s;
+        const double time_s = parsed_s.value_or(0) - first_s;
+        if (!parsed_s || !(time_s < kMaxDuration_s) ||
             (!trial.instants.empty() && !(time_s > trial.instants.back().time_s)))
-            return wrong(fmt::format("time_s '{}' is no time after the one before", cells[columns->time]));
+            return line_error(fmt::format("time_s '{}' does not increase", cells[columns->time]));
         GhostInstant instant{time_s, {}};
         for (std::size_t j = 0; j < kJointNames.size(); ++j) {
             const auto x = number(cells[columns->cells[3 * j]]), y = number(cells[columns->cells[3 * j + 1]]),
@@ -180,8 +183,7 @@ absl::StatusOr<GhostTrial> parse_ghost_trial(std::string_view csv, const std::st
         trial.instants.push_back(instant);
     }
     if (trial.instants.size() < 2)
-        return absl::InvalidArgumentError(
-            fmt::format("{}: fewer than two frames; give a trial that moves", name));
+        return absl::InvalidArgumentError(fmt::format("{}: fewer than two frames; use a longer trial", name));
     return trial;
 }
 

@@ -1,5 +1,4 @@
-// A second trial's skeleton, to be laid over what is shown, and the moments of it that can be laid on one
-// another. No Qt.
+// The skeleton of a second trial, and the events by which trials are aligned. No Qt.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -10,8 +9,8 @@
 #include <string_view>
 #include <vector>
 
+#include "common/body_table.h"
 #include "common/geometry.h"
-#include "common/skeleton.h"
 
 namespace kinevox::viewer {
 
@@ -22,23 +21,22 @@ struct GhostInstant {
     GhostJoints joints_in_world;
 };
 
-// The moment at which two trials are the same.
-enum class TrialEvent { kBegin, kLeftFootDown, kRightFootDown, kHighest, kLowest, kMark };
+// Events by which two trials are aligned in time.
+enum class TrialEvent { kBegin, kLeftFootDown, kRightFootDown, kHighestPoint, kLowestPoint, kMark };
 
 struct GhostTrial {
     std::string name;
-    std::vector<GhostInstant> instants;  // times rise
+    std::vector<GhostInstant> instants;  // with increasing times
 
-    // The first of its kind after the trial's begin; nothing where the trial has none. kMark is nobody's
-    // here.
+    // The first such event of the trial; empty if there is none. Empty for kMark.
     std::optional<double> time_of(TrialEvent event) const;
-    // Between the two nearest frames, joint by joint; nothing before the first frame and behind the last.
+    // Interpolated per joint between the two nearest frames; empty before the first and after the last frame.
     std::optional<GhostJoints> at(double time_s) const;
 };
 
-// From a table with frame, time_s and the joints' columns, in metres: joints.csv of `kinevox process`
-// (root_x) or a recording's CSV export (root_x_m); other columns are left out. InvalidArgument names the line
-// and what is wrong.
+// From a table with frame, time_s and the columns of the joints in metres: joints.csv of `kinevox process`
+// (root_x) or a CSV export (root_x_m); other columns are ignored. InvalidArgument names the line and the
+// error.
 absl::StatusOr<GhostTrial> parse_ghost_trial(std::string_view csv, const std::string& name);
 
 }  // namespace kinevox::viewer

@@ -25,15 +25,16 @@
 namespace kinevox::viewer {
 namespace {
 
-constexpr int kWords_ms = 250;
+constexpr int kStatusInterval_ms = 250;
 
 }  // namespace
 
 MainWindow::MainWindow(const client::ConnectionOptions& connection) {
     setWindowTitle("Kinevox");
-    // Most of the screen, whether it is a laptop's or a 4K one; what the coach makes of it is remembered.
-    const QSize most = screen()->availableSize();
-    resize(QSize(std::max(1280, 3 * most.width() / 4), std::max(800, 3 * most.height() / 4)).boundedTo(most));
+    // Default size: most of the screen, from laptop to 4K. The latest geometry is restored below.
+    const QSize available = screen()->availableSize();
+    resize(QSize(std::max(1280, 3 * available.width() / 4), std::max(800, 3 * available.height() / 4))
+               .boundedTo(available));
     scene_ = new SceneView;
     scene_widget_ = QWidget::createWindowContainer(scene_, this);  // owns it
     scene_widget_->setMinimumSize(320, 240);
@@ -60,12 +61,12 @@ MainWindow::MainWindow(const client::ConnectionOptions& connection) {
     replay_->hide();
     ghost_bar_->hide();
 
-    // Without volumes, as while the capture stands still.
+    // Updates panels when no volumes arrive, as while the capture is stopped.
     connect(&panels_due_, &QTimer::timeout, this, &MainWindow::show_panels);
     panels_due_.setSingleShot(true);
     panels_age_.start();
-    connect(&words_due_, &QTimer::timeout, this, &MainWindow::show_words);
-    words_due_.start(kWords_ms);
+    connect(&status_due_, &QTimer::timeout, this, &MainWindow::show_status);
+    status_due_.start(kStatusInterval_ms);
     connect_to(connection);
 }
 
@@ -100,7 +101,7 @@ void MainWindow::make_docks() {
     calibration_panel_ = new CalibrationPanel(this);
     calibration_dock_ = dock(tr("Calibration"), "calibration", calibration_panel_, Qt::LeftDockWidgetArea);
     calibration_dock_->hide();
-    connect(calibration_panel_, &CalibrationPanel::answered, this, &MainWindow::answered);
+    connect(calibration_panel_, &CalibrationPanel::reported, this, &MainWindow::show_message);
     replay_ = new ReplayBar(this);
     addToolBar(Qt::BottomToolBarArea, replay_);
     addToolBarBreak(Qt::BottomToolBarArea);
@@ -127,11 +128,11 @@ void MainWindow::set_previews(PreviewKind kind) {
     }
 }
 
-QImage MainWindow::picture() {
-    QImage image(size() * devicePixelRatio(), QImage::Format_RGB32);  // as sharp as the screen
+QImage MainWindow::screenshot() {
+    QImage image(size() * devicePixelRatio(), QImage::Format_RGB32);  // at the screen's resolution
     image.setDevicePixelRatio(devicePixelRatio());
     render(&image);
-    // What OpenGL painted is not in what render() draws.
+    // render() does not include OpenGL content.
     QPainter painter(&image);
     painter.drawImage(QRect(scene_widget_->mapTo(this, QPoint(0, 0)), scene_widget_->size()),
                       scene_->grabFramebuffer());

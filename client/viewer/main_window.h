@@ -1,5 +1,4 @@
-// The coach's window: the scene in the middle, angles beside it, cameras and recordings below, and in the
-// status line how it goes.
+// The main window: scene in the centre, angles on the right, cameras and recordings below, and a status line.
 #pragma once
 
 #include <QElapsedTimer>
@@ -37,11 +36,11 @@ class MainWindow final : public QMainWindow {
     Q_OBJECT
 
   public:
-    // `connection` can be opened.
+    // `connection` must be valid: open() succeeds.
     explicit MainWindow(const client::ConnectionOptions& connection);
     ~MainWindow() override;
 
-    // Another daemon in the place of this one; it is remembered.
+    // Connects to another daemon and stores the connection.
     void connect_to(const client::ConnectionOptions& connection);
 
     SceneView& scene() { return *scene_; }
@@ -50,12 +49,12 @@ class MainWindow final : public QMainWindow {
     v1::WatchProcedureResponse calibration_progress() const;
     const Feed& feed() const { return *feed_; }
     Ghost& ghost() { return *ghost_; }
-    QString status_line() const;  // as it is shown, state, line and remedy
-    QString last_answer() const { return last_answer_; }
+    QString status_line() const;  // state, line and remedy as shown
+    QString latest_message() const { return latest_message_; }
 
     void save_plots_in(const QString& folder);
-    // The window as a picture, the scene with it.
-    QImage picture();
+    // An image of the window with the scene.
+    QImage screenshot();
 
   protected:
     void closeEvent(QCloseEvent* event) override;
@@ -78,17 +77,17 @@ class MainWindow final : public QMainWindow {
     void take_state();
     void show_panels();
     void show_panels_soon();
-    void show_words();
+    void show_status();
     void set_dark(bool dark);
     void set_previews(PreviewKind kind);
-    void ask_for_server();
+    void show_connect_dialog();
     void save_screenshot();
     void save_plots();
     void learn_background();
     void mark();
     void show_keys();
-    void answered(const QString& message, bool good);
-    void busy_unless(bool taken);
+    void show_message(const QString& message, bool ok);
+    void report_busy_unless(bool accepted);
     void replay_recording(const QString& name);
 
     std::unique_ptr<Feed> feed_;
@@ -110,12 +109,12 @@ class MainWindow final : public QMainWindow {
     QMenu *capture_menu_ = nullptr, *view_menu_ = nullptr, *ghost_menu_ = nullptr;
     QListWidget* recordings_ = nullptr;
     QLabel *state_label_ = nullptr, *line_label_ = nullptr, *remedy_label_ = nullptr;
-    QAction *start_ = nullptr, *record_ = nullptr, *keep_ = nullptr;
-    PreviewKind preview_kind_ = PreviewKind::kPictures;
+    QAction *start_ = nullptr, *record_ = nullptr, *save_buffer_ = nullptr;
+    PreviewKind preview_kind_ = PreviewKind::kImages;
     bool running_ = false, recording_ = false, angles_changed_ = false, previews_changed_ = false;
-    QString last_answer_;
-    QTimer panels_due_, words_due_;
-    QElapsedTimer answer_age_, panels_age_;
+    QString latest_message_;
+    QTimer panels_due_, status_due_;
+    QElapsedTimer message_age_, panels_age_;
 };
 
 }  // namespace kinevox::viewer

@@ -1,4 +1,4 @@
-// What the coach can press: toolbar, menus and keys.
+// Actions: toolbar, menus and keys.
 #include <QAction>
 #include <QActionGroup>
 #include <QDateTime>
@@ -24,7 +24,7 @@
 namespace kinevox::viewer {
 namespace {
 
-constexpr int kBackgroundFrames = 60;
+constexpr int kBackgroundFrameSets = 60;
 
 }  // namespace
 
@@ -55,20 +55,18 @@ void MainWindow::make_actions() {
     ghost_menu_ = menuBar()->addMenu(tr("&Ghost"));
     QMenu* help = menuBar()->addMenu(tr("&Help"));
     start_ = make_action(capture_menu_, "start", tr("Start"), Qt::Key_S, [this] {
-        busy_unless(running_ ? commands_->stop_capture() : commands_->start_capture());
+        report_busy_unless(running_ ? commands_->stop_capture() : commands_->start_capture());
     });
-    QAction* learn = make_action(capture_menu_, "learn", tr("Learn the empty scene"), Qt::Key_B,
+    QAction* learn = make_action(capture_menu_, "learn", tr("Learn background"), Qt::Key_B,
                                  [this] { learn_background(); });
     record_ = make_action(capture_menu_, "record", tr("Record"), Qt::Key_R, [this] {
-        record_->setEnabled(
-            false);  // until it is known what came of it: pressed again it would mean the opposite
-        busy_unless(recording_ ? commands_->stop_recording() : commands_->start_recording());
+        record_->setEnabled(false);  // until the result is known: a second press would mean the opposite
+        report_busy_unless(recording_ ? commands_->stop_recording() : commands_->start_recording());
     });
-    keep_ = make_action(capture_menu_, "keep", tr("Keep last"), Qt::Key_K,
-                        [this] { busy_unless(commands_->keep_last()); });
-    QAction* moment =
-        make_action(capture_menu_, "mark", tr("Mark this moment"), Qt::Key_M, [this] { mark(); });
-    moment->setIconText(tr("Mark"));
+    save_buffer_ = make_action(capture_menu_, "save_buffer", tr("Save buffer"), Qt::Key_K,
+                               [this] { report_busy_unless(commands_->save_buffer()); });
+    QAction* mark_action = make_action(capture_menu_, "mark", tr("Set mark"), Qt::Key_M, [this] { mark(); });
+    mark_action->setIconText(tr("Mark"));
     QAction* calibrate = calibration_dock_->toggleViewAction();
     calibrate->setObjectName("calibrate");
     calibrate->setText(tr("Calibrate"));
@@ -77,20 +75,20 @@ void MainWindow::make_actions() {
     capture_menu_->addAction(calibrate);
     capture_menu_->addSeparator();
     make_action(capture_menu_, "connect", tr("Connect to..."), QKeySequence::Open,
-                [this] { ask_for_server(); });
-    make_action(capture_menu_, "screenshot", tr("Save a picture..."), QKeySequence::Save,
+                [this] { show_connect_dialog(); });
+    make_action(capture_menu_, "screenshot", tr("Save screenshot..."), QKeySequence::Save,
                 [this] { save_screenshot(); });
-    make_action(capture_menu_, "plots", tr("Save the plots..."), Qt::CTRL | Qt::Key_P,
-                [this] { save_plots(); });
+    make_action(capture_menu_, "plots", tr("Save plots..."), Qt::CTRL | Qt::Key_P, [this] { save_plots(); });
     make_action(capture_menu_, "quit", tr("Quit"), QKeySequence::Quit, [this] { close(); });
-    bar->addActions({start_, learn, record_, keep_, moment, calibrate});
+    bar->addActions({start_, learn, record_, save_buffer_, mark_action, calibrate});
     bar->addSeparator();
-    const auto looks = {std::tuple{"front", tr("Front"), Qt::Key_1, Look::kFront},
-                        {"side", tr("Side"), Qt::Key_2, Look::kSide},
-                        {"top", tr("Top"), Qt::Key_3, Look::kTop},
-                        {"oblique", tr("Oblique"), Qt::Key_4, Look::kOblique}};
-    for (const auto& [name, text, key, from] : looks)
-        bar->addAction(make_action(view_menu_, name, text, key, [this, from = from] { scene_->look(from); }));
+    const auto views = {std::tuple{"front", tr("Front"), Qt::Key_1, View::kFront},
+                        {"side", tr("Side"), Qt::Key_2, View::kSide},
+                        {"top", tr("Top"), Qt::Key_3, View::kTop},
+                        {"oblique", tr("Oblique"), Qt::Key_4, View::kOblique}};
+    for (const auto& [name, text, key, view] : views)
+        bar->addAction(
+            make_action(view_menu_, name, text, key, [this, view = view] { scene_->look_from(view); }));
     make_view_actions();
     make_ghost_actions();
     make_replay_actions();
@@ -102,24 +100,24 @@ void MainWindow::make_view_actions() {
     view->addSeparator();
     make_toggle(view, "follow", tr("Follow the athlete"), Qt::Key_F, true,
                 [this](bool on) { scene_->set_following(on); });
-    const auto part = [this](bool SceneParts::*which) {
+    const auto toggle = [this](bool SceneItems::*which) {
         return [this, which](bool on) {
-            scene_->parts().*which = on;
+            scene_->items().*which = on;
             scene_->update();
         };
     };
-    make_toggle(view, "volume", tr("Volume"), Qt::Key_V, true, part(&SceneParts::volume));
-    make_toggle(view, "skeleton", tr("Skeleton"), Qt::Key_J, true, part(&SceneParts::skeleton));
-    make_toggle(view, "frusta", tr("Cameras in the scene"), Qt::Key_C, true, part(&SceneParts::cameras));
+    make_toggle(view, "volume", tr("Volume"), Qt::Key_V, true, toggle(&SceneItems::volume));
+    make_toggle(view, "skeleton", tr("Skeleton"), Qt::Key_J, true, toggle(&SceneItems::skeleton));
+    make_toggle(view, "frusta", tr("Cameras in the scene"), Qt::Key_C, true, toggle(&SceneItems::cameras));
     view->addSeparator();
     auto* kinds = new QActionGroup(this);
     const auto kind = [&](const char* name, const QString& text, const QKeySequence& key, PreviewKind which) {
         kinds->addAction(make_toggle(view, name, text, key, which == preview_kind_,
                                      [this, which](bool) { set_previews(which); }));
     };
-    kind("pictures", tr("Cameras' pictures"), Qt::Key_P, PreviewKind::kPictures);
+    kind("images", tr("Camera images"), Qt::Key_P, PreviewKind::kImages);
     kind("silhouettes", tr("Silhouettes"), Qt::Key_O, PreviewKind::kSilhouettes);
-    kind("no_pictures", tr("No pictures"), Qt::Key_N, PreviewKind::kNone);
+    kind("no_images", tr("No images"), Qt::Key_N, PreviewKind::kNone);
     view->addSeparator();
     make_toggle(view, "light", tr("Light colours"), Qt::Key_L, !QSettings().value("dark", true).toBool(),
                 [this](bool on) { set_dark(!on); });
@@ -129,33 +127,36 @@ void MainWindow::make_view_actions() {
 
 void MainWindow::make_ghost_actions() {
     QMenu* menu = ghost_menu_;
-    make_action(menu, "ghost", tr("The recording that is chosen in the list"), Qt::Key_G, [this] {
+    make_action(menu, "ghost", tr("Selected recording"), Qt::Key_G, [this] {
         const QListWidgetItem* item = recordings_->currentItem();
-        if (!item) return answered(tr("choose a recording in the list first; it becomes the ghost"), false);
+        if (!item) return show_message(tr("no recording selected; select one in the list"), false);
         ghost_->choose_recording(item->data(Qt::UserRole).toString().toStdString());
     });
-    make_action(menu, "ghost_replayed", tr("What is replayed, from its mark or from here"),
+    make_action(menu, "ghost_replayed", tr("Replayed recording, from its mark or the current frame"),
                 Qt::SHIFT | Qt::Key_G, [this] { ghost_->choose_replayed(); });
     make_action(menu, "ghost_file", tr("From a file..."), Qt::CTRL | Qt::Key_G, [this] {
         const QString file =
-            QFileDialog::getOpenFileName(this, tr("The ghost's joints"), {}, tr("Tables (*.csv)"));
+            QFileDialog::getOpenFileName(this, tr("Table of joints"), {}, tr("Tables (*.csv)"));
         if (!file.isEmpty()) ghost_->choose_file(file);
     });
-    make_action(menu, "no_ghost", tr("No ghost"), {}, [this] { ghost_->none(); });
+    make_action(menu, "no_ghost", tr("Close ghost"), {}, [this] { ghost_->clear(); });
     menu->addSeparator();
     make_action(menu, "ghost_later", tr("Ghost back"), Qt::Key_Comma, [this] { ghost_bar_->shift(-1); });
     make_action(menu, "ghost_earlier", tr("Ghost ahead"), Qt::Key_Period, [this] { ghost_bar_->shift(1); });
 }
 
 void MainWindow::make_replay_actions() {
-    connect(replay_, &ReplayBar::play, this, [this](bool on) { busy_unless(commands_->play(on)); });
-    connect(replay_, &ReplayBar::step, this, [this](int frames) { busy_unless(commands_->step(frames)); });
+    connect(replay_, &ReplayBar::play, this, [this](bool on) { report_busy_unless(commands_->play(on)); });
+    connect(replay_, &ReplayBar::step, this,
+            [this](int frames) { report_busy_unless(commands_->step(frames)); });
     connect(replay_, &ReplayBar::seek, this,
-            [this](qint64 frame) { commands_->seek(frame); });  // the next one counts
+            [this](qint64 frame) { commands_->seek(frame); });  // a later position replaces it
     connect(replay_, &ReplayBar::speed, this,
-            [this](double times) { busy_unless(commands_->set_speed(times)); });
-    connect(replay_, &ReplayBar::loop, this, [this](bool on) { busy_unless(commands_->set_loop(on)); });
-    connect(replay_, &ReplayBar::close_replay, this, [this] { busy_unless(commands_->close_replay()); });
+            [this](double times) { report_busy_unless(commands_->set_speed(times)); });
+    connect(replay_, &ReplayBar::loop, this,
+            [this](bool on) { report_busy_unless(commands_->set_loop(on)); });
+    connect(replay_, &ReplayBar::close_replay, this,
+            [this] { report_busy_unless(commands_->close_replay()); });
     const auto in_replay = [this](const QKeySequence& key, auto act) {
         auto* made = new QAction(this);
         made->setShortcut(key);
@@ -178,62 +179,61 @@ void MainWindow::show_keys() {
                             .arg(a->shortcut().toString(QKeySequence::NativeText), a->text());
     text +=
         tr("<tr><td><b>Space, Left, Right</b>&nbsp;&nbsp;</td><td>play or pause, step in a replay</td></tr>"
-           "<tr><td><b>drag, Shift + drag, wheel</b>&nbsp;&nbsp;</td><td>turn, move, near</td></tr>");
+           "<tr><td><b>drag, Shift + drag, wheel</b>&nbsp;&nbsp;</td><td>rotate, pan, zoom</td></tr>");
     QMessageBox::information(this, tr("Keys"), "<table>" + text + "</table>");
 }
 
-// The ghost's event belongs to it, and it stands in the curves.
+// Marks the current time in the curves and aligns the ghost's event with it.
 void MainWindow::mark() {
-    const auto now_ns = history_.newest_time_ns();
-    if (!now_ns) return answered(tr("there is nothing to mark: nothing was measured yet"), false);
-    answered(tr("mark %1").arg(marks_.add_mark(*now_ns)), true);
+    const auto now_ns = history_.latest_time_ns();
+    if (!now_ns) return show_message(tr("no pose was measured yet; nothing to mark"), false);
+    show_message(tr("mark %1").arg(marks_.add_mark(*now_ns)), true);
     ghost_->mark();
     angles_changed_ = true;
     show_panels_soon();
 }
 
-void MainWindow::ask_for_server() {
+void MainWindow::show_connect_dialog() {
     ConnectDialog dialog(this);
     if (dialog.exec() == QDialog::Accepted) connect_to(dialog.connection());
 }
 
 void MainWindow::save_screenshot() {
-    const QImage shot = picture();  // of now, not of when the dialogue is closed
+    const QImage shot = screenshot();  // before the dialog opens
     const QString folder = QStandardPaths::writableLocation(QStandardPaths::PicturesLocation);
     const QString now = QDateTime::currentDateTime().toString("yyyy-MM-dd hh.mm.ss");
-    const QString file = QFileDialog::getSaveFileName(this, tr("Save a picture"),
+    const QString file = QFileDialog::getSaveFileName(this, tr("Save screenshot"),
                                                       folder + "/kinevox " + now + ".png", "PNG (*.png)");
     if (file.isEmpty()) return;
     const bool saved = shot.save(file);
-    answered(
-        saved ? tr("saved as %1").arg(file) : tr("%1 cannot be written; choose another folder").arg(file),
-        saved);
+    show_message(saved ? tr("saved as %1").arg(file) : tr("cannot write %1; choose another folder").arg(file),
+                 saved);
 }
 
 void MainWindow::save_plots() {
-    const QString folder = QFileDialog::getExistingDirectory(this, tr("Where the plots go"));
+    const QString folder = QFileDialog::getExistingDirectory(this, tr("Folder for the plots"));
     if (!folder.isEmpty()) save_plots_in(folder);
 }
 
-// Each curve as PNG, to be shown, and as PDF, to be printed.
+// Each curve as PNG for screens and as PDF for print.
 void MainWindow::save_plots_in(const QString& folder) {
     for (int n = 0; n < AnglePanel::kCurves; ++n)
         for (const char* ending : {".png", ".pdf"}) {
             const std::string angle = angles_->choices()[static_cast<std::size_t>(AnglePanel::kNumbers + n)];
             const QString file = folder + "/" + QString::fromStdString(angle) + ending;
             if (!angles_->save_plot(n, file))
-                return answered(tr("%1 cannot be written; choose another folder").arg(file), false);
+                return show_message(tr("cannot write %1; choose another folder").arg(file), false);
         }
-    answered(tr("saved in %1").arg(folder), true);
+    show_message(tr("saved in %1").arg(folder), true);
 }
 
-// A live scene is learned from what comes next; a recorded one has its own clip, for which the capture has to
-// stand still.
+// A live source learns from the next frame sets; a recorded one from its background clip, with the capture
+// stopped.
 void MainWindow::learn_background() {
     const DaemonState state = feed_->state();
     const bool running = state.status && state.status->state() == v1::CAPTURE_STATE_RUNNING;
-    if (running) answered(tr("learning: leave the space empty for two seconds"), true);
-    commands_->learn_background(running ? kBackgroundFrames : 0);
+    if (running) show_message(tr("learning the background: leave the space empty for two seconds"), true);
+    commands_->learn_background(running ? kBackgroundFrameSets : 0);
 }
 
 }  // namespace kinevox::viewer

@@ -1,4 +1,4 @@
-// What comes from the daemon and where it goes in the window.
+// Passes messages of the daemon to the panels.
 #include <QLabel>
 #include <QListWidget>
 #include <utility>
@@ -13,19 +13,20 @@
 #include "client/viewer/main_window.h"
 #include "client/viewer/replay_bar.h"
 #include "client/viewer/scene_view.h"
+#include "common/proto_time.h"
 
 namespace kinevox::viewer {
 namespace {
 
 constexpr int kPanels_ms = 100;
-constexpr qint64 kAnswerShown_ms = 6000;
+constexpr qint64 kMessageShown_ms = 6000;
 
 }  // namespace
 
 void MainWindow::connect_to(const client::ConnectionOptions& connection) {
     const auto options = connection.open();
     if (!options.ok())
-        return answered(QString::fromStdString(std::string(options.status().message())), false);
+        return show_message(QString::fromStdString(std::string(options.status().message())), false);
     ghost_.reset();
     calibration_.reset();
     commands_.reset();
@@ -45,39 +46,39 @@ void MainWindow::connect_to(const client::ConnectionOptions& connection) {
     connect_commands();
     calibration_panel_->set_calibration(calibration_.get());
     connect(ghost_.get(), &Ghost::changed, this, [this] { scene_->show_ghost(ghost_->pose()); });
-    connect(ghost_.get(), &Ghost::answered, this, &MainWindow::answered);
+    connect(ghost_.get(), &Ghost::reported, this, &MainWindow::show_message);
     commands_->list_recordings();
-    remember(connection);
+    store_connection(connection);
 }
 
 void MainWindow::connect_feed() {
-    connect(feed_.get(), &Feed::volume_came, this, &MainWindow::take_volume);
-    connect(feed_.get(), &Feed::poses_came, this, &MainWindow::take_poses);
-    connect(feed_.get(), &Feed::state_came, this, &MainWindow::take_state);
-    connect(feed_.get(), &Feed::event_came, this, &MainWindow::take_event);
-    connect(feed_.get(), &Feed::cameras_came, this, [this] {
+    connect(feed_.get(), &Feed::volume_received, this, &MainWindow::take_volume);
+    connect(feed_.get(), &Feed::poses_received, this, &MainWindow::take_poses);
+    connect(feed_.get(), &Feed::state_received, this, &MainWindow::take_state);
+    connect(feed_.get(), &Feed::event_received, this, &MainWindow::take_event);
+    connect(feed_.get(), &Feed::cameras_received, this, [this] {
         scene_->show_cameras(feed_->cameras());
         feed_->show_previews(PreviewKind::kNone);
         feed_->show_previews(preview_kind_);
     });
-    connect(feed_.get(), &Feed::preview_came, this, [this] {
+    connect(feed_.get(), &Feed::preview_received, this, [this] {
         previews_changed_ = true;
         show_panels_soon();
     });
-    connect(feed_.get(), &Feed::previews_refused, this,
-            [this](const QString& why) { answered(tr("No pictures: ") + why, true); });
+    connect(feed_.get(), &Feed::previews_denied, this,
+            [this](const QString& why) { show_message(tr("No images: ") + why, true); });
 }
 
 void MainWindow::connect_commands() {
     connect(commands_.get(), &Commands::done, this,
-            [this](const QString& message) { answered(message, true); });
+            [this](const QString& message) { show_message(message, true); });
     connect(commands_.get(), &Commands::failed, this,
-            [this](const QString& message) { answered(message, false); });
-    connect(commands_.get(), &Commands::recordings_came, this,
-            [this](const QStringList& names, const QStringList& texts) {
+            [this](const QString& message) { show_message(message, false); });
+    connect(commands_.get(), &Commands::recordings_received, this,
+            [this](const QStringList& names, const QStringList& labels) {
                 recordings_->clear();
                 for (qsizetype n = 0; n < names.size(); ++n) {
-                    auto* item = new QListWidgetItem(texts[n], recordings_);
+                    auto* item = new QListWidgetItem(labels[n], recordings_);
                     item->setData(Qt::UserRole, names[n]);
                 }
             });
@@ -89,19 +90,21 @@ void MainWindow::take_event(int kind, const QString& message, qint64 time_ns) {
         case v1::EVENT_KIND_RECORDING_STOPPED:
             commands_->list_recordings();
             [[fallthrough]];
-        case v1::EVENT_KIND_CAMERA_REJOINED:
-            answered(message, true);
+        case v1::EVENT_KIND_CAMERA_RECONNECTED:
+            show_message(message, true);
             break;
         case v1::EVENT_KIND_RECORDING_FAILED:
             commands_->list_recordings();
             [[fallthrough]];
-        case v1::EVENT_KIND_RECORDING_DROPS:
-        case v1::EVENT_KIND_CAMERA_LOST:
+        case v1::EVENT_KIND_RECORDING_FRAMES_DROPPED:
+        case v1::EVENT_KIND_CAMERA_DISCONNECTED:
         case v1::EVENT_KIND_CAMERA_MOVED:
+        case v1::EVENT_KIND_CLOCK_STEPPED:
+        case v1::EVENT_KIND_GPU_FAILED:
         case v1::EVENT_KIND_ERROR:
-            answered(message, false);
+            show_message(message, false);
             break;
-        case v1::EVENT_KIND_CALIBRATION:
+        case v1::EVENT_KIND_CALIBRATION_CHANGED:
             if (calibration_panel_->isVisible()) calibration_->list();
             break;
         default:
@@ -109,8 +112,8 @@ void MainWindow::take_event(int kind, const QString& message, qint64 time_ns) {
     }
 }
 
-// Whatever is painted has the whole window put together anew, which costs more than the painting where there
-// is no graphics card. So the panels are painted with a volume, and not every time: nobody reads faster.
+// Every paint recomposes the whole window, which without a graphics card costs more than the painting itself.
+// So the panels are painted together with a volume, at most ten times per second.
 void MainWindow::take_volume() {
     scene_->show_volume(feed_->volume());
     if (panels_due_.isActive() && panels_age_.elapsed() >= kPanels_ms) show_panels();
@@ -125,9 +128,9 @@ void MainWindow::show_panels() {
     panels_age_.restart();
     if (std::exchange(angles_changed_, false)) angles_->show_history(history_, marks_);
     if (std::exchange(previews_changed_, false) && preview_kind_ != PreviewKind::kNone) {
-        const auto pictures = feed_->previews();
-        cameras_->show_previews(pictures);
-        scene_->show_previews(pictures);
+        const auto images = feed_->previews();
+        cameras_->show_previews(images);
+        scene_->show_previews(images);
     }
 }
 
@@ -147,65 +150,67 @@ void MainWindow::take_state() {
     if (state.status) {
         cameras_->show_status(*state.status);
         running_ = state.status->state() == v1::CAPTURE_STATE_RUNNING ||
-                   state.status->state() == v1::CAPTURE_STATE_LEARNING ||
+                   state.status->state() == v1::CAPTURE_STATE_LEARNING_BACKGROUND ||
                    state.status->state() == v1::CAPTURE_STATE_STARTING;
         start_->setText(running_ ? tr("Stop") : tr("Start"));
     }
-    // What was asked before the last command was through would show the recording that it ended.
+    // A state requested before the latest command finished would still show the recording that it ended.
     const auto idle_since = commands_->idle_since();
-    if (state.recorder && idle_since && state.asked_at >= *idle_since) {
+    if (state.recorder && idle_since && state.requested_at >= *idle_since) {
         const v1::GetRecorderStatusResponse& r = *state.recorder;
-        recording_ = r.has_recording();
+        recording_ = r.has_current();
         record_->setText(recording_ ? tr("Stop recording") : tr("Record"));
         const bool live = !replayed(state.replay.get());
-        record_->setEnabled(live && r.state() != v1::RECORDER_STATE_OFF &&
+        record_->setEnabled(live && r.state() != v1::RECORDER_STATE_DISABLED &&
                             r.state() != v1::RECORDER_STATE_FINISHING);
-        keep_->setEnabled(live && r.held_seconds() > 0 && !recording_);
-        keep_->setText(r.keep_last_seconds() > 0 ? tr("Keep last %1 s").arg(r.keep_last_seconds(), 0, 'g', 3)
-                                                 : tr("Keep last"));
+        save_buffer_->setEnabled(live && to_seconds(r.buffered_duration()) > 0 && !recording_);
+        const double buffer_s = to_seconds(r.max_buffer_duration());
+        save_buffer_->setText(buffer_s > 0 ? tr("Save last %1 s").arg(buffer_s, 0, 'g', 3)
+                                           : tr("Save buffer"));
     }
     if (state.replay) replay_->show_replay(*state.replay);
     ghost_->show_state(state);
 }
 
-void MainWindow::show_words() {
-    Link link = feed_->link();
-    link.delay_ms = scene_->delay_ms();
+void MainWindow::show_status() {
+    ConnectionStatus connection = feed_->connection();
+    connection.latency_ms = scene_->latency_ms();
     const DaemonState state = feed_->state();
-    const Words words = in_words(link, state.status.get(), state.recorder.get(), state.replay.get());
-    const QColor colour = words.mood == Mood::kGood   ? theme_.good
-                          : words.mood == Mood::kCare ? theme_.care
-                                                      : theme_.bad;
-    state_label_->setText(QString::fromStdString(words.state));
+    const StatusText text =
+        describe_status(connection, state.status.get(), state.recorder.get(), state.replay.get());
+    const QColor colour = text.severity == Severity::kOk        ? theme_.good
+                          : text.severity == Severity::kWarning ? theme_.warning
+                                                                : theme_.error;
+    state_label_->setText(QString::fromStdString(text.state));
     state_label_->setStyleSheet("color: " + colour.name());
-    line_label_->setText(QString::fromStdString(words.line));
-    const bool answer =
-        !last_answer_.isEmpty() && answer_age_.isValid() && answer_age_.elapsed() < kAnswerShown_ms;
-    remedy_label_->setText(answer ? last_answer_ : QString::fromStdString(words.remedy));
-    remedy_label_->setStyleSheet("color: " + (answer ? theme_.text : colour).name());
+    line_label_->setText(QString::fromStdString(text.line));
+    const bool show_latest =
+        !latest_message_.isEmpty() && message_age_.isValid() && message_age_.elapsed() < kMessageShown_ms;
+    remedy_label_->setText(show_latest ? latest_message_ : QString::fromStdString(text.remedy));
+    remedy_label_->setStyleSheet("color: " + (show_latest ? theme_.text : colour).name());
 }
 
 QString MainWindow::status_line() const {
     return state_label_->text() + " | " + line_label_->text() + " | " + remedy_label_->text();
 }
 
-void MainWindow::answered(const QString& message, bool good) {
+void MainWindow::show_message(const QString& message, bool ok) {
     if (message.isEmpty()) return;
-    last_answer_ = good ? message : tr("Not done. ") + message;
-    answer_age_.start();
-    show_words();
+    latest_message_ = ok ? message : tr("Failed: ") + message;
+    message_age_.start();
+    show_status();
 }
 
 void MainWindow::replay_recording(const QString& name) {
-    busy_unless(commands_->open_replay(name.toStdString()));
+    report_busy_unless(commands_->open_replay(name.toStdString()));
 }
 
 v1::WatchProcedureResponse MainWindow::calibration_progress() const {
     return calibration_->progress();
 }
 
-void MainWindow::busy_unless(bool taken) {
-    if (!taken) answered(tr("too much waits already; a moment"), false);
+void MainWindow::report_busy_unless(bool accepted) {
+    if (!accepted) show_message(tr("too many pending commands; try again"), false);
 }
 
 }  // namespace kinevox::viewer

@@ -29,7 +29,7 @@ QMatrix4x4 OrbitCamera::eye_from_world() const {
 
 QMatrix4x4 OrbitCamera::clip_from_eye(float width_over_height) const {
     QMatrix4x4 m;
-    m.perspective(kFieldOfView_deg, width_over_height, 0.05f, 2 * kFarthest_m);
+    m.perspective(kFieldOfView_deg, width_over_height, 0.05f, 2 * kMaxDistance_m);
     return m;
 }
 
@@ -39,7 +39,8 @@ float OrbitCamera::pixels_per_metre(float height_px) {
 
 void OrbitCamera::orbit(float right_px, float down_px) {
     azimuth_deg = std::remainder(azimuth_deg - kDegreesPerPixel * right_px, 360.f);
-    elevation_deg = std::clamp(elevation_deg + kDegreesPerPixel * down_px, -kSteepest_deg, kSteepest_deg);
+    elevation_deg =
+        std::clamp(elevation_deg + kDegreesPerPixel * down_px, -kMaxElevation_deg, kMaxElevation_deg);
 }
 
 void OrbitCamera::pan(float right_px, float down_px, float height_px) {
@@ -50,21 +51,21 @@ void OrbitCamera::pan(float right_px, float down_px, float height_px) {
 }
 
 void OrbitCamera::zoom(float steps) {
-    distance_m = std::clamp(distance_m * std::pow(kZoomPerStep, steps), kNearest_m, kFarthest_m);
+    distance_m = std::clamp(distance_m * std::pow(kZoomPerStep, steps), kMinDistance_m, kMaxDistance_m);
 }
 
-void OrbitCamera::look(Look from) {
-    switch (from) {
-        case Look::kFront:
+void OrbitCamera::look_from(View view) {
+    switch (view) {
+        case View::kFront:
             azimuth_deg = 0, elevation_deg = 0;
             break;
-        case Look::kSide:
+        case View::kSide:
             azimuth_deg = -90, elevation_deg = 0;
             break;
-        case Look::kTop:
-            azimuth_deg = -90, elevation_deg = kSteepest_deg;
+        case View::kTop:
+            azimuth_deg = -90, elevation_deg = kMaxElevation_deg;
             break;
-        case Look::kOblique:
+        case View::kOblique:
             azimuth_deg = 35, elevation_deg = 12;
             break;
     }

@@ -7,7 +7,7 @@
 namespace kinevox::viewer {
 namespace {
 
-const char* word(v1::EventKind kind) {
+const char* label(v1::EventKind kind) {
     switch (kind) {
         case v1::EVENT_KIND_SUBJECT_FOUND:
             return "found";
@@ -17,8 +17,8 @@ const char* word(v1::EventKind kind) {
             return "recording";
         case v1::EVENT_KIND_RECORDING_STOPPED:
         case v1::EVENT_KIND_RECORDING_FAILED:
-            return "recording ends";
-        case v1::EVENT_KIND_CAMERA_LOST:
+            return "recording ended";
+        case v1::EVENT_KIND_CAMERA_DISCONNECTED:
         case v1::EVENT_KIND_CAMERA_MOVED:
             return "camera";
         default:
@@ -35,11 +35,11 @@ void PlotMarks::clear() {
 
 void PlotMarks::add(PlotMark mark) {
     marks_.push_back(std::move(mark));
-    if (marks_.size() > kMost) marks_.pop_front();
+    if (marks_.size() > kMaxMarks) marks_.pop_front();
 }
 
 void PlotMarks::add_event(v1::EventKind kind, std::int64_t time_ns) {
-    if (const char* text = word(kind)) add({time_ns, text, false});
+    if (const char* text = label(kind)) add({time_ns, text, false});
 }
 
 int PlotMarks::add_mark(std::int64_t time_ns) {

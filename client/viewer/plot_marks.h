@@ -1,4 +1,4 @@
-// Moments worth a line in the curves: what the daemon told and what the coach marked. No Qt.
+// Marks in the curves: events of the daemon and marks of the user. No Qt.
 #pragma once
 
 #include <cstdint>
@@ -13,26 +13,26 @@ namespace kinevox::viewer {
 struct PlotMark {
     std::int64_t time_ns = 0;  // UTC, on the clock of the poses' capture times
     std::string text;
-    bool coach = false;
+    bool by_user = false;
 };
 
 class PlotMarks {
   public:
-    static constexpr std::size_t kMost = 256;
+    static constexpr std::size_t kMaxMarks = 256;
 
     void clear();
-    // Of those kinds that a curve is read with; others are left out.
+    // Ignores kinds that are irrelevant for curves.
     void add_event(v1::EventKind kind, std::int64_t time_ns);
-    // Numbered; its number.
+    // Returns the number of the mark.
     int add_mark(std::int64_t time_ns);
-    // Both ends included.
+    // Inclusive.
     std::vector<PlotMark> between(std::int64_t first_ns, std::int64_t last_ns) const;
 
   private:
     void add(PlotMark mark);
 
-    std::deque<PlotMark> marks_;  // in the order in which they came
-    int count_ = 0;               // of the coach's
+    std::deque<PlotMark> marks_;  // in order of arrival
+    int count_ = 0;               // of marks of the user
 };
 
 }  // namespace kinevox::viewer

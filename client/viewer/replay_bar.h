@@ -1,4 +1,4 @@
-// A recording's timeline: play, pause, step, slow motion, loop, and back to the cameras.
+// Timeline of a replay: play, pause, step, speed, loop, and return to the cameras.
 #pragma once
 
 #include <QToolBar>
@@ -24,14 +24,14 @@ class ReplayBar final : public QToolBar {
     void play(bool on);
     void step(int frames);
     void seek(qint64 frame);
-    void speed(double times);
+    void speed(double factor);
     void loop(bool on);
     void close_replay();
 
   private:
     QAction *play_, *loop_;
     QSlider* timeline_;
-    QLabel* where_;
+    QLabel* position_;
     QComboBox* speed_;
     bool playing_ = false;
 };

@@ -10,16 +10,16 @@
 namespace kinevox::viewer {
 namespace {
 
-constexpr unsigned kProgramPointSize = 0x8642;  // GL_PROGRAM_POINT_SIZE, which OpenGL ES has not
+constexpr unsigned kProgramPointSize = 0x8642;  // GL_PROGRAM_POINT_SIZE, not in OpenGL ES
 constexpr float kGrid_m = 0.5f, kFrustum_m = 0.45f, kBone_m = 0.016f, kJoint_m = 0.022f;
-constexpr int kMinReach_m = 3, kMaxReach_m = 20;
+constexpr int kMinFloorRadius_m = 3, kMaxFloorRadius_m = 20;
 
 QVector3D to_qt(const Vec3& v) {
     return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z)};
 }
 
-// The picture's corners on a plane `depth_m` before the camera: upper left, upper right, lower left, lower
-// right; world. Without the lens's distortion, which would not show.
+// Corners of the camera's image on a plane at `depth_m`: upper left, upper right, lower left, lower right;
+// world frame. Ignores distortion.
 std::array<QVector3D, 4> frustum_corners(const Camera& camera, double depth_m) {
     std::array<QVector3D, 4> corners;
     const Rigid3 world_from_camera = camera.camera_from_world.inverse();
@@ -42,7 +42,7 @@ void ScenePainter::open() {
     };
     link(surface_, kSurfaceVertex, kSurfaceFragment);
     link(flat_, kFlatVertex, kFlatFragment);
-    link(picture_, kPictureVertex, kPictureFragment);
+    link(image_, kImageVertex, kImageFragment);
     make(volume_, true);
     for (Buffer* buffer : {&floor_, &frusta_, &bones_}) make(*buffer, false);
     quads_.array.create();
@@ -56,7 +56,7 @@ void ScenePainter::close() {
     }
     surface_.removeAllShaders();
     flat_.removeAllShaders();
-    picture_.removeAllShaders();
+    image_.removeAllShaders();
 }
 
 void ScenePainter::make(Buffer& buffer, bool surface) {
@@ -107,44 +107,44 @@ void ScenePainter::set_cameras(const std::vector<Camera>& cameras) {
     scene_changed_ = true;
 }
 
-void ScenePainter::set_previews(const std::map<std::string, QImage>& pictures) {
-    std::erase_if(textures_, [&](const auto& entry) { return !pictures.contains(entry.first); });
-    for (const auto& [camera, picture] : pictures) {
-        if (picture.isNull()) {
+void ScenePainter::set_previews(const std::map<std::string, QImage>& images) {
+    std::erase_if(textures_, [&](const auto& entry) { return !images.contains(entry.first); });
+    for (const auto& [camera, image] : images) {
+        if (image.isNull()) {
             textures_.erase(camera);
             continue;
         }
         auto& texture = textures_[camera];
-        if (!texture || texture->width() != picture.width() || texture->height() != picture.height()) {
+        if (!texture || texture->width() != image.width() || texture->height() != image.height()) {
             texture = std::make_unique<QOpenGLTexture>(QOpenGLTexture::Target2D);
-            texture->setSize(picture.width(), picture.height());
+            texture->setSize(image.width(), image.height());
             texture->setFormat(QOpenGLTexture::RGBA8_UNorm);
             texture->setMinMagFilters(QOpenGLTexture::Linear, QOpenGLTexture::Linear);
             texture->setWrapMode(QOpenGLTexture::ClampToEdge);
             texture->allocateStorage();
         }
-        texture->setData(QOpenGLTexture::BGRA, QOpenGLTexture::UInt8, picture.constBits());
+        texture->setData(QOpenGLTexture::BGRA, QOpenGLTexture::UInt8, image.constBits());
     }
 }
 
-// As far as the cameras stand, whole metres, around the origin.
+// Covers all cameras, in whole metres, around the origin.
 void ScenePainter::make_floor() {
-    float reach = kMinReach_m;
+    float radius = kMinFloorRadius_m;
     for (const Camera& camera : cameras_) {
         const QVector3D centre = to_qt(camera.centre_in_world());
-        reach = std::max({reach, std::ceil(std::abs(centre.x())), std::ceil(std::abs(centre.y()))});
+        radius = std::max({radius, std::ceil(std::abs(centre.x())), std::ceil(std::abs(centre.y()))});
     }
-    reach = std::min(reach, static_cast<float>(kMaxReach_m));
+    radius = std::min(radius, static_cast<float>(kMaxFloorRadius_m));
     std::vector<LineVertex> lines;
     const auto add = [&](float x0, float y0, float x1, float y1, const QColor& c) {
         lines.emplace_back(QVector3D(x0, y0, 0), c);
         lines.emplace_back(QVector3D(x1, y1, 0), c);
     };
-    for (int n = static_cast<int>(-reach / kGrid_m); n <= static_cast<int>(reach / kGrid_m); ++n) {
+    for (int n = static_cast<int>(-radius / kGrid_m); n <= static_cast<int>(radius / kGrid_m); ++n) {
         const float at = kGrid_m * static_cast<float>(n);
         const QColor& colour = n == 0 ? theme_.floor_axis : theme_.floor_lines;
-        add(at, -reach, at, reach, colour);
-        add(-reach, at, reach, at, colour);
+        add(at, -radius, at, radius, colour);
+        add(-radius, at, radius, at, colour);
     }
     fill(floor_, lines.data(), lines.size() * sizeof(LineVertex), static_cast<int>(lines.size()));
 }
@@ -165,7 +165,7 @@ void ScenePainter::make_frusta() {
     fill(frusta_, lines.data(), lines.size() * sizeof(LineVertex), static_cast<int>(lines.size()));
 }
 
-// Bands that face the eye, since lines wider than a pixel are not everywhere to be had. Triangles.
+// Bands of triangles facing the eye: wide lines are not supported everywhere.
 std::vector<ScenePainter::LineVertex> ScenePainter::bones(const ShownPose& pose, const QVector3D& eye,
                                                           bool ghost) const {
     std::vector<LineVertex> triangles;
@@ -183,7 +183,7 @@ std::vector<ScenePainter::LineVertex> ScenePainter::bones(const ShownPose& pose,
         if (!from || !to) continue;
         const QColor& colour = bone.side == BodySide::kLeft    ? theme_.left
                                : bone.side == BodySide::kRight ? theme_.right
-                                                               : theme_.middle;
+                                                               : theme_.midline;
         band(to_qt(*from), to_qt(*to), kBone_m / 2, colour);
     }
     if (ghost) return triangles;
@@ -198,24 +198,24 @@ std::vector<ScenePainter::LineVertex> ScenePainter::bones(const ShownPose& pose,
     return triangles;
 }
 
-void ScenePainter::paint_pictures(const QMatrix4x4& clip_from_world) {
-    picture_.bind();
-    picture_.setUniformValue("clip_from_world", clip_from_world);
-    picture_.setUniformValue("picture", 0);
+void ScenePainter::paint_images(const QMatrix4x4& clip_from_world) {
+    image_.bind();
+    image_.setUniformValue("clip_from_world", clip_from_world);
+    image_.setUniformValue("image", 0);
     const QOpenGLVertexArrayObject::Binder bound(&quads_.array);
     for (const Camera& camera : cameras_) {
         const auto texture = textures_.find(camera.name);
         if (texture == textures_.end()) continue;
         const auto corners = frustum_corners(camera, kFrustum_m);
-        picture_.setUniformValueArray("corner", corners.data(), 4);
+        image_.setUniformValueArray("corner", corners.data(), 4);
         texture->second->bind(0);
         glDrawArrays(GL_TRIANGLE_STRIP, 0, 4);
         texture->second->release(0);
     }
-    picture_.release();
+    image_.release();
 }
 
-void ScenePainter::paint(const OrbitCamera& eye, const SceneParts& parts, int width_px, int height_px) {
+void ScenePainter::paint(const OrbitCamera& eye, const SceneItems& items, int width_px, int height_px) {
     if (std::exchange(scene_changed_, false)) {
         make_floor();
         make_frusta();
@@ -241,25 +241,25 @@ void ScenePainter::paint(const OrbitCamera& eye, const SceneParts& parts, int wi
         glDrawArrays(kind, 0, buffer.count);
         flat_.release();
     };
-    if (parts.floor) lines(floor_, GL_LINES);
-    if (parts.cameras) {
+    if (items.floor) lines(floor_, GL_LINES);
+    if (items.cameras) {
         lines(frusta_, GL_LINES);
-        if (!textures_.empty()) paint_pictures(clip_from_world);
+        if (!textures_.empty()) paint_images(clip_from_world);
     }
-    if (parts.volume && volume_.count > 0) {
+    if (items.volume && volume_.count > 0) {
         surface_.bind();
         surface_.setUniformValue("eye_from_world", eye_from_world);
         surface_.setUniformValue("clip_from_eye", clip_from_eye);
         surface_.setUniformValue("pixels_per_metre",
                                  OrbitCamera::pixels_per_metre(static_cast<float>(height_px)));
         surface_.setUniformValue("voxel_m", static_cast<float>(voxel_m_));
-        surface_.setUniformValue("least_light", theme_.dark ? 0.45f : 0.6f);
+        surface_.setUniformValue("min_light", theme_.dark ? 0.45f : 0.6f);
         const QOpenGLVertexArrayObject::Binder bound(&volume_.array);
         glDrawArrays(GL_POINTS, 0, volume_.count);
         surface_.release();
     }
-    if (parts.skeleton) {
-        // Inside the body, so drawn over it.
+    if (items.skeleton) {
+        // Inside the body, so drawn over the volume.
         glDisable(GL_DEPTH_TEST);
         glEnable(GL_BLEND);
         glBlendFuncSeparate(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA, GL_ONE, GL_ONE);

@@ -1,5 +1,5 @@
-// Draws the scene with OpenGL 3.3: floor, volume, skeleton, cameras. Keeps nothing of Qt's widgets, so that
-// it draws into any framebuffer.
+// Draws the scene with OpenGL 3.3: floor, volume, skeleton, cameras. Independent of widgets: draws into any
+// framebuffer.
 #pragma once
 
 #include <QColor>
@@ -22,35 +22,35 @@
 
 namespace kinevox::viewer {
 
-struct SceneParts {
+struct SceneItems {
     bool volume = true, skeleton = true, cameras = true, floor = true;
 };
 
-// All calls with the OpenGL context current.
+// All calls need the current OpenGL context.
 class ScenePainter : private QOpenGLExtraFunctions {
   public:
     void open();
-    // Before the context goes.
+    // Before the context is destroyed.
     void close();
 
     void set_theme(const Theme& theme);
     void set_volume(const ShownVolume& volume);
     void set_pose(const ShownPose& pose);
-    // A ghost: another trial's skeleton, faint; one without joints takes it away.
+    // Skeleton of another trial, drawn faintly; without joints: none.
     void set_ghost(const ShownPose& pose);
     void set_cameras(const std::vector<Camera>& cameras);
-    void set_previews(const std::map<std::string, QImage>& pictures);
+    void set_previews(const std::map<std::string, QImage>& images);
 
-    // Into the framebuffer that is bound. Sizes in the framebuffer's pixels.
-    void paint(const OrbitCamera& eye, const SceneParts& parts, int width_px, int height_px);
+    // Draws into the bound framebuffer; sizes in its pixels.
+    void paint(const OrbitCamera& eye, const SceneItems& items, int width_px, int height_px);
 
   private:
     struct LineVertex {
         QVector3D at;  // m, world
         std::uint8_t r, g, b, a;
 
-        LineVertex(const QVector3D& place, const QColor& colour, int alpha = 255)
-            : at(place),
+        LineVertex(const QVector3D& position, const QColor& colour, int alpha = 255)
+            : at(position),
               r(static_cast<std::uint8_t>(colour.red())),
               g(static_cast<std::uint8_t>(colour.green())),
               b(static_cast<std::uint8_t>(colour.blue())),
@@ -58,7 +58,7 @@ class ScenePainter : private QOpenGLExtraFunctions {
     };
     static_assert(sizeof(LineVertex) == 16);
 
-    // Vertices in the graphics memory and how they are read.
+    // Vertices in graphics memory and their layout.
     struct Buffer {
         QOpenGLBuffer vertices{QOpenGLBuffer::VertexBuffer};
         QOpenGLVertexArrayObject array;
@@ -69,10 +69,10 @@ class ScenePainter : private QOpenGLExtraFunctions {
     void make_floor();
     void make_frusta();
     std::vector<LineVertex> bones(const ShownPose& pose, const QVector3D& eye_in_world, bool ghost) const;
-    void paint_pictures(const QMatrix4x4& clip_from_world);
+    void paint_images(const QMatrix4x4& clip_from_world);
 
     Theme theme_ = Theme::make(true);
-    QOpenGLShaderProgram surface_, flat_, picture_;
+    QOpenGLShaderProgram surface_, flat_, image_;
     Buffer volume_, floor_, frusta_, bones_, quads_;
     double voxel_m_ = 0.01;
     ShownPose pose_, ghost_;

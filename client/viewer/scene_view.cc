@@ -11,10 +11,10 @@
 namespace kinevox::viewer {
 namespace {
 
-constexpr std::size_t kDelays = 128;
-constexpr int kSoon_ms = 60;  // longer than from a volume to the next
-constexpr double kMaxDelay_ms = 10'000;
-constexpr qint64 kRateOver_ms = 10'000;
+constexpr std::size_t kLatencies = 128;
+constexpr int kUpdatePause_ms = 60;  // longer than between volumes
+constexpr double kMaxLatency_ms = 10'000;
+constexpr qint64 kRateWindow_ms = 10'000;
 constexpr float kLookAtHeight_m = 0.95f;
 
 std::int64_t utc_now_ns() {
@@ -32,7 +32,7 @@ SceneView::SceneView() {
     format.setDepthBufferSize(24);
     format.setSwapInterval(1);
     setFormat(format);
-    setFlag(Qt::WindowDoesNotAcceptFocus);  // keys are the coach's window's
+    setFlag(Qt::WindowDoesNotAcceptFocus);  // the main window handles keys
     clock_.start();
     connect(this, &QOpenGLWindow::frameSwapped, this, &SceneView::swapped);
     due_.setSingleShot(true);
@@ -40,7 +40,7 @@ SceneView::SceneView() {
 }
 
 SceneView::~SceneView() {
-    if (context()) disconnect(context(), nullptr, this, nullptr);  // it goes after the members here
+    if (context()) disconnect(context(), nullptr, this, nullptr);  // destroyed after the members
     close_painter();
 }
 
@@ -78,8 +78,8 @@ void SceneView::show_cameras(std::vector<Camera> cameras) {
     update();
 }
 
-void SceneView::show_previews(std::map<std::string, QImage> pictures) {
-    new_previews_ = std::move(pictures);
+void SceneView::show_previews(std::map<std::string, QImage> images) {
+    new_previews_ = std::move(images);
     update_soon();
 }
 
@@ -90,11 +90,11 @@ void SceneView::set_theme(const Theme& theme) {
 }
 
 void SceneView::update_soon() {
-    if (!due_.isActive()) due_.start(kSoon_ms);
+    if (!due_.isActive()) due_.start(kUpdatePause_ms);
 }
 
-void SceneView::look(Look from) {
-    eye_.look(from);
+void SceneView::look_from(View view) {
+    eye_.look_from(view);
     update();
 }
 
@@ -112,7 +112,7 @@ void SceneView::paintGL() {
     due_.stop();
     if (std::exchange(theme_changed_, false)) painter_.set_theme(theme_);
     if (auto cameras = std::exchange(new_cameras_, std::nullopt)) painter_.set_cameras(*cameras);
-    if (auto pictures = std::exchange(new_previews_, std::nullopt)) painter_.set_previews(*pictures);
+    if (auto images = std::exchange(new_previews_, std::nullopt)) painter_.set_previews(*images);
     if (auto pose = std::exchange(new_pose_, nullptr)) painter_.set_pose(*pose);
     if (auto ghost = std::exchange(new_ghost_, nullptr)) painter_.set_ghost(*ghost);
     const qint64 now_ms = clock_.elapsed();
@@ -120,7 +120,7 @@ void SceneView::paintGL() {
         painter_.set_volume(*volume);
         painted_capture_time_ns_ = volume->capture_time_ns;
         volume_paints_ms_.push_back(now_ms);
-        while (now_ms - volume_paints_ms_.front() > kRateOver_ms) volume_paints_ms_.pop_front();
+        while (now_ms - volume_paints_ms_.front() > kRateWindow_ms) volume_paints_ms_.pop_front();
     }
     if (following_ && subject_in_world_)
         eye_.follow(*subject_in_world_,
@@ -128,32 +128,32 @@ void SceneView::paintGL() {
     last_paint_ms_ = now_ms;
     ++paints_;
     const qreal scale = devicePixelRatio();
-    painter_.paint(eye_, parts_, static_cast<int>(width() * scale), static_cast<int>(height() * scale));
+    painter_.paint(eye_, items_, static_cast<int>(width() * scale), static_cast<int>(height() * scale));
 }
 
 void SceneView::swapped() {
     const auto captured = std::exchange(painted_capture_time_ns_, std::nullopt);
     if (!captured) return;
-    const double delay_ms = 1e-6 * static_cast<double>(utc_now_ns() - *captured);
-    if (delay_ms < 0 || delay_ms > kMaxDelay_ms) return;
-    delays_ms_.push_back(delay_ms);
-    if (delays_ms_.size() > kDelays) delays_ms_.pop_front();
+    const double latency_ms = 1e-6 * static_cast<double>(utc_now_ns() - *captured);
+    if (latency_ms < 0 || latency_ms > kMaxLatency_ms) return;
+    latencies_ms_.push_back(latency_ms);
+    if (latencies_ms_.size() > kLatencies) latencies_ms_.pop_front();
 }
 
-std::optional<double> SceneView::delay_ms() const {
-    if (delays_ms_.empty()) return {};
-    std::vector<double> sorted(delays_ms_.begin(), delays_ms_.end());
-    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-    std::nth_element(sorted.begin(), middle, sorted.end());
-    return *middle;
+std::optional<double> SceneView::latency_ms() const {
+    if (latencies_ms_.empty()) return {};
+    std::vector<double> sorted(latencies_ms_.begin(), latencies_ms_.end());
+    const auto median = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+    std::nth_element(sorted.begin(), median, sorted.end());
+    return *median;
 }
 
 double SceneView::painted_volumes_per_second() const {
     const qint64 now_ms = clock_.elapsed();
     const auto count = std::count_if(volume_paints_ms_.begin(), volume_paints_ms_.end(),
-                                     [&](qint64 t) { return now_ms - t < kRateOver_ms; });
+                                     [&](qint64 t) { return now_ms - t < kRateWindow_ms; });
     return 1000.0 * static_cast<double>(count) /
-           static_cast<double>(std::clamp<qint64>(now_ms, 1, kRateOver_ms));
+           static_cast<double>(std::clamp<qint64>(now_ms, 1, kRateWindow_ms));
 }
 
 void SceneView::mousePressEvent(QMouseEvent* event) {

@@ -1,7 +1,6 @@
-// The scene, in a native window of its own inside the coach's: as a widget it would be put together with all
-// others for each picture, which takes four times as long as drawing it where there is no graphics card.
-// Mouse and wheel turn, move and near it; it is painted whenever a volume came or something moved, with the
-// newest of all else.
+// The scene, in a native window inside the main window: a widget would be recomposed with all others for
+// every frame, which without a graphics card takes four times as long as drawing. Mouse and wheel rotate, pan
+// and zoom; it is painted when a volume arrives or the view changes.
 #pragma once
 
 #include <QElapsedTimer>
@@ -29,17 +28,17 @@ class SceneView final : public QOpenGLWindow {
     void show_pose(std::shared_ptr<const ShownPose> pose);
     void show_ghost(std::shared_ptr<const ShownPose> pose);
     void show_cameras(std::vector<Camera> cameras);
-    void show_previews(std::map<std::string, QImage> pictures);
+    void show_previews(std::map<std::string, QImage> images);
     void set_theme(const Theme& theme);
 
-    SceneParts& parts() { return parts_; }
+    SceneItems& items() { return items_; }
     OrbitCamera& eye() { return eye_; }
-    void look(Look from);
+    void look_from(View view);
     void set_following(bool on);
 
-    // From a volume's capture until it was on the screen, median of the newest 128; nothing before the first.
-    // Where the times are not of now, as in a replay, they are not looked at.
-    std::optional<double> delay_ms() const;
+    // From the capture of a volume to its display, median of the latest 128; empty before the first. Ignores
+    // times that are not current, as in a replay.
+    std::optional<double> latency_ms() const;
     double painted_volumes_per_second() const;  // over the last ten seconds
     std::uint64_t paints() const { return paints_; }
 
@@ -54,15 +53,15 @@ class SceneView final : public QOpenGLWindow {
   private:
     void close_painter();
     void swapped();
-    // With the next volume, or by itself if none comes.
+    // Paints with the next volume, or after a pause without one.
     void update_soon();
 
     ScenePainter painter_;
     OrbitCamera eye_;
-    SceneParts parts_;
+    SceneItems items_;
     Theme theme_ = Theme::make(true);
     bool following_ = true, theme_changed_ = true;
-    // What came and is not in the graphics memory yet.
+    // Received, not in graphics memory yet.
     std::shared_ptr<const ShownVolume> new_volume_;
     std::shared_ptr<const ShownPose> new_pose_, new_ghost_;
     std::optional<std::vector<Camera>> new_cameras_;
@@ -70,7 +69,7 @@ class SceneView final : public QOpenGLWindow {
     std::optional<QVector3D> subject_in_world_;
 
     std::optional<std::int64_t> painted_capture_time_ns_;  // of the volume that the next swap shows first
-    std::deque<double> delays_ms_;
+    std::deque<double> latencies_ms_;
     std::deque<qint64> volume_paints_ms_;
     std::uint64_t paints_ = 0;
     QElapsedTimer clock_;

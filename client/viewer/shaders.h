@@ -1,9 +1,9 @@
-// The scene's programs, GLSL 3.30.
+// GLSL 3.30 programs of the scene.
 #pragma once
 
 namespace kinevox::viewer {
 
-// A square a voxel, as large as a voxel appears there; lit from the eye's upper left.
+// One square per surface voxel at its projected size, lit from the eye's upper left.
 inline constexpr const char* kSurfaceVertex = R"(#version 330 core
 layout(location = 0) in vec3 at;
 layout(location = 1) in vec4 colour;
@@ -14,7 +14,7 @@ out vec3 shade;
 void main() {
     vec4 eye = eye_from_world * vec4(at, 1);
     gl_Position = clip_from_eye * eye;
-    // A cube seen over its corner is wider than its edge.
+    // The projection of a cube is wider than its edge.
     gl_PointSize = max(1.0, 1.35 * voxel_m * pixels_per_metre / max(0.05, -eye.z));
     float facing = dot(mat3(eye_from_world) * normalize(normal), normalize(vec3(-0.35, 0.45, 0.82)));
     shade = colour.rgb * mix(min_light, 1.12, 0.5 + 0.5 * facing);
@@ -38,8 +38,8 @@ in vec4 shade;
 out vec4 result;
 void main() { result = shade; })";
 
-// A camera's picture on its frustum's end; corners in the order of a triangle strip.
-inline constexpr const char* kPictureVertex = R"(#version 330 core
+// A camera's image at the end of its frustum; corners in the order of a triangle strip.
+inline constexpr const char* kImageVertex = R"(#version 330 core
 uniform mat4 clip_from_world;
 uniform vec3 corner[4];
 out vec2 where;
@@ -47,10 +47,10 @@ void main() {
     where = vec2(gl_VertexID & 1, gl_VertexID >> 1);
     gl_Position = clip_from_world * vec4(corner[gl_VertexID], 1);
 })";
-inline constexpr const char* kPictureFragment = R"(#version 330 core
+inline constexpr const char* kImageFragment = R"(#version 330 core
 in vec2 where;
 out vec4 result;
-uniform sampler2D picture;
-void main() { result = vec4(texture(picture, where).rgb, 1); })";
+uniform sampler2D image;
+void main() { result = vec4(texture(image, where).rgb, 1); })";
 
 }  // namespace kinevox::viewer

@@ -9,17 +9,17 @@ namespace kinevox::viewer {
 Theme Theme::make(bool dark) {
     Theme t;
     t.dark = dark;
-    t.left = QColor(70, 160, 255);  // as in films and reports: left blue, right orange
+    t.left = QColor(70, 160, 255);  // as in videos and reports: left blue, right orange
     t.right = QColor(255, 150, 40);
-    t.good = QColor(70, 190, 110), t.care = QColor(240, 170, 50), t.bad = QColor(235, 80, 70);
+    t.good = QColor(70, 190, 110), t.warning = QColor(240, 170, 50), t.error = QColor(235, 80, 70);
     if (dark) {
         t.background = QColor(22, 24, 29), t.text = QColor(232, 234, 238), t.faint = QColor(150, 156, 166);
         t.floor_lines = QColor(58, 63, 72), t.floor_axis = QColor(96, 104, 118),
-        t.middle = QColor(240, 240, 240);
+        t.midline = QColor(240, 240, 240);
     } else {
         t.background = QColor(244, 245, 247), t.text = QColor(28, 30, 34), t.faint = QColor(110, 115, 124);
         t.floor_lines = QColor(206, 210, 216), t.floor_axis = QColor(150, 156, 166),
-        t.middle = QColor(40, 42, 48);
+        t.midline = QColor(40, 42, 48);
     }
     return t;
 }

@@ -1,4 +1,4 @@
-// Dark and light.
+// Colours of the dark and the light theme.
 #pragma once
 
 #include <QColor>
@@ -9,7 +9,7 @@ namespace kinevox::viewer {
 
 struct Theme {
     bool dark = true;
-    QColor background, floor_lines, floor_axis, text, faint, left, right, middle, good, care, bad;
+    QColor background, floor_lines, floor_axis, text, faint, left, right, midline, good, warning, error;
 
     static Theme make(bool dark);
     void apply_to(QApplication& application) const;

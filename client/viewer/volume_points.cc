@@ -8,28 +8,28 @@
 namespace kinevox::viewer {
 namespace {
 
-constexpr int kReach = 3;  // voxels that a normal is made of, each way
+constexpr int kNormalRadius = 3;  // voxels
 constexpr std::uint8_t kGrey = 196;
 
-// What lies in which direction around a voxel. Of the ball only every other voxel: half the work, the same
-// normal to within a degree or two.
+// Directions to the neighbours of a voxel. Every second voxel of the ball: half the work, and the normal
+// changes by a degree or two.
 struct Neighbour {
     int i, j, k;
 };
 
 std::vector<Neighbour> neighbours() {
     std::vector<Neighbour> around;
-    for (int k = -kReach; k <= kReach; ++k)
-        for (int j = -kReach; j <= kReach; ++j)
-            for (int i = -kReach; i <= kReach; ++i) {
+    for (int k = -kNormalRadius; k <= kNormalRadius; ++k)
+        for (int j = -kNormalRadius; j <= kNormalRadius; ++j)
+            for (int i = -kNormalRadius; i <= kNormalRadius; ++i) {
                 const int squared = i * i + j * j + k * k;
-                if (squared > 0 && squared <= kReach * kReach && (i + j + k) % 2 != 0)
+                if (squared > 0 && squared <= kNormalRadius * kNormalRadius && (i + j + k) % 2 != 0)
                     around.push_back({i, j, k});
             }
     return around;
 }
 
-// The volume's own box of bricks with a rim, a byte a voxel.
+// The bounding box of the bricks with a rim, one byte per voxel.
 struct Box {
     std::array<int, 3> first{}, size{};  // voxels
     std::vector<std::uint8_t> inside;
@@ -44,8 +44,8 @@ struct Box {
             }
         }
         for (std::size_t d = 0; d < 3; ++d) {
-            first[d] = 8 * low[d] - kReach;
-            size[d] = 8 * (high[d] - low[d] + 1) + 2 * kReach;
+            first[d] = 8 * low[d] - kNormalRadius;
+            size[d] = 8 * (high[d] - low[d] + 1) + 2 * kNormalRadius;
         }
         std::size_t voxels = 1;
         for (const int n : size) voxels *= static_cast<std::size_t>(n);
@@ -87,10 +87,10 @@ std::vector<SurfacePoint> surface_points(const Volume& volume) {
         point.z = static_cast<float>(grid.origin_in_world.z + grid.voxel_m * (v.k + 0.5));
         const Rgb colour = coloured ? volume.colours[n] : Rgb{kGrey, kGrey, kGrey};
         point.r = colour.r, point.g = colour.g, point.b = colour.b;
-        const std::uint8_t* middle = box.inside.data() + box.at(v.i, v.j, v.k);
+        const std::uint8_t* centre = box.inside.data() + box.at(v.i, v.j, v.k);
         int x = 0, y = 0, z = 0;
         for (std::size_t s = 0; s < steps.size(); ++s) {
-            const int there = middle[steps[s]];
+            const int there = centre[steps[s]];
             x -= there * kAround[s].i, y -= there * kAround[s].j, z -= there * kAround[s].k;
         }
         const float length = std::sqrt(static_cast<float>(x * x + y * y + z * z));

@@ -8,6 +8,7 @@
 #include <boost/asio/use_awaitable.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
+#include <limits>
 
 namespace kinevox::web {
 namespace {
@@ -18,9 +19,11 @@ namespace http = beast::http;
 namespace websocket = beast::websocket;
 using boost::system::error_code;
 
-constexpr std::uint32_t kMaxHead_bytes = 8192;
+constexpr std::uint32_t kMaxHeader_bytes = 8192;
 constexpr int kSendBuffer_bytes = 64 << 10;
-constexpr int kMaxMessagesASecond = 30, kMaxMisunderstood = 8;
+constexpr std::size_t kMaxDrain_bytes = 1 << 20;
+constexpr std::chrono::milliseconds kMaxDrainTime{1'000};
+constexpr int kMaxMessages_per_s = 30, kMaxInvalidMessages = 8;
 
 auto to(error_code& e) {
     return asio::redirect_error(asio::use_awaitable, e);
@@ -28,16 +31,18 @@ auto to(error_code& e) {
 
 using Parser = http::request_parser<http::empty_body>;
 
-HttpRequest plain_request(const Parser& parser) {
+HttpRequest request_of(const Parser& parser) {
     const auto& message = parser.get();
     const auto text = [&](http::field field) { return std::string(message[field]); };
     HttpRequest request{std::string(message.method_string()), std::string(message.target()),
                         text(http::field::host), text(http::field::origin), text(http::field::if_none_match)};
     request.upgrade = websocket::is_upgrade(message);
+    request.host_count = static_cast<int>(message.count(http::field::host));
+    request.has_body = !parser.is_done();
     return request;
 }
 
-// The body is the page's own memory, which outlives the connection.
+// The body refers to the page's memory, which outlives the connection.
 asio::awaitable<bool> send(beast::tcp_stream& stream, const HttpReply& reply, bool keep_alive,
                            error_code& e) {
     const std::string& content = reply.page ? reply.page->content : reply.text;
@@ -54,28 +59,29 @@ asio::awaitable<bool> send(beast::tcp_stream& stream, const HttpReply& reply, bo
     co_return !e && keep_alive;
 }
 
-void hear(House& house, Browser& browser, std::string_view bytes) {
-    const Wants wants = read_wants(bytes);
-    for (const v1::Refusal& refusal : wants.refused) {
+void handle_message(GatewayContext& gateway, Browser& browser, std::string_view bytes) {
+    const SubscriptionRequest request = parse_subscriptions(bytes);
+    for (const v1::StreamError& error : request.errors) {
         v1::GatewayMessage message;
-        *message.mutable_refusal() = refusal;
-        browser.answer(message);
+        *message.mutable_error() = error;
+        browser.reply(message);
     }
-    if (!wants.understood) {
-        if (++browser.misunderstood >= kMaxMisunderstood) browser.close(websocket::close_code::policy_error);
+    if (!request.valid) {
+        if (++browser.invalid_messages >= kMaxInvalidMessages)
+            browser.close(websocket::close_code::policy_error);
         return;
     }
-    browser.outbox.subscribe(wants.granted);
-    house.wants_changed();
+    browser.outbox.subscribe(request.accepted);
+    gateway.subscriptions_changed();
 }
 
-bool too_many(Browser& browser) {
+bool exceeds_rate(Browser& browser) {
     const Clock::time_point now = Clock::now();
     if (now - browser.window_begin > std::chrono::seconds(1)) {
         browser.window_begin = now;
         browser.messages_in_window = 0;
     }
-    return ++browser.messages_in_window > kMaxMessagesASecond;
+    return ++browser.messages_in_window > kMaxMessages_per_s;
 }
 
 asio::awaitable<void> write_to(std::shared_ptr<Browser> browser) {
@@ -93,113 +99,128 @@ asio::awaitable<void> write_to(std::shared_ptr<Browser> browser) {
         co_await browser->socket.async_write(pieces, to(e));
         browser->writing_since = {};
     }
-    if (!e && browser->why != websocket::close_code::none) {
-        const websocket::close_reason reason(browser->why);
+    if (!e && browser->close_code != websocket::close_code::none) {
+        const websocket::close_reason reason(browser->close_code);
         co_await browser->socket.async_close(reason, to(e));
     }
-    browser->cut();
+    browser->disconnect();
 }
 
-asio::awaitable<void> talk(House& house, std::shared_ptr<Browser> browser) {
+asio::awaitable<void> run_browser(GatewayContext& gateway, std::shared_ptr<Browser> browser) {
     asio::co_spawn(browser->socket.get_executor(), write_to(browser), asio::detached);
     error_code e;
     for (;;) {
         beast::flat_buffer buffer(kMaxBrowserMessage_bytes);
         co_await browser->socket.async_read(buffer, to(e));
         if (e) break;
-        if (browser->closing) continue;  // waits for its side of the closing
+        if (browser->closing) continue;  // wait for the browser's close frame
         const auto bytes = buffer.data();
         if (!browser->socket.got_binary())
             browser->close(websocket::close_code::unknown_data);
-        else if (too_many(*browser))
+        else if (exceeds_rate(*browser))
             browser->close(websocket::close_code::policy_error);
         else
-            hear(house, *browser, {static_cast<const char*>(bytes.data()), bytes.size()});
+            handle_message(gateway, *browser, {static_cast<const char*>(bytes.data()), bytes.size()});
     }
-    house.leave(browser);
-    browser->close(websocket::close_code::none);  // the writer ends
+    gateway.remove(browser);
+    browser->close(websocket::close_code::none);  // ends the writer
 }
 
-asio::awaitable<void> upgrade(House& house, beast::tcp_stream& stream, const Parser& parser) {
-    stream.expires_never();  // the WebSocket has its own times
+asio::awaitable<void> upgrade(GatewayContext& gateway, beast::tcp_stream& stream, const Parser& parser) {
+    stream.expires_never();  // the WebSocket has its own timeouts
     const auto browser = std::make_shared<Browser>(std::move(stream));
     auto& socket = browser->socket;
-    websocket::stream_base::timeout times{house.options().request_timeout, house.options().silence, true};
-    socket.set_option(times);
+    websocket::stream_base::timeout timeouts{gateway.options().request_timeout,
+                                             gateway.options().idle_timeout, true};
+    socket.set_option(timeouts);
     socket.read_message_max(kMaxBrowserMessage_bytes);
     socket.binary(true);
     socket.auto_fragment(false);
     error_code e;
     co_await socket.async_accept(parser.get(), to(e));
     if (e) co_return;
-    if (!house.admit(browser)) {
+    if (!gateway.admit(browser)) {
         const websocket::close_reason full(websocket::close_code::try_again_later);
         co_await socket.async_close(full, to(e));
         co_return;
     }
-    co_await talk(house, browser);
+    co_await run_browser(gateway, browser);
+}
+
+// Closes the connection. What the client still sends is read and discarded for up to a second: closing a
+// socket with unread bytes resets the connection, and the client may lose the reply.
+asio::awaitable<void> finish(beast::tcp_stream& stream) {
+    error_code e;
+    stream.socket().shutdown(asio::ip::tcp::socket::shutdown_send, e);
+    std::array<char, 4096> discarded{};
+    stream.expires_after(kMaxDrainTime);
+    for (std::size_t bytes = 0; !e && bytes < kMaxDrain_bytes;)
+        bytes += co_await stream.async_read_some(asio::buffer(discarded), to(e));
 }
 
 }  // namespace
 
 void Browser::close(websocket::close_code code) {
-    if (!closing) why = code;
+    if (!closing) close_code = code;
     closing = true;
     wake.cancel();
 }
 
-void Browser::put(const Topic& topic, const std::shared_ptr<const std::string>& body, std::uint64_t lost) {
-    outbox.put(topic, body, lost, Clock::now());
+void Browser::put(const Topic& topic, const std::shared_ptr<const std::string>& body,
+                  std::uint64_t dropped_count) {
+    outbox.put(topic, body, dropped_count, Clock::now());
     wake.cancel();
 }
 
-void Browser::answer(const v1::GatewayMessage& message) {
-    if (!outbox.answer(message.SerializeAsString())) cut();
+void Browser::reply(const v1::GatewayMessage& message) {
+    if (!outbox.reply(message.SerializeAsString())) disconnect();
     wake.cancel();
 }
 
-void Browser::cut() {
+void Browser::disconnect() {
     closing = true;
     error_code ignored;
     beast::get_lowest_layer(socket).socket().close(ignored);
     wake.cancel();
 }
 
-asio::awaitable<void> serve(House& house, asio::ip::tcp::socket socket) {
+asio::awaitable<void> serve(GatewayContext& gateway, asio::ip::tcp::socket socket,
+                            std::shared_ptr<void> half_open) {
     error_code e;
     socket.set_option(asio::ip::tcp::no_delay(true), e);
-    // What waits in the system is old when it comes: what is newest is chosen here, as late as can be.
+    // A small system buffer: what is queued there is old when it arrives, the outbox holds the latest.
     socket.set_option(asio::socket_base::send_buffer_size(kSendBuffer_bytes), e);
     beast::tcp_stream stream(std::move(socket));
-    beast::flat_buffer buffer(2 * kMaxHead_bytes);
+    beast::flat_buffer buffer(2 * kMaxHeader_bytes);
     for (bool again = true; again;) {
         Parser parser;
-        parser.header_limit(kMaxHead_bytes);
-        parser.body_limit(0);
-        stream.expires_after(house.options().request_timeout);
-        co_await http::async_read(stream, buffer, parser, to(e));
-        if (e == http::error::header_limit || e == http::error::buffer_overflow ||
-            e == http::error::body_limit) {
-            const HttpReply reply{431, {}, "the request is too large\n"};
+        parser.header_limit(kMaxHeader_bytes);
+        parser.body_limit(std::numeric_limits<std::uint64_t>::max());  // bodies are never read
+        stream.expires_after(gateway.options().request_timeout);
+        co_await http::async_read_header(stream, buffer, parser, to(e));
+        if (e == http::error::header_limit || e == http::error::buffer_overflow) {
+            const HttpReply reply{431, {}, "the request header is too large\n"};
             co_await send(stream, reply, false, e);
             break;
         }
         if (e) break;
-        const HttpRequest request = plain_request(parser);
-        std::optional<HttpReply> refused;
+        half_open.reset();
+        const HttpRequest request = request_of(parser);
+        std::optional<HttpReply> rejection;
         if (request.upgrade) {
-            refused = refuse_socket(request, house.options().rules);
-            if (!refused) {
-                co_await upgrade(house, stream, parser);
+            rejection = reject_socket(request, gateway.options().rules);
+            if (!rejection) {
+                co_await upgrade(gateway, stream, parser);
                 co_return;
             }
         }
         const HttpReply reply =
-            refused ? *std::move(refused) : answer(request, house.pages(), house.options().rules);
-        stream.expires_after(house.options().stuck);
-        again = co_await send(stream, reply, parser.get().keep_alive() && !request.upgrade, e);
+            rejection ? *std::move(rejection) : answer(request, gateway.pages(), gateway.options().rules);
+        stream.expires_after(gateway.options().write_timeout);
+        const bool keep_alive = parser.get().keep_alive() && !request.upgrade && !request.has_body;
+        again = co_await send(stream, reply, keep_alive, e);
     }
-    stream.socket().shutdown(asio::ip::tcp::socket::shutdown_send, e);
+    co_await finish(stream);
 }
 
 }  // namespace kinevox::web

@@ -13,7 +13,7 @@
 namespace kinevox::web {
 namespace {
 
-constexpr std::chrono::milliseconds kFirstPause{200}, kMaxPause{5'000}, kStatusEvery{1'000},
+constexpr std::chrono::milliseconds kFirstPause{200}, kMaxPause{5'000}, kStatusInterval{1'000},
     kStatusTimeout{3'000};
 constexpr int kSilhouetteWidth_px = 480, kSilhouetteQuality = 75;
 constexpr double kSilhouettes_hz = 25;
@@ -37,12 +37,12 @@ struct DaemonStreams::Parts {
     std::unique_ptr<kinevox::v1::CaptureService::Stub> capture;
     std::unique_ptr<kinevox::v1::StreamService::Stub> stream;
 
-    // A stream once, while it lasts; `any` tells whether something came.
+    // Reads a stream until it ends; `any`: whether a message arrived.
     template <typename Message, typename Prepare, typename Wrap>
     absl::Status once(const Prepare& prepare, const Wrap& wrap, const std::stop_token& stop,
                       const Listener& listener, bool& any) {
-        client::StreamOptions how;
-        how.stop = stop;
+        client::StreamOptions stream_options;
+        stream_options.stop = stop;
         return client::read_stream_once<Message>(
             prepare,
             [&](const Message& message) -> absl::StatusOr<bool> {
@@ -51,7 +51,7 @@ struct DaemonStreams::Parts {
                 listener.on_message(out.SerializeAsString());
                 return true;
             },
-            how, options, any);
+            stream_options, options, any);
     }
 
     absl::Status poses(const std::stop_token& stop, const Listener& listener, bool& any) {
@@ -63,21 +63,22 @@ struct DaemonStreams::Parts {
             listener, any);
     }
 
-    absl::Status volumes(int level, const std::stop_token& stop, const Listener& listener, bool& any) {
+    absl::Status volumes(int downsample_level, const std::stop_token& stop, const Listener& listener,
+                         bool& any) {
         kinevox::v1::StreamVolumesRequest request;
-        request.set_level(level);
+        request.set_downsample_level(downsample_level);
         return once<kinevox::v1::StreamVolumesResponse>(
             [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
                 return stream->PrepareAsyncStreamVolumes(context, request, queue);
             },
-            [level](const auto& message, web::v1::GatewayMessage& out) {
-                out.set_level(level);
+            [downsample_level](const auto& message, web::v1::GatewayMessage& out) {
+                out.set_downsample_level(downsample_level);
                 *out.mutable_volume() = message;
             },
             stop, listener, any);
     }
 
-    // The one place that asks for previews, and the one kind that it asks for.
+    // The only previews that are requested: silhouettes, never images.
     absl::Status silhouettes(const std::string& camera, const std::stop_token& stop, const Listener& listener,
                              bool& any) {
         kinevox::v1::StreamPreviewsRequest request;
@@ -102,15 +103,14 @@ struct DaemonStreams::Parts {
             const std::stop_callback cancel(stop, [&] { context.TryCancel(); });
             web::v1::GatewayMessage out;
             kinevox::v1::GetStatusResponse& response = *out.mutable_status();
-            const absl::Status asked =
-                client::to_absl(capture->GetStatus(&context, {}, &response), options.server);
+            const absl::Status called = client::to_absl(capture->GetStatus(&context, {}, &response), options);
             if (stop.stop_requested()) break;
-            listener.on_link(asked);
+            listener.on_connection(called);
             response.clear_source();
-            response.clear_control();
-            for (kinevox::v1::CameraStatus& camera : *response.mutable_cameras()) camera.clear_link();
-            if (asked.ok()) listener.on_message(out.SerializeAsString());
-            pause(kStatusEvery, stop);
+            response.clear_control_lease();
+            for (kinevox::v1::CameraStatus& camera : *response.mutable_cameras()) camera.clear_connection();
+            if (called.ok()) listener.on_message(out.SerializeAsString());
+            pause(kStatusInterval, stop);
         }
         return absl::CancelledError("stopped");
     }
@@ -120,7 +120,7 @@ struct DaemonStreams::Parts {
             case Topic::Kind::kPoses:
                 return poses(stop, listener, any);
             case Topic::Kind::kVolumes:
-                return volumes(topic.level, stop, listener, any);
+                return volumes(topic.downsample_level, stop, listener, any);
             case Topic::Kind::kSilhouette:
                 return silhouettes(topic.camera, stop, listener, any);
             case Topic::Kind::kStatus:

@@ -1,5 +1,5 @@
-// The daemon's streams, as bytes of GatewayMessage. Volumes and silhouettes pass as they came, unpacked
-// nowhere.
+// The daemon's streams, as bytes of GatewayMessage. Volumes and silhouettes are passed on without decoding
+// them.
 #pragma once
 
 #include <absl/status/status.h>
@@ -10,7 +10,7 @@
 #include <string>
 
 #include "client/lib/client.h"
-#include "client/web/wants.h"
+#include "client/web/subscription_request.h"
 
 namespace kinevox::web {
 
@@ -19,14 +19,14 @@ class DaemonStreams {
   public:
     struct Listener {
         std::function<void(std::string body)> on_message;
-        std::function<void(const absl::Status& link)> on_link;  // of the status alone: each time it was asked
+        std::function<void(const absl::Status& connection)> on_connection;  // after every GetStatus
     };
 
     explicit DaemonStreams(const client::ClientOptions& options);
     ~DaemonStreams();
 
-    // Until `stop`; begins again with growing pauses up to 5 s when the daemon goes away. Ends before that
-    // only with what asking again would not change: NotFound, InvalidArgument, PermissionDenied,
+    // Runs until `stop`; reconnects with growing pauses up to 5 s when the daemon becomes unavailable. Only
+    // errors that a retry cannot change end it before: NotFound, InvalidArgument, PermissionDenied,
     // Unauthenticated.
     absl::Status read(const Topic& topic, const std::stop_token& stop, const Listener& listener);
 

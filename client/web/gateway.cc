@@ -11,13 +11,15 @@
 #include <boost/asio/signal_set.hpp>
 #include <boost/asio/use_awaitable.hpp>
 #include <csignal>
+#include <map>
 #include <optional>
 #include <set>
 #include <utility>
 
 #include "client/web/connection.h"
 #include "client/web/daemon_streams.h"
-#include "client/web/feeds.h"
+#include "client/web/stream_pool.h"
+#include "common/host_port.h"
 
 namespace kinevox::web {
 namespace {
@@ -27,124 +29,141 @@ using asio::ip::tcp;
 using boost::system::error_code;
 using websocket_code = boost::beast::websocket::close_code;
 
-constexpr std::chrono::milliseconds kTick{500}, kFarewell{1'000};
-constexpr int kSignOfLife = 4;  // ticks: a page cannot see pings, and takes silence for a lost connection
+constexpr std::chrono::milliseconds kTick{500}, kMaxCloseTime{1'000};
+constexpr int kHeartbeatTicks = 4;  // a page cannot see pings; without messages it reconnects
 
-v1::GatewayMessage link_message(const absl::Status& link) {
+v1::GatewayMessage connection_message(const absl::Status& connection) {
     v1::GatewayMessage message;
-    message.mutable_link()->set_connected(link.ok());
-    message.mutable_link()->set_message(std::string(link.message()));
+    message.mutable_connection()->set_connected(connection.ok());
+    message.mutable_connection()->set_message(std::string(connection.message()));
     return message;
+}
+
+v1::StreamKind stream_kind(Topic::Kind kind) {
+    switch (kind) {
+        case Topic::Kind::kPoses:
+            return v1::STREAM_KIND_POSES;
+        case Topic::Kind::kVolumes:
+            return v1::STREAM_KIND_VOLUMES;
+        case Topic::Kind::kSilhouette:
+            return v1::STREAM_KIND_SILHOUETTE;
+        case Topic::Kind::kStatus:
+            break;
+    }
+    return v1::STREAM_KIND_STATUS;
 }
 
 absl::StatusOr<tcp::endpoint> endpoint_of(const std::string& listen) {
     const auto problem = absl::InvalidArgumentError(
-        fmt::format("'{}' is no HOST:PORT to listen on; give one like 127.0.0.1:8090", listen));
-    const std::size_t colon = listen.rfind(':');
-    if (colon == std::string::npos || colon == 0) return problem;
-    std::string host = listen.substr(0, colon);
-    const std::string port = listen.substr(colon + 1);
-    if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
-    if (port.empty() || port.size() > 5 || port.find_first_not_of("0123456789") != std::string::npos ||
-        std::stoi(port) > 65535)
-        return problem;
+        fmt::format("--listen '{}' is not HOST:PORT; for example 127.0.0.1:8090", listen));
+    const auto address = parse_host_port(listen);
+    if (!address) return problem;
     asio::io_context io;
     error_code e;
-    const auto found = tcp::resolver(io).resolve(host, port, tcp::resolver::passive, e);
+    const auto found =
+        tcp::resolver(io).resolve(address->host, std::to_string(address->port), tcp::resolver::passive, e);
     if (e || found.empty()) return problem;
     return found.begin()->endpoint();
 }
 
 }  // namespace
 
-struct Gateway::Parts final : House {
+struct Gateway::Parts final : GatewayContext {
     GatewayOptions gateway_options;
     Pages gateway_pages;
+    std::map<asio::ip::address, std::size_t> half_open;  // connections without a request yet
     asio::io_context io{1};
     tcp::acceptor acceptor{io};
     asio::signal_set signals{io, SIGINT, SIGTERM};
     asio::steady_timer clock{io};
     std::set<std::shared_ptr<Browser>> browsers;
     std::size_t connections = 0;
-    std::optional<absl::Status> link;  // none: the daemon was not asked yet
+    std::optional<absl::Status> connection;  // to the daemon; empty: not known yet
     bool ending = false;
     DaemonStreams daemon;
-    Feeds feeds;  // last: its threads end first
+    StreamPool streams;  // last: its threads end first
 
     Parts(const GatewayOptions& options, Pages pages)
         : gateway_options(options),
           gateway_pages(std::move(pages)),
           daemon(options.daemon),
-          feeds(daemon, feed_options()) {}
+          streams(daemon, stream_options()) {}
 
     const GatewayOptions& options() const override { return gateway_options; }
     const Pages& pages() const override { return gateway_pages; }
 
-    Feeds::Options feed_options() {
-        Feeds::Options o;
+    StreamPool::Options stream_options() {
+        StreamPool::Options o;
         o.post = [this](std::function<void()> task) { asio::post(io, std::move(task)); };
         o.on_message = [this](const Topic& topic, const std::shared_ptr<const std::string>& body,
-                              std::uint64_t lost) {
-            for (const auto& browser : browsers) browser->put(topic, body, lost);
+                              std::uint64_t dropped_count) {
+            for (const auto& browser : browsers) browser->put(topic, body, dropped_count);
         };
-        o.on_end = [this](const Topic& topic, const absl::Status& why) { refuse(topic, why); };
-        o.on_link = [this](const absl::Status& now) { tell_link(now); };
+        o.on_end = [this](const Topic& topic, const absl::Status& reason) { end_stream(topic, reason); };
+        o.on_connection = [this](const absl::Status& now) { publish_connection(now); };
         return o;
     }
 
     bool admit(const std::shared_ptr<Browser>& browser) override {
-        if (ending || browsers.size() >= gateway_options.max_browsers) return false;
+        if (ending || browsers.size() >= gateway_options.max_clients) return false;
         browsers.insert(browser);
-        if (browsers.size() == 1) link.reset();  // nobody asked meanwhile
-        if (link) browser->answer(link_message(*link));
-        wants_changed();
+        if (browsers.size() == 1) connection.reset();  // without browsers the daemon was not polled
+        if (connection) browser->reply(connection_message(*connection));
+        subscriptions_changed();
         return true;
     }
 
-    void leave(const std::shared_ptr<Browser>& browser) override {
+    void remove(const std::shared_ptr<Browser>& browser) override {
         browsers.erase(browser);
-        wants_changed();
+        subscriptions_changed();
         if (ending && browsers.empty()) io.stop();
     }
 
-    // Nobody there: nothing is asked of the daemon. The status tells how the daemon is, whoever wants it.
-    void wants_changed() override {
+    // Without browsers no stream runs. With any, the status always does: it shows whether the daemon answers.
+    void subscriptions_changed() override {
         std::set<Topic> topics;
         if (!browsers.empty() && !ending) topics.insert({Topic::Kind::kStatus, 0, {}});
         for (const auto& browser : browsers)
             for (const Topic& topic : browser->outbox.topics()) topics.insert(topic);
-        feeds.want(ending ? std::set<Topic>() : topics);
+        streams.set_topics(ending ? std::set<Topic>() : topics);
     }
 
-    void tell_link(const absl::Status& now) {
-        link = now;
+    void publish_connection(const absl::Status& now) {
+        connection = now;
         if (now.ok())
-            fmt::print(stderr, "kinevox-web: the daemon at {} answers\n", gateway_options.daemon.server);
+            fmt::print(stderr, "kinevox-web: connected to {}\n", gateway_options.daemon.server);
         else
-            fmt::print(stderr, "kinevox-web: {}; trying again\n", std::string(now.message()));
-        for (const auto& browser : browsers) browser->answer(link_message(now));
+            fmt::print(stderr, "kinevox-web: {}; retrying\n", std::string(now.message()));
+        for (const auto& browser : browsers) browser->reply(connection_message(now));
     }
 
-    // The daemon said no, and would say so again.
-    void refuse(const Topic& topic, const absl::Status& why) {
+    // The daemon rejected the stream; a retry would be rejected, too.
+    void end_stream(const Topic& topic, const absl::Status& reason) {
         v1::GatewayMessage message;
-        v1::Refusal& refusal = *message.mutable_refusal();
-        v1::Want& want = *refusal.mutable_want();
-        want.set_kind(topic.kind == Topic::Kind::kPoses        ? v1::KIND_POSES
-                      : topic.kind == Topic::Kind::kVolumes    ? v1::KIND_VOLUMES
-                      : topic.kind == Topic::Kind::kSilhouette ? v1::KIND_SILHOUETTE
-                                                               : v1::KIND_STATUS);
-        want.set_level(topic.level);
-        want.set_camera(topic.camera);
-        refusal.set_code(absl::StatusCodeToString(why.code()));
-        refusal.set_message(std::string(why.message()));
+        v1::StreamError& error = *message.mutable_error();
+        v1::StreamSubscription& subscription = *error.mutable_subscription();
+        subscription.set_kind(stream_kind(topic.kind));
+        subscription.set_downsample_level(topic.downsample_level);
+        subscription.set_camera(topic.camera);
+        error.set_code(absl::StatusCodeToString(reason.code()));
+        error.set_message(std::string(reason.message()));
         for (const auto& browser : browsers) {
             const auto topics = browser->outbox.topics();
             if (std::find(topics.begin(), topics.end(), topic) == topics.end()) continue;
             browser->outbox.unsubscribe(topic);
-            browser->answer(message);
+            browser->reply(message);
         }
-        wants_changed();
+        subscriptions_changed();
+    }
+
+    // Counts a new connection of `address` until it is released; null: too many.
+    std::shared_ptr<void> add_half_open(const asio::ip::address& address) {
+        std::size_t& count = half_open[address];
+        if (count >= gateway_options.max_half_open_per_address) return nullptr;
+        ++count;
+        return {this, [address](Parts* parts) {
+                    if (--parts->half_open[address] == 0) parts->half_open.erase(address);
+                }};
     }
 
     asio::awaitable<void> accept() {
@@ -158,14 +177,18 @@ struct Gateway::Parts final : House {
                 co_await pause.async_wait(asio::redirect_error(asio::use_awaitable, e));
                 continue;
             }
-            if (connections >= gateway_options.max_connections) continue;  // closes it
+            if (connections >= gateway_options.max_connections) continue;  // closes the socket
+            const auto remote = socket.remote_endpoint(e);
+            if (e) continue;
+            std::shared_ptr<void> slot = add_half_open(remote.address());
+            if (!slot) continue;
             ++connections;
-            asio::co_spawn(io, serve(*this, std::move(socket)),
+            asio::co_spawn(io, serve(*this, std::move(socket), std::move(slot)),
                            [this](const std::exception_ptr&) { --connections; });
         }
     }
 
-    asio::awaitable<void> look_after() {
+    asio::awaitable<void> watch_browsers() {
         for (int tick = 1; !ending; ++tick) {
             error_code e;
             clock.expires_after(kTick);
@@ -173,8 +196,10 @@ struct Gateway::Parts final : House {
             const auto now = Clock::now();
             for (const auto& browser : browsers) {
                 const bool writing = browser->writing_since != Clock::time_point{};
-                if (writing && now - browser->writing_since > gateway_options.stuck) browser->cut();
-                if (!writing && link && tick % kSignOfLife == 0) browser->answer(link_message(*link));
+                if (writing && now - browser->writing_since > gateway_options.write_timeout)
+                    browser->disconnect();
+                if (!writing && connection && tick % kHeartbeatTicks == 0)
+                    browser->reply(connection_message(*connection));
             }
         }
     }
@@ -186,8 +211,8 @@ struct Gateway::Parts final : House {
         acceptor.close(ignored);
         signals.cancel(ignored);
         for (const auto& browser : browsers) browser->close(websocket_code::going_away);
-        wants_changed();
-        clock.expires_after(kFarewell);
+        subscriptions_changed();
+        clock.expires_after(kMaxCloseTime);
         clock.async_wait([this](const error_code&) { io.stop(); });
         if (browsers.empty()) io.stop();
     }
@@ -207,8 +232,8 @@ absl::StatusOr<std::unique_ptr<Gateway>> Gateway::open(const GatewayOptions& opt
     if (!e) acceptor.bind(*endpoint, e);
     if (!e) acceptor.listen(asio::socket_base::max_listen_connections, e);
     if (e)
-        return absl::UnavailableError(fmt::format("cannot listen on {}: {}; choose another with --listen",
-                                                  options.listen, e.message()));
+        return absl::UnavailableError(fmt::format(
+            "cannot listen on {}: {}; choose another address with --listen", options.listen, e.message()));
     return std::unique_ptr<Gateway>(new Gateway(std::move(parts)));
 }
 
@@ -225,7 +250,7 @@ void Gateway::run() {
         if (!e) parts.end();
     });
     asio::co_spawn(parts.io, parts.accept(), asio::detached);
-    asio::co_spawn(parts.io, parts.look_after(), asio::detached);
+    asio::co_spawn(parts.io, parts.watch_browsers(), asio::detached);
     parts.io.run();
 }
 

@@ -1,5 +1,5 @@
-// The gateway: serves the page's files over HTTP and the daemon's streams over WebSockets. All of it runs on
-// the thread that calls run(); only reading the daemon's streams has threads of its own.
+// The gateway: serves the page's files over HTTP and the daemon's streams over WebSockets. Everything runs on
+// the thread that calls run(), except reading the daemon's streams.
 #pragma once
 
 #include <absl/status/status.h>
@@ -16,25 +16,25 @@
 namespace kinevox::web {
 
 struct GatewayOptions {
-    std::string listen = "127.0.0.1:8090";  // HOST:PORT; port 0 takes a free one
+    std::string listen = "127.0.0.1:8090";  // HOST:PORT; port 0: a free port
     client::ClientOptions daemon;
     HttpRules rules;
-    std::size_t max_browsers = 32;                      // WebSockets at a time
+    std::size_t max_clients = 32;                       // WebSockets
     std::size_t max_connections = 128;                  // of any kind
-    std::chrono::milliseconds request_timeout{10'000};  // for a request's head, and for the next one
-    std::chrono::milliseconds silence{
-        30'000};                              // a browser that does not even answer a ping is gone after this
-    std::chrono::milliseconds stuck{15'000};  // so long for one message, then it is gone, too
+    std::size_t max_half_open_per_address = 16;         // connections that have not sent a request yet
+    std::chrono::milliseconds request_timeout{10'000};  // for a request's header, and for the next request
+    std::chrono::milliseconds idle_timeout{30'000};     // a browser that answers no ping is disconnected
+    std::chrono::milliseconds write_timeout{15'000};    // of one message
 };
 
 class Gateway {
   public:
-    // Listens. InvalidArgument for an address that is none, Unavailable for one that cannot be had.
+    // Listens. InvalidArgument for a malformed address, Unavailable where it cannot be bound.
     static absl::StatusOr<std::unique_ptr<Gateway>> open(const GatewayOptions& options, Pages pages);
     ~Gateway();
 
     std::string address() const;  // HOST:PORT
-    // Until SIGINT, SIGTERM or stop(); browsers are told that it goes away.
+    // Runs until SIGINT, SIGTERM or stop(), then closes the WebSockets with "going away".
     void run();
     void stop();  // any thread
 

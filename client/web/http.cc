@@ -9,7 +9,7 @@
 namespace kinevox::web {
 namespace {
 
-// Scripts, styles and pictures of the page itself, and its own WebSocket; nothing else, from nowhere.
+// The page's own scripts, styles, images and WebSocket only.
 constexpr const char* kContentSecurity =
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; font-src 'self'; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
@@ -25,14 +25,15 @@ std::string without_port(const std::string& host) {
     return host.substr(0, host.rfind(':'));
 }
 
-bool known_host(const std::string& host, const HttpRules& rules) {
+bool host_allowed(const std::string& host, const HttpRules& rules) {
     const std::string name = lower(without_port(host));
     in_addr v4{};
     in6_addr v6{};
     if (inet_pton(AF_INET, name.c_str(), &v4) == 1 || inet_pton(AF_INET6, name.c_str(), &v6) == 1)
         return true;
     if (name == "localhost") return true;
-    return std::ranges::any_of(rules.names, [&](const std::string& known) { return lower(known) == name; });
+    return std::ranges::any_of(rules.allowed_hosts,
+                               [&](const std::string& allowed) { return lower(allowed) == name; });
 }
 
 HttpReply plain(int status, std::string text) {
@@ -45,22 +46,27 @@ HttpReply plain(int status, std::string text) {
     return reply;
 }
 
-HttpReply unknown_host(const HttpRequest& request) {
-    return plain(421, fmt::format("'{}' is none of this gateway's names; start it with --name",
-                                  without_port(request.host).substr(0, 100)));
+// What is wrong with any request, WebSocket or not.
+std::optional<HttpReply> reject(const HttpRequest& request, const HttpRules& rules) {
+    if (request.host_count > 1) return plain(400, "more than one Host header");
+    if (!host_allowed(request.host, rules))
+        return plain(421, fmt::format("Host '{}' is not allowed; allow it with --allow-host",
+                                      without_port(request.host).substr(0, 100)));
+    return {};
 }
 
 }  // namespace
 
 HttpReply answer(const HttpRequest& request, const Pages& pages, const HttpRules& rules) {
-    if (!known_host(request.host, rules)) return unknown_host(request);
+    if (std::optional<HttpReply> rejection = reject(request, rules)) return *std::move(rejection);
     if (request.method != "GET" && request.method != "HEAD") {
         HttpReply reply = plain(405, "GET and HEAD only");
         reply.headers.emplace_back("Allow", "GET, HEAD");
         return reply;
     }
+    if (request.has_body) return plain(400, "requests must not have a body");
     const Page* const page = pages.find(request.target);
-    if (!page) return plain(404, "there is no such file");
+    if (!page) return plain(404, "no such file");
     HttpReply reply;
     const bool unchanged =
         !request.if_none_match.empty() &&
@@ -79,16 +85,18 @@ HttpReply answer(const HttpRequest& request, const Pages& pages, const HttpRules
     return reply;
 }
 
-std::optional<HttpReply> refuse_socket(const HttpRequest& request, const HttpRules& rules) {
-    if (!known_host(request.host, rules)) return unknown_host(request);
+std::optional<HttpReply> reject_socket(const HttpRequest& request, const HttpRules& rules) {
+    if (std::optional<HttpReply> rejection = reject(request, rules)) return rejection;
+    if (request.has_body) return plain(400, "requests must not have a body");
     if (request.target.substr(0, request.target.find('?')) != "/ws")
         return plain(404, "the WebSocket is at /ws");
-    if (request.origin.empty()) return {};  // no browser: browsers always say where a script comes from
+    if (request.origin.empty()) return {};  // not a browser: browsers always send Origin
     const std::string origin = lower(request.origin), host = lower(request.host);
     if (origin == "http://" + host || origin == "https://" + host) return {};
-    if (std::ranges::any_of(rules.origins, [&](const std::string& known) { return lower(known) == origin; }))
+    if (std::ranges::any_of(rules.allowed_origins,
+                            [&](const std::string& allowed) { return lower(allowed) == origin; }))
         return {};
-    return plain(403, "scripts of other pages get nothing here; allow one with --origin");
+    return plain(403, "this Origin is not allowed; allow it with --allow-origin");
 }
 
 }  // namespace kinevox::web

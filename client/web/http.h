@@ -1,4 +1,4 @@
-// What the gateway answers to a request, and whom it answers at all. No sockets.
+// Replies to HTTP requests, and the rules that reject them. No sockets.
 #pragma once
 
 #include <optional>
@@ -14,26 +14,28 @@ namespace kinevox::web {
 struct HttpRequest {
     std::string method, target, host, origin, if_none_match;
     bool upgrade = false;  // to a WebSocket
+    int host_count = 1;    // Host headers; more than one is an error
+    bool has_body = false;
 };
 
 struct HttpReply {
     int status = 200;
     std::vector<std::pair<std::string, std::string>> headers;
-    std::string text;  // the body, where there is no page
+    std::string text;  // the body, unless there is a page
     const Page* page = nullptr;
     bool body = true;  // false: HEAD, 304
 };
 
 struct HttpRules {
-    // Besides addresses in numbers and localhost: a name that somebody else's DNS gives to this machine must
-    // not make its pages readers of ours.
-    std::vector<std::string> names;
-    std::vector<std::string> origins;  // besides the page's own, whose scripts may open the WebSocket
+    // Host names accepted in addition to numeric addresses and localhost. Others are rejected: a foreign DNS
+    // name that resolves to this machine must not give its pages access to ours (DNS rebinding).
+    std::vector<std::string> allowed_hosts;
+    std::vector<std::string> allowed_origins;  // may open the WebSocket, in addition to the page's own origin
 };
 
-// To anything but a WebSocket's beginning.
+// The reply to any request but a WebSocket upgrade.
 HttpReply answer(const HttpRequest& request, const Pages& pages, const HttpRules& rules);
-// Why a WebSocket is refused; nothing: it may begin.
-std::optional<HttpReply> refuse_socket(const HttpRequest& request, const HttpRules& rules);
+// The reply that rejects a WebSocket upgrade; empty: accepted.
+std::optional<HttpReply> reject_socket(const HttpRequest& request, const HttpRules& rules);
 
 }  // namespace kinevox::web

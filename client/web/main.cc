@@ -1,4 +1,4 @@
-// kinevox-web: the exhibit's page and what it shows, for browsers.
+// kinevox-web: serves the exhibit page and the daemon's streams to browsers.
 #include <fmt/format.h>
 #include <google/protobuf/stubs/logging.h>
 #include <grpc/support/log.h>
@@ -16,12 +16,12 @@ namespace {
 
 using namespace kinevox;
 
-// Beside the program: as installed, else as built.
+// Relative to the executable: the installed folder, else that of the build.
 std::string default_pages() {
     std::error_code e;
     const auto folder = std::filesystem::read_symlink("/proc/self/exe", e).parent_path();
-    for (const char* place : {"../share/kinevox/exhibit", "../exhibit/page"})
-        if (const auto pages = (folder / place).lexically_normal();
+    for (const char* name : {"../share/kinevox/exhibit", "../exhibit/page"})
+        if (const auto pages = (folder / name).lexically_normal();
             std::filesystem::exists(pages / "index.html", e))
             return pages.string();
     return (folder / "../share/kinevox/exhibit").lexically_normal().string();
@@ -35,40 +35,38 @@ int fail(const absl::Status& status) {
 }  // namespace
 
 int main(int argc, char** argv) {
-    gpr_set_log_function([](gpr_log_func_args*) {});  // errors come back as statuses; one line each is enough
-    google::protobuf::SetLogHandler(nullptr);         // what browsers send wrongly is answered to them
+    gpr_set_log_function([](gpr_log_func_args*) {});  // errors are reported from their statuses
+    google::protobuf::SetLogHandler(nullptr);         // invalid messages are answered with an error
     web::GatewayOptions options;
     client::ConnectionOptions connection;
-    std::string pages_folder = default_pages();
+    std::string page_folder = default_pages();
     CLI::App app(
-        "Serves the exhibit's page and the daemon's poses, volumes and silhouettes to browsers, never camera "
-        "pictures.",
+        "Serve the exhibit page and the daemon's poses, volumes and silhouettes to browsers, never camera "
+        "images.",
         "kinevox-web");
     app.set_version_flag("--version", std::string("kinevox-web ") + KINEVOX_VERSION);
     app.failure_message([](const CLI::App*, const CLI::Error& error) {
         return "kinevox-web: " + std::string(error.what()) + "\n";
     });
     client::add_connection_options(app, connection);
-    app.add_option("--listen", options.listen, "HOST:PORT to serve browsers on; port 0 takes a free one")
+    app.add_option("--listen", options.listen, "HOST:PORT for browsers (port 0: a free port)")
         ->capture_default_str();
-    app.add_option("--pages", pages_folder, "Folder of the page's files")
+    app.add_option("--page-dir", page_folder, "Folder of the page's files")
         ->type_name("DIR")
         ->capture_default_str();
-    app.add_option("--name", options.rules.names,
-                   "A name that browsers may call this machine by, besides its addresses and localhost; may "
-                   "be repeated");
-    app.add_option("--origin", options.rules.origins,
-                   "Another page whose scripts may connect, like http://kiosk.local:8000; may be repeated");
-    app.add_option("--browsers", options.max_browsers, "Browsers at a time, at most")
+    app.add_option("--allow-host", options.rules.allowed_hosts, "Additional Host name to accept; repeatable");
+    app.add_option("--allow-origin", options.rules.allowed_origins,
+                   "Additional Origin to accept, like http://kiosk.local:8000; repeatable");
+    app.add_option("--max-clients", options.max_clients, "Maximum simultaneous browsers")
         ->check(CLI::Range(1, 1000))
         ->capture_default_str();
     CLI11_PARSE(app, argc, argv);
     const auto daemon = connection.open();
     if (!daemon.ok()) return fail(daemon.status());
     options.daemon = *daemon;
-    options.max_connections = 4 * options.max_browsers;
+    options.max_connections = 4 * options.max_clients;
 
-    auto pages = web::Pages::read(pages_folder);
+    auto pages = web::Pages::read(page_folder);
     if (!pages.ok()) return fail(pages.status());
     const auto gateway = web::Gateway::open(options, *std::move(pages));
     if (!gateway.ok()) return fail(gateway.status());

@@ -6,8 +6,8 @@
 namespace kinevox::web {
 namespace {
 
-// A message may come so much of its period early, so that 25 Hz out of a jittering 25 Hz loses none.
-constexpr double kEarly = 0.2;
+// A message may be early by this fraction of its period: 25 Hz of a jittering 25 Hz stream loses none.
+constexpr double kEarlyFraction = 0.2;
 
 }  // namespace
 
@@ -29,43 +29,43 @@ std::vector<Topic> Outbox::topics() const {
     return out;
 }
 
-void Outbox::put(const Topic& topic, const std::shared_ptr<const std::string>& body, std::uint64_t lost,
-                 Clock::time_point now) {
+void Outbox::put(const Topic& topic, const std::shared_ptr<const std::string>& body,
+                 std::uint64_t dropped_count, Clock::time_point now) {
     const auto found = streams_.find(topic);
     if (found == streams_.end()) return;
     Stream& stream = found->second;
-    stream.missed += lost;
-    if (now + std::chrono::duration_cast<Clock::duration>(kEarly * stream.period) < stream.next) {
-        ++stream.missed;
+    stream.missed_count += dropped_count;
+    if (now + std::chrono::duration_cast<Clock::duration>(kEarlyFraction * stream.period) < stream.next) {
+        ++stream.missed_count;
         return;
     }
     stream.next = std::max(stream.next + stream.period, now);
-    if (stream.waiting)
-        ++stream.missed;
+    if (stream.queued)
+        ++stream.missed_count;
     else
         order_.push_back(topic);
-    stream.waiting = body;
+    stream.queued = body;
 }
 
-bool Outbox::answer(std::string body) {
-    if (answers_.size() >= kMaxAnswers) return false;
-    answers_.push_back(std::move(body));
+bool Outbox::reply(std::string body) {
+    if (replies_.size() >= kMaxReplies) return false;
+    replies_.push_back(std::move(body));
     return true;
 }
 
 std::optional<Outgoing> Outbox::take() {
-    if (!answers_.empty()) {
-        Outgoing out{{}, std::make_shared<const std::string>(std::move(answers_.front()))};
-        answers_.pop_front();
+    if (!replies_.empty()) {
+        Outgoing out{{}, std::make_shared<const std::string>(std::move(replies_.front()))};
+        replies_.pop_front();
         return out;
     }
     while (!order_.empty()) {
         const auto found = streams_.find(order_.front());
         order_.pop_front();
-        if (found == streams_.end() || !found->second.waiting) continue;
+        if (found == streams_.end() || !found->second.queued) continue;
         web::v1::GatewayMessage head;
-        head.set_missed(std::exchange(found->second.missed, 0));
-        return Outgoing{head.SerializeAsString(), std::exchange(found->second.waiting, nullptr)};
+        head.set_missed_count(std::exchange(found->second.missed_count, 0));
+        return Outgoing{head.SerializeAsString(), std::exchange(found->second.queued, nullptr)};
     }
     return {};
 }

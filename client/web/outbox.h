@@ -1,5 +1,5 @@
-// What waits for one browser: the newest message of each stream it asked for, and a few answers. Bounded,
-// whatever the browser does. One thread.
+// Messages queued for one browser: the latest of each subscribed stream, and a few replies. Bounded, whatever
+// the browser does. One thread.
 #pragma once
 
 #include <chrono>
@@ -11,48 +11,48 @@
 #include <string>
 #include <vector>
 
-#include "client/web/wants.h"
+#include "client/web/subscription_request.h"
 
 namespace kinevox::web {
 
 using Clock = std::chrono::steady_clock;
 
-// A GatewayMessage in two pieces: protobuf joins what stands one behind the other.
+// A GatewayMessage in two pieces: protobuf merges concatenated messages.
 struct Outgoing {
-    std::string head;                         // this browser's own: missed
+    std::string head;                         // of this browser: missed_count
     std::shared_ptr<const std::string> body;  // the same for all browsers
 };
 
 class Outbox {
   public:
-    static constexpr std::size_t kMaxAnswers = 32;
+    static constexpr std::size_t kMaxReplies = 32;
 
-    // What was asked for before and is not among these is dropped.
+    // Replaces the earlier subscriptions; messages of others are dropped.
     void subscribe(const std::vector<Subscription>& subscriptions);
     void unsubscribe(const Topic& topic) { streams_.erase(topic); }
     std::vector<Topic> topics() const;
 
-    // The newest of a stream, kept if this browser wants it now. `lost`: messages that the gateway dropped
-    // before it.
-    void put(const Topic& topic, const std::shared_ptr<const std::string>& body, std::uint64_t lost,
+    // Queues the latest message of a stream, if subscribed and due. `dropped_count`: messages that the
+    // gateway dropped before it.
+    void put(const Topic& topic, const std::shared_ptr<const std::string>& body, std::uint64_t dropped_count,
              Clock::time_point now);
-    // A refusal or the daemon's link. False: too many wait already; the browser does not read.
-    bool answer(std::string body);
+    // Queues an error or the daemon's connection. False: too many are queued; the browser does not read.
+    bool reply(std::string body);
 
-    // Answers first, then streams in the order in which their messages came.
+    // Replies first, then stream messages in order of arrival.
     std::optional<Outgoing> take();
-    bool empty() const { return answers_.empty() && order_.empty(); }
+    bool empty() const { return replies_.empty() && order_.empty(); }
 
   private:
     struct Stream {
-        std::shared_ptr<const std::string> waiting;
-        std::uint64_t missed = 0;
+        std::shared_ptr<const std::string> queued;
+        std::uint64_t missed_count = 0;
         Clock::duration period{0};
-        Clock::time_point next;  // earliest, with a limit on the rate
+        Clock::time_point next;  // earliest time of the next message, by the rate limit
     };
     std::map<Topic, Stream> streams_;
-    std::deque<Topic> order_;  // of those with something waiting
-    std::deque<std::string> answers_;
+    std::deque<Topic> order_;  // of streams with a queued message
+    std::deque<std::string> replies_;
 };
 
 }  // namespace kinevox::web

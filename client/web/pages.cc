@@ -14,7 +14,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uintmax_t kMost_bytes = 64 << 20;
+constexpr std::uintmax_t kMaxTotal_bytes = 64 << 20;
 constexpr std::size_t kMaxFiles = 2000;
 
 constexpr std::array<std::pair<std::string_view, const char*>, 13> kTypes{{
@@ -65,8 +65,7 @@ absl::StatusOr<Pages> Pages::read(const fs::path& folder) {
     const fs::path root = fs::canonical(folder, e);
     if (e || !fs::is_directory(root))
         return absl::NotFoundError(
-            fmt::format("no folder {}; build the page (docs/exhibit.md) or name its folder with --pages",
-                        folder.string()));
+            fmt::format("no folder {}; build the page (docs/exhibit.md) or set --page-dir", folder.string()));
     Pages pages;
     std::uintmax_t bytes = 0;
     for (fs::recursive_directory_iterator at(root, fs::directory_options::skip_permission_denied, e), end;
@@ -75,9 +74,9 @@ absl::StatusOr<Pages> Pages::read(const fs::path& folder) {
         const fs::path relative = at->path().lexically_relative(root);
         if (!at->is_regular_file(e) || hidden(relative) || !below(at->path(), root)) continue;
         bytes += at->file_size(e);
-        if (bytes > kMost_bytes || pages.size() >= kMaxFiles)
+        if (bytes > kMaxTotal_bytes || pages.size() >= kMaxFiles)
             return absl::InvalidArgumentError(fmt::format(
-                "{} holds more than 64 MB or {} files, which is no page; name the page's own folder",
+                "{} has more than 64 MB or {} files; set --page-dir to the folder of a built page",
                 root.string(), kMaxFiles));
         std::ifstream in(at->path(), std::ios::binary);
         Page page{{std::istreambuf_iterator<char>(in), {}}, type_of(at->path()), {}, false};
@@ -88,7 +87,7 @@ absl::StatusOr<Pages> Pages::read(const fs::path& folder) {
     }
     if (!pages.find("/"))
         return absl::FailedPreconditionError(
-            fmt::format("{} has no index.html; name the folder of a built page with --pages", root.string()));
+            fmt::format("{} has no index.html; set --page-dir to the folder of a built page", root.string()));
     return pages;
 }
 

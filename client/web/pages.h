@@ -1,4 +1,4 @@
-// The page's files, read once at the start: what is not among them cannot be asked for.
+// The page's files, read once at the start; no other file can be requested.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -18,11 +18,11 @@ struct Page {
 
 class Pages {
   public:
-    // Regular files below `folder`, 64 MB and 2000 files at most; names that begin with a dot and links that
-    // lead out of the folder are left out. FailedPrecondition without an index.html.
+    // Regular files below `folder`, at most 64 MB and 2000 files, without names that begin with a dot and
+    // links out of the folder. FailedPrecondition without an index.html.
     static absl::StatusOr<Pages> read(const std::filesystem::path& folder);
 
-    // By a request's target, "/" or "/assets/index-1a2b.js?x=y"; null for what there is not.
+    // By a request's target, "/" or "/assets/index-1a2b.js?x=y"; null if there is no such file.
     const Page* find(std::string_view target) const;
     std::size_t size() const { return pages_.size(); }
 

@@ -1,4 +1,4 @@
-# Run by CPack on what it is about to pack: copyright and changelog of each package, pages compressed.
+# Run by CPack before packing: adds copyright and changelog to each package and compresses manual pages.
 file(GLOB staged LIST_DIRECTORIES true ${CPACK_TEMPORARY_DIRECTORY}/*)
 execute_process(COMMAND date -R OUTPUT_VARIABLE now OUTPUT_STRIP_TRAILING_WHITESPACE)
 foreach(folder ${staged})
@@ -11,7 +11,7 @@ foreach(folder ${staged})
   set(doc ${folder}/usr/share/doc/${package})
   file(COPY ${CMAKE_CURRENT_LIST_DIR}/copyright DESTINATION ${doc})
   file(WRITE ${doc}/changelog "${package} (${CPACK_PACKAGE_VERSION}) unstable; urgency=medium\n\n\
-  * Built from the sources of that version; their history tells what changed.\n\n\
+  * Built from the sources of this version; see CHANGELOG.md there.\n\n\
  -- ${CPACK_PACKAGE_CONTACT}  ${now}\n")
   file(GLOB_RECURSE pages ${folder}/usr/share/man/*.[1-9])
   execute_process(COMMAND gzip -9nf ${doc}/changelog ${pages} COMMAND_ERROR_IS_FATAL ANY)

@@ -1,5 +1,5 @@
 // Silhouettes of a person of 34 capsules per second, one thread: small virtual cameras as a pose database
-// uses them, and a real camera's whole picture.
+// uses them, and a real camera's whole image.
 #include <benchmark/benchmark.h>
 
 #include <vector>
@@ -11,7 +11,7 @@
 namespace kinevox::kernels {
 namespace {
 
-// Arguments: the picture's side in px (person 0.8 of it) and whether its lens distorts.
+// Arguments: side of the image in px (person 0.8 of it), and whether the camera has distortion.
 void render_silhouette(benchmark::State& state) {
     const int side = static_cast<int>(state.range(0));
     const float from[3] = {3.0f, -2.2f, 1.4f}, at[3] = {0, 0, 0.9f};
@@ -31,7 +31,7 @@ void render_silhouette(benchmark::State& state) {
 }
 BENCHMARK(render_silhouette)
     ->ArgsProduct({{64, 96, 128, 480}, {0, 1}})
-    ->ArgNames({"side", "lens"})
+    ->ArgNames({"side", "distortion"})
     ->Unit(benchmark::kMicrosecond);
 
 }  // namespace

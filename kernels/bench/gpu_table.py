@@ -20,8 +20,10 @@ def main():
     context, cpu = times_us(arguments.cpu)
     _, cuda = times_us(arguments.cuda)
     print(f"# {arguments.card}\n")
-    print(f"`kernels/bench/gpu`, {context['date'][:10]}, beside {context['num_cpus']} CPU cores. Microseconds, uploads and "
-          f"downloads of what the next stage needs included.\n")
+    print(
+        f"`kernels/bench/gpu`, {context['date'][:10]}, beside {context['num_cpus']} CPU cores. Microseconds, uploads and "
+        f"downloads of what the next stage needs included.\n"
+    )
     print("| benchmark | CPU | CUDA | CPU / CUDA |\n| --- | ---: | ---: | ---: |")
     for name, on_cpu in cpu.items():
         on_card = cuda.get(name)

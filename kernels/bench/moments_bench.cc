@@ -1,4 +1,4 @@
-// Moments of four silhouettes as the pipeline computes them: pictures of 640 x 480, a person 300 px tall in
+// Moments of four silhouettes as the pipeline computes them: images of 640 x 480, a person 300 px tall in
 // each.
 #include <benchmark/benchmark.h>
 

@@ -1,4 +1,4 @@
-// Segmentation of four cameras' pictures of 640 x 480, as the pipeline calls it: the cameras side by side.
+// Segmentation of four cameras' images of 640 x 480, as the pipeline calls it: the cameras side by side.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -16,11 +16,11 @@
 namespace kinevox::kernels {
 namespace {
 
-constexpr int kCameras = 4, kWidth = 640, kHeight = 480, kPictures = 8;
+constexpr int kCameras = 4, kWidth = 640, kHeight = 480, kImages = 8;
 constexpr Rect kBody{280, 120, 350, 350};
 
 struct Rig {
-    explicit Rig(int samples) : pictures(kCameras), segmenters(kCameras), out(kCameras) {
+    explicit Rig(int samples) : images(kCameras), segmenters(kCameras), out(kCameras) {
         SegmentationOptions options;
         options.samples = samples;
         for (int c = 0; c < kCameras; ++c) {
@@ -28,10 +28,10 @@ struct Rig {
             const auto clip = room.clip(std::max(samples, 8));
             segmenters[c] = make_segmenter(bench::device(), kWidth, kHeight, 3, options);
             segmenters[c]->learn(testing::views_of(clip));
-            for (int i = 0; i < kPictures; ++i) {
-                pictures[c].push_back(room.picture(1 + 0.01 * (i % 3)));
-                room.shade(pictures[c].back(), {320, 330, 430, 380}, 0.7);
-                room.draw(pictures[c].back(), {kBody.x0 + i, kBody.y0, kBody.x1 + i, kBody.y1}, 40, 60, 150);
+            for (int i = 0; i < kImages; ++i) {
+                images[c].push_back(room.image(1 + 0.01 * (i % 3)));
+                room.shade(images[c].back(), {320, 330, 430, 380}, 0.7);
+                room.draw(images[c].back(), {kBody.x0 + i, kBody.y0, kBody.x1 + i, kBody.y1}, 40, 60, 150);
             }
         }
     }
@@ -41,7 +41,7 @@ struct Rig {
         if (tracked) prior.region = {kBody.x0 - 40, kBody.y0 - 40, kBody.x1 + 40, kBody.y1 + 40};
         prior.full_pass = !tracked;
         const auto one = [&](int c) {
-            segmenters[c]->segment(pictures[c][frame % kPictures].view(), prior, out[c]);
+            segmenters[c]->segment(images[c][frame % kImages].view(), prior, out[c]);
         };
 #ifdef KINEVOX_HAVE_TBB
         oneapi::tbb::parallel_for(0, kCameras, one);
@@ -50,7 +50,7 @@ struct Rig {
 #endif
     }
 
-    std::vector<std::vector<testing::TestPicture>> pictures;
+    std::vector<std::vector<testing::TestImage>> images;
     std::vector<std::unique_ptr<Segmenter>> segmenters;
     std::vector<Silhouettes> out;
 };

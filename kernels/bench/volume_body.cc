@@ -36,8 +36,8 @@ Body make_body(int cameras, bool arms_out) {
                                   {{0, -0.10f, 0.95f}, {-0.1f, -0.12f, 0.5f}, 0.085f},
                                   {{-0.1f, -0.12f, 0.5f}, {-0.25f, -0.12f, 0.1f}, 0.06f}};
     for (const float side : {-1.f, 1.f}) {
-        const float reach = arms_out ? 0.85f : 0.3f, low = arms_out ? 1.42f : 0.85f;
-        parts.push_back({{0, side * 0.18f, 1.40f}, {0.05f, side * reach, low}, 0.045f});
+        const float hand_y = arms_out ? 0.85f : 0.3f, low = arms_out ? 1.42f : 0.85f;
+        parts.push_back({{0, side * 0.18f, 1.40f}, {0.05f, side * hand_y, low}, 0.045f});
     }
     const auto person = [&](const float* p) {
         float nearest = 10;
@@ -58,7 +58,7 @@ Body make_body(int cameras, bool arms_out) {
     scene.draw(person, stripes, {90, 100, 110});
     body.cameras = scene.cameras;
     body.masks = std::move(scene.masks);
-    body.pictures = std::move(scene.pictures);
+    body.images = std::move(scene.images);
     return body;
 }
 
@@ -70,15 +70,15 @@ const Body& body(int cameras, bool arms_out) {
     Body& body = found->second;
     if (is_new) {
         body = make_body(cameras, arms_out);
-        testing::Scene scene{body.cameras, body.masks, body.pictures};
+        testing::Scene scene{body.cameras, body.masks, body.images};
         const auto hull = scene.hull_views();
         for (int n = 0; n < cameras; ++n) {
             const CameraModel& c = body.cameras[n];
             const std::uint8_t* mask = body.masks[n].data();
-            body.hull_views.push_back({&c, mask, nullptr, hull[n].bounds});
+            body.hull_views.push_back({&c, mask, hull[n].bounds});
             ColouringView view;
             view.camera = &c;
-            view.picture = {body.pictures[n].data(), c.width, c.height, 3, 3 * c.width};
+            view.image = {body.images[n].data(), c.width, c.height, 3, 3 * c.width};
             view.silhouette = view.sharp = mask;
             view.bounds = hull[n].bounds;
             body.colouring_views.push_back(view);

@@ -11,7 +11,7 @@ namespace kinevox::kernels::bench {
 
 struct Body {
     std::vector<CameraModel> cameras;  // 640 x 480 px
-    std::vector<std::vector<std::uint8_t>> masks, pictures;
+    std::vector<std::vector<std::uint8_t>> masks, images;
     std::vector<HullView> hull_views;
     std::vector<ColouringView> colouring_views;
 };

@@ -29,8 +29,7 @@ struct CacheLineAllocator {
         const std::size_t bytes = count * sizeof(T);
         void* memory = ::operator new(bytes, alignment(bytes));
 #if defined(__linux__) && defined(MADV_HUGEPAGE)
-        if (bytes >= kHugePage)
-            madvise(memory, bytes / kHugePage * kHugePage, MADV_HUGEPAGE);  // a wish: may fail
+        if (bytes >= kHugePage) madvise(memory, bytes / kHugePage * kHugePage, MADV_HUGEPAGE);  // only a hint
 #endif
         return static_cast<T*>(memory);
     }

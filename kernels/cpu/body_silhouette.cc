@@ -1,8 +1,8 @@
-// The outline of a tapered capsule in a pinhole camera is exactly two arcs and two straight lines: the
+// The contour of a tapered capsule in a pinhole camera consists of two arcs and two straight lines: the
 // projection of the convex hull of two balls is the convex hull of their projections. Each arc belongs to a
-// ball's tangent circle, each line to a plane through the camera's centre that touches both balls. The arcs
-// are cut into pieces, the corners go through the lens, and rows are filled between the leftmost and the
-// rightmost point.
+// ball's tangent circle, each line to a plane through the camera's centre that is tangent to both balls. The
+// arcs are approximated by polygons, the corners are distorted, and each row is filled between its leftmost
+// and rightmost point.
 #include "kernels/cpu/body_silhouette.h"
 
 #include <algorithm>
@@ -37,7 +37,7 @@ Vector cross(Vector a, Vector b) {
 
 constexpr float kPi = 3.14159265358979f;
 constexpr int kMaxArcPieces = 96;
-constexpr int kLinePieces = 12;  // of a straight line that the lens bends
+constexpr int kLinePieces = 12;  // segments of a straight line, which distortion bends
 
 class OutlineFiller {
   public:
@@ -60,7 +60,7 @@ class OutlineFiller {
         float x = p.x * w, y = p.y * w;
         if (camera_.distorted) {
             const float r2 = x * x + y * y;
-            if (r2 > camera_.max_radius2) {  // where the lens shows nothing any more
+            if (r2 > camera_.max_radius2) {  // outside the domain of the distortion model
                 const float shrink = std::sqrt(camera_.max_radius2 / r2);
                 x *= shrink, y *= shrink;
             }
@@ -106,8 +106,8 @@ class OutlineFiller {
     }
 
     void whole(Vector centre, float radius) {
-        const Vector aside = std::fabs(centre.x) < std::fabs(centre.y) ? Vector{1, 0, 0} : Vector{0, 1, 0};
-        Vector outwards = cross(centre, aside);
+        const Vector sideways = std::fabs(centre.x) < std::fabs(centre.y) ? Vector{1, 0, 0} : Vector{0, 1, 0};
+        Vector outwards = cross(centre, sideways);
         outwards = (1 / std::sqrt(dot(outwards, outwards))) * outwards;
         arc(centre, radius, outwards, kPi);
     }

@@ -12,9 +12,9 @@
 namespace kinevox::kernels::cpu {
 namespace {
 
-using kde::kBorderReach;
+using kde::kBorderRadius;
 
-// The first border pixel of [x, x1), or x1; most of a row is none.
+// The first border pixel of [x, x1), or x1; most of a row has none.
 inline int next_border(const std::uint8_t* zones, int x, int x1) {
     const void* found =
         x < x1 ? std::memchr(zones + x, kde::kZoneBorder, static_cast<std::size_t>(x1 - x)) : nullptr;
@@ -22,7 +22,7 @@ inline int next_border(const std::uint8_t* zones, int x, int x1) {
 }
 
 template <int kChannels>
-void unmix_plain(const BorderPictures& p, int y, int x0, int x1, std::uint8_t* sharp) {
+void unmix_plain(const BorderImages& p, int y, int x0, int x1, std::uint8_t* sharp) {
     const std::uint8_t* const zones = p.zones + static_cast<std::ptrdiff_t>(y) * p.width;
     for (int x = next_border(zones, x0, x1); x < x1; x = next_border(zones, x + 1, x1)) {
         const int part = kde::unmix_border_pixel<kChannels>(x, y, p.width, p.limit, p.zones, p.values,
@@ -32,15 +32,15 @@ void unmix_plain(const BorderPictures& p, int y, int x0, int x1, std::uint8_t* s
 }
 
 #ifdef KINEVOX_HAVE_AVX2_FORM
-// The weights of a window's rows for eight pixels from kBorderReach to the left on; 0 where the chessboard's
-// other colour is and behind the window.
-using Weights = std::array<std::array<std::int16_t, 8>, 2 * kBorderReach + 1>;
+// The weights of a window's rows for eight pixels starting kBorderRadius to the left; 0 on the other colour
+// of the chessboard and after the window.
+using Weights = std::array<std::array<std::int16_t, 8>, 2 * kBorderRadius + 1>;
 constexpr Weights weights_of(int odd) {
     Weights weights{};
-    for (int dy = -kBorderReach; dy <= kBorderReach; ++dy)
-        for (int dx = -kBorderReach; dx <= kBorderReach; ++dx)
+    for (int dy = -kBorderRadius; dy <= kBorderRadius; ++dy)
+        for (int dx = -kBorderRadius; dx <= kBorderRadius; ++dx)
             if (((dx + dy) & 1) == odd)
-                weights[dy + kBorderReach][dx + kBorderReach] =
+                weights[dy + kBorderRadius][dx + kBorderRadius] =
                     static_cast<std::int16_t>(kde::border_weight(dx, dy));
     return weights;
 }
@@ -58,7 +58,7 @@ KINEVOX_AVX2 KINEVOX_INLINE int sum_of(__m128i four) {
 }
 
 // kde::sum_around() of a pixel whose window, one column more to the right, is inside the limit and one cell.
-KINEVOX_AVX2 KINEVOX_INLINE kde::BorderSums<3> sum_window(const BorderPictures& p, int x, int y) {
+KINEVOX_AVX2 KINEVOX_INLINE kde::BorderSums<3> sum_window(const BorderImages& p, int x, int y) {
     constexpr int kPlane = kde::kCellPixels;
     const Weights& weights =
         kWeights[(x + y) & 1];  // the fields that count have an even sum of column and row
@@ -67,8 +67,8 @@ KINEVOX_AVX2 KINEVOX_INLINE kde::BorderSums<3> sum_window(const BorderPictures& 
                   outside_zone = _mm_set1_epi16(kde::kZoneOutside);
     __m128i subject[3] = {zero, zero, zero}, weight = zero, product = zero, energy = zero;
     const std::uint8_t* zones =
-        p.zones + static_cast<std::ptrdiff_t>(y - kBorderReach) * p.width + x - kBorderReach;
-    const long long first = kde::border_offset<3>(x - kBorderReach, y - kBorderReach, p.cells_per_row);
+        p.zones + static_cast<std::ptrdiff_t>(y - kBorderRadius) * p.width + x - kBorderRadius;
+    const long long first = kde::border_offset<3>(x - kBorderRadius, y - kBorderRadius, p.cells_per_row);
     const long long row_bytes = static_cast<long long>(p.cells_per_row) * 3 * kPlane;
     const std::uint8_t *values = p.values + first, *reference = p.reference + first;
     for (const auto& row : weights) {
@@ -92,11 +92,11 @@ KINEVOX_AVX2 KINEVOX_INLINE kde::BorderSums<3> sum_window(const BorderPictures& 
     return sums;
 }
 
-KINEVOX_AVX2 void unmix_avx2(const BorderPictures& p, int y, int x0, int x1, std::uint8_t* sharp) {
-    const bool rows_inside = y - kBorderReach >= p.limit.y0 && y + kBorderReach < p.limit.y1;
+KINEVOX_AVX2 void unmix_avx2(const BorderImages& p, int y, int x0, int x1, std::uint8_t* sharp) {
+    const bool rows_inside = y - kBorderRadius >= p.limit.y0 && y + kBorderRadius < p.limit.y1;
     const std::uint8_t* const zones = p.zones + static_cast<std::ptrdiff_t>(y) * p.width;
     for (int x = next_border(zones, x0, x1); x < x1; x = next_border(zones, x + 1, x1)) {
-        const int left = x - kBorderReach, right = x + kBorderReach + 1;
+        const int left = x - kBorderRadius, right = x + kBorderRadius + 1;
         const bool whole = rows_inside && left >= p.limit.x0 && right < p.limit.x1 &&
                            left / kde::kCellPixels == right / kde::kCellPixels;
         const long long at = kde::border_offset<3>(x, y, p.cells_per_row);
@@ -111,12 +111,12 @@ KINEVOX_AVX2 void unmix_avx2(const BorderPictures& p, int y, int x0, int x1, std
 
 }  // namespace
 
-void unmix_row(const BorderPictures& pictures, int y, int x0, int x1, std::uint8_t* sharp) {
-    if (pictures.channels == 1) return unmix_plain<1>(pictures, y, x0, x1, sharp);
+void unmix_row(const BorderImages& images, int y, int x0, int x1, std::uint8_t* sharp) {
+    if (images.channels == 1) return unmix_plain<1>(images, y, x0, x1, sharp);
 #ifdef KINEVOX_HAVE_AVX2_FORM
-    if (have_avx2()) return unmix_avx2(pictures, y, x0, x1, sharp);
+    if (have_avx2()) return unmix_avx2(images, y, x0, x1, sharp);
 #endif
-    unmix_plain<3>(pictures, y, x0, x1, sharp);
+    unmix_plain<3>(images, y, x0, x1, sharp);
 }
 
 }  // namespace kinevox::kernels::cpu

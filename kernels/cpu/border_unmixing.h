@@ -1,5 +1,4 @@
-// Row by row over the border of a silhouette: kde::unmix_border_pixel() for every pixel of it, by vectors
-// where the processor can.
+// kde::unmix_border_pixel() for every pixel of a silhouette's border, row by row, with SIMD if available.
 #pragma once
 
 #include <cstdint>
@@ -9,9 +8,9 @@
 
 namespace kinevox::kernels::cpu {
 
-struct BorderPictures {
+struct BorderImages {
     int width = 0;                            // of `zones`, px
-    Rect limit;                               // of the picture, the part that may be read
+    Rect limit;                               // of the image, the part that may be read
     const std::uint8_t* zones = nullptr;      // kde::kZone..., `width` bytes a row and 8 more at the end
     const std::uint8_t* values = nullptr;     // [row][cell][channel][64]
     const std::uint8_t* reference = nullptr;  // the same of the background
@@ -19,8 +18,7 @@ struct BorderPictures {
     kde::BorderParameters parameters;
 };
 
-// Writes 0 or 255 into `sharp`, the mask's row `y`, for the border's pixels in [x0, x1) where that can be
-// told.
-void unmix_row(const BorderPictures& pictures, int y, int x0, int x1, std::uint8_t* sharp);
+// Writes 0 or 255 to `sharp`, row `y` of the mask, for the border pixels in [x0, x1) that can be decided.
+void unmix_row(const BorderImages& images, int y, int x0, int x1, std::uint8_t* sharp);
 
 }  // namespace kinevox::kernels::cpu

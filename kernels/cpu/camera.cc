@@ -23,7 +23,7 @@ double distorted_slope(const Projector& c, double r) {
 Projector make_projector(const CameraModel& camera, const char* what) {
     const std::string name = what;
     if (camera.width <= 0 || camera.height <= 0 || camera.width > 30000 || camera.height > 30000) {
-        throw std::invalid_argument(name + ": picture size " + std::to_string(camera.width) + " x " +
+        throw std::invalid_argument(name + ": image size " + std::to_string(camera.width) + " x " +
                                     std::to_string(camera.height) + " is not between 1 and 30000");
     }
     Projector c;

@@ -13,16 +13,16 @@
 namespace kinevox::kernels {
 namespace {
 
-// True where every ray through the voxel has enough of the volume to spare it.
+// True if every ray through the voxel keeps enough of the volume without it.
 bool spare(const CarvingEvidence& evidence, int n) {
     for (const ViewOfVolume& view : evidence.views) {
         const int cell = view.cell[n];
-        if (cell >= 0 && view.depths[cell].between_m() < evidence.keep_on_ray_m) return false;
+        if (cell >= 0 && view.depths[cell].between_m() < evidence.min_ray_length_m) return false;
     }
     return true;
 }
 
-bool colours_disagree(const CarvingEvidence& evidence, const Surface& surface, int n) {
+bool colours_differ(const CarvingEvidence& evidence, const Surface& surface, int n) {
     const CellColour* seen[kMaxViews];
     int count = 0;
     for (std::size_t v = 0; v < evidence.views.size(); ++v) {
@@ -38,18 +38,17 @@ bool colours_disagree(const CarvingEvidence& evidence, const Surface& surface, i
 }
 
 void mark_plain(const CarvingEvidence& evidence, const Surface& surface, int first, int last,
-                const std::uint64_t* thin, std::uint64_t* marks) {
+                const std::uint64_t* unsupported, std::uint64_t* marks) {
     for (int n = first; n < last; ++n) {
         const int bit = surface.bit[n];
-        const bool is_thin = thin[bit >> 6] >> (bit & 63) & 1;
-        if (spare(evidence, n) && (is_thin || colours_disagree(evidence, surface, n)))
+        const bool is_thin = unsupported[bit >> 6] >> (bit & 63) & 1;
+        if (spare(evidence, n) && (is_thin || colours_differ(evidence, surface, n)))
             marks[bit >> 6] |= std::uint64_t{1} << (bit & 63);
     }
 }
 
 #ifdef KINEVOX_HAVE_AVX2_FORM
-// The same for eight voxels at a time without a branch on any of them: what they see is too mixed to be
-// foretold.
+// The same for eight voxels at a time without branches, which would be unpredictable.
 class EightVoxels {
   public:
     // Of the voxels n .. n + 7 those below `last`.
@@ -60,21 +59,20 @@ class EightVoxels {
           open_(_mm256_cvtepu8_epi32(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(&surface.open[n])))) {}
 
     KINEVOX_AVX2 __m256i spare() {
-        const __m256 keep = _mm256_set1_ps(evidence_.keep_on_ray_m), sign = _mm256_set1_ps(-0.f);
+        const __m256 keep = _mm256_set1_ps(evidence_.min_ray_length_m), sign = _mm256_set1_ps(-0.f);
         __m256 spare = _mm256_castsi256_ps(here_);
         views_ = 0;
         for (std::size_t v = 0; v < evidence_.views.size(); ++v) {
             const ViewOfVolume& view = evidence_.views[v];
             if (view.depths.empty()) continue;  // sees nothing
             const __m256i cell = load(&view.cell[n_]);
-            const __m256i in_picture =
-                _mm256_and_si256(here_, _mm256_cmpgt_epi32(cell, _mm256_set1_epi32(-1)));
-            const __m256i at = _mm256_and_si256(cell, in_picture);
+            const __m256i in_image = _mm256_and_si256(here_, _mm256_cmpgt_epi32(cell, _mm256_set1_epi32(-1)));
+            const __m256i at = _mm256_and_si256(cell, in_image);
             const float* depths = &view.depths[0].front_m;
             const __m256 front = _mm256_i32gather_ps(depths, at, sizeof(DepthCell));
             const __m256 minus_back = _mm256_i32gather_ps(depths + 1, at, sizeof(DepthCell));
             const __m256 between = _mm256_sub_ps(_mm256_xor_ps(minus_back, sign), front);
-            const __m256 in = _mm256_castsi256_ps(in_picture);
+            const __m256 in = _mm256_castsi256_ps(in_image);
             spare = _mm256_andnot_ps(_mm256_and_ps(in, _mm256_cmp_ps(between, keep, _CMP_LT_OQ)), spare);
             if (evidence_.colours[v].cells.empty()) continue;
             const __m256 behind = _mm256_i32gather_ps(view.behind_m.data(), open_, sizeof(float));
@@ -88,7 +86,7 @@ class EightVoxels {
     }
 
     // After spare().
-    KINEVOX_AVX2 __m256i colours_disagree() const {
+    KINEVOX_AVX2 __m256i colours_differ() const {
         const __m256i bgr = _mm256_set1_epi32(0x00ffffff);
         __m256i mean[kMaxViews], limit[kMaxViews], sees[kMaxViews], any = _mm256_setzero_si256();
         int count = 0;
@@ -103,9 +101,9 @@ class EightVoxels {
                 const __m256i gap = _mm256_sub_epi8(_mm256_max_epu8(mean[count], mean[other]),
                                                     _mm256_min_epu8(mean[count], mean[other]));
                 const __m256i beyond = _mm256_subs_epu8(gap, _mm256_max_epu8(limit[count], limit[other]));
-                const __m256i agree = _mm256_cmpeq_epi32(beyond, _mm256_setzero_si256());
+                const __m256i equal = _mm256_cmpeq_epi32(beyond, _mm256_setzero_si256());
                 any = _mm256_or_si256(any,
-                                      _mm256_andnot_si256(agree, _mm256_and_si256(sees[count], sees[other])));
+                                      _mm256_andnot_si256(equal, _mm256_and_si256(sees[count], sees[other])));
             }
             ++count;
         }
@@ -126,7 +124,7 @@ class EightVoxels {
 };
 
 KINEVOX_AVX2 void mark_avx2(const CarvingEvidence& evidence, const Surface& surface, int first, int last,
-                            const std::uint64_t* thin, std::uint64_t* marks) {
+                            const std::uint64_t* unsupported, std::uint64_t* marks) {
     static_assert(offsetof(CellColour, limit) == 4 && sizeof(CellColour) == 8 && sizeof(DepthCell) == 8);
     for (int n = first; n < last; n += kLanes) {
         EightVoxels voxels(evidence, surface, n, last);
@@ -135,14 +133,14 @@ KINEVOX_AVX2 void mark_avx2(const CarvingEvidence& evidence, const Surface& surf
         const __m256i bits =
             _mm256_cvtepu16_epi32(_mm_loadu_si128(reinterpret_cast<const __m128i*>(&surface.bit[n])));
         const __m256i bit =
-            _mm256_and_si256(bits, _mm256_set1_epi32(kBrickVoxels - 1));  // the last may be nobody's
+            _mm256_and_si256(bits, _mm256_set1_epi32(kBrickVoxels - 1));  // the last lanes may be unused
         const __m256i word =
-            _mm256_i32gather_epi32(reinterpret_cast<const int*>(thin), _mm256_srli_epi32(bit, 5), 4);
+            _mm256_i32gather_epi32(reinterpret_cast<const int*>(unsupported), _mm256_srli_epi32(bit, 5), 4);
         // The voxel's own bit becomes the sign.
         const __m256i to_sign =
             _mm256_sub_epi32(_mm256_set1_epi32(31), _mm256_and_si256(bit, _mm256_set1_epi32(31)));
         unsigned goes = _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_sllv_epi32(word, to_sign)));
-        if (spare & ~goes) goes |= _mm256_movemask_ps(_mm256_castsi256_ps(voxels.colours_disagree()));
+        if (spare & ~goes) goes |= _mm256_movemask_ps(_mm256_castsi256_ps(voxels.colours_differ()));
         for (goes &= spare; goes; goes &= goes - 1) {
             const int at = surface.bit[n + std::countr_zero(goes)];
             marks[at >> 6] |= std::uint64_t{1} << (at & 63);
@@ -154,11 +152,11 @@ KINEVOX_AVX2 void mark_avx2(const CarvingEvidence& evidence, const Surface& surf
 }  // namespace
 
 void mark_voxels(const CarvingEvidence& evidence, const Surface& surface, int first, int last,
-                 const std::uint64_t* thin, std::uint64_t* marks) {
+                 const std::uint64_t* unsupported, std::uint64_t* marks) {
 #ifdef KINEVOX_HAVE_AVX2_FORM
-    if (have_avx2()) return mark_avx2(evidence, surface, first, last, thin, marks);
+    if (have_avx2()) return mark_avx2(evidence, surface, first, last, unsupported, marks);
 #endif
-    mark_plain(evidence, surface, first, last, thin, marks);
+    mark_plain(evidence, surface, first, last, unsupported, marks);
 }
 
 }  // namespace kinevox::kernels

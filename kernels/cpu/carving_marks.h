@@ -1,5 +1,5 @@
-// Which surface voxels a round of carving takes: those that the rays spare and whose colours disagree, or
-// that stand out of the volume.
+// Selects the surface voxels that a round carves: photo-inconsistent or unsupported ones whose rays keep
+// enough of the volume.
 #pragma once
 
 #include <cstdint>
@@ -14,13 +14,13 @@ namespace kinevox::kernels {
 struct CarvingEvidence {
     std::span<const ViewOfVolume> views;
     std::span<const CellColours> colours;  // per view
-    float keep_on_ray_m = 0;               // of the volume, that every ray through a voxel must keep
+    float min_ray_length_m = 0;            // minimum length of the volume along every ray
 };
 
-// Looks at the surface voxels [first, last), which are one brick's. `thin` has a bit for each voxel of the
-// brick that has too little of the volume around it; bits of voxels to go are set in `marks`; both as
+// Tests the surface voxels [first, last) of one brick. `unsupported` has a bit for each voxel of the brick
+// with too few occupied voxels around it; sets the bits of voxels to carve in `marks`; both as
 // Brick::occupancy.
 void mark_voxels(const CarvingEvidence& evidence, const Surface& surface, int first, int last,
-                 const std::uint64_t* thin, std::uint64_t* marks);
+                 const std::uint64_t* unsupported, std::uint64_t* marks);
 
 }  // namespace kinevox::kernels

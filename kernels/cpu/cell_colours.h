@@ -10,8 +10,8 @@
 
 namespace kinevox::kernels {
 
-// The colours of a picture's cells (of 2^shift px; the part of the picture that ends within a cell is left
-// out of its mean). Both are empty where there is no picture.
+// The colours of an image's cells of 2^shift px; cells at the image's edge average only the part inside. Both
+// vectors are empty if there is no image.
 struct CellColours {
     std::vector<std::uint8_t>
         means;  // B, G, R of each cell alone; rows of width + 2 cells: there is a rim of one
@@ -20,11 +20,11 @@ struct CellColours {
     void clear() { means.clear(), cells.clear(); }
 };
 
-using ColourLimits = std::array<std::uint8_t, 256>;  // colour_limit() of each deviation
+using ColourLimits = std::array<std::uint8_t, 256>;  // colour_limit() of each value of sigma
 
-// Fills `out` for the cells that the view can see the volume in (view.spans); `limits` null: without
+// Fills `out` for the cells in which the view can see the volume (view.spans); `limits` null: omits
 // out.cells.
-void make_cell_colours(const PictureView& picture, const ViewOfVolume& view, const ColourLimits* limits,
+void make_cell_colours(const ImageView& image, const ViewOfVolume& view, const ColourLimits* limits,
                        CellColours& out);
 
 }  // namespace kinevox::kernels

@@ -68,8 +68,8 @@ void relax_row(const std::uint8_t* ahead, int padded, int rim, std::uint8_t* row
 }
 #endif
 
-// Beyond the picture's width the rows hold what a picture that goes on there would hold, which changes
-// nothing inside: no way around is shorter.
+// Beyond the width the rows are padded as if the image continued, which changes nothing inside: no path
+// around is shorter.
 void transform(int width, int height, const std::uint8_t* kind, std::vector<std::uint8_t>& scratch,
                std::int8_t* out) {
     constexpr int kFar = 127;

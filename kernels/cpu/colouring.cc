@@ -1,5 +1,5 @@
 // Voxel colouring on the CPU. Each round looks at a snapshot of the surface: every brick writes only its own
-// bits, from pictures that were complete before, so threads and their order never show in the result.
+// bits, from images that were complete before, so threads and their order never show in the result.
 #include "kernels/cpu/colouring.h"
 
 #include <algorithm>
@@ -11,14 +11,12 @@
 #include <string>
 #include <vector>
 
-#include "kernels/cpu/agreement.h"
 #include "kernels/cpu/carving_marks.h"
 #include "kernels/cpu/cell_colours.h"
-#include "kernels/cpu/hull_brick.h"
+#include "kernels/cpu/colouring_steps.h"
+#include "kernels/cpu/hull.h"
 #include "kernels/cpu/hull_maps.h"
-#include "kernels/cpu/paint.h"
 #include "kernels/cpu/parallel.h"
-#include "kernels/cpu/support.h"
 #include "kernels/cpu/surface.h"
 #include "kernels/cpu/surrounded.h"
 #include "kernels/cpu/visibility.h"
@@ -33,8 +31,8 @@ class CpuVoxelColourer final : public VoxelColourer {
   public:
     explicit CpuVoxelColourer(const ColouringOptions& options) : options_(options) {
         for (std::size_t n = 0; n < limits_.size(); ++n) {
-            limits_[n] =
-                colour_limit(static_cast<std::uint8_t>(n), options.max_colour_deviation, options.noise_grey);
+            limits_[n] = colour_limit(static_cast<std::uint8_t>(n), options.max_colour_difference_std,
+                                      options.noise_grey);
         }
     }
 
@@ -45,7 +43,7 @@ class CpuVoxelColourer final : public VoxelColourer {
             report.carved += carve_by_sharp(views, volume);
             drop_empty_bricks(volume);
             for (int pass = 0; pass < kFillPassesOfColouring; ++pass) {
-                report.carved -= filler_.fill(volume, options_.fill_reach_m, kFillLinesOfColouring);
+                report.carved -= filler_.fill(volume, options_.fill_radius_m, kFillLinesOfColouring);
             }
         }
         const int view_count = static_cast<int>(views.size());
@@ -56,8 +54,8 @@ class CpuVoxelColourer final : public VoxelColourer {
         look(volume, true);
         parallel_for(0, view_count, 1, [&](int first, int last) {
             for (int n = first; n < last; ++n) {
-                make_cell_colours(views[n].picture, views_[n],
-                                  options_.max_colour_deviation > 0 ? &limits_ : nullptr, colours_[n]);
+                make_cell_colours(views[n].image, views_[n],
+                                  options_.max_colour_difference_std > 0 ? &limits_ : nullptr, colours_[n]);
             }
         });
         while (report.rounds < options_.max_rounds) {
@@ -76,7 +74,7 @@ class CpuVoxelColourer final : public VoxelColourer {
         report.silhouette_iou.assign(views.size(), 0);
         parallel_for(0, static_cast<int>(views.size()), 1, [&](int first, int last) {
             for (int n = first; n < last; ++n) {
-                report.silhouette_iou[n] = silhouette_agreement(views[n], views_[n]);
+                report.silhouette_iou[n] = silhouette_iou(views[n], views_[n]);
             }
         });
     }
@@ -110,9 +108,8 @@ class CpuVoxelColourer final : public VoxelColourer {
                 const Projector& camera = views_[sharp_views_[n]].camera;
                 const Rect bounds =
                     view.bounds.empty() ? bounds_of(view.sharp, camera.width, camera.height) : view.bounds;
-                make_hull_maps({view.camera, view.sharp, nullptr, bounds}, camera,
-                               options_.sharp_budget_permille, typical_block_radius_px(camera, lattice, half),
-                               sharp_maps_[n]);
+                make_hull_maps({view.camera, view.sharp, bounds}, camera, options_.sharp_budget_permille,
+                               typical_block_radius_px(camera, lattice, half), sharp_maps_[n]);
                 maps[n] = sharp_maps_[n].maps;
             }
         });
@@ -207,8 +204,8 @@ class CpuVoxelColourer final : public VoxelColourer {
         const int edge = 2 * radius + 1;
         const auto least = static_cast<int>(options_.min_support * static_cast<float>(edge * edge * edge));
         std::uint64_t thin[kBrickEdge] = {};
-        if (least > 0) find_thin(volume, grid_, brick, radius, least, thin);
-        mark_voxels({views_, colours_, options_.keep_on_ray_m}, surface_, first, last, thin,
+        if (least > 0) find_unsupported(volume, grid_, brick, radius, least, thin);
+        mark_voxels({views_, colours_, options_.min_ray_length_m}, surface_, first, last, thin,
                     marks_.data() + static_cast<std::size_t>(brick) * kBrickEdge);
     }
 
@@ -250,14 +247,14 @@ void check_colouring_views(std::span<const ColouringView> views) {
         const ColouringView& view = views[n];
         if (!view.camera)
             throw std::invalid_argument("colouring: view " + std::to_string(n) + " has no camera");
-        const PictureView& picture = view.picture;
-        if (!picture.data) continue;
-        if (picture.width != view.camera->width || picture.height != view.camera->height ||
-            (picture.channels != 1 && picture.channels != 3)) {
-            throw std::invalid_argument(
-                "colouring: picture " + std::to_string(n) + " is " + std::to_string(picture.width) + " x " +
-                std::to_string(picture.height) + " with " + std::to_string(picture.channels) +
-                " channels, not its camera's size with 1 or 3");
+        const ImageView& image = view.image;
+        if (!image.data) continue;
+        if (image.width != view.camera->width || image.height != view.camera->height ||
+            (image.channels != 1 && image.channels != 3)) {
+            throw std::invalid_argument("colouring: image " + std::to_string(n) + " is " +
+                                        std::to_string(image.width) + " x " + std::to_string(image.height) +
+                                        " with " + std::to_string(image.channels) +
+                                        " channels, not its camera's size with 1 or 3");
         }
     }
 }

@@ -23,7 +23,7 @@ void ForegroundColours::clear() {
     std::fill(weight_.begin(), weight_.end(), 0.0f);
 }
 
-void ForegroundColours::log_density(float share, std::vector<float>& per_bin) const {
+void ForegroundColours::log_density(float weight, std::vector<float>& per_bin) const {
     double total = 0;
     for (float w : weight_) total += w;
     const float uniform = std::exp(kde::kLogUniformLevel * static_cast<float>(channels_));
@@ -31,8 +31,8 @@ void ForegroundColours::log_density(float share, std::vector<float>& per_bin) co
     if (total < 1) return;
     // A bin spans 16 levels of each channel.
     const auto of_histogram =
-        static_cast<float>(share / total * static_cast<double>(weight_.size()) * uniform);
-    const float rest = (1 - share) * uniform;
+        static_cast<float>(weight / total * static_cast<double>(weight_.size()) * uniform);
+    const float rest = (1 - weight) * uniform;
     const float empty = std::log(rest);
     for (std::size_t i = 0; i < weight_.size(); ++i)
         per_bin[i] = weight_[i] > 0 ? std::log(rest + of_histogram * weight_[i]) : empty;

@@ -1,5 +1,5 @@
-// The colours seen on the subject, as a histogram that forgets: what tells a brown trouser from a shaded
-// floor.
+// Histogram of the colours seen on the subject, with exponential forgetting: distinguishes brown trousers
+// from a shaded floor.
 #pragma once
 
 #include <cstdint>
@@ -13,10 +13,10 @@ class ForegroundColours {
   public:
     explicit ForegroundColours(int channels);
 
-    // Log density per bin: `share` of the histogram and the rest uniform.
-    void log_density(float share, std::vector<float>& per_bin) const;
+    // Log density per bin: a mixture of the histogram with weight `weight` and a uniform density.
+    void log_density(float weight, std::vector<float>& per_bin) const;
 
-    // Counts of one picture, one entry a bin; what was known before keeps `memory` of its weight.
+    // Counts of one image, one entry per bin; earlier counts are multiplied by `memory`.
     void add(const std::vector<std::int32_t>& counts, float memory);
     void clear();
     int bins() const { return static_cast<int>(weight_.size()); }

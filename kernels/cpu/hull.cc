@@ -1,6 +1,6 @@
 // The carver on the CPU: maps of each silhouette, then super-blocks of 4^3 bricks, bricks, voxels. Each step
-// is a parallel_for over small pieces that write to places of their own, so the order of the threads never
-// shows.
+// is a parallel_for over small pieces with disjoint outputs, so that the result does not depend on the
+// threads.
 #include "kernels/cpu/hull.h"
 
 #include <algorithm>
@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "kernels/cpu/hull_brick.h"
 #include "kernels/cpu/hull_maps.h"
 #include "kernels/cpu/parallel.h"
 #include "kernels/cpu/surrounded.h"
@@ -33,7 +32,7 @@ class CpuHullCarver final : public HullCarver {
         decide_bricks(lattice);
         list_bricks(out);
         carve_bricks(out);
-        filler_.fill(out, options_.fill_reach_m, kFillLinesOfHull);
+        filler_.fill(out, options_.fill_radius_m, kFillLinesOfHull);
     }
 
   private:

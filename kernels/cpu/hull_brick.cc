@@ -1,5 +1,4 @@
-#include "kernels/cpu/hull_brick.h"
-
+#include "kernels/cpu/hull.h"
 #include "kernels/cpu/project_lanes.h"
 #include "kernels/types.h"
 
@@ -22,11 +21,11 @@ struct RowPixels {
     Ints seen[kRows];   // -1 where the view sees the voxel, else 0
 };
 
-KINEVOX_INLINE Ints kept(Ints votes, int min_views) {
+KINEVOX_INLINE Ints kept(const Ints& votes, int min_views) {
     return ((votes & (kSeen - 1)) <= kMissBudget) & (votes >= min_views * kSeen);
 }
 
-KINEVOX_INLINE bool all_out(Ints votes) {
+KINEVOX_INLINE bool all_out(const Ints& votes) {
     const Ints out = (votes & (kSeen - 1)) > kMissBudget;
     std::int64_t words[4];
     std::memcpy(words, &out, sizeof(words));

@@ -10,7 +10,7 @@ namespace kinevox::kernels {
 namespace {
 
 // Per cell: bit 0 where any of its pixels is foreground, bit 1 where any is background. Pixels outside the
-// picture are neither.
+// image are neither.
 void classify_cells(const HullView& view, const HullMaps& maps, std::uint8_t* kind) {
     const int width = view.camera->width, height = view.camera->height, edge = 1 << maps.cell_shift;
     const int columns =
@@ -39,7 +39,7 @@ void classify_cells(const HullView& view, const HullMaps& maps, std::uint8_t* ki
 }
 
 // Chessboard distances up to the budget, which is small: along rows, then along columns, as minima over a
-// window; then as shares of the budget.
+// window; then as fractions of the budget.
 void make_miss_map(const HullView& view, const Rect& bounds, HullMapsStorage& out) {
     const HullMaps& maps = out.maps;
     const int budget = maps.budget_px, rim = budget + 1;
@@ -106,7 +106,7 @@ HullMaps frame_hull_maps(const Rect& silhouette_bounds, const Projector& camera,
     bounds = silhouette_bounds;
     bounds.x0 = std::max(bounds.x0, 0), bounds.y0 = std::max(bounds.y0, 0);
     bounds.x1 = std::min(bounds.x1, camera.width), bounds.y1 = std::min(bounds.y1, camera.height);
-    if (bounds.empty()) {  // nothing in sight: every pixel misses
+    if (bounds.empty()) {  // empty silhouette: every pixel misses
         bounds = {};
         maps.cells_width = maps.cells_height = maps.miss_width = maps.miss_height = 1;
         return maps;

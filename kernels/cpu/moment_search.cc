@@ -124,7 +124,7 @@ KINEVOX_AVX2 void score_avx2(std::span<const Placed> queries, std::span<float> s
 #endif
 
 KINEVOX_INLINE float blended_distance_body(const float* query, const std::int16_t* a, const std::int16_t* b,
-                                           float share_a, float share_b, int values) {
+                                           float weight_a, float weight_b, int values) {
     typedef std::int16_t Shorts __attribute__((vector_size(16)));
     Floats sums{};
     int v = 0;
@@ -134,13 +134,13 @@ KINEVOX_INLINE float blended_distance_body(const float* query, const std::int16_
         std::memcpy(&q, query + v, sizeof q);
         std::memcpy(&sa, a + v, sizeof sa);
         std::memcpy(&sb, b + v, sizeof sb);
-        const Floats d =
-            q - share_a * __builtin_convertvector(sa, Floats) - share_b * __builtin_convertvector(sb, Floats);
+        const Floats d = q - weight_a * __builtin_convertvector(sa, Floats) -
+                         weight_b * __builtin_convertvector(sb, Floats);
         sums += d * d;
     }
     float sum = ((sums[0] + sums[4]) + (sums[2] + sums[6])) + ((sums[1] + sums[5]) + (sums[3] + sums[7]));
     for (; v < values; ++v) {
-        const float d = query[v] - share_a * static_cast<float>(a[v]) - share_b * static_cast<float>(b[v]);
+        const float d = query[v] - weight_a * static_cast<float>(a[v]) - weight_b * static_cast<float>(b[v]);
         sum += d * d;
     }
     return sum;
@@ -148,19 +148,19 @@ KINEVOX_INLINE float blended_distance_body(const float* query, const std::int16_
 
 #ifdef KINEVOX_HAVE_AVX2_FORM
 KINEVOX_AVX2 float blended_distance_avx2(const float* query, const std::int16_t* a, const std::int16_t* b,
-                                         float share_a, float share_b, int values) {
-    return blended_distance_body(query, a, b, share_a, share_b, values);
+                                         float weight_a, float weight_b, int values) {
+    return blended_distance_body(query, a, b, weight_a, weight_b, values);
 }
 #endif
 
 }  // namespace
 
-float blended_distance(const float* query, const std::int16_t* a, const std::int16_t* b, float share_a,
-                       float share_b, int values) {
+float blended_distance(const float* query, const std::int16_t* a, const std::int16_t* b, float weight_a,
+                       float weight_b, int values) {
 #ifdef KINEVOX_HAVE_AVX2_FORM
-    if (have_avx2()) return blended_distance_avx2(query, a, b, share_a, share_b, values);
+    if (have_avx2()) return blended_distance_avx2(query, a, b, weight_a, weight_b, values);
 #endif
-    return blended_distance_body(query, a, b, share_a, share_b, values);
+    return blended_distance_body(query, a, b, weight_a, weight_b, values);
 }
 
 MomentSlab MomentSlab::make(std::span<const std::uint8_t> codes) {

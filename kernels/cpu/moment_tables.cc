@@ -66,8 +66,9 @@ std::shared_ptr<const MomentTables> make_tables(int order, int grid) {
     const double size = 2.0 / grid;
     tables->row_start.push_back(0);
     for (int row = 0; row < tables->half; ++row) {
-        const double reach = std::sqrt(std::max(0.0, 1 - (row * size) * (row * size)));
-        const int cells = std::min((static_cast<int>(std::ceil(reach / size)) + 7) / 8 * 8, tables->half);
+        const double half_width = std::sqrt(std::max(0.0, 1 - (row * size) * (row * size)));
+        const int cells =
+            std::min((static_cast<int>(std::ceil(half_width / size)) + 7) / 8 * 8, tables->half);
         tables->row_cells.push_back(cells);
         tables->row_start.push_back(tables->row_start.back() + cells);
     }

@@ -45,7 +45,7 @@ KINEVOX_INLINE MaskSums sum_mask_body(const MomentView& view, std::uint16_t* __r
 
 struct ColumnPart {
     int first = 0, last = 0;  // px, from the bounds' left edge
-    float first_share = 0, last_share = 0;
+    float first_weight = 0, last_weight = 0;
 };
 
 // Area-weighted averages over the grid's cells, 0..1; `line` has room for the bounds' width.
@@ -73,8 +73,8 @@ KINEVOX_INLINE void resample_body(const MomentView& view, const DiskMapping& m, 
         if (!(span.end > span.begin)) continue;
         const int first = static_cast<int>(span.begin);
         const int last = std::min(static_cast<int>(std::ceil(span.end)), box.x1) - 1;
-        part = {first - box.x0, std::max(last - box.x0, first - box.x0), scale * pixel_share(span, first),
-                last > first ? scale * pixel_share(span, last) : 0.f};
+        part = {first - box.x0, std::max(last - box.x0, first - box.x0), scale * pixel_coverage(span, first),
+                last > first ? scale * pixel_coverage(span, last) : 0.f};
     }
     const int width = box.width();
     for (int j = row_first; j < row_last; ++j) {
@@ -82,7 +82,7 @@ KINEVOX_INLINE void resample_body(const MomentView& view, const DiskMapping& m, 
         if (!(rows.end > rows.begin)) continue;
         std::fill_n(line, width, 0.f);
         for (int y = static_cast<int>(rows.begin); y < box.y1 && static_cast<float>(y) < rows.end; ++y) {
-            const float share = pixel_share(rows, y);
+            const float share = pixel_coverage(rows, y);
             const std::uint8_t* __restrict row = view.mask + y * view.stride + box.x0;
             float* __restrict to = line;
             for (int x = 0; x < width; ++x) to[x] += share * static_cast<float>(row[x]);
@@ -92,7 +92,7 @@ KINEVOX_INLINE void resample_body(const MomentView& view, const DiskMapping& m, 
             float between = 0;
             for (int x = part.first + 1; x < part.last; ++x) between += line[x];
             out[j * grid + i] =
-                part.first_share * line[part.first] + part.last_share * line[part.last] + scale * between;
+                part.first_weight * line[part.first] + part.last_weight * line[part.last] + scale * between;
         }
     }
 }
@@ -118,7 +118,7 @@ KINEVOX_INLINE Floats load(const float* from) {
     return lanes;
 }
 
-KINEVOX_INLINE float sum_lanes(Floats v) {
+KINEVOX_INLINE float sum_lanes(const Floats& v) {
     return ((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7]));
 }
 

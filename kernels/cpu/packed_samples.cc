@@ -16,7 +16,7 @@ HWY_BEFORE_NAMESPACE();
 
 namespace kinevox::kernels::cpu::HWY_NAMESPACE {
 
-constexpr int kLargest = 15;  // above the lowest value
+constexpr int kMaxOffset = 15;  // above the lowest value
 
 // samples: [sample][plane bytes]. False: they spread too far; `packed` then holds nothing of use.
 bool pack_cell(const std::uint8_t* samples, int sample_count, int plane_bytes, std::uint8_t* packed) {
@@ -34,10 +34,10 @@ bool pack_cell(const std::uint8_t* samples, int sample_count, int plane_bytes, s
             const auto width = static_cast<std::uint8_t>(high[x] - low[x]);
             widest = widest > width ? widest : width;
         }
-        if (widest > kLargest) return false;
-        // In the middle of what is possible: the next samples shall fit as well.
+        if (widest > kMaxOffset) return false;
+        // Centred in the range, so that the next samples are likely to fit.
         for (int x = 0; x < kPixels; ++x) {
-            const int spare = (kLargest - (high[x] - low[x])) / 2;
+            const int spare = (kMaxOffset - (high[x] - low[x])) / 2;
             packed[plane + x] = static_cast<std::uint8_t>(low[x] > spare ? low[x] - spare : 0);
         }
     }
@@ -56,7 +56,7 @@ bool pack_cell(const std::uint8_t* samples, int sample_count, int plane_bytes, s
 bool replace_sample(const std::uint8_t* sample, int slot, int plane_bytes, std::uint8_t* packed) {
     int above = 0;
     for (int x = 0; x < plane_bytes; ++x) above |= sample[x] - packed[x];  // a negative one has high bits
-    if ((above & ~kLargest) != 0) return false;
+    if ((above & ~kMaxOffset) != 0) return false;
     std::uint8_t* __restrict pair = packed + (1 + slot / 2) * plane_bytes;
     const int shift = slot % 2 * 4, other = 0xf0 >> shift;
 #pragma GCC ivdep

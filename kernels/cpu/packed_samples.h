@@ -1,5 +1,5 @@
-// The background's samples in half a byte each, where a cell's noise leaves room for that: the sums over them
-// wait for memory, and so half the bytes is most of half the time. Nothing is lost; the sums are the same.
+// The background samples in 4 bits each, if a cell's noise permits: the sums over them are memory-bound, so
+// that half the bytes take nearly half the time. Lossless; the sums are the same.
 #pragma once
 
 #include <cstdint>

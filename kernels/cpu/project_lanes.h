@@ -11,7 +11,8 @@ struct LanePixels {
     Ints seen;    // -1 where the camera looks that way, else 0
 };
 
-KINEVOX_INLINE LanePixels project_lanes(const Projector& c, Floats px, Floats py, Floats pz) {
+KINEVOX_INLINE LanePixels project_lanes(const Projector& c, const Floats& px, const Floats& py,
+                                        const Floats& pz) {
     const Floats w = 1.f / pz;
     Floats x = px * w, y = py * w;
     const Floats r2 = x * x + y * y;
@@ -32,7 +33,7 @@ KINEVOX_INLINE LanePixels project_lanes(const Projector& c, Floats px, Floats py
     return out;
 }
 
-KINEVOX_INLINE Ints lane_index(Floats u) {
+KINEVOX_INLINE Ints lane_index(const Floats& u) {
     return to_ints(u + 32768.5f) - 32768;
 }
 

@@ -13,26 +13,26 @@
 namespace kinevox::kernels {
 namespace {
 
-// Sets what lies within `reach` px of set pixels in both directions; `bounds` grows with it.
-void dilate(std::uint8_t* mask, int width, int height, int reach, Rect& bounds) {
-    bounds = {std::max(bounds.x0 - reach, 0), std::max(bounds.y0 - reach, 0),
-              std::min(bounds.x1 + reach, width), std::min(bounds.y1 + reach, height)};
+// Dilates the mask by `radius` px along both axes and updates `bounds`.
+void dilate(std::uint8_t* mask, int width, int height, int radius, Rect& bounds) {
+    bounds = {std::max(bounds.x0 - radius, 0), std::max(bounds.y0 - radius, 0),
+              std::min(bounds.x1 + radius, width), std::min(bounds.y1 + radius, height)};
     const int columns = bounds.width(), rows = bounds.height();
     // Along the rows by runs. Then across them by doubling: a line that holds the OR of `span` lines from
     // itself on becomes that of twice as many, and two of those that overlap make the whole window.
-    std::vector<std::uint8_t> along(static_cast<std::size_t>(columns) * (rows + 2 * reach), 0);
-    const auto line = [&](int y) { return along.data() + static_cast<std::ptrdiff_t>(y + reach) * columns; };
+    std::vector<std::uint8_t> along(static_cast<std::size_t>(columns) * (rows + 2 * radius), 0);
+    const auto line = [&](int y) { return along.data() + static_cast<std::ptrdiff_t>(y + radius) * columns; };
     for (int y = 0; y < rows; ++y) {
         const std::uint8_t* in = mask + static_cast<std::size_t>(y + bounds.y0) * width + bounds.x0;
         cpu::for_each_run(in, 0, columns, [&](int first, int last) {
-            const int left = std::max(first - reach, 0), right = std::min(last + reach, columns);
+            const int left = std::max(first - radius, 0), right = std::min(last + radius, columns);
             std::memset(line(y) + left, 255, static_cast<std::size_t>(right - left));
         });
     }
-    const int window = 2 * reach + 1, last_line = rows + reach;
+    const int window = 2 * radius + 1, last_line = rows + radius;
     int span = 1;
     for (; 2 * span <= window; span *= 2)
-        for (int y = -reach; y + span < last_line; ++y) {
+        for (int y = -radius; y + span < last_line; ++y) {
             std::uint8_t* out = line(y);
             const std::uint8_t* in = line(y + span);
 #pragma GCC ivdep
@@ -40,7 +40,7 @@ void dilate(std::uint8_t* mask, int width, int height, int reach, Rect& bounds) 
         }
     for (int y = 0; y < rows; ++y) {
         std::uint8_t* out = mask + static_cast<std::size_t>(y + bounds.y0) * width + bounds.x0;
-        const std::uint8_t *first = line(y - reach), *second = line(y + reach + 1 - span);
+        const std::uint8_t *first = line(y - radius), *second = line(y + radius + 1 - span);
 #pragma GCC ivdep
         for (int x = 0; x < columns; ++x) out[x] = first[x] | second[x];
     }
@@ -67,8 +67,8 @@ void project_volume(const VoxelVolume& volume, const CameraModel& camera, const 
         for (int axis = 0; axis < 3; ++axis) {
             corner[axis] = origin[axis] + static_cast<float>(at[axis] * kBrickEdge) * voxel;
         }
-        // How far a cube of 2^3 voxels reaches, taken once a brick. A surface's cubes overlap in the picture,
-        // so three quarters of the bound leave no holes.
+        // Projected radius of a cube of 2^3 voxels, once per brick. The cubes of a surface overlap in the
+        // image, so that three quarters of the bound leave no holes.
         float u, v, radius;
         const float half = 0.5f * kBrickEdge * voxel;
         if (!cube_bound(c, corner[0] + half, corner[1] + half, corner[2] + half, voxel, u, v, radius))

@@ -27,7 +27,7 @@ struct SeenCapsule {
     float ee, ea, aa;          // their products
     float radius_a, taper;     // m; m along the whole axis
     float centre[3], centre2;  // of the ball around all of it, and its squared distance
-    float reach;               // the ball's radius
+    float ball_radius;         // the ball's radius
 };
 
 struct RayBlock {
@@ -47,7 +47,7 @@ inline SeenCapsule seen_from(const float* origin, const TaperedCapsule& c) {
     s.ee = dot(s.e, s.e), s.ea = dot(s.e, s.a), s.aa = dot(s.a, s.a);
     s.radius_a = c.radius_a, s.taper = c.radius_b - c.radius_a;
     s.centre2 = dot(s.centre, s.centre);
-    s.reach = 0.5f * std::sqrt(s.ee) + std::max(c.radius_a, c.radius_b);
+    s.ball_radius = 0.5f * std::sqrt(s.ee) + std::max(c.radius_a, c.radius_b);
     return s;
 }
 
@@ -58,7 +58,7 @@ inline bool may_be_nearest(const RayBlock& rays, const SeenCapsule& c) {
     int any = 0;
     for (int i = 0; i < kBlock; ++i) {
         const float along = rays.dx[i] * c.centre[0] + rays.dy[i] * c.centre[1] + rays.dz[i] * c.centre[2];
-        const float within = rays.best[i] + c.reach + kMargin_m;
+        const float within = rays.best[i] + c.ball_radius + kMargin_m;
         any |= (within > 0.f) & (c.centre2 - along * along < within * within + kMargin2);
     }
     return any != 0;

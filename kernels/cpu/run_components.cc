@@ -36,7 +36,7 @@ int RunComponents::root(int i) {
 
 template <bool kSet>
 void RunComponents::find_runs(const std::uint8_t* mask, int stride, const Rect& box, bool eight_connected) {
-    const int reach = eight_connected ? 1 : 0;
+    const int gap = eight_connected ? 1 : 0;
     std::size_t above_begin = 0, above_end = 0;
     for (int y = box.y0; y < box.y1; ++y) {
         const std::size_t row_begin = runs.size();
@@ -46,8 +46,8 @@ void RunComponents::find_runs(const std::uint8_t* mask, int stride, const Rect& 
                                const int index = static_cast<int>(runs.size());
                                runs.push_back({y, x, end, index});
                                parent_.push_back(index);
-                               while (above < above_end && runs[above].x1 + reach <= x) ++above;
-                               for (std::size_t a = above; a < above_end && runs[a].x0 < end + reach; ++a) {
+                               while (above < above_end && runs[above].x1 + gap <= x) ++above;
+                               for (std::size_t a = above; a < above_end && runs[a].x0 < end + gap; ++a) {
                                    const int low = std::min(root(static_cast<int>(a)), root(index));
                                    const int high = std::max(root(static_cast<int>(a)), root(index));
                                    parent_[high] = low;

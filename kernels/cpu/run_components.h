@@ -9,7 +9,7 @@
 
 namespace kinevox::kernels::cpu {
 
-// Bit i: whether row[x + i] is not 0, for i < min(64, end - x); the bits above are 0. `row` is a picture's
+// Bit i: whether row[x + i] is not 0, for i < min(64, end - x); the bits above are 0. `row` is a image's
 // row from its first column on.
 std::uint64_t set_pixels(const std::uint8_t* row, int x, int end);
 

@@ -15,7 +15,6 @@
 #include "kernels/cpu/segmentation_masks.h"
 #include "kernels/cpu/segmentation_model.h"
 #include "kernels/cpu/segmentation_search.h"
-#include "kernels/cuda/forms.h"
 #include "kernels/segmentation_memory.h"
 #include "kernels/shared/kde_groups.h"
 
@@ -28,40 +27,26 @@ using kde::kCellPixels;
 using kde::kGroupPixels;
 
 constexpr int kRowsPerTask = 16;
-constexpr int kBorderMargin = kde::kBorderReach + kde::kBorderDepth;  // px that refining looks at
-constexpr int kPlaneMargin = 8;        // rows above and below the planes of evidence
-constexpr float kSmoothing_px = 1.0f;  // of the evidence, one standard deviation
-constexpr float kColourMemory = 0.9f;  // of the subject's colours from frame to frame
+constexpr int kBorderMargin = kde::kBorderRadius + kde::kBorderDepth;  // px that the refinement reads
+constexpr float kSmoothing_px = 1.0f;                                  // sigma of the evidence filter
+constexpr float kColourMemory = 0.9f;  // forgetting factor of the subject's colours per frame
 constexpr float kSureEvidence = 3.0f;  // nats, from which a pixel's colour is taken for the subject's
-
-// A plane of floats with a cell of margin at both sides and rows above and below, so that no loop asks where
-// the picture ends.
-struct Plane {
-    std::vector<float> data;
-    std::ptrdiff_t stride = 0;
-    void resize(int cells_per_row, int height, float value) {
-        stride = static_cast<std::ptrdiff_t>(cells_per_row + 2) * kCellPixels;
-        data.assign(static_cast<std::size_t>(stride) * (height + 2 * kPlaneMargin), value);
-    }
-    float* row(int y) { return data.data() + (y + kPlaneMargin) * stride + kCellPixels; }
-};
 
 class CpuSegmenter final : public RewindableSegmenter {
   public:
     CpuSegmenter(int width, int height, int channels, const SegmentationOptions& options);
-    void learn(std::span<const PictureView> empty_scene) override;
+    void learn(std::span<const ImageView> empty_scene) override;
     bool learned() const override { return learned_; }
     void keep_learned() override { keep_learned_ = true; }
     void forget_frames() override;
-    void segment(const PictureView& picture, const SegmentationPrior& prior, Silhouettes& out) override;
+    void segment(const ImageView& image, const SegmentationPrior& prior, Silhouettes& out) override;
 
   private:
-    void check_picture(const PictureView& picture) const;
     void begin();
     void clear(Silhouettes& out) const;
     CellSamples samples_of(int y, int k);
     SamplesAhead samples_ahead(int y, int k);
-    void density_rows(const PictureView& picture, int y0, int y1, int k0, int k1, bool searched);
+    void density_rows(const ImageView& image, int y0, int y1, int k0, int k1, bool searched);
     CellBox find_active(const CellBox& work);
     void fit_light(const CellBox& active);
     void light_around(const CellBox& active);
@@ -69,7 +54,7 @@ class CpuSegmenter final : public RewindableSegmenter {
     void decide(const CellBox& active, Silhouettes& out);
     Rect silhouettes(const Rect& active, const Rect& work, const SegmentationPrior& prior, Silhouettes& out);
     void learn_colours(const Rect& box, const Silhouettes& out);
-    void update_model(const PictureView& picture, const SegmentationPrior& prior, const Silhouettes& out);
+    void update_model(const ImageView& image, const SegmentationPrior& prior, const Silhouettes& out);
     void measure(const Rect& box, Silhouettes& out) const;
     EvidenceCell cell_at(int y, int k) const;
 
@@ -121,20 +106,10 @@ CpuSegmenter::CpuSegmenter(int width, int height, int channels, const Segmentati
     }
 }
 
-void CpuSegmenter::check_picture(const PictureView& picture) const {
-    if (picture.data && picture.width == width_ && picture.height == height_ && picture.channels == channels_)
-        return;
-    throw std::invalid_argument("segmentation: a picture of " + std::to_string(picture.width) + " x " +
-                                std::to_string(picture.height) + " with " + std::to_string(picture.channels) +
-                                " channels came to a model of " + std::to_string(width_) + " x " +
-                                std::to_string(height_) + " with " + std::to_string(channels_) +
-                                "; learn the background from this camera's pictures");
-}
-
-void CpuSegmenter::learn(std::span<const PictureView> empty_scene) {
+void CpuSegmenter::learn(std::span<const ImageView> empty_scene) {
     if (empty_scene.empty())
-        throw std::invalid_argument("segmentation: the background needs at least one picture");
-    for (const PictureView& picture : empty_scene) check_picture(picture);
+        throw std::invalid_argument("segmentation: the background needs at least one image");
+    for (const ImageView& image : empty_scene) check_image(image, width_, height_, channels_);
     model_ = learn_background(empty_scene, width_, height_, channels_, options_);
     if (keep_learned_) learned_model_ = model_;
     begin();
@@ -142,7 +117,8 @@ void CpuSegmenter::learn(std::span<const PictureView> empty_scene) {
 
 void CpuSegmenter::forget_frames() {
     if (!learned_ || !keep_learned_)
-        throw std::logic_error("segmentation: nothing was learned and kept that could be gone back to");
+        throw std::logic_error(
+            "segmentation: no learned background was kept; call keep_learned() before learn()");
     model_ = learned_model_;
     begin();
 }
@@ -192,7 +168,7 @@ CellSamples CpuSegmenter::samples_of(int y, int k) {
 }
 
 // The density of the cells of rows [y0, y1) that are searched in this frame, or of those that are not.
-void CpuSegmenter::density_rows(const PictureView& picture, int y0, int y1, int k0, int k1, bool searched) {
+void CpuSegmenter::density_rows(const ImageView& image, int y0, int y1, int k0, int k1, bool searched) {
     const auto next = [&](int& y, int& k) {
         for (++k; y < y1; ++y, k = k0)
             for (; k < k1; ++k)
@@ -205,7 +181,7 @@ void CpuSegmenter::density_rows(const PictureView& picture, int y0, int y1, int 
         const int x = k * kCellPixels;
         std::uint8_t* values = cells_.data() + cell * model_.cell_bytes();
         std::uint8_t* density = density_.data() + cell * kCellPixels;
-        split_cell(picture.row(y) + x * channels_, std::min(kCellPixels, width_ - x), channels_,
+        split_cell(image.row(y) + x * channels_, std::min(kCellPixels, width_ - x), channels_,
                    inverse_gain_.data(), values);
         const int this_y = y, this_k = k;
         next(y, k);
@@ -286,15 +262,15 @@ void CpuSegmenter::fit_light(const CellBox& box) {
 
 // The light of the neighbourhoods around, above, below and beside the active groups' pixels.
 void CpuSegmenter::light_around(const CellBox& box) {
-    constexpr int kReach = kde::kLightReach;
+    constexpr int kRadius = kde::kLightRadius;
     const auto span_of = [&](int y) { return y < box.y0 || y >= box.y1 ? GroupSpan{} : active_span_[y]; };
-    parallel_for(box.y0 - kReach, box.y1 + kReach, kRowsPerTask, [&](int first, int last) {
+    parallel_for(box.y0 - kRadius, box.y1 + kRadius, kRowsPerTask, [&](int first, int last) {
         for (int y = first; y < last; ++y) {
             GroupSpan span;
-            for (const int dy : {-kReach, 0, kReach}) span.include(span_of(y + dy));
+            for (const int dy : {-kRadius, 0, kRadius}) span.include(span_of(y + dy));
             if (span.empty()) continue;
-            const int x1 = span.g1 * kGroupPixels + kReach;
-            for (int x = span.g0 * kGroupPixels - kReach; x < x1; x += kMaxRowPixels)
+            const int x1 = span.g1 * kGroupPixels + kRadius;
+            for (int x = span.g0 * kGroupPixels - kRadius; x < x1; x += kMaxRowPixels)
                 neighbourhood_light(weighted_value_.row(y) + x, weighted_energy_.row(y) + x,
                                     neighbourhood_.stride, std::min(x1 - x, kMaxRowPixels),
                                     neighbourhood_.row(y) + x);
@@ -303,7 +279,7 @@ void CpuSegmenter::light_around(const CellBox& box) {
 }
 
 void CpuSegmenter::evidence(const CellBox& box) {
-    colours_.log_density(options_.colour_memory_share, log_foreground_);
+    colours_.log_density(options_.colour_memory_weight, log_foreground_);
     parallel_for(box.y0, box.y1, kRowsPerTask, [&](int first, int last) {
         for (int y = first; y < last; ++y)
             for (int k = box.k0; k < box.k1; ++k) {
@@ -347,15 +323,15 @@ void CpuSegmenter::decide(const CellBox& box, Silhouettes& out) {
 // Cleans the masks and refines the sharp one; returns the box that holds all that is set.
 Rect CpuSegmenter::silhouettes(const Rect& active, const Rect& work, const SegmentationPrior& prior,
                                Silhouettes& out) {
-    const MaskPicture sharp_mask{out.sharp.data(), width_, height_},
+    const MaskImage sharp_mask{out.sharp.data(), width_, height_},
         loose_mask{out.loose.data(), width_, height_};
     const std::uint8_t* seed = prior.region.empty() ? nullptr : prior.expected;
     Rect box = active;
-    const auto clean = [&](const MaskPicture& mask) {
-        const auto largest = static_cast<float>(
-            drop_islands(mask, box, options_.min_island_px, options_.min_island_part, seed, components_));
+    const auto clean = [&](const MaskImage& mask) {
+        const auto largest = static_cast<float>(remove_small_components(
+            mask, box, options_.min_component_px, options_.min_component_fraction, seed, components_));
         if (&mask == &loose_mask) {
-            // The sharp one's islands lie inside the loose one's.
+            // The components of the sharp mask lie inside those of the loose one.
             Rect found{width_, height_, 0, 0};
             for (const Component& c : components_.components)
                 found = {std::min(found.x0, c.bounds.x0), std::min(found.y0, c.bounds.y0),
@@ -365,16 +341,16 @@ Rect CpuSegmenter::silhouettes(const Rect& active, const Rect& work, const Segme
                    std::min(box.y1, around.y1)};
         }
         fill_holes(mask, box,
-                   std::max(options_.max_hole_px, static_cast<int>(options_.max_hole_part * largest)),
+                   std::max(options_.max_hole_px, static_cast<int>(options_.max_hole_fraction * largest)),
                    components_);
     };
     clean(loose_mask);
     if (box.empty()) return {};
     clean(sharp_mask);
-    if (options_.colour_memory_share > 0) learn_colours(box, out);
+    if (options_.colour_memory_weight > 0) learn_colours(box, out);
     if (options_.refine_border) {
         border_.refine(sharp_mask, box, work, model_, cells_.data(), {});
-        drop_islands(sharp_mask, box, options_.min_island_px / 3, 0, nullptr, components_);
+        remove_small_components(sharp_mask, box, options_.min_component_px / 3, 0, nullptr, components_);
     }
     for (int y = box.y0; y < box.y1; ++y)
         for_each_run(sharp_mask.row(y), box.x0, box.x1,
@@ -405,7 +381,7 @@ void CpuSegmenter::learn_colours(const Rect& box, const Silhouettes& out) {
     colours_.add(colour_counts_, kColourMemory);
 }
 
-void CpuSegmenter::update_model(const PictureView& picture, const SegmentationPrior& prior,
+void CpuSegmenter::update_model(const ImageView& image, const SegmentationPrior& prior,
                                 const Silhouettes& out) {
     if (options_.update_interval == 0) return;
     const int interval = options_.update_interval;
@@ -416,9 +392,9 @@ void CpuSegmenter::update_model(const PictureView& picture, const SegmentationPr
     parallel_for(0, (height_ - phase + interval - 1) / interval, 4, [&](int first, int last) {
         for (int n = first; n < last; ++n) {
             const int y = phase + n * interval;
-            density_rows(picture, y, y + 1, 0, model_.cells_per_row, false);
-            // The subject, with a margin, is never learned. Other foreground is told by its density: it is
-            // not learned until it has stayed for long.
+            density_rows(image, y, y + 1, 0, model_.cells_per_row, false);
+            // The subject, with a margin, is never learned. Other foreground has a low density: it is learned
+            // only after it has stayed long enough.
             std::uint8_t* keep_out = keep_out_.data() + static_cast<std::size_t>(y) * width_;
             std::memset(keep_out, 0, width_);
             if (tracked)
@@ -474,9 +450,9 @@ void CpuSegmenter::clear(Silhouettes& out) const {
     clear_plane(out.loose, out.bounds);
 }
 
-void CpuSegmenter::segment(const PictureView& picture, const SegmentationPrior& prior, Silhouettes& out) {
+void CpuSegmenter::segment(const ImageView& image, const SegmentationPrior& prior, Silhouettes& out) {
     if (!learned_) throw std::logic_error("segmentation: learn() the background before segment()");
-    check_picture(picture);
+    check_image(image, width_, height_, channels_);
     clear(out);
     out.width = width_, out.height = height_;
     Rect asked{0, 0, width_, height_};
@@ -489,9 +465,9 @@ void CpuSegmenter::segment(const PictureView& picture, const SegmentationPrior& 
                        (asked.x1 + kCellPixels - 1) / kCellPixels};
     out.searched = {work.k0 * kCellPixels, work.y0, std::min(work.k1 * kCellPixels, width_), work.y1};
     mark_searched(prior, work, width_, height_, searched_.data());
-    inverse_gain_ = fixed_point_inverse(estimate_gain(model_, picture));
+    inverse_gain_ = fixed_point_inverse(estimate_gain(model_, image));
     parallel_for(work.y0, work.y1, kRowsPerTask,
-                 [&](int first, int last) { density_rows(picture, first, last, work.k0, work.k1, true); });
+                 [&](int first, int last) { density_rows(image, first, last, work.k0, work.k1, true); });
     const CellBox active = find_active(work);
     if (active.empty()) {
         measure({}, out);
@@ -504,42 +480,16 @@ void CpuSegmenter::segment(const PictureView& picture, const SegmentationPrior& 
                        active.y1};
         measure(silhouettes(box, out.searched, prior, out), out);
     }
-    update_model(picture, prior, out);
+    update_model(image, prior, out);
     ++frame_;
 }
 
 }  // namespace
 }  // namespace cpu
 
-std::unique_ptr<Segmenter> make_segmenter(Device device, int width, int height, int channels,
-                                          const SegmentationOptions& options) {
-    if (const std::string problem = options.check(); !problem.empty())
-        throw std::invalid_argument("segmentation options: " + problem);
-    if (width < 1 || height < 1 || (channels != 1 && channels != 3))
-        throw std::invalid_argument("segmentation: pictures of " + std::to_string(width) + " x " +
-                                    std::to_string(height) + " with " + std::to_string(channels) +
-                                    " channels; sizes are positive and channels 1 or 3");
-    if (device == Device::kCuda) {
-#ifdef KINEVOX_HAVE_CUDA
-        return make_segmenter_cuda(width, height, channels, options);
-#else
-        throw std::runtime_error(
-            "segmentation: built without a CUDA compiler; build where nvcc is found, or use "
-            "device cpu");
-#endif
-    }
+std::unique_ptr<Segmenter> make_segmenter_cpu(int width, int height, int channels,
+                                              const SegmentationOptions& options) {
     return std::make_unique<cpu::CpuSegmenter>(width, height, channels, options);
-}
-
-std::unique_ptr<RewindableSegmenter> make_rewindable_segmenter(Device device, int width, int height,
-                                                               int channels,
-                                                               const SegmentationOptions& options) {
-    std::unique_ptr<Segmenter> made = make_segmenter(device, width, height, channels, options);
-    auto* const segmenter = dynamic_cast<RewindableSegmenter*>(made.get());  // both forms are
-    if (!segmenter) throw std::logic_error("segmentation: this device's segmenter cannot be rewound");
-    made.release();
-    segmenter->keep_learned();
-    return std::unique_ptr<RewindableSegmenter>(segmenter);
 }
 
 }  // namespace kinevox::kernels

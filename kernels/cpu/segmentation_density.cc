@@ -8,7 +8,7 @@
 #ifndef KINEVOX_SEGMENTATION_DENSITY_PLAIN
 #define KINEVOX_SEGMENTATION_DENSITY_PLAIN
 namespace kinevox::kernels::cpu {
-// The plain forms: where Highway is missing, at a picture's right edge, and on processors without byte
+// The plain forms: where Highway is missing, at a image's right edge, and on processors without byte
 // vectors.
 inline void split_plain(const std::uint8_t* interleaved, int pixels, int channels,
                         const std::uint16_t* gain_64, std::uint8_t* cell) {

@@ -1,4 +1,4 @@
-// The two loops that touch every pixel, in SIMD where Highway is there.
+// The two loops over every pixel, with SIMD if Highway is available.
 #pragma once
 
 #include <cstdint>
@@ -17,9 +17,9 @@ void split_cell(const std::uint8_t* interleaved, int pixels, int channels, const
                 std::uint8_t* cell);
 
 // kde::density() of the 64 pixels of a cell. Adds the samples from `begin` (a multiple of
-// kde::kSamplesPerLook) on to what `density` holds; from 0 on it begins anew. With `may_stop` it ends as soon
-// as fewer than kde::kCandidatesPerCell pixels are below kde::kSureDensity: plainly background, the sums are
-// then lower bounds. Returns the samples that are in the sums, and whether it ended so.
+// kde::kSamplesPerLook) to `density`, which is cleared first if `begin` is 0. With `may_stop` it ends as soon
+// as fewer than kde::kCandidatesPerCell pixels are below kde::kSureDensity: clearly background, the sums are
+// lower bounds. Returns the number of samples in the sums, and whether it ended early.
 struct DensityLooks {
     int samples = 0;
     bool plain = false;
@@ -30,8 +30,8 @@ struct CellSamples {
     const std::uint8_t* packed = nullptr;  // the same samples as PackedSamples keeps them, or null
     int count = 0;
 };
-// What of the cell that will be asked for next is fetched in the meantime, since memory takes longer to
-// deliver a cell than the sums take: `lines` groups of [channel][64] bytes.
+// Data of the next cell to prefetch, since loading a cell takes longer than its sums: `lines` groups of
+// [channel][64] bytes.
 struct SamplesAhead {
     const std::uint8_t* first = nullptr;
     int lines = 0;

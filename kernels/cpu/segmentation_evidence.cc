@@ -37,8 +37,8 @@ HWY_INLINE V levels(const std::uint8_t* bytes) {
 // kde::scaled_variance()
 HWY_INLINE V scaled_variance(V reference, V squared_scale, const kde::EvidenceParameters& p) {
     const Floats f;
-    const V spread = hn::Mul(hn::Set(f, p.relative_deviation), reference);
-    return hn::MulAdd(hn::Mul(spread, spread), squared_scale, hn::Set(f, p.noise_part * 65536.0f));
+    const V spread = hn::Mul(hn::Set(f, p.relative_std), reference);
+    return hn::MulAdd(hn::Mul(spread, spread), squared_scale, hn::Set(f, p.noise_fraction * 65536.0f));
 }
 
 // kde::Quotient
@@ -99,13 +99,13 @@ template <int kChannels>
 HWY_INLINE void evidence_at(const EvidenceCell& cell, const kde::EvidenceParameters& p,
                             const LightAround& light, const float* log_lit, const float* log_foreground,
                             float* evidence, int x) {
-    constexpr int kReach = kde::kLightReach;
+    constexpr int kRadius = kde::kLightRadius;
     const Floats f;
-    const float *around = light.neighbourhood + x, *above = around - kReach * light.stride,
-                *below = around + kReach * light.stride;
+    const float *around = light.neighbourhood + x, *above = around - kRadius * light.stride,
+                *below = around + kRadius * light.stride;
     const V factor = hn::LoadU(f, light.factor + x);
     V step = hn::Set(f, 10.0f);
-    for (const float* other : {above, around - kReach, around, around + kReach, below})
+    for (const float* other : {above, around - kRadius, around, around + kRadius, below})
         step = hn::Min(step, hn::AbsDiff(factor, hn::LoadU(f, other)));
     V distance = hn::Zero(f);
     QuotientLanes precision;
@@ -124,8 +124,7 @@ HWY_INLINE void evidence_at(const EvidenceCell& cell, const kde::EvidenceParamet
     const auto none = hn::RebindMask(f, hn::Eq(density, hn::Zero(Numbers())));
     const V lit = hn::IfThenElse(none, hn::Min(tail, table), table);
     const V certain = hn::Add(precision.denominator, precision.numerator);
-    const V spread =
-        hn::MulAdd(hn::Set(f, p.light_deviation * p.light_deviation), certain, precision.denominator);
+    const V spread = hn::MulAdd(hn::Set(f, p.light_std * p.light_std), certain, precision.denominator);
     const V disagreement = hn::Add(
         hn::LoadU(f, light.residual + x),
         hn::Div(hn::Mul(hn::Mul(hn::Set(f, p.light_smoothness), hn::Mul(step, step)), certain), spread));
@@ -152,11 +151,11 @@ void fit_light_at(const EvidenceCell& cell, const kde::EvidenceParameters& p, co
 template <int kChannels>
 void evidence_at(const EvidenceCell& cell, const kde::EvidenceParameters& p, const LightAround& light,
                  const float* log_lit, const float* log_foreground, float* evidence, int x) {
-    constexpr int kReach = kde::kLightReach;
+    constexpr int kRadius = kde::kLightRadius;
     const float* around = light.neighbourhood + x;
     float step = 10.0f;
-    for (const std::ptrdiff_t to : {-kReach * light.stride, std::ptrdiff_t{-kReach}, std::ptrdiff_t{0},
-                                    std::ptrdiff_t{kReach}, kReach * light.stride})
+    for (const std::ptrdiff_t to : {-kRadius * light.stride, std::ptrdiff_t{-kRadius}, std::ptrdiff_t{0},
+                                    std::ptrdiff_t{kRadius}, kRadius * light.stride})
         step = std::min(step, std::abs(light.factor[x] - around[to]));
     evidence[x] =
         kde::evidence<kChannels>(cell.value + x, cell.reference + x, cell.scale + x, cell.density[x],
@@ -188,14 +187,14 @@ void fit_light_cell(const EvidenceCell& cell, int groups, const kde::EvidencePar
 
 void neighbourhood_light(const float* weighted_value, const float* weighted_energy, std::ptrdiff_t stride,
                          int width, float* light) {
-    constexpr int kReach = kde::kLightReach;
-    static_assert(kReach == 2);
-    float value[kMaxRowPixels + 2 * kReach], energy[kMaxRowPixels + 2 * kReach];
+    constexpr int kRadius = kde::kLightRadius;
+    static_assert(kRadius == 2);
+    float value[kMaxRowPixels + 2 * kRadius], energy[kMaxRowPixels + 2 * kRadius];
     const auto columns = [&](const float* plane, float* sum) {
-        const float* a = plane - kReach * stride - kReach;
+        const float* a = plane - kRadius * stride - kRadius;
         const float *b = a + stride, *c = b + stride, *d = c + stride, *e = d + stride;
 #pragma GCC ivdep
-        for (int x = 0; x < width + 2 * kReach; ++x) sum[x] = a[x] + b[x] + c[x] + d[x] + e[x];
+        for (int x = 0; x < width + 2 * kRadius; ++x) sum[x] = a[x] + b[x] + c[x] + d[x] + e[x];
     };
     columns(weighted_value, value);
     columns(weighted_energy, energy);

@@ -2,11 +2,26 @@
 // the smoothing of the result. Compiled for each processor family where Highway is there.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <vector>
 
 #include "kernels/shared/kde_evidence.h"
 
 namespace kinevox::kernels::cpu {
+
+// A plane of floats with a margin of one cell at both sides and rows above and below, so that loops need no
+// bounds checks.
+struct Plane {
+    static constexpr int kMarginRows = 8;
+    std::vector<float> data;
+    std::ptrdiff_t stride = 0;
+    void resize(int cells_per_row, int height, float value) {
+        stride = static_cast<std::ptrdiff_t>(cells_per_row + 2) * kde::kCellPixels;
+        data.assign(static_cast<std::size_t>(stride) * (height + 2 * kMarginRows), value);
+    }
+    float* row(int y) { return data.data() + (y + kMarginRows) * stride + kde::kCellPixels; }
+};
 
 struct EvidenceCell {
     const std::uint8_t* value = nullptr;      // [channel][64]
@@ -29,14 +44,14 @@ struct LightRows {
 void fit_light_cell(const EvidenceCell& cell, int groups, const kde::EvidenceParameters& parameters,
                     const LightRows& out);
 
-// The light of the neighbourhoods of kde::kLightReach around `width` pixels of a row (at most
+// The light of the neighbourhoods of kde::kLightRadius around `width` pixels of a row (at most
 // kMaxRowPixels); the weighted sums' planes have `stride` floats a row and as many rows and columns around.
 void neighbourhood_light(const float* weighted_value, const float* weighted_energy, std::ptrdiff_t stride,
                          int width, float* light);
 inline constexpr int kMaxRowPixels = 512;
 
 // What a cell's pixels are and what their neighbourhoods say; `neighbourhood` points into a plane of `stride`
-// floats a row that has kde::kLightReach rows and columns around the cell.
+// floats a row that has kde::kLightRadius rows and columns around the cell.
 struct LightAround {
     const float* factor = nullptr;
     const float* residual = nullptr;

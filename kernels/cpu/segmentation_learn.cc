@@ -12,8 +12,8 @@ namespace {
 
 using kde::kCellPixels;
 
-constexpr int kMaxLearnPictures = 128;
-constexpr int kMinNoisePictures = 5;  // from which on the noise is measured
+constexpr int kMaxLearnImages = 128;
+constexpr int kMinNoiseImages = 5;  // minimum number to measure the noise
 
 // Grey levels are whole numbers: spreading each difference over its bin, in parts, gives the median the
 // fraction that the mean has. Differences beyond the largest mean the largest bandwidth anyway, and so a key
@@ -25,34 +25,34 @@ std::array<std::uint8_t, 256> scale_of_median(float min_bandwidth) {
     std::array<std::uint8_t, 256> scales{};
     for (int key = 0; key < 256; ++key) {
         const float median = static_cast<float>(key) / kParts - 0.5f + 0.5f / kParts;
-        // Of Gaussian noise the median of the differences is 0.68 sqrt(2) standard deviations.
+        // Of Gaussian noise the median of the differences is 0.68 sqrt(2) sigma.
         const float bandwidth = std::max(median / (0.68f * std::sqrt(2.0f)), min_bandwidth);
         scales[key] = scale_of_bandwidth(bandwidth);
     }
     return scales;
 }
 
-// The pictures' values of 64 pixels in one channel: picture i at values + i * step.
+// The images' values of 64 pixels in one channel: image i at values + i * step.
 struct PixelHistory {
     const std::uint8_t* values = nullptr;
     std::size_t step = 0;
-    int pictures = 0;
+    int images = 0;
 };
 
 void mean_of(const PixelHistory& history, std::uint8_t* mean) {
-    std::uint16_t sum[kCellPixels] = {};  // 255 pictures at most
-    for (int i = 0; i < history.pictures; ++i) {
+    std::uint16_t sum[kCellPixels] = {};  // 255 images at most
+    for (int i = 0; i < history.images; ++i) {
         const std::uint8_t* value = history.values + i * history.step;
         for (int x = 0; x < kCellPixels; ++x) sum[x] = static_cast<std::uint16_t>(sum[x] + value[x]);
     }
     for (int x = 0; x < kCellPixels; ++x)
-        mean[x] = static_cast<std::uint8_t>((sum[x] + history.pictures / 2) / history.pictures);
+        mean[x] = static_cast<std::uint8_t>((sum[x] + history.images / 2) / history.images);
 }
 
-// The median of the differences from picture to picture, as a key. All pixels at once: the key is found bit
-// by bit from how many are smaller, without a branch. `keys` is scratch of 64 bytes a picture.
+// The median of the differences from image to image, as a key. All pixels at once: the key is found bit
+// by bit from how many are smaller, without a branch. `keys` is scratch of 64 bytes a image.
 void median_step(const PixelHistory& history, std::uint8_t* keys, std::uint8_t* median) {
-    const int steps = history.pictures - 1;
+    const int steps = history.images - 1;
     for (int i = 0; i < steps; ++i) {
         const std::uint8_t* value = history.values + i * history.step;
         const std::uint8_t* next = value + history.step;
@@ -75,30 +75,30 @@ void median_step(const PixelHistory& history, std::uint8_t* keys, std::uint8_t* 
     }
 }
 
-void split_row(const BackgroundModel& model, const PictureView& picture, int y,
+void split_row(const BackgroundModel& model, const ImageView& image, int y,
                const std::array<std::uint16_t, 3>& inverse_gain, std::uint8_t* cells) {
     for (int cell = 0; cell < model.cells_per_row; ++cell) {
         const int x = cell * kCellPixels;
-        split_cell(picture.row(y) + x * picture.channels, std::min(kCellPixels, picture.width - x),
-                   picture.channels, inverse_gain.data(), cells + cell * model.cell_bytes());
+        split_cell(image.row(y) + x * image.channels, std::min(kCellPixels, image.width - x), image.channels,
+                   inverse_gain.data(), cells + cell * model.cell_bytes());
     }
 }
 
 }  // namespace
 
-BackgroundModel learn_background(std::span<const PictureView> empty_scene, int width, int height,
-                                 int channels, const SegmentationOptions& options) {
+BackgroundModel learn_background(std::span<const ImageView> empty_scene, int width, int height, int channels,
+                                 const SegmentationOptions& options) {
     BackgroundModel model;
     model.width = width, model.height = height, model.channels = channels;
     model.sample_count = options.samples;
     model.cells_per_row = (width + kCellPixels - 1) / kCellPixels;
     const int given = static_cast<int>(empty_scene.size());
-    const int used = std::min(given, std::max(kMaxLearnPictures, options.samples));
+    const int used = std::min(given, std::max(kMaxLearnImages, options.samples));
     const auto nth = [&](int i) { return empty_scene[static_cast<std::int64_t>(i) * given / used]; };
     const std::size_t plane_bytes = model.cell_index(height, 0) * model.cell_bytes();
     const std::size_t row_bytes = model.cells_per_row * model.cell_bytes();
 
-    // Two rounds: the middle picture is the first reference for the gains, the mean of all the second.
+    // Two rounds: the middle image is the first reference for the gains, the mean of all the second.
     model.reference.resize(plane_bytes);
     parallel_for(0, height, 32, [&](int first, int last) {
         for (int y = first; y < last; ++y)
@@ -127,7 +127,7 @@ BackgroundModel learn_background(std::span<const PictureView> empty_scene, int w
             for (std::size_t at = 0; at < row_bytes; at += kCellPixels) {
                 const PixelHistory history{rows.data() + at, row_bytes, used};
                 mean_of(history, model.reference.data() + y * row_bytes + at);
-                if (used < kMinNoisePictures) continue;
+                if (used < kMinNoiseImages) continue;
                 median_step(history, keys.data(), median);
                 std::uint8_t* scale = model.bandwidth_scale.data() + y * row_bytes + at;
                 for (int x = 0; x < kCellPixels; ++x) scale[x] = scales[median[x]];

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
+#include <string>
 #include <vector>
 
 #include "kernels/shared/kde_evidence.h"
@@ -10,6 +12,15 @@ namespace kinevox::kernels::cpu {
 
 using kde::kCellPixels;
 
+void check_image(const ImageView& image, int width, int height, int channels) {
+    if (image.data && image.width == width && image.height == height && image.channels == channels) return;
+    throw std::invalid_argument("segmentation: an image of " + std::to_string(image.width) + " x " +
+                                std::to_string(image.height) + " with " + std::to_string(image.channels) +
+                                " channels does not match a model of " + std::to_string(width) + " x " +
+                                std::to_string(height) + " with " + std::to_string(channels) +
+                                "; relearn the background from this camera's images");
+}
+
 std::array<std::uint16_t, 3> fixed_point_inverse(const GainBgr& gain) {
     std::array<std::uint16_t, 3> inverse{};
     for (int c = 0; c < 3; ++c)
@@ -17,7 +28,7 @@ std::array<std::uint16_t, 3> fixed_point_inverse(const GainBgr& gain) {
     return inverse;
 }
 
-GainBgr estimate_gain(const BackgroundModel& model, const PictureView& picture) {
+GainBgr estimate_gain(const BackgroundModel& model, const ImageView& image) {
     constexpr int kBins = 1024, kOne = 256;
     struct Pair {
         std::uint8_t value, reference;
@@ -29,7 +40,7 @@ GainBgr estimate_gain(const BackgroundModel& model, const PictureView& picture) 
     for (int c = 0; c < model.channels; ++c)
         pairs[c].reserve(static_cast<std::size_t>(model.height / row_step + 1) * (model.width / 4 + 1));
     for (int y = row_step / 2; y < model.height; y += row_step) {
-        const std::uint8_t* row = picture.row(y);
+        const std::uint8_t* row = image.row(y);
         for (int x = y % 4; x < model.width; x += 4) {
             const std::uint8_t* references = model.cell_reference(y, x / kCellPixels) + x % kCellPixels;
             for (int c = 0; c < model.channels; ++c) {

@@ -1,9 +1,10 @@
-// The background model of one camera: samples, bandwidths and the reference picture, all in cells of 64
+// The background model of one camera: samples, bandwidths and the reference image, all in cells of 64
 // pixels.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -12,9 +13,17 @@
 #include "kernels/shared/kde_density.h"
 #include "kernels/shared/kde_update.h"
 
+namespace kinevox::kernels {
+
+// The CPU form; arguments as make_segmenter(), already checked.
+std::unique_ptr<Segmenter> make_segmenter_cpu(int width, int height, int channels,
+                                              const SegmentationOptions& options);
+
+}  // namespace kinevox::kernels
+
 namespace kinevox::kernels::cpu {
 
-using GainBgr = std::array<float, 3>;  // brightness of the picture over that of the model, per channel
+using GainBgr = std::array<float, 3>;  // brightness of the image over that of the model, per channel
 
 struct BackgroundModel {
     int width = 0, height = 0, channels = 0, sample_count = 0;
@@ -43,7 +52,10 @@ struct BackgroundModel {
     }
 };
 
-// 256 / bandwidth as it is kept.
+// Throws std::invalid_argument for an image that does not match a model of this size.
+void check_image(const ImageView& image, int width, int height, int channels);
+
+// 256 / bandwidth as it is stored.
 std::uint8_t scale_of_bandwidth(float bandwidth);
 
 // Recomputes log_peak of one cell from its bandwidths.
@@ -68,12 +80,12 @@ kde::UpdateParameters update_parameters(const SegmentationOptions& options, std:
 void update_row(BackgroundModel& model, PackedSamples& packed, int y, const ModelUpdate& update,
                 const SegmentationOptions& options);
 
-BackgroundModel learn_background(std::span<const PictureView> empty_scene, int width, int height,
-                                 int channels, const SegmentationOptions& options);
+BackgroundModel learn_background(std::span<const ImageView> empty_scene, int width, int height, int channels,
+                                 const SegmentationOptions& options);
 
-// The gain that best maps the model's reference to the picture: the median of the ratios of a grid of pixels,
+// The gain that best maps the model's reference to the image: the median of the ratios of a grid of pixels,
 // then the mean of those near it, so that neither a person nor a lamp moves it.
-GainBgr estimate_gain(const BackgroundModel& model, const PictureView& picture);
+GainBgr estimate_gain(const BackgroundModel& model, const ImageView& image);
 
 std::array<std::uint16_t, 3> fixed_point_inverse(const GainBgr& gain);
 

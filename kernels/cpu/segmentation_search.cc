@@ -35,33 +35,34 @@ void mark_searched(const SegmentationPrior& prior, const CellBox& work, int widt
     std::memset(searched, 0, static_cast<std::size_t>(cells) * height);
     const auto row_of = [&](int y) { return searched + static_cast<std::ptrdiff_t>(y) * cells; };
     if (work.empty()) return;
-    const bool confined = !prior.full_pass && !prior.region.empty() && prior.expected && prior.reach_px >= 0;
+    const bool confined =
+        !prior.full_pass && !prior.region.empty() && prior.expected && prior.max_distance_px >= 0;
     if (!confined) {
         for (int y = work.y0; y < work.y1; ++y) std::memset(row_of(y) + work.k0, 1, work.k1 - work.k0);
         return;
     }
-    const int reach = prior.reach_px;
+    const int radius = prior.max_distance_px;
     const Rect& region = prior.region;
     const auto mark = [&](int y, int x0, int x1) {
         const int k0 = std::max(std::max(x0, 0) / kCellPixels, work.k0);
         const int k1 = std::min((std::min(x1, width) + kCellPixels - 1) / kCellPixels, work.k1);
         if (k0 < k1) std::memset(row_of(y) + k0, 1, k1 - k0);
     };
-    // Along the rows, then down and up: a cell's value is how many rows on it still reaches.
+    // Along the rows, then down and up: a cell's value is the number of further rows that it covers.
     std::vector<int> left(cells, 0);
     const auto spread = [&](int y, const std::uint8_t* marked) {
         std::uint8_t* row = row_of(y);
         for (int k = work.k0; k < work.k1; ++k) {
-            left[k] = marked[k] ? reach + 1 : left[k];
+            left[k] = marked[k] ? radius + 1 : left[k];
             if (left[k] > 0) row[k] = 1, --left[k];
         }
     };
-    for (int y = std::max(work.y0 - reach, 0); y < std::min(work.y1 + reach, height); ++y)
+    for (int y = std::max(work.y0 - radius, 0); y < std::min(work.y1 + radius, height); ++y)
         for_each_run(prior.expected + static_cast<std::ptrdiff_t>(y) * width, 0, width,
-                     [&](int x0, int x1) { mark(y, x0 - reach, x1 + reach); });
+                     [&](int x0, int x1) { mark(y, x0 - radius, x1 + radius); });
     const std::vector<std::uint8_t> marked(searched, searched + static_cast<std::size_t>(cells) * height);
     const auto marked_row = [&](int y) { return marked.data() + static_cast<std::ptrdiff_t>(y) * cells; };
-    const int first = std::max(work.y0 - reach, 0), last = std::min(work.y1 + reach, height) - 1;
+    const int first = std::max(work.y0 - radius, 0), last = std::min(work.y1 + radius, height) - 1;
     for (int y = first; y <= last; ++y) spread(y, marked_row(y));
     std::fill(left.begin(), left.end(), 0);
     for (int y = last; y >= first; --y) spread(y, marked_row(y));
@@ -70,9 +71,9 @@ void mark_searched(const SegmentationPrior& prior, const CellBox& work, int widt
             std::memset(row_of(y), 0, cells);
             continue;
         }
-        if (region.x0 <= 0) mark(y, 0, reach);
-        if (region.x1 >= width) mark(y, width - reach, width);
-        if ((region.y0 <= 0 && y < reach) || (region.y1 >= height && y >= height - reach))
+        if (region.x0 <= 0) mark(y, 0, radius);
+        if (region.x1 >= width) mark(y, width - radius, width);
+        if ((region.y0 <= 0 && y < radius) || (region.y1 >= height && y >= height - radius))
             mark(y, region.x0, region.x1);
     }
 }

@@ -1,4 +1,4 @@
-// Which cells of the picture a frame's search has to look at.
+// Selects the cells of the image that are searched in a frame.
 #pragma once
 
 #include <algorithm>
@@ -30,10 +30,9 @@ struct CellBox {
     bool empty() const { return y1 <= y0 || k1 <= k0; }
 };
 
-// Sets searched[row][cell] to 1 for the cells of `work` where the subject can be and to 0 for all others of
-// the picture. That is the whole of `work`, unless the prior says how far from what it expects the subject
-// reaches: then the cells within that reach, and those along the picture's borders that the region touches,
-// since what comes in there was not expected.
+// Sets searched[row][cell] to 1 for the cells of `work` where the subject can be, else to 0. These are all
+// cells of `work`, or, if the prior has max_distance_px, those within it of the expected subject, and those
+// along the image borders that the region touches, where something unexpected may enter.
 void mark_searched(const SegmentationPrior& prior, const CellBox& work, int width, int height,
                    std::uint8_t* searched);
 

@@ -49,8 +49,8 @@ void learn_values(std::uint8_t* samples, std::uint8_t* scales, std::uint8_t* ref
     }
 }
 
-// What may be learned of a cell's pixels, 255 or 0 each: `learn`, background; `strange`, neither that nor the
-// subject, for which alone the visits go on counting. Returns whether any is strange.
+// Classifies a cell's pixels for the update, 255 or 0 each: `learn`: background; `strange`: neither
+// background nor subject, only for these the visits are counted. Returns whether any is strange.
 bool judge_pixels(const std::uint8_t* density, const std::uint8_t* keep_out, int pixels, std::uint8_t* learn,
                   std::uint8_t* strange, std::uint8_t* visits) {
     int any_strange = 0;

@@ -7,8 +7,8 @@
 #include <cstdint>
 #include <cstring>
 
-// Clang refuses vectors as arguments between functions of different targets, inlined or not: the plain forms
-// there.
+// Clang rejects vector arguments between functions of different targets, inlined or not; it uses the plain
+// forms.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
 #define KINEVOX_HAVE_AVX2_FORM 1
 #define KINEVOX_AVX2 __attribute__((target("avx2,fma,bmi,bmi2,popcnt")))
@@ -30,15 +30,15 @@ typedef std::int32_t Ints __attribute__((vector_size(32)));
 inline __attribute__((always_inline)) Floats splat(float value) {
     return Floats{} + value;
 }
-inline __attribute__((always_inline)) Floats to_floats(Ints v) {
+inline __attribute__((always_inline)) Floats to_floats(const Ints& v) {
     return __builtin_convertvector(v, Floats);
 }
-inline __attribute__((always_inline)) Ints to_ints(Floats v) {
+inline __attribute__((always_inline)) Ints to_ints(const Floats& v) {
     return __builtin_convertvector(v, Ints);
 }  // truncates
-inline __attribute__((always_inline)) Ints clamp_lanes(Ints v, int low, int high) {
-    v = v < low ? Ints{} + low : v;
-    return v > high ? Ints{} + high : v;
+inline __attribute__((always_inline)) Ints clamp_lanes(const Ints& v, int low, int high) {
+    const Ints raised = v < low ? Ints{} + low : v;
+    return raised > high ? Ints{} + high : raised;
 }
 
 inline bool have_avx2() {

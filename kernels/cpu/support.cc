@@ -1,11 +1,11 @@
-// Counts in bit slices: a number per voxel is a word per binary digit, so that one addition serves the 64
-// voxels of a slice, and four slices lie in one vector, or all eight of a brick.
-#include "kernels/cpu/support.h"
-
+// Counts in bit slices: one word per binary digit holds a digit of the counts of the 64 voxels of a slice, so
+// that one addition serves them all; a vector holds four slices, or all eight of a brick.
 #include <bit>
 #include <stdexcept>
+#include <string>
 #include <utility>
 
+#include "kernels/cpu/colouring_steps.h"
 #include "kernels/cpu/simd.h"
 #include "kernels/shared/device.h"
 
@@ -17,8 +17,8 @@ typedef std::uint64_t Eight __attribute__((vector_size(64)));
 template <class Words>
 constexpr int kWordsOf = static_cast<int>(sizeof(Words) / 8);  // slices at a time
 
-constexpr int digits_of(int most) {
-    return std::bit_width(static_cast<unsigned>(most));
+constexpr int digits_of(int max_count) {
+    return std::bit_width(static_cast<unsigned>(max_count));
 }
 
 // sum += addend; the sum has room for it.
@@ -74,7 +74,8 @@ constexpr std::uint64_t columns(int first, int last) {
 
 // Sums of 2 * kRadius + 1 neighbours along x.
 template <int kRadius, class Words, int kDigits>
-KINEVOX_INLINE void sum_along_x(Words left, Words own, Words right, Words (&sum)[kDigits]) {
+KINEVOX_INLINE void sum_along_x(const Words& left, const Words& own, const Words& right,
+                                Words (&sum)[kDigits]) {
     for (int n = 0; n < kDigits; ++n) sum[n] = Words{};
     sum[0] = own;
 #pragma GCC unroll 8
@@ -87,8 +88,8 @@ KINEVOX_INLINE void sum_along_x(Words left, Words own, Words right, Words (&sum)
 }
 
 template <class Words, int kRadius>
-KINEVOX_INLINE void find_thin_body(const VoxelVolume& volume, const BrickGrid& grid, int brick, int least,
-                                   std::uint64_t* thin) {
+KINEVOX_INLINE void find_unsupported_body(const VoxelVolume& volume, const BrickGrid& grid, int brick,
+                                          int min_count, std::uint64_t* unsupported) {
     constexpr int kEdge = 2 * kRadius + 1;
     constexpr int kX = digits_of(kEdge), kXy = digits_of(kEdge * kEdge),
                   kXyz = digits_of(kEdge * kEdge * kEdge);
@@ -129,54 +130,54 @@ KINEVOX_INLINE void find_thin_body(const VoxelVolume& volume, const BrickGrid& g
         }
         Words less{}, equal = ~Words{};
         for (int n = kXyz - 1; n >= 0; --n) {
-            if (least >> n & 1) {
+            if (min_count >> n & 1) {
                 less |= equal & ~sum[n];
                 equal &= sum[n];
             } else {
                 equal &= ~sum[n];
             }
         }
-        if (least >> kXyz) less = ~Words{};
-        std::memcpy(thin + k, &less, sizeof(less));
+        if (min_count >> kXyz) less = ~Words{};
+        std::memcpy(unsupported + k, &less, sizeof(less));
     }
 }
 
-using FindThin = void (*)(const VoxelVolume& volume, const BrickGrid& grid, int brick, int least,
-                          std::uint64_t* thin);
+using FindUnsupported = void (*)(const VoxelVolume& volume, const BrickGrid& grid, int brick, int min_count,
+                                 std::uint64_t* unsupported);
 
 struct Plain {
     template <int kRadius>
-    static void find_thin(const VoxelVolume& volume, const BrickGrid& grid, int brick, int least,
-                          std::uint64_t* thin) {
-        find_thin_body<Four, kRadius>(volume, grid, brick, least, thin);
+    static void find_unsupported(const VoxelVolume& volume, const BrickGrid& grid, int brick, int min_count,
+                                 std::uint64_t* unsupported) {
+        find_unsupported_body<Four, kRadius>(volume, grid, brick, min_count, unsupported);
     }
 };
 
 #ifdef KINEVOX_HAVE_AVX2_FORM
 struct Avx2 {
     template <int kRadius>
-    KINEVOX_AVX2 static void find_thin(const VoxelVolume& volume, const BrickGrid& grid, int brick, int least,
-                                       std::uint64_t* thin) {
-        find_thin_body<Four, kRadius>(volume, grid, brick, least, thin);
+    KINEVOX_AVX2 static void find_unsupported(const VoxelVolume& volume, const BrickGrid& grid, int brick,
+                                              int min_count, std::uint64_t* unsupported) {
+        find_unsupported_body<Four, kRadius>(volume, grid, brick, min_count, unsupported);
     }
 };
 
 struct Avx512 {
     template <int kRadius>
-    KINEVOX_AVX512 static void find_thin(const VoxelVolume& volume, const BrickGrid& grid, int brick,
-                                         int least, std::uint64_t* thin) {
-        find_thin_body<Eight, kRadius>(volume, grid, brick, least, thin);
+    KINEVOX_AVX512 static void find_unsupported(const VoxelVolume& volume, const BrickGrid& grid, int brick,
+                                                int min_count, std::uint64_t* unsupported) {
+        find_unsupported_body<Eight, kRadius>(volume, grid, brick, min_count, unsupported);
     }
 };
 #endif
 
 template <class Form, int... kRadii>
-FindThin form_of(int radius, std::integer_sequence<int, kRadii...>) {
-    constexpr FindThin kForms[] = {Form::template find_thin<kRadii + 1>...};
+FindUnsupported form_of(int radius, std::integer_sequence<int, kRadii...>) {
+    constexpr FindUnsupported kForms[] = {Form::template find_unsupported<kRadii + 1>...};
     return kForms[radius - 1];
 }
 
-FindThin form_for(int radius) {
+FindUnsupported form_for(int radius) {
     constexpr auto kRadii = std::make_integer_sequence<int, kMaxSupportRadius>{};
 #ifdef KINEVOX_HAVE_AVX2_FORM
     if (have_avx512()) return form_of<Avx512>(radius, kRadii);
@@ -187,10 +188,12 @@ FindThin form_for(int radius) {
 
 }  // namespace
 
-void find_thin(const VoxelVolume& volume, const BrickGrid& grid, int brick, int radius, int least,
-               std::uint64_t* thin) {
-    if (radius < 1 || radius > kMaxSupportRadius) throw std::invalid_argument("find_thin: radius");
-    form_for(radius)(volume, grid, brick, least, thin);
+void find_unsupported(const VoxelVolume& volume, const BrickGrid& grid, int brick, int radius, int min_count,
+                      std::uint64_t* unsupported) {
+    if (radius < 1 || radius > kMaxSupportRadius)
+        throw std::invalid_argument("find_unsupported: radius is " + std::to_string(radius) + "; 1 to " +
+                                    std::to_string(kMaxSupportRadius) + " is allowed");
+    form_for(radius)(volume, grid, brick, min_count, unsupported);
 }
 
 }  // namespace kinevox::kernels

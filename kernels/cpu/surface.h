@@ -10,7 +10,7 @@
 
 namespace kinevox::kernels {
 
-// Finds bricks by their place. Bricks outside the lattice are absent.
+// Looks up bricks by their index in the lattice. Bricks outside the lattice are absent.
 class BrickGrid {
   public:
     void build(const VoxelVolume& volume);

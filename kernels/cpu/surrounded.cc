@@ -65,7 +65,7 @@ KINEVOX_INLINE Rows between(const Around& around, int k, int steps) {
 struct LineCount {
     Rows ones{}, twos{}, fours{};
 
-    KINEVOX_INLINE void add(Rows line) {
+    KINEVOX_INLINE void add(const Rows& line) {
         const Rows to_twos = ones & line;
         ones ^= line;
         fours |= twos & to_twos;
@@ -80,20 +80,20 @@ struct LineCount {
     }
 };
 
-KINEVOX_INLINE bool any_of(Rows rows) {
+KINEVOX_INLINE bool any_of(const Rows& rows) {
     std::uint64_t words[4];
     std::memcpy(words, &rows, sizeof(words));
     return (words[0] | words[1] | words[2] | words[3]) != 0;
 }
 
 // The lines are those of fill_line().
-KINEVOX_INLINE void find_body(const VoxelVolume& volume, const BrickGrid& grid, int brick, int reach,
+KINEVOX_INLINE void find_body(const VoxelVolume& volume, const BrickGrid& grid, int brick, int radius,
                               int min_lines, std::uint64_t* filled) {
     static_assert(kFillLines == 7);
     const Brick& centre = volume.bricks[brick];
     Around around;
     collect(volume, grid, centre, around);
-    const int diagonal = fill_steps(3, reach);
+    const int diagonal = fill_steps(3, radius);
     for (int k = 0; k < kBrickEdge; ++k) {
         filled[k] = 0;
         Rows own;
@@ -101,9 +101,9 @@ KINEVOX_INLINE void find_body(const VoxelVolume& volume, const BrickGrid& grid, 
         const Rows empty = ~own & 0xff00u;
         if (!any_of(empty)) continue;
         LineCount lines;
-        lines.add(between<1, 0, 0>(around, k, reach));
-        lines.add(between<0, 1, 0>(around, k, reach));
-        lines.add(between<0, 0, 1>(around, k, reach));
+        lines.add(between<1, 0, 0>(around, k, radius));
+        lines.add(between<0, 1, 0>(around, k, radius));
+        lines.add(between<0, 0, 1>(around, k, radius));
         // The four diagonals to come cannot make up for more.
         if (min_lines > 4 && !any_of(lines.at_least(min_lines - 4) & empty)) continue;
         lines.add(between<1, 1, 1>(around, k, diagonal));
@@ -115,24 +115,24 @@ KINEVOX_INLINE void find_body(const VoxelVolume& volume, const BrickGrid& grid, 
     }
 }
 
-void find_plain(const VoxelVolume& volume, const BrickGrid& grid, int brick, int reach, int min_lines,
+void find_plain(const VoxelVolume& volume, const BrickGrid& grid, int brick, int radius, int min_lines,
                 std::uint64_t* filled) {
-    find_body(volume, grid, brick, reach, min_lines, filled);
+    find_body(volume, grid, brick, radius, min_lines, filled);
 }
 
 #ifdef KINEVOX_HAVE_AVX2_FORM
-KINEVOX_AVX2 void find_avx2(const VoxelVolume& volume, const BrickGrid& grid, int brick, int reach,
+KINEVOX_AVX2 void find_avx2(const VoxelVolume& volume, const BrickGrid& grid, int brick, int radius,
                             int min_lines, std::uint64_t* filled) {
-    find_body(volume, grid, brick, reach, min_lines, filled);
+    find_body(volume, grid, brick, radius, min_lines, filled);
 }
 #endif
 
 }  // namespace
 
-std::int64_t HoleFiller::fill(VoxelVolume& volume, float reach_m, int min_lines) {
+std::int64_t HoleFiller::fill(VoxelVolume& volume, float radius_m, int min_lines) {
     const int bricks = static_cast<int>(volume.bricks.size()),
-              reach = fill_reach_of(reach_m, volume.lattice.voxel_m);
-    if (bricks == 0 || reach < 1) return 0;
+              radius = fill_radius_voxels(radius_m, volume.lattice.voxel_m);
+    if (bricks == 0 || radius < 1) return 0;
     auto find = find_plain;
 #ifdef KINEVOX_HAVE_AVX2_FORM
     if (have_avx2()) find = find_avx2;
@@ -141,7 +141,7 @@ std::int64_t HoleFiller::fill(VoxelVolume& volume, float reach_m, int min_lines)
     filled_.resize(static_cast<std::size_t>(bricks) * kBrickEdge);
     parallel_for(0, bricks, kBricksPerTask, [&](int first, int last) {
         for (int n = first; n < last; ++n) {
-            find(volume, grid_, n, reach, min_lines,
+            find(volume, grid_, n, radius, min_lines,
                  filled_.data() + static_cast<std::size_t>(n) * kBrickEdge);
         }
     });

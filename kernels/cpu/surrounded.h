@@ -11,10 +11,10 @@ namespace kinevox::kernels {
 // Keeps its working memory from call to call.
 class HoleFiller {
   public:
-    // Fills the empty voxels of the volume's bricks that have an occupied voxel within `reach_m` on both
+    // Fills the empty voxels of the volume's bricks that have an occupied voxel within `radius_m` on both
     // sides along at least `min_lines` of the kFillLines lines through them; all from the volume as it was.
     // Returns how many.
-    std::int64_t fill(VoxelVolume& volume, float reach_m, int min_lines);
+    std::int64_t fill(VoxelVolume& volume, float radius_m, int min_lines);
 
   private:
     BrickGrid grid_;

@@ -38,37 +38,37 @@ KINEVOX_AVX2 void project_avx2(const Surface& surface, int first, int last, View
 }
 #endif
 
-// out[x] = least of in[x - reach .. x + reach] for cells x in [first, last) of a row of `width` cells.
-KINEVOX_INLINE void widen_row(const DepthCell* in, int width, int first, int last, int reach,
+// out[x] = minimum of in[x - radius .. x + radius] for cells x in [first, last) of a row of `width` cells.
+KINEVOX_INLINE void widen_row(const DepthCell* in, int width, int first, int last, int radius,
                               DepthCell* out) {
     std::copy(in + first, in + last, out + first);
     const auto take = [&](int begin, int end, int shift) __attribute__((always_inline)) {
         for (int x = begin; x < end; ++x) out[x] = nearer(out[x], in[x + shift]);
     };
-    for (int shift = 1; shift <= reach; ++shift) {
+    for (int shift = 1; shift <= radius; ++shift) {
         take(first, std::min(last, width - shift), shift);
         take(std::max(first, shift), last, -shift);
     }
 }
 
-// Each cell takes the least of the (2 * reach + 1)^2 around it.
+// Each cell takes the minimum of the (2 * radius + 1)^2 around it.
 KINEVOX_INLINE void widen_body(ViewOfVolume& view) {
-    const int width = view.cells.width(), height = view.cells.height(), reach = view.reach;
+    const int width = view.cells.width(), height = view.cells.height(), radius = view.radius;
     view.scratch.resize(view.cell_count());
-    const auto row_of = [width](std::vector<DepthCell> & picture, int y) __attribute__((always_inline)) {
-        return picture.data() + static_cast<std::size_t>(y) * width;
+    const auto row_of = [width](std::vector<DepthCell> & image, int y) __attribute__((always_inline)) {
+        return image.data() + static_cast<std::size_t>(y) * width;
     };
     for (int y = 0; y < height; ++y) {
         const RowSpan span = view.spans[y];
         if (span.first >= span.last) continue;
-        widen_row(row_of(view.depths, y), width, span.first, span.last, reach, row_of(view.scratch, y));
+        widen_row(row_of(view.depths, y), width, span.first, span.last, radius, row_of(view.scratch, y));
     }
     for (int y = 0; y < height; ++y) {
         const RowSpan span = view.spans[y];
         if (span.first >= span.last) continue;
         DepthCell* const out = row_of(view.depths, y);
         std::copy_n(row_of(view.scratch, y) + span.first, span.last - span.first, out + span.first);
-        for (int from = std::max(0, y - reach); from <= std::min(height - 1, y + reach); ++from) {
+        for (int from = std::max(0, y - radius); from <= std::min(height - 1, y + radius); ++from) {
             const DepthCell* const in = row_of(view.scratch, from);
             const int first = std::max(span.first, view.spans[from].first);
             const int last = std::min(span.last, view.spans[from].last);
@@ -94,9 +94,9 @@ void widen(ViewOfVolume& view) {
     widen_plain(view);
 }
 
-// The filled cells of each row, and room around them for widening by view.reach.
+// The filled cells of each row, widened by view.radius.
 void find_spans(ViewOfVolume& view) {
-    const int width = view.cells.width(), height = view.cells.height(), reach = view.reach;
+    const int width = view.cells.width(), height = view.cells.height(), radius = view.radius;
     std::vector<RowSpan> filled(height);
     for (int y = 0; y < height; ++y) {
         const DepthCell* const row = view.depths.data() + static_cast<std::size_t>(y) * width;
@@ -108,10 +108,10 @@ void find_spans(ViewOfVolume& view) {
     view.spans.assign(height, {width, 0});
     for (int y = 0; y < height; ++y) {
         if (filled[y].first >= filled[y].last) continue;
-        for (int near = std::max(0, y - reach); near <= std::min(height - 1, y + reach); ++near) {
+        for (int near = std::max(0, y - radius); near <= std::min(height - 1, y + radius); ++near) {
             RowSpan& span = view.spans[near];
-            span.first = std::min(span.first, std::max(0, filled[y].first - reach));
-            span.last = std::max(span.last, std::min(width, filled[y].last + reach));
+            span.first = std::min(span.first, std::max(0, filled[y].first - radius));
+            span.last = std::max(span.last, std::min(width, filled[y].last + radius));
         }
     }
 }
@@ -189,9 +189,9 @@ void splat_depth(const Surface& surface, float voxel_m, bool first_look, ViewOfV
         // Written whether it changes or not: a branch here is mispredicted every third time.
         depths[cell] = nearer(depths[cell], {depth, -depth});
     }
-    view.reach = splat_reach_of(view.camera, view.shift, nearest, voxel_m);
+    view.radius = splat_radius(view.camera, view.shift, nearest, voxel_m);
     if (first_look) find_spans(view);
-    if (view.reach > 0) widen(view);
+    if (view.radius > 0) widen(view);
 }
 
 }  // namespace kinevox::kernels

@@ -1,6 +1,5 @@
-// Which camera sees which surface voxel: each view's depth picture of the volume itself, on a grid of cells
-// that are about as large as a voxel's picture, so that the cost follows the surface and not the camera's
-// resolution.
+// Visibility of surface voxels: each view has a depth map of the volume itself, on a grid of cells about as
+// large as a projected voxel, so that the cost depends on the surface and not on the camera's resolution.
 #pragma once
 
 #include <array>
@@ -34,14 +33,13 @@ struct RowSpan {
 
 struct ViewOfVolume {
     Projector camera;
-    int shift = 0;  // a cell is 2^shift px wide and high
-    int reach = 0;  // cells by which a voxel's picture is wider than its centre's cell
-    Rect cells;     // the part of the picture that is looked at, in cells
-    std::vector<std::int32_t>
-        cell;                       // per surface voxel: index into the pictures of cells; -1: not seen there
-    std::vector<float> depth_m;     // per surface voxel: along the camera's axis
-    std::vector<DepthCell> depths;  // per cell
-    std::vector<RowSpan> spans;     // per row of cells: outside of it nothing of the volume is ever seen
+    int shift = 0;                   // a cell is 2^shift px wide and high
+    int radius = 0;                  // cells by which a projected voxel extends beyond the cell of its centre
+    Rect cells;                      // the part of the image that is looked at, in cells
+    std::vector<std::int32_t> cell;  // per surface voxel: index into the images of cells; -1: not seen there
+    std::vector<float> depth_m;      // per surface voxel: along the camera's axis
+    std::vector<DepthCell> depths;   // per cell
+    std::vector<RowSpan> spans;      // per row of cells: outside of it nothing of the volume is ever seen
     std::vector<DepthCell> scratch;
     // For each of the 64 combinations of open sides (Surface::open): facing_of(), and how far behind the
     // front a voxel still counts as seen, m.
@@ -56,7 +54,7 @@ inline bool sees(const ViewOfVolume& view, int n, unsigned open) {
     return cell >= 0 && view.depth_m[n] <= view.depths[cell].front_m + view.behind_m[open];
 }
 
-// Sets `shift` and `cells` for a volume (where its bricks can fall, clipped to the picture), `facing` and
+// Sets `shift` and `cells` for a volume (where its bricks can fall, clipped to the image), `facing` and
 // `behind_m`.
 void frame_view(const VoxelVolume& volume, ViewOfVolume& view);
 
@@ -68,8 +66,8 @@ void finish_frame(float voxel_m, Rect px, double depth_sum_m, int seen, ViewOfVo
 void make_room(const Surface& surface, ViewOfVolume& view);
 void project_surface(const Surface& surface, int first, int last, ViewOfVolume& view);
 
-// Fills `depths`, without holes where the surface has none, and sets `reach`. The first look at a volume also
-// finds `spans`; the later ones, at what carving left of it, keep to them.
+// Fills `depths`, without holes where the surface has none, and sets `radius`. With `first_look` also finds
+// `spans`, which remain valid while the volume is carved.
 void splat_depth(const Surface& surface, float voxel_m, bool first_look, ViewOfVolume& view);
 
 }  // namespace kinevox::kernels

@@ -4,10 +4,9 @@
 #include <cmath>
 #include <vector>
 
-#include "kernels/cpu/agreement.h"
 #include "kernels/cpu/colouring.h"
+#include "kernels/cpu/colouring_steps.h"
 #include "kernels/cpu/hull_maps.h"
-#include "kernels/cpu/support.h"
 #include "kernels/cuda/device.h"
 #include "kernels/cuda/forms.h"
 #include "kernels/cuda/hull_device.cuh"
@@ -54,7 +53,7 @@ __global__ void carve_outside(HullQuestion q, Lattice lattice, Brick* bricks, un
 struct Rules {
     float voxel_m = 0;
     bool by_colour = false;  // colours carve
-    float keep_on_ray_m = 0;
+    float min_ray_length_m = 0;
     int support_radius = 0;     // voxels
     int min_support_count = 0;  // 0: no rounding
 };
@@ -70,7 +69,7 @@ __device__ bool can_spare(const ViewSet& set, int n, const Rules& rules) {
     for (int v = 0; v < set.count; ++v) {
         const ViewOnDevice& view = set.views[v];
         const int cell = set.cells.at(v, n).cell;
-        if (cell >= 0 && view.back_m[cell] - view.front_m[cell] < rules.keep_on_ray_m) return false;
+        if (cell >= 0 && view.back_m[cell] - view.front_m[cell] < rules.min_ray_length_m) return false;
     }
     return true;
 }
@@ -179,7 +178,7 @@ __global__ void paint(SurfaceList surface, ViewSet set, float voxel_m, Colour* c
     for (int v = 0; v < set.count; ++v) {
         const ViewOnDevice& view = set.views[v];
         const VoxelCell at = set.cells.at(v, n);
-        if (at.cell < 0 || !view.picture) continue;
+        if (at.cell < 0 || !view.image) continue;
         const float facing = facing_of(view.camera, normal);
         float weight = colour_weight(facing, at.depth_m);
         if (!sees(view, at, facing, voxel_m)) weight *= kHiddenWeight;
@@ -214,7 +213,8 @@ class CudaVoxelColourer final : public VoxelColourer {
             report.carved += carve_by_sharp(views, lattice);
             report.carved -= fill_holes(lattice);
         }
-        views_.frame(stream_, views, lattice, volume_, options_.max_colour_deviation, options_.noise_grey);
+        views_.frame(stream_, views, lattice, volume_, options_.max_colour_difference_std,
+                     options_.noise_grey);
         while (report.rounds < options_.max_rounds) {
             const std::int64_t carved = carve_round(lattice, report.rounds);
             ++report.rounds;
@@ -231,7 +231,7 @@ class CudaVoxelColourer final : public VoxelColourer {
             KINEVOX_CUDA_CHECK(cudaGetLastError());
             download(stream_, host_colours_.data(), colours_.data(), surface.count);
         }
-        report.silhouette_iou = views_.agreement(stream_, lattice.voxel_m);
+        report.silhouette_iou = views_.silhouette_iou(stream_, lattice.voxel_m);
         volume_.store(stream_, volume);
         volume.colours.assign(host_colours_.data(), host_colours_.data() + surface.count);
     }
@@ -265,11 +265,11 @@ class CudaVoxelColourer final : public VoxelColourer {
     }
 
     std::int64_t fill_holes(const Lattice& lattice) {
-        const int reach = fill_reach_of(options_.fill_reach_m, lattice.voxel_m);
-        if (reach < 1) return 0;
+        const int fill_radius = fill_radius_voxels(options_.fill_radius_m, lattice.voxel_m);
+        if (fill_radius < 1) return 0;
         fill_bytes(stream_, carved_.data(), 0, 1);
         for (int pass = 0; pass < kFillPassesOfColouring; ++pass) {
-            fill_surrounded(stream_, volume_, reach, kFillLinesOfColouring, marks_[0], carved_.data());
+            fill_surrounded(stream_, volume_, fill_radius, kFillLinesOfColouring, marks_[0], carved_.data());
         }
         return read_carved();
     }
@@ -280,8 +280,8 @@ class CudaVoxelColourer final : public VoxelColourer {
         if (surface.count == 0) return 0;
         Rules rules;
         rules.voxel_m = lattice.voxel_m;
-        rules.by_colour = options_.max_colour_deviation > 0;
-        rules.keep_on_ray_m = options_.keep_on_ray_m;
+        rules.by_colour = options_.max_colour_difference_std > 0;
+        rules.min_ray_length_m = options_.min_ray_length_m;
         rules.support_radius =
             std::clamp(static_cast<int>(std::lround((options_.support_edge_m / lattice.voxel_m - 1) / 2)), 1,
                        kMaxSupportRadius);

@@ -32,11 +32,11 @@ __device__ void unite(int* labels, int a, int b) {
         const int high = a > b ? a : b, low = a > b ? b : a;
         const int before = atomicMin(labels + high, low);
         if (before == high) return;
-        a = before, b = low;  // somebody was faster: `high` hangs below `before` now
+        a = before, b = low;  // another thread was faster: `high` is now attached to `before`
     }
 }
 
-// Labels are places in the box, -1 where the pixel is not asked for.
+// Labels are pixel indices in the box, -1 for pixels that are not searched.
 __global__ void start_labels(const std::uint8_t* mask, int mask_width, Area area, bool set, int* labels,
                              int* areas, int* flags) {
     const int n = thread_index();
@@ -84,11 +84,11 @@ __global__ void find_largest(Area area, const int* areas, const int* flags, int*
 
 __global__ void clear_islands(std::uint8_t* mask, int mask_width, Area area, const int* roots,
                               const int* areas, const int* flags, const int* largest, int min_area,
-                              float min_part) {
+                              float min_fraction) {
     const int n = thread_index();
     int x, y;
     if (!area.pixel(n, x, y) || roots[n] < 0) return;
-    const double part = static_cast<double>(min_part) * static_cast<double>(*largest);
+    const double part = static_cast<double>(min_fraction) * static_cast<double>(*largest);
     const double bound = part > min_area ? part : static_cast<double>(min_area);
     const int root = roots[n];
     if (!(flags[root] & kTouchesSeed) || areas[root] < bound)
@@ -96,12 +96,12 @@ __global__ void clear_islands(std::uint8_t* mask, int mask_width, Area area, con
 }
 
 __global__ void set_holes(std::uint8_t* mask, int mask_width, Area area, const int* roots, const int* areas,
-                          const int* flags, const int* largest, int max_area, float max_part) {
+                          const int* flags, const int* largest, int max_area, float max_fraction) {
     const int n = thread_index();
     int x, y;
     if (!area.pixel(n, x, y) || roots[n] < 0) return;
     const int root = roots[n];
-    const int part = static_cast<int>(max_part * static_cast<float>(*largest));
+    const int part = static_cast<int>(max_fraction * static_cast<float>(*largest));
     if (areas[root] < (part > max_area ? part : max_area) && !(flags[root] & kTouchesBorder)) {
         mask[static_cast<std::size_t>(y) * mask_width + x] = 255;
     }
@@ -115,8 +115,8 @@ __global__ void zones_kernel(const std::uint8_t* sharp, int width, int height, A
     constexpr int kDepth = kde::kBorderDepth;
     bool all = true, any = false;
     for (int dy = -kDepth; dy <= kDepth; ++dy) {
-        const int reach = kDepth - (dy < 0 ? -dy : dy);
-        for (int dx = -reach; dx <= reach; ++dx) {
+        const int half_width = kDepth - (dy < 0 ? -dy : dy);
+        for (int dx = -half_width; dx <= half_width; ++dx) {
             if (x + dx < 0 || x + dx >= width || y + dy < 0 || y + dy >= height) continue;
             const bool is = sharp[static_cast<std::size_t>(y + dy) * width + x + dx] != 0;
             all = all && is;
@@ -144,8 +144,9 @@ void MaskCleaner::find(const Stream& stream, const std::uint8_t* mask, int width
         area, seed, width, labels_.data(), labels_.data() + pixels, areas_.data(), flags_.data());
 }
 
-void MaskCleaner::drop_islands(const Stream& stream, std::uint8_t* mask, int width, const Rect& box,
-                               int min_area, float min_part, const std::uint8_t* seed) {
+void MaskCleaner::remove_small_components(const Stream& stream, std::uint8_t* mask, int width,
+                                          const Rect& box, int min_area, float min_fraction,
+                                          const std::uint8_t* seed) {
     find(stream, mask, width, box, true, true, seed);
     const Area area{box, box.width()};
     const std::size_t pixels = areas_.size();
@@ -155,17 +156,17 @@ void MaskCleaner::drop_islands(const Stream& stream, std::uint8_t* mask, int wid
                                                                 largest_.data());
     clear_islands<<<blocks(pixels), kThreads, 0, stream.get()>>>(mask, width, area, labels_.data() + pixels,
                                                                  areas_.data(), flags_.data(),
-                                                                 largest_.data(), min_area, min_part);
+                                                                 largest_.data(), min_area, min_fraction);
     KINEVOX_CUDA_CHECK(cudaGetLastError());
 }
 
 void MaskCleaner::fill_holes(const Stream& stream, std::uint8_t* mask, int width, const Rect& box,
-                             int max_area, float max_part) {
+                             int max_area, float max_fraction) {
     find(stream, mask, width, box, false, false, nullptr);
     const std::size_t pixels = areas_.size();
     set_holes<<<blocks(pixels), kThreads, 0, stream.get()>>>(
         mask, width, {box, box.width()}, labels_.data() + pixels, areas_.data(), flags_.data(),
-        largest_.data(), max_area, max_part);
+        largest_.data(), max_area, max_fraction);
     KINEVOX_CUDA_CHECK(cudaGetLastError());
 }
 

@@ -1,4 +1,4 @@
-// Masks on the device: connected components, small islands and holes, the zones along a border.
+// Masks on the device: connected components, small components and holes, the zones along a border.
 #pragma once
 
 #include <cstdint>
@@ -12,11 +12,11 @@ class MaskCleaner {
   public:
     // Masks hold 0 or 255, `width` bytes a row; only what lies in `box`, which must not be empty, is looked
     // at. As kernels/cpu/segmentation_masks.h, with the same result.
-    void drop_islands(const Stream& stream, std::uint8_t* mask, int width, const Rect& box, int min_area,
-                      float min_part, const std::uint8_t* seed);
-    // `max_part` is of the largest island that the last call of drop_islands() found.
+    void remove_small_components(const Stream& stream, std::uint8_t* mask, int width, const Rect& box,
+                                 int min_area, float min_fraction, const std::uint8_t* seed);
+    // `max_fraction` is of the largest component that the last call of remove_small_components() found.
     void fill_holes(const Stream& stream, std::uint8_t* mask, int width, const Rect& box, int max_area,
-                    float max_part);
+                    float max_fraction);
 
   private:
     void find(const Stream& stream, const std::uint8_t* mask, int width, const Rect& box, bool set,

@@ -75,7 +75,7 @@ class CudaHullCarver final : public HullCarver {
         out.lattice = lattice;
         out.bricks.clear();
         out.colours.clear();
-        if (silhouettes_.empty()) return;  // nobody votes, and at least one view must contain a voxel
+        if (silhouettes_.empty()) return;  // no view votes, and at least one must contain a voxel
         stream_.wait();
         const HullQuestion question{maps_.make(stream_, silhouettes_, options_.miss_budget_permille),
                                     static_cast<int>(silhouettes_.size()), options_.min_views};
@@ -97,7 +97,7 @@ class CudaHullCarver final : public HullCarver {
             for (std::uint64_t slice : host_bricks_[n].occupancy) any |= slice;
             if (any) out.bricks.push_back(host_bricks_[n]);
         }
-        filler_.fill(out, options_.fill_reach_m,
+        filler_.fill(out, options_.fill_radius_m,
                      kFillLinesOfHull);  // on the host, where the bricks are by now
     }
 

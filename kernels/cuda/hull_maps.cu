@@ -121,7 +121,7 @@ const HullMaps* HullMapMaker::make(const Stream& stream, std::span<const Silhoue
         view.maps = frame_hull_maps(views[n].bounds, views[n].camera, miss_budget_permille,
                                     views[n].block_radius_px, view.bounds);
         const HullMaps& maps = view.maps;
-        if (!view.bounds.empty()) {  // whole cells, as far as the picture goes
+        if (!view.bounds.empty()) {  // whole cells, as far as the image goes
             const int shift = maps.cell_shift;
             view.mask_box = {maps.cells_x0 << shift, maps.cells_y0 << shift,
                              std::min((maps.cells_x0 + maps.cells_width) << shift, maps.camera.width),

@@ -19,8 +19,8 @@ struct SilhouetteView {
 // What the kernels know of one view; `maps` holds device pointers.
 struct MapsOfView {
     HullMaps maps;
-    Rect bounds;    // px, clipped to the picture
-    Rect mask_box;  // px, the part of the picture that `mask` holds, without padding
+    Rect bounds;    // px, clipped to the image
+    Rect mask_box;  // px, the part of the image that `mask` holds, without padding
     const std::uint8_t* mask = nullptr;
     std::uint8_t *kind = nullptr, *fore = nullptr, *back = nullptr, *miss_rows = nullptr;  // scratch
     std::int8_t* cells = nullptr;

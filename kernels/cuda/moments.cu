@@ -64,9 +64,9 @@ __global__ void average_cells(const PackedMask* masks, int grid, float* cells) {
              ++x) {
             float line = 0;
             for (int y = static_cast<int>(rows.begin); y < box.y1 && static_cast<float>(y) < rows.end; ++y)
-                line += pixel_share(rows, y) *
+                line += pixel_coverage(rows, y) *
                         static_cast<float>(mask.pixels[(y - box.y0) * (box.x1 - box.x0) + x - box.x0]);
-            sum += pixel_share(columns, x) * line;
+            sum += pixel_coverage(columns, x) * line;
         }
     }
     const float cell_px = 2 * m.radius_px / static_cast<float>(grid);
@@ -141,7 +141,7 @@ class CudaMomentCalculator final : public MomentCalculator {
         stream_.wait();
         std::vector<bool> present(count);
         for (int n = 0; n < count; ++n) {
-            present[n] = map_to_disk(in_picture(host_sums_[n], views[n].bounds), views[n],
+            present[n] = map_to_disk(in_image(host_sums_[n], views[n].bounds), views[n],
                                      options_.disk_per_gyration, out[n]);
             masks_[n].mapping = present[n] ? out[n].mapping : DiskMapping{0, 0, 1};
         }
@@ -158,7 +158,7 @@ class CudaMomentCalculator final : public MomentCalculator {
     }
 
   private:
-    static MaskSums in_picture(const DeviceSums& s, const Rect& box) {
+    static MaskSums in_image(const DeviceSums& s, const Rect& box) {
         const auto mass = static_cast<std::int64_t>(s.mass), x = static_cast<std::int64_t>(s.x),
                    y = static_cast<std::int64_t>(s.y), x0 = static_cast<std::int64_t>(box.x0),
                    y0 = static_cast<std::int64_t>(box.y0);

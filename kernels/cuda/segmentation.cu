@@ -1,5 +1,5 @@
 // Segmentation on the device, step for step as kernels/cpu/segmentation.cc. The host learns the first model,
-// finds the picture's gain from a grid of pixels (it keeps a copy of the reference) and keeps the subject's
+// finds the image's gain from a grid of pixels (it keeps a copy of the reference) and keeps the subject's
 // colours.
 #include <algorithm>
 #include <cmath>
@@ -31,14 +31,13 @@ constexpr float kSureEvidence = 3.0f;
 class CudaSegmenter final : public RewindableSegmenter {
   public:
     CudaSegmenter(int width, int height, int channels, const SegmentationOptions& options);
-    void learn(std::span<const PictureView> empty_scene) override;
+    void learn(std::span<const ImageView> empty_scene) override;
     bool learned() const override { return learned_; }
     void keep_learned() override { keep_learned_ = true; }
     void forget_frames() override;
-    void segment(const PictureView& picture, const SegmentationPrior& prior, Silhouettes& out) override;
+    void segment(const ImageView& image, const SegmentationPrior& prior, Silhouettes& out) override;
 
   private:
-    void check_picture(const PictureView& picture) const;
     void begin();
     template <class T>
     T* place(DeviceBuffer<T>& buffer, std::size_t size) {
@@ -54,7 +53,7 @@ class CudaSegmenter final : public RewindableSegmenter {
         stream_.wait();
         return buffer.data();
     }
-    void start_frame(const PictureView& picture, const SegmentationPrior& prior);
+    void start_frame(const ImageView& image, const SegmentationPrior& prior);
     CellRange find_active(const CellRange& work);
     void silhouettes(const Rect& box, const Rect& limit, const SegmentationPrior& prior);
     void update(const CellRange& work, bool tracked);
@@ -71,12 +70,12 @@ class CudaSegmenter final : public RewindableSegmenter {
     Stream stream_;
     SegmentData data_{};
     MaskCleaner cleaner_;
-    DeviceBuffer<std::uint8_t> samples_, scale_, reference_, candidate_, visits_, picture_, values_, density_;
+    DeviceBuffer<std::uint8_t> samples_, scale_, reference_, candidate_, visits_, image_, values_, density_;
     DeviceBuffer<std::uint8_t> candidates_, active_, probability_of_, masks_, zones_, expected_;
     DeviceBuffer<float> log_peak_, planes_, log_lit_, device_log_foreground_;
     DeviceBuffer<int> numbers_, colour_counts_;
     DeviceBuffer<unsigned long long> sums_;
-    PinnedBuffer<std::uint8_t> host_picture_, host_expected_, host_masks_, host_reference_;
+    PinnedBuffer<std::uint8_t> host_image_, host_expected_, host_masks_, host_reference_;
     PinnedBuffer<float> host_log_foreground_;
     PinnedBuffer<int> host_numbers_, host_counts_;
     PinnedBuffer<unsigned long long> host_sums_;
@@ -102,22 +101,11 @@ CudaSegmenter::CudaSegmenter(int width, int height, int channels, const Segmenta
     data_.probability_of = keep(probability_of_, probability);
 }
 
-void CudaSegmenter::check_picture(const PictureView& picture) const {
-    if (picture.data && picture.width == data_.width && picture.height == data_.height &&
-        picture.channels == data_.channels) {
-        return;
-    }
-    throw std::invalid_argument("segmentation: a picture of " + std::to_string(picture.width) + " x " +
-                                std::to_string(picture.height) + " with " + std::to_string(picture.channels) +
-                                " channels came to a model of " + std::to_string(data_.width) + " x " +
-                                std::to_string(data_.height) + " with " + std::to_string(data_.channels) +
-                                "; learn the background from this camera's pictures");
-}
-
-void CudaSegmenter::learn(std::span<const PictureView> empty_scene) {
+void CudaSegmenter::learn(std::span<const ImageView> empty_scene) {
     if (empty_scene.empty())
-        throw std::invalid_argument("segmentation: the background needs at least one picture");
-    for (const PictureView& picture : empty_scene) check_picture(picture);
+        throw std::invalid_argument("segmentation: the background needs at least one image");
+    for (const ImageView& image : empty_scene)
+        cpu::check_image(image, data_.width, data_.height, data_.channels);
     stream_.wait();
     model_ = cpu::learn_background(empty_scene, data_.width, data_.height, data_.channels, options_);
     if (keep_learned_) learned_model_ = model_;
@@ -126,7 +114,8 @@ void CudaSegmenter::learn(std::span<const PictureView> empty_scene) {
 
 void CudaSegmenter::forget_frames() {
     if (!learned_ || !keep_learned_)
-        throw std::logic_error("segmentation: nothing was learned and kept that could be gone back to");
+        throw std::logic_error(
+            "segmentation: no learned background was kept; call keep_learned() before learn()");
     stream_.wait();
     model_ = learned_model_;
     begin();
@@ -142,8 +131,8 @@ void CudaSegmenter::begin() {
     data_.log_peak = keep(log_peak_, model_.log_peak);
     const std::size_t pixels = static_cast<std::size_t>(data_.width) * data_.height;
     const std::size_t cells = model_.cell_index(data_.height, 0), plane = data_.plane_size();
-    data_.picture = place(picture_, pixels * data_.channels);
-    host_picture_.resize(pixels * data_.channels);
+    data_.image = place(image_, pixels * data_.channels);
+    host_image_.resize(pixels * data_.channels);
     data_.values = place(values_, cells * model_.cell_bytes());
     data_.density = place(density_, cells * kCellPixels);
     data_.candidates = place(candidates_, cells);
@@ -171,13 +160,13 @@ void CudaSegmenter::begin() {
 }
 
 // Copies what the frame needs and clears what it fills.
-void CudaSegmenter::start_frame(const PictureView& picture, const SegmentationPrior& prior) {
+void CudaSegmenter::start_frame(const ImageView& image, const SegmentationPrior& prior) {
     const std::size_t pixels = static_cast<std::size_t>(data_.width) * data_.height;
     const std::size_t row_bytes = static_cast<std::size_t>(data_.width) * data_.channels;
     for (int y = 0; y < data_.height; ++y) {
-        std::memcpy(host_picture_.data() + y * row_bytes, picture.row(y), row_bytes);
+        std::memcpy(host_image_.data() + y * row_bytes, image.row(y), row_bytes);
     }
-    upload(stream_, picture_, host_picture_);
+    upload(stream_, image_, host_image_);
     data_.expected = nullptr;
     if (prior.expected && !prior.region.empty()) {
         host_expected_.resize(pixels);
@@ -191,10 +180,10 @@ void CudaSegmenter::start_frame(const PictureView& picture, const SegmentationPr
     const int numbers[8] = {data_.height, 0, data_.cells_per_row, 0, data_.width, data_.height, 0, 0};
     std::copy_n(numbers, 8, host_numbers_.data());
     upload(stream_, numbers_, host_numbers_);
-    colours_.log_density(options_.colour_memory_share, log_foreground_);
+    colours_.log_density(options_.colour_memory_weight, log_foreground_);
     std::copy(log_foreground_.begin(), log_foreground_.end(), host_log_foreground_.data());
     upload(stream_, device_log_foreground_, host_log_foreground_);
-    const auto inverse = cpu::fixed_point_inverse(cpu::estimate_gain(model_, picture));
+    const auto inverse = cpu::fixed_point_inverse(cpu::estimate_gain(model_, image));
     std::copy(inverse.begin(), inverse.end(), data_.gain_64);
 }
 
@@ -212,19 +201,21 @@ void CudaSegmenter::silhouettes(const Rect& box, const Rect& limit, const Segmen
                     log_odds(options_.loose_threshold));
     const std::uint8_t* seed = prior.region.empty() ? nullptr : data_.expected;
     for (std::uint8_t* mask : {data_.loose, data_.sharp}) {
-        cleaner_.drop_islands(stream_, mask, data_.width, box, options_.min_island_px,
-                              options_.min_island_part, seed);
-        cleaner_.fill_holes(stream_, mask, data_.width, box, options_.max_hole_px, options_.max_hole_part);
+        cleaner_.remove_small_components(stream_, mask, data_.width, box, options_.min_component_px,
+                                         options_.min_component_fraction, seed);
+        cleaner_.fill_holes(stream_, mask, data_.width, box, options_.max_hole_px,
+                            options_.max_hole_fraction);
     }
-    if (options_.colour_memory_share > 0) {
+    if (options_.colour_memory_weight > 0) {
         queue_colour_counts(stream_, data_, box, kSureEvidence);
         download(stream_, host_counts_.data(), data_.colour_counts, host_counts_.size());
     }
     if (options_.refine_border) {
         find_zones(stream_, data_.sharp, data_.width, data_.height,
-                   cpu::grown(box, kde::kBorderReach, data_.width, data_.height), data_.zones);
+                   cpu::grown(box, kde::kBorderRadius, data_.width, data_.height), data_.zones);
         queue_border(stream_, data_, box, limit);
-        cleaner_.drop_islands(stream_, data_.sharp, data_.width, box, options_.min_island_px / 3, 0, nullptr);
+        cleaner_.remove_small_components(stream_, data_.sharp, data_.width, box,
+                                         options_.min_component_px / 3, 0, nullptr);
     }
     queue_measure(stream_, data_, box);
 }
@@ -275,9 +266,9 @@ void CudaSegmenter::finish_frame(const Rect& box, Silhouettes& out) {
     out.centroid_x = mean(1), out.centroid_y = mean(2);
 }
 
-void CudaSegmenter::segment(const PictureView& picture, const SegmentationPrior& prior, Silhouettes& out) {
+void CudaSegmenter::segment(const ImageView& image, const SegmentationPrior& prior, Silhouettes& out) {
     if (!learned_) throw std::logic_error("segmentation: learn() the background before segment()");
-    check_picture(picture);
+    cpu::check_image(image, data_.width, data_.height, data_.channels);
     stream_.wait();
     const std::size_t pixels = static_cast<std::size_t>(data_.width) * data_.height;
     out.width = data_.width, out.height = data_.height;
@@ -292,7 +283,7 @@ void CudaSegmenter::segment(const PictureView& picture, const SegmentationPrior&
     const CellRange work{asked.y0, asked.y1, asked.x0 / kCellPixels,
                          (asked.x1 + kCellPixels - 1) / kCellPixels};
     out.searched = {work.k0 * kCellPixels, work.y0, std::min(work.k1 * kCellPixels, data_.width), work.y1};
-    start_frame(picture, prior);
+    start_frame(image, prior);
     const CellRange active = find_active(work);
     Rect box;
     if (!active.empty()) {
@@ -307,7 +298,7 @@ void CudaSegmenter::segment(const PictureView& picture, const SegmentationPrior&
         silhouettes(box, out.searched, prior);
     }
     finish_frame(box, out);
-    if (!active.empty() && options_.colour_memory_share > 0) {
+    if (!active.empty() && options_.colour_memory_weight > 0) {
         counts_.assign(host_counts_.data(), host_counts_.data() + host_counts_.size());
         colours_.add(counts_, kColourMemory);
     }

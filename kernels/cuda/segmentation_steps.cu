@@ -43,7 +43,7 @@ __device__ void look_at_cell(const SegmentData& d, int y, int k) {
     for (int c = 0; c < d.channels; ++c) {
         std::uint8_t value = 0;
         if (x < d.width) {
-            value = corrected(d.picture[(static_cast<std::size_t>(y) * d.width + x) * d.channels + c],
+            value = corrected(d.image[(static_cast<std::size_t>(y) * d.width + x) * d.channels + c],
                               static_cast<unsigned>(d.gain_64[c]));
         }
         d.values[(cell * d.channels + c) * kCellPixels + lane] = value;
@@ -118,7 +118,7 @@ __global__ void light_kernel(SegmentData d, CellRange box) {
 
 template <int kChannels>
 __global__ void evidence_kernel(SegmentData d, CellRange box) {
-    constexpr int kReach = kde::kLightReach;
+    constexpr int kRadius = kde::kLightRadius;
     const int y = box.y0 + static_cast<int>(blockIdx.y), k = box.k0 + static_cast<int>(blockIdx.x),
               lane = threadIdx.x;
     const std::size_t cell = d.cell(y, k), at = d.at(y, k * kCellPixels + lane);
@@ -127,9 +127,9 @@ __global__ void evidence_kernel(SegmentData d, CellRange box) {
     // order.
     const auto step_to = [&](int ox, int oy) {
         float value = 0, energy = 0;
-        for (int dx = ox - kReach; dx <= ox + kReach; ++dx) {
+        for (int dx = ox - kRadius; dx <= ox + kRadius; ++dx) {
             float column_value = 0, column_energy = 0;
-            for (int dy = oy - kReach; dy <= oy + kReach; ++dy) {
+            for (int dy = oy - kRadius; dy <= oy + kRadius; ++dy) {
                 column_value += d.weighted_value[d.at(y + dy, k * kCellPixels + lane + dx)];
                 column_energy += d.weighted_energy[d.at(y + dy, k * kCellPixels + lane + dx)];
             }
@@ -138,11 +138,11 @@ __global__ void evidence_kernel(SegmentData d, CellRange box) {
         }
         return fabsf(d.factor[at] - (energy > 0 ? value / energy : 1.0f));
     };
-    float step = step_to(0, -kReach);
-    step = fminf(step, step_to(-kReach, 0));
+    float step = step_to(0, -kRadius);
+    step = fminf(step, step_to(-kRadius, 0));
     step = fminf(step, step_to(0, 0));
-    step = fminf(step, step_to(kReach, 0));
-    step = fminf(step, step_to(0, kReach));
+    step = fminf(step, step_to(kRadius, 0));
+    step = fminf(step, step_to(0, kRadius));
     const std::size_t plane = cell * kChannels * kCellPixels + lane;
     const std::uint8_t density = d.density[cell * kCellPixels + lane];
     d.evidence[at] = kde::evidence<kChannels>(

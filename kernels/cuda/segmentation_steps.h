@@ -1,6 +1,6 @@
-// The steps of segmentation on the device, each queued on a stream; kernels/cpu/segmentation.cc tells the
-// story. Data lie in cells of 64 pixels as in kernels/cpu/segmentation_model.h; a block of threads works on
-// one cell.
+// The steps of segmentation on the device, each queued on a stream; kernels/cpu/segmentation.cc explains
+// them. Data are stored in cells of 64 pixels as in kernels/cpu/segmentation_model.h; a block of threads
+// works on one cell.
 #pragma once
 
 #include <cstdint>
@@ -27,8 +27,8 @@ struct SegmentData {
     int width = 0, height = 0, channels = 0, sample_count = 0, cells_per_row = 0;
     std::uint8_t *samples, *scale, *reference, *candidate, *visits;  // as BackgroundModel
     float* log_peak;
-    const std::uint8_t* picture;     // interleaved, without padding
-    std::uint8_t *values, *density;  // of this picture, as BackgroundModel's planes
+    const std::uint8_t* image;       // interleaved, without padding
+    std::uint8_t *values, *density;  // of this image, as BackgroundModel's planes
     std::uint8_t *candidates,
         *active;  // per cell, its groups (kde_groups.h) near unsure pixels and those looked at
     float *weighted_value, *weighted_energy, *factor, *residual, *evidence, *smoothed;
@@ -74,7 +74,7 @@ void queue_evidence(const Stream& stream, const SegmentData& data, const CellRan
 void queue_decisions(const Stream& stream, const SegmentData& data, const Rect& box, float sharp,
                      float loose);
 void queue_colour_counts(const Stream& stream, const SegmentData& data, const Rect& box, float sure_evidence);
-// data.zones must be filled for `box` and kde::kBorderReach around it.
+// data.zones must be filled for `box` and kde::kBorderRadius around it.
 void queue_border(const Stream& stream, const SegmentData& data, const Rect& box, const Rect& limit);
 // Adds `sharp` to `loose` and measures both; sums must be 0 and bounds {width, height, 0, 0} before.
 void queue_measure(const Stream& stream, const SegmentData& data, const Rect& box);

@@ -9,7 +9,7 @@
 
 namespace kinevox::kernels::cuda {
 
-// Finds bricks by their place; device pointers. A rim of one lies around the lattice.
+// Looks up bricks by their index in the lattice; device pointers. A rim of one lies around the lattice.
 struct BrickTable {
     const int* index = nullptr;  // into the bricks, or -1; x fastest
     int nx = 0, ny = 0;          // with the rim
@@ -25,7 +25,7 @@ struct SurfaceList {
     int count = 0;
 };
 
-// Bricks that lose their last voxel stay in the list, without surface, so that places never change.
+// Bricks that lose their last voxel stay in the list, without surface, so that indices never change.
 class DeviceVolume {
   public:
     // Queues the copy. The stream must have been waited for since the last call.

@@ -13,13 +13,13 @@ __device__ bool occupied(const std::uint64_t (*around)[kBrickEdge], int x, int y
     return around[brick][z % kBrickEdge] >> (y % kBrickEdge * kBrickEdge + x % kBrickEdge) & 1;
 }
 
-__device__ bool surrounded(const std::uint64_t (*around)[kBrickEdge], int bit, int reach, int min_lines) {
+__device__ bool surrounded(const std::uint64_t (*around)[kBrickEdge], int bit, int radius, int min_lines) {
     const int x = bit & 7, y = bit >> 3 & 7, z = bit >> 6;
     int lines = 0;
     for (int n = 0; n < kFillLines; ++n) {
         int step[3];
         fill_line(n, step);
-        const int steps = fill_steps(n, reach);
+        const int steps = fill_steps(n, radius);
         bool before = false, after = false;
         for (int s = 1; s <= steps; ++s) {
             before = before || occupied(around, x - s * step[0], y - s * step[1], z - s * step[2]);
@@ -31,7 +31,7 @@ __device__ bool surrounded(const std::uint64_t (*around)[kBrickEdge], int bit, i
 }
 
 // One block a brick, one thread a voxel; fill: 16 words a brick. Bricks without a voxel are left so.
-__global__ void find_surrounded(const Brick* bricks, BrickTable table, int reach, int min_lines,
+__global__ void find_surrounded(const Brick* bricks, BrickTable table, int radius, int min_lines,
                                 std::uint32_t* fill) {
     __shared__ std::uint64_t around[27][kBrickEdge];
     const Brick& centre = bricks[blockIdx.x];
@@ -47,7 +47,7 @@ __global__ void find_surrounded(const Brick* bricks, BrickTable table, int reach
     for (int k = 0; k < kBrickEdge; ++k) any |= centre.occupancy[k];
     const bool empty = !occupied(around, bit & 7, bit >> 3 & 7, bit >> 6);
     const unsigned word =
-        __ballot_sync(0xffffffffu, any != 0 && empty && surrounded(around, bit, reach, min_lines));
+        __ballot_sync(0xffffffffu, any != 0 && empty && surrounded(around, bit, radius, min_lines));
     if (bit % 32 == 0) fill[blockIdx.x * kWords + bit / 32] = word;
 }
 
@@ -61,12 +61,12 @@ __global__ void set_filled(Brick* bricks, int count, const std::uint32_t* fill, 
 
 }  // namespace
 
-void fill_surrounded(const Stream& stream, const DeviceVolume& volume, int reach, int min_lines,
+void fill_surrounded(const Stream& stream, const DeviceVolume& volume, int radius, int min_lines,
                      DeviceBuffer<std::uint32_t>& fill, unsigned long long* filled) {
     const int bricks = volume.brick_count();
     if (bricks == 0) return;
     fill.resize(static_cast<std::size_t>(bricks) * kWords);
-    find_surrounded<<<bricks, kBrickVoxels, 0, stream.get()>>>(volume.bricks(), volume.table(), reach,
+    find_surrounded<<<bricks, kBrickVoxels, 0, stream.get()>>>(volume.bricks(), volume.table(), radius,
                                                                min_lines, fill.data());
     set_filled<<<blocks(fill.size()), kThreads, 0, stream.get()>>>(volume.bricks(), bricks, fill.data(),
                                                                    filled);

@@ -34,23 +34,23 @@ __global__ void frame_bricks(const ViewOnDevice* views, const Brick* bricks, int
     atomicAdd(sums + 2 * view + 1, 1ull);
 }
 
-// Mean colour of each cell and of a rim of one; beyond the picture the rim repeats its border.
+// Mean colour of each cell and of a rim of one; beyond the image the rim repeats its border.
 __global__ void cell_means(const ViewOnDevice* views) {
     const ViewOnDevice& view = views[blockIdx.y];
     const int n = thread_index(), columns = view.width + 2;
-    if (!view.picture || view.width == 0 || n >= columns * (view.height + 2)) return;
+    if (!view.image || view.width == 0 || n >= columns * (view.height + 2)) return;
     const int last_column = (view.camera.width - 1) >> view.shift,
               last_row = (view.camera.height - 1) >> view.shift;
     const int column = min(max(view.cells.x0 + n % columns - 1, 0), last_column);
     const int row = min(max(view.cells.y0 + n / columns - 1, 0), last_row);
-    const Rect& box = view.picture_box;
+    const Rect& box = view.image_box;
     const int x0 = column << view.shift, x1 = min(x0 + (1 << view.shift), view.camera.width);
     const int y0 = row << view.shift, y1 = min(y0 + (1 << view.shift), view.camera.height);
     unsigned sum[3] = {};
     for (int y = y0; y < y1; ++y) {
         for (int x = x0; x < x1; ++x) {
             const std::uint8_t* pixel =
-                view.picture +
+                view.image +
                 (static_cast<std::size_t>(y - box.y0) * (box.x1 - box.x0) + (x - box.x0)) * view.channels;
             for (int c = 0; c < 3; ++c) sum[c] += pixel[view.channels == 3 ? c : 0];
         }
@@ -60,13 +60,13 @@ __global__ void cell_means(const ViewOnDevice* views) {
         view.means[3 * n + c] = static_cast<std::uint8_t>((sum[c] + count / 2) / count);
 }
 
-// Mean and deviation over 3 x 3 cells.
-__global__ void cell_colours(const ViewOnDevice* views, float max_deviation, float noise_grey) {
+// Mean and std_grey over 3 x 3 cells.
+__global__ void cell_colours(const ViewOnDevice* views, float max_difference_std, float noise_grey) {
     const ViewOnDevice& view = views[blockIdx.y];
     const int n = thread_index();
     if (n >= view.width * view.height) return;
     CellColour out;
-    if (view.picture) {
+    if (view.image) {
         const int columns = view.width + 2, corner = n / view.width * columns + n % view.width;
         for (int c = 0; c < 3; ++c) {
             float sum = 0, square = 0;  // whole numbers below 2^24: exact in any order
@@ -79,8 +79,8 @@ __global__ void cell_colours(const ViewOnDevice* views, float max_deviation, flo
             }
             const float mean = sum * (1 / 9.f), variance = square * (1 / 9.f) - mean * mean;
             out.mean[c] = static_cast<std::uint8_t>(mean + 0.5f);
-            const auto deviation = static_cast<std::uint8_t>(sqrtf(variance > 0 ? variance : 0.f) + 0.5f);
-            out.limit[c] = colour_limit(deviation, max_deviation, noise_grey);
+            const auto std_grey = static_cast<std::uint8_t>(sqrtf(variance > 0 ? variance : 0.f) + 0.5f);
+            out.limit[c] = colour_limit(std_grey, max_difference_std, noise_grey);
         }
         out.filled = 1;
     }
@@ -129,8 +129,8 @@ __global__ void splat(const ViewOnDevice* views, Lattice lattice, SurfaceList su
     if ((threadIdx.x & 31) == 0) atomicMin(view.nearest, nearest);
 }
 
-__device__ int reach_of(const ViewOnDevice& view, float voxel_m) {
-    return splat_reach_of(view.camera, view.shift, __int_as_float(*view.nearest), voxel_m);
+__device__ int splat_radius_of(const ViewOnDevice& view, float voxel_m) {
+    return splat_radius(view.camera, view.shift, __int_as_float(*view.nearest), voxel_m);
 }
 
 // Each cell takes the nearest front and the farthest back of the cells around it: along rows, then along
@@ -139,9 +139,9 @@ __global__ void widen_rows(const ViewOnDevice* views, float voxel_m) {
     const ViewOnDevice& view = views[blockIdx.y];
     const int n = thread_index();
     if (n >= view.width * view.height) return;
-    const int reach = reach_of(view, voxel_m), x = n % view.width, row = n - x;
+    const int radius = splat_radius_of(view, voxel_m), x = n % view.width, row = n - x;
     float front = kFar_m, back = 0;
-    for (int near = max(x - reach, 0); near <= min(x + reach, view.width - 1); ++near) {
+    for (int near = max(x - radius, 0); near <= min(x + radius, view.width - 1); ++near) {
         front = fminf(front, view.front_m[row + near]);
         back = fmaxf(back, view.back_m[row + near]);
     }
@@ -153,9 +153,9 @@ __global__ void widen_columns(const ViewOnDevice* views, float voxel_m) {
     const ViewOnDevice& view = views[blockIdx.y];
     const int n = thread_index();
     if (n >= view.width * view.height) return;
-    const int reach = reach_of(view, voxel_m), x = n % view.width, y = n / view.width;
+    const int radius = splat_radius_of(view, voxel_m), x = n % view.width, y = n / view.width;
     float front = kFar_m, back = 0;
-    for (int near = max(y - reach, 0); near <= min(y + reach, view.height - 1); ++near) {
+    for (int near = max(y - radius, 0); near <= min(y + radius, view.height - 1); ++near) {
         front = fminf(front, view.front_scratch[near * view.width + x]);
         back = fmaxf(back, view.back_scratch[near * view.width + x]);
     }
@@ -163,7 +163,7 @@ __global__ void widen_columns(const ViewOnDevice* views, float voxel_m) {
     view.back_m[n] = back;
 }
 
-// counts[0]: foreground of the mask in its box. A thread a pixel of the picture.
+// counts[0]: foreground of the mask in its box. A thread a pixel of the image.
 __global__ void count_mask(const ViewOnDevice* views) {
     const ViewOnDevice& view = views[blockIdx.y];
     const int n = thread_index(), x = n % view.camera.width, y = n / view.camera.width;
@@ -175,7 +175,7 @@ __global__ void count_mask(const ViewOnDevice* views) {
 }
 
 // counts[1] and [2]: the volume's projection, and what of it is in the mask. The splats made the projection
-// wider by `reach` cells; a cell counts only if all within that reach are covered.
+// wider by `radius` cells; a cell counts only if all within that radius are covered.
 __global__ void count_projection(const ViewOnDevice* views, float voxel_m) {
     __shared__ unsigned covered, shared_px;
     const ViewOnDevice& view = views[blockIdx.y];
@@ -183,10 +183,10 @@ __global__ void count_projection(const ViewOnDevice* views, float voxel_m) {
     __syncthreads();
     const int n = thread_index();
     if (view.mask && n < view.width * view.height) {
-        const int reach = reach_of(view, voxel_m), x = n % view.width, y = n / view.width;
+        const int radius = splat_radius_of(view, voxel_m), x = n % view.width, y = n / view.width;
         bool inside = true;
-        for (int cy = max(y - reach, 0); inside && cy <= min(y + reach, view.height - 1); ++cy) {
-            for (int cx = max(x - reach, 0); inside && cx <= min(x + reach, view.width - 1); ++cx) {
+        for (int cy = max(y - radius, 0); inside && cy <= min(y + radius, view.height - 1); ++cy) {
+            for (int cx = max(x - radius, 0); inside && cx <= min(x + radius, view.width - 1); ++cx) {
                 inside = view.front_m[cy * view.width + cx] < kFar_m;
             }
         }
@@ -214,14 +214,14 @@ __global__ void count_projection(const ViewOnDevice* views, float voxel_m) {
 }  // namespace
 
 void DeviceViews::frame(const Stream& stream, std::span<const ColouringView> views, const Lattice& lattice,
-                        const DeviceVolume& volume, float max_deviation, float noise_grey) {
+                        const DeviceVolume& volume, float max_difference_std, float noise_grey) {
     views_.resize(views.size());
     for (std::size_t n = 0; n < views.size(); ++n) {
         views_[n] = {};
         views_[n].camera = make_projector(*views[n].camera, "colouring: camera");
     }
     find_cells(stream, lattice, volume);
-    place_pictures(stream, views);
+    place_images(stream, views);
     if (max_cells_ == 0) return;
     std::size_t max_with_rim = 0;
     for (int n = 0; n < count(); ++n) {
@@ -230,7 +230,7 @@ void DeviceViews::frame(const Stream& stream, std::span<const ColouringView> vie
     }
     cell_means<<<blocks(max_with_rim, count()), kThreads, 0, stream.get()>>>(device_views_.data());
     cell_colours<<<blocks(max_cells_, count()), kThreads, 0, stream.get()>>>(device_views_.data(),
-                                                                             max_deviation, noise_grey);
+                                                                             max_difference_std, noise_grey);
     KINEVOX_CUDA_CHECK(cudaGetLastError());
 }
 
@@ -269,7 +269,7 @@ void DeviceViews::find_cells(const Stream& stream, const Lattice& lattice, const
     }
 }
 
-void DeviceViews::place_pictures(const Stream& stream, std::span<const ColouringView> views) {
+void DeviceViews::place_images(const Stream& stream, std::span<const ColouringView> views) {
     std::size_t cells = 0, rims = 0, byte_count = 0;
     max_cells_ = max_px_ = 0;
     for (int n = 0; n < count(); ++n) {
@@ -280,14 +280,14 @@ void DeviceViews::place_pictures(const Stream& stream, std::span<const Colouring
         rims += static_cast<std::size_t>(view.width + 2) * (view.height + 2);
         max_cells_ = std::max(max_cells_, here);
         max_px_ = std::max(max_px_, static_cast<std::size_t>(c.width) * c.height);
-        if (views[n].picture.data && here > 0) {
-            view.channels = views[n].picture.channels;
-            view.picture_box = {std::max(view.cells.x0 - 1, 0) << view.shift,
-                                std::max(view.cells.y0 - 1, 0) << view.shift,
-                                std::min((view.cells.x1 + 1) << view.shift, c.width),
-                                std::min((view.cells.y1 + 1) << view.shift, c.height)};
-            byte_count += static_cast<std::size_t>(view.picture_box.width()) * view.picture_box.height() *
-                          view.channels;
+        if (views[n].image.data && here > 0) {
+            view.channels = views[n].image.channels;
+            view.image_box = {std::max(view.cells.x0 - 1, 0) << view.shift,
+                              std::max(view.cells.y0 - 1, 0) << view.shift,
+                              std::min((view.cells.x1 + 1) << view.shift, c.width),
+                              std::min((view.cells.y1 + 1) << view.shift, c.height)};
+            byte_count +=
+                static_cast<std::size_t>(view.image_box.width()) * view.image_box.height() * view.channels;
         }
         if (views[n].sharp || views[n].silhouette) byte_count += static_cast<std::size_t>(c.width) * c.height;
     }
@@ -312,11 +312,11 @@ void DeviceViews::place_pictures(const Stream& stream, std::span<const Colouring
         cell_at += here;
         rim_at += static_cast<std::size_t>(view.width + 2) * (view.height + 2);
         if (view.channels > 0) {
-            view.picture = bytes_.data() + byte_at;
-            const Rect& box = view.picture_box;
+            view.image = bytes_.data() + byte_at;
+            const Rect& box = view.image_box;
             const std::size_t row_bytes = static_cast<std::size_t>(box.width()) * view.channels;
             for (int y = box.y0; y < box.y1; ++y, byte_at += row_bytes) {
-                std::memcpy(host_bytes_.data() + byte_at, views[n].picture.row(y) + box.x0 * view.channels,
+                std::memcpy(host_bytes_.data() + byte_at, views[n].image.row(y) + box.x0 * view.channels,
                             row_bytes);
             }
         }
@@ -351,7 +351,7 @@ void DeviceViews::look(const Stream& stream, const Lattice& lattice, const Surfa
     KINEVOX_CUDA_CHECK(cudaGetLastError());
 }
 
-std::vector<float> DeviceViews::agreement(const Stream& stream, float voxel_m) {
+std::vector<float> DeviceViews::silhouette_iou(const Stream& stream, float voxel_m) {
     fill_bytes(stream, counts_.data(), 0, counts_.size());
     count_mask<<<blocks(max_px_, count()), kThreads, 0, stream.get()>>>(device_views_.data());
     if (max_cells_ > 0) {

@@ -1,4 +1,4 @@
-// What each camera sees of a volume, on the device: its depth pictures on a grid of cells, and the colours
+// What each camera sees of a volume, on the device: its depth images on a grid of cells, and the colours
 // and the silhouette on that grid. See kernels/cpu/visibility.h for the ideas.
 #pragma once
 
@@ -17,19 +17,19 @@ namespace kinevox::kernels::cuda {
 struct ViewOnDevice {
     Projector camera;
     int shift = 0;                                // a cell is 2^shift px wide and high
-    Rect cells;                                   // the part of the picture that is looked at, in cells
+    Rect cells;                                   // the part of the image that is looked at, in cells
     int width = 0, height = 0;                    // of `cells`
     float *front_m = nullptr, *back_m = nullptr;  // per cell, as ViewOfVolume
     float *front_scratch = nullptr, *back_scratch = nullptr;  // per cell
     int* nearest = nullptr;  // bits of the nearest seen voxel's depth, m; kFar_m where none is seen
 
-    const std::uint8_t* picture = nullptr;  // the part `picture_box`, without padding; null: none
+    const std::uint8_t* image = nullptr;  // the part `image_box`, without padding; null: none
     int channels = 0;
-    Rect picture_box;               // px
+    Rect image_box;                 // px
     std::uint8_t* means = nullptr;  // B, G, R per cell, of width + 2 by height + 2 cells
     CellColour* colours = nullptr;  // per cell
 
-    const std::uint8_t* mask = nullptr;    // for the agreement, the whole picture; null: none
+    const std::uint8_t* mask = nullptr;    // for silhouette_iou(), the whole image; null: none
     Rect mask_box;                         // px, where its foreground is counted
     unsigned long long* counts = nullptr;  // px: mask, projection, both
 };
@@ -45,18 +45,18 @@ struct VoxelCells {
 
 class DeviceViews {
   public:
-    // Finds the part of each picture that the volume covers, and queues copies of that part and of the masks
+    // Finds the part of each image that the volume covers, and queues copies of that part and of the masks
     // and the work on the cells' colours, with the limits of colour_limit(). At least one view. The stream
     // must have been waited for before.
     void frame(const Stream& stream, std::span<const ColouringView> views, const Lattice& lattice,
-               const DeviceVolume& volume, float max_deviation, float noise_grey);
+               const DeviceVolume& volume, float max_difference_std, float noise_grey);
 
-    // Projects the surface and fills the depth pictures.
+    // Projects the surface and fills the depth images.
     void look(const Stream& stream, const Lattice& lattice, const SurfaceList& surface);
 
-    // Intersection over union of the volume's projection and the silhouette, as silhouette_agreement();
+    // Intersection over union of the volume's projection and the silhouette, as silhouette_iou();
     // waits.
-    std::vector<float> agreement(const Stream& stream, float voxel_m);
+    std::vector<float> silhouette_iou(const Stream& stream, float voxel_m);
 
     const ViewOnDevice* views() const { return device_views_.data(); }
     int count() const { return static_cast<int>(views_.size()); }
@@ -64,7 +64,7 @@ class DeviceViews {
 
   private:
     void find_cells(const Stream& stream, const Lattice& lattice, const DeviceVolume& volume);
-    void place_pictures(const Stream& stream, std::span<const ColouringView> views);
+    void place_images(const Stream& stream, std::span<const ColouringView> views);
 
     PinnedBuffer<ViewOnDevice> views_;
     PinnedBuffer<std::uint8_t> host_bytes_;

@@ -1,4 +1,4 @@
-// A camera made ready for projecting many points, and the bounds of a cube's picture.
+// A camera prepared for projecting many points, and bounds of a projected cube.
 #pragma once
 
 #include <cmath>
@@ -17,10 +17,10 @@ struct Projector {
     float k1, k2, p1, p2, k3;
     bool distorted = false;
     // Beyond this squared radius of normalised coordinates a point counts as unseen: OpenCV's polynomial
-    // turns back there and would fold far points into the picture.
+    // turns back there and would fold far points into the image.
     float max_radius2 = 0;
     // Largest stretch of the distortion inside that radius, >= 1; bounds what a small step can move in the
-    // picture.
+    // image.
     float stretch = 1;
 };
 
@@ -39,7 +39,7 @@ KINEVOX_HD KINEVOX_INLINE CameraPoint to_camera(const Projector& c, float x, flo
             c.r[6] * x + c.r[7] * y + c.r[8] * z + c.t[2]};
 }
 
-// Moves normalised coordinates (x, y) to where the lens puts them (OpenCV: k1 k2 p1 p2 k3).
+// Distorts normalised coordinates (x, y) (OpenCV: k1 k2 p1 p2 k3).
 KINEVOX_HD KINEVOX_INLINE void distort(const Projector& c, float& x, float& y) {
     const float r2 = x * x + y * y;
     const float radial = 1 + r2 * (c.k1 + r2 * (c.k2 + r2 * c.k3));
@@ -49,7 +49,7 @@ KINEVOX_HD KINEVOX_INLINE void distort(const Projector& c, float& x, float& y) {
     y = yd;
 }
 
-// Pixel of a camera point; false where the camera cannot see that way. (u, v) may lie outside the picture.
+// Pixel of a camera point; false where the camera cannot see that way. (u, v) may lie outside the image.
 KINEVOX_HD KINEVOX_INLINE bool to_pixel(const Projector& c, CameraPoint p, float& u, float& v) {
     const float w = 1 / p.z;
     float x = p.x * w, y = p.y * w;
@@ -68,20 +68,21 @@ KINEVOX_HD KINEVOX_INLINE int to_index(float u) {
 }
 
 // Where all points of an axis-aligned cube (centre, half edge in m) fall: within +-radius_px of (u, v) in
-// both directions. False: the cube comes too near to the camera or to the limit of its lens for a bound.
+// both directions. False: the cube comes too near to the camera or to the limit of its distortion model for a
+// bound.
 KINEVOX_HD KINEVOX_INLINE bool cube_bound(const Projector& c, float x, float y, float z, float half_edge,
                                           float& u, float& v, float& radius_px) {
     const CameraPoint p = to_camera(c, x, y, z);
-    const float reach_z = half_edge * (fabsf(c.r[6]) + fabsf(c.r[7]) + fabsf(c.r[8]));
-    const float nearest = p.z - reach_z;
+    const float extent_z = half_edge * (fabsf(c.r[6]) + fabsf(c.r[7]) + fabsf(c.r[8]));
+    const float nearest = p.z - extent_z;
     if (!(nearest > kNearest_m)) return false;
     const float a = p.x / p.z, b = p.y / p.z;
     // (X + dX) / (Z + dZ) - X / Z = (dX - a dZ) / (Z + dZ), and dX - a dZ is linear in the cube's offset.
-    const float reach_x =
+    const float extent_x =
         half_edge * (fabsf(c.r[0] - a * c.r[6]) + fabsf(c.r[1] - a * c.r[7]) + fabsf(c.r[2] - a * c.r[8]));
-    const float reach_y =
+    const float extent_y =
         half_edge * (fabsf(c.r[3] - b * c.r[6]) + fabsf(c.r[4] - b * c.r[7]) + fabsf(c.r[5] - b * c.r[8]));
-    const float move_x = reach_x / nearest, move_y = reach_y / nearest;
+    const float move_x = extent_x / nearest, move_y = extent_y / nearest;
     const float far_x = fabsf(a) + move_x, far_y = fabsf(b) + move_y;
     if (!(far_x * far_x + far_y * far_y < c.max_radius2)) return false;
     if (!to_pixel(c, p, u, v)) return false;

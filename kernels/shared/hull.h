@@ -1,4 +1,4 @@
-// What decides about a block and about a voxel of the visual hull; used by the CPU and the CUDA form.
+// Decides blocks and voxels of the visual hull; used by the CPU and the CUDA form.
 #pragma once
 
 #include <cstdint>
@@ -9,8 +9,7 @@
 namespace kinevox::kernels {
 
 inline constexpr int kMaxViews = 64;
-inline constexpr int kMissBudget =
-    252;  // a voxel whose misses, summed over the views, exceed this is outside
+inline constexpr int kMissBudget = 252;   // voxels whose misses, summed over the views, exceed it are outside
 inline constexpr int kMissOutside = 255;  // one view alone rejects
 inline constexpr int kMissPadding = 3;    // bytes, for the CPU's gathers of 32 bits
 
@@ -26,7 +25,7 @@ struct HullMaps {
     int cells_x0 = 0, cells_y0 = 0, cells_width = 0, cells_height = 0;  // in cells
 
     // Per pixel, in an area that has a rim of kMissOutside around the silhouette: 0 in the silhouette, else
-    // the distance to it in shares of the budget. kMissPadding bytes more can be read behind it.
+    // the distance to it in fractions of the budget. kMissPadding bytes more can be read behind it.
     const std::uint8_t* miss = nullptr;
     int miss_x0 = 0, miss_y0 = 0, miss_width = 0, miss_height = 0;  // px
 
@@ -63,8 +62,8 @@ KINEVOX_HD inline BlockState decide_block(const HullMaps* views, int view_count,
             ++may_contain;
             continue;
         }
-        const int reach =
-            static_cast<int>(radius) + 1;  // px by which a voxel's pixel can differ from this one
+        const int max_offset_px =
+            static_cast<int>(radius) + 1;  // maximum offset of a voxel's pixel from this one
         int column = (to_index(u) >> view.cell_shift) - view.cells_x0;
         int row = (to_index(v) >> view.cell_shift) - view.cells_y0;
         int beyond =
@@ -79,12 +78,12 @@ KINEVOX_HD inline BlockState decide_block(const HullMaps* views, int view_count,
         if (beyond > 0) cells = cells > beyond ? cells : beyond;
         if (cells > 0) {
             certain = false;
-            const int distance = ((cells - 1) << view.cell_shift) + 1 - reach;
+            const int distance = ((cells - 1) << view.cell_shift) + 1 - max_offset_px;
             const int miss = view.miss_of_distance(distance);
             misses += miss;
             if (misses > kMissBudget) return BlockState::kEmpty;
             ++may_contain;
-        } else if (cells < 0 && reach <= ((-cells - 1) << view.cell_shift)) {
+        } else if (cells < 0 && max_offset_px <= ((-cells - 1) << view.cell_shift)) {
             ++contain;
             ++may_contain;
             containing |= std::uint64_t{1} << n;
@@ -98,7 +97,7 @@ KINEVOX_HD inline BlockState decide_block(const HullMaps* views, int view_count,
     return certain && contain >= min_views ? BlockState::kFull : BlockState::kMixed;
 }
 
-// The pixel under (u, v) in `view`: its miss, or -1 where the picture ends.
+// The miss of the pixel at (u, v), or -1 outside the image.
 KINEVOX_HD KINEVOX_INLINE int miss_at(const HullMaps& view, float u, float v) {
     if (!(u >= -0.5f && v >= -0.5f && u < view.camera.width - 0.5f && v < view.camera.height - 0.5f))
         return -1;

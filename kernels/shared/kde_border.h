@@ -1,8 +1,7 @@
-// Where exactly the silhouette ends. A pixel on the border mixes subject and background, and noise is so
-// small against the subject's contrast that a tenth of the subject already counts as foreground: silhouettes
-// come out half a pixel to a pixel fat. So each pixel near the border is unmixed between the subject's colour
-// a little further in and the background, and belongs to the sharp silhouette if half or more of it is the
-// subject.
+// Sub-pixel correction of the silhouette's border. Border pixels mix subject and background; since noise is
+// small compared to the contrast, 10 % of the subject already counts as foreground and silhouettes are half a
+// pixel to a pixel too wide. So each pixel near the border is unmixed between the nearby colour of the
+// subject and the background, and belongs to the sharp silhouette if at least half of it is the subject.
 #pragma once
 
 #include <bit>
@@ -15,12 +14,12 @@
 
 namespace kinevox::kernels::kde {
 
-inline constexpr int kBorderReach = 3;  // px around a border pixel where subject and light are sampled
-inline constexpr int kBorderDepth = 2;  // px from the border inwards and outwards that are decided anew
+inline constexpr int kBorderRadius = 3;  // px around a border pixel where subject and light are sampled
+inline constexpr int kBorderDepth = 2;   // px inside and outside the border that are reclassified
 
 struct BorderParameters {
-    float min_contrast = 400;  // squared distance of subject and background below which nothing can be said
-    float subject_part = 0.5f;
+    float min_contrast = 400;  // minimum squared distance of subject and background for a decision
+    float subject_fraction = 0.5f;
 };
 
 inline constexpr std::uint8_t kZoneBorder = 0, kZoneInside = 1, kZoneOutside = 2;
@@ -43,16 +42,16 @@ struct BorderSums {
 
 // Calls body(x, zone) for every second pixel of [first, end), at most eight pixels, that is not border.
 template <class F>
-KINEVOX_HD inline void for_each_told(const std::uint8_t* zones, int first, int end, F body) {
+KINEVOX_HD inline void for_each_certain(const std::uint8_t* zones, int first, int end, F body) {
 #ifndef __CUDA_ARCH__
-    // Most of a window is border; what is not comes at once as bits.
+    // Most of a window is border; finds the other pixels as bits.
     if (std::endian::native == std::endian::little && end - first > 4) {
         std::uint32_t low, high;
         std::memcpy(&low, zones + first, 4);
         std::memcpy(&high, zones + end - 4, 4);
         const std::uint64_t window = low | std::uint64_t{high} << 8 * (end - 4 - first);
-        for (std::uint64_t told = window & 0x00ff00ff00ff00ffu; told != 0; told &= told - 1) {
-            const int byte = std::countr_zero(told) / 8;
+        for (std::uint64_t certain = window & 0x00ff00ff00ff00ffu; certain != 0; certain &= certain - 1) {
+            const int byte = std::countr_zero(certain) / 8;
             body(first + byte, static_cast<std::uint8_t>(window >> 8 * byte));
         }
         return;
@@ -75,13 +74,13 @@ KINEVOX_HD inline BorderSums<kChannels> sum_around(int x, int y, int width, cons
                                                    const std::uint8_t* zones, const std::uint8_t* values,
                                                    const std::uint8_t* reference, int cells_per_row) {
     BorderSums<kChannels> sums;
-    const int x0 = x - kBorderReach < limit.x0 ? limit.x0 : x - kBorderReach;
-    const int y0 = y - kBorderReach < limit.y0 ? limit.y0 : y - kBorderReach;
-    const int x1 = x + kBorderReach + 1 > limit.x1 ? limit.x1 : x + kBorderReach + 1;
-    for (int py = y0; py <= y + kBorderReach && py < limit.y1; ++py) {
+    const int x0 = x - kBorderRadius < limit.x0 ? limit.x0 : x - kBorderRadius;
+    const int y0 = y - kBorderRadius < limit.y0 ? limit.y0 : y - kBorderRadius;
+    const int x1 = x + kBorderRadius + 1 > limit.x1 ? limit.x1 : x + kBorderRadius + 1;
+    for (int py = y0; py <= y + kBorderRadius && py < limit.y1; ++py) {
         const std::uint8_t* row = zones + static_cast<long long>(py) * width;
-        // Every second pixel, as on a chessboard, tells as much at half the cost.
-        for_each_told(row, x0 + ((x0 + py) & 1), x1, [&](int px, std::uint8_t zone) {
+        // A chessboard pattern gives the same result at half the cost.
+        for_each_certain(row, x0 + ((x0 + py) & 1), x1, [&](int px, std::uint8_t zone) {
             const long long at = border_offset<kChannels>(px, py, cells_per_row);
             const std::uint8_t* v = values + at;
             const int weight = border_weight(px - x, py - y);
@@ -101,7 +100,7 @@ KINEVOX_HD inline BorderSums<kChannels> sum_around(int x, int y, int width, cons
     return sums;
 }
 
-// Whether a pixel of these values is half the subject's: 1 or 0, or -1 where that cannot be told.
+// 1 if at least half of the pixel is the subject, 0 if not, -1 if undecidable.
 template <int kChannels>
 KINEVOX_HD inline int unmix(const BorderSums<kChannels>& sums, const std::uint8_t* value,
                             const std::uint8_t* reference, const BorderParameters& p) {
@@ -117,7 +116,7 @@ KINEVOX_HD inline int unmix(const BorderSums<kChannels>& sums, const std::uint8_
         contrast += step * step;
     }
     if (contrast < p.min_contrast) return -1;
-    return along > p.subject_part * contrast ? 1 : 0;
+    return along > p.subject_fraction * contrast ? 1 : 0;
 }
 
 // unmix() of the pixel (x, y); `values` and `reference` in cells.

@@ -12,7 +12,7 @@
 
 namespace kinevox::kernels::kde {
 
-// Pixels that lie together in memory: samples, bandwidths and pictures are stored as [cell][..][channel][64].
+// Pixels that lie together in memory: samples, bandwidths and images are stored as [cell][..][channel][64].
 inline constexpr int kCellPixels = 64;
 
 // The density at which a pixel is background beyond doubt, as a part of the highest one (all samples equal to

@@ -1,9 +1,10 @@
 // From the background's density to the evidence for foreground of one pixel: a log-likelihood ratio in nats.
 //
 // Three explanations compete. Lit background: the kernel density. Background in another light (shadow or
-// lamp): the pixel is the reference times one factor for all channels, so its chromaticity agrees (Horprasert
-// et al. 1999), and the factor agrees with its neighbourhood's, because shadows are smooth and cloth is not.
-// Foreground: colours seen on the subject before, mixed with a uniform density for those not seen yet.
+// lamp): the pixel is the reference times one factor for all channels, so its chromaticity is the same
+// (Horprasert et al. 1999), and the factor is near its neighbourhood's, because shadows are smooth and cloth
+// is not. Foreground: colours seen on the subject before, mixed with a uniform density for those not seen
+// yet.
 #pragma once
 
 #include <cstdint>
@@ -16,26 +17,26 @@ namespace kinevox::kernels::kde {
 inline constexpr float kLogUniformLevel = -5.545177f;  // log(1 / 256)
 inline constexpr float kLogGaussianPeak = -0.918939f;  // log(1 / sqrt(2 pi))
 inline constexpr int kHistogramBins = 16;              // per channel, of 16 grey levels each
-inline constexpr int kLightReach = 2;                  // px; the light's neighbourhood is 5 x 5
+inline constexpr int kLightRadius = 2;                 // px; the light's neighbourhood is 5 x 5
 
 struct EvidenceParameters {
     float darkest = 0.35f, brightest = 1.25f;  // range of the light's factor
     float log_prior_light = -2.3f;             // of a pixel being background in another light
-    float light_smoothness = 5.0f;             // weight of the factor's disagreement with the neighbourhood
-    float light_deviation = 0.015f;            // of the factor inside a neighbourhood, one standard deviation
-    float coarse_residual = 14.0f;             // above this a pixel tells nothing about its neighbours' light
-    // Variance of a pixel around its light: this part of the bandwidth's square, which is generous for the
+    float light_smoothness = 5.0f;             // weight of the factor's difference from the neighbourhood
+    float light_std = 0.015f;                  // of the factor inside a neighbourhood
+    float coarse_residual = 14.0f;             // above it a pixel is no evidence for its neighbours' light
+    // Variance of a pixel around its light: this fraction of the squared bandwidth, which is generous for the
     // kernel sum, and of the brightness.
-    float noise_part = 0.3f;
-    float relative_deviation = 0.01f;
+    float noise_fraction = 0.3f;
+    float relative_std = 0.01f;
     float limit = 8.0f;  // of the evidence, either sign, nats
 };
 
 // The variance of a channel around its light times the squared scale (256 / bandwidth), so that quotients by
 // it take no division for the bandwidth.
 KINEVOX_HD inline float scaled_variance(float reference, float squared_scale, const EvidenceParameters& p) {
-    const float spread = p.relative_deviation * reference;
-    return p.noise_part * 65536.0f + spread * spread * squared_scale;
+    const float spread = p.relative_std * reference;
+    return p.noise_fraction * 65536.0f + spread * spread * squared_scale;
 }
 
 // A sum of quotients that costs a single division in the end.
@@ -47,8 +48,8 @@ struct Quotient {
     }
 };
 
-// How far a pixel can be the reference in another light. `factor` is that light, `residual` the squared
-// distance from factor * reference in standard deviations. The quotient of the sums of the two weighted terms
+// Fits the reference in another light to a pixel. `factor` is that light, `residual` the squared
+// distance from factor * reference in units of sigma. The quotient of the sums of the two weighted terms
 // over a neighbourhood is its light; a pixel that does not fit has no weight in it.
 template <int kChannels>
 KINEVOX_HD inline void fit_light(const std::uint8_t* value, const std::uint8_t* reference,
@@ -79,10 +80,10 @@ KINEVOX_HD inline void fit_light(const std::uint8_t* value, const std::uint8_t* 
 }
 
 // log_lit: log of the kernel density over its peak, from a table by density(); for density 0 it is the upper
-// bound and the distance from the reference tells more. log_peak: log of the density's peak. light_step: how
-// far the pixel's light is from its neighbourhood's, the nearest of the neighbourhoods around it and at its
-// four sides, since a hard shadow ends between two pixels. log_foreground: log density of the pixel's colour
-// on the subject.
+// bound and the distance from the reference is more precise. log_peak: log of the density's peak. light_step:
+// how far the pixel's light is from its neighbourhood's, the nearest of the neighbourhoods around it and at
+// its four sides, since a hard shadow ends between two pixels. log_foreground: log density of the pixel's
+// colour on the subject.
 template <int kChannels>
 KINEVOX_HD inline float evidence(const std::uint8_t* value, const std::uint8_t* reference,
                                  const std::uint8_t* scale, int density, float log_lit, float log_peak,
@@ -98,11 +99,10 @@ KINEVOX_HD inline float evidence(const std::uint8_t* value, const std::uint8_t* 
     const float tail = -0.5f / 65536.0f * distance;
     const float floor = tail < log_lit ? tail : log_lit;
     const float lit = density > 0 ? log_lit : floor;
-    // The variance of the step is 1 / (1 + precision) + deviation^2.
+    // The variance of the step is 1 / (1 + precision) + light_std^2.
     const float certain = precision.denominator + precision.numerator;
-    const float disagreement =
-        residual + p.light_smoothness * light_step * light_step * certain /
-                       (precision.denominator + p.light_deviation * p.light_deviation * certain);
+    const float disagreement = residual + p.light_smoothness * light_step * light_step * certain /
+                                              (precision.denominator + p.light_std * p.light_std * certain);
     const float light = p.log_prior_light - 0.5f * disagreement;
     const float ratio = log_foreground - log_peak - (lit > light ? lit : light);
     return ratio < -p.limit ? -p.limit : ratio > p.limit ? p.limit : ratio;

@@ -10,7 +10,8 @@
 namespace kinevox::kernels::kde {
 
 inline constexpr int kGroupPixels = 16;
-inline constexpr int kActiveMargin = 4;  // px in rows and columns: the light's reach and the smoothing's
+inline constexpr int kActiveMargin =
+    4;  // px in rows and columns: radius of the light's neighbourhood plus that of the smoothing
 inline constexpr int kSlices = kCellPixels / kActiveMargin;  // of a cell, as wide as the margin
 
 // Groups of a cell as bits, from the left; beside them those of the cells to the left and to the right.

@@ -22,7 +22,7 @@ KINEVOX_HD KINEVOX_INLINE CellSpan cell_span(float centre_px, float radius_px, i
 }
 
 // How much of pixel n lies in the span, 0..1.
-KINEVOX_HD KINEVOX_INLINE float pixel_share(const CellSpan& span, int n) {
+KINEVOX_HD KINEVOX_INLINE float pixel_coverage(const CellSpan& span, int n) {
     const float begin = span.begin > static_cast<float>(n) ? span.begin : static_cast<float>(n);
     const float end = span.end < static_cast<float>(n + 1) ? span.end : static_cast<float>(n + 1);
     return end > begin ? end - begin : 0.f;

@@ -1,4 +1,4 @@
-// What is taken for a hole in the volume; used by the CPU and the CUDA form.
+// Detects holes in the volume; used by the CPU and the CUDA form.
 //
 // A hole in one silhouette drills a tunnel through the volume along that camera's rays. A voxel in it has the
 // volume on both sides of it along almost every line, but for the tunnel's own direction; between two legs or
@@ -10,11 +10,11 @@
 
 namespace kinevox::kernels {
 
-inline constexpr int kFillLines = 7;              // the three axes and the four diagonals of a cube
-inline constexpr int kFillLinesOfHull = 6;        // that must meet the volume on both sides
-inline constexpr int kFillLinesOfColouring = 5;   // the same within the hull, after the sharp silhouettes
-inline constexpr int kFillPassesOfColouring = 2;  // the second closes what the first made narrower
-inline constexpr int kMaxFillReach = kBrickEdge;  // voxels: the bricks around one hold all that is asked
+inline constexpr int kFillLines = 7;               // the three axes and the four diagonals of a cube
+inline constexpr int kFillLinesOfHull = 6;         // that must meet the volume on both sides
+inline constexpr int kFillLinesOfColouring = 5;    // the same within the hull, after the sharp silhouettes
+inline constexpr int kFillPassesOfColouring = 2;   // the second closes what the first made narrower
+inline constexpr int kMaxFillRadius = kBrickEdge;  // voxels: only neighbouring bricks are read
 
 // A step along line n, each -1, 0 or 1.
 KINEVOX_HD inline void fill_line(int n, int* step) {
@@ -25,16 +25,16 @@ KINEVOX_HD inline void fill_line(int n, int* step) {
     step[2] = (n - 3) & 2 ? -1 : 1;
 }
 
-// How many steps along line n are about `reach` voxels.
-KINEVOX_HD inline int fill_steps(int n, int reach) {
-    const int diagonal = (reach * 37 + 32) / 64;  // over the root of 3, rounded
-    return n < 3 || reach < 1 ? reach : (diagonal < 1 ? 1 : diagonal);
+// Number of steps along line n that cover about `radius` voxels.
+KINEVOX_HD inline int fill_steps(int n, int radius) {
+    const int diagonal = (radius * 37 + 32) / 64;  // over the root of 3, rounded
+    return n < 3 || radius < 1 ? radius : (diagonal < 1 ? 1 : diagonal);
 }
 
-// A length as a reach in voxels.
-KINEVOX_HD inline int fill_reach_of(float length_m, float voxel_m) {
+// Converts a length to a radius in voxels.
+KINEVOX_HD inline int fill_radius_voxels(float length_m, float voxel_m) {
     const float voxels = length_m / voxel_m + 0.5f;
-    return voxels < kMaxFillReach ? static_cast<int>(voxels) : kMaxFillReach;
+    return voxels < kMaxFillRadius ? static_cast<int>(voxels) : kMaxFillRadius;
 }
 
 }  // namespace kinevox::kernels

@@ -1,4 +1,4 @@
-// What decides whether a camera sees a surface voxel; used by the CPU and the CUDA form.
+// Decides whether a camera sees a surface voxel; used by the CPU and the CUDA form.
 #pragma once
 
 #include <cfloat>
@@ -30,7 +30,7 @@ KINEVOX_HD inline void open_normal(unsigned open, float* normal) {
 
 // Where one surface voxel's centre falls in one view.
 struct VoxelCell {
-    std::int32_t cell = -1;  // index into the view's pictures of cells; -1: the camera does not see that way
+    std::int32_t cell = -1;  // index into the view's images of cells; -1: the camera does not see that way
     float depth_m = kFar_m;  // along the camera's axis
 };
 
@@ -40,15 +40,15 @@ inline constexpr float kTurnedWithin = 1.5f;
 
 inline constexpr float kHiddenWeight = 1e-4f;  // of the colour from a view that does not see the voxel
 
-// How squarely the camera looks at a voxel's open sides; `normal` as open_normal() gives it.
+// Cosine-like measure of how directly the camera faces a voxel's open sides; `normal` from open_normal().
 KINEVOX_HD inline float facing_of(const Projector& camera, const float* normal) {
     const float* r = camera.r;  // its third row looks along the camera's axis
     return -(normal[0] * r[6] + normal[1] * r[7] + normal[2] * r[8]);
 }
 
-// How far behind the view's nearest surface a voxel is still seen, m. The splats make the depth picture's
-// edges thick, so a side that is looked at flatly lies behind its own front; a side that is turned to the
-// camera may do so by more.
+// Distance (m) behind the view's nearest surface within which a voxel counts as seen. Splats widen the depth
+// map's edges, so that a side seen at a grazing angle lies behind its own front; sides facing the camera
+// tolerate more.
 KINEVOX_HD inline float seen_within(float facing, float voxel_m) {
     return (facing > 0.25f ? kFacingWithin : kTurnedWithin) * voxel_m;
 }
@@ -60,24 +60,24 @@ KINEVOX_HD inline float colour_weight(float facing, float depth_m) {
     return weight;
 }
 
-// How many cells the splat of the nearest voxel widens its own cell by: half the projected diagonal of a
-// voxel's face, so that the surface closes.
-KINEVOX_HD inline int splat_reach_of(const Projector& camera, int shift, float nearest_m, float voxel_m) {
+// Radius of the nearest voxel's splat in cells: half the projected diagonal of a voxel's face, so that the
+// surface has no gaps.
+KINEVOX_HD inline int splat_radius(const Projector& camera, int shift, float nearest_m, float voxel_m) {
     if (nearest_m == kFar_m) return 0;
     const float cell_px = static_cast<float>(1 << shift);
     const float focal = camera.fx > camera.fy ? camera.fx : camera.fy;
-    const int reach = static_cast<int>(focal * 0.71f * voxel_m / nearest_m / cell_px + 0.5f);
-    return reach < 64 ? reach : 64;
+    const int radius = static_cast<int>(focal * 0.71f * voxel_m / nearest_m / cell_px + 0.5f);
+    return radius < 64 ? radius : 64;
 }
 
-// What one brick (centre, edge in m) adds to the part of a view's picture that its volume covers. True: it
-// adds its depth to the mean as well.
+// Extends the image box covered by the volume by one brick (centre, edge in m). True: its depth counts for
+// the mean, too.
 KINEVOX_HD inline bool frame_brick(const Projector& c, float x, float y, float z, float edge, Rect& px,
                                    float& depth_m) {
     float u, v, radius;
     depth_m = to_camera(c, x, y, z).z;
     if (!cube_bound(c, x, y, z, 0.5f * edge, u, v, radius)) {
-        if (depth_m > -edge) px = {0, 0, c.width, c.height};  // perhaps seen: look everywhere
+        if (depth_m > -edge) px = {0, 0, c.width, c.height};  // possibly visible: whole image
         return false;
     }
     const Rect here{to_index(u - radius), to_index(v - radius), to_index(u + radius) + 2,

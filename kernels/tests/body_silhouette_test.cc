@@ -19,19 +19,19 @@ namespace {
 using testing::camera_looking;
 using testing::capsule_person;
 
-struct Picture {
+struct Image {
     std::vector<std::uint8_t> mask;
     Rect bounds;
 };
 
-Picture render(BodySilhouetteRenderer& renderer, const std::vector<TaperedCapsule>& body,
-               const CameraModel& camera) {
-    Picture picture;
-    picture.mask.assign(static_cast<std::size_t>(camera.width) * camera.height, 77);
-    BodyView view{&camera, picture.mask.data(), {}};
+Image render(BodySilhouetteRenderer& renderer, const std::vector<TaperedCapsule>& body,
+             const CameraModel& camera) {
+    Image image;
+    image.mask.assign(static_cast<std::size_t>(camera.width) * camera.height, 77);
+    BodyView view{&camera, image.mask.data(), {}};
     renderer.render(body, std::span(&view, 1));
-    picture.bounds = view.bounds;
-    return picture;
+    image.bounds = view.bounds;
+    return image;
 }
 
 struct Ball {
@@ -89,14 +89,14 @@ bool ray_meets_body(const std::vector<TaperedCapsule>& body, const Projector& ca
 }
 
 void expect_as_reference(const std::vector<TaperedCapsule>& body, const CameraModel& camera,
-                         const Picture& picture, double tolerance_px) {
+                         const Image& image, double tolerance_px) {
     const std::vector<Ball> balls = balls_of(body, camera);
     const Projector projector = make_projector(camera, "test");
     int set = 0, wrong = 0, wrong_rays = 0;
     Rect box{camera.width, camera.height, 0, 0};
     for (int y = 0; y < camera.height; ++y) {
         for (int x = 0; x < camera.width; ++x) {
-            const std::uint8_t value = picture.mask[static_cast<std::size_t>(y) * camera.width + x];
+            const std::uint8_t value = image.mask[static_cast<std::size_t>(y) * camera.width + x];
             ASSERT_TRUE(value == 0 || value == 255);
             const double distance = distance_px(balls, camera, x, y);
             wrong += value ? distance > tolerance_px : distance < -tolerance_px;
@@ -111,7 +111,7 @@ void expect_as_reference(const std::vector<TaperedCapsule>& body, const CameraMo
     EXPECT_EQ(wrong, 0) << "of " << set;
     EXPECT_EQ(wrong_rays, 0) << "of " << set;
     EXPECT_GT(set, 100);
-    EXPECT_EQ(picture.bounds, box);
+    EXPECT_EQ(image.bounds, box);
 }
 
 CameraModel side_camera(int width, int height, float focal) {
@@ -135,7 +135,7 @@ class BodySilhouette : public ::testing::TestWithParam<Device> {
 INSTANTIATE_TEST_SUITE_P(Devices, BodySilhouette, ::testing::Values(Device::kCpu, Device::kCuda),
                          [](const auto& info) { return info.param == Device::kCpu ? "Cpu" : "Cuda"; });
 
-TEST_P(BodySilhouette, OfAPersonInPinholeCameras) {
+TEST_P(BodySilhouette, MatchesReferenceInPinholeCameras) {
     for (const float heading : {0.f, 1.1f, 2.9f}) {
         const auto body = capsule_person(0.1f, 0.05f, heading, 0.5f);
         for (const CameraModel& camera : {side_camera(96, 96, 150), side_camera(150, 200, 330)})
@@ -143,7 +143,7 @@ TEST_P(BodySilhouette, OfAPersonInPinholeCameras) {
     }
 }
 
-TEST_P(BodySilhouette, ThroughADistortingLens) {
+TEST_P(BodySilhouette, MatchesReferenceWithDistortion) {
     CameraModel camera = side_camera(200, 150, 165);
     camera.k1 = -0.25f, camera.k2 = 0.08f, camera.p1 = 0.002f, camera.p2 = -0.001f;
     const auto body = capsule_person(0.3f, 0.6f, 0.4f, 0.7f);
@@ -152,7 +152,7 @@ TEST_P(BodySilhouette, ThroughADistortingLens) {
     expect_as_reference(body, camera, render(*renderer, body, camera), 0.15);
 }
 
-TEST_P(BodySilhouette, CapsulesSeenEndOnAndInsideOneAnother) {
+TEST_P(BodySilhouette, HandlesCapsulesEndOnAndNested) {
     const CameraModel camera = side_camera(128, 128, 180);
     const float eye[3] = {3.0f, -2.2f, 1.4f};
     const auto towards = [&](float t, int k) { return 0.1f * (k == 0) + t * (eye[k] - 0.1f * (k == 0)); };
@@ -168,14 +168,14 @@ TEST_P(BodySilhouette, CapsulesSeenEndOnAndInsideOneAnother) {
     }
 }
 
-TEST_P(BodySilhouette, CutByThePictureAndBehindTheCamera) {
+TEST_P(BodySilhouette, ClipsAtImageBorderAndBehindCamera) {
     const CameraModel camera = side_camera(128, 96, 400);  // sees the trunk only
     const auto body = capsule_person(0, 0, 0, 0.3f);
-    const Picture picture = render(*renderer, body, camera);
-    expect_as_reference(body, camera, picture, 0.15);
-    EXPECT_EQ(picture.bounds.y0, 0);
-    EXPECT_EQ(picture.bounds.y1, 96);
-    const Picture behind = render(*renderer, capsule_person(6, -5, 0, 0), camera);
+    const Image image = render(*renderer, body, camera);
+    expect_as_reference(body, camera, image, 0.15);
+    EXPECT_EQ(image.bounds.y0, 0);
+    EXPECT_EQ(image.bounds.y1, 96);
+    const Image behind = render(*renderer, capsule_person(6, -5, 0, 0), camera);
     EXPECT_TRUE(behind.bounds.empty());
     EXPECT_THAT(behind.mask, ::testing::Each(0));
     // A bar from before the camera to behind it: only its front part is there.
@@ -183,7 +183,7 @@ TEST_P(BodySilhouette, CutByThePictureAndBehindTheCamera) {
     EXPECT_FALSE(render(*renderer, bar, camera).bounds.empty());
 }
 
-TEST_P(BodySilhouette, ManyViewsAtOnceAndAgain) {
+TEST_P(BodySilhouette, RendersManyViewsRepeatedly) {
     const auto body = capsule_person(0, 0, 0.7f, 0.4f);
     std::vector<CameraModel> cameras{side_camera(96, 96, 150), side_camera(128, 64, 90),
                                      side_camera(64, 96, 120)};
@@ -196,14 +196,14 @@ TEST_P(BodySilhouette, ManyViewsAtOnceAndAgain) {
     for (int again = 0; again < 2; ++again) {
         renderer->render(body, views);
         for (std::size_t n = 0; n < cameras.size(); ++n) {
-            const Picture alone = render(*renderer, body, cameras[n]);
+            const Image alone = render(*renderer, body, cameras[n]);
             EXPECT_EQ(masks[n], alone.mask);
             EXPECT_EQ(views[n].bounds, alone.bounds);
         }
     }
 }
 
-TEST_P(BodySilhouette, NothingAndBadInput) {
+TEST_P(BodySilhouette, HandlesEmptyAndRejectsInvalidInput) {
     const CameraModel camera = side_camera(64, 64, 100);
     EXPECT_TRUE(render(*renderer, {}, camera).bounds.empty());
     EXPECT_THROW(render(*renderer, {{{0, 0, 1}, {0, 0, 2}, -0.1f, 0.1f}}, camera), std::invalid_argument);

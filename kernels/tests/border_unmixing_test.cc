@@ -29,18 +29,18 @@ struct Scene {
                                                         : std::clamp(reference[n] + noise(random), 0, 255));
         }
     }
-    BorderPictures pictures(const Rect& limit) const {
+    BorderImages images(const Rect& limit) const {
         return {kWidth, limit, zones.data(), values.data(), reference.data(), kCells, channels, {}};
     }
 };
 
 class BorderUnmixing : public ::testing::TestWithParam<int> {};
 
-TEST_P(BorderUnmixing, OfARowIsThatOfEachOfItsPixels) {
+TEST_P(BorderUnmixing, RowEqualsSinglePixels) {
     const Scene scene(GetParam(), 5);
     int subject = 0, background = 0, untold = 0;
     for (const Rect& limit : {Rect{0, 0, Scene::kWidth, Scene::kHeight}, Rect{17, 4, 150, 23}}) {
-        const BorderPictures p = scene.pictures(limit);
+        const BorderImages p = scene.images(limit);
         for (int y = limit.y0; y < limit.y1; ++y) {
             std::vector<std::uint8_t> row(Scene::kWidth, 77);
             unmix_row(p, y, limit.x0, limit.x1, row.data());

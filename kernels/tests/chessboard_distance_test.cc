@@ -19,7 +19,7 @@ int distance_to(const std::vector<std::uint8_t>& kind, int width, int height, in
     return std::min(nearest, 127);
 }
 
-TEST(ChessboardDistance, IsTheNearestOfAllCells) {
+TEST(ChessboardDistance, EqualsMinimumOverAllCells) {
     std::mt19937 random(9);
     std::vector<std::uint8_t> scratch;
     for (const auto& [width, height] : {std::pair{1, 1}, {16, 3}, {17, 20}, {33, 40}, {150, 6}, {5, 140}}) {

@@ -8,7 +8,7 @@
 #include <random>
 #include <stdexcept>
 
-#include "kernels/cpu/support.h"
+#include "kernels/cpu/colouring_steps.h"
 #include "kernels/cpu/surface.h"
 #include "kernels/projection.h"
 #include "kernels/tests/volume_scene.h"
@@ -86,7 +86,7 @@ Colour checks(const float* p) {  // patches of about 12 cm in clearly different 
     return kPalette[n];
 }
 
-TEST(Surface, MatchesItsDefinitionVoxelByVoxel) {
+TEST(Surface, MatchesDefinitionForEachVoxel) {
     const Lattice lattice = make_lattice(0.02f, 24, 16, 32);
     std::mt19937 random(3);
     const VoxelVolume volume = volume_of(lattice, [&](const float* p) {
@@ -134,7 +134,7 @@ TEST(Surface, MatchesItsDefinitionVoxelByVoxel) {
         const int edge = 2 * radius + 1, all = edge * edge * edge;
         std::uint64_t thin[5][kBrickEdge];
         const int least[5] = {0, all / 3, all / 2, all * 47 / 100, all + 1};
-        for (int n = 0; n < 5; ++n) find_thin(volume, grid, brick, radius, least[n], thin[n]);
+        for (int n = 0; n < 5; ++n) find_unsupported(volume, grid, brick, radius, least[n], thin[n]);
         for (int bit = 0; bit < kBrickVoxels; ++bit) {
             int sum = 0;
             for (int dz = -radius; dz <= radius; ++dz)
@@ -151,7 +151,7 @@ TEST(Surface, MatchesItsDefinitionVoxelByVoxel) {
 }
 
 // A red and a green sphere, each hidden from one camera by the other: no colour may shine through.
-TEST(Colouring, HiddenSurfacesTakeNoColourFromWhatHidesThem) {
+TEST(Colouring, HiddenSurfacesIgnoreOccluders) {
     Scene scene = ring_of_cameras(4, -0.1f, 0.02f, 0);
     const float ax = 0.45f * std::cos(0.2f), ay = 0.45f * std::sin(0.2f);  // along the first camera's axis
     const auto red = [&](const float* p) { return sphere_distance(p, ax, ay, 1, 0.2f); };
@@ -207,7 +207,7 @@ TEST(Colouring, HiddenSurfacesTakeNoColourFromWhatHidesThem) {
     for (float iou : report.silhouette_iou) EXPECT_GT(iou, 0.93f);
 }
 
-TEST(Colouring, CarvesAPhantomAndKeepsTheBody) {
+TEST(Colouring, CarvesPhantomAndKeepsBody) {
     Scene scene = ring_of_cameras(8, 0, 0, 0);
     scene.draw([](const float* p) { return sphere_distance(p, 0, 0, 1, 0.35f); }, checks);
     const auto body = [](const float* p) { return sphere_distance(p, 0, 0, 1, 0.35f) < 0; };
@@ -224,13 +224,13 @@ TEST(Colouring, CarvesAPhantomAndKeepsTheBody) {
     ColouringReport report;
     make_voxel_colourer(Device::kCpu, options)->colour(scene.colouring_views(), volume, report);
     EXPECT_LT(report.rounds, 40) << "did not settle";
-    EXPECT_LT(count(volume, phantom), phantom_before / 2);  // patches agree by chance now and then
+    EXPECT_LT(count(volume, phantom), phantom_before / 2);  // patches match by chance occasionally
     EXPECT_GT(count(volume, body), body_before * 99 / 100);
     EXPECT_EQ(report.carved + count(volume, body) + count(volume, [&](const float* p) { return !body(p); }),
               report.carved + count(volume, [](const float*) { return true; }));
 }
 
-TEST(Colouring, SharpSilhouettesTrimWhatLooseOnesLetThrough) {
+TEST(Colouring, SharpSilhouettesTrimLooseHull) {
     Scene scene = ring_of_cameras(6, 0, 0, 0);
     scene.draw([](const float* p) { return sphere_distance(p, 0, 0, 1, 0.3f); });
     const auto body = [](const float* p) { return sphere_distance(p, 0, 0, 1, 0.28f) < 0; };
@@ -239,7 +239,7 @@ TEST(Colouring, SharpSilhouettesTrimWhatLooseOnesLetThrough) {
     const std::size_t before = count(volume, body), all = count(volume, [](const float*) { return true; });
     ColouringOptions options;
     options.min_support = 0;
-    options.max_colour_deviation = 0;
+    options.max_colour_difference_std = 0;
     options.sharp_budget_permille = 0;
     ColouringReport report;
     make_voxel_colourer(Device::kCpu, options)->colour(scene.colouring_views(), volume, report);
@@ -249,7 +249,7 @@ TEST(Colouring, SharpSilhouettesTrimWhatLooseOnesLetThrough) {
 }
 
 // Four cameras make a prism of a cylinder; a rod thinner than what a ray must keep stays as it is.
-TEST(Colouring, RoundsAHullButLeavesAThinRod) {
+TEST(Colouring, RoundsHullButKeepsThinRod) {
     Scene scene = ring_of_cameras(4, 0, 0, 0);
     const auto cylinder = [](const float* p) {
         return std::max(std::hypot(p[0], p[1]) - 0.2f, std::fabs(p[2] - 1) - 0.3f);
@@ -267,7 +267,7 @@ TEST(Colouring, RoundsAHullButLeavesAThinRod) {
     const std::size_t body_before = count(volume, body), excess_before = count(volume, excess);
     const std::size_t rod_before = count(volume, thin);
     ColouringOptions options;
-    options.max_colour_deviation = 0;
+    options.max_colour_difference_std = 0;
     options.sharp_budget_permille = -1;
     options.max_rounds = 20;
     ColouringReport report;
@@ -280,7 +280,7 @@ TEST(Colouring, RoundsAHullButLeavesAThinRod) {
     for (float iou : report.silhouette_iou) EXPECT_GT(iou, 0.9f);
 }
 
-TEST(Colouring, SameResultWhateverTheThreads) {
+TEST(Colouring, ResultIsIndependentOfThreads) {
     Scene scene = ring_of_cameras(4, -0.1f, 0.02f, 0);
     scene.draw([](const float* p) { return sphere_distance(p, 0, 0, 1, 0.3f); }, checks);
     const Lattice lattice = make_lattice(0.01f, 80, 80, 80);
@@ -307,7 +307,7 @@ TEST(Colouring, SameResultWhateverTheThreads) {
     }
 }
 
-TEST(Colouring, EmptyVolumeAndAbsentPictures) {
+TEST(Colouring, HandlesEmptyVolumeAndAbsentImages) {
     Scene scene = ring_of_cameras(3, 0, 0, 0);
     scene.draw([](const float* p) { return sphere_distance(p, 0, 0, 1, 0.3f); }, checks);
     auto colourer = make_voxel_colourer(Device::kCpu);
@@ -321,7 +321,7 @@ TEST(Colouring, EmptyVolumeAndAbsentPictures) {
     VoxelVolume volume =
         volume_of(nothing.lattice, [](const float* p) { return sphere_distance(p, 0, 0, 1, 0.2f) < 0; });
     auto views = scene.colouring_views();
-    for (ColouringView& view : views) view.picture = {}, view.silhouette = view.sharp = nullptr;
+    for (ColouringView& view : views) view.image = {}, view.silhouette = view.sharp = nullptr;
     colourer->colour(views, volume, report);
     EXPECT_FALSE(volume.colours.empty());
     for (float iou : report.silhouette_iou) EXPECT_TRUE(std::isnan(iou));
@@ -329,7 +329,7 @@ TEST(Colouring, EmptyVolumeAndAbsentPictures) {
     EXPECT_FALSE(volume.colours.empty());
 }
 
-TEST(Colouring, BadInputIsRefusedWithItsName) {
+TEST(Colouring, RejectsInvalidInputByName) {
     using ::testing::HasSubstr;
     using ::testing::ThrowsMessage;
     Scene scene = ring_of_cameras(2, 0, 0, 0);
@@ -337,15 +337,15 @@ TEST(Colouring, BadInputIsRefusedWithItsName) {
     VoxelVolume volume = volume_of(make_lattice(0.02f, 16, 16, 16), [](const float*) { return true; });
     ColouringReport report;
     auto views = scene.colouring_views();
-    views[1].picture.width = 17;
+    views[1].image.width = 17;
     EXPECT_THAT([&] { make_voxel_colourer(Device::kCpu)->colour(views, volume, report); },
-                ThrowsMessage<std::invalid_argument>(HasSubstr("picture 1 is 17 x")));
+                ThrowsMessage<std::invalid_argument>(HasSubstr("image 1 is 17 x")));
     ColouringOptions options;
     options.min_support = 0.9f;
     EXPECT_THAT(options.check(), HasSubstr("min_support"));
 }
 
-TEST(Projection, CoversTheSilhouetteItCameFromAndFollowsAMove) {
+TEST(Projection, CoversSourceSilhouetteAndFollowsTranslation) {
     Scene scene = ring_of_cameras(4, -0.1f, 0.02f, 0.0005f);
     const auto ball = [](float x) {
         return [x](const float* p) { return sphere_distance(p, x, 0, 1, 0.3f); };

@@ -17,7 +17,7 @@ namespace {
 using testing::draw_figure;
 using testing::ShapeMask;
 
-TEST(CudaMoments, AreTheCpuForms) {
+TEST(CudaMoments, EqualCpuForm) {
     for (const MomentOptions& options : {MomentOptions{}, MomentOptions{.order = 20, .grid = 128}}) {
         std::unique_ptr<MomentCalculator> gpu;
         try {

@@ -1,4 +1,4 @@
-// The CUDA segmentation against the CPU's, frame for frame on a noisy picture that a square walks through.
+// The CUDA segmentation against the CPU's, frame for frame on a noisy image that a square walks through.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -12,18 +12,18 @@
 namespace kinevox::kernels {
 namespace {
 
-struct Picture {
+struct Image {
     int width, height, channels;
     std::vector<std::uint8_t> data;
-    PictureView view() const {
+    ImageView view() const {
         return {data.data(), width, height, channels, static_cast<std::ptrdiff_t>(width) * channels};
     }
 };
 
 // `square_x` < 0: the empty scene.
-Picture draw(int width, int height, int channels, int square_x, std::mt19937& random) {
-    Picture out{width, height, channels,
-                std::vector<std::uint8_t>(static_cast<std::size_t>(width) * height * channels)};
+Image draw(int width, int height, int channels, int square_x, std::mt19937& random) {
+    Image out{width, height, channels,
+              std::vector<std::uint8_t>(static_cast<std::size_t>(width) * height * channels)};
     std::normal_distribution<float> noise(0, 2);
     for (int y = 0; y < height; ++y)
         for (int x = 0; x < width; ++x)
@@ -40,7 +40,7 @@ Picture draw(int width, int height, int channels, int square_x, std::mt19937& ra
     return out;
 }
 
-TEST(CudaSegmentation, AgreesWithTheCpuFrameForFrame) {
+TEST(CudaSegmentation, EqualsCpuFormForEachFrame) {
     try {
         make_segmenter(Device::kCuda, 64, 48, 3);
     } catch (const std::runtime_error& error) {
@@ -54,16 +54,16 @@ TEST(CudaSegmentation, AgreesWithTheCpuFrameForFrame) {
         options.update_interval = 2;
         auto cpu = make_segmenter(Device::kCpu, width, height, channels, options);
         auto gpu = make_segmenter(Device::kCuda, width, height, channels, options);
-        std::vector<Picture> empty;
-        std::vector<PictureView> views;
+        std::vector<Image> empty;
+        std::vector<ImageView> views;
         for (int n = 0; n < 10; ++n) empty.push_back(draw(width, height, channels, -1, random));
-        for (const Picture& picture : empty) views.push_back(picture.view());
+        for (const Image& image : empty) views.push_back(image.view());
         cpu->learn(views);
         gpu->learn(views);
         Silhouettes a, b;
         std::vector<std::uint8_t> expected(static_cast<std::size_t>(width) * height, 0);
         for (int frame = 0; frame < 6; ++frame) {
-            const Picture picture = draw(width, height, channels, frame == 4 ? -1 : 30 + 20 * frame, random);
+            const Image image = draw(width, height, channels, frame == 4 ? -1 : 30 + 20 * frame, random);
             SegmentationPrior prior;
             if (frame >= 2) {
                 prior.region = {20, 5, 190, 90};
@@ -71,8 +71,8 @@ TEST(CudaSegmentation, AgreesWithTheCpuFrameForFrame) {
                 std::fill(expected.begin() + 40 * width, expected.begin() + 60 * width, std::uint8_t{255});
                 prior.expected = expected.data();
             }
-            cpu->segment(picture.view(), prior, a);
-            gpu->segment(picture.view(), prior, b);
+            cpu->segment(image.view(), prior, a);
+            gpu->segment(image.view(), prior, b);
             EXPECT_EQ(a.searched, b.searched);
             std::size_t levels = 0, sharp = 0, loose = 0;
             for (std::size_t n = 0; n < a.sharp.size(); ++n) {

@@ -50,14 +50,14 @@ class Cuda : public ::testing::Test {
     }
 };
 
-TEST(CudaAbsent, SaysWhyAndWhatToDo) {
+TEST(CudaAbsent, ErrorNamesCauseAndRemedy) {
     const std::string why = why_no_cuda();
     if (why.empty()) GTEST_SKIP() << "there is a GPU";
     EXPECT_THAT(why, ::testing::HasSubstr("use device cpu"));
     EXPECT_THROW(make_voxel_colourer(Device::kCuda), std::runtime_error);
 }
 
-TEST(CudaAbsent, BadOptionsAreNamedFirst) {
+TEST(CudaAbsent, InvalidOptionsAreReportedFirst) {
     HullOptions options;
     options.min_views = 0;
     EXPECT_THROW(make_hull_carver(Device::kCuda, options), std::invalid_argument);
@@ -102,13 +102,13 @@ struct HullCase {
 
 class CudaHull : public Cuda, public ::testing::WithParamInterface<HullCase> {};
 
-TEST_P(CudaHull, CarvesTheVoxelsThatTheCpuCarves) {
+TEST_P(CudaHull, EqualsCpuForm) {
     const HullCase& param = GetParam();
     Scene scene = ring_of_cameras(param.cameras, param.k1, -0.4f * param.k1, param.p1);
     scene.draw([](const float* p) {
         return std::min(box_distance(p, 0.1f, 0.2f, 0.35f), sphere_distance(p, 0.15f, 0.1f, 1.1f, 0.2f));
     });
-    scene.cameras[0].cx -= 150;  // partly outside of this picture
+    scene.cameras[0].cx -= 150;  // partly outside of this image
     std::mt19937 random(3);
     for (std::uint8_t& pixel : scene.masks[1])
         if (random() % 50 == 0) pixel ^= 255;  // holes and specks
@@ -139,7 +139,7 @@ INSTANTIATE_TEST_SUITE_P(Shapes, CudaHull,
                                            HullCase{"coarse", 8, 0.1f, 0, 0.06f, 0, 4}),
                          [](const auto& info) { return info.param.name; });
 
-TEST_F(Cuda, HullOfAbsentAndEmptyViews) {
+TEST_F(Cuda, HullHandlesAbsentAndEmptyViews) {
     Scene scene = ring_of_cameras(4, 0, 0, 0);
     scene.draw([](const float* p) { return sphere_distance(p, 0, 0, 1.f, 0.25f); });
     const Lattice lattice = make_lattice(0.02f, 48, 48, 48);
@@ -154,7 +154,7 @@ TEST_F(Cuda, HullOfAbsentAndEmptyViews) {
         EXPECT_LE(different, 2 + filled / 2000);
     };
     expect_same(100);
-    scene.masks[2].clear();  // no picture
+    scene.masks[2].clear();  // no image
     expect_same(100);
     std::fill(scene.masks[1].begin(), scene.masks[1].end(), std::uint8_t{0});  // nothing in sight
     expect_same(0);
@@ -218,49 +218,49 @@ class CudaColouring : public Cuda {
     VoxelVolume hull;
 };
 
-TEST_F(CudaColouring, PaintsAsTheCpuDoes) {
+TEST_F(CudaColouring, ColoursEqualCpuForm) {
     ColouringOptions options;
     options.max_rounds = 0;
     expect_same(options, scene.colouring_views(), 0);
 }
 
-TEST_F(CudaColouring, SharpSilhouettesTrimAsOnTheCpu) {
+TEST_F(CudaColouring, SharpTrimmingEqualsCpuForm) {
     scene.draw([](const float* p) { return box_distance(p, 0.1f, 0.17f, 0.27f); }, checks);
     ColouringOptions options;
     options.max_rounds = 1;
-    options.max_colour_deviation = 0;
+    options.max_colour_difference_std = 0;
     options.min_support = 0;
     expect_same(options, scene.colouring_views(), 0.001);
 }
 
-TEST_F(CudaColouring, ColoursCarveAsOnTheCpu) {
+TEST_F(CudaColouring, ColourCarvingEqualsCpuForm) {
     ColouringOptions options;
     options.min_support = 0;
     expect_same(options, scene.colouring_views(), 0.005);
 }
 
-TEST_F(CudaColouring, RoundsAsOnTheCpu) {
+TEST_F(CudaColouring, RoundingEqualsCpuForm) {
     ColouringOptions options;
-    options.max_colour_deviation = 0;
+    options.max_colour_difference_std = 0;
     expect_same(options, scene.colouring_views(), 0.005);
     options.support_edge_m = 0.15f;  // radius 6
     expect_same(options, scene.colouring_views(), 0.005);
 }
 
-TEST_F(CudaColouring, AllTogetherWithAbsentPicturesAndMasks) {
+TEST_F(CudaColouring, AllStepsEqualCpuFormWithAbsentViews) {
     auto views = scene.colouring_views();
-    views[1].picture = {};
+    views[1].image = {};
     views[2].sharp = nullptr;
     views[3].sharp = views[3].silhouette = nullptr;
     std::vector<std::uint8_t> grey(static_cast<std::size_t>(scene.cameras[4].width) *
                                    scene.cameras[4].height);
-    for (std::size_t n = 0; n < grey.size(); ++n) grey[n] = scene.pictures[4][3 * n + 1];
-    views[4].picture = {grey.data(), scene.cameras[4].width, scene.cameras[4].height, 1,
-                        scene.cameras[4].width};
+    for (std::size_t n = 0; n < grey.size(); ++n) grey[n] = scene.images[4][3 * n + 1];
+    views[4].image = {grey.data(), scene.cameras[4].width, scene.cameras[4].height, 1,
+                      scene.cameras[4].width};
     expect_same({}, views, 0.01);
 }
 
-TEST_F(CudaColouring, NothingToDoAndBadInput) {
+TEST_F(CudaColouring, HandlesEmptyAndRejectsInvalidInput) {
     auto colourer = make_voxel_colourer(Device::kCuda);
     VoxelVolume nothing;
     nothing.lattice = make_lattice(0.02f, 32, 32, 32);
@@ -276,7 +276,7 @@ TEST_F(CudaColouring, NothingToDoAndBadInput) {
     colourer->colour(scene.colouring_views(), volume, report);  // everything is carved
     EXPECT_TRUE(volume.bricks.empty());
     auto views = scene.colouring_views();
-    views[1].picture.width = 17;
+    views[1].image.width = 17;
     volume = hull;
     EXPECT_THROW(colourer->colour(views, volume, report), std::invalid_argument);
 }

@@ -94,7 +94,7 @@ struct HullCase {
 
 class HullAgainstReference : public ::testing::TestWithParam<HullCase> {};
 
-TEST_P(HullAgainstReference, EveryVoxelAgrees) {
+TEST_P(HullAgainstReference, EqualsReferenceForEachVoxel) {
     const HullCase& param = GetParam();
     Scene scene = ring_of_cameras(param.cameras, param.k1, param.k2, param.p1);
     scene.draw([&](const float* p) {
@@ -117,9 +117,9 @@ INSTANTIATE_TEST_SUITE_P(
                       HullCase{"coarse_and_odd", 4, -0.1f, 0, 0, 0.05f, {8, 24, 16}, false}),
     [](const auto& info) { return info.param.name; });
 
-TEST(Hull, PartlySeenVolumeIsCarvedOnlyByCamerasThatSeeIt) {
+TEST(Hull, OnlyCamerasThatSeeAVoxelCarveIt) {
     Scene scene = ring_of_cameras(4, 0, 0, 0);
-    scene.cameras[1].cx -= 330;  // the body leaves this picture at the left
+    scene.cameras[1].cx -= 330;  // the body leaves this image at the left
     scene.draw([](const float* p) { return sphere_distance(p, 0, 0, 1.f, 0.3f); });
     const Lattice lattice = make_lattice(0.02f, 48, 48, 48);
     for (int min_views : {1, 2, 4}) {
@@ -147,7 +147,7 @@ TEST(Hull, AbsentViewDoesNotVote) {
     expect_equal(bits_of(volume), reference_hull(scene, lattice, 2));
 }
 
-TEST(Hull, EmptySilhouetteEmptiesAndFullOnesFill) {
+TEST(Hull, EmptySilhouetteClearsFullOnesFill) {
     Scene scene = ring_of_cameras(4, 0, 0, 0);
     scene.draw([](const float*) { return -1.f; });  // everything is foreground
     const Lattice lattice = make_lattice(0.02f, 32, 24, 40);
@@ -162,12 +162,12 @@ TEST(Hull, EmptySilhouetteEmptiesAndFullOnesFill) {
 }
 
 // A hole of 7 px in one silhouette drills through the whole body; it is filled again, and no more.
-TEST(Hull, AHoleInOneSilhouetteLeavesNoTunnel) {
+TEST(Hull, HoleInOneSilhouetteLeavesNoTunnel) {
     Scene scene = ring_of_cameras(4, 0, 0, 0);
     scene.draw([](const float* p) { return sphere_distance(p, 0, 0, 1.f, 0.3f); });
     const Lattice lattice = make_lattice(0.01f, 96, 96, 96);
     HullOptions plain;
-    plain.fill_reach_m = 0;
+    plain.fill_radius_m = 0;
     VoxelVolume whole, tunnel, filled;
     make_hull_carver(Device::kCpu, plain)->carve(scene.hull_views(), lattice, whole);
     const int width = scene.cameras[0].width;
@@ -188,7 +188,7 @@ TEST(Hull, AHoleInOneSilhouetteLeavesNoTunnel) {
 }
 
 // The same as the words say, voxel by voxel.
-TEST(Hull, FillsWhatItsLinesSurround) {
+TEST(Hull, FillsSurroundedVoxels) {
     const Lattice lattice = make_lattice(0.02f, 24, 16, 32);
     std::mt19937 random(5);
     std::vector<std::uint8_t> bits(static_cast<std::size_t>(24) * 16 * 32);
@@ -214,11 +214,11 @@ TEST(Hull, FillsWhatItsLinesSurround) {
         if (x < 0 || y < 0 || z < 0 || x >= 24 || y >= 16 || z >= 32) return false;
         return bits[(static_cast<std::size_t>(z) * 16 + y) * 24 + x] != 0;
     };
-    for (int reach : {1, 4, 8}) {
+    for (int radius : {1, 4, 8}) {
         for (int least : {2, 5, 6, 7}) {
             VoxelVolume is = volume;
             HoleFiller filler;
-            const std::int64_t filled = filler.fill(is, 0.02f * static_cast<float>(reach), least);
+            const std::int64_t filled = filler.fill(is, 0.02f * static_cast<float>(radius), least);
             const auto out = bits_of(is);
             std::int64_t count = 0;
             for (std::size_t n = 0; n < bits.size(); ++n) {
@@ -228,7 +228,7 @@ TEST(Hull, FillsWhatItsLinesSurround) {
                     int d[3];
                     fill_line(line, d);
                     bool before = false, after = false;
-                    for (int s = 1; s <= fill_steps(line, reach); ++s) {
+                    for (int s = 1; s <= fill_steps(line, radius); ++s) {
                         before = before || at(x - s * d[0], y - s * d[1], z - s * d[2]);
                         after = after || at(x + s * d[0], y + s * d[1], z + s * d[2]);
                     }
@@ -237,7 +237,7 @@ TEST(Hull, FillsWhatItsLinesSurround) {
                 const bool absent = x / 8 == 1 && y / 8 == 0 && z / 8 == 1;
                 const bool should = bits[n] || (lines >= least && !absent);
                 ASSERT_EQ(out[n] != 0, should)
-                    << "reach " << reach << ", at least " << least << ", voxel " << n;
+                    << "radius " << radius << ", at least " << least << ", voxel " << n;
                 count += should && !bits[n];
             }
             EXPECT_EQ(filled, count);
@@ -245,7 +245,7 @@ TEST(Hull, FillsWhatItsLinesSurround) {
     }
 }
 
-TEST(Hull, BudgetKeepsWhatOneCameraMissesByALittle) {
+TEST(Hull, BudgetToleratesSmallMissOfOneCamera) {
     Scene scene = ring_of_cameras(4, 0, 0, 0);
     scene.draw([](const float* p) { return sphere_distance(p, 0, 0, 1.f, 0.3f); });
     VoxelVolume exact, shifted, rescued;
@@ -276,8 +276,7 @@ TEST(Hull, MissMapHoldsChessboardDistances) {
     CameraModel camera;
     camera.width = width, camera.height = height, camera.fx = camera.fy = 100;
     HullMapsStorage storage;
-    make_hull_maps({&camera, mask.data(), nullptr, {15, 12, 31, 21}}, make_projector(camera, "test"), 101, 1,
-                   storage);
+    make_hull_maps({&camera, mask.data(), {15, 12, 31, 21}}, make_projector(camera, "test"), 101, 1, storage);
     const HullMaps& maps = storage.maps;
     ASSERT_EQ(maps.budget_px, 4);
     for (int y = 0; y < height; ++y)
@@ -293,7 +292,7 @@ TEST(Hull, MissMapHoldsChessboardDistances) {
         }
 }
 
-TEST(Hull, BadInputIsRefusedWithItsName) {
+TEST(Hull, RejectsInvalidInputByName) {
     using ::testing::HasSubstr;
     using ::testing::ThrowsMessage;
     Scene scene = ring_of_cameras(2, 0, 0, 0);

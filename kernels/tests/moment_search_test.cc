@@ -25,7 +25,7 @@ float score(const std::vector<std::uint8_t>& codes, int pose, int heading, const
     return static_cast<float>(sum);
 }
 
-TEST(MomentSearch, ScoresEveryPoseAndHeadingAsTheDefinition) {
+TEST(MomentSearch, ScoresMatchDefinition) {
     std::mt19937 random(7);
     for (const int poses : {1, 2, 9}) {
         std::vector<std::uint8_t> codes(static_cast<std::size_t>(poses) * kViewBins * kCodeBytes);
@@ -49,7 +49,7 @@ TEST(MomentSearch, ScoresEveryPoseAndHeadingAsTheDefinition) {
     }
 }
 
-TEST(MomentSearch, NothingAndBadInput) {
+TEST(MomentSearch, HandlesEmptyAndRejectsInvalidInput) {
     const MomentSlab none = MomentSlab::make({});
     const std::uint8_t code[kCodeBytes] = {};
     const MomentQuery query{&none, code, 0};
@@ -64,7 +64,7 @@ TEST(MomentSearch, NothingAndBadInput) {
     EXPECT_THROW(score_headings(std::span(&query, 1), scores), std::invalid_argument);
 }
 
-TEST(MomentSearch, BlendedDistanceIsThatOfTheBlend) {
+TEST(MomentSearch, BlendedDistanceEqualsDistanceToBlend) {
     std::mt19937 random(3);
     for (const int values : {1, 8, 121}) {
         std::vector<float> query(values);

@@ -1,5 +1,5 @@
-// The moments' promises: the basis against extended precision, known shapes against their integrals, what
-// moving, scaling and turning do, and what comes back from the moments.
+// Moments: the basis in extended precision, known shapes against their integrals, invariance and
+// reconstruction.
 #include "kernels/moments.h"
 
 #include <gmock/gmock.h>
@@ -28,7 +28,7 @@ __extension__ typedef __float128 Quad;
 typedef long double Quad;
 #endif
 
-// The definition, with factorials: at order 20 its terms reach 1e15, which double cannot cancel.
+// The definition with factorials: at order 20 its terms grow to 1e15, too large for cancellation in double.
 double radial_by_definition(int p, int q, double r) {
     const auto factorial = [](int n) {
         Quad f = 1;
@@ -73,7 +73,7 @@ double radial(int p, int q, double r) {
     return values[p - q];
 }
 
-TEST(MomentBasis, RecurrenceMatchesTheDefinitionInExtendedPrecision) {
+TEST(MomentBasis, RecurrenceMatchesDefinitionInExtendedPrecision) {
     double worst = 0;
     for (int p = 0; p <= kMaxMomentOrder; ++p)
         for (int q = 0; q <= p; ++q)
@@ -92,7 +92,7 @@ TEST(MomentBasis, IsOrthogonal) {
                     << p << " " << n << " " << q;
 }
 
-TEST(Moments, OfAnEntireDisk) {
+TEST(Moments, FullDiskMatchesIntegral) {
     const ShapeMask mask = draw_shape(300, 300, [](double, double) { return true; });
     const SilhouetteMoments m = moments_of(mask.view({150, 150, 130}), {.order = 20});
     for (int p = 0; p <= 20; ++p)
@@ -100,7 +100,7 @@ TEST(Moments, OfAnEntireDisk) {
             EXPECT_LT(std::abs(moment(m, p, q) - (p == 0 ? 1.0 : 0.0)), 2e-3) << p << " " << q;
 }
 
-TEST(Moments, OfASmallerDisk) {
+TEST(Moments, SmallerDiskMatchesIntegral) {
     const double radius = 0.62;
     const ShapeMask mask =
         draw_shape(401, 401, [&](double x, double y) { return std::hypot(x - 200, y - 200) < radius * 180; });
@@ -114,7 +114,7 @@ TEST(Moments, OfASmallerDisk) {
     }
 }
 
-TEST(Moments, OfHalfADisk) {
+TEST(Moments, HalfDiskMatchesIntegral) {
     const ShapeMask mask = draw_shape(401, 401, [](double x, double) { return x > 200; });
     const SilhouetteMoments m = moments_of(mask.view({200, 200, 180}), {.order = 12});
     for (int p = 0; p <= 12; ++p) {
@@ -127,7 +127,7 @@ TEST(Moments, OfHalfADisk) {
     }
 }
 
-TEST(Moments, OfARectangleByNumericIntegration) {
+TEST(Moments, RectangleMatchesNumericIntegration) {
     const double x0 = -0.5, x1 = 0.3, y0 = -0.2, y1 = 0.55;
     const ShapeMask mask = draw_shape(401, 401, [&](double u, double v) {
         const double x = (u - 200) / 180, y = (v - 200) / 180;
@@ -150,7 +150,7 @@ TEST(Moments, OfARectangleByNumericIntegration) {
     }
 }
 
-TEST(Moments, MappingIsTheCentreOfGravityAndTheRadiusOfGyration) {
+TEST(Moments, MappingIsCentroidAndRadiusOfGyration) {
     const ShapeMask mask = draw_shape(200, 150, [](double x, double y) {
         return x > 39.5 && x < 99.5 && y > 29.5 && y < 109.5;  // 60 x 80 px
     });
@@ -162,7 +162,7 @@ TEST(Moments, MappingIsTheCentreOfGravityAndTheRadiusOfGyration) {
     EXPECT_NEAR(m.values[0], 4800 / (kPi * m.mapping.radius_px * m.mapping.radius_px), 1e-3);
 }
 
-TEST(Moments, OnlyTheSizeMayBeGiven) {
+TEST(Moments, AcceptsGivenRadiusOnly) {
     const ShapeMask mask = draw_figure(300, 300, 140, 160, 90);
     MomentView view = mask.view();
     view.radius_px = 130;
@@ -174,7 +174,7 @@ TEST(Moments, OnlyTheSizeMayBeGiven) {
     EXPECT_THROW(moments_of(view), std::invalid_argument);
 }
 
-TEST(Moments, DoNotDependOnPlaceAndSize) {
+TEST(Moments, AreInvariantToTranslationAndScale) {
     const MomentOptions options{.order = 12};
     const SilhouetteMoments here = moments_of(draw_figure(640, 480, 200, 240, 120).view(), options);
     const SilhouetteMoments there = moments_of(draw_figure(640, 480, 401.3, 200.6, 71.7).view(), options);
@@ -183,7 +183,7 @@ TEST(Moments, DoNotDependOnPlaceAndSize) {
     EXPECT_GT(std::abs(moment(here, 3, 1)), 0.05);
 }
 
-TEST(Moments, TurningChangesOnlyThePhase) {
+TEST(Moments, RotationChangesOnlyPhase) {
     const MomentOptions options{.order = 10};
     const SilhouetteMoments upright = moments_of(draw_figure(480, 480, 240, 240, 150).view(), options);
     for (double turn : {0.3, 1.1, 2.5, -1.8}) {
@@ -197,7 +197,33 @@ TEST(Moments, TurningChangesOnlyThePhase) {
     }
 }
 
-TEST(Moments, ReconstructionImprovesWithTheOrder) {
+// The silhouette described by moments, sampled at the centres of grid x grid cells of the disk's square; 0
+// outside the disk.
+std::vector<float> reconstruct_from_moments(std::span<const float> values, int order, int grid) {
+    std::vector<float> out(static_cast<std::size_t>(grid) * grid, 0.f);
+    double radial[kMaxMomentOrder + 1];
+    for (int row = 0; row < grid; ++row) {
+        for (int column = 0; column < grid; ++column) {
+            const double x = (2 * column + 1.0) / grid - 1, y = (2 * row + 1.0) / grid - 1;
+            const double r = std::hypot(x, y), theta = std::atan2(y, x);
+            if (r > 1) continue;
+            double sum = 0;
+            for (int q = 0; q <= order; ++q) {
+                pseudo_zernike_radial(q, order, r, radial);
+                double re = 0, im = 0;
+                for (int p = q; p <= order; ++p) {
+                    re += radial[p - q] * values[moment_re_index(p, q)];
+                    if (q > 0) im += radial[p - q] * values[moment_im_index(p, q)];
+                }
+                sum += q == 0 ? re : 2 * (re * std::cos(q * theta) - im * std::sin(q * theta));
+            }
+            out[static_cast<std::size_t>(row) * grid + column] = static_cast<float>(sum);
+        }
+    }
+    return out;
+}
+
+TEST(Moments, ReconstructionImprovesWithOrder) {
     const ShapeMask mask = draw_figure(480, 480, 240, 240, 150);
     double before = 1e9;
     for (int order : {2, 4, 8, 12, 16, 20}) {
@@ -227,7 +253,7 @@ TEST(Moments, ReconstructionImprovesWithTheOrder) {
     }
 }
 
-TEST(Moments, ScaledDistanceIsTheDifferenceOfTheSilhouettes) {
+TEST(Moments, ScaledDistanceIsSilhouetteDifference) {
     // Two smooth blobs: all of their difference lies below order 20.
     const auto blob = [](double x0) {
         ShapeMask mask{200, 200, std::vector<std::uint8_t>(200 * 200)};
@@ -250,14 +276,14 @@ TEST(Moments, ScaledDistanceIsTheDifferenceOfTheSilhouettes) {
     EXPECT_NEAR(sum, expected, 0.01 * expected);
 }
 
-TEST(Moments, LowerOrderIsTheBeginningOfAHigherOne) {
+TEST(Moments, LowerOrderIsPrefixOfHigherOrder) {
     const ShapeMask mask = draw_figure(300, 300, 150, 150, 90);
     const SilhouetteMoments low = moments_of(mask.view(), {.order = 6}),
                             high = moments_of(mask.view(), {.order = 20});
     for (int n = 0; n < moment_values(6); ++n) EXPECT_NEAR(low.values[n], high.values[n], 1e-6f);
 }
 
-TEST(Moments, SameBitsWhateverStandsBeside) {
+TEST(Moments, SameBitsWithAnyOtherViews) {
     std::vector<ShapeMask> masks;
     for (int n = 0; n < 7; ++n)
         masks.push_back(draw_figure(200, 200, 90 + 3 * n, 100 - n, 60 + 2 * n, 0.2 * n));
@@ -274,7 +300,7 @@ TEST(Moments, SameBitsWhateverStandsBeside) {
     }
 }
 
-TEST(Moments, EmptyFullAndTinyMasks) {
+TEST(Moments, HandleEmptyFullAndTinyMasks) {
     const ShapeMask empty = draw_shape(64, 64, [](double, double) { return false; });
     const SilhouetteMoments nothing = moments_of(empty.view());
     EXPECT_EQ(nothing.mass_px, 0);
@@ -295,7 +321,7 @@ TEST(Moments, EmptyFullAndTinyMasks) {
     EXPECT_NEAR(one.values[0], 6 / (2.5 * 2.5 * kPi), 0.01);
 }
 
-TEST(Moments, BadOptionsAndMappingsAreNamed) {
+TEST(Moments, RejectInvalidOptionsAndMappings) {
     EXPECT_THROW(make_moment_calculator(Device::kCpu, {.order = 21}), std::invalid_argument);
     EXPECT_THROW(make_moment_calculator(Device::kCpu, {.order = -1}), std::invalid_argument);
     EXPECT_THROW(make_moment_calculator(Device::kCpu, {.grid = 20}), std::invalid_argument);

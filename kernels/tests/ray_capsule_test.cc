@@ -71,7 +71,7 @@ std::vector<TaperedCapsule> some_body(std::mt19937& random, int count) {
     return body;
 }
 
-TEST(NearestCapsules, AreThoseThatAskingEveryCapsuleGives) {
+TEST(NearestCapsules, EqualExhaustiveSearch) {
     std::mt19937 random(7);
     const float origin[3] = {4, -3, 1.5f};
     const auto body = some_body(random, 23);
@@ -83,7 +83,7 @@ TEST(NearestCapsules, AreThoseThatAskingEveryCapsuleGives) {
     for (int n = 0; n < 333; ++n) {
         double least = 1e9;
         for (const TaperedCapsule& c : body) least = std::min(least, distance_along(rays, n, origin, c));
-        // A point where the side turns may be told either way.
+        // The sign is arbitrary at a point where the side changes.
         EXPECT_NEAR(distance[n], least, 2e-3) << "ray " << n;
         if (nearest[n] >= 0) {
             EXPECT_NEAR(distance_along(rays, n, origin, body[nearest[n]]), least, 2e-3) << "ray " << n;
@@ -96,7 +96,7 @@ TEST(NearestCapsules, AreThoseThatAskingEveryCapsuleGives) {
 }
 
 // Each ray's answer is its own: it does not depend on which rays share its block.
-TEST(NearestCapsules, OfARayDoNotDependOnItsNeighbours) {
+TEST(NearestCapsules, AreIndependentOfNeighbouringRays) {
     std::mt19937 random(11);
     const float origin[3] = {0, 5, 1};
     const auto body = some_body(random, 30);
@@ -114,7 +114,7 @@ TEST(NearestCapsules, OfARayDoNotDependOnItsNeighbours) {
     }
 }
 
-TEST(NearestCapsules, WithoutABodyThereIsNone) {
+TEST(NearestCapsules, AreNoneWithoutBody) {
     std::mt19937 random(3);
     const float origin[3] = {0, 5, 1};
     const auto body = some_body(random, kMaxCapsules + 1);

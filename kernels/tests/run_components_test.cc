@@ -21,7 +21,7 @@ Runs runs_pixel_by_pixel(const std::vector<std::uint8_t>& row, int x, int end, b
     return runs;
 }
 
-TEST(RunComponents, RunsOfAnyLengthAtAnyPlaceAreFound) {
+TEST(RunComponents, FindsRunsOfAnyLengthAndPosition) {
     std::mt19937 random(5);
     for (int round = 0; round < 400; ++round) {
         const int width = 1 + static_cast<int>(random() % 300), longest = 1 << random() % 9;

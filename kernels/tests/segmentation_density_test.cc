@@ -65,7 +65,7 @@ CellSamples samples_of(const Cell& cell, int sample_count) {
 
 class SegmentationDensity : public ::testing::TestWithParam<std::tuple<int, int>> {};
 
-TEST_P(SegmentationDensity, EqualsTheFormulaInDoublePrecision) {
+TEST_P(SegmentationDensity, EqualsFormulaInDoublePrecision) {
     const auto [sample_count, channels] = GetParam();
     const kde::DensityTables tables = make_density_tables(sample_count);
     double squared_error = 0, bias = 0;
@@ -89,7 +89,7 @@ TEST_P(SegmentationDensity, EqualsTheFormulaInDoublePrecision) {
     EXPECT_LT(std::abs(bias / compared), 0.04);
 }
 
-TEST_P(SegmentationDensity, VectorsGiveTheScalarFormsBits) {
+TEST_P(SegmentationDensity, VectorFormEqualsScalarForm) {
     const auto [sample_count, channels] = GetParam();
     const kde::DensityTables tables = make_density_tables(sample_count);
     for (unsigned seed = 100; seed < 120; ++seed) {
@@ -103,7 +103,7 @@ TEST_P(SegmentationDensity, VectorsGiveTheScalarFormsBits) {
     }
 }
 
-TEST_P(SegmentationDensity, EndsEarlyOnlyWhereThePixelsAreBackgroundAnyway) {
+TEST_P(SegmentationDensity, EndsEarlyOnlyForBackground) {
     const auto [sample_count, channels] = GetParam();
     const kde::DensityTables tables = make_density_tables(sample_count);
     for (unsigned seed = 200; seed < 230; ++seed) {
@@ -169,7 +169,7 @@ void expect_same_sums(const BackgroundModel& model, const PackedSamples& packed,
     }
 }
 
-TEST_P(SegmentationDensity, PackedSamplesGiveTheSameSums) {
+TEST_P(SegmentationDensity, PackedSamplesGiveSameSums) {
     const auto [sample_count, channels] = GetParam();
     BackgroundModel model = narrow_model(sample_count, channels);
     PackedSamples packed;
@@ -207,7 +207,7 @@ INSTANTIATE_TEST_SUITE_P(AnyNumberOfSamples, SegmentationDensity,
                          ::testing::Combine(::testing::Values(1, 2, 5, 8, 32, 33, 64, 255),
                                             ::testing::Values(1, 3)));
 
-TEST(SegmentationSplit, VectorsGiveTheScalarFormsBits) {
+TEST(SegmentationSplit, VectorFormEqualsScalarForm) {
     std::mt19937 random(3);
     for (int channels : {1, 3}) {
         AlignedVector<std::uint8_t> pixels(kCellPixels * channels), whole(pixels.size()), part(pixels.size());

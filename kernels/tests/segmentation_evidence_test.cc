@@ -105,14 +105,14 @@ void expect_scalar_values(int groups) {
     }
 }
 
-TEST(SegmentationEvidence, VectorsGiveTheScalarFormsValuesAndLeaveOtherGroupsAlone) {
+TEST(SegmentationEvidence, VectorFormEqualsScalarFormAndKeepsOtherGroups) {
     for (const int groups : {kde::kAllGroups, 0, 1, 4, 9, 14}) {
         expect_scalar_values<1>(groups);
         expect_scalar_values<3>(groups);
     }
 }
 
-TEST(SegmentationEvidence, GroupsNearUnsurePixelsAreFound) {
+TEST(SegmentationEvidence, FindsGroupsNearUnsurePixels) {
     for (int x = 0; x < kCellPixels; ++x) {
         AlignedVector<std::uint8_t> density(kCellPixels, kde::kSureDensity);
         EXPECT_EQ(groups_near_unsure(density.data()), 0);

@@ -18,42 +18,42 @@ TestRoom::TestRoom(int width, int height, int channels, unsigned seed)
 }
 
 std::uint8_t TestRoom::noisy(double level) {
-    // Nearly Gaussian and quick: the sum of four uniform bytes, of mean 510 and standard deviation 147.8.
+    // Nearly Gaussian and quick: the sum of four uniform bytes, mean 510, sigma 147.8.
     const auto bits = random_();
     const int sum = static_cast<int>((bits & 255) + (bits >> 8 & 255) + (bits >> 16 & 255) + (bits >> 24));
     return static_cast<std::uint8_t>(std::clamp(std::lround(level + noise * (sum - 510) / 147.8), 0l, 255l));
 }
 
-TestPicture TestRoom::picture(double gain) {
-    TestPicture picture{width_, height_, channels_, std::vector<std::uint8_t>(room_.size())};
-    for (std::size_t i = 0; i < room_.size(); ++i) picture.data[i] = noisy(room_[i] * gain);
-    return picture;
+TestImage TestRoom::image(double gain) {
+    TestImage image{width_, height_, channels_, std::vector<std::uint8_t>(room_.size())};
+    for (std::size_t i = 0; i < room_.size(); ++i) image.data[i] = noisy(room_[i] * gain);
+    return image;
 }
 
-std::vector<TestPicture> TestRoom::clip(int pictures) {
-    std::vector<TestPicture> clip;
-    for (int i = 0; i < pictures; ++i) clip.push_back(picture());
+std::vector<TestImage> TestRoom::clip(int images) {
+    std::vector<TestImage> clip;
+    for (int i = 0; i < images; ++i) clip.push_back(image());
     return clip;
 }
 
-void TestRoom::draw(TestPicture& picture, const Rect& box, int b, int g, int r) {
+void TestRoom::draw(TestImage& image, const Rect& box, int b, int g, int r) {
     const int colour[3] = {b, g, r};
     for (int y = box.y0; y < box.y1; ++y)
         for (int x = box.x0; x < box.x1; ++x)
-            for (int c = 0; c < channels_; ++c) picture.at(x, y, c) = noisy(colour[c]);
+            for (int c = 0; c < channels_; ++c) image.at(x, y, c) = noisy(colour[c]);
 }
 
-void TestRoom::shade(TestPicture& picture, const Rect& box, double light) {
+void TestRoom::shade(TestImage& image, const Rect& box, double light) {
     for (int y = box.y0; y < box.y1; ++y)
         for (int x = box.x0; x < box.x1; ++x)
             for (int c = 0; c < channels_; ++c)
-                picture.at(x, y, c) =
+                image.at(x, y, c) =
                     noisy(room_[(static_cast<std::size_t>(y) * width_ + x) * channels_ + c] * light);
 }
 
-std::vector<PictureView> views_of(const std::vector<TestPicture>& pictures) {
-    std::vector<PictureView> views;
-    for (const TestPicture& picture : pictures) views.push_back(picture.view());
+std::vector<ImageView> views_of(const std::vector<TestImage>& images) {
+    std::vector<ImageView> views;
+    for (const TestImage& image : images) views.push_back(image.view());
     return views;
 }
 

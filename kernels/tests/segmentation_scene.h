@@ -10,10 +10,10 @@
 
 namespace kinevox::kernels::testing {
 
-struct TestPicture {
+struct TestImage {
     int width = 0, height = 0, channels = 0;
     std::vector<std::uint8_t> data;
-    PictureView view() const {
+    ImageView view() const {
         return {data.data(), width, height, channels, static_cast<std::ptrdiff_t>(width) * channels};
     }
     std::uint8_t& at(int x, int y, int c) {
@@ -26,13 +26,13 @@ class TestRoom {
     TestRoom(int width, int height, int channels, unsigned seed = 7);
 
     // The room under `gain` times its light, with noise of `noise` grey levels.
-    TestPicture picture(double gain = 1.0);
-    std::vector<TestPicture> clip(int pictures);
+    TestImage image(double gain = 1.0);
+    std::vector<TestImage> clip(int images);
 
     // B, G, R (grey: the first) without noise's correlation; truth is exact.
-    void draw(TestPicture& picture, const Rect& box, int b, int g, int r);
+    void draw(TestImage& image, const Rect& box, int b, int g, int r);
     // Multiplies the light inside the box.
-    void shade(TestPicture& picture, const Rect& box, double light);
+    void shade(TestImage& image, const Rect& box, double light);
 
     double noise = 1.5;
 
@@ -44,7 +44,7 @@ class TestRoom {
     std::mt19937 random_;
 };
 
-std::vector<PictureView> views_of(const std::vector<TestPicture>& pictures);
+std::vector<ImageView> views_of(const std::vector<TestImage>& images);
 
 // Intersection over union of a mask and a box.
 double iou_with_box(const std::vector<std::uint8_t>& mask, int width, int height, const Rect& box);

@@ -19,7 +19,7 @@ namespace {
 
 using testing::count_in;
 using testing::iou_with_box;
-using testing::TestPicture;
+using testing::TestImage;
 using testing::TestRoom;
 using testing::views_of;
 
@@ -34,23 +34,23 @@ SegmentationPrior around(const Rect& box, int margin) {
 }
 
 std::unique_ptr<Segmenter> learned(TestRoom& room, int channels, SegmentationOptions options = {},
-                                   int pictures = 40) {
+                                   int images = 40) {
     auto segmenter = make_segmenter(Device::kCpu, kWidth, kHeight, channels, options);
-    const auto clip = room.clip(pictures);
+    const auto clip = room.clip(images);
     segmenter->learn(views_of(clip));
     return segmenter;
 }
 
-TEST(Segmentation, FindsASubjectWithAnyNumberOfSamples) {
+TEST(Segmentation, FindsSubjectWithAnyNumberOfSamples) {
     for (int samples : {1, 4, 8, 32, 47, 64}) {
         TestRoom room(kWidth, kHeight, 3);
         SegmentationOptions options;
         options.samples = samples;
         auto segmenter = learned(room, 3, options);
-        TestPicture picture = room.picture();
-        room.draw(picture, kBody, 40, 60, 190);
+        TestImage image = room.image();
+        room.draw(image, kBody, 40, 60, 190);
         Silhouettes out;
-        segmenter->segment(picture.view(), {}, out);
+        segmenter->segment(image.view(), {}, out);
         EXPECT_GT(iou_with_box(out.sharp, kWidth, kHeight, kBody), 0.95) << samples << " samples";
         EXPECT_NEAR(out.centroid_x, (kBody.x0 + kBody.x1 - 1) / 2.0, 0.5);
         EXPECT_NEAR(out.centroid_y, (kBody.y0 + kBody.y1 - 1) / 2.0, 0.5);
@@ -66,17 +66,17 @@ TEST(Segmentation, FindsASubjectWithAnyNumberOfSamples) {
     }
 }
 
-TEST(Segmentation, GreyPicturesWorkAlike) {
+TEST(Segmentation, SupportsGreyImages) {
     TestRoom room(kWidth, kHeight, 1);
     auto segmenter = learned(room, 1);
-    TestPicture picture = room.picture();
-    room.draw(picture, kBody, 240, 0, 0);  // brighter than any light change
+    TestImage image = room.image();
+    room.draw(image, kBody, 240, 0, 0);  // brighter than any light change
     Silhouettes out;
-    segmenter->segment(picture.view(), {}, out);
+    segmenter->segment(image.view(), {}, out);
     EXPECT_GT(iou_with_box(out.sharp, kWidth, kHeight, kBody), 0.95);
 }
 
-TEST(Segmentation, WhatFramesTaughtItIsForgottenToTheBit) {
+TEST(Segmentation, ForgetFramesRestoresLearnedModel) {
     TestRoom room(kWidth, kHeight, 3);
     SegmentationOptions options;
     options.update_interval = 2;
@@ -85,93 +85,93 @@ TEST(Segmentation, WhatFramesTaughtItIsForgottenToTheBit) {
     EXPECT_THROW(segmenter->forget_frames(), std::logic_error);
     const auto clip = room.clip(20);
     segmenter->learn(views_of(clip));
-    std::vector<TestPicture> pictures;
+    std::vector<TestImage> images;
     for (int k = 0; k < 60; ++k) {
-        pictures.push_back(room.picture(1 + 0.002 * k));
-        room.draw(pictures.back(), kBody, 40, 60, 190);
-        room.draw(pictures.back(), {10, 10, 30, 30}, 120, 130,
+        images.push_back(room.image(1 + 0.002 * k));
+        room.draw(images.back(), kBody, 40, 60, 190);
+        room.draw(images.back(), {10, 10, 30, 30}, 120, 130,
                   20);  // stays, and becomes background little by little
     }
-    const auto segmented = [&](const TestPicture& picture) {
+    const auto segmented = [&](const TestImage& image) {
         Silhouettes out;
-        segmenter->segment(picture.view(), {}, out);
+        segmenter->segment(image.view(), {}, out);
         return out.probability;
     };
-    const auto first = segmented(pictures.front());
-    for (const TestPicture& picture : pictures) segmented(picture);
-    EXPECT_TRUE(segmented(pictures.front()) != first) << "frames teach it something";
+    const auto first = segmented(images.front());
+    for (const TestImage& image : images) segmented(image);
+    EXPECT_TRUE(segmented(images.front()) != first) << "frames teach it something";
     segmenter->forget_frames();
-    EXPECT_TRUE(segmented(pictures.front()) == first);
-    for (const TestPicture& picture : pictures) segmented(picture);
+    EXPECT_TRUE(segmented(images.front()) == first);
+    for (const TestImage& image : images) segmented(image);
     segmenter->forget_frames();
-    EXPECT_TRUE(segmented(pictures.front()) == first);
+    EXPECT_TRUE(segmented(images.front()) == first);
 }
 
-TEST(Segmentation, LightFlickerIsNotForeground) {
+TEST(Segmentation, IgnoresLightFlicker) {
     TestRoom room(kWidth, kHeight, 3);
     auto segmenter = learned(room, 3);
     Silhouettes out;
     for (double gain : {0.9, 0.98, 1.02, 1.1}) {
-        TestPicture picture = room.picture(gain);
-        segmenter->segment(picture.view(), {}, out);
+        TestImage image = room.image(gain);
+        segmenter->segment(image.view(), {}, out);
         EXPECT_EQ(out.sharp_pixels, 0) << gain;
         EXPECT_TRUE(out.bounds.empty()) << gain;
-        room.draw(picture, kBody, 40, 60, 190);
-        segmenter->segment(picture.view(), {}, out);
+        room.draw(image, kBody, 40, 60, 190);
+        segmenter->segment(image.view(), {}, out);
         EXPECT_GT(iou_with_box(out.sharp, kWidth, kHeight, kBody), 0.95) << gain;
     }
 }
 
-TEST(Segmentation, ACastShadowIsNotForegroundButADarkColourIs) {
+TEST(Segmentation, IgnoresShadowButFindsDarkColour) {
     TestRoom room(kWidth, kHeight, 3);
     auto segmenter = learned(room, 3);
     const Rect shadow{110, 60, 170, 120};
-    TestPicture picture = room.picture();
-    room.shade(picture, shadow, 0.6);
-    room.draw(picture, kBody, 75, 45, 40);  // as dark as the shadow, another chromaticity
+    TestImage image = room.image();
+    room.shade(image, shadow, 0.6);
+    room.draw(image, kBody, 75, 45, 40);  // as dark as the shadow, another chromaticity
     Silhouettes out;
-    segmenter->segment(picture.view(), {}, out);
+    segmenter->segment(image.view(), {}, out);
     EXPECT_LT(count_in(out.sharp, kWidth, shadow), 0.03 * shadow.width() * shadow.height());
     EXPECT_GT(iou_with_box(out.sharp, kWidth, kHeight, kBody), 0.93);
 }
 
-TEST(Segmentation, EmptyAndFullPictures) {
+TEST(Segmentation, HandlesEmptyAndFullImages) {
     TestRoom room(kWidth, kHeight, 3);
     auto segmenter = learned(room, 3);
     Silhouettes out;
-    segmenter->segment(room.picture().view(), {}, out);
+    segmenter->segment(room.image().view(), {}, out);
     EXPECT_EQ(out.sharp_pixels, 0);
     EXPECT_TRUE(out.bounds.empty());
     EXPECT_EQ(out.searched, (Rect{0, 0, kWidth, kHeight}));
-    TestPicture covered = room.picture();
+    TestImage covered = room.image();
     room.draw(covered, {0, 0, kWidth, kHeight}, 20, 30, 230);
     segmenter->segment(covered.view(), {}, out);
     EXPECT_GT(out.sharp_pixels, 0.99 * kWidth * kHeight);
 }
 
-TEST(Segmentation, LearnsFromASinglePicture) {
+TEST(Segmentation, LearnsFromSingleImage) {
     TestRoom room(kWidth, kHeight, 3);
     auto segmenter = learned(room, 3, {}, 1);
-    TestPicture picture = room.picture();
+    TestImage image = room.image();
     Silhouettes out;
-    segmenter->segment(picture.view(), {}, out);
+    segmenter->segment(image.view(), {}, out);
     EXPECT_EQ(out.sharp_pixels, 0);
-    room.draw(picture, kBody, 40, 60, 190);
-    segmenter->segment(picture.view(), {}, out);
+    room.draw(image, kBody, 40, 60, 190);
+    segmenter->segment(image.view(), {}, out);
     EXPECT_GT(iou_with_box(out.sharp, kWidth, kHeight, kBody), 0.95);
 }
 
-TEST(Segmentation, ConfinedToARegionItGivesWhatAFullPassGivesThere) {
+TEST(Segmentation, RegionPassEqualsFullPassInside) {
     TestRoom room(kWidth, kHeight, 3), twin(kWidth, kHeight, 3);
     auto full = learned(room, 3), confined = learned(twin, 3);
     for (int i = 0; i < 5; ++i) {
-        TestPicture picture = room.picture();
-        room.draw(picture, {kBody.x0 + i, kBody.y0, kBody.x1 + i, kBody.y1}, 40, 60, 190);
+        TestImage image = room.image();
+        room.draw(image, {kBody.x0 + i, kBody.y0, kBody.x1 + i, kBody.y1}, 40, 60, 190);
         Silhouettes all, part;
         SegmentationPrior prior = around(kBody, 20);
-        confined->segment(picture.view(), prior, part);
+        confined->segment(image.view(), prior, part);
         prior.full_pass = true;
-        full->segment(picture.view(), prior, all);
+        full->segment(image.view(), prior, all);
         EXPECT_EQ(part.sharp, all.sharp);
         EXPECT_EQ(part.loose, all.loose);
         EXPECT_LT(part.searched.width() * part.searched.height(), kWidth * kHeight);
@@ -179,27 +179,27 @@ TEST(Segmentation, ConfinedToARegionItGivesWhatAFullPassGivesThere) {
     }
 }
 
-TEST(Segmentation, IslandsThatDisagreeWithTheTrackedBoundaryAreDropped) {
+TEST(Segmentation, RemovesComponentsOutsideExpectedMask) {
     TestRoom room(kWidth, kHeight, 3);
     auto segmenter = learned(room, 3);
     const Rect stranger{140, 40, 170, 110};
-    TestPicture picture = room.picture();
-    room.draw(picture, kBody, 40, 60, 190);
-    room.draw(picture, stranger, 190, 60, 40);
+    TestImage image = room.image();
+    room.draw(image, kBody, 40, 60, 190);
+    room.draw(image, stranger, 190, 60, 40);
     std::vector<std::uint8_t> expected(static_cast<std::size_t>(kWidth) * kHeight, 0);
     for (int y = 50; y < 90; ++y)
         for (int x = 80; x < 95; ++x) expected[y * kWidth + x] = 255;
     SegmentationPrior prior = around(kBody, 60);
     prior.expected = expected.data();
     Silhouettes out;
-    segmenter->segment(picture.view(), prior, out);
+    segmenter->segment(image.view(), prior, out);
     EXPECT_GT(iou_with_box(out.sharp, kWidth, kHeight, kBody), 0.95);
     EXPECT_EQ(count_in(out.loose, kWidth, stranger), 0);
-    segmenter->segment(picture.view(), {}, out);  // nothing is tracked: both
+    segmenter->segment(image.view(), {}, out);  // nothing is tracked: both
     EXPECT_GT(count_in(out.sharp, kWidth, stranger), 0.9 * stranger.width() * stranger.height());
 }
 
-TEST(Segmentation, ATrackedPersonWhoStandsStillDoesNotBurnIn) {
+TEST(Segmentation, DoesNotAbsorbStandingSubject) {
     TestRoom room(kWidth, kHeight, 3);
     SegmentationOptions options;
     options.update_interval = 4;
@@ -207,14 +207,14 @@ TEST(Segmentation, ATrackedPersonWhoStandsStillDoesNotBurnIn) {
     auto segmenter = learned(room, 3, options);
     Silhouettes out;
     for (int frame = 0; frame < 900; ++frame) {  // 30 s
-        TestPicture picture = room.picture();
-        room.draw(picture, kBody, 40, 60, 190);
-        segmenter->segment(picture.view(), around(kBody, 20), out);
+        TestImage image = room.image();
+        room.draw(image, kBody, 40, 60, 190);
+        segmenter->segment(image.view(), around(kBody, 20), out);
     }
     EXPECT_GT(iou_with_box(out.sharp, kWidth, kHeight, kBody), 0.95);
 }
 
-TEST(Segmentation, AMovedChairBecomesBackgroundAndItsOldPlaceIsStillKnown) {
+TEST(Segmentation, AbsorbsMovedObjectAndKeepsOldBackground) {
     TestRoom room(kWidth, kHeight, 3);
     SegmentationOptions options;
     options.update_interval = 4;
@@ -223,15 +223,15 @@ TEST(Segmentation, AMovedChairBecomesBackgroundAndItsOldPlaceIsStillKnown) {
     const Rect chair{20, 80, 50, 120};
     Silhouettes out;
     for (int frame = 0; frame < 100; ++frame) {
-        TestPicture picture = room.picture();
-        room.draw(picture, chair, 120, 40, 30);
-        segmenter->segment(picture.view(), {}, out);
+        TestImage image = room.image();
+        room.draw(image, chair, 120, 40, 30);
+        segmenter->segment(image.view(), {}, out);
         if (frame == 10) {
             EXPECT_GT(count_in(out.sharp, kWidth, chair), 0.95 * chair.width() * chair.height());
         }
     }
     EXPECT_EQ(count_in(out.sharp, kWidth, chair), 0);
-    TestPicture taken_away = room.picture();
+    TestImage taken_away = room.image();
     segmenter->segment(taken_away.view(), {}, out);
     EXPECT_EQ(out.sharp_pixels, 0);
     room.draw(taken_away, chair, 40, 60, 190);  // a person where the chair stood
@@ -239,7 +239,7 @@ TEST(Segmentation, AMovedChairBecomesBackgroundAndItsOldPlaceIsStillKnown) {
     EXPECT_GT(count_in(out.sharp, kWidth, chair), 0.95 * chair.width() * chair.height());
 }
 
-TEST(Segmentation, FollowsSlowChangesOfTheRoom) {
+TEST(Segmentation, AdaptsToSlowChanges) {
     TestRoom room(kWidth, kHeight, 3);
     SegmentationOptions options;
     options.update_interval = 2;
@@ -247,17 +247,16 @@ TEST(Segmentation, FollowsSlowChangesOfTheRoom) {
     const Rect wall{100, 0, kWidth, 70};
     Silhouettes out;
     for (int frame = 0; frame < 600; ++frame) {  // the wall's blue fades by 24 levels
-        TestPicture picture = room.picture();
+        TestImage image = room.image();
         for (int y = wall.y0; y < wall.y1; ++y)
             for (int x = wall.x0; x < wall.x1; ++x)
-                picture.at(x, y, 0) =
-                    static_cast<std::uint8_t>(std::max(0, picture.at(x, y, 0) - frame / 25));
-        segmenter->segment(picture.view(), {}, out);
+                image.at(x, y, 0) = static_cast<std::uint8_t>(std::max(0, image.at(x, y, 0) - frame / 25));
+        segmenter->segment(image.view(), {}, out);
         ASSERT_LT(out.sharp_pixels, 0.01 * wall.width() * wall.height()) << "frame " << frame;
     }
 }
 
-TEST(Segmentation, TheSameBitsOnAnyNumberOfThreads) {
+TEST(Segmentation, SameBitsWithAnyThreads) {
     std::vector<Silhouettes> runs;
     for (std::size_t threads : {1u, 4u}) {
 #ifdef KINEVOX_HAVE_TBB
@@ -267,10 +266,9 @@ TEST(Segmentation, TheSameBitsOnAnyNumberOfThreads) {
         auto segmenter = learned(room, 3);
         Silhouettes out;
         for (int frame = 0; frame < 40; ++frame) {
-            TestPicture picture = room.picture();
-            room.draw(picture, {kBody.x0 + frame / 2, kBody.y0, kBody.x1 + frame / 2, kBody.y1}, 90, 100,
-                      130);
-            segmenter->segment(picture.view(), {}, out);
+            TestImage image = room.image();
+            room.draw(image, {kBody.x0 + frame / 2, kBody.y0, kBody.x1 + frame / 2, kBody.y1}, 90, 100, 130);
+            segmenter->segment(image.view(), {}, out);
         }
         runs.push_back(out);
     }
@@ -279,11 +277,11 @@ TEST(Segmentation, TheSameBitsOnAnyNumberOfThreads) {
     EXPECT_EQ(runs[0].probability, runs[1].probability);
 }
 
-TEST(Segmentation, SaysWhatIsWrong) {
+TEST(Segmentation, RejectsInvalidInputByName) {
     SegmentationOptions options;
     EXPECT_EQ(options.check(), "");
     options.samples = 0;
-    EXPECT_EQ(options.check(), "samples is 0; 1 to 255 is allowed");
+    EXPECT_EQ(options.check(), "background_samples is 0; 1 to 255 is allowed");
     EXPECT_THROW(make_segmenter(Device::kCpu, 8, 8, 3, options), std::invalid_argument);
     options = {};
     options.sharp_threshold = std::numeric_limits<float>::quiet_NaN();
@@ -296,14 +294,14 @@ TEST(Segmentation, SaysWhatIsWrong) {
     EXPECT_FALSE(segmenter->learned());
     TestRoom room(kWidth, kHeight, 3), other(kWidth, kHeight - 1, 3);
     Silhouettes out;
-    EXPECT_THROW(segmenter->segment(room.picture().view(), {}, out), std::logic_error);
+    EXPECT_THROW(segmenter->segment(room.image().view(), {}, out), std::logic_error);
     EXPECT_THROW(segmenter->learn({}), std::invalid_argument);
     const auto wrong = other.clip(1);
     EXPECT_THROW(segmenter->learn(views_of(wrong)), std::invalid_argument);
     const auto right = room.clip(3);
     segmenter->learn(views_of(right));
     EXPECT_TRUE(segmenter->learned());
-    EXPECT_THROW(segmenter->segment(other.picture().view(), {}, out), std::invalid_argument);
+    EXPECT_THROW(segmenter->segment(other.image().view(), {}, out), std::invalid_argument);
 }
 
 }  // namespace

@@ -62,10 +62,10 @@ Scene ring_of_cameras(int count, float k1, float k2, float p1) {
 
 void Scene::draw(const Distance& body, const Paint& paint, Colour background) {
     masks.clear();
-    pictures.clear();
+    images.clear();
     for (const CameraModel& c : cameras) {
         const std::size_t pixels = static_cast<std::size_t>(c.width) * c.height;
-        std::vector<std::uint8_t> mask(pixels, 0), picture(3 * pixels);
+        std::vector<std::uint8_t> mask(pixels, 0), image(3 * pixels);
         const float* r = c.rotation_camera_from_world;
         const float* t = c.translation_camera_from_world;
         double centre[3];
@@ -95,18 +95,18 @@ void Scene::draw(const Distance& body, const Paint& paint, Colour background) {
                 const std::size_t at = static_cast<std::size_t>(v) * c.width + u;
                 mask[at] = hit ? 255 : 0;
                 const Colour colour = hit && paint ? paint(p) : background;
-                picture[3 * at] = colour.b, picture[3 * at + 1] = colour.g, picture[3 * at + 2] = colour.r;
+                image[3 * at] = colour.b, image[3 * at + 1] = colour.g, image[3 * at + 2] = colour.r;
             }
         }
         masks.push_back(std::move(mask));
-        pictures.push_back(std::move(picture));
+        images.push_back(std::move(image));
     }
 }
 
 std::vector<HullView> Scene::hull_views() const {
     std::vector<HullView> views;
     for (std::size_t n = 0; n < cameras.size(); ++n) {
-        HullView view{&cameras[n], nullptr, nullptr, {}};
+        HullView view{&cameras[n], nullptr, {}};
         if (!masks[n].empty()) {
             view.silhouette = masks[n].data();
             Rect box{cameras[n].width, cameras[n].height, 0, 0};
@@ -129,7 +129,7 @@ std::vector<ColouringView> Scene::colouring_views() const {
     for (std::size_t n = 0; n < cameras.size(); ++n) {
         ColouringView view;
         view.camera = &cameras[n];
-        view.picture = {pictures[n].data(), cameras[n].width, cameras[n].height, 3, 3 * cameras[n].width};
+        view.image = {images[n].data(), cameras[n].width, cameras[n].height, 3, 3 * cameras[n].width};
         if (!masks[n].empty()) view.silhouette = view.sharp = masks[n].data();
         views.push_back(view);
     }

@@ -12,8 +12,8 @@ namespace kinevox::kernels::testing {
 
 struct Scene {
     std::vector<CameraModel> cameras;
-    std::vector<std::vector<std::uint8_t>> masks;     // 0 or 255; empty: this camera has no picture
-    std::vector<std::vector<std::uint8_t>> pictures;  // B, G, R
+    std::vector<std::vector<std::uint8_t>> masks;   // 0 or 255; empty: this camera has no image
+    std::vector<std::vector<std::uint8_t>> images;  // B, G, R
 
     // Signed distance (m, negative inside) and colour of the body at a world point.
     using Distance = std::function<float(const float*)>;

@@ -37,12 +37,12 @@ std::string now_utc() {
     return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", absl::Now(), absl::UTCTimeZone());
 }
 
-// What is not UTF-8 is replaced.
+// Replaces invalid UTF-8.
 std::string dump(const ordered_json& line) {
     return line.dump(-1, ' ', false, json::error_handler_t::replace);
 }
 
-std::string cut(const std::string& text) {
+std::string truncated(const std::string& text) {
     return text.size() <= kMaxText ? text
                                    : fmt::format("{}... {} bytes", text.substr(0, kMaxText), text.size());
 }
@@ -62,7 +62,7 @@ ordered_json value_of(const Message& message, const FieldDescriptor* field, int 
             const std::string text = many ? reflection->GetRepeatedString(message, field, index)
                                           : reflection->GetString(message, field);
             return field->type() == FieldDescriptor::TYPE_BYTES ? fmt::format("{} bytes", text.size())
-                                                                : cut(text);
+                                                                : truncated(text);
         }
         case FieldDescriptor::CPPTYPE_ENUM: {
             const int number = many ? reflection->GetRepeatedEnumValue(message, field, index)
@@ -96,13 +96,13 @@ ordered_json value_of(const Message& message, const FieldDescriptor* field, int 
 }
 
 ordered_json to_json(const Message& message, int depth) {
-    constexpr int kDeepest = 3, kMaxElements = 16;
-    if (depth > kDeepest) return "...";
+    constexpr int kMaxDepth = 3, kMaxElements = 16;
+    if (depth > kMaxDepth) return "...";
     ordered_json out = ordered_json::object();
     std::vector<const FieldDescriptor*> fields;
     message.GetReflection()->ListFields(message, &fields);
     for (const FieldDescriptor* field : fields) {
-        if (field->name() == "lease_id") continue;  // who knows it has control
+        if (field->name() == "lease_id") continue;  // it grants control
         if (!field->is_repeated()) {
             out[field->name()] = value_of(message, field, 0, depth);
             continue;
@@ -111,7 +111,7 @@ ordered_json to_json(const Message& message, int depth) {
         ordered_json values = ordered_json::array();
         for (int i = 0; i < std::min(size, kMaxElements); ++i)
             values.push_back(value_of(message, field, i, depth));
-        if (size > kMaxElements) values.push_back(fmt::format("... {} in all", size));
+        if (size > kMaxElements) values.push_back(fmt::format("... {} in total", size));
         out[field->name()] = std::move(values);
     }
     return out;
@@ -120,17 +120,17 @@ ordered_json to_json(const Message& message, int depth) {
 std::string line_of(const AuditEntry& entry) {
     ordered_json line;
     line["time"] = now_utc();
-    line["who"] = entry.who;
+    line["caller"] = entry.caller;
     line["role"] = entry.role;
     line["peer"] = entry.peer;
-    line["method"] = cut(entry.method);
+    line["method"] = truncated(entry.method);
     line["outcome"] = entry.outcome;
-    if (!entry.message.empty()) line["message"] = cut(entry.message);
+    if (!entry.message.empty()) line["message"] = truncated(entry.message);
     if (!entry.request.empty()) line["request"] = ordered_json::parse(entry.request, nullptr, false);
     return dump(line) + "\n";
 }
 
-// Empty, or why not.
+// Empty, or the error.
 std::string append(const std::filesystem::path& file, const std::string& text) {
     const int descriptor = ::open(file.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0600);
     if (descriptor < 0) return std::strerror(errno);
@@ -148,7 +148,7 @@ std::string append(const std::filesystem::path& file, const std::string& text) {
 
 }  // namespace
 
-std::string essence(const Message& request) {
+std::string request_summary(const Message& request) {
     return dump(to_json(request, 0));
 }
 
@@ -160,7 +160,7 @@ struct AuditLog::Parts {
     std::condition_variable changed;
     std::deque<std::string> queue;
     std::uint64_t lost = 0;
-    std::uint64_t refused = 0;  // not written one by one
+    std::uint64_t refused = 0;  // counted only
     int refused_now = 0;        // written in this second
     Clock::time_point second{};
     bool closing = false, failing = false;
@@ -183,10 +183,10 @@ struct AuditLog::Parts {
             for (const std::string& line : queue) text += line;
             queue.clear();
             if (refused && (closing || Clock::now() - second >= std::chrono::seconds(1))) {
-                text += dump({{"time", now_utc()}, {"further_refused", refused}}) + "\n";
+                text += dump({{"time", now_utc()}, {"suppressed_refusals", refused}}) + "\n";
                 refused = 0;
             }
-            if (lost) text += dump({{"time", now_utc()}, {"lines_missing", lost}}) + "\n";
+            if (lost) text += dump({{"time", now_utc()}, {"lost_lines", lost}}) + "\n";
             lost = 0;
             if (text.empty()) continue;
             lock.unlock();
@@ -215,8 +215,9 @@ absl::StatusOr<std::unique_ptr<AuditLog>> AuditLog::open(const std::filesystem::
         std::error_code ignored;
         if (file.has_parent_path()) std::filesystem::create_directories(file.parent_path(), ignored);
         if (const std::string problem = append(file, ""); !problem.empty())
-            return absl::UnavailableError(fmt::format(
-                "{}: the audit log cannot be written: {}; correct [server] audit", file.string(), problem));
+            return absl::UnavailableError(
+                fmt::format("{}: the audit log cannot be written: {}; correct [server] audit_file",
+                            file.string(), problem));
     }
     return std::unique_ptr<AuditLog>(new AuditLog(std::move(parts)));
 }
@@ -231,7 +232,7 @@ AuditLog::~AuditLog() {
 }
 
 void AuditLog::add(const AuditEntry& entry) {
-    spdlog::debug("{} ({}) {}: {}", entry.who, entry.role, entry.method, entry.outcome);
+    spdlog::debug("{} ({}) {}: {}", entry.caller, entry.role, entry.method, entry.outcome);
     std::string line = line_of(entry);
     const std::scoped_lock lock(parts_->mutex);
     parts_->put(std::move(line));
@@ -251,11 +252,11 @@ void AuditLog::add_refused(const AuditEntry& entry) {
         }
     }
     {
-        const LogFields fields{{"KINEVOX_EVENT", "refused"},
-                               {"KINEVOX_METHOD", cut(entry.method)},
+        const LogFields fields{{"KINEVOX_EVENT", "call_refused"},
+                               {"KINEVOX_METHOD", truncated(entry.method)},
                                {"KINEVOX_PEER", entry.peer},
-                               {"KINEVOX_WHO", entry.who}};
-        spdlog::warn("refused {}: {}", cut(entry.method), entry.message);
+                               {"KINEVOX_CALLER", entry.caller}};
+        spdlog::warn("refused {}: {}", truncated(entry.method), entry.message);
     }
     std::string line = line_of(entry);
     const std::scoped_lock lock(parts_->mutex);

@@ -1,4 +1,4 @@
-// One JSON line for each operating call and each call that was refused.
+// Audit log: one JSON line per operating or refused call.
 #pragma once
 
 #include <absl/status/status.h>
@@ -16,26 +16,25 @@ class Message;
 namespace kinevox {
 
 struct AuditEntry {
-    std::string who;  // the token's name; "anyone" without tokens; empty where nobody is known
+    std::string caller;  // name of the token; "anyone" without tokens; empty if unknown
     std::string role;
-    std::string peer;     // "ipv4:192.168.1.7:50312"; empty where it is not known
-    std::string method;   // "CaptureService.Start"
+    std::string peer;     // "ipv4:192.168.1.7:50312"; empty if unknown
+    std::string method;   // "CaptureService.StartCapture"
     std::string outcome;  // "OK", "FAILED_PRECONDITION"
-    std::string message;  // of the status; empty where it is OK
-    std::string request;  // its essence as JSON; empty where it is not known
+    std::string message;  // of the status; empty if OK
+    std::string request;  // summary as JSON; empty if unknown
 };
 
-// Any thread; nothing waits for the disk: a thread writes what is queued, and where more comes than the queue
-// holds the file says how many lines are missing. The file is opened anew for each batch, so that it may be
-// moved away.
+// Any thread; callers do not wait for the disk: a thread writes the queue, and if the queue overflows a line
+// has the number of lost lines. The file is reopened for each batch, so that it may be moved.
 class AuditLog {
   public:
-    // Empty `file`: the daemon's log alone. Unavailable where it cannot be written.
+    // Empty `file`: the daemon's log only. Unavailable if it cannot be written.
     static absl::StatusOr<std::unique_ptr<AuditLog>> open(const std::filesystem::path& file);
-    ~AuditLog();  // writes what is queued
+    ~AuditLog();  // writes the queue
 
     void add(const AuditEntry& entry);
-    // Refused before it reached the service: a few a second are written, the rest is counted.
+    // Refused before it reached the service: a few per second are written, the others are counted.
     void add_refused(const AuditEntry& entry);
 
   private:
@@ -44,7 +43,7 @@ class AuditLog {
     std::unique_ptr<Parts> parts_;
 };
 
-// The fields that are set, as JSON: long texts cut, bytes counted, no lease's id.
-std::string essence(const google::protobuf::Message& request);
+// The fields that are set, as JSON: long texts truncated, bytes counted, without lease ids.
+std::string request_summary(const google::protobuf::Message& request);
 
 }  // namespace kinevox

@@ -10,11 +10,11 @@ namespace {
 
 constexpr std::string_view kRolePrefix = "ROLE_";
 
-// Their packages say nothing of permissions.
+// Their packages declare no permissions.
 constexpr const char* kOwnCallsOfGrpc[] = {"/grpc.health.v1.Health/Check", "/grpc.health.v1.Health/Watch",
                                            "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo"};
 
-// The permission that names it among its calls or values.
+// The permission that lists it among its methods or enum values.
 template <typename Option>
 v1::Permission naming(const Option& option, std::string_view what) {
     const auto* permissions = v1::Permission_descriptor();
@@ -68,7 +68,7 @@ std::string roles_with(v1::Permission permission) {
 }
 
 bool CallTable::Call::audited() const {
-    return permission == v1::PERMISSION_OPERATE || permission == v1::PERMISSION_ADMINISTER;
+    return permission == v1::PERMISSION_OPERATE || permission == v1::PERMISSION_ADMIN;
 }
 
 CallTable::CallTable(const std::vector<std::string>& services) {
@@ -78,7 +78,7 @@ CallTable::CallTable(const std::vector<std::string>& services) {
         for (int i = 0; service && i < service->method_count(); ++i) {
             const auto* method = service->method(i);
             calls_["/" + name + "/" + method->name()] = {
-                naming(v1::calls, service->name() + "." + method->name()), method};
+                naming(v1::methods, service->name() + "." + method->name()), method};
         }
     }
 }
@@ -96,8 +96,9 @@ v1::Permission needed_by_values(const google::protobuf::Message& request) {
             continue;
         const auto* value =
             field->enum_type()->FindValueByNumber(request.GetReflection()->GetEnumValue(request, field));
-        if (!value) continue;  // the handler refuses it
-        if (const auto needed = naming(v1::values, descriptor->name() + "." + value->name())) return needed;
+        if (!value) continue;  // the handler rejects it
+        if (const auto needed = naming(v1::enum_values, descriptor->name() + "." + value->name()))
+            return needed;
     }
     return v1::PERMISSION_UNSPECIFIED;
 }

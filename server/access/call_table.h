@@ -1,5 +1,4 @@
-// Which permission each call needs and which role has it, read from access.proto's options as they are linked
-// in.
+// The permission that each method requires and the roles that grant it, from access.proto's options.
 #pragma once
 
 #include <string>
@@ -17,26 +16,26 @@ class MethodDescriptor;
 namespace kinevox {
 
 bool has(v1::Role role, v1::Permission permission);
-// "watch"; empty for a role that is none.
+// "viewer"; empty for no role.
 std::string name_of(v1::Role role);
-// ROLE_UNSPECIFIED where there is no role of that name.
+// ROLE_UNSPECIFIED for an unknown name.
 v1::Role role_named(std::string_view name);
-// "watch, exhibit, operate, administer", those that have it.
+// "viewer, display, operator, admin": those that grant it.
 std::string roles_with(v1::Permission permission);
 
 class CallTable {
   public:
     struct Call {
-        v1::Permission permission = v1::PERMISSION_UNSPECIFIED;      // unspecified: nobody may
+        v1::Permission permission = v1::PERMISSION_UNSPECIFIED;      // unspecified: refused
         const google::protobuf::MethodDescriptor* method = nullptr;  // null for gRPC's own services
         bool audited() const;
     };
 
-    // Services by their full names, "kinevox.v1.CaptureService". gRPC's health and reflection are always in
-    // it.
+    // Services by their full names, "kinevox.v1.CaptureService". gRPC's health and reflection are always
+    // included.
     explicit CallTable(const std::vector<std::string>& services);
 
-    // "/kinevox.v1.CaptureService/Start"; null where there is no such call.
+    // "/kinevox.v1.CaptureService/StartCapture"; null for an unknown method.
     const Call* find(std::string_view path) const;
     const std::unordered_map<std::string, Call>& calls() const { return calls_; }
 
@@ -44,7 +43,7 @@ class CallTable {
     std::unordered_map<std::string, Call> calls_;
 };
 
-// What the values of a request's enumerations need beside its method's permission; unspecified: nothing.
+// The permission that the enum values of a request require in addition to its method's; unspecified: none.
 v1::Permission needed_by_values(const google::protobuf::Message& request);
 
 }  // namespace kinevox

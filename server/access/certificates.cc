@@ -51,7 +51,7 @@ Certificate read_certificate(const std::string& pem) {
     return Certificate(PEM_read_bio_X509(reader(pem).get(), nullptr, nullptr, nullptr));
 }
 
-// Asks nobody for a password.
+// Without asking for a password.
 Key read_key(const std::string& pem) {
     return Key(PEM_read_bio_PrivateKey(
         reader(pem).get(), nullptr, [](char*, int, int, void*) { return 0; }, nullptr));

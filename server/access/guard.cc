@@ -43,7 +43,7 @@ Stamp stamp_of(const std::filesystem::path& file) {
     return {found.st_ino, found.st_size, found.st_mtim.tv_sec, found.st_mtim.tv_nsec, found.st_mode};
 }
 
-// "/kinevox.v1.CaptureService/Start" -> "CaptureService.Start".
+// "/kinevox.v1.CaptureService/StartCapture" -> "CaptureService.StartCapture".
 std::string short_name(std::string_view path) {
     if (path.starts_with('/')) path.remove_prefix(1);
     if (path.starts_with("kinevox.v1.")) path.remove_prefix(11);
@@ -52,21 +52,22 @@ std::string short_name(std::string_view path) {
     return name;
 }
 
-// Fills up over time, and holds a second's worth.
+// Token bucket with a burst of one second.
 struct Bucket {
-    double held = 0;
+    double level = 0;
     Clock::time_point at{};
     bool take(double per_s, Clock::time_point now) {
-        const double gone = at == Clock::time_point{} ? 1 : std::chrono::duration<double>(now - at).count();
-        held = std::min(std::max(per_s, 1.0), held + gone * per_s);
+        const double elapsed =
+            at == Clock::time_point{} ? 1 : std::chrono::duration<double>(now - at).count();
+        level = std::min(std::max(per_s, 1.0), level + elapsed * per_s);
         at = now;
-        if (held < 1) return false;
-        held -= 1;
+        if (level < 1) return false;
+        level -= 1;
         return true;
     }
 };
 
-constexpr const char* kGone = "the token was revoked or has expired; ask for a new one";
+constexpr const char* kGone = "the token was revoked or has expired; get a new one from the administrator";
 
 }  // namespace
 
@@ -91,7 +92,7 @@ struct Guard::Parts {
     }
 
     absl::Status read() {
-        const Stamp now = stamp_of(file);  // before reading: what changes meanwhile is read again
+        const Stamp now = stamp_of(file);  // before reading, so that later changes are noticed
         auto read = read_tokens(file);
         const std::scoped_lock lock(mutex);
         stamp = now;
@@ -105,13 +106,13 @@ struct Guard::Parts {
 
     bool take(const std::string& digest) {
         const std::scoped_lock lock(mutex);
-        return buckets[digest].take(limits.requests_per_s, Clock::now());
+        return buckets[digest].take(limits.max_requests_per_s, Clock::now());
     }
 
-    void refused(const std::string& who, const std::string& role, std::string_view path,
+    void refused(const std::string& caller, const std::string& role, std::string_view path,
                  const absl::Status& why) const {
         if (!audit) return;
-        audit->add_refused({who, role, "", short_name(path), absl::StatusCodeToString(why.code()),
+        audit->add_refused({caller, role, "", short_name(path), absl::StatusCodeToString(why.code()),
                             std::string(why.message()), ""});
     }
 };
@@ -147,17 +148,17 @@ absl::StatusOr<Caller> Guard::identify(std::string_view authorization) const {
     if (open()) return Caller{};
     constexpr std::string_view kScheme = "Bearer ";
     if (authorization.empty())
-        return absl::UnauthenticatedError("this daemon asks for a token; give one (docs/access.md)");
+        return absl::UnauthenticatedError("this daemon requires a token; give one (docs/access.md)");
     const std::string_view scheme = authorization.substr(0, kScheme.size());
     if (!absl::EqualsIgnoreCase({scheme.data(), scheme.size()}, {kScheme.data(), kScheme.size()}))
         return absl::UnauthenticatedError(
-            "the call's authorization is no bearer token; send 'Bearer ' and the token");
+            "the authorization header has no bearer token; send 'Bearer ' and the token");
     const Digest digest = sha256(authorization.substr(kScheme.size()));
     const auto tokens = parts_->current();
     const Token* found = nullptr;
-    for (const Token& token : *tokens)  // all of them: the time tells nothing
+    for (const Token& token : *tokens)  // all of them: constant time
         if (same(token.digest, digest)) found = &token;
-    if (!found) return absl::UnauthenticatedError("the token is not one of this daemon's; ask for a new one");
+    if (!found) return absl::UnauthenticatedError("unknown token; get a new one from the administrator");
     if (!found->valid(now_s())) return absl::UnauthenticatedError(kGone);
     return Caller{found->name, found->role, to_hex(digest)};
 }
@@ -175,13 +176,13 @@ absl::Status Guard::admit(std::string_view path, std::string_view authorization)
     };
     if (!parts_->take(caller->digest))
         return refuse(absl::ResourceExhaustedError(fmt::format(
-            "{} sends more than {} requests a second; wait, or raise [server.limits] requests_per_s",
-            caller->name, parts_->limits.requests_per_s)));
+            "{} sends more than {} requests per second; wait, or raise [server.limits] max_requests_per_s",
+            caller->name, parts_->limits.max_requests_per_s)));
     const CallTable::Call* call = parts_->calls->find(path);
-    if (!call) return absl::UnimplementedError("this daemon has no such call; is it older than the client?");
+    if (!call) return absl::UnimplementedError("unknown method; the daemon may be older than the client");
     if (!has(caller->role, call->permission))
         return refuse(absl::PermissionDeniedError(
-            fmt::format("{} is for the roles {}; the token of {} has {}", short_name(path),
+            fmt::format("{} requires one of the roles {}; the token {} has {}", short_name(path),
                         roles_with(call->permission), caller->name, name_of(caller->role))));
     return absl::OkStatus();
 }
@@ -192,8 +193,8 @@ absl::Status Guard::allow(std::string_view authorization, v1::Permission permiss
     absl::Status status = caller.status();
     if (caller.ok() && !has(caller->role, permission))
         status = absl::PermissionDeniedError(fmt::format(
-            "{} with {} is for the roles {}; the token of {} has {}", method, v1::Permission_Name(permission),
-            roles_with(permission), caller->name, name_of(caller->role)));
+            "{} with {} requires one of the roles {}; the token {} has {}", method,
+            v1::Permission_Name(permission), roles_with(permission), caller->name, name_of(caller->role)));
     if (!status.ok())
         parts_->refused(caller.ok() ? caller->name : "", caller.ok() ? name_of(caller->role) : "", method,
                         status);
@@ -207,16 +208,15 @@ absl::StatusOr<std::shared_ptr<Guard::Stream>> Guard::open_stream(
     const AccessLimits& limits = parts_->limits;
     const std::scoped_lock lock(parts_->streams_mutex);
     if (parts_->streams.size() >= static_cast<std::size_t>(limits.max_streams))
-        return absl::ResourceExhaustedError(
-            fmt::format("this daemon serves {} streams, as many as it may; end others, or raise "
-                        "[server.limits] max_streams",
-                        limits.max_streams));
+        return absl::ResourceExhaustedError(fmt::format(
+            "{} streams are open, the maximum; close others, or raise [server.limits] max_streams",
+            limits.max_streams));
     int& own = parts_->streams_of[caller->digest];
     if (!open() && own >= limits.max_streams_per_token)
-        return absl::ResourceExhaustedError(
-            fmt::format("{} has {} streams, as many as a token may; end others, or raise [server.limits] "
-                        "max_streams_per_token",
-                        caller->name, own));
+        return absl::ResourceExhaustedError(fmt::format(
+            "{} has {} open streams, the maximum per token; close others, or raise [server.limits] "
+            "max_streams_per_token",
+            caller->name, own));
     ++own;
     std::shared_ptr<Stream> stream(new Stream(parts_, *std::move(caller), std::move(end)));
     parts_->streams.insert(stream.get());
@@ -233,9 +233,9 @@ void Guard::tick() {
     if (stamp_of(parts_->file) != parts_->stamp) {
         const absl::Status read = parts_->read();
         if (read.ok())
-            spdlog::info("tokens are read anew from {}", parts_->file.string());
+            spdlog::info("reread tokens from {}", parts_->file.string());
         else
-            spdlog::error("no token is valid until this is mended: {}", std::string(read.message()));
+            spdlog::error("all tokens are rejected until this is fixed: {}", std::string(read.message()));
     }
     const auto tokens = parts_->current();
     std::set<std::string> valid;

@@ -1,5 +1,4 @@
-// Decides, before anything of a call runs, whether it may; counts streams, and ends those whose token is no
-// longer valid.
+// Authorises each call before it runs; counts streams, and ends those whose token is no longer valid.
 #pragma once
 
 #include <absl/status/status.h>
@@ -23,46 +22,44 @@ class CallTable;
 struct AccessLimits {
     int max_streams = 1000;
     int max_streams_per_token = 250;
-    double requests_per_s = 200;  // of one token; as many at once
+    double max_requests_per_s = 200;  // per token, also the burst size
 };
 
-// Who calls. `digest` tells tokens apart that had the same name one after the other.
+// `digest` distinguishes successive tokens of the same name.
 struct Caller {
     std::string name = "anyone";
-    v1::Role role = v1::ROLE_ADMINISTER;
+    v1::Role role = v1::ROLE_ADMIN;
     std::string digest;
 };
 
-// Any thread. `authorization` is what a call brings: "Bearer kvx_...".
+// Any thread. `authorization` is the header of a call: "Bearer kvx_...".
 class Guard {
   public:
-    // Empty `tokens`: there are none, and everybody may do everything. Otherwise that file is read here, and
-    // again whenever it has changed; while it cannot be read no token is valid. `audit` may be null, and
-    // outlives the guard.
+    // Empty `tokens`: none, every client has full access. Otherwise the file is read here and whenever it has
+    // changed; while it cannot be read, all tokens are rejected. `audit` may be null, and outlives the guard.
     static absl::StatusOr<std::unique_ptr<Guard>> create(const std::filesystem::path& tokens,
                                                          const AccessLimits& limits,
                                                          AuditLog* audit = nullptr);
     ~Guard();
 
-    bool open() const;  // everybody may do everything
+    bool open() const;  // every client has full access
     AuditLog* audit() const;
 
-    // Before the server starts: the services that it has. Calls of others are refused.
+    // Before the server starts: its services. Calls of others are refused.
     void set_services(const std::vector<std::string>& full_names);
     const CallTable& calls() const;
 
-    // Whether a call may begin, and counts it: Unauthenticated, PermissionDenied, ResourceExhausted;
-    // Unimplemented where there is no such call. What is refused is audited.
+    // Authorises and counts a call: Unauthenticated, PermissionDenied, ResourceExhausted; Unimplemented for
+    // an unknown method. Refusals are audited.
     absl::Status admit(std::string_view path, std::string_view authorization);
-    // The same as above without counting.
+    // The same without counting.
     absl::StatusOr<Caller> identify(std::string_view authorization) const;
-    // Whether the caller has a permission that depends on what a call asks for; audited where not.
+    // Checks a permission that depends on the request; refusals are audited.
     absl::Status allow(std::string_view authorization, v1::Permission permission,
                        std::string_view method) const;
 
-    // Counted as a stream until it is destroyed. `end` is called once, from tick(), when the token stops
-    // being valid; it may still be called while the stream is being destroyed. ResourceExhausted where there
-    // are as many as there may be.
+    // Counted as a stream until it is destroyed. `end` is called once, from tick(), when the token becomes
+    // invalid; it may still be called while the stream is being destroyed. ResourceExhausted at the limit.
     class Stream;
     absl::StatusOr<std::shared_ptr<Stream>> open_stream(std::string_view authorization,
                                                         std::function<void(const absl::Status&)> end);

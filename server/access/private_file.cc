@@ -25,7 +25,7 @@ absl::Status cannot_write(const std::filesystem::path& file, int error) {
 }  // namespace
 
 void make_private_folder(const std::filesystem::path& folder) {
-    std::error_code ignored;  // what is written there tells
+    std::error_code ignored;  // writing the file reports it
     if (folder.empty() || std::filesystem::exists(folder, ignored)) return;
     std::filesystem::create_directories(folder, ignored);
     std::filesystem::permissions(folder, std::filesystem::perms::owner_all, ignored);
@@ -34,19 +34,19 @@ void make_private_folder(const std::filesystem::path& folder) {
 absl::Status write_private_file(const std::filesystem::path& file, std::string_view contents,
                                 Existing existing) {
     make_private_folder(file.parent_path());
-    std::string aside = file.string() + ".XXXXXX";
-    const int descriptor = ::mkostemp(aside.data(), O_CLOEXEC);  // with mode 0600
+    std::string temporary = file.string() + ".XXXXXX";
+    const int descriptor = ::mkostemp(temporary.data(), O_CLOEXEC);  // with mode 0600
     if (descriptor < 0) return cannot_write(file, errno);
     bool done = write_all(descriptor, contents);
     int error = errno;
     ::close(descriptor);
     if (done) {
-        // A link, other than a rename, does not take the place of what is there.
-        done = existing == Existing::kReplace ? ::rename(aside.c_str(), file.c_str()) == 0
-                                              : ::link(aside.c_str(), file.c_str()) == 0;
+        // A link, unlike a rename, does not replace an existing file.
+        done = existing == Existing::kReplace ? ::rename(temporary.c_str(), file.c_str()) == 0
+                                              : ::link(temporary.c_str(), file.c_str()) == 0;
         error = errno;
     }
-    if (!done || existing == Existing::kKeep) ::unlink(aside.c_str());
+    if (!done || existing == Existing::kKeep) ::unlink(temporary.c_str());
     if (done) return absl::OkStatus();
     if (error == EEXIST)
         return absl::AlreadyExistsError(fmt::format(

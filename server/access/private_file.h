@@ -8,16 +8,16 @@
 
 namespace kinevox {
 
-// Where it is not there.
+// If it does not exist.
 void make_private_folder(const std::filesystem::path& folder);
 
 enum class Existing { kKeep, kReplace };
 
-// Writes aside with mode 0600 and renames. kKeep: AlreadyExists where the file is there.
+// Atomically (temporary file, rename), with mode 0600. kKeep: AlreadyExists if the file exists.
 absl::Status write_private_file(const std::filesystem::path& file, std::string_view contents,
                                 Existing existing);
 
-// PermissionDenied where others than its owner may read or write the file.
+// PermissionDenied if others than the owner may read or write the file.
 absl::Status check_private(const std::filesystem::path& file);
 
 }  // namespace kinevox

@@ -1,4 +1,4 @@
-// Tokens as their bearers hold them, and what is kept of them.
+// Tokens and their digests.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -17,11 +17,11 @@ absl::StatusOr<std::string> make_secret();
 
 Digest sha256(std::string_view text);
 
-// Takes the same time wherever they differ.
+// In constant time.
 bool same(const Digest& a, const Digest& b);
 
 std::string to_hex(const Digest& digest);
-// False where `text` is not 64 hexadecimal digits.
+// False if `text` is not 64 hexadecimal digits.
 bool from_hex(std::string_view text, Digest& digest);
 
 }  // namespace kinevox

@@ -51,7 +51,7 @@ Token read_token(const TomlTable& table) {
         table.fail("role", fmt::format("is \"{}\", expected one of {}; correct it", role,
                                        roles_with(v1::PERMISSION_STATUS)));
     if (!from_hex(table.text("sha256"), token.digest))
-        table.fail("sha256", "is not 64 hexadecimal digits; create the token anew");
+        table.fail("sha256", "is not 64 hexadecimal digits; create a new token");
     token.created_s = read_time(table, "created");
     token.expires_s = read_time(table, "expires");
     token.revoked_s = read_time(table, "revoked");
@@ -90,8 +90,7 @@ std::string to_utc(std::int64_t time_s) {
 
 std::string to_toml(const std::vector<Token>& tokens) {
     std::string text =
-        "# Made by `kinevox token`. Hashes of tokens: what their holders have cannot be computed from "
-        "them.\n";
+        "# Written by `kinevox token`. Contains hashes, from which the tokens cannot be computed.\n";
     for (const Token& token : tokens) {
         text += fmt::format("\n[[token]]\nname = {}\nrole = {}\nsha256 = \"{}\"\ncreated = \"{}\"\n",
                             toml_quoted(token.name), toml_quoted(name_of(token.role)), to_hex(token.digest),
@@ -109,7 +108,7 @@ absl::StatusOr<std::vector<Token>> parse_tokens(const std::string& text, const s
     for (const TomlTable& table : (*document)->root().tables("token")) tokens.push_back(read_token(table));
     if (absl::Status status = (*document)->finish(); !status.ok()) return status;
     if (tokens.size() > kMaxTokens)
-        return absl::InvalidArgumentError(fmt::format("{}: has {} tokens, more than {}; take out old ones",
+        return absl::InvalidArgumentError(fmt::format("{}: has {} tokens, more than {}; delete old ones",
                                                       name_for_errors, tokens.size(), kMaxTokens));
     return tokens;
 }
@@ -124,8 +123,8 @@ absl::StatusOr<std::vector<Token>> read_tokens(const std::filesystem::path& file
 absl::StatusOr<std::string> create_token(const std::filesystem::path& file, const NewToken& wanted,
                                          std::int64_t now_s) {
     if (!good_name(wanted.name))
-        return absl::InvalidArgumentError(fmt::format(
-            "the name '{}' is not 1 to 64 letters, digits and . _ - @; give another", wanted.name));
+        return absl::InvalidArgumentError(
+            fmt::format("name '{}' is not 1 to 64 letters, digits and . _ - @; give another", wanted.name));
     const FileLock lock(file);
     auto tokens = read_or_none(file);
     if (!tokens.ok()) return tokens.status();
@@ -136,8 +135,8 @@ absl::StatusOr<std::string> create_token(const std::filesystem::path& file, cons
                 file.string(), wanted.name));
     std::erase_if(*tokens, [&](const Token& token) { return token.name == wanted.name; });
     if (tokens->size() >= kMaxTokens)
-        return absl::ResourceExhaustedError(fmt::format(
-            "{} has {} tokens, as many as it may; take out old ones", file.string(), tokens->size()));
+        return absl::ResourceExhaustedError(
+            fmt::format("{} has {} tokens, the maximum; delete old ones", file.string(), tokens->size()));
     auto secret = make_secret();
     if (!secret.ok()) return secret.status();
     const std::int64_t expires_s = wanted.days > 0 ? now_s + std::int64_t{wanted.days} * 86'400 : 0;

@@ -39,7 +39,7 @@ struct ApiServer::Parts {
         return {&capture, &stream, &pose, &calibration, &recording, &replay};
     }
 
-    // Before every call, whatever service it is of.
+    // Checks each call of all services.
     void set_guard(grpc::ServerBuilder& builder) {
         if (!guard) return;
         guard->set_services(
@@ -59,17 +59,17 @@ struct ApiServer::Parts {
         for (grpc::Service* service : services()) builder.RegisterService(service);
         set_guard(builder);
         builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT,
-                                   0);  // two daemons on one port: the second must notice
-        // A client that vanished without a word is found out within a minute.
+                                   0);  // a second daemon on the same port must fail
+        // Detects a dead client within a minute.
         builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 30'000);
         builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 20'000);
         builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 5'000);
         builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
-        // Who connects and says nothing, or says all and calls nothing, is cut off.
+        // Closes connections without a handshake, and connections without calls.
         builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS,
                                    static_cast<int>(options.handshake_timeout.count()));
         builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, 600'000);
-        builder.AddChannelArgument(GRPC_ARG_ENABLE_CHANNELZ, 0);  // nobody can ask for its figures
+        builder.AddChannelArgument(GRPC_ARG_ENABLE_CHANNELZ, 0);  // no access to its statistics
         builder.SetMaxReceiveMessageSize(options.max_request_bytes);
         if (!address.empty())
             builder.AddListeningPort(address, guarded_credentials(options.identity, guard), &port);
@@ -85,10 +85,11 @@ absl::StatusOr<std::unique_ptr<ApiServer>> ApiServer::listen(const std::string& 
     auto parts = std::make_unique<Parts>(api);
     parts->build(address, options);
     if (!parts->server || parts->port == 0)
-        return absl::UnavailableError(fmt::format(
-            "cannot listen on {}: the port is in use or the address is not this machine's; stop the other "
-            "program, or set another listen under [server]",
-            address));
+        return absl::UnavailableError(
+            fmt::format("cannot listen on {}: the port is in use, or the address does not belong to this "
+                        "machine; stop the "
+                        "other program, or set another [server] listen",
+                        address));
     std::unique_ptr<ApiServer> server(new ApiServer(std::move(parts)));
     server->set_serving(false);
     return server;

@@ -18,20 +18,20 @@ class Channel;
 namespace kinevox {
 
 struct ApiServerOptions {
-    std::optional<ServerIdentity> identity;          // none: nothing is encrypted
-    int max_request_bytes = (32 << 20) + (1 << 10);  // requests are small, but for a BVH file
-    // Until a new connection has shaken hands, TLS and HTTP/2; then it is closed.
+    std::optional<ServerIdentity> identity;          // none: unencrypted
+    int max_request_bytes = (32 << 20) + (1 << 10);  // requests are small, except BVH files
+    // For the TLS and HTTP/2 handshake of a new connection, which is closed otherwise.
     std::chrono::milliseconds handshake_timeout{10'000};
 };
 
 class ApiServer {
   public:
-    // Listens on HOST:PORT; port 0 takes a free one. Unavailable: the port is taken or the host is not this
-    // machine's. `api` must outlive the server. Health says NOT_SERVING until set_serving(true).
+    // Listens on HOST:PORT; port 0: a free one. Unavailable: the port is in use, or the host is not this
+    // machine. `api` must outlive the server. The health service reports NOT_SERVING until set_serving(true).
     static absl::StatusOr<std::unique_ptr<ApiServer>> listen(const std::string& address,
                                                              const ApiContext& api,
                                                              const ApiServerOptions& options = {});
-    // Reached over in_process_channel() alone; for tests.
+    // Accessible through in_process_channel() only; for tests.
     static std::unique_ptr<ApiServer> in_process(const ApiContext& api);
     ~ApiServer();
 
@@ -39,7 +39,7 @@ class ApiServer {
     void set_serving(bool serving);
     std::shared_ptr<grpc::Channel> in_process_channel();
 
-    // Takes no new calls, gives those in progress so long to end, then cancels them. Once or often.
+    // Rejects new calls, waits `grace` for those in progress, then cancels them. Idempotent.
     void shutdown(std::chrono::milliseconds grace);
 
   private:

@@ -19,7 +19,7 @@ namespace {
 
 using grpc::experimental::InterceptionHookPoints;
 
-// Of one call.
+// Audits one call.
 class AuditInterceptor final : public grpc::experimental::Interceptor {
   public:
     AuditInterceptor(const Guard& guard, const CallTable::Call& call,
@@ -29,36 +29,36 @@ class AuditInterceptor final : public grpc::experimental::Interceptor {
         entry_.method = call.method->service()->name() + "." + call.method->name();
     }
 
-    // A call that its client left before its answer has no status to send.
+    // A call cancelled by its client sends no status.
     ~AuditInterceptor() override {
-        if (!told_) tell("CANCELLED", "the client left");
+        if (!logged_) log("CANCELLED", "the client left");
     }
 
     void Intercept(grpc::experimental::InterceptorBatchMethods* methods) override {
         if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::POST_RECV_INITIAL_METADATA))
-            who_calls();
+            identify_caller();
         if (!streams_ && methods->QueryInterceptionHookPoint(InterceptionHookPoints::POST_RECV_MESSAGE))
             if (const void* request =
-                    methods->GetRecvMessage())  // of a type that protoc made, which begins with its base
-                entry_.request = essence(*static_cast<const google::protobuf::Message*>(request));
+                    methods->GetRecvMessage())  // generated messages begin with their base class
+                entry_.request = request_summary(*static_cast<const google::protobuf::Message*>(request));
         if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_STATUS)) {
             const grpc::Status status = methods->GetSendStatus();
-            tell(absl::StatusCodeToString(static_cast<absl::StatusCode>(status.error_code())),
-                 status.error_message());
+            log(absl::StatusCodeToString(static_cast<absl::StatusCode>(status.error_code())),
+                status.error_message());
         }
         methods->Proceed();
     }
 
   private:
-    void who_calls() {
+    void identify_caller() {
         const auto caller = guard_.identify(authorization_of(*info_->server_context()));
-        entry_.who = caller.ok() ? caller->name : "";
+        entry_.caller = caller.ok() ? caller->name : "";
         entry_.role = caller.ok() && !guard_.open() ? name_of(caller->role) : "";
         entry_.peer = info_->server_context()->peer();
     }
 
-    void tell(std::string outcome, std::string message) {
-        if (std::exchange(told_, true)) return;
+    void log(std::string outcome, std::string message) {
+        if (std::exchange(logged_, true)) return;
         entry_.outcome = outcome.empty() ? "OK" : std::move(outcome);
         entry_.message = std::move(message);
         guard_.audit()->add(entry_);
@@ -67,8 +67,8 @@ class AuditInterceptor final : public grpc::experimental::Interceptor {
     const Guard& guard_;
     grpc::experimental::ServerRpcInfo* const info_;
     AuditEntry entry_;
-    bool told_ = false;
-    bool streams_ = false;  // some of those have their requests as bytes
+    bool logged_ = false;
+    bool streams_ = false;  // some streams have raw requests
 };
 
 class AuditInterceptors final : public grpc::experimental::ServerInterceptorFactoryInterface {

@@ -1,4 +1,4 @@
-// Tells the audit log of every operating call, whichever service it is of.
+// Writes each operating call, of any service, to the audit log.
 #pragma once
 
 #include <memory>

@@ -1,5 +1,5 @@
-// CalibrationService's calls, one function each: check, act, translate. Those that read or write files run on
-// the thread for calibrations, those that change what the capture uses on the control thread; all after
+// Handlers of CalibrationService, one function per method: check, act, translate. Those that access files run
+// on the thread for calibrations, those that change the active calibration on the control thread; all after
 // check_calibration().
 #pragma once
 
@@ -10,7 +10,7 @@
 
 namespace kinevox {
 
-// FailedPrecondition where this daemon cannot calibrate.
+// FailedPrecondition if this daemon does not support calibration.
 absl::Status check_calibration(const ApiContext& api);
 
 absl::Status start_procedure(const ApiContext& api, const v1::StartProcedureRequest& request,
@@ -35,7 +35,7 @@ absl::Status import_calibration(const ApiContext& api, const v1::ImportCalibrati
                                 v1::ImportCalibrationResponse& response);
 absl::Status export_calibration(const ApiContext& api, const v1::ExportCalibrationRequest& request,
                                 v1::ExportCalibrationResponse& response);
-absl::Status remove_calibration(const ApiContext& api, const v1::RemoveCalibrationRequest& request,
-                                v1::RemoveCalibrationResponse& response);
+absl::Status delete_calibration(const ApiContext& api, const v1::DeleteCalibrationRequest& request,
+                                v1::DeleteCalibrationResponse& response);
 
 }  // namespace kinevox

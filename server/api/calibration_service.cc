@@ -25,7 +25,7 @@ CalibrationServiceImpl::Reactor* CalibrationServiceImpl::SolveProcedure(
     return unary_call(api_, api_.calibrating, context, request, response, check_calibration, solve_procedure);
 }
 
-// Not behind a call that reads files.
+// Must not queue behind a call that reads files.
 CalibrationServiceImpl::Reactor* CalibrationServiceImpl::CancelProcedure(
     Context* context, const v1::CancelProcedureRequest* request, v1::CancelProcedureResponse* response) {
     const absl::Status missing = check_calibration(api_);
@@ -65,10 +65,10 @@ CalibrationServiceImpl::Reactor* CalibrationServiceImpl::ExportCalibration(
                       export_calibration);
 }
 
-CalibrationServiceImpl::Reactor* CalibrationServiceImpl::RemoveCalibration(
-    Context* context, const v1::RemoveCalibrationRequest* request, v1::RemoveCalibrationResponse* response) {
+CalibrationServiceImpl::Reactor* CalibrationServiceImpl::DeleteCalibration(
+    Context* context, const v1::DeleteCalibrationRequest* request, v1::DeleteCalibrationResponse* response) {
     return unary_call(api_, api_.calibrating, context, request, response, check_calibration,
-                      remove_calibration);
+                      delete_calibration);
 }
 
 grpc::ServerWriteReactor<v1::WatchProcedureResponse>* CalibrationServiceImpl::WatchProcedure(

@@ -31,8 +31,8 @@ class CalibrationServiceImpl final : public v1::CalibrationService::CallbackServ
                                v1::ImportCalibrationResponse*) override;
     Reactor* ExportCalibration(Context*, const v1::ExportCalibrationRequest*,
                                v1::ExportCalibrationResponse*) override;
-    Reactor* RemoveCalibration(Context*, const v1::RemoveCalibrationRequest*,
-                               v1::RemoveCalibrationResponse*) override;
+    Reactor* DeleteCalibration(Context*, const v1::DeleteCalibrationRequest*,
+                               v1::DeleteCalibrationResponse*) override;
 
   private:
     const ApiContext& api_;

@@ -1,4 +1,4 @@
-// What a call brings to the guard.
+// A call's credentials.
 #pragma once
 
 #include <grpcpp/server_context.h>
@@ -7,7 +7,7 @@
 
 namespace kinevox {
 
-// Empty where there is none. The guard has seen to it that there are not two.
+// Empty if there is none. The guard rejects calls with two.
 inline std::string_view authorization_of(const grpc::ServerContextBase& context) {
     const auto found = context.client_metadata().find("authorization");
     return found == context.client_metadata().end()

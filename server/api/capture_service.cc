@@ -12,6 +12,11 @@ namespace {
 
 using EventReactor = StreamReactor<EventMailbox, v1::WatchEventsResponse>;
 
+// Every daemon captures.
+absl::Status always(const ApiContext&) {
+    return absl::OkStatus();
+}
+
 }  // namespace
 
 CaptureServiceImpl::Reactor* CaptureServiceImpl::GetStatus(Context* context, const v1::GetStatusRequest*,
@@ -19,29 +24,25 @@ CaptureServiceImpl::Reactor* CaptureServiceImpl::GetStatus(Context* context, con
     return answer(context, get_status(api_, *response));
 }
 
-CaptureServiceImpl::Reactor* CaptureServiceImpl::ListCameras(Context* context, const v1::ListCamerasRequest*,
+CaptureServiceImpl::Reactor* CaptureServiceImpl::ListCameras(Context* context,
+                                                             const v1::ListCamerasRequest* request,
                                                              v1::ListCamerasResponse* response) {
-    return answer(context, list_cameras(api_, *response));
+    return answer(context, list_cameras(api_, *request, *response));
 }
 
-CaptureServiceImpl::Reactor* CaptureServiceImpl::Start(Context* context, const v1::StartRequest* request,
-                                                       v1::StartResponse*) {
-    Reactor* reactor = context->DefaultReactor();
-    boost::asio::post(api_.control, [this, reactor, request = *request] {
-        reactor->Finish(to_grpc(start_capture(api_, request)));
-    });
-    return reactor;
+CaptureServiceImpl::Reactor* CaptureServiceImpl::StartCapture(Context* context,
+                                                              const v1::StartCaptureRequest* request,
+                                                              v1::StartCaptureResponse* response) {
+    return unary_call(api_, api_.control, context, request, response, always, start_capture);
 }
 
-CaptureServiceImpl::Reactor* CaptureServiceImpl::Stop(Context* context, const v1::StopRequest* request,
-                                                      v1::StopResponse*) {
-    Reactor* reactor = context->DefaultReactor();
-    boost::asio::post(api_.control, [this, reactor, request = *request] {
-        reactor->Finish(to_grpc(stop_capture(api_, request)));
-    });
-    return reactor;
+CaptureServiceImpl::Reactor* CaptureServiceImpl::StopCapture(Context* context,
+                                                             const v1::StopCaptureRequest* request,
+                                                             v1::StopCaptureResponse* response) {
+    return unary_call(api_, api_.control, context, request, response, always, stop_capture);
 }
 
+// Its handler finishes later than it returns.
 CaptureServiceImpl::Reactor* CaptureServiceImpl::LearnBackground(Context* context,
                                                                  const v1::LearnBackgroundRequest* request,
                                                                  v1::LearnBackgroundResponse*) {
@@ -66,8 +67,8 @@ CaptureServiceImpl::Reactor* CaptureServiceImpl::RenewControl(Context* context,
 
 CaptureServiceImpl::Reactor* CaptureServiceImpl::ReleaseControl(Context* context,
                                                                 const v1::ReleaseControlRequest* request,
-                                                                v1::ReleaseControlResponse*) {
-    return answer(context, release_control(api_, *request));
+                                                                v1::ReleaseControlResponse* response) {
+    return answer(context, release_control(api_, *request, *response));
 }
 
 grpc::ServerWriteReactor<v1::WatchEventsResponse>* CaptureServiceImpl::WatchEvents(
@@ -76,8 +77,9 @@ grpc::ServerWriteReactor<v1::WatchEventsResponse>* CaptureServiceImpl::WatchEven
         return EventReactor::refuse(api_, to_grpc(bad));
     return EventReactor::run(
         api_, context, {},
-        [this, past = static_cast<std::size_t>(request->past())](std::function<void()> on_ready) {
-            return api_.hub.subscribe_events(past, std::move(on_ready));
+        [this,
+         history_count = static_cast<std::size_t>(request->history_count())](std::function<void()> on_ready) {
+            return api_.hub.events().subscribe(history_count, std::move(on_ready));
         },
         [](const EventMailbox::Taken& taken) { return to_proto(taken.message, taken.missed); });
 }

@@ -14,8 +14,8 @@ class CaptureServiceImpl final : public v1::CaptureService::CallbackService {
     using Reactor = grpc::ServerUnaryReactor;
     Reactor* GetStatus(Context*, const v1::GetStatusRequest*, v1::GetStatusResponse*) override;
     Reactor* ListCameras(Context*, const v1::ListCamerasRequest*, v1::ListCamerasResponse*) override;
-    Reactor* Start(Context*, const v1::StartRequest*, v1::StartResponse*) override;
-    Reactor* Stop(Context*, const v1::StopRequest*, v1::StopResponse*) override;
+    Reactor* StartCapture(Context*, const v1::StartCaptureRequest*, v1::StartCaptureResponse*) override;
+    Reactor* StopCapture(Context*, const v1::StopCaptureRequest*, v1::StopCaptureResponse*) override;
     Reactor* LearnBackground(Context*, const v1::LearnBackgroundRequest*,
                              v1::LearnBackgroundResponse*) override;
     Reactor* AcquireControl(Context*, const v1::AcquireControlRequest*, v1::AcquireControlResponse*) override;

@@ -2,14 +2,14 @@
 
 #include <nlohmann/json.hpp>
 
-#include "server/calibration/whole_number.h"
+#include "server/calibration/exact_integer.h"
 
 namespace kinevox {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Null where there is no such member.
+// Null if there is no such member.
 const Json& member(const Json& object, const char* name) {
     static const Json kNothing;
     if (!object.is_object()) return kNothing;
@@ -22,7 +22,7 @@ std::string text(const Json& object, const char* name) {
     return value.is_string() ? value.get<std::string>() : "";
 }
 
-// Calls `set` with a number that is there.
+// Calls `set` if the member is a number.
 template <typename Set>
 void number(const Json& object, const char* name, const Set& set) {
     if (const Json& value = member(object, name); value.is_number()) set(value.get<double>());
@@ -30,17 +30,26 @@ void number(const Json& object, const char* name, const Set& set) {
 
 v1::Verdict verdict(const std::string& text) {
     if (text == "GO") return v1::VERDICT_GO;
-    if (text == "CARE") return v1::VERDICT_CARE;
+    if (text == "CAUTION") return v1::VERDICT_CAUTION;
     return text == "NO-GO" ? v1::VERDICT_NO_GO : v1::VERDICT_UNSPECIFIED;
 }
 
 }  // namespace
 
-v1::Certificate certificate_to_proto(const std::string& text_of_it) {
-    const Json json = Json::parse(text_of_it, nullptr, false);
+v1::CalibrationMethod calibration_method_to_proto(std::string_view name) {
+    if (name == "intrinsics_board") return v1::CALIBRATION_METHOD_INTRINSICS_BOARD;
+    if (name == "extrinsics_board") return v1::CALIBRATION_METHOD_EXTRINSICS_BOARD;
+    if (name == "extrinsics_wand") return v1::CALIBRATION_METHOD_EXTRINSICS_WAND;
+    if (name == "person") return v1::CALIBRATION_METHOD_PERSON;
+    if (name == "import") return v1::CALIBRATION_METHOD_IMPORT;
+    return v1::CALIBRATION_METHOD_UNSPECIFIED;
+}
+
+v1::Certificate certificate_to_proto(const std::string& certificate_json) {
+    const Json json = Json::parse(certificate_json, nullptr, false);
     v1::Certificate out;
     out.set_verdict(verdict(text(json, "verdict")));
-    out.set_made_by(text(json, "made_by"));
+    out.set_method(calibration_method_to_proto(text(json, "method")));
     for (const Json& finding : member(json, "findings")) {
         v1::CertificateFinding& to = *out.add_findings();
         to.set_verdict(verdict(text(finding, "verdict")));
@@ -49,25 +58,26 @@ v1::Certificate certificate_to_proto(const std::string& text_of_it) {
         to.set_reason(text(finding, "reason"));
         to.set_remedy(text(finding, "remedy"));
     }
-    number(json, "fit_rms_px", [&](double value) { out.set_fit_rms_px(value); });
-    number(json, "held_out_rms_px", [&](double value) { out.set_held_out_rms_px(value); });
+    number(json, "fit_reprojection_rms_px", [&](double value) { out.set_fit_reprojection_rms_px(value); });
+    number(json, "held_out_reprojection_rms_px",
+           [&](double value) { out.set_held_out_reprojection_rms_px(value); });
     const Json& scale = member(json, "scale_error_mm_per_m");
     number(scale, "bias", [&](double value) { out.set_scale_bias_mm_per_m(value); });
     number(scale, "spread", [&](double value) { out.set_scale_spread_mm_per_m(value); });
-    const Json& hull = member(json, "hull_agreement");
+    const Json& hull = member(json, "hull_iou");
     number(hull, "mean_iou", [&](double value) { out.set_hull_iou(value); });
-    number(member(json, "hull_agreement_before"), "mean_iou",
+    number(member(json, "hull_iou_before"), "mean_iou",
            [&](double value) { out.set_hull_iou_before(value); });
-    number(json, "subject_height_m", [&](double value) { out.set_subject_height_m(value); });
-    if (const Json& set = member(json, "world_is_set"); set.is_boolean())
-        out.set_world_is_set(set.get<bool>());
+    number(json, "stature_m", [&](double value) { out.set_stature_m(value); });
+    if (const Json& defined = member(json, "world_defined"); defined.is_boolean())
+        out.set_world_defined(defined.get<bool>());
     const Json& volume = member(json, "volume");
-    number(volume, "seen_by_two_cameras", [&](double value) { out.set_volume_seen_by_two(value); });
-    number(volume, "seen_by_three_cameras", [&](double value) { out.set_volume_seen_by_three(value); });
+    number(volume, "two_view_fraction", [&](double value) { out.set_two_view_volume_fraction(value); });
+    number(volume, "three_view_fraction", [&](double value) { out.set_three_view_volume_fraction(value); });
     const Json& cameras = member(json, "cameras");
     if (!cameras.is_object()) return out;
     for (const auto& [name, camera] : cameras.items()) {
-        v1::CertifiedCamera& to = *out.add_cameras();
+        v1::CameraCertificate& to = *out.add_cameras();
         to.set_name(name);
         if (const Json& centre = member(camera, "centre_m"); centre.is_array() && centre.size() == 3 &&
                                                              centre[0].is_number() && centre[1].is_number() &&
@@ -76,11 +86,14 @@ v1::Certificate certificate_to_proto(const std::string& text_of_it) {
             to.mutable_centre_in_world()->set_y(centre[1].get<double>());
             to.mutable_centre_in_world()->set_z(centre[2].get<double>());
         }
-        if (const auto views = whole_number<int>(member(camera, "views"))) to.set_views(*views);
-        number(camera, "fit_rms_px", [&](double value) { to.set_fit_rms_px(value); });
-        number(camera, "held_out_rms_px", [&](double value) { to.set_held_out_rms_px(value); });
+        if (const auto views = exact_integer<int>(member(camera, "views"))) to.set_view_count(*views);
+        number(camera, "fit_reprojection_rms_px",
+               [&](double value) { to.set_fit_reprojection_rms_px(value); });
+        number(camera, "held_out_reprojection_rms_px",
+               [&](double value) { to.set_held_out_reprojection_rms_px(value); });
         number(camera, "coverage", [&](double value) { to.set_coverage(value); });
-        number(member(camera, "lens"), "rms_px", [&](double value) { to.set_lens_rms_px(value); });
+        number(member(camera, "intrinsics"), "rms_px",
+               [&](double value) { to.set_intrinsics_rms_px(value); });
         number(member(hull, "cameras"), name.c_str(), [&](double value) { to.set_hull_iou(value); });
     }
     return out;

@@ -8,11 +8,15 @@
 namespace kinevox {
 namespace {
 
-constexpr std::size_t kMaxName = 100;
+constexpr std::size_t kMaxNameBytes = 100;
 
 std::string random_id() {
-    std::random_device device;  // the system's own random numbers
+    std::random_device device;  // the kernel's random numbers
     return fmt::format("{:08x}{:08x}{:08x}{:08x}", device(), device(), device(), device());
+}
+
+double seconds(std::chrono::milliseconds duration) {
+    return static_cast<double>(duration.count()) / 1000;
 }
 
 std::chrono::milliseconds until(ControlLease::Clock::time_point end, ControlLease::Clock::time_point now) {
@@ -28,18 +32,19 @@ void ControlLease::set_on_change(std::function<void()> on_change) {
     on_change_ = std::move(on_change);
 }
 
-absl::StatusOr<ControlLease::Granted> ControlLease::acquire(const std::string& name,
+absl::StatusOr<ControlLease::Granted> ControlLease::acquire(const std::string& operator_name,
                                                             std::chrono::milliseconds timeout,
                                                             const std::string& held_id) {
-    if (name.empty() || name.size() > kMaxName)
-        return absl::InvalidArgumentError(fmt::format(
-            "the name has {} bytes; control is taken under a name of 1 to {} bytes", name.size(), kMaxName));
-    if (std::ranges::any_of(name, [](unsigned char c) { return c < 0x20 || c == 0x7f; }))
-        return absl::InvalidArgumentError("the name holds a control character; take a printable one");
+    if (operator_name.empty() || operator_name.size() > kMaxNameBytes)
+        return absl::InvalidArgumentError(fmt::format("operator_name has {} bytes; 1 to {} bytes are allowed",
+                                                      operator_name.size(), kMaxNameBytes));
+    if (std::ranges::any_of(operator_name, [](unsigned char c) { return c < 0x20 || c == 0x7f; }))
+        return absl::InvalidArgumentError(
+            "operator_name contains a control character; use printable ones only");
     if (timeout.count() < 0 || timeout > options_.max_timeout)
         return absl::InvalidArgumentError(
-            fmt::format("timeout_ms is {}; this daemon grants 1 to {} ms, or 0 for its default of {} ms",
-                        timeout.count(), options_.max_timeout.count(), options_.default_timeout.count()));
+            fmt::format("timeout is {} s; this daemon grants up to {} s, or {} s by default (0)",
+                        seconds(timeout), seconds(options_.max_timeout), seconds(options_.default_timeout)));
     if (timeout.count() == 0) timeout = options_.default_timeout;
     Granted granted;
     {
@@ -48,7 +53,7 @@ absl::StatusOr<ControlLease::Granted> ControlLease::acquire(const std::string& n
         const bool held = lease_ && lease_->end > now;
         if (held && lease_->id != held_id) return refusal(held_id, now);
         granted = {held ? lease_->id : random_id(), timeout};
-        lease_ = Lease{granted.lease_id, name, timeout, now + timeout};
+        lease_ = Lease{granted.lease_id, operator_name, timeout, now + timeout};
     }
     on_change_();
     return granted;
@@ -68,45 +73,43 @@ absl::StatusOr<std::chrono::milliseconds> ControlLease::use(const std::string& l
 }
 
 absl::StatusOr<std::string> ControlLease::release(const std::string& lease_id) {
-    std::string name;
+    std::string operator_name;
     {
         const std::scoped_lock lock(mutex_);
         if (const absl::Status refused = refusal(lease_id, now_()); !refused.ok()) return refused;
-        name = lease_->name;
+        operator_name = lease_->operator_name;
         lease_.reset();
     }
     on_change_();
-    return name;
+    return operator_name;
 }
 
 std::optional<ControlLease::Holder> ControlLease::holder() const {
     const std::scoped_lock lock(mutex_);
     const Clock::time_point now = now_();
     if (!lease_ || lease_->end <= now) return std::nullopt;
-    return Holder{lease_->name, until(lease_->end, now)};
+    return Holder{lease_->operator_name, until(lease_->end, now)};
 }
 
 std::optional<std::string> ControlLease::take_expired() {
     const std::scoped_lock lock(mutex_);
     if (!lease_ || lease_->end > now_()) return std::nullopt;
-    std::string name = lease_->name;
+    std::string operator_name = lease_->operator_name;
     lease_.reset();
-    return name;
+    return operator_name;
 }
 
 absl::Status ControlLease::refusal(const std::string& lease_id, Clock::time_point now) const {
     if (lease_ && lease_->end > now) {
         if (lease_->id == lease_id) return absl::OkStatus();
-        const double seconds = static_cast<double>(until(lease_->end, now).count()) / 1000;
         return absl::FailedPreconditionError(
             fmt::format("control is held by '{}' for another {:.1f} s; try again then, or have it released",
-                        lease_->name, seconds));
+                        lease_->operator_name, seconds(until(lease_->end, now))));
     }
     if (lease_id.empty())
         return absl::FailedPreconditionError(
-            "this needs control and nobody holds it; call AcquireControl first and "
-            "send its lease_id");
-    return absl::FailedPreconditionError("this lease has run out or was released; call AcquireControl again");
+            "this requires control, which is free; call AcquireControl first and send its lease_id");
+    return absl::FailedPreconditionError("this lease has expired or was released; call AcquireControl again");
 }
 
 }  // namespace kinevox

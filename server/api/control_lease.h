@@ -1,5 +1,4 @@
-// Who may start, stop and teach the capture: one operator at a time, for as long as he uses or renews his
-// lease.
+// The control lease: one operator at a time may change the capture, while they use or renew the lease.
 #pragma once
 
 #include <absl/status/status.h>
@@ -24,11 +23,11 @@ class ControlLease {
     using Clock = std::chrono::steady_clock;
 
     struct Granted {
-        std::string lease_id;  // 128 random bits in hex: who knows it holds control
+        std::string lease_id;  // 128 random bits in hex: its knowledge grants control
         std::chrono::milliseconds timeout{};
     };
     struct Holder {
-        std::string name;
+        std::string operator_name;
         std::chrono::milliseconds remaining{};
     };
 
@@ -37,26 +36,27 @@ class ControlLease {
 
     void set_on_change(std::function<void()> on_change);  // before the first use
 
-    // InvalidArgument: no name or a bad one, a timeout out of range. FailedPrecondition: somebody else holds
-    // control, named in the message with the time left. `held_id` renews a lease already held, with another
-    // name or time.
-    absl::StatusOr<Granted> acquire(const std::string& name, std::chrono::milliseconds timeout,
+    // InvalidArgument: the name is empty or invalid, the timeout out of range. FailedPrecondition: another
+    // operator holds control; the message has the name and the remaining time. `held_id` renews a lease
+    // already held, with another name or timeout.
+    absl::StatusOr<Granted> acquire(const std::string& operator_name, std::chrono::milliseconds timeout,
                                     const std::string& held_id = {});
 
-    // Whether `lease_id` has control now, and if so renews it. FailedPrecondition says who has it instead.
+    // Renews the lease if `lease_id` holds control, and returns the remaining time. FailedPrecondition names
+    // the holder.
     absl::StatusOr<std::chrono::milliseconds> use(const std::string& lease_id);
 
-    // The name of who released it. FailedPrecondition as use().
+    // Returns the operator's name. FailedPrecondition as use().
     absl::StatusOr<std::string> release(const std::string& lease_id);
 
     std::optional<Holder> holder() const;
 
-    // Forgets a lease that has run out and returns its holder's name, once. For the daemon's timer.
+    // Drops an expired lease and returns its operator's name, once. For the daemon's timer.
     std::optional<std::string> take_expired();
 
   private:
     struct Lease {
-        std::string id, name;
+        std::string id, operator_name;
         std::chrono::milliseconds timeout{};
         Clock::time_point end;
     };
@@ -66,7 +66,7 @@ class ControlLease {
     const std::function<Clock::time_point()> now_;
     std::function<void()> on_change_ = [] {};
     mutable std::mutex mutex_;
-    std::optional<Lease> lease_;  // may have run out: Lease::end tells
+    std::optional<Lease> lease_;  // expired after Lease::end
 };
 
 }  // namespace kinevox

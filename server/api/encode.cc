@@ -8,6 +8,7 @@
 #include "common/volume_codec.h"
 #include "kinevox/v1/stream_service.pb.h"
 #include "server/api/to_proto.h"
+#include "server/cameras/image_mat.h"
 
 namespace kinevox {
 namespace {
@@ -15,62 +16,58 @@ namespace {
 void fill_header(const PublishedHeader& published, v1::StreamHeader* header) {
     header->set_sequence(published.sequence);
     header->set_capture_time_ns(published.capture_time_utc_ns);
-    header->set_published_time_ns(published.published_utc_ns);
-    *header->mutable_times() = to_proto(published.times);
+    header->set_publish_time_ns(published.published_utc_ns);
+    *header->mutable_stage_times() = to_proto(published.times);
     if (published.recorded_frame) header->set_recorded_frame(*published.recorded_frame);
-    header->set_subject_id(published.subject ? published.subject->subject_id : 0);
 }
 
-void fill_volume(const PublishedVolume& published, const VolumeForm& form,
-                 v1::StreamVolumesResponse* message) {
+void fill_volume(const PublishedVolume& published, const VolumeForm& form, v1::SubjectVolume* message) {
     const VolumeCodecOptions options{.with_colours = form.with_colours};
-    message->set_litres(published.litres);
+    message->set_volume_litres(published.litres);
     if (form.level == 0) {
-        message->set_volume(encode_volume(*published.volume, options));
+        message->set_encoded_volume(encode_volume(*published.volume, options));
         message->set_voxel_m(published.volume->grid.voxel_m);
         return;
     }
     const Volume coarse = coarsened(*published.volume, form.level);
-    message->set_volume(encode_volume(coarse, options));
+    message->set_encoded_volume(encode_volume(coarse, options));
     message->set_voxel_m(coarse.grid.voxel_m);
 }
 
-// The sharp silhouette white, what only the loose one has grey.
-cv::Mat silhouette_picture(const kernels::Silhouettes& silhouettes) {
+// White: sharp silhouette; grey: loose silhouette only.
+cv::Mat silhouette_image(const kernels::Silhouettes& silhouettes) {
     const auto pixels =
         static_cast<std::size_t>(silhouettes.width) * static_cast<std::size_t>(silhouettes.height);
     if (pixels == 0 || silhouettes.sharp.size() != pixels || silhouettes.loose.size() != pixels) return {};
-    cv::Mat picture(silhouettes.height, silhouettes.width, CV_8UC1);
+    cv::Mat image(silhouettes.height, silhouettes.width, CV_8UC1);
     for (std::size_t i = 0; i < pixels; ++i)
-        picture.data[i] = silhouettes.sharp[i] ? 255 : silhouettes.loose[i] ? 128 : 0;
-    return picture;
+        image.data[i] = silhouettes.sharp[i] ? 255 : silhouettes.loose[i] ? 128 : 0;
+    return image;
 }
 
-cv::Mat scaled_to_fit(const cv::Mat& picture, int max_width_px, int max_height_px) {
-    double scale = std::min(1.0, static_cast<double>(max_width_px) / picture.cols);
-    if (max_height_px > 0) scale = std::min(scale, static_cast<double>(max_height_px) / picture.rows);
-    if (scale >= 1) return picture;
+cv::Mat scaled_to_fit(const cv::Mat& image, int max_width_px, int max_height_px) {
+    double scale = std::min(1.0, static_cast<double>(max_width_px) / image.cols);
+    if (max_height_px > 0) scale = std::min(scale, static_cast<double>(max_height_px) / image.rows);
+    if (scale >= 1) return image;
     const auto scaled = [&](int length) {
         return std::max(1, static_cast<int>(std::lround(scale * length)));
     };
     cv::Mat out;
-    cv::resize(picture, out, {scaled(picture.cols), scaled(picture.rows)}, 0, 0, cv::INTER_AREA);
+    cv::resize(image, out, {scaled(image.cols), scaled(image.rows)}, 0, 0, cv::INTER_AREA);
     return out;
 }
 
 void fill_preview(const FrameResult& result, const PreviewForm& form, v1::StreamPreviewsResponse* message) {
-    cv::Mat picture;
+    cv::Mat image;
     if (form.silhouette) {
         if (form.camera < result.silhouettes.size())
-            picture = silhouette_picture(result.silhouettes[form.camera]);
-    } else if (form.camera < result.frame_set.pictures.size()) {
-        const Picture& from = result.frame_set.pictures[form.camera];
-        if (!from.empty())  // only read; cv::Mat knows no const data
-            picture = cv::Mat(from.height, from.width, from.channels == 1 ? CV_8UC1 : CV_8UC3,
-                              const_cast<std::uint8_t*>(from.data.get()));
+            image = silhouette_image(result.silhouettes[form.camera]);
+    } else if (form.camera < result.frame_set.images.size()) {
+        const Image& from = result.frame_set.images[form.camera];
+        if (!from.empty()) image = as_mat(from);
     }
-    if (picture.empty()) return;
-    const cv::Mat small = scaled_to_fit(picture, form.max_width_px, form.max_height_px);
+    if (image.empty()) return;
+    const cv::Mat small = scaled_to_fit(image, form.max_width_px, form.max_height_px);
     std::vector<std::uint8_t> jpeg;
     cv::imencode(".jpg", small, jpeg, {cv::IMWRITE_JPEG_QUALITY, form.jpeg_quality});
     message->set_jpeg(jpeg.data(), jpeg.size());
@@ -84,9 +81,11 @@ EncodedMessage encode(const PublishedVolume& published, const VolumeForm& form, 
     return published.encodings.get(form, [&] {
         v1::StreamVolumesResponse message;
         fill_header(published.header, message.mutable_header());
-        if (const auto& subject = published.header.subject)
-            *message.mutable_subject() = to_proto(*subject, runner.cameras());
-        if (published.volume) fill_volume(published, form, &message);
+        if (const auto& track = published.header.subject) {
+            v1::SubjectVolume* subject = message.add_subjects();
+            *subject->mutable_subject() = to_proto(*track, runner.cameras());
+            if (published.volume) fill_volume(published, form, subject);
+        }
         return message.SerializeAsString();
     });
 }
@@ -95,13 +94,16 @@ EncodedMessage encode(const PublishedPose& published) {
     return published.encodings.get({}, [&] {
         v1::StreamPosesResponse message;
         fill_header(published.header, message.mutable_header());
-        if (published.pose) *message.mutable_pose() = to_proto(*published.pose);
+        if (const auto& track = published.header.subject) {
+            v1::SubjectPose* subject = message.add_subjects();
+            subject->set_subject_id(track->subject_id);
+            if (published.pose) *subject->mutable_pose() = to_proto(*published.pose);
+        }
         return message.SerializeAsString();
     });
 }
 
-EncodedMessage encode(const PublishedPictures& published, const PreviewForm& form,
-                      const std::string& camera) {
+EncodedMessage encode(const PublishedImages& published, const PreviewForm& form, const std::string& camera) {
     return published.encodings.get(form, [&] {
         v1::StreamPreviewsResponse message;
         fill_header(published.header(), message.mutable_header());
@@ -111,18 +113,18 @@ EncodedMessage encode(const PublishedPictures& published, const PreviewForm& for
     });
 }
 
-grpc::ByteBuffer to_buffer(const EncodedMessage& message, std::uint64_t missed) {
+grpc::ByteBuffer to_buffer(const EncodedMessage& message, std::uint64_t missed_count) {
     const auto release = [](void* owner) { delete static_cast<EncodedMessage*>(owner); };
     grpc::Slice slices[2] = {grpc::Slice(const_cast<char*>(message->data()), message->size(), release,
                                          new EncodedMessage(message)),
                              {}};
-    if (missed == 0) return {slices, 1};
+    if (missed_count == 0) return {slices, 1};
     v1::StreamPosesResponse own;  // the header has the same number in all three
     static_assert(int{v1::StreamPosesResponse::kHeaderFieldNumber} ==
                       int{v1::StreamVolumesResponse::kHeaderFieldNumber} &&
                   int{v1::StreamPosesResponse::kHeaderFieldNumber} ==
                       int{v1::StreamPreviewsResponse::kHeaderFieldNumber});
-    own.mutable_header()->set_missed(missed);
+    own.mutable_header()->set_missed_count(missed_count);
     slices[1] = grpc::Slice(own.SerializeAsString());
     return {slices, 2};
 }

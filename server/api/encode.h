@@ -1,5 +1,5 @@
-// Results as they leave the daemon: each message's bytes, but for header.missed, which every subscriber has
-// his own of. Run on the encoders' threads; made by the first who asks for a form, shared with the others.
+// Results as serialised messages, without header.missed_count, which differs per subscriber. Encoded on the
+// encoders' threads for the first subscriber that needs a form, and shared with the others.
 #pragma once
 
 #include <grpcpp/support/byte_buffer.h>
@@ -15,15 +15,15 @@ class Runner;
 
 using EncodedMessage = std::shared_ptr<const std::string>;
 
-// StreamVolumesResponse. The runner is asked for the cameras, whose names the subject's message tells.
+// StreamVolumesResponse. The runner provides the cameras' names.
 EncodedMessage encode(const PublishedVolume& published, const VolumeForm& form, const Runner& runner);
 // StreamPosesResponse.
 EncodedMessage encode(const PublishedPose& published);
-// StreamPreviewsResponse; without a picture (or, for a silhouette, without one) no bytes in it.
-EncodedMessage encode(const PublishedPictures& published, const PreviewForm& form, const std::string& camera);
+// StreamPreviewsResponse; its jpeg is empty if there is no image or no silhouette.
+EncodedMessage encode(const PublishedImages& published, const PreviewForm& form, const std::string& camera);
 
-// What is written to one subscriber: the shared bytes, uncopied, and behind them a header that holds `missed`
-// alone. Protocol Buffers' readers merge a message field that comes twice (Encoding, "Last One Wins").
-grpc::ByteBuffer to_buffer(const EncodedMessage& message, std::uint64_t missed);
+// The bytes for one subscriber: the shared bytes, uncopied, followed by a header with missed_count only.
+// Protocol Buffers' parsers merge a message field that occurs twice (Encoding, "Last One Wins").
+grpc::ByteBuffer to_buffer(const EncodedMessage& message, std::uint64_t missed_count);
 
 }  // namespace kinevox

@@ -15,6 +15,7 @@
 
 #include "common/background_priority.h"
 #include "common/degrees.h"
+#include "common/export_formats.h"
 #include "server/api/caller.h"
 #include "server/api/recording_handlers.h"
 #include "server/api/to_proto.h"
@@ -25,12 +26,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kPieceBytes = 512 << 10;
-constexpr std::chrono::milliseconds kBetweenWords{250};
+constexpr std::size_t kChunkBytes = 512 << 10;
+constexpr std::chrono::milliseconds kReportPeriod{250};
 constexpr std::string_view kPrefix = ".export-";
 
-// A hidden folder beside the recordings, where there is room for films; those of daemons that are gone are
-// removed.
+// A hidden folder next to the recordings, on the disk with space for videos. Removes those of dead daemons.
 absl::StatusOr<fs::path> make_folder(const fs::path& recordings) {
     std::error_code error;
     for (const auto& entry : fs::directory_iterator(recordings, error)) {
@@ -43,51 +43,52 @@ absl::StatusOr<fs::path> make_folder(const fs::path& recordings) {
     }
     std::string pattern = (recordings / fmt::format("{}{}-XXXXXX", kPrefix, getpid())).string();
     if (!::mkdtemp(pattern.data()))
-        return absl::UnavailableError(
-            fmt::format("{}: the daemon cannot write there; correct its rights", recordings.string()));
+        return absl::UnavailableError(fmt::format(
+            "{}: not writable for the daemon; correct the folder's permissions", recordings.string()));
     return fs::path(pattern);
 }
 
-absl::StatusOr<std::string> format_of(v1::ExportFormat format) {
-    switch (format) {
-        case v1::EXPORT_FORMAT_TRC:
-            return "trc";
-        case v1::EXPORT_FORMAT_MOT:
-            return "mot";
-        case v1::EXPORT_FORMAT_C3D:
-            return "c3d";
-        case v1::EXPORT_FORMAT_BVH:
-            return "bvh";
-        case v1::EXPORT_FORMAT_CSV:
-            return "csv";
-        case v1::EXPORT_FORMAT_PLY:
-            return "ply";
-        case v1::EXPORT_FORMAT_MP4:
-            return "mp4";
-        case v1::EXPORT_FORMAT_SESSION:
-            return "session";
-        default:
-            return absl::InvalidArgumentError(
-                fmt::format("format is {}, which this daemon does not know", static_cast<int>(format)));
-    }
+absl::StatusOr<ExportFormatInfo> format_of(v1::ExportFormat format) {
+    if (const ExportFormatInfo* const info = find_export_format(static_cast<ExportFormat>(format)))
+        return *info;
+    return absl::InvalidArgumentError(fmt::format(
+        "format {} is unknown; use TRC, MOT, C3D, BVH, CSV, PLY, MP4 or SESSION", static_cast<int>(format)));
+}
+static_assert(static_cast<int>(ExportFormat::kSession) == static_cast<int>(v1::EXPORT_FORMAT_SESSION));
+
+absl::Status check(const v1::ExportRecordingRequest& request) {
+    if (request.first_frame() < 0)
+        return absl::InvalidArgumentError(
+            fmt::format("first_frame is {}; frames count from 0", request.first_frame()));
+    if (request.has_last_frame() && request.last_frame() < request.first_frame())
+        return absl::InvalidArgumentError(
+            fmt::format("last_frame is {}, before first_frame {}; omit it to export to the end",
+                        request.last_frame(), request.first_frame()));
+    if (request.width_px() < 0 || request.width_px() > 8192)
+        return absl::InvalidArgumentError(
+            fmt::format("width_px is {}; 1 to 8192 are allowed, or 0 for the default", request.width_px()));
+    if (!(std::abs(request.yaw_deg()) <= 360))
+        return absl::InvalidArgumentError(
+            fmt::format("yaw_deg is {}; -360 to 360 are allowed", request.yaw_deg()));
+    return absl::OkStatus();
 }
 
 }  // namespace
 
 ExportReactor* ExportReactor::run(const ApiContext& api, grpc::CallbackServerContext* context,
-                                  const v1::ExportRequest& request) {
+                                  const v1::ExportRecordingRequest& request) {
     std::shared_ptr<ExportReactor> reactor(new ExportReactor(api));
     reactor->self_ = reactor;
     if (const absl::Status missing = check_recording(api); !missing.ok())
         reactor->Finish(to_grpc(missing));
-    else if (const absl::Status counted = reactor->be_counted(context); !counted.ok())
+    else if (const absl::Status counted = reactor->register_stream(context); !counted.ok())
         reactor->Finish(to_grpc(counted));
     else
-        boost::asio::post(api.exports, [reactor, request] { reactor->make(request); });
+        boost::asio::post(api.exports, [reactor, request] { reactor->create_files(request); });
     return reactor.get();
 }
 
-absl::Status ExportReactor::be_counted(grpc::CallbackServerContext* context) {
+absl::Status ExportReactor::register_stream(grpc::CallbackServerContext* context) {
     if (!api_.guard) return absl::OkStatus();
     auto counted =
         api_.guard->open_stream(authorization_of(*context), [weak = weak_from_this()](const absl::Status&) {
@@ -97,7 +98,7 @@ absl::Status ExportReactor::be_counted(grpc::CallbackServerContext* context) {
     return counted.status();
 }
 
-// The files go first: who has got the answer finds nothing left behind.
+// Removes the files first, so that they are gone when the client receives the status.
 void ExportReactor::finish(const grpc::Status& status) {
     std::error_code ignored;
     if (!folder_.empty()) fs::remove_all(folder_, ignored);
@@ -106,88 +107,86 @@ void ExportReactor::finish(const grpc::Status& status) {
                     : status);
 }
 
-absl::StatusOr<ExportedFiles> ExportReactor::make_files(const v1::ExportRequest& request) {
+absl::StatusOr<ExportedFiles> ExportReactor::files_of(const v1::ExportRecordingRequest& request) {
     const auto format = format_of(request.format());
     if (!format.ok()) return format.status();
     const fs::path recordings = api_.recorder->options().folder;
-    const auto session = recording_session_file(recordings, request.recording());
+    const auto session = recording_session_file(recordings, request.name());
     if (!session.ok()) return session.status();
-    if (request.first_frame() < 0 || request.width_px() < 0 || request.width_px() > 8192 ||
-        !(std::abs(request.turn_deg()) <= 360))
-        return absl::InvalidArgumentError(
-            "first_frame must be 0 or more, width_px 0 to 8192, turn_deg -360 to 360");
+    if (absl::Status bad = check(request); !bad.ok()) return bad;
     auto folder = make_folder(recordings);
     if (!folder.ok()) return folder.status();
     folder_ = *std::move(folder);
     ExportOptions options;
-    options.format = *format;
+    options.format = format->format;
     options.first_frame = request.first_frame();
-    options.last_frame = request.last_frame() > 0 ? request.last_frame() : -1;
-    options.turn_rad = radians(request.turn_deg());
-    options.hold = request.hold();
+    if (request.has_last_frame()) options.last_frame = request.last_frame();
+    options.subject_id = request.subject_id();
+    options.yaw_rad = radians(request.yaw_deg());
+    options.hold_withheld = request.hold_withheld();
     options.camera = request.camera();
     options.width_px = request.width_px();
     options.anonymous = request.anonymous();
-    options.beside_capture = true;
-    const bool many = *format == "ply" || *format == "session";
-    const std::string name = request.anonymous() ? kAnonymous : request.recording();
-    const fs::path out = many ? folder_ : folder_ / (name + "." + *format);
-    LongWork work{stop_};
-    if (request.progress()) work.progress = [this](double share) { tell(share); };
+    options.low_priority = true;
+    const std::string name = request.anonymous() ? kAnonymous : request.name();
+    const fs::path out = format->many_files ? folder_ : folder_ / fmt::format("{}.{}", name, format->name);
+    JobControl work{stop_};
+    if (request.report_progress()) work.progress = [this](double progress) { report(progress); };
     return export_recording(*session, options, out, work);
 }
 
-void ExportReactor::make(const v1::ExportRequest& request) {
-    lower_this_threads_priority();  // the thread does nothing else
-    next_word_ = std::chrono::steady_clock::now() + kBetweenWords;
-    made_ = make_files(request);
-    if (writing_.exchange(Writing::kPieces) == Writing::kNothing) send_next();
+void ExportReactor::create_files(const v1::ExportRecordingRequest& request) {
+    lower_this_threads_priority();  // it runs exports only
+    next_report_ = std::chrono::steady_clock::now() + kReportPeriod;
+    files_ = files_of(request);
+    if (writing_.exchange(Writing::kChunks) == Writing::kNothing) send_next();
 }
 
-// A client that reads slowly misses words.
-void ExportReactor::tell(double share) {
+// A slow client misses progress messages.
+void ExportReactor::report(double progress) {
     const auto now = std::chrono::steady_clock::now();
     Writing nothing = Writing::kNothing;
-    if (now < next_word_ || !writing_.compare_exchange_strong(nothing, Writing::kWord)) return;
-    next_word_ = now + kBetweenWords;
-    piece_.Clear();
-    piece_.set_done_share(share);
-    StartWrite(&piece_);
+    if (now < next_report_ || !writing_.compare_exchange_strong(nothing, Writing::kProgress)) return;
+    next_report_ = now + kReportPeriod;
+    chunk_.Clear();
+    chunk_.set_progress(progress);
+    StartWrite(&chunk_);
 }
 
 void ExportReactor::send_next() {
-    if (!made_.ok()) return finish(to_grpc(made_.status()));
-    if (stop_ || at_ >= made_->files.size())
+    if (!files_.ok()) return finish(to_grpc(files_.status()));
+    if (stop_ || file_index_ >= files_->files.size())
         return finish(stop_ ? grpc::Status::CANCELLED : grpc::Status::OK);
-    const fs::path& path = made_->files[at_];
+    const fs::path& path = files_->files[file_index_];
     if (!file_.is_open()) file_.open(path, std::ios::binary);
-    piece_.Clear();
-    piece_.set_file_name(path.filename().string());
-    std::string& data = *piece_.mutable_data();
-    data.resize(kPieceBytes);
+    chunk_.Clear();
+    chunk_.set_file_name(path.filename().string());
+    std::string& data = *chunk_.mutable_data();
+    data.resize(kChunkBytes);
     file_.read(data.data(), static_cast<std::streamsize>(data.size()));
     data.resize(static_cast<std::size_t>(file_.gcount()));
     if (file_.bad())
-        return finish({grpc::StatusCode::DATA_LOSS, fmt::format("{}: cannot be read back", path.string())});
+        return finish(
+            {grpc::StatusCode::DATA_LOSS, fmt::format("{}: cannot be read; export again", path.string())});
     if (file_.eof() || file_.peek() == std::ifstream::traits_type::eof()) {
-        piece_.set_last_of_file(true);
-        if (++at_ == made_->files.size()) piece_.set_remark(made_->remark);
+        chunk_.set_last_chunk(true);
+        if (++file_index_ == files_->files.size()) chunk_.set_warning(files_->warning);
         file_.close();
         file_.clear();
     }
-    StartWrite(&piece_);
+    StartWrite(&chunk_);
 }
 
 void ExportReactor::OnWriteDone(bool ok) {
     if (!ok) stop_ = true;
-    Writing word = Writing::kWord;
-    if (writing_.compare_exchange_strong(word, Writing::kNothing)) return;  // make() goes on
+    Writing progress = Writing::kProgress;
+    if (writing_.compare_exchange_strong(progress, Writing::kNothing)) return;  // create_files() continues
     boost::asio::post(api_.exports, [self = shared_from_this()] { self->send_next(); });
 }
 
 void ExportReactor::OnDone() {
     boost::asio::post(api_.exports,
-                      [self = std::exchange(self_, nullptr)] {});  // a task of it may still run there
+                      [self = std::exchange(self_, nullptr)] {});  // a task of it may still be running there
 }
 
 }  // namespace kinevox

@@ -1,5 +1,5 @@
-// The gRPC side of one export: the files are made on the exports' thread, then sent piece by piece; who asks
-// for it is told meanwhile how far that is.
+// The gRPC side of one export: the exports' thread creates the files, then sends them in chunks. Progress
+// messages are sent on request while the files are created.
 #pragma once
 
 #include <grpcpp/support/server_callback.h>
@@ -17,41 +17,41 @@
 
 namespace kinevox {
 
-// Owns itself from run() to gRPC's OnDone. The state below is the exports' thread's; one write is in flight,
-// so a client that reads slowly costs a piece.
-class ExportReactor final : public grpc::ServerWriteReactor<v1::ExportResponse>,
+// Owns itself from run() to gRPC's OnDone. Its state belongs to the exports' thread; one write is in flight,
+// so a slow client costs the memory of one chunk.
+class ExportReactor final : public grpc::ServerWriteReactor<v1::ExportRecordingResponse>,
                             public std::enable_shared_from_this<ExportReactor> {
   public:
     static ExportReactor* run(const ApiContext& api, grpc::CallbackServerContext* context,
-                              const v1::ExportRequest& request);
+                              const v1::ExportRecordingRequest& request);
     void OnWriteDone(bool ok) override;
     void OnCancel() override { stop_ = true; }
     void OnDone() override;
 
   private:
     explicit ExportReactor(const ApiContext& api) : api_(api) {}
-    absl::Status be_counted(grpc::CallbackServerContext* context);
-    void make(const v1::ExportRequest& request);
-    void tell(double share);
-    absl::StatusOr<ExportedFiles> make_files(const v1::ExportRequest& request);
+    absl::Status register_stream(grpc::CallbackServerContext* context);
+    void create_files(const v1::ExportRecordingRequest& request);
+    void report(double progress);
+    absl::StatusOr<ExportedFiles> files_of(const v1::ExportRecordingRequest& request);
     void send_next();
     void finish(const grpc::Status& status);
 
-    // What is being written. Words go while the files are made; the first piece waits for the last word.
-    enum class Writing { kNothing, kWord, kPieces };
+    // The write in flight. Progress is written while the files are created; the first chunk waits for it.
+    enum class Writing { kNothing, kProgress, kChunks };
 
     const ApiContext& api_;
     std::shared_ptr<ExportReactor> self_;  // until OnDone
     std::atomic<bool> stop_ = false;
-    std::atomic<bool> revoked_ = false;  // by the guard, which stops it too
+    std::atomic<bool> revoked_ = false;  // by the guard, which also sets stop_
     std::shared_ptr<Guard::Stream> counted_;
     std::atomic<Writing> writing_ = Writing::kNothing;
-    std::chrono::steady_clock::time_point next_word_;
+    std::chrono::steady_clock::time_point next_report_;
     std::filesystem::path folder_;
-    absl::StatusOr<ExportedFiles> made_;  // since make()
-    std::size_t at_ = 0;                  // of its files
+    absl::StatusOr<ExportedFiles> files_;  // since create_files()
+    std::size_t file_index_ = 0;
     std::ifstream file_;
-    v1::ExportResponse piece_;  // must live until OnWriteDone
+    v1::ExportRecordingResponse chunk_;  // must live until OnWriteDone
 };
 
 }  // namespace kinevox

@@ -1,6 +1,6 @@
-// How often each of very many subscribers gets the newest message, so that all of them together take no more
-// than this machine can send: what is written faster than the clients read waits in the sockets, where
-// nothing newer can replace it, and the capture has no processor left.
+// The message period of each latest-only subscriber, so that all of them together stay within the rate that
+// this machine can send. Messages written faster than the clients read wait in the sockets, where newer ones
+// cannot replace them, and take CPU time from the capture.
 #pragma once
 
 #include <atomic>
@@ -14,18 +14,18 @@ class FairShare {
   public:
     explicit FairShare(double messages_per_s) : messages_per_s_(messages_per_s) {}
 
-    // A subscriber's place; the share of the others grows when it goes.
-    class Place {
+    // One subscriber. The period of the others shrinks when it is destroyed.
+    class Slot {
       public:
-        explicit Place(FairShare& share) : share_(share) { ++share_.places_; }
-        ~Place() { --share_.places_; }
-        Place(const Place&) = delete;
-        Place& operator=(const Place&) = delete;
+        explicit Slot(FairShare& share) : share_(share) { ++share_.slot_count_; }
+        ~Slot() { --share_.slot_count_; }
+        Slot(const Slot&) = delete;
+        Slot& operator=(const Slot&) = delete;
 
-        // Between two messages of one subscriber, at least.
+        // Minimum time between two messages of one subscriber.
         std::chrono::nanoseconds period() const {
             return std::chrono::nanoseconds(
-                static_cast<std::int64_t>(1e9 * share_.places_ / share_.messages_per_s_));
+                static_cast<std::int64_t>(1e9 * share_.slot_count_ / share_.messages_per_s_));
         }
 
       private:
@@ -34,7 +34,7 @@ class FairShare {
 
   private:
     const double messages_per_s_;
-    std::atomic<int> places_ = 0;
+    std::atomic<int> slot_count_ = 0;
 };
 
 }  // namespace kinevox

@@ -16,8 +16,8 @@ std::string_view view(const grpc_slice& slice) {
     return {reinterpret_cast<const char*>(GRPC_SLICE_START_PTR(slice)), GRPC_SLICE_LENGTH(slice)};
 }
 
-// gRPC's, between a call's headers and its service. More than one authorization is none: nobody shall see
-// another one here than there.
+// Called by gRPC between a call's headers and its service. Several authorizations are invalid, because guard
+// and service could read different ones.
 void admit(void* guard, grpc_auth_context*, const grpc_metadata* metadata, std::size_t count,
            grpc_process_auth_metadata_done_cb done, void* call) {
     std::string_view path, authorization;
@@ -31,7 +31,7 @@ void admit(void* guard, grpc_auth_context*, const grpc_metadata* metadata, std::
          status.ok() ? nullptr : std::string(status.message()).c_str());
 }
 
-// gRPC's own C++ credentials that are not encrypted take no processor; its C interface does for both kinds.
+// gRPC's unencrypted C++ credentials accept no metadata processor; its C API supports it for both kinds.
 class GuardedCredentials final : public grpc::ServerCredentials {
   public:
     GuardedCredentials(std::optional<ServerIdentity> identity, Guard* guard)

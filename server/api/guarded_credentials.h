@@ -1,4 +1,4 @@
-// What the server's port is opened with: TLS or none, and the guard before every call.
+// Credentials of the server's port: TLS or none, with the guard before each call.
 #pragma once
 
 #include <memory>
@@ -19,8 +19,8 @@ struct ServerIdentity {
     std::string client_ca;  // empty: clients need no certificate
 };
 
-// Without an identity nothing is encrypted. The guard, which may be null, is asked before any part of a call
-// is handed to its service, and outlives the server.
+// Unencrypted without an identity. The guard, which may be null, admits each call before its service sees it,
+// and outlives the server.
 std::shared_ptr<grpc::ServerCredentials> guarded_credentials(const std::optional<ServerIdentity>& identity,
                                                              Guard* guard);
 

@@ -7,31 +7,37 @@
 
 namespace kinevox {
 
-using DatabaseReactor = StreamReactor<DatabaseWatch::Box, v1::WatchDatabaseResponse>;
+using DatabaseReactor = StreamReactor<DatabaseWatch::Box, v1::WatchPoseDatabaseResponse>;
 using BodyReactor = StreamReactor<BodyWatch::Box, v1::WatchBodyResponse>;
 
-PoseServiceImpl::Reactor* PoseServiceImpl::ListPoses(Context* context, const v1::ListPosesRequest*,
-                                                     v1::ListPosesResponse* response) {
-    return answer(context, list_poses(api_, *response));
+PoseServiceImpl::Reactor* PoseServiceImpl::ListLibraryPoses(Context* context,
+                                                            const v1::ListLibraryPosesRequest* request,
+                                                            v1::ListLibraryPosesResponse* response) {
+    return answer(context, list_library_poses(api_, *request, *response));
 }
 
-PoseServiceImpl::Reactor* PoseServiceImpl::AddPose(Context* context, const v1::AddPoseRequest* request,
-                                                   v1::AddPoseResponse* response) {
-    return unary_call(api_, api_.changes, context, request, response, check_pose_database, add_pose);
+PoseServiceImpl::Reactor* PoseServiceImpl::AddLibraryPose(Context* context,
+                                                          const v1::AddLibraryPoseRequest* request,
+                                                          v1::AddLibraryPoseResponse* response) {
+    return unary_call(api_, api_.changes, context, request, response, check_pose_database, add_library_pose);
 }
 
-PoseServiceImpl::Reactor* PoseServiceImpl::RemovePose(Context* context, const v1::RemovePoseRequest* request,
-                                                      v1::RemovePoseResponse* response) {
-    return unary_call(api_, api_.changes, context, request, response, check_pose_database, remove_pose);
+PoseServiceImpl::Reactor* PoseServiceImpl::DeleteLibraryPose(Context* context,
+                                                             const v1::DeleteLibraryPoseRequest* request,
+                                                             v1::DeleteLibraryPoseResponse* response) {
+    return unary_call(api_, api_.changes, context, request, response, check_pose_database,
+                      delete_library_pose);
 }
 
-PoseServiceImpl::Reactor* PoseServiceImpl::ImportBvh(Context* context, const v1::ImportBvhRequest* request,
-                                                     v1::ImportBvhResponse* response) {
-    return unary_call(api_, api_.changes, context, request, response, check_pose_database, import_bvh);
+PoseServiceImpl::Reactor* PoseServiceImpl::ImportLibraryPoses(Context* context,
+                                                              const v1::ImportLibraryPosesRequest* request,
+                                                              v1::ImportLibraryPosesResponse* response) {
+    return unary_call(api_, api_.changes, context, request, response, check_pose_database,
+                      import_library_poses);
 }
 
-grpc::ServerWriteReactor<v1::WatchDatabaseResponse>* PoseServiceImpl::WatchDatabase(
-    Context* context, const v1::WatchDatabaseRequest*) {
+grpc::ServerWriteReactor<v1::WatchPoseDatabaseResponse>* PoseServiceImpl::WatchPoseDatabase(
+    Context* context, const v1::WatchPoseDatabaseRequest*) {
     if (const absl::Status missing = check_pose_database(api_); !missing.ok())
         return DatabaseReactor::refuse(api_, to_grpc(missing));
     return DatabaseReactor::run(
@@ -52,7 +58,7 @@ grpc::ServerWriteReactor<v1::WatchBodyResponse>* PoseServiceImpl::WatchBody(Cont
     return BodyReactor::run(
         api_, context, {},
         [this](std::function<void()> on_ready) { return api_.body_watch->subscribe(std::move(on_ready)); },
-        [](const BodyWatch::Box::Taken& taken) { return to_proto(taken.message); });
+        [this](const BodyWatch::Box::Taken& taken) { return body_to_proto(api_, taken.message); });
 }
 
 }  // namespace kinevox

@@ -12,12 +12,15 @@ class PoseServiceImpl final : public v1::PoseService::CallbackService {
 
     using Context = grpc::CallbackServerContext;
     using Reactor = grpc::ServerUnaryReactor;
-    Reactor* ListPoses(Context*, const v1::ListPosesRequest*, v1::ListPosesResponse*) override;
-    Reactor* AddPose(Context*, const v1::AddPoseRequest*, v1::AddPoseResponse*) override;
-    Reactor* RemovePose(Context*, const v1::RemovePoseRequest*, v1::RemovePoseResponse*) override;
-    Reactor* ImportBvh(Context*, const v1::ImportBvhRequest*, v1::ImportBvhResponse*) override;
-    grpc::ServerWriteReactor<v1::WatchDatabaseResponse>* WatchDatabase(
-        Context*, const v1::WatchDatabaseRequest*) override;
+    Reactor* ListLibraryPoses(Context*, const v1::ListLibraryPosesRequest*,
+                              v1::ListLibraryPosesResponse*) override;
+    Reactor* AddLibraryPose(Context*, const v1::AddLibraryPoseRequest*, v1::AddLibraryPoseResponse*) override;
+    Reactor* DeleteLibraryPose(Context*, const v1::DeleteLibraryPoseRequest*,
+                               v1::DeleteLibraryPoseResponse*) override;
+    Reactor* ImportLibraryPoses(Context*, const v1::ImportLibraryPosesRequest*,
+                                v1::ImportLibraryPosesResponse*) override;
+    grpc::ServerWriteReactor<v1::WatchPoseDatabaseResponse>* WatchPoseDatabase(
+        Context*, const v1::WatchPoseDatabaseRequest*) override;
     Reactor* FitBody(Context*, const v1::FitBodyRequest*, v1::FitBodyResponse*) override;
     grpc::ServerWriteReactor<v1::WatchBodyResponse>* WatchBody(Context*,
                                                                const v1::WatchBodyRequest*) override;

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "common/proto_time.h"
+#include "server/api/page.h"
 #include "server/api/replay_handlers.h"
 
 namespace kinevox {
@@ -26,7 +28,7 @@ absl::StatusOr<std::optional<VideoCodec>> codec_from_proto(v1::RecordingCodec co
             return VideoCodec::kH264;
         default:
             return absl::InvalidArgumentError(
-                fmt::format("codec is {}, which this daemon does not know", static_cast<int>(codec)));
+                fmt::format("codec {} is unknown; use FFV1, UTVIDEO or H264", static_cast<int>(codec)));
     }
 }
 
@@ -49,14 +51,14 @@ v1::RecorderState to_proto(RecorderState state) {
 v1::Recording to_proto(const RecordingInfo& info) {
     v1::Recording out;
     out.set_name(info.name);
-    out.set_started_ns(info.about.started_utc_ns);
-    out.set_seconds(info.seconds);
-    out.set_fps(info.fps);
-    out.set_frames(info.about.frames);
-    out.set_bytes(info.bytes);
-    out.set_dropped(info.about.dropped);
-    out.set_lost(info.about.lost);
-    out.set_missing_pictures(info.about.missing_pictures);
+    *out.mutable_start_time() = to_timestamp(info.about.start_time_utc_ns);
+    *out.mutable_duration() = duration_from_s(info.duration_s);
+    out.set_nominal_fps(info.fps);
+    out.set_frame_set_count(info.about.frame_sets);
+    out.set_size_bytes(info.size_bytes);
+    out.set_dropped_frame_set_count(info.about.dropped_frame_sets);
+    out.set_lost_frame_set_count(info.about.lost_frame_sets);
+    out.set_missing_image_count(info.about.missing_images);
     out.set_codec(codec_to_proto(info.about.codec));
     for (const std::string& camera : info.cameras) out.add_cameras(camera);
     out.set_closed(info.about.closed);
@@ -71,13 +73,14 @@ v1::Recording to_proto(const RecordingInfo& info) {
 
 absl::Status check_recording(const ApiContext& api) {
     if (api.recorder && !api.recorder->options().folder.empty()) return absl::OkStatus();
-    return absl::FailedPreconditionError("this daemon has no folder for recordings; set [recording] folder");
+    return absl::FailedPreconditionError(
+        "this daemon has no folder for recordings; set [recording] folder in its configuration");
 }
 
 absl::Status start_recording(const ApiContext& api, const v1::StartRecordingRequest& request,
                              v1::StartRecordingResponse& response) {
-    if (const auto control = api.lease.use(request.lease_id()); !control.ok()) return control.status();
-    if (absl::Status live = check_live(api, "what is recorded comes from"); !live.ok()) return live;
+    if (absl::Status control = use_control(api, request.lease_id()); !control.ok()) return control;
+    if (absl::Status live = check_live(api, "recording requires"); !live.ok()) return live;
     const auto codec = codec_from_proto(request.codec());
     if (!codec.ok()) return codec.status();
     auto name = api.recorder->start(request.name(), *codec);
@@ -88,18 +91,19 @@ absl::Status start_recording(const ApiContext& api, const v1::StartRecordingRequ
 
 absl::Status stop_recording(const ApiContext& api, const v1::StopRecordingRequest& request,
                             v1::StopRecordingResponse& response) {
-    if (const auto control = api.lease.use(request.lease_id()); !control.ok()) return control.status();
+    if (absl::Status control = use_control(api, request.lease_id()); !control.ok()) return control;
     const auto info = api.recorder->stop();
     if (!info.ok()) return info.status();
     *response.mutable_recording() = to_proto(*info);
     return absl::OkStatus();
 }
 
-absl::Status keep_last(const ApiContext& api, const v1::KeepLastRequest& request,
-                       v1::KeepLastResponse& response) {
-    if (const auto control = api.lease.use(request.lease_id()); !control.ok()) return control.status();
-    if (absl::Status live = check_live(api, "what is recorded comes from"); !live.ok()) return live;
-    const auto info = api.recorder->keep_last(request.name(), request.seconds(), request.go_on());
+absl::Status save_buffer(const ApiContext& api, const v1::SaveBufferRequest& request,
+                         v1::SaveBufferResponse& response) {
+    if (absl::Status control = use_control(api, request.lease_id()); !control.ok()) return control;
+    if (absl::Status live = check_live(api, "recording requires"); !live.ok()) return live;
+    const auto info = api.recorder->save_buffer(request.name(), to_seconds(request.duration()),
+                                                request.continue_recording());
     if (!info.ok()) return info.status();
     *response.mutable_recording() = to_proto(*info);
     return absl::OkStatus();
@@ -108,33 +112,37 @@ absl::Status keep_last(const ApiContext& api, const v1::KeepLastRequest& request
 absl::Status get_recorder_status(const ApiContext& api, const v1::GetRecorderStatusRequest&,
                                  v1::GetRecorderStatusResponse& response) {
     if (!check_recording(api).ok()) {
-        response.set_state(v1::RECORDER_STATE_OFF);
+        response.set_state(v1::RECORDER_STATE_DISABLED);
         return absl::OkStatus();
     }
     const RecorderOptions& options = api.recorder->options();
     const RecorderStatus status = api.recorder->status();
     response.set_state(to_proto(status.state));
-    if (status.recording) *response.mutable_recording() = to_proto(*status.recording);
-    if (status.last) *response.mutable_last() = to_proto(*status.last);
+    if (status.current) *response.mutable_current() = to_proto(*status.current);
+    if (status.latest) *response.mutable_latest() = to_proto(*status.latest);
     response.set_folder(options.folder.string());
     response.set_free_bytes(static_cast<std::int64_t>(status.free_bytes));
-    response.set_least_free_bytes(static_cast<std::int64_t>(options.min_free_bytes));
+    response.set_min_free_bytes(static_cast<std::int64_t>(options.min_free_bytes));
     response.set_queued_bytes(static_cast<std::int64_t>(status.queued_bytes));
-    response.set_queue_bytes(static_cast<std::int64_t>(options.queue_bytes));
+    response.set_max_queued_bytes(static_cast<std::int64_t>(options.max_queue_bytes));
     response.set_codec(codec_to_proto(name_of(options.codec)));
-    response.set_keep_last_seconds(options.keep_last_s);
-    response.set_held_seconds(status.held_seconds);
-    response.set_held_bytes(static_cast<std::int64_t>(status.held_bytes));
-    response.set_keep_last_bytes(static_cast<std::int64_t>(options.keep_last_bytes));
-    response.set_held_shortened(status.held_shortened);
-    response.set_held_dropped(status.held_dropped);
+    *response.mutable_max_buffer_duration() = duration_from_s(options.max_buffer_s);
+    *response.mutable_buffered_duration() = duration_from_s(status.buffered_s);
+    response.set_buffered_bytes(static_cast<std::int64_t>(status.buffered_bytes));
+    response.set_max_buffer_bytes(static_cast<std::int64_t>(options.max_buffer_bytes));
+    response.set_buffer_limited_by_memory(status.buffer_limited_by_memory);
+    response.set_buffer_dropped_frame_set_count(status.buffer_dropped_frame_sets);
     return absl::OkStatus();
 }
 
-absl::Status list_recordings(const ApiContext& api, const v1::ListRecordingsRequest&,
+absl::Status list_recordings(const ApiContext& api, const v1::ListRecordingsRequest& request,
                              v1::ListRecordingsResponse& response) {
-    for (const RecordingInfo& info : list_recordings(api.recorder->options().folder))
-        *response.add_recordings() = to_proto(info);
+    const std::vector<RecordingInfo> recordings = list_recordings(api.recorder->options().folder);
+    const auto page = page_of(recordings.size(), request);
+    if (!page.ok()) return page.status();
+    for (std::size_t i = page->first; i < page->last; ++i)
+        *response.add_recordings() = to_proto(recordings[i]);
+    response.set_next_page_token(page->next_token);
     return absl::OkStatus();
 }
 
@@ -148,8 +156,8 @@ absl::Status get_recording(const ApiContext& api, const v1::GetRecordingRequest&
 
 absl::Status delete_recording(const ApiContext& api, const v1::DeleteRecordingRequest& request,
                               v1::DeleteRecordingResponse&) {
-    if (const auto control = api.lease.use(request.lease_id()); !control.ok()) return control.status();
-    return delete_recording(api.recorder->options().folder, request.name());
+    if (absl::Status control = use_control(api, request.lease_id()); !control.ok()) return control;
+    return move_recording_to_bin(api.recorder->options().folder, request.name());
 }
 
 }  // namespace kinevox

@@ -1,4 +1,4 @@
-// What RecordingService does, without gRPC; on the recordings' thread, all after check_recording().
+// Handlers of RecordingService, without gRPC; on the recordings' thread, after check_recording().
 #pragma once
 
 #include <absl/status/status.h>
@@ -9,7 +9,7 @@
 
 namespace kinevox {
 
-// FailedPrecondition where this daemon has no folder for recordings.
+// FailedPrecondition if this daemon has no folder for recordings.
 absl::Status check_recording(const ApiContext& api);
 
 v1::Recording to_proto(const RecordingInfo& info);
@@ -18,8 +18,8 @@ absl::Status start_recording(const ApiContext& api, const v1::StartRecordingRequ
                              v1::StartRecordingResponse& response);
 absl::Status stop_recording(const ApiContext& api, const v1::StopRecordingRequest& request,
                             v1::StopRecordingResponse& response);
-absl::Status keep_last(const ApiContext& api, const v1::KeepLastRequest& request,
-                       v1::KeepLastResponse& response);
+absl::Status save_buffer(const ApiContext& api, const v1::SaveBufferRequest& request,
+                         v1::SaveBufferResponse& response);
 absl::Status get_recorder_status(const ApiContext& api, const v1::GetRecorderStatusRequest& request,
                                  v1::GetRecorderStatusResponse& response);
 absl::Status list_recordings(const ApiContext& api, const v1::ListRecordingsRequest& request,

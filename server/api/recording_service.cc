@@ -19,13 +19,13 @@ RecordingServiceImpl::Reactor* RecordingServiceImpl::StopRecording(Context* cont
     return unary_call(api_, api_.recordings, context, request, response, check_recording, stop_recording);
 }
 
-RecordingServiceImpl::Reactor* RecordingServiceImpl::KeepLast(Context* context,
-                                                              const v1::KeepLastRequest* request,
-                                                              v1::KeepLastResponse* response) {
-    return unary_call(api_, api_.recordings, context, request, response, check_recording, keep_last);
+RecordingServiceImpl::Reactor* RecordingServiceImpl::SaveBuffer(Context* context,
+                                                                const v1::SaveBufferRequest* request,
+                                                                v1::SaveBufferResponse* response) {
+    return unary_call(api_, api_.recordings, context, request, response, check_recording, save_buffer);
 }
 
-// Not behind a call that waits for files.
+// Must not queue behind calls that block on files.
 RecordingServiceImpl::Reactor* RecordingServiceImpl::GetRecorderStatus(
     Context* context, const v1::GetRecorderStatusRequest* request, v1::GetRecorderStatusResponse* response) {
     return answer(context, get_recorder_status(api_, *request, *response));
@@ -48,8 +48,8 @@ RecordingServiceImpl::Reactor* RecordingServiceImpl::DeleteRecording(
     return unary_call(api_, api_.recordings, context, request, response, check_recording, delete_recording);
 }
 
-grpc::ServerWriteReactor<v1::ExportResponse>* RecordingServiceImpl::Export(Context* context,
-                                                                           const v1::ExportRequest* request) {
+grpc::ServerWriteReactor<v1::ExportRecordingResponse>* RecordingServiceImpl::ExportRecording(
+    Context* context, const v1::ExportRecordingRequest* request) {
     return ExportReactor::run(api_, context, *request);
 }
 

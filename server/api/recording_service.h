@@ -14,12 +14,13 @@ class RecordingServiceImpl final : public v1::RecordingService::CallbackService 
     using Reactor = grpc::ServerUnaryReactor;
     Reactor* StartRecording(Context*, const v1::StartRecordingRequest*, v1::StartRecordingResponse*) override;
     Reactor* StopRecording(Context*, const v1::StopRecordingRequest*, v1::StopRecordingResponse*) override;
-    Reactor* KeepLast(Context*, const v1::KeepLastRequest*, v1::KeepLastResponse*) override;
+    Reactor* SaveBuffer(Context*, const v1::SaveBufferRequest*, v1::SaveBufferResponse*) override;
     Reactor* GetRecorderStatus(Context*, const v1::GetRecorderStatusRequest*,
                                v1::GetRecorderStatusResponse*) override;
     Reactor* ListRecordings(Context*, const v1::ListRecordingsRequest*, v1::ListRecordingsResponse*) override;
     Reactor* GetRecording(Context*, const v1::GetRecordingRequest*, v1::GetRecordingResponse*) override;
-    grpc::ServerWriteReactor<v1::ExportResponse>* Export(Context*, const v1::ExportRequest*) override;
+    grpc::ServerWriteReactor<v1::ExportRecordingResponse>* ExportRecording(
+        Context*, const v1::ExportRecordingRequest*) override;
     Reactor* DeleteRecording(Context*, const v1::DeleteRecordingRequest*,
                              v1::DeleteRecordingResponse*) override;
 

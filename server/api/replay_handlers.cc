@@ -9,21 +9,23 @@
 #include <vector>
 
 #include "server/api/recording_handlers.h"
-#include "server/calibration/procedure.h"
+#include "server/calibration/procedure/procedure.h"
+#include "server/cameras/recorded_session.h"
 #include "server/pipeline/replay.h"
 #include "server/recording/recording_list.h"
 
 namespace kinevox {
 namespace {
 
+namespace fs = std::filesystem;
+
 constexpr std::size_t kMaxNames = 12;  // of recordings, in a message
 
 void fill(const ApiContext& api, v1::Replay& out) {
     const ReplayStatus status = api.replay->status();
     out.set_state(v1::REPLAY_STATE_LIVE);
-    out.set_frame(-1);
     if (!status.open) return;
-    out.set_session(status.session_file.string());
+    out.set_session_path(status.session_file.string());
     if (!status.position) return out.set_state(v1::REPLAY_STATE_STOPPED);
     const ReplayPosition& position = *status.position;
     const RunState run = api.runner.state().state;
@@ -31,61 +33,104 @@ void fill(const ApiContext& api, v1::Replay& out) {
                   : position.state == ReplayState::kPlaying ? v1::REPLAY_STATE_PLAYING
                   : position.state == ReplayState::kPaused  ? v1::REPLAY_STATE_PAUSED
                                                             : v1::REPLAY_STATE_ENDED);
-    out.set_frame(position.frame);
-    out.set_frames(position.frames);
+    if (position.frame >= 0) out.set_frame(position.frame);
+    out.set_frame_count(position.frame_count);
     out.set_position_s(position.position_s);
-    out.set_fps(position.fps);
+    out.set_nominal_fps(position.nominal_fps);
     out.set_speed(position.speed);
     out.set_loop(position.loop);
-    out.set_jumps(position.jumps);
+    out.set_discontinuity_count(position.discontinuity_count);
 }
 
-// An absolute path, or the name of one of the daemon's recordings.
-absl::StatusOr<std::filesystem::path> session_to_open(const ApiContext& api, const std::string& session) {
-    if (std::filesystem::path(session).is_absolute()) return session;
-    const std::string neither =
-        fmt::format("'{}' is no absolute path of a session.toml on the daemon's machine", session);
-    if (!check_recording(api).ok())
-        return absl::NotFoundError(neither +
-                                   ", and the daemon has no folder for recordings; give such a path");
-    const std::filesystem::path& folder = api.recorder->options().folder;
-    if (const auto file = recording_session_file(folder, session); file.ok()) return file;
+absl::StatusOr<fs::path> recording_to_open(const ApiContext& api, const std::string& name) {
+    if (absl::Status missing = check_recording(api); !missing.ok()) return missing;
+    const fs::path& folder = api.recorder->options().folder;
+    auto file = recording_session_file(folder, name);
+    if (file.ok() || !absl::IsNotFound(file.status())) return file;
     std::vector<std::string> names;
     for (const RecordingInfo& info : list_recordings(folder)) names.push_back(info.name);
-    const std::size_t left_out = names.size() - std::min(names.size(), kMaxNames);
-    names.erase(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(left_out));
-    if (left_out > 0) names.insert(names.begin(), fmt::format("{} older ones", left_out));
+    const std::size_t omitted = names.size() - std::min(names.size(), kMaxNames);
+    names.erase(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(omitted));
+    if (omitted > 0) names.insert(names.begin(), fmt::format("{} older ones", omitted));
     return absl::NotFoundError(
-        fmt::format("{}, and no recording in {}, which has {}", neither, folder.string(),
+        fmt::format("there is no recording '{}' in {}; recordings: {}", name, folder.string(),
                     names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
+}
+
+// Whether `file` is in `folder` or below it, following symbolic links.
+bool is_below(const fs::path& file, const fs::path& folder) {
+    std::error_code error;
+    const fs::path real_folder = fs::weakly_canonical(folder, error);
+    if (error || real_folder.empty()) return false;
+    const fs::path real_file = fs::weakly_canonical(file, error);
+    if (error) return false;
+    const auto [folder_end, file_end] = std::ranges::mismatch(real_folder, real_file);
+    return folder_end == real_folder.end() || folder_end->empty();
+}
+
+// Clients must not read arbitrary files of the daemon's machine.
+absl::StatusOr<fs::path> session_to_open(const ApiContext& api, const fs::path& session) {
+    if (!session.is_absolute())
+        return absl::InvalidArgumentError(fmt::format(
+            "session_path '{}' is relative; use an absolute path on the daemon's machine, or recording_name",
+            session.string()));
+    std::vector<fs::path> folders = api.replay_folders;
+    if (check_recording(api).ok()) folders.push_back(api.recorder->options().folder);
+    if (std::ranges::any_of(folders, [&](const fs::path& folder) { return is_below(session, folder); }))
+        return session;
+    std::vector<std::string> names;
+    for (const fs::path& folder : folders) names.push_back(folder.string());
+    return absl::PermissionDeniedError(fmt::format(
+        "{} is outside the folders for replay ({}); add its folder to [replay] folders in the daemon's "
+        "configuration",
+        session.string(), names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
+}
+
+absl::StatusOr<fs::path> source_to_open(const ApiContext& api, const v1::OpenReplayRequest& request) {
+    switch (request.source_case()) {
+        case v1::OpenReplayRequest::kRecordingName:
+            return recording_to_open(api, request.recording_name());
+        case v1::OpenReplayRequest::kSessionPath:
+            return session_to_open(api, request.session_path());
+        case v1::OpenReplayRequest::SOURCE_NOT_SET:
+            break;
+    }
+    return absl::InvalidArgumentError("the request names no recording; set recording_name or session_path");
+}
+
+absl::Status check_cameras_free(const ApiContext& api) {
+    if (api.procedure && api.procedure->progress().open())
+        return absl::FailedPreconditionError(
+            "a calibration procedure is open and requires the cameras; cancel it first");
+    if (!api.recorder) return absl::OkStatus();
+    const RecorderStatus recorder = api.recorder->status();
+    if (recorder.state == RecorderState::kIdle) return absl::OkStatus();
+    return absl::FailedPreconditionError(
+        fmt::format("\"{}\" is being recorded from the cameras; stop it first with kinevox record stop",
+                    recorder.current ? recorder.current->name : "another recording"));
 }
 
 }  // namespace
 
 absl::Status check_replay(const ApiContext& api) {
-    return api.replay ? absl::OkStatus() : absl::FailedPreconditionError("this daemon cannot replay");
+    return api.replay ? absl::OkStatus()
+                      : absl::FailedPreconditionError("this daemon does not support replay");
 }
 
-absl::Status check_live(const ApiContext& api, const char* why) {
+absl::Status check_live(const ApiContext& api, const char* what) {
     if (!api.replay || !api.replay->status().open) return absl::OkStatus();
     return absl::FailedPreconditionError(fmt::format(
-        "a recording is replayed, {} the cameras; go back to them first, with kinevox replay live", why));
+        "{} the cameras, but a recording is replayed; return to the cameras first with kinevox replay close",
+        what));
 }
 
 absl::Status open_replay(const ApiContext& api, const v1::OpenReplayRequest& request,
                          v1::OpenReplayResponse& response) {
-    if (const auto control = api.lease.use(request.lease_id()); !control.ok()) return control.status();
-    if (api.procedure && api.procedure->progress().open())
-        return absl::FailedPreconditionError(
-            "a calibration procedure is open, which needs the cameras; cancel it first");
-    if (api.recorder)
-        if (const RecorderStatus now = api.recorder->status(); now.state != RecorderState::kIdle)
-            return absl::FailedPreconditionError(
-                fmt::format("\"{}\" is being recorded, which needs the cameras; stop that first, with "
-                            "kinevox record stop",
-                            now.recording ? now.recording->name : "another recording"));
-    const auto session = session_to_open(api, request.session());
+    if (absl::Status control = use_control(api, request.lease_id()); !control.ok()) return control;
+    if (absl::Status free = check_cameras_free(api); !free.ok()) return free;
+    const auto session = source_to_open(api, request);
     if (!session.ok()) return session.status();
+    if (absl::Status intact = check_intact(*session); !intact.ok()) return intact;
     ReplayOptions options;
     options.paused = request.paused();
     options.loop = request.loop();
@@ -97,21 +142,21 @@ absl::Status open_replay(const ApiContext& api, const v1::OpenReplayRequest& req
 
 absl::Status close_replay(const ApiContext& api, const v1::CloseReplayRequest& request,
                           v1::CloseReplayResponse&) {
-    if (const auto control = api.lease.use(request.lease_id()); !control.ok()) return control.status();
-    return api.replay->live();
+    if (absl::Status control = use_control(api, request.lease_id()); !control.ok()) return control;
+    return api.replay->close();
 }
 
-absl::Status set_replay(const ApiContext& api, const v1::SetReplayRequest& request,
-                        v1::SetReplayResponse& response) {
+absl::Status update_replay(const ApiContext& api, const v1::UpdateReplayRequest& request,
+                           v1::UpdateReplayResponse& response) {
     if (absl::Status there = check_replay(api); !there.ok()) return there;
-    if (const auto control = api.lease.use(request.lease_id()); !control.ok()) return control.status();
+    if (absl::Status control = use_control(api, request.lease_id()); !control.ok()) return control;
     ReplayChange change;
     if (request.has_speed()) change.speed = request.speed();
     if (request.has_loop()) change.loop = request.loop();
     if (request.has_frame()) change.frame = request.frame();
     if (request.has_position_s()) change.position_s = request.position_s();
-    if (request.has_step()) change.step = request.step();
-    if (request.has_play()) change.play = request.play();
+    if (request.has_step_frames()) change.step = request.step_frames();
+    if (request.has_playing()) change.play = request.playing();
     if (absl::Status changed = api.replay->change(change); !changed.ok()) return changed;
     fill(api, *response.mutable_replay());
     return absl::OkStatus();

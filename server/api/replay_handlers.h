@@ -1,4 +1,4 @@
-// What ReplayService's calls do, without gRPC.
+// Handlers of ReplayService, without gRPC.
 #pragma once
 
 #include <absl/status/status.h>
@@ -8,22 +8,22 @@
 
 namespace kinevox {
 
-// FailedPrecondition where this daemon has no replay.
+// FailedPrecondition if this daemon has no replay.
 absl::Status check_replay(const ApiContext& api);
 
-// The control thread's, after check_replay().
+// On the control thread, after check_replay().
 absl::Status open_replay(const ApiContext& api, const v1::OpenReplayRequest& request,
                          v1::OpenReplayResponse& response);
 absl::Status close_replay(const ApiContext& api, const v1::CloseReplayRequest& request,
                           v1::CloseReplayResponse& response);
 
-// Any.
-absl::Status set_replay(const ApiContext& api, const v1::SetReplayRequest& request,
-                        v1::SetReplayResponse& response);
+// On any thread.
+absl::Status update_replay(const ApiContext& api, const v1::UpdateReplayRequest& request,
+                           v1::UpdateReplayResponse& response);
 absl::Status get_replay(const ApiContext& api, const v1::GetReplayRequest& request,
                         v1::GetReplayResponse& response);
 
-// FailedPrecondition while a recording is replayed; `why` the cameras are needed: "a calibration is of".
-absl::Status check_live(const ApiContext& api, const char* why);
+// FailedPrecondition while a recording is replayed; `what` requires the cameras: "recording requires".
+absl::Status check_live(const ApiContext& api, const char* what);
 
 }  // namespace kinevox

@@ -4,6 +4,7 @@
 #include "server/api/unary_call.h"
 
 namespace kinevox {
+
 ReplayServiceImpl::Reactor* ReplayServiceImpl::OpenReplay(Context* context,
                                                           const v1::OpenReplayRequest* request,
                                                           v1::OpenReplayResponse* response) {
@@ -16,10 +17,10 @@ ReplayServiceImpl::Reactor* ReplayServiceImpl::CloseReplay(Context* context,
     return unary_call(api_, api_.control, context, request, response, check_replay, close_replay);
 }
 
-ReplayServiceImpl::Reactor* ReplayServiceImpl::SetReplay(Context* context,
-                                                         const v1::SetReplayRequest* request,
-                                                         v1::SetReplayResponse* response) {
-    return answer(context, set_replay(api_, *request, *response));
+ReplayServiceImpl::Reactor* ReplayServiceImpl::UpdateReplay(Context* context,
+                                                            const v1::UpdateReplayRequest* request,
+                                                            v1::UpdateReplayResponse* response) {
+    return answer(context, update_replay(api_, *request, *response));
 }
 
 ReplayServiceImpl::Reactor* ReplayServiceImpl::GetReplay(Context* context,

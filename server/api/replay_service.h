@@ -16,8 +16,8 @@ class ReplayServiceImpl final : public v1::ReplayService::CallbackService {
                         v1::OpenReplayResponse* response) override;
     Reactor* CloseReplay(Context* context, const v1::CloseReplayRequest* request,
                          v1::CloseReplayResponse* response) override;
-    Reactor* SetReplay(Context* context, const v1::SetReplayRequest* request,
-                       v1::SetReplayResponse* response) override;
+    Reactor* UpdateReplay(Context* context, const v1::UpdateReplayRequest* request,
+                          v1::UpdateReplayResponse* response) override;
     Reactor* GetReplay(Context* context, const v1::GetReplayRequest* request,
                        v1::GetReplayResponse* response) override;
 

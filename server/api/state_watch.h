@@ -1,5 +1,5 @@
-// Who follows something whose newest state alone is of interest: the building of the pose database, the fit
-// of a body, a calibration procedure.
+// Subscribers of a state of which only the latest value matters: pose database, body fit, calibration
+// procedure.
 #pragma once
 
 #include <absl/status/status.h>
@@ -10,32 +10,33 @@
 #include <mutex>
 #include <vector>
 
-#include "server/calibration/procedure.h"
-#include "server/pipeline/mailbox.h"
+#include "server/calibration/procedure/procedure.h"
+#include "server/events/mailbox.h"
 #include "server/pose/database/database_service.h"
 #include "server/pose/live_body_fit.h"
 
 namespace kinevox {
 
-// Any thread. A subscription lasts as long as the caller keeps the mailbox, which holds the newest word only.
+// Any thread. A subscription lasts as long as the caller keeps the mailbox, which holds the latest state
+// only.
 template <typename State>
 class StateWatch {
   public:
     using Box = Mailbox<State>;
 
-    // Starts with what was published last.
+    // Starts with the latest published state.
     std::shared_ptr<Box> subscribe(std::function<void()> on_ready) {
         auto box = std::make_shared<Box>(MailboxOptions{}, std::move(on_ready));
         const std::scoped_lock lock(mutex_);
-        box->put(newest_);
+        box->put(latest_);
         if (!closed_.ok()) box->close(closed_);
         boxes_.push_back(box);
         return box;
     }
 
     void publish(const State& state) {
-        const std::scoped_lock lock(mutex_);  // held while putting, so that nobody gets the older word last
-        newest_ = state;
+        const std::scoped_lock lock(mutex_);  // held while putting, so that an older state cannot arrive last
+        latest_ = state;
         std::erase_if(boxes_, [](const auto& box) { return box.expired(); });
         for (const auto& weak : boxes_)
             if (const auto box = weak.lock()) box->put(state);
@@ -46,7 +47,7 @@ class StateWatch {
         return std::ranges::any_of(boxes_, [](const auto& box) { return !box.expired(); });
     }
 
-    // Closes every mailbox, and whichever is subscribed to later. `why` is what the streams end with.
+    // Closes all mailboxes, and those subscribed later. `why` is the status of their streams.
     void close(const absl::Status& why) {
         const std::scoped_lock lock(mutex_);
         closed_ = why;
@@ -57,7 +58,7 @@ class StateWatch {
   private:
     mutable std::mutex mutex_;
     std::vector<std::weak_ptr<Box>> boxes_;
-    State newest_;
+    State latest_;
     absl::Status closed_;
 };
 

@@ -1,8 +1,8 @@
-// The gRPC side of one subscriber: one write in flight, the next message fetched when it is through.
+// The gRPC side of one subscriber: one write in flight, the next message is fetched when it completes.
 //
-// Everything happens on a strand of the encoders: the mailbox's word that something is ready, gRPC's that a
-// write is through, the client's leaving, the rate's timer. So the pipeline's thread only posts, gRPC's
-// threads only post, and the state below needs no lock.
+// All events are handled on a strand of the encoders: messages in the mailbox, completed writes,
+// cancellation, the rate timer. The pipeline's and gRPC's threads only post to it, so the state below needs
+// no lock.
 #pragma once
 
 #include <grpcpp/support/server_callback.h>
@@ -30,7 +30,7 @@ namespace kinevox {
 
 struct StreamPace {
     double max_rate_hz = 0;    // 0: no limit
-    bool newest_only = false;  // takes part in the fair share of the daemon's messages
+    bool latest_only = false;  // limited by the fair share of the daemon's messages
 };
 
 // `Box` is a Mailbox. The reactor owns itself from run() to gRPC's OnDone.
@@ -38,7 +38,7 @@ template <typename Box, typename Message>
 class StreamReactor final : public grpc::ServerWriteReactor<Message>,
                             public std::enable_shared_from_this<StreamReactor<Box, Message>> {
   public:
-    // Makes the message to be sent. May take its time.
+    // Makes the message to send. May take long.
     using Translate = std::function<Message(const typename Box::Taken&)>;
     using Subscribe = std::function<std::shared_ptr<Box>(std::function<void()> on_ready)>;
 
@@ -47,23 +47,23 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
         auto reactor =
             std::shared_ptr<StreamReactor>(new StreamReactor(api, pace.max_rate_hz, std::move(translate)));
         reactor->self_ = reactor;
-        if (api.share && pace.newest_only) reactor->place_.emplace(*api.share);
+        if (api.fair_share && pace.latest_only) reactor->slot_.emplace(*api.fair_share);
         if (const absl::Status counted = reactor->be_counted(api, context); !counted.ok()) {
             reactor->finish_at_once(to_grpc(counted));
             return reactor.get();
         }
         boost::asio::post(reactor->strand_, [reactor, subscribe] {
-            if (reactor->finished_) return;  // the guard was quicker
+            if (reactor->finished_) return;  // ended by the guard before
             reactor->box_ = subscribe([weak = reactor->weak_from_this()] {
                 if (const auto alive = weak.lock()) alive->wake();
             });
-            reactor->StartSendInitialMetadata();  // tells the client that it is subscribed
+            reactor->StartSendInitialMetadata();  // confirms the subscription to the client
             reactor->advance();
         });
         return reactor.get();
     }
 
-    // Refuses the call.
+    // Ends the call with a status.
     static StreamReactor* refuse(const ApiContext& api, const grpc::Status& why) {
         auto reactor = std::shared_ptr<StreamReactor>(new StreamReactor(api, 0, {}));
         reactor->self_ = reactor;
@@ -93,7 +93,7 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
             self->timer_.cancel();
             self->box_.reset();
             self->counted_.reset();
-            self->place_.reset();
+            self->slot_.reset();
         });
     }
 
@@ -102,7 +102,7 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
 
     StreamReactor(const ApiContext& api, double max_rate_hz, Translate translate)
         : strand_(boost::asio::make_strand(api.encoders)),
-          timer_(api.clock),
+          timer_(api.timers),
           translate_(std::move(translate)) {
         if (max_rate_hz > 0)
             period_ =
@@ -120,8 +120,7 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
         return counted.status();
     }
 
-    // The context lives until gRPC is done, which it is not before finish(). A write that its client does not
-    // take is given up.
+    // The context lives until OnDone, which follows finish(). A pending write is cancelled.
     void end(grpc::CallbackServerContext* context, const absl::Status& why) {
         if (finished_) return;
         ended_ = why;
@@ -131,7 +130,7 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
 
     // Any thread.
     void wake() {
-        if (woken_.exchange(true)) return;  // its task is still to run
+        if (woken_.exchange(true)) return;  // its task is pending
         boost::asio::post(strand_, [self = this->shared_from_this()] {
             self->woken_ = false;
             self->advance();
@@ -147,9 +146,9 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
     void finish(const grpc::Status& status) {
         finished_ = true;
         timer_.cancel();
-        box_.reset();  // whatever is queued goes now, not when gRPC is done with the call
+        box_.reset();  // frees queued messages now, not at OnDone
         counted_.reset();
-        place_.reset();
+        slot_.reset();
         this->Finish(status);
     }
 
@@ -161,22 +160,22 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
         if (absl::IsResourceExhausted(status))
             return finish(
                 {grpc::StatusCode::RESOURCE_EXHAUSTED,
-                 "this lossless stream was read too slowly and its queue is full; read faster, ask for "
-                 "larger voxels, or take LATEST_ONLY"});
+                 "this lossless stream was read too slowly and its queue is full; read faster, request "
+                 "larger voxels, or use LATEST_ONLY"});
         const Clock::time_point now = Clock::now();
-        const Clock::duration share = place_ ? place_->period() : Clock::duration{0};
+        const Clock::duration fair_period = slot_ ? slot_->period() : Clock::duration{0};
         if (status.ok() && now < next_) {
-            // Shared: the next message comes soon and is newer; a timer for each would cost as much as
-            // sending it.
-            return wait_until(period_ >= share ? next_ : next_ + 4 * share);
+            // Limited by the fair share: the next message is due soon and newer; a timer per message would
+            // cost as much as sending it.
+            return wait_until(period_ >= fair_period ? next_ : next_ + 4 * fair_period);
         }
         auto taken = box_->take();
         if (!taken) {
             if (!status.ok()) finish(to_grpc(status));
             return;
         }
-        // Late by less than a period: the beat is kept. Later, or the first: it begins anew.
-        const Clock::duration period = std::max(period_, share);
+        // Late by less than a period: keep the schedule. Later, or the first message: restart it.
+        const Clock::duration period = std::max(period_, fair_period);
         next_ = (next_ + period > now ? next_ : now) + period;
         try {
             message_ = translate_(*taken);
@@ -191,8 +190,8 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
     void wait_until(Clock::time_point time) {
         if (std::exchange(timer_runs_, true)) return;
         timer_.expires_at(time);
-        // Not bound to the strand: what is bound counts as the encoders' work, and a timer that the stopped
-        // clock never completes would hold up the daemon's end.
+        // Not bound to the strand: a bound handler counts as work of the encoders, and a timer that never
+        // fires after the timers' io_context has stopped would block shutdown.
         timer_.async_wait([weak = this->weak_from_this()](const boost::system::error_code& error) {
             const auto self = weak.lock();
             if (!self || error) return;
@@ -209,7 +208,7 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
     Translate translate_;
     std::shared_ptr<Box> box_;
     std::shared_ptr<Guard::Stream> counted_;
-    std::optional<FairShare::Place> place_;
+    std::optional<FairShare::Slot> slot_;
     absl::Status ended_;  // by the guard
     Message message_;     // must live until OnWriteDone
     Clock::duration period_{0};

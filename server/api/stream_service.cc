@@ -12,22 +12,22 @@
 #include "server/api/encode.h"
 #include "server/api/stream_reactor.h"
 #include "server/api/to_proto.h"
-#include "server/metrics/capture_figures.h"
+#include "server/pipeline/capture_statistics.h"
 
 namespace kinevox {
 namespace {
 
 using VolumeReactor = StreamReactor<VolumeMailbox, grpc::ByteBuffer>;
 using PoseReactor = StreamReactor<PoseMailbox, grpc::ByteBuffer>;
-using PreviewReactor = StreamReactor<PictureMailbox, grpc::ByteBuffer>;
+using PreviewReactor = StreamReactor<ImageMailbox, grpc::ByteBuffer>;
 
-// What is written to one subscriber, counted for the monitoring.
-grpc::ByteBuffer counted(const ApiContext& api, metrics::StreamFigures metrics::CaptureFigures::*stream,
-                         std::chrono::steady_clock::time_point published_at, std::uint64_t missed,
+// The bytes for one subscriber, counted in the metrics.
+grpc::ByteBuffer counted(const ApiContext& api, StreamStatistics CaptureStatistics::*stream,
+                         std::chrono::steady_clock::time_point published_at, std::uint64_t missed_count,
                          const EncodedMessage& message) {
-    const std::chrono::duration<double> age = std::chrono::steady_clock::now() - published_at;
-    if (api.figures) (api.figures->*stream).took(age.count(), missed);
-    return to_buffer(message, missed);
+    const std::chrono::duration<double> latency = std::chrono::steady_clock::now() - published_at;
+    if (api.statistics) (api.statistics->*stream).record(latency.count(), missed_count);
+    return to_buffer(message, missed_count);
 }
 
 template <typename Request>
@@ -36,35 +36,33 @@ absl::StatusOr<Request> parse(const grpc::ByteBuffer& bytes) {
     Request request;
     if (grpc::SerializationTraits<Request>::Deserialize(&copy, &request).ok()) return request;
     return absl::InvalidArgumentError(fmt::format(
-        "the request is no {}; make it from this daemon's .proto files", Request::descriptor()->name()));
+        "the request is not a valid {}; use this daemon's .proto files", Request::descriptor()->name()));
 }
 
-// A slower one has a period that no clock holds.
-constexpr double kSlowestRate_hz = 0.001;
+constexpr double kMinRate_hz = 0.001;  // the period of a lower one overflows the clock
 
 absl::Status check_rate(double rate_hz, double max_hz) {
-    if (rate_hz == 0 || (rate_hz >= kSlowestRate_hz && rate_hz <= max_hz)) return absl::OkStatus();
-    return absl::InvalidArgumentError(fmt::format(
-        "max_rate_hz is {}; it is {} to {} messages a second, or 0, which leaves the choice to the daemon",
-        rate_hz, kSlowestRate_hz, max_hz));
+    if (rate_hz == 0 || (rate_hz >= kMinRate_hz && rate_hz <= max_hz)) return absl::OkStatus();
+    return absl::InvalidArgumentError(
+        fmt::format("max_rate_hz is {}; {} to {} messages per second are allowed, or 0 for the default",
+                    rate_hz, kMinRate_hz, max_hz));
 }
 
-// What streams of volumes and poses have in common.
+// Common to streams of volumes and poses.
 template <typename Request>
 absl::Status check_delivery(const Request& request, double max_hz) {
     if (!v1::Delivery_IsValid(request.delivery()))
-        return absl::InvalidArgumentError(fmt::format(
-            "delivery {} is not known; take LATEST_ONLY or LOSSLESS", static_cast<int>(request.delivery())));
+        return absl::InvalidArgumentError(fmt::format("delivery {} is unknown; use LATEST_ONLY or LOSSLESS",
+                                                      static_cast<int>(request.delivery())));
     if (request.delivery() == v1::DELIVERY_LOSSLESS && request.max_rate_hz() != 0)
         return absl::InvalidArgumentError(
-            "a lossless stream goes without a rate limit; leave max_rate_hz 0 or take "
-            "LATEST_ONLY");
+            "a lossless stream has no rate limit; set max_rate_hz to 0 or use LATEST_ONLY");
     return check_rate(request.max_rate_hz(), max_hz);
 }
 
 template <typename Request>
 MailboxOptions mailbox_options(const Request& request, const ApiContext& api) {
-    if (request.delivery() != v1::DELIVERY_LOSSLESS) return {};  // the newest only
+    if (request.delivery() != v1::DELIVERY_LOSSLESS) return {};  // the latest only
     return {MailboxOptions::WhenFull::kOverflow, api.lossless_max_messages, api.lossless_max_bytes};
 }
 
@@ -75,20 +73,22 @@ StreamPace pace(const Request& request) {
 
 absl::Status check(const v1::StreamVolumesRequest& request, double max_hz) {
     if (request.has_max_voxel_m() && !(std::isfinite(request.max_voxel_m()) && request.max_voxel_m() > 0))
+        return absl::InvalidArgumentError(fmt::format(
+            "max_voxel_m is {}; a voxel edge in metres, more than 0, is required", request.max_voxel_m()));
+    if (request.has_downsample_level() &&
+        (request.downsample_level() < 0 || request.downsample_level() > kMaxLevels))
         return absl::InvalidArgumentError(
-            fmt::format("max_voxel_m is {}; it is an edge in metres, more than 0", request.max_voxel_m()));
-    if (request.has_level() && (request.level() < 0 || request.level() > kMaxLevels))
-        return absl::InvalidArgumentError(
-            fmt::format("level is {}; it is 0 (full resolution) to {}", request.level(), kMaxLevels));
+            fmt::format("downsample_level is {}; 0 (full resolution) to {} are allowed",
+                        request.downsample_level(), kMaxLevels));
     return check_delivery(request, max_hz);
 }
 
-// What the guard could not know before the request was read: pictures are for fewer roles than silhouettes.
+// The guard sees methods, not requests: images require another permission than silhouettes.
 absl::Status check_values(const ApiContext& api, const grpc::CallbackServerContext& context,
                           const v1::StreamPreviewsRequest& request) {
-    const v1::Permission needed = needed_by_values(request);
-    if (!api.guard || needed == v1::PERMISSION_UNSPECIFIED) return absl::OkStatus();
-    return api.guard->allow(authorization_of(context), needed, "StreamService.StreamPreviews");
+    const v1::Permission required = needed_by_values(request);
+    if (!api.guard || required == v1::PERMISSION_UNSPECIFIED) return absl::OkStatus();
+    return api.guard->allow(authorization_of(context), required, "StreamService.StreamPreviews");
 }
 
 absl::StatusOr<PreviewForm> preview_form(const v1::StreamPreviewsRequest& request, const ApiContext& api) {
@@ -99,22 +99,22 @@ absl::StatusOr<PreviewForm> preview_form(const v1::StreamPreviewsRequest& reques
     const auto found = std::ranges::find(names, request.camera());
     if (found == names.end())
         return absl::NotFoundError(
-            fmt::format("there is no camera '{}'; there are {}", request.camera(), fmt::join(names, ", ")));
+            fmt::format("there is no camera '{}'; cameras: {}", request.camera(), fmt::join(names, ", ")));
     form.camera = static_cast<std::size_t>(found - names.begin());
     if (!v1::StreamPreviewsRequest::Kind_IsValid(request.kind()))
-        return absl::InvalidArgumentError(fmt::format("kind {} is not known; take PICTURE or SILHOUETTE",
-                                                      static_cast<int>(request.kind())));
+        return absl::InvalidArgumentError(
+            fmt::format("kind {} is unknown; use IMAGE or SILHOUETTE", static_cast<int>(request.kind())));
     form.silhouette = request.kind() == v1::StreamPreviewsRequest::KIND_SILHOUETTE;
     const auto size_ok = [](int size) { return size == 0 || (size >= 16 && size <= 8192); };
     if (!size_ok(request.max_width_px()) || !size_ok(request.max_height_px()))
         return absl::InvalidArgumentError(
-            fmt::format("max_width_px is {} and max_height_px {}; each is 16 to 8192, or 0",
+            fmt::format("max_width_px is {} and max_height_px {}; 16 to 8192 are allowed, or 0",
                         request.max_width_px(), request.max_height_px()));
     form.max_width_px = request.max_width_px() ? request.max_width_px() : api.preview_width_px;
     form.max_height_px = request.max_height_px();
     if (request.jpeg_quality() < 0 || request.jpeg_quality() > 100)
         return absl::InvalidArgumentError(fmt::format(
-            "jpeg_quality is {}; it is 1 to 100, or 0 for the daemon's default", request.jpeg_quality()));
+            "jpeg_quality is {}; 1 to 100 are allowed, or 0 for the default", request.jpeg_quality()));
     form.jpeg_quality = request.jpeg_quality() ? request.jpeg_quality() : api.preview_jpeg_quality;
     if (const absl::Status rate = check_rate(request.max_rate_hz(), api.max_stream_rate_hz); !rate.ok())
         return rate;
@@ -125,7 +125,7 @@ absl::StatusOr<PreviewForm> preview_form(const v1::StreamPreviewsRequest& reques
 
 int level_for(double voxel_m, double max_voxel_m) {
     int level = 0;
-    // A hair of tolerance: 0.01 asked for as 0.02 / 2 in other people's arithmetic still means 0.01.
+    // Tolerates rounding in the client, so that 0.02 / 2 requests 0.01.
     while (level < kMaxLevels && std::ldexp(voxel_m, level + 1) <= max_voxel_m * (1 + 1e-6)) ++level;
     return level;
 }
@@ -144,11 +144,11 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamVolumes(
         },
         [this, request = *request](const VolumeMailbox::Taken& taken) {
             const PublishedVolume& published = *taken.message;
-            VolumeForm form{request.level(), !request.without_colours()};
+            VolumeForm form{request.downsample_level(), !request.omit_colours()};
             if (published.volume && request.has_max_voxel_m())
                 form.level = level_for(published.volume->grid.voxel_m, request.max_voxel_m());
-            return counted(api_, &metrics::CaptureFigures::volumes, published.header.published_at,
-                           taken.missed, encode(published, form, api_.runner));
+            return counted(api_, &CaptureStatistics::volumes, published.header.published_at, taken.missed,
+                           encode(published, form, api_.runner));
         });
 }
 
@@ -164,8 +164,8 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPoses(
             return api_.hub.subscribe_poses(options, std::move(on_ready));
         },
         [this](const PoseMailbox::Taken& taken) {
-            return counted(api_, &metrics::CaptureFigures::poses, taken.message->header.published_at,
-                           taken.missed, encode(*taken.message));
+            return counted(api_, &CaptureStatistics::poses, taken.message->header.published_at, taken.missed,
+                           encode(*taken.message));
         });
 }
 
@@ -179,10 +179,10 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPreviews(
     if (!form.ok()) return PreviewReactor::refuse(api_, to_grpc(form.status()));
     return PreviewReactor::run(
         api_, context, {request->max_rate_hz() > 0 ? request->max_rate_hz() : 10.0, true},
-        [this](std::function<void()> on_ready) { return api_.hub.subscribe_pictures(std::move(on_ready)); },
-        [this, form = *form, camera = request->camera()](const PictureMailbox::Taken& taken) {
-            return counted(api_, &metrics::CaptureFigures::pictures, taken.message->published_at,
-                           taken.missed, encode(*taken.message, form, camera));
+        [this](std::function<void()> on_ready) { return api_.hub.subscribe_images(std::move(on_ready)); },
+        [this, form = *form, camera = request->camera()](const ImageMailbox::Taken& taken) {
+            return counted(api_, &CaptureStatistics::images, taken.message->published_at, taken.missed,
+                           encode(*taken.message, form, camera));
         });
 }
 

@@ -8,7 +8,7 @@
 
 namespace kinevox {
 
-// The messages go out as bytes that many subscribers share; gRPC would serialise them for each.
+// Many subscribers share the bytes of a message; gRPC would serialise it for each.
 using RawStreamService = v1::StreamService::WithRawCallbackMethod_StreamVolumes<
     v1::StreamService::WithRawCallbackMethod_StreamPoses<
         v1::StreamService::WithRawCallbackMethod_StreamPreviews<v1::StreamService::Service>>>;

@@ -1,6 +1,9 @@
 #include "server/api/to_proto.h"
 
+#include <absl/strings/ascii.h>
+
 #include "common/one_line.h"
+#include "common/proto_time.h"
 
 namespace kinevox {
 
@@ -45,47 +48,48 @@ v1::Subject to_proto(const SubjectTrack& track, const std::vector<Camera>& camer
     *out.mutable_centre_in_world() = to_proto(track.centre_in_world);
     *out.mutable_velocity_in_world() = to_proto(track.velocity_in_world);
     out.set_centre_std_m(track.centre_std_m);
-    for (std::size_t i = 0; i < track.camera_used.size() && i < cameras.size(); ++i)
-        if (track.camera_used[i]) out.add_cameras_used(cameras[i].name);
+    for (std::size_t i = 0; i < track.used_cameras.size() && i < cameras.size(); ++i)
+        if (track.used_cameras[i]) out.add_used_cameras(cameras[i].name);
     return out;
 }
 
-v1::CameraLink to_proto(const CameraLink& link) {
-    v1::CameraLink out;
-    out.set_connected(link.connected);
-    out.set_device(link.device);
-    out.set_problem(link.problem);
-    switch (link.clock) {
-        case CameraClock::kUnknown:
-            out.set_clock(v1::CAMERA_CLOCK_UNSPECIFIED);
-            break;
-        case CameraClock::kArrival:
-            out.set_clock(v1::CAMERA_CLOCK_ARRIVAL);
-            break;
-        case CameraClock::kDevice:
-            out.set_clock(v1::CAMERA_CLOCK_DEVICE);
-            break;
-        case CameraClock::kPtp:
-            out.set_clock(v1::CAMERA_CLOCK_PTP);
-            break;
+v1::TimestampSource to_proto(TimestampSource source) {
+    switch (source) {
+        case TimestampSource::kUnknown:
+            return v1::TIMESTAMP_SOURCE_UNSPECIFIED;
+        case TimestampSource::kArrival:
+            return v1::TIMESTAMP_SOURCE_ARRIVAL;
+        case TimestampSource::kDevice:
+            return v1::TIMESTAMP_SOURCE_DEVICE;
+        case TimestampSource::kPtp:
+            return v1::TIMESTAMP_SOURCE_PTP;
     }
-    out.set_pictures(link.pictures);
-    out.set_lost(link.lost);
-    out.set_incomplete(link.incomplete);
-    out.set_late(link.late);
-    out.set_unmatched(link.unmatched);
-    out.set_settling(link.settling);
-    out.set_disconnects(link.disconnects);
-    out.set_packets_missing(link.packets_missing);
-    out.set_packets_resent(link.packets_resent);
-    out.set_resend_requests(link.resend_requests);
-    out.set_underruns(link.underruns);
-    out.set_packet_bytes(link.packet_bytes);
-    out.set_skew_ms(link.skew_ms);
-    out.set_skew_max_ms(link.skew_max_ms);
-    out.set_lateness_ms(link.lateness_ms);
-    out.set_lateness_max_ms(link.lateness_max_ms);
-    out.set_clock_drift_ppm(link.clock_drift_ppm);
+    return v1::TIMESTAMP_SOURCE_UNSPECIFIED;
+}
+
+v1::CameraConnection to_proto(const CameraConnection& connection) {
+    v1::CameraConnection out;
+    out.set_connected(connection.connected);
+    out.set_device(connection.device);
+    out.set_error_message(connection.error_message);
+    out.set_timestamp_source(to_proto(connection.timestamp_source));
+    out.set_image_count(connection.image_count);
+    out.set_lost_image_count(connection.lost_image_count);
+    out.set_incomplete_image_count(connection.incomplete_image_count);
+    out.set_late_image_count(connection.late_image_count);
+    out.set_unmatched_image_count(connection.unmatched_image_count);
+    out.set_warmup_image_count(connection.warmup_image_count);
+    out.set_disconnect_count(connection.disconnect_count);
+    out.set_missing_packet_count(connection.missing_packet_count);
+    out.set_resent_packet_count(connection.resent_packet_count);
+    out.set_resend_request_count(connection.resend_request_count);
+    out.set_buffer_underrun_count(connection.buffer_underrun_count);
+    out.set_packet_size_bytes(connection.packet_size_bytes);
+    out.set_mean_skew_ms(connection.mean_skew_ms);
+    out.set_max_abs_skew_ms(connection.max_abs_skew_ms);
+    out.set_mean_arrival_delay_ms(connection.mean_arrival_delay_ms);
+    out.set_max_arrival_delay_ms(connection.max_arrival_delay_ms);
+    out.set_clock_drift_ppm(connection.clock_drift_ppm);
     return out;
 }
 
@@ -98,9 +102,9 @@ v1::CaptureState to_proto(RunState state) {
         case RunState::kRunning:
             return v1::CAPTURE_STATE_RUNNING;
         case RunState::kLearning:
-            return v1::CAPTURE_STATE_LEARNING;
+            return v1::CAPTURE_STATE_LEARNING_BACKGROUND;
         case RunState::kEnded:
-            return v1::CAPTURE_STATE_ENDED;
+            return v1::CAPTURE_STATE_SOURCE_ENDED;
         case RunState::kFailed:
             return v1::CAPTURE_STATE_FAILED;
     }
@@ -108,80 +112,33 @@ v1::CaptureState to_proto(RunState state) {
 }
 
 v1::EventKind to_proto(EventKind kind) {
-    switch (kind) {
-        case EventKind::kSubjectFound:
-            return v1::EVENT_KIND_SUBJECT_FOUND;
-        case EventKind::kSubjectLost:
-            return v1::EVENT_KIND_SUBJECT_LOST;
-        case EventKind::kCameraLeftOut:
-            return v1::EVENT_KIND_CAMERA_LEFT_OUT;
-        case EventKind::kCameraBack:
-            return v1::EVENT_KIND_CAMERA_BACK;
-        case EventKind::kCameraSilent:
-            return v1::EVENT_KIND_CAMERA_SILENT;
-        case EventKind::kBackgroundLearned:
-            return v1::EVENT_KIND_BACKGROUND_LEARNED;
-        case EventKind::kStarted:
-            return v1::EVENT_KIND_STARTED;
-        case EventKind::kStopped:
-            return v1::EVENT_KIND_STOPPED;
-        case EventKind::kSourceEnded:
-            return v1::EVENT_KIND_SOURCE_ENDED;
-        case EventKind::kControlTaken:
-            return v1::EVENT_KIND_CONTROL_TAKEN;
-        case EventKind::kControlReleased:
-            return v1::EVENT_KIND_CONTROL_RELEASED;
-        case EventKind::kPoseDatabase:
-            return v1::EVENT_KIND_POSE_DATABASE;
-        case EventKind::kBodyFitted:
-            return v1::EVENT_KIND_BODY_FITTED;
-        case EventKind::kCameraMoved:
-            return v1::EVENT_KIND_CAMERA_MOVED;
-        case EventKind::kCameraInPlace:
-            return v1::EVENT_KIND_CAMERA_IN_PLACE;
-        case EventKind::kCalibration:
-            return v1::EVENT_KIND_CALIBRATION;
-        case EventKind::kCameraLost:
-            return v1::EVENT_KIND_CAMERA_LOST;
-        case EventKind::kCameraRejoined:
-            return v1::EVENT_KIND_CAMERA_REJOINED;
-        case EventKind::kCameraLosses:
-            return v1::EVENT_KIND_CAMERA_LOSSES;
-        case EventKind::kRecordingStarted:
-            return v1::EVENT_KIND_RECORDING_STARTED;
-        case EventKind::kRecordingStopped:
-            return v1::EVENT_KIND_RECORDING_STOPPED;
-        case EventKind::kRecordingFailed:
-            return v1::EVENT_KIND_RECORDING_FAILED;
-        case EventKind::kRecordingDrops:
-            return v1::EVENT_KIND_RECORDING_DROPS;
-        case EventKind::kReplay:
-            return v1::EVENT_KIND_REPLAY;
-        case EventKind::kError:
-            return v1::EVENT_KIND_ERROR;
-    }
-    return v1::EVENT_KIND_UNSPECIFIED;
+    // The table of kinds has the API's names in lower case.
+    std::string name = "EVENT_KIND_";
+    for (const char c : event_name(kind)) name += static_cast<char>(c >= 'a' && c <= 'z' ? c - 'a' + 'A' : c);
+    v1::EventKind out = v1::EVENT_KIND_UNSPECIFIED;
+    v1::EventKind_Parse(name, &out);
+    return out;
 }
 
-v1::WatchEventsResponse to_proto(const PublishedEvent& published, std::uint64_t missed) {
+v1::WatchEventsResponse to_proto(const PublishedEvent& published, std::uint64_t missed_count) {
     v1::WatchEventsResponse out;
-    out.set_event_number(published.number);
-    out.set_kind(to_proto(published.event.kind));
-    out.set_time_ns(published.time_utc_ns);
-    out.set_sequence(published.event.sequence);
-    out.set_camera(published.event.camera);
-    out.set_message(published.event.message);
-    out.set_missed(missed);
-    out.set_subject_id(published.subject_id);
+    v1::Event& event = *out.mutable_event();
+    event.set_event_id(published.id);
+    event.set_kind(to_proto(published.event.kind));
+    *event.mutable_event_time() = to_timestamp(published.time_utc_ns);
+    event.set_sequence(published.event.sequence);
+    event.set_camera(published.event.camera);
+    event.set_subject_id(published.subject_id);
+    event.set_message(published.event.message);
+    out.set_missed_count(missed_count);
     return out;
 }
 
 grpc::Status to_grpc(const absl::Status& status) {
-    // Messages quote what was sent. One line, and no more than goes into a call's trailer, of 8 kB with what
-    // is escaped.
-    constexpr std::size_t kLongest = 2000;
+    // Messages quote requests. One line, short enough for a call's trailer of 8 kB after escaping.
+    constexpr std::size_t kMaxMessageBytes = 2000;
     return {static_cast<grpc::StatusCode>(status.code()),
-            one_line(std::string(status.message().substr(0, kLongest)))};
+            one_line(std::string(status.message().substr(0, kMaxMessageBytes)))};
 }
 
 }  // namespace kinevox

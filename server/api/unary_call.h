@@ -1,4 +1,4 @@
-// Calls with one answer.
+// Unary calls.
 #pragma once
 
 #include <grpcpp/support/server_callback.h>
@@ -11,8 +11,8 @@
 
 namespace kinevox {
 
-// `handler` runs on `thread`, which is not gRPC's, if `check` allows it. gRPC keeps request and response
-// until Finish().
+// Runs `handler` on `thread`, which is not gRPC's, if `check` succeeds. gRPC keeps request and response until
+// Finish().
 template <typename Request, typename Response>
 grpc::ServerUnaryReactor* unary_call(const ApiContext& api, const boost::asio::any_io_executor& thread,
                                      grpc::CallbackServerContext* context, const Request* request,
@@ -29,7 +29,7 @@ grpc::ServerUnaryReactor* unary_call(const ApiContext& api, const boost::asio::a
     return reactor;
 }
 
-// A call that is answered at once.
+// Finishes a call at once.
 inline grpc::ServerUnaryReactor* answer(grpc::CallbackServerContext* context, const absl::Status& status) {
     grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
     reactor->Finish(to_grpc(status));

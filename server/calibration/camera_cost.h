@@ -1,4 +1,4 @@
-// Projection as a template, for Ceres' automatic derivatives. Only for the .cc files that solve.
+// Projection as a template for Ceres' automatic differentiation. For .cc files only.
 #pragma once
 
 #include <ceres/rotation.h>
@@ -10,7 +10,7 @@ namespace kinevox {
 inline constexpr int kIntrinsicCount = 9;  // fx fy cx cy k1 k2 p1 p2 k3
 inline constexpr int kPoseCount = 6;       // Rodrigues vector, translation
 
-// Camera::project for a point in the camera frame; false where it does not lie in front.
+// Camera::project for a point in the camera frame; false behind the camera.
 template <class T>
 bool project_in_camera(const T* intrinsics, const T point[3], T pixel[2]) {
     if (!(point[2] > T(1e-6))) return false;

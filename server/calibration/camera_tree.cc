@@ -10,7 +10,7 @@ CameraTree join_cameras(int cameras, std::vector<CameraPair> pairs) {
                      [](const CameraPair& x, const CameraPair& y) { return x.votes > y.votes; });
     std::vector<int> group(cameras), votes(cameras, 0);
     std::iota(group.begin(), group.end(), 0);
-    std::vector<std::vector<std::pair<int, Rigid3>>> next(cameras);  // [from]: to, to_from_from
+    std::vector<std::vector<std::pair<int, Rigid3>>> next(cameras);  // [from]: to, target_from_source
     for (const CameraPair& pair : pairs) {
         votes[pair.a] += pair.votes, votes[pair.b] += pair.votes;
         if (group[pair.a] == group[pair.b]) continue;
@@ -33,10 +33,10 @@ CameraTree join_cameras(int cameras, std::vector<CameraPair> pairs) {
         done[root] = true;
         tree.camera_from_world[root] = {};
         for (std::size_t i = 0; i < open.size(); ++i)
-            for (const auto& [to, to_from_from] : next[open[i]]) {
+            for (const auto& [to, target_from_source] : next[open[i]]) {
                 if (done[to]) continue;
                 done[to] = true;
-                tree.camera_from_world[to] = to_from_from * tree.camera_from_world[open[i]];
+                tree.camera_from_world[to] = target_from_source * tree.camera_from_world[open[i]];
                 open.push_back(to);
             }
         tree.groups.push_back(std::move(members));

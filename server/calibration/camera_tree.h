@@ -1,5 +1,5 @@
-// Cameras joined by what pairs of them have in common: a maximum spanning tree over the pairs, so that each
-// camera's place comes over the pairs that saw most together.
+// Joins relative camera poses into one frame by a maximum spanning tree over the camera pairs, so that each
+// pose comes from the pairs with the most shared views.
 #pragma once
 
 #include <vector>
@@ -9,15 +9,15 @@
 namespace kinevox {
 
 struct CameraPair {
-    int a = 0, b = 0;  // indices of cameras
+    int a = 0, b = 0;  // camera indices
     Rigid3 a_from_b;
-    int votes = 0;  // moments that agree on it
+    int votes = 0;  // consistent frame sets
 };
 
 struct CameraTree {
     std::vector<Rigid3>
-        camera_from_world;  // of the largest group: its best connected camera is the world's origin
-    std::vector<std::vector<int>> groups;  // cameras that are connected, the largest group first
+        camera_from_world;  // of the largest group; its best connected camera is the world frame
+    std::vector<std::vector<int>> groups;  // connected cameras, largest group first
 };
 
 CameraTree join_cameras(int cameras, std::vector<CameraPair> pairs);

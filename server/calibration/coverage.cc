@@ -19,14 +19,14 @@ bool Coverage::is_new(const std::vector<Vec2>& pixels) const {
     return std::any_of(pixels.begin(), pixels.end(), [&](Vec2 p) { return counts_[cell(p)] == 0; });
 }
 
-double Coverage::part() const {
+double Coverage::fraction() const {
     const auto seen = std::count_if(counts_.begin(), counts_.end(), [](int n) { return n > 0; });
     return static_cast<double>(seen) / (kColumns * kRows);
 }
 
 std::string Coverage::emptiest() const {
     static constexpr std::array<const char*, 9> kNames{"the upper left", "the upper edge", "the upper right",
-                                                       "the left edge",  "the middle",     "the right edge",
+                                                       "the left edge",  "the centre",     "the right edge",
                                                        "the lower left", "the lower edge", "the lower right"};
     std::array<int, 9> empty{}, cells{};
     for (int row = 0; row < kRows; ++row)

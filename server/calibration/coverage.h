@@ -1,4 +1,4 @@
-// Which parts of a camera's picture were seen by corners.
+// Fraction of a camera's image in which target points were detected.
 #pragma once
 
 #include <string>
@@ -15,13 +15,13 @@ class Coverage {
     Coverage(int width, int height) : width_(width), height_(height), counts_(kColumns * kRows, 0) {}
 
     void add(Vec2 pixel);
-    // Whether any of them lies in a cell that has none.
+    // True if any of them lies in an empty cell.
     bool is_new(const std::vector<Vec2>& pixels) const;
-    // Of the cells, 0 to 1.
-    double part() const;
-    // Corners in each cell, row by row from the upper left.
+    // Non-empty cells, 0 to 1.
+    double fraction() const;
+    // Points per cell, row by row from the upper left.
     const std::vector<int>& counts() const { return counts_; }
-    // The emptiest of the picture's regions in words: "the upper left"; empty where nothing is missing.
+    // Name of the image region with the most empty cells: "the upper left"; empty at full coverage.
     std::string emptiest() const;
 
   private:

@@ -1,4 +1,4 @@
-// What a calibration's checks say, in plain words.
+// Results of a calibration's checks.
 #pragma once
 
 #include <functional>
@@ -7,16 +7,16 @@
 
 namespace kinevox {
 
-enum class Verdict { kGo, kCare, kNoGo };
+enum class Verdict { kGo, kCaution, kNoGo };
 
 constexpr const char* to_text(Verdict verdict) {
-    return verdict == Verdict::kGo ? "GO" : verdict == Verdict::kCare ? "CARE" : "NO-GO";
+    return verdict == Verdict::kGo ? "GO" : verdict == Verdict::kCaution ? "CAUTION" : "NO-GO";
 }
 
 struct Finding {
     Verdict verdict = Verdict::kGo;
-    std::string check;   // a short stable word, for programs: "scale", "mirrored", "knocked", ...
-    std::string camera;  // its name where one is concerned
+    std::string check;   // stable code, listed in docs/calibration.md: "scale", "camera_moved", ...
+    std::string camera;  // camera name, if the finding is about one camera
     std::string reason;  // one sentence
     std::string remedy;  // one sentence; empty for kGo
 };
@@ -28,7 +28,7 @@ inline Verdict worst(const std::vector<Finding>& findings) {
     return verdict;
 }
 
-// How far a solve is: a part of 0 to 1 and what it does now. Returns false to cancel. May be empty.
+// Called with the progress (0 to 1) and the current step; returns false to cancel. May be empty.
 using SolveProgress = std::function<bool(double part, const std::string& what)>;
 
 }  // namespace kinevox

@@ -12,12 +12,12 @@ Vec3 direction_in_camera(Camera camera, Vec2 pixel) {
     return camera.ray_through(pixel).direction_in_world;
 }
 
-std::optional<Vec3> triangulate(const std::vector<Sight>& sights) {
-    if (sights.size() < 2) return std::nullopt;
+std::optional<Vec3> triangulate(const std::vector<Observation>& observations) {
+    if (observations.size() < 2) return std::nullopt;
     Eigen::Matrix3d across = Eigen::Matrix3d::Zero();
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (const Sight& sight : sights) {
-        const Ray ray = sight.camera->ray_through(sight.pixel);
+    for (const Observation& observation : observations) {
+        const Ray ray = observation.camera->ray_through(observation.pixel);
         const Eigen::Vector3d d = to_eigen(ray.direction_in_world);
         const Eigen::Matrix3d m = Eigen::Matrix3d::Identity() - d * d.transpose();
         across += m;
@@ -30,20 +30,20 @@ std::optional<Vec3> triangulate(const std::vector<Sight>& sights) {
     for (int round = 0; round < 4; ++round) {
         Eigen::Matrix3d square = Eigen::Matrix3d::Zero();
         Eigen::Vector3d right = Eigen::Vector3d::Zero();
-        for (const Sight& sight : sights) {
-            const auto here = sight.camera->project(point);
+        for (const Observation& observation : observations) {
+            const auto here = observation.camera->project(point);
             if (!here) return std::nullopt;
             Eigen::Matrix<double, 2, 3> jacobian;
             for (int axis = 0; axis < 3; ++axis) {
                 Vec3 moved = point;
                 (axis == 0 ? moved.x : axis == 1 ? moved.y : moved.z) += kStep;
-                const auto there = sight.camera->project(moved);
+                const auto there = observation.camera->project(moved);
                 if (!there) return std::nullopt;
                 jacobian.col(axis) << (there->x - here->x) / kStep, (there->y - here->y) / kStep;
             }
-            const Eigen::Vector2d miss(sight.pixel.x - here->x, sight.pixel.y - here->y);
+            const Eigen::Vector2d residual(observation.pixel.x - here->x, observation.pixel.y - here->y);
             square += jacobian.transpose() * jacobian;
-            right += jacobian.transpose() * miss;
+            right += jacobian.transpose() * residual;
         }
         const Eigen::Vector3d step = square.ldlt().solve(right);
         if (!step.allFinite() || step.norm() > 1) return std::nullopt;
@@ -52,26 +52,26 @@ std::optional<Vec3> triangulate(const std::vector<Sight>& sights) {
     return point;
 }
 
-std::optional<Alignment> align_points(const std::vector<Vec3>& from, const std::vector<Vec3>& to,
-                                      bool with_scale) {
+std::optional<SimilarityTransform> align_points(const std::vector<Vec3>& from, const std::vector<Vec3>& to,
+                                                bool with_scale) {
     if (from.size() != to.size() || from.size() < 3) return std::nullopt;
     Eigen::Matrix3Xd a(3, from.size()), b(3, to.size());
     for (std::size_t i = 0; i < from.size(); ++i) a.col(i) = to_eigen(from[i]), b.col(i) = to_eigen(to[i]);
     const Eigen::Matrix4d t = Eigen::umeyama(a, b, with_scale);
     if (!t.allFinite()) return std::nullopt;
-    Alignment out;
+    SimilarityTransform out;
     const Eigen::Matrix3d linear = t.topLeftCorner<3, 3>();
     out.scale = std::cbrt(linear.determinant());
-    for (int i = 0; i < 9; ++i) out.to_from_from.rotation.m[i] = linear(i / 3, i % 3) / out.scale;
-    out.to_from_from.translation = from_eigen(t.topRightCorner<3, 1>());
+    for (int i = 0; i < 9; ++i) out.target_from_source.rotation.m[i] = linear(i / 3, i % 3) / out.scale;
+    out.target_from_source.translation = from_eigen(t.topRightCorner<3, 1>());
     return out;
 }
 
-void move_cameras(const Alignment& new_from_old, std::vector<Camera>& cameras) {
+void move_cameras(const SimilarityTransform& new_from_old, std::vector<Camera>& cameras) {
     for (Camera& camera : cameras) {
         const Vec3 centre = new_from_old(camera.centre_in_world());
         const Mat3 rotation =
-            camera.camera_from_world.rotation * new_from_old.to_from_from.rotation.transposed();
+            camera.camera_from_world.rotation * new_from_old.target_from_source.rotation.transposed();
         camera.camera_from_world = {rotation, -(rotation * centre)};
     }
 }

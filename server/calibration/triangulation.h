@@ -1,4 +1,4 @@
-// Points from the rays of several cameras, and a camera from points.
+// Triangulation, similarity alignment and small helpers on camera poses.
 #pragma once
 
 #include <optional>
@@ -9,30 +9,29 @@
 
 namespace kinevox {
 
-struct Sight {
+struct Observation {
     const Camera* camera = nullptr;
     Vec2 pixel;
 };
 
-// Of the ray through a pixel, length 1.
+// Unit direction of the ray through a pixel.
 Vec3 direction_in_camera(Camera camera, Vec2 pixel);
 
-// The point whose projections are nearest to the pixels (Gauss-Newton from the rays' nearest point). Nothing
-// for fewer than two sights, parallel rays or a point behind a camera.
-std::optional<Vec3> triangulate(const std::vector<Sight>& sights);
+// The point with the smallest reprojection error (Gauss-Newton from the rays' nearest point). Empty for fewer
+// than two observations, parallel rays or a point behind a camera.
+std::optional<Vec3> triangulate(const std::vector<Observation>& observations);
 
-// The rigid transform (and scale, where asked for) that takes `from` nearest to `to`, least squares (Umeyama
-// 1991).
-struct Alignment {
+// Least-squares rigid transform, optionally with scale, from `from` to `to` (Umeyama 1991).
+struct SimilarityTransform {
     double scale = 1;
-    Rigid3 to_from_from;  // to = rotation * (scale * from) + translation
-    Vec3 operator()(Vec3 from) const { return to_from_from * (scale * from); }
+    Rigid3 target_from_source;  // target = rotation * (scale * source) + translation
+    Vec3 operator()(Vec3 from) const { return target_from_source * (scale * from); }
 };
-std::optional<Alignment> align_points(const std::vector<Vec3>& from, const std::vector<Vec3>& to,
-                                      bool with_scale);
+std::optional<SimilarityTransform> align_points(const std::vector<Vec3>& from, const std::vector<Vec3>& to,
+                                                bool with_scale);
 
-// Cameras moved and scaled with the world they stand in.
-void move_cameras(const Alignment& new_from_old, std::vector<Camera>& cameras);
+// Moves and scales the cameras together with their world frame.
+void move_cameras(const SimilarityTransform& new_from_old, std::vector<Camera>& cameras);
 
 // Angle between two rotations, radians.
 double angle_between(const Mat3& a, const Mat3& b);

@@ -9,10 +9,10 @@ namespace {
 
 constexpr double kWindow_s = 1;
 constexpr std::size_t kMaxWindows = 60;
-constexpr double kMinSpan_s = 10;      // below it the drift drowns in the delays
-constexpr double kMaxDrift = 500e-6;   // a quartz is better
-constexpr double kJump_s = 1;          // no network delays a picture by so much: the clock was set
-constexpr double kJumpAhead_s = 0.02;  // nor does one arrive before it was taken
+constexpr double kMinSpan_s = 10;      // over less time the drift is hidden by the delays
+constexpr double kMaxDrift = 500e-6;   // quartz oscillators are better
+constexpr double kJump_s = 1;          // longer than any network delay: the clock was set
+constexpr double kJumpAhead_s = 0.02;  // an image cannot arrive before its capture
 
 }  // namespace
 
@@ -27,9 +27,9 @@ std::int64_t ClockEstimate::add(std::int64_t timestamp_ns, std::int64_t arrival_
         const Point point{timestamp_s, arrival_s - timestamp_s};
         if (samples_ > 0) {
             const double delay_s = point.offset_s - offset_at(timestamp_s);
-            const bool settling = samples_ < kSettled;
+            const bool warming_up = samples_ < kSettled;
             if (std::abs(delay_s) > kJump_s ||
-                (!settling && delay_s < -kJumpAhead_s - kMaxDrift * kWindow_s)) {
+                (!warming_up && delay_s < -kJumpAhead_s - kMaxDrift * kWindow_s)) {
                 reset();
                 continue;
             }
@@ -47,7 +47,7 @@ std::int64_t ClockEstimate::add(std::int64_t timestamp_ns, std::int64_t arrival_
     }
 }
 
-// The edge of the points' lower hull over their middle: of all lines below them the one that is closest on
+// The edge of the points' lower hull at their mean time: of all lines below the points the closest on
 // average.
 void ClockEstimate::close_window() {
     windows_.push_back(lowest_);
@@ -72,12 +72,12 @@ void ClockEstimate::close_window() {
     slope_ = std::clamp((b.offset_s - a.offset_s) / (b.timestamp_s - a.timestamp_s), -kMaxDrift, kMaxDrift);
     anchor_ = a;
     fitted_ = true;
-    drift_ = -slope_;  // a fast clock's offset falls
+    drift_ = -slope_;  // the offset of a fast clock decreases
 }
 
 double ClockEstimate::offset_at(double timestamp_s) const {
     if (fitted_) return anchor_.offset_s + slope_ * (timestamp_s - anchor_.timestamp_s);
-    // The newest three windows: in so short a time no drift matters.
+    // The latest three windows: drift is negligible over this time.
     double lowest = lowest_.offset_s;
     for (std::size_t n = 0; n < std::min<std::size_t>(2, windows_.size()); ++n)
         lowest = std::min(lowest, windows_[windows_.size() - 1 - n].offset_s);

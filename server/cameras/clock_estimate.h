@@ -1,4 +1,4 @@
-// What a camera's clock shows, as this machine's steady clock: offset and drift from the pictures themselves.
+// Converts a camera's clock to this machine's steady clock; estimates offset and drift from image arrivals.
 #pragma once
 
 #include <cstdint>
@@ -6,20 +6,20 @@
 
 namespace kinevox {
 
-// A picture arrives some delay after it was taken, never before. The smallest delays are nearly constant, the
-// others are what network and scheduler add; so the line below all points (timestamp, arrival - timestamp)
-// that runs closest to them tells offset and drift. Times come out later than the truth by that smallest
-// delay, by the same amount for cameras of one kind. One thread at a time.
+// An image arrives some delay after its capture. The minimum delay is nearly constant; network and scheduler
+// add the rest. So offset and drift are those of the line that runs closest below all points (timestamp,
+// arrival - timestamp). Estimated times are late by the minimum delay, which is the same for cameras of one
+// model. One thread at a time.
 class ClockEstimate {
   public:
-    // Takes a picture's timestamp (the camera's clock, ns, any zero) and its arrival (steady clock, ns) into
-    // account and returns when it was taken, on the steady clock, not behind `arrival_ns`. A clock that jumps
-    // is learned anew.
+    // Adds an image's timestamp (camera clock, ns, arbitrary zero) and arrival (steady clock, ns); returns
+    // its capture time on the steady clock, not after `arrival_ns`. The estimate is reset when the clock
+    // jumps.
     std::int64_t add(std::int64_t timestamp_ns, std::int64_t arrival_ns);
 
-    // Enough pictures have been seen for the offset to be better than the delays' scatter.
+    // Enough images for an offset error below the scatter of the delays.
     bool settled() const { return samples_ >= kSettled; }
-    double drift_ppm() const { return drift_ * 1e6; }  // of the camera's clock: positive, it runs fast
+    double drift_ppm() const { return drift_ * 1e6; }  // positive: the camera's clock runs fast
     void reset() { *this = ClockEstimate(); }
 
     static constexpr int kSettled = 8;
@@ -35,8 +35,8 @@ class ClockEstimate {
     std::int64_t timestamp_0_ns_ = 0, arrival_0_ns_ = 0;
     std::int64_t last_timestamp_ns_ = 0;
     double window_begin_s_ = 0;
-    Point lowest_;               // of the window under way
-    std::deque<Point> windows_;  // the lowest of each window before it
+    Point lowest_;               // of the current window
+    std::deque<Point> windows_;  // the lowest of each previous window
     bool fitted_ = false;
     Point anchor_;      // of the fitted line
     double slope_ = 0;  // of the offset

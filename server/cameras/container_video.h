@@ -1,4 +1,4 @@
-// A video in any container that FFmpeg reads: MP4, MOV, AVI, Matroska, ... Any picture of it, exactly.
+// Exact random access to a video in any container that FFmpeg reads: MP4, MOV, AVI, Matroska, ...
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -7,14 +7,14 @@
 #include <memory>
 
 #include "common/camera.h"
-#include "server/cameras/picture_reader.h"
+#include "server/cameras/image_reader.h"
 
 namespace kinevox {
 
-// Pictures count in the order in which they are shown, whatever their times. A seek decodes from the nearest
-// key before, or from the begin where the container knows none; pictures around the last ones sought are
-// kept, so that steps back cost little. Errors as open_pictures().
-absl::StatusOr<std::unique_ptr<PictureReader>> open_container_video(const std::filesystem::path& file,
-                                                                    const Camera& camera);
+// Images are numbered in presentation order, whatever their timestamps. A seek decodes from the preceding key
+// frame, or from the start if the container has no index; images near the last seek are cached, so that steps
+// back are cheap. Errors as open_images().
+absl::StatusOr<std::unique_ptr<ImageReader>> open_container_video(const std::filesystem::path& file,
+                                                                  const Camera& camera);
 
 }  // namespace kinevox

@@ -9,7 +9,7 @@ namespace kinevox {
 namespace {
 
 constexpr std::size_t kMaxPending = 64;
-constexpr std::uint64_t kRestarted = 1000;  // a camera that counts on from so far away began anew
+constexpr std::uint64_t kMinRestartGap = 1000;  // a gap this large means that the camera restarted its count
 
 std::int64_t from_ms(double ms) {
     return std::llround(ms * 1e6);
@@ -17,18 +17,18 @@ std::int64_t from_ms(double ms) {
 
 }  // namespace
 
-void FrameSetAssembler::Newest128::add(double value) {
+void FrameSetAssembler::Latest128::add(double value) {
     values.push_back(value);
     if (values.size() > 128) values.pop_front();
 }
 
-double FrameSetAssembler::Newest128::mean() const {
+double FrameSetAssembler::Latest128::mean() const {
     return values.empty()
                ? 0
                : std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
-double FrameSetAssembler::Newest128::largest() const {
+double FrameSetAssembler::Latest128::max_abs() const {
     double largest = 0;
     for (const double value : values) largest = std::max(largest, std::abs(value));
     return largest;
@@ -37,16 +37,16 @@ double FrameSetAssembler::Newest128::largest() const {
 FrameSetAssembler::FrameSetAssembler(const FrameSetAssemblerOptions& options)
     : options_(options),
       period_ns_(from_ms(1000 / options.fps)),
-      tolerance_ns_(options.tolerance_ms > 0 ? from_ms(options.tolerance_ms) : period_ns_ / 2),
+      tolerance_ns_(options.match_tolerance_ms > 0 ? from_ms(options.match_tolerance_ms) : period_ns_ / 2),
       max_wait_ns_(from_ms(options.max_wait_ms)),
-      lanes_(options.cameras) {}
+      lanes_(options.camera_count) {}
 
 void FrameSetAssembler::connect(std::size_t camera) {
     Lane& lane = lanes_.at(camera);
     lane.connected = true;
     lane.clock.reset();
     lane.last_number = 0;
-    lane.newest_time_ns.reset();
+    lane.latest_time_ns.reset();
 }
 
 void FrameSetAssembler::disconnect(std::size_t camera) {
@@ -63,34 +63,34 @@ FrameSetAssembler::Pending* FrameSetAssembler::find(std::int64_t time_ns, std::s
     return nearest;
 }
 
-void FrameSetAssembler::add(ArrivedPicture arrived) {
+void FrameSetAssembler::add(ArrivedImage arrived) {
     Lane& lane = lanes_.at(arrived.camera);
-    const bool complete = !arrived.picture.empty();
+    const bool complete = !arrived.image.empty();
     if (arrived.number > 0) {
         if (lane.last_number > 0 && arrived.number > lane.last_number + 1 &&
-            arrived.number - lane.last_number < kRestarted)
-            lane.counts.lost += arrived.number - lane.last_number - 1;
+            arrived.number - lane.last_number < kMinRestartGap)
+            lane.counts.lost_image_count += arrived.number - lane.last_number - 1;
         lane.last_number = arrived.number;
     }
-    if (!complete) ++lane.counts.incomplete;
-    if (arrived.clock == CameraClock::kUnknown) return;
-    lane.counts.clock = arrived.clock;
+    if (!complete) ++lane.counts.incomplete_image_count;
+    if (arrived.clock == TimestampSource::kUnknown) return;
+    lane.counts.timestamp_source = arrived.clock;
 
     std::int64_t time_ns = arrived.arrival_ns;
-    if (arrived.clock != CameraClock::kArrival) {
+    if (arrived.clock != TimestampSource::kArrival) {
         ClockEstimate& clock = clock_of(lane, arrived.clock);
         time_ns = clock.add(arrived.timestamp_ns, arrived.arrival_ns);
         lane.counts.clock_drift_ppm = clock.drift_ppm();
         if (!clock.settled()) {
-            if (complete) ++lane.counts.settling;
+            if (complete) ++lane.counts.warmup_image_count;
             return;
         }
     }
-    lane.newest_time_ns = std::max(lane.newest_time_ns.value_or(time_ns), time_ns);
-    // What belongs to the set that went out last, unless that one has this camera's picture: then it is the
+    lane.latest_time_ns = std::max(lane.latest_time_ns.value_or(time_ns), time_ns);
+    // Belongs to the set handed out last, unless that one has this camera's image: then it belongs to the
     // next.
     if (last_time_ns_ && time_ns <= *last_time_ns_ + (lane.in_last_set ? 0 : tolerance_ns_)) {
-        if (complete) ++lane.counts.late;
+        if (complete) ++lane.counts.late_image_count;
         return;
     }
     Pending* set = find(time_ns, arrived.camera);
@@ -101,21 +101,21 @@ void FrameSetAssembler::add(ArrivedPicture arrived) {
     }
     set->begin_ns = std::min(set->begin_ns, arrived.arrival_ns);
     set->slots[arrived.camera] = {
-        true, time_ns, arrived.arrival_ns, arrived.clock, arrived.timestamp_ns, std::move(arrived.picture)};
+        true, time_ns, arrived.arrival_ns, arrived.clock, arrived.timestamp_ns, std::move(arrived.image)};
 }
 
 bool FrameSetAssembler::is_ready(const Pending& set, std::int64_t now_ns) const {
     if (now_ns >= set.begin_ns + max_wait_ns_ || pending_.size() > kMaxPending) return true;
     for (std::size_t c = 0; c < lanes_.size(); ++c) {
-        const auto& newest_ns =
-            lanes_[c].newest_time_ns;  // empty: it has only just come, its clock is being learned
+        const auto& latest_ns =
+            lanes_[c].latest_time_ns;  // empty: just connected, its clock is not estimated yet
         if (set.slots[c].there || !lanes_[c].connected) continue;
-        if (!newest_ns) {
-            if (!last_time_ns_) return false;  // all of them have, at the beginning
+        if (!latest_ns) {
+            if (!last_time_ns_) return false;  // at the start this holds for all of them
             continue;
         }
-        // Its pictures come in order: one of a later time says that none will come for this set.
-        if (*newest_ns <= set.time_ns + tolerance_ns_) return false;
+        // Images arrive in order: after a later one, none follows for this set.
+        if (*latest_ns <= set.time_ns + tolerance_ns_) return false;
     }
     return true;
 }
@@ -129,12 +129,12 @@ std::optional<FrameSet> FrameSetAssembler::take(std::int64_t now_ns) {
     return std::nullopt;
 }
 
-// Pictures by one clock differ as their timestamps do; the estimate, which moves, only says where on the
-// steady clock.
+// Times of images on one shared clock differ exactly as their timestamps do; the varying clock estimate only
+// maps them to the steady clock.
 void FrameSetAssembler::compare_directly(std::vector<Slot>& slots) {
     const Slot* first = nullptr;
     for (Slot& slot : slots) {
-        if (!slot.there || slot.clock != CameraClock::kPtp) continue;
+        if (!slot.there || slot.clock != TimestampSource::kPtp) continue;
         if (!first) first = &slot;
         slot.time_ns = first->time_ns + (slot.timestamp_ns - first->timestamp_ns);
     }
@@ -148,16 +148,16 @@ std::optional<FrameSet> FrameSetAssembler::finish(Pending set) {
     std::int64_t first_ns = 0, last_ns = 0, first_arrival_ns = 0;
     double mean_ns = 0;  // against set.time_ns
     for (const Slot& slot : set.slots) {
-        if (slot.picture.empty()) continue;
+        if (slot.image.empty()) continue;
         first_ns = complete ? std::min(first_ns, slot.time_ns) : slot.time_ns;
         last_ns = complete ? std::max(last_ns, slot.time_ns) : slot.time_ns;
         first_arrival_ns = complete ? std::min(first_arrival_ns, slot.arrival_ns) : slot.arrival_ns;
         mean_ns += static_cast<double>(slot.time_ns - set.time_ns);
         ++complete;
     }
-    if (complete < std::max<std::size_t>(1, std::min(options_.min_pictures, lanes_.size()))) {
+    if (complete < std::max<std::size_t>(1, std::min(options_.min_images, lanes_.size()))) {
         for (std::size_t c = 0; c < lanes_.size(); ++c)
-            if (!set.slots[c].picture.empty()) ++lanes_[c].counts.unmatched;
+            if (!set.slots[c].image.empty()) ++lanes_[c].counts.unmatched_image_count;
         return std::nullopt;
     }
     FrameSet out;
@@ -170,17 +170,17 @@ std::optional<FrameSet> FrameSetAssembler::finish(Pending set) {
     }
     last_capture_ns_ = out.capture_time_ns;
     out.sequence = next_sequence_;
-    const std::int64_t middle_ns = first_ns + (last_ns - first_ns) / 2;
+    const std::int64_t midpoint_ns = first_ns + (last_ns - first_ns) / 2;
     for (std::size_t c = 0; c < lanes_.size(); ++c) {
         Slot& slot = set.slots[c];
         Lane& lane = lanes_[c];
-        out.picture_times_ns.push_back(slot.picture.empty() ? out.capture_time_ns : slot.time_ns);
-        if (!slot.picture.empty()) {
-            ++lane.counts.pictures;
-            lane.skew_ms.add(static_cast<double>(slot.time_ns - middle_ns) * 1e-6);
+        out.image_times_ns.push_back(slot.image.empty() ? out.capture_time_ns : slot.time_ns);
+        if (!slot.image.empty()) {
+            ++lane.counts.image_count;
+            lane.skew_ms.add(static_cast<double>(slot.time_ns - midpoint_ns) * 1e-6);
             lane.lateness_ms.add(static_cast<double>(slot.arrival_ns - first_arrival_ns) * 1e-6);
         }
-        out.pictures.push_back(std::move(slot.picture));
+        out.images.push_back(std::move(slot.image));
     }
     return out;
 }
@@ -190,21 +190,21 @@ std::optional<std::int64_t> FrameSetAssembler::due_ns() const {
     return pending_.front().begin_ns + max_wait_ns_;
 }
 
-void FrameSetAssembler::fill(std::size_t camera, CameraLink& link) const {
+void FrameSetAssembler::fill(std::size_t camera, CameraConnection& link) const {
     const Lane& lane = lanes_.at(camera);
     link.connected = lane.connected;
-    link.clock = lane.counts.clock;
-    link.pictures = lane.counts.pictures;
-    link.lost = lane.counts.lost;
-    link.incomplete = lane.counts.incomplete;
-    link.late = lane.counts.late;
-    link.unmatched = lane.counts.unmatched;
-    link.settling = lane.counts.settling;
+    link.timestamp_source = lane.counts.timestamp_source;
+    link.image_count = lane.counts.image_count;
+    link.lost_image_count = lane.counts.lost_image_count;
+    link.incomplete_image_count = lane.counts.incomplete_image_count;
+    link.late_image_count = lane.counts.late_image_count;
+    link.unmatched_image_count = lane.counts.unmatched_image_count;
+    link.warmup_image_count = lane.counts.warmup_image_count;
     link.clock_drift_ppm = lane.counts.clock_drift_ppm;
-    link.skew_ms = lane.skew_ms.mean();
-    link.skew_max_ms = lane.skew_ms.largest();
-    link.lateness_ms = lane.lateness_ms.mean();
-    link.lateness_max_ms = lane.lateness_ms.largest();
+    link.mean_skew_ms = lane.skew_ms.mean();
+    link.max_abs_skew_ms = lane.skew_ms.max_abs();
+    link.mean_arrival_delay_ms = lane.lateness_ms.mean();
+    link.max_arrival_delay_ms = lane.lateness_ms.max_abs();
 }
 
 }  // namespace kinevox

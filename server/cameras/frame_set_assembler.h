@@ -1,5 +1,5 @@
-// Joins the pictures of cameras that are not perfect to frame sets: their clocks differ, they lose pictures,
-// come late, go away and come back. Pure logic: no threads, no clock of its own.
+// Joins images of several cameras into frame sets, tolerating clock offsets, lost and late images,
+// disconnections and reconnections. Pure logic: no threads, no clock of its own.
 #pragma once
 
 #include <cstdint>
@@ -7,82 +7,82 @@
 #include <optional>
 #include <vector>
 
-#include "server/cameras/camera_link.h"
+#include "server/cameras/camera_connection.h"
 #include "server/cameras/clock_estimate.h"
 #include "server/cameras/frame_source.h"
 
 namespace kinevox {
 
 struct FrameSetAssemblerOptions {
-    std::size_t cameras = 0;
-    double fps = 30;  // nominal pictures a second of each camera
-    double tolerance_ms =
-        0;  // pictures that are so near in time belong together; 0: half of a picture's time
-    double max_wait_ms = 200;      // after its first picture's arrival a set goes out as it is
-    std::size_t min_pictures = 2;  // a set with fewer is not handed out
+    std::size_t camera_count = 0;
+    double fps = 30;                // nominal, of each camera
+    double match_tolerance_ms = 0;  // maximum time difference within a set; 0: half a frame period
+    double max_wait_ms = 200;    // from the arrival of its first image until a set is handed out incomplete
+    std::size_t min_images = 2;  // sets with fewer are dropped
 };
 
-struct ArrivedPicture {
+struct ArrivedImage {
     std::size_t camera = 0;
-    std::uint64_t number = 0;  // counted by the camera; a gap is a lost picture. 0: it does not count
-    CameraClock clock = CameraClock::kArrival;  // kUnknown: it is not known when it was taken; only with none
-    std::int64_t timestamp_ns = 0;              // by that clock; of no meaning with kArrival
-    std::int64_t arrival_ns = 0;                // steady clock, of the first packet
-    Picture picture;                            // empty: it arrived incomplete
+    std::uint64_t number = 0;  // assigned by the camera, gaps are lost images; 0: not numbered
+    // kUnknown: capture time unknown; only where the image is empty
+    TimestampSource clock = TimestampSource::kArrival;
+    std::int64_t timestamp_ns = 0;  // on that clock; unused with kArrival
+    std::int64_t arrival_ns = 0;    // steady clock, of the first packet
+    Image image;                    // empty: it arrived incomplete
 };
 
-// One thread at a time. Sets come out ordered by time, their numbers rise; a jump in the numbers stands for
-// sets of which nothing arrived. A set goes out when each connected camera has its picture in it, or has sent
-// a later one, or max_wait_ms after it began; so one camera's loss or end delays the others by no more
-// than that.
+// One thread at a time. Sets are handed out in the order of time, with rising sequence numbers; a gap stands
+// for sets of which nothing arrived. A set is handed out when each connected camera has contributed or has
+// sent a later image, at the latest after max_wait_ms; so losses and disconnections delay the others by no
+// more.
 class FrameSetAssembler {
   public:
     explicit FrameSetAssembler(const FrameSetAssemblerOptions& options);
 
-    // A camera is waited for from here on; its numbers and its clock begin anew.
+    // Sets wait for this camera from now on; its image numbers and clock estimate are reset.
     void connect(std::size_t camera);
     void disconnect(std::size_t camera);
-    void add(ArrivedPicture picture);
+    void add(ArrivedImage image);
 
     // The next set that is ready at `now_ns`, steady clock.
     std::optional<FrameSet> take(std::int64_t now_ns);
-    // When take() will have a set even if nothing more arrives; empty: never.
+    // When take() returns a set even if nothing more arrives; empty: never.
     std::optional<std::int64_t> due_ns() const;
 
-    // connected, clock, pictures, lost, incomplete, late, unmatched, settling, skew, lateness and drift.
-    void fill(std::size_t camera, CameraLink& link) const;
+    // Fills in connected, timestamp_source, the image counts, skew, arrival delay and drift.
+    void fill(std::size_t camera, CameraConnection& link) const;
 
   private:
     struct Slot {
         bool there = false;
         std::int64_t time_ns = 0, arrival_ns = 0;
-        CameraClock clock = CameraClock::kUnknown;
+        TimestampSource clock = TimestampSource::kUnknown;
         std::int64_t timestamp_ns = 0;
-        Picture picture;
+        Image image;
     };
     struct Pending {
-        std::int64_t time_ns = 0;   // of the picture that opened it
+        std::int64_t time_ns = 0;   // of the image that opened it
         std::int64_t begin_ns = 0;  // its arrival, steady clock
         std::vector<Slot> slots;
     };
-    struct Newest128 {
+    struct Latest128 {
         std::deque<double> values;
         void add(double value);
         double mean() const;
-        double largest() const;  // without sign
+        double max_abs() const;
     };
     struct Lane {
-        CameraLink counts;
+        CameraConnection counts;
         ClockEstimate clock;
         std::uint64_t last_number = 0;
-        std::optional<std::int64_t> newest_time_ns;
+        std::optional<std::int64_t> latest_time_ns;
         bool connected = false;
-        bool in_last_set = false;  // that went out
-        Newest128 skew_ms, lateness_ms;
+        bool in_last_set = false;  // of the sets handed out
+        Latest128 skew_ms, lateness_ms;
     };
 
-    ClockEstimate& clock_of(Lane& lane, CameraClock clock) {
-        return clock == CameraClock::kPtp ? ptp_ : lane.clock;
+    ClockEstimate& clock_of(Lane& lane, TimestampSource clock) {
+        return clock == TimestampSource::kPtp ? ptp_ : lane.clock;
     }
     Pending* find(std::int64_t time_ns, std::size_t camera);
     static void compare_directly(std::vector<Slot>& slots);
@@ -92,10 +92,10 @@ class FrameSetAssembler {
     const FrameSetAssemblerOptions options_;
     const std::int64_t period_ns_, tolerance_ns_, max_wait_ns_;
     std::vector<Lane> lanes_;
-    ClockEstimate ptp_;                            // one for all cameras that keep a clock together
+    ClockEstimate ptp_;                            // shared by all cameras synchronised by PTP
     std::deque<Pending> pending_;                  // by time
-    std::optional<std::int64_t> last_time_ns_;     // of the set that went out last: its opening picture's
-    std::optional<std::int64_t> last_capture_ns_;  // and its pictures' mean
+    std::optional<std::int64_t> last_time_ns_;     // of the set handed out last: that of its first image
+    std::optional<std::int64_t> last_capture_ns_;  // and the mean of its images
     std::uint64_t next_sequence_ = 0;
 };
 

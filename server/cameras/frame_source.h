@@ -1,5 +1,4 @@
-// Where frame sets come from. The pipeline knows this interface only; session files, the virtual studio and
-// real cameras stand behind it.
+// The interface of all sources of frame sets: session files, the virtual studio and live cameras.
 #pragma once
 
 #include <absl/status/status.h>
@@ -12,33 +11,34 @@
 #include <vector>
 
 #include "common/camera.h"
-#include "server/cameras/camera_link.h"
+#include "server/cameras/camera_connection.h"
 
 namespace kinevox {
 
-// An owned picture: 8 bits a channel, rows without padding, B G R or grey. Shared, since previews, recorder
-// and pipeline may all hold one; never changed after it was published.
-struct Picture {
+// An owned image: 8 bits per channel, rows without padding, B G R or grey. Shared by previews, recorder and
+// pipeline; immutable once published.
+struct Image {
     int width = 0, height = 0, channels = 0;
-    std::shared_ptr<const std::uint8_t[]>
-        data;  // height * width * channels bytes; null: this camera has no picture
+    std::shared_ptr<const std::uint8_t[]> data;  // height * width * channels bytes; null: no image
 
     bool empty() const { return data == nullptr; }
 };
 
-// The pictures of one instant, in the order of FrameSource::cameras(). A camera that delivered nothing has an
-// empty Picture.
+// The images of one instant, in the order of FrameSource::cameras(); empty for a camera that delivered none.
 struct FrameSet {
-    std::uint64_t sequence = 0;  // counts from 0 at the source; gaps are frame sets lost before the pipeline
-    std::int64_t capture_time_ns = 0;  // steady clock, or the recording's own time from 0
-    std::vector<Picture> pictures;
-    // When each picture was taken, in the order and the clock of the above (of no meaning where there is no
-    // picture); empty where the source knows one time only.
-    std::vector<std::int64_t> picture_times_ns;
-    std::optional<std::int64_t> recorded_frame;  // of a replayed recording: its number there, from 0
-    bool after_jump = false;  // does not follow the one before in time: nothing learned from that one counts
-    double decode_ms = 0;     // waiting for and decoding the pictures; 0: the caller of next() fills it in.
-                              // The pipeline passes it on as StageTimes::decode_ms
+    std::uint64_t sequence =
+        0;  // from 0, assigned by the source; gaps are frame sets lost before the pipeline
+    std::int64_t capture_time_ns = 0;  // steady clock, or session time from 0
+    std::vector<Image> images;
+    // Capture time of each image, on the same clock (undefined where there is no image); empty if the source
+    // has only one time.
+    std::vector<std::int64_t> image_times_ns;
+    std::optional<std::int64_t> recorded_frame;  // frame number in the replayed recording, from 0
+    // Does not follow the previous one in time: state from earlier frame sets is reset.
+    bool after_discontinuity = false;
+    // Time to wait for and decode the images; 0: the caller of next() fills it in. Becomes
+    // StageTimes::decode_ms.
+    double decode_ms = 0;
 };
 
 // next() is called by one thread; stop() by any, once or often.
@@ -47,27 +47,27 @@ class FrameSource {
     virtual ~FrameSource() = default;
 
     virtual const std::vector<Camera>& cameras() const = 0;
-    virtual double fps() const = 0;                // nominal frame sets a second
-    virtual std::int64_t frame_count() const = 0;  // -1 where it does not end
+    virtual double fps() const = 0;                // nominal frame sets per second
+    virtual std::int64_t frame_count() const = 0;  // -1: endless
 
-    // Pictures of the empty scene, per camera in the order of cameras(); empty where the source has none
-    // (then an operator lets the daemon learn the background from live frames).
-    virtual absl::StatusOr<std::vector<std::vector<Picture>>> background() = 0;
+    // Background images, per camera in the order of cameras(); empty if the source has none (then the daemon
+    // learns the background from live frames).
+    virtual absl::StatusOr<std::vector<std::vector<Image>>> background() = 0;
 
-    // Waits for the next frame set. OutOfRange: the recording is over. Cancelled: stop() was called. Anything
-    // else is an error that names camera and file.
+    // Waits for the next frame set. OutOfRange: end of the recording. Cancelled: stop() was called. Other
+    // errors name camera and file.
     virtual absl::StatusOr<FrameSet> next() = 0;
     virtual void stop() = 0;
 
-    // Of live cameras, in the order of cameras(); empty for other sources. Any thread.
-    virtual std::vector<CameraLink> camera_links() const { return {}; }
-    // To be set before the first next(). Comes from threads of the source and must not wait.
+    // Connections of live cameras, in the order of cameras(); empty for other sources. Any thread.
+    virtual std::vector<CameraConnection> camera_connections() const { return {}; }
+    // Set before the first next(). Called from threads of the source; must not block.
     virtual void set_on_camera_event(OnCameraEvent) {}
 };
 
 enum class Pacing {
     kAsFastAsPossible,
-    kRealTime,  // a frame set is handed out when its time has come; late ones are skipped and show as gaps
+    kRealTime,  // a frame set is handed out when it is due; late ones are skipped, which shows as gaps
 };
 
 }  // namespace kinevox

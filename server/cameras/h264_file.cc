@@ -33,13 +33,14 @@ class LibavFile final : public H264File {
         encoder_->pix_fmt = AV_PIX_FMT_YUV420P;
         encoder_->gop_size = 30;
         encoder_->max_b_frames = 0;
-        encoder_->thread_count = 1;  // cameras are written in parallel, and bits must not depend on it
+        encoder_->thread_count =
+            1;  // cameras are encoded in parallel; the bits must not depend on the thread count
         encoder_->colorspace = AVCOL_SPC_SMPTE170M;
         encoder_->color_range = AVCOL_RANGE_MPEG;
         av_opt_set(encoder_->priv_data, "preset", "veryfast", 0);
         av_opt_set(encoder_->priv_data, "tune", "grain", 0);
-        av_opt_set_double(encoder_->priv_data, "crf", options.quality, 0);
-        encoder_->log_level_offset = 64;  // x264 chats; errors come back as codes
+        av_opt_set_double(encoder_->priv_data, "crf", options.crf, 0);
+        encoder_->log_level_offset = 64;  // silences x264; errors are returned as codes
 
         AVFormatContext* container = nullptr;
         if (int e = avformat_alloc_output_context2(&container, nullptr, "mp4", file_.c_str()); e < 0)
@@ -67,13 +68,13 @@ class LibavFile final : public H264File {
         return absl::OkStatus();
     }
 
-    absl::Status write(const Picture& picture) override {
-        if (picture.width != frame_->width || picture.height != frame_->height || picture.channels != 3)
+    absl::Status write(const Image& image) override {
+        if (image.width != frame_->width || image.height != frame_->height || image.channels != 3)
             return absl::InvalidArgumentError(
-                fmt::format("{}: a picture of {} x {} px with {} channels does not fit", file_, picture.width,
-                            picture.height, picture.channels));
+                fmt::format("{}: an image of {} x {} px with {} channels does not match the video", file_,
+                            image.width, image.height, image.channels));
         if (int e = av_frame_make_writable(frame_.get()); e < 0) return failed("write", e);
-        scaler_->convert(picture.data.get(), *frame_);
+        scaler_->convert(image.data.get(), *frame_);
         frame_->pts = count_++;
         return encode(frame_.get());
     }

@@ -1,4 +1,4 @@
-// FFmpeg's objects with their owners. For .cc files alone: no header of ours passes FFmpeg on.
+// RAII for FFmpeg's objects. Only for .cc files: no public header exposes FFmpeg.
 #pragma once
 
 #include <memory>
@@ -19,7 +19,7 @@ struct Delete {
     void operator()(AVFrame* p) const { av_frame_free(&p); }
     void operator()(AVPacket* p) const { av_packet_free(&p); }
     void operator()(SwsContext* p) const { sws_freeContext(p); }
-    // Of a container that is written to a file of its own opening.
+    // For output: closes the file that it opened.
     void operator()(AVFormatContext* p) const {
         if (p->pb && !(p->flags & AVFMT_FLAG_CUSTOM_IO)) avio_closep(&p->pb);
         avformat_free_context(p);
@@ -28,13 +28,13 @@ struct Delete {
 template <typename T>
 using Owned = std::unique_ptr<T, Delete>;
 
-// Of a container that is read.
+// For input.
 struct CloseInput {
     void operator()(AVFormatContext* p) const { avformat_close_input(&p); }
 };
 using OwnedInput = std::unique_ptr<AVFormatContext, CloseInput>;
 
-// FFmpeg's own word for one of its error codes.
+// FFmpeg's message for an error code.
 inline std::string reason(int error) {
     char text[AV_ERROR_MAX_STRING_SIZE] = {};
     av_strerror(error, text, sizeof text);

@@ -1,4 +1,4 @@
-// Sessions that the recorder wrote and whose end it may not have lived to see.
+// Reading and repair of recordings, which may be truncated if the recorder was killed.
 #pragma once
 
 #include <absl/status/status.h>
@@ -13,13 +13,17 @@
 
 namespace kinevox {
 
-// The frame sets of a recording that are whole in every file, with their times. InvalidArgument, NotFound;
-// DataLoss where there is none. For a session with session.recording.
-absl::StatusOr<std::vector<RecordedTime>> whole_frame_sets(const Session& session);
+// The times of the frame sets that are complete in every file. InvalidArgument, NotFound; DataLoss if there
+// are none. Requires session.recording.
+absl::StatusOr<std::vector<RecordedTime>> complete_frame_sets(const Session& session);
 
-// Closes a recording that was cut off: its files are cut to what is whole, and its session.toml says so.
-// False where there was nothing to do: closed, being written, or no recording. Errors where the files cannot
-// be changed; they can be read all the same.
+// DataLoss if a closed recording, or one that was repaired, has fewer complete frame sets than it states: one
+// of its indices, videos or the table of times is damaged. Not a recording, or not closed: OK.
+absl::Status check_intact(const std::filesystem::path& session_file);
+
+// Repairs a truncated recording: cuts its files to the complete frame sets and updates its session.toml.
+// False if there is nothing to do: closed, being written, or not a recording. Errors if the files cannot be
+// changed; they remain readable.
 absl::StatusOr<bool> repair_recording(const std::filesystem::path& session_file);
 
 }  // namespace kinevox

@@ -12,8 +12,8 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "server/cameras/image_pool.h"
 #include "server/cameras/libav.h"
-#include "server/cameras/picture_pool.h"
 
 namespace kinevox {
 namespace {
@@ -35,8 +35,8 @@ class IndexedVideo final : public RecordedVideo {
     std::int64_t promised() const override { return size(); }
     bool promise_is_exact() const override { return true; }
     std::int64_t size() const override { return static_cast<std::int64_t>(index_.size()); }
-    absl::StatusOr<Picture> read(std::int64_t frame) override;
-    absl::StatusOr<Picture> next() override {
+    absl::StatusOr<Image> read(std::int64_t frame) override;
+    absl::StatusOr<Image> next() override {
         if (at_ >= size()) return absl::OutOfRangeError("the video has ended");
         return read(at_);
     }
@@ -46,7 +46,7 @@ class IndexedVideo final : public RecordedVideo {
     }
     absl::Status seek(std::int64_t frame) override {
         if (frame < 0 || frame > size())
-            return absl::OutOfRangeError(fmt::format("camera {}: frame {} is not one of {}'s {}",
+            return absl::OutOfRangeError(fmt::format("camera {}: frame {} is out of range; {} has {}",
                                                      camera_.name, frame, file_.string(), size()));
         at_ = frame;
         return absl::OkStatus();
@@ -55,49 +55,48 @@ class IndexedVideo final : public RecordedVideo {
   private:
     absl::Status damaged(std::int64_t frame, const std::string& why) const {
         return absl::DataLossError(
-            fmt::format("camera {}: picture {} of {} cannot be decoded ({}): the file is damaged; copy "
+            fmt::format("camera {}: image {} of {} cannot be decoded ({}): the file is damaged; copy "
                         "it again",
                         camera_.name, frame, file_.string(), why));
     }
-    // Decodes one picture; the decoder's frame holds it afterwards.
+    // Decodes one image into the decoder's frame.
     absl::Status decode(std::int64_t frame);
-    absl::StatusOr<Picture> picture_of_frame(std::int64_t frame);
+    absl::StatusOr<Image> image_of_frame(std::int64_t frame);
 
     fs::path file_;
     Camera camera_;
     std::vector<VideoIndexEntry> index_;
-    PicturePool pool_;
+    ImagePool pool_;
     int descriptor_ = -1;
     libav::Owned<AVCodecContext> decoder_;
     libav::Owned<AVFrame> frame_;
     libav::Owned<AVPacket> packet_;
     libav::Owned<SwsContext> scaler_;
     std::int64_t at_ = 0;        // what next() delivers
-    std::int64_t decoded_ = -1;  // last; -1: the decoder knows nothing
+    std::int64_t decoded_ = -1;  // last decoded; -1: the decoder has no state
 };
 
 absl::Status IndexedVideo::open() {
     AVFormatContext* opened = nullptr;
-    // The header alone is read: it says all that the decoder must know.
+    // Reads only the header, which has all that the decoder needs.
     if (int e = avformat_open_input(&opened, file_.c_str(), nullptr, nullptr); e < 0)
         return absl::InvalidArgumentError(
             fmt::format("camera {}: {} cannot be read as a video ({}); copy it again", camera_.name,
                         file_.string(), libav::reason(e)));
     const libav::OwnedInput container(opened);
     if (container->nb_streams != 1 || container->streams[0]->codecpar->codec_type != AVMEDIA_TYPE_VIDEO)
-        return absl::InvalidArgumentError(
-            fmt::format("camera {}: {} is no recorded video; copy it again", camera_.name, file_.string()));
+        return absl::InvalidArgumentError(fmt::format("camera {}: {} is not a recorded video; copy it again",
+                                                      camera_.name, file_.string()));
     const AVCodecParameters& parameters = *container->streams[0]->codecpar;
     if (parameters.width != camera_.width || parameters.height != camera_.height)
         return wrong_size(camera_, file_, parameters.width, parameters.height);
     const AVCodec* codec = avcodec_find_decoder(parameters.codec_id);
     decoder_.reset(avcodec_alloc_context3(codec));
     if (!codec || !decoder_ || avcodec_parameters_to_context(decoder_.get(), &parameters) < 0)
-        return absl::InvalidArgumentError(
-            fmt::format("camera {}: {} holds pictures of a kind that this FFmpeg cannot decode", camera_.name,
-                        file_.string()));
-    decoder_->thread_count = 1;                  // the cameras are decoded beside each other
-    decoder_->flags |= AV_CODEC_FLAG_LOW_DELAY;  // no picture waits for another
+        return absl::InvalidArgumentError(fmt::format(
+            "camera {}: {} has a codec that this FFmpeg cannot decode", camera_.name, file_.string()));
+    decoder_->thread_count = 1;                  // the cameras are decoded in parallel
+    decoder_->flags |= AV_CODEC_FLAG_LOW_DELAY;  // each image is output at once
     if (int e = avcodec_open2(decoder_.get(), codec, nullptr); e < 0)
         return absl::InvalidArgumentError(fmt::format("camera {}: {}: its decoder cannot be opened ({})",
                                                       camera_.name, file_.string(), libav::reason(e)));
@@ -120,7 +119,7 @@ absl::Status IndexedVideo::decode(std::int64_t frame) {
         const ssize_t got = ::pread(descriptor_, packet_->data + done, entry.payload_bytes - done,
                                     static_cast<off_t>(entry.payload_offset + done));
         if (got < 0 && errno == EINTR) continue;
-        if (got <= 0) return damaged(frame, got < 0 ? std::strerror(errno) : "the file has become shorter");
+        if (got <= 0) return damaged(frame, got < 0 ? std::strerror(errno) : "the file was truncated");
         done += static_cast<std::size_t>(got);
     }
     if (entry.flags & VideoIndexEntry::kKey) {
@@ -137,7 +136,7 @@ absl::Status IndexedVideo::decode(std::int64_t frame) {
     return absl::OkStatus();
 }
 
-absl::StatusOr<Picture> IndexedVideo::picture_of_frame(std::int64_t frame) {
+absl::StatusOr<Image> IndexedVideo::image_of_frame(std::int64_t frame) {
     const int width = camera_.width, height = camera_.height;
     auto data = pool_.take();
     cv::Mat out(height, width, CV_8UC3, data.get());
@@ -163,19 +162,19 @@ absl::StatusOr<Picture> IndexedVideo::picture_of_frame(std::int64_t frame) {
                                              height, AV_PIX_FMT_BGR24,
                                              SWS_BICUBIC | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INT, nullptr,
                                              nullptr, nullptr));
-            if (!scaler_) return damaged(frame, "its pixels are of an unknown kind");
+            if (!scaler_) return damaged(frame, "its pixel format is not supported");
             std::uint8_t* const planes[1] = {data.get()};
             const int strides[1] = {3 * width};
             sws_scale(scaler_.get(), frame_->data, frame_->linesize, 0, height, planes, strides);
         }
     }
-    return Picture{width, height, 3, std::move(data)};
+    return Image{width, height, 3, std::move(data)};
 }
 
-absl::StatusOr<Picture> IndexedVideo::read(std::int64_t frame) {
+absl::StatusOr<Image> IndexedVideo::read(std::int64_t frame) {
     if (frame < 0 || frame >= size())
-        return absl::OutOfRangeError(fmt::format("camera {}: frame {} is not one of {}'s {}", camera_.name,
-                                                 frame, file_.string(), size()));
+        return absl::OutOfRangeError(fmt::format("camera {}: frame {} is out of range; {} has {}",
+                                                 camera_.name, frame, file_.string(), size()));
     at_ = frame + 1;
     const auto key = [&](std::int64_t f) {
         return index_[static_cast<std::size_t>(f)].flags & VideoIndexEntry::kKey;
@@ -184,8 +183,8 @@ absl::StatusOr<Picture> IndexedVideo::read(std::int64_t frame) {
     while (first > 0 && !key(first) && first - 1 != decoded_) --first;
     for (std::int64_t f = first; f <= frame; ++f)
         if (absl::Status decoded = decode(f); !decoded.ok()) return decoded;
-    if (index_[static_cast<std::size_t>(frame)].flags & VideoIndexEntry::kMissing) return Picture{};
-    return picture_of_frame(frame);
+    if (index_[static_cast<std::size_t>(frame)].flags & VideoIndexEntry::kMissing) return Image{};
+    return image_of_frame(frame);
 }
 
 }  // namespace

@@ -20,15 +20,14 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t kReplayBytesAhead = std::size_t{64} << 20;
 constexpr std::size_t kAheadPaused = 2;
-constexpr std::chrono::milliseconds kReplayMostLate{
-    500};  // behind the speed asked for, until it is taken as it comes
+constexpr std::chrono::milliseconds kMaxReplayDelay{500};  // then the time base is reset
 
 class LanedReplay final : public ReplaySource {
   public:
     LanedReplay(SessionFiles files, std::int64_t frames, const ReplayOptions& options)
         : files_(std::move(files)),
           frames_(frames),
-          lanes_(files_.pictures.size()),
+          lanes_(files_.images.size()),
           playing_(!options.paused),
           loop_(options.loop),
           speed_(options.speed) {
@@ -44,8 +43,8 @@ class LanedReplay final : public ReplaySource {
 
     const std::vector<Camera>& cameras() const override { return files_.cameras; }
     double fps() const override { return files_.session.fps; }
-    std::int64_t frame_count() const override { return -1; }  // it does not end
-    absl::StatusOr<std::vector<std::vector<Picture>>> background() override {
+    std::int64_t frame_count() const override { return -1; }  // endless
+    absl::StatusOr<std::vector<std::vector<Image>>> background() override {
         return read_backgrounds(files_.session, files_.cameras);
     }
     absl::StatusOr<FrameSet> next() override;
@@ -82,13 +81,13 @@ class LanedReplay final : public ReplaySource {
     ReplayPosition position() const override;
 
   private:
-    // A camera's thread and what that has decoded ahead.
+    // A camera's decoding thread and its decoded images.
     struct Lane {
         std::thread thread;
-        std::uint64_t epoch = 0;                                             // of the queue
-        std::deque<std::pair<std::int64_t, absl::StatusOr<Picture>>> queue;  // frame and picture
-        std::int64_t at = 0;                                                 // to be decoded next
-        bool over = false;                                                   // nothing will be added
+        std::uint64_t epoch = 0;                                           // of the queue
+        std::deque<std::pair<std::int64_t, absl::StatusOr<Image>>> queue;  // frame and image
+        std::int64_t at = 0;                                               // next to decode
+        bool over = false;                                                 // no more entries follow
     };
     struct Anchor {
         std::int64_t frame = 0;
@@ -111,33 +110,33 @@ class LanedReplay final : public ReplaySource {
     }
     void decode(std::size_t c);
     bool may_go_ahead(const Lane& lane) const;  // mutex held
-    void begin_at(std::int64_t frame);          // mutex held, as all of these
-    bool decoded(std::int64_t frame) const;     // by all cameras, or an error of one
+    void begin_at(std::int64_t frame);          // mutex held, as in the following
+    bool decoded(std::int64_t frame) const;     // by all cameras, or one has an error
     absl::StatusOr<FrameSet> take(std::int64_t frame);
-    void leave_out_late(Clock::time_point now);
+    void skip_late(Clock::time_point now);
 
-    const SessionFiles files_;  // each camera's pictures are read by its own thread
+    const SessionFiles files_;  // each camera's images are read by its own thread
     const std::int64_t frames_;
     std::size_t ahead_ = 2;
     std::deque<Lane> lanes_;
 
-    mutable std::mutex mutex_;  // of everything below and the lanes but for their readers
+    mutable std::mutex mutex_;  // guards everything below and the lanes, but not their readers
     std::condition_variable changed_;
     bool started_ = false, stopped_ = false;
     bool playing_, loop_, ended_ = false;
     double speed_;
-    std::optional<std::int64_t> target_;  // to be shown as soon as can be
-    std::optional<Anchor> anchor_;        // when which frame was due; empty: with the next one shown
-    std::int64_t at_ = 0;                 // follows the one shown last
+    std::optional<std::int64_t> target_;  // to be shown as soon as possible
+    std::optional<Anchor> anchor_;        // time base of the playback; empty: set by the next frame
+    std::int64_t at_ = 0;                 // frame after the one shown last
     std::int64_t shown_ = -1;
-    bool jumped_ = false;  // the next one does not follow
-    std::uint64_t epoch_ = 1, sequence_ = 0, jumps_ = 0;
+    bool discontinuous_ = false;  // the next frame does not follow the last one
+    std::uint64_t epoch_ = 1, sequence_ = 0, discontinuity_count_ = 0;
 };
 
 absl::Status LanedReplay::seek(std::int64_t frame) {
     if (frame < 0 || frame >= frames_)
         return absl::OutOfRangeError(
-            fmt::format("there is no frame {}; the recording has frames 0 to {}", frame, frames_ - 1));
+            fmt::format("frame {} is out of range; the recording has frames 0 to {}", frame, frames_ - 1));
     change([&] {
         target_ = frame;
         ended_ = false;
@@ -146,9 +145,9 @@ absl::Status LanedReplay::seek(std::int64_t frame) {
 }
 
 absl::Status LanedReplay::set_speed(double speed) {
-    if (!(speed >= kSlowest && speed <= kFastest))
+    if (!(speed >= kMinSpeed && speed <= kMaxSpeed))
         return absl::OutOfRangeError(
-            fmt::format("speed is {}; {} to {} times the recording's is allowed", speed, kSlowest, kFastest));
+            fmt::format("speed is {}; {} to {} is allowed (1: as recorded)", speed, kMinSpeed, kMaxSpeed));
     change([&] {
         speed_ = speed;
         anchor_.reset();
@@ -161,26 +160,26 @@ ReplayPosition LanedReplay::position() const {
     ReplayPosition out;
     out.state = ended_ ? ReplayState::kEnded : playing_ ? ReplayState::kPlaying : ReplayState::kPaused;
     out.frame = shown_;
-    out.frames = frames_;
+    out.frame_count = frames_;
     out.position_s = shown_ < 0 ? 0 : 1e-9 * static_cast<double>(time_of(shown_).count());
-    out.fps = fps();
+    out.nominal_fps = fps();
     out.speed = speed_;
     out.loop = loop_;
-    out.jumps = jumps_;
+    out.discontinuity_count = discontinuity_count_;
     return out;
 }
 
 void LanedReplay::begin_at(std::int64_t frame) {
     at_ = frame;
     ++epoch_;
-    jumped_ = shown_ >= 0 && frame != shown_ + 1;
+    discontinuous_ = shown_ >= 0 && frame != shown_ + 1;
     anchor_.reset();
     changed_.notify_all();
 }
 
 void LanedReplay::decode(std::size_t c) {
     Lane& lane = lanes_[c];
-    PictureReader& pictures = *files_.pictures[c];
+    ImageReader& images = *files_.images[c];
     std::unique_lock lock(mutex_);
     for (;;) {
         changed_.wait(lock,
@@ -201,19 +200,19 @@ void LanedReplay::decode(std::size_t c) {
         const std::uint64_t epoch = lane.epoch;
         const std::int64_t frame = lane.at;
         lock.unlock();
-        const absl::Status there = sought ? pictures.seek(frame) : absl::OkStatus();
-        auto picture = there.ok() ? pictures.next() : absl::StatusOr<Picture>(there);
+        const absl::Status there = sought ? images.seek(frame) : absl::OkStatus();
+        auto image = there.ok() ? images.next() : absl::StatusOr<Image>(there);
         lock.lock();
-        if (epoch != epoch_) continue;  // sought elsewhere meanwhile
-        lane.over = !picture.ok();
-        lane.queue.emplace_back(frame, std::move(picture));
+        if (epoch != epoch_) continue;  // another seek came in the meantime
+        lane.over = !image.ok();
+        lane.queue.emplace_back(frame, std::move(image));
         lane.at = frame + 1;
         changed_.notify_all();
     }
 }
 
-// Not while another camera is at work on the frame set that is waited for, which needs the cores; and not far
-// while it is not known whether it will play on from there.
+// Decodes ahead only when the current frame set is decoded by all cameras, since that needs the cores; and
+// only a little while paused, since playback may continue elsewhere.
 bool LanedReplay::may_go_ahead(const Lane& lane) const {
     if (lane.queue.size() >= (playing_ ? ahead_ : std::min(ahead_, kAheadPaused))) return false;
     return lane.queue.empty() || std::ranges::all_of(lanes_, [&](const Lane& other) {
@@ -229,20 +228,20 @@ bool LanedReplay::decoded(std::int64_t frame) const {
 
 absl::StatusOr<FrameSet> LanedReplay::take(std::int64_t frame) {
     for (std::size_t c = 0; c < lanes_.size(); ++c)
-        if (const auto& picture = lanes_[c].queue.front().second; !picture.ok())
-            return absl::IsOutOfRange(picture.status())  // the file promised more
+        if (const auto& image = lanes_[c].queue.front().second; !image.ok())
+            return absl::IsOutOfRange(image.status())  // fewer frames than the file declares
                        ? absl::DataLossError(
                              fmt::format("camera {}: its video ends before frame {}; copy it again",
                                          cameras()[c].name, frame))
-                       : picture.status();
+                       : image.status();
     FrameSet set;
     set.sequence = sequence_++;
     set.capture_time_ns = time_of(frame).count();
     set.recorded_frame = frame;
-    set.after_jump = std::exchange(jumped_, false);
-    jumps_ += set.after_jump;
+    set.after_discontinuity = std::exchange(discontinuous_, false);
+    discontinuity_count_ += set.after_discontinuity;
     for (Lane& lane : lanes_) {
-        set.pictures.push_back(*std::move(lane.queue.front().second));
+        set.images.push_back(*std::move(lane.queue.front().second));
         lane.queue.pop_front();
     }
     shown_ = frame;
@@ -251,8 +250,8 @@ absl::StatusOr<FrameSet> LanedReplay::take(std::int64_t frame) {
     return set;
 }
 
-// Frame sets whose successor is decoded and due as well.
-void LanedReplay::leave_out_late(Clock::time_point now) {
+// Skips frame sets whose successor is decoded and already due.
+void LanedReplay::skip_late(Clock::time_point now) {
     while (at_ + 1 < frames_ && due(at_ + 1) <= now && std::ranges::all_of(lanes_, [](const Lane& lane) {
                return lane.queue.size() > 1 && lane.queue[1].second.ok();
            })) {
@@ -260,7 +259,7 @@ void LanedReplay::leave_out_late(Clock::time_point now) {
         ++at_, ++sequence_;
         changed_.notify_all();
     }
-    if (now - due(at_) > kReplayMostLate) anchor_ = Anchor{at_, now};
+    if (now - due(at_) > kMaxReplayDelay) anchor_ = Anchor{at_, now};
 }
 
 absl::StatusOr<FrameSet> LanedReplay::next() {
@@ -296,7 +295,7 @@ absl::StatusOr<FrameSet> LanedReplay::next() {
         }
         const Clock::time_point now = Clock::now();
         if (!wanted && anchor_) {
-            leave_out_late(now);
+            skip_late(now);
             if (const auto when = due(at_); when > now) {
                 changed_.wait_until(lock, when);
                 continue;
@@ -313,10 +312,10 @@ absl::StatusOr<FrameSet> LanedReplay::next() {
 
 absl::StatusOr<std::shared_ptr<ReplaySource>> ReplaySource::open(const std::filesystem::path& session_file,
                                                                  const ReplayOptions& options) {
-    if (!(options.speed >= kSlowest && options.speed <= kFastest) || options.frames_ahead < 0)
+    if (!(options.speed >= kMinSpeed && options.speed <= kMaxSpeed) || options.frames_ahead < 0)
         return absl::InvalidArgumentError(fmt::format(
-            "a replay's speed is {} and its frames_ahead {}; the speed is {} to {}, the number 0 or more",
-            options.speed, options.frames_ahead, kSlowest, kFastest));
+            "replay: speed is {}, frames_ahead is {}; speed must be {} to {}, frames_ahead 0 or more",
+            options.speed, options.frames_ahead, kMinSpeed, kMaxSpeed));
     auto files = open_session_files(session_file);
     if (!files.ok()) return files.status();
     const auto frames = count_frame_sets(*files);

@@ -1,5 +1,4 @@
-// A recorded session as a source that can be paused, stepped, sought in, slowed down and looped while it
-// runs.
+// Replays a recorded session; supports pause, step, seek, speed and loop during playback.
 #pragma once
 
 #include <absl/status/status.h>
@@ -17,51 +16,51 @@ namespace kinevox {
 enum class ReplayState {
     kPlaying,
     kPaused,
-    kEnded,  // paused behind the last frame set; play() begins anew
+    kEnded,  // paused after the last frame set; play() restarts
 };
 
 struct ReplayPosition {
     ReplayState state = ReplayState::kPlaying;
-    std::int64_t frame = -1;  // handed out last, from 0; -1: none yet
-    std::int64_t frames = 0;  // of the recording
-    double position_s = 0;    // of that frame, from the recording's begin
-    double fps = 0;           // nominal
-    double speed = 1;         // asked for
+    std::int64_t frame = -1;  // last handed out, from 0; -1: none yet
+    std::int64_t frame_count = 0;
+    double position_s = 0;  // of that frame, from the start of the recording
+    double nominal_fps = 0;
+    double speed = 1;  // as requested
     bool loop = false;
-    std::uint64_t jumps = 0;  // frame sets handed out that did not follow the one before
+    std::uint64_t discontinuity_count = 0;  // frame sets handed out that did not follow the previous one
 };
 
 struct ReplayOptions {
-    bool paused = false;  // hands out the first frame set and waits
+    bool paused = false;  // waits after the first frame set
     bool loop = false;
     double speed = 1;
-    int frames_ahead = 0;  // pictures decoded ahead per camera; 0: as many as fit into 64 MB, 2 to 16
+    int frames_ahead = 0;  // images decoded ahead per camera; 0: as many as fit into 64 MB, 2 to 16
 };
 
-// A frame set's capture time is the recording's own and goes back with it; its sequence always rises. Where
-// the pipeline or the decoders are too slow for the speed, frame sets are left out as those of a live camera
-// are, which shows as a gap in the sequence, and where that does not help the replay runs slower. It never
-// ends by itself: behind the last frame set next() waits.
+// The capture time of a frame set is session time and jumps back with seeks; the sequence always rises. If
+// the pipeline or the decoders are too slow for the speed, frame sets are skipped as with live cameras, which
+// shows as a gap in the sequence; if that does not suffice, the replay slows down. It is endless: after the
+// last frame set next() waits.
 class ReplaySource : public FrameSource {
   public:
-    static constexpr double kSlowest = 0.01, kFastest = 100;
+    static constexpr double kMinSpeed = 0.01, kMaxSpeed = 100;
 
-    // Errors as open_session_source()'s; InvalidArgument also for options out of range. A video whose
-    // container does not tell its length is read through once.
+    // Errors as open_session_source(); InvalidArgument also for options out of range. A video whose container
+    // does not store its length is read once.
     static absl::StatusOr<std::shared_ptr<ReplaySource>> open(const std::filesystem::path& session_file,
                                                               const ReplayOptions& options = {});
 
-    // Any thread; none waits for a picture.
+    // Any thread; non-blocking.
     virtual void play() = 0;
     virtual void pause() = 0;
-    // Pauses, and shows the frame set so many further on (negative: back), at most the last or the first.
+    // Pauses and shows the frame set `frames` ahead (negative: back), clamped to the recording.
     virtual void step(std::int64_t frames) = 0;
-    // Goes on from there, playing or paused as before. OutOfRange where there is no such frame.
+    // Continues from there, playing or paused as before. OutOfRange if there is no such frame.
     virtual absl::Status seek(std::int64_t frame) = 0;
     // OutOfRange beyond the limits above.
     virtual absl::Status set_speed(double speed) = 0;
     virtual void set_loop(bool loop) = 0;
-    // The frame whose time is nearest to this one; none of the recording's where the time is not.
+    // The frame nearest to this time; out of the recording's range if the time is.
     virtual std::int64_t frame_at(double position_s) const = 0;
     virtual ReplayPosition position() const = 0;
 };

@@ -16,25 +16,25 @@ namespace kinevox {
 namespace {
 
 constexpr std::size_t kBackgroundBytes = std::size_t{512} << 20;
-constexpr std::size_t kMaxBackgroundPictures = 64;  // twice the default N
-constexpr double kFarthest = 1e15;                  // frames; still exact as a double
+constexpr std::size_t kMaxBackgroundImages = 64;  // twice the default N
+constexpr double kMaxFrame = 1e15;                // still exact as a double
 
-// Up to `most` pictures of the empty scene, spread over the file.
-absl::StatusOr<std::vector<Picture>> read_background(const std::filesystem::path& file, const Camera& camera,
-                                                     std::size_t most) {
-    auto reader = open_pictures(file, camera);
+// Up to `max_images` background images, evenly spread over the file.
+absl::StatusOr<std::vector<Image>> read_background(const std::filesystem::path& file, const Camera& camera,
+                                                   std::size_t max_images) {
+    auto reader = open_images(file, camera);
     if (!reader.ok()) return reader.status();
     const std::int64_t promised = (*reader)->promised();
-    const std::int64_t step =
-        std::max<std::int64_t>(1, promised / static_cast<std::int64_t>(std::min<std::size_t>(most, 1 << 30)));
-    std::vector<Picture> pictures;
-    for (std::int64_t n = 0; pictures.size() < most; ++n) {
-        auto picture = (*reader)->next();
-        if (absl::IsOutOfRange(picture.status())) break;
-        if (!picture.ok()) return picture.status();
-        if (n % step == 0) pictures.push_back(std::move(*picture));
+    const std::int64_t step = std::max<std::int64_t>(
+        1, promised / static_cast<std::int64_t>(std::min<std::size_t>(max_images, 1 << 30)));
+    std::vector<Image> images;
+    for (std::int64_t n = 0; images.size() < max_images; ++n) {
+        auto image = (*reader)->next();
+        if (absl::IsOutOfRange(image.status())) break;
+        if (!image.ok()) return image.status();
+        if (n % step == 0) images.push_back(std::move(*image));
     }
-    return pictures;
+    return images;
 }
 
 absl::Status check_lengths(const SessionFiles& files, const std::vector<std::int64_t>& lengths) {
@@ -43,22 +43,21 @@ absl::Status check_lengths(const SessionFiles& files, const std::vector<std::int
     const auto camera = static_cast<std::size_t>(shortest - lengths.begin());
     return absl::InvalidArgumentError(fmt::format(
         "camera {}: {} has {} frames, that of camera {} has {}; all cameras of a session need the same "
-        "number: "
-        "copy the file again or cut all to {} frames",
+        "number: copy the file again or trim all to {} frames",
         files.cameras[camera].name, files.session.cameras[camera].video.string(), *shortest,
         files.cameras[static_cast<std::size_t>(longest - lengths.begin())].name, *longest, *shortest));
 }
 
-// So many of a camera's pictures from a later one on, as if there were no others.
-class PartOfPictures final : public PictureReader {
+// A contiguous range of a camera's images.
+class ImageRange final : public ImageReader {
   public:
-    PartOfPictures(std::unique_ptr<PictureReader> all, std::int64_t first, std::int64_t length)
+    ImageRange(std::unique_ptr<ImageReader> all, std::int64_t first, std::int64_t length)
         : all_(std::move(all)), first_(first), length_(length) {}
 
     std::int64_t promised() const override { return length_; }
     bool promise_is_exact() const override { return true; }
-    absl::StatusOr<Picture> next() override {
-        if (at_ >= length_) return absl::OutOfRangeError("the cameras' common time has ended");
+    absl::StatusOr<Image> next() override {
+        if (at_ >= length_) return absl::OutOfRangeError("the time range common to all cameras has ended");
         if (sought_)
             if (absl::Status there = all_->seek(first_ + at_); !there.ok()) return there;
         sought_ = false;
@@ -67,8 +66,8 @@ class PartOfPictures final : public PictureReader {
     }
     absl::Status seek(std::int64_t frame) override {
         if (frame < 0 || frame > length_)
-            return absl::OutOfRangeError(
-                fmt::format("frame {} is not one of the cameras' common {}", frame, length_));
+            return absl::OutOfRangeError(fmt::format(
+                "frame {} is out of range; the cameras have {} frames in common", frame, length_));
         at_ = frame;
         sought_ = true;
         return absl::OkStatus();
@@ -76,18 +75,18 @@ class PartOfPictures final : public PictureReader {
     absl::Status rewind() override { return seek(0); }
 
   private:
-    const std::unique_ptr<PictureReader> all_;
+    const std::unique_ptr<ImageReader> all_;
     const std::int64_t first_, length_;
     std::int64_t at_ = 0;  // what next() delivers
-    bool sought_ = true;   // all_ stands elsewhere
+    bool sought_ = true;   // all_ is at another position
 };
 
-absl::StatusOr<std::vector<std::int64_t>> count_pictures(const SessionFiles& files) {
-    std::vector<absl::StatusOr<std::int64_t>> counted(files.pictures.size(), std::int64_t{0});
+absl::StatusOr<std::vector<std::int64_t>> count_images(const SessionFiles& files) {
+    std::vector<absl::StatusOr<std::int64_t>> counted(files.images.size(), std::int64_t{0});
     {
         std::vector<std::jthread> threads;
         for (std::size_t c = 0; c < counted.size(); ++c)
-            threads.emplace_back([&, c] { counted[c] = files.pictures[c]->count(); });
+            threads.emplace_back([&, c] { counted[c] = files.images[c]->count(); });
     }
     std::vector<std::int64_t> lengths;
     for (const auto& count : counted) {
@@ -97,28 +96,28 @@ absl::StatusOr<std::vector<std::int64_t>> count_pictures(const SessionFiles& fil
     return lengths;
 }
 
-// Of cameras that began one by one the common time is left.
+// Restricts cameras that started at different times to their common time range.
 absl::Status join(SessionFiles& files) {
-    const auto lengths = count_pictures(files);
+    const auto lengths = count_images(files);
     if (!lengths.ok()) return lengths.status();
     const auto length = common_length(files.session, *lengths);
     if (!length.ok()) return length.status();
-    const std::vector<std::int64_t> first = first_pictures(files.session);
+    const std::vector<std::int64_t> first = first_image_indices(files.session);
     for (std::size_t c = 0; c < first.size(); ++c)
-        files.pictures[c] = std::make_unique<PartOfPictures>(std::move(files.pictures[c]), first[c], *length);
+        files.images[c] = std::make_unique<ImageRange>(std::move(files.images[c]), first[c], *length);
     return absl::OkStatus();
 }
 
-// What the recorder wrote, perhaps cut off: as far as all cameras have it.
+// Opens a recording, possibly truncated, up to the last frame set that all cameras have.
 absl::Status open_recording(SessionFiles& files) {
-    auto times = whole_frame_sets(files.session);
+    auto times = complete_frame_sets(files.session);
     if (!times.ok()) return times.status();
     const auto frames = static_cast<std::int64_t>(times->size());
     files.times = FrameTimes(files.session.fps, *std::move(times));
     for (std::size_t c = 0; c < files.cameras.size(); ++c) {
         auto video = RecordedVideo::open(files.session.cameras[c].video, files.cameras[c], frames);
         if (!video.ok()) return video.status();
-        files.pictures.push_back(*std::move(video));
+        files.images.push_back(*std::move(video));
     }
     return absl::OkStatus();
 }
@@ -133,14 +132,14 @@ std::int64_t FrameTimes::of(std::int64_t frame) const {
 }
 
 std::int64_t FrameTimes::nearest(double seconds) const {
-    const auto even = [&](double s) { return std::llround(std::clamp(s * fps_, -kFarthest, kFarthest)); };
+    const auto even = [&](double s) { return std::llround(std::clamp(s * fps_, -kMaxFrame, kMaxFrame)); };
     const auto last = static_cast<std::int64_t>(recorded_.size()) - 1;
     if (last < 0 || seconds < 0) return even(seconds);
     const auto seconds_of = [&](std::int64_t frame) { return 1e-9 * static_cast<double>(of(frame)); };
     if (seconds > seconds_of(last)) return last + even(seconds - seconds_of(last));
-    const auto behind = std::ranges::lower_bound(
+    const auto next = std::ranges::lower_bound(
         recorded_, seconds, {}, [](const RecordedTime& t) { return 1e-9 * static_cast<double>(t.time_ns); });
-    const std::int64_t frame = behind - recorded_.begin();
+    const std::int64_t frame = next - recorded_.begin();
     return frame > 0 && seconds - seconds_of(frame - 1) < seconds_of(frame) - seconds ? frame - 1 : frame;
 }
 
@@ -158,23 +157,23 @@ absl::StatusOr<SessionFiles> open_session_files(Session session) {
     std::vector<std::int64_t> lengths;
     bool exact = true;
     for (std::size_t c = 0; c < files.cameras.size(); ++c) {
-        auto reader = open_pictures(files.session.cameras[c].video, files.cameras[c]);
+        auto reader = open_images(files.session.cameras[c].video, files.cameras[c]);
         if (!reader.ok()) return reader.status();
         exact = exact && (*reader)->promise_is_exact();
         lengths.push_back((*reader)->promised());
-        files.pictures.push_back(*std::move(reader));
+        files.images.push_back(*std::move(reader));
     }
     absl::Status fit;
     if (has_offsets(files.session))
         fit = join(files);
-    else if (exact)  // else whoever reads on will notice
+    else if (exact)  // otherwise the reader detects the difference at the end
         fit = check_lengths(files, lengths);
     if (!fit.ok()) return fit;
     return files;
 }
 
 absl::StatusOr<SessionFiles> open_session_files(const std::filesystem::path& session_file) {
-    repair_recording(session_file).IgnoreError();  // can be read without
+    repair_recording(session_file).IgnoreError();  // readable without the repair
     auto session = read_session(session_file);
     if (!session.ok()) return session.status();
     return open_session_files(*std::move(session));
@@ -187,45 +186,46 @@ std::size_t frame_set_bytes(const std::vector<Camera>& cameras) {
 }
 
 absl::StatusOr<std::int64_t> count_frame_sets(const SessionFiles& files) {
-    const auto lengths = count_pictures(files);
+    const auto lengths = count_images(files);
     if (!lengths.ok()) return lengths.status();
     if (absl::Status same = check_lengths(files, *lengths); !same.ok()) return same;
     return lengths->front();
 }
 
-absl::StatusOr<std::vector<std::vector<Picture>>> read_backgrounds(const Session& session,
-                                                                   const std::vector<Camera>& cameras) {
+absl::StatusOr<std::vector<std::vector<Image>>> read_backgrounds(const Session& session,
+                                                                 const std::vector<Camera>& cameras) {
     const std::size_t count = cameras.size();
     if (std::ranges::all_of(session.cameras,
                             [](const SessionCamera& camera) { return camera.background.empty(); }))
-        return std::vector<std::vector<Picture>>{};
-    // The recorder kept what a background was learned from, and all of it makes the same again.
-    const std::size_t most =
+        return std::vector<std::vector<Image>>{};
+    // The recorder stored the images that the background was learned from; all of them reproduce it.
+    const std::size_t max_images =
         session.recording
             ? std::numeric_limits<std::size_t>::max()
-            : std::clamp<std::size_t>(kBackgroundBytes / frame_set_bytes(cameras), 8, kMaxBackgroundPictures);
-    std::vector<absl::StatusOr<std::vector<Picture>>> read(count, std::vector<Picture>{});
+            : std::clamp<std::size_t>(kBackgroundBytes / frame_set_bytes(cameras), 8, kMaxBackgroundImages);
+    std::vector<absl::StatusOr<std::vector<Image>>> read(count, std::vector<Image>{});
     {
         std::vector<std::jthread> threads;
         for (std::size_t c = 0; c < count; ++c)
             if (!session.cameras[c].background.empty())
-                threads.emplace_back(
-                    [&, c] { read[c] = read_background(session.cameras[c].background, cameras[c], most); });
+                threads.emplace_back([&, c] {
+                    read[c] = read_background(session.cameras[c].background, cameras[c], max_images);
+                });
     }
-    std::vector<std::vector<Picture>> pictures;
+    std::vector<std::vector<Image>> images;
     for (auto& one : read) {
         if (!one.ok()) return one.status();
-        pictures.push_back(std::move(*one));
+        images.push_back(std::move(*one));
     }
-    return pictures;
+    return images;
 }
 
-absl::Status each_has_background(const std::vector<std::vector<Picture>>& background,
+absl::Status each_has_background(const std::vector<std::vector<Image>>& background,
                                  const std::vector<Camera>& cameras, const std::string& session) {
     for (std::size_t c = 0; c < cameras.size(); ++c)
         if (c >= background.size() || background[c].empty())
             return absl::InvalidArgumentError(fmt::format(
-                "{}: camera {} has no `background`; add a picture, a clip or a folder of the empty scene",
+                "{}: camera {} has no `background`; add an image, a clip or a folder of the empty scene",
                 session, cameras[c].name));
     return absl::OkStatus();
 }

@@ -23,12 +23,12 @@ namespace {
 using SteadyClock = std::chrono::steady_clock;
 
 constexpr std::size_t kBytesAhead = std::size_t{128} << 20;
-constexpr std::chrono::milliseconds kMaxLate{500};  // behind real time, until it is taken as it comes
+constexpr std::chrono::milliseconds kMaxDelay{500};  // behind real time; then the time base is reset
 
 class SessionSource final : public FrameSource {
   public:
     SessionSource(SessionFiles files, const SessionSourceOptions& options)
-        : files_(std::move(files)), options_(options), lanes_(files_.pictures.size()) {
+        : files_(std::move(files)), options_(options), lanes_(files_.images.size()) {
         const std::size_t fit = kBytesAhead / frame_set_bytes(files_.cameras);
         capacity_ = options_.frames_ahead > 0 ? static_cast<std::size_t>(options_.frames_ahead)
                                               : std::clamp<std::size_t>(fit, 2, 32);
@@ -46,14 +46,14 @@ class SessionSource final : public FrameSource {
     std::int64_t frame_count() const override {
         if (options_.loop) return -1;
         std::int64_t count = -1;
-        for (const auto& pictures : files_.pictures) {
-            const std::int64_t promised = pictures->promised();
+        for (const auto& images : files_.images) {
+            const std::int64_t promised = images->promised();
             if (promised > 0 && (count < 0 || promised < count)) count = promised;
         }
         return count;
     }
 
-    absl::StatusOr<std::vector<std::vector<Picture>>> background() override {
+    absl::StatusOr<std::vector<std::vector<Image>>> background() override {
         return read_backgrounds(files_.session, files_.cameras);
     }
     absl::StatusOr<FrameSet> next() override;
@@ -65,11 +65,11 @@ class SessionSource final : public FrameSource {
     }
 
   private:
-    // A camera's thread and the queue between that and next().
+    // A camera's decoding thread and its queue to next().
     struct Lane {
         std::thread thread;
-        std::deque<absl::StatusOr<Picture>> queue;  // an error is the last entry
-        bool ended = false;                         // nothing will be added
+        std::deque<absl::StatusOr<Image>> queue;  // an error is the last entry
+        bool ended = false;                       // no more entries follow
     };
 
     absl::Status uneven_end(std::size_t ended_camera) const;
@@ -83,12 +83,12 @@ class SessionSource final : public FrameSource {
         return std::chrono::nanoseconds(files_.times.of(static_cast<std::int64_t>(sequence)));
     }
 
-    const SessionFiles files_;  // each camera's pictures are read by its own thread
+    const SessionFiles files_;  // each camera's images are read by its own thread
     SessionSourceOptions options_;
     std::size_t capacity_ = 2;
     std::deque<Lane> lanes_;
 
-    std::mutex mutex_;  // of everything below and the lanes' queues
+    std::mutex mutex_;  // guards everything below and the lanes' queues
     std::condition_variable changed_;
     bool started_ = false, stopped_ = false;
     bool filling_ = true;
@@ -102,30 +102,30 @@ bool SessionSource::all_full() const {
 }
 
 void SessionSource::decode(std::size_t c) {
-    // The next set is decoded while this one is computed, and has a frame's time for it.
+    // Decoding of the next frame set runs in parallel to the processing of this one.
     lower_this_threads_priority();
     Lane& lane = lanes_[c];
-    PictureReader& pictures = *files_.pictures[c];
-    bool fresh = false;  // rewound and nothing read since
+    ImageReader& images = *files_.images[c];
+    bool fresh = false;  // just rewound
     for (;;) {
         {
             std::unique_lock lock(mutex_);
             changed_.wait(lock, [&] { return stopped_ || (filling_ && lane.queue.size() < capacity_); });
             if (stopped_) return;
         }
-        auto picture = pictures.next();
-        if (options_.loop && absl::IsOutOfRange(picture.status()) && !fresh) {
-            if (absl::Status rewound = pictures.rewind(); rewound.ok()) {
+        auto image = images.next();
+        if (options_.loop && absl::IsOutOfRange(image.status()) && !fresh) {
+            if (absl::Status rewound = images.rewind(); rewound.ok()) {
                 fresh = true;
                 continue;
             } else {
-                picture = rewound;
+                image = rewound;
             }
         }
         fresh = false;
         const std::lock_guard lock(mutex_);
-        lane.ended = !picture.ok();
-        lane.queue.push_back(std::move(picture));
+        lane.ended = !image.ok();
+        lane.queue.push_back(std::move(image));
         if (options_.decode_in_bursts && all_full()) filling_ = false;
         changed_.notify_all();
         if (lane.ended) return;
@@ -134,8 +134,8 @@ void SessionSource::decode(std::size_t c) {
 
 absl::Status SessionSource::uneven_end(std::size_t ended_camera) const {
     return absl::DataLossError(fmt::format(
-        "camera {}: {} ends after {} frames, the other cameras go on; all cameras of a session need the same "
-        "number: copy the file again or cut all to {} frames",
+        "camera {}: {} ends after {} frames, the other cameras have more; all cameras of a session need the "
+        "same number: copy the file again or trim all to {} frames",
         files_.cameras[ended_camera].name, files_.session.cameras[ended_camera].video.string(), sequence_,
         sequence_));
 }
@@ -149,7 +149,7 @@ absl::StatusOr<FrameSet> SessionSource::take_set(std::unique_lock<std::mutex>& l
     changed_.wait(lock, [&] { return stopped_ || none_empty(); });
     if (stopped_) return absl::CancelledError("the session source was stopped");
 
-    // A damaged file is told before the uneven end that it causes.
+    // A damaged file is reported rather than the unequal lengths that it causes.
     for (const Lane& lane : lanes_)
         if (!lane.queue.front().ok() && !absl::IsOutOfRange(lane.queue.front().status()))
             return lane.queue.front().status();
@@ -162,7 +162,7 @@ absl::StatusOr<FrameSet> SessionSource::take_set(std::unique_lock<std::mutex>& l
     FrameSet set;
     set.sequence = sequence_++;
     for (Lane& lane : lanes_) {
-        set.pictures.push_back(std::move(*lane.queue.front()));
+        set.images.push_back(std::move(*lane.queue.front()));
         lane.queue.pop_front();
     }
     changed_.notify_all();
@@ -186,11 +186,10 @@ absl::StatusOr<FrameSet> SessionSource::next() {
             return set;
         }
         const SteadyClock::time_point now = SteadyClock::now();
-        // A machine that decodes more slowly than the recording was taken shows it as it comes; it would show
-        // nothing else.
-        if (set->sequence == 0 || now - (start_ + time) > kMaxLate) start_ = now - time;
+        // If decoding is slower than real time, the time base is reset; otherwise every set would be skipped.
+        if (set->sequence == 0 || now - (start_ + time) > kMaxDelay) start_ = now - time;
         const SteadyClock::time_point due = start_ + time;
-        // A set whose successor is decoded and due as well comes too late to matter: it shows as a gap.
+        // Skips a set whose successor is decoded and already due, which shows as a gap.
         if (now > start_ + recording_time(set->sequence + 1) && none_empty()) continue;
         if (changed_.wait_until(lock, due, [this] { return stopped_; }))
             return absl::CancelledError("the session source was stopped");
@@ -223,8 +222,8 @@ absl::StatusOr<std::unique_ptr<FrameSource>> open_session_source(const std::file
     return open_session_source(*std::move(files), options);
 }
 
-absl::StatusOr<std::vector<std::vector<Picture>>> background_of_all(
-    FrameSource& source, const std::filesystem::path& session_file) {
+absl::StatusOr<std::vector<std::vector<Image>>> background_of_all(FrameSource& source,
+                                                                  const std::filesystem::path& session_file) {
     auto background = source.background();
     if (!background.ok()) return background.status();
     if (absl::Status all = each_has_background(*background, source.cameras(), session_file.string());

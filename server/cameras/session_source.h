@@ -1,4 +1,4 @@
-// Frame sets from a session's files: videos or folders of pictures.
+// Frame sets from the files of a session: videos or folders of images.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -15,20 +15,20 @@ namespace kinevox {
 
 struct SessionSourceOptions {
     Pacing pacing = Pacing::kAsFastAsPossible;
-    // Starts again behind the last frame set; sequence and time go on.
+    // Restarts after the last frame set; sequence and time continue.
     bool loop = false;
-    // Pictures decoded ahead per camera at most; 0: as many as fit into 128 MB, 2 to 32.
+    // Maximum number of images decoded ahead per camera; 0: as many as fit into 128 MB, 2 to 32.
     int frames_ahead = 0;
-    // True: the decoders fill their queues, then rest until those are empty. On a machine whose cores are all
-    // used by the pipeline this costs no throughput, and stage times are those of a pipeline whose pictures
-    // come from cameras. False: decoding goes on beside the processing.
+    // True: the decoders fill their queues, then pause until these are empty. This costs no throughput if the
+    // pipeline uses all cores, and stage times equal those with live cameras. False: decoding runs in
+    // parallel to the processing.
     bool decode_in_bursts = false;
 };
 
-// open_session_files() says what is checked. One decoding thread per camera starts with the first next(),
-// which gives DataLoss where a file breaks off.
+// Checks as open_session_files(). The first next() starts a decoding thread per camera; next() returns
+// DataLoss where a file is truncated.
 //
-// With kAsFastAsPossible the capture time is the recording's own, from 0; with kRealTime the steady clock's.
+// The capture time is session time, from 0, with kAsFastAsPossible; steady clock with kRealTime.
 absl::StatusOr<std::unique_ptr<FrameSource>> open_session_source(const Session& session,
                                                                  const SessionSourceOptions& options = {});
 
@@ -36,12 +36,11 @@ absl::StatusOr<std::unique_ptr<FrameSource>> open_session_source(const Session& 
 absl::StatusOr<std::unique_ptr<FrameSource>> open_session_source(const std::filesystem::path& session_file,
                                                                  const SessionSourceOptions& options = {});
 
-// FrameSource::background() where every camera must have one. InvalidArgument names the session and the
-// camera.
-absl::StatusOr<std::vector<std::vector<Picture>>> background_of_all(
-    FrameSource& source, const std::filesystem::path& session_file);
+// FrameSource::background(), required of every camera. InvalidArgument names the session and the camera.
+absl::StatusOr<std::vector<std::vector<Image>>> background_of_all(FrameSource& source,
+                                                                  const std::filesystem::path& session_file);
 
-// OpenCV and FFmpeg print their own lines about damaged files; our one line says it better. For main(),
+// Suppresses the messages of OpenCV and FFmpeg about damaged files; our errors report them. Call it in main()
 // before any thread starts.
 void silence_video_libraries();
 

@@ -15,8 +15,8 @@ extern "C" {
 namespace kinevox {
 namespace {
 
-// Of these every packet is one picture that is shown. (VP8 hides some.)
-bool packet_is_picture(AVCodecID codec) {
+// Codecs of which each packet is one visible image (VP8 has hidden ones).
+bool packet_is_image(AVCodecID codec) {
     switch (codec) {
         case AV_CODEC_ID_H264:
         case AV_CODEC_ID_HEVC:
@@ -49,7 +49,7 @@ absl::StatusOr<std::unique_ptr<VideoPackets>> VideoPackets::open(const std::file
     const AVStream& stream = *packets->stream_;
     packets->of_container_ = packets->read_container_index();
     if (packets->of_container_)
-        packets->promised_ = packets->pictures_;
+        packets->promised_ = packets->images_;
     else if (stream.nb_frames > 0)
         packets->promised_ = stream.nb_frames;
     packets->exact_ = packets->of_container_ || (stream.nb_frames > 0 && is_avi(*packets->container_));
@@ -70,7 +70,7 @@ absl::Status VideoPackets::restart() {
     AVFormatContext* opened = nullptr;
     AVDictionary* options = nullptr;
     av_dict_set(&options, "protocol_whitelist", "file",
-                0);  // what a file says about other places is not followed
+                0);  // references to other files are not followed
     const int error = avformat_open_input(&opened, file_.c_str(), nullptr, &options);
     av_dict_free(&options);
     container_.reset(error < 0 ? nullptr : opened);
@@ -84,9 +84,8 @@ absl::Status VideoPackets::restart() {
         }
     if (best < 0)
         return absl::InvalidArgumentError(
-            fmt::format("{}: {} cannot be read as a video: it is damaged, cut off or of an unknown format; "
-                        "copy it again or "
-                        "convert it with ffmpeg",
+            fmt::format("{}: {} cannot be read as a video: it is damaged, truncated or of an unknown format; "
+                        "copy it again or convert it with ffmpeg",
                         whose_, file_));
     stream_ = container_->streams[best];
     for (unsigned s = 0; s < container_->nb_streams; ++s)
@@ -94,12 +93,13 @@ absl::Status VideoPackets::restart() {
     return absl::OkStatus();
 }
 
-int VideoPackets::turn_deg() const {
+int VideoPackets::rotation_deg() const {
     const auto* const matrix = reinterpret_cast<const std::int32_t*>(
         av_stream_get_side_data(stream_, AV_PKT_DATA_DISPLAYMATRIX, nullptr));
     const double angle_deg = matrix ? -av_display_rotation_get(matrix) : 0;
-    const int turn_deg = std::isfinite(angle_deg) ? static_cast<int>(std::lround(angle_deg) + 360) % 360 : 0;
-    return turn_deg % 90 == 0 ? turn_deg : 0;
+    const int rotation_deg =
+        std::isfinite(angle_deg) ? static_cast<int>(std::lround(angle_deg) + 360) % 360 : 0;
+    return rotation_deg % 90 == 0 ? rotation_deg : 0;
 }
 
 int VideoPackets::next(AVPacket* packet) {
@@ -116,29 +116,29 @@ int VideoPackets::next(AVPacket* packet) {
     }
 }
 
-// MP4's and AVI's have an entry a packet. What an edit list leaves out is not in it, or marked; fragments and
-// an AVI that was cut off have none.
+// MP4 and AVI have an index entry per packet. Packets excluded by an edit list are missing or marked;
+// fragmented files and truncated AVI files have no index.
 bool VideoPackets::read_container_index() {
     const int entries = avformat_index_get_entries_count(stream_);
     if (stream_->nb_frames < 1 || entries < 1) return false;
     if (!is_mp4(*container_) && !(is_avi(*container_) && entries >= stream_->nb_frames)) return false;
     for (int n = 0; n < entries; ++n) {
         const AVIndexEntry& entry = *avformat_index_get_entry(stream_, n);
-        if (entry.flags & AVINDEX_KEYFRAME) keys_.push_back({n, pictures_, entry.timestamp});
-        if (!(entry.flags & AVINDEX_DISCARD_FRAME)) ++pictures_;
+        if (entry.flags & AVINDEX_KEYFRAME) keys_.push_back({n, images_, entry.timestamp});
+        if (!(entry.flags & AVINDEX_DISCARD_FRAME)) ++images_;
     }
     return true;
 }
 
 absl::Status VideoPackets::read_through() {
-    const auto other = open(file_, whose_);  // so that this one stays where it is
+    const auto other = open(file_, whose_);  // keeps the position of this one
     if (!other.ok()) return other.status();
     const libav::Owned<AVPacket> packet(av_packet_alloc());
     usable_ = true;
     for (std::int64_t n = 0; (*other)->next(packet.get()) >= 0; ++n) {
         usable_ = usable_ && packet->pts != AV_NOPTS_VALUE;
-        if (packet->flags & AV_PKT_FLAG_KEY) keys_.push_back({n, pictures_, packet->pts});
-        if (!(packet->flags & AV_PKT_FLAG_DISCARD)) ++pictures_;
+        if (packet->flags & AV_PKT_FLAG_KEY) keys_.push_back({n, images_, packet->pts});
+        if (!(packet->flags & AV_PKT_FLAG_DISCARD)) ++images_;
     }
     return absl::OkStatus();
 }
@@ -149,7 +149,7 @@ absl::StatusOr<bool> VideoPackets::index() {
     if (!of_container_)
         if (absl::Status read = read_through(); !read.ok()) return read;
     indexed_ = true;
-    usable_ = usable_ && packet_is_picture(stream_->codecpar->codec_id) && !keys_.empty() &&
+    usable_ = usable_ && packet_is_image(stream_->codecpar->codec_id) && !keys_.empty() &&
               keys_.front().packets_before == 0 &&
               std::ranges::adjacent_find(keys_, std::greater_equal(), &KeyPacket::timestamp) == keys_.end();
     return usable_;
@@ -159,8 +159,8 @@ std::int64_t VideoPackets::timestamp_of(const AVPacket& packet) const {
     return of_container_ ? packet.dts : packet.pts;
 }
 
-// Asks the container for a time and reads on to a key. How many packets there are before it, if it is the
-// wanted one or one before; it is held then.
+// Seeks to a timestamp and reads on to a key. If it is the wanted key or an earlier one, returns the number
+// of packets before it and holds its packet.
 std::optional<std::int64_t> VideoPackets::lead_to(const KeyPacket& wanted, std::int64_t timestamp) {
     if (av_seek_frame(container_.get(), stream_->index, timestamp, AVSEEK_FLAG_BACKWARD) < 0)
         return std::nullopt;
@@ -176,15 +176,14 @@ absl::Status VideoPackets::go_to(const KeyPacket& key) {
     holds_ = false;
     std::optional<std::int64_t> at;
     if (of_container_) {
-        // MP4 looks for a key that is shown by then, and its index only tells when it is decoded, which is
-        // earlier.
+        // MP4 seeks by presentation time, but its index stores decoding times, which are earlier.
         const int entries = avformat_index_get_entries_count(stream_);
         at = lead_to(key, &key == &keys_.back() ? avformat_index_get_entry(stream_, entries - 1)->timestamp
                                                 : (&key + 1)->timestamp - 1);
     } else {
         at = lead_to(key, key.timestamp);
         if (!at && &key != &keys_.front())
-            at = lead_to(key, (&key - 1)->timestamp);  // it led to a place behind
+            at = lead_to(key, (&key - 1)->timestamp);  // the seek ended after the key
     }
     if (!at) {
         if (absl::Status begun = restart(); !begun.ok()) return begun;
@@ -193,7 +192,7 @@ absl::Status VideoPackets::go_to(const KeyPacket& key) {
     for (; *at < key.packets_before; ++*at)
         if (const int error = next(held_.get()); error < 0)
             return absl::DataLossError(
-                fmt::format("{}: {} breaks off after {} frames ({}): it is damaged or cut off; copy it again",
+                fmt::format("{}: {} ends after {} frames ({}): it is damaged or truncated; copy it again",
                             whose_, file_, *at + 1, libav::reason(error)));
     holds_ = true;
     return absl::OkStatus();

@@ -2,13 +2,13 @@
 
 #include <algorithm>
 
+#include "server/cameras/image_pool.h"
 #include "server/cameras/libav.h"
-#include "server/cameras/picture_pool.h"
 
 namespace kinevox {
 namespace {
 
-constexpr int kLastRows = 2;  // those that share a row of colour
+constexpr int kLastRows = 2;  // they share a row of chroma
 
 }  // namespace
 
@@ -19,7 +19,7 @@ void YuvOfBgr::Free::operator()(SwsContext* scaler) const {
 YuvOfBgr::YuvOfBgr(int width, int height)
     : width_(width),
       height_(height),
-      last_rows_(static_cast<std::size_t>(kLastRows) * 3 * width + kBytesBehindPicture) {
+      last_rows_(static_cast<std::size_t>(kLastRows) * 3 * width + kImagePaddingBytes) {
     scaler_.reset(sws_getContext(width, height, AV_PIX_FMT_BGR24, width, height, AV_PIX_FMT_YUV420P,
                                  SWS_AREA | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INP, nullptr, nullptr,
                                  nullptr));

@@ -1,4 +1,4 @@
-// B G R pictures as the planes that H.264 is made of.
+// Converts B G R images to YUV 4:2:0 planes for H.264.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// From the configuration to who may do what.
+// Sets access control up by the configuration.
 #pragma once
 
 #include <absl/status/status.h>
@@ -9,38 +9,37 @@
 #include <memory>
 #include <string>
 
-#include "common/config.h"
 #include "server/access/audit_log.h"
 #include "server/access/guard.h"
 #include "server/api/api_server.h"
+#include "server/config/daemon_config.h"
 
 namespace kinevox {
 
-// The flag that lets everybody in.
-inline constexpr const char* kServeEveryoneFlag = "--serve-everyone-without-password";
+// Serves the network without TLS and tokens.
+inline constexpr const char* kInsecureFlag = "--insecure";
 
-// FailedPrecondition where others than this machine's users could reach the daemon without TLS or without a
-// token.
-absl::Status check_reach(const ServerConfig& config, bool serve_everyone);
+// FailedPrecondition if the daemon would be accessible from the network without TLS or without tokens.
+absl::Status check_network_access(const ServerConfig& config, bool insecure);
 
-// Reads certificates and key. Errors name the file; a certificate that soon expires is a warning in the log.
+// Reads certificates and key. Errors name the file; a certificate that expires soon is a warning in the log.
 absl::StatusOr<ApiServerOptions> api_server_options(const AccessConfig& config);
 
-// Where the configuration names no file and the user's folder cannot be written, the log says so and there is
-// none.
+// Without a configured file, and if the state folder cannot be written, the log has a warning and there is no
+// audit log.
 absl::StatusOr<std::unique_ptr<AuditLog>> open_audit_log(const AccessConfig& config);
 
 // `audit` outlives it.
 absl::StatusOr<std::unique_ptr<Guard>> make_guard(const AccessConfig& config, AuditLog* audit);
 
-// As many open files as the system lets this process have: a connection is one.
+// To the maximum of this process: each connection is an open file.
 void raise_open_files_limit();
 
 // Calls the guard's tick() every second. Starts with the constructor, ends with stop(); both on the
 // io_context's thread.
-class GuardClock {
+class GuardTimer {
   public:
-    GuardClock(boost::asio::io_context& io, Guard& guard);
+    GuardTimer(boost::asio::io_context& io, Guard& guard);
     void stop();
 
   private:

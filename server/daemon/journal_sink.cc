@@ -57,7 +57,7 @@ JournalSink::~JournalSink() {
     if (socket_ >= 0) ::close(socket_);
 }
 
-// By name each time: the journal may have been started anew.
+// By name each time: the journal may have been restarted.
 bool JournalSink::send(const std::string& datagram) {
     sockaddr_un address{};
     address.sun_family = AF_UNIX;

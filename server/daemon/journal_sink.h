@@ -1,4 +1,4 @@
-// The log as systemd's journal keeps it: level, message and fields apart.
+// Sends the log to systemd's journal, with level, message and fields.
 #pragma once
 
 #include <spdlog/sinks/base_sink.h>
@@ -12,11 +12,12 @@ namespace kinevox {
 
 inline constexpr const char* kJournalSocket = "/run/systemd/journal/socket";
 
-// Whether standard error ends in the journal, by the service manager's JOURNAL_STREAM (man systemd.exec).
+// Whether standard error is connected to the journal, by the service manager's JOURNAL_STREAM (man
+// systemd.exec).
 bool stderr_is_journal();
 
-// One datagram a line, by the journal's native protocol. A line that the journal does not take at once goes
-// to standard error, so that logging never waits.
+// One datagram per line, by the journal's native protocol. A line that the journal does not accept at once
+// goes to standard error, so that logging never blocks.
 class JournalSink final : public spdlog::sinks::base_sink<std::mutex> {
   public:
     explicit JournalSink(std::filesystem::path socket = kJournalSocket);

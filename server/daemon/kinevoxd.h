@@ -8,8 +8,10 @@
 
 namespace kinevox {
 
-// `make_gpu` is asked once, where the configuration wants a GPU. Returns the exit status.
-int run_kinevoxd(int argc, char** argv,
-                 const std::function<std::unique_ptr<const kernels::StageMaker>()>& make_gpu);
+// Called once, if the configuration requests a GPU.
+using MakeGpu = std::function<std::unique_ptr<const kernels::StageFactory>()>;
+
+// Returns the exit status.
+int run_kinevoxd(int argc, char** argv, const MakeGpu& make_gpu);
 
 }  // namespace kinevox

@@ -14,14 +14,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-fs::path beside(const fs::path& folder, const char* suffix) {
+fs::path sibling(const fs::path& folder, const char* suffix) {
     return fs::path(folder.string() + suffix);
 }
 
-std::string when(const fs::path& file) {
+std::string write_time(const fs::path& file) {
     std::error_code error;
     const auto time = fs::last_write_time(file, error);
-    if (error) return "an unknown day";
+    if (error) return "an unknown date";
     const auto system =
         std::chrono::time_point_cast<std::chrono::seconds>(std::chrono::file_clock::to_sys(time));
     return fmt::format("{:%Y-%m-%d %H:%M} UTC", fmt::gmtime(std::chrono::system_clock::to_time_t(system)));
@@ -35,14 +35,16 @@ class RestoringSource final : public FrameSource {
     const std::vector<Camera>& cameras() const override { return source_->cameras(); }
     double fps() const override { return source_->fps(); }
     std::int64_t frame_count() const override { return source_->frame_count(); }
-    absl::StatusOr<std::vector<std::vector<Picture>>> background() override {
+    absl::StatusOr<std::vector<std::vector<Image>>> background() override {
         auto own = source_->background();
         if (!own.ok() || !own->empty()) return own;
         return stored_.read(source_->cameras());
     }
     absl::StatusOr<FrameSet> next() override { return source_->next(); }
     void stop() override { source_->stop(); }
-    std::vector<CameraLink> camera_links() const override { return source_->camera_links(); }
+    std::vector<CameraConnection> camera_connections() const override {
+        return source_->camera_connections();
+    }
     void set_on_camera_event(OnCameraEvent on_event) override {
         source_->set_on_camera_event(std::move(on_event));
     }
@@ -54,8 +56,8 @@ class RestoringSource final : public FrameSource {
 
 }  // namespace
 
-StoredBackground::StoredBackground(fs::path folder, Tell tell)
-    : folder_(std::move(folder)), tell_(std::move(tell)) {}
+StoredBackground::StoredBackground(fs::path folder, OnMessage on_message)
+    : folder_(std::move(folder)), on_message_(std::move(on_message)) {}
 
 StoredBackground::~StoredBackground() = default;
 
@@ -64,66 +66,66 @@ std::unique_ptr<FrameSource> StoredBackground::restoring(std::unique_ptr<FrameSo
     return std::make_unique<RestoringSource>(std::move(source), *this);
 }
 
-std::vector<std::vector<Picture>> StoredBackground::read(const std::vector<Camera>& cameras) {
+std::vector<std::vector<Image>> StoredBackground::read(const std::vector<Camera>& cameras) {
     Session session;
-    session.recording.emplace();  // all pictures count
+    session.recording.emplace();  // all images are used
     std::error_code error;
     if (folder_.empty() || !fs::is_directory(folder_, error)) return {};
     for (const Camera& camera : cameras) {
         const fs::path video = folder_ / (camera.name + ".mkv");
         if (!fs::exists(video, error)) {
-            tell_(fmt::format("the background in {} is not of these cameras, it lacks {}; learn it anew",
-                              folder_.string(), camera.name));
+            on_message_(
+                fmt::format("stored background {} does not match the cameras (missing: {}); relearn it",
+                            folder_.string(), camera.name));
             return {};
         }
         session.cameras.push_back({camera.name, {}, video});
     }
-    auto pictures = read_backgrounds(session, cameras);
-    if (!pictures.ok()) {
-        tell_(fmt::format("the stored background is not used: {}; learn it anew",
-                          std::string(pictures.status().message())));
+    auto images = read_backgrounds(session, cameras);
+    if (!images.ok()) {
+        on_message_(fmt::format("the stored background cannot be used: {}; relearn it",
+                                std::string(images.status().message())));
         return {};
     }
-    if (pictures->empty() || pictures->front().empty()) return {};
-    restored_ = pictures->front().front().data.get();
-    tell_(fmt::format(
-        "the background that was learned at {} is used; where the scene has changed since, clear it and "
-        "`kinevox learn-background`",
-        when(session.cameras.front().background)));
-    return *std::move(pictures);
+    if (images->empty() || images->front().empty()) return {};
+    restored_ = images->front().front().data.get();
+    on_message_(
+        fmt::format("using the background learned at {}; relearn it if the scene has changed (`kinevox "
+                    "learn-background`)",
+                    write_time(session.cameras.front().background)));
+    return *std::move(images);
 }
 
-void StoredBackground::store(std::vector<Camera> cameras, double fps, EmptyScene pictures) {
-    if (folder_.empty() || !pictures || pictures->size() != cameras.size() || pictures->front().empty())
-        return;
-    if (pictures->front().front().data.get() == restored_) return;
-    writer_ = {};  // gives the one before up
+void StoredBackground::store(std::vector<Camera> cameras, double fps, BackgroundImages images) {
+    if (folder_.empty() || !images || images->size() != cameras.size() || images->front().empty()) return;
+    if (images->front().front().data.get() == restored_) return;
+    writer_ = {};  // cancels the previous one
     writer_ = std::jthread([this, cameras = std::move(cameras), fps,
-                            pictures = std::move(pictures)](const std::stop_token& stop) mutable {
-        const absl::Status written = write(cameras, fps, *pictures, stop);
-        pictures.reset();
+                            images = std::move(images)](const std::stop_token& stop) mutable {
+        const absl::Status written = write(cameras, fps, *images, stop);
+        images.reset();
         if (!written.ok() && !stop.stop_requested())
-            tell_(fmt::format(
-                "the background is not stored, so that it must be learned again after a restart: {}",
-                std::string(written.message())));
+            on_message_(
+                fmt::format("the background cannot be stored and must be relearned after a restart: {}",
+                            std::string(written.message())));
     });
 }
 
-// Written aside: what lies in the folder is whole. A crash between the two renames leaves none there, and it
-// is learned anew.
+// Written to a sibling folder and renamed: the folder is always complete. A crash between the two renames
+// leaves none, and the background is relearned.
 absl::Status StoredBackground::write(const std::vector<Camera>& cameras, double fps,
-                                     const std::vector<std::vector<Picture>>& pictures,
+                                     const std::vector<std::vector<Image>>& images,
                                      const std::stop_token& stop) const {
-    const fs::path aside = beside(folder_, ".part"), old = beside(folder_, ".old");
+    const fs::path partial = sibling(folder_, ".part"), old = sibling(folder_, ".old");
     std::error_code error;
-    fs::remove_all(aside, error);
-    fs::create_directories(aside, error);
-    if (error) return absl::UnavailableError(fmt::format("{}: {}", aside.string(), error.message()));
-    const auto files = write_empty_scene(aside, cameras, fps, pictures, stop);
+    fs::remove_all(partial, error);
+    fs::create_directories(partial, error);
+    if (error) return absl::UnavailableError(fmt::format("{}: {}", partial.string(), error.message()));
+    const auto files = write_background_videos(partial, cameras, fps, images, stop);
     if (!files.ok()) return files.status();
     fs::remove_all(old, error);
     fs::rename(folder_, old, error);  // absent the first time
-    fs::rename(aside, folder_, error);
+    fs::rename(partial, folder_, error);
     if (error) return absl::UnavailableError(fmt::format("{}: {}", folder_.string(), error.message()));
     fs::remove_all(old, error);
     return absl::OkStatus();

@@ -1,26 +1,35 @@
-// When the service manager is told that all is well, and when that something hangs.
+// When the service manager is notified that the daemon is alive, and when that the pipeline hangs.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
-#include <functional>
 
 namespace kinevox {
 
-// Used by one thread. An idle pipeline is well: only a frame set that does not come out of it is not.
+// Used by one thread. An idle pipeline is healthy; it hangs if it does not finish a frame set.
 class Watchdog {
   public:
-    enum class Word { kNone, kAlive, kHung };
+    enum class Signal { kNone, kAlive, kHung };
 
-    // `interval`: within which the service manager wants to hear; zero: it does not watch.
+    // `interval`: within which the service manager expects a signal; zero: it does not watch.
     explicit Watchdog(std::chrono::nanoseconds interval) : interval_(interval) {}
 
-    // To be asked each period(). `in_hand`: how long the pipeline has had a frame set in hand. kHung once for
-    // each that is kept for max_in_hand(); after that nothing until it has come out.
-    Word look(std::chrono::nanoseconds in_hand);
+    // Called each period(). `busy`: how long the pipeline has been busy with a frame set. kHung once when
+    // that is max_busy_time() or more; then nothing until the frame set is finished.
+    Signal check(std::chrono::nanoseconds busy) {
+        if (interval_ <= std::chrono::nanoseconds::zero()) return Signal::kNone;
+        const bool was_hung = hung_;
+        hung_ = busy >= max_busy_time();
+        if (!hung_) return Signal::kAlive;
+        return was_hung ? Signal::kNone : Signal::kHung;
+    }
 
-    std::chrono::nanoseconds max_in_hand() const { return interval_ / 2; }
-    // Four looks an interval: one that comes late is not missed. A second at most, for the status.
-    std::chrono::nanoseconds period() const;
+    std::chrono::nanoseconds max_busy_time() const { return interval_ / 2; }
+    // Four checks per interval, so that a late one is tolerated; at most one second, for the status.
+    std::chrono::nanoseconds period() const {
+        const std::chrono::nanoseconds second = std::chrono::seconds(1);
+        return interval_ > std::chrono::nanoseconds::zero() ? std::min(second, interval_ / 4) : second;
+    }
 
   private:
     const std::chrono::nanoseconds interval_;

@@ -1,193 +1,206 @@
 #include "server/metrics/capture_metrics.h"
 
-#include <array>
-#include <chrono>
-#include <cmath>
-#include <cstdint>
+#include <sys/resource.h>
+#include <unistd.h>
 
-#include "server/api/api_context.h"
-#include "server/api/version.h"
-#include "server/metrics/capture_figures.h"
-#include "server/metrics/process_figures.h"
-#include "server/pipeline/gpu.h"
-#include "server/recording/recorder.h"
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <fstream>
 
 namespace kinevox::metrics {
 namespace {
 
-constexpr std::array<std::pair<RunState, const char*>, 6> kStates{{{RunState::kStopped, "stopped"},
-                                                                   {RunState::kStarting, "starting"},
-                                                                   {RunState::kRunning, "running"},
-                                                                   {RunState::kLearning, "learning"},
-                                                                   {RunState::kEnded, "ended"},
-                                                                   {RunState::kFailed, "failed"}}};
+constexpr std::array<std::pair<RunState, const char*>, 6> kStates{
+    {{RunState::kStopped, "stopped"},
+     {RunState::kStarting, "starting"},
+     {RunState::kRunning, "running"},
+     {RunState::kLearning, "learning_background"},
+     {RunState::kEnded, "source_ended"},
+     {RunState::kFailed, "failed"}}};
 
-void write_capture(const ApiContext& api, MetricsText& text) {
-    const RunState state = api.runner.state().state;
-    text.gauge("kinevox_state", "What the capture does: 1 for the state it is in.");
-    for (const auto& [each, name] : kStates) text.sample(each == state ? 1 : 0, {{"state", name}});
-    const RunFigures figures = api.runner.figures();
-    text.one_gauge("kinevox_source_frame_sets_per_second", "The source's nominal rate.",
-                   api.runner.source_fps());
-    text.one_gauge("kinevox_results_per_second", "Results a second over the last two seconds.",
-                   state == RunState::kRunning ? figures.results_per_second : 0);
-    text.one_counter("kinevox_results", "Results since the capture's last start.",
-                     static_cast<double>(figures.results));
-    text.one_counter("kinevox_lost_frame_sets",
-                     "Frame sets lost before the pipeline since the capture's last start.",
-                     static_cast<double>(figures.lost));
-    const auto newest = api.hub.newest();
-    const FrameResult* const result = newest ? newest->result.get() : nullptr;
-    text.one_gauge("kinevox_subject_tracked", "1 while somebody is tracked.",
-                   result && result->subject ? 1 : 0);
-    text.one_gauge("kinevox_pose_found", "1 while the newest result has a pose.",
-                   result && result->pose ? 1 : 0);
-    text.one_gauge("kinevox_subject_volume_litres", "Of the newest result.",
-                   result && result->volume ? volume_litres(*result->volume) : 0);
+void write_capture(const MetricsSnapshot& snapshot, MetricsText& text) {
+    text.gauge("kinevox_capture_state", "State of the capture: 1 for the current one.");
+    for (const auto& [each, name] : kStates) text.sample(each == snapshot.state ? 1 : 0, {{"state", name}});
+    text.one_gauge("kinevox_source_nominal_fps", "Nominal frame sets per second of the source.",
+                   snapshot.nominal_fps);
+    text.one_counter("kinevox_frame_sets_processed", "Results since the last start of the capture.",
+                     static_cast<double>(snapshot.run.result_count));
+    text.one_counter("kinevox_frame_sets_lost",
+                     "Frame sets lost before the pipeline since the last start of the capture.",
+                     static_cast<double>(snapshot.run.lost_count));
+    text.one_gauge("kinevox_subjects_tracked", "Tracked subjects in the latest result.",
+                   snapshot.subjects_tracked);
+    text.one_gauge("kinevox_subjects_with_pose", "Subjects with a pose in the latest result.",
+                   snapshot.subjects_with_pose);
+    text.gauge("kinevox_subject_volume_litres", "Volume of each tracked subject in the latest result.");
+    for (const auto& [subject_id, litres] : snapshot.subject_volumes_litres)
+        text.sample(litres, {{"subject", std::to_string(subject_id)}});
 }
 
-void write_stages(const CaptureFigures& figures, MetricsText& text) {
-    text.histogram("kinevox_stage_seconds",
-                   "What a frame set spends in each stage of the pipeline; total: in all of it.");
-    const std::pair<const char*, const RunningHistogram*> stages[] = {
-        {"segmentation", &figures.segmentation}, {"tracking", &figures.tracking}, {"hull", &figures.hull},
-        {"colouring", &figures.colouring},       {"pose", &figures.pose},         {"total", &figures.total}};
-    for (const auto& [name, histogram] : stages) text.sample(histogram->read(), {{"stage", name}});
+void write_stages(const MetricsSnapshot& snapshot, MetricsText& text) {
+    text.histogram("kinevox_stage_duration_seconds",
+                   "Duration of each pipeline stage per frame set; total: from arrival to result.");
+    for (const auto& [name, histogram] : snapshot.stages_s) text.sample(histogram, {{"stage", name}});
 }
 
-void write_streams(const ApiContext& api, const CaptureFigures& figures, MetricsText& text) {
-    const StreamHub::Subscribers subscribers = api.hub.subscribers();
-    text.gauge("kinevox_subscribers", "Who is subscribed at the moment.");
-    text.sample(subscribers.volumes, {{"stream", "volumes"}});
-    text.sample(subscribers.poses, {{"stream", "poses"}});
-    text.sample(subscribers.pictures, {{"stream", "previews"}});
-    text.sample(subscribers.events, {{"stream", "events"}});
-    const std::pair<const char*, const StreamFigures*> streams[] = {
-        {"volumes", &figures.volumes}, {"poses", &figures.poses}, {"previews", &figures.pictures}};
-    text.histogram("kinevox_stream_lag_seconds",
-                   "Age of a message when it is handed to a subscriber's connection.");
-    for (const auto& [name, stream] : streams) text.sample(stream->age.read(), {{"stream", name}});
-    text.counter("kinevox_stream_messages", "Messages sent to subscribers.");
-    for (const auto& [name, stream] : streams)
-        text.sample(static_cast<double>(stream->sent), {{"stream", name}});
-    text.counter("kinevox_stream_missed",
-                 "Messages that subscribers missed since they read too slowly or asked for fewer.");
-    for (const auto& [name, stream] : streams)
-        text.sample(static_cast<double>(stream->missed), {{"stream", name}});
+void write_streams(const MetricsSnapshot& snapshot, MetricsText& text) {
+    text.gauge("kinevox_subscribers", "Current subscribers.");
+    for (const StreamMetrics& stream : snapshot.streams)
+        text.sample(stream.subscribers, {{"stream", stream.name}});
+    const auto each = [&](const auto& write) {
+        for (const StreamMetrics& stream : snapshot.streams)
+            if (stream.latency_s) write(stream);
+    };
+    text.histogram("kinevox_stream_latency_seconds",
+                   "Latency from the publication of a message to its hand-over to the connection.");
+    each([&](const StreamMetrics& stream) { text.sample(*stream.latency_s, {{"stream", stream.name}}); });
+    text.counter("kinevox_stream_messages_sent", "Messages sent to subscribers.");
+    each([&](const StreamMetrics& stream) {
+        text.sample(static_cast<double>(stream.sent), {{"stream", stream.name}});
+    });
+    text.counter("kinevox_stream_messages_missed",
+                 "Messages missed by subscribers that read too slowly or requested a lower rate.");
+    each([&](const StreamMetrics& stream) {
+        text.sample(static_cast<double>(stream.missed), {{"stream", stream.name}});
+    });
 }
 
-// Of live cameras; other sources have no links.
-void write_links(const std::vector<Camera>& cameras, const std::vector<CameraLink>& links,
-                 MetricsText& text) {
-    if (links.empty()) return;
+void write_connections(const std::vector<CameraMetrics>& cameras, MetricsText& text) {
+    if (std::ranges::none_of(cameras, [](const CameraMetrics& each) { return each.connection.has_value(); }))
+        return;
     const auto each = [&](const auto& value) {
-        for (std::size_t i = 0; i < std::min(cameras.size(), links.size()); ++i)
-            text.sample(value(links[i]), {{"camera", cameras[i].name}});
+        for (const CameraMetrics& camera : cameras)
+            if (camera.connection) text.sample(value(*camera.connection), {{"camera", camera.name}});
     };
-    const auto count = [&](const char* name, const char* help, std::uint64_t CameraLink::*field) {
+    const auto count = [&](const char* name, const char* help, std::uint64_t CameraConnection::*field) {
         text.counter(name, help);
-        each([&](const CameraLink& link) { return static_cast<double>(link.*field); });
+        each([&](const CameraConnection& camera) { return static_cast<double>(camera.*field); });
     };
-    text.gauge("kinevox_camera_connected", "1 while the camera delivers pictures.");
-    each([](const CameraLink& link) { return link.connected ? 1.0 : 0.0; });
-    count("kinevox_camera_pictures", "Complete pictures that got into a frame set.", &CameraLink::pictures);
-    count("kinevox_camera_pictures_lost",
-          "Pictures of which nothing arrived, or for which no buffer was free.", &CameraLink::lost);
-    count("kinevox_camera_pictures_incomplete", "Pictures whose packets were missing.",
-          &CameraLink::incomplete);
-    count("kinevox_camera_pictures_late", "Pictures that came when their frame set was gone.",
-          &CameraLink::late);
-    count("kinevox_camera_pictures_unmatched", "Pictures that too few others had the time of.",
-          &CameraLink::unmatched);
-    count("kinevox_camera_disconnects", "Times that the camera went away.", &CameraLink::disconnects);
-    count("kinevox_camera_packets_missing", "Packets that never came.", &CameraLink::packets_missing);
-    count("kinevox_camera_packets_resent", "Packets that came on request.", &CameraLink::packets_resent);
+    text.gauge("kinevox_camera_connected", "1 while the camera delivers images.");
+    each([](const CameraConnection& camera) { return camera.connected ? 1.0 : 0.0; });
+    count("kinevox_camera_images", "Complete images that entered a frame set.",
+          &CameraConnection::image_count);
+    count("kinevox_camera_images_lost", "Images of which nothing arrived or for which no buffer was free.",
+          &CameraConnection::lost_image_count);
+    count("kinevox_camera_images_incomplete", "Images with missing packets.",
+          &CameraConnection::incomplete_image_count);
+    count("kinevox_camera_images_late", "Images that arrived after their frame set was completed.",
+          &CameraConnection::late_image_count);
+    count("kinevox_camera_images_unmatched", "Images without enough others of the same time.",
+          &CameraConnection::unmatched_image_count);
+    count("kinevox_camera_disconnects", "Disconnections of the camera.", &CameraConnection::disconnect_count);
+    count("kinevox_camera_packets_missing", "Packets that never arrived.",
+          &CameraConnection::missing_packet_count);
+    count("kinevox_camera_packets_resent", "Packets that arrived on request.",
+          &CameraConnection::resent_packet_count);
     text.gauge("kinevox_camera_skew_seconds",
-               "Its time against the middle of its frame sets, mean of the newest 128.");
-    each([](const CameraLink& link) { return link.skew_ms / 1e3; });
-    text.gauge("kinevox_camera_lateness_seconds",
-               "Its pictures' arrival behind the first of their set, mean of the newest 128.");
-    each([](const CameraLink& link) { return link.lateness_ms / 1e3; });
+               "Mean difference from the centre time of its latest 128 frame sets.");
+    each([](const CameraConnection& camera) { return camera.mean_skew_ms / 1e3; });
+    text.gauge("kinevox_camera_arrival_delay_seconds",
+               "Mean arrival delay after the first image of its latest 128 frame sets.");
+    each([](const CameraConnection& camera) { return camera.mean_arrival_delay_ms / 1e3; });
 }
 
-void write_cameras(const ApiContext& api, MetricsText& text) {
-    const std::vector<Camera> cameras = api.runner.cameras();
-    write_links(cameras, api.runner.camera_links(), text);
-    const auto newest = api.hub.newest();
-    text.gauge("kinevox_camera_silhouette_agreement",
-               "Volume's projection against the silhouette, 0 to 1; absent while nobody is tracked.");
-    if (newest)
-        for (std::size_t i = 0; i < std::min(cameras.size(), newest->result->silhouette_iou.size()); ++i)
-            if (const float iou = newest->result->silhouette_iou[i]; !std::isnan(iou))
-                text.sample(static_cast<double>(iou), {{"camera", cameras[i].name}});
-    if (!api.camera_watch || (api.replay && api.replay->status().open)) return;
-    const std::vector<WatchedCamera> watched = api.camera_watch->cameras();
-    text.gauge("kinevox_camera_calibration_disagreement_pixels",
-               "How far what stands still in its pictures has moved since the capture began; absent where it "
-               "is not known.");
-    for (std::size_t i = 0; i < std::min(cameras.size(), watched.size()); ++i)
-        if (watched[i].shift_px) text.sample(*watched[i].shift_px, {{"camera", cameras[i].name}});
-    text.gauge("kinevox_camera_calibration_suspect", "1 where the camera seems to have moved.");
-    for (std::size_t i = 0; i < std::min(cameras.size(), watched.size()); ++i)
-        text.sample(watched[i].suspect ? 1 : 0, {{"camera", cameras[i].name}});
+void write_cameras(const std::vector<CameraMetrics>& cameras, MetricsText& text) {
+    write_connections(cameras, text);
+    text.gauge(
+        "kinevox_camera_silhouette_iou",
+        "IoU of the volume's projection and the silhouette, 0 to 1; absent while no subject is tracked.");
+    for (const CameraMetrics& camera : cameras)
+        if (camera.silhouette_iou) text.sample(*camera.silhouette_iou, {{"camera", camera.name}});
+    text.gauge("kinevox_camera_scene_shift_pixels",
+               "Shift of the static scene since the capture started; absent while unknown.");
+    for (const CameraMetrics& camera : cameras)
+        if (camera.scene_shift_px) text.sample(*camera.scene_shift_px, {{"camera", camera.name}});
+    text.gauge("kinevox_camera_calibration_suspect", "1 if the camera seems to have moved.");
+    for (const CameraMetrics& camera : cameras)
+        if (camera.calibration_suspect)
+            text.sample(*camera.calibration_suspect ? 1 : 0, {{"camera", camera.name}});
 }
 
-void write_recorder(const ApiContext& api, MetricsText& text) {
-    if (!api.recorder || api.recorder->options().folder.empty()) return;
-    const RecorderStatus status = api.recorder->status();
-    text.one_gauge("kinevox_recording", "1 while a recording is being made.",
-                   status.state == RecorderState::kIdle ? 0 : 1);
-    text.one_gauge("kinevox_recording_free_bytes", "Free on the recordings' disk.",
-                   static_cast<double>(status.free_bytes));
-    text.one_gauge("kinevox_recording_queued_bytes", "Taken and not yet written.",
-                   static_cast<double>(status.queued_bytes));
-    text.one_gauge("kinevox_recording_held_seconds", "Kept in memory for `record keep`.",
-                   status.held_seconds);
+void write_recorder(const std::optional<RecorderMetrics>& recorder, MetricsText& text) {
+    if (!recorder) return;
+    text.one_gauge("kinevox_recording_active", "1 while a recording is running.", recorder->active ? 1 : 0);
+    text.one_gauge("kinevox_recording_free_bytes", "Free space on the disk of the recordings.",
+                   static_cast<double>(recorder->free_bytes));
+    text.one_gauge("kinevox_recording_queued_bytes", "Data that is not written yet.",
+                   static_cast<double>(recorder->queued_bytes));
+    text.one_gauge("kinevox_recording_buffered_seconds", "Length of the rolling buffer's content.",
+                   recorder->buffered_s);
 }
 
-void write_gpu(const ApiContext& api, MetricsText& text) {
-    const Gpu::State gpu = api.gpu ? api.gpu->state() : Gpu::State{.usable = false};
+void write_gpu(const MetricsSnapshot& snapshot, MetricsText& text) {
+    const Gpu::State& gpu = snapshot.gpu;
     text.gauge("kinevox_compute_device", "1 for the device that computes.");
     text.sample(gpu.usable ? 0 : 1, {{"device", "cpu"}});
     text.sample(gpu.usable ? 1 : 0, {{"device", "cuda"}});
-    text.one_gauge("kinevox_gpu_configured", "1 where the configuration asks for a GPU.", api.gpu ? 1 : 0);
-    text.one_counter("kinevox_gpu_failures",
-                     "Times that the GPU could not be used or failed, so that the CPU computes.",
+    text.one_gauge("kinevox_gpu_configured", "1 if the configuration requests a GPU.",
+                   snapshot.gpu_configured ? 1 : 0);
+    text.one_counter("kinevox_gpu_failures", "Failures of the GPU, after which the CPU computes.",
                      static_cast<double>(gpu.failures));
     text.one_gauge("kinevox_gpu_memory_used_bytes",
-                   "Of the GPU that computes, by all programs; 0 where none does.",
+                   "Memory of the GPU in use by all programs; 0 while the CPU computes.",
                    static_cast<double>(gpu.memory.used_bytes));
-    text.one_gauge("kinevox_gpu_memory_total_bytes", "Of the GPU that computes; 0 where none does.",
+    text.one_gauge("kinevox_gpu_memory_total_bytes", "Memory of the GPU; 0 while the CPU computes.",
                    static_cast<double>(gpu.memory.total_bytes));
 }
 
-void write_process(MetricsText& text) {
-    const ProcessFigures figures = process_figures();
-    text.one_gauge("kinevox_resident_memory_bytes", "Of the daemon.",
-                   static_cast<double>(figures.resident_bytes));
-    text.one_counter("kinevox_processor_seconds", "Of all its threads since its start.", figures.processor_s);
-    text.one_gauge("kinevox_open_files", "Files and connections that it has open.", figures.open_files);
-    text.one_gauge("kinevox_open_files_limit", "How many it may have.",
-                   static_cast<double>(figures.open_files_limit));
+// What the kernel reports about this process; a value that cannot be read is 0.
+struct ProcessStatistics {
+    std::uint64_t resident_bytes = 0;
+    double cpu_s = 0;  // of all threads
+    int open_files = 0;
+    std::uint64_t max_open_files = 0;
+};
+
+ProcessStatistics process_statistics() {
+    ProcessStatistics out;
+    std::uint64_t pages = 0, resident = 0;
+    if (std::ifstream("/proc/self/statm") >> pages >> resident)
+        out.resident_bytes = resident * static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
+    rusage usage{};
+    if (getrusage(RUSAGE_SELF, &usage) == 0)
+        out.cpu_s = static_cast<double>(usage.ru_utime.tv_sec + usage.ru_stime.tv_sec) +
+                    1e-6 * static_cast<double>(usage.ru_utime.tv_usec + usage.ru_stime.tv_usec);
+    std::error_code error;
+    for (auto it = std::filesystem::directory_iterator("/proc/self/fd", error);
+         !error && it != std::filesystem::directory_iterator(); it.increment(error))
+        ++out.open_files;
+    rlimit files{};
+    if (getrlimit(RLIMIT_NOFILE, &files) == 0) out.max_open_files = files.rlim_cur;
+    return out;
+}
+
+// By the names that Prometheus client libraries use.
+void write_process(double start_time_s, MetricsText& text) {
+    const ProcessStatistics process = process_statistics();
+    text.one_gauge("process_start_time_seconds", "Start time of the process since the Unix epoch in seconds.",
+                   start_time_s);
+    text.one_gauge("process_resident_memory_bytes", "Resident memory size in bytes.",
+                   static_cast<double>(process.resident_bytes));
+    text.one_counter("process_cpu_seconds", "Total user and system CPU time spent in seconds.",
+                     process.cpu_s);
+    text.one_gauge("process_open_fds", "Number of open file descriptors.", process.open_files);
+    text.one_gauge("process_max_fds", "Maximum number of open file descriptors.",
+                   static_cast<double>(process.max_open_files));
 }
 
 }  // namespace
 
-std::string capture_metrics(const ApiContext& api, Format format) {
+std::string capture_metrics(const MetricsSnapshot& snapshot, Format format) {
     MetricsText text(format);
-    text.gauge("kinevox_build_info", "1; the labels say what runs here.");
-    text.sample(1, {{"version", kVersion}, {"source", api.source_description}});
-    text.one_gauge("kinevox_uptime_seconds", "Since the daemon's start.",
-                   std::chrono::duration<double>(std::chrono::steady_clock::now() - api.started_at).count());
-    write_capture(api, text);
-    if (api.figures) {
-        write_stages(*api.figures, text);
-        write_streams(api, *api.figures, text);
-    }
-    write_cameras(api, text);
-    write_recorder(api, text);
-    write_gpu(api, text);
-    write_process(text);
+    text.gauge("kinevox_build_info", "1; the label has the version.");
+    text.sample(1, {{"version", snapshot.version}});
+    text.gauge("kinevox_source_info", "1; the label describes the source.");
+    text.sample(1, {{"source", snapshot.source}});
+    write_capture(snapshot, text);
+    write_stages(snapshot, text);
+    write_streams(snapshot, text);
+    write_cameras(snapshot.cameras, text);
+    write_recorder(snapshot.recorder, text);
+    write_gpu(snapshot, text);
+    write_process(snapshot.start_time_s, text);
     return text.take();
 }
 

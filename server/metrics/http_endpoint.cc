@@ -14,6 +14,8 @@
 #include <thread>
 #include <utility>
 
+#include "common/host_port.h"
+
 namespace kinevox::metrics {
 namespace {
 
@@ -22,11 +24,11 @@ namespace beast = boost::beast;
 namespace http = beast::http;
 using asio::ip::tcp;
 
-constexpr std::chrono::seconds kPatience{10};  // with one request or answer
+constexpr std::chrono::seconds kTimeout{10};  // for one request or answer
 constexpr std::uint32_t kMaxHead = 8 << 10;
 constexpr int kMaxConnections = 32;
 
-// One connection; lives as long as an operation of it is under way.
+// One connection; lives until its last operation ends.
 class Connection : public std::enable_shared_from_this<Connection> {
   public:
     Connection(tcp::socket socket, const HttpEndpoint::Metrics& metrics, std::shared_ptr<void> counted)
@@ -36,7 +38,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
         parser_.emplace();
         parser_->header_limit(kMaxHead);
         parser_->body_limit(0);
-        stream_.expires_after(kPatience);
+        stream_.expires_after(kTimeout);
         http::async_read(stream_, buffer_, *parser_,
                          [self = shared_from_this()](beast::error_code error, std::size_t) {
                              if (!error)
@@ -68,7 +70,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
         }
         response_.prepare_payload();
         if (request.method() == http::verb::head) response_.body().clear();
-        stream_.expires_after(kPatience);
+        stream_.expires_after(kTimeout);
         http::async_write(stream_, response_,
                           [self = shared_from_this()](beast::error_code error, std::size_t) {
                               if (!error && self->response_.keep_alive())
@@ -91,7 +93,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
 
     beast::tcp_stream stream_;
     const HttpEndpoint::Metrics& metrics_;
-    std::shared_ptr<void> counted_;  // counts the connections that live
+    std::shared_ptr<void> counted_;  // counts the open connections
     beast::flat_buffer buffer_;
     std::optional<http::request_parser<http::empty_body>> parser_;
     http::response<http::string_body> response_;
@@ -116,10 +118,10 @@ struct HttpEndpoint::Parts {
     void accept() {
         acceptor.async_accept([this](const beast::error_code& error, tcp::socket socket) {
             if (error == asio::error::operation_aborted) return;
-            if (error) {  // no file is left, or the like: not all the time again
+            if (error) {  // for example no file descriptor left: retry later
                 spdlog::warn("metrics: {}", error.message());
                 std::this_thread::sleep_for(std::chrono::milliseconds(100));
-            } else if (connections.use_count() <= kMaxConnections) {  // else it is closed at once
+            } else if (connections.use_count() <= kMaxConnections) {  // else it is closed
                 std::make_shared<Connection>(std::move(socket), metrics, connections)->read();
             }
             accept();
@@ -131,10 +133,10 @@ absl::StatusOr<std::unique_ptr<HttpEndpoint>> HttpEndpoint::listen(const std::st
                                                                    Metrics metrics) {
     auto parts = std::make_unique<Parts>();
     parts->metrics = std::move(metrics);
-    std::string host = address.substr(0, address.rfind(':'));
-    if (host.size() > 1 && host.front() == '[') host = host.substr(1, host.size() - 2);
-    beast::error_code error;
-    const auto found = tcp::resolver(parts->io).resolve(host, address.substr(address.rfind(':') + 1),
+    beast::error_code error = asio::error::invalid_argument;
+    const auto host_port = parse_host_port(address);
+    if (!host_port) return cannot_listen(address, error);
+    const auto found = tcp::resolver(parts->io).resolve(host_port->host, std::to_string(host_port->port),
                                                         tcp::resolver::passive, error);
     if (error || found.empty()) return cannot_listen(address, error);
     const tcp::endpoint endpoint = found.begin()->endpoint();

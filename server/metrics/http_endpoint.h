@@ -1,4 +1,4 @@
-// A small HTTP server for monitoring: GET /metrics, and nothing else.
+// A small HTTP server for monitoring: GET /metrics only.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -11,14 +11,13 @@
 
 namespace kinevox::metrics {
 
-// Has a thread of its own, which asks `metrics` for the text; nobody who reads slowly or not at all keeps
-// others from it.
+// Has its own thread, which calls `metrics`; clients that read slowly or not at all do not block others.
 class HttpEndpoint {
   public:
     using Metrics = std::function<std::string(Format)>;
 
-    // `address` is HOST:PORT, port 0 takes a free one. Unavailable where it cannot listen there, with the
-    // remedy.
+    // `address` is HOST:PORT, port 0 takes a free one. Unavailable, with the remedy, if it cannot listen
+    // there.
     static absl::StatusOr<std::unique_ptr<HttpEndpoint>> listen(const std::string& address, Metrics metrics);
     ~HttpEndpoint();  // ends the thread
     HttpEndpoint(const HttpEndpoint&) = delete;

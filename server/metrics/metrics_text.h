@@ -1,5 +1,5 @@
-// Writes metrics as text, in OpenMetrics 1.0 or in Prometheus' older format 0.0.4, which differ in how
-// counters are named and how the text ends.
+// Writes metrics as text, in OpenMetrics 1.0 or in Prometheus' format 0.0.4, which differ in the names of
+// counters and the end of the text.
 #pragma once
 
 #include <cstdint>
@@ -8,18 +8,14 @@
 #include <utility>
 #include <vector>
 
+#include "server/pipeline/running_histogram.h"
+
 namespace kinevox::metrics {
 
 enum class Format { kOpenMetrics, kPrometheus };
 
-// Sorted as they were given; names are [a-z_]+, values any text.
+// In the given order; names are [a-z_]+, values any text.
 using Labels = std::vector<std::pair<std::string_view, std::string>>;
-
-struct Histogram {
-    std::vector<double> bounds;         // upper ones, rising; one above all is added
-    std::vector<std::uint64_t> counts;  // of each, and of what lies above the last: bounds.size() + 1
-    double sum = 0;
-};
 
 // One family after the other: family() names it, the samples follow.
 class MetricsText {
@@ -50,7 +46,7 @@ class MetricsText {
     std::string name_, text_;
 };
 
-// What HTTP calls the format.
+// The HTTP content type of the format.
 std::string_view content_type(Format format);
 
 }  // namespace kinevox::metrics

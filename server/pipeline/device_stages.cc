@@ -9,11 +9,11 @@
 namespace kinevox {
 namespace {
 
-std::unique_ptr<Stages> make_stages(const kernels::StageMaker& maker, const std::vector<Camera>& cameras,
+std::unique_ptr<Stages> make_stages(const kernels::StageFactory& maker, const std::vector<Camera>& cameras,
                                     const PipelineOptions& options) {
     auto stages = std::make_unique<Stages>();
     for (const Camera& camera : cameras) {
-        if (options.jumps) {
+        if (options.allow_discontinuities) {
             auto segmenter = maker.rewindable_segmenter(camera.width, camera.height, 3, options.segmentation);
             stages->rewindable.push_back(segmenter.get());
             stages->segmenters.push_back(std::move(segmenter));
@@ -30,21 +30,21 @@ std::unique_ptr<Stages> make_stages(const kernels::StageMaker& maker, const std:
     return stages;
 }
 
-void learn_with(Stages& stages, const std::vector<std::vector<kernels::PictureView>>& pictures) {
-    for_each_camera(pictures.size(), [&](std::size_t c) { stages.segmenters[c]->learn(pictures[c]); });
+void learn_with(Stages& stages, const std::vector<std::vector<kernels::ImageView>>& images) {
+    for_each_camera(images.size(), [&](std::size_t c) { stages.segmenters[c]->learn(images[c]); });
 }
 
 }  // namespace
 
 DeviceStages::DeviceStages(const std::vector<Camera>& cameras, const PipelineOptions& options)
     : gpu_(options.gpu) {
-    stages_ = make_stages(*kernels::make_stage_maker(gpu_ ? kernels::Device::kCpu : options.device), cameras,
-                          options);
+    stages_ = make_stages(*kernels::make_stage_factory(gpu_ ? kernels::Device::kCpu : options.device),
+                          cameras, options);
     if (!gpu_ || !gpu_->usable()) return;
     try {
         gpu_stages_ = make_stages(gpu_->stages(), cameras, options);
     } catch (const kernels::DeviceError& error) {
-        gpu_->fail(error.what());
+        gpu_->report_failure(error.what());
     }
 }
 
@@ -54,16 +54,16 @@ void DeviceStages::run(const std::function<void(Stages&)>& work) {
         try {
             return work(*gpu_stages_);
         } catch (const kernels::DeviceError& error) {
-            gpu_->fail(error.what());
+            gpu_->report_failure(error.what());
             gpu_stages_.reset();
         }
     }
     work(*stages_);
 }
 
-void DeviceStages::learn(const std::vector<std::vector<kernels::PictureView>>& pictures) {
-    run([&](Stages& stages) { learn_with(stages, pictures); });
-    if (gpu_stages_) learn_with(*stages_, pictures);
+void DeviceStages::learn(const std::vector<std::vector<kernels::ImageView>>& images) {
+    run([&](Stages& stages) { learn_with(stages, images); });
+    if (gpu_stages_) learn_with(*stages_, images);
 }
 
 void DeviceStages::forget_frames() {

@@ -7,8 +7,8 @@
 
 namespace kinevox {
 
-// body(0) .. body(count - 1), cameras side by side; what a camera's stage splits further is stolen by idle
-// workers.
+// body(0) .. body(count - 1), cameras in parallel; idle workers steal work that a camera's stage splits
+// further.
 template <class F>
 void for_each_camera(std::size_t count, F body) {
     oneapi::tbb::parallel_for(std::size_t{0}, count, body, oneapi::tbb::simple_partitioner());

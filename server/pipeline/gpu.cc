@@ -8,9 +8,9 @@
 
 namespace kinevox {
 
-Gpu::Gpu(std::unique_ptr<const kernels::StageMaker> stages)
+Gpu::Gpu(std::unique_ptr<const kernels::StageFactory> stages)
     : stages_(std::move(stages)), name_(stages_->name()) {
-    if (const std::string problem = stages_->problem(); !problem.empty()) fail(problem);
+    if (const std::string problem = stages_->problem(); !problem.empty()) report_failure(problem);
 }
 
 bool Gpu::usable() const {
@@ -18,14 +18,14 @@ bool Gpu::usable() const {
     return failures_ == 0;
 }
 
-void Gpu::fail(const std::string& what) {
+void Gpu::report_failure(const std::string& what) {
     const std::scoped_lock lock(mutex_);
     if (++failures_ > 1) return;
     message_ = fmt::format(
-        "the GPU{} failed: {}; the CPU computes since {:%Y-%m-%d %H:%M:%S} UTC, more slowly; see to the GPU "
+        "the GPU{} failed: {}; the CPU computes since {:%Y-%m-%d %H:%M:%S} UTC, more slowly; check the GPU "
         "(kinevox doctor), then restart the daemon",
         name_.empty() ? "" : " (" + name_ + ")", what, fmt::gmtime(std::time(nullptr)));
-    news_ = message_;
+    pending_message_ = message_;
 }
 
 Gpu::State Gpu::state() const {
@@ -43,9 +43,9 @@ std::string Gpu::message() const {
     return message_;
 }
 
-std::string Gpu::take_news() {
+std::string Gpu::take_message() {
     const std::scoped_lock lock(mutex_);
-    return std::exchange(news_, {});
+    return std::exchange(pending_message_, {});
 }
 
 }  // namespace kinevox

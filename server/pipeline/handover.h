@@ -1,4 +1,4 @@
-// One value on its way from a thread to the next. Holds one at most: the giver waits for the taker.
+// Hands values from one thread to the next. Holds at most one: the producer waits for the consumer.
 #pragma once
 
 #include <chrono>
@@ -9,11 +9,11 @@
 
 namespace kinevox {
 
-// Thread safe. Closed until it is opened; what it held when it was closed is dropped.
+// Thread safe. Closed until it is opened; close() drops the value.
 template <class T>
 class Handover {
   public:
-    // Nobody may be in push() or pop().
+    // No thread may be in push() or pop().
     void open() {
         const std::scoped_lock lock(mutex_);
         ready_.reset();
@@ -27,7 +27,7 @@ class Handover {
         changed_.notify_all();
     }
 
-    // False once it is closed.
+    // False once closed.
     bool push(T value) {
         std::unique_lock lock(mutex_);
         changed_.wait(lock, [&] { return closed_ || !ready_; });
@@ -37,7 +37,7 @@ class Handover {
         return true;
     }
 
-    // Takes the place of what waits there. False once it is closed.
+    // Replaces a waiting value. False once closed.
     bool replace(T value) {
         const std::scoped_lock lock(mutex_);
         if (closed_) return false;
@@ -46,20 +46,20 @@ class Handover {
         return true;
     }
 
-    // Waits until nothing waits there. False once it is closed.
+    // False once closed.
     bool wait_until_empty() {
         std::unique_lock lock(mutex_);
         changed_.wait(lock, [&] { return closed_ || !ready_; });
         return !closed_;
     }
 
-    // Waits until there is one, or it is closed; false: neither within that time.
-    bool wait_for_one(std::chrono::milliseconds longest) {
+    // Waits for a value or close(); false: neither within that time.
+    bool wait_for_one(std::chrono::milliseconds timeout) {
         std::unique_lock lock(mutex_);
-        return changed_.wait_for(lock, longest, [&] { return closed_ || ready_; });
+        return changed_.wait_for(lock, timeout, [&] { return closed_ || ready_; });
     }
 
-    // Empty once it is closed.
+    // Empty once closed.
     std::optional<T> pop() {
         std::unique_lock lock(mutex_);
         changed_.wait(lock, [&] { return closed_ || ready_; });

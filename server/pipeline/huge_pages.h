@@ -1,13 +1,12 @@
-// Memory in huge pages. A frame walks through tens of megabytes once, so that its time is mostly that of
-// finding them: on a virtual machine, where a miss of the TLB costs two walks, all stages were seen to take
-// up to 1.7 times longer in small pages, the longer the machine had been up the more.
+// Memory in huge pages. A frame set reads tens of megabytes once, so TLB misses dominate: on a virtual
+// machine, where a miss costs two page walks, all stages took up to 1.7 times longer with small pages, more
+// so the longer the machine had been up.
 #pragma once
 
 namespace kinevox {
 
-// Starts the program anew with glibc told to ask for huge pages, which it hears from its environment at the
-// start only; returns where there is nothing to do: it is told already (so is the second time), or not on
-// Linux. The first thing that main() calls.
+// Restarts the program with glibc's tunable for huge pages, which is read from the environment at program
+// start only; returns if it is set already (as after the restart) or not on Linux. Called first by main().
 void restart_with_huge_pages(char** arguments);
 
 }  // namespace kinevox

@@ -1,4 +1,4 @@
-// Computes a value per key once, however many threads ask, and shares it.
+// Computes a value per key once for any number of threads, and shares it.
 #pragma once
 
 #include <map>

@@ -21,7 +21,7 @@
 namespace kinevox {
 namespace {
 
-constexpr int kExpectedDilation = 40;  // 1/40 of the picture's height
+constexpr int kExpectedDilation = 40;  // 1/40 of the image height
 
 constexpr std::size_t kManyViews = 4;
 
@@ -31,8 +31,8 @@ double to_ms(Clock::duration time) {
     return std::chrono::duration<double, std::milli>(time).count();
 }
 
-// Milliseconds since it was made or last asked.
-class LapClock {
+// Milliseconds since the construction or the last call.
+class LapTimer {
   public:
     double lap_ms() {
         const auto now = Clock::now();
@@ -45,7 +45,7 @@ class LapClock {
     Clock::time_point lap_ = Clock::now();
 };
 
-// Reconstructions on their way back, so that their volumes' memory is kept. Thread safe.
+// Reconstructions for reuse, so that the memory of their volumes is kept. Thread safe.
 class SpareReconstructions {
   public:
     std::unique_ptr<Reconstruction> take() {
@@ -58,11 +58,11 @@ class SpareReconstructions {
     void give_back(std::unique_ptr<Reconstruction> used) {
         used->result.reset();
         const std::lock_guard lock(mutex_);
-        if (spare_.size() < kMost) spare_.push_back(std::move(used));
+        if (spare_.size() < kMaxSpare) spare_.push_back(std::move(used));
     }
 
   private:
-    static constexpr std::size_t kMost = 3;  // one in each half, one between
+    static constexpr std::size_t kMaxSpare = 3;  // one in each half, one between
     std::mutex mutex_;
     std::vector<std::unique_ptr<Reconstruction>> spare_;
 };
@@ -80,7 +80,7 @@ class StagedPipeline final : public Pipeline {
         if (options.pose) pose_stage_.emplace(cameras_, fps, options.posing);
     }
 
-    absl::Status learn_background(const std::vector<std::vector<Picture>>& empty_scene) override;
+    absl::Status learn_background(const std::vector<std::vector<Image>>& empty_scene) override;
     absl::StatusOr<std::unique_ptr<Reconstruction>> reconstruct(FrameSet frame_set) override;
     absl::StatusOr<FrameResultPtr> pose(std::unique_ptr<Reconstruction> reconstruction) override;
     void reset_track() override {
@@ -99,7 +99,7 @@ class StagedPipeline final : public Pipeline {
         return tracker;
     }
 
-    absl::Status check_picture(const Picture& picture, std::size_t camera) const;
+    absl::Status check_image(const Image& image, std::size_t camera) const;
     void segment(FrameResult& result);
     void track(FrameResult& result);
     void carve(Reconstruction& work);
@@ -113,7 +113,7 @@ class StagedPipeline final : public Pipeline {
     std::vector<kernels::CameraModel> models_;
     SpareReconstructions spare_;
 
-    // Of the first half alone.
+    // Of the first half only.
     DeviceStages device_;
     Tracker tracker_;
     ResultPool results_;
@@ -123,43 +123,43 @@ class StagedPipeline final : public Pipeline {
     kernels::VoxelVolume last_shape_;                  // coarse
     std::vector<std::vector<std::uint8_t>> expected_;  // per camera, its projection to where it should be now
 
-    // Of the first half's frame set in work; members so that their memory is kept.
-    std::vector<const kernels::Silhouettes*> seen_;  // per camera, null: no picture
+    // Of the first half's current frame set; members, so that their memory is kept.
+    std::vector<const kernels::Silhouettes*> seen_;  // per camera, null: no image
     TrackerUpdate update_;
     std::vector<kernels::HullView> hull_views_;
     std::vector<kernels::ColouringView> colouring_views_;
     kernels::ColouringReport report_;
 
-    // Of the second half alone.
+    // Of the second half only.
     std::optional<PoseStage> pose_stage_;  // empty without poses
     std::vector<PoseView> pose_views_;
     std::uint32_t posed_subject_ = 0;
 };
 
-absl::Status StagedPipeline::check_picture(const Picture& picture, std::size_t camera) const {
+absl::Status StagedPipeline::check_image(const Image& image, std::size_t camera) const {
     const Camera& c = cameras_[camera];
-    if (picture.width == c.width && picture.height == c.height && picture.channels == 3)
-        return absl::OkStatus();
+    if (image.width == c.width && image.height == c.height && image.channels == 3) return absl::OkStatus();
     return absl::InvalidArgumentError(fmt::format(
-        "camera {}: a picture of {} x {} px with {} channels does not fit its calibration of {} x {} px "
-        "(3 channels); set the camera's format or calibrate it again",
-        c.name, picture.width, picture.height, picture.channels, c.width, c.height));
+        "camera {}: an image of {} x {} px with {} channels does not match its calibration of {} x {} px "
+        "(3 channels); set the camera's format or recalibrate it",
+        c.name, image.width, image.height, image.channels, c.width, c.height));
 }
 
-absl::Status StagedPipeline::learn_background(const std::vector<std::vector<Picture>>& empty_scene) {
+absl::Status StagedPipeline::learn_background(const std::vector<std::vector<Image>>& empty_scene) {
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
         if (c >= empty_scene.size() || empty_scene[c].empty())
-            return absl::InvalidArgumentError(fmt::format(
-                "camera {} has no picture of the empty scene; record one (`background` in the session "
-                "file) or let the background be learned live",
-                cameras_[c].name));
-        for (const Picture& picture : empty_scene[c])
-            if (absl::Status checked = check_picture(picture, c); !checked.ok()) return checked;
+            return absl::InvalidArgumentError(
+                fmt::format("camera {} has no background image; record one (`background` in the session "
+                            "file) or learn the "
+                            "background live",
+                            cameras_[c].name));
+        for (const Image& image : empty_scene[c])
+            if (absl::Status checked = check_image(image, c); !checked.ok()) return checked;
     }
     try {
-        std::vector<std::vector<kernels::PictureView>> views(cameras_.size());
+        std::vector<std::vector<kernels::ImageView>> views(cameras_.size());
         for (std::size_t c = 0; c < cameras_.size(); ++c)
-            for (const Picture& picture : empty_scene[c]) views[c].push_back(to_kernel(picture));
+            for (const Image& image : empty_scene[c]) views[c].push_back(to_kernel(image));
         device_.learn(views);
     } catch (const std::exception& error) {
         return absl::InternalError(fmt::format("learning the background failed: {}", error.what()));
@@ -169,11 +169,11 @@ absl::Status StagedPipeline::learn_background(const std::vector<std::vector<Pict
     return absl::OkStatus();
 }
 
-// As if the background had been learned just now.
+// The state after learn_background().
 absl::Status StagedPipeline::forget_frames() {
-    if (!options_.jumps)
+    if (!options_.allow_discontinuities)
         return absl::FailedPreconditionError(
-            "a frame set does not follow the one before, which this pipeline was not made for");
+            "a frame set does not follow the previous one, and this pipeline allows no discontinuities");
     device_.forget_frames();
     reset_track();
     return absl::OkStatus();
@@ -201,23 +201,24 @@ void StagedPipeline::segment(FrameResult& result) {
     seen_.assign(cameras_.size(), nullptr);
     device_.run([&](Stages& stages) {
         for_each_camera(cameras_.size(), [&](std::size_t c) {
-            const Picture& picture = result.frame_set.pictures[c];
-            if (picture.empty()) {
+            const Image& image = result.frame_set.images[c];
+            if (image.empty()) {
                 result.silhouettes[c] = {};
                 return;
             }
             kernels::SegmentationPrior prior = priors[c];
             if (expect_volume_ && !prior.region.empty()) {
-                // Limbs move on their own besides; islands need only touch what is expected.
+                // Limbs also move relative to the body; components need only touch the expected projection.
                 const int dilate_px = std::max(1, cameras_[c].height / kExpectedDilation);
                 kernels::Rect ignored;
                 expected_[c].resize(static_cast<std::size_t>(cameras_[c].width) * cameras_[c].height);
                 kernels::project_volume(last_shape_, models_[c], moved, dilate_px, expected_[c].data(),
                                         ignored);
                 prior.expected = expected_[c].data();
-                if (prior.reach_px >= 0) prior.reach_px = std::max(prior.reach_px - dilate_px, 0);
+                if (prior.max_distance_px >= 0)
+                    prior.max_distance_px = std::max(prior.max_distance_px - dilate_px, 0);
             }
-            stages.segmenters[c]->segment(to_kernel(picture), prior, result.silhouettes[c]);
+            stages.segmenters[c]->segment(to_kernel(image), prior, result.silhouettes[c]);
             seen_[c] = &result.silhouettes[c];
         });
     });
@@ -229,17 +230,16 @@ void StagedPipeline::track(FrameResult& result) {
     result.events = std::move(update_.events);
 }
 
-// Only the cameras that agree on the subject carve it. Where four or more do, what only two of them see is
-// not kept: behind the border of the other pictures the cones of two cameras that face each other meet in a
-// long ghost.
+// Only inlier cameras carve the subject. With four or more, voxels that only two of them see are removed:
+// behind the borders of the other images, the cones of two opposite cameras intersect in a long ghost.
 void StagedPipeline::carve(Reconstruction& work) {
     hull_views_.clear();
-    work.carving_cameras.clear();
+    work.inlier_cameras.clear();
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
-        if (update_.roles[c] != CameraRole::kAgrees && update_.roles[c] != CameraRole::kPartial) continue;
+        if (update_.roles[c] != CameraRole::kInlier && update_.roles[c] != CameraRole::kTruncated) continue;
         const kernels::Silhouettes& s = work.result->silhouettes[c];
-        hull_views_.push_back({&models_[c], s.loose.data(), s.probability.data(), s.bounds});
-        work.carving_cameras.push_back(c);
+        hull_views_.push_back({&models_[c], s.loose.data(), s.bounds});
+        work.inlier_cameras.push_back(c);
     }
     device_.run([&](Stages& stages) { carve_with(stages, work); });
 }
@@ -252,36 +252,36 @@ void StagedPipeline::carve_with(Stages& stages, Reconstruction& work) {
 void StagedPipeline::colour(Reconstruction& work) {
     FrameResult& result = *work.result;
     colouring_views_.clear();
-    for (const std::size_t c : work.carving_cameras) {
+    for (const std::size_t c : work.inlier_cameras) {
         const kernels::Silhouettes& s = result.silhouettes[c];
         colouring_views_.push_back(
-            {&models_[c], to_kernel(result.frame_set.pictures[c]), s.loose.data(), s.sharp.data(), s.bounds});
+            {&models_[c], to_kernel(result.frame_set.images[c]), s.loose.data(), s.sharp.data(), s.bounds});
     }
     bool again = false;
     device_.run([&](Stages& stages) {
-        // It changes the volume: what a GPU that failed in the middle of it left is carved anew.
+        // Colouring changes the volume: carve again after a GPU failed in the middle of it.
         if (std::exchange(again, true)) carve_with(stages, work);
         stages.colourer->colour(colouring_views_, work.volume, report_);
     });
-    for (std::size_t view = 0; view < work.carving_cameras.size() && view < report_.silhouette_iou.size();
+    for (std::size_t view = 0; view < work.inlier_cameras.size() && view < report_.silhouette_iou.size();
          ++view)
-        result.silhouette_iou[work.carving_cameras[view]] = report_.silhouette_iou[view];
+        result.silhouette_iou[work.inlier_cameras[view]] = report_.silhouette_iou[view];
 }
 
 absl::StatusOr<std::unique_ptr<Reconstruction>> StagedPipeline::reconstruct(FrameSet frame_set) {
     const Clock::time_point arrived = Clock::now();
     if (!learned_)
         return absl::FailedPreconditionError(
-            "the background is not learned; learn it from an empty scene first");
-    if (frame_set.pictures.size() != cameras_.size())
-        return absl::InvalidArgumentError(fmt::format("frame set {} has {} pictures for {} cameras",
-                                                      frame_set.sequence, frame_set.pictures.size(),
+            "the background is not learned; learn it with the scene empty first");
+    if (frame_set.images.size() != cameras_.size())
+        return absl::InvalidArgumentError(fmt::format("frame set {} has {} images for {} cameras",
+                                                      frame_set.sequence, frame_set.images.size(),
                                                       cameras_.size()));
     for (std::size_t c = 0; c < cameras_.size(); ++c)
-        if (!frame_set.pictures[c].empty())
-            if (absl::Status checked = check_picture(frame_set.pictures[c], c); !checked.ok()) return checked;
+        if (!frame_set.images[c].empty())
+            if (absl::Status checked = check_image(frame_set.images[c], c); !checked.ok()) return checked;
 
-    if (frame_set.after_jump)
+    if (frame_set.after_discontinuity)
         if (absl::Status forgotten = forget_frames(); !forgotten.ok()) return forgotten;
     std::unique_ptr<Reconstruction> work = spare_.take();
     work->arrived = arrived;
@@ -294,19 +294,20 @@ absl::StatusOr<std::unique_ptr<Reconstruction>> StagedPipeline::reconstruct(Fram
     result.frame_set = std::move(frame_set);
     result.silhouette_iou.assign(cameras_.size(), std::numeric_limits<float>::quiet_NaN());
     try {
-        LapClock clock;
+        LapTimer timer;
         segment(result);
-        result.times.segmentation_ms = clock.lap_ms();
+        result.times.segmentation_ms = timer.lap_ms();
         track(result);
-        result.times.tracking_ms = clock.lap_ms();
+        result.times.tracking_ms = timer.lap_ms();
         expect_volume_ = update_.lattice.has_value();
         if (update_.lattice) {
             carve(*work);
-            result.times.hull_ms = clock.lap_ms();
+            result.times.hull_ms = timer.lap_ms();
             if (options_.colouring) {
                 colour(*work);
-                result.times.colouring_ms = clock.lap_ms();
+                result.times.colouring_ms = timer.lap_ms();
             }
+            static_assert(PoseStage::kCoarseFactor == 4);
             coarsen_by_four(work->volume, work->coarse);
             last_shape_ = work->coarse;
             if (const auto centre = centre_of(work->volume)) tracker_.observe_volume(*centre);
@@ -316,25 +317,24 @@ absl::StatusOr<std::unique_ptr<Reconstruction>> StagedPipeline::reconstruct(Fram
         return absl::InternalError(fmt::format("frame set {}: {}", result.sequence, error.what()));
     }
     if (options_.gpu)
-        if (std::string news = options_.gpu->take_news(); !news.empty())
+        if (std::string message = options_.gpu->take_message(); !message.empty())
             result.events.push_back(
-                {EventKind::kError, result.sequence, result.capture_time_ns, {}, std::move(news)});
+                {EventKind::kGpuFailed, result.sequence, result.capture_time_ns, {}, std::move(message)});
     return work;
 }
 
-// A camera that disagrees on the subject would bend the body, so only those that carve are asked.
+// An outlier camera would distort the pose, so only the carving cameras are used.
 absl::StatusOr<FrameResultPtr> StagedPipeline::pose(std::unique_ptr<Reconstruction> work) {
     const std::shared_ptr<FrameResult> result = work->result;
     if (work->first_of_track && pose_stage_) pose_stage_->reset();
     if (pose_stage_ && result->volume && result->subject) {
-        LapClock clock;
+        LapTimer timer;
         const SubjectTrack& subject = *result->subject;
         if (subject.subject_id != posed_subject_) pose_stage_->reset();
         posed_subject_ = subject.subject_id;
         pose_views_.assign(cameras_.size(), {});
         for (std::size_t c = 0; c < cameras_.size(); ++c) pose_views_[c].camera = &models_[c];
-        for (const std::size_t c : work->carving_cameras)
-            pose_views_[c].silhouettes = &result->silhouettes[c];
+        for (const std::size_t c : work->inlier_cameras) pose_views_[c].silhouettes = &result->silhouettes[c];
         try {
             result->pose =
                 pose_stage_->process(subject.subject_id, result->sequence, result->capture_time_ns,
@@ -342,7 +342,7 @@ absl::StatusOr<FrameResultPtr> StagedPipeline::pose(std::unique_ptr<Reconstructi
         } catch (const std::exception& error) {
             return absl::InternalError(fmt::format("frame set {}: {}", result->sequence, error.what()));
         }
-        result->times.pose_ms = clock.lap_ms();
+        result->times.pose_ms = timer.lap_ms();
     }
     result->times.total_ms = to_ms(Clock::now() - work->arrived);
     spare_.give_back(std::move(work));
@@ -374,7 +374,8 @@ absl::StatusOr<std::unique_ptr<Pipeline>> Pipeline::create(std::vector<Camera> c
         return absl::InvalidArgumentError(
             fmt::format("{} cameras; a volume needs at least 2 that see the subject", cameras.size()));
     if (!(fps > 0))
-        return absl::InvalidArgumentError(fmt::format("{} frame sets a second; it must be positive", fps));
+        return absl::InvalidArgumentError(
+            fmt::format("{} frame sets per second; the rate must be positive", fps));
     try {
         return std::make_unique<StagedPipeline>(std::move(cameras), fps, options);
     } catch (const std::invalid_argument& error) {

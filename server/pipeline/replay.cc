@@ -8,8 +8,8 @@
 
 namespace kinevox {
 
-Replay::Replay(Runner& runner, MakePipeline make_pipeline, std::function<void(std::string)> tell)
-    : runner_(runner), make_pipeline_(std::move(make_pipeline)), tell_(std::move(tell)) {}
+Replay::Replay(Runner& runner, MakePipeline make_pipeline, OnChange on_change)
+    : runner_(runner), make_pipeline_(std::move(make_pipeline)), on_change_(std::move(on_change)) {}
 
 absl::Status Replay::stop_running(bool& ran) {
     const absl::Status stopped = runner_.stop();
@@ -18,80 +18,80 @@ absl::Status Replay::stop_running(bool& ran) {
 }
 
 absl::Status Replay::open(const std::filesystem::path& session_file, const ReplayOptions& options) {
-    // All that can be wrong with the recording, before anything is stopped.
+    // Everything that can be wrong with the session, before anything is stopped.
     auto source = ReplaySource::open(session_file, options);
     if (!source.ok()) return source.status();
-    Feed feed;
-    feed.fps = (*source)->fps();
-    feed.own_cameras = feed.cameras = (*source)->cameras();
-    auto pipeline = make_pipeline_(feed.cameras, feed.fps);
+    CaptureSetup setup;
+    setup.fps = (*source)->fps();
+    setup.own_cameras = setup.cameras = (*source)->cameras();
+    auto pipeline = make_pipeline_(setup.cameras, setup.fps);
     if (!pipeline.ok()) return pipeline.status();
-    feed.pipeline = *std::move(pipeline);
-    feed.source = *source;
-    const auto shown = std::make_shared<Shown>();
-    shown->source = *source;
-    feed.reopen = [shown, session_file, options]() -> absl::StatusOr<std::shared_ptr<FrameSource>> {
+    setup.pipeline = *std::move(pipeline);
+    setup.source = *source;
+    const auto slot = std::make_shared<SourceSlot>();
+    slot->source = *source;
+    setup.reopen = [slot, session_file, options]() -> absl::StatusOr<std::shared_ptr<FrameSource>> {
         auto opened = ReplaySource::open(session_file, options);
         if (!opened.ok()) return opened.status();
-        const std::scoped_lock lock(shown->mutex);
-        shown->source = *opened;
+        const std::scoped_lock lock(slot->mutex);
+        slot->source = *opened;
         return std::shared_ptr<FrameSource>(*opened);
     };
 
     bool ran = false;
     if (absl::Status stopped = stop_running(ran); !stopped.ok()) return stopped;
-    auto before = runner_.exchange(std::move(feed));
+    auto before = runner_.swap_setup(std::move(setup));
     if (!before.ok()) return before.status();
     if (const absl::Status started = runner_.start(); !started.ok()) {
-        // As before: the cameras, or the recording that was shown.
-        if (const auto back = runner_.exchange(*std::move(before)); !back.ok()) return back.status();
-        if (ran) runner_.start().IgnoreError();  // its own event says what is wrong
+        // The previous setup: the cameras, or the session replayed before.
+        if (const auto back = runner_.swap_setup(*std::move(before)); !back.ok()) return back.status();
+        if (ran) runner_.start().IgnoreError();  // reports its own error
         return started;
     }
     if (!live_) live_ = *std::move(before), live_ran_ = ran;
     {
         const std::scoped_lock lock(mutex_);
-        shown_ = shown;
+        slot_ = slot;
         session_file_ = session_file;
     }
-    tell_(fmt::format("replaying {}", session_file.string()));
+    on_change_(EventKind::kReplayOpened, fmt::format("replaying {}", session_file.string()));
     return absl::OkStatus();
 }
 
-absl::Status Replay::live() {
-    if (!live_) return absl::FailedPreconditionError("nothing is replayed; the capture sees its cameras");
+absl::Status Replay::close() {
+    if (!live_) return absl::FailedPreconditionError("no replay is open; the cameras are captured");
     bool ran = false;
     if (absl::Status stopped = stop_running(ran); !stopped.ok()) return stopped;
-    if (const auto replayed = runner_.exchange(*std::exchange(live_, std::nullopt)); !replayed.ok())
+    if (const auto replayed = runner_.swap_setup(*std::exchange(live_, std::nullopt)); !replayed.ok())
         return replayed.status();
     {
         const std::scoped_lock lock(mutex_);
-        shown_.reset();
+        slot_.reset();
         session_file_.clear();
     }
-    tell_("the cameras are seen again");
+    on_change_(EventKind::kReplayClosed, "replay closed; capturing the cameras");
     return live_ran_ ? runner_.start() : absl::OkStatus();
 }
 
 std::shared_ptr<ReplaySource> Replay::source() const {
-    std::shared_ptr<Shown> shown;
+    std::shared_ptr<SourceSlot> slot;
     {
         const std::scoped_lock lock(mutex_);
-        shown = shown_;
+        slot = slot_;
     }
-    if (!shown) return nullptr;
-    const std::scoped_lock lock(shown->mutex);
-    return shown->source;
+    if (!slot) return nullptr;
+    const std::scoped_lock lock(slot->mutex);
+    return slot->source;
 }
 
 absl::Status Replay::change(const ReplayChange& change) {
     const auto replayed = source();
     if (!replayed)
         return absl::FailedPreconditionError(
-            "nothing is replayed; open a recording first, with kinevox replay open");
+            "no replay is open; open a recording first (kinevox replay open)");
     if (change.position_s && !std::isfinite(*change.position_s))
         return absl::InvalidArgumentError(
-            "the position is not a number; give seconds from the recording's begin");
+            "the position is not a number; give seconds from the start of the recording");
     if (change.speed)
         if (absl::Status set = replayed->set_speed(*change.speed); !set.ok()) return set;
     if (change.loop) replayed->set_loop(*change.loop);
@@ -108,7 +108,7 @@ ReplayStatus Replay::status() const {
     ReplayStatus out;
     {
         const std::scoped_lock lock(mutex_);
-        out.open = shown_ != nullptr;
+        out.open = slot_ != nullptr;
         out.session_file = session_file_;
     }
     if (const auto replayed = source()) out.position = replayed->position();

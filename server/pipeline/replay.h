@@ -1,4 +1,4 @@
-// Whether the capture sees its cameras or a recording, and the handles of the latter.
+// Replays a recorded session instead of the cameras.
 #pragma once
 
 #include <absl/status/status.h>
@@ -17,45 +17,44 @@
 
 namespace kinevox {
 
-// What is to change of a replay; what is absent stays as it is. Speed and loop first, then where, then
-// whether it plays.
+// Changes of a replay, applied in this order; absent: unchanged.
 struct ReplayChange {
     std::optional<double> speed;
     std::optional<bool> loop;
     std::optional<std::int64_t> frame;  // seek
     std::optional<double> position_s;   // seek, to the nearest frame; without `frame`
-    std::optional<std::int64_t> step;   // so many frames on, or back; pauses
-    std::optional<bool> play;           // or pause
+    std::optional<std::int64_t> step;   // frames forward or back; pauses
+    std::optional<bool> play;           // false: pause
 };
 
 struct ReplayStatus {
-    bool open = false;  // else the capture sees its cameras
+    bool open = false;  // false: the cameras are captured
     std::filesystem::path session_file;
-    std::optional<ReplayPosition> position;  // empty while its source is not open
+    std::optional<ReplayPosition> position;  // empty while its source is closed
 };
 
-// open() and live() are the control thread's, as the runner's start() and stop(); the others any. A recording
-// has a pipeline of its own, for its own cameras: the live one waits meanwhile, with its background, body and
-// calibration.
+// open() and close() are the control thread's, as the runner's start() and stop(); the others any. A replay
+// has its own pipeline for its own cameras; the live one keeps its background, body and calibration.
 class Replay {
   public:
     using MakePipeline = std::function<absl::StatusOr<std::unique_ptr<Pipeline>>(
         const std::vector<Camera>& cameras, double fps)>;
-    // `tell`: one line for people, when a recording takes the cameras' place and when it gives it back.
-    Replay(Runner& runner, MakePipeline make_pipeline, std::function<void(std::string)> tell);
+    // `on_change`: with kReplayOpened or kReplayClosed and one line for people.
+    using OnChange = std::function<void(EventKind, std::string message)>;
+    Replay(Runner& runner, MakePipeline make_pipeline, OnChange on_change);
 
-    // Stops a capture that runs and starts it on the recording. Where that fails, all is as before.
+    // Stops a running capture and starts it with the session. On failure the previous state is restored.
     absl::Status open(const std::filesystem::path& session_file, const ReplayOptions& options);
-    // Back to the cameras; they are captured again if they were before. FailedPrecondition where nothing is
+    // Back to the cameras; they are captured again if they were before. FailedPrecondition if nothing is
     // replayed.
-    absl::Status live();
+    absl::Status close();
 
-    // FailedPrecondition where nothing is replayed; else as ReplaySource's.
+    // FailedPrecondition if nothing is replayed; else as ReplaySource's.
     absl::Status change(const ReplayChange& change);
     ReplayStatus status() const;
 
   private:
-    struct Shown {  // shared with what opens the source anew at each start
+    struct SourceSlot {  // shared with the function that reopens the source at each start
         mutable std::mutex mutex;
         std::shared_ptr<ReplaySource> source;  // null: not open
     };
@@ -65,13 +64,13 @@ class Replay {
 
     Runner& runner_;
     const MakePipeline make_pipeline_;
-    const std::function<void(std::string)> tell_;
+    const OnChange on_change_;
 
-    std::optional<Feed> live_;  // the control thread's: waits while a recording is replayed
+    std::optional<CaptureSetup> live_;  // the control thread's: the setup of the cameras during a replay
     bool live_ran_ = false;
 
     mutable std::mutex mutex_;
-    std::shared_ptr<Shown> shown_;  // null: live
+    std::shared_ptr<SourceSlot> slot_;  // null: live
     std::filesystem::path session_file_;
 };
 

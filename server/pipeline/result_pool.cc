@@ -30,7 +30,7 @@ std::shared_ptr<FrameResult> ResultPool::take() {
     if (!result) result = std::make_unique<FrameResult>();
     return {result.release(), [shelf = shelf_](FrameResult* used) {
                 std::unique_ptr<FrameResult> back(used);
-                // The pictures and the volume go now, the silhouettes' buffers stay.
+                // The images and the volume go now, the silhouettes' buffers stay.
                 auto silhouettes = std::move(back->silhouettes);
                 *back = FrameResult{};
                 back->silhouettes = std::move(silhouettes);

@@ -1,4 +1,4 @@
-// Results whose memory is used again once their last holder lets go: a frame set's silhouettes are megabytes.
+// Reuses the memory of results after their last release: the silhouettes of a frame set are megabytes.
 #pragma once
 
 #include <memory>
@@ -12,7 +12,7 @@ class ResultPool {
   public:
     ResultPool();
 
-    // Everything as in a new FrameResult, but `silhouettes` still has its buffers, with old contents.
+    // As a new FrameResult, except that `silhouettes` keeps its buffers, with old contents.
     std::shared_ptr<FrameResult> take();
 
   private:

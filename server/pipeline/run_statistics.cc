@@ -19,15 +19,15 @@ double quantile(std::vector<double> values, double q) {
 
 void RunStatistics::reset() {
     const std::scoped_lock lock(mutex_);
-    results_ = lost_ = newest_sequence_ = 0;
+    results_ = lost_ = latest_sequence_ = 0;
     times_.clear();
     arrivals_.clear();
 }
 
 void RunStatistics::add(std::uint64_t sequence, const StageTimes& times, Clock::time_point now) {
     const std::scoped_lock lock(mutex_);
-    if (results_ > 0 && sequence > newest_sequence_ + 1) lost_ += sequence - newest_sequence_ - 1;
-    newest_sequence_ = sequence;
+    if (results_ > 0 && sequence > latest_sequence_ + 1) lost_ += sequence - latest_sequence_ - 1;
+    latest_sequence_ = sequence;
     ++results_;
     times_.push_back(times);
     if (times_.size() > kWindow) times_.pop_front();
@@ -35,28 +35,28 @@ void RunStatistics::add(std::uint64_t sequence, const StageTimes& times, Clock::
     while (arrivals_.front() < now - kRateWindow) arrivals_.pop_front();
 }
 
-RunFigures RunStatistics::figures(Clock::time_point now) const {
+RunSnapshot RunStatistics::snapshot(Clock::time_point now) const {
     std::vector<StageTimes> times;
-    RunFigures out;
+    RunSnapshot out;
     {
         const std::scoped_lock lock(mutex_);
-        out.results = results_;
-        out.lost = lost_;
-        out.newest_sequence = newest_sequence_;
+        out.result_count = results_;
+        out.lost_count = lost_;
+        out.latest_sequence = latest_sequence_;
         times.assign(times_.begin(), times_.end());
         const auto first = std::ranges::find_if(arrivals_, [&](auto t) { return t >= now - kRateWindow; });
         const auto count = arrivals_.end() - first;
         // Right after a start the window is not full yet: then the time since its first result counts.
         if (count > 1) {
             const std::chrono::duration<double> span = arrivals_.back() - *first;
-            const std::chrono::duration<double> silent = now - arrivals_.back();
+            const std::chrono::duration<double> idle = now - arrivals_.back();
             const double period_s = span.count() / static_cast<double>(count - 1);
-            const double busy_s = span.count() + std::max(0.0, silent.count() - period_s);
-            if (busy_s > 0) out.results_per_second = static_cast<double>(count - 1) / busy_s;
+            const double busy_s = span.count() + std::max(0.0, idle.count() - period_s);
+            if (busy_s > 0) out.result_rate_hz = static_cast<double>(count - 1) / busy_s;
         }
     }
     if (times.empty()) return out;
-    out.newest = times.back();
+    out.latest = times.back();
     std::vector<double> values;
     const auto column = [&](double StageTimes::*field) -> const std::vector<double>& {
         values.clear();

@@ -1,4 +1,4 @@
-// Hands each result to everyone who subscribed, without ever making the pipeline wait.
+// Publishes each result to its subscribers; the pipeline never waits for them.
 #pragma once
 
 #include <absl/status/status.h>
@@ -6,7 +6,6 @@
 #include <chrono>
 #include <compare>
 #include <cstdint>
-#include <deque>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -17,22 +16,23 @@
 
 #include "common/body_pose.h"
 #include "common/volume.h"
+#include "server/events/event_log.h"
+#include "server/events/mailbox.h"
 #include "server/pipeline/frame_result.h"
-#include "server/pipeline/mailbox.h"
 #include "server/pipeline/once_map.h"
 
 namespace kinevox {
 
-// In which form a subscriber wants the volume.
+// The form in which a subscriber requests the volume.
 struct VolumeForm {
     int level = 0;  // halvings of the resolution
     bool with_colours = true;
     auto operator<=>(const VolumeForm&) const = default;
 };
 
-// In which form a subscriber wants a preview.
+// The form in which a subscriber requests a preview.
 struct PreviewForm {
-    std::size_t camera = 0;  // its place in the frame set
+    std::size_t camera = 0;  // its index in the frame set
     bool silhouette = false;
     int max_width_px = 320;
     int max_height_px = 0;  // 0: no limit
@@ -40,7 +40,7 @@ struct PreviewForm {
     auto operator<=>(const PreviewForm&) const = default;
 };
 
-// What every published message says first.
+// The header of every published message.
 struct PublishedHeader {
     std::uint64_t sequence = 0;
     std::int64_t capture_time_utc_ns = 0;
@@ -48,31 +48,32 @@ struct PublishedHeader {
     std::optional<SubjectTrack> subject;
     std::optional<std::int64_t> recorded_frame;  // of a replay
     std::int64_t published_utc_ns = 0;
-    std::chrono::steady_clock::time_point published_at;  // the same, whatever becomes of the machine's clock
+    std::chrono::steady_clock::time_point
+        published_at;  // the same time; not affected by steps of the system clock
 };
 
-// A message's bytes as they are sent, the same for all subscribers who ask for one form. Made on demand by
-// whoever needs them first, never on the pipeline's thread.
+// A message's bytes as they are sent, the same for all subscribers of one form. Encoded on demand by the
+// first that needs them, never on the pipeline's thread.
 template <typename Form>
 using Encodings = OnceMap<Form, std::string>;
 
-// A result without its pictures, which a queue may hold many of.
+// A result without its images, so that a queue may hold many.
 struct PublishedVolume {
     PublishedHeader header;
-    std::shared_ptr<const Volume> volume;  // null while nobody is tracked
+    std::shared_ptr<const Volume> volume;  // null while no subject is tracked
     double litres = 0;
     Encodings<VolumeForm> encodings;
 };
 
-// A result's pose alone: small, so that a queue may hold very many.
+// A result's pose only: small, so that a queue may hold very many.
 struct PublishedPose {
     PublishedHeader header;
-    std::shared_ptr<const BodyPose> pose;  // null where there is none
-    Encodings<std::monostate> encodings;   // there is one form
+    std::shared_ptr<const BodyPose> pose;  // null if there is none
+    Encodings<std::monostate> encodings;   // of the only form
 };
 
-// A result with its pictures.
-struct PublishedPictures {
+// A result with its images.
+struct PublishedImages {
     FrameResultPtr result;
     std::int64_t capture_time_utc_ns = 0, published_utc_ns = 0;
     std::chrono::steady_clock::time_point published_at;
@@ -88,48 +89,37 @@ struct PublishedPictures {
     Encodings<PreviewForm> encodings;
 };
 
-struct PublishedEvent {
-    std::uint64_t number = 0;  // counts from 1
-    std::int64_t time_utc_ns = 0;
-    std::uint32_t subject_id = 0;
-    Event event;
-};
-
 using VolumeMailbox = Mailbox<std::shared_ptr<const PublishedVolume>>;
 using PoseMailbox = Mailbox<std::shared_ptr<const PublishedPose>>;
-using PictureMailbox = Mailbox<std::shared_ptr<const PublishedPictures>>;
-using EventMailbox = Mailbox<PublishedEvent>;
+using ImageMailbox = Mailbox<std::shared_ptr<const PublishedImages>>;
 
-// A subscription lasts as long as the caller keeps the mailbox. publish() by one thread at a time, the
-// others by any. No method of the hub may be called from on_ready.
+// A subscription lasts as long as the caller keeps the mailbox. publish() by one thread at a time, the others
+// by any. No method of the hub may be called from on_ready.
 class StreamHub {
   public:
     std::shared_ptr<VolumeMailbox> subscribe_volumes(const MailboxOptions& options,
                                                      std::function<void()> on_ready);
     std::shared_ptr<PoseMailbox> subscribe_poses(const MailboxOptions& options,
                                                  std::function<void()> on_ready);
-    std::shared_ptr<PictureMailbox> subscribe_pictures(std::function<void()> on_ready);  // the newest only
-    // Starts with the newest `past` events.
-    std::shared_ptr<EventMailbox> subscribe_events(std::size_t past, std::function<void()> on_ready);
+    std::shared_ptr<ImageMailbox> subscribe_images(std::function<void()> on_ready);  // the latest only
 
-    // To everyone, and the result's events too. `utc_minus_capture_ns` makes UTC of its capture times. Costs
-    // the caller a few microseconds a subscriber.
+    // To all subscribers, with the result's events. `utc_minus_capture_ns` converts its capture times to UTC.
+    // Takes a few microseconds per subscriber.
     void publish(const FrameResultPtr& result, std::int64_t utc_minus_capture_ns);
-    void publish_event(Event event, std::int64_t time_utc_ns, std::uint32_t subject_id = 0);
+    // Events of the results and of all other parts.
+    EventLog& events() { return events_; }
 
-    // The newest result, null before the first.
-    std::shared_ptr<const PublishedPictures> newest() const;
+    // The latest result, null before the first.
+    std::shared_ptr<const PublishedImages> latest() const;
 
-    // Closes every mailbox, and whichever is subscribed to later. `why` is what the streams end with.
+    // Closes every mailbox, and those subscribed later. `why` is the status the streams end with.
     void close(const absl::Status& why);
 
     struct Subscribers {
-        int volumes = 0, poses = 0, pictures = 0, events = 0;
+        int volumes = 0, poses = 0, images = 0, events = 0;
+        int total() const { return volumes + poses + images + events; }
     };
     Subscribers subscribers() const;
-
-    static constexpr std::size_t kPastEvents = 100;
-    static constexpr std::size_t kQueuedEvents = 256;
 
   private:
     template <typename Box>
@@ -139,12 +129,10 @@ class StreamHub {
     mutable std::mutex mutex_;
     std::vector<std::weak_ptr<VolumeMailbox>> volumes_;
     std::vector<std::weak_ptr<PoseMailbox>> poses_;
-    std::vector<std::weak_ptr<PictureMailbox>> pictures_;
-    std::vector<std::weak_ptr<EventMailbox>> events_;
-    std::shared_ptr<const PublishedPictures> newest_;
-    std::deque<PublishedEvent> past_events_;
-    std::uint64_t event_count_ = 0;
+    std::vector<std::weak_ptr<ImageMailbox>> images_;
+    std::shared_ptr<const PublishedImages> latest_;
     absl::Status closed_;
+    EventLog events_;
 };
 
 }  // namespace kinevox

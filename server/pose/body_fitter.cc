@@ -14,7 +14,7 @@
 namespace kinevox {
 namespace {
 
-// The lengths and, last, the stature, by which the prior of the lengths scales.
+// The lengths and, last, the stature, which scales the prior of the lengths.
 constexpr int kParameters = kBodyLengthCount + 1;
 constexpr int kStature = kBodyLengthCount;
 
@@ -25,8 +25,8 @@ using ShapeMatrix = Eigen::Matrix<double, kParameters, kParameters>;
 using MixedMatrix = Eigen::Matrix<double, kBodyDofCount, kParameters>;
 using PointByShape = Eigen::Matrix<double, 3, kParameters>;
 
-// How joints and capsules move in their segments' frames with the lengths: constant, since all is linear in
-// them.
+// Derivatives of joints and capsules in their segments' frames by the lengths: constant, since all are
+// linear.
 struct ShapeRates {
     struct Capsule {
         PointByShape a, b;
@@ -61,7 +61,7 @@ struct ShapeRates {
     }
 };
 
-// The normal equations of one frame set, and what elimination of its posture leaves of them.
+// The normal equations of one frame set, and their Schur complement after eliminating the posture.
 struct FrameSystem {
     Linearisation pose;
     MixedMatrix mixed;
@@ -102,7 +102,7 @@ void add_shape(const ShapeRates& rates, const BodyModel& model, const PoseCost& 
     }
 }
 
-// What is usual: each length its part of the stature, each stature near the mean. Returns the cost.
+// The prior: each length near its fraction of the stature, the stature near the mean. Returns the cost.
 double add_usual(const BodyShape& shape, const BodyFitOptions& options, ShapeMatrix& hessian,
                  ShapeVector& gradient) {
     const double mean = default_body_shape().stature_m;
@@ -161,7 +161,7 @@ class JointFit {
         }
     }
     const BodyShape& shape() const { return shape_; }
-    // One standard deviation of the lengths and, last, the stature: postures are free beside them.
+    // Standard deviations of the lengths and, last, the stature, with free postures.
     std::array<double, kParameters> std_m() {
         eliminate(0);
         const ShapeMatrix covariance = reduced_hessian().ldlt().solve(ShapeMatrix::Identity());
@@ -188,7 +188,7 @@ class JointFit {
         });
         usual_.setZero();
         usual_gradient_.setZero();
-        // Many frames err alike: the surface is only nearly a body's. Together they count as a few.
+        // Errors of the frames are correlated, as the surface only approximates the body: all count as a few.
         const double share = std::min(1.0, options_.independent_frames / static_cast<double>(frames_.size()));
         share_ = share;
         double cost = add_usual(shape, options_, usual_, usual_gradient_);
@@ -196,7 +196,7 @@ class JointFit {
         return cost;
     }
 
-    // Factors each frame set's posture, for what follows.
+    // Factorises the posture block of each frame set.
     void eliminate(double damping) {
         oneapi::tbb::parallel_for(std::size_t{0}, frames_.size(), [&](std::size_t n) {
             PoseMatrix damped = systems_[n].pose.hessian;
@@ -270,20 +270,20 @@ absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
         PoseStageOptions stage_options = posing;
         stage_options.body = shape;
         stage_options.filtered = false;
-        stage_options.tracker.patient = true;
-        stage_options.tracker.lost_below = options.min_explained;
+        stage_options.tracker.always_search_limbs = true;
+        stage_options.tracker.lost_explained_fraction = options.min_explained_fraction;
         PoseStage stage(cameras, fps, stage_options);
         std::vector<const PoseObservation*> used;
         std::vector<BodyPosture> postures;
         for (std::size_t n = 0; n < frames.size() && !stop.stop_requested(); ++n) {
             const PoseObservation* frame = frames[n];
-            // Tracking takes most of a round's time.
+            // Tracking takes most of the time of a round.
             if (progress) progress((round + 0.8 * static_cast<double>(n) / frames.size()) / options.rounds);
             if (!stage.process(0, 0, frame->time_ns, *frame, {}) || !stage.tracked()) continue;
             used.push_back(frame);
             postures.push_back(stage.tracked()->fit.posture);
         }
-        if (stop.stop_requested()) return absl::CancelledError("the fit of the body was cancelled");
+        if (stop.stop_requested()) return absl::CancelledError("the body fit was cancelled");
         if (used.empty())
             return absl::FailedPreconditionError(fmt::format(
                 "no person's pose was found in {} frame sets; fit the body where one person stands free",
@@ -304,10 +304,10 @@ absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
         const auto std_m = joint.std_m();
         std::copy_n(std_m.begin(), kBodyLengthCount, fit.lengths_std_m.begin());
         fit.stature_std_m = std_m[kStature];
-        fit.contour_rms_m = joint.rms_m();
-        fit.frames = static_cast<int>(used.size());
+        fit.contour_residual_rms_m = joint.rms_m();
+        fit.frame_set_count = static_cast<int>(used.size());
     }
-    if (stop.stop_requested()) return absl::CancelledError("the fit of the body was cancelled");
+    if (stop.stop_requested()) return absl::CancelledError("the body fit was cancelled");
     fit.shape = shape;
     return fit;
 }

@@ -1,5 +1,4 @@
-// Body size from the subject: stature, segment lengths and girths fitted together with the postures of some
-// frame sets.
+// Fits stature, segment lengths and girths together with the postures of several frame sets.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -19,21 +18,19 @@ namespace kinevox {
 
 struct BodyFit {
     BodyShape shape;
-    // One standard deviation of each, from the curvature at the solution with what is usual for a stature in
-    // it.
+    // From the curvature at the solution, with the prior of lengths given the stature.
     std::array<double, kBodyLengthCount> lengths_std_m{};
     double stature_std_m = 0;
-    double contour_rms_m = 0;  // over all frame sets, at the solution
-    int frames = 0;            // that were used
+    double contour_residual_rms_m = 0;  // over all frame sets
+    int frame_set_count = 0;            // used for the fit
 };
 
-// Of a circumference; its two half-widths err on their own.
+// Of a circumference; the errors of its two half-widths are independent.
 double girth_std_m(const BodyFit& fit, const BodyGirthInfo& girth);
 
-// Poses of `frames` (at least one) are found by tracking them in their order with the starting shape, then
-// lengths and postures are moved together, lengths held by what is usual for a stature (BodyLengthInfo).
-// FailedPrecondition where no body is found in them; Cancelled soon after `stop` says so. `progress` gets the
-// part done, 0..1.
+// Tracks `frames` (at least one) with the initial shape, then optimises lengths and postures together with a
+// prior on the lengths given the stature (BodyLengthInfo). FailedPrecondition if no body is found; Cancelled
+// soon after `stop`. `progress` receives 0..1.
 absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
                                  std::span<const PoseObservation* const> frames, const BodyShape& start,
                                  const PoseStageOptions& posing, const BodyFitOptions& options = {},

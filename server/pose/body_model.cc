@@ -27,15 +27,12 @@ enum Joint : int {
     kAnkleR,
     kToeR
 };
-constexpr std::array<int, kJointNames.size()> kJointSegment{
-    kPelvis, kThorax, kHead,      kHead,     kUpperArmL, kForearmL, kHandL,  kHandL,  kThighL, kShankL,
-    kFootL,  kFootL,  kUpperArmR, kForearmR, kHandR,     kHandR,    kThighR, kShankR, kFootR,  kFootR};
 
-// Of the hips' middle from the root, parts of the length from root to waist: the root lies in front of the
-// sacrum, just above the line between the hips.
+// Midpoint of the hips from the root, fractions of the length from root to sacroiliac: the root is in front
+// of the sacrum, just above the line between the hips.
 constexpr double kHipsBehindRoot = 0.06, kHipsBelowRoot = 0.045;
 
-// The neck leans forwards.
+// The neck is inclined forwards.
 constexpr double kNeckForward = 0.03;
 
 constexpr Vec3 kDown{0, 0, -1};
@@ -54,32 +51,29 @@ Vec3 mirrored(Vec3 v, bool left) {
 
 BodyModel::BodyModel(const BodyShape& shape) : shape_(shape), capsules_(body_surface(shape)) {
     const BodyShape& s = shape_;
-    const double hips_x = -kHipsBehindRoot * s[kRootToWaist], hips_z = -kHipsBelowRoot * s[kRootToWaist];
+    const double hips_x = -kHipsBehindRoot * s[kRootToSacroiliac],
+                 hips_z = -kHipsBelowRoot * s[kRootToSacroiliac];
     offsets_[kPelvis] = {0, 0, 0};
-    offsets_[kThorax] = {hips_x, 0, s[kRootToWaist]};
-    offsets_[kHead] = {kNeckForward * s[kWaistToSkullbase], 0, s[kWaistToSkullbase]};
+    offsets_[kThorax] = {hips_x, 0, s[kRootToSacroiliac]};
+    offsets_[kHead] = {kNeckForward * s[kSacroiliacToSkullbase], 0, s[kSacroiliacToSkullbase]};
     for (const bool left : {true, false}) {
         const int leg = left ? kThighL : kThighR, arm = left ? kUpperArmL : kUpperArmR;
         offsets_[leg] = mirrored({hips_x, s[kHipHalfWidth], hips_z}, left);
         offsets_[leg + 1] = {0, 0, -s[kThigh]};
         offsets_[leg + 2] = {0, 0, -s[kShank]};
-        offsets_[arm] =
-            mirrored({-0.02 * s[kWaistToShoulders], s[kShoulderHalfWidth], s[kWaistToShoulders]}, left);
+        offsets_[arm] = mirrored(
+            {-0.02 * s[kSacroiliacToShoulders], s[kShoulderHalfWidth], s[kSacroiliacToShoulders]}, left);
         offsets_[arm + 1] = {0, 0, -s[kUpperArm]};
         offsets_[arm + 2] = {0, 0, -s[kForearm]};
     }
     joint_offsets_.fill({0, 0, 0});
-    joint_offsets_[kHeadTop] = {kNeckForward * 4 * s[kSkullbaseToTop], 0,
-                                s[kSkullbaseToTop]};  // its crown, before the neck
+    joint_offsets_[kHeadTop] = {kNeckForward * 4 * s[kSkullbaseToHeadTop], 0,
+                                s[kSkullbaseToHeadTop]};  // in front of the neck
     for (const int hand : {kHandTipL, kHandTipR})
         joint_offsets_[hand] = {-kHandBack * s[kHand], 0, -s[kHand]};
     for (const bool left : {true, false})
         joint_offsets_[left ? kToeL : kToeR] = mirrored(
             {s[kAnkleToToe], kToeOut * s[kAnkleToToe], 0.6 * s[kFootRadius] - s[kAnkleHeight]}, left);
-}
-
-int BodyModel::joint_segment(int joint) {
-    return kJointSegment[joint];
 }
 
 Vec3 BodyModel::shoulder_shift(bool left, Vec3 arm_direction) const {
@@ -132,8 +126,8 @@ std::array<DofFrame, kBodyDofCount> BodyModel::dof_frames(const PosedBody& posed
         const Vec3 arm = world_from_parent.transposed() * (posed.world_from_segment[s].rotation * kDown);
         for (int k = 0; k < 3; ++k) {
             own[k] = {world_from_parent * kAxes[k], origin, {}};
-            // The girdle's shift is linear in the arm's direction, so its rate is the shift of the
-            // direction's rate.
+            // The shift of the girdle is linear in the arm's direction, so its derivative is the shift of the
+            // direction's derivative.
             if (shoulder)
                 own[k].shift =
                     world_from_parent * shoulder_shift(s == kUpperArmL, cross(kAxes[k], arm) + kDown);

@@ -9,23 +9,17 @@
 namespace kinevox {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-bool left_side(int segment) {
-    return segment >= kThighL && segment <= kHandL;
-}
-
-// +1 for the right side and the middle, -1 for the left: adduction and internal rotation are mirrored.
+// +1 for the right side and the centre, -1 for the left: adduction and internal rotation are mirrored.
 double mirror(int segment) {
-    return left_side(segment) ? -1.0 : 1.0;
+    return kSegmentSide[segment] == BodySide::kLeft ? -1.0 : 1.0;
 }
 
 Mat3 about(Vec3 axis, double angle) {
     return rotation_from_rodrigues(angle * axis);
 }
 
-// Axes of the three angles, in the order of the coordinates (flexion or tilt, adduction or list, rotation),
-// each in the frame in which it is fixed.
+// Axes of the three angles, in the order of the coordinates (flexion or tilt, adduction or obliquity,
+// rotation), each in the frame in which it is fixed.
 struct BallAxes {
     Vec3 flexion, adduction, rotation;
 };
@@ -71,52 +65,9 @@ double hinge_angle(int segment, const Mat3& r) {
 
 }  // namespace
 
-const std::array<BodyDofInfo, kBodyDofCount> kBodyDofs{{
-    {"pelvis_tx", -kInfinity, kInfinity},
-    {"pelvis_ty", -kInfinity, kInfinity},
-    {"pelvis_tz", -kInfinity, kInfinity},
-    {"pelvis_tilt", -kInfinity, kInfinity},
-    {"pelvis_list", -kInfinity, kInfinity},
-    {"pelvis_rotation", -kInfinity, kInfinity},
-    {"lumbar_extension", radians(-75), radians(35)},
-    {"lumbar_bending", radians(-40), radians(40)},
-    {"lumbar_rotation", radians(-45), radians(45)},
-    {"neck_extension", radians(-60), radians(60)},
-    {"neck_bending", radians(-45), radians(45)},
-    {"neck_rotation", radians(-80), radians(80)},
-    {"hip_flexion_l", radians(-30), radians(130)},
-    {"hip_adduction_l", radians(-60), radians(35)},
-    {"hip_rotation_l", radians(-50), radians(45)},
-    {"knee_angle_l", radians(-5), radians(150)},
-    {"ankle_angle_l", radians(-55), radians(35)},
-    {"arm_flex_l", radians(-70), radians(185)},
-    {"arm_add_l", radians(-185), radians(50)},
-    {"arm_rot_l", radians(-110), radians(95)},
-    {"elbow_flex_l", radians(0), radians(150)},
-    {"wrist_flex_l", radians(-75), radians(80)},
-    {"hip_flexion_r", radians(-30), radians(130)},
-    {"hip_adduction_r", radians(-60), radians(35)},
-    {"hip_rotation_r", radians(-50), radians(45)},
-    {"knee_angle_r", radians(-5), radians(150)},
-    {"ankle_angle_r", radians(-55), radians(35)},
-    {"arm_flex_r", radians(-70), radians(185)},
-    {"arm_add_r", radians(-185), radians(50)},
-    {"arm_rot_r", radians(-110), radians(95)},
-    {"elbow_flex_r", radians(0), radians(150)},
-    {"wrist_flex_r", radians(-75), radians(80)},
-}};
-
 Vec3 hinge_axis(int segment) {
-    switch (segment) {
-        case kShankL:
-        case kShankR:
-            return {0, 1, 0};  // flexion takes the shank back
-        case kHandL:
-        case kHandR:
-            return {mirror(segment), 0, 0};  // palms face the thighs: flexion takes the hand inwards
-        default:
-            return {0, -1, 0};  // dorsiflexion and elbow flexion: forwards
-    }
+    const std::array<int, 3>& axis = kSegmentHingeAxis[segment];
+    return {static_cast<double>(axis[0]), static_cast<double>(axis[1]), static_cast<double>(axis[2])};
 }
 
 BodyPosture posture_from_coordinates(const BodyCoordinates& q) {
@@ -188,8 +139,8 @@ Mat3 euler_rates(int segment, const Mat3& r) {
     }
     // Rows of the inverse of [f a t]: cross products over the determinant, cos(adduction) up to its sign.
     const double det = dot(f, cross(a, t));
-    constexpr double kLeast = 0.1;
-    const double inverse = 1 / std::copysign(std::max(std::abs(det), kLeast), det);
+    constexpr double kMinCosine = 0.1;
+    const double inverse = 1 / std::copysign(std::max(std::abs(det), kMinCosine), det);
     const Vec3 rows[3] = {inverse * cross(a, t), inverse * cross(t, f), inverse * cross(f, a)};
     Mat3 rates;
     for (int k = 0; k < 3; ++k) rates(k, 0) = rows[k].x, rates(k, 1) = rows[k].y, rates(k, 2) = rows[k].z;

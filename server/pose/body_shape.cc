@@ -12,12 +12,12 @@
 namespace kinevox {
 
 const std::array<BodyLengthInfo, kBodyLengthCount> kBodyLengths{{
-    {"root_to_waist", 0.089, 0.05},
-    {"waist_to_skullbase", 0.292, 0.04},
-    {"skullbase_to_top", 0.084, 0.05},
+    {"root_to_sacroiliac", 0.089, 0.05},
+    {"sacroiliac_to_skullbase", 0.292, 0.04},
+    {"skullbase_to_head_top", 0.084, 0.05},
     {"hip_half_width", 0.06, 0.025},
     {"shoulder_half_width", 0.1, 0.035},
-    {"waist_to_shoulders", 0.172, 0.035},
+    {"sacroiliac_to_shoulders", 0.172, 0.035},
     {"upper_arm", 0.152, 0.05},
     {"forearm", 0.147, 0.05},
     {"hand", 0.11, 0.05},
@@ -53,11 +53,6 @@ BodyShape default_body_shape(double stature_m) {
     return shape;
 }
 
-double standing_height(const BodyShape& s) {
-    return s[kAnkleHeight] + s[kShank] + s[kThigh] + s[kRootToWaist] + s[kWaistToSkullbase] +
-           s[kSkullbaseToTop];
-}
-
 double girth_m(const BodyShape& shape, const BodyGirthInfo& girth) {
     const double a = shape[girth.half_width], b = shape[girth.half_depth];  // Ramanujan's ellipse
     return std::numbers::pi * (3 * (a + b) - std::sqrt((3 * a + b) * (a + 3 * b)));
@@ -66,7 +61,11 @@ double girth_m(const BodyShape& shape, const BodyGirthInfo& girth) {
 absl::StatusOr<BodyShape> read_body_shape(const std::filesystem::path& file) {
     auto text = read_file(file);
     if (!text.ok()) return text.status();
-    auto document = TomlDocument::parse(*text, file.string());
+    static constexpr RenamedKey kRenamed[] = {{"root_to_waist_m", "root_to_sacroiliac_m"},
+                                              {"waist_to_skullbase_m", "sacroiliac_to_skullbase_m"},
+                                              {"waist_to_shoulders_m", "sacroiliac_to_shoulders_m"},
+                                              {"skullbase_to_top_m", "skullbase_to_head_top_m"}};
+    auto document = TomlDocument::parse(*text, file.string(), kRenamed);
     if (!document.ok()) return document.status();
     const TomlTable root = (*document)->root();
     BodyShape shape;

@@ -1,4 +1,4 @@
-// The proportions of one person: segment lengths and half-widths of the surface, clothes included.
+// The proportions of a subject: segment lengths and half-widths of the surface, including clothes.
 #pragma once
 
 #include <absl/status/status.h>
@@ -13,12 +13,12 @@ namespace kinevox {
 
 enum BodyLength : int {
     // Between rotation centres, left and right alike.
-    kRootToWaist,        // root to sacroiliac
-    kWaistToSkullbase,   // sacroiliac to skullbase
-    kSkullbaseToTop,     // skullbase to the top of the head
-    kHipHalfWidth,       // middle of the hips to a hip
-    kShoulderHalfWidth,  // arms hanging
-    kWaistToShoulders,   // height of the shoulders above the sacroiliac, arms hanging
+    kRootToSacroiliac,       // root to sacroiliac
+    kSacroiliacToSkullbase,  // sacroiliac to skullbase
+    kSkullbaseToHeadTop,     // skullbase to the top of the head
+    kHipHalfWidth,           // midpoint of the hips to a hip
+    kShoulderHalfWidth,      // arms hanging
+    kSacroiliacToShoulders,  // height of the shoulders above the sacroiliac, arms hanging
     kUpperArm,
     kForearm,
     kHand,  // wrist to the tip of the middle finger
@@ -51,7 +51,7 @@ enum BodyLength : int {
 struct BodyLengthInfo {
     std::string_view name;       // as in body.toml, there with the suffix _m
     double fraction_of_stature;  // the default
-    double relative_std;         // between people of one stature: the prior of a fit
+    double relative_std;         // between persons of the same stature: the prior of a fit
 };
 // Lengths: means of both sexes after de Leva (1996, joint centres) and Drillis & Contini (1966, as in Winter,
 // Biomechanics and Motor Control of Human Movement, table 4.1), hip and shoulder centres moved from the bony
@@ -68,7 +68,7 @@ struct BodyShape {
     bool operator==(const BodyShape&) const = default;
 };
 
-// Circumferences, from the half-widths and radii: what a tape measure tells.
+// Circumferences from the half-widths and radii, as by a tape measure.
 struct BodyGirthInfo {
     std::string_view name;
     BodyLength half_width, half_depth;  // the same for a limb
@@ -91,9 +91,6 @@ double girth_m(const BodyShape& shape, const BodyGirthInfo& girth);
 
 // The average person of that stature, 0.5 to 2.5 m.
 BodyShape default_body_shape(double stature_m = 1.72);
-
-// Height from sole to the top of the head of a person who stands straight.
-double standing_height(const BodyShape& shape);
 
 // body.toml. Reading is strict: every length must be there and positive.
 absl::StatusOr<BodyShape> read_body_shape(const std::filesystem::path& file);

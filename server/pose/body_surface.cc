@@ -30,12 +30,12 @@ class Surface {
     std::vector<BodyCapsule> capsules_;
 };
 
-// Centres and radii are those of the studio's clothed bodies around their joints, as parts of the lengths:
-// hips, waist and knees lie behind the middle of the flesh, the shoulder below the middle of its own.
+// Centres and radii are those of the studio's clothed bodies around their joints, as fractions of the
+// lengths: hips, waist and knees are behind the centre of the soft tissue, the shoulder below its centre.
 
-// A trunk is wider than deep: a capsule on either side and one in the middle, as thick as it is deep.
+// A trunk is wider than deep: a capsule on either side and one in the centre, as thick as it is deep.
 void add_trunk(const BodyShape& s, Surface& surface) {
-    const double waist = s[kRootToWaist], shoulders = s[kWaistToShoulders];
+    const double waist = s[kRootToSacroiliac], shoulders = s[kSacroiliacToShoulders];
     const double waist_y = s[kWaistHalfWidth] - s[kWaistHalfDepth],
                  chest_y = s[kChestHalfWidth] - s[kChestHalfDepth];
     for (const double side : {1.0, 0.0, -1.0}) {
@@ -54,11 +54,11 @@ void add_trunk(const BodyShape& s, Surface& surface) {
     }
     surface.chain(kThorax, {{0.08 * shoulders, 0, 0.75 * shoulders, s[kChestHalfDepth]},
                             {-0.07 * shoulders, 0, 1.1 * shoulders, 1.3 * s[kNeckRadius]},
-                            {0.045 * shoulders, 0, s[kWaistToSkullbase], s[kNeckRadius]}});
+                            {0.045 * shoulders, 0, s[kSacroiliacToSkullbase], s[kNeckRadius]}});
 }
 
 void add_head(const BodyShape& s, Surface& surface) {
-    const double top = s[kSkullbaseToTop], radius = s[kHeadRadius];
+    const double top = s[kSkullbaseToHeadTop], radius = s[kHeadRadius];
     surface.chain(kHead,
                   {{0.23 * radius, 0, 0, 0.78 * radius}, {-0.08 * radius, 0, 1.06 * top - radius, radius}});
     surface.chain(kHead, {{0.72 * radius, 0, -0.36 * radius, 0.47 * radius},

@@ -1,4 +1,4 @@
-// The surface of a body of given proportions: which capsules, where.
+// The capsules of the surface of a body.
 #pragma once
 
 #include <vector>
@@ -7,8 +7,8 @@
 
 namespace kinevox {
 
-// Parts of their lengths by which a resting hand's fingertips lie behind the forearm's axis (ulnar deviation)
-// and the toes outwards of the ankle.
+// Fractions of their lengths by which the fingertips of a relaxed hand are behind the forearm's axis and the
+// toes outwards of the ankle.
 inline constexpr double kHandBack = 0.10, kToeOut = 0.14;
 
 // In the segments' own frames. Each number in it is linear in the lengths of the shape, the order never

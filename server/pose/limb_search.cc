@@ -8,16 +8,16 @@
 namespace kinevox {
 namespace {
 
-constexpr int kDirections = 64;  // over the whole sphere; what a joint cannot reach is left out
+constexpr int kDirections = 64;  // on the sphere; those outside a joint's range are skipped
 constexpr int kTwists = 6;
 constexpr double kBends[] = {0.2, 1.1, 2.0};  // of elbow and knee, rad
 constexpr double kFineBends[] = {0.2, 0.7, 1.2, 1.7, 2.2};
 constexpr int kFineTwists = 8;
-constexpr std::size_t kRayStep = 3;  // every so many rays are enough to choose by
-constexpr double kStraight = 0.3;    // below it a twist changes little
-constexpr double kRaysGained = 1.5;  // thinned rays that must be explained besides
-// A pair's settings are coarse and those it has were fitted: it may look worse by so many rays before it is
-// fitted too.
+constexpr std::size_t kRayStep = 3;  // stride: a subset of the rays suffices for the choice
+constexpr double kStraight = 0.3;    // rad; below it the rotation of a straight limb has no effect
+constexpr double kRaysGained = 1.5;  // minimum number of additionally explained rays of the subset
+// A coarse configuration of a pair is compared with a fitted one, so it may be worse by this many rays before
+// it is fitted.
 constexpr double kPairSlack = 2;
 
 struct LimbSegments {
@@ -51,7 +51,7 @@ bool reachable(const LimbSegments& limb, Vec3 u) {
     return u.z < 0.45 && u.x > -0.6 && outwards > -0.4 && outwards < 0.85;
 }
 
-// Hanging limb to a direction, by the shortest way, after a twist about its own axis.
+// Rotates the hanging limb to a direction along the shortest arc, after a twist about its own axis.
 Mat3 towards(Vec3 u, double twist) {
     const Vec3 down{0, 0, -1};
     const Vec3 axis = cross(down, u);
@@ -113,7 +113,7 @@ double LimbSearch::cost(std::span<const SilhouetteRays> views, std::span<const B
     return sum;
 }
 
-// Puts the capsules of the limbs at a posture into capsules_ and, where asked for, all others elsewhere.
+// Writes the capsules of the limbs in a posture to capsules_ and, if not null, all others to `others`.
 void LimbSearch::split(const BodyModel& model, const BodyPosture& posture, std::span<const Limb> limbs,
                        std::vector<BodyCapsule>* others) {
     const auto belongs = [&](const BodyCapsule& c) {
@@ -137,10 +137,10 @@ void LimbSearch::set_rest(std::span<const SilhouetteRays> views, std::span<const
         if (views[c].camera) nearest_capsules(rays_[c], rest, rest_distance_[c], which_);
 }
 
-// The setting of a limb beside the rest that costs least and less than `best`, which it lowers.
+// The configuration of a limb with the lowest cost below `best`, which it updates.
 std::optional<BodyPosture> LimbSearch::cheapest(const BodyModel& model, const BodyPosture& posture,
                                                 std::span<const SilhouetteRays> views, Limb which,
-                                                LimbReach reach, double robust_m, double& best) {
+                                                LimbSearchScope scope, double robust_m, double& best) {
     const LimbSegments limb = segments_of(which);
     std::optional<BodyPosture> found;
     BodyPosture trial = posture;
@@ -157,7 +157,7 @@ std::optional<BodyPosture> LimbSearch::cheapest(const BodyModel& model, const Bo
             found = trial;
         }
     };
-    if (reach == LimbReach::kLower) {
+    if (scope == LimbSearchScope::kLower) {
         const Vec3 u = posture.parent_from_segment[limb.upper] * Vec3{0, 0, -1};
         for (const double bend : kFineBends)
             try_twists(u, bend, limb.arm ? kFineTwists : 3, limb.arm ? kFineTwists : 12);
@@ -166,7 +166,7 @@ std::optional<BodyPosture> LimbSearch::cheapest(const BodyModel& model, const Bo
     for (int k = 0; k < kDirections; ++k) {
         const Vec3 u = direction(k);
         if (!reachable(limb, u)) continue;
-        // A thigh turns little about its axis; an upper arm's forearm may point anywhere about it.
+        // A thigh rotates little about its axis, an upper arm much.
         for (const double bend : kBends)
             try_twists(u, bend, bend < kStraight || !limb.arm ? 1 : kTwists, kTwists);
     }
@@ -175,13 +175,13 @@ std::optional<BodyPosture> LimbSearch::cheapest(const BodyModel& model, const Bo
 
 std::optional<BodyPosture> LimbSearch::improve(const BodyModel& model, const BodyPosture& posture,
                                                std::span<const SilhouetteRays> views, Limb which,
-                                               LimbReach reach, double robust_m) {
+                                               LimbSearchScope scope, double robust_m) {
     std::vector<BodyCapsule> rest;
     split(model, posture, {&which, 1}, &rest);
     thin_out(views);
     set_rest(views, rest);
     double best = cost(views, capsules_, robust_m) - kRaysGained * robust_m * robust_m;
-    return cheapest(model, posture, views, which, reach, robust_m, best);
+    return cheapest(model, posture, views, which, scope, robust_m, best);
 }
 
 std::optional<BodyPosture> LimbSearch::improve_pair(const BodyModel& model, const BodyPosture& posture,
@@ -194,12 +194,12 @@ std::optional<BodyPosture> LimbSearch::improve_pair(const BodyModel& model, cons
     set_rest(views, rest);
     const double now = cost(views, capsules_, robust_m);
     double best = std::numeric_limits<double>::infinity();
-    const auto one = cheapest(model, posture, views, first, LimbReach::kWhole, robust_m, best);
+    const auto one = cheapest(model, posture, views, first, LimbSearchScope::kWhole, robust_m, best);
     if (!one) return std::nullopt;
     split(model, *one, {&second, 1}, &rest);
     set_rest(views, rest);
     best = now + kPairSlack * robust_m * robust_m;
-    return cheapest(model, *one, views, second, LimbReach::kWhole, robust_m, best);
+    return cheapest(model, *one, views, second, LimbSearchScope::kWhole, robust_m, best);
 }
 
 }  // namespace kinevox

@@ -1,5 +1,5 @@
-// Finds an arm or a leg that the descent cannot reach: tries many settings of one limb while the rest of the
-// body stays.
+// Global search for an arm or a leg outside the basin of convergence: tries many configurations of one limb
+// while the rest of the body is fixed.
 #pragma once
 
 #include <array>
@@ -13,22 +13,22 @@
 
 namespace kinevox {
 
-// kWhole: any direction of the limb. kLower: the upper arm or thigh keeps its direction and only turns about
-// its axis, and elbow or knee bend: cheap enough for every frame set.
-enum class LimbReach { kWhole, kLower };
+// kWhole: any direction of the limb. kLower: the upper arm or thigh keeps its direction and only rotates
+// about its axis, and elbow or knee bend: cheap enough for every frame set.
+enum class LimbSearchScope { kWhole, kLower };
 enum class Limb { kArmL, kArmR, kLegL, kLegR };
 inline constexpr std::array<Limb, 4> kLimbs{Limb::kArmL, Limb::kArmR, Limb::kLegL, Limb::kLegR};
 
 // Not thread safe; keeps its memory.
 class LimbSearch {
   public:
-    // The posture with the limb set as explains the silhouettes best, or nothing if none does clearly better
-    // than the one it has. `robust_m` as in PoseCost.
+    // The posture whose limb explains the silhouettes best, or nothing if none is clearly better than the
+    // current one. `robust_m` as in PoseCost.
     std::optional<BodyPosture> improve(const BodyModel& model, const BodyPosture& posture,
-                                       std::span<const SilhouetteRays> views, Limb limb, LimbReach reach,
-                                       double robust_m);
-    // Both limbs anew, `first` as if the other were not there: undoes that one limb took the other's place,
-    // which neither of them can alone. A suggestion: only a fit tells whether it is better.
+                                       std::span<const SilhouetteRays> views, Limb limb,
+                                       LimbSearchScope scope, double robust_m);
+    // Searches both limbs, `first` without the other: resolves swapped or coinciding limbs, which a search of
+    // one limb cannot. The result must be confirmed by a fit.
     std::optional<BodyPosture> improve_pair(const BodyModel& model, const BodyPosture& posture,
                                             std::span<const SilhouetteRays> views, Limb first, Limb second,
                                             double robust_m);
@@ -38,13 +38,13 @@ class LimbSearch {
                std::vector<BodyCapsule>* others);
     void set_rest(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> rest);
     std::optional<BodyPosture> cheapest(const BodyModel& model, const BodyPosture& posture,
-                                        std::span<const SilhouetteRays> views, Limb which, LimbReach reach,
-                                        double robust_m, double& best);
+                                        std::span<const SilhouetteRays> views, Limb which,
+                                        LimbSearchScope scope, double robust_m, double& best);
     double cost(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> capsules,
                 double robust_m);
     void thin_out(std::span<const SilhouetteRays> views);
 
-    std::vector<ContourRays> rays_;                  // per camera, every few of its rays
+    std::vector<ContourRays> rays_;                  // per camera, a subset of its rays
     std::vector<std::vector<float>> rest_distance_;  // per camera and ray: of the body without the limb
     std::vector<float> distance_;
     std::vector<int> which_;

@@ -12,9 +12,10 @@ namespace kinevox {
 namespace {
 
 constexpr double kMaxRate_hz = 30;
-constexpr double kMaxFrames = 80;  // that are kept, some 0.3 MB and 50 ms of one core each with four cameras
-constexpr double kMaxWait_s = 20;  // for a person, where somebody asked
-constexpr int kAttempts = 3;       // by itself
+constexpr double kMaxFrames =
+    80;  // maximum number kept; each takes 0.3 MB and 50 ms of one core with four cameras
+constexpr double kMaxWait_s = 20;  // for a subject after a request
+constexpr int kAttempts = 3;       // automatic ones
 
 double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
     return 1e-9 * static_cast<double>(to_ns - from_ns);
@@ -29,7 +30,7 @@ LiveBodyFit::LiveBodyFit(std::vector<Camera> cameras, double fps, const PoseStag
       options_(options),
       on_progress_(std::move(on_progress)),
       cameras_(std::make_shared<const std::vector<Camera>>(std::move(cameras))),
-      attempts_left_(options.by_itself ? kAttempts : 0) {
+      attempts_left_(options.automatic ? kAttempts : 0) {
     progress_.body = posing.body;
     worker_ = std::thread([this] { fit_loop(); });
 }
@@ -48,11 +49,11 @@ void LiveBodyFit::close() {
 
 absl::Status LiveBodyFit::start(double seconds) {
     if (!(seconds >= kMinSeconds && seconds <= kMaxSeconds))
-        return absl::InvalidArgumentError(fmt::format("the body is fitted to {} to {} seconds, not to {}",
-                                                      kMinSeconds, kMaxSeconds, seconds));
+        return absl::InvalidArgumentError(
+            fmt::format("duration is {} s; {} to {} s is allowed", seconds, kMinSeconds, kMaxSeconds));
     {
         const std::scoped_lock lock(mutex_);
-        if (closed_) return absl::UnavailableError("the daemon is stopping; no body is fitted");
+        if (closed_) return absl::UnavailableError("the daemon is shutting down; the body is not fitted");
         begin(seconds, true);
     }
     report();
@@ -60,76 +61,77 @@ absl::Status LiveBodyFit::start(double seconds) {
 }
 
 // With the mutex held.
-void LiveBodyFit::begin(double seconds, bool asked) {
+void LiveBodyFit::begin(double seconds, bool requested) {
     stop_.request_stop();
     to_fit_.reset();
     collecting_.emplace(Collecting{});
     collecting_->seconds = seconds;
-    collecting_->asked = asked;
-    if (asked) attempts_left_ = 0;  // what somebody asked for is not replaced unasked
+    collecting_->requested = requested;
+    if (requested) attempts_left_ = 0;  // an automatic fit does not replace a requested one
     progress_.state = BodyFitState::kCollecting;
-    progress_.part = 0;
-    progress_.asked = asked;
+    progress_.progress = 0;
+    progress_.requested = requested;
     progress_.message.clear();
 }
 
 void LiveBodyFit::observe(std::int64_t time_ns, const PoseObservation* seen) {
-    bool news = false;
+    bool changed = false;
     {
         const std::scoped_lock lock(mutex_);
         if (std::exchange(last_time_ns_, time_ns) >
-            time_ns) {  // a recording began anew, maybe with somebody else
+            time_ns) {  // a replay restarted, possibly with another subject
             if (collecting_)
-                begin(collecting_->seconds, collecting_->asked), news = true;
-            else if (options_.by_itself && !progress_.asked)
+                begin(collecting_->seconds, collecting_->requested), changed = true;
+            else if (options_.automatic && !progress_.requested)
                 attempts_left_ = kAttempts;
         }
         if (!collecting_ && seen && attempts_left_ > 0 && progress_.state != BodyFitState::kFitting) {
             --attempts_left_;
-            begin(options_.seconds_by_itself, false);
-            news = true;
+            begin(options_.automatic_duration_s, false);
+            changed = true;
         }
         if (!collecting_ || closed_) return;
         Collecting& collecting = *collecting_;
-        if (!collecting.asked_ns) collecting.asked_ns = time_ns;
-        const double before = progress_.part;
+        if (!collecting.requested_ns) collecting.requested_ns = time_ns;
+        const double before = progress_.progress;
         if (seen) {
             keep(time_ns, *seen);
-        } else if (collecting.asked && collecting.frames.empty() &&
-                   seconds_between(*collecting.asked_ns, time_ns) > kMaxWait_s) {
+        } else if (collecting.requested && collecting.frames.empty() &&
+                   seconds_between(*collecting.requested_ns, time_ns) > kMaxWait_s) {
             collecting_.reset();
             progress_.state = BodyFitState::kFailed;
             progress_.message =
-                fmt::format("nobody was seen for {} s; step into the space and ask again", kMaxWait_s);
-            news = true;
+                fmt::format("no subject for {} s; step into the capture space and try again", kMaxWait_s);
+            changed = true;
         }
-        news = news || static_cast<int>(10 * before) != static_cast<int>(10 * progress_.part) || to_fit_;
+        changed =
+            changed || static_cast<int>(10 * before) != static_cast<int>(10 * progress_.progress) || to_fit_;
     }
-    if (news) report();
+    if (changed) report();
 }
 
-// With the mutex held. Those kept lie evenly over the time.
+// With the mutex held. Keeps observations evenly spaced in time.
 void LiveBodyFit::keep(std::int64_t time_ns, const PoseObservation& seen) {
     Collecting& collecting = *collecting_;
     if (!collecting.first_ns) collecting.first_ns = time_ns;
     const double apart_s = std::max(1 / kMaxRate_hz, collecting.seconds / kMaxFrames);
-    constexpr double kJitter = 0.75;  // of a frame set's time, by which it may come early
+    constexpr double kJitter = 0.75;  // fraction of the spacing after which the next one is accepted
     if (!collecting.last_ns || seconds_between(*collecting.last_ns, time_ns) >= kJitter * apart_s) {
         auto frame = std::make_unique<PoseObservation>(seen);
         for (std::size_t c = 0; c < frame->views.size() && c < cameras_->size(); ++c)
             if (frame->views[c].camera)
-                frame->views[c].camera = &(*cameras_)[c];  // may outlive the pipeline's
+                frame->views[c].camera = &(*cameras_)[c];  // outlives the pipeline's cameras
         collecting.frames.push_back(std::move(frame));
         collecting.last_ns = time_ns;
     }
-    progress_.part =
+    progress_.progress =
         std::clamp(seconds_between(*collecting.first_ns, time_ns) / collecting.seconds, 0.0, 1.0);
-    if (progress_.part < 1) return;
-    to_fit_ = ToFit{cameras_, std::move(collecting.frames), collecting.asked && !options_.file.empty()};
+    if (progress_.progress < 1) return;
+    to_fit_ = ToFit{cameras_, std::move(collecting.frames), collecting.requested && !options_.file.empty()};
     collecting_.reset();
     stop_ = std::stop_source();
     progress_.state = BodyFitState::kFitting;
-    progress_.part = 0;
+    progress_.progress = 0;
     changed_.notify_all();
 }
 
@@ -138,7 +140,7 @@ void LiveBodyFit::set_cameras(std::vector<Camera> cameras) {
     cameras_ = std::make_shared<const std::vector<Camera>>(std::move(cameras));
     if (!collecting_) return;
     const Collecting before = std::move(*collecting_);
-    begin(before.seconds, before.asked);
+    begin(before.seconds, before.requested);
 }
 
 std::optional<BodyShape> LiveBodyFit::take_body() {
@@ -156,8 +158,8 @@ void LiveBodyFit::report() {
 }
 
 void LiveBodyFit::fit_loop() {
-    lower_this_threads_priority();     // the capture comes first
-    oneapi::tbb::task_arena alone(1);  // none of the pipeline's workers
+    lower_this_threads_priority();     // the capture has priority
+    oneapi::tbb::task_arena alone(1);  // not the pipeline's workers
     while (true) {
         std::unique_lock lock(mutex_);
         changed_.wait(lock, [&] { return closed_ || to_fit_; });
@@ -174,22 +176,23 @@ void LiveBodyFit::fit(const ToFit& job, std::stop_token stop) {
     std::vector<const PoseObservation*> seen;
     for (const auto& frame : job.frames) seen.push_back(frame.get());
     const auto fitted =
-        fit_body(*job.cameras, fps_, seen, posing_.body, posing_, options_.fit, stop, [&](double part) {
+        fit_body(*job.cameras, fps_, seen, posing_.body, posing_, options_.fit, stop, [&](double progress) {
             {
                 const std::scoped_lock lock(mutex_);
                 if (stop.stop_requested()) return;
-                const bool same = static_cast<int>(10 * part) == static_cast<int>(10 * progress_.part);
-                progress_.part = part;
+                const bool same =
+                    static_cast<int>(10 * progress) == static_cast<int>(10 * progress_.progress);
+                progress_.progress = progress;
                 if (same) return;
             }
             report();
         });
-    // Stored first: what is in use can then be found again.
+    // Stores before applying, so that the active body is always on disk.
     absl::Status stored;
     if (fitted.ok() && job.store) stored = write_body_shape(fitted->shape, options_.file);
     {
         const std::scoped_lock lock(mutex_);
-        if (stop.stop_requested()) return;  // another one has begun
+        if (stop.stop_requested()) return;  // superseded by another fit
         if (!fitted.ok()) {
             progress_.state = BodyFitState::kFailed;
             progress_.message = std::string(fitted.status().message());
@@ -197,16 +200,16 @@ void LiveBodyFit::fit(const ToFit& job, std::stop_token stop) {
             attempts_left_ = 0;
             fresh_ = fitted->shape;
             progress_.state = BodyFitState::kReady;
-            progress_.part = 1;
+            progress_.progress = 1;
             progress_.body = fitted->shape;
             progress_.fit = *fitted;
-            progress_.stored_in = job.store && stored.ok() ? options_.file : std::filesystem::path();
-            progress_.message =
-                fmt::format("a body of {:.2f} m, fitted to {} frame sets, contours {:.0f} mm off{}",
-                            fitted->shape.stature_m, fitted->frames, 1000 * fitted->contour_rms_m,
-                            !job.store    ? ""
-                            : stored.ok() ? "; stored in " + options_.file.string()
-                                          : "; it was not stored: " + std::string(stored.message()));
+            progress_.stored_path = job.store && stored.ok() ? options_.file : std::filesystem::path();
+            progress_.message = fmt::format(
+                "stature {:.2f} m, fitted to {} frame sets, contour residual {:.0f} mm{}",
+                fitted->shape.stature_m, fitted->frame_set_count, 1000 * fitted->contour_residual_rms_m,
+                !job.store    ? ""
+                : stored.ok() ? "; stored in " + options_.file.string()
+                              : "; cannot be stored: " + std::string(stored.message()));
         }
     }
     report();

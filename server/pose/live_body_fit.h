@@ -1,8 +1,8 @@
-// The body of whoever is captured, fitted behind the running capture: when somebody asks, and by itself from
-// the first seconds in which a person is seen.
+// Fits the body model to the captured subject in the background: on request, and automatically from the first
+// seconds with a subject.
 //
-// Threads: observe() and take_body() the pipeline's, everything else any. The callback comes from any of them
-// and must not call back into this class.
+// Threads: the pipeline calls observe() and take_body(), any thread the others. The callback may come from
+// any thread and must not call back into this class.
 #pragma once
 
 #include <absl/status/status.h>
@@ -23,22 +23,22 @@
 
 namespace kinevox {
 
-enum class BodyFitState { kNone, kCollecting, kFitting, kReady, kFailed };
+enum class BodyFitState { kNotStarted, kCollecting, kFitting, kReady, kFailed };
 
 struct BodyFitProgress {
-    BodyFitState state = BodyFitState::kNone;
-    double part = 0;                  // of collecting, then of fitting, 0..1
-    bool asked = false;               // else it began by itself
-    std::string message;              // what came of it; one line
-    BodyShape body;                   // in use
-    std::optional<BodyFit> fit;       // the one in use; empty: the body is the one from the start
-    std::filesystem::path stored_in;  // body.toml of that fit; empty: nowhere
+    BodyFitState state = BodyFitState::kNotStarted;
+    double progress = 0;                // of collecting, then of fitting, 0..1
+    bool requested = false;             // false: started automatically
+    std::string message;                // the result; one line
+    BodyShape body;                     // the active one
+    std::optional<BodyFit> fit;         // of the active body; empty: it is the initial one
+    std::filesystem::path stored_path;  // body.toml of that fit; empty: not stored
 };
 
 struct LiveBodyFitOptions {
-    bool by_itself = true;  // from the first seconds with a person
-    double seconds_by_itself = 6;
-    std::filesystem::path file;  // where a body that was asked for is stored; empty: nowhere
+    bool automatic = true;  // fits to the first seconds with a subject
+    double automatic_duration_s = 6;
+    std::filesystem::path file;  // stores bodies fitted on request; empty: does not store
     BodyFitOptions fit;
 };
 
@@ -46,30 +46,30 @@ class LiveBodyFit {
   public:
     using OnProgress = std::function<void(const BodyFitProgress&)>;
 
-    // `posing` as the pipeline's; its body is where each fit starts.
+    // `posing` as in the pipeline; each fit starts from its body.
     LiveBodyFit(std::vector<Camera> cameras, double fps, const PoseStageOptions& posing,
                 const LiveBodyFitOptions& options, OnProgress on_progress = {});
     ~LiveBodyFit();
     LiveBodyFit(const LiveBodyFit&) = delete;
     LiveBodyFit& operator=(const LiveBodyFit&) = delete;
 
-    // Bounds and the default of what start() takes.
-    static constexpr double kUsualSeconds = 4;
+    // Bounds and default of start()'s duration.
+    static constexpr double kDefaultSeconds = 4;
     static constexpr double kMinSeconds = 1, kMaxSeconds = 30;
-    // Fits to what is seen in the next `seconds` with a person; a fit under way gives way. InvalidArgument
-    // beyond the bounds above, Unavailable after close().
+    // Fits to the next `seconds` with a subject; cancels a running fit. InvalidArgument outside the bounds
+    // above, Unavailable after close().
     absl::Status start(double seconds);
 
-    // After each frame set: what was seen, null where nobody was. Copies some of them, at most 30 a second.
+    // Call after each frame set; null: no subject. Copies at most 30 observations per second.
     void observe(std::int64_t time_ns, const PoseObservation* seen);
-    // Other places and lenses of the same cameras. What was collected so far is dropped; a fit under way goes
-    // on with the cameras that its frames were seen by. While observe() is not called.
+    // Another calibration of the same cameras. Drops collected observations; a running fit continues with the
+    // previous calibration. Must not be concurrent with observe().
     void set_cameras(std::vector<Camera> cameras);
-    // A body that was fitted since the last call.
+    // The body fitted since the last call, if any.
     std::optional<BodyShape> take_body();
 
     BodyFitProgress progress() const;
-    // For the daemon's end: cancels; nothing is fitted afterwards.
+    // For shutdown: cancels; nothing is fitted afterwards.
     void close();
 
   private:
@@ -82,13 +82,13 @@ class LiveBodyFit {
     };
     struct Collecting {
         double seconds = 0;
-        bool asked = false;
-        std::optional<std::int64_t> asked_ns, first_ns,
-            last_ns;  // capture times of the first and the newest kept
+        bool requested = false;
+        // Capture times of the request and of the first and latest observation kept.
+        std::optional<std::int64_t> requested_ns, first_ns, last_ns;
         Frames frames;
     };
 
-    void begin(double seconds, bool asked);
+    void begin(double seconds, bool requested);
     void keep(std::int64_t time_ns, const PoseObservation& seen);
     void fit_loop();
     void fit(const ToFit& job, std::stop_token stop);
@@ -105,9 +105,9 @@ class LiveBodyFit {
     BodyFitProgress progress_;
     std::optional<Collecting> collecting_;
     std::optional<ToFit> to_fit_;
-    std::stop_source stop_;  // of the fit under way
+    std::stop_source stop_;  // of the running fit
     std::optional<BodyShape> fresh_;
-    int attempts_left_ = 0;  // by itself
+    int attempts_left_ = 0;  // automatic ones
     bool closed_ = false;
 
     std::int64_t last_time_ns_ = 0;  // observe()'s own

@@ -9,36 +9,35 @@ namespace kinevox {
 namespace {
 
 constexpr float kBelowFloor_m = 0.06f;
-constexpr float kBeside_m =
-    0.2f;  // so far beside the largest part, seen from above, another one may be the subject's
+constexpr float kBeside_m = 0.2f;  // horizontal margin around the largest component for others of the subject
 
-// Parts of which at least half stands over or under the largest one: what a missing middle (trousers like the
-// floor) parts from it.
-std::vector<char> parts_of_subject(const kernels::Lattice& lattice, const std::vector<int>& part, int parts,
-                                   int largest) {
+// Components of which at least half is above or below the largest one: a gap in between (trousers similar to
+// the floor) may separate them.
+std::vector<char> components_of_subject(const kernels::Lattice& lattice, const std::vector<int>& component,
+                                        int component_count, int largest) {
     const int nx = lattice.size[0], ny = lattice.size[1],
-              reach = static_cast<int>(kBeside_m / lattice.voxel_m + 0.5f);
+              margin = static_cast<int>(kBeside_m / lattice.voxel_m + 0.5f);
     const std::size_t columns = static_cast<std::size_t>(nx) * ny;
     std::vector<char> footprint(columns, 0);
-    for (std::size_t k = 0; k < part.size(); ++k) {
-        if (part[k] != largest) continue;
+    for (std::size_t k = 0; k < component.size(); ++k) {
+        if (component[k] != largest) continue;
         const int x = static_cast<int>(k % columns) % nx, y = static_cast<int>(k % columns) / nx;
         if (footprint[k % columns] == 2) continue;
         footprint[k % columns] = 2;
-        for (int j = std::max(0, y - reach); j <= std::min(ny - 1, y + reach); ++j)
-            for (int i = std::max(0, x - reach); i <= std::min(nx - 1, x + reach); ++i) {
+        for (int j = std::max(0, y - margin); j <= std::min(ny - 1, y + margin); ++j)
+            for (int i = std::max(0, x - margin); i <= std::min(nx - 1, x + margin); ++i) {
                 char& cell = footprint[static_cast<std::size_t>(j) * nx + i];
                 if (cell == 0) cell = 1;
             }
     }
-    std::vector<std::int64_t> over(parts + 1, 0), all(parts + 1, 0);
-    for (std::size_t k = 0; k < part.size(); ++k) {
-        if (part[k] <= 0) continue;
-        ++all[part[k]];
-        over[part[k]] += footprint[k % columns] != 0;
+    std::vector<std::int64_t> over(component_count + 1, 0), all(component_count + 1, 0);
+    for (std::size_t k = 0; k < component.size(); ++k) {
+        if (component[k] <= 0) continue;
+        ++all[component[k]];
+        over[component[k]] += footprint[k % columns] != 0;
     }
-    std::vector<char> kept(parts + 1, 0);
-    for (int p = 1; p <= parts; ++p) kept[p] = 2 * over[p] >= all[p];
+    std::vector<char> kept(component_count + 1, 0);
+    for (int p = 1; p <= component_count; ++p) kept[p] = 2 * over[p] >= all[p];
     return kept;
 }
 
@@ -48,8 +47,8 @@ std::optional<MainBody> main_body(const kernels::VoxelVolume& coarse) {
     const kernels::Lattice& lattice = coarse.lattice;
     const int nx = lattice.size[0], ny = lattice.size[1], nz = lattice.size[2];
     const auto index = [&](int x, int y, int z) { return (static_cast<std::size_t>(z) * ny + y) * nx + x; };
-    std::vector<int> part(static_cast<std::size_t>(nx) * ny * nz,
-                          -1);  // -1 empty, 0 not visited, else its part
+    std::vector<int> component(static_cast<std::size_t>(nx) * ny * nz,
+                               -1);  // -1: empty, 0: not visited, else the component's number
     for (const kernels::Brick& brick : coarse.bricks)
         for (int z = 0; z < kernels::kBrickEdge; ++z) {
             const int k = kernels::kBrickEdge * brick.z + z;
@@ -57,18 +56,18 @@ std::optional<MainBody> main_body(const kernels::VoxelVolume& coarse) {
                 continue;
             for (int bit = 0; bit < 64; ++bit)
                 if (brick.occupancy[z] >> bit & 1)
-                    part[index(kernels::kBrickEdge * brick.x + bit % 8,
-                               kernels::kBrickEdge * brick.y + bit / 8, k)] = 0;
+                    component[index(kernels::kBrickEdge * brick.x + bit % 8,
+                                    kernels::kBrickEdge * brick.y + bit / 8, k)] = 0;
         }
-    int parts = 0, largest = 0;
-    std::size_t most = 0;
+    int component_count = 0, largest = 0;
+    std::size_t max_size = 0;
     std::vector<std::array<int, 3>> stack;
     for (int z = 0; z < nz; ++z)
         for (int y = 0; y < ny; ++y)
             for (int x = 0; x < nx; ++x) {
-                if (part[index(x, y, z)] != 0) continue;
+                if (component[index(x, y, z)] != 0) continue;
                 std::size_t size = 0;
-                part[index(x, y, z)] = ++parts;
+                component[index(x, y, z)] = ++component_count;
                 stack.push_back({x, y, z});
                 while (!stack.empty()) {
                     const auto at = stack.back();
@@ -80,16 +79,16 @@ std::optional<MainBody> main_body(const kernels::VoxelVolume& coarse) {
                         if (next[0] < 0 || next[1] < 0 || next[2] < 0 || next[0] >= nx || next[1] >= ny ||
                             next[2] >= nz)
                             continue;
-                        int& there = part[index(next[0], next[1], next[2])];
+                        int& there = component[index(next[0], next[1], next[2])];
                         if (there != 0) continue;
-                        there = parts;
+                        there = component_count;
                         stack.push_back(next);
                     }
                 }
-                if (size > most) most = size, largest = parts;
+                if (size > max_size) max_size = size, largest = component_count;
             }
-    if (most == 0) return std::nullopt;
-    const std::vector<char> subject = parts_of_subject(lattice, part, parts, largest);
+    if (max_size == 0) return std::nullopt;
+    const std::vector<char> subject = components_of_subject(lattice, component, component_count, largest);
     MainBody body;
     body.volume.lattice = lattice;
     double sum[3] = {};
@@ -102,7 +101,7 @@ std::optional<MainBody> main_body(const kernels::VoxelVolume& coarse) {
             for (int bit = 0; bit < 64; ++bit) {
                 const int i = kernels::kBrickEdge * brick.x + bit % 8,
                           j = kernels::kBrickEdge * brick.y + bit / 8, k = kernels::kBrickEdge * brick.z + z;
-                if (const int p = part[index(i, j, k)]; p <= 0 || !subject[p]) continue;
+                if (const int p = component[index(i, j, k)]; p <= 0 || !subject[p]) continue;
                 kept.occupancy[z] |= std::uint64_t{1} << bit;
                 sum[0] += i, sum[1] += j, sum[2] += k;
                 ++voxels;
@@ -152,8 +151,8 @@ kernels::VoxelVolume inside_of(const kernels::VoxelVolume& fine, const kernels::
     return out;
 }
 
-double part_outside(const kernels::Silhouettes& seen, const kernels::VoxelVolume& volume,
-                    const kernels::CameraModel& camera, int dilate_px, std::vector<std::uint8_t>& mask) {
+double fraction_outside(const kernels::Silhouettes& seen, const kernels::VoxelVolume& volume,
+                        const kernels::CameraModel& camera, int dilate_px, std::vector<std::uint8_t>& mask) {
     if (seen.sharp_pixels <= 0 || seen.bounds.empty()) return 0;
     mask.resize(static_cast<std::size_t>(seen.width) * seen.height);
     const float still[3] = {0, 0, 0};
@@ -167,8 +166,8 @@ double part_outside(const kernels::Silhouettes& seen, const kernels::VoxelVolume
     return 1 - static_cast<double>(inside) / static_cast<double>(seen.sharp_pixels);
 }
 
-void cut_to_mask(const kernels::Silhouettes& seen, const std::vector<std::uint8_t>& mask,
-                 kernels::Silhouettes& out) {
+void apply_mask(const kernels::Silhouettes& seen, const std::vector<std::uint8_t>& mask,
+                kernels::Silhouettes& out) {
     out = seen;
     out.sharp_pixels = 0;
     out.bounds = {seen.width, seen.height, 0, 0};

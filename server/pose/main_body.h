@@ -1,5 +1,5 @@
-// What of the silhouettes is the subject, where the segmentation shows more than that: furniture that was
-// moved, light that changed. Other cameras do not see such things at the same place, so the volume knows.
+// Separates the subject from other foreground, such as moved furniture or changed light. Other cameras do not
+// see these at the same position, so the volume excludes them.
 #pragma once
 
 #include <cstdint>
@@ -12,24 +12,24 @@
 
 namespace kinevox {
 
-// The largest connected part (by faces) of a volume, with the parts over and under it, as far as it stands
-// above the floor; its centre in the world.
+// The largest connected component (by faces) of a volume above the floor, with the components above and below
+// it; its centre in the world.
 struct MainBody {
     kernels::VoxelVolume volume;
     Vec3 centre_in_world;
 };
 std::optional<MainBody> main_body(const kernels::VoxelVolume& coarse);
 
-// What of a volume lies in the voxels of a coarser one with the same origin and `factor` times its voxels.
+// The part of a volume inside a coarser one with the same origin and voxels `factor` times as large.
 kernels::VoxelVolume inside_of(const kernels::VoxelVolume& fine, const kernels::VoxelVolume& coarse,
                                int factor);
 
-// Part of the sharp silhouette outside of the volume's projection widened by `dilate_px`, 0..1; the
-// projection in `mask`.
-double part_outside(const kernels::Silhouettes& seen, const kernels::VoxelVolume& volume,
-                    const kernels::CameraModel& camera, int dilate_px, std::vector<std::uint8_t>& mask);
-// `seen` without what `mask` does not cover.
-void cut_to_mask(const kernels::Silhouettes& seen, const std::vector<std::uint8_t>& mask,
-                 kernels::Silhouettes& out);
+// Fraction of the sharp silhouette outside the volume's projection dilated by `dilate_px`, 0..1; writes the
+// projection to `mask`.
+double fraction_outside(const kernels::Silhouettes& seen, const kernels::VoxelVolume& volume,
+                        const kernels::CameraModel& camera, int dilate_px, std::vector<std::uint8_t>& mask);
+// `seen` restricted to `mask`.
+void apply_mask(const kernels::Silhouettes& seen, const std::vector<std::uint8_t>& mask,
+                kernels::Silhouettes& out);
 
 }  // namespace kinevox

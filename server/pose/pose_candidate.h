@@ -1,4 +1,4 @@
-// Poses that a fit may start from, and who proposes them.
+// Candidate poses for a fit, and the interface that proposes them.
 #pragma once
 
 #include <optional>
@@ -13,25 +13,24 @@
 namespace kinevox {
 
 struct PoseCandidate {
-    BodyCoordinates
-        coordinates{};    // the root's place may be rough: the fitter moves the body to the silhouettes first
-    double distance = 0;  // the proposer's own measure, smaller is better
+    BodyCoordinates coordinates{};  // the root position may be approximate; the fitter corrects it first
+    double distance = 0;            // the proposer's own measure, smaller is better
 };
 
-// One camera's part of a frame set, as the pose stage sees it. Pointers stay valid for the call only.
+// One camera's input to the pose stage. Pointers are valid during the call only.
 struct PoseView {
     const kernels::CameraModel* camera = nullptr;
-    const kernels::Silhouettes* silhouettes = nullptr;  // null: the camera has no picture or was left out
+    const kernels::Silhouettes* silhouettes = nullptr;  // null: the camera has no image or is excluded
 };
 
-// Something that knows poses for silhouettes: the pose database.
+// Proposes poses for silhouettes; implemented by the pose database.
 class PoseProposer {
   public:
     virtual ~PoseProposer() = default;
-    // At most `most` candidates, best first. `views` in the order of the cameras, `centre_in_world` the
+    // At most `max_candidates`, best first. `views` in the order of the cameras; `centre_in_world`: the
     // tracked centre.
     virtual std::vector<PoseCandidate> propose(std::span<const PoseView> views, Vec3 centre_in_world,
-                                               int most) = 0;
+                                               int max_candidates) = 0;
 };
 
 }  // namespace kinevox

@@ -13,7 +13,7 @@ Vec3 point(const float* p) {
     return {p[0], p[1], p[2]};
 }
 
-// Rest pose and how far from it a joint usually is: weak, for what the silhouettes do not tell.
+// Rest pose and its standard deviation: a weak prior for what the silhouettes do not determine.
 struct Habit {
     double rest_deg, std_deg;
 };
@@ -55,8 +55,8 @@ void add_row(std::span<const int> dofs, const double* row, double residual, doub
     }
 }
 
-// Limits of movement and habits, on the named angles. A shoulder's angles are singular within its reach and
-// its range is wide; there only the motion prior holds.
+// Joint limits and the rest pose, on the named angles. A shoulder's angles are singular within its wide range
+// of motion; only the motion prior applies there.
 void add_angle_terms(const BodyPosture& posture, Linearisation& out) {
     const BodyCoordinates q = coordinates_from_posture(posture);
     for (int s = 1; s < kBodySegmentCount; ++s) {
@@ -143,7 +143,7 @@ void PoseCost::inside_terms(int camera, const SilhouetteRays& view, double robus
             const double m_per_px = 2 * in_camera.z / (c.fx + c.fy);
             const double out = radius - depth_px * m_per_px;
             if (out <= 0) continue;
-            // d pixel / d point without the lens' small stretch; moving along the depth hardly changes it.
+            // d pixel / d point, neglecting distortion and movement along the depth.
             const Vec3 in_plane{slope.x * c.fx / in_camera.z * m_per_px,
                                 slope.y * c.fy / in_camera.z * m_per_px, 0};
             const Vec3 g{in_plane.x, in_plane.y,
@@ -180,9 +180,9 @@ void PoseCost::floor_terms() {
     }
 }
 
-// Forearms and hands do not go through the trunk, nor legs through each other. Only the limb is moved by it:
-// a leg by the other one and the other by it.
-void PoseCost::apart_terms() {
+// Forearms and hands do not penetrate the trunk, nor legs each other. Only the limb is moved; two legs each
+// move the other.
+void PoseCost::separation_terms() {
     for (std::size_t k = 0; k < capsules_.size(); ++k) {
         const BodyCapsule& limb = capsules_[k];
         for (const BodyCapsule& other : capsules_) {
@@ -194,7 +194,8 @@ void PoseCost::apart_terms() {
                 const Vec3 from_other = p - (a + t * axis);
                 const double radii = (1 - along) * limb.radius_a + along * limb.radius_b +
                                      (1 - t) * other.radius_a + t * other.radius_b;
-                const double distance = norm(from_other), inside = options_.apart_share * radii - distance;
+                const double distance = norm(from_other),
+                             inside = options_.separation_fraction * radii - distance;
                 if (inside <= 0 || distance < 1e-6) continue;
                 SurfaceTerm term;
                 term.camera = -1;
@@ -204,7 +205,7 @@ void PoseCost::apart_terms() {
                 term.gradient = -(from_other / distance);
                 term.radius_gradient = 1;
                 term.residual = inside;
-                add_term(term, options_.apart_std_m, 1.0, 1.0);
+                add_term(term, options_.separation_std_m, 1.0, 1.0);
             }
         }
     }
@@ -223,7 +224,7 @@ void PoseCost::linearise(const BodyModel& model, const BodyPosture& posture,
         inside_terms(static_cast<int>(c), views[c], robust_m);
     }
     floor_terms();
-    apart_terms();
+    separation_terms();
 
     out.hessian.setZero();
     out.gradient.setZero();

@@ -1,7 +1,7 @@
-// How well a posed body explains the silhouettes, linearised for the fit.
+// The cost of a posed body against the silhouettes, linearised for the fit.
 //
 // Contour term: a ray through a silhouette's border touches the body, so the signed distance from the ray to
-// the nearest capsule is zero. Inside term: no part of the body may project outside of a silhouette.
+// the nearest capsule is zero. Inside term: no part of the body projects outside a silhouette.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,7 +14,7 @@
 
 namespace kinevox {
 
-// One residual and how it moves with the surface point of the body that causes it.
+// One residual and its derivatives by the surface point of the body that causes it.
 struct SurfaceTerm {
     int camera = 0;
     int capsule = 0;
@@ -35,14 +35,15 @@ struct Linearisation {
 // The prior of a fit: where the body is expected.
 struct MotionPrior {
     BodyPosture expected;
-    BodyStep std{};  // infinite: nothing is expected of this degree of freedom
+    BodyStep std{};  // infinite: no prior for this degree of freedom
 };
 
 class PoseCost {
   public:
     explicit PoseCost(const PoseCostOptions& options = {}) : options_(options) {}
 
-    // `robust_m`: distances much larger than this hardly count. `prior` may be null. Fills terms().
+    // `robust_m`: scale of the robust kernel; much larger distances hardly count. `prior` may be null. Fills
+    // terms().
     void linearise(const BodyModel& model, const BodyPosture& posture, std::span<const SilhouetteRays> views,
                    const MotionPrior* prior, double robust_m, Linearisation& out);
     const std::vector<SurfaceTerm>& terms() const { return terms_; }
@@ -53,7 +54,7 @@ class PoseCost {
     void contour_terms(int camera, const SilhouetteRays& view, double robust_m);
     void inside_terms(int camera, const SilhouetteRays& view, double robust_m);
     void floor_terms();
-    void apart_terms();
+    void separation_terms();
     void add_term(SurfaceTerm term, double std_m, double robust_m, double weight);
 
     PoseCostOptions options_;

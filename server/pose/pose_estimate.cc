@@ -7,24 +7,26 @@
 #include <bitset>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "common/degrees.h"
+#include "common/joint_angles.h"
 
 namespace kinevox {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-// What is known without any picture, so that the covariance is finite: the room and a turn.
-constexpr double kRoomStd_m = 2, kTurnStd = 1.5;
+// A prior without any images, so that the covariance is finite: the room, and any rotation.
+constexpr double kRoomStd_m = 2, kRotationStd_rad = 1.5;
 constexpr double kMinHipFlexion = 5 * kDegree;  // for a ratio
-constexpr int kTermsOfSupport = 4;              // residuals of a camera on a segment that make it a support
+constexpr int kMinSupportTerms = 4;             // minimum residuals of a camera on a segment to support it
 constexpr int kMaxCameras = 64;
 
 using Matrix = Eigen::Matrix<double, kBodyDofCount, kBodyDofCount>;
 using Vector = Eigen::Matrix<double, kBodyDofCount, 1>;
 using CameraSet = std::bitset<kMaxCameras>;
 
-// The segments that an angle turns against each other, by kJointAngleNames.
+// The two segments of each angle, in the order of kJointAngleNames.
 struct SegmentPair {
     int first, second;
 };
@@ -48,14 +50,14 @@ std::array<CameraSet, kBodySegmentCount> supporting_cameras(std::span<const Surf
             ++counts[capsules[term.capsule].segment][term.camera];
     std::array<CameraSet, kBodySegmentCount> sets;
     for (int s = 0; s < kBodySegmentCount; ++s)
-        for (int c = 0; c < kMaxCameras; ++c) sets[s][c] = counts[s][c] >= kTermsOfSupport;
+        for (int c = 0; c < kMaxCameras; ++c) sets[s][c] = counts[s][c] >= kMinSupportTerms;
     return sets;
 }
 
-// What the surface errs by, whatever the number of cameras: a person is only nearly a body of capsules, and
-// errs alike in every frame. Measured as what must be added (squared) to the silhouettes' part so that 68 %
-// of the errors lie within: tests/accuracy/pose_sigma.py, on the shared sequences and on the studio's, none
-// of which the fit was given truth of. Joints, m, of one axis, left and right alike.
+// Error of the body model, independent of the number of cameras: a body of capsules only approximates a
+// person, with the same error in every frame. Measured as the variance to add to that of the silhouettes so
+// that 68 % of the errors are within one sigma: tests/accuracy/pose_sigma.py, on the shared sequences and on
+// the studio's, without ground truth in the fit. Joints, m, per axis, left and right alike.
 double model_std_m(std::string_view joint) {
     struct Entry {
         std::string_view name;
@@ -74,9 +76,9 @@ double model_std_m(std::string_view joint) {
 constexpr std::array<double, kJointAngleNames.size()> kModelAngleStd{
     6.9 * kDegree, 6.9 * kDegree, 5.0 * kDegree, 5.0 * kDegree, 3.5 * kDegree, 3.5 * kDegree,
     2.5 * kDegree, 2.5 * kDegree, 3.3 * kDegree, 3.3 * kDegree, 2.0 * kDegree};
-// A segment's turn against its parent, rad: that of the angle which the same joint gives, else (neck, ankle,
-// wrist) of the far joint's place over the segment's length.
-double model_turn_std(int segment) {
+// A segment's rotation against its parent, rad: that of the angle at the same joint, else (neck, ankle,
+// wrist) the far joint's position error over the segment's length.
+double model_rotation_std(int segment) {
     switch (segment) {
         case kShankL:
         case kShankR:
@@ -96,12 +98,107 @@ double model_turn_std(int segment) {
             return 4 * kDegree;
     }
 }
-double both(double data_variance, double model_std) {
+double combined_std(double data_variance, double model_std) {
     return std::sqrt(data_variance + model_std * model_std);
 }
 
 double ratio(double knee, double hip) {
     return std::abs(hip) < kMinHipFlexion ? kNaN : knee / hip;
+}
+
+using SupportSets = std::array<CameraSet, kBodySegmentCount>;
+using JointJacobian = Eigen::Matrix<double, 3 * kJointNames.size(), kBodyDofCount>;
+using AngleByPosition = Eigen::Matrix<double, kJointAngleNames.size(), 3 * kJointNames.size()>;
+using AngleByStep = Eigen::Matrix<double, kJointAngleNames.size(), kBodyDofCount>;
+
+// d joint positions / d step.
+JointJacobian joint_jacobian(const BodyModel& model, const PosedBody& posed) {
+    const auto frames = model.dof_frames(posed);
+    JointJacobian jacobian;
+    for (std::size_t j = 0; j < kJointNames.size(); ++j) {
+        const auto columns = BodyModel::point_jacobian(frames, kJointSegment[j], posed.joints_in_world[j]);
+        for (int k = 0; k < kBodyDofCount; ++k)
+            jacobian.block<3, 1>(3 * static_cast<int>(j), k) << columns[k].x, columns[k].y, columns[k].z;
+    }
+    return jacobian;
+}
+
+// d angles / d joint positions, by central differences; 0 where an angle is undefined.
+AngleByPosition angle_derivatives(const PosedBody& posed) {
+    constexpr double kStep_m = 1e-5;
+    AngleByPosition by_position;
+    for (int p = 0; p < by_position.cols(); ++p) {
+        auto moved = posed.joints_in_world;
+        double Vec3::*const axis = p % 3 == 0 ? &Vec3::x : p % 3 == 1 ? &Vec3::y : &Vec3::z;
+        moved[p / 3].*axis += kStep_m;
+        const auto forth = joint_angles(moved);
+        moved[p / 3].*axis -= 2 * kStep_m;
+        const auto back = joint_angles(moved);
+        for (std::size_t k = 0; k < forth.size(); ++k) {
+            const double difference = forth[k] - back[k];
+            by_position(static_cast<int>(k), p) = std::isfinite(difference) ? difference / (2 * kStep_m) : 0;
+        }
+    }
+    return by_position;
+}
+
+void judge_joints(const JointJacobian& jacobian, const Matrix& covariance, const SupportSets& support,
+                  int cameras, const EstimateOptions& options, BodyPose& out) {
+    for (std::size_t j = 0; j < kJointNames.size(); ++j) {
+        const int segment = kJointSegment[j];
+        const auto rows = jacobian.middleRows<3>(3 * static_cast<int>(j));
+        JointEstimate& joint = out.joints[j];
+        joint.std_m =
+            combined_std((rows * covariance * rows.transpose()).trace() / 3, model_std_m(kJointNames[j]));
+        const int parent = kBodyParent[segment];
+        const CameraSet set = parent >= 0 ? support[segment] | support[parent] : support[segment];
+        joint.camera_count = static_cast<int>(set.count());
+        joint.withheld_reason.clear();
+        if (joint.camera_count == 0)
+            joint.withheld_reason = fmt::format("joint not visible in any of {} cameras", cameras);
+        else if (joint.std_m > options.max_joint_std_m)
+            joint.withheld_reason = fmt::format("position uncertain (std {:.0f} mm)", 1000 * joint.std_m);
+    }
+}
+
+void judge_angles(const AngleByStep& by_step, const Matrix& covariance, const SupportSets& support,
+                  int cameras, const EstimateOptions& options, BodyPose& out) {
+    for (std::size_t k = 0; k < out.angles.size(); ++k) {
+        AngleEstimate& angle = out.angles[k];
+        const auto row = by_step.row(static_cast<int>(k));
+        angle.std_rad = combined_std((row * covariance * row.transpose()).value(), kModelAngleStd[k]);
+        angle.velocity_rad_per_s = kNaN;
+        const SegmentPair pair = kAngleSegments[k];
+        angle.camera_count = static_cast<int>((support[pair.first] | support[pair.second]).count());
+        angle.withheld_reason.clear();
+        if (support[pair.first].none() || support[pair.second].none())
+            angle.withheld_reason = fmt::format(
+                "{} not visible in any of {} cameras",
+                kBodySegmentNames[support[pair.first].none() ? pair.first : pair.second], cameras);
+        else if (angle.std_rad > options.max_angle_std_rad)
+            angle.withheld_reason = fmt::format("angle uncertain (std {:.0f} deg)", angle.std_rad / kDegree);
+    }
+}
+
+// Of a ball joint: through the derivatives of its angles by its rotation vector.
+void judge_coordinates(const BodyPosture& posture, const Matrix& covariance, BodyPose& out) {
+    out.coordinate_velocity.fill(kNaN);
+    for (int k = 0; k < 3; ++k) out.coordinate_std[k] = combined_std(covariance(k, k), model_std_m("root"));
+    for (int s = 0; s < kBodySegmentCount; ++s) {
+        const int first = kSegmentDof[s];
+        if (kSegmentDofCount[s] == 1) {
+            out.coordinate_std[first] = combined_std(covariance(first, first), model_rotation_std(s));
+            continue;
+        }
+        const Mat3 rates = euler_rates(s, posture.parent_from_segment[s]);
+        Eigen::Matrix3d by_rotation;
+        for (int r = 0; r < 3; ++r)
+            for (int c = 0; c < 3; ++c) by_rotation(r, c) = rates(r, c);
+        const Eigen::Matrix3d rotated =
+            by_rotation * covariance.block<3, 3>(first, first) * by_rotation.transpose();
+        for (int k = 0; k < 3; ++k)
+            out.coordinate_std[first + k] = combined_std(rotated(k, k), model_rotation_std(s));
+    }
 }
 
 }  // namespace
@@ -118,8 +215,8 @@ void describe_posture(const BodyModel& model, const BodyPosture& posture, BodyPo
         out.world_from_segment[s] = quaternion_from_rotation(posed.world_from_segment[s].rotation);
         out.parent_from_segment[s] = quaternion_from_rotation(posture.parent_from_segment[s]);
     }
-    out.ratios.knee_hip_l = ratio(out.angles[0].value_rad, out.angles[4].value_rad);
-    out.ratios.knee_hip_r = ratio(out.angles[1].value_rad, out.angles[5].value_rad);
+    out.ratios.knee_hip_flexion_ratio_l = ratio(out.angles[0].value_rad, out.angles[4].value_rad);
+    out.ratios.knee_hip_flexion_ratio_r = ratio(out.angles[1].value_rad, out.angles[5].value_rad);
 }
 
 void judge_posture(const BodyModel& model, const BodyPosture& posture, const Linearisation& data,
@@ -127,88 +224,27 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
                    const EstimateOptions& options, BodyPose& out) {
     Matrix information = data.hessian;
     for (int k = 0; k < kBodyDofCount; ++k)
-        information(k, k) += k < 3 ? 1 / (kRoomStd_m * kRoomStd_m) : 1 / (kTurnStd * kTurnStd);
+        information(k, k) +=
+            k < 3 ? 1 / (kRoomStd_m * kRoomStd_m) : 1 / (kRotationStd_rad * kRotationStd_rad);
     const Matrix covariance = information.llt().solve(Matrix::Identity());
-
-    const auto support = supporting_cameras(terms, capsules);
+    const SupportSets support = supporting_cameras(terms, capsules);
     const PosedBody posed = model.forward(posture);
-    const auto frames = model.dof_frames(posed);
-    Eigen::Matrix<double, 3 * kJointNames.size(), kBodyDofCount> jacobian;
-    for (std::size_t j = 0; j < kJointNames.size(); ++j) {
-        const int segment = BodyModel::joint_segment(static_cast<int>(j));
-        const auto columns = BodyModel::point_jacobian(frames, segment, posed.joints_in_world[j]);
-        for (int k = 0; k < kBodyDofCount; ++k)
-            jacobian.block<3, 1>(3 * static_cast<int>(j), k) << columns[k].x, columns[k].y, columns[k].z;
-        const auto rows = jacobian.middleRows<3>(3 * static_cast<int>(j));
-        JointEstimate& joint = out.joints[j];
-        joint.std_m = both((rows * covariance * rows.transpose()).trace() / 3, model_std_m(kJointNames[j]));
-        const int parent = kBodyParent[segment];
-        const CameraSet set = parent >= 0 ? support[segment] | support[parent] : support[segment];
-        joint.cameras = static_cast<int>(set.count());
-        joint.withheld.clear();
-        if (joint.cameras == 0)
-            joint.withheld = fmt::format("none of {} cameras shows the segments at it", cameras);
-        else if (joint.std_m > options.max_joint_std_m)
-            joint.withheld =
-                fmt::format("the silhouettes leave its place open by {:.0f} mm", 1000 * joint.std_m);
-    }
-
-    // Angles are functions of the joints' positions: their derivative by differences, the joints' by the
-    // Jacobian.
-    constexpr double kStep_m = 1e-5;
-    Eigen::Matrix<double, kJointAngleNames.size(), 3 * kJointNames.size()> by_position;
-    for (int p = 0; p < by_position.cols(); ++p) {
-        auto moved = posed.joints_in_world;
-        double Vec3::*const axis = p % 3 == 0 ? &Vec3::x : p % 3 == 1 ? &Vec3::y : &Vec3::z;
-        moved[p / 3].*axis += kStep_m;
-        const auto forth = joint_angles(moved);
-        moved[p / 3].*axis -= 2 * kStep_m;
-        const auto back = joint_angles(moved);
-        for (std::size_t k = 0; k < forth.size(); ++k) {
-            const double difference = forth[k] - back[k];
-            by_position(static_cast<int>(k), p) = std::isfinite(difference) ? difference / (2 * kStep_m) : 0;
-        }
-    }
-    const Eigen::Matrix<double, kJointAngleNames.size(), kBodyDofCount> by_step = by_position * jacobian;
-    for (std::size_t k = 0; k < out.angles.size(); ++k) {
-        AngleEstimate& angle = out.angles[k];
-        const auto row = by_step.row(static_cast<int>(k));
-        angle.std_rad = both((row * covariance * row.transpose()).value(), kModelAngleStd[k]);
-        angle.velocity_rad_s = kNaN;
-        const SegmentPair pair = kAngleSegments[k];
-        angle.cameras = static_cast<int>((support[pair.first] | support[pair.second]).count());
-        angle.withheld.clear();
-        if (support[pair.first].none() || support[pair.second].none())
-            angle.withheld =
-                fmt::format("none of {} cameras shows {}", cameras,
-                            kBodySegmentNames[support[pair.first].none() ? pair.first : pair.second]);
-        else if (angle.std_rad > options.max_angle_std_rad)
-            angle.withheld =
-                fmt::format("the silhouettes leave it open by {:.0f} deg", angle.std_rad / kDegree);
-    }
-
-    // Of the coordinates: those of a ball joint through the rates of its angles.
-    for (int k = 0; k < 3; ++k) out.coordinate_std[k] = both(covariance(k, k), model_std_m("root"));
-    for (int s = 0; s < kBodySegmentCount; ++s) {
-        const int first = kSegmentDof[s];
-        if (kSegmentDofCount[s] == 1) {
-            out.coordinate_std[first] = both(covariance(first, first), model_turn_std(s));
-            continue;
-        }
-        const Mat3 rates = euler_rates(s, posture.parent_from_segment[s]);
-        Eigen::Matrix3d by_turn;
-        for (int r = 0; r < 3; ++r)
-            for (int c = 0; c < 3; ++c) by_turn(r, c) = rates(r, c);
-        const Eigen::Matrix3d turned = by_turn * covariance.block<3, 3>(first, first) * by_turn.transpose();
-        for (int k = 0; k < 3; ++k) out.coordinate_std[first + k] = both(turned(k, k), model_turn_std(s));
-    }
+    const JointJacobian jacobian = joint_jacobian(model, posed);
+    judge_joints(jacobian, covariance, support, cameras, options, out);
+    judge_angles(angle_derivatives(posed) * jacobian, covariance, support, cameras, options, out);
+    judge_coordinates(posture, covariance, out);
 }
 
 void set_velocities(const BodyPose& before, BodyPose& pose) {
     const double seconds = 1e-9 * static_cast<double>(pose.capture_time_ns - before.capture_time_ns);
     if (!(seconds > 0)) return;
     for (std::size_t k = 0; k < pose.angles.size(); ++k)
-        pose.angles[k].velocity_rad_s = (pose.angles[k].value_rad - before.angles[k].value_rad) / seconds;
+        pose.angles[k].velocity_rad_per_s = (pose.angles[k].value_rad - before.angles[k].value_rad) / seconds;
+    for (int d = 0; d < kBodyDofCount; ++d) {
+        const double moved = pose.coordinates[d] - before.coordinates[d];
+        pose.coordinate_velocity[d] =
+            (is_position(d) ? moved : std::remainder(moved, 2 * std::numbers::pi)) / seconds;
+    }
 }
 
 }  // namespace kinevox

@@ -1,4 +1,4 @@
-// From a fitted posture to what is published: joints, angles, and how far they can be trusted.
+// Converts a fitted posture to the published pose: joints, angles and their uncertainty.
 #pragma once
 
 #include <memory>
@@ -10,17 +10,17 @@
 
 namespace kinevox {
 
-// Joints, angles, coordinates, orientations and ratios of a posture. What is marked as withheld in `out`
-// becomes NaN; the rest of `out` stays as it is.
+// Writes joints, angles, coordinates, orientations and ratios of a posture to `out`; values with a
+// withheld_reason become NaN.
 void describe_posture(const BodyModel& model, const BodyPosture& posture, BodyPose& out);
 
-// Standard deviations, supporting cameras and reasons to withhold. `data` is the linearisation at the posture
-// without any motion prior and `terms` the residuals it was made of.
+// Writes standard deviations, camera counts and withheld reasons. `data` is the linearisation at the posture
+// without motion prior, `terms` its residuals.
 void judge_posture(const BodyModel& model, const BodyPosture& posture, const Linearisation& data,
                    std::span<const SurfaceTerm> terms, std::span<const BodyCapsule> capsules, int cameras,
                    const EstimateOptions& options, BodyPose& out);
 
-// The angles' velocities between two poses, rad/s; NaN where either is withheld.
+// Velocities between two poses, rad/s and m/s; NaN if either value is withheld.
 void set_velocities(const BodyPose& before, BodyPose& pose);
 
 }  // namespace kinevox

@@ -13,8 +13,9 @@ using Vector = Eigen::Matrix<double, kBodyDofCount, 1>;
 using Matrix = Eigen::Matrix<double, kBodyDofCount, kBodyDofCount>;
 
 constexpr double kFirstDamping = 1e-3, kMinDamping = 1e-6, kMaxDamping = 1e6;
-constexpr double kMaxTurn = 0.5;  // rad a step and degree of freedom: the linearisation holds no farther
-// Added to the diagonal whatever the damping: what no silhouette tells stays where it is (1/m^2 and 1/rad^2).
+constexpr double kMaxRotation =
+    0.5;  // rad per step and degree of freedom: the linearisation is valid up to here
+// Added to the diagonal in addition to the damping: keeps undetermined parameters (1/m^2 and 1/rad^2).
 constexpr double kFloor = 1e-2;
 
 }  // namespace
@@ -44,7 +45,7 @@ void PoseFitter::descend(const BodyModel& model, std::span<const SilhouetteRays>
         Vector step = damped.ldlt().solve(-fit.at.gradient);
         if (!step.allFinite()) return;
         const double largest = step.tail<kBodyDofCount - 3>().cwiseAbs().maxCoeff();
-        if (largest > kMaxTurn) step *= kMaxTurn / largest;
+        if (largest > kMaxRotation) step *= kMaxRotation / largest;
         const BodyPosture next =
             stepped(fit.posture, std::span<const double, kBodyDofCount>(step.data(), kBodyDofCount));
         cost_.linearise(model, next, views, prior, robust_m, trial_);
@@ -73,12 +74,12 @@ PoseFit PoseFitter::fit(const BodyModel& model, std::span<const SilhouetteRays> 
     for (const SilhouetteRays& view : views)
         if (view.camera) rays += static_cast<int>(view.contour.size());
     for (const SurfaceTerm& term : cost_.terms()) {
-        if (term.radius_gradient > 0) continue;  // no contour ray
+        if (term.radius_gradient > 0) continue;  // not a contour ray
         const double r = std::abs(term.residual);
         if (r < 3 * options_.narrow_m) sum += r * r, ++within;
         if (r < options_.narrow_m) ++touching;
     }
-    fit.contour_rms_m = within > 0 ? std::sqrt(sum / within) : 0;
+    fit.contour_residual_rms_m = within > 0 ? std::sqrt(sum / within) : 0;
     fit.explained = rays > 0 ? static_cast<double>(touching) / rays : 0;
     return fit;
 }

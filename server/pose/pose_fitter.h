@@ -13,9 +13,9 @@ namespace kinevox {
 
 struct PoseFit {
     BodyPosture posture;
-    Linearisation at;          // the solution, at narrow_m
-    double contour_rms_m = 0;  // of the contour rays within 3 narrow_m
-    double explained = 0;      // part of the contour rays that lie within narrow_m of the outline, 0..1
+    Linearisation at;                   // at the solution, with narrow_m
+    double contour_residual_rms_m = 0;  // of the contour rays within 3 * narrow_m
+    double explained = 0;               // fraction of the contour rays within narrow_m of the body, 0..1
 };
 
 // Not thread safe; keeps its memory.
@@ -23,11 +23,11 @@ class PoseFitter {
   public:
     explicit PoseFitter(const PoseFitOptions& options = {}) : options_(options), cost_(options.cost) {}
 
-    // `prior` may be null. `wide`: begins with the wide kernel.
+    // `prior` may be null. `wide`: starts with the wide kernel.
     PoseFit fit(const BodyModel& model, std::span<const SilhouetteRays> views, const BodyPosture& start,
                 const MotionPrior* prior, bool wide);
 
-    // The cost alone, for comparing starts.
+    // Only the cost, for comparing initial postures.
     double cost_of(const BodyModel& model, std::span<const SilhouetteRays> views, const BodyPosture& posture);
 
     const PoseCost& cost() const { return cost_; }

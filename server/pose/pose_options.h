@@ -3,57 +3,117 @@
 
 #include <string>
 
+#include "kernels/option_list.h"
 #include "server/pose/body_shape.h"
 
 namespace kinevox {
 
 struct SilhouetteRayOptions {
-    int contour_rays = 160;  // at most so many a camera
-    int distance_map_side =
-        160;  // the distance map is coarsened to about so many cells along its longer side
+    int contour_rays = 160;       // maximum number per camera
+    int distance_map_side = 160;  // approximate number of cells along the longer side of the distance map
+    bool operator==(const SilhouetteRayOptions&) const = default;
 };
 
 struct PoseCostOptions {
-    double contour_std_m = 0.012;  // of a contour ray's distance
-    double inside_std_m = 0.012;   // of how far a part sticks out of a silhouette
-    double term_weight = 0.25;  // neighbouring rays err alike: one counts as this part of an independent one
-    double floor_std_m = 0.02;  // of how far a foot goes below the floor
-    double apart_std_m = 0.02;  // of how far limbs enter the trunk or each other
-    double apart_share = 0.8;   // of the radii's sum that axes keep apart: flesh and clothes give way
+    double contour_std_m = 0.012;    // of a contour ray's distance
+    double inside_std_m = 0.012;     // of the distance outside a silhouette
+    double term_weight = 0.25;       // weight of one of the correlated neighbouring rays
+    double floor_std_m = 0.02;       // of a foot's depth below the floor
+    double separation_std_m = 0.02;  // of the penetration of limbs and trunk
+    double separation_fraction =
+        0.8;  // minimum distance of axes over the sum of the radii: soft tissue and clothes yield
+    bool operator==(const PoseCostOptions&) const = default;
 };
 
 struct PoseFitOptions {
     PoseCostOptions cost;
-    // Distances that still count, m: wide first, so that limbs find their silhouettes, then narrow.
+    // Scale of the robust kernel, m: wide first, so that limbs find their silhouettes, then narrow.
     double wide_m = 0.15, narrow_m = 0.04;
-    int wide_steps = 3, narrow_steps = 6;  // at most so many accepted or rejected steps
-    double done_below = 1e-3;              // relative decrease of the cost that ends a stage
+    int wide_steps = 3, narrow_steps = 6;  // maximum numbers of accepted or rejected steps
+    double done_below = 1e-3;              // minimum relative decrease of the cost per step
 
     std::string check() const;
+    bool operator==(const PoseFitOptions&) const = default;
 };
+
+template <typename T, typename F>
+requires kernels::SameOptions<T, PoseFitOptions>
+void visit_options(T& o, F&& f) {
+    f({"contour_std_m", 1e-4, 1, "m", "Standard deviation of a contour ray's distance."},
+      o.cost.contour_std_m);
+    f({"inside_std_m", 1e-4, 1, "m", "Standard deviation of the distance outside a silhouette."},
+      o.cost.inside_std_m);
+    f({"term_weight", 1e-6, 1, "", "Weight of one of the correlated neighbouring rays."}, o.cost.term_weight);
+    f({"floor_std_m", 1e-4, 1, "m", "Standard deviation of a foot's depth below the floor."},
+      o.cost.floor_std_m);
+    f({"separation_std_m", 1e-4, 1, "m", "Standard deviation of the penetration of limbs and trunk."},
+      o.cost.separation_std_m);
+    f({"separation_fraction", 0, 2, "", "Fraction of the sum of radii that keeps limbs apart."},
+      o.cost.separation_fraction);
+    f({"wide_m", 1e-3, 10, "m", "Width of the robust kernel in the first steps."}, o.wide_m);
+    f({"narrow_m", 1e-3, 10, "m", "Width of the robust kernel in the last steps."}, o.narrow_m);
+    f({"wide_steps", 0, 1000, "", "Maximum number of steps with the wide kernel."}, o.wide_steps);
+    f({"narrow_steps", 1, 1000, "", "Maximum number of steps with the narrow kernel."}, o.narrow_steps);
+    f({"done_below", 0, 1, "", "Relative decrease of the cost that ends the steps."}, o.done_below);
+}
 
 struct PoseTrackerOptions {
     PoseFitOptions fit;
     SilhouetteRayOptions rays;
-    int headings = 16;            // tried for each key pose at the beginning
-    int starts = 10;              // of all those the best are fitted
-    int hypotheses = 3;           // and of these so many are followed
-    double decide_after_s = 1.0;  // then the best one alone
-    double hopeless = 1.35;       // a rival whose cost is so many times the best one's is dropped at once
-    double search_below =
-        0.9;               // part of the contour explained; below it a limb is searched for each frame set
-    bool patient = false;  // searches below that always, not only where less than usual is explained
-    double lost_below = 0.55;    // part of the contour explained; below it a pose is lost
-    double lost_after_s = 0.15;  // for so long, and the search begins anew
-    int min_views = 2;           // with a silhouette
-    // Accelerations that the motion prior expects, one standard deviation.
-    double root_acceleration_m_s2 = 15, root_turn_rad_s2 = 40, joint_turn_rad_s2 = 90;
+    int headings = 16;              // tried for each key pose at initialisation
+    int starts = 10;                // number of the best of these that are fitted
+    int hypotheses = 3;             // number of the best fits that are tracked
+    double decide_after_s = 1.0;    // until only the best one is kept
+    double drop_cost_ratio = 1.35;  // hypotheses with this multiple of the best cost are dropped at once
+    double search_explained_fraction =
+        0.9;                           // explained fraction of the contour below which limbs are searched
+    bool always_search_limbs = false;  // below that always; false: only if less than usual is explained
+    double lost_explained_fraction = 0.55;  // explained fraction of the contour below which a pose is lost
+    double lost_after_s = 0.15;             // time below that until the tracker is re-initialised
+    int min_views = 2;                      // minimum number with a silhouette
+    // Standard deviations of accelerations in the motion prior.
+    double root_acceleration_m_per_s2 = 15, root_angular_acceleration_rad_per_s2 = 40,
+           joint_angular_acceleration_rad_per_s2 = 90;
 
     std::string check() const;
+    bool operator==(const PoseTrackerOptions&) const = default;
 };
 
-// One-Euro (Casiez, Roussel & Vogel 2012): a low pass whose cutoff rises with speed, a filter a degree of
-// freedom in the tangent space. Causal, for a live stream.
+// Those of the fit are listed there.
+template <typename T, typename F>
+requires kernels::SameOptions<T, PoseTrackerOptions>
+void visit_options(T& o, F&& f) {
+    f({"contour_rays", 1, 100000, "", "Maximum number of contour rays per camera."}, o.rays.contour_rays);
+    f({"distance_map_side", 1, 10000, "cells", "Longer side of the distance map."}, o.rays.distance_map_side);
+    f({"headings", 1, 1000, "", "Headings tried per key pose when a pose is searched."}, o.headings);
+    f({"starts", 1, 1000, "", "Number of best starts that are fitted."}, o.starts);
+    f({"hypotheses", 1, 1000, "", "Number of best fits that are tracked."}, o.hypotheses);
+    f({"decide_after_s", 0, 60, "s", "Time until the best hypothesis is chosen."}, o.decide_after_s);
+    f({"drop_cost_ratio", 1, 1e6, "", "Cost relative to the best that drops a hypothesis at once."},
+      o.drop_cost_ratio);
+    f({"search_explained_fraction", 0, 1, "",
+       "Explained fraction of the contour below which limbs are searched."},
+      o.search_explained_fraction);
+    f({"always_search_limbs", 0, 1, "",
+       "Search limbs whenever the explained fraction is below search_explained_fraction, even if that is "
+       "usual."},
+      o.always_search_limbs);
+    f({"lost_explained_fraction", 0, 1, "", "Explained fraction of the contour below which a pose is lost."},
+      o.lost_explained_fraction);
+    f({"lost_after_s", 0, 60, "s", "Time below that until the pose is searched again."}, o.lost_after_s);
+    f({"min_views", 2, 64, "", "Minimum number of cameras with a silhouette."}, o.min_views);
+    f({"root_acceleration_m_per_s2", 1e-3, 1e6, "m/s2", "Standard deviation of the root's acceleration."},
+      o.root_acceleration_m_per_s2);
+    f({"root_angular_acceleration_rad_per_s2", 1e-3, 1e6, "rad/s2",
+       "Standard deviation of the root's angular acceleration."},
+      o.root_angular_acceleration_rad_per_s2);
+    f({"joint_angular_acceleration_rad_per_s2", 1e-3, 1e6, "rad/s2",
+       "Standard deviation of the joints' angular acceleration."},
+      o.joint_angular_acceleration_rad_per_s2);
+}
+
+// One-Euro (Casiez, Roussel & Vogel 2012): a low pass whose cutoff rises with speed, a filter per degree
+// of freedom in the tangent space. Causal, for a live stream.
 struct OneEuroOptions {
     double min_cutoff_hz = 4;
     double speed_factor_root = 6;   // added cutoff, Hz per m/s
@@ -61,38 +121,66 @@ struct OneEuroOptions {
     double rate_cutoff_hz = 2;      // of the low pass of the speed
 
     std::string check() const;
+    bool operator==(const OneEuroOptions&) const = default;
 };
+
+template <typename T, typename F>
+requires kernels::SameOptions<T, OneEuroOptions>
+void visit_options(T& o, F&& f) {
+    f({"min_cutoff_hz", 1e-6, 1e6, "Hz", "Cutoff at rest."}, o.min_cutoff_hz);
+    f({"speed_factor_root", 0, 1e6, "Hz per m/s", "Increase of the cutoff with the root's speed."},
+      o.speed_factor_root);
+    f({"speed_factor_angle", 0, 1e6, "Hz per rad/s", "Increase of the cutoff with angular speed."},
+      o.speed_factor_angle);
+    f({"rate_cutoff_hz", 1e-6, 1e6, "Hz", "Cutoff of the speed's own low pass."}, o.rate_cutoff_hz);
+}
 
 struct EstimateOptions {
     // Beyond these standard deviations a value is withheld.
     double max_joint_std_m = 0.10;
     double max_angle_std_rad = 0.45;
+    bool operator==(const EstimateOptions&) const = default;
 };
 
 struct PoseStageOptions {
     PoseTrackerOptions tracker;
     EstimateOptions estimate;
     OneEuroOptions filter;
-    bool filtered = true;  // by the causal filter above; off for recordings, which are smoothed as a whole
-    // Part of a silhouette that may lie outside of the volume's main part; where it is more, the silhouette
-    // is cut there.
-    double max_outside_volume = 0.2;
-    int candidates = 5;  // asked of the proposer where a body must be found
+    bool filtered = true;  // by the causal filter above; off for recordings, which are smoothed without delay
+    // Fraction of a silhouette outside the volume's main body above which the silhouette is masked by it.
+    double max_outside_fraction = 0.2;
+    int candidates = 5;  // number requested from the proposer when a pose must be found
     BodyShape body = default_body_shape();
 
-    // Empty when usable, else one sentence.
+    // Empty when valid, else one sentence.
     std::string check() const;
+    bool operator==(const PoseStageOptions&) const = default;
 };
 
+// Those of the tracker and the filter are listed there; the body is no option by name.
+template <typename T, typename F>
+requires kernels::SameOptions<T, PoseStageOptions>
+void visit_options(T& o, F&& f) {
+    f({"filtered", 0, 1, "", "Smooth poses over time, causally."}, o.filtered);
+    f({"max_outside_fraction", 0, 1, "",
+       "Fraction of a silhouette outside the volume above which it is masked."},
+      o.max_outside_fraction);
+    f({"candidate_count", 0, 1000, "", "Number of poses requested from the pose database."}, o.candidates);
+    f({"max_joint_std_m", 1e-4, 10, "m", "Standard deviation above which a joint is withheld."},
+      o.estimate.max_joint_std_m);
+    f({"max_angle_std_rad", 1e-4, 10, "rad", "Standard deviation above which an angle is withheld."},
+      o.estimate.max_angle_std_rad);
+}
+
 struct BodyFitOptions {
-    int max_frames = 40;            // of those given, evenly chosen
+    int max_frames = 40;            // maximum number used, evenly chosen
     int rounds = 2;                 // of tracking and fitting
     int steps = 10;                 // each with a wide and a narrow kernel
-    double independent_frames = 1;  // all frames together count as so many
+    double independent_frames = 1;  // effective number of independent frames
     double stature_std_m = 0.12;    // around the mean adult
-    // Part of the contour that a pose must explain to be used: less than the tracker asks, since a clip of
-    // its own often has a poorer background.
-    double min_explained = 0.25;
+    // Minimum explained fraction of the contour of a pose that is used; lower than for tracking, since
+    // separate clips often have a poorer background.
+    double min_explained_fraction = 0.25;
 
     std::string check() const;
 };

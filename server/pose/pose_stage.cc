@@ -18,7 +18,7 @@ std::string BodyFitOptions::check() const {
 std::string PoseStageOptions::check() const {
     for (std::string problem : {tracker.check(), filter.check()})
         if (!problem.empty()) return problem;
-    if (candidates < 0) return "pose stage: candidates is negative";
+    if (candidates < 0) return "pose stage: candidates is negative; 0 or more is allowed";
     return {};
 }
 
@@ -42,14 +42,13 @@ void PoseStage::reset() {
     last_.reset();
 }
 
-// Usually the coarse projection tells that all is well; the fine one is made only where a silhouette must be
-// cut.
-void PoseStage::cut_views(const kernels::VoxelVolume& volume, const MainBody& body,
-                          std::vector<PoseView>& views) {
+// Usually the coarse projection suffices; the fine one is computed only if a silhouette must be masked.
+void PoseStage::mask_views(const kernels::VoxelVolume& volume, const MainBody& body,
+                           std::vector<PoseView>& views) {
     constexpr int kWide = 80,
-                  kNarrow = 300;  // parts of the picture's height by which the projections are widened
-    cut_.resize(cameras_.size());
-    cut_mask_.resize(cameras_.size());
+                  kNarrow = 300;  // the projections are dilated by these fractions of the image height
+    masked_.resize(cameras_.size());
+    mask_.resize(cameras_.size());
     std::vector<char> cluttered(views.size(), 0);
     const auto each = [&](const auto& body_of) {
         oneapi::tbb::parallel_for(std::size_t{0}, views.size(), body_of, oneapi::tbb::simple_partitioner());
@@ -57,17 +56,17 @@ void PoseStage::cut_views(const kernels::VoxelVolume& volume, const MainBody& bo
     each([&](std::size_t c) {
         if (!views[c].silhouettes) return;
         const int dilate_px = std::max(1, views[c].silhouettes->height / kWide);
-        cluttered[c] = part_outside(*views[c].silhouettes, body.volume, *views[c].camera, dilate_px,
-                                    cut_mask_[c]) > options_.max_outside_volume;
+        cluttered[c] = fraction_outside(*views[c].silhouettes, body.volume, *views[c].camera, dilate_px,
+                                        mask_[c]) > options_.max_outside_fraction;
     });
     if (std::none_of(cluttered.begin(), cluttered.end(), [](char c) { return c != 0; })) return;
-    const kernels::VoxelVolume fine = inside_of(volume, body.volume, kCoarser);
+    const kernels::VoxelVolume fine = inside_of(volume, body.volume, kCoarseFactor);
     each([&](std::size_t c) {
         if (!cluttered[c]) return;
         const int dilate_px = std::max(1, views[c].silhouettes->height / kNarrow);
-        part_outside(*views[c].silhouettes, fine, *views[c].camera, dilate_px, cut_mask_[c]);
-        cut_to_mask(*views[c].silhouettes, cut_mask_[c], cut_[c]);
-        views[c].silhouettes = &cut_[c];
+        fraction_outside(*views[c].silhouettes, fine, *views[c].camera, dilate_px, mask_[c]);
+        apply_mask(*views[c].silhouettes, mask_[c], masked_[c]);
+        views[c].silhouettes = &masked_[c];
     });
 }
 
@@ -78,7 +77,7 @@ std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint
     std::vector<PoseView> shown(views.begin(), views.end());
     if (const std::optional<MainBody> body = main_body(coarse)) {
         centre = body->centre_in_world;
-        cut_views(volume, *body, shown);
+        mask_views(volume, *body, shown);
     }
     observation_.time_ns = time_ns;
     observation_.centre_in_world = centre;
@@ -110,7 +109,7 @@ std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint
     pose->subject_id = subject_id;
     pose->sequence = sequence;
     pose->capture_time_ns = time_ns;
-    pose->contour_rms_m = tracked_->fit.contour_rms_m;
+    pose->contour_residual_rms_m = tracked_->fit.contour_residual_rms_m;
     pose->filtered = options_.filtered;
     Linearisation data;
     judge_.linearise(tracker_.model(), tracked_->fit.posture, seen.views, nullptr,

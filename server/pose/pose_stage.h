@@ -1,4 +1,4 @@
-// The pipeline's last stage: silhouettes of one frame set in, a measured body out.
+// The last stage of the pipeline: measures the pose from the silhouettes of one frame set.
 #pragma once
 
 #include <cstdint>
@@ -19,46 +19,46 @@
 
 namespace kinevox {
 
-// What a frame set showed, for fits that come later.
+// The evidence of one frame set, for later fits.
 struct PoseObservation {
     std::int64_t time_ns = 0;
     Vec3 centre_in_world;
     std::vector<SilhouetteRays> views;
 };
 
-// Not thread safe. The numbers do not depend on the number of threads.
+// Not thread-safe. The results do not depend on the number of threads.
 class PoseStage {
   public:
     PoseStage(std::vector<Camera> cameras, double fps, const PoseStageOptions& options);
 
     void set_body(const BodyShape& body);
     const BodyShape& body() const { return tracker_.model().shape(); }
-    // May be null; must outlive the stage. Asked when a body must be found.
+    // May be null; must outlive the stage. Used when a pose must be found without prior.
     void set_proposer(PoseProposer* proposer) { proposer_ = proposer; }
     PoseProposer* proposer() const { return proposer_; }
 
-    // Views in the order of the cameras; the volume, and the same with `kCoarser` times the voxels (any of
-    // whose voxels is occupied). Null where no body can be told.
-    static constexpr int kCoarser = 4;
+    // Views in the order of the cameras; `coarse` is the volume with voxels kCoarseFactor times as large,
+    // occupied if any of theirs is. Null if no pose is found.
+    static constexpr int kCoarseFactor = 4;
     std::shared_ptr<BodyPose> process(std::uint32_t subject_id, std::uint64_t sequence, std::int64_t time_ns,
                                       std::span<const PoseView> views, const kernels::VoxelVolume& volume,
                                       const kernels::VoxelVolume& coarse, Vec3 centre_in_world);
-    // What process() saw last.
+    // The evidence of the last process().
     const PoseObservation& observation() const { return observation_; }
-    // The same from an observation; time as the caller tells it, since recordings may be followed backwards.
+    // The same from an observation; `time_ns` may decrease in recorded time when tracking backwards.
     std::shared_ptr<BodyPose> process(std::uint32_t subject_id, std::uint64_t sequence, std::int64_t time_ns,
                                       const PoseObservation& observation,
                                       std::span<const PoseCandidate> candidates);
-    // How badly the silhouettes are explained by the last posture, without any motion prior; for comparing
-    // postures of one frame set.
+    // Cost of the last posture against the silhouettes, without motion prior; for comparing postures of one
+    // frame set.
     double data_cost() const { return data_cost_; }
-    // Of the last frame set, not filtered.
+    // The unfiltered posture of the last frame set.
     const std::optional<TrackedPosture>& tracked() const { return tracked_; }
 
     void reset();
 
   private:
-    void cut_views(const kernels::VoxelVolume& volume, const MainBody& body, std::vector<PoseView>& views);
+    void mask_views(const kernels::VoxelVolume& volume, const MainBody& body, std::vector<PoseView>& views);
 
     std::vector<Camera> cameras_;
     PoseStageOptions options_;
@@ -66,8 +66,8 @@ class PoseStage {
     PoseCost judge_;
     OneEuroPosture filter_;
     PoseProposer* proposer_ = nullptr;
-    std::vector<kernels::Silhouettes> cut_;  // per camera
-    std::vector<std::vector<std::uint8_t>> cut_mask_;
+    std::vector<kernels::Silhouettes> masked_;  // per camera
+    std::vector<std::vector<std::uint8_t>> mask_;
     PoseObservation observation_;
     std::optional<TrackedPosture> tracked_;
     double data_cost_ = 0;

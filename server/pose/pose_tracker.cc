@@ -14,21 +14,22 @@
 namespace kinevox {
 namespace {
 
-constexpr double kRateMemory = 0.6;  // of the old rate in the new one's estimate
+constexpr double kRateMemory = 0.6;  // weight of the previous rate in the estimate
 constexpr double kCostMemory = 0.85;
 constexpr double kPredictionDamping = 0.9;
 constexpr double kUsualMemory = 0.997, kPoorer = 0.03;
 constexpr double kBetter = 2,
-                 kClearlyBetter = 12;  // in cost, that moving limbs must gain: 2 is about two contour rays
-// Arms and legs in either order. While a body has not been followed for long they are looked for anew after
-// so many frame sets, whatever is explained: a limb in the other's place leaves little unexplained.
+                 kClearlyBetter =
+                     12;  // minimum decrease of the cost by a limb search; 2 is about two contour rays
+// Arms and legs in either order. In the first second of tracking they are searched again at this interval of
+// frame sets regardless of the explained fraction: coinciding limbs leave little unexplained.
 constexpr std::array<std::pair<Limb, Limb>, 4> kLimbPairs{{{Limb::kArmL, Limb::kArmR},
                                                            {Limb::kLegL, Limb::kLegR},
                                                            {Limb::kArmR, Limb::kArmL},
                                                            {Limb::kLegR, Limb::kLegL}}};
-constexpr int kPairFrames = 7, kPatientPairFrames = 3;
+constexpr int kPairFrames = 7, kFrequentPairFrames = 3;
 constexpr double kPairSeconds = 1;
-constexpr double kSame_m = 0.06;  // hypotheses whose joints lie nearer on average are one
+constexpr double kSame_m = 0.06;  // hypotheses with a smaller mean joint distance are merged
 
 double mean_joint_distance(const PosedBody& a, const PosedBody& b) {
     double sum = 0;
@@ -42,8 +43,8 @@ double mean_joint_distance(const PosedBody& a, const PosedBody& b) {
 std::string PoseTrackerOptions::check() const {
     if (std::string problem = fit.check(); !problem.empty()) return problem;
     if (headings < 1 || starts < 1 || hypotheses < 1)
-        return fmt::format("pose tracker: {} headings, {} starts, {} hypotheses; at least one each", headings,
-                           starts, hypotheses);
+        return fmt::format("pose tracker: {} headings, {} starts, {} hypotheses; each must be at least 1",
+                           headings, starts, hypotheses);
     if (min_views < 2) return fmt::format("pose tracker: min_views is {}; at least 2", min_views);
     return {};
 }
@@ -84,23 +85,22 @@ void PoseTracker::begin(std::span<const SilhouetteRays> views, Vec3 centre,
     choose();
     for (Hypothesis& h : hypotheses_) {
         for (int round = 0; round < 2; ++round)
-            for (const Limb limb : kLimbs) search_limb(h, views, limb, LimbReach::kWhole);
+            for (const Limb limb : kLimbs) search_limb(h, views, limb, LimbSearchScope::kWhole);
         for (const auto& [first, second] : kLimbPairs) search_pair(h, views, first, second);
         h.cost = h.fit.at.cost;
     }
     choose();
 }
 
-// A limb may be where the descent does not find it; what is found stays only if the whole body fits better
-// with it.
+// Searches a limb globally and keeps the result only if the whole body fits better with it.
 void PoseTracker::search_limb(Hypothesis& h, std::span<const SilhouetteRays> views, Limb limb,
-                              LimbReach reach) {
-    try_moved(h, views, limbs_.improve(*model_, h.posture, views, limb, reach, 2 * options_.fit.narrow_m),
+                              LimbSearchScope scope) {
+    try_moved(h, views, limbs_.improve(*model_, h.posture, views, limb, scope, 2 * options_.fit.narrow_m),
               kBetter);
 }
 
 void PoseTracker::search_pair(Hypothesis& h, std::span<const SilhouetteRays> views, Limb first, Limb second) {
-    // A body that was followed is left for a clear gain only.
+    // A tracked body changes only for a clear gain.
     const double gain = h.seconds == 0 ? kBetter : kClearlyBetter;
     try_moved(h, views,
               limbs_.improve_pair(*model_, h.posture, views, first, second, 2 * options_.fit.narrow_m), gain);
@@ -122,13 +122,13 @@ void PoseTracker::follow(Hypothesis& h, std::span<const SilhouetteRays> views, d
     for (int k = 0; k < kBodyDofCount; ++k) ahead[k] = kPredictionDamping * seconds * h.rate[k];
     MotionPrior prior;
     prior.expected = stepped(h.posture, ahead);
-    // With no rate yet, the body may be moving already.
+    // The rate is still unknown and may be large.
     const double first = h.seconds == 0 ? 4 : 1;
     const double dt2 = seconds * seconds * first;
     for (int k = 0; k < kBodyDofCount; ++k)
-        prior.std[k] = k < 3   ? 0.005 + options_.root_acceleration_m_s2 * dt2
-                       : k < 6 ? 0.02 + options_.root_turn_rad_s2 * dt2
-                               : 0.03 + options_.joint_turn_rad_s2 * dt2;
+        prior.std[k] = k < 3   ? 0.005 + options_.root_acceleration_m_per_s2 * dt2
+                       : k < 6 ? 0.02 + options_.root_angular_acceleration_rad_per_s2 * dt2
+                               : 0.03 + options_.joint_angular_acceleration_rad_per_s2 * dt2;
     h.fit = fitter_.fit(*model_, views, prior.expected, &prior, false);
     const BodyStep moved = step_between(h.posture, h.fit.posture);
     const double keep = h.seconds == 0 ? 0 : kRateMemory;
@@ -146,7 +146,7 @@ void PoseTracker::choose() {
     for (Hypothesis& h : hypotheses_) {
         if (kept.size() >= static_cast<std::size_t>(options_.hypotheses)) break;
         if (!kept.empty() &&
-            (h.cost > options_.hopeless * kept.front().cost || h.seconds > options_.decide_after_s))
+            (h.cost > options_.drop_cost_ratio * kept.front().cost || h.seconds > options_.decide_after_s))
             break;
         PosedBody body = model_->forward(h.posture);
         const bool known = std::any_of(bodies.begin(), bodies.end(), [&](const PosedBody& other) {
@@ -176,34 +176,35 @@ std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::spa
         lost_s_ = usual_explained_ = 0;
     } else {
         for (Hypothesis& h : hypotheses_) follow(h, views, seconds);
-        // The search of a whole limb costs as much as some fits: it is made now and then where less is
-        // explained than with this subject is usual.
+        // A search of a whole limb takes as long as several fits: it runs only if less is explained than
+        // usual for this subject.
         const double explained = hypotheses_.front().fit.explained;
         usual_explained_ = std::max(kUsualMemory * usual_explained_, explained);
-        const double enough = options_.patient ? options_.search_below
-                                               : std::min(options_.search_below, usual_explained_ - kPoorer);
+        const double enough = options_.always_search_limbs
+                                  ? options_.search_explained_fraction
+                                  : std::min(options_.search_explained_fraction, usual_explained_ - kPoorer);
         const bool whole = explained < enough;
         if (--frames_to_pair_ <= 0 && (whole || hypotheses_.front().seconds < kPairSeconds)) {
             const auto& [first, second] = kLimbPairs[next_pair_];
             search_pair(hypotheses_.front(), views, first, second);
             next_pair_ = (next_pair_ + 1) % kLimbPairs.size();
-            frames_to_pair_ = options_.patient ? kPatientPairFrames : kPairFrames;
+            frames_to_pair_ = options_.always_search_limbs ? kFrequentPairFrames : kPairFrames;
         } else {
             search_limb(hypotheses_.front(), views, kLimbs[next_limb_],
-                        whole ? LimbReach::kWhole : LimbReach::kLower);
+                        whole ? LimbSearchScope::kWhole : LimbSearchScope::kLower);
             next_limb_ = (next_limb_ + 1) % static_cast<int>(kLimbs.size());
         }
         choose();
     }
     last_time_ns_ = time_ns;
     const Hypothesis& best = hypotheses_.front();
-    if (best.fit.explained < options_.lost_below) {
+    if (best.fit.explained < options_.lost_explained_fraction) {
         lost_s_ += seconds;
         if (lost_s_ > options_.lost_after_s) reset();
         return std::nullopt;
     }
     lost_s_ = 0;
-    return TrackedPosture{best.fit, best.seconds, hypotheses_.size() == 1};
+    return TrackedPosture{best.fit};
 }
 
 }  // namespace kinevox

@@ -1,5 +1,5 @@
-// Follows the posture from frame set to frame set: predicts it, fits it, keeps rival explanations alive until
-// one of them has explained the silhouettes better for some time, and begins anew where none does.
+// Tracks the posture from frame set to frame set: predicts and fits it, keeps several hypotheses until one
+// has explained the silhouettes better for some time, and re-initialises if none does.
 #pragma once
 
 #include <cstdint>
@@ -20,11 +20,9 @@ namespace kinevox {
 
 struct TrackedPosture {
     PoseFit fit;
-    double seconds_tracked = 0;
-    bool decided = false;  // one hypothesis only
 };
 
-// Not thread safe.
+// Not thread-safe.
 class PoseTracker {
   public:
     PoseTracker(double fps, const PoseTrackerOptions& options = {});
@@ -32,8 +30,8 @@ class PoseTracker {
     void set_model(std::shared_ptr<const BodyModel> model) { model_ = std::move(model); }
     const BodyModel& model() const { return *model_; }
 
-    // Views without a camera see nothing. `candidates` may be empty. Nothing where too few cameras see the
-    // subject or no pose explains what they see.
+    // Views with a null camera are ignored. `candidates` may be empty. Nothing if too few cameras see the
+    // subject or no pose explains the silhouettes.
     std::optional<TrackedPosture> update(std::int64_t time_ns, std::span<const SilhouetteRays> views,
                                          Vec3 centre_in_world, std::span<const PoseCandidate> candidates);
     void reset() { hypotheses_.clear(); }
@@ -52,7 +50,7 @@ class PoseTracker {
     void begin(std::span<const SilhouetteRays> views, Vec3 centre, std::span<const PoseCandidate> candidates);
     void follow(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, double seconds);
     void search_limb(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Limb limb,
-                     LimbReach reach);
+                     LimbSearchScope scope);
     void search_pair(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Limb first, Limb second);
     void try_moved(Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
                    const std::optional<BodyPosture>& moved, double gain);

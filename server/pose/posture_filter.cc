@@ -10,7 +10,7 @@
 namespace kinevox {
 namespace {
 
-// Share of a new value in a first-order low pass.
+// Weight of a new value in a first-order low pass.
 double share_of_new(double cutoff_hz, double seconds) {
     const double x = 2 * std::numbers::pi * cutoff_hz * seconds;
     return x / (1 + x);
@@ -30,7 +30,7 @@ Biquad butterworth(double fps, double cutoff_hz) {
             (1 - std::numbers::sqrt2 * k + k * k) * norm};
 }
 
-// In place, started as if the first value had always been there.
+// In place, initialised with the first value as steady state.
 void run_filter(const Biquad& f, std::vector<double>& x) {
     double x1 = x.front(), x2 = x1, y1 = x1, y2 = x1;
     for (double& value : x) {
@@ -41,7 +41,7 @@ void run_filter(const Biquad& f, std::vector<double>& x) {
 }
 
 void run_both_ways(const Biquad& f, std::vector<double>& x) {
-    // Mirrored about its end values, so that neither place nor speed jumps there.
+    // Mirrored about its end values, so that position and velocity are continuous.
     const std::size_t n = x.size(), pad = std::min<std::size_t>(n - 1, 30);
     std::vector<double> padded;
     padded.reserve(n + 2 * pad);
@@ -73,8 +73,8 @@ void smooth_run(const Biquad& f, std::span<std::optional<BodyPosture>> run) {
         for (std::size_t n = 0; n < run.size(); ++n) run[n]->root_in_world.*axis = x[n];
     }
     for (int s = 0; s < kBodySegmentCount; ++s) {
-        // The nine numbers of a rotation matrix have no jumps; neighbouring frames differ little, so that
-        // making the smoothed ones orthonormal again is a small correction.
+        // The elements of a rotation matrix are continuous; neighbouring frames differ little, so that
+        // re-orthonormalising the smoothed ones is a small correction.
         std::vector<Mat3> smoothed(run.size());
         for (int k = 0; k < 9; ++k) {
             for (std::size_t n = 0; n < run.size(); ++n) x[n] = run[n]->parent_from_segment[s].m[k];
@@ -106,10 +106,10 @@ BodyPosture OneEuroPosture::filter(const BodyPosture& measured, std::int64_t tim
         return *(last_ = measured);
     }
     const BodyStep ahead = step_between(*last_, measured), moved = step_between(*last_measured_, measured);
-    const double rate_share = share_of_new(options_.rate_cutoff_hz, seconds);
+    const double rate_weight = share_of_new(options_.rate_cutoff_hz, seconds);
     BodyStep step;
     for (int k = 0; k < kBodyDofCount; ++k) {
-        rate_[k] += rate_share * (moved[k] / seconds - rate_[k]);
+        rate_[k] += rate_weight * (moved[k] / seconds - rate_[k]);
         const double factor = k < 3 ? options_.speed_factor_root : options_.speed_factor_angle;
         step[k] = share_of_new(options_.min_cutoff_hz + factor * std::abs(rate_[k]), seconds) * ahead[k];
     }

@@ -1,4 +1,4 @@
-// Smoothing of postures over time. Bones keep their lengths, since angles are smoothed and not positions.
+// Smooths postures over time. Bone lengths are preserved, since angles are smoothed and not positions.
 #pragma once
 
 #include <array>
@@ -25,9 +25,9 @@ class OneEuroPosture {
     BodyStep rate_{};
 };
 
-// A second-order Butterworth forwards and backwards (no delay, fourth order altogether), for a whole
-// recording. Postures that are nothing stay nothing; the runs between them are filtered by themselves, their
-// ends mirrored.
+// A second-order Butterworth filter, forwards and backwards (zero phase, fourth order in total), for a whole
+// recording. Absent postures stay absent; the runs between them are filtered separately, mirrored at their
+// ends.
 void smooth_zero_phase(std::vector<std::optional<BodyPosture>>& postures, double fps, double cutoff_hz);
 
 }  // namespace kinevox

@@ -9,7 +9,7 @@
 namespace kinevox {
 namespace {
 
-constexpr float kThin_m = 0.09f;  // a capsule is drawn over the border if it need not move farther
+constexpr float kThin_m = 0.09f;  // maximum movement of a capsule across the border
 
 }  // namespace
 

@@ -1,4 +1,5 @@
-// Viewing rays and tapered capsules: which capsule a silhouette's border touches, and where.
+// Distance of viewing rays to tapered capsules: the capsule that a silhouette's border touches, and the
+// point.
 #pragma once
 
 #include <span>
@@ -9,8 +10,8 @@
 
 namespace kinevox {
 
-// For each ray the capsule that decides its signed distance to the body (negative: the ray goes through it),
-// or -1. A capsule whose axis lies on the outer side of the border counts only if the ray goes through it.
+// For each ray the capsule with the smallest signed distance (negative: the ray passes through it), or -1. A
+// capsule whose axis lies on the outer side of the border counts only if the ray goes through it.
 void nearest_capsules(const ContourRays& rays, std::span<const BodyCapsule> capsules,
                       std::vector<float>& distance, std::vector<int>& capsule);
 
@@ -22,8 +23,7 @@ struct RayTouch {
     Vec3 gradient;        // d distance / d point
 };
 
-// Exact for one ray. Where a thin capsule's axis lies beyond the border, the distance is that by which it
-// must come to the other side.
+// Exact for one ray. If a thin capsule's axis is outside the border, the distance is that to the other side.
 RayTouch touch_ray(Vec3 origin, Vec3 direction, Vec3 outward, const BodyCapsule& capsule);
 
 }  // namespace kinevox

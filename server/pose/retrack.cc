@@ -8,7 +8,7 @@
 namespace kinevox {
 namespace {
 
-// What a jump of the joints costs when the path changes from one direction's poses to the other's.
+// Scale of the cost for a jump of the joints when the path switches direction.
 constexpr double kJumpStd_m = 0.04;
 
 struct Pass {
@@ -51,12 +51,12 @@ double jump(const std::array<Vec3, kJointNames.size()>& a, const std::array<Vec3
 
 }  // namespace
 
-// The cheapest path through the two passes (Viterbi): misfit of each frame set plus the jumps between them.
+// The cheapest path through the two passes (Viterbi): data cost of each frame set plus jumps between them.
 std::vector<RetrackedFrame> retrack(const std::vector<Camera>& cameras, double fps,
                                     std::span<const RecordedView> frames, const PoseStageOptions& options) {
     PoseStageOptions unfiltered = options;
     unfiltered.filtered = false;
-    unfiltered.tracker.patient = true;
+    unfiltered.tracker.always_search_limbs = true;
     std::array<Pass, 2> passes;
     oneapi::tbb::parallel_invoke([&] { passes[0] = follow(cameras, fps, frames, unfiltered, false); },
                                  [&] { passes[1] = follow(cameras, fps, frames, unfiltered, true); });
@@ -64,7 +64,7 @@ std::vector<RetrackedFrame> retrack(const std::vector<Camera>& cameras, double f
     std::vector<std::array<int, 2>> came_from(count);
     std::array<double, 2> best{0, 0};
     constexpr double kNothing =
-        1e6;  // of a frame set without a pose, so that a pose is taken where there is one
+        1e6;  // cost of a frame set without a pose, so that an existing pose is preferred
     for (std::size_t n = 0; n < count; ++n) {
         std::array<double, 2> next;
         for (int to = 0; to < 2; ++to) {

@@ -1,5 +1,5 @@
-// The poses of a recording from what its frame sets showed: followed forwards and backwards, so that a limb
-// that is lost in one direction is taken from the other.
+// Tracks the poses of a recording forwards and backwards and combines both, so that a limb lost in one
+// direction is taken from the other.
 #pragma once
 
 #include <memory>
@@ -13,15 +13,15 @@
 namespace kinevox {
 
 struct RetrackedFrame {
-    std::optional<BodyPosture> posture;  // not filtered; nothing where no body can be told
+    std::optional<BodyPosture> posture;  // unfiltered; empty if no pose is found
     std::shared_ptr<BodyPose> pose;      // null then
 };
 
-// One entry a frame set; null: nobody was tracked there. `sequences` and `subjects` alike, for the results.
+// One entry per frame set; subject_id and sequence are copied to the results.
 struct RecordedView {
     std::uint32_t subject_id = 0;
     std::uint64_t sequence = 0;
-    const PoseObservation* seen = nullptr;
+    const PoseObservation* seen = nullptr;  // null: no subject
 };
 std::vector<RetrackedFrame> retrack(const std::vector<Camera>& cameras, double fps,
                                     std::span<const RecordedView> frames, const PoseStageOptions& options);

@@ -7,14 +7,14 @@
 namespace kinevox {
 namespace {
 
-constexpr int kNormalReach = 3;  // px; the normal is that of the mask's mean over a window of this half-width
-constexpr int kMapMargin = 8;    // cells around the silhouette's box
+constexpr int kNormalRadius = 3;  // px; half-width of the window from which the normal is computed
+constexpr int kMapMargin = 8;     // cells around the silhouette's box
 
 struct BorderPoint {
     float x, y;  // px, between the two pixels
 };
 
-// Midpoints between an inside and an outside pixel that touch, in raster order.
+// Midpoints between adjacent inside and outside pixels, in raster order.
 void find_border(const std::uint8_t* mask, int width, const kernels::Rect& b, int height,
                  std::vector<BorderPoint>& out) {
     out.clear();
@@ -31,14 +31,13 @@ void find_border(const std::uint8_t* mask, int width, const kernels::Rect& b, in
     }
 }
 
-// Away from the silhouette: against the centre of gravity of its pixels in a window. Length 0 where that says
-// nothing.
+// Normal away from the silhouette: opposite to the centroid of its pixels in a window. Length 0 if undefined.
 Vec2 outward_normal(const std::uint8_t* mask, int width, int height, BorderPoint p) {
     double sx = 0, sy = 0;
-    const int x0 = std::max(0, static_cast<int>(std::ceil(p.x)) - kNormalReach),
-              x1 = std::min(width - 1, static_cast<int>(std::floor(p.x)) + kNormalReach),
-              y0 = std::max(0, static_cast<int>(std::ceil(p.y)) - kNormalReach),
-              y1 = std::min(height - 1, static_cast<int>(std::floor(p.y)) + kNormalReach);
+    const int x0 = std::max(0, static_cast<int>(std::ceil(p.x)) - kNormalRadius),
+              x1 = std::min(width - 1, static_cast<int>(std::floor(p.x)) + kNormalRadius),
+              y0 = std::max(0, static_cast<int>(std::ceil(p.y)) - kNormalRadius),
+              y1 = std::min(height - 1, static_cast<int>(std::floor(p.y)) + kNormalRadius);
     for (int y = y0; y <= y1; ++y)
         for (int x = x0; x <= x1; ++x)
             if (mask[static_cast<std::ptrdiff_t>(y) * width + x]) sx += p.x - x, sy += p.y - y;
@@ -91,7 +90,7 @@ void transform_line(float* f, int n, std::ptrdiff_t stride, Scratch& scratch) {
 
 void SilhouetteDistance::build(const std::uint8_t* mask, int width, int height, const kernels::Rect& bounds,
                                int side) {
-    picture_width_ = width, picture_height_ = height;
+    image_width_ = width, image_height_ = height;
     cell_ = std::max(1, (std::max(bounds.width(), bounds.height()) + side - 1) / side);
     const int margin = kMapMargin * cell_;
     x0_ = std::max(0, bounds.x0 - margin), y0_ = std::max(0, bounds.y0 - margin);
@@ -100,7 +99,7 @@ void SilhouetteDistance::build(const std::uint8_t* mask, int width, int height, 
     const std::size_t cells = static_cast<std::size_t>(columns_) * rows_;
     constexpr float kFar = 1e8f;
     distance_.resize(cells);
-    // A cell is inside where half of it is.
+    // A cell is inside if half of it is.
     thread_local Scratch scratch;
     std::vector<float>&inside = scratch.inside, &squared = scratch.squared;
     inside.resize(cells);
@@ -122,7 +121,7 @@ void SilhouetteDistance::build(const std::uint8_t* mask, int width, int height, 
             transform_line(squared.data() + static_cast<std::ptrdiff_t>(r) * columns_, columns_, 1, scratch);
         for (std::size_t k = 0; k < cells; ++k) {
             if ((inside[k] > 0) == to_inside) continue;
-            // The border lies half a cell before the nearest cell of the other kind.
+            // The border is half a cell before the nearest cell of the other kind.
             const float d = (std::sqrt(squared[k]) - 0.5f) * static_cast<float>(cell_);
             distance_[k] = to_inside ? -d : d;
         }
@@ -131,7 +130,7 @@ void SilhouetteDistance::build(const std::uint8_t* mask, int width, int height, 
 
 bool SilhouetteDistance::at(Vec2 p, double& distance, Vec2& gradient) const {
     if (distance_.empty() ||
-        !(p.x > -0.5 && p.y > -0.5 && p.x < picture_width_ - 0.5 && p.y < picture_height_ - 0.5))
+        !(p.x > -0.5 && p.y > -0.5 && p.x < image_width_ - 0.5 && p.y < image_height_ - 0.5))
         return false;
     const double half = 0.5 * (cell_ - 1);
     const double gx = (p.x - x0_ - half) / cell_, gy = (p.y - y0_ - half) / cell_;
@@ -171,7 +170,7 @@ void read_silhouette(const Camera& camera, const kernels::Silhouettes& s, const 
         const Vec2 normal = outward_normal(s.sharp.data(), s.width, s.height, p);
         if (normal.x == 0 && normal.y == 0) continue;
         const Vec3 direction = camera.ray_through({p.x, p.y}).direction_in_world;
-        // In the picture's plane x is right and y down, as in the camera's frame.
+        // In the image's plane x is right and y down, as in the camera's frame.
         Vec3 outward = world_from_camera * Vec3{normal.x, normal.y, 0};
         outward = normalized(outward - dot(outward, direction) * direction);
         const double d[3] = {direction.x, direction.y, direction.z}, n[3] = {outward.x, outward.y, outward.z};

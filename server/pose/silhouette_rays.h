@@ -1,5 +1,4 @@
-// What the fit reads from a sharp silhouette: viewing rays through its border, and how far any pixel is from
-// it.
+// The evidence of a sharp silhouette for the fit: viewing rays through its border, and a distance map.
 #pragma once
 
 #include <cstdint>
@@ -12,36 +11,36 @@
 namespace kinevox {
 
 // Rays through the silhouette's border, one origin. `outward` is normal to the ray and points away from the
-// silhouette. A border that is only the picture's edge is none.
+// silhouette. The image's edge is not a border.
 struct ContourRays {
     Vec3 origin_in_world;
     std::vector<float> direction[3], outward[3];  // world, unit
     std::size_t size() const { return direction[0].size(); }
 };
 
-// Signed distance in px to the silhouette's border, positive inside. Outside of the picture nothing is known,
-// so the picture's edge is no border.
+// Signed distance in px to the silhouette's border, positive inside. The image's edge is not a
+// border, since nothing is known outside.
 class SilhouetteDistance {
   public:
     void build(const std::uint8_t* mask, int width, int height, const kernels::Rect& bounds, int side);
-    // Bilinear, with its gradient; outside of the map the distance to the map is subtracted. False: outside
-    // of the picture, or no silhouette.
+    // Bilinear, with its gradient; outside the map, minus the distance to the map. False: outside the image,
+    // or no silhouette.
     bool at(Vec2 pixel, double& distance_px, Vec2& gradient) const;
 
   private:
-    int picture_width_ = 0, picture_height_ = 0;
+    int image_width_ = 0, image_height_ = 0;
     int x0_ = 0, y0_ = 0, cell_ = 1, columns_ = 0, rows_ = 0;
     std::vector<float> distance_;
 };
 
 struct SilhouetteRays {
-    const Camera* camera = nullptr;  // null: nothing is seen by this camera
+    const Camera* camera = nullptr;  // null: this camera is not used
     ContourRays contour;
     SilhouetteDistance distance;
-    double metres_per_px = 0;  // at the rays' usual distance, set by the caller
+    double metres_per_px = 0;  // at the subject's distance, set by the caller
 };
 
-// From the sharp silhouette. `out` keeps its memory. With no sharp pixels out.camera is null.
+// Reads the sharp silhouette. Reuses the memory of `out`. Without sharp pixels out.camera is null.
 void read_silhouette(const Camera& camera, const kernels::Silhouettes& silhouettes,
                      const SilhouetteRayOptions& options, SilhouetteRays& out);
 

@@ -1,4 +1,4 @@
-// `kinevox export --anonymous`: the film of the silhouettes, or the whole session without pictures.
+// `kinevox export --anonymous`: the video of the silhouettes, or the whole session without images.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -8,9 +8,9 @@
 
 namespace kinevox {
 
-// As export_recording() for the formats mp4 (of `part`, the trial's frames that are asked for) and session.
-absl::StatusOr<ExportedFiles> export_anonymous(const Session& session, const Trial& trial, const Trial& part,
+// As export_recording() for the formats mp4 (of `slice`, the requested frames of the trial) and session.
+absl::StatusOr<ExportedFiles> export_anonymous(const Session& session, const Trial& trial, const Trial& slice,
                                                const ExportOptions& options, const std::filesystem::path& out,
-                                               const LongWork& work);
+                                               const JobControl& work);
 
 }  // namespace kinevox

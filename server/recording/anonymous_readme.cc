@@ -3,26 +3,26 @@
 namespace kinevox {
 
 std::string anonymous_readme() {
-    return R"(A motion capture without pictures, written by `kinevox export --anonymous`.
+    return R"(A motion capture without images, written by `kinevox export --anonymous`.
 
-What is here
-  film.mp4            the silhouettes with the measured skeleton
-  session.toml        a recording of Kinevox: `kinevox process`, `export` and `replay` take it
-  cam_NN.mkv, .index  per camera the person's silhouette, white on black, lossless
-  cam_NN_empty.mkv    the empty scene that belongs to it: black
+Contents
+  video.mp4           the silhouettes with the measured skeleton
+  session.toml        a Kinevox recording: `kinevox process`, `export` and `replay` read it
+  cam_NN.mkv, .index  per camera the subject's silhouette, white on black, lossless
+  cam_NN_background.mkv  the matching background: black
   calibration.toml    the cameras: metres, pixels (OpenCV's model, aniposelib's form)
-  frames.csv          the times of the frame sets, from the first one
+  frames.csv          times of the frame sets, relative to the first one
   joints.csv, angles.csv, coordinates.csv, uncertainty.csv, withheld.csv, body.toml
-                      what was measured: metres, degrees
+                      the measured poses: metres, degrees
   volumes.kvxv        the volume of each frame set, carved from the silhouettes
 
-What was left out
-  the cameras' pictures and those of the empty room, all colours, the names of recording, subject and cameras, the date
-  and the time of day, the certificate of the calibration
+Removed
+  images of the cameras and of the background, all colours, the names of recording, subject and cameras, date and time of
+  day, the certificate of the calibration
 
-What remains
-  The shape of the body, its measures and its movement are the person's own. Who has them already, or has the pictures, can
-  tell whose they are: this is a pseudonym, and where the law protects such data it still does.
+What still identifies the subject
+  Body shape, measurements and movement are personal. Anyone who already has them, or the images, can identify the
+  subject: this data is pseudonymous, and data protection law may still apply.
 )";
 }
 

@@ -15,29 +15,29 @@
 #include "common/recording_files.h"
 #include "common/volume_codec.h"
 #include "server/cameras/recorded_session.h"
-#include "server/pipeline/main_subject.h"
-#include "server/recording/empty_scene_files.h"
-#include "server/recording/picture_encoder.h"
+#include "server/recording/background_files.h"
+#include "server/recording/image_encoder.h"
 #include "server/recording/silhouette_pass.h"
 #include "server/recording/video_file.h"
 #include "server/recording/volume_file.h"
+#include "server/silhouettes/main_subject.h"
 
 namespace kinevox {
 namespace {
 
 namespace fs = std::filesystem;
 
-Picture grey_picture(int width, int height, std::span<const std::uint8_t> values) {
+Image grey_image(int width, int height, std::span<const std::uint8_t> values) {
     std::shared_ptr<std::uint8_t[]> data(new std::uint8_t[static_cast<std::size_t>(width) * height]());
     std::copy(values.begin(), values.end(), data.get());
     return {width, height, 1, std::move(data)};
 }
 
-// From the first one on, as all else that tells the day.
+// Relative to the first one: nothing may reveal the date.
 absl::StatusOr<std::vector<RecordedTime>> times_of(const Session& session, std::size_t frame_sets) {
     std::vector<RecordedTime> times;
     if (session.recording) {
-        auto recorded = whole_frame_sets(session);
+        auto recorded = complete_frame_sets(session);
         if (!recorded.ok()) return recorded.status();
         times = *std::move(recorded);
     } else {
@@ -75,7 +75,7 @@ class AnonymousFolder {
     AnonymousSession made_;
     std::vector<Camera> cameras_;
     std::vector<RecordedTime> times_;
-    std::vector<std::unique_ptr<PictureEncoder>> encoders_;
+    std::vector<std::unique_ptr<ImageEncoder>> encoders_;
     std::vector<std::unique_ptr<VideoFile>> videos_;
     std::unique_ptr<VolumeFile> volumes_;
     std::size_t added_ = 0;
@@ -100,7 +100,7 @@ absl::Status AnonymousFolder::open(const Session& session, std::size_t frame_set
 
 absl::Status AnonymousFolder::open_videos() {
     for (const Camera& camera : cameras_) {
-        auto encoder = PictureEncoder::create(camera, made_.session.fps, VideoCodec::kFfv1);
+        auto encoder = ImageEncoder::create(camera, made_.session.fps, VideoCodec::kFfv1);
         if (!encoder.ok()) return encoder.status();
         const fs::path path = file(camera.name + ".mkv");
         file(camera.name + ".index");
@@ -113,15 +113,15 @@ absl::Status AnonymousFolder::open_videos() {
     return absl::OkStatus();
 }
 
-// A silhouette stands out from black, so that the pipeline finds it again.
+// Silhouettes contrast with black, so that the pipeline finds them again.
 absl::Status AnonymousFolder::write_backgrounds() {
     std::vector<Camera> cameras = cameras_;
-    std::vector<std::vector<Picture>> black;
+    std::vector<std::vector<Image>> black;
     for (Camera& camera : cameras) {
-        camera.name += "_empty";
-        black.push_back({grey_picture(camera.width, camera.height, {})});
+        camera.name += "_background";
+        black.push_back({grey_image(camera.width, camera.height, {})});
     }
-    const auto files = write_empty_scene(folder_, cameras, made_.session.fps, black, {});
+    const auto files = write_background_videos(folder_, cameras, made_.session.fps, black, {});
     if (!files.ok()) return files.status();
     for (std::size_t c = 0; c < cameras.size(); ++c) {
         made_.session.cameras[c].background = file(cameras[c].name + ".mkv");
@@ -134,11 +134,10 @@ absl::Status AnonymousFolder::add(const FrameResult& result) {
     const std::size_t frame = added_++;
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
         const kernels::Silhouettes& seen = result.silhouettes[c];
-        Picture picture;  // stays empty where the camera delivered nothing
+        Image image;  // stays empty if the camera delivered no image
         if (!seen.sharp.empty())
-            picture =
-                grey_picture(seen.width, seen.height, main_subject(seen.sharp, seen.width, seen.height));
-        const auto encoded = encoders_[c]->encode(picture, true);
+            image = grey_image(seen.width, seen.height, main_subject(seen.sharp, seen.width, seen.height));
+        const auto encoded = encoders_[c]->encode(image, true);
         if (!encoded.ok()) return encoded.status();
         if (absl::Status written = videos_[c]->append(**encoded, times_[frame].time_ns); !written.ok())
             return written;
@@ -149,7 +148,7 @@ absl::Status AnonymousFolder::add(const FrameResult& result) {
     return volumes_->append(frame, encode_volume(volume));
 }
 
-// The trial's own files, which hold numbers alone; the body's is written anew, since people edit it.
+// The trial's own tables, which contain only numbers; the body is rewritten, since users may add comments.
 absl::Status AnonymousFolder::add_tables(const Trial& trial) {
     std::error_code error;
     for (const std::string_view name : kPoseTableNames) {
@@ -175,15 +174,16 @@ absl::StatusOr<AnonymousSession> AnonymousFolder::close(const Session& session) 
     std::string lines(kRecordedTimesHeader);
     for (std::size_t n = 0; n < times_.size(); ++n) lines += recorded_time_line(n, times_[n]);
     SessionRecording& recording = *made_.session.recording;
-    recording.times = file("frames.csv");
-    if (absl::Status written = write_file_atomically(recording.times, lines); !written.ok()) return written;
+    recording.frame_times = file("frames.csv");
+    if (absl::Status written = write_file_atomically(recording.frame_times, lines); !written.ok())
+        return written;
     recording.codec = name_of(VideoCodec::kFfv1);
     recording.closed = true;
-    recording.frames = times_.size();
+    recording.frame_sets = times_.size();
     if (session.recording) {
-        recording.dropped = session.recording->dropped;
-        recording.lost = session.recording->lost;
-        recording.missing_pictures = session.recording->missing_pictures;
+        recording.dropped_frame_sets = session.recording->dropped_frame_sets;
+        recording.lost_frame_sets = session.recording->lost_frame_sets;
+        recording.missing_images = session.recording->missing_images;
     }
     const fs::path own = file("session.toml");
     if (absl::Status written = write_session(made_.session, own); !written.ok()) return written;
@@ -198,8 +198,8 @@ std::string anonymous_camera_name(std::size_t camera) {
 
 absl::StatusOr<AnonymousSession> write_anonymous_session(const Session& session, const Trial& trial,
                                                          const fs::path& folder, bool one_thread,
-                                                         const LongWork& work) {
-    const std::int64_t frame_sets = *std::ranges::max_element(trial.pictures) + 1;
+                                                         const JobControl& work) {
+    const std::int64_t frame_sets = *std::ranges::max_element(trial.session_frames) + 1;
     AnonymousFolder made(session, folder);
     if (absl::Status opened = made.open(session, static_cast<std::size_t>(frame_sets)); !opened.ok())
         return opened;

@@ -1,4 +1,4 @@
-// A session that can be passed on: silhouettes in the pictures' place, and no names, dates and machines.
+// A session that can be shared: silhouettes instead of images, no names, dates or machines.
 #pragma once
 
 #include <absl/status/status.h>
@@ -9,14 +9,14 @@
 #include <vector>
 
 #include "common/session_file.h"
-#include "server/recording/long_work.h"
+#include "server/recording/job_control.h"
 #include "server/recording/trial.h"
 
 namespace kinevox {
 
-inline constexpr const char* kAnonymous = "anonymous";  // in the place of every name
+inline constexpr const char* kAnonymous = "anonymous";  // replaces every name
 
-// "cam_01" for the first one: cameras are often named after rooms and machines.
+// "cam_01" for the first one: camera names often contain rooms and machines.
 std::string anonymous_camera_name(std::size_t camera);
 
 struct AnonymousSession {
@@ -24,16 +24,15 @@ struct AnonymousSession {
     std::vector<std::filesystem::path> files;
 };
 
-// Into `folder`, which is there, a recording as docs/recording.md describes it, all in one folder: videos of
-// the main subject's silhouettes, white on black, black backgrounds, calibration, volumes without colours and
-// the trial's tables; times count from the first frame set. Of the session as many frame sets as the trial
-// has. `one_thread` as SilhouettePassOptions; errors as find_silhouettes().
+// Writes a recording (docs/recording.md) into the existing `folder`: videos of the main subject's
+// silhouettes, white on black, black backgrounds, calibration, volumes without colours and the trial's
+// tables; times count from the first frame set. It has as many frame sets as the trial. `one_thread` as
+// SilhouettePassOptions; errors as find_silhouettes().
 absl::StatusOr<AnonymousSession> write_anonymous_session(const Session& session, const Trial& trial,
                                                          const std::filesystem::path& folder, bool one_thread,
-                                                         const LongWork& work);
+                                                         const JobControl& work);
 
-// README.txt for it and the film beside it: what is there, what was left out, and who can still be recognised
-// by what.
+// README.txt: the contents, what was removed, and what still identifies the subject.
 std::string anonymous_readme();
 
 }  // namespace kinevox

@@ -38,7 +38,7 @@ AppendFile::~AppendFile() {
 absl::Status AppendFile::failed(int error) const {
     const std::string what = fmt::format("{}: {}", path_.string(), std::strerror(error));
     if (error == ENOSPC || error == EDQUOT)
-        return absl::ResourceExhaustedError(what + "; make room or record to another disk");
+        return absl::ResourceExhaustedError(what + "; free some space or record to another disk");
     if (error == EEXIST) return absl::AlreadyExistsError(what + "; choose another name");
     return absl::UnavailableError(what + "; correct [recording] folder or its rights");
 }

@@ -1,4 +1,4 @@
-// A file that only grows: what is written is whole or not there.
+// A file that only grows, by atomic appends.
 #pragma once
 
 #include <absl/status/status.h>
@@ -14,21 +14,19 @@ namespace kinevox {
 class AppendFile {
   public:
     AppendFile() = default;
-    // Makes it; AlreadyExists where it is there. Unavailable, or ResourceExhausted for a full disk, as below.
+    // Creates it; AlreadyExists, or Unavailable and ResourceExhausted as below.
     static absl::StatusOr<AppendFile> create(const std::filesystem::path& file);
     AppendFile(AppendFile&& other) noexcept;
     AppendFile& operator=(AppendFile&& other) noexcept;
     ~AppendFile();
 
-    // At the end. What was written of it before an error is taken back: ResourceExhausted where the disk is
-    // full, Unavailable else; the message names the file.
+    // All or nothing. ResourceExhausted if the disk is full, else Unavailable; the message names the file.
     absl::Status append(std::string_view bytes);
-    // Over what is there already, growing the file where it reaches beyond.
+    // Overwrites, growing the file if needed.
     absl::Status write_at(std::uint64_t offset, std::string_view bytes);
     absl::Status truncate(std::uint64_t bytes);
-    void sync() const;  // waits until the disk has it
-    // As long as the file is open others see that it is being written (being_written()). False: somebody else
-    // does.
+    void sync() const;  // blocks until the disk has it
+    // While the file is open, being_written() is true for others. False: another process holds the lock.
     bool lock() const;
 
     std::uint64_t size() const { return size_; }

@@ -39,8 +39,8 @@ BackgroundClip::~BackgroundClip() {
     fs::remove_all(lock_->file.path().parent_path(), ignored);
 }
 
-void BackgroundClip::keep(std::vector<Camera> cameras, double fps, EmptyScene pictures) {
-    if (folder_.empty() || !pictures || pictures->size() != cameras.size()) return;
+void BackgroundClip::store(std::vector<Camera> cameras, double fps, BackgroundImages images) {
+    if (folder_.empty() || !images || images->size() != cameras.size()) return;
     thread_ = {};
     {
         const std::scoped_lock lock(mutex_);
@@ -48,9 +48,9 @@ void BackgroundClip::keep(std::vector<Camera> cameras, double fps, EmptyScene pi
         files_.clear();
     }
     thread_ = std::jthread([this, cameras = std::move(cameras), fps,
-                            pictures = std::move(pictures)](const std::stop_token& stop) mutable {
-        write(cameras, fps, *pictures, stop);
-        pictures.reset();
+                            images = std::move(images)](const std::stop_token& stop) mutable {
+        write(cameras, fps, *images, stop);
+        images.reset();
         {
             const std::scoped_lock lock(mutex_);
             writing_ = false;
@@ -61,7 +61,7 @@ void BackgroundClip::keep(std::vector<Camera> cameras, double fps, EmptyScene pi
 }
 
 void BackgroundClip::write(const std::vector<Camera>& cameras, double fps,
-                           const std::vector<std::vector<Picture>>& pictures, const std::stop_token& stop) {
+                           const std::vector<std::vector<Image>>& images, const std::stop_token& stop) {
     const fs::path own = folder_ / fmt::format("{}{}", kPrefix, getpid());
     std::error_code error;
     fs::create_directories(own, error);
@@ -70,7 +70,7 @@ void BackgroundClip::write(const std::vector<Camera>& cameras, double fps,
         if (!made.ok() || !made->lock()) return;
         lock_ = std::make_unique<Lock>(Lock{*std::move(made)});
     }
-    auto files = write_empty_scene(own, cameras, fps, pictures, stop);
+    auto files = write_background_videos(own, cameras, fps, images, stop);
     if (!files.ok()) return;
     const std::scoped_lock lock(mutex_);
     files_ = *std::move(files);

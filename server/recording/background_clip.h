@@ -1,4 +1,4 @@
-// The pictures that the background was learned from, kept on disk until a recording wants them.
+// The images from which the background was learned, on disk for the next recording.
 #pragma once
 
 #include <condition_variable>
@@ -10,30 +10,30 @@
 #include <vector>
 
 #include "common/camera.h"
-#include "server/recording/empty_scene_files.h"
+#include "server/recording/background_files.h"
 
 namespace kinevox {
 
 // Any thread.
 class BackgroundClip {
   public:
-    // Lies in a hidden folder below `folder`, of this process alone; removes those of processes that are
-    // gone. Nothing is made before the first keep(). `on_written`: files() has news; on the writing thread.
+    // Uses a hidden folder below `folder`, owned by this process, and removes those of dead processes.
+    // Creates nothing before the first store(). `on_written`: files() has changed; called on the writing
+    // thread.
     BackgroundClip(std::filesystem::path folder, std::function<void()> on_written);
     ~BackgroundClip();  // removes its files
 
-    // Writes it, lossless, on a thread of its own; takes the place of the one before. At normal priority: a
-    // recording is of little use without it, and on a busy machine a lowered thread would take a minute for
-    // its second of work.
-    void keep(std::vector<Camera> cameras, double fps, EmptyScene pictures);
+    // Writes it, lossless, on a thread of its own, replacing the one before. At normal priority: recordings
+    // need it, and on a busy machine a low-priority thread would take a minute for its second of work.
+    void store(std::vector<Camera> cameras, double fps, BackgroundImages images);
 
-    // Per camera its video, with its index beside it. Empty where none is kept, it could not be written, or
-    // is being written and nobody waits for that. Valid until the next keep().
+    // Per camera its video, with its index next to it. Empty if there is none, it could not be written, or it
+    // is being written and `wait` is false. Valid until the next store().
     std::vector<std::filesystem::path> files(bool wait);
 
   private:
-    void write(const std::vector<Camera>& cameras, double fps,
-               const std::vector<std::vector<Picture>>& pictures, const std::stop_token& stop);
+    void write(const std::vector<Camera>& cameras, double fps, const std::vector<std::vector<Image>>& images,
+               const std::stop_token& stop);
 
     const std::filesystem::path folder_;
     const std::function<void()> on_written_;
@@ -42,7 +42,7 @@ class BackgroundClip {
     bool writing_ = false;
     std::vector<std::filesystem::path> files_;
     struct Lock;
-    std::unique_ptr<Lock> lock_;  // tells other processes that this one lives
+    std::unique_ptr<Lock> lock_;  // shows other processes that this one is alive
     std::jthread thread_;
 };
 

@@ -6,7 +6,7 @@
 #include <iterator>
 #include <optional>
 
-#include "common/body_pose.h"
+#include "common/body_table.h"
 #include "common/degrees.h"
 #include "server/recording/euler_angles.h"
 #include "server/recording/trial_formats.h"
@@ -17,10 +17,10 @@ namespace {
 constexpr double kCentimetres = 100;
 // x left, y up, z forward, from x forward, y left, z up.
 constexpr Mat3 kBvhFromWorld{{0, 1, 0, 0, 0, 1, 1, 0, 0}};
-// The order of the body's own angles: the singular pose of the root is lying on one's side, that of a limb is
-// far from what a limb does. Flexion about x, adduction about z, rotation about y.
+// As the model's coordinates: the root's singular pose is lying on the side, a limb's is out of its range.
+// Flexion about x, adduction about z, rotation about y.
 constexpr EulerOrder kRootOrder{kAxisY, kAxisZ, kAxisX}, kLimbOrder{kAxisX, kAxisZ, kAxisY};
-// Of the clavicle's inner end, part of the way from the middle to the shoulder.
+// The clavicle's inner end, as a fraction of the way from the midline to the shoulder.
 constexpr double kClavicleStart = 0.15;
 
 Vec3 to_bvh(Vec3 v) {
@@ -30,45 +30,12 @@ Mat3 to_bvh(const Mat3& r) {
     return kBvhFromWorld * r * kBvhFromWorld.transposed();
 }
 
-// A joint: a segment of the body, or a clavicle.
-struct Node {
-    std::string_view name;
-    int segment;         // that it turns; of a clavicle: the upper arm
-    int depth;           // in the hierarchy: it is a child of the last node before it that is one less deep
-    int end_joint = -1;  // index in kJointNames of an end below it
-    bool clavicle = false;
-};
-
-int joint(std::string_view name) {
-    return static_cast<int>(*joint_index(name));
-}
-
-std::vector<Node> skeleton() {
-    return {{"Hips", kPelvis, 0},
-            {"Spine", kThorax, 1},
-            {"Head", kHead, 2, joint("head_top")},
-            {"LeftShoulder", kUpperArmL, 2, -1, true},
-            {"LeftArm", kUpperArmL, 3},
-            {"LeftForeArm", kForearmL, 4},
-            {"LeftHand", kHandL, 5, joint("hand_l")},
-            {"RightShoulder", kUpperArmR, 2, -1, true},
-            {"RightArm", kUpperArmR, 3},
-            {"RightForeArm", kForearmR, 4},
-            {"RightHand", kHandR, 5, joint("hand_r")},
-            {"LeftUpLeg", kThighL, 1},
-            {"LeftLeg", kShankL, 2},
-            {"LeftFoot", kFootL, 3, joint("toe_l")},
-            {"RightUpLeg", kThighR, 1},
-            {"RightLeg", kShankR, 2},
-            {"RightFoot", kFootR, 3, joint("toe_r")}};
-}
-
 Vec3 clavicle_start(const BodyModel& model, int arm) {
     const Vec3 shoulder = model.offset_in_parent(arm);
     return {shoulder.x, kClavicleStart * shoulder.y, shoulder.z};
 }
 
-Vec3 offset_of(const BodyModel& model, const Node& node) {
+Vec3 offset_of(const BodyModel& model, const BvhNode& node) {
     if (node.segment == kPelvis) return {0, 0, 0};
     const Vec3 offset = model.offset_in_parent(node.segment);
     const bool arm = node.segment == kUpperArmL || node.segment == kUpperArmR;
@@ -77,28 +44,29 @@ Vec3 offset_of(const BodyModel& model, const Node& node) {
     return node.clavicle ? start : offset - start;
 }
 
-// The smallest turn that takes the direction of `from` to that of `to`.
-Mat3 turn_between(Vec3 from, Vec3 to) {
+// The smallest rotation from the direction of `from` to that of `to`.
+Mat3 rotation_between(Vec3 from, Vec3 to) {
     const Vec3 axis = cross(from, to);
     const double sine = norm(axis);
     if (sine < 1e-12) return Mat3{};
     return rotation_from_rodrigues(std::atan2(sine, dot(from, to)) / sine * axis);
 }
 
-Mat3 clavicle_turn(const BodyModel& model, const BodyPosture& posture, int arm) {
+Mat3 clavicle_rotation(const BodyModel& model, const BodyPosture& posture, int arm) {
     const Vec3 rest = model.offset_in_parent(arm) - clavicle_start(model, arm);
-    return turn_between(rest, rest + model.shoulder_shift(arm == kUpperArmL,
-                                                          posture.parent_from_segment[arm] * Vec3{0, 0, -1}));
+    return rotation_between(
+        rest,
+        rest + model.shoulder_shift(arm == kUpperArmL, posture.parent_from_segment[arm] * Vec3{0, 0, -1}));
 }
 
-Mat3 rotation_of(const BodyModel& model, const BodyPosture& posture, const Node& node) {
-    if (node.clavicle) return clavicle_turn(model, posture, node.segment);
-    const Mat3& turn = posture.parent_from_segment[node.segment];
+Mat3 rotation_of(const BodyModel& model, const BodyPosture& posture, const BvhNode& node) {
+    if (node.clavicle) return clavicle_rotation(model, posture, node.segment);
+    const Mat3& rotation = posture.parent_from_segment[node.segment];
     const bool arm = node.segment == kUpperArmL || node.segment == kUpperArmR;
-    return arm ? clavicle_turn(model, posture, node.segment).transposed() * turn : turn;
+    return arm ? clavicle_rotation(model, posture, node.segment).transposed() * rotation : rotation;
 }
 
-std::string hierarchy(const BodyModel& model, const std::vector<Node>& nodes) {
+std::string hierarchy(const BodyModel& model) {
     constexpr std::string_view kAxes = "XYZ";
     std::string text = "HIERARCHY\n";
     const auto line = [&text](int depth, const std::string& words) {
@@ -108,8 +76,8 @@ std::string hierarchy(const BodyModel& model, const std::vector<Node>& nodes) {
         const Vec3 b = to_bvh(v);
         return fmt::format("OFFSET {:.4f} {:.4f} {:.4f}", b.x + 0.0, b.y + 0.0, b.z + 0.0);
     };
-    for (std::size_t n = 0; n < nodes.size(); ++n) {
-        const Node& node = nodes[n];
+    for (std::size_t n = 0; n < kBvhNodes.size(); ++n) {
+        const BvhNode& node = kBvhNodes[n];
         const EulerOrder& order = n == 0 ? kRootOrder : kLimbOrder;
         std::string rotations;
         for (const Axis axis : order) rotations += fmt::format(" {}rotation", kAxes[axis]);
@@ -124,17 +92,31 @@ std::string hierarchy(const BodyModel& model, const std::vector<Node>& nodes) {
             line(node.depth + 2, offset(model.joint_in_segment(node.end_joint)));
             line(node.depth + 1, "}");
         }
-        const int next = n + 1 < nodes.size() ? nodes[n + 1].depth : 0;
-        for (int depth = node.depth; depth >= next && (depth > 0 || n + 1 == nodes.size()); --depth)
+        const int next = n + 1 < kBvhNodes.size() ? kBvhNodes[n + 1].depth : 0;
+        for (int depth = node.depth; depth >= next && (depth > 0 || n + 1 == kBvhNodes.size()); --depth)
             line(depth, "}");
     }
     return text;
 }
 
-// Every coordinate measured or, with `hold`, the last measured value; before the first one that one.
-absl::StatusOr<std::vector<BodyCoordinates>> whole_coordinates(const Trial& trial, bool hold,
-                                                               std::int64_t& held) {
+// A single lost frame set repeats the one before it; returns how many do.
+std::int64_t bridge_lost_frames(const Trial& trial, std::vector<BodyCoordinates>& coordinates) {
+    const auto lost = [&](std::size_t n) { return trial.session_frames[n] < 0; };
+    std::int64_t bridged = 0;
+    for (std::size_t n = 1; n + 1 < coordinates.size(); ++n) {
+        if (!lost(n) || lost(n - 1) || lost(n + 1)) continue;
+        coordinates[n] = coordinates[n - 1];
+        ++bridged;
+    }
+    return bridged;
+}
+
+// Every coordinate measured or, with `hold`, the last measured value; the first measured one before that.
+absl::StatusOr<std::vector<BodyCoordinates>> complete_coordinates(const Trial& trial, bool hold,
+                                                                  BvhGaps& gaps) {
     std::vector<BodyCoordinates> out = trial.coordinates;
+    gaps.bridged_frames = bridge_lost_frames(trial, out);
+    const std::vector<BodyCoordinates> measured = out;
     std::vector<bool> frame_held(out.size());
     for (int d = 0; d < kBodyDofCount; ++d) {
         std::optional<double> last;
@@ -148,48 +130,47 @@ absl::StatusOr<std::vector<BodyCoordinates>> whole_coordinates(const Trial& tria
             frame_held[n] = true;
             if (!last)
                 return absl::FailedPreconditionError(fmt::format(
-                    "{}: {} was measured in no frame, and BVH cannot leave it out; export TRC or C3D",
+                    "{}: {} is withheld in every frame, and BVH has no missing values; export TRC or C3D",
                     (trial.folder / "coordinates.csv").string(), kBodyDofs[d].name));
             out[n][d] = *last;
         }
     }
-    held = std::count(frame_held.begin(), frame_held.end(), true);
-    if (held > 0 && !hold) {
+    gaps.held_frames = std::count(frame_held.begin(), frame_held.end(), true);
+    if (gaps.held_frames > 0 && !hold) {
         const auto n = std::find(frame_held.begin(), frame_held.end(), true) - frame_held.begin();
         int d = 0;
-        while (!std::isnan(trial.coordinates[n][d])) ++d;
+        while (!std::isnan(measured[n][d])) ++d;
         return absl::FailedPreconditionError(fmt::format(
-            "{}: {} is withheld in frame {} ({} frames lack something), and BVH has no way to say so; give "
-            "--hold to "
-            "repeat the last measured value, or --frames FIRST-LAST for a part",
-            (trial.folder / "coordinates.csv").string(), kBodyDofs[d].name, trial.frames[n], held));
+            "{}: {} is {} in frame {} ({} frames are incomplete), and BVH has no missing values; repeat the "
+            "last value with --hold-withheld, or export other frames with --range FIRST-LAST",
+            (trial.folder / "coordinates.csv").string(), kBodyDofs[d].name,
+            trial.session_frames[n] < 0 ? "lost" : "withheld", trial.frames[n], gaps.held_frames));
     }
     return out;
 }
 
 }  // namespace
 
-absl::StatusOr<std::string> bvh_file(const Trial& trial, bool hold, std::int64_t* held_frames) {
-    if (absl::Status whole = needs_coordinates_and_body(trial, "BVH"); !whole.ok()) return whole;
-    std::int64_t held = 0;
-    const auto coordinates = whole_coordinates(trial, hold, held);
+absl::StatusOr<std::string> bvh_file(const Trial& trial, bool hold_withheld, BvhGaps* reported) {
+    if (absl::Status complete = needs_coordinates_and_body(trial, "BVH"); !complete.ok()) return complete;
+    BvhGaps gaps;
+    const auto coordinates = complete_coordinates(trial, hold_withheld, gaps);
     if (!coordinates.ok()) return coordinates.status();
-    if (held_frames) *held_frames = held;
+    if (reported) *reported = gaps;
     const BodyModel model(*trial.body);
-    const std::vector<Node> nodes = skeleton();
-    std::string text = hierarchy(model, nodes);
+    std::string text = hierarchy(model);
     const auto put = [&text]<class... T>(fmt::format_string<T...> format, T&&... values) {
         fmt::format_to(std::back_inserter(text), format, std::forward<T>(values)...);
     };
     put("MOTION\nFrames: {}\nFrame Time: {:.8g}\n", trial.size(), 1 / trial.rate_hz);
-    std::vector<EulerAngles> last(nodes.size());
+    std::vector<EulerAngles> last(kBvhNodes.size());
     for (const BodyCoordinates& q : *coordinates) {
         const BodyPosture posture = posture_from_coordinates(q);
         const Vec3 root = to_bvh(posture.root_in_world);
         put("{:.4f} {:.4f} {:.4f}", root.x, root.y, root.z);
-        for (std::size_t n = 0; n < nodes.size(); ++n) {
-            const Mat3 turn = to_bvh(rotation_of(model, posture, nodes[n]));
-            last[n] = nearest_euler(euler_from_rotation(turn, n == 0 ? kRootOrder : kLimbOrder), last[n]);
+        for (std::size_t n = 0; n < kBvhNodes.size(); ++n) {
+            const Mat3 rotation = to_bvh(rotation_of(model, posture, kBvhNodes[n]));
+            last[n] = nearest_euler(euler_from_rotation(rotation, n == 0 ? kRootOrder : kLimbOrder), last[n]);
             for (const double angle : last[n]) put(" {:.5f}", degrees(angle) + 0.0);
         }
         text += '\n';

@@ -17,9 +17,9 @@ namespace {
 
 constexpr std::size_t kBlock = 512;
 constexpr int kIntel = 84;
-constexpr std::size_t kMaxCounted = 65535;  // frames in a 16-bit word; more need TRIAL and LONG_FRAMES
+constexpr std::size_t kMaxShortFrames = 65535;  // in a 16-bit word; more need TRIAL and LONG_FRAMES
 
-// A number of any size, lowest byte first.
+// A number of any size, little endian.
 template <class T>
 void put(std::string& out, T value) {
     if constexpr (std::is_floating_point_v<T>) {
@@ -79,7 +79,7 @@ class Parameters {
     }
 
   private:
-    // Type and dimensions: none for a single number.
+    // Type and dimensions; a single number has none.
     static std::string shape(int bytes, std::size_t count) {
         std::string data(1, static_cast<char>(bytes));
         data += count == 1 ? '\0' : '\x01';
@@ -100,31 +100,6 @@ class Parameters {
     int group_ = 0;
 };
 
-struct JointDescription {
-    std::string_view name, description;
-};
-constexpr std::array<JointDescription, kJointNames.size()> kDescriptions{
-    {{"root", "middle of the pelvis, at the sacrum"},
-     {"sacroiliac", "waist, between lower and upper trunk"},
-     {"skullbase", "between skull and spine"},
-     {"head_top", "top of the head"},
-     {"shoulder_l", "left shoulder centre"},
-     {"elbow_l", "left elbow centre"},
-     {"wrist_l", "left wrist centre"},
-     {"hand_l", "tip of the left middle finger"},
-     {"hip_l", "left hip centre"},
-     {"knee_l", "left knee centre"},
-     {"ankle_l", "left ankle centre"},
-     {"toe_l", "tip of the left second toe"},
-     {"shoulder_r", "right shoulder centre"},
-     {"elbow_r", "right elbow centre"},
-     {"wrist_r", "right wrist centre"},
-     {"hand_r", "tip of the right middle finger"},
-     {"hip_r", "right hip centre"},
-     {"knee_r", "right knee centre"},
-     {"ankle_r", "right ankle centre"},
-     {"toe_r", "tip of the right second toe"}}};
-
 double max_mm(const Trial& trial) {
     double largest = 0;
     for (const auto& joints : trial.joints)
@@ -133,26 +108,24 @@ double max_mm(const Trial& trial) {
     return 1000 * largest;
 }
 
-// POINT:SCALE's magnitude: of use to programs that turn the file into one of 16-bit integers.
+// POINT:SCALE's magnitude, for programs that convert the file to 16-bit integers.
 double scale_of(const Trial& trial) {
     return -std::max(max_mm(trial), 1.0) / 32000;
 }
 
 std::string parameter_section(const Trial& trial, std::uint16_t data_block) {
-    std::vector<std::string> labels, descriptions;
-    for (const JointDescription& joint : kDescriptions) {
-        labels.emplace_back(joint.name);
-        descriptions.emplace_back(joint.description);
-    }
+    const std::vector<std::string> labels(kJointNames.begin(), kJointNames.end()),
+        descriptions(kJointDescriptions.begin(), kJointDescriptions.end());
     const std::uint64_t frames = trial.size();
     Parameters p;
     p.group("POINT", "joint centres");
     p.integer("USED", kJointNames.size(), "points");
     p.number("SCALE", scale_of(trial), "negative: floats");
-    p.number("RATE", trial.rate_hz, "frames a second");
+    p.number("RATE", trial.rate_hz, "frames per second");
     p.integer("DATA_START", data_block, "block of the first frame");
-    p.integer("FRAMES", static_cast<std::uint16_t>(std::min<std::uint64_t>(frames, kMaxCounted)), "frames");
-    if (frames > kMaxCounted) p.number("LONG_FRAMES", static_cast<double>(frames), "frames");
+    p.integer("FRAMES", static_cast<std::uint16_t>(std::min<std::uint64_t>(frames, kMaxShortFrames)),
+              "frames");
+    if (frames > kMaxShortFrames) p.number("LONG_FRAMES", static_cast<double>(frames), "frames");
     p.texts("LABELS", labels, "names");
     p.texts("DESCRIPTIONS", descriptions, "what the points are");
     p.text("UNITS", "mm", "of the coordinates");
@@ -161,14 +134,14 @@ std::string parameter_section(const Trial& trial, std::uint16_t data_block) {
     p.group("ANALOG", "none");
     p.integer("USED", 0, "channels");
     p.number("GEN_SCALE", 1, "of all channels");
-    p.number("RATE", trial.rate_hz, "samples a second");
+    p.number("RATE", trial.rate_hz, "samples per second");
     p.group("TRIAL", "first and last frame, two words each");
     p.integers("ACTUAL_START_FIELD", std::array<std::uint16_t, 2>{1, 0}, "first frame");
     p.integers("ACTUAL_END_FIELD",
                std::array{static_cast<std::uint16_t>(frames), static_cast<std::uint16_t>(frames >> 16)},
                "last frame");
-    p.number("CAMERA_RATE", trial.rate_hz, "frames a second");
-    p.group("MANUFACTURER", "who wrote this");
+    p.number("CAMERA_RATE", trial.rate_hz, "frames per second");
+    p.group("MANUFACTURER", "software");
     p.text("COMPANY", "Kinevox", "");
     p.text("SOFTWARE", "kinevox export", "");
     return p.bytes();
@@ -177,13 +150,13 @@ std::string parameter_section(const Trial& trial, std::uint16_t data_block) {
 std::string header_section(const Trial& trial, std::uint16_t data_block) {
     std::string out{'\x02', '\x50'};  // the parameters' first block, counted from 1, and the key
     put(out, static_cast<std::uint16_t>(kJointNames.size()));
-    put(out, std::uint16_t{0});  // analog values a frame
+    put(out, std::uint16_t{0});  // analog values per frame
     put(out, std::uint16_t{1});  // first and last frame
-    put(out, static_cast<std::uint16_t>(std::min(trial.size(), kMaxCounted)));
+    put(out, static_cast<std::uint16_t>(std::min(trial.size(), kMaxShortFrames)));
     put(out, std::uint16_t{0});  // no gap was interpolated
     put(out, static_cast<float>(scale_of(trial)));
     put(out, data_block);
-    put(out, std::uint16_t{0});  // analog samples a frame
+    put(out, std::uint16_t{0});  // analog samples per frame
     put(out, static_cast<float>(trial.rate_hz));
     out.resize(kBlock, '\0');
     constexpr std::size_t kLongLabels = 2 * 149;  // word 150: event labels have four characters
@@ -195,10 +168,10 @@ std::string header_section(const Trial& trial, std::uint16_t data_block) {
 }  // namespace
 
 absl::StatusOr<std::string> c3d_file(const Trial& trial) {
-    constexpr std::size_t kMaxFrames = std::size_t{1} << 24;  // that LONG_FRAMES, a float, counts exactly
+    constexpr std::size_t kMaxFrames = std::size_t{1} << 24;  // LONG_FRAMES, a float, is exact up to here
     if (trial.size() > kMaxFrames)
         return absl::InvalidArgumentError(
-            fmt::format("{}: {} frames are more than C3D counts, {}; export a part by --frames",
+            fmt::format("{}: {} frames exceed C3D's limit of {}; export part of them with --range",
                         trial.folder.string(), trial.size(), kMaxFrames));
     const std::size_t parameter_blocks = parameter_section(trial, 0).size() / kBlock;
     const auto data_block = static_cast<std::uint16_t>(2 + parameter_blocks);

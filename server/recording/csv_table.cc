@@ -15,9 +15,9 @@ namespace kinevox {
 namespace {
 
 constexpr std::size_t kMaxBytes = std::size_t{1} << 30;  // hours of capture
-constexpr const char* kRemedy = "write it anew with `kinevox process`";
+constexpr const char* kRemedy = "rerun `kinevox process`";
 
-// Takes the text up to a delimiter (or the end) off the front of `rest`.
+// Removes the text up to a delimiter (or the end) from the front of `rest`.
 std::string_view take(std::string_view& rest, char delimiter) {
     const std::size_t end = rest.find(delimiter);
     const std::string_view taken = rest.substr(0, end);
@@ -32,8 +32,8 @@ std::string_view take_line(std::string_view& rest) {
 }
 
 std::string quoted(std::string_view text) {
-    constexpr std::size_t kMost = 40;
-    return one_line(fmt::format("'{}{}'", text.substr(0, kMost), text.size() > kMost ? "..." : ""));
+    constexpr std::size_t kMaxLength = 40;
+    return one_line(fmt::format("'{}{}'", text.substr(0, kMaxLength), text.size() > kMaxLength ? "..." : ""));
 }
 
 std::size_t count_cells(std::string_view line) {
@@ -46,8 +46,8 @@ absl::Status check_header(std::string_view line, std::span<const std::string> co
     for (const std::string& expected : columns) {
         const std::string_view name = take(line, ',');
         if (name != expected)
-            return absl::InvalidArgumentError(fmt::format("{}:1: column {} stands where '{}' is expected; {}",
-                                                          file, quoted(name), expected, kRemedy));
+            return absl::InvalidArgumentError(
+                fmt::format("{}:1: column is {}, expected '{}'; {}", file, quoted(name), expected, kRemedy));
     }
     if (found != columns.size())
         return absl::InvalidArgumentError(
@@ -72,6 +72,7 @@ absl::StatusOr<CsvTable> read_csv_table(const std::filesystem::path& path,
             return absl::InvalidArgumentError(
                 fmt::format("{}:{}: {} cells, expected {}; the file is damaged: {}", table.file, number,
                             found, columns.size(), kRemedy));
+        table.lines.push_back(number);
         for (const std::string& column : columns) {
             const std::string_view cell = take(line, ',');
             double value = std::numeric_limits<double>::quiet_NaN();
@@ -79,8 +80,8 @@ absl::StatusOr<CsvTable> read_csv_table(const std::filesystem::path& path,
                 const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
                 if (error != std::errc() || end != cell.data() + cell.size() || !std::isfinite(value))
                     return absl::InvalidArgumentError(
-                        fmt::format("{}:{}: {} is {}, expected a number or nothing; {}", table.file, number,
-                                    column, quoted(cell), kRemedy));
+                        fmt::format("{}:{}: {} is {}, expected a number or an empty cell; {}", table.file,
+                                    number, column, quoted(cell), kRemedy));
             }
             table.cells.push_back(value);
         }

@@ -15,13 +15,13 @@ namespace kinevox {
 struct CsvTable {
     std::string file;  // for messages
     std::size_t columns = 0;
-    std::vector<double> cells;  // row after row; NaN where empty
+    std::vector<double> cells;       // row after row; NaN where empty
+    std::vector<std::size_t> lines;  // per row its line in the file, from 1
     std::size_t rows() const { return columns ? cells.size() / columns : 0; }
     double at(std::size_t row, std::size_t column) const { return cells[row * columns + column]; }
-    std::size_t line(std::size_t row) const { return row + 2; }  // in the file, from 1
 };
 
-// A header of exactly `columns`, then rows of numbers or nothing. InvalidArgument names file, line and
+// A header of exactly `columns`, then rows of numbers or empty cells. InvalidArgument names file, line and
 // column.
 absl::StatusOr<CsvTable> read_csv_table(const std::filesystem::path& file,
                                         std::span<const std::string> columns);

@@ -7,14 +7,14 @@ namespace kinevox {
 
 struct EncodingLanes::Job {
     std::shared_ptr<EncodedSet> set;
-    std::vector<Picture> pictures;       // each lane's own
+    std::vector<Image> images;           // each lane's own
     std::vector<absl::Status> statuses;  // likewise
     std::atomic<std::size_t> remaining{0};
 };
 
 std::size_t EncodedSet::bytes() const {
     std::size_t bytes = 0;
-    for (const auto& picture : pictures) bytes += picture ? picture->bytes.size() : 0;
+    for (const auto& image : images) bytes += image ? image->bytes.size() : 0;
     return bytes;
 }
 
@@ -24,7 +24,7 @@ absl::StatusOr<std::unique_ptr<EncodingLanes>> EncodingLanes::create(const std::
     auto lanes = std::make_unique<EncodingLanes>();
     lanes->on_done_ = std::move(on_done);
     for (const Camera& camera : cameras) {
-        auto encoder = PictureEncoder::create(camera, fps, codec);
+        auto encoder = ImageEncoder::create(camera, fps, codec);
         if (!encoder.ok()) return encoder.status();
         lanes->lanes_.emplace_back().encoder = *std::move(encoder);
     }
@@ -48,12 +48,12 @@ std::vector<VideoFormat> EncodingLanes::formats() const {
     return formats;
 }
 
-void EncodingLanes::put(std::shared_ptr<EncodedSet> set, std::vector<Picture> pictures) {
+void EncodingLanes::put(std::shared_ptr<EncodedSet> set, std::vector<Image> images) {
     auto job = std::make_shared<Job>();
     job->set = std::move(set);
-    job->pictures = std::move(pictures);
-    job->pictures.resize(lanes_.size());
-    job->set->pictures.resize(lanes_.size());
+    job->images = std::move(images);
+    job->images.resize(lanes_.size());
+    job->set->images.resize(lanes_.size());
     job->statuses.resize(lanes_.size());
     job->remaining = lanes_.size();
     const std::scoped_lock lock(mutex_);
@@ -62,8 +62,7 @@ void EncodingLanes::put(std::shared_ptr<EncodedSet> set, std::vector<Picture> pi
 }
 
 void EncodingLanes::encode(Lane& lane, std::size_t camera, const std::stop_token& stop) {
-    // At the capture's own priority: a result that is late comes a few milliseconds later, a picture that is
-    // dropped never.
+    // At the capture's priority: a delayed result arrives a few milliseconds later, a dropped image never.
     for (;;) {
         std::shared_ptr<Job> job;
         {
@@ -73,13 +72,13 @@ void EncodingLanes::encode(Lane& lane, std::size_t camera, const std::stop_token
             job = std::move(lane.jobs.front());
             lane.jobs.pop_front();
         }
-        auto encoded = lane.encoder->encode(job->pictures[camera], job->set->key);
-        job->pictures[camera] = {};
+        auto encoded = lane.encoder->encode(job->images[camera], job->set->key);
+        job->images[camera] = {};
         if (encoded.ok())
-            job->set->pictures[camera] = *std::move(encoded);
+            job->set->images[camera] = *std::move(encoded);
         else
             job->statuses[camera] = encoded.status();
-        // Whoever is last of a set has not begun the next one, so sets come out in their order.
+        // The last lane of a set has not started the next one, so sets finish in order.
         if (--job->remaining > 0) continue;
         for (const absl::Status& status : job->statuses) job->set->status.Update(status);
         on_done_(job->set);

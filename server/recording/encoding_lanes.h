@@ -1,4 +1,4 @@
-// Frame sets on their way from the capture to the recorder's files: a thread a camera encodes its pictures.
+// Encodes frame sets on their way from the capture to the recorder's files: one thread per camera.
 #pragma once
 
 #include <absl/status/status.h>
@@ -14,27 +14,27 @@
 #include <vector>
 
 #include "server/cameras/frame_source.h"
-#include "server/recording/picture_encoder.h"
+#include "server/recording/image_encoder.h"
 
 namespace kinevox {
 
-// A frame set with its encoded pictures.
+// A frame set with its encoded images.
 struct EncodedSet {
-    std::uint64_t number = 0;          // counts what was taken, without gaps
-    std::uint64_t run = 0;             // of the capture: each has sequences of its own
+    std::uint64_t number = 0;          // counts the sets taken, without gaps
+    std::uint64_t run = 0;             // of the capture; sequences are unique within a run
     std::uint64_t sequence = 0;        // at the source
-    std::int64_t capture_time_ns = 0;  // as the source tells it
+    std::int64_t capture_time_ns = 0;  // of the source
     std::int64_t capture_time_utc_ns = 0;
-    bool key = false;  // all pictures can be decoded without those before
-    std::vector<std::shared_ptr<const EncodedPicture>> pictures;  // per camera
-    std::size_t raw_bytes = 0;                                    // before encoding
-    absl::Status status;  // of the encoding; not OK: pictures are missing
+    bool key = false;  // all images can be decoded without earlier ones
+    std::vector<std::shared_ptr<const EncodedImage>> images;  // per camera
+    std::size_t raw_bytes = 0;                                // before encoding
+    absl::Status status;                                      // of the encoding; not OK: images are missing
 
     std::size_t bytes() const;
 };
 
-// put() by one thread. `on_done` is called in the order of put(), one call at a time, on a lane's thread. No
-// bound of its own: the caller counts what is under way.
+// put() by one thread. `on_done` is called in the order of put(), one call at a time, on a lane's thread.
+// Unbounded: the caller limits the number of pending sets.
 class EncodingLanes {
   public:
     using OnDone = std::function<void(std::shared_ptr<EncodedSet>)>;
@@ -42,23 +42,23 @@ class EncodingLanes {
     static absl::StatusOr<std::unique_ptr<EncodingLanes>> create(const std::vector<Camera>& cameras,
                                                                  double fps, VideoCodec codec,
                                                                  OnDone on_done);
-    ~EncodingLanes();  // what is under way is not finished
+    ~EncodingLanes();  // discards pending sets
 
-    // `pictures` are let go one by one as soon as each is encoded.
-    void put(std::shared_ptr<EncodedSet> set, std::vector<Picture> pictures);
+    // Each of `images` is released as soon as it is encoded.
+    void put(std::shared_ptr<EncodedSet> set, std::vector<Image> images);
     std::vector<VideoFormat> formats() const;
 
   private:
     struct Job;
     struct Lane {
-        std::unique_ptr<PictureEncoder> encoder;
+        std::unique_ptr<ImageEncoder> encoder;
         std::deque<std::shared_ptr<Job>> jobs;
         std::jthread thread;
     };
     void encode(Lane& lane, std::size_t camera, const std::stop_token& stop);
 
     OnDone on_done_;
-    std::mutex mutex_;  // of the lanes' jobs
+    std::mutex mutex_;  // guards the lanes' jobs
     std::condition_variable_any changed_;
     std::deque<Lane> lanes_;
 };

@@ -16,8 +16,8 @@ using EulerAngles = std::array<double, 3>;  // rad
 EulerAngles euler_from_rotation(const Mat3& rotation, const EulerOrder& order);
 Mat3 rotation_from_euler(const EulerAngles& angles, const EulerOrder& order);
 
-// The same rotation by the angles that lie nearest to `previous`: full turns added, and the other of the two
-// triples that mean one rotation where that is nearer, so that a curve over time does not jump.
+// The same rotation by the angles nearest to `previous`: with full turns added, and by the other of the two
+// equivalent triples if that is nearer, so that curves over time are continuous.
 EulerAngles nearest_euler(const EulerAngles& angles, const EulerAngles& previous);
 
 }  // namespace kinevox

@@ -1,4 +1,4 @@
-// MOT: generalised coordinates as text, as OpenSim reads them.
+// MOT: model coordinates as text for OpenSim.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -20,8 +20,7 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 // OpenSim's axes: x forward, y up, z right.
 constexpr Mat3 kOpenSimFromWorld{{1, 0, 0, 0, 0, 1, 0, -1, 0}};
 constexpr EulerOrder kPelvisOrder{kAxisZ, kAxisX, kAxisY};  // tilt, list, rotation
-// Rajagopal2016.osim, a person of 1.70 m: from the middle of the hip joints to the pelvis' origin, in its
-// axes.
+// Rajagopal2016.osim, stature 1.70 m: from the midpoint of the hip joints to the pelvis' origin, in its axes.
 constexpr double kModelStature_m = 1.70;
 constexpr Vec3 kOriginFromHips{0.056276, 0.07849, 0};
 
@@ -62,18 +61,19 @@ Vec3 pelvis_origin(const Trial& trial, const BodyModel& model, std::size_t n) {
 }  // namespace
 
 absl::StatusOr<std::string> mot_file(const Trial& trial) {
-    if (absl::Status whole = needs_coordinates_and_body(trial, "MOT"); !whole.ok()) return whole;
+    if (absl::Status complete = needs_coordinates_and_body(trial, "MOT"); !complete.ok()) return complete;
     const BodyModel model(*trial.body);
     const std::vector<EulerAngles> pelvis = pelvis_angles(trial);
     std::string text = one_line(trial.name);
-    std::erase(text, '=');  // OpenSim takes a line with one for a key and its value
+    std::erase(text, '=');  // OpenSim reads a line with '=' as key and value
     const auto put = [&text]<class... T>(fmt::format_string<T...> format, T&&... values) {
         fmt::format_to(std::back_inserter(text), format, std::forward<T>(values)...);
     };
     put("\nversion=1\nnRows={}\nnColumns={}\ninDegrees=yes\n\n", trial.size(), 1 + kBodyDofCount);
     text += "Coordinates by the names of Rajagopal2016.osim; it has none for the neck. Metres and degrees.\n";
     text += "The pelvis' origin is set by that model's proportions at the subject's stature.\n";
-    text += "endheader\ntime\tpelvis_tilt\tpelvis_list\tpelvis_rotation\tpelvis_tx\tpelvis_ty\tpelvis_tz";
+    text += "endheader\ntime";
+    for (const std::string_view name : kOpenSimPelvisNames) put("\t{}", name);
     for (int d = kDofSacroiliac; d < kBodyDofCount; ++d) put("\t{}", kBodyDofs[d].name);
     text += '\n';
     const auto put_value = [&](double value) {

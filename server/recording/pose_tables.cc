@@ -1,14 +1,12 @@
 #include "server/recording/pose_tables.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
-#include <array>
-#include <cmath>
 #include <iterator>
 #include <utility>
 
 #include "common/degrees.h"
-#include "server/pose/body_model.h"
 
 namespace kinevox {
 namespace {
@@ -18,17 +16,15 @@ void append(std::string& to, fmt::format_string<T...> format, T&&... values) {
     fmt::format_to(std::back_inserter(to), format, std::forward<T>(values)...);
 }
 
-// A row's first two cells; every table begins with them.
+constexpr std::string_view kKeyColumns = "frame,time_s,subject";
+
+// The cells of kKeyColumns.
 std::string row_begin(const PoseRow& row) {
-    return fmt::format("{},{:.6f}", row.frame, row.time_s);
+    return fmt::format("{},{:.6f},{}", row.frame, row.time_s,
+                       row.subject_id ? fmt::to_string(row.subject_id) : "");
 }
 
-// The joint at a segment's far end: where it is not known, the segment's turn is not either.
-constexpr std::array<std::string_view, kBodySegmentCount> kFarJoints{
-    "root",   "skullbase", "head_top", "knee_l", "ankle_l", "toe_l",   "elbow_l", "wrist_l",
-    "hand_l", "knee_r",    "ankle_r",  "toe_r",  "elbow_r", "wrist_r", "hand_r"};
-
-// A degree of freedom or its deviation: metres, or degrees with so many decimals.
+// A coordinate or its std: metres, or degrees with the given number of decimals.
 void append_coordinate(std::string& to, int dof, double value, int decimals_deg) {
     if (is_position(dof))
         append(to, "{:.5f}", value);
@@ -36,19 +32,8 @@ void append_coordinate(std::string& to, int dof, double value, int decimals_deg)
         append(to, "{:.{}f}", degrees(value), decimals_deg);
 }
 
-std::array<bool, kBodyDofCount> measured_coordinates(const BodyPose& pose) {
-    std::array<bool, kBodyDofCount> measured;
-    measured.fill(pose.joints[*joint_index("root")].measured());
-    for (int s = kThorax; s < kBodySegmentCount; ++s)
-        for (int k = 0; k < kSegmentDofCount[s]; ++k)
-            measured[kSegmentDof[s] + k] = pose.joints[*joint_index(kFarJoints[s])].measured();
-    return measured;
-}
-
-std::string joints_header() {
-    std::string text = "frame,time_s";
-    for (const std::string_view joint : kJointNames) append(text, ",{0}_x,{0}_y,{0}_z", joint);
-    return text + '\n';
+std::string header(const std::vector<std::string>& columns) {
+    return fmt::format("{}\n", fmt::join(columns, ","));
 }
 
 std::string joints_row(const PoseRow& row) {
@@ -64,12 +49,6 @@ std::string joints_row(const PoseRow& row) {
     return text + '\n';
 }
 
-std::string angles_header() {
-    std::string text = "frame,time_s";
-    for (const std::string_view angle : kJointAngleNames) append(text, ",{}_deg", angle);
-    return text + '\n';
-}
-
 std::string angles_row(const PoseRow& row) {
     std::string text = row_begin(row);
     for (std::size_t k = 0; k < kJointAngleNames.size(); ++k) {
@@ -80,27 +59,21 @@ std::string angles_row(const PoseRow& row) {
     return text + '\n';
 }
 
-std::string coordinates_header() {
-    std::string text = "frame,time_s";
-    for (int d = 0; d < kBodyDofCount; ++d)
-        append(text, ",{}_{}", kBodyDofs[d].name, is_position(d) ? "m" : "deg");
-    return text + '\n';
-}
-
 std::string coordinates_row(const PoseRow& row) {
     std::string text = row_begin(row);
-    const auto measured = row.pose ? measured_coordinates(*row.pose) : std::array<bool, kBodyDofCount>{};
     for (int d = 0; d < kBodyDofCount; ++d) {
         text += ',';
-        if (measured[d]) append_coordinate(text, d, row.pose->coordinates[d], 4);
+        if (row.pose && coordinate_withheld_reason(*row.pose, d).empty())
+            append_coordinate(text, d, row.pose->coordinates[d], 4);
     }
     return text + '\n';
 }
 
 std::string uncertainty_header() {
-    std::string text = "frame,time_s";
-    for (const std::string_view joint : kJointNames) append(text, ",{0}_std_m,{0}_cameras", joint);
-    for (const std::string_view angle : kJointAngleNames) append(text, ",{0}_std_deg,{0}_cameras", angle);
+    std::string text(kKeyColumns);
+    for (const std::string_view joint : kJointNames) append(text, ",{0}_std_m,{0}_camera_count", joint);
+    for (const std::string_view angle : kJointAngleNames)
+        append(text, ",{0}_std_deg,{0}_camera_count", angle);
     for (int d = 0; d < kBodyDofCount; ++d)
         append(text, ",{}_std_{}", kBodyDofs[d].name, is_position(d) ? "m" : "deg");
     return text + '\n';
@@ -111,9 +84,9 @@ std::string uncertainty_row(const PoseRow& row) {
     std::string text = row_begin(row);
     if (!row.pose) return text.append(kColumns, ',') + '\n';
     for (const JointEstimate& joint : row.pose->joints)
-        append(text, ",{:.5f},{}", joint.std_m, joint.cameras);
+        append(text, ",{:.5f},{}", joint.std_m, joint.camera_count);
     for (const AngleEstimate& angle : row.pose->angles)
-        append(text, ",{:.3f},{}", degrees(angle.std_rad), angle.cameras);
+        append(text, ",{:.3f},{}", degrees(angle.std_rad), angle.camera_count);
     for (int d = 0; d < kBodyDofCount; ++d) {
         text += ',';
         append_coordinate(text, d, row.pose->coordinate_std[d], 3);
@@ -122,23 +95,43 @@ std::string uncertainty_row(const PoseRow& row) {
 }
 
 std::string withheld_rows(const PoseRow& row) {
-    if (!row.pose) return row_begin(row) + ",pose,no body could be told in this frame set\n";
+    if (!row.pose) return row_begin(row) + ",pose,no pose found\n";
     std::string text;
     const auto add = [&](std::string_view name, std::string_view reason) {
         append(text, "{},{},{}\n", row_begin(row), name, csv_cell(reason));
     };
     for (std::size_t j = 0; j < kJointNames.size(); ++j)
-        if (!row.pose->joints[j].measured()) add(kJointNames[j], row.pose->joints[j].withheld);
+        if (!row.pose->joints[j].measured()) add(kJointNames[j], row.pose->joints[j].withheld_reason);
     for (std::size_t k = 0; k < kJointAngleNames.size(); ++k)
-        if (!row.pose->angles[k].measured()) add(kJointAngleNames[k], row.pose->angles[k].withheld);
+        if (!row.pose->angles[k].measured()) add(kJointAngleNames[k], row.pose->angles[k].withheld_reason);
     return text;
 }
 
 }  // namespace
 
+std::vector<std::string> joint_columns() {
+    std::vector<std::string> columns{"frame", "time_s", "subject"};
+    for (const std::string_view joint : kJointNames)
+        for (const char axis : {'x', 'y', 'z'}) columns.push_back(fmt::format("{}_{}", joint, axis));
+    return columns;
+}
+
+std::vector<std::string> angle_columns() {
+    std::vector<std::string> columns{"frame", "time_s", "subject"};
+    for (const std::string_view angle : kJointAngleNames) columns.push_back(fmt::format("{}_deg", angle));
+    return columns;
+}
+
+std::vector<std::string> coordinate_columns() {
+    std::vector<std::string> columns{"frame", "time_s", "subject"};
+    for (int d = 0; d < kBodyDofCount; ++d)
+        columns.push_back(fmt::format("{}_{}", kBodyDofs[d].name, is_position(d) ? "m" : "deg"));
+    return columns;
+}
+
 PoseLines pose_table_headers() {
-    return {joints_header(), angles_header(), coordinates_header(), uncertainty_header(),
-            "frame,time_s,name,reason\n"};
+    return {header(joint_columns()), header(angle_columns()), header(coordinate_columns()),
+            uncertainty_header(), fmt::format("{},name,reason\n", kKeyColumns)};
 }
 
 PoseLines pose_table_rows(const PoseRow& row) {
@@ -153,7 +146,7 @@ std::vector<Table> pose_tables(const std::vector<PoseRow>& rows) {
     }
     std::vector<Table> tables;
     for (std::size_t t = 0; t < texts.size(); ++t)
-        tables.push_back({kPoseTableNames[t], std::move(texts[t])});
+        tables.push_back({std::string(kPoseTableNames[t]), std::move(texts[t])});
     return tables;
 }
 

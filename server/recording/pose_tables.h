@@ -1,4 +1,4 @@
-// What `kinevox process` and the recorder write of the poses; design: "Contract of the command line".
+// The pose tables that `kinevox process` and the recorder write.
 #pragma once
 
 #include <array>
@@ -13,31 +13,36 @@
 
 namespace kinevox {
 
+// One per frame and subject present; one without a subject for a frame in which none is.
 struct PoseRow {
     std::uint64_t frame = 0;
     double time_s = 0;
-    std::shared_ptr<const BodyPose> pose;  // null: all its cells are empty
+    std::uint32_t subject_id = 0;          // from 1; 0: no subject, the cell is empty
+    std::shared_ptr<const BodyPose> pose;  // null: all cells are empty
 };
 
-//   joints.csv       frame,time_s, then x,y,z of each joint: metres, world
-//   angles.csv       frame,time_s, then each angle: degrees
-//   coordinates.csv  frame,time_s, then each of kBodyDofs: NAME_m or NAME_deg. A coordinate that turns a
-//   withheld joint
-//                    is withheld with it
-//   uncertainty.csv  frame,time_s, then the standard deviations (JOINT_std_m of one axis, ANGLE_std_deg, and
-//   those of the
-//                    coordinates) and for joints and angles the number of cameras that support them; of
-//                    withheld values too
-//   withheld.csv     frame,time_s,name,reason: a row for each withheld joint and angle, or one named "pose"
-//   for all
-// What is withheld leaves its cells empty in the first three.
+// Each table begins with frame,time_s,subject:
+//   joints.csv       JOINT_x, _y, _z: metres, world
+//   angles.csv       ANGLE_deg of kJointAngleNames
+//   coordinates.csv  NAME_m or NAME_deg of kBodyDofs
+//   uncertainty.csv  standard deviations (JOINT_std_m per axis, ANGLE_std_deg, NAME_std_m or _deg of the
+//   coordinates)
+//                    and the number of cameras that determine a joint or angle (JOINT_camera_count), also of
+//                    withheld values
+//   withheld.csv     name,reason: one row per withheld joint and angle, or one named "pose" for all of them
+// Withheld cells of the first three are empty; a coordinate is withheld with the joint at its segment's far
+// end. Nothing is withheld from a frame without a subject.
 std::vector<Table> pose_tables(const std::vector<PoseRow>& rows);
 
-// The same row by row.
-using PoseLines =
-    std::array<std::string, kPoseTableNames.size()>;  // in the order of kPoseTableNames, with line breaks
+// The same row by row: in the order of kPoseTableNames, with line breaks. Of withheld.csv a row has any
+// number of lines.
+using PoseLines = std::array<std::string, kPoseTableNames.size()>;
 PoseLines pose_table_headers();
-PoseLines pose_table_rows(
-    const PoseRow& row);  // of withheld.csv as many lines as there are values withheld, or none
+PoseLines pose_table_rows(const PoseRow& row);
+
+// The columns of a pose table in order, for readers.
+std::vector<std::string> joint_columns();
+std::vector<std::string> angle_columns();
+std::vector<std::string> coordinate_columns();
 
 }  // namespace kinevox

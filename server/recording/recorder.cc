@@ -6,7 +6,7 @@
 #include <ctime>
 #include <system_error>
 
-#include "server/pipeline/utc_clock.h"
+#include "common/utc_clock.h"
 #include "server/recording/live_recorder.h"
 
 namespace kinevox {
@@ -28,17 +28,17 @@ std::string name_by_time() {
 
 void LiveRecorder::offer(const FrameSet& frame_set) {
     std::size_t bytes = 0;
-    for (const Picture& picture : frame_set.pictures)
-        bytes += static_cast<std::size_t>(picture.width) *
-                 static_cast<std::size_t>(picture.height * picture.channels);
+    for (const Image& image : frame_set.images)
+        bytes +=
+            static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height * image.channels);
     const std::scoped_lock lock(mutex_);
     if (closed_ || !taking()) return;
     if (!utc_minus_capture_ns_) {
         utc_minus_capture_ns_ = utc_minus_capture_ns(frame_set.capture_time_ns);
         clock_steps_ = {};
     }
-    if (queued_bytes_ > 0 && queued_bytes_ + bytes > options_.queue_bytes) {
-        ++(recording_ ? dropped_ : held_dropped_);
+    if (queued_bytes_ > 0 && queued_bytes_ + bytes > options_.max_queue_bytes) {
+        ++(recording_ ? dropped_ : buffer_dropped_);
         return;
     }
     auto set = std::make_shared<EncodedSet>();
@@ -50,7 +50,7 @@ void LiveRecorder::offer(const FrameSet& frame_set) {
     set->key = std::exchange(key_wanted_, false) || set->number % key_distance_ == 0;
     set->raw_bytes = bytes;
     queued_bytes_ += bytes;
-    lanes_->put(std::move(set), frame_set.pictures);
+    lanes_->put(std::move(set), frame_set.images);
 }
 
 void LiveRecorder::observe(const FrameResult& result, const BodyShape* body) {
@@ -59,10 +59,11 @@ void LiveRecorder::observe(const FrameResult& result, const BodyShape* body) {
         body_ = *body;
         body_changed_ = true;
     }
-    // The pipeline is some frame sets behind: those of the last ones come when no more are taken.
+    // The pipeline lags some frame sets: the last results arrive after the last frame set was taken.
     if (!finish_ && (closed_ || !taking())) return;
-    results_.push_back({run_, result.sequence, options_.poses ? result.pose : nullptr,
-                        options_.volumes ? result.volume : nullptr});
+    results_.push_back({run_, result.sequence, result.subject ? result.subject->subject_id : 0,
+                        options_.save_poses ? result.pose : nullptr,
+                        options_.save_volumes ? result.volume : nullptr});
     if (results_.size() > kMaxQueuedResults) results_.pop_front();
     changed_.notify_all();
 }
@@ -71,7 +72,7 @@ void LiveRecorder::capture_ended() {
     const std::scoped_lock lock(mutex_);
     ++run_;
     utc_minus_capture_ns_.reset();
-    held_dropped_ = 0;
+    buffer_dropped_ = 0;
     key_wanted_ = true;
     if (recording_ && !finish_ && next_number_ > first_number_) {  // else it waits for the next run
         recording_ = false;
@@ -85,14 +86,13 @@ absl::Status LiveRecorder::check_idle() const {
     if (status_.state == RecorderState::kIdle && !finish_ && !begin_) return absl::OkStatus();
     return absl::FailedPreconditionError(
         fmt::format("\"{}\" is being recorded; stop that first",
-                    status_.recording ? status_.recording->name : "another recording"));
+                    status_.current ? status_.current->name : "another recording"));
 }
 
 absl::StatusOr<std::unique_ptr<RecordingFolder>> LiveRecorder::make_folder(const std::string& name,
                                                                            VideoCodec codec) {
     if (options_.folder.empty())
-        return absl::FailedPreconditionError(
-            "this daemon has no folder for recordings; set [recording] folder");
+        return absl::FailedPreconditionError("no recording folder is configured; set [recording] folder");
     if (const std::string problem = recording_name_problem(name); !problem.empty())
         return absl::InvalidArgumentError(problem);
     std::error_code error;
@@ -100,7 +100,7 @@ absl::StatusOr<std::unique_ptr<RecordingFolder>> LiveRecorder::make_folder(const
     if (const auto space = std::filesystem::space(options_.folder, error);
         !error && space.available < options_.min_free_bytes)
         return absl::ResourceExhaustedError(
-            fmt::format("{} MB are free on the disk of {}, least_free_mb is {}; make room",
+            fmt::format("{} MB are free on the disk of {}, min_free_disk_mb is {}; free some space",
                         space.available >> 20, options_.folder.string(), options_.min_free_bytes >> 20));
     const RecordedCapture capture = capture_();
     RecordingPlan plan;
@@ -108,14 +108,14 @@ absl::StatusOr<std::unique_ptr<RecordingFolder>> LiveRecorder::make_folder(const
     plan.fps = capture.fps;
     plan.codec = codec;
     plan.cameras = capture.cameras;
-    // A second or two after learning it is still being written. A recording that were killed before it came
-    // would be of no use, so that the begin waits for it.
+    // It is still being written a second or two after learning. A recording killed before it arrives would be
+    // useless, so the start waits for it.
     plan.background = clip_.files(true);
     plan.calibration_id = capture.calibration_id;
     plan.certificate_json = capture.certificate_json;
     plan.calibration_file = capture.calibration_file;
-    plan.poses = options_.poses;
-    plan.volumes = options_.volumes;
+    plan.save_poses = options_.save_poses;
+    plan.save_volumes = options_.save_volumes;
     if (absl::Status ready = make_lanes(capture, codec); !ready.ok()) return ready;
     {
         const std::scoped_lock lock(mutex_);
@@ -123,7 +123,7 @@ absl::StatusOr<std::unique_ptr<RecordingFolder>> LiveRecorder::make_folder(const
         plan.formats = lanes_->formats();
     }
     auto folder = RecordingFolder::create(plan);
-    if (!folder.ok() && options_.keep_last_s == 0) drop_lanes();
+    if (!folder.ok() && options_.max_buffer_s == 0) drop_lanes();
     return folder;
 }
 
@@ -131,9 +131,9 @@ absl::Status LiveRecorder::make_lanes(const RecordedCapture& capture, VideoCodec
     {
         const std::scoped_lock lock(mutex_);
         if (lanes_ && lanes_codec_ == codec) return absl::OkStatus();
-        if (lanes_ && options_.keep_last_s > 0)
+        if (lanes_ && options_.max_buffer_s > 0)
             return absl::FailedPreconditionError(
-                fmt::format("the rolling buffer is kept as {}; record with that, or set keep_last_s = 0",
+                fmt::format("the rolling buffer uses codec {}; record with that, or set max_buffer_s = 0",
                             name_of(lanes_codec_)));
     }
     auto lanes =
@@ -150,7 +150,7 @@ absl::Status LiveRecorder::make_lanes(const RecordedCapture& capture, VideoCodec
     return absl::OkStatus();
 }
 
-// Their threads end outside of the lock, which they need.
+// Their threads end outside the lock, which they need.
 void LiveRecorder::drop_lanes() {
     std::unique_ptr<EncodingLanes> dropped;
     const std::scoped_lock lock(mutex_);
@@ -158,70 +158,70 @@ void LiveRecorder::drop_lanes() {
     queued_bytes_ = 0;
 }
 
-absl::StatusOr<std::string> LiveRecorder::start(const std::string& asked, std::optional<VideoCodec> codec) {
+absl::StatusOr<std::string> LiveRecorder::start(const std::string& requested,
+                                                std::optional<VideoCodec> codec) {
     const std::scoped_lock one_request(requests_);
     {
         const std::scoped_lock lock(mutex_);
         if (absl::Status idle = check_idle(); !idle.ok()) return idle;
     }
-    const std::string name = asked.empty() ? name_by_time() : asked;
+    const std::string name = requested.empty() ? name_by_time() : requested;
     auto folder = make_folder(name, codec.value_or(options_.codec));
     if (!folder.ok()) return folder.status();
     const std::scoped_lock lock(mutex_);
     status_.state = RecorderState::kWaiting;
-    status_.recording = (*folder)->info();
+    status_.current = (*folder)->info();
     recording_ = key_wanted_ = true;
     if (utc_minus_capture_ns_)
-        *utc_minus_capture_ns_ += clock_steps_.step_ns();  // within a recording, time is even
-    dropped_ = told_dropped_ = 0;
+        *utc_minus_capture_ns_ += clock_steps_.step_ns();  // no clock step within a recording
+    dropped_ = reported_dropped_ = 0;
     first_number_ = next_number_;
     begin_at_ = 0;
     begin_ = [this, made = std::make_shared<std::unique_ptr<RecordingFolder>>(*std::move(folder)),
               first = next_number_] { writer_.begin(std::move(*made), first); };
     changed_.notify_all();
-    tell_({EventKind::kRecordingStarted, 0, 0, {}, fmt::format("recording \"{}\" begins", name)});
+    publish_event_({EventKind::kRecordingStarted, 0, 0, {}, fmt::format("recording \"{}\" started", name)});
     return name;
 }
 
-absl::StatusOr<RecordingInfo> LiveRecorder::keep_last(const std::string& asked, double seconds, bool go_on) {
-    const std::string name = asked.empty() ? name_by_time() : asked;
+absl::StatusOr<RecordingInfo> LiveRecorder::save_buffer(const std::string& requested, double duration_s,
+                                                        bool continue_recording) {
+    const std::string name = requested.empty() ? name_by_time() : requested;
     std::future<RecordingInfo> answer;
     {
         const std::scoped_lock one_request(requests_);
         {
             const std::scoped_lock lock(mutex_);
             if (absl::Status idle = check_idle(); !idle.ok()) return idle;
-            if (options_.keep_last_s == 0)
+            if (options_.max_buffer_s == 0)
                 return absl::FailedPreconditionError(
-                    "the daemon keeps no rolling buffer; set [recording] keep_last_s");
-            if (!(seconds >= 0))
-                return absl::InvalidArgumentError(fmt::format("seconds is {}; give 0 or more", seconds));
-            if (status_.held_seconds <= 0)
+                    "there is no rolling buffer; set [recording] max_buffer_s");
+            if (!(duration_s >= 0))
+                return absl::InvalidArgumentError(
+                    fmt::format("duration is {} s, expected 0 or more", duration_s));
+            if (status_.buffered_s <= 0)
                 return absl::FailedPreconditionError("the rolling buffer is empty; start the capture");
         }
         auto folder = make_folder(name, options_.codec);
         if (!folder.ok()) return folder.status();
         const std::scoped_lock lock(mutex_);
         status_.state = RecorderState::kRecording;
-        status_.recording = (*folder)->info();
+        status_.current = (*folder)->info();
         recording_ = true;
-        dropped_ = told_dropped_ = 0;
-        first_number_ = 0;  // it has its first set
+        dropped_ = reported_dropped_ = 0;
+        first_number_ = 0;  // its first set is in the buffer
         begin_at_ = next_number_;
         begin_ = [this, made = std::make_shared<std::unique_ptr<RecordingFolder>>(*std::move(folder)),
-                  seconds] { writer_.begin_with_held(std::move(*made), seconds); };
-        if (!go_on) {
+                  duration_s] { writer_.begin_with_buffer(std::move(*made), duration_s); };
+        if (!continue_recording) {
             recording_ = false;
             finish_.emplace(Finish{next_number_, {}, std::promise<RecordingInfo>()});
             answer = finish_->answer->get_future();
         }
         changed_.notify_all();
-        tell_({EventKind::kRecordingStarted,
-               0,
-               0,
-               {},
-               fmt::format("what was kept of the last seconds goes into recording \"{}\"", name)});
-        if (go_on) return *status_.recording;
+        publish_event_(
+            {EventKind::kRecordingStarted, 0, 0, {}, fmt::format("buffer saved to recording \"{}\"", name)});
+        if (continue_recording) return *status_.current;
     }
     return answer.get();
 }
@@ -232,9 +232,10 @@ absl::StatusOr<RecordingInfo> LiveRecorder::finish(std::string reason) {
         const std::scoped_lock one_request(requests_);
         const std::scoped_lock lock(mutex_);
         if (status_.state == RecorderState::kIdle)
-            return absl::FailedPreconditionError("nothing is being recorded; `kinevox record start` begins");
+            return absl::FailedPreconditionError(
+                "no recording is in progress; start one with `kinevox record start`");
         if (finish_ && finish_->answer)
-            return absl::FailedPreconditionError("the recording is being finished already; wait for it");
+            return absl::FailedPreconditionError("the recording is already being finished; wait for it");
         if (!finish_) finish_.emplace(Finish{next_number_, std::move(reason), {}});
         recording_ = false;
         status_.state = RecorderState::kFinishing;
@@ -250,7 +251,7 @@ RecorderStatus LiveRecorder::status() const {
         const std::scoped_lock lock(mutex_);
         status = status_;
         status.queued_bytes = queued_bytes_;
-        status.held_dropped = held_dropped_;
+        status.buffer_dropped_frame_sets = buffer_dropped_;
     }
     std::error_code error;
     std::filesystem::path existing = options_.folder;
@@ -267,7 +268,7 @@ void LiveRecorder::close() {
         const std::scoped_lock lock(mutex_);
         if (std::exchange(closed_, true)) return;
     }
-    finish("the daemon was stopped").IgnoreError();  // or somebody else's stop is under way
+    finish("the daemon was stopped").IgnoreError();  // or another stop is in progress
     {
         std::unique_lock lock(mutex_);
         changed_.wait_for(lock, kMaxClose,
@@ -280,8 +281,8 @@ void LiveRecorder::close() {
 
 absl::StatusOr<std::unique_ptr<Recorder>> Recorder::create(const RecorderOptions& options,
                                                            std::function<RecordedCapture()> capture,
-                                                           std::function<void(Event)> tell) {
-    auto recorder = std::make_unique<LiveRecorder>(options, std::move(capture), std::move(tell));
+                                                           std::function<void(Event)> publish_event) {
+    auto recorder = std::make_unique<LiveRecorder>(options, std::move(capture), std::move(publish_event));
     if (absl::Status ready = recorder->open(); !ready.ok()) return ready;
     return recorder;
 }

@@ -7,14 +7,15 @@
 namespace kinevox {
 namespace {
 
-constexpr std::chrono::milliseconds kMaxWaitForResults{1500}, kWriterBeat{50}, kFinishBeat{5};
-constexpr std::chrono::seconds kTellDropsEvery{5};
+constexpr std::chrono::milliseconds kMaxWaitForResults{1500}, kWriterInterval{50}, kFinishInterval{5};
+constexpr std::chrono::seconds kReportDropsInterval{5};
 
 std::string summary(const RecordingInfo& info) {
-    std::string text =
-        fmt::format("{} frame sets, {:.1f} s, {} MB", info.about.frames, info.seconds, info.bytes >> 20);
-    if (info.about.dropped > 0) text += fmt::format(", {} dropped", info.about.dropped);
-    if (info.about.lost > 0) text += fmt::format(", {} lost before", info.about.lost);
+    std::string text = fmt::format("{} frame sets, {:.1f} s, {} MB", info.about.frame_sets, info.duration_s,
+                                   info.size_bytes >> 20);
+    if (info.about.dropped_frame_sets > 0) text += fmt::format(", {} dropped", info.about.dropped_frame_sets);
+    if (info.about.lost_frame_sets > 0)
+        text += fmt::format(", {} lost before the recorder", info.about.lost_frame_sets);
     return text;
 }
 
@@ -30,7 +31,7 @@ void LiveRecorder::write_loop(const std::stop_token& stop) {
         std::uint64_t begin_at = 0;
         {
             std::unique_lock lock(mutex_);
-            changed_.wait_for(lock, stop, finish_ || begin_ ? kFinishBeat : kWriterBeat,
+            changed_.wait_for(lock, stop, finish_ || begin_ ? kFinishInterval : kWriterInterval,
                               [&] { return !done_.empty() || !results_.empty(); });
             if (stop.stop_requested()) return;
             done.swap(done_);
@@ -43,8 +44,8 @@ void LiveRecorder::write_loop(const std::stop_token& stop) {
             writer_.dropped = dropped_;
         }
         for (auto& set : done) {
-            // Just before the first set that came after the request: what the rolling buffer held then is
-            // what was asked for, and each set that it takes from now on would push out its oldest.
+            // Just before the first set after the request: the buffer then holds exactly what was requested,
+            // and each further set would push out its oldest.
             if (begin && set->number >= begin_at) std::exchange(begin, nullptr)();
             const std::size_t bytes = set->raw_bytes;
             writer_.take(std::move(set));
@@ -56,64 +57,65 @@ void LiveRecorder::write_loop(const std::stop_token& stop) {
         if (background) writer_.set_background(clip_.files(false));
         for (ResultOfSet& result : results) writer_.take(std::move(result));
         finish_if_done();
-        tell_drops();
+        report_drops();
     }
 }
 
 void LiveRecorder::finish_if_done() {
     Finish finish;
     std::uint64_t dropped = 0;
-    bool ended_by_itself = false;
+    bool already_ended = false;
     {
         const std::scoped_lock lock(mutex_);
-        const RecordingWriter::Held held = writer_.held();
-        status_.held_seconds = held.seconds;
-        status_.held_bytes = held.bytes;
-        status_.held_shortened = held.shortened;
-        status_.recording = begin_ ? status_.recording : writer_.recording(dropped_);
-        if (status_.state == RecorderState::kWaiting && status_.recording &&
-            status_.recording->about.frames > 0)
+        const RecordingWriter::Buffered buffered = writer_.buffered();
+        status_.buffered_s = buffered.duration_s;
+        status_.buffered_bytes = buffered.bytes;
+        status_.buffer_limited_by_memory = buffered.limited_by_memory;
+        status_.current = begin_ ? status_.current : writer_.recording(dropped_);
+        if (status_.state == RecorderState::kWaiting && status_.current &&
+            status_.current->about.frame_sets > 0)
             status_.state = RecorderState::kRecording;
         if (!finish_ || begin_) return;
-        const bool all_sets = writer_.next_number() >= finish_->upto || !lanes_;
+        const bool all_sets = writer_.next_number() >= finish_->end_number || !lanes_;
         const bool late = Clock::now() - finish_->begun > kMaxWaitForResults;
-        if (status_.recording && (!all_sets || (!writer_.has_all_results() && !late))) return;
+        if (status_.current && (!all_sets || (!writer_.has_all_results() && !late))) return;
         finish = *std::exchange(finish_, std::nullopt);
         dropped = dropped_;
-        ended_by_itself = !status_.recording;
+        already_ended = !status_.current;
     }
     RecordingInfo info;
-    if (!ended_by_itself) {
-        writer_.set_background(clip_.files(true));  // learned, but not yet written
+    if (!already_ended) {
+        writer_.set_background(clip_.files(true));  // if learned, but not yet written
         info = writer_.end(dropped, finish.reason);
         ended(info, EventKind::kRecordingStopped);
     } else {
         const std::scoped_lock lock(mutex_);
-        if (status_.last) info = *status_.last;
+        if (status_.latest) info = *status_.latest;
     }
     if (finish.answer) finish.answer->set_value(info);
     changed_.notify_all();
 }
 
-void LiveRecorder::tell_drops() {
+void LiveRecorder::report_drops() {
     std::uint64_t dropped = 0;
     std::string name;
     {
         const std::scoped_lock lock(mutex_);
-        if (!status_.recording || dropped_ == told_dropped_ || Clock::now() - drops_told_ < kTellDropsEvery)
+        if (!status_.current || dropped_ == reported_dropped_ ||
+            Clock::now() - drops_reported_ < kReportDropsInterval)
             return;
-        dropped = dropped_ - std::exchange(told_dropped_, dropped_);
-        name = status_.recording->name;
-        drops_told_ = Clock::now();
+        dropped = dropped_ - std::exchange(reported_dropped_, dropped_);
+        name = status_.current->name;
+        drops_reported_ = Clock::now();
     }
-    tell_({EventKind::kRecordingDrops,
-           0,
-           0,
-           {},
-           fmt::format("{} frame sets did not get into \"{}\": they came faster than they could be encoded "
-                       "and written; a "
-                       "faster codec or fewer programs beside it help",
-                       dropped, name)});
+    publish_event_(
+        {EventKind::kRecordingFramesDropped,
+         0,
+         0,
+         {},
+         fmt::format("recording \"{}\" dropped {} frame sets: encoding or the disk is too slow; use a faster "
+                     "codec or disk, or stop other programs",
+                     name, dropped)});
 }
 
 // On the writer's thread.
@@ -125,13 +127,14 @@ void LiveRecorder::ended(const RecordingInfo& info, EventKind kind) {
     {
         const std::scoped_lock lock(mutex_);
         status_.state = RecorderState::kIdle;
-        status_.recording.reset();
-        status_.last = info;
+        status_.current.reset();
+        status_.latest = info;
         recording_ = false;
     }
-    if (options_.keep_last_s == 0) drop_lanes();
+    if (options_.max_buffer_s == 0) drop_lanes();
     const std::string why = info.about.end_reason.empty() ? "" : "; " + info.about.end_reason;
-    tell_({kind, 0, 0, {}, fmt::format("recording \"{}\" ended: {}{}", info.name, summary(info), why)});
+    publish_event_(
+        {kind, 0, 0, {}, fmt::format("recording \"{}\" ended: {}{}", info.name, summary(info), why)});
 }
 
 }  // namespace kinevox

@@ -1,6 +1,7 @@
 #include "server/recording/recording_export.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -18,7 +19,7 @@
 #include "server/cameras/recorded_session.h"
 #include "server/recording/anonymous_export.h"
 #include "server/recording/anonymous_session.h"
-#include "server/recording/overlay_film.h"
+#include "server/recording/overlay_video.h"
 #include "server/recording/trial_formats.h"
 #include "server/recording/volume_file.h"
 
@@ -27,13 +28,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Where the tables lie, and the session that they are of.
+// The folder of the tables, and their session.
 struct ExportSource {
     fs::path tables;
     std::optional<Session> session;
 };
 
-// The session that a folder of results names in its run.toml.
+// The session named by run.toml in a folder of results.
 absl::StatusOr<Session> session_of_results(const fs::path& folder) {
     const fs::path file = folder / "run.toml";
     const auto text = read_file(file);
@@ -50,7 +51,7 @@ absl::StatusOr<Session> session_of_results(const fs::path& folder) {
     return absl::Status(read.status().code(), one_line(fmt::format("{}: session: {}", file.string(), why)));
 }
 
-absl::StatusOr<ExportSource> find_source(const fs::path& from, const std::string& format) {
+absl::StatusOr<ExportSource> find_source(const fs::path& from, ExportFormat format) {
     std::error_code error;
     const fs::path file = fs::is_directory(from, error) ? from / "session.toml" : from;
     if (fs::is_regular_file(file, error)) {
@@ -58,61 +59,95 @@ absl::StatusOr<ExportSource> find_source(const fs::path& from, const std::string
         auto session = read_session(file);
         if (!session.ok()) return session.status();
         if (!session->recording || session->recording->poses.empty())
-            return absl::FailedPreconditionError(
-                fmt::format("{}: no poses were recorded with it; export what `kinevox process` makes of it",
-                            file.string()));
+            return absl::FailedPreconditionError(fmt::format(
+                "{}: contains no poses; run `kinevox process` and export its results", file.string()));
         return ExportSource{session->recording->poses, *std::move(session)};
     }
     ExportSource source{from, {}};
-    if (format != "mp4" && format != "session") return source;
+    if (format != ExportFormat::kMp4 && format != ExportFormat::kSession) return source;
     auto session = session_of_results(from);
     if (!session.ok()) return session.status();
     source.session = *std::move(session);
     return source;
 }
 
-// OpenSim's models let the pelvis turn 90 deg to either side of x.
-std::string clamped_remark(const AngleRange& range, double turn_rad) {
-    const double least = degrees(range.min_rad), most = degrees(range.max_rad);
-    if (least >= -90 && most <= 90) return {};
-    std::string remark = fmt::format(
-        "pelvis_rotation goes from {:.0f} to {:.0f} deg, but OpenSim's models clamp it at 90", least, most);
-    if (most - least < 170)
-        remark += fmt::format(": --turn {:.0f} avoids that",
-                              std::remainder(degrees(turn_rad) - (least + most) / 2, 360.0));
-    return remark;
+// OpenSim's models limit the pelvis' rotation to 90 deg to either side of x.
+std::string clamp_warning(const AngleRange& range, double yaw_rad) {
+    const double min = degrees(range.min_rad), max = degrees(range.max_rad);
+    if (min >= -90 && max <= 90) return {};
+    std::string warning = fmt::format(
+        "pelvis_rotation ranges from {:.0f} to {:.0f} deg, but OpenSim's models clamp it at 90", min, max);
+    if (max - min < 170)
+        warning += fmt::format("; --yaw {:.0f} avoids that",
+                               std::remainder(degrees(yaw_rad) - (min + max) / 2, 360.0));
+    return warning;
 }
 
-absl::StatusOr<std::string> text_of(const Trial& trial, const ExportOptions& options, const fs::path& out,
-                                    std::string& remark) {
-    if (options.format == "trc") return trc_file(trial, out.filename().string());
-    if (options.format == "c3d") return c3d_file(trial);
-    if (options.format == "csv") return csv_file(trial);
-    if (options.format == "bvh") {
-        std::int64_t held = 0;
-        auto text = bvh_file(trial, options.hold, &held);
-        if (held > 0) remark = fmt::format("{} frames repeat a value that was withheld", held);
-        return text;
-    }
-    auto text = mot_file(trial);
-    if (text.ok()) remark = clamped_remark(mot_pelvis_rotation(trial), options.turn_rad);
+// The bytes of a format that is a single file, and a warning.
+using TrialWriter = absl::StatusOr<std::string> (*)(const Trial& trial, const ExportOptions& options,
+                                                    const fs::path& out, std::string& warning);
+
+absl::StatusOr<std::string> write_bvh(const Trial& trial, const ExportOptions& options, const fs::path&,
+                                      std::string& warning) {
+    BvhGaps gaps;
+    auto text = bvh_file(trial, options.hold_withheld, &gaps);
+    std::vector<std::string> parts;
+    if (gaps.held_frames > 0)
+        parts.push_back(fmt::format("{} frames repeat a value that was withheld", gaps.held_frames));
+    if (gaps.bridged_frames > 0)
+        parts.push_back(fmt::format("{} lost frames repeat the one before", gaps.bridged_frames));
+    warning = fmt::format("{}", fmt::join(parts, "; "));
     return text;
 }
 
+absl::StatusOr<std::string> write_mot(const Trial& trial, const ExportOptions& options, const fs::path&,
+                                      std::string& warning) {
+    auto text = mot_file(trial);
+    if (text.ok()) warning = clamp_warning(mot_pelvis_rotation(trial), options.yaw_rad);
+    return text;
+}
+
+// Null: the format has a writer of its own in export_recording().
+TrialWriter writer_of(ExportFormat format) {
+    switch (format) {
+        case ExportFormat::kTrc:
+            return [](const Trial& trial, const ExportOptions&, const fs::path& out,
+                      std::string&) -> absl::StatusOr<std::string> {
+                return trc_file(trial, out.filename().string());
+            };
+        case ExportFormat::kMot:
+            return write_mot;
+        case ExportFormat::kC3d:
+            return [](const Trial& trial, const ExportOptions&, const fs::path&, std::string&) {
+                return c3d_file(trial);
+            };
+        case ExportFormat::kBvh:
+            return write_bvh;
+        case ExportFormat::kCsv:
+            return [](const Trial& trial, const ExportOptions&, const fs::path&,
+                      std::string&) -> absl::StatusOr<std::string> { return csv_file(trial); };
+        case ExportFormat::kPly:
+        case ExportFormat::kMp4:
+        case ExportFormat::kSession:
+            break;
+    }
+    return nullptr;
+}
+
 absl::StatusOr<ExportedFiles> write_volumes(const fs::path& file, const ExportOptions& options,
-                                            const fs::path& out, const LongWork& work) {
-    if (options.turn_rad != 0)
+                                            const fs::path& out, const JobControl& work) {
+    if (options.yaw_rad != 0)
         return absl::InvalidArgumentError(
-            "volumes are not turned; leave the turn out, or turn the points in their program");
+            "volumes cannot be rotated; omit the yaw, or rotate the points in the program that reads them");
     const auto volumes = VolumeFileReader::open(file);
     if (!volumes.ok()) return volumes.status();
     ExportedFiles written;
-    std::size_t begun = 0;
+    std::size_t started = 0;
     for (const VolumeFileReader::Entry& entry : volumes->entries()) {
-        work.tell(static_cast<double>(begun++) / static_cast<double>(volumes->entries().size()));
+        work.report(static_cast<double>(started++) / static_cast<double>(volumes->entries().size()));
         if (work.stop) return absl::CancelledError("the export was stopped");
         const auto frame = static_cast<std::int64_t>(entry.frame);
-        if (frame < options.first_frame || (options.last_frame >= 0 && frame > options.last_frame)) continue;
+        if (frame < options.first_frame || frame > options.last_frame.value_or(frame)) continue;
         auto volume = volumes->read(entry);
         if (!volume.ok()) return volume.status();
         if (options.anonymous) volume->colours.clear();
@@ -122,7 +157,7 @@ absl::StatusOr<ExportedFiles> write_volumes(const fs::path& file, const ExportOp
     }
     if (written.files.empty())
         return absl::OutOfRangeError(
-            fmt::format("{}: nobody was tracked in these frames; give others", file.string()));
+            fmt::format("{}: no subject was tracked in these frames; change the range", file.string()));
     written.frames = static_cast<std::int64_t>(written.files.size());
     return written;
 }
@@ -130,60 +165,59 @@ absl::StatusOr<ExportedFiles> write_volumes(const fs::path& file, const ExportOp
 absl::Status check_session_options(const ExportOptions& options) {
     if (!options.anonymous)
         return absl::InvalidArgumentError(
-            "a session is exported anonymous only; add that, or copy the recording's folder");
-    if (options.first_frame > 0 || options.last_frame >= 0 || options.turn_rad != 0 ||
-        !options.camera.empty())
-        return absl::InvalidArgumentError("a session is exported whole; leave frames, turn and camera out");
+            "format session requires anonymous; set it, or copy the recording's folder");
+    if (options.first_frame > 0 || options.last_frame || options.yaw_rad != 0 || !options.camera.empty())
+        return absl::InvalidArgumentError(
+            "format session exports all frames and cameras; omit range, yaw and camera");
     return absl::OkStatus();
 }
 
 }  // namespace
 
 absl::StatusOr<ExportedFiles> export_recording(const fs::path& from, const ExportOptions& options,
-                                               const fs::path& out, const LongWork& work) {
-    if (std::ranges::find(kExportFormats, options.format) == std::end(kExportFormats))
-        return absl::InvalidArgumentError(fmt::format("there is no format \"{}\"", options.format));
-    if (options.format == "session")
-        if (absl::Status asked = check_session_options(options); !asked.ok()) return asked;
+                                               const fs::path& out, const JobControl& work) {
+    if (options.format == ExportFormat::kSession)
+        if (absl::Status valid = check_session_options(options); !valid.ok()) return valid;
     const auto source = find_source(from, options.format);
     if (!source.ok()) return source.status();
-    if (options.format == "ply") {
+    if (options.format == ExportFormat::kPly) {
         if (!source->session || source->session->recording->volumes.empty())
             return absl::FailedPreconditionError(fmt::format(
-                "{}: no volumes were recorded with it; `kinevox process --save volumes` writes them",
-                from.string()));
+                "{}: contains no volumes; `kinevox process --save volumes` writes them", from.string()));
         return write_volumes(source->session->recording->volumes, options, out, work);
     }
-    auto trial = read_trial(source->tables, source->session ? source->session->fps : 0);
+    auto trial = read_trial(source->tables, source->session ? source->session->fps : 0, options.subject_id);
     if (!trial.ok()) return trial.status();
     if (source->session && source->session->recording) trial->name = source->session->name;
     if (options.anonymous) trial->name = kAnonymous;
-    const Trial whole = options.anonymous ? *trial : Trial{};
-    if (options.first_frame > 0 || options.last_frame >= 0) {
-        const std::int64_t last = options.last_frame >= 0 ? options.last_frame : trial->frames.back();
-        trial = part_of_trial(*trial, options.first_frame, last);
+    const Trial all_frames = options.anonymous ? *trial : Trial{};
+    if (options.first_frame > 0 || options.last_frame) {
+        trial = slice_trial(*trial, options.first_frame, options.last_frame.value_or(trial->frames.back()));
         if (!trial.ok()) return trial.status();
     }
     if (options.anonymous && source->session)
-        if (options.format == "mp4" || options.format == "session")
-            return export_anonymous(*source->session, whole, *trial, options, out, work);
+        if (options.format == ExportFormat::kMp4 || options.format == ExportFormat::kSession)
+            return export_anonymous(*source->session, all_frames, *trial, options, out, work);
     ExportedFiles written;
     written.files.push_back(out);
     written.frames = static_cast<std::int64_t>(trial->size());
     written.rate_hz = trial->rate_hz;
-    if (options.format == "mp4") {
+    if (options.format == ExportFormat::kMp4) {
         if (absl::Status done =
-                write_overlay_film(*source->session, *trial, {options.camera, options.width_px}, out, work);
+                write_overlay_video(*source->session, *trial, {options.camera, options.width_px}, out, work);
             !done.ok())
             return done;
         return written;
     }
-    if (options.turn_rad != 0) turn_trial(*trial, options.turn_rad);
-    const auto bytes = text_of(*trial, options, out, written.remark);
+    if (options.yaw_rad != 0) rotate_trial(*trial, options.yaw_rad);
+    const TrialWriter writer = writer_of(options.format);
+    if (!writer) return absl::InvalidArgumentError("unknown export format");
+    const auto bytes = writer(*trial, options, out, written.warning);
     if (!bytes.ok()) return bytes.status();
-    if (trial->max_beside_s > 0 && written.remark.empty())
-        written.remark = fmt::format("the cameras' beat was not even: times are moved by {:.0f} ms at most",
-                                     1000 * trial->max_beside_s);
+    if (trial->max_time_snap_s > 0 && written.warning.empty())
+        written.warning =
+            fmt::format("irregular frame times were snapped to the frame grid by up to {:.0f} ms",
+                        1000 * trial->max_time_snap_s);
     if (absl::Status done = write_file_atomically(out, *bytes); !done.ok()) return done;
     return written;
 }

@@ -1,4 +1,4 @@
-// A recording, or what `kinevox process` wrote, as files of other programs.
+// Exports a recording or the results of `kinevox process` to the formats of other programs.
 #pragma once
 
 #include <absl/status/status.h>
@@ -6,42 +6,42 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
-#include "server/recording/long_work.h"
+#include "common/export_formats.h"
+#include "server/recording/job_control.h"
 #include "server/recording/trial.h"
 
 namespace kinevox {
 
-inline constexpr std::string_view kExportFormats[] = {"trc", "mot", "c3d", "bvh",
-                                                      "csv", "ply", "mp4", "session"};
-
 struct ExportOptions {
-    std::string format;                             // one of kExportFormats
-    std::int64_t first_frame = 0, last_frame = -1;  // both included; -1: to the end
-    double turn_rad = 0;          // about the vertical, anticlockwise from above; not for mp4
-    bool hold = false;            // bvh: where a value is withheld, repeat the last measured one
-    std::string camera;           // mp4: empty: all in tiles
-    int width_px = 0;             // mp4: see OverlayOptions
-    bool anonymous = false;       // no pictures, colours and names: mp4 shows silhouettes; session wants it
-    bool beside_capture = false;  // what is computed leaves the other cores alone
+    ExportFormat format = ExportFormat::kCsv;
+    std::uint32_t subject_id = 0;            // 0: the only one; see read_trial()
+    std::int64_t first_frame = 0;            // both included
+    std::optional<std::int64_t> last_frame;  // absent: to the end
+    double yaw_rad = 0;          // rotation about the vertical, counter-clockwise from above; not for mp4
+    bool hold_withheld = false;  // bvh: repeat the last measured value where one is withheld
+    std::string camera;          // mp4: empty: all, tiled
+    int width_px = 0;            // mp4: see OverlayOptions
+    bool anonymous = false;      // no images, colours and names: mp4 shows silhouettes; session requires it
+    bool low_priority = false;   // compute on one core only, next to a running capture
 };
 
 struct ExportedFiles {
     std::vector<std::filesystem::path> files;
     std::int64_t frames = 0;  // in them
     double rate_hz = 0;       // of the trial; 0: not known
-    std::string remark;       // one line where there is something to know
+    std::string warning;      // one line; empty: none
 };
 
 // `from`: a folder that `kinevox process` wrote, or a recording's session.toml or folder, whose stored poses
-// and volumes are taken. Writes into `out`: the file, or for ply and session the folder of files (for session
-// it is there and empty). InvalidArgument, NotFound, FailedPrecondition; Cancelled after `work.stop`. What
-// was written before an error is for the caller to remove.
+// and volumes are used. Writes `out`: a file, or for formats with many files a folder (for session it exists
+// and is empty). InvalidArgument, NotFound, FailedPrecondition; Cancelled after `work.stop`. The caller
+// removes what was written before an error.
 absl::StatusOr<ExportedFiles> export_recording(const std::filesystem::path& from,
                                                const ExportOptions& options, const std::filesystem::path& out,
-                                               const LongWork& work);
+                                               const JobControl& work);
 
 }  // namespace kinevox

@@ -26,16 +26,16 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uint64_t kReserveBytes = 4 << 20;  // kept free for what closing writes
-constexpr std::chrono::seconds kSyncEvery{1};
+constexpr std::uint64_t kReserveBytes = 4 << 20;  // reserved for what closing writes
+constexpr std::chrono::seconds kSyncInterval{1};
 
 absl::Status unavailable(const fs::path& path, const std::error_code& error) {
     return absl::UnavailableError(
-        fmt::format("{}: {}; correct [recording] folder or its rights", path.string(), error.message()));
+        fmt::format("{}: {}; correct [recording] folder or its permissions", path.string(), error.message()));
 }
 
-// The same file under another name where the disk allows it, else a copy.
-absl::Status take_over(const fs::path& from, const fs::path& to) {
+// A hard link if the file system supports it, else a copy.
+absl::Status link_or_copy(const fs::path& from, const fs::path& to) {
     std::error_code error;
     fs::create_hard_link(from, to, error);
     if (error) fs::copy_file(from, to, error);
@@ -63,6 +63,8 @@ class SessionFolder final : public RecordingFolder {
     absl::Status take_background(const std::vector<fs::path>& videos);
     absl::Status open_tables();
     absl::Status append_row(const PoseRow& row);
+    std::uint64_t growing_bytes() const;  // of the files below
+    void measure_other_files();
     template <typename Use>
     void for_files(const Use& use) const;
 
@@ -74,9 +76,10 @@ class SessionFolder final : public RecordingFolder {
     std::vector<AppendFile> tables_;  // as kPoseTableNames
     std::unique_ptr<VolumeFile> volumes_;
     std::vector<std::int64_t> row_times_ns_;  // of the frames that have no row yet
-    std::uint64_t first_row_ = 0;             // the frame of the first of them
+    std::uint64_t first_row_ = 0;             // the first of them
     std::int64_t first_capture_ns_ = 0, last_time_ns_ = 0;
     std::uint64_t last_sequence_ = 0;
+    std::uint64_t other_bytes_ = 0;  // of the files that do not grow
     std::jthread syncing_;
 };
 
@@ -86,8 +89,8 @@ absl::Status SessionFolder::make_folder() {
     if (error) return unavailable(folder_.parent_path(), error);
     if (!fs::create_directory(folder_, error)) {
         if (error) return unavailable(folder_, error);
-        return absl::AlreadyExistsError(fmt::format(
-            "there is a recording \"{}\" already; choose another name", folder_.filename().string()));
+        return absl::AlreadyExistsError(
+            fmt::format("recording \"{}\" exists; choose another name", folder_.filename().string()));
     }
     auto reserve = AppendFile::create(folder_ / ".reserve");
     if (!reserve.ok()) return reserve.status();
@@ -97,7 +100,7 @@ absl::Status SessionFolder::make_folder() {
 
 absl::Status SessionFolder::write_calibration() {
     session_.calibration = folder_ / "calibration.toml";
-    // The file itself where it says the very same: writing a rotation anew may move its last bit.
+    // The original file if it holds the same cameras: rewriting a rotation may change its last bit.
     const auto holds = [&](const std::vector<Camera>& cameras) {
         return std::ranges::all_of(plan_.cameras, [&](const Camera& camera) {
             const Camera* const found = camera_named(cameras, camera.name);
@@ -124,8 +127,8 @@ absl::Status SessionFolder::open_tables() {
     };
     if (absl::Status begun = begin(times_, folder_ / "frames.csv", kRecordedTimesHeader); !begun.ok())
         return begun;
-    times_.lock();  // nobody repairs a recording that is being written
-    if (plan_.poses) {
+    times_.lock();  // a recording that is being written is not repaired
+    if (plan_.save_poses) {
         std::error_code error;
         fs::create_directory(folder_ / "poses", error);
         if (error) return unavailable(folder_ / "poses", error);
@@ -138,7 +141,7 @@ absl::Status SessionFolder::open_tables() {
         if (plan_.body)
             if (absl::Status written = set_body(*plan_.body); !written.ok()) return written;
     }
-    if (plan_.volumes) {
+    if (plan_.save_volumes) {
         auto volumes = VolumeFile::create(folder_ / "volumes.kvxv");
         if (!volumes.ok()) return volumes.status();
         volumes_ = *std::move(volumes);
@@ -152,8 +155,8 @@ absl::Status SessionFolder::take_background(const std::vector<fs::path>& videos)
     fs::create_directory(folder_ / "background", error);
     for (std::size_t c = 0; c < videos.size(); ++c) {
         const fs::path background = folder_ / "background" / (session_.cameras[c].name + ".mkv");
-        if (absl::Status taken = take_over(videos[c], background); !taken.ok()) return taken;
-        if (absl::Status taken = take_over(video_index_file(videos[c]), video_index_file(background));
+        if (absl::Status taken = link_or_copy(videos[c], background); !taken.ok()) return taken;
+        if (absl::Status taken = link_or_copy(video_index_file(videos[c]), video_index_file(background));
             !taken.ok())
             return taken;
         session_.cameras[c].background = background;
@@ -164,7 +167,9 @@ absl::Status SessionFolder::take_background(const std::vector<fs::path>& videos)
 absl::Status SessionFolder::set_background(const std::vector<fs::path>& videos) {
     if (videos.empty() || !session_.cameras.front().background.empty()) return absl::OkStatus();
     if (absl::Status taken = take_background(videos); !taken.ok()) return taken;
-    return write_session(session_, folder_ / "session.toml");
+    const absl::Status written = write_session(session_, folder_ / "session.toml");
+    measure_other_files();
+    return written;
 }
 
 absl::Status SessionFolder::open() {
@@ -182,21 +187,22 @@ absl::Status SessionFolder::open() {
     if (absl::Status taken = take_background(plan_.background); !taken.ok()) return taken;
     if (absl::Status begun = open_tables(); !begun.ok()) return begun;
     SessionRecording& recording = session_.recording.emplace();
-    recording.times = folder_ / "frames.csv";
-    if (plan_.poses) recording.poses = folder_ / "poses";
-    if (plan_.volumes) recording.volumes = folder_ / "volumes.kvxv";
+    recording.frame_times = folder_ / "frames.csv";
+    if (plan_.save_poses) recording.poses = folder_ / "poses";
+    if (plan_.save_volumes) recording.volumes = folder_ / "volumes.kvxv";
     recording.codec = name_of(plan_.codec);
     recording.calibration_id = plan_.calibration_id;
     recording.closed = false;
     if (absl::Status written = write_session(session_, folder_ / "session.toml"); !written.ok())
         return written;
-    // Power may fail, too: what is older than about a second is on the disk then.
+    measure_other_files();
+    // After a power failure, all but about the last second is on the disk.
     syncing_ = std::jthread([this](const std::stop_token& stop) {
         std::mutex mutex;
         std::condition_variable_any never;
         for (;;) {
             std::unique_lock lock(mutex);
-            never.wait_for(lock, stop, kSyncEvery, [] { return false; });
+            never.wait_for(lock, stop, kSyncInterval, [] { return false; });
             if (stop.stop_requested()) return;
             for_files([](const auto& file) { file.sync(); });
         }
@@ -214,28 +220,28 @@ void SessionFolder::for_files(const Use& use) const {
 
 absl::Status SessionFolder::append(const EncodedSet& set) {
     SessionRecording& recording = *session_.recording;
-    const bool first = recording.frames == 0;
+    const bool first = recording.frame_sets == 0;
     if (first) {
         first_capture_ns_ = set.capture_time_ns;
-        recording.started_utc_ns = set.capture_time_utc_ns;
+        recording.start_time_utc_ns = set.capture_time_utc_ns;
     }
     const RecordedTime time{set.sequence, set.capture_time_ns - first_capture_ns_, set.capture_time_utc_ns};
     absl::Status written;
     std::size_t done = 0;
     for (; done < videos_.size() && written.ok(); ++done)
-        written = videos_[done]->append(*set.pictures[done], time.time_ns);
-    if (written.ok()) written = times_.append(recorded_time_line(recording.frames, time));
+        written = videos_[done]->append(*set.images[done], time.time_ns);
+    if (written.ok()) written = times_.append(recorded_time_line(recording.frame_sets, time));
     if (!written.ok()) {  // all videos end with the same set
         for (std::size_t c = 0; c < done; ++c)
-            if (videos_[c]->frames() > recording.frames) videos_[c]->take_back().IgnoreError();
+            if (videos_[c]->frames() > recording.frame_sets) videos_[c]->take_back().IgnoreError();
         return written;
     }
-    if (!first) recording.lost += set.sequence - last_sequence_ - 1;
-    for (const auto& picture : set.pictures) recording.missing_pictures += picture->missing ? 1 : 0;
+    if (!first) recording.lost_frame_sets += set.sequence - last_sequence_ - 1;
+    for (const auto& image : set.images) recording.missing_images += image->missing ? 1 : 0;
     last_sequence_ = set.sequence;
     last_time_ns_ = time.time_ns;
     row_times_ns_.push_back(time.time_ns);
-    ++recording.frames;
+    ++recording.frame_sets;
     return absl::OkStatus();
 }
 
@@ -247,12 +253,14 @@ absl::Status SessionFolder::append_row(const PoseRow& row) {
 }
 
 absl::Status SessionFolder::append_result(std::uint64_t frame, const RecordedResult& result) {
-    if (frame < first_row_ || frame >= session_.recording->frames) return absl::OkStatus();
+    if (frame < first_row_ || frame >= session_.recording->frame_sets) return absl::OkStatus();
     const auto index = static_cast<std::size_t>(frame - first_row_);
     absl::Status written;
-    for (std::size_t i = 0; i <= index && written.ok(); ++i)
-        written = append_row({first_row_ + i, 1e-9 * static_cast<double>(row_times_ns_[i]),
-                              i == index ? result.pose : nullptr});
+    for (std::size_t i = 0; i <= index && written.ok(); ++i) {
+        PoseRow row{.frame = first_row_ + i, .time_s = 1e-9 * static_cast<double>(row_times_ns_[i])};
+        if (i == index) row.subject_id = result.subject_id, row.pose = result.pose;
+        written = append_row(row);
+    }
     if (written.ok() && volumes_ && !result.volume.empty()) written = volumes_->append(frame, result.volume);
     row_times_ns_.erase(row_times_ns_.begin(),
                         row_times_ns_.begin() + static_cast<std::ptrdiff_t>(index) + 1);
@@ -261,8 +269,10 @@ absl::Status SessionFolder::append_result(std::uint64_t frame, const RecordedRes
 }
 
 absl::Status SessionFolder::set_body(const BodyShape& body) {
-    if (!plan_.poses) return absl::OkStatus();
-    return write_body_shape(body, folder_ / "poses" / "body.toml");
+    if (!plan_.save_poses) return absl::OkStatus();
+    const absl::Status written = write_body_shape(body, folder_ / "poses" / "body.toml");
+    measure_other_files();
+    return written;
 }
 
 absl::Status SessionFolder::close(const Ending& ending) {
@@ -271,23 +281,35 @@ absl::Status SessionFolder::close(const Ending& ending) {
     absl::Status closed = reserve_.truncate(0);
     std::error_code ignored;
     fs::remove(reserve_.path(), ignored);
-    if (recording.frames > first_row_) closed.Update(append_result(recording.frames - 1, {}));
+    if (recording.frame_sets > first_row_) closed.Update(append_result(recording.frame_sets - 1, {}));
     for (const auto& video : videos_) video->close().IgnoreError();  // can be read without
     for_files([](const auto& file) { file.sync(); });
-    recording.dropped = ending.dropped;
-    recording.lost -= std::min(recording.lost, ending.dropped);  // both are gaps in the sequence
+    recording.dropped_frame_sets = ending.dropped;
+    recording.lost_frame_sets -=
+        std::min(recording.lost_frame_sets, ending.dropped);  // both are gaps in the sequence
     recording.end_reason = ending.reason;
     recording.closed = true;
     closed.Update(write_session(session_, folder_ / "session.toml"));
-    times_ = {};  // lets go of the lock
+    times_ = {};  // releases the lock
+    measure_other_files();
     return closed;
 }
 
-RecordingInfo SessionFolder::info() const {
+std::uint64_t SessionFolder::growing_bytes() const {
     std::uint64_t bytes = times_.size() + (volumes_ ? volumes_->bytes() : 0);
     for (const auto& video : videos_) bytes += video->bytes();
     for (const AppendFile& table : tables_) bytes += table.size();
-    const bool any = session_.recording->frames > 0;
+    return bytes;
+}
+
+void SessionFolder::measure_other_files() {
+    const std::uint64_t all = recording_size_bytes(folder_), growing = growing_bytes();
+    other_bytes_ = all - std::min(all, growing);
+}
+
+RecordingInfo SessionFolder::info() const {
+    const std::uint64_t bytes = growing_bytes() + other_bytes_;
+    const bool any = session_.recording->frame_sets > 0;
     return recording_info(session_, folder_ / "session.toml",
                           any ? std::optional(last_time_ns_) : std::nullopt, bytes);
 }

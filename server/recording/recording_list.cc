@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <system_error>
 #include <utility>
 
@@ -16,28 +17,44 @@ namespace fs = std::filesystem;
 constexpr std::size_t kMaxName = 100;
 constexpr std::string_view kDeleted = ".deleted-";  // no recording's name begins with a dot
 
-std::uint64_t bytes_of(const fs::path& folder) {
+absl::Status not_deleted(const fs::path& folder, const std::error_code& error) {
+    return absl::UnavailableError(
+        fmt::format("{}: {}; correct its permissions", folder.string(), error.message()));
+}
+
+// The folder of a recording that may be deleted.
+absl::StatusOr<fs::path> deletable_folder(const fs::path& folder, const std::string& name) {
+    const auto info = read_recording(folder, name);
+    if (!info.ok()) return info.status();
+    if (being_written(info->about.frame_times))
+        return absl::FailedPreconditionError(fmt::format("\"{}\" is being recorded; stop that first", name));
+    return info->session_file.parent_path();
+}
+
+}  // namespace
+
+std::uint64_t recording_size_bytes(const fs::path& folder) {
     std::uint64_t bytes = 0;
     std::error_code error;
     for (auto entry = fs::recursive_directory_iterator(folder, error);
          !error && entry != fs::recursive_directory_iterator(); entry.increment(error)) {
         std::error_code gone;
-        const auto size = entry->is_regular_file(gone) ? entry->file_size(gone) : 0;
+        const bool counts =
+            entry->is_regular_file(gone) && !entry->path().filename().string().starts_with('.');
+        const auto size = counts ? entry->file_size(gone) : 0;
         if (!gone) bytes += size;
     }
     return bytes;
 }
 
-}  // namespace
-
 RecordingInfo recording_info(const Session& session, const fs::path& session_file,
-                             std::optional<std::int64_t> last_time_ns, std::uint64_t bytes) {
+                             std::optional<std::int64_t> last_time_ns, std::uint64_t size_bytes) {
     RecordingInfo info;
     info.name = session_file.parent_path().filename().string();
     info.session_file = session_file;
     info.fps = session.fps;
-    if (last_time_ns) info.seconds = 1e-9 * static_cast<double>(*last_time_ns) + 1 / info.fps;
-    info.bytes = bytes;
+    if (last_time_ns) info.duration_s = 1e-9 * static_cast<double>(*last_time_ns) + 1 / info.fps;
+    info.size_bytes = size_bytes;
     info.about = *session.recording;
     for (const SessionCamera& camera : session.cameras) {
         info.cameras.push_back(camera.name);
@@ -53,8 +70,7 @@ std::string recording_name_problem(const std::string& name) {
     };
     if (name.empty() || name.size() > kMaxName || name.front() == '.' || !std::ranges::all_of(name, allowed))
         return fmt::format(
-            "the name \"{}\" is not 1 to {} letters, digits, '.', '_' or '-', the first not '.'; choose "
-            "another one",
+            "name \"{}\" is invalid; use 1 to {} letters, digits, '.', '_' or '-', not beginning with '.'",
             name.substr(0, 120), kMaxName);
     return {};
 }
@@ -65,8 +81,7 @@ absl::StatusOr<fs::path> recording_session_file(const fs::path& folder, const st
     const fs::path file = folder / name / "session.toml";
     std::error_code error;
     if (!fs::is_regular_file(file, error))
-        return absl::NotFoundError(
-            fmt::format("there is no recording \"{}\"; see `kinevox record list`", name));
+        return absl::NotFoundError(fmt::format("no recording \"{}\"; see `kinevox record list`", name));
     return file;
 }
 
@@ -76,16 +91,15 @@ absl::StatusOr<RecordingInfo> read_recording(const fs::path& folder, const std::
     const auto session = read_session(*file);
     if (!session.ok()) return session.status();
     if (!session->recording)
-        return absl::NotFoundError(
-            fmt::format("\"{}\" is a session, but the recorder did not write it", name));
-    const auto times = read_recorded_times(session->recording->times);
+        return absl::NotFoundError(fmt::format("\"{}\" is a session, but no recording", name));
+    const auto times = read_recorded_times(session->recording->frame_times);
     if (!times.ok()) return times.status();
     RecordingInfo info =
         recording_info(*session, *file, times->empty() ? std::nullopt : std::optional(times->back().time_ns),
-                       bytes_of(file->parent_path()));
+                       recording_size_bytes(file->parent_path()));
     if (!info.about.closed) {  // being written, or never closed
-        info.about.frames = times->size();
-        if (!times->empty()) info.about.started_utc_ns = times->front().capture_time_utc_ns;
+        info.about.frame_sets = times->size();
+        if (!times->empty()) info.about.start_time_utc_ns = times->front().capture_time_utc_ns;
     }
     return info;
 }
@@ -96,27 +110,51 @@ std::vector<RecordingInfo> list_recordings(const fs::path& folder) {
     for (const auto& entry : fs::directory_iterator(folder, error))
         if (auto info = read_recording(folder, entry.path().filename().string()); info.ok())
             found.push_back(*std::move(info));
-    std::ranges::sort(
-        found, {}, [](const RecordingInfo& info) { return std::pair(info.about.started_utc_ns, info.name); });
+    std::ranges::sort(found, {}, [](const RecordingInfo& info) {
+        return std::pair(info.about.start_time_utc_ns, info.name);
+    });
     return found;
 }
 
-absl::Status delete_recording(const fs::path& folder, const std::string& name) {
-    const auto info = read_recording(folder, name);
-    if (!info.ok()) return info.status();
-    if (being_written(info->about.times))
-        return absl::FailedPreconditionError(fmt::format("\"{}\" is being recorded; stop that first", name));
-    // Under another name it is no recording any more, and what an end in the middle leaves of it is found
-    // again.
+absl::Status move_recording_to_bin(const fs::path& folder, const std::string& name) {
+    const auto from = deletable_folder(folder, name);
+    if (!from.ok()) return from.status();
     std::error_code error;
-    const fs::path from = info->session_file.parent_path(), aside = folder / (std::string(kDeleted) + name);
-    fs::remove_all(aside, error);
-    fs::rename(from, aside, error);
-    if (!error) fs::remove_all(aside, error);
-    if (error)
-        return absl::UnavailableError(
-            fmt::format("{}: {}; correct its rights", from.string(), error.message()));
+    const fs::path bin = folder / kBinFolder, to = bin / name;
+    fs::create_directories(bin, error);
+    fs::remove_all(to, error);
+    if (!error) fs::rename(*from, to, error);
+    if (error) return not_deleted(*from, error);
+    fs::last_write_time(to, fs::file_time_type::clock::now(), error);  // when it was deleted
     return absl::OkStatus();
+}
+
+absl::Status delete_recording(const fs::path& folder, const std::string& name) {
+    const auto from = deletable_folder(folder, name);
+    if (!from.ok()) return from.status();
+    // A hidden name is no recording; sweep_deleted() finds what an interrupted deletion leaves of it.
+    std::error_code error;
+    const fs::path hidden = folder / (std::string(kDeleted) + name);
+    fs::remove_all(hidden, error);
+    fs::rename(*from, hidden, error);
+    if (!error) fs::remove_all(hidden, error);
+    return error ? not_deleted(*from, error) : absl::OkStatus();
+}
+
+std::vector<BinEntry> list_bin(const fs::path& folder) {
+    std::vector<BinEntry> found;
+    std::error_code error;
+    for (const auto& entry : fs::directory_iterator(folder / kBinFolder, error)) {
+        std::error_code gone;
+        const auto time = entry.last_write_time(gone);
+        if (gone || !entry.is_directory(gone)) continue;
+        const auto utc = std::chrono::file_clock::to_sys(time).time_since_epoch();
+        found.push_back({entry.path(), std::chrono::duration_cast<std::chrono::nanoseconds>(utc).count(),
+                         recording_size_bytes(entry.path())});
+    }
+    std::ranges::sort(
+        found, {}, [](const BinEntry& entry) { return std::pair(entry.delete_time_utc_ns, entry.folder); });
+    return found;
 }
 
 void sweep_deleted(const fs::path& folder) {

@@ -13,9 +13,9 @@ namespace kinevox {
 namespace {
 
 constexpr std::size_t kMaxWaitingResults = 256;
-// What waits for its result costs little without its pictures, which are written; with them less is kept.
-constexpr double kMaxWithoutResult_s = 60, kMaxWithPictures_s = 5;
-constexpr std::chrono::milliseconds kCheckSpaceEvery{250};
+// An entry that waits for its result is small once its images are written; with images, fewer may wait.
+constexpr double kMaxWithoutResult_s = 60, kMaxWithImages_s = 5;
+constexpr std::chrono::milliseconds kSpaceCheckInterval{250};
 
 }  // namespace
 
@@ -28,7 +28,7 @@ void RecordingWriter::take(std::shared_ptr<const EncodedSet> set) {
     if (set->run != run_) {
         entries_.clear();
         entries_bytes_ = 0;
-        shortened_ = false;
+        limited_by_memory_ = false;
         run_ = set->run;
         awaited_from_ = 0;
     }
@@ -51,24 +51,24 @@ void RecordingWriter::take(ResultOfSet result) {
     trim();
 }
 
-// Results come in their sets' order; one whose set was dropped belongs to none.
+// Results come in the order of their sets; the result of a dropped set belongs to no entry.
 void RecordingWriter::join_results() {
     const auto too_early = [this](const ResultOfSet& result) {
         return result.run > run_ ||
                (result.run == run_ && (entries_.empty() || result.sequence > entries_.back().set->sequence));
     };
     while (!results_.empty() && !too_early(results_.front())) {
-        ResultOfSet result =
-            std::move(results_.front());  // a recording that fails meanwhile drops those that wait
+        ResultOfSet result = std::move(results_.front());  // a recording that fails now clears results_
         results_.pop_front();
         if (result.run == run_) awaited_from_ = result.sequence + 1;
         const auto found = std::ranges::lower_bound(entries_, result.sequence, {},
                                                     [](const Entry& entry) { return entry.set->sequence; });
         if (result.run == run_ && found != entries_.end() && found->set->sequence == result.sequence &&
-            (found->frame || options_.keep_last_s > 0)) {
+            (found->frame || options_.max_buffer_s > 0)) {
             found->has_result = true;
+            found->result.subject_id = result.subject_id;
             found->result.pose = std::move(result.pose);
-            if (result.volume && options_.volumes) found->result.volume = encode_volume(*result.volume);
+            if (result.volume && options_.save_volumes) found->result.volume = encode_volume(*result.volume);
             found->bytes += found->result.volume.size();
             entries_bytes_ += found->result.volume.size();
             if (folder_ && found->frame) check(folder_->append_result(*found->frame, found->result));
@@ -77,7 +77,7 @@ void RecordingWriter::join_results() {
 }
 
 void RecordingWriter::trim() {
-    const double max_wait_s = options_.keep_last_s > 0 ? kMaxWithPictures_s : kMaxWithoutResult_s;
+    const double max_wait_s = options_.max_buffer_s > 0 ? kMaxWithImages_s : kMaxWithoutResult_s;
     const auto over = [this, max_wait_s] {
         const Entry& oldest = entries_.front();
         const double age_s =
@@ -85,29 +85,29 @@ void RecordingWriter::trim() {
         const bool awaited =
             folder_ && oldest.frame && !oldest.has_result && oldest.set->sequence >= awaited_from_;
         if (awaited && age_s < max_wait_s) return false;
-        if (options_.keep_last_s == 0) return true;
-        if (age_s > options_.keep_last_s) return true;
-        return entries_bytes_ > options_.keep_last_bytes && (shortened_ = true);
+        if (options_.max_buffer_s == 0) return true;
+        if (age_s > options_.max_buffer_s) return true;
+        return entries_bytes_ > options_.max_buffer_bytes && (limited_by_memory_ = true);
     };
     while (!entries_.empty() && over()) {
         entries_bytes_ -= entries_.front().bytes;
         entries_.pop_front();
     }
-    if (options_.keep_last_s > 0) return;
-    for (Entry& entry : entries_)  // they wait for their results alone
+    if (options_.max_buffer_s > 0) return;
+    for (Entry& entry : entries_)  // they only wait for their results
         if (entry.frame && entry.set->bytes() > 0) {
             auto light = std::make_shared<EncodedSet>(*entry.set);
-            light->pictures.clear();
+            light->images.clear();
             entries_bytes_ -= entry.set->bytes();
             entry.bytes -= entry.set->bytes();
             entry.set = std::move(light);
         }
 }
 
-RecordingWriter::Held RecordingWriter::held() const {
-    if (options_.keep_last_s == 0 || entries_.empty()) return {};
+RecordingWriter::Buffered RecordingWriter::buffered() const {
+    if (options_.max_buffer_s == 0 || entries_.empty()) return {};
     const std::int64_t time_ns = entries_.back().set->capture_time_ns - entries_.front().set->capture_time_ns;
-    return {1e-9 * static_cast<double>(time_ns), entries_bytes_, entries_.size(), shortened_};
+    return {1e-9 * static_cast<double>(time_ns), entries_bytes_, limited_by_memory_};
 }
 
 void RecordingWriter::set_body(const BodyShape& body) {
@@ -120,20 +120,20 @@ void RecordingWriter::set_background(const std::vector<std::filesystem::path>& v
 
 absl::Status RecordingWriter::check_space() {
     const auto now = std::chrono::steady_clock::now();
-    if (now - space_checked_ < kCheckSpaceEvery) return absl::OkStatus();
+    if (now - space_checked_ < kSpaceCheckInterval) return absl::OkStatus();
     space_checked_ = now;
     std::error_code error;
     const auto space = std::filesystem::space(path_, error);
     if (error || space.available >= options_.min_free_bytes) return absl::OkStatus();
     return absl::ResourceExhaustedError(
-        fmt::format("{} MB are free on the disk of {}, least_free_mb is {}; make room", space.available >> 20,
-                    path_.parent_path().string(), options_.min_free_bytes >> 20));
+        fmt::format("{} MB are free on the disk of {}, min_free_disk_mb is {}; free some space",
+                    space.available >> 20, path_.parent_path().string(), options_.min_free_bytes >> 20));
 }
 
 void RecordingWriter::write(Entry& entry) {
     if (absl::Status space = check_space(); !space.ok()) return fail(space);
     if (absl::Status written = folder_->append(*entry.set); !written.ok()) return fail(written);
-    entry.frame = folder_->about().frames - 1;
+    entry.frame = folder_->about().frame_sets - 1;
     if (entry.has_result) check(folder_->append_result(*entry.frame, entry.result));
 }
 
@@ -144,16 +144,16 @@ void RecordingWriter::begin(std::unique_ptr<RecordingFolder> folder, std::uint64
     space_checked_ = {};
     for (Entry& entry : entries_) {
         entry.frame.reset();
-        if (folder_ && entry.set->number >= first_number_ && !entry.set->pictures.empty()) write(entry);
+        if (folder_ && entry.set->number >= first_number_ && !entry.set->images.empty()) write(entry);
     }
 }
 
-void RecordingWriter::begin_with_held(std::unique_ptr<RecordingFolder> folder, double seconds) {
+void RecordingWriter::begin_with_buffer(std::unique_ptr<RecordingFolder> folder, double duration_s) {
     std::uint64_t first = next_number_;
     for (const Entry& entry : entries_) {
         const auto age_ns =
             static_cast<double>(entries_.back().set->capture_time_ns - entry.set->capture_time_ns);
-        if (!entry.set->key || (seconds > 0 && age_ns >= std::round(1e9 * seconds))) continue;
+        if (!entry.set->key || (duration_s > 0 && age_ns >= std::round(1e9 * duration_s))) continue;
         first = entry.set->number;
         break;
     }
@@ -164,8 +164,9 @@ std::optional<RecordingInfo> RecordingWriter::recording(std::uint64_t dropped_se
     if (!folder_) return std::nullopt;
     RecordingInfo info = folder_->info();
     if (!info.about.closed) {
-        info.about.dropped = dropped_sets;
-        info.about.lost -= std::min(info.about.lost, dropped_sets);  // both are gaps in the sequence
+        info.about.dropped_frame_sets = dropped_sets;
+        info.about.lost_frame_sets -=
+            std::min(info.about.lost_frame_sets, dropped_sets);  // both are gaps in the sequence
     }
     return info;
 }
@@ -182,7 +183,7 @@ RecordingInfo RecordingWriter::end(std::uint64_t dropped_sets, const std::string
     info.about.end_reason = why;
     folder_.reset();
     for (Entry& entry : entries_) entry.frame.reset();
-    if (options_.keep_last_s == 0) results_.clear();
+    if (options_.max_buffer_s == 0) results_.clear();
     return info;
 }
 

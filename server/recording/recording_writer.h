@@ -1,5 +1,5 @@
-// The recorder's writing half: holds the newest encoded frame sets, joins them with the pipeline's results
-// and appends both to the recording under way.
+// The recorder's writing half: holds the latest encoded frame sets, joins them with the pipeline's results
+// and appends both to the current recording.
 #pragma once
 
 #include <absl/status/status.h>
@@ -19,9 +19,10 @@
 
 namespace kinevox {
 
-// What the pipeline found in a frame set.
+// The pipeline's result of a frame set.
 struct ResultOfSet {
     std::uint64_t run = 0, sequence = 0;
+    std::uint32_t subject_id = 0;  // 0: none is tracked
     std::shared_ptr<const BodyPose> pose;
     std::shared_ptr<const Volume> volume;
 };
@@ -29,36 +30,36 @@ struct ResultOfSet {
 // One thread.
 class RecordingWriter {
   public:
-    // `on_failure`: the recording ended by itself, `about` says why.
+    // `on_failure`: the recording ended with an error, about.end_reason says which.
     RecordingWriter(const RecorderOptions& options,
-                    std::function<void(const RecordingInfo& about)> on_failure);
+                    std::function<void(const RecordingInfo& info)> on_failure);
 
-    // In their order; a set of a new run empties the rolling buffer.
+    // In order; a set of a new run empties the rolling buffer.
     void take(std::shared_ptr<const EncodedSet> set);
     void take(ResultOfSet result);
     void set_body(const BodyShape& body);
     void set_background(const std::vector<std::filesystem::path>& videos);
 
-    // From the set of this number on, a key.
+    // From the set of this number on, a key frame.
     void begin(std::unique_ptr<RecordingFolder> folder, std::uint64_t first_number);
-    // With what is held: the newest `seconds` of it, 0: all.
-    void begin_with_held(std::unique_ptr<RecordingFolder> folder, double seconds);
-    // The recording as far as it is written; nothing while there is none.
+    // With the latest `duration_s` of the buffer, 0: all of it.
+    void begin_with_buffer(std::unique_ptr<RecordingFolder> folder, double duration_s);
+    // The recording as far as it is written; nullopt: there is none.
     std::optional<RecordingInfo> recording(std::uint64_t dropped) const;
-    // All results of what was written are written too.
+    // All written sets have their results.
     bool has_all_results() const;
     RecordingInfo end(std::uint64_t dropped, const std::string& reason);
 
-    // The number that follows the newest set.
+    // The number after the latest set's.
     std::uint64_t next_number() const { return next_number_; }
-    struct Held {
-        double seconds = 0;
-        std::size_t bytes = 0, sets = 0;
-        bool shortened = false;  // by its bound in bytes
+    struct Buffered {
+        double duration_s = 0;
+        std::size_t bytes = 0;
+        bool limited_by_memory = false;
     };
-    Held held() const;
-    std::uint64_t dropped =
-        0;  // of the recording under way, as its owner counts; told when it ends by itself
+    Buffered buffered() const;
+    // Frame sets that the current recording lacks, counted by the owner; reported if it fails.
+    std::uint64_t dropped = 0;
 
   private:
     struct Entry {
@@ -66,7 +67,7 @@ class RecordingWriter {
         std::size_t bytes = 0;
         RecordedResult result;
         bool has_result = false;
-        std::optional<std::uint64_t> frame;  // of the recording under way
+        std::optional<std::uint64_t> frame;  // of the current recording
     };
     void write(Entry& entry);
     void join_results();
@@ -81,10 +82,10 @@ class RecordingWriter {
     const std::function<void(const RecordingInfo&)> on_failure_;
     std::deque<Entry> entries_;
     std::size_t entries_bytes_ = 0;
-    bool shortened_ = false;
+    bool limited_by_memory_ = false;
     std::deque<ResultOfSet> results_;  // whose sets are still being encoded
     std::uint64_t run_ = 0, next_number_ = 0;
-    std::uint64_t awaited_from_ = 0;  // the first sequence whose result is still to come; they come in order
+    std::uint64_t awaited_from_ = 0;  // first sequence whose result is still to come; they come in order
     std::unique_ptr<RecordingFolder> folder_;  // null: no recording
     std::filesystem::path path_;               // of it
     std::uint64_t first_number_ = 0;

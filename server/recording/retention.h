@@ -1,4 +1,4 @@
-// How long recordings are kept where nobody looks after them.
+// Automatic deletion of old recordings.
 #pragma once
 
 #include <absl/status/status.h>
@@ -14,23 +14,28 @@
 namespace kinevox {
 
 struct RetentionLimits {
-    double keep_days = 0;          // since a recording began; 0: for ever
-    std::uint64_t keep_bytes = 0;  // of all recordings together; 0: as many as fit on the disk
-    bool none() const { return keep_days <= 0 && keep_bytes == 0; }
+    double retention_days = 0;          // since a recording began; 0: unlimited
+    std::uint64_t max_total_bytes = 0;  // of all recordings together; 0: unlimited
+    bool none() const { return retention_days <= 0 && max_total_bytes == 0; }
 };
 
-// A file of this name in a recording's folder keeps it, whatever the limits say; its bytes count.
-inline constexpr const char* kKeepFile = "keep";
+// Time that a deleted recording stays in the bin.
+inline constexpr double kBinDays = 7;
 
-// Names of those that are to go, oldest first: all that are too old, then the oldest until the others are
-// within keep_bytes. One that is being written never goes, nor one that has kKeepFile.
+// A recording whose folder contains a file of this name is never deleted automatically; its bytes count.
+inline constexpr const char* kPinnedFile = "pinned";
+
+// Names of the recordings to delete, oldest first: all that are too old, then the oldest until the others are
+// within max_total_bytes; never one that is being written or has kPinnedFile.
 std::vector<std::string> due_for_deletion(const std::vector<RecordingInfo>& recordings,
                                           const RetentionLimits& limits, std::int64_t now_utc_ns);
 
-// Deletes them, and what an interrupted deletion left; tells each, or why it could not be. Waits for files.
-// `spared` is not deleted: what is being replayed.
+// Empties the bin of what was deleted more than kBinDays ago, and of more, first deleted first, while the
+// folder exceeds max_total_bytes; then deletes those recordings and the remains of interrupted deletions.
+// Reports each deleted recording with its status. Waits for files. `spared`: the session.toml that is being
+// replayed; it is not deleted.
 void apply_retention(const std::filesystem::path& folder, const RetentionLimits& limits,
                      std::int64_t now_utc_ns, const std::filesystem::path& spared,
-                     const std::function<void(const std::string& name, const absl::Status& deleted)>& tell);
+                     const std::function<void(const std::string& name, const absl::Status& deleted)>& report);
 
 }  // namespace kinevox

@@ -1,4 +1,4 @@
-// A recorded session's silhouettes, as the pipeline finds them.
+// A recorded session's silhouettes, as the pipeline computes them.
 #pragma once
 
 #include <absl/status/status.h>
@@ -8,19 +8,19 @@
 
 #include "common/session_file.h"
 #include "server/pipeline/frame_result.h"
-#include "server/recording/long_work.h"
+#include "server/recording/job_control.h"
 
 namespace kinevox {
 
 struct SilhouettePassOptions {
-    std::int64_t frame_sets = 0;  // that are wanted, from the first
-    bool one_thread = false;      // the caller's and those that decode: beside a running capture
+    std::int64_t frame_sets = 0;  // from the first
+    bool one_thread = false;      // besides the decoders': next to a running capture
 };
 
-// Gives each frame set's result to `take`, in their order, without poses; stops with its first error.
-// FailedPrecondition where a camera has no background; Cancelled after `work.stop`; else what reading says.
+// Passes each frame set's result to `take`, in order, without poses; stops at its first error.
+// FailedPrecondition if a camera has no background; Cancelled after `work.stop`; errors of reading.
 absl::Status find_silhouettes(const Session& session, const SilhouettePassOptions& options,
                               const std::function<absl::Status(const FrameResult&)>& take,
-                              const LongWork& work);
+                              const JobControl& work);
 
 }  // namespace kinevox

@@ -7,7 +7,7 @@
 namespace kinevox {
 
 struct Table {
-    std::string_view file_name;
+    std::string file_name;
     std::string text;  // header and rows
 };
 

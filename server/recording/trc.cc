@@ -1,5 +1,5 @@
-// TRC: markers as text, as OpenSim reads it: tabs, NaN where a marker is missing (its older releases take
-// neighbouring tabs for one), frames from 1.
+// TRC: markers as text for OpenSim: tab-separated, NaN for missing markers (its older releases merge adjacent
+// tabs), frames from 1.
 #include <fmt/format.h>
 
 #include <cmath>

@@ -1,68 +1,89 @@
 #include "server/recording/trial.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <set>
 #include <type_traits>
 #include <utility>
 
 #include "common/degrees.h"
 #include "server/recording/csv_table.h"
+#include "server/recording/pose_tables.h"
 
 namespace kinevox {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr std::size_t kFirstValue = 2;  // after frame and time_s
-
-std::vector<std::string> joint_columns() {
-    std::vector<std::string> columns{"frame", "time_s"};
-    for (const std::string_view joint : kJointNames)
-        for (const char axis : {'x', 'y', 'z'}) columns.push_back(fmt::format("{}_{}", joint, axis));
-    return columns;
-}
-
-std::vector<std::string> angle_columns() {
-    std::vector<std::string> columns{"frame", "time_s"};
-    for (const std::string_view angle : kJointAngleNames) columns.push_back(fmt::format("{}_deg", angle));
-    return columns;
-}
-
-std::vector<std::string> coordinate_columns() {
-    std::vector<std::string> columns{"frame", "time_s"};
-    for (int d = 0; d < kBodyDofCount; ++d)
-        columns.push_back(fmt::format("{}_{}", kBodyDofs[d].name, is_position(d) ? "m" : "deg"));
-    return columns;
-}
+constexpr std::size_t kSubject = 2, kFirstValue = 3;  // after frame and time_s; after subject
 
 absl::Status wrong(const CsvTable& table, std::size_t row, const std::string& what) {
     return absl::InvalidArgumentError(
-        fmt::format("{}:{}: {}; write it anew with `kinevox process`", table.file, table.line(row), what));
+        fmt::format("{}:{}: {}; rerun `kinevox process`", table.file, table.lines[row], what));
+}
+
+// One row per frame, of one subject: 0 takes the only one of each frame. A frame without it gets its cells
+// empty.
+absl::StatusOr<CsvTable> rows_of_subject(const CsvTable& table, std::uint32_t subject_id) {
+    CsvTable out{table.file, table.columns, {}, {}};
+    for (std::size_t n = 0; n < table.rows(); ++n)
+        if (const double id = table.at(n, kSubject);
+            !std::isnan(id) &&
+            !(id >= 1 && id <= std::numeric_limits<std::uint32_t>::max() && id == std::floor(id)))
+            return wrong(table, n, fmt::format("subject is {}, expected a whole number from 1", id));
+    const auto same_frame = [&](std::size_t a, std::size_t b) {  // of two subjects
+        return table.at(a, 0) == table.at(b, 0) && !std::isnan(table.at(a, kSubject) + table.at(b, kSubject));
+    };
+    std::set<std::uint32_t> several;
+    for (std::size_t begin = 0, end = 0; begin < table.rows(); begin = end) {
+        while (end < table.rows() && (end == begin || same_frame(begin, end))) ++end;
+        for (std::size_t n = begin + 1; n < end; ++n)
+            if (table.at(n, kSubject) == table.at(n - 1, kSubject))
+                return wrong(
+                    table, n,
+                    fmt::format("frame {} has subject {} twice", table.at(n, 0), table.at(n, kSubject)));
+        std::size_t row = begin;
+        while (row < end && subject_id != 0 && table.at(row, kSubject) != subject_id) ++row;
+        if (subject_id == 0 && end - begin > 1)
+            for (std::size_t n = begin; n < end; ++n)
+                several.insert(static_cast<std::uint32_t>(table.at(n, kSubject)));
+        const auto first =
+            table.cells.begin() + static_cast<std::ptrdiff_t>((row < end ? row : begin) * table.columns);
+        out.cells.insert(out.cells.end(), first, first + static_cast<std::ptrdiff_t>(table.columns));
+        if (row == end)
+            std::fill(out.cells.end() - static_cast<std::ptrdiff_t>(table.columns - kSubject),
+                      out.cells.end(), std::numeric_limits<double>::quiet_NaN());
+        out.lines.push_back(table.lines[row < end ? row : begin]);
+    }
+    if (!several.empty())
+        return absl::FailedPreconditionError(
+            fmt::format("{}: holds subjects {}; choose one of them", table.file, fmt::join(several, ", ")));
+    return out;
 }
 
 absl::Status take_frames(const CsvTable& table, Trial& trial) {
     for (std::size_t n = 0; n < table.rows(); ++n) {
         const double frame = table.at(n, 0), time_s = table.at(n, 1);
         if (!(frame >= 0 && frame < 1e15 && frame == std::floor(frame)))
-            return wrong(table, n, fmt::format("frame is {}, expected a number from 0", frame));
+            return wrong(table, n, fmt::format("frame is {}, expected a whole number from 0", frame));
         if (std::isnan(time_s)) return wrong(table, n, "time_s is missing");
         if (n > 0 && frame != static_cast<double>(trial.frames.back()) + 1)
             return wrong(table, n, fmt::format("frame {} follows frame {}", frame, trial.frames.back()));
         trial.frames.push_back(static_cast<std::int64_t>(frame));
         trial.time_s.push_back(time_s);
     }
-    trial.pictures = trial.frames;
+    trial.session_frames = trial.frames;
     if (trial.size() < 2)
         return absl::InvalidArgumentError(
-            fmt::format("{}: {} frames; a trial needs two at least", table.file, trial.size()));
+            fmt::format("{}: {} frames; a trial needs at least two", table.file, trial.size()));
     return absl::OkStatus();
 }
 
-// Frames and rate with so long between two of them; whether each row lies within `tolerance` of a frame of
-// its own.
+// Frames and rate for a given frame period; true if each row is within `tolerance` of a frame of its own.
 bool take_step(double step_s, double tolerance, Trial& trial) {
     const double start_s = trial.time_s.front();
     for (std::size_t n = 1; n < trial.size(); ++n)
@@ -79,40 +100,38 @@ bool take_step(double step_s, double tolerance, Trial& trial) {
     return true;
 }
 
-// Frames by the nearest of an even row that has so long between two of them; whether each has one within a
-// frame.
+// Frames by the nearest grid point of a given frame period; true if each row has one within a frame.
 bool take_nearest(double step_s, Trial& trial) {
-    double max_beside_frames = 0;
+    double max_snap_frames = 0;
     for (std::size_t n = 1; n < trial.size(); ++n) {
         const double frames = (trial.time_s[n] - trial.time_s.front()) / step_s;
         trial.frames[n] =
             std::max<std::int64_t>(trial.frames[n - 1] + 1, trial.frames.front() + std::llround(frames));
-        const double beside = std::abs(static_cast<double>(trial.frames[n] - trial.frames.front()) - frames);
-        if (beside > 1) return false;
-        max_beside_frames = std::max(max_beside_frames, beside);
+        const double snap = std::abs(static_cast<double>(trial.frames[n] - trial.frames.front()) - frames);
+        if (snap > 1) return false;
+        max_snap_frames = std::max(max_snap_frames, snap);
     }
     trial.rate_hz = std::max(std::round(1000 / step_s) / 1000, 0.001);
-    trial.max_beside_s = max_beside_frames * step_s;
+    trial.max_time_snap_s = max_snap_frames * step_s;
     return true;
 }
 
-// Of the steps of one frame: the shortest, and those near it.
+// The median of the shortest step and those near it: the steps of one frame.
 double min_step_s(std::vector<double>& steps_s) {
     std::ranges::sort(steps_s);
     const auto end = std::ranges::upper_bound(steps_s, 1.5 * steps_s.front());
     return steps_s[static_cast<std::size_t>(end - steps_s.begin()) / 2];
 }
 
-// Times are written to the microsecond. Where frame sets were lost times lie several frames apart;
-// trial.frames counts those too. Half of the steps or more may: then the median is not one frame but a few. A
-// source that lagged may begin its beat anew, at any time between two frames: then no even row holds, and the
-// nearest frame is as good as it gets. The session's rate is not believed before the times are: a camera may
-// keep another.
+// Times are written to the microsecond. Lost frame sets make steps of several frames, which trial.frames
+// counts; they may be half of the steps or more, so that the median is a few frames. A source that lagged may
+// restart its timing between two frames: no even grid fits then, and times snap to the nearest frame. The
+// times take precedence over the session's rate, which a camera may not keep.
 bool take_steps(std::vector<double> steps_s, double fps, Trial& trial) {
     constexpr int kMaxFramesInMedian = 6;
-    const auto middle = steps_s.begin() + static_cast<std::ptrdiff_t>(steps_s.size() / 2);
-    std::nth_element(steps_s.begin(), middle, steps_s.end());
-    const double median_s = *middle;
+    const auto middle_step = steps_s.begin() + static_cast<std::ptrdiff_t>(steps_s.size() / 2);
+    std::nth_element(steps_s.begin(), middle_step, steps_s.end());
+    const double median_s = *middle_step;
     if (take_step(median_s, 0.2, trial)) return true;
     if (fps > 0 && (take_step(1 / fps, 0.5, trial) || take_nearest(1 / fps, trial))) return true;
     if (take_step(median_s, 0.5, trial)) return true;
@@ -121,11 +140,10 @@ bool take_steps(std::vector<double> steps_s, double fps, Trial& trial) {
     return take_nearest(min_step_s(steps_s), trial);
 }
 
-// The rate, to a thousandth of a hertz, and the frames that its times are. `fps`: the session's, 0 if it is
-// not known.
+// The rate, to a thousandth of a hertz, and the frames of the times. `fps`: the session's, 0 if not known.
 absl::Status take_rate(const CsvTable& table, double fps, Trial& trial) {
     constexpr double kMaxGap_s = 3600;
-    // Each takes half a kilobyte. A million are over four hours of 60 a second.
+    // Half a kilobyte each; a million are over four hours at 60 per second.
     const std::int64_t max_frames =
         std::max<std::int64_t>(1'000'000, 4 * static_cast<std::int64_t>(trial.size()));
     std::vector<double> steps_s;
@@ -137,16 +155,15 @@ absl::Status take_rate(const CsvTable& table, double fps, Trial& trial) {
         steps_s.push_back(step_s);
     }
     if (!take_steps(std::move(steps_s), fps, trial))
-        return wrong(table, trial.size() - 1, "the times before are no frames of any even rate");
+        return wrong(table, trial.size() - 1, "the times fit no frame rate");
     const std::int64_t frames = trial.frames.back() - trial.frames.front() + 1;
     if (frames > max_frames)
-        return wrong(
-            table, trial.size() - 1,
-            fmt::format("{} frames with those that were lost, expected {} at most", frames, max_frames));
+        return wrong(table, trial.size() - 1,
+                     fmt::format("{} frames including lost ones, expected at most {}", frames, max_frames));
     return absl::OkStatus();
 }
 
-// Rows without values where frame sets were lost.
+// Adds rows without values for lost frame sets.
 void fill_gaps(Trial& trial) {
     const std::int64_t first = trial.frames.front();
     const auto size = static_cast<std::size_t>(trial.frames.back() - first + 1);
@@ -168,7 +185,7 @@ void fill_gaps(Trial& trial) {
     spread(trial.joints, no_joints);
     spread(trial.angles_rad, no_angles);
     spread(trial.coordinates, no_coordinates);
-    spread(trial.pictures, std::int64_t{-1});
+    spread(trial.session_frames, std::int64_t{-1});
     const double start_s = trial.time_s.front();
     trial.frames.resize(size);
     trial.time_s.resize(size);
@@ -186,36 +203,38 @@ absl::Status take_joints(const CsvTable& table, Trial& trial) {
             const double* const p = &table.cells[n * table.columns + kFirstValue + 3 * j];
             const int missing = std::isnan(p[0]) + std::isnan(p[1]) + std::isnan(p[2]);
             if (missing != 0 && missing != 3)
-                return wrong(table, n, fmt::format("{} has only a part of x, y, z", kJointNames[j]));
+                return wrong(table, n, fmt::format("{} lacks some of x, y, z", kJointNames[j]));
             any = any || missing == 0;
             trial.joints[n][j] = {p[0], p[1], p[2]};
         }
     if (!any)
         return absl::InvalidArgumentError(fmt::format(
-            "{}: no joint of any frame was measured; withheld.csv beside it says why", table.file));
+            "{}: no joint was measured in any frame; see withheld.csv for the reasons", table.file));
     return absl::OkStatus();
 }
 
-// A table beside joints.csv, with the same frames.
-absl::StatusOr<CsvTable> read_beside(const fs::path& file, std::span<const std::string> columns,
-                                     const Trial& trial) {
-    auto table = read_csv_table(file, columns);
+// A table with the same frames as joints.csv.
+absl::StatusOr<CsvTable> read_table(const fs::path& file, std::span<const std::string> columns,
+                                    const Trial& trial, std::uint32_t subject_id) {
+    auto all = read_csv_table(file, columns);
+    if (!all.ok()) return all;
+    auto table = rows_of_subject(*all, subject_id);
     if (!table.ok()) return table;
     for (std::size_t n = 0; n < std::min(table->rows(), trial.size()); ++n)
-        if (table->at(n, 0) != static_cast<double>(trial.pictures[n]))
+        if (table->at(n, 0) != static_cast<double>(trial.session_frames[n]))
             return wrong(
                 *table, n,
-                fmt::format("frame {} stands where joints.csv has {}", table->at(n, 0), trial.pictures[n]));
+                fmt::format("frame is {}, but {} in joints.csv", table->at(n, 0), trial.session_frames[n]));
     if (table->rows() != trial.size())
         return absl::InvalidArgumentError(
-            fmt::format("{}: {} frames, but joints.csv has {}; both must be of one run", table->file,
+            fmt::format("{}: {} frames, but joints.csv has {}; both must be from one run", table->file,
                         table->rows(), trial.size()));
     return table;
 }
 
 }  // namespace
 
-absl::StatusOr<Trial> read_trial(const fs::path& folder, double fps) {
+absl::StatusOr<Trial> read_trial(const fs::path& folder, double fps, std::uint32_t subject_id) {
     std::error_code error;
     if (!fs::is_directory(folder, error))
         return absl::NotFoundError(
@@ -226,9 +245,11 @@ absl::StatusOr<Trial> read_trial(const fs::path& folder, double fps) {
     trial.name = (absolute.has_filename() ? absolute : absolute.parent_path()).filename().string();
     if (!fs::exists(folder / "joints.csv", error))
         return absl::NotFoundError(
-            fmt::format("{}: no such file; give a folder that `kinevox process` wrote, with poses",
+            fmt::format("{}: no such file; give a folder with poses that `kinevox process` wrote",
                         (folder / "joints.csv").string()));
-    auto joints = read_csv_table(folder / "joints.csv", joint_columns());
+    const auto rows = read_csv_table(folder / "joints.csv", joint_columns());
+    if (!rows.ok()) return rows.status();
+    const auto joints = rows_of_subject(*rows, subject_id);
     if (!joints.ok()) return joints.status();
     absl::Status taken = take_frames(*joints, trial);
     if (taken.ok()) taken = take_rate(*joints, fps, trial);
@@ -236,7 +257,7 @@ absl::StatusOr<Trial> read_trial(const fs::path& folder, double fps) {
     if (!taken.ok()) return taken;
 
     if (fs::exists(folder / "angles.csv", error)) {
-        auto angles = read_beside(folder / "angles.csv", angle_columns(), trial);
+        auto angles = read_table(folder / "angles.csv", angle_columns(), trial, subject_id);
         if (!angles.ok()) return angles.status();
         trial.angles_rad.resize(trial.size());
         for (std::size_t n = 0; n < trial.size(); ++n)
@@ -244,7 +265,7 @@ absl::StatusOr<Trial> read_trial(const fs::path& folder, double fps) {
                 trial.angles_rad[n][k] = radians(angles->at(n, kFirstValue + k));
     }
     if (fs::exists(folder / "coordinates.csv", error)) {
-        auto table = read_beside(folder / "coordinates.csv", coordinate_columns(), trial);
+        auto table = read_table(folder / "coordinates.csv", coordinate_columns(), trial, subject_id);
         if (!table.ok()) return table.status();
         trial.coordinates.resize(trial.size());
         for (std::size_t n = 0; n < trial.size(); ++n)
@@ -253,8 +274,10 @@ absl::StatusOr<Trial> read_trial(const fs::path& folder, double fps) {
                 trial.coordinates[n][d] = is_position(d) ? value : radians(value);
             }
     }
-    if (fs::exists(folder / "body.toml", error)) {
-        auto body = read_body_shape(folder / "body.toml");
+    fs::path body_file = folder / fmt::format("body_{}.toml", subject_id);
+    if (subject_id == 0 || !fs::exists(body_file, error)) body_file = folder / "body.toml";
+    if (fs::exists(body_file, error)) {
+        auto body = read_body_shape(body_file);
         if (!body.ok()) return body.status();
         trial.body = *body;
     }
@@ -266,42 +289,42 @@ absl::Status needs_coordinates_and_body(const Trial& trial, std::string_view for
     const char* missing = trial.coordinates.empty() ? "coordinates.csv" : trial.body ? nullptr : "body.toml";
     if (!missing) return absl::OkStatus();
     return absl::FailedPreconditionError(
-        fmt::format("{}: no such file, and {} is made of it; `kinevox process` writes it",
+        fmt::format("{}: no such file, which {} needs; `kinevox process` writes it",
                     (trial.folder / missing).string(), format));
 }
 
-absl::StatusOr<Trial> part_of_trial(const Trial& trial, std::int64_t first_frame, std::int64_t last_frame) {
+absl::StatusOr<Trial> slice_trial(const Trial& trial, std::int64_t first_frame, std::int64_t last_frame) {
     const std::int64_t begin = std::max<std::int64_t>(first_frame - trial.frames.front(), 0);
     const std::int64_t end = std::min<std::int64_t>(last_frame - trial.frames.front() + 1,
                                                     static_cast<std::int64_t>(trial.size()));
     if (end - begin < 2)
-        return absl::OutOfRangeError(fmt::format("{}: frames {} to {} are not two of {} to {}; give others",
-                                                 trial.folder.string(), first_frame, last_frame,
-                                                 trial.frames.front(), trial.frames.back()));
+        return absl::OutOfRangeError(fmt::format(
+            "{}: frames {} to {} are not at least two of {} to {}; change the range", trial.folder.string(),
+            first_frame, last_frame, trial.frames.front(), trial.frames.back()));
     const auto cut = [&](auto& values) {
         if (values.empty()) return;
         values.erase(values.begin() + end, values.end());
         values.erase(values.begin(), values.begin() + begin);
     };
-    Trial part = trial;
-    cut(part.frames);
-    cut(part.pictures);
-    cut(part.time_s);
-    cut(part.joints);
-    cut(part.angles_rad);
-    cut(part.coordinates);
-    return part;
+    Trial slice = trial;
+    cut(slice.frames);
+    cut(slice.session_frames);
+    cut(slice.time_s);
+    cut(slice.joints);
+    cut(slice.angles_rad);
+    cut(slice.coordinates);
+    return slice;
 }
 
-void turn_trial(Trial& trial, double angle_rad) {
-    const Mat3 turn = rotation_z(angle_rad);
+void rotate_trial(Trial& trial, double yaw_rad) {
+    const Mat3 rotation = rotation_z(yaw_rad);
     for (auto& joints : trial.joints)
-        for (Vec3& joint : joints) joint = turn * joint;
+        for (Vec3& joint : joints) joint = rotation * joint;
     for (BodyCoordinates& q : trial.coordinates) {
-        const Vec3 root = turn * Vec3{q[0], q[1], q[2]};
+        const Vec3 root = rotation * Vec3{q[0], q[1], q[2]};
         q[0] = root.x, q[1] = root.y, q[2] = root.z;
-        // The pelvis turns about the world's vertical last.
-        q[kDofRootRotation + 2] = std::remainder(q[kDofRootRotation + 2] + angle_rad, 2 * std::numbers::pi);
+        // The pelvis' rotation about the world's vertical is its outermost.
+        q[kDofRootRotation + 2] = std::remainder(q[kDofRootRotation + 2] + yaw_rad, 2 * std::numbers::pi);
     }
 }
 

@@ -18,7 +18,7 @@ std::string csv_file(const Trial& trial) {
         for (const std::string_view angle : kJointAngleNames) put(",{}_deg", angle);
     if (!trial.coordinates.empty())
         for (int d = 0; d < kBodyDofCount; ++d)
-            put(",{}_{}", kBodyDofs[d].name, d < kDofRootRotation ? "m" : "deg");
+            put(",{}_{}", kBodyDofs[d].name, is_position(d) ? "m" : "deg");
     const auto put_value = [&](double value, int digits) {
         text += ',';
         if (!std::isnan(value)) put("{:.{}f}", value, digits);
@@ -31,8 +31,8 @@ std::string csv_file(const Trial& trial) {
             for (const double angle : trial.angles_rad[n]) put_value(degrees(angle), 4);
         if (!trial.coordinates.empty())
             for (int d = 0; d < kBodyDofCount; ++d)
-                put_value(d < kDofRootRotation ? trial.coordinates[n][d] : degrees(trial.coordinates[n][d]),
-                          d < kDofRootRotation ? 5 : 4);
+                put_value(is_position(d) ? trial.coordinates[n][d] : degrees(trial.coordinates[n][d]),
+                          is_position(d) ? 5 : 4);
     }
     return text + '\n';
 }

@@ -14,13 +14,13 @@
 namespace kinevox {
 namespace {
 
-// Reads EBML, in which Matroska is written: an identifier, a length, so many bytes.
+// Reads EBML, the encoding of Matroska: an identifier, a length, the payload.
 class EbmlReader {
   public:
     explicit EbmlReader(std::string_view bytes) : bytes_(bytes) {}
     std::size_t at() const { return at_; }
     void skip(std::uint64_t bytes) { at_ += bytes; }
-    // A number whose first bit set tells its length; identifiers keep that bit.
+    // A number whose first set bit encodes its length; identifiers keep that bit.
     std::optional<std::uint64_t> number(bool keep_marker) {
         if (at_ >= bytes_.size()) return std::nullopt;
         const auto first = static_cast<unsigned char>(bytes_[at_]);
@@ -42,10 +42,10 @@ struct Payload {
     std::size_t offset = 0, bytes = 0;  // in the cluster
 };
 
-// Where the picture lies in a cluster that holds one simple block, last.
+// The position of the image in a cluster whose last element is one simple block.
 std::optional<Payload> payload_of(std::string_view cluster) {
     constexpr std::uint64_t kCluster = 0x1F43B675, kSimpleBlock = 0xA3;
-    constexpr std::size_t kBlockHeader = 3;  // behind the track's number: time and flags
+    constexpr std::size_t kBlockHeader = 3;  // after the track number: time and flags
     EbmlReader reader(cluster);
     const auto id = reader.number(true), size = reader.number(false);
     if (id != kCluster || !size) return std::nullopt;
@@ -75,7 +75,7 @@ class MatroskaFile final : public VideoFile {
     }
 
     absl::Status open(const std::filesystem::path& video, const VideoFormat& format);
-    absl::Status append(const EncodedPicture& picture, std::int64_t time_ns) override;
+    absl::Status append(const EncodedImage& image, std::int64_t time_ns) override;
     absl::Status take_back() override;
     absl::Status close() override;
     void sync() const override {
@@ -107,8 +107,7 @@ class MatroskaFile final : public VideoFile {
     libav::Owned<AVFormatContext> container_;
     AVStream* stream_ = nullptr;
     libav::Owned<AVPacket> packet_;
-    // What FFmpeg has written since the last flush(), to go to the file at once: a cluster is there or it is
-    // not.
+    // FFmpeg's output since the last flush(), appended at once, so that clusters are complete.
     std::string gathered_;
     std::uint64_t gathered_at_ = 0, position_ = 0;
     absl::Status write_status_;
@@ -117,7 +116,7 @@ class MatroskaFile final : public VideoFile {
 };
 
 int MatroskaFile::gather(std::string_view bytes) {
-    if (position_ != gathered_at_ + gathered_.size()) {  // it went back to fill something in
+    if (position_ != gathered_at_ + gathered_.size()) {  // it seeks back to fill in a field
         write_status_.Update(flush());
         gathered_at_ = position_;
     }
@@ -196,13 +195,13 @@ absl::Status MatroskaFile::open(const std::filesystem::path& video, const VideoF
     return flush();
 }
 
-absl::Status MatroskaFile::append(const EncodedPicture& picture, std::int64_t time_ns) {
+absl::Status MatroskaFile::append(const EncodedImage& image, std::int64_t time_ns) {
     const std::uint64_t cluster = video_.size();
     packet_->data =
-        reinterpret_cast<std::uint8_t*>(const_cast<char*>(picture.bytes.data()));  // FFmpeg only reads it
-    packet_->size = static_cast<int>(picture.bytes.size());
+        reinterpret_cast<std::uint8_t*>(const_cast<char*>(image.bytes.data()));  // FFmpeg only reads it
+    packet_->size = static_cast<int>(image.bytes.size());
     packet_->stream_index = 0;
-    packet_->flags = picture.key ? AV_PKT_FLAG_KEY : 0;
+    packet_->flags = image.key ? AV_PKT_FLAG_KEY : 0;
     // The container counts milliseconds; the exact time is the index's.
     last_pts_ = std::max(last_pts_ + 1, av_rescale_q(time_ns, {1, 1'000'000'000}, stream_->time_base));
     packet_->pts = packet_->dts = last_pts_;
@@ -222,8 +221,7 @@ absl::Status MatroskaFile::append(const EncodedPicture& picture, std::int64_t ti
     entry.cluster_offset = cluster;
     entry.time_ns = time_ns;
     entry.payload_bytes = static_cast<std::uint32_t>(payload->bytes);
-    entry.flags =
-        (picture.key ? VideoIndexEntry::kKey : 0) | (picture.missing ? VideoIndexEntry::kMissing : 0);
+    entry.flags = (image.key ? VideoIndexEntry::kKey : 0) | (image.missing ? VideoIndexEntry::kMissing : 0);
     if (absl::Status indexed = index_.append(video_index_bytes(entry)); !indexed.ok()) {
         video_.truncate(cluster).IgnoreError();
         return write_status_ = indexed;
@@ -238,7 +236,7 @@ absl::Status MatroskaFile::take_back() {
         return shorter;
     --frames_;
     write_status_ = absl::CancelledError(
-        fmt::format("{}: was cut", video_.path().string()));  // FFmpeg knows nothing of it
+        fmt::format("{}: was truncated", video_.path().string()));  // FFmpeg does not know
     return video_.truncate(before_last_);
 }
 

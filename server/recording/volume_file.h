@@ -1,4 +1,4 @@
-// The volumes of a recording, one behind the other. docs/recording.md shows the file byte for byte.
+// The volumes of a recording, concatenated; docs/recording.md defines the bytes.
 #pragma once
 
 #include <absl/status/status.h>
@@ -20,7 +20,7 @@ class VolumeFile {
   public:
     static absl::StatusOr<std::unique_ptr<VolumeFile>> create(const std::filesystem::path& file);
 
-    // `encoded`: encode_volume()'s; frames rise.
+    // `encoded`: encode_volume()'s; frames increase.
     absl::Status append(std::uint64_t frame, std::string_view encoded);
     void sync() const { file_.sync(); }
     std::uint64_t bytes() const { return file_.size(); }
@@ -30,7 +30,7 @@ class VolumeFile {
     AppendFile file_;
 };
 
-// Reads it; what is not whole at its end is left out.
+// Reads it; an incomplete volume at the end is ignored.
 class VolumeFileReader {
   public:
     // NotFound, InvalidArgument.

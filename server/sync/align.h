@@ -1,4 +1,4 @@
-// The whole way from what the cameras saw to their offsets.
+// From each camera's motion to the cameras' offsets.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -14,17 +14,17 @@
 namespace kinevox::sync {
 
 struct AlignOptions {
-    double max_shift_s = 30;
-    bool use_places = true;
+    double max_offset_s = 30;
+    bool use_extrinsics = true;
 };
 
 struct Alignment {
     OffsetSolution solution;
-    bool used_places = false;                // a calibration of the cameras' places took part
+    bool used_extrinsics = false;            // extrinsics were used
     std::vector<MovementSignals> movements;  // per camera
 };
 
-// FailedPrecondition as solve_offsets(), and where a camera never sees anybody.
+// FailedPrecondition as solve_offsets(), and if a camera never sees a person.
 absl::StatusOr<Alignment> align(const std::vector<CameraMotion>& cameras, double fps,
                                 const AlignOptions& options);
 

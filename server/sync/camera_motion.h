@@ -1,4 +1,4 @@
-// What each camera of a session sees move, by itself: nothing here knows which pictures belong together.
+// Motion of the silhouette in each camera of a session, independent of the other cameras.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -12,33 +12,33 @@
 
 namespace kinevox::sync {
 
-// The silhouette in one picture; all in px of the camera's full picture.
-struct SeenShape {
-    bool seen = false;  // somebody is there; nothing below has a meaning without
-    bool cut_above = false, cut_below = false, cut_aside = false;  // by the picture's border
+// The silhouette in one image; all in px of the full image.
+struct SilhouetteShape {
+    bool seen = false;  // a person is visible; the members below are undefined otherwise
+    bool truncated_top = false, truncated_bottom = false, truncated_sides = false;  // by the image border
     double area_px2 = 0;
     double top_px = 0, bottom_px = 0;  // y of its ends
     double centroid_x_px = 0, centroid_y_px = 0;
-    double changed_px2 = 0;            // differs from the picture before; NaN where nobody was seen there
-    std::vector<Vec2> hull;            // convex, around it
-    std::vector<bool> hull_at_border;  // there the picture ends, the subject may not
+    double changed_px2 = 0;            // differs from the previous image; NaN if that has no person
+    std::vector<Vec2> hull;            // convex
+    std::vector<bool> hull_at_border;  // the image ends there, the subject may not
 };
 
 struct CameraMotion {
-    Camera camera;                  // as its calibration has it
-    std::vector<SeenShape> shapes;  // one a picture of the video
+    Camera camera;                        // from the calibration
+    std::vector<SilhouetteShape> shapes;  // one per image of the video
 };
 
 struct CameraMotionOptions {
-    // Pictures are made smaller by a whole factor until their longer side is at most this, px. 0: never.
+    // Images are reduced by an integer factor until their longer side is at most this, px. 0: never.
     int max_side_px = 960;
 };
 
-// How far it is, 0 to 1, and what it does; false cancels. May come from several threads, one at a time.
+// Called with the progress (0 to 1) and the current step; false cancels. Serialised, from several threads.
 using Progress = std::function<bool(double part, const std::string& what)>;
 
-// All videos from their first to their last picture, whatever their lengths; offsets in the session count for
-// nothing. Every camera needs a background. Errors name camera and file; Cancelled by `progress`.
+// Reads all videos completely; offsets in the session are ignored. Every camera needs a background. Errors
+// name camera and file; Cancelled by `progress`.
 absl::StatusOr<std::vector<CameraMotion>> read_motion(const Session& session,
                                                       const CameraMotionOptions& options = {},
                                                       const Progress& progress = {});

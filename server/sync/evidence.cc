@@ -8,16 +8,18 @@
 #include <limits>
 #include <utility>
 
+#include "common/median.h"
+
 namespace kinevox::sync {
 namespace {
 
 constexpr double kFirstScatter_px = 2, kMinScatter_px = 0.5, kMaxScatter_px = 6;  // times pixel_px
-constexpr double kBias_px = 0.7;  // standard deviation of what calibrations are wrong by, times pixel_px
+constexpr double kBias_px = 0.7;            // standard deviation of calibration errors, times pixel_px
 constexpr std::size_t kMaxForChance = 400;  // samples of a signal
-constexpr std::size_t kMinValues = 10;      // of a signal that says anything
+constexpr std::size_t kMinValues = 10;      // of an informative signal
 constexpr double kMinIndependent = 4;       // stretches, for a correlation
-constexpr double kMaxCorrelation = 0.98;    // nothing two views see is more alike
-constexpr int kFactors = 16;                // multiplied before a logarithm is taken: none can overflow
+constexpr double kMaxCorrelation = 0.98;    // upper bound for two views
+constexpr int kFactors = 16;                // multiplied before taking a logarithm: cannot overflow
 
 // Log likelihood of a distance, Cauchy's without its constant: a wrong silhouette costs little.
 double log_likelihood(double distance, double scatter) {
@@ -35,20 +37,14 @@ std::vector<double> values_of(const Signal& signal) {
     return some;
 }
 
-double median_of(std::vector<double>& values) {
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
-
-// The signal at a place between two pictures; NaN where either is missing.
-double value_at(const Signal& signal, double place) {
-    const double whole = std::floor(place), part = place - whole;
+// The signal between two images; NaN if either is missing.
+double value_at(const Signal& signal, double position) {
+    const double whole = std::floor(position), fraction = position - whole;
     if (whole < 0 || whole > static_cast<double>(signal.size() - 1))
         return std::numeric_limits<double>::quiet_NaN();
     const auto i = static_cast<std::size_t>(whole);
-    if (part < 1e-9) return signal[i];
-    return i + 1 < signal.size() ? signal[i] + part * (signal[i + 1] - signal[i])
+    if (fraction < 1e-9) return signal[i];
+    return i + 1 < signal.size() ? signal[i] + fraction * (signal[i + 1] - signal[i])
                                  : std::numeric_limits<double>::quiet_NaN();
 }
 
@@ -102,7 +98,7 @@ double PairEvidence::alike_evidence(double n, double x, double y, double xx, dou
 
 PairEvidence::Entry PairEvidence::whole(int lag) const {
     Entry out;
-    // Pictures of the first camera from .. to - 1 have one of the second.
+    // Images from .. to - 1 of the first camera overlap the second.
     const auto range = [lag](const std::array<Masked, 2>& pair) {
         const int from = std::max(0, lag);
         const int to =
@@ -147,13 +143,13 @@ PairEvidence::Entry PairEvidence::whole(int lag) const {
 }
 
 void PairEvidence::tabulate(int lowest, int highest) {
-    int longest[2] = {0, 0};
+    int lengths[2] = {0, 0};
     for (const auto* signals : {&signals_.equal_px, &signals_.alike})
         for (const auto& pair : *signals)
             for (const int side : {0, 1})
-                longest[side] = std::max(longest[side], static_cast<int>(pair[side].size()));
-    lowest_ = std::max(lowest, 1 - longest[1]);
-    const int last = std::min(highest, longest[0] - 1);
+                lengths[side] = std::max(lengths[side], static_cast<int>(pair[side].size()));
+    lowest_ = std::max(lowest, 1 - lengths[1]);
+    const int last = std::min(highest, lengths[0] - 1);
     table_.assign(std::max(0, last - lowest_ + 1), {});
     oneapi::tbb::parallel_for(0, static_cast<int>(table_.size()),
                               [this](int i) { table_[i] = whole(lowest_ + i); });
@@ -174,7 +170,7 @@ double PairEvidence::between(double lag) const {
         std::vector<double> distances = distances_px(k, lag);
         if (distances.empty()) continue;
         const double stretches = static_cast<double>(distances.size()) / independent_;
-        // What the median leaves of a bias that is expected to be small.
+        // The median, shrunk by the prior of a small bias.
         const double prior = kBias_px * options_.pixel_px, scatter = scatter_px_[k];
         std::vector<double> sorted = distances;
         const double bias =
@@ -195,7 +191,7 @@ double PairEvidence::between(double lag) const {
     return evidence;
 }
 
-void PairEvidence::settle(double lag) {
+void PairEvidence::fix_scatter(double lag) {
     for (std::size_t k = 0; k < signals_.equal_px.size(); ++k) {
         std::vector<double> distances = distances_px(k, lag);
         if (distances.size() < kMinValues) continue;
@@ -206,7 +202,7 @@ void PairEvidence::settle(double lag) {
     measure_chance();
 }
 
-std::optional<double> PairEvidence::miss_px(double lag) const {
+std::optional<double> PairEvidence::residual_px(double lag) const {
     std::vector<double> all;
     for (std::size_t k = 0; k < signals_.equal_px.size(); ++k)
         for (const double d : distances_px(k, lag)) all.push_back(std::abs(d));

@@ -1,4 +1,4 @@
-// How much two cameras' signals speak for a shift between them.
+// Evidence for a time shift between two cameras.
 #pragma once
 
 #include <cstdint>
@@ -11,17 +11,17 @@ namespace kinevox::sync {
 
 struct EvidenceOptions {
     double fps = 30;
-    double pixel_px = 1;          // a 640th of the picture's longer side: the unit of all scatter
-    double independent_s = 0.1;   // signals that far apart err independently of each other
-    double min_overlap_s = 0.75;  // in less, signals of anything are alike: nothing speaks for such a shift
-    // Signals that only rise and fall together count so much against those that are equal.
+    double pixel_px = 1;          // a 640th of the image's longer side: the unit of all scatter
+    double independent_s = 0.1;   // signals further apart have independent errors
+    double min_overlap_s = 0.75;  // with less, any two signals are alike: no evidence
+    // Weight of signals that are only correlated against signals that are equal.
     double alike_weight = 0.5;
 };
 
-// Logarithms of likelihood ratios (nats): the signals belong together at this lag, against: their instants
-// have nothing to do with each other. More overlap, more evidence; signals that stay as they are give none. A
-// lag is the second camera's offset less the first one's, in frames: the first one's picture n and the second
-// one's n - lag show the same instant.
+// Log likelihood ratios (nats) of: the signals belong together at this lag, against: their instants are
+// unrelated. More overlap gives more evidence; constant signals give none. A lag is the second camera's
+// offset minus the first one's, in frames: image n of the first camera and n - lag of the second show the
+// same instant.
 class PairEvidence {
   public:
     PairEvidence(PairSignals signals, const EvidenceOptions& options);
@@ -30,26 +30,26 @@ class PairEvidence {
     std::size_t second() const { return signals_.second; }
     bool has_equal() const { return !signals_.equal_px.empty(); }
 
-    // For all lags of lowest .. highest, both included, at which the videos overlap.
+    // Fills the table for all lags of lowest .. highest (inclusive) at which the videos overlap.
     void tabulate(int lowest, int highest);
     int lowest() const { return lowest_; }
     int highest() const { return lowest_ + static_cast<int>(table_.size()) - 1; }
-    // From the table; nothing beyond it.
+    // From the table; 0 outside.
     double at(int lag) const { return covers(lag) ? table_[lag - lowest_].evidence : 0; }
-    // How many pictures of the first camera had one of the second to be compared with.
+    // Number of images of the first camera that have one of the second to compare with.
     int overlap(int lag) const { return covers(lag) ? table_[lag - lowest_].overlap : 0; }
 
-    // At any lag, linear between pictures. Lets equal signals differ by a constant as calibrations do that
-    // are not quite right.
+    // At any lag, linear between images. Allows equal signals to differ by a constant, as with a slightly
+    // wrong calibration.
     double between(double lag) const;
 
-    // The scatter of equal signals is taken from this lag, where they are believed to belong together.
-    void settle(double lag);
-    // Median distance of equal signals there, px of the full picture; nothing without any.
-    std::optional<double> miss_px(double lag) const;
+    // Estimates the scatter of equal signals at this lag and keeps it.
+    void fix_scatter(double lag);
+    // Median distance of equal signals at the lag, px of the full image; empty without any.
+    std::optional<double> residual_px(double lag) const;
 
   private:
-    struct Masked {  // NaN as 0, and where there is a value: 0 or 1
+    struct Masked {  // value: NaN as 0; there: 1 for a value, else 0
         std::vector<double> value, there;
     };
     struct Entry {

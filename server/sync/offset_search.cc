@@ -11,9 +11,9 @@ namespace {
 
 constexpr std::size_t kMaxForAllWays = 8;  // cameras
 constexpr int kMaxRounds = 20;
-constexpr double kReach_frames = 1.5, kStep_frames = 0.25;  // around a pair's peak
-constexpr double kDisagreement_frames = 0.5;                // from here on a pair counts for half and less
-constexpr double kMinCurvature = 1e-3;                      // nats per frame squared
+constexpr double kSearchRadius_frames = 1.5, kStep_frames = 0.25;  // around a pair's peak
+constexpr double kOutlier_frames = 0.5;  // residual at which a pair has half its weight
+constexpr double kMinCurvature = 1e-3;   // nats per frame squared
 
 struct Peak {
     int lag = 0;
@@ -53,8 +53,8 @@ bool within(const std::vector<int>& offsets, int max_lag) {
     return *high - *low <= max_lag;
 }
 
-// One camera after the other to where it fits best, until none moves.
-void settle_one_by_one(const std::vector<PairEvidence>& pairs, int max_lag, std::vector<int>& offsets) {
+// Moves one camera at a time to its best offset, until none moves.
+void optimise_one_by_one(const std::vector<PairEvidence>& pairs, int max_lag, std::vector<int>& offsets) {
     for (int round = 0; round < kMaxRounds; ++round) {
         bool moved = false;
         for (std::size_t c = 0; c < offsets.size(); ++c) {
@@ -80,25 +80,25 @@ void settle_one_by_one(const std::vector<PairEvidence>& pairs, int max_lag, std:
     }
 }
 
-// Where a parabola through the evidence around `lag` has its top, and how sharp that is.
+// Peak of a parabola through the evidence around `lag`, and its curvature.
 struct Top {
     double lag = std::numeric_limits<double>::quiet_NaN();
     double curvature = 0;
 };
 
 Top top_near(const PairEvidence& pair, double lag) {
-    const int count = static_cast<int>(std::lround(2 * kReach_frames / kStep_frames)) + 1;
+    const int count = static_cast<int>(std::lround(2 * kSearchRadius_frames / kStep_frames)) + 1;
     Eigen::MatrixXd powers(count, 3);
     Eigen::VectorXd values(count);
     for (int i = 0; i < count; ++i) {
-        const double x = -kReach_frames + i * kStep_frames;
+        const double x = -kSearchRadius_frames + i * kStep_frames;
         powers.row(i) << 1, x, x * x;
         values[i] = pair.between(lag + x);
     }
     const Eigen::Vector3d fit = powers.colPivHouseholderQr().solve(values);
     if (!(fit[2] < -kMinCurvature)) return {};
     const double top = -fit[1] / (2 * fit[2]);
-    if (std::abs(top) > kReach_frames) return {};
+    if (std::abs(top) > kSearchRadius_frames) return {};
     return {lag + top, -2 * fit[2]};
 }
 
@@ -109,7 +109,7 @@ std::vector<int> whole_offsets(const std::vector<PairEvidence>& pairs, std::size
     for (const PairEvidence& pair : pairs) peaks.push_back(highest_peak(pair, max_lag));
     std::vector<int> best(cameras, 0);
     double most = -std::numeric_limits<double>::infinity();
-    // The strongest tree, and for each camera the one that joins it to all others first.
+    // The strongest tree, and per camera the tree that joins it to all others first.
     for (std::size_t start = 0; start <= cameras; ++start) {
         std::vector<std::size_t> order(pairs.size());
         std::iota(order.begin(), order.end(), std::size_t{0});
@@ -128,7 +128,7 @@ std::vector<int> whole_offsets(const std::vector<PairEvidence>& pairs, std::size
                 if (group[c] == to) offsets[c] += shift;
         });
         if (!within(offsets, max_lag)) std::fill(offsets.begin(), offsets.end(), 0);
-        settle_one_by_one(pairs, max_lag, offsets);
+        optimise_one_by_one(pairs, max_lag, offsets);
         if (const double sum = total(pairs, offsets); sum > most) most = sum, best = offsets;
     }
     const int first = best.empty() ? 0 : best[0];
@@ -136,7 +136,7 @@ std::vector<int> whole_offsets(const std::vector<PairEvidence>& pairs, std::size
     return best;
 }
 
-std::vector<Group> ways_to_part(const std::vector<PairEvidence>& pairs, std::size_t cameras,
+std::vector<Group> bipartitions(const std::vector<PairEvidence>& pairs, std::size_t cameras,
                                 const std::vector<int>& offsets) {
     std::vector<Group> out;
     const auto add = [&](Group group) {
@@ -164,22 +164,22 @@ std::vector<Group> ways_to_part(const std::vector<PairEvidence>& pairs, std::siz
     };
     std::ranges::stable_sort(order, [&](std::size_t a, std::size_t b) { return evidence(a) > evidence(b); });
     join(pairs, order, cameras, [&](std::size_t p, const std::vector<std::size_t>& group) {
-        Group part(cameras, false);
-        for (std::size_t c = 0; c < cameras; ++c) part[c] = group[c] == group[pairs[p].second()];
-        add(std::move(part));
+        Group side(cameras, false);
+        for (std::size_t c = 0; c < cameras; ++c) side[c] = group[c] == group[pairs[p].second()];
+        add(std::move(side));
     });
     return out;
 }
 
 GroupCurve group_curve(const std::vector<PairEvidence>& pairs, const Group& group,
-                       const std::vector<int>& offsets, int most) {
-    GroupCurve out{std::vector<double>(2 * most + 1, 0), std::vector<int>(2 * most + 1, 0)};
+                       const std::vector<int>& offsets, int max_shift) {
+    GroupCurve out{std::vector<double>(2 * max_shift + 1, 0), std::vector<int>(2 * max_shift + 1, 0)};
     for (const PairEvidence& pair : pairs) {
         if (group[pair.first()] == group[pair.second()]) continue;
         const int lag = offsets[pair.second()] - offsets[pair.first()], sign = group[pair.second()] ? 1 : -1;
-        for (int shift = -most; shift <= most; ++shift) {
-            out.evidence[shift + most] += pair.at(lag + sign * shift);
-            out.overlap[shift + most] += pair.overlap(lag + sign * shift);
+        for (int shift = -max_shift; shift <= max_shift; ++shift) {
+            out.evidence[shift + max_shift] += pair.at(lag + sign * shift);
+            out.overlap[shift + max_shift] += pair.overlap(lag + sign * shift);
         }
     }
     return out;
@@ -192,7 +192,7 @@ FineOffsets fine_offsets(const std::vector<PairEvidence>& pairs, std::size_t cam
     out.frames.assign(whole.begin(), whole.end());
     std::vector<Top> tops;
     Eigen::MatrixXd spread = Eigen::MatrixXd::Zero(count, count);
-    for (int round = 0; round < 2; ++round) {  // the second one around what the first one found
+    for (int round = 0; round < 2; ++round) {  // the second one around the first one's result
         tops.clear();
         for (const PairEvidence& pair : pairs)
             tops.push_back(top_near(pair, out.frames[pair.second()] - out.frames[pair.first()]));
@@ -200,7 +200,7 @@ FineOffsets fine_offsets(const std::vector<PairEvidence>& pairs, std::size_t cam
         double misfit = 0;
         int used = 0;
         for (int again = 0; again < 10; ++again) {
-            // All offsets together may be anything: their mean is 0.
+            // The offsets' mean is undetermined; it is set to 0.
             Eigen::MatrixXd square = Eigen::MatrixXd::Constant(count, count, 1);
             Eigen::VectorXd right = Eigen::VectorXd::Zero(count);
             for (std::size_t p = 0; p < pairs.size(); ++p) {
@@ -212,7 +212,7 @@ FineOffsets fine_offsets(const std::vector<PairEvidence>& pairs, std::size_t cam
                 right[b] += w * tops[p].lag, right[a] -= w * tops[p].lag;
             }
             const Eigen::FullPivLU<Eigen::MatrixXd> solver(square);
-            if (!solver.isInvertible()) break;  // a camera without any peak: it keeps its whole offset
+            if (!solver.isInvertible()) break;  // a camera without a peak keeps its whole offset
             const Eigen::VectorXd solved = solver.solve(right);
             for (Eigen::Index c = 0; c < count; ++c) out.frames[c] = solved[c];
             spread = solver.inverse();
@@ -221,15 +221,15 @@ FineOffsets fine_offsets(const std::vector<PairEvidence>& pairs, std::size_t cam
                 if (std::isnan(tops[p].lag)) continue;
                 const double apart = tops[p].lag - (solved[static_cast<Eigen::Index>(pairs[p].second())] -
                                                     solved[static_cast<Eigen::Index>(pairs[p].first())]);
-                weight[p] = 1 / (1 + std::pow(apart / kDisagreement_frames, 2));
+                weight[p] = 1 / (1 + std::pow(apart / kOutlier_frames, 2));
                 misfit += weight[p] * tops[p].curvature * apart * apart, ++used;
             }
         }
         const int spare = used - static_cast<int>(cameras) + 1;
         const double excess = spare > 0 ? std::max(1.0, misfit / spare) : 1;
-        out.deviation_frames.clear();
+        out.std_frames.clear();
         for (Eigen::Index c = 0; c < count; ++c)
-            out.deviation_frames.push_back(std::sqrt(
+            out.std_frames.push_back(std::sqrt(
                 std::max(0.0, excess * (spread(c, c) - 1.0 / static_cast<double>(cameras * cameras)))));
         out.pairs.clear();
         for (std::size_t p = 0; p < pairs.size(); ++p) {
@@ -238,7 +238,7 @@ FineOffsets fine_offsets(const std::vector<PairEvidence>& pairs, std::size_t cam
             out.pairs.push_back({pairs[p].first(), pairs[p].second(), tops[p].lag,
                                  peaked ? 1 / std::sqrt(tops[p].curvature) : 0,
                                  peaked ? tops[p].lag - lag : 0, peaked ? weight[p] : 0,
-                                 pairs[p].between(lag), pairs[p].miss_px(lag)});
+                                 pairs[p].between(lag), pairs[p].residual_px(lag)});
         }
     }
     return out;

@@ -11,29 +11,28 @@
 
 namespace kinevox::sync {
 
-// Whole frames; the first camera's offset is 0. The largest sum of evidence that is found from several
-// beginnings by moving one camera after the other.
+// Whole frames; the first camera's offset is 0. The largest sum of evidence from several starts, moving one
+// camera at a time.
 std::vector<int> whole_offsets(const std::vector<PairEvidence>& pairs, std::size_t cameras, int max_lag);
 
-// A group of cameras against all others. member[camera]
+// A group of cameras against all others: group[camera].
 using Group = std::vector<bool>;
-// All ways to part up to eight cameras in two; of more cameras, each against the rest and what remains when a
-// link of the strongest tree is cut. A group holds at most half of the cameras.
-std::vector<Group> ways_to_part(const std::vector<PairEvidence>& pairs, std::size_t cameras,
+// All bipartitions of up to eight cameras; for more cameras, each against the rest and those that cut one
+// link of the strongest tree. A group has at most half of the cameras.
+std::vector<Group> bipartitions(const std::vector<PairEvidence>& pairs, std::size_t cameras,
                                 const std::vector<int>& offsets);
 
-// What ties the group to the others as all of it is shifted, from -most to most frames.
+// Evidence between the group and the others as the group is shifted from -max_shift to max_shift frames.
 struct GroupCurve {
-    std::vector<double> evidence;  // [shift + most]
-    std::vector<int> overlap;      // pictures, of all pairs
+    std::vector<double> evidence;  // [shift + max_shift]
+    std::vector<int> overlap;      // images, of all pairs
 };
 GroupCurve group_curve(const std::vector<PairEvidence>& pairs, const Group& group,
-                       const std::vector<int>& offsets, int most);
+                       const std::vector<int>& offsets, int max_shift);
 
-// Parts of a frame, from the pairs' peaks near the whole offsets: least squares, pairs that disagree count
-// less.
+// Sub-frame offsets from the pairs' peaks near the whole offsets: least squares with down-weighted outliers.
 struct FineOffsets {
-    std::vector<double> frames, deviation_frames;  // their mean is 0
+    std::vector<double> frames, std_frames;  // their mean is 0
     std::vector<PairFit> pairs;
 };
 FineOffsets fine_offsets(const std::vector<PairEvidence>& pairs, std::size_t cameras,

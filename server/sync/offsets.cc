@@ -13,37 +13,37 @@
 namespace kinevox::sync {
 namespace {
 
-constexpr int kMaxMoves = 8;         // of groups to where they fit better
-constexpr double kClearly_nats = 6;  // by so much less evidence, a shift is out of the question
-constexpr double kNarrowest_frames = 3;
+constexpr int kMaxMoves = 8;         // of groups to a better shift
+constexpr double kClearly_nats = 6;  // a shift with this much less evidence is rejected
+constexpr double kMinPeakWidth_frames = 3;
 
-// What a group's curve says of the shift 0.
-struct Verdict {
+// Verdict of a group's curve on shift 0.
+struct ShiftVerdict {
     double evidence = 0;
-    double quality = 0;  // evidence a picture
-    double rival = 0;    // quality of the best other shift against this one's
-    int rival_frames = 0;
-    int better_frames = 0;   // not 0: all in all it fits better there
-    double wide_frames = 0;  // on either side, where nothing speaks clearly against a shift
+    double quality = 0;    // evidence per image
+    double runner_up = 0;  // quality of the best other shift against this one's
+    int runner_up_frames = 0;
+    int better_frames = 0;   // not 0: the total evidence is larger there
+    double wide_frames = 0;  // on either side, without clear evidence against a shift
 };
 
 double quality(const GroupCurve& curve, int i) {
     return curve.overlap[i] > 0 ? curve.evidence[i] / curve.overlap[i] : 0;
 }
 
-Verdict judge(const GroupCurve& curve, const OffsetOptions& options) {
+ShiftVerdict judge(const GroupCurve& curve, const OffsetOptions& options) {
     const int size = static_cast<int>(curve.evidence.size()), middle = size / 2;
-    Verdict out;
+    ShiftVerdict out;
     out.evidence = curve.evidence[middle];
     const double here = out.quality = quality(curve, middle);
     if (!(here > 0)) return out;
-    // The peak's own flanks are no rivals.
+    // The peak's own flanks are no runners-up.
     int ends[2];
     for (const int side : {0, 1}) {
         const int step = side ? 1 : -1;
         int i = middle, wide = middle;
         while (i + step >= 0 && i + step < size &&
-               (quality(curve, i) > options.rival_quality * here ||
+               (quality(curve, i) > options.runner_up_quality * here ||
                 curve.evidence[i + step] <= curve.evidence[i])) {
             i += step;
             if (curve.evidence[i] > out.evidence - kClearly_nats && std::abs(i - wide) == 1) wide = i;
@@ -51,22 +51,22 @@ Verdict judge(const GroupCurve& curve, const OffsetOptions& options) {
         ends[side] = i;
         out.wide_frames = std::max(out.wide_frames, static_cast<double>(std::abs(wide - middle)));
     }
-    double most = out.evidence;
+    double best = out.evidence;
     for (int i = 0; i < size; ++i) {
-        if (curve.evidence[i] > most) most = curve.evidence[i], out.better_frames = i - middle;
+        if (curve.evidence[i] > best) best = curve.evidence[i], out.better_frames = i - middle;
         if ((i >= ends[0] && i <= ends[1]) ||
-            curve.overlap[i] < options.rival_overlap * curve.overlap[middle])
+            curve.overlap[i] < options.runner_up_overlap * curve.overlap[middle])
             continue;
-        if (const double there = quality(curve, i) / here; there > out.rival)
-            out.rival = there, out.rival_frames = i - middle;
+        if (const double there = quality(curve, i) / here; there > out.runner_up)
+            out.runner_up = there, out.runner_up_frames = i - middle;
     }
     return out;
 }
 
 struct Judged {
     Group group;
-    double tied = 0;  // how well, against what is needed: 1 is just enough
-    Verdict verdict;
+    double tied = 0;  // evidence relative to the minimum: 1 is just enough
+    ShiftVerdict verdict;
 };
 
 bool any_equal(const std::vector<PairEvidence>& pairs, const Group& group) {
@@ -75,7 +75,7 @@ bool any_equal(const std::vector<PairEvidence>& pairs, const Group& group) {
     });
 }
 
-// Evidence a picture of the best quarter of the pairs that see something equal; 0 without any.
+// Evidence per image of the best quarter of the pairs with equal signals; 0 without any.
 double best_quality(const std::vector<PairEvidence>& pairs, const std::vector<int>& offsets) {
     std::vector<double> all;
     for (const PairEvidence& pair : pairs) {
@@ -88,10 +88,10 @@ double best_quality(const std::vector<PairEvidence>& pairs, const std::vector<in
     return *quarter;
 }
 
-double how_tied(const Verdict& verdict, bool equal, double best, const OffsetOptions& options) {
+double how_tied(const ShiftVerdict& verdict, bool equal, double best, const OffsetOptions& options) {
     if (!equal) return verdict.evidence / options.min_evidence;
     const double enough = verdict.evidence / options.min_evidence_equal;
-    return best > 0 ? std::min(enough, verdict.quality / (options.min_part * best)) : enough;
+    return best > 0 ? std::min(enough, verdict.quality / (options.min_quality_fraction * best)) : enough;
 }
 
 std::string names_of(const Group& group, std::span<const std::string> names) {
@@ -103,65 +103,61 @@ std::string names_of(const Group& group, std::span<const std::string> names) {
 
 absl::Status untied(const Judged& worst, std::span<const std::string> names, const OffsetOptions& options) {
     return absl::FailedPreconditionError(fmt::format(
-        "{}: no shift up to {:g} s fits the others well enough (the best one by {:.0f} % of what is "
-        "needed). Either nobody moves while "
-        "both see them, or it is another recording, or it began earlier or later than that; record "
-        "somebody who moves in view "
-        "of all cameras, such as a jump, or give a larger --max-shift",
-        names_of(worst.group, names), options.max_shift_s, 100 * std::max(0.0, worst.tied)));
+        "{}: no shift up to {:g} s matches the others (the best one has {:.0f} % of the evidence needed). No "
+        "person moves in shared view, it is another recording, or the offset is larger; record a movement in "
+        "view of all cameras, such as a jump, or give a larger --max-offset",
+        names_of(worst.group, names), options.max_offset_s, 100 * std::max(0.0, worst.tied)));
 }
 
 absl::Status ambiguous(const Judged& worst, std::span<const std::string> names,
                        const OffsetOptions& options) {
-    return absl::FailedPreconditionError(
-        fmt::format("{}: fits the others at two shifts that are {:.3f} s apart, the second {:.0f} % as well "
-                    "as the first, as "
-                    "when a movement "
-                    "repeats itself; record a movement that does not, such as one jump, or give a "
-                    "--max-shift that leaves one of "
-                    "them out",
-                    names_of(worst.group, names), std::abs(worst.verdict.rival_frames) / options.fps,
-                    100 * worst.verdict.rival));
+    return absl::FailedPreconditionError(fmt::format(
+        "{}: matches the others at two shifts {:.3f} s apart, the second {:.0f} % as good as the "
+        "first, as with a repeating movement; record one that does not repeat, such as a jump, or "
+        "give a --max-offset that excludes one of them",
+        names_of(worst.group, names), std::abs(worst.verdict.runner_up_frames) / options.fps,
+        100 * worst.verdict.runner_up));
 }
 
 absl::Status blurred(const Judged& worst, std::span<const std::string> names, const OffsetOptions& options) {
-    return absl::FailedPreconditionError(fmt::format(
-        "{}: its shift against the others cannot be told to within {:.2f} s, since the movement is too "
-        "slow; record something "
-        "quick, such as a jump",
-        names_of(worst.group, names), worst.verdict.wide_frames / options.fps));
+    return absl::FailedPreconditionError(
+        fmt::format("{}: its shift against the others is uncertain by {:.2f} s, because the movement is too "
+                    "slow; record a "
+                    "fast one, such as a jump",
+                    names_of(worst.group, names), worst.verdict.wide_frames / options.fps));
 }
 
-// All pairs' tables and the whole offsets, with the scatter of what is equal taken from there.
-std::vector<int> search(std::vector<PairEvidence>& pairs, std::size_t cameras, int most) {
+// All pairs' tables and the whole offsets, with the scatter of equal signals estimated there.
+std::vector<int> search(std::vector<PairEvidence>& pairs, std::size_t cameras, int max_lag) {
     std::vector<int> whole;
     for (int round = 0; round < 2; ++round) {
         for (PairEvidence& pair : pairs) {
-            if (round > 0) pair.settle(whole[pair.second()] - whole[pair.first()]);
-            pair.tabulate(-most, most);
+            if (round > 0) pair.fix_scatter(whole[pair.second()] - whole[pair.first()]);
+            pair.tabulate(-max_lag, max_lag);
         }
-        whole = whole_offsets(pairs, cameras, most);
+        whole = whole_offsets(pairs, cameras, max_lag);
     }
     return whole;
 }
 
-// What is equal must be so: near enough for each camera against the others.
-absl::Status check_misses(const FineOffsets& fine, std::span<const std::string> names,
-                          const OffsetOptions& options) {
+// Equal signals must be close enough for each camera against the others.
+absl::Status check_residuals(const FineOffsets& fine, std::span<const std::string> names,
+                             const OffsetOptions& options) {
     for (std::size_t c = 0; c < names.size(); ++c) {
-        std::vector<double> misses;
+        std::vector<double> residuals;
         for (const PairFit& pair : fine.pairs)
-            if (pair.miss_px && (pair.first == c || pair.second == c)) misses.push_back(*pair.miss_px);
-        if (misses.empty()) continue;
-        const auto middle = misses.begin() + static_cast<std::ptrdiff_t>(misses.size() / 2);
-        std::ranges::nth_element(misses, middle);
-        if (*middle <= options.max_miss_px * options.pixel_px) continue;
-        return absl::FailedPreconditionError(fmt::format(
-            "camera {}: its silhouettes miss those of the others by {:.1f} px even where they fit best: "
-            "it is of another recording, "
-            "or stands elsewhere than its calibration says; correct that, or give --no-places to go by "
-            "the movement alone",
-            names[c], *middle));
+            if (pair.residual_px && (pair.first == c || pair.second == c))
+                residuals.push_back(*pair.residual_px);
+        if (residuals.empty()) continue;
+        const auto middle = residuals.begin() + static_cast<std::ptrdiff_t>(residuals.size() / 2);
+        std::ranges::nth_element(residuals, middle);
+        if (*middle <= options.max_residual_px * options.pixel_px) continue;
+        return absl::FailedPreconditionError(
+            fmt::format("camera {}: its silhouettes are inconsistent with the others by {:.1f} px even at "
+                        "the best offset: it "
+                        "belongs to another recording, or its extrinsics are wrong; correct that, or give "
+                        "--no-extrinsics",
+                        names[c], *middle));
     }
     return absl::OkStatus();
 }
@@ -172,17 +168,17 @@ absl::StatusOr<OffsetSolution> solve_offsets(std::vector<PairEvidence>& pairs,
                                              std::span<const std::string> names,
                                              const OffsetOptions& options) {
     const std::size_t cameras = names.size();
-    const int most = static_cast<int>(std::lround(options.max_shift_s * options.fps));
-    std::vector<int> whole = search(pairs, cameras, most);
+    const int max_lag = static_cast<int>(std::lround(options.max_offset_s * options.fps));
+    std::vector<int> whole = search(pairs, cameras, max_lag);
 
-    const std::vector<Group> groups = ways_to_part(pairs, cameras, whole);
+    const std::vector<Group> groups = bipartitions(pairs, cameras, whole);
     std::vector<Judged> judged;
     for (int move = 0; move < kMaxMoves; ++move) {
         judged.clear();
         const Judged* better = nullptr;
         const double best = best_quality(pairs, whole);
         for (const Group& group : groups) {
-            const Verdict verdict = judge(group_curve(pairs, group, whole, most), options);
+            const ShiftVerdict verdict = judge(group_curve(pairs, group, whole, max_lag), options);
             judged.push_back({group, how_tied(verdict, any_equal(pairs, group), best, options), verdict});
         }
         for (const Judged& one : judged)
@@ -194,20 +190,21 @@ absl::StatusOr<OffsetSolution> solve_offsets(std::vector<PairEvidence>& pairs,
     const auto by = [&](auto of) { return *std::ranges::min_element(judged, {}, of); };
     const Judged weakest = by([](const Judged& j) { return j.tied; });
     if (weakest.tied < 1) return untied(weakest, names, options);
-    const Judged rivalled = by([](const Judged& j) { return -j.verdict.rival; });
-    if (rivalled.verdict.rival > options.rival_quality) return ambiguous(rivalled, names, options);
-    const Judged widest = by([](const Judged& j) { return -j.verdict.wide_frames; });
-    if (widest.verdict.wide_frames > std::max(kNarrowest_frames, options.widest_s * options.fps))
-        return blurred(widest, names, options);
+    const Judged ambiguous_group = by([](const Judged& j) { return -j.verdict.runner_up; });
+    if (ambiguous_group.verdict.runner_up > options.runner_up_quality)
+        return ambiguous(ambiguous_group, names, options);
+    const Judged blurred_group = by([](const Judged& j) { return -j.verdict.wide_frames; });
+    if (blurred_group.verdict.wide_frames >
+        std::max(kMinPeakWidth_frames, options.max_peak_width_s * options.fps))
+        return blurred(blurred_group, names, options);
 
     const FineOffsets fine = fine_offsets(pairs, cameras, whole);
-    if (absl::Status fits = check_misses(fine, names, options); !fits.ok()) return fits;
+    if (absl::Status fits = check_residuals(fine, names, options); !fits.ok()) return fits;
     for (std::size_t c = 0; c < cameras; ++c)
         if (std::ranges::none_of(fine.pairs, [&](const PairFit& p) {
                 return p.weight > 0 && (p.first == c || p.second == c);
             })) {
-            Judged lonely{
-                Group(cameras, false), 0, {}};  // best where the search ends, or nowhere in particular
+            Judged lonely{Group(cameras, false), 0, {}};  // without a peak inside the search range
             lonely.group[c] = true;
             return untied(lonely, names, options);
         }
@@ -218,20 +215,20 @@ absl::StatusOr<OffsetSolution> solve_offsets(std::vector<PairEvidence>& pairs,
     for (std::size_t c = 0; c < cameras; ++c) {
         CameraFit& fit = out.cameras.emplace_back();
         fit.offset_s = (fine.frames[c] - earliest) / options.fps;
-        fit.deviation_s = fine.deviation_frames[c] / options.fps;
+        fit.std_s = fine.std_frames[c] / options.fps;
         fit.evidence = std::numeric_limits<double>::max();
         for (const Judged& one : judged) {
             const auto members = static_cast<std::size_t>(std::ranges::count(one.group, true));
             if (!one.group[c] && 2 * members != cameras) continue;
             fit.evidence = std::min(fit.evidence, one.verdict.evidence);
-            if (one.verdict.rival > fit.rival) {
-                fit.rival = one.verdict.rival;
-                fit.rival_shift_s = (one.group[c] ? 1 : -1) * one.verdict.rival_frames / options.fps;
+            if (one.verdict.runner_up > fit.runner_up) {
+                fit.runner_up = one.verdict.runner_up;
+                fit.runner_up_offset_s = (one.group[c] ? 1 : -1) * one.verdict.runner_up_frames / options.fps;
             }
         }
         Group alone(cameras, false);
         alone[c] = true;
-        fit.curve = {-most, group_curve(pairs, alone, whole, most).evidence};
+        fit.curve = {-max_lag, group_curve(pairs, alone, whole, max_lag).evidence};
     }
     return out;
 }

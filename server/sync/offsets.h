@@ -1,5 +1,4 @@
-// Offsets of all cameras at which the evidence of all pairs together is largest, and whether there is but one
-// such answer.
+// Offsets of all cameras that maximise the total evidence of all pairs, and whether the maximum is unique.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -16,47 +15,46 @@ namespace kinevox::sync {
 
 struct OffsetOptions {
     double fps = 30;
-    double max_shift_s = 30;  // between any two cameras
-    // Nats that tie any group of cameras to the others: where nothing is equal, and where something is, which
-    // a calibration of another place or a camera of another recording makes look equal for a while.
+    double max_offset_s = 30;  // between any two cameras
+    // Minimum evidence (nats) between any group of cameras and the others: without equal signals, and with
+    // them, because a wrong calibration or a camera of another recording can make signals look equal for a
+    // while.
     double min_evidence = 25, min_evidence_equal = 50;
-    // Where something is equal, a group's evidence a picture must also be such a part of that of the best
-    // quarter of pairs: a camera of another recording finds a shift at which it fits a little, but never as
-    // well as the others do.
-    double min_part = 0.4;
-    // Another shift whose evidence a picture is so near to the best one's, over so much of its overlap, makes
-    // it ambiguous.
-    double rival_quality = 0.88, rival_overlap = 0.4;
-    double widest_s = 0.15;  // evidence must fall off within that, or within three frames
-    double max_miss_px = 4;  // median, of a camera's equal signals, in the unit below
-    double pixel_px = 1;     // a 640th of the picture's longer side
+    // With equal signals, a group's evidence per image must also be this fraction of that of the best quarter
+    // of pairs: a camera of another recording has a weakly matching shift, but never a good one.
+    double min_quality_fraction = 0.4;
+    // Another shift with this fraction of the best evidence per image, over this fraction of its overlap,
+    // makes the result ambiguous.
+    double runner_up_quality = 0.88, runner_up_overlap = 0.4;
+    double max_peak_width_s = 0.15;  // evidence must fall off within this, or within three frames
+    double max_residual_px = 4;      // median over a camera's equal signals, in units of pixel_px
+    double pixel_px = 1;             // a 640th of the image's longer side
 };
 
-// Of two cameras, at the answer.
+// One pair of cameras at the solution.
 struct PairFit {
     std::size_t first = 0, second = 0;
-    double lag_frames = 0;        // where this pair alone has its peak nearby; NaN where it has none
-    double deviation_frames = 0;  // of that
-    double disagrees_frames = 0;  // lag_frames less what all pairs together say
-    double weight = 0;            // 0 .. 1: less where it disagrees
+    double lag_frames = 0;       // where this pair alone has its peak nearby; NaN without a peak
+    double std_frames = 0;       // of that
+    double residual_frames = 0;  // lag_frames minus the lag of the joint solution
+    double weight = 0;           // 0 .. 1: less for outliers
     double evidence = 0;
-    std::optional<double> miss_px;  // of equal signals, median
+    std::optional<double> residual_px;  // of equal signals, median
 };
 
-// What ties one camera to all others, by shift from the answer.
+// Evidence between one camera and all others, by shift from the solution.
 struct ShiftCurve {
     int lowest_frames = 0;
-    std::vector<double> evidence;  // nats, from there on, a frame apart
+    std::vector<double> evidence;  // nats, from there on, one frame apart
 };
 
 struct CameraFit {
-    double offset_s = 0;     // the earliest camera's is 0
-    double deviation_s = 0;  // standard deviation against all cameras' common time
-    double evidence = 0;     // nats, of the weakest tie of any group with this camera to the others
-    // Of the best other shift, against the answer's: evidence a picture. 0 where there is none to speak of,
-    // 1: as good.
-    double rival = 0;
-    double rival_shift_s = 0;
+    double offset_s = 0;  // the earliest camera's is 0
+    double std_s = 0;     // standard deviation against all cameras' common time
+    double evidence = 0;  // nats, of the weakest link of any group with this camera to the others
+    // Evidence per image of the best other shift as a fraction of the solution's. 0: none, 1: equally good.
+    double runner_up = 0;
+    double runner_up_offset_s = 0;
     ShiftCurve curve;
 };
 
@@ -65,9 +63,9 @@ struct OffsetSolution {
     std::vector<PairFit> pairs;
 };
 
-// `names`: of the cameras, for messages. FailedPrecondition, with cameras, figures and what to do, where a
-// group of cameras is not tied to the others, where it fits at several shifts, where its shift is not sharp,
-// or where the places of the cameras do not fit what they see.
+// `names`: of the cameras, for messages. FailedPrecondition, with cameras, numbers and remedy, if a group of
+// cameras has too little evidence, several matching shifts or a blurred peak, or if the extrinsics are
+// inconsistent with the silhouettes.
 absl::StatusOr<OffsetSolution> solve_offsets(std::vector<PairEvidence>& pairs,
                                              std::span<const std::string> names,
                                              const OffsetOptions& options);

@@ -14,15 +14,14 @@ namespace kinevox::sync {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-constexpr double kMovementSmoothing_s = 0.05;  // of positions, before their change is taken
-constexpr double kSlow_s = 0.5;                // slower parts depend on where the camera stands
+constexpr double kMovementSmoothing_s = 0.05;  // of positions, before differentiation
+constexpr double kSlow_s = 0.5;                // slower components depend on the camera's position
 constexpr double kTangentSmoothing_s = 0.03;
-constexpr double kMinWeight = 0.3;  // of a Gaussian's, that must lie on values
+constexpr double kMinWeight = 0.3;  // of a Gaussian's weight that must lie on values
 
 constexpr double kNearestCentres_m = 0.05;
-constexpr double kMinOffAxis =
-    0.17;                        // sine: nearer to the line through both centres a plane is a matter of luck
-constexpr double kWidest = 2.4;  // radians: a silhouette that covers more has the other camera behind it
+constexpr double kMinOffAxis = 0.17;   // sine: closer to the baseline a plane is unreliable
+constexpr double kMaxAngle_rad = 2.4;  // a silhouette that covers more has the other camera behind it
 
 template <class Value>
 Signal collect(const CameraMotion& motion, Value value) {
@@ -32,7 +31,7 @@ Signal collect(const CameraMotion& motion, Value value) {
     return out;
 }
 
-double median_of(std::vector<double> values) {
+double finite_median(std::vector<double> values) {
     std::erase_if(values, [](double v) { return std::isnan(v); });
     if (values.empty()) return kNone;
     const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -40,7 +39,7 @@ double median_of(std::vector<double> values) {
     return *middle;
 }
 
-// Of the smoothed signal, at the later of two pictures: `factor` times how much it rises.
+// Difference of the smoothed signal, at the later of two images, times `factor`.
 Signal rises(const Signal& signal, double smoothing, double factor) {
     const Signal smooth = smoothed(signal, smoothing);
     Signal out(signal.size(), kNone);
@@ -58,16 +57,16 @@ Vec3 direction_in_world(const Camera& camera, Vec2 pixel) {
     return camera.ray_through(pixel).direction_in_world;
 }
 
-// Directions to a silhouette's hull, length 1; empty where there is none.
-struct Sight {
+// Unit directions to a silhouette's hull; empty if there is none.
+struct HullDirections {
     std::vector<Vec3> directions_in_world;
     const std::vector<bool>* at_border = nullptr;
 };
 
-std::vector<Sight> sights(const CameraMotion& motion) {
-    std::vector<Sight> out(motion.shapes.size());
+std::vector<HullDirections> hull_directions(const CameraMotion& motion) {
+    std::vector<HullDirections> out(motion.shapes.size());
     oneapi::tbb::parallel_for(std::size_t{0}, out.size(), [&](std::size_t i) {
-        const SeenShape& shape = motion.shapes[i];
+        const SilhouetteShape& shape = motion.shapes[i];
         if (!shape.seen) return;
         for (const Vec2 point : shape.hull)
             out[i].directions_in_world.push_back(direction_in_world(motion.camera, point));
@@ -76,22 +75,22 @@ std::vector<Sight> sights(const CameraMotion& motion) {
     return out;
 }
 
-Vec3 mean_direction(const std::vector<Sight>& seen) {
+Vec3 mean_direction(const std::vector<HullDirections>& seen) {
     Vec3 sum;
-    for (const Sight& sight : seen)
-        for (const Vec3 direction : sight.directions_in_world)
-            sum += (1.0 / static_cast<double>(sight.directions_in_world.size())) * direction;
+    for (const HullDirections& hull : seen)
+        for (const Vec3 direction : hull.directions_in_world)
+            sum += (1.0 / static_cast<double>(hull.directions_in_world.size())) * direction;
     return sum;
 }
 
-// Angles of the two touching planes, radians about `axis` from `from`, and how many pixels a radian is, in
-// the middle.
+// Angles of the two tangent planes, radians about `axis` from `from`, and the median number of pixels per
+// radian.
 struct Touches {
     Signal angle[2];
     double pixels_per_radian = kNone;
 };
 
-Touches touches(const CameraMotion& motion, const std::vector<Sight>& seen, Vec3 axis, Vec3 from) {
+Touches touches(const CameraMotion& motion, const std::vector<HullDirections>& seen, Vec3 axis, Vec3 from) {
     const Vec3 across = cross(axis, from);
     Touches out;
     for (Signal& angle : out.angle) angle.assign(seen.size(), kNone);
@@ -106,7 +105,7 @@ Touches touches(const CameraMotion& motion, const std::vector<Sight>& seen, Vec3
             if (angle < ends[0]) ends[0] = angle, at[0] = j;
             if (angle > ends[1]) ends[1] = angle, at[1] = j;
         }
-        if (ends[1] - ends[0] > kWidest) continue;
+        if (ends[1] - ends[0] > kMaxAngle_rad) continue;
         for (const int k : {0, 1}) {
             const double off_axis = norm(cross(axis, directions[at[k]]));
             if ((*seen[i].at_border)[at[k]] || off_axis < kMinOffAxis) continue;
@@ -114,23 +113,24 @@ Touches touches(const CameraMotion& motion, const std::vector<Sight>& seen, Vec3
             scales.push_back(motion.camera.fx * off_axis);
         }
     }
-    out.pixels_per_radian = median_of(std::move(scales));
+    out.pixels_per_radian = finite_median(std::move(scales));
     return out;
 }
 
 std::vector<std::array<Signal, 2>> touching_planes(const CameraMotion& a, const CameraMotion& b,
-                                                   const std::vector<Sight>& in_a,
-                                                   const std::vector<Sight>& in_b, double smoothing) {
+                                                   const std::vector<HullDirections>& in_a,
+                                                   const std::vector<HullDirections>& in_b,
+                                                   double smoothing) {
     const Vec3 base = b.camera.centre_in_world() - a.camera.centre_in_world();
     if (!(norm(base) > kNearestCentres_m)) return {};
     const Vec3 axis = normalized(base);
-    // About where the subject is, so that no angle is near the end of its range.
+    // Towards the subject, so that no angle is near the end of its range.
     const Vec3 towards = mean_direction(in_a) + mean_direction(in_b);
     const Vec3 square = towards - dot(towards, axis) * axis;
     if (!(norm(square) > 0.05 * norm(towards))) return {};
     const Touches at_a = touches(a, in_a, axis, normalized(square)),
                   at_b = touches(b, in_b, axis, normalized(square));
-    // One pixel in either picture turns a plane by so much.
+    // Pixels per radian, from the rotation per pixel in either image.
     const double pixels = 1 / std::hypot(1 / at_a.pixels_per_radian, 1 / at_b.pixels_per_radian);
     if (!std::isfinite(pixels)) return {};
     std::vector<std::array<Signal, 2>> out;
@@ -145,20 +145,20 @@ std::vector<std::array<Signal, 2>> touching_planes(const CameraMotion& a, const 
 
 }  // namespace
 
-Signal smoothed(const Signal& signal, double deviation_samples) {
-    const int reach = static_cast<int>(std::ceil(3 * deviation_samples));
-    std::vector<double> weights(2 * reach + 1);
+Signal smoothed(const Signal& signal, double std_samples) {
+    const int radius = static_cast<int>(std::ceil(3 * std_samples));
+    std::vector<double> weights(2 * radius + 1);
     double all = 0;
-    for (int k = -reach; k <= reach; ++k)
-        all += weights[k + reach] = std::exp(-0.5 * k * k / (deviation_samples * deviation_samples));
+    for (int k = -radius; k <= radius; ++k)
+        all += weights[k + radius] = std::exp(-0.5 * k * k / (std_samples * std_samples));
     const int size = static_cast<int>(signal.size());
     Signal out(signal.size(), kNone);
     for (int i = 0; i < size; ++i) {
         if (std::isnan(signal[i])) continue;
         double sum = 0, weight = 0;
-        for (int k = std::max(-reach, -i); k <= std::min(reach, size - 1 - i); ++k)
+        for (int k = std::max(-radius, -i); k <= std::min(radius, size - 1 - i); ++k)
             if (!std::isnan(signal[i + k]))
-                sum += weights[k + reach] * signal[i + k], weight += weights[k + reach];
+                sum += weights[k + radius] * signal[i + k], weight += weights[k + radius];
         if (weight > kMinWeight * all) out[i] = sum / weight;
     }
     return out;
@@ -166,31 +166,33 @@ Signal smoothed(const Signal& signal, double deviation_samples) {
 
 MovementSignals movement_signals(const CameraMotion& motion, double fps) {
     const double height =
-        median_of(collect(motion, [](const SeenShape& s) { return s.bottom_px - s.top_px; }));
+        finite_median(collect(motion, [](const SilhouetteShape& s) { return s.bottom_px - s.top_px; }));
     const double per_height = -fps / height;  // y points down
     const double smoothing = std::max(1.0, kMovementSmoothing_s * fps), slow = kSlow_s * fps;
     MovementSignals out;
-    const Signal top = collect(motion, [](const SeenShape& s) { return s.cut_above ? kNone : s.top_px; });
-    const Signal centroid = collect(motion, [](const SeenShape& s) { return s.centroid_y_px; });
-    const Signal part = collect(motion, [](const SeenShape& s) { return s.changed_px2 / s.area_px2; });
+    const Signal top =
+        collect(motion, [](const SilhouetteShape& s) { return s.truncated_top ? kNone : s.top_px; });
+    const Signal centroid = collect(motion, [](const SilhouetteShape& s) { return s.centroid_y_px; });
+    const Signal changed =
+        collect(motion, [](const SilhouetteShape& s) { return s.changed_px2 / s.area_px2; });
     out.top = without_slow(rises(top, smoothing, per_height), slow);
     out.centroid = without_slow(rises(centroid, smoothing, per_height), slow);
-    out.changed_part = smoothed(part, smoothing);
-    out.change = out.changed_part;
+    out.changed_fraction = smoothed(changed, smoothing);
+    out.change = out.changed_fraction;
     for (double& value : out.change) value = std::log(value + 1e-3);
     out.change = without_slow(std::move(out.change), slow);
-    for (double& value : out.changed_part) value *= fps;
-    out.hardly_moves = median_of(part);
+    for (double& value : out.changed_fraction) value *= fps;
+    out.hardly_moves = finite_median(changed);
     return out;
 }
 
 std::vector<PairSignals> pair_signals(const std::vector<CameraMotion>& cameras, double fps,
                                       const SignalOptions& options) {
     std::vector<MovementSignals> movements(cameras.size());
-    std::vector<std::vector<Sight>> seen(cameras.size());
+    std::vector<std::vector<HullDirections>> seen(cameras.size());
     oneapi::tbb::parallel_for(std::size_t{0}, cameras.size(), [&](std::size_t c) {
         movements[c] = movement_signals(cameras[c], fps);
-        if (options.use_places) seen[c] = sights(cameras[c]);
+        if (options.use_extrinsics) seen[c] = hull_directions(cameras[c]);
     });
     std::vector<PairSignals> out;
     for (std::size_t a = 0; a < cameras.size(); ++a)
@@ -201,7 +203,7 @@ std::vector<PairSignals> pair_signals(const std::vector<CameraMotion>& cameras, 
                           {movements[a].centroid, movements[b].centroid},
                           {movements[a].change, movements[b].change}};
         }
-    if (!options.use_places) return out;
+    if (!options.use_extrinsics) return out;
     const double smoothing = std::max(1.0, kTangentSmoothing_s * fps);
     oneapi::tbb::parallel_for(std::size_t{0}, out.size(), [&](std::size_t p) {
         const std::size_t a = out[p].first, b = out[p].second;

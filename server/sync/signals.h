@@ -1,4 +1,4 @@
-// What two cameras see of one movement, as signals that can be laid over each other.
+// Signals of one movement that are comparable between two cameras.
 #pragma once
 
 #include <array>
@@ -9,41 +9,40 @@
 
 namespace kinevox::sync {
 
-// One value a picture; NaN where there is none.
+// One value per image; NaN where there is none.
 using Signal = std::vector<double>;
 
 // Of the cameras `first` and `second`, in that order in each array.
 struct PairSignals {
     std::size_t first = 0, second = 0;
-    // Have the same value at the same instant, px: where the planes that contain both cameras' centres touch
-    // the subject.
+    // Equal at the same instant, px: the planes through both camera centres that touch the subject.
     std::vector<std::array<Signal, 2>> equal_px;
-    // Rise and fall together, in whatever unit.
+    // Correlated, in any unit.
     std::vector<std::array<Signal, 2>> alike;
 };
 
-// What a camera's signals are called in tables and plots.
+// Names as in tables and plots.
 struct MovementSignals {
-    Signal top;       // how fast the silhouette's top rises, in parts of its height a second
-    Signal centroid;  // its centroid likewise
-    Signal change;    // logarithm of how much of it changes from one picture to the next
-    // The same before slow parts were taken off, for plots: parts of the silhouette a second.
-    Signal changed_part;
-    double hardly_moves = 0;  // median part of the silhouette that differs from the picture before
+    Signal top;       // vertical speed of the silhouette's top, in its heights per second
+    Signal centroid;  // of its centroid
+    Signal change;    // logarithm of the changed fraction from one image to the next
+    // The same before high-pass filtering, for plots: fraction of the silhouette per second.
+    Signal changed_fraction;
+    double hardly_moves = 0;  // median fraction of the silhouette that differs from the previous image
 };
 
 MovementSignals movement_signals(const CameraMotion& motion, double fps);
 
 struct SignalOptions {
-    bool use_places = true;  // false: nothing but what needs no calibration
+    bool use_extrinsics = true;  // false: only signals that need no calibration
 };
 
-// All pairs of cameras. Pairs whose places tell nothing (the same place, or one looks along the line to the
-// other) have no equal_px.
+// All pairs of cameras. Pairs with uninformative extrinsics (equal positions, or one looks along the
+// baseline) have no equal_px.
 std::vector<PairSignals> pair_signals(const std::vector<CameraMotion>& cameras, double fps,
                                       const SignalOptions& options = {});
 
-// Gaussian, over what there is around; NaN stays NaN.
-Signal smoothed(const Signal& signal, double deviation_samples);
+// Gaussian; NaN stays NaN.
+Signal smoothed(const Signal& signal, double std_samples);
 
 }  // namespace kinevox::sync

@@ -1,54 +1,25 @@
-// kinevox-calibrate: calibration on files, no daemon.
-#include <fmt/format.h>
-
+// kinevox-calibrate: calibration on files, without a daemon.
 #include <CLI/CLI.hpp>
-#include <cstdio>
-#include <exception>
-#include <string>
 #include <vector>
 
-#include "common/one_line.h"
+#include "common/command_line.h"
 #include "server/cameras/session_source.h"
 #include "server/tools/calibrate/verbs.h"
 
-namespace {
-
-int fail(const std::string& message) {
-    fmt::print(stderr, "kinevox calibrate: {}\n", kinevox::one_line(message));
-    return 1;
-}
-
-int run(int argc, char** argv) {
-    CLI::App app("Cameras: intrinsics, places in the room, floor, and whether the result can be trusted.",
+int main(int argc, char** argv) {
+    using namespace kinevox::calibrate;
+    CLI::App app("Camera calibration on files: intrinsics, extrinsics, world frame and their quality.",
                  "kinevox calibrate");
     app.require_subcommand(1);
-    std::vector<kinevox::calibrate::Verb> verbs = kinevox::calibrate::file_verbs(app);
-    for (const auto& more : {kinevox::calibrate::lens_verbs(app), kinevox::calibrate::places_verbs(app),
-                             kinevox::calibrate::floor_verbs(app), kinevox::calibrate::session_verbs(app)})
+    app.footer(kinevox::kExitStatusHelp);
+    std::vector<Verb> verbs;
+    for (const auto& more : {intrinsics_verbs(app), extrinsics_verbs(app), floor_verbs(app),
+                             session_verbs(app), convert_verbs(app)})
         verbs.insert(verbs.end(), more.begin(), more.end());
-    try {
-        app.parse(argc, argv);
-    } catch (const CLI::CallForHelp& help) {
-        return app.exit(help);
-    } catch (const CLI::ParseError& error) {
-        const std::string text = error.what();
-        return fail(text.substr(0, text.find('\n')) + "; see kinevox calibrate --help");
-    }
-    kinevox::silence_video_libraries();
-    for (const kinevox::calibrate::Verb& verb : verbs) {
-        if (!verb.app->parsed()) continue;
-        const absl::Status status = verb.run();
-        return status.ok() ? 0 : fail(std::string(status.message()));
-    }
-    return 1;
-}
-
-}  // namespace
-
-int main(int argc, char** argv) {
-    try {
-        return run(argc, argv);
-    } catch (const std::exception& error) {
-        return fail(error.what());
-    }
+    return kinevox::tool_main(app, argc, argv, [&] {
+        kinevox::silence_video_libraries();
+        for (const Verb& verb : verbs)
+            if (verb.app->parsed()) return verb.run();
+        return absl::OkStatus();
+    });
 }

@@ -1,10 +1,10 @@
-// kinevox discover: the cameras on the network and on USB, and how to name them in the configuration.
+// kinevox discover: cameras on the network and on USB, with the names that the configuration uses.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "common/command_line.h"
 #include "server/cameras/aravis/discovery.h"
 
 namespace {
@@ -17,38 +17,35 @@ nlohmann::ordered_json to_json(const FoundCamera& camera) {
             {"id", camera.id},         {"protocol", camera.protocol}};
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-    bool json = false;
-    CLI::App app(
-        "The cameras on the network and on USB. Asks on every network interface and waits a second for "
-        "answers; "
-        "cameras in another subnet do not hear it.",
-        "kinevox discover");
-    app.add_flag("--json", json, "One JSON list");
-    try {
-        app.parse(argc, argv);
-    } catch (const CLI::ParseError& error) {
-        if (error.get_exit_code() == 0) return app.exit(error);
-        fmt::print(stderr, "kinevox discover: {}; see kinevox discover --help\n", error.what());
-        return 1;
-    }
+// Exit status 1 without a camera; a JSON list is printed in any case.
+absl::Status discover(bool json) {
     const auto found = discover_cameras();
     if (json) {
         auto list = nlohmann::ordered_json::array();
         for (const FoundCamera& camera : found) list.push_back(to_json(camera));
         fmt::print("{}\n", list.dump());
-        return 0;
     }
-    if (found.empty()) {
-        fmt::print("no camera answers; see docs/cameras.md for cables, addresses and firewalls\n");
-        return 0;
-    }
+    if (found.empty())
+        return absl::NotFoundError(
+            "no camera answers; see docs/cameras.md for cables, addresses and firewalls");
+    if (json) return absl::OkStatus();
     fmt::print("{:<16} {:<16} {:<16} {:<18} {:<12} {}\n", "serial", "name", "address", "MAC", "protocol",
                "camera");
     for (const FoundCamera& camera : found)
         fmt::print("{:<16} {:<16} {:<16} {:<18} {:<12} {} {}\n", camera.serial, camera.user_name,
                    camera.address, camera.physical_id, camera.protocol, camera.vendor, camera.model);
-    return 0;
+    return absl::OkStatus();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    bool json = false;
+    CLI::App app(
+        "List cameras on the network and USB (broadcasts on every interface; other subnets are not "
+        "searched).",
+        "kinevox discover");
+    app.footer("Exit status: 0 if a camera answers, else 1.");
+    app.add_flag("--json", json, "Print one JSON list");
+    return tool_main(app, argc, argv, [&] { return discover(json); });
 }

@@ -1,18 +1,20 @@
-// kinevox-export: a processed trial in the format of another program.
+// kinevox-export: a trial or recording in the format of another program.
 #include <fmt/format.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <atomic>
 #include <cstdint>
-#include <cstdio>
-#include <exception>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <system_error>
 #include <vector>
 
+#include "common/command_line.h"
 #include "common/degrees.h"
+#include "common/export_formats.h"
+#include "common/frame_range.h"
 #include "common/progress_line.h"
 #include "server/cameras/session_source.h"
 #include "server/recording/recording_export.h"
@@ -23,136 +25,138 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Arguments {
-    std::filesystem::path folder, out;
-    std::string format, frames, camera;
-    double turn_deg = 0;
+    fs::path path, out;
+    std::string format, range, camera;
+    double yaw_deg = 0;
     int width_px = 0;
-    bool hold = false, anonymous = false, quiet = false;
+    std::uint32_t subject_id = 0;
+    bool hold_withheld = false, anonymous = false, overwrite = false, json = false, quiet = false;
 };
 
-int fail(std::string message) {
-    message = message.substr(0, message.find('\n'));
-    fmt::print(stderr, "kinevox export: {}\n", message);
-    return 1;
+std::string format_help() {
+    std::string text = "Format: ";
+    for (const kinevox::ExportFormatInfo& info : kinevox::kExportFormats)
+        text += fmt::format("{}{} ({})", &info == kinevox::kExportFormats.data() ? "" : ", ", info.name,
+                            info.what);
+    return text + "; default with --anonymous: session";
+}
+
+std::vector<std::string> format_names() {
+    std::vector<std::string> names;
+    for (const kinevox::ExportFormatInfo& info : kinevox::kExportFormats) names.emplace_back(info.name);
+    return names;
 }
 
 void declare(CLI::App& app, Arguments& arguments) {
-    app.add_option("folder", arguments.folder,
-                   "What `kinevox process` wrote, or a recording's folder or session.toml")
-        ->required();
-    app.add_option(
-           "--format", arguments.format,
-           "trc, mot (OpenSim), c3d, bvh, csv, ply (a recording's volumes, into a folder) or "
-           "mp4 (pictures with the skeleton); session: a folder to pass on, with --anonymous, where it is "
-           "the default")
-        ->check(CLI::IsMember(std::vector<std::string>(std::begin(kinevox::kExportFormats),
-                                                       std::end(kinevox::kExportFormats))));
+    app.add_option("PATH", arguments.path, "Results folder, recording folder or session.toml")->required();
+    app.add_option("--format", arguments.format, format_help())->check(CLI::IsMember(format_names()));
+    app.add_option("--out", arguments.out, "Output file (ply, session: folder); required");
+    app.add_option("--range", arguments.range, "Frames to export, FIRST-LAST (inclusive)");
+    app.add_option("--subject", arguments.subject_id, "Subject id, if there are several (0: the only one)");
     app.add_flag("--anonymous", arguments.anonymous,
-                 "Nothing by which the person can be seen or named: silhouettes for pictures, no colours, no "
-                 "names, no date");
-    app.add_option("--out", arguments.out, "The file to write; of ply and session the folder; required");
-    app.add_option("--frames", arguments.frames, "A part of the trial, FIRST-LAST, both included");
-    app.add_option("--turn", arguments.turn_deg,
-                   "Turns the trial about the vertical, degrees, anticlockwise from above: OpenSim's models "
-                   "look along x")
+                 "Remove images, colours, names and dates; show silhouettes instead");
+    app.add_option("--yaw", arguments.yaw_deg,
+                   "Rotation about the vertical (deg, counter-clockwise from above); OpenSim models face +x")
         ->check(CLI::Range(-360.0, 360.0));
-    app.add_flag("--hold", arguments.hold, "bvh: where a value is withheld, repeat the last measured one");
-    app.add_option("--camera", arguments.camera, "mp4: this camera's pictures; else all of them in tiles");
-    app.add_option("--width", arguments.width_px, "mp4: of the film, px; 0: 1280 at most")
+    app.add_flag("--hold-withheld", arguments.hold_withheld,
+                 "BVH: repeat the last value where one is withheld");
+    app.add_option("--camera", arguments.camera, "MP4: camera to show (default: all, tiled)");
+    app.add_option("--video-width", arguments.width_px, "MP4: video width (px; default: up to 1280)")
         ->check(CLI::Range(0, 8192));
-    app.add_flag("--quiet", arguments.quiet, "Say nothing when all is well");
+    app.add_flag("--overwrite", arguments.overwrite, "Replace existing output");
+    app.add_flag("--json", arguments.json, "Print one JSON object");
+    app.add_flag("--quiet", arguments.quiet, "Print errors only");
 }
 
-// "FIRST-LAST".
-bool parse_frames(const std::string& text, std::int64_t& first, std::int64_t& last) {
-    char rest = 0;
-    long long a = 0, b = 0;
-    if (std::sscanf(text.c_str(), "%15lld-%15lld%c", &a, &b, &rest) != 2 || a < 0 || b < a) return false;
-    first = a, last = b;
-    return true;
-}
-
-// Written beside and renamed when it is whole.
+// Written to a hidden folder next to it and renamed when complete.
 absl::StatusOr<kinevox::ExportedFiles> export_session(const fs::path& from,
                                                       const kinevox::ExportOptions& options,
-                                                      const fs::path& out, const kinevox::LongWork& work) {
+                                                      const fs::path& out, const kinevox::JobControl& work) {
     std::error_code error;
-    if (fs::exists(out, error))
-        return absl::AlreadyExistsError(
-            fmt::format("{}: is there already; give another --out, or remove it", out.string()));
-    const fs::path aside =
+    const fs::path partial =
         fs::absolute(out, error).parent_path() / fmt::format(".{}.{}", out.filename().string(), getpid());
-    fs::create_directories(aside, error);
+    fs::create_directories(partial, error);
     if (error)
-        return absl::UnavailableError(fmt::format("{}: cannot be made: {}", out.string(), error.message()));
-    auto written = kinevox::export_recording(from, options, aside, work);
-    if (written.ok()) fs::rename(aside, out, error);
+        return absl::UnavailableError(
+            fmt::format("{}: cannot be created: {}", out.string(), error.message()));
+    auto written = kinevox::export_recording(from, options, partial, work);
+    if (written.ok()) fs::remove_all(out, error);  // run() has checked --overwrite
+    if (written.ok()) fs::rename(partial, out, error);
     if (error)
         written =
-            absl::UnavailableError(fmt::format("{}: cannot be made: {}", out.string(), error.message()));
-    fs::remove_all(aside, error);
+            absl::UnavailableError(fmt::format("{}: cannot be created: {}", out.string(), error.message()));
+    fs::remove_all(partial, error);
     return written;
 }
 
 absl::StatusOr<kinevox::ExportedFiles> export_files(const Arguments& arguments,
                                                     const kinevox::ExportOptions& options,
                                                     const std::atomic<bool>& stop) {
-    kinevox::ProgressLine line(arguments.quiet);
-    const kinevox::LongWork work{stop, [&line](double share) { line.show(share); }};
-    if (arguments.format == "session") return export_session(arguments.folder, options, arguments.out, work);
-    return kinevox::export_recording(arguments.folder, options, arguments.out, work);
+    kinevox::ProgressLine line(arguments.quiet || arguments.json);
+    const kinevox::JobControl work{stop, [&line](double progress) { line.show(progress); }};
+    if (options.format == kinevox::ExportFormat::kSession)
+        return export_session(arguments.path, options, arguments.out, work);
+    return kinevox::export_recording(arguments.path, options, arguments.out, work);
 }
 
-int run(int argc, char** argv) {
-    CLI::App app(
-        "Writes a processed trial or a recording as TRC or MOT (OpenSim), C3D, BVH, CSV, PLY or MP4, or as a "
-        "folder without pictures. With --session NAME: "
-        "a recording of a running daemon (`kinevox export --session NAME --help`).",
-        "kinevox export");
-    Arguments arguments;
-    declare(app, arguments);
-    try {
-        app.parse(argc, argv);
-    } catch (const CLI::CallForHelp& help) {
-        return app.exit(help);
-    } catch (const CLI::ParseError& error) {
-        return fail(std::string(error.what()) + "; see kinevox export --help");
-    }
+absl::Status run(Arguments arguments) {
     if (arguments.format.empty() && !arguments.anonymous)
-        return fail("--format is required; see kinevox export --help");
+        return absl::InvalidArgumentError("--format is required; see kinevox export --help");
     if (arguments.format.empty()) arguments.format = "session";
-    if (arguments.out.filename().empty()) return fail("--out is no file's name; give the file to write");
+    if (arguments.out.empty())
+        return absl::InvalidArgumentError("--out is required; see kinevox export --help");
+    if (arguments.out.filename().empty())
+        return absl::InvalidArgumentError("--out is a folder; give a file name");
     kinevox::ExportOptions options;
-    options.format = arguments.format;
-    options.turn_rad = kinevox::radians(arguments.turn_deg);
-    options.hold = arguments.hold;
+    options.format = kinevox::find_export_format(arguments.format)->format;
+    options.subject_id = arguments.subject_id;
+    options.yaw_rad = kinevox::radians(arguments.yaw_deg);
+    options.hold_withheld = arguments.hold_withheld;
     options.camera = arguments.camera;
     options.width_px = arguments.width_px;
     options.anonymous = arguments.anonymous;
-    if (!arguments.frames.empty() && !parse_frames(arguments.frames, options.first_frame, options.last_frame))
-        return fail(
-            fmt::format("--frames is '{}'; write it as FIRST-LAST, for example 30-89", arguments.frames));
+    if (!arguments.range.empty()) {
+        const auto range = kinevox::parse_frame_range(arguments.range);
+        if (!range)
+            return absl::InvalidArgumentError(
+                fmt::format("--range is '{}'; expected FIRST-LAST, for example 30-89", arguments.range));
+        options.first_frame = range->first;
+        options.last_frame = range->last;
+    }
+    std::error_code ignored;
+    const bool is_folder = fs::is_directory(arguments.out, ignored);
+    const bool exists =
+        is_folder ? !fs::is_empty(arguments.out, ignored) : fs::is_regular_file(arguments.out, ignored);
+    if (exists && !arguments.overwrite)
+        return absl::AlreadyExistsError(
+            fmt::format("{} exists; give another --out, or --overwrite", arguments.out.string()));
     std::atomic<bool> stop{false};
     const kinevox::Interrupt interrupt([&stop] { stop = true; });
     const auto written = export_files(arguments, options, stop);
     if (!written.ok()) {
-        if (arguments.format == "mp4") std::remove(arguments.out.c_str());  // half a film
-        return fail(std::string(written.status().message()));
+        if (options.format == kinevox::ExportFormat::kMp4)
+            fs::remove(arguments.out, ignored);  // an incomplete video
+        return written.status();
     }
-    if (!arguments.quiet)
-        fmt::print("{} frames{} in {}{}\n", written->frames,
+    if (arguments.json)
+        fmt::print("{}\n", nlohmann::ordered_json({{"frame_count", written->frames},
+                                                   {"rate_hz", written->rate_hz},
+                                                   {"out", arguments.out.string()},
+                                                   {"warning", written->warning}})
+                               .dump());
+    else if (!arguments.quiet)
+        fmt::print("{} frame{}{} in {}{}\n", written->frames, written->frames == 1 ? "" : "s",
                    written->rate_hz > 0 ? fmt::format(" at {:g} Hz", written->rate_hz) : "",
-                   arguments.out.string(), written->remark.empty() ? "" : "; " + written->remark);
-    return 0;
+                   arguments.out.string(), written->warning.empty() ? "" : "; " + written->warning);
+    return absl::OkStatus();
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
     kinevox::silence_video_libraries();
-    try {
-        return run(argc, argv);
-    } catch (const std::exception& error) {
-        return fail(error.what());
-    }
+    CLI::App app("Export a trial or recording to TRC, MOT, C3D, BVH, CSV, PLY or MP4", "kinevox export");
+    Arguments arguments;
+    declare(app, arguments);
+    return kinevox::tool_main(app, argc, argv, [&arguments] { return run(arguments); });
 }

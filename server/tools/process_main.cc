@@ -1,19 +1,18 @@
-// kinevox-process: a recorded session through the pipeline, every frame set, no daemon.
-
+// kinevox-process: every frame set of a recorded session through the pipeline, without a daemon.
 #include <fmt/format.h>
 #include <oneapi/tbb/global_control.h>
 
 #include <CLI/CLI.hpp>
 #include <atomic>
-#include <cstdio>
-#include <exception>
 #include <filesystem>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <string>
-#include <thread>
 #include <vector>
 
+#include "common/command_line.h"
 #include "server/cameras/session_source.h"
+#include "server/config/daemon_config.h"
 #include "server/pipeline/huge_pages.h"
 #include "server/tools/interrupt.h"
 #include "server/tools/process/process.h"
@@ -22,83 +21,89 @@ namespace {
 
 struct Arguments {
     kinevox::ProcessOptions options;
+    std::string config_file, device = "cpu";
+    std::vector<std::string> save;
     double voxel_mm = 10;
     bool no_colouring = false, no_pose = false;
     int threads = 0;
+    bool json = false;
 };
 
-// What CLI11 reports, as our one line.
-std::string first_line(const std::string& text) {
-    return text.substr(0, text.find('\n'));
-}
-
-void declare(CLI::App& app, Arguments& arguments, std::string& device, std::vector<std::string>& save) {
+void declare(CLI::App& app, Arguments& arguments) {
     kinevox::ProcessOptions& options = arguments.options;
-    app.add_option("session", options.session_file, "The session's file, session.toml")->required();
-    app.add_option("--out", options.out_folder, "Folder for the results; made if need be")->required();
-    app.add_option("--save", save, "What to write besides the tables: silhouettes,volumes")
+    app.add_option("SESSION", options.session_file, "Session file (session.toml)")->required();
+    app.add_option("--out", options.out_folder, "Output folder (created)")->required();
+    app.add_flag("--overwrite", options.overwrite, "Replace the results of another run in --out");
+    app.add_option("--save", arguments.save, "Additional outputs: silhouettes,volumes")
         ->delimiter(',')
         ->check(CLI::IsMember({"silhouettes", "volumes"}));
-    app.add_option("--device", device, "cpu or cuda")
+    app.add_option("--config", arguments.config_file,
+                   "Configuration file of the daemon that supplies the pipeline's options; the options below "
+                   "override it");
+    app.add_option("--device", arguments.device, "cpu or cuda")
         ->check(CLI::IsMember({"cpu", "cuda"}))
         ->capture_default_str();
-    app.add_option("--voxel-mm", arguments.voxel_mm, "Edge of a voxel, 1 to 200")->capture_default_str();
-    app.add_option("--samples", options.pipeline.segmentation.samples, "Background samples per pixel, N")
+    app.add_option("--voxel-mm", arguments.voxel_mm, "Voxel edge (mm, 1 to 200)")->capture_default_str();
+    app.add_option("--background-samples", options.pipeline.segmentation.samples,
+                   "Background samples per pixel")
         ->capture_default_str();
-    app.add_flag("--no-colouring", arguments.no_colouring,
-                 "Stop at the hull: no carving by colour, no colours");
-    app.add_flag("--no-pose", arguments.no_pose, "Stop at the volume: no joints, no angles");
+    app.add_flag("--no-colouring", arguments.no_colouring, "Skip colour carving");
+    app.add_flag("--no-pose", arguments.no_pose, "Skip pose estimation");
     app.add_option(
         "--tpose", options.tpose_file,
-        "Session of the same person in a T-pose, for the body's size; without it the first seconds of "
-        "movement tell it");
-    app.add_option("--smooth-hz", options.poses.cutoff_hz,
-                   "Cutoff of the poses' zero-phase low pass; 0: none")
+        "T-pose session of the same subject, to fit the body (default: first seconds of movement)");
+    app.add_option("--smooth-hz", options.poses.cutoff_hz, "Zero-phase low-pass cutoff (Hz; 0: off)")
         ->check(CLI::Range(0.0, 1000.0))
         ->capture_default_str();
-    app.add_option("--threads", arguments.threads, "Threads of the pipeline; 0: one a core")
+    app.add_option("--threads", arguments.threads, "Worker threads (0: one per core)")
         ->check(CLI::Range(0, 1024))
         ->capture_default_str();
-    app.add_option("--frames", options.max_frames, "Stop after so many frame sets; 0: all")
+    app.add_option("--frames", options.max_frames, "Maximum number of frame sets (0: all)")
         ->check(CLI::Range(0, 1'000'000'000))
         ->capture_default_str();
     app.add_flag("--resume", options.resume,
-                 "Do nothing where --out holds the results of the same input and options already");
-    app.add_flag("--quiet", options.quiet, "No progress bar and no summary");
+                 "Skip if --out already holds results of the same input and options");
+    app.add_flag("--json", arguments.json, "Print one JSON object instead of the summary");
+    app.add_flag("--quiet", options.quiet, "Print errors only");
 }
 
-int run(int argc, char** argv) {
-    CLI::App app("Takes a recorded session through the pipeline and writes tables, silhouettes and volumes.",
-                 "kinevox process");
-    Arguments arguments;
-    std::string device = "cpu";
-    std::vector<std::string> save;
-    declare(app, arguments, device, save);
-    try {
-        app.parse(argc, argv);
-    } catch (const CLI::CallForHelp& help) {
-        return app.exit(help);
-    } catch (const CLI::ParseError& error) {
-        fmt::print(stderr, "kinevox process: {}; see kinevox process --help\n", first_line(error.what()));
-        return 1;
-    }
+// The pipeline's options from the configuration file; those of the command line override them.
+absl::Status apply_config(const CLI::App& app, Arguments& arguments) {
+    if (arguments.config_file.empty()) return absl::OkStatus();
+    auto config = kinevox::read_config(arguments.config_file, false);
+    if (!config.ok()) return config.status();
+    config->pose.body_file.clear();  // the body is fitted to the session
+    auto pipeline = kinevox::pipeline_options(*config);
+    if (!pipeline.ok()) return pipeline.status();
+    const int samples = arguments.options.pipeline.segmentation.samples;
+    arguments.options.pipeline = *std::move(pipeline);
+    if (app.count("--background-samples") > 0) arguments.options.pipeline.segmentation.samples = samples;
+    if (app.count("--device") == 0)
+        arguments.device = config->pipeline.device == kinevox::PipelineConfig::Device::kCuda ? "cuda" : "cpu";
+    if (app.count("--voxel-mm") == 0) arguments.voxel_mm = config->pipeline.voxel_mm;
+    if (app.count("--threads") == 0) arguments.threads = config->pipeline.threads;
+    arguments.no_colouring = arguments.no_colouring || !config->pipeline.colouring;
+    arguments.no_pose = arguments.no_pose || !config->pose.enabled;
+    return absl::OkStatus();
+}
+
+absl::Status run(const CLI::App& app, Arguments& arguments) {
+    if (absl::Status applied = apply_config(app, arguments); !applied.ok()) return applied;
     kinevox::ProcessOptions& options = arguments.options;
-    if (options.out_folder.empty()) {
-        fmt::print(stderr, "kinevox process: --out is empty; give the folder for the results\n");
-        return 1;
-    }
-    if (!(arguments.voxel_mm >= 1 && arguments.voxel_mm <= 200)) {  // NaN neither
-        fmt::print(stderr, "kinevox process: --voxel-mm is {:g}; give 1 to 200\n", arguments.voxel_mm);
-        return 1;
-    }
+    if (options.out_folder.empty())
+        return absl::InvalidArgumentError("--out is empty; give a folder for the results");
+    if (!(arguments.voxel_mm >= 1 && arguments.voxel_mm <= 200))  // also NaN
+        return absl::InvalidArgumentError(
+            fmt::format("--voxel-mm is {:g}; give 1 to 200", arguments.voxel_mm));
     options.pipeline.device =
-        device == "cuda" ? kinevox::kernels::Device::kCuda : kinevox::kernels::Device::kCpu;
+        arguments.device == "cuda" ? kinevox::kernels::Device::kCuda : kinevox::kernels::Device::kCpu;
     options.pipeline.voxel_m = arguments.voxel_mm / 1000;
     options.pipeline.colouring = !arguments.no_colouring;
     options.pipeline.pose = !arguments.no_pose;
     options.pipeline.posing.filtered = false;  // the whole recording is smoothed at the end
-    for (const std::string& what : save)
+    for (const std::string& what : arguments.save)
         (what == "volumes" ? options.writer.save_volumes : options.writer.save_silhouettes) = true;
+    options.quiet = options.quiet || arguments.json;
 
     kinevox::silence_video_libraries();
     std::atomic<bool> stop{false};
@@ -109,19 +114,17 @@ int run(int argc, char** argv) {
             oneapi::tbb::global_control::max_allowed_parallelism,
             static_cast<std::size_t>(arguments.threads));
     const absl::Status status = kinevox::process_session(options, stop);
-    if (status.ok()) return 0;
-    fmt::print(stderr, "kinevox process: {}\n", std::string(status.message()));
-    return 1;
+    if (status.ok() && arguments.json)
+        fmt::print("{}\n", nlohmann::ordered_json({{"out", options.out_folder.string()}}).dump());
+    return status;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
     kinevox::restart_with_huge_pages(argv);
-    try {
-        return run(argc, argv);
-    } catch (const std::exception& error) {
-        fmt::print(stderr, "kinevox process: {}\n", error.what());
-        return 1;
-    }
+    CLI::App app("Process a recorded session into tables, silhouettes and volumes.", "kinevox process");
+    Arguments arguments;
+    declare(app, arguments);
+    return kinevox::tool_main(app, argc, argv, [&] { return run(app, arguments); });
 }

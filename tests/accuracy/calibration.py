@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Calibrations of real recordings against references: lenses from seven pictures of a checkerboard, places from a ChArUco
-board before four webcams (with the reference's lenses and with their own), cameras refined from silhouettes alone, and
-cameras placed from nothing but a person who moves, in the virtual studio (part person) and in the rendered sequences of
-the test data (part sequences).
+"""Calibrations of real recordings against references: intrinsics from seven images of a checkerboard, extrinsics from a
+ChArUco board with four webcams (with the reference's intrinsics and with estimated ones), refinement from silhouettes, and
+extrinsics from a moving person alone, in the virtual studio (part person) and in the rendered sequences of the test data
+(part sequences).
 
-Prints one table; exit status 1 beyond the bounds, 77 where programs or data are missing.
+Prints one table; exit status 1 beyond the bounds, 77 if programs or data are missing.
 """
 import argparse
 import json
@@ -25,8 +25,8 @@ except ImportError as missing:
 
 RMS_BOUND_PX, FOCAL_BOUND, HELD_OUT_BOUND_PX = 0.30, 0.015, 0.5
 CENTRES_BOUND, CENTRES_OWN_BOUND = 0.025, 0.05
-PERSON_CENTRE_BOUND_MM, PERSON_TURN_BOUND_DEG, PERSON_HEIGHT_M = 30, 0.5, 1.80
-SEQUENCE_HEIGHT_M = {"gesture": 1.65, "ring8": 1.68, "sprint": 1.83}
+PERSON_CENTRE_BOUND_MM, PERSON_ROTATION_BOUND_DEG, PERSON_STATURE_M = 30, 0.5, 1.80
+SEQUENCE_STATURE_M = {"gesture": 1.65, "ring8": 1.68, "sprint": 1.83}
 BOARD = "charuco:4x5:54:40.5:DICT_4X4_1000:inverted"
 
 
@@ -51,10 +51,10 @@ def worst_distance(file, reference):
 
 
 def aligned_errors(file, reference):
-    """Worst centre (mm) and rotation (degrees) after the best similarity of the centres, and the scale's error (%)."""
+    """Largest centre (mm) and rotation (degrees) error after similarity alignment of the centres, and the scale error (%)."""
     solved, true = read_cameras(file), read_cameras(reference)
     names = sorted(true)
-    turn = lambda cameras, name: cv2.Rodrigues(np.array(cameras[name]["rotation"], float))[0]
+    rotation_of = lambda cameras, name: cv2.Rodrigues(np.array(cameras[name]["rotation"], float))[0]
     a, b = centres(file), centres(reference)
     p, q = np.array([a[n] for n in names]), np.array([b[n] for n in names])
     u, d, vt = np.linalg.svd((q - q.mean(0)).T @ (p - p.mean(0)))
@@ -62,21 +62,23 @@ def aligned_errors(file, reference):
     rotation = u @ np.diag(sign) @ vt
     scale = (d * sign).sum() / ((p - p.mean(0)) ** 2).sum()
     moved = scale * (p - p.mean(0)) @ rotation.T + q.mean(0)
-    turns = [np.linalg.norm(cv2.Rodrigues(turn(solved, n) @ rotation.T @ turn(true, n).T)[0]) for n in names]
-    return 1000 * np.linalg.norm(moved - q, axis=1).max(), np.degrees(max(turns)), 100 * abs(scale - 1)
+    angles = [
+        np.linalg.norm(cv2.Rodrigues(rotation_of(solved, n) @ rotation.T @ rotation_of(true, n).T)[0]) for n in names
+    ]
+    return 1000 * np.linalg.norm(moved - q, axis=1).max(), np.degrees(max(angles)), 100 * abs(scale - 1)
 
 
-def without_places(text):
-    """A calibration's text with its lenses and nothing of its places."""
+def without_extrinsics(text):
+    """The text of a calibration with its intrinsics only."""
     return re.sub(r"(rotation|translation) = .*", r"\1 = [0.0, 0.0, 0.0]", text)
 
 
-def forget_places(session):
-    """Leaves the lenses of a session's calibration and nothing of its places. Returns the true calibration's file."""
+def forget_extrinsics(session):
+    """Keeps only the intrinsics of a session's calibration. Returns the file of the true calibration."""
     true = session.parent / "true.toml"
     text = (session.parent / "calibration.toml").read_text()
     true.write_text(text)
-    (session.parent / "calibration.toml").write_text(without_places(text))
+    (session.parent / "calibration.toml").write_text(without_extrinsics(text))
     return true
 
 
@@ -84,14 +86,16 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--program", required=True, help="kinevox-calibrate")
     parser.add_argument("--studio", help="kinevox-studio, for the part person")
-    parser.add_argument("--parts", default="lenses,board,refine", help="comma separated; person and sequences besides")
+    parser.add_argument("--parts", default="intrinsics,board,refine", help="comma separated; also person, sequences")
     parser.add_argument("--sequences", default="walk,gesture,ring8", help="of the test data, for the part sequences")
     parser.add_argument("--out", help="keep calibrations and certificates here")
     arguments = parser.parse_args()
     data, parts = data_folder(), arguments.parts.split(",")
     for needed in [Path(arguments.program), data / "balancing" / "board", data / "charuco"]:
         if not needed.exists():
-            print(f"skipped: {needed} is not here; set KINEVOX_TEST_DATA to the folder that holds balancing/ and charuco/")
+            print(
+                f"skipped: {needed} does not exist; set KINEVOX_TEST_DATA to the folder that holds balancing/ and charuco/"
+            )
             return 77
     failures = []
 
@@ -101,7 +105,11 @@ def main():
             failures.append(what)
 
     def calibrate(*words):
-        run = subprocess.run([arguments.program, *map(str, words)], capture_output=True, text=True)
+        run = subprocess.run(
+            [arguments.program, *map(str, words), *([] if words[0] == "check" else ["--overwrite"])],
+            capture_output=True,
+            text=True,
+        )
         if run.returncode != 0:
             sys.exit(f"kinevox-calibrate {' '.join(map(str, words))}\n{run.stderr.strip()}")
 
@@ -109,70 +117,147 @@ def main():
     with tempfile.TemporaryDirectory() as scratch:
         out = Path(arguments.out or scratch)
         out.mkdir(parents=True, exist_ok=True)
-        if "lenses" in parts:
+        if "intrinsics" in parts:
             board = data / "balancing" / "board"
             truth = read_cameras(data / "balancing" / "calibration_published.toml")
             clips = [f"{name}={board / name.replace('_', '')}" for name in truth]
-            calibrate("intrinsics", *clips, "--board", "checkerboard:4x7:60", "--out", out / "lenses.toml")
-            solved, certificate = read_cameras(out / "lenses.toml"), json.loads((out / "lenses.certificate.json").read_text())
+            calibrate("intrinsics", *clips, "--board", "checkerboard:4x7:60", "--out", out / "intrinsics.toml")
+            solved, certificate = read_cameras(out / "intrinsics.toml"), json.loads(
+                (out / "intrinsics.certificate.json").read_text()
+            )
             for name, section in truth.items():
-                rms = certificate["cameras"][name]["lens"]["rms_px"]
+                rms = certificate["cameras"][name]["intrinsics"]["rms_px"]
                 row(f"{name}: rms", f"{rms:.3f}", RMS_BOUND_PX, "px", rms <= RMS_BOUND_PX)
                 focal = max(abs(solved[name]["matrix"][k][k] / section["matrix"][k][k] - 1) for k in (0, 1))
                 row(f"{name}: focal length", f"{100 * focal:.2f}", 100 * FOCAL_BOUND, "%", focal <= FOCAL_BOUND)
         if "board" in parts:
             folder = data / "charuco"
             clips = [f"cam_{n}={folder / f'cam_{n}.mp4'}" for n in range(4)]
-            for what, more, bound in (("reference lenses", ["--lenses", folder / "reference.toml"], CENTRES_BOUND),
-                                      ("own lenses", [], CENTRES_OWN_BOUND)):
+            for what, more, bound in (
+                ("reference intrinsics", ["--intrinsics", folder / "reference.toml"], CENTRES_BOUND),
+                ("own intrinsics", [], CENTRES_OWN_BOUND),
+            ):
                 file = out / (what.replace(" ", "_") + ".toml")
                 calibrate("extrinsics", *clips, "--board", BOARD, "--out", file, *more)
                 certificate = json.loads(file.with_suffix(".certificate.json").read_text())
                 error = worst_distance(file, folder / "reference.toml")
                 row(f"{what}: distances between centres, worst", f"{100 * error:.2f}", 100 * bound, "%", error <= bound)
-                held_out = certificate["held_out_rms_px"]
+                held_out = certificate["held_out_reprojection_rms_px"]
                 if more:
-                    row(f"{what}: views kept out", f"{held_out:.3f}", HELD_OUT_BOUND_PX, "px", held_out <= HELD_OUT_BOUND_PX)
+                    row(
+                        f"{what}: held-out views",
+                        f"{held_out:.3f}",
+                        HELD_OUT_BOUND_PX,
+                        "px",
+                        held_out <= HELD_OUT_BOUND_PX,
+                    )
                 else:
                     named = sorted({f["camera"] for f in certificate["findings"] if f["check"] == "coverage"})
-                    row("own lenses: poorly covered, as the certificate says", " ".join(named) or "none", "one", "", bool(named))
+                    row(
+                        "own intrinsics: poorly covered, as the certificate says",
+                        " ".join(named) or "none",
+                        "one",
+                        "",
+                        bool(named),
+                    )
         if "refine" in parts:
             session = out / "published.toml"
             balancing = data / "balancing"
-            text = (balancing / "session.toml").read_text().replace("calibration_refined.toml", "calibration_published.toml")
+            text = (
+                (balancing / "session.toml")
+                .read_text()
+                .replace("calibration_refined.toml", "calibration_published.toml")
+            )
             for word in ("calibration_published", "trial/", "background/"):
                 text = text.replace(f'"{word}', f'"{balancing}/{word}')
             session.write_text(text)
             calibrate("refine", session, "--out", out / "refined.toml")
-            agreement = {}
-            for name, file in (("refined", out / "refined.toml"), ("reference", balancing / "calibration_refined.toml")):
+            hull_iou = {}
+            for name, file in (
+                ("refined", out / "refined.toml"),
+                ("reference", balancing / "calibration_refined.toml"),
+            ):
                 calibrate("check", session, "--calibration", file, "--out", out / name)
-                agreement[name] = json.loads((out / f"{name}.json").read_text())["hull_agreement"]["mean_iou"]
-            row("refined from silhouettes: IoU", f"{agreement['refined']:.4f}", f"{agreement['reference']:.4f}", "(the reference's)",
-                agreement["refined"] >= agreement["reference"])
+                hull_iou[name] = json.loads((out / f"{name}.json").read_text())["hull_iou"]["mean_iou"]
+            row(
+                "refined from silhouettes: IoU",
+                f"{hull_iou['refined']:.4f}",
+                f"{hull_iou['reference']:.4f}",
+                "(the reference's)",
+                hull_iou["refined"] >= hull_iou["reference"],
+            )
         for count in (4, 8) if "person" in parts and arguments.studio else ():
             folder = out / f"person{count}"
-            subprocess.run([arguments.studio, "--motion", "walk", "--frames", "200", "--cameras", str(count), "--seed", str(count - 1),
-                            "--subject-height", str(PERSON_HEIGHT_M), "--no-masks", "--out", folder], check=True, capture_output=True)
-            true = forget_places(folder / "session.toml")
+            subprocess.run(
+                [
+                    arguments.studio,
+                    "--motion",
+                    "walk",
+                    "--frames",
+                    "200",
+                    "--cameras",
+                    str(count),
+                    "--seed",
+                    str(count - 1),
+                    "--stature",
+                    str(PERSON_STATURE_M),
+                    "--no-masks",
+                    "--out",
+                    folder,
+                ],
+                check=True,
+                capture_output=True,
+            )
+            true = forget_extrinsics(folder / "session.toml")
             solved = out / f"by_person{count}.toml"
-            calibrate("extrinsics", "--person", "--height", PERSON_HEIGHT_M, folder / "session.toml", "--out", solved)
-            centre, turn, scale = aligned_errors(solved, true)
-            row(f"person, {count} cameras: centres (scale off by {scale:.1f} %)", f"{centre:.1f}", PERSON_CENTRE_BOUND_MM, "mm",
-                centre <= PERSON_CENTRE_BOUND_MM)
-            row(f"person, {count} cameras: rotations", f"{turn:.3f}", PERSON_TURN_BOUND_DEG, "degrees", turn <= PERSON_TURN_BOUND_DEG)
+            calibrate("extrinsics", "--person", "--stature", PERSON_STATURE_M, folder / "session.toml", "--out", solved)
+            centre, rotation, scale = aligned_errors(solved, true)
+            row(
+                f"person, {count} cameras: centres (scale off by {scale:.1f} %)",
+                f"{centre:.1f}",
+                PERSON_CENTRE_BOUND_MM,
+                "mm",
+                centre <= PERSON_CENTRE_BOUND_MM,
+            )
+            row(
+                f"person, {count} cameras: rotations",
+                f"{rotation:.3f}",
+                PERSON_ROTATION_BOUND_DEG,
+                "degrees",
+                rotation <= PERSON_ROTATION_BOUND_DEG,
+            )
         for name in arguments.sequences.split(",") if "sequences" in parts else ():
-            session, lenses = data / "studio" / name / "session.toml", out / f"lenses_{name}.toml"
+            session, intrinsics = data / "studio" / name / "session.toml", out / f"intrinsics_{name}.toml"
             true = session.parent / "calibration.toml"
-            lenses.write_text(without_places(true.read_text()))
+            intrinsics.write_text(without_extrinsics(true.read_text()))
             solved = out / f"by_person_{name}.toml"
-            calibrate("extrinsics", "--person", "--height", SEQUENCE_HEIGHT_M.get(name, PERSON_HEIGHT_M), session, "--lenses", lenses,
-                      "--out", solved)
-            centre, turn, scale = aligned_errors(solved, true)
+            calibrate(
+                "extrinsics",
+                "--person",
+                "--stature",
+                SEQUENCE_STATURE_M.get(name, PERSON_STATURE_M),
+                session,
+                "--intrinsics",
+                intrinsics,
+                "--out",
+                solved,
+            )
+            centre, rotation, scale = aligned_errors(solved, true)
             verdict = json.loads(solved.with_suffix(".certificate.json").read_text())["verdict"]
-            row(f"{name}, person: centres (scale off by {scale:.1f} %, {verdict})", f"{centre:.1f}", PERSON_CENTRE_BOUND_MM, "mm",
-                centre <= PERSON_CENTRE_BOUND_MM)
-            row(f"{name}, person: rotations", f"{turn:.3f}", PERSON_TURN_BOUND_DEG, "degrees", turn <= PERSON_TURN_BOUND_DEG)
+            row(
+                f"{name}, person: centres (scale off by {scale:.1f} %, {verdict})",
+                f"{centre:.1f}",
+                PERSON_CENTRE_BOUND_MM,
+                "mm",
+                centre <= PERSON_CENTRE_BOUND_MM,
+            )
+            row(
+                f"{name}, person: rotations",
+                f"{rotation:.3f}",
+                PERSON_ROTATION_BOUND_DEG,
+                "degrees",
+                rotation <= PERSON_ROTATION_BOUND_DEG,
+            )
     for failure in failures:
         print("FAILED " + failure)
     return 1 if failures else 0

@@ -1,18 +1,17 @@
-// Lost and found: how soon volume and pose are back after a second in which the cameras saw nothing of use.
+// Lost and found: time until volume and pose are back after a second without usable images.
 //   lost_and_found SESSION.toml... [--database] [--timed]
-// Each session needs truth/joints.csv and is played through the pipeline as the daemon runs it, once per
-// event:
-//   blocked     the empty scene for a second, then the person where the movement has come meanwhile
-//   black       black pictures for a second (lens caps, lights out)
-//   white       white pictures for a second
-//   silent      no pictures for a second
-//   one black   one camera's pictures stay black from then on
-//   leaves      the person is gone for three seconds and comes back elsewhere, in another pose
-// "Back" is the first of three frame sets in a row with a volume, or with joints less than 100 mm off on
-// average; the time counts from the first picture that shows the person again. Fails beyond 0.5 s, or where a
-// body was told while nothing was to be seen. The longest frame set, in which a body is searched anew, counts
-// with --timed alone: on a machine that others use it says little. With --database a pose database is built
-// first and proposes poses, as in the daemon.
+// Each session needs truth/joints.csv and runs through the pipeline as in the daemon, once per event:
+//   blocked     the background for a second, then the subject where the movement has arrived meanwhile
+//   black       black images for a second (covered cameras, lights out)
+//   white       white images for a second
+//   silent      no images for a second
+//   one black   one camera's images stay black from then on
+//   leaves      the subject is gone for three seconds and returns elsewhere, in another pose
+// "Back" is the first of three consecutive frame sets with a volume, or with a mean joint error below 100 mm;
+// the time counts from the first image that shows the subject again. Fails beyond 0.5 s, or if a body is
+// reported while there is none. The longest frame set, in which the body is searched, counts with --timed
+// only: on a shared machine it means little. With --database a pose database is built first and proposes
+// poses, as in the daemon.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -43,15 +42,15 @@ constexpr double kBefore_s = 1.0;  // of undisturbed movement
 struct Event {
     const char* name;
     double lasts_s;
-    bool movement_goes_on;  // while it lasts; else it is cut out
-    double cut_s;           // of the movement, besides
-    // What the cameras show meanwhile.
-    std::function<Picture(std::size_t camera, const Picture& shown, const Picture& empty)> instead;
+    bool movement_continues;  // while it lasts; else it is cut out
+    double cut_s;             // additionally, of the movement
+    // The images meanwhile.
+    std::function<Image(std::size_t camera, const Image& shown, const Image& empty)> instead;
     bool for_ever = false;
-    bool nobody_seen = true;  // while it lasts
+    bool subject_hidden = true;  // while it lasts
 };
 
-Picture plain(const Picture& like, std::uint8_t grey) {
+Image plain(const Image& like, std::uint8_t grey) {
     const std::size_t bytes = static_cast<std::size_t>(like.width) * like.height * like.channels;
     std::shared_ptr<std::uint8_t[]> data(new std::uint8_t[bytes]);
     std::fill_n(data.get(), bytes, grey);
@@ -59,16 +58,16 @@ Picture plain(const Picture& like, std::uint8_t grey) {
 }
 
 std::vector<Event> events() {
-    const auto empty = [](std::size_t, const Picture&, const Picture& scene) { return scene; };
+    const auto empty = [](std::size_t, const Image&, const Image& scene) { return scene; };
     const auto grey = [](std::uint8_t value) {
-        return [value](std::size_t, const Picture& shown, const Picture&) { return plain(shown, value); };
+        return [value](std::size_t, const Image& shown, const Image&) { return plain(shown, value); };
     };
     return {{"blocked", 1, true, 0, empty},
             {"black", 1, true, 0, grey(0)},
             {"white", 1, true, 0, grey(255)},
-            {"silent", 1, true, 0, [](std::size_t, const Picture&, const Picture&) { return Picture(); }},
+            {"silent", 1, true, 0, [](std::size_t, const Image&, const Image&) { return Image(); }},
             {"one black", 1, true, 0,
-             [](std::size_t camera, const Picture& shown, const Picture&) {
+             [](std::size_t camera, const Image& shown, const Image&) {
                  return camera == 0 ? plain(shown, 0) : shown;
              },
              true, false},
@@ -88,7 +87,7 @@ std::optional<double> error_of(const FrameResult& result, const testing::TrueJoi
     return sum / count;
 }
 
-// Seconds until `good` was true kInARow times; nothing: never.
+// Seconds until `good` was true kInARow times; nullopt: never.
 std::optional<double> back_after(const std::vector<bool>& good, double fps) {
     for (std::size_t n = 0; n + kInARow <= good.size(); ++n)
         if (std::all_of(good.begin() + static_cast<std::ptrdiff_t>(n),
@@ -104,8 +103,8 @@ std::string seconds_text(const std::optional<double>& seconds) {
 // Mean joint errors by frame, m.
 using Errors = std::map<int, double>;
 
-// Of one event in one session; whether it is within the bound. Without an event all is played and
-// `undisturbed` filled.
+// One event in one session; true if within the bound. Without an event the whole session runs and fills
+// `undisturbed`.
 absl::StatusOr<bool> play(const std::filesystem::path& session_file, const Event* event_or_none,
                           const std::map<int, testing::TrueJoints>& truth, PoseProposer* proposer, bool timed,
                           Errors& undisturbed) {
@@ -128,7 +127,7 @@ absl::StatusOr<bool> play(const std::filesystem::path& session_file, const Event
     const auto cut = static_cast<std::int64_t>(event.cut_s * fps);
     std::vector<bool> volumes, poses;
     std::vector<double> errors_undisturbed, errors_after;  // of the same frames
-    int invented = 0;                                      // poses told while nobody was to be seen
+    int invented = 0;                                      // poses reported while no subject is visible
     double max_ms = 0;                                     // of a frame set's processing afterwards
     std::vector<std::string> story;
     std::uint64_t sequence = 0;
@@ -141,15 +140,15 @@ absl::StatusOr<bool> play(const std::filesystem::path& session_file, const Event
         set.capture_time_ns = static_cast<std::int64_t>(1e9 * static_cast<double>(sequence) / fps);
         ++sequence;
         if (phase == 1 || (phase == 2 && event.for_ever))
-            for (std::size_t c = 0; c < set.pictures.size(); ++c) {
+            for (std::size_t c = 0; c < set.images.size(); ++c) {
                 const auto& scene = (*background)[c];
-                set.pictures[c] = event.instead(c, set.pictures[c], scene[sequence % scene.size()]);
+                set.images[c] = event.instead(c, set.images[c], scene[sequence % scene.size()]);
             }
         auto result = (*pipeline)->process(std::move(set));
         if (!result.ok()) return result.status();
         const auto known = truth.find(frame);
         const auto error = known == truth.end() ? std::nullopt : error_of(**result, known->second);
-        invented += phase == 1 && event.nobody_seen && (*result)->pose;
+        invented += phase == 1 && event.subject_hidden && (*result)->pose;
         if (phase == 2) {
             max_ms = std::max(max_ms, (*result)->times.total_ms);
             volumes.push_back((*result)->volume != nullptr);
@@ -166,7 +165,7 @@ absl::StatusOr<bool> play(const std::filesystem::path& session_file, const Event
     };
     for (std::int64_t step = 0;; ++step) {
         const int phase = step < before ? 0 : step < before + lasts ? 1 : 2;
-        if (phase != 1 || event.movement_goes_on) {
+        if (phase != 1 || event.movement_continues) {
             for (std::int64_t skip = step == before + lasts ? cut : 0; skip >= 0; --skip) {
                 auto next = (*source)->next();
                 if (absl::IsOutOfRange(next.status())) {

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Joints and angles of `kinevox-process` against the truth: one table, fails beyond the bounds.
+"""Joints and angles of `kinevox process` against the truth: one table, fails beyond the requirements.
 
-usage: pose.py --kinevox-process PROGRAM [--sequences walk,...] [--judge all|joints] [--sheets FOLDER] [--keep FOLDER]
-The studio's sequences have exact joints; the real trial (balancing) a learned detector's, 2 to 4 cm off. A left/right swap
-is a frame in which the legs or the arms fit the truth better with left and right exchanged. --judge joints leaves the
-angles' bounds to the reader. --sheets draws the skeleton
-over the pictures of all cameras, every tenth frame. Exit status 77 without the shared test data."""
+usage: pose.py --kinevox-process PROGRAM [--sequences walk,...] [--judge all|joints] [--sheets FOLDER] [--results FOLDER]
+The studio's sequences have exact joints; the real trial (balancing) a learned detector's, 2 to 4 cm off. A left/right swap is
+a frame in which the legs or the arms fit the truth better with left and right exchanged. --judge joints ignores the angles.
+--sheets draws the skeleton over the images of all cameras, every tenth frame. sequences.py is the regression test. Exit
+status 77 without the shared test data."""
 import argparse
 import dataclasses
 import subprocess
@@ -15,16 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from session_data import data_folder, read_table
+from session_data import BONES, JOINT_NAMES, data_folder, read_table
 
 DATA = data_folder()
-SIDED = ("shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle", "toe")
-JOINTS = ["root", "sacroiliac", "skullbase", "head_top", *(f"{j}_{s}" for s in "lr" for j in SIDED)]
-BONES = [("root", "sacroiliac"), ("sacroiliac", "skullbase"), ("skullbase", "head_top"), ("shoulder_l", "shoulder_r"),
-         ("hip_l", "hip_r"),
-         *((f"{a}_{s}", f"{b}_{s}") for s in "lr" for a, b in
-           (("shoulder", "elbow"), ("elbow", "wrist"), ("wrist", "hand"), ("hip", "knee"), ("knee", "ankle"),
-            ("ankle", "toe")))]
+JOINTS = list(JOINT_NAMES)
 BOUND_MM = {"walk": 35, "gesture": 35, "signal": 35, "ring8": 25, "sprint": 60}
 ANGLES = ("knee_flexion", "elbow_flexion", "hip_flexion", "shoulder_elevation", "trunk_lean")
 REFERENCE = {"shoulder": "Shoulder", "elbow": "Elbow", "wrist": "Wrist", "hip": "Hip", "knee": "Knee", "ankle": "Ankle"}
@@ -45,7 +39,7 @@ def swapped_frames(measured, truth):
         left, right = ([JOINTS.index(f"{j}_{s}") for j in limb] for s in "lr")
         own = np.linalg.norm(measured[:, left + right] - truth[:, left + right], axis=2).mean(1)
         other = np.linalg.norm(measured[:, right + left] - truth[:, left + right], axis=2).mean(1)
-        # Limbs that lie beside each other are no swap.
+        # Limbs next to each other are no swap.
         apart = np.linalg.norm(truth[:, left] - truth[:, right], axis=2).mean(1) > 0.15
         count += int(np.sum(apart & (other < own)))
     return count
@@ -53,21 +47,28 @@ def swapped_frames(measured, truth):
 
 @dataclasses.dataclass
 class Row:
-    """What a sequence's joints and angles are off by."""
+    """Errors of a sequence's joints and angles."""
+
     mean_mm: float
     p95_mm: float
-    missing: float      # part of the joints' values
-    angles_deg: dict    # mean absolute error, the worse side
-    swaps: int          # frames
+    missing: float  # withheld fraction of the joints' values
+    angles_deg: dict  # mean absolute error, the worse side
+    swaps: int  # frames
 
     def text(self, sequence):
-        return (f"{sequence:16s}{self.mean_mm:9.1f} {self.p95_mm:7.1f} {100 * self.missing:6.1f}% " +
-                " ".join(f"{self.angles_deg[a]:9.2f}" for a in ANGLES) + f"{self.swaps:7d}")
+        return (
+            f"{sequence:16s}{self.mean_mm:9.1f} {self.p95_mm:7.1f} {100 * self.missing:6.1f}% "
+            + " ".join(f"{self.angles_deg[a]:9.2f}" for a in ANGLES)
+            + f"{self.swaps:7d}"
+        )
 
 
 def heading():
-    return (f"{'sequence':16s}{'mean mm':>9s} {'p95':>7s} {'none':>7s} " + " ".join(f"{a[:9]:>9s}" for a in ANGLES) +
-            f"{'swaps':>7s}   (deg: mean absolute error, the worse side)")
+    return (
+        f"{'sequence':16s}{'mean mm':>9s} {'p95':>7s} {'none':>7s} "
+        + " ".join(f"{a[:9]:>9s}" for a in ANGLES)
+        + f"{'swaps':>7s}   (deg: mean absolute error, the worse side)"
+    )
 
 
 def row(joints, angles, truth_folder):
@@ -76,9 +77,14 @@ def row(joints, angles, truth_folder):
     measured, exact = points(joints, JOINTS)[frames], points(truth, JOINTS)
     distance = 1000 * np.linalg.norm(measured - exact, axis=2)
     error = lambda name: np.nanmean(np.abs(angles[f"{name}_deg"][frames] - degrees[f"{name}_deg"]))
-    sides = lambda angle: [angle] if angle == "trunk_lean" else [f"{angle}_{s}" for s in "lr"]
-    return Row(np.nanmean(distance), np.nanpercentile(distance, 95), np.isnan(distance).mean(),
-               {a: max(error(s) for s in sides(a)) for a in ANGLES}, swapped_frames(measured, exact))
+    sides = lambda a: [f"{a}_geometric"] if a == "trunk_lean" else [f"{a}_geometric_{s}" for s in "lr"]
+    return Row(
+        np.nanmean(distance),
+        np.nanpercentile(distance, 95),
+        np.isnan(distance).mean(),
+        {a: max(error(s) for s in sides(a)) for a in ANGLES},
+        swapped_frames(measured, exact),
+    )
 
 
 def run_process(program, folder, out, *options):
@@ -103,13 +109,18 @@ def check(sequence, joints, angles, truth_folder, judge_angles):
     return problems
 
 
-def check_real(joints):
+def distance_to_reference(joints):
+    """Of the real trial: mean distance to the detector's joints, mm, and the withheld fraction."""
     reference = read_table(DATA / "balancing" / "reference" / "joints_0-59.csv")
     names = [f"{j}_{s}" for j in REFERENCE for s in "lr"]
     theirs = points(reference, [s.upper() + REFERENCE[j] for j in REFERENCE for s in "lr"])
     distance = 1000 * np.linalg.norm(points(joints, names)[:60] - theirs, axis=2)
-    mean, missing = np.nanmean(distance), np.isnan(distance).mean()
-    print(f"{'balancing':16s}{mean:9.1f} {np.nanpercentile(distance, 95):7.1f} {100 * missing:6.1f}%   (to the reference)")
+    return float(np.nanmean(distance)), float(np.isnan(distance).mean())
+
+
+def check_real(joints):
+    mean, missing = distance_to_reference(joints)
+    print(f"{'balancing':16s}{mean:9.1f} {'':7s} {100 * missing:6.1f}%   (to the reference)")
     problems = [] if mean <= 70 else [f"balancing: {mean:.1f} mm from the reference, at most 70"]
     if missing > 0.05:
         problems.append(f"balancing: {100 * missing:.1f} % of the joints withheld")
@@ -119,6 +130,7 @@ def check_real(joints):
 def draw_sheet(session_file, joints, file, step=10, tile=(300, 360)):
     import cv2
     import tomllib
+
     folder = session_file.parent
     session = tomllib.loads(session_file.read_text())
     calibration = tomllib.loads((folder / session["calibration"]).read_text())
@@ -129,28 +141,39 @@ def draw_sheet(session_file, joints, file, step=10, tile=(300, 360)):
         video = cv2.VideoCapture(str(folder / camera["video"]))
         column = []
         for frame in range(len(body)):
-            ok, picture = video.read()
+            ok, image = video.read()
             if not ok or frame % step:
                 continue
-            pixels = cv2.projectPoints(np.nan_to_num(body[frame]), np.array(c["rotation"]), np.array(c["translation"]),
-                                       np.array(c["matrix"]), np.array(c["distortions"]))[0].reshape(-1, 2)
+            pixels = cv2.projectPoints(
+                np.nan_to_num(body[frame]),
+                np.array(c["rotation"]),
+                np.array(c["translation"]),
+                np.array(c["matrix"]),
+                np.array(c["distortions"]),
+            )[0].reshape(-1, 2)
             seen = np.isfinite(body[frame]).all(1)
             if seen.any():
                 centre = pixels[seen].mean(0)
                 half = 0.65 * np.ptp(pixels[seen], axis=0).max()
-                for a, b in BONES:
+                for a, b, _ in BONES:
                     i, k = JOINTS.index(a), JOINTS.index(b)
                     colour = (0, 0, 255) if b.endswith("_l") else (255, 80, 0) if b.endswith("_r") else (0, 255, 255)
                     if seen[i] and seen[k]:
-                        cv2.line(picture, tuple(map(int, pixels[i])), tuple(map(int, pixels[k])), colour,
-                                 max(1, int(half / 90)), cv2.LINE_AA)
+                        cv2.line(
+                            image,
+                            tuple(map(int, pixels[i])),
+                            tuple(map(int, pixels[k])),
+                            colour,
+                            max(1, int(half / 90)),
+                            cv2.LINE_AA,
+                        )
                 x0, y0 = np.maximum(centre - half, 0).astype(int)
-                picture = picture[y0:int(centre[1] + half), x0:int(centre[0] + half)]
+                image = image[y0 : int(centre[1] + half), x0 : int(centre[0] + half)]
             cell = np.zeros((tile[1], tile[0], 3), np.uint8)
-            if picture.size:
-                scale = min(tile[0] / picture.shape[1], tile[1] / picture.shape[0])
-                small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-                cell[:small.shape[0], :small.shape[1]] = small
+            if image.size:
+                scale = min(tile[0] / image.shape[1], tile[1] / image.shape[0])
+                small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+                cell[: small.shape[0], : small.shape[1]] = small
             cv2.putText(cell, f"{camera['name']} {frame}", (4, tile[1] - 6), 0, 0.45, (255, 255, 255), 1, cv2.LINE_AA)
             column.append(cell)
         columns.append(np.vstack(column))
@@ -164,7 +187,7 @@ def main():
     parser.add_argument("--sequences", default="walk,gesture,signal,ring8,sprint,balancing")
     parser.add_argument("--judge", choices=["all", "joints"], default="all")
     parser.add_argument("--sheets", type=Path)
-    parser.add_argument("--keep", type=Path)
+    parser.add_argument("--results", type=Path)
     arguments = parser.parse_args()
     if not (DATA / "studio").is_dir():
         print(f"skipped: no test data at {DATA}")
@@ -175,11 +198,14 @@ def main():
         for sequence in arguments.sequences.split(","):
             real = sequence == "balancing"
             folder = DATA / ("balancing" if real else f"studio/{sequence}")
-            out = (arguments.keep or Path(scratch)) / sequence
+            out = (arguments.results or Path(scratch)) / sequence
             tpose = ["--tpose", folder / "session_tpose.toml"] if real else []
             joints, angles = run_process(arguments.kinevox_process, folder, out, *tpose)
-            problems += check_real(joints) if real else check(sequence, joints, angles, folder / "truth",
-                                                              arguments.judge == "all")
+            problems += (
+                check_real(joints)
+                if real
+                else check(sequence, joints, angles, folder / "truth", arguments.judge == "all")
+            )
             if arguments.sheets:
                 draw_sheet(folder / "session.toml", joints, arguments.sheets / f"{sequence}.png")
     for problem in problems:

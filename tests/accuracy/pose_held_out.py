@@ -1,11 +1,10 @@
 #!/usr/bin/env python3
-"""Joints and angles on sequences that nothing was tuned on: the project's own virtual studio, other motions, bodies, rings.
+"""Joints and angles on held-out sequences: the project's virtual studio with other motions, bodies and camera rings.
 
 usage: pose_held_out.py [--kinevox-process PROGRAM] [--kinevox-studio PROGRAM] [--work FOLDER] [--sequences NAME,...]
 
-Renders what is not there yet into FOLDER (kept, if named), processes it and prints the table of pose.py. The studio's bodies are
-an implicit surface of their own, so that its errors are those on a build that the body's surface was not made from: the
-bound is wider than for the shared data. Fails beyond it or where left and right are exchanged."""
+Renders missing sequences into FOLDER (kept if given), processes them and prints the table of pose.py. The studio's bodies are
+an implicit surface of another shape than the body model's, so the bound is wider than for the shared data. Fails beyond it or where left and right are exchanged."""
 import argparse
 import subprocess
 import sys
@@ -16,10 +15,16 @@ from pose import heading, row, run_process
 from session_data import process_program
 
 # Name: motion, seed, cameras, frame sets. The seed draws person, clothes, room and the ring of cameras.
-SEQUENCES = {"walk_11": ("walk", 11, 4, 100), "arm_raise_12": ("arm_raise", 12, 4, 80), "run_13": ("run", 13, 4, 70),
-             "squat_14": ("squat", 14, 5, 80), "jumping_jack_15": ("jumping_jack", 15, 6, 70),
-             "sprint_start_16": ("sprint_start", 16, 4, 70), "walk_17": ("walk", 17, 3, 90),
-             "arm_raise_18": ("arm_raise", 18, 4, 80)}
+SEQUENCES = {
+    "walk_11": ("walk", 11, 4, 100),
+    "arm_raise_12": ("arm_raise", 12, 4, 80),
+    "run_13": ("run", 13, 4, 70),
+    "squat_14": ("squat", 14, 5, 80),
+    "jumping_jack_15": ("jumping_jack", 15, 6, 70),
+    "sprint_start_16": ("sprint_start", 16, 4, 70),
+    "walk_17": ("walk", 17, 3, 90),
+    "arm_raise_18": ("arm_raise", 18, 4, 80),
+}
 BOUND_MM = 60
 
 
@@ -29,8 +34,24 @@ def render(studio, work, name):
     folder = Path(work) / name
     if not folder.is_dir():
         folder.parent.mkdir(parents=True, exist_ok=True)
-        subprocess.run([studio, "--motion", motion, "--seed", str(seed), "--cameras", str(cameras), "--frames", str(frames),
-                        "--no-masks", "--out", folder], check=True, stdout=subprocess.DEVNULL)
+        subprocess.run(
+            [
+                studio,
+                "--motion",
+                motion,
+                "--seed",
+                str(seed),
+                "--cameras",
+                str(cameras),
+                "--frames",
+                str(frames),
+                "--no-masks",
+                "--out",
+                folder,
+            ],
+            check=True,
+            stdout=subprocess.DEVNULL,
+        )
     return folder
 
 

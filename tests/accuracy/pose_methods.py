@@ -5,7 +5,7 @@ usage: pose_methods.py [--kinevox-process PROGRAM] [--retrieval PROGRAM] [--step
 
 Silhouettes and body are those that `kinevox-process` finds. Retrieval and refinement take each frame set alone; "tracked" is
 the whole of `process` (poses followed over time, smoothed). Errors: mean joint distance, median over the frames, mm; times:
-median ms a frame set of this run, so nothing else should run beside it. --write replaces FILE (tests/bench/results/
+median ms per frame set of this run, so nothing else should run meanwhile. --write replaces FILE (tests/bench/results/
 pose_methods.md). Exit status 77 without the shared test data."""
 import argparse
 import subprocess
@@ -20,14 +20,20 @@ from session_data import process_program, read_table
 
 SEQUENCES = ("walk", "gesture", "signal", "ring8", "sprint")
 RULES = {"published": "published, n = 1000", "all": "all entries"}
-HEADER = ("| | published alone | ours alone | published, refined | ours, refined | tracked | "
-          "published: ms | ours: ms | refinement: ms | tracked: ms |\n" + "| --- " + "| ---: " * 9 + "|")
+HEADER = (
+    "| | published alone | ours alone | published, refined | ours, refined | tracked | "
+    "published: ms | ours: ms | refinement: ms | tracked: ms |\n" + "| --- " + "| ---: " * 9 + "|"
+)
 
 
 def retrieval_rows(program, session, results, step):
     """{rule: cells} of its table."""
-    text = subprocess.run([program, session, results / "silhouettes", "--body", results / "body.toml", "--step", str(step)],
-                          check=True, capture_output=True, text=True).stdout
+    text = subprocess.run(
+        [program, session, results / "silhouettes", "--body", results / "body.toml", "--step", str(step)],
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout
     cells = [[c.strip() for c in line.strip("| ").split("|")] for line in text.splitlines() if line.startswith("| ")]
     names = cells[0]
     return {key: dict(zip(names, next(c for c in cells if c[0] == name))) for key, name in RULES.items()}
@@ -58,17 +64,21 @@ def main():
             tracked = np.nanmedian(1000 * np.nanmean(distance, axis=1))
             tracked_ms = np.nanmedian(read_table(out / "timing.csv")["pose_ms"])
         published, ours = rows["published"], rows["all"]
-        lines.append(f"| {sequence} | {published['error, mm']} | {ours['error, mm']} | {published['refined, mm']} | "
-                     f"{ours['refined, mm']} | {tracked:.0f} | {published['retrieval, ms']} | {ours['retrieval, ms']} | "
-                     f"{ours['refinement, ms']} | {tracked_ms:.1f} |")
+        lines.append(
+            f"| {sequence} | {published['error, mm']} | {ours['error, mm']} | {published['refined, mm']} | "
+            f"{ours['refined, mm']} | {tracked:.0f} | {published['retrieval, ms']} | {ours['retrieval, ms']} | "
+            f"{ours['refinement, ms']} | {tracked_ms:.1f} |"
+        )
         print("\n".join(lines[-2:] if len(lines) == 2 else lines[-1:]), flush=True)
     if arguments.write:
         arguments.write.write_text(
             "# Pose methods\n\nThe published method alone is retrieval by its neighbourhood rule (n = 1000 of the nearest by the first\n"
-            "moment); ours alone the exact nearest of all entries. Refined: the best fit among the eight nearest, each frame set alone.\n"
-            "Tracked: `kinevox process`. Mean joint error, mm (median over the frames), and median ms a frame set; eight fits a frame\n"
-            "set in \"refinement\", one to three in \"tracked\". `tests/accuracy/pose_methods.py --write tests/bench/results/pose_methods.md`\n\n"
-            + "\n".join(lines) + "\n")
+            "Zernike moment); ours alone the exact nearest of all entries. Refined: the best fit among the eight nearest, each frame set alone.\n"
+            "Tracked: `kinevox process`. Mean joint error, mm (median over the frames), and median ms per frame set; eight fits per frame\n"
+            'set in "refinement", one to three in "tracked". `tests/accuracy/pose_methods.py --write tests/bench/results/pose_methods.md`\n\n'
+            + "\n".join(lines)
+            + "\n"
+        )
     return 0
 
 

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""How honest the standard deviations of `kinevox-process` are: the part of values whose error lies within one and two.
+"""Calibration of the standard deviations of `kinevox-process`: the fractions of errors within one and two of them.
 
 usage: pose_sigma.py [--sequence FOLDER=RESULTS ...] [--kinevox-process PROGRAM] [--kinevox-studio PROGRAM] [--work FOLDER]
 
-A joint's sigma is that of one axis, so each of its axes is one value. Honest normal errors have 68 % within one sigma and
-95 % within two. Sequences are the shared test data's and those that pose_held_out.py renders, unless named: FOLDER with
-truth/, RESULTS from `kinevox process`. Fails where, over all sequences, fewer than 55 % or 85 % lie within, or where sigma
-is so wide that it says nothing: more than 90 % within one. Exit status 77 without any sequence."""
+A joint's sigma is per axis, so each of its axes is one value. Calibrated normal errors have 68 % within one sigma and 95 %
+within two. Sequences are the shared test data's and those that pose_held_out.py renders, unless named: FOLDER with
+truth/, RESULTS from `kinevox process`. Fails where, over all sequences, fewer than 55 % or 85 % lie within, or where sigma is
+too wide: more than 90 % within one. Exit status 77 without any sequence."""
 import argparse
 import sys
 import tempfile
@@ -16,10 +16,9 @@ import numpy as np
 
 from pose import DATA, JOINTS, run_process
 from pose_held_out import SEQUENCES, render
-from session_data import process_program, read_table
+from session_data import GEOMETRIC_ANGLE_NAMES, process_program, read_table
 
-ANGLES = [f"{a}_{s}" for a in ("knee_flexion", "elbow_flexion", "hip_flexion", "hip_abduction", "shoulder_elevation")
-          for s in "lr"] + ["trunk_lean"]
+ANGLES = list(GEOMETRIC_ANGLE_NAMES)
 
 
 def ratios(truth, results):
@@ -29,16 +28,18 @@ def ratios(truth, results):
     sigma = read_table(results / "uncertainty.csv")
     frames = joints["frame"].astype(int)
     frames = frames[frames < len(measured["frame"])]
-    share, width = {}, {}
+    ratio, width = {}, {}
     for name in JOINTS:
         std = sigma[f"{name}_std_m"][frames]
-        error = np.stack([np.abs(measured[f"{name}_{a}"][frames] - joints[f"{name}_{a}"][:len(frames)]) for a in "xyz"])
-        share[name], width[name] = (error / std).ravel(), 1000 * np.nanmedian(std)
+        error = np.stack(
+            [np.abs(measured[f"{name}_{a}"][frames] - joints[f"{name}_{a}"][: len(frames)]) for a in "xyz"]
+        )
+        ratio[name], width[name] = (error / std).ravel(), 1000 * np.nanmedian(std)
     for name in ANGLES:
         std = sigma[f"{name}_std_deg"][frames]
-        share[name] = np.abs(found[f"{name}_deg"][frames] - angles[f"{name}_deg"][:len(frames)]) / std
+        ratio[name] = np.abs(found[f"{name}_deg"][frames] - angles[f"{name}_deg"][: len(frames)]) / std
         width[name] = np.nanmedian(std)
-    return share, width
+    return ratio, width
 
 
 def within(values, sigmas):
@@ -51,7 +52,7 @@ def main():
     parser.add_argument("--sequence", action="append", default=[])
     parser.add_argument("--kinevox-process", type=Path)
     parser.add_argument("--kinevox-studio", type=Path)
-    parser.add_argument("--work", type=Path, help="keep what is rendered and computed there")
+    parser.add_argument("--work", type=Path, help="Keep renderings and results there")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         return judge(arguments, arguments.work or Path(scratch))
@@ -71,24 +72,24 @@ def judge(arguments, work):
     if not pairs:
         return 77
     measured = {folder.name: ratios(folder / "truth", results) for folder, results in pairs}
-    print("part of the values within one / two standard deviations, %; the last column: median sigma, mm or deg")
-    print(f"{'':22s}" + " ".join(f"{name[:9]:>9s}" for name in measured) + "       all   sigma")
+    print("fraction of the values within one / two standard deviations, %; the last column: median sigma, mm or deg")
+    print(f"{'':32s}" + " ".join(f"{name[:9]:>9s}" for name in measured) + "       all   sigma")
     for name in [*JOINTS, *ANGLES, "joints", "angles"]:
         members = {"joints": JOINTS, "angles": ANGLES}.get(name, [name])
         row, everything = [], []
-        for share, _ in measured.values():
-            values = np.concatenate([share[m] for m in members])
+        for ratio, _ in measured.values():
+            values = np.concatenate([ratio[m] for m in members])
             everything.append(values)
             row.append(f"{within(values, 1):3.0f} / {within(values, 2):3.0f}")
         values = np.concatenate(everything)
         width = np.median([np.median([w[m] for m in members]) for _, w in measured.values()])
-        print(f"{name:22s}" + " ".join(row) + f" {within(values, 1):4.0f} / {within(values, 2):3.0f} {width:6.1f}")
+        print(f"{name:32s}" + " ".join(row) + f" {within(values, 1):4.0f} / {within(values, 2):3.0f} {width:6.1f}")
     problems = []
     for kind, members in (("joints", JOINTS), ("angles", ANGLES)):
-        values = np.concatenate([share[m] for share, _ in measured.values() for m in members])
+        values = np.concatenate([ratio[m] for ratio, _ in measured.values() for m in members])
         one, two = within(values, 1), within(values, 2)
         if one < 55 or two < 85 or one > 90:
-            problems.append(f"{kind}: {one:.0f} % within one sigma, {two:.0f} % within two; 68 and 95 would be honest")
+            problems.append(f"{kind}: {one:.0f} % within one sigma, {two:.0f} % within two; expected 68 and 95")
     for problem in problems:
         print("FAILED", problem)
     return 1 if problems else 0

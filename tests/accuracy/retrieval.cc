@@ -51,14 +51,14 @@ Vec3 meeting_point(const std::vector<Camera>& cameras, const std::vector<kernels
 
 kernels::Silhouettes read_silhouette(const std::filesystem::path& file) {
     kernels::Silhouettes out;
-    const cv::Mat picture = cv::imread(file.string(), cv::IMREAD_GRAYSCALE);
-    if (picture.empty()) return out;
-    out.width = picture.cols, out.height = picture.rows;
+    const cv::Mat image = cv::imread(file.string(), cv::IMREAD_GRAYSCALE);
+    if (image.empty()) return out;
+    out.width = image.cols, out.height = image.rows;
     out.sharp.assign(static_cast<std::size_t>(out.width) * out.height, 0);
     out.bounds = {out.width, out.height, 0, 0};
     for (int y = 0; y < out.height; ++y)
         for (int x = 0; x < out.width; ++x) {
-            if (picture.at<std::uint8_t>(y, x) < 128) continue;
+            if (image.at<std::uint8_t>(y, x) < 128) continue;
             out.sharp[static_cast<std::size_t>(y) * out.width + x] = 255;
             out.centroid_x += x, out.centroid_y += y, ++out.sharp_pixels;
             out.bounds = {std::min(out.bounds.x0, x), std::min(out.bounds.y0, y),
@@ -128,7 +128,7 @@ int run(const std::filesystem::path& session_file, const std::filesystem::path& 
         "%s, %lld entries, %zu viewpoints\n| rule | error, mm | 90 %%, mm | best of 8, mm | 90 %%, mm | "
         "refined, mm | 90 %%, mm | distance | retrieval, ms | refinement, ms |\n"
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n",
-        session->name.c_str(), static_cast<long long>(database->entries()), database->slabs.size());
+        session->name.c_str(), static_cast<long long>(database->entry_count()), database->slabs.size());
     for (const auto& [name, rule] : {std::pair{"published, n = 1000", RetrievalRule::kPublished},
                                      std::pair{"all entries", RetrievalRule::kAll}}) {
         DatabaseSearch search(*database, {.rule = rule});

@@ -2,6 +2,7 @@
 import csv
 import gzip
 import os
+import sys
 import zipfile
 from pathlib import Path
 
@@ -14,20 +15,25 @@ except ModuleNotFoundError:  # Python < 3.11
     import tomli as tomllib
 
 REPOSITORY = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(REPOSITORY / "server/tools/report"))
+from kinevox_report.body_table import BONES, GEOMETRIC_ANGLE_NAMES, JOINT_NAMES  # noqa: E402, F401
+
+# The shared truth tables were rendered before geometric angles had names of their own: knee_flexion_l_deg.
+TRUTH_NAMES = {f"{name.replace('_geometric', '')}_deg": f"{name}_deg" for name in GEOMETRIC_ANGLE_NAMES}
 
 
 def data_folder():
-    """The shared test data: $KINEVOX_TEST_DATA, else ../shared/data beside the repository."""
+    """The shared test data: $KINEVOX_TEST_DATA, else ../shared/data next to the repository."""
     return Path(os.environ.get("KINEVOX_TEST_DATA", REPOSITORY.parent / "shared" / "data"))
 
 
 def process_program():
-    """kinevox-process: $KINEVOX_PROCESS, else the newest one in the usual build folders."""
+    """kinevox-process: $KINEVOX_PROCESS, else the latest one in the build folders."""
     if "KINEVOX_PROCESS" in os.environ:
         return Path(os.environ["KINEVOX_PROCESS"])
     found = [p for p in REPOSITORY.glob("build*/**/kinevox-process") if p.is_file()]
     if not found:
-        raise SystemExit("kinevox-process is not built; build it or set KINEVOX_PROCESS")
+        raise SystemExit("kinevox-process is not built; build it, or set KINEVOX_PROCESS")
     return max(found, key=lambda p: p.stat().st_mtime)
 
 
@@ -77,7 +83,7 @@ class Session:
 
 def read_mesh(file):
     """A binary little-endian PLY of float vertices and triangles."""
-    with (gzip.open(file) if str(file).endswith(".gz") else open(file, "rb")) as f:
+    with gzip.open(file) if str(file).endswith(".gz") else open(file, "rb") as f:
         data = f.read()
     end = data.index(b"end_header\n") + len(b"end_header\n")
     header = data[:end].decode().splitlines()
@@ -106,9 +112,10 @@ def mesh_centre(vertices, triangles):
 
 
 def read_table(file):
-    """A CSV as {column: array}; empty cells are NaN."""
+    """A CSV as {column: array}; empty cells are NaN. Angles of rendered truth get the names of angles.csv."""
     with open(file, newline="") as f:
         rows = list(csv.DictReader(f))
-    columns = rows[0].keys() if rows else []
+    columns = list(rows[0].keys()) if rows else []
     number = lambda text: float(text) if text else np.nan
-    return {c: np.array([number(r[c]) for r in rows]) for c in columns}
+    is_truth = Path(file).name == "angles.csv" and not any("_geometric" in c for c in columns)
+    return {TRUTH_NAMES.get(c, c) if is_truth else c: np.array([number(r[c]) for r in rows]) for c in columns}

@@ -1,16 +1,16 @@
 #!/usr/bin/env python3
-"""How well `kinevox sync` finds the offsets of videos that were not started together.
+"""Accuracy of `kinevox sync` on videos with known offsets.
 
-Each camera of a sequence loses a number of first pictures, drawn from a seed, up to two seconds where the length
-allows, and some of its last ones; what the verb says is compared with what was cut. Errors are in frames, against the
-cameras' common time (their mean), which is free. `half` takes every second picture, of some cameras the even ones and
-of the others the odd ones: shifts of half a frame, at half the rate. Pictures of another recording in the place of a
-camera's must be refused with nothing written. With --process the aligned session goes through `kinevox process` and
-is compared with the sequence as it was: agreement of volume and silhouettes, litres and, with --pose, joints.
+Each camera of a sequence loses a random number of first images, up to two seconds if the length allows, and some of its
+last ones; the reported offsets are compared with the cuts. Errors are in frames, against the cameras' common time (their
+mean), which is free. `half` takes every second image, the even ones of some cameras and the odd ones of the others: shifts
+of half a frame, at half the rate. Images of another recording in place of a camera's must be refused without writing. With
+--process the aligned session goes through `kinevox process` and is compared with the original sequence: silhouette IoU,
+volume and, with --pose, joints.
 
 usage: sync.py --sync KINEVOX-SYNC [--process KINEVOX-PROCESS [--pose]] [--sequences walk,...] [--seeds N]
-               [--movement] [--most FRAMES] [--quick]
-Exit status 1 where an error is beyond --most frames or a wrong session is accepted; 77 without the test data."""
+               [--movement] [--max-error FRAMES] [--quick]
+Exit status 1 where an error is beyond --max-error or a wrong session is accepted; 77 without the test data."""
 import argparse
 import json
 import os
@@ -27,32 +27,38 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from session_data import Session, data_folder, read_table  # noqa: E402
 
-SEQUENCES = {"walk": "studio/walk", "signal": "studio/signal", "balancing": "balancing",   # looked at while it was made
-             "gesture": "studio/gesture", "sprint": "studio/sprint", "ring8": "studio/ring8"}   # for confirmation only
-MOST_CUT_S, LEAST_LEFT_S = 2.0, 1.2
+SEQUENCES = {
+    "walk": "studio/walk",
+    "signal": "studio/signal",
+    "balancing": "balancing",  # used during development
+    "gesture": "studio/gesture",
+    "sprint": "studio/sprint",
+    "ring8": "studio/ring8",
+}  # for confirmation only
+MAX_CUT_S, MIN_LEFT_S = 2.0, 1.2
 
 
 class Sequence:
-    """A session's pictures, each a file, so that any part of them can be another session's."""
+    """A session's images as files, so that other sessions can use any of them."""
 
     def __init__(self, name, folder):
         self.name = name
         self.session = Session(data_folder() / SEQUENCES[name] / "session.toml")
         self.folder = Path(folder) / name
-        self.pictures = []
+        self.images = []
         for camera, video in zip(self.session.cameras, self.session.videos):
-            ending = "bmp" if camera.width * camera.height < 1e6 else "png"   # lossless; large ones would fill the disk
+            ending = "bmp" if camera.width * camera.height < 1e6 else "png"  # lossless; large ones would fill the disk
             target = self.folder / camera.name
             target.mkdir(parents=True)
             capture, files = cv2.VideoCapture(str(video)), []
             while True:
-                good, picture = capture.read()
+                good, image = capture.read()
                 if not good:
                     break
                 files.append(target / f"{len(files):06d}.{ending}")
-                cv2.imwrite(str(files[-1]), picture, [cv2.IMWRITE_PNG_COMPRESSION, 1])
-            self.pictures.append(files)
-        self.length = min(len(p) for p in self.pictures)
+                cv2.imwrite(str(files[-1]), image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+            self.images.append(files)
+        self.length = min(len(p) for p in self.images)
 
     def sizes(self):
         return [(c.width, c.height) for c in self.session.cameras]
@@ -63,15 +69,15 @@ class Sequence:
 
 
 def write_session(folder, sequence, parts, fps, strangers=None):
-    """`parts`: a list of numbers of pictures for each camera. `strangers`: {camera index: another sequence}."""
+    """`parts`: a list of numbers of images for each camera. `strangers`: {camera index: another sequence}."""
     folder.mkdir(parents=True)
     source = sequence.session
-    text = f'# made by sync.py\nname = "{sequence.name}"\nfps = {fps}\ncalibration = "{calibration_of(source)}"\n'
+    text = f'# written by sync.py\nname = "{sequence.name}"\nfps = {fps}\ncalibration = "{calibration_of(source)}"\n'
     for c, camera in enumerate(source.cameras):
         home = (strangers or {}).get(c, sequence)
         (folder / camera.name).mkdir()
-        for n, picture in enumerate(parts[c]):
-            (folder / camera.name / f"{n:06d}{home.pictures[c][0].suffix}").symlink_to(home.pictures[c][picture])
+        for n, image in enumerate(parts[c]):
+            (folder / camera.name / f"{n:06d}{home.images[c][0].suffix}").symlink_to(home.images[c][image])
         background = home.session.file.parent / home.backgrounds()[c]
         text += f'\n[[camera]]   # {c}\nname = "{camera.name}"\nvideo = "{camera.name}"\nbackground = "{background}"\n'
     (folder / "session.toml").write_text(text)
@@ -84,21 +90,21 @@ def calibration_of(source):
 
 
 def draw_parts(sequence, seed, step=1):
-    """Pictures each camera keeps and the true offset of its first one, in frames of the session that is made."""
+    """Images each camera keeps and the true offset of its first one, in frames of the session that is made."""
     rng = np.random.default_rng([seed, sum(map(ord, sequence.name))])
-    count = len(sequence.pictures)
-    most = int(min(MOST_CUT_S * sequence.session.fps, (sequence.length - LEAST_LEFT_S * sequence.session.fps) / 1.25))
+    count = len(sequence.images)
+    most = int(min(MAX_CUT_S * sequence.session.fps, (sequence.length - MIN_LEFT_S * sequence.session.fps) / 1.25))
     if step == 1:
         begins = rng.integers(0, most + 1, count)
         ends = sequence.length - rng.integers(0, most // 4 + 1, count)
-    else:   # both phases occur
+    else:  # both phases occur
         begins = rng.permutation(np.arange(count) % step) + step * rng.integers(0, most // (4 * step) + 1, count)
         ends = np.full(count, sequence.length)
     return [range(b, e, step) for b, e in zip(begins, ends)], begins / step
 
 
-def run_sync(program, session, places, *more):
-    command = [program, session, "--json", "--quiet", *more] + ([] if places else ["--no-places"])
+def run_sync(program, session, extrinsics, *more):
+    command = [program, session, "--json", "--quiet", *more] + ([] if extrinsics else ["--no-extrinsics"])
     begun = time.monotonic()
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True)
     return done, time.monotonic() - begun
@@ -107,25 +113,28 @@ def run_sync(program, session, places, *more):
 def errors_of(result, truth, fps):
     found = np.array([c["offset_s"] for c in result["cameras"]]) * fps
     error = found - truth
-    return error - error.mean(), np.array([c["deviation_s"] for c in result["cameras"]]) * fps
+    return error - error.mean(), np.array([c["std_s"] for c in result["cameras"]]) * fps
 
 
-def try_shift(arguments, sequence, seed, step, places, folder):
+def try_shift(arguments, sequence, seed, step, extrinsics, folder):
     parts, truth = draw_parts(sequence, seed, step)
     fps = sequence.session.fps / step
-    session = write_session(folder / f"{sequence.name}-{seed}-{step}-{places}", sequence, parts, fps)
-    done, took = run_sync(arguments.sync, session, places, "--no-plot")
-    what = f"{sequence.name:10} {'half' if step == 2 else 'whole':6} {seed:4} {'places' if places else 'movement':9}"
+    session = write_session(folder / f"{sequence.name}-{seed}-{step}-{extrinsics}", sequence, parts, fps)
+    done, took = run_sync(arguments.sync, session, extrinsics, "--no-plot")
+    what = f"{sequence.name:10} {'half' if step == 2 else 'whole':6} {seed:4} {'extrinsics' if extrinsics else 'movement':10}"
     overlap = (min(t + len(p) for t, p in zip(truth, parts)) - max(truth)) / fps
     if done.returncode != 0:
         print(f"{what} {overlap:7.2f}  refused: {done.stderr.strip()[14:]}")
         return None, session, parts
     result = json.loads(done.stdout)
-    error, deviation = errors_of(result, truth, fps)
+    error, std = errors_of(result, truth, fps)
     weakest = min(c["evidence_nats"] for c in result["cameras"])
-    rival = max(c["next_best_quality"] for c in result["cameras"])
-    print(f"{what} {overlap:7.2f} {abs(error).max():8.2f} {deviation.max():8.2f} {1000 * abs(error).max() / fps:8.1f} "
-          f"{weakest:8.0f} {rival:6.2f} {took:6.1f}", flush=True)
+    runner_up = max(c["runner_up_ratio"] for c in result["cameras"])
+    print(
+        f"{what} {overlap:7.2f} {abs(error).max():8.2f} {std.max():8.2f} {1000 * abs(error).max() / fps:8.1f} "
+        f"{weakest:8.0f} {runner_up:6.2f} {took:6.1f}",
+        flush=True,
+    )
     return float(abs(error).max()), session, parts
 
 
@@ -134,22 +143,29 @@ def try_wrong(arguments, sequence, other, cameras, folder):
     parts, _ = draw_parts(sequence, 7)
     strange, _ = draw_parts(other, 8)
     parts = [strange[c] if c in cameras else p for c, p in enumerate(parts)]
-    session = write_session(folder / f"wrong-{sequence.name}-{other.name}", sequence, parts, sequence.session.fps,
-                            {c: other for c in cameras})
+    session = write_session(
+        folder / f"wrong-{sequence.name}-{other.name}",
+        sequence,
+        parts,
+        sequence.session.fps,
+        {c: other for c in cameras},
+    )
     before = session.read_bytes()
     good = True
-    for places in (True, False):
-        done, _ = run_sync(arguments.sync, session, places)
+    for extrinsics in (True, False):
+        done, _ = run_sync(arguments.sync, session, extrinsics)
         left = session.read_bytes() == before and not (session.parent / "sync.png").exists()
-        print(f"{sequence.name} with cameras {cameras} of {other.name}, {'places' if places else 'movement'}: "
-              f"{'refused' if done.returncode else 'ACCEPTED'}, {'nothing' if left else 'SOMETHING'} written: "
-              f"{done.stderr.strip()[14:110]}")
+        print(
+            f"{sequence.name} with cameras {cameras} of {other.name}, {'extrinsics' if extrinsics else 'movement'}: "
+            f"{'refused' if done.returncode else 'ACCEPTED'}, {'nothing' if left else 'SOMETHING'} written: "
+            f"{done.stderr.strip()[14:110]}"
+        )
         good = good and done.returncode == 1 and left and done.stderr.count("\n") == 1
     return good
 
 
 def try_user(arguments, sequence, folder):
-    """What the verb leaves behind, and what it says to what cannot be."""
+    """Output files and user errors."""
     parts, truth = draw_parts(sequence, 5)
     fps = sequence.session.fps
     session = write_session(folder / "user", sequence, parts, fps)
@@ -157,33 +173,48 @@ def try_user(arguments, sequence, folder):
     done, _ = run_sync(arguments.sync, session, True, "--dry-run")
     good = done.returncode == 0 and session.read_text() == before and page.stat().st_size > 10000
     page.unlink()
-    written = subprocess.run([arguments.sync, session, "--plot", session.parent / "other.png"], capture_output=True,
-                             text=True)
+    written = subprocess.run(
+        [arguments.sync, session, "--plot", session.parent / "other.png"], capture_output=True, text=True
+    )
     after = session.read_text()
     offsets = [float(line.split("=")[1]) for line in after.splitlines() if line.startswith("offset_s")]
-    good = (good and written.returncode == 0 and written.stdout.startswith("camera") and not page.exists()
-            and (session.parent / "other.png").exists() and after.startswith("# made by sync.py\n")
-            and "[[camera]]   # 2\n" in after and len(offsets) == len(truth)
-            and abs(np.diff(np.array(offsets) * fps - truth)).max() < 1)
-    again, _ = run_sync(arguments.sync, session, True, "--no-plot")   # what was found before counts for nothing
+    good = (
+        good
+        and written.returncode == 0
+        and written.stdout.startswith("camera")
+        and not page.exists()
+        and (session.parent / "other.png").exists()
+        and after.startswith("# written by sync.py\n")
+        and "[[camera]]   # 2\n" in after
+        and len(offsets) == len(truth)
+        and abs(np.diff(np.array(offsets) * fps - truth)).max() < 1
+    )
+    again, _ = run_sync(arguments.sync, session, True, "--no-plot")  # earlier offsets are ignored
     good = good and again.returncode == 0 and session.read_text() == after
     recorded = session.parent / "recorded.toml"
-    recorded.write_text(before + '\n[recording]\ntimes = "session.toml"\n')
-    for words, part in (([session.parent / "none.toml"], "none.toml"), ([session, "--max-shift", "0"], "max-shift"),
-                        ([session, "--plot", "page.gif"], ".png"), ([recorded], "joined its cameras"),
-                        ([], "session")):
+    recorded.write_text(before + '\n[recording]\nframe_times = "session.toml"\n')
+    for words, part in (
+        ([session.parent / "none.toml"], "none.toml"),
+        ([session, "--max-offset", "0"], "max-offset"),
+        ([session, "--plot", "page.gif"], ".png"),
+        ([recorded], "already synchronised"),
+        ([], "session"),
+    ):
         done = subprocess.run(list(map(str, [arguments.sync, *words])), capture_output=True, text=True)
-        good = good and done.returncode == 1 and done.stderr.count("\n") == 1 and part in done.stderr and not done.stdout
-    print(f"what is written and what is said: {'as it should be' if good else 'WRONG'}")
+        good = (
+            good and done.returncode == 1 and done.stderr.count("\n") == 1 and part in done.stderr and not done.stdout
+        )
+    print(f"output and messages: {'good' if good else 'WRONG'}")
     return good
 
 
 def process(program, session, out, frames, pose):
     more = [] if pose else ["--no-pose"]
-    subprocess.run([str(program), str(session), "--out", str(out), "--quiet", "--frames", str(frames), *more],
-                   check=True)
-    agreement, volume = read_table(out / "agreement.csv"), read_table(out / "volume.csv")
-    iou = np.nanmean([v for k, v in agreement.items() if k != "frame"])
+    subprocess.run(
+        [str(program), str(session), "--out", str(out), "--quiet", "--frames", str(frames), *more], check=True
+    )
+    silhouette_iou, volume = read_table(out / "silhouette_iou.csv"), read_table(out / "volume.csv")
+    iou = np.nanmean([v for k, v in silhouette_iou.items() if k not in ("frame", "subject")])
     return iou, np.nanmean(volume["volume_litres"]), read_table(out / "joints.csv") if pose else None
 
 
@@ -195,21 +226,24 @@ def joint_error_mm(joints, truth, first):
 
 
 def try_process(arguments, sequence, session, parts, folder, frames):
-    """The aligned session against the sequence as it was, on the same instants."""
+    """The aligned session against the original sequence, at the same instants."""
     first, last = max(p[0] for p in parts), min(p[-1] for p in parts)
     frames = min(frames, last - first + 1)
-    whole = write_session(folder / f"{sequence.name}-whole", sequence, [range(first, last + 1)] * len(parts),
-                          sequence.session.fps)
+    whole = write_session(
+        folder / f"{sequence.name}-whole", sequence, [range(first, last + 1)] * len(parts), sequence.session.fps
+    )
     truth_file = sequence.session.truth / "joints.csv"
     pose = arguments.pose and truth_file.is_file()
     rows = {}
-    for name, file in (("as it was", whole), ("aligned", session)):
+    for name, file in (("original", whole), ("aligned", session)):
         iou, litres, joints = process(arguments.process, file, folder / f"{sequence.name}-{name[:2]}", frames, pose)
         error = joint_error_mm(joints, read_table(truth_file), first) if pose else float("nan")
         rows[name] = (iou, litres, error)
-        print(f"{sequence.name:10} {name:10} agreement {iou:.4f}, {litres:6.2f} litres"
-              + (f", joints {error:.1f} mm" if pose else ""))
-    (iou, litres, error), (iou2, litres2, error2) = rows["as it was"], rows["aligned"]
+        print(
+            f"{sequence.name:10} {name:10} silhouette IoU {iou:.4f}, {litres:6.2f} litres"
+            + (f", joints {error:.1f} mm" if pose else "")
+        )
+    (iou, litres, error), (iou2, litres2, error2) = rows["original"], rows["aligned"]
     return iou2 > iou - 0.005 and abs(litres2 / litres - 1) < 0.02 and not error2 > 1.05 * error + 1
 
 
@@ -220,10 +254,13 @@ def main():
     parser.add_argument("--pose", action="store_true", help="compare joints as well")
     parser.add_argument("--sequences", default=",".join(SEQUENCES))
     parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--movement", action="store_true", help="without the cameras' places, too; no bound")
-    parser.add_argument("--most", type=float, default=0.5, help="frames")
-    parser.add_argument("--quick", action="store_true",
-                        help="a seed of walk, its first frames through `process`, a wrong one, what the verb says")
+    parser.add_argument("--movement", action="store_true", help="also without extrinsics; no bound")
+    parser.add_argument("--max-error", type=float, default=0.5, help="frames")
+    parser.add_argument(
+        "--quick",
+        action="store_true",
+        help="a seed of walk, its first frames through `process`, a wrong one, user errors",
+    )
     arguments = parser.parse_args()
     if not (data_folder() / "studio" / "walk" / "session.toml").is_file():
         print(f"skipped: no test data in {data_folder()}")
@@ -232,8 +269,10 @@ def main():
     good, sequences = True, {}
     folder = Path(tempfile.mkdtemp(prefix="kinevox-sync-"))
     try:
-        print(f"{'sequence':10} {'shifts':6} {'seed':>4} {'by':9} {'common s':>7} {'error':>7} {'+-':>8} {'ms':>8} "
-              f"{'evidence':>8} {'rival':>6} {'took s':>6}")
+        print(
+            f"{'sequence':10} {'shifts':6} {'seed':>4} {'by':10} {'common s':>7} {'error':>7} {'+-':>8} {'ms':>8} "
+            f"{'evidence':>8} {'next':>6} {'took s':>6}"
+        )
         for name in names:
             if not (data_folder() / SEQUENCES[name]).is_dir():
                 print(f"{name}: not there")
@@ -241,11 +280,11 @@ def main():
             sequence = sequences[name] = Sequence(name, folder)
             for seed in range(1 if arguments.quick else arguments.seeds):
                 for step in (1, 2):
-                    for places in (True, False) if arguments.movement else (True,):
-                        error, session, parts = try_shift(arguments, sequence, seed, step, places, folder)
-                        good = good and (not places or (error is not None and error <= arguments.most))
-                        if arguments.process and error is not None and places and step == 1 and seed == 0:
-                            frames = 40 if arguments.quick else 10 ** 6
+                    for extrinsics in (True, False) if arguments.movement else (True,):
+                        error, session, parts = try_shift(arguments, sequence, seed, step, extrinsics, folder)
+                        good = good and (not extrinsics or (error is not None and error <= arguments.max_error))
+                        if arguments.process and error is not None and extrinsics and step == 1 and seed == 0:
+                            frames = 40 if arguments.quick else 10**6
                             good = try_process(arguments, sequence, session, parts, folder, frames) and good
             previous = [s for s in sequences.values() if s is not sequence and s.sizes() == sequence.sizes()]
             if previous:

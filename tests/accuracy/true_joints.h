@@ -5,8 +5,8 @@
 #include <filesystem>
 #include <map>
 
+#include "common/body_table.h"
 #include "common/geometry.h"
-#include "common/skeleton.h"
 
 namespace kinevox::testing {
 

@@ -5,10 +5,10 @@
 
 Runs `kinevox process` on each sequence twice, with and without colouring, and prints per sequence
   - the hull from perfect masks (truth/masks, four cameras): IoU with the mesh;
-  - the hull from our own silhouettes: share of the mesh's inside that it covers (bound: 0.97), IoU, litres;
-  - the coloured volume: coverage, IoU (bound: above the hull from perfect masks), litres;
+  - the hull from the silhouettes: fraction of the mesh's interior that it covers, IoU, litres;
+  - the coloured volume: coverage, IoU, litres;
   - the mesh: litres.
-Exit status: 0 within the bounds, 1 beyond them, 77 where the test data is missing.
+sequences.py holds the bounds. Exit status 77 without the test data.
 """
 import argparse
 import csv
@@ -21,7 +21,7 @@ import numpy as np
 
 from session_data import Session, data_folder, process_program
 
-MARGIN_M = 0.4  # how far around the mesh a volume is looked at
+MARGIN_M = 0.4  # around the mesh
 
 
 class Grid:
@@ -37,8 +37,8 @@ class Grid:
 
 
 def voxelise(vertices, triangles, grid):
-    """True where a voxel's centre is inside the closed mesh: signed crossings along z, so that parts of the mesh
-    that run into each other count once."""
+    """True where a voxel's centre is inside the closed mesh: signed crossings along z, so that overlapping parts of
+    the mesh count once."""
     nx, ny, nz = grid.size
     winding = np.zeros((nx * ny, nz + 1), np.int32)
     points = vertices / grid.voxel_m - grid.first - 0.5 + 1e-4  # off the edges of a regular mesh
@@ -54,7 +54,7 @@ def voxelise(vertices, triangles, grid):
             a = corners[use]
 
             def side(i, j):
-                return ((a[:, j, 0] - a[:, i, 0]) * (y - a[:, i, 1]) - (a[:, j, 1] - a[:, i, 1]) * (x - a[:, i, 0]))
+                return (a[:, j, 0] - a[:, i, 0]) * (y - a[:, i, 1]) - (a[:, j, 1] - a[:, i, 1]) * (x - a[:, i, 0])
 
             w = np.stack([side(1, 2), side(2, 0), side(0, 1)], 1)
             area = w.sum(1)
@@ -68,7 +68,7 @@ def voxelise(vertices, triangles, grid):
 
 
 def perfect_hull(cameras, masks, grid):
-    """Voxels whose centre falls into every true mask of a camera that sees it."""
+    """Voxels whose centre is in the true mask of every camera that sees it."""
     indices = np.stack(np.unravel_index(np.arange(np.prod(grid.size)), grid.size[::-1]), 1)
     for camera, mask in zip(cameras, masks):
         pixels = np.floor(camera.project(grid.centres(indices)) + 0.5)
@@ -98,7 +98,7 @@ def read_points(file):
 
 
 def solid(points, grid):
-    """The solid whose surface voxels have these centres: what a flood from outside does not reach."""
+    """The solid whose surface voxels have these centres: the complement of a flood fill from outside."""
     shell = np.zeros(grid.size[::-1], bool)
     indices = np.floor(points / grid.voxel_m).astype(int) - grid.first
     if (indices < 1).any() or (indices >= grid.size - 1).any():
@@ -108,8 +108,8 @@ def solid(points, grid):
     outside[0], outside[-1] = True, True
     outside[:, 0], outside[:, -1] = True, True
     outside[:, :, 0], outside[:, :, -1] = True, True
-    free, reached = ~shell, 0
-    while reached != (reached := int(outside.sum())):
+    free, filled = ~shell, 0
+    while filled != (filled := int(outside.sum())):
         for axis in range(3):  # a step in each direction, and far ones by sweeping whole slices
             grown = np.moveaxis(outside, axis, 0)
             open_ = np.moveaxis(free, axis, 0)
@@ -121,13 +121,24 @@ def solid(points, grid):
 
 
 def run(program, session, folder, voxel_mm, frames, colouring):
-    command = [str(program), str(session), "--out", str(folder), "--save", "volumes", "--voxel-mm", str(voxel_mm),
-               "--frames", str(frames), "--quiet"] + ([] if colouring else ["--no-colouring"])
+    command = [
+        str(program),
+        str(session),
+        "--out",
+        str(folder),
+        "--save",
+        "volumes",
+        "--voxel-mm",
+        str(voxel_mm),
+        "--frames",
+        str(frames),
+        "--quiet",
+    ] + ([] if colouring else ["--no-colouring"])
     subprocess.run(command, check=True)
 
 
 def lattice_offset(points, voxel_m):
-    """Where the volume's lattice lies against multiples of the voxel's edge, as a fraction of it, 0..1."""
+    """Offset of the volume's lattice from multiples of the voxel's edge, as a fraction of it, 0..1."""
     return np.mod(points[:1] / voxel_m - 0.5 + 1e-3, 1)[0] - 1e-3
 
 
@@ -146,12 +157,51 @@ def compare(folder, frame, vertices, triangles, voxel_m):
     return both / (volume | mesh).sum(), both / mesh.sum(), volume.sum() * litre, mesh.sum() * litre
 
 
+FIELDS = (
+    "perfect_hull_iou",
+    "hull_iou",
+    "hull_coverage",
+    "hull_litres",
+    "coloured_iou",
+    "coloured_coverage",
+    "coloured_litres",
+    "mesh_litres",
+)
+
+
+def rows_of(session, coloured, plain, voxel_m):
+    """[(frame, values in the order of FIELDS)] of the frames with a mesh; the two results with and without colouring."""
+    masks = [list(session.true_masks(camera)) for camera in session.cameras]
+    rows = []
+    for frame, vertices, triangles in session.true_meshes():
+        grid = Grid(vertices.min(0) - MARGIN_M, vertices.max(0) + MARGIN_M, voxel_m)
+        truth = voxelise(vertices, triangles, grid)
+        hull = perfect_hull(session.cameras, [m[frame] for m in masks], grid)
+        perfect = (hull & truth).sum() / (hull | truth).sum()
+        rows.append(
+            (
+                frame,
+                [
+                    perfect,
+                    *compare(plain, frame, vertices, triangles, voxel_m)[:3],
+                    *compare(coloured, frame, vertices, triangles, voxel_m),
+                ],
+            )
+        )
+    return rows
+
+
+def judge(session, coloured, plain, voxel_m=0.01):
+    """Means over the frames with a mesh, by FIELDS."""
+    return dict(zip(FIELDS, np.array([values for _, values in rows_of(session, coloured, plain, voxel_m)]).mean(0)))
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--kinevox-process", type=Path, help="the program; else the newest one built")
+    parser.add_argument("--kinevox-process", type=Path, help="Program (default: the latest one built)")
     parser.add_argument("--voxel-mm", type=float, default=10)
     parser.add_argument("--sequences", default="walk,gesture,signal,sprint")
-    parser.add_argument("--csv", type=Path, help="also write one line a frame here")
+    parser.add_argument("--csv", type=Path, help="Also write one line per frame here")
     arguments = parser.parse_args()
     studio = data_folder() / "studio"
     if not studio.is_dir():
@@ -161,47 +211,35 @@ def main():
     voxel_m = arguments.voxel_mm / 1000
 
     print(f"voxel edge {arguments.voxel_mm:g} mm, means over the frames with a mesh (worst frame in brackets)")
-    print(f"{'sequence':9} {'perfect hull':>12} | {'hull: covers':>14} {'IoU':>6} {'litres':>7} | "
-          f"{'coloured: covers':>17} {'IoU':>14} {'litres':>7} | {'mesh l':>7}")
-    failures, lines = [], []
+    print(
+        f"{'sequence':9} {'perfect hull':>12} | {'hull: covers':>14} {'IoU':>6} {'litres':>7} | "
+        f"{'coloured: covers':>17} {'IoU':>14} {'litres':>7} | {'mesh l':>7}"
+    )
+    lines = []
     for name in arguments.sequences.split(","):
         session = Session(studio / name / "session.toml")
-        meshes = list(session.true_meshes())
-        masks = [list(session.true_masks(camera)) for camera in session.cameras]
-        table = []
         with tempfile.TemporaryDirectory() as scratch:
             coloured, plain = Path(scratch) / "coloured", Path(scratch) / "hull"
-            last = max(frame for frame, _, _ in meshes) + 1
+            last = max(frame for frame, _, _ in session.true_meshes()) + 1
             run(program, session.file, coloured, arguments.voxel_mm, last, True)
             run(program, session.file, plain, arguments.voxel_mm, last, False)
-            for frame, vertices, triangles in meshes:
-                grid = Grid(vertices.min(0) - MARGIN_M, vertices.max(0) + MARGIN_M, voxel_m)
-                truth = voxelise(vertices, triangles, grid)
-                hull = perfect_hull(session.cameras, [m[frame] for m in masks], grid)
-                perfect = (hull & truth).sum() / (hull | truth).sum()
-                row = [perfect, *compare(plain, frame, vertices, triangles, voxel_m)[:3],
-                       *compare(coloured, frame, vertices, triangles, voxel_m)]
-                table.append(row)
-                lines.append([name, frame] + [f"{value:.4f}" for value in row])
+            rows = rows_of(session, coloured, plain, voxel_m)
+        lines += [[name, frame] + [f"{value:.4f}" for value in values] for frame, values in rows]
+        table = [values for _, values in rows]
         table = np.array(table)
         perfect, hull_iou, covers, hull_l, iou, kept, litres, mesh_l = table.mean(0)
         worst = table.min(0)
-        print(f"{name:9} {perfect:12.3f} | {covers:6.3f} ({worst[2]:.3f}) {hull_iou:6.3f} {hull_l:7.1f} | "
-              f"{kept:9.3f} ({worst[5]:.3f}) {iou:6.3f} ({worst[4]:.3f}) {litres:7.1f} | {mesh_l:7.1f}", flush=True)
-        if covers < 0.97:
-            failures.append(f"{name}: the hull covers {covers:.3f} of the mesh's inside; 0.97 is the bound")
-        if iou <= perfect:
-            failures.append(f"{name}: IoU after colouring {iou:.3f} is not above {perfect:.3f}, the hull from perfect "
-                            "masks")
+        print(
+            f"{name:9} {perfect:12.3f} | {covers:6.3f} ({worst[2]:.3f}) {hull_iou:6.3f} {hull_l:7.1f} | "
+            f"{kept:9.3f} ({worst[5]:.3f}) {iou:6.3f} ({worst[4]:.3f}) {litres:7.1f} | {mesh_l:7.1f}",
+            flush=True,
+        )
     if arguments.csv:
         with open(arguments.csv, "w", newline="") as file:
             writer = csv.writer(file)
-            writer.writerow("sequence,frame,perfect_hull_iou,hull_iou,hull_coverage,hull_litres,iou,coverage,litres,"
-                            "mesh_litres".split(","))
+            writer.writerow(["sequence", "frame", *FIELDS])
             writer.writerows(lines)
-    for failure in failures:
-        print("FAILED", failure)
-    return 1 if failures else 0
+    return 0
 
 
 if __name__ == "__main__":

@@ -1,16 +1,16 @@
-// Eight hours of an exhibit at high speed: does anything grow?
+// Eight hours of an exhibit at high speed: growth of memory, GPU objects and DOM.
 //
 // usage: exhibit_hours.mjs BUILD-FOLDER [--hours 8] [--draw-every 25] [--results FOLDER]
 //
-// Visitors come and go as tests/support/scripted_daemon.cc has them: a cycle of a minute, 25 poses and 25 volumes
-// (40 mm) a second. Two parts, each of the whole time:
-//   page     every pose and every volume goes through the page's own way from the socket's bytes to the scene and the
-//            panels, with the page's clock moved on by 40 ms a pair; each --draw-every-th picture is painted (software OpenGL is
-//            what costs).
-//   gateway  the scripted daemon sends as many over gRPC as fast as kinevox-web reads; kinevox-web passes on to the
-//            page over its WebSocket what the page asks for, 30 poses and 25 volumes a second, the newest.
-// Measured after collecting garbage: when a twentieth has run and the first page has seen everything once, and at the end.
-// Exits with 1 if a bound is not kept.
+// Visitors come and go in cycles of one minute (tests/support/scripted_daemon.cc): 25 poses and 25 volumes (40 mm) per
+// second. Two parts, each over the whole time:
+//   page     every pose and volume passes through the page's code, from the bytes of the socket to the scene and the
+//            panels; the page's clock advances by 40 ms per pair. Every --draw-every-th image is painted, because
+//            software OpenGL is slow.
+//   gateway  the scripted daemon sends the same number over gRPC as fast as kinevox-web reads; kinevox-web forwards the
+//            latest to the page, which subscribes to 30 poses and 25 volumes per second.
+// Measured after garbage collection: after a twentieth of the time, when the first page has run the script once, and at
+// the end. Exits with 1 if a bound is not met.
 import { readFileSync, writeFileSync } from "node:fs";
 import { cpus, loadavg } from "node:os";
 import { join } from "node:path";
@@ -36,7 +36,7 @@ const HOURS = Number(option("hours", "8")),
 const RESULTS = option("results", "");
 const FRAMES = Math.round(HOURS * 3600 * 25),
   CHUNKS = 20;
-const CYCLE = 1500; // frames of the script, after which everything has been seen
+const CYCLE = 1500; // frames of the script, after which the script repeats
 const WARM = Math.max(1, Math.ceil((1.2 * CYCLE * CHUNKS) / FRAMES)); // chunks before the first measurement
 const MOST_HEAP_MB = 2,
   MOST_PROCESS_MB = 40,
@@ -94,14 +94,14 @@ const rows = [];
 const row = (part, what, first, last, most) => rows.push({ part, what, first, last, most, kept: last - first <= most });
 const idle = await start(script, "--frames", "0");
 
-// The page. Its own gateway has nothing to say.
+// The page. Its gateway is connected to an idle daemon.
 let web = await start(
   join(BUILD, "client/web/kinevox-web"),
   "--server",
   idle.address,
   "--listen",
   "127.0.0.1:0",
-  "--pages",
+  "--page-dir",
   join(BUILD, "client/exhibit/page"),
 );
 let page = await open(web);
@@ -129,7 +129,7 @@ for (let chunk = 0; chunk < CHUNKS; ++chunk) {
     row("page", "geometries on the GPU", first.geometries, now.geometries, 0);
     row("page", "textures on the GPU", first.textures, now.textures, 0);
     row("page", "programs on the GPU", first.programs, now.programs, 0);
-    // Texts that were replaced are counted until the browser collects them, which three requests do not always bring about.
+    // The browser counts replaced texts until it collects them, which three requests do not always cause.
     const least = (what) => Math.min(...seen_late.map((at) => at[what]));
     row("page", "DOM nodes", first.dom_nodes, least("dom_nodes"), 0);
     row("page", "event listeners", first.listeners, least("listeners"), 0);
@@ -155,7 +155,7 @@ web = await start(
   daemon.address,
   "--listen",
   "127.0.0.1:0",
-  "--pages",
+  "--page-dir",
   join(BUILD, "client/exhibit/page"),
 );
 const began = Date.now();
@@ -168,7 +168,7 @@ await until("all of it", () => sent() >= FRAMES, 7200);
 const after = await measured(page);
 row("gateway", "kinevox-web, MB", gateway, web.residentMb(), MOST_GATEWAY_MB);
 row("gateway", "the page's heap, MB", shown.heap_mb, after.heap_mb, MOST_HEAP_MB);
-// Counted from the first page's: so quickly is it all read that this one may have drawn nothing yet when it is measured first.
+// Compared with the first page's: this page may not have drawn anything at its first measurement.
 row("gateway", "geometries on the GPU", first.geometries, after.geometries, 0);
 rows.gateway = { seconds: (Date.now() - began) / 1000, poses: after.poses, volumes: after.volumes };
 await browser.close();
@@ -182,14 +182,14 @@ const table = rows.map((r) =>
 );
 const text = `Exhibit: \`tests/bench/exhibit_hours.mjs build/release --hours ${HOURS} --draw-every ${DRAW_EVERY}\`: ${HOURS} hours
 of visitors, ${FRAMES} poses and ${FRAMES} volumes, simulated; software OpenGL, ${cpus().length} cores, load at the end
-${loadavg()[0].toFixed(1)}. "First" is after a twentieth; the gateway's geometries are counted from the page's. "Last" is the least of the last quarter
-where the browser counts what it has not collected yet: nodes and listeners.
+${loadavg()[0].toFixed(1)}. "First" is measured after a twentieth of the time; the gateway's geometries are counted from the page's. "Last" is the minimum of the last quarter
+for nodes and listeners, which the browser counts until it collects them.
 
-Page: ${fed.poses} poses, ${fed.volumes} volumes decoded and laid out (the others are of nobody), ${fed.visits} visits
-forgotten, in ${fed.seconds.toFixed(0)} s. Gateway: all of them read over gRPC in ${passed.seconds.toFixed(0)} s; the page,
-which asks for 30 and 25 a second, got ${passed.poses} poses and drew ${passed.volumes} volumes of them.
+Page: ${fed.poses} poses, ${fed.volumes} volumes decoded and prepared for drawing (the others have no subject), ${fed.visits} visits
+discarded, in ${fed.seconds.toFixed(0)} s. Gateway: all messages read over gRPC in ${passed.seconds.toFixed(0)} s; the page,
+which subscribes to 30 and 25 per second, received ${passed.poses} poses and drew ${passed.volumes} of these volumes.
 
-| part | what | first | last | may grow by | kept |
+| part | quantity | first | last | max growth | met |
 | --- | --- | ---: | ---: | ---: | --- |
 ${table.map((line) => `| ${line} |\n`).join("")}`;
 console.log(text);
@@ -197,5 +197,5 @@ console.log(`heap after each twentieth, MB: ${heaps.join(" ")}`);
 if (RESULTS) writeFileSync(join(REPOSITORY, RESULTS, "exhibit.md"), text);
 const seen =
   rows.page.poses >= 0.99 * FRAMES && rows.page.damaged === 0 && rows.page.visits >= Math.floor(HOURS * 60) - 1;
-if (!seen) console.log(`not everything was seen: ${JSON.stringify(rows.page)}`);
+if (!seen) console.log(`not all messages were processed: ${JSON.stringify(rows.page)}`);
 process.exit(seen && rows.every((r) => r.kept) ? 0 : 1);

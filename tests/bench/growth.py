@@ -4,7 +4,7 @@
 usage: growth.py [--program kinevox-process] [--studio kinevox-studio] [--repeats 3] [--results FOLDER]
 
 Voxels of 20, 10 and 5 mm on studio/walk (4 cameras); 2, 4 and 8 cameras of studio/ring8 and 16 of a session that
-kinevox-studio renders, at 10 mm. Medians over the frame sets of the quietest of the repeats, decoding apart.
+kinevox-studio renders, at 10 mm. Medians over the frame sets of the fastest repeat, without decoding.
 Fails if halving the voxel's edge multiplies the time by 5 or more. Writes growth.md and growth.png."""
 import argparse
 import subprocess
@@ -26,14 +26,19 @@ MOST_GROWTH = 5.0
 def studio_session(program, folder):
     """16 cameras around a walking person."""
     out = Path(folder) / "ring16"
-    subprocess.run([str(program), "--motion", "walk", "--frames", "60", "--cameras", "16", "--out", str(out),
-                    "--no-masks"], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(
+        [str(program), "--motion", "walk", "--frames", "60", "--cameras", "16", "--out", str(out), "--no-masks"],
+        check=True,
+        stdout=subprocess.DEVNULL,
+    )
     return out / "session.toml"
 
 
 def table(title, unit, rows):
-    lines = [f"| {title} | " + " | ".join(s.removesuffix("_ms") for s in STAGES) + " | times the row above |",
-             "| --- |" + " ---: |" * (len(STAGES) + 1)]
+    lines = [
+        f"| {title} | " + " | ".join(s.removesuffix("_ms") for s in STAGES) + " | relative to the row above |",
+        "| --- |" + " ---: |" * (len(STAGES) + 1),
+    ]
     before = None
     for value, times in rows:
         medians = [float(np.median(times[stage])) for stage in STAGES]
@@ -48,13 +53,18 @@ def plot(panels, file):
     for axis, (title, label, rows, reverse) in zip(axes, panels):
         for stage in STAGES:
             if stage != "tracking_ms":
-                axis.plot([v for v, _ in rows], [np.median(t[stage]) for _, t in rows], "o-",
-                          label=stage.removesuffix("_ms"), linewidth=2.5 if stage == "total_ms" else 1.2)
+                axis.plot(
+                    [v for v, _ in rows],
+                    [np.median(t[stage]) for _, t in rows],
+                    "o-",
+                    label=stage.removesuffix("_ms"),
+                    linewidth=2.5 if stage == "total_ms" else 1.2,
+                )
         axis.set_xscale("log", base=2), axis.set_yscale("log")
         axis.set_xticks([v for v, _ in rows], [str(v) for v, _ in rows])
         if reverse:
             axis.invert_xaxis()
-        axis.set_xlabel(label), axis.set_ylabel("ms a frame set, median"), axis.set_title(title)
+        axis.set_xlabel(label), axis.set_ylabel("ms per frame set, median"), axis.set_title(title)
         axis.grid(True, which="both", alpha=0.3), axis.legend()
     figure.tight_layout()
     figure.savefig(file, dpi=120)
@@ -78,15 +88,20 @@ def main():
             session = with_cameras(ring, keep, folder)
             by_cameras.append((len(keep), quietest(program, session, arguments.repeats)))
         by_cameras.append((16, quietest(program, studio_session(studio, folder), arguments.repeats)))
-    text = "\n\n".join([
-        f"Milliseconds a frame set, medians, decoding apart. `tests/bench/{Path(__file__).name} --repeats {arguments.repeats}`",
-        table("voxel edge, 4 cameras (walk)", "mm", by_voxel),
-        table("cameras, 10 mm (ring8; 16: kinevox-studio walk)", "", by_cameras)])
+    text = "\n\n".join(
+        [
+            f"Milliseconds per frame set, medians, without decoding. `tests/bench/{Path(__file__).name} --repeats {arguments.repeats}`",
+            table("voxel edge, 4 cameras (walk)", "mm", by_voxel),
+            table("cameras, 10 mm (ring8; 16: kinevox-studio walk)", "", by_cameras),
+        ]
+    )
     print(text)
     arguments.results.mkdir(parents=True, exist_ok=True)
     (arguments.results / "growth.md").write_text("# Growth\n\n" + text + "\n\n![growth](growth.png)\n")
-    plot([("finer voxels", "voxel edge, mm", by_voxel, True), ("more cameras", "cameras", by_cameras, False)],
-         arguments.results / "growth.png")
+    plot(
+        [("finer voxels", "voxel edge, mm", by_voxel, True), ("more cameras", "cameras", by_cameras, False)],
+        arguments.results / "growth.png",
+    )
     totals = [float(np.median(times["total_ms"])) for _, times in by_voxel]
     worst = max(b / a for a, b in zip(totals, totals[1:]))
     if worst >= MOST_GROWTH:

@@ -24,7 +24,7 @@ class GrpcWatcher final : public Watcher, public grpc::ClientReadReactor<Message
         : request_(request), stalled_(stalled) {
         grpc::ChannelArguments arguments;
         arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);  // a connection of its own
-        // They share the daemon's cores: what a thousand machines would pay for is left out.
+        // They share the daemon's cores: work that a thousand machines would do is omitted.
         arguments.SetInt(GRPC_ARG_MINIMAL_STACK, 1);
         arguments.SetInt(GRPC_ARG_ENABLE_CHANNELZ, 0);
         arguments.SetInt(GRPC_ARG_HTTP2_BDP_PROBE, 0);

@@ -13,6 +13,8 @@
 #include <utility>
 #include <vector>
 
+#include "common/host_port.h"
+
 namespace kinevox::bench {
 namespace {
 
@@ -52,12 +54,10 @@ class Http2Stream::Connection : public std::enable_shared_from_this<Connection> 
         : socket_(io), call_(std::move(call)), body_(framed(call_.request)) {}
 
     void begin() {
-        const std::size_t colon = call_.server.rfind(':');
+        const HostPort server = parse_host_port(call_.server).value_or(HostPort{});
         tcp::resolver resolver(socket_.get_executor());
         boost::system::error_code error;
-        asio::connect(socket_,
-                      resolver.resolve(call_.server.substr(0, colon), call_.server.substr(colon + 1), error),
-                      error);
+        asio::connect(socket_, resolver.resolve(server.host, std::to_string(server.port), error), error);
         if (!error) socket_.set_option(tcp::no_delay(true), error);
         if (!error) socket_.non_blocking(true, error);
         if (error) return end(error.message());

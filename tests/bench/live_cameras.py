@@ -1,17 +1,17 @@
 #!/usr/bin/python3
-"""Four fake GigE Vision cameras, 640x480 at 30 pictures a second over loopback, and the daemon that watches them.
+"""Four fake GigE Vision cameras, 640x480 at 30 images per second over loopback, and a daemon.
 
 usage: live_cameras.py [--minutes 10] [--restarts 5] [--loss 0.01] [--jitter-ms 50] [--only source|steady|restarts|losses ...]
                        [--full] [--results FOLDER]
 
-Four proofs, one after the other:
-  source    so many minutes of the cameras' part alone, without the pipeline
-  steady    the whole daemon, so many minutes without a fault: no frame set lost, the skew known, memory flat
-  restarts  one camera is unplugged and plugged in again so many times, while every camera's packets are lost and late
-  losses    no pipeline, a test pattern: each byte of each picture is compared with what was sent, with packets late, out of
-            order, lost, and whole pictures lost
-The scene is the studio's walk; the background is learned live. Poses are left out and voxels are 20 mm unless --full, so that
-the figures are the cameras' and not the pipeline's. Exits with 1 if a bound is not kept. Writes live_cameras.md."""
+Four tests, one after the other:
+  source    --minutes of the camera source only, without the pipeline
+  steady    the whole daemon, --minutes without a fault: no frame set lost, skew known, constant memory
+  restarts  one camera is unplugged and plugged in again --restarts times, while packets of all cameras are lost and delayed
+  losses    no pipeline, a test pattern: every byte of every image is compared with the sent one, with delayed, reordered
+            and lost packets, and with lost images
+The scene is the studio's walk; the background is learned live. Without --full there are no poses and voxels are 20 mm, so that
+the results measure the cameras and not the pipeline. Exits with 1 if a bound is not met. Writes live_cameras.md."""
 import argparse
 import json
 import os
@@ -22,17 +22,33 @@ import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
-from live_rig import BUILD, Daemon, FakeCamera, cameras_toml, in_a_namespace, resident_mb, wait_until  # noqa: E402
+from live_rig import (
+    BUILD,
+    Daemon,
+    FakeCamera,
+    cameras_toml,
+    event_time_ns,
+    in_a_namespace,
+    resident_mb,
+    wait_until,
+)  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from process_runs import RESULTS, data_folder  # noqa: E402
 
 NAMES = ["cam1", "cam2", "cam3", "cam4"]
 PERIOD_S = 1 / 30
-LIGHT = '[pipeline]\nvoxel_mm = 20\n[pose]\nenabled = false\n'
-FULL = '[pose]\ndatabase = ""\nfit_body = false\n'
+LIGHT = "[pipeline]\nvoxel_mm = 20\n[pose]\nenabled = false\n"
+FULL = '[pose]\ndatabase_file = ""\nauto_fit_body = false\n'
 CAMERAS = 'trigger = "external"\npixel_format = "BayerRG8"\nexposure_us = 4000\n'
-WAYS = ["pictures", "lost", "incomplete", "late", "unmatched", "settling"]
+WAYS = [
+    "image_count",
+    "lost_image_count",
+    "incomplete_image_count",
+    "late_image_count",
+    "unmatched_image_count",
+    "warmup_image_count",
+]
 
 
 class Bounds:
@@ -54,14 +70,16 @@ def start_all(arguments, folder, options):
     session = data_folder() / "studio/walk/session.toml"
     empty = Path(folder) / "empty"
     empty.touch()
-    cameras = [FakeCamera(arguments.fake, n, ["--session", session, "--camera", name, "--empty-while", empty, *options])
-               for n, name in enumerate(NAMES, 1)]
+    cameras = [
+        FakeCamera(arguments.fake, n, ["--session", session, "--camera", name, "--empty-while", empty, *options])
+        for n, name in enumerate(NAMES, 1)
+    ]
     text = cameras_toml(NAMES, session.parent / "calibration.toml", CAMERAS) + (FULL if arguments.full else LIGHT)
     daemon = Daemon(folder, text, arguments.daemon, arguments.client)
-    wait_until("all cameras deliver", lambda: all(link and link["connected"] for link in daemon.links()), 60)
+    wait_until("all cameras deliver", lambda: all(link and link["connected"] for link in daemon.connections()), 60)
     daemon.kinevox("learn-background", "--frames", "30")
     empty.unlink()
-    wait_until("somebody is tracked", lambda: daemon.status().get("subject"), 60)
+    wait_until("a subject is tracked", lambda: daemon.status().get("subjects"), 60)
     return cameras, daemon
 
 
@@ -72,37 +90,49 @@ def steady(arguments, bounds):
         while time.monotonic() - begin < arguments.minutes * 60:
             time.sleep(2)
             memory.append((time.monotonic() - begin, daemon.resident_mb()))
-            tracked.append(bool(daemon.status().get("subject")))
+            tracked.append(bool(daemon.status().get("subjects")))
         after, seconds = daemon.status(), time.monotonic() - begin
         daemon.stop()
         for camera in cameras:
             camera.vanish()
-    sets = number(after["results"]) - number(before["results"])
-    lost = number(after["lost"]) - number(before["lost"])
+    sets = number(after["result_count"]) - number(before["result_count"])
+    lost = number(after["lost_frame_set_count"]) - number(before["lost_frame_set_count"])
     bounds.add("steady", f"frame sets lost of {sets + lost} in {seconds / 60:.1f} minutes", lost, "0", lost == 0)
     links = list(zip(before["cameras"], after["cameras"]))
     for way in WAYS[1:5]:
-        grown = sum(number(new["link"][way]) - number(old["link"][way]) for old, new in links)
-        bounds.add("steady", f"pictures {way}", grown, "0", grown == 0)
-    skews = [new["link"]["skew_max_ms"] for _, new in links]
-    bounds.add("steady", "largest skew of the newest 128 sets, ms a camera", ", ".join(f"{s:.2f}" for s in skews),
-               "known", all(s is not None for s in skews))
-    drifts = [new["link"]["clock_drift_ppm"] for _, new in links]
-    bounds.add("steady", "clocks' drift found, ppm (true: 20, 40, 60, 80)", ", ".join(f"{d:.0f}" for d in drifts), "-", True)
+        grown = sum(number(new["connection"][way]) - number(old["connection"][way]) for old, new in links)
+        bounds.add("steady", f"{way}", grown, "0", grown == 0)
+    skews = [new["connection"]["max_abs_skew_ms"] for _, new in links]
+    bounds.add(
+        "steady",
+        "max skew of the latest 128 sets, ms, per camera",
+        ", ".join(f"{s:.2f}" for s in skews),
+        "known",
+        all(s is not None for s in skews),
+    )
+    drifts = [new["connection"]["clock_drift_ppm"] for _, new in links]
+    bounds.add(
+        "steady", "estimated clock drift, ppm (true: 20, 40, 60, 80)", ", ".join(f"{d:.0f}" for d in drifts), "-", True
+    )
     memory_bound(bounds, "steady", memory, seconds)
-    bounds.add("steady", "looks at which the person was tracked, %", f"{100 * sum(tracked) / len(tracked):.1f}", "-", True)
+    bounds.add(
+        "steady", "status requests with a tracked subject, %", f"{100 * sum(tracked) / len(tracked):.1f}", "-", True
+    )
 
 
 def source(arguments, bounds):
-    """The cameras' part of it alone, without the pipeline behind it."""
+    """The camera source only, without the pipeline."""
     session, seconds = data_folder() / "studio/walk/session.toml", arguments.minutes * 60
     with tempfile.TemporaryDirectory() as folder:
-        cameras = [FakeCamera(arguments.fake, n, ["--session", session, "--camera", name])
-                   for n, name in enumerate(NAMES, 1)]
+        cameras = [
+            FakeCamera(arguments.fake, n, ["--session", session, "--camera", name]) for n, name in enumerate(NAMES, 1)
+        ]
         config = Path(folder) / "cameras.toml"
         config.write_text(cameras_toml(NAMES, session.parent / "calibration.toml", CAMERAS))
         begin, memory = time.monotonic(), []
-        probe = subprocess.Popen([arguments.probe, config, "--seconds", str(seconds)], stdout=subprocess.PIPE, text=True)
+        probe = subprocess.Popen(
+            [arguments.probe, config, "--seconds", str(seconds)], stdout=subprocess.PIPE, text=True
+        )
         while probe.poll() is None:
             time.sleep(1)
             if resident := resident_mb(probe.pid):
@@ -112,14 +142,29 @@ def source(arguments, bounds):
             camera.vanish()
     sets, gaps = seen["sets"], seen["gaps"]
     bounds.add("source", f"frame sets lost of {sets + gaps} in {seconds / 60:.1f} minutes", gaps, "0", gaps == 0)
-    begin_sets = 15   # until all four have connected and their clocks are known
-    bounds.add("source", f"sets that lack a picture, but for the first {begin_sets}",
-               max(0, sets - seen["complete"] - begin_sets), "0", sets - seen["complete"] <= begin_sets)
+    begin_sets = 15  # until all four have connected and their clocks are known
+    bounds.add(
+        "source",
+        f"sets with a missing image, after the first {begin_sets}",
+        max(0, sets - seen["complete"] - begin_sets),
+        "0",
+        sets - seen["complete"] <= begin_sets,
+    )
     links = seen["cameras"]
-    bounds.add("source", "largest skew of the newest 128 sets, ms a camera",
-               ", ".join(f"{link['skew_max_ms']:.2f}" for link in links), "known", True)
-    bounds.add("source", "clocks' drift found, ppm (true: 20, 40, 60, 80)",
-               ", ".join(f"{link['drift_ppm']:.0f}" for link in links), "-", True)
+    bounds.add(
+        "source",
+        "max skew of the latest 128 sets, ms, per camera",
+        ", ".join(f"{link['max_abs_skew_ms']:.2f}" for link in links),
+        "known",
+        True,
+    )
+    bounds.add(
+        "source",
+        "estimated clock drift, ppm (true: 20, 40, 60, 80)",
+        ", ".join(f"{link['clock_drift_ppm']:.0f}" for link in links),
+        "-",
+        True,
+    )
     memory_bound(bounds, "source", memory, seconds)
     accounted(bounds, "source", cameras, links)
 
@@ -127,7 +172,9 @@ def source(arguments, bounds):
 def memory_bound(bounds, proof, memory, seconds):
     later = [mb for at, mb in memory if at >= min(60, seconds / 2)]
     growth = max(later) - later[0]
-    bounds.add(proof, f"growth after the first minute, MB, of {later[0]:.0f}", f"{growth:.1f}", "< 10", growth < 10)
+    bounds.add(
+        proof, f"memory growth after the first minute, MB, of {later[0]:.0f}", f"{growth:.1f}", "< 10", growth < 10
+    )
 
 
 def restarts(arguments, bounds):
@@ -139,47 +186,83 @@ def restarts(arguments, bounds):
         for _ in range(arguments.restarts):
             at_ns = time.time_ns()
             victim.vanish()
-            wait_until("the camera that stopped is named",
-                       lambda: any(int(e["time_ns"]) > at_ns for e in daemon.events("camera_lost")), 10)
-            named.append((min(int(e["time_ns"]) for e in daemon.events("camera_lost") if int(e["time_ns"]) > at_ns) - at_ns)
-                         / 1e9)
-            pauses.append(longest_pause(daemon, 2))
+            wait_until(
+                "the disconnection is reported",
+                lambda: any(event_time_ns(e) > at_ns for e in daemon.events("camera_disconnected")),
+                10,
+            )
+            named.append(
+                (
+                    min(event_time_ns(e) for e in daemon.events("camera_disconnected") if event_time_ns(e) > at_ns)
+                    - at_ns
+                )
+                / 1e9
+            )
+            pauses.append(max_pause(daemon, 2))
             at_ns = time.time_ns()
             victim.start()
-            wait_until("it rejoins",
-                       lambda: any(int(e["time_ns"]) > at_ns for e in daemon.events("camera_rejoined")), 30)
-            rejoined.append((min(int(e["time_ns"]) for e in daemon.events("camera_rejoined") if int(e["time_ns"]) > at_ns)
-                             - at_ns) / 1e9)
+            wait_until(
+                "the camera is reconnected",
+                lambda: any(event_time_ns(e) > at_ns for e in daemon.events("camera_reconnected")),
+                30,
+            )
+            rejoined.append(
+                (min(event_time_ns(e) for e in daemon.events("camera_reconnected") if event_time_ns(e) > at_ns) - at_ns)
+                / 1e9
+            )
             time.sleep(3)
         end = daemon.status()
         events = daemon.events()
         daemon.stop()
         for camera in cameras:
             camera.vanish()
-    bounds.add("restarts", "camera that stopped is named after, s", ", ".join(f"{s:.2f}" for s in named), "< 1",
-               max(named) < 1)
-    bounds.add("restarts", "rejoined after it was back, s", ", ".join(f"{s:.1f}" for s in rejoined), "by itself", True)
-    bounds.add("restarts", "longest time without a result while it is away, s", ", ".join(f"{s:.2f}" for s in pauses),
-               "< 1: the others never stop", max(pauses) < 1)
-    order = [e["kind"] for e in events if e["kind"] in ("camera_lost", "camera_rejoined")]
-    bounds.add("restarts", "events lost, rejoined, lost, ...", f"{len(order)} events", "in this order",
-               order == ["camera_lost", "camera_rejoined"] * arguments.restarts)
-    others = [e for e in events if e["kind"] == "camera_lost" and e["camera"] != "cam3"]
-    bounds.add("restarts", "other cameras called lost", len(others), "0", not others)
-    accounted(bounds, "restarts", cameras, [camera["link"] for camera in end["cameras"]])
-    # Not the victim's: what it had on the way when its plug was pulled is nothing that a resend could have mended.
-    complete_part(bounds, "restarts", [camera["link"] for camera in end["cameras"] if camera["name"] != "cam3"])
-    victim_link = end["cameras"][2]["link"]
-    bounds.add("restarts", "the unplugged camera's pictures complete / in part / late / lost",
-               " / ".join(str(number(victim_link[way])) for way in ("pictures", "incomplete", "late", "lost")), "-", True)
+    bounds.add(
+        "restarts", "disconnection reported after, s", ", ".join(f"{s:.2f}" for s in named), "< 1", max(named) < 1
+    )
+    bounds.add(
+        "restarts", "reconnected after its return, s", ", ".join(f"{s:.1f}" for s in rejoined), "automatically", True
+    )
+    bounds.add(
+        "restarts",
+        "max time without a result meanwhile, s",
+        ", ".join(f"{s:.2f}" for s in pauses),
+        "< 1: the others continue",
+        max(pauses) < 1,
+    )
+    order = [e["kind"] for e in events if e["kind"] in ("camera_disconnected", "camera_reconnected")]
+    bounds.add(
+        "restarts",
+        "events disconnected, reconnected, ...",
+        f"{len(order)} events",
+        "in this order",
+        order == ["camera_disconnected", "camera_reconnected"] * arguments.restarts,
+    )
+    others = [e for e in events if e["kind"] == "camera_disconnected" and e["camera"] != "cam3"]
+    bounds.add("restarts", "other cameras reported as disconnected", len(others), "0", not others)
+    accounted(bounds, "restarts", cameras, [camera["connection"] for camera in end["cameras"]])
+    # Without the unplugged camera: packets in flight at that time cannot be resent.
+    complete_fraction(
+        bounds, "restarts", [camera["connection"] for camera in end["cameras"] if camera["name"] != "cam3"]
+    )
+    victim_link = end["cameras"][2]["connection"]
+    bounds.add(
+        "restarts",
+        "images of the unplugged camera: complete / incomplete / late / lost",
+        " / ".join(
+            str(number(victim_link[way]))
+            for way in ("image_count", "incomplete_image_count", "late_image_count", "lost_image_count")
+        ),
+        "-",
+        True,
+    )
 
 
-def longest_pause(daemon, seconds):
-    """Between two results, as seen by asking again and again."""
+def max_pause(daemon, seconds):
+    """The longest time between two results, from repeated status requests."""
     end, longest = time.monotonic() + seconds, 0.0
-    results, since = number(daemon.status()["results"]), time.monotonic()
+    results, since = number(daemon.status()["result_count"]), time.monotonic()
     while time.monotonic() < end:
-        now = number(daemon.status()["results"])
+        now = number(daemon.status()["result_count"])
         longest = max(longest, time.monotonic() - since)
         if now != results:
             results, since = now, time.monotonic()
@@ -187,66 +270,101 @@ def longest_pause(daemon, seconds):
 
 
 def accounted(bounds, proof, cameras, links):
-    """Each picture that was sent is counted once; under way when a camera or the daemon ended may be a few."""
+    """Every sent image is counted once, except a few that were in flight when a camera or the daemon ended."""
     sent = [camera.total("taken") for camera in cameras]
     counted = [sum(number(link[way]) for way in WAYS) for link in links]
     slack = [10 * len(camera.counts) + camera.total("under_way") for camera in cameras]
-    bounds.add(proof, "pictures sent / counted, a camera", ", ".join(f"{s}/{c}" for s, c in zip(sent, counted)),
-               "equal but for those on the way when it ended",
-               all(0 <= s - c <= most for s, c, most in zip(sent, counted, slack)))
+    bounds.add(
+        proof,
+        "images sent / counted, per camera",
+        ", ".join(f"{s}/{c}" for s, c in zip(sent, counted)),
+        "equal except images in flight at the end",
+        all(0 <= s - c <= most for s, c, most in zip(sent, counted, slack)),
+    )
 
 
-def complete_part(bounds, proof, links):
-    whole = sum(number(link["pictures"]) + number(link["unmatched"]) + number(link["settling"]) for link in links)
+def complete_fraction(bounds, proof, links):
+    whole = sum(
+        number(link["image_count"]) + number(link["unmatched_image_count"]) + number(link["warmup_image_count"])
+        for link in links
+    )
     every = sum(number(link[way]) for link in links for way in WAYS)
-    resent = sum(number(link["packets_resent"]) for link in links)
-    bounds.add(proof, f"pictures complete, %, of {every}, with {resent} packets resent", f"{100 * whole / every:.3f}",
-               ">= 99.9", whole >= 0.999 * every)
+    resent = sum(number(link["resent_packet_count"]) for link in links)
+    bounds.add(
+        proof,
+        f"images complete, %, of {every}, with {resent} packets resent",
+        f"{100 * whole / every:.3f}",
+        ">= 99.9",
+        whole >= 0.999 * every,
+    )
 
 
 def losses(arguments, bounds):
     seconds = max(10, min(30, arguments.minutes * 60 / 5))
-    cases = [("loss", ["--loss", arguments.loss], True),
-             ("loss and jitter", ["--loss", arguments.loss, "--jitter-ms", arguments.jitter_ms], True),
-             ("loss and packets out of order by 10 ms", ["--loss", arguments.loss, "--reorder-ms", 10], True),
-             ("5 % of the pictures lost as a whole", ["--lost-pictures", 0.05, "--first-block", 65400], False)]
+    cases = [
+        ("loss", ["--loss", arguments.loss], True),
+        ("loss and jitter", ["--loss", arguments.loss, "--jitter-ms", arguments.jitter_ms], True),
+        ("loss and packets out of order by 10 ms", ["--loss", arguments.loss, "--reorder-ms", 10], True),
+        ("5 % of the images lost completely", ["--lost-images", 0.05, "--first-block", 65400], False),
+    ]
     for proof, options, resend_helps in cases:
         with tempfile.TemporaryDirectory() as folder:
             cameras = [FakeCamera(arguments.fake, n, options) for n in range(1, 5)]
             config = Path(folder) / "cameras.toml"
-            config.write_text(cameras_toml(NAMES, data_folder() / "studio/walk/calibration.toml",
-                                           'trigger = "external"\npixel_format = "Mono8"\n'))
-            run = subprocess.run([arguments.probe, config, "--pattern", "--seconds", str(seconds)], capture_output=True,
-                                 text=True, check=True)
+            config.write_text(
+                cameras_toml(
+                    NAMES,
+                    data_folder() / "studio/walk/calibration.toml",
+                    'trigger = "external"\npixel_format = "Mono8"\n',
+                )
+            )
+            run = subprocess.run(
+                [arguments.probe, config, "--pattern", "--seconds", str(seconds)],
+                capture_output=True,
+                text=True,
+                check=True,
+            )
             for camera in cameras:
                 camera.vanish()
         seen = json.loads(run.stdout.splitlines()[-1])
         links = seen["cameras"]
-        for link in links:
-            link["packets_resent"] = link["resent"]
-        bounds.add(proof, f"pictures with a wrong byte, of {sum(link['pictures'] for link in links)}", seen["wrong"], "0",
-                   seen["wrong"] == 0)
+        bounds.add(
+            proof,
+            f"images with a wrong byte, of {sum(link['image_count'] for link in links)}",
+            seen["wrong"],
+            "0",
+            seen["wrong"] == 0,
+        )
         accounted(bounds, proof, cameras, links)
         if resend_helps:
-            complete_part(bounds, proof, links)
+            complete_fraction(bounds, proof, links)
         else:
-            gone, lost = sum(c.total("gone") for c in cameras), sum(link["lost"] for link in links)
-            bounds.add(proof, "pictures that never left / counted as lost", f"{gone}/{lost}", "equal but for the last",
-                       0 <= gone - lost <= 4)
+            gone, lost = sum(c.total("gone") for c in cameras), sum(link["lost_image_count"] for link in links)
+            bounds.add(
+                proof,
+                "images never sent / counted as lost",
+                f"{gone}/{lost}",
+                "equal except the last ones",
+                0 <= gone - lost <= 4,
+            )
 
 
 def write(file, proof, command, rows):
-    """Replaces the proof's section; the others stay as they were measured."""
+    """Replaces the section of this test; the others are kept."""
     file.parent.mkdir(parents=True, exist_ok=True)
     sections = {}
     if file.exists():
         for section in file.read_text().split("\n## ")[1:]:
             sections[section.split("\n", 1)[0]] = "\n## " + section.rstrip("\n") + "\n"
-    sections[proof] = (f"\n## {proof}\n\n`{command}`, {len(os.sched_getaffinity(0))} cores, load {os.getloadavg()[1]:.0f}\n\n"
-                       "| | what | seen | bound | kept |\n| --- | --- | --- | --- | --- |\n" + "\n".join(rows) + "\n")
-    file.write_text("# Live cameras\n\nFour fake GigE Vision cameras, 640x480 at 30 pictures a second, over loopback. The load "
-                    "is the machine's own: above the number of cores others were at work beside.\n" +
-                    "".join(sections[name] for name in ("source", "steady", "restarts", "losses") if name in sections))
+    sections[proof] = (
+        f"\n## {proof}\n\n`{command}`, {len(os.sched_getaffinity(0))} cores, load {os.getloadavg()[1]:.0f}\n\n"
+        "| test | quantity | measured | bound | met |\n| --- | --- | --- | --- | --- |\n" + "\n".join(rows) + "\n"
+    )
+    file.write_text(
+        "# Live cameras\n\nFour fake GigE Vision cameras, 640x480 at 30 images per second, over loopback. A load "
+        "above the number of cores includes other programs.\n"
+        + "".join(sections[name] for name in ("source", "steady", "restarts", "losses") if name in sections)
+    )
 
 
 def main():

@@ -1,6 +1,6 @@
 // A long session out of a short one, its first GROUP frame sets over and over: long_session SESSION.toml KIND
 // FRAMES OUT. KIND: utvideo, ffv1 or h264, as the recorder writes them; mp4, as x264 makes it by itself: a
-// key frame every 250, which is GROUP, with B pictures between.
+// key frame every 250, which is GROUP, with B images between.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -51,7 +51,7 @@ void record(const std::vector<FrameSet>& sets, const FrameSource& source, VideoC
         auto set = std::make_shared<EncodedSet>();
         set->number = n;
         set->key = n % static_cast<std::size_t>(key_distance(codec, source.fps())) == 0;
-        (*lanes)->put(std::move(set), sets[n].pictures);
+        (*lanes)->put(std::move(set), sets[n].images);
         std::unique_lock lock(mutex);
         changed.wait(lock, [&] { return done.size() > n; });
         must(done[n]->status);
@@ -62,7 +62,7 @@ void record(const std::vector<FrameSet>& sets, const FrameSource& source, VideoC
     plan.codec = codec;
     plan.cameras = source.cameras();
     plan.formats = (*lanes)->formats();
-    plan.poses = plan.volumes = false;
+    plan.save_poses = plan.save_volumes = false;
     auto folder = RecordingFolder::create(plan);
     must(folder.status());
     for (std::int64_t n = 0; n < frames; ++n) {
@@ -74,13 +74,13 @@ void record(const std::vector<FrameSet>& sets, const FrameSource& source, VideoC
     must((*folder)->close({}));
 }
 
-// One camera's pictures, again and again; encoded once.
+// One camera's images, again and again; encoded once.
 void write_mp4(const std::vector<FrameSet>& sets, std::size_t camera, double fps, std::int64_t frames,
                const fs::path& file) {
     const AVCodec* const codec = avcodec_find_encoder_by_name("libx264");
     if (!codec) fail("libavcodec has no libx264; install libavcodec-extra");
     const libav::Owned<AVCodecContext> encoder(avcodec_alloc_context3(codec));
-    const Picture& first = sets[0].pictures[camera];
+    const Image& first = sets[0].images[camera];
     encoder->width = first.width, encoder->height = first.height;
     encoder->framerate = av_d2q(fps, 100000);
     encoder->time_base = av_inv_q(encoder->framerate);
@@ -110,8 +110,8 @@ void write_mp4(const std::vector<FrameSet>& sets, std::size_t camera, double fps
         const libav::Owned<AVFrame> frame(av_frame_alloc());
         frame->format = AV_PIX_FMT_YUV420P, frame->width = first.width, frame->height = first.height;
         frame->pts = static_cast<std::int64_t>(n);
-        must(av_frame_get_buffer(frame.get(), 0), "hold a picture");
-        const std::uint8_t* const planes[1] = {sets[n].pictures[camera].data.get()};
+        must(av_frame_get_buffer(frame.get(), 0), "hold an image");
+        const std::uint8_t* const planes[1] = {sets[n].images[camera].data.get()};
         const int strides[1] = {3 * first.width};
         sws_scale(scaler.get(), planes, strides, 0, first.height, frame->data, frame->linesize);
         must(avcodec_send_frame(encoder.get(), frame.get()), "encode");

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""The pipeline beside a busy process on every core: the 99th percentile against the median.
+"""The pipeline next to a busy process on every core: 99th percentile against the median.
 
 usage: neighbours.py [--program kinevox-process] [--sequence walk] [--repeats 5] [--results FOLDER]
 
-A fork-join stage waits for its slowest thread, so that one busy core costs a whole scheduler slice; stealing small
-tasks does not. Bound: 99th percentile below 3 times the median, both beside the neighbours. Neighbours are plain
-loops at the same priority, one pinned to each core this process may use. Writes neighbours.md."""
+A fork-join stage waits for its slowest thread, so one busy core costs a whole scheduler slice; stealing small tasks
+avoids that. Bound: 99th percentile below 3 times the median, both next to the busy processes: plain loops at the same
+priority, one pinned to each core that this process may use. Writes neighbours.md."""
 import argparse
 import multiprocessing
 import os
@@ -51,13 +51,21 @@ def main():
         for neighbour in neighbours:
             neighbour.terminate()
     first, _ = row("alone", alone)
-    second, ratio = row(f"a busy neighbour on each of {len(cores)} cores", beside)
-    text = "\n".join([f"Milliseconds a frame set of {arguments.sequence}, all stages. "
-                      f"`tests/bench/{Path(__file__).name} --repeats {arguments.repeats}`", "",
-                      "| | median | p99 | p99 / median | worst |", "| --- | ---: | ---: | ---: | ---: |", first, second])
+    second, ratio = row(f"one busy process on each of {len(cores)} cores", beside)
+    text = "\n".join(
+        [
+            f"Milliseconds per frame set of {arguments.sequence}, all stages. "
+            f"`tests/bench/{Path(__file__).name} --repeats {arguments.repeats}`",
+            "",
+            "| | median | p99 | p99 / median | worst |",
+            "| --- | ---: | ---: | ---: | ---: |",
+            first,
+            second,
+        ]
+    )
     print(text)
     arguments.results.mkdir(parents=True, exist_ok=True)
-    (arguments.results / "neighbours.md").write_text("# Busy neighbours\n\n" + text + "\n")
+    (arguments.results / "neighbours.md").write_text("# Busy processes on every core\n\n" + text + "\n")
     if ratio >= MOST_RATIO:
         print(f"FAILED: p99 is {ratio:.1f} times the median")
         return 1

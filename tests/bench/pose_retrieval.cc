@@ -4,7 +4,7 @@
 // Queries are poses that the database does not hold, anywhere in a room, seen by four cameras of 640 x 480
 // px. "All moments" compares every entry with everything: what it finds is the true nearest. HNSW (where
 // hnswlib is installed) indexes records put together for the query's place, which a person who moves would
-// need anew at every place; its building is not counted.
+// need again at every position; its building is not counted.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -69,7 +69,7 @@ int run(int poses, int query_count) {
     if (!built.ok()) return std::fprintf(stderr, "%s\n", std::string(built.status().message()).c_str()), 1;
     const PoseDatabase& database = *built;
     std::printf("%lld entries (%d poses, %zu viewpoints) built in %.1f s on two threads",
-                static_cast<long long>(database.entries()), database.pose_count(), database.slabs.size(),
+                static_cast<long long>(database.entry_count()), database.pose_count(), database.slabs.size(),
                 1e-3 * (now_ms() - begin));
     const auto file = std::filesystem::temp_directory_path() / "kinevox_pose_retrieval.kvxposes";
     if (!write_pose_database(database, file).ok()) return 1;
@@ -100,7 +100,7 @@ int run(int poses, int query_count) {
         for (std::size_t n = 0; n < queries.size(); ++n) {
             const auto views = queries[n].frame.views(cameras);
             const double from = now_ms();
-            search.look(views, queries[n].frame.centre_in_world);
+            search.describe(views, queries[n].frame.centre_in_world);
             const double looked = now_ms();
             row.look_ms.push_back(looked - from);
             const std::vector<FoundPose> found = search.find(8);
@@ -143,9 +143,9 @@ int run(int poses, int query_count) {
     };
     hnswlib::L2Space space(dims);
     begin = now_ms();
-    hnswlib::HierarchicalNSW<float> index(&space, static_cast<std::size_t>(database.entries()), 16, 100);
+    hnswlib::HierarchicalNSW<float> index(&space, static_cast<std::size_t>(database.entry_count()), 16, 100);
     std::vector<float> one(dims);
-    for (int n = 0; n < database.entries(); ++n) {
+    for (int n = 0; n < database.entry_count(); ++n) {
         record(n / kernels::kHeadings, n % kernels::kHeadings, one.data());
         index.addPoint(one.data(), n);
     }
@@ -161,7 +161,7 @@ int run(int poses, int query_count) {
         q[0] = q[1] = 0;
         RenderedFrame frame = render_frame(model, q, cameras);
         frame.centre_in_world = {0, 0, 0.95};
-        reference.look(frame.views(cameras), frame.centre_in_world);
+        reference.describe(frame.views(cameras), frame.centre_in_world);
         const FoundPose found = reference.find(1)[0];
         truth.emplace_back(found.pose, found.heading);
         std::vector<float>& vector = asked.emplace_back(dims);
@@ -169,7 +169,8 @@ int run(int poses, int query_count) {
             const AimedView view = aimed_view(camera_centre(cameras[c]), frame.centre_in_world,
                                               database.half_width_m(), options.side_px);
             AimedSilhouette aimed;
-            take_aim(cameras[c], frame.silhouettes[c].sharp.data(), frame.silhouettes[c].bounds, view, aimed);
+            rectify_silhouette(cameras[c], frame.silhouettes[c].sharp.data(), frame.silhouettes[c].bounds,
+                               view, aimed);
             const kernels::MomentView to_describe{
                 aimed.mask.data(), options.side_px, aimed.bounds, {}, 0.5f * options.side_px};
             std::vector<kernels::SilhouetteMoments> described;

@@ -16,16 +16,19 @@ RESULTS = REPOSITORY / "tests" / "bench" / "results"
 
 def stage_times(program, session, *options):
     """{stage: times of every frame set in ms} of one run to the coloured volume; the first ten frame sets, which warm
-    up, are left out."""
+    up, are excluded."""
     with tempfile.TemporaryDirectory() as folder:
-        subprocess.run([str(program), str(session), "--out", folder + "/out", "--quiet", "--no-pose", *map(str, options)], check=True)
+        subprocess.run(
+            [str(program), str(session), "--out", folder + "/out", "--quiet", "--no-pose", *map(str, options)],
+            check=True,
+        )
         with open(folder + "/out/timing.csv", newline="") as f:
             rows = list(csv.DictReader(f))[10:]
     return {stage: np.array([float(row[stage]) for row in rows]) for stage in STAGES}
 
 
 def quietest(program, session, repeats, *options):
-    """Of several runs the one with the smallest median: what the machine's other users disturbed least."""
+    """The run with the smallest median, least disturbed by other programs."""
     runs = [stage_times(program, session, *options) for _ in range(repeats)]
     return min(runs, key=lambda run: np.median(run["total_ms"]))
 
@@ -34,14 +37,20 @@ def with_cameras(session_file, keep, folder):
     """A session file in `folder` with only the cameras whose numbers (from 0) are in `keep`."""
     session = Session(session_file)
     import tomllib
+
     with open(session_file, "rb") as f:
         data = tomllib.load(f)
     base = Path(session_file).resolve().parent
     lines = [f'name = "{session.name}"', f"fps = {session.fps}", f'calibration = "{base / data["calibration"]}"']
     for n in keep:
         camera = data["camera"][n]
-        lines += ["", "[[camera]]", f'name = "{camera["name"]}"', f'video = "{base / camera["video"]}"',
-                  f'background = "{base / camera["background"]}"']
+        lines += [
+            "",
+            "[[camera]]",
+            f'name = "{camera["name"]}"',
+            f'video = "{base / camera["video"]}"',
+            f'background = "{base / camera["background"]}"',
+        ]
     file = Path(folder) / f"session_{len(keep)}.toml"
     file.write_text("\n".join(lines) + "\n")
     return file

@@ -1,4 +1,4 @@
-"""A daemon on a studio sequence whose recordings a script looks at."""
+"""A daemon on a studio sequence, for scripts that check its recordings."""
 import json
 import subprocess
 import time
@@ -27,10 +27,12 @@ class Daemon:
         session = data_folder() / "studio" / arguments.sequence / "session.toml"
         config = Path(folder) / "kinevoxd.toml"
         self.recordings = Path(recordings or Path(folder) / "recordings")
-        config.write_text(f'[server]\nlisten = "127.0.0.1:0"\n[source]\nkind = "session"\nsession = "{session}"\n'
-                          f'pacing = "{pacing}"\nloop = {str(loop).lower()}\nautostart = {str(autostart).lower()}\n'
-                          f'[pose]\ndatabase = ""\nfit_body = false\n[calibration]\nfolder = ""\n'
-                          f'[recording]\nfolder = "{self.recordings}"\n{recording}[log]\nlevel = "warning"\n')
+        config.write_text(
+            f'[server]\nlisten = "127.0.0.1:0"\n[source]\nkind = "session"\nsession_file = "{session}"\n'
+            f'pacing = "{pacing}"\nloop = {str(loop).lower()}\nautostart = {str(autostart).lower()}\n'
+            f'[pose]\ndatabase_file = ""\nauto_fit_body = false\n[calibration]\nfolder = ""\n'
+            f'[recording]\nfolder = "{self.recordings}"\n{recording}[log]\nlevel = "warning"\n'
+        )
         self.process = subprocess.Popen([arguments.daemon, "--config", str(config)], stdout=subprocess.PIPE, text=True)
         ready = self.process.stdout.readline().split()
         if not ready:
@@ -38,21 +40,25 @@ class Daemon:
         self.address = ready[-1]
 
     def client(self, *words, check=True):
-        return subprocess.run([self.program, *words, "--server", self.address, "--timeout", "60"], capture_output=True,
-                              text=True, check=check)
+        return subprocess.run(
+            [self.program, *words, "--server", self.address, "--timeout", "60"],
+            capture_output=True,
+            text=True,
+            check=check,
+        )
 
     def json(self, *words):
         return json.loads(self.client(*words, "--json").stdout)
 
     def wait_for_results(self, count=5, limit_s=60):
         end = time.monotonic() + limit_s
-        while self.json("status")["results"] < count:
+        while int(self.json("status").get("result_count", 0)) < count:
             if time.monotonic() > end:
-                raise RuntimeError("the daemon measures nothing")
+                raise RuntimeError("the daemon has no results")
             time.sleep(0.1)
 
     def wait_until_idle(self, limit_s=600):
-        """The recorder's status once a recording that was begun has ended by itself."""
+        """The recorder's status after the current recording has ended by itself."""
         end = time.monotonic() + limit_s
         while (status := self.json("record", "status"))["state"] != "idle":
             if time.monotonic() > end:

@@ -56,7 +56,7 @@ int main(int argc, char** argv) {
     const double open_ms = ms_since(begun);
     if (const auto first = (*source)->next(); !first.ok()) fail(std::string(first.status().message()));
     const double first_ms = ms_since(begun);
-    const std::int64_t frames = (*source)->position().frames;
+    const std::int64_t frames = (*source)->position().frame_count;
     const int seeks = argc == 3 ? std::atoi(argv[2]) : 200;
     if (seeks < 1 || frames < 2) fail("there is nothing to seek");
     std::mt19937 random(1);

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Times `kinevox process` on the studio sequences and prints the stages beside the published system's times and
-OpenCV's background subtractors on the same pictures.
+"""Times `kinevox process` on the studio sequences and prints the stages, the published system's times and those
+of OpenCV's background subtractors on the same images.
 
 usage: speed.py --kinevox-process PROGRAM [--data FOLDER] [--sequences walk,...] [--repeat N] [--markdown FILE]
 
-Stage times are medians over all frames of all repeats, milliseconds a frame set of four 640 x 480 pictures, decoding
-apart; the sum is that of the stages up to the coloured volume. Published: Pentium 4 with a GeForce 8200, four 640 x 480
+Stage times are medians over all frames of all repeats, milliseconds per frame set of four 640 x 480 images, without
+decoding; the sum is that of the stages up to the coloured volume. Published: Pentium 4 with a GeForce 8200, four 640 x 480
 cameras (paper, table 1)."""
 import argparse, csv, os, subprocess, sys, tempfile, time
 from pathlib import Path
@@ -36,7 +36,7 @@ def time_process(program, session, repeat):
 
 
 def time_opencv(folder, cameras, frames=40):
-    """Milliseconds a frame set for MOG2 and KNN, both learned on the empty scene, OpenCV's own threads."""
+    """Milliseconds per frame set for MOG2 and KNN, both learned on the empty scene, with OpenCV's threads."""
     medians = {}
     for label, make in (("MOG2", cv2.createBackgroundSubtractorMOG2), ("KNN", cv2.createBackgroundSubtractorKNN)):
         total = 0.0
@@ -68,20 +68,24 @@ def main():
         print(f"speed.py: no test data at {studio}; give --data or set KINEVOX_TEST_DATA")
         return 77
 
-    lines = ["| sequence | segmentation | tracking | hull | colouring | sum, median | sum, p99 | pose | MOG2 | KNN |",
-             "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
-             "| published (2009 hardware) | 38 | 15 | 136 | (in hull) | 189 | | 36 | | |"]
+    lines = [
+        "| sequence | segmentation | tracking | hull | colouring | sum, median | sum, p99 | pose | MOG2 | KNN |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+        "| published (2009 hardware) | 38 | 15 | 136 | (in hull) | 189 | | 36 | | |",
+    ]
     slow = []
     for name in options.sequences.split(","):
         times = time_process(options.kinevox_process, studio / name / "session.toml", options.repeat)
         total = sum(times[stage] for stage in STAGES)
         opencv = time_opencv(studio / name, [f"cam{i}" for i in (1, 2, 3, 4)])
         cells = [f"{np.median(times[stage]):.2f}" for stage in STAGES]
-        lines.append(f"| {name} | " + " | ".join(cells) + f" | {np.median(total):.2f} | {np.percentile(total, 99):.2f}"
-                     f" | {np.median(times['pose_ms']):.2f} | {opencv['MOG2']:.1f} | {opencv['KNN']:.1f} |")
+        lines.append(
+            f"| {name} | " + " | ".join(cells) + f" | {np.median(total):.2f} | {np.percentile(total, 99):.2f}"
+            f" | {np.median(times['pose_ms']):.2f} | {opencv['MOG2']:.1f} | {opencv['KNN']:.1f} |"
+        )
         if np.median(total) > BOUND_MS:
             slow.append(name)
-    print("milliseconds a frame set, 4 x 640x480, 10 mm, N = 32")
+    print("milliseconds per frame set, 4 x 640x480, 10 mm, N = 32")
     print("\n".join(lines))
     if options.markdown:
         Path(options.markdown).write_text("\n".join(lines) + "\n")

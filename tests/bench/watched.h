@@ -24,10 +24,10 @@ struct Watched {
         const auto& header = message.header();
         if (counting) {
             ++messages;
-            missed += header.missed();
+            missed += header.missed_count();
             if (header.sequence() > last_ + 1 && last_ != 0) gaps += header.sequence() - last_ - 1;
             behind_ms.push_back(ms_since(header.capture_time_ns()));
-            delivery_ms.push_back(ms_since(header.published_time_ns()));
+            delivery_ms.push_back(ms_since(header.publish_time_ns()));
         }
         last_ = header.sequence();
     }

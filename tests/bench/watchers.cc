@@ -76,7 +76,7 @@ std::string summary(const Watchers& watchers, double seconds) {
 int main(int argc, char** argv) {
     absl::SetMutexDeadlockDetectionMode(absl::OnDeadlockCycle::kIgnore);  // which Debian's Abseil has on
     Options options;
-    CLI::App app("Subscribes many times to one daemon and tells what each got.", "watchers");
+    CLI::App app("Subscribes many times to one daemon and reports what each received.", "watchers");
     app.add_option("--server", options.server, "HOST:PORT");
     app.add_option("--poses", options.poses, "Subscribers to poses");
     app.add_option("--volumes", options.volumes, "Subscribers to volumes");

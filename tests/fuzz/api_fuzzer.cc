@@ -1,7 +1,6 @@
-// The gRPC handlers, over a connection as any client has one: calls of every method, with any bytes, by every
-// role, one after the other or at once, cancelled when it suits the input. Each ends in good time with a
-// status that its caller's role allows, nothing outside the daemon's folder is touched, and the daemon
-// answers afterwards.
+// The gRPC handlers over a real connection: calls of every method with any bytes, by every role, in sequence
+// or concurrently, cancelled at any point. Each call ends in time with a status that its caller's role
+// allows, no file outside the daemon's folder is changed, and the daemon answers afterwards.
 #include <google/protobuf/message.h>
 #include <google/protobuf/stubs/logging.h>
 #include <grpcpp/generic/generic_stub.h>
@@ -26,7 +25,7 @@ using namespace kinevox::fuzz;
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
-constexpr std::chrono::seconds kMaxCall{20};  // far more than any needs, under a sanitizer on a busy machine
+constexpr std::chrono::seconds kMaxCall{20};  // ample, under a sanitizer on a busy machine
 constexpr int kMaxRead = 3;                   // messages of a stream
 
 FuzzedDaemon& daemon() {
@@ -43,13 +42,13 @@ std::string replaced(std::string text, const std::string& word, const std::strin
     return text;
 }
 
-// The words that stand for what is known only while it runs.
+// Replaces the placeholders.
 void resolve(Message& message, const std::string& lease) {
     std::vector<const FieldDescriptor*> fields;
     const auto& r = *message.GetReflection();
     r.ListFields(message, &fields);
     const auto known = [&](const std::string& text) {
-        return replaced(replaced(text, kLeaseWord, lease), kRootWord, daemon().root().string());
+        return replaced(replaced(text, kLeasePlaceholder, lease), kRootPlaceholder, daemon().root().string());
     };
     for (const FieldDescriptor* field : fields) {
         const int count = field->is_repeated() ? r.FieldSize(message, field) : 0;
@@ -67,11 +66,11 @@ void resolve(Message& message, const std::string& lease) {
 std::string request_of(const Step& step, const std::string& lease) {
     if (!step.called().request) return step.request;
     std::unique_ptr<Message> message(step.called().request->New());
-    if (!message->ParseFromString(step.request)) return step.request;  // what is none is sent as it is
+    if (!message->ParseFromString(step.request)) return step.request;  // invalid messages are sent unchanged
     resolve(*message, lease);
-    // The page is drawn by a program of its own, for seconds; its tests are elsewhere.
+    // Another program draws the page, which takes seconds and is tested elsewhere.
     if (auto* certificate = dynamic_cast<kinevox::v1::GetCertificateRequest*>(message.get()))
-        certificate->set_with_page(false);
+        certificate->set_include_page(false);
     return message->SerializeAsString();
 }
 
@@ -84,21 +83,21 @@ class Call {
             context_.AddMetadata("authorization", token);
         call_ = grpc::GenericStub(daemon().channel()).PrepareCall(&context_, step.called().path, &queue_);
         call_->StartCall(this);
-        goes_on_ = wait();
-        if (!goes_on_) return;
+        running_ = wait();
+        if (!running_) return;
         const grpc::Slice slice(request_of(step, lease));
         call_->WriteLast(grpc::ByteBuffer(&slice, 1), {}, this);
         if (step.ending == Ending::kCancelAtOnce) context_.TryCancel();
-        goes_on_ = wait();
+        running_ = wait();
     }
 
-    // Reads what the step asks for, ends the call and checks its status.
+    // Reads the messages that the step requests, ends the call and checks its status.
     void end() {
         const bool all = step_.ending == Ending::kRead && !step_.called().streams;
-        for (int i = 0; goes_on_ && i < (all ? 1 : kMaxRead); ++i) {
+        for (int i = 0; running_ && i < (all ? 1 : kMaxRead); ++i) {
             if (step_.called().streams && !may_wait(i)) context_.TryCancel();
             call_->Read(&answer_, this);
-            goes_on_ = wait();
+            running_ = wait();
         }
         if (step_.called().streams) context_.TryCancel();
         grpc::Status status;
@@ -111,8 +110,8 @@ class Call {
     }
 
   private:
-    // A stream's first word comes by itself from those that tell a state; others wait for frame sets or
-    // events that may never come.
+    // Streams of states send a first message at once; others wait for frame sets or events that may never
+    // arrive.
     bool may_wait(int messages) const {
         const std::string& path = step_.called().path;
         return step_.ending == Ending::kReadOne && messages == 0 &&
@@ -127,14 +126,14 @@ class Call {
     }
 
     void check(const grpc::Status& status) const {
-        // Where the daemon acts on the deadline first, what it says is CANCELLED.
+        // If the daemon detects the deadline first, the status is CANCELLED.
         FUZZ_CHECK(step_.ending == Ending::kLeaveOpen ||
                    std::chrono::system_clock::now() < context_.deadline());
         FUZZ_CHECK(status.error_code() != grpc::StatusCode::DEADLINE_EXCEEDED);
         FUZZ_CHECK(status.error_code() != grpc::StatusCode::UNKNOWN);
         FUZZ_CHECK(status.error_message().find('\n') == std::string::npos);
         if (!status.ok()) return;
-        // What was cancelled may end before anybody has looked at who called.
+        // A cancelled call may end before its caller is identified.
         const std::string& path = step_.called().path;
         FUZZ_CHECK(daemon().may(step_.who, path));
     }
@@ -144,10 +143,10 @@ class Call {
     grpc::CompletionQueue queue_;
     std::unique_ptr<grpc::GenericClientAsyncReaderWriter> call_;
     grpc::ByteBuffer answer_;
-    bool goes_on_ = false, ignored_ = false;
+    bool running_ = false, ignored_ = false;
 };
 
-// Somebody who may, afterwards.
+// An authorised call, afterwards.
 void check_answers() {
     grpc::GenericStub stub(daemon().channel());
     Step step;
@@ -175,7 +174,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     }
     for (const auto& call : open) call->end();
     check_answers();
-    daemon().begin_anew();
+    daemon().reset();
     return 0;
 }
 
@@ -184,20 +183,20 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
     std::mt19937 random(seed);
     std::vector<Step> steps = read_script({data, size});
     const auto any = [&] { return random() % steps.size(); };
-    const unsigned what = random() % 8;
-    if (steps.empty() || (what == 0 && steps.size() < kMaxSteps)) {
+    const unsigned mutation = random() % 8;
+    if (steps.empty() || (mutation == 0 && steps.size() < kMaxSteps)) {
         const auto at =
             steps.begin() + static_cast<std::ptrdiff_t>(steps.empty() ? 0 : random() % (steps.size() + 1));
         steps.insert(at, random_step(random() % methods().size(), random));
-    } else if (what == 1 && steps.size() > 1) {
+    } else if (mutation == 1 && steps.size() > 1) {
         steps.erase(steps.begin() + static_cast<std::ptrdiff_t>(any()));
-    } else if (what == 2) {
+    } else if (mutation == 2) {
         std::swap(steps[any()], steps[any()]);
-    } else if (what == 3) {
+    } else if (mutation == 3) {
         Step& step = steps[any()];
         const Step other = random_step(step.method, random);
         step.who = other.who, step.ending = other.ending, step.frame_sets = other.frame_sets;
-    } else if (what == 4) {  // bytes, whatever they mean
+    } else if (mutation == 4) {  // arbitrary bytes
         std::string& request = steps[any()].request;
         std::string bytes = request;
         bytes.resize(std::min<std::size_t>(request.size() + 64, 60'000));

@@ -20,7 +20,7 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 using google::protobuf::Reflection;
 
-constexpr std::size_t kHead = 4;  // method, how, length of the request in two bytes, little endian
+constexpr std::size_t kHead = 4;  // method, flags, length of the request in two bytes, little endian
 constexpr const char* kBvh =
     "HIERARCHY\nROOT Hips\n{\nOFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation "
     "Yrotation\n"
@@ -103,7 +103,7 @@ T one_of(const T (&values)[N], std::mt19937& random) {
 }
 
 std::string text_for(const FieldDescriptor& field, std::mt19937& random) {
-    if (field.name() == "lease_id") return below(16, random) ? kLeaseWord : one_of(kTexts, random);
+    if (field.name() == "lease_id") return below(16, random) ? kLeasePlaceholder : one_of(kTexts, random);
     if (field.type() == FieldDescriptor::TYPE_BYTES) return one_of({kBvh, kCalibration, ""}, random);
     if (below(64, random) == 0) return std::string(below(5000, random), 'n');
     return one_of(kTexts, random);
@@ -111,7 +111,7 @@ std::string text_for(const FieldDescriptor& field, std::mt19937& random) {
 
 void fill(Message& message, std::mt19937& random, int depth);
 
-// One value of the field, at its end where it is repeated.
+// Sets the field, or appends a value if it is repeated.
 void set(Message& message, const FieldDescriptor& field, std::mt19937& random, int depth) {
     const Reflection& r = *message.GetReflection();
     const bool more = field.is_repeated();
@@ -175,8 +175,8 @@ const Message* prototype(const google::protobuf::Descriptor* descriptor) {
 std::vector<Method> all_methods() {
     std::vector<Method> out;
     for (const auto* file :
-         {v1::StartRequest::descriptor()->file(), v1::StreamVolumesRequest::descriptor()->file(),
-          v1::ListPosesRequest::descriptor()->file(), v1::StartProcedureRequest::descriptor()->file(),
+         {v1::StartCaptureRequest::descriptor()->file(), v1::StreamVolumesRequest::descriptor()->file(),
+          v1::ListLibraryPosesRequest::descriptor()->file(), v1::StartProcedureRequest::descriptor()->file(),
           v1::StartRecordingRequest::descriptor()->file(), v1::OpenReplayRequest::descriptor()->file()})
         for (int s = 0; s < file->service_count(); ++s)
             for (int m = 0; m < file->service(s)->method_count(); ++m) {
@@ -233,7 +233,7 @@ std::string script_bytes(const std::vector<Step>& steps) {
 Step random_step(std::size_t method, std::mt19937& random) {
     Step step;
     step.method = static_cast<std::uint8_t>(method);
-    step.who = below(4, random) ? Who::kAdminister : static_cast<Who>(below(8, random));
+    step.who = below(4, random) ? Who::kAdmin : static_cast<Who>(below(8, random));
     step.ending = static_cast<Ending>(below(4, random));
     step.frame_sets = static_cast<int>(below(4, random));
     if (!step.called().request) return step;

@@ -6,7 +6,7 @@
 #include "server/pose/database/bvh_import.h"
 #include "tests/fuzz/fuzz_check.h"
 
-// What is read is a skeleton whose joints follow their parents; what is imported is a pose of the body.
+// In an accepted skeleton joints follow their parents; an imported pose is a pose of the body model.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     const auto motion = kinevox::parse_bvh(std::string(data, data + size), "fuzz.bvh");
     FUZZ_CHECK(motion.ok() || motion.status().message().find('\n') == absl::string_view::npos);
@@ -18,7 +18,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         FUZZ_CHECK(motion->joints[j].first_value + static_cast<int>(motion->joints[j].channels.size()) <=
                    motion->values_per_frame);
     }
-    const auto poses = kinevox::poses_from_bvh(*motion, "fuzz", {.every_s = 0.1, .max_poses = 5});
+    const auto poses = kinevox::poses_from_bvh(*motion, "fuzz", {.interval_s = 0.1, .max_poses = 5});
     FUZZ_CHECK(poses.ok() || poses.status().message().find('\n') == absl::string_view::npos);
     if (!poses.ok()) return 0;
     FUZZ_CHECK(poses->size() <= 5);

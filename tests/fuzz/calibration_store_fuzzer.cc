@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "server/calibration/calibration_store.h"
+#include "server/calibration/procedure/calibration_store.h"
 #include "tests/fuzz/fuzz_check.h"
 #include "tests/fuzz/fuzzed_folder.h"
 
@@ -24,12 +24,12 @@ struct StoredFile {
     const char *name, *good;
 };
 constexpr StoredFile kFiles[] = {
-    {"c1/about.json", R"({"made_by": "board", "cameras": [{"name": "cam1", "width": 8, "height": 8}]})"},
+    {"c1/calibration.json", R"({"method": "board", "cameras": [{"name": "cam1", "width": 8, "height": 8}]})"},
     {"c1/calibration.toml",
      "[cam1]\nname = \"cam1\"\nsize = [8, 8]\nmatrix = [[10.0, 0, 4], [0, 10.0, 4], [0, 0, 1]]\n"
      "distortions = [0, 0, 0, 0]\nrotation = [0.1, 0, 0]\ntranslation = [0, 0, 3.0]\nfisheye = false\n"},
     {"c1/certificate.json", "{}"},
-    {"in_use.json", "{}"},
+    {"active.json", "{}"},
 };
 
 void use(testing::FuzzedFolder& folder) {
@@ -38,13 +38,13 @@ void use(testing::FuzzedFolder& folder) {
     FUZZ_CHECK(all.ok() && all->size() <= 1);
     const auto found = store.find("c1");
     FUZZ_CHECK(found.ok() == !all->empty());
-    const auto fitting = store.fitting_cameras("c1");
+    const auto fitting = store.compatible_cameras("c1");
     FUZZ_CHECK(fitting.status().message().find('\n') == absl::string_view::npos);
     if (fitting.ok()) FUZZ_CHECK(fitting->size() == 1 && fitting->front().name == "cam1");
-    // Whatever lay there: what is applied afterwards is in use, and can be taken back.
-    const std::string before = store.in_use();
+    // Whatever the files contain: a calibration that is applied afterwards is active, and can be undone.
+    const std::string before = store.active();
     if (!store.apply("c1").ok()) return;
-    FUZZ_CHECK(store.in_use() == "c1" && !store.remove("c1").ok());
+    FUZZ_CHECK(store.active() == "c1" && !store.remove("c1").ok());
     if (before == "c1") return;
     const auto undone = store.undo();
     FUZZ_CHECK(undone.ok() && *undone == before);
@@ -52,7 +52,7 @@ void use(testing::FuzzedFolder& folder) {
 
 }  // namespace
 
-// A folder of stored calibrations in which somebody, or a failing disk, wrote one file.
+// A store in which one file is arbitrary.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     static testing::FuzzedFolder folder;
     std::filesystem::create_directories(folder.path() / "c1");

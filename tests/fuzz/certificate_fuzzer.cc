@@ -2,14 +2,14 @@
 #include <string>
 
 #include "server/api/certificate_to_proto.h"
-#include "server/calibration/board.h"
-#include "server/calibration/certificate.h"
-#include "server/calibration/floor_points.h"
-#include "server/calibration/wand.h"
+#include "server/calibration/board/board.h"
+#include "server/calibration/board/floor_points.h"
+#include "server/calibration/certificate/certificate.h"
+#include "server/calibration/wand/wand.h"
 #include "tests/fuzz/fuzz_check.h"
 
-// A calibration's certificate, as the command line and as the daemon read it; and the short words that tell a
-// board, a wand or a point on the floor.
+// A certificate, as the command line and the daemon read it, and the text forms of a board, a wand and a
+// floor point.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     using namespace kinevox;
     const std::string text(data, data + size);

@@ -1,4 +1,4 @@
-// What every calibration that a reader accepts must keep, whatever it was read from.
+// Properties of every calibration that a parser accepts.
 #pragma once
 
 #include <cmath>

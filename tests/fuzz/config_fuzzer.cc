@@ -1,7 +1,7 @@
 #include <cstdint>
 #include <string>
 
-#include "common/config.h"
+#include "server/config/daemon_config.h"
 #include "tests/fuzz/fuzz_check.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -11,6 +11,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (!config.ok()) return 0;
     FUZZ_CHECK(kinevox::listen_address_problem(config->server.listen).empty());
     FUZZ_CHECK(config->pipeline.voxel_mm >= 2 && config->pipeline.voxel_mm <= 100);
-    FUZZ_CHECK(config->source.studio.cameras >= 2 && config->source.studio.cameras <= 64);
+    FUZZ_CHECK(config->source.studio.camera_count >= 2 && config->source.studio.camera_count <= 64);
     return 0;
 }

@@ -1,4 +1,4 @@
-// Ends a fuzzer's run where something that must hold does not.
+// Aborts the fuzzer if a condition does not hold.
 #pragma once
 
 #include <cstdio>

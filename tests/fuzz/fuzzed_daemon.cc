@@ -18,10 +18,10 @@
 #include "server/access/guard.h"
 #include "server/access/token_file.h"
 #include "server/api/api_server.h"
-#include "server/calibration/calibration_store.h"
-#include "server/calibration/calibration_use.h"
-#include "server/calibration/certificate.h"
-#include "server/calibration/procedure.h"
+#include "server/calibration/certificate/certificate.h"
+#include "server/calibration/procedure/active_calibration.h"
+#include "server/calibration/procedure/calibration_store.h"
+#include "server/calibration/procedure/procedure.h"
 #include "server/pipeline/convert.h"
 #include "server/pose/body_model.h"
 #include "server/pose/live_body_fit.h"
@@ -39,25 +39,25 @@ namespace asio = boost::asio;
 namespace fs = std::filesystem;
 using std::chrono_literals::operator""ms;
 
-constexpr const char* kSeed = "seed";  // a recording that is always there
+constexpr const char* kSeed = "seed";  // a recording that always exists
 constexpr std::uint64_t kSeedFrames = 5;
 
 v1::Role role_of(Who who) {
     switch (who) {
-        case Who::kAdminister:
-            return v1::ROLE_ADMINISTER;
-        case Who::kOperate:
-            return v1::ROLE_OPERATE;
-        case Who::kExhibit:
-            return v1::ROLE_EXHIBIT;
-        case Who::kWatch:
-            return v1::ROLE_WATCH;
+        case Who::kAdmin:
+            return v1::ROLE_ADMIN;
+        case Who::kOperator:
+            return v1::ROLE_OPERATOR;
+        case Who::kDisplay:
+            return v1::ROLE_DISPLAY;
+        case Who::kViewer:
+            return v1::ROLE_VIEWER;
         default:
             return v1::ROLE_UNSPECIFIED;
     }
 }
 
-// Of the files below a folder, with their sizes.
+// Files below a folder, with their sizes.
 std::set<std::string> listing(const fs::path& folder) {
     std::set<std::string> out;
     for (const auto& entry : fs::recursive_directory_iterator(folder))
@@ -72,7 +72,7 @@ std::set<std::string> names_in(const fs::path& folder) {
     return out;
 }
 
-// `act` on that thread; when it is done.
+// Runs `act` on that thread and waits for it.
 template <typename Act>
 void on(asio::thread_pool& thread, const Act& act) {
     std::promise<void> done;
@@ -91,7 +91,7 @@ struct FuzzedDaemon::Parts {
     std::map<Who, std::string> tokens;
     std::unique_ptr<Guard> guard;
 
-    std::atomic<std::int64_t> days = 0;  // that the lease's clock is ahead
+    std::atomic<std::int64_t> days = 0;  // offset of the lease's clock
     const std::shared_ptr<const Volume> volume = std::make_shared<const Volume>(testing::person_volume(0.05));
     testing::FakeSourceControl source;
     StreamHub hub;
@@ -99,7 +99,7 @@ struct FuzzedDaemon::Parts {
     Runner runner{source.open(), [this] { return source.open(); },
                   std::make_unique<testing::FakePipeline>(volume), hub};
     CalibrationStore calibrations{inside / "calibrations", "fake", runner.cameras()};
-    CalibrationUse use{calibrations, runner, [](const std::vector<Camera>&) {}};
+    ActiveCalibration use{calibrations, runner, [](const std::vector<Camera>&) {}};
     DatabaseWatch pose_watch;
     BodyWatch body_watch;
     ProcedureWatch procedure_watch;
@@ -109,9 +109,9 @@ struct FuzzedDaemon::Parts {
             body_watch.publish(progress);
         }};
     CalibrationProcedure procedure{
-        [this](std::function<void()> on_ready) { return hub.subscribe_pictures(std::move(on_ready)); },
+        [this](std::function<void()> on_ready) { return hub.subscribe_images(std::move(on_ready)); },
         [this](const Certificate& certificate, const std::string& note) {
-            return calibrations.add(certificate.cameras, certificate_json(certificate), certificate.made_by,
+            return calibrations.add(certificate.cameras, certificate_json(certificate), certificate.method,
                                     certificate.verdict(), note, 1);
         },
         [this] { return procedure_watch.watched(); },
@@ -121,7 +121,7 @@ struct FuzzedDaemon::Parts {
                   [this](const std::vector<Camera>&, double) -> absl::StatusOr<std::unique_ptr<Pipeline>> {
                       return std::make_unique<testing::FakePipeline>(volume);
                   },
-                  [](const std::string&) {}};
+                  [](EventKind, const std::string&) {}};
 
     asio::io_context io;
     asio::executor_work_guard<asio::io_context::executor_type> work{io.get_executor()};
@@ -134,7 +134,7 @@ struct FuzzedDaemon::Parts {
 
     LiveBodyFitOptions body_options() const {
         LiveBodyFitOptions options;
-        options.by_itself = false;
+        options.automatic = false;
         options.file = inside / "body.toml";
         return options;
     }
@@ -148,9 +148,9 @@ struct FuzzedDaemon::Parts {
             FUZZ_CHECK(token.ok());
             tokens[who] = "Bearer " + *token;
         };
-        for (const Who who : {Who::kAdminister, Who::kOperate, Who::kExhibit, Who::kWatch})
+        for (const Who who : {Who::kAdmin, Who::kOperator, Who::kDisplay, Who::kViewer})
             make(who, role_of(who), now_s);
-        make(Who::kExpired, v1::ROLE_ADMINISTER, now_s - 10 * 86'400);
+        make(Who::kExpired, v1::ROLE_ADMIN, now_s - 10 * 86'400);
         tokens[Who::kWrongToken] = "Bearer " + std::string(43, 'x');
         tokens[Who::kNobody] = "";
         auto made = Guard::create(file, {100'000, 100'000, 1e6});
@@ -161,35 +161,36 @@ struct FuzzedDaemon::Parts {
     void make_recorder() {
         RecorderOptions options;
         options.folder = inside / "recordings";
-        options.keep_last_s = 1;
-        options.keep_last_bytes = options.queue_bytes = 8 << 20;
+        options.max_buffer_s = 1;
+        options.max_buffer_bytes = options.max_queue_bytes = 8 << 20;
         options.min_free_bytes = 0;
         auto made = Recorder::create(
             options,
             [this] {
-                return RecordedCapture{runner.cameras(), runner.source_fps(), use.in_use(), {}};
+                return RecordedCapture{runner.cameras(), runner.source_fps(), use.active(), {}};
             },
             [](const Event&) {});
         FUZZ_CHECK(made.ok());
         recorder = *std::move(made);
-        runner.set_after_result([this](const FrameResult& result) {
+        runner.set_result_observer([this](const FrameResult& result) {
             if (result.frame_set.recorded_frame) return;
             recorder->observe(result, nullptr);
             body_fit.observe(result.capture_time_ns, nullptr);
         });
-        runner.set_taps({[this](const FrameSet& frame_set) { recorder->offer(frame_set); },
-                         [this](const EmptyScene& pictures) { recorder->learned(pictures); },
-                         [this] { recorder->capture_ended(); }});
+        runner.set_observers(
+            {[this](const FrameSet& frame_set) { recorder->offer(frame_set); },
+             [this](const BackgroundImages& images) { recorder->background_learned(images); },
+             [this] { recorder->capture_ended(); }});
     }
 
-    // The recording that is always there, and the same as a stranger's session.
+    // The recording that always exists, and a copy outside the daemon's folder.
     void record_seed() {
         FUZZ_CHECK(runner.start().ok());
         FUZZ_CHECK(recorder->start(kSeed, VideoCodec::kUtVideo).ok());
         source.give(static_cast<int>(kSeedFrames));
         for (;;) {
             const RecorderStatus status = recorder->status();
-            if (status.recording && status.recording->about.frames >= kSeedFrames) break;
+            if (status.current && status.current->about.frame_sets >= kSeedFrames) break;
             std::this_thread::sleep_for(1ms);
         }
         FUZZ_CHECK(recorder->stop().ok());
@@ -213,14 +214,14 @@ struct FuzzedDaemon::Parts {
                                                       .lease = lease,
                                                       .control = control.get_executor(),
                                                       .encoders = encoders.get_executor(),
-                                                      .clock = io.get_executor(),
+                                                      .timers = io.get_executor(),
                                                       .poses = &poses,
                                                       .pose_watch = &pose_watch,
                                                       .changes = changes.get_executor(),
                                                       .body_fit = &body_fit,
                                                       .body_watch = &body_watch,
                                                       .calibrations = &calibrations,
-                                                      .calibration_use = &use,
+                                                      .active_calibration = &use,
                                                       .procedure = &procedure,
                                                       .procedure_watch = &procedure_watch,
                                                       .calibrating = calibrating.get_executor(),
@@ -243,13 +244,13 @@ struct FuzzedDaemon::Parts {
         fs::create_directories(inside);
         make_tokens();
         make_recorder();
-        runner.set_longest_silence(100ms);
+        runner.set_idle_timeout(100ms);
         record_seed();
         build_poses();
         serve();
     }
 
-    ~Parts() {  // as the daemon does it
+    ~Parts() {  // in the order of the daemon
         channel.reset();
         runner.abort();
         poses.close();
@@ -271,7 +272,7 @@ struct FuzzedDaemon::Parts {
     }
 
     void stop_capture() {
-        if (replay.status().open) replay.live().IgnoreError();
+        if (replay.status().open) replay.close().IgnoreError();
         runner.stop().IgnoreError();
         while (!calibrations.applied().empty() && use.undo(false).ok()) {
         }
@@ -280,13 +281,13 @@ struct FuzzedDaemon::Parts {
     void forget_poses() {
         if (const auto there = poses.list(); there.ok())
             for (const PoseListing& pose : *there)
-                if (pose.added) FUZZ_CHECK(poses.remove(pose.label).ok());
+                if (pose.user_defined) FUZZ_CHECK(poses.remove(pose.label).ok());
     }
 
     void remove_files() {
         fs::remove_all(inside / "calibrations");
         fs::remove(inside / "body.toml");
-        // The recorder's own, which it may be writing: the empty scene as it was learned last.
+        // The recorder's background images, which it may be writing.
         const auto is_background = [](const std::string& name) { return name.starts_with(".background-"); };
         for (const std::string& name : names_in(inside / "recordings"))
             if (name != kSeed && !is_background(name)) fs::remove_all(inside / "recordings" / name);
@@ -307,7 +308,7 @@ FuzzedDaemon::FuzzedDaemon() : parts_(std::make_unique<Parts>()) {}
 FuzzedDaemon::~FuzzedDaemon() = default;
 
 const std::string& FuzzedDaemon::token(Who who) const {
-    return parts_->tokens.at(who == Who::kTwoTokens ? Who::kAdminister : who);
+    return parts_->tokens.at(who == Who::kTwoTokens ? Who::kAdmin : who);
 }
 
 bool FuzzedDaemon::may(Who who, const std::string& path) const {
@@ -331,9 +332,9 @@ std::string FuzzedDaemon::acquire_control() {
     return granted->lease_id;
 }
 
-void FuzzedDaemon::begin_anew() {
+void FuzzedDaemon::reset() {
     Parts& p = *parts_;
-    // Each on the thread that its calls use: one that was cancelled may still be under way there.
+    // Each on the thread of its calls, where a cancelled one may still be running.
     on(p.exports, [] {});
     on(p.recordings, [&] {
         if (p.recorder->status().state != RecorderState::kIdle) p.recorder->stop().IgnoreError();
@@ -343,7 +344,7 @@ void FuzzedDaemon::begin_anew() {
     });
     on(p.control, [&] { p.stop_capture(); });
     on(p.changes, [&] { p.forget_poses(); });
-    ++p.days;  // whoever holds the lease holds it no longer
+    ++p.days;  // expires the lease
     p.check_untouched();
     p.remove_files();
 }

@@ -1,5 +1,4 @@
-// The daemon's parts around a fake capture, below a folder of their own, served on a free port of this
-// machine.
+// The daemon's parts around a fake capture, in their own folder, served on a free local port.
 #pragma once
 
 #include <filesystem>
@@ -19,20 +18,19 @@ class FuzzedDaemon {
     FuzzedDaemon();
     ~FuzzedDaemon();
 
-    // Who holds nothing, or two tokens, sends none of these.
+    // kNobody sends no token, kTwoTokens two.
     const std::string& token(Who who) const;
-    // Whether the table of calls and roles lets them call it; kExpired, kWrongToken and kNobody never.
+    // Whether the caller's role grants the method; never for kExpired, kWrongToken and kNobody.
     bool may(Who who, const std::string& path) const;
 
     std::shared_ptr<grpc::Channel> channel() const;
     void give(int frame_sets);
-    const std::filesystem::path& root()
-        const;  // holds inside/, which is the daemon's, and outside/, which is not
+    const std::filesystem::path& root() const;  // contains inside/ (the daemon's) and outside/
     std::string acquire_control();
 
-    // Stops all that the calls began, and removes what they left. Ends the program where anything was touched
-    // that is not the daemon's.
-    void begin_anew();
+    // Stops everything that the calls started and removes their files. Aborts if a file outside inside/ was
+    // changed.
+    void reset();
 
   private:
     struct Parts;

@@ -1,4 +1,4 @@
-// A folder for what can be read from files only; goes with the fuzzer.
+// A temporary folder for parsers that read files only.
 #pragma once
 
 #include <cstdlib>

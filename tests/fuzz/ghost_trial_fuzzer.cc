@@ -4,7 +4,7 @@
 #include "client/viewer/ghost_trial.h"
 #include "tests/fuzz/fuzz_check.h"
 
-// A table that a coach lays over what the viewer shows, from wherever it came.
+// A table of a second trial.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     using namespace kinevox::viewer;
     const auto trial = parse_ghost_trial({reinterpret_cast<const char*>(data), size}, "trial.csv");
@@ -17,7 +17,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         FUZZ_CHECK(trial->instants[n].time_s > trial->instants[n - 1].time_s);
     const double last_s = trial->instants.back().time_s;
     for (const TrialEvent event : {TrialEvent::kBegin, TrialEvent::kLeftFootDown, TrialEvent::kRightFootDown,
-                                   TrialEvent::kHighest, TrialEvent::kLowest})
+                                   TrialEvent::kHighestPoint, TrialEvent::kLowestPoint})
         if (const auto time_s = trial->time_of(event)) FUZZ_CHECK(trial->at(*time_s));
     FUZZ_CHECK(trial->at(last_s) && !trial->at(last_s + 1));
     return 0;

@@ -1,6 +1,6 @@
 // usage: make_api_seeds FOLDER
-// Writes scripts for api_fuzzer to start from: two of every method with fields as chance wills, the same each
-// time, and the ways that a client goes.
+// Writes start scripts for api_fuzzer: two per method with random, reproducible fields, and typical call
+// sequences.
 #include <cstdio>
 #include <random>
 #include <string>
@@ -22,23 +22,24 @@ std::size_t number_of(const std::string& name) {
     std::abort();
 }
 
-// The steps' methods; the requests are what chance and the lease make of them.
-std::vector<Step> way(const std::vector<std::string>& names, std::mt19937& random) {
+// The sequence of methods, with random requests and the fuzzer's lease.
+std::vector<Step> sequence(const std::vector<std::string>& names, std::mt19937& random) {
     std::vector<Step> steps;
     for (const std::string& name : names) {
         Step step = random_step(number_of(name), random);
-        step.who = Who::kAdminister;
+        step.who = Who::kAdmin;
         step.frame_sets = 3;
         if (!step.called().streams) step.ending = Ending::kRead;
-        if (name == "Start" || name == "Stop" || name == "StartRecording" || name == "StopRecording") {
-            v1::StopRecordingRequest lease;  // field 1 is the lease in all of these
-            lease.set_lease_id(kLeaseWord);
+        if (name == "StartCapture" || name == "StopCapture" || name == "StartRecording" ||
+            name == "StopRecording") {
+            v1::StopRecordingRequest lease;  // the lease is field 1 of all of these
+            lease.set_lease_id(kLeasePlaceholder);
             step.request = lease.SerializeAsString();
         }
         if (name == "OpenReplay") {
             v1::OpenReplayRequest request;
-            request.set_lease_id(kLeaseWord);
-            request.set_session("seed");
+            request.set_lease_id(kLeasePlaceholder);
+            request.set_recording_name("seed");
             step.request = request.SerializeAsString();
         }
         steps.push_back(std::move(step));
@@ -54,19 +55,23 @@ int main(int argc, char** argv) {
     std::vector<std::vector<Step>> seeds;
     for (std::size_t m = 0; m < methods().size(); ++m)
         for (int i = 0; i < 2; ++i) seeds.push_back({random_step(m, random)});
-    const std::vector<std::string> ways[] = {
-        {"Start", "StreamVolumes", "StreamPoses", "StreamPreviews", "WatchEvents", "LearnBackground", "Stop"},
-        {"Start", "StartRecording", "GetRecorderStatus", "StopRecording", "ListRecordings", "Export",
-         "DeleteRecording"},
-        {"OpenReplay", "Start", "SetReplay", "StreamPoses", "GetReplay", "SetReplay", "CloseReplay"},
+    const std::vector<std::string> sequences[] = {
+        {"StartCapture", "StreamVolumes", "StreamPoses", "StreamPreviews", "WatchEvents", "LearnBackground",
+         "StopCapture"},
+        {"StartCapture", "StartRecording", "GetRecorderStatus", "StopRecording", "ListRecordings",
+         "ExportRecording", "DeleteRecording"},
+        {"OpenReplay", "StartCapture", "UpdateReplay", "StreamPoses", "GetReplay", "UpdateReplay",
+         "CloseReplay"},
         {"ImportCalibration", "ListCalibrations", "ApplyCalibration", "ExportCalibration", "UndoCalibration",
-         "RemoveCalibration"},
+         "DeleteCalibration"},
         {"StartProcedure", "AddObservations", "WatchProcedure", "SolveProcedure", "CancelProcedure"},
-        {"Start", "StartProcedure", "AddObservations", "AddObservations", "SolveProcedure", "Stop"},
-        {"AddPose", "ImportBvh", "ListPoses", "RemovePose", "FitBody", "WatchBody"},
-        {"AcquireControl", "RenewControl", "KeepLast", "ReleaseControl", "GetStatus"}};
-    for (const auto& names : ways)
-        for (int i = 0; i < 3; ++i) seeds.push_back(way(names, random));
+        {"StartCapture", "StartProcedure", "AddObservations", "AddObservations", "SolveProcedure",
+         "StopCapture"},
+        {"AddLibraryPose", "ImportLibraryPoses", "ListLibraryPoses", "DeleteLibraryPose", "FitBody",
+         "WatchBody"},
+        {"AcquireControl", "RenewControl", "SaveBuffer", "ReleaseControl", "GetStatus"}};
+    for (const auto& names : sequences)
+        for (int i = 0; i < 3; ++i) seeds.push_back(sequence(names, random));
     for (std::size_t s = 0; s < seeds.size(); ++s) {
         const auto file = std::filesystem::path(argv[1]) / ("seed" + std::to_string(s));
         if (const absl::Status written = write_file_atomically(file, script_bytes(seeds[s])); !written.ok())

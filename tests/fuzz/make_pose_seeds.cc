@@ -1,6 +1,5 @@
 // usage: make_pose_seeds bvh|pose_database FOLDER
-// Writes what bvh_fuzzer and pose_database_fuzzer start from: a small movement, and the fields of a small
-// database.
+// Writes seeds of bvh_fuzzer and pose_database_fuzzer: a small BVH file, and the fields of a small database.
 #include <cstdio>
 #include <cstring>
 #include <string>
@@ -25,7 +24,7 @@ kernels::CameraModel camera() {
     return camera;
 }
 
-// Without the header, which the fuzzer makes anew.
+// Without the header, which the fuzzer writes.
 absl::Status write_database(const std::filesystem::path& folder) {
     const kernels::CameraModel cameras[] = {camera()};
     const auto database = build_pose_database(cameras, default_body_shape(), testing::small_pose_options());

@@ -1,6 +1,6 @@
 // usage: make_volume_seeds FOLDER
-// Writes encoded volumes for volume_fuzzer to start from. Small ones are stored without zstd, so that their
-// masks and colours lie open to mutation; the larger ones hold zstd frames.
+// Writes encoded volumes as seeds of volume_fuzzer: small ones without zstd, so that masks and colours can be
+// mutated, and larger ones with zstd frames.
 #include <cstdio>
 #include <random>
 #include <string>

@@ -4,7 +4,7 @@
 #include "server/pose/database/database_file.h"
 #include "tests/fuzz/fuzz_check.h"
 
-// The bytes as they are, and as the fields of a file whose header says that they are undamaged.
+// The bytes as a file, and as the fields of a file with a matching header.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     using namespace kinevox;
     const std::string bytes(data, data + size);
@@ -15,9 +15,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         FUZZ_CHECK(!database->slabs.empty() && database->slabs.size() == database->viewpoints.size());
         for (std::size_t slab = 0; slab < database->slabs.size(); ++slab)
             if (database->pose_count() > 0) {
-                const auto picture = database->silhouette(static_cast<int>(slab), 0, 0);
+                const auto image = database->silhouette(static_cast<int>(slab), 0, 0);
                 const auto side = static_cast<std::size_t>(database->options.side_px);
-                FUZZ_CHECK(picture.empty() || picture.size() == side * side);
+                FUZZ_CHECK(image.empty() || image.size() == side * side);
             }
         const UserChanges changes = user_changes(*database);
         FUZZ_CHECK(changes.added.size() <= database->poses.size());

@@ -35,11 +35,11 @@ void check_times(std::string_view text) {
         FUZZ_CHECK((*times)[i].sequence > (*times)[i - 1].sequence);
 }
 
-// What is written into a session is found in it.
+// A key written into a session is read back.
 void check_offsets(const std::string& text) {
     const auto before = parse_session_toml(text, "/trial", "session.toml", false);
     if (!before.ok()) return;
-    (void)first_pictures(*before);
+    (void)first_image_indices(*before);
     const std::vector<double> offsets(before->cameras.size(), 0.25);
     const auto written = with_offsets(text, offsets);
     if (!written.ok()) return check_line(written.status());
@@ -56,7 +56,7 @@ void check_files(testing::FuzzedFolder& folder, std::string_view bytes) {
             check_line(volumes->read(entry).status());
     const auto body = read_body_shape(folder.write("body.toml", bytes));
     check_line(body.status());
-    // A trial's tables: one of them this input, the others as they should be.
+    // Tables of a trial: one is this input, the others are valid.
     folder.write("joints.csv", bytes);
     for (const double fps : {0.0, 50.0}) {
         const auto trial = read_trial(folder.path(), fps);
@@ -65,18 +65,19 @@ void check_files(testing::FuzzedFolder& folder, std::string_view bytes) {
     }
 }
 
-// What `kinevox process` leaves beside its tables names the session that pictures are taken from.
+// run.toml of `kinevox process` names the session with the images.
 void check_results(testing::FuzzedFolder& folder, std::string_view bytes) {
     folder.write("run.toml", bytes);
     const std::atomic<bool> stop = false;
     check_line(
-        export_recording(folder.path(), {.format = "mp4"}, folder.path() / "film.mp4", {stop}).status());
+        export_recording(folder.path(), {.format = ExportFormat::kMp4}, folder.path() / "video.mp4", {stop})
+            .status());
 }
 
 }  // namespace
 
-// All that lies in a recording's folder beside videos and calibration. Each reader takes every input: their
-// first bytes tell them apart at once.
+// All files of a recording except videos and calibration. Each parser reads every input; most are rejected by
+// their first bytes.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     static testing::FuzzedFolder folder;
     const std::string bytes(data, data + size);

@@ -1,4 +1,4 @@
-// The pose database that is soonest built: goes with the fuzzers.
+// Options of the smallest pose database.
 #pragma once
 
 #include "server/pose/database/pose_database.h"

@@ -6,7 +6,7 @@
 #include "server/access/token_file.h"
 #include "tests/fuzz/fuzz_check.h"
 
-// Both files that say who may do what: the tokens, whose own text reads the same again, and [server]'s keys.
+// Both files of access control: tokens.toml, which reads back as written, and the keys of [server].
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     using namespace kinevox;
     const std::string text(data, data + size);
@@ -24,6 +24,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (!document.ok()) return 0;
     AccessConfig access;
     read_access((*document)->root().table_or_empty("server"), "/etc/kinevox", false, access);
-    FUZZ_CHECK(!(*document)->finish().ok() || access.certificate.empty() == access.key.empty());
+    FUZZ_CHECK(!(*document)->finish().ok() ||
+               access.tls_certificate_file.empty() == access.tls_key_file.empty());
     return 0;
 }

@@ -4,7 +4,7 @@
 #include "common/volume_codec.h"
 #include "tests/fuzz/fuzz_check.h"
 
-// What decodes is a volume, and sending it on loses nothing.
+// A decoded volume is valid and encodes without loss.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     const auto volume = kinevox::decode_volume({data, size});
     if (!volume.ok()) return 0;

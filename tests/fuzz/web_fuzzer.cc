@@ -6,7 +6,7 @@
 #include <string>
 
 #include "client/web/http.h"
-#include "client/web/wants.h"
+#include "client/web/subscription_request.h"
 #include "common/atomic_file.h"
 #include "tests/fuzz/fuzz_check.h"
 
@@ -14,7 +14,7 @@ namespace {
 
 using namespace kinevox;
 
-// A page of two files, beside one that nobody may be given.
+// A page of two files, next to a file that must not be served.
 const web::Pages& pages() {
     static const web::Pages kPages = [] {
         char root[] = "/tmp/kinevox-fuzz-web-XXXXXX";
@@ -31,18 +31,19 @@ const web::Pages& pages() {
     return kPages;
 }
 
-void check_wants(std::string_view bytes) {
-    const web::Wants wants = web::read_wants(bytes);
-    FUZZ_CHECK(wants.granted.size() + wants.refused.size() <= static_cast<std::size_t>(web::kMaxWants));
-    FUZZ_CHECK(wants.understood || (wants.granted.empty() && wants.refused.size() == 1));
-    for (const web::Subscription& one : wants.granted) {
+void check_subscriptions(std::string_view bytes) {
+    const web::SubscriptionRequest request = web::parse_subscriptions(bytes);
+    FUZZ_CHECK(request.accepted.size() + request.errors.size() <=
+               static_cast<std::size_t>(web::kMaxSubscriptions));
+    FUZZ_CHECK(request.valid || (request.accepted.empty() && request.errors.size() == 1));
+    for (const web::Subscription& one : request.accepted) {
         FUZZ_CHECK(one.max_rate_hz == 0 || (one.max_rate_hz >= 0.001 && one.max_rate_hz <= 1000));
-        FUZZ_CHECK(one.topic.level >= 0 && one.topic.level <= 5);
+        FUZZ_CHECK(one.topic.downsample_level >= 0 && one.topic.downsample_level <= 5);
     }
-    for (const web::v1::Refusal& refusal : wants.refused) FUZZ_CHECK(!refusal.message().empty());
+    for (const web::v1::StreamError& error : request.errors) FUZZ_CHECK(!error.message().empty());
 }
 
-// The fields of a request, a line each, in the order of HttpRequest.
+// The fields of a request, one per line, in the order of HttpRequest.
 web::HttpRequest request_of(std::string_view text) {
     web::HttpRequest request;
     for (std::string* field :
@@ -63,15 +64,15 @@ void check_http(const web::HttpRequest& request) {
     FUZZ_CHECK(!reply.page || reply.page->content != "secret");
     for (const auto& [name, value] : reply.headers)
         FUZZ_CHECK(value.find_first_of("\r\n") == std::string::npos);
-    (void)web::refuse_socket(request, rules);
+    (void)web::reject_socket(request, rules);
 }
 
 }  // namespace
 
-// A browser's message, and a request whose fields Boost has taken apart.
+// A browser's message, and an HTTP request after parsing by Boost.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     const std::string_view bytes(reinterpret_cast<const char*>(data), size);
-    check_wants(bytes);
+    check_subscriptions(bytes);
     check_http(request_of(bytes));
     return 0;
 }

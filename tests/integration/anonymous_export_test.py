@@ -1,9 +1,9 @@
 #!/usr/bin/python3
-"""`kinevox export --anonymous`: what it writes shows and names nobody. usage: anonymous_export_test.py BUILD_FOLDER
+"""`kinevox export --anonymous` removes images and names. usage: anonymous_export_test.py BUILD_FOLDER
 
-On the studio's walk and on the person on the beam: the silhouettes are those of `kinevox process`, of its main subject; the
-film has nothing but greys and the skeleton's colours, flat where the picture was not; no name of session, folder and camera
-is in any file; the folder is a recording that is exported and processed again. Skips (77) without the test data."""
+On the studio's walk and on a real trial: the silhouettes are those of `kinevox process`, of its main subject; the video has
+only flat greys and the skeleton's colours; no file contains the name of session, folder or camera; the folder is a recording
+that can be exported and processed again. Skips (77) without the test data."""
 import subprocess
 import sys
 import tempfile
@@ -14,12 +14,12 @@ import numpy as np
 
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(REPOSITORY / "tests/bench"))
-from films import pictures_of  # noqa: E402
+from video_images import images_of  # noqa: E402
 from process_runs import data_folder  # noqa: E402
 
 FRAMES = 12
 NAME = "Erika_Mustermann"
-DETAIL = 2.5   # grey levels: deviation inside what should be flat, of H.264
+DETAIL = 2.5  # grey levels: std of a flat area in H.264
 
 
 def check(what, good, found=""):
@@ -29,7 +29,7 @@ def check(what, good, found=""):
 
 
 def named_session(original, folder):
-    """The session with a person's name wherever people put one; the videos stay where they are."""
+    """The session with a person's name in every place for one; it refers to the original videos."""
     folder.mkdir(parents=True)
     lines = []
     for line in original.read_text().splitlines():
@@ -52,42 +52,49 @@ def named_session(original, folder):
 
 def check_silhouettes(results, anonymous, cameras):
     for n, camera in enumerate(cameras):
-        ours = pictures_of(anonymous / f"cam_{n + 1:02}.mkv")
-        check(f"{camera}: a silhouette a frame", len(ours) == FRAMES, len(ours))
-        share = []
-        for frame, picture in enumerate(ours):
+        ours = images_of(anonymous / f"cam_{n + 1:02}.mkv")
+        check(f"{camera}: one silhouette per frame", len(ours) == FRAMES, len(ours))
+        fractions = []
+        for frame, image in enumerate(ours):
             theirs = cv2.imread(str(results / "silhouettes" / camera / f"{frame:06}.png"), cv2.IMREAD_GRAYSCALE) > 0
-            if not set(np.unique(picture)) <= {0, 255} or np.ptp(picture, axis=2).any():
+            if not set(np.unique(image)) <= {0, 255} or np.ptp(image, axis=2).any():
                 check(f"{camera}: white on black", False, f"frame {frame}")
-            mine = picture[..., 0] > 0
+            mine = image[..., 0] > 0
             if (mine & ~theirs).any():
-                check(f"{camera}: nothing but what process finds", False, f"frame {frame}")
-            share.append(mine.sum() / max(theirs.sum(), 1))
-        check(f"{camera}: the silhouettes are those of process, of the main subject", np.median(share) > 0.9, f"{min(share):.3f}")
-        empty = pictures_of(anonymous / f"cam_{n + 1:02}_empty.mkv")
-        check(f"{camera}: the room is black", len(empty) == 1 and not empty[0].any())
+                check(f"{camera}: only pixels that process finds", False, f"frame {frame}")
+            fractions.append(mine.sum() / max(theirs.sum(), 1))
+        check(
+            f"{camera}: the silhouettes are those of process, of the main subject",
+            np.median(fractions) > 0.9,
+            f"{min(fractions):.3f}",
+        )
+        background = images_of(anonymous / f"cam_{n + 1:02}_background.mkv")
+        check(f"{camera}: the background is black", len(background) == 1 and not background[0].any())
 
 
-def check_film(film, silhouettes, source):
-    """Flat where neither the skeleton nor an edge is; `source` are the pictures, to show that they are not."""
-    pictures = pictures_of(film)
-    check("the film has all frames", len(pictures) == FRAMES, len(pictures))
+def check_video(video, silhouettes, source):
+    """Flat apart from the skeleton and edges; `source`: the original images, which are not."""
+    images = images_of(video)
+    check("the video has all frames", len(images) == FRAMES, len(images))
     disk = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (7, 7))
     inside, outside = [], []
-    for picture, silhouette, original in zip(pictures, silhouettes, source):
-        spread = np.ptp(picture.astype(int), axis=2)
-        drawn = cv2.dilate(((spread > 20) | (picture.max(2) > 140) | (picture.max(2) < 12)).astype(np.uint8), disk) > 0
+    for image, silhouette, original in zip(images, silhouettes, source):
+        spread = np.ptp(image.astype(int), axis=2)
+        drawn = cv2.dilate(((spread > 20) | (image.max(2) > 140) | (image.max(2) < 12)).astype(np.uint8), disk) > 0
         person = cv2.erode(silhouette[..., 0], disk) > 0
         room = cv2.dilate(silhouette[..., 0], disk) == 0
         for where, levels, found in ((person & ~drawn, 112, inside), (room & ~drawn, 28, outside)):
             if where.sum() < 200:
                 continue
-            values = picture[where].astype(float)
+            values = image[where].astype(float)
             found.append((np.abs(np.median(values) - levels), values.std(), original[where].astype(float).std()))
     for what, found in (("person", inside), ("room", outside)):
-        off, deviation, original = np.max(np.array(found), axis=0)
-        check(f"the {what} is flat grey in the film", len(found) >= FRAMES // 2 and off <= 3 and deviation < DETAIL < original,
-              f"{deviation:.1f} of {original:.1f} levels in {len(found)} frames")
+        off, std, original = np.max(np.array(found), axis=0)
+        check(
+            f"the {what} is flat grey in the video",
+            len(found) >= FRAMES // 2 and off <= 3 and std < DETAIL < original,
+            f"{std:.1f} of {original:.1f} levels in {len(found)} frames",
+        )
 
 
 def check_names(folder):
@@ -96,7 +103,7 @@ def check_names(folder):
             check("no name is in any file", False, file.name)
     check("no name is in any file", True)
     text = (folder / "README.txt").read_text()
-    check("README.txt says what was left out and what remains", "What was left out" in text and "What remains" in text)
+    check("README.txt lists what is removed and what identifies", "Removed" in text and "What still identifies" in text)
 
 
 def run(*command):
@@ -106,41 +113,64 @@ def run(*command):
 def check_sequence(tools, original, folder):
     session = named_session(original, folder / NAME)
     cameras = [line.split('"')[1] for line in session.read_text().splitlines() if line.startswith(f'name = "{NAME}_')]
-    results, anonymous = folder / f"{NAME}_results", folder / "passed_on"
-    done = run(tools / "kinevox-process", session, "--out", results, "--frames", FRAMES, "--save", "silhouettes", "--quiet")
+    results, anonymous = folder / f"{NAME}_results", folder / "anonymous"
+    done = run(
+        tools / "kinevox-process", session, "--out", results, "--frames", FRAMES, "--save", "silhouettes", "--quiet"
+    )
     check("process", done.returncode == 0, done.stderr.strip())
     done = run(tools / "kinevox-export", results, "--anonymous", "--out", anonymous, "--quiet")
     check("export --anonymous", (done.returncode, done.stderr) == (0, ""), done.stderr)
     check_names(anonymous)
     check_silhouettes(results, anonymous, cameras)
 
-    first = pictures_of(anonymous / "cam_01.mkv")
-    film = folder / "film.mp4"
-    done = run(tools / "kinevox-export", results, "--anonymous", "--format", "mp4", "--camera", cameras[0], "--width",
-               first[0].shape[1], "--out", film, "--quiet")
-    check("a film alone", done.returncode == 0 and not list(folder.glob(".kinevox-*")), done.stderr)
+    first = images_of(anonymous / "cam_01.mkv")
+    video_file = folder / "video.mp4"
+    done = run(
+        tools / "kinevox-export",
+        results,
+        "--anonymous",
+        "--format",
+        "mp4",
+        "--camera",
+        cameras[0],
+        "--video-width",
+        first[0].shape[1],
+        "--out",
+        video_file,
+        "--quiet",
+    )
+    check("a video alone", done.returncode == 0 and not list(folder.glob(".kinevox-*")), done.stderr)
     video = next(line.split('"')[1] for line in session.read_text().splitlines() if line.startswith("video"))
-    check_film(film, first, pictures_of(video)[:FRAMES])
+    check_video(video_file, first, images_of(video)[:FRAMES])
 
     done = run(tools / "kinevox-export", anonymous, "--format", "c3d", "--out", folder / "again.c3d")
     check("the folder is a recording: c3d of it", done.returncode == 0, done.stderr.strip())
     done = run(tools / "kinevox-export", anonymous, "--format", "ply", "--out", folder / "volumes")
     check("and its volumes", done.returncode == 0, done.stderr.strip())
     done = run(tools / "kinevox-process", anonymous / "session.toml", "--out", folder / "again", "--no-pose", "--quiet")
-    check("and process takes it", done.returncode == 0, done.stderr.strip())
+    check("and process reads it", done.returncode == 0, done.stderr.strip())
     return session, results
 
 
 def check_refusals(tools, folder, session, results):
     out = folder / "refused"
     done = run(tools / "kinevox-export", results, "--format", "session", "--out", out)
-    check("a session with pictures is not exported", done.returncode == 1 and "anonymous" in done.stderr, done.stderr.strip())
-    done = run(tools / "kinevox-export", results, "--anonymous", "--frames", "0-5", "--out", out)
-    check("nor a part of it", done.returncode == 1 and "whole" in done.stderr, done.stderr.strip())
-    session.write_text("\n".join(line for line in session.read_text().splitlines() if not line.startswith("background")))
+    check(
+        "a session with images is not exported",
+        done.returncode == 1 and "anonymous" in done.stderr,
+        done.stderr.strip(),
+    )
+    done = run(tools / "kinevox-export", results, "--anonymous", "--range", "0-5", "--out", out)
+    check("nor part of it", done.returncode == 1 and "all frames" in done.stderr, done.stderr.strip())
+    session.write_text(
+        "\n".join(line for line in session.read_text().splitlines() if not line.startswith("background"))
+    )
     done = run(tools / "kinevox-export", results, "--anonymous", "--out", out)
-    check("without a background it is refused in a line", done.returncode == 1 and done.stderr.count("\n") == 1 and
-          "background" in done.stderr, done.stderr.strip())
+    check(
+        "without a background it is refused in one line",
+        done.returncode == 1 and done.stderr.count("\n") == 1 and "background" in done.stderr,
+        done.stderr.strip(),
+    )
     check("and nothing is left", not out.exists() and not list(folder.glob(".refused*")))
 
 

@@ -1,5 +1,5 @@
 // What users get wrong, given to the real programs: each ends with status 1 and exactly one line on standard
-// error that names the thing, and leaves nothing behind. The readers' own tables are in tests/unit, a port in
+// error that names the input, and leaves nothing behind. The readers' own tables are in tests/unit, a port in
 // use is in daemon_test.
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -49,8 +49,8 @@ void cut(const fs::path& video, double kept) {
     fs::resize_file(video, static_cast<std::uintmax_t>(kept * static_cast<double>(fs::file_size(video))));
 }
 
-// The container stays whole, its pictures do not.
-void spoil_pictures(const fs::path& video) {
+// The container stays whole, its images do not.
+void spoil_images(const fs::path& video) {
     std::string bytes = contents(video);
     const auto begin = bytes.find("mdat"), end = bytes.find("moov");
     ASSERT_TRUE(begin != std::string::npos && end != std::string::npos && begin < end);
@@ -122,10 +122,10 @@ const std::vector<SpoiledSession>& spoiled_sessions() {
          {"calibration.toml", "does not exist"}},
         {"truncated video",
          [](const auto& s) { cut(s / "cam2.mp4", 0.6); },
-         {"camera cam2", "cam2.mp4", "cut off", "copy it again"}},
+         {"camera cam2", "cam2.mp4", "truncated", "copy it again"}},
         {"truncated background",
          [](const auto& s) { cut(s / "background/cam3.mp4", 0.6); },
-         {"camera cam3", "background/cam3.mp4", "cut off"}},
+         {"camera cam3", "background/cam3.mp4", "truncated"}},
         {"empty video",
          [](const auto& s) { write(s / "cam4.mp4", ""); },
          {"camera cam4", "cam4.mp4", "damaged"}},
@@ -133,7 +133,7 @@ const std::vector<SpoiledSession>& spoiled_sessions() {
          [](const auto& s) { write(s / "cam4.mp4", std::string(5000, 'x')); },
          {"camera cam4", "cam4.mp4", "cannot be read as a video"}},
         {"damaged video",
-         [](const auto& s) { spoil_pictures(s / "cam2.mp4"); },
+         [](const auto& s) { spoil_images(s / "cam2.mp4"); },
          {"camera cam2", "cam2.mp4", "damaged"}},
         {"longer video",
          [](const auto& s) {
@@ -146,13 +146,13 @@ const std::vector<SpoiledSession>& spoiled_sessions() {
              ASSERT_EQ(mkfifo((s / "cam1.mp4").c_str(), 0600), 0);
          },
          {"camera cam1", "cam1.mp4", "neither a file nor a folder"}},
-        {"a folder without pictures",
+        {"a folder without images",
          [](const auto& s) {
              fs::remove(s / "cam1.mp4");
              fs::create_directory(s / "cam1.mp4");
          },
-         {"camera cam1", "cam1.mp4", "holds no picture"}},
-        {"wrong picture size",
+         {"camera cam1", "cam1.mp4", "contains no images"}},
+        {"wrong image size",
          [](const auto& s) { edit(s / "calibration.toml", "[160.0, 120.0]", "[320.0, 240.0]"); },
          {"camera cam1", "cam1.mp4", "160 x 120", "320 x 240"}},
         {"NaN in calibration",
@@ -160,7 +160,7 @@ const std::vector<SpoiledSession>& spoiled_sessions() {
          {"calibration.toml:", "cam1.matrix", "nan", "finite"}},
         {"two cameras of one name",
          [](const auto& s) { edit(s / "session.toml", "\"cam2\"", "\"cam1\""); },
-         {"session.toml:", "cam1", "its own"}},
+         {"session.toml:", "cam1", "unique"}},
         {"two calibrations of one name",
          [](const auto& s) { edit(s / "calibration.toml", "[cam2]", "[cam1]"); },
          {"calibration.toml:", "cam1"}},
@@ -209,7 +209,7 @@ TEST_F(BadInputTest, SpoiledSessionsToProcess) {
     }
 }
 
-// What shows only when pictures are decoded is the capture's error, not the daemon's end; all else is refused
+// What shows only when images are decoded is the capture's error, not the daemon's end; all else is refused
 // at once.
 TEST_F(BadInputTest, SpoiledSessionsToTheDaemon) {
     for (const auto& row : spoiled_sessions()) {
@@ -218,9 +218,10 @@ TEST_F(BadInputTest, SpoiledSessionsToTheDaemon) {
         const fs::path session = fresh_session();
         row.spoil(session);
         const fs::path config = folder_.path() / "kinevoxd.toml";
-        write(config, fmt::format("[server]\nlisten = \"127.0.0.1:0\"\n[pose]\ndatabase = \"\"\n[source]\n"
-                                  "kind = \"session\"\nsession = \"{}\"\nautostart = false\n",
-                                  (session / "session.toml").string()));
+        write(config,
+              fmt::format("[server]\nlisten = \"127.0.0.1:0\"\n[pose]\ndatabase_file = \"\"\n[source]\n"
+                          "kind = \"session\"\nsession_file = \"{}\"\nautostart = false\n",
+                          (session / "session.toml").string()));
         expect_refused(what, {KINEVOX_DAEMON, "--config", config.string()}, row.words);
         fs::remove_all(session);
     }
@@ -228,10 +229,10 @@ TEST_F(BadInputTest, SpoiledSessionsToTheDaemon) {
 
 TEST_F(BadInputTest, ADaemonOutlivesAVideoThatBreaks) {
     const fs::path session = fresh_session();
-    spoil_pictures(session / "cam2.mp4");
+    spoil_images(session / "cam2.mp4");
     const fs::path config = folder_.path() / "kinevoxd.toml";
-    write(config, fmt::format("[server]\nlisten = \"127.0.0.1:0\"\n[pose]\ndatabase = \"\"\n[source]\n"
-                              "kind = \"session\"\nsession = \"{}\"\n",
+    write(config, fmt::format("[server]\nlisten = \"127.0.0.1:0\"\n[pose]\ndatabase_file = \"\"\n[source]\n"
+                              "kind = \"session\"\nsession_file = \"{}\"\n",
                               (session / "session.toml").string()));
     testing::ChildProcess daemon({KINEVOX_DAEMON, "--config", config.string()}, folder_.path());
     const std::string line = daemon.first_line();
@@ -260,7 +261,7 @@ TEST_F(BadInputTest, FlagsOfProcess) {
         Words words;
     };
     std::vector<Row> table{
-        {{}, {"session"}},
+        {{}, {"SESSION"}},
         {{good}, {"--out"}},
         {{good, "--out", ""}, {"--out"}},
         {{"nowhere.toml", "--out", out()}, {"nowhere.toml", "no such file"}},
@@ -271,8 +272,8 @@ TEST_F(BadInputTest, FlagsOfProcess) {
         {{good, "--out", out(), "--save", "everything"}, {"--save", "everything", "volumes"}},
         {{good, "--out", out(), "--frames", "-1"}, {"--frames", "-1"}},
         {{good, "--out", out(), "--threads", "-1"}, {"--threads", "-1"}},
-        {{good, "--out", out(), "--samples", "0"}, {"samples", "0"}},
-        {{good, "--out", out(), "--samples", "100000"}, {"samples", "100000"}},
+        {{good, "--out", out(), "--background-samples", "0"}, {"samples", "0"}},
+        {{good, "--out", out(), "--background-samples", "100000"}, {"samples", "100000"}},
         {{good, "--out", file.string()}, {file.string(), "Not a directory"}},
         {{good, "--out", (file / "below").string()}, {file.string(), "Not a directory"}},
         {{good, "--out", "/proc/kinevox"}, {"/proc/kinevox", "cannot be written"}},
@@ -282,7 +283,7 @@ TEST_F(BadInputTest, FlagsOfProcess) {
     // More voxels than memory holds is noticed at the first lattice, not by running out of it.
     table.push_back({{good, "--out", out(), "--voxel-mm", "1"}, {"voxel"}});
     if (fs::exists("/dev/nvidia0"))
-        fmt::print("--device cuda left out: there is a GPU\n");
+        fmt::print("--device cuda skipped: there is a GPU\n");
     else
         table.push_back({{good, "--out", out(), "--device", "cuda"}, {"CUDA"}});
     for (const Row& row : table) {
@@ -313,7 +314,7 @@ TEST_F(BadInputTest, FlagsOfStudio) {
         {{"--motion", "walk", "--frames", "3", "--out", out(), "--cameras", "0"}, {"cameras", "0"}},
         {{"--motion", "walk", "--frames", "3", "--out", out(), "--fps", "nan"}, {"fps", "nan"}},
         {{"--motion", "walk", "--frames", "3", "--out", out(), "--bogus"}, {"--bogus"}},
-        {{"--motion", "walk", "--frames", "3", "--out", file.string()}, {file.string(), "name another"}},
+        {{"--motion", "walk", "--frames", "3", "--out", file.string()}, {file.string(), "choose another"}},
         {{"--motion", "walk", "--frames", "3", "--out", (file / "below").string()}, {file.string()}},
         {{"--motion", "walk", "--frames", "3", "--out", (shared_->path() / "good").string()},
          {"good", "not an empty folder"}},

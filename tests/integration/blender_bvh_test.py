@@ -1,8 +1,8 @@
 #!/usr/bin/python3
-"""Blender's BVH importer on what `kinevox export` writes. usage: blender_bvh_test.py KINEVOX_EXPORT MAKE_POSED_TRIAL
+"""Blender's BVH importer on files of `kinevox export`. usage: blender_bvh_test.py KINEVOX_EXPORT MAKE_POSED_TRIAL
 
-Every bone's head, in every frame, must lie where our own forward kinematics of the file puts the joint. Skips (77) where
-Debian's package blender is not installed."""
+Every bone's head, in every frame, must be at the joint's position by our forward kinematics of the file. Skips (77)
+without Debian's package blender."""
 import json
 import shutil
 import subprocess
@@ -14,8 +14,8 @@ import numpy as np
 
 import motion_files
 
-# Inside Blender: no unit is changed, the file's axes are kept. Debian 12's Blender 3.4 opens the file in a mode that its
-# Python 3.11 no longer knows; nothing else of its importer is touched.
+# Runs in Blender; units and axes of the file are kept. Blender 3.4 opens the file in mode 'U', which Python 3.11 rejects;
+# only that is replaced.
 INSIDE = """
 import builtins, bpy, json, sys
 own_open = builtins.open
@@ -44,10 +44,28 @@ def main():
         folder = Path(temporary)
         subprocess.run([make_trial, str(folder / "trial")], check=True)
         bvh, heads_file, script = folder / "trial.bvh", folder / "heads.json", folder / "inside.py"
-        subprocess.run([export, str(folder / "trial"), "--format", "bvh", "--out", str(bvh), "--quiet", "--hold"], check=True)
+        subprocess.run(
+            [export, str(folder / "trial"), "--format", "bvh", "--out", str(bvh), "--quiet", "--hold-withheld"],
+            check=True,
+        )
         script.write_text(INSIDE)
-        run = subprocess.run(["blender", "--background", "--factory-startup", "--python-exit-code", "3", "--python", str(script),
-                              "--", str(bvh), str(heads_file)], capture_output=True, text=True, timeout=200)
+        run = subprocess.run(
+            [
+                "blender",
+                "--background",
+                "--factory-startup",
+                "--python-exit-code",
+                "3",
+                "--python",
+                str(script),
+                "--",
+                str(bvh),
+                str(heads_file),
+            ],
+            capture_output=True,
+            text=True,
+            timeout=200,
+        )
         if run.returncode != 0:
             print(run.stdout[-2000:], run.stderr[-2000:])
             return 1
@@ -57,15 +75,17 @@ def main():
         worst, compared = 0.0, 0
         for name in file.names:
             if name not in heads:
-                continue   # an end, which Blender makes the tail of its bone
+                continue  # an end site, in Blender the tail of its bone
             ours = np.array([frame[name] for frame in positions])
-            theirs = np.array(heads[name])[:len(ours)]
+            theirs = np.array(heads[name])[: len(ours)]
             if len(theirs) != len(ours):
                 print(f"Blender has {len(theirs)} frames, the file {len(ours)}")
                 return 1
             worst = max(worst, np.abs(theirs - ours).max())
             compared += 1
-        print(f"{compared} joints, {len(positions)} frames: Blender's heads lie within {worst:.4f} cm of the file's joints")
+        print(
+            f"{compared} joints, {len(positions)} frames: Blender's heads lie within {worst:.4f} cm of the file's joints"
+        )
         return 0 if compared >= 15 and worst < 0.01 else 1
 
 

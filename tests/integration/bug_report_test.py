@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""kinevox bug-report: what is in it, and what must never be.
+"""kinevox bug-report: its contents, and what it must not contain. Also `kinevox discover` without cameras.
 
 usage: bug_report_test.py BUILD_FOLDER [unittest options]"""
 import json
@@ -17,15 +17,15 @@ CONFIG = """# administrator's note: the token is {token}
 [server]
 listen = "127.0.0.1:0"
 [source.studio]
-cameras = 2
-width = 160
-height = 120
+camera_count = 2
+width_px = 160
+height_px = 120
 fps = 10.0
 [pipeline]
 voxel_mm = 40.0
 [pose]
-database = ""
-fit_body = false
+database_file = ""
+auto_fit_body = false
 [calibration]
 folder = ""
 [recording]
@@ -36,8 +36,9 @@ file = "{folder}/daemon.log"
 
 
 def report(*arguments):
-    return subprocess.run([BUILD / "client/cli/kinevox", "bug-report", *map(str, arguments)], capture_output=True, text=True,
-                          timeout=150)
+    return subprocess.run(
+        [BUILD / "client/cli/kinevox", "bug-report", *map(str, arguments)], capture_output=True, text=True, timeout=150
+    )
 
 
 def contents(archive):
@@ -53,9 +54,13 @@ class BugReport(unittest.TestCase):
         self.config = self.folder / "kinevoxd.toml"
         self.config.write_text(CONFIG.format(token=TOKEN, folder=self.folder))
 
-    def test_has_what_is_needed_and_no_secrets_and_no_pictures(self):
-        daemon = subprocess.Popen([BUILD / "server/daemon/kinevoxd", "--config", self.config], stdout=subprocess.PIPE,
-                                  stderr=subprocess.DEVNULL, text=True)
+    def test_contains_diagnostics_without_secrets_and_images(self):
+        daemon = subprocess.Popen(
+            [BUILD / "server/daemon/kinevoxd", "--config", self.config],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
         try:
             address = daemon.stdout.readline().split()[-1]
             log = self.folder / "daemon.log"
@@ -69,8 +74,20 @@ class BugReport(unittest.TestCase):
             daemon.wait()
             daemon.stdout.close()
         files = contents(out)
-        self.assertEqual(set(files), {"about.json", "kinevoxd.toml", "status.json", "cameras.json", "events.jsonl",
-                                      "calibrations.json", "doctor.json", "metrics.txt", "log.txt"})
+        self.assertEqual(
+            set(files),
+            {
+                "about.json",
+                "kinevoxd.toml",
+                "status.json",
+                "cameras.json",
+                "events.jsonl",
+                "calibrations.json",
+                "doctor.json",
+                "metrics.txt",
+                "log.txt",
+            },
+        )
         about = json.loads(files["about.json"])
         self.assertRegex(about["client"], r"^kinevox \d")
         self.assertRegex(about["daemon"], r"^kinevoxd \d")
@@ -85,9 +102,11 @@ class BugReport(unittest.TestCase):
             for magic in (b"\xff\xd8\xff", b"\x89PNG", b"KVXV"):
                 self.assertNotIn(magic, data, name)
         self.assertLess(out.stat().st_size, 1 << 20)
-        self.assertEqual(sorted(p.name for p in self.folder.iterdir()), ["daemon.log", "kinevoxd.toml", "report.tar.gz"])
+        self.assertEqual(
+            sorted(p.name for p in self.folder.iterdir()), ["daemon.log", "kinevoxd.toml", "report.tar.gz"]
+        )
 
-    def test_is_made_without_a_daemon_too(self):
+    def test_works_without_a_daemon(self):
         out = self.folder / "report.tar.gz"
         self.config.unlink()
         done = report("--out", out, "--server", "127.0.0.1:1", "--config", self.config, "--log", "/dev/null/none")
@@ -96,13 +115,24 @@ class BugReport(unittest.TestCase):
         done = report("--out", out, "--server", "127.0.0.1:1", "--config", self.config)
         self.assertEqual(done.returncode, 0, done.stderr)
         files = contents(out)
-        self.assertIn(b"cannot reach a daemon", files["status.json"])
-        self.assertIn(b"not there", files["kinevoxd.toml"])
+        self.assertIn(b"127.0.0.1:1", files["status.json"])
+        self.assertIn(b"does not exist", files["kinevoxd.toml"])
 
-    def test_says_where_it_cannot_write(self):
-        done = report("--out", self.folder / "none" / "report.tar.gz", "--server", "127.0.0.1:1", "--config", self.config)
+    def test_reports_an_unwritable_output(self):
+        done = report(
+            "--out", self.folder / "none" / "report.tar.gz", "--server", "127.0.0.1:1", "--config", self.config
+        )
         self.assertEqual(done.returncode, 1)
         self.assertIn("--out", done.stderr)
+
+    def test_discover_fails_without_cameras(self):
+        done = subprocess.run(
+            [BUILD / "client/cli/kinevox", "discover", "--json"], capture_output=True, text=True, timeout=60
+        )
+        found = json.loads(done.stdout)
+        self.assertEqual(done.returncode, 0 if found else 1)
+        if not found:
+            self.assertIn("no camera answers", done.stderr)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""The daemon's metrics, read by a real Prometheus; and whether dashboard, alerts and page speak of metrics that exist.
+"""The daemon's metrics, read by a real Prometheus; and whether dashboard, alerts and documentation name metrics that exist.
 
 usage: monitoring_test.py BUILD_FOLDER [unittest options]"""
 import json
@@ -23,6 +23,7 @@ from studio_daemon import StudioDaemon  # noqa: E402
 MONITORING = REPOSITORY / "deploy/monitoring"
 BUILD = Path()
 
+
 def free_port():
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -43,15 +44,17 @@ def wait_for(what, check, limit_s=60):
         except (urllib.error.URLError, ConnectionError, OSError):
             pass
         if time.monotonic() > end:
-            raise AssertionError(f"{what} did not come within {limit_s} s")
+            raise AssertionError(f"no {what} within {limit_s} s")
         time.sleep(0.1)
 
 
 def families_in_the_code():
-    """Names of all families that the daemon can write; a counter's with _total."""
+    """Names of all families that the daemon can write; counters with _total."""
     names = set()
-    for kind, name in re.findall(r'\b(counter|gauge|histogram|count|one_counter|one_gauge)\(\s*"(kinevox_[a-z_]+)"',
-                                 (REPOSITORY / "server/metrics/capture_metrics.cc").read_text()):
+    for kind, name in re.findall(
+        r'\b(counter|gauge|histogram|count|one_counter|one_gauge)\(\s*"((?:kinevox|process)_[a-z_]+)"',
+        (REPOSITORY / "server/metrics/capture_metrics.cc").read_text(),
+    ):
         names.add(name + ("_total" if "count" in kind else ""))
     return names
 
@@ -65,8 +68,13 @@ class Monitoring(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory()
         cls.port = free_port()
-        cls.daemon = StudioDaemon(BUILD / "server/daemon/kinevoxd", cls.folder.name, size=(160, 120), fps=15,
-                                  more=f'[pipeline]\nvoxel_mm = 40.0\n[metrics]\nlisten = "127.0.0.1:{cls.port}"\n')
+        cls.daemon = StudioDaemon(
+            BUILD / "server/daemon/kinevoxd",
+            cls.folder.name,
+            size=(160, 120),
+            fps=15,
+            more=f'[pipeline]\nvoxel_mm = 40.0\n[metrics]\nlisten = "127.0.0.1:{cls.port}"\n',
+        )
         cls.address = cls.daemon.address
         cls.url = f"http://127.0.0.1:{cls.port}/metrics"
 
@@ -79,34 +87,38 @@ class Monitoring(unittest.TestCase):
         found = re.search(rf"^{re.escape(line)} (\S+)$", fetch(self.url)[1], re.MULTILINE)
         return float(found[1]) if found else None
 
-    def test_tells_what_happens(self):
-        wait_for("results", lambda: (self.value("kinevox_results_total") or 0) > 5)
-        wait_for("somebody", lambda: self.value("kinevox_subject_tracked") == 1)
-        self.assertEqual(self.value('kinevox_state{state="running"}'), 1)
-        self.assertEqual(self.value("kinevox_source_frame_sets_per_second"), 15)
-        self.assertGreater(self.value("kinevox_resident_memory_bytes"), 1e7)
-        before = self.value('kinevox_stage_seconds_count{stage="total"}')
-        wait_for("stage times", lambda: self.value('kinevox_stage_seconds_count{stage="total"}') > before)
-        self.assertGreater(self.value('kinevox_stage_seconds_sum{stage="total"}'), 0)
+    def test_values_follow_the_capture(self):
+        wait_for("results", lambda: (self.value("kinevox_frame_sets_processed_total") or 0) > 5)
+        wait_for("subject", lambda: self.value("kinevox_subjects_tracked") == 1)
+        self.assertEqual(self.value('kinevox_capture_state{state="running"}'), 1)
+        self.assertEqual(self.value("kinevox_source_nominal_fps"), 15)
+        self.assertGreater(self.value("process_resident_memory_bytes"), 1e7)
+        self.assertLess(abs(self.value("process_start_time_seconds") - time.time()), 600)
+        before = self.value('kinevox_stage_duration_seconds_count{stage="total"}')
+        wait_for("stage times", lambda: self.value('kinevox_stage_duration_seconds_count{stage="total"}') > before)
+        self.assertGreater(self.value('kinevox_stage_duration_seconds_sum{stage="total"}'), 0)
 
-    def test_counts_subscribers_and_their_lag(self):
-        stream = subprocess.run([BUILD / "client/cli/kinevox", "stream", "angles", "--frames", "5", "--server", self.address],
-                                capture_output=True, text=True, timeout=60)
+    def test_counts_subscribers_and_latency(self):
+        stream = subprocess.run(
+            [BUILD / "client/cli/kinevox", "stream", "angles", "--frames", "5", "--server", self.address],
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
         self.assertEqual(stream.returncode, 0, stream.stderr)
-        self.assertGreaterEqual(self.value('kinevox_stream_messages_total{stream="poses"}'), 5)
-        self.assertGreaterEqual(self.value('kinevox_stream_lag_seconds_count{stream="poses"}'), 5)
-        wait_for("the end of the subscription", lambda: self.value('kinevox_subscribers{stream="poses"}') == 0)
+        self.assertGreaterEqual(self.value('kinevox_stream_messages_sent_total{stream="poses"}'), 5)
+        self.assertGreaterEqual(self.value('kinevox_stream_latency_seconds_count{stream="poses"}'), 5)
+        wait_for("end of the subscription", lambda: self.value('kinevox_subscribers{stream="poses"}') == 0)
 
-    def test_every_state_is_told_through_a_stop(self):
+    def test_state_follows_stop_and_start(self):
         kinevox = BUILD / "client/cli/kinevox"
         subprocess.run([kinevox, "stop", "--server", self.address], check=True, capture_output=True)
-        wait_for("the stop", lambda: self.value('kinevox_state{state="stopped"}') == 1)
-        self.assertEqual(self.value('kinevox_state{state="running"}'), 0)
-        self.assertEqual(self.value("kinevox_results_per_second"), 0)
+        wait_for("stop", lambda: self.value('kinevox_capture_state{state="stopped"}') == 1)
+        self.assertEqual(self.value('kinevox_capture_state{state="running"}'), 0)
         subprocess.run([kinevox, "start", "--server", self.address], check=True, capture_output=True)
-        wait_for("the start", lambda: self.value('kinevox_state{state="running"}') == 1)
+        wait_for("start", lambda: self.value('kinevox_capture_state{state="running"}') == 1)
 
-    def test_promtool_takes_both_formats_and_the_files(self):
+    def test_promtool_accepts_text_rules_and_config(self):
         if not shutil.which("promtool"):
             self.skipTest("promtool is not installed (Debian package prometheus)")
         kind, text = fetch(self.url)
@@ -117,54 +129,76 @@ class Monitoring(unittest.TestCase):
             check = subprocess.run(["promtool", "check", *command], capture_output=True, text=True)
             self.assertEqual(check.returncode, 0, check.stdout + check.stderr)
 
-    def test_a_real_prometheus_reads_it(self):
+    def test_prometheus_scrapes_the_endpoint(self):
         if not shutil.which("prometheus"):
             self.skipTest("Prometheus is not installed (Debian package prometheus)")
-        wait_for("results", lambda: (self.value("kinevox_results_total") or 0) > 5)
+        wait_for("results", lambda: (self.value("kinevox_frame_sets_processed_total") or 0) > 5)
         port = free_port()
         config = Path(self.folder.name) / "prometheus.yml"
-        config.write_text((MONITORING / "prometheus.yml").read_text().replace("127.0.0.1:9464", f"127.0.0.1:{self.port}")
-                          .replace("scrape_interval: 5s", "scrape_interval: 1s").replace("evaluation_interval: 5s", "evaluation_interval: 1s")
-                          .replace("alerts.yml", str(MONITORING / "alerts.yml")))
+        config.write_text(
+            (MONITORING / "prometheus.yml")
+            .read_text()
+            .replace("127.0.0.1:9464", f"127.0.0.1:{self.port}")
+            .replace("scrape_interval: 5s", "scrape_interval: 1s")
+            .replace("evaluation_interval: 5s", "evaluation_interval: 1s")
+            .replace("alerts.yml", str(MONITORING / "alerts.yml"))
+        )
         log = open(Path(self.folder.name) / "prometheus.log", "w+")
-        prometheus = subprocess.Popen(["prometheus", f"--config.file={config}", f"--storage.tsdb.path={self.folder.name}/data",
-                                       f"--web.listen-address=127.0.0.1:{port}"], stdout=log, stderr=log)
+        prometheus = subprocess.Popen(
+            [
+                "prometheus",
+                f"--config.file={config}",
+                f"--storage.tsdb.path={self.folder.name}/data",
+                f"--web.listen-address=127.0.0.1:{port}",
+            ],
+            stdout=log,
+            stderr=log,
+        )
         try:
+
             def query(expression):
-                answer = fetch(f"http://127.0.0.1:{port}/api/v1/query?" + urllib.parse.urlencode({"query": expression}))[1]
+                answer = fetch(
+                    f"http://127.0.0.1:{port}/api/v1/query?" + urllib.parse.urlencode({"query": expression})
+                )[1]
                 return [(each["metric"], float(each["value"][1])) for each in json.loads(answer)["data"]["result"]]
 
-            wait_for("a scrape", lambda: query("kinevox_results_total"))
+            wait_for("scrape", lambda: query("kinevox_frame_sets_processed_total"))
             self.assertEqual([value for _, value in query('up{job="kinevox"}')], [1])
-            first = query("kinevox_results_total")[0][1]
-            wait_for("a later scrape", lambda: query("kinevox_results_total")[0][1] > first)
-            wait_for("a rate", lambda: query("rate(kinevox_results_total[10s]) > 0"))
+            first = query("kinevox_frame_sets_processed_total")[0][1]
+            wait_for("later scrape", lambda: query("kinevox_frame_sets_processed_total")[0][1] > first)
+            wait_for("rate", lambda: query("rate(kinevox_frame_sets_processed_total[10s]) > 0"))
             targets = json.loads(fetch(f"http://127.0.0.1:{port}/api/v1/targets")[1])["data"]["activeTargets"]
             self.assertEqual([(target["health"], target["lastError"]) for target in targets], [("up", "")])
             rules = json.loads(fetch(f"http://127.0.0.1:{port}/api/v1/rules")[1])["data"]["groups"][0]["rules"]
             self.assertGreater(len(rules), 5)
-            wait_for("the rules' first evaluation", lambda: all(
-                rule["health"] == "ok" for rule in
-                json.loads(fetch(f"http://127.0.0.1:{port}/api/v1/rules")[1])["data"]["groups"][0]["rules"]))
+            wait_for(
+                "evaluation of the rules",
+                lambda: all(
+                    rule["health"] == "ok"
+                    for rule in json.loads(fetch(f"http://127.0.0.1:{port}/api/v1/rules")[1])["data"]["groups"][0][
+                        "rules"
+                    ]
+                ),
+            )
         finally:
             prometheus.terminate()
             prometheus.wait()
             log.close()
 
-    def test_dashboard_alerts_and_page_name_what_there_is(self):
+    def test_dashboard_alerts_and_documentation_name_existing_metrics(self):
         known = families_in_the_code()
         self.assertGreater(len(known), 30)
-        told = set(re.findall(r"^# TYPE (\S+)", fetch(self.url)[1], re.MULTILINE))
-        self.assertLessEqual(told, known, "written, but not found in the code by this test")
+        written = set(re.findall(r"^# TYPE (\S+)", fetch(self.url)[1], re.MULTILINE))
+        self.assertLessEqual(written, known, "written, but not found in the code by this test")
         dashboard = (MONITORING / "grafana-dashboard.json").read_text()
         for name, text in (("dashboard", dashboard), ("alerts", (MONITORING / "alerts.yml").read_text())):
-            used = {family(each) for each in re.findall(r"\bkinevox_[a-z_]+", text)}
+            used = {family(each) for each in re.findall(r"\b(?:kinevox|process)_[a-z_]+", text)}
             self.assertGreater(len(used), 5)
             self.assertLessEqual(used, known, name)
         page = (REPOSITORY / "docs/monitoring.md").read_text()
-        self.assertEqual(set(re.findall(r"^\| `(kinevox_[a-z_]+)", page, re.MULTILINE)), known)
+        self.assertEqual(set(re.findall(r"^\| `((?:kinevox|process)_[a-z_]+)", page, re.MULTILINE)), known)
 
-    def test_the_dashboard_is_what_its_script_makes(self):
+    def test_dashboard_matches_its_script(self):
         made = subprocess.run([MONITORING / "make-dashboard"], capture_output=True, text=True, check=True).stdout
         self.assertEqual(made, (MONITORING / "grafana-dashboard.json").read_text())
 

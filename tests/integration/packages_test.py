@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The Debian packages: what they hold and depend on, lintian, the service's exposure, and whether what they hold runs.
+"""The Debian packages: contents, dependencies, lintian, the service's exposure, and a run of their programs.
 deploy/test-packages installs them in a fresh Debian.
 usage: packages_test.py BUILD"""
 import json
@@ -28,8 +28,18 @@ class Packages(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory()
         out = Path(cls.folder.name)
-        run("cpack", "-G", "DEB", "-D", f"CPACK_PACKAGE_DIRECTORY={out}", "-D", f"CPACK_OUTPUT_FILE_PREFIX={out}",
-            "-D", "CPACK_PACKAGE_VERSION=9.8.7", cwd=BUILD)
+        run(
+            "cpack",
+            "-G",
+            "DEB",
+            "-D",
+            f"CPACK_PACKAGE_DIRECTORY={out}",
+            "-D",
+            f"CPACK_OUTPUT_FILE_PREFIX={out}",
+            "-D",
+            "CPACK_PACKAGE_VERSION=9.8.7",
+            cwd=BUILD,
+        )
         cls.packages = {file.name.split("_")[0]: file for file in out.glob("*.deb")}
         cls.root = out / "root"
         for file in cls.packages.values():
@@ -49,10 +59,17 @@ class Packages(unittest.TestCase):
     def test_hold_what_belongs_to_them(self):
         self.assertLessEqual({"kinevox-server", "kinevox-client", "python3-kinevox"}, set(self.packages))
         server = self.files("kinevox-server")
-        for file in ["/etc/kinevox/kinevoxd.toml", "/usr/bin/kinevoxd", "/lib/systemd/system/kinevoxd.service",
-                     "/lib/systemd/system/kinevox.slice",
-                     "/lib/udev/rules.d/60-kinevox.rules", "/usr/lib/kinevox/kinevox-doctor", "/usr/lib/kinevox/kinevox-process",
-                     "/usr/lib/kinevox/kinevox-tls", "/usr/lib/kinevox/kinevox-token"]:
+        for file in [
+            "/etc/kinevox/kinevoxd.toml",
+            "/usr/bin/kinevoxd",
+            "/lib/systemd/system/kinevoxd.service",
+            "/lib/systemd/system/kinevox.slice",
+            "/lib/udev/rules.d/60-kinevox.rules",
+            "/usr/lib/kinevox/kinevox-doctor",
+            "/usr/lib/kinevox/kinevox-process",
+            "/usr/lib/kinevox/kinevox-tls",
+            "/usr/lib/kinevox/kinevox-token",
+        ]:
             self.assertIn(file, server)
         self.assertIn("/usr/bin/kinevox", self.files("kinevox-client"))
         self.assertIn("/usr/lib/python3/dist-packages/kinevox/v1/types_pb2.py", self.files("python3-kinevox"))
@@ -65,7 +82,15 @@ class Packages(unittest.TestCase):
 
     def test_depend_on_what_they_need(self):
         server, client = self.field("kinevox-server", "Depends"), self.field("kinevox-client", "Depends")
-        for library in ["libgrpc++", "libopencv-core", "libaravis", "libtbb", "libsystemd0", "adduser", "kinevox-client"]:
+        for library in [
+            "libgrpc++",
+            "libopencv-core",
+            "libaravis",
+            "libtbb",
+            "libsystemd0",
+            "adduser",
+            "kinevox-client",
+        ]:
             self.assertIn(library, server)
         self.assertNotRegex(server, "qt6|libgtk")
         self.assertIn("libgrpc++", client)
@@ -77,12 +102,16 @@ class Packages(unittest.TestCase):
     def test_the_configuration_is_the_users(self):
         conffiles = run("dpkg-deb", "-I", self.packages["kinevox-server"], "conffiles").split()
         self.assertEqual(conffiles, ["/etc/kinevox/kinevoxd.toml"])
-        self.assertEqual((self.root / "etc/kinevox/kinevoxd.toml").read_text(), (SOURCE / "deploy/kinevoxd.toml").read_text())
+        self.assertEqual(
+            (self.root / "etc/kinevox/kinevoxd.toml").read_text(), (SOURCE / "deploy/kinevoxd.toml").read_text()
+        )
 
     def test_lintian_finds_no_error(self):
         if not shutil.which("lintian"):
             self.skipTest("lintian is not installed")
-        done = subprocess.run(["lintian", "--fail-on", "error", *map(str, self.packages.values())], capture_output=True, text=True)
+        done = subprocess.run(
+            ["lintian", "--fail-on", "error", *map(str, self.packages.values())], capture_output=True, text=True
+        )
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
         self.assertNotRegex(done.stdout, "(?m)^E: ")
 
@@ -96,38 +125,67 @@ class Packages(unittest.TestCase):
         print(f"exposure {exposure}")
 
     def test_what_they_hold_runs(self):
-        """Without anything of the build: the daemon streams the studio's athlete to the client."""
+        """Without the build folder: the daemon streams the studio's subject to the client."""
         state = Path(self.folder.name) / "state"
         state.mkdir()
         environment = {"PATH": f"{self.root}/usr/bin:/usr/bin:/bin", "XDG_STATE_HOME": str(state), "LC_ALL": "C.UTF-8"}
         config = (self.root / "etc/kinevox/kinevoxd.toml").read_text().replace("127.0.0.1:50770", "127.0.0.1:0")
-        for full, small in [("width = 640", "width = 240"), ("height = 480", "height = 180"), ("fps = 30.0", "fps = 10.0"),
-                            ("voxel_mm = 10.0", "voxel_mm = 20.0"), ("# database = \"poses.kvxposes\"", "database = \"\"")]:
+        for full, small in [
+            ("width_px = 640", "width_px = 240"),
+            ("height_px = 480", "height_px = 180"),
+            ("fps = 30.0", "fps = 10.0"),
+            ("voxel_mm = 10.0", "voxel_mm = 20.0"),
+            ('# database_file = "poses.kvxposes"', 'database_file = ""'),
+        ]:
             self.assertIn(full, config)
             config = config.replace(full, small, 1)
         file = Path(self.folder.name) / "kinevoxd.toml"
         file.write_text(config + "\n")
         log = open(Path(self.folder.name) / "log", "w+")
-        daemon = subprocess.Popen([self.root / "usr/bin/kinevoxd", "--config", file], env=environment, text=True,
-                                  stdout=subprocess.PIPE, stderr=log)
+        daemon = subprocess.Popen(
+            [self.root / "usr/bin/kinevoxd", "--config", file],
+            env=environment,
+            text=True,
+            stdout=subprocess.PIPE,
+            stderr=log,
+        )
         try:
             ready = daemon.stdout.readline()
             log.seek(0)
             self.assertRegex(ready, "^ready on ", log.read())
             self.assertEqual(Path(f"/proc/{daemon.pid}/comm").read_text(), "kinevoxd\n")
             environment["KINEVOX_SERVER"] = ready.split()[-1]
-            angles = run("kinevox", "stream", "angles", "--format", "csv", "--frames", "30", env=environment, timeout=200).splitlines()
+            angles = run(
+                "kinevox", "stream", "angles", "--format", "csv", "--frames", "30", env=environment, timeout=200
+            ).splitlines()
             self.assertEqual(len(angles), 31)
             posed = [line for line in angles[1:] if re.search(r"(,-?[0-9.]+){10}", line)]
             self.assertGreater(len(posed), 5)
             self.assertIn("doctor", run("kinevox", "--help", env=environment))
             self.assertIn("cameras", run("kinevox", "doctor", "--help", env=environment))
-            doctor = subprocess.run(["kinevox", "doctor", "--config", file, "--json", "--no-discovery"], env=environment,
-                                    capture_output=True, text=True)
+            doctor = subprocess.run(
+                ["kinevox", "doctor", "--config", file, "--json", "--no-discovery"],
+                env=environment,
+                capture_output=True,
+                text=True,
+            )
             self.assertIn(doctor.returncode, (0, 1), doctor.stderr)
             checks = {finding["check"] for finding in json.loads(doctor.stdout)["findings"]}
-            self.assertLessEqual({"configuration", "port", "cameras", "receive buffers", "GPU driver", "huge pages", "open files",
-                                  "clock", "state", "disk space"}, checks)
+            self.assertLessEqual(
+                {
+                    "configuration",
+                    "port",
+                    "cameras",
+                    "receive buffers",
+                    "GPU driver",
+                    "huge pages",
+                    "open files",
+                    "clock",
+                    "state",
+                    "disk space",
+                },
+                checks,
+            )
         finally:
             daemon.terminate()
             daemon.wait()
@@ -148,7 +206,7 @@ class Packages(unittest.TestCase):
 
 if __name__ == "__main__":
     if not shutil.which("dpkg-deb") or not shutil.which("dpkg-shlibdeps") or not shutil.which("cpack"):
-        print("skipped: no tools for Debian packages")
+        print("skipped: the tools for Debian packages are not installed")
         sys.exit(77)
     os.umask(0o022)
     unittest.main(verbosity=2)

@@ -22,7 +22,7 @@ from kinevox import AsyncClient, Client  # noqa: E402
 
 DAEMON = str(BUILD / "server/daemon/kinevoxd")
 folder = daemon = recording = None
-recorded_poses = {}   # by sequence; of the recording "trial" and a few before and after
+recorded_poses = {}  # by sequence; of the recording "trial" and a few before and after
 
 
 def setUpModule():
@@ -30,18 +30,18 @@ def setUpModule():
     folder = tempfile.TemporaryDirectory()
     unittest.addModuleCleanup(folder.cleanup)
     daemon = StudioDaemon(DAEMON, folder.name)
-    unittest.addModuleCleanup(stop_daemon)   # also where what follows fails
-    with Client(daemon.address) as client, client.poses(silence_s=60) as poses:
+    unittest.addModuleCleanup(stop_daemon)  # also if the setup fails
+    with Client(daemon.address) as client, client.poses(idle_timeout_s=60) as poses:
         next(pose for pose in poses if pose.found)
         client.recordings.start("trial")
         for pose in poses:
             recorded_poses[pose.sequence] = pose
-            written = client.recordings.status().recording
-            if written and written.frames >= 20:
+            written = client.recordings.status().current
+            if written and written.frame_set_count >= 20:
                 break
         recording = client.recordings.stop()
-        newest = client.status().message.sequence
-        while max(recorded_poses) < newest:
+        latest = client.status().message.latest_sequence
+        while max(recorded_poses) < latest:
             pose = next(poses)
             recorded_poses[pose.sequence] = pose
 
@@ -65,7 +65,7 @@ class ClientTest(unittest.TestCase):
     def wait_until(self, good, limit_s=60):
         end = time.monotonic() + limit_s
         while not good():
-            self.assertLess(time.monotonic(), end, "it did not come true")
+            self.assertLess(time.monotonic(), end, "the condition is not met in time")
             time.sleep(0.05)
 
 
@@ -73,45 +73,63 @@ class Streams(ClientTest):
     def test_every_pose_comes_in_order(self):
         with self.client.poses() as poses:
             kept = [next(poses) for _ in range(20)]
-        self.assertEqual([pose.missed for pose in kept], [0] * 20)
+        self.assertEqual([pose.missed_count for pose in kept], [0] * 20)
         self.assertTrue(all(np.diff([pose.sequence for pose in kept]) >= 1))
-        self.assertTrue(all(np.diff([pose.time_ns for pose in kept]) > 0))
+        self.assertTrue(all(np.diff([pose.capture_time_ns for pose in kept]) > 0))
         self.assertIsNone(kept[0].recorded_frame)
-        self.assertGreater(kept[0].header.times_ms["total_ms"], 0)
+        self.assertGreater(kept[0].header.stage_times_ms["total_ms"], 0)
 
     def test_the_values_of_a_pose(self):
         pose = next(pose for pose in self.client.poses() if pose.found)
         self.assertEqual(pose.joints["knee_r"].shape, (3,))
         self.assertTrue(0.8 < pose.joints["head_top"][2] - min(pose.joints["toe_l"][2], pose.joints["toe_r"][2]) < 2.2)
-        self.assertEqual(pose.angles["knee_flexion_r"], pose.angles.deg[kinevox.ANGLE_NAMES.index("knee_flexion_r")])
+        self.assertEqual(
+            pose.angles["knee_flexion_geometric_r"],
+            pose.angles.deg[kinevox.ANGLE_NAMES.index("knee_flexion_geometric_r")],
+        )
         np.testing.assert_allclose(pose.angles.rad, np.radians(pose.angles.deg))
-        again = kinevox.Pose(pose.message)
-        for name in kinevox.COORDINATE_NAMES:   # one by one, before all are computed
-            np.testing.assert_allclose(again.coordinates[name], pose.coordinates.deg[kinevox.COORDINATE_NAMES.index(name)])
-        # The model's hinge against the angle between the joints; withheld together or not at all.
-        for ours, theirs in (("knee_angle_r", "knee_flexion_r"), ("elbow_flex_l", "elbow_flexion_l")):
-            if np.isfinite(pose.angles[ours]) and np.isfinite(pose.angles[theirs]):
-                self.assertAlmostEqual(abs(pose.angles[ours]), pose.angles[theirs], delta=0.5)
-        known = {**pose.joints.withheld, **pose.angles.withheld}
-        self.assertTrue(all(reason for reason in known.values()))
-        for name in kinevox.ANGLE_NAMES:
-            self.assertEqual(np.isnan(pose.angles[name]), name in pose.angles.withheld)
+        # The model's hinges against the angles between the joints.
+        for coordinate, angle in (
+            ("knee_angle_r", "knee_flexion_geometric_r"),
+            ("elbow_flex_l", "elbow_flexion_geometric_l"),
+        ):
+            if np.isfinite(pose.coordinates[coordinate]) and np.isfinite(pose.angles[angle]):
+                self.assertAlmostEqual(abs(pose.coordinates[coordinate]), pose.angles[angle], delta=0.5)
+        for part in (pose.joints, pose.angles, pose.coordinates, pose.translations):
+            self.assertTrue(all(part.withheld_reason.values()))
+        for part in (pose.angles, pose.coordinates):
+            withheld = [name in part.withheld_reason for name in part]
+            np.testing.assert_array_equal(np.isnan(part.deg), withheld)
+            np.testing.assert_array_equal(np.isnan(part.std_deg), withheld)
+            self.assertGreater(np.nanmin(part.std_deg), 0)
+        np.testing.assert_allclose(pose.translations.m, pose.joints["root"], atol=1e-9)
         self.assertAlmostEqual(np.linalg.norm(pose.segments.world_from_segment, axis=1).min(), 1, places=6)
         self.assertEqual(set(pose.ratios), set(kinevox.RATIO_NAMES))
-        with self.assertRaisesRegex(KeyError, "there is no angle 'knee'; there are knee_flexion_l"):
-            pose.angles["knee"]
-        with self.assertRaisesRegex(KeyError, "there is no joint 'foot'; there are root"):
+        with self.assertRaisesRegex(KeyError, "unknown angle 'knee_angle_r'; the angles are knee_flexion_geometric_l"):
+            pose.angles["knee_angle_r"]
+        with self.assertRaisesRegex(KeyError, "unknown coordinate 'knee_flexion_geometric_r'; the coordinates are"):
+            pose.coordinates["knee_flexion_geometric_r"]
+        with self.assertRaisesRegex(KeyError, "unknown joint 'foot'; the joints are root"):
             pose.joints["foot"]
+
+    def test_the_only_subject(self):
+        pose = next(pose for pose in self.client.poses() if pose.found)
+        self.assertEqual(len(pose.subjects), 1)
+        self.assertIs(pose.only, pose.subjects[0])
+        self.assertGreater(pose.subject_id, 0)
+        self.assertIs(pose.subject(pose.subject_id), pose.only)
+        self.assertFalse(pose.subject(pose.subject_id + 1).found)
+        self.assertEqual([subject.subject_id for subject in self.client.status().subjects], [pose.subject_id])
 
     def test_leaving_a_loop_leaves_nothing_behind(self):
         for _ in range(10):
-            for _ in self.client.poses(silence_s=30):
+            for _ in self.client.poses(idle_timeout_s=30):
                 break
             for _ in self.client.volumes():
                 break
         gc.collect()
         status = lambda: self.client.status().message  # noqa: E731
-        self.wait_until(lambda: status().pose_subscribers == 0 and status().volume_subscribers == 0)
+        self.wait_until(lambda: status().pose_subscriber_count == 0 and status().volume_subscriber_count == 0)
         self.wait_until(lambda: threading.active_count() == 1)
 
     def test_closing_from_another_thread_ends_the_loop(self):
@@ -123,22 +141,22 @@ class Streams(ClientTest):
 
     def test_latest_only_counts_what_it_missed(self):
         missed = 0
-        for rate_hz in (1, 0.2):   # the second for a capture that is slow itself, under a sanitizer
+        for rate_hz in (1, 0.2):  # the second for a capture that is slow itself, under a sanitizer
             with self.client.poses(max_rate_hz=rate_hz) as poses:
-                missed = sum(next(poses).missed for _ in range(3))
+                missed = sum(next(poses).missed_count for _ in range(3))
             if missed:
                 break
         self.assertGreater(missed, 0)
         with self.assertRaisesRegex(kinevox.InvalidArgument, "lossless"):
-            next(self.client.poses("all", max_rate_hz=4))
-        with self.assertRaisesRegex(ValueError, "take 'all' or 'latest'"):
+            next(self.client.poses("lossless", max_rate_hz=4))
+        with self.assertRaisesRegex(ValueError, "use 'lossless' or 'latest'"):
             self.client.poses("some")
 
     def test_volumes_at_several_resolutions(self):
-        fine = next(frame for frame in self.client.volumes(silence_s=60) if frame.volume)
+        fine = next(frame for frame in self.client.volumes(idle_timeout_s=60) if frame.volume)
         coarse = next(frame for frame in self.client.volumes(max_voxel_m=0.04, colours=False) if frame.volume)
         volume = fine.volume
-        self.assertAlmostEqual(volume.litres, fine.litres, delta=1e-6)
+        self.assertAlmostEqual(volume.volume_litres, fine.volume_litres, delta=1e-6)
         self.assertEqual(coarse.volume.voxel_m, 0.04)
         self.assertIsNone(coarse.volume.colours)
         dense = volume.dense()
@@ -162,56 +180,67 @@ class Streams(ClientTest):
 
     def test_previews_and_events(self):
         with self.client.previews("cam1", max_width_px=160) as previews:
-            self.assertEqual(next(previews).picture().shape, (120, 160, 3))
-        with self.assertRaisesRegex(kinevox.NotFound, "there is no camera 'cam9'; there are cam1, cam2"):
+            self.assertEqual(next(previews).image().shape, (120, 160, 3))
+        with self.assertRaisesRegex(kinevox.NotFound, "'cam9'.*cam1, cam2"):
             next(self.client.previews("cam9"))
-        with self.client.events(past=1, silence_s=10) as events:
-            before = next(events).number
+        with self.client.events(history=1, idle_timeout_s=10) as events:
+            before = next(events).event_id
             with self.client.control("Eve"):
-                event = next(event for event in events if event.kind == "control_taken")
-        self.assertGreater(event.number, before)
+                event = next(event for event in events if event.kind == "control_acquired")
+        self.assertGreater(event.event_id, before)
         self.assertIn("Eve", event.message)
 
 
 class Control(ClientTest):
     def test_one_operator_at_a_time(self):
         with Client(daemon.address) as other, other.control("Anna"):
-            other.body.fit   # reading asks for nothing
+            other.status()  # reading needs no control
             with self.assertRaisesRegex(kinevox.FailedPrecondition, "Anna") as caught:
                 self.client.stop()
             self.assertNotIn("\n", str(caught.exception))
-            self.assertEqual(self.client.status().control, "Anna")
+            self.assertEqual(self.client.status().operator_name, "Anna")
             with self.assertRaisesRegex(kinevox.KinevoxError, "holds control already"):
                 with other.control():
                     pass
-        self.assertEqual(self.client.status().control, "")
+        self.assertEqual(self.client.status().operator_name, "")
 
     def test_a_stopped_capture_is_silent(self):
         self.client.stop()
         try:
             self.assertEqual(self.client.status().state, "stopped")
-            with self.assertRaisesRegex(kinevox.DeadlineExceeded, "no message from .* for 0.4 s; .*silence_s"):
-                for _ in self.client.poses(silence_s=0.4):
+            with self.assertRaisesRegex(kinevox.DeadlineExceeded, "no message from .* for 0.4 s; .*idle_timeout_s"):
+                for _ in self.client.poses(idle_timeout_s=0.4):
                     pass
-            self.assertEqual(self.client.status().control, "")
+            self.assertEqual(self.client.status().operator_name, "")
         finally:
             self.client.start()
-        self.assertIsNotNone(next(self.client.poses(silence_s=60)))
+        self.assertIsNotNone(next(self.client.poses(idle_timeout_s=60)))
 
     def test_calls_cover_the_api(self):
         from kinevox.v1 import calibration_service_pb2, capture_service_pb2, pose_service_pb2
         from kinevox.v1 import recording_service_pb2, replay_service_pb2, stream_service_pb2
-        there = {f"{service.name}/{method.name}" for module in (
-            calibration_service_pb2, capture_service_pb2, pose_service_pb2, recording_service_pb2, replay_service_pb2,
-            stream_service_pb2) for service in module.DESCRIPTOR.services_by_name.values() for method in service.methods}
+
+        there = {
+            f"{service.name}/{method.name}"
+            for module in (
+                calibration_service_pb2,
+                capture_service_pb2,
+                pose_service_pb2,
+                recording_service_pb2,
+                replay_service_pb2,
+                stream_service_pb2,
+            )
+            for service in module.DESCRIPTOR.services_by_name.values()
+            for method in service.methods
+        }
         source = "".join(file.read_text() for file in (REPOSITORY / "client/python/kinevox").glob("*.py"))
         ours = set(re.findall(r'Call\(\s*"(\w+/\w+)"', source))
         self.assertEqual(ours - there, set())
-        self.assertEqual(there - ours, {"CaptureService/RenewControl"})   # AcquireControl renews, too
+        self.assertEqual(there - ours, {"CaptureService/RenewControl"})  # AcquireControl renews, too
 
 
 class Recorded(ClientTest):
-    """One recording, looked at from all sides."""
+    """One recording: its entry, tables, exports and replay."""
 
     def setUp(self):
         super().setUp()
@@ -220,13 +249,13 @@ class Recorded(ClientTest):
     def test_what_is_known_of_it(self):
         self.assertEqual(recording.name, "trial")
         self.assertIn("trial", [entry.name for entry in self.client.recordings.list()])
-        self.assertEqual(self.client.recordings.get("trial").frames, recording.frames)
+        self.assertEqual(self.client.recordings.get("trial").frame_set_count, recording.frame_set_count)
         self.assertEqual(self.client.recordings.status().state, "idle")
         with self.assertRaisesRegex(kinevox.AlreadyExists, "trial"):
             self.client.recordings.start("trial")
         with self.assertRaises(kinevox.NotFound):
             self.client.recordings.delete("nothing")
-        with self.assertRaisesRegex(ValueError, "take ffv1, utvideo or h264"):
+        with self.assertRaisesRegex(ValueError, "use ffv1, utvideo or h264"):
             self.client.recordings.start(codec="mpeg")
 
     def test_streamed_poses_are_the_recorded_tables(self):
@@ -240,25 +269,33 @@ class Recorded(ClientTest):
                 continue
             np.testing.assert_allclose(table.joints_m[row], pose.joints.positions_m, atol=6e-6)
             np.testing.assert_allclose(table.angles_deg[row], pose.angles.deg, atol=6e-4)
-            # Modulo a whole turn; the same ones are withheld.
+            # Modulo 360 degrees; the same values are withheld.
             away = table.coordinates_deg[row] - pose.coordinates.deg
             np.testing.assert_array_equal(np.isnan(table.coordinates_deg[row]), np.isnan(pose.coordinates.deg))
             np.testing.assert_allclose((away + 180) % 360, np.where(np.isnan(away), np.nan, 180), atol=1e-3)
             compared += pose.found
-        # A capture that lags finds the person in fewer of them.
+        # A slow capture finds the subject in fewer of them.
         found = np.isfinite(table.joints_m[:, 0, 0]).sum()
         self.assertGreater(found, 5)
         self.assertGreater(compared, 0.7 * found)
 
     def test_tables(self):
-        table = kinevox.PoseTable.of(recorded_poses.values(), most=5)
+        table = kinevox.PoseTable.of(recorded_poses.values(), max_poses=5)
         file = Path(folder.name) / "table.csv"
         table.write_csv(file)
         rows = table_of(file)
         self.assertEqual(len(rows), 5)
         # Withheld in both or in none.
         np.testing.assert_allclose([row["knee_r_z_m"] for row in rows], table.joint("knee_r")[:, 2], atol=1e-5)
-        np.testing.assert_allclose([row["model_knee_angle_l_deg"] for row in rows], table.angle("knee_angle_l"), atol=1e-5)
+        np.testing.assert_allclose(
+            [row["knee_angle_l_deg"] for row in rows], table.coordinate("knee_angle_l"), atol=1e-5
+        )
+        columns = list(table.columns())
+        self.assertEqual(len(columns), len(set(columns)))
+        self.assertRegex(repr(table), r"^<PoseTable: 5 rows over \d+\.\d\d s, \d poses, subjects \[[\d, ]*\]>$")
+        subject_ids = table.subject_ids
+        for subject_id in subject_ids:
+            self.assertEqual(set(table.of_subject(subject_id).subject), {subject_id})
         self.assertEqual(rows[0]["time_s"], 0)
         with self.assertRaisesRegex(kinevox.InvalidArgument, "joints.csv cannot be read"):
             kinevox.PoseTable.read("/nowhere")
@@ -268,34 +305,38 @@ class Recorded(ClientTest):
         except ImportError:
             self.skipTest("python3-pandas is not installed")
         frame = table.to_pandas()
-        np.testing.assert_allclose(frame["trunk_lean_deg"], table.angle("trunk_lean"), atol=1e-7)
+        np.testing.assert_allclose(frame["trunk_lean_geometric_deg"], table.angle("trunk_lean_geometric"), atol=1e-7)
 
     def test_exports(self):
         out = Path(folder.name) / "exports"
         files = self.client.export("trial", "csv", out / "trial.csv")
         self.assertEqual(files, [out / "trial.csv"])
-        self.assertGreaterEqual(len(table_of(files[0])), recording.frames)   # and a row for each that was lost
+        self.assertGreaterEqual(len(table_of(files[0])), recording.frame_set_count)  # and a row for each that was lost
         with self.assertRaisesRegex(kinevox.NotFound, "cam9"):
             self.client.export("trial", "mp4", out / "trial.mp4", camera="cam9")
-        with self.assertRaisesRegex(ValueError, "take trc, mot"):
+        with self.assertRaisesRegex(ValueError, "use trc, mot"):
             self.client.export("trial", "xls", out / "trial.xls")
         with self.assertRaisesRegex(kinevox.InvalidArgument, "anonymous"):
             self.client.export("trial", "session", out)
         self.assertEqual([file.name for file in out.iterdir()], ["trial.csv"])
-        shares = []
-        passed_on = {file.name for file in self.client.export("trial", "session", out / "passed_on", anonymous=True,
-                                                              on_progress=shares.append)}
-        self.assertTrue(shares, "nothing was said while the silhouettes were computed")
-        self.assertTrue(0 < shares[0] and shares == sorted(shares) and shares[-1] <= 1, shares)
-        self.assertLessEqual({"session.toml", "README.txt", "cam_01.mkv", "film.mp4", "joints.csv"}, passed_on)
+        progress = []
+        passed_on = {
+            file.name
+            for file in self.client.export(
+                "trial", "session", out / "passed_on", anonymous=True, on_progress=progress.append
+            )
+        }
+        self.assertTrue(progress, "no progress was reported while the silhouettes were computed")
+        self.assertTrue(0 < progress[0] and progress == sorted(progress) and progress[-1] <= 1, progress)
+        self.assertLessEqual({"session.toml", "README.txt", "cam_01.mkv", "video.mp4", "joints.csv"}, passed_on)
 
     def test_volumes_decode_to_what_the_daemon_exports(self):
         points = self.client.export("trial", "ply", Path(folder.name) / "points", first_frame=5, last_frame=7)
         data = (self.folder / "volumes.kvxv").read_bytes()
         volumes, at = {}, 8
         while at + 12 <= len(data):
-            frame, size = int.from_bytes(data[at:at + 8], "little"), int.from_bytes(data[at + 8:at + 12], "little")
-            volumes[frame] = data[at + 12:at + 12 + size]
+            frame, size = int.from_bytes(data[at : at + 8], "little"), int.from_bytes(data[at + 8 : at + 12], "little")
+            volumes[frame] = data[at + 12 : at + 12 + size]
             at += 12 + size
         for file in points:
             head, _, body = file.read_bytes().partition(b"end_header\n")
@@ -304,7 +345,7 @@ class Recorded(ClientTest):
             volume = kinevox.Volume(volumes[int(file.stem)])
             np.testing.assert_allclose(volume.surface_points_m, ply["p"], atol=1e-5)
             np.testing.assert_array_equal(volume.colours, ply["c"])
-        # Whatever is damaged is refused with one line.
+        # Damaged tables are refused with one line.
         random = np.random.default_rng(1)
         refused = 0
         for _ in range(120):
@@ -312,7 +353,7 @@ class Recorded(ClientTest):
             for place in random.integers(0, len(damaged) if random.random() < 0.5 else 112, size=2):
                 damaged[place] ^= 1 << random.integers(8)
             try:
-                kinevox.Volume(bytes(damaged[:random.integers(len(damaged)) if random.random() < 0.3 else None]))
+                kinevox.Volume(bytes(damaged[: random.integers(len(damaged)) if random.random() < 0.3 else None]))
             except kinevox.InvalidArgument as error:
                 self.assertNotIn("\n", str(error))
                 refused += 1
@@ -321,11 +362,14 @@ class Recorded(ClientTest):
     def test_replay(self):
         session = self.folder / "session.toml"
         with self.assertRaises(kinevox.NotFound):
+            self.client.replay.open("nothing")
+        with self.assertRaisesRegex(kinevox.PermissionDenied, "/nowhere/session.toml"):
             self.client.replay.open("/nowhere/session.toml")
-        with self.client.control("the replayer", timeout_s=600), self.client.poses(silence_s=60) as poses:
+        with self.client.control("replay test", timeout_s=600), self.client.poses(idle_timeout_s=60) as poses:
             poses.wait_until_subscribed()
             try:
-                self.assertEqual(self.client.replay.open(session, paused=True).state, "paused")
+                self.assertEqual(self.client.replay.open("trial", paused=True).state, "paused")
+                self.assertEqual(self.client.replay.status().session_path, str(session))
                 for wanted in (0, 1, 2):
                     pose = next(pose for pose in poses if pose.recorded_frame is not None)
                     self.assertEqual(pose.recorded_frame, wanted)
@@ -333,7 +377,7 @@ class Recorded(ClientTest):
                 self.client.replay.seek(frame=10)
                 found = next(pose for pose in poses if pose.recorded_frame not in (3, None))
                 self.assertEqual(found.recorded_frame, 10)
-                self.assertEqual(self.client.replay.status().frames, recording.frames)
+                self.assertEqual(self.client.replay.status().frame_count, recording.frame_set_count)
                 with self.assertRaises(kinevox.OutOfRange):
                     self.client.replay.seek(frame=100000)
                 with self.assertRaisesRegex(ValueError, "one of them"):
@@ -345,24 +389,23 @@ class Recorded(ClientTest):
                 self.client.replay.close()
         self.assertEqual(self.client.replay.status().state, "live")
 
-
     def test_every_frame_of_a_session(self):
         session = self.folder / "session.toml"
-        for pose in self.client.replayed(session):
+        for pose in self.client.measure_session("trial"):
             self.assertLess(pose.recorded_frame, 3)
             if pose.recorded_frame == 2:
-                break   # ends the replay, too
+                break  # ends the replay, too
         self.wait_until(lambda: self.client.replay.status().state == "live")
 
         async def use():
             async with AsyncClient(daemon.address) as client:
-                frames = client.replayed(session)
+                frames = client.measure_session(session)
                 numbers = [(await anext(frames)).recorded_frame for _ in range(3)]
                 await frames.aclose()
                 return numbers, (await client.replay.status()).state
 
         self.assertEqual(asyncio.run(use()), ([0, 1, 2], "live"))
-        self.assertEqual(self.client.status().control, "")
+        self.assertEqual(self.client.status().operator_name, "")
 
 
 class Others(ClientTest):
@@ -371,20 +414,22 @@ class Others(ClientTest):
         self.assertIn(b"[cam1]", text)
         stored = self.client.calibrations.import_(text, note="from a test")
         entry = self.client.calibrations.list()[-1]
-        self.assertEqual((entry.id, entry.made_by, entry.note, entry.fits), (stored, "import", "from a test", True))
-        self.assertIn(self.client.calibrations.certificate(stored).verdict, ("unspecified", "go", "care", "no_go"))
+        self.assertEqual(
+            (entry.id, entry.method, entry.note, entry.compatible), (stored, "import", "from a test", True)
+        )
+        self.assertIn(self.client.calibrations.certificate(stored).verdict, ("unspecified", "go", "caution", "no_go"))
         self.assertFalse(self.client.calibrations.apply(stored))
         self.assertEqual(self.client.calibrations.undo(), "")
-        self.client.calibrations.remove(stored)
-        with self.assertRaisesRegex(ValueError, "there is no format 'xml'; take one of toml, opencv"):
-            self.client.calibrations.export(form="xml")
+        self.client.calibrations.delete(stored)
+        with self.assertRaisesRegex(ValueError, "unknown format 'xml'; use one of toml, opencv"):
+            self.client.calibrations.export(format="xml")
 
     def test_a_calibration_procedure(self):
-        with self.client.calibration_progress(silence_s=10) as progress:
+        with self.client.calibration_progress(idle_timeout_s=10) as progress:
             self.assertEqual(next(progress).state, "none")
-            self.client.calibrations.begin("extrinsics_board", board="charuco:4x5:54:40.5:DICT_4X4_1000")
-            self.client.calibrations.observe("moving")
-            seen = next(state for state in progress if state.raw.moments or state.raw.cameras)
+            self.client.calibrations.start("extrinsics_board", board="charuco:4x5:54:40.5:DICT_4X4_1000")
+            self.client.calibrations.add_live("moving_target")
+            seen = next(state for state in progress if state.raw.shared_frame_set_count or state.raw.cameras)
             self.assertEqual(seen.state, "collecting")
             self.client.calibrations.cancel()
             self.assertEqual(next(state for state in progress if state.over).state, "cancelled")
@@ -392,11 +437,11 @@ class Others(ClientTest):
             self.client.calibrations.solve()
 
     def test_body_and_pose_database(self):
-        body = next(self.client.body_progress())
+        body = next(self.client.body_progress()).only
         self.assertTrue(1.2 < body.stature_m < 2.2)
         self.assertTrue(body.lengths_m and all(0 < value < 1 for value in body.lengths_m.values()))
         with self.assertRaisesRegex(kinevox.FailedPrecondition, "pose database"):
-            self.client.body.poses()
+            self.client.poses.list()
 
 
 class Restarts(unittest.TestCase):
@@ -404,14 +449,15 @@ class Restarts(unittest.TestCase):
         with tempfile.TemporaryDirectory() as name:
             first = StudioDaemon(DAEMON, name, size=(160, 120))
             client = Client(first.address)
-            told = []
-            with client.poses(reconnect=True, silence_s=30,
-                              on_reconnect=told.append) as lasting, client.poses() as ending:
+            reasons = []
+            with client.poses(
+                reconnect=True, idle_timeout_s=30, on_reconnect=reasons.append
+            ) as lasting, client.poses() as ending:
                 next(lasting), next(ending)
-                beside_told = []
-                beside = threading.Thread(target=lambda: asyncio.run(self.follow(first.address, beside_told)))
-                beside.start()
-                while not beside_told:
+                other_reasons = []
+                other = threading.Thread(target=lambda: asyncio.run(self.follow(first.address, other_reasons)))
+                other.start()
+                while not other_reasons:
                     next(lasting)
                 first.stop()
                 second = StudioDaemon(DAEMON, name, port=first.port, size=(160, 120))
@@ -419,25 +465,25 @@ class Restarts(unittest.TestCase):
                     with self.assertRaises(kinevox.Unavailable):
                         for _ in ending:
                             pass
-                    # Whatever was on its way still comes first.
+                    # Messages already received come first.
                     self.assertTrue(any(lasting.reconnects > 0 for _ in lasting))
-                    beside.join(30)
-                    self.assertEqual(beside_told[-1], "came back")
-                    self.assertEqual({type(why) for why in told + beside_told[1:-1]}, {kinevox.Unavailable})
+                    other.join(30)
+                    self.assertEqual(other_reasons[-1], "came back")
+                    self.assertEqual({type(why) for why in reasons + other_reasons[1:-1]}, {kinevox.Unavailable})
                 finally:
                     second.stop()
-            with self.assertRaisesRegex(kinevox.Unavailable,
-                                        f"cannot reach a daemon at {first.address} .*; start kinevoxd"):
+            with self.assertRaisesRegex(
+                kinevox.Unavailable, f"cannot connect to a daemon at {first.address} .*; start kinevoxd"
+            ):
                 client.status()
 
-
-    async def follow(self, address, told):
-        async with AsyncClient(address) as client, client.poses(reconnect=True, on_reconnect=told.append) as poses:
-            told.append((await anext(poses)).sequence)
+    async def follow(self, address, reasons):
+        async with AsyncClient(address) as client, client.poses(reconnect=True, on_reconnect=reasons.append) as poses:
+            reasons.append((await anext(poses)).sequence)
             async for _ in poses:
                 if poses.reconnects:
                     break
-        told.append("came back")
+        reasons.append("came back")
 
 
 class Asynchronous(unittest.TestCase):
@@ -446,14 +492,15 @@ class Asynchronous(unittest.TestCase):
             async with AsyncClient(daemon.address, operator="an async test") as client:
                 self.assertEqual((await client.status()).state, "running")
                 count = 0
-                async for pose in client.poses(silence_s=60):
+                async for pose in client.poses(idle_timeout_s=60):
                     count += 1
-                    self.assertEqual(pose.missed, 0)
+                    self.assertEqual(pose.missed_count, 0)
                     if count == 5:
                         break
-                volumes, previews = await asyncio.gather(self.first(client.volumes()),
-                                                         self.first(client.previews("cam2")))
-                self.assertEqual(previews.picture().shape[2], 3)
+                volumes, previews = await asyncio.gather(
+                    self.first(client.volumes()), self.first(client.previews("cam2"))
+                )
+                self.assertEqual(previews.image().shape[2], 3)
                 self.assertGreater(volumes.header.sequence, 0)
                 name = await client.recordings.start("async")
                 await asyncio.sleep(0.3)
@@ -462,14 +509,16 @@ class Asynchronous(unittest.TestCase):
                 self.assertTrue(files[0].exists())
                 await client.recordings.delete(name)
                 async with client.control("Ben"):
-                    self.assertEqual((await client.status()).control, "Ben")
+                    self.assertEqual((await client.status()).operator_name, "Ben")
                 with self.assertRaises(kinevox.FailedPrecondition):
                     await client.replay.pause()
                 with self.assertRaises(kinevox.FailedPrecondition):
                     await client.calibrations.solve()
                 with self.assertRaises(kinevox.DeadlineExceeded):
                     await self.silent(client)
-                while (status := (await client.status()).message).pose_subscribers + status.volume_subscribers:
+                while (
+                    status := (await client.status()).message
+                ).pose_subscriber_count + status.volume_subscriber_count:
                     await asyncio.sleep(0.05)
 
         asyncio.run(asyncio.wait_for(use(), 60))
@@ -482,7 +531,7 @@ class Asynchronous(unittest.TestCase):
     async def silent(self, client):
         await client.stop()
         try:
-            async for _ in client.poses(silence_s=0.3):
+            async for _ in client.poses(idle_timeout_s=0.3):
                 pass
         finally:
             await client.start()

@@ -1,4 +1,4 @@
-"""A Slurm cluster of one node, this machine, in a folder of its own: for the test of the array script."""
+"""A Slurm cluster of one node, this machine, in a separate folder, for the test of the array script."""
 import os
 import shutil
 import socket
@@ -35,11 +35,11 @@ PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 
 
 def problem():
-    """Why it cannot be had here; empty: it can."""
+    """Why it is unavailable here; empty: available."""
     missing = [name for name in PROGRAMS if not shutil.which(name, path=os.environ["PATH"] + ":/usr/sbin")]
     if missing:
         return f"{', '.join(missing)} not installed (Debian package slurm-wlm)"
-    return "" if os.geteuid() == 0 else "Slurm's daemons want root"
+    return "" if os.geteuid() == 0 else "Slurm's daemons require root"
 
 
 def free_ports(count):
@@ -53,13 +53,13 @@ def free_ports(count):
 
 
 class SlurmNode:
-    """Between start() and stop(), call() runs a program of Slurm's against it."""
+    """Between start() and stop(), call() runs one of Slurm's programs."""
 
     def __init__(self, folder):
         self.folder = Path(folder)
         for name in ("spool", "state", "munge"):
             (self.folder / name).mkdir(parents=True)
-        for part in (self.folder, *self.folder.parents):   # munged trusts no socket that others could replace
+        for part in (self.folder, *self.folder.parents):  # munged requires folders that others cannot write
             if part.stat().st_uid == os.geteuid() and part != Path("/tmp"):
                 part.chmod(0o755)
         key = self.folder / "munge/key"
@@ -67,15 +67,23 @@ class SlurmNode:
         key.chmod(0o600)
         host = socket.gethostname().split(".")[0]
         (self.folder / "slurm.conf").write_text(CONFIG.format(folder=self.folder, host=host, ports=free_ports(2)))
-        self.environment = dict(os.environ, SLURM_CONF=str(self.folder / "slurm.conf"),
-                                PATH=os.environ["PATH"] + ":/usr/sbin")
+        self.environment = dict(
+            os.environ, SLURM_CONF=str(self.folder / "slurm.conf"), PATH=os.environ["PATH"] + ":/usr/sbin"
+        )
 
     def start(self):
-        """RuntimeError or CalledProcessError where it does not come up."""
+        """RuntimeError or CalledProcessError if it does not start."""
         try:
             munge = self.folder / "munge"
-            self.call("munged", f"--key-file={munge}/key", f"--socket={munge}/socket", f"--pid-file={munge}/pid",
-                      f"--log-file={munge}/log", f"--seed-file={munge}/seed", "--force")
+            self.call(
+                "munged",
+                f"--key-file={munge}/key",
+                f"--socket={munge}/socket",
+                f"--pid-file={munge}/pid",
+                f"--log-file={munge}/log",
+                f"--seed-file={munge}/seed",
+                "--force",
+            )
             self.call("slurmctld", "-f", self.folder / "slurm.conf")
             self.call("slurmd", "-f", self.folder / "slurm.conf")
             end = time.monotonic() + 30
@@ -99,5 +107,11 @@ class SlurmNode:
                 pass
 
     def call(self, program, *arguments, check=True, **more):
-        return subprocess.run([program, *map(str, arguments)], env=self.environment | more, capture_output=True, text=True,
-                              check=check, timeout=120)
+        return subprocess.run(
+            [program, *map(str, arguments)],
+            env=self.environment | more,
+            capture_output=True,
+            text=True,
+            check=check,
+            timeout=120,
+        )

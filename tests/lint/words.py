@@ -14,26 +14,88 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 EXCEPTIONS = pathlib.Path(__file__).with_name("word_exceptions.txt")
 
 WORDS = [
-    r"tells?", "told", "anew", r"mends?", "mended", r"knock(?:s|ed)?", r"things?", "aside", "somebody", "nobody", "whoever",
-    "so many", "so long", "left out", "made by", "goes on", "go on", "one's own", "for the moment", "at best", "let in",
-    "himself", "he", "his", "him", r"lens(?:es)?", "places", r"moments?", r"sightings?", "beat", "remark", "film", "agreement",
-    r"agrees?", r"reach(?:es)?", "straighten", "by so much", "how far it is",
+    r"tells?",
+    "told",
+    "anew",
+    r"mends?",
+    "mended",
+    r"knock(?:s|ed)?",
+    r"things?",
+    "aside",
+    "somebody",
+    "nobody",
+    "whoever",
+    "so many",
+    "so long",
+    "left out",
+    "made by",
+    "goes on",
+    "go on",
+    "one's own",
+    "for the moment",
+    "at best",
+    "let in",
+    "himself",
+    "he",
+    "his",
+    "him",
+    r"lens(?:es)?",
+    "places",
+    r"moments?",
+    r"sightings?",
+    "beat",
+    "remark",
+    "film",
+    "agreement",
+    r"agrees?",
+    r"reach(?:es)?",
+    "straighten",
+    "by so much",
+    "how far it is",
 ]
 CASE_SENSITIVE_WORDS = ["CARE"]
 IDENTIFIERS = [
-    r"\bk(?:Most|Fewest|Least|Longest|Shortest|Largest|Smallest)(?![a-z])\w*", r"\b(?:most|least|fewest|longest|shortest)_\w+",
-    r"\b\w+_(?:part|share)_?\b", r"\btell_?\(", r"\w*anew\w*", r"\b(?:\w*_)?knock\w*", r"\b\w*Knock\w*", r"\b(?:\w+_)?things?_\w*",
-    r"\b(?:\w+_)?reach(?:_\w*)?\b", r"\bk\w*Reach\w*", r"\b\w+_turn_\w+", r"\b\w*deviations?\w*",
-    r"\b\w*sightings?\w*", r"\b\w*Sightings?\w*",
+    r"\bk(?:Most|Fewest|Least|Longest|Shortest|Largest|Smallest)(?![a-z])\w*",
+    r"\b(?:most|least|fewest|longest|shortest)_\w+",
+    r"\b\w+_(?:part|share)_?\b",
+    r"\btell_?\(",
+    r"\w*anew\w*",
+    r"\b(?:\w*_)?knock\w*",
+    r"\b\w*Knock\w*",
+    r"\b(?:\w+_)?things?_\w*",
+    r"\b(?:\w+_)?reach(?:_\w*)?\b",
+    r"\bk\w*Reach\w*",
+    r"\b\w+_turn_\w+",
+    r"(?<![Ss]tandard )(?<!^)\b\w*deviations?\w*",
+    r"\b\w*sightings?\w*",
+    r"\b\w*Sightings?\w*",
 ]
-TEXT = re.compile("|".join([r"(?<![\w-])(?i:" + "|".join(WORDS) + r")(?!\w)", r"\b(?:" + "|".join(CASE_SENSITIVE_WORDS) + r")\b"]))
+TEXT = re.compile(
+    "|".join([r"(?<![\w-])(?i:" + "|".join(WORDS) + r")(?!\w)", r"\b(?:" + "|".join(CASE_SENSITIVE_WORDS) + r")\b"])
+)
 IDENTIFIER = re.compile("|".join(IDENTIFIERS))
-CODE = (".cc", ".h", ".cu", ".cuh", ".py", ".ts", ".mjs", ".js", ".proto", ".toml", ".cmake", ".sh", ".json", ".html", ".css")
+CODE = (
+    ".cc",
+    ".h",
+    ".cu",
+    ".cuh",
+    ".py",
+    ".ts",
+    ".mjs",
+    ".js",
+    ".proto",
+    ".toml",
+    ".cmake",
+    ".sh",
+    ".json",
+    ".html",
+    ".css",
+)
 SKIPPED = (".png", ".gif", ".apng", ".svg", ".woff2", ".lock", ".bin", ".seed")
 
 
 def exceptions():
-    """Rows of word_exceptions.txt: path pattern, word (a regular expression), reason."""
+    """Rows of word_exceptions.txt: path pattern, word or phrase around it (a regular expression), reason."""
     rows = []
     for number, line in enumerate(EXCEPTIONS.read_text().splitlines(), 1):
         if not line.strip() or line.startswith("#"):
@@ -45,22 +107,33 @@ def exceptions():
     return rows
 
 
+def covers(pattern, line, match):
+    """Whether an exception's pattern, a word or a phrase around it, covers the match."""
+    return any(phrase.start() <= match.start() and phrase.end() >= match.end() for phrase in pattern.finditer(line))
+
+
 def refused(path, text, rows):
     """Yields (line number, word) for each refused word that no exception covers."""
     allowed = [word for pattern, word in rows if fnmatch.fnmatch(path, pattern)]
     is_code = path.endswith(CODE)
     for number, line in enumerate(text.splitlines(), 1):
-        found = [match[0] for match in TEXT.finditer(line)]
+        found = list(TEXT.finditer(line))
         if is_code:
-            found += [match[0] for match in IDENTIFIER.finditer(line)]
-        for word in dict.fromkeys(found):
-            if not any(pattern.fullmatch(word) for pattern in allowed):
-                yield number, word
+            found += IDENTIFIER.finditer(line)
+        words = dict.fromkeys(
+            match[0] for match in found if not any(covers(pattern, line, match) for pattern in allowed)
+        )
+        yield from ((number, word) for word in words)
 
 
 def main():
-    names = subprocess.run(["git", "ls-files", "-co", "--exclude-standard", "--", *sys.argv[1:]], cwd=ROOT, check=True,
-                           capture_output=True, text=True).stdout.splitlines()
+    names = subprocess.run(
+        ["git", "ls-files", "-co", "--exclude-standard", "--", *sys.argv[1:]],
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout.splitlines()
     rows = exceptions()
     count = 0
     for name in names:

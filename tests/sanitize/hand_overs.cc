@@ -1,6 +1,6 @@
-// Preloaded under the thread sanitizer. gRPC and Abseil, as Debian has them, are not instrumented, and
-// Abseil's mutex is made of atomics that the sanitizer does not see: what one thread hands to another through
-// gRPC looks like a race. Here each of their mutexes is told to it; and Qt's signals, below.
+// Preloaded under ThreadSanitizer. Debian's gRPC and Abseil are not instrumented, and Abseil's mutex consists
+// of atomics that the sanitizer does not see: data passed between threads through gRPC looks like a race. The
+// functions here report each use of these mutexes to the sanitizer, and those below Qt's signals.
 #include <absl/base/options.h>
 #include <absl/synchronization/mutex.h>
 #include <absl/time/time.h>
@@ -9,7 +9,7 @@
 #include <string>
 
 extern "C" {
-// Absent in programs without the sanitizer, which are given this library, too.
+// Absent in programs without the sanitizer, which are preloaded with this library, too.
 __attribute__((weak)) void __tsan_acquire(void* address);
 __attribute__((weak)) void __tsan_release(void* address);
 }
@@ -19,7 +19,7 @@ namespace {
 #define AS_TEXT(name) #name
 #define TEXT_OF(name) AS_TEXT(name)
 
-// The library's own function; `name` as it is mangled behind Abseil's namespace.
+// The library's own function; `name` as mangled after Abseil's namespace.
 template <class F>
 F real(const char* name) {
     const std::string space = TEXT_OF(ABSL_OPTION_INLINE_NAMESPACE_NAME);
@@ -80,9 +80,9 @@ bool absl::CondVar::WaitWithDeadline(Mutex* mutex, Time deadline) {
     return timed_out;
 }
 
-// Qt's signals from thread to thread, and the events that they come as. By their mangled names, for programs
-// without Qt. Whatever was done before a signal counts as done before every later event: a little too much,
-// where a lock of each queue would be exact.
+// Qt's signals between threads, and the events that deliver them. By their mangled names, for programs
+// without Qt. Everything before a signal is ordered before every later event: coarser than one lock per
+// queue.
 namespace {
 
 char signals;

@@ -44,7 +44,7 @@ RenderedFrame render_frame(const BodyModel& model, const BodyCoordinates& pose,
     std::vector<kernels::TaperedCapsule> body;
     for (const BodyCapsule& c : capsules)
         body.push_back({{c.a[0], c.a[1], c.a[2]}, {c.b[0], c.b[1], c.b[2]}, c.radius_a, c.radius_b});
-    frame.centre_in_world = body_middle(capsules);
+    frame.centre_in_world = body_centre(capsules);
     auto renderer = kernels::make_body_silhouette_renderer(kernels::Device::kCpu);
     for (const kernels::CameraModel& camera : cameras) {
         kernels::Silhouettes& out = frame.silhouettes.emplace_back();
@@ -61,7 +61,7 @@ RenderedFrame render_frame(const BodyModel& model, const BodyCoordinates& pose,
 
 BodyCoordinates unseen_pose(int number, double noise_deg) {
     std::mt19937 random(static_cast<unsigned>(9001 + number));
-    static const std::vector<LibraryPose> keys = own_pose_library(key_pose_count());
+    static const std::vector<LibraryPose> keys = library_poses(key_pose_count());
     const auto& a = keys[random() % keys.size()];
     const auto& b = keys[random() % keys.size()];
     BodyCoordinates q = blended(a.coordinates, b.coordinates, 0.1 + 0.25 * (random() % 1000) / 1000.0);

@@ -61,8 +61,8 @@ export function startDaemon(program, { motion = "arm_raise", port = 0, fps = 5 }
   writeFileSync(
     config,
     `[server]\nlisten = "127.0.0.1:${port}"\n[source]\nkind = "studio"\n[source.studio]\n` +
-      `motion = "${motion}"\nwidth = 240\nheight = 180\nfps = ${fps.toFixed(1)}\n` +
-      `[pose]\ndatabase = ""\nfit_body = false\n[calibration]\nfolder = ""\n[recording]\nfolder = ""\n[log]\nlevel = "error"\n`,
+      `motion = "${motion}"\nwidth_px = 240\nheight_px = 180\nfps = ${fps.toFixed(1)}\n` +
+      `[pose]\ndatabase_file = ""\nauto_fit_body = false\n[calibration]\nfolder = ""\n[recording]\nfolder = ""\n[log]\nlevel = "error"\n`,
   );
   return start(program, "--config", config);
 }

@@ -16,16 +16,16 @@ class FailingSegmenter final : public kernels::RewindableSegmenter {
   public:
     FailingSegmenter(GpuFails fails, std::unique_ptr<kernels::RewindableSegmenter> inner)
         : fails_(std::move(fails)), inner_(std::move(inner)) {}
-    void learn(std::span<const kernels::PictureView> empty_scene) override {
+    void learn(std::span<const kernels::ImageView> empty_scene) override {
         fail_if(fails_, "learning");
         inner_->learn(empty_scene);
     }
     bool learned() const override { return inner_->learned(); }
     void keep_learned() override { inner_->keep_learned(); }
     void forget_frames() override { inner_->forget_frames(); }
-    void segment(const kernels::PictureView& picture, const kernels::SegmentationPrior& prior,
+    void segment(const kernels::ImageView& image, const kernels::SegmentationPrior& prior,
                  kernels::Silhouettes& out) override {
-        inner_->segment(picture, prior, out);
+        inner_->segment(image, prior, out);
         if (!fails_("segmentation")) return;
         out = {};  // half of it is there
         out.loose.assign(7, 255);

@@ -1,5 +1,4 @@
-// A GPU for machines without one: it computes as the CPU does, and fails where it is told to, in the middle
-// of its work.
+// A simulated GPU for machines without one: it computes on the CPU and fails at a given point of its work.
 #pragma once
 
 #include <functional>
@@ -13,12 +12,12 @@ namespace kinevox::testing {
 // making.
 using GpuFails = std::function<bool(const std::string& stage)>;
 
-class FailingGpu final : public kernels::StageMaker {
+class FailingGpu final : public kernels::StageFactory {
   public:
     explicit FailingGpu(GpuFails fails, std::string problem = {})
         : fails_(std::move(fails)),
           problem_(std::move(problem)),
-          cpu_(make_stage_maker(kernels::Device::kCpu)) {}
+          cpu_(make_stage_factory(kernels::Device::kCpu)) {}
 
     std::unique_ptr<kernels::Segmenter> segmenter(int width, int height, int channels,
                                                   const kernels::SegmentationOptions& options) const override;
@@ -37,7 +36,7 @@ class FailingGpu final : public kernels::StageMaker {
   private:
     const GpuFails fails_;
     const std::string problem_;
-    const std::unique_ptr<kernels::StageMaker> cpu_;
+    const std::unique_ptr<kernels::StageFactory> cpu_;
 };
 
 }  // namespace kinevox::testing

@@ -8,7 +8,7 @@ namespace {
 
 constexpr int kWidth = 64, kHeight = 48;
 
-Picture picture(std::uint8_t grey) {
+Image image(std::uint8_t grey) {
     std::shared_ptr<std::uint8_t[]> data(new std::uint8_t[kWidth * kHeight * 3]);
     std::fill_n(data.get(), kWidth * kHeight * 3, grey);
     return {kWidth, kHeight, 3, data};
@@ -39,12 +39,12 @@ class FakeSource : public FrameSource {
     const std::vector<Camera>& cameras() const override { return cameras_; }
     double fps() const override { return 100; }
     std::int64_t frame_count() const override { return -1; }
-    std::vector<CameraLink> camera_links() const override {
-        return std::vector<CameraLink>(control_.cameras ? cameras_.size() : 0);
+    std::vector<CameraConnection> camera_connections() const override {
+        return std::vector<CameraConnection>(control_.cameras ? cameras_.size() : 0);
     }
-    absl::StatusOr<std::vector<std::vector<Picture>>> background() override {
-        if (!control_.with_background) return std::vector<std::vector<Picture>>();
-        return std::vector<std::vector<Picture>>(2, {picture(10), picture(11)});
+    absl::StatusOr<std::vector<std::vector<Image>>> background() override {
+        if (!control_.with_background) return std::vector<std::vector<Image>>();
+        return std::vector<std::vector<Image>>(2, {image(10), image(11)});
     }
     absl::StatusOr<FrameSet> next() override {
         std::unique_lock lock(control_.mutex_);
@@ -59,7 +59,7 @@ class FakeSource : public FrameSource {
         if (control_.live)
             set.capture_time_ns =
                 std::chrono::steady_clock::now().time_since_epoch() / std::chrono::nanoseconds(1);
-        set.pictures = {picture(static_cast<std::uint8_t>(100 + set.sequence % 100)), picture(50)};
+        set.images = {image(static_cast<std::uint8_t>(100 + set.sequence % 100)), image(50)};
         return set;
     }
     void stop() override {
@@ -112,8 +112,8 @@ int FakeSourceControl::opened() const {
     return opened_;
 }
 
-absl::Status FakePipeline::learn_background(const std::vector<std::vector<Picture>>& empty_scene) {
-    learned_pictures = empty_scene.front().size();
+absl::Status FakePipeline::learn_background(const std::vector<std::vector<Image>>& empty_scene) {
+    learned_images = empty_scene.front().size();
     return absl::OkStatus();
 }
 
@@ -154,11 +154,11 @@ std::shared_ptr<const BodyPose> fake_pose(std::uint64_t sequence) {
         pose->joints[i] = {{0.1 * static_cast<double>(i), 0, 1}, 0.01, 2, {}};
     for (AngleEstimate& angle : pose->angles) angle = {0.5, 0.02, 1, 2, {}};
     const double none = std::numeric_limits<double>::quiet_NaN();
-    pose->joints.back() = {{none, none, none}, none, 0, "outside every picture"};
+    pose->joints.back() = {{none, none, none}, none, 0, "outside every image"};
     pose->angles.front() = {none, none, none, 0, "the ankle is hidden"};
-    pose->angles[1].velocity_rad_s = none;
-    pose->ratios.knee_hip_l = 2;
-    pose->ratios.knee_hip_r = none;
+    pose->angles[1].velocity_rad_per_s = none;
+    pose->ratios.knee_hip_flexion_ratio_l = 2;
+    pose->ratios.knee_hip_flexion_ratio_r = none;
     return pose;
 }
 
@@ -173,7 +173,7 @@ FrameResultPtr fake_result(std::uint64_t sequence, std::shared_ptr<const Volume>
         SubjectTrack track;
         track.subject_id = 1;
         track.centre_in_world = {0.1, 0.2, 0.9};
-        track.camera_used = {true, false};
+        track.used_cameras = {true, false};
         result->subject = track;
         result->pose = fake_pose(sequence);
     }

@@ -28,7 +28,7 @@ class FakeSourceControl {
 
     int waiting() const;  // frame sets that may still be handed out
 
-    void give(int frame_sets);            // so many more may be handed out
+    void give(int frame_sets);            // makes this number of further frame sets available
     void end();                           // the recording is over after those
     void fail(absl::Status status);       // next() says so after those
     void lose(int frame_sets);            // a gap in the sequence before the next one
@@ -48,15 +48,15 @@ class FakePipeline : public Pipeline {
   public:
     explicit FakePipeline(std::shared_ptr<const Volume> volume) : volume_(std::move(volume)) {}
 
-    absl::Status learn_background(const std::vector<std::vector<Picture>>& empty_scene) override;
+    absl::Status learn_background(const std::vector<std::vector<Image>>& empty_scene) override;
     absl::StatusOr<std::unique_ptr<Reconstruction>> reconstruct(FrameSet frame_set) override;
     absl::StatusOr<FrameResultPtr> pose(std::unique_ptr<Reconstruction> reconstruction) override;
     void reset_track() override {}
     void set_cameras(std::vector<Camera> cameras) override { cameras_set = std::move(cameras); }
     PoseStage* pose_stage() override { return nullptr; }
 
-    std::vector<Camera> cameras_set;   // by set_cameras(); read when nothing runs
-    std::size_t learned_pictures = 0;  // a camera; read when nothing runs
+    std::vector<Camera> cameras_set;  // by set_cameras(); read when nothing runs
+    std::size_t learned_images = 0;   // a camera; read when nothing runs
     // To be set before the start.
     std::optional<absl::Status> reconstruct_error, pose_error;
     std::function<void(std::uint64_t)> on_reconstruct, on_pose;  // with the sequence, at its begin
@@ -68,7 +68,7 @@ class FakePipeline : public Pipeline {
 // Joints along x at z = 1 m, 0.5 rad in every angle; the last joint and the first angle are withheld.
 std::shared_ptr<const BodyPose> fake_pose(std::uint64_t sequence);
 
-// A result of the given number with `volume`, without pictures.
+// A result of the given number with `volume`, without images.
 FrameResultPtr fake_result(std::uint64_t sequence, std::shared_ptr<const Volume> volume);
 
 }  // namespace kinevox::testing

@@ -1,5 +1,5 @@
 // live_probe CONFIG --seconds N: takes frame sets from the cameras of a daemon's configuration, without the
-// pipeline behind them, and prints what came as a line of JSON. With --pattern each picture is compared, byte
+// pipeline behind them, and prints what came as a line of JSON. With --pattern each image is compared, byte
 // by byte, with what the fake camera sent.
 #include <fmt/format.h>
 
@@ -12,8 +12,8 @@
 #include <thread>
 #include <vector>
 
-#include "common/config.h"
 #include "server/cameras/aravis/live_source.h"
+#include "server/config/daemon_config.h"
 #include "tests/support/fake_gige/scene.h"
 
 namespace {
@@ -21,13 +21,13 @@ namespace {
 using namespace kinevox;
 
 // Every byte as it was sent, in Mono8: three equal channels.
-bool is_as_sent(const Picture& picture) {
-    const std::size_t pixels = static_cast<std::size_t>(picture.width) * picture.height;
+bool is_as_sent(const Image& image) {
+    const std::size_t pixels = static_cast<std::size_t>(image.width) * image.height;
     std::uint64_t number = 0;
-    for (int i = 7; i >= 0; --i) number = number << 8 | picture.data[3 * i];
-    const auto sent = testing::pattern_picture(number, pixels);
+    for (int i = 7; i >= 0; --i) number = number << 8 | image.data[3 * i];
+    const auto sent = testing::pattern_image(number, pixels);
     for (std::size_t i = 0; i < pixels; ++i)
-        if (picture.data[3 * i] != sent[i] || picture.data[3 * i + 1] != sent[i]) return false;
+        if (image.data[3 * i] != sent[i] || image.data[3 * i + 1] != sent[i]) return false;
     return true;
 }
 
@@ -37,7 +37,7 @@ int main(int argc, char** argv) {
     std::string file;
     double seconds = 10;
     bool pattern = false;
-    CLI::App app("Takes frame sets from live cameras and tells what came", "live_probe");
+    CLI::App app("Receives frame sets from live cameras and reports statistics", "live_probe");
     app.add_option("config", file, "kinevoxd.toml")->required();
     app.add_option("--seconds", seconds);
     app.add_flag("--pattern", pattern, "compare with the fake cameras' test pattern (Mono8)");
@@ -75,31 +75,32 @@ int main(int argc, char** argv) {
         last = set->sequence;
         last_s = now_s;
         ++sets;
-        complete += std::ranges::none_of(set->pictures, &Picture::empty);
+        complete += std::ranges::none_of(set->images, &Image::empty);
         if (pattern)
-            for (const Picture& picture : set->pictures) wrong += !picture.empty() && !is_as_sent(picture);
+            for (const Image& image : set->images) wrong += !image.empty() && !is_as_sent(image);
     }
     clock.request_stop();
     const std::scoped_lock lock(printing);
     fmt::print(
-        "{{\"sets\": {}, \"complete\": {}, \"gaps\": {}, \"wrong\": {}, \"longest_gap_ms\": {:.1f}, "
+        "{{\"sets\": {}, \"complete\": {}, \"gaps\": {}, \"wrong\": {}, \"max_gap_ms\": {:.1f}, "
         "\"cameras\": [",
         sets, complete, gaps, wrong, max_gap_ms);
-    const auto links = (*source)->camera_links();
+    const auto links = (*source)->camera_connections();
     for (std::size_t c = 0; c < links.size(); ++c) {
-        const CameraLink& l = links[c];
+        const CameraConnection& l = links[c];
         fmt::print(
-            "{}{{\"pictures\": {}, \"lost\": {}, \"incomplete\": {}, \"late\": {}, \"unmatched\": {}, "
-            "\"settling\": {}, "
-            "\"disconnects\": {}, \"resend_requests\": {}, \"resent\": {}, \"missing\": {}, \"underruns\": "
-            "{}, "
-            "\"packet\": {}, \"skew_ms\": {:.3f}, \"skew_max_ms\": {:.3f}, \"late_ms\": {:.2f}, "
-            "\"late_max_ms\": {:.2f}, "
-            "\"drift_ppm\": {:.1f}, \"clock\": {}, \"problem\": \"{}\"}}",
-            c ? ", " : "", l.pictures, l.lost, l.incomplete, l.late, l.unmatched, l.settling, l.disconnects,
-            l.resend_requests, l.packets_resent, l.packets_missing, l.underruns, l.packet_bytes, l.skew_ms,
-            l.skew_max_ms, l.lateness_ms, l.lateness_max_ms, l.clock_drift_ppm, static_cast<int>(l.clock),
-            l.problem);
+            "{}{{\"image_count\": {}, \"lost_image_count\": {}, \"incomplete_image_count\": {}, "
+            "\"late_image_count\": {}, \"unmatched_image_count\": {}, \"warmup_image_count\": {}, "
+            "\"disconnect_count\": {}, \"resend_request_count\": {}, \"resent_packet_count\": {}, "
+            "\"missing_packet_count\": {}, \"buffer_underrun_count\": {}, \"packet_size_bytes\": {}, "
+            "\"mean_skew_ms\": {:.3f}, \"max_abs_skew_ms\": {:.3f}, \"mean_arrival_delay_ms\": {:.2f}, "
+            "\"max_arrival_delay_ms\": {:.2f}, \"clock_drift_ppm\": {:.1f}, \"timestamp_source\": {}, "
+            "\"error_message\": \"{}\"}}",
+            c ? ", " : "", l.image_count, l.lost_image_count, l.incomplete_image_count, l.late_image_count,
+            l.unmatched_image_count, l.warmup_image_count, l.disconnect_count, l.resend_request_count,
+            l.resent_packet_count, l.missing_packet_count, l.buffer_underrun_count, l.packet_size_bytes,
+            l.mean_skew_ms, l.max_abs_skew_ms, l.mean_arrival_delay_ms, l.max_arrival_delay_ms,
+            l.clock_drift_ppm, static_cast<int>(l.timestamp_source), l.error_message);
     }
     fmt::print("]}}\n");
     return 0;

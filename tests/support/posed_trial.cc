@@ -30,8 +30,10 @@ absl::Status write_posed_trial(const std::filesystem::path& folder, bool gaps) {
         row.frame = n;
         row.time_s = n / kPosedTrialFps;
         if (gaps && n >= 10 && n <= 12) continue;
+        row.subject_id = 1;
         auto pose = std::make_shared<BodyPose>();
-        if (gaps && n == 20) pose->joints[*joint_index("hand_r")].withheld = "none of 4 cameras shows it";
+        if (gaps && n == 20)
+            pose->joints[*joint_index("hand_r")].withheld_reason = "joint not visible in any of 4 cameras";
         describe_posture(model, posture_from_coordinates(posed_coordinates(n)), *pose);
         row.pose = pose;
     }

@@ -1,4 +1,4 @@
-// A trial as `kinevox process` would write it, made from the body model: a person who turns, walks on the
+// A trial as `kinevox process` writes it, from the body model: a person who turns, walks on the
 // spot, raises the arms and bends, so that every coordinate moves.
 #pragma once
 

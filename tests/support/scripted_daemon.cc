@@ -1,9 +1,8 @@
-// A daemon that plays an exhibit's day, as fast as its readers take it: visitors come, move, and go.
+// A daemon that plays an exhibit's day, as fast as its subscribers read: visitors come, move and leave.
 //
-// usage: scripted_daemon --write FILE      one cycle as the gateway's messages: uint32 length and bytes of
-// each
-//        scripted_daemon --frames N        serves poses and volumes on a free port, N of each, and prints
-//        what it sent
+// usage: scripted_daemon --write FILE      one cycle as gateway messages, each as uint32 length and bytes
+//        scripted_daemon --frames N        serves N poses and N volumes on a free port and prints the numbers
+//        sent
 #include <grpcpp/grpcpp.h>
 
 #include <atomic>
@@ -14,7 +13,7 @@
 #include <thread>
 #include <vector>
 
-#include "common/skeleton.h"
+#include "common/body_table.h"
 #include "common/volume_codec.h"
 #include "kinevox/v1/capture_service.grpc.pb.h"
 #include "kinevox/v1/stream_service.grpc.pb.h"
@@ -25,21 +24,26 @@ namespace {
 
 namespace v1 = kinevox::v1;
 
-// At 25 a second a cycle is a minute: forty seconds of a visitor, of which two without a pose, then nobody.
+// At 25 Hz a cycle is one minute: 40 s with a visitor, the last two of them without a pose, then an empty
+// scene.
 constexpr int kCycle = 1500, kVisit = 1000, kUnmeasured = 50, kVolumes = 32;
-constexpr double kVoxel_m = 0.04;  // a page lays out a volume of any size the same way
+constexpr double kVoxel_m = 0.04;  // the page lays out volumes of all sizes equally
 
-void header(v1::StreamHeader& out, std::uint64_t n) {
-    out.set_sequence(n + 1);
-    out.set_capture_time_ns(static_cast<std::int64_t>(n) * 40'000'000);
-    out.set_subject_id(n % kCycle < kVisit ? static_cast<std::uint32_t>(n / kCycle + 1) : 0);
+void fill_header(v1::StreamHeader& header, std::uint64_t n) {
+    header.set_sequence(n + 1);
+    header.set_capture_time_ns(static_cast<std::int64_t>(n) * 40'000'000);
+}
+
+// 0: the scene is empty.
+std::uint32_t subject_id(std::uint64_t n) {
+    return n % kCycle < kVisit ? static_cast<std::uint32_t>(n / kCycle + 1) : 0;
 }
 
 class Script {
   public:
     Script() {
         const kinevox::Volume person = kinevox::testing::person_volume(kVoxel_m);
-        for (int n = 0; n < kVolumes; ++n) {  // walks in a circle, and is not always as large
+        for (int n = 0; n < kVolumes; ++n) {  // moves in a circle and changes its size
             kinevox::Volume moved = person;
             moved.grid.origin_in_world.x += 0.4 * std::cos(2 * M_PI * n / kVolumes);
             moved.grid.origin_in_world.y += 0.4 * std::sin(2 * M_PI * n / kVolumes);
@@ -55,41 +59,49 @@ class Script {
 
     v1::StreamPosesResponse pose(std::uint64_t n) const {
         v1::StreamPosesResponse out;
-        header(*out.mutable_header(), n);
+        fill_header(*out.mutable_header(), n);
+        if (subject_id(n) == 0) return out;
+        v1::SubjectPose& subject = *out.add_subjects();
+        subject.set_subject_id(subject_id(n));
         const int at = static_cast<int>(n % kCycle);
         if (at >= kVisit - kUnmeasured) return out;
+        v1::Pose& pose = *subject.mutable_pose();
         const double turn = 2 * M_PI * at / 200.0;
         for (std::size_t j = 0; j < kinevox::kJointNames.size(); ++j) {
-            v1::JointEstimate& joint = *out.mutable_pose()->add_joints();
+            v1::JointEstimate& joint = *pose.add_joints();
             joint.set_name(std::string(kinevox::kJointNames[j]));
             if ((at / 25 + static_cast<int>(j)) % 11 == 0) {
-                joint.set_withheld("script");
+                joint.set_withheld_reason("script");
                 continue;
             }
             joint.mutable_position_in_world()->set_x(0.3 * std::sin(turn + static_cast<double>(j)));
             joint.mutable_position_in_world()->set_y(0.3 * std::cos(turn + static_cast<double>(j)));
             joint.mutable_position_in_world()->set_z(0.08 * static_cast<double>(j) + 0.1);
         }
-        for (const char* name : {"knee_flexion_l", "knee_flexion_r", "elbow_flexion_l", "elbow_flexion_r",
-                                 "hip_flexion_l", "hip_flexion_r", "hip_abduction_l", "hip_abduction_r",
-                                 "shoulder_elevation_l", "shoulder_elevation_r", "trunk_lean"}) {
-            v1::AngleEstimate& angle = *out.mutable_pose()->add_angles();
+        for (const char* name :
+             {"knee_flexion_geometric_l", "knee_flexion_geometric_r", "elbow_flexion_geometric_l",
+              "elbow_flexion_geometric_r", "hip_flexion_geometric_l", "hip_flexion_geometric_r",
+              "hip_abduction_geometric_l", "hip_abduction_geometric_r", "shoulder_elevation_geometric_l",
+              "shoulder_elevation_geometric_r", "trunk_lean_geometric"}) {
+            v1::AngleEstimate& angle = *pose.add_angles();
             angle.set_name(name);
             if (at % 97 == 0)
-                angle.set_withheld("script");
+                angle.set_withheld_reason("script");
             else
-                angle.set_value_deg(60 + 60 * std::sin(turn * (1 + 0.1 * out.pose().angles_size())));
+                angle.set_value_deg(60 + 60 * std::sin(turn * (1 + 0.1 * pose.angles_size())));
         }
         return out;
     }
 
     v1::StreamVolumesResponse volume(std::uint64_t n) const {
         v1::StreamVolumesResponse out;
-        header(*out.mutable_header(), n);
-        if (out.header().subject_id() == 0) return out;
-        out.set_volume(volumes_[n % kVolumes]);
-        out.set_voxel_m(kVoxel_m);
-        out.set_litres(70 + static_cast<double>(n % 40));
+        fill_header(*out.mutable_header(), n);
+        if (subject_id(n) == 0) return out;
+        v1::SubjectVolume& subject = *out.add_subjects();
+        subject.mutable_subject()->set_subject_id(subject_id(n));
+        subject.set_encoded_volume(volumes_[n % kVolumes]);
+        subject.set_voxel_m(kVoxel_m);
+        subject.set_volume_litres(70 + static_cast<double>(n % 40));
         return out;
     }
 
@@ -179,5 +191,5 @@ int main(int argc, char** argv) {
                     static_cast<unsigned long long>(daemon.volumes));
         std::fflush(stdout);
     }
-    std::_Exit(0);  // readers may hold streams open
+    std::_Exit(0);  // subscribers may hold streams open
 }

@@ -1,4 +1,4 @@
-"""kinevoxd as a service, without systemd: a service manager that hears it, watches it and starts it anew."""
+"""kinevoxd as a service without systemd: a service manager that receives notifications, supervises and restarts it."""
 import os
 import re
 import signal
@@ -14,7 +14,7 @@ UNIT = REPOSITORY / "deploy/systemd/kinevoxd.service"
 
 
 def unit_nice():
-    """The priority that the unit gives, where this process may give it; else None."""
+    """The unit's priority if this process may set it, else None."""
     nice = int(re.search(r"^Nice=(-?\d+)$", UNIT.read_text(), re.M)[1])
     return nice if subprocess.run(["nice", "-n", str(nice), "true"], capture_output=True).stderr == b"" else None
 
@@ -26,8 +26,9 @@ def free_port():
 
 
 class Service:
-    """Started at once and again after each unwanted end, as by Restart=on-failure; hung where it says so or says nothing for
-    `watchdog_s`: then SIGABRT, and SIGKILL five seconds later. `ends` has (exit status, why) of each life that is over."""
+    """Starts at once and restarts after failures, like Restart=on-failure. If it reports a hang or sends nothing for
+    `watchdog_s`, it gets SIGABRT, and SIGKILL five seconds later. `ends` has (exit status, reason) of each ended run.
+    """
 
     def __init__(self, program, folder, config, watchdog_s=20.0, nice=None, environment=None):
         self.folder = Path(folder)
@@ -41,8 +42,13 @@ class Service:
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self.socket.bind(str(self.folder / "notify"))
         self.socket.settimeout(0.05)
-        self.environment = dict(os.environ, XDG_STATE_HOME=str(folder), NOTIFY_SOCKET=str(self.folder / "notify"),
-                                WATCHDOG_USEC=str(int(watchdog_s * 1e6)), **(environment or {}))
+        self.environment = dict(
+            os.environ,
+            XDG_STATE_HOME=str(folder),
+            NOTIFY_SOCKET=str(self.folder / "notify"),
+            WATCHDOG_USEC=str(int(watchdog_s * 1e6)),
+            **(environment or {}),
+        )
         self.ends, self.hangs, self.ready_lives, self.status, self.why = [], 0, 0, "", None
         self.log = open(self.folder / "log", "a+")
         self.stopping = False
@@ -68,7 +74,7 @@ class Service:
             self.why = None
             if self.stopping:
                 return
-            time.sleep(0.5)   # RestartSec
+            time.sleep(0.5)  # RestartSec
             self._start()
 
     def _hear(self):
@@ -91,14 +97,14 @@ class Service:
         self.why = self.why or "hang"
         self.aborted = time.monotonic()
         self.process.send_signal(signal.SIGABRT)
-        self.process.send_signal(signal.SIGCONT)   # as systemd: a stopped one hears it then
+        self.process.send_signal(signal.SIGCONT)  # like systemd, so that a stopped process receives it
 
     def kill(self):
         self.why = "kill"
         self.process.kill()
 
     def wait_ready(self, life=1, limit_s=60):
-        """Until life number `life`, from 1, has said that it is ready."""
+        """Waits until run number `life`, from 1, is ready."""
         end = time.monotonic() + limit_s
         while self.ready_lives < life:
             if time.monotonic() > end:
@@ -106,7 +112,7 @@ class Service:
             time.sleep(0.01)
 
     def stop(self):
-        """Its exit status, or the signal's number, negative, as those of `ends`."""
+        """The exit status, or the negative signal number, as in `ends`."""
         self.stopping = True
         self.process.terminate()
         self.thread.join(timeout=40)
@@ -118,7 +124,7 @@ class Service:
         return self.ends[-1][0]
 
 
-# A process of its own: what holds a thread must be there to see it die.
+# A separate process: the tracer must exist until the thread ends.
 _HOLD = r"""
 import ctypes, os, sys
 pid, name = int(sys.argv[1]), sys.argv[2]
@@ -135,13 +141,14 @@ os.waitpid(tasks[0], WALL)
 
 
 class HeldThread:
-    """A daemon's thread, held where it is until release() or the daemon's end."""
+    """Stops a thread of the daemon until release() or the daemon's end."""
 
     def __init__(self, pid, name):
-        self.holder = subprocess.Popen([sys.executable, "-c", _HOLD, str(pid), name], stdout=subprocess.PIPE,
-                                       stderr=subprocess.PIPE, text=True)
+        self.holder = subprocess.Popen(
+            [sys.executable, "-c", _HOLD, str(pid), name], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
         self.held = self.holder.stdout.readline() == "held\n"
 
     def release(self):
-        self.holder.kill()   # the kernel lets go of what it held
+        self.holder.kill()  # the kernel then releases the thread
         self.holder.communicate()

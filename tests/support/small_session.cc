@@ -49,7 +49,7 @@ client::Image with_noise(client::Image image, std::mt19937& random) {
 }  // namespace
 
 std::filesystem::path write_small_session(const std::filesystem::path& folder, const SmallSession& what) {
-    constexpr int kEmptyPictures = 8;
+    constexpr int kEmptyImages = 8;
     const Volume person = person_volume(0.03);
     client::RenderOptions room;
     room.background = {90, 110, 96};
@@ -59,8 +59,8 @@ std::filesystem::path write_small_session(const std::filesystem::path& folder, c
     std::vector<Camera> cameras;
     for (int c = 0; c < 4; ++c) {
         const Camera camera = camera_at(c, what);
-        const auto pictures = folder / camera.name, background = folder / (camera.name + "_empty");
-        for (int i = 0; i < kEmptyPictures; ++i)
+        const auto images = folder / camera.name, background = folder / (camera.name + "_empty");
+        for (int i = 0; i < kEmptyImages; ++i)
             must(client::write_png(with_noise(client::render_volume({}, camera, room), random),
                                    background / fmt::format("{:04}.png", i)));
         for (int i = 0; i < what.frames; ++i) {
@@ -68,9 +68,9 @@ std::filesystem::path write_small_session(const std::filesystem::path& folder, c
             moved.grid.origin_in_world.x +=
                 0.4 * std::sin(2 * M_PI * i / what.frames);  // so that it loops smoothly
             must(client::write_png(with_noise(client::render_volume(moved, camera, room), random),
-                                   pictures / fmt::format("{:04}.png", i)));
+                                   images / fmt::format("{:04}.png", i)));
         }
-        session.cameras.push_back({camera.name, pictures, background});
+        session.cameras.push_back({camera.name, images, background});
         cameras.push_back(camera);
     }
     must(write_calibration_toml(cameras, session.calibration));

@@ -1,4 +1,4 @@
-// A session small enough to be made by the test that needs it: one person, four cameras, folders of PNGs.
+// A session small enough to be rendered within a test: one person, four cameras, folders of PNGs.
 #pragma once
 
 #include <filesystem>
@@ -11,7 +11,7 @@ struct SmallSession {
     double fps = 20;
 };
 
-// Writes session.toml, calibration.toml and the pictures into `folder`; the session file's path.
+// Writes session.toml, calibration.toml and the images into `folder`; the session file's path.
 std::filesystem::path write_small_session(const std::filesystem::path& folder, const SmallSession& what = {});
 
 // A fresh folder below the test's temporary one, removed with the object.

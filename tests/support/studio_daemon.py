@@ -12,9 +12,10 @@ class StudioDaemon:
         config = self.folder / "kinevoxd.toml"
         config.write_text(
             f'[server]\nlisten = "127.0.0.1:{port}"\n[source]\nkind = "studio"\nautostart = {str(autostart).lower()}\n'
-            f'[source.studio]\nmotion = "{motion}"\nwidth = {size[0]}\nheight = {size[1]}\nfps = {fps}\n'
-            f'[pose]\ndatabase = ""\nfit_body = false\nfitted_body = ""\n[calibration]\nfolder = "{self.folder}/calibrations"\n'
-            f'[recording]\nfolder = "{self.recordings}"\nleast_free_mb = 0\nqueue_mb = 1000\n[log]\nlevel = "warning"\n{more}')
+            f'[source.studio]\nmotion = "{motion}"\nwidth_px = {size[0]}\nheight_px = {size[1]}\nfps = {fps}\n'
+            f'[pose]\ndatabase_file = ""\nauto_fit_body = false\nfitted_body_file = ""\n[calibration]\nfolder = "{self.folder}/calibrations"\n'
+            f'[recording]\nfolder = "{self.recordings}"\nmin_free_disk_mb = 0\nmax_queue_mb = 1000\n[log]\nlevel = "warning"\n{more}'
+        )
         self.process = subprocess.Popen([program, "--config", str(config)], stdout=subprocess.PIPE, text=True)
         ready = self.process.stdout.readline().split()
         if not ready:
@@ -23,7 +24,7 @@ class StudioDaemon:
         self.port = int(self.address.rsplit(":", 1)[1])
 
     def stop(self):
-        """Its exit status."""
+        """Returns the exit status."""
         self.process.terminate()
         status = self.process.wait()
         self.process.stdout.close()

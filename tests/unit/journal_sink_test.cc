@@ -1,4 +1,4 @@
-// What the journal receives of a line of the log, by a socket in its place.
+// What the journal receives for a line of the log, with a socket instead of it.
 #include "server/daemon/journal_sink.h"
 
 #include <fmt/format.h>
@@ -51,24 +51,24 @@ class JournalSinkTest : public ::testing::Test {
     spdlog::logger log_{"kinevoxd", std::make_shared<JournalSink>(path_)};
 };
 
-TEST_F(JournalSinkTest, ALineHasPriorityMessageAndFields) {
+TEST_F(JournalSinkTest, SendsPriorityMessageAndFields) {
     const FakeJournal journal(path_);
     const LogFields run{{"KINEVOX_EVENT", "outer"}};
     {
         const LogFields fields{
-            {"KINEVOX_EVENT", "camera_lost"}, {"KINEVOX_CAMERA", "cam1"}, {"KINEVOX_RECORDING", ""}};
+            {"KINEVOX_EVENT", "camera_disconnected"}, {"KINEVOX_CAMERA", "cam1"}, {"KINEVOX_RECORDING", ""}};
         log_.error("cam1 is gone");
     }
     log_.info("all is well");
     EXPECT_EQ(journal.take(),
               "MESSAGE=cam1 is gone\nPRIORITY=3\nSYSLOG_IDENTIFIER=kinevoxd\nKINEVOX_EVENT=outer\n"
-              "KINEVOX_EVENT=camera_lost\nKINEVOX_CAMERA=cam1\n");
+              "KINEVOX_EVENT=camera_disconnected\nKINEVOX_CAMERA=cam1\n");
     EXPECT_EQ(journal.take(),
               "MESSAGE=all is well\nPRIORITY=6\nSYSLOG_IDENTIFIER=kinevoxd\nKINEVOX_EVENT=outer\n");
     EXPECT_EQ(journal.take(), "");
 }
 
-TEST_F(JournalSinkTest, ThePriorityIsSyslogs) {
+TEST_F(JournalSinkTest, UsesSyslogPriorities) {
     const FakeJournal journal(path_);
     log_.warn("w");
     log_.critical("c");
@@ -76,7 +76,7 @@ TEST_F(JournalSinkTest, ThePriorityIsSyslogs) {
     EXPECT_THAT(journal.take(), ::testing::HasSubstr("PRIORITY=2\n"));
 }
 
-TEST_F(JournalSinkTest, AValueOfSeveralLinesCannotPassForAField) {
+TEST_F(JournalSinkTest, EscapesMultilineValues) {
     const FakeJournal journal(path_);
     log_.info("refused\nPRIORITY=0");
     using namespace std::string_literals;
@@ -84,16 +84,16 @@ TEST_F(JournalSinkTest, AValueOfSeveralLinesCannotPassForAField) {
                 ::testing::StartsWith("MESSAGE\n\x12\0\0\0\0\0\0\0refused\nPRIORITY=0\nPRIORITY=6\n"s));
 }
 
-TEST_F(JournalSinkTest, WithoutAJournalTheLineGoesToStandardError) {
+TEST_F(JournalSinkTest, FallsBackToStandardError) {
     ::testing::internal::CaptureStderr();
-    log_.warn("nobody listens");
-    EXPECT_EQ(::testing::internal::GetCapturedStderr(), "<4>nobody listens\n");
-    const FakeJournal journal(path_);  // started anew
+    log_.warn("no journal");
+    EXPECT_EQ(::testing::internal::GetCapturedStderr(), "<4>no journal\n");
+    const FakeJournal journal(path_);  // restarted
     log_.warn("again");
     EXPECT_THAT(journal.take(), ::testing::StartsWith("MESSAGE=again\n"));
 }
 
-TEST(StderrIsJournal, WhereTheServiceManagerSaysThisVeryStream) {
+TEST(StderrIsJournal, IfStreamMatches) {
     struct stat now {};
     ASSERT_EQ(::fstat(STDERR_FILENO, &now), 0);
     ::setenv("JOURNAL_STREAM", fmt::format("{}:{}", now.st_dev, now.st_ino).c_str(), 1);

@@ -1,4 +1,4 @@
-// The virtual studio: is what it shows what it says is true?
+// The virtual studio: images against their ground truth.
 #include "server/cameras/studio/studio.h"
 
 #include <gmock/gmock.h>
@@ -9,6 +9,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <vector>
 
 #include "common/calibration_file.h"
@@ -45,7 +46,7 @@ std::unique_ptr<Studio> must_create(const StudioOptions& options) {
     return studio.ok() ? *std::move(studio) : nullptr;
 }
 
-// Joints without pictures: the motion on the subject that Studio draws from `seed`.
+// Joints without images: the motion on the subject that Studio draws from `seed`.
 class MovingRig {
   public:
     explicit MovingRig(std::string_view motion, double fps = 120)
@@ -83,7 +84,7 @@ TEST_P(EveryMotion, JointsLieInsideTheMasks) {
                 const int x = static_cast<int>(std::lround(pixel->x)),
                           y = static_cast<int>(std::lround(pixel->y));
                 ASSERT_TRUE(x >= 0 && y >= 0 && x < camera.width && y < camera.height)
-                    << kJointNames[j] << " leaves the picture of " << camera.name << " in frame " << frame;
+                    << kJointNames[j] << " leaves the image of " << camera.name << " in frame " << frame;
                 inside += masks[c][static_cast<std::size_t>(y) * camera.width + x] == 255;
                 ++all;
             }
@@ -92,15 +93,15 @@ TEST_P(EveryMotion, JointsLieInsideTheMasks) {
     EXPECT_GT(inside, 0.99 * all);
 }
 
-TEST_P(EveryMotion, PictureChangesWhereTheMaskSaysAndElsewhereOnlyDarkens) {
+TEST_P(EveryMotion, ImageChangesInsideMaskAndOnlyDarkensOutside) {
     StudioOptions options = small(std::string(GetParam()));
     options.noise_grey = 0;
     options.flicker = 0;
     const auto studio = must_create(options);
-    const auto pictures = studio->draw(40, true);
+    const auto images = studio->draw(40, true);
     const auto masks = studio->masks(40);
-    for (std::size_t c = 0; c < pictures.size(); ++c) {
-        const Picture empty = studio->draw_empty(c, 0);
+    for (std::size_t c = 0; c < images.size(); ++c) {
+        const Image empty = studio->draw_empty(c, 0);
         const int width = empty.width, height = empty.height;
         int body = 0, body_changed = 0, brighter_outside = 0;
         for (int y = 1; y + 1 < height; ++y)
@@ -110,15 +111,15 @@ TEST_P(EveryMotion, PictureChangesWhereTheMaskSaysAndElsewhereOnlyDarkens) {
                 for (int n : {i, i - 1, i + 1, i - width, i + width, i - width - 1, i - width + 1,
                               i + width - 1, i + width + 1})
                     near = near || masks[c][n];
-                int change = 0, most = -255;
+                int change = 0, max_change = -255;
                 for (int k = 0; k < 3; ++k) {
-                    const int d = pictures[c].data[3 * i + k] - empty.data[3 * i + k];
+                    const int d = images[c].data[3 * i + k] - empty.data[3 * i + k];
                     change += std::abs(d);
-                    most = std::max(most, d);
+                    max_change = std::max(max_change, d);
                 }
                 body += masks[c][i] != 0;
                 body_changed += masks[c][i] && change > 12;
-                brighter_outside += !near && most > 1;
+                brighter_outside += !near && max_change > 1;
             }
         EXPECT_GT(body, 100);
         EXPECT_GT(body_changed, 0.80 * body);
@@ -126,7 +127,7 @@ TEST_P(EveryMotion, PictureChangesWhereTheMaskSaysAndElsewhereOnlyDarkens) {
     }
 }
 
-TEST_P(EveryMotion, FeetAndHandsNeverSinkIntoTheFloor) {
+TEST_P(EveryMotion, SurfaceStaysAboveFloor) {
     const auto studio = must_create(small(std::string(GetParam())));
     for (int frame = 0; frame < kFrames; frame += 3) {
         double lowest = 1;
@@ -138,7 +139,7 @@ TEST_P(EveryMotion, FeetAndHandsNeverSinkIntoTheFloor) {
     }
 }
 
-TEST_P(EveryMotion, MovesAsHumansCan) {
+TEST_P(EveryMotion, JointAnglesAndSpeedsStayHuman) {
     constexpr double kFps = 120;
     const MovingRig person(GetParam(), kFps);
     const auto frames = static_cast<int>(person.frames_per_loop() > 0 ? person.frames_per_loop() : 600);
@@ -153,7 +154,6 @@ TEST_P(EveryMotion, MovesAsHumansCan) {
             EXPECT_GT(deg(4 + side), -45) << "hip extension, frame " << frame;
             EXPECT_LT(deg(4 + side), 135) << "hip flexion, frame " << frame;
             EXPECT_LT(std::abs(deg(6 + side)), 45) << "hip abduction, frame " << frame;
-            EXPECT_LT(deg(8 + side), 180) << "shoulder, frame " << frame;
         }
         if (frame > 0) {
             for (std::size_t j = 0; j < kJointNames.size(); ++j)
@@ -161,6 +161,25 @@ TEST_P(EveryMotion, MovesAsHumansCan) {
                     << kJointNames[j] << " in m/s, frame " << frame;
         }
         before = joints;
+    }
+}
+
+// Designed peaks of shoulder_elevation, degrees; measured on seed 1, with 15 % below and above.
+TEST_P(EveryMotion, ShoulderElevationPeaksAsDesigned) {
+    const std::map<std::string_view, double> designed{{"walk", 26.4},          {"run", 39.7},
+                                                      {"sprint_start", 103.6}, {"squat", 96.5},
+                                                      {"jumping_jack", 165.0}, {"arm_raise", 165.6}};
+    const MovingRig person(GetParam(), 120);
+    const auto frames = static_cast<int>(person.frames_per_loop() > 0 ? person.frames_per_loop() : 600);
+    double peak_deg[2] = {0, 0};
+    for (int frame = 0; frame < frames; ++frame) {
+        const auto angles = joint_angles(person.joints(frame));
+        for (int side = 0; side < 2; ++side)
+            peak_deg[side] = std::max(peak_deg[side], angles[8 + side] * kDegrees);
+    }
+    for (const double peak : peak_deg) {
+        EXPECT_GT(peak, 0.85 * designed.at(GetParam()));
+        EXPECT_LT(peak, std::min(175.0, 1.15 * designed.at(GetParam())));
     }
 }
 
@@ -187,11 +206,11 @@ TEST_P(EveryMotion, StandingFeetDoNotSlide) {
 INSTANTIATE_TEST_SUITE_P(Studio, EveryMotion, ::testing::ValuesIn(kMotionNames),
                          [](const auto& test) { return std::string(test.param); });
 
-TEST(Studio, BodyHasItsHeightAndAPersonsVolume) {
+TEST(Studio, BodyHasStatureAndHumanVolume) {
     for (std::uint32_t seed : {1u, 2u, 3u, 4u}) {
         StudioOptions options = small("arm_raise");
         options.seed = seed;
-        options.subject_height_m = 1.75;
+        options.stature_m = 1.75;
         const auto studio = must_create(options);
         EXPECT_NEAR(studio->truth(0).joints_in_world[joint("head_top")].z, 1.75, 0.03);
         const auto surface = studio->surface(0);
@@ -227,10 +246,10 @@ TEST(Studio, SprinterStartsOnHandsAndRunsEightMetres) {
     EXPECT_GE(fastest_change, -0.002);
 }
 
-TEST(Studio, SameSeedSameBitsWhateverTheThreads) {
+TEST(Studio, SameSeedGivesSameBitsWithAnyThreads) {
     const auto a = must_create(small("walk")), b = must_create(small("walk"));
     for (std::int64_t frame : {0, 7, 31}) {
-        (void)b->draw(frame + 3, true);  // what was drawn before leaves no trace
+        (void)b->draw(frame + 3, true);  // earlier frames leave no state
         const auto one = a->draw(frame, false), other = b->draw(frame, true);
         for (std::size_t c = 0; c < one.size(); ++c)
             EXPECT_EQ(std::memcmp(one[c].data.get(), other[c].data.get(), 320 * 240 * 3), 0);
@@ -242,14 +261,14 @@ TEST(Studio, SameSeedSameBitsWhateverTheThreads) {
               0);
 }
 
-TEST(Studio, NoiseAndFlickerAreAsAskedFor) {
+TEST(Studio, NoiseAndFlickerMatchOptions) {
     StudioOptions options = small("walk");
     options.noise_grey = 2.0;
     options.flicker = 0;
     const auto studio = must_create(options);
     double sum = 0, sum2 = 0;
     int count = 0;
-    const Picture a = studio->draw_empty(0, 0), b = studio->draw_empty(0, 1);
+    const Image a = studio->draw_empty(0, 0), b = studio->draw_empty(0, 1);
     for (int i = 0; i < 320 * 240 * 3; ++i) {
         if (a.data[i] < 20 || a.data[i] > 235) continue;
         const double d = a.data[i] - b.data[i];
@@ -261,7 +280,7 @@ TEST(Studio, NoiseAndFlickerAreAsAskedFor) {
     EXPECT_NEAR(std::sqrt(sum2 / count / 2), 2.0, 0.1);
 }
 
-TEST(Studio, LensesThatBendAndAnyNumberOfCameras) {
+TEST(Studio, DistortionAndAnyNumberOfCameras) {
     StudioOptions options = small("squat");
     options.cameras = 7;
     options.distortion = -0.12;
@@ -275,7 +294,7 @@ TEST(Studio, LensesThatBendAndAnyNumberOfCameras) {
     }
 }
 
-TEST(Studio, BadOptionsAreOneSentence) {
+TEST(Studio, InvalidOptionsGiveOneSentence) {
     const auto message = [](auto change) {
         StudioOptions options;
         change(options);
@@ -285,7 +304,7 @@ TEST(Studio, BadOptionsAreOneSentence) {
     EXPECT_THAT(message([](auto& o) { o.cameras = 0; }), ::testing::HasSubstr("cameras is 0"));
     EXPECT_THAT(message([](auto& o) { o.width = 10; }), ::testing::HasSubstr("10x480"));
     EXPECT_THAT(message([](auto& o) { o.fps = std::nan(""); }), ::testing::HasSubstr("fps"));
-    EXPECT_THAT(message([](auto& o) { o.subject_height_m = 3; }), ::testing::HasSubstr("height"));
+    EXPECT_THAT(message([](auto& o) { o.stature_m = 3; }), ::testing::HasSubstr("stature"));
     EXPECT_THAT(message([](auto& o) { o.motion = "sprint_start", o.stage = "room"; }),
                 ::testing::HasSubstr("lane"));
 }
@@ -305,13 +324,13 @@ TEST(StudioSource, CountsFramesAndStops) {
         const auto set = (*source)->next();
         ASSERT_TRUE(set.ok());
         EXPECT_EQ(set->sequence, i);
-        EXPECT_EQ(set->pictures.size(), 2u);
+        EXPECT_EQ(set->images.size(), 2u);
     }
     (*source)->stop();
     EXPECT_TRUE(absl::IsCancelled((*source)->next().status()));
 }
 
-TEST(StudioSource, RealTimeHandsOutFramesInTheirTime) {
+TEST(StudioSource, RealTimePacingKeepsFrameTimes) {
     StudioSourceOptions options;
     options.studio = small("walk");
     options.studio.fps = 20;
@@ -328,12 +347,12 @@ TEST(StudioSource, RealTimeHandsOutFramesInTheirTime) {
     }
 }
 
-TEST(StudioSession, ReadsBack) {
+TEST(StudioSession, RoundTripsThroughSessionReader) {
     const std::filesystem::path folder =
         std::filesystem::path(::testing::TempDir()) / "kinevox_studio_session";
     std::filesystem::remove_all(folder);
     const auto studio = must_create(small("squat"));
-    SessionWriterOptions options{.frames = 4, .background_frames = 3, .mesh_every = 2};
+    SessionWriterOptions options{.frames = 4, .background_frames = 3, .mesh_stride = 2};
     ASSERT_TRUE(write_session(*studio, folder, options).ok());
     EXPECT_TRUE(absl::IsAlreadyExists(write_session(*studio, folder, options)));
 
@@ -357,16 +376,16 @@ TEST(StudioSession, ReadsBack) {
     int lines = 0;
     while (std::getline(angles, line)) ++lines;
     EXPECT_EQ(lines, 5);
-    // Through the same reader as any recording: the pictures are those that were drawn, but for H.264's
+    // Through the same reader as any recording: the images are those that were drawn, but for H.264's
     // losses.
     auto source = open_session_source(folder / "session.toml");
     ASSERT_TRUE(source.ok()) << source.status().message();
     EXPECT_EQ((*source)->frame_count(), 4);
     const auto set = (*source)->next();
     ASSERT_TRUE(set.ok()) << set.status().message();
-    const Picture drawn = studio->draw(0, false)[1];
+    const Image drawn = studio->draw(0, false)[1];
     double error = 0;
-    for (int i = 0; i < 320 * 240 * 3; ++i) error += std::abs(set->pictures[1].data[i] - drawn.data[i]);
+    for (int i = 0; i < 320 * 240 * 3; ++i) error += std::abs(set->images[1].data[i] - drawn.data[i]);
     EXPECT_LT(error / (320 * 240 * 3), 4.0);
     std::filesystem::remove_all(folder);
 }

@@ -8,7 +8,7 @@ import time
 
 
 def receive(port, seconds=0, host="127.0.0.1"):
-    """Yields {column: number, or None where it was withheld} a pose; so many seconds, 0: for ever."""
+    """Yields {column: number, or None where it was withheld} per pose, for the given time (s; 0: for ever)."""
     end = time.monotonic() + seconds
     columns = None
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
@@ -21,7 +21,7 @@ def receive(port, seconds=0, host="127.0.0.1"):
                 continue
             if cells[0] == "frame":
                 columns = cells
-            elif columns:   # else it began before we listened; the names come within two seconds
+            elif columns:  # else it began before we listened; the names come within two seconds
                 yield {name: float(cell) if cell else None for name, cell in zip(columns, cells)}
 
 
@@ -29,10 +29,12 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--port", type=int, default=50780)
     parser.add_argument("--seconds", type=float, default=0)
-    parser.add_argument("columns", nargs="*", default=["knee_flexion_l_deg", "knee_flexion_r_deg"])
+    parser.add_argument("columns", nargs="*", default=["knee_flexion_geometric_l_deg", "knee_flexion_geometric_r_deg"])
     arguments = parser.parse_args()
     for row in receive(arguments.port, arguments.seconds):
-        print(f"{row['time_s']:8.3f} s  " + "  ".join(f"{name} {row.get(name)}" for name in arguments.columns), flush=True)
+        print(
+            f"{row['time_s']:8.3f} s  " + "  ".join(f"{name} {row.get(name)}" for name in arguments.columns), flush=True
+        )
 
 
 if __name__ == "__main__":

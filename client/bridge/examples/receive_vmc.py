@@ -19,8 +19,8 @@ def messages(data):
     if data.startswith(b"#bundle\0"):
         at = 16
         while at < len(data):
-            size, = struct.unpack_from(">i", data, at)
-            yield from messages(data[at + 4:at + 4 + size])
+            (size,) = struct.unpack_from(">i", data, at)
+            yield from messages(data[at + 4 : at + 4 + size])
             at += 4 + size
         return
     address, at = text(data, 0)
@@ -36,7 +36,7 @@ def messages(data):
 
 
 def receive(port, seconds=0, host="127.0.0.1"):
-    """Yields (time of the sender in s, {bone: (position xyz in m, rotation xyzw)}) a pose; so many seconds, 0: for ever."""
+    """Yields (time of the sender in s, {bone: (position xyz in m, rotation xyzw)}) per pose, for the given time (s; 0: for ever)."""
     end = time.monotonic() + seconds
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         receiver.bind((host, port))
@@ -65,8 +65,11 @@ def main():
     arguments = parser.parse_args()
     for at_s, bones in receive(arguments.port, arguments.seconds):
         position, rotation = bones["Hips"]
-        print(f"{at_s:8.3f} s  {len(bones)} bones, hips at {position[0]:.2f} {position[1]:.2f} {position[2]:.2f} m, "
-              f"left knee {[round(v, 3) for v in bones['LeftLowerLeg'][1]]}", flush=True)
+        print(
+            f"{at_s:8.3f} s  {len(bones)} bones, hips at {position[0]:.2f} {position[1]:.2f} {position[2]:.2f} m, "
+            f"left knee {[round(v, 3) for v in bones['LeftLowerLeg'][1]]}",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

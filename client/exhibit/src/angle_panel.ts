@@ -1,18 +1,18 @@
-// The live angles, as large numbers; a dash where nothing was measured.
+// The live angles as large numbers; a dash for withheld angles.
 import { sideOf, type Angle, type Angles } from "./skeleton";
 import type { Languages } from "./language";
 
-const ROWS: readonly { words: string; angles: readonly Angle[]; most_deg: number }[] = [
-  { words: "knee_flexion", angles: ["knee_flexion_l", "knee_flexion_r"], most_deg: 150 },
-  { words: "hip_flexion", angles: ["hip_flexion_l", "hip_flexion_r"], most_deg: 130 },
-  { words: "elbow_flexion", angles: ["elbow_flexion_l", "elbow_flexion_r"], most_deg: 150 },
-  { words: "shoulder_elevation", angles: ["shoulder_elevation_l", "shoulder_elevation_r"], most_deg: 180 },
-  { words: "trunk_lean", angles: ["trunk_lean"], most_deg: 90 },
+const ROWS: readonly { label: string; angles: readonly Angle[]; max_deg: number }[] = [
+  { label: "knee_flexion", angles: ["knee_flexion_geometric_l", "knee_flexion_geometric_r"], max_deg: 150 },
+  { label: "hip_flexion", angles: ["hip_flexion_geometric_l", "hip_flexion_geometric_r"], max_deg: 130 },
+  { label: "elbow_flexion", angles: ["elbow_flexion_geometric_l", "elbow_flexion_geometric_r"], max_deg: 150 },
+  { label: "shoulder_elevation", angles: ["shoulder_elevation_geometric_l", "shoulder_elevation_geometric_r"], max_deg: 180 },
+  { label: "trunk_lean", angles: ["trunk_lean_geometric"], max_deg: 90 },
 ];
 
 interface Cell {
   angle: Angle;
-  most_deg: number;
+  max_deg: number;
   number: HTMLElement;
   bar: HTMLElement;
   shown: string;
@@ -28,7 +28,7 @@ export class AnglePanel {
       element.className = "angle";
       const name = document.createElement("span");
       name.className = "name";
-      this.names.push([name, row.words]);
+      this.names.push([name, row.label]);
       const bar = document.createElement("div");
       bar.className = "bar";
       const numbers = row.angles.map((angle) => {
@@ -39,7 +39,7 @@ export class AnglePanel {
         piece.className = sideOf(angle);
         if (row.angles.length === 1) piece.style.gridColumn = "1 / -1";
         bar.append(piece);
-        this.cells.push({ angle, most_deg: row.most_deg, number, bar: piece, shown: "" });
+        this.cells.push({ angle, max_deg: row.max_deg, number, bar: piece, shown: "" });
         return number;
       });
       element.append(name, ...numbers, bar);
@@ -48,7 +48,7 @@ export class AnglePanel {
   }
 
   translate(languages: Languages): void {
-    for (const [element, words] of this.names) element.textContent = languages.say(words);
+    for (const [element, label] of this.names) element.textContent = languages.text(label);
   }
 
   show(angles: Angles): void {
@@ -59,8 +59,8 @@ export class AnglePanel {
       cell.shown = text;
       cell.number.textContent = text;
       cell.number.classList.toggle("absent", value === undefined);
-      const part = value === undefined ? 0 : Math.min(1, Math.abs(value) / cell.most_deg);
-      cell.bar.style.setProperty("--part", `${(100 * part).toFixed(1)}%`);
+      const fraction = value === undefined ? 0 : Math.min(1, Math.abs(value) / cell.max_deg);
+      cell.bar.style.setProperty("--fraction", `${(100 * fraction).toFixed(1)}%`);
     }
   }
 }

@@ -1,4 +1,4 @@
-// What the page knows and shows. Messages come in by message(), time by frame(); nothing else moves it.
+// The state of the page and its display, driven only by message() and frame().
 import type { CaptureState, GetStatusResponse } from "./gen/kinevox/v1/capture_service_pb";
 import type { StreamPosesResponse, StreamVolumesResponse } from "./gen/kinevox/v1/stream_service_pb";
 import type { GatewayMessage } from "./gen/kinevox/web/v1/exhibit_pb";
@@ -12,10 +12,10 @@ import { Visit } from "./visit";
 import { VolumeDecoder } from "./volume_codec";
 import { DamagedVolume } from "./volume_sections";
 
-const PANELS_EVERY_MS = 66; // numbers that change faster cannot be read
-const ATTRACT_POSE_MS = 7_000; // a champion's turn while nobody is there
-const RECENT_POSES = 24; // a volume is larger, and later, than its pose
-const SILENT_MS = 2_500; // without a pose: what was shown is no longer so
+const PANEL_INTERVAL_MS = 66; // numbers that change faster cannot be read
+const ATTRACT_POSE_MS = 7_000; // time per champion in attract mode
+const RECENT_POSES = 24; // a volume arrives later than its pose
+const IDLE_TIMEOUT_MS = 2_500; // without a pose: hide the visitor
 
 const STATES: Record<CaptureState, string> = {
   0: "",
@@ -36,7 +36,7 @@ export class App {
     volumes: 0,
     volumesWithoutPose: 0,
     damaged: 0,
-    refused: [] as string[],
+    errors: [] as string[],
     missed: 0,
     connections: 0,
   };
@@ -44,16 +44,16 @@ export class App {
   private readonly anglePanel = new AnglePanel(byId("angle-rows"));
   private readonly championPanel: ChampionPanel;
   private gateway = false;
-  private daemon: boolean | undefined; // undefined: not told yet
+  private daemon: boolean | undefined; // undefined: not known yet
   private status: GetStatusResponse | undefined;
-  private volume: StreamVolumesResponse | undefined; // not drawn yet
+  private volume: StreamVolumesResponse | undefined; // received, not drawn yet
   private angles: Angles = {};
-  private joints: Joints | undefined; // of the newest pose
+  private joints: Joints | undefined; // of the latest pose
   private readonly recent: { sequence: bigint; joints: Joints }[] = [];
-  private drawn: Joints | undefined; // of the volume that is shown: the skeleton lies in the body
+  private drawn: Joints | undefined; // of the volume shown, so that the skeleton matches it
   private centre: Vec3 | undefined;
-  private litres = 0;
-  private heardAt = -Infinity;
+  private volumeLitres = 0;
+  private receivedAt = -Infinity;
   private panelsAt = -Infinity;
   private banner = "";
   private volumeNote = "";
@@ -74,11 +74,11 @@ export class App {
 
   translate(): void {
     document.documentElement.lang = this.languages.chosen;
-    for (const element of document.querySelectorAll<HTMLElement>("[data-words]"))
-      element.textContent = this.languages.say(element.dataset.words!);
+    for (const element of document.querySelectorAll<HTMLElement>("[data-text]"))
+      element.textContent = this.languages.text(element.dataset.text!);
     this.anglePanel.translate(this.languages);
     this.championPanel.translate(this.languages, this.visit);
-    this.banner = this.volumeNote = "?"; // said anew
+    this.banner = this.volumeNote = "?"; // force an update
     this.shownChampion = -1;
     this.panelsAt = -Infinity;
   }
@@ -89,39 +89,41 @@ export class App {
     else this.daemon = undefined;
   }
 
-  message({ message, missed }: GatewayMessage): void {
-    this.counts.missed += Number(missed);
-    switch (message.case) {
+  message({ payload, missedCount }: GatewayMessage): void {
+    this.counts.missed += Number(missedCount);
+    switch (payload.case) {
       case "pose":
-        return this.pose(message.value);
+        return this.pose(payload.value);
       case "volume":
-        this.volume = message.value; // the newest; drawn with the next picture
+        this.volume = payload.value; // drawn with the next frame
         return;
       case "status":
-        this.status = message.value;
+        this.status = payload.value;
         return;
-      case "link":
-        this.daemon = message.value.connected;
+      case "connection":
+        this.daemon = payload.value.connected;
         return;
-      case "refusal":
-        if (this.counts.refused.length < 16)
-          this.counts.refused.push(`${message.value.code}: ${message.value.message}`);
+      case "error":
+        if (this.counts.errors.length < 16)
+          this.counts.errors.push(`${payload.value.code}: ${payload.value.message}`);
     }
   }
 
-  private pose({ header, pose }: StreamPosesResponse): void {
+  private pose({ header, subjects }: StreamPosesResponse): void {
     this.counts.poses += 1;
-    this.heardAt = this.clock();
+    const subject = subjects[0]; // the page shows one visitor
+    const pose = subject?.pose;
+    this.receivedAt = this.clock();
     if (!pose) {
-      this.nobody(); // or somebody who is not measured
-      this.visit.saw(header?.subjectId ?? 0, {}, {}, this.heardAt);
+      this.clearBody(); // no subject, or no pose found
+      this.visit.update(subject?.subjectId ?? 0, {}, {}, this.receivedAt);
       return;
     }
     const joints: Joints = {},
       angles: Angles = {};
     for (const joint of pose.joints) {
       const at = joint.positionInWorld;
-      if (at && joint.withheld === "" && (JOINTS as readonly string[]).includes(joint.name))
+      if (at && joint.withheldReason === "" && (JOINTS as readonly string[]).includes(joint.name))
         joints[joint.name as Joint] = [at.x, at.y, at.z];
     }
     for (const angle of pose.angles)
@@ -137,27 +139,27 @@ export class App {
     if (this.recent.length > RECENT_POSES) this.recent.shift();
     const root = joints.root;
     if (root) this.centre = root;
-    this.visit.saw(header?.subjectId || pose.subjectId, joints, angles, this.heardAt);
+    this.visit.update(subject.subjectId, joints, angles, this.receivedAt);
   }
 
-  private nobody(): void {
+  private clearBody(): void {
     this.joints = this.drawn = undefined;
     this.angles = {};
     this.recent.length = 0;
   }
 
-  /** Shows what is known at `now_ms` of the clock. */
+  /** Updates scene and panels for the time `now_ms`. */
   frame(now_ms: number): void {
-    if (now_ms - this.heardAt > SILENT_MS && this.joints) {
-      this.nobody();
+    if (now_ms - this.receivedAt > IDLE_TIMEOUT_MS && this.joints) {
+      this.clearBody();
       this.scene.showVolume(undefined);
     }
-    this.visit.passed(now_ms);
+    this.visit.advance(now_ms);
     this.showVolume();
     const attract = !this.visit.present;
     this.scene.showBody(this.joints && (this.drawn ?? this.joints));
     this.scene.showChampion(attract && !this.joints ? this.attractPose(now_ms) : undefined);
-    if (now_ms - this.panelsAt >= PANELS_EVERY_MS) {
+    if (now_ms - this.panelsAt >= PANEL_INTERVAL_MS) {
       this.panelsAt = now_ms;
       this.showPanels(attract);
     }
@@ -168,16 +170,17 @@ export class App {
     const message = this.volume;
     if (!message) return;
     this.volume = undefined;
-    this.litres = message.litres;
+    const subject = message.subjects[0];
+    this.volumeLitres = subject?.volumeLitres ?? 0;
     this.drawn = this.recent.find((pose) => pose.sequence === message.header?.sequence)?.joints;
-    if (message.volume.length === 0) return this.scene.showVolume(undefined);
+    if (!subject || subject.encodedVolume.length === 0) return this.scene.showVolume(undefined);
     try {
-      this.scene.showVolume(this.decoder.decode(message.volume));
+      this.scene.showVolume(this.decoder.decode(subject.encodedVolume));
       this.counts.volumes += 1;
       if (!this.drawn) this.counts.volumesWithoutPose += 1;
     } catch (error) {
       if (!(error instanceof DamagedVolume)) throw error;
-      this.counts.damaged += 1; // the next one comes in a moment
+      this.counts.damaged += 1; // the next volume follows at once
       this.scene.showVolume(undefined);
     }
   }
@@ -195,18 +198,18 @@ export class App {
   private showPanels(attract: boolean): void {
     document.body.classList.toggle("attract", attract);
     const note =
-      this.joints && this.litres > 0 ? this.languages.say("volume", { litres: Math.round(this.litres) }) : "";
+      this.joints && this.volumeLitres > 0 ? this.languages.text("volume", { litres: Math.round(this.volumeLitres) }) : "";
     if (note !== this.volumeNote) byId("volume-note").textContent = this.volumeNote = note;
     this.anglePanel.show(this.angles);
     this.championPanel.show(this.visit);
-    const words = this.problem();
-    if (words === this.banner) return;
-    this.banner = words;
-    byId("banner").hidden = words === "";
-    byId("banner-words").textContent = words === "" ? "" : this.languages.say(words);
+    const problem = this.problem();
+    if (problem === this.banner) return;
+    this.banner = problem;
+    byId("banner").hidden = problem === "";
+    byId("banner-text").textContent = problem === "" ? "" : this.languages.text(problem);
   }
 
-  /** The words for what is wrong; "": nothing is. */
+  /** The key of the text that describes the current problem; empty: none. */
   private problem(): string {
     if (!this.gateway) return this.counts.connections > 0 ? "gateway_lost" : "loading";
     if (this.daemon === false) return "daemon_lost";

@@ -1,4 +1,4 @@
-// The champion chosen, how near the visitor is, and both figures.
+// The chosen champion, the visitor's score, and both figures.
 import type { Champion } from "./champions";
 import { Duel } from "./duel";
 import type { Languages } from "./language";
@@ -37,7 +37,7 @@ export class ChampionPanel {
     const now = visit.now?.percent,
       best = visit.best?.score.percent;
     this.showNumbers(now, best);
-    // The figures change with the champion, with a better pose, and with the picture's size alone.
+    // The figures change only with the champion, a better pose, or the size of the canvas.
     const state = `${visit.champion.id} ${visit.number} ${best} ${windowSize.changes}`;
     if (state === this.drawn) return;
     if (this.duel.draw(visit.best?.joints, visit.champion.joints, visit.best?.score.mirrored ?? false))
@@ -52,7 +52,7 @@ export class ChampionPanel {
     byId("score-best").textContent = best === undefined ? "–" : `${best} %`;
     byId("ring-now").style.strokeDasharray = `${now ?? 0} 100`;
     byId("ring-best").style.strokeDasharray = `${best ?? 0} 100`;
-    byId("ring-now").style.opacity = now ? "1" : "0"; // a round end would show at nothing
+    byId("ring-now").style.opacity = now ? "1" : "0"; // hides the round line cap at 0
     byId("ring-best").style.opacity = best ? "1" : "0";
   }
 }

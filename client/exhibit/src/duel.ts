@@ -1,18 +1,18 @@
-// The visitor's best pose and the champion's, side by side, turned so that both look the same way.
+// The visitor's best pose and the champion's, side by side, rotated to the same heading.
 import { COLOURS, css } from "./palette";
 import { BONES, mirrored, type Joint, type Joints, type Vec3 } from "./skeleton";
 
 const VIEW_DEG = 62; // from the side, a little from the front
-const SHOWN_M = 2.0; // what fits into the height
+const SHOWN_M = 2.0; // height of the canvas
 
-/** On the other side of the body. */
+/** Mirrored at the sagittal plane. */
 export function reflected(joints: Joints): Joints {
   const out: Joints = {};
   for (const [name, at] of Object.entries(mirrored(joints)) as [Joint, Vec3][]) out[name] = [at[0], -at[1], at[2]];
   return out;
 }
 
-/** Where the body looks, radians about z; undefined where the hips were withheld. */
+/** Heading of the body, radians about z; undefined if the hips are withheld. */
 export function headingOf(joints: Joints): number | undefined {
   const left = joints.hip_l,
     right = joints.hip_r;
@@ -26,7 +26,7 @@ export class Duel {
     this.context = canvas.getContext("2d")!;
   }
 
-  /** False while the canvas has no size yet: then it has to be asked again. */
+  /** False while the canvas has no size yet; call it again. */
   draw(visitor: Joints | undefined, champion: Joints, exchanged: boolean): boolean {
     const ratio = window.devicePixelRatio;
     const width = Math.round(this.canvas.clientWidth * ratio),
@@ -36,7 +36,7 @@ export class Duel {
       ((this.canvas.width = width), (this.canvas.height = height));
     this.context.clearRect(0, 0, width, height);
     if (visitor) this.figure(visitor, 0, width / 2, height);
-    else this.nobody(0, width / 2, height);
+    else this.placeholder(0, width / 2, height);
     this.figure(exchanged ? reflected(champion) : champion, width / 2, width / 2, height);
     return true;
   }
@@ -45,11 +45,11 @@ export class Duel {
     const heading = headingOf(joints) ?? 0,
       view = heading - (VIEW_DEG * Math.PI) / 180;
     const known = Object.values(joints);
-    const middle = (d: 0 | 1) => (Math.min(...known.map((p) => p[d])) + Math.max(...known.map((p) => p[d]))) / 2;
-    const centre = [middle(0), middle(1)] as const;
+    const midpoint = (d: 0 | 1) => (Math.min(...known.map((p) => p[d])) + Math.max(...known.map((p) => p[d]))) / 2;
+    const centre = [midpoint(0), midpoint(1)] as const;
     const scale = Math.min(width / 1.22, height / SHOWN_M),
       floor = height * 0.94;
-    const place = ([x, y, z]: Vec3): [number, number] => {
+    const project = ([x, y, z]: Vec3): [number, number] => {
       const dx = x - centre[0],
         dy = y - centre[1];
       return [x0 + width / 2 + scale * (-Math.sin(view) * dx + Math.cos(view) * dy), floor - scale * z];
@@ -62,13 +62,13 @@ export class Duel {
     for (const bone of BONES.filter((b) => joints[b.from] && joints[b.to]).sort((a, b) => near(a) - near(b))) {
       context.strokeStyle = css(COLOURS[bone.side]);
       context.beginPath();
-      context.moveTo(...place(joints[bone.from]!));
-      context.lineTo(...place(joints[bone.to]!));
+      context.moveTo(...project(joints[bone.from]!));
+      context.lineTo(...project(joints[bone.to]!));
       context.stroke();
     }
     if (joints.head_top && joints.skullbase) {
-      const [hx, hy] = place(joints.head_top),
-        [sx, sy] = place(joints.skullbase);
+      const [hx, hy] = project(joints.head_top),
+        [sx, sy] = project(joints.skullbase);
       context.fillStyle = css(COLOURS.middle);
       context.beginPath();
       context.arc((2 * hx + sx) / 3, (2 * hy + sy) / 3, 0.1 * scale, 0, 2 * Math.PI);
@@ -82,7 +82,7 @@ export class Duel {
     context.stroke();
   }
 
-  private nobody(x0: number, width: number, height: number): void {
+  private placeholder(x0: number, width: number, height: number): void {
     this.context.strokeStyle = css(COLOURS.floor);
     this.context.lineWidth = Math.max(1, height / 200);
     this.context.setLineDash([height / 40, height / 30]);

@@ -1,21 +1,21 @@
-// A figure from angles: what a champion's file says, as joints to draw. The angles that are compared mean what the
-// daemon's mean (common/joint_angles.h); those that are only drawn settle the rest.
+// Joints of a figure from the angles of a champion's file. The compared angles are the daemon's geometric angles
+// (common/joint_angles.h); the drawn angles determine the remaining degrees of freedom.
 import type { Angles, Joint, Joints, Vec3 } from "./skeleton";
-import { across, add, cross, scaled, turned, unit } from "./vector";
+import { across, add, cross, rotated, scaled, unit } from "./vector";
 
-/** Degrees; all 0: standing, arms hanging. Only drawn, never compared. */
+/** Degrees; all 0: standing, arms down. Drawn, not compared. */
 export interface Drawn {
-  trunk_towards?: number; // where the trunk leans to: 0 forward, 90 left, 180 back, -90 right
-  shoulder_plane_l?: number; // where the arm is raised to: 0 forward, 90 sideways, 180 back
+  trunk_towards?: number; // direction of the lean: 0 forward, 90 left, 180 back, -90 right
+  shoulder_plane_l?: number; // direction in which the arm is raised: 0 forward, 90 sideways, 180 back
   shoulder_plane_r?: number;
-  elbow_turn_l?: number; // about the upper arm; 0 bends forward
-  elbow_turn_r?: number;
-  hip_turn_l?: number; // about the thigh; positive turns the knee outwards
-  hip_turn_r?: number;
+  elbow_rotation_l?: number; // about the upper arm; 0 bends forward
+  elbow_rotation_r?: number;
+  hip_rotation_l?: number; // about the thigh; positive turns the knee outwards
+  hip_rotation_r?: number;
   ankle_l?: number; // positive points the toes
   ankle_r?: number;
   neck?: number; // positive looks down
-  heading?: number; // 0 looks along +x
+  heading?: number; // 0: along +x
 }
 
 // Metres, an adult of 1.75 m.
@@ -38,10 +38,10 @@ export function figure(angles: Angles, drawn: Drawn = {}): Required<Joints> {
   const heading = rad(drawn.heading);
   const ahead: Vec3 = [Math.cos(heading), Math.sin(heading), 0],
     left: Vec3 = [-Math.sin(heading), Math.cos(heading), 0];
-  // The trunk leans as one: about the level axis that is across where it leans to.
+  // The trunk is rigid and rotates about the horizontal axis perpendicular to the direction of the lean.
   const towards = rad(drawn.trunk_towards);
   const axis = cross([0, 0, 1], add(scaled(ahead, Math.cos(towards)), scaled(left, Math.sin(towards))));
-  const lean = (v: Vec3) => turned(v, unit(axis), rad(angles.trunk_lean));
+  const lean = (v: Vec3) => rotated(v, unit(axis), rad(angles.trunk_lean_geometric));
   const forward = lean(ahead),
     lateral = lean(left),
     up = lean([0, 0, 1]);
@@ -50,7 +50,7 @@ export function figure(angles: Angles, drawn: Drawn = {}): Required<Joints> {
   joints.root = [0, 0, 0];
   joints.sacroiliac = scaled(up, PELVIS);
   joints.skullbase = scaled(up, PELVIS + SPINE);
-  joints.head_top = add(joints.skullbase, scaled(turned(up, lateral, rad(drawn.neck)), HEAD));
+  joints.head_top = add(joints.skullbase, scaled(rotated(up, lateral, rad(drawn.neck)), HEAD));
   for (const side of ["l", "r"] as const) {
     const sign = side === "l" ? 1 : -1,
       outward = scaled(lateral, sign);
@@ -77,17 +77,17 @@ function leg(
   up: Vec3,
   outward: Vec3,
 ): void {
-  const flexion = rad(angles[`hip_flexion_${side}`]),
-    abduction = rad(angles[`hip_abduction_${side}`]);
+  const flexion = rad(angles[`hip_flexion_geometric_${side}`]),
+    abduction = rad(angles[`hip_abduction_geometric_${side}`]);
   const inPlane = add(scaled(forward, Math.sin(flexion)), scaled(up, -Math.cos(flexion)));
   const thigh = add(scaled(inPlane, Math.cos(abduction)), scaled(outward, Math.sin(abduction)));
-  const hinge = turned(across(lateral, thigh), thigh, -sign * rad(drawn[`hip_turn_${side}`]));
-  const shank = turned(thigh, hinge, rad(angles[`knee_flexion_${side}`]));
-  const foot = turned(shank, hinge, -Math.PI / 2 + rad(drawn[`ankle_${side}`]));
+  const hinge = rotated(across(lateral, thigh), thigh, -sign * rad(drawn[`hip_rotation_${side}`]));
+  const shank = rotated(thigh, hinge, rad(angles[`knee_flexion_geometric_${side}`]));
+  const foot = rotated(shank, hinge, -Math.PI / 2 + rad(drawn[`ankle_${side}`]));
   joints[`hip_${side}`] = scaled(outward, HIPS);
   joints[`knee_${side}`] = add(joints[`hip_${side}`], scaled(thigh, THIGH));
   joints[`ankle_${side}`] = add(joints[`knee_${side}`], scaled(shank, SHANK));
-  joints[`toe_${side}`] = add(joints[`ankle_${side}`], scaled(turned(foot, hinge, 0.29), FOOT)); // down to the sole
+  joints[`toe_${side}`] = add(joints[`ankle_${side}`], scaled(rotated(foot, hinge, 0.29), FOOT)); // down to the sole
 }
 
 function arm(
@@ -100,13 +100,13 @@ function arm(
   up: Vec3,
   outward: Vec3,
 ): void {
-  const elevation = rad(angles[`shoulder_elevation_${side}`]),
+  const elevation = rad(angles[`shoulder_elevation_geometric_${side}`]),
     plane = rad(drawn[`shoulder_plane_${side}`]);
-  const aside = add(scaled(forward, Math.cos(plane)), scaled(outward, Math.sin(plane)));
-  const upper = add(scaled(up, -Math.cos(elevation)), scaled(aside, Math.sin(elevation)));
+  const raised = add(scaled(forward, Math.cos(plane)), scaled(outward, Math.sin(plane)));
+  const upper = add(scaled(up, -Math.cos(elevation)), scaled(raised, Math.sin(elevation)));
   const ahead = Math.abs(upper[0] * forward[0] + upper[1] * forward[1] + upper[2] * forward[2]) > 0.98 ? up : forward;
-  const bend = turned(across(ahead, upper), upper, sign * rad(drawn[`elbow_turn_${side}`]));
-  const flexion = rad(angles[`elbow_flexion_${side}`]);
+  const bend = rotated(across(ahead, upper), upper, sign * rad(drawn[`elbow_rotation_${side}`]));
+  const flexion = rad(angles[`elbow_flexion_geometric_${side}`]);
   const lower = add(scaled(upper, Math.cos(flexion)), scaled(bend, Math.sin(flexion)));
   joints[`shoulder_${side}`] = add(scaled(up, PELVIS + SPINE - 0.04), scaled(outward, SHOULDERS));
   joints[`elbow_${side}`] = add(joints[`shoulder_${side}`], scaled(upper, UPPER_ARM));

@@ -1,19 +1,19 @@
-// The WebSocket to the gateway: connects, asks, says when it is gone, keeps trying.
+// The WebSocket to the gateway: subscribes, reports the connection, reconnects.
 import { create, fromBinary, toBinary } from "@bufbuild/protobuf";
-import { BrowserMessageSchema, GatewayMessageSchema, Kind, type GatewayMessage } from "./gen/kinevox/web/v1/exhibit_pb";
+import { BrowserMessageSchema, GatewayMessageSchema, StreamKind, type GatewayMessage } from "./gen/kinevox/web/v1/exhibit_pb";
 
-export interface Want {
-  kind: Kind;
-  level?: number;
+export interface Subscription {
+  kind: StreamKind;
+  downsampleLevel?: number;
   camera?: string;
   maxRateHz?: number;
 }
 
 const FIRST_PAUSE_MS = 400,
-  LONGEST_PAUSE_MS = 5_000;
-const SILENT_MS = 6_000; // the gateway gives a sign of life every two seconds
-const LOOK_MS = 1_000;
-const ASK_AGAIN_MS = 10_000; // what was refused: the daemon may have learned better
+  MAX_PAUSE_MS = 5_000;
+const IDLE_TIMEOUT_MS = 6_000; // the gateway sends a heartbeat every two seconds
+const CHECK_INTERVAL_MS = 1_000;
+const RETRY_MS = 10_000; // after a StreamError: a camera may exist by then
 
 export interface LinkListener {
   message(message: GatewayMessage): void;
@@ -23,31 +23,31 @@ export interface LinkListener {
 export class Link {
   private socket: WebSocket | undefined;
   private pause = FIRST_PAUSE_MS;
-  private heardAt = 0;
+  private receivedAt = 0;
   private opened = false;
-  private wants: readonly Want[] = [];
-  private refusedAt: number | undefined;
+  private subscriptions: readonly Subscription[] = [];
+  private errorAt: number | undefined;
 
   constructor(
     private readonly url: string,
     private readonly listener: LinkListener,
   ) {
-    setInterval(() => this.look(performance.now()), LOOK_MS);
+    setInterval(() => this.check(performance.now()), CHECK_INTERVAL_MS);
     this.connect();
   }
 
-  ask(wants: readonly Want[]): void {
-    this.wants = wants;
+  subscribe(subscriptions: readonly Subscription[]): void {
+    this.subscriptions = subscriptions;
     if (this.socket?.readyState === WebSocket.OPEN)
       this.socket.send(
         toBinary(
           BrowserMessageSchema,
           create(BrowserMessageSchema, {
-            wants: wants.map((want) => ({
-              kind: want.kind,
-              level: want.level ?? 0,
-              camera: want.camera ?? "",
-              maxRateHz: want.maxRateHz ?? 0,
+            subscriptions: subscriptions.map((subscription) => ({
+              kind: subscription.kind,
+              downsampleLevel: subscription.downsampleLevel ?? 0,
+              camera: subscription.camera ?? "",
+              maxRateHz: subscription.maxRateHz ?? 0,
             })),
           }),
         ),
@@ -58,29 +58,29 @@ export class Link {
     const socket = new WebSocket(this.url);
     socket.binaryType = "arraybuffer";
     this.socket = socket;
-    this.heardAt = performance.now();
+    this.receivedAt = performance.now();
     socket.onopen = () => {
       this.opened = true;
       this.listener.connected(true);
-      this.ask(this.wants);
+      this.subscribe(this.subscriptions);
     };
     socket.onmessage = (event: MessageEvent<ArrayBuffer>) => {
-      this.heardAt = performance.now();
+      this.receivedAt = performance.now();
       this.pause = FIRST_PAUSE_MS;
       this.receive(new Uint8Array(event.data));
     };
     socket.onclose = () => this.lost(socket);
   }
 
-  /** One message as it came. */
+  /** Handles one message as received. */
   receive(bytes: Uint8Array): void {
     let message: GatewayMessage;
     try {
       message = fromBinary(GatewayMessageSchema, bytes);
     } catch {
-      return; // of another version; what it says is said again
+      return; // of another version
     }
-    if (message.message.case === "refusal") this.refusedAt = performance.now();
+    if (message.payload.case === "error") this.errorAt = performance.now();
     this.listener.message(message);
   }
 
@@ -91,17 +91,17 @@ export class Link {
     if (this.opened) this.listener.connected(false);
     this.opened = false;
     setTimeout(() => this.connect(), this.pause);
-    this.pause = Math.min(2 * this.pause, LONGEST_PAUSE_MS);
+    this.pause = Math.min(2 * this.pause, MAX_PAUSE_MS);
   }
 
-  private look(now: number): void {
-    if (this.socket && now - this.heardAt > SILENT_MS) {
+  private check(now: number): void {
+    if (this.socket && now - this.receivedAt > IDLE_TIMEOUT_MS) {
       const socket = this.socket;
       socket.close();
-      this.lost(socket); // a closing that nobody answers takes the browser a minute
-    } else if (this.refusedAt !== undefined && now - this.refusedAt > ASK_AGAIN_MS) {
-      this.refusedAt = undefined;
-      this.ask(this.wants);
+      this.lost(socket); // without an answer the browser needs a minute to close
+    } else if (this.errorAt !== undefined && now - this.errorAt > RETRY_MS) {
+      this.errorAt = undefined;
+      this.subscribe(this.subscriptions);
     }
   }
 }

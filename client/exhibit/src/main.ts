@@ -1,9 +1,9 @@
-// The exhibit's page. In the address: ?lang=de, ?level=1 halves the volume's resolution, ?probe lets tests look inside.
+// The exhibit page. URL parameters: lang=de, level=1 (halves the volume's resolution), probe (access for tests).
 import "./style.css";
 import { App } from "./app";
 import { readChampion, type Champion } from "./champions";
-import { Kind } from "./gen/kinevox/web/v1/exhibit_pb";
-import { Languages, type LanguageList, type Words } from "./language";
+import { StreamKind } from "./gen/kinevox/web/v1/exhibit_pb";
+import { Languages, type LanguageList, type Texts } from "./language";
 import { Link } from "./link";
 import { Scene } from "./scene";
 import { windowSize } from "./window_size";
@@ -23,17 +23,17 @@ async function readChampions(): Promise<Champion[]> {
     try {
       champions.push(readChampion(id, await json(`champions/${id}.json`)));
     } catch (error) {
-      console.error(String(error)); // one bad file does not close the exhibit
+      console.error(String(error)); // the page works without it
     }
-  if (champions.length === 0) throw new Error("champions/index.json names no champion that can be read");
+  if (champions.length === 0) throw new Error("champions/index.json lists no valid champion");
   return champions;
 }
 
 function languageButtons(languages: Languages, chosen: () => void): void {
   const nav = document.getElementById("languages")!;
-  for (const [name, words] of Object.entries(languages.list.languages)) {
+  for (const [name, label] of Object.entries(languages.list.languages)) {
     const button = document.createElement("button");
-    button.textContent = words;
+    button.textContent = label;
     button.lang = name;
     button.addEventListener("click", () => void languages.choose(name).then(chosen));
     nav.append(button);
@@ -45,14 +45,14 @@ function markLanguage(languages: Languages): void {
     button.setAttribute("aria-pressed", String(button.lang === languages.chosen));
 }
 
-/** The middle of what panels and words leave free, parts of the window. */
+/** Centre of the area without panels and texts, as fractions of the window. */
 function freeCentre(wide: boolean): readonly [number, number] {
   const attract = document.body.classList.contains("attract");
   if (wide) return attract ? [0.71, 0.54] : [0.5, 0.54];
   return attract ? [0.5, 0.4] : [0.5, 0.29];
 }
 
-/** Follows the window's size at once, and the free middle slowly. */
+/** Follows the size of the window at once and the free centre slowly. */
 function fitter(scene: Scene): () => void {
   let fitted = -1,
     wide = true;
@@ -74,18 +74,18 @@ function fitter(scene: Scene): () => void {
 async function main(): Promise<void> {
   const parameters = new URLSearchParams(location.search);
   const list = await json<LanguageList>("languages/index.json");
-  const languages = new Languages(list, (name) => json<Words>(`languages/${name}.json`), parameters.get("lang"));
+  const languages = new Languages(list, (name) => json<Texts>(`languages/${name}.json`), parameters.get("lang"));
   await languages.choose(languages.chosen);
   const champions = await readChampions();
   const scene = new Scene(document.getElementById("scene") as HTMLCanvasElement);
   const clock = { now: () => performance.now() };
   const app = new App(scene, languages, champions, () => clock.now());
-  const say = () => {
+  const translate = () => {
     app.translate();
     markLanguage(languages);
   };
-  languageButtons(languages, say);
-  say();
+  languageButtons(languages, translate);
+  translate();
 
   const fit = fitter(scene);
   const address = new URL("ws", document.baseURI);
@@ -95,11 +95,11 @@ async function main(): Promise<void> {
     message: (message) => app.message(message),
     connected: (isConnected) => app.connected(isConnected),
   });
-  const level = Math.min(5, Math.max(0, Math.trunc(Number(parameters.get("level") ?? 0)) || 0));
-  link.ask([
-    { kind: Kind.POSES, maxRateHz: POSES_HZ },
-    { kind: Kind.VOLUMES, level, maxRateHz: VOLUMES_HZ },
-    { kind: Kind.STATUS },
+  const downsampleLevel = Math.min(5, Math.max(0, Math.trunc(Number(parameters.get("level") ?? 0)) || 0));
+  link.subscribe([
+    { kind: StreamKind.POSES, maxRateHz: POSES_HZ },
+    { kind: StreamKind.VOLUMES, downsampleLevel, maxRateHz: VOLUMES_HZ },
+    { kind: StreamKind.STATUS },
   ]);
 
   let running = true;
@@ -126,19 +126,19 @@ async function main(): Promise<void> {
   }
 }
 
-// A touch held long, or two fingers, must not open menus or zoom the page on a kiosk.
+// On a kiosk, a long touch or two fingers must not open menus or zoom the page.
 for (const name of ["contextmenu", "gesturestart", "dragstart"])
   addEventListener(name, (event) => event.preventDefault());
-/** A kiosk has nobody who presses a key: the page is loaded again once the gateway answers. */
-async function loadAgain(): Promise<void> {
+/** Reloads the page once the gateway answers: a kiosk has no keyboard. */
+async function reloadWhenAvailable(): Promise<void> {
   for (;;) {
     await new Promise((done) => setTimeout(done, 5_000));
-    const answer = await fetch(document.baseURI).catch(() => undefined);
-    if (answer?.ok) return location.reload();
+    const response = await fetch(document.baseURI).catch(() => undefined);
+    if (response?.ok) return location.reload();
   }
 }
 
 main().catch((error: unknown) => {
   console.error(error);
-  void loadAgain();
+  void reloadWhenAvailable();
 });

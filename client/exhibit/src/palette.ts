@@ -1,4 +1,4 @@
-// As in all of Kinevox's pictures: left blue, right orange.
+// As in all of Kinevox's figures: left blue, right orange.
 export const COLOURS = {
   background: 0x0d0f14,
   floor: 0x39414f,

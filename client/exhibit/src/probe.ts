@@ -1,4 +1,4 @@
-// For tests and benchmarks: looks inside the page, and feeds it faster than time goes. Loaded with ?probe alone.
+// For tests and benchmarks: exposes the state of the page and feeds it faster than real time. Loaded by ?probe only.
 import type { App } from "./app";
 import type { Link } from "./link";
 import type { Scene } from "./scene";
@@ -26,10 +26,10 @@ export function makeProbe({ app, scene, link, fit, clock, setRunning }: Parts): 
   };
   const probe = {
     stats,
-    ask: (kind: number, camera = "") => link.ask([{ kind, camera }]),
-    messages: [] as Uint8Array[], // GatewayMessages for run(), filled by whoever drives
-    /** `count` messages of those above in their order, `every_ms` of the page's time apart; each goes all the way to
-     *  the scene, every `draw_every`-th picture is drawn. */
+    subscribe: (kind: number, camera = "") => link.subscribe([{ kind, camera }]),
+    messages: [] as Uint8Array[], // GatewayMessages for run(), set by the test
+    /** Feeds `count` of the messages in order, `every_ms` of page time apart. Each is processed up to the scene; every
+     *  `draw_every`-th frame is drawn. */
     run(first: number, count: number, every_ms: number, draw_every: number, start_ms: number) {
       setRunning(false);
       fit();

@@ -1,4 +1,4 @@
-// The space in 3-D: floor, volume, skeleton, and in attract mode a champion's figure.
+// The 3-D scene: floor, volume, skeleton, and a champion's figure in attract mode.
 import {
   BufferAttribute,
   BufferGeometry,
@@ -25,8 +25,8 @@ const FIELD_DEG = 38,
   LOOK_M = 0.95;
 const FLOOR_M = 6,
   GRID_M = 0.5;
-const UNTOUCHED_MS = 25_000; // then the view returns by itself
-const MOST_PIXELS = 3840 * 2160;
+const UNTOUCHED_MS = 25_000; // then the view rotates automatically
+const MAX_PIXELS = 3840 * 2160;
 
 export class Scene {
   readonly renderer: WebGLRenderer;
@@ -63,21 +63,21 @@ export class Scene {
   }
 
   resize(width: number, height: number): void {
-    const ratio = Math.min(window.devicePixelRatio, Math.sqrt(MOST_PIXELS / Math.max(1, width * height)));
+    const ratio = Math.min(window.devicePixelRatio, Math.sqrt(MAX_PIXELS / Math.max(1, width * height)));
     this.renderer.setPixelRatio(ratio);
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
-    // A narrow picture still shows a person from head to toe with arms stretched out.
-    const least = 2.3 / DISTANCE_M / 2,
+    // A narrow window still shows a person with outstretched arms.
+    const min = 2.3 / DISTANCE_M / 2,
       wide = Math.tan((FIELD_DEG * Math.PI) / 360) * this.camera.aspect;
-    this.camera.fov = (360 / Math.PI) * Math.atan(Math.tan((FIELD_DEG * Math.PI) / 360) * Math.max(1, least / wide));
+    this.camera.fov = (360 / Math.PI) * Math.atan(Math.tan((FIELD_DEG * Math.PI) / 360) * Math.max(1, min / wide));
     this.camera.updateProjectionMatrix();
     this.volume.pixelsPerMetre = (ratio * height) / (2 * Math.tan((this.camera.fov * Math.PI) / 360));
   }
 
-  /** Where in the window the person stands, parts of it. */
+  /** Sets the person's position in the window, as fractions of its size. */
   aim(x: number, y: number): void {
-    const width = this.camera.aspect; // which it would set to its first two arguments' ratio
+    const width = this.camera.aspect; // setViewOffset sets it to the ratio of its first two arguments
     this.camera.setViewOffset(width, 1, (0.5 - x) * width, 0.5 - y, width, 1);
   }
 
@@ -96,27 +96,27 @@ export class Scene {
     else this.champion.hide();
   }
 
-  /** `centre`: of the person, or nothing while nobody is there. */
+  /** `centre`: of the person; undefined without one. */
   draw(now_ms: number, centre: Vec3 | undefined, attract: boolean): void {
-    const passed_s = Math.min(0.25, Math.max(0, (now_ms - this.drawnAt) / 1000));
+    const elapsed_s = Math.min(0.25, Math.max(0, (now_ms - this.drawnAt) / 1000));
     this.drawnAt = now_ms;
     this.target.set(centre?.[0] ?? 0, centre?.[1] ?? 0, LOOK_M);
-    // Camera and target move together, slowly: the person moves in the picture, the picture does not shake.
+    // Camera and target follow slowly together: the person moves in the image and the image does not shake.
     this.step
       .copy(this.target)
       .sub(this.controls.target)
-      .multiplyScalar(1 - Math.exp(-3 * passed_s));
+      .multiplyScalar(1 - Math.exp(-3 * elapsed_s));
     this.controls.target.add(this.step);
     this.camera.position.add(this.step);
     const untouched = performance.now() - this.touchedAt > UNTOUCHED_MS;
     this.controls.autoRotate = untouched;
     this.controls.autoRotateSpeed = attract ? 1.6 : 0.5;
-    this.controls.update(passed_s);
+    this.controls.update(elapsed_s);
     this.renderer.render(this.scene, this.camera);
   }
 }
 
-/** Lines half a metre apart that fade with the distance. */
+/** Grid lines every 0.5 m that fade with the distance. */
 function floor(): LineSegments {
   const positions: number[] = [],
     colours: number[] = [];

@@ -1,4 +1,4 @@
-// A skeleton in the scene: a rod a bone, a ball a joint. What was withheld is not drawn.
+// A skeleton in the scene: one cylinder per bone, one sphere per joint. Withheld joints are not drawn.
 import {
   Color,
   CylinderGeometry,
@@ -17,7 +17,7 @@ import { BONES, JOINTS, sideOf, type Joints } from "./skeleton";
 const BONE_M = 0.017,
   JOINT_M = 0.026,
   HEAD_M = 0.05;
-const UP = new Vector3(0, 1, 0); // a cylinder's own axis
+const UP = new Vector3(0, 1, 0); // axis of a cylinder
 
 export class StickFigure {
   readonly object = new Group();
@@ -25,11 +25,11 @@ export class StickFigure {
   private readonly balls: InstancedMesh<SphereGeometry, MeshLambertMaterial>;
   private readonly from = new Vector3();
   private readonly to = new Vector3();
-  private readonly turn = new Quaternion();
+  private readonly rotation = new Quaternion();
   private readonly size = new Vector3();
   private readonly matrix = new Matrix4();
 
-  /** `order`: drawn after everything of a lower one, over it. */
+  /** `order`: drawn over everything of a lower order. */
   constructor(
     order: number,
     private readonly thickness = 1,
@@ -47,7 +47,7 @@ export class StickFigure {
       mesh.instanceMatrix.setUsage(DynamicDrawUsage);
       this.object.add(mesh);
     }
-    // Bones lie inside the body: they are drawn over what came before, but hide one another as they should.
+    // Bones are inside the body: they are drawn over the volume, with depth only among themselves.
     this.bones.onBeforeRender = (renderer) => renderer.clearDepth();
     BONES.forEach((bone, n) => this.bones.setColorAt(n, new Color(COLOURS[bone.side])));
     JOINTS.forEach((joint, n) => this.balls.setColorAt(n, new Color(COLOURS[sideOf(joint)])));
@@ -66,9 +66,9 @@ export class StickFigure {
         this.from.set(...from);
         this.to.set(...to).sub(this.from);
         const length = this.to.length();
-        this.turn.setFromUnitVectors(UP, this.size.copy(this.to).divideScalar(Math.max(1e-9, length)));
+        this.rotation.setFromUnitVectors(UP, this.size.copy(this.to).divideScalar(Math.max(1e-9, length)));
         this.from.addScaledVector(this.to, 0.5);
-        this.matrix.compose(this.from, this.turn, this.size.set(1, length, 1));
+        this.matrix.compose(this.from, this.rotation, this.size.set(1, length, 1));
       } else this.matrix.makeScale(0, 0, 0);
       this.bones.setMatrixAt(n, this.matrix);
     });

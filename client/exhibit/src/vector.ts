@@ -9,11 +9,12 @@ export const cross = (a: Vec3, b: Vec3): Vec3 => [
   a[0] * b[1] - a[1] * b[0],
 ];
 export const unit = (a: Vec3): Vec3 => scaled(a, 1 / Math.max(1e-12, Math.hypot(...a)));
-/** The unit part of `a` at right angles to the unit vector `b`. */
+/** The component of `a` perpendicular to the unit vector `b`, normalised. */
 export const across = (a: Vec3, b: Vec3): Vec3 => unit(add(a, scaled(b, -dot(a, b))));
-export const mix = (a: Vec3, b: Vec3, part: number): Vec3 => add(scaled(a, 1 - part), scaled(b, part));
-/** `a` turned about the unit vector `axis`, right-handed. */
-export function turned(a: Vec3, axis: Vec3, radians: number): Vec3 {
+export const mix = (a: Vec3, b: Vec3, fraction: number): Vec3 =>
+  add(scaled(a, 1 - fraction), scaled(b, fraction));
+/** `a` rotated about the unit vector `axis`, right-handed. */
+export function rotated(a: Vec3, axis: Vec3, radians: number): Vec3 {
   const c = Math.cos(radians),
     s = Math.sin(radians);
   return add(add(scaled(a, c), scaled(cross(axis, a), s)), scaled(axis, dot(axis, a) * (1 - c)));

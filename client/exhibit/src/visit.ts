@@ -1,4 +1,4 @@
-// Who stands there: attract mode, a visit, its best pose. In memory only, and gone with the visitor.
+// The current visit and its best pose. Kept in memory only and discarded when the visitor leaves.
 import { score, type Champion, type Score } from "./champions";
 import type { Angles, Joints } from "./skeleton";
 
@@ -7,15 +7,15 @@ export interface Best {
   joints: Joints;
 }
 
-const GONE_AFTER_MS = 4_000; // without a body: somebody bent down, or walked through a corner
-const NOT_NOW_MS = 500;
-const HERE_AFTER_MS = 600;
+const LEAVE_AFTER_MS = 4_000; // without a body; shorter gaps occur when a visitor bends down
+const SCORE_TIMEOUT_MS = 500;
+const ARRIVE_AFTER_MS = 600;
 
 export class Visit {
   present = false;
-  now: Score | undefined; // against the champion chosen; undefined: not seen well enough
+  now: Score | undefined; // against the chosen champion; undefined: too many angles withheld
   best: Best | undefined;
-  number = 0; // of the visit, for who draws
+  number = 0; // of the visit; changes with each visitor
   private seenAt = -Infinity;
   private firstSeenAt: number | undefined;
   private subject = 0;
@@ -29,14 +29,14 @@ export class Visit {
     this.best = this.bests.get(champion.id);
   }
 
-  /** What was measured of somebody; `subject` 0: nobody is there. */
-  saw(subject: number, joints: Joints, angles: Angles, now_ms: number): void {
-    if (subject === 0) return this.passed(now_ms);
+  /** Takes a measured pose; `subject` 0: no subject. */
+  update(subject: number, joints: Joints, angles: Angles, now_ms: number): void {
+    if (subject === 0) return this.advance(now_ms);
     if (this.present && subject !== this.subject) this.forget();
     this.subject = subject;
     this.seenAt = now_ms;
     this.firstSeenAt ??= now_ms;
-    if (!this.present && now_ms - this.firstSeenAt >= HERE_AFTER_MS) this.present = true;
+    if (!this.present && now_ms - this.firstSeenAt >= ARRIVE_AFTER_MS) this.present = true;
     if (!this.present) return;
     this.now = score(angles, this.champion);
     if (this.now && (!this.best || this.now.percent > this.best.score.percent)) {
@@ -45,10 +45,10 @@ export class Visit {
     }
   }
 
-  /** Time went by without a body. */
-  passed(now_ms: number): void {
-    if (now_ms - this.seenAt > NOT_NOW_MS) this.now = undefined;
-    if (now_ms - this.seenAt <= GONE_AFTER_MS) return;
+  /** Takes the time without a new pose. */
+  advance(now_ms: number): void {
+    if (now_ms - this.seenAt > SCORE_TIMEOUT_MS) this.now = undefined;
+    if (now_ms - this.seenAt <= LEAVE_AFTER_MS) return;
     if (this.present || this.firstSeenAt !== undefined) this.leave();
   }
 

@@ -1,11 +1,11 @@
-// Decodes the bytes of a volume: proto/kinevox/v1/volume.proto is the reference. What a message needs is kept between
-// messages, so that a day of them makes no garbage to speak of.
+// Decodes an encoded volume (docs/volume_format.md). Buffers are reused between messages, so that continuous decoding
+// creates almost no garbage.
 import { DamagedVolume, readSections } from "./volume_sections";
 
-const MOST_BOX = 1 << 27; // voxels of the box that the bricks span
-export const RIM = 3; // empty voxels around the box, for who looks at neighbours
+const MAX_BOX_VOXELS = 1 << 27; // of the bounding box of the bricks
+export const RIM = 3; // empty voxels around the box, for neighbour tests
 
-/** The surface of one volume; its arrays are the decoder's own and hold until the next decode(). */
+/** The surface of one volume; its arrays belong to the decoder and are valid until the next decode(). */
 export interface Surface {
   originInWorld: [number, number, number]; // of voxel (0, 0, 0), m
   voxel_m: number;
@@ -13,16 +13,16 @@ export interface Surface {
   voxels: Int32Array; // i, j, k of each
   colours: Uint8Array; // r, g, b of each
   coloured: boolean;
-  // Occupancy, a byte a voxel, x fastest; voxel (i, j, k) at box.at(i, j, k). With a rim of RIM empty voxels.
+  // Occupancy, one byte per voxel, x fastest, with a rim of RIM empty voxels.
   box: { first: [number, number, number]; size: [number, number, number]; inside: Uint8Array };
 }
 
-/** Places among the octants of a brick, the cells of an octant and the voxels of a cell: z y x, one bit each. */
+/** Offsets of the octants of a brick, the cells of an octant and the voxels of a cell: z y x, one bit each. */
 const DX = [0, 1, 0, 1, 0, 1, 0, 1];
 const DY = [0, 0, 1, 1, 0, 0, 1, 1];
 const DZ = [0, 0, 0, 0, 1, 1, 1, 1];
 
-// Of the 10 x 10 x 10 padded brick: the neighbours that a colour is predicted from, in this order.
+// Neighbours that a colour is predicted from, in this order, in the padded brick of 10 x 10 x 10.
 const STEPS = [
   [-1, 0, 0],
   [0, -1, 0],
@@ -49,42 +49,42 @@ export class VolumeDecoder {
   private coded = new Int16Array(0); // Y, Co, Cg of each colour
   private readonly number = new Int32Array(1000); // colour of a voxel of the padded brick, from 1; 0: none
 
-  /** Throws DamagedVolume for anything that the daemon could not have written. */
+  /** Throws DamagedVolume for invalid data. */
   decode(bytes: Uint8Array): Surface {
     const { originInWorld, voxel_m, size, count, colours, coloured, sections } = readSections(bytes);
-    this.readPlaces(sections[0]!, count, size);
+    this.readBrickIndices(sections[0]!, count, size);
     const box = this.makeBox(count);
     this.fill(box, sections[1]!, sections[2]!, sections[3]!, count);
     const found = this.findSurface(box, count);
     if (coloured) {
-      if (found !== colours) throw new DamagedVolume("there is not one colour a surface voxel");
+      if (found !== colours) throw new DamagedVolume("the number of colours differs from the number of surface voxels");
       this.readColours(sections[4]!, sections[5]!, sections[6]!, count, found);
     }
     return { originInWorld, voxel_m, count: found, voxels: this.voxels, colours: this.colours, coloured, box };
   }
 
-  private readPlaces(gaps: Uint8Array, count: number, [bx, by, bz]: [number, number, number]): void {
+  private readBrickIndices(deltas: Uint8Array, count: number, [bx, by, bz]: [number, number, number]): void {
     this.bricks = grown(this.bricks, 3 * count, (n) => new Int32Array(n));
     let at = 0,
-      place = -1;
-    const most = bx * by * bz;
+      index = -1;
+    const end = bx * by * bz;
     for (let n = 0; n < count; ++n) {
-      let gap = 0,
+      let delta = 0,
         scale = 1,
         byte: number;
       do {
-        if (at >= gaps.length || scale > 2 ** 42) throw new DamagedVolume("the gaps between the bricks are damaged");
-        byte = gaps[at++]!;
-        gap += (byte & 0x7f) * scale; // beyond 32 bits, where << ends
+        if (at >= deltas.length || scale > 2 ** 42) throw new DamagedVolume("the brick index deltas are damaged");
+        byte = deltas[at++]!;
+        delta += (byte & 0x7f) * scale; // beyond the 32 bits of <<
         scale *= 128;
       } while (byte & 0x80);
-      place += gap + 1;
-      if (place >= most) throw new DamagedVolume("a brick lies outside the grid");
-      this.bricks[3 * n] = place % bx;
-      this.bricks[3 * n + 1] = Math.floor(place / bx) % by;
-      this.bricks[3 * n + 2] = Math.floor(place / (bx * by));
+      index += delta + 1;
+      if (index >= end) throw new DamagedVolume("a brick is outside the grid");
+      this.bricks[3 * n] = index % bx;
+      this.bricks[3 * n + 1] = Math.floor(index / bx) % by;
+      this.bricks[3 * n + 2] = Math.floor(index / (bx * by));
     }
-    if (at !== gaps.length) throw new DamagedVolume("the gaps between the bricks are not as many as the bricks");
+    if (at !== deltas.length) throw new DamagedVolume("the number of brick index deltas differs from the number of bricks");
   }
 
   private makeBox(count: number): Surface["box"] {
@@ -98,15 +98,15 @@ export class VolumeDecoder {
     const first = (d: number) => (count ? 8 * low[d]! : 0) - RIM;
     const size: [number, number, number] = [extent(0), extent(1), extent(2)];
     const voxels = size[0] * size[1] * size[2];
-    if (voxels > MOST_BOX) throw new DamagedVolume(`its bricks span ${voxels} voxels, too many to draw`);
+    if (voxels > MAX_BOX_VOXELS) throw new DamagedVolume(`its bricks span ${voxels} voxels, too many to draw`);
     if (this.inside.length >= voxels) this.inside.fill(0, 0, voxels);
     else this.inside = new Uint8Array(Math.ceil(1.5 * voxels));
     return { first: [first(0), first(1), first(2)], size, inside: this.inside };
   }
 
   private fill(box: Surface["box"], bricks: Uint8Array, octants: Uint8Array, cells: Uint8Array, count: number): void {
-    const problem = () => new DamagedVolume("an octree mask contradicts itself");
-    const short = () => new DamagedVolume("the sections of the shape do not have the length that the shape needs");
+    const problem = () => new DamagedVolume("an octree mask is inconsistent");
+    const short = () => new DamagedVolume("the length of the shape sections does not match the shape");
     const [sx, sy] = box.size,
       inside = box.inside;
     let octant = 0,
@@ -203,7 +203,7 @@ export class VolumeDecoder {
         const x = this.voxels[3 * n]! - i,
           y = this.voxels[3 * n + 1]! - j,
           z = this.voxels[3 * n + 2]! - k;
-        if (x < 1 || x > 8 || y < 1 || y > 8 || z < 1 || z > 8) break; // the next brick's
+        if (x < 1 || x > 8 || y < 1 || y > 8 || z < 1 || z > 8) break; // belongs to the next brick
         const here = z * 100 + y * 10 + x;
         let first = -1,
           second = -1;

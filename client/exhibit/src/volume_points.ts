@@ -1,17 +1,17 @@
-// The volume as three.js draws it: a square a surface voxel, as large as a voxel appears there, lit from the upper left.
-// The buffers are kept and only grow.
+// The volume for three.js: one square per surface voxel at its projected size, lit from the upper left. Buffers are
+// reused and only grow.
 import { BufferAttribute, BufferGeometry, DynamicDrawUsage, Points, ShaderMaterial, Sphere, Vector3 } from "three";
 import type { Surface } from "./volume_codec";
 
 const GREY = 190;
-const REACH = 2; // voxels that a normal is made of, each way; not beyond the box's rim
+const NORMAL_RADIUS = 2; // voxels; at most the box's rim
 const NEIGHBOURS: readonly (readonly [number, number, number])[] = (() => {
   const around: [number, number, number][] = [];
-  for (let z = -REACH; z <= REACH; ++z)
-    for (let y = -REACH; y <= REACH; ++y)
-      for (let x = -REACH; x <= REACH; ++x) {
+  for (let z = -NORMAL_RADIUS; z <= NORMAL_RADIUS; ++z)
+    for (let y = -NORMAL_RADIUS; y <= NORMAL_RADIUS; ++y)
+      for (let x = -NORMAL_RADIUS; x <= NORMAL_RADIUS; ++x) {
         const squared = x * x + y * y + z * z;
-        if (squared > 0 && squared <= REACH * REACH + 1 && (x + y + z) % 2 !== 0) around.push([x, y, z]);
+        if (squared > 0 && squared <= NORMAL_RADIUS * NORMAL_RADIUS + 1 && (x + y + z) % 2 !== 0) around.push([x, y, z]);
       }
   return around;
 })();
@@ -23,7 +23,7 @@ varying vec3 shade;
 void main() {
   vec4 eye = modelViewMatrix * vec4(position, 1.0);
   gl_Position = projectionMatrix * eye;
-  // A cube seen over its corner is wider than its edge.
+  // The projection of a cube is wider than its edge.
   gl_PointSize = max(1.0, 1.4 * voxel_m * pixels_per_metre / max(0.05, -eye.z));
   float facing = dot(normalize(mat3(viewMatrix) * normal), normalize(vec3(-0.35, 0.45, 0.82)));
   shade = colour * mix(0.42, 1.15, 0.5 + 0.5 * facing);
@@ -44,7 +44,7 @@ export class VolumePoints {
       uniforms: { pixels_per_metre: { value: 1 }, voxel_m: { value: 0.01 } },
     });
     this.object = new Points(new BufferGeometry(), material);
-    this.object.frustumCulled = false; // the person is what is looked at
+    this.object.frustumCulled = false; // always in view
     this.object.visible = false;
   }
 
@@ -122,7 +122,7 @@ export class VolumePoints {
     add("position", new Float32Array(3 * this.capacity), false);
     add("colour", new Uint8Array(3 * this.capacity), true);
     add("normal", new Int8Array(3 * this.capacity), true);
-    geometry.boundingSphere = new Sphere(new Vector3(), 1e3); // never asked for, never computed
+    geometry.boundingSphere = new Sphere(new Vector3(), 1e3); // otherwise computed for every volume
     this.object.geometry = geometry;
   }
 }

@@ -1,9 +1,9 @@
-// The header of a volume's bytes and its sections, unpacked: proto/kinevox/v1/volume.proto is the reference.
+// Header and unpacked sections of an encoded volume (docs/volume_format.md).
 import { decompress } from "fzstd";
 
 const HEADER_BYTES = 56;
-const MOST_BRICKS = 1 << 20;
-const MOST_COLOURS = 1 << 24;
+const MAX_BRICKS = 1 << 20;
+const MAX_COLOURS = 1 << 24;
 
 export class DamagedVolume extends Error {}
 
@@ -11,18 +11,18 @@ export interface Sections {
   originInWorld: [number, number, number]; // of voxel (0, 0, 0), m
   voxel_m: number;
   size: [number, number, number]; // bricks
-  count: number; // bricks that are sent
+  count: number; // encoded bricks
   colours: number;
   coloured: boolean;
   sections: Uint8Array[];
 }
 
-/** Checks all sizes before anything is unpacked. */
+/** Checks all sizes before unpacking. */
 export function readSections(bytes: Uint8Array): Sections {
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
-  if (bytes.length < HEADER_BYTES) throw new DamagedVolume(`${bytes.length} bytes are too few for a header`);
+  if (bytes.length < HEADER_BYTES) throw new DamagedVolume(`${bytes.length} bytes are too short for a header`);
   if (view.getUint32(0, false) !== 0x4b565856) throw new DamagedVolume("does not begin with KVXV");
-  if (bytes[4] !== 1) throw new DamagedVolume(`version ${bytes[4]} is not known`);
+  if (bytes[4] !== 1) throw new DamagedVolume(`unknown version ${bytes[4]}`);
   const flags = bytes[5]!;
   const originInWorld: [number, number, number] = [
     view.getFloat64(8, true),
@@ -40,8 +40,8 @@ export function readSections(bytes: Uint8Array): Sections {
     voxel_m > 0 &&
     view.getUint16(6, true) === 0 &&
     view.getUint16(46, true) === 0;
-  if (!sane) throw new DamagedVolume("the header makes no sense");
-  if (count > MOST_BRICKS || colours > MOST_COLOURS || (flags === 0 && colours > 0) || size.some((n) => n > 32767))
+  if (!sane) throw new DamagedVolume("invalid header");
+  if (count > MAX_BRICKS || colours > MAX_COLOURS || (flags === 0 && colours > 0) || size.some((n) => n > 32767))
     throw new DamagedVolume(`${count} bricks and ${colours} colours exceed the limits`);
   const sections = unpackSections(bytes, view, flags ? 7 : 4, count, colours);
   return { originInWorld, voxel_m, size, count, colours, coloured: flags === 1, sections };
@@ -63,7 +63,7 @@ function unpackSections(
     stored.push(view.getUint32(HEADER_BYTES + 8 * n + 4, true));
   }
   if (start + stored.reduce((a, b) => a + b, 0) !== bytes.length)
-    throw new DamagedVolume("its length is not what its header says");
+    throw new DamagedVolume("the length differs from the header");
   const fits =
     raw[0]! >= count &&
     raw[0]! <= 7 * count &&
@@ -72,23 +72,23 @@ function unpackSections(
     raw[2]! <= 16 * count &&
     raw[3]! <= 4 * raw[2]! &&
     raw.slice(4).every((n) => n === colours);
-  if (!fits) throw new DamagedVolume("the sections' sizes contradict the number of bricks or colours");
+  if (!fits) throw new DamagedVolume("the section sizes do not match the number of bricks or colours");
   return raw.map((length, n) => {
     const piece = bytes.subarray(start, (start += stored[n]!));
     if (stored[n] === length) return piece;
-    if (frameContentSize(piece) !== length) throw new DamagedVolume(`section ${n} does not hold what the header says`);
+    if (frameContentSize(piece) !== length) throw new DamagedVolume(`the size of section ${n} differs from the header`);
     let unpacked: Uint8Array;
     try {
       unpacked = decompress(piece, new Uint8Array(length));
     } catch {
       throw new DamagedVolume(`section ${n} cannot be unpacked`);
     }
-    if (unpacked.length !== length) throw new DamagedVolume(`section ${n} does not hold what the header says`);
+    if (unpacked.length !== length) throw new DamagedVolume(`the size of section ${n} differs from the header`);
     return unpacked;
   });
 }
 
-/** What a zstd frame states about itself (RFC 8878, 3.1.1.1); -1 where it states nothing. */
+/** Content size stated by a zstd frame (RFC 8878, 3.1.1.1); -1 if it states none. */
 function frameContentSize(frame: Uint8Array): number {
   if (frame.length < 6 || frame[0] !== 0x28 || frame[1] !== 0xb5 || frame[2] !== 0x2f || frame[3] !== 0xfd) return -1;
   const descriptor = frame[4]!,

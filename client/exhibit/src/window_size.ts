@@ -1,3 +1,3 @@
-/** Counts the window's changes of size: asking for the size itself makes the browser lay the page out each time. */
+/** Counts resize events: reading the size itself forces a layout each time. */
 export const windowSize = { changes: 0 };
 addEventListener("resize", () => (windowSize.changes += 1));

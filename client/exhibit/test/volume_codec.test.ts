@@ -1,4 +1,4 @@
-// The decoder against what the C++ codec wrote and says of it (make_volume_vectors), and against damage.
+// The decoder against vectors of the C++ codec (make_volume_vectors) and against damaged data.
 import { readdirSync, readFileSync } from "node:fs";
 import { join } from "node:path";
 import { describe, expect, it } from "vitest";
@@ -6,21 +6,21 @@ import { VolumeDecoder } from "../src/volume_codec";
 import { DamagedVolume } from "../src/volume_sections";
 
 const folder = process.env.KINEVOX_VOLUME_VECTORS;
-if (!folder) throw new Error("KINEVOX_VOLUME_VECTORS names no folder; make_volume_vectors fills one");
+if (!folder) throw new Error("set KINEVOX_VOLUME_VECTORS to the output folder of make_volume_vectors");
 const names = readdirSync(folder).filter((name) => name.endsWith(".kvxv"));
 const bytesOf = (name: string) => new Uint8Array(readFileSync(join(folder, name)));
 
 describe("VolumeDecoder", () => {
-  const decoder = new VolumeDecoder(); // one for all: what it keeps must not show
+  const decoder = new VolumeDecoder(); // one for all: reused buffers must not change results
 
   it("has vectors", () => expect(names.length).toBe(10));
 
   for (const name of [...names, ...names].reverse())
-    it(`reads ${name} as C++ does`, () => {
+    it(`decodes ${name} as C++ does`, () => {
       const surface = decoder.decode(bytesOf(name));
       const expected = new DataView(bytesOf(name.replace(".kvxv", ".surface")).buffer);
       expect(surface.count).toBe(expected.getUint32(0, true));
-      expect(surface.coloured).toBe(/^person.*coloured/.test(name)); // the others have no colours to send
+      expect(surface.coloured).toBe(/^person.*coloured/.test(name)); // the others have no colours
       let wrong = 0;
       for (let n = 0; n < surface.count; ++n) {
         for (let d = 0; d < 3; ++d) {
@@ -31,13 +31,13 @@ describe("VolumeDecoder", () => {
       expect(wrong).toBe(0);
     });
 
-  it("names the voxels' place in the world", () => {
+  it("returns origin and voxel size", () => {
     const surface = decoder.decode(bytesOf("blocks.kvxv"));
     expect(surface.originInWorld).toEqual([-0.5, 2, 0]);
     expect(surface.voxel_m).toBeCloseTo(0.02, 12);
   });
 
-  it("throws DamagedVolume, and nothing else, for damage", () => {
+  it("throws only DamagedVolume for damaged data", () => {
     let seed = 1;
     const random = (n: number) => (seed = (seed * 48271) % 2147483647) % n;
     let damaged = 0;
@@ -56,6 +56,6 @@ describe("VolumeDecoder", () => {
       }
     }
     expect(damaged).toBeGreaterThan(600);
-    expect(decoder.decode(bytesOf("person_50mm.kvxv")).count).toBeGreaterThan(100); // none the worse for it
+    expect(decoder.decode(bytesOf("person_50mm.kvxv")).count).toBeGreaterThan(100); // still works
   });
 });

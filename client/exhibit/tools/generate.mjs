@@ -1,4 +1,4 @@
-// Writes src/gen from the .proto files, with Debian's protoc and the plugin of node_modules.
+// Generates src/gen from the .proto files with Debian's protoc and the plugin of node_modules.
 import { execFileSync } from "node:child_process";
 import { mkdirSync, rmSync } from "node:fs";
 import { dirname, join } from "node:path";

@@ -1,10 +1,10 @@
 #!/usr/bin/python3
-"""Draws knee and hip angles while they are measured.
+"""Plots knee and hip angles live.
 
-usage: live_plot.py [--server HOST:PORT] [--seconds 10] [--picture FILE.png]
+usage: live_plot.py [--server HOST:PORT] [--duration 10] [--screenshot FILE.png]
 
-Opens a window and draws the last ten seconds, until it is closed; with --picture it draws nothing until --seconds are
-over and then writes the picture, which needs no screen.
+Shows the last ten seconds in a window until it is closed. With --screenshot it collects poses for --duration seconds
+and writes a PNG file, which needs no display.
 """
 import argparse
 import collections
@@ -14,22 +14,33 @@ import matplotlib
 
 from kinevox import Client, KinevoxError
 
-CURVES = {"knee_flexion_l": ("#0072B2", "-"), "knee_flexion_r": ("#D55E00", "-"),
-          "hip_flexion_l": ("#0072B2", ":"), "hip_flexion_r": ("#D55E00", ":")}
+CURVES = {
+    "knee_flexion_geometric_l": ("#0072B2", "-"),
+    "knee_flexion_geometric_r": ("#D55E00", "-"),
+    "hip_flexion_geometric_l": ("#0072B2", ":"),
+    "hip_flexion_geometric_r": ("#D55E00", ":"),
+}
 SHOWN_S = 10
 
 
+def label(name):
+    return name.replace("_geometric", "").replace("_", " ")
+
+
 class Plot:
-    """The last seconds of some angles."""
+    """The last seconds of the angles."""
 
     def __init__(self):
         from matplotlib import pyplot
+
         self.pyplot = pyplot
         self.figure, self.axes = pyplot.subplots(figsize=(8, 4), constrained_layout=True)
         self.time_s = collections.deque()
         self.values = {name: collections.deque() for name in CURVES}
-        self.lines = {name: self.axes.plot([], [], color=colour, linestyle=style, label=name.replace("_", " "))[0]
-                      for name, (colour, style) in CURVES.items()}
+        self.lines = {
+            name: self.axes.plot([], [], color=colour, linestyle=style, label=label(name))[0]
+            for name, (colour, style) in CURVES.items()
+        }
         self.axes.set(xlabel="time, s", ylabel="angle, deg", ylim=(-30, 150))
         self.axes.grid(color="0.92")
         self.axes.legend(ncols=4, fontsize=8, frameon=False, loc="upper left")
@@ -37,7 +48,7 @@ class Plot:
     def add(self, time_s, pose):
         self.time_s.append(time_s)
         for name, values in self.values.items():
-            values.append(pose.angles[name])   # NaN, which leaves a gap, where it was withheld
+            values.append(pose.angles[name])  # NaN, drawn as a gap, where withheld
         while self.time_s[-1] - self.time_s[0] > SHOWN_S:
             for column in (self.time_s, *self.values.values()):
                 column.popleft()
@@ -55,28 +66,29 @@ class Plot:
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--server", default="", help="HOST:PORT of the daemon")
-    parser.add_argument("--seconds", type=float, default=10, help="with --picture: how long to watch")
-    parser.add_argument("--picture", help="PNG to write instead of opening a window")
+    parser.add_argument("--duration", type=float, default=10, help="with --screenshot: collection time (s)")
+    parser.add_argument("--screenshot", help="PNG file to write instead of opening a window")
     options = parser.parse_args()
-    if options.picture:
+    if options.screenshot:
         matplotlib.use("Agg")
     plot = Plot()
-    # A window draws slowly: the newest pose is enough for it. A picture takes them all.
-    with Client(options.server) as client, client.poses("all" if options.picture else "latest", silence_s=10) as poses:
+    # A window draws slowly and needs only the latest pose.
+    delivery = "lossless" if options.screenshot else "latest"
+    with Client(options.server) as client, client.poses(delivery, idle_timeout_s=10) as poses:
         begin, first_ns = time.monotonic(), None
         for pose in poses:
-            first_ns = pose.time_ns if first_ns is None else first_ns
-            plot.add((pose.time_ns - first_ns) * 1e-9, pose)
-            if not options.picture:
+            first_ns = pose.capture_time_ns if first_ns is None else first_ns
+            plot.add((pose.capture_time_ns - first_ns) * 1e-9, pose)
+            if not options.screenshot:
                 plot.draw()
                 plot.pyplot.pause(0.001)
                 if not plot.is_open():
                     return
-            elif time.monotonic() - begin >= options.seconds:
+            elif time.monotonic() - begin >= options.duration:
                 break
     plot.draw()
-    plot.figure.savefig(options.picture, dpi=100)
-    print(f"{len(plot.time_s)} poses in {options.picture}")
+    plot.figure.savefig(options.screenshot, dpi=100)
+    print(f"{len(plot.time_s)} poses in {options.screenshot}")
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
 #!/usr/bin/python3
-"""Writes poses to a CSV file as they are measured.
+"""Streams poses to a CSV file.
 
-usage: stream_to_csv.py [--server HOST:PORT] [--seconds 10] [--out poses.csv]
+usage: stream_to_csv.py [--server HOST:PORT] [--duration 10] [--out poses.csv]
 
-A row a frame set: time, the knees and hips in degrees, the toes in metres (world frame, z up). An empty cell is a value
-that the cameras did not determine.
+One row per frame set: time, knee and hip coordinates and trunk lean in degrees, toes in metres (world frame, z up).
+Withheld values are empty cells.
 """
 import argparse
 import csv
@@ -13,7 +13,8 @@ import time
 
 from kinevox import Client, KinevoxError
 
-ANGLES = ["knee_angle_l", "knee_angle_r", "hip_flexion_l", "hip_flexion_r", "trunk_lean"]
+COORDINATES = ["knee_angle_l", "knee_angle_r", "hip_flexion_l", "hip_flexion_r"]
+ANGLES = ["trunk_lean_geometric"]
 JOINTS = ["toe_l", "toe_r"]
 
 
@@ -24,23 +25,32 @@ def cell(value):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--server", default="", help="HOST:PORT of the daemon")
-    parser.add_argument("--seconds", type=float, default=10)
+    parser.add_argument("--duration", type=float, default=10, help="streaming time (s)")
     parser.add_argument("--out", default="poses.csv")
     options = parser.parse_args()
     rows = 0
-    with (Client(options.server) as client, client.poses(silence_s=10) as poses,
-          open(options.out, "w", newline="") as file):
+    with (
+        Client(options.server) as client,
+        client.poses(idle_timeout_s=10) as poses,
+        open(options.out, "w", newline="") as file,
+    ):
         table = csv.writer(file)
-        table.writerow(["sequence", "time_s"] + [f"{name}_deg" for name in ANGLES] +
-                       [f"{name}_{axis}_m" for name in JOINTS for axis in "xyz"])
+        table.writerow(
+            ["sequence", "time_s"]
+            + [f"{name}_deg" for name in COORDINATES + ANGLES]
+            + [f"{name}_{axis}_m" for name in JOINTS for axis in "xyz"]
+        )
         begin, first_ns = time.monotonic(), None
         for pose in poses:
-            first_ns = pose.time_ns if first_ns is None else first_ns
-            table.writerow([pose.sequence, f"{(pose.time_ns - first_ns) * 1e-9:.4f}"] +
-                           [cell(pose.angles[name]) for name in ANGLES] +
-                           [cell(value) for name in JOINTS for value in pose.joints[name]])
+            first_ns = pose.capture_time_ns if first_ns is None else first_ns
+            table.writerow(
+                [pose.sequence, f"{(pose.capture_time_ns - first_ns) * 1e-9:.4f}"]
+                + [cell(pose.coordinates[name]) for name in COORDINATES]
+                + [cell(pose.angles[name]) for name in ANGLES]
+                + [cell(value) for name in JOINTS for value in pose.joints[name]]
+            )
             rows += 1
-            if time.monotonic() - begin >= options.seconds:
+            if time.monotonic() - begin >= options.duration:
                 break
     print(f"{rows} rows in {options.out}")
 

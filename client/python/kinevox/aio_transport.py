@@ -1,4 +1,4 @@
-"""How the asynchronous client carries calls and streams out."""
+"""Calls and streams of the asynchronous client."""
 from __future__ import annotations
 
 import asyncio
@@ -11,14 +11,14 @@ import grpc.aio
 
 from kinevox.calls import Call, StreamCall, plan
 from kinevox.errors import KinevoxError, Unavailable, from_rpc
-from kinevox.streams import FIRST_PAUSE_S, LONGEST_PAUSE_S, OnReconnect, silence
+from kinevox.streams import FIRST_PAUSE_S, MAX_PAUSE_S, OnReconnect, idle_error
 from kinevox.transport import Options, path
 
 T = TypeVar("T")
 
 
 class AsyncTransport:
-    """A channel of the running event loop, made when it is first needed, and the lease that is held, if one is."""
+    """A channel of the running event loop, created at first use, and the control lease while one is held."""
 
     def __init__(self, options: Options) -> None:
         self.options = options
@@ -27,7 +27,7 @@ class AsyncTransport:
 
     @property
     def channel(self) -> Any:
-        """gRPC's."""
+        """The gRPC channel."""
         if self._channel is None:
             server, more = self.options.server, self.options.channel_options
             if self.options.credentials is not None:
@@ -37,7 +37,7 @@ class AsyncTransport:
         return self._channel
 
     async def run(self, call: Call[T]) -> T:
-        """The call's result; KinevoxError. A cancellation still gives back the control that the call took."""
+        """The call's result; KinevoxError. A cancelled call still releases control."""
         steps = plan(call, self.lease_id, self.options.operator)
         try:
             step = next(steps)
@@ -53,11 +53,13 @@ class AsyncTransport:
             return result
 
     async def _once(self, call: Call[Any]) -> Any:
-        ask = self.channel.unary_unary(path(call.method), type(call.request).SerializeToString,
-                                       call.response.FromString)
+        ask = self.channel.unary_unary(
+            path(call.method), type(call.request).SerializeToString, call.response.FromString
+        )
         try:
-            answer = await ask(call.request, timeout=call.timeout_s or self.options.timeout_s,
-                               metadata=list(self.options.metadata))
+            answer = await ask(
+                call.request, timeout=call.timeout_s or self.options.timeout_s, metadata=list(self.options.metadata)
+            )
         except grpc.RpcError as error:
             raise from_rpc(error, self.options.server) from None
         return call.convert(answer)
@@ -69,14 +71,19 @@ class AsyncTransport:
 
 
 class AsyncStream(Generic[T], AsyncIterator[T]):
-    """A stream's messages by `async for`; ends and fails as Stream does. Leaving a loop early ends it once nothing
-    refers to it any more, close() or `async with` at once."""
+    """Iterates over a stream's messages with `async for`; otherwise as Stream."""
 
-    def __init__(self, transport: AsyncTransport, call: StreamCall[T], reconnect: bool = False,
-                 silence_s: float | None = None, on_reconnect: OnReconnect | None = None) -> None:
+    def __init__(
+        self,
+        transport: AsyncTransport,
+        call: StreamCall[T],
+        reconnect: bool = False,
+        idle_timeout_s: float | None = None,
+        on_reconnect: OnReconnect | None = None,
+    ) -> None:
         self.reconnects = 0
         self._transport, self._what = transport, call
-        self._reconnect, self._silence_s, self._on_reconnect = reconnect, silence_s, on_reconnect
+        self._reconnect, self._idle_timeout_s, self._on_reconnect = (reconnect, idle_timeout_s, on_reconnect)
         self._call: Any = None
         self._closed = False
         self._pause_s = FIRST_PAUSE_S
@@ -89,16 +96,16 @@ class AsyncStream(Generic[T], AsyncIterator[T]):
             try:
                 if self._call is None:
                     self._call = self._open()
-                message = await asyncio.wait_for(self._call.read(), self._silence_s)
+                message = await asyncio.wait_for(self._call.read(), self._idle_timeout_s)
             except asyncio.TimeoutError:
                 self.close()
-                raise silence(self._transport.options.server, self._silence_s or 0) from None
+                raise idle_error(self._transport.options.server, self._idle_timeout_s or 0) from None
             except grpc.RpcError as error:
                 await self._reopen(from_rpc(error, self._transport.options.server))
                 continue
             except asyncio.CancelledError:
                 if self._closed:
-                    break      # close() by another task
+                    break  # close() by another task
                 self.close()
                 raise
             if message is grpc.aio.EOF:
@@ -109,7 +116,7 @@ class AsyncStream(Generic[T], AsyncIterator[T]):
         raise StopAsyncIteration
 
     async def wait_until_subscribed(self) -> None:
-        """Returns when the daemon sends whatever happens from now on. Errors come with the first message."""
+        """Returns when the daemon has registered the subscription. Errors are raised by the first read."""
         if self._call is None:
             self._call = self._open()
         try:
@@ -119,8 +126,9 @@ class AsyncStream(Generic[T], AsyncIterator[T]):
 
     def _open(self) -> Any:
         what = self._what
-        ask = self._transport.channel.unary_stream(path(what.method), type(what.request).SerializeToString,
-                                                   what.response.FromString)
+        ask = self._transport.channel.unary_stream(
+            path(what.method), type(what.request).SerializeToString, what.response.FromString
+        )
         return ask(what.request, metadata=list(self._transport.options.metadata))
 
     async def _reopen(self, why: KinevoxError) -> None:
@@ -133,7 +141,7 @@ class AsyncStream(Generic[T], AsyncIterator[T]):
         if self._on_reconnect is not None:
             self._on_reconnect(why)
         await asyncio.sleep(self._pause_s)
-        self._pause_s = min(2 * self._pause_s, LONGEST_PAUSE_S)
+        self._pause_s = min(2 * self._pause_s, MAX_PAUSE_S)
         self.reconnects += 1
 
     def close(self) -> None:
@@ -145,8 +153,9 @@ class AsyncStream(Generic[T], AsyncIterator[T]):
     async def __aenter__(self) -> AsyncStream[T]:
         return self
 
-    async def __aexit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                        trace: TracebackType | None) -> None:
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
     def __del__(self) -> None:

@@ -1,58 +1,85 @@
-"""The subject's body, and the predefined poses that a lost body is looked for with."""
+"""The subject's body model and the state of the pose database."""
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from kinevox.calls import Call, StreamCall, nothing
+from kinevox.calls import Call, StreamCall, duration, nothing
 from kinevox.capture import Service, enum_name
-from kinevox.transport import START_TIMEOUT_S
+from kinevox.header import only_subject
 from kinevox.v1 import pose_service_pb2 as pb
 
 
 @dataclass(frozen=True)
-class BodyState:
-    """The body in use, and how far a fit is.
+class SubjectBody:
+    """The active body of one subject and the progress of a fit.
 
-    state: none, collecting, fitting, ready or failed. part: 0 to 1. message: one line. stature_m; lengths_m, between
-    rotation centres, half-widths and radii; girths_m, circumferences, clothes included: by body.toml's names, m.
-    frames: that it was fitted to; 0: it is from a file or an adult of average build. raw: all of it, with standard
-    deviations.
+    subject_id: 0 for the default body, before a subject is tracked. state: not_started, collecting, fitting, ready or
+    failed. progress: 0 to 1. message: one line. stature_m; lengths_m, between rotation centres, half-widths and radii;
+    girths_m, circumferences including clothes: by the names of body.toml, m. frame_set_count: used for the fit; 0: the
+    body is from a file or of average build. raw: kinevox.v1.pose_service_pb2.SubjectBody, with standard deviations.
     """
 
+    subject_id: int
     state: str
-    part: float
+    progress: float
     message: str
     stature_m: float
     lengths_m: dict[str, float]
     girths_m: dict[str, float]
-    frames: int
+    frame_set_count: int
     raw: Any = field(repr=False)
+
+    @staticmethod
+    def of(subject: Any) -> "SubjectBody":
+        """From the daemon's message."""
+        body = subject.body
+        return SubjectBody(
+            subject.subject_id,
+            enum_name(pb.BodyFitState.DESCRIPTOR, subject.state, "BODY_FIT_STATE_"),
+            subject.progress,
+            subject.message,
+            body.stature.value_m,
+            {m.name: m.value_m for m in body.lengths},
+            {m.name: m.value_m for m in body.girths},
+            body.frame_set_count,
+            subject,
+        )
+
+
+@dataclass(frozen=True)
+class BodyState:
+    """A message of Client.body_progress(). subjects: ordered by subject_id."""
+
+    subjects: tuple[SubjectBody, ...]
+
+    @property
+    def only(self) -> SubjectBody:
+        """The body of the only subject. FailedPrecondition if there are several."""
+        none = SubjectBody.of(pb.SubjectBody())
+        return only_subject(self.subjects, [body.subject_id for body in self.subjects], none)
 
     @staticmethod
     def of(answer: Any, _: str = "") -> "BodyState":
         """From the daemon's message."""
-        body = answer.body
-        return BodyState(enum_name(pb.BodyFitState.DESCRIPTOR, answer.state, "BODY_FIT_STATE_"), answer.part,
-                         answer.message, body.stature.value_m, {m.name: m.value_m for m in body.lengths},
-                         {m.name: m.value_m for m in body.girths}, body.frames, answer)
+        return BodyState(tuple(SubjectBody.of(subject) for subject in answer.subjects))
 
 
 @dataclass(frozen=True)
-class DatabaseState:
-    """state: none, building, ready, cancelled or failed. part: 0 to 1. entries: of the database that answers now."""
+class PoseDatabaseState:
+    """state: not_started, building, ready, cancelled or failed. progress: of the build, 0 to 1. entry_count: of the
+    database in use, during a rebuild of the previous one. message: one line."""
 
     state: str
-    part: float
-    entries: int
+    progress: float
+    entry_count: int
     message: str
 
     @staticmethod
-    def of(answer: Any, _: str = "") -> "DatabaseState":
+    def of(answer: Any, _: str = "") -> "PoseDatabaseState":
         """From the daemon's message."""
-        return DatabaseState(enum_name(pb.DatabaseState.DESCRIPTOR, answer.state, "DATABASE_STATE_"), answer.part,
-                             answer.entries, answer.message)
+        state = enum_name(pb.PoseDatabaseState.DESCRIPTOR, answer.state, "POSE_DATABASE_STATE_")
+        return PoseDatabaseState(state, answer.progress, answer.entry_count, answer.message)
 
 
 def body_call() -> StreamCall[BodyState]:
@@ -60,41 +87,25 @@ def body_call() -> StreamCall[BodyState]:
     return StreamCall("PoseService/WatchBody", pb.WatchBodyRequest(), pb.WatchBodyResponse, BodyState.of)
 
 
-def database_call() -> StreamCall[DatabaseState]:
+def database_call() -> StreamCall[PoseDatabaseState]:
     """See Client.database_progress."""
-    return StreamCall("PoseService/WatchDatabase", pb.WatchDatabaseRequest(), pb.WatchDatabaseResponse,
-                      DatabaseState.of)
+    return StreamCall(
+        "PoseService/WatchPoseDatabase",
+        pb.WatchPoseDatabaseRequest(),
+        pb.WatchPoseDatabaseResponse,
+        PoseDatabaseState.of,
+    )
 
 
 class Body(Service):
-    """client.body. Changes take control for the moment. Errors: InvalidArgument, FailedPrecondition, NotFound;
-    Unavailable while the database is being built."""
+    """client.body: fits the body model to the subject."""
 
-    def fit(self, seconds: float = 0) -> None:
-        """Begins to fit stature, lengths and girths to the person in the space, from the next 1 to 30 s, 0: 4;
-        client.body_progress() tells the rest. A T-pose tells most."""
-        return self._runner.run(Call("PoseService/FitBody", pb.FitBodyRequest(seconds=seconds), pb.FitBodyResponse,
-                                     nothing, True))
+    def fit(self, duration_s: float = 0, subject_id: int = 0) -> None:
+        """Starts to fit stature, lengths and girths to the subject; acquires control.
 
-    def poses(self) -> list[tuple[str, bool]]:
-        """The database's poses: label, and whether a user added it."""
-        return self._runner.run(Call("PoseService/ListPoses", pb.ListPosesRequest(), pb.ListPosesResponse,
-                                     lambda answer: [(pose.label, pose.added) for pose in answer.poses]))
-
-    def add_pose(self, label: str, coordinates_deg: Mapping[str, float] | None = None) -> int:
-        """Adds a pose by kinevox.COORDINATE_NAMES, degrees, those not given 0; without any, the pose that was measured
-        last. The database's entries."""
-        return self._runner.run(Call("PoseService/AddPose",
-                                     pb.AddPoseRequest(label=label, coordinates_deg=dict(coordinates_deg or {})),
-                                     pb.AddPoseResponse, lambda answer: int(answer.entries), True, START_TIMEOUT_S))
-
-    def remove_pose(self, label: str) -> int:
-        """Takes out all poses of that label, the daemon's own, too. The database's entries."""
-        return self._runner.run(Call("PoseService/RemovePose", pb.RemovePoseRequest(label=label), pb.RemovePoseResponse,
-                                     lambda answer: int(answer.entries), True, START_TIMEOUT_S))
-
-    def import_bvh(self, label: str, bvh: bytes, every_s: float = 0) -> int:
-        """Adds the poses of a movement, one every so many seconds, 0.001 to 3600; 0: 0.1. How many were added."""
-        return self._runner.run(Call("PoseService/ImportBvh",
-                                     pb.ImportBvhRequest(label=label, bvh=bvh, every_s=every_s),
-                                     pb.ImportBvhResponse, lambda answer: int(answer.poses), True, 600.0))
+        duration_s: capture time with the subject in view, 1 to 30; 0: 4. A T-pose is best. subject_id: 0: the only one.
+        Returns when the fit has started; client.body_progress() reports its progress. InvalidArgument,
+        FailedPrecondition.
+        """
+        request = pb.FitBodyRequest(duration=duration(duration_s), subject_id=subject_id)
+        return self._runner.run(Call("PoseService/FitBody", request, pb.FitBodyResponse, nothing, True))

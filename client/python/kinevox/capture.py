@@ -1,4 +1,4 @@
-"""The capture: what runs, with which cameras, and who may change that."""
+"""The capture: its state, cameras, events and control."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 
 def enum_name(enum: Any, value: int, prefix: str) -> str:
-    """"running" of CAPTURE_STATE_RUNNING; "unknown" of what this version does not know."""
+    """ "running" for CAPTURE_STATE_RUNNING; "unknown" for values of a newer daemon."""
     known = enum.values_by_number.get(value)
     return str(known.name).removeprefix(prefix).lower() if known is not None else "unknown"
 
@@ -60,99 +60,180 @@ class Camera:
     def of(camera: Any) -> "Camera":
         """From the daemon's message."""
         t = camera.translation_camera_from_world
-        return Camera(camera.name, (camera.width_px, camera.height_px),
-                      np.array([[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1]]),
-                      np.array(camera.distortion, dtype=float),
-                      np.array(camera.rotation_camera_from_world, dtype=float).reshape(3, 3), np.array([t.x, t.y, t.z]))
+        return Camera(
+            camera.name,
+            (camera.width_px, camera.height_px),
+            np.array([[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1]]),
+            np.array(camera.distortion, dtype=float),
+            np.array(camera.rotation_camera_from_world, dtype=float).reshape(3, 3),
+            np.array([t.x, t.y, t.z]),
+        )
+
+
+@dataclass(frozen=True)
+class SubjectStatus:
+    """One tracked subject. centre_m, (3,): world frame, with centre_std_m along one axis. volume_litres: of its volume."""
+
+    subject_id: int
+    centre_m: Floats
+    centre_std_m: float
+    pose_found: bool
+    volume_litres: float
+
+    @staticmethod
+    def of(status: Any) -> "SubjectStatus":
+        """From the daemon's message."""
+        subject, at = status.subject, status.subject.centre_in_world
+        centre = np.array([at.x, at.y, at.z])
+        return SubjectStatus(
+            subject.subject_id, centre, subject.centre_std_m, status.pose_found, status.volume.volume_litres
+        )
 
 
 @dataclass(frozen=True)
 class Status:
-    """What the daemon does.
+    """The state of the daemon.
 
-    state: stopped, starting, running, learning, ended or failed, with one line for people in state_message. fps:
-    nominal frame sets a second; results_per_second: of the last two seconds; results, lost: frame sets since the last
-    start. median_times_ms: of the last 128 results, by kinevox.header.STAGES. control: who holds control, empty:
-    nobody. message: all of it, kinevox.v1.capture_service_pb2.GetStatusResponse.
+    state: stopped, starting, running, learning_background, source_ended or failed; state_message: one line. nominal_fps:
+    frame sets per second; result_rate_hz: results per second, over the last two seconds; result_count,
+    lost_frame_set_count: since the last start. median_stage_times_ms: over the last 128 results, by
+    kinevox.header.STAGES. operator_name: holder of control, empty if control is free. message:
+    kinevox.v1.capture_service_pb2.GetStatusResponse.
     """
 
     version: str
     state: str
     state_message: str
     source: str
-    fps: float
-    results_per_second: float
-    results: int
-    lost: int
-    tracked: bool
-    median_times_ms: dict[str, float]
-    control: str
+    nominal_fps: float
+    result_rate_hz: float
+    result_count: int
+    lost_frame_set_count: int
+    subjects: tuple[SubjectStatus, ...]
+    median_stage_times_ms: dict[str, float]
+    operator_name: str
     message: Any = field(repr=False)
 
     @staticmethod
     def of(status: Any) -> "Status":
         """From the daemon's message."""
-        return Status(status.version, enum_name(pb.CaptureState.DESCRIPTOR, status.state, "CAPTURE_STATE_"),
-                      status.state_message,
-                      status.source, status.source_fps, status.results_per_second, status.results, status.lost,
-                      status.HasField("subject"), {stage: getattr(status.median_times, stage) for stage in STAGES},
-                      status.control.holder, status)
+        return Status(
+            status.version,
+            enum_name(pb.CaptureState.DESCRIPTOR, status.state, "CAPTURE_STATE_"),
+            status.state_message,
+            status.source,
+            status.nominal_fps,
+            status.result_rate_hz,
+            status.result_count,
+            status.lost_frame_set_count,
+            tuple(SubjectStatus.of(subject) for subject in status.subjects),
+            {stage: getattr(status.median_stage_times, stage) for stage in STAGES},
+            status.control_lease.operator_name,
+            status,
+        )
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened. kind: "subject_found", "recording_started", ... (EventKind in the API). time_ns: UTC.
-    sequence: of the frame set it belongs to, 0: of none. camera: empty where none is concerned. message: one line for
-    people. missed: events that were dropped just before, because the reader was slow."""
+    """An event of the daemon.
 
-    number: int
+    kind: "subject_found", "recording_started", ... (EventKind of the API). event_time_ns: UTC. sequence: of the frame
+    set it belongs to; 0: none. camera: empty if no camera is concerned. subject_id: 0 if no subject is concerned.
+    message: one line. missed_count: events dropped just before this one because the client is slow.
+    """
+
+    event_id: int
     kind: str
-    time_ns: int
+    event_time_ns: int
     sequence: int
     camera: str
+    subject_id: int
     message: str
-    missed: int
+    missed_count: int
 
     @staticmethod
-    def of(event: Any, _: str = "") -> "Event":
+    def of(answer: Any, _: str = "") -> "Event":
         """From the daemon's message."""
-        return Event(event.event_number, enum_name(pb.EventKind.DESCRIPTOR, event.kind, "EVENT_KIND_"), event.time_ns,
-                     event.sequence, event.camera, event.message, event.missed)
+        event = answer.event
+        return Event(
+            event.event_id,
+            enum_name(pb.EventKind.DESCRIPTOR, event.kind, "EVENT_KIND_"),
+            event.event_time.ToNanoseconds(),
+            event.sequence,
+            event.camera,
+            event.subject_id,
+            event.message,
+            answer.missed_count,
+        )
 
 
 class Service:
-    """Part of a client: carries calls out by `runner`. Its methods only describe calls, so that the asynchronous
-    client can use the same."""
+    """Part of a client. Its methods only describe calls, which `runner` carries out, so that the asynchronous client
+    uses the same."""
 
     def __init__(self, runner: Runner) -> None:
         self._runner = runner
 
 
 class Capture(Service):
-    """Status, cameras, start and stop; Client has these methods, too. Changes take control for the moment."""
+    """Status, cameras, start and stop: methods of Client, too. Changes acquire control."""
 
     def status(self) -> Status:
-        """What the daemon does now. Cheap. Unavailable."""
-        return self._runner.run(Call("CaptureService/GetStatus", pb.GetStatusRequest(), pb.GetStatusResponse,
-                                     Status.of))
+        """The state of the daemon. Cheap. Unavailable."""
+        return self._runner.run(
+            Call("CaptureService/GetStatus", pb.GetStatusRequest(), pb.GetStatusResponse, Status.of)
+        )
 
     def cameras(self) -> list[Camera]:
         """The cameras with their calibration, in the order of the frame set. Unavailable."""
-        return self._runner.run(Call("CaptureService/ListCameras", pb.ListCamerasRequest(), pb.ListCamerasResponse,
-                                     lambda answer: [Camera.of(camera) for camera in answer.cameras]))
+        return self._runner.run(
+            Call(
+                "CaptureService/ListCameras",
+                pb.ListCamerasRequest(),
+                pb.ListCamerasResponse,
+                lambda answer: [Camera.of(camera) for camera in answer.cameras],
+            )
+        )
 
     def start(self) -> None:
-        """Starts capturing; a recording that has ended starts from its beginning. FailedPrecondition."""
-        return self._runner.run(Call("CaptureService/Start", pb.StartRequest(), pb.StartResponse, nothing, True,
-                                     START_TIMEOUT_S))
+        """Starts the capture; a recorded source that has ended starts from its beginning. FailedPrecondition."""
+        return self._runner.run(
+            Call(
+                "CaptureService/StartCapture",
+                pb.StartCaptureRequest(),
+                pb.StartCaptureResponse,
+                nothing,
+                True,
+                START_TIMEOUT_S,
+            )
+        )
 
     def stop(self) -> None:
-        """Stops capturing; streams stay open. FailedPrecondition."""
-        return self._runner.run(Call("CaptureService/Stop", pb.StopRequest(), pb.StopResponse, nothing, True,
-                                     START_TIMEOUT_S))
+        """Stops the capture; streams stay open. FailedPrecondition."""
+        return self._runner.run(
+            Call(
+                "CaptureService/StopCapture",
+                pb.StopCaptureRequest(),
+                pb.StopCaptureResponse,
+                nothing,
+                True,
+                START_TIMEOUT_S,
+            )
+        )
 
-    def learn_background(self, frames: int = 0, timeout_s: float = START_TIMEOUT_S) -> None:
-        """Learns the background anew from so many live frame sets, 1 to 1000, while the scene is empty; 0: from the
-        source's own clip. Returns when it is learned. InvalidArgument, FailedPrecondition."""
-        return self._runner.run(Call("CaptureService/LearnBackground", pb.LearnBackgroundRequest(frames=frames),
-                                     pb.LearnBackgroundResponse, nothing, True, timeout_s))
+    def learn_background(self, frame_set_count: int = 0, timeout_s: float = START_TIMEOUT_S) -> None:
+        """Relearns the background; returns when it is learned.
+
+        frame_set_count: live frame sets to learn from, 1 to 1000, with the scene empty; 0: the source's own background
+        clip. InvalidArgument, FailedPrecondition.
+        """
+        return self._runner.run(
+            Call(
+                "CaptureService/LearnBackground",
+                pb.LearnBackgroundRequest(frame_set_count=frame_set_count),
+                pb.LearnBackgroundResponse,
+                nothing,
+                True,
+                timeout_s,
+            )
+        )

@@ -1,30 +1,50 @@
-"""What stands first in every message of a stream."""
+"""The header of every message of a stream."""
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
+
+from kinevox.errors import FailedPrecondition
 
 STAGES = ("decode_ms", "segmentation_ms", "tracking_ms", "hull_ms", "colouring_ms", "pose_ms", "total_ms")
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Header:
-    """sequence: number of the frame set, rising. time_ns: its capture, ns since 1970 UTC. missed: results since the
-    message before that this stream did not get. subject_id: 0, nobody is tracked. recorded_frame: of a recording that
-    is replayed, from 0; None: live. published_time_ns: when the daemon had the result ready, as time_ns. times_ms: how long it spent in each stage, by STAGES, ms."""
+    """The frame set of a message.
+
+    sequence: increasing number of the frame set; gaps are frame sets lost before the pipeline, or missed.
+    capture_time_ns, publish_time_ns: capture of the frame set and publication of the result, ns since 1970 UTC.
+    missed_count: results since the previous message that this stream did not receive. recorded_frame: frame number in
+    the replayed recording, from 0; None for live capture. stage_times_ms: processing time by STAGES, ms.
+    """
 
     sequence: int
-    time_ns: int
-    missed: int
-    subject_id: int
+    capture_time_ns: int
+    missed_count: int
     recorded_frame: int | None
-    times_ms: dict[str, float]
-    published_time_ns: int = 0
+    stage_times_ms: dict[str, float]
+    publish_time_ns: int = 0
 
     @staticmethod
     def of(header: Any) -> "Header":
         """From the daemon's message."""
-        return Header(header.sequence, header.capture_time_ns, header.missed, header.subject_id,
-                      header.recorded_frame if header.HasField("recorded_frame") else None,
-                      {stage: getattr(header.times, stage) for stage in STAGES},
-                      header.published_time_ns)
+        return Header(
+            header.sequence,
+            header.capture_time_ns,
+            header.missed_count,
+            header.recorded_frame if header.HasField("recorded_frame") else None,
+            {stage: getattr(header.stage_times, stage) for stage in STAGES},
+            header.publish_time_ns,
+        )
+
+
+def only_subject(subjects: Sequence[T], ids: Sequence[int], none: T) -> T:
+    """The single element of subjects; `none` if it is empty. FailedPrecondition names the ids of several."""
+    if len(subjects) > 1:
+        listed = ", ".join(map(str, ids))
+        raise FailedPrecondition(f"several subjects are tracked ({listed}); choose one from .subjects")
+    return subjects[0] if subjects else none

@@ -1,7 +1,7 @@
-"""One message of the stream of poses: joints, angles, orientations, with their uncertainty.
+"""Messages of the pose stream: joints, angles, model coordinates and orientations with their uncertainty.
 
-Lengths in metres in the world frame (right-handed, z up, origin on the floor), angles in degrees. A value that the
-cameras do not determine is NaN, and `withheld` says why; it is never invented.
+Lengths are in metres in the world frame (right-handed, z up, origin on the floor), angles in degrees. A withheld value
+is NaN, and `withheld_reason` states why.
 """
 from __future__ import annotations
 
@@ -12,67 +12,65 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinevox.coordinates import COORDINATE_NAMES, HINGE_OF, SEGMENT_NAMES, coordinates_deg, hinge_deg
-from kinevox.header import Header
+from kinevox.body_table import COORDINATE_NAMES, JOINT_NAMES, SEGMENT_NAMES, TRANSLATION_NAMES
+from kinevox.body_table import GEOMETRIC_ANGLE_NAMES as ANGLE_NAMES
+from kinevox.header import Header, only_subject
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-# The order of joints.csv and angles.csv, and of the arrays below.
-JOINT_NAMES = (
-    "root", "sacroiliac", "skullbase", "head_top", "shoulder_l", "elbow_l", "wrist_l", "hand_l", "hip_l", "knee_l",
-    "ankle_l", "toe_l", "shoulder_r", "elbow_r", "wrist_r", "hand_r", "hip_r", "knee_r", "ankle_r", "toe_r")
-ANGLE_NAMES = (
-    "knee_flexion_l", "knee_flexion_r", "elbow_flexion_l", "elbow_flexion_r", "hip_flexion_l", "hip_flexion_r",
-    "hip_abduction_l", "hip_abduction_r", "shoulder_elevation_l", "shoulder_elevation_r", "trunk_lean")
-RATIO_NAMES = ("thigh_left_right", "shank_left_right", "upper_arm_left_right", "forearm_left_right", "knee_hip_l",
-               "knee_hip_r")
+RATIO_NAMES = (
+    "thigh_length_ratio",
+    "shank_length_ratio",
+    "upper_arm_length_ratio",
+    "forearm_length_ratio",
+    "knee_hip_flexion_ratio_l",
+    "knee_hip_flexion_ratio_r",
+)
 NAN = float("nan")
 
-_JOINT_PLACE = {name: i for i, name in enumerate(JOINT_NAMES)}
-_ANGLE_PLACE = {name: i for i, name in enumerate(ANGLE_NAMES)}
-_SEGMENT_PLACE = {name: i for i, name in enumerate(SEGMENT_NAMES)}
-_COORDINATE_PLACE = {name: i for i, name in enumerate(COORDINATE_NAMES)}
+_JOINT_INDEX = {name: i for i, name in enumerate(JOINT_NAMES)}
+_SEGMENT_INDEX = {name: i for i, name in enumerate(SEGMENT_NAMES)}
 
 
-def _no_such(kind: str, name: object, names: tuple[str, ...]) -> KeyError:
-    return KeyError(f"there is no {kind} '{name}'; there are {', '.join(names)}")
+def no_such(kind: str, name: object, names: tuple[str, ...]) -> KeyError:
+    """The error of an unknown name."""
+    return KeyError(f"unknown {kind} '{name}'; the {kind}s are {', '.join(names)}")
 
 
 class Joints(Mapping[str, Floats]):
-    """Joints by name: joints["knee_r"] is [x, y, z] in the world, m; NaN where withheld.
+    """Joint positions by name: joints["knee_r"] is [x, y, z], world frame, m; NaN where withheld.
 
-    positions_m (20, 3), std_m (20,) of one axis, cameras (20,) whose silhouettes determine it: in the order of
-    JOINT_NAMES. withheld: why there is no value, by name.
-
+    positions_m (20, 3); std_m (20,), standard deviation per axis; camera_count (20,), cameras whose silhouettes
+    determine the joint; all in the order of JOINT_NAMES. withheld_reason: by name, of the withheld joints only.
     """
 
     def __init__(self, estimates: Any) -> None:
-        # Lists first: writing into arrays one by one takes three times as long.
+        # Filling lists takes a third of the time of writing array elements.
         positions: list[tuple[float, float, float]] = [(NAN, NAN, NAN)] * len(JOINT_NAMES)
         std, cameras = [NAN] * len(JOINT_NAMES), [0] * len(JOINT_NAMES)
-        self.withheld: dict[str, str] = {}
+        self.withheld_reason: dict[str, str] = {}
         for estimate in estimates:
             name = estimate.name
-            i = _JOINT_PLACE.get(name)
+            i = _JOINT_INDEX.get(name)
             if i is None:
-                continue   # a newer daemon's
-            cameras[i] = estimate.cameras
+                continue  # a joint of a newer daemon
+            cameras[i] = estimate.camera_count
             if estimate.HasField("position_in_world"):
                 at = estimate.position_in_world
                 positions[i] = (at.x, at.y, at.z)
                 std[i] = estimate.std_m
             else:
-                self.withheld[name] = estimate.withheld
+                self.withheld_reason[name] = estimate.withheld_reason
         self.positions_m: Floats = np.array(positions)
         self.std_m: Floats = np.array(std)
-        self.cameras: Ints = np.array(cameras, dtype=np.int64)
+        self.camera_count: Ints = np.array(cameras, dtype=np.int64)
 
     def __getitem__(self, name: str) -> Floats:
-        place = _JOINT_PLACE.get(name)
-        if place is None:
-            raise _no_such("joint", name, JOINT_NAMES)
-        row: Floats = self.positions_m[place]
+        index = _JOINT_INDEX.get(name)
+        if index is None:
+            raise no_such("joint", name, JOINT_NAMES)
+        row: Floats = self.positions_m[index]
         return row
 
     def __iter__(self) -> Iterator[str]:
@@ -82,76 +80,146 @@ class Joints(Mapping[str, Floats]):
         return len(JOINT_NAMES)
 
 
-class Angles(Mapping[str, float]):
-    """Angles by name, degrees; NaN where withheld: angles["knee_flexion_r"].
+class _Scalars(Mapping[str, float]):
+    """Scalar estimates by name. A subclass sets _names, _kind (for errors) and the values' unit."""
 
-    The names are those of angles.csv (ANGLE_NAMES), which are computed from joint positions (docs/python.md has their
-    definitions). Every other name of COORDINATE_NAMES, OpenSim's "knee_angle_r" and "ankle_angle_l" say, works, too,
-    and gives the coordinate of the body model. Where both have a name, as hip_flexion_l, this is the first and
-    Pose.coordinates the second. Iterating yields ANGLE_NAMES.
+    _names: tuple[str, ...] = ()
+    _kind = ""
+    _unit = "deg"
+    _index: dict[str, int]
 
-    deg, std_deg, velocity_deg_s (NaN without a frame before), cameras: (11,) each, in the order of ANGLE_NAMES. rad:
-    deg in radians. withheld: why there is no value, by name.
-    """
+    def __init_subclass__(cls) -> None:
+        cls._index = {name: i for i, name in enumerate(cls._names)}
 
-    def __init__(self, estimates: Any, coordinates: Coordinates) -> None:
-        size = len(ANGLE_NAMES)
-        self.deg: Floats = np.full(size, NAN)
-        self.std_deg: Floats = np.full(size, NAN)
-        self.velocity_deg_s: Floats = np.full(size, NAN)
-        self.cameras: Ints = np.zeros(size, dtype=np.int64)
-        self.withheld: dict[str, str] = {}
-        self._coordinates = coordinates
+    def __init__(self, estimates: Any) -> None:
+        size = len(self._names)
+        index = self._index
+        value_field, std_field = f"value_{self._unit}", f"std_{self._unit}"
+        velocity_field = f"velocity_{self._unit}_per_s"
+        values, std, velocity = [NAN] * size, [NAN] * size, [NAN] * size
+        self.withheld_reason: dict[str, str] = {}
         for estimate in estimates:
             name = estimate.name
-            i = _ANGLE_PLACE.get(name)
+            i = index.get(name)
             if i is None:
-                continue
-            self.cameras[i] = estimate.cameras
-            if estimate.HasField("value_deg"):
-                self.deg[i] = estimate.value_deg
-                self.std_deg[i] = estimate.std_deg
-                if estimate.HasField("velocity_deg_s"):
-                    self.velocity_deg_s[i] = estimate.velocity_deg_s
+                continue  # a name of a newer daemon
+            if estimate.HasField(value_field):
+                values[i] = getattr(estimate, value_field)
+                std[i] = getattr(estimate, std_field)
+                if estimate.HasField(velocity_field):
+                    velocity[i] = getattr(estimate, velocity_field)
             else:
-                self.withheld[name] = estimate.withheld
+                self.withheld_reason[name] = estimate.withheld_reason
+        self._values: Floats = np.array(values)
+        self._std: Floats = np.array(std)
+        self._velocity: Floats = np.array(velocity)
+
+    def __getitem__(self, name: str) -> float:
+        index = self._index.get(name)
+        if index is None:
+            raise no_such(self._kind, name, self._names)
+        return float(self._values[index])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+
+class _Degrees(_Scalars):
+    """Scalar estimates in degrees."""
+
+    @property
+    def deg(self) -> Floats:
+        """Values, degrees, (n,); NaN where withheld."""
+        return self._values
 
     @property
     def rad(self) -> Floats:
-        """deg in radians, (11,)."""
-        return np.radians(self.deg)
+        """Values, radians, (n,); NaN where withheld."""
+        return np.radians(self._values)
 
-    def __getitem__(self, name: str) -> float:
-        place = _ANGLE_PLACE.get(name)
-        if place is not None:
-            return float(self.deg[place])
-        if name in _COORDINATE_PLACE:
-            return self._coordinates[name]
-        raise _no_such("angle", name, ANGLE_NAMES + COORDINATE_NAMES)
+    @property
+    def std_deg(self) -> Floats:
+        """Standard deviations, degrees, (n,); NaN where withheld."""
+        return self._std
 
-    def __contains__(self, name: object) -> bool:
-        return name in _ANGLE_PLACE or name in _COORDINATE_PLACE
+    @property
+    def velocity_deg_per_s(self) -> Floats:
+        """Angular velocities, (n,); NaN where withheld or without a previous frame set."""
+        return self._velocity
 
-    def __iter__(self) -> Iterator[str]:
-        return iter(ANGLE_NAMES)
 
-    def __len__(self) -> int:
-        return len(ANGLE_NAMES)
+class Angles(_Degrees):
+    """Geometric angles by name, degrees: angles["knee_flexion_geometric_r"]; NaN where withheld.
+
+    They are computed from joint positions and named by ANGLE_NAMES, as in angles.csv; docs/python.md defines them.
+    Model coordinates such as "knee_angle_r" are in Pose.coordinates.
+
+    deg, rad, std_deg, velocity_deg_per_s and camera_count: (11,) in the order of ANGLE_NAMES. withheld_reason: by name.
+    """
+
+    _names = ANGLE_NAMES
+    _kind = "angle"
+
+    def __init__(self, estimates: Any) -> None:
+        super().__init__(estimates)
+        self.camera_count: Ints = np.zeros(len(ANGLE_NAMES), dtype=np.int64)
+        for estimate in estimates:
+            if estimate.name in self._index:
+                self.camera_count[self._index[estimate.name]] = estimate.camera_count
+
+
+class Coordinates(_Degrees):
+    """The body model's rotations by OpenSim's names, degrees: coordinates["knee_angle_r"]; NaN where withheld.
+
+    deg, rad, std_deg, velocity_deg_per_s: (29,) in the order of COORDINATE_NAMES, as in coordinates.csv.
+    withheld_reason: by name.
+    """
+
+    _names = COORDINATE_NAMES
+    _kind = "coordinate"
+
+
+class Translations(_Scalars):
+    """Position of the pelvis in the world by name, m: translations["pelvis_z"]; NaN where withheld.
+
+    m, std_m, velocity_m_per_s: (3,) in the order of TRANSLATION_NAMES. withheld_reason: by name.
+    """
+
+    _names = TRANSLATION_NAMES
+    _kind = "translation"
+    _unit = "m"
+
+    @property
+    def m(self) -> Floats:
+        """Values, m, (3,)."""
+        return self._values
+
+    @property
+    def std_m(self) -> Floats:
+        """Standard deviations, m, (3,)."""
+        return self._std
+
+    @property
+    def velocity_m_per_s(self) -> Floats:
+        """Velocities, m/s, (3,); NaN without a previous frame set."""
+        return self._velocity
 
 
 class Segments:
-    """Orientations of the body's segments. At identity a segment's x is forward, y left, z up.
+    """Orientations of the body's segments. At identity a segment's x axis points forward, y left and z up.
 
-    world_from_segment, parent_from_segment: (15, 4) unit quaternions w x y z in the order of SEGMENT_NAMES; NaN where
-    there is no pose. The pelvis' parent is the world.
-
+    world_from_segment, parent_from_segment: (15, 4) unit quaternions w x y z in the order of SEGMENT_NAMES; NaN without
+    a pose. The parent of the pelvis is the world.
     """
 
     def __init__(self, orientations: Any) -> None:
         none = (NAN, NAN, NAN, NAN)
         world, parent = [none] * len(SEGMENT_NAMES), [none] * len(SEGMENT_NAMES)
         for orientation in orientations:
-            i = _SEGMENT_PLACE.get(orientation.name)
+            i = _SEGMENT_INDEX.get(orientation.name)
             if i is not None:
                 w, p = orientation.world_from_segment, orientation.parent_from_segment
                 world[i] = (w.w, w.x, w.y, w.z)
@@ -160,134 +228,48 @@ class Segments:
         self.parent_from_segment: Floats = np.array(parent)
 
 
-class _Parts:
-    """What others are computed from, made when it is first asked for."""
-
-    def __init__(self, pose: Any) -> None:
-        self._pose = pose
-
-    @cached_property
-    def joints(self) -> Joints:
-        """Positions."""
-        return Joints(self._pose.joints)
-
-    @cached_property
-    def segments(self) -> Segments:
-        """Orientations."""
-        return Segments(self._pose.segments)
-
-    def hinge(self, name: str) -> float | None:
-        """A knee's, ankle's, elbow's or wrist's coordinate alone, degrees; None: take them all."""
-        place, axis, far = HINGE_OF[name]
-        segments, joints = self._pose.segments, self._pose.joints
-        if len(segments) != len(SEGMENT_NAMES) or len(joints) != len(JOINT_NAMES):
-            return None
-        segment, joint = segments[place], joints[_JOINT_PLACE[far]]
-        if segment.name != SEGMENT_NAMES[place] or joint.name != far:
-            return None
-        q = segment.parent_from_segment
-        return hinge_deg(axis, q.w, q.x, q.y, q.z) if joint.HasField("position_in_world") else NAN
-
-
-class Coordinates(Mapping[str, float]):
-    """The body model's 29 turns by OpenSim's names, degrees, signs as in its full-body models; NaN where withheld. They
-    are those of coordinates.csv: see kinevox.coordinates."""
-
-    def __init__(self, parts: _Parts) -> None:
-        self._parts = parts
-
-    @cached_property
-    def deg(self) -> Floats:
-        """(29,) in the order of COORDINATE_NAMES; computed when the first is asked for."""
-        return coordinates_deg(self._parts.segments.parent_from_segment, self._parts.joints.positions_m, JOINT_NAMES)
-
-    def __getitem__(self, name: str) -> float:
-        place = _COORDINATE_PLACE.get(name)
-        if place is None:
-            raise _no_such("coordinate", name, COORDINATE_NAMES)
-        if name in HINGE_OF and "deg" not in self.__dict__:
-            alone = self._parts.hinge(name)
-            if alone is not None:
-                return alone
-        return float(self.deg[place])
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(COORDINATE_NAMES)
-
-    def __len__(self) -> int:
-        return len(COORDINATE_NAMES)
-
-
 class Pose:
-    """What was measured of the body in one frame set.
+    """The pose of one subject in one frame set.
 
-    header: number and time of the frame set (Header), also as sequence, time_ns, missed and subject_id. found: whether
-    there is a pose; else every value is NaN. The parts are made when they are first asked for. message: the
-    daemon's own, kinevox.v1.stream_service_pb2.StreamPosesResponse.
-
+    subject_id: from 1; 0 if no subject is tracked. found: whether there is a pose; if not, every value is NaN. Joints,
+    angles and the other parts are decoded at first access. message: kinevox.v1.pose_pb2.Pose.
     """
 
-    def __init__(self, message: Any, server: str = "") -> None:
+    def __init__(self, message: Any, subject_id: int = 0, found: bool = True) -> None:
         self.message = message
-        self.found: bool = message.HasField("pose")
-        self._parts = _Parts(message.pose)
+        self.subject_id = subject_id
+        self.found = found
 
     @cached_property
-    def header(self) -> Header:
-        """Number and time of the frame set and what was missed before it."""
-        return Header.of(self.message.header)
-
-    @property
-    def sequence(self) -> int:
-        """Number of the frame set, rising; gaps are frame sets lost before the pipeline, or missed."""
-        return int(self.message.header.sequence)
-
-    @property
-    def time_ns(self) -> int:
-        """When it was captured, ns since 1970 UTC; of a recording, when that was started plus its own time."""
-        return int(self.message.header.capture_time_ns)
-
-    @property
-    def missed(self) -> int:
-        """Results since the message before that this stream did not get; always 0 with delivery "all"."""
-        return int(self.message.header.missed)
-
-    @property
-    def subject_id(self) -> int:
-        """0: nobody is tracked."""
-        return int(self.message.header.subject_id)
-
-    @property
-    def recorded_frame(self) -> int | None:
-        """Of a recording that is replayed: the frame's number in it, from 0. None: live."""
-        header = self.message.header
-        return int(header.recorded_frame) if header.HasField("recorded_frame") else None
-
-    @property
     def joints(self) -> Joints:
-        """Positions by name, m, world frame."""
-        return self._parts.joints
+        """Joint positions by name, m, world frame."""
+        return Joints(self.message.joints)
 
     @cached_property
     def angles(self) -> Angles:
-        """Angles by name, degrees."""
-        return Angles(self.message.pose.angles, self.coordinates)
-
-    @property
-    def segments(self) -> Segments:
-        """Orientations as quaternions."""
-        return self._parts.segments
+        """Geometric angles by name, degrees."""
+        return Angles(self.message.angles)
 
     @cached_property
     def coordinates(self) -> Coordinates:
-        """The body model's turns by OpenSim's names, degrees."""
-        return Coordinates(self._parts)
+        """The body model's rotations by OpenSim's names, degrees."""
+        return Coordinates(self.message.coordinates)
+
+    @cached_property
+    def translations(self) -> Translations:
+        """Position of the pelvis, m, world frame."""
+        return Translations(self.message.translations)
+
+    @cached_property
+    def segments(self) -> Segments:
+        """Segment orientations as quaternions."""
+        return Segments(self.message.segment_orientations)
 
     @cached_property
     def ratios(self) -> dict[str, float]:
-        """By RATIO_NAMES: left over right of segments' lengths, 1 for a symmetric body, and knee flexion over hip
-        flexion of a side; NaN where the hip is flexed too little to tell, or without a pose."""
-        ratios = self.message.pose.ratios
+        """By RATIO_NAMES: left over right segment lengths (1 for a symmetric body) and knee over hip flexion per side.
+        NaN without a pose, and for the second kind where the hip is nearly straight."""
+        ratios = self.message.ratios
         if not self.found:
             return dict.fromkeys(RATIO_NAMES, NAN)
         out = {name: float(getattr(ratios, name)) for name in RATIO_NAMES[:4]}
@@ -295,18 +277,130 @@ class Pose:
         return out
 
     @property
-    def contour_rms_m(self) -> float:
-        """Root mean square distance of the silhouettes' contours from the fitted body's outline, m; NaN without a
-        pose."""
-        return float(self.message.pose.contour_rms_m) if self.found else NAN
+    def contour_residual_rms_m(self) -> float:
+        """RMS distance between the silhouettes' contours and those of the fitted body, m; NaN without a pose."""
+        return float(self.message.contour_residual_rms_m) if self.found else NAN
 
     @property
     def filtered(self) -> bool:
-        """Smoothed over time, causally."""
-        return bool(self.message.pose.filtered)
+        """Whether a causal filter smoothed the pose over time."""
+        return bool(self.message.filtered)
 
     def __repr__(self) -> str:
         if not self.found:
-            return f"<Pose {self.sequence}: nobody>"
-        left, right = self.angles["knee_flexion_l"], self.angles["knee_flexion_r"]
-        return f"<Pose {self.sequence}: knees {left:.1f} {right:.1f} deg>"
+            return f"<Pose of subject {self.subject_id}: none>" if self.subject_id else "<Pose: no subject>"
+        left, right = (self.angles["knee_flexion_geometric_l"], self.angles["knee_flexion_geometric_r"])
+        return f"<Pose of subject {self.subject_id}: knees {left:.1f} {right:.1f} deg>"
+
+
+class PoseFrame:
+    """The poses of one frame set: a message of Client.poses().
+
+    subjects: a Pose for each tracked subject, ordered by subject_id; empty while no subject is tracked. With at most
+    one subject, joints, angles, coordinates and the other members of Pose can be read from the frame itself; with
+    several they raise FailedPrecondition. message: kinevox.v1.stream_service_pb2.StreamPosesResponse.
+    """
+
+    def __init__(self, message: Any, _: str = "") -> None:
+        self.message = message
+        self.subjects: tuple[Pose, ...] = tuple(
+            Pose(subject.pose, subject.subject_id, subject.HasField("pose")) for subject in message.subjects
+        )
+
+    @cached_property
+    def header(self) -> Header:
+        """Number and times of the frame set, and the results missed before it."""
+        return Header.of(self.message.header)
+
+    @property
+    def sequence(self) -> int:
+        """See Header."""
+        return int(self.message.header.sequence)
+
+    @property
+    def capture_time_ns(self) -> int:
+        """See Header. In a replay: start time of the recording plus the time within it."""
+        return int(self.message.header.capture_time_ns)
+
+    @property
+    def missed_count(self) -> int:
+        """See Header; always 0 with delivery "lossless"."""
+        return int(self.message.header.missed_count)
+
+    @property
+    def recorded_frame(self) -> int | None:
+        """See Header."""
+        header = self.message.header
+        return int(header.recorded_frame) if header.HasField("recorded_frame") else None
+
+    def subject(self, subject_id: int) -> Pose:
+        """The pose of one subject; one without values if that subject is not tracked."""
+        for pose in self.subjects:
+            if pose.subject_id == subject_id:
+                return pose
+        return _no_pose()
+
+    @cached_property
+    def only(self) -> Pose:
+        """The pose of the only subject; one without values if there is no subject. FailedPrecondition if there are
+        several."""
+        return only_subject(self.subjects, [pose.subject_id for pose in self.subjects], _no_pose())
+
+    @property
+    def found(self) -> bool:
+        """Whether the only subject has a pose."""
+        return self.only.found
+
+    @property
+    def subject_id(self) -> int:
+        """Of the only subject; 0 if there is none."""
+        return self.only.subject_id
+
+    @property
+    def joints(self) -> Joints:
+        """Of the only subject; see Pose."""
+        return self.only.joints
+
+    @property
+    def angles(self) -> Angles:
+        """Of the only subject; see Pose."""
+        return self.only.angles
+
+    @property
+    def coordinates(self) -> Coordinates:
+        """Of the only subject; see Pose."""
+        return self.only.coordinates
+
+    @property
+    def translations(self) -> Translations:
+        """Of the only subject; see Pose."""
+        return self.only.translations
+
+    @property
+    def segments(self) -> Segments:
+        """Of the only subject; see Pose."""
+        return self.only.segments
+
+    @property
+    def ratios(self) -> dict[str, float]:
+        """Of the only subject; see Pose."""
+        return self.only.ratios
+
+    @property
+    def contour_residual_rms_m(self) -> float:
+        """Of the only subject; see Pose."""
+        return self.only.contour_residual_rms_m
+
+    @property
+    def filtered(self) -> bool:
+        """Of the only subject; see Pose."""
+        return self.only.filtered
+
+    def __repr__(self) -> str:
+        return f"<PoseFrame {self.sequence}: {list(self.subjects)}>"
+
+
+def _no_pose() -> Pose:
+    from kinevox.v1 import pose_pb2
+
+    return Pose(pose_pb2.Pose(), 0, False)

@@ -1,4 +1,4 @@
-"""A recorded session in the place of the cameras."""
+"""Replay of a recorded session instead of the cameras."""
 from __future__ import annotations
 
 import os
@@ -13,16 +13,18 @@ from kinevox.v1 import replay_service_pb2 as pb
 
 @dataclass(frozen=True)
 class ReplayStatus:
-    """state: live (nothing is replayed), playing, paused, ended or stopped. session: its file on the daemon's machine.
-    frame: shown last, from 0; -1: none yet. frames: of the recording. position_s: of that frame. speed: times the
-    recording's own."""
+    """The state of the replay.
+
+    state: live (nothing is replayed), playing, paused, ended or stopped. session_path: of the session.toml on the
+    server. frame: latest frame, from 0; None: none yet. position_s: time of that frame. speed: 1: as recorded.
+    """
 
     state: str
-    session: str
-    frame: int
-    frames: int
+    session_path: str
+    frame: int | None
+    frame_count: int
     position_s: float
-    fps: float
+    nominal_fps: float
     speed: float
     loop: bool
 
@@ -30,60 +32,86 @@ class ReplayStatus:
     def of(answer: Any) -> "ReplayStatus":
         """From the daemon's answer."""
         replay = answer.replay
-        return ReplayStatus(enum_name(pb.ReplayState.DESCRIPTOR, replay.state, "REPLAY_STATE_"), replay.session,
-                            replay.frame,
-                            replay.frames, replay.position_s, replay.fps, replay.speed, replay.loop)
+        return ReplayStatus(
+            enum_name(pb.ReplayState.DESCRIPTOR, replay.state, "REPLAY_STATE_"),
+            replay.session_path,
+            replay.frame if replay.HasField("frame") else None,
+            replay.frame_count,
+            replay.position_s,
+            replay.nominal_fps,
+            replay.speed,
+            replay.loop,
+        )
 
 
 class Replay(Service):
-    """client.replay. Changes take control for the moment. Errors: FailedPrecondition where nothing is replayed or
-    somebody else holds control; OutOfRange for a frame or speed that there is not."""
+    """client.replay. Changes acquire control. Errors: FailedPrecondition if nothing is replayed or another client holds
+    control; OutOfRange for a frame or speed that does not exist."""
 
-    def open(self, session: str | os.PathLike[str], paused: bool = False, loop: bool = False,
-             speed: float = 1) -> ReplayStatus:
-        """Plays a session in the cameras' place; returns when its first frame set may come. session: absolute path of a
-        session.toml on the daemon's machine. speed: times its own, 0.01 to 100. NotFound, DataLoss."""
-        request = pb.OpenReplayRequest(session=os.fspath(session), paused=paused, loop=loop, speed=speed)
-        return self._runner.run(Call("ReplayService/OpenReplay", request, pb.OpenReplayResponse, ReplayStatus.of, True,
-                                     START_TIMEOUT_S))
+    def open(
+        self, session: str | os.PathLike[str], paused: bool = False, loop: bool = False, speed: float = 1
+    ) -> ReplayStatus:
+        """Replays a session; returns when its first frame set may arrive.
+
+        session: a recording's name, or the absolute path of a session.toml on the server. speed: 0.01 to 100, 1: as
+        recorded. NotFound, PermissionDenied (outside the configured folders), DataLoss.
+        """
+        path = os.fspath(session)
+        request = pb.OpenReplayRequest(paused=paused, loop=loop, speed=speed)
+        if "/" in path:
+            request.session_path = path
+        else:
+            request.recording_name = path
+        return self._runner.run(
+            Call("ReplayService/OpenReplay", request, pb.OpenReplayResponse, ReplayStatus.of, True, START_TIMEOUT_S)
+        )
 
     def close(self) -> None:
-        """Back to the cameras."""
-        return self._runner.run(Call("ReplayService/CloseReplay", pb.CloseReplayRequest(), pb.CloseReplayResponse,
-                                     nothing,
-                                     True, START_TIMEOUT_S))
+        """Returns to the cameras."""
+        return self._runner.run(
+            Call(
+                "ReplayService/CloseReplay",
+                pb.CloseReplayRequest(),
+                pb.CloseReplayResponse,
+                nothing,
+                True,
+                START_TIMEOUT_S,
+            )
+        )
 
     def status(self) -> ReplayStatus:
-        """Where the replay is. Cheap."""
-        return self._runner.run(Call("ReplayService/GetReplay", pb.GetReplayRequest(), pb.GetReplayResponse,
-                                     ReplayStatus.of))
+        """The state of the replay. Cheap."""
+        return self._runner.run(
+            Call("ReplayService/GetReplay", pb.GetReplayRequest(), pb.GetReplayResponse, ReplayStatus.of)
+        )
 
-    def _set(self, request: pb.SetReplayRequest) -> ReplayStatus:
-        return self._runner.run(Call("ReplayService/SetReplay", request, pb.SetReplayResponse, ReplayStatus.of, True))
+    def _update(self, request: pb.UpdateReplayRequest) -> ReplayStatus:
+        return self._runner.run(
+            Call("ReplayService/UpdateReplay", request, pb.UpdateReplayResponse, ReplayStatus.of, True)
+        )
 
     def play(self) -> ReplayStatus:
-        """Goes on; behind the end, from the beginning."""
-        return self._set(pb.SetReplayRequest(play=True))
+        """Continues; at the end, from the beginning."""
+        return self._update(pb.UpdateReplayRequest(playing=True))
 
     def pause(self) -> ReplayStatus:
-        """Stands still."""
-        return self._set(pb.SetReplayRequest(play=False))
+        """Pauses."""
+        return self._update(pb.UpdateReplayRequest(playing=False))
 
     def step(self, frames: int = 1) -> ReplayStatus:
-        """So many frames on, or back where negative, and stands still there."""
-        return self._set(pb.SetReplayRequest(step=frames))
+        """Moves by a number of frames (negative: backwards) and pauses."""
+        return self._update(pb.UpdateReplayRequest(step_frames=frames))
 
     def seek(self, frame: int | None = None, position_s: float | None = None) -> ReplayStatus:
-        """To a frame, from 0, or to the frame nearest to a position, s: give one of them."""
+        """Moves to a frame, from 0, or to the frame closest to a time; give one of them."""
         if (frame is None) == (position_s is None):
             raise ValueError("give frame or position_s, one of them")
-        request = pb.SetReplayRequest(frame=frame, position_s=position_s)   # None sets nothing
-        return self._set(request)
+        return self._update(pb.UpdateReplayRequest(frame=frame, position_s=position_s))  # None leaves a field unset
 
     def set_speed(self, speed: float) -> ReplayStatus:
-        """Times the recording's own, 0.01 to 100. What the pipeline cannot follow is left out."""
-        return self._set(pb.SetReplayRequest(speed=speed))
+        """0.01 to 100, 1: as recorded. Frame sets are skipped if the pipeline is slower."""
+        return self._update(pb.UpdateReplayRequest(speed=speed))
 
     def set_loop(self, loop: bool) -> ReplayStatus:
-        """Whether it begins anew behind the end."""
-        return self._set(pb.SetReplayRequest(loop=loop))
+        """Whether playback restarts at the end."""
+        return self._update(pb.UpdateReplayRequest(loop=loop))

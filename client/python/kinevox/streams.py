@@ -1,4 +1,4 @@
-"""Streams of messages as iterators: reconnection, a limit on silence, and an end that leaves nothing behind."""
+"""Message streams as iterators, with reconnection and an idle timeout."""
 from __future__ import annotations
 
 import threading
@@ -15,31 +15,35 @@ from kinevox.transport import Transport, path
 
 T = TypeVar("T")
 
-FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.2, 5.0
+FIRST_PAUSE_S, MAX_PAUSE_S = 0.2, 5.0
 
 OnReconnect = Callable[[KinevoxError], None]
 
 
-def silence(server: str, seconds: float) -> DeadlineExceeded:
-    """The error of a stream that said nothing for so long."""
-    return DeadlineExceeded(f"no message from {server} for {seconds:g} s; see with `kinevox status` whether the "
-                            "capture runs, or allow more silence with silence_s", server)
+def idle_error(server: str, seconds: float) -> DeadlineExceeded:
+    """The error of a stream without a message for `seconds`."""
+    return DeadlineExceeded(
+        f"no message from {server} for {seconds:g} s; check the capture with `kinevox "
+        "status`, or increase idle_timeout_s",
+        server,
+    )
 
 
 class _Watchdog:
-    """Cancels a call that nobody answers. Knows the call, not the stream, so that a stream which is forgotten ends."""
+    """Cancels a call that receives no message in time. It holds no reference to the stream, so that an unused stream is
+    collected."""
 
     def __init__(self, call: Any, seconds: float) -> None:
-        self.deadline = float("inf")   # of the wait that is under way
-        self.barked = False
+        self.deadline = float("inf")  # of the current wait
+        self.expired = False
         self._call, self._seconds = call, seconds
         self._over = threading.Event()
-        threading.Thread(target=self._watch, name="kinevox-silence", daemon=True).start()
+        threading.Thread(target=self._watch, name="kinevox-idle", daemon=True).start()
 
     def _watch(self) -> None:
         while not self._over.wait(min(self._seconds / 8, 0.5)):
             if time.monotonic() > self.deadline:
-                self.barked = True
+                self.expired = True
                 self._call.cancel()
                 return
 
@@ -50,18 +54,24 @@ class _Watchdog:
 class Stream(Generic[T], Iterator[T]):
     """Iterates over a stream's messages; ends where the daemon ends it, raises KinevoxError where it fails.
 
-    Leaving a loop early ends the stream once nothing refers to it any more; to be sure when, use it as a context
-    manager or call close(), which may be done from another thread, too. One thread iterates.
+    Leaving a loop early ends the stream when the last reference to it is gone; use it as a context manager or call
+    close(), from any thread, to end it at once. One thread may iterate.
 
-    reconnects: how often it connected again, with reconnect=True.
+    reconnects: number of reconnections, with reconnect=True.
 
     """
 
-    def __init__(self, transport: Transport, call: StreamCall[T], reconnect: bool = False,
-                 silence_s: float | None = None, on_reconnect: OnReconnect | None = None) -> None:
+    def __init__(
+        self,
+        transport: Transport,
+        call: StreamCall[T],
+        reconnect: bool = False,
+        idle_timeout_s: float | None = None,
+        on_reconnect: OnReconnect | None = None,
+    ) -> None:
         self.reconnects = 0
         self._transport, self._what = transport, call
-        self._reconnect, self._silence_s, self._on_reconnect = reconnect, silence_s, on_reconnect
+        self._reconnect, self._idle_timeout_s, self._on_reconnect = (reconnect, idle_timeout_s, on_reconnect)
         self._call: Any = None
         self._watchdog: _Watchdog | None = None
         self._closed = threading.Event()
@@ -86,7 +96,7 @@ class Stream(Generic[T], Iterator[T]):
         raise StopIteration
 
     def wait_until_subscribed(self) -> None:
-        """Returns when the daemon sends whatever happens from now on. Errors come with the first message."""
+        """Returns when the daemon has registered the subscription. Errors are raised by the first read."""
         try:
             self._call.initial_metadata()
         except grpc.RpcError:
@@ -94,9 +104,9 @@ class Stream(Generic[T], Iterator[T]):
 
     def _receive(self) -> Any:
         watchdog = self._watchdog
-        if watchdog is None or self._silence_s is None:
+        if watchdog is None or self._idle_timeout_s is None:
             return next(self._call)
-        watchdog.deadline = time.monotonic() + self._silence_s
+        watchdog.deadline = time.monotonic() + self._idle_timeout_s
         try:
             return next(self._call)
         finally:
@@ -104,20 +114,21 @@ class Stream(Generic[T], Iterator[T]):
 
     def _open(self) -> None:
         what, options = self._what, self._transport.options
-        ask = self._transport.channel.unary_stream(path(what.method), type(what.request).SerializeToString,
-                                                   what.response.FromString)
+        ask = self._transport.channel.unary_stream(
+            path(what.method), type(what.request).SerializeToString, what.response.FromString
+        )
         self._call = ask(what.request, metadata=options.metadata)
-        if self._silence_s is not None:
-            self._watchdog = _Watchdog(self._call, self._silence_s)
+        if self._idle_timeout_s is not None:
+            self._watchdog = _Watchdog(self._call, self._idle_timeout_s)
 
     def _reopen(self, error: grpc.RpcError) -> None:
-        """After an error: connects again where that is wanted and helps, else raises. Ends quietly after close()."""
+        """After an error: reconnects if requested and possible, else raises. Returns after close()."""
         if self._closed.is_set():
             return
-        silent = self._watchdog is not None and self._watchdog.barked
+        expired = self._watchdog is not None and self._watchdog.expired
         self._release()
         server = self._transport.options.server
-        why = silence(server, self._silence_s or 0) if silent else from_rpc(error, server)
+        why = idle_error(server, self._idle_timeout_s or 0) if expired else from_rpc(error, server)
         if not self._reconnect or not isinstance(why, Unavailable):
             self.close()
             raise why from None
@@ -125,7 +136,7 @@ class Stream(Generic[T], Iterator[T]):
             self._on_reconnect(why)
         if self._closed.wait(self._pause_s):
             return
-        self._pause_s = min(2 * self._pause_s, LONGEST_PAUSE_S)
+        self._pause_s = min(2 * self._pause_s, MAX_PAUSE_S)
         self.reconnects += 1
         self._open()
 
@@ -144,8 +155,9 @@ class Stream(Generic[T], Iterator[T]):
     def __enter__(self) -> Stream[T]:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
     def __del__(self) -> None:

@@ -10,106 +10,155 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinevox.coordinates import COORDINATE_NAMES
+from kinevox.body_table import COORDINATE_NAMES, JOINT_NAMES, TRANSLATION_NAMES
+from kinevox.body_table import GEOMETRIC_ANGLE_NAMES as ANGLE_NAMES
 from kinevox.errors import InvalidArgument
-from kinevox.poses import ANGLE_NAMES, JOINT_NAMES, Pose
+from kinevox.poses import Pose, PoseFrame, no_such
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
-@dataclass
+@dataclass(repr=False)
 class PoseTable:
-    """n poses, one row each; NaN where a value was withheld or nobody was seen.
+    """n rows, one per frame set and subject, one with subject 0 where no subject is tracked; NaN where a value is
+    withheld.
 
-    frame (n,): the recording's frame, else the sequence. time_s (n,): from the first row on, by capture time. joints_m
-    (n, 20, 3): world frame, m, in the order of JOINT_NAMES. angles_deg (n, 11): of ANGLE_NAMES. coordinates_deg (n,
-    29): of COORDINATE_NAMES, the body model's turns by OpenSim's names.
+    frame (n,): the recording's frame in a replay, else the sequence. time_s (n,): capture time since the first row.
+    subject (n,): the subject's id, 0 if there is none. joints_m (n, 20, 3): world frame, m, in the order of
+    JOINT_NAMES. angles_deg (n, 11): geometric angles by ANGLE_NAMES. coordinates_deg (n, 29): the body model's
+    rotations by COORDINATE_NAMES. translations_m (n, 3): by TRANSLATION_NAMES.
     """
 
-    frame: NDArray[np.int64]
+    frame: Ints
     time_s: Floats
+    subject: Ints
     joints_m: Floats
     angles_deg: Floats
     coordinates_deg: Floats
+    translations_m: Floats
 
     @staticmethod
-    def of(poses: Iterable[Pose], most: int | None = None) -> "PoseTable":
-        """Collects a stream, to its end or so many poses."""
-        kept: list[Pose] = []
-        if most is None or most > 0:
-            for pose in poses:
-                kept.append(pose)
-                if len(kept) == most:
+    def of(frames: Iterable[PoseFrame], max_poses: int | None = None) -> "PoseTable":
+        """Collects a stream to its end, or until it holds max_poses rows and the frame set is complete."""
+        rows: list[tuple[PoseFrame, Pose]] = []
+        if max_poses is None or max_poses > 0:
+            for frame in frames:
+                rows += [(frame, pose) for pose in frame.subjects or (frame.only,)]
+                if max_poses is not None and len(rows) >= max_poses:
                     break
-        frame = [pose.sequence if pose.recorded_frame is None else pose.recorded_frame for pose in kept]
-        start = kept[0].time_ns if kept else 0
+        number = [frame.sequence if frame.recorded_frame is None else frame.recorded_frame for frame, _ in rows]
+        start_ns = rows[0][0].capture_time_ns if rows else 0
         return PoseTable(
-            np.array(frame, dtype=np.int64), np.array([(pose.time_ns - start) * 1e-9 for pose in kept], dtype=float),
-            _stacked([pose.joints.positions_m for pose in kept], (len(JOINT_NAMES), 3)),
-            _stacked([pose.angles.deg for pose in kept], (len(ANGLE_NAMES),)),
-            _stacked([pose.coordinates.deg for pose in kept], (len(COORDINATE_NAMES),)))
+            np.array(number, dtype=np.int64),
+            np.array([(frame.capture_time_ns - start_ns) * 1e-9 for frame, _ in rows], dtype=float),
+            np.array([pose.subject_id for _, pose in rows], dtype=np.int64),
+            _stacked([pose.joints.positions_m for _, pose in rows], (len(JOINT_NAMES), 3)),
+            _stacked([pose.angles.deg for _, pose in rows], (len(ANGLE_NAMES),)),
+            _stacked([pose.coordinates.deg for _, pose in rows], (len(COORDINATE_NAMES),)),
+            _stacked([pose.translations.m for _, pose in rows], (len(TRANSLATION_NAMES),)),
+        )
 
     @staticmethod
     def read(folder: str | Path) -> "PoseTable":
-        """From joints.csv, angles.csv and coordinates.csv, as `kinevox process` and recordings (poses/) have them; of
-        the last two, what is not there is NaN. InvalidArgument where joints.csv cannot be read."""
+        """Reads joints.csv, angles.csv and coordinates.csv of a results folder or of a recording's poses/ folder.
+
+        The last two are optional; their values are NaN if the file is missing. InvalidArgument names an unreadable file
+        or a missing column.
+        """
         folder = Path(folder)
-        frame, time_s, joints = _read(folder / "joints.csv",
-                                      [f"{name}_{axis}" for name in JOINT_NAMES for axis in "xyz"])
+        joint_columns = [f"{name}_{axis}" for name in JOINT_NAMES for axis in "xyz"]
+        frame, time_s, subject, joints = _read(folder / "joints.csv", joint_columns)
         n = len(frame)
+        angle_columns = [f"{name}_deg" for name in ANGLE_NAMES]
+        coordinate_columns = [f"{name}_deg" for name in COORDINATE_NAMES] + [f"{name}_m" for name in TRANSLATION_NAMES]
         rest = []
-        for file, names in (("angles.csv", ANGLE_NAMES), ("coordinates.csv", COORDINATE_NAMES)):
+        for file, names in (("angles.csv", angle_columns), ("coordinates.csv", coordinate_columns)):
             if (folder / file).exists():
-                rest.append(_read(folder / file, [f"{name}_deg" for name in names], n)[2])
+                rest.append(_read(folder / file, names, n)[3])
             else:
                 rest.append(np.full((n, len(names)), np.nan))
-        return PoseTable(frame, time_s, joints.reshape(n, len(JOINT_NAMES), 3), rest[0], rest[1])
+        split = len(COORDINATE_NAMES)
+        return PoseTable(
+            frame,
+            time_s,
+            subject,
+            joints.reshape(n, len(JOINT_NAMES), 3),
+            rest[0],
+            rest[1][:, :split],
+            rest[1][:, split:],
+        )
 
     def __len__(self) -> int:
         return len(self.time_s)
 
+    def __repr__(self) -> str:
+        duration_s = self.time_s[-1] - self.time_s[0] if len(self) else 0.0
+        poses = int(np.isfinite(self.joints_m[:, :, 0]).any(axis=1).sum())
+        return f"<PoseTable: {len(self)} rows over {duration_s:.2f} s, {poses} poses, subjects {self.subject_ids}>"
+
+    @property
+    def subject_ids(self) -> list[int]:
+        """Ids of all subjects in the table, ascending."""
+        return [int(value) for value in np.unique(self.subject) if value]
+
+    def of_subject(self, subject_id: int) -> "PoseTable":
+        """The rows of one subject."""
+        rows = self.subject == subject_id
+        return PoseTable(
+            self.frame[rows],
+            self.time_s[rows],
+            self.subject[rows],
+            self.joints_m[rows],
+            self.angles_deg[rows],
+            self.coordinates_deg[rows],
+            self.translations_m[rows],
+        )
+
     def joint(self, name: str) -> Floats:
         """(n, 3) of one joint, m, world frame. KeyError."""
         if name not in JOINT_NAMES:
-            raise KeyError(f"there is no joint '{name}'; there are {', '.join(JOINT_NAMES)}")
+            raise no_such("joint", name, JOINT_NAMES)
         column: Floats = self.joints_m[:, JOINT_NAMES.index(name)]
         return column
 
     def angle(self, name: str) -> Floats:
-        """(n,) of one angle, degrees, by the names that Angles takes. KeyError."""
-        if name in ANGLE_NAMES:
-            column: Floats = self.angles_deg[:, ANGLE_NAMES.index(name)]
-            return column
-        return self.coordinate(name)
+        """(n,) of one geometric angle, degrees. KeyError."""
+        if name not in ANGLE_NAMES:
+            raise no_such("angle", name, ANGLE_NAMES)
+        column: Floats = self.angles_deg[:, ANGLE_NAMES.index(name)]
+        return column
 
     def coordinate(self, name: str) -> Floats:
-        """(n,) of one of COORDINATE_NAMES, degrees. KeyError."""
+        """(n,) of one coordinate of the body model, degrees. KeyError."""
         if name not in COORDINATE_NAMES:
-            raise KeyError(f"there is no angle '{name}'; there are {', '.join(ANGLE_NAMES + COORDINATE_NAMES)}")
+            raise no_such("coordinate", name, COORDINATE_NAMES)
         column: Floats = self.coordinates_deg[:, COORDINATE_NAMES.index(name)]
         return column
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """Every column by name with its unit, (n,) each: frame, time_s, root_x_m, ..., knee_flexion_l_deg, ..., and the
-        coordinates as model_knee_angle_l_deg, ..."""
-        out: dict[str, NDArray[Any]] = {"frame": self.frame, "time_s": self.time_s}
+        """Every column by name with its unit, (n,) each: frame, time_s, subject, root_x_m, ...,
+        knee_flexion_geometric_l_deg, ..., pelvis_x_m, ..., knee_angle_l_deg, ..."""
+        out: dict[str, NDArray[Any]] = {"frame": self.frame, "time_s": self.time_s, "subject": self.subject}
         for j, joint in enumerate(JOINT_NAMES):
             out.update({f"{joint}_{axis}_m": self.joints_m[:, j, k] for k, axis in enumerate("xyz")})
         out.update({f"{name}_deg": self.angles_deg[:, k] for k, name in enumerate(ANGLE_NAMES)})
-        out.update({f"model_{name}_deg": self.coordinates_deg[:, k] for k, name in enumerate(COORDINATE_NAMES)})
+        out.update({f"{name}_m": self.translations_m[:, k] for k, name in enumerate(TRANSLATION_NAMES)})
+        out.update({f"{name}_deg": self.coordinates_deg[:, k] for k, name in enumerate(COORDINATE_NAMES)})
         return out
 
     def write_csv(self, file: str | Path) -> None:
-        """All columns; an empty cell where there is no value."""
+        """Writes all columns; withheld values and the subject of rows without one are empty cells."""
         columns = self.columns()
         with open(file, "w", newline="") as out:
             writer = csv.writer(out, lineterminator="\n")
             writer.writerow(columns)
-            for row in zip(*columns.values()):
-                writer.writerow([int(row[0])] + ["" if np.isnan(value) else f"{value:.6f}" for value in row[1:]])
+            for frame, time_s, subject, *values in zip(*columns.values()):
+                cells = ["" if np.isnan(value) else f"{value:.6f}" for value in values]
+                writer.writerow([int(frame), f"{time_s:.6f}", int(subject) or "", *cells])
 
     def to_pandas(self) -> Any:
-        """A pandas.DataFrame of all columns. ImportError where pandas is not installed (python3-pandas)."""
+        """A pandas.DataFrame of all columns. ImportError if pandas is not installed (python3-pandas)."""
         import pandas
 
         return pandas.DataFrame(self.columns())
@@ -119,7 +168,7 @@ def _stacked(rows: list[Floats], shape: tuple[int, ...]) -> Floats:
     return np.stack(rows) if rows else np.empty((0, *shape))
 
 
-def _read(file: Path, names: list[str], rows: int | None = None) -> tuple[NDArray[np.int64], Floats, Floats]:
+def _read(file: Path, names: list[str], rows: int | None = None) -> tuple[Ints, Floats, Ints, Floats]:
     try:
         with open(file, newline="") as lines:
             reader = csv.reader(lines)
@@ -127,7 +176,8 @@ def _read(file: Path, names: list[str], rows: int | None = None) -> tuple[NDArra
             body = list(reader)
     except OSError as error:
         raise InvalidArgument(
-            f"{file} cannot be read ({error.strerror}); give a folder with kinevox's tables") from None
+            f"{file} cannot be read ({error.strerror}); give a folder with kinevox's tables"
+        ) from None
     missing = [name for name in ["frame", "time_s", *names] if name not in head]
     if missing:
         raise InvalidArgument(f"{file} has no column '{missing[0]}'; give a folder with kinevox's tables")
@@ -137,7 +187,13 @@ def _read(file: Path, names: list[str], rows: int | None = None) -> tuple[NDArra
         numbers = np.array([[float(cell) if cell else np.nan for cell in row] for row in body], dtype=float)
         numbers = numbers.reshape(len(body), len(head))
     except ValueError:
-        raise InvalidArgument(f"{file} has a row that is no row of {len(head)} numbers; make it anew") from None
-    place = {name: i for i, name in enumerate(head)}
-    return (numbers[:, place["frame"]].astype(np.int64), numbers[:, place["time_s"]],
-            numbers[:, [place[name] for name in names]])
+        raise InvalidArgument(f"{file} has a row without {len(head)} numbers; write the file again") from None
+    column = {name: i for i, name in enumerate(head)}
+    # Tables of a single subject, such as the studio's truth, may have no column for it.
+    subject = np.nan_to_num(numbers[:, column["subject"]]) if "subject" in column else np.ones(len(body))
+    return (
+        numbers[:, column["frame"]].astype(np.int64),
+        numbers[:, column["time_s"]],
+        subject.astype(np.int64),
+        numbers[:, [column[name] for name in names]],
+    )

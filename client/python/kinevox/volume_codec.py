@@ -1,4 +1,4 @@
-"""Decodes the bytes of a volume (proto/kinevox/v1/volume.proto), whole arrays at a time."""
+"""Decodes an encoded volume (docs/volume_format.md) with operations on whole arrays."""
 from __future__ import annotations
 
 import struct
@@ -13,15 +13,24 @@ Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
 
 _HEADER = struct.Struct("<4sBBH3dd3HHII")
-_MOST_BRICKS, _MOST_COLOURS = 1 << 20, 1 << 24
-# In the same brick, in this order: dx, dy, dz of the neighbours that a colour is predicted from.
-_BEFORE = ((-1, 0, 0), (0, -1, 0), (0, 0, -1), (1, -1, 0), (-1, -1, 0), (-1, 0, -1), (1, 0, -1), (0, -1, -1), (0, 1,
-                                                                                                               -1))
+_MAX_BRICKS, _MAX_COLOURS = 1 << 20, 1 << 24
+# dx, dy, dz of the neighbours in the same brick that predict a colour, in this order.
+_BEFORE = (
+    (-1, 0, 0),
+    (0, -1, 0),
+    (0, 0, -1),
+    (1, -1, 0),
+    (-1, -1, 0),
+    (-1, 0, -1),
+    (1, 0, -1),
+    (0, -1, -1),
+    (0, 1, -1),
+)
 _LEVEL = ((np.arange(64) * 255 + 31) // 63).astype(np.uint8)
 
 
 class DamagedVolume(ValueError):
-    """The bytes are damaged, or no volume."""
+    """The bytes are damaged or not an encoded volume."""
 
 
 @dataclass(frozen=True)
@@ -40,23 +49,23 @@ class Decoded:
 
 
 def decode(data: bytes) -> Decoded:
-    """The volume of one message; DamagedVolume for anything that the daemon could not have written."""
+    """Decodes one volume; DamagedVolume for any input that no daemon writes."""
     if len(data) < _HEADER.size:
         raise DamagedVolume(f"{len(data)} bytes are too few for a header")
-    magic, version, flags, zero, ox, oy, oz, voxel_m, bx, by, bz, zero_too, count, colours = _HEADER.unpack_from(data)
+    (magic, version, flags, zero, ox, oy, oz, voxel_m, bx, by, bz, zero_too, count, colours) = _HEADER.unpack_from(data)
     if magic != b"KVXV":
         raise DamagedVolume("does not begin with KVXV")
     if version != 1:
         raise DamagedVolume(f"version {version} is not known, expected 1; update this program")
     if flags > 1 or zero or zero_too or not (np.isfinite([ox, oy, oz]).all() and 0 < voxel_m < np.inf):
         raise DamagedVolume("the header makes no sense")
-    if count > _MOST_BRICKS or colours > _MOST_COLOURS or (not flags and colours) or max(bx, by, bz) > 32767:
+    if count > _MAX_BRICKS or colours > _MAX_COLOURS or (not flags and colours) or max(bx, by, bz) > 32767:
         raise DamagedVolume(f"{count} bricks and {colours} colours exceed the limits")
     sections = _sections(data, 7 if flags else 4, count, colours)
-    places = _places(sections[0], count, bx * by * bz)
+    indices = _brick_indices(sections[0], count, bx * by * bz)
     occupancy = _occupancy(sections[1], sections[2], sections[3], count)
-    surface = _surface(places, occupancy, (bx, by, bz))
-    bricks = np.stack([places % max(bx, 1), places // max(bx, 1) % max(by, 1), places // max(bx * by, 1)], axis=1)
+    surface = _surface(indices, occupancy, (bx, by, bz))
+    bricks = np.stack([indices % max(bx, 1), indices // max(bx, 1) % max(by, 1), indices // max(bx * by, 1)], axis=1)
     shown = _colours(surface, np.stack(sections[4:], axis=1)) if flags else None
     return Decoded(np.array([ox, oy, oz]), voxel_m, (bx, by, bz), bricks, occupancy, surface, shown)
 
@@ -70,14 +79,20 @@ def _sections(data: bytes, number: int, count: int, colours: int) -> list[Bytes]
     raw, stored = sizes[::2], sizes[1::2]
     if start + sum(stored) != len(data):
         raise DamagedVolume(f"holds {len(data) - start} bytes of sections, its header says {sum(stored)}")
-    if not (count <= raw[0] <= 7 * count and raw[1] == 2 * count and raw[2] % 2 == 0 and raw[2] <= 16 * count and
-            raw[3] <= 4 * raw[2] and all(size == colours for size in raw[4:])):
+    if not (
+        count <= raw[0] <= 7 * count
+        and raw[1] == 2 * count
+        and raw[2] % 2 == 0
+        and raw[2] <= 16 * count
+        and raw[3] <= 4 * raw[2]
+        and all(size == colours for size in raw[4:])
+    ):
         raise DamagedVolume("the sections' sizes contradict the number of bricks or colours")
     unpacker = zstandard.ZstdDecompressor()
     out: list[Bytes] = []
     view = memoryview(data)
     for i in range(number):
-        piece = view[start:start + stored[i]]
+        piece = view[start : start + stored[i]]
         start += stored[i]
         if stored[i] != raw[i]:
             try:
@@ -92,23 +107,23 @@ def _sections(data: bytes, number: int, count: int, colours: int) -> list[Bytes]
     return out
 
 
-def _places(gaps: Bytes, count: int, most: int) -> Ints:
-    """Place of each brick, rising, from the gaps between them: numbers of seven bits a byte, least first."""
-    last = gaps < 0x80
+def _brick_indices(deltas: Bytes, count: int, limit: int) -> Ints:
+    """Index of each brick, ascending, from the deltas: seven bits per byte, least significant first."""
+    last = deltas < 0x80
     if np.count_nonzero(last) != count or (count and not last[-1]):
-        raise DamagedVolume("the gaps between the bricks are not as many as the bricks")
+        raise DamagedVolume("the number of brick index deltas differs from the number of bricks")
     if count == 0:
         return np.empty(0, dtype=np.int64)
     starts = np.concatenate([[0], np.flatnonzero(last)[:-1] + 1])
-    lengths = np.diff(np.append(starts, gaps.size))
+    lengths = np.diff(np.append(starts, deltas.size))
     if lengths.max() > 7:
         raise DamagedVolume("a brick lies outside the grid")
-    shifts = 7 * (np.arange(gaps.size) - np.repeat(starts, lengths))
-    values = np.add.reduceat((gaps & 0x7F).astype(np.int64) << shifts, starts)
-    places: Ints = np.cumsum(values + 1) - 1
-    if values.max() >= most or places[-1] >= most or (places < 0).any():
+    shifts = 7 * (np.arange(deltas.size) - np.repeat(starts, lengths))
+    values = np.add.reduceat((deltas & 0x7F).astype(np.int64) << shifts, starts)
+    indices: Ints = np.cumsum(values + 1) - 1
+    if values.max() >= limit or indices[-1] >= limit or (indices < 0).any():
         raise DamagedVolume("a brick lies outside the grid")
-    return places
+    return indices
 
 
 def _bits(masks: Bytes) -> Bools:
@@ -123,20 +138,20 @@ def _occupancy(brick_masks: Bytes, octant_masks: Bytes, cell_masks: Bytes, count
     some, full = brick_masks.reshape(count, 2).T
     if (full & ~some).any() or (some == 0).any():
         raise DamagedVolume(problem)
-    mixed = _bits(some & ~full)                                     # (count, octants)
+    mixed = _bits(some & ~full)  # (count, octants)
     if 2 * np.count_nonzero(mixed) != octant_masks.size:
         raise DamagedVolume(length)
     some_cells, full_cells = octant_masks.reshape(-1, 2).T
     if (full_cells & ~some_cells).any() or (some_cells == 0).any() or (full_cells == 0xFF).any():
         raise DamagedVolume(problem)
-    mixed_cells = _bits(some_cells & ~full_cells)                   # (mixed octants, cells)
+    mixed_cells = _bits(some_cells & ~full_cells)  # (mixed octants, cells)
     if np.count_nonzero(mixed_cells) != cell_masks.size:
         raise DamagedVolume(length)
     if ((cell_masks == 0) | (cell_masks == 0xFF)).any():
         raise DamagedVolume(problem)
     voxels = np.where(_bits(full_cells), np.uint8(0xFF), np.uint8(0))
     voxels[mixed_cells] = cell_masks
-    cells = np.zeros((count, 8, 8), dtype=np.uint8)                 # a byte of 2 x 2 x 2 voxels a cell
+    cells = np.zeros((count, 8, 8), dtype=np.uint8)  # one byte per cell of 2 x 2 x 2 voxels
     cells[_bits(full)] = 0xFF
     cells[mixed] = voxels
     # Bits by (brick, octant z y x, cell z y x, voxel z y x) to (brick, z, y, x).
@@ -144,19 +159,19 @@ def _occupancy(brick_masks: Bytes, octant_masks: Bytes, cell_masks: Bytes, count
     return np.ascontiguousarray(bits.transpose(0, 1, 4, 7, 2, 5, 8, 3, 6, 9)).reshape(count, 8, 8, 8)
 
 
-def _surface(places: Ints, occupancy: Bools, size: tuple[int, int, int]) -> Bools:
+def _surface(indices: Ints, occupancy: Bools, size: tuple[int, int, int]) -> Bools:
     """Occupied voxels with an empty one among their six neighbours; outside the box is empty."""
-    count = places.size
+    count = indices.size
     bx, by, bz = (max(n, 1) for n in size)
-    at = (places % bx, places // bx % by, places // (bx * by))
+    at = (indices % bx, indices // bx % by, indices // (bx * by))
     padded = np.zeros((count, 10, 10, 10), dtype=bool)
     padded[:, 1:9, 1:9, 1:9] = occupancy
     for axis, (step, length) in enumerate(zip((1, bx, bx * by), (bx, by, bz))):
         for side in (-1, 1):
             inside = (at[axis] > 0) if side < 0 else (at[axis] < length - 1)
-            wanted = places + side * step
-            found = np.minimum(np.searchsorted(places, wanted), max(count - 1, 0))
-            here = np.flatnonzero(inside & (places[found] == wanted)) if count else np.empty(0, dtype=np.int64)
+            wanted = indices + side * step
+            found = np.minimum(np.searchsorted(indices, wanted), max(count - 1, 0))
+            here = np.flatnonzero(inside & (indices[found] == wanted)) if count else np.empty(0, dtype=np.int64)
             face = [slice(1, 9)] * 3
             theirs: list[int | slice] = [slice(None)] * 3
             ours: list[int | slice] = list(face)
@@ -171,28 +186,28 @@ def _surface(places: Ints, occupancy: Bools, size: tuple[int, int, int]) -> Bool
 
 
 def _colours(surface: Bools, errors: Bytes) -> Bytes:
-    """Colours (m, 3) from what they differ by from their predictions, (m, 3) of Y, Co, Cg.
+    """Colours (m, 3) from the errors of their predictions, (m, 3) of Y, Co, Cg.
 
-    A prediction moves with the colours that it is made from: (a + c + b + c) >> 1 = ((a + b) >> 1) + c. Within a brick
-    all hang on the colour coded just before it, so bricks are decoded side by side as if that were 0, the first voxels
-    of all of them, then the second, ..., and it is added at the end.
+    A constant added to all colours of a brick moves the predictions by the same constant: (a + c + b + c) >> 1 =
+    ((a + b) >> 1) + c. So all bricks are decoded in parallel as if the last colour of the previous brick were 0, and
+    that colour is added at the end.
 
     """
     brick, z, y, x = np.nonzero(surface)
     total = brick.size
     if total != len(errors):
-        raise DamagedVolume("there is not one colour a surface voxel")
+        raise DamagedVolume("the number of colours differs from the number of surface voxels")
     if total == 0:
         return np.empty((0, 3), dtype=np.uint8)
     counts = np.bincount(brick, minlength=len(surface))
     starts = np.cumsum(counts) - counts
     rank = np.arange(total) - starts[brick]
-    order = np.argsort(rank, kind="stable")                          # by rank, then brick
+    order = np.argsort(rank, kind="stable")  # by rank, then brick
     place = np.empty(total, dtype=np.int64)
     place[order] = np.arange(total)
 
     first, second = _parents(surface, brick, z, y, x, rank)
-    slots = np.append(place, total)                                  # the last one: no voxel, colour 0
+    slots = np.append(place, total)  # the last one: no voxel, colour 0
     first, second = slots[first[order]], slots[second[order]]
     steps = errors[order].view(np.int8).astype(np.int16)
     values = np.zeros((total + 1, 3), dtype=np.int16)
@@ -224,7 +239,8 @@ def _colours(surface: Bools, errors: Bytes) -> Bytes:
 
 def _parents(surface: Bools, brick: Ints, z: Ints, y: Ints, x: Ints, rank: Ints) -> tuple[Ints, Ints]:
     """Numbers of the two surface voxels that each colour is predicted from, twice the same where there is one; where
-    there is none, the voxel coded just before in the same brick; at a brick's begin `total`."""
+    there is none, the voxel coded just before in the same brick; at a brick's begin `total`.
+    """
     total = brick.size
     number = np.full((len(surface), 10, 10, 10), -1, dtype=np.int32)
     number[brick, z + 1, y + 1, x + 1] = np.arange(total, dtype=np.int32)

@@ -13,27 +13,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinevox.errors import DataLoss, InvalidArgument
-from kinevox.header import Header
+from kinevox.header import Header, only_subject
 from kinevox.volume_codec import DamagedVolume, Decoded, decode
 
 Floats = NDArray[np.float64]
-_MOST_DENSE = 1 << 30
+_MAX_DENSE_VOXELS = 1 << 30
 
 
 class Volume:
-    """A person in voxels.
+    """A coloured voxel volume.
 
     origin_m: (3,) corner with the smallest coordinates, world, m. voxel_m: edge, m. shape: voxels along x, y, z.
-    colours: (m, 3) uint8 R G B, one a surface voxel in the order of surface_indices; None where none were sent.
+    colours: (m, 3) uint8 R G B, one per surface voxel in the order of surface_indices; None if they were omitted.
 
     """
 
     def __init__(self, data: bytes) -> None:
-        """From the bytes of one message; InvalidArgument where they are damaged."""
+        """Decodes an encoded volume (docs/volume_format.md); InvalidArgument if it is damaged."""
         try:
             self._decoded: Decoded = decode(data)
         except DamagedVolume as error:
-            raise InvalidArgument(f"volume: {error}; the bytes are damaged or no volume") from None
+            raise InvalidArgument(f"volume: {error}; the bytes are damaged or not an encoded volume") from None
         self.origin_m: Floats = self._decoded.origin_m
         self.voxel_m: float = self._decoded.voxel_m
         x, y, z = self._decoded.bricks_per_axis
@@ -46,17 +46,18 @@ class Volume:
         return int(np.count_nonzero(self._decoded.occupancy))
 
     @property
-    def litres(self) -> float:
-        """Of the voxels that were sent."""
-        return self.voxel_count * self.voxel_m ** 3 * 1000
+    def volume_litres(self) -> float:
+        """Of the received voxels."""
+        return self.voxel_count * self.voxel_m**3 * 1000
 
     def dense(self) -> NDArray[np.bool_]:
-        """All voxels of the box, occupied or not: bool, `shape`, indexed [i, j, k]. InvalidArgument where it would take
-        more than 1 GB; take occupied_indices then."""
+        """All voxels of the box, occupied or not: bool, `shape`, indexed [i, j, k]. InvalidArgument beyond 1 GB;
+        use occupied_indices then."""
         nx, ny, nz = self.shape
-        if nx * ny * nz > _MOST_DENSE:
-            raise InvalidArgument(f"the volume's box has {nx} x {ny} x {nz} voxels, too many for one array; take "
-                                  "occupied_indices")
+        if nx * ny * nz > _MAX_DENSE_VOXELS:
+            raise InvalidArgument(
+                f"the volume's box has {nx} x {ny} x {nz} voxels, too many for one array; use " "occupied_indices"
+            )
         grid = np.zeros((nx // 8, ny // 8, nz // 8, 8, 8, 8), dtype=bool)
         bx, by, bz = self._decoded.bricks.T
         grid[bx, by, bz] = self._decoded.occupancy.transpose(0, 3, 2, 1)
@@ -84,37 +85,85 @@ class Volume:
         return points
 
     def __repr__(self) -> str:
-        return f"<Volume {self.litres:.1f} litres in {self.voxel_count} voxels of {1000 * self.voxel_m:g} mm>"
+        return f"<Volume {self.volume_litres:.1f} litres in {self.voxel_count} voxels of {1000 * self.voxel_m:g} mm>"
+
+
+@dataclass(frozen=True)
+class SubjectVolume:
+    """The volume of one subject.
+
+    subject_id: 0 if no subject is tracked. volume: None without a subject. volume_litres: at the resolution of the
+    capture, whatever was requested. encoded_bytes: on the wire. centre_m (3,), velocity_m_per_s (3,): world frame; None
+    without a subject. used_cameras: names of the cameras with a consistent ray.
+    """
+
+    subject_id: int
+    volume: Volume | None
+    volume_litres: float
+    encoded_bytes: int
+    centre_m: Floats | None
+    velocity_m_per_s: Floats | None
+    used_cameras: tuple[str, ...] = ()
+
+    @staticmethod
+    def of(message: Any, sequence: int, server: str) -> "SubjectVolume":
+        """From the daemon's message; DataLoss if it cannot be decoded."""
+        volume = None
+        if message.encoded_volume:
+            try:
+                volume = Volume(message.encoded_volume)
+            except InvalidArgument as error:
+                raise DataLoss(f"volume {sequence} from {server} cannot be decoded: {error}", server) from None
+        subject = message.subject
+        at, velocity = subject.centre_in_world, subject.velocity_in_world
+        return SubjectVolume(
+            subject.subject_id,
+            volume,
+            message.volume_litres,
+            len(message.encoded_volume),
+            np.array([at.x, at.y, at.z]),
+            np.array([velocity.x, velocity.y, velocity.z]),
+            tuple(subject.used_cameras),
+        )
+
+
+_NO_SUBJECT = SubjectVolume(0, None, 0.0, 0, None, None)
 
 
 @dataclass(frozen=True)
 class VolumeFrame:
-    """One message of the stream of volumes.
+    """The volumes of one frame set: a message of Client.volumes().
 
-    volume: None while nobody is tracked. litres: at the capture's own resolution, whatever was asked for. bytes: on the
-    wire. centre_m, velocity_m_s: (3,) of the subject, world; None while nobody is tracked.
-
+    subjects: ordered by subject_id, empty while no subject is tracked. With at most one subject, volume, volume_litres
+    and centre_m can be read from the frame itself; with several they raise FailedPrecondition.
     """
 
     header: Header
-    volume: Volume | None
-    litres: float
-    bytes: int
-    centre_m: Floats | None
-    velocity_m_s: Floats | None
+    subjects: tuple[SubjectVolume, ...]
+
+    @property
+    def only(self) -> SubjectVolume:
+        """The only subject's; one without a volume if there is no subject. FailedPrecondition if there are several."""
+        return only_subject(self.subjects, [subject.subject_id for subject in self.subjects], _NO_SUBJECT)
+
+    @property
+    def volume(self) -> Volume | None:
+        """Of the only subject; None while no subject is tracked."""
+        return self.only.volume
+
+    @property
+    def volume_litres(self) -> float:
+        """Of the only subject, at the resolution of the capture."""
+        return self.only.volume_litres
+
+    @property
+    def centre_m(self) -> Floats | None:
+        """Of the only subject, (3,), world frame; None while no subject is tracked."""
+        return self.only.centre_m
 
     @staticmethod
     def of(message: Any, server: str) -> "VolumeFrame":
-        """From the daemon's message; DataLoss where it cannot be decoded."""
-        volume = None
-        if message.volume:
-            try:
-                volume = Volume(message.volume)
-            except InvalidArgument as error:
-                raise DataLoss(f"volume {message.header.sequence} from {server} cannot be decoded: {error}",
-                               server) from None
-        centre = velocity = None
-        if message.HasField("subject"):
-            at, speed = message.subject.centre_in_world, message.subject.velocity_in_world
-            centre, velocity = np.array([at.x, at.y, at.z]), np.array([speed.x, speed.y, speed.z])
-        return VolumeFrame(Header.of(message.header), volume, message.litres, len(message.volume), centre, velocity)
+        """From the daemon's message; DataLoss if it cannot be decoded."""
+        header = Header.of(message.header)
+        subjects = tuple(SubjectVolume.of(subject, header.sequence, server) for subject in message.subjects)
+        return VolumeFrame(header, subjects)

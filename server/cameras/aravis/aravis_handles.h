@@ -1,4 +1,4 @@
-// GLib's objects and errors in C++'s way; only for the .cc files of this folder.
+// RAII for GLib's objects and errors; only for the .cc files of this folder.
 #pragma once
 
 #include <arv.h>
@@ -17,7 +17,7 @@ struct Unref {
 template <typename T>
 using GHandle = std::unique_ptr<T, Unref>;
 
-// Passed as GError**; what it caught is freed.
+// Passed as GError**; owns the error.
 class GCatch {
   public:
     ~GCatch() { g_clear_error(&error_); }
@@ -36,7 +36,7 @@ inline std::string text_of(const char* text) {
     return text ? text : "";
 }
 
-// Aravis keeps one list of devices a process and does not guard all of it; whoever lists or opens holds this.
+// Aravis has one device list per process and does not fully guard it: hold this while listing or opening.
 std::mutex& aravis_list_mutex();
 
 }  // namespace kinevox

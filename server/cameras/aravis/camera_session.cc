@@ -13,7 +13,7 @@
 namespace kinevox {
 namespace {
 
-constexpr int kBuffers = 24;                         // of Aravis' own, 0.8 s at 30 pictures a second
+constexpr int kBuffers = 24;                         // owned by Aravis; 0.8 s at 30 images per second
 constexpr unsigned kSocketBytes = 8u << 20;          // the kernel grants what net.core.rmem_max allows
 constexpr std::uint32_t kControlPrivilege = 0x0a00;  // a register that every GigE Vision camera has
 
@@ -23,8 +23,8 @@ std::int64_t steady_now_ns() {
         .count();
 }
 
-// What a picture without a hole has once it is through: GigE Vision's own numbers have 16 bits and no 0.
-class PictureNumber {
+// Unwraps image numbers: those of GigE Vision have 16 bits and skip 0.
+class ImageNumber {
   public:
     std::uint64_t unwrap(std::uint64_t number, bool counts_from_0) {
         if (counts_from_0) return number + 1;
@@ -32,17 +32,17 @@ class PictureNumber {
         last_ = number;
         return base_ + number;
     }
-    // Of one that does not tell its number: what follows the last, so that a gap before it is found behind
-    // it. 0 where there was none yet.
+    // Number of an image whose own is unknown: the one after the last, so that the next image reveals a gap.
+    // 0 before the first image.
     std::uint64_t following() { return last_ == 0 ? 0 : unwrap(last_ == 0xffff ? 1 : last_ + 1, false); }
 
   private:
     std::uint64_t base_ = 0, last_ = 0;
 };
 
-// Aravis writes a picture's number and times with its first packet. Where that never comes they stay those of
-// the picture that the buffer had before, so that there must be none of them.
-void push_anew(ArvStream* stream, ArvBuffer* buffer) {
+// Aravis writes the number and times of an image when its first packet arrives. If it never does, the buffer
+// keeps those of its previous image; so they are cleared.
+void requeue(ArvStream* stream, ArvBuffer* buffer) {
     arv_buffer_set_frame_id(buffer, 0);
     arv_stream_push_buffer(stream, buffer);
 }
@@ -59,20 +59,19 @@ struct CameraSession::State {
     int packet_bytes = 0;
     bool timestamps = false;
     std::atomic<bool> ptp = false, lost = false;
-    PictureNumber number;
-    std::mutex
-        features;  // Aravis' description of the camera is not for two threads at once: trigger and reader
+    ImageNumber number;
+    std::mutex features;  // Aravis' feature tree is not thread-safe: trigger and reader
 
     ~State() {
         if (camera && !lost) {
             GCatch error;
             arv_camera_stop_acquisition(camera.get(), error);
         }
-        stream.reset();  // its thread before the device that it asks for packets
+        stream.reset();  // before the device, which its thread uses
     }
 
     absl::Status open(const FoundCamera& found);
-    absl::Status stream_on(const LiveCamerasConfig& config);
+    absl::Status stream_on(const LiveSourceConfig& config);
     absl::Status refused(const std::string& what, const GCatch& error) const {
         return absl::UnavailableError(fmt::format("camera {}: {}: {}", name, what, error.message()));
     }
@@ -90,27 +89,28 @@ absl::Status CameraSession::State::open(const FoundCamera& found) {
                      G_CALLBACK(+[](ArvDevice*, void* state) { static_cast<State*>(state)->lost = true; }),
                      this);
     camera.reset(arv_camera_new_with_device(device.get(), error));
-    if (!camera) return refused(describe(found) + " is no camera", error);
+    if (!camera) return refused(describe(found) + " is not a camera", error);
     is_gige = arv_camera_is_gv_device(camera.get());
     if (is_gige && !arv_gv_device_is_controller(ARV_GV_DEVICE(device.get()))) {
-        lost = true;  // never ours: nothing is to be given back
+        lost = true;  // never controlled: nothing to release
         return absl::PermissionDeniedError(
-            fmt::format("camera {}: another program controls {}; end that program", name, describe(found)));
+            fmt::format("camera {}: another program controls {}; stop that program", name, describe(found)));
     }
     return absl::OkStatus();
 }
 
-absl::Status CameraSession::State::stream_on(const LiveCamerasConfig& config) {
+absl::Status CameraSession::State::stream_on(const LiveSourceConfig& config) {
     GCatch error;
     if (is_gige) {
-        // Small packets cost a busy machine its pictures: the largest that the network carries.
-        if (config.packet_bytes > 0)
-            arv_camera_gv_set_packet_size(camera.get(), config.packet_bytes, error);
+        // Small packets cause losses on a busy machine: use the largest that the network carries.
+        if (config.packet_size_bytes > 0)
+            arv_camera_gv_set_packet_size(camera.get(), config.packet_size_bytes, error);
         else
             arv_camera_gv_auto_packet_size(camera.get(), error);
-        if (error.caught()) return refused("the packets' size cannot be set; give packet_bytes", error);
+        if (error.caught())
+            return refused("the packet size cannot be negotiated; set packet_size_bytes", error);
         arv_camera_gv_set_packet_size_adjustment(camera.get(), ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER);
-        // One way of receiving for every user: raw sockets would be taken where the daemon may use them.
+        // The same reception path for every user: Aravis would use raw sockets if the daemon may.
         arv_camera_gv_set_stream_options(camera.get(), ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED);
         packet_bytes = static_cast<int>(arv_camera_gv_get_packet_size(camera.get(), error));
         auto* device = ARV_GV_DEVICE(arv_camera_get_device(camera.get()));
@@ -119,11 +119,11 @@ absl::Status CameraSession::State::stream_on(const LiveCamerasConfig& config) {
         timestamps = true;
     }
     payload = arv_camera_get_payload(camera.get(), error);
-    if (error.caught() || payload == 0) return refused("it does not say how large its pictures are", error);
+    if (error.caught() || payload == 0) return refused("it does not report its image size", error);
     stream.reset(arv_camera_create_stream(camera.get(), nullptr, nullptr, error));
     if (!stream) return refused("its stream cannot be opened", error);
     if (is_gige) {
-        // A picture is given up some time before its frame set is.
+        // An image is discarded some time before its frame set is completed without it.
         const auto retention_us = static_cast<unsigned>(std::max(20.0, 0.8 * config.max_wait_ms) * 1000);
         g_object_set(
             stream.get(), "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED, "socket-buffer-size",
@@ -141,7 +141,7 @@ CameraSession::CameraSession(std::unique_ptr<State> state) : state_(std::move(st
 CameraSession::~CameraSession() = default;
 
 absl::StatusOr<std::unique_ptr<CameraSession>> CameraSession::open(const FoundCamera& found,
-                                                                   const LiveCamerasConfig& config,
+                                                                   const LiveSourceConfig& config,
                                                                    const LiveCameraConfig& camera, int width,
                                                                    int height) {
     auto state = std::make_unique<State>();
@@ -156,39 +156,41 @@ absl::StatusOr<std::unique_ptr<CameraSession>> CameraSession::open(const FoundCa
     if (config.ptp) enable_ptp(state->camera.get());
     if (absl::Status status = state->stream_on(config); !status.ok()) return status;
     std::unique_ptr<CameraSession> session(new CameraSession(std::move(state)));
-    session->look_at_clock();
+    session->update_clock();
     return session;
 }
 
-CameraSession::Outcome CameraSession::next(std::chrono::milliseconds longest, PicturePool& pool,
-                                           ArrivedPicture& out) {
+CameraSession::Outcome CameraSession::next(std::chrono::milliseconds timeout, ImagePool& pool,
+                                           ArrivedImage& out) {
     ArvBuffer* buffer = arv_stream_timeout_pop_buffer(
-        state_->stream.get(), static_cast<std::uint64_t>(std::chrono::microseconds(longest).count()));
+        state_->stream.get(), static_cast<std::uint64_t>(std::chrono::microseconds(timeout).count()));
     if (!buffer) return Outcome::kNothing;
     const std::int64_t now_ns = steady_now_ns();
     const ArvBufferStatus status = arv_buffer_get_status(buffer);
     if (status == ARV_BUFFER_STATUS_ABORTED || status == ARV_BUFFER_STATUS_CLEARED) {
-        push_anew(state_->stream.get(), buffer);
+        requeue(state_->stream.get(), buffer);
         return Outcome::kNothing;
     }
-    out.picture = {};
+    out.image = {};
     const bool first_packet_came =
         !state_->is_gige || status == ARV_BUFFER_STATUS_SUCCESS || arv_buffer_get_frame_id(buffer) != 0;
     if (!first_packet_came) {
         out.number = state_->number.following();
-        out.clock = CameraClock::kUnknown;
+        out.clock = TimestampSource::kUnknown;
         out.arrival_ns = now_ns;
-        push_anew(state_->stream.get(), buffer);
-        return Outcome::kPicture;
+        requeue(state_->stream.get(), buffer);
+        return Outcome::kImage;
     }
-    // Aravis noted the first packet's arrival by UTC.
+    // Aravis stores the arrival of the first packet in UTC.
     const std::int64_t ago_ns =
         g_get_real_time() * 1000 - static_cast<std::int64_t>(arv_buffer_get_system_timestamp(buffer));
     out.arrival_ns = ago_ns >= 0 && ago_ns < 5'000'000'000 ? now_ns - ago_ns : now_ns;
     out.number = state_->number.unwrap(arv_buffer_get_frame_id(buffer), !state_->is_gige);
     out.timestamp_ns = static_cast<std::int64_t>(arv_buffer_get_timestamp(buffer));
-    const bool dated = state_->timestamps && out.timestamp_ns != 0;
-    out.clock = !dated ? CameraClock::kArrival : state_->ptp ? CameraClock::kPtp : CameraClock::kDevice;
+    const bool has_timestamp = state_->timestamps && out.timestamp_ns != 0;
+    out.clock = !has_timestamp ? TimestampSource::kArrival
+                : state_->ptp  ? TimestampSource::kPtp
+                               : TimestampSource::kDevice;
     if (status == ARV_BUFFER_STATUS_SUCCESS) {
         std::size_t bytes = 0;
         const auto* data = static_cast<const std::uint8_t*>(arv_buffer_get_data(buffer, &bytes));
@@ -197,11 +199,11 @@ CameraSession::Outcome CameraSession::next(std::chrono::milliseconds longest, Pi
         if (width == state_->width && height == state_->height) {
             auto memory = pool.take();
             if (to_bgr(format, {data, bytes}, width, height, memory.get()).ok())
-                out.picture = {width, height, 3, std::move(memory)};
+                out.image = {width, height, 3, std::move(memory)};
         }
     }
-    push_anew(state_->stream.get(), buffer);
-    return Outcome::kPicture;
+    requeue(state_->stream.get(), buffer);
+    return Outcome::kImage;
 }
 
 bool CameraSession::control_lost() const {
@@ -232,24 +234,24 @@ void CameraSession::trigger() {
     arv_camera_software_trigger(state_->camera.get(), error);
 }
 
-void CameraSession::look_at_clock() {
+void CameraSession::update_clock() {
     if (!state_->wants_ptp || state_->lost) return;
     const std::scoped_lock lock(state_->features);
     state_->ptp = has_ptp_time(state_->camera.get());
 }
 
-void CameraSession::fill(CameraLink& link) const {
-    const auto figure = [&](const char* name) {
+void CameraSession::fill(CameraConnection& link) const {
+    const auto statistic = [&](const char* name) {
         return arv_stream_get_info_uint64_by_name(state_->stream.get(), name);
     };
     guint64 completed = 0, failures = 0, underruns = 0;
     arv_stream_get_statistics(state_->stream.get(), &completed, &failures, &underruns);
-    link.underruns = underruns;
-    link.packet_bytes = state_->packet_bytes;
+    link.buffer_underrun_count = underruns;
+    link.packet_size_bytes = state_->packet_bytes;
     if (!state_->is_gige) return;
-    link.packets_missing = figure("n_missing_packets");
-    link.packets_resent = figure("n_resent_packets");
-    link.resend_requests = figure("n_resend_requests");
+    link.missing_packet_count = statistic("n_missing_packets");
+    link.resent_packet_count = statistic("n_resent_packets");
+    link.resend_request_count = statistic("n_resend_requests");
 }
 
 }  // namespace kinevox

@@ -1,4 +1,4 @@
-// One camera while it is connected: opened, set as configured, streaming. Aravis stays behind this.
+// One connected camera: opened, configured, streaming. Hides Aravis.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -11,36 +11,36 @@
 #include "common/live_camera_config.h"
 #include "server/cameras/aravis/discovery.h"
 #include "server/cameras/frame_set_assembler.h"
-#include "server/cameras/picture_pool.h"
+#include "server/cameras/image_pool.h"
 
 namespace kinevox {
 
 class CameraSession {
   public:
-    // `width`, `height`: of its pictures, from the calibration. Errors are one line with the camera's name,
-    // what it refused, and the remedy: NotFound, PermissionDenied (somebody else controls it),
-    // InvalidArgument for a setting, Unavailable for all else. Streams when this returns.
+    // `width`, `height`: image size, from the calibration. Errors are one line with the camera's name, the
+    // cause and the remedy: NotFound, PermissionDenied (another program controls it), InvalidArgument for a
+    // setting, Unavailable otherwise. The camera streams when this returns.
     static absl::StatusOr<std::unique_ptr<CameraSession>> open(const FoundCamera& found,
-                                                               const LiveCamerasConfig& config,
+                                                               const LiveSourceConfig& config,
                                                                const LiveCameraConfig& camera, int width,
                                                                int height);
-    // Gives the camera back. Takes some seconds where it answers no more.
+    // Releases the camera. Takes some seconds if it no longer answers.
     ~CameraSession();
     CameraSession(const CameraSession&) = delete;
     CameraSession& operator=(const CameraSession&) = delete;
 
-    enum class Outcome { kNothing, kPicture };
-    // Waits for the next picture, complete or not; all of it but the camera's place is filled in. The
-    // picture's memory is the pool's (`pool` of 3 * width * height bytes).
-    Outcome next(std::chrono::milliseconds longest, PicturePool& pool, ArrivedPicture& out);
+    enum class Outcome { kNothing, kImage };
+    // Waits for the next image, complete or not, and fills in all but ArrivedImage::camera. The image's
+    // memory comes from `pool` (3 * width * height bytes).
+    Outcome next(std::chrono::milliseconds timeout, ImagePool& pool, ArrivedImage& out);
 
-    bool control_lost() const;  // it says that somebody else has it
-    bool answers();             // on its control channel; takes some seconds where it does not
+    bool control_lost() const;  // another program has taken control
+    bool answers();             // on its control channel; takes some seconds if it does not
     void trigger();             // by command; any thread
-    // Looks whether the camera has found the others' clock by now, and takes its timestamps accordingly.
-    void look_at_clock();
-    // packets_..., resend_requests, underruns, packet_bytes of this connection.
-    void fill(CameraLink& link) const;
+    // Checks whether the camera is synchronised by PTP by now; decides how its timestamps are interpreted.
+    void update_clock();
+    // Fills in the packet counts, buffer_underrun_count and packet_size_bytes of this connection.
+    void fill(CameraConnection& link) const;
 
   private:
     struct State;

@@ -9,9 +9,9 @@
 namespace kinevox {
 namespace {
 
-using Trigger = LiveCamerasConfig::Trigger;
+using Trigger = LiveSourceConfig::Trigger;
 
-// Collects what goes wrong first.
+// Applies settings and keeps the first error.
 class Settings {
   public:
     Settings(ArvCamera* camera, const std::string& name) : camera_(camera), name_(name) {}
@@ -22,15 +22,15 @@ class Settings {
         GCatch error;
         call(camera_, arguments..., error);
         if (error.caught())
-            status_ = absl::InvalidArgumentError(fmt::format(
-                "camera {}: {} = {} is refused: {}; correct it in [source.cameras] or leave it out", name_,
-                key, value, error.message()));
+            status_ = absl::InvalidArgumentError(
+                fmt::format("camera {}: {} = {} was rejected: {}; correct or remove it in [source.cameras]",
+                            name_, key, value, error.message()));
     }
     bool has(const char* feature) {
         GCatch error;
         return arv_camera_is_feature_available(camera_, feature, error) && !error.caught();
     }
-    // Off where it exists.
+    // Sets it to "Off" if it exists.
     void off(const char* feature) {
         if (has(feature)) set(feature, "Off", arv_camera_set_string, feature, "Off");
     }
@@ -45,32 +45,32 @@ class Settings {
     absl::Status status_;
 };
 
-void set_picture(Settings& settings, ArvCamera* camera, const CameraSettings& wanted, int width, int height) {
+void set_image(Settings& settings, ArvCamera* camera, const CameraSettings& wanted, int width, int height) {
     if (!wanted.pixel_format.empty())
         settings.set("pixel_format", wanted.pixel_format, arv_camera_set_pixel_format_from_string,
                      wanted.pixel_format.c_str());
     GCatch error;
     const auto format = static_cast<std::uint32_t>(arv_camera_get_pixel_format(camera, error));
     if (!error.caught() && !is_known_pixel_format(format))
-        settings.fail(fmt::format("its pixel format {} is not understood; set pixel_format to one of {}",
+        settings.fail(fmt::format("pixel format {} is not supported; set pixel_format to one of {}",
                                   text_of(arv_camera_get_pixel_format_as_string(camera, error)),
                                   kKnownPixelFormats));
-    const auto offset = wanted.offset_px.value_or(std::array<int, 2>{0, 0});
+    const auto offset = wanted.sensor_offset_px.value_or(std::array<int, 2>{0, 0});
     const std::string region = fmt::format("[{}, {}] and {} x {} px", offset[0], offset[1], width, height);
-    // First to the corner, so that the size fits wherever it was before.
+    // Resets the offset first, so that the size fits whatever the offset was.
     if (settings.has("OffsetX"))
-        settings.set("offset_px", region, arv_camera_set_integer, "OffsetX", gint64{0});
+        settings.set("sensor_offset_px", region, arv_camera_set_integer, "OffsetX", gint64{0});
     if (settings.has("OffsetY"))
-        settings.set("offset_px", region, arv_camera_set_integer, "OffsetY", gint64{0});
+        settings.set("sensor_offset_px", region, arv_camera_set_integer, "OffsetY", gint64{0});
     settings.set("the calibration's size", region, arv_camera_set_region, -1, -1, width, height);
     if (offset[0] != 0 || offset[1] != 0)
-        settings.set("offset_px", region, arv_camera_set_region, offset[0], offset[1], width, height);
+        settings.set("sensor_offset_px", region, arv_camera_set_region, offset[0], offset[1], width, height);
     int x = 0, y = 0, has_width = 0, has_height = 0;
     arv_camera_get_region(camera, &x, &y, &has_width, &has_height, error);
     if (!error.caught() && (has_width != width || has_height != height))
-        settings.fail(fmt::format(
-            "gives pictures of {} x {} px, its calibration is for {} x {}; calibrate it as it is used",
-            has_width, has_height, width, height));
+        settings.fail(
+            fmt::format("images are {} x {} px, the calibration is for {} x {}; recalibrate at this size",
+                        has_width, has_height, width, height));
 }
 
 void set_light(Settings& settings, const CameraSettings& wanted) {
@@ -102,27 +102,29 @@ void set_light(Settings& settings, const CameraSettings& wanted) {
     }
 }
 
-void set_timing(Settings& settings, const LiveCamerasConfig& config, const std::string& name) {
+void set_timing(Settings& settings, const LiveSourceConfig& config, const std::string& name) {
     if (settings.has("AcquisitionMode"))
         settings.set("AcquisitionMode", "Continuous", arv_camera_set_string, "AcquisitionMode", "Continuous");
-    const bool is_master = config.trigger == Trigger::kMaster && name == config.master;
-    if (config.trigger == Trigger::kFree || is_master) {
-        settings.set("trigger", "free", arv_camera_clear_triggers);
+    const bool is_trigger_camera = config.trigger == Trigger::kCamera && name == config.trigger_camera;
+    if (config.trigger == Trigger::kFreeRun || is_trigger_camera) {
+        settings.set("trigger", "free_run", arv_camera_clear_triggers);
         settings.set("fps", fmt::format("{}", config.fps), arv_camera_set_frame_rate, config.fps);
     } else {
-        const std::string source = config.trigger == Trigger::kSoftware ? "Software" : config.trigger_line;
+        const std::string source =
+            config.trigger == Trigger::kSoftware ? "Software" : config.trigger_input_line;
         settings.set("trigger", source, arv_camera_set_trigger, source.c_str());
     }
-    if (is_master) {
-        settings.set("master_line", config.master_line, arv_camera_set_string, "LineSelector",
-                     config.master_line.c_str());
+    if (is_trigger_camera) {
+        settings.set("trigger_output_line", config.trigger_output_line, arv_camera_set_string, "LineSelector",
+                     config.trigger_output_line.c_str());
         if (settings.has("LineMode"))
-            settings.set("master_line", "Output", arv_camera_set_string, "LineMode", "Output");
-        settings.set("master_line", "ExposureActive", arv_camera_set_string, "LineSource", "ExposureActive");
+            settings.set("trigger_output_line", "Output", arv_camera_set_string, "LineMode", "Output");
+        settings.set("trigger_output_line", "ExposureActive", arv_camera_set_string, "LineSource",
+                     "ExposureActive");
     }
 }
 
-// The standard's name, and the one before it.
+// The current name in the standard, else its predecessor.
 const char* ptp_feature(ArvCamera* camera, const char* name, const char* old_name) {
     for (const char* feature : {name, old_name}) {
         GCatch error;
@@ -133,10 +135,10 @@ const char* ptp_feature(ArvCamera* camera, const char* name, const char* old_nam
 
 }  // namespace
 
-absl::Status apply_settings(ArvCamera* camera, const LiveCamerasConfig& config, const LiveCameraConfig& of,
+absl::Status apply_settings(ArvCamera* camera, const LiveSourceConfig& config, const LiveCameraConfig& of,
                             int width, int height) {
     Settings settings(camera, of.name);
-    set_picture(settings, camera, of.settings, width, height);
+    set_image(settings, camera, of.settings, width, height);
     set_light(settings, of.settings);
     set_timing(settings, config, of.name);
     return settings.status();

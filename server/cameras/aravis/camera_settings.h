@@ -1,4 +1,4 @@
-// A camera's features as the configuration wants them; only for the .cc files of this folder.
+// Applies the configuration to a camera's features; only for the .cc files of this folder.
 #pragma once
 
 #include <absl/status/status.h>
@@ -9,13 +9,13 @@
 namespace kinevox {
 
 // Pixel format, region, exposure, gain, white balance, rate and trigger. InvalidArgument names the camera,
-// the key, its value and what the camera said.
-absl::Status apply_settings(ArvCamera* camera, const LiveCamerasConfig& config, const LiveCameraConfig& of,
+// the key, its value and the camera's reason.
+absl::Status apply_settings(ArvCamera* camera, const LiveSourceConfig& config, const LiveCameraConfig& of,
                             int width, int height);
 
-// Switches PTP on where the camera has it.
+// Enables PTP if the camera supports it.
 void enable_ptp(ArvCamera* camera);
-// It keeps the others' clock now.
+// Whether its clock is synchronised by PTP now.
 bool has_ptp_time(ArvCamera* camera);
 
 }  // namespace kinevox

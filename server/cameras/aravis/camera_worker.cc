@@ -16,34 +16,35 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
-using Trigger = LiveCamerasConfig::Trigger;
+using Trigger = LiveSourceConfig::Trigger;
 
-constexpr milliseconds kPatience{3000};  // at the start, before anything is named that others need to hear of
+constexpr milliseconds kStartupGrace{3000};  // no events in this time after the start
 constexpr milliseconds kFirstPause{250}, kMaxPause{2000};
-constexpr milliseconds kBetweenLosses{10000};  // events of one camera
-constexpr milliseconds kPulse{50};             // how long at most a thread does not look up
-constexpr std::size_t kPicturesInUse = 12;     // by the assembler and the pipeline, besides the queue
+constexpr milliseconds kLossEventInterval{10000};  // per camera
+constexpr milliseconds kPollInterval{50};  // maximum wait for an image before the state is checked again
+constexpr std::size_t kImagesInUse = 12;   // held by the assembler and the pipeline, besides the queue
 
-// So long without a sign and a camera is gone: it must be named within a second.
-milliseconds max_silence(double fps) {
+// Time without an image after which a camera counts as disconnected; an event is due within a second.
+milliseconds idle_timeout(double fps) {
     return milliseconds(std::clamp<std::int64_t>(std::llround(4000 / fps), 500, 5000));
 }
 
-FrameSetAssemblerOptions assembling(const LiveCamerasConfig& config) {
+FrameSetAssemblerOptions assembling(const LiveSourceConfig& config) {
     FrameSetAssemblerOptions options;
-    options.cameras = config.cameras.size();
+    options.camera_count = config.cameras.size();
     options.fps = config.fps;
-    // Cameras that run free have any phase: nearly a whole period joins all of them, and the skew is told.
-    options.tolerance_ms = config.tolerance_ms > 0            ? config.tolerance_ms
-                           : config.trigger == Trigger::kFree ? 900 / config.fps
-                                                              : 0;
+    // Free-running cameras have an arbitrary phase: nearly a whole period joins all of them; the skew is
+    // reported.
+    options.match_tolerance_ms = config.match_tolerance_ms > 0         ? config.match_tolerance_ms
+                                 : config.trigger == Trigger::kFreeRun ? 900 / config.fps
+                                                                       : 0;
     options.max_wait_ms = config.max_wait_ms;
-    options.min_pictures = static_cast<std::size_t>(config.min_cameras);
+    options.min_images = static_cast<std::size_t>(config.min_cameras);
     return options;
 }
 
-// Commands a picture at each multiple of the period on the steady clock, so that all cameras' threads do it
-// at once.
+// Triggers at each multiple of the period on the steady clock, so that the threads of all cameras trigger
+// simultaneously.
 class TriggerThread {
   public:
     TriggerThread(CameraSession& session, double fps)
@@ -68,12 +69,13 @@ class Worker {
           index_(index),
           config_(shared.config.cameras[index]),
           camera_(shared.cameras[index]),
-          pool_(std::size_t{3} * camera_.width * camera_.height, kPicturesInUse + shared.config.queue),
+          pool_(std::size_t{3} * camera_.width * camera_.height,
+                kImagesInUse + shared.config.max_queued_frame_sets),
           begun_(Clock::now()) {
-        // All memory that a full queue takes is taken now: the first hiccup of the machine is no time to ask
-        // for it.
-        std::vector<std::shared_ptr<std::uint8_t[]>> pictures(kPicturesInUse + shared.config.queue);
-        for (auto& picture : pictures) std::memset((picture = pool_.take()).get(), 0, pool_.bytes());
+        // Allocates and touches the memory of a full queue now: page faults under load would cost images.
+        std::vector<std::shared_ptr<std::uint8_t[]>> images(kImagesInUse +
+                                                            shared.config.max_queued_frame_sets);
+        for (auto& image : images) std::memset((image = pool_.take()).get(), 0, pool_.bytes());
     }
 
     void run() {
@@ -81,7 +83,7 @@ class Worker {
         while (!stopped()) {
             auto session = connect();
             if (!session.ok()) {
-                not_there(std::string(session.status().message()));
+                report_unavailable(std::string(session.status().message()));
                 if (wait(pause)) return;
                 pause = std::min(2 * pause, kMaxPause);
                 continue;
@@ -95,10 +97,10 @@ class Worker {
   private:
     absl::StatusOr<std::unique_ptr<CameraSession>> connect();
     void read(CameraSession& session);
-    void take(ArrivedPicture picture);
-    void fell_silent(const std::string& why);
-    void not_there(const std::string& why);
-    void watch_losses();
+    void take(ArrivedImage image);
+    void report_disconnected(const std::string& why);
+    void report_unavailable(const std::string& why);
+    void report_losses();
     void update(const CameraSession& session);
     void keep(const CameraSession& session);
 
@@ -107,9 +109,9 @@ class Worker {
         return shared_.stopped;
     }
     // True: stopped.
-    bool wait(milliseconds longest) {
+    bool wait(milliseconds duration) {
         std::unique_lock lock(shared_.mutex);
-        return shared_.changed.wait_for(lock, longest, [this] { return shared_.stopped; });
+        return shared_.changed.wait_for(lock, duration, [this] { return shared_.stopped; });
     }
 
     LiveCameras& shared_;
@@ -117,25 +119,25 @@ class Worker {
     const std::size_t index_;
     const LiveCameraConfig& config_;
     const Camera& camera_;
-    PicturePool pool_;
+    ImagePool pool_;
     const Clock::time_point begun_;
-    bool delivers_ = false;  // as the others were told
-    bool told_lost_ = false;
-    CameraLink before_;  // figures of the connections before this one
+    bool delivers_ = false;  // as last reported
+    bool reported_lost_ = false;
+    CameraConnection before_;  // counts of the previous connections
     Clock::time_point connected_at_;
-    std::uint64_t losses_told_ = 0;
-    std::optional<Clock::time_point> losses_told_at_;
+    std::uint64_t losses_reported_ = 0;
+    std::optional<Clock::time_point> losses_reported_at_;
 };
 
 absl::StatusOr<std::unique_ptr<CameraSession>> Worker::connect() {
-    const CameraFinder::List found = finder_.newest(milliseconds(300));
+    const CameraFinder::List found = finder_.latest(milliseconds(300));
     const FoundCamera* chosen = choose_camera(*found, config_.device);
     if (!chosen) {
         std::string others;
         for (const FoundCamera& camera : *found) others += (others.empty() ? "" : ", ") + describe(camera);
         return absl::NotFoundError(
-            fmt::format("camera {}: {} does not answer; check its cable and power; there are: {}",
-                        config_.name, config_.device, others.empty() ? "no cameras" : others));
+            fmt::format("camera {}: {} does not answer; check its cable and power; cameras found: {}",
+                        config_.name, config_.device, others.empty() ? "none" : others));
     }
     auto session = CameraSession::open(*chosen, shared_.config, config_, camera_.width, camera_.height);
     const std::scoped_lock lock(shared_.mutex);
@@ -146,113 +148,116 @@ absl::StatusOr<std::unique_ptr<CameraSession>> Worker::connect() {
 void Worker::read(CameraSession& session) {
     std::optional<TriggerThread> trigger;
     if (shared_.config.trigger == Trigger::kSoftware) trigger.emplace(session, shared_.config.fps);
-    const milliseconds silence = max_silence(shared_.config.fps);
-    Clock::time_point heard = Clock::now(), looked = heard;
+    const milliseconds timeout = idle_timeout(shared_.config.fps);
+    Clock::time_point last_image = Clock::now(), last_check = last_image;
     while (!stopped()) {
-        ArrivedPicture arrived;
-        const auto outcome = session.next(kPulse, pool_, arrived);
+        ArrivedImage arrived;
+        const auto outcome = session.next(kPollInterval, pool_, arrived);
         const Clock::time_point now = Clock::now();
-        if (outcome == CameraSession::Outcome::kPicture) {
-            heard = now;
+        if (outcome == CameraSession::Outcome::kImage) {
+            last_image = now;
             take(std::move(arrived));
         } else if (session.control_lost()) {
-            return fell_silent("its connection is gone");
-        } else if (now - heard > silence) {
-            fell_silent("it delivers no pictures");
+            return report_disconnected("the connection was lost");
+        } else if (now - last_image > timeout) {
+            report_disconnected("no images");
             if (!session.answers()) return;
-            not_there(
-                "it answers, but delivers no pictures; see that it is triggered and that nothing between it "
-                "and "
-                "this machine drops UDP packets");
-            heard = Clock::now();
+            report_unavailable(
+                "it answers but delivers no images; check its trigger, and the network for dropped UDP "
+                "packets");
+            last_image = Clock::now();
         }
-        if (now - looked > std::chrono::seconds(1)) {
-            looked = now;
-            session.look_at_clock();
+        if (now - last_check > std::chrono::seconds(1)) {
+            last_check = now;
+            session.update_clock();
             update(session);
-            watch_losses();
+            report_losses();
         }
     }
 }
 
-void Worker::take(ArrivedPicture picture) {
-    picture.camera = index_;
-    bool rejoined = false;
+void Worker::take(ArrivedImage image) {
+    image.camera = index_;
+    bool reconnected = false;
     {
         const std::scoped_lock lock(shared_.mutex);
         if (!delivers_) {
             shared_.assembler.connect(index_);
-            shared_.links[index_].problem.clear();
-            rejoined = std::exchange(told_lost_, false);
+            shared_.links[index_].error_message.clear();
+            reconnected = std::exchange(reported_lost_, false);
             delivers_ = true;
             connected_at_ = Clock::now();
         }
     }
-    // First the word, then the picture: what follows from it is told after it.
-    if (rejoined)
-        shared_.tell(CameraEvent::Kind::kRejoined, index_,
-                     fmt::format("camera {} is back and delivers pictures", config_.name));
+    // The event precedes the image, so that events caused by the image follow it.
+    if (reconnected)
+        shared_.publish_event(CameraEvent::Kind::kReconnected, index_,
+                              fmt::format("camera {} reconnected and delivers images", config_.name));
     const std::scoped_lock lock(shared_.mutex);
-    shared_.assembler.add(std::move(picture));
+    shared_.assembler.add(std::move(image));
     shared_.collect();
     shared_.changed.notify_all();
 }
 
-void Worker::fell_silent(const std::string& why) {
+void Worker::report_disconnected(const std::string& why) {
     if (!delivers_) return;
     delivers_ = false;
     {
         const std::scoped_lock lock(shared_.mutex);
         shared_.assembler.disconnect(index_);
-        ++shared_.links[index_].disconnects;
-        shared_.links[index_].problem = fmt::format("camera {}: {}", config_.name, why);
+        ++shared_.links[index_].disconnect_count;
+        shared_.links[index_].error_message = fmt::format("camera {}: {}", config_.name, why);
         shared_.changed.notify_all();
     }
-    told_lost_ = true;
-    shared_.tell(CameraEvent::Kind::kLost, index_,
-                 fmt::format("camera {} is lost: {}; the others go on, it is looked for", config_.name, why));
+    reported_lost_ = true;
+    shared_.publish_event(
+        CameraEvent::Kind::kDisconnected, index_,
+        fmt::format("camera {} disconnected: {}; reconnecting, other cameras continue", config_.name, why));
 }
 
-void Worker::not_there(const std::string& why) {
+void Worker::report_unavailable(const std::string& why) {
     {
         const std::scoped_lock lock(shared_.mutex);
-        shared_.links[index_].problem = why;
+        shared_.links[index_].error_message = why;
     }
-    if (told_lost_ || Clock::now() - begun_ < kPatience) return;
-    told_lost_ = true;
-    shared_.tell(CameraEvent::Kind::kLost, index_, why);
+    if (reported_lost_ || Clock::now() - begun_ < kStartupGrace) return;
+    reported_lost_ = true;
+    shared_.publish_event(CameraEvent::Kind::kDisconnected, index_, why);
 }
 
-void Worker::watch_losses() {
-    CameraLink link;
+void Worker::report_losses() {
+    CameraConnection link;
     {
         const std::scoped_lock lock(shared_.mutex);
         shared_.assembler.fill(index_, link);
     }
-    const std::uint64_t losses = link.lost + link.incomplete + link.late;
+    const std::uint64_t losses = link.lost_image_count + link.incomplete_image_count + link.late_image_count;
     const Clock::time_point now = Clock::now();
-    // Until the cameras and their buffers have found their pace something goes amiss that nobody needs to
-    // hear of.
-    if (now - connected_at_ < kPatience) losses_told_ = losses;
-    if (losses == losses_told_ || (losses_told_at_ && now - *losses_told_at_ < kBetweenLosses)) return;
-    shared_.tell(CameraEvent::Kind::kLosses, index_,
-                 fmt::format("camera {}: of {} pictures {} never arrived, {} in part and {} too late; see "
-                             "the network settings "
-                             "in docs/cameras.md",
-                             config_.name, link.pictures + losses, link.lost, link.incomplete, link.late));
-    losses_told_ = losses;
-    losses_told_at_ = now;
+    // Losses while the cameras and their buffers start up are not reported.
+    if (now - connected_at_ < kStartupGrace) losses_reported_ = losses;
+    if (losses == losses_reported_ ||
+        (losses_reported_at_ && now - *losses_reported_at_ < kLossEventInterval))
+        return;
+    shared_.publish_event(
+        CameraEvent::Kind::kImagesLost, index_,
+        fmt::format("camera {}: of {} images {} were lost, {} incomplete and {} late; see the network "
+                    "settings in docs/cameras.md",
+                    config_.name, link.image_count + losses, link.lost_image_count,
+                    link.incomplete_image_count, link.late_image_count));
+    losses_reported_ = losses;
+    losses_reported_at_ = now;
 }
 
 void Worker::update(const CameraSession& session) {
-    CameraLink now;
+    CameraConnection now;
     session.fill(now);
     const std::scoped_lock lock(shared_.mutex);
-    CameraLink& link = shared_.links[index_];
-    link.packet_bytes = now.packet_bytes;
-    for (std::uint64_t CameraLink::*figure : {&CameraLink::packets_missing, &CameraLink::packets_resent,
-                                              &CameraLink::resend_requests, &CameraLink::underruns})
-        link.*figure = before_.*figure + now.*figure;
+    CameraConnection& link = shared_.links[index_];
+    link.packet_size_bytes = now.packet_size_bytes;
+    for (std::uint64_t CameraConnection::*count :
+         {&CameraConnection::missing_packet_count, &CameraConnection::resent_packet_count,
+          &CameraConnection::resend_request_count, &CameraConnection::buffer_underrun_count})
+        link.*count = before_.*count + now.*count;
 }
 
 void Worker::keep(const CameraSession& session) {
@@ -263,7 +268,7 @@ void Worker::keep(const CameraSession& session) {
 
 }  // namespace
 
-LiveCameras::LiveCameras(const LiveCamerasConfig& given, std::vector<Camera> calibrated)
+LiveCameras::LiveCameras(const LiveSourceConfig& given, std::vector<Camera> calibrated)
     : config(given),
       cameras(std::move(calibrated)),
       assembler(assembling(given)),
@@ -274,20 +279,20 @@ void LiveCameras::collect() {
         std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now().time_since_epoch()).count();
     while (auto set = assembler.take(now_ns)) {
         ready.push_back(std::move(*set));
-        if (ready.size() > static_cast<std::size_t>(config.queue)) ready.pop_front();
+        if (ready.size() > static_cast<std::size_t>(config.max_queued_frame_sets)) ready.pop_front();
     }
 }
 
-void LiveCameras::tell(CameraEvent::Kind kind, std::size_t camera, std::string message) {
+void LiveCameras::publish_event(CameraEvent::Kind kind, std::size_t camera, std::string message) {
     const std::scoped_lock lock(event_mutex);
     if (on_event) on_event({kind, camera, std::move(message)});
 }
 
-CameraFinder::List CameraFinder::newest(milliseconds at_most_old) {
-    const Clock::time_point asked = Clock::now();
+CameraFinder::List CameraFinder::latest(milliseconds max_age) {
+    const Clock::time_point requested = Clock::now();
     const std::scoped_lock lock(mutex_);
-    // Also what somebody else asked for while this thread waited.
-    if (!list_ || at_ < asked - at_most_old) {
+    // A list that another thread requested while this one waited for the lock is recent enough.
+    if (!list_ || at_ < requested - max_age) {
         const Clock::time_point begin = Clock::now();
         list_ = std::make_shared<const std::vector<FoundCamera>>(discover_cameras());
         at_ = begin;

@@ -1,4 +1,4 @@
-// The thread of one live camera: finds it, opens it, reads it, notices when it is gone, and begins again.
+// The thread of one live camera: finds it, opens it, reads it, detects that it disconnected, and reconnects.
 #pragma once
 
 #include <chrono>
@@ -12,42 +12,42 @@
 #include "common/camera.h"
 #include "common/live_camera_config.h"
 #include "server/cameras/aravis/discovery.h"
-#include "server/cameras/camera_link.h"
+#include "server/cameras/camera_connection.h"
 #include "server/cameras/frame_set_assembler.h"
 
 namespace kinevox {
 
-// What the cameras' threads and the source share. Kept alive by each of them, so that a thread that is stuck
-// in a dead camera may be left behind.
+// State shared by the cameras' threads and the source. Each of them keeps it alive, so that a thread blocked
+// in an unresponsive camera can be detached.
 struct LiveCameras {
-    LiveCameras(const LiveCamerasConfig& config, std::vector<Camera> cameras);
+    LiveCameras(const LiveSourceConfig& config, std::vector<Camera> cameras);
 
-    const LiveCamerasConfig config;
+    const LiveSourceConfig config;
     const std::vector<Camera> cameras;  // in the order of config.cameras
 
-    // Moves what the assembler has ready; under the mutex. Whoever fetches late gets the newest sets, and
-    // sees the others as a gap in the numbers.
+    // Moves completed frame sets from the assembler to `ready`; under the mutex. When the queue is full, the
+    // oldest are dropped, which shows as a gap in the sequence.
     void collect();
-    void tell(CameraEvent::Kind kind, std::size_t camera, std::string message);
+    void publish_event(CameraEvent::Kind kind, std::size_t camera, std::string message);
 
-    std::mutex event_mutex;  // held while an event is told, so that none comes after stop
+    std::mutex event_mutex;  // held during the callback, so that none follows stop()
     OnCameraEvent on_event;
 
     std::mutex mutex;  // guards all below
     std::condition_variable changed;
     bool stopped = false;
     FrameSetAssembler assembler;
-    std::deque<FrameSet> ready;     // at most config.queue
-    std::vector<CameraLink> links;  // device, problem and what the connections told
-    std::size_t running = 0;        // threads
+    std::deque<FrameSet> ready;           // at most config.max_queued_frame_sets
+    std::vector<CameraConnection> links;  // device, error message and packet counts
+    std::size_t running = 0;              // threads
 };
 
-// The cameras that were found last; asks again when that is too long ago. Any thread; several that ask at
-// once share one answer.
+// Caches the list of discovered cameras and repeats the discovery when it is too old. Any thread; concurrent
+// requests share one discovery.
 class CameraFinder {
   public:
     using List = std::shared_ptr<const std::vector<FoundCamera>>;
-    List newest(std::chrono::milliseconds at_most_old);
+    List latest(std::chrono::milliseconds max_age);
 
   private:
     std::mutex mutex_;

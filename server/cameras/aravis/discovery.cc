@@ -15,14 +15,14 @@
 namespace kinevox {
 
 std::mutex& aravis_list_mutex() {
-    static std::mutex mutex;  // as many as there are lists
+    static std::mutex mutex;  // one, as Aravis has one list
     return mutex;
 }
 
 namespace {
 
-// Aravis knows a GigE camera by this name, but does not list it: asked for by GVCP (READMEM of the bootstrap
-// register), which needs no control of the camera. Empty where it does not answer in time.
+// Aravis opens a GigE camera by this name but does not list it, so it is read by GVCP (READMEM of the
+// bootstrap register), which needs no control of the camera. Empty if it does not answer in time.
 std::string user_name_of(const std::string& address) {
     constexpr std::uint16_t kControlPort = 3956;
     constexpr std::size_t kNameBytes = 16, kHeaderBytes = 8;
@@ -55,7 +55,7 @@ std::string user_name_of(const std::string& address) {
 
 std::vector<FoundCamera> discover_cameras() {
     const std::scoped_lock lock(aravis_list_mutex());
-    arv_debug_enable("all:0");  // what it has to say comes back as an error, too
+    arv_debug_enable("all:0");  // its messages are also returned as errors
     arv_update_device_list();
     std::vector<FoundCamera> found;
     for (unsigned i = 0; i < arv_get_n_devices(); ++i)

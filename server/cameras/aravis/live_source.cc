@@ -15,7 +15,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::chrono::milliseconds kMaxGoodbye{1500};
+constexpr std::chrono::milliseconds kMaxShutdown{1500};
 
 class LiveSource final : public FrameSource {
   public:
@@ -28,23 +28,22 @@ class LiveSource final : public FrameSource {
             shared_->on_event = nullptr;
         }
         std::unique_lock lock(shared_->mutex);
-        shared_->changed.wait_for(lock, kMaxGoodbye, [this] { return shared_->running == 0; });
+        shared_->changed.wait_for(lock, kMaxShutdown, [this] { return shared_->running == 0; });
         const bool all_ended = shared_->running == 0;
         lock.unlock();
         for (std::thread& thread : threads_) {
             if (all_ended)
                 thread.join();
             else
-                thread.detach();  // in a camera that answers no more; it holds what it needs, and ends by
-                                  // itself
+                thread.detach();  // blocked in an unresponsive camera; it owns what it uses
         }
     }
 
     const std::vector<Camera>& cameras() const override { return shared_->cameras; }
     double fps() const override { return shared_->config.fps; }
     std::int64_t frame_count() const override { return -1; }
-    absl::StatusOr<std::vector<std::vector<Picture>>> background() override {
-        return std::vector<std::vector<Picture>>{};
+    absl::StatusOr<std::vector<std::vector<Image>>> background() override {
+        return std::vector<std::vector<Image>>{};
     }
 
     absl::StatusOr<FrameSet> next() override {
@@ -71,13 +70,13 @@ class LiveSource final : public FrameSource {
         shared_->changed.notify_all();
     }
 
-    std::vector<CameraLink> camera_links() const override {
+    std::vector<CameraConnection> camera_connections() const override {
         const std::scoped_lock lock(shared_->mutex);
-        std::vector<CameraLink> links = shared_->links;
+        std::vector<CameraConnection> links = shared_->links;
         for (std::size_t c = 0; c < links.size(); ++c) {
             shared_->assembler.fill(c, links[c]);
-            if (!links[c].connected && links[c].problem.empty())
-                links[c].problem = fmt::format("camera {} is looked for", shared_->cameras[c].name);
+            if (!links[c].connected && links[c].error_message.empty())
+                links[c].error_message = fmt::format("searching for camera {}", shared_->cameras[c].name);
         }
         return links;
     }
@@ -103,17 +102,17 @@ class LiveSource final : public FrameSource {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<FrameSource>> open_live_source(const LiveCamerasConfig& config) {
-    auto calibrated = read_calibration(config.calibration);
+absl::StatusOr<std::unique_ptr<FrameSource>> open_live_source(const LiveSourceConfig& config) {
+    auto calibrated = read_calibration(config.calibration_file);
     if (!calibrated.ok()) return calibrated.status();
     std::vector<Camera> cameras;
     for (const LiveCameraConfig& wanted : config.cameras) {
         const auto at = std::ranges::find(*calibrated, wanted.name, &Camera::name);
         if (at == calibrated->end())
             return absl::NotFoundError(
-                fmt::format("{}: has no camera '{}', which [[source.cameras.camera]] names; calibrate "
-                            "it or correct the name",
-                            config.calibration.string(), wanted.name));
+                fmt::format("{}: no camera '{}', which [[source.cameras.camera]] names; calibrate it "
+                            "or correct the name",
+                            config.calibration_file.string(), wanted.name));
         cameras.push_back(*at);
     }
     return std::make_unique<LiveSource>(std::make_shared<LiveCameras>(config, std::move(cameras)));

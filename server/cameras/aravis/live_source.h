@@ -10,10 +10,9 @@
 
 namespace kinevox {
 
-// Reads the calibration, which fixes the order, names and sizes: NotFound or InvalidArgument name the file
-// and the camera that it lacks. Touches no camera: each has a thread that finds, sets and reads it from the
-// first next() on, and finds it again whenever it went away. A camera that is not there is an event and a
-// state, no error.
-absl::StatusOr<std::unique_ptr<FrameSource>> open_live_source(const LiveCamerasConfig& config);
+// Reads the calibration, which defines order, names and sizes: NotFound or InvalidArgument name the file and
+// the camera it lacks. Accesses no camera: from the first next() on, a thread per camera finds, configures
+// and reads it, and reconnects after a disconnection. An absent camera is an event and a state, not an error.
+absl::StatusOr<std::unique_ptr<FrameSource>> open_live_source(const LiveSourceConfig& config);
 
 }  // namespace kinevox

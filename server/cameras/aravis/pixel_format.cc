@@ -10,7 +10,7 @@ namespace kinevox {
 namespace {
 
 enum class Layout { kMono, kRggb, kGrbg, kGbrg, kBggr, kRgb, kBgr };
-// How a channel of one pixel lies in memory.
+// Memory layout of one channel.
 enum class Packing {
     k8,  // a byte
     k10,
@@ -26,90 +26,39 @@ struct Format {
     Packing packing;
 };
 
-std::optional<Format> find(std::uint32_t format) {
-    using enum Layout;
-    using enum Packing;
-    switch (format) {
-        case 0x01080001:
-            return Format{kMono, k8};
-        case 0x01100003:
-            return Format{kMono, k10};
-        case 0x010c0004:
-            return Format{kMono, k10Packed};
-        case 0x01100005:
-            return Format{kMono, k12};
-        case 0x010c0006:
-            return Format{kMono, k12Packed};
-        case 0x010a0046:
-            return Format{kMono, k10p};
-        case 0x010c0047:
-            return Format{kMono, k12p};
-        case 0x01080008:
-            return Format{kGrbg, k8};
-        case 0x01080009:
-            return Format{kRggb, k8};
-        case 0x0108000a:
-            return Format{kGbrg, k8};
-        case 0x0108000b:
-            return Format{kBggr, k8};
-        case 0x0110000c:
-            return Format{kGrbg, k10};
-        case 0x0110000d:
-            return Format{kRggb, k10};
-        case 0x0110000e:
-            return Format{kGbrg, k10};
-        case 0x0110000f:
-            return Format{kBggr, k10};
-        case 0x01100010:
-            return Format{kGrbg, k12};
-        case 0x01100011:
-            return Format{kRggb, k12};
-        case 0x01100012:
-            return Format{kGbrg, k12};
-        case 0x01100013:
-            return Format{kBggr, k12};
-        case 0x010c0026:
-            return Format{kGrbg, k10Packed};
-        case 0x010c0027:
-            return Format{kRggb, k10Packed};
-        case 0x010c0028:
-            return Format{kGbrg, k10Packed};
-        case 0x010c0029:
-            return Format{kBggr, k10Packed};
-        case 0x010c002a:
-            return Format{kGrbg, k12Packed};
-        case 0x010c002b:
-            return Format{kRggb, k12Packed};
-        case 0x010c002c:
-            return Format{kGbrg, k12Packed};
-        case 0x010c002d:
-            return Format{kBggr, k12Packed};
-        case 0x010a0056:
-            return Format{kGrbg, k10p};
-        case 0x010a0058:
-            return Format{kRggb, k10p};
-        case 0x010a0054:
-            return Format{kGbrg, k10p};
-        case 0x010a0052:
-            return Format{kBggr, k10p};
-        case 0x010c0057:
-            return Format{kGrbg, k12p};
-        case 0x010c0059:
-            return Format{kRggb, k12p};
-        case 0x010c0055:
-            return Format{kGbrg, k12p};
-        case 0x010c0053:
-            return Format{kBggr, k12p};
-        case 0x02180014:
-            return Format{kRgb, k8};
-        case 0x02180015:
-            return Format{kBgr, k8};
-        default:
-            return std::nullopt;
-    }
+// PFNC codes (GenICam Pixel Format Naming Convention).
+struct NamedFormat {
+    std::uint32_t code;
+    Format format;
+};
+constexpr NamedFormat kFormats[] = {
+    {0x01080001, {Layout::kMono, Packing::k8}},        {0x01100003, {Layout::kMono, Packing::k10}},
+    {0x010c0004, {Layout::kMono, Packing::k10Packed}}, {0x01100005, {Layout::kMono, Packing::k12}},
+    {0x010c0006, {Layout::kMono, Packing::k12Packed}}, {0x010a0046, {Layout::kMono, Packing::k10p}},
+    {0x010c0047, {Layout::kMono, Packing::k12p}},      {0x01080008, {Layout::kGrbg, Packing::k8}},
+    {0x01080009, {Layout::kRggb, Packing::k8}},        {0x0108000a, {Layout::kGbrg, Packing::k8}},
+    {0x0108000b, {Layout::kBggr, Packing::k8}},        {0x0110000c, {Layout::kGrbg, Packing::k10}},
+    {0x0110000d, {Layout::kRggb, Packing::k10}},       {0x0110000e, {Layout::kGbrg, Packing::k10}},
+    {0x0110000f, {Layout::kBggr, Packing::k10}},       {0x01100010, {Layout::kGrbg, Packing::k12}},
+    {0x01100011, {Layout::kRggb, Packing::k12}},       {0x01100012, {Layout::kGbrg, Packing::k12}},
+    {0x01100013, {Layout::kBggr, Packing::k12}},       {0x010c0026, {Layout::kGrbg, Packing::k10Packed}},
+    {0x010c0027, {Layout::kRggb, Packing::k10Packed}}, {0x010c0028, {Layout::kGbrg, Packing::k10Packed}},
+    {0x010c0029, {Layout::kBggr, Packing::k10Packed}}, {0x010c002a, {Layout::kGrbg, Packing::k12Packed}},
+    {0x010c002b, {Layout::kRggb, Packing::k12Packed}}, {0x010c002c, {Layout::kGbrg, Packing::k12Packed}},
+    {0x010c002d, {Layout::kBggr, Packing::k12Packed}}, {0x010a0056, {Layout::kGrbg, Packing::k10p}},
+    {0x010a0058, {Layout::kRggb, Packing::k10p}},      {0x010a0054, {Layout::kGbrg, Packing::k10p}},
+    {0x010a0052, {Layout::kBggr, Packing::k10p}},      {0x010c0057, {Layout::kGrbg, Packing::k12p}},
+    {0x010c0059, {Layout::kRggb, Packing::k12p}},      {0x010c0055, {Layout::kGbrg, Packing::k12p}},
+    {0x010c0053, {Layout::kBggr, Packing::k12p}},      {0x02180014, {Layout::kRgb, Packing::k8}},
+    {0x02180015, {Layout::kBgr, Packing::k8}}};
+
+std::optional<Format> find(std::uint32_t code) {
+    for (const NamedFormat& known : kFormats)
+        if (known.code == code) return known.format;
+    return std::nullopt;
 }
 
-// The highest 8 bits of each of `count` values.
+// The upper 8 bits of each of `count` values.
 void to_8_bits(Packing packing, const std::uint8_t* in, std::size_t count, std::uint8_t* out) {
     const auto unpack16 = [&](int shift) {
         for (std::size_t i = 0; i < count; ++i)
@@ -164,7 +113,7 @@ bool is_known_pixel_format(std::uint32_t format) {
     return find(format).has_value();
 }
 
-std::size_t picture_bytes(std::uint32_t format, int width, int height) {
+std::size_t image_bytes(std::uint32_t format, int width, int height) {
     if (!find(format)) return 0;
     const std::size_t bits = format >> 16 & 0xff;
     return (static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * bits + 7) / 8;
@@ -176,10 +125,10 @@ absl::Status to_bgr(std::uint32_t format, std::span<const std::uint8_t> bytes, i
     if (!known)
         return absl::InvalidArgumentError(fmt::format(
             "pixel format {:#010x} is not understood; set one of {}", format, kKnownPixelFormats));
-    if (bytes.size() < picture_bytes(format, width, height))
-        return absl::InvalidArgumentError(fmt::format("a picture of {} x {} px has {} bytes, {} are needed",
+    if (bytes.size() < image_bytes(format, width, height))
+        return absl::InvalidArgumentError(fmt::format("an image of {} x {} px has {} bytes, {} are needed",
                                                       width, height, bytes.size(),
-                                                      picture_bytes(format, width, height)));
+                                                      image_bytes(format, width, height)));
     const std::size_t pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
     auto* in = const_cast<std::uint8_t*>(bytes.data());  // cv::Mat knows no const; it is only read
     cv::Mat bgr(height, width, CV_8UC3, out);

@@ -13,7 +13,7 @@ constexpr int kSmoothingRounds = 3;
 
 using BoneWeights = std::array<float, kBoneCount>;
 
-// How much the bones' nearness counts: falls off with the distance beyond the nearest one's.
+// Falloff of a bone's weight with its distance beyond that of the nearest bone.
 BoneWeights nearness_weights(const ImplicitBody& body, Vec3f rest) {
     float distance[kBoneCount];
     body.bone_distances(rest, distance);
@@ -72,7 +72,7 @@ Vec3f gradient(const ImplicitBody& body, Vec3f p, float step) {
                        body.distance({p.x, p.y, p.z + step}) - body.distance({p.x, p.y, p.z - step})});
 }
 
-// Walks out along the normal and sees how much closer than expected the body stays (after I. Quilez).
+// Ambient occlusion from distances along the normal (after I. Quilez).
 float openness_at(const ImplicitBody& body, Vec3f p, Vec3f normal) {
     float closed = 0, weight = 1.0f;
     for (float step : {0.03f, 0.07f, 0.13f, 0.22f}) {

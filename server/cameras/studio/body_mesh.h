@@ -11,11 +11,11 @@
 
 namespace kinevox::studio {
 
-inline constexpr int kTexelsAcross =
-    4;  // a triangle's texel (u, v) covers barycentric (b1, b2) in [u, u+1) / 4 ...
+// A triangle's texel (u, v) covers barycentric (b1, b2) in [u, u+1) / 4 ...
+inline constexpr int kTexelsAcross = 4;
 inline constexpr int kTexelsPerTriangle = kTexelsAcross * kTexelsAcross;
 
-// Reflectance to the power 1 / 2.2, 0..255: what a sensor shows of it in light of strength 1.
+// Reflectance to the power 1 / 2.2, 0..255: the sensor value in light of strength 1.
 struct Texel {
     std::uint8_t b = 0, g = 0, r = 0, unused = 0;
 };
@@ -29,8 +29,9 @@ struct BodyMesh {
     TriangleMesh surface;              // rest pose, m
     std::vector<Vec3f> normals;        // per vertex, outwards, length 1
     std::vector<SkinWeights> weights;  // per vertex
-    std::vector<float> openness;       // per vertex, 0..1: how much of the surroundings it sees past the body
-    std::vector<Texel> texels;         // kTexelsPerTriangle a triangle; empty where not painted
+    std::vector<float>
+        openness;  // per vertex, 0..1: fraction of the surroundings that the body does not occlude
+    std::vector<Texel> texels;  // kTexelsPerTriangle per triangle; empty if not painted
 };
 
 struct BodyMeshOptions {

@@ -54,7 +54,7 @@ void BodyRaster::draw(const Camera& camera, const BodyMesh& mesh, const SkinnedB
     const auto& triangles = mesh.surface.triangles;
     for (std::size_t t = 0; t < triangles.size(); ++t) {
         const Vec3f a = seen_[triangles[t][0]], b = seen_[triangles[t][1]], c = seen_[triangles[t][2]];
-        // Seen from outside a triangle runs clockwise in a picture whose v points down.
+        // Seen from outside a triangle runs clockwise in a image whose v points down.
         const float area = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
         if (!(area < -1e-9f) || !(a.z > kNear_m && b.z > kNear_m && c.z > kNear_m)) continue;
         fill(a, b, c, 1.0f / area, static_cast<std::int32_t>(t), wide, high);

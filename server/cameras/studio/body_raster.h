@@ -1,5 +1,5 @@
-// Draws the skinned person into one camera: 2 x 2 samples a pixel, nearest surface wins, no allocation once
-// warm.
+// Renders the skinned person for one camera: 2 x 2 samples per pixel, z-buffer, no allocation in steady
+// state.
 #pragma once
 
 #include <cstdint>
@@ -18,10 +18,11 @@ class BodyRaster {
     void draw(const Camera& camera, const BodyMesh& mesh, const SkinnedBody& body,
               const std::vector<Vec3f>& shown_light);
 
-    // Pixels that the person may touch; empty if not in the picture.
+    // Bounding box of the person; empty if outside the image.
     const CellBounds& box() const { return box_; }
 
-    // Lays row `y` of the person over `bgr` (width * 3 values, grey levels times kGreyScale). y within box().
+    // Blends row `y` of the person over `bgr` (width * 3 values, grey levels times kGreyScale). y within
+    // box().
     void blend_row(int y, std::uint16_t* bgr) const;
 
     // 255 where the ray through the pixel's centre hits the person, else 0; width * height. The person's

@@ -19,7 +19,7 @@ Rigid3 look_at(Vec3 eye, Vec3 target) {
     return {rotation, -(rotation * eye)};
 }
 
-// Points around what must be in the picture.
+// Points around the space that must be in view.
 std::vector<Vec3> action_space(const StudioOptions& options, bool lane) {
     std::vector<Vec3> points;
     if (lane) {
@@ -61,8 +61,8 @@ std::vector<Camera> ring_of_cameras(const StudioOptions& options, bool lane) {
         const auto draw = [&](std::uint32_t what) {
             return 2.0 * hash_unit(options.seed, i, 60 + what) - 1.0;
         };
-        // Not quite evenly, so that no two cameras look straight at each other. Along a lane two of four look
-        // from near its ends: there one lens can hold all of it and the runner still is not small.
+        // Slightly uneven, so that no two cameras face each other. Along a lane two of four cameras stand
+        // near its ends, where one field of view covers all of it and the runner is not small.
         const double angle = 2 * pi * (i + (lane ? 0.06 : 0.5)) / options.cameras +
                              0.16 * draw(1) * std::min(1.0, 6.0 / options.cameras);
         const Vec3 middle = lane ? Vec3{5.2, 0, 0.9} : Vec3{0, 0, 0.95};
@@ -76,7 +76,7 @@ std::vector<Camera> ring_of_cameras(const StudioOptions& options, bool lane) {
         camera.cx = 0.5 * (options.width - 1);
         camera.cy = 0.5 * (options.height - 1);
         camera.camera_from_world = look_at(eye, middle);
-        for (int round = 0; round < 4; ++round) {  // aims at the middle of what it sees
+        for (int round = 0; round < 4; ++round) {  // aims at the centre of the visible points
             const View view = view_of(camera.camera_from_world, points);
             const Vec3 axis{0.5 * (view.left + view.right), 0.5 * (view.top + view.bottom), 1};
             camera.camera_from_world = look_at(eye, camera.camera_from_world.inverse() * axis);

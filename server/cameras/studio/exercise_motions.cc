@@ -25,12 +25,12 @@ void stand(const Rig& rig, Pose& pose, double t, double lean) {
     pose[kHead] = rotation_y(radians(-7) - 0.35 * lean) * rotation_z(0.05 * std::sin(2 * pi * 0.11 * t));
 }
 
-std::array<PlacedFoot, 2> feet_apart(const Rig& rig, double half_width_m, double out, double height_m = 0) {
+std::array<PlacedFoot, 2> feet_apart(const Rig& rig, double half_width_m, double out, double stature_m = 0) {
     std::array<PlacedFoot, 2> feet;
     for (Side side : kSides) {
         const double s = sign_of(side);
         Vec3 floor = s * half_width_m * kLeftOfSubject;
-        floor.z = height_m;
+        floor.z = stature_m;
         feet[side == Side::kRight] = flat_foot(rig.measures(), floor, kFacing + s * out);
     }
     return feet;
@@ -42,7 +42,7 @@ class Squat final : public Motion {
     double period_s() const override { return 0; }
     Pose pose(double time_s) const override {
         static const KeyCurve kDepth{{0, 0}, {0.35, 0}, {1.45, 1}, {1.75, 1}, {2.75, 0}, {3.2, 0}};
-        const double depth = kDepth(std::fmod(time_s, 3.2)), h = rig_.measures().height;
+        const double depth = kDepth(std::fmod(time_s, 3.2)), h = rig_.measures().stature;
         Pose pose;
         stand(rig_, pose, time_s, radians(4 + 46 * depth));
         const Vec3 forward = rotation_z(kFacing) * Vec3{1, 0, 0};
@@ -69,7 +69,8 @@ class JumpingJack final : public Motion {
         static const KeyCurve kArms{{0, 0}, {0.08, 0}, {0.52, 1}, {0.60, 1}, {1.04, 0}, {1.1, 0}};
         static const KeyCurve kKnees{{0, 0.6},  {0.05, 1},   {0.17, 0.1}, {0.32, 0.0}, {0.47, 0.2},
                                      {0.57, 1}, {0.67, 0.1}, {0.82, 0.0}, {0.97, 0.2}, {1.1, 0.6}};
-        const double t = std::fmod(time_s, 1.1), open = kOpen(t), arms = kArms(t), h = rig_.measures().height;
+        const double t = std::fmod(time_s, 1.1), open = kOpen(t), arms = kArms(t),
+                     h = rig_.measures().stature;
         const auto hop = [&](double from) {
             const double s = (t - from) / 0.32;
             return s > 0 && s < 1 ? 0.075 * 4 * s * (1 - s) : 0.0;
@@ -122,7 +123,7 @@ class ArmRaise final : public Motion {
                      radians(-6 + 0.3 * (abduction - 8)), radians(9));
         }
         pose[kLumbar] = pose[kLumbar] * rotation_x(radians(-0.03 * (kLeft(t) - kRight(t))));
-        put_on_feet(rig_, pose, feet_apart(rig_, 0.062 * rig_.measures().height, radians(9)), kFacing);
+        put_on_feet(rig_, pose, feet_apart(rig_, 0.062 * rig_.measures().stature, radians(9)), kFacing);
         return pose;
     }
 

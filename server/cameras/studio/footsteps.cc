@@ -42,7 +42,7 @@ double hermite(double p0, double v0, double p1, double v1, double s) {
     return p0 * (2 * s3 - 3 * s2 + 1) + v0 * (s3 - 2 * s2 + s) + p1 * (3 * s2 - 2 * s3) + v1 * (s3 - s2);
 }
 
-// How far the sole of a swinging foot reaches below its ankle.
+// Depth of a swinging foot's sole below its ankle.
 double sole_below_ankle(const Measures& m, const PlacedFoot& foot) {
     const double ball_x = m.foot_ball_x, toe_x = ball_x + m.toe_length * std::cos(foot.toe_extension);
     const double toe_z = -m.ankle_height + m.toe_length * std::sin(foot.toe_extension);
@@ -71,7 +71,7 @@ PlacedFoot place_foot(const Measures& m, const Contact& current, const Contact& 
     foot.ankle_in_world = {hermite(a.x, leave.x, b.x, arrive.x, s), hermite(a.y, leave.y, b.y, arrive.y, s),
                            hermite(a.z, leave.z, b.z, arrive.z, s) + current.swing_lift_m * bump};
     const double turn = std::remainder(next.yaw - current.yaw, 2 * 3.14159265358979323846);
-    // The foot pitches on for a moment after it left the floor, then comes level early.
+    // The foot continues to pitch shortly after toe-off, then levels early.
     const double pitch =
         hermite(current.off_pitch, 0.6 * current.off_pitch, next.strike_pitch, 0, ease(1.15 * s));
     foot.world_from_foot = rotation_z(current.yaw + turn * ease(s)) * rotation_y(pitch);
@@ -93,14 +93,14 @@ PlacedFoot flat_foot(const Measures& m, Vec3 ankle_on_floor, double yaw) {
 void put_on_feet(const Rig& rig, Pose& pose, const std::array<PlacedFoot, 2>& feet, double yaw) {
     const Measures& m = rig.measures();
     const double longest = 0.992 * m.leg();
-    for (Side side : kSides) {  // sink until the standing feet are in reach
+    for (Side side : kSides) {  // lower the pelvis until both standing legs are long enough
         const PlacedFoot& foot = feet[side == Side::kRight];
         if (!foot.in_contact) continue;
         const Vec3 hip = pose.root_in_world + pose[kPelvis] * rig.offset_in_parent(on_side(kThighL, side));
-        const Vec3 reach = foot.ankle_in_world - hip;
-        const double flat = std::min(std::hypot(reach.x, reach.y), longest);
+        const Vec3 offset = foot.ankle_in_world - hip;
+        const double flat = std::min(std::hypot(offset.x, offset.y), longest);
         const double highest = std::sqrt(longest * longest - flat * flat);
-        if (-reach.z > highest) pose.root_in_world.z -= -reach.z - highest;
+        if (-offset.z > highest) pose.root_in_world.z -= -offset.z - highest;
     }
     for (Side side : kSides) {
         const PlacedFoot& foot = feet[side == Side::kRight];
@@ -108,8 +108,8 @@ void put_on_feet(const Rig& rig, Pose& pose, const std::array<PlacedFoot, 2>& fe
         const bool upside = foot.world_from_foot(2, 2) < 0;  // a heel kicked up past the vertical
         const double knee_yaw =
             upside ? yaw : yaw + 0.7 * std::remainder(foot_yaw - yaw, 2 * 3.14159265358979323846);
-        rig.reach_with_leg(pose, side, foot.ankle_in_world, foot.world_from_foot,
-                           rotation_z(knee_yaw) * Vec3{1, 0, 0.35});
+        rig.place_leg(pose, side, foot.ankle_in_world, foot.world_from_foot,
+                      rotation_z(knee_yaw) * Vec3{1, 0, 0.35});
         pose[on_side(kToesL, side)] = rotation_y(-foot.toe_extension);
     }
 }

@@ -1,5 +1,5 @@
-// Feet that stand where they stand: a foot is planned as contacts with the floor, rolls over heel and ball
-// while in contact, and swings to the next contact in between. Legs follow by inverse kinematics.
+// Feet without sliding: a foot is planned as contacts with the floor, rolls over heel and ball while in
+// contact and swings in between. Legs follow by inverse kinematics.
 #pragma once
 
 #include <utility>
@@ -16,7 +16,7 @@ struct Contact {
     double yaw = 0;           // of the foot's forward axis, radians
     double strike_pitch = 0;  // at on_s; negative: heel first; positive: ball first
     double off_pitch = 0;     // at off_s
-    double flat_from = 0.15;  // shares of the stance between which the foot lies flat
+    double flat_from = 0.15;  // fractions of the stance between which the foot is flat
     double flat_until = 0.5;
     double swing_lift_m = 0.05;  // extra height of the ankle in the swing that follows
 };
@@ -34,11 +34,11 @@ PlacedFoot place_foot(const Measures& measures, const Contact& current, const Co
 // A foot flat on the floor with its ankle above (x, y).
 PlacedFoot flat_foot(const Measures& measures, Vec3 ankle_on_floor, double yaw);
 
-// Bends both legs so that the feet are where they are placed; the pelvis sinks by what a standing leg is too
-// short by. `yaw` is where the knees point.
+// Bends both legs to the placed feet; lowers the pelvis where a standing leg would be too short. `yaw`:
+// direction of the knees.
 void put_on_feet(const Rig& rig, Pose& pose, const std::array<PlacedFoot, 2>& feet, double yaw);
 
-// Arm angles in radians (see limb_rotation()); the shoulder girdle follows arms that rise above 40 degrees.
+// Arm angles in radians (see limb_rotation()); the shoulder girdle follows arms raised above 40 degrees.
 void pose_arm(Pose& pose, Side side, double flexion, double abduction, double external_rotation,
               double elbow);
 

@@ -14,12 +14,12 @@ using std::numbers::pi;
 struct GaitStyle {
     double speed_per_stature;  // 1/s; times stature: m/s
     double stride_s;           // two steps
-    double duty;               // share of the stride that a foot stands
+    double duty;               // stance fraction of the stride
     double step_width_m, foot_out;
     double strike_pitch, off_pitch, flat_from, flat_until, swing_lift_per_stature;
     double ball_ahead_per_stature;  // ball of the foot before the pelvis at mid stance
     double root_below_standing;     // m, mean
-    double bob_m, bob_at;           // highest at this share of the stride and half a stride later
+    double bob_m, bob_at;           // highest at this fraction of the stride and half a stride later
     double sway_m, pelvis_turn, pelvis_list, pelvis_tilt, trunk_lean;
     double arm_mean, arm_swing, arm_abduction, arm_rotation, elbow_mean, elbow_swing;
 };
@@ -84,7 +84,7 @@ class Gait final : public Motion {
   public:
     Gait(bool run, Stage stage, const Rig& rig)
         : style_(run ? run_style() : walk_style()), rig_(rig), stage_(stage) {
-        speed_ = style_.speed_per_stature * rig.measures().height;
+        speed_ = style_.speed_per_stature * rig.measures().stature;
         const double stride = speed_ * style_.stride_s;
         if (stage == Stage::kLane) strides_in_lane_ = std::floor((kLaneEnd - kLaneStart) / stride);
         radius_ = run ? 2.0 : 1.35;
@@ -99,7 +99,7 @@ class Gait final : public Motion {
         double yaw;
     };
     // Where the path is after `distance` metres, `left` metres to its left: a circle in the room, the lane's
-    // middle.
+    // centre line.
     Place path(double distance, double left) const {
         if (stage_ == Stage::kLane) return {{kLaneStart + distance, left, 0}, 0};
         const double angle = distance / radius_;
@@ -109,7 +109,7 @@ class Gait final : public Motion {
     Contact contact(Side side, double index) const {
         const double start = (index + (side == Side::kRight ? 0.5 : 0.0)) * style_.stride_s;
         const double middle = start + 0.5 * style_.duty * style_.stride_s, s = sign_of(side);
-        const double height = rig_.measures().height;
+        const double height = rig_.measures().stature;
         const Place place =
             path(speed_ * middle + style_.ball_ahead_per_stature * height, s * 0.5 * style_.step_width_m);
         return {.on_s = start,
@@ -132,9 +132,9 @@ class Gait final : public Motion {
 Pose Gait::pose(double time_s) const {
     const double t = period_s() > 0 ? std::fmod(time_s, period_s()) : time_s;
     const double phase = 2 * pi * t / style_.stride_s;                        // 0: the left foot comes down
-    const double stance_side = std::cos(phase - 2 * pi * 0.5 * style_.duty);  // +1: middle of the left stance
+    const double stance_side = std::cos(phase - 2 * pi * 0.5 * style_.duty);  // +1: mid left stance
     const Place place = path(speed_ * t, style_.sway_m * stance_side);
-    // Leaning into the bend as gravity and speed ask for.
+    // Leans into the bend according to speed and gravity.
     const double bank = stage_ == Stage::kLane ? 0.0 : 0.8 * std::atan(speed_ * speed_ / (9.81 * radius_));
 
     Pose pose;

@@ -29,7 +29,7 @@ Bone left_twin(Bone bone) {
 ImplicitBody::ImplicitBody(const Rig& rig, const Subject& subject)
     : rig_(rig),
       subject_(subject),
-      unit_(static_cast<float>(subject.height_m / 1.8)),
+      unit_(static_cast<float>(subject.stature_m / 1.8)),
       girth_(static_cast<float>(subject.girth)) {
     const PosedRig rest = rig.forward(rig.rest_pose());
     for (int b = 0; b < kBoneCount; ++b) {

@@ -1,6 +1,6 @@
 // The person's surface as a signed distance: a smooth union of tapered, flattened capsules that ride on the
 // rig's bones, with clothes as an outward offset. Defined in the rig's rest pose. Round cones after I.
-// Quilez, "Distance functions"; the smooth minimum is his quadratic one.
+// Quilez, "Distance functions"; the smooth minimum is the quadratic one there.
 #pragma once
 
 #include <vector>

@@ -1,5 +1,4 @@
-// Projection with OpenCV's distortion in single precision, for the inner loops (Camera does the same in
-// double).
+// Projection with OpenCV's distortion in single precision for the inner loops (Camera uses double).
 #pragma once
 
 #include "common/camera.h"

@@ -1,5 +1,5 @@
-// The studio's lamps. One key lamp casts the visible shadow; panels and the light that walls throw back fill
-// in. Light is measured against what falls on the floor's middle: there it is 1.
+// The lamps of the studio. One key lamp casts the visible shadow; panels and reflected light fill in. Light
+// is relative to that at the centre of the floor.
 #pragma once
 
 #include <algorithm>

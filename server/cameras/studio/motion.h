@@ -1,4 +1,4 @@
-// What the virtual studio's person does: a pose for every time.
+// Motions of the virtual studio's person: a pose for every time.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -22,19 +22,19 @@ enum class Stage {
 class Motion {
   public:
     virtual ~Motion() = default;
-    // Any time >= 0; continuous in time but for one cut a period where period_s() > 0.
+    // Any time >= 0; continuous except at the end of each period if period_s() > 0.
     virtual Pose pose(double time_s) const = 0;
-    // After this long it starts anew with a jump in place; 0: it never jumps.
+    // Time after which the motion restarts with a jump in position; 0: it never jumps.
     virtual double period_s() const = 0;
 };
 
-// "room" or "lane" that suits the motion.
+// The stage that suits the motion.
 Stage natural_stage(std::string_view motion);
 
 // InvalidArgument for an unknown name. `rig` must outlive the motion.
 absl::StatusOr<std::unique_ptr<Motion>> make_motion(std::string_view name, Stage stage, const Rig& rig);
 
-// One factory a file.
+// Factories.
 std::unique_ptr<Motion> make_gait(bool run, Stage stage, const Rig& rig);  // gait_motion.cc
 std::unique_ptr<Motion> make_sprint_start(const Rig& rig);                 // sprint_motion.cc
 std::unique_ptr<Motion> make_squat(const Rig& rig);                        // exercise_motions.cc

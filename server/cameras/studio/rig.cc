@@ -6,9 +6,9 @@
 namespace kinevox::studio {
 
 Measures make_measures(const Subject& s) {
-    const double h = s.height_m, f = s.femininity;
+    const double h = s.stature_m, f = s.femininity;
     Measures m{};
-    m.height = h;
+    m.stature = h;
     m.thigh = 0.245 * h;
     m.shank = 0.246 * h;
     m.ankle_height = 0.046 * h;  // 0.039 and the sole of a shoe
@@ -22,11 +22,11 @@ Measures make_measures(const Subject& s) {
     m.hip_half_width = (0.0490 + 0.0020 * f) * h;
     m.shoulder_half_width = (0.1030 - 0.0075 * f) * h;
     m.root_above_hips = 0.006 * h;
-    m.root_to_waist = 0.094 * h;
+    m.root_to_sacroiliac = 0.094 * h;
     m.waist_to_thorax = 0.065 * h;
     m.thorax_to_neck = 0.165 * h;
     m.neck_to_skullbase = 0.047 * h;
-    m.skullbase_to_top = 0.086 * h;
+    m.skullbase_to_head_top = 0.086 * h;
     return m;
 }
 
@@ -55,19 +55,19 @@ Bone Rig::parent(Bone bone) {
 
 Rig::Rig(const Subject& subject) : measures_(make_measures(subject)) {
     const Measures& m = measures_;
-    offset_[kLumbar] = {0.006 * m.height, 0, m.root_to_waist};
+    offset_[kLumbar] = {0.006 * m.stature, 0, m.root_to_sacroiliac};
     offset_[kThorax] = {0, 0, m.waist_to_thorax};
-    offset_[kNeck] = {-0.012 * m.height, 0, m.thorax_to_neck};
-    offset_[kHead] = {0.012 * m.height, 0, m.neck_to_skullbase};
+    offset_[kNeck] = {-0.012 * m.stature, 0, m.thorax_to_neck};
+    offset_[kHead] = {0.012 * m.stature, 0, m.neck_to_skullbase};
     for (Side side : kSides) {
         const double s = sign_of(side);
-        const Vec3 clavicle{0, s * 0.02 * m.height, m.thorax_to_neck - 0.022 * m.height};
-        // Acromion at 0.818 of the stature; the joint's centre lies a little lower.
+        const Vec3 clavicle{0, s * 0.02 * m.stature, m.thorax_to_neck - 0.022 * m.stature};
+        // The acromion is at 0.818 of the stature, the joint centre slightly lower.
         const double shoulder_z =
-            0.812 * m.height - (m.standing_root_z() + m.root_to_waist + m.waist_to_thorax);
+            0.812 * m.stature - (m.standing_root_z() + m.root_to_sacroiliac + m.waist_to_thorax);
         offset_[on_side(kClavicleL, side)] = clavicle;
         offset_[on_side(kUpperArmL, side)] =
-            Vec3{-0.006 * m.height, s * m.shoulder_half_width, shoulder_z} - clavicle;
+            Vec3{-0.006 * m.stature, s * m.shoulder_half_width, shoulder_z} - clavicle;
         offset_[on_side(kForearmL, side)] = {0, 0, -m.upper_arm};
         offset_[on_side(kHandL, side)] = {0, 0, -m.forearm};
         offset_[on_side(kThighL, side)] = {0, s * m.hip_half_width, -m.root_above_hips};
@@ -106,7 +106,7 @@ std::array<Vec3, kJointNames.size()> Rig::joints(const PosedRig& posed) const {
     out[0] = posed.joint(kPelvis);
     out[1] = posed.joint(kLumbar);
     out[2] = posed.joint(kHead);
-    out[3] = at(kHead, {0.003 * measures_.height, 0, measures_.skullbase_to_top});
+    out[3] = at(kHead, {0.003 * measures_.stature, 0, measures_.skullbase_to_head_top});
     for (Side side : kSides) {
         const int base = side == Side::kLeft ? 4 : 12;
         out[base + 0] = posed.joint(on_side(kUpperArmL, side));
@@ -136,12 +136,12 @@ struct TwoBone {
     double miss;
 };
 
-// Law of cosines; the middle joint goes to the side of `towards`. `hinge_sign` +1: y is the hinge's axis with
-// the middle joint in front (knee), -1: behind (elbow).
+// Law of cosines; the middle joint moves to the side of `towards`. `hinge_sign` +1: y is the hinge's axis
+// with the middle joint in front (knee), -1: behind (elbow).
 TwoBone two_bone(Vec3 start, Vec3 target, double upper, double lower, Vec3 towards, double hinge_sign) {
-    Vec3 reach = target - start;
-    const double wanted = norm(reach);
-    const Vec3 along = wanted > 1e-9 ? reach / wanted : Vec3{0, 0, -1};
+    Vec3 offset = target - start;
+    const double wanted = norm(offset);
+    const Vec3 along = wanted > 1e-9 ? offset / wanted : Vec3{0, 0, -1};
     const double d = std::clamp(wanted, std::abs(upper - lower) + 1e-3, 0.9995 * (upper + lower));
     const double c = std::clamp((upper * upper + d * d - lower * lower) / (2 * upper * d), -1.0, 1.0);
     Vec3 side = towards - dot(towards, along) * along;
@@ -154,8 +154,8 @@ TwoBone two_bone(Vec3 start, Vec3 target, double upper, double lower, Vec3 towar
 
 }  // namespace
 
-double Rig::reach_with_leg(Pose& pose, Side side, Vec3 ankle_in_world, const Mat3& world_from_foot,
-                           Vec3 forward_in_world) const {
+double Rig::place_leg(Pose& pose, Side side, Vec3 ankle_in_world, const Mat3& world_from_foot,
+                      Vec3 forward_in_world) const {
     const Bone thigh = on_side(kThighL, side), shank = on_side(kShankL, side), foot = on_side(kFootL, side);
     const Mat3 world_from_pelvis = pose[kPelvis];
     const Vec3 hip = pose.root_in_world + world_from_pelvis * offset_[thigh];
@@ -168,8 +168,8 @@ double Rig::reach_with_leg(Pose& pose, Side side, Vec3 ankle_in_world, const Mat
     return leg.miss;
 }
 
-double Rig::reach_with_arm(Pose& pose, Side side, Vec3 wrist_in_world, const Mat3& world_from_hand,
-                           Vec3 elbow_towards_in_world) const {
+double Rig::place_arm(Pose& pose, Side side, Vec3 wrist_in_world, const Mat3& world_from_hand,
+                      Vec3 elbow_towards_in_world) const {
     const Bone upper = on_side(kUpperArmL, side), fore = on_side(kForearmL, side),
                hand = on_side(kHandL, side);
     const PosedRig posed = forward(pose);

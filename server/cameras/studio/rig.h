@@ -1,18 +1,18 @@
-// The bones of the virtual studio's person, their measures, and forward and inverse kinematics.
-// At the zero pose (all local rotations identity) the person stands upright, arms hanging, every bone's axes
-// parallel to the world's: x forward, y to the subject's left, z up. A bone's origin is its joint.
+// The skeleton of the virtual studio's person: bones, measurements, forward and inverse kinematics.
+// In the zero pose (all local rotations identity) the person stands upright, arms hanging, and the axes of
+// all bones are parallel to the world's: x forward, y left, z up. A bone's origin is its joint.
 #pragma once
 
 #include <array>
 
+#include "common/body_table.h"
 #include "common/geometry.h"
-#include "common/skeleton.h"
 #include "server/cameras/studio/subject.h"
 
 namespace kinevox::studio {
 
-// Centre bones, then eight bones a side, then helpers that turn half as far as the joint they sit on (they
-// keep the volume of a bent knee where plain linear blend skinning would crush it).
+// Centre bones, then eight bones per side, then helpers that rotate half as far as their joint (they preserve
+// the volume of a bent knee, which plain linear blend skinning would collapse).
 enum Bone : int {
     kPelvis,
     kLumbar,
@@ -62,10 +62,10 @@ inline double sign_of(Side side) {
 // Lengths in metres, from the fractions of stature of Drillis & Contini (1966), as in Winter, Biomechanics
 // and Motor Control of Human Movement, table 4.1.
 struct Measures {
-    double height, thigh, shank, ankle_height, foot_ball_x, foot_heel_x, toe_length, ball_height;
+    double stature, thigh, shank, ankle_height, foot_ball_x, foot_heel_x, toe_length, ball_height;
     double upper_arm, forearm, hand, hip_half_width, shoulder_half_width;
-    double root_above_hips, root_to_waist, waist_to_thorax, thorax_to_neck, neck_to_skullbase,
-        skullbase_to_top;
+    double root_above_hips, root_to_sacroiliac, waist_to_thorax, thorax_to_neck, neck_to_skullbase,
+        skullbase_to_head_top;
     double standing_root_z() const { return ankle_height + shank + thigh + root_above_hips; }
     double leg() const { return thigh + shank; }
 };
@@ -97,17 +97,16 @@ class Rig {
     // World positions in the order of kJointNames.
     std::array<Vec3, kJointNames.size()> joints(const PosedRig& posed) const;
 
-    // Turns thigh and shank so that the ankle comes to `ankle_in_world` (pulled towards the hip where it is
-    // out of reach) with the knee bending towards `forward_in_world`, and the foot to `world_from_foot`. The
-    // pelvis and the root must be set; parent_from_bone of the leg is written. Returns the miss in metres.
-    double reach_with_leg(Pose& pose, Side side, Vec3 ankle_in_world, const Mat3& world_from_foot,
-                          Vec3 forward_in_world) const;
-    // The same for upper arm and forearm, elbow pointing to `elbow_towards_in_world`, the hand to
-    // world_from_hand.
-    double reach_with_arm(Pose& pose, Side side, Vec3 wrist_in_world, const Mat3& world_from_hand,
-                          Vec3 elbow_towards_in_world) const;
+    // Inverse kinematics: moves the ankle to `ankle_in_world` (as close as the leg's length permits), the
+    // knee bending towards `forward_in_world`, and rotates the foot to `world_from_foot`. The pelvis and the
+    // root must be set; writes parent_from_bone of the leg. Returns the remaining error in metres.
+    double place_leg(Pose& pose, Side side, Vec3 ankle_in_world, const Mat3& world_from_foot,
+                     Vec3 forward_in_world) const;
+    // The same for the arm, with the elbow pointing towards `elbow_towards_in_world`.
+    double place_arm(Pose& pose, Side side, Vec3 wrist_in_world, const Mat3& world_from_hand,
+                     Vec3 elbow_towards_in_world) const;
 
-    // The pose in which the surface is built: arms and legs spread, so that nothing touches.
+    // The pose in which the surface is built: arms and legs spread, so that no parts touch.
     Pose rest_pose() const;
 
   private:
@@ -117,8 +116,8 @@ class Rig {
 
 Mat3 slerp(const Mat3& a, const Mat3& b, double t);
 
-// Anatomical angles in radians to a rotation. Flexion lifts the limb forward, abduction away from the middle,
-// rotation turns it outwards about its own axis.
+// Rotation from anatomical angles in radians: flexion forward, abduction away from the midline, external
+// rotation about the limb's own axis.
 Mat3 limb_rotation(Side side, double flexion, double abduction, double external_rotation);
 
 }  // namespace kinevox::studio

@@ -12,9 +12,9 @@
 
 namespace kinevox::studio {
 
-inline constexpr int kGreyScale = 160;  // pictures before the sensor: grey levels times this, 16 bits
+inline constexpr int kGreyScale = 160;  // images before the sensor: grey levels times this, 16 bits
 
-// What one camera sees of the empty room.
+// The empty room as seen by one camera.
 struct RoomView {
     int width = 0, height = 0;
     std::vector<std::uint16_t> bgr;  // height * width * 3
@@ -57,7 +57,7 @@ class Room {
     bool blocked(Vec3f from, Vec3f to) const;
     // Against the shell and the boxes in `boxes` (indices).
     Hit trace(Vec3f origin, Vec3f direction, const std::vector<int>& boxes) const;
-    // Boxes that rays from `origin` within the cone about `axis` may meet.
+    // Boxes that rays from `origin` within the cone about `axis` may hit.
     std::vector<int> boxes_in_cone(Vec3f origin, Vec3f axis, float cosine) const;
     Vec3f shade(const Hit& hit, Vec3f p) const;
 

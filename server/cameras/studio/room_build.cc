@@ -1,4 +1,4 @@
-// What stands in the studio and where the lamps hang.
+// Furniture and lamps of the studio.
 #include <cmath>
 
 #include "server/cameras/studio/hash_noise.h"
@@ -119,7 +119,7 @@ void Room::build_box(Vec3f base, Vec3f size, float yaw, Texture texture) {
 }
 
 void Room::build_furniture() {
-    // Pieces along each wall, their backs to it; cameras stand between them and the middle.
+    // Furniture along each wall, outside the ring of cameras.
     std::uint32_t number = 100;
     for (int wall = 2; wall < 6; ++wall) {
         const Face shell = faces_[wall];
@@ -183,12 +183,13 @@ void Room::place_lamps() {
     const float side = hash_u32(seed_, 31) % 2 ? 1.0f : -1.0f;
     lighting_.key = hall ? Lamp{{6.0f + 2.0f * side, -3.6f * side, 5.8f}, warm, 0.30f, true}
                          : Lamp{{-1.3f * side, 1.7f, 3.75f}, warm, 0.14f, true};
-    const std::vector<Vec3f> places =
+    const std::vector<Vec3f> positions =
         hall ? std::vector<Vec3f>{{0, 2, ceiling},  {6, 2, ceiling},  {12, 2, ceiling},
                                   {0, -4, ceiling}, {6, -4, ceiling}, {12, -4, ceiling}}
              : std::vector<Vec3f>{{-2.2f, -1.8f, ceiling}, {2.2f, -1.8f, ceiling}, {2.2f, 2.0f, ceiling}};
-    for (const Vec3f& place : places) lighting_.panels.push_back({place, cool, hall ? 0.9f : 0.5f, true});
-    // Shares of the light on the floor's middle: key 0.54, panels 0.22, thrown back 0.24.
+    for (const Vec3f& position : positions)
+        lighting_.panels.push_back({position, cool, hall ? 0.9f : 0.5f, true});
+    // Fractions of the light at the floor's centre: key 0.54, panels 0.22, reflected 0.24.
     const auto normalise = [&](float share, float now) { return share / now; };
     lighting_.key.power = normalise(0.54f, Lighting::direct(lighting_.key, middle, up).y) * warm;
     float panels = 0;

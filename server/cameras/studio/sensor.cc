@@ -23,7 +23,7 @@ Sensor::Sensor(double noise_grey, double flicker, double fps, std::uint32_t seed
         const float radius = std::sqrt(-2.0f * std::log(hash_unit(n, seed, 41) + 3e-8f));
         const float value =
             radius * std::cos(kTwoPi * hash_unit(n, seed, 42)) * static_cast<float>(noise_grey) * kNoiseScale;
-        // Half a step more, since expose() cuts off.
+        // Half a step more, since expose() truncates.
         noise_[i] =
             static_cast<std::int16_t>(std::lround(std::clamp(value, -8000.0f, 8000.0f)) + kNoiseScale / 2);
     }
@@ -31,15 +31,15 @@ Sensor::Sensor(double noise_grey, double flicker, double fps, std::uint32_t seed
 
 double Sensor::gain(std::uint32_t camera, std::int64_t frame) const {
     const double t = static_cast<double>(frame) / fps_;
-    // Mains light beats with the frame rate; ballasts add their own.
-    const double beat = std::sin(6.283185307179586 * (2.3 * t + hash_unit(seed_, 43)));
+    // Flicker of mains light aliases with the frame rate; ballasts add noise.
+    const double aliasing = std::sin(6.283185307179586 * (2.3 * t + hash_unit(seed_, 43)));
     const double jitter = 2 * hash_unit(seed_ + camera, static_cast<std::uint32_t>(frame), 44) - 1;
-    return 1.0 + flicker_ * (0.8 * beat + 0.2 * jitter);
+    return 1.0 + flicker_ * (0.8 * aliasing + 0.2 * jitter);
 }
 
 void Sensor::expose(const std::uint16_t* light, int count, double gain, std::uint32_t row_key,
                     std::uint8_t* out) const {
-    constexpr int kMost = 255 * kNoiseScale + kNoiseScale - 1;
+    constexpr int kMaxLight = 255 * kNoiseScale + kNoiseScale - 1;
     const auto factor = static_cast<std::uint32_t>(
         std::lround(std::clamp(gain, 0.5, 1.5) * 65536.0 * kNoiseScale / kGreyScale));
     for (int done = 0, part = 0; done < count; ++part) {
@@ -50,7 +50,7 @@ void Sensor::expose(const std::uint16_t* light, int count, double gain, std::uin
             const auto level = static_cast<std::int16_t>((light[done + i] * factor) >> 16);
             const auto noisy = static_cast<std::int16_t>(level + noise[i]);
             const std::int16_t low = noisy < 0 ? std::int16_t{0} : noisy;
-            out[done + i] = static_cast<std::uint8_t>((low > kMost ? kMost : low) >> 6);
+            out[done + i] = static_cast<std::uint8_t>((low > kMaxLight ? kMaxLight : low) >> 6);
         }
         done += here;
     }

@@ -47,43 +47,44 @@ class TruthTables {
     std::string joints_, angles_;
 };
 
-// truth/prop.csv: where board or wand was.
-class PropTable {
+// truth/target.csv: the pose of the target.
+class TargetTable {
   public:
-    void add(std::int64_t frame, double fps, const Rigid3& world_from_prop) {
-        const Vec3 at = world_from_prop.translation, turn = rodrigues_from_rotation(world_from_prop.rotation);
+    void add(std::int64_t frame, double fps, const Rigid3& world_from_target) {
+        const Vec3 at = world_from_target.translation,
+                   rotation = rodrigues_from_rotation(world_from_target.rotation);
         text_ += fmt::format("{},{:.5f},{:.6f},{:.6f},{:.6f},{:.5f},{:.5f},{:.5f}\n", frame,
-                             static_cast<double>(frame) / fps, at.x, at.y, at.z, degrees(turn.x),
-                             degrees(turn.y), degrees(turn.z));
+                             static_cast<double>(frame) / fps, at.x, at.y, at.z, degrees(rotation.x),
+                             degrees(rotation.y), degrees(rotation.z));
     }
     absl::Status write(const fs::path& folder) const {
-        return write_file_atomically(folder / "prop.csv", text_);
+        return write_file_atomically(folder / "target.csv", text_);
     }
 
   private:
     std::string text_ = "frame,time_s,x_m,y_m,z_m,rotation_x_deg,rotation_y_deg,rotation_z_deg\n";
 };
 
-// truth/knock.csv and truth/calibration_after_knock.toml.
-absl::Status write_knock(const Studio& studio, const fs::path& folder) {
-    const Knock& knock = *studio.options().staging.knock;
+// truth/camera_bump.csv and truth/calibration_after_bump.toml.
+absl::Status write_bump(const Studio& studio, const fs::path& folder) {
+    const CameraBump& bump = *studio.options().staging.bump;
     const double fps = studio.options().fps;
-    const auto frame = static_cast<std::int64_t>(std::ceil(knock.time_s * fps));
+    const auto frame = static_cast<std::int64_t>(std::ceil(bump.time_s * fps));
     std::vector<Camera> after = studio.cameras();
-    after[knock.camera] = studio.camera_at(knock.camera, frame);
-    if (absl::Status status = write_calibration_toml(after, folder / "calibration_after_knock.toml");
+    after[bump.camera] = studio.camera_at(bump.camera, frame);
+    if (absl::Status status = write_calibration_toml(after, folder / "calibration_after_bump.toml");
         !status.ok())
         return status;
     return write_file_atomically(
-        folder / "knock.csv",
-        fmt::format("camera,frame,time_s,turn_deg\n{},{},{:.5f},{:.4f}\n", after[knock.camera].name, frame,
-                    static_cast<double>(frame) / fps, knock.turn_deg));
+        folder / "camera_bump.csv",
+        fmt::format("camera,frame,time_s,rotation_deg\n{},{},{:.5f},{:.4f}\n", after[bump.camera].name, frame,
+                    static_cast<double>(frame) / fps, bump.rotation_deg));
 }
 
 absl::Status write_mask(const fs::path& file, const Camera& camera, std::vector<std::uint8_t>& mask) {
-    const cv::Mat picture(camera.height, camera.width, CV_8UC1, mask.data());
+    const cv::Mat image(camera.height, camera.width, CV_8UC1, mask.data());
     try {
-        if (cv::imwrite(file.string(), picture)) return absl::OkStatus();
+        if (cv::imwrite(file.string(), image)) return absl::OkStatus();
     } catch (const cv::Exception&) {
     }
     return absl::UnavailableError(fmt::format("{}: cannot write the mask; is the disk full?", file.string()));
@@ -109,11 +110,11 @@ absl::Status write_mesh(const fs::path& file, const Studio::Surface& surface) {
 absl::Status make_folders(const fs::path& folder, const Studio& studio, const SessionWriterOptions& options) {
     std::error_code error;
     if (fs::exists(folder, error) && (!fs::is_directory(folder, error) || !fs::is_empty(folder, error)))
-        return absl::AlreadyExistsError(
-            fmt::format("{}: is there already and not an empty folder; name another one", folder.string()));
+        return absl::AlreadyExistsError(fmt::format(
+            "{}: already exists and is not an empty folder; choose another one", folder.string()));
     std::vector<fs::path> wanted{folder / "background", folder / "truth"};
     const bool person = studio.options().staging.person;
-    if (person && options.mesh_every > 0) wanted.push_back(folder / "truth" / "mesh");
+    if (person && options.mesh_stride > 0) wanted.push_back(folder / "truth" / "mesh");
     if (person && options.masks)
         for (const Camera& camera : studio.cameras())
             wanted.push_back(folder / "truth" / ("masks_" + camera.name));
@@ -128,11 +129,11 @@ absl::Status make_folders(const fs::path& folder, const Studio& studio, const Se
 
 using Videos = std::vector<std::unique_ptr<H264File>>;
 
-absl::StatusOr<Videos> open_videos(const fs::path& folder, const Studio& studio, int quality) {
+absl::StatusOr<Videos> open_videos(const fs::path& folder, const Studio& studio, int crf) {
     Videos videos;
     for (const Camera& camera : studio.cameras()) {
         absl::StatusOr<std::unique_ptr<H264File>> video = H264File::create(
-            folder / (camera.name + ".mp4"), camera.width, camera.height, {studio.options().fps, quality});
+            folder / (camera.name + ".mp4"), camera.width, camera.height, {studio.options().fps, crf});
         if (!video.ok()) return video.status();
         videos.push_back(*std::move(video));
     }
@@ -151,7 +152,7 @@ absl::Status for_cameras(const Studio& studio, Work&& work) {
 
 absl::Status write_backgrounds(const Studio& studio, const fs::path& folder,
                                const SessionWriterOptions& options) {
-    absl::StatusOr<Videos> videos = open_videos(folder, studio, options.quality);
+    absl::StatusOr<Videos> videos = open_videos(folder, studio, options.crf);
     if (!videos.ok()) return videos.status();
     return for_cameras(studio, [&](std::size_t i) {
         for (int frame = 0; frame < options.background_frames; ++frame)
@@ -162,39 +163,39 @@ absl::Status write_backgrounds(const Studio& studio, const fs::path& folder,
 }
 
 absl::Status write_frames(Studio& studio, const fs::path& folder, const SessionWriterOptions& options) {
-    absl::StatusOr<Videos> videos = open_videos(folder, studio, options.quality);
+    absl::StatusOr<Videos> videos = open_videos(folder, studio, options.crf);
     if (!videos.ok()) return videos.status();
     const fs::path truth = folder / "truth";
     TruthTables tables;
-    PropTable prop;
+    TargetTable target;
     const Staging& staging = studio.options().staging;
     const bool masks_wanted = options.masks && staging.person;
     for (std::int64_t frame = 0; frame < options.frames; ++frame) {
-        const std::vector<Picture> pictures = studio.draw(frame, true);
+        const std::vector<Image> images = studio.draw(frame, true);
         std::vector<std::vector<std::uint8_t>> masks;
         if (masks_wanted) masks = studio.masks(frame);
         absl::Status status = for_cameras(studio, [&](std::size_t i) {
             const Camera& camera = studio.cameras()[i];
-            absl::Status written = (*videos)[i]->write(pictures[i]);
+            absl::Status written = (*videos)[i]->write(images[i]);
             if (written.ok() && masks_wanted)
                 written = write_mask(truth / ("masks_" + camera.name) / fmt::format("frame_{:04}.png", frame),
                                      camera, masks[i]);
             return written;
         });
-        if (status.ok() && staging.person && options.mesh_every > 0 && frame % options.mesh_every == 0)
+        if (status.ok() && staging.person && options.mesh_stride > 0 && frame % options.mesh_stride == 0)
             status =
                 write_mesh(truth / "mesh" / fmt::format("frame_{:04}.ply", frame), studio.surface(frame));
         if (!status.ok()) return status;
         if (staging.person) tables.add(frame, studio.options().fps, studio.truth(frame));
-        if (staging.has_prop()) prop.add(frame, studio.options().fps, studio.world_from_prop(frame));
+        if (staging.has_target()) target.add(frame, studio.options().fps, studio.world_from_target(frame));
         if (options.progress) options.progress(frame + 1, options.frames);
     }
     for (const std::unique_ptr<H264File>& video : *videos)
         if (absl::Status status = video->close(); !status.ok()) return status;
-    if (staging.has_prop())
-        if (absl::Status status = prop.write(truth); !status.ok()) return status;
-    if (staging.knock)
-        if (absl::Status status = write_knock(studio, truth); !status.ok()) return status;
+    if (staging.has_target())
+        if (absl::Status status = target.write(truth); !status.ok()) return status;
+    if (staging.bump)
+        if (absl::Status status = write_bump(studio, truth); !status.ok()) return status;
     return staging.person ? tables.write(truth) : absl::OkStatus();
 }
 
@@ -203,9 +204,9 @@ absl::Status write_frames(Studio& studio, const fs::path& folder, const SessionW
 std::string SessionWriterOptions::check() const {
     if (frames < 1 || frames > 1000000) return fmt::format("frames is {}; it must be 1 .. 1000000", frames);
     if (background_frames < 1 || background_frames > 10000)
-        return fmt::format("background frames is {}; it must be 1 .. 10000", background_frames);
-    if (mesh_every < 0) return fmt::format("mesh every is {}; it must be 0 or more", mesh_every);
-    if (quality < 0 || quality > 51) return fmt::format("quality is {}; it must be 0 .. 51", quality);
+        return fmt::format("background_frames is {}; it must be 1 .. 10000", background_frames);
+    if (mesh_stride < 0) return fmt::format("mesh_stride is {}; it must be 0 or more", mesh_stride);
+    if (crf < 0 || crf > 51) return fmt::format("crf is {}; it must be 0 .. 51", crf);
     return {};
 }
 

@@ -23,7 +23,7 @@ void FloorShadow::Layer::mark(int x, int y, float value) {
     box = {std::min(box.x0, x), std::min(box.y0, y), std::max(box.x1, x + 1), std::max(box.y1, y + 1)};
 }
 
-// Two box filters along each axis, inside the layer's box grown by what they reach.
+// Two box filters along each axis, inside the layer's box enlarged by their radius.
 void FloorShadow::Layer::blur(int radius, std::vector<float>& scratch) {
     if (box.empty() || radius < 1) return;
     const int grow = 2 * radius;
@@ -67,7 +67,7 @@ void FloorShadow::cast(const TriangleMesh& surface, const std::vector<Vec3f>& ve
     Vec3f centre;
     for (const Vec3f& v : vertices) centre += v;
     centre = (1.0f / static_cast<float>(vertices.size())) * centre;
-    // Half way between the body and its shadow's head, in whole cells of the world.
+    // Midway between the body and the far end of its shadow, in whole cells of the world.
     const float stretch = 1.0f + 0.5f * 1.7f / std::max(lamp.z - 1.7f, 0.5f);
     const float middle_x = lamp.x + stretch * (centre.x - lamp.x),
                 middle_y = lamp.y + stretch * (centre.y - lamp.y);

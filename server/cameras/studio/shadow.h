@@ -10,8 +10,8 @@
 
 namespace kinevox::studio {
 
-// What the floor still shows with the person there, as a factor on sensor values (light to the power 1
-// / 2.2), on a square of the floor that moves with the person in whole cells.
+// Shadow on the floor as a factor on sensor values (light to the power 1 / 2.2), on a square that moves with
+// the person in whole cells.
 class FloorShadow {
   public:
     static constexpr int kCells = 200;
@@ -43,7 +43,7 @@ class FloorShadow {
         void mark(int x, int y, float value);
         void blur(int radius, std::vector<float>& scratch);
     };
-    float origin_x_ = 0, origin_y_ = 0;  // m, of the middle of cell (0, 0)
+    float origin_x_ = 0, origin_y_ = 0;  // m, centre of cell (0, 0)
     std::vector<float> factor_, scratch_;
     Layer layers_[4];  // of the key lamp: three heights; under the body
     CellBounds dark_;
@@ -53,7 +53,7 @@ class FloorShadow {
 class BodyShadow {
   public:
     void cast(const TriangleMesh& surface, const std::vector<Vec3f>& vertices, Vec3f lamp);
-    // Share of the lamp that reaches p, 0..1.
+    // Fraction of the lamp visible from p, 0..1.
     float lit(Vec3f p) const;
 
   private:

@@ -21,7 +21,7 @@ constexpr double kRearOff_s = kGo_s + 0.17, kFrontOff_s = kGo_s + 0.36, kEnd_s =
 
 class SprintStart final : public Motion {
   public:
-    explicit SprintStart(const Rig& rig) : rig_(rig), scale_(rig.measures().height / 1.8) { plan_steps(); }
+    explicit SprintStart(const Rig& rig) : rig_(rig), scale_(rig.measures().stature / 1.8) { plan_steps(); }
     double period_s() const override { return kEnd_s; }
     Pose pose(double time_s) const override;
 
@@ -39,9 +39,8 @@ class SprintStart final : public Motion {
 
     const Rig& rig_;
     double scale_;
-    std::array<std::vector<Contact>, 2> contacts_;  // left (front foot), right (rear foot)
-    std::vector<std::pair<double, double>>
-        phase_keys_;  // time to stride phase: whole numbers: left comes down
+    std::array<std::vector<Contact>, 2> contacts_;       // left (front foot), right (rear foot)
+    std::vector<std::pair<double, double>> phase_keys_;  // time to stride phase; integers: left foot contact
 };
 
 void SprintStart::plan_steps() {
@@ -69,7 +68,8 @@ void SprintStart::plan_steps() {
         const double progress = std::min(1.0, static_cast<double>(step) / 7.0);
         const double off = on + kStance_s[row], middle = 0.5 * (on + off);
         const bool right = step % 2 == 0;
-        const double ahead = (-0.02 + 0.10 * progress) * u;  // ball before the pelvis at mid stance
+        const double ahead =
+            (-0.02 + 0.10 * progress) * u;  // ball of the foot ahead of the pelvis at mid stance
         contacts_[right].push_back(
             {.on_s = on,
              .off_s = off,
@@ -92,7 +92,7 @@ void SprintStart::pose_set_arms(Pose& pose) const {
         const Mat3 hand = rotation_x(s * radians(8)) * rotation_y(radians(8)) * rotation_z(-s * radians(80));
         const Vec3 tip{0.0, s * 0.27 * scale_, 0.006};
         const Vec3 wrist = tip - hand * Vec3{0, 0, -rig_.measures().hand};
-        rig_.reach_with_arm(pose, side, wrist, hand, {-0.5, s * 0.6, 0.1});
+        rig_.place_arm(pose, side, wrist, hand, {-0.5, s * 0.6, 0.1});
     }
 }
 
@@ -102,7 +102,7 @@ Pose SprintStart::pose(double time_s) const {
     static const KeyCurve kHeight{
         {kGo_s, 0.455}, {kGo_s + 0.36, 0.490}, {kGo_s + 0.9, 0.500}, {kGo_s + 1.7, 0.512}};
     static const KeyCurve kTail{
-        {kGo_s, 0.80}, {kGo_s + 0.5, 0.62}, {kGo_s + 1.6, 0.8}};  // pelvis' share of the lean
+        {kGo_s, 0.80}, {kGo_s + 0.5, 0.62}, {kGo_s + 1.6, 0.8}};  // fraction of the lean at the pelvis
     static const KeyCurve kRunning{{kGo_s + 0.02, 0}, {kGo_s + 0.30, 1}};
     static const KeyCurve kSwing{{kGo_s, 30}, {kGo_s + 0.3, 58}, {kGo_s + 1.6, 46}};
     const double t = std::fmod(time_s, kEnd_s), running = kRunning(t);
@@ -112,7 +112,7 @@ Pose SprintStart::pose(double time_s) const {
     Pose pose;
     const double breath = (1 - running) * 0.004 * std::sin(2 * pi * 0.4 * t);
     const double bob = running * 0.022 * scale_ * std::cos(2 * phase - 4 * pi * 0.43);
-    pose.root_in_world = {travelled(t), 0, kHeight(t) * rig_.measures().height + bob + breath};
+    pose.root_in_world = {travelled(t), 0, kHeight(t) * rig_.measures().stature + bob + breath};
     const double lean = radians(kLean(t)), pelvis_lean = kTail(t) * lean;
     const double turn = -running * radians(9) * std::cos(phase),
                  list = running * radians(4) * std::cos(phase - 0.4 * pi);

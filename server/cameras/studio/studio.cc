@@ -39,9 +39,9 @@ class RenderedStudio final : public Studio {
   public:
     RenderedStudio(const StudioOptions& options, Stage stage)
         : options_(options),
-          cameras_(options.own_cameras.empty() ? ring_of_cameras(options, stage == Stage::kLane)
-                                               : options.own_cameras),
-          subject_(make_subject(options.seed, options.subject_height_m)),
+          cameras_(options.custom_cameras.empty() ? ring_of_cameras(options, stage == Stage::kLane)
+                                                  : options.custom_cameras),
+          subject_(make_subject(options.seed, options.stature_m)),
           rig_(subject_),
           rest_(rig_.forward(rig_.rest_pose())),
           body_(rig_, subject_),
@@ -52,9 +52,9 @@ class RenderedStudio final : public Studio {
         mesh_ = make_body_mesh(body_, subject_, {});
         caster_ = make_body_mesh(body_, subject_, {.cell_m = 0.032f, .painted = false});
         for (const Camera& camera : cameras_) views_.push_back(room_.draw(camera));
-        if (options_.staging.knock) {
-            knocked_ = after_knock(*options_.staging.knock, cameras_);
-            knocked_view_ = room_.draw(knocked_);
+        if (options_.staging.bump) {
+            bumped_ = camera_after_bump(*options_.staging.bump, cameras_);
+            bumped_view_ = room_.draw(bumped_);
         }
     }
     absl::Status start() {
@@ -74,24 +74,24 @@ class RenderedStudio final : public Studio {
         return static_cast<std::int64_t>(std::floor(motion_->period_s() * options_.fps + 1e-9));
     }
     std::string description() const override;
-    std::vector<Picture> draw(std::int64_t frame, bool parallel) override;
-    Picture draw_empty(std::size_t camera, std::int64_t frame) const override;
+    std::vector<Image> draw(std::int64_t frame, bool parallel) override;
+    Image draw_empty(std::size_t camera, std::int64_t frame) const override;
     SubjectTruth truth(std::int64_t frame) const override { return {rig_.joints(rig_.forward(pose(frame)))}; }
     const Camera& camera_at(std::size_t camera, std::int64_t frame) const override {
-        return is_knocked(camera, frame) ? knocked_ : cameras_[camera];
+        return is_bumped(camera, frame) ? bumped_ : cameras_[camera];
     }
-    Rigid3 world_from_prop(std::int64_t frame) const override {
-        return options_.staging.has_prop()
-                   ? studio::world_from_prop(options_.staging, cameras_, frame, options_.fps)
+    Rigid3 world_from_target(std::int64_t frame) const override {
+        return options_.staging.has_target()
+                   ? studio::world_from_target(options_.staging, cameras_, frame, options_.fps)
                    : Rigid3{};
     }
     std::vector<std::vector<std::uint8_t>> masks(std::int64_t frame) override;
     Surface surface(std::int64_t frame) override;
 
   private:
-    bool is_knocked(std::size_t camera, std::int64_t frame) const {
-        const std::optional<Knock>& knock = options_.staging.knock;
-        return knock && camera == knock->camera && static_cast<double>(frame) >= knock->time_s * options_.fps;
+    bool is_bumped(std::size_t camera, std::int64_t frame) const {
+        const std::optional<CameraBump>& bump = options_.staging.bump;
+        return bump && camera == bump->camera && static_cast<double>(frame) >= bump->time_s * options_.fps;
     }
     Pose pose(std::int64_t frame) const {
         const std::int64_t loop = frames_per_loop();
@@ -118,8 +118,8 @@ class RenderedStudio final : public Studio {
     std::unique_ptr<Motion> motion_;
     BodyMesh mesh_, caster_;
     std::vector<RoomView> views_;
-    Camera knocked_;  // as the camera stands after its knock; meaningless without one
-    RoomView knocked_view_;
+    Camera bumped_;  // the camera after the bump; unused without one
+    RoomView bumped_view_;
     // Of the frame being drawn.
     SkinnedBody skinned_, skinned_caster_;
     std::vector<Vec3f> vertex_light_, shown_light_;  // per vertex, per triangle
@@ -131,13 +131,13 @@ class RenderedStudio final : public Studio {
 
 std::string RenderedStudio::description() const {
     if (!options_.staging.person)
-        return fmt::format("{} at {} fps, nobody there: {} cameras of {} x {} px",
+        return fmt::format("{} at {} fps, no person: {} cameras of {} x {} px",
                            options_.staging.board  ? "a board"
                            : options_.staging.wand ? "a wand"
                                                    : "the empty room",
                            options_.fps, cameras_.size(), cameras_.front().width, cameras_.front().height);
     return fmt::format("{} at {} fps: a person of {:.2f} m, {} cameras of {} x {} px", options_.motion,
-                       options_.fps, subject_.height_m, cameras_.size(), cameras_.front().width,
+                       options_.fps, subject_.stature_m, cameras_.size(), cameras_.front().width,
                        cameras_.front().height);
 }
 
@@ -164,7 +164,7 @@ void RenderedStudio::light_body() {
                                         vertex_light_[triangles[t][2]]);
 }
 
-std::vector<Picture> RenderedStudio::draw(std::int64_t frame, bool parallel) {
+std::vector<Image> RenderedStudio::draw(std::int64_t frame, bool parallel) {
     const Staging& staging = options_.staging;
     if (staging.person) {
         set_body(frame);
@@ -174,15 +174,15 @@ std::vector<Picture> RenderedStudio::draw(std::int64_t frame, bool parallel) {
         light_body();
     }
 
-    std::vector<Picture> pictures(cameras_.size());
+    std::vector<Image> images(cameras_.size());
     const auto one = [&](std::size_t i) {
         const Camera& camera = cameras_[i];
         std::shared_ptr<std::uint8_t[]> data(
             new std::uint8_t[static_cast<std::size_t>(camera.width) * camera.height * 3]);
         draw_camera(i, frame, data.get());
-        pictures[i] = {camera.width, camera.height, 3, std::move(data)};
-        if (staging.has_prop())
-            pictures[i] = draw_prop(staging, pictures[i], camera_at(i, frame), world_from_prop(frame),
+        images[i] = {camera.width, camera.height, 3, std::move(data)};
+        if (staging.has_target())
+            images[i] = draw_target(staging, images[i], camera_at(i, frame), world_from_target(frame),
                                     options_.noise_grey, row_key(i, frame, 0, 3));
     };
     if (parallel) {
@@ -190,17 +190,17 @@ std::vector<Picture> RenderedStudio::draw(std::int64_t frame, bool parallel) {
     } else {
         for (std::size_t i = 0; i < cameras_.size(); ++i) one(i);
     }
-    return pictures;
+    return images;
 }
 
-// Pixels that may see the darkened part of the floor.
+// Pixels that may show the shadow on the floor.
 CellBounds RenderedStudio::shadow_box(const Camera& camera) const {
     if (floor_shadow_.empty()) return {};
     float x[2], y[2];
     floor_shadow_.extent(x[0], y[0], x[1], y[1]);
     const Lens lens(camera);
     float u0 = 1e9f, v0 = 1e9f, u1 = -1e9f, v1 = -1e9f;
-    for (int i = 0; i < 16; ++i) {  // around the rectangle's edge; lenses bend it
+    for (int i = 0; i < 16; ++i) {  // along the rectangle's edge, which the lens distorts
         const float s = static_cast<float>(i % 4) / 4;
         const float ex = i / 4 == 0   ? s
                          : i / 4 == 1 ? 1
@@ -226,7 +226,7 @@ CellBounds RenderedStudio::shadow_box(const Camera& camera) const {
 
 void RenderedStudio::draw_camera(std::size_t index, std::int64_t frame, std::uint8_t* out) {
     const Camera& camera = camera_at(index, frame);
-    const RoomView& view = is_knocked(index, frame) ? knocked_view_ : views_[index];
+    const RoomView& view = is_bumped(index, frame) ? bumped_view_ : views_[index];
     BodyRaster& raster = rasters_[index];
     CellBounds body, dark;
     if (options_.staging.person) {
@@ -259,13 +259,13 @@ void RenderedStudio::draw_camera(std::size_t index, std::int64_t frame, std::uin
     }
 }
 
-Picture RenderedStudio::draw_empty(std::size_t index, std::int64_t frame) const {
+Image RenderedStudio::draw_empty(std::size_t index, std::int64_t frame) const {
     const Camera& camera = cameras_[index];
     const int values = 3 * camera.width;
     std::shared_ptr<std::uint8_t[]> data(new std::uint8_t[static_cast<std::size_t>(values) * camera.height]);
-    // Taken before the capture: its own moments of noise and flicker.
-    const std::int64_t moment = -1000 - frame;
-    const double gain = sensor_.gain(static_cast<std::uint32_t>(index), moment);
+    // Before the first frame, so that noise and flicker are independent.
+    const std::int64_t time_index = -1000 - frame;
+    const double gain = sensor_.gain(static_cast<std::uint32_t>(index), time_index);
     for (int y = 0; y < camera.height; ++y)
         sensor_.expose(&views_[index].bgr[static_cast<std::size_t>(y) * values], values, gain,
                        row_key(index, frame, y, 2), data.get() + static_cast<std::size_t>(y) * values);
@@ -298,25 +298,24 @@ Studio::Surface RenderedStudio::surface(std::int64_t frame) {
 std::string StudioOptions::check() const {
     const auto outside = [](double v, double low, double high) { return !(v >= low && v <= high); };
     if (std::find(kMotionNames.begin(), kMotionNames.end(), motion) == kMotionNames.end())
-        return fmt::format("motion '{}' is unknown; there are {}", motion, fmt::join(kMotionNames, ", "));
+        return fmt::format("motion '{}' is unknown; choose one of {}", motion, fmt::join(kMotionNames, ", "));
     if (stage != "auto" && stage != "room" && stage != "lane")
-        return fmt::format("stage '{}' is unknown; there are auto, room, lane", stage);
+        return fmt::format("stage '{}' is unknown; choose one of auto, room, lane", stage);
     if (motion == "sprint_start" && stage == "room")
-        return "sprint_start needs the stage 'lane', a room is too short";
-    if (own_cameras.empty() && (cameras < 1 || cameras > 64))
+        return "motion sprint_start needs stage lane; the room is too short";
+    if (custom_cameras.empty() && (cameras < 1 || cameras > 64))
         return fmt::format("cameras is {}; it must be 1 .. 64", cameras);
     if (width < 64 || width > 4096 || height < 64 || height > 4096)
         return fmt::format("size is {}x{}; each side must be 64 .. 4096 px", width, height);
     if (outside(fps, 1, 1000)) return fmt::format("fps is {}; it must be 1 .. 1000", fps);
-    if (subject_height_m != 0 && outside(subject_height_m, 1.2, 2.2))
-        return fmt::format("subject height is {} m; it must be 1.2 .. 2.2, or 0 to draw one",
-                           subject_height_m);
+    if (stature_m != 0 && outside(stature_m, 1.2, 2.2))
+        return fmt::format("stature is {} m; it must be 1.2 .. 2.2, or 0 for a random one", stature_m);
     if (outside(noise_grey, 0, 50))
         return fmt::format("noise is {} grey levels; it must be 0 .. 50", noise_grey);
     if (outside(flicker, 0, 0.3)) return fmt::format("flicker is {}; it must be 0 .. 0.3", flicker);
     if (outside(distortion, -0.3, 0.3))
         return fmt::format("distortion is {}; it must be -0.3 .. 0.3", distortion);
-    return staging.check(own_cameras.empty() ? static_cast<std::size_t>(cameras) : own_cameras.size());
+    return staging.check(custom_cameras.empty() ? static_cast<std::size_t>(cameras) : custom_cameras.size());
 }
 
 absl::StatusOr<std::unique_ptr<Studio>> Studio::create(const StudioOptions& options) {

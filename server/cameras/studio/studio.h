@@ -1,5 +1,5 @@
-// The virtual studio: a person, a motion, a room, cameras and a sensor; a picture for every camera and frame,
-// and what is true in it. The same options and the same frame give the same bits.
+// The virtual studio: renders a moving person in a room for every camera and frame, with ground truth. The
+// same options and frame give the same bits.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -10,26 +10,26 @@
 #include <string>
 #include <vector>
 
+#include "common/body_table.h"
 #include "common/camera.h"
-#include "common/skeleton.h"
 #include "server/cameras/frame_source.h"
 #include "server/cameras/studio/staging.h"
 
 namespace kinevox::studio {
 
 struct StudioOptions {
-    std::string motion = "walk";      // one of kMotionNames (motion.h)
-    std::string stage = "auto";       // "room", "lane", or "auto": what suits the motion
-    int cameras = 4;                  // on a ring around the room's middle or the lane; 1 .. 64
-    int width = 640, height = 480;    // px of every camera; 64 .. 4096
-    double fps = 30;                  // frame sets a second; 1 .. 1000
-    std::uint32_t seed = 1;           // person, clothes, room, cameras' places, noise
-    double subject_height_m = 0;      // 1.2 .. 2.2, or 0: drawn from the seed
-    double noise_grey = 1.4;          // standard deviation of the sensor's noise, grey levels; 0 .. 50
-    double flicker = 0.02;            // the light's relative amplitude; 0 .. 0.3
-    double distortion = 0;            // k1 of the lenses (k2, p1, p2 follow from it); -0.3 .. 0.3
-    std::vector<Camera> own_cameras;  // used instead of the ring where not empty
-    Staging staging;                  // a board, a wand, a knocked camera, nobody
+    std::string motion = "walk";         // one of kMotionNames (motion.h)
+    std::string stage = "auto";          // "room", "lane", or "auto": what suits the motion
+    int cameras = 4;                     // on a ring around the centre of the room or the lane; 1 .. 64
+    int width = 640, height = 480;       // px of every camera; 64 .. 4096
+    double fps = 30;                     // frame sets per second; 1 .. 1000
+    std::uint32_t seed = 1;              // of person, clothes, room, camera poses, noise
+    double stature_m = 0;                // 1.2 .. 2.2, or 0: drawn from the seed
+    double noise_grey = 1.4;             // sensor noise (one sigma), grey levels; 0 .. 50
+    double flicker = 0.02;               // relative amplitude of the light; 0 .. 0.3
+    double distortion = 0;               // k1 of the lenses (k2, p1, p2 follow from it); -0.3 .. 0.3
+    std::vector<Camera> custom_cameras;  // if not empty: used instead of the ring
+    Staging staging;                     // person, calibration target, bumped camera
 
     // Empty when usable, else one sentence.
     std::string check() const;
@@ -46,21 +46,21 @@ class Studio {
 
     virtual const StudioOptions& options() const = 0;
     virtual const std::vector<Camera>& cameras() const = 0;
-    // After so many frames the motion begins anew with a jump in place; 0: never.
+    // Number of frames after which the motion restarts with a jump in position; 0: never.
     virtual std::int64_t frames_per_loop() const = 0;
     // One sentence about person, room and motion.
     virtual std::string description() const = 0;
 
-    // All cameras' pictures (B G R) of a frame >= 0. Cameras are drawn in parallel where `parallel`.
-    // Not thread safe: drawing buffers are kept from call to call.
-    virtual std::vector<Picture> draw(std::int64_t frame, bool parallel) = 0;
-    // The empty room before anything happened, noise and flicker of its own.
-    virtual Picture draw_empty(std::size_t camera, std::int64_t frame) const = 0;
+    // The images (B G R) of all cameras for a frame >= 0. `parallel`: renders the cameras in parallel. Not
+    // thread-safe: keeps its buffers.
+    virtual std::vector<Image> draw(std::int64_t frame, bool parallel) = 0;
+    // The empty room before the first frame, with independent noise and flicker.
+    virtual Image draw_empty(std::size_t camera, std::int64_t frame) const = 0;
 
-    // The camera as it stands at a frame: another one than in cameras() after it was knocked.
+    // The true camera in a frame: differs from cameras() after a bump.
     virtual const Camera& camera_at(std::size_t camera, std::int64_t frame) const = 0;
-    // Of board or wand; the identity where there is none.
-    virtual Rigid3 world_from_prop(std::int64_t frame) const = 0;
+    // Pose of the target; the identity if there is none.
+    virtual Rigid3 world_from_target(std::int64_t frame) const = 0;
 
     virtual SubjectTruth truth(std::int64_t frame) const = 0;
     // Per camera, height * width values 0 or 255: whether the ray through the pixel's centre hits the person.
@@ -73,8 +73,7 @@ class Studio {
     virtual Surface surface(std::int64_t frame) = 0;
 };
 
-// Cameras on an ellipse around what happens, looking at it, focal lengths such that all of it is in every
-// picture.
+// Cameras on an ellipse around the capture space, aimed at it, with focal lengths that show all of it.
 std::vector<Camera> ring_of_cameras(const StudioOptions& options, bool lane);
 
 }  // namespace kinevox::studio

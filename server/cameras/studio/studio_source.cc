@@ -27,17 +27,17 @@ absl::StatusOr<std::unique_ptr<StudioSource>> StudioSource::create(const StudioS
     return std::unique_ptr<StudioSource>(new StudioSource(options, *std::move(studio)));
 }
 
-absl::StatusOr<std::vector<std::vector<Picture>>> StudioSource::background() {
-    std::vector<std::vector<Picture>> pictures(cameras().size());
+absl::StatusOr<std::vector<std::vector<Image>>> StudioSource::background() {
+    std::vector<std::vector<Image>> images(cameras().size());
     for (std::size_t camera = 0; camera < cameras().size(); ++camera)
         for (int frame = 0; frame < options_.background_frames; ++frame) {
-            {  // a daemon that is told to stop does not wait for the last picture
+            {  // stop() does not wait for the last image
                 const std::lock_guard lock(mutex_);
                 if (stopped_) return absl::CancelledError("the virtual studio was stopped");
             }
-            pictures[camera].push_back(studio_->draw_empty(camera, frame));
+            images[camera].push_back(studio_->draw_empty(camera, frame));
         }
-    return pictures;
+    return images;
 }
 
 absl::StatusOr<FrameSet> StudioSource::next() {
@@ -49,7 +49,7 @@ absl::StatusOr<FrameSet> StudioSource::next() {
     if (options_.pacing == Pacing::kRealTime) {
         const std::int64_t now = now_ns();
         if (start_ns_ == 0) start_ns_ = now;
-        // The newest frame whose time is not over yet; what lies before it was missed.
+        // The latest frame whose time is not over; earlier ones are skipped.
         const auto current =
             static_cast<std::int64_t>(std::floor(static_cast<double>(now - start_ns_) / period_ns));
         next_frame_ = std::max(next_frame_, current);
@@ -57,9 +57,9 @@ absl::StatusOr<FrameSet> StudioSource::next() {
     FrameSet set;
     set.sequence = static_cast<std::uint64_t>(next_frame_);
     set.capture_time_ns = start_ns_ + std::llround(static_cast<double>(next_frame_) * period_ns);
-    set.pictures = studio_->draw(next_frame_, options_.parallel);
+    set.images = studio_->draw(next_frame_, options_.parallel);
     ++next_frame_;
-    if (options_.pacing == Pacing::kRealTime) {  // drawn ahead, handed out on time
+    if (options_.pacing == Pacing::kRealTime) {  // rendered ahead, handed out when due
         std::unique_lock lock(mutex_);
         const auto due = std::chrono::steady_clock::time_point(std::chrono::nanoseconds(set.capture_time_ns));
         if (stopped_changed_.wait_until(lock, due, [&] { return stopped_; }))

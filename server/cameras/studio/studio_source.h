@@ -1,4 +1,4 @@
-// The virtual studio as a camera source: endless, from the motion's beginning again when it is over.
+// The virtual studio as a frame source: endless, the motion repeats.
 #pragma once
 
 #include <condition_variable>
@@ -14,23 +14,23 @@ namespace kinevox {
 struct StudioSourceOptions {
     studio::StudioOptions studio;
     Pacing pacing = Pacing::kRealTime;
-    int background_frames = 40;  // of the empty room, per camera; 1 .. 1000
-    bool parallel = false;       // draw the cameras in parallel; the bits stay the same
+    int background_frames = 40;  // background images per camera; 1 .. 1000
+    bool parallel = false;       // renders the cameras in parallel; the same bits
 };
 
 class StudioSource final : public FrameSource {
   public:
-    // InvalidArgument with one sentence for options that cannot be.
+    // InvalidArgument with one sentence for invalid options.
     static absl::StatusOr<std::unique_ptr<StudioSource>> create(const StudioSourceOptions& options);
 
     const std::vector<Camera>& cameras() const override { return studio_->cameras(); }
     double fps() const override { return options_.studio.fps; }
     std::int64_t frame_count() const override { return -1; }
-    absl::StatusOr<std::vector<std::vector<Picture>>> background() override;
+    absl::StatusOr<std::vector<std::vector<Image>>> background() override;
     absl::StatusOr<FrameSet> next() override;
     void stop() override;
 
-    // What is true in frame `sequence`.
+    // Ground truth of frame `sequence`.
     studio::SubjectTruth truth(std::uint64_t sequence) const {
         return studio_->truth(static_cast<std::int64_t>(sequence));
     }

@@ -56,12 +56,12 @@ constexpr std::array<Outfit, 6> kOutfits{{
 
 }  // namespace
 
-Subject make_subject(std::uint32_t seed, double height_m) {
+Subject make_subject(std::uint32_t seed, double stature_m) {
     const auto draw = [seed](std::uint32_t what) { return static_cast<double>(hash_unit(seed, what, 77)); };
     Subject s;
     s.seed = seed;
     s.femininity = draw(1) < 0.5 ? 0.0 : 0.7 + 0.3 * draw(2);
-    s.height_m = height_m > 0 ? height_m : 1.79 - 0.12 * s.femininity + 0.14 * (draw(3) - 0.5);
+    s.stature_m = stature_m > 0 ? stature_m : 1.79 - 0.12 * s.femininity + 0.14 * (draw(3) - 0.5);
     s.girth = 0.90 + 0.26 * draw(4) * draw(5);
     s.long_hair = s.femininity > 0.5;
     s.shorts = draw(6) < 0.35;

@@ -1,4 +1,4 @@
-// Who stands in the virtual studio: body measures and clothes, drawn from a seed.
+// The person of the virtual studio: body measurements and clothes, drawn from a seed.
 #pragma once
 
 #include <array>
@@ -20,7 +20,7 @@ inline Albedo mix(Albedo a, Albedo b, float t) {
 enum class ShirtPattern { kStripes, kDots, kChecks, kPlain, kTwoTone };
 
 struct Subject {
-    double height_m = 1.76;
+    double stature_m = 1.76;
     double girth = 1.0;       // scales limb and trunk radii; 0.85 slim .. 1.2 heavy
     double femininity = 0.0;  // 0..1: shoulders narrower, hips wider, bust
     bool long_hair = false;
@@ -31,7 +31,7 @@ struct Subject {
     std::uint32_t seed = 0;
 };
 
-// The same seed gives the same person. height_m: 0 draws one, else 1.2 .. 2.2 m.
-Subject make_subject(std::uint32_t seed, double height_m);
+// The same seed gives the same person. stature_m: 1.2 .. 2.2 m, or 0 for a random one.
+Subject make_subject(std::uint32_t seed, double stature_m);
 
 }  // namespace kinevox::studio

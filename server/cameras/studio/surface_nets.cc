@@ -24,19 +24,19 @@ struct Grid {
 void sample_grid(Grid& grid, const std::function<float(Vec3f)>& distance) {
     constexpr int kBlock = 8;
     const auto blocks = [](int n) { return (n + kBlock - 1) / kBlock; };
-    const float reach = 0.5f * kBlock * grid.cell * std::sqrt(3.0f);
+    const float radius = 0.5f * kBlock * grid.cell * std::sqrt(3.0f);
     tbb::parallel_for(0, blocks(grid.nz), [&](int bk) {
         for (int bj = 0; bj < blocks(grid.ny); ++bj)
             for (int bi = 0; bi < blocks(grid.nx); ++bi) {
                 const int i0 = bi * kBlock, j0 = bj * kBlock, k0 = bk * kBlock;
                 const Vec3f middle =
                     grid.point(i0, j0, k0) + 0.5f * grid.cell * Vec3f{kBlock, kBlock, kBlock};
-                const float at_middle = distance(middle);
-                const bool far = std::abs(at_middle) > 2.2f * reach;
+                const float at_centre = distance(middle);
+                const bool far = std::abs(at_centre) > 2.2f * radius;
                 for (int k = k0; k < std::min(k0 + kBlock, grid.nz); ++k)
                     for (int j = j0; j < std::min(j0 + kBlock, grid.ny); ++j)
                         for (int i = i0; i < std::min(i0 + kBlock, grid.nx); ++i)
-                            grid.value[grid.index(i, j, k)] = far ? at_middle : distance(grid.point(i, j, k));
+                            grid.value[grid.index(i, j, k)] = far ? at_centre : distance(grid.point(i, j, k));
             }
     });
 }

@@ -1,5 +1,5 @@
-// Meshes the zero set of a signed distance (naive surface nets, S. Gibson 1998): a vertex a crossed cell, a
-// quad a crossed edge. Closed, consistently oriented (outwards), the same whatever the thread count.
+// Meshes the zero set of a signed distance (naive surface nets, S. Gibson 1998): one vertex per crossed cell,
+// one quad per crossed edge. Closed, consistently oriented (outwards), the same whatever the thread count.
 #pragma once
 
 #include <array>
@@ -16,7 +16,7 @@ struct TriangleMesh {
     std::vector<std::array<std::uint32_t, 3>> triangles;  // counter-clockwise from outside
 };
 
-// The box [lower, upper] must hold the surface; the distance may lie by a factor of 2 away from it.
+// The box [lower, upper] must contain the surface; the distance may be wrong by a factor of 2 away from it.
 TriangleMesh mesh_distance(const std::function<float(Vec3f)>& distance, Vec3f lower, Vec3f upper,
                            float cell_m);
 

@@ -10,7 +10,7 @@ namespace {
 
 using kernels::Rect;
 
-// Foreground of one square cell of the picture.
+// Foreground of one square cell of the image.
 struct Cell {
     std::int64_t sharp = 0;                            // pixels
     std::int64_t weight = 0, sum_x = 0, sum_y = 0;     // of its sampled sharp pixels, weighted
@@ -53,12 +53,12 @@ void count_pixels(const kernels::Silhouettes& s, CellGrid& grid) {
     }
 }
 
-// Distance to the outline by the two passes of the 3-4 chamfer (Borgefors 1986), on every `step`-th pixel.
+// Distance to the contour by the two passes of the 3-4 chamfer (Borgefors 1986), on every `step`-th pixel.
 void weigh_pixels(const kernels::Silhouettes& s, CellGrid& grid) {
     constexpr int kMaxRows = 200;
     const int step = std::max(1, (std::max(grid.area.height(), grid.area.width()) + kMaxRows - 1) / kMaxRows);
     const int width = grid.area.width() / step, height = grid.area.height() / step;
-    const int stride = width + 2;  // a frame of zeros: what lies beyond the area is outside
+    const int stride = width + 2;  // a border of zeros: pixels beyond the area are outside
     std::vector<int> distance(static_cast<std::size_t>(stride) * (height + 2), 0);
     const auto sample = [&](int n, int first) { return first + n * step + step / 2; };
     for (int y = 0; y < height; ++y) {
@@ -105,7 +105,8 @@ Rect united(const Rect& a, const Rect& b) {
 
 }  // namespace
 
-std::vector<Blob> find_blobs(const kernels::Silhouettes& s, std::int64_t min_sharp_pixels, std::size_t most) {
+std::vector<Blob> find_blobs(const kernels::Silhouettes& s, std::int64_t min_sharp_pixels,
+                             std::size_t max_count) {
     const Rect area{std::max(s.bounds.x0, 0) & ~7, std::max(s.bounds.y0, 0), std::min(s.bounds.x1, s.width),
                     std::min(s.bounds.y1, s.height)};
     if (area.empty()) return {};
@@ -159,7 +160,7 @@ std::vector<Blob> find_blobs(const kernels::Silhouettes& s, std::int64_t min_sha
     }
     std::stable_sort(blobs.begin(), blobs.end(),
                      [](const Blob& a, const Blob& b) { return a.sharp_pixels > b.sharp_pixels; });
-    if (blobs.size() > most) blobs.resize(most);
+    if (blobs.size() > max_count) blobs.resize(max_count);
     return blobs;
 }
 

@@ -18,13 +18,13 @@ void CentreFilter::start(Vec3 centre_in_world, const Mat3& covariance_m2) {
     Eigen::Map<Matrix6> p(covariance_.data());
     p.setZero();
     p.topLeftCorner<3, 3>() = Eigen::Map<const RowMatrix3>(covariance_m2.m.data());
-    p.bottomRightCorner<3, 3>().diagonal().setConstant(options_.first_speed_std_m_s *
-                                                       options_.first_speed_std_m_s);
+    p.bottomRightCorner<3, 3>().diagonal().setConstant(options_.initial_speed_std_m_per_s *
+                                                       options_.initial_speed_std_m_per_s);
 }
 
 void CentreFilter::predict(double seconds) {
     const double t = std::max(seconds, 0.0),
-                 q = options_.acceleration_std_m_s2 * options_.acceleration_std_m_s2;
+                 q = options_.acceleration_std_m_per_s2 * options_.acceleration_std_m_per_s2;
     Eigen::Map<Vector6> x(state_.data());
     Eigen::Map<Matrix6> p(covariance_.data());
     Matrix6 f = Matrix6::Identity();

@@ -1,4 +1,4 @@
-// Kalman filter over the subject's centre: constant velocity, disturbed by white acceleration.
+// Kalman filter of the subject's centre: constant velocity with white acceleration noise.
 #pragma once
 
 #include <array>
@@ -8,8 +8,9 @@
 namespace kinevox {
 
 struct CentreFilterOptions {
-    double acceleration_std_m_s2 = 6;  // of people: a sprinter's push-off reaches about this
-    double first_speed_std_m_s = 2;    // of a subject just found
+    double acceleration_std_m_per_s2 = 6;  // of people: about that of a sprinter's push-off
+    double initial_speed_std_m_per_s = 2;  // of a new subject
+    bool operator==(const CentreFilterOptions&) const = default;
 };
 
 class CentreFilter {
@@ -18,7 +19,7 @@ class CentreFilter {
 
     // Starts at a measured centre, at rest. `covariance_m2` is the measurement's.
     void start(Vec3 centre_in_world, const Mat3& covariance_m2);
-    // Moves the state on by `seconds` >= 0.
+    // Predicts the state after `seconds` >= 0.
     void predict(double seconds);
     void correct(Vec3 centre_in_world, const Mat3& covariance_m2);
 

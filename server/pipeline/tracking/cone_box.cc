@@ -31,7 +31,7 @@ Polytope polytope_of(const Box3& b) {
     return faces;
 }
 
-// The points of the cut, a convex polygon in the plane, brought into order around their middle.
+// Sorts the points of the cut, a convex polygon in the plane, around their centre.
 void sort_around(Polygon& points, Vec3 normal) {
     Vec3 middle;
     for (const Vec3& p : points) middle += p;
@@ -69,8 +69,8 @@ void clip(Polytope& polytope, const HalfSpace& half) {
     polytope = std::move(kept);
 }
 
-// The pyramid's sides, through the camera's centre. Lens distortion bends the box's sides: the outermost of
-// several points of each side counts.
+// The pyramid's sides, through the camera's centre. Distortion bends the box's sides: the outermost of
+// several points of each side is used.
 void add_pyramid(const SilhouetteCone& cone, std::vector<HalfSpace>& halves) {
     constexpr int kSamples = 8;
     constexpr double kMargin_px = 1.0;
@@ -145,8 +145,8 @@ kernels::Lattice lattice_over(const Box3& box, double voxel_m, double max_side_m
 }
 
 kernels::Rect projected_box(const Camera& camera, const Box3& box, double* fraction_inside) {
-    // A grid over the box's faces would be exact with distortion; its corners and middles come near enough,
-    // since callers add a margin.
+    // A grid over the box's faces would be exact with distortion; its corners and midpoints suffice, because
+    // callers add a margin.
     double u0 = std::numeric_limits<double>::infinity(), v0 = u0, u1 = -u0, v1 = -u0;
     int behind = 0;
     for (int n = 0; n < 27; ++n) {

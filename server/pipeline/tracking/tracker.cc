@@ -14,9 +14,9 @@ namespace {
 
 constexpr std::size_t kMaxBlobs = 6;        // per camera
 constexpr double kMaxCentreJump_m = 0.4;    // of a measured centre from the predicted one
-constexpr double kReach_m = 1.4;            // of a body's parts from its centre
-constexpr double kNearestPart_m = 0.3;      // of a body's parts to a camera that is to predict their motion
-constexpr double kMinExpectedInside = 0.5;  // of the subject's box, for a camera that ought to see it
+constexpr double kBodyRadius_m = 1.4;       // of a body around its centre
+constexpr double kMinPartDistance_m = 0.3;  // of a body to a camera that predicts its motion
+constexpr double kMinExpectedInside = 0.5;  // of the subject's box, for a camera that should see it
 
 Box3 box_around(Vec3 centre, const Box3& extent, double margin_m) {
     const Vec3 margin{margin_m, margin_m, margin_m};
@@ -68,13 +68,13 @@ void Tracker::reset() {
     for (CameraState& state : camera_states_) state = {};
 }
 
-// A speck smaller than this is nobody: a person 1/20 of the picture's height, thin.
+// Smaller blobs are no person: a thin one of 1/20 of the image height.
 std::int64_t Tracker::min_pixels(const Camera& camera) const {
     return std::max<std::int64_t>(16, std::int64_t{camera.height} * camera.height / 3000);
 }
 
 double Tracker::search_margin_m(double seconds) const {
-    return options_.region_margin_m + options_.limb_speed_m_s * seconds + 2 * filter_.centre_std_m();
+    return options_.region_margin_m + options_.limb_speed_m_per_s * seconds + 2 * filter_.centre_std_m();
 }
 
 Box3 Tracker::search_box(double seconds) const {
@@ -86,7 +86,7 @@ std::vector<kernels::SegmentationPrior> Tracker::predict(std::int64_t time_ns, V
     if (motion) *motion = {};
     if (!tracking_) return priors;
     double seconds = 1e-9 * static_cast<double>(time_ns - last_time_ns_);
-    if (!(seconds > 0 && seconds < 1)) seconds = 1 / fps_;  // a clock that jumped
+    if (!(seconds > 0 && seconds < 1)) seconds = 1 / fps_;  // after a clock step
     const Vec3 before = filter_.centre_in_world();
     filter_.predict(seconds);
     last_time_ns_ = time_ns;
@@ -98,15 +98,16 @@ std::vector<kernels::SegmentationPrior> Tracker::predict(std::int64_t time_ns, V
     const auto interval =
         static_cast<std::uint64_t>(std::max(1.0, std::round(options_.full_pass_interval_s * fps_)));
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
-        // One camera after the other, so that no frame set pays for all.
+        // Staggered, so that the cost is spread over frame sets.
         priors[c].full_pass = (predictions_ + c * interval / cameras_.size()) % interval == 0;
         priors[c].region = projected_box(cameras_[c], box);
-        // Of the subject's nearest point; one that may be behind the camera can be anywhere.
+        // Of the subject's nearest point; without a bound where it may be behind the camera.
         const double depth = nearest_depth(cameras_[c], box_around(filter_.centre_in_world(), extent_, 0));
-        if (depth > kNearestPart_m)
-            priors[c].reach_px =
+        if (depth > kMinPartDistance_m)
+            priors[c].max_distance_px =
                 static_cast<int>(std::ceil(std::max(cameras_[c].fx, cameras_[c].fy) * margin_m / depth));
-        if (priors[c].region.empty()) priors[c].region = {0, 0, 8, 8};  // out of sight: as good as nothing
+        if (priors[c].region.empty())
+            priors[c].region = {0, 0, 8, 8};  // out of view: nearly nothing to search
     }
     ++predictions_;
     return priors;
@@ -118,22 +119,23 @@ RayCandidate Tracker::candidate(int camera, const Blob& blob) const {
             2 / (c.fx + c.fy), blob.at_border};
 }
 
-std::optional<Meeting> Tracker::find_meeting(const BlobsByCamera& blobs,
-                                             std::vector<std::optional<Blob>>& chosen) const {
+std::optional<RayIntersection> Tracker::find_intersection(const BlobsByCamera& blobs,
+                                                          std::vector<std::optional<Blob>>& chosen) const {
     std::vector<RayCandidate> candidates;
     for (int c = 0; c < static_cast<int>(cameras_.size()); ++c)
         for (const Blob& blob : blobs[c]) candidates.push_back(candidate(c, blob));
-    auto meeting = meet_rays(candidates, static_cast<int>(cameras_.size()), options_.meeting);
-    if (!meeting) return std::nullopt;
-    // A person may be several blobs: gather what lies where this one would stand.
-    const Box3 around = box_around(meeting->point_in_world, kAnyPerson, 0);
-    return gather(blobs, around, meeting->point_in_world, kReach_m, chosen);
+    auto found = intersect_rays(candidates, static_cast<int>(cameras_.size()), options_.ray_intersection);
+    if (!found) return std::nullopt;
+    // A person may be several blobs: gather those around the intersection.
+    const Box3 around = box_around(found->point_in_world, kAnyPerson, 0);
+    return gather(blobs, around, found->point_in_world, kBodyRadius_m, chosen);
 }
 
-// Of each camera the blobs in the projection of `around`: as one, or the best single one, whichever agrees
-// better.
-std::optional<Meeting> Tracker::gather(const BlobsByCamera& blobs, const Box3& around, Vec3 centre,
-                                       double radius_m, std::vector<std::optional<Blob>>& chosen) const {
+// Per camera the blobs in the projection of `around`: merged, or the best single one, whichever is more
+// consistent.
+std::optional<RayIntersection> Tracker::gather(const BlobsByCamera& blobs, const Box3& around, Vec3 centre,
+                                               double radius_m,
+                                               std::vector<std::optional<Blob>>& chosen) const {
     std::vector<RayCandidate> candidates;
     std::vector<Blob> of_candidate;
     for (int c = 0; c < static_cast<int>(cameras_.size()); ++c) {
@@ -153,40 +155,40 @@ std::optional<Meeting> Tracker::gather(const BlobsByCamera& blobs, const Box3& a
             candidates.push_back(candidate(c, blob));
         }
     }
-    const auto meeting =
-        meet_rays(candidates, static_cast<int>(cameras_.size()), options_.meeting, &centre, radius_m);
+    const auto found = intersect_rays(candidates, static_cast<int>(cameras_.size()),
+                                      options_.ray_intersection, &centre, radius_m);
     chosen.assign(cameras_.size(), std::nullopt);
-    if (!meeting) return std::nullopt;
+    if (!found) return std::nullopt;
     for (std::size_t c = 0; c < cameras_.size(); ++c)
-        if (meeting->chosen[c] >= 0) chosen[c] = of_candidate[meeting->chosen[c]];
-    return meeting;
+        if (found->chosen[c] >= 0) chosen[c] = of_candidate[found->chosen[c]];
+    return found;
 }
 
-void Tracker::assign_roles(const Meeting& meeting,
+void Tracker::assign_roles(const RayIntersection& found,
                            const std::vector<const kernels::Silhouettes*>& silhouettes,
                            const std::vector<std::optional<Blob>>& chosen,
                            std::vector<CameraRole>& roles) const {
-    const Box3 body = box_around(meeting.point_in_world, tracking_ ? extent_ : kAnyPerson, 0);
+    const Box3 body = box_around(found.point_in_world, tracking_ ? extent_ : kAnyPerson, 0);
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
         double inside = 0;
         projected_box(cameras_[c], body, &inside);
         if (!silhouettes[c])
-            roles[c] = CameraRole::kSilent;
+            roles[c] = CameraRole::kNoImage;
         else if (chosen[c])
-            roles[c] = chosen[c]->at_border ? CameraRole::kPartial : CameraRole::kAgrees;
+            roles[c] = chosen[c]->at_border ? CameraRole::kTruncated : CameraRole::kInlier;
         else
-            roles[c] = inside < kMinExpectedInside ? CameraRole::kCannotSee : CameraRole::kLeftOut;
+            roles[c] = inside < kMinExpectedInside ? CameraRole::kOutOfView : CameraRole::kExcluded;
     }
 }
 
-void Tracker::lay_lattice(const std::vector<std::optional<Blob>>& chosen, TrackerUpdate& update) {
+void Tracker::place_lattice(const std::vector<std::optional<Blob>>& chosen, TrackerUpdate& update) {
     std::vector<SilhouetteCone> cones;
     for (std::size_t c = 0; c < cameras_.size(); ++c)
         if (chosen[c]) cones.push_back({&cameras_[c], chosen[c]->bounds});
     const Vec3 centre = update.subject->centre_in_world;
-    const Vec3 reach{kReach_m, kReach_m, kReach_m};
-    const Box3 within{centre - reach, centre + reach};
-    // Cones that miss each other belong to a subject only half seen; a person's size stands in.
+    const Vec3 radius{kBodyRadius_m, kBodyRadius_m, kBodyRadius_m};
+    const Box3 within{centre - radius, centre + radius};
+    // Cones without an intersection belong to a partly visible subject; use the size of a person.
     Box3 box = box_of_cones(cones, within).value_or(box_around(centre, kAnyPerson, 0));
     extent_ = {box.min_in_world - centre, box.max_in_world - centre};
     const Vec3 margin{options_.margin_m, options_.margin_m, options_.margin_m};
@@ -194,7 +196,7 @@ void Tracker::lay_lattice(const std::vector<std::optional<Blob>>& chosen, Tracke
     update.lattice = lattice_over(box, options_.voxel_m, options_.max_lattice_side_m, centre);
 }
 
-void Tracker::miss(std::uint64_t sequence, std::int64_t time_ns, TrackerUpdate& update) {
+void Tracker::handle_miss(std::uint64_t sequence, std::int64_t time_ns, TrackerUpdate& update) {
     frames_seen_ = 0;
     if (!tracking_) return;
     if (1e-9 * static_cast<double>(time_ns - last_measured_ns_) <= options_.lost_after_s) {
@@ -209,105 +211,110 @@ void Tracker::miss(std::uint64_t sequence, std::int64_t time_ns, TrackerUpdate& 
          sequence,
          time_ns,
          {},
-         fmt::format("subject {} lost near ({:.2f}, {:.2f}, {:.2f}) m", subject_id_, at.x, at.y, at.z)});
-    for (CameraState& state : camera_states_) state.disagreeing = state.agreeing = 0;
+         fmt::format("subject {} lost near ({:.2f}, {:.2f}, {:.2f}) m", subject_id_, at.x, at.y, at.z),
+         subject_id_});
+    for (CameraState& state : camera_states_) state.outlier_count = state.inlier_count = 0;
 }
 
 TrackerUpdate Tracker::update(std::uint64_t sequence, std::int64_t time_ns,
                               const std::vector<const kernels::Silhouettes*>& silhouettes) {
     TrackerUpdate update;
-    update.roles.assign(cameras_.size(), CameraRole::kCannotSee);
+    update.roles.assign(cameras_.size(), CameraRole::kOutOfView);
     BlobsByCamera blobs(cameras_.size());
     for_each_camera(cameras_.size(), [&](std::size_t c) {
         if (silhouettes[c])
             blobs[c] = find_blobs(*silhouettes[c], min_pixels(cameras_[c]), kMaxBlobs);
         else
-            update.roles[c] = CameraRole::kSilent;
+            update.roles[c] = CameraRole::kNoImage;
     });
 
     std::vector<std::optional<Blob>> chosen(cameras_.size());
-    std::optional<Meeting> meeting;
+    std::optional<RayIntersection> found;
     if (tracking_)
-        meeting = gather(blobs, search_box(seconds_ahead_), filter_.centre_in_world(),
-                         kMaxCentreJump_m + 3 * filter_.centre_std_m(), chosen);
+        found = gather(blobs, search_box(seconds_ahead_), filter_.centre_in_world(),
+                       kMaxCentreJump_m + 3 * filter_.centre_std_m(), chosen);
     else
-        meeting = find_meeting(blobs, chosen);
-    const bool seen = meeting && meeting->score >= options_.min_score;
+        found = find_intersection(blobs, chosen);
+    const bool seen = found && found->score >= options_.min_score;
     if (seen && !tracking_) ++frames_seen_;
     if (!seen ||
-        (!tracking_ && meeting->score < options_.sure_score && frames_seen_ < options_.unsure_frames)) {
-        if (!seen) miss(sequence, time_ns, update);
+        (!tracking_ && found->score < options_.confirm_score && frames_seen_ < options_.confirm_frames)) {
+        if (!seen) handle_miss(sequence, time_ns, update);
         report_cameras(sequence, time_ns, update);
         return update;
     }
 
     if (!tracking_) shape_offset_ = {};
-    met_in_world_ = meeting->point_in_world;
-    meeting->point_in_world += shape_offset_;
-    assign_roles(*meeting, silhouettes, chosen, update.roles);
+    intersection_in_world_ = found->point_in_world;
+    found->point_in_world += shape_offset_;
+    assign_roles(*found, silhouettes, chosen, update.roles);
     if (!tracking_) {
-        filter_.start(meeting->point_in_world, meeting->covariance_m2);
+        filter_.start(found->point_in_world, found->covariance_m2);
         tracking_ = true;
         predictions_ = 0;
         ++subject_id_;
-        const Vec3 at = meeting->point_in_world;
+        const Vec3 at = found->point_in_world;
         update.events.push_back({EventKind::kSubjectFound,
                                  sequence,
                                  time_ns,
                                  {},
                                  fmt::format("subject {} found at ({:.2f}, {:.2f}, {:.2f}) m by {} cameras",
-                                             subject_id_, at.x, at.y, at.z, meeting->agreeing)});
+                                             subject_id_, at.x, at.y, at.z, found->inlier_count),
+                                 subject_id_});
     } else {
-        filter_.correct(meeting->point_in_world, meeting->covariance_m2);
+        filter_.correct(found->point_in_world, found->covariance_m2);
     }
     frames_seen_ = 0;
     last_time_ns_ = last_measured_ns_ = time_ns;
     update.subject = SubjectTrack{
-        subject_id_, meeting->point_in_world, filter_.velocity_in_world(), filter_.centre_std_m(), {}};
+        subject_id_, found->point_in_world, filter_.velocity_in_world(), filter_.centre_std_m(), {}};
     for (const CameraRole role : update.roles)
-        update.subject->camera_used.push_back(role == CameraRole::kAgrees || role == CameraRole::kPartial);
-    lay_lattice(chosen, update);
+        update.subject->used_cameras.push_back(role == CameraRole::kInlier || role == CameraRole::kTruncated);
+    place_lattice(chosen, update);
     report_cameras(sequence, time_ns, update);
     return update;
 }
 
 void Tracker::observe_volume(Vec3 centre_in_world) {
     if (!tracking_) return;
-    shape_offset_ += options_.shape_offset_gain * (centre_in_world - met_in_world_ - shape_offset_);
+    shape_offset_ += options_.shape_offset_gain * (centre_in_world - intersection_in_world_ - shape_offset_);
     const double length = norm(shape_offset_);
     if (length > options_.max_shape_offset_m)
         shape_offset_ = (options_.max_shape_offset_m / length) * shape_offset_;
 }
 
 void Tracker::report_cameras(std::uint64_t sequence, std::int64_t time_ns, TrackerUpdate& update) {
-    const auto tell = [&](EventKind kind, std::size_t c, std::string message) {
+    const auto report = [&](EventKind kind, std::size_t c, std::string message) {
         update.events.push_back({kind, sequence, time_ns, cameras_[c].name, std::move(message)});
     };
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
         CameraState& state = camera_states_[c];
         const std::string& name = cameras_[c].name;
-        const bool silent = update.roles[c] == CameraRole::kSilent;
-        if (silent && !state.silent)
-            tell(EventKind::kCameraSilent, c, fmt::format("camera {} delivers no picture", name));
-        if (!silent && state.silent && !state.left_out)
-            tell(EventKind::kCameraBack, c, fmt::format("camera {} delivers pictures again", name));
-        state.silent = silent;
+        const bool no_image = update.roles[c] == CameraRole::kNoImage;
+        if (no_image && !state.no_image)
+            report(EventKind::kCameraNoImage, c, fmt::format("camera {} delivers no image", name));
+        if (!no_image && state.no_image && !state.excluded)
+            report(EventKind::kCameraResumed, c, fmt::format("camera {} delivers images again", name));
+        state.no_image = no_image;
         if (!update.subject) continue;
-        const bool agrees = update.roles[c] == CameraRole::kAgrees || update.roles[c] == CameraRole::kPartial;
-        const bool disagrees = update.roles[c] == CameraRole::kLeftOut;
-        state.agreeing = agrees ? state.agreeing + 1 : 0;
-        state.disagreeing = disagrees ? state.disagreeing + 1 : 0;
-        if (!state.left_out && state.disagreeing == options_.report_after_frames) {
-            state.left_out = true;
-            tell(EventKind::kCameraLeftOut, c,
-                 fmt::format(
-                     "camera {} is left out: its silhouette disagrees with the other cameras; check its "
-                     "calibration, its background and its view",
-                     name));
+        const bool inlier =
+            update.roles[c] == CameraRole::kInlier || update.roles[c] == CameraRole::kTruncated;
+        const bool outlier = update.roles[c] == CameraRole::kExcluded;
+        state.inlier_count = inlier ? state.inlier_count + 1 : 0;
+        state.outlier_count = outlier ? state.outlier_count + 1 : 0;
+        if (!state.excluded && state.outlier_count == options_.report_after_frames) {
+            state.excluded = true;
+            report(
+                EventKind::kCameraExcluded, c,
+                fmt::format(
+                    "camera {} is excluded: its silhouette is inconsistent with the other cameras; check its "
+                    "calibration, background and view",
+                    name));
         }
-        if (state.left_out && state.agreeing == options_.report_after_frames) {
-            state.left_out = false;
-            tell(EventKind::kCameraBack, c, fmt::format("camera {} agrees with the others again", name));
+        if (state.excluded && state.inlier_count == options_.report_after_frames) {
+            state.excluded = false;
+            report(EventKind::kCameraIncluded, c,
+                   fmt::format("camera {} is consistent with the others again", name));
         }
     }
 }

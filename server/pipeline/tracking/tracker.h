@@ -1,5 +1,5 @@
-// Follows the subject's 3-D boundary from frame set to frame set: finds it in the silhouettes, keeps its
-// centre in a Kalman filter, says where each camera should look next and which lattice the hull is to fill.
+// Tracks the subject's 3-D bounding box from frame set to frame set: finds it in the silhouettes, filters its
+// centre with a Kalman filter, and predicts each camera's search region and the lattice of the hull.
 //
 // Order of calls for each frame set: predict(), segmentation with its regions, update(), and observe_volume()
 // where a volume was carved.
@@ -11,53 +11,94 @@
 #include <vector>
 
 #include "common/camera.h"
+#include "kernels/option_list.h"
 #include "kernels/segmentation.h"
 #include "kernels/types.h"
 #include "server/pipeline/frame_result.h"
 #include "server/pipeline/tracking/blobs.h"
 #include "server/pipeline/tracking/centre_filter.h"
 #include "server/pipeline/tracking/cone_box.h"
-#include "server/pipeline/tracking/ray_meeting.h"
+#include "server/pipeline/tracking/ray_intersection.h"
 
 namespace kinevox {
 
 struct TrackerOptions {
     double voxel_m = 0.01;
-    double margin_m = 0.03;             // of the lattice around the cones' intersection
-    double max_lattice_side_m = 2.5;    // a longer lattice is cut around the subject; arms spread are 1.9 m
-    double limb_speed_m_s = 4;          // by how much the searched region outruns the centre's prediction
-    double region_margin_m = 0.12;      // of the searched region, besides
-    double full_pass_interval_s = 0.5;  // each camera's whole picture is searched so often
-    double lost_after_s = 0.5;          // without a measurement
-    double sure_score = 1.6;            // a meeting of this score is a subject at once,
-    int unsure_frames = 3;              // a weaker one after so many frame sets in a row
-    double min_score = 0.7;             // below this it is nothing
-    int report_after_frames = 5;  // a camera that disagrees (or agrees again) so long in a row is reported
-    // Silhouettes know nothing of depth: their rays meet beside the centre of a body that is long towards a
-    // camera (a sprinter on the blocks: 8 cm). The last volumes' centres tell by how much; this part of the
-    // difference enters with each frame set (0: never), no more than `max_shape_offset_m` altogether.
+    double margin_m = 0.03;
+    double max_lattice_side_m = 2.5;  // arms spread are 1.9 m
+    double limb_speed_m_per_s = 4;
+    double region_margin_m = 0.12;
+    double full_pass_interval_s = 0.5;
+    double lost_after_s = 0.5;
+    double confirm_score = 1.6;
+    int confirm_frames = 3;
+    double min_score = 0.7;
+    int report_after_frames = 5;
+    // Silhouettes carry no depth: their rays intersect beside the centre of a body that is long towards a
+    // camera (a sprinter on the blocks: 8 cm). The centres of the previous volumes show the difference.
     double shape_offset_gain = 0.2;
     double max_shape_offset_m = 0.15;
-    MeetingOptions meeting;
+    RayIntersectionOptions ray_intersection;
     CentreFilterOptions filter;
 
     // Empty when usable, else one sentence.
     std::string check() const;
+    bool operator==(const TrackerOptions&) const = default;
 };
 
-// What a camera contributes to the frame set's result.
+// All but voxel_m, which is the pipeline's.
+template <typename T, typename F>
+requires kernels::SameOptions<T, TrackerOptions>
+void visit_options(T& o, F&& f) {
+    f({"margin_m", 0, 1, "m", "Margin of the lattice around the subject."}, o.margin_m);
+    f({"max_lattice_side_m", 0.5, 10, "m", "Maximum side of the lattice; a longer one is cropped."},
+      o.max_lattice_side_m);
+    f({"limb_speed_m_per_s", 0, 50, "m/s", "Speed of limbs relative to the centre, for the search region."},
+      o.limb_speed_m_per_s);
+    f({"region_margin_m", 0, 5, "m", "Margin of the search region."}, o.region_margin_m);
+    f({"full_pass_interval_s", 0, 60, "s", "Interval at which each whole image is searched."},
+      o.full_pass_interval_s);
+    f({"lost_after_s", 1e-3, 60, "s", "Time without a measurement until the subject is lost."},
+      o.lost_after_s);
+    f({"confirm_score", 0, 1000, "", "Score at which a subject is tracked at once."}, o.confirm_score);
+    f({"confirm_frames", 1, 1000, "frame sets", "Consecutive frame sets that confirm a lower score."},
+      o.confirm_frames);
+    f({"min_score", 0, 1000, "", "Minimum score of a subject."}, o.min_score);
+    f({"report_after_frames", 1, 1000, "frame sets",
+       "Consecutive frame sets after which an excluded or included camera is reported."},
+      o.report_after_frames);
+    f({"shape_offset_gain", 0, 1, "", "Gain of the offset between silhouettes' and volume's centre; 0: off."},
+      o.shape_offset_gain);
+    f({"max_shape_offset_m", 0, 1, "m", "Maximum of that offset."}, o.max_shape_offset_m);
+    auto& ray = o.ray_intersection;
+    f({"ray_tolerance_m", 1e-3, 10, "m", "Distance from the centre at which a ray is an outlier."},
+      ray.tolerance_m);
+    f({"truncated_ray_tolerance_m", 1e-3, 10, "m", "The same for a truncated silhouette."},
+      ray.truncated_tolerance_m);
+    f({"ray_std_m", 1e-4, 1, "m", "Standard deviation of the rays around the centre."}, ray.ray_std_m);
+    f({"subject_area_m2", 1e-3, 100, "m2", "Silhouette area from which a ray has the full weight."},
+      ray.subject_area_m2);
+    f({"min_area_m2", 0, 100, "m2", "Minimum silhouette area of a person."}, ray.min_area_m2);
+    f({"max_area_m2", 0, 100, "m2", "Maximum silhouette area of a person."}, ray.max_area_m2);
+    f({"acceleration_std_m_per_s2", 1e-3, 1000, "m/s2", "Standard deviation of the centre's acceleration."},
+      o.filter.acceleration_std_m_per_s2);
+    f({"initial_speed_std_m_per_s", 1e-3, 1000, "m/s", "Standard deviation of a new subject's speed."},
+      o.filter.initial_speed_std_m_per_s);
+}
+
+// A camera's contribution to the result of a frame set.
 enum class CameraRole {
-    kAgrees,     // its ray counts for G and its silhouette carves
-    kPartial,    // its picture's border cuts the subject: carves, counts little for G
-    kCannotSee,  // the subject is outside its picture: neither
-    kLeftOut,    // should see the subject, but its silhouette disagrees: neither
-    kSilent,     // no picture: neither
+    kInlier,     // its ray determines G and its silhouette carves
+    kTruncated,  // its image border cuts the subject: carves, low weight for G
+    kOutOfView,  // the subject is outside its image: neither
+    kExcluded,   // should see the subject, but its silhouette is inconsistent: neither
+    kNoImage,    // neither
 };
 
 struct TrackerUpdate {
-    std::optional<SubjectTrack> subject;      // empty while nobody is tracked
+    std::optional<SubjectTrack> subject;      // empty while no subject is tracked
     std::optional<kernels::Lattice> lattice;  // empty while there is no measurement to carve
-    std::vector<CameraRole> roles;            // per camera; kCannotSee while nobody is tracked
+    std::vector<CameraRole> roles;            // per camera; kOutOfView while no subject is tracked
     std::vector<Event> events;
 };
 
@@ -66,12 +107,12 @@ class Tracker {
   public:
     Tracker(std::vector<Camera> cameras, double fps, const TrackerOptions& options = {});
 
-    // What the segmentation of each camera may count on at this time; `expected` is left null, and `reach_px`
-    // is from the subject's own outline. `motion`, if given, is how far the subject is expected to have moved
-    // since the last update, m.
+    // Per camera the prior of the segmentation at this time; `expected` stays null, and `max_distance_px` is
+    // from the subject's own contour. `motion`, if given, is the subject's expected motion since the last
+    // update, m.
     std::vector<kernels::SegmentationPrior> predict(std::int64_t time_ns, Vec3* motion = nullptr);
 
-    // One entry a camera; null for a camera without a picture. `time_ns` as given to predict().
+    // One entry per camera; null for a camera without an image. `time_ns` as given to predict().
     TrackerUpdate update(std::uint64_t sequence, std::int64_t time_ns,
                          const std::vector<const kernels::Silhouettes*>& silhouettes);
 
@@ -84,8 +125,8 @@ class Tracker {
 
   private:
     struct CameraState {
-        bool silent = false, left_out = false;  // as reported
-        int disagreeing = 0, agreeing = 0;      // frame sets in a row
+        bool no_image = false, excluded = false;  // as reported
+        int outlier_count = 0, inlier_count = 0;  // consecutive frame sets
     };
     using BlobsByCamera = std::vector<std::vector<Blob>>;
 
@@ -93,14 +134,15 @@ class Tracker {
     double search_margin_m(double seconds) const;
     Box3 search_box(double seconds) const;
     RayCandidate candidate(int camera, const Blob& blob) const;
-    std::optional<Meeting> find_meeting(const BlobsByCamera& blobs,
-                                        std::vector<std::optional<Blob>>& chosen) const;
-    std::optional<Meeting> gather(const BlobsByCamera& blobs, const Box3& around, Vec3 centre,
-                                  double radius_m, std::vector<std::optional<Blob>>& chosen) const;
-    void assign_roles(const Meeting& meeting, const std::vector<const kernels::Silhouettes*>& silhouettes,
+    std::optional<RayIntersection> find_intersection(const BlobsByCamera& blobs,
+                                                     std::vector<std::optional<Blob>>& chosen) const;
+    std::optional<RayIntersection> gather(const BlobsByCamera& blobs, const Box3& around, Vec3 centre,
+                                          double radius_m, std::vector<std::optional<Blob>>& chosen) const;
+    void assign_roles(const RayIntersection& found,
+                      const std::vector<const kernels::Silhouettes*>& silhouettes,
                       const std::vector<std::optional<Blob>>& chosen, std::vector<CameraRole>& roles) const;
-    void lay_lattice(const std::vector<std::optional<Blob>>& chosen, TrackerUpdate& update);
-    void miss(std::uint64_t sequence, std::int64_t time_ns, TrackerUpdate& update);
+    void place_lattice(const std::vector<std::optional<Blob>>& chosen, TrackerUpdate& update);
+    void handle_miss(std::uint64_t sequence, std::int64_t time_ns, TrackerUpdate& update);
     void report_cameras(std::uint64_t sequence, std::int64_t time_ns, TrackerUpdate& update);
 
     std::vector<Camera> cameras_;
@@ -109,15 +151,15 @@ class Tracker {
     std::vector<CameraState> camera_states_;
     CentreFilter filter_;
     bool tracking_ = false;
-    int frames_seen_ = 0;  // in a row, while an unsure subject is not yet tracked
+    int frames_seen_ = 0;  // consecutive, while a subject is not confirmed yet
     std::uint32_t subject_id_ = 0;
     std::int64_t last_time_ns_ = 0;  // of the filter's state
     std::int64_t last_measured_ns_ = 0;
     std::uint64_t predictions_ = 0;
-    double seconds_ahead_ = 0;  // of the last predict()
-    Vec3 met_in_world_;         // where the rays met in the last update, without the offset
-    Vec3 shape_offset_;         // from there to the body's centre, m
-    Box3 extent_;               // of the subject, from its centre, m
+    double seconds_ahead_ = 0;    // of the last predict()
+    Vec3 intersection_in_world_;  // of the rays in the last update, without the offset
+    Vec3 shape_offset_;           // from there to the body's centre, m
+    Box3 extent_;                 // of the subject, from its centre, m
 };
 
 }  // namespace kinevox

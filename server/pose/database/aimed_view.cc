@@ -10,16 +10,16 @@ namespace kinevox {
 namespace {
 
 constexpr int kNodePx =
-    8;  // the way back to the real picture is computed at every eighth pixel, straight in between
+    8;  // the mapping to the real image is computed at every eighth pixel and interpolated
 
 struct Node {
     float u = 0, v = 0;
     bool seen = false;
 };
 
-class WayBack {
+class RealFromAimed {
   public:
-    WayBack(const kernels::CameraModel& real, const kernels::CameraModel& aimed)
+    RealFromAimed(const kernels::CameraModel& real, const kernels::CameraModel& aimed)
         : projector_(kernels::make_projector(real, "pose database: camera")), aimed_(aimed) {
         for (int r = 0; r < 3; ++r)
             for (int c = 0; c < 3; ++c) {
@@ -48,7 +48,7 @@ class WayBack {
     float real_from_aimed_[9];
 };
 
-// The part of a box that a cell's corners may reach; false where it cannot touch it.
+// Whether a cell may overlap a box.
 bool touches(const Node* const corners[4], const kernels::Rect& box) {
     float u0 = 1e9f, u1 = -1e9f, v0 = 1e9f, v1 = -1e9f;
     for (int n = 0; n < 4; ++n) {
@@ -95,21 +95,21 @@ AimedView aimed_view(Vec3 eye, Vec3 target, double half_width_m, int side_px) {
     return view;
 }
 
-void take_aim(const kernels::CameraModel& camera, const std::uint8_t* silhouette, const kernels::Rect& bounds,
-              const AimedView& view, AimedSilhouette& out) {
+void rectify_silhouette(const kernels::CameraModel& camera, const std::uint8_t* silhouette,
+                        const kernels::Rect& bounds, const AimedView& view, AimedSilhouette& out) {
     const int side = view.camera.width;
     out.mask.assign(static_cast<std::size_t>(side) * side, 0);
     out.bounds = {side, side, 0, 0};
     out.pixels = 0;
-    out.cut = false;
-    // A silhouette that reaches the picture's border is cut where this view comes as near to it as it can
-    // see.
-    const int reach =
+    out.truncated = false;
+    // A silhouette at the image border is truncated where it is within one pixel of this view from the
+    // border.
+    const int margin_px =
         1 + static_cast<int>(std::max(camera.fx, camera.fy) * view.metres_per_px / view.distance_m);
-    const int left = bounds.x0 == 0 ? reach : 0, top = bounds.y0 == 0 ? reach : 0;
-    const int right = camera.width - (bounds.x1 >= camera.width ? reach : 0);
-    const int bottom = camera.height - (bounds.y1 >= camera.height ? reach : 0);
-    const WayBack way(camera, view.camera);
+    const int left = bounds.x0 == 0 ? margin_px : 0, top = bounds.y0 == 0 ? margin_px : 0;
+    const int right = camera.width - (bounds.x1 >= camera.width ? margin_px : 0);
+    const int bottom = camera.height - (bounds.y1 >= camera.height ? margin_px : 0);
+    const RealFromAimed way(camera, view.camera);
     const int cells = (side + kNodePx - 1) / kNodePx;
     std::vector<Node> nodes(static_cast<std::size_t>(cells + 1) * (cells + 1));
     for (int j = 0; j <= cells; ++j)
@@ -135,7 +135,7 @@ void take_aim(const kernels::CameraModel& camera, const std::uint8_t* silhouette
                     if (!silhouette[static_cast<std::size_t>(line) * camera.width + column]) continue;
                     row[x] = 255;
                     ++out.pixels;
-                    out.cut |= column < left || line < top || column >= right || line >= bottom;
+                    out.truncated |= column < left || line < top || column >= right || line >= bottom;
                     out.bounds = {std::min(out.bounds.x0, x), std::min(out.bounds.y0, y),
                                   std::max(out.bounds.x1, x + 1), std::max(out.bounds.y1, y + 1)};
                 }

@@ -15,7 +15,7 @@ Vec3 without(Vec3 v, Vec3 direction) {
     return v - dot(v, direction) * direction;
 }
 
-// Columns: a frame's axes in the world. z is kept, x comes as near to `x` as it can.
+// Columns: a frame's axes in the world; z is kept, x is as close to `x` as possible.
 Mat3 axes_from(Vec3 z, Vec3 x) {
     z = normalized(z);
     x = without(x, z);
@@ -54,8 +54,8 @@ class Retargeting {
         const Vec3 hip_line = at(kBvhHipL) - at(kBvhHipR),
                    shoulder_line = at(kBvhShoulderL) - at(kBvhShoulderR);
         std::array<Mat3, kBodySegmentCount> world;
-        // From the waist where it is far enough above the hips to point anywhere, else from the trunk's
-        // middle.
+        // From the waist if it is far enough above the hips to define a direction, else from the trunk's
+        // centre.
         const double trunk = norm(shoulders - hips);
         const Vec3 pelvis_up = norm(waist - hips) > 0.12 * trunk ? waist - hips : shoulders - hips;
         world[kPelvis] = axes_from(without(pelvis_up, normalized(hip_line)), cross(hip_line, pelvis_up));
@@ -91,7 +91,7 @@ class Retargeting {
     static constexpr int kRight = kBvhHipR - kBvhHipL, kDofRight = kDofHipR - kDofHipL;
 
     Vec3 turned(Vec3 v) const { return y_up_ ? Vec3{v.z, v.x, v.y} : v; }
-    // From the ankle to the toes or, where these are no joint, to the foot's end; 0 where there is neither.
+    // From the ankle to the toes or, without a toe joint, to the foot's end site; 0 without either.
     Vec3 foot_direction(const std::vector<Rigid3>& joints, int side) const {
         const int ankle = roles_[kBvhAnkleL + side * kRight], toe = roles_[kBvhToeL + side * kRight];
         if (toe >= 0) return turned(joints[toe].translation - joints[ankle].translation);
@@ -126,8 +126,8 @@ class Retargeting {
         const Vec3 upper = at(kBvhElbowL + role) - at(kBvhShoulderL + role),
                    fore = at(kBvhWristL + role) - at(kBvhElbowL + role);
         const Vec3 u = normalized(upper), forward = column(world[kThorax], 0), up = column(world[kThorax], 2);
-        // Towards where the forearm bends; of a straight arm, where the thorax' front comes to when it is
-        // raised.
+        // The bending direction of the forearm; for a straight arm, the thorax' forward axis rotated with the
+        // arm.
         const double raised = dot(u, forward);
         const Vec3 front = (1 - std::fabs(raised)) * forward + raised * up;
         world[segment] = axes_from(-upper, without(normalized(fore), u) + 0.1 * without(front, u));
@@ -148,14 +148,14 @@ class Retargeting {
 
 absl::StatusOr<std::vector<LibraryPose>> poses_from_bvh(const BvhMotion& motion, const std::string& label,
                                                         const BvhImportOptions& options) {
-    if (!(options.every_s >= 0) || options.max_poses < 1)
-        return absl::InvalidArgumentError("bvh: every_s must not be negative and most_poses at least 1");
+    if (!(options.interval_s >= 0) || options.max_poses < 1)
+        return absl::InvalidArgumentError("bvh: interval_s must not be negative and max_poses at least 1");
     if (label.empty() || label.size() > 180 || label.find('\n') != std::string::npos)
-        return absl::InvalidArgumentError("bvh: a label of one line and 1 to 180 characters is needed");
+        return absl::InvalidArgumentError("bvh: the label must be one line of 1 to 180 characters");
     const auto roles = bvh_roles(motion.joints);
     if (!roles.ok()) return absl::InvalidArgumentError(label + ": " + std::string(roles.status().message()));
     Retargeting retargeting(motion, *roles);
-    const double by_time = options.every_s / motion.frame_time_s,
+    const double by_time = options.interval_s / motion.frame_time_s,
                  by_count = static_cast<double>(motion.frames) / options.max_poses;
     const double step = std::max({1.0, std::min(by_time, 1e9), by_count});
     std::vector<LibraryPose> poses;
@@ -165,9 +165,8 @@ absl::StatusOr<std::vector<LibraryPose>> poses_from_bvh(const BvhMotion& motion,
                          retargeting.pose(frame), true};
         for (const double value : pose.coordinates)
             if (!std::isfinite(value))
-                return absl::InvalidArgumentError(fmt::format(
-                    "{}: frame {}: joints that belong apart lie on one another; check the offsets", label,
-                    frame));
+                return absl::InvalidArgumentError(
+                    fmt::format("{}: frame {}: joints coincide; check the offsets", label, frame));
         poses.push_back(std::move(pose));
     }
     return poses;

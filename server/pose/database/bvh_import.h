@@ -1,6 +1,5 @@
-// A user's movement as poses of our body. Joints are recognised by name (those of CMU's, Mixamo's, Blender's,
-// MakeHuman's and our own files), postures are taken from where the joints are, so that the file's zero pose
-// does not matter.
+// Imports poses from BVH files. Joints are recognised by name (CMU, Mixamo, Blender, MakeHuman and Kinevox
+// files); postures are computed from joint positions, independent of the file's zero pose.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -14,12 +13,12 @@
 namespace kinevox {
 
 struct BvhImportOptions {
-    double every_s = 0.1;  // one pose for so long a time, at least
-    int max_poses = 500;   // spread over the file
+    double interval_s = 0.1;  // minimum time between poses
+    int max_poses = 500;      // evenly spread over the file
 };
 
-// Labels are "NAME, 1.20 s". InvalidArgument names the joints that are unknown and those that are missing.
-// Fingers, collar bones and the parts of the spine need not be there and may be.
+// Labels are "NAME, 1.20 s". InvalidArgument names unknown and missing joints. Fingers, clavicles and the
+// joints of the spine are optional.
 absl::StatusOr<std::vector<LibraryPose>> poses_from_bvh(const BvhMotion& motion, const std::string& label,
                                                         const BvhImportOptions& options = {});
 

@@ -29,7 +29,7 @@ Name split_name(std::string name) {
         if (name.size() > prefix.size() && name.compare(0, prefix.size(), prefix) == 0)
             name.erase(0, prefix.size());
     Name out;
-    // "L_Thigh", "thigh.L", "lThigh", "LThumb"; the longer words are looked for below.
+    // "L_Thigh", "thigh.L", "lThigh", "LThumb"; the longer words follow below.
     const auto is_side = [](char c) { return c == 'l' || c == 'r' || c == 'L' || c == 'R'; };
     const auto is_gap = [](char c) { return c == '_' || c == '.' || c == '-' || c == ' '; };
     const auto take = [&](char c) {
@@ -70,7 +70,7 @@ bool contains_one_of(const std::string& base, std::initializer_list<std::string_
 
 constexpr int kKnownButUnused = -1, kUnknown = -2;
 
-// The left one's role for both sides.
+// The role of the left joint, for both sides.
 int limb_role(const std::string& base, bool arms_are_called_arms) {
     if (contains_one_of(base, {"thumb", "index", "middle", "ring", "pinky", "finger", "metacarpal", "palm",
                                "handend", "toeend", "footend", "eye"}))

@@ -1,4 +1,4 @@
-// What the joints of a BVH file are, by their names.
+// Recognises the joints of a BVH file by their names.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -33,7 +33,7 @@ enum BvhRole : int {
     kBvhRoleCount
 };
 
-// Index of the joint with each role, -1 where an optional one (spine, head, toes) is absent.
+// Index of the joint of each role, -1 if an optional one (spine, head, toes) is absent.
 absl::StatusOr<std::array<int, kBvhRoleCount>> bvh_roles(const std::vector<BvhJoint>& joints);
 
 }  // namespace kinevox

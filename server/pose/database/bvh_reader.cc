@@ -76,7 +76,7 @@ class Parser {
             int kind = 0;
             while (kind < 6 && got != kNames[kind]) ++kind;
             if (kind == 6)
-                return fail(fmt::format("{} is no channel; there are Xposition to Zrotation", shown(got)));
+                return fail(fmt::format("{} is not a channel; expected Xposition to Zrotation", shown(got)));
             joint.channels.push_back(static_cast<BvhChannel>(kind));
             ++out_.values_per_frame;
         }
@@ -95,7 +95,7 @@ class Parser {
             } else if (got == "OFFSET") {
                 if (!vector(out_.joints[joint].offset)) return false;
             } else if (got == "CHANNELS") {
-                if (!out_.joints[joint].channels.empty()) return fail("a second CHANNELS of one joint");
+                if (!out_.joints[joint].channels.empty()) return fail("second CHANNELS of the same joint");
                 if (!channels(out_.joints[joint])) return false;
             } else if (got == "JOINT") {
                 if (!open_joint(joint)) return false;
@@ -119,10 +119,10 @@ class Parser {
         for (;;) {
             const std::string_view more = word();
             if (more == "{") break;
-            if (more.empty() || name.size() > 100) return fail("a joint's name without { behind it");
+            if (more.empty() || name.size() > 100) return fail("joint name without {");
             name.append(" ").append(more);
         }
-        if (name.empty()) return fail("a joint without a name");
+        if (name.empty()) return fail("joint without a name");
         BvhJoint& joint = out_.joints.emplace_back();
         joint.name = std::move(name);
         joint.parent = parent;
@@ -136,14 +136,13 @@ class Parser {
             return fail(fmt::format("{} frames; at least 1 is needed", frames));
         if (!expect("Frame") || !expect("Time:") || !number(out_.frame_time_s, "seconds a frame"))
             return false;
-        if (!(out_.frame_time_s > 0)) return fail("a frame time that is not positive");
-        if (out_.values_per_frame == 0) return fail("a hierarchy without channels");
+        if (!(out_.frame_time_s > 0)) return fail("frame time is not positive");
+        if (out_.values_per_frame == 0) return fail("hierarchy without channels");
         const double wanted = frames * out_.values_per_frame;
-        if (wanted > static_cast<double>(kMaxValues))
-            return fail("more numbers than this program takes; cut the file");
-        // What cannot be there is not waited for: a number takes at least two characters.
+        if (wanted > static_cast<double>(kMaxValues)) return fail("too many values; shorten the file");
+        // Rejects impossible counts early: a number takes at least two characters.
         if (wanted > static_cast<double>(text_.size() - at_) / 2 + 1)
-            return fail("fewer numbers than the frames need");
+            return fail("fewer values than the frames need");
         out_.frames = static_cast<int>(frames);
         out_.values.reserve(static_cast<std::size_t>(wanted));
         for (std::size_t n = 0; n < static_cast<std::size_t>(wanted); ++n) {

@@ -1,4 +1,4 @@
-// BVH (Biovision hierarchy) text: a skeleton and its movement. None of Debian's packages reads it.
+// Reads BVH (Biovision hierarchy) text: a skeleton and its motion. No Debian package provides this.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -15,12 +15,12 @@ enum class BvhChannel { kXposition, kYposition, kZposition, kXrotation, kYrotati
 
 struct BvhJoint {
     std::string name;
-    int parent = -1;  // before this one in the list; -1 for the root
+    int parent = -1;  // precedes this one in the list; -1: root
     Vec3 offset;      // from the parent, in the file's unit
     std::vector<BvhChannel> channels;
     int first_value = 0;  // of its channels in a frame
     bool has_end = false;
-    Vec3 end;  // of a last joint, from itself
+    Vec3 end;  // end site of a last joint, from itself
 };
 
 struct BvhMotion {
@@ -30,13 +30,13 @@ struct BvhMotion {
     int values_per_frame = 0;
     std::vector<float> values;  // [frame][value]; degrees and the file's unit
 
-    // Positions of all joints and their rotations against the file's axes.
+    // Pose of all joints in the file's axes.
     std::vector<Rigid3> pose(int frame) const;
     // With all angles 0.
     std::vector<Rigid3> rest() const;
 };
 
-// Any bytes; an error names the line and what was expected there.
+// Accepts arbitrary bytes; errors name the line and the expected token.
 absl::StatusOr<BvhMotion> parse_bvh(std::string_view text, const std::string& name_for_errors);
 
 }  // namespace kinevox

@@ -23,7 +23,7 @@ namespace {
 using kernels::kCodeBytes;
 using kernels::kViewBins;
 
-// Renders and describes; one a thread.
+// Renders and describes poses; one per thread.
 class ViewMaker {
   public:
     ViewMaker(const PoseDatabase& database)
@@ -41,12 +41,12 @@ class ViewMaker {
 
     // Fills one pose's part of every slab; `moments` gets [slab][bin][value] in floats.
     void make(const BodyCoordinates& pose, Vec3& middle, std::vector<float>& moments,
-              std::vector<std::array<float, 2 * kViewBins>>& middles, std::vector<std::string>& silhouettes) {
+              std::vector<std::array<float, 2 * kViewBins>>& centres, std::vector<std::string>& silhouettes) {
         BodyCoordinates q = pose;
         q[0] = q[1] = q[2] = 0;
         q[kDofRootRotation + 2] = 0;
         model_.capsules(model_.forward(q), capsules_);
-        middle = body_middle(capsules_);
+        middle = body_centre(capsules_);
         body_.resize(capsules_.size());
         for (std::size_t n = 0; n < capsules_.size(); ++n) {
             const BodyCapsule& from = capsules_[n];
@@ -57,15 +57,15 @@ class ViewMaker {
         }
         const std::size_t slabs = database_.viewpoints.size();
         moments.resize(slabs * kViewBins * database_.values());
-        middles.resize(slabs);
+        centres.resize(slabs);
         silhouettes.resize(slabs);
         for (std::size_t slab = 0; slab < slabs; ++slab)
-            make_slab(slab, middle, moments, middles[slab], silhouettes[slab]);
+            make_slab(slab, middle, moments, centres[slab], silhouettes[slab]);
     }
 
   private:
     void make_slab(std::size_t slab, Vec3 middle, std::vector<float>& moments,
-                   std::array<float, 2 * kViewBins>& middles, std::string& silhouette) {
+                   std::array<float, 2 * kViewBins>& centres, std::string& silhouette) {
         const PoseDatabaseOptions& options = database_.options;
         const Viewpoint& from = database_.viewpoints[slab];
         std::vector<kernels::BodyView> views(kViewBins);
@@ -97,9 +97,9 @@ class ViewMaker {
             float* to = moments.data() + (slab * kViewBins + bin) * values;
             for (int v = 0; v < values; ++v) to[v] = described_[bin].values[v] * scale_[v];
             const double centre = 0.5 * (options.side_px - 1);
-            middles[2 * bin] =
+            centres[2 * bin] =
                 static_cast<float>((described_[bin].mapping.centre_x_px - centre) * metres_per_px);
-            middles[2 * bin + 1] =
+            centres[2 * bin + 1] =
                 static_cast<float>((described_[bin].mapping.centre_y_px - centre) * metres_per_px);
         }
     }
@@ -116,34 +116,34 @@ class ViewMaker {
     std::vector<kernels::SilhouetteMoments> described_;
 };
 
-// All moments lie within the square root of the disk's area, since no silhouette holds more than the disk.
+// All moments are below the square root of the disk's area, since no silhouette exceeds the disk.
 constexpr float kMomentStep = 1.7725f / 32767;
 
 void store(PoseDatabase& database, int pose, Vec3 middle, const std::vector<float>& moments,
-           const std::vector<std::array<float, 2 * kViewBins>>& middles,
+           const std::vector<std::array<float, 2 * kViewBins>>& centres,
            std::vector<std::string>& silhouettes) {
     const std::size_t per_pose = static_cast<std::size_t>(kViewBins) * database.values();
-    database.body_middles[pose] = middle;
+    database.body_centres[pose] = middle;
     for (std::size_t slab = 0; slab < database.slabs.size(); ++slab) {
         PoseDatabase::Slab& to = database.slabs[slab];
         for (std::size_t n = 0; n < per_pose; ++n) {
             const float steps = std::round(moments[slab * per_pose + n] / kMomentStep);
             to.moments[pose * per_pose + n] = static_cast<std::int16_t>(std::clamp(steps, -32767.f, 32767.f));
         }
-        std::copy(middles[slab].begin(), middles[slab].end(),
-                  to.middles.begin() + static_cast<std::ptrdiff_t>(pose) * 2 * kViewBins);
+        std::copy(centres[slab].begin(), centres[slab].end(),
+                  to.centres.begin() + static_cast<std::ptrdiff_t>(pose) * 2 * kViewBins);
         to.silhouettes[pose] = std::move(silhouettes[slab]);
     }
 }
 
-// Tens of megabytes, so on a busy machine not at once. False if stopped, as the functions below.
+// Allocates tens of megabytes, which takes time on a busy machine. False if stopped, as the functions below.
 bool make_room(PoseDatabase& database, const std::stop_token& stop) {
     const std::size_t views = database.poses.size() * kViewBins;
-    database.body_middles.resize(database.poses.size());
+    database.body_centres.resize(database.poses.size());
     for (PoseDatabase::Slab& slab : database.slabs) {
         if (stop.stop_requested()) return false;
         slab.moments.resize(views * database.values());
-        slab.middles.resize(views * 2);
+        slab.centres.resize(views * 2);
         slab.silhouettes.resize(database.poses.size());
         slab.codes.resize(views * kCodeBytes);
     }
@@ -187,10 +187,10 @@ bool choose_code(PoseDatabase& database, const std::stop_token& stop) {
             database.code_basis[n * values + v] = static_cast<float>(direction(v));
         database.code_mean[n] = static_cast<float>(direction.dot(mean));
     }
-    // Wide enough for the widest direction; cutting one view in a thousand costs less than coarser steps for
-    // all.
-    const double deviation = std::sqrt(std::max(solver.eigenvalues()(values - 1), 1e-12));
-    database.code_step = static_cast<float>(3.2 * deviation / 63);
+    // The range of the widest direction without one view in a thousand: clamping these costs less than
+    // coarser steps for all.
+    const double spread = std::sqrt(std::max(solver.eigenvalues()(values - 1), 1e-12));
+    database.code_step = static_cast<float>(3.2 * spread / 63);
     return true;
 }
 
@@ -208,7 +208,7 @@ bool encode_views(PoseDatabase& database, int first_pose, const std::stop_token&
     return !stop.stop_requested();
 }
 
-// Makes poses [first, end) on several threads. False if stopped.
+// Renders poses [first, end) on several threads. False if stopped.
 bool make_views(PoseDatabase& database, int first, int threads, const BuildProgress& progress,
                 const std::stop_token& stop) {
     std::atomic<int> next{first}, done{0};
@@ -218,13 +218,13 @@ bool make_views(PoseDatabase& database, int first, int threads, const BuildProgr
     const auto work = [&] {
         ViewMaker maker(database);
         std::vector<float> moments;
-        std::vector<std::array<float, 2 * kViewBins>> middles;
+        std::vector<std::array<float, 2 * kViewBins>> centres;
         std::vector<std::string> silhouettes;
         for (int pose = next++; pose < database.pose_count() && !stop.stop_requested(); pose = next++) {
             Vec3 middle;
-            maker.make(database.poses[pose].coordinates, middle, moments, middles, silhouettes);
-            store(database, pose, middle, moments, middles, silhouettes);
-            const int percent = static_cast<int>(97LL * ++done / count);  // the rest is for the codes
+            maker.make(database.poses[pose].coordinates, middle, moments, centres, silhouettes);
+            store(database, pose, middle, moments, centres, silhouettes);
+            const int percent = static_cast<int>(97LL * ++done / count);  // the remainder is for the codes
             if (!progress) continue;
             const std::lock_guard lock(mutex);
             if (percent > reported) progress((reported = percent) / 100.0);
@@ -240,7 +240,7 @@ bool make_views(PoseDatabase& database, int first, int threads, const BuildProgr
 
 absl::Status check_pose(const LibraryPose& pose) {
     if (pose.label.empty() || pose.label.size() > 200 || pose.label.find('\n') != std::string::npos)
-        return absl::InvalidArgumentError("a pose's label must be one line of 1 to 200 characters");
+        return absl::InvalidArgumentError("a pose label must be one line of 1 to 200 characters");
     for (int dof = 0; dof < kBodyDofCount; ++dof)
         if (!std::isfinite(pose.coordinates[dof]))
             return absl::InvalidArgumentError(
@@ -261,7 +261,7 @@ void append_added(PoseDatabase& database, std::span<const LibraryPose> poses) {
 UserChanges user_changes(const PoseDatabase& database) {
     UserChanges changes{{}, database.removed};
     for (const LibraryPose& pose : database.poses)
-        if (pose.added) changes.added.push_back(pose);
+        if (pose.user_defined) changes.added.push_back(pose);
     return changes;
 }
 
@@ -284,7 +284,7 @@ absl::StatusOr<PoseDatabase> build_pose_database(std::span<const kernels::Camera
         return absl::InvalidArgumentError(error.what());
     }
     database.slabs.resize(database.viewpoints.size());
-    database.poses = own_pose_library(options.poses);
+    database.poses = library_poses(options.poses);
     std::erase_if(database.poses, [&](const LibraryPose& pose) {
         return std::find(changes.removed.begin(), changes.removed.end(), pose.label) != changes.removed.end();
     });

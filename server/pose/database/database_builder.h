@@ -1,5 +1,5 @@
-// Fills a pose database: poses are rendered from all around, and their silhouettes described by moments.
-// About 20000 views a second and core.
+// Builds a pose database: renders poses from all directions and describes their silhouettes by moments. About
+// 20000 views per second and core.
 #pragma once
 
 #include <absl/status/status.h>
@@ -16,36 +16,35 @@
 
 namespace kinevox {
 
-// The kinds of viewpoint that the cameras have on a person anywhere where at least two (or the only one) see
-// them.
+// The viewpoints of the cameras on a person at any position seen by at least two cameras (or the only one).
 std::vector<Viewpoint> viewpoints_of(std::span<const kernels::CameraModel> cameras,
                                      const PoseDatabaseOptions& options);
 
-// What a database for these cameras, this body and these options would carry as its fingerprint.
+// The fingerprint of a database for these cameras, this body and these options.
 std::string database_fingerprint(std::span<const kernels::CameraModel> cameras, const BodyShape& shape,
                                  const PoseDatabaseOptions& options);
 
-// Gets the part done, 0 to 1, from a building thread, each time it has grown by about a percent.
+// Receives the progress, 0 to 1, from a building thread, about every percent.
 using BuildProgress = std::function<void(double)>;
 
-// What a user changed, kept when a database is built anew.
+// A user's changes, kept when a database is rebuilt.
 struct UserChanges {
     std::vector<LibraryPose> added;
-    std::vector<std::string> removed;  // labels of the own library
+    std::vector<std::string> removed;  // labels of library poses
 };
 UserChanges user_changes(const PoseDatabase& database);
 
-// The own library with the user's changes. Cancelled if `stop` says so, InvalidArgument for options or
-// cameras that cannot be used.
+// The library poses with the user's changes. Cancelled by `stop`, InvalidArgument for invalid options or
+// cameras.
 absl::StatusOr<PoseDatabase> build_pose_database(std::span<const kernels::CameraModel> cameras,
                                                  const BodyShape& shape, const PoseDatabaseOptions& options,
                                                  const UserChanges& changes = {},
                                                  const BuildProgress& progress = {},
                                                  std::stop_token stop = {});
 
-// Adds a user's poses to a database that is there. The heading of their coordinates and the root's place do
-// not matter. InvalidArgument for coordinates that are not finite or an empty label; Cancelled if `stop` says
-// so, the database is then of no use.
+// Adds a user's poses to a database. Heading and root position of their coordinates are ignored.
+// InvalidArgument for coordinates that are not finite or an empty label; Cancelled by `stop`, the database is
+// then invalid.
 absl::Status add_poses(PoseDatabase& database, std::span<const LibraryPose> poses, std::stop_token stop = {});
 
 }  // namespace kinevox

@@ -12,13 +12,13 @@
 namespace kinevox {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "the file is written as memory lies");
+static_assert(std::endian::native == std::endian::little, "the file has the memory layout");
 
 constexpr char kMagic[8] = {'K', 'V', 'X', 'P', 'O', 'S', 'E', 'S'};
 constexpr std::uint32_t kVersion = 2;
 constexpr std::size_t kHeaderBytes = 32, kMaxBytes = std::size_t{4} << 30;
 
-// Eight bytes at a time in four chains: damage is what it has to find, at several GB/s.
+// Eight bytes at a time in four chains: detects damage at several GB/s.
 std::uint64_t checksum(std::string_view bytes) {
     constexpr std::uint64_t kPrime = 0x9E3779B97F4A7C15ull;
     std::uint64_t chain[4] = {1, 2, 3, 4};
@@ -56,7 +56,7 @@ class Writer {
     std::string bytes_;
 };
 
-// After a failure everything reads as empty and ok() is false.
+// After a failure all reads return empty values and ok() is false.
 class Reader {
   public:
     explicit Reader(std::string_view bytes) : rest_(bytes) {}
@@ -113,19 +113,19 @@ void write_fields(const PoseDatabase& database, Writer& out) {
     out.number(static_cast<std::uint64_t>(database.poses.size()));
     for (const LibraryPose& pose : database.poses) {
         out.text(pose.label);
-        out.number(static_cast<std::uint8_t>(pose.added));
+        out.number(static_cast<std::uint8_t>(pose.user_defined));
         for (const double value : pose.coordinates) out.number(value);
     }
     out.number(static_cast<std::uint64_t>(database.removed.size()));
     for (const std::string& label : database.removed) out.text(label);
-    out.list(database.body_middles);
+    out.list(database.body_centres);
     out.list(database.viewpoints);
     out.number(database.moment_step), out.number(database.code_step);
     out.list(database.code_basis);
     out.list(database.code_mean);
     for (const PoseDatabase::Slab& slab : database.slabs) {
         out.list(slab.moments);
-        out.list(slab.middles);
+        out.list(slab.centres);
         out.list(slab.codes);
         for (const std::string& silhouettes : slab.silhouettes) out.text(silhouettes);
     }
@@ -143,12 +143,12 @@ bool read_fields(Reader& in, PoseDatabase& database, const std::stop_token& stop
     for (std::uint64_t n = 0; n < poses && in.ok(); ++n) {
         LibraryPose& pose = database.poses.emplace_back();
         pose.label = in.text();
-        pose.added = in.number<std::uint8_t>() != 0;
+        pose.user_defined = in.number<std::uint8_t>() != 0;
         for (double& value : pose.coordinates) value = in.number<double>();
     }
     const std::uint64_t removed = in.count(sizeof(std::uint64_t));
     for (std::uint64_t n = 0; n < removed && in.ok(); ++n) database.removed.push_back(in.text());
-    in.list(database.body_middles);
+    in.list(database.body_centres);
     in.list(database.viewpoints);
     database.moment_step = in.number<float>(), database.code_step = in.number<float>();
     in.list(database.code_basis);
@@ -157,17 +157,17 @@ bool read_fields(Reader& in, PoseDatabase& database, const std::stop_token& stop
         return false;
     const std::size_t views = poses * kernels::kViewBins,
                       values = static_cast<std::size_t>(database.values());
-    if (database.body_middles.size() != poses || database.code_basis.size() != kernels::kCodeBytes * values ||
+    if (database.body_centres.size() != poses || database.code_basis.size() != kernels::kCodeBytes * values ||
         database.code_mean.size() != kernels::kCodeBytes || database.viewpoints.empty())
         return false;
     for (std::size_t n = 0; n < database.viewpoints.size() && in.ok(); ++n) {
         if (stop.stop_requested()) return false;
         PoseDatabase::Slab& slab = database.slabs.emplace_back();
         in.list(slab.moments);
-        in.list(slab.middles);
+        in.list(slab.centres);
         in.list(slab.codes);
         for (std::uint64_t pose = 0; pose < poses && in.ok(); ++pose) slab.silhouettes.push_back(in.text());
-        if (!in.ok() || slab.moments.size() != views * values || slab.middles.size() != 2 * views ||
+        if (!in.ok() || slab.moments.size() != views * values || slab.centres.size() != 2 * views ||
             slab.codes.size() != views * kernels::kCodeBytes)
             return false;
         for (const std::uint8_t byte : slab.codes)
@@ -197,7 +197,7 @@ std::string pose_database_header(std::string_view fields) {
 absl::StatusOr<PoseDatabase> parse_pose_database(std::string_view bytes, const std::string& name,
                                                  std::stop_token stop) {
     const auto damaged = [&](const char* why) {
-        return absl::DataLossError(fmt::format("{}: {}; it will be built anew, or delete it", name, why));
+        return absl::DataLossError(fmt::format("{}: {}; it will be rebuilt, or delete it", name, why));
     };
     if (bytes.size() < kHeaderBytes || std::memcmp(bytes.data(), kMagic, sizeof kMagic) != 0)
         return damaged("is not a pose database");
@@ -207,16 +207,16 @@ absl::StatusOr<PoseDatabase> parse_pose_database(std::string_view bytes, const s
     const auto size = header.number<std::uint64_t>(), sum = header.number<std::uint64_t>();
     if (version != kVersion)
         return absl::FailedPreconditionError(
-            fmt::format("{}: has version {}, this program writes {}; it will be built anew, or delete it",
-                        name, version, kVersion));
+            fmt::format("{}: has version {}, this program writes {}; it will be rebuilt, or delete it", name,
+                        version, kVersion));
     const std::string_view fields = bytes.substr(kHeaderBytes);
-    if (fields.size() != size) return damaged("is cut short or too long");
-    if (checksum(fields) != sum) return damaged("is damaged: its checksum does not fit");
+    if (fields.size() != size) return damaged("is truncated or too long");
+    if (checksum(fields) != sum) return damaged("is damaged: wrong checksum");
     PoseDatabase database;
     Reader in(fields);
     if (!read_fields(in, database, stop)) {
         if (stop.stop_requested()) return absl::CancelledError("reading the pose database was cancelled");
-        return damaged("contradicts itself");
+        return damaged("is inconsistent");
     }
     return database;
 }
@@ -248,16 +248,16 @@ absl::StatusOr<OpenedDatabase> open_pose_database(const std::filesystem::path& f
         }
         changes = user_changes(*read);
         opened.rebuilt_because = fmt::format(
-            "{}: was built for other cameras, another body or other options; built anew", file.string());
+            "{}: was built for other cameras, another body or other options; rebuilt", file.string());
     } else if (absl::IsNotFound(read.status())) {
-        opened.rebuilt_because = fmt::format("{}: was not there yet; built", file.string());
+        opened.rebuilt_because = fmt::format("{}: did not exist; built", file.string());
     } else {
         opened.rebuilt_because =
             fmt::format("{} (poses that were added to it are lost)", std::string(read.status().message()));
     }
     auto built = build_pose_database(cameras, shape, options, changes, progress, stop);
     if (!built.ok()) return built.status();
-    // Writing takes its time, too, and the next start builds what is missing.
+    // Writing takes time, too; the next start builds the file if it is missing.
     if (stop.stop_requested()) return absl::CancelledError("writing the pose database was cancelled");
     opened.database = *std::move(built);
     if (const absl::Status written = write_pose_database(opened.database, file); !written.ok())

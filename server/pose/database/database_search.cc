@@ -11,22 +11,22 @@ using kernels::kHeadings;
 using kernels::kViewBins;
 
 constexpr double kTurn = 2 * std::numbers::pi;
-// A person's silhouette, m^2 for a stature of 1.75 m: a part of a limb, and more than with spread arms and a
-// coat.
+// Area range of a person's silhouette, m^2 for a stature of 1.75 m: part of a limb, to more than spread arms
+// and a coat.
 constexpr double kMinArea = 0.03, kMaxArea = 1.6, kStature = 1.75;
 
-// Index of the (first) least score in [from, to); the least is sought by eights.
-int least_of(const float* scores, int from, int to) {
+// Index of the first minimum in [from, to), vectorised over eight lanes.
+int min_index(const float* scores, int from, int to) {
     float lanes[8];
     std::fill_n(lanes, 8, scores[from]);
     int h = from;
     for (; h + 8 <= to; h += 8)
         for (int lane = 0; lane < 8; ++lane)
             lanes[lane] = scores[h + lane] < lanes[lane] ? scores[h + lane] : lanes[lane];
-    float least = *std::min_element(lanes, lanes + 8);
-    for (; h < to; ++h) least = std::min(least, scores[h]);
+    float lowest = *std::min_element(lanes, lanes + 8);
+    for (; h < to; ++h) lowest = std::min(lowest, scores[h]);
     for (h = from; h < to; ++h)
-        if (scores[h] == least) return h;
+        if (scores[h] == lowest) return h;
     return from;
 }
 
@@ -60,11 +60,11 @@ SilhouetteUse DatabaseSearch::judge(const AimedSilhouette& silhouette) const {
     const double area = silhouette.pixels * metres_per_px * metres_per_px;
     const double unit = std::pow(database_.shape.stature_m * scale_ / kStature, 2);
     if (area < kMinArea * unit) return SilhouetteUse::kEmpty;
-    if (area > kMaxArea * unit) return SilhouetteUse::kFull;
-    return silhouette.cut ? SilhouetteUse::kCut : SilhouetteUse::kUsed;
+    if (area > kMaxArea * unit) return SilhouetteUse::kTooLarge;
+    return silhouette.truncated ? SilhouetteUse::kTruncated : SilhouetteUse::kUsed;
 }
 
-int DatabaseSearch::look(std::span<const PoseView> views, Vec3 centre) {
+int DatabaseSearch::describe(std::span<const PoseView> views, Vec3 centre) {
     centre_ = centre;
     uses_.assign(views.size(), SilhouetteUse::kAbsent);
     seen_.clear();
@@ -76,7 +76,8 @@ int DatabaseSearch::look(std::span<const PoseView> views, Vec3 centre) {
         if (!view.camera || !view.silhouettes || view.silhouettes->sharp.empty()) continue;
         const AimedView aimed = aimed_view(camera_centre(*view.camera), centre,
                                            database_.half_width_m() * scale_, database_.options.side_px);
-        take_aim(*view.camera, view.silhouettes->sharp.data(), view.silhouettes->bounds, aimed, aimed_[n]);
+        rectify_silhouette(*view.camera, view.silhouettes->sharp.data(), view.silhouettes->bounds, aimed,
+                           aimed_[n]);
         uses_[n] = judge(aimed_[n]);
         if (uses_[n] != SilhouetteUse::kUsed) continue;
         Seen& seen = seen_.emplace_back();
@@ -96,13 +97,13 @@ int DatabaseSearch::look(std::span<const PoseView> views, Vec3 centre) {
         for (std::size_t v = 0; v < seen.moments.size(); ++v) seen.moments[v] *= moment_scale_[v];
         database_.encode(seen.moments.data(), seen.code);
         const double middle = 0.5 * (database_.options.side_px - 1);
-        seen.middle_right_m = (described_[n].mapping.centre_x_px - middle) * seen.view.metres_per_px;
-        seen.middle_down_m = (described_[n].mapping.centre_y_px - middle) * seen.view.metres_per_px;
+        seen.centre_right_m = (described_[n].mapping.centre_x_px - middle) * seen.view.metres_per_px;
+        seen.centre_down_m = (described_[n].mapping.centre_y_px - middle) * seen.view.metres_per_px;
     }
     return static_cast<int>(seen_.size());
 }
 
-DatabaseSearch::Between DatabaseSearch::bins(const Seen& seen, int heading) {
+DatabaseSearch::Blend DatabaseSearch::bins(const Seen& seen, int heading) {
     double place =
         std::fmod(seen.first_bin + heading * static_cast<double>(kViewBins) / kHeadings, kViewBins);
     if (place < 0) place += kViewBins;
@@ -114,19 +115,19 @@ float DatabaseSearch::exact_distance(int pose, int heading) const {
     const int values = database_.values();
     float sum = 0;
     for (const Seen& seen : seen_) {
-        const Between at = bins(seen, heading);
+        const Blend at = bins(seen, heading);
         const std::int16_t* views =
             database_.slabs[seen.slab].moments.data() + static_cast<std::size_t>(pose) * kViewBins * values;
         sum += kernels::blended_distance(
             seen.moments.data(), views + static_cast<std::ptrdiff_t>(at.a) * values,
-            views + static_cast<std::ptrdiff_t>(at.b) * values, database_.moment_step * (1 - at.share),
-            database_.moment_step * at.share, values);
+            views + static_cast<std::ptrdiff_t>(at.b) * values, database_.moment_step * (1 - at.weight),
+            database_.moment_step * at.weight, values);
     }
     return std::sqrt(sum / static_cast<float>(seen_.size()));
 }
 
 void DatabaseSearch::score_all() {
-    scores_.resize(static_cast<std::size_t>(database_.entries()));
+    scores_.resize(static_cast<std::size_t>(database_.entry_count()));
     std::vector<kernels::MomentQuery> queries;
     for (const Seen& seen : seen_)
         queries.push_back({&database_.slabs[seen.slab].search, seen.code, seen.first_bin});
@@ -140,12 +141,12 @@ std::vector<FoundPose> DatabaseSearch::best_by_codes(int count) {
     found.reserve(2 * static_cast<std::size_t>(database_.pose_count()));
     for (int pose = 0; pose < database_.pose_count(); ++pose) {
         const float* scores = scores_.data() + static_cast<std::size_t>(pose) * kHeadings;
-        const int best = least_of(scores, 0, kHeadings);
-        // The opposite half turn, cut where headings begin anew.
+        const int best = min_index(scores, 0, kHeadings);
+        // The opposite half circle, split where headings wrap.
         const int from = (best + kHeadings / 4) % kHeadings, to = from + kHeadings / 2;
-        int other = least_of(scores, from, std::min(to, kHeadings));
+        int other = min_index(scores, from, std::min(to, kHeadings));
         if (to > kHeadings) {
-            const int wrapped = least_of(scores, 0, to - kHeadings);
+            const int wrapped = min_index(scores, 0, to - kHeadings);
             if (scores[wrapped] < scores[other]) other = wrapped;
         }
         found.push_back({pose, best, scores[best]});
@@ -176,7 +177,7 @@ std::vector<FoundPose> DatabaseSearch::nearest_by_first_moment() const {
     return found;
 }
 
-void DatabaseSearch::turn_to_nearest(FoundPose& found) const {
+void DatabaseSearch::refine_heading(FoundPose& found) const {
     for (const int step : {1, kHeadings - 1}) {
         for (;;) {
             const int heading = (found.heading + step) % kHeadings;
@@ -187,12 +188,12 @@ void DatabaseSearch::turn_to_nearest(FoundPose& found) const {
     }
 }
 
-std::vector<FoundPose> DatabaseSearch::find(int most) {
-    if (seen_.empty() || most <= 0 || database_.poses.empty()) return {};
+std::vector<FoundPose> DatabaseSearch::find(int max_candidates) {
+    if (seen_.empty() || max_candidates <= 0 || database_.poses.empty()) return {};
     std::vector<FoundPose> found;
     switch (options_.rule) {
         case RetrievalRule::kAll:
-            found = best_by_codes(std::max(options_.reranked, most));
+            found = best_by_codes(std::max(options_.reranked, max_candidates));
             break;
         case RetrievalRule::kPublished:
             found = nearest_by_first_moment();
@@ -202,11 +203,11 @@ std::vector<FoundPose> DatabaseSearch::find(int most) {
                 for (int heading = 0; heading < kHeadings; ++heading) found.push_back({pose, heading, 0});
     }
     for (FoundPose& one : found) one.distance = exact_distance(one.pose, one.heading);
-    const std::size_t kept = std::min(found.size(), static_cast<std::size_t>(most));
+    const std::size_t kept = std::min(found.size(), static_cast<std::size_t>(max_candidates));
     std::partial_sort(found.begin(), found.begin() + static_cast<std::ptrdiff_t>(kept), found.end(), nearer);
     found.resize(kept);
-    if (options_.rule == RetrievalRule::kAll) {  // codes may be one heading off
-        for (FoundPose& one : found) turn_to_nearest(one);
+    if (options_.rule == RetrievalRule::kAll) {  // codes may be off by one heading
+        for (FoundPose& one : found) refine_heading(one);
         std::sort(found.begin(), found.end(), nearer);
     }
     return found;
@@ -218,19 +219,19 @@ PoseCandidate DatabaseSearch::place(const FoundPose& found) const {
     candidate.distance = found.distance;
     const double heading = kTurn * found.heading / kHeadings;
     candidate.coordinates[kDofRootRotation + 2] = heading > std::numbers::pi ? heading - kTurn : heading;
-    // The body's middle is the centre moved by `d` so that each silhouette's middle comes to where it was
-    // seen: right . d = seen - stored, down . d likewise, least squares; what no camera determines stays.
+    // The body's centre is the tracked centre plus `d`, such that each silhouette's centre matches: right . d
+    // = observed - stored, down . d likewise, in least squares; undetermined directions stay.
     double a[9] = {1e-3, 0, 0, 0, 1e-3, 0, 0, 0, 1e-3};
     Vec3 b;
     for (const Seen& seen : seen_) {
-        const Between at = bins(seen, found.heading);
-        const float* middles =
-            database_.slabs[seen.slab].middles.data() + static_cast<std::size_t>(found.pose) * 2 * kViewBins;
-        const double right = scale_ * ((1 - at.share) * middles[2 * at.a] + at.share * middles[2 * at.b]);
+        const Blend at = bins(seen, found.heading);
+        const float* centres =
+            database_.slabs[seen.slab].centres.data() + static_cast<std::size_t>(found.pose) * 2 * kViewBins;
+        const double right = scale_ * ((1 - at.weight) * centres[2 * at.a] + at.weight * centres[2 * at.b]);
         const double down =
-            scale_ * ((1 - at.share) * middles[2 * at.a + 1] + at.share * middles[2 * at.b + 1]);
-        for (const auto& [axis, miss] : {std::pair{seen.view.right, seen.middle_right_m - right},
-                                         std::pair{seen.view.down, seen.middle_down_m - down}}) {
+            scale_ * ((1 - at.weight) * centres[2 * at.a + 1] + at.weight * centres[2 * at.b + 1]);
+        for (const auto& [axis, miss] : {std::pair{seen.view.right, seen.centre_right_m - right},
+                                         std::pair{seen.view.down, seen.centre_down_m - down}}) {
             const double n[3] = {axis.x, axis.y, axis.z};
             for (int r = 0; r < 3; ++r)
                 for (int c = 0; c < 3; ++c) a[3 * r + c] += n[r] * n[c];
@@ -241,16 +242,16 @@ PoseCandidate DatabaseSearch::place(const FoundPose& found) const {
     const double determinant = dot(c0, cross(c1, c2));  // Cramer; symmetric and positive
     const Vec3 d{dot(b, cross(c1, c2)) / determinant, dot(c0, cross(b, c2)) / determinant,
                  dot(c0, cross(c1, b)) / determinant};
-    const Vec3 root = centre_ + d - rotation_z(heading) * (scale_ * database_.body_middles[found.pose]);
+    const Vec3 root = centre_ + d - rotation_z(heading) * (scale_ * database_.body_centres[found.pose]);
     candidate.coordinates[0] = root.x, candidate.coordinates[1] = root.y, candidate.coordinates[2] = root.z;
     return candidate;
 }
 
 std::vector<PoseCandidate> DatabaseSearch::propose(std::span<const PoseView> views, Vec3 centre_in_world,
-                                                   int most) {
+                                                   int max_candidates) {
     std::vector<PoseCandidate> candidates;
-    if (look(views, centre_in_world) == 0) return candidates;
-    for (const FoundPose& found : find(most)) candidates.push_back(place(found));
+    if (describe(views, centre_in_world) == 0) return candidates;
+    for (const FoundPose& found : find(max_candidates)) candidates.push_back(place(found));
     return candidates;
 }
 

@@ -10,7 +10,7 @@ namespace kinevox {
 namespace {
 
 constexpr std::size_t kPosesAtOnce = 16;
-constexpr const char* kStopping = "the daemon is stopping; nothing was changed";
+constexpr const char* kStopping = "the daemon is shutting down; nothing was changed";
 
 }  // namespace
 
@@ -37,10 +37,10 @@ void PoseDatabaseService::start(std::vector<kernels::CameraModel> cameras, const
     std::stop_source source;
     {
         const std::lock_guard lock(mutex_);
-        progress_ = {DatabaseState::kBuilding, 0, {}};
+        progress_ = {PoseDatabaseState::kBuilding, 0, {}};
         stop_ = source;
     }
-    if (closed_) source.request_stop();  // a close() from now on finds the new source
+    if (closed_) source.request_stop();  // a later close() stops the new source
     builder_ = std::jthread([this, cameras = std::move(cameras), shape, options, stop = source.get_token(),
                              on_progress = std::move(on_progress)] {
         lower_this_threads_priority();
@@ -54,20 +54,20 @@ void PoseDatabaseService::build(std::stop_token stop, const std::vector<kernels:
     const auto report = [&](DatabaseProgress progress) {
         {
             const std::lock_guard lock(mutex_);
-            progress.entries = database_ ? database_->entries() : 0;
+            progress.entry_count = database_ ? database_->entry_count() : 0;
             progress_ = progress;
         }
         if (on_progress) on_progress(progress);
     };
     auto opened = open_pose_database(
         file_, cameras, shape, options,
-        [&](double part) {
-            report({DatabaseState::kBuilding, part, {}});
+        [&](double progress) {
+            report({PoseDatabaseState::kBuilding, progress, {}});
         },
         stop);
     if (!opened.ok()) {
         const bool cancelled = absl::IsCancelled(opened.status());
-        report({cancelled ? DatabaseState::kCancelled : DatabaseState::kFailed, 0,
+        report({cancelled ? PoseDatabaseState::kCancelled : PoseDatabaseState::kFailed, 0,
                 std::string(opened.status().message())});
         return;
     }
@@ -76,7 +76,7 @@ void PoseDatabaseService::build(std::stop_token stop, const std::vector<kernels:
         const std::lock_guard lock(mutex_);
         database_ = std::move(fresh);
     }
-    report({DatabaseState::kReady, 1, opened->rebuilt_because});
+    report({PoseDatabaseState::kReady, 1, opened->rebuilt_because});
 }
 
 void PoseDatabaseService::cancel() {
@@ -92,7 +92,7 @@ void PoseDatabaseService::wait() {
 DatabaseProgress PoseDatabaseService::progress() const {
     const std::lock_guard lock(mutex_);
     DatabaseProgress progress = progress_;
-    progress.entries = database_ ? database_->entries() : 0;
+    progress.entry_count = database_ ? database_->entry_count() : 0;
     return progress;
 }
 
@@ -103,19 +103,17 @@ std::shared_ptr<const PoseDatabase> PoseDatabaseService::current() const {
 
 absl::StatusOr<std::vector<PoseListing>> PoseDatabaseService::list() const {
     const auto database = current();
-    if (!database)
-        return absl::UnavailableError("the daemon's pose database is not built yet; ask again later");
+    if (!database) return absl::UnavailableError("the pose database is not built yet; try again later");
     std::vector<PoseListing> out;
-    for (const LibraryPose& pose : database->poses) out.push_back({pose.label, pose.added});
+    for (const LibraryPose& pose : database->poses) out.push_back({pose.label, pose.user_defined});
     return out;
 }
 
 absl::Status PoseDatabaseService::change(const std::function<absl::Status(PoseDatabase&)>& how) {
     const std::lock_guard changing(changes_);
     const auto before = current();
-    if (!before || progress().state == DatabaseState::kBuilding)
-        return absl::UnavailableError(
-            "the daemon's pose database is being built; change it when that is done");
+    if (!before || progress().state == PoseDatabaseState::kBuilding)
+        return absl::UnavailableError("the pose database is being built; try again when it is ready");
     auto after = std::make_shared<PoseDatabase>(*before);
     if (const absl::Status status = how(*after); !status.ok()) return status;
     if (closed_) return absl::UnavailableError(kStopping);
@@ -127,7 +125,7 @@ absl::Status PoseDatabaseService::change(const std::function<absl::Status(PoseDa
 
 absl::Status PoseDatabaseService::add(std::span<const LibraryPose> poses) {
     return change([&](PoseDatabase& database) {
-        // In parts, so that close() need not wait for a whole file of movement.
+        // In batches, so that close() does not wait for a whole file.
         for (std::size_t first = 0; first < poses.size() && !closed_; first += kPosesAtOnce) {
             const auto part = poses.subspan(first, std::min(kPosesAtOnce, poses.size() - first));
             if (const absl::Status status = add_poses(database, part, closing_.get_token()); !status.ok())
@@ -142,10 +140,10 @@ absl::Status PoseDatabaseService::remove(const std::string& label) {
 }
 
 absl::StatusOr<int> PoseDatabaseService::import_bvh(std::string_view text, const std::string& label,
-                                                    double every_s) {
+                                                    double interval_s) {
     const auto motion = parse_bvh(text, label);
     if (!motion.ok()) return motion.status();
-    const auto poses = poses_from_bvh(*motion, label, {.every_s = every_s});
+    const auto poses = poses_from_bvh(*motion, label, {.interval_s = interval_s});
     if (!poses.ok()) return poses.status();
     if (const absl::Status status = add(*poses); !status.ok()) return status;
     return static_cast<int>(poses->size());
@@ -157,7 +155,7 @@ void PoseDatabaseService::set_stature(double stature_m) {
 }
 
 std::vector<PoseCandidate> PoseDatabaseService::propose(std::span<const PoseView> views, Vec3 centre_in_world,
-                                                        int most) {
+                                                        int max_candidates) {
     std::shared_ptr<const PoseDatabase> database;
     double stature_m = 0;
     {
@@ -171,7 +169,7 @@ std::vector<PoseCandidate> PoseDatabaseService::propose(std::span<const PoseView
         search_ = std::make_unique<DatabaseSearch>(*database, options_);
         searched_ = database;
     }
-    return search_->propose(views, centre_in_world, most);
+    return search_->propose(views, centre_in_world, max_candidates);
 }
 
 }  // namespace kinevox

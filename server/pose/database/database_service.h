@@ -1,8 +1,8 @@
-// The pose database of a running daemon: built in the background after a calibration, asked by the pose
+// The pose database of a running daemon: built in the background after a calibration, queried by the pose
 // stage, changed by users.
 //
-// Threads: propose() and place in one thread (the pose stage's), everything else in any. The callback comes
-// from the building thread and must not call back into this class, except progress().
+// Threads: the pose stage's thread calls propose(), any thread the others. The callback comes from the
+// building thread and must not call back into this class, except progress().
 #pragma once
 
 #include <atomic>
@@ -20,18 +20,18 @@
 
 namespace kinevox {
 
-enum class DatabaseState { kNone, kBuilding, kReady, kCancelled, kFailed };
+enum class PoseDatabaseState { kNotStarted, kBuilding, kReady, kCancelled, kFailed };
 
 struct DatabaseProgress {
-    DatabaseState state = DatabaseState::kNone;
-    double part = 0;           // of the building, 0..1
-    std::string message;       // why it was built, or what went wrong; one line
-    std::int64_t entries = 0;  // of the database that answers meanwhile
+    PoseDatabaseState state = PoseDatabaseState::kNotStarted;
+    double progress = 0;           // of the build, 0..1
+    std::string message;           // why it was built, or the error; one line
+    std::int64_t entry_count = 0;  // of the database that is used meanwhile
 };
 
 struct PoseListing {
     std::string label;
-    bool added = false;  // by a user
+    bool user_defined = false;
 };
 
 class PoseDatabaseService final : public PoseProposer {
@@ -39,30 +39,30 @@ class PoseDatabaseService final : public PoseProposer {
     explicit PoseDatabaseService(std::filesystem::path file, const SearchOptions& options = {});
     ~PoseDatabaseService() override;  // cancels and waits
 
-    // Reads or builds, at low priority; a build that is under way is cancelled. Until it is done the database
-    // of before answers, if there is one.
+    // Reads or builds, at low priority; cancels a running build. Until it is done the previous database is
+    // used, if there is one.
     void start(std::vector<kernels::CameraModel> cameras, const BodyShape& shape,
                const PoseDatabaseOptions& options,
                std::function<void(const DatabaseProgress&)> on_progress = {});
     void cancel();
-    // Until nothing is being built.
+    // Waits until no build is running.
     void wait();
-    // For the daemon's end: cancels a build and a change in progress; nothing is built or changed afterwards.
+    // For shutdown: cancels a running build or change; nothing is built or changed afterwards.
     void close();
     DatabaseProgress progress() const;
 
-    // Unavailable while there is no database. Changes are written to the file before they count; they take
-    // about 20 ms a pose and the time to write the file.
+    // Unavailable without a database. Changes take effect after they are written to the file; they take about
+    // 20 ms per pose and the time to write the file.
     absl::StatusOr<std::vector<PoseListing>> list() const;
     absl::Status add(std::span<const LibraryPose> poses);
     absl::Status remove(const std::string& label);
-    // Every `every_s` seconds' pose of a BVH file's text. Returns how many there were.
-    absl::StatusOr<int> import_bvh(std::string_view text, const std::string& label, double every_s = 0.1);
+    // Imports a pose every `interval_s` seconds from the text of a BVH file. Returns their number.
+    absl::StatusOr<int> import_bvh(std::string_view text, const std::string& label, double interval_s = 0.1);
 
-    // Of another stature than the database's body.
+    // The subject's stature, if it differs from the database's body.
     void set_stature(double stature_m);
     std::vector<PoseCandidate> propose(std::span<const PoseView> views, Vec3 centre_in_world,
-                                       int most) override;
+                                       int max_candidates) override;
 
   private:
     std::shared_ptr<const PoseDatabase> current() const;
@@ -74,14 +74,14 @@ class PoseDatabaseService final : public PoseProposer {
     const std::filesystem::path file_;
     SearchOptions options_;
     mutable std::mutex mutex_;
-    std::mutex changes_;     // one start(), wait() or change at a time
-    std::stop_source stop_;  // of the build under way
+    std::mutex changes_;     // serialises start(), wait() and changes
+    std::stop_source stop_;  // of the running build
     std::atomic<bool> closed_ = false;
-    std::stop_source closing_;  // of a change in progress
+    std::stop_source closing_;  // of a running change
     std::shared_ptr<const PoseDatabase> database_;
     DatabaseProgress progress_;
     double stature_m_ = 0;
-    // Of propose() alone.
+    // Used by propose() only.
     std::shared_ptr<const PoseDatabase> searched_;
     std::unique_ptr<DatabaseSearch> search_;
     std::jthread builder_;

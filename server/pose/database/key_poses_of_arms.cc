@@ -1,5 +1,3 @@
-#include "server/pose/database/key_poses_of_arms.h"
-
 #include <fmt/format.h>
 
 #include <array>
@@ -19,9 +17,9 @@ constexpr std::array<ArmPose, 16> kArms{{
     {"forward", 85, 4, 10, 0},
     {"forward high", 130, 6, 10, 0},
     {"up", 170, 10, 8, 0},
-    {"aside low", 2, 40, 10, 0},
-    {"aside", 2, 88, 6, 0},
-    {"aside high", 4, 130, 10, 0},
+    {"sideways low", 2, 40, 10, 0},
+    {"sideways", 2, 88, 6, 0},
+    {"sideways high", 4, 130, 10, 0},
     {"forearm forward", 8, 10, 90, 10},
     {"hand at chest", 28, 18, 125, 55},
     {"hand at head", 60, 70, 135, -20},
@@ -60,8 +58,8 @@ void add_arm_poses(std::vector<LibraryPose>& poses) {
                 pose.arms(arm.flexion, arm.abduction, arm.elbow, arm.rotation);
                 poses.push_back({fmt::format("{} {:.0f} deg, arms {}", what, angle, arm.name), pose.q});
             };
-            add("trunk turned", standing(1).bend(0, angle));
-            add("trunk bent aside", standing(1).bend(angle, 0));
+            add("trunk rotated", standing(1).bend(0, angle));
+            add("trunk bent sideways", standing(1).bend(angle, 0));
         }
     }
     for (const double lean : {25.0, 50.0, 75.0}) {  // picking something up

@@ -1,5 +1,3 @@
-#include "server/pose/database/key_poses_of_legs.h"
-
 #include <fmt/format.h>
 
 #include <array>
@@ -12,7 +10,7 @@ namespace {
 
 constexpr double kTurn = 2 * std::numbers::pi;
 
-// Angles over a stride of one leg in degrees, from one contact of its heel to the next, at eight equal steps.
+// Angles of one leg over a stride in degrees, from one heel contact to the next, at eight equal steps.
 struct GaitCurves {
     const char* name;
     std::array<double, 8> hip, knee, ankle;
@@ -61,7 +59,7 @@ double at_phase(const std::array<double, 8>& curve, double phase) {
 PoseBuilder gait_pose(const GaitCurves& gait, double phase, double stride, double arms, double lean) {
     PoseBuilder pose;
     pose.trunk(0.6 * (gait.lean + lean), 0.4 * (gait.lean + lean) + gait.lumbar, 0.6 * (gait.lean + lean));
-    // The trunk's lean turns the thighs with it; angles at the hip are against the pelvis.
+    // Leaning the trunk rotates the pelvis; hip angles are relative to it.
     const double with_pelvis = 0.6 * lean;
     for (const Limb side : {Limb::kLeft, Limb::kRight}) {
         const double own = phase + (side == Limb::kRight ? 0.5 : 0.0);
@@ -86,12 +84,12 @@ void add_gaits(std::vector<LibraryPose>& poses) {
                      gait_pose(*gait, static_cast<double>(n) / kPhases, stride, stride, 0).q});
         }
     }
-    // Drive phase: running that is still bent forward.
+    // Drive phase: running, still leaning forward.
     for (const double lean : {20.0, 32.0, 44.0})
         for (int n = 0; n < 12; ++n)
             poses.push_back({fmt::format("sprint drive {}/12, lean {:.0f} deg", n, lean),
                              gait_pose(kSprint, n / 12.0, 0.9, 1, lean).q});
-    // Walking with the arms doing something else.
+    // Walking with other arm poses.
     for (int n = 0; n < 8; ++n) {
         poses.push_back(
             {fmt::format("walk {}/8, arms out", n), gait_pose(kWalk, n / 8.0, 0.8, 0, 0).arms(0, 75, 15).q});
@@ -192,7 +190,7 @@ void add_balance_and_kicks(std::vector<LibraryPose>& poses) {
         };
         for (const auto& [arms_name, flexion, abduction, elbow] :
              {std::tuple{"arms out", 5.0, 85.0, 8.0}, std::tuple{"arms down", 0.0, 14.0, 15.0}}) {
-            // Named, for Clang 14 knows no other way to capture them.
+            // Named, since Clang 14 cannot capture structured bindings.
             const auto add = [&, arms_name = arms_name, flexion = flexion, abduction = abduction,
                               elbow = elbow](const char* what, PoseBuilder pose) {
                 add_both_sides(poses, fmt::format("{} {}, {}", what, percent, arms_name),
@@ -200,14 +198,14 @@ void add_balance_and_kicks(std::vector<LibraryPose>& poses) {
             };
             add("balance, knee up", with(95 * height, 100 * height, 2, 0, 0));
             add("balance, leg forward", with(85 * height, 8, 2, -6 * height, 0));
-            add("balance, leg aside", with(0, 6, 58 * height, 0, 0).bend(-12 * height, 0));
+            add("balance, leg sideways", with(0, 6, 58 * height, 0, 0).bend(-12 * height, 0));
             add("balance, leg back", with(-25 * height, 12, 2, 75 * height * height, 0));
         }
         add_both_sides(poses, "kick forward " + percent,
                        with(120 * height, 15, 5, -12 * height, 5).arms(35, 15, 105, 30));
         add_both_sides(poses, "kick, chambered " + percent,
                        with(115 * height, 125, 10, -5, 8).arms(35, 15, 110, 30));
-        add_both_sides(poses, "kick aside " + percent,
+        add_both_sides(poses, "kick sideways " + percent,
                        with(40 * height, 10, 60 * height, 0, 5).bend(-22 * height, 0).arms(25, 30, 90, 20));
     }
 }

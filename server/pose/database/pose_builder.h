@@ -1,14 +1,17 @@
-// Poses written down in degrees, limb by limb.
+// Builds library poses in degrees, limb by limb.
 #pragma once
+
+#include <vector>
 
 #include "common/degrees.h"
 #include "server/pose/body_model.h"
+#include "server/pose/database/pose_library.h"
 
 namespace kinevox::database {
 
 enum class Limb { kLeft, kRight };
 
-// Signs as people say them: lean forward positive, abduction away from the middle positive.
+// Signs: lean forward positive, abduction away from the midline positive.
 struct PoseBuilder {
     BodyCoordinates q{};
 
@@ -18,10 +21,10 @@ struct PoseBuilder {
         q[kDofSkullbase] = radians(look_up);
         return *this;
     }
-    // To the left positive, rad inside.
-    PoseBuilder& bend(double sideways, double turn) {
+    // Degrees, to the left positive.
+    PoseBuilder& bend(double sideways, double rotation) {
         q[kDofSacroiliac + 1] = radians(-sideways);
-        q[kDofSacroiliac + 2] = radians(turn);
+        q[kDofSacroiliac + 2] = radians(rotation);
         return *this;
     }
     PoseBuilder& leg(Limb side, double hip_flexion, double knee, double ankle = 0, double hip_abduction = 2,
@@ -49,5 +52,11 @@ struct PoseBuilder {
             .arm(Limb::kRight, flexion, abduction, elbow, internal_rotation);
     }
 };
+
+// Key poses of the arms on standing legs: raises, gestures, signals, throws; and rotations of trunk and head.
+void add_arm_poses(std::vector<LibraryPose>& poses);  // key_poses_of_arms.cc
+
+// Key poses of the legs: gaits, sprint start, squats, lunges, jumps, kicks, balance.
+void add_leg_poses(std::vector<LibraryPose>& poses);  // key_poses_of_legs.cc
 
 }  // namespace kinevox::database

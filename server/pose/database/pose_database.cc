@@ -60,17 +60,17 @@ std::vector<std::uint8_t> PoseDatabase::silhouette(int slab, int pose, int bin) 
 absl::Status PoseDatabase::remove(int pose) {
     if (pose < 0 || pose >= pose_count())
         return absl::NotFoundError(
-            fmt::format("pose {} is not in the database; it has {}", pose, pose_count()));
+            fmt::format("pose {} is out of range; the database has {}", pose, pose_count()));
     const auto cut = [&](auto& list, std::size_t per_pose) {
         const auto first = list.begin() + static_cast<std::ptrdiff_t>(pose * per_pose);
         list.erase(first, first + static_cast<std::ptrdiff_t>(per_pose));
     };
-    if (!poses[pose].added) removed.push_back(poses[pose].label);
+    if (!poses[pose].user_defined) removed.push_back(poses[pose].label);
     cut(poses, 1);
-    cut(body_middles, 1);
+    cut(body_centres, 1);
     for (Slab& slab : slabs) {
         cut(slab.moments, static_cast<std::size_t>(kernels::kViewBins) * values());
-        cut(slab.middles, static_cast<std::size_t>(kernels::kViewBins) * 2);
+        cut(slab.centres, static_cast<std::size_t>(kernels::kViewBins) * 2);
         cut(slab.codes, static_cast<std::size_t>(kernels::kViewBins) * kernels::kCodeBytes);
         cut(slab.silhouettes, 1);
         slab.search = kernels::MomentSlab::make(slab.codes);
@@ -87,11 +87,11 @@ absl::Status PoseDatabase::remove(const std::string& label) {
     }
     if (!found)
         return absl::NotFoundError(
-            fmt::format("no pose is labelled '{}'; list the poses for their labels", label));
+            fmt::format("no pose has the label '{}'; `kinevox poses list` shows the labels", label));
     return absl::OkStatus();
 }
 
-Vec3 body_middle(std::span<const BodyCapsule> capsules) {
+Vec3 body_centre(std::span<const BodyCapsule> capsules) {
     Vec3 sum;
     double volume = 0;
     for (const BodyCapsule& c : capsules) {

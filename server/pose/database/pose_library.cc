@@ -5,13 +5,12 @@
 #include <cstdint>
 #include <numbers>
 
-#include "server/pose/database/key_poses_of_arms.h"
-#include "server/pose/database/key_poses_of_legs.h"
+#include "server/pose/database/pose_builder.h"
 
 namespace kinevox {
 namespace {
 
-// A small generator of our own: the standard's distributions differ from library to library.
+// A portable generator: the standard's distributions differ between libraries.
 class Draw {
   public:
     std::uint32_t below(std::uint32_t n) {
@@ -33,15 +32,15 @@ BodyCoordinates legs_and_arms(const BodyCoordinates& legs, const BodyCoordinates
     BodyCoordinates q = arms;
     for (int dof = 0; dof < kBodyDofCount; ++dof)
         if (belongs_to_legs(dof)) q[dof] = legs[dof];
-    // The trunk keeps its place in space as far as its joint can: a deep pelvis does not tip an upright trunk
-    // over.
+    // The trunk keeps its orientation in the world within the limits of its joint, so that a tilted pelvis
+    // does not tilt an upright trunk.
     q[kDofSacroiliac] =
         std::clamp(arms[kDofSacroiliac] + 0.5 * (arms[kDofRootRotation] - legs[kDofRootRotation]),
                    kBodyDofs[kDofSacroiliac].lower, kBodyDofs[kDofSacroiliac].upper);
     return q;
 }
 
-const std::vector<LibraryPose>& key_poses_of_everything() {
+const std::vector<LibraryPose>& all_key_poses() {
     static const std::vector<LibraryPose> poses = [] {
         std::vector<LibraryPose> all;
         database::add_leg_poses(all);
@@ -58,7 +57,7 @@ const std::vector<LibraryPose>& key_poses_of_everything() {
 }  // namespace
 
 int key_pose_count() {
-    return static_cast<int>(key_poses_of_everything().size());
+    return static_cast<int>(all_key_poses().size());
 }
 
 BodyCoordinates blended(const BodyCoordinates& from, const BodyCoordinates& to, double t) {
@@ -78,8 +77,8 @@ BodyCoordinates mirrored(const BodyCoordinates& pose) {
     return q;
 }
 
-std::vector<LibraryPose> own_pose_library(int count) {
-    const std::vector<LibraryPose>& keys = key_poses_of_everything();
+std::vector<LibraryPose> library_poses(int count) {
+    const std::vector<LibraryPose>& keys = all_key_poses();
     const std::size_t wanted = static_cast<std::size_t>(std::max(count, 0));
     std::vector<LibraryPose> poses;
     if (wanted < keys.size()) {

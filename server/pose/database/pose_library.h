@@ -1,5 +1,5 @@
-// The predefined poses: key poses of standing, walking, running, the sprint start, squats, lunges, jumps, arm
-// movements, kicks and balance, and blends between them. Facing along x, the root at the world's origin.
+// The library poses: key poses of standing, walking, running, the sprint start, squats, lunges, jumps, arm
+// movements, kicks and balance, and blends of them. Facing along x, the root at the world's origin.
 #pragma once
 
 #include <string>
@@ -10,27 +10,27 @@
 namespace kinevox {
 
 struct LibraryPose {
-    std::string label;            // "walk 5/16, normal stride" for instance
+    std::string label;            // for example "walk 5/16, normal stride"
     BodyCoordinates coordinates;  // root at the origin, heading 0
-    bool added = false;           // by a user; such poses outlive a rebuild
+    bool user_defined = false;    // added by a user; kept when the database is rebuilt
 
     bool operator==(const LibraryPose&) const = default;
 };
 
-// The key poses, then blends of pairs and the legs of one with the trunk and arms of another until there are
-// `count`; always the same ones. With a smaller count the key poses are thinned out evenly.
-std::vector<LibraryPose> own_pose_library(int count);
+// The key poses, then blends of pairs, and the legs of one with the trunk and arms of another, up to `count`;
+// deterministic. With a smaller count, an even subset of the key poses.
+std::vector<LibraryPose> library_poses(int count);
 
-// How many key poses there are.
+// Number of key poses.
 int key_pose_count();
 
-// Half way and so on from one pose to another, joint by joint along the shortest rotation; t in [0, 1].
+// Interpolates between two poses, each joint along the shortest rotation; t in [0, 1].
 BodyCoordinates blended(const BodyCoordinates& from, const BodyCoordinates& to, double t);
 
-// Left and right exchanged.
+// The pose with left and right swapped.
 BodyCoordinates mirrored(const BodyCoordinates& pose);
 
-// Changes whenever the library does, so that a database built from another one is rebuilt.
-inline constexpr int kPoseLibraryVersion = 1;
+// Incremented with each change of the library, so that databases of an older one are rebuilt.
+inline constexpr int kPoseLibraryVersion = 2;
 
 }  // namespace kinevox

@@ -24,8 +24,8 @@ std::string compress_silhouettes(const std::string& bits) {
 std::vector<std::uint8_t> unpack_silhouette(const std::string& compressed, int side_px, int index) {
     const std::size_t pixels = static_cast<std::size_t>(side_px) * side_px, bytes = pixels / 8;
     const unsigned long long size = ZSTD_getFrameContentSize(compressed.data(), compressed.size());
-    constexpr unsigned long long kMost = 1ull << 24;
-    if (size > kMost || index < 0 || (index + 1ull) * bytes > size) return {};
+    constexpr unsigned long long kMaxSide = 1ull << 24;
+    if (size > kMaxSide || index < 0 || (index + 1ull) * bytes > size) return {};
     std::string bits(size, '\0');
     if (ZSTD_decompress(bits.data(), bits.size(), compressed.data(), compressed.size()) != size) return {};
     std::vector<std::uint8_t> mask(pixels);

@@ -1,4 +1,4 @@
-// A pose's silhouettes from all around, one bit a pixel, compressed together.
+// A pose's silhouettes from all directions, one bit per pixel, compressed together.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@ namespace kinevox {
 void append_bits(const std::vector<std::uint8_t>& mask, std::string& bits);
 std::string compress_silhouettes(const std::string& bits);
 
-// Picture number `index`; empty where the bytes are damaged or there is no such picture.
+// Image number `index`; empty if the bytes are damaged or there is no such image.
 std::vector<std::uint8_t> unpack_silhouette(const std::string& compressed, int side_px, int index);
 
 }  // namespace kinevox

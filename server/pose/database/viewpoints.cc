@@ -1,4 +1,4 @@
-// From where the cameras can look at a person, and what a database was built from.
+// Viewpoints of the cameras on a person, and the fingerprint of a database.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -41,7 +41,7 @@ std::vector<Viewpoint> viewpoints_of(std::span<const kernels::CameraModel> camer
     x0 -= margin, x1 += margin, y0 -= margin, y1 += margin;
     const std::size_t needed = std::min<std::size_t>(cameras.size(), 2);
     const double step = options.elevation_step_deg * std::numbers::pi / 180;
-    std::map<std::pair<int, int>, int> seen;  // steps of elevation and of inverse distance: how often
+    std::map<std::pair<int, int>, int> seen;  // count per step of elevation and inverse distance
     int all = 0;
     for (double y = y0; y <= y1; y += kGridStep_m) {
         for (double x = x0; x <= x1; x += kGridStep_m) {
@@ -70,10 +70,11 @@ std::vector<Viewpoint> viewpoints_of(std::span<const kernels::CameraModel> camer
         }
     }
     if (all == 0)
-        throw std::invalid_argument("pose database: no place is seen by two cameras; check the calibration");
+        throw std::invalid_argument(
+            "pose database: no position is seen by two cameras; check the calibration");
     std::vector<Viewpoint> out;
     for (const auto& [cell, count] : seen) {
-        if (count * 100 < all) continue;  // so rare that its neighbour will do
+        if (count * 100 < all) continue;  // rare; the neighbouring viewpoint is used
         const double inverse =
             std::max(cell.second * options.inverse_distance_step, 0.5 / kFarthest_m + 0.05);
         out.push_back({cell.first * step, inverse});
@@ -84,7 +85,7 @@ std::vector<Viewpoint> viewpoints_of(std::span<const kernels::CameraModel> camer
 std::string database_fingerprint(std::span<const kernels::CameraModel> cameras, const BodyShape& shape,
                                  const PoseDatabaseOptions& options) {
     std::uint64_t hash = 14695981039346656037ull;
-    // What the cameras decide is the viewpoints; the same ones make the same database.
+    // The cameras determine only the viewpoints; the same viewpoints give the same database.
     for (const Viewpoint& v : viewpoints_of(cameras, options)) {
         hash = mix(hash, &v.elevation, sizeof v.elevation);
         hash = mix(hash, &v.inverse_distance, sizeof v.inverse_distance);

@@ -3,19 +3,19 @@
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 
-#include <cstdio>
+#include <CLI/CLI.hpp>
 #include <ctime>
 
 #include "common/atomic_file.h"
 #include "common/calibration_file.h"
-#include "server/calibration/report_page.h"
+#include "server/calibration/certificate/report_page.h"
 
 namespace kinevox::calibrate {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kSamePlace_m = 1e-3;
+constexpr double kSamePosition_m = 1e-3;
 
 fs::path certificate_base(const fs::path& calibration) {
     return fs::path(calibration).replace_extension(".certificate");
@@ -23,42 +23,58 @@ fs::path certificate_base(const fs::path& calibration) {
 
 }  // namespace
 
-absl::Status write_certificate(Certificate certificate, const fs::path& base) {
-    if (certificate.made_at.empty())
-        certificate.made_at = fmt::format("{:%Y-%m-%d %H:%M}", fmt::gmtime(std::time(nullptr)));
-    const fs::path json = base.string() + ".json", page = base.string() + ".png";
-    if (absl::Status written = write_file_atomically(json, certificate_json(certificate)); !written.ok())
-        return written;
+void declare_output(CLI::App& command, Output& output) {
+    command.add_option("--out", output.file, "Output calibration (.toml; certificate next to it)")
+        ->required();
+    command.add_flag("--overwrite", output.overwrite, "Replace an existing output file");
+    command.add_flag("--json", output.json, "Print the certificate as JSON");
+    command.add_flag("--quiet", output.quiet, "Print no progress");
+}
+
+absl::Status check_output(const Output& output) {
     std::error_code error;
-    fs::remove(page, error);  // of a former certificate
+    if (output.overwrite || output.file.empty() || !fs::exists(output.file, error)) return absl::OkStatus();
+    return absl::AlreadyExistsError(
+        fmt::format("{}: exists; give another --out, or --overwrite", output.file));
+}
+
+absl::Status write_certificate(Certificate certificate, const fs::path& base, const Output& output) {
+    if (certificate.create_time.empty())
+        certificate.create_time = fmt::format("{:%Y-%m-%d %H:%M}", fmt::gmtime(std::time(nullptr)));
+    const fs::path json = base.string() + ".json", page = base.string() + ".png";
+    const std::string text = certificate_json(certificate);
+    if (absl::Status written = write_file_atomically(json, text); !written.ok()) return written;
+    std::error_code error;
+    fs::remove(page, error);  // of an earlier certificate
     if (const absl::Status drawn = draw_report_page(json, page); !drawn.ok())
-        fmt::print("{}\n", std::string(drawn.message()));
+        output.print("{}\n", std::string(drawn.message()));
+    if (output.json) fmt::print("{}", text);
     return absl::OkStatus();
 }
 
-absl::Status write_calibration(const Certificate& certificate, const fs::path& out) {
-    if (absl::Status written = write_calibration_toml(certificate.cameras, out); !written.ok())
+absl::Status write_calibration(const Certificate& certificate, const Output& output) {
+    if (absl::Status written = write_calibration_toml(certificate.cameras, output.file); !written.ok())
         return written;
-    const fs::path base = certificate_base(out);
-    if (absl::Status written = write_certificate(certificate, base); !written.ok()) return written;
+    const fs::path base = certificate_base(output.file);
+    if (absl::Status written = write_certificate(certificate, base, output); !written.ok()) return written;
     std::error_code error;
     const bool page = fs::exists(base.string() + ".png", error);
-    fmt::print("{}written to {}, its certificate to {}.json{}\n", certificate_text(certificate), out.string(),
-               base.string(), page ? " and .png" : "");
+    output.print("{}written to {}, certificate to {}.json{}\n", certificate_text(certificate), output.file,
+                 base.string(), page ? " and .png" : "");
     return absl::OkStatus();
 }
 
-std::optional<Certificate> certificate_beside(const fs::path& calibration,
-                                              const std::vector<Camera>& cameras) {
+std::optional<Certificate> certificate_next_to(const fs::path& calibration,
+                                               const std::vector<Camera>& cameras) {
     const fs::path file = certificate_base(calibration).string() + ".json";
     const auto text = read_file(file, 64 << 20);
     if (!text.ok()) return std::nullopt;
     auto certificate = parse_certificate(*text, file.string());
     if (!certificate.ok() || certificate->cameras.size() != cameras.size()) return std::nullopt;
     for (std::size_t c = 0; c < cameras.size(); ++c) {
-        const Camera& told = certificate->cameras[c];
-        if (told.name != cameras[c].name ||
-            !(norm(told.centre_in_world() - cameras[c].centre_in_world()) < kSamePlace_m))
+        const Camera& stored = certificate->cameras[c];
+        if (stored.name != cameras[c].name ||
+            !(norm(stored.centre_in_world() - cameras[c].centre_in_world()) < kSamePosition_m))
             return std::nullopt;
     }
     return *std::move(certificate);

@@ -22,15 +22,15 @@ struct Console {
 }  // namespace
 
 SolveProgress console_progress(bool quiet) {
-    return [console = std::make_shared<Console>(quiet)](double part, const std::string& what) {
+    return [console = std::make_shared<Console>(quiet)](double fraction, const std::string& what) {
         if (console->interrupted) {
             console->line.clear();
             return false;
         }
-        if (part >= 1)
+        if (fraction >= 1)
             console->line.clear();
         else if (console->line.due())
-            console->line.draw(fmt::format("{:3.0f} %  {}", 100 * part, what));
+            console->line.draw(fmt::format("{:3.0f} %  {}", 100 * fraction, what));
         return true;
     };
 }

@@ -1,4 +1,4 @@
-// Floor and origin of cameras that have places already.
+// World frame of cameras with known extrinsics.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -9,13 +9,14 @@
 #include "common/atomic_file.h"
 #include "common/calibration_file.h"
 #include "common/session_file.h"
-#include "server/calibration/agreement_pictures.h"
-#include "server/calibration/board_clips.h"
-#include "server/calibration/diagnosis.h"
-#include "server/calibration/floor.h"
-#include "server/calibration/floor_points.h"
-#include "server/calibration/hull_agreement.h"
-#include "server/calibration/session_silhouettes.h"
+#include "server/calibration/board/board_clips.h"
+#include "server/calibration/board/floor.h"
+#include "server/calibration/board/floor_points.h"
+#include "server/calibration/person/diagnosis.h"
+#include "server/calibration/person/floor_person.h"
+#include "server/calibration/person/hull_iou.h"
+#include "server/calibration/person/session_silhouettes.h"
+#include "server/calibration/person/silhouette_overlays.h"
 #include "server/calibration/triangulation.h"
 #include "server/tools/calibrate/certificate_files.h"
 #include "server/tools/calibrate/console.h"
@@ -24,14 +25,14 @@
 namespace kinevox::calibrate {
 namespace {
 
-constexpr double kStill_px = 3;  // a board whose corners move by more does not lie
+constexpr double kStill_px = 3;  // a board whose corners move more is not at rest
 
 struct FloorArguments {
-    std::string input, calibration, board, points_file, out;
+    std::string input, calibration, board, points_file;
     std::vector<std::string> clips, points;
-    double thickness_mm = 0, height_m = 0;
-    int frame = -1, moments = 60;
-    bool quiet = false;
+    double thickness_mm = 0, stature_m = 0;
+    int frame = -1, frame_sets = 60;
+    Output output;
 };
 
 struct Input {
@@ -60,7 +61,7 @@ absl::StatusOr<Input> open_input(const FloorArguments& arguments) {
     return input;
 }
 
-// Each camera's corners of the board that lies on the floor, over all pictures or those of one frame.
+// Each camera's corners of the board on the floor, over all images or those of one frame.
 absl::StatusOr<std::vector<std::vector<Corner>>> lying_board(const FloorArguments& arguments,
                                                              const Input& input, const BoardSpec& board,
                                                              const SolveProgress& progress) {
@@ -68,85 +69,88 @@ absl::StatusOr<std::vector<std::vector<Corner>>> lying_board(const FloorArgument
         arguments.clips.empty() && input.is_session ? std::vector{arguments.input} : arguments.clips;
     if (files.empty())
         return absl::InvalidArgumentError(
-            "which pictures show the board on the floor? Give --clips NAME=FILE for each camera, or a "
-            "session");
+            "no images of the board on the floor; give --videos NAME=FILE per camera, or a session");
     const auto clips = open_clips(files);
     if (!clips.ok()) return clips.status();
-    const auto sightings = find_boards(
-        *clips, board, arguments.frame < 0 ? ClipPictures{} : ClipPictures{arguments.frame, 1, 1}, progress);
-    if (!sightings.ok()) return sightings.status();
+    const auto detections = detect_boards(
+        *clips, board, arguments.frame < 0 ? ClipImages{} : ClipImages{arguments.frame, 1, 1}, progress);
+    if (!detections.ok()) return detections.status();
     std::vector<std::vector<Corner>> seen(input.cameras.size());
     for (std::size_t k = 0; k < clips->size(); ++k) {
         const CameraClip& clip = (*clips)[k];
         const Camera* const camera = camera_named(input.cameras, clip.camera);
         if (!camera || camera->width != clip.width || camera->height != clip.height)
             return absl::InvalidArgumentError(
-                fmt::format("{}: has no camera {} of {} x {} px; name the clip as its camera, NAME=FILE",
+                fmt::format("{}: has no camera {} of {} x {} px; name the video as its camera, NAME=FILE",
                             input.calibration, clip.camera, clip.width, clip.height));
         std::vector<Corner>& corners = seen[camera - input.cameras.data()];
         std::map<int, Vec2> first;
-        for (const BoardSighting& sighting : (*sightings)[k]) {
-            for (const Corner& corner : sighting.corners) {
+        for (const BoardDetection& detection : (*detections)[k]) {
+            for (const Corner& corner : detection.corners) {
                 const auto [known, added] = first.emplace(corner.id, corner.pixel);
                 if (std::hypot(known->second.x - corner.pixel.x, known->second.y - corner.pixel.y) >
                     kStill_px)
-                    return absl::InvalidArgumentError(fmt::format(
-                        "camera {}: the board moves in these pictures; give --frame, one in which it lies on "
-                        "the floor",
-                        clip.camera));
+                    return absl::InvalidArgumentError(
+                        fmt::format("camera {}: the board moves in these images; give "
+                                    "--board-on-floor-frame, one in which it lies on the floor",
+                                    clip.camera));
                 corners.push_back(corner);
             }
         }
-        fmt::print("{:12} {} corners of the board\n", clip.camera, first.size());
+        arguments.output.print("{:12} {} corners of the board\n", clip.camera, first.size());
     }
     return seen;
 }
 
-void print_floor(const FloorResult& floor) {
-    if (floor.rms_px) fmt::print("misses by {:.2f} px\n", *floor.rms_px);
-    if (floor.flat_rms_mm)
-        fmt::print("{} points of the floor, even to {:.0f} mm\n", floor.on_floor.size(), *floor.flat_rms_mm);
-    if (floor.tilt_std_deg) fmt::print("tilt known to {:.2f} degrees\n", *floor.tilt_std_deg);
+void print_floor(const FloorResult& floor, const Output& output) {
+    if (floor.rms_px) output.print("reprojection error {:.2f} px\n", *floor.rms_px);
+    if (floor.flatness_rms_mm)
+        output.print("{} floor points, flat to {:.0f} mm\n", floor.on_floor.size(), *floor.flatness_rms_mm);
+    if (floor.tilt_std_deg)
+        output.print("standard deviation of the tilt {:.2f} degrees\n", *floor.tilt_std_deg);
 }
 
-// What a finding says about a floor that was set before.
+// Findings about an earlier floor.
 bool is_about_the_floor(const Finding& finding) {
     for (const char* check :
-         {"mirrored", "below_floor", "upside_down", "not_upright", "floor", "world", "one_view", "ambiguous",
-          "clicks", "flat_floor", "board_on_floor", "floor_narrow", "floor_contacts"})
+         {"target_mirrored", "camera_below_floor", "camera_upside_down", "subject_not_upright", "feet_height",
+          "world_inherited", "single_view", "ambiguous_floor", "clicked_points", "floor_flatness",
+          "board_on_floor", "walk_too_narrow", "floor_contacts"})
         if (finding.check == check) return true;
     return false;
 }
 
-// The certificate that the cameras have, if any, moved to the new world.
+// The cameras' certificate, if any, moved to the new world frame.
 Certificate with_floor(const Input& input, const FloorResult& floor) {
     Certificate certificate =
-        certificate_beside(input.calibration, input.cameras).value_or(Certificate{.made_by = "floor"});
-    certificate.made_at.clear();
+        certificate_next_to(input.calibration, input.cameras).value_or(Certificate{.method = "floor"});
+    certificate.create_time.clear();
     certificate.cameras = input.cameras;
     move_cameras({1, floor.world_from_old}, certificate.cameras);
-    for (Vec3& point : certificate.seen_points) point = floor.world_from_old * point;
+    for (Vec3& point : certificate.target_points) point = floor.world_from_old * point;
     const std::vector<Vec3>& space =
-        certificate.seen_points.empty() ? floor.on_floor : certificate.seen_points;
+        certificate.target_points.empty() ? floor.on_floor : certificate.target_points;
     certificate.volume = working_volume(certificate.cameras, space);
-    certificate.world_is_set = true;
-    certificate.floor = FloorQuality{floor.made_by, floor.rms_px, floor.flat_rms_mm, floor.tilt_std_deg};
+    certificate.world_defined = true;
+    certificate.floor = FloorQuality{floor.method, floor.rms_px, floor.flatness_rms_mm, floor.tilt_std_deg};
     std::erase_if(certificate.findings, is_about_the_floor);
     certificate.findings.insert(certificate.findings.end(), floor.findings.begin(), floor.findings.end());
     return certificate;
 }
 
-absl::Status set_floor(const FloorArguments& arguments) {
+absl::Status define_floor(const FloorArguments& arguments) {
+    if (absl::Status free = check_output(arguments.output); !free.ok()) return free;
     const bool by_points = !arguments.points.empty() || !arguments.points_file.empty();
     if (by_points && !arguments.board.empty())
-        return absl::InvalidArgumentError("a board or points? Give one of --board, --point and --points");
+        return absl::InvalidArgumentError(
+            "board and points given; use one of --board, --point, --points-file");
     const auto input = open_input(arguments);
     if (!input.ok()) return input.status();
     if (!by_points && arguments.board.empty() && !input->is_session)
         return absl::InvalidArgumentError(fmt::format(
-            "{}: is a calibration; give --board or --point too, or a session in which a person walks",
+            "{}: is a calibration; give --board or --point too, or a session with a walking person",
             arguments.input));
-    const SolveProgress progress = console_progress(arguments.quiet);
+    const SolveProgress progress = console_progress(arguments.output.quiet);
     absl::StatusOr<FloorResult> floor;
     std::optional<SessionSilhouettes> person;
     if (by_points) {
@@ -169,7 +173,7 @@ absl::Status set_floor(const FloorArguments& arguments) {
         if (!seen.ok()) return seen.status();
         floor = floor_from_board(input->cameras, board->points(), *seen, arguments.thickness_mm / 1000);
     } else {
-        auto seen = session_silhouettes(arguments.input, arguments.moments, input->calibration, progress);
+        auto seen = session_silhouettes(arguments.input, arguments.frame_sets, input->calibration, progress);
         if (!seen.ok()) return seen.status();
         for (Camera& camera : seen->cameras) {
             const Camera* const found = camera_named(input->cameras, camera.name);
@@ -182,65 +186,60 @@ absl::Status set_floor(const FloorArguments& arguments) {
         floor = floor_from_person(person->cameras, person->set, {}, progress);
     }
     if (!floor.ok()) return floor.status();
-    print_floor(*floor);
+    print_floor(*floor, arguments.output);
 
     Certificate certificate = with_floor(*input, *floor);
     std::optional<SubjectExtent> extent;
     if (person) {
         move_cameras({1, floor->world_from_old}, person->cameras);
         extent = subject_extent(person->cameras, person->set);
-        // The floor is under the feet already, and the hull knows better how tall the person is.
-        if (extent && floor->subject_height_m)
-            extent->lowest_m = 0, extent->highest_m = *floor->subject_height_m;
-        certificate.subject_height_m = floor->subject_height_m;
-        certificate.hull = hull_agreement(person->cameras, person->set);
-        certificate.pictures = agreement_pictures(person->cameras, person->set);
+        // The floor is under the feet by definition, and the hull gives the better height.
+        if (extent && floor->stature_m) extent->lowest_m = 0, extent->highest_m = *floor->stature_m;
+        certificate.stature_m = floor->stature_m;
+        certificate.hull_iou = hull_iou(person->cameras, person->set);
+        certificate.overlays = silhouette_overlays(person->cameras, person->set);
     }
     const std::optional<double> height =
-        arguments.height_m > 0 ? std::optional(arguments.height_m) : std::nullopt;
+        arguments.stature_m > 0 ? std::optional(arguments.stature_m) : std::nullopt;
     for (Finding& finding : check_world(certificate.cameras, extent, height))
         certificate.findings.push_back(std::move(finding));
-    return write_calibration(certificate, arguments.out);
+    return write_calibration(certificate, arguments.output);
 }
 
 }  // namespace
 
 std::vector<Verb> floor_verbs(CLI::App& app) {
-    const auto floor = std::make_shared<FloorArguments>();
-    CLI::App* const verb = app.add_subcommand("floor",
-                                              "Floor, origin and directions of the world: from a board on "
-                                              "the floor, from clicked points, or from a "
-                                              "person who walks");
+    const auto arguments = std::make_shared<FloorArguments>();
+    CLI::App* const verb = app.add_subcommand(
+        "floor", "Define the world frame from a board on the floor, clicked points or a walking person");
     verb->add_option(
-            "input", floor->input,
-            "A session, or a calibration whose cameras have places. Without --board and --point the floor is "
-            "taken from the feet of the person who walks in the session")
+            "input", arguments->input,
+            "Session, or calibration with extrinsics. Without --board and --point the floor is fitted to "
+            "the feet of the person who walks in the session")
         ->required();
-    verb->add_option("--calibration", floor->calibration, "Instead of the session's own");
-    verb->add_option("--board", floor->board,
-                     std::string("A board lies on the floor, print up: ") + kBoardHelp);
-    verb->add_option("--clips", floor->clips,
-                     "NAME=FILE, pictures or videos of that board; without it the session's");
-    verb->add_option("--frame", floor->frame, "The picture in which it lies there, from 0; without it all")
+    verb->add_option("--calibration", arguments->calibration, "Calibration (default: the session's)");
+    verb->add_option("--board", arguments->board, std::string("Board on the floor, print up: ") + kBoardHelp);
+    verb->add_option("--videos", arguments->clips,
+                     "NAME=FILE per camera, images or videos of that board (default: the session's)");
+    verb->add_option("--board-on-floor-frame", arguments->frame,
+                     "Frame in which the board lies on the floor, from 0 (default: all)")
         ->check(CLI::NonNegativeNumber);
-    verb->add_option("--board-thickness", floor->thickness_mm, "mm: the floor is so much under the print")
+    verb->add_option("--board-thickness", arguments->thickness_mm, "Board thickness (mm)")
         ->check(CLI::Range(0.0, 200.0))
         ->capture_default_str();
     verb->add_option(
-        "--point", floor->points,
-        "'0,0,0 cam1:412.5,300 cam3:99,120': a point's world coordinates in m and where it was clicked, px; "
-        "three or more. Without coordinates they lie on the floor, the first is the origin, the second gives "
-        "the x direction");
-    verb->add_option("--points", floor->points_file, "A file with such a point in each line");
-    verb->add_option("--subject-height", floor->height_m, "m, as measured: checks the scale")
+        "--point", arguments->points,
+        "'0,0,0 cam1:412.5,300 cam3:99,120': world coordinates (m) of a point and where it was "
+        "clicked (px); three or more. Without coordinates the points lie on the floor, the first is "
+        "the origin, the second gives the x direction");
+    verb->add_option("--points-file", arguments->points_file, "File with one such point per line");
+    verb->add_option("--stature", arguments->stature_m, "Subject's height (m, with shoes); checks the scale")
         ->check(CLI::Range(0.5, 2.6));
-    verb->add_option("--moments", floor->moments, "Frame sets of the person to look at")
+    verb->add_option("--frame-sets", arguments->frame_sets, "Number of frame sets of the person to use")
         ->check(CLI::Range(10, 500))
         ->capture_default_str();
-    verb->add_option("--out", floor->out, "The calibration to write, .toml; its certificate goes beside it")
-        ->required();
-    verb->add_flag("--quiet", floor->quiet, "No progress");
-    return {{verb, [floor] { return set_floor(*floor); }}};
+    declare_output(*verb, arguments->output);
+    return {{verb, [arguments] { return define_floor(*arguments); }}};
 }
 
 }  // namespace kinevox::calibrate

@@ -1,17 +1,19 @@
-// Places of cameras from a person who walks: what `extrinsics --person` does.
+// Extrinsics from a walking person: `extrinsics --person`.
 #pragma once
 
 #include <absl/status/status.h>
 
 #include <string>
 
+#include "server/tools/calibrate/certificate_files.h"
+
 namespace kinevox::calibrate {
 
 struct PersonArguments {
-    std::string session, lenses, out;
-    double height_m = 0;  // of the subject; 0: not known
-    int moments = 150;
-    bool quiet = false;
+    std::string session, intrinsics;
+    double stature_m = 0;  // of the subject; 0: unknown
+    int frame_sets = 150;
+    Output output;
 };
 
 absl::Status person_extrinsics(const PersonArguments& arguments);

@@ -1,14 +1,14 @@
-// What needs a recorded session with a person in it: refine and check.
+// refine and check: they need a session with a person.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <memory>
 #include <string>
 
-#include "server/calibration/diagnosis.h"
-#include "server/calibration/hull_agreement.h"
-#include "server/calibration/person_refine.h"
-#include "server/calibration/session_silhouettes.h"
+#include "server/calibration/certificate/person_refine.h"
+#include "server/calibration/person/diagnosis.h"
+#include "server/calibration/person/hull_iou.h"
+#include "server/calibration/person/session_silhouettes.h"
 #include "server/tools/calibrate/certificate_files.h"
 #include "server/tools/calibrate/console.h"
 #include "server/tools/calibrate/verbs.h"
@@ -17,75 +17,79 @@ namespace kinevox::calibrate {
 namespace {
 
 struct SessionArguments {
-    std::string session, calibration, out;
-    double height_m = 0;
-    int moments = 60;
-    bool quiet = false;
+    std::string session, calibration;
+    double stature_m = 0;
+    int frame_sets = 60;
+    Output output;
 };
 
 absl::StatusOr<SessionSilhouettes> open(const SessionArguments& arguments, const SolveProgress& progress) {
-    return session_silhouettes(arguments.session, arguments.moments, arguments.calibration, progress);
+    return session_silhouettes(arguments.session, arguments.frame_sets, arguments.calibration, progress);
 }
 
-std::optional<double> known_height(const SessionArguments& arguments) {
-    return arguments.height_m > 0 ? std::optional<double>(arguments.height_m) : std::nullopt;
+std::optional<double> known_stature(const SessionArguments& arguments) {
+    return arguments.stature_m > 0 ? std::optional<double>(arguments.stature_m) : std::nullopt;
 }
 
-void print_hull(const char* what, const HullAgreement& hull, const std::vector<Camera>& cameras) {
-    fmt::print("{}: hull and silhouettes agree to {:.4f} (IoU, {} frames):", what, hull.mean_iou,
-               hull.frames);
-    for (std::size_t c = 0; c < cameras.size(); ++c) fmt::print(" {} {:.3f}", cameras[c].name, hull.iou[c]);
-    fmt::print("\n");
+void print_hull(const char* what, const HullIou& hull, const std::vector<Camera>& cameras,
+                const Output& output) {
+    output.print("{}: hull IoU {:.4f} ({} frame sets):", what, hull.mean_iou, hull.frames);
+    for (std::size_t c = 0; c < cameras.size(); ++c) output.print(" {} {:.3f}", cameras[c].name, hull.iou[c]);
+    output.print("\n");
 }
 
 absl::Status refine(const SessionArguments& arguments) {
-    const SolveProgress progress = console_progress(arguments.quiet);
+    if (absl::Status free = check_output(arguments.output); !free.ok()) return free;
+    const SolveProgress progress = console_progress(arguments.output.quiet);
     const auto seen = open(arguments, progress);
     if (!seen.ok()) return seen.status();
-    const auto refined =
-        refine_from_person(seen->cameras, seen->set, arguments.moments, known_height(arguments), progress);
+    const auto refined = refine_from_person(seen->cameras, seen->set, arguments.frame_sets,
+                                            known_stature(arguments), progress);
     if (!refined.ok()) return refined.status();
     const Certificate& certificate = refined->certificate;
-    print_hull("before", *certificate.hull_before, seen->cameras);
+    print_hull("before", *certificate.hull_iou_before, seen->cameras, arguments.output);
     if (const auto& better = refined->better) {
-        print_hull("after ", *certificate.hull, seen->cameras);
-        fmt::print("outlines miss by {:.2f} px, before {:.2f}\n", better->miss_after_px,
-                   better->miss_before_px);
+        print_hull("after ", *certificate.hull_iou, seen->cameras, arguments.output);
+        arguments.output.print("silhouette residual {:.2f} px, before {:.2f} px\n", better->residual_after_px,
+                               better->residual_before_px);
         for (std::size_t c = 0; c < seen->cameras.size(); ++c)
-            fmt::print("{:12} turned by {:.2f} degrees, moved by {:.0f} mm\n", seen->cameras[c].name,
-                       better->turned_deg[c], 1000 * better->moved_m[c]);
+            arguments.output.print("{:12} rotated by {:.2f} degrees, moved by {:.0f} mm\n",
+                                   seen->cameras[c].name, better->rotated_deg[c], 1000 * better->moved_m[c]);
     }
-    return write_calibration(certificate, arguments.out);
+    return write_calibration(certificate, arguments.output);
 }
 
 absl::Status check(const SessionArguments& arguments) {
-    const SolveProgress progress = console_progress(arguments.quiet);
+    const SolveProgress progress = console_progress(arguments.output.quiet);
     const auto seen = open(arguments, progress);
     if (!seen.ok()) return seen.status();
     Certificate certificate;
-    certificate.made_by = "check";
+    certificate.method = "check";
     certificate.cameras = seen->cameras;
-    certificate.hull = hull_agreement(seen->cameras, seen->set);
-    fmt::print("outlines miss by {:.2f} px\n", silhouette_miss_px(seen->cameras, seen->set));
-    print_hull("check", *certificate.hull, seen->cameras);
+    certificate.hull_iou = hull_iou(seen->cameras, seen->set);
+    arguments.output.print("silhouette residual {:.2f} px\n",
+                           silhouette_residual_px(seen->cameras, seen->set));
+    print_hull("check", *certificate.hull_iou, seen->cameras, arguments.output);
     auto findings = diagnose_silhouettes(seen->cameras, seen->set, {}, progress);
     if (!findings.ok()) return findings.status();
     certificate.findings = *std::move(findings);
-    judge_by_person(seen->set, known_height(arguments), certificate);
-    fmt::print("{}", certificate_text(certificate));
-    return arguments.out.empty() ? absl::OkStatus() : write_certificate(certificate, arguments.out);
+    check_with_person(seen->set, known_stature(arguments), certificate);
+    arguments.output.print("{}", certificate_text(certificate));
+    if (!arguments.output.file.empty())
+        return write_certificate(certificate, arguments.output.file, arguments.output);
+    if (arguments.output.json) fmt::print("{}", certificate_json(certificate));
+    return absl::OkStatus();
 }
 
 CLI::App* declare(CLI::App& app, const char* name, const char* about, SessionArguments& arguments) {
     CLI::App* const verb = app.add_subcommand(name, about);
-    verb->add_option("session", arguments.session, "The session's file, session.toml")->required();
-    verb->add_option("--calibration", arguments.calibration, "Instead of the session's own");
-    verb->add_option("--subject-height", arguments.height_m, "m, as measured: checks the scale")
+    verb->add_option("session", arguments.session, "Session (session.toml)")->required();
+    verb->add_option("--calibration", arguments.calibration, "Calibration (default: the session's)");
+    verb->add_option("--stature", arguments.stature_m, "Subject's height (m, with shoes); checks the scale")
         ->check(CLI::Range(0.5, 2.6));
-    verb->add_option("--moments", arguments.moments, "Frame sets to look at")
+    verb->add_option("--frame-sets", arguments.frame_sets, "Number of frame sets to use")
         ->check(CLI::Range(5, 500))
         ->capture_default_str();
-    verb->add_flag("--quiet", arguments.quiet, "No progress");
     return verb;
 }
 
@@ -93,14 +97,15 @@ CLI::App* declare(CLI::App& app, const char* name, const char* about, SessionArg
 
 std::vector<Verb> session_verbs(CLI::App& app) {
     const auto refined = std::make_shared<SessionArguments>(), checked = std::make_shared<SessionArguments>();
-    CLI::App* const refine_verb = declare(
-        app, "refine", "Better places of the cameras from the silhouettes of a person who moves", *refined);
-    refine_verb
-        ->add_option("--out", refined->out, "The calibration to write, .toml; its certificate goes beside it")
-        ->required();
+    CLI::App* const refine_verb =
+        declare(app, "refine", "Refine extrinsics from a moving person's silhouettes", *refined);
+    declare_output(*refine_verb, refined->output);
     CLI::App* const check_verb =
-        declare(app, "check", "Whether a session's calibration can be trusted: GO, CARE or NO-GO", *checked);
-    check_verb->add_option("--out", checked->out, "Write the certificate to this name with .json added");
+        declare(app, "check", "Check a session's calibration (GO, CAUTION, NO-GO)", *checked);
+    check_verb->add_option("--out", checked->output.file,
+                           "Base name of the certificate (.json and .png are added)");
+    check_verb->add_flag("--json", checked->output.json, "Print the certificate as JSON");
+    check_verb->add_flag("--quiet", checked->output.quiet, "Print no progress");
     return {{refine_verb, [refined] { return refine(*refined); }},
             {check_verb, [checked] { return check(*checked); }}};
 }

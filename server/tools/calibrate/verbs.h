@@ -1,5 +1,5 @@
-// The verbs of `kinevox calibrate`, on files without a daemon. Each declares its options and, once they are
-// parsed, is run by the main program.
+// The commands of `kinevox calibrate` that work on files. Each declares its options; the main program runs
+// the parsed one.
 #pragma once
 
 #include <absl/status/status.h>
@@ -18,10 +18,10 @@ struct Verb {
     std::function<absl::Status()> run;
 };
 
-std::vector<Verb> file_verbs(CLI::App& app);     // import, export
-std::vector<Verb> lens_verbs(CLI::App& app);     // intrinsics
-std::vector<Verb> places_verbs(CLI::App& app);   // extrinsics
-std::vector<Verb> floor_verbs(CLI::App& app);    // floor
-std::vector<Verb> session_verbs(CLI::App& app);  // refine, check
+std::vector<Verb> convert_verbs(CLI::App& app);     // convert
+std::vector<Verb> intrinsics_verbs(CLI::App& app);  // intrinsics
+std::vector<Verb> extrinsics_verbs(CLI::App& app);  // extrinsics
+std::vector<Verb> floor_verbs(CLI::App& app);       // floor
+std::vector<Verb> session_verbs(CLI::App& app);     // refine, check
 
 }  // namespace kinevox::calibrate

@@ -8,12 +8,12 @@
 namespace kinevox::doctor {
 namespace {
 
-constexpr long long kUsbMegabytes = 1000;  // of transfers under way, all cameras together
+constexpr long long kUsbMegabytes = 1000;  // of pending transfers of all cameras
 constexpr long long kSuperSpeed = 5000;    // Mbit/s
 
 const std::string kUsbDevices = "sys/bus/usb/devices/";
 
-// "2-1" for a camera by its interface class, of USB3 Vision: miscellaneous, 5.
+// "2-1" for a camera with the interface class of USB3 Vision (miscellaneous, 5).
 std::vector<std::string> usb_cameras(const Machine& machine) {
     std::vector<std::string> out;
     for (const std::string& name : machine.names(kUsbDevices)) {  // an interface is "2-1:1.0"
@@ -33,8 +33,8 @@ Finding usb_node(const Facts& facts, const std::string& device) {
         fmt::format("dev/bus/usb/{:03}/{:03}", facts.machine.number(folder + "/busnum").value_or(0),
                     facts.machine.number(folder + "/devnum").value_or(0));
     if (access(facts.machine.at(node).c_str(), R_OK | W_OK) == 0)
-        return {Level::kOk, "USB permissions", fmt::format("the camera at USB {} may be opened", device)};
-    return {Level::kBad,
+        return {Severity::kOk, "USB permissions", fmt::format("the camera at USB {} may be opened", device)};
+    return {Severity::kError,
             "USB permissions",
             fmt::format("/{}, the camera at USB {}, may not be opened by you", node, device),
             "install kinevox-server, which brings udev rules; be in the group plugdev; unplug and plug the "
@@ -47,9 +47,10 @@ Finding usb_node(const Facts& facts, const std::string& device) {
 Finding usb_speed(const Facts& facts, const std::string& device) {
     const auto speed = facts.machine.number(kUsbDevices + device + "/speed").value_or(0);
     if (speed >= kSuperSpeed)
-        return {Level::kOk, "USB speed",
+        return {Severity::kOk, "USB speed",
                 fmt::format("the camera at USB {} runs at {} Mbit/s", device, speed)};
-    return {Level::kBad, "USB speed", fmt::format("the camera at USB {} runs at {} Mbit/s", device, speed),
+    return {Severity::kError, "USB speed",
+            fmt::format("the camera at USB {} runs at {} Mbit/s", device, speed),
             "plug it into a USB 3 port, without a hub, with a cable for USB 3"};
 }
 
@@ -59,18 +60,17 @@ Findings check_cameras(const Facts& facts) {
     const DaemonConfig config = facts.settings();
     Findings out;
     if (config.source.kind != SourceConfig::Kind::kCameras)
-        return {{Level::kOk, "cameras",
-                 fmt::format("none are asked for by the configuration; {} answered", facts.found.size())}};
+        return {
+            {Severity::kOk, "cameras", fmt::format("none are configured; {} answered", facts.found.size())}};
     for (const LiveCameraConfig& camera : config.source.cameras.cameras) {
         if (const FoundCamera* found = choose_camera(facts.found, camera.device))
-            out.push_back({Level::kOk, "cameras", fmt::format("{} is {}", camera.name, describe(*found))});
+            out.push_back({Severity::kOk, "cameras", fmt::format("{} is {}", camera.name, describe(*found))});
         else
-            out.push_back(
-                {Level::kBad, "cameras",
-                 fmt::format("{} ({}) does not answer; {} others do", camera.name, camera.device,
-                             facts.found.size()),
-                 "see its cable and power, that its address is in the interface's network, and the firewall; "
-                 "`kinevox discover` lists those that answer"});
+            out.push_back({Severity::kError, "cameras",
+                           fmt::format("{} ({}) does not answer; {} others do", camera.name, camera.device,
+                                       facts.found.size()),
+                           "check cable and power, the interface's network and the firewall; "
+                           "`kinevox discover` lists those that answer"});
     }
     return out;
 }
@@ -86,15 +86,15 @@ Findings check_usb(const Facts& facts) {
     const auto megabytes = facts.machine.number(memory);
     if (!megabytes) {
         if (!cameras.empty())
-            out.push_back({Level::kWarn, "USB memory", "/" + memory + " cannot be read",
+            out.push_back({Severity::kWarning, "USB memory", "/" + memory + " cannot be read",
                            "run this outside of a container"});
     } else if (*megabytes == 0 || *megabytes >= kUsbMegabytes) {
-        out.push_back({Level::kOk, "USB memory", fmt::format("usbfs_memory_mb is {}", *megabytes)});
+        out.push_back({Severity::kOk, "USB memory", fmt::format("usbfs_memory_mb is {}", *megabytes)});
     } else {
-        out.push_back({cameras.empty() ? Level::kOk : Level::kBad, "USB memory",
+        out.push_back({cameras.empty() ? Severity::kOk : Severity::kError, "USB memory",
                        fmt::format("usbfs_memory_mb is {}{}", *megabytes,
                                    cameras.empty() ? "; USB cameras would need more"
-                                                   : ", too little for a camera's pictures under way"),
+                                                   : ", too little for a camera's pending images"),
                        cameras.empty() ? "" : fmt::format("echo {} > /{}", kUsbMegabytes, memory),
                        cameras.empty()
                            ? std::vector<Fix>{}

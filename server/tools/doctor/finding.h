@@ -1,4 +1,4 @@
-// What one check of `kinevox doctor` found.
+// Result of one check of `kinevox doctor`.
 #pragma once
 
 #include <string>
@@ -6,9 +6,10 @@
 
 namespace kinevox::doctor {
 
-enum class Level { kOk, kWarn, kBad };  // as it should be; it works, with losses or risks; it does not work
+// kWarning: it works, with losses or risks; kError: it does not work.
+enum class Severity { kOk, kWarning, kError };
 
-// What root would do about it, as --fix-script writes it.
+// A fix for root, as --fix-script writes it.
 struct Fix {
     enum class Kind {
         kSysctl,   // "net.core.rmem_max=33554432", kept in /etc/sysctl.d
@@ -22,10 +23,10 @@ struct Fix {
 };
 
 struct Finding {
-    Level level = Level::kOk;
-    std::string check;      // "receive buffers"
-    std::string what;       // one line
-    std::string mend = {};  // one line; empty where there is nothing to mend
+    Severity severity = Severity::kOk;
+    std::string check;        // "receive buffers"
+    std::string message;      // one line
+    std::string remedy = {};  // one line; empty for kOk
     std::vector<Fix> fixes = {};
 };
 

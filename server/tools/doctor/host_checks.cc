@@ -5,7 +5,6 @@
 #include <sstream>
 
 #include "server/tools/doctor/checks.h"
-#include "server/tools/doctor/clock_state.h"
 
 namespace kinevox::doctor {
 namespace {
@@ -20,7 +19,7 @@ bool has_nvidia_card(const Machine& machine) {
     return false;
 }
 
-// "535.183.01" from the driver's own words.
+// "535.183.01" from the driver's version text.
 std::string driver_version(const Machine& machine) {
     std::istringstream words(machine.text("proc/driver/nvidia/version"));
     for (std::string word; words >> word;)
@@ -34,18 +33,18 @@ std::string driver_version(const Machine& machine) {
 
 Findings check_gpu(const Facts& facts) {
     const bool wanted = facts.settings().pipeline.device == PipelineConfig::Device::kCuda;
-    const Level worst = wanted ? Level::kBad : Level::kWarn;
+    const Severity worst = wanted ? Severity::kError : Severity::kWarning;
     const std::string unused = wanted ? "" : "; the configuration computes on the CPU";
     const std::string version = driver_version(facts.machine);
     if (version.empty()) {
         if (has_nvidia_card(facts.machine))
-            return {{worst, "GPU driver", "an NVIDIA card is there, but its driver is not loaded" + unused,
+            return {{worst, "GPU driver", "an NVIDIA card is present, but its driver is not loaded" + unused,
                      "install nvidia-driver and restart the machine"}};
         if (wanted)
-            return {{Level::kBad, "GPU driver",
-                     "the configuration asks for cuda, but there is no NVIDIA card",
+            return {{Severity::kError, "GPU driver",
+                     "the configuration selects cuda, but there is no NVIDIA card",
                      "set device = \"cpu\" in [pipeline]"}};
-        return {{Level::kOk, "GPU driver", "no NVIDIA card; none is asked for"}};
+        return {{Severity::kOk, "GPU driver", "no NVIDIA card; none is configured"}};
     }
     for (const char* node : {"dev/nvidiactl", "dev/nvidia0", "dev/nvidia-uvm"})
         if (!facts.machine.exists(node))
@@ -54,28 +53,28 @@ Findings check_gpu(const Facts& facts) {
                      fmt::format("NVIDIA's driver {} is loaded, but /{} is missing{}", version, node, unused),
                      "nvidia-modprobe -c0 -u",
                      {{Fix::Kind::kCommand, "nvidia-modprobe -c0 -u"}}}};
-    return {{Level::kOk, "GPU driver", fmt::format("NVIDIA's driver {}{}", version, unused)}};
+    return {{Severity::kOk, "GPU driver", fmt::format("NVIDIA's driver {}{}", version, unused)}};
 }
 
 Findings check_memory(const Facts& facts) {
     const std::string path = "sys/kernel/mm/transparent_hugepage/enabled";
     const std::string words = facts.machine.text(path);
     if (words.find("[never]") != std::string::npos)
-        return {{Level::kWarn,
+        return {{Severity::kWarning,
                  "huge pages",
                  "transparent huge pages are off: all stages may take up to 1.7 times longer",
                  "echo madvise > /" + path,
                  {{Fix::Kind::kTmpfile, "w /" + path + " - - - - madvise"}}}};
     if (words.empty())
-        return {{Level::kWarn, "huge pages", "/" + path + " cannot be read",
+        return {{Severity::kWarning, "huge pages", "/" + path + " cannot be read",
                  "use a kernel with transparent huge pages"}};
-    return {{Level::kOk, "huge pages", "transparent huge pages: " + words}};
+    return {{Severity::kOk, "huge pages", "transparent huge pages: " + words}};
 }
 
 Findings check_limits(const Facts& facts) {
     const int daemon = facts.machine.process("kinevoxd");
     const std::string who =
-        daemon ? fmt::format("kinevoxd (process {})", daemon) : "a program that you start";
+        daemon ? fmt::format("kinevoxd (process {})", daemon) : "a program started by you";
     std::istringstream lines(
         facts.machine.text(fmt::format("proc/{}/limits", daemon ? std::to_string(daemon) : "self")));
     for (std::string line; std::getline(lines, line);) {
@@ -84,13 +83,13 @@ Findings check_limits(const Facts& facts) {
         std::string soft;
         numbers >> soft;
         if (soft == "unlimited" || std::atoll(soft.c_str()) >= kOpenFiles)
-            return {{Level::kOk, "open files", fmt::format("{} may have {} files open", who, soft)}};
-        return {{Level::kBad, "open files",
+            return {{Severity::kOk, "open files", fmt::format("{} may have {} files open", who, soft)}};
+        return {{Severity::kError, "open files",
                  fmt::format("{} may have only {} files open: recordings and clients need more", who, soft),
-                 "start the daemon by systemd, whose unit asks for 65536, or `ulimit -n 65536` before"}};
+                 "start the daemon with systemd, whose unit sets 65536, or run `ulimit -n 65536` first"}};
     }
-    return {
-        {Level::kWarn, "open files", fmt::format("the limit of {} cannot be read", who), "run this as root"}};
+    return {{Severity::kWarning, "open files", fmt::format("the limit of {} cannot be read", who),
+             "run this as root"}};
 }
 
 ClockState clock_state() {
@@ -102,14 +101,14 @@ ClockState clock_state() {
 
 Finding judge(const ClockState& clock) {
     if (!clock.known)
-        return {Level::kWarn, "clock", "the kernel does not tell whether the clock is set",
+        return {Severity::kWarning, "clock", "the kernel does not report whether the clock is synchronised",
                 "run this outside of a container"};
     if (clock.synchronised)
-        return {Level::kOk, "clock",
+        return {Severity::kOk, "clock",
                 fmt::format("synchronised, by its own estimate to {:.1f} ms", clock.error_ms)};
-    return {Level::kWarn,
+    return {Severity::kWarning,
             "clock",
-            "not synchronised: times of recordings do not agree with other machines'",
+            "not synchronised: times of recordings differ from those of other machines",
             "apt install systemd-timesyncd (or chrony), then timedatectl set-ntp true",
             {{Fix::Kind::kCommand, "timedatectl set-ntp true"}}};
 }

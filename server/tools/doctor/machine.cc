@@ -40,8 +40,8 @@ std::vector<std::string> Machine::names(const std::string& folder) const {
     return out;
 }
 
-// By its command: the kernel's own name of the daemon is that of the link by which it starts itself anew for
-// huge pages.
+// By its command line: the daemon restarts itself through a link for huge pages, which changes the kernel's
+// name.
 int Machine::process(const std::string& name) const {
     for (const std::string& entry : names("proc")) {
         if (!std::ranges::all_of(entry, [](unsigned char c) { return std::isdigit(c); })) continue;

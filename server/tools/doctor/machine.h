@@ -1,4 +1,4 @@
-// The files that the kernel and the system tell of themselves by. Below a root of their own in tests.
+// Reads files of /proc, /sys and the system; tests use another root.
 #pragma once
 
 #include <filesystem>
@@ -16,10 +16,10 @@ class Machine {
     std::filesystem::path at(const std::string& path) const { return root_ / path; }
     // Without the white space at its end; empty where it cannot be read.
     std::string text(const std::string& path) const;
-    std::optional<long long> number(const std::string& path) const;  // with which it begins
+    std::optional<long long> number(const std::string& path) const;  // leading number
     bool exists(const std::string& path) const;
     std::vector<std::string> names(const std::string& folder) const;  // in it, sorted
-    // The process of that name, and 0 for none.
+    // The process of that name; 0 if there is none.
     int process(const std::string& name) const;
 
   private:

@@ -7,44 +7,43 @@
 #include <memory>
 
 #include "server/tools/doctor/checks.h"
-#include "server/tools/doctor/interfaces.h"
 
 namespace kinevox::doctor {
 namespace {
 
-constexpr long long kReceiveBytes = 33554432;  // docs/cameras.md: the daemon asks for 8 MB a camera
-constexpr long long kBacklog = 5000;           // packets; a gigabit of 1500 bytes brings 80 a millisecond
-constexpr long long kJumboBytes = 8192;        // from which packets count as jumbo frames
+constexpr long long kReceiveBytes = 33554432;  // docs/cameras.md: the daemon requests 8 MB per camera
+constexpr long long kBacklog = 5000;     // packets; one gigabit of 1500-byte packets is 80 per millisecond
+constexpr long long kJumboBytes = 8192;  // from which packets count as jumbo frames
 
 bool has_network_cameras(const Facts& facts) {
     return std::ranges::any_of(facts.found,
                                [](const FoundCamera& camera) { return camera.protocol == "GigEVision"; });
 }
 
-Finding at_least(const Facts& facts, const char* check, const std::string& key, long long least,
+Finding at_least(const Facts& facts, const char* check, const std::string& key, long long min_value,
                  const char* why) {
     std::string path = "proc/sys/" + key;
     std::ranges::replace(path, '.', '/');
     const auto value = facts.machine.number(path);
     if (!value)
-        return {Level::kWarn, check, fmt::format("{} cannot be read", key),
+        return {Severity::kWarning, check, fmt::format("{} cannot be read", key),
                 "run this outside of a container"};
-    if (*value >= least) return {Level::kOk, check, fmt::format("{} is {}", key, *value)};
-    // Without cameras on the network nothing is lost yet.
-    return {has_network_cameras(facts) ? Level::kBad : Level::kWarn,
+    if (*value >= min_value) return {Severity::kOk, check, fmt::format("{} is {}", key, *value)};
+    // Without network cameras nothing is lost yet.
+    return {has_network_cameras(facts) ? Severity::kError : Severity::kWarning,
             check,
-            fmt::format("{} is {}, below {}: {}", key, *value, least, why),
-            fmt::format("sysctl -w {}={}", key, least),
-            {{Fix::Kind::kSysctl, fmt::format("{}={}", key, least)}}};
+            fmt::format("{} is {}, below {}: {}", key, *value, min_value, why),
+            fmt::format("sysctl -w {}={}", key, min_value),
+            {{Fix::Kind::kSysctl, fmt::format("{}={}", key, min_value)}}};
 }
 
 Finding mtu_of(const Facts& facts, const Interface& interface) {
     const auto mtu = facts.machine.number("sys/class/net/" + interface.name + "/mtu").value_or(0);
     if (mtu >= kJumboBytes)
-        return {Level::kOk, "jumbo frames", fmt::format("{} takes packets of {} bytes", interface.name, mtu)};
-    return {Level::kWarn,
+        return {Severity::kOk, "jumbo frames", fmt::format("{} has an MTU of {} bytes", interface.name, mtu)};
+    return {Severity::kWarning,
             "jumbo frames",
-            fmt::format("{}, which cameras are behind, takes packets of {} bytes: six times as many "
+            fmt::format("{}, which connects cameras, has an MTU of {} bytes: six times as many "
                         "interrupts as with 9000",
                         interface.name, mtu),
             fmt::format("ip link set {} mtu 9000, and the same on the switch", interface.name),
@@ -56,25 +55,25 @@ Finding mtu_of(const Facts& facts, const Interface& interface) {
 
 Finding speed_of(const Facts& facts, const Interface& interface) {
     const auto megabits = facts.machine.number("sys/class/net/" + interface.name + "/speed").value_or(-1);
-    if (megabits < 0) return {Level::kOk, "network speed", interface.name + " tells no speed"};
+    if (megabits < 0) return {Severity::kOk, "network speed", interface.name + " reports no speed"};
     if (megabits >= 1000)
-        return {Level::kOk, "network speed", fmt::format("{} runs at {} Mbit/s", interface.name, megabits)};
-    return {Level::kBad, "network speed",
-            fmt::format("{}, which cameras are behind, runs at {} Mbit/s", interface.name, megabits),
+        return {Severity::kOk, "network speed",
+                fmt::format("{} runs at {} Mbit/s", interface.name, megabits)};
+    return {Severity::kError, "network speed",
+            fmt::format("{}, which connects cameras, runs at {} Mbit/s", interface.name, megabits),
             "use a cable and a port of 1 Gbit/s or more"};
 }
 
-// 1 drops what comes from an address that this interface would not answer to; the kernel takes the greater of
-// the two.
+// 1 drops packets from addresses that this interface would not route to; the kernel uses the larger value.
 Finding path_filter_of(const Facts& facts, const Interface& interface) {
     const std::string folder = "proc/sys/net/ipv4/conf/";
     const auto filter = std::max(facts.machine.number(folder + "all/rp_filter").value_or(0),
                                  facts.machine.number(folder + interface.name + "/rp_filter").value_or(0));
     if (filter != 1)
-        return {Level::kOk, "path filter", fmt::format("{} has rp_filter {}", interface.name, filter)};
-    return {Level::kWarn,
+        return {Severity::kOk, "path filter", fmt::format("{} has rp_filter {}", interface.name, filter)};
+    return {Severity::kWarning,
             "path filter",
-            fmt::format("{} has rp_filter 1: cameras that have no address of its network yet are not heard",
+            fmt::format("{} has rp_filter 1: cameras without an address of its network are not found",
                         interface.name),
             fmt::format("sysctl -w net.ipv4.conf.{}.rp_filter=2", interface.name),
             {{Fix::Kind::kSysctl, fmt::format("net.ipv4.conf.{}.rp_filter=2", interface.name)}}};
@@ -115,7 +114,7 @@ std::vector<Interface> with_cameras(const std::vector<Interface>& all,
 
 Findings check_network(const Facts& facts) {
     return {at_least(facts, "receive buffers", "net.core.rmem_max", kReceiveBytes,
-                     "pictures lose packets when many come at once"),
+                     "images lose packets in bursts"),
             at_least(facts, "packet backlog", "net.core.netdev_max_backlog", kBacklog,
                      "packets are dropped while a core is busy")};
 }

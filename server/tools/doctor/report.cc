@@ -8,12 +8,12 @@
 namespace kinevox::doctor {
 namespace {
 
-const char* name_of(Level level) {
-    return level == Level::kOk ? "OK" : level == Level::kWarn ? "WARN" : "BAD";
+const char* name_of(Severity severity) {
+    return severity == Severity::kOk ? "OK" : severity == Severity::kWarning ? "WARNING" : "ERROR";
 }
 
-int count(const Findings& findings, Level level) {
-    return static_cast<int>(std::ranges::count(findings, level, &Finding::level));
+int count(const Findings& findings, Severity severity) {
+    return static_cast<int>(std::ranges::count(findings, severity, &Finding::severity));
 }
 
 std::vector<std::string> fixes_of(const Findings& findings, Fix::Kind kind) {
@@ -24,7 +24,7 @@ std::vector<std::string> fixes_of(const Findings& findings, Fix::Kind kind) {
     return out;
 }
 
-// Writes these lines to a file of that name.
+// Shell code that writes these lines to the file, followed by `then`.
 std::string here_document(const std::string& file, const std::vector<std::string>& lines,
                           const std::string& then) {
     if (lines.empty()) return "";
@@ -35,46 +35,48 @@ std::string here_document(const std::string& file, const std::vector<std::string
 
 }  // namespace
 
-bool any_bad(const Findings& findings) {
-    return count(findings, Level::kBad) > 0;
+bool any_error(const Findings& findings) {
+    return count(findings, Severity::kError) > 0;
 }
 
 std::string to_text(const Findings& findings, bool coloured) {
-    const auto in_colour = [coloured](Level level) {
-        const char* colour = level == Level::kOk ? "32" : level == Level::kWarn ? "33" : "31";
-        return coloured ? fmt::format("\033[{}m{:<5}\033[0m", colour, name_of(level))
-                        : fmt::format("{:<5}", name_of(level));
+    const auto in_colour = [coloured](Severity severity) {
+        const char* colour = severity == Severity::kOk ? "32" : severity == Severity::kWarning ? "33" : "31";
+        return coloured ? fmt::format("\033[{}m{:<7}\033[0m", colour, name_of(severity))
+                        : fmt::format("{:<7}", name_of(severity));
     };
     std::string out;
     for (const Finding& finding : findings) {
-        out += fmt::format("{} {:<16} {}\n", in_colour(finding.level), finding.check, finding.what);
-        if (!finding.mend.empty() && finding.level != Level::kOk)
-            out += fmt::format("{:22} -> {}\n", "", finding.mend);
+        out += fmt::format("{} {:<16} {}\n", in_colour(finding.severity), finding.check, finding.message);
+        if (!finding.remedy.empty() && finding.severity != Severity::kOk)
+            out += fmt::format("{:24} -> {}\n", "", finding.remedy);
     }
-    const int bad = count(findings, Level::kBad), warn = count(findings, Level::kWarn);
-    if (bad + warn == 0) return out + "nothing is wrong\n";
-    out += fmt::format("{} bad, {} to look at", bad, warn);
+    const int errors = count(findings, Severity::kError), warnings = count(findings, Severity::kWarning);
+    if (errors + warnings == 0) return out + "no problems\n";
+    out += fmt::format("{} {}, {} {}", errors, errors == 1 ? "error" : "errors", warnings,
+                       warnings == 1 ? "warning" : "warnings");
     const bool fixable =
         std::ranges::any_of(findings, [](const Finding& finding) { return !finding.fixes.empty(); });
-    return out + (fixable ? "; `kinevox doctor --fix-script` writes what root can mend\n" : "\n");
+    return out + (fixable ? "; `kinevox doctor --fix-script` prints the fixes for root\n" : "\n");
 }
 
 std::string to_json(const Findings& findings) {
     auto list = nlohmann::ordered_json::array();
     for (const Finding& finding : findings)
-        list.push_back({{"level", name_of(finding.level)},
+        list.push_back({{"level", name_of(finding.severity)},
                         {"check", finding.check},
-                        {"what", finding.what},
-                        {"mend", finding.mend}});
-    const nlohmann::ordered_json all{
-        {"bad", count(findings, Level::kBad)}, {"warn", count(findings, Level::kWarn)}, {"findings", list}};
+                        {"message", finding.message},
+                        {"remedy", finding.remedy}});
+    const nlohmann::ordered_json all{{"error_count", count(findings, Severity::kError)},
+                                     {"warning_count", count(findings, Severity::kWarning)},
+                                     {"findings", list}};
     return all.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
 std::string fix_script(const Findings& findings) {
     std::string out =
-        "#!/bin/sh\n# Mends what `kinevox doctor` found and root can mend. Read it, then run it as "
-        "root.\nset -eu\n";
+        "#!/bin/sh\n# Fixes for the problems that `kinevox doctor` found. Review, then run as root.\nset "
+        "-eu\n";
     const std::size_t nothing = out.size();
     out += here_document("/etc/sysctl.d/60-kinevox.conf", fixes_of(findings, Fix::Kind::kSysctl),
                          "sysctl -p /etc/sysctl.d/60-kinevox.conf\n");
@@ -86,7 +88,7 @@ std::string fix_script(const Findings& findings) {
         out += "\n";
         for (const std::string& command : commands) out += command + "\n";
     }
-    return out.size() == nothing ? out + "# There is nothing for root to mend.\n" : out;
+    return out.size() == nothing ? out + "# No fixes for root.\n" : out;
 }
 
 }  // namespace kinevox::doctor

@@ -1,4 +1,4 @@
-// What the checks found, in words, as JSON and as a script.
+// The findings as text, as JSON and as a script.
 #pragma once
 
 #include <string>
@@ -7,10 +7,10 @@
 
 namespace kinevox::doctor {
 
-bool any_bad(const Findings& findings);
+bool any_error(const Findings& findings);
 std::string to_text(const Findings& findings, bool coloured);
 std::string to_json(const Findings& findings);  // one object
-// A shell script that mends what root can mend, to be read before it is run.
+// A shell script with the fixes for root, to be reviewed before it runs.
 std::string fix_script(const Findings& findings);
 
 }  // namespace kinevox::doctor

@@ -8,12 +8,13 @@
 #include <memory>
 #include <system_error>
 
+#include "common/host_port.h"
 #include "server/tools/doctor/checks.h"
 
 namespace kinevox::doctor {
 namespace {
 
-// 0, or why nothing can listen there.
+// 0, or the error of listening there.
 int listen_error(const std::string& host, const std::string& port) {
     addrinfo hints{}, *list = nullptr;
     hints.ai_flags = AI_PASSIVE | AI_NUMERICSERV;
@@ -24,7 +25,7 @@ int listen_error(const std::string& host, const std::string& port) {
     if (socket < 0) return errno;
     const int yes = 1;
     setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes,
-               sizeof yes);  // connections that are ending do not count
+               sizeof yes);  // ignores closing connections
     const int error = bind(socket, list->ai_addr, list->ai_addrlen) == 0 ? 0 : errno;
     close(socket);
     return error;
@@ -34,36 +35,34 @@ int listen_error(const std::string& host, const std::string& port) {
 
 Findings check_config(const Facts& facts) {
     if (!facts.config.ok())
-        return {{Level::kBad, "configuration", std::string(facts.config.status().message()),
-                 "correct it; the daemon does not start"}};
-    if (facts.config_file.empty()) return {{Level::kOk, "configuration", "none; the defaults count"}};
+        return {{Severity::kError, "configuration", std::string(facts.config.status().message()),
+                 "correct it; the daemon does not start without"}};
+    if (facts.config_file.empty()) return {{Severity::kOk, "configuration", "none; defaults apply"}};
     struct stat of {};
     if (stat(facts.config_file.c_str(), &of) == 0 && (of.st_mode & S_IWOTH))
-        return {{Level::kBad,
+        return {{Severity::kError,
                  "configuration",
                  facts.config_file.string() + " may be written by everybody",
                  "chmod o-w " + facts.config_file.string(),
                  {{Fix::Kind::kCommand, "chmod o-w '" + facts.config_file.string() + "'"}}}};
-    return {{Level::kOk, "configuration", facts.config_file.string() + " has no errors"}};
+    return {{Severity::kOk, "configuration", facts.config_file.string() + " has no errors"}};
 }
 
 Findings check_port(const Facts& facts) {
     const std::string listen = facts.settings().server.listen;
-    const auto colon = listen.rfind(':');
-    std::string host = listen.substr(0, colon);
-    const std::string port = listen.substr(colon + 1);
-    if (host.starts_with('[')) host = host.substr(1, host.size() - 2);
-    const int error = listen_error(host, port);
+    const HostPort address = parse_host_port(listen).value_or(HostPort{});  // the configuration was checked
+    const int error = listen_error(address.host, std::to_string(address.port));
     const int daemon = facts.machine.process("kinevoxd");
     if (error == 0)
-        return {{Level::kOk, "port",
+        return {{Severity::kOk, "port",
                  listen + (daemon ? " is free, though a kinevoxd runs: it listens elsewhere" : " is free")}};
     if (error == EADDRINUSE && daemon)
-        return {{Level::kOk, "port", fmt::format("kinevoxd (process {}) runs, {} is taken", daemon, listen)}};
+        return {
+            {Severity::kOk, "port", fmt::format("kinevoxd (process {}) runs, {} is taken", daemon, listen)}};
     if (error == EADDRINUSE)
-        return {{Level::kBad, "port", listen + " is taken by another program",
+        return {{Severity::kError, "port", listen + " is taken by another program",
                  "see `ss -ltnp`; give [server] listen another port"}};
-    return {{Level::kBad, "port", fmt::format("{}: {}", listen, std::generic_category().message(error)),
+    return {{Severity::kError, "port", fmt::format("{}: {}", listen, std::generic_category().message(error)),
              "give [server] listen an address of this machine, and a port above 1023"}};
 }
 

@@ -19,23 +19,23 @@ void PosePass::add(const FrameResult& result, PoseStage& stage) {
     frame.row.frame = result.sequence;
     frame.row.time_s = 1e-9 * static_cast<double>(result.capture_time_ns);
     frame.row.pose = result.pose;
-    if (result.subject) frame.subject_id = result.subject->subject_id;
+    if (result.subject) frame.row.subject_id = result.subject->subject_id;
     if (result.pose && stage.tracked()) frame.posture = stage.tracked()->fit.posture;
-    if (!settled_ && result.subject && result.volume)
-        frame.seen = std::make_unique<PoseObservation>(stage.observation());
+    if (!retracked_ && result.subject && result.volume)
+        frame.observation = std::make_unique<PoseObservation>(stage.observation());
     frames_.push_back(std::move(frame));
-    if (!settled_ && frames_.size() >= options_.max_kept) settle(stage);
+    if (!retracked_ && frames_.size() >= options_.max_held_frame_sets) fit_and_retrack(stage);
 }
 
-// Fits the body, follows what was kept with it, and leaves it to the pipeline for what is to come.
-void PosePass::settle(PoseStage& stage) {
-    settled_ = true;
+// Fits the body, tracks the held frame sets with it, and sets it in the pipeline for the following ones.
+void PosePass::fit_and_retrack(PoseStage& stage) {
+    retracked_ = true;
     body_ = stage.body();
     if (options_.fit_body) {
         std::vector<const PoseObservation*> first;
-        const auto most = static_cast<std::size_t>(options_.body_seconds * fps_) + 1;
+        const auto max_frames = static_cast<std::size_t>(options_.body_seconds * fps_) + 1;
         for (const Frame& frame : frames_)
-            if (frame.seen && first.size() < most) first.push_back(frame.seen.get());
+            if (frame.observation && first.size() < max_frames) first.push_back(frame.observation.get());
         const auto fit = fit_body(cameras_, fps_, first, stage.body(), posing_, options_.body);
         if (!fit.ok()) {
             body_.reset();
@@ -46,18 +46,19 @@ void PosePass::settle(PoseStage& stage) {
     PoseStageOptions posing = posing_;
     posing.body = *body_;
     std::vector<RecordedView> views;
-    for (const Frame& frame : frames_) views.push_back({frame.subject_id, frame.row.frame, frame.seen.get()});
+    for (const Frame& frame : frames_)
+        views.push_back({frame.row.subject_id, frame.row.frame, frame.observation.get()});
     std::vector<RetrackedFrame> again = retrack(cameras_, fps_, views, posing);
     for (std::size_t n = 0; n < frames_.size(); ++n) {
         frames_[n].posture = again[n].posture;
         frames_[n].row.pose = std::move(again[n].pose);
-        frames_[n].seen.reset();
+        frames_[n].observation.reset();
     }
     stage.set_body(*body_);
 }
 
 std::vector<PoseRow> PosePass::finish(PoseStage& stage) {
-    if (!settled_) settle(stage);
+    if (!retracked_) fit_and_retrack(stage);
     std::vector<std::optional<BodyPosture>> postures;
     for (const Frame& frame : frames_) postures.push_back(frame.posture);
     if (options_.cutoff_hz > 0) smooth_zero_phase(postures, fps_, options_.cutoff_hz);

@@ -1,5 +1,5 @@
-// The poses of a recording: the body fitted to its first seconds, its frame sets followed again with that
-// body, smoothed as a whole at the end.
+// The poses of a recording: fits the body to its first seconds, tracks these again with that body, and
+// smooths the whole recording at the end.
 #pragma once
 
 #include <absl/status/status.h>
@@ -22,44 +22,43 @@ class PoseStage;
 struct PoseObservation;
 
 struct PosePassOptions {
-    double cutoff_hz = 6;     // of the zero-phase filter; 0: none
-    double body_seconds = 6;  // of movement, from which the body is fitted
-    bool fit_body = true;     // else the pipeline's body is the subject's
-    // So many frame sets are kept and followed both ways with the fitted body; those after them are followed
+    double cutoff_hz = 6;     // of the zero-phase filter; 0: off
+    double body_seconds = 6;  // of movement to which the body is fitted
+    bool fit_body = true;     // false: the pipeline's body is used
+    // Frame sets held in memory and tracked in both directions with the fitted body; later ones are tracked
     // once.
-    std::size_t max_kept = 1200;
+    std::size_t max_held_frame_sets = 1200;
     BodyFitOptions body;
 };
 
 class PosePass {
   public:
-    // `posing` as the pipeline's.
+    // `posing`: the pipeline's.
     PosePass(std::vector<Camera> cameras, double fps, const PoseStageOptions& posing,
              const PosePassOptions& options);
     ~PosePass();
 
     // After each frame set of the pipeline; `stage` is the pipeline's.
     void add(const FrameResult& result, PoseStage& stage);
-    // All frames, filtered, in the order they came.
+    // All frames, filtered, in order.
     std::vector<PoseRow> finish(PoseStage& stage);
-    // Of the subject; nothing before finish() or where nobody was found.
+    // Of the subject; nullopt before finish() or if no subject was found.
     const std::optional<BodyShape>& body() const { return body_; }
 
   private:
     struct Frame {
         PoseRow row;
-        std::uint32_t subject_id = 0;
         std::optional<BodyPosture> posture;
-        std::unique_ptr<PoseObservation> seen;
+        std::unique_ptr<PoseObservation> observation;
     };
-    void settle(PoseStage& stage);
+    void fit_and_retrack(PoseStage& stage);
 
     std::vector<Camera> cameras_;
     double fps_;
     PoseStageOptions posing_;
     PosePassOptions options_;
     std::vector<Frame> frames_;
-    bool settled_ = false;  // the kept frame sets were followed
+    bool retracked_ = false;  // the held frame sets were
     std::optional<BodyShape> body_;
 };
 

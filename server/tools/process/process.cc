@@ -6,7 +6,9 @@
 #include <cstdio>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -36,9 +38,8 @@ absl::Status learn_background(FrameSource& source, Pipeline& pipeline,
     return pipeline.learn_background(*background);
 }
 
-// The body of the person in a session, fitted to all of its frame sets. None where somebody is there whose
-// pose cannot be told from what else has changed in the room: that is said and does not cost the trial, whose
-// movement tells the body too.
+// The body of the subject in a session, fitted to all of its frame sets. None if a subject is there, but no
+// pose: a warning is printed, and the body is fitted to the trial's movement instead.
 absl::StatusOr<std::optional<BodyShape>> body_of_session(const std::filesystem::path& session_file,
                                                          const ProcessOptions& options,
                                                          const std::atomic<bool>& stop) {
@@ -49,8 +50,8 @@ absl::StatusOr<std::optional<BodyShape>> body_of_session(const std::filesystem::
     if (absl::Status learned = learn_background(**source, **pipeline, session_file); !learned.ok())
         return learned;
     std::vector<std::unique_ptr<PoseObservation>> frames;
-    const auto most = static_cast<std::size_t>(options.poses.body_seconds * (*source)->fps()) + 1;
-    while (frames.size() < most && !stop) {
+    const auto max_frames = static_cast<std::size_t>(options.poses.body_seconds * (*source)->fps()) + 1;
+    while (frames.size() < max_frames && !stop) {
         auto frame_set = (*source)->next();
         if (absl::IsOutOfRange(frame_set.status())) break;
         if (!frame_set.ok()) return frame_set.status();
@@ -59,18 +60,18 @@ absl::StatusOr<std::optional<BodyShape>> body_of_session(const std::filesystem::
         if ((*result)->subject && (*result)->volume)
             frames.push_back(std::make_unique<PoseObservation>((*pipeline)->pose_stage()->observation()));
     }
-    std::vector<const PoseObservation*> seen;
-    for (const auto& frame : frames) seen.push_back(frame.get());
-    const auto fit = fit_body((*source)->cameras(), (*source)->fps(), seen, options.pipeline.posing.body,
-                              options.pipeline.posing, options.poses.body);
+    std::vector<const PoseObservation*> observations;
+    for (const auto& frame : frames) observations.push_back(frame.get());
+    const auto fit = fit_body((*source)->cameras(), (*source)->fps(), observations,
+                              options.pipeline.posing.body, options.pipeline.posing, options.poses.body);
     if (fit.ok()) return fit->shape;
     const std::string why = fmt::format("{}: {}", session_file.string(), std::string(fit.status().message()));
-    if (seen.empty()) return absl::FailedPreconditionError(why);
+    if (observations.empty()) return absl::FailedPreconditionError(why);
     fmt::print(stderr, "kinevox process: {}; the body is fitted to the movement instead\n", why);
     return std::nullopt;
 }
 
-// What the calibration was worth goes with what was made by it: its certificate's files, if it has one.
+// The files of the calibration's certificate, if it has one: they belong to the results.
 std::vector<Table> certificate_tables(const std::filesystem::path& session_file) {
     std::vector<Table> tables;
     const auto session = read_session(session_file);
@@ -84,17 +85,34 @@ std::vector<Table> certificate_tables(const std::filesystem::path& session_file)
     return tables;
 }
 
+// body_N.toml of each subject N with a pose, the first also as body.toml.
+std::vector<Table> body_tables(const std::vector<PoseRow>& rows, const std::optional<BodyShape>& body) {
+    std::vector<Table> tables;
+    if (!body) return tables;
+    std::set<std::uint32_t> subjects;
+    for (const PoseRow& row : rows)
+        if (row.pose && row.subject_id) subjects.insert(row.subject_id);
+    tables.push_back({"body.toml", body_shape_toml(*body)});
+    for (const std::uint32_t id : subjects)
+        tables.push_back({fmt::format("body_{}.toml", id), body_shape_toml(*body)});
+    return tables;
+}
+
 }  // namespace
 
-absl::Status process_session(const ProcessOptions& asked, const std::atomic<bool>& stop) {
-    ProcessOptions options = asked;
+absl::Status process_session(const ProcessOptions& requested, const std::atomic<bool>& stop) {
+    ProcessOptions options = requested;
     const auto fingerprint = run_fingerprint(options);
     if (!fingerprint.ok()) return fingerprint.status();
     if (options.resume && holds_results_of(options.out_folder, *fingerprint)) {
         if (!options.quiet)
-            fmt::print("{} holds these results already; nothing was done\n", options.out_folder.string());
+            fmt::print("{} already holds these results; skipped\n", options.out_folder.string());
         return absl::OkStatus();
     }
+    if (std::error_code error;
+        !options.overwrite && std::filesystem::exists(options.out_folder / "run.toml", error))
+        return absl::AlreadyExistsError(fmt::format(
+            "{}: holds other results; add --overwrite or change --out", options.out_folder.string()));
     if (!options.tpose_file.empty() && options.pipeline.pose) {
         auto body = body_of_session(options.tpose_file, options, stop);
         if (!body.ok()) return body.status();
@@ -126,11 +144,11 @@ absl::Status process_session(const ProcessOptions& asked, const std::atomic<bool
             if (stop)
                 return absl::CancelledError(
                     fmt::format("stopped after {} frame sets; nothing was written", summary.frames()));
-            const Clock::time_point asked = Clock::now();
+            const Clock::time_point requested_at = Clock::now();
             auto frame_set = (*source)->next();
             if (absl::IsOutOfRange(frame_set.status())) break;
             if (!frame_set.ok()) return frame_set.status();
-            frame_set->decode_ms = 1000 * seconds_since(asked);
+            frame_set->decode_ms = 1000 * seconds_since(requested_at);
             auto result = (*pipeline)->process(std::move(*frame_set));
             if (!result.ok()) return result.status();
             summary.add(**result);
@@ -143,8 +161,9 @@ absl::Status process_session(const ProcessOptions& asked, const std::atomic<bool
     (*writer)->add_table({"calibration.toml", calibration_toml((*source)->cameras())});
     for (Table& table : certificate_tables(options.session_file)) (*writer)->add_table(std::move(table));
     if (pose_stage) {
-        for (Table& table : pose_tables(poses.finish(*pose_stage))) (*writer)->add_table(std::move(table));
-        if (poses.body()) (*writer)->add_table({"body.toml", body_shape_toml(*poses.body())});
+        const std::vector<PoseRow> rows = poses.finish(*pose_stage);
+        for (Table& table : pose_tables(rows)) (*writer)->add_table(std::move(table));
+        for (Table& table : body_tables(rows, poses.body())) (*writer)->add_table(std::move(table));
     }
     (*writer)->add_table(
         {"run.toml", run_toml(options, *fingerprint, (*source)->fps(), summary.frames())});  // the last

@@ -15,17 +15,18 @@ namespace kinevox {
 struct ProcessOptions {
     std::filesystem::path session_file, out_folder;
     std::filesystem::path
-        tpose_file;  // session of the same person in a T-pose, for the body; empty: from the movement
+        tpose_file;  // T-pose session of the same subject, to fit the body; empty: from the movement
     PipelineOptions pipeline;
     ResultWriterOptions writer;
     PosePassOptions poses;
-    int max_frames = 0;            // stops after so many frame sets; 0: all
+    int max_frames = 0;            // number of frame sets; 0: all
     bool decode_in_bursts = true;  // see SessionSourceOptions
     bool quiet = false;            // no progress bar, no summary
-    bool resume = false;  // results of the same input and options that are there already are left as they are
+    bool resume = false;           // skip if the folder has results of the same input and options
+    bool overwrite = false;        // replace other results; without it they are AlreadyExists
 };
 
-// Cancelled if `stop` becomes true; then, as after every error, nothing new lies in the output folder.
+// Cancelled if `stop` becomes true; then, as after every error, the output folder is unchanged.
 absl::Status process_session(const ProcessOptions& options, const std::atomic<bool>& stop);
 
 }  // namespace kinevox

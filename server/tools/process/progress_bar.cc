@@ -14,12 +14,12 @@ void ProgressBar::show(std::int64_t done) {
     const double seconds = std::chrono::duration<double>(Clock::now() - start_).count();
     const double rate = static_cast<double>(done) / std::max(seconds, 1e-6);
     if (total_ <= 0) {
-        line_.draw(fmt::format("{} frame sets, {:.0f} a second", done, rate));
+        line_.draw(fmt::format("{} frame sets, {:.0f} per second", done, rate));
     } else {
         constexpr int kWidth = 40;
         const int filled = static_cast<int>(std::min<std::int64_t>(kWidth, kWidth * done / total_));
         const double left_s = static_cast<double>(total_ - done) / std::max(rate, 1e-6);
-        line_.draw(fmt::format("[{}{}] {}/{}  {:.0f} a second, {:.0f} s left", std::string(filled, '='),
+        line_.draw(fmt::format("[{}{}] {}/{}  {:.0f} per second, {:.0f} s left", std::string(filled, '='),
                                std::string(kWidth - filled, ' '), done, total_, rate, left_s));
     }
 }

@@ -1,4 +1,4 @@
-// One line that tells how far a long run is.
+// Progress of a run over frame sets.
 #pragma once
 
 #include <chrono>
@@ -8,7 +8,7 @@
 
 namespace kinevox {
 
-// A ProgressLine with the rate and the time that is left.
+// A ProgressLine with the rate and the remaining time.
 class ProgressBar {
   public:
     // total < 0: unknown.

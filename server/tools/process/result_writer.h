@@ -1,4 +1,4 @@
-// What `kinevox process` leaves behind: the tables, and on request silhouettes and volumes.
+// Writes the results of `kinevox process`: tables, and optionally silhouettes and volumes.
 #pragma once
 
 #include <absl/status/status.h>
@@ -18,25 +18,25 @@ namespace kinevox {
 struct ResultWriterOptions {
     bool save_silhouettes = false;  // silhouettes/CAMERA/000000.png, the sharp ones
     bool save_volumes = false;      // volumes/000000.ply
-    int threads = 2;                // that compress and write pictures and volumes
-    int max_waiting = 8;            // frame sets; add() waits when so many are not yet written
+    int threads = 2;                // compress and write images and volumes
+    int max_waiting = 8;            // frame sets not yet written, beyond which add() blocks
 };
 
-// Everything is written into a hidden folder inside the output folder and moved to its place by finish(), so
-// that what lies there is always whole. Used by one thread.
+// Writes into a hidden folder inside the output folder; finish() moves the results to their place, so that
+// they are always complete. Used by one thread.
 class ResultWriter {
   public:
     static absl::StatusOr<std::unique_ptr<ResultWriter>> create(const std::filesystem::path& folder,
                                                                 std::vector<std::string> camera_names,
                                                                 const ResultWriterOptions& options = {});
-    // Without finish() nothing remains of what was added.
+    // Without finish() it removes everything.
     virtual ~ResultWriter() = default;
 
     // Results in the order of frames. Returns the first error met so far.
     virtual absl::Status add(FrameResultPtr result) = 0;
-    // One more table beside those of every run.
+    // An additional table.
     virtual void add_table(Table table) = 0;
-    // Waits until all is written, then replaces what an earlier run left in the folder.
+    // Blocks until all is written, then replaces the results of an earlier run.
     virtual absl::Status finish() = 0;
 };
 

@@ -19,20 +19,20 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kEdgeBytes =
-    1 << 20;  // of each file's beginning and end; a video is too long to read for this alone
+    1 << 20;  // hashed of each file's beginning and end; videos are too long to read
 
-// FNV-1a, 64 bits: tells changes apart, nobody is to be kept from forging one.
+// FNV-1a, 64 bits: detects changes, not forgery.
 class Fingerprint {
   public:
     void add(std::string_view bytes) {
         for (const char c : bytes) hash_ = (hash_ ^ static_cast<unsigned char>(c)) * 0x100000001b3ull;
-        hash_ = (hash_ ^ 0xff) * 0x100000001b3ull;  // where one part ends
+        hash_ = (hash_ ^ 0xff) * 0x100000001b3ull;  // end of a part
     }
     template <typename Number>
     void add_number(Number number) {
         add(fmt::format("{}", number));
     }
-    // A file, or all files of a folder; what is missing counts as missing.
+    // A file, or all files of a folder; a missing one counts as "missing".
     void add_file(const fs::path& file) {
         std::error_code error;
         if (fs::is_directory(file, error)) {
@@ -52,7 +52,7 @@ class Fingerprint {
   private:
     void add_edges(const fs::path& file) {
         std::error_code error;
-        if (!fs::is_regular_file(file, error)) return add("missing");  // a pipe would be waited for
+        if (!fs::is_regular_file(file, error)) return add("missing");  // opening a pipe would block
         std::ifstream in(file, std::ios::binary | std::ios::ate);
         if (!in) return add("missing");
         const std::streamoff bytes = in.tellg();
@@ -95,9 +95,15 @@ absl::StatusOr<std::string> run_fingerprint(const ProcessOptions& options) {
     const PipelineOptions& pipeline = options.pipeline;
     fingerprint.add_number(static_cast<int>(pipeline.device));
     fingerprint.add_number(pipeline.voxel_m);
-    fingerprint.add_number(pipeline.segmentation.samples);
     fingerprint.add_number(pipeline.colouring);
     fingerprint.add_number(pipeline.pose);
+    visit_option_tables(pipeline, [&](const char* table, const auto& part) {
+        fingerprint.add(table);
+        visit_options(part, [&](const kernels::OptionInfo& info, const auto& value) {
+            fingerprint.add(info.key);
+            fingerprint.add_number(value);
+        });
+    });
     fingerprint.add_number(options.poses.cutoff_hz);
     fingerprint.add_number(options.max_frames);
     fingerprint.add_number(options.writer.save_silhouettes);
@@ -111,19 +117,20 @@ std::string run_toml(const ProcessOptions& options, const std::string& fingerpri
                      std::int64_t frames) {
     std::error_code error;
     const auto session = fs::absolute(options.session_file, error).lexically_normal();
-    std::string text = "# How `kinevox process` made the files beside this one.\n";
+    std::string text = "# How `kinevox process` computed the files in this folder.\n";
     text +=
         fmt::format("session = {}\n", toml_quoted(error ? options.session_file.string() : session.string()));
-    text += fmt::format("fps = {}\nframes = {}\n", toml_number(fps), frames);
+    text += fmt::format("fps = {}\nframe_count = {}\n", toml_number(fps), frames);
     text += fmt::format("voxel_mm = {}\n", toml_number(1000 * options.pipeline.voxel_m));
     text += fmt::format("colouring = {}\npose = {}\n", options.pipeline.colouring, options.pipeline.pose);
-    text += fmt::format("smooth_hz = {}   # of the poses' zero-phase low pass; 0: none\n",
+    text += fmt::format("loose_threshold = {}\n", options.pipeline.segmentation.loose_threshold);
+    text += fmt::format("filter_cutoff_hz = {}   # zero-phase low-pass of the poses; 0: off\n",
                         toml_number(options.poses.cutoff_hz));
-    text += fmt::format("fingerprint = \"{}\"   # of input, options and program: --resume goes by it\n",
+    text += fmt::format("fingerprint = \"{}\"   # of input, options and program; --resume compares it\n",
                         fingerprint);
     if (const auto read = read_session(options.session_file); read.ok() && has_offsets(*read)) {
-        text += "\n[first_pictures]   # of each camera's video, from 0: the one in frame 0\n";
-        const std::vector<std::int64_t> first = first_pictures(*read);
+        text += "\n[first_image_index]   # per camera: index in its video of the image of frame 0\n";
+        const std::vector<std::int64_t> first = first_image_indices(*read);
         for (std::size_t c = 0; c < first.size(); ++c)
             text += fmt::format("{} = {}\n", toml_quoted(read->cameras[c].name), first[c]);
     }

@@ -1,4 +1,4 @@
-// What made the results in a folder, and whether they are those that would be made again.
+// Provenance of a results folder: input, options, fingerprint.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -11,17 +11,16 @@ namespace kinevox {
 
 struct ProcessOptions;
 
-// Of all that the results depend on: the session's files (session, calibration, videos and empty scenes, by
-// name, size, and what stands at their beginning and end), the T-pose's, the options and the program's
-// version; 16 hexadecimal digits. The same on every machine, wherever the files lie and whenever they were
-// copied. The errors of read_session().
+// Of everything that determines the results: the session's files (session, calibration, videos and
+// backgrounds, by name, size, first and last bytes), the T-pose's, the options and the program's version; 16
+// hexadecimal digits. The same on every machine, wherever the files are. The errors of read_session().
 absl::StatusOr<std::string> run_fingerprint(const ProcessOptions& options);
 
-// run.toml, which is written last of all: where it stands, the results beside it are whole.
+// run.toml, written last: if it exists, the results are complete.
 std::string run_toml(const ProcessOptions& options, const std::string& fingerprint, double fps,
                      std::int64_t frames);
 
-// True where `folder` holds whole results of this fingerprint.
+// True if `folder` holds complete results with this fingerprint.
 bool holds_results_of(const std::filesystem::path& folder, const std::string& fingerprint);
 
 }  // namespace kinevox

@@ -35,7 +35,7 @@ std::string RunSummary::text(double wall_s) const {
                                       Row{"total", &StageTimes::total_ms},
                                       Row{"(decoding)", &StageTimes::decode_ms}};
     std::string out =
-        fmt::format("{} frame sets in {:.1f} s ({:.1f} a second), {} with a volume\n", frames(), wall_s,
+        fmt::format("{} frame sets in {:.1f} s ({:.1f} per second), {} with a volume\n", frames(), wall_s,
                     static_cast<double>(frames()) / std::max(wall_s, 1e-9), litres_.size());
     if (!litres_.empty())
         out += fmt::format("volume {:.1f} to {:.1f} litres, median {:.1f}\n", quantile(litres_, 0),

@@ -11,7 +11,7 @@
 namespace kinevox {
 namespace {
 
-enum TableIndex { kVolume, kTiming, kTrack, kAgreement, kEvents };
+enum TableIndex { kVolume, kTiming, kTrack, kSilhouetteIou, kEvents };
 
 // The box around the occupied voxels, m.
 struct Extent {
@@ -52,86 +52,38 @@ void append(std::string& to, fmt::format_string<T...> format, T&&... values) {
     fmt::format_to(std::back_inserter(to), format, std::forward<T>(values)...);
 }
 
-}  // namespace
-
-std::string_view event_name(EventKind kind) {
-    switch (kind) {
-        case EventKind::kSubjectFound:
-            return "subject_found";
-        case EventKind::kSubjectLost:
-            return "subject_lost";
-        case EventKind::kCameraLeftOut:
-            return "camera_left_out";
-        case EventKind::kCameraBack:
-            return "camera_back";
-        case EventKind::kCameraSilent:
-            return "camera_silent";
-        case EventKind::kBackgroundLearned:
-            return "background_learned";
-        case EventKind::kStarted:
-            return "started";
-        case EventKind::kStopped:
-            return "stopped";
-        case EventKind::kSourceEnded:
-            return "source_ended";
-        case EventKind::kControlTaken:
-            return "control_taken";
-        case EventKind::kControlReleased:
-            return "control_released";
-        case EventKind::kCameraMoved:
-            return "camera_moved";
-        case EventKind::kCameraInPlace:
-            return "camera_in_place";
-        case EventKind::kPoseDatabase:
-            return "pose_database";
-        case EventKind::kBodyFitted:
-            return "body_fitted";
-        case EventKind::kCalibration:
-            return "calibration";
-        case EventKind::kCameraLost:
-            return "camera_lost";
-        case EventKind::kCameraRejoined:
-            return "camera_rejoined";
-        case EventKind::kCameraLosses:
-            return "camera_losses";
-        case EventKind::kRecordingStarted:
-            return "recording_started";
-        case EventKind::kRecordingStopped:
-            return "recording_stopped";
-        case EventKind::kRecordingFailed:
-            return "recording_failed";
-        case EventKind::kRecordingDrops:
-            return "recording_drops";
-        case EventKind::kReplay:
-            return "replay";
-        case EventKind::kError:
-            return "error";
-    }
-    return "unknown";
+std::string subject_cell(std::uint32_t subject_id) {
+    return subject_id ? fmt::to_string(subject_id) : "";
 }
 
+}  // namespace
+
 ResultTables::ResultTables(const std::vector<std::string>& camera_names) {
-    tables_ = {{"volume.csv", "frame,voxel_mm,voxels,volume_litres,min_x,min_y,min_z,max_x,max_y,max_z\n"},
-               {"timing.csv", "frame,segmentation_ms,tracking_ms,hull_ms,colouring_ms,pose_ms,total_ms\n"},
-               {"track.csv", "frame,time_s,x,y,z,std_m,cameras\n"},
-               {"agreement.csv", "frame"},
-               {"events.csv", "frame,time_s,event,camera,message\n"}};
+    tables_ = {
+        {"volume.csv", "frame,subject,voxel_mm,voxels,volume_litres,min_x,min_y,min_z,max_x,max_y,max_z\n"},
+        {"timing.csv", "frame,segmentation_ms,tracking_ms,hull_ms,colouring_ms,pose_ms,total_ms\n"},
+        {"track.csv",
+         "frame,time_s,subject,centre_x_m,centre_y_m,centre_z_m,centre_std_m,used_camera_count\n"},
+        {"silhouette_iou.csv", "frame,subject"},
+        {"events.csv", "frame,time_s,subject,kind,camera,message\n"}};
     for (const std::string& name : camera_names)
-        tables_[kAgreement].text.append(1, ',').append(csv_cell(name));
-    tables_[kAgreement].text += '\n';
+        tables_[kSilhouetteIou].text.append(1, ',').append(csv_cell(name));
+    tables_[kSilhouetteIou].text += '\n';
 }
 
 void ResultTables::add(const FrameResult& result) {
     const auto frame = result.sequence;
     const double time_s = 1e-9 * static_cast<double>(result.capture_time_ns);
 
+    const std::string subject = subject_cell(result.subject ? result.subject->subject_id : 0);
+
     std::string& volume = tables_[kVolume].text;
     const auto extent = result.volume ? extent_of(*result.volume) : std::nullopt;
     if (result.volume)
-        append(volume, "{},{:g},{},{:.3f}", frame, 1000 * result.volume->grid.voxel_m,
+        append(volume, "{},{},{:g},{},{:.3f}", frame, subject, 1000 * result.volume->grid.voxel_m,
                voxel_count(*result.volume), volume_litres(*result.volume));
     else
-        append(volume, "{},,,", frame);
+        append(volume, "{},{},,,", frame, subject);
     if (extent) {
         const Vec3 a = extent->min_in_world, b = extent->max_in_world;
         append(volume, ",{:.4f},{:.4f},{:.4f},{:.4f},{:.4f},{:.4f}\n", a.x, a.y, a.z, b.x, b.y, b.z);
@@ -146,27 +98,27 @@ void ResultTables::add(const FrameResult& result) {
     std::string& track = tables_[kTrack].text;
     if (result.subject) {
         const SubjectTrack& s = *result.subject;
-        append(track, "{},{:.6f},{:.4f},{:.4f},{:.4f},{:.4f},{}\n", frame, time_s, s.centre_in_world.x,
-               s.centre_in_world.y, s.centre_in_world.z, s.centre_std_m,
-               std::count(s.camera_used.begin(), s.camera_used.end(), true));
+        append(track, "{},{:.6f},{},{:.4f},{:.4f},{:.4f},{:.4f},{}\n", frame, time_s, subject,
+               s.centre_in_world.x, s.centre_in_world.y, s.centre_in_world.z, s.centre_std_m,
+               std::count(s.used_cameras.begin(), s.used_cameras.end(), true));
     } else {
-        append(track, "{},{:.6f},,,,,\n", frame, time_s);
+        append(track, "{},{:.6f},,,,,,\n", frame, time_s);
     }
 
-    std::string& agreement = tables_[kAgreement].text;
-    append(agreement, "{}", frame);
-    for (const float iou : result.silhouette_iou) {
-        if (std::isnan(iou))
-            agreement += ',';
+    std::string& iou = tables_[kSilhouetteIou].text;
+    append(iou, "{},{}", frame, subject);
+    for (const float value : result.silhouette_iou) {
+        if (std::isnan(value))
+            iou += ',';
         else
-            append(agreement, ",{:.4f}", iou);
+            append(iou, ",{:.4f}", value);
     }
-    agreement += '\n';
+    iou += '\n';
 
     for (const Event& event : result.events)
-        append(tables_[kEvents].text, "{},{:.6f},{},{},{}\n", event.sequence,
-               1e-9 * static_cast<double>(event.time_ns), event_name(event.kind), csv_cell(event.camera),
-               csv_cell(event.message));
+        append(tables_[kEvents].text, "{},{:.6f},{},{},{},{}\n", event.sequence,
+               1e-9 * static_cast<double>(event.time_ns), subject_cell(event.subject_id),
+               event_name(event.kind), csv_cell(event.camera), csv_cell(event.message));
 }
 
 }  // namespace kinevox

@@ -1,4 +1,4 @@
-// The rows of the tables that `kinevox process` writes; design: "Contract of the command line".
+// The tables of `kinevox process` besides the poses.
 #pragma once
 
 #include <string>
@@ -10,13 +10,13 @@
 
 namespace kinevox {
 
-// Tables that grow by a row (events: by any number of rows) with each result.
-//   volume.csv     frame,voxel_mm,voxels,volume_litres,min_x,...,max_z (metres, around the occupied voxels)
-//   timing.csv     frame,segmentation_ms,tracking_ms,hull_ms,colouring_ms,pose_ms,total_ms
-//   track.csv      frame,time_s,x,y,z,std_m,cameras: G in metres, its standard deviation, how many cameras
-//   agreed agreement.csv  frame, then per camera: IoU of the volume's projection and its silhouette, 0..1
-//   events.csv     frame,time_s,event,camera,message
-// Cells without a value are empty.
+// Each result adds a row per table; events.csv any number of rows.
+//   volume.csv          frame,subject,voxel_mm,voxels,volume_litres,min_x,...,max_z (m, around the occupied
+//   voxels) timing.csv          frame,segmentation_ms,tracking_ms,hull_ms,colouring_ms,pose_ms,total_ms
+//   track.csv           frame,time_s,subject,centre_x_m,centre_y_m,centre_z_m,centre_std_m,used_camera_count
+//   silhouette_iou.csv  frame,subject, then per camera: IoU of the volume's projection and the silhouette,
+//   0..1 events.csv          frame,time_s,subject,kind,camera,message
+// Cells without a value are empty; subject is empty while none is tracked.
 class ResultTables {
   public:
     explicit ResultTables(const std::vector<std::string>& camera_names);
@@ -26,7 +26,5 @@ class ResultTables {
   private:
     std::vector<Table> tables_;
 };
-
-std::string_view event_name(EventKind kind);
 
 }  // namespace kinevox

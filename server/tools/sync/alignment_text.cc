@@ -27,15 +27,16 @@ std::string table_of(const Session& session, const Alignment& alignment) {
     std::size_t width = 6;
     for (const SessionCamera& camera : session.cameras) width = std::max(width, camera.name.size());
     std::string out = fmt::format("{:<{}} {:>10} {:>8} {:>9} {:>9}  {}\n", "camera", width, "offset s",
-                                  "+- s", "frames", "evidence", "next best shift");
+                                  "std s", "frames", "evidence", "runner-up");
     for (std::size_t c = 0; c < session.cameras.size(); ++c) {
         const CameraFit& fit = alignment.solution.cameras[c];
-        const std::string rival =
-            fit.rival > 0 ? fmt::format("{:+.3f} s fits {:.0f} % as well", fit.rival_shift_s, 100 * fit.rival)
-                          : "none near";
+        const std::string runner_up =
+            fit.runner_up > 0
+                ? fmt::format("{:+.3f} s, {:.0f} % as good", fit.runner_up_offset_s, 100 * fit.runner_up)
+                : "none";
         out +=
             fmt::format("{:<{}} {:>10.4f} {:>8.4f} {:>9.2f} {:>9.0f}  {}\n", session.cameras[c].name, width,
-                        fit.offset_s, fit.deviation_s, fit.offset_s * session.fps, fit.evidence, rival);
+                        fit.offset_s, fit.std_s, fit.offset_s * session.fps, fit.evidence, runner_up);
     }
     return out;
 }
@@ -46,26 +47,26 @@ Json json_of(const Session& session, const Alignment& alignment) {
         const CameraFit& fit = alignment.solution.cameras[c];
         cameras.push_back({{"name", session.cameras[c].name},
                            {"offset_s", fit.offset_s},
-                           {"deviation_s", fit.deviation_s},
+                           {"std_s", fit.std_s},
                            {"evidence_nats", fit.evidence},
-                           {"next_best_quality", fit.rival},
-                           {"next_best_shift_s", fit.rival_shift_s}});
+                           {"runner_up_ratio", fit.runner_up},
+                           {"runner_up_offset_s", fit.runner_up_offset_s}});
     }
     for (const PairFit& pair : alignment.solution.pairs) {
         Json one = {{"first", session.cameras[pair.first].name},
                     {"second", session.cameras[pair.second].name},
                     {"lag_s", number(pair.lag_frames / session.fps)},
-                    {"deviation_s", number(pair.deviation_frames / session.fps)},
-                    {"disagrees_s", number(pair.disagrees_frames / session.fps)},
+                    {"std_s", number(pair.std_frames / session.fps)},
+                    {"residual_s", number(pair.residual_frames / session.fps)},
                     {"weight", pair.weight},
                     {"evidence_nats", pair.evidence}};
-        one["silhouettes_miss_px"] = pair.miss_px ? Json(*pair.miss_px) : Json(nullptr);
+        one["silhouette_residual_px"] = pair.residual_px ? Json(*pair.residual_px) : Json(nullptr);
         pairs.push_back(std::move(one));
     }
     return {{"kind", "alignment"},
             {"session", session.name},
             {"fps", session.fps},
-            {"used_places", alignment.used_places},
+            {"used_extrinsics", alignment.used_extrinsics},
             {"cameras", std::move(cameras)},
             {"pairs", std::move(pairs)}};
 }
@@ -75,9 +76,9 @@ Json page_json_of(const Session& session, const Alignment& alignment) {
     for (std::size_t c = 0; c < session.cameras.size(); ++c) {
         const CameraFit& fit = alignment.solution.cameras[c];
         Json& camera = out["cameras"][c];
-        camera["curve"] = {{"first_shift_s", fit.curve.lowest_frames / session.fps},
+        camera["curve"] = {{"first_offset_s", fit.curve.lowest_frames / session.fps},
                            {"evidence_nats", rounded(fit.curve.evidence, 0.01)}};
-        camera["changed_part_per_s"] = rounded(alignment.movements[c].changed_part, 1e-4);
+        camera["changed_fraction_per_s"] = rounded(alignment.movements[c].changed_fraction, 1e-4);
         camera["top_rises_per_s"] = rounded(alignment.movements[c].top, 1e-4);
     }
     return out;

@@ -1,4 +1,4 @@
-// What `kinevox sync` says: a table, JSON, and what its page is drawn from.
+// Output of `kinevox sync`: a table, JSON, and the input of its page.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -12,10 +12,10 @@ namespace kinevox::sync {
 // Several lines.
 std::string table_of(const Session& session, const Alignment& alignment);
 
-// Offsets and deviations, s; pairs; all numbers' units in their names.
+// Offsets and standard deviations per camera, and pairs; units in the keys.
 nlohmann::ordered_json json_of(const Session& session, const Alignment& alignment);
 
-// The same with the curves and signals that the page shows.
+// The same with the curves and signals of the page.
 nlohmann::ordered_json page_json_of(const Session& session, const Alignment& alignment);
 
 }  // namespace kinevox::sync

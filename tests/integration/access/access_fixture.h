@@ -30,8 +30,7 @@ namespace kinevox {
 
 namespace asio = boost::asio;
 
-inline constexpr v1::Role kRoles[] = {v1::ROLE_WATCH, v1::ROLE_EXHIBIT, v1::ROLE_OPERATE,
-                                      v1::ROLE_ADMINISTER};
+inline constexpr v1::Role kRoles[] = {v1::ROLE_VIEWER, v1::ROLE_DISPLAY, v1::ROLE_OPERATOR, v1::ROLE_ADMIN};
 
 inline std::int64_t seconds_now() {
     return std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
@@ -144,7 +143,7 @@ class AccessTest : public ::testing::Test {
                     .lease = lease_,
                     .control = control_.get_executor(),
                     .encoders = encoders_.get_executor(),
-                    .clock = io_.get_executor(),
+                    .timers = io_.get_executor(),
                     .changes = control_.get_executor(),
                     .calibrating = control_.get_executor(),
                     .recordings = control_.get_executor(),

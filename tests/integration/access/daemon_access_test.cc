@@ -15,7 +15,7 @@ namespace {
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-constexpr const char* kFlag = "--serve-everyone-without-password";
+constexpr const char* kFlag = "--insecure";
 
 std::string read(const std::filesystem::path& file) {
     std::ifstream stream(file);
@@ -41,24 +41,25 @@ class AccessDaemonTest : public DaemonTest {
     }
 
     std::string create(const std::string& name, const std::string& role) {
-        const Ran made = token({"create", "--role", role, "--name", name});
+        const Ran made = token({"create", name, "--role", role});
         EXPECT_EQ(made.status, 0) << made.errors;
         return first_line(made.output);
     }
 
     std::string config(const std::string& listen, const std::string& keys) const {
         return fmt::format(
-            "[server]\nlisten = \"{}\"\naudit = \"audit.jsonl\"\n{}[pose]\ndatabase = \"\"\nfit_body = "
+            "[server]\nlisten = \"{}\"\naudit_file = \"audit.jsonl\"\n{}[pose]\ndatabase_file = "
+            "\"\"\nauto_fit_body = "
             "false\n"
-            "[calibration]\nfolder = \"\"\n[recording]\nfolder = \"\"\n[source]\nkind = \"session\"\nsession "
-            "= "
-            "\"{}\"\n",
+            "[calibration]\nfolder = \"\"\n[recording]\nfolder = \"\"\n[source]\nkind = \"session\"\n"
+            "session_file = \"{}\"\n",
             listen, keys, session_.string());
     }
 
     std::string tls_keys() const {
-        return fmt::format("certificate = \"{0}/server.pem\"\nkey = \"{0}/server-key.pem\"\n",
-                           certificates_.string());
+        return fmt::format(
+            "tls_certificate_file = \"{0}/server.pem\"\ntls_key_file = \"{0}/server-key.pem\"\n",
+            certificates_.string());
     }
 
     // What it says where it does not start.
@@ -102,10 +103,10 @@ class AccessDaemonTest : public DaemonTest {
     std::string port_;
 };
 
-TEST_F(AccessDaemonTest, BeyondThisMachineItDoesNotStartWithoutTlsAndTokens) {
+TEST_F(AccessDaemonTest, RequiresTlsAndTokensOnNetwork) {
     ASSERT_EQ(tls({"init"}).status, 0);
-    create("anna", "administer");
-    const std::string with_tokens = "tokens = \"" + tokens_ + "\"\n";
+    create("anna", "admin");
+    const std::string with_tokens = "token_file = \"" + tokens_ + "\"\n";
     EXPECT_THAT(start_and_fail(config("0.0.0.0:0", "")).errors,
                 AllOf(HasSubstr("TLS and tokens"), HasSubstr("docs/access.md")));
     EXPECT_THAT(start_and_fail(config("0.0.0.0:0", tls_keys())).errors, HasSubstr("without tokens"));
@@ -114,7 +115,7 @@ TEST_F(AccessDaemonTest, BeyondThisMachineItDoesNotStartWithoutTlsAndTokens) {
     EXPECT_THAT(start_and_fail(config("somewhere.example:0", "")).errors, HasSubstr("TLS and tokens"));
 }
 
-TEST_F(AccessDaemonTest, TheFlagLetsEverybodyIn) {
+TEST_F(AccessDaemonTest, ServesEveryoneIfInsecure) {
     const auto daemon = start(config("0.0.0.0:0", ""), {kFlag});
     const auto open = v1::CaptureService::NewStub(
         grpc::CreateChannel("127.0.0.1:" + port_, grpc::InsecureChannelCredentials()));
@@ -124,17 +125,17 @@ TEST_F(AccessDaemonTest, TheFlagLetsEverybodyIn) {
     EXPECT_THAT(daemon->errors(), HasSubstr("everyone"));
 }
 
-TEST_F(AccessDaemonTest, FromTheFirstCertificateToTheRevokedToken) {
+TEST_F(AccessDaemonTest, ServesFromFirstCertificateToRevokedToken) {
     ASSERT_EQ(tls({"init", "--host", "hall.example"}).status, 0);
-    const std::string anna = create("anna", "operate"), screen = create("hall-screen", "exhibit");
-    const auto daemon = start(config("0.0.0.0:0", tls_keys() + "tokens = \"" + tokens_ + "\"\n"));
+    const std::string anna = create("anna", "operator"), screen = create("hall-screen", "display");
+    const auto daemon = start(config("0.0.0.0:0", tls_keys() + "token_file = \"" + tokens_ + "\"\n"));
     const auto service = stub();
     EXPECT_EQ(status(*service, anna), grpc::StatusCode::OK);
     EXPECT_EQ(status(*service, screen), grpc::StatusCode::OK);
     EXPECT_EQ(status(*service, ""), grpc::StatusCode::UNAUTHENTICATED);
     EXPECT_EQ(status(*service, anna + "x"), grpc::StatusCode::UNAUTHENTICATED);
     v1::AcquireControlRequest acquire;
-    acquire.set_name("anna");
+    acquire.set_operator_name("anna");
     v1::AcquireControlResponse acquired;
     EXPECT_EQ(service->AcquireControl(context(screen).get(), acquire, &acquired).error_code(),
               grpc::StatusCode::PERMISSION_DENIED);
@@ -153,7 +154,7 @@ TEST_F(AccessDaemonTest, FromTheFirstCertificateToTheRevokedToken) {
     EXPECT_EQ(events->Finish().error_code(), grpc::StatusCode::UNAUTHENTICATED);
     EXPECT_EQ(status(*service, anna), grpc::StatusCode::UNAUTHENTICATED);
     EXPECT_EQ(status(*service, screen), grpc::StatusCode::OK);
-    const std::string later = create("later", "watch");
+    const std::string later = create("later", "viewer");
     const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(5);
     while (status(*service, later) != grpc::StatusCode::OK && std::chrono::steady_clock::now() < end)
         std::this_thread::sleep_for(std::chrono::milliseconds(50));
@@ -162,12 +163,12 @@ TEST_F(AccessDaemonTest, FromTheFirstCertificateToTheRevokedToken) {
     daemon->signal(SIGTERM);
     EXPECT_EQ(daemon->wait(std::chrono::seconds(10)), 0);
     EXPECT_THAT(read(folder_.path() / "audit.jsonl"),
-                AllOf(HasSubstr(R"("who":"anna","role":"operate")"),
+                AllOf(HasSubstr(R"("caller":"anna","role":"operator")"),
                       HasSubstr(R"("method":"CaptureService.AcquireControl","outcome":"OK")"),
                       HasSubstr(R"("outcome":"PERMISSION_DENIED")")));
 }
 
-TEST_F(AccessDaemonTest, CertificatesAreMadeOnceAndKeysAreTheirOwnersAlone) {
+TEST_F(AccessDaemonTest, CreatesCertificatesOnceWithPrivateKeys) {
     ASSERT_EQ(tls({"init"}).status, 0);
     const std::string before = read(certificates_ / "server.pem");
     for (const char* key : {"ca-key.pem", "server-key.pem"}) {
@@ -178,20 +179,20 @@ TEST_F(AccessDaemonTest, CertificatesAreMadeOnceAndKeysAreTheirOwnersAlone) {
     const Ran again = tls({"init"});
     EXPECT_EQ(again.status, 1);
     EXPECT_THAT(again.errors, HasSubstr("not replaced"));
-    EXPECT_EQ(tls({"server"}).status, 1);
+    EXPECT_EQ(tls({"issue", "server"}).status, 1);
     EXPECT_EQ(read(certificates_ / "server.pem"), before);
-    EXPECT_EQ(tls({"client", "anna"}).status, 0);
+    EXPECT_EQ(tls({"issue", "client", "anna"}).status, 0);
     EXPECT_TRUE(
         check_certificate(read(certificates_ / "anna.pem"), read(certificates_ / "anna-key.pem")).ok());
-    EXPECT_EQ(tls({"client", "anna"}).status, 1);
-    EXPECT_EQ(tls({"client", "ca"}).status, 1);
-    EXPECT_EQ(tls({"client", "../anna"}).status, 1);
+    EXPECT_EQ(tls({"issue", "client", "anna"}).status, 1);
+    EXPECT_EQ(tls({"issue", "client", "ca"}).status, 1);
+    EXPECT_EQ(tls({"issue", "client", "../anna"}).status, 1);
 }
 
 // openssl's own verdict on what was made.
 TEST_F(AccessDaemonTest, OpensslAcceptsTheChain) {
     ASSERT_EQ(tls({"init", "--host", "hall.example", "--host", "10.0.0.5"}).status, 0);
-    ASSERT_EQ(tls({"client", "anna"}).status, 0);
+    ASSERT_EQ(tls({"issue", "client", "anna"}).status, 0);
     const std::string ca = (certificates_ / "ca.pem").string();
     for (const std::vector<std::string>& more :
          {std::vector<std::string>{"sslserver", "-verify_hostname", "hall.example", "server.pem"},
@@ -205,11 +206,11 @@ TEST_F(AccessDaemonTest, OpensslAcceptsTheChain) {
     }
 }
 
-TEST_F(AccessDaemonTest, CertificatesThatCannotServeAreNamed) {
+TEST_F(AccessDaemonTest, NamesUnusableCertificates) {
     ASSERT_EQ(tls({"init"}).status, 0);
     const std::string good = read(certificates_ / "server.pem");
     const auto keys = [&](const std::string& certificate, const std::string& key) {
-        return fmt::format("certificate = \"{}\"\nkey = \"{}\"\n", certificate, key);
+        return fmt::format("tls_certificate_file = \"{}\"\ntls_key_file = \"{}\"\n", certificate, key);
     };
     const std::string own_key = (certificates_ / "server-key.pem").string(),
                       ca_key = (certificates_ / "ca-key.pem").string();
@@ -220,8 +221,8 @@ TEST_F(AccessDaemonTest, CertificatesThatCannotServeAreNamed) {
         start_and_fail(config("127.0.0.1:0", keys(write("x.pem", "no certificate").string(), own_key)))
             .errors,
         HasSubstr("x.pem"));
-    EXPECT_THAT(start_and_fail(config("127.0.0.1:0", "certificate = \"tls/server.pem\"\n")).errors,
-                HasSubstr("certificate and key"));
+    EXPECT_THAT(start_and_fail(config("127.0.0.1:0", "tls_certificate_file = \"tls/server.pem\"\n")).errors,
+                HasSubstr("tls_certificate_file and tls_key_file"));
     const std::int64_t now_s = std::time(nullptr);
     const auto expired = make_certificate(
         {NewCertificate::Kind::kServer, "x", {"localhost"}, now_s - 9000, now_s - 100}, nullptr);
@@ -232,14 +233,14 @@ TEST_F(AccessDaemonTest, CertificatesThatCannotServeAreNamed) {
                 AllOf(HasSubstr("old.pem"), HasSubstr("expired")));
 }
 
-TEST_F(AccessDaemonTest, ATokenIsShownOnceAndListedWithoutIt) {
-    const std::string anna = create("anna", "operate");
+TEST_F(AccessDaemonTest, ShowsTokenOnce) {
+    const std::string anna = create("anna", "operator");
     EXPECT_EQ(anna.substr(0, 4), "kvx_");
-    EXPECT_EQ(token({"create", "--role", "operate", "--name", "anna"}).status, 1);
-    EXPECT_EQ(token({"create", "--role", "king", "--name", "bert"}).status, 1);
+    EXPECT_EQ(token({"create", "anna", "--role", "operator"}).status, 1);
+    EXPECT_EQ(token({"create", "bert", "--role", "king"}).status, 1);
     const Ran listed = token({"list"});
     EXPECT_EQ(listed.status, 0);
-    EXPECT_THAT(listed.output, AllOf(HasSubstr("anna"), HasSubstr("operate"), HasSubstr("valid"),
+    EXPECT_THAT(listed.output, AllOf(HasSubstr("anna"), HasSubstr("operator"), HasSubstr("valid"),
                                      ::testing::Not(HasSubstr(anna))));
     EXPECT_EQ(token({"revoke", "anna"}).status, 0);
     EXPECT_THAT(token({"list"}).output, HasSubstr("revoked"));

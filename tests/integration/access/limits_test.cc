@@ -82,7 +82,7 @@ class LimitsTest : public AccessTest {
     }
 };
 
-TEST_F(LimitsTest, OnePastAThousandWatchersIsRefusedAtOnceAndAPlaceThatIsFreedIsTaken) {
+TEST_F(LimitsTest, RefusesStreamsAboveMaximumUntilOneEnds) {
     serve_everybody({});  // as without a configuration
     const auto service = stub();
     Watchers watchers = open(*service, 1000, "");
@@ -99,10 +99,10 @@ TEST_F(LimitsTest, OnePastAThousandWatchersIsRefusedAtOnceAndAPlaceThatIsFreedIs
     wait_for_streams(1000);
 }
 
-TEST_F(LimitsTest, ATokensStreamsAreCountedByThemselves) {
+TEST_F(LimitsTest, CountsStreamsPerToken) {
     serve({10, 3, 1e6});
     const auto service = stub();
-    const std::string &watch = tokens_[v1::ROLE_WATCH], &operates = tokens_[v1::ROLE_OPERATE];
+    const std::string &watch = tokens_[v1::ROLE_VIEWER], &operates = tokens_[v1::ROLE_OPERATOR];
     const Watchers watchers = open(*service, 3, watch);
     const grpc::Status refused = Watcher(*service, watch).wait_for_the_end();
     EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
@@ -111,14 +111,14 @@ TEST_F(LimitsTest, ATokensStreamsAreCountedByThemselves) {
     wait_for_streams(6);
 }
 
-TEST_F(LimitsTest, MoreRequestsThanATokenMaySendAreRefused) {
+TEST_F(LimitsTest, RefusesRequestsAboveRate) {
     serve({1000, 1000, 20});
     const auto channel = plain();
     int good = 0, refused = 0;
     std::string message;
     for (int i = 0; i < 200; ++i) {
         const grpc::Status status =
-            call(channel, "/kinevox.v1.CaptureService/GetStatus", {tokens_[v1::ROLE_WATCH]});
+            call(channel, "/kinevox.v1.CaptureService/GetStatus", {tokens_[v1::ROLE_VIEWER]});
         good += status.ok();
         refused += status.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED;
         if (!status.ok()) message = status.error_message();
@@ -126,37 +126,37 @@ TEST_F(LimitsTest, MoreRequestsThanATokenMaySendAreRefused) {
     EXPECT_GE(good, 20);
     EXPECT_GT(refused, 0);
     EXPECT_EQ(good + refused, 200);
-    EXPECT_THAT(message, HasSubstr("requests_per_s"));
-    EXPECT_TRUE(call(channel, "/kinevox.v1.CaptureService/GetStatus", {tokens_[v1::ROLE_OPERATE]})
+    EXPECT_THAT(message, HasSubstr("max_requests_per_s"));
+    EXPECT_TRUE(call(channel, "/kinevox.v1.CaptureService/GetStatus", {tokens_[v1::ROLE_OPERATOR]})
                     .ok());  // not others
 }
 
-TEST_F(LimitsTest, ARequestThatIsTooLargeIsRefused) {
+TEST_F(LimitsTest, RefusesLargeRequests) {
     ApiServerOptions options;
     options.max_request_bytes = 1 << 20;
     serve({1000, 1000, 1e6}, options);
-    const grpc::Status status = call(plain(), "/kinevox.v1.CaptureService/Start", {tokens_[v1::ROLE_OPERATE]},
-                                     std::string((1 << 20) + 1, '\n'));
+    const grpc::Status status = call(plain(), "/kinevox.v1.CaptureService/StartCapture",
+                                     {tokens_[v1::ROLE_OPERATOR]}, std::string((1 << 20) + 1, '\n'));
     EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED) << status.error_message();
 }
 
-TEST_F(LimitsTest, ARevokedTokenEndsItsStreamsAndNoOthers) {
+TEST_F(LimitsTest, EndsStreamsOfRevokedTokenOnly) {
     serve();
     const auto service = stub();
-    Watcher revoked(*service, tokens_[v1::ROLE_WATCH]), other(*service, tokens_[v1::ROLE_OPERATE]);
+    Watcher revoked(*service, tokens_[v1::ROLE_VIEWER]), other(*service, tokens_[v1::ROLE_OPERATOR]);
     revoked.wait();
     other.wait();
     wait_for_streams(2);
-    ASSERT_TRUE(revoke_token(token_file_, "watch", seconds_now()).ok());
+    ASSERT_TRUE(revoke_token(token_file_, "viewer", seconds_now()).ok());
     guard_->tick();  // which the daemon does every second
     EXPECT_EQ(revoked.wait_for_the_end().error_code(), grpc::StatusCode::UNAUTHENTICATED);
     wait_for_streams(1);
-    EXPECT_EQ(call(plain(), "/kinevox.v1.CaptureService/GetStatus", {tokens_[v1::ROLE_WATCH]}).error_code(),
+    EXPECT_EQ(call(plain(), "/kinevox.v1.CaptureService/GetStatus", {tokens_[v1::ROLE_VIEWER]}).error_code(),
               grpc::StatusCode::UNAUTHENTICATED);
 }
 
-TEST_F(LimitsTest, ATokenThatExpiresEndsItsStreams) {
-    const std::string brief = create("brief", v1::ROLE_WATCH, 1, seconds_now() - 86'400 + 3);
+TEST_F(LimitsTest, EndsStreamsOfExpiredToken) {
+    const std::string brief = create("brief", v1::ROLE_VIEWER, 1, seconds_now() - 86'400 + 3);
     serve();
     const auto service = stub();
     Watcher watcher(*service, brief);
@@ -172,11 +172,11 @@ TEST_F(LimitsTest, ATokenThatExpiresEndsItsStreams) {
     EXPECT_EQ(watcher.wait_for_the_end().error_code(), grpc::StatusCode::UNAUTHENTICATED);
 }
 
-TEST_F(LimitsTest, WhileTheFileCannotBeReadNoTokenIsValid) {
+TEST_F(LimitsTest, RejectsAllTokensIfFileIsUnreadable) {
     serve();
     const auto channel = plain();
     const auto ask = [&] {
-        return call(channel, "/kinevox.v1.CaptureService/GetStatus", {tokens_[v1::ROLE_WATCH]}).error_code();
+        return call(channel, "/kinevox.v1.CaptureService/GetStatus", {tokens_[v1::ROLE_VIEWER]}).error_code();
     };
     std::filesystem::permissions(token_file_, std::filesystem::perms::group_read,
                                  std::filesystem::perm_options::add);
@@ -191,47 +191,48 @@ TEST_F(LimitsTest, WhileTheFileCannotBeReadNoTokenIsValid) {
     EXPECT_EQ(ask(), grpc::StatusCode::UNAUTHENTICATED);
 }
 
-TEST_F(LimitsTest, EveryOperatingCallIsAuditedAndNoSecret) {
+TEST_F(LimitsTest, AuditsOperatingCallsWithoutSecrets) {
     serve();
     const auto channel = plain();
-    v1::StartRequest start;
+    v1::StartCaptureRequest start;
     start.set_lease_id("secret-lease");
-    call(channel, "/kinevox.v1.CaptureService/Start", {tokens_[v1::ROLE_OPERATE]}, start.SerializeAsString());
+    call(channel, "/kinevox.v1.CaptureService/StartCapture", {tokens_[v1::ROLE_OPERATOR]},
+         start.SerializeAsString());
     v1::StartRecordingRequest record;
     record.set_lease_id("secret-lease");
     record.set_name("jump " + std::string(1000, 'x'));
-    call(channel, "/kinevox.v1.RecordingService/StartRecording", {tokens_[v1::ROLE_ADMINISTER]},
+    call(channel, "/kinevox.v1.RecordingService/StartRecording", {tokens_[v1::ROLE_ADMIN]},
          record.SerializeAsString());
-    call(channel, "/kinevox.v1.CaptureService/Stop", {tokens_[v1::ROLE_EXHIBIT]});
-    call(channel, "/kinevox.v1.CaptureService/GetStatus", {tokens_[v1::ROLE_OPERATE]});
+    call(channel, "/kinevox.v1.CaptureService/StopCapture", {tokens_[v1::ROLE_DISPLAY]});
+    call(channel, "/kinevox.v1.CaptureService/GetStatus", {tokens_[v1::ROLE_OPERATOR]});
 
-    const auto started = lines_of("CaptureService.Start", 1);
+    const auto started = lines_of("CaptureService.StartCapture", 1);
     ASSERT_EQ(started.size(), 1u);
-    EXPECT_EQ(started[0].value("who", ""), "operate");
-    EXPECT_EQ(started[0].value("role", ""), "operate");
+    EXPECT_EQ(started[0].value("caller", ""), "operator");
+    EXPECT_EQ(started[0].value("role", ""), "operator");
     EXPECT_EQ(started[0].value("outcome", ""), "FAILED_PRECONDITION");
     EXPECT_THAT(started[0].value("peer", ""), HasSubstr("127.0.0.1"));
     const auto recorded = lines_of("RecordingService.StartRecording", 1);
     ASSERT_EQ(recorded.size(), 1u);
     EXPECT_THAT(recorded[0].at("request").value("name", ""),
                 AllOf(HasSubstr("jump xxx"), HasSubstr("1005 bytes")));
-    const auto stopped = lines_of("CaptureService.Stop", 1);
+    const auto stopped = lines_of("CaptureService.StopCapture", 1);
     ASSERT_EQ(stopped.size(), 1u);
     EXPECT_EQ(stopped[0].value("outcome", ""), "PERMISSION_DENIED");
-    EXPECT_EQ(stopped[0].value("who", ""), "exhibit");
+    EXPECT_EQ(stopped[0].value("caller", ""), "display");
     EXPECT_TRUE(lines_of("CaptureService.GetStatus", 0).empty());
     EXPECT_THAT(audited(), AllOf(Not(HasSubstr("secret-lease")), Not(HasSubstr("kvx_"))));
 }
 
 // By construction: whatever is added to the API later.
-TEST_F(LimitsTest, NoOperatingCallIsLeftOutOfTheAudit) {
+TEST_F(LimitsTest, AuditsEveryOperatingMethod) {
     serve();
     const auto channel = plain();
     std::size_t operating = 0;
     for (const auto& [path, what] : guard_->calls().calls()) {
         if (!what.method || !what.audited()) continue;
         ++operating;
-        call(channel, path, {tokens_[v1::ROLE_ADMINISTER]});
+        call(channel, path, {tokens_[v1::ROLE_ADMIN]});
     }
     for (const auto& [path, what] : guard_->calls().calls()) {
         if (!what.method || !what.audited()) continue;
@@ -240,30 +241,30 @@ TEST_F(LimitsTest, NoOperatingCallIsLeftOutOfTheAudit) {
     EXPECT_GE(operating, 25u);
 }
 
-TEST_F(LimitsTest, RefusedCallsAreCountedWhereTheyComeTooFast) {
+TEST_F(LimitsTest, CountsSuppressedRefusals) {
     serve();
     const auto channel = plain();
-    for (int i = 0; i < 300; ++i) call(channel, "/kinevox.v1.CaptureService/Start", {});
+    for (int i = 0; i < 300; ++i) call(channel, "/kinevox.v1.CaptureService/StartCapture", {});
     server_.reset();
     guard_.reset();
     audit_.reset();  // writes the rest
     std::istringstream text(audited());
     std::uint64_t lines = 0, further = 0;
     for (std::string line; std::getline(text, line); ++lines)
-        further += nlohmann::json::parse(line).value("further_refused", std::uint64_t{0});
+        further += nlohmann::json::parse(line).value("suppressed_refusals", std::uint64_t{0});
     EXPECT_LT(lines, 100u);
     EXPECT_GT(further, 200u);
 }
 
-TEST_F(LimitsTest, TheAuditLogsFileMayBeMovedAway) {
+TEST_F(LimitsTest, ReopensMovedAuditFile) {
     serve();
     const auto channel = plain();
-    call(channel, "/kinevox.v1.CaptureService/Start", {tokens_[v1::ROLE_OPERATE]});
-    ASSERT_EQ(lines_of("CaptureService.Start", 1).size(), 1u);
+    call(channel, "/kinevox.v1.CaptureService/StartCapture", {tokens_[v1::ROLE_OPERATOR]});
+    ASSERT_EQ(lines_of("CaptureService.StartCapture", 1).size(), 1u);
     std::filesystem::rename(audit_file_, folder_.path() / "audit.1");
-    call(channel, "/kinevox.v1.CaptureService/Stop", {tokens_[v1::ROLE_OPERATE]});
-    EXPECT_EQ(lines_of("CaptureService.Stop", 1).size(), 1u);
-    EXPECT_TRUE(lines_of("CaptureService.Start", 0).empty());
+    call(channel, "/kinevox.v1.CaptureService/StopCapture", {tokens_[v1::ROLE_OPERATOR]});
+    EXPECT_EQ(lines_of("CaptureService.StopCapture", 1).size(), 1u);
+    EXPECT_TRUE(lines_of("CaptureService.StartCapture", 0).empty());
 }
 
 }  // namespace

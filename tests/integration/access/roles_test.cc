@@ -17,7 +17,7 @@ bool denied(const grpc::Status& status) {
            status.error_code() == grpc::StatusCode::PERMISSION_DENIED;
 }
 
-// Streams that are let in stay open until their limit.
+// Accepted streams stay open until their deadline.
 std::chrono::milliseconds limit_of(const CallTable::Call& call) {
     const bool stays_open = !call.method || call.method->server_streaming();
     return std::chrono::milliseconds(stays_open ? 300 : 10'000);
@@ -33,12 +33,12 @@ std::set<std::string> calls_of(v1::Role role, const CallTable& table) {
 class RolesTest : public AccessTest {};
 
 // Reflection knows what the server has; the table must know the same.
-TEST_F(RolesTest, TheTableHasEveryServiceOfTheServer) {
+TEST_F(RolesTest, CoverEveryService) {
     serve();
     grpc::GenericStub stub(plain());
     grpc::CompletionQueue queue;
     grpc::ClientContext context;
-    context.AddMetadata("authorization", tokens_[v1::ROLE_WATCH]);
+    context.AddMetadata("authorization", tokens_[v1::ROLE_VIEWER]);
     auto asking =
         stub.PrepareCall(&context, "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", &queue);
     void* tag = nullptr;
@@ -78,35 +78,35 @@ TEST_F(RolesTest, TheTableHasEveryServiceOfTheServer) {
     EXPECT_EQ(known, served);
 }
 
-TEST_F(RolesTest, EveryCallNamesAPermission) {
+TEST_F(RolesTest, AssignPermissionToEveryMethod) {
     serve();
     for (const auto& [path, call] : guard_->calls().calls()) {
         EXPECT_NE(call.permission, v1::PERMISSION_UNSPECIFIED) << path << ": name it in access.proto";
-        EXPECT_TRUE(has(v1::ROLE_ADMINISTER, call.permission)) << path;
+        EXPECT_TRUE(has(v1::ROLE_ADMIN, call.permission)) << path;
     }
     EXPECT_GE(guard_->calls().calls().size(), 46u);
 }
 
 // By hand: a permission that was given by mistake fails here.
-TEST_F(RolesTest, ExhibitsAndWatchersMayDoNoMoreThanThis) {
+TEST_F(RolesTest, LimitDisplaysAndViewers) {
     serve();
     EXPECT_THAT(
-        calls_of(v1::ROLE_EXHIBIT, guard_->calls()),
+        calls_of(v1::ROLE_DISPLAY, guard_->calls()),
         UnorderedElementsAre("GetStatus", "ListCameras", "StreamVolumes", "StreamPoses", "StreamPreviews"));
-    EXPECT_THAT(calls_of(v1::ROLE_WATCH, guard_->calls()),
+    EXPECT_THAT(calls_of(v1::ROLE_VIEWER, guard_->calls()),
                 UnorderedElementsAre("GetStatus", "ListCameras", "StreamVolumes", "StreamPoses",
                                      "StreamPreviews", "WatchEvents", "WatchProcedure", "ListCalibrations",
-                                     "GetCertificate", "ExportCalibration", "ListPoses", "WatchDatabase",
-                                     "WatchBody", "GetRecorderStatus", "GetReplay"));
+                                     "GetCertificate", "ExportCalibration", "ListLibraryPoses",
+                                     "WatchPoseDatabase", "WatchBody", "GetRecorderStatus", "GetReplay"));
     std::set<std::string> only_administrators;
-    const auto operators = calls_of(v1::ROLE_OPERATE, guard_->calls());
-    for (const std::string& call : calls_of(v1::ROLE_ADMINISTER, guard_->calls()))
+    const auto operators = calls_of(v1::ROLE_OPERATOR, guard_->calls());
+    for (const std::string& call : calls_of(v1::ROLE_ADMIN, guard_->calls()))
         if (!operators.contains(call)) only_administrators.insert(call);
     EXPECT_THAT(only_administrators,
-                UnorderedElementsAre("DeleteRecording", "RemoveCalibration", "RemovePose"));
+                UnorderedElementsAre("DeleteCalibration", "DeleteLibraryPose", "DeleteRecording"));
 }
 
-TEST_F(RolesTest, EachRoleGetsThroughToWhatItMayCallAndToNothingElse) {
+TEST_F(RolesTest, AllowGrantedMethodsOnly) {
     serve();
     const auto channel = plain();
     for (const auto& [path, what] : guard_->calls().calls())
@@ -122,11 +122,11 @@ TEST_F(RolesTest, EachRoleGetsThroughToWhatItMayCallAndToNothingElse) {
         }
 }
 
-TEST_F(RolesTest, PicturesAreForFewerRolesThanSilhouettes) {
+TEST_F(RolesTest, RestrictImagesMoreThanSilhouettes) {
     serve();
     const auto channel = plain();
     using Request = v1::StreamPreviewsRequest;
-    for (const auto kind : {Request::KIND_UNSPECIFIED, Request::KIND_PICTURE, Request::KIND_SILHOUETTE})
+    for (const auto kind : {Request::KIND_UNSPECIFIED, Request::KIND_IMAGE, Request::KIND_SILHOUETTE})
         for (const v1::Role role : kRoles) {
             Request request;
             request.set_camera(runner_.cameras().front().name);
@@ -135,15 +135,15 @@ TEST_F(RolesTest, PicturesAreForFewerRolesThanSilhouettes) {
                 call(channel, "/kinevox.v1.StreamService/StreamPreviews", {tokens_[role]},
                      request.SerializeAsString(), std::chrono::milliseconds(300));
             const bool may =
-                kind == Request::KIND_SILHOUETTE || role == v1::ROLE_OPERATE || role == v1::ROLE_ADMINISTER;
+                kind == Request::KIND_SILHOUETTE || role == v1::ROLE_OPERATOR || role == v1::ROLE_ADMIN;
             EXPECT_EQ(status.error_code(),
                       may ? grpc::StatusCode::DEADLINE_EXCEEDED : grpc::StatusCode::PERMISSION_DENIED)
                 << Request::Kind_Name(kind) << " as " << name_of(role) << ": " << status.error_message();
         }
 }
 
-// A name that is mistyped, or of a call that is gone, gives nobody anything; it is still wrong.
-TEST_F(RolesTest, EveryNameInTheTableIsOfACallOrOfAValue) {
+// A mistyped or outdated name grants nothing, but is an error.
+TEST_F(RolesTest, ListExistingMethodsAndValuesOnly) {
     serve();
     std::set<std::string> calls, values;
     for (const auto& [path, what] : guard_->calls().calls()) {
@@ -158,23 +158,23 @@ TEST_F(RolesTest, EveryNameInTheTableIsOfACallOrOfAValue) {
     const auto* permissions = v1::Permission_descriptor();
     for (int i = 0; i < permissions->value_count(); ++i) {
         const auto& options = permissions->value(i)->options();
-        for (int n = 0; n < options.ExtensionSize(v1::calls); ++n)
-            EXPECT_EQ(calls.erase(options.GetExtension(v1::calls, n)), 1u)
-                << options.GetExtension(v1::calls, n);
-        for (int n = 0; n < options.ExtensionSize(v1::values); ++n) {
-            EXPECT_TRUE(values.contains(options.GetExtension(v1::values, n)))
-                << options.GetExtension(v1::values, n);
+        for (int n = 0; n < options.ExtensionSize(v1::methods); ++n)
+            EXPECT_EQ(calls.erase(options.GetExtension(v1::methods, n)), 1u)
+                << options.GetExtension(v1::methods, n);
+        for (int n = 0; n < options.ExtensionSize(v1::enum_values); ++n) {
+            EXPECT_TRUE(values.contains(options.GetExtension(v1::enum_values, n)))
+                << options.GetExtension(v1::enum_values, n);
             // The one handler that looks at them; the test above tries it.
-            EXPECT_TRUE(options.GetExtension(v1::values, n).starts_with("StreamPreviewsRequest."));
+            EXPECT_TRUE(options.GetExtension(v1::enum_values, n).starts_with("StreamPreviewsRequest."));
         }
     }
     EXPECT_TRUE(calls.empty());
 }
 
-TEST_F(RolesTest, TenThousandWrongTokensOpenNothing) {
+TEST_F(RolesTest, RejectTenThousandWrongTokens) {
     const std::int64_t now_s = seconds_now();
-    const std::string expired = create("expired", v1::ROLE_ADMINISTER, 1, now_s - 2 * 86'400);
-    const std::string revoked = create("revoked", v1::ROLE_ADMINISTER);
+    const std::string expired = create("expired", v1::ROLE_ADMIN, 1, now_s - 2 * 86'400);
+    const std::string revoked = create("revoked", v1::ROLE_ADMIN);
     ASSERT_TRUE(revoke_token(token_file_, "revoked", now_s).ok());
     serve();
     const auto channel = plain();
@@ -182,7 +182,7 @@ TEST_F(RolesTest, TenThousandWrongTokensOpenNothing) {
                                                                guard_->calls().calls().end());
     std::mt19937 random(1);
     const auto draw = [&](std::size_t below) { return random() % below; };
-    const std::string& good = tokens_[v1::ROLE_ADMINISTER];
+    const std::string& good = tokens_[v1::ROLE_ADMIN];
     const auto wrong = [&](int kind) -> std::vector<std::string> {
         std::string token = good;
         switch (kind) {
@@ -199,7 +199,7 @@ TEST_F(RolesTest, TenThousandWrongTokensOpenNothing) {
             case 5:
                 return {token, token};  // twice
             case 6:
-                return {tokens_[v1::ROLE_WATCH], token};
+                return {tokens_[v1::ROLE_VIEWER], token};
             case 7:
                 return {token.substr(7)};  // without its scheme
             case 8:
@@ -231,14 +231,14 @@ TEST_F(RolesTest, TenThousandWrongTokensOpenNothing) {
     EXPECT_FALSE(denied(call(channel, "/kinevox.v1.CaptureService/GetStatus", {good})));  // the door is there
 }
 
-TEST_F(RolesTest, CallsThatThereAreNotAreRefused) {
+TEST_F(RolesTest, RejectUnknownMethods) {
     serve();
     const auto channel = plain();
     for (const char* path :
          {"/kinevox.v1.CaptureService/Begin", "/kinevox.v1.NoService/Start", "/kinevox.v1.CaptureService/",
           "/kinevox.v1.CaptureService/start", "/Start", "/"}) {
         EXPECT_EQ(call(channel, path, {}).error_code(), grpc::StatusCode::UNAUTHENTICATED) << path;
-        EXPECT_EQ(call(channel, path, {tokens_[v1::ROLE_ADMINISTER]}).error_code(),
+        EXPECT_EQ(call(channel, path, {tokens_[v1::ROLE_ADMIN]}).error_code(),
                   grpc::StatusCode::UNIMPLEMENTED)
             << path;
     }

@@ -45,39 +45,40 @@ class TlsTest : public AccessTest {
             own_connection());
     }
 
-    grpc::Status ask(const std::shared_ptr<grpc::Channel>& channel, v1::Role role = v1::ROLE_ADMINISTER) {
+    grpc::Status ask(const std::shared_ptr<grpc::Channel>& channel, v1::Role role = v1::ROLE_ADMIN) {
         return call(channel, kStatus, {tokens_[role]});
     }
 
     void SetUp() override {
-        gpr_set_log_function([](gpr_log_func_args*) {});  // gRPC tells of each
+        gpr_set_log_function([](gpr_log_func_args*) {});  // gRPC logs each
     }
 
     const CertificateAndKey ca_ = make(Kind::kAuthority, nullptr),
                             foreign_ca_ = make(Kind::kAuthority, nullptr);
 };
 
-TEST_F(TlsTest, ATokenOpensOverTlsAndNothingElseDoes) {
+TEST_F(TlsTest, RequiresTokenOverTls) {
     serve_tls(false);
     const auto channel = tls({}, ca_.certificate);
     EXPECT_TRUE(ask(channel).ok()) << ask(channel).error_message();
     EXPECT_EQ(call(channel, kStatus, {}).error_code(), grpc::StatusCode::UNAUTHENTICATED);
     EXPECT_EQ(call(channel, kStatus, {"Bearer kvx_wrong"}).error_code(), grpc::StatusCode::UNAUTHENTICATED);
-    EXPECT_EQ(call(channel, "/kinevox.v1.CaptureService/Start", {tokens_[v1::ROLE_WATCH]}).error_code(),
-              grpc::StatusCode::PERMISSION_DENIED);
+    EXPECT_EQ(
+        call(channel, "/kinevox.v1.CaptureService/StartCapture", {tokens_[v1::ROLE_VIEWER]}).error_code(),
+        grpc::StatusCode::PERMISSION_DENIED);
     EXPECT_EQ(ask(plain()).error_code(), grpc::StatusCode::UNAVAILABLE);
     EXPECT_EQ(ask(tls({}, foreign_ca_.certificate)).error_code(),
               grpc::StatusCode::UNAVAILABLE);  // the client refuses
 }
 
-TEST_F(TlsTest, WithAClientAuthorityACertificateIsNeededBesideTheToken) {
+TEST_F(TlsTest, RequiresClientCertificateAndToken) {
     serve_tls(true);
     const auto channel = tls(make(Kind::kClient, &ca_), ca_.certificate);
     EXPECT_TRUE(ask(channel).ok()) << ask(channel).error_message();
     EXPECT_EQ(call(channel, kStatus, {}).error_code(), grpc::StatusCode::UNAUTHENTICATED);
 }
 
-TEST_F(TlsTest, WrongCertificatesOpenNothing) {
+TEST_F(TlsTest, RejectsWrongCertificates) {
     serve_tls(true);
     const CertificateAndKey good = make(Kind::kClient, &ca_), foreign = make(Kind::kClient, &foreign_ca_);
     const std::vector<std::pair<const char*, CertificateAndKey>> wrong{
@@ -134,7 +135,7 @@ class Idle {
     bool connected_ = false;
 };
 
-TEST_F(TlsTest, TwoHundredSilentConnectionsHoldUpNobodyAndAreClosed) {
+TEST_F(TlsTest, ClosesIdleConnectionsWithoutDelayingOthers) {
     for (const bool encrypted : {true, false}) {
         if (encrypted) {
             serve_tls(false);

@@ -35,9 +35,9 @@ class ApiTest : public ::testing::Test {
         io_thread_.join();
     }
 
-    std::string acquire(const std::string& name = "tester") {
+    std::string acquire(const std::string& operator_name = "tester") {
         v1::AcquireControlRequest request;
-        request.set_name(name);
+        request.set_operator_name(operator_name);
         const auto lease = client_.acquire_control(request);
         EXPECT_TRUE(lease.ok()) << lease.status();
         return lease.ok() ? lease->lease_id() : "";
@@ -45,7 +45,7 @@ class ApiTest : public ::testing::Test {
 
     void start() { ASSERT_TRUE(client_.start("tester").ok()); }
 
-    // The messages of a stream, collected on a thread of its own until `count` have come.
+    // The first `count` messages of a stream, collected on another thread.
     struct Collected {
         std::vector<client::VolumeFrame> frames;
         absl::Status status;
@@ -85,7 +85,7 @@ class ApiTest : public ::testing::Test {
                     .lease = lease_,
                     .control = control_.get_executor(),
                     .encoders = encoders_.get_executor(),
-                    .clock = io_.get_executor(),
+                    .timers = io_.get_executor(),
                     .source_description = "fake"};
     std::unique_ptr<ApiServer> server_ = ApiServer::in_process(api_);
     client::Client client_;

@@ -1,4 +1,4 @@
-// Each call of capture and stream service over an in-process channel, against a fake capture.
+// CaptureService and StreamService over an in-process channel, against a fake capture.
 #include <grpcpp/generic/generic_stub.h>
 
 #include <atomic>
@@ -6,6 +6,7 @@
 #include <numbers>
 #include <thread>
 
+#include "kinevox/v1/capture_service.grpc.pb.h"
 #include "kinevox/v1/stream_service.grpc.pb.h"
 #include "server/api/stream_service.h"
 #include "tests/integration/api/api_fixture.h"
@@ -16,13 +17,13 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-TEST_F(ApiTest, GetStatusTellsStateRatesAndSubject) {
+TEST_F(ApiTest, GetStatusReportsStateRatesAndSubjects) {
     auto status = client_.status();
     ASSERT_TRUE(status.ok()) << status.status();
     EXPECT_EQ(status->state(), v1::CAPTURE_STATE_STOPPED);
     EXPECT_EQ(status->source(), "fake");
-    EXPECT_FALSE(status->has_volume());
-    EXPECT_TRUE(std::isnan(status->cameras(0).silhouette_iou()));
+    EXPECT_EQ(status->subjects_size(), 0);
+    EXPECT_EQ(status->cameras(0).subjects_size(), 0);
 
     auto collected = collect({}, 1);
     start();
@@ -30,81 +31,113 @@ TEST_F(ApiTest, GetStatusTellsStateRatesAndSubject) {
     collected.get();
     status = client_.status();
     EXPECT_EQ(status->state(), v1::CAPTURE_STATE_RUNNING);
-    EXPECT_EQ(status->results(), 1u);
-    EXPECT_EQ(status->source_fps(), 100);
-    EXPECT_EQ(status->newest_times().hull_ms(), 2);
-    EXPECT_EQ(status->volume().voxels(), voxel_count(*volume_));
-    EXPECT_EQ(status->subject().subject_id(), 1u);
-    EXPECT_THAT(status->subject().cameras_used(), ElementsAre("left"));
-    EXPECT_NEAR(status->cameras(1).silhouette_iou(), 0.8, 1e-6);
-    EXPECT_TRUE(status->cameras(0).used());
-    EXPECT_FALSE(status->cameras(1).used());
+    EXPECT_EQ(status->result_count(), 1u);
+    EXPECT_EQ(status->nominal_fps(), 100);
+    EXPECT_EQ(status->latest_stage_times().hull_ms(), 2);
+    ASSERT_EQ(status->subjects_size(), 1);
+    const v1::SubjectStatus& subject = status->subjects(0);
+    EXPECT_EQ(subject.volume().voxel_count(), voxel_count(*volume_));
+    EXPECT_TRUE(subject.pose_found());
+    EXPECT_EQ(subject.subject().subject_id(), 1u);
+    EXPECT_THAT(subject.subject().used_cameras(), ElementsAre("left"));
+    ASSERT_EQ(status->cameras(0).subjects_size(), 1);
+    ASSERT_EQ(status->cameras(1).subjects_size(), 1);
+    const v1::CameraSubjectStatus &left = status->cameras(0).subjects(0),
+                                  &right = status->cameras(1).subjects(0);
+    EXPECT_EQ(left.subject_id(), 1u);
+    EXPECT_NEAR(right.silhouette_iou(), 0.8, 1e-6);
+    EXPECT_TRUE(left.used());
+    EXPECT_FALSE(right.used());
 }
 
-TEST_F(ApiTest, ListCamerasCarriesTheWholeCalibration) {
+TEST_F(ApiTest, ListCamerasReturnsCompleteCalibration) {
     const auto cameras = client_.cameras();
     ASSERT_TRUE(cameras.ok());
     EXPECT_EQ(*cameras, testing::fake_cameras());
 }
 
-TEST_F(ApiTest, StartStopAndLearnNeedControl) {
+// Each page of ListCameras holds one camera.
+TEST_F(ApiTest, ListCamerasReturnsPages) {
+    const auto stub = v1::CaptureService::NewStub(server_->in_process_channel());
+    v1::ListCamerasRequest request;
+    request.set_page_size(1);
+    std::vector<std::string> names;
+    do {
+        grpc::ClientContext context;
+        v1::ListCamerasResponse response;
+        ASSERT_TRUE(stub->ListCameras(&context, request, &response).ok());
+        ASSERT_EQ(response.cameras_size(), 1);
+        names.push_back(response.cameras(0).name());
+        request.set_page_token(response.next_page_token());
+    } while (!request.page_token().empty());
+    EXPECT_THAT(names, ElementsAre("left", "right"));
+    request.set_page_size(-1);
+    grpc::ClientContext context;
+    v1::ListCamerasResponse response;
+    EXPECT_EQ(stub->ListCameras(&context, request, &response).error_code(),
+              grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+TEST_F(ApiTest, StartStopAndLearnRequireControl) {
     for (const std::string id : {"", "not a lease"}) {
-        EXPECT_EQ(client_.start_with(id).code(), absl::StatusCode::kFailedPrecondition);
-        EXPECT_EQ(client_.stop_with(id).code(), absl::StatusCode::kFailedPrecondition);
-        EXPECT_EQ(client_.learn_background_with(id, 0, std::chrono::seconds(5)).code(),
+        EXPECT_EQ(client_.start(client::Lease{id}).code(), absl::StatusCode::kFailedPrecondition);
+        EXPECT_EQ(client_.stop(client::Lease{id}).code(), absl::StatusCode::kFailedPrecondition);
+        EXPECT_EQ(client_.learn_background(client::Lease{id}, 0, std::chrono::seconds(5)).code(),
                   absl::StatusCode::kFailedPrecondition);
     }
     const std::string id = acquire("ann");
     const absl::Status other = client_.start("bob");
     EXPECT_EQ(other.code(), absl::StatusCode::kFailedPrecondition);
     EXPECT_THAT(std::string(other.message()), HasSubstr("held by 'ann' for another"));
-    EXPECT_TRUE(client_.start_with(id).ok());
-    EXPECT_EQ(client_.start_with(id).code(), absl::StatusCode::kFailedPrecondition) << "it runs";
-    EXPECT_TRUE(client_.stop_with(id).ok());
-    EXPECT_TRUE(client_.learn_background_with(id, 0, std::chrono::seconds(5)).ok());
-    EXPECT_EQ(client_.learn_background_with(id, -3, std::chrono::seconds(5)).code(),
+    EXPECT_TRUE(client_.start(client::Lease{id}).ok());
+    EXPECT_EQ(client_.start(client::Lease{id}).code(), absl::StatusCode::kFailedPrecondition) << "it runs";
+    EXPECT_TRUE(client_.stop(client::Lease{id}).ok());
+    EXPECT_TRUE(client_.learn_background(client::Lease{id}, 0, std::chrono::seconds(5)).ok());
+    EXPECT_EQ(client_.learn_background(client::Lease{id}, -3, std::chrono::seconds(5)).code(),
               absl::StatusCode::kInvalidArgument);
-    EXPECT_EQ(client_.status()->control().holder(), "ann");
+    EXPECT_EQ(client_.status()->control_lease().operator_name(), "ann");
     EXPECT_TRUE(client_.renew_control(id).ok());
     EXPECT_TRUE(client_.release_control(id).ok());
-    EXPECT_FALSE(client_.status()->has_control());
+    EXPECT_FALSE(client_.status()->has_control_lease());
     EXPECT_FALSE(client_.renew_control(id).ok());
 }
 
-TEST_F(ApiTest, LearnBackgroundAnswersWhenItIsLearned) {
+TEST_F(ApiTest, LearnBackgroundReturnsWhenLearned) {
     auto seen = collect({}, 1);
     start();
     source_.give(1);
     seen.get();
     auto learned = std::async(
         std::launch::async, [&] { return client_.learn_background("tester", 3, std::chrono::seconds(10)); });
-    while (client_.status()->state() != v1::CAPTURE_STATE_LEARNING) {
+    while (client_.status()->state() != v1::CAPTURE_STATE_LEARNING_BACKGROUND) {
     }
     source_.give(3);
     EXPECT_TRUE(learned.get().ok());
 }
 
-TEST_F(ApiTest, WatchEventsTellsWhatHappensInOrder) {
+TEST_F(ApiTest, WatchEventsReturnsHistoryInOrder) {
     start();
     ASSERT_TRUE(client_.stop("tester").ok());
     std::vector<v1::EventKind> kinds;
     v1::WatchEventsRequest request;
-    request.set_past(7);
-    const absl::Status status = client_.watch_events(
-        request,
-        [&](const v1::WatchEventsResponse& event) { return kinds.push_back(event.kind()), kinds.size() < 7; },
-        {});
+    request.set_history_count(7);
+    const absl::Status status = client_.watch_events(request,
+                                                     [&](const v1::WatchEventsResponse& message) {
+                                                         return kinds.push_back(message.event().kind()),
+                                                                kinds.size() < 7;
+                                                     },
+                                                     {});
     EXPECT_TRUE(status.ok());
-    EXPECT_THAT(kinds, ElementsAre(v1::EVENT_KIND_CONTROL_TAKEN, v1::EVENT_KIND_BACKGROUND_LEARNED,
-                                   v1::EVENT_KIND_STARTED, v1::EVENT_KIND_CONTROL_RELEASED,
-                                   v1::EVENT_KIND_CONTROL_TAKEN, v1::EVENT_KIND_STOPPED,
+    EXPECT_THAT(kinds, ElementsAre(v1::EVENT_KIND_CONTROL_ACQUIRED, v1::EVENT_KIND_BACKGROUND_LEARNED,
+                                   v1::EVENT_KIND_CAPTURE_STARTED, v1::EVENT_KIND_CONTROL_RELEASED,
+                                   v1::EVENT_KIND_CONTROL_ACQUIRED, v1::EVENT_KIND_CAPTURE_STOPPED,
                                    v1::EVENT_KIND_CONTROL_RELEASED));
-    request.set_past(101);
+    request.set_history_count(101);
     EXPECT_EQ(client_.watch_events(request, [](const auto&) { return true; }, {}).code(),
               absl::StatusCode::kInvalidArgument);
 }
 
-TEST_F(ApiTest, StreamVolumesLosslessDeliversEveryResultDecodable) {
+TEST_F(ApiTest, StreamVolumesDeliversEveryResultLosslessly) {
     v1::StreamVolumesRequest request;
     request.set_delivery(v1::DELIVERY_LOSSLESS);
     auto collected = collect(request, 50);
@@ -114,39 +147,42 @@ TEST_F(ApiTest, StreamVolumesLosslessDeliversEveryResultDecodable) {
     ASSERT_TRUE(out.status.ok()) << out.status;
     for (std::size_t i = 0; i < out.frames.size(); ++i) {
         EXPECT_EQ(out.frames[i].header.sequence(), i);
-        EXPECT_EQ(out.frames[i].header.missed(), 0u);
-        EXPECT_EQ(out.frames[i].header.subject_id(), 1u);
-        EXPECT_EQ(out.frames[i].header.times().total_ms(), 5);
+        EXPECT_EQ(out.frames[i].header.missed_count(), 0u);
+        ASSERT_EQ(out.frames[i].subjects.size(), 1u);
+        EXPECT_EQ(out.frames[i].subjects[0].subject.subject_id(), 1u);
+        EXPECT_EQ(out.frames[i].header.stage_times().total_ms(), 5);
     }
     EXPECT_EQ(out.frames[1].header.capture_time_ns() - out.frames[0].header.capture_time_ns(), 10'000'000);
-    ASSERT_TRUE(out.frames[0].volume);
-    EXPECT_EQ(out.frames[0].volume->bricks, volume_->bricks);
-    EXPECT_EQ(out.frames[0].volume->colours.size(), volume_->colours.size());
-    EXPECT_NEAR(out.frames[0].litres, volume_litres(*volume_), 1e-9);
+    const client::SubjectVolume& first = out.frames[0].subjects[0];
+    ASSERT_TRUE(first.volume);
+    EXPECT_EQ(first.volume->bricks, volume_->bricks);
+    EXPECT_EQ(first.volume->colours.size(), volume_->colours.size());
+    EXPECT_NEAR(first.volume_litres, volume_litres(*volume_), 1e-9);
 }
 
-TEST_F(ApiTest, StreamVolumesSendsTheFormThatWasAskedFor) {
+TEST_F(ApiTest, StreamVolumesSendsRequestedResolution) {
     v1::StreamVolumesRequest coarse, plain;
-    coarse.set_max_voxel_m(0.09);  // 0.02, 0.04, 0.08 fit
-    plain.set_level(1);
-    plain.set_without_colours(true);
+    coarse.set_max_voxel_m(0.09);  // 0.08 is the largest multiple of 0.02 by powers of 2
+    plain.set_downsample_level(1);
+    plain.set_omit_colours(true);
     auto first = collect(coarse, 1), second = collect(plain, 1);
     start();
     source_.give(1);
-    EXPECT_NEAR(first.get().frames.at(0).volume->grid.voxel_m, 0.08, 1e-9);
+    EXPECT_NEAR(first.get().frames.at(0).subjects.at(0).volume->grid.voxel_m, 0.08, 1e-9);
     const Collected out = second.get();
-    EXPECT_NEAR(out.frames.at(0).volume->grid.voxel_m, 0.04, 1e-9);
-    EXPECT_TRUE(out.frames.at(0).volume->colours.empty());
-    EXPECT_NEAR(out.frames.at(0).litres, volume_litres(*volume_), 1e-9) << "at the capture's own resolution";
+    const client::SubjectVolume& subject = out.frames.at(0).subjects.at(0);
+    EXPECT_NEAR(subject.volume->grid.voxel_m, 0.04, 1e-9);
+    EXPECT_TRUE(subject.volume->colours.empty());
+    EXPECT_NEAR(subject.volume_litres, volume_litres(*volume_), 1e-9) << "at the capture's own resolution";
 }
 
-TEST_F(ApiTest, StreamVolumesAccountsForEveryResultWhateverItMisses) {
+TEST_F(ApiTest, StreamVolumesCountsMissedResults) {
     v1::StreamVolumesRequest request;
     request.set_max_rate_hz(50);
     auto collected = collect(request, 5);
     start();
     std::atomic<bool> done{false};
-    std::thread giver([&] {  // as fast as they are taken, so that the rate's limit has something to drop
+    std::thread giver([&] {  // as fast as possible, so that the rate limit drops some
         while (!done) source_.give(1), std::this_thread::yield();
     });
     const auto begin = std::chrono::steady_clock::now();
@@ -155,15 +191,15 @@ TEST_F(ApiTest, StreamVolumesAccountsForEveryResultWhateverItMisses) {
     done = true;
     giver.join();
     ASSERT_TRUE(out.status.ok());
-    EXPECT_GE(took.count(), 4 / 50.0 * 0.99) << "five messages at 50 a second take at least four periods";
+    EXPECT_GE(took.count(), 4 / 50.0 * 0.99) << "five messages at 50 Hz take at least four periods";
     for (std::size_t i = 1; i < out.frames.size(); ++i)
         EXPECT_EQ(out.frames[i].header.sequence(),
-                  out.frames[i - 1].header.sequence() + 1 + out.frames[i].header.missed());
+                  out.frames[i - 1].header.sequence() + 1 + out.frames[i].header.missed_count());
 }
 
-TEST_F(ApiTest, ManyWhoWantTheNewestShareWhatMayBeSentAndAllGetTheLast) {
+TEST_F(ApiTest, LatestOnlySubscribersShareTheMessageRate) {
     constexpr std::size_t kWatchers = 4;
-    api_.share = &share_.emplace(40);  // ten a second each
+    api_.fair_share = &share_.emplace(40);  // 10 Hz each
     constexpr std::uint64_t kLast = 199;
     std::vector<std::future<std::vector<std::uint64_t>>> watchers;
     for (std::size_t i = 0; i < kWatchers; ++i)
@@ -173,7 +209,7 @@ TEST_F(ApiTest, ManyWhoWantTheNewestShareWhatMayBeSentAndAllGetTheLast) {
             const absl::Status status =
                 client_.stream_poses({},
                                      [&](const v1::StreamPosesResponse& message) {
-                                         accounted += 1 + message.header().missed();
+                                         accounted += 1 + message.header().missed_count();
                                          sequences.push_back(message.header().sequence());
                                          return sequences.back() < kLast;
                                      },
@@ -206,11 +242,11 @@ TEST_F(ApiTest, ManyWhoWantTheNewestShareWhatMayBeSentAndAllGetTheLast) {
         EXPECT_GE(messages, 3u);
         EXPECT_LE(static_cast<double>(messages), took.count() * 10 + 2);
     }
-    EXPECT_EQ(all.get(), static_cast<int>(kLast) + 1) << "who wants every message gets it";
+    EXPECT_EQ(all.get(), static_cast<int>(kLast) + 1) << "lossless subscribers are not limited";
 }
 
-TEST_F(ApiTest, AnOverflowingLosslessStreamEndsWithResourceExhausted) {
-    // Reads nothing until the queue must be full: the raw stub, since the client library reads by itself.
+TEST_F(ApiTest, OverflowingLosslessStreamEndsWithResourceExhausted) {
+    // Reads nothing until the queue is full. Uses the stub, because the client library reads on its own.
     api_.lossless_max_messages = 8;
     const auto stub = v1::StreamService::NewStub(server_->in_process_channel());
     grpc::ClientContext context;
@@ -219,12 +255,12 @@ TEST_F(ApiTest, AnOverflowingLosslessStreamEndsWithResourceExhausted) {
     const auto reader = stub->StreamVolumes(&context, request);
     reader->WaitForInitialMetadata();
     start();
-    source_.give(2000);  // far more than the transport can hold of them
-    while (runner_.figures().results < 2000) std::this_thread::yield();
+    source_.give(2000);  // far more than the transport buffers
+    while (runner_.snapshot().result_count < 2000) std::this_thread::yield();
     v1::StreamVolumesResponse message;
     std::uint64_t messages = 0;
     while (reader->Read(&message)) {
-        EXPECT_EQ(message.header().sequence(), messages) << "none is missed before the end";
+        EXPECT_EQ(message.header().sequence(), messages) << "no message is missed before the end";
         ++messages;
     }
     const grpc::Status status = reader->Finish();
@@ -233,24 +269,25 @@ TEST_F(ApiTest, AnOverflowingLosslessStreamEndsWithResourceExhausted) {
     EXPECT_LT(messages, 2000u);
 }
 
-TEST_F(ApiTest, StreamVolumesRefusesWhatMakesNoSense) {
-    const auto told = [&](auto set) {
+TEST_F(ApiTest, StreamVolumesRejectsInvalidRequests) {
+    const auto status_of = [&](auto set) {
         v1::StreamVolumesRequest request;
         set(request);
         return client_.stream_volumes(request, [](const auto&) { return true; }, {}).code();
     };
     constexpr auto kInvalid = absl::StatusCode::kInvalidArgument;
-    EXPECT_EQ(told([](auto& r) { r.set_max_voxel_m(0); }), kInvalid);
-    EXPECT_EQ(told([](auto& r) { r.set_max_voxel_m(std::nan("")); }), kInvalid);
-    EXPECT_EQ(told([](auto& r) { r.set_level(6); }), kInvalid);
-    EXPECT_EQ(told([](auto& r) { r.set_level(-1); }), kInvalid);
-    EXPECT_EQ(told([](auto& r) { r.set_max_rate_hz(-1); }), kInvalid);
-    EXPECT_EQ(told([](auto& r) { r.set_max_rate_hz(1e-12); }), kInvalid);
-    EXPECT_EQ(told([](auto& r) { r.set_delivery(static_cast<v1::Delivery>(9)); }), kInvalid);
-    EXPECT_EQ(told([](auto& r) { r.set_delivery(v1::DELIVERY_LOSSLESS), r.set_max_rate_hz(5); }), kInvalid);
+    EXPECT_EQ(status_of([](auto& r) { r.set_max_voxel_m(0); }), kInvalid);
+    EXPECT_EQ(status_of([](auto& r) { r.set_max_voxel_m(std::nan("")); }), kInvalid);
+    EXPECT_EQ(status_of([](auto& r) { r.set_downsample_level(6); }), kInvalid);
+    EXPECT_EQ(status_of([](auto& r) { r.set_downsample_level(-1); }), kInvalid);
+    EXPECT_EQ(status_of([](auto& r) { r.set_max_rate_hz(-1); }), kInvalid);
+    EXPECT_EQ(status_of([](auto& r) { r.set_max_rate_hz(1e-12); }), kInvalid);
+    EXPECT_EQ(status_of([](auto& r) { r.set_delivery(static_cast<v1::Delivery>(9)); }), kInvalid);
+    EXPECT_EQ(status_of([](auto& r) { r.set_delivery(v1::DELIVERY_LOSSLESS), r.set_max_rate_hz(5); }),
+              kInvalid);
 }
 
-TEST_F(ApiTest, StreamPosesLosslessCarriesValuesAndWhatIsWithheld) {
+TEST_F(ApiTest, StreamPosesCarriesValuesAndWithheldReasons) {
     v1::StreamPosesRequest request;
     request.set_delivery(v1::DELIVERY_LOSSLESS);
     std::vector<v1::StreamPosesResponse> messages;
@@ -259,45 +296,73 @@ TEST_F(ApiTest, StreamPosesLosslessCarriesValuesAndWhatIsWithheld) {
             request, [&](const auto& m) { return messages.push_back(m), messages.size() < 20; }, {});
     });
     while (hub_.subscribers().poses == 0) std::this_thread::yield();
-    EXPECT_EQ(client_.status()->pose_subscribers(), 1);
+    EXPECT_EQ(client_.status()->pose_subscriber_count(), 1);
     start();
     source_.give(20);
     ASSERT_TRUE(streamed.get().ok());
     for (std::size_t i = 0; i < messages.size(); ++i) {
         EXPECT_EQ(messages[i].header().sequence(), i);
-        EXPECT_EQ(messages[i].header().missed(), 0u);
-        EXPECT_EQ(messages[i].pose().subject_id(), 1u);
+        EXPECT_EQ(messages[i].header().missed_count(), 0u);
+        ASSERT_EQ(messages[i].subjects_size(), 1);
+        EXPECT_EQ(messages[i].subjects(0).subject_id(), 1u);
     }
-    const v1::Pose& pose = messages[0].pose();
+    const v1::Pose& pose = messages[0].subjects(0).pose();
     ASSERT_EQ(pose.joints_size(), static_cast<int>(kJointNames.size()));
     ASSERT_EQ(pose.angles_size(), static_cast<int>(kJointAngleNames.size()));
     EXPECT_EQ(pose.joints(1).name(), "sacroiliac");
     EXPECT_NEAR(pose.joints(1).position_in_world().x(), 0.1, 1e-12);
     const v1::JointEstimate& hidden = pose.joints(pose.joints_size() - 1);
     EXPECT_FALSE(hidden.has_position_in_world());
-    EXPECT_EQ(hidden.withheld(), "outside every picture");
+    EXPECT_EQ(hidden.withheld_reason(), "outside every image");
     EXPECT_FALSE(pose.angles(0).has_value_deg());
     EXPECT_NEAR(pose.angles(1).value_deg(), 0.5 * 180 / std::numbers::pi, 1e-9);
-    EXPECT_FALSE(pose.angles(1).has_velocity_deg_s());
-    EXPECT_NEAR(pose.angles(2).velocity_deg_s(), 180 / std::numbers::pi, 1e-9);
-    EXPECT_EQ(pose.segments(0).name(), "pelvis");
-    EXPECT_TRUE(pose.ratios().has_knee_hip_l());
-    EXPECT_FALSE(pose.ratios().has_knee_hip_r());
+    EXPECT_FALSE(pose.angles(1).has_velocity_deg_per_s());
+    EXPECT_NEAR(pose.angles(2).velocity_deg_per_s(), 180 / std::numbers::pi, 1e-9);
+    EXPECT_EQ(pose.segment_orientations(0).name(), "pelvis");
+    EXPECT_TRUE(pose.ratios().has_knee_hip_flexion_ratio_l());
+    EXPECT_FALSE(pose.ratios().has_knee_hip_flexion_ratio_r());
 }
 
-TEST_F(ApiTest, StreamPosesRefusesWhatMakesNoSense) {
+TEST_F(ApiTest, StreamPosesCarriesModelCoordinates) {
+    v1::StreamPosesRequest request;
+    request.set_delivery(v1::DELIVERY_LOSSLESS);
+    v1::StreamPosesResponse message;
+    auto streamed = std::async(std::launch::async, [&] {
+        return client_.stream_poses(request, [&](const auto& m) { return message = m, false; }, {});
+    });
+    while (hub_.subscribers().poses == 0) std::this_thread::yield();
+    start();
+    source_.give(1);
+    ASSERT_TRUE(streamed.get().ok());
+    ASSERT_EQ(message.subjects_size(), 1);
+    const v1::Pose& pose = message.subjects(0).pose();
+    ASSERT_EQ(pose.coordinates_size(), 29);
+    ASSERT_EQ(pose.translations_size(), 3);
+    for (int k = 0; k < 3; ++k) EXPECT_EQ(pose.translations(k).name(), kBodyDofs[k].name);
+    for (int k = 0; k < 29; ++k) EXPECT_EQ(pose.coordinates(k).name(), kBodyDofs[k + 3].name);
+    for (const v1::CoordinateEstimate& coordinate : pose.coordinates())
+        EXPECT_EQ(coordinate.has_value_deg(), coordinate.withheld_reason().empty()) << coordinate.name();
+    // The fake's toe_r is withheld, and the ankle's coordinates with it.
+    const auto find = [&](const std::string& name) {
+        return *std::ranges::find_if(pose.coordinates(), [&](const auto& c) { return c.name() == name; });
+    };
+    EXPECT_TRUE(find("knee_angle_l").has_value_deg());
+    EXPECT_FALSE(find("ankle_angle_r").has_value_deg());
+}
+
+TEST_F(ApiTest, StreamPosesRejectsInvalidRequests) {
     v1::StreamPosesRequest request;
     request.set_max_rate_hz(-1);
-    const auto told = [&] {
+    const auto status_of = [&] {
         return client_.stream_poses(request, [](const auto&) { return true; }, {}).code();
     };
-    EXPECT_EQ(told(), absl::StatusCode::kInvalidArgument);
+    EXPECT_EQ(status_of(), absl::StatusCode::kInvalidArgument);
     request.set_max_rate_hz(5);
     request.set_delivery(v1::DELIVERY_LOSSLESS);
-    EXPECT_EQ(told(), absl::StatusCode::kInvalidArgument);
+    EXPECT_EQ(status_of(), absl::StatusCode::kInvalidArgument);
 }
 
-TEST_F(ApiTest, StreamPreviewsSendsPictureAndSilhouette) {
+TEST_F(ApiTest, StreamPreviewsSendsImageAndSilhouette) {
     const auto preview = [&](auto set) {
         v1::StreamPreviewsRequest request;
         request.set_camera("left");
@@ -307,18 +372,18 @@ TEST_F(ApiTest, StreamPreviewsSendsPictureAndSilhouette) {
             return client_.stream_previews(request,
                                            [&](const client::PreviewFrame& f) { return out = f, false; }, {});
         });
-        while (hub_.subscribers().pictures == 0) std::this_thread::yield();
+        while (hub_.subscribers().images == 0) std::this_thread::yield();
         source_.give(1);
         EXPECT_TRUE(got.get().ok());
-        while (hub_.subscribers().pictures != 0) std::this_thread::yield();
+        while (hub_.subscribers().images != 0) std::this_thread::yield();
         return out;
     };
     start();
-    const auto picture = preview([](auto&) {});
-    EXPECT_EQ(picture.camera, "left");
-    EXPECT_EQ(picture.image.width, 64);
-    EXPECT_EQ(picture.image.channels, 3);
-    EXPECT_NEAR(picture.image.data[0], 100, 4) << "the fake's first grey";
+    const auto frame = preview([](auto&) {});
+    EXPECT_EQ(frame.camera, "left");
+    EXPECT_EQ(frame.image.width, 64);
+    EXPECT_EQ(frame.image.channels, 3);
+    EXPECT_NEAR(frame.image.data[0], 100, 4) << "grey value of the fake's first image";
     const auto silhouette = preview([](auto& r) {
         r.set_kind(v1::StreamPreviewsRequest::KIND_SILHOUETTE);
         r.set_max_width_px(32);
@@ -329,33 +394,32 @@ TEST_F(ApiTest, StreamPreviewsSendsPictureAndSilhouette) {
     EXPECT_EQ(silhouette.image.channels, 1);
     const auto at = [&](int x, int y) { return silhouette.image.data[static_cast<std::size_t>(y * 32 + x)]; };
     EXPECT_GT(at(16, 12), 240);        // sharp
-    EXPECT_NEAR(at(11, 12), 128, 25);  // loose alone
+    EXPECT_NEAR(at(11, 12), 128, 25);  // loose only
     EXPECT_LT(at(2, 2), 15);
 }
 
-TEST_F(ApiTest, StreamPreviewsRefusesWhatMakesNoSense) {
-    const auto told = [&](auto set) {
+TEST_F(ApiTest, StreamPreviewsRejectsInvalidRequests) {
+    const auto status_of = [&](auto set) {
         v1::StreamPreviewsRequest request;
         request.set_camera("left");
         set(request);
         return client_.stream_previews(request, [](const auto&) { return true; }, {});
     };
-    const absl::Status unknown = told([](auto& r) { r.set_camera("middle"); });
+    const absl::Status unknown = status_of([](auto& r) { r.set_camera("middle"); });
     EXPECT_EQ(unknown.code(), absl::StatusCode::kNotFound);
     EXPECT_THAT(std::string(unknown.message()), HasSubstr("left, right"));
     constexpr auto kInvalid = absl::StatusCode::kInvalidArgument;
-    EXPECT_EQ(told([](auto& r) { r.set_max_width_px(3); }).code(), kInvalid);
-    EXPECT_EQ(told([](auto& r) { r.set_max_height_px(100'000); }).code(), kInvalid);
-    EXPECT_EQ(told([](auto& r) { r.set_jpeg_quality(101); }).code(), kInvalid);
-    EXPECT_EQ(told([](auto& r) { r.set_max_rate_hz(1e9); }).code(), kInvalid);
+    EXPECT_EQ(status_of([](auto& r) { r.set_max_width_px(3); }).code(), kInvalid);
+    EXPECT_EQ(status_of([](auto& r) { r.set_max_height_px(100'000); }).code(), kInvalid);
+    EXPECT_EQ(status_of([](auto& r) { r.set_jpeg_quality(101); }).code(), kInvalid);
+    EXPECT_EQ(status_of([](auto& r) { r.set_max_rate_hz(1e9); }).code(), kInvalid);
 }
 
-TEST_F(ApiTest, ARefusedStreamMayBeCancelledAtOnce) {
+TEST_F(ApiTest, RejectedStreamCanBeCancelledAtOnce) {
     const auto stub = v1::StreamService::NewStub(server_->in_process_channel());
     v1::StreamPosesRequest request;
     request.set_max_rate_hz(-1);
-    for (int i = 0; i < 500;
-         ++i) {  // in some of them the word that the client left comes before the call is over
+    for (int i = 0; i < 500; ++i) {  // in some iterations the cancellation arrives before the status is sent
         grpc::ClientContext context;
         const auto reader = stub->StreamPoses(&context, request);
         context.TryCancel();
@@ -364,7 +428,7 @@ TEST_F(ApiTest, ARefusedStreamMayBeCancelledAtOnce) {
     EXPECT_TRUE(client_.status().ok());
 }
 
-TEST_F(ApiTest, WhenTheDaemonStopsStreamsEndSayingSo) {
+TEST_F(ApiTest, StreamsEndWithUnavailableAtShutdown) {
     auto collected = collect({}, 1000);
     runner_.abort();
     hub_.close(absl::UnavailableError("the daemon is stopping; connect again later"));
@@ -373,7 +437,7 @@ TEST_F(ApiTest, WhenTheDaemonStopsStreamsEndSayingSo) {
     EXPECT_THAT(std::string(status.message()), HasSubstr("the daemon is stopping"));
 }
 
-TEST_F(ApiTest, AClientThatLeavesIsForgotten) {
+TEST_F(ApiTest, CancelledSubscriberIsRemoved) {
     std::stop_source stop;
     client::StreamOptions options;
     options.stop = stop.get_token();
@@ -387,7 +451,7 @@ TEST_F(ApiTest, AClientThatLeavesIsForgotten) {
     while (hub_.subscribers().volumes != 0) std::this_thread::yield();
 }
 
-// One request, one response of a method whose messages this build knows only as bytes.
+// A unary call of a method whose messages this build has only as bytes.
 std::string raw_call(const std::shared_ptr<grpc::Channel>& channel, const std::string& method,
                      const std::string& request) {
     grpc::GenericStub stub(channel);
@@ -429,11 +493,11 @@ TEST_F(ApiTest, HealthAndReflectionAnswer) {
     EXPECT_THAT(listed, HasSubstr("kinevox.v1.StreamService"));
 }
 
-TEST(LevelFor, KeepsTheEdgeWithinWhatWasAskedFor) {
+TEST(LevelFor, KeepsEdgeWithinRequestedMaximum) {
     EXPECT_EQ(level_for(0.01, 0.01), 0);
     EXPECT_EQ(level_for(0.01, 0.019), 0);
     EXPECT_EQ(level_for(0.01, 0.02), 1);
-    EXPECT_EQ(level_for(0.01, 0.005), 0) << "finer than there is: what there is";
+    EXPECT_EQ(level_for(0.01, 0.005), 0) << "finer than available";
     EXPECT_EQ(level_for(0.01, 1e9), 5);
 }
 

@@ -1,12 +1,12 @@
 // Calibrating a real daemon with what its cameras see meanwhile, in the virtual studio: a wand that is waved,
-// a person who walks; a camera that is knocked; and what is refused because there is no room for more.
+// a walking person; a moved camera; and observations rejected because of a limit.
 #include "common/calibration_file.h"
 #include "common/degrees.h"
 #include "common/session_file.h"
-#include "server/calibration/calibration_store.h"
+#include "server/calibration/procedure/calibration_store.h"
 #include "server/calibration/triangulation.h"
-#include "server/cameras/studio/props.h"
 #include "server/cameras/studio/studio.h"
+#include "server/cameras/studio/targets.h"
 #include "tests/integration/daemon/calibration_operator.h"
 #include "tests/integration/daemon/daemon_fixture.h"
 
@@ -29,7 +29,7 @@ struct StudioSession {
     std::filesystem::path session;
 };
 
-// Pictures of the studio, `empty_frames` of the empty room first; its calibration says `published` of the
+// Images of the studio, `empty_frames` of the empty room first; its calibration says `published` of the
 // true cameras.
 StudioSession write_studio_session(const std::filesystem::path& folder, const studio::StudioOptions& options,
                                    int empty_frames, int frames,
@@ -39,22 +39,21 @@ StudioSession write_studio_session(const std::filesystem::path& folder, const st
     StudioSession out{(*studio)->cameras(), folder / "session.toml"};
     Session session{"studio", options.fps, folder / "calibration.toml", {}, {}};
     for (std::size_t c = 0; c < out.truth.size(); ++c) {
-        const auto pictures = folder / out.truth[c].name,
-                   empty_room = folder / (out.truth[c].name + "_empty");
+        const auto images = folder / out.truth[c].name, empty_room = folder / (out.truth[c].name + "_empty");
         for (int i = 0; i < std::max(empty_frames, 8); ++i)
-            testing::write_picture((*studio)->draw_empty(c, i), empty_room / fmt::format("{:04}.ppm", i));
+            testing::write_image((*studio)->draw_empty(c, i), empty_room / fmt::format("{:04}.ppm", i));
         for (int i = 0; i < empty_frames; ++i) {
-            std::filesystem::create_directories(pictures);
+            std::filesystem::create_directories(images);
             std::filesystem::create_symlink(empty_room / fmt::format("{:04}.ppm", i),
-                                            pictures / fmt::format("{:04}.ppm", i));
+                                            images / fmt::format("{:04}.ppm", i));
         }
-        session.cameras.push_back({out.truth[c].name, pictures, empty_room});
+        session.cameras.push_back({out.truth[c].name, images, empty_room});
     }
     for (int frame = 0; frame < frames; ++frame) {
-        const auto pictures = (*studio)->draw(frame, true);
-        for (std::size_t c = 0; c < pictures.size(); ++c)
-            testing::write_picture(pictures[c],
-                                   session.cameras[c].video / fmt::format("{:04}.ppm", empty_frames + frame));
+        const auto images = (*studio)->draw(frame, true);
+        for (std::size_t c = 0; c < images.size(); ++c)
+            testing::write_image(images[c],
+                                 session.cameras[c].video / fmt::format("{:04}.ppm", empty_frames + frame));
     }
     std::vector<Camera> cameras = out.truth;
     published(cameras);
@@ -89,11 +88,11 @@ class LiveCalibrationTest : public testing::DaemonTest {
             studio::StudioOptions options = small_studio(400, 300);
             options.staging.person = false;
             options.staging.wand = studio::StagedWand{{0, 0.2, 0.6}};
-            return write_studio_session(folder("wand"), options, kEmptyFrames, 80,
-                                        [](std::vector<Camera>& cameras) {
-                                            for (Camera& camera : cameras)
-                                                camera = studio::knocked(camera, {0, 0.004, 0}, {0.01, 0, 0});
-                                        });
+            return write_studio_session(
+                folder("wand"), options, kEmptyFrames, 80, [](std::vector<Camera>& cameras) {
+                    for (Camera& camera : cameras)
+                        camera = studio::bumped_camera(camera, {0, 0.004, 0}, {0.01, 0, 0});
+                });
         }();
         return session;
     }
@@ -102,33 +101,34 @@ class LiveCalibrationTest : public testing::DaemonTest {
                                                     const std::string& source = "") {
         session_ = session.session;
         return start_daemon(
-            session_config("127.0.0.1:0", source, "enabled = false\ndatabase = \"\"") +
+            session_config("127.0.0.1:0", source, "enabled = false\ndatabase_file = \"\"") +
             "[calibration]\nfolder = \"calibrations\"\n[pipeline]\nvoxel_mm = 40\ncolouring = false\n");
     }
 };
 
-TEST_F(LiveCalibrationTest, PlacesFromAWandThatIsWavedAreSolvedAndApplied) {
+TEST_F(LiveCalibrationTest, SolvesAndAppliesExtrinsicsFromWand) {
     const auto daemon = start_on(wand(), "autostart = false\n");
     Operator coach(address_);
     ASSERT_TRUE(coach.start(v1::PROCEDURE_KIND_EXTRINSICS_WAND).ok());
-    EXPECT_REFUSED(coach.take(v1::LiveObservations::WHAT_EMPTY_SCENE), kFailedPrecondition, "does not run");
-    ASSERT_TRUE(coach.client().start_with(coach.lease()).ok());
-    ASSERT_TRUE(coach.take(v1::LiveObservations::WHAT_EMPTY_SCENE).ok());
-    coach.wait([](const auto& progress) { return !progress.live(); });
-    ASSERT_TRUE(coach.take(v1::LiveObservations::WHAT_MOVING).ok());
+    EXPECT_REFUSED(coach.take(v1::LiveObservations::STEP_EMPTY_SCENE), kFailedPrecondition, "not running");
+    ASSERT_TRUE(coach.client().start(client::Lease{coach.lease()}).ok());
+    ASSERT_TRUE(coach.take(v1::LiveObservations::STEP_EMPTY_SCENE).ok());
+    coach.wait([](const auto& progress) { return !progress.collecting_live(); });
+    ASSERT_TRUE(coach.take(v1::LiveObservations::STEP_MOVING_TARGET).ok());
     v1::WatchProcedureResponse seen =
-        coach.wait([](const auto& progress) { return progress.moments() >= 50; });
-    for (const v1::ObservedCamera& camera : seen.cameras()) EXPECT_GT(camera.accepted(), 20) << camera.name();
+        coach.wait([](const auto& progress) { return progress.shared_frame_set_count() >= 50; });
+    for (const v1::CameraObservations& camera : seen.cameras())
+        EXPECT_GT(camera.accepted_count(), 20) << camera.name();
     ASSERT_TRUE(coach.solve().ok());
     seen = coach.wait([](const auto& progress) { return over(progress) || collecting(progress); });
     ASSERT_EQ(seen.state(), v1::PROCEDURE_STATE_SOLVED) << seen.message();
     EXPECT_NE(seen.verdict(), v1::VERDICT_NO_GO);
 
-    // Floor and origin are those of the calibration in use; the places among each other are the wand's.
+    // Floor and origin are those of the active calibration; the relative extrinsics are the wand's.
     const auto applied = coach.apply(seen.calibration_id(), true);
     ASSERT_TRUE(applied.ok()) << applied.status();
-    EXPECT_TRUE(applied->in_use());
-    EXPECT_EQ(coach.client().status()->calibration_id(), seen.calibration_id());
+    EXPECT_TRUE(applied->active());
+    EXPECT_EQ(coach.client().status()->active_calibration_id(), seen.calibration_id());
     const std::vector<Camera> cameras = *coach.client().cameras();
     std::vector<Vec3> found, right;
     for (std::size_t c = 0; c < cameras.size(); ++c) {
@@ -136,26 +136,26 @@ TEST_F(LiveCalibrationTest, PlacesFromAWandThatIsWavedAreSolvedAndApplied) {
         right.push_back(wand().truth[c].centre_in_world());
         EXPECT_LT(norm(found[c] - right[c]), 0.06) << c;
     }
-    const Alignment aligned = *align_points(found, right, false);
+    const SimilarityTransform aligned = *align_points(found, right, false);
     for (std::size_t c = 0; c < cameras.size(); ++c) EXPECT_LT(norm(aligned(found[c]) - right[c]), 0.01) << c;
     wait_until_running(coach.client());
 }
 
 // A camera was turned by half a degree after it was calibrated, and the background was learned again since.
-TEST_F(LiveCalibrationTest, AKnockedCameraIsRefinedFromThePersonWhoWalks) {
+TEST_F(LiveCalibrationTest, RefinesMovedCameraFromPerson) {
     const StudioSession session =
         write_studio_session(folder("walk"), small_studio(400, 300), 0, 60, [](std::vector<Camera>& cameras) {
-            cameras[1] = studio::knocked(cameras[1], {0.006, 0.006, 0}, {});
+            cameras[1] = studio::bumped_camera(cameras[1], {0.006, 0.006, 0}, {});
         });
     const auto daemon = start_on(session);
     Operator coach(address_);
     wait_until_running(coach.client());
     const std::vector<Camera> before = *coach.client().cameras();
     EXPECT_GT(second_from_first_error_deg(before, session.truth), 0.4);
-    ASSERT_TRUE(coach.start(v1::PROCEDURE_KIND_REFINE_PERSON).ok());
-    ASSERT_TRUE(coach.take(v1::LiveObservations::WHAT_MOVING).ok());
+    ASSERT_TRUE(coach.start(v1::PROCEDURE_KIND_EXTRINSICS_REFINE_PERSON).ok());
+    ASSERT_TRUE(coach.take(v1::LiveObservations::STEP_MOVING_TARGET).ok());
     v1::WatchProcedureResponse seen =
-        coach.wait([](const auto& progress) { return progress.moments() >= 24; });
+        coach.wait([](const auto& progress) { return progress.shared_frame_set_count() >= 24; });
     ASSERT_TRUE(coach.solve().ok());
     seen = coach.wait([](const auto& progress) { return over(progress) || collecting(progress); });
     ASSERT_EQ(seen.state(), v1::PROCEDURE_STATE_SOLVED) << seen.message();
@@ -167,41 +167,43 @@ TEST_F(LiveCalibrationTest, AKnockedCameraIsRefinedFromThePersonWhoWalks) {
     EXPECT_EQ(*coach.client().cameras(), before);
 }
 
-TEST_F(LiveCalibrationTest, ACameraThatIsKnockedWhileCapturingIsNamedAndClearedWhenItIsPutBack) {
-    constexpr std::size_t kKnocked = 2;
-    constexpr int kFrames = 60, kKnockFrame = 20;
+TEST_F(LiveCalibrationTest, ReportsMovedCameraUntilRestored) {
+    constexpr std::size_t kMoved = 2;
+    constexpr int kFrames = 60, kBumpFrame = 20;
     studio::StudioOptions options = small_studio(320, 240);
-    options.staging.knock = studio::Knock{kKnocked, kKnockFrame / kFps, 0.5};
-    // When the recording begins anew the camera is back in its place.
+    options.staging.bump = studio::CameraBump{kMoved, kBumpFrame / kFps, 0.5};
+    // When the recording restarts, the camera is back in its position.
     const StudioSession session =
-        write_studio_session(folder("knock"), options, 0, kFrames, [](std::vector<Camera>&) {});
+        write_studio_session(folder("bump"), options, 0, kFrames, [](std::vector<Camera>&) {});
     const auto daemon = start_on(session);
     Operator coach(address_);
-    const std::string name = session.truth[kKnocked].name;
-    v1::WatchEventsResponse moved, back;
-    v1::GetStatusResponse while_knocked;
+    const std::string name = session.truth[kMoved].name;
+    v1::Event moved, back;
+    v1::GetStatusResponse while_moved;
     v1::WatchEventsRequest past;
-    past.set_past(50);
+    past.set_history_count(50);
     const absl::Status watched = coach.client().watch_events(
         past,
-        [&](const v1::WatchEventsResponse& event) {
+        [&](const v1::WatchEventsResponse& message) {
+            const v1::Event& event = message.event();
             EXPECT_TRUE(event.camera().empty() || event.camera() == name) << event.message();
             if (event.kind() == v1::EVENT_KIND_CAMERA_MOVED && moved.message().empty()) {
                 moved = event;
                 const auto status = coach.client().status();
                 EXPECT_TRUE(status.ok()) << status.status();
-                while_knocked = status.value_or(v1::GetStatusResponse());
+                while_moved = status.value_or(v1::GetStatusResponse());
             }
-            if (event.kind() == v1::EVENT_KIND_CAMERA_IN_PLACE) back = event;
+            if (event.kind() == v1::EVENT_KIND_CAMERA_MOVE_CLEARED) back = event;
             return back.message().empty();
         },
-        {.max_silence = std::chrono::seconds(30)});
+        {.idle_timeout = std::chrono::seconds(30)});
     ASSERT_TRUE(watched.ok()) << watched;
-    EXPECT_THAT(moved.message(), AllOf(HasSubstr(name), HasSubstr("knocked"), HasSubstr("calibrate refine")));
-    EXPECT_GE(moved.sequence(), kKnockFrame);
-    EXPECT_LE(moved.sequence(), kKnockFrame + testing::patient(10) * kFps);
+    EXPECT_THAT(moved.message(),
+                AllOf(HasSubstr(name), HasSubstr("has moved"), HasSubstr("calibrate refine")));
+    EXPECT_GE(moved.sequence(), kBumpFrame);
+    EXPECT_LE(moved.sequence(), kBumpFrame + testing::patient(10) * kFps);
     EXPECT_GT(back.sequence(), moved.sequence());
-    for (const v1::CameraStatus& camera : while_knocked.cameras()) {
+    for (const v1::CameraStatus& camera : while_moved.cameras()) {
         EXPECT_EQ(camera.calibration_suspect(), camera.name() == name) << camera.name();
         EXPECT_EQ(camera.calibration_suspect_reason().empty(), camera.name() != name);
     }
@@ -211,10 +213,10 @@ TEST_F(LiveCalibrationTest, ACameraThatIsKnockedWhileCapturingIsNamedAndClearedW
         EXPECT_FALSE(camera.calibration_suspect()) << camera.name();
 }
 
-TEST_F(LiveCalibrationTest, WhatThereIsNoRoomForIsRefusedWithTheRemedy) {
+TEST_F(LiveCalibrationTest, RejectsObservationsWithoutRoom) {
     const auto daemon = start_on(wand(), "autostart = false\n");
     Operator coach(address_);
-    // More moments than are kept: the wand's pictures over and over.
+    // More frame sets than the maximum: the images of the wand repeatedly.
     v1::AddObservationsRequest clips;
     clips.set_lease_id(coach.lease());
     for (int c = 0; c < 2; ++c) {
@@ -227,15 +229,15 @@ TEST_F(LiveCalibrationTest, WhatThereIsNoRoomForIsRefusedWithTheRemedy) {
                 many / fmt::format("{:05}.ppm", i));
         v1::CameraClip& clip = *clips.mutable_files()->add_clips();
         clip.set_camera(name);
-        clip.set_file(many.string());
+        clip.set_path(many.string());
     }
     ASSERT_TRUE(coach.start(v1::PROCEDURE_KIND_EXTRINSICS_WAND).ok());
     ASSERT_TRUE(coach.client().add_observations(clips).ok());
     coach.wait(collecting);
-    EXPECT_REFUSED(coach.client().add_observations(clips), kResourceExhausted, "solve, or begin anew");
-    ASSERT_TRUE(coach.client().start_with(coach.lease()).ok());
-    EXPECT_REFUSED(coach.take(v1::LiveObservations::WHAT_EMPTY_SCENE), kResourceExhausted,
-                   "solve, or begin anew");
+    EXPECT_REFUSED(coach.client().add_observations(clips), kResourceExhausted, "solve, or start again");
+    ASSERT_TRUE(coach.client().start(client::Lease{coach.lease()}).ok());
+    EXPECT_REFUSED(coach.take(v1::LiveObservations::STEP_EMPTY_SCENE), kResourceExhausted,
+                   "solve, or start again");
     ASSERT_TRUE(coach.cancel().ok());
 
     // More calibrations than are stored.
@@ -246,11 +248,11 @@ TEST_F(LiveCalibrationTest, WhatThereIsNoRoomForIsRefusedWithTheRemedy) {
         std::filesystem::copy(stored / "c1", stored / fmt::format("c{}", i),
                               std::filesystem::copy_options::recursive);
     EXPECT_EQ(coach.list().calibrations_size(), static_cast<int>(CalibrationStore::kMaxCalibrations));
-    EXPECT_REFUSED(coach.import(own, v1::CALIBRATION_FORMAT_TOML), kResourceExhausted, "remove");
-    v1::RemoveCalibrationRequest remove;
+    EXPECT_REFUSED(coach.import(own, v1::CALIBRATION_FORMAT_TOML), kResourceExhausted, "delete some");
+    v1::DeleteCalibrationRequest remove;
     remove.set_lease_id(coach.lease());
-    remove.set_id("c7");
-    ASSERT_TRUE(coach.client().remove_calibration(remove).ok());
+    remove.set_calibration_id("c7");
+    ASSERT_TRUE(coach.client().delete_calibration(remove).ok());
     EXPECT_TRUE(coach.import(own, v1::CALIBRATION_FORMAT_TOML).ok());
 }
 

@@ -1,4 +1,4 @@
-// An operator who calibrates with a real daemon, and the pictures that its cameras see.
+// An operator who calibrates with a real daemon, and the images that its cameras see.
 #pragma once
 
 #include <fmt/format.h>
@@ -17,6 +17,7 @@
 
 #include "client/lib/client.h"
 #include "common/atomic_file.h"
+#include "common/proto_time.h"
 #include "server/cameras/frame_source.h"
 #include "tests/support/patience.h"
 
@@ -45,7 +46,7 @@ inline void must(const absl::Status& status) {
 }
 
 // As PPM: compressing it would take longer than drawing it.
-inline void write_picture(const Picture& bgr, const std::filesystem::path& file) {
+inline void write_image(const Image& bgr, const std::filesystem::path& file) {
     std::string bytes = fmt::format("P6\n{} {}\n255\n", bgr.width, bgr.height);
     const std::size_t begin = bytes.size(), count = static_cast<std::size_t>(3) * bgr.width * bgr.height;
     bytes.append(reinterpret_cast<const char*>(bgr.data.get()), count);
@@ -54,7 +55,7 @@ inline void write_picture(const Picture& bgr, const std::filesystem::path& file)
 }
 
 // A grey wall with a little noise: the studio's room takes longer to draw than all the boards before it.
-inline Picture wall(const Camera& camera, std::uint32_t seed) {
+inline Image wall(const Camera& camera, std::uint32_t seed) {
     const std::size_t bytes = static_cast<std::size_t>(3) * camera.width * camera.height;
     const std::shared_ptr<std::uint8_t[]> data(new std::uint8_t[bytes]);
     std::mt19937 random(seed);
@@ -68,8 +69,8 @@ class Operator {
     explicit Operator(const std::string& address)
         : client_({.server = address, .timeout = patient(std::chrono::milliseconds(5'000))}) {
         v1::AcquireControlRequest request;
-        request.set_name("coach");
-        request.set_timeout_ms(patient(std::chrono::milliseconds(30'000)).count());
+        request.set_operator_name("coach");
+        *request.mutable_timeout() = to_duration(patient(std::chrono::milliseconds(120'000)));
         const auto lease = client_.acquire_control(request);
         if (lease.ok()) lease_ = lease->lease_id();
     }
@@ -86,10 +87,10 @@ class Operator {
         return request;
     }
     absl::Status start(v1::ProcedureKind kind) { return client_.start_procedure(procedure(kind)).status(); }
-    absl::Status take(v1::LiveObservations::What what) {
+    absl::Status take(v1::LiveObservations::Step what) {
         v1::AddObservationsRequest request;
         request.set_lease_id(lease_);
-        request.mutable_live()->set_what(what);
+        request.mutable_live()->set_step(what);
         return client_.add_observations(request).status();
     }
     // One a camera, in the folder of the camera's name.
@@ -100,7 +101,7 @@ class Operator {
         for (const Camera& camera : cameras) {
             v1::CameraClip& clip = *request.mutable_files()->add_clips();
             clip.set_camera(camera.name);
-            clip.set_file((folder / camera.name).string());
+            clip.set_path((folder / camera.name).string());
         }
         return request;
     }
@@ -116,12 +117,12 @@ class Operator {
         return client_.cancel_procedure(request).status();
     }
     absl::StatusOr<v1::ApplyCalibrationResponse> apply(const std::string& id, bool restart,
-                                                       bool although_bad = false) {
+                                                       bool force = false) {
         v1::ApplyCalibrationRequest request;
         request.set_lease_id(lease_);
-        request.set_id(id);
+        request.set_calibration_id(id);
         request.set_restart_capture(restart);
-        request.set_although_bad(although_bad);
+        request.set_force(force);
         return client_.apply_calibration(request);
     }
     absl::StatusOr<v1::UndoCalibrationResponse> undo(bool restart) {
@@ -133,34 +134,36 @@ class Operator {
     absl::StatusOr<std::string> import(const std::string& text, v1::CalibrationFormat format) {
         v1::ImportCalibrationRequest request;
         request.set_lease_id(lease_);
-        request.set_text(text);
+        request.set_data(text);
         request.set_format(format);
         request.set_note("from a file");
         const auto response = client_.import_calibration(request);
-        return response.ok() ? absl::StatusOr<std::string>(response->id()) : response.status();
+        return response.ok() ? absl::StatusOr<std::string>(response->calibration_id()) : response.status();
     }
     absl::StatusOr<std::string> export_as(const std::string& id, v1::CalibrationFormat format) {
         v1::ExportCalibrationRequest request;
-        request.set_id(id);
+        request.set_calibration_id(id);
         request.set_format(format);
         const auto response = client_.export_calibration(request);
-        return response.ok() ? absl::StatusOr<std::string>(response->text()) : response.status();
+        return response.ok() ? absl::StatusOr<std::string>(response->data()) : response.status();
     }
     v1::ListCalibrationsResponse list() {
         return client_.list_calibrations({}).value_or(v1::ListCalibrationsResponse());
     }
     // The messages of a kind's events, past ones too, until there are `count`.
-    std::vector<std::string> events(v1::EventKind kind, std::size_t count, std::chrono::seconds max_silence) {
+    std::vector<std::string> events(v1::EventKind kind, std::size_t count,
+                                    std::chrono::seconds idle_timeout) {
         std::vector<std::string> messages;
         v1::WatchEventsRequest past;
-        past.set_past(50);
+        past.set_history_count(50);
         const absl::Status watched = client_.watch_events(past,
-                                                          [&](const v1::WatchEventsResponse& event) {
+                                                          [&](const v1::WatchEventsResponse& message) {
+                                                              const v1::Event& event = message.event();
                                                               if (event.kind() == kind)
                                                                   messages.push_back(event.message());
                                                               return messages.size() < count;
                                                           },
-                                                          {.max_silence = max_silence});
+                                                          {.idle_timeout = idle_timeout});
         EXPECT_TRUE(watched.ok()) << watched;
         return messages;
     }
@@ -169,7 +172,7 @@ class Operator {
     v1::WatchProcedureResponse wait(const std::function<bool(const v1::WatchProcedureResponse&)>& so) {
         v1::WatchProcedureResponse last;
         client::StreamOptions options;
-        options.max_silence = patient(std::chrono::seconds(15));
+        options.idle_timeout = patient(std::chrono::seconds(15));
         const absl::Status status = client_.watch_procedure(
             [&](const v1::WatchProcedureResponse& progress) {
                 last = progress;

@@ -59,7 +59,7 @@ class CalibrationTest : public testing::DaemonTest {
 
     // The capture itself is of no interest: coarse voxels, no poses.
     std::string config(const std::string& source = "",
-                       const std::string& pose = "enabled = false\ndatabase = \"\"") {
+                       const std::string& pose = "enabled = false\ndatabase_file = \"\"") {
         return session_config("127.0.0.1:0", source, pose) +
                "[calibration]\nfolder = \"calibrations\"\n[pipeline]\nvoxel_mm = 50\ncolouring = false\n";
     }
@@ -77,7 +77,7 @@ CentreErrors centre_errors(const std::vector<Camera>& truth, const std::vector<C
         found.push_back(camera_named(solved, camera.name)->centre_in_world());
         right.push_back(on_floor().inverse() * camera.centre_in_world());
     }
-    const Alignment aligned = *align_points(found, right, false);
+    const SimilarityTransform aligned = *align_points(found, right, false);
     CentreErrors errors;
     for (std::size_t c = 0; c < truth.size(); ++c) {
         errors.in_world = std::max(errors.in_world, norm(found[c] - right[c]));
@@ -86,7 +86,7 @@ CentreErrors centre_errors(const std::vector<Camera>& truth, const std::vector<C
     return errors;
 }
 
-TEST_F(CalibrationTest, PlacesFromALiveBoardAreSolvedAppliedKeptAndUndone) {
+TEST_F(CalibrationTest, SolvesAppliesAndUndoesExtrinsicsFromBoard) {
     auto daemon = start_daemon(config());
     Operator coach(address_);
     const std::vector<Camera> own = *coach.client().cameras();
@@ -94,40 +94,41 @@ TEST_F(CalibrationTest, PlacesFromALiveBoardAreSolvedAppliedKeptAndUndone) {
     ASSERT_TRUE(coach.start(v1::PROCEDURE_KIND_EXTRINSICS_BOARD).ok());
     v1::WatchProcedureResponse seen = coach.wait([](const auto&) { return true; });
     EXPECT_EQ(seen.state(), v1::PROCEDURE_STATE_COLLECTING);
-    EXPECT_EQ(seen.procedure(), 1u);
-    EXPECT_THAT(seen.hints(), Contains(HasSubstr("camera " + own[0].name + " has not seen the board")));
+    EXPECT_EQ(seen.procedure_id(), 1u);
+    EXPECT_THAT(seen.hints(), Contains(HasSubstr("camera " + own[0].name + " has not detected the board")));
     EXPECT_THAT(seen.hints(), Contains(HasSubstr("floor")));
-    EXPECT_FALSE(seen.live());
+    EXPECT_FALSE(seen.collecting_live());
 
     // Nothing seen: back to collecting, with what is missing.
     ASSERT_TRUE(coach.solve().ok());
     seen = coach.wait(collecting);
-    EXPECT_THAT(seen.message(), HasSubstr("not solved: no two cameras have seen the board at the same time"));
+    EXPECT_THAT(seen.message(), HasSubstr("not solved: no two cameras detected the board at the same time"));
 
-    // Whoever else has control may not; one procedure at a time.
+    // Another operator may not; one procedure at a time.
     EXPECT_REFUSED(coach.start(v1::PROCEDURE_KIND_INTRINSICS), kFailedPrecondition,
                    "another procedure is open");
-    ASSERT_TRUE(coach.take(v1::LiveObservations::WHAT_BOARD_ON_FLOOR).ok());
-    seen = coach.wait([](const auto& progress) { return progress.floor_seen() && !progress.live(); });
-    EXPECT_GE(seen.moments(), 1);
-    ASSERT_TRUE(coach.take(v1::LiveObservations::WHAT_MOVING).ok());
-    seen = coach.wait([](const auto& progress) { return progress.moments() >= 20; });
-    EXPECT_TRUE(seen.live());
-    EXPECT_EQ(seen.taking(), v1::LiveObservations::WHAT_MOVING);
+    ASSERT_TRUE(coach.take(v1::LiveObservations::STEP_BOARD_ON_FLOOR).ok());
+    seen = coach.wait(
+        [](const auto& progress) { return progress.floor_defined() && !progress.collecting_live(); });
+    EXPECT_GE(seen.shared_frame_set_count(), 1);
+    ASSERT_TRUE(coach.take(v1::LiveObservations::STEP_MOVING_TARGET).ok());
+    seen = coach.wait([](const auto& progress) { return progress.shared_frame_set_count() >= 20; });
+    EXPECT_TRUE(seen.collecting_live());
+    EXPECT_EQ(seen.live_step(), v1::LiveObservations::STEP_MOVING_TARGET);
     ASSERT_EQ(seen.cameras_size(), 4);
-    for (const v1::ObservedCamera& camera : seen.cameras()) {
-        EXPECT_GT(camera.accepted(), 5);
+    for (const v1::CameraObservations& camera : seen.cameras()) {
+        EXPECT_GT(camera.accepted_count(), 5);
         EXPECT_GT(camera.coverage(), 0.2);
         EXPECT_EQ(camera.coverage_counts_size(), 48);
         int rejected = 0;
-        for (const auto& one : camera.rejected()) rejected += one.count();
-        EXPECT_EQ(camera.pictures(), camera.accepted() + rejected);
+        for (const auto& one : camera.rejections()) rejected += one.count();
+        EXPECT_EQ(camera.image_count(), camera.accepted_count() + rejected);
     }
     ASSERT_TRUE(coach.solve().ok());
     seen = coach.wait(over);
     ASSERT_EQ(seen.state(), v1::PROCEDURE_STATE_SOLVED) << seen.DebugString();
     EXPECT_EQ(seen.calibration_id(), "c1");
-    EXPECT_EQ(seen.part(), 1);
+    EXPECT_EQ(seen.progress(), 1);
     EXPECT_NE(seen.verdict(), v1::VERDICT_UNSPECIFIED);
     EXPECT_REFUSED(coach.solve(), kFailedPrecondition, "no procedure is open");
 
@@ -139,47 +140,47 @@ TEST_F(CalibrationTest, PlacesFromALiveBoardAreSolvedAppliedKeptAndUndone) {
     EXPECT_LT(centre_errors(board_->truth, *solved).in_world,
               0.15);  // five metres from a board seen at a low angle
     v1::GetCertificateRequest of_c1;
-    of_c1.set_id("c1");
+    of_c1.set_calibration_id("c1");
     const auto certificate = coach.client().get_certificate(of_c1);
     ASSERT_TRUE(certificate.ok()) << certificate.status();
     EXPECT_EQ(certificate->certificate().verdict(), seen.verdict());
-    EXPECT_EQ(certificate->certificate().made_by(), "board");
-    EXPECT_TRUE(certificate->certificate().world_is_set());
-    EXPECT_LT(certificate->certificate().held_out_rms_px(),
-              2.0);  // which moments were seen differs from run to run
+    EXPECT_EQ(certificate->certificate().method(), v1::CALIBRATION_METHOD_EXTRINSICS_BOARD);
+    EXPECT_TRUE(certificate->certificate().world_defined());
+    EXPECT_LT(certificate->certificate().held_out_reprojection_rms_px(),
+              2.0);  // the frame sets differ from run to run
     ASSERT_EQ(certificate->certificate().cameras_size(), 4);
-    EXPECT_GT(certificate->certificate().cameras(0).views(), 5);
-    EXPECT_EQ(json::parse(certificate->json())["made_by"], "board");
+    EXPECT_GT(certificate->certificate().cameras(0).view_count(), 5);
+    EXPECT_EQ(json::parse(certificate->certificate_json())["method"], "extrinsics_board");
     EXPECT_TRUE(certificate->page_png().empty()) << "not asked for";
-    of_c1.set_with_page(true);
+    of_c1.set_include_page(true);
     const auto with_page = coach.client().get_certificate(of_c1);
     ASSERT_TRUE(with_page.ok()) << with_page.status();
     EXPECT_TRUE(with_page->page_png().starts_with("\x89PNG")) << with_page->page_png().size() << " bytes";
 
-    // Applied: not before the capture's next start, unless it is started anew.
+    // Applied from the next start of the capture, unless it is restarted.
     const bool bad = seen.verdict() == v1::VERDICT_NO_GO;
     auto applied = coach.apply("c1", false, bad);
     ASSERT_TRUE(applied.ok()) << applied.status();
-    EXPECT_FALSE(applied->in_use());
-    EXPECT_EQ(coach.list().in_use(), "");
-    EXPECT_EQ(coach.list().at_next_start(), "c1");
+    EXPECT_FALSE(applied->active());
+    EXPECT_EQ(coach.list().active_id(), "");
+    EXPECT_EQ(coach.list().pending_id(), "c1");
     EXPECT_EQ(*coach.client().cameras(), own);
     applied = coach.apply("c1", true, bad);
     ASSERT_TRUE(applied.ok()) << applied.status();
-    EXPECT_TRUE(applied->in_use());
-    EXPECT_EQ(coach.list().in_use(), "c1");
+    EXPECT_TRUE(applied->active());
+    EXPECT_EQ(coach.list().active_id(), "c1");
     EXPECT_TRUE(coach.list().can_undo());
     expect_same(*coach.client().cameras(), *solved);
     EXPECT_EQ(coach.client().status()->state(), v1::CAPTURE_STATE_RUNNING);
-    EXPECT_EQ(coach.client().status()->calibration_id(), "c1");
+    EXPECT_EQ(coach.client().status()->active_calibration_id(), "c1");
     const std::vector<std::string> events =
-        coach.events(v1::EVENT_KIND_CALIBRATION, 3, std::chrono::seconds(10));
+        coach.events(v1::EVENT_KIND_CALIBRATION_CHANGED, 3, std::chrono::seconds(10));
     EXPECT_THAT(events,
-                ElementsAre(HasSubstr("c1 is solved"), HasSubstr("next start"), HasSubstr("c1 is in use")));
-    v1::RemoveCalibrationRequest remove;
+                ElementsAre(HasSubstr("c1 is solved"), HasSubstr("next start"), HasSubstr("c1 is active")));
+    v1::DeleteCalibrationRequest remove;
     remove.set_lease_id(coach.lease());
-    remove.set_id("c1");
-    EXPECT_REFUSED(coach.client().remove_calibration(remove), kFailedPrecondition, "in use");
+    remove.set_calibration_id("c1");
+    EXPECT_REFUSED(coach.client().delete_calibration(remove), kFailedPrecondition, "is active");
 
     // It survives the daemon, and the session is as it was.
     daemon->signal(SIGTERM);
@@ -188,24 +189,24 @@ TEST_F(CalibrationTest, PlacesFromALiveBoardAreSolvedAppliedKeptAndUndone) {
     daemon = start_daemon(config());
     Operator again(address_);
     expect_same(*again.client().cameras(), *solved);
-    EXPECT_EQ(again.list().in_use(), "c1");
+    EXPECT_EQ(again.list().active_id(), "c1");
     const auto undone = again.undo(true);
     ASSERT_TRUE(undone.ok()) << undone.status();
-    EXPECT_EQ(undone->id(), "");
-    EXPECT_TRUE(undone->in_use());
+    EXPECT_EQ(undone->calibration_id(), "");
+    EXPECT_TRUE(undone->active());
     EXPECT_EQ(*again.client().cameras(), own);
     EXPECT_REFUSED(again.undo(false), kFailedPrecondition, "nothing to undo");
     remove.set_lease_id(again.lease());
-    EXPECT_TRUE(again.client().remove_calibration(remove).ok());
+    EXPECT_TRUE(again.client().delete_calibration(remove).ok());
     EXPECT_EQ(again.list().calibrations_size(), 0);
 }
 
-TEST_F(CalibrationTest, FilesAreReadAndStoppedAndLensesSolved) {
+TEST_F(CalibrationTest, ReadsFilesAndSolvesIntrinsics) {
     const auto daemon = start_daemon(config("autostart = false\n"));
     Operator coach(address_);
-    EXPECT_REFUSED(coach.take(v1::LiveObservations::WHAT_MOVING), kFailedPrecondition, "does not run");
+    EXPECT_REFUSED(coach.take(v1::LiveObservations::STEP_MOVING_TARGET), kFailedPrecondition, "not running");
     ASSERT_TRUE(coach.start(v1::PROCEDURE_KIND_INTRINSICS).ok());
-    // Reading is stopped; the procedure goes on.
+    // Reading is stopped; the procedure continues.
     v1::AddObservationsRequest many = coach.clips(board_->truth, session_.parent_path());
     ASSERT_TRUE(coach.client().add_observations(many).ok());
     EXPECT_REFUSED(coach.client().add_observations(many), kFailedPrecondition, "reads files");
@@ -213,46 +214,46 @@ TEST_F(CalibrationTest, FilesAreReadAndStoppedAndLensesSolved) {
     ASSERT_TRUE(coach.cancel(true).ok());
     v1::WatchProcedureResponse seen = coach.wait(collecting);
     EXPECT_THAT(seen.message(), HasSubstr("stopped"));
-    EXPECT_EQ(seen.cameras(0).pictures(), 0);
+    EXPECT_EQ(seen.cameras(0).image_count(), 0);
     EXPECT_REFUSED(coach.cancel(true), kFailedPrecondition, "nothing to stop");
     // Read to their end.
     ASSERT_TRUE(coach.client().add_observations(many).ok());
     double part = 0;
     seen = coach.wait([&](const auto& progress) {
-        part = std::max(part, progress.part());
+        part = std::max(part, progress.progress());
         return collecting(progress);
     });
     EXPECT_GT(part, 0);
     EXPECT_THAT(seen.message(), HasSubstr("read"));
-    for (const v1::ObservedCamera& camera : seen.cameras()) {
-        EXPECT_EQ(camera.pictures(), kMoments);
-        EXPECT_GT(camera.accepted(), 3);
+    for (const v1::CameraObservations& camera : seen.cameras()) {
+        EXPECT_EQ(camera.image_count(), kMoments);
+        EXPECT_GT(camera.accepted_count(), 3);
         std::vector<std::string> reasons;
-        for (const auto& one : camera.rejected()) reasons.push_back(one.reason());
-        EXPECT_THAT(reasons, Contains("same as before"));  // on the floor it lay still
+        for (const auto& one : camera.rejections()) reasons.push_back(one.reason());
+        EXPECT_THAT(reasons, Contains("duplicate"));  // on the floor it lay still
     }
     ASSERT_TRUE(coach.solve().ok());
     seen = coach.wait([](const auto& progress) { return over(progress) || collecting(progress); });
     ASSERT_EQ(seen.state(), v1::PROCEDURE_STATE_SOLVED) << seen.DebugString();
-    const auto lenses =
+    const auto intrinsics =
         parse_calibration_toml(*coach.export_as(seen.calibration_id(), v1::CALIBRATION_FORMAT_TOML), "");
-    ASSERT_TRUE(lenses.ok());
+    ASSERT_TRUE(intrinsics.ok());
     const std::vector<Camera> own = *coach.client().cameras();
     for (std::size_t c = 0; c < own.size(); ++c) {
-        EXPECT_NEAR((*lenses)[c].fx / board_->truth[c].fx, 1, 0.12);  // small pictures, few views
-        EXPECT_LT(norm((*lenses)[c].centre_in_world() - own[c].centre_in_world()), 1e-9);
+        EXPECT_NEAR((*intrinsics)[c].fx / board_->truth[c].fx, 1, 0.12);  // small images, few views
+        EXPECT_LT(norm((*intrinsics)[c].centre_in_world() - own[c].centre_in_world()), 1e-9);
     }
-    // Places with these lenses.
-    v1::StartProcedureRequest places = coach.procedure(v1::PROCEDURE_KIND_EXTRINSICS_BOARD);
-    places.set_lenses_from("c99");
-    EXPECT_REFUSED(coach.client().start_procedure(places), kNotFound, "c99");
-    places.set_lenses_from(seen.calibration_id());
-    EXPECT_TRUE(coach.client().start_procedure(places).ok());
+    // Extrinsics with these intrinsics.
+    v1::StartProcedureRequest extrinsics = coach.procedure(v1::PROCEDURE_KIND_EXTRINSICS_BOARD);
+    extrinsics.set_intrinsics_calibration_id("c99");
+    EXPECT_REFUSED(coach.client().start_procedure(extrinsics), kNotFound, "c99");
+    extrinsics.set_intrinsics_calibration_id(seen.calibration_id());
+    EXPECT_TRUE(coach.client().start_procedure(extrinsics).ok());
     EXPECT_TRUE(coach.cancel().ok());
     EXPECT_EQ(coach.wait(over).state(), v1::PROCEDURE_STATE_CANCELLED);
 }
 
-TEST_F(CalibrationTest, RefusesWhatCannotBeAndSaysWhy) {
+TEST_F(CalibrationTest, RejectsInvalidRequestsWithReason) {
     const auto daemon = start_daemon(config("autostart = false\n"));
     Operator coach(address_);
     client::Client& client = coach.client();
@@ -267,28 +268,28 @@ TEST_F(CalibrationTest, RefusesWhatCannotBeAndSaysWhy) {
     request.set_board("chess");
     EXPECT_REFUSED(client.start_procedure(request), kInvalidArgument, "chess");
     request.set_board(kBoard);
-    request.add_cameras("nobody");
-    EXPECT_REFUSED(client.start_procedure(request), kNotFound, "nobody");
+    request.add_cameras("unknown");
+    EXPECT_REFUSED(client.start_procedure(request), kNotFound, "unknown");
     request.clear_cameras();
     request.set_note("a\nb");
     EXPECT_REFUSED(client.start_procedure(request), kInvalidArgument, "note");
     request.clear_note();
-    request.set_abandon_after_ms(-1);
-    EXPECT_REFUSED(client.start_procedure(request), kInvalidArgument, "abandon_after_ms");
-    request.clear_abandon_after_ms();
+    request.mutable_idle_timeout()->set_nanos(-1 * 1000000);
+    EXPECT_REFUSED(client.start_procedure(request), kInvalidArgument, "idle_timeout");
+    request.clear_idle_timeout();
     request.set_kind(v1::PROCEDURE_KIND_EXTRINSICS_BOARD);
     request.set_board("checkerboard:4x6:60");
     EXPECT_REFUSED(client.start_procedure(request), kInvalidArgument, "half a turn");
     request.set_board(kBoard);
     request.add_cameras(board_->truth[0].name);
-    EXPECT_REFUSED(client.start_procedure(request), kFailedPrecondition, "two or more");
+    EXPECT_REFUSED(client.start_procedure(request), kFailedPrecondition, "at least two");
     request.clear_cameras();
     request.set_kind(v1::PROCEDURE_KIND_EXTRINSICS_WAND);
     request.set_wand("wand:600:200");
     EXPECT_REFUSED(client.start_procedure(request), kInvalidArgument, "wand");
-    request.set_kind(v1::PROCEDURE_KIND_REFINE_PERSON);
-    request.set_subject_height_m(4);
-    EXPECT_REFUSED(client.start_procedure(request), kInvalidArgument, "subject_height_m");
+    request.set_kind(v1::PROCEDURE_KIND_EXTRINSICS_REFINE_PERSON);
+    request.set_stature_m(4);
+    EXPECT_REFUSED(client.start_procedure(request), kInvalidArgument, "stature");
 
     // No procedure.
     EXPECT_REFUSED(coach.solve(), kFailedPrecondition, "no procedure is open");
@@ -296,43 +297,44 @@ TEST_F(CalibrationTest, RefusesWhatCannotBeAndSaysWhy) {
     EXPECT_EQ(coach.wait([](const auto&) { return true; }).state(), v1::PROCEDURE_STATE_NONE);
 
     // Observations of a kind, and files, that the procedure does not take.
-    ASSERT_TRUE(client.start("somebody").code() == absl::StatusCode::kFailedPrecondition);
-    ASSERT_TRUE(client.start_with(coach.lease()).ok());
+    ASSERT_TRUE(client.start("other").code() == absl::StatusCode::kFailedPrecondition);
+    ASSERT_TRUE(client.start(client::Lease{coach.lease()}).ok());
     ASSERT_TRUE(coach.start(v1::PROCEDURE_KIND_INTRINSICS).ok());
-    EXPECT_REFUSED(coach.take(v1::LiveObservations::WHAT_BOARD_ON_FLOOR), kInvalidArgument, "floor");
-    EXPECT_REFUSED(coach.take(v1::LiveObservations::WHAT_EMPTY_SCENE), kInvalidArgument, "wand");
+    EXPECT_REFUSED(coach.take(v1::LiveObservations::STEP_BOARD_ON_FLOOR), kInvalidArgument, "floor");
+    EXPECT_REFUSED(coach.take(v1::LiveObservations::STEP_EMPTY_SCENE), kInvalidArgument, "wand");
     v1::AddObservationsRequest nothing;
     nothing.set_lease_id(coach.lease());
-    EXPECT_REFUSED(client.add_observations(nothing), kInvalidArgument, "live ones or files");
+    EXPECT_REFUSED(client.add_observations(nothing), kInvalidArgument, "set live or files");
     v1::AddObservationsRequest files = coach.clips(board_->truth, session_.parent_path());
-    files.mutable_files()->mutable_clips(0)->set_file("relative.mp4");
+    files.mutable_files()->mutable_clips(0)->set_path("relative.mp4");
     EXPECT_REFUSED(client.add_observations(files), kInvalidArgument, "absolute");
-    files.mutable_files()->mutable_clips(0)->set_file("/nowhere.mp4");
+    files.mutable_files()->mutable_clips(0)->set_path("/nowhere.mp4");
     EXPECT_REFUSED(client.add_observations(files), kNotFound, "/nowhere.mp4");
-    files.mutable_files()->mutable_clips(0)->set_camera("nobody");
-    EXPECT_REFUSED(client.add_observations(files), kNotFound, "nobody");
+    files.mutable_files()->mutable_clips(0)->set_camera("unknown");
+    EXPECT_REFUSED(client.add_observations(files), kNotFound, "unknown");
     files = coach.clips(board_->truth, session_.parent_path());
-    files.mutable_files()->set_every(-1);
-    EXPECT_REFUSED(client.add_observations(files), kInvalidArgument, "every");
-    files.mutable_files()->set_every(1);
-    files.mutable_files()->set_session(session_.string());
+    files.mutable_files()->set_stride(-1);
+    EXPECT_REFUSED(client.add_observations(files), kInvalidArgument, "stride");
+    files.mutable_files()->set_stride(1);
+    files.mutable_files()->set_session_path(session_.string());
     EXPECT_REFUSED(client.add_observations(files), kInvalidArgument, "session");
     ASSERT_TRUE(coach.cancel().ok());
     request = coach.procedure(v1::PROCEDURE_KIND_EXTRINSICS_WAND);
     request.set_wand("wand:200:600");
     ASSERT_TRUE(client.start_procedure(request).ok());
-    EXPECT_REFUSED(coach.take(v1::LiveObservations::WHAT_MOVING), kFailedPrecondition, "empty scene first");
-    ASSERT_TRUE(coach.take(v1::LiveObservations::WHAT_EMPTY_SCENE).ok());
-    coach.wait([](const auto& progress) { return !progress.live(); });
-    EXPECT_TRUE(coach.take(v1::LiveObservations::WHAT_MOVING).ok());
+    EXPECT_REFUSED(coach.take(v1::LiveObservations::STEP_MOVING_TARGET), kFailedPrecondition,
+                   "empty scene first");
+    ASSERT_TRUE(coach.take(v1::LiveObservations::STEP_EMPTY_SCENE).ok());
+    coach.wait([](const auto& progress) { return !progress.collecting_live(); });
+    EXPECT_TRUE(coach.take(v1::LiveObservations::STEP_MOVING_TARGET).ok());
     ASSERT_TRUE(coach.cancel().ok());
 
     // Calibrations that are not there, not whole, not good, or of others.
     v1::GetCertificateRequest certificate;
     for (const char* id : {"c1", "", "../c1", "c01", "c-1", "c99999999999"}) {
-        certificate.set_id(id);
-        EXPECT_REFUSED(client.get_certificate(certificate), kNotFound, "no calibration");
-        EXPECT_REFUSED(coach.apply(id, false), kNotFound, "no calibration");
+        certificate.set_calibration_id(id);
+        EXPECT_REFUSED(client.get_certificate(certificate), kNotFound, "does not exist");
+        EXPECT_REFUSED(coach.apply(id, false), kNotFound, "does not exist");
     }
     EXPECT_REFUSED(coach.import("no toml [", v1::CALIBRATION_FORMAT_TOML), kInvalidArgument,
                    "the calibration");
@@ -349,9 +351,10 @@ TEST_F(CalibrationTest, RefusesWhatCannotBeAndSaysWhy) {
     const auto other_size = coach.import(calibration_toml(cameras), v1::CALIBRATION_FORMAT_TOML);
     ASSERT_TRUE(other_size.ok());
     EXPECT_REFUSED(coach.apply(*other_size, false), kFailedPrecondition, "px");
-    EXPECT_FALSE(coach.list().calibrations(1).fits());
+    EXPECT_FALSE(coach.list().calibrations(1).compatible());
     EXPECT_REFUSED(coach.undo(false), kFailedPrecondition, "nothing to undo");
-    EXPECT_REFUSED(coach.export_as("", v1::CALIBRATION_FORMAT_QUALISYS), kInvalidArgument, "written");
+    EXPECT_REFUSED(coach.export_as("", v1::CALIBRATION_FORMAT_QUALISYS), kInvalidArgument,
+                   "cannot be exported");
     cameras = *client.cameras();
     cameras[0].k3 = 0.01;
     const auto with_k3 = coach.import(calibration_toml(cameras), v1::CALIBRATION_FORMAT_TOML);
@@ -362,7 +365,7 @@ TEST_F(CalibrationTest, RefusesWhatCannotBeAndSaysWhy) {
         ASSERT_TRUE(text.ok()) << text.status();
         const auto id = coach.import(*text, format);
         ASSERT_TRUE(id.ok()) << id.status();
-        EXPECT_TRUE(coach.list().calibrations(coach.list().calibrations_size() - 1).fits());
+        EXPECT_TRUE(coach.list().calibrations(coach.list().calibrations_size() - 1).compatible());
         const auto there_and_back =
             parse_calibration_toml(*coach.export_as(*id, v1::CALIBRATION_FORMAT_TOML), *id);
         ASSERT_TRUE(there_and_back.ok()) << there_and_back.status();
@@ -370,14 +373,14 @@ TEST_F(CalibrationTest, RefusesWhatCannotBeAndSaysWhy) {
     }
 }
 
-TEST_F(CalibrationTest, AProcedureThatIsLeftAloneEndsByItself) {
+TEST_F(CalibrationTest, EndsIdleProcedure) {
     const auto daemon = start_daemon(config());
     Operator coach(address_);
     wait_until_running(coach.client());
     v1::StartProcedureRequest request = coach.procedure(v1::PROCEDURE_KIND_INTRINSICS);
-    request.set_abandon_after_ms(300);
+    request.mutable_idle_timeout()->set_nanos(300 * 1000000);
     ASSERT_TRUE(client::Client({.server = address_}).start_procedure(request).ok());
-    ASSERT_TRUE(coach.take(v1::LiveObservations::WHAT_MOVING).ok());
+    ASSERT_TRUE(coach.take(v1::LiveObservations::STEP_MOVING_TARGET).ok());
     // Watched it lives on; its owner gone, it lets others in.
     const auto begun = std::chrono::steady_clock::now();
     coach.wait([&](const auto& progress) {
@@ -391,24 +394,25 @@ TEST_F(CalibrationTest, AProcedureThatIsLeftAloneEndsByItself) {
         std::this_thread::yield();
     }
     EXPECT_TRUE(started.ok()) << started;
-    EXPECT_EQ(coach.wait([](const auto&) { return true; }).procedure(), 2u);
+    EXPECT_EQ(coach.wait([](const auto&) { return true; }).procedure_id(), 2u);
     daemon->signal(SIGTERM);  // an open procedure does not hold the daemon up
     EXPECT_EQ(daemon->wait(std::chrono::seconds(10)), 0);
 }
 
-TEST_F(CalibrationTest, ApplyingBuildsThePoseDatabaseAnew) {
+TEST_F(CalibrationTest, RebuildsPoseDatabaseWhenApplied) {
     const auto daemon = start_daemon(
-        config("autostart = false\n", "fit_body = false\ndatabase = \"poses.kvxposes\"\ndatabase_poses = 2"));
+        config("autostart = false\n",
+               "auto_fit_body = false\ndatabase_file = \"poses.kvxposes\"\nlibrary_pose_count = 2"));
     Operator coach(address_);
     const auto wait_ready = [&] {
-        std::vector<v1::DatabaseState> states;
+        std::vector<v1::PoseDatabaseState> states;
         EXPECT_TRUE(coach.client()
-                        .watch_database(
-                            [&](const v1::WatchDatabaseResponse& progress) {
+                        .watch_pose_database(
+                            [&](const v1::WatchPoseDatabaseResponse& progress) {
                                 states.push_back(progress.state());
-                                return progress.state() != v1::DATABASE_STATE_READY;
+                                return progress.state() != v1::POSE_DATABASE_STATE_READY;
                             },
-                            {.max_silence = std::chrono::seconds(20)})
+                            {.idle_timeout = std::chrono::seconds(20)})
                         .ok());
         return states;
     };
@@ -417,40 +421,39 @@ TEST_F(CalibrationTest, ApplyingBuildsThePoseDatabaseAnew) {
     for (Camera& camera : cameras) camera.camera_from_world.translation.z += 1.5;  // seen from farther away
     const auto id = coach.import(calibration_toml(cameras), v1::CALIBRATION_FORMAT_TOML);
     ASSERT_TRUE(id.ok()) << id.status();
-    // Stopped: in use at once.
+    // Stopped: active at once.
     const auto applied = coach.apply(*id, false);
     ASSERT_TRUE(applied.ok()) << applied.status();
-    EXPECT_TRUE(applied->in_use());
+    EXPECT_TRUE(applied->active());
     expect_same(*coach.client().cameras(), cameras);
     wait_ready();
     const std::vector<std::string> events =
-        coach.events(v1::EVENT_KIND_POSE_DATABASE, 2, std::chrono::seconds(20));
+        coach.events(v1::EVENT_KIND_POSE_DATABASE_READY, 2, std::chrono::seconds(20));
     ASSERT_EQ(events.size(), 2u);
     EXPECT_THAT(events[1], HasSubstr("cameras"));  // why it was built
 }
 
 // The command line: files on the daemon's machine, then what is stored.
-TEST_F(CalibrationTest, TheCommandLineGuidesShowsAppliesAndUndoes) {
+TEST_F(CalibrationTest, IsGuidedFromTheCommandLine) {
     const auto daemon = start_daemon(config("autostart = false\n"));
     std::vector<std::string> start{
-        "calibrate", "start",   "extrinsics", "--board", kBoard, "--floor-frame",
-        "0",         "--every", "2",          "--note",  "hall"};  // pictures one after the other show no
-                                                                   // movement
+        "calibrate", "start",    "extrinsics", "--board", kBoard, "--board-on-floor-frame",
+        "0",         "--stride", "2",          "--note",  "hall"};  // consecutive images show no movement
     for (const Camera& camera : board_->truth)
         start.push_back(camera.name + "=" + (session_.parent_path() / camera.name).string());
     const auto solved = kinevox(start);
     ASSERT_EQ(solved.status, 0) << solved.errors << solved.output;
     EXPECT_THAT(solved.output, AllOf(HasSubstr("reading"), HasSubstr("solving"), HasSubstr("solved: c1"),
-                                     HasSubstr("views kept out of the fit"), HasSubstr("stored as c1")));
-    EXPECT_EQ(kinevox({"calibrate", "apply", "c1", "--although-bad"}).output, "c1 is in use\n");
+                                     HasSubstr("held-out reprojection error"), HasSubstr("stored as c1")));
+    EXPECT_EQ(kinevox({"calibrate", "apply", "c1", "--force"}).output, "c1 is active\n");
     EXPECT_THAT(kinevox({"calibrate", "list"}).output,
-                AllOf(HasSubstr("c1 "), HasSubstr("in use"), HasSubstr("hall")));
-    const auto certificate = kinevox({"calibrate", "certificate", "c1"});
+                AllOf(HasSubstr("c1 "), HasSubstr("active"), HasSubstr("hall")));
+    const auto certificate = kinevox({"calibrate", "show", "c1"});
     EXPECT_THAT(certificate.output, AllOf(HasSubstr("camera"), HasSubstr(board_->truth[0].name)));
-    EXPECT_EQ(json::parse(kinevox({"calibrate", "certificate", "c1", "--json"}).output)["made_by"], "board");
+    EXPECT_EQ(json::parse(kinevox({"calibrate", "show", "c1", "--json"}).output)["method"],
+              "extrinsics_board");
 
-    // Imported and exported: a file's name without --out goes to the daemon, an id comes from it; else files
-    // alone.
+    // Import and export work with the daemon, convert with files.
     const std::string own = (session_.parent_path() / "calibration.toml").string();
     EXPECT_THAT(kinevox({"calibrate", "import", own}).output, HasSubstr("c2: 4 cameras"));
     const std::string out = (folder_.path() / "out.yml").string();
@@ -459,23 +462,23 @@ TEST_F(CalibrationTest, TheCommandLineGuidesShowsAppliesAndUndoes) {
     EXPECT_THAT(kinevox({"calibrate", "import", out}).output, HasSubstr("c3: 4 cameras"));
     EXPECT_THAT(kinevox({"calibrate", "export"}).output, HasSubstr("[" + board_->truth[0].name + "]"));
     const std::string offline = (folder_.path() / "offline.toml").string();
-    EXPECT_THAT(kinevox({"calibrate", "import", out, "--out", offline}).output, HasSubstr("written to"));
+    EXPECT_THAT(kinevox({"calibrate", "convert", out, "--out", offline}).output, HasSubstr("written to"));
     expect_same(*read_calibration(offline), *read_calibration(own));
 
     const auto as_json = json::parse(kinevox({"calibrate", "list", "--json"}).output);
-    EXPECT_EQ(as_json["in_use"], "c1");
+    EXPECT_EQ(as_json["active_id"], "c1");
     EXPECT_EQ(as_json["calibrations"].size(), 3u);
-    EXPECT_THAT(kinevox({"calibrate", "undo"}).output, HasSubstr("the source's own calibration is in use"));
-    EXPECT_EQ(kinevox({"calibrate", "remove", "c1"}).output, "c1 is removed\n");
+    EXPECT_THAT(kinevox({"calibrate", "undo"}).output, HasSubstr("the source's own calibration is active"));
+    EXPECT_EQ(kinevox({"calibrate", "delete", "c1", "--yes"}).output, "deleted c1\n");
     for (const auto& [arguments, words] : std::vector<std::pair<std::vector<std::string>, std::string>>{
-             {{"calibrate", "apply", "c1"}, "no calibration 'c1'"},
+             {{"calibrate", "apply", "c1"}, "calibration 'c1' does not exist"},
              {{"calibrate", "undo"}, "nothing to undo"},
              {{"calibrate", "cancel"}, "no procedure is open"},
              {{"calibrate", "start", "extrinsics"}, "board"},
-             {{"calibrate", "start", "intrinsics", "--board", kBoard}, "the capture does not run"},
+             {{"calibrate", "start", "intrinsics", "--board", kBoard}, "the capture is not running"},
              {{"calibrate", "start", "intrinsics", "--board", kBoard, "cam1=/nowhere"}, "/nowhere"},
              {{"calibrate", "start", "floors"}, "floors"},
-             {{"calibrate", "nonsense"}, "calibrate"}}) {
+             {{"calibrate", "nonsense"}, "unknown calibrate command 'nonsense'"}}) {
         const auto refused = kinevox(arguments);
         EXPECT_EQ(refused.status, 1);
         EXPECT_THAT(refused.errors, HasSubstr(words));
@@ -494,15 +497,15 @@ bool waits_for_interrupts(pid_t process) {
     return false;
 }
 
-TEST_F(CalibrationTest, CtrlCStopsTheVerbsOnFiles) {
-    // The same pictures over and over: longer than anybody waits.
+TEST_F(CalibrationTest, StopsFileCommandsOnSigint) {
+    // The same images over and over: longer than anybody waits.
     const std::filesystem::path many = folder_.path() / "many";
     std::filesystem::create_directory(many);
     for (int i = 0; i < 20'000; ++i)
         std::filesystem::create_symlink(
             session_.parent_path() / board_->truth[0].name / fmt::format("{:04}.ppm", i % kMoments),
             many / fmt::format("{:05}.ppm", i));
-    const std::string out = (folder_.path() / "lenses.toml").string();
+    const std::string out = (folder_.path() / "intrinsics.toml").string();
     testing::ChildProcess verb(
         {KINEVOX_CALIBRATE, "intrinsics", "cam1=" + many.string(), "--board", kBoard, "--out", out},
         folder_.path());

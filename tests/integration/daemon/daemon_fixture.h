@@ -32,9 +32,9 @@ class DaemonTest : public ::testing::Test {
     }
 
     static std::string session_config(const std::string& listen, const std::string& more = "",
-                                      const std::string& pose = "database = \"\"") {
+                                      const std::string& pose = "database_file = \"\"") {
         return fmt::format(
-            "[server]\nlisten = \"{}\"\n[pose]\n{}\n[source]\nkind = \"session\"\nsession = \"{}\"\n{}",
+            "[server]\nlisten = \"{}\"\n[pose]\n{}\n[source]\nkind = \"session\"\nsession_file = \"{}\"\n{}",
             listen, pose, session_.string(), more);
     }
 
@@ -56,12 +56,13 @@ class DaemonTest : public ::testing::Test {
         return run(arguments, folder_.path(), variables);
     }
 
-    // Reads results until somebody is tracked.
+    // Reads results until a subject is tracked.
     void wait_for_a_volume(client::Client& client) {
         client::StreamOptions options;
-        options.max_silence = std::chrono::seconds(20);
+        options.idle_timeout = std::chrono::seconds(20);
         const absl::Status status = client.stream_volumes(
-            {}, [](const auto& frame) { return !frame.volume; }, options);
+            {}, [](const auto& frame) { return !frame.first_subject() || !frame.first_subject()->volume; },
+            options);
         ASSERT_TRUE(status.ok()) << status;
     }
 

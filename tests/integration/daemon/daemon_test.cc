@@ -17,28 +17,33 @@ using testing::ChildProcess;
 using testing::DaemonTest;
 using ::testing::HasSubstr;
 
-TEST_F(DaemonTest, ServesASessionAndStopsOnSigterm) {
+// 0: no subject, or none with a volume.
+double volume_litres(const v1::GetStatusResponse& status) {
+    return status.subjects_size() > 0 ? status.subjects(0).volume().volume_litres() : 0;
+}
+
+TEST_F(DaemonTest, ServesSessionUntilSigterm) {
     const auto daemon = start_daemon(session_config("127.0.0.1:0", "loop = true\n"));
     client::Client client({.server = address_});
     wait_for_a_volume(client);
     auto status = client.status();
     // Where results are lost, this subject's turns are too sharp for every frame to have a volume.
-    for (int asked = 1; asked < 100 && status.ok() && status->volume().litres() == 0; ++asked) {
+    for (int asked = 1; asked < 100 && status.ok() && volume_litres(*status) == 0; ++asked) {
         std::this_thread::sleep_for(std::chrono::milliseconds(50));
         status = client.status();
     }
     ASSERT_TRUE(status.ok()) << status.status();
     EXPECT_EQ(status->state(), v1::CAPTURE_STATE_RUNNING);
     EXPECT_EQ(status->cameras_size(), 4);
-    EXPECT_GT(status->volume().litres(), 50);
-    EXPECT_LT(status->volume().litres(), 250);
+    EXPECT_GT(volume_litres(*status), 50);
+    EXPECT_LT(volume_litres(*status), 250);
 
     // A stream in progress ends with words, within the two seconds.
-    while (client.status()->volume_subscribers() != 0) {
+    while (client.status()->volume_subscriber_count() != 0) {
     }  // the one that waited for a volume is still leaving
     auto stream = std::async(std::launch::async,
                              [&] { return client.stream_volumes({}, [](const auto&) { return true; }, {}); });
-    while (client.status()->volume_subscribers() == 0) {
+    while (client.status()->volume_subscriber_count() == 0) {
     }
     const auto begin = std::chrono::steady_clock::now();
     daemon->signal(SIGTERM);
@@ -56,7 +61,7 @@ TEST_F(DaemonTest, ServesASessionAndStopsOnSigterm) {
 
 // gRPC ends a call that it takes while it stops with CANCELLED, which for a client means that it stopped by
 // itself: it would leave without an error, and not connect again.
-TEST_F(DaemonTest, WhoCallsWhileItStopsIsToldToConnectAgain) {
+TEST_F(DaemonTest, AnswersUnavailableWhileStopping) {
     const auto daemon = start_daemon(session_config("127.0.0.1:0", "autostart = false\n"));
     std::atomic<bool> begun = false;
     const auto call_until_it_fails = [&](bool stream) {
@@ -80,16 +85,16 @@ TEST_F(DaemonTest, WhoCallsWhileItStopsIsToldToConnectAgain) {
     }
 }
 
-TEST_F(DaemonTest, StopsInTimeAlthoughASubscriberReadsNothing) {
+TEST_F(DaemonTest, StopsInTimeWithIdleSubscriber) {
     const auto daemon = start_daemon(session_config("127.0.0.1:0"));
     client::Client client({.server = address_});
     std::promise<void> first, leave;
     auto stream = std::async(std::launch::async, [&] {
-        bool told = false;
+        bool notified = false;
         return client.stream_volumes(
             {},
             [&](const auto&) {
-                if (!std::exchange(told, true)) first.set_value();
+                if (!std::exchange(notified, true)) first.set_value();
                 leave.get_future().wait();  // reads nothing more until the daemon is gone
                 return false;
             },
@@ -102,17 +107,17 @@ TEST_F(DaemonTest, StopsInTimeAlthoughASubscriberReadsNothing) {
     stream.get().IgnoreError();
 }
 
-// A limit on the rate is a timer, which waits when the daemon is told to stop.
-TEST_F(DaemonTest, StopsInTimeAlthoughASubscriberWantsFewMessages) {
+// A rate limit is a timer that is pending when the daemon stops.
+TEST_F(DaemonTest, StopsInTimeWithSlowSubscriber) {
     const auto daemon = start_daemon(session_config("127.0.0.1:0", "loop = true\n"));
     client::Client client({.server = address_});
     v1::StreamVolumesRequest few;
     few.set_max_rate_hz(0.1);
     std::promise<void> first;
-    auto stream = std::async(std::launch::async, [&, told = false]() mutable {
+    auto stream = std::async(std::launch::async, [&, notified = false]() mutable {
         return client.stream_volumes(few,
                                      [&](const auto&) {
-                                         if (!std::exchange(told, true)) first.set_value();
+                                         if (!std::exchange(notified, true)) first.set_value();
                                          return true;
                                      },
                                      {});
@@ -125,7 +130,7 @@ TEST_F(DaemonTest, StopsInTimeAlthoughASubscriberWantsFewMessages) {
     stream.get().IgnoreError();
 }
 
-TEST_F(DaemonTest, ASecondDaemonOnThePortSaysSoAndEnds) {
+TEST_F(DaemonTest, FailsIfPortIsInUse) {
     const auto daemon = start_daemon(session_config("127.0.0.1:0", "autostart = false\n"));
     const auto file = write("second.toml", session_config(address_));
     const auto second = testing::run({KINEVOX_DAEMON, "--config", file.string()}, folder_.path());
@@ -135,10 +140,10 @@ TEST_F(DaemonTest, ASecondDaemonOnThePortSaysSoAndEnds) {
     EXPECT_EQ(second.output, "");
     client::Client client({.server = address_});
     EXPECT_EQ(client.status()->state(), v1::CAPTURE_STATE_STOPPED)
-        << "the first goes on, and waits as configured";
+        << "the first continues, and waits as configured";
 }
 
-TEST_F(DaemonTest, WhatIsWrongAtTheStartIsOneLineAndStatusOne) {
+TEST_F(DaemonTest, ReportsStartErrorsInOneLine) {
     const auto wrong_calibration = [&] {  // cam3 is missing from the session's calibration
         std::filesystem::copy(session_.parent_path(), folder_.path() / "copy",
                               std::filesystem::copy_options::recursive);
@@ -153,9 +158,11 @@ TEST_F(DaemonTest, WhatIsWrongAtTheStartIsOneLineAndStatusOne) {
         {"unknown key", "[server]\nlissten = \"127.0.0.1:0\"\n", {"bad.toml:2", "lissten"}},
         {"wrong type", "[pipeline]\nvoxel_mm = \"ten\"\n", {"bad.toml:2", "voxel_mm"}},
         {"no TOML", "[server\n", {"bad.toml:1"}},
-        {"missing session", "[source]\nkind = \"session\"\nsession = \"nowhere.toml\"\n", {"nowhere.toml"}},
-        {"missing pictures",
-         "[source]\nkind = \"session\"\nsession = \"" + wrong_calibration + "\"\n",
+        {"missing session",
+         "[source]\nkind = \"session\"\nsession_file = \"nowhere.toml\"\n",
+         {"nowhere.toml"}},
+        {"missing images",
+         "[source]\nkind = \"session\"\nsession_file = \"" + wrong_calibration + "\"\n",
          {"cam3"}},
         {"no address of this machine", session_config("192.0.2.1:50771"), {"192.0.2.1:50771"}},
         {"log that cannot be written",
@@ -178,43 +185,43 @@ TEST_F(DaemonTest, WhatIsWrongAtTheStartIsOneLineAndStatusOne) {
     EXPECT_THAT(flag.errors, HasSubstr("--verbose"));
 }
 
-TEST_F(DaemonTest, AVanishedOperatorsLeaseRunsOut) {
+TEST_F(DaemonTest, ExpiresLeaseOfDisconnectedOperator) {
     const auto daemon =
-        start_daemon(session_config("127.0.0.1:0", "autostart = false\n[control]\nlease_timeout_s = 1.0\n"));
+        start_daemon(session_config("127.0.0.1:0", "autostart = false\n[control]\ndefault_lease_s = 1.0\n"));
     client::Client client({.server = address_});
     v1::AcquireControlRequest request;
-    request.set_name("ann");
+    request.set_operator_name("ann");
     ASSERT_TRUE(client.acquire_control(request).ok());
     v1::WatchEventsRequest watch;
-    watch.set_past(1);
+    watch.set_history_count(1);
     std::vector<std::string> messages;
     client::StreamOptions options;
-    options.max_silence = std::chrono::seconds(10);
+    options.idle_timeout = std::chrono::seconds(10);
     ASSERT_TRUE(client
                     .watch_events(
                         watch,
-                        [&](const auto& event) {
-                            messages.push_back(event.message());
-                            return event.kind() != v1::EVENT_KIND_CONTROL_RELEASED;
+                        [&](const auto& message) {
+                            messages.push_back(message.event().message());
+                            return message.event().kind() != v1::EVENT_KIND_CONTROL_RELEASED;
                         },
                         options)
                     .ok());
-    EXPECT_THAT(messages.back(), HasSubstr("'ann' has run out"));
+    EXPECT_THAT(messages.back(), HasSubstr("'ann' has expired"));
     EXPECT_TRUE(client.start("bob").ok());
 }
 
 // Waits for an event of this kind, also one from before.
 std::string message_of(client::Client& client, v1::EventKind kind) {
     v1::WatchEventsRequest watch;
-    watch.set_past(100);
+    watch.set_history_count(100);
     client::StreamOptions options;
-    options.max_silence = std::chrono::seconds(30);
+    options.idle_timeout = std::chrono::seconds(30);
     std::string message;
     EXPECT_TRUE(client
                     .watch_events(
                         watch,
-                        [&](const auto& event) {
-                            if (event.kind() == kind) message = event.message();
+                        [&](const v1::WatchEventsResponse& received) {
+                            if (received.event().kind() == kind) message = received.event().message();
                             return message.empty();
                         },
                         options)
@@ -222,41 +229,41 @@ std::string message_of(client::Client& client, v1::EventKind kind) {
     return message;
 }
 
-TEST_F(DaemonTest, BuildsItsPoseDatabaseOnceAndReadsItAfterwards) {
+TEST_F(DaemonTest, BuildsPoseDatabaseOnce) {
     const auto file = folder_.path() / "state/poses.kvxposes";
-    const std::string pose = "database = \"state/poses.kvxposes\"\ndatabase_poses = 30";
-    for (const char* said : {"was not there yet", "read as it was stored"}) {
+    const std::string pose = "database_file = \"state/poses.kvxposes\"\nlibrary_pose_count = 30";
+    for (const char* said : {"did not exist", "read from its file"}) {
         const auto daemon = start_daemon(session_config("127.0.0.1:0", "", pose));
         client::Client client({.server = address_});
-        EXPECT_THAT(message_of(client, v1::EVENT_KIND_POSE_DATABASE),
+        EXPECT_THAT(message_of(client, v1::EVENT_KIND_POSE_DATABASE_READY),
                     AllOf(HasSubstr("2160 entries"), HasSubstr(said)));
         EXPECT_TRUE(std::filesystem::exists(file));
         wait_for_a_volume(client);  // with candidates from it
         daemon->signal(SIGTERM);
         EXPECT_EQ(daemon->wait(std::chrono::milliseconds(2000)), 0) << daemon->errors();
     }
-    // Damage is told and repaired.
+    // Damage is reported and repaired.
     std::filesystem::resize_file(file, 1000);
     const auto daemon = start_daemon(session_config("127.0.0.1:0", "", pose));
     client::Client client({.server = address_});
-    EXPECT_THAT(message_of(client, v1::EVENT_KIND_POSE_DATABASE), HasSubstr("poses.kvxposes"));
+    EXPECT_THAT(message_of(client, v1::EVENT_KIND_POSE_DATABASE_READY), HasSubstr("poses.kvxposes"));
 }
 
 // Right after "ready" the background is learned, the database and the pose stage come up.
-TEST_F(DaemonTest, StopsInTimeWheneverTheSignalComes) {
-    const std::string pose = "database = \"poses.kvxposes\"\ndatabase_poses = 1400";
+TEST_F(DaemonTest, StopsInTimeAtAnySignal) {
+    const std::string pose = "database_file = \"poses.kvxposes\"\nlibrary_pose_count = 1400";
     for (const int after_ms : {0, 20, 60, 150, 300, 600, 1200}) {
         const auto daemon = start_daemon(session_config("127.0.0.1:0", "", pose));
-        std::this_thread::sleep_for(std::chrono::milliseconds(after_ms));  // the moment is what is tested
+        std::this_thread::sleep_for(std::chrono::milliseconds(after_ms));  // the time of the signal is tested
         daemon->signal(SIGTERM);
         EXPECT_EQ(daemon->wait(std::chrono::milliseconds(2000)), 0)
             << after_ms << " ms: " << daemon->errors();
     }
 }
 
-TEST_F(DaemonTest, StopsInTimeWhileThePoseDatabaseIsBuilt) {
+TEST_F(DaemonTest, StopsInTimeDuringDatabaseBuild) {
     const auto daemon = start_daemon(
-        session_config("127.0.0.1:0", "", "database = \"poses.kvxposes\"\ndatabase_poses = 1400"));
+        session_config("127.0.0.1:0", "", "database_file = \"poses.kvxposes\"\nlibrary_pose_count = 1400"));
     client::Client client({.server = address_});
     wait_for_a_volume(client);
     daemon->signal(SIGTERM);

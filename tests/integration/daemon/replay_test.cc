@@ -1,14 +1,16 @@
-// A recording in the cameras' place, in a real daemon.
+// Replay of recordings in a running daemon.
 #include <gmock/gmock.h>
 #include <signal.h>
 
 #include <condition_variable>
 #include <deque>
+#include <fstream>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <thread>
 
 #include "common/calibration_file.h"
+#include "common/recording_files.h"
 #include "tests/integration/daemon/calibration_operator.h"
 #include "tests/integration/daemon/daemon_fixture.h"
 #include "tests/support/patience.h"
@@ -23,15 +25,15 @@ using testing::Operator;
 
 constexpr int kFrames = 30;
 
-// What a frame set of the recording led to.
+// The results of one frame set of the recording.
 struct Shown {
     std::uint64_t sequence = 0;
     std::optional<std::int64_t> frame;
     std::optional<Volume> volume;
-    std::string pose;  // serialised, without the subject's number; empty: none
+    std::string pose;  // serialised; empty: none
 };
 
-// Follows volumes and poses from its construction on.
+// Subscribes to volumes and poses.
 class Follower {
   public:
     explicit Follower(const std::string& address) : address_(address) {
@@ -45,7 +47,12 @@ class Follower {
                     every,
                     [this](const client::VolumeFrame& frame) {
                         take(
-                            frame.header, [&](Shown& shown) { shown.volume = frame.volume; }, 1);
+                            frame.header,
+                            [&](Shown& shown) {
+                                if (const auto* subject = frame.first_subject())
+                                    shown.volume = subject->volume;
+                            },
+                            1);
                         return true;
                     },
                     options)
@@ -60,12 +67,11 @@ class Follower {
                 .stream_poses(
                     every,
                     [this](const v1::StreamPosesResponse& message) {
-                        v1::Pose pose = message.pose();
-                        pose.set_subject_id(0);
                         take(
                             message.header(),
                             [&](Shown& shown) {
-                                shown.pose = message.has_pose() ? pose.SerializeAsString() : "";
+                                if (message.subjects_size() > 0 && message.subjects(0).has_pose())
+                                    shown.pose = message.subjects(0).pose().SerializeAsString();
                             },
                             2);
                         return true;
@@ -75,24 +81,24 @@ class Follower {
         });
         client::Client client({.server = address_});
         for (auto status = client.status(); status.ok(); status = client.status())
-            if (status->volume_subscribers() > 0 && status->pose_subscribers() > 0) break;
+            if (status->volume_subscriber_count() > 0 && status->pose_subscriber_count() > 0) break;
     }
 
-    // The first that was not asked for before and is `so`, with both its volume and its pose.
-    Shown wait(const std::function<bool(const Shown&)>& so) {
+    // The next result for which `matches` is true, with its volume and its pose.
+    Shown wait(const std::function<bool(const Shown&)>& matches) {
         std::unique_lock lock(mutex_);
         Shown found;
         const bool in_time = changed_.wait_for(lock, std::chrono::seconds(20), [&] {
             while (!waiting_.empty() && waiting_.front().second == 3) {
                 const Shown shown = std::move(waiting_.front().first);
                 waiting_.pop_front();
-                if (!so(shown)) continue;
+                if (!matches(shown)) continue;
                 found = shown;
                 return true;
             }
             return false;
         });
-        EXPECT_TRUE(in_time) << "nothing came";
+        EXPECT_TRUE(in_time) << "no result";
         return found;
     }
     Shown frame(std::int64_t number) {
@@ -119,7 +125,7 @@ class Follower {
     std::string address_;
     std::mutex mutex_;
     std::condition_variable changed_;
-    std::deque<std::pair<Shown, int>> waiting_;  // and which parts of it came
+    std::deque<std::pair<Shown, int>> waiting_;  // and the streams it arrived on
     std::jthread volumes_, poses_;
 };
 
@@ -139,27 +145,43 @@ class ReplayTest : public testing::DaemonTest {
     }
 
     std::string config() const {
-        return session_config("127.0.0.1:0", "", "fit_body = false\ndatabase = \"\"") +
-               "[calibration]\nfolder = \"calibrations\"\n[pipeline]\nvoxel_mm = 30\ncolouring = false\n";
+        return session_config("127.0.0.1:0", "", "auto_fit_body = false\ndatabase_file = \"\"") +
+               fmt::format(
+                   "[calibration]\nfolder = \"calibrations\"\n[pipeline]\nvoxel_mm = 30\ncolouring = false\n"
+                   "[replay]\nfolders = [\"{}\"]\n",
+                   shared_->path().string());
     }
     static v1::OpenReplayRequest recording(const std::string& lease, bool paused) {
         v1::OpenReplayRequest request;
         request.set_lease_id(lease);
-        request.set_session(recording_.string());
+        request.set_session_path(recording_.string());
         request.set_paused(paused);
         return request;
     }
-    static v1::SetReplayRequest seek(const std::string& lease, std::int64_t frame) {
-        v1::SetReplayRequest request;
+    static v1::UpdateReplayRequest seek(const std::string& lease, std::int64_t frame) {
+        v1::UpdateReplayRequest request;
         request.set_lease_id(lease);
         request.set_frame(frame);
         return request;
     }
 
+    // Overwrites entry `frame` of one camera's index with zeros.
+    static void damage_index(const std::filesystem::path& recording, std::size_t frame) {
+        for (const auto& entry : std::filesystem::directory_iterator(recording)) {
+            if (entry.path().extension() != ".index") continue;
+            std::fstream file(entry.path(), std::ios::binary | std::ios::in | std::ios::out);
+            file.seekp(static_cast<std::streamoff>(kVideoIndexHeader.size() + frame * kVideoIndexEntryBytes));
+            file << std::string(kVideoIndexEntryBytes, '\0');
+            EXPECT_TRUE(file.good());
+            return;
+        }
+        ADD_FAILURE() << recording << " has no index";
+    }
+
     static inline std::filesystem::path recording_;
 };
 
-TEST_F(ReplayTest, EveryStreamShowsTheRecordingAndThenTheCamerasAgain) {
+TEST_F(ReplayTest, StreamsShowRecordingThenCamerasAgain) {
     const auto daemon = start_daemon(config());
     Operator coach(address_);
     client::Client& client = coach.client();
@@ -169,8 +191,8 @@ TEST_F(ReplayTest, EveryStreamShowsTheRecordingAndThenTheCamerasAgain) {
 
     const auto opened = client.open_replay("", recording(coach.lease(), true));
     ASSERT_TRUE(opened.ok()) << opened.status();
-    EXPECT_EQ(opened->replay().frames(), kFrames);
-    EXPECT_EQ(opened->replay().fps(), 20);
+    EXPECT_EQ(opened->replay().frame_count(), kFrames);
+    EXPECT_EQ(opened->replay().nominal_fps(), 20);
     const Shown first = follower.frame(0);
     EXPECT_EQ(*client.cameras(), *read_calibration(recording_.parent_path() / "calibration.toml"));
     const auto status = client.status();
@@ -178,84 +200,110 @@ TEST_F(ReplayTest, EveryStreamShowsTheRecordingAndThenTheCamerasAgain) {
     EXPECT_THAT(status->source(), HasSubstr("replay of"));
     EXPECT_EQ(status->state(), v1::CAPTURE_STATE_RUNNING);
 
-    // Wherever it is sought from, a frame set shows the same; the numbers go on.
-    ASSERT_TRUE(client.set_replay("", seek(coach.lease(), 17)).ok());
+    // A frame set shows the same result after each seek; the sequence keeps increasing.
+    ASSERT_TRUE(client.update_replay("", seek(coach.lease(), 17)).ok());
     const Shown sought = follower.frame(17);
-    ASSERT_TRUE(client.set_replay("", seek(coach.lease(), 4)).ok());
+    ASSERT_TRUE(client.update_replay("", seek(coach.lease(), 4)).ok());
     follower.frame(4);
-    v1::SetReplayRequest step;
+    v1::UpdateReplayRequest step;
     step.set_lease_id(coach.lease());
-    step.set_step(1);
-    ASSERT_TRUE(client.set_replay("", step).ok());
+    step.set_step_frames(1);
+    ASSERT_TRUE(client.update_replay("", step).ok());
     follower.frame(5);
-    ASSERT_TRUE(client.set_replay("", seek(coach.lease(), 17)).ok());
+    ASSERT_TRUE(client.update_replay("", seek(coach.lease(), 17)).ok());
     const Shown again = follower.frame(17);
     expect_same(sought, again);
     EXPECT_GT(again.sequence, sought.sequence);
-    step.set_step(-17);
-    ASSERT_TRUE(client.set_replay("", step).ok());
+    step.set_step_frames(-17);
+    ASSERT_TRUE(client.update_replay("", step).ok());
     expect_same(first, follower.frame(0));
     EXPECT_EQ(client.get_replay()->replay().state(), v1::REPLAY_STATE_PAUSED);
-    EXPECT_EQ(client.get_replay()->replay().jumps(), 4u);
+    EXPECT_EQ(client.get_replay()->replay().discontinuity_count(), 4u);
 
-    // It plays to its end and waits there.
-    v1::SetReplayRequest play;
+    // Playback stops at the end.
+    v1::UpdateReplayRequest play;
     play.set_lease_id(coach.lease());
-    play.set_play(true);
-    ASSERT_TRUE(client.set_replay("", play).ok());
+    play.set_playing(true);
+    ASSERT_TRUE(client.update_replay("", play).ok());
     follower.frame(kFrames - 1);
     EXPECT_EQ(client.get_replay()->replay().state(), v1::REPLAY_STATE_ENDED);
     EXPECT_EQ(client.status()->state(), v1::CAPTURE_STATE_RUNNING);
 
-    // The cameras' background was not forgotten.
+    // The live background is kept.
     ASSERT_TRUE(coach.client().release_control(coach.lease()).ok());
     ASSERT_TRUE(client.close_replay("coach").ok());
     follower.wait([](const Shown& shown) { return !shown.frame && shown.volume; });
     EXPECT_EQ(*client.cameras(), live);
     EXPECT_EQ(client.get_replay()->replay().state(), v1::REPLAY_STATE_LIVE);
-    EXPECT_EQ(coach.events(v1::EVENT_KIND_REPLAY, 2, std::chrono::seconds(10)).size(), 2u);
+    EXPECT_EQ(coach.events(v1::EVENT_KIND_REPLAY_OPENED, 1, std::chrono::seconds(10)).size(), 1u);
+    EXPECT_EQ(coach.events(v1::EVENT_KIND_REPLAY_CLOSED, 1, std::chrono::seconds(10)).size(), 1u);
     EXPECT_EQ(coach.events(v1::EVENT_KIND_BACKGROUND_LEARNED, 2, std::chrono::seconds(10)).size(), 2u)
-        << "the cameras' and the recording's, once each";
+        << "one of the cameras, one of the recording";
     daemon->signal(SIGTERM);
     EXPECT_EQ(daemon->wait(std::chrono::seconds(10)), 0);
 }
 
-TEST_F(ReplayTest, RefusesWhatCannotBeAndSaysWhy) {
+TEST_F(ReplayTest, RejectsInvalidRequestsWithReason) {
     const auto daemon = start_daemon(config());
     Operator coach(address_);
     client::Client& client = coach.client();
     testing::wait_until_running(client);
-    EXPECT_REFUSED(client.open_replay("somebody", recording("", true)), kFailedPrecondition, "coach");
+    EXPECT_REFUSED(client.open_replay("other", recording("", true)), kFailedPrecondition, "coach");
     v1::OpenReplayRequest open = recording(coach.lease(), true);
-    open.set_session("session.toml");
-    EXPECT_REFUSED(client.open_replay("", open), kNotFound, "no absolute path");
-    open.set_session("/nowhere/session.toml");
-    EXPECT_REFUSED(client.open_replay("", open), kNotFound, "/nowhere/session.toml");
+    open.set_session_path("session.toml");
+    EXPECT_REFUSED(client.open_replay("", open), kInvalidArgument, "is relative");
+    open.set_session_path((recording_.parent_path() / "nowhere" / "session.toml").string());
+    EXPECT_REFUSED(client.open_replay("", open), kNotFound, "nowhere/session.toml");
+    open.clear_source();
+    EXPECT_REFUSED(client.open_replay("", open), kInvalidArgument, "names no recording");
     open = recording(coach.lease(), true);
     open.set_speed(-1);
     EXPECT_REFUSED(client.open_replay("", open), kInvalidArgument, "speed");
-    EXPECT_REFUSED(client.set_replay("", seek(coach.lease(), 0)), kFailedPrecondition, "nothing is replayed");
-    EXPECT_REFUSED(client.close_replay("somebody"), kFailedPrecondition, "coach");
-    EXPECT_EQ(client.status()->state(), v1::CAPTURE_STATE_RUNNING) << "the cameras are seen as before";
+    EXPECT_REFUSED(client.update_replay("", seek(coach.lease(), 0)), kFailedPrecondition,
+                   "no replay is open");
+    EXPECT_REFUSED(client.close_replay("other"), kFailedPrecondition, "coach");
+    EXPECT_EQ(client.status()->state(), v1::CAPTURE_STATE_RUNNING) << "the cameras are unaffected";
 
-    // Calibrating and replaying shut each other out.
+    // Calibration and replay exclude each other.
     ASSERT_TRUE(coach.start(v1::PROCEDURE_KIND_INTRINSICS).ok());
     EXPECT_REFUSED(client.open_replay("", recording(coach.lease(), true)), kFailedPrecondition,
                    "calibration procedure");
     ASSERT_TRUE(coach.cancel().ok());
     ASSERT_TRUE(client.open_replay("", recording(coach.lease(), true)).ok());
-    EXPECT_REFUSED(coach.start(v1::PROCEDURE_KIND_INTRINSICS), kFailedPrecondition, "replay live");
-    EXPECT_REFUSED(coach.undo(false), kFailedPrecondition, "replay live");
-    EXPECT_REFUSED(client.set_replay("", seek(coach.lease(), kFrames)), kOutOfRange, "0 to 29");
-    v1::SetReplayRequest speed;
+    EXPECT_REFUSED(coach.start(v1::PROCEDURE_KIND_INTRINSICS), kFailedPrecondition, "replay close");
+    EXPECT_REFUSED(coach.undo(false), kFailedPrecondition, "replay close");
+    EXPECT_REFUSED(client.update_replay("", seek(coach.lease(), kFrames)), kOutOfRange, "0 to 29");
+    v1::UpdateReplayRequest speed;
     speed.set_lease_id(coach.lease());
     speed.set_speed(1e6);
-    EXPECT_REFUSED(client.set_replay("", speed), kOutOfRange, "speed");
+    EXPECT_REFUSED(client.update_replay("", speed), kOutOfRange, "speed");
 }
 
-TEST_F(ReplayTest, WhatWasRecordedIsOpenedByItsNameAndNotRecordedAgain) {
+TEST_F(ReplayTest, OpensSessionsInConfiguredFoldersOnly) {
+    const auto outside = folder_.path() / "outside";
+    std::filesystem::copy(recording_.parent_path(), outside, std::filesystem::copy_options::recursive);
+    const auto daemon = start_daemon(config());
+    client::Client client({.server = address_});
+    testing::wait_until_running(client);
+    v1::OpenReplayRequest open;
+    const auto refused = [&](const std::filesystem::path& path) {
+        open.set_session_path(path.string());
+        EXPECT_REFUSED(client.open_replay("coach", open), kPermissionDenied, "[replay] folders");
+    };
+    refused(outside / "session.toml");
+    refused(shared_->path() / ".." / folder_.path().filename() / "outside" / "session.toml");
+    refused("/etc/passwd");
+    const auto link = shared_->path() / "link";
+    std::filesystem::create_directory_symlink(outside, link);
+    refused(link / "session.toml");
+    std::filesystem::remove(link);
+    open.set_session_path(recording_.string());
+    EXPECT_TRUE(client.open_replay("coach", open).ok());
+}
+
+TEST_F(ReplayTest, OpensRecordingByNameAndPreventsRecording) {
     const std::string recording_config =
-        fmt::format("[recording]\nfolder = \"{}\"\nkeep_last_s = 1\nleast_free_mb = 0\n",
+        fmt::format("[recording]\nfolder = \"{}\"\nmax_buffer_s = 1\nmin_free_disk_mb = 0\n",
                     (folder_.path() / "kept").string());
     auto daemon = start_daemon(config() + recording_config);
     {
@@ -263,11 +311,11 @@ TEST_F(ReplayTest, WhatWasRecordedIsOpenedByItsNameAndNotRecordedAgain) {
         testing::wait_until_running(client);
         v1::OpenReplayRequest open;
         open.set_paused(true);
-        open.set_session("walk");
-        EXPECT_REFUSED(client.open_replay("coach", open), kNotFound, "which has none");
+        open.set_recording_name("walk");
+        EXPECT_REFUSED(client.open_replay("coach", open), kNotFound, "recordings: none");
         v1::StartRecordingRequest start;
         start.set_name("walk");
-        v1::KeepLastRequest keep;
+        v1::SaveBufferRequest save;
         const auto started = client.start_recording("coach", start);
         ASSERT_TRUE(started.ok()) << started.status();
         EXPECT_REFUSED(client.open_replay("coach", open), kFailedPrecondition, "\"walk\" is being recorded");
@@ -276,7 +324,8 @@ TEST_F(ReplayTest, WhatWasRecordedIsOpenedByItsNameAndNotRecordedAgain) {
         const auto recorded = [&] {
             for (int i = 0; i < testing::patient(400);
                  ++i, std::this_thread::sleep_for(std::chrono::milliseconds(25)))
-                if (const auto now = client.recorder_status(); now.ok() && now->recording().frames() >= 10)
+                if (const auto now = client.recorder_status();
+                    now.ok() && now->current().frame_set_count() >= 10)
                     return true;
             return false;
         };
@@ -287,16 +336,16 @@ TEST_F(ReplayTest, WhatWasRecordedIsOpenedByItsNameAndNotRecordedAgain) {
         EXPECT_EQ(shown.status, 0) << shown.errors;
         EXPECT_THAT(shown.output, HasSubstr("kept/walk/session.toml"));
         start.set_name("again");
-        EXPECT_REFUSED(client.start_recording("coach", start), kFailedPrecondition, "kinevox replay live");
-        EXPECT_REFUSED(client.keep_last("coach", keep, std::chrono::seconds(20)), kFailedPrecondition,
-                       "kinevox replay live");
+        EXPECT_REFUSED(client.start_recording("coach", start), kFailedPrecondition, "kinevox replay close");
+        EXPECT_REFUSED(client.save_buffer("coach", save, std::chrono::seconds(20)), kFailedPrecondition,
+                       "kinevox replay close");
         const auto none = kinevox({"replay", "open", "run"});
         EXPECT_EQ(none.status, 1);
-        EXPECT_THAT(none.errors, AllOf(HasSubstr("'run' is no absolute path"), HasSubstr("which has walk")));
-        EXPECT_THAT(kinevox({"replay", "open", "./run"}).errors, HasSubstr("/run: no such file"));
+        EXPECT_THAT(none.errors, AllOf(HasSubstr("no recording 'run'"), HasSubstr("recordings: walk")));
+        EXPECT_THAT(kinevox({"replay", "open", "./run"}).errors, HasSubstr("[replay] folders"));
         ASSERT_TRUE(client.close_replay("coach").ok());
         start.set_name("killed");
-        ASSERT_TRUE(client.start_recording("coach", start).ok()) << "the cameras are seen again";
+        ASSERT_TRUE(client.start_recording("coach", start).ok()) << "after the replay";
         ASSERT_TRUE(recorded());
     }
     daemon->signal(SIGKILL);
@@ -306,19 +355,23 @@ TEST_F(ReplayTest, WhatWasRecordedIsOpenedByItsNameAndNotRecordedAgain) {
     client::Client client({.server = address_});
     Follower follower(address_);
     v1::OpenReplayRequest open;
-    open.set_session("killed");
+    open.set_recording_name("killed");
     open.set_paused(true);
     const auto opened = client.open_replay("coach", open);
     ASSERT_TRUE(opened.ok()) << opened.status();
-    EXPECT_GE(opened->replay().frames(), 9);
+    EXPECT_GE(opened->replay().frame_count(), 9);
     EXPECT_TRUE(follower.frame(0).volume);
     const auto list = client.list_recordings();
     ASSERT_TRUE(list.ok()) << list.status();
     ASSERT_EQ(list->recordings_size(), 2);
     EXPECT_TRUE(list->recordings(1).closed() && list->recordings(1).recovered());
+
+    damage_index(folder_.path() / "kept" / "walk", 4);
+    open.set_recording_name("walk");
+    EXPECT_REFUSED(client.open_replay("coach", open), kDataLoss, "damaged after 4 of");
 }
 
-TEST_F(ReplayTest, TheCommandLine) {
+TEST_F(ReplayTest, IsControlledFromTheCommandLine) {
     const auto daemon = start_daemon(config());
     const auto replay = [&](std::vector<std::string> words) {
         words.insert(words.begin(), "replay");
@@ -349,15 +402,15 @@ TEST_F(ReplayTest, TheCommandLine) {
     EXPECT_THAT(replay({"play"}).output, HasSubstr("playing"));
     EXPECT_THAT(replay({"pause"}).output, HasSubstr("paused"));
     for (const auto& [words, why] : std::vector<std::pair<std::vector<std::string>, std::string>>{
-             {{"seek", "later"}, "neither a frame"},
+             {{"seek", "later"}, "give a frame"},
              {{"seek", "99"}, "0 to 29"},
-             {{"open", "/nowhere.toml"}, "nowhere"}}) {
+             {{"open", (recording_.parent_path() / "nowhere.toml").string()}, "nowhere"}}) {
         const auto refused = replay(words);
         EXPECT_EQ(refused.status, 1);
         EXPECT_THAT(refused.errors, HasSubstr(why));
     }
-    EXPECT_EQ(replay({"live"}).output, "live\n");
-    EXPECT_THAT(replay({"live"}).errors, HasSubstr("nothing is replayed"));
+    EXPECT_EQ(replay({"close"}).output, "live\n");
+    EXPECT_THAT(replay({"close"}).errors, HasSubstr("no replay is open"));
 }
 
 }  // namespace

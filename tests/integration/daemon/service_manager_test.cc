@@ -65,7 +65,7 @@ class ServiceManagerTest : public testing::DaemonTest {
         return "";
     }
 
-    // Nothing but signs of life, at least so many.
+    // Only WATCHDOG=1, at least N times.
     void expect_alive(Clock::duration how_long, int least) {
         EXPECT_EQ(wait_for("WATCHDOG=trigger", how_long), "");
         EXPECT_GE(alive_, least);
@@ -102,38 +102,40 @@ class HeldThread {
 };
 
 const std::string kRestful =
-    "[pose]\ndatabase = \"\"\nfit_body = false\nfitted_body = \"\"\n[recording]\nfolder = \"\"\n"
+    "[pose]\ndatabase_file = \"\"\nauto_fit_body = false\nfitted_body_file = \"\"\n[recording]\nfolder = "
+    "\"\"\n"
     "[calibration]\nfolder = \"\"\n[server]\nlisten = \"127.0.0.1:0\"\n";
 const std::string kStudio =
-    "[source]\nkind = \"studio\"\n[source.studio]\nwidth = 160\nheight = 120\nfps = 20\ncameras = 2\n";
+    "[source]\nkind = \"studio\"\n[source.studio]\nwidth_px = 160\nheight_px = 120\nfps = 20\ncamera_count = "
+    "2\n";
 
-TEST_F(ServiceManagerTest, HearsReadinessStatusAndTheEnd) {
+TEST_F(ServiceManagerTest, ReceivesReadyStatusAndStop) {
     const auto daemon = start_service(kRestful + kStudio, 2s);
     EXPECT_NE(wait_for("READY=1", 20s), "") << daemon->errors();
-    EXPECT_EQ(sender_.pid, daemon->id()) << "though it starts itself anew for huge pages";
+    EXPECT_EQ(sender_.pid, daemon->id()) << "although it restarts itself for huge pages";
     EXPECT_TRUE(daemon->first_line().starts_with("ready on "));
-    EXPECT_THAT(wait_for("STATUS=capturing, ", 20s), HasSubstr("frame sets a second"));
+    EXPECT_THAT(wait_for("STATUS=capturing, ", 20s), HasSubstr("frame sets per second"));
     daemon->signal(SIGTERM);
     EXPECT_NE(wait_for("STOPPING=1", 5s), "");
     EXPECT_EQ(daemon->wait(5s), 0);
 }
 
-TEST_F(ServiceManagerTest, AnIdleDaemonIsNotStartedAnew) {
+TEST_F(ServiceManagerTest, KeepsIdleDaemonAlive) {
     const auto daemon = start_service(kRestful + "[source]\nkind = \"studio\"\nautostart = false\n", 800ms);
     ASSERT_NE(wait_for("READY=1", 20s), "") << daemon->errors();
     expect_alive(2s, 4);
 }
 
-TEST_F(ServiceManagerTest, ARecordingThatHasEndedIsNoHang) {
-    const auto daemon =
-        start_service(kRestful + fmt::format("[source]\nkind = \"session\"\nsession = \"{}\"\nloop = false\n",
-                                             session_.string()),
-                      800ms);
-    ASSERT_NE(wait_for("STATUS=ended", 30s), "") << daemon->errors();
+TEST_F(ServiceManagerTest, KeepsDaemonAliveAfterSessionEnd) {
+    const auto daemon = start_service(
+        kRestful + fmt::format("[source]\nkind = \"session\"\nsession_file = \"{}\"\nloop = false\n",
+                               session_.string()),
+        800ms);
+    ASSERT_NE(wait_for("STATUS=source ended", 30s), "") << daemon->errors();
     expect_alive(2s, 4);
 }
 
-TEST_F(ServiceManagerTest, AHungPipelineIsToldAndNotFed) {
+TEST_F(ServiceManagerTest, ReportsHungPipeline) {
     const auto daemon = start_service(kRestful + kStudio, 2s);
     ASSERT_NE(wait_for("STATUS=capturing, ", 20s), "") << daemon->errors();
     for (const char* name : {"posing", "reconstructing"}) {
@@ -149,11 +151,11 @@ TEST_F(ServiceManagerTest, AHungPipelineIsToldAndNotFed) {
             while (!heard(0s).empty()) {
             }
             wait_for("WATCHDOG=trigger", 2s);
-            EXPECT_EQ(alive_, 0) << name << ": fed though it hangs";
+            EXPECT_EQ(alive_, 0) << name << ": signals although it hangs";
             EXPECT_THAT(daemon->errors(), HasSubstr("the pipeline hangs"));
         }
         EXPECT_NE(trigger, "") << name;
-        EXPECT_NE(wait_for("WATCHDOG=1", 5s), "") << name << ": fed again when it goes on";
+        EXPECT_NE(wait_for("WATCHDOG=1", 5s), "") << name << ": alive again when it continues";
     }
 }
 

@@ -1,4 +1,4 @@
-// Calibrating in the viewer's window: a board that is moved about before the cameras of a real daemon.
+// Calibration in the viewer's window, with a moving board and a real daemon.
 #include <QCheckBox>
 #include <QComboBox>
 #include <QLabel>
@@ -21,16 +21,16 @@ class ViewerCalibrationTest : public ViewerTest {
     }
     std::unique_ptr<testing::ChildProcess> start_on_board() {
         return start_daemon(
-            session_config("127.0.0.1:0", "", "enabled = false\ndatabase = \"\"") +
+            session_config("127.0.0.1:0", "", "enabled = false\ndatabase_file = \"\"") +
             "[calibration]\nfolder = \"calibrations\"\n[pipeline]\nvoxel_mm = 50\ncolouring = false\n");
     }
-    // Chooses what to calibrate, as the coach does.
-    void choose(v1::ProcedureKind kind, bool floor) {
+    // Chooses the procedure in the panel.
+    void choose(v1::ProcedureKind kind, bool board_on_floor) {
         press("calibrate");
         auto* kinds = panel().findChild<QComboBox*>("calibration_kind");
         kinds->setCurrentIndex(kinds->findData(static_cast<int>(kind)));
         panel().findChild<QComboBox*>("calibration_board")->setEditText(testing::kBoard);
-        panel().findChild<QCheckBox*>()->setChecked(floor);
+        panel().findChild<QCheckBox*>()->setChecked(board_on_floor);
     }
     void click(const char* button) {
         auto* found = panel().findChild<QPushButton*>(button);
@@ -38,9 +38,9 @@ class ViewerCalibrationTest : public ViewerTest {
             << button << ": " << window_->status_line().toStdString();
         QTest::mouseClick(found, Qt::LeftButton);
     }
-    bool instructs(const char* words) {
+    bool instructs(const char* text) {
         const auto* label = panel().findChild<QLabel*>("calibration_instruction");
-        return label->isVisible() && label->text().contains(words);
+        return label->isVisible() && label->text().contains(text);
     }
     CalibrationPanel& panel() { return window_->calibration(); }
     QListWidget& stored() { return *panel().findChild<QListWidget*>("calibrations"); }
@@ -51,50 +51,51 @@ class ViewerCalibrationTest : public ViewerTest {
     }
 };
 
-TEST_F(ViewerCalibrationTest, PlacesFromABoardAreSolvedCertifiedUsedAndUndone) {
+TEST_F(ViewerCalibrationTest, SolvesAppliesAndUndoesExtrinsicsFromBoard) {
     const auto daemon = start_on_board();
     show();
     ASSERT_TRUE(wait([&] { return window_->status_line().startsWith("Live"); })) << state();
-    choose(v1::PROCEDURE_KIND_EXTRINSICS_BOARD, false);  // floor and origin are the published calibration's
-    keep_picture("calibration_choice");
+    choose(v1::PROCEDURE_KIND_EXTRINSICS_BOARD, false);  // keeps the world frame of the published calibration
+    save_screenshot("calibration_choice");
     click("calibration_begin");
-    ASSERT_TRUE(wait([&] { return instructs("Move the board"); }, 2 * kSoon_ms)) << state();
+    ASSERT_TRUE(wait([&] { return instructs("Move the board"); }, 2 * kTimeout_ms)) << state();
     ASSERT_TRUE(wait([&] {
         return panel().findChild<QLabel*>("calibration_hint")->text().contains("camera");
     })) << state();
-    ASSERT_TRUE(wait([&] { return window_->calibration_progress().moments() >= 20; }, 3 * kSoon_ms))
+    ASSERT_TRUE(
+        wait([&] { return window_->calibration_progress().shared_frame_set_count() >= 20; }, 3 * kTimeout_ms))
         << state();
-    keep_picture("calibration");
-    click("calibration_enough");  // it would wait for the floor, which is known here
-    ASSERT_TRUE(wait([&] { return panel().certificate().isVisible(); }, 3 * kSoon_ms)) << state();
+    save_screenshot("calibration");
+    click("calibration_finish");  // it would wait for the floor, which is defined already
+    ASSERT_TRUE(wait([&] { return panel().certificate().isVisible(); }, 3 * kTimeout_ms)) << state();
     const v1::Certificate& certificate = panel().certificate().shown().certificate;
-    ASSERT_TRUE(certificate.verdict() == v1::VERDICT_GO || certificate.verdict() == v1::VERDICT_CARE)
+    ASSERT_TRUE(certificate.verdict() == v1::VERDICT_GO || certificate.verdict() == v1::VERDICT_CAUTION)
         << certificate.DebugString();
     EXPECT_EQ(certificate.cameras_size(), 4);
-    EXPECT_TRUE(certificate.world_is_set());
-    EXPECT_TRUE(wait([&] { return !panel().certificate().shown().page.isNull(); }, 2 * kSoon_ms)) << state();
-    std::filesystem::create_directories(KINEVOX_VIEWER_PICTURES);
-    EXPECT_TRUE(
-        panel().certificate().grab().save(QString("%1/certificate.png").arg(KINEVOX_VIEWER_PICTURES)));
+    EXPECT_TRUE(certificate.world_defined());
+    EXPECT_TRUE(wait([&] { return !panel().certificate().shown().page.isNull(); }, 2 * kTimeout_ms))
+        << state();
+    std::filesystem::create_directories(KINEVOX_VIEWER_IMAGES);
+    EXPECT_TRUE(panel().certificate().grab().save(QString("%1/certificate.png").arg(KINEVOX_VIEWER_IMAGES)));
     panel().certificate().hide();
     ASSERT_TRUE(wait([&] { return stored().count() == 1; })) << state();
     EXPECT_FALSE(instructs(""));
 
     stored().setCurrentRow(0);
     click("calibration_apply");
-    EXPECT_TRUE(wait([&] { return stored().count() == 1 && stored().item(0)->text().contains("in use"); }))
+    EXPECT_TRUE(wait([&] { return stored().count() == 1 && stored().item(0)->text().contains("active"); }))
         << state();
     EXPECT_TRUE(wait([&] { return window_->status_line().startsWith("Live"); })) << state();
-    keep_picture("calibration_used");
+    save_screenshot("calibration_used");
     click("calibration_undo");
-    EXPECT_TRUE(wait([&] { return stored().count() == 1 && !stored().item(0)->text().contains("in use"); }))
+    EXPECT_TRUE(wait([&] { return stored().count() == 1 && !stored().item(0)->text().contains("active"); }))
         << state();
     stored().setCurrentRow(0);
-    click("calibration_remove");
+    click("calibration_delete");
     EXPECT_TRUE(wait([&] { return stored().count() == 0; })) << state();
 }
 
-TEST_F(ViewerCalibrationTest, TooLittleIsSaidAndTheLookingGoesOnUntilItIsCancelled) {
+TEST_F(ViewerCalibrationTest, ContinuesCollectingUntilCancelled) {
     const auto daemon = start_on_board();
     show();
     ASSERT_TRUE(wait([&] { return window_->status_line().startsWith("Live"); })) << state();
@@ -108,10 +109,10 @@ TEST_F(ViewerCalibrationTest, TooLittleIsSaidAndTheLookingGoesOnUntilItIsCancell
     panel().findChild<QCheckBox*>()->setChecked(false);
     click("calibration_begin");
     ASSERT_TRUE(wait([&] { return instructs("Move the board"); })) << state();
-    click("calibration_enough");  // hardly anything was seen
-    // Two things may be: it was too little, which is said and looked on; or it sufficed. It must not end in
-    // between.
-    ASSERT_TRUE(wait([&] { return instructs("Move the board") || stored().count() == 1; }, 2 * kSoon_ms))
+    click("calibration_finish");  // with hardly any detections
+    // Either the detections do not suffice and it continues to collect, or they do and it is stored. It must
+    // not end in between.
+    ASSERT_TRUE(wait([&] { return instructs("Move the board") || stored().count() == 1; }, 2 * kTimeout_ms))
         << state();
     if (stored().count() == 0) click("calibration_cancel");
     ASSERT_TRUE(wait([&] { return panel().findChild<QPushButton*>("calibration_begin")->isVisible(); }))
@@ -129,7 +130,7 @@ TEST_F(ViewerCalibrationTest, TooLittleIsSaidAndTheLookingGoesOnUntilItIsCancell
     EXPECT_NE(last, v1::PROCEDURE_STATE_COLLECTING) << "no open procedure is left behind";
 }
 
-TEST_F(ViewerCalibrationTest, WhatCannotBeBegunIsSaid) {
+TEST_F(ViewerCalibrationTest, ReportsProcedureThatCannotStart) {
     const auto daemon = start_on_board();
     show();
     ASSERT_TRUE(wait([&] { return window_->status_line().startsWith("Live"); })) << state();
@@ -137,7 +138,8 @@ TEST_F(ViewerCalibrationTest, WhatCannotBeBegunIsSaid) {
     panel().findChild<QComboBox*>("calibration_board")->setEditText("a chessboard");
     click("calibration_begin");
     EXPECT_TRUE(wait([&] {
-        return window_->last_answer().contains("Not done") && window_->last_answer().contains("a chessboard");
+        return window_->latest_message().contains("Failed") &&
+               window_->latest_message().contains("a chessboard");
     })) << state();
     EXPECT_TRUE(wait([&] { return panel().findChild<QPushButton*>("calibration_begin")->isVisible(); }))
         << state();

@@ -1,5 +1,5 @@
-// The viewer's window on a real daemon, in a display of its own. Its pictures stay in the build folder, to be
-// looked at.
+// The viewer's window with a real daemon, in a virtual display. Screenshots stay in the build folder for
+// inspection.
 #pragma once
 
 #include <signal.h>
@@ -15,14 +15,14 @@
 
 namespace kinevox::viewer {
 
-inline constexpr int kSoon_ms = testing::patient(20'000);
+inline constexpr int kTimeout_ms = testing::patient(20'000);
 
-// Pixels of the scene that are coloured, as only the person is.
-inline int coloured_pixels(const QImage& picture) {
+// Coloured pixels of the scene: only the person is coloured.
+inline int coloured_pixels(const QImage& image) {
     int count = 0;
-    for (int y = 0; y < picture.height(); ++y)
-        for (int x = 0; x < picture.width(); ++x) {
-            const QColor c = picture.pixelColor(x, y);
+    for (int y = 0; y < image.height(); ++y)
+        for (int x = 0; x < image.width(); ++x) {
+            const QColor c = image.pixelColor(x, y);
             if (c.hsvSaturation() > 60 && c.value() > 40) ++count;
         }
     return count;
@@ -40,17 +40,17 @@ class ViewerTest : public testing::DaemonTest {
     static std::string config(const std::string& listen, const std::filesystem::path& recordings) {
         return session_config(listen,
                               fmt::format("pacing = \"real_time\"\nloop = true\n[recording]\nfolder = "
-                                          "\"{}\"\nkeep_last_s = 2\nleast_free_mb = 1\n",
+                                          "\"{}\"\nmax_buffer_s = 2\nmin_free_disk_mb = 1\n",
                                           recordings.string()),
-                              "database = \"\"\nfit_body = false");
+                              "database_file = \"\"\nauto_fit_body = false");
     }
     void show(const client::SecurityFiles& files = {}) {
         window_ = std::make_unique<MainWindow>(client::ConnectionOptions{.server = address_, .files = files});
         window_->show();
-        ASSERT_TRUE(QTest::qWaitForWindowExposed(window_.get(), kSoon_ms));
-        QApplication::setActiveWindow(window_.get());  // no window manager does it here; keys need it
+        ASSERT_TRUE(QTest::qWaitForWindowExposed(window_.get(), kTimeout_ms));
+        QApplication::setActiveWindow(window_.get());  // keys need it, and there is no window manager
     }
-    bool wait(const std::function<bool()>& until, int limit_ms = kSoon_ms) {
+    bool wait(const std::function<bool()>& until, int limit_ms = kTimeout_ms) {
         return QTest::qWaitFor(until, limit_ms);
     }
     void press(const char* action) {
@@ -58,21 +58,21 @@ class ViewerTest : public testing::DaemonTest {
         ASSERT_TRUE(found && found->isEnabled()) << action << ": " << window_->status_line().toStdString();
         found->trigger();
     }
-    void keep_picture(const char* name) {
-        std::filesystem::create_directories(KINEVOX_VIEWER_PICTURES);
-        EXPECT_TRUE(window_->picture().save(QString("%1/%2.png").arg(KINEVOX_VIEWER_PICTURES, name)));
+    void save_screenshot(const char* name) {
+        std::filesystem::create_directories(KINEVOX_VIEWER_IMAGES);
+        EXPECT_TRUE(window_->screenshot().save(QString("%1/%2.png").arg(KINEVOX_VIEWER_IMAGES, name)));
     }
-    // Until so many further results have come, however long the machine takes for them.
-    bool results_come(std::uint64_t count) {
+    // Waits until `count` further results have arrived.
+    bool results_arrive(std::uint64_t count) {
         const std::uint64_t begin = window_->feed().volume()->sequence;
         return wait(
             [&] {
                 return window_->feed().volume()->sequence >= begin + count &&
                        !window_->feed().volume()->points.empty();
             },
-            3 * kSoon_ms);
+            3 * kTimeout_ms);
     }
-    bool sees_a_person() {
+    bool shows_person() {
         return window_->feed().volume() && !window_->feed().volume()->points.empty() &&
                coloured_pixels(window_->scene().grabFramebuffer()) > 300;
     }

@@ -1,4 +1,4 @@
-// Settings of its own, so that nobody's are read or changed.
+// Uses settings of its own instead of the user's.
 #include <gtest/gtest.h>
 
 #include <QApplication>

@@ -1,4 +1,4 @@
-// The viewer on a recorded session of a real athlete, and on the virtual studio as a newcomer finds it.
+// The viewer with a recorded session of an athlete and with the virtual studio.
 #include <QListWidget>
 
 #include "client/viewer/replay_bar.h"
@@ -10,19 +10,19 @@ namespace {
 
 class ViewerSessionTest : public ViewerTest {
   protected:
-    // Connects, orbits, plots, records, replays, loses the daemon and finds it again.
+    // Connects, orbits, plots, records, replays, loses the daemon and reconnects.
     void use(const std::function<std::string(const std::string& listen)>& config, const std::string& name) {
         auto daemon = start_daemon(config("127.0.0.1:0"));
         const std::string address = address_;
         show();
-        ASSERT_TRUE(wait([&] { return sees_a_person(); }, 2 * kSoon_ms))
+        ASSERT_TRUE(wait([&] { return shows_person(); }, 2 * kTimeout_ms))
             << window_->status_line().toStdString();
         SceneView& scene = window_->scene();
-        const QPoint middle(scene.width() / 2, scene.height() / 2);
+        const QPoint centre(scene.width() / 2, scene.height() / 2);
         const float azimuth = scene.eye().azimuth_deg;
-        QTest::mousePress(&scene, Qt::LeftButton, {}, middle);
-        QTest::mouseMove(&scene, middle + QPoint(90, 0));
-        QTest::mouseRelease(&scene, Qt::LeftButton, {}, middle + QPoint(90, 0));
+        QTest::mousePress(&scene, Qt::LeftButton, {}, centre);
+        QTest::mouseMove(&scene, centre + QPoint(90, 0));
+        QTest::mouseRelease(&scene, Qt::LeftButton, {}, centre + QPoint(90, 0));
         QTest::qWait(50);
         EXPECT_NE(scene.eye().azimuth_deg, azimuth);
         ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("record")->isEnabled(); }));
@@ -30,27 +30,26 @@ class ViewerSessionTest : public ViewerTest {
         ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("record")->text() == "Stop recording"; }))
             << window_->status_line().toStdString();
         QTest::keyClick(window_.get(), Qt::Key_M);
-        ASSERT_TRUE(results_come(30)) << window_->status_line().toStdString();
-        keep_picture((name + "_live").c_str());
+        ASSERT_TRUE(results_arrive(30)) << window_->status_line().toStdString();
+        save_screenshot((name + "_live").c_str());
         window_->save_plots_in(QString::fromStdString(folder_.path().string()));
-        EXPECT_GT(std::filesystem::file_size(folder_.path() / "knee_flexion_l.png"), 1000U);
+        EXPECT_GT(std::filesystem::file_size(folder_.path() / "knee_flexion_geometric_l.png"), 1000U);
         press("record");
         auto* list = window_->findChild<QListWidget*>("recordings");
-        ASSERT_TRUE(wait([&] { return list->count() == 1; }, 2 * kSoon_ms))
+        ASSERT_TRUE(wait([&] { return list->count() == 1; }, 2 * kTimeout_ms))
             << window_->status_line().toStdString();
         Q_EMIT list->itemActivated(list->item(0));
-        ASSERT_TRUE(wait([&] { return window_->findChild<ReplayBar*>()->isVisible(); }, 3 * kSoon_ms))
-            << window_->last_answer().toStdString();
-        Q_EMIT window_->findChild<ReplayBar*>()->speed(
-            0.1);  // so that no machine leaves frames out and begins anew
+        ASSERT_TRUE(wait([&] { return window_->findChild<ReplayBar*>()->isVisible(); }, 3 * kTimeout_ms))
+            << window_->latest_message().toStdString();
+        Q_EMIT window_->findChild<ReplayBar*>()->speed(0.1);  // so that a slow machine skips no frames
         ASSERT_TRUE(wait(
             [&] {
                 return window_->status_line().startsWith("Replay") &&
-                       window_->feed().volume()->recorded_frame && sees_a_person();
+                       window_->feed().volume()->recorded_frame && shows_person();
             },
-            2 * kSoon_ms))
+            2 * kTimeout_ms))
             << window_->status_line().toStdString();
-        keep_picture((name + "_replay").c_str());
+        save_screenshot((name + "_replay").c_str());
 
         daemon->signal(SIGKILL);
         daemon->wait(std::chrono::seconds(5));
@@ -58,23 +57,25 @@ class ViewerSessionTest : public ViewerTest {
             << window_->status_line().toStdString();
         const std::uint64_t last = window_->feed().volume()->sequence;
         daemon = start_daemon(config(address));
-        EXPECT_TRUE(
-            wait([&] { return window_->feed().volume()->sequence != last && sees_a_person(); }, 2 * kSoon_ms))
+        EXPECT_TRUE(wait([&] { return window_->feed().volume()->sequence != last && shows_person(); },
+                         2 * kTimeout_ms))
             << window_->status_line().toStdString();
     }
     std::string recording() const {
         return fmt::format(
-            "[pose]\ndatabase = \"\"\nfit_body = false\n[recording]\nfolder = \"{}\"\nleast_free_mb = 1\n",
+            "[pose]\ndatabase_file = \"\"\nauto_fit_body = false\n[recording]\nfolder = "
+            "\"{}\"\nmin_free_disk_mb = 1\n",
             (folder_.path() / "recordings").string());
     }
 };
 
-TEST_F(ViewerSessionTest, ABalancingAthlete) {
+TEST_F(ViewerSessionTest, ShowsBalancingAthlete) {
     KINEVOX_REQUIRE_DATA(session, "balancing/session.toml");
     use(
         [&](const std::string& listen) {
             return fmt::format(
-                       "[server]\nlisten = \"{}\"\n[source]\nkind = \"session\"\nsession = \"{}\"\npacing = "
+                       "[server]\nlisten = \"{}\"\n[source]\nkind = \"session\"\nsession_file = "
+                       "\"{}\"\npacing = "
                        "\"real_time\"\n"
                        "loop = true\n",
                        listen, session.string()) +
@@ -83,11 +84,12 @@ TEST_F(ViewerSessionTest, ABalancingAthlete) {
         "balancing");
 }
 
-TEST_F(ViewerSessionTest, TheVirtualStudio) {
+TEST_F(ViewerSessionTest, ShowsVirtualStudio) {
     use(
         [&](const std::string& listen) {
             return fmt::format(
-                       "[server]\nlisten = \"{}\"\n[source.studio]\nwidth = 320\nheight = 240\nfps = 10.0\n",
+                       "[server]\nlisten = \"{}\"\n[source.studio]\nwidth_px = 320\nheight_px = 240\nfps = "
+                       "10.0\n",
                        listen) +
                    recording();
         },

@@ -1,4 +1,4 @@
-// The viewer's window against a real daemon: what a coach does.
+// The viewer's window with a real daemon.
 #include <QListWidget>
 #include <QSlider>
 
@@ -11,7 +11,7 @@
 namespace kinevox::viewer {
 namespace {
 
-// Somebody as stiff as a post who goes along x, 1 m/s.
+// A rigid person who moves along x at 1 m/s.
 std::string walking_joints() {
     std::string csv = "frame,time_s";
     for (const std::string_view joint : kJointNames) csv += fmt::format(",{0}_x,{0}_y,{0}_z", joint);
@@ -27,23 +27,23 @@ std::string walking_joints() {
     return csv + "\n";
 }
 
-TEST_F(ViewerTest, AnAthleteIsSeenWithoutADialogueAndTheSceneTurns) {
+TEST_F(ViewerTest, ShowsAthleteAndRotatesScene) {
     const auto daemon = start_daemon(config("127.0.0.1:0", folder_.path() / "recordings"));
     show();
-    ASSERT_TRUE(wait([&] { return sees_a_person(); })) << window_->status_line().toStdString();
+    ASSERT_TRUE(wait([&] { return shows_person(); })) << window_->status_line().toStdString();
     EXPECT_TRUE(wait([&] { return window_->status_line().contains("4 cameras"); }))
         << window_->status_line().toStdString();
     EXPECT_TRUE(wait([&] { return window_->feed().previews().size() == 4; }));
-    keep_picture("live");
+    save_screenshot("live");
 
     SceneView& scene = window_->scene();
     scene.set_following(false);
-    press("pictures");
+    press("images");
     const float azimuth = scene.eye().azimuth_deg;
-    const QPoint middle(scene.width() / 2, scene.height() / 2);
-    QTest::mousePress(&scene, Qt::LeftButton, {}, middle);
-    QTest::mouseMove(&scene, middle + QPoint(120, 0));
-    QTest::mouseRelease(&scene, Qt::LeftButton, {}, middle + QPoint(120, 0));
+    const QPoint centre(scene.width() / 2, scene.height() / 2);
+    QTest::mousePress(&scene, Qt::LeftButton, {}, centre);
+    QTest::mouseMove(&scene, centre + QPoint(120, 0));
+    QTest::mouseRelease(&scene, Qt::LeftButton, {}, centre + QPoint(120, 0));
     QTest::qWait(50);
     EXPECT_NE(scene.eye().azimuth_deg, azimuth);
     const QImage before = scene.grabFramebuffer();
@@ -60,32 +60,32 @@ TEST_F(ViewerTest, AnAthleteIsSeenWithoutADialogueAndTheSceneTurns) {
     }));
     press("light");
     QTest::qWait(300);
-    keep_picture("light");
+    save_screenshot("light");
     press("light");
 }
 
-TEST_F(ViewerTest, SaysWhyThereAreNoPictures) {
+TEST_F(ViewerTest, ReportsWhyThereAreNoImages) {
     const auto tokens = folder_.path() / "tokens.toml";
     const auto made = testing::run(
-        {KINEVOX_TOKEN, "create", "--file", tokens.string(), "--role", "watch", "--name", "coach"},
-        folder_.path());
+        {KINEVOX_TOKEN, "create", "coach", "--file", tokens.string(), "--role", "viewer"}, folder_.path());
     ASSERT_EQ(made.status, 0) << made.errors;
     std::string text = config("127.0.0.1:0", folder_.path() / "recordings");
-    text.insert(text.find('\n') + 1, fmt::format("tokens = \"{}\"\naudit = \"\"\n", tokens.string()));
+    text.insert(text.find('\n') + 1,
+                fmt::format("token_file = \"{}\"\naudit_file = \"\"\n", tokens.string()));
     const auto daemon = start_daemon(text);
     show({.token = write("coach.token", made.output).string()});
-    ASSERT_TRUE(wait([&] { return sees_a_person(); })) << window_->status_line().toStdString();
-    EXPECT_TRUE(wait([&] { return window_->last_answer().startsWith("No pictures: "); }))
-        << window_->last_answer().toStdString();
-    EXPECT_TRUE(window_->last_answer().contains("the token of coach has watch"))
-        << window_->last_answer().toStdString();
-    keep_picture("no_pictures");
+    ASSERT_TRUE(wait([&] { return shows_person(); })) << window_->status_line().toStdString();
+    EXPECT_TRUE(wait([&] { return window_->latest_message().startsWith("No images: "); }))
+        << window_->latest_message().toStdString();
+    EXPECT_TRUE(window_->latest_message().contains("the token coach has viewer"))
+        << window_->latest_message().toStdString();
+    save_screenshot("no_images");
 }
 
 TEST_F(ViewerTest, RecordsAndReplays) {
     const auto daemon = start_daemon(config("127.0.0.1:0", folder_.path() / "recordings"));
     show();
-    ASSERT_TRUE(wait([&] { return sees_a_person(); })) << window_->status_line().toStdString();
+    ASSERT_TRUE(wait([&] { return shows_person(); })) << window_->status_line().toStdString();
     auto* record = window_->findChild<QAction*>("record");
     ASSERT_TRUE(wait([&] { return record->isEnabled(); }));
     press("record");
@@ -96,20 +96,19 @@ TEST_F(ViewerTest, RecordsAndReplays) {
     auto* list = window_->findChild<QListWidget*>("recordings");
     ASSERT_TRUE(wait([&] { return list->count() == 1 && record->text() == "Record"; }))
         << window_->status_line().toStdString();
-    ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("keep")->isEnabled(); }));
-    press("keep");
+    ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("save_buffer")->isEnabled(); }));
+    press("save_buffer");
     ASSERT_TRUE(wait([&] { return list->count() == 2; })) << window_->status_line().toStdString();
 
     Q_EMIT list->itemActivated(list->item(1));
     ASSERT_TRUE(wait([&] { return window_->status_line().startsWith("Replay"); }))
         << window_->status_line().toStdString();
-    ASSERT_TRUE(
-        wait([&] { return window_->feed().volume()->recorded_frame.has_value() && sees_a_person(); }));
-    keep_picture("replay");
+    ASSERT_TRUE(wait([&] { return window_->feed().volume()->recorded_frame.has_value() && shows_person(); }));
+    save_screenshot("replay");
     QTest::keyClick(window_.get(), Qt::Key_Space);
     ASSERT_TRUE(wait([&] { return window_->status_line().startsWith("Replay, paused"); }))
         << window_->status_line().toStdString();
-    // A slow machine still works at the frame it stands at, and may have read one more than the answer told.
+    // A slow machine may still process a frame, and may have read one more than it reported.
     const auto* timeline = window_->findChild<ReplayBar*>()->findChild<QSlider*>();
     QTest::qWait(1500);
     ASSERT_TRUE(wait([&] { return window_->feed().volume()->recorded_frame == timeline->value(); }))
@@ -123,47 +122,48 @@ TEST_F(ViewerTest, RecordsAndReplays) {
         << " of the timeline, " << window_->status_line().toStdString();
 }
 
-TEST_F(ViewerTest, AGhostIsLaidOverAReplayAndMarksStandInThePlots) {
+TEST_F(ViewerTest, ShowsGhostOverReplayAndMarksInPlots) {
     const auto daemon = start_daemon(config("127.0.0.1:0", folder_.path() / "recordings"));
     show();
-    ASSERT_TRUE(wait([&] { return sees_a_person(); })) << window_->status_line().toStdString();
+    ASSERT_TRUE(wait([&] { return shows_person(); })) << window_->status_line().toStdString();
     auto* list = window_->findChild<QListWidget*>("recordings");
     for (int recordings = 1; recordings <= 2; ++recordings) {
         ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("record")->isEnabled(); }));
         press("record");
         ASSERT_TRUE(wait([&] { return window_->findChild<QAction*>("record")->text() == "Stop recording"; }))
             << window_->status_line().toStdString();
-        ASSERT_TRUE(results_come(30)) << window_->status_line().toStdString();
+        ASSERT_TRUE(results_arrive(30)) << window_->status_line().toStdString();
         press("record");
         ASSERT_TRUE(wait([&] { return list->count() == recordings; }))
             << window_->status_line().toStdString();
     }
 
-    // Live, the ghost stands at its event until the moment is marked.
+    // Live, the ghost stands at its event until M is pressed.
     list->setCurrentRow(1);
     QTest::keyClick(window_.get(), Qt::Key_G);
     ASSERT_TRUE(wait([&] { return window_->ghost().match().ghost() != nullptr; }))
-        << window_->last_answer().toStdString();
+        << window_->latest_message().toStdString();
     EXPECT_FALSE(window_->ghost().match().shown_event_s());
     EXPECT_TRUE(window_->findChild<GhostBar*>()->isVisible());
     QTest::keyClick(window_.get(), Qt::Key_M);
     EXPECT_TRUE(window_->ghost().match().shown_event_s());
     QTest::qWait(500);
-    keep_picture("ghost_live");
+    save_screenshot("ghost_live");
     ASSERT_NO_FATAL_FAILURE(press("skeleton"));
     ASSERT_NO_FATAL_FAILURE(press("skeleton"));
     window_->save_plots_in(QString::fromStdString(folder_.path().string()));
-    EXPECT_GT(std::filesystem::file_size(folder_.path() / "knee_flexion_l.pdf"), 1000U);
-    EXPECT_FALSE(QImage(QString::fromStdString((folder_.path() / "knee_flexion_l.png").string())).isNull());
-    std::filesystem::copy_file(folder_.path() / "knee_flexion_l.png",
-                               std::string(KINEVOX_VIEWER_PICTURES) + "/plot.png",
+    EXPECT_GT(std::filesystem::file_size(folder_.path() / "knee_flexion_geometric_l.pdf"), 1000U);
+    EXPECT_FALSE(
+        QImage(QString::fromStdString((folder_.path() / "knee_flexion_geometric_l.png").string())).isNull());
+    std::filesystem::copy_file(folder_.path() / "knee_flexion_geometric_l.png",
+                               std::string(KINEVOX_VIEWER_IMAGES) + "/plot.png",
                                std::filesystem::copy_options::overwrite_existing);
 
     // Replayed, with a ghost whose frames are known; stepping keeps both together.
     window_->ghost().choose_file(QString::fromStdString(write("joints.csv", walking_joints())));
     Q_EMIT list->itemActivated(list->item(0));
     ASSERT_TRUE(wait([&] { return window_->findChild<ReplayBar*>()->isVisible(); }))
-        << window_->last_answer().toStdString();
+        << window_->latest_message().toStdString();
     QTest::keyClick(window_.get(), Qt::Key_Space);
     ASSERT_TRUE(wait([&] { return window_->status_line().startsWith("Replay, paused"); }))
         << window_->status_line().toStdString();
@@ -172,28 +172,28 @@ TEST_F(ViewerTest, AGhostIsLaidOverAReplayAndMarksStandInThePlots) {
     const auto ghost_x_m = [&] {
         return window_->ghost().pose()->joints_in_world[0].value_or(Vec3{-1, 0, 0}).x;
     };
-    ASSERT_TRUE(wait([&] { return match.shown_event_s() == 0.0 && ghost_x_m() == 0; })) << match.lack();
-    QTest::keyClick(window_.get(), Qt::Key_Right);  // frame sets lie 1/20 s apart, the ghost walks 1 m/s
+    ASSERT_TRUE(wait([&] { return match.shown_event_s() == 0.0 && ghost_x_m() == 0; })) << match.problem();
+    QTest::keyClick(window_.get(), Qt::Key_Right);  // frames are 1/20 s apart, the ghost moves at 1 m/s
     EXPECT_TRUE(wait([&] { return std::abs(ghost_x_m() - 0.05) < 1e-6; })) << ghost_x_m();
     QTest::keyClick(window_.get(), Qt::Key_Left);
     EXPECT_TRUE(wait([&] { return ghost_x_m() == 0; })) << ghost_x_m();
     QTest::keyClick(window_.get(), Qt::Key_Period);  // ahead
     EXPECT_NEAR(ghost_x_m(), 0.02, 1e-6);
-    keep_picture("ghost");
+    save_screenshot("ghost");
     press("no_ghost");
     EXPECT_FALSE(window_->findChild<GhostBar*>()->isVisible());
 
-    // What is replayed, from where it stands.
+    // The replayed recording, from the current frame.
     QTest::keyClick(window_.get(), Qt::Key_G, Qt::ShiftModifier);
     EXPECT_TRUE(wait([&] { return match.ghost() && match.ghost_event_s().value_or(-1) >= 0; }))
         << window_->status_line().toStdString();
 }
 
-TEST_F(ViewerTest, LosesTheDaemonSaysSoStaysSmoothAndFindsItAgain) {
+TEST_F(ViewerTest, StaysResponsiveAndReconnectsWithoutDaemon) {
     auto daemon = start_daemon(config("127.0.0.1:0", folder_.path() / "recordings"));
     const std::string address = address_;
     show();
-    ASSERT_TRUE(wait([&] { return sees_a_person(); })) << window_->status_line().toStdString();
+    ASSERT_TRUE(wait([&] { return shows_person(); })) << window_->status_line().toStdString();
 
     daemon->signal(SIGSTOP);  // the network stalls
     EXPECT_TRUE(wait([&] {
@@ -207,7 +207,7 @@ TEST_F(ViewerTest, LosesTheDaemonSaysSoStaysSmoothAndFindsItAgain) {
         QTest::mouseRelease(&window_->scene(), Qt::LeftButton, {}, QPoint(210 + n, 200));
         QTest::qWait(30);
     }
-    EXPECT_GE(window_->scene().paints() - paints, 15U) << "the scene turns while nothing comes";
+    EXPECT_GE(window_->scene().paints() - paints, 15U) << "the scene rotates without messages";
     daemon->signal(SIGCONT);
     EXPECT_TRUE(wait([&] { return window_->status_line().startsWith("Live"); }))
         << window_->status_line().toStdString();
@@ -216,22 +216,22 @@ TEST_F(ViewerTest, LosesTheDaemonSaysSoStaysSmoothAndFindsItAgain) {
     daemon->wait(std::chrono::seconds(5));
     EXPECT_TRUE(wait([&] { return window_->status_line().startsWith("No connection"); }, 5000))
         << window_->status_line().toStdString();
-    EXPECT_TRUE(window_->status_line().contains("trying again")) << window_->status_line().toStdString();
-    keep_picture("gone");
+    EXPECT_TRUE(window_->status_line().contains("reconnecting")) << window_->status_line().toStdString();
+    save_screenshot("gone");
     const std::uint64_t last = window_->feed().volume()->sequence;
     daemon = start_daemon(config(address, folder_.path() / "recordings"));
     EXPECT_TRUE(wait([&] { return window_->status_line().startsWith("Live"); }))
         << window_->status_line().toStdString();
-    EXPECT_TRUE(wait([&] { return window_->feed().volume()->sequence != last && sees_a_person(); }))
+    EXPECT_TRUE(wait([&] { return window_->feed().volume()->sequence != last && shows_person(); }))
         << window_->status_line().toStdString();
 }
 
-TEST_F(ViewerTest, NobodyThereIsSaidInPlainWords) {
+TEST_F(ViewerTest, ReportsUnreachableDaemon) {
     address_ = "127.0.0.1:1";
     show();
     EXPECT_TRUE(wait([&] {
         return window_->status_line().contains("127.0.0.1:1") &&
-               window_->status_line().contains("trying again");
+               window_->status_line().contains("reconnecting");
     })) << window_->status_line().toStdString();
 }
 

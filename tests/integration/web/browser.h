@@ -1,4 +1,4 @@
-// A WebSocket as a test needs it: blocking, with a limit on each wait.
+// A blocking WebSocket client with a deadline for each read.
 #pragma once
 
 #include <boost/asio/connect.hpp>
@@ -40,20 +40,22 @@ class TestBrowser {
         socket_.binary(false);
         send(text);
     }
-    void ask(const std::vector<web::v1::Want>& wants) {
+    void subscribe(const std::vector<web::v1::StreamSubscription>& subscriptions) {
         web::v1::BrowserMessage message;
-        for (const web::v1::Want& want : wants) *message.add_wants() = want;
+        for (const web::v1::StreamSubscription& subscription : subscriptions)
+            *message.add_subscriptions() = subscription;
         send(message.SerializeAsString());
     }
-    static web::v1::Want want(web::v1::Kind kind, const std::string& camera = "", int level = 0) {
-        web::v1::Want out;
+    static web::v1::StreamSubscription subscription(web::v1::StreamKind kind, const std::string& camera = "",
+                                                    int downsample_level = 0) {
+        web::v1::StreamSubscription out;
         out.set_kind(kind);
         out.set_camera(camera);
-        out.set_level(level);
+        out.set_downsample_level(downsample_level);
         return out;
     }
 
-    // The next message; nothing after `limit` or at the connection's end (`error` then).
+    // The next message; empty after `limit` or at the end of the connection (sets `error`).
     std::optional<web::v1::GatewayMessage> read(
         std::chrono::milliseconds limit = testing::patient(std::chrono::seconds(20))) {
         boost::beast::flat_buffer buffer;
@@ -69,7 +71,7 @@ class TestBrowser {
         return message;
     }
 
-    // The first message for which `good` holds; nothing if none comes in time.
+    // The first message for which `good` holds; empty if none arrives in time.
     std::optional<web::v1::GatewayMessage> wait_for(
         const std::function<bool(const web::v1::GatewayMessage&)>& good,
         std::chrono::seconds limit = testing::patient(std::chrono::seconds(20))) {
@@ -81,9 +83,9 @@ class TestBrowser {
         }
         return {};
     }
-    std::optional<web::v1::GatewayMessage> wait_for(web::v1::GatewayMessage::MessageCase kind) {
+    std::optional<web::v1::GatewayMessage> wait_for(web::v1::GatewayMessage::PayloadCase kind) {
         return wait_for(
-            [kind](const web::v1::GatewayMessage& message) { return message.message_case() == kind; });
+            [kind](const web::v1::GatewayMessage& message) { return message.payload_case() == kind; });
     }
 
     boost::beast::websocket::close_code closed_with() const {

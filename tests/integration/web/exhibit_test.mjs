@@ -1,6 +1,6 @@
-// The exhibit's page in headless Chromium, before a real daemon and gateway: connects, draws, speaks, invites, survives.
+// The exhibit page in headless Chromium with a real daemon and gateway.
 //
-// usage: exhibit_test.mjs BUILD-FOLDER [--pictures FOLDER]
+// usage: exhibit_test.mjs BUILD-FOLDER [--images FOLDER]
 import assert from "node:assert/strict";
 import { execFile, spawnSync } from "node:child_process";
 import { join } from "node:path";
@@ -15,12 +15,12 @@ import {
 
 skipWithoutChromium();
 const BUILD = process.argv[2];
-const PICTURES = process.argv[3] === "--pictures" ? process.argv[4] : undefined;
+const IMAGES = process.argv[3] === "--images" ? process.argv[4] : undefined;
 const WEB = join(BUILD, "client/web/kinevox-web"),
   DAEMON = join(BUILD, "server/daemon/kinevoxd"),
   CLI = join(BUILD, "client/cli/kinevox");
 const PAGES = join(BUILD, "client/exhibit/page");
-const PICTURE = 5; // Kind of exhibit.proto
+const IMAGE = 5; // StreamKind of exhibit.proto
 
 const portOf = (program) => Number(program.address.split(":").pop());
 const kinevox = async (...words) => {
@@ -28,34 +28,34 @@ const kinevox = async (...words) => {
 };
 
 let daemon = await startDaemon(DAEMON);
-let web = await start(WEB, "--server", daemon.address, "--listen", "127.0.0.1:0", "--pages", PAGES);
+let web = await start(WEB, "--server", daemon.address, "--listen", "127.0.0.1:0", "--page-dir", PAGES);
 const browser = await openBrowser();
 const context = await browser.newContext({ viewport: { width: 960, height: 540 }, hasTouch: true });
 const page = await context.newPage();
-const wrongs = [],
-  strangers = [];
-page.on("pageerror", (error) => wrongs.push(error.message));
+const errors = [],
+  otherHosts = [];
+page.on("pageerror", (error) => errors.push(error.message));
 page.on("console", (message) => {
-  // A socket that is refused while the gateway is away is what this test is about.
-  if (message.type() === "error" && !/WebSocket connection/.test(message.text())) wrongs.push(message.text());
+  // Expected while the gateway is restarted.
+  if (message.type() === "error" && !/WebSocket connection/.test(message.text())) errors.push(message.text());
 });
 const origin = `http://${web.address}`;
 page.on("request", (request) => {
-  if (!request.url().startsWith(origin)) strangers.push(request.url());
+  if (!request.url().startsWith(origin)) otherHosts.push(request.url());
 });
 const stats = () => page.evaluate(() => globalThis.kinevox?.stats());
 const banner = () =>
   page.evaluate(() =>
-    document.getElementById("banner").hidden ? "" : document.getElementById("banner-words").textContent,
+    document.getElementById("banner").hidden ? "" : document.getElementById("banner-text").textContent,
   );
 const attract = () => page.evaluate(() => document.body.classList.contains("attract"));
 
-/** How many pixels of the screenshot's part look how: read by a page of its own. */
+/** Counts pixels of the screenshot by colour, in a page of its own. */
 const reader = await browser.newPage();
 async function pixels(clip, name) {
   const options = { type: "png", ...(clip ? { clip } : {}) };
   const shot = await page.screenshot(options);
-  if (PICTURES && name) await page.screenshot({ path: join(PICTURES, `${name}.png`) });
+  if (IMAGES && name) await page.screenshot({ path: join(IMAGES, `${name}.png`) });
   return reader.evaluate(async (data) => {
     const image = new Image();
     image.src = `data:image/png;base64,${data}`;
@@ -75,16 +75,16 @@ async function pixels(clip, name) {
     return out;
   }, shot.toString("base64"));
 }
-const MIDDLE = { x: 300, y: 60, width: 360, height: 420 }; // between the panels
+const CENTRE = { x: 300, y: 60, width: 360, height: 420 }; // between the panels
 
 const steps = {
-  "tells in one line what is wrong with how it was started"() {
+  "reports a wrong option in one line"() {
     const wrong = [
-      [["--pages", "/nowhere"], /no folder \/nowhere; .*--pages/],
-      [["--pages", PAGES, "--listen", "nowhere"], /no HOST:PORT/],
-      [["--pages", PAGES, "--listen", web.address], /cannot listen on .*--listen/],
+      [["--page-dir", "/nowhere"], /no folder \/nowhere; .*--page-dir/],
+      [["--page-dir", PAGES, "--listen", "nowhere"], /not HOST:PORT/],
+      [["--page-dir", PAGES, "--listen", web.address], /cannot listen on .*--listen/],
       [["--ca", "/nowhere.pem"], /nowhere\.pem/],
-      [["--pictures"], /--pictures/],
+      [["--images"], /--images/],
     ];
     for (const [options, words] of wrong) {
       const ran = spawnSync(WEB, options, { encoding: "utf8", timeout: 20_000 });
@@ -101,14 +101,14 @@ const steps = {
       return s?.present && s.volumes > 4 && s.joints > 15;
     });
     await until("the panels", async () => !(await attract()));
-    await until("the body in the middle", async () => {
-      const seen = await pixels(MIDDLE, "visitor");
+    await until("the body in the centre", async () => {
+      const seen = await pixels(CENTRE, "visitor");
       return seen.left > 150 && seen.right > 150 && seen.lit > 4000;
     });
     const s = await stats();
     assert.equal(s.problem, "");
     assert.equal(s.damaged, 0);
-    assert.match(await page.textContent("#angle-knee_flexion_l"), /^−?\d+°$/);
+    assert.match(await page.textContent("#angle-knee_flexion_geometric_l"), /^−?\d+°$/);
     assert.match(await page.textContent("#volume-note"), /\d+ litres/);
   },
 
@@ -117,21 +117,21 @@ const steps = {
     const name = await page.textContent("#champion-name");
     await page.tap("#champions button:nth-child(3)");
     await until("another champion", async () => (await page.textContent("#champion-name")) !== name);
-    await until("a score against him", async () => /^\d+ %$/.test(await page.textContent("#score-best")));
+    await until("a score against it", async () => /^\d+ %$/.test(await page.textContent("#score-best")));
     const duel = await page.locator("#duel").boundingBox();
     const half = { x: duel.x + duel.width / 2, y: duel.y, width: duel.width / 2, height: duel.height };
-    for (const [side, part] of [
+    for (const [side, clip] of [
       ["the visitor's figure", { ...half, x: duel.x }],
       ["the champion's figure", half],
     ])
-      // The score is written at once, the figures are drawn with the next picture.
+      // The figures are drawn one frame after the score.
       await until(side, async () => {
-        const seen = await pixels(part);
+        const seen = await pixels(clip);
         return seen.left > 20 && seen.right > 20;
       });
   },
 
-  async "speaks the languages of its files"() {
+  async "shows the languages of its files"() {
     for (const [button, lang, words] of [
       ["Deutsch", "de", "Deine Gelenke"],
       ["Français", "fr", "Tes articulations"],
@@ -144,27 +144,27 @@ const steps = {
     const other = await context.newPage();
     await other.goto(`${origin}/?lang=de`);
     await until(
-      "German by the address",
+      "German by the URL",
       async () => (await other.textContent("#invitation h1")) === "Tritt in den Raum",
     );
     await other.close();
   },
 
-  async "gets no pictures"() {
-    await page.evaluate((kind) => globalThis.kinevox.ask(kind, "cam1"), PICTURE);
-    const refused = await until("a refusal", async () => (await stats()).refused[0]);
-    assert.match(refused, /^PERMISSION_DENIED: camera pictures are never given/);
+  async "gets no images"() {
+    await page.evaluate((kind) => globalThis.kinevox.subscribe(kind, "cam1"), IMAGE);
+    const error = await until("an error", async () => (await stats()).errors[0]);
+    assert.match(error, /^PERMISSION_DENIED: camera images are never sent/);
     await page.reload();
-    // The invitation goes with the next picture: until then it says nothing of what comes.
+    // Attract mode ends with the next frame.
     await until("a visitor again", async () => (await stats())?.present && !(await attract()));
   },
 
-  async "invites when nobody is there, and says why nothing comes"() {
+  async "shows attract mode and the state of a stopped capture"() {
     assert.ok(await kinevox("stop", "--server", daemon.address));
     await until("attract mode", attract);
     await until("the capture's state", async () => (await banner()) === "The capture is stopped.");
-    assert.equal((await stats()).best, undefined, "the visitor is forgotten");
-    assert.match(await page.textContent("#angle-knee_flexion_l"), /^–$/);
+    assert.equal((await stats()).best, undefined, "the visit is discarded");
+    assert.match(await page.textContent("#angle-knee_flexion_geometric_l"), /^–$/);
     await until("a champion's figure", async () => {
       const seen = await pixels({ x: 480, y: 60, width: 480, height: 440 }, "attract");
       return seen.left > 150 && seen.right > 150;
@@ -178,8 +178,8 @@ const steps = {
     const port = portOf(web),
       before = await stats();
     assert.equal(await web.end(), 0, "SIGTERM ends it cleanly");
-    await until("that it is said", async () => (await banner()).startsWith("The connection is lost"));
-    web = await start(WEB, "--server", daemon.address, "--listen", `127.0.0.1:${port}`, "--pages", PAGES);
+    await until("the banner", async () => (await banner()).startsWith("Connection lost"));
+    web = await start(WEB, "--server", daemon.address, "--listen", `127.0.0.1:${port}`, "--page-dir", PAGES);
     await until("more volumes", async () => (await stats()).volumes > before.volumes + 3);
     assert.equal((await stats()).connections, before.connections + 1);
     await until("no banner", async () => (await banner()) === "");
@@ -189,15 +189,15 @@ const steps = {
     const port = portOf(daemon),
       before = await stats();
     await daemon.end("SIGKILL");
-    await until("that it is said", async () => (await banner()).startsWith("The capture does not answer"));
+    await until("the banner", async () => (await banner()).startsWith("The capture does not answer"));
     await until("attract mode", attract);
     daemon = await startDaemon(DAEMON, { port });
     await until("more volumes", async () => (await stats()).volumes > before.volumes + 3);
     await until("a visitor", async () => (await stats()).present && (await banner()) === "");
-    assert.equal((await stats()).connections, before.connections, "the gateway was there all the time");
+    assert.equal((await stats()).connections, before.connections, "the gateway stayed connected");
   },
 
-  async "stores nothing and asks nobody else"() {
+  async "stores nothing and connects to no other host"() {
     const kept = await page.evaluate(async () => ({
       storage: localStorage.length + sessionStorage.length,
       cookies: document.cookie,
@@ -205,8 +205,8 @@ const steps = {
       caches: (await caches.keys()).length,
     }));
     assert.deepEqual(kept, { storage: 0, cookies: "", databases: 0, caches: 0 });
-    assert.deepEqual(strangers, []);
-    assert.deepEqual(wrongs, []);
+    assert.deepEqual(otherHosts, []);
+    assert.deepEqual(errors, []);
   },
 };
 
@@ -219,9 +219,9 @@ for (const [name, step] of Object.entries(steps)) {
   } catch (error) {
     failed = 1;
     console.log(
-      `FAILED: ${name}\n${error.stack}\n${JSON.stringify(await stats().catch(() => "no page"))}\n${wrongs.join("\n")}`,
+      `FAILED: ${name}\n${error.stack}\n${JSON.stringify(await stats().catch(() => "no page"))}\n${errors.join("\n")}`,
     );
-    break; // what follows builds on it
+    break; // later steps depend on it
   }
 }
 await browser.close();

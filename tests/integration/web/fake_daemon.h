@@ -1,4 +1,4 @@
-// A daemon that says what a test tells it to, and remembers what it was asked.
+// A scripted daemon that records the requests it gets.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -54,7 +54,6 @@ class FakeDaemon final : kinevox::v1::CaptureService::Service, kinevox::v1::Stre
         for (std::uint64_t n = 1; !context->IsCancelled() && !ending_; ++n) {
             Message message;
             message.mutable_header()->set_sequence(n);
-            message.mutable_header()->set_subject_id(1);
             fill(message);
             if (!writer->Write(message)) break;
             std::this_thread::sleep_for(std::chrono::milliseconds(pause_ms));
@@ -67,22 +66,26 @@ class FakeDaemon final : kinevox::v1::CaptureService::Service, kinevox::v1::Stre
         response->set_version("fake");
         response->set_state(kinevox::v1::CAPTURE_STATE_RUNNING);
         response->set_source("session /home/ann/secret");
-        response->mutable_control()->set_holder("ann");
+        response->mutable_control_lease()->set_operator_name("ann");
         response->add_cameras()->set_name("cam1");
-        response->mutable_cameras(0)->mutable_link()->set_device("Maker 21548823 at 10.0.0.7");
+        response->mutable_cameras(0)->mutable_connection()->set_device("Maker 21548823 at 10.0.0.7");
         return grpc::Status::OK;
     }
     grpc::Status StreamPoses(grpc::ServerContext* context, const kinevox::v1::StreamPosesRequest*,
                              grpc::ServerWriter<kinevox::v1::StreamPosesResponse>* writer) override {
         return stream(context, writer, [](kinevox::v1::StreamPosesResponse& message) {
-            message.mutable_pose()->add_angles()->set_name("trunk_lean");
+            kinevox::v1::SubjectPose& subject = *message.add_subjects();
+            subject.set_subject_id(1);
+            subject.mutable_pose()->add_angles()->set_name("trunk_lean_geometric");
         });
     }
     grpc::Status StreamVolumes(grpc::ServerContext* context, const kinevox::v1::StreamVolumesRequest* request,
                                grpc::ServerWriter<kinevox::v1::StreamVolumesResponse>* writer) override {
         return stream(context, writer, [&](kinevox::v1::StreamVolumesResponse& message) {
-            message.set_volume(volume_bytes() + std::string(volume_padding, 'x'));
-            message.set_voxel_m(0.01 * (1 << request->level()));
+            kinevox::v1::SubjectVolume& subject = *message.add_subjects();
+            subject.mutable_subject()->set_subject_id(1);
+            subject.set_encoded_volume(volume_bytes() + std::string(volume_padding, 'x'));
+            subject.set_voxel_m(0.01 * (1 << request->downsample_level()));
         });
     }
     grpc::Status StreamPreviews(grpc::ServerContext* context,
@@ -93,7 +96,7 @@ class FakeDaemon final : kinevox::v1::CaptureService::Service, kinevox::v1::Stre
             preview_kinds_.insert(request->kind());
         }
         if (request->camera() != "cam1")
-            return {grpc::StatusCode::NOT_FOUND, "there is no camera of that name; there is cam1"};
+            return {grpc::StatusCode::NOT_FOUND, "unknown camera; the cameras are cam1"};
         return stream(context, writer, [](kinevox::v1::StreamPreviewsResponse& message) {
             message.set_camera("cam1");
             message.set_jpeg("a silhouette");

@@ -1,5 +1,5 @@
-// Threads that help in loops under the thread sanitizer. They stay from loop to loop: it takes the sanitizer
-// milliseconds to make one.
+// Helper threads of loops under ThreadSanitizer. They are reused, since creating a thread takes milliseconds
+// there.
 #pragma once
 
 #include <condition_variable>

@@ -17,7 +17,7 @@ namespace kinevox::testing {
 namespace {
 
 constexpr std::uint16_t kPort = 3956;
-constexpr std::size_t kKept = 16;  // pictures to resend from
+constexpr std::size_t kKept = 16;  // images to resend from
 constexpr std::uint16_t kDiscover = 0x02, kResend = 0x40, kReadRegister = 0x80, kWriteRegister = 0x82,
                         kReadMemory = 0x84, kWriteMemory = 0x86;
 constexpr std::uint16_t kInvalidAddress = 0x8003, kAccessDenied = 0x8006, kNotImplemented = 0x8001;
@@ -100,14 +100,13 @@ void FakeCamera::run(const std::atomic<bool>& stop) {
             registers_.get(reg::kTriggerMode) == 0 || registers_.get(reg::kTriggerSource) == 1;
         if (streaming_ && by_itself) {
             // A sensor misses no pulse: where this program comes late, it makes up for it.
-            for (int i = 0; i < 100 && utc >= next_picture_utc_ns_; ++i) {
-                take_picture(next_picture_utc_ns_, now - (utc - next_picture_utc_ns_));
+            for (int i = 0; i < 100 && utc >= next_image_utc_ns_; ++i) {
+                take_image(next_image_utc_ns_, now - (utc - next_image_utc_ns_));
                 const bool external = registers_.get(reg::kTriggerMode) == 1;
-                next_picture_utc_ns_ = external
-                                           ? next_pulse_utc_ns(next_picture_utc_ns_)
-                                           : next_picture_utc_ns_ + static_cast<std::int64_t>(period_ns());
+                next_image_utc_ns_ = external ? next_pulse_utc_ns(next_image_utc_ns_)
+                                              : next_image_utc_ns_ + static_cast<std::int64_t>(period_ns());
             }
-            wait_ns = std::min(wait_ns, next_picture_utc_ns_ - utc);
+            wait_ns = std::min(wait_ns, next_image_utc_ns_ - utc);
         }
         if (const auto due = network_->run(now)) wait_ns = std::min(wait_ns, *due - now);
         const timespec timeout{0, std::max<std::int64_t>(0, wait_ns)};
@@ -131,7 +130,7 @@ void FakeCamera::end_of_control() {
 void FakeCamera::receive(int fd) {
     std::uint8_t buffer[2048];
     sockaddr_in from{};
-    for (int i = 0; i < 16; ++i) {  // not for ever: pictures wait
+    for (int i = 0; i < 16; ++i) {  // not for ever: images wait
         socklen_t from_bytes = sizeof from;
         const ssize_t bytes =
             recvfrom(fd, buffer, sizeof buffer, 0, reinterpret_cast<sockaddr*>(&from), &from_bytes);
@@ -223,7 +222,7 @@ bool FakeCamera::write_register(std::uint32_t address, std::uint32_t value, cons
         streaming_ = value == 1;
         if (streaming_) {
             const bool external = registers_.get(reg::kTriggerMode) == 1;
-            next_picture_utc_ns_ =
+            next_image_utc_ns_ =
                 external ? next_pulse_utc_ns(utc) : utc + static_cast<std::int64_t>(options_.phase_ms * 1e6);
         } else {
             network_->forget();
@@ -232,7 +231,7 @@ bool FakeCamera::write_register(std::uint32_t address, std::uint32_t value, cons
         registers_.set(address, 0);
         const bool by_command =
             registers_.get(reg::kTriggerMode) == 1 && registers_.get(reg::kTriggerSource) == 0;
-        if (streaming_ && by_command) take_picture(utc, now_ns(CLOCK_MONOTONIC));
+        if (streaming_ && by_command) take_image(utc, now_ns(CLOCK_MONOTONIC));
     } else if (address == reg::kPtpEnable) {
         registers_.set(reg::kPtpStatus, value ? 1 : 0);
     }
@@ -249,37 +248,36 @@ void FakeCamera::fire_test_packet() {
     sendto(socket_, packet.data(), packet.size(), 0, reinterpret_cast<const sockaddr*>(&to), sizeof to);
 }
 
-void FakeCamera::take_picture(std::int64_t utc_ns, std::int64_t steady_ns) {
-    auto picture = std::make_shared<SentPicture>();
-    const auto moment = static_cast<std::uint64_t>(std::llround(static_cast<double>(utc_ns) / period_ns()));
+void FakeCamera::take_image(std::int64_t utc_ns, std::int64_t steady_ns) {
+    auto image = std::make_shared<SentImage>();
+    const auto frame = static_cast<std::uint64_t>(std::llround(static_cast<double>(utc_ns) / period_ns()));
     const bool empty = !options_.empty_while.empty() && std::filesystem::exists(options_.empty_while);
-    picture->bytes = scene_.picture(scene_.is_pattern() ? block_ : moment, empty, registers_);
-    picture->block = block_;
+    image->bytes = scene_.image(scene_.is_pattern() ? block_ : frame, empty, registers_);
+    image->block = block_;
     block_ = block_ == 0xffff ? 1 : static_cast<std::uint16_t>(block_ + 1);  // 0 is none
     const double own_ns = static_cast<double>(steady_ns) * (1 + options_.clock_drift_ppm * 1e-6) +
                           options_.clock_offset_s * 1e9;
-    picture->timestamp_ns = registers_.get(reg::kPtpEnable)
-                                ? static_cast<std::uint64_t>(utc_ns)
-                                : static_cast<std::uint64_t>(std::max(0.0, own_ns));
-    picture->pixel_format = registers_.get(reg::kPixelFormat);
-    picture->width = registers_.get(reg::kWidth);
-    picture->height = registers_.get(reg::kHeight);
-    picture->packet_payload = (registers_.get(reg::kPacketSize) & 0xffff) - 36;  // IP, UDP and GVSP
-    picture->to.sin_family = AF_INET;
-    picture->to.sin_addr.s_addr = htonl(registers_.get(reg::kStreamAddress));
-    picture->to.sin_port = htons(static_cast<std::uint16_t>(registers_.get(reg::kStreamPort)));
+    image->timestamp_ns = registers_.get(reg::kPtpEnable) ? static_cast<std::uint64_t>(utc_ns)
+                                                          : static_cast<std::uint64_t>(std::max(0.0, own_ns));
+    image->pixel_format = registers_.get(reg::kPixelFormat);
+    image->width = registers_.get(reg::kWidth);
+    image->height = registers_.get(reg::kHeight);
+    image->packet_payload = (registers_.get(reg::kPacketSize) & 0xffff) - 36;  // IP, UDP and GVSP
+    image->to.sin_family = AF_INET;
+    image->to.sin_addr.s_addr = htonl(registers_.get(reg::kStreamAddress));
+    image->to.sin_port = htons(static_cast<std::uint16_t>(registers_.get(reg::kStreamPort)));
     ++taken_;
-    sent_.push_back(picture);
+    sent_.push_back(image);
     if (sent_.size() > kKept) sent_.pop_front();
-    network_->send(picture, now_ns(CLOCK_MONOTONIC));
+    network_->send(image, now_ns(CLOCK_MONOTONIC));
 }
 
 void FakeCamera::resend(std::span<const std::uint8_t> body, std::uint8_t flags) {
     if (flags & 0x10) return;  // extended numbers: never announced
     const std::uint32_t block = big_endian(body, 2, 2), first = big_endian(body, 4, 4) & 0xffffff,
                         last = big_endian(body, 8, 4) & 0xffffff;
-    const auto picture = std::ranges::find(sent_, block, [](const auto& sent) { return sent->block; });
-    if (picture != sent_.end()) network_->resend(*picture, first, last, now_ns(CLOCK_MONOTONIC));
+    const auto image = std::ranges::find(sent_, block, [](const auto& sent) { return sent->block; });
+    if (image != sent_.end()) network_->resend(*image, first, last, now_ns(CLOCK_MONOTONIC));
 }
 
 }  // namespace kinevox::testing

@@ -1,6 +1,6 @@
-// A GigE Vision camera as a program, for the tests: control (GVCP), pictures (GVSP), resends, triggers, a
-// clock of its own, and a bad network below it. One thread, no state besides this object; told to stop it
-// vanishes without a word, as an unplugged camera does.
+// A simulated GigE Vision camera for tests: control (GVCP), images (GVSP), resends, triggers, its own clock,
+// and an unreliable network. One thread, no state outside this object. When stopped it disappears without a
+// message, like an unplugged camera.
 #pragma once
 
 #include <absl/status/status.h>
@@ -27,7 +27,7 @@ struct FakeCameraOptions {
     std::string serial = "F1", name;
     double external_fps = 30;  // of the generator on Line1: pulses at multiples of its period, UTC
     double clock_offset_s = 0, clock_drift_ppm = 0;  // of its own clock
-    double phase_ms = 0;  // it takes its pictures so much after the pulse, or the beginning of the second
+    double phase_ms = 0;  // it takes its images so much after the pulse, or the beginning of the second
     std::uint16_t first_block = 1;
     std::filesystem::path empty_while;  // the scene is empty while this file exists
     NetworkOptions network;
@@ -46,7 +46,7 @@ class FakeCamera {
     void run(const std::atomic<bool>& stop);
 
     const NetworkCounts& counts() const { return network_->counts(); }
-    std::uint64_t pictures_taken() const { return taken_; }
+    std::uint64_t images_taken() const { return taken_; }
     const Registers& registers() const { return registers_; }
 
   private:
@@ -55,7 +55,7 @@ class FakeCamera {
     void resend(std::span<const std::uint8_t> body, std::uint8_t flags);
     bool write_register(std::uint32_t address, std::uint32_t value, const sockaddr_in& from);
     void fire_test_packet();
-    void take_picture(std::int64_t utc_ns, std::int64_t steady_ns);  // when
+    void take_image(std::int64_t utc_ns, std::int64_t steady_ns);  // when
     std::int64_t next_pulse_utc_ns(std::int64_t now_utc_ns) const;
     double period_ns() const;
     bool streaming() const { return streaming_; }
@@ -70,10 +70,10 @@ class FakeCamera {
     std::optional<sockaddr_in> controller_;
     std::int64_t heard_ns_ = 0;  // of the controller, steady clock
     bool streaming_ = false;
-    std::int64_t next_picture_utc_ns_ = 0;
+    std::int64_t next_image_utc_ns_ = 0;
     std::uint16_t block_ = 1;
     std::uint64_t taken_ = 0;
-    std::deque<std::shared_ptr<SentPicture>> sent_;  // to resend from
+    std::deque<std::shared_ptr<SentImage>> sent_;  // to resend from
 };
 
 }  // namespace kinevox::testing

@@ -19,31 +19,31 @@ int main(int argc, char** argv) {
     using namespace kinevox::testing;
     FakeCameraOptions options;
     std::string session, camera;
-    std::size_t pictures = 90;
+    std::size_t images = 90;
     CLI::App app("A GigE Vision camera for the tests", "kinevox-fake-gige");
     app.add_option("--address", options.address, "of this machine, port 3956");
     app.add_option("--serial", options.serial);
     app.add_option("--name", options.name, "the user's name for it");
-    app.add_option("--session", session, "session.toml whose pictures it shows; none: a test pattern");
+    app.add_option("--session", session, "session.toml whose images it shows; none: a test pattern");
     app.add_option("--camera", camera, "of the session");
-    app.add_option("--pictures", pictures, "of the session, then from the first again");
+    app.add_option("--images", images, "of the session, then from the first again");
     app.add_option("--empty-while", options.empty_while, "the empty scene while this file exists");
     app.add_option("--external-fps", options.external_fps, "pulses a second on Line1");
     app.add_option("--phase-ms", options.phase_ms, "behind the pulse, or the start");
     app.add_option("--clock-offset-s", options.clock_offset_s);
     app.add_option("--clock-drift-ppm", options.clock_drift_ppm);
-    app.add_option("--first-block", options.first_block, "number of the first picture");
+    app.add_option("--first-block", options.first_block, "number of the first image");
     app.add_option("--loss", options.network.loss, "part of the packets, 0..1");
-    app.add_option("--lost-pictures", options.network.lost_pictures,
-                   "part of the pictures of which nothing arrives");
-    app.add_option("--jitter-ms", options.network.jitter_ms, "of a picture");
+    app.add_option("--lost-images", options.network.lost_images,
+                   "part of the images of which nothing arrives");
+    app.add_option("--jitter-ms", options.network.jitter_ms, "of an image");
     app.add_option("--reorder-ms", options.network.reorder_ms, "of each packet");
     app.add_option("--seed", options.network.seed);
     CLI11_PARSE(app, argc, argv);
 
     Scene scene;
     if (!session.empty()) {
-        auto opened = Scene::open(session, camera, pictures);
+        auto opened = Scene::open(session, camera, images);
         if (!opened.ok())
             return fmt::print(stderr, "kinevox-fake-gige: {}\n", std::string(opened.status().message())), 1;
         scene = *std::move(opened);
@@ -60,7 +60,7 @@ int main(int argc, char** argv) {
     fmt::print(
         "{{\"taken\": {}, \"gone\": {}, \"packets\": {}, \"packets_lost\": {}, \"resent\": {}, "
         "\"under_way\": {}}}\n",
-        fake.pictures_taken(), counts.pictures_gone, counts.packets, counts.packets_lost, counts.resent,
+        fake.images_taken(), counts.images_gone, counts.packets, counts.packets_lost, counts.resent,
         counts.under_way);
     return 0;
 }

@@ -3,23 +3,23 @@
 #include <algorithm>
 
 #include "common/session_file.h"
-#include "server/cameras/picture_reader.h"
+#include "server/cameras/image_reader.h"
 
 namespace kinevox::testing {
 namespace {
 
-absl::StatusOr<std::vector<Picture>> read_some(const std::filesystem::path& file, const Camera& camera,
-                                               std::size_t most) {
-    auto reader = open_pictures(file, camera);
+absl::StatusOr<std::vector<Image>> read_some(const std::filesystem::path& file, const Camera& camera,
+                                             std::size_t most) {
+    auto reader = open_images(file, camera);
     if (!reader.ok()) return reader.status();
-    std::vector<Picture> pictures;
-    while (pictures.size() < most) {
-        auto picture = (*reader)->next();
-        if (absl::IsOutOfRange(picture.status())) break;
-        if (!picture.ok()) return picture.status();
-        pictures.push_back(std::move(*picture));
+    std::vector<Image> images;
+    while (images.size() < most) {
+        auto image = (*reader)->next();
+        if (absl::IsOutOfRange(image.status())) break;
+        if (!image.ok()) return image.status();
+        images.push_back(std::move(*image));
     }
-    return pictures;
+    return images;
 }
 
 // Which of B G R a sensor of GenICam's pattern has at a pixel.
@@ -30,7 +30,7 @@ int channel_at(std::uint32_t format, int x, int y) {
     return (x + y) % 2 == 1 ? kGreen : y % 2 == 0 ? kRed : kBlue;
 }
 
-Bytes coded(const Picture& picture, const Registers& registers) {
+Bytes coded(const Image& image, const Registers& registers) {
     const std::uint32_t format = registers.get(reg::kPixelFormat);
     const int width = static_cast<int>(registers.get(reg::kWidth)),
               height = static_cast<int>(registers.get(reg::kHeight));
@@ -41,8 +41,8 @@ Bytes coded(const Picture& picture, const Registers& registers) {
         for (int x = 0; x < width; ++x) {
             static constexpr std::uint8_t kBlack[3] = {0, 0, 0};
             const std::uint8_t* bgr =
-                x < picture.width && y < picture.height
-                    ? picture.data.get() + 3 * (static_cast<std::size_t>(y) * picture.width + x)
+                x < image.width && y < image.height
+                    ? image.data.get() + 3 * (static_cast<std::size_t>(y) * image.width + x)
                     : kBlack;
             const std::uint8_t raw = bgr[channel_at(format, x, y)];
             if (format == 0x02180015)
@@ -70,7 +70,7 @@ Bytes coded(const Picture& picture, const Registers& registers) {
 
 }  // namespace
 
-std::vector<std::uint8_t> pattern_picture(std::uint64_t number, std::size_t bytes) {
+std::vector<std::uint8_t> pattern_image(std::uint64_t number, std::size_t bytes) {
     std::vector<std::uint8_t> out(bytes);
     std::uint32_t state = static_cast<std::uint32_t>(number) * 2654435761u + 12345;
     for (std::size_t i = 0; i < bytes; ++i) {
@@ -91,9 +91,9 @@ absl::StatusOr<Scene> Scene::open(const std::filesystem::path& file, const std::
     for (std::size_t c = 0; c < cameras->size(); ++c) {
         if ((*cameras)[c].name != name) continue;
         Scene scene;
-        auto pictures = read_some(session->cameras[c].video, (*cameras)[c], most);
-        if (!pictures.ok()) return pictures.status();
-        scene.pictures_ = *std::move(pictures);
+        auto images = read_some(session->cameras[c].video, (*cameras)[c], most);
+        if (!images.ok()) return images.status();
+        scene.images_ = *std::move(images);
         if (!session->cameras[c].background.empty()) {
             auto empty = read_some(session->cameras[c].background, (*cameras)[c], most);
             if (!empty.ok()) return empty.status();
@@ -104,20 +104,20 @@ absl::StatusOr<Scene> Scene::open(const std::filesystem::path& file, const std::
     return absl::NotFoundError(file.string() + ": has no camera '" + name + "'");
 }
 
-Bytes Scene::picture(std::uint64_t moment, bool empty_scene, const Registers& registers) {
+Bytes Scene::image(std::uint64_t frame, bool empty_scene, const Registers& registers) {
     if (is_pattern())
         return std::make_shared<std::vector<std::uint8_t>>(
-            pattern_picture(moment, registers.get(reg::kPayloadSize)));
+            pattern_image(frame, registers.get(reg::kPayloadSize)));
     if (const std::uint32_t format = registers.get(reg::kPixelFormat); format != format_) {
         format_ = format;
-        coded_.assign(pictures_.size(), nullptr);
+        coded_.assign(images_.size(), nullptr);
         coded_empty_.assign(empty_.size(), nullptr);
     }
     const bool empty = empty_scene && !empty_.empty();
-    const std::size_t at = moment % (empty ? empty_ : pictures_).size();
+    const std::size_t at = frame % (empty ? empty_ : images_).size();
     Bytes& bytes = (empty ? coded_empty_ : coded_)[at];
     if (!bytes || bytes->size() != registers.get(reg::kPayloadSize))
-        bytes = coded((empty ? empty_ : pictures_)[at], registers);
+        bytes = coded((empty ? empty_ : images_)[at], registers);
     return bytes;
 }
 

@@ -36,7 +36,7 @@ class TokenFileTest : public ::testing::Test {
     const std::filesystem::path file_ = folder_.path() / "new" / "tokens.toml";
 };
 
-TEST(SecretTest, SecretsHave256BitsAndDiffer) {
+TEST(SecretTest, AreRandom256Bits) {
     std::set<std::string> seen;
     for (int i = 0; i < 1000; ++i) {
         const auto secret = make_secret();
@@ -51,7 +51,7 @@ TEST(SecretTest, SecretsHave256BitsAndDiffer) {
 }
 
 // FIPS 180-2's example.
-TEST(SecretTest, HashesAsTheStandardSays) {
+TEST(SecretTest, HashesBySha256) {
     EXPECT_EQ(to_hex(sha256("abc")), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
     Digest read;
     ASSERT_TRUE(from_hex(to_hex(sha256("abc")), read));
@@ -61,8 +61,8 @@ TEST(SecretTest, HashesAsTheStandardSays) {
     EXPECT_FALSE(from_hex(std::string(64, 'g'), read));
 }
 
-TEST_F(TokenFileTest, KeepsHashesAndIsItsOwnersAlone) {
-    const auto token = create_token(file_, {"hall-screen", v1::ROLE_EXHIBIT, 90}, kNow);
+TEST_F(TokenFileTest, StoresHashesForOwnerOnly) {
+    const auto token = create_token(file_, {"hall-screen", v1::ROLE_DISPLAY, 90}, kNow);
     ASSERT_TRUE(token.ok()) << token.status();
     EXPECT_EQ(mode_of(file_), 0600u);
     EXPECT_EQ(mode_of(file_.parent_path()), 0700u);
@@ -72,48 +72,47 @@ TEST_F(TokenFileTest, KeepsHashesAndIsItsOwnersAlone) {
     ASSERT_TRUE(tokens.ok()) << tokens.status();
     ASSERT_EQ(tokens->size(), 1u);
     EXPECT_EQ(tokens->front(),
-              (Token{"hall-screen", v1::ROLE_EXHIBIT, sha256(*token), kNow, kNow + 90 * kDay, 0}));
+              (Token{"hall-screen", v1::ROLE_DISPLAY, sha256(*token), kNow, kNow + 90 * kDay, 0}));
 }
 
-TEST_F(TokenFileTest, ANameHasOneValidToken) {
-    ASSERT_TRUE(create_token(file_, {"coach", v1::ROLE_WATCH, 1}, kNow).ok());
+TEST_F(TokenFileTest, AllowsOneValidTokenPerName) {
+    ASSERT_TRUE(create_token(file_, {"coach", v1::ROLE_VIEWER, 1}, kNow).ok());
     EXPECT_TRUE(
-        absl::IsAlreadyExists(create_token(file_, {"coach", v1::ROLE_OPERATE, 1}, kNow + 1).status()));
+        absl::IsAlreadyExists(create_token(file_, {"coach", v1::ROLE_OPERATOR, 1}, kNow + 1).status()));
     EXPECT_TRUE(
-        create_token(file_, {"coach", v1::ROLE_OPERATE, 1}, kNow + 2 * kDay).ok());  // the first has expired
+        create_token(file_, {"coach", v1::ROLE_OPERATOR, 1}, kNow + 2 * kDay).ok());  // the first has expired
     EXPECT_TRUE(revoke_token(file_, "coach", kNow + 2 * kDay).ok());
     EXPECT_TRUE(absl::IsNotFound(revoke_token(file_, "coach", kNow + 2 * kDay)));
-    EXPECT_TRUE(absl::IsNotFound(revoke_token(file_, "nobody", kNow)));
+    EXPECT_TRUE(absl::IsNotFound(revoke_token(file_, "unknown", kNow)));
     const auto tokens = read_tokens(file_);
     ASSERT_EQ(tokens->size(), 1u);
     EXPECT_FALSE(tokens->front().valid(kNow + 2 * kDay));
 }
 
-TEST_F(TokenFileTest, NamesThatWouldConfuseALogAreRefused) {
+TEST_F(TokenFileTest, RejectsInvalidNames) {
     for (const char* name : {"", "a b", "a\nb", "a\"b", "../x", "\xff"})
-        EXPECT_TRUE(absl::IsInvalidArgument(create_token(file_, {name, v1::ROLE_WATCH, 1}, kNow).status()))
+        EXPECT_TRUE(absl::IsInvalidArgument(create_token(file_, {name, v1::ROLE_VIEWER, 1}, kNow).status()))
             << name;
     EXPECT_FALSE(std::filesystem::exists(file_));
 }
 
-TEST_F(TokenFileTest, AFileThatOthersMayReadIsRefused) {
-    ASSERT_TRUE(create_token(file_, {"coach", v1::ROLE_WATCH, 1}, kNow).ok());
+TEST_F(TokenFileTest, RejectsFileReadableByOthers) {
+    ASSERT_TRUE(create_token(file_, {"coach", v1::ROLE_VIEWER, 1}, kNow).ok());
     ::chmod(file_.c_str(), 0640);
     EXPECT_TRUE(absl::IsPermissionDenied(read_tokens(file_).status()));
     EXPECT_TRUE(absl::IsPermissionDenied(Guard::create(file_, {}).status()));
     EXPECT_TRUE(absl::IsPermissionDenied(revoke_token(file_, "coach", kNow)));
 }
 
-TEST_F(TokenFileTest, WhatIsWrongInTheFileIsNamed) {
-    const std::string good = to_toml({{"coach", v1::ROLE_WATCH, sha256("x"), kNow, 0, 0}});
+TEST_F(TokenFileTest, NamesInvalidEntries) {
+    const std::string good = to_toml({{"coach", v1::ROLE_VIEWER, sha256("x"), kNow, 0, 0}});
     ASSERT_TRUE(parse_tokens(good, "t").ok());
     const auto with = [&](const std::string& from, const std::string& to) {
         std::string changed = good;
         changed.replace(changed.find(from), from.size(), to);
         return parse_tokens(changed, "t").status();
     };
-    EXPECT_THAT(std::string(with("watch", "king").message()),
-                HasSubstr("watch, exhibit, operate, administer"));
+    EXPECT_THAT(std::string(with("viewer", "king").message()), HasSubstr("viewer, display, operator, admin"));
     EXPECT_TRUE(absl::IsInvalidArgument(with("sha256 = \"", "sha256 = \"00")));
     EXPECT_TRUE(absl::IsInvalidArgument(with("created = \"2027", "created = \"soon")));
     EXPECT_TRUE(absl::IsInvalidArgument(
@@ -121,7 +120,7 @@ TEST_F(TokenFileTest, WhatIsWrongInTheFileIsNamed) {
     EXPECT_TRUE(absl::IsInvalidArgument(with("\"coach\"", "\"\"")));
 }
 
-TEST_F(TokenFileTest, PrivateFilesAreNotReplacedUnlessAskedTo) {
+TEST_F(TokenFileTest, KeepsPrivateFilesUnlessForced) {
     ASSERT_TRUE(write_private_file(file_, "one", Existing::kKeep).ok());
     EXPECT_TRUE(absl::IsAlreadyExists(write_private_file(file_, "two", Existing::kKeep)));
     EXPECT_EQ(text(), "one");
@@ -131,11 +130,11 @@ TEST_F(TokenFileTest, PrivateFilesAreNotReplacedUnlessAskedTo) {
     int files = 0;
     for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(file_.parent_path()))
         ++files;
-    EXPECT_EQ(files, 1);  // nothing is left aside
+    EXPECT_EQ(files, 1);  // no temporary file is left
 }
 
-TEST(RolesTest, HaveNamesBothWays) {
-    for (const char* name : {"watch", "exhibit", "operate", "administer"})
+TEST(RolesTest, ConvertToNamesAndBack) {
+    for (const char* name : {"viewer", "display", "operator", "admin"})
         EXPECT_EQ(name_of(role_named(name)), name);
     EXPECT_EQ(role_named(""), v1::ROLE_UNSPECIFIED);
     EXPECT_EQ(role_named("unspecified"), v1::ROLE_UNSPECIFIED);

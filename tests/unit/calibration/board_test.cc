@@ -1,10 +1,10 @@
-#include "server/calibration/board.h"
+#include "server/calibration/board/board.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "server/calibration/board_detector.h"
-#include "server/calibration/board_pose.h"
+#include "server/calibration/board/board_detector.h"
+#include "server/calibration/board/board_pose.h"
 #include "tests/unit/calibration/synthetic_views.h"
 
 namespace kinevox {
@@ -13,7 +13,7 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-TEST(Board, TextIsReadAndWritten) {
+TEST(Board, RoundTripsThroughText) {
     for (const char* text :
          {"checkerboard:4x7:60", "charuco:4x5:54:40.5:DICT_4X4_1000:inverted", "aprilgrid:6x6:88:26.4"}) {
         const auto board = parse_board(text);
@@ -25,7 +25,7 @@ TEST(Board, TextIsReadAndWritten) {
     EXPECT_FALSE(parse_board("checkerboard:5x7:60")->has_direction());
 }
 
-TEST(Board, WrongTextIsRefusedInOneLine) {
+TEST(Board, RefusesInvalidTextInOneLine) {
     for (const char* text :
          {"", "chess:4x7:60", "checkerboard:4x7", "checkerboard:4:60", "checkerboard:4x7:-60",
           "checkerboard:4x7:nan", "charuco:4x5:54:60:DICT_4X4_50", "charuco:4x5:54:40:DICT:x:y",
@@ -38,14 +38,14 @@ TEST(Board, WrongTextIsRefusedInOneLine) {
     EXPECT_FALSE(BoardDetector::create(*parse_board("charuco:4x5:54:40:DICT_5")).ok());
 }
 
-// Each kind, drawn by the studio before a camera: its points are found where they are, seen from the printed
+// Each kind, drawn by the studio: its points are detected at their true positions, seen from the printed
 // side.
-TEST(Board, EveryKindIsFoundWhereItIs) {
+TEST(Board, DetectsEveryKindAtItsPosition) {
     const Camera camera = testing::ring(4)[0];
     const Vec3 eye = camera.centre_in_world();
     std::shared_ptr<std::uint8_t[]> grey(new std::uint8_t[1280 * 960 * 3]);
     std::fill(grey.get(), grey.get() + 1280 * 960 * 3, std::uint8_t{120});
-    const Picture wall{1280, 960, 3, grey};
+    const Image wall{1280, 960, 3, grey};
     for (const char* text : {"checkerboard:6x5:120", "charuco:6x5:160:120:DICT_4X4_100",
                              "charuco:6x5:160:120:DICT_4X4_100:inverted", "aprilgrid:4x3:200:60"}) {
         SCOPED_TRACE(text);
@@ -59,8 +59,8 @@ TEST(Board, EveryKindIsFoundWhereItIs) {
         const Mat3 facing = Mat3{{x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z}} * rotation_x(0.3) *
                             rotation_y(-0.25) * rotation_z(0.2);
         const Rigid3 world_from_board{facing, Vec3{0, 0, 1.2} - facing * Vec3{0.45, 0.35, 0}};
-        const Picture picture = studio::draw_print(wall, camera, print, world_from_board, 1.4, 3);
-        const BoardSighting seen = (*detector)->detect(picture);
+        const Image image = studio::draw_print(wall, camera, print, world_from_board, 1.4, 3);
+        const BoardDetection seen = (*detector)->detect(image);
         ASSERT_TRUE(seen.found());
         EXPECT_GE(seen.corners.size(), board.points().size() * 3 / 4);
         double sum = 0;

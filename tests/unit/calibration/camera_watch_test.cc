@@ -1,5 +1,5 @@
-// A camera that is knocked while a capture runs is named, and no other is.
-#include "server/calibration/camera_watch.h"
+// A camera that moves during a capture is reported, and no other.
+#include "server/calibration/procedure/camera_watch.h"
 
 #include <gtest/gtest.h>
 
@@ -10,12 +10,12 @@
 namespace kinevox {
 namespace {
 
-constexpr double kFps = 10, kKnock_s = 2;
+constexpr double kFps = 10, kBump_s = 2;
 
-std::unique_ptr<studio::Studio> make_studio(std::optional<studio::Knock> knock) {
+std::unique_ptr<studio::Studio> make_studio(std::optional<studio::CameraBump> bump) {
     studio::StudioOptions options;
     options.width = 320, options.height = 240, options.fps = kFps;
-    options.staging.knock = knock;
+    options.staging.bump = bump;
     auto made = studio::Studio::create(options);
     EXPECT_TRUE(made.ok()) << made.status();
     return made.ok() ? *std::move(made) : nullptr;
@@ -31,28 +31,29 @@ kernels::Rect box_of(const std::vector<std::uint8_t>& mask, int width) {
     return box.x0 < box.x1 ? box : kernels::Rect{};
 }
 
-TEST(StillScene, MeasuresTheKnockOfOneCameraAndNothingOfTheOthers) {
+TEST(StaticScene, MeasuresRotationOfTheBumpedCameraOnly) {
     const struct {
         std::size_t camera;
-        double turn_deg;
+        double rotation_deg;
     } table[] = {{0, 0.5}, {1, -0.5}, {2, 1.0}, {3, -2.0}};
     for (const auto& row : table) {
         SCOPED_TRACE(row.camera);
-        const auto studio = make_studio(studio::Knock{row.camera, kKnock_s, row.turn_deg});
+        const auto studio = make_studio(studio::CameraBump{row.camera, kBump_s, row.rotation_deg});
         ASSERT_TRUE(studio);
-        std::vector<StillScene> scenes;
-        std::vector<CameraVerdict> verdicts(4);
+        std::vector<StaticScene> scenes;
+        std::vector<CameraMotionState> verdicts(4);
         for (const Camera& camera : studio->cameras()) scenes.emplace_back(camera);
         std::vector<int> named_at(4, -1);
         for (int frame = 0; frame < 50; frame += 5) {
-            const auto pictures = studio->draw(frame, true);
+            const auto images = studio->draw(frame, true);
             const auto masks = studio->masks(frame);
             for (std::size_t c = 0; c < 4; ++c) {
-                const auto shift = scenes[c].measure(pictures[c], box_of(masks[c], 320));
-                if (shift && (c != row.camera || frame < kKnock_s * kFps)) {
-                    EXPECT_LT(shift->turn_deg, 0.06) << c << " " << frame;
+                const auto shift = scenes[c].measure(images[c], box_of(masks[c], 320));
+                if (shift && (c != row.camera || frame < kBump_s * kFps)) {
+                    EXPECT_LT(shift->rotation_deg, 0.06) << c << " " << frame;
                 }
-                if (verdicts[c].add(shift, studio->cameras()[c].name, {}) == CameraVerdict::Change::kMoved)
+                if (verdicts[c].add(shift, studio->cameras()[c].name, {}) ==
+                    CameraMotionState::Change::kMoved)
                     named_at[c] = frame;
             }
         }
@@ -61,71 +62,71 @@ TEST(StillScene, MeasuresTheKnockOfOneCameraAndNothingOfTheOthers) {
             EXPECT_EQ(verdicts[c].camera().reason.find(studio->cameras()[c].name) != std::string::npos,
                       c == row.camera);
         }
-        EXPECT_GE(named_at[row.camera], kKnock_s * kFps);
-        EXPECT_LE(named_at[row.camera], kKnock_s * kFps + 2 * kFps);
+        EXPECT_GE(named_at[row.camera], kBump_s * kFps);
+        EXPECT_LE(named_at[row.camera], kBump_s * kFps + 2 * kFps);
     }
 }
 
-TEST(StillScene, SaysNothingWhereTheSceneIsHiddenOrThePictureMissing) {
+TEST(StaticScene, EmptyIfTheSceneIsHiddenOrTheImageMissing) {
     const auto studio = make_studio(std::nullopt);
     ASSERT_TRUE(studio);
-    StillScene scene(studio->cameras()[0]);
+    StaticScene scene(studio->cameras()[0]);
     EXPECT_FALSE(scene.measure({}, {}));
-    const auto pictures = studio->draw(0, true);
-    EXPECT_TRUE(scene.measure(pictures[0], {}));
-    EXPECT_FALSE(scene.measure(pictures[0], {0, 0, 320, 240}));
+    const auto images = studio->draw(0, true);
+    EXPECT_TRUE(scene.measure(images[0], {}));
+    EXPECT_FALSE(scene.measure(images[0], {0, 0, 320, 240}));
 }
 
-TEST(CameraVerdict, OneBadPictureNamesNobodyAndACameraPutBackIsCleared) {
-    using Change = CameraVerdict::Change;
-    CameraVerdict verdict;
-    const SceneShift still{0.01, 0.1, 0}, knocked{0.5, 5, 0.8}, light{0.5, 5, 0.1};
-    EXPECT_EQ(verdict.add(knocked, "cam1", {}), Change::kNone);
+TEST(CameraMotionState, IgnoresOneOutlierAndClearsRestoredCamera) {
+    using Change = CameraMotionState::Change;
+    CameraMotionState verdict;
+    const SceneShift still{0.01, 0.1, 0}, moved{0.5, 5, 0.8}, light{0.5, 5, 0.1};
+    EXPECT_EQ(verdict.add(moved, "cam1", {}), Change::kNone);
     EXPECT_EQ(verdict.add(still, "cam1", {}), Change::kNone);
-    EXPECT_EQ(verdict.add(knocked, "cam1", {}), Change::kNone);
+    EXPECT_EQ(verdict.add(moved, "cam1", {}), Change::kNone);
     EXPECT_EQ(verdict.add(std::nullopt, "cam1", {}), Change::kNone);
     EXPECT_EQ(verdict.add(light, "cam1", {}), Change::kNone);
     EXPECT_EQ(verdict.add(light, "cam1", {}), Change::kNone);
     EXPECT_FALSE(verdict.camera().suspect);
-    EXPECT_EQ(verdict.add(knocked, "cam1", {}), Change::kNone);
-    EXPECT_EQ(verdict.add(knocked, "cam1", {}), Change::kMoved);
+    EXPECT_EQ(verdict.add(moved, "cam1", {}), Change::kNone);
+    EXPECT_EQ(verdict.add(moved, "cam1", {}), Change::kMoved);
     EXPECT_NE(verdict.camera().reason.find("0.5 degrees"), std::string::npos);
     EXPECT_EQ(verdict.add(still, "cam1", {}), Change::kNone);
-    EXPECT_EQ(verdict.add(still, "cam1", {}), Change::kInPlace);
+    EXPECT_EQ(verdict.add(still, "cam1", {}), Change::kRestored);
     EXPECT_TRUE(verdict.camera().reason.empty());
 }
 
-TEST(CameraWatch, TellsByEventAndStatus) {
-    const auto studio = make_studio(studio::Knock{2, kKnock_s, 0.7});
+TEST(CameraWatch, ReportsMovedCameraByEventAndStatus) {
+    const auto studio = make_studio(studio::CameraBump{2, kBump_s, 0.7});
     ASSERT_TRUE(studio);
     std::mutex mutex;
-    std::condition_variable told;
+    std::condition_variable changed;
     std::vector<Event> events;
     CameraWatch watch(studio->cameras(), {}, [&](const Event& event) {
         const std::scoped_lock lock(mutex);
         events.push_back(event);
-        told.notify_all();
+        changed.notify_all();
     });
     EXPECT_FALSE(watch.cameras()[2].shift_px);
     std::unique_lock lock(mutex);
-    // A look may come late on a loaded machine, and those in between are missed: each is waited for.
+    // Checks may be late on a loaded machine and skip frame sets: wait for each.
     const auto show = [&](int frame, const auto& until) {
         FrameResult result;
         result.sequence = static_cast<std::uint64_t>(frame);
         result.capture_time_ns = static_cast<std::int64_t>(1e9 * frame / kFps);
-        result.frame_set.pictures = studio->draw(frame, true);
+        result.frame_set.images = studio->draw(frame, true);
         const auto masks = studio->masks(frame);
         result.silhouettes.resize(4);
         for (std::size_t c = 0; c < 4; ++c) result.silhouettes[c].bounds = box_of(masks[c], 320);
         watch.observe(result);
-        told.wait_for(lock, std::chrono::milliseconds(200), until);
+        changed.wait_for(lock, std::chrono::milliseconds(200), until);
     };
     const auto looked = [&] { return watch.cameras()[3].shift_px.has_value(); };
     const auto named = [&] { return !events.empty(); };
-    for (int frame = 0; frame < kKnock_s * kFps && !looked(); ++frame) show(frame, looked);
+    for (int frame = 0; frame < kBump_s * kFps && !looked(); ++frame) show(frame, looked);
     ASSERT_TRUE(looked());
     for (int look = 0; look < 100 && !named(); ++look)
-        show(static_cast<int>(kKnock_s * kFps) + 5 * look, named);
+        show(static_cast<int>(kBump_s * kFps) + 5 * look, named);
     ASSERT_TRUE(named());
     EXPECT_EQ(events.size(), 1u);
     EXPECT_EQ(events[0].kind, EventKind::kCameraMoved);

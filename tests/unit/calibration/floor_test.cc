@@ -1,6 +1,6 @@
 // Floor and origin from a board, from clicked points and from a person who walks, against the virtual
 // studio's truth.
-#include "server/calibration/floor.h"
+#include "server/calibration/board/floor.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,9 +8,10 @@
 #include <cmath>
 
 #include "common/degrees.h"
-#include "server/calibration/board.h"
-#include "server/calibration/diagnosis.h"
-#include "server/calibration/floor_points.h"
+#include "server/calibration/board/board.h"
+#include "server/calibration/board/floor_points.h"
+#include "server/calibration/person/diagnosis.h"
+#include "server/calibration/person/floor_person.h"
 #include "server/calibration/triangulation.h"
 #include "tests/unit/calibration/synthetic_views.h"
 
@@ -21,7 +22,7 @@ using ::testing::HasSubstr;
 using testing::ring;
 using testing::see_board;
 
-// Where somebody's first camera or a former session had its world.
+// An arbitrary earlier world frame.
 const Rigid3 kOldFromTruth{rotation_x(1.9) * rotation_y(-0.4) * rotation_z(2.2), {0.7, -1.2, 4.1}};
 
 std::vector<Camera> in_old(std::vector<Camera> cameras, double scale = 1) {
@@ -29,23 +30,23 @@ std::vector<Camera> in_old(std::vector<Camera> cameras, double scale = 1) {
     return cameras;
 }
 
-// How the world found differs from the true one.
-struct Miss {
+// Difference between the world frame found and the true one.
+struct WorldError {
     double tilt_deg = 0, height_mm = 0;  // of the floor, at the room's middle
     Rigid3 truth_from_world;
 };
-Miss miss_of(const FloorResult& floor) {
-    Miss miss;
+WorldError error_of(const FloorResult& floor) {
+    WorldError error;
     const Rigid3 world_from_truth = floor.world_from_old * kOldFromTruth;
-    miss.truth_from_world = world_from_truth.inverse();
+    error.truth_from_world = world_from_truth.inverse();
     const Vec3 up{world_from_truth.rotation(2, 0), world_from_truth.rotation(2, 1),
                   world_from_truth.rotation(2, 2)};
-    miss.tilt_deg = degrees(std::acos(std::clamp(up.z, -1.0, 1.0)));
-    miss.height_mm = 1000 * world_from_truth.translation.z;
-    return miss;
+    error.tilt_deg = degrees(std::acos(std::clamp(up.z, -1.0, 1.0)));
+    error.height_mm = 1000 * world_from_truth.translation.z;
+    return error;
 }
 
-TEST(Floor, FromABoardIsTheBoard) {
+TEST(Floor, BoardDefinesTheWorldFrame) {
     const std::vector<Camera> truth = ring(4);
     const std::vector<Vec3> points = testing::kBoard.points();
     const Rigid3 world_from_board{rotation_z(0.7), {0.3, -0.4, 0.01}};  // on a board of 10 mm
@@ -55,17 +56,17 @@ TEST(Floor, FromABoardIsTheBoard) {
         seen.push_back(see_board(camera, points, world_from_board, random).corners);
     const auto floor = floor_from_board(in_old(truth), points, seen, 0.01);
     ASSERT_TRUE(floor.ok()) << floor.status();
-    EXPECT_LT(miss_of(*floor).tilt_deg, 0.1);
-    EXPECT_NEAR(miss_of(*floor).height_mm, 0, 2);
-    const Vec3 origin = miss_of(*floor).truth_from_world * Vec3{0, 0, 0.01};
+    EXPECT_LT(error_of(*floor).tilt_deg, 0.1);
+    EXPECT_NEAR(error_of(*floor).height_mm, 0, 2);
+    const Vec3 origin = error_of(*floor).truth_from_world * Vec3{0, 0, 0.01};
     EXPECT_LT(norm(origin - world_from_board.translation), 0.003);
     EXPECT_TRUE(floor->findings.empty());
-    // One camera alone is believed with care.
+    // One camera alone gives CAUTION.
     for (std::size_t c = 1; c < 4; ++c) seen[c].clear();
     const auto alone = floor_from_board(in_old(truth), points, seen);
     ASSERT_TRUE(alone.ok());
     ASSERT_EQ(alone->findings.size(), 1u);
-    EXPECT_EQ(alone->findings[0].check, "one_view");
+    EXPECT_EQ(alone->findings[0].check, "single_view");
     EXPECT_FALSE(floor_from_board(in_old(truth), points, std::vector<std::vector<Corner>>(4)).ok());
 }
 
@@ -81,7 +82,7 @@ struct PointsCase {
     double scale = 1;
 };
 
-TEST(Floor, FromPointsIsWhereTheyAre) {
+TEST(Floor, PointsDefineTheWorldFrame) {
     const std::vector<Vec3> three{{0, 0, 0}, {1.5, 0, 0}, {0.2, 1.2, 0}};
     const std::vector<Vec3> four{{-1, -1, 0}, {1, -1, 0}, {1, 1, 0}, {-1, 1, 0}};
     const std::vector<Vec3> room{{-1, -1, 0}, {1, -1, 0}, {1, 1, 0.8}, {-1, 1, 1.5}, {0, 0, 0}};
@@ -100,7 +101,7 @@ TEST(Floor, FromPointsIsWhereTheyAre) {
          0.5,
          3,
          200,
-         "clicks",
+         "clicked_points",
          [](std::vector<FloorPoint>& points) { points[1].clicks[2].second.x += 120; }},
         {"unknown, one clicked on a chair",
          four,
@@ -109,7 +110,7 @@ TEST(Floor, FromPointsIsWhereTheyAre) {
          0.5,
          15,
          500,
-         "flat_floor",
+         "floor_flatness",
          [](std::vector<FloorPoint>& points) {
              for (auto& [camera, pixel] : points[2].clicks) pixel = *ring(4)[camera].project({1, 1, 0.45});
          }},
@@ -142,16 +143,15 @@ TEST(Floor, FromPointsIsWhereTheyAre) {
         if (test.spoil) test.spoil(points);
         const auto floor = floor_from_points(in_old(truth, test.scale), points);
         ASSERT_TRUE(floor.ok()) << floor.status();
-        const Miss miss = miss_of(*floor);
-        EXPECT_LT(miss.tilt_deg, test.max_tilt_deg);
+        const WorldError error = error_of(*floor);
+        EXPECT_LT(error.tilt_deg, test.max_tilt_deg);
         if (!*test.check) {
             EXPECT_TRUE(floor->findings.empty()) << floor->findings[0].reason;
-            // Where the world was asked to be: its first point, and x to the second where that was all that
-            // was told.
+            // The requested world frame: its first point, and x towards the second if nothing else is given.
             const Vec3 first = test.known ? test.in_world[0] : Vec3{};
-            const Vec3 found = miss.truth_from_world * first;
+            const Vec3 found = error.truth_from_world * first;
             EXPECT_LT(1000 * norm(found - test.in_world[0]), test.max_mm);
-            const Vec3 x = miss.truth_from_world.rotation * Vec3{1, 0, 0};
+            const Vec3 x = error.truth_from_world.rotation * Vec3{1, 0, 0};
             const Vec3 wanted = test.known ? Vec3{1, 0, 0} : normalized(test.in_world[1] - test.in_world[0]);
             EXPECT_GT(dot(x, wanted), 0.9999);
         } else if (std::string(test.check) != "?") {
@@ -166,7 +166,7 @@ TEST(Floor, FromPointsIsWhereTheyAre) {
     }
 }
 
-TEST(Floor, PointsThatCannotDoAreRefused) {
+TEST(Floor, RefusesUnusablePoints) {
     const std::vector<Camera> truth = ring(4);
     const auto point = [&](Vec3 p, bool known) {
         FloorPoint out;
@@ -174,22 +174,22 @@ TEST(Floor, PointsThatCannotDoAreRefused) {
         for (int c = 0; c < 2; ++c) out.clicks.push_back({c, *truth[c].project(p)});
         return out;
     };
-    const auto told = [&](const std::vector<FloorPoint>& points) {
+    const auto message_of = [&](const std::vector<FloorPoint>& points) {
         const auto floor = floor_from_points(truth, points);
         return floor.ok() ? std::string("ok") : std::string(floor.status().message());
     };
-    EXPECT_THAT(told({point({0, 0, 0}, true), point({1, 0, 0}, true)}), HasSubstr("three or four"));
+    EXPECT_THAT(message_of({point({0, 0, 0}, true), point({1, 0, 0}, true)}), HasSubstr("three or four"));
     for (const bool known : {true, false})
-        EXPECT_THAT(told({point({0, 0, 0}, known), point({1, 0, 0}, known), point({0.5, 0, 0}, known)}),
+        EXPECT_THAT(message_of({point({0, 0, 0}, known), point({1, 0, 0}, known), point({0.5, 0, 0}, known)}),
                     HasSubstr("line"));
-    EXPECT_THAT(told({point({0, 0, 0}, true), point({1, 0, 0}, false), point({0, 1, 0}, true)}),
+    EXPECT_THAT(message_of({point({0, 0, 0}, true), point({1, 0, 0}, false), point({0, 1, 0}, true)}),
                 HasSubstr("all points"));
     FloorPoint once = point({0, 1, 0}, false);
     once.clicks.resize(1);
-    EXPECT_THAT(told({point({0, 0, 0}, false), point({1, 0, 0}, false), once}), HasSubstr("point 3"));
+    EXPECT_THAT(message_of({point({0, 0, 0}, false), point({1, 0, 0}, false), once}), HasSubstr("point 3"));
 }
 
-TEST(Floor, PointsAreReadFromText) {
+TEST(Floor, ReadsPointsFromText) {
     const std::vector<Camera> cameras = ring(4);
     const auto point = parse_floor_point("1,-2.5,0 cam1:412.5,300  cam3:99,120", cameras);
     ASSERT_TRUE(point.ok()) << point.status();
@@ -215,7 +215,7 @@ struct WalkCase {
     bool narrow;  // no walk over an area: the verdict must say so
 };
 
-TEST(Floor, FromAPersonWhoWalks) {
+TEST(Floor, WalkingPersonDefinesTheWorldFrame) {
     const WalkCase table[] = {
         {"walk", 4, 40, 10, 0.6, 25, false},
         {"walk", 8, 30, 10, 0.5, 15, false},
@@ -230,19 +230,19 @@ TEST(Floor, FromAPersonWhoWalks) {
         const auto studio = *studio::Studio::create(options);
         SilhouetteSet set;
         for (int frame = 0; frame < test.frames; ++frame) {
-            set.moments.emplace_back();
-            for (auto& mask : studio->masks(frame)) set.moments.back().push_back({std::move(mask), false});
+            set.frame_sets.emplace_back();
+            for (auto& mask : studio->masks(frame)) set.frame_sets.back().push_back({std::move(mask), false});
         }
         const auto floor = floor_from_person(in_old(studio->cameras()), set);
         ASSERT_TRUE(floor.ok()) << floor.status();
-        const Miss miss = miss_of(*floor);
-        RecordProperty("tilt_deg", std::to_string(miss.tilt_deg));
+        const WorldError error = error_of(*floor);
+        RecordProperty("tilt_deg", std::to_string(error.tilt_deg));
         printf("%s, %d cameras: tilt %.2f degrees (said: %.2f), height %+.0f mm\n", test.motion, test.cameras,
-               miss.tilt_deg, *floor->tilt_std_deg, miss.height_mm);
-        EXPECT_LT(miss.tilt_deg, test.max_tilt_deg);
-        EXPECT_LT(std::abs(miss.height_mm), test.max_mm);
+               error.tilt_deg, *floor->tilt_std_deg, error.height_mm);
+        EXPECT_LT(error.tilt_deg, test.max_tilt_deg);
+        EXPECT_LT(std::abs(error.height_mm), test.max_mm);
         bool narrow = false;
-        for (const Finding& finding : floor->findings) narrow = narrow || finding.check == "floor_narrow";
+        for (const Finding& finding : floor->findings) narrow = narrow || finding.check == "walk_too_narrow";
         EXPECT_EQ(narrow, test.narrow);
         std::vector<Camera> cameras = in_old(studio->cameras());
         move_cameras({1, floor->world_from_old}, cameras);
@@ -250,9 +250,9 @@ TEST(Floor, FromAPersonWhoWalks) {
     }
 }
 
-TEST(Floor, NobodyIsNoFloor) {
+TEST(Floor, RefusesAnEmptySession) {
     SilhouetteSet set;
-    for (int m = 0; m < 20; ++m) set.moments.emplace_back(4);
+    for (int m = 0; m < 20; ++m) set.frame_sets.emplace_back(4);
     EXPECT_EQ(floor_from_person(ring(4), set).status().code(), absl::StatusCode::kFailedPrecondition);
     EXPECT_EQ(
         floor_from_person(ring(4), set, {}, [](double, const std::string&) { return false; }).status().code(),

@@ -1,4 +1,4 @@
-// Silhouettes of the virtual studio's person, exact, without pictures.
+// Exact silhouettes of the virtual studio's person, without images.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -6,17 +6,18 @@
 #include <string>
 #include <vector>
 
-#include "server/calibration/silhouette_set.h"
 #include "server/cameras/studio/studio.h"
+#include "server/silhouettes/silhouette_set.h"
 
 namespace kinevox::testing {
 
 struct StudioSilhouettes {
-    std::vector<Camera> cameras;  // as they stand
+    std::vector<Camera> cameras;  // true cameras
     SilhouetteSet set;
 };
 
-inline StudioSilhouettes studio_silhouettes(const std::string& motion, int cameras, int moments, int every) {
+inline StudioSilhouettes studio_silhouettes(const std::string& motion, int cameras, int frame_sets,
+                                            int stride) {
     studio::StudioOptions options;
     options.motion = motion, options.cameras = cameras;
     options.width = 480, options.height = 360, options.distortion = 0.05;
@@ -25,10 +26,10 @@ inline StudioSilhouettes studio_silhouettes(const std::string& motion, int camer
     EXPECT_TRUE(studio.ok()) << studio.status();
     if (!studio.ok()) return out;
     out.cameras = (*studio)->cameras();
-    for (int m = 0; m < moments; ++m) {
-        std::vector<SilhouettePicture> pictures;
-        for (auto& mask : (*studio)->masks(every * m)) pictures.push_back({std::move(mask), false});
-        out.set.moments.push_back(std::move(pictures));
+    for (int m = 0; m < frame_sets; ++m) {
+        std::vector<SilhouetteMask> images;
+        for (auto& mask : (*studio)->masks(stride * m)) images.push_back({std::move(mask), false});
+        out.set.frame_sets.push_back(std::move(images));
     }
     return out;
 }

@@ -1,13 +1,13 @@
-// Cameras around a room and what they would see of a board, without pictures.
+// Cameras around a room and their detections of a board, without images.
 #pragma once
 
 #include <functional>
 #include <random>
 #include <vector>
 
-#include "server/calibration/extrinsics.h"
-#include "server/cameras/studio/props.h"
+#include "server/calibration/board/extrinsics.h"
 #include "server/cameras/studio/studio.h"
+#include "server/cameras/studio/targets.h"
 
 namespace kinevox::testing {
 
@@ -19,31 +19,31 @@ inline std::vector<Camera> ring(int count) {
     return studio::ring_of_cameras(options, false);
 }
 
-inline std::vector<Camera> lenses_of(std::vector<Camera> cameras) {
+inline std::vector<Camera> intrinsics_from(std::vector<Camera> cameras) {
     for (Camera& camera : cameras) camera.camera_from_world = {};
     return cameras;
 }
 
-// Noise of 0.2 px. Nothing where the print is not seen or the view is too flat.
-inline BoardSighting see_board(const Camera& camera, const std::vector<Vec3>& points,
-                               const Rigid3& world_from_board, std::mt19937& random) {
-    BoardSighting sighting;
+// With noise of 0.2 px. Empty if the print is not visible or the view is too flat.
+inline BoardDetection see_board(const Camera& camera, const std::vector<Vec3>& points,
+                                const Rigid3& world_from_board, std::mt19937& random) {
+    BoardDetection detection;
     std::normal_distribution<double> noise(0, 0.2);
     const Vec3 eye = world_from_board.inverse() * camera.centre_in_world();
-    if (eye.z < 0.25 * norm(eye)) return sighting;
+    if (eye.z < 0.25 * norm(eye)) return detection;
     for (std::size_t p = 0; p < points.size(); ++p) {
         const auto seen = camera.project(world_from_board * points[p]);
         if (seen && seen->x > 0 && seen->y > 0 && seen->x < camera.width && seen->y < camera.height)
-            sighting.corners.push_back(
+            detection.corners.push_back(
                 {static_cast<int>(p), {seen->x + noise(random), seen->y + noise(random)}});
     }
-    if (sighting.corners.size() < 8) sighting.corners.clear();
-    sighting.edge_px = 2;
-    return sighting;
+    if (detection.corners.size() < 8) detection.corners.clear();
+    detection.edge_px = 2;
+    return detection;
 }
 
-inline Rigid3 board_at(const std::vector<Camera>& cameras, int moment) {
-    return studio::held_board(cameras, {-1, -1, 0.4}, {1, 1, 1.8}, {0.4, 0.3, 0}, moment, 5);
+inline Rigid3 board_at(const std::vector<Camera>& cameras, int frame_set) {
+    return studio::held_board(cameras, {-1, -1, 0.4}, {1, 1, 1.8}, {0.4, 0.3, 0}, frame_set, 5);
 }
 
 }  // namespace kinevox::testing

@@ -1,11 +1,11 @@
-// What people do wrong, and that the verdict is not GO and gives the right reason.
+// Common mistakes with a board: the verdict is not GO and the findings name the mistake.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <functional>
 
-#include "server/calibration/diagnosis.h"
-#include "server/calibration/intrinsics.h"
+#include "server/calibration/board/intrinsics.h"
+#include "server/calibration/person/diagnosis.h"
 #include "server/calibration/triangulation.h"
 #include "tests/unit/calibration/synthetic_views.h"
 
@@ -13,90 +13,91 @@ namespace kinevox {
 namespace {
 
 using testing::board_at;
+using testing::intrinsics_from;
 using testing::kBoard;
-using testing::lenses_of;
 using testing::ring;
 using testing::see_board;
 
 struct Wrong {
     const char* what;
-    const char* check;   // of the finding that must be there; empty: all is well
-    const char* camera;  // that it must name; empty: any
-    int moments = 60;
-    std::function<void(int moment, std::vector<Camera>& cameras)> cameras;  // as they really stand
-    std::function<void(BoardSighting&)> sighting;
-    std::function<void(std::vector<Camera>&)> lenses;  // as they are believed
+    const char* check;   // of the expected finding; empty: no mistake
+    const char* camera;  // expected in the finding; empty: any
+    int frame_sets = 60;
+    std::function<void(int frame_set, std::vector<Camera>& cameras)> cameras;  // true cameras
+    std::function<void(BoardDetection&)> detection;
+    std::function<void(std::vector<Camera>&)> intrinsics;  // assumed intrinsics
     std::function<Rigid3(const std::vector<Camera>&, int)> board = board_at;
 };
 
 absl::StatusOr<ExtrinsicsResult> calibrate(const Wrong& wrong) {
     const std::vector<Camera> truth = ring(4);
-    std::vector<Camera> lenses = lenses_of(truth);
-    if (wrong.lenses) wrong.lenses(lenses);
+    std::vector<Camera> intrinsics = intrinsics_from(truth);
+    if (wrong.intrinsics) wrong.intrinsics(intrinsics);
     ExtrinsicsOptions options;
     options.solve_delays = false;
-    ExtrinsicsProcedure procedure(lenses, kBoard, options);
+    ExtrinsicsProcedure procedure(intrinsics, kBoard, options);
     std::mt19937 random(7);
-    for (int m = 0; m < wrong.moments; ++m) {
+    for (int m = 0; m < wrong.frame_sets; ++m) {
         std::vector<Camera> cameras = truth;
         if (wrong.cameras) wrong.cameras(m, cameras);
         for (int c = 0; c < 4; ++c) {
-            BoardSighting seen = see_board(cameras[c], kBoard.points(), wrong.board(truth, m), random);
-            if (wrong.sighting) wrong.sighting(seen);
+            BoardDetection seen = see_board(cameras[c], kBoard.points(), wrong.board(truth, m), random);
+            if (wrong.detection) wrong.detection(seen);
             procedure.add_observation(m, c, seen);
         }
     }
     return procedure.solve();
 }
 
-TEST(WrongOnPurpose, BoardProcedureGivesTheReason) {
+TEST(BoardMistakes, FindingsNameTheMistake) {
     const Wrong table[] = {
         {"all is well", "", ""},
         {"mirrored board",
-         "mirrored",
+         "target_mirrored",
          "",
          60,
          {},
-         [](BoardSighting& seen) {
+         [](BoardDetection& seen) {
              for (Corner& corner : seen.corners) corner.id = corner.id / 5 * 5 + 4 - corner.id % 5;
          }},
         {"two cameras swapped",
-         "swapped",
+         "cameras_swapped",
          "cam1",
          60,
          {},
          {},
-         [](std::vector<Camera>& lenses) {
-             std::swap(lenses[0], lenses[1]);
-             std::swap(lenses[0].name, lenses[1].name);
+         [](std::vector<Camera>& intrinsics) {
+             std::swap(intrinsics[0], intrinsics[1]);
+             std::swap(intrinsics[0].name, intrinsics[1].name);
          }},
-        {"one camera knocked", "knocked", "cam3", 60,
-         [](int moment, std::vector<Camera>& cameras) {
-             if (moment >= 30) cameras[2] = studio::knocked(cameras[2], {0, 0.02, 0.01}, {0, 0, 0});
+        {"one camera moved", "camera_moved", "cam3", 60,
+         [](int frame_set, std::vector<Camera>& cameras) {
+             if (frame_set >= 30) cameras[2] = studio::bumped_camera(cameras[2], {0, 0.02, 0.01}, {0, 0, 0});
          }},
         {"too few views", "too_few_views", "", 12},
         {"flat in all views",
-         "flat",
+         "uniform_tilt",
          "",
          60,
          {},
          {},
          {},
-         [](const std::vector<Camera>&, int moment) {
-             return Rigid3{{}, {-0.8 + 0.1 * (moment % 8), -0.8 + 0.1 * (moment / 8), 0.02 * (moment % 5)}};
+         [](const std::vector<Camera>&, int frame_set) {
+             return Rigid3{
+                 {}, {-0.8 + 0.1 * (frame_set % 8), -0.8 + 0.1 * (frame_set / 8), 0.02 * (frame_set % 5)}};
          }},
     };
     for (const Wrong& wrong : table) {
         SCOPED_TRACE(wrong.what);
         Wrong tried = wrong;
-        // Lenses that differ, so that exchanging them can be seen.
-        if (std::string(wrong.check) == "swapped")
+        // Different intrinsics, so that an exchange shows.
+        if (std::string(wrong.check) == "cameras_swapped")
             tried.cameras =
                 [](int, std::vector<Camera>& cameras) {
                     cameras[0].fx = cameras[0].fy *= 1.12, cameras[0].k1 = -0.1;
                 },
-            tried.lenses = [](std::vector<Camera>& lenses) {
-                lenses[1].fx = lenses[1].fy *= 1.12, lenses[1].k1 = -0.1;
+            tried.intrinsics = [](std::vector<Camera>& intrinsics) {
+                intrinsics[1].fx = intrinsics[1].fy *= 1.12, intrinsics[1].k1 = -0.1;
             };
         const auto result = calibrate(tried);
         ASSERT_TRUE(result.ok()) << result.status();
@@ -119,21 +120,21 @@ TEST(WrongOnPurpose, BoardProcedureGivesTheReason) {
     }
 }
 
-TEST(WrongOnPurpose, CamerasThatShareNoViewAreNamed) {
+TEST(BoardMistakes, NamesCamerasWithoutSharedViews) {
     const std::vector<Camera> truth = ring(4);
-    ExtrinsicsProcedure procedure(lenses_of(truth), kBoard);
+    ExtrinsicsProcedure procedure(intrinsics_from(truth), kBoard);
     std::mt19937 random(7);
     for (int m = 0; m < 40; ++m)
         for (int c = 0; c < 3; ++c)
             procedure.add_observation(m, c, see_board(truth[c], kBoard.points(), board_at(truth, m), random));
-    EXPECT_THAT(procedure.hints(), ::testing::Contains("camera cam4 has not seen the board"));
+    EXPECT_THAT(procedure.hints(), ::testing::Contains("camera cam4 has not detected the board"));
     const auto result = procedure.solve();
     ASSERT_TRUE(result.ok()) << result.status();
-    EXPECT_THAT(result->left_out, ::testing::ElementsAre("cam4"));
+    EXPECT_THAT(result->excluded_cameras, ::testing::ElementsAre("cam4"));
     EXPECT_EQ(worst(result->findings), Verdict::kNoGo);
 }
 
-TEST(WrongOnPurpose, LensFromFlatViewsIsRefused) {
+TEST(BoardMistakes, RefusesIntrinsicsFromFlatViews) {
     const Camera camera = ring(4)[0];
     std::mt19937 random(2);
     for (const bool flat : {true, false}) {
@@ -148,9 +149,9 @@ TEST(WrongOnPurpose, LensFromFlatViewsIsRefused) {
         }
         const auto result = procedure.solve();
         ASSERT_TRUE(result.ok()) << result.status();
-        const bool refused =
-            std::any_of(result->findings.begin(), result->findings.end(),
-                        [](const Finding& f) { return f.check == "flat" && f.verdict == Verdict::kNoGo; });
+        const bool refused = std::any_of(
+            result->findings.begin(), result->findings.end(),
+            [](const Finding& f) { return f.check == "uniform_tilt" && f.verdict == Verdict::kNoGo; });
         EXPECT_EQ(refused, flat);
         if (!flat) {
             EXPECT_NEAR(result->camera.fx / camera.fx, 1, 0.005);
@@ -158,7 +159,7 @@ TEST(WrongOnPurpose, LensFromFlatViewsIsRefused) {
     }
 }
 
-TEST(WrongOnPurpose, WorldIsChecked) {
+TEST(BoardMistakes, ChecksTheWorldFrame) {
     const std::vector<Camera> good = ring(4);
     const SubjectExtent person{0.01, 1.79, 0.3};
     EXPECT_TRUE(check_world(good, person, 1.78).empty());
@@ -170,12 +171,13 @@ TEST(WrongOnPurpose, WorldIsChecked) {
     };
     std::vector<Camera> mirrored = good, hanging = good;
     move_cameras({1, {rotation_x(3.14159265358979), {}}}, mirrored);
-    EXPECT_EQ(checks(check_world(mirrored, std::nullopt, std::nullopt)), "NO-GO mirrored ;");
-    hanging[2] = studio::knocked(hanging[2], {0, 0, 3.14159265358979}, {});
-    EXPECT_EQ(checks(check_world(hanging, person, std::nullopt)), "CARE upside_down cam3;");
+    EXPECT_EQ(checks(check_world(mirrored, std::nullopt, std::nullopt)), "NO-GO target_mirrored ;");
+    hanging[2] = studio::bumped_camera(hanging[2], {0, 0, 3.14159265358979}, {});
+    EXPECT_EQ(checks(check_world(hanging, person, std::nullopt)), "CAUTION camera_upside_down cam3;");
     EXPECT_EQ(checks(check_world(good, SubjectExtent{0.01, 1.61, 0.3}, 1.78)), "NO-GO scale ;");
-    EXPECT_EQ(checks(check_world(good, SubjectExtent{-0.5, 1.28, 0.3}, 1.78)), "NO-GO floor ;");
-    EXPECT_EQ(checks(check_world(good, SubjectExtent{0.01, 0.5, 1.7}, std::nullopt)), "NO-GO not_upright ;");
+    EXPECT_EQ(checks(check_world(good, SubjectExtent{-0.5, 1.28, 0.3}, 1.78)), "NO-GO feet_height ;");
+    EXPECT_EQ(checks(check_world(good, SubjectExtent{0.01, 0.5, 1.7}, std::nullopt)),
+              "NO-GO subject_not_upright ;");
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Videos in the containers and codecs that people have: each picture is the one that OpenCV reads at that
+// Videos in the containers and codecs that people have: each image is the one that OpenCV reads at that
 // place, bit for bit, wherever it is sought from.
 #include "server/cameras/container_video.h"
 
@@ -129,19 +129,19 @@ Camera camera_of(const Kind& kind) {
 }
 
 std::vector<cv::Mat> read_by_opencv(const fs::path& file, int turn_deg = 0) {
-    std::vector<cv::Mat> pictures;
+    std::vector<cv::Mat> images;
     cv::VideoCapture capture(file.string(), cv::CAP_FFMPEG);
     capture.set(cv::CAP_PROP_ORIENTATION_AUTO, 0);  // OpenCV 4.6 turns the wrong way
-    for (cv::Mat picture; capture.read(picture);) {
-        pictures.push_back(picture.clone());
+    for (cv::Mat image; capture.read(image);) {
+        images.push_back(image.clone());
         const std::array turns{cv::ROTATE_90_CLOCKWISE, cv::ROTATE_180, cv::ROTATE_90_COUNTERCLOCKWISE};
         if (turn_deg > 0)
-            cv::rotate(picture, pictures.back(), turns[static_cast<std::size_t>(turn_deg / 90 - 1)]);
+            cv::rotate(image, images.back(), turns[static_cast<std::size_t>(turn_deg / 90 - 1)]);
     }
-    return pictures;
+    return images;
 }
 
-bool same(const Picture& a, const cv::Mat& b) {
+bool same(const Image& a, const cv::Mat& b) {
     return a.width == b.cols && a.height == b.rows && b.isContinuous() &&
            std::memcmp(a.data.get(), b.data, b.total() * 3) == 0;
 }
@@ -152,7 +152,7 @@ class ContainerVideo : public ::testing::TestWithParam<Kind> {
     testing::TemporaryFolder folder_;
 };
 
-TEST_P(ContainerVideo, EachPictureIsTheRightOneWhereverItIsSoughtFrom) {
+TEST_P(ContainerVideo, SeekDeliversExactImageFromAnyPosition) {
     const Kind& kind = GetParam();
     const fs::path file = folder_ / ("video." + kind.extension);
     if (!write(file, kind)) GTEST_SKIP() << "this FFmpeg has no " << kind.codec;
@@ -164,9 +164,9 @@ TEST_P(ContainerVideo, EachPictureIsTheRightOneWhereverItIsSoughtFrom) {
     ASSERT_TRUE(video.ok()) << video.status();
     for (int round = 0; round < 2; ++round) {
         for (std::size_t n = 0; n < truth.size(); ++n) {
-            const auto picture = (*video)->next();
-            ASSERT_TRUE(picture.ok()) << n << ": " << picture.status();
-            ASSERT_TRUE(same(*picture, truth[n])) << n;
+            const auto image = (*video)->next();
+            ASSERT_TRUE(image.ok()) << n << ": " << image.status();
+            ASSERT_TRUE(same(*image, truth[n])) << n;
         }
         EXPECT_TRUE(absl::IsOutOfRange((*video)->next().status()));
         EXPECT_TRUE(absl::IsOutOfRange((*video)->next().status())) << "and stays so";
@@ -184,9 +184,9 @@ TEST_P(ContainerVideo, EachPictureIsTheRightOneWhereverItIsSoughtFrom) {
     const auto expect = [&](int frame) {
         ASSERT_TRUE((*video)->seek(frame).ok());
         for (int n = frame; n < std::min(frame + 3, frames); ++n) {
-            const auto picture = (*video)->next();
-            ASSERT_TRUE(picture.ok()) << n << ": " << picture.status();
-            ASSERT_TRUE(same(*picture, truth[static_cast<std::size_t>(n)])) << n << " behind " << frame;
+            const auto image = (*video)->next();
+            ASSERT_TRUE(image.ok()) << n << ": " << image.status();
+            ASSERT_TRUE(same(*image, truth[static_cast<std::size_t>(n)])) << n << " behind " << frame;
         }
     };
     for (int k = 0; k < 40; ++k)
@@ -220,7 +220,7 @@ INSTANTIATE_TEST_SUITE_P(
         Kind{"TransportStream", "ts", "libx264", "g=24"}, Kind{"NoContainer", "h264", "libx264", "g=24"},
         Kind{"Mp4Hevc", "mp4", "libx265",
              "x265-params=keyint=24:min-keyint=24:log-level=none:pools=none:frame-threads=1"},
-        Kind{"WebmHiddenPictures", "webm", "libvpx", "g=24,auto-alt-ref=1,lag-in-frames=10,b=200000"},
+        Kind{"WebmHiddenImages", "webm", "libvpx", "g=24,auto-alt-ref=1,lag-in-frames=10,b=200000"},
         Kind{"AviMpeg4", "avi", "mpeg4", "g=24,q=3"},
         Kind{"AviMpeg4Reordered", "avi", "mpeg4", "g=24,bf=2,q=3"},
         Kind{"Mp4Mpeg4Reordered", "mp4", "mpeg4", "g=24,bf=2,q=3"},
@@ -228,8 +228,8 @@ INSTANTIATE_TEST_SUITE_P(
         Kind{"AviLossless", "avi", "ffv1", "", {}, AV_PIX_FMT_BGR0, 60, 65, 49}),
     [](const auto& info) { return info.param.name; });
 
-// The videos that `kinevox process` is tested with: it gets the pictures that OpenCV's reader gave it.
-TEST(TestData, IsReadAsByOpenCV) {
+// The videos that `kinevox process` is tested with: it gets the images that OpenCV's reader gave it.
+TEST(TestData, DecodesAsOpenCV) {
     silence_video_libraries();
     KINEVOX_REQUIRE_DATA(balancing, "balancing/trial");
     KINEVOX_REQUIRE_DATA(walk, "studio/walk");
@@ -245,9 +245,9 @@ TEST(TestData, IsReadAsByOpenCV) {
         ASSERT_TRUE(video.ok() && sought.ok()) << video.status() << sought.status();
         cv::Mat truth;
         for (int n = 0; n < 70 && capture.read(truth); ++n) {
-            const auto picture = (*video)->next();
-            ASSERT_TRUE(picture.ok()) << picture.status();
-            ASSERT_TRUE(same(*picture, truth)) << n;
+            const auto image = (*video)->next();
+            ASSERT_TRUE(image.ok()) << image.status();
+            ASSERT_TRUE(same(*image, truth)) << n;
             if (n % 23 != 22) continue;
             ASSERT_TRUE((*sought)->seek(n).ok());
             const auto again = (*sought)->next();
@@ -258,7 +258,7 @@ TEST(TestData, IsReadAsByOpenCV) {
 }
 
 // An AVI's index stands at its end, so that one which was cut off has none.
-TEST(CutOffVideo, IsReadAsFarAsItGoesAndThenSaysSo) {
+TEST(CutOffVideo, TruncatedVideoEndsWithError) {
     silence_video_libraries();
     const testing::TemporaryFolder folder;
     for (const Kind& kind : {Kind{"avi", "avi", "mpeg4", "g=24,q=3"},
@@ -281,10 +281,10 @@ TEST(CutOffVideo, IsReadAsFarAsItGoesAndThenSaysSo) {
         int read = 0;
         absl::Status end;
         for (;; ++read) {
-            const auto picture = (*video)->next();
-            end = picture.status();
+            const auto image = (*video)->next();
+            end = image.status();
             if (!end.ok()) break;
-            EXPECT_TRUE(read >= 50 || same(*picture, truth[static_cast<std::size_t>(read)])) << read;
+            EXPECT_TRUE(read >= 50 || same(*image, truth[static_cast<std::size_t>(read)])) << read;
         }
         EXPECT_GT(read, 50);
         EXPECT_LT(read, kind.frames);
@@ -298,7 +298,7 @@ TEST(CutOffVideo, IsReadAsFarAsItGoesAndThenSaysSo) {
         absl::Status beyond = (*video)->seek(kind.frames - 1);
         if (beyond.ok()) beyond = (*video)->next().status();
         EXPECT_TRUE(absl::IsDataLoss(beyond)) << beyond;
-        EXPECT_THAT(std::string(beyond.message()), HasSubstr("cut off"));
+        EXPECT_THAT(std::string(beyond.message()), HasSubstr("truncated"));
     }
 }
 

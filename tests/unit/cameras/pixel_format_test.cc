@@ -12,7 +12,7 @@ namespace {
 constexpr int kRowWidth = 16, kRows = 8;
 constexpr std::uint8_t kBgr[3] = {40, 90, 200};
 
-// Values of 8 bits, as a camera with so many bits packs them; its lower bits are 1, which must not matter.
+// 8-bit values packed by a camera with this bit depth; its lower bits are 1 and must be ignored.
 std::vector<std::uint8_t> packed(const std::vector<std::uint8_t>& values, const std::string& packing) {
     std::vector<std::uint8_t> out;
     const int bits = packing == "8" ? 8 : packing.starts_with("10") ? 10 : 12;
@@ -47,7 +47,7 @@ std::vector<std::uint8_t> mosaic(const std::string& pattern) {
     return out;
 }
 
-TEST(PixelFormats, EachColourComesOutAsItself) {
+TEST(PixelFormats, ConvertColoursCorrectly) {
     const struct {
         std::uint32_t format;
         const char *pattern, *packing;
@@ -66,7 +66,7 @@ TEST(PixelFormats, EachColourComesOutAsItself) {
     for (const auto& row : kTable) {
         const auto bytes = packed(mosaic(row.pattern), row.packing);
         ASSERT_TRUE(is_known_pixel_format(row.format));
-        ASSERT_EQ(bytes.size(), picture_bytes(row.format, kRowWidth, kRows)) << row.pattern << row.packing;
+        ASSERT_EQ(bytes.size(), image_bytes(row.format, kRowWidth, kRows)) << row.pattern << row.packing;
         std::vector<std::uint8_t> bgr(3 * kRowWidth * kRows);
         ASSERT_TRUE(to_bgr(row.format, bytes, kRowWidth, kRows, bgr.data()).ok());
         for (std::size_t i = 0; i < bgr.size(); ++i)
@@ -74,7 +74,7 @@ TEST(PixelFormats, EachColourComesOutAsItself) {
     }
 }
 
-TEST(PixelFormats, GreyAndColourAreTakenAsTheyAre) {
+TEST(PixelFormats, PassGreyAndColourUnchanged) {
     std::vector<std::uint8_t> grey(kRowWidth * kRows), out(3 * kRowWidth * kRows);
     for (std::size_t i = 0; i < grey.size(); ++i) grey[i] = static_cast<std::uint8_t>(i + 3);
     for (const auto& [format, packing] :
@@ -97,7 +97,7 @@ TEST(PixelFormats, GreyAndColourAreTakenAsTheyAre) {
     EXPECT_EQ(out, colours);
 }
 
-TEST(PixelFormats, WhatIsNotUnderstoodIsRefused) {
+TEST(PixelFormats, RejectUnknownFormats) {
     std::vector<std::uint8_t> bytes(64), out(3 * kRowWidth * kRows);
     EXPECT_FALSE(is_known_pixel_format(0x0210001f));  // YUV422
     EXPECT_TRUE(absl::IsInvalidArgument(to_bgr(0x0210001f, bytes, kRowWidth, kRows, out.data())));

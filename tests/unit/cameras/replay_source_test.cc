@@ -27,19 +27,18 @@ constexpr double kFps = 200;
 
 // The frame's number in two grey levels, left and right; compression changes them by less than half a step.
 cv::Mat numbered(int frame) {
-    cv::Mat picture(kHeight, kWidth, CV_8UC3, cv::Scalar::all(20 + 20 * (frame / 10)));
-    picture(cv::Rect(kWidth / 2, 0, kWidth / 2, kHeight)) = cv::Scalar::all(20 + 20 * (frame % 10));
-    return picture;
+    cv::Mat image(kHeight, kWidth, CV_8UC3, cv::Scalar::all(20 + 20 * (frame / 10)));
+    image(cv::Rect(kWidth / 2, 0, kWidth / 2, kHeight)) = cv::Scalar::all(20 + 20 * (frame % 10));
+    return image;
 }
-int number_in(const Picture& picture) {
+int number_in(const Image& image) {
     const auto level = [&](int x) {
-        return static_cast<int>(
-            std::lround((picture.data[3 * (picture.width * (kHeight / 2) + x)] - 20) / 20.0));
+        return static_cast<int>(std::lround((image.data[3 * (image.width * (kHeight / 2) + x)] - 20) / 20.0));
     };
     return 10 * level(kWidth / 4) + level(3 * kWidth / 4);
 }
 
-// Three cameras: H.264 with a key frame every 30, FFV1, and a folder of pictures.
+// Three cameras: H.264 with a key frame every 30, FFV1, and a folder of images.
 class ReplaySourceTest : public ::testing::Test {
   protected:
     static void SetUpTestSuite() {
@@ -66,12 +65,12 @@ class ReplaySourceTest : public ::testing::Test {
         ASSERT_TRUE(ffv1.isOpened());
         std::filesystem::create_directories(folder / files[2]);
         for (int frame = 0; frame < kFrames; ++frame) {
-            const cv::Mat picture = numbered(frame);
-            const std::shared_ptr<std::uint8_t[]> data(new std::uint8_t[picture.total() * 3]);
-            std::copy(picture.data, picture.data + picture.total() * 3, data.get());
+            const cv::Mat image = numbered(frame);
+            const std::shared_ptr<std::uint8_t[]> data(new std::uint8_t[image.total() * 3]);
+            std::copy(image.data, image.data + image.total() * 3, data.get());
             ASSERT_TRUE((*h264)->write({kWidth, kHeight, 3, data}).ok());
-            ffv1.write(picture);
-            cv::imwrite((folder / files[2] / fmt::format("{}.png", frame)).string(), picture);
+            ffv1.write(image);
+            cv::imwrite((folder / files[2] / fmt::format("{}.png", frame)).string(), image);
         }
         ASSERT_TRUE((*h264)->close().ok());
     }
@@ -87,14 +86,14 @@ class ReplaySourceTest : public ::testing::Test {
         ASSERT_TRUE(set.ok()) << set.status();
         EXPECT_EQ(set->recorded_frame, frame);
         EXPECT_EQ(set->capture_time_ns, static_cast<std::int64_t>(frame * 1e9 / kFps));
-        ASSERT_EQ(set->pictures.size(), 3u);
-        for (std::size_t c = 0; c < 3; ++c) EXPECT_EQ(number_in(set->pictures[c]), frame) << c;
+        ASSERT_EQ(set->images.size(), 3u);
+        for (std::size_t c = 0; c < 3; ++c) EXPECT_EQ(number_in(set->images[c]), frame) << c;
     }
 
     static inline testing::TemporaryFolder* shared_ = nullptr;
 };
 
-TEST_F(ReplaySourceTest, PlaysInOrderAtItsSpeedAndWaitsBehindTheLastFrameSet) {
+TEST_F(ReplaySourceTest, PlaysAtSpeedAndWaitsAtEnd) {
     const auto source = open({.speed = 0.5});
     ASSERT_TRUE(source);
     const auto begun = std::chrono::steady_clock::now();
@@ -104,31 +103,31 @@ TEST_F(ReplaySourceTest, PlaysInOrderAtItsSpeedAndWaitsBehindTheLastFrameSet) {
         const auto set = source->next();
         ASSERT_TRUE(set.ok()) << set.status();
         expect_shows(set, static_cast<int>(*set->recorded_frame));
-        EXPECT_FALSE(set->after_jump);
+        EXPECT_FALSE(set->after_discontinuity);
         EXPECT_GT(*set->recorded_frame, last);
         EXPECT_EQ(set->sequence, static_cast<std::uint64_t>(*set->recorded_frame))
-            << "what was left out is a gap";
+            << "skipped frame sets are a gap";
         last = static_cast<int>(*set->recorded_frame);
         sequence = set->sequence;
     }
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begun;
     EXPECT_GE(took.count(), 0.95 * (kFrames - 1) / kFps / 0.5);
     EXPECT_EQ(source->position().state, ReplayState::kEnded);
-    EXPECT_EQ(source->position().jumps, 0u);
+    EXPECT_EQ(source->position().discontinuity_count, 0u);
 
     auto after = std::async(std::launch::async, [&] { return source->next(); });
     EXPECT_EQ(after.wait_for(std::chrono::milliseconds(100)), std::future_status::timeout);
     source->play();  // from the begin
     const auto first = after.get();
     expect_shows(first, 0);
-    EXPECT_TRUE(first->after_jump);
+    EXPECT_TRUE(first->after_discontinuity);
     EXPECT_EQ(first->sequence, sequence + 1);
     source->set_loop(true);
     bool again = false;
     for (int k = 0; k < 2 * kFrames && !again; ++k) {
         const auto set = source->next();
         ASSERT_TRUE(set.ok());
-        again = set->after_jump;
+        again = set->after_discontinuity;
         if (again) expect_shows(set, 0);
     }
     EXPECT_TRUE(again);
@@ -136,7 +135,7 @@ TEST_F(ReplaySourceTest, PlaysInOrderAtItsSpeedAndWaitsBehindTheLastFrameSet) {
     EXPECT_TRUE(absl::IsCancelled(source->next().status()));
 }
 
-TEST_F(ReplaySourceTest, SeeksAndStepsToTheExactFrameSet) {
+TEST_F(ReplaySourceTest, SeeksAndStepsExactly) {
     const auto source = open({.paused = true});
     ASSERT_TRUE(source);
     expect_shows(source->next(), 0);
@@ -149,7 +148,7 @@ TEST_F(ReplaySourceTest, SeeksAndStepsToTheExactFrameSet) {
         const auto set = source->next();
         expect_shows(set, frame);
         EXPECT_EQ(set->sequence, ++sequence);
-        EXPECT_EQ(set->after_jump, frame != at + 1);
+        EXPECT_EQ(set->after_discontinuity, frame != at + 1);
         EXPECT_EQ(source->position().frame, frame);
         at = frame;
     }
@@ -158,7 +157,7 @@ TEST_F(ReplaySourceTest, SeeksAndStepsToTheExactFrameSet) {
         const auto set = source->next();
         const int frame = std::clamp(at + step, 0, kFrames - 1);
         expect_shows(set, frame);
-        EXPECT_EQ(set->after_jump, frame != at + 1);
+        EXPECT_EQ(set->after_discontinuity, frame != at + 1);
         at = frame;
     }
     auto none = std::async(std::launch::async, [&] { return source->next(); });
@@ -167,7 +166,7 @@ TEST_F(ReplaySourceTest, SeeksAndStepsToTheExactFrameSet) {
     EXPECT_TRUE(absl::IsCancelled(none.get().status()));
 }
 
-TEST_F(ReplaySourceTest, ASeekWhilePlayingGoesOnFromThereAndTheNewestCounts) {
+TEST_F(ReplaySourceTest, SeekWhilePlayingContinuesFromLatestTarget) {
     const auto source = open({.loop = true, .speed = 0.2});
     ASSERT_TRUE(source);
     expect_shows(source->next(), 0);
@@ -176,14 +175,14 @@ TEST_F(ReplaySourceTest, ASeekWhilePlayingGoesOnFromThereAndTheNewestCounts) {
     expect_shows(source->next(), 70);
     const auto next = source->next();
     expect_shows(next, 71);
-    EXPECT_FALSE(next->after_jump);
-    EXPECT_EQ(source->position().jumps, 1u);
+    EXPECT_FALSE(next->after_discontinuity);
+    EXPECT_EQ(source->position().discontinuity_count, 1u);
     source->step(2);  // on from what was shown last, and pauses
     expect_shows(source->next(), 73);
     EXPECT_EQ(source->position().state, ReplayState::kPaused);
 }
 
-TEST_F(ReplaySourceTest, CamerasThatBeganOneByOneShowTheSameInstantWhereverItIsSought) {
+TEST_F(ReplaySourceTest, SeekKeepsOffsetCamerasAligned) {
     std::string session = fmt::format("fps = {}\ncalibration = \"calibration.toml\"\n", kFps);
     const std::tuple<const char*, const char*, int> begun[] = {
         {"h264", "h264.mp4", 0}, {"ffv1", "ffv1.avi", 7}, {"folder", "folder", -3}};
@@ -194,7 +193,7 @@ TEST_F(ReplaySourceTest, CamerasThatBeganOneByOneShowTheSameInstantWhereverItIsS
         ReplaySource::open(shared_->write("begun_one_by_one.toml", session), {.paused = true});
     ASSERT_TRUE(source.ok()) << source.status();
     ASSERT_TRUE((*source)->next().ok());
-    EXPECT_EQ((*source)->position().frames, kFrames - 10);
+    EXPECT_EQ((*source)->position().frame_count, kFrames - 10);
     for (const int frame : {57, 58, 0, 89, 3}) {
         ASSERT_TRUE((*source)->seek(frame).ok());
         const auto set = (*source)->next();
@@ -202,12 +201,12 @@ TEST_F(ReplaySourceTest, CamerasThatBeganOneByOneShowTheSameInstantWhereverItIsS
         EXPECT_EQ(set->recorded_frame, frame);
         EXPECT_EQ(set->capture_time_ns, static_cast<std::int64_t>(frame * 1e9 / kFps));
         for (std::size_t c = 0; c < 3; ++c)
-            EXPECT_EQ(number_in(set->pictures[c]), frame + 7 - std::get<2>(begun[c])) << c;
+            EXPECT_EQ(number_in(set->images[c]), frame + 7 - std::get<2>(begun[c])) << c;
     }
     EXPECT_FALSE((*source)->seek(kFrames - 10).ok());
 }
 
-TEST_F(ReplaySourceTest, WhoeverTakesSlowlySkipsFrameSetsAtTheSpeedAskedFor) {
+TEST_F(ReplaySourceTest, SlowReaderSkipsFrameSets) {
     const auto source = open({.speed = 1});
     ASSERT_TRUE(source);
     int taken = 0;
@@ -215,14 +214,14 @@ TEST_F(ReplaySourceTest, WhoeverTakesSlowlySkipsFrameSetsAtTheSpeedAskedFor) {
         const auto set = source->next();
         ASSERT_TRUE(set.ok());
         EXPECT_EQ(set->sequence, static_cast<std::uint64_t>(*set->recorded_frame));
-        EXPECT_FALSE(set->after_jump);
+        EXPECT_FALSE(set->after_discontinuity);
         last = *set->recorded_frame;
         std::this_thread::sleep_for(std::chrono::milliseconds(25));  // five frames long
     }
     EXPECT_LT(taken, kFrames / 2);
 }
 
-TEST_F(ReplaySourceTest, RefusesWhatCannotBe) {
+TEST_F(ReplaySourceTest, RejectsInvalidRequests) {
     const auto source = open({.paused = true});
     ASSERT_TRUE(source);
     for (const std::int64_t frame : {std::int64_t{-1}, std::int64_t{kFrames}, std::int64_t{1} << 62})

@@ -14,7 +14,7 @@
 #include <thread>
 
 #include "common/calibration_file.h"
-#include "server/cameras/picture_pool.h"
+#include "server/cameras/image_pool.h"
 #include "tests/support/test_data.h"
 #include "tests/unit/common/temporary_folder.h"
 
@@ -32,7 +32,7 @@ constexpr int kFilmWidth = 64, kFilmHeight = 48, kFilmFrames = 12;
 int grey_of(int camera, int frame) {
     return 20 + 60 * camera + 4 * frame;
 }
-cv::Mat frame_picture(int camera, int frame, cv::Size size = {kFilmWidth, kFilmHeight}) {
+cv::Mat frame_image(int camera, int frame, cv::Size size = {kFilmWidth, kFilmHeight}) {
     return cv::Mat(size, CV_8UC3, cv::Scalar::all(grey_of(camera, frame)));
 }
 
@@ -40,20 +40,20 @@ void write_video(const fs::path& file, int camera, int frames, cv::Size size = {
     cv::VideoWriter writer(file.string(), cv::CAP_FFMPEG, cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 30,
                            size);
     ASSERT_TRUE(writer.isOpened());
-    for (int n = 0; n < frames; ++n) writer.write(frame_picture(camera, n, size));
+    for (int n = 0; n < frames; ++n) writer.write(frame_image(camera, n, size));
 }
 
 void write_folder(const fs::path& folder, int camera, int frames) {
     fs::create_directories(folder);
     for (int n = 0; n < frames; ++n)  // no leading zeros: 10 must come behind 9
-        cv::imwrite((folder / fmt::format("frame{}.png", n)).string(), frame_picture(camera, n));
+        cv::imwrite((folder / fmt::format("frame{}.png", n)).string(), frame_image(camera, n));
 }
 
 void shorten_file(const fs::path& file, double part) {
     fs::resize_file(file, static_cast<std::uintmax_t>(part * static_cast<double>(fs::file_size(file))));
 }
 
-// Two cameras: `left` a video, `right` a folder; both with a picture of the empty scene.
+// Two cameras: `left` a video, `right` a folder; both with a image of the empty scene.
 class SessionOnDisk : public ::testing::Test {
   protected:
     void SetUp() override {
@@ -63,7 +63,7 @@ class SessionOnDisk : public ::testing::Test {
             cameras[c].name = c == 0 ? "left" : "right";
             cameras[c].width = kFilmWidth, cameras[c].height = kFilmHeight;
             cameras[c].fx = cameras[c].fy = 60, cameras[c].cx = 31.5, cameras[c].cy = 23.5;
-            cv::imwrite((folder_ / fmt::format("empty{}.png", c)).string(), frame_picture(c, 0));
+            cv::imwrite((folder_ / fmt::format("empty{}.png", c)).string(), frame_image(c, 0));
         }
         ASSERT_TRUE(write_calibration_toml(cameras, folder_ / "calibration.toml").ok());
         write_video(folder_ / "left.avi", 0, kFilmFrames);
@@ -93,7 +93,7 @@ class SessionOnDisk : public ::testing::Test {
     testing::TemporaryFolder folder_;
 };
 
-TEST_F(SessionOnDisk, DeliversEveryFrameSetInOrder) {
+TEST_F(SessionOnDisk, DeliversAllFrameSetsInOrder) {
     for (const bool bursts : {false, true})
         for (const int ahead : {1, 3, 0}) {
             auto source = open({.frames_ahead = ahead, .decode_in_bursts = bursts});
@@ -105,16 +105,16 @@ TEST_F(SessionOnDisk, DeliversEveryFrameSetInOrder) {
                 ASSERT_TRUE(set.ok()) << set.status();
                 EXPECT_EQ(set->sequence, static_cast<std::uint64_t>(n));
                 EXPECT_EQ(set->capture_time_ns, n * 20'000'000);
-                ASSERT_EQ(set->pictures.size(), 2u);
-                EXPECT_NEAR(set->pictures[0].data[0], grey_of(0, n), 2) << n;  // motion JPEG
-                EXPECT_EQ(set->pictures[1].data[3 * kFilmWidth * kFilmHeight - 1], grey_of(1, n)) << n;
+                ASSERT_EQ(set->images.size(), 2u);
+                EXPECT_NEAR(set->images[0].data[0], grey_of(0, n), 2) << n;  // motion JPEG
+                EXPECT_EQ(set->images[1].data[3 * kFilmWidth * kFilmHeight - 1], grey_of(1, n)) << n;
             }
             EXPECT_TRUE(absl::IsOutOfRange((*source)->next().status()));
             EXPECT_TRUE(absl::IsOutOfRange((*source)->next().status())) << "and stays so";
         }
 }
 
-TEST_F(SessionOnDisk, ReadsTheEmptyScene) {
+TEST_F(SessionOnDisk, ReadsBackground) {
     auto source = open();
     ASSERT_TRUE(source.ok());
     const auto background = (*source)->background();
@@ -124,7 +124,7 @@ TEST_F(SessionOnDisk, ReadsTheEmptyScene) {
     EXPECT_EQ((*background)[1][0].data[0], grey_of(1, 0));
 }
 
-TEST_F(SessionOnDisk, StartsAgainWhenItLoops) {
+TEST_F(SessionOnDisk, LoopRestarts) {
     auto source = open({.loop = true});
     ASSERT_TRUE(source.ok());
     EXPECT_EQ((*source)->frame_count(), -1);
@@ -132,11 +132,11 @@ TEST_F(SessionOnDisk, StartsAgainWhenItLoops) {
         auto set = (*source)->next();
         ASSERT_TRUE(set.ok()) << set.status();
         EXPECT_EQ(set->sequence, static_cast<std::uint64_t>(n));
-        EXPECT_EQ(set->pictures[1].data[0], grey_of(1, n % kFilmFrames));
+        EXPECT_EQ(set->images[1].data[0], grey_of(1, n % kFilmFrames));
     }
 }
 
-TEST_F(SessionOnDisk, KeepsThePaceAndSkipsWhatIsLate) {
+TEST_F(SessionOnDisk, RealTimePacingSkipsLateSets) {
     auto source = open({.pacing = Pacing::kRealTime});
     ASSERT_TRUE(source.ok());
     const auto start = std::chrono::steady_clock::now();
@@ -154,8 +154,8 @@ TEST_F(SessionOnDisk, KeepsThePaceAndSkipsWhatIsLate) {
     EXPECT_TRUE(std::is_sorted(sequences.begin(), sequences.end()));
 }
 
-TEST_F(SessionOnDisk, ShowsWhatItCanWhereDecodingIsSlowerThanTheRecording) {
-    // Pictures of noise, each of which takes many times the half millisecond that lies between two of them.
+TEST_F(SessionOnDisk, SlowDecodingStillDeliversSets) {
+    // Images of noise, each of which takes many times the half millisecond that lies between two of them.
     const cv::Size size(1280, 960);
     std::vector<Camera> cameras(1);
     cameras[0].name = "left";
@@ -222,13 +222,13 @@ class LateCamera : public SessionOnDisk {
             "[[camera]]\nname = \"right\"\nvideo = \"right\"\nbackground = \"empty1.png\"\noffset_s = " +
                 right + "\n");
     }
-    static void expect_pictures(const FrameSet& set, int left, int right) {
-        EXPECT_NEAR(set.pictures[0].data[0], grey_of(0, left), 2);  // motion JPEG
-        EXPECT_EQ(set.pictures[1].data[0], grey_of(1, right));
+    static void expect_images(const FrameSet& set, int left, int right) {
+        EXPECT_NEAR(set.images[0].data[0], grey_of(0, left), 2);  // motion JPEG
+        EXPECT_EQ(set.images[1].data[0], grey_of(1, right));
     }
 };
 
-TEST_F(LateCamera, ItsPicturesAreJoinedWithThoseOfItsTime) {
+TEST_F(LateCamera, JoinsImagesOfSameTime) {
     for (const auto& [offset, left, right] : {std::tuple{"0.068", 3, 0}, {"-0.068", 0, 3}, {"0.075", 4, 0}}) {
         write_offset(offset);
         auto source = open();
@@ -240,7 +240,7 @@ TEST_F(LateCamera, ItsPicturesAreJoinedWithThoseOfItsTime) {
             ASSERT_TRUE(set.ok()) << set.status();
             EXPECT_EQ(set->sequence, static_cast<std::uint64_t>(n));
             EXPECT_EQ(set->capture_time_ns, n * 20'000'000);
-            expect_pictures(*set, left + n, right + n);
+            expect_images(*set, left + n, right + n);
         }
         EXPECT_TRUE(absl::IsOutOfRange((*source)->next().status()));
         const auto background = (*source)->background();
@@ -249,19 +249,19 @@ TEST_F(LateCamera, ItsPicturesAreJoinedWithThoseOfItsTime) {
     }
 }
 
-TEST_F(LateCamera, LoopsWithTheOther) {
+TEST_F(LateCamera, LoopsWithOtherCamera) {
     auto source = open({.loop = true});
     ASSERT_TRUE(source.ok()) << source.status();
     for (int n = 0; n < 3 * (kFilmFrames - 3); ++n) {
         auto set = (*source)->next();
         ASSERT_TRUE(set.ok()) << set.status();
         EXPECT_EQ(set->sequence, static_cast<std::uint64_t>(n));
-        expect_pictures(*set, 3 + n % (kFilmFrames - 3), n % (kFilmFrames - 3));
+        expect_images(*set, 3 + n % (kFilmFrames - 3), n % (kFilmFrames - 3));
     }
 }
 
-// Matroska does not tell its number of frames exactly; it is counted.
-TEST_F(LateCamera, EndsWithTheFirstVideoThatEnds) {
+// Matroska does not store the exact number of frames; it is counted.
+TEST_F(LateCamera, EndsWithFirstVideo) {
     write_video(folder_ / "left.mkv", 0, kFilmFrames);
     std::string text;
     {
@@ -275,15 +275,15 @@ TEST_F(LateCamera, EndsWithTheFirstVideoThatEnds) {
         for (int n = 0; n < kFilmFrames - 3; ++n) {
             auto set = (*source)->next();
             ASSERT_TRUE(set.ok()) << set.status();
-            expect_pictures(*set, 3 + n, n);
+            expect_images(*set, 3 + n, n);
         }
         const auto after = (*source)->next();
         EXPECT_EQ(absl::IsOutOfRange(after.status()), !loop) << after.status();
-        if (loop) expect_pictures(*after, 3, 0);
+        if (loop) expect_images(*after, 3, 0);
     }
 }
 
-TEST_F(LateCamera, ThatBeginsBehindTheEndOfTheOtherIsToldAtOnce) {
+TEST_F(LateCamera, RejectsCamerasWithoutCommonTime) {
     write_offset("0.25");
     const auto source = open();
     ASSERT_FALSE(source.ok());
@@ -299,7 +299,7 @@ struct BadInput {
 
 class BadSession : public SessionOnDisk, public ::testing::WithParamInterface<BadInput> {};
 
-TEST_P(BadSession, SaysCameraFileAndNumbersInOneLine) {
+TEST_P(BadSession, ErrorNamesCameraFileAndNumbers) {
     GetParam().spoil(folder_);
     const absl::Status status = read_all();
     ASSERT_FALSE(status.ok());
@@ -318,36 +318,36 @@ INSTANTIATE_TEST_SUITE_P(
                      fs::remove_all(f / "right");
                      fs::create_directory(f / "right");
                  },
-                 {"camera right", "holds no picture"}},
+                 {"camera right", "contains no images"}},
         BadInput{"no_video",
                  [](const auto& f) { f.write("left.avi", "this is a text, not a video"); },
                  {"camera left", "left.avi", "cannot be read as a video"}},
         BadInput{"empty_file", [](const auto& f) { f.write("left.avi", ""); }, {"camera left", "left.avi"}},
         BadInput{"shorter_video",
                  [](const auto& f) { write_video(f / "left.avi", 0, 7); },
-                 {"camera left", "left.avi", "7 frames", "camera right has 12", "cut all to 7"}},
+                 {"camera left", "left.avi", "7 frames", "camera right has 12", "trim all to 7"}},
         BadInput{"shorter_folder",
                  [](const auto& f) { fs::remove(f / "right" / "frame11.png"); },
                  {"camera right", "11 frames", "camera left has 12"}},
         BadInput{"cut_off_video",
                  [](const auto& f) { shorten_file(f / "left.avi", 0.85); },
-                 {"camera left", "left.avi", "of 12 frames", "damaged or cut off"}},
+                 {"camera left", "left.avi", "of 12 frames", "damaged or truncated"}},
         BadInput{"wrong_video_size",
                  [](const auto& f) {
                      write_video(f / "left.avi", 0, kFilmFrames, {80, 48});
                  },
                  {"camera left", "left.avi", "80 x 48", "64 x 48"}},
-        BadInput{"wrong_picture_size",
+        BadInput{"wrong_image_size",
                  [](const auto& f) {
-                     cv::imwrite((f / "right" / "frame5.png").string(), frame_picture(1, 5, {64, 40}));
+                     cv::imwrite((f / "right" / "frame5.png").string(), frame_image(1, 5, {64, 40}));
                  },
                  {"camera right", "frame5.png", "64 x 40", "64 x 48"}},
-        BadInput{"damaged_picture",
-                 [](const auto& f) { f.write("right/frame5.png", "no picture"); },
-                 {"camera right", "frame5.png", "picture 6 of 12"}},
+        BadInput{"damaged_image",
+                 [](const auto& f) { f.write("right/frame5.png", "no image"); },
+                 {"camera right", "frame5.png", "image 6 of 12"}},
         BadInput{"wrong_background_size",
                  [](const auto& f) {
-                     cv::imwrite((f / "empty1.png").string(), frame_picture(1, 0, {32, 24}));
+                     cv::imwrite((f / "empty1.png").string(), frame_image(1, 0, {32, 24}));
                  },
                  {"camera right", "empty1.png", "32 x 24"}},
         BadInput{"damaged_background",
@@ -358,7 +358,7 @@ INSTANTIATE_TEST_SUITE_P(
 
 // An index at the file's start promises frames that a cut-off file no longer holds: what a broken copy looks
 // like.
-TEST(SessionSource, NamesTheFrameAtWhichARealVideoBreaksOff) {
+TEST(SessionSource, ErrorNamesFrameOfTruncation) {
     KINEVOX_REQUIRE_DATA(walk, "studio/walk");
     silence_video_libraries();
     const testing::TemporaryFolder folder;
@@ -373,8 +373,8 @@ TEST(SessionSource, NamesTheFrameAtWhichARealVideoBreaksOff) {
     EXPECT_THAT(std::string(status.message()), AllOf(HasSubstr("camera cam3"), HasSubstr("cam3.mp4")));
 }
 
-TEST(PicturePool, GivesABufferAgainWhenItsHolderIsGone) {
-    PicturePool pool(1000);
+TEST(ImagePool, ReusesReleasedBuffer) {
+    ImagePool pool(1000);
     auto a = pool.take();
     const std::uint8_t* address = a.get();
     auto b = pool.take();
@@ -383,10 +383,10 @@ TEST(PicturePool, GivesABufferAgainWhenItsHolderIsGone) {
     EXPECT_EQ(pool.take().get(), address);
 }
 
-TEST(PicturePool, ItsBuffersMayOutliveIt) {
+TEST(ImagePool, BuffersOutlivePool) {
     std::shared_ptr<std::uint8_t[]> buffer;
     {
-        PicturePool pool(16);
+        ImagePool pool(16);
         buffer = pool.take();
     }
     buffer[15] = 7;

@@ -1,4 +1,4 @@
-// What H.264 is made of is what the whole picture gives at once, and nothing behind the picture is read.
+// What H.264 is made of is what the whole image gives at once, and nothing behind the image is read.
 #include "server/cameras/yuv_of_bgr.h"
 
 #include <gtest/gtest.h>
@@ -14,7 +14,7 @@
 namespace kinevox {
 namespace {
 
-// A picture at the end of a page; the next one must not be touched.
+// A image at the end of a page; the next one must not be touched.
 class AtTheEnd {
   public:
     explicit AtTheEnd(std::size_t bytes) : page_(static_cast<std::size_t>(sysconf(_SC_PAGESIZE))) {
@@ -23,16 +23,16 @@ class AtTheEnd {
             mmap(nullptr, size_, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
         if (begin_ == MAP_FAILED || mprotect(begin_ + size_ - page_, page_, PROT_NONE) != 0)
             throw std::bad_alloc();
-        picture_ = begin_ + size_ - page_ - bytes;
+        image_ = begin_ + size_ - page_ - bytes;
     }
     ~AtTheEnd() { munmap(begin_, size_); }
     AtTheEnd(const AtTheEnd&) = delete;
     AtTheEnd& operator=(const AtTheEnd&) = delete;
-    std::uint8_t* data() const { return picture_; }
+    std::uint8_t* data() const { return image_; }
 
   private:
     std::size_t page_, size_ = 0;
-    std::uint8_t *begin_ = nullptr, *picture_ = nullptr;
+    std::uint8_t *begin_ = nullptr, *image_ = nullptr;
 };
 
 libav::Owned<AVFrame> yuv_frame(int width, int height) {
@@ -42,17 +42,17 @@ libav::Owned<AVFrame> yuv_frame(int width, int height) {
     return frame;
 }
 
-TEST(YuvOfBgr, IsThatOfTheWholePictureAndReadsNothingBehindIt) {
+TEST(YuvOfBgr, EqualsWholeImageWithoutOverread) {
     std::mt19937 random(7);
     for (const auto& [width, height] :
          {std::pair{320, 240}, {322, 242}, {1920, 1080}, {640, 482}, {98, 2}, {16, 4}}) {
         const std::size_t bytes = static_cast<std::size_t>(width) * height * 3;
-        const AtTheEnd picture(bytes);
-        for (std::size_t i = 0; i < bytes; ++i) picture.data()[i] = static_cast<std::uint8_t>(random());
+        const AtTheEnd image(bytes);
+        for (std::size_t i = 0; i < bytes; ++i) image.data()[i] = static_cast<std::uint8_t>(random());
         const auto found = yuv_frame(width, height), right = yuv_frame(width, height);
-        YuvOfBgr(width, height).convert(picture.data(), *found);
+        YuvOfBgr(width, height).convert(image.data(), *found);
 
-        std::vector<std::uint8_t> padded(picture.data(), picture.data() + bytes);
+        std::vector<std::uint8_t> padded(image.data(), image.data() + bytes);
         padded.resize(bytes + 256);
         const libav::Owned<SwsContext> whole(
             sws_getContext(width, height, AV_PIX_FMT_BGR24, width, height, AV_PIX_FMT_YUV420P,

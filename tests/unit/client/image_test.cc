@@ -12,9 +12,9 @@
 namespace kinevox::client {
 namespace {
 
-std::vector<std::uint8_t> jpeg_of(const cv::Mat& picture) {
+std::vector<std::uint8_t> jpeg_of(const cv::Mat& image) {
     std::vector<std::uint8_t> bytes;
-    cv::imencode(".jpg", picture, bytes, {cv::IMWRITE_JPEG_QUALITY, 95});
+    cv::imencode(".jpg", image, bytes, {cv::IMWRITE_JPEG_QUALITY, 95});
     return bytes;
 }
 
@@ -32,7 +32,7 @@ TEST(DecodeJpeg, ReadsColourAndGrey) {
     EXPECT_EQ(grey->data.size(), 72u);
 }
 
-TEST(DecodeJpeg, RefusesWhatIsNotAWholeJpegWithoutHarm) {
+TEST(DecodeJpeg, RefusesIncompleteJpeg) {
     std::mt19937 random(3);
     cv::Mat noise(32, 32, CV_8UC3);
     cv::randu(noise, 0, 255);
@@ -41,14 +41,14 @@ TEST(DecodeJpeg, RefusesWhatIsNotAWholeJpegWithoutHarm) {
     for (const std::size_t size : {std::size_t{1}, std::size_t{20}, whole.size() / 2})
         EXPECT_EQ(decode_jpeg({whole.data(), size}).status().code(), absl::StatusCode::kInvalidArgument)
             << size;
-    for (int i = 0; i < 200; ++i) {  // any damage yields a picture or an error, never more
+    for (int i = 0; i < 200; ++i) {  // any damage yields an image or an error, never more
         auto damaged = whole;
         for (int k = 0; k < 5; ++k) damaged[random() % damaged.size()] = static_cast<std::uint8_t>(random());
         decode_jpeg(damaged).status().IgnoreError();
     }
 }
 
-TEST(WritePng, IsReadBackByAnother) {
+TEST(WritePng, IsReadBackByOpenCv) {
     const auto file =
         std::filesystem::temp_directory_path() / ("kinevox_image_test_" + std::to_string(getpid()) + ".png");
     Image image{3, 2, 3, {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18}};
@@ -59,8 +59,8 @@ TEST(WritePng, IsReadBackByAnother) {
     std::filesystem::remove(file);
 }
 
-// The picture's body must be where the camera says the volume is: the renderer and the calibration agree.
-TEST(RenderVolume, PaintsTheVolumeWhereTheCameraSeesIt) {
+// The rendered body must be where the camera model projects the volume.
+TEST(RenderVolume, DrawsVolumeWhereCameraProjectsIt) {
     const Volume person = testing::person_volume(0.02);
     const Camera camera = oblique_camera(person, {4, 1, 1}, 0.3, 0.2, 200, 300);
     RenderOptions options;
@@ -77,7 +77,7 @@ TEST(RenderVolume, PaintsTheVolumeWhereTheCameraSeesIt) {
         ASSERT_TRUE(pixel);
         const int x = static_cast<int>(std::lround(pixel->x)), y = static_cast<int>(std::lround(pixel->y));
         ASSERT_TRUE(x >= 0 && y >= 0 && x < image.width && y < image.height)
-            << "the whole person is in the picture";
+            << "the whole person is in the image";
         holes += !is_body(x, y);
     }
     EXPECT_EQ(holes, 0);
@@ -87,7 +87,7 @@ TEST(RenderVolume, PaintsTheVolumeWhereTheCameraSeesIt) {
     EXPECT_LT(body, 200 * 300 / 2);
 }
 
-TEST(RenderVolume, CroppingAndScalingTheCameraIsCroppingAndScalingThePicture) {
+TEST(RenderVolume, CroppedScaledCameraMatchesCroppedScaledImage) {
     const Volume person = testing::person_volume(0.03);
     const Camera camera = oblique_camera(person, {4, 1, 1}, 0.3, 0.2, 320, 240);
     const Window window = window_around(person, camera);

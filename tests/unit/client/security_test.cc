@@ -40,7 +40,7 @@ TEST_F(SecurityTest, IsPlainWithoutFiles) {
     EXPECT_EQ(security->token, "");
 }
 
-TEST_F(SecurityTest, EachFileMeansTls) {
+TEST_F(SecurityTest, EachFileImpliesTls) {
     const std::string ca = file("ca.pem", kCertificate), key = file("key.pem", kKey);
     const auto with_ca = read_security({.ca = ca}, "hall:50770");
     ASSERT_TRUE(with_ca.ok()) << with_ca.status();
@@ -53,15 +53,15 @@ TEST_F(SecurityTest, EachFileMeansTls) {
     EXPECT_TRUE(read_security({.server_name = "kinevox"}, "10.0.0.7:50770")->tls);
 }
 
-TEST_F(SecurityTest, TheTokenIsTheFirstWord) {
+TEST_F(SecurityTest, TokenIsFirstWordOfFile) {
     const auto security =
         read_security({.token = file("token", "\n  kvx_abc123\nsomething else\n")}, "127.0.0.1:50770");
     ASSERT_TRUE(security.ok()) << security.status();
     EXPECT_EQ(security->token, "kvx_abc123");
-    EXPECT_FALSE(security->tls);  // on this machine nobody listens in between
+    EXPECT_FALSE(security->tls);  // on this machine it is not sent over a network
 }
 
-TEST_F(SecurityTest, ATokenDoesNotGoOverTheNetworkInTheClear) {
+TEST_F(SecurityTest, TokenIsNotSentUnencrypted) {
     const std::string token = file("token", "kvx_abc123");
     for (const char* server : {"hall:50770", "10.0.0.7:50770", "127.evil.example:1", "localhost.example:1"}) {
         const auto plain = read_security({.token = token}, server);
@@ -71,7 +71,7 @@ TEST_F(SecurityTest, ATokenDoesNotGoOverTheNetworkInTheClear) {
     EXPECT_TRUE(read_security({.tls = true, .token = token}, "hall:50770").ok());
 }
 
-TEST_F(SecurityTest, WhatIsWrongIsNamedWithItsFile) {
+TEST_F(SecurityTest, ErrorsNameFile) {
     const std::string good = file("good.pem", kCertificate), key = file("key.pem", kKey);
     const std::string gone = (folder_ / "gone.pem").string();
     const struct {
@@ -85,7 +85,7 @@ TEST_F(SecurityTest, WhatIsWrongIsNamedWithItsFile) {
         {{.key = key}, "--certificate"},
         {{.certificate = good, .key = good}, "no PRIVATE KEY"},
         {{.token = file("empty", " \n")}, "empty"},
-        {{.token = file("binary", std::string("kvx\x01\xff", 5))}, "something else"},
+        {{.token = file("binary", std::string("kvx\x01\xff", 5))}, "does not contain a token"},
         {{.token = file("large", std::string(2 << 20, 'x'))}, "larger than"},
     };
     for (const auto& each : cases) {

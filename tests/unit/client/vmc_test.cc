@@ -40,7 +40,7 @@ v1::Pose standing() {
     root->mutable_position_in_world()->set_y(0.5);
     root->mutable_position_in_world()->set_z(0.9);
     for (const char* name : kSegments) {
-        v1::SegmentOrientation* segment = pose.add_segments();
+        v1::SegmentOrientation* segment = pose.add_segment_orientations();
         segment->set_name(name);
         segment->mutable_parent_from_segment()->set_w(1);
     }
@@ -50,7 +50,7 @@ v1::Pose standing() {
 // Turned about an axis of the parent's, right-handed, in Kinevox's axes.
 void turn(v1::Pose& pose, const std::string& name, const Vec3& axis, double angle_deg) {
     const double half = angle_deg * M_PI / 360;
-    for (v1::SegmentOrientation& segment : *pose.mutable_segments())
+    for (v1::SegmentOrientation& segment : *pose.mutable_segment_orientations())
         if (segment.name() == name) {
             v1::Quaternion* q = segment.mutable_parent_from_segment();
             q->set_w(std::cos(half));
@@ -86,20 +86,20 @@ void expect_near(const Vec3& a, const Vec3& b) {
 // +z.
 constexpr Vec3 kLeft{-1, 0, 0}, kRight{1, 0, 0}, kDown{0, -1, 0}, kUp{0, 1, 0}, kForward{0, 0, 1};
 
-TEST(VmcTest, StandingWithHangingArmsHangsTheAvatarsArms) {
+TEST(VmcTest, HangingArmsHangOnAvatar) {
     const auto bones = vmc_bones(standing());
     ASSERT_EQ(bones.size(), 15U);
     expect_near(bones[0].position, {-0.5, 0.9, 2});
     for (const char* side : {"Left", "Right"}) {
-        const Vec3 aside = side == std::string("Left") ? kLeft : kRight;
+        const Vec3 sideways = side == std::string("Left") ? kLeft : kRight;
         for (const char* part : {"UpperArm", "LowerArm", "Hand"})
-            expect_near(in_scene(bones, std::string(side) + part, aside), kDown);
-        expect_near(in_scene(bones, std::string(side) + "Hand", kDown), -aside);  // palms to the thighs
+            expect_near(in_scene(bones, std::string(side) + part, sideways), kDown);
+        expect_near(in_scene(bones, std::string(side) + "Hand", kDown), -sideways);  // palms to the thighs
         expect_near(in_scene(bones, std::string(side) + "UpperLeg", kDown), kDown);
     }
 }
 
-TEST(VmcTest, LimbsPointWhereTheBodysDo) {
+TEST(VmcTest, LimbDirectionsMatchBody) {
     v1::Pose pose = standing();
     turn(pose, "upper_arm_l", {1, 0, 0}, 90);   // raised to the left: -z becomes +y
     turn(pose, "upper_arm_r", {0, 1, 0}, -90);  // to the front: -z becomes +x
@@ -119,16 +119,16 @@ TEST(VmcTest, LimbsPointWhereTheBodysDo) {
     expect_near(in_scene(bones, "RightUpperArm", kRight), kLeft);
 }
 
-TEST(VmcTest, WhatIsWithheldIsNotSent) {
+TEST(VmcTest, WithheldSegmentsAreNotSent) {
     v1::Pose pose = standing();
-    pose.mutable_segments(4)->clear_parent_from_segment();
+    pose.mutable_segment_orientations(4)->clear_parent_from_segment();
     EXPECT_THAT(vmc_bones(pose), IsEmpty());
     pose = standing();
     pose.mutable_joints(0)->clear_position_in_world();
     EXPECT_THAT(vmc_bones(pose), IsEmpty());
 }
 
-TEST(VmcTest, DatagramsAreOscAndFitAnEthernetFrame) {
+TEST(VmcTest, DatagramsAreOscWithinEthernetFrame) {
     const v1::Pose pose = standing();
     int bones = 0, ok = -1;
     float time_s = 0;
@@ -153,7 +153,7 @@ TEST(VmcTest, DatagramsAreOscAndFitAnEthernetFrame) {
     ASSERT_EQ(vmc_datagrams(nullptr, 1).size(), 1U);
 }
 
-TEST(UdpSenderTest, SaysWhatIsWrongWithAnAddress) {
+TEST(UdpSenderTest, InvalidAddressIsNamed) {
     for (const char* bad :
          {"", "host", ":1", "127.0.0.1:", "127.0.0.1:0", "127.0.0.1:65536", "127.0.0.1:12x"})
         EXPECT_TRUE(absl::IsInvalidArgument(UdpSender::open(bad).status())) << bad;

@@ -4,9 +4,9 @@
 
 #include "common/calibration_file.h"
 #include "common/calibration_import.h"
-#include "common/config.h"
 #include "common/session_file.h"
 #include "common/toml_reader.h"
+#include "server/config/daemon_config.h"
 #include "tests/unit/common/temporary_folder.h"
 
 namespace kinevox {
@@ -131,8 +131,8 @@ TEST(BadInput, QualisysCalibration) {
     const BadInput table[] = {
         {"missing attribute", "r22=\"1\"", "", {"q.txt:2:", "<transform>", "r22", "missing"}},
         {"NaN", "x=\"0\"", "x=\"nan\"", {"q.txt:2:", "<transform>", "nan", "finite"}},
-        {"no rotation", "r33=\"1\"", "r33=\"2\"", {"q.txt:2:", "no rotation"}},
-        {"mirrored", "r33=\"1\"", "r33=\"-1\"", {"q.txt:2:", "no rotation"}},
+        {"no rotation", "r33=\"1\"", "r33=\"2\"", {"q.txt:2:", "not a rotation"}},
+        {"mirrored", "r33=\"1\"", "r33=\"-1\"", {"q.txt:2:", "not a rotation"}},
         {"no intrinsics", "<intrinsic", "<extrinsic", {"q.txt:2:", "<intrinsic> is missing"}},
         {"no cameras", "cameras>", "kameras>", {"q.txt"}},
         {"not active", "active=\"1\"", "active=\"0\"", {"q.txt", "no active <camera>"}},
@@ -242,7 +242,7 @@ TEST(BadInput, Session) {
          "truth = \"truth\"\nfps",
          {"s.toml:2:", "'truth'"},
          absl::StatusCode::kNotFound},
-        {"two of one name", "\"right\"", "\"left\"", {"s.toml:9:", "'camera.name'", "\"left\"", "its own"}},
+        {"two of one name", "\"right\"", "\"left\"", {"s.toml:9:", "'camera.name'", "\"left\"", "unique"}},
         {"no camera",
          kSession,
          "name = \"a\"\nfps = 1\ncalibration = \"calibration.toml\"\n",
@@ -324,11 +324,11 @@ listen = "127.0.0.1:50770"
 [source]
 kind = "studio"
 [source.studio]
-cameras = 4
+camera_count = 4
 [pipeline]
 voxel_mm = 10
 [segmentation]
-samples = 32
+background_samples = 32
 [log]
 level = "info"
 )";
@@ -341,41 +341,44 @@ TEST(BadInput, Config) {
         {"unknown table", "[log]", "[logging]", {"k.toml:11:", "'logging'", "unknown", "log"}},
         {"wrong type", "voxel_mm = 10", "voxel_mm = \"10\"", {"k.toml:8:", "'pipeline.voxel_mm'", "number"}},
         {"not whole",
-         "samples = 32",
-         "samples = 32.5",
-         {"k.toml:10:", "'segmentation.samples'", "32.5", "whole"}},
+         "background_samples = 32",
+         "background_samples = 32.5",
+         {"k.toml:10:", "'segmentation.background_samples'", "32.5", "whole"}},
         {"out of range", "voxel_mm = 10", "voxel_mm = 0.01", {"k.toml:8:", "0.01", "from 2 to 100"}},
         {"no such choice", "\"info\"", "\"loud\"", {"k.toml:12:", "'log.level'", "loud", "debug"}},
         {"no such motion",
-         "cameras = 4",
+         "camera_count = 4",
          "motion = \"fly\"",
          {"k.toml:6:", "'source.studio.motion'", "fly", "walk"}},
         {"zero cameras",
-         "cameras = 4",
-         "cameras = 0",
-         {"k.toml:6:", "'source.studio.cameras'", "0", "2 to 64"}},
+         "camera_count = 4",
+         "camera_count = 0",
+         {"k.toml:6:", "'source.studio.camera_count'", "0", "2 to 64"}},
         {"missing body",
          "[log]",
-         "[pose]\nbody = \"none.toml\"\n[log]",
-         {"k.toml:12:", "'pose.body'", "none.toml"},
+         "[pose]\nbody_file = \"none.toml\"\n[log]",
+         {"k.toml:12:", "'pose.body_file'", "none.toml"},
          absl::StatusCode::kNotFound},
         {"no port", "127.0.0.1:50770", "127.0.0.1", {"k.toml:2:", "'server.listen'", "HOST:PORT"}},
         {"no session",
          "kind = \"studio\"",
          "kind = \"session\"",
-         {"k.toml:3:", "'source.session'", "give the path"}},
+         {"k.toml:3:", "'source.session_file'", "give the path"}},
         {"missing session",
          "kind = \"studio\"",
-         "kind = \"session\"\nsession = \"a/s.toml\"",
-         {"k.toml:5:", "'source.session'", "a/s.toml", "does not exist"},
+         "kind = \"session\"\nsession_file = \"a/s.toml\"",
+         {"k.toml:5:", "'source.session_file'", "a/s.toml", "does not exist"},
          absl::StatusCode::kNotFound},
         {"a table that is a value",
          "[server]\nlisten = \"127.0.0.1:50770\"",
          "server = 3",
          {"k.toml:1:", "'server'", "3", "[server]"}},
-        {"twice", "samples = 32", "samples = 32\nsamples = 16", {"k.toml:11:", "samples"}},
+        {"twice",
+         "background_samples = 32",
+         "background_samples = 32\nbackground_samples = 16",
+         {"k.toml:11:", "samples"}},
         {"thresholds crossed",
-         "samples = 32",
+         "background_samples = 32",
          "loose_threshold = 0.9",
          {"k.toml:10:", "0.9", "sharp_threshold"}},
     };

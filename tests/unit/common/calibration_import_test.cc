@@ -1,4 +1,4 @@
-// Other programs' calibrations, whole and broken: what is read is sound, what is not is told in one line.
+// Calibrations of other programs: intact files are read completely, damaged ones are refused in one line.
 #include "common/calibration_import.h"
 
 #include <gmock/gmock.h>
@@ -56,7 +56,7 @@ TEST(CalibrationImport, BrokenFilesAreToldInOneLine) {
         ASSERT_TRUE(format.parse(good, "broken").ok()) << format.parse(good, "broken").status();
         for (std::size_t cut = 0; cut < good.size(); cut += 5)
             expect_sound(format.parse(good.substr(0, cut), "broken"), good.substr(0, cut));
-        // Each line left out, given twice; each digit replaced by what is no digit.
+        // Removes or doubles each line; replaces each digit by a letter.
         for (std::size_t from = 0; from < good.size();) {
             const std::size_t end = std::min(good.find('\n', from), good.size() - 1) + 1;
             expect_sound(format.parse(good.substr(0, from) + good.substr(end), "broken"), "without a line");

@@ -1,21 +1,24 @@
-#include "common/config.h"
-
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <regex>
+#include <set>
 
 #include "common/atomic_file.h"
+#include "server/config/daemon_config.h"
+#include "server/pipeline/pipeline.h"
 #include "tests/unit/common/temporary_folder.h"
 
 namespace kinevox {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 const std::filesystem::path kExample = std::filesystem::path(KINEVOX_SOURCE_DIR) / "deploy/kinevoxd.toml";
 
-TEST(Config, TheExampleHoldsTheDefaults) {
+TEST(Config, ExampleHoldsTheDefaults) {
     const auto config = read_config(kExample);
     ASSERT_TRUE(config.ok()) << config.status();
     EXPECT_EQ(*config, DaemonConfig{});
@@ -23,63 +26,157 @@ TEST(Config, TheExampleHoldsTheDefaults) {
 }
 
 // Asks the reader for the keys it knows by misspelling one in each table, and looks each up in the example.
-TEST(Config, TheExampleExplainsEveryKey) {
+TEST(Config, ExampleDocumentsEveryKey) {
     const std::string example = *read_file(kExample);
+    const std::set<std::string> tables{"studio", "cameras", "camera", "limits", "tracking", "fit", "filter"};
     int keys = 0;
-    for (const std::string table : {"server", "server.limits", "source", "source.studio", "source.cameras",
-                                    "pipeline", "segmentation", "pose", "stream", "control", "log"}) {
+    for (const std::string table :
+         {"server",       "server.limits", "source",      "source.studio", "source.cameras", "pipeline",
+          "segmentation", "tracking",      "hull",        "colouring",     "pose",           "pose.tracking",
+          "pose.fit",     "pose.filter",   "calibration", "recording",     "replay",         "stream",
+          "control",      "metrics",       "log"}) {
+        const std::size_t begin = example.find("\n[" + table + "]\n");
+        ASSERT_NE(begin, std::string::npos) << table;
+        const std::string section = example.substr(begin, example.find("\n[", begin + 1) - begin);
         const auto config = parse_config_toml("[" + table + "]\nno_such_key = 1\n", "/", "probe", false);
         const std::string message{config.status().message()};
         std::smatch found;
         ASSERT_TRUE(std::regex_search(message, found, std::regex("expected one of (.*);"))) << message;
         const std::string list = found[1];
-        const std::regex word("[a-z_]+");
+        const std::regex word("[a-z_0-9]+");
         for (auto i = std::sregex_iterator(list.begin(), list.end(), word); i != std::sregex_iterator();
              ++i) {
-            if (i->str() == "studio" || i->str() == "cameras" || i->str() == "camera" || i->str() == "limits")
-                continue;  // a table of its own
-            EXPECT_TRUE(std::regex_search(example, std::regex("\n(# )?" + i->str() + " = "))) << i->str();
+            if (tables.contains(i->str())) continue;
+            EXPECT_TRUE(std::regex_search(section, std::regex("\n(# )?" + i->str() + " = ")))
+                << table << "." << i->str();
             ++keys;
         }
     }
-    EXPECT_GE(keys, 20);
+    EXPECT_GE(keys, 120);
 }
 
-TEST(Config, ReadsWhoMayDoWhat) {
+// The list beside an Options struct is the only declaration: reader, example and defaults come from it.
+TEST(Config, ExampleHoldsEveryListedOption) {
+    const std::string example = *read_file(kExample);
+    const PipelineOptions defaults;
+    visit_option_tables(defaults, [&](const std::string& table, const auto& options) {
+        const std::size_t begin = example.find("\n[" + table + "]\n");
+        ASSERT_NE(begin, std::string::npos) << table;
+        const std::string section = example.substr(begin, example.find("\n[", begin + 1) - begin);
+        visit_options(options, [&](const kernels::OptionInfo& info, const auto& value) {
+            std::smatch found;
+            ASSERT_TRUE(std::regex_search(section, found, std::regex(fmt::format("\n{} = (.*)", info.key))))
+                << table << "." << info.key;
+            using Value = std::remove_cvref_t<decltype(value)>;
+            if constexpr (std::is_same_v<Value, bool>)
+                EXPECT_EQ(found[1], value ? "true" : "false") << info.key;
+            else
+                EXPECT_EQ(static_cast<Value>(std::stod(found[1])), value) << info.key;
+            EXPECT_STRNE(info.help, "") << info.key;
+        });
+    });
+}
+
+TEST(Config, ReadsOptionsOfEveryPart) {
     const auto config = parse_config_toml(
-        "[server]\nlisten = \"0.0.0.0:1\"\ncertificate = \"c.pem\"\nkey = \"/k.pem\"\nclient_ca = "
-        "\"ca.pem\"\ntokens = \"t.toml\"\n"
-        "audit = \"\"\n[server.limits]\nmax_streams = 7\nrequests_per_s = 2.5\n",
+        "[segmentation]\nloose_threshold = 0.25\n[tracking]\nconfirm_frames = 4\n[hull]\nmin_views = 3\n"
+        "[colouring]\nnoise_grey = 5\n[pose]\nfiltered = false\n[pose.fit]\nwide_steps = 2\n",
+        "/", "probe", false);
+    ASSERT_TRUE(config.ok()) << config.status();
+    const auto options = pipeline_options(*config);
+    ASSERT_TRUE(options.ok()) << options.status();
+    EXPECT_EQ(options->segmentation.loose_threshold, 0.25f);
+    EXPECT_EQ(options->tracker.confirm_frames, 4);
+    EXPECT_EQ(options->hull.min_views, 3);
+    EXPECT_EQ(options->colour.noise_grey, 5);
+    EXPECT_FALSE(options->posing.filtered);
+    EXPECT_EQ(options->posing.tracker.fit.wide_steps, 2);
+    EXPECT_THAT(
+        std::string(parse_config_toml("[hull]\nmin_views = 0\n", "/", "k.toml", false).status().message()),
+        AllOf(HasSubstr("k.toml:2"), HasSubstr("hull.min_views"), HasSubstr("1 to 64")));
+}
+
+TEST(Config, DefaultsArePipelineDefaults) {
+    const auto options = pipeline_options(DaemonConfig{});
+    ASSERT_TRUE(options.ok());
+    const PipelineOptions defaults;
+    EXPECT_EQ(options->voxel_m, defaults.voxel_m);
+    EXPECT_EQ(options->segmentation, defaults.segmentation);
+    EXPECT_EQ(options->tracker, defaults.tracker);
+    EXPECT_EQ(options->hull, defaults.hull);
+    EXPECT_EQ(options->colour, defaults.colour);
+    EXPECT_EQ(options->posing, defaults.posing);
+}
+
+TEST(Config, NamesTheNewKeyForAnOldOne) {
+    for (const RenamedKey& key : renamed_config_keys()) {
+        const std::size_t dot = key.before.rfind('.');
+        const std::string table(key.before.substr(0, dot)), name(key.before.substr(dot + 1));
+        const std::string text = table == "source.cameras.camera"
+                                     ? "[[source.cameras.camera]]\n" + name + " = 1\n"
+                                     : "[" + table + "]\n" + name + " = 1\n";
+        EXPECT_THAT(
+            std::string(parse_config_toml(text, "/", "k.toml", false).status().message()),
+            AllOf(HasSubstr("k.toml:2"), HasSubstr(fmt::format("'{}' is now '{}'", key.before, key.now))))
+            << text;
+        EXPECT_THAT(*read_file(kExample),
+                    HasSubstr(std::string(key.now.substr(key.now.rfind('.') + 1)) + " = "));
+    }
+    // Although another key is missing, too.
+    EXPECT_THAT(std::string(parse_config_toml("[source]\nkind = \"session\"\nsession = \"a.toml\"\n", "/",
+                                              "k.toml", false)
+                                .status()
+                                .message()),
+                HasSubstr("'source.session_file'"));
+}
+
+TEST(Config, ReadsReplayFolders) {
+    const auto config =
+        parse_config_toml("[replay]\nfolders = [\"trials\", \"/data\"]\n", "/rig", "probe", false);
+    ASSERT_TRUE(config.ok()) << config.status();
+    EXPECT_THAT(config->replay.folders, ::testing::ElementsAre("/rig/trials", "/data"));
+    for (const char* bad : {"3", "[3]", "[\"\"]", "\"trials\""})
+        EXPECT_TRUE(absl::IsInvalidArgument(
+            parse_config_toml(std::string("[replay]\nfolders = ") + bad, "/", "probe", false).status()))
+            << bad;
+}
+
+TEST(Config, ReadsAccessKeys) {
+    const auto config = parse_config_toml(
+        "[server]\nlisten = \"0.0.0.0:1\"\ntls_certificate_file = \"c.pem\"\ntls_key_file = "
+        "\"/k.pem\"\ntls_client_ca_file = "
+        "\"ca.pem\"\ntoken_file = \"t.toml\"\n"
+        "audit_file = \"\"\n[server.limits]\nmax_streams = 7\nmax_requests_per_s = 2.5\n",
         "/rig", "probe", false);
     ASSERT_TRUE(config.ok()) << config.status();
     const AccessConfig& access = config->server.access;
-    EXPECT_EQ(access.certificate, "/rig/c.pem");
-    EXPECT_EQ(access.key, "/k.pem");
-    EXPECT_EQ(access.client_ca, "/rig/ca.pem");
-    EXPECT_EQ(access.tokens, "/rig/t.toml");
-    EXPECT_EQ(access.audit, std::filesystem::path());
+    EXPECT_EQ(access.tls_certificate_file, "/rig/c.pem");
+    EXPECT_EQ(access.tls_key_file, "/k.pem");
+    EXPECT_EQ(access.tls_client_ca_file, "/rig/ca.pem");
+    EXPECT_EQ(access.token_file, "/rig/t.toml");
+    EXPECT_EQ(access.audit_file, std::filesystem::path());
     EXPECT_EQ(access.max_streams, 7);
-    EXPECT_EQ(access.requests_per_s, 2.5);
+    EXPECT_EQ(access.max_requests_per_s, 2.5);
 }
 
-TEST(Config, HalfOfWhoMayDoWhatIsTold) {
-    for (const char* text :
-         {"certificate = \"c.pem\"", "key = \"k.pem\"", "client_ca = \"ca.pem\"", "token = \"t.toml\"",
-          "limits = 3", "[server.limits]\nmax_streams = 0", "[server.limits]\nrequests_per_s = 0.5"})
+TEST(Config, RejectsIncompleteAccessKeys) {
+    for (const char* text : {"tls_certificate_file = \"c.pem\"", "tls_key_file = \"k.pem\"",
+                             "tls_client_ca_file = \"ca.pem\"", "token = \"t.toml\"", "limits = 3",
+                             "[server.limits]\nmax_streams = 0", "[server.limits]\nmax_requests_per_s = 0.5"})
         EXPECT_TRUE(absl::IsInvalidArgument(
             parse_config_toml("[server]\n" + std::string(text) + "\n", "/rig", "probe", false).status()))
             << text;
     EXPECT_TRUE(absl::IsNotFound(
-        parse_config_toml("[server]\ntokens = \"none.toml\"\n", "/nowhere", "probe", true).status()));
+        parse_config_toml("[server]\ntoken_file = \"none.toml\"\n", "/nowhere", "probe", true).status()));
 }
 
 constexpr char kCameras[] = R"([source]
 kind = "cameras"
 [source.cameras]
-calibration = "calibration.toml"
+calibration_file = "calibration.toml"
 fps = 60
-trigger = "master"
-master = "left"
+trigger = "camera"
+trigger_camera = "left"
 exposure_us = 4000
 [[source.cameras.camera]]
 name = "left"
@@ -88,35 +185,35 @@ device = "F1"
 name = "right"
 device = "F2"
 exposure_us = 5000
-offset_px = [64, 32]
+sensor_offset_px = [64, 32]
 )";
 
 TEST(Config, ReadsLiveCameras) {
     const auto config = parse_config_toml(kCameras, "/rig", "probe", false);
     ASSERT_TRUE(config.ok()) << config.status();
     EXPECT_EQ(config->source.kind, SourceConfig::Kind::kCameras);
-    const LiveCamerasConfig& cameras = config->source.cameras;
-    EXPECT_EQ(cameras.calibration, "/rig/calibration.toml");
-    EXPECT_EQ(cameras.trigger, LiveCamerasConfig::Trigger::kMaster);
+    const LiveSourceConfig& cameras = config->source.cameras;
+    EXPECT_EQ(cameras.calibration_file, "/rig/calibration.toml");
+    EXPECT_EQ(cameras.trigger, LiveSourceConfig::Trigger::kCamera);
     ASSERT_EQ(cameras.cameras.size(), 2u);
     EXPECT_EQ(cameras.cameras[0].settings.exposure_us, 4000) << "that of all";
     EXPECT_EQ(cameras.cameras[1].settings.exposure_us, 5000) << "its own";
-    EXPECT_EQ(cameras.cameras[1].settings.offset_px, (std::array<int, 2>{64, 32}));
+    EXPECT_EQ(cameras.cameras[1].settings.sensor_offset_px, (std::array<int, 2>{64, 32}));
 }
 
-TEST(Config, LiveCamerasThatCannotBeAreToldWithTheKey) {
+TEST(Config, RejectsInvalidLiveCameras) {
     const struct {
         const char *what, *instead, *said;
     } kTable[] = {
-        {"calibration = \"calibration.toml\"", "", "calibration"},
-        {"\"right\"", "\"left\"", "stands there twice"},
-        {"\"F2\"", "\"F1\"", "stands there twice"},
-        {"master = \"left\"", "master = \"middle\"", "middle"},
-        {"\"master\"", "\"sometimes\"", "trigger"},
+        {"calibration_file = \"calibration.toml\"", "", "calibration_file"},
+        {"\"right\"", "\"left\"", "occurs twice"},
+        {"\"F2\"", "\"F1\"", "occurs twice"},
+        {"trigger_camera = \"left\"", "trigger_camera = \"centre\"", "centre"},
+        {"\"camera\"", "\"sometimes\"", "trigger"},
         {"fps = 60", "fps = 0", "fps"},
         {"exposure_us = 5000", "exposure_us = -1", "exposure_us"},
         {"exposure_us = 5000", "shutter = 3", "shutter"},
-        {"[64, 32]", "[64]", "offset_px"},
+        {"[64, 32]", "[64]", "sensor_offset_px"},
     };
     for (const auto& row : kTable) {
         std::string text = kCameras;
@@ -137,7 +234,7 @@ TEST(Config, ReadsEveryKind) {
 listen = "[::1]:0"
 [source]
 kind = "session"
-session = "trial/session.toml"
+session_file = "trial/session.toml"
 pacing = "as_fast_as_possible"
 loop = false
 [source.studio]
@@ -147,8 +244,8 @@ fps = 60
 device = "cuda"
 voxel_mm = 5
 [pose]
-database = "poses.kvxposes"
-database_poses = 30
+database_file = "poses.kvxposes"
+library_pose_count = 30
 [log]
 level = "debug"
 file = "kinevoxd.log"
@@ -157,16 +254,16 @@ file = "kinevoxd.log"
     ASSERT_TRUE(config.ok()) << config.status();
     EXPECT_EQ(config->server.listen, "[::1]:0");
     EXPECT_EQ(config->source.kind, SourceConfig::Kind::kSession);
-    EXPECT_EQ(config->source.session, folder / "trial/session.toml");
+    EXPECT_EQ(config->source.session_file, folder / "trial/session.toml");
     EXPECT_EQ(config->source.pacing, SourceConfig::Pacing::kAsFastAsPossible);
     EXPECT_FALSE(config->source.loop);
     EXPECT_EQ(config->source.studio.motion, "sprint_start");
     EXPECT_EQ(config->source.studio.fps, 60);
     EXPECT_EQ(config->pipeline.device, PipelineConfig::Device::kCuda);
     EXPECT_EQ(config->pipeline.voxel_mm, 5);
-    EXPECT_EQ(config->pose.database, folder / "poses.kvxposes");
-    EXPECT_EQ(config->pose.database_poses, 30);
-    EXPECT_EQ(parse_config_toml("[pose]\ndatabase = \"\"\n", "/", "empty", true)->pose.database, "")
+    EXPECT_EQ(config->pose.database_file, folder / "poses.kvxposes");
+    EXPECT_EQ(config->pose.library_pose_count, 30);
+    EXPECT_EQ(parse_config_toml("[pose]\ndatabase_file = \"\"\n", "/", "empty", true)->pose.database_file, "")
         << "none, which is not the default";
     EXPECT_EQ(config->log.file, folder / "kinevoxd.log");
 }

@@ -11,7 +11,7 @@
 namespace kinevox {
 namespace {
 
-TEST(Ply, HoldsTheSurfaceVoxelsCentresAndColours) {
+TEST(Ply, HoldsSurfaceVoxels) {
     const testing::TemporaryFolder folder;
     const Volume person = testing::person_volume(0.03);
     ASSERT_TRUE(write_volume_ply(person, folder / "volumes/000000.ply").ok());
@@ -33,7 +33,7 @@ TEST(Ply, HoldsTheSurfaceVoxelsCentresAndColours) {
     }
 }
 
-TEST(Ply, SaysWhereItCannotWrite) {
+TEST(Ply, NamesTheUnwritablePath) {
     const testing::TemporaryFolder folder;
     folder.write("file", "");
     const absl::Status status = write_volume_ply(testing::person_volume(0.1), folder / "file/000000.ply");

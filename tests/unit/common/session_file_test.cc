@@ -11,7 +11,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-TEST(SessionFile, ReadsASharedSessionWithItsTruthAndItsCameras) {
+TEST(SessionFile, ReadsTruthAndCameras) {
     KINEVOX_REQUIRE_DATA(file, "studio/walk/session.toml");
     const auto session = read_session(file);
     ASSERT_TRUE(session.ok()) << session.status();
@@ -26,7 +26,7 @@ TEST(SessionFile, ReadsASharedSessionWithItsTruthAndItsCameras) {
     EXPECT_EQ((*cameras)[3].name, "cam4");
 }
 
-TEST(SessionFile, WrittenAndReadBackIsTheSame) {
+TEST(SessionFile, SurvivesWritingAndReading) {
     const testing::TemporaryFolder folder, elsewhere;
     Session session;
     session.name = "sprint \"start\" 1";
@@ -50,6 +50,24 @@ TEST(SessionFile, WrittenAndReadBackIsTheSame) {
         EXPECT_EQ(read->cameras[i].name, session.cameras[i].name);
         EXPECT_EQ(read->cameras[i].video, session.cameras[i].video);
         EXPECT_EQ(read->cameras[i].background, session.cameras[i].background);
+    }
+}
+
+TEST(SessionFile, NamesTheNewKeyOfRenamedOnes) {
+    for (const auto& [before, now] : {std::pair{"times", "frame_times"},
+                                      {"started_utc_ns", "start_time_utc_ns"},
+                                      {"frames", "frame_sets"},
+                                      {"dropped", "dropped_frame_sets"},
+                                      {"lost", "lost_frame_sets"},
+                                      {"missing_pictures", "missing_images"}}) {
+        const std::string text = std::string(
+                                     "fps = 30\ncalibration = \"c.toml\"\n\n[[camera]]\nname = \"a\"\n"
+                                     "video = \"a.mkv\"\n\n[recording]\nframe_times = \"frames.csv\"\n") +
+                                 before + " = 1\n";
+        const auto session = parse_session_toml(text, "/folder", "session.toml", false);
+        EXPECT_EQ(session.status().code(), absl::StatusCode::kInvalidArgument) << before;
+        EXPECT_THAT(std::string(session.status().message()), HasSubstr(now));
+        EXPECT_THAT(std::string(session.status().message()), HasSubstr("session.toml:"));
     }
 }
 

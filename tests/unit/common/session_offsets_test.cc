@@ -1,4 +1,4 @@
-// Cameras that began one by one: which of their pictures belong together, and what is written into
+// Cameras that began one by one: which of their images belong together, and what is written into
 // session.toml.
 #include "common/session_offsets.h"
 
@@ -27,18 +27,18 @@ Session session_with(const std::vector<std::optional<double>>& offsets_s, double
     return session;
 }
 
-TEST(SessionOffsets, TheFirstFrameSetIsWhereTheLastCameraBegins) {
+TEST(SessionOffsets, FirstFrameSetIsTheLastCamerasStart) {
     EXPECT_FALSE(has_offsets(session_with({{}, {}})));
-    EXPECT_THAT(first_pictures(session_with({{}, {}})), ElementsAre(0, 0));
+    EXPECT_THAT(first_image_indices(session_with({{}, {}})), ElementsAre(0, 0));
     const Session session = session_with({0.0, 0.7, {}, -0.3});
     EXPECT_TRUE(has_offsets(session));
-    EXPECT_THAT(first_pictures(session), ElementsAre(7, 0, 7, 10));
-    const Session written = session_with({0.0, 0.233333, 0.033333}, 30);  // as 6 decimals tell it
-    EXPECT_THAT(first_pictures(written), ElementsAre(7, 0, 6));
+    EXPECT_THAT(first_image_indices(session), ElementsAre(7, 0, 7, 10));
+    const Session written = session_with({0.0, 0.233333, 0.033333}, 30);  // rounded to 6 decimals
+    EXPECT_THAT(first_image_indices(written), ElementsAre(7, 0, 6));
 }
 
 // Each frame set spans less time than if every camera's begin were rounded by itself.
-TEST(SessionOffsets, JoinsThePicturesThatLieWithinTheShortestTime) {
+TEST(SessionOffsets, JoinsImagesWithinTheShortestTime) {
     for (const std::vector<double>& phases : {std::vector<double>{0, .04, .05, .06},
                                               {0, .09, .08, .01},
                                               {.05, .1, .15},
@@ -49,7 +49,7 @@ TEST(SessionOffsets, JoinsThePicturesThatLieWithinTheShortestTime) {
             session.cameras.emplace_back();
             session.cameras.back().offset_s = 0.3 + phase;
         }
-        const auto first = first_pictures(session);
+        const auto first = first_image_indices(session);
         EXPECT_EQ(*std::min_element(first.begin(), first.end()), 0);
         double earliest = 1e9, latest = -1e9;
         for (std::size_t c = 0; c < first.size(); ++c) {
@@ -70,10 +70,10 @@ TEST(SessionOffsets, JoinsThePicturesThatLieWithinTheShortestTime) {
     }
 }
 
-TEST(SessionOffsets, TheFirstVideoToEndEndsAll) {
+TEST(SessionOffsets, FirstVideoToEndEndsAll) {
     const Session session = session_with({0.0, 0.7});
-    const std::vector<std::int64_t> pictures{100, 95}, too_few{7, 95};
-    EXPECT_EQ(*common_length(session, pictures), 93);
+    const std::vector<std::int64_t> images{100, 95}, too_few{7, 95};
+    EXPECT_EQ(*common_length(session, images), 93);
     const auto none = common_length(session, too_few);
     ASSERT_FALSE(none.ok());
     EXPECT_THAT(std::string(none.status().message()), HasSubstr("camera b begins when camera a has ended"));
@@ -99,7 +99,7 @@ background = "a.png"   # morning light
 name = "c"
 video = "c.mp4")";
 
-TEST(SessionOffsets, AreWrittenIntoTheTextAndLeaveTheRest) {
+TEST(SessionOffsets, AreWrittenIntoTheText) {
     const std::vector<double> offsets{0, 0.2333333333, -1.25};
     const auto text = with_offsets(kText, offsets);
     ASSERT_TRUE(text.ok()) << text.status();
@@ -142,7 +142,7 @@ TEST_F(OffsetsOnDisk, AreReadBack) {
     EXPECT_EQ(read_session(file)->cameras[2].offset_s, 2.0);
 }
 
-TEST_F(OffsetsOnDisk, OfTablesWithinALineAreWrittenAsWell) {
+TEST_F(OffsetsOnDisk, AreWrittenForInlineTables) {
     const auto file =
         folder_.write("session.toml",
                       "fps = 30.0\nname = \"x\"\ncalibration = \"calibration.toml\"\n"
@@ -154,9 +154,11 @@ TEST_F(OffsetsOnDisk, OfTablesWithinALineAreWrittenAsWell) {
     EXPECT_EQ(session->cameras[1].name, "b");
 }
 
-TEST_F(OffsetsOnDisk, WhatIsNoOffsetIsRefused) {
-    for (const auto& [value, extra] :
-         {std::pair{"\"soon\"", ""}, {"nan", ""}, {"1e9", ""}, {"0.5", "[recording]\ntimes = \"a.mp4\"\n"}}) {
+TEST_F(OffsetsOnDisk, RejectsInvalidOffsets) {
+    for (const auto& [value, extra] : {std::pair{"\"soon\"", ""},
+                                       {"nan", ""},
+                                       {"1e9", ""},
+                                       {"0.5", "[recording]\nframe_times = \"a.mp4\"\n"}}) {
         folder_.write("session.toml",
                       std::string("fps = 30.0\ncalibration = \"calibration.toml\"\n[[camera]]\nname = \"a\"\n"
                                   "video = \"a.mp4\"\noffset_s = ") +

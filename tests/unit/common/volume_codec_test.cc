@@ -30,7 +30,7 @@ TEST(VolumeCodec, KeepsTheShapeExactlyAndColoursWithinTwoLevels) {
     EXPECT_EQ(encode_volume(*decoded), message);
 }
 
-TEST(VolumeCodec, APersonAtTenMillimetresIsSmall) {
+TEST(VolumeCodec, EncodesAPersonCompactly) {
     const Volume person = testing::person_volume(0.01);
     const std::size_t shape = encode_volume(person, {.with_colours = false}).size();
     const std::size_t coloured = encode_volume(person).size();
@@ -40,7 +40,7 @@ TEST(VolumeCodec, APersonAtTenMillimetresIsSmall) {
     EXPECT_LT(coloured, 60000u);
 }
 
-TEST(VolumeCodec, KeepsAnythingThatAVolumeMayBe) {
+TEST(VolumeCodec, KeepsUnusualVolumes) {
     std::mt19937_64 random(5);
     std::vector<Volume> volumes(4);
     volumes[1].grid = {{-1, 2.5, 0}, 0.02, {8, 8, 8}};  // a full brick
@@ -72,7 +72,7 @@ TEST(VolumeCodec, KeepsAnythingThatAVolumeMayBe) {
     }
 }
 
-TEST(VolumeCodec, WritesNothingForWhatIsNoVolume) {
+TEST(VolumeCodec, WritesNothingForInvalidVolumes) {
     Volume volume = testing::person_volume(0.02);
     volume.bricks[3].x = -1;
     EXPECT_EQ(encode_volume(volume), "");
@@ -96,7 +96,7 @@ TEST(VolumeCodec, RejectsDamagedBytesWithoutFailing) {
     }
 }
 
-TEST(VolumeCodec, AHeaderCannotClaimMoreThanItsBytesHold) {
+TEST(VolumeCodec, RejectsSizesBeyondTheBytes) {
     std::string message = encode_volume(testing::person_volume(0.04));
     message[48] = message[49] = message[50] = '\xff';  // 16 million bricks
     const auto decoded = decode_volume(bytes_of(message));

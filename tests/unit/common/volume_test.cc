@@ -34,7 +34,7 @@ bool is_surface(const Dense& dense, const Key& key) {
              dense.contains({k - 1, j, i}) && dense.contains({k + 1, j, i}));
 }
 
-// Blobs that reach every border of the grid, so that bricks have neighbours on all sides and none.
+// Blobs that touch every border of the grid, so that bricks have neighbours on all sides and none.
 Volume ragged_volume(unsigned seed) {
     std::mt19937 random(seed);
     std::uniform_real_distribution<double> anywhere(-0.02, 0.34), radius(0.02, 0.09);
@@ -52,7 +52,7 @@ Volume ragged_volume(unsigned seed) {
     return volume;
 }
 
-TEST(Volume, SurfaceIsWhatTheDefinitionSays) {
+TEST(Volume, SurfaceMatchesItsDefinition) {
     for (unsigned seed = 0; seed < 5; ++seed) {
         const Volume volume = ragged_volume(seed);
         const Dense dense = dense_from(volume);
@@ -65,7 +65,7 @@ TEST(Volume, SurfaceIsWhatTheDefinitionSays) {
     }
 }
 
-TEST(Volume, CoarseVoxelsAreHalfFullAndTakeTheMeanOfTheirColours) {
+TEST(Volume, CoarseVoxelsAreHalfFullWithMeanColours) {
     const Volume fine = ragged_volume(3);
     const Volume coarse = coarsened(fine, 1);
     ASSERT_EQ(volume_problem(coarse), "");
@@ -112,7 +112,7 @@ TEST(Volume, KeepsItsSizeWhenCoarsened) {
     }
 }
 
-TEST(Volume, MortonOrderGoesThereAndBack) {
+TEST(Volume, MortonOrderRoundTrips) {
     for (int y = 0; y < 8; ++y)
         for (int x = 0; x < 8; ++x) {
             int morton = 0;
@@ -124,7 +124,7 @@ TEST(Volume, MortonOrderGoesThereAndBack) {
         }
 }
 
-TEST(Volume, NamesWhatIsWrong) {
+TEST(Volume, NamesTheProblem) {
     Volume volume = ragged_volume(0);
     EXPECT_EQ(volume_problem(volume), "");
     std::swap(volume.bricks[0], volume.bricks[1]);

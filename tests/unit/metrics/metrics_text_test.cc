@@ -13,7 +13,7 @@
 #include <thread>
 
 #include "server/metrics/http_endpoint.h"
-#include "server/metrics/running_histogram.h"
+#include "server/pipeline/running_histogram.h"
 
 namespace kinevox::metrics {
 namespace {
@@ -23,28 +23,29 @@ using testing::Not;
 using testing::StartsWith;
 using namespace std::string_literals;
 
-TEST(MetricsText, CountersAreNamedAsEachFormatWantsIt) {
+TEST(MetricsText, NamesCountersByFormat) {
     MetricsText open(Format::kOpenMetrics), old(Format::kPrometheus);
-    open.one_counter("kinevox_results", "Results.", 12);
-    old.one_counter("kinevox_results", "Results.", 12);
-    EXPECT_EQ(
-        open.take(),
-        "# HELP kinevox_results Results.\n# TYPE kinevox_results counter\nkinevox_results_total 12\n# EOF\n");
+    open.one_counter("kinevox_frame_sets_processed", "Results.", 12);
+    old.one_counter("kinevox_frame_sets_processed", "Results.", 12);
+    EXPECT_EQ(open.take(),
+              "# HELP kinevox_frame_sets_processed Results.\n# TYPE kinevox_frame_sets_processed "
+              "counter\nkinevox_frame_sets_processed_total 12\n# EOF\n");
     EXPECT_EQ(old.take(),
-              "# HELP kinevox_results_total Results.\n# TYPE kinevox_results_total "
-              "counter\nkinevox_results_total 12\n");
+              "# HELP kinevox_frame_sets_processed_total Results.\n# TYPE kinevox_frame_sets_processed_total "
+              "counter\nkinevox_frame_sets_processed_total 12\n");
 }
 
-TEST(MetricsText, LabelsAndHelpAreEscaped) {
+TEST(MetricsText, EscapesLabelsAndHelp) {
     MetricsText text(Format::kOpenMetrics);
-    text.gauge("kinevox_state", "One\nline with \\.");
+    text.gauge("kinevox_capture_state", "One\nline with \\.");
     text.sample(1, {{"camera", "a\"b\\c\nd"}, {"other", "x"}});
-    EXPECT_THAT(text.take(),
-                HasSubstr("# HELP kinevox_state One\\nline with \\\\.\n# TYPE kinevox_state gauge\n"
-                          "kinevox_state{camera=\"a\\\"b\\\\c\\nd\",other=\"x\"} 1\n"));
+    EXPECT_THAT(
+        text.take(),
+        HasSubstr("# HELP kinevox_capture_state One\\nline with \\\\.\n# TYPE kinevox_capture_state gauge\n"
+                  "kinevox_capture_state{camera=\"a\\\"b\\\\c\\nd\",other=\"x\"} 1\n"));
 }
 
-TEST(MetricsText, NumbersReadBackTheSame) {
+TEST(MetricsText, WritesExactNumbers) {
     MetricsText text(Format::kPrometheus);
     text.gauge("g", "h");
     for (const double value : {0.1, 1e20, -3.0, 1.0 / 3, std::numeric_limits<double>::quiet_NaN(),
@@ -53,7 +54,7 @@ TEST(MetricsText, NumbersReadBackTheSame) {
     EXPECT_THAT(text.take(), HasSubstr("g 0.1\ng 1e+20\ng -3\ng 0.3333333333333333\ng NaN\ng +Inf\n"));
 }
 
-TEST(RunningHistogram, CountsEachValueInItsBucketAndAllBelowInThoseAbove) {
+TEST(RunningHistogram, CountsCumulativeBuckets) {
     RunningHistogram running;
     for (const double seconds : {0.0001, 0.0005, 0.004, 0.004, 7.0}) running.add(seconds);
     const Histogram read = running.read();
@@ -102,7 +103,7 @@ class HttpEndpointTest : public testing::Test {
     std::unique_ptr<HttpEndpoint> endpoint_;
 };
 
-TEST_F(HttpEndpointTest, AnswersInTheFormatThatIsAskedFor) {
+TEST_F(HttpEndpointTest, AnswersInRequestedFormat) {
     const std::string old = get("/metrics");
     EXPECT_THAT(old, StartsWith("HTTP/1.1 200 OK"));
     EXPECT_THAT(old, HasSubstr("text/plain; version=0.0.4"));
@@ -114,14 +115,14 @@ TEST_F(HttpEndpointTest, AnswersInTheFormatThatIsAskedFor) {
     EXPECT_THAT(get("/metrics?x=1"), StartsWith("HTTP/1.1 200 OK"));
 }
 
-TEST_F(HttpEndpointTest, HasNothingElse) {
+TEST_F(HttpEndpointTest, RejectsOtherPaths) {
     EXPECT_THAT(get("/"), StartsWith("HTTP/1.1 404"));
     EXPECT_THAT(get("/../etc/passwd"), StartsWith("HTTP/1.1 404"));
     EXPECT_THAT(get("/metrics", "", "DELETE"), StartsWith("HTTP/1.1 405"));
     EXPECT_THAT(get("/metrics", "", "HEAD"), Not(HasSubstr("# TYPE")));
 }
 
-TEST_F(HttpEndpointTest, LivesThroughNonsenseAndThoseWhoOnlyConnect) {
+TEST_F(HttpEndpointTest, SurvivesInvalidAndIdleClients) {
     using boost::asio::ip::tcp;
     boost::asio::io_context io;
     std::vector<tcp::socket> silent;
@@ -135,7 +136,7 @@ TEST_F(HttpEndpointTest, LivesThroughNonsenseAndThoseWhoOnlyConnect) {
     EXPECT_THAT(get("/metrics"), StartsWith("HTTP/1.1 200 OK"));
 }
 
-TEST_F(HttpEndpointTest, SaysWhatIsWrongWithAPortThatIsTaken) {
+TEST_F(HttpEndpointTest, ReportsPortInUse) {
     const auto second =
         HttpEndpoint::listen("127.0.0.1:" + std::to_string(endpoint_->port()), [](Format) { return ""; });
     ASSERT_FALSE(second.ok());

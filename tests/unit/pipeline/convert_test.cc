@@ -43,7 +43,7 @@ Voxels voxels_of(const kernels::VoxelVolume& volume) {
     return voxels;
 }
 
-TEST(Convert, ACoarseVoxelIsOccupiedIfAnyOfItsVoxelsIs) {
+TEST(Convert, OccupiesCoarseVoxelIfAnyIs) {
     const kernels::VoxelVolume volume = scattered(0.01);
     Voxels expected;
     for (const auto& [x, y, z] : voxels_of(volume)) expected.insert({x / 4, y / 4, z / 4});
@@ -56,7 +56,7 @@ TEST(Convert, ACoarseVoxelIsOccupiedIfAnyOfItsVoxelsIs) {
     EXPECT_EQ(coarse.lattice.size[2], 32);
 }
 
-TEST(Convert, TheCentreIsThatOfTheVoxels) {
+TEST(Convert, ReturnsCentreOfVoxels) {
     const kernels::VoxelVolume volume = scattered(0.3);
     Vec3 sum;
     const Voxels voxels = voxels_of(volume);
@@ -68,7 +68,7 @@ TEST(Convert, TheCentreIsThatOfTheVoxels) {
     EXPECT_FALSE(centre_of({}));
 }
 
-TEST(Convert, KeepsEveryVoxelAndColour) {
+TEST(Convert, KeepsVoxelsAndColours) {
     kernels::VoxelVolume volume = scattered(0.1);
     volume.colours = {{1, 2, 3}, {4, 5, 6}};
     const Volume common = to_common(volume);

@@ -61,7 +61,7 @@ std::vector<std::string> errors_in(const std::vector<FrameResultPtr>& results) {
     std::vector<std::string> errors;
     for (const auto& result : results)
         for (const Event& event : result->events)
-            if (event.kind == EventKind::kError) errors.push_back(event.message);
+            if (event.kind == EventKind::kGpuFailed) errors.push_back(event.message);
     return errors;
 }
 
@@ -80,12 +80,12 @@ void expect_same(const FrameResultPtr& a, const FrameResultPtr& b) {
 
 class FailsIn : public ::testing::TestWithParam<const char*> {};
 
-// A failure in any stage of any frame: that frame set comes out as if nothing had been, the others go on.
-TEST_P(FailsIn, TheFrameSetIsFinishedOnTheCpu) {
+// After a failure in any stage of any frame set, that frame set has the same result, and the others continue.
+TEST_P(FailsIn, FinishesFrameSetOnCpu) {
     constexpr int kFailing = 8;
     const auto undisturbed = run(nullptr);
     ASSERT_THAT(undisturbed, SizeIs(kFrames));
-    ASSERT_GT(volume_of(undisturbed[kFailing]), 20) << "somebody is to be seen by then";
+    ASSERT_GT(volume_of(undisturbed[kFailing]), 20) << "the subject must be visible by then";
     std::atomic<bool> failing = false;
     std::atomic<int> asked_after = 0;
     bool failed = false;
@@ -115,7 +115,7 @@ TEST_P(FailsIn, TheFrameSetIsFinishedOnTheCpu) {
 
 INSTANTIATE_TEST_SUITE_P(Stages, FailsIn, ::testing::Values("segmentation", "hull", "colouring"));
 
-TEST(GpuFallback, AGpuThatWorksIsUsedAndToldOf) {
+TEST(GpuFallback, UsesAndReportsWorkingGpu) {
     std::set<std::string> used;
     std::mutex mutex;
     const auto gpu = gpu_that([&](const std::string& stage) {
@@ -133,7 +133,7 @@ TEST(GpuFallback, AGpuThatWorksIsUsedAndToldOf) {
 }
 
 // From the first frame set on, so that nothing of the GPU's is missed: the CPU's own results, bit for bit.
-TEST(GpuFallback, NothingButTheDeviceIsAnotherOne) {
+TEST(GpuFallback, ChangesNothingButTheDevice) {
     const auto expected = run(nullptr);
     const auto says = [](const char* stage) {
         return [stage](const std::string& asked) { return asked == stage; };
@@ -149,24 +149,24 @@ TEST(GpuFallback, NothingButTheDeviceIsAnotherOne) {
     }
 }
 
-TEST(GpuFallback, AnotherPipelineLeavesTheGpuThatFailedAlone) {
+TEST(GpuFallback, KeepsFailedGpuUnusedInOtherPipelines) {
     std::atomic<int> asked = 0;
     const auto gpu = gpu_that([&](const std::string&) { return ++asked, false; });
-    gpu->fail("CUDA: out of memory");
-    gpu->fail("CUDA: out of memory, once more");
+    gpu->report_failure("CUDA: out of memory");
+    gpu->report_failure("CUDA: out of memory, once more");
     const auto results = run(gpu);
     EXPECT_THAT(results, SizeIs(kFrames));
     EXPECT_EQ(asked, 0);
     EXPECT_EQ(gpu->state().failures, 2u);
     EXPECT_THAT(errors_in(results), ElementsAre(HasSubstr("failed: CUDA: out of memory; ")));
-    EXPECT_EQ(gpu->take_news(), "") << "told once";
+    EXPECT_EQ(gpu->take_message(), "") << "reported once";
     EXPECT_THAT(gpu->state().message, HasSubstr("out of memory")) << "and to be had afterwards";
 }
 
-TEST(GpuFallback, WithoutASecondDeviceAFailureIsAnError) {
+TEST(GpuFallback, FailsWithoutFallback) {
     PipelineOptions options = small_options(nullptr);
     options.device = kernels::Device::kCuda;
-    if (kernels::make_stage_maker(kernels::Device::kCuda)->problem().empty())
+    if (kernels::make_stage_factory(kernels::Device::kCuda)->problem().empty())
         GTEST_SKIP() << "there is a GPU";
     const auto pipeline = Pipeline::create(studio()->cameras(), 30, options);
     EXPECT_EQ(pipeline.status().code(), absl::StatusCode::kFailedPrecondition);

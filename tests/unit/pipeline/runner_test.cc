@@ -24,7 +24,7 @@ class RunnerTest : public ::testing::Test {
         pipeline_ = pipeline.get();
         box_ = hub_.subscribe_volumes({MailboxOptions::WhenFull::kOverflow, 1000, SIZE_MAX},
                                       [this] { changed(); });
-        events_ = hub_.subscribe_events(0, [this] { changed(); });
+        events_ = hub_.events().subscribe(0, [this] { changed(); });
         runner_.emplace(
             source_.open(), [this] { return source_.open(); }, std::move(pipeline), hub_);
     }
@@ -34,7 +34,7 @@ class RunnerTest : public ::testing::Test {
         changed_.notify_all();
     }
 
-    // Waits for the next so many results; their sequences.
+    // Waits for the next N results; their sequences.
     std::vector<std::uint64_t> results(std::size_t count) {
         std::vector<std::uint64_t> out;
         std::unique_lock lock(mutex_);
@@ -77,13 +77,13 @@ class RunnerTest : public ::testing::Test {
 
 TEST_F(RunnerTest, StartsLearnsAndPublishesInOrder) {
     ASSERT_TRUE(runner_->start().ok());
-    EXPECT_THAT(event(EventKind::kBackgroundLearned), HasSubstr("2 pictures"));
+    EXPECT_THAT(event(EventKind::kBackgroundLearned), HasSubstr("2 images"));
     source_.give(3);
     EXPECT_THAT(results(3), ::testing::ElementsAre(0, 1, 2));
     EXPECT_EQ(runner_->state().state, RunState::kRunning);
     EXPECT_EQ(runner_->start().code(), absl::StatusCode::kFailedPrecondition);
     ASSERT_TRUE(runner_->stop().ok());
-    EXPECT_EQ(pipeline_->learned_pictures, 2u);
+    EXPECT_EQ(pipeline_->learned_images, 2u);
     EXPECT_EQ(runner_->state().state, RunState::kStopped);
     EXPECT_EQ(runner_->stop().code(), absl::StatusCode::kFailedPrecondition);
 }
@@ -117,7 +117,7 @@ bool comes(Condition condition, std::chrono::milliseconds limit) {
 
 using namespace std::chrono_literals;
 
-TEST_F(RunnerTest, OfCamerasTheNewestFrameSetIsTaken) {
+TEST_F(RunnerTest, TakesLatestFrameSetOfCameras) {
     source_.live = source_.cameras = true;
     HeldPose pose(*pipeline_);
     ASSERT_TRUE(runner_->start().ok());
@@ -130,10 +130,10 @@ TEST_F(RunnerTest, OfCamerasTheNewestFrameSetIsTaken) {
     EXPECT_EQ(pose.newest_begun, 1u);
     pose.release();
     EXPECT_THAT(results(3), ::testing::ElementsAre(0, 1, 9));
-    EXPECT_EQ(runner_->figures().lost, 7u);
+    EXPECT_EQ(runner_->snapshot().lost_count, 7u);
 }
 
-TEST_F(RunnerTest, OfAStudioNothingIsDrawnAndBegunThatWouldWait) {
+TEST_F(RunnerTest, RendersNoStudioImagesAhead) {
     source_.live = true;
     HeldPose pose(*pipeline_);
     ASSERT_TRUE(runner_->start().ok());
@@ -145,7 +145,7 @@ TEST_F(RunnerTest, OfAStudioNothingIsDrawnAndBegunThatWouldWait) {
     EXPECT_THAT(results(10), ::testing::ElementsAre(0, 1, 2, 3, 4, 5, 6, 7, 8, 9));
 }
 
-TEST_F(RunnerTest, OfARecordingAsMuchAsThereIsRoomForIsDoneAhead) {
+TEST_F(RunnerTest, FetchesRecordingAhead) {
     HeldPose pose(*pipeline_);
     ASSERT_TRUE(runner_->start().ok());
     source_.give(10);
@@ -155,7 +155,7 @@ TEST_F(RunnerTest, OfARecordingAsMuchAsThereIsRoomForIsDoneAhead) {
     EXPECT_THAT(results(10), ::testing::ElementsAre(0, 1, 2, 3, 4, 5, 6, 7, 8, 9));
 }
 
-TEST_F(RunnerTest, OtherCamerasAreTakenBetweenTwoRuns) {
+TEST_F(RunnerTest, AppliesOtherCamerasBetweenRuns) {
     std::vector<std::vector<Camera>> taken;
     runner_->set_on_cameras([&](const std::vector<Camera>& cameras) { taken.push_back(cameras); });
     const std::vector<Camera> own = testing::fake_cameras();
@@ -180,7 +180,7 @@ TEST_F(RunnerTest, OtherCamerasAreTakenBetweenTwoRuns) {
     EXPECT_THAT(taken, ::testing::ElementsAre(better, own));
 }
 
-TEST_F(RunnerTest, CaptureTimesBecomeUtcWithTheRecordingsOwnSteps) {
+TEST_F(RunnerTest, ConvertsCaptureTimesToUtc) {
     ASSERT_TRUE(runner_->start().ok());
     const auto now = std::chrono::duration_cast<std::chrono::nanoseconds>(
                          std::chrono::system_clock::now().time_since_epoch())
@@ -200,11 +200,11 @@ TEST_F(RunnerTest, CountsFrameSetsLostBeforeThePipeline) {
     source_.lose(3);
     source_.give(1);
     EXPECT_THAT(results(1), ::testing::ElementsAre(4));
-    EXPECT_EQ(runner_->figures().lost, 3u);
-    EXPECT_EQ(runner_->figures().results, 2u);
+    EXPECT_EQ(runner_->snapshot().lost_count, 3u);
+    EXPECT_EQ(runner_->snapshot().result_count, 2u);
 }
 
-TEST_F(RunnerTest, AnEndedRecordingStartsAgainFromItsBeginning) {
+TEST_F(RunnerTest, RestartsEndedRecording) {
     source_.give(2);
     source_.end();
     ASSERT_TRUE(runner_->start().ok());
@@ -217,7 +217,7 @@ TEST_F(RunnerTest, AnEndedRecordingStartsAgainFromItsBeginning) {
     EXPECT_EQ(source_.opened(), 2);
 }
 
-TEST_F(RunnerTest, ASourcesErrorIsAnEventAndAState) {
+TEST_F(RunnerTest, ReportsErrorOfSource) {
     source_.fail(absl::DataLossError("camera left: clip.mp4 breaks off at frame 7"));
     ASSERT_TRUE(runner_->start().ok());
     EXPECT_THAT(event(EventKind::kError), HasSubstr("breaks off"));
@@ -225,15 +225,15 @@ TEST_F(RunnerTest, ASourcesErrorIsAnEventAndAState) {
     EXPECT_THAT(runner_->state().message, HasSubstr("breaks off"));
 }
 
-TEST_F(RunnerTest, ThePipelinesErrorEndsTheRun) {
-    pipeline_->reconstruct_error = absl::InvalidArgumentError("camera left: picture of 10x10");
+TEST_F(RunnerTest, EndsOnErrorOfPipeline) {
+    pipeline_->reconstruct_error = absl::InvalidArgumentError("camera left: image of 10x10");
     ASSERT_TRUE(runner_->start().ok());
     source_.give(5);
     EXPECT_THAT(event(EventKind::kError), HasSubstr("10x10"));
     EXPECT_EQ(runner_->state().state, RunState::kFailed);
 }
 
-TEST_F(RunnerTest, ThePosesErrorEndsTheRun) {
+TEST_F(RunnerTest, EndsOnErrorOfPoseStage) {
     pipeline_->pose_error = absl::InternalError("frame set 0: out of memory");
     ASSERT_TRUE(runner_->start().ok());
     source_.give(5);
@@ -242,7 +242,7 @@ TEST_F(RunnerTest, ThePosesErrorEndsTheRun) {
     ASSERT_TRUE(runner_->start().ok()) << "the other threads have ended";
 }
 
-TEST_F(RunnerTest, TheNextFrameSetIsReconstructedWhileThePoseIsFound) {
+TEST_F(RunnerTest, ReconstructsNextFrameSetDuringPose) {
     std::promise<void> second_begun;
     std::future_status seen = std::future_status::timeout;
     pipeline_->on_reconstruct = [&](std::uint64_t sequence) {
@@ -257,7 +257,7 @@ TEST_F(RunnerTest, TheNextFrameSetIsReconstructedWhileThePoseIsFound) {
     EXPECT_EQ(seen, std::future_status::ready);
 }
 
-TEST_F(RunnerTest, LearnsFromLiveFramesWhichYieldNoResults) {
+TEST_F(RunnerTest, LearnsBackgroundFromLiveFrameSets) {
     ASSERT_TRUE(runner_->start().ok());
     source_.give(1);
     results(1);
@@ -268,10 +268,10 @@ TEST_F(RunnerTest, LearnsFromLiveFramesWhichYieldNoResults) {
     EXPECT_TRUE(learned.get_future().get().ok());
     EXPECT_THAT(results(1), ::testing::ElementsAre(6));
     ASSERT_TRUE(runner_->stop().ok());
-    EXPECT_EQ(pipeline_->learned_pictures, 5u);
+    EXPECT_EQ(pipeline_->learned_images, 5u);
 }
 
-TEST_F(RunnerTest, WithoutABackgroundThePicturesComeAloneUntilOneIsLearned) {
+TEST_F(RunnerTest, PublishesImagesOnlyWithoutBackground) {
     source_.with_background = false;
     ASSERT_TRUE(runner_->start().ok());
     source_.give(1);
@@ -285,24 +285,24 @@ TEST_F(RunnerTest, WithoutABackgroundThePicturesComeAloneUntilOneIsLearned) {
     EXPECT_NE(last_->volume, nullptr);
 }
 
-TEST_F(RunnerTest, RefusesToLearnWhatItCannot) {
-    const auto told = [&](int frames) {
+TEST_F(RunnerTest, RejectsInvalidLearningRequests) {
+    const auto learned = [&](int frames) {
         absl::Status out;
         runner_->learn_background(frames, [&](absl::Status status) { out = std::move(status); });
         return out;
     };
-    EXPECT_EQ(told(-1).code(), absl::StatusCode::kInvalidArgument);
-    EXPECT_EQ(told(1001).code(), absl::StatusCode::kInvalidArgument);
-    EXPECT_EQ(told(5).code(), absl::StatusCode::kFailedPrecondition) << "nothing runs";
-    EXPECT_TRUE(told(0).ok()) << "the source's own clip";
+    EXPECT_EQ(learned(-1).code(), absl::StatusCode::kInvalidArgument);
+    EXPECT_EQ(learned(1001).code(), absl::StatusCode::kInvalidArgument);
+    EXPECT_EQ(learned(5).code(), absl::StatusCode::kFailedPrecondition) << "nothing runs";
+    EXPECT_TRUE(learned(0).ok()) << "the source's background images";
     ASSERT_TRUE(runner_->start().ok());
-    EXPECT_EQ(told(0).code(), absl::StatusCode::kFailedPrecondition) << "it runs";
+    EXPECT_EQ(learned(0).code(), absl::StatusCode::kFailedPrecondition) << "it runs";
     ASSERT_TRUE(runner_->stop().ok());
     source_.with_background = false;
-    EXPECT_THAT(std::string(told(0).message()), HasSubstr("no clip of the empty scene"));
+    EXPECT_THAT(std::string(learned(0).message()), HasSubstr("no background images"));
 }
 
-TEST_F(RunnerTest, AStopEndsALearningInProgress) {
+TEST_F(RunnerTest, EndsLearningOnStop) {
     ASSERT_TRUE(runner_->start().ok());
     std::promise<absl::Status> learned;
     runner_->learn_background(5, [&](absl::Status status) { learned.set_value(std::move(status)); });
@@ -310,8 +310,8 @@ TEST_F(RunnerTest, AStopEndsALearningInProgress) {
     EXPECT_EQ(learned.get_future().get().code(), absl::StatusCode::kAborted);
 }
 
-TEST_F(RunnerTest, ALearningToWhichNoFrameSetComesIsGivenUp) {
-    runner_->set_longest_silence(std::chrono::seconds(1));
+TEST_F(RunnerTest, EndsIdleLearning) {
+    runner_->set_idle_timeout(std::chrono::seconds(1));
     ASSERT_TRUE(runner_->start().ok());
     const auto learns = [&](int given) {
         std::promise<absl::Status> learned;
@@ -324,21 +324,21 @@ TEST_F(RunnerTest, ALearningToWhichNoFrameSetComesIsGivenUp) {
     };
     const absl::Status silent = learns(2);
     EXPECT_EQ(silent.code(), absl::StatusCode::kFailedPrecondition);
-    EXPECT_THAT(std::string(silent.message()), HasSubstr("no frame set came for 1 s, after 2 of the 5"));
+    EXPECT_THAT(std::string(silent.message()), HasSubstr("no frame set for 1 s, after 2 of 5"));
     EXPECT_EQ(runner_->state().state, RunState::kRunning);
-    EXPECT_TRUE(learns(5).ok()) << "anew, from the first";
+    EXPECT_TRUE(learns(5).ok()) << "again, from the first";
     source_.give(1);
     EXPECT_THAT(results(1), ::testing::ElementsAre(7));
 }
 
-TEST_F(RunnerTest, AfterAnAbortNothingStarts) {
+TEST_F(RunnerTest, StartsNothingAfterAbort) {
     ASSERT_TRUE(runner_->start().ok());
     runner_->abort();
     EXPECT_TRUE(runner_->stop().ok());
     EXPECT_EQ(runner_->start().code(), absl::StatusCode::kUnavailable);
 }
 
-TEST(RunStatistics, RatesMediansAndLosses) {
+TEST(RunStatistics, ComputesRateMediansAndLosses) {
     RunStatistics statistics;
     const auto start = RunStatistics::Clock::now();
     for (int i = 0; i < 100; ++i) {
@@ -347,11 +347,11 @@ TEST(RunStatistics, RatesMediansAndLosses) {
         times.total_ms = i == 99 ? 1000 : 10;
         statistics.add(static_cast<std::uint64_t>(i), times, start + i * std::chrono::milliseconds(20));
     }
-    const auto figures = statistics.figures(start + 99 * std::chrono::milliseconds(20));
-    EXPECT_NEAR(figures.results_per_second, 50, 1e-6);
-    EXPECT_EQ(figures.median.total_ms, 10);
-    EXPECT_NEAR(figures.median.hull_ms, 4.5, 0.6);
-    EXPECT_EQ(statistics.figures(start + std::chrono::seconds(10)).results_per_second, 0);
+    const auto snapshot = statistics.snapshot(start + 99 * std::chrono::milliseconds(20));
+    EXPECT_NEAR(snapshot.result_rate_hz, 50, 1e-6);
+    EXPECT_EQ(snapshot.median.total_ms, 10);
+    EXPECT_NEAR(snapshot.median.hull_ms, 4.5, 0.6);
+    EXPECT_EQ(statistics.snapshot(start + std::chrono::seconds(10)).result_rate_hz, 0);
 }
 
 }  // namespace

@@ -13,7 +13,7 @@
 
 namespace kinevox::testing {
 
-// A camera at `eye` that looks at `target`, z up in the picture.
+// A camera at `eye` that looks at `target`, z up in the image.
 inline Camera camera_at(const std::string& name, Vec3 eye, Vec3 target, int width = 320, int height = 240,
                         double focal_px = 280) {
     const Vec3 forward = normalized(target - eye);
@@ -56,7 +56,7 @@ inline bool hits(const Ray& ray, const Ellipsoid& e) {
     return along < 0 && dot(os - along * ds, os - along * ds) <= 1;
 }
 
-// The pixels that the ellipsoids' bounding boxes reach. All corners must lie before the camera or none.
+// The pixels that the ellipsoids' bounding boxes cover. All corners must be in front of the camera or none.
 inline kernels::Rect pixels_near(const Camera& camera, const std::vector<Ellipsoid>& body) {
     double u0 = 1e9, v0 = 1e9, u1 = -1e9, v1 = -1e9;
     for (const Ellipsoid& e : body)

@@ -4,7 +4,7 @@
 #include "server/pipeline/tracking/blobs.h"
 #include "server/pipeline/tracking/centre_filter.h"
 #include "server/pipeline/tracking/cone_box.h"
-#include "server/pipeline/tracking/ray_meeting.h"
+#include "server/pipeline/tracking/ray_intersection.h"
 #include "tests/unit/pipeline/scene.h"
 
 namespace kinevox {
@@ -21,36 +21,36 @@ RayCandidate candidate(int camera, const Ray& ray) {
     return {camera, ray, 10000, 1 / 500.0, false};
 }
 
-TEST(RayMeeting, FindsThePointOfExactRays) {
+TEST(RayIntersection, FindsPointOfExactRays) {
     const Vec3 g{0.3, -0.4, 0.95};
     std::vector<RayCandidate> rays;
     const std::vector<Camera> cameras = four_cameras();
     for (int c = 0; c < 4; ++c) rays.push_back(candidate(c, ray_to(cameras[c].centre_in_world(), g)));
-    const auto meeting = meet_rays(rays, 4);
+    const auto meeting = intersect_rays(rays, 4);
     ASSERT_TRUE(meeting);
     EXPECT_LT(norm(meeting->point_in_world - g), 1e-9);
-    EXPECT_EQ(meeting->agreeing, 4);
+    EXPECT_EQ(meeting->inlier_count, 4);
 }
 
-TEST(RayMeeting, LeavesOutTheRayThatDisagrees) {
+TEST(RayIntersection, ExcludesOutlierRay) {
     const Vec3 g{0.3, -0.4, 0.95};
     const std::vector<Camera> cameras = four_cameras();
     for (int wrong = 0; wrong < 4; ++wrong) {
         std::vector<RayCandidate> rays;
         for (int c = 0; c < 4; ++c) {
             const Vec3 eye = cameras[c].centre_in_world();
-            const Vec3 aside = 0.7 * normalized(cross(g - eye, {0, 0, 1}));
-            rays.push_back(candidate(c, ray_to(eye, c == wrong ? g + aside : g)));
+            const Vec3 sideways = 0.7 * normalized(cross(g - eye, {0, 0, 1}));
+            rays.push_back(candidate(c, ray_to(eye, c == wrong ? g + sideways : g)));
         }
-        const auto meeting = meet_rays(rays, 4);
+        const auto meeting = intersect_rays(rays, 4);
         ASSERT_TRUE(meeting);
         EXPECT_LT(norm(meeting->point_in_world - g), 1e-9) << "camera " << wrong;
         EXPECT_EQ(meeting->chosen[wrong], -1);
-        EXPECT_EQ(meeting->agreeing, 3);
+        EXPECT_EQ(meeting->inlier_count, 3);
     }
 }
 
-TEST(RayMeeting, ChoosesTheCandidatesThatAreTheSameThing) {
+TEST(RayIntersection, ChoosesCandidatesOfOneObject) {
     // Two people; each camera lists the wrong one first.
     const Vec3 subject{0.3, -0.4, 0.95}, decoys[4] = {{2, 1, 1}, {-1, 2, 1}, {1.5, -2, 1}, {-2, -1.5, 1}};
     const std::vector<Camera> cameras = four_cameras();
@@ -59,24 +59,24 @@ TEST(RayMeeting, ChoosesTheCandidatesThatAreTheSameThing) {
         rays.push_back(candidate(c, ray_to(cameras[c].centre_in_world(), decoys[c])));
         rays.push_back(candidate(c, ray_to(cameras[c].centre_in_world(), subject)));
     }
-    const auto meeting = meet_rays(rays, 4);
+    const auto meeting = intersect_rays(rays, 4);
     ASSERT_TRUE(meeting);
     EXPECT_LT(norm(meeting->point_in_world - subject), 1e-9);
     EXPECT_THAT(meeting->chosen, ::testing::ElementsAre(1, 3, 5, 7));
 }
 
-TEST(RayMeeting, FindsNothingWhereNoTwoRaysMeet) {
-    EXPECT_FALSE(meet_rays({}, 4));
-    EXPECT_FALSE(meet_rays({candidate(0, {{0, 0, 0}, {1, 0, 0}})}, 4));
+TEST(RayIntersection, IsEmptyForSkewRays) {
+    EXPECT_FALSE(intersect_rays({}, 4));
+    EXPECT_FALSE(intersect_rays({candidate(0, {{0, 0, 0}, {1, 0, 0}})}, 4));
     // One above the other, 1 m apart.
     EXPECT_FALSE(
-        meet_rays({candidate(0, {{-4, 0, 0}, {1, 0, 0}}), candidate(1, {{0, -4, 1}, {0, 1, 0}})}, 2));
+        intersect_rays({candidate(0, {{-4, 0, 0}, {1, 0, 0}}), candidate(1, {{0, -4, 1}, {0, 1, 0}})}, 2));
     // They meet behind one of the cameras.
     EXPECT_FALSE(
-        meet_rays({candidate(0, {{-4, 0, 0}, {-1, 0, 0}}), candidate(1, {{0, -4, 0}, {0, 1, 0}})}, 2));
+        intersect_rays({candidate(0, {{-4, 0, 0}, {-1, 0, 0}}), candidate(1, {{0, -4, 0}, {0, 1, 0}})}, 2));
 }
 
-TEST(CentreFilter, FollowsASteadyRunWithoutLag) {
+TEST(CentreFilter, FollowsSteadyRunWithoutLag) {
     CentreFilter filter;
     const Mat3 covariance{{4e-4, 0, 0, 0, 4e-4, 0, 0, 0, 4e-4}};
     const Vec3 velocity{8, 0.2, 0};
@@ -92,7 +92,7 @@ TEST(CentreFilter, FollowsASteadyRunWithoutLag) {
     EXPECT_LT(filter.centre_std_m(), 0.02);
 }
 
-TEST(Blobs, JoinsWhatABeltSeparatesAndKeepsApartWhatIsApart) {
+TEST(Blobs, JoinsAcrossNarrowGapsOnly) {
     kernels::Silhouettes s;
     s.width = 637, s.height = 480;  // not a multiple of the word
     s.loose.assign(static_cast<std::size_t>(s.width) * s.height, 0);
@@ -120,7 +120,7 @@ TEST(Blobs, JoinsWhatABeltSeparatesAndKeepsApartWhatIsApart) {
     EXPECT_EQ(merged(blobs).sharp_pixels, 40 * 160 + 30 * 60 + 17 * 10);
 }
 
-TEST(Blobs, AThickTrunkWeighsMoreThanThinLegs) {
+TEST(Blobs, WeighsTrunkMoreThanLegs) {
     kernels::Silhouettes s;
     s.width = s.height = 200;
     s.loose.assign(40000, 0);
@@ -143,7 +143,7 @@ TEST(Blobs, AThickTrunkWeighsMoreThanThinLegs) {
     EXPECT_NEAR(blobs[0].centroid_y, solid, 4);
 }
 
-TEST(ConeBox, HoldsTheBodyAndLittleMore) {
+TEST(ConeBox, EnclosesBodyTightly) {
     const std::vector<Camera> cameras = four_cameras();
     const Vec3 at{0.5, -0.3, 0.9};
     const auto body = testing::body_at(at);
@@ -165,7 +165,7 @@ TEST(ConeBox, HoldsTheBodyAndLittleMore) {
     EXPECT_LT(box->max_in_world.z - box->min_in_world.z, 2.1);
 }
 
-TEST(ConeBox, IsEmptyWhereConesMiss) {
+TEST(ConeBox, IsEmptyWithoutIntersection) {
     const std::vector<Camera> cameras = four_cameras();
     const Vec3 here{0.5, 0, 1}, there{-1.5, 0.5, 1};
     const Box3 within{{-3, -3, 0}, {3, 3, 2}};
@@ -176,7 +176,7 @@ TEST(ConeBox, IsEmptyWhereConesMiss) {
                      within));
 }
 
-TEST(ConeBox, LatticesOfSuccessiveFramesLineUp) {
+TEST(ConeBox, AlignsSuccessiveLattices) {
     const Box3 one{{0.013, -0.51, -0.02}, {0.61, 0.12, 1.83}};
     const Box3 two{{0.113, -0.47, -0.01}, {0.71, 0.16, 1.84}};
     const kernels::Lattice a = lattice_over(one, 0.01, 3, {0.3, -0.2, 0.9});
@@ -194,7 +194,7 @@ TEST(ConeBox, LatticesOfSuccessiveFramesLineUp) {
     EXPECT_NEAR(cut.origin[0], 0.5, 0.09);
 }
 
-TEST(ConeBox, TellsHowMuchOfABoxACameraSees) {
+TEST(ConeBox, ReturnsVisibleFractionOfBox) {
     const Camera camera = camera_at("c", {0, -5, 1}, {0, 0, 1});
     double inside = -1;
     EXPECT_FALSE(projected_box(camera, {{-0.3, -0.3, 0.2}, {0.3, 0.3, 1.8}}, &inside).empty());

@@ -169,13 +169,13 @@ class Bvh : public ::testing::Test {
     }
 };
 
-TEST_F(Bvh, PosesComeBack) {
+TEST_F(Bvh, RoundTripsPoses) {
     const std::vector<BodyCoordinates> truth = poses();
     for (const Names& names : {kMixamo, kDotted, kOwn}) {
         const auto motion = parse_bvh(BvhFile(model, names).text(truth), "test.bvh");
         ASSERT_TRUE(motion.ok()) << motion.status();
         EXPECT_EQ(motion->frames, 40);
-        const auto got = poses_from_bvh(*motion, "mine", {.every_s = 0});
+        const auto got = poses_from_bvh(*motion, "mine", {.interval_s = 0});
         ASSERT_TRUE(got.ok()) << got.status();
         ASSERT_EQ(got->size(), truth.size());
         double sum = 0;
@@ -192,17 +192,17 @@ TEST_F(Bvh, PosesComeBack) {
     }
 }
 
-TEST_F(Bvh, TakesAPoseEverySoOften) {
+TEST_F(Bvh, SamplesPosesAtInterval) {
     const auto motion = parse_bvh(BvhFile(model, kMixamo).text(poses()), "test.bvh");
     ASSERT_TRUE(motion.ok());
-    EXPECT_EQ(poses_from_bvh(*motion, "m", {.every_s = 0.1})->size(), 20u);
-    EXPECT_EQ(poses_from_bvh(*motion, "m", {.every_s = 100})->size(), 1u);
-    EXPECT_EQ(poses_from_bvh(*motion, "m", {.every_s = 0, .max_poses = 7})->size(), 7u);
+    EXPECT_EQ(poses_from_bvh(*motion, "m", {.interval_s = 0.1})->size(), 20u);
+    EXPECT_EQ(poses_from_bvh(*motion, "m", {.interval_s = 100})->size(), 1u);
+    EXPECT_EQ(poses_from_bvh(*motion, "m", {.interval_s = 0, .max_poses = 7})->size(), 7u);
     EXPECT_FALSE(poses_from_bvh(*motion, "", {}).ok());
-    EXPECT_FALSE(poses_from_bvh(*motion, "m", {.every_s = NAN}).ok());
+    EXPECT_FALSE(poses_from_bvh(*motion, "m", {.interval_s = NAN}).ok());
 }
 
-TEST_F(Bvh, UnknownAndMissingJointsAreNamed) {
+TEST_F(Bvh, ErrorsNameUnknownAndMissingJoints) {
     std::string text = BvhFile(model, kMixamo).text(poses());
     const auto renamed = [&](const std::string& from, const std::string& to) {
         std::string out = text;
@@ -220,7 +220,7 @@ TEST_F(Bvh, UnknownAndMissingJointsAreNamed) {
     EXPECT_EQ(renamed("mixamorig:RightToeBase", "mixamorig:RightHandIndex2"), "");
 }
 
-TEST_F(Bvh, ErrorsNameTheLine) {
+TEST_F(Bvh, ErrorsNameLine) {
     const std::string good = BvhFile(model, kMixamo).text({poses()[0]});
     const auto error = [&](const std::string& from, const std::string& to) {
         std::string bad = good;
@@ -232,8 +232,8 @@ TEST_F(Bvh, ErrorsNameTheLine) {
     EXPECT_THAT(error("OFFSET 0 0 0", "OFFSET 0 x 0"), HasSubstr("test.bvh:4: 'x' where a number"));
     EXPECT_THAT(error("OFFSET 0 0 0", "OFFSET 0 nan 0"), HasSubstr("'nan' where a number"));
     EXPECT_THAT(error("CHANNELS 6", "CHANNELS 7"), HasSubstr("7 channels"));
-    EXPECT_THAT(error("Xposition", "Wposition"), HasSubstr("'Wposition' is no channel"));
-    EXPECT_THAT(error("Frames: 1", "Frames: 9000"), HasSubstr("fewer numbers"));
+    EXPECT_THAT(error("Xposition", "Wposition"), HasSubstr("'Wposition' is not a channel"));
+    EXPECT_THAT(error("Frames: 1", "Frames: 9000"), HasSubstr("fewer values"));
     EXPECT_THAT(error("Frames: 1", "Frames: 1e300"), HasSubstr("where a number"));
     EXPECT_THAT(error("Frames: 1", "Frames: 0"), HasSubstr("at least 1"));
     EXPECT_THAT(error("Frame Time: 0.05", "Frame Time: 0"), HasSubstr("not positive"));
@@ -241,7 +241,7 @@ TEST_F(Bvh, ErrorsNameTheLine) {
                 HasSubstr("after the last frame"));
 }
 
-TEST_F(Bvh, AnyBytesGiveAnAnswer) {
+TEST_F(Bvh, SurvivesArbitraryBytes) {
     const std::string good = BvhFile(model, kDotted).text({poses()[0], poses()[1]});
     std::mt19937 random(5);
     int read = 0;

@@ -42,7 +42,7 @@ class DatabaseCandidateTest : public ::testing::Test {
         if (q) {
             std::vector<BodyCapsule> capsules;
             scene_.model->capsules(scene_.model->forward(*q), capsules);
-            centre = body_middle(capsules);
+            centre = body_centre(capsules);
             for (std::size_t c = 0; c < views.size(); ++c)
                 silhouettes[c] = testing::silhouette_of(scene_.cameras[c], capsules);
         }
@@ -53,7 +53,7 @@ class DatabaseCandidateTest : public ::testing::Test {
     }
 
     // A person who stands, is gone for a second, and comes back upside down: the error of the 15th frame set
-    // after that, m; nothing where no pose is told.
+    // after that, m; nothing if no pose is found.
     std::optional<double> error_after_return(PoseProposer* proposer) {
         PoseStage stage(scene_.cameras, 30, options_);
         stage.set_proposer(proposer);
@@ -72,10 +72,10 @@ class DatabaseCandidateTest : public ::testing::Test {
     std::int64_t frame_ = 0;
 };
 
-TEST_F(DatabaseCandidateTest, IsTakenWhereNothingElseExplainsWhatIsSeen) {
+TEST_F(DatabaseCandidateTest, IsUsedWhenNothingElseFits) {
     DatabaseSearch search(database_, SearchOptions());
     const auto with = error_after_return(&search), without = error_after_return(nullptr);
-    ASSERT_TRUE(with) << "a pose is told";
+    ASSERT_TRUE(with) << "a pose is found";
     EXPECT_LT(*with, 0.04);
     EXPECT_TRUE(!without || *without > 0.2) << "the database is what found it; without: " << *without;
 }

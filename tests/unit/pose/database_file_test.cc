@@ -21,13 +21,13 @@ void expect_same(const PoseDatabase& a, const PoseDatabase& b) {
     EXPECT_EQ(a.shape, b.shape);
     EXPECT_EQ(a.poses, b.poses);
     EXPECT_EQ(a.removed, b.removed);
-    EXPECT_EQ(a.body_middles, b.body_middles);
+    EXPECT_EQ(a.body_centres, b.body_centres);
     EXPECT_EQ(a.viewpoints, b.viewpoints);
     EXPECT_EQ(a.code_basis, b.code_basis);
     ASSERT_EQ(a.slabs.size(), b.slabs.size());
     for (std::size_t n = 0; n < a.slabs.size(); ++n) {
         EXPECT_EQ(a.slabs[n].moments, b.slabs[n].moments);
-        EXPECT_EQ(a.slabs[n].middles, b.slabs[n].middles);
+        EXPECT_EQ(a.slabs[n].centres, b.slabs[n].centres);
         EXPECT_EQ(a.slabs[n].codes, b.slabs[n].codes);
         EXPECT_EQ(a.slabs[n].silhouettes, b.slabs[n].silhouettes);
         EXPECT_EQ(a.slabs[n].search.blocks, b.slabs[n].search.blocks);
@@ -50,15 +50,15 @@ class DatabaseFile : public ::testing::Test {
     std::string bytes() { return *read_file(file, std::size_t{1} << 30); }
 };
 
-TEST_F(DatabaseFile, ARestartDoesNotRebuild) {
+TEST_F(DatabaseFile, RestartDoesNotRebuild) {
     const OpenedDatabase first = open();
-    EXPECT_THAT(first.rebuilt_because, HasSubstr("was not there yet"));
+    EXPECT_THAT(first.rebuilt_because, HasSubstr("did not exist"));
     const OpenedDatabase second = open();
     EXPECT_EQ(second.rebuilt_because, "");
     expect_same(first.database, second.database);
 }
 
-TEST_F(DatabaseFile, ADamagedFileIsRebuiltWithAMessage) {
+TEST_F(DatabaseFile, DamagedFileIsRebuiltWithMessage) {
     const OpenedDatabase first = open();
     const std::string good = bytes();
     for (const std::size_t at :
@@ -72,12 +72,12 @@ TEST_F(DatabaseFile, ADamagedFileIsRebuiltWithAMessage) {
     EXPECT_TRUE(absl::IsDataLoss(parse_pose_database(good + "x", "x").status()));
     ASSERT_TRUE(write_file_atomically(file, good.substr(0, good.size() / 3)).ok());
     const OpenedDatabase again = open();
-    EXPECT_THAT(again.rebuilt_because, HasSubstr("cut short"));
+    EXPECT_THAT(again.rebuilt_because, HasSubstr("is truncated"));
     expect_same(first.database, again.database);
     EXPECT_EQ(open().rebuilt_because, "");
 }
 
-TEST_F(DatabaseFile, AnOldVersionIsRebuiltWithAMessage) {
+TEST_F(DatabaseFile, OldVersionIsRebuiltWithMessage) {
     open();
     std::string old = bytes();
     old[8] = 0;
@@ -87,7 +87,7 @@ TEST_F(DatabaseFile, AnOldVersionIsRebuiltWithAMessage) {
     EXPECT_EQ(open().rebuilt_because, "");
 }
 
-TEST_F(DatabaseFile, AnotherCalibrationOrBodyRebuildsAndKeepsTheUsersPoses) {
+TEST_F(DatabaseFile, RebuildKeepsUserPoses) {
     OpenedDatabase first = open();
     const LibraryPose mine{"my pose", unseen_pose(5), false};
     ASSERT_TRUE(add_poses(first.database, std::span(&mine, 1)).ok());
@@ -107,7 +107,7 @@ TEST_F(DatabaseFile, AnotherCalibrationOrBodyRebuildsAndKeepsTheUsersPoses) {
     EXPECT_EQ(open().rebuilt_because, "");
 }
 
-TEST_F(DatabaseFile, AFileThatCannotBeWrittenIsSaid) {
+TEST_F(DatabaseFile, ReportsUnwritableFile) {
     ASSERT_TRUE(write_file_atomically(folder.path() / "blocked", "x").ok());
     file = folder.path() / "blocked" / "poses.kvxposes";
     const OpenedDatabase opened = open();
@@ -115,20 +115,20 @@ TEST_F(DatabaseFile, AFileThatCannotBeWrittenIsSaid) {
     EXPECT_EQ(opened.database.pose_count(), 20);
 }
 
-TEST(PoseDatabaseChanges, AddedPosesAreFoundAndRemovedOnesAreNot) {
+TEST(PoseDatabaseChanges, FindsAddedAndNotRemovedPoses) {
     PoseDatabase database = built(room_cameras(), small_options(200));
     const BodyModel model(database.shape);
     BodyCoordinates odd = unseen_pose(17, 12);
     const LibraryPose added{"odd one", odd, false};
     ASSERT_TRUE(add_poses(database, std::span(&added, 1)).ok());
     EXPECT_EQ(database.pose_count(), 201);
-    EXPECT_TRUE(database.poses.back().added);
+    EXPECT_TRUE(database.poses.back().user_defined);
     odd[0] = 0.4, odd[2] = 1, odd[kDofRootRotation + 2] = 1.3;
     const RenderedFrame frame = render_frame(model, odd, room_cameras());
     const std::vector<kernels::CameraModel> cameras = room_cameras();
     const auto first = [&] {
         DatabaseSearch search(database);
-        search.look(frame.views(cameras), frame.centre_in_world);
+        search.describe(frame.views(cameras), frame.centre_in_world);
         return database.poses[search.find(1)[0].pose].label;
     };
     EXPECT_EQ(first(), "odd one");
@@ -154,7 +154,7 @@ TEST(PoseDatabaseChanges, AddedPosesAreFoundAndRemovedOnesAreNot) {
     EXPECT_EQ(database.pose_count(), 199);
 }
 
-TEST(PoseDatabaseBuilding, ReportsProgressAndCanBeCancelled) {
+TEST(PoseDatabaseBuilding, ReportsProgressAndCancels) {
     std::vector<double> seen;
     auto built = build_pose_database(room_cameras(), default_body_shape(), small_options(150), {},
                                      [&](double part) { seen.push_back(part); });
@@ -172,7 +172,7 @@ TEST(PoseDatabaseBuilding, ReportsProgressAndCanBeCancelled) {
     EXPECT_TRUE(absl::IsCancelled(cancelled.status()));
 }
 
-TEST(PoseDatabaseBuilding, BadInputIsNamed) {
+TEST(PoseDatabaseBuilding, RejectsInvalidInputByName) {
     PoseDatabaseOptions options;
     options.order = 21;
     EXPECT_THAT(

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <set>
@@ -14,14 +15,29 @@
 namespace kinevox {
 namespace {
 
-TEST(PoseLibrary, HoldsWhatItPromises) {
-    const std::vector<LibraryPose> poses = own_pose_library(1400);
+TEST(PoseLibrary, CoversAllMovementsWithoutDuplicates) {
+    const std::vector<LibraryPose> poses = library_poses(1400);
     ASSERT_EQ(poses.size(), 1400u);
-    EXPECT_GT(key_pose_count(), 500);
-    for (const char* word : {"walk", "run", "sprint set", "sprint drive", "sprint push-off", "squat", "jump",
-                             "arm", "balance", "lunge", "kick", "bent forward"})
-        EXPECT_THAT(poses,
-                    ::testing::Contains(::testing::Field(&LibraryPose::label, ::testing::HasSubstr(word))))
+    // The number of key poses of each movement: a table that loses rows is noticed.
+    EXPECT_EQ(key_pose_count(), 637);
+    const std::vector<LibraryPose> key_poses = library_poses(key_pose_count());
+    for (const auto& [word, count] : {std::pair{"walk", 72},
+                                      {"run", 60},
+                                      {"sprint set", 6},
+                                      {"sprint drive", 36},
+                                      {"sprint push-off", 6},
+                                      {"sprint on your marks", 2},
+                                      {"squat", 36},
+                                      {"jump", 13},
+                                      {"arm", 374},
+                                      {"balance", 48},
+                                      {"lunge", 30},
+                                      {"kick", 18},
+                                      {"bent forward", 6}})
+        EXPECT_EQ(std::ranges::count_if(
+                      key_poses,
+                      [&](const LibraryPose& pose) { return pose.label.find(word) != std::string::npos; }),
+                  count)
             << word;
     for (const LibraryPose& pose : poses) {
         for (int dof = 0; dof < kBodyDofCount; ++dof) {
@@ -38,17 +54,32 @@ TEST(PoseLibrary, HoldsWhatItPromises) {
         for (int dof : {0, 1, 2, kDofRootRotation + 2})
             ASSERT_NEAR(pose.coordinates[dof], 0, 0.5) << pose.label;
     }
-    EXPECT_EQ(poses, own_pose_library(1400));
-    EXPECT_EQ(own_pose_library(10).size(), 10u);
+    EXPECT_EQ(poses, library_poses(1400));
+    EXPECT_EQ(library_poses(10).size(), 10u);
     std::set<std::string> keys;
-    for (const LibraryPose& pose : own_pose_library(key_pose_count())) keys.insert(pose.label);
+    for (const LibraryPose& pose : library_poses(key_pose_count())) keys.insert(pose.label);
     EXPECT_EQ(static_cast<int>(keys.size()), key_pose_count()) << "labels of key poses are unique";
 }
 
-TEST(PoseLibrary, PosesLookAsTheyAreCalled) {
+TEST(PoseLibrary, KeyPosesDiffer) {
+    const BodyModel model(default_body_shape());
+    std::vector<std::array<Vec3, kJointNames.size()>> joints;
+    for (const LibraryPose& pose : library_poses(key_pose_count()))
+        joints.push_back(model.forward(pose.coordinates).joints_in_world);
+    double min_distance_m = 1;
+    for (std::size_t a = 0; a < joints.size(); ++a)
+        for (std::size_t b = a + 1; b < joints.size(); ++b) {
+            double sum = 0;
+            for (std::size_t j = 0; j < kJointNames.size(); ++j) sum += norm(joints[a][j] - joints[b][j]);
+            min_distance_m = std::min(min_distance_m, sum / kJointNames.size());
+        }
+    EXPECT_GT(min_distance_m, 0.0101) << "measured 0.0116 m: two strides of walking";
+}
+
+TEST(PoseLibrary, PosesMatchLabels) {
     const BodyModel model(default_body_shape());
     const auto joints = [&](const std::string& label) {
-        for (const LibraryPose& pose : own_pose_library(key_pose_count()))
+        for (const LibraryPose& pose : library_poses(key_pose_count()))
             if (pose.label == label) return model.forward(pose.coordinates).joints_in_world;
         ADD_FAILURE() << "no pose " << label;
         return std::array<Vec3, kJointNames.size()>{};
@@ -67,7 +98,7 @@ TEST(PoseLibrary, PosesLookAsTheyAreCalled) {
         kAnkleL,
         kToeL
     };
-    const auto up = joints("both arms up"), out = joints("both arms aside"),
+    const auto up = joints("both arms up"), out = joints("both arms sideways"),
                set = joints("sprint set, hips up 10, left");
     EXPECT_GT(up[kWristL].z, up[kTop].z);
     EXPECT_NEAR(out[kWristL].z, out[kShoulderL].z, 0.1);
@@ -83,7 +114,7 @@ TEST(PoseLibrary, PosesLookAsTheyAreCalled) {
     EXPECT_GT(knee[kKneeL].z, knee[kHipL].z - 0.1);
 }
 
-TEST(PoseLibrary, MirroringAndBlending) {
+TEST(PoseLibrary, MirrorsAndBlendsPoses) {
     const BodyModel model(default_body_shape());
     for (int n = 0; n < 20; ++n) {
         const BodyCoordinates q = unseen_pose(n), m = mirrored(q);
@@ -100,7 +131,7 @@ TEST(PoseLibrary, MirroringAndBlending) {
     }
 }
 
-TEST(AimedView, LooksAtTheTargetAtAMetricScale) {
+TEST(AimedView, ShowsTargetAtMetricScale) {
     const Vec3 eye{3, -4, 2.5}, target{0.5, 0.2, 1};
     const AimedView view = aimed_view(eye, target, 1.2, 96);
     EXPECT_NEAR(view.distance_m, norm(eye - target), 1e-9);
@@ -125,7 +156,7 @@ TEST(AimedView, LooksAtTheTargetAtAMetricScale) {
     EXPECT_NEAR(norm(above.right), 1, 1e-9);
 }
 
-TEST(AimedView, OfARealSilhouetteIsWhatAnAimedCameraWouldSee) {
+TEST(AimedView, RectifiedSilhouetteEqualsAimedCamera) {
     const BodyModel model(default_body_shape());
     kernels::CameraModel camera = room_cameras()[1];
     camera.k1 = -0.2f, camera.k2 = 0.05f, camera.p1 = 0.001f;
@@ -136,7 +167,8 @@ TEST(AimedView, OfARealSilhouetteIsWhatAnAimedCameraWouldSee) {
         const RenderedFrame frame = render_frame(model, pose, std::span(&camera, 1));
         const AimedView view = aimed_view(camera_centre(camera), frame.centre_in_world, 1.25, 96);
         AimedSilhouette aimed;
-        take_aim(camera, frame.silhouettes[0].sharp.data(), frame.silhouettes[0].bounds, view, aimed);
+        rectify_silhouette(camera, frame.silhouettes[0].sharp.data(), frame.silhouettes[0].bounds, view,
+                           aimed);
         const RenderedFrame direct = render_frame(model, pose, std::span(&view.camera, 1));
         int both = 0, either = 0;
         for (std::size_t k = 0; k < aimed.mask.size(); ++k) {
@@ -144,13 +176,13 @@ TEST(AimedView, OfARealSilhouetteIsWhatAnAimedCameraWouldSee) {
             either += aimed.mask[k] || direct.silhouettes[0].sharp[k];
         }
         EXPECT_GT(both, 0.93 * either);
-        EXPECT_FALSE(aimed.cut);
+        EXPECT_FALSE(aimed.truncated);
     }
 }
 
-TEST(PoseDatabase, HoldsEachPosesSilhouettesAndTheirMoments) {
+TEST(PoseDatabase, StoresSilhouettesAndMoments) {
     const PoseDatabase& database = room_database();
-    EXPECT_EQ(database.entries(), 700 * 72);
+    EXPECT_EQ(database.entry_count(), 700 * 72);
     EXPECT_EQ(database.slabs.size(), database.viewpoints.size());
     const BodyModel model(database.shape);
     auto calculator =
@@ -160,8 +192,8 @@ TEST(PoseDatabase, HoldsEachPosesSilhouettesAndTheirMoments) {
     for (int pose = 0; pose < database.pose_count(); pose += 97) {
         for (int slab = 0; slab < static_cast<int>(database.slabs.size()); ++slab) {
             const int bin = pose % kernels::kViewBins;
-            // Seen anew: a body at the origin, heading 0, a camera in that bin.
-            const Vec3 middle = database.body_middles[pose];
+            // Rendered again: a body at the origin, heading 0, a camera in that bin.
+            const Vec3 middle = database.body_centres[pose];
             const double azimuth = -2 * std::numbers::pi * bin / kernels::kViewBins;
             const Viewpoint& from = database.viewpoints[slab];
             const Vec3 direction{std::cos(from.elevation) * std::cos(azimuth),
@@ -186,7 +218,7 @@ TEST(PoseDatabase, HoldsEachPosesSilhouettesAndTheirMoments) {
     EXPECT_TRUE(unpack_silhouette(database.slabs[0].silhouettes[0], 96, kernels::kViewBins).empty());
 }
 
-TEST(PoseDatabase, IsTheSameForAnyNumberOfThreads) {
+TEST(PoseDatabase, SameBitsWithAnyThreads) {
     PoseDatabaseOptions options = small_options(60);
     const PoseDatabase two = built(room_cameras(), options);
     options.threads = 1;
@@ -199,7 +231,7 @@ TEST(PoseDatabase, IsTheSameForAnyNumberOfThreads) {
     EXPECT_EQ(one.fingerprint, two.fingerprint);
 }
 
-TEST(PoseDatabase, ViewpointsAreThoseThatTheCamerasHave) {
+TEST(PoseDatabase, ViewpointsCoverCameras) {
     for (const auto& cameras : {room_cameras(), lane_cameras()}) {
         const std::vector<Viewpoint> viewpoints = viewpoints_of(cameras, {});
         EXPECT_GE(viewpoints.size(), 2u);

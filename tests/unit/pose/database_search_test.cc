@@ -33,7 +33,7 @@ class Retrieval : public ::testing::Test {
     const std::vector<kernels::CameraModel> cameras = room_cameras();
 };
 
-TEST_F(Retrieval, FindsItsOwnPosesBack) {
+TEST_F(Retrieval, FindsOwnPoses) {
     DatabaseSearch search(database);
     std::vector<double> errors;
     int same = 0, queries = 0;
@@ -54,7 +54,7 @@ TEST_F(Retrieval, FindsItsOwnPosesBack) {
     EXPECT_LT(median(errors), 0.03);
 }
 
-TEST_F(Retrieval, CodesFindTheTrueNearestWhereThePublishedRuleDoesNot) {
+TEST_F(Retrieval, CodesFindNearestWherePublishedRuleFails) {
     DatabaseSearch all(database), published(database, {.rule = RetrievalRule::kPublished}),
         exhaustive(database, {.rule = RetrievalRule::kExhaustive});
     int by_codes = 0, by_rule = 0, queries = 0;
@@ -64,7 +64,7 @@ TEST_F(Retrieval, CodesFindTheTrueNearestWhereThePublishedRuleDoesNot) {
             placed(unseen_pose(n), 1.2 * std::sin(n), 1.2 * std::cos(2 * n), 2.4 * n);
         const RenderedFrame frame = render_frame(model, truth, cameras);
         const auto first = [&](DatabaseSearch& search) {
-            EXPECT_EQ(search.look(frame.views(cameras), frame.centre_in_world), 4);
+            EXPECT_EQ(search.describe(frame.views(cameras), frame.centre_in_world), 4);
             return search.find(1)[0];
         };
         const FoundPose nearest = first(exhaustive), codes = first(all), rule = first(published);
@@ -78,7 +78,7 @@ TEST_F(Retrieval, CodesFindTheTrueNearestWhereThePublishedRuleDoesNot) {
     EXPECT_LT(median(errors), 0.13);
 }
 
-TEST_F(Retrieval, SameBitsEachTime) {
+TEST_F(Retrieval, IsDeterministic) {
     const RenderedFrame frame = render_frame(model, placed(unseen_pose(3), 0.4, -0.3, 1), cameras);
     DatabaseSearch one(database), other(database);
     const auto a = one.propose(frame.views(cameras), frame.centre_in_world, 8);
@@ -93,7 +93,7 @@ TEST_F(Retrieval, SameBitsEachTime) {
 }
 
 // The same poses and headings along 12 m: six cameras, of which a place is seen by some.
-TEST(RetrievalOnALane, ErrorDoesNotGrowAlongTwelveMetres) {
+TEST(RetrievalOnALane, ErrorIsConstantAlongTwelveMetres) {
     const std::vector<kernels::CameraModel> cameras = lane_cameras();
     const PoseDatabase database = built(cameras, small_options(700));
     const BodyModel model(database.shape);
@@ -145,18 +145,18 @@ class BadSilhouettes : public Retrieval {
     }
 };
 
-TEST_F(BadSilhouettes, AnEmptyOneIsLeftOut) {
+TEST_F(BadSilhouettes, ExcludesEmptySilhouette) {
     fill(2, 0);
     expect_without(2, SilhouetteUse::kEmpty);
 }
 
-TEST_F(BadSilhouettes, AFullOneIsLeftOut) {
+TEST_F(BadSilhouettes, ExcludesTooLargeSilhouette) {
     fill(0, 255);
-    expect_without(0, SilhouetteUse::kFull);
+    expect_without(0, SilhouetteUse::kTooLarge);
 }
 
-TEST_F(BadSilhouettes, ACutOneIsLeftOut) {
-    // The picture ends in the middle of the person.
+TEST_F(BadSilhouettes, ExcludesTruncatedSilhouette) {
+    // The image ends in the middle of the person.
     kernels::Silhouettes& s = frame.silhouettes[1];
     std::vector<kernels::CameraModel> moved = cameras;
     const int shift = s.height - (s.bounds.y0 + s.bounds.y1) / 2;
@@ -164,11 +164,11 @@ TEST_F(BadSilhouettes, ACutOneIsLeftOut) {
     frame = render_frame(model, truth, moved);
     const auto found = search.propose(frame.views(moved), frame.centre_in_world, 3);
     ASSERT_EQ(found.size(), 3u);
-    EXPECT_EQ(search.uses()[1], SilhouetteUse::kCut);
+    EXPECT_EQ(search.uses()[1], SilhouetteUse::kTruncated);
     EXPECT_LT(mean_joint_distance(model, found[0].coordinates, truth), 0.2);
 }
 
-TEST_F(BadSilhouettes, OneCameraOfFourMissing) {
+TEST_F(BadSilhouettes, ToleratesOneMissingCamera) {
     auto views = frame.views(cameras);
     views[3].silhouettes = nullptr;
     const auto found = search.propose(views, frame.centre_in_world, 3);
@@ -177,7 +177,7 @@ TEST_F(BadSilhouettes, OneCameraOfFourMissing) {
     EXPECT_LT(mean_joint_distance(model, found[0].coordinates, truth), 0.2);
 }
 
-TEST_F(BadSilhouettes, WithoutAnyThereAreNoCandidates) {
+TEST_F(BadSilhouettes, NoSilhouettesGiveNoCandidates) {
     for (int camera = 0; camera < 4; ++camera) fill(camera, camera % 2 ? 255 : 0);
     EXPECT_TRUE(ask().empty());
     EXPECT_TRUE(search.propose({}, {0, 0, 1}, 3).empty());
@@ -187,7 +187,7 @@ TEST_F(BadSilhouettes, WithoutAnyThereAreNoCandidates) {
     EXPECT_EQ(ask().size(), 3u);
 }
 
-TEST_F(Retrieval, ASubjectOfAnotherSizeIsScaled) {
+TEST_F(Retrieval, ScalesSubjectOfOtherStature) {
     const BodyModel child(default_body_shape(1.3));
     BodyCoordinates truth = placed(unseen_pose(4), 0.3, 0.4, 2);
     truth[2] = 0.7;

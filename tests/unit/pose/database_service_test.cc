@@ -31,18 +31,18 @@ class Service : public ::testing::Test {
     }
 };
 
-TEST_F(Service, BuildsInTheBackgroundAndThenAnswers) {
+TEST_F(Service, BuildsInBackgroundThenAnswers) {
     PoseDatabaseService service(file);
     const RenderedFrame seen = frame();
     EXPECT_TRUE(service.propose(seen.views(cameras), seen.centre_in_world, 3).empty());
     EXPECT_TRUE(absl::IsUnavailable(service.list().status()));
     EXPECT_TRUE(absl::IsUnavailable(service.remove("x")));
-    EXPECT_EQ(service.progress().state, DatabaseState::kNone);
+    EXPECT_EQ(service.progress().state, PoseDatabaseState::kNotStarted);
     std::atomic<int> reports{0};
     service.start(cameras, shape, small_options(40), [&](const DatabaseProgress&) { ++reports; });
     service.wait();
-    EXPECT_EQ(service.progress().state, DatabaseState::kReady);
-    EXPECT_THAT(service.progress().message, HasSubstr("was not there yet"));
+    EXPECT_EQ(service.progress().state, PoseDatabaseState::kReady);
+    EXPECT_THAT(service.progress().message, HasSubstr("did not exist"));
     EXPECT_GT(reports, 10);
     EXPECT_EQ(service.propose(seen.views(cameras), seen.centre_in_world, 3).size(), 3u);
     service.set_stature(1.5);
@@ -54,7 +54,7 @@ TEST_F(Service, BuildsInTheBackgroundAndThenAnswers) {
     EXPECT_EQ(restarted.progress().message, "");
 }
 
-TEST_F(Service, PosesCanBeListedAddedAndRemoved) {
+TEST_F(Service, ListsAddsAndRemovesPoses) {
     PoseDatabaseService service(file);
     service.start(cameras, shape, small_options(30));
     service.wait();
@@ -62,7 +62,7 @@ TEST_F(Service, PosesCanBeListedAddedAndRemoved) {
     const LibraryPose mine{"mine", unseen_pose(3), false};
     ASSERT_TRUE(service.add(std::span(&mine, 1)).ok());
     EXPECT_EQ(service.list()->size(), 31u);
-    EXPECT_TRUE(service.list()->back().added);
+    EXPECT_TRUE(service.list()->back().user_defined);
     PoseDatabaseService restarted(file);
     restarted.start(cameras, shape, small_options(30));
     restarted.wait();
@@ -74,31 +74,31 @@ TEST_F(Service, PosesCanBeListedAddedAndRemoved) {
     EXPECT_EQ(service.list()->size(), 30u);
 }
 
-TEST_F(Service, ABuildCanBeCancelledAndTheOldDatabaseGoesOn) {
+TEST_F(Service, CancelledBuildKeepsOldDatabase) {
     PoseDatabaseService service(file);
     service.start(cameras, shape, small_options(30));
     service.wait();
     service.start(lane_cameras(), shape, small_options(3000));
-    EXPECT_EQ(service.progress().state, DatabaseState::kBuilding);
+    EXPECT_EQ(service.progress().state, PoseDatabaseState::kBuilding);
     const RenderedFrame seen = frame();
     EXPECT_FALSE(service.propose(seen.views(cameras), seen.centre_in_world, 3).empty());
     service.cancel();
     service.wait();
-    EXPECT_EQ(service.progress().state, DatabaseState::kCancelled);
+    EXPECT_EQ(service.progress().state, PoseDatabaseState::kCancelled);
     EXPECT_EQ(service.list()->size(), 30u);
     service.start(cameras, shape, small_options(3000));  // the destructor stops it
 }
 
-TEST_F(Service, AFailureIsReported) {
+TEST_F(Service, ReportsFailure) {
     PoseDatabaseService service(file);
     service.start({}, shape, small_options(30));
     service.wait();
-    EXPECT_EQ(service.progress().state, DatabaseState::kFailed);
+    EXPECT_EQ(service.progress().state, PoseDatabaseState::kFailed);
     EXPECT_THAT(service.progress().message, HasSubstr("no camera"));
 }
 
 // Whatever the builder is at: a daemon that ends must not wait for it.
-TEST_F(Service, LetsGoSoonAtEveryStageOfABuild) {
+TEST_F(Service, CancelsSoonAtEveryStageOfBuild) {
     using std::chrono::steady_clock;
     PoseDatabaseOptions options;  // of full size, but that a build takes a second or two
     options.poses = 150;
@@ -107,7 +107,7 @@ TEST_F(Service, LetsGoSoonAtEveryStageOfABuild) {
         PoseDatabaseService service(file);
         std::atomic<bool> there = part == 0;
         service.start(cameras, shape, options, [&](const DatabaseProgress& progress) {
-            if (progress.part < part) return;
+            if (progress.progress < part) return;
             there = true;
             there.notify_all();
         });
@@ -117,7 +117,7 @@ TEST_F(Service, LetsGoSoonAtEveryStageOfABuild) {
         service.wait();
         const auto took = steady_clock::now() - start;
         EXPECT_LT(took, std::chrono::milliseconds(400)) << "at " << part;
-        EXPECT_EQ(service.progress().state, DatabaseState::kCancelled) << "at " << part;
+        EXPECT_EQ(service.progress().state, PoseDatabaseState::kCancelled) << "at " << part;
         EXPECT_FALSE(std::filesystem::exists(file)) << "no half database";
     }
 }

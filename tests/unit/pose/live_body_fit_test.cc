@@ -23,7 +23,7 @@ constexpr std::int64_t kFrame_ns = 100'000'000;  // ten frame sets a second
 class LiveBodyFitTest : public ::testing::Test {
   protected:
     LiveBodyFitTest() {
-        options_.by_itself = false;
+        options_.automatic = false;
         options_.file = folder_.path() / "state/body.toml";
         options_.fit.max_frames = 10;
     }
@@ -63,17 +63,17 @@ class LiveBodyFitTest : public ::testing::Test {
     std::condition_variable changed_;
     std::vector<BodyFitProgress> told_;
     std::int64_t time_ns_ = 5'000'000'000;
-    std::unique_ptr<LiveBodyFit> fit_;  // the last member: its thread tells the others
+    std::unique_ptr<LiveBodyFit> fit_;  // the last member: its thread uses the others
 };
 
-TEST_F(LiveBodyFitTest, FindsTheSizeOfWhoStandsThere) {
+TEST_F(LiveBodyFitTest, FindsStatureOnRequest) {
     make();
     ASSERT_TRUE(fit_->start(2).ok());
     EXPECT_FALSE(fit_->take_body());
     show(2.2);
     const BodyFitProgress ready = wait_for(BodyFitState::kReady);
     ASSERT_TRUE(ready.fit);
-    EXPECT_TRUE(ready.asked);
+    EXPECT_TRUE(ready.requested);
     const BodyShape& truth = scene_.model->shape();
     EXPECT_NEAR(ready.body.stature_m, truth.stature_m, 0.03) << "it began at 1.72 m";
     for (const BodyLength length : {kUpperArm, kForearm, kThigh, kShank, kShoulderHalfWidth}) {
@@ -83,58 +83,58 @@ TEST_F(LiveBodyFitTest, FindsTheSizeOfWhoStandsThere) {
         EXPECT_LT(ready.fit->lengths_std_m[length], 0.03) << kBodyLengths[length].name;
     }
     EXPECT_GT(ready.fit->stature_std_m, 0.001);
-    EXPECT_LT(ready.fit->stature_std_m, 0.12) << "less than before anybody was seen";
+    EXPECT_LT(ready.fit->stature_std_m, 0.12) << "less than the prior";
     const auto body = fit_->take_body();
     ASSERT_TRUE(body);
     EXPECT_EQ(*body, ready.body);
-    EXPECT_FALSE(fit_->take_body()) << "told once";
-    EXPECT_EQ(ready.stored_in, options_.file);
+    EXPECT_FALSE(fit_->take_body()) << "returned once";
+    EXPECT_EQ(ready.stored_path, options_.file);
     const auto stored = read_body_shape(options_.file);
     ASSERT_TRUE(stored.ok()) << stored.status();
     EXPECT_NEAR(stored->stature_m, body->stature_m, 1e-6);
 }
 
-TEST_F(LiveBodyFitTest, BeginsByItselfWhenSomebodyComes) {
-    options_.by_itself = true;
-    options_.seconds_by_itself = 1;
+TEST_F(LiveBodyFitTest, StartsAutomaticallyWithSubject) {
+    options_.automatic = true;
+    options_.automatic_duration_s = 1;
     make();
     show_nobody(30);
-    EXPECT_EQ(fit_->progress().state, BodyFitState::kNone) << "it waits for a person as long as it takes";
+    EXPECT_EQ(fit_->progress().state, BodyFitState::kNotStarted) << "waits for a subject without limit";
     show(1.2);
     const BodyFitProgress ready = wait_for(BodyFitState::kReady);
-    EXPECT_FALSE(ready.asked);
-    EXPECT_TRUE(ready.stored_in.empty());
-    EXPECT_FALSE(std::filesystem::exists(options_.file)) << "what nobody asked for replaces nothing";
+    EXPECT_FALSE(ready.requested);
+    EXPECT_TRUE(ready.stored_path.empty());
+    EXPECT_FALSE(std::filesystem::exists(options_.file)) << "an automatic fit is not stored";
     show(1.5);
     EXPECT_EQ(fit_->progress().state, BodyFitState::kReady) << "once";
-    time_ns_ = 0;  // the capture is started anew, maybe with somebody else
+    time_ns_ = 0;  // the capture restarts, possibly with another subject
     show(0.5);
     EXPECT_EQ(fit_->progress().state, BodyFitState::kCollecting);
 }
 
-TEST_F(LiveBodyFitTest, WhoAsksGoesFirst) {
-    options_.by_itself = true;
-    options_.seconds_by_itself = 1;
+TEST_F(LiveBodyFitTest, RequestPreemptsAutomaticFit) {
+    options_.automatic = true;
+    options_.automatic_duration_s = 1;
     make();
     show(0.5);
-    EXPECT_FALSE(fit_->progress().asked);
+    EXPECT_FALSE(fit_->progress().requested);
     ASSERT_TRUE(fit_->start(1).ok());
-    EXPECT_TRUE(fit_->progress().asked);
-    EXPECT_EQ(fit_->progress().part, 0) << "what was seen before does not count";
+    EXPECT_TRUE(fit_->progress().requested);
+    EXPECT_EQ(fit_->progress().progress, 0) << "earlier observations do not count";
     show(1.2);
     wait_for(BodyFitState::kReady);
 }
 
-TEST_F(LiveBodyFitTest, SaysWhenNobodyComes) {
+TEST_F(LiveBodyFitTest, FailsWithoutSubject) {
     make();
     ASSERT_TRUE(fit_->start(1).ok());
     show_nobody(21);
     const BodyFitProgress failed = wait_for(BodyFitState::kFailed);
-    EXPECT_THAT(failed.message, HasSubstr("nobody was seen"));
+    EXPECT_THAT(failed.message, HasSubstr("no subject for"));
     EXPECT_EQ(failed.body, default_body_shape()) << "as it was";
 }
 
-TEST_F(LiveBodyFitTest, SaysWhenWhatIsSeenIsNobody) {
+TEST_F(LiveBodyFitTest, FailsWhenSilhouettesShowNoPerson) {
     make();
     ASSERT_TRUE(fit_->start(1).ok());
     const PoseObservation nothing{0, {0, 0, 1}, std::vector<SilhouetteRays>(4)};
@@ -143,7 +143,7 @@ TEST_F(LiveBodyFitTest, SaysWhenWhatIsSeenIsNobody) {
     EXPECT_FALSE(fit_->take_body());
 }
 
-TEST_F(LiveBodyFitTest, RefusesWhatMakesNoSense) {
+TEST_F(LiveBodyFitTest, RejectsInvalidOptions) {
     make();
     for (const double seconds : {0.5, 31.0, -1.0, std::nan("")})
         EXPECT_EQ(fit_->start(seconds).code(), absl::StatusCode::kInvalidArgument) << seconds;
@@ -151,7 +151,7 @@ TEST_F(LiveBodyFitTest, RefusesWhatMakesNoSense) {
     EXPECT_EQ(fit_->start(2).code(), absl::StatusCode::kUnavailable);
 }
 
-TEST_F(LiveBodyFitTest, LetsGoAtOnceWhenTheDaemonEnds) {
+TEST_F(LiveBodyFitTest, ClosesImmediately) {
     options_.fit.rounds = 1000;  // as good as for ever
     make();
     ASSERT_TRUE(fit_->start(1).ok());

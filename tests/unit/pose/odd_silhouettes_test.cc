@@ -1,9 +1,9 @@
-// Silhouettes that are not what they should be: what the pose stage says of each, while it follows a body and
-// when it has to find one.
+// Degraded silhouettes: the pose stage while tracking a body and while finding one.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <functional>
+#include <string>
 
 #include "server/pipeline/convert.h"
 #include "server/pose/pose_stage.h"
@@ -14,8 +14,8 @@ namespace {
 
 using Silhouettes = std::vector<kernels::Silhouettes>;
 
-// Keeps what `keep` says of each pixel.
-void cut(kernels::Silhouettes& s, const std::function<bool(int x, int y)>& keep) {
+// Keeps the pixels for which `keep` is true.
+void keep_pixels(kernels::Silhouettes& s, const std::function<bool(int x, int y)>& keep) {
     s.sharp_pixels = 0;
     s.bounds = {s.width, s.height, 0, 0};
     for (int y = 0; y < s.height; ++y)
@@ -30,11 +30,11 @@ void cut(kernels::Silhouettes& s, const std::function<bool(int x, int y)>& keep)
     if (s.sharp_pixels == 0) s.bounds = {};
 }
 void clear(kernels::Silhouettes& s) {
-    cut(s, [](int, int) { return false; });
+    keep_pixels(s, [](int, int) { return false; });
 }
 void fill(kernels::Silhouettes& s) {
     std::ranges::fill(s.sharp, 255);
-    cut(s, [](int, int) { return true; });
+    keep_pixels(s, [](int, int) { return true; });
 }
 void remove(kernels::Silhouettes& s) {
     s = {};
@@ -43,28 +43,29 @@ void remove(kernels::Silhouettes& s) {
 struct Case {
     const char* name;
     std::function<void(Silhouettes&)> spoil;
-    // Mean error of the joints told, while a body is followed and ten frame sets after it is first seen, m;
-    // 0: no pose may be told. Fewer cameras than the rest of the room has tell less of where a limb is that
-    // was never seen before.
-    double following_m, finding_m;
+    // Bounds of the mean joint error while tracking and ten frame sets after initialisation, m: the measured
+    // values (printed as properties) plus 15 %. 0: no pose must be reported.
+    double tracking_m, finding_m;
 };
 
 const Case kCases[] = {
-    {"as they should be", [](Silhouettes&) {}, 0.03, 0.03},
-    {"one camera missing", [](Silhouettes& s) { remove(s[0]); }, 0.05, 0.2},
-    {"two cameras missing", [](Silhouettes& s) { remove(s[0]), remove(s[1]); }, 0.15, 0.2},
+    {"intact", [](Silhouettes&) {}, 0.0069, 0.0075},
+    {"one camera missing", [](Silhouettes& s) { remove(s[0]); }, 0.0077, 0.0137},
+    {"two cameras missing", [](Silhouettes& s) { remove(s[0]), remove(s[1]); }, 0.0099, 0.0117},
     {"three cameras missing", [](Silhouettes& s) { remove(s[0]), remove(s[1]), remove(s[2]); }, 0, 0},
-    {"one empty", [](Silhouettes& s) { clear(s[0]); }, 0.05, 0.2},
+    {"one empty", [](Silhouettes& s) { clear(s[0]); }, 0.0077, 0.0137},
     {"all empty", [](Silhouettes& s) { std::ranges::for_each(s, clear); }, 0, 0},
-    {"one full", [](Silhouettes& s) { fill(s[0]); }, 0.05, 0.2},
+    {"one full", [](Silhouettes& s) { fill(s[0]); }, 0.0077, 0.0137},
     {"all full", [](Silhouettes& s) { std::ranges::for_each(s, fill); }, 0, 0},
-    {"one cut by the picture's left edge",
+    {"one truncated at the left",
      [](Silhouettes& s) {
-         const int middle = (s[0].bounds.x0 + s[0].bounds.x1) / 2;
-         cut(s[0], [&](int x, int) { return x >= middle; });
+         const int centre = (s[0].bounds.x0 + s[0].bounds.x1) / 2;
+         keep_pixels(s[0], [&](int x, int) { return x >= centre; });
      },
-     0.15, 0.2},
+     0.0074, 0.0026},
 };
+// Mean joint error some frame sets after the silhouettes are intact again, m; as above.
+constexpr double kRecovered_m = 0.0099;
 
 class OddSilhouettes : public ::testing::TestWithParam<int> {
   protected:
@@ -97,12 +98,14 @@ class OddSilhouettes : public ::testing::TestWithParam<int> {
         ASSERT_TRUE(pose) << one.name << ", " << when;
         const PosedBody truth = scene_.model->forward(posture_from_coordinates(scene_.standing()));
         double sum = 0;
-        int told = 0;
+        int measured = 0;
         for (std::size_t j = 0; j < kJointNames.size(); ++j)
             if (pose->joints[j].measured())
-                sum += norm(pose->joints[j].in_world - truth.joints_in_world[j]), ++told;
-        EXPECT_GE(told, 12) << one.name << ", " << when;
-        EXPECT_LT(sum / std::max(told, 1), max_error_m) << one.name << ", " << when;
+                sum += norm(pose->joints[j].in_world - truth.joints_in_world[j]), ++measured;
+        ASSERT_EQ(measured, static_cast<int>(kJointNames.size())) << one.name << ", " << when;
+        const double error_m = sum / measured;
+        RecordProperty(std::string(when) + "_error_m", std::to_string(error_m));
+        EXPECT_LT(error_m, max_error_m) << one.name << ", " << when;
     }
 
     testing::SeenBody scene_;
@@ -112,17 +115,17 @@ class OddSilhouettes : public ::testing::TestWithParam<int> {
     std::int64_t frame_ = 0;
 };
 
-TEST_P(OddSilhouettes, WhileABodyIsFollowed) {
+TEST_P(OddSilhouettes, DisturbTrackingLittle) {
     const Case& one = kCases[GetParam()];
     for (int n = 0; n < 5; ++n) ASSERT_TRUE(show([](Silhouettes&) {}));
     std::shared_ptr<BodyPose> pose;
     for (int n = 0; n < 15; ++n) pose = show(one.spoil);
-    judge(one, one.following_m, pose, "following");
+    judge(one, one.tracking_m, pose, "tracking");
     for (int n = 0; n < 8; ++n) pose = show([](Silhouettes&) {});
-    judge(one, kCases[0].following_m, pose, "afterwards");
+    judge(one, kRecovered_m, pose, "recovered");
 }
 
-TEST_P(OddSilhouettes, WhileABodyIsToBeFound) {
+TEST_P(OddSilhouettes, DisturbInitialisationLittle) {
     const Case& one = kCases[GetParam()];
     std::shared_ptr<BodyPose> pose;
     for (int n = 0; n < 10; ++n) pose = show(one.spoil);

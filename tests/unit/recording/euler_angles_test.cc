@@ -17,7 +17,7 @@ void expect_same(const Mat3& a, const Mat3& b) {
     for (int k = 0; k < 9; ++k) EXPECT_NEAR(a.m[k], b.m[k], 1e-9);
 }
 
-TEST(EulerAngles, GoThereAndBackInEveryOrder) {
+TEST(EulerAngles, RoundTripInEveryOrder) {
     for (const EulerOrder& order : kOrders)
         for (const EulerAngles& angles : {EulerAngles{0.3, -0.8, 2.9}, {-3.0, 1.5, 0.1}, {0, 0, 0}}) {
             const EulerAngles back = euler_from_rotation(rotation_from_euler(angles, order), order);
@@ -36,7 +36,7 @@ TEST(EulerAngles, KeepTheRotationAtTheSingularPose) {
         }
 }
 
-TEST(EulerAngles, FollowACurveWithoutJumps) {
+TEST(EulerAngles, FollowACurveContinuously) {
     const EulerOrder order{kAxisX, kAxisZ, kAxisY};
     EulerAngles last{};
     for (int n = 1; n < 200; ++n) {

@@ -1,4 +1,4 @@
-// Recordings of made-up pictures: what comes back is what went in.
+// Recordings of made-up images: what comes back is what went in.
 #include "server/recording/recorder.h"
 
 #include <gmock/gmock.h>
@@ -33,7 +33,7 @@ constexpr double kFps = 100;  // of the fake cameras
 constexpr std::int64_t kPeriodNs = 10'000'000;
 
 // Noise, other in each; a lossless codec has no way to be right by chance.
-Picture noise(const Camera& camera, std::uint64_t seed, int channels = 3) {
+Image noise(const Camera& camera, std::uint64_t seed, int channels = 3) {
     const std::size_t bytes = static_cast<std::size_t>(camera.width) * camera.height * channels;
     std::shared_ptr<std::uint8_t[]> data(new std::uint8_t[bytes]);
     std::mt19937 random(static_cast<unsigned>(seed));
@@ -46,11 +46,11 @@ FrameSet noise_set(std::uint64_t sequence) {
     set.sequence = sequence;
     set.capture_time_ns = static_cast<std::int64_t>(sequence) * kPeriodNs;
     for (std::size_t c = 0; c < fake_cameras().size(); ++c)
-        set.pictures.push_back(noise(fake_cameras()[c], 10 * sequence + c));
+        set.images.push_back(noise(fake_cameras()[c], 10 * sequence + c));
     return set;
 }
 
-bool same(const Picture& a, const Picture& b) {
+bool same(const Image& a, const Image& b) {
     return !a.empty() && !b.empty() && a.width == b.width && a.height == b.height &&
            a.channels == b.channels &&
            std::equal(a.data.get(), a.data.get() + static_cast<std::size_t>(a.width) * a.height * a.channels,
@@ -79,7 +79,7 @@ class RecorderTest : public ::testing::Test {
     // Offered without hurry, so that nothing need be dropped.
     void offer(std::uint64_t first, std::uint64_t count) {
         for (std::uint64_t n = first; n < first + count; ++n) {
-            while (recorder->status().queued_bytes > options.queue_bytes / 2)
+            while (recorder->status().queued_bytes > options.max_queue_bytes / 2)
                 std::this_thread::sleep_for(1ms);
             recorder->offer(noise_set(n));
             recorder->observe(*testing::fake_result(n, nullptr), nullptr);
@@ -110,7 +110,7 @@ class RecorderTest : public ::testing::Test {
 void expect_replayed(const fs::path& session_file, const std::vector<FrameSet>& sets) {
     const auto replay = ReplaySource::open(session_file, {.paused = true});
     ASSERT_TRUE(replay.ok()) << replay.status();
-    EXPECT_EQ((*replay)->position().frames, static_cast<std::int64_t>(sets.size()));
+    EXPECT_EQ((*replay)->position().frame_count, static_cast<std::int64_t>(sets.size()));
     const auto expect_next = [&](std::size_t n) {
         const auto set = (*replay)->next();
         ASSERT_TRUE(set.ok()) << set.status();
@@ -118,9 +118,9 @@ void expect_replayed(const fs::path& session_file, const std::vector<FrameSet>& 
         EXPECT_EQ(set->capture_time_ns, sets[n].capture_time_ns);
         EXPECT_NEAR((*replay)->position().position_s, 1e-9 * static_cast<double>(sets[n].capture_time_ns),
                     1e-9);
-        for (std::size_t c = 0; c < sets[n].pictures.size(); ++c)
-            EXPECT_TRUE((set->pictures[c].empty() && sets[n].pictures[c].empty()) ||
-                        same(set->pictures[c], sets[n].pictures[c]))
+        for (std::size_t c = 0; c < sets[n].images.size(); ++c)
+            EXPECT_TRUE((set->images[c].empty() && sets[n].images[c].empty()) ||
+                        same(set->images[c], sets[n].images[c]))
                 << n << " " << c;
         EXPECT_EQ((*replay)->frame_at(1e-9 * static_cast<double>(set->capture_time_ns)),
                   static_cast<std::int64_t>(n));
@@ -158,17 +158,17 @@ void expect_noise_sets(const std::vector<FrameSet>& sets, std::uint64_t first, s
         EXPECT_EQ(sets[n].sequence, n);
         EXPECT_EQ(sets[n].capture_time_ns, static_cast<std::int64_t>(n) * kPeriodNs);
         for (std::size_t c = 0; c < 2; ++c)
-            ASSERT_TRUE(same(sets[n].pictures[c], noise(fake_cameras()[c], 10 * (first + n) + c)))
+            ASSERT_TRUE(same(sets[n].images[c], noise(fake_cameras()[c], 10 * (first + n) + c)))
                 << n << " " << c;
     }
 }
 
-TEST_F(RecorderTest, LosslessCodecsGiveBackEveryBitAndTheBackground) {
+TEST_F(RecorderTest, LosslessCodecsKeepEveryBit) {
     make();
-    std::vector<std::vector<Picture>> empty(2);
+    std::vector<std::vector<Image>> empty(2);
     for (std::size_t c = 0; c < 2; ++c)
         for (int n = 0; n < 5; ++n) empty[c].push_back(noise(fake_cameras()[c], 1000 + 10 * n + c));
-    recorder->learned(std::make_shared<const std::vector<std::vector<Picture>>>(empty));
+    recorder->background_learned(std::make_shared<const std::vector<std::vector<Image>>>(empty));
     for (const VideoCodec codec : {VideoCodec::kFfv1, VideoCodec::kUtVideo}) {
         const std::string name(name_of(codec));
         offer(0, 3);  // before: not in it
@@ -176,8 +176,9 @@ TEST_F(RecorderTest, LosslessCodecsGiveBackEveryBitAndTheBackground) {
         offer(3, 30);
         const auto info = recorder->stop();
         ASSERT_TRUE(info.ok()) << info.status();
-        EXPECT_EQ(info->about.frames, 30U);
-        EXPECT_EQ(info->about.dropped + info->about.lost + info->about.missing_pictures, 0U);
+        EXPECT_EQ(info->about.frame_sets, 30U);
+        EXPECT_EQ(info->about.dropped_frame_sets + info->about.lost_frame_sets + info->about.missing_images,
+                  0U);
         expect_noise_sets(read_all(session_file(name)), 3, 30);
 
         const auto session = read_session(session_file(name));
@@ -208,14 +209,17 @@ TEST_F(RecorderTest, LosslessCodecsGiveBackEveryBitAndTheBackground) {
                                        EventKind::kRecordingStarted, EventKind::kRecordingStopped));
     const auto list = list_recordings(options.folder);
     ASSERT_EQ(list.size(), 2U);
-    EXPECT_EQ(list[0].about.frames, 30U);
-    EXPECT_NEAR(list[0].seconds, 0.3, 1e-9);
+    EXPECT_EQ(list[0].about.frame_sets, 30U);
+    EXPECT_NEAR(list[0].duration_s, 0.3, 1e-9);
+    const auto latest = recorder->status().latest;
+    ASSERT_TRUE(latest.has_value());
+    EXPECT_EQ(read_recording(options.folder, latest->name)->size_bytes, latest->size_bytes);
     EXPECT_TRUE(delete_recording(options.folder, "ffv1").ok());
     EXPECT_TRUE(absl::IsNotFound(delete_recording(options.folder, "ffv1")));
     EXPECT_TRUE(absl::IsInvalidArgument(delete_recording(options.folder, "../x")));
 }
 
-TEST_F(RecorderTest, AnyFrameIsReadAtOnce) {
+TEST_F(RecorderTest, ReadsAnyFrameDirectly) {
     for (const VideoCodec codec : {VideoCodec::kUtVideo, VideoCodec::kH264}) {
         options.codec = codec;
         recorder.reset();
@@ -228,16 +232,16 @@ TEST_F(RecorderTest, AnyFrameIsReadAtOnce) {
         auto all = RecordedVideo::open(video, fake_cameras()[0]),
              some = RecordedVideo::open(video, fake_cameras()[0]);
         ASSERT_TRUE(all.ok() && some.ok()) << all.status() << some.status();
-        std::vector<Picture> pictures;
-        for (int n = 0; n < 120; ++n) pictures.push_back(*(*all)->next());
+        std::vector<Image> images;
+        for (int n = 0; n < 120; ++n) images.push_back(*(*all)->next());
         for (const int n : {119, 0, 60, 61, 62, 59, 3, 118, 118})
-            EXPECT_TRUE(same(*(*some)->read(n), pictures[static_cast<std::size_t>(n)])) << name << " " << n;
+            EXPECT_TRUE(same(*(*some)->read(n), images[static_cast<std::size_t>(n)])) << name << " " << n;
         EXPECT_TRUE(absl::IsOutOfRange((*some)->read(120).status()));
         // H.264 loses little even of noise.
         double difference = 0;
-        const Picture truth = noise(fake_cameras()[0], 0);
+        const Image truth = noise(fake_cameras()[0], 0);
         for (int i = 0; i < 64 * 48 * 3; ++i)
-            difference += std::abs(int{pictures[0].data[i]} - int{truth.data[i]});
+            difference += std::abs(int{images[0].data[i]} - int{truth.data[i]});
         if (codec == VideoCodec::kUtVideo)
             EXPECT_EQ(difference, 0);
         else
@@ -245,24 +249,24 @@ TEST_F(RecorderTest, AnyFrameIsReadAtOnce) {
     }
 }
 
-TEST_F(RecorderTest, MissingPicturesAndGapsAreKnown) {
+TEST_F(RecorderTest, CountsMissingImagesAndGaps) {
     make();
     ASSERT_TRUE(recorder->start("gaps", {}).ok());
     offer(0, 4);
     FrameSet half = noise_set(4);
-    half.pictures[1] = {};
+    half.images[1] = {};
     recorder->offer(half);
     offer(7, 3);  // 5 and 6 never came
     const auto info = recorder->stop();
     ASSERT_TRUE(info.ok()) << info.status();
-    EXPECT_EQ(info->about.frames, 8U);
-    EXPECT_EQ(info->about.lost, 2U);
-    EXPECT_EQ(info->about.missing_pictures, 1U);
+    EXPECT_EQ(info->about.frame_sets, 8U);
+    EXPECT_EQ(info->about.lost_frame_sets, 2U);
+    EXPECT_EQ(info->about.missing_images, 1U);
     const auto sets = read_all(session_file("gaps"));
     ASSERT_EQ(sets.size(), 8U);
-    EXPECT_TRUE(sets[4].pictures[1].empty());
-    EXPECT_FALSE(sets[4].pictures[0].empty());
-    EXPECT_TRUE(same(sets[5].pictures[1], noise(fake_cameras()[1], 71)));
+    EXPECT_TRUE(sets[4].images[1].empty());
+    EXPECT_FALSE(sets[4].images[0].empty());
+    EXPECT_TRUE(same(sets[5].images[1], noise(fake_cameras()[1], 71)));
     EXPECT_EQ(sets[5].capture_time_ns, 7 * kPeriodNs);
     const auto times = read_recorded_times(options.folder / "gaps" / "frames.csv");
     EXPECT_EQ((*times)[5].sequence, 7U);
@@ -274,8 +278,8 @@ TEST_F(RecorderTest, MissingPicturesAndGapsAreKnown) {
         EXPECT_EQ((*replay)->frame_at(seconds), frame) << seconds;
 }
 
-TEST_F(RecorderTest, WhatTheQueueHasNoRoomForIsDroppedAndCounted) {
-    options.queue_bytes = 2 * 2 * 64 * 48 * 3;  // two frame sets
+TEST_F(RecorderTest, DropsAndCountsBeyondTheQueue) {
+    options.max_queue_bytes = 2 * 2 * 64 * 48 * 3;  // two frame sets
     make();
     ASSERT_TRUE(recorder->start("much", VideoCodec::kFfv1).ok());
     constexpr std::uint64_t kOffered = 400;
@@ -283,41 +287,42 @@ TEST_F(RecorderTest, WhatTheQueueHasNoRoomForIsDroppedAndCounted) {
     offer(kOffered, 1);
     const auto info = recorder->stop();
     ASSERT_TRUE(info.ok()) << info.status();
-    EXPECT_GT(info->about.dropped, 0U);
-    EXPECT_EQ(info->about.frames + info->about.dropped, kOffered + 1);
-    EXPECT_EQ(info->about.lost, 0U);
-    EXPECT_EQ(read_all(session_file("much")).size(), info->about.frames);
-    EXPECT_EQ(read_session(session_file("much"))->recording->dropped, info->about.dropped);
-    EXPECT_THAT(event_kinds(), ::testing::Contains(EventKind::kRecordingDrops));
+    EXPECT_GT(info->about.dropped_frame_sets, 0U);
+    EXPECT_EQ(info->about.frame_sets + info->about.dropped_frame_sets, kOffered + 1);
+    EXPECT_EQ(info->about.lost_frame_sets, 0U);
+    EXPECT_EQ(read_all(session_file("much")).size(), info->about.frame_sets);
+    EXPECT_EQ(read_session(session_file("much"))->recording->dropped_frame_sets,
+              info->about.dropped_frame_sets);
+    EXPECT_THAT(event_kinds(), ::testing::Contains(EventKind::kRecordingFramesDropped));
 }
 
-TEST_F(RecorderTest, TheLastSecondsAreKeptAndARecordingCanGoOnFromThem) {
-    options.keep_last_s = 0.5;
+TEST_F(RecorderTest, SavesTheBufferAndContinues) {
+    options.max_buffer_s = 0.5;
     make();
-    EXPECT_TRUE(absl::IsFailedPrecondition(recorder->keep_last("early", 0, false).status()));
+    EXPECT_TRUE(absl::IsFailedPrecondition(recorder->save_buffer("early", 0, false).status()));
     offer(0, 200);
     wait_until_written();
-    EXPECT_NEAR(recorder->status().held_seconds, 0.5, 0.02);
-    const auto info = recorder->keep_last("jump", 0.3, false);
+    EXPECT_NEAR(recorder->status().buffered_s, 0.5, 0.02);
+    const auto info = recorder->save_buffer("jump", 0.3, false);
     ASSERT_TRUE(info.ok()) << info.status();
-    EXPECT_EQ(info->about.frames, 30U);
+    EXPECT_EQ(info->about.frame_sets, 30U);
     expect_noise_sets(read_all(session_file("jump")), 170, 30);
-    const auto all = recorder->keep_last("all", 1e300, false);
+    const auto all = recorder->save_buffer("all", 1e300, false);
     ASSERT_TRUE(all.ok()) << all.status();
     expect_noise_sets(read_all(session_file("all")), 149, 51);
 
-    const auto going = recorder->keep_last("jump2", 0, true);
+    const auto going = recorder->save_buffer("jump2", 0, true);
     ASSERT_TRUE(going.ok()) << going.status();
     offer(200, 100);
     const auto end = recorder->stop();
     ASSERT_TRUE(end.ok()) << end.status();
-    EXPECT_EQ(end->about.frames, 151U);
-    EXPECT_EQ(end->about.lost, 0U);
+    EXPECT_EQ(end->about.frame_sets, 151U);
+    EXPECT_EQ(end->about.lost_frame_sets, 0U);
     expect_noise_sets(read_all(session_file("jump2")), 149, 151);
 }
 
-TEST_F(RecorderTest, ThePosesOfTheLastFrameSetsAreWaitedFor) {
-    options.volumes = false;
+TEST_F(RecorderTest, WaitsForTheLastPoses) {
+    options.save_volumes = false;
     make();
     ASSERT_TRUE(recorder->start("late", {}).ok());
     const auto volume = std::make_shared<const Volume>();
@@ -338,19 +343,19 @@ TEST_F(RecorderTest, ThePosesOfTheLastFrameSetsAreWaitedFor) {
     EXPECT_FALSE(std::getline(angles, line)) << line;
 }
 
-TEST_F(RecorderTest, ABoundInBytesShortensWhatIsKept) {
-    options.keep_last_s = 10;
-    options.keep_last_bytes = 50 * 2 * 64 * 48 * 3;  // noise cannot be made smaller
+TEST_F(RecorderTest, BufferIsLimitedByMemory) {
+    options.max_buffer_s = 10;
+    options.max_buffer_bytes = 50 * 2 * 64 * 48 * 3;  // noise cannot be made smaller
     make();
     offer(0, 200);
     wait_until_written();
-    EXPECT_TRUE(recorder->status().held_shortened);
-    EXPECT_LE(recorder->status().held_bytes, options.keep_last_bytes);
-    EXPECT_GT(recorder->status().held_seconds, 0.2);
-    EXPECT_LT(recorder->status().held_seconds, 0.6);
+    EXPECT_TRUE(recorder->status().buffer_limited_by_memory);
+    EXPECT_LE(recorder->status().buffered_bytes, options.max_buffer_bytes);
+    EXPECT_GT(recorder->status().buffered_s, 0.2);
+    EXPECT_LT(recorder->status().buffered_s, 0.6);
 }
 
-TEST_F(RecorderTest, ARecordingWaitsForTheCaptureAndEndsWithIt) {
+TEST_F(RecorderTest, StartsAndEndsWithTheCapture) {
     make();
     ASSERT_TRUE(recorder->start("", {}).ok());
     EXPECT_EQ(recorder->status().state, RecorderState::kWaiting);
@@ -360,9 +365,9 @@ TEST_F(RecorderTest, ARecordingWaitsForTheCaptureAndEndsWithIt) {
     recorder->capture_ended();
     for (int i = 0; i < 2000 && recorder->status().state != RecorderState::kIdle; ++i)
         std::this_thread::sleep_for(2ms);
-    ASSERT_TRUE(recorder->status().last.has_value());
-    const RecordingInfo last = *recorder->status().last;
-    EXPECT_EQ(last.about.frames, 10U);
+    ASSERT_TRUE(recorder->status().latest.has_value());
+    const RecordingInfo last = *recorder->status().latest;
+    EXPECT_EQ(last.about.frame_sets, 10U);
     EXPECT_THAT(last.about.end_reason, HasSubstr("capture ended"));
     EXPECT_TRUE(absl::IsFailedPrecondition(recorder->stop().status()));
     EXPECT_TRUE(absl::IsAlreadyExists(recorder->start(last.name, {}).status()));
@@ -371,7 +376,7 @@ TEST_F(RecorderTest, ARecordingWaitsForTheCaptureAndEndsWithIt) {
     recorder->close();
 }
 
-TEST_F(RecorderTest, NoRoomOnTheDiskIsSaidBeforeAndEndsARecording) {
+TEST_F(RecorderTest, FullDiskEndsARecording) {
     options.min_free_bytes = std::uint64_t{1} << 62;
     make();
     const auto refused = recorder->start("full", {});
@@ -379,8 +384,8 @@ TEST_F(RecorderTest, NoRoomOnTheDiskIsSaidBeforeAndEndsARecording) {
     EXPECT_FALSE(fs::exists(options.folder / "full"));
 }
 
-// Cut anywhere, by a power failure, say: what is whole is read, and the files are made to agree.
-TEST_F(RecorderTest, ARecordingThatWasCutOffIsRepaired) {
+// Truncated anywhere, as by a power failure: complete frame sets are read, and all files get the same length.
+TEST_F(RecorderTest, RepairsInterruptedRecordings) {
     make();
     ASSERT_TRUE(recorder->start("whole", {}).ok());
     offer(0, 40);
@@ -408,7 +413,7 @@ TEST_F(RecorderTest, ARecordingThatWasCutOffIsRepaired) {
         ASSERT_TRUE(write_session(*session, copy / "session.toml").ok());
         if (cuts[n].bytes > 0 || std::string(cuts[n].file) == "frames.csv")
             fs::resize_file(copy / cuts[n].file, cuts[n].bytes);
-        // Whoever opens it first repairs it.
+        // The first reader repairs it.
         if (n % 2 == 0) {
             EXPECT_TRUE(ReplaySource::open(copy / "session.toml").ok());
         }
@@ -420,14 +425,14 @@ TEST_F(RecorderTest, ARecordingThatWasCutOffIsRepaired) {
         EXPECT_GT(sets.size(), 0U);
         const auto repaired = read_session(copy / "session.toml");
         EXPECT_TRUE(repaired->recording->closed && repaired->recording->recovered);
-        EXPECT_EQ(repaired->recording->frames, frames);
+        EXPECT_EQ(repaired->recording->frame_sets, frames);
         EXPECT_EQ(read_video_index(copy / "left.mkv")->size(), frames);
         EXPECT_EQ(read_recorded_times(copy / "frames.csv")->size(), frames);
     }
     EXPECT_FALSE(*repair_recording(whole / "session.toml"));  // was closed
 }
 
-TEST_F(RecorderTest, NobodyRepairsWhatIsBeingWritten) {
+TEST_F(RecorderTest, DoesNotRepairWhileWriting) {
     make();
     ASSERT_TRUE(recorder->start("open", {}).ok());
     offer(0, 40);
@@ -435,7 +440,7 @@ TEST_F(RecorderTest, NobodyRepairsWhatIsBeingWritten) {
     const auto now = read_recording(options.folder, "open");
     ASSERT_TRUE(now.ok()) << now.status();
     EXPECT_FALSE(now->about.closed);
-    EXPECT_EQ(now->about.frames, 40U);
+    EXPECT_EQ(now->about.frame_sets, 40U);
     EXPECT_FALSE(*repair_recording(session_file("open")));
     EXPECT_TRUE(absl::IsFailedPrecondition(delete_recording(options.folder, "open")));
     expect_noise_sets(read_all(session_file("open")), 0, 40);  // what is there already

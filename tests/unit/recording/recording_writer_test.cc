@@ -7,12 +7,12 @@
 namespace kinevox {
 namespace {
 
-// Takes pictures; results as long as there is room.
+// Accepts images, and results as long as there is room.
 class FullFolder final : public RecordingFolder {
   public:
     explicit FullFolder(int room) : room_(room) {}
     absl::Status append(const EncodedSet&) override {
-        ++about_.frames;
+        ++about_.frame_sets;
         return absl::OkStatus();
     }
     absl::Status append_result(std::uint64_t, const RecordedResult&) override {
@@ -43,26 +43,26 @@ std::shared_ptr<EncodedSet> set_of(std::uint64_t number) {
     set->run = 1;
     set->capture_time_ns = static_cast<std::int64_t>(number) * 10'000'000;
     set->key = true;
-    set->pictures.push_back(std::make_shared<EncodedPicture>());
+    set->images.push_back(std::make_shared<EncodedImage>());
     return set;
 }
 
-// The sets wait for their results; then all come at once, and the second does not fit.
+// The sets wait for their results, which then arrive at once; the second does not fit.
 void fill(RecordingWriter& writer) {
     writer.begin(std::make_unique<FullFolder>(1), 0);
-    for (std::uint64_t n = 0; n < 4; ++n) writer.take(ResultOfSet{1, n, nullptr, nullptr});
+    for (std::uint64_t n = 0; n < 4; ++n) writer.take(ResultOfSet{1, n, 0, nullptr, nullptr});
     for (std::uint64_t n = 0; n < 4; ++n) writer.take(set_of(n));
 }
 
-TEST(RecordingWriter, ARecordingWhoseResultsDoNotFitEndsOnce) {
-    for (const double keep_last_s : {0.0, 10.0}) {
+TEST(RecordingWriter, EndsOnceWhenResultsDoNotFit) {
+    for (const double max_buffer_s : {0.0, 10.0}) {
         RecorderOptions options;
-        options.keep_last_s = keep_last_s;
+        options.max_buffer_s = max_buffer_s;
         options.min_free_bytes = 0;
         std::vector<RecordingInfo> ended;
         RecordingWriter writer(options, [&](const RecordingInfo& info) { ended.push_back(info); });
         fill(writer);
-        ASSERT_EQ(ended.size(), 1u) << keep_last_s;
+        ASSERT_EQ(ended.size(), 1u) << max_buffer_s;
         EXPECT_EQ(ended[0].about.end_reason, "the disk is full");
         EXPECT_FALSE(writer.recording(0));
         EXPECT_EQ(writer.next_number(), 4u);
@@ -70,16 +70,16 @@ TEST(RecordingWriter, ARecordingWhoseResultsDoNotFitEndsOnce) {
         writer.begin(std::make_unique<FullFolder>(100), 4);
         for (std::uint64_t n = 4; n < 8; ++n) {
             writer.take(set_of(n));
-            writer.take(ResultOfSet{1, n, nullptr, nullptr});
+            writer.take(ResultOfSet{1, n, 0, nullptr, nullptr});
         }
         ASSERT_EQ(ended.size(), 1u);
-        EXPECT_EQ(writer.recording(0)->about.frames, 4u);
+        EXPECT_EQ(writer.recording(0)->about.frame_sets, 4u);
         EXPECT_TRUE(writer.has_all_results());
         EXPECT_EQ(writer.end(0, "").about.end_reason, "");
     }
 }
 
-TEST(RecordingWriter, ResultsOfASlowMachineAreWaitedForAndThoseThatNeverComeAreNot) {
+TEST(RecordingWriter, WaitsForSlowResultsOnly) {
     RecorderOptions options;
     options.min_free_bytes = 0;
     RecordingWriter writer(options, [](const RecordingInfo&) { FAIL() << "ended"; });
@@ -87,16 +87,16 @@ TEST(RecordingWriter, ResultsOfASlowMachineAreWaitedForAndThoseThatNeverComeAreN
     const FullFolder& folder = *made;
     writer.begin(std::move(made), 0);
     for (std::uint64_t n = 0; n < 3000; ++n) writer.take(set_of(n));  // 30 s
-    writer.take(ResultOfSet{1, 0, nullptr, nullptr});
+    writer.take(ResultOfSet{1, 0, 0, nullptr, nullptr});
     EXPECT_EQ(folder.room(), 99);
     EXPECT_FALSE(writer.has_all_results());
-    writer.take(ResultOfSet{1, 2998, nullptr, nullptr});  // the pipeline took none of those between
+    writer.take(ResultOfSet{1, 2998, 0, nullptr, nullptr});  // the pipeline skipped those between
     EXPECT_EQ(folder.room(), 98);
     EXPECT_FALSE(writer.has_all_results());
-    writer.take(ResultOfSet{1, 2999, nullptr, nullptr});
+    writer.take(ResultOfSet{1, 2999, 0, nullptr, nullptr});
     EXPECT_TRUE(writer.has_all_results());
     for (std::uint64_t n = 3000; n < 10'000; ++n) writer.take(set_of(n));  // 70 s, and the pipeline hangs
-    writer.take(ResultOfSet{1, 3000, nullptr, nullptr});
+    writer.take(ResultOfSet{1, 3000, 0, nullptr, nullptr});
     EXPECT_EQ(folder.room(), 97) << "it is not waited for for ever";
 }
 

@@ -21,9 +21,10 @@ RecordingInfo recording(const std::string& name, double days_old, std::uint64_t 
     RecordingInfo info;
     info.name = name;
     info.session_file = "/nowhere/" + name + "/session.toml";
-    info.bytes = bytes;
+    info.size_bytes = bytes;
     info.about.closed = true;
-    info.about.started_utc_ns = kNow_ns - static_cast<std::int64_t>(days_old * static_cast<double>(kDay_ns));
+    info.about.start_time_utc_ns =
+        kNow_ns - static_cast<std::int64_t>(days_old * static_cast<double>(kDay_ns));
     return info;
 }
 
@@ -35,27 +36,28 @@ TEST(Retention, KeepsAllWithoutLimits) {
 }
 
 TEST(Retention, WhatIsTooOldGoes) {
-    EXPECT_THAT(due_for_deletion(kThree, {.keep_days = 30}, kNow_ns), ElementsAre("old"));
-    EXPECT_THAT(due_for_deletion(kThree, {.keep_days = 0.5}, kNow_ns), ElementsAre("old", "newer", "new"));
-    EXPECT_THAT(due_for_deletion(kThree, {.keep_days = 40.001}, kNow_ns), IsEmpty());
+    EXPECT_THAT(due_for_deletion(kThree, {.retention_days = 30}, kNow_ns), ElementsAre("old"));
+    EXPECT_THAT(due_for_deletion(kThree, {.retention_days = 0.5}, kNow_ns),
+                ElementsAre("old", "newer", "new"));
+    EXPECT_THAT(due_for_deletion(kThree, {.retention_days = 40.001}, kNow_ns), IsEmpty());
 }
 
 TEST(Retention, TheOldestGoUntilTheOthersFit) {
-    EXPECT_THAT(due_for_deletion(kThree, {.keep_bytes = 300}, kNow_ns), IsEmpty());
-    EXPECT_THAT(due_for_deletion(kThree, {.keep_bytes = 299}, kNow_ns), ElementsAre("old"));
-    EXPECT_THAT(due_for_deletion(kThree, {.keep_bytes = 150}, kNow_ns), ElementsAre("old", "newer"));
-    EXPECT_THAT(due_for_deletion({kThree[2], kThree[0], kThree[1]}, {.keep_bytes = 299}, kNow_ns),
+    EXPECT_THAT(due_for_deletion(kThree, {.max_total_bytes = 300}, kNow_ns), IsEmpty());
+    EXPECT_THAT(due_for_deletion(kThree, {.max_total_bytes = 299}, kNow_ns), ElementsAre("old"));
+    EXPECT_THAT(due_for_deletion(kThree, {.max_total_bytes = 150}, kNow_ns), ElementsAre("old", "newer"));
+    EXPECT_THAT(due_for_deletion({kThree[2], kThree[0], kThree[1]}, {.max_total_bytes = 299}, kNow_ns),
                 ElementsAre("old"))
         << "in whatever order they were listed";
-    EXPECT_THAT(due_for_deletion(kThree, {.keep_days = 3, .keep_bytes = 250}, kNow_ns),
+    EXPECT_THAT(due_for_deletion(kThree, {.retention_days = 3, .max_total_bytes = 250}, kNow_ns),
                 ElementsAre("old", "newer"));
 }
 
 TEST(Retention, OneThatIsBeingWrittenStays) {
     auto recordings = kThree;
     recordings[0].about.closed = false;
-    EXPECT_THAT(due_for_deletion(recordings, {.keep_days = 3}, kNow_ns), ElementsAre("newer"));
-    EXPECT_THAT(due_for_deletion(recordings, {.keep_bytes = 299}, kNow_ns), ElementsAre("newer"));
+    EXPECT_THAT(due_for_deletion(recordings, {.retention_days = 3}, kNow_ns), ElementsAre("newer"));
+    EXPECT_THAT(due_for_deletion(recordings, {.max_total_bytes = 299}, kNow_ns), ElementsAre("newer"));
 }
 
 class RetentionOnDisk : public ::testing::Test {
@@ -77,9 +79,9 @@ class RetentionOnDisk : public ::testing::Test {
         session.calibration = into / "calibration.toml";
         session.cameras.push_back({"cam1", into / "cam1.mkv", into / "empty.mkv", {}});
         session.recording.emplace();
-        session.recording->times = into / "frames.csv";
+        session.recording->frame_times = into / "frames.csv";
         session.recording->closed = true;
-        session.recording->started_utc_ns =
+        session.recording->start_time_utc_ns =
             kNow_ns - static_cast<std::int64_t>(days * static_cast<double>(kDay_ns));
         for (const char* file :
              {"calibration.toml", "cam1.mkv", "empty.mkv", "frames.csv", "poses/joints.csv"})
@@ -95,43 +97,75 @@ class RetentionOnDisk : public ::testing::Test {
         return found;
     }
     std::vector<std::string> apply(const RetentionLimits& limits, const fs::path& spared = {}) {
-        std::vector<std::string> told;
+        std::vector<std::string> reported;
         apply_retention(folder_, limits, kNow_ns, spared,
                         [&](const std::string& name, const absl::Status& deleted) {
                             EXPECT_TRUE(deleted.ok()) << deleted;
-                            told.push_back(name);
+                            reported.push_back(name);
                         });
-        return told;
+        return reported;
     }
     fs::path folder_;
 };
 
-TEST_F(RetentionOnDisk, NothingRemainsOfWhatWent) {
+TEST_F(RetentionOnDisk, DeletesWholeFolders) {
     record("a", 40), record("b", 2);
-    EXPECT_THAT(apply({.keep_days = 30}), ElementsAre("a"));
+    EXPECT_THAT(apply({.retention_days = 30}), ElementsAre("a"));
     EXPECT_THAT(names(), ElementsAre("b"));
 }
 
-TEST_F(RetentionOnDisk, AKeptOneAndOneThatIsReplayedStay) {
+TEST_F(RetentionOnDisk, KeepsPinnedAndReplayedRecordings) {
     record("a", 40), record("b", 41), record("c", 42);
-    std::ofstream(folder_ / "a" / kKeepFile);
-    EXPECT_THAT(apply({.keep_days = 30}, folder_ / "b" / "session.toml"), ElementsAre("c"));
+    std::ofstream(folder_ / "a" / kPinnedFile);
+    EXPECT_THAT(apply({.retention_days = 30}, folder_ / "b" / "session.toml"), ElementsAre("c"));
     EXPECT_THAT(names(), ElementsAre("a", "b"));
 }
 
-TEST_F(RetentionOnDisk, WhatAnInterruptedDeletionLeftIsSweptAway) {
+TEST_F(RetentionOnDisk, SweepsInterruptedDeletions) {
     record("a", 1);
     fs::create_directories(folder_ / ".deleted-x");
-    std::ofstream(folder_ / ".deleted-x" / "cam1.mkv") << "pictures";
+    std::ofstream(folder_ / ".deleted-x" / "cam1.mkv") << "images";
     apply({});
     EXPECT_THAT(names(), ElementsAre("a"));
 }
 
-TEST_F(RetentionOnDisk, FoldersOfOthersAreLeftAlone) {
+TEST_F(RetentionOnDisk, BinIsEmptiedAfterSomeDays) {
+    record("a", 3), record("b", 2);
+    ASSERT_TRUE(move_recording_to_bin(folder_, "a").ok());
+    EXPECT_THAT(names(), ElementsAre("b", "deleted"));
+    ASSERT_EQ(list_bin(folder_).size(), 1U);
+    const auto deleted = [&](double days_ago) {
+        const auto age = std::chrono::duration<double>(86400 * days_ago);
+        const auto time = std::chrono::sys_time<std::chrono::nanoseconds>(std::chrono::nanoseconds(kNow_ns)) -
+                          std::chrono::duration_cast<std::chrono::nanoseconds>(age);
+        fs::last_write_time(folder_ / "deleted" / "a", std::chrono::file_clock::from_sys(time));
+    };
+    deleted(kBinDays - 1);
+    apply({});
+    EXPECT_EQ(list_bin(folder_).size(), 1U);
+    deleted(kBinDays + 1);
+    EXPECT_THAT(apply({}), IsEmpty());
+    EXPECT_THAT(list_bin(folder_), IsEmpty());
+    EXPECT_THAT(list_recordings(folder_), ::testing::SizeIs(1));
+}
+
+TEST_F(RetentionOnDisk, BinGoesBeforeRecordings) {
+    record("a", 3), record("b", 2);
+    const std::uint64_t bytes = recording_size_bytes(folder_ / "a");
+    ASSERT_TRUE(move_recording_to_bin(folder_, "a").ok());
+    fs::last_write_time(folder_ / "deleted" / "a",
+                        std::chrono::file_clock::from_sys(std::chrono::sys_time<std::chrono::nanoseconds>(
+                            std::chrono::nanoseconds(kNow_ns))));
+    EXPECT_THAT(apply({.max_total_bytes = 3 * bytes / 2}), IsEmpty());
+    EXPECT_THAT(list_bin(folder_), IsEmpty());
+    EXPECT_THAT(names(), ElementsAre("b", "deleted"));
+}
+
+TEST_F(RetentionOnDisk, LeavesOtherFoldersAlone) {
     record("a", 40);
     fs::create_directories(folder_ / "notes");
     std::ofstream(folder_ / "notes" / "text.txt") << "mine";
-    EXPECT_THAT(apply({.keep_days = 1, .keep_bytes = 1}), ElementsAre("a"));
+    EXPECT_THAT(apply({.retention_days = 1, .max_total_bytes = 1}), ElementsAre("a"));
     EXPECT_THAT(names(), ElementsAre("notes"));
 }
 

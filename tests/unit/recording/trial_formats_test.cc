@@ -1,8 +1,13 @@
-// What the readers in tests/integration/export_test.py cannot see: refusals, and bytes that stand at fixed
-// places.
+// Errors, and bytes at fixed positions, which the readers in tests/integration/export_test.py do not check.
 #include "server/recording/trial_formats.h"
 
+#include <absl/strings/str_split.h>
 #include <gmock/gmock.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
 
 #include "server/pose/database/bvh_import.h"
 #include "tests/support/posed_trial.h"
@@ -22,7 +27,7 @@ Trial posed_trial(bool gaps) {
     return *trial;
 }
 
-TEST(TrialFormats, TrcHeaderIsTheOneOpenSimAsksFor) {
+TEST(TrialFormats, WritesTheTrcHeaderOfOpenSim) {
     const std::string text = trc_file(posed_trial(false), "a.trc");
     EXPECT_THAT(
         text,
@@ -33,7 +38,7 @@ TEST(TrialFormats, TrcHeaderIsTheOneOpenSimAsksFor) {
     EXPECT_THAT(text, HasSubstr("\n\n1\t0.000000\t1000.000\t950.000\t500.000\t"));
 }
 
-TEST(TrialFormats, C3dBlocksAreWhole) {
+TEST(TrialFormats, WritesCompleteC3dBlocks) {
     const auto bytes = c3d_file(posed_trial(true));
     ASSERT_TRUE(bytes.ok());
     EXPECT_EQ(bytes->size() % 512, 0u);
@@ -46,7 +51,7 @@ TEST(TrialFormats, C3dBlocksAreWhole) {
     EXPECT_EQ(bytes->size(), 512u * (data_block - 1) + (data + 511) / 512 * 512);
 }
 
-TEST(TrialFormats, LongC3dCountsBeyondSixteenBits) {
+TEST(TrialFormats, WritesLongFramesInC3d) {
     Trial trial = posed_trial(false);
     trial.joints.resize(70000, trial.joints.back());
     trial.frames.resize(70000);
@@ -57,27 +62,57 @@ TEST(TrialFormats, LongC3dCountsBeyondSixteenBits) {
     EXPECT_EQ(bytes->substr(8, 2), "\xff\xff");
 }
 
-TEST(TrialFormats, BvhDoesNotInvent) {
+TEST(TrialFormats, BvhRefusesWithheldValues) {
     const Trial trial = posed_trial(true);
     const auto refused = bvh_file(trial, false);
     EXPECT_THAT(std::string(refused.status().message()),
-                HasSubstr("pelvis_tx is withheld in frame 10 (4 frames lack"));
-    std::int64_t held = 0;
-    EXPECT_TRUE(bvh_file(trial, true, &held).ok());
-    EXPECT_EQ(held, 4);
-    EXPECT_TRUE(bvh_file(*part_of_trial(trial, 0, 9), false).ok());
-    EXPECT_FALSE(bvh_file(*part_of_trial(trial, 10, 12), true).ok()) << "nothing to hold";
+                HasSubstr("pelvis_x is withheld in frame 10 (4 frames are incomplete)"));
+    BvhGaps gaps;
+    EXPECT_TRUE(bvh_file(trial, true, &gaps).ok());
+    EXPECT_EQ(gaps.held_frames, 4);
+    EXPECT_EQ(gaps.bridged_frames, 0);
+    EXPECT_TRUE(bvh_file(*slice_trial(trial, 0, 9), false).ok());
+    EXPECT_FALSE(bvh_file(*slice_trial(trial, 10, 12), true).ok()) << "nothing to hold";
 }
 
-// The pose library's reader is another hand's: it takes postures from where the joints are.
-TEST(TrialFormats, OurOwnBvhReaderFindsTheSamePoses) {
+TEST(TrialFormats, BvhBridgesSingleLostFrames) {
+    Trial trial = posed_trial(false);
+    const auto lose = [&](std::size_t frame) {
+        trial.session_frames[frame] = -1;
+        trial.coordinates[frame].fill(std::nan(""));
+    };
+    lose(7);
+    lose(20);
+    BvhGaps gaps;
+    const auto bridged = bvh_file(trial, false, &gaps);
+    ASSERT_TRUE(bridged.ok()) << bridged.status();
+    EXPECT_EQ(gaps.bridged_frames, 2);
+    EXPECT_EQ(gaps.held_frames, 0);
+    Trial repeated = posed_trial(false);
+    for (const std::size_t frame : {7, 20}) repeated.coordinates[frame] = repeated.coordinates[frame - 1];
+    EXPECT_EQ(*bridged, *bvh_file(repeated, false));
+    lose(21);
+    EXPECT_THAT(std::string(bvh_file(trial, false).status().message()),
+                HasSubstr("is lost in frame 20 (2 frames"));
+}
+
+TEST(TrialFormats, CsvHasNoColumnTwice) {
+    const std::string text = csv_file(posed_trial(false));
+    std::vector<std::string> columns = absl::StrSplit(text.substr(0, text.find('\n')), ',');
+    EXPECT_EQ(columns.size(), 2 + 3 * kJointNames.size() + kJointAngleNames.size() + kBodyDofCount);
+    std::ranges::sort(columns);
+    EXPECT_EQ(std::ranges::adjacent_find(columns), columns.end());
+}
+
+// The pose library's reader is independent of the writer: it computes postures from joint positions.
+TEST(TrialFormats, PoseLibraryReadsTheSamePosesFromBvh) {
     const auto text = bvh_file(posed_trial(false), false);
     ASSERT_TRUE(text.ok());
     const auto motion = parse_bvh(*text, "posed.bvh");
     ASSERT_TRUE(motion.ok()) << motion.status();
     EXPECT_EQ(motion->frames, testing::kPosedTrialFrames);
     BvhImportOptions every_frame;
-    every_frame.every_s = 0;
+    every_frame.interval_s = 0;
     const auto poses = poses_from_bvh(*motion, "posed", every_frame);
     ASSERT_TRUE(poses.ok()) << poses.status();
     ASSERT_EQ(poses->size(), static_cast<std::size_t>(testing::kPosedTrialFrames));
@@ -90,7 +125,7 @@ TEST(TrialFormats, OurOwnBvhReaderFindsTheSamePoses) {
     }
 }
 
-TEST(TrialFormats, NameWhatTheyLack) {
+TEST(TrialFormats, NameMissingFiles) {
     Trial trial = posed_trial(false);
     trial.body.reset();
     EXPECT_THAT(std::string(mot_file(trial).status().message()), HasSubstr("body.toml: no such file"));
@@ -100,7 +135,7 @@ TEST(TrialFormats, NameWhatTheyLack) {
     EXPECT_THAT(csv_file(trial), StartsWith("frame,time_s,root_x_m,root_y_m,root_z_m,"));
 }
 
-TEST(TrialFormats, TellHowFarThePelvisTurns) {
+TEST(TrialFormats, ReportThePelvisRotation) {
     const AngleRange range = mot_pelvis_rotation(posed_trial(false));
     EXPECT_GT(range.max_rad, 3.2) << "through 180 deg without a jump";
     EXPECT_NEAR(range.max_rad - range.min_rad, 3 * 0.78, 0.3);

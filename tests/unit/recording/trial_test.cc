@@ -1,4 +1,4 @@
-// Reading what `kinevox process` wrote, and what is wrong with it.
+// Reading the tables of `kinevox process`, and its errors.
 #include "server/recording/trial.h"
 
 #include <fmt/format.h>
@@ -53,7 +53,7 @@ std::string write_joints_at(const testing::TemporaryFolder& folder, const std::v
     return text;
 }
 
-TEST(Trial, HoldsWhatWasWritten) {
+TEST(Trial, ReadsAllTables) {
     const testing::TemporaryFolder folder;
     ASSERT_TRUE(testing::write_posed_trial(folder.path(), true).ok());
     const auto trial = read_trial(folder.path());
@@ -65,7 +65,7 @@ TEST(Trial, HoldsWhatWasWritten) {
     EXPECT_NEAR(trial->coordinates[3][kDofKneeL], testing::posed_coordinates(3)[kDofKneeL], 1e-6);
     EXPECT_TRUE(std::isnan(trial->joints[11][4].y));
     EXPECT_TRUE(std::isnan(trial->angles_rad[11][0]));
-    EXPECT_TRUE(std::isnan(trial->coordinates[20][kDofWristR])) << "goes with the hand";
+    EXPECT_TRUE(std::isnan(trial->coordinates[20][kDofWristR])) << "withheld with the hand";
     EXPECT_FALSE(std::isnan(trial->coordinates[20][kDofWristL]));
     EXPECT_NEAR(trial->body->stature_m, 1.8, 1e-9);
 }
@@ -82,36 +82,41 @@ TEST(Trial, NeedsOnlyTheJoints) {
     EXPECT_FALSE(trial->body);
 }
 
-TEST(Trial, TellsWhatIsWrongInOneLine) {
+TEST(Trial, ReportsErrorsInOneLine) {
     const testing::TemporaryFolder folder;
     ASSERT_TRUE(testing::write_posed_trial(folder.path(), false).ok());
     const std::string good = text_of(folder / "joints.csv"), angles = text_of(folder / "angles.csv");
     const std::string header = good.substr(0, good.find('\n') + 1);
     std::string nothing = header;
     for (int n = 0; n < 40; ++n)
-        nothing += std::to_string(n) + "," + std::to_string(n / 50.0) + std::string(60, ',') + "\n";
+        nothing += std::to_string(n) + "," + std::to_string(n / 50.0) + std::string(61, ',') + "\n";
     struct Case {
         const char* what;
         std::string joints, expected;
     };
     const Case cases[] = {
-        {"empty", "", "joints.csv:1: column '' stands where 'frame'"},
-        {"another table", angles, "joints.csv:1: column 'knee_flexion_l_deg' stands where 'root_x'"},
+        {"empty", "", "joints.csv:1: column is '', expected 'frame'"},
+        {"another table", angles,
+         "joints.csv:1: column is 'knee_flexion_geometric_l_deg', expected 'root_x'"},
         {"no frames", header, "joints.csv: 0 frames"},
         {"one frame", good.substr(0, good.find("\n1,") + 1), "joints.csv: 1 frames"},
-        {"a word", replaced(good, "\n3,0.060000,1", "\n3,0.060000,one1"), "joints.csv:5: root_x is 'one1"},
-        {"infinite", replaced(good, "\n3,0.060000,1.05400", "\n3,0.060000,inf"),
+        {"a word", replaced(good, "\n3,0.060000,1,1", "\n3,0.060000,1,one1"),
+         "joints.csv:5: root_x is 'one1"},
+        {"infinite", replaced(good, "\n3,0.060000,1,1.05400", "\n3,0.060000,1,inf"),
          "joints.csv:5: root_x is 'inf'"},
-        {"a cell more", replaced(good, "\n3,0.060000,", "\n3,0.060000,7,"), "joints.csv:5: 63 cells"},
+        {"a cell more", replaced(good, "\n3,0.060000,", "\n3,0.060000,7,"), "joints.csv:5: 64 cells"},
         {"cut short", good.substr(0, good.size() - 30), "joints.csv:41:"},
-        {"a gap", replaced(good, "\n3,", "\n4,"), "joints.csv:5: frame 4 follows frame 2"},
+        {"a subject twice", replaced(good, "\n3,", "\n4,"), "joints.csv:6: frame 4 has subject 1 twice"},
+        {"a gap", replaced(good, "\n3,", "\n33,"), "joints.csv:5: frame 33 follows frame 2"},
         {"a half frame", replaced(good, "\n3,", "\n3.5,"), "joints.csv:5: frame is 3.5"},
         {"no time", replaced(good, "\n3,0.060000,", "\n3,,"), "joints.csv:5: time_s is missing"},
         {"a jump in time", replaced(good, "\n3,0.060000,", "\n3,0.090000,"),
          "joints.csv:6: time_s is 0.0800 after 0.0900"},
-        {"half a joint", replaced(good, "\n3,0.060000,1.05400,", "\n3,0.060000,,"),
-         "joints.csv:5: root has only a part"},
-        {"nothing measured", nothing, "no joint of any frame was measured"},
+        {"half a joint", replaced(good, "\n3,0.060000,1,1.05400,", "\n3,0.060000,1,,"),
+         "joints.csv:5: root lacks some of x, y, z"},
+        {"a half subject", replaced(good, "\n3,0.060000,1,", "\n3,0.060000,1.5,"),
+         "joints.csv:5: subject is 1.5"},
+        {"nothing measured", nothing, "no joint was measured in any frame"},
     };
     for (const Case& c : cases) {
         folder.write("joints.csv", c.joints);
@@ -119,16 +124,16 @@ TEST(Trial, TellsWhatIsWrongInOneLine) {
     }
     folder.write("joints.csv", good);
     folder.write("angles.csv", replaced(angles, "\n3,", "\n9,"));
-    EXPECT_THAT(message_of(folder.path()), HasSubstr("angles.csv:5: frame 9 stands where joints.csv has 3"));
+    EXPECT_THAT(message_of(folder.path()), HasSubstr("angles.csv:5: frame is 9, but 3 in joints.csv"));
     folder.write("angles.csv", angles.substr(0, angles.find("\n20,") + 1));
     EXPECT_THAT(message_of(folder.path()), HasSubstr("angles.csv: 20 frames, but joints.csv has 40"));
     EXPECT_THAT(message_of(folder / "nowhere"), HasSubstr("no such folder"));
     EXPECT_THAT(message_of(folder.path().parent_path()), HasSubstr("joints.csv: no such file"));
 }
 
-TEST(Trial, MoreFramesMayBeLostThanKept) {
+TEST(Trial, FindsRateWithMostFramesLost) {
     const testing::TemporaryFolder folder;
-    std::vector<double> times_s{0};  // of 50 a second
+    std::vector<double> times_s{0};  // 50 per second
     for (int n = 0; n < 39; ++n) times_s.push_back(times_s.back() + 0.02 * (n % 3 == 0 ? 3 : 2));
     write_joints_at(folder, times_s);
     const auto trial = read_trial(folder.path());
@@ -139,10 +144,10 @@ TEST(Trial, MoreFramesMayBeLostThanKept) {
     EXPECT_TRUE(std::isnan(trial->joints[4][0].x));
 }
 
-TEST(Trial, ASourceThatLaggedMayBeginItsBeatAnew) {
+TEST(Trial, SnapsIrregularTimesToTheFrameGrid) {
     const testing::TemporaryFolder folder;
     std::vector<double> times_s{
-        0};  // of 20 a second; after each third frame the source lags, and begins anew at any time
+        0};  // 20 per second; after each third frame the source lags and restarts at any time
     for (int n = 1; n < 40; ++n)
         times_s.push_back(times_s.back() + 0.05 * (n % 3 != 0 ? 1 : n / 9 % 2 == 0 ? 34.37 : 33.63));
     const std::string text = write_joints_at(folder, times_s);
@@ -150,11 +155,11 @@ TEST(Trial, ASourceThatLaggedMayBeginItsBeatAnew) {
         const auto trial = read_trial(folder.path(), fps);
         ASSERT_TRUE(trial.ok()) << trial.status();
         EXPECT_NEAR(trial->rate_hz, 20, 1e-6);
-        EXPECT_GT(trial->max_beside_s, 0.01);
-        EXPECT_LE(trial->max_beside_s, 0.025 + 1e-6);
-        EXPECT_EQ(trial->pictures[2], 2);
-        EXPECT_EQ(trial->pictures[3], -1);
-        EXPECT_EQ(trial->pictures[36], 3) << "2 + 34.37 frames from the start, the nearest";
+        EXPECT_GT(trial->max_time_snap_s, 0.01);
+        EXPECT_LE(trial->max_time_snap_s, 0.025 + 1e-6);
+        EXPECT_EQ(trial->session_frames[2], 2);
+        EXPECT_EQ(trial->session_frames[3], -1);
+        EXPECT_EQ(trial->session_frames[36], 3) << "2 + 34.37 frames from the start, the nearest";
         EXPECT_NEAR(trial->joints[36][0].x, 1.054, 1e-5);
         EXPECT_TRUE(std::isnan(trial->joints[35][0].x));
     }
@@ -164,30 +169,54 @@ TEST(Trial, ASourceThatLaggedMayBeginItsBeatAnew) {
     };
     with_times("0.050500", "0.051000");
     EXPECT_TRUE(read_trial(folder.path(), 20).ok()) << "within a frame";
-    with_times("0.000010", "0.000020");  // three sets in a moment are of no camera
-    EXPECT_THAT(message_of(folder.path()),
-                HasSubstr("frames with those that were lost, expected 1000000 at most"));
+    with_times("0.000010", "0.000020");  // no camera is that fast
+    EXPECT_THAT(message_of(folder.path()), HasSubstr("frames including lost ones, expected at most 1000000"));
 }
 
-TEST(Trial, APartHasItsFramesOnly) {
+TEST(Trial, ChoosesOneOfSeveralSubjects) {
+    const testing::TemporaryFolder folder;
+    ASSERT_TRUE(testing::write_posed_trial(folder.path(), false).ok());
+    for (const char* file :
+         {"joints.csv", "angles.csv", "coordinates.csv"}) {  // a second subject in frames 3 and 5
+        std::string text = text_of(folder / file);
+        for (const char* row : {"\n3,0.060000,", "\n5,0.100000,"}) {
+            const std::size_t at = text.find(fmt::format("{}1,", row)), end = text.find('\n', at + 1);
+            std::string second = text.substr(at, end - at);
+            second.replace(std::string(row).size(), 1, "2");
+            text.insert(end, second);
+        }
+        folder.write(file, text);
+    }
+    EXPECT_THAT(message_of(folder.path()), HasSubstr("joints.csv: holds subjects 1, 2; choose one"));
+    const auto first = read_trial(folder.path(), 0, 1), second = read_trial(folder.path(), 0, 2);
+    ASSERT_TRUE(first.ok()) << first.status();
+    ASSERT_TRUE(second.ok()) << second.status();
+    EXPECT_EQ(second->size(), 40u);
+    EXPECT_FALSE(std::isnan(first->joints[4][0].x));
+    EXPECT_TRUE(std::isnan(second->joints[4][0].x));
+    EXPECT_TRUE(std::isnan(second->angles_rad[4][0]));
+    EXPECT_EQ(second->joints[5][0].x, first->joints[5][0].x);
+}
+
+TEST(Trial, SliceHasOnlyItsFrames) {
     const testing::TemporaryFolder folder;
     ASSERT_TRUE(testing::write_posed_trial(folder.path(), false).ok());
     const auto trial = read_trial(folder.path());
-    const auto part = part_of_trial(*trial, 10, 19);
-    ASSERT_TRUE(part.ok());
-    EXPECT_EQ(part->size(), 10u);
-    EXPECT_EQ(part->frames.front(), 10);
-    EXPECT_EQ(part->coordinates.front(), trial->coordinates[10]);
-    EXPECT_EQ(part_of_trial(*trial, 30, 99)->frames.back(), 39);
-    EXPECT_FALSE(part_of_trial(*trial, 40, 50).ok());
-    EXPECT_FALSE(part_of_trial(*trial, 5, 5).ok());
+    const auto slice = slice_trial(*trial, 10, 19);
+    ASSERT_TRUE(slice.ok());
+    EXPECT_EQ(slice->size(), 10u);
+    EXPECT_EQ(slice->frames.front(), 10);
+    EXPECT_EQ(slice->coordinates.front(), trial->coordinates[10]);
+    EXPECT_EQ(slice_trial(*trial, 30, 99)->frames.back(), 39);
+    EXPECT_FALSE(slice_trial(*trial, 40, 50).ok());
+    EXPECT_FALSE(slice_trial(*trial, 5, 5).ok());
 }
 
-TEST(Trial, TurnsWhole) {
+TEST(Trial, RotatesJointsAndCoordinates) {
     const testing::TemporaryFolder folder;
     ASSERT_TRUE(testing::write_posed_trial(folder.path(), false).ok());
     auto trial = read_trial(folder.path());
-    turn_trial(*trial, std::numbers::pi / 2);
+    rotate_trial(*trial, std::numbers::pi / 2);
     const BodyModel model(*trial->body);
     for (std::size_t n = 0; n < trial->size(); ++n) {
         const PosedBody posed = model.forward(trial->coordinates[n]);

@@ -1,4 +1,4 @@
-// Shifts of made signals are found, to parts of a frame, and whatever cannot be told is refused.
+// Offsets of synthetic signals are found with sub-frame accuracy, and unreliable ones are refused.
 #include "server/sync/offsets.h"
 
 #include <gmock/gmock.h>
@@ -23,7 +23,7 @@ using ::testing::HasSubstr;
 constexpr double kFps = 30;
 using Movement = std::function<double(double t_s)>;
 
-// A movement that never repeats itself: waves whose periods have no common multiple.
+// A movement without repetition: waves whose periods have no common multiple.
 double walk(double t, double phase) {
     double sum = 0;
     for (const double hertz : {0.213, 0.371, 0.613, 0.977, 1.618, 2.414})
@@ -40,7 +40,7 @@ struct MadeCamera {
 class Made {
   public:
     explicit Made(std::vector<MadeCamera> cameras, double noise_px = 0.4) : cameras_(std::move(cameras)) {
-        std::mt19937 random(3);  // the same numbers on every machine: the distribution below is our own
+        std::mt19937 random(3);  // the same numbers on every machine: the distribution below is ours
         const auto noise = [&] {
             double sum = 0;
             for (int i = 0; i < 12; ++i) sum += static_cast<double>(random()) / 4294967295.0;
@@ -50,7 +50,7 @@ class Made {
             for (std::size_t b = a + 1; b < cameras_.size(); ++b) {
                 PairSignals pair;
                 pair.first = a, pair.second = b;
-                // Each pair of cameras sees something of its own.
+                // Each pair of cameras sees its own movement.
                 const double phase = static_cast<double>(3 * a + b);
                 const auto equal = [&](const MadeCamera& camera) {
                     return sampled(camera, [&](double t) {
@@ -83,7 +83,7 @@ class Made {
         options.fps = kFps;
         return solve_offsets(evidence, names, options);
     }
-    // Of the cameras' begins, with the mean taken off both.
+    // Between the cameras' starts, both relative to their mean.
     double worst_error_frames(const OffsetSolution& found) const {
         double mean = 0, worst = 0;
         for (std::size_t c = 0; c < cameras_.size(); ++c)
@@ -112,7 +112,7 @@ std::string message_of(const absl::StatusOr<OffsetSolution>& found) {
     return std::string(found.status().message());
 }
 
-TEST(Offsets, OfDifferentBeginsAndLengthsAreFoundToATenthOfAFrame) {
+TEST(Offsets, FindsStartsToATenthOfAFrame) {
     const Made made({{0.5, 9}, {2.0 + 0.4 / kFps, 7}, {1.1 + 0.75 / kFps, 6}, {0.0, 5.5}});
     const auto found = made.solve();
     ASSERT_TRUE(found.ok()) << found.status();
@@ -120,28 +120,28 @@ TEST(Offsets, OfDifferentBeginsAndLengthsAreFoundToATenthOfAFrame) {
     EXPECT_EQ(found->cameras[3].offset_s, 0) << "the earliest";
     for (const CameraFit& camera : found->cameras) {
         EXPECT_GT(camera.evidence, 100);
-        EXPECT_LT(camera.deviation_s * kFps, 0.2);
-        EXPECT_GT(camera.deviation_s, 0);
-        EXPECT_LT(camera.rival, 0.8);
-        // The curve's highest place is the answer.
+        EXPECT_LT(camera.std_s * kFps, 0.2);
+        EXPECT_GT(camera.std_s, 0);
+        EXPECT_LT(camera.runner_up, 0.8);
+        // The curve's maximum is the solution.
         const auto top = std::ranges::max_element(camera.curve.evidence) - camera.curve.evidence.begin();
         EXPECT_LE(std::abs(camera.curve.lowest_frames + static_cast<int>(top)), 1);
     }
     EXPECT_EQ(found->pairs.size(), 6u);
 }
 
-TEST(Offsets, AreFoundWithoutAnythingThatIsEqual) {
+TEST(Offsets, FindsStartsWithoutEqualSignals) {
     const Made made = Made::only_alike({{0.0, 9}, {1.5 + 0.5 / kFps, 8}, {0.7, 8}});
     const auto found = made.solve();
     ASSERT_TRUE(found.ok()) << found.status();
     EXPECT_LT(made.worst_error_frames(*found), 0.3);
-    EXPECT_FALSE(found->pairs[0].miss_px.has_value());
+    EXPECT_FALSE(found->pairs[0].residual_px.has_value());
 }
 
-TEST(Offsets, AConstantDifferenceAndGapsDoNotShiftThem) {
+TEST(Offsets, UnaffectedByBiasAndGaps) {
     Made made({{0.0, 8}, {1.0 + 0.3 / kFps, 8}, {0.5, 8}});
     for (PairSignals& pair : made.pairs) {
-        for (double& v : pair.equal_px[0][1]) v += 1;  // a calibration that is not quite right
+        for (double& v : pair.equal_px[0][1]) v += 1;  // a slightly wrong calibration
         for (std::size_t n = 30; n < 60; ++n) pair.equal_px[0][0][n] = pair.alike[0][1][n] = std::nan("");
         for (std::size_t n = 100; n < 110; ++n)
             pair.equal_px[0][1][n] += 80;  // a silhouette without its head
@@ -151,9 +151,9 @@ TEST(Offsets, AConstantDifferenceAndGapsDoNotShiftThem) {
     EXPECT_LT(made.worst_error_frames(*found), 0.25);
 }
 
-TEST(Offsets, APairThatDisagreesIsLeftOut) {
+TEST(Offsets, DownWeightsAnOutlierPair) {
     Made made({{0.0, 8}, {1.0, 8}, {0.5, 8}, {0.2, 8}});
-    for (std::array<Signal, 2>& signals : made.pairs[0].equal_px) {  // seen a frame late
+    for (std::array<Signal, 2>& signals : made.pairs[0].equal_px) {  // one frame late
         signals[1].insert(signals[1].begin(), signals[1].front());
         signals[1].pop_back();
     }
@@ -161,25 +161,25 @@ TEST(Offsets, APairThatDisagreesIsLeftOut) {
     ASSERT_TRUE(found.ok()) << found.status();
     EXPECT_LT(made.worst_error_frames(*found), 0.2);
     EXPECT_LT(found->pairs[0].weight, 0.4);
-    EXPECT_GT(std::abs(found->pairs[0].disagrees_frames), 0.5);
+    EXPECT_GT(std::abs(found->pairs[0].residual_frames), 0.5);
     EXPECT_GT(found->pairs[5].weight, 0.9);
 }
 
-TEST(Offsets, ARepeatingMovementIsRefusedAndTellsThePeriod) {
+TEST(Offsets, RefusesRepeatingMovementWithItsPeriod) {
     const auto steps = [](double t) {
         return 20 * std::sin(2 * std::numbers::pi * t / 1.2) + 8 * std::cos(4 * std::numbers::pi * t / 1.2);
     };
     const Made made({{0.0, 8, steps, steps}, {0.5, 8, steps, steps}, {0.3, 8, steps, steps}});
     EXPECT_THAT(message_of(made.solve()),
-                AllOf(HasSubstr("two shifts"), HasSubstr("1.200 s apart"), HasSubstr("repeats itself")));
-    // Where only one of them can be meant, it is no longer ambiguous.
-    const auto found = made.solve({.max_shift_s = 0.6});
+                AllOf(HasSubstr("two shifts"), HasSubstr("1.200 s apart"), HasSubstr("repeating movement")));
+    // With only one candidate in range it is not ambiguous.
+    const auto found = made.solve({.max_offset_s = 0.6});
     ASSERT_TRUE(found.ok()) << found.status();
     EXPECT_LT(made.worst_error_frames(*found), 0.2);
 }
 
-TEST(Offsets, ATurnOfTwoCamerasAgainstTwoOthersIsSeenAsWell) {
-    // Each pair of two has its own quick movement in view, what all see repeats itself.
+TEST(Offsets, FindsAmbiguityBetweenTwoGroups) {
+    // Each pair has its own fast movement in view; the shared one repeats.
     const auto repeats = [](double t) { return 15 * std::sin(2 * std::numbers::pi * t / 1.5); };
     Made made({{0.0, 8, repeats, repeats},
                {0.5, 8, repeats, repeats},
@@ -191,20 +191,20 @@ TEST(Offsets, ATurnOfTwoCamerasAgainstTwoOthersIsSeenAsWell) {
     EXPECT_THAT(message_of(made.solve()), AllOf(HasSubstr("cameras "), HasSubstr("two shifts")));
 }
 
-TEST(Offsets, OfWhatStandsStillAreRefused) {
+TEST(Offsets, RefusesStaticScene) {
     const auto still = [](double) { return 5.0; };
     EXPECT_THAT(message_of(Made({{0.0, 8, still, still}, {0.5, 8, still, still}}).solve()),
-                AllOf(HasSubstr("no shift up to 30 s"), HasSubstr("nobody moves")));
+                AllOf(HasSubstr("no shift up to 30 s"), HasSubstr("No person moves")));
 }
 
-TEST(Offsets, OfOneCameraOfAnotherRecordingAreRefusedByName) {
+TEST(Offsets, NamesCameraOfAnotherRecording) {
     const auto other = [](double t) { return 20 * walk(3.1 * t + 70, 2.2); };
     EXPECT_THAT(message_of(Made({{0.0, 8}, {0.5, 8}, {0.3, 8, other, other}, {1, 8}}).solve()),
                 AllOf(HasSubstr("camera c:"),
                       ::testing::AnyOf(HasSubstr("another recording"), HasSubstr("two shifts"))));
 }
 
-TEST(Offsets, OfASlowDriftAreNotTold) {
+TEST(Offsets, RefusesSlowDrift) {
     const auto drifts = [](double t) { return 3 * std::sin(0.4 * t); };
     const auto message =
         message_of(Made({{0.0, 12, drifts, drifts}, {0.5, 12, drifts, drifts}}, 0.3).solve());
@@ -212,21 +212,21 @@ TEST(Offsets, OfASlowDriftAreNotTold) {
                 ::testing::AnyOf(HasSubstr("too slow"), HasSubstr("no shift"), HasSubstr("two shifts")));
 }
 
-TEST(Offsets, BeyondTheLargestShiftAreRefused) {
+TEST(Offsets, RefusesOffsetsBeyondTheMaximum) {
     const Made made({{0.0, 10}, {3.0, 10}, {0.4, 10}});
     ASSERT_TRUE(made.solve().ok());
-    EXPECT_THAT(message_of(made.solve({.max_shift_s = 1})), HasSubstr("up to 1 s"));
+    EXPECT_THAT(message_of(made.solve({.max_offset_s = 1})), HasSubstr("up to 1 s"));
 }
 
-TEST(Offsets, OfPlacesThatAreWrongAreRefused) {
+TEST(Offsets, RefusesWrongExtrinsics) {
     Made made({{0.0, 8}, {0.5, 8}, {0.3, 8}});
     for (PairSignals& pair : made.pairs)
         for (double& v : pair.equal_px[0][1]) v += 12;
     EXPECT_THAT(message_of(made.solve()),
-                ::testing::AnyOf(HasSubstr("calibration"), HasSubstr("no shift"), HasSubstr("two shifts")));
+                ::testing::AnyOf(HasSubstr("extrinsics"), HasSubstr("no shift"), HasSubstr("two shifts")));
 }
 
-TEST(PairEvidence, OfNothingIsNothing) {
+TEST(PairEvidence, EmptySignalsGiveNoEvidence) {
     PairSignals empty;
     empty.second = 1;
     empty.equal_px.push_back({Signal(50, std::nan("")), Signal(50, 1.0)});
@@ -235,11 +235,11 @@ TEST(PairEvidence, OfNothingIsNothing) {
     evidence.tabulate(-100, 100);
     for (int lag = -100; lag <= 100; ++lag) EXPECT_EQ(evidence.at(lag), 0) << lag;
     EXPECT_EQ(evidence.between(0.5), 0);
-    EXPECT_FALSE(evidence.miss_px(0).has_value());
+    EXPECT_FALSE(evidence.residual_px(0).has_value());
 }
 
-// A table's entries are what a plain sum over the pictures gives.
-TEST(PairEvidence, TheTableIsThePlainSum) {
+// A table's entries equal a plain sum over the images.
+TEST(PairEvidence, TableEqualsPlainSum) {
     const Made made({{0.0, 3}, {0.4, 4}});
     PairSignals pair = made.pairs[0];
     pair.alike.clear();
@@ -267,7 +267,7 @@ TEST(PairEvidence, TheTableIsThePlainSum) {
     }
 }
 
-TEST(Signals, SmoothingKeepsWhatIsStraightAndGaps) {
+TEST(Signals, SmoothingKeepsLinesAndGaps) {
     Signal line;
     for (int n = 0; n < 40; ++n) line.push_back(n == 20 ? std::nan("") : 2.0 * n);
     const Signal smooth = smoothed(line, 1.5);

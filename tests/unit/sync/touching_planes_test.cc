@@ -1,4 +1,4 @@
-// What cameras of known places see of one moving body at one instant is equal, and only then.
+// Tangent planes of cameras with known extrinsics are equal at the same instant, and only then.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -14,7 +14,7 @@ using ::testing::HasSubstr;
 
 constexpr double kVideoFps = 30;
 
-// At a place, looking at the middle of the room.
+// At a position, looking at the centre of the room.
 Camera camera_at(const std::string& name, Vec3 place) {
     Camera camera;
     camera.name = name, camera.width = 640, camera.height = 480;
@@ -25,16 +25,16 @@ Camera camera_at(const std::string& name, Vec3 place) {
     return camera;
 }
 
-// Eight corners of a box that wanders, rises and grows, never the same twice.
-CameraMotion seen_by(const Camera& camera, double begins_s, int pictures) {
+// Eight corners of a box that moves, rises and grows without repetition.
+CameraMotion seen_by(const Camera& camera, double begins_s, int images) {
     CameraMotion motion{camera, {}};
     double before = 0;
-    for (int n = 0; n < pictures; ++n) {
+    for (int n = 0; n < images; ++n) {
         const double t = begins_s + n / kVideoFps;
         const Vec3 middle{0.8 * std::sin(0.9 * t), 0.6 * std::cos(0.7 * t),
                           0.9 + 0.25 * std::sin(2.3 * t) * std::sin(0.31 * t)};
         const Vec3 half{0.2 + 0.1 * std::sin(1.7 * t), 0.15, 0.8 + 0.1 * std::sin(3.1 * t + 1)};
-        SeenShape shape;
+        SilhouetteShape shape;
         shape.seen = true;
         shape.top_px = 1e9, shape.bottom_px = -1e9;
         double left = 1e9, right = -1e9;
@@ -61,7 +61,7 @@ std::vector<Camera> three_cameras() {
     return {camera_at("a", {4, 0, 1.5}), camera_at("b", {0.5, 4.5, 2.2}), camera_at("c", {-3, -3, 1.2})};
 }
 
-TEST(TouchingPlanes, AreTheSameInBothCameras) {
+TEST(TouchingPlanes, EqualInBothCameras) {
     const std::vector<Camera> cameras = three_cameras();
     std::vector<CameraMotion> motions;
     for (const Camera& camera : cameras) motions.push_back(seen_by(camera, 0, 120));
@@ -81,7 +81,7 @@ TEST(TouchingPlanes, AreTheSameInBothCameras) {
     }
 }
 
-TEST(Align, FindsTheBeginsOfMadeCameras) {
+TEST(Align, FindsStartsOfSyntheticCameras) {
     const std::vector<Camera> cameras = three_cameras();
     const double begins[] = {0.0, 1.2 + 0.5 / kVideoFps, 0.4};
     std::vector<CameraMotion> motions;
@@ -89,26 +89,26 @@ TEST(Align, FindsTheBeginsOfMadeCameras) {
         motions.push_back(seen_by(cameras[c], begins[c], 200 - 20 * static_cast<int>(c)));
     const auto aligned = align(motions, kVideoFps, {});
     ASSERT_TRUE(aligned.ok()) << aligned.status();
-    EXPECT_TRUE(aligned->used_places);
+    EXPECT_TRUE(aligned->used_extrinsics);
     for (std::size_t c = 0; c < 3; ++c)
         EXPECT_NEAR(aligned->solution.cameras[c].offset_s, begins[c], 0.2 / kVideoFps) << c;
 }
 
-TEST(Align, NamesACameraThatNeverSeesThePerson) {
+TEST(Align, NamesCameraWithoutPerson) {
     std::vector<CameraMotion> motions;
     for (const Camera& camera : three_cameras()) motions.push_back(seen_by(camera, 0, 150));
     for (std::size_t n = 20; n < motions[1].shapes.size(); ++n) motions[1].shapes[n] = {};
     const auto aligned = align(motions, kVideoFps, {});
     ASSERT_FALSE(aligned.ok());
     EXPECT_THAT(std::string(aligned.status().message()),
-                HasSubstr("camera b: somebody is seen in 20 of its 150 pictures"));
+                HasSubstr("camera b: a person is visible in only 20 of 150 images"));
 }
 
-TEST(Align, CamerasWithoutPlacesGoByMovementAlone) {
+TEST(Align, UsesMovementAloneWithoutExtrinsics) {
     std::vector<CameraMotion> motions;
     for (const Camera& camera : three_cameras()) motions.push_back(seen_by(camera, 0, 200));
     for (CameraMotion& motion : motions)
-        motion.camera.camera_from_world = Rigid3();  // as a calibration of lenses has it
+        motion.camera.camera_from_world = Rigid3();  // as in a calibration without extrinsics
     for (const PairSignals& pair : pair_signals(motions, kVideoFps)) EXPECT_TRUE(pair.equal_px.empty());
 }
 

@@ -1,4 +1,4 @@
-// The viewer's parts that need neither a display nor a daemon.
+// The parts of the viewer that need neither display nor daemon.
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
@@ -7,13 +7,14 @@
 #include <limits>
 
 #include "client/viewer/angle_history.h"
-#include "client/viewer/calibration_words.h"
+#include "client/viewer/calibration_text.h"
 #include "client/viewer/ghost_match.h"
 #include "client/viewer/orbit_camera.h"
 #include "client/viewer/plot_marks.h"
-#include "client/viewer/status_words.h"
+#include "client/viewer/status_text.h"
 #include "client/viewer/volume_points.h"
 #include "common/body_pose.h"
+#include "common/proto_time.h"
 
 namespace kinevox::viewer {
 namespace {
@@ -26,18 +27,18 @@ QVector3D on_screen(const OrbitCamera& eye, const QVector3D& point) {
     return (eye.clip_from_eye(1.6f) * eye.eye_from_world()).map(point);
 }
 
-TEST(OrbitCameraTest, TheTargetIsInTheMiddleFromEverySide) {
-    for (const Look from : {Look::kFront, Look::kSide, Look::kTop, Look::kOblique}) {
+TEST(OrbitCamera, CentresTargetFromEverySide) {
+    for (const View view : {View::kFront, View::kSide, View::kTop, View::kOblique}) {
         OrbitCamera eye;
-        eye.look(from);
-        const QVector3D middle = on_screen(eye, eye.target_in_world);
-        EXPECT_NEAR(middle.x(), 0, 1e-4);
-        EXPECT_NEAR(middle.y(), 0, 1e-4);
+        eye.look_from(view);
+        const QVector3D centre = on_screen(eye, eye.target_in_world);
+        EXPECT_NEAR(centre.x(), 0, 1e-4);
+        EXPECT_NEAR(centre.y(), 0, 1e-4);
         EXPECT_GT(on_screen(eye, eye.target_in_world + QVector3D(0, 0, 0.5f)).y(), 0) << "z is up";
     }
 }
 
-TEST(OrbitCameraTest, PanningMovesThePictureWithThePointer) {
+TEST(OrbitCamera, PansWithThePointer) {
     OrbitCamera eye;
     const QVector3D point = eye.target_in_world;
     constexpr float kHeight_px = 800, kRight_px = 120, kDown_px = 50;
@@ -47,17 +48,17 @@ TEST(OrbitCameraTest, PanningMovesThePictureWithThePointer) {
     EXPECT_NEAR(-at.y() * kHeight_px / 2, kDown_px, 1);
 }
 
-TEST(OrbitCameraTest, StaysWithinItsLimits) {
+TEST(OrbitCamera, StaysWithinLimits) {
     OrbitCamera eye;
     eye.orbit(0, 1e6f);
-    EXPECT_FLOAT_EQ(eye.elevation_deg, OrbitCamera::kSteepest_deg);
+    EXPECT_FLOAT_EQ(eye.elevation_deg, OrbitCamera::kMaxElevation_deg);
     eye.zoom(1e4f);
-    EXPECT_FLOAT_EQ(eye.distance_m, OrbitCamera::kNearest_m);
+    EXPECT_FLOAT_EQ(eye.distance_m, OrbitCamera::kMinDistance_m);
     eye.zoom(-1e4f);
-    EXPECT_FLOAT_EQ(eye.distance_m, OrbitCamera::kFarthest_m);
+    EXPECT_FLOAT_EQ(eye.distance_m, OrbitCamera::kMaxDistance_m);
 }
 
-TEST(OrbitCameraTest, FollowsWithoutOvershooting) {
+TEST(OrbitCamera, FollowsWithoutOvershoot) {
     OrbitCamera eye;
     eye.target_in_world = {0, 0, 1};
     float before = 0;
@@ -84,9 +85,9 @@ Volume ball(double radius_voxels) {
                 bool any = false;
                 for (int z = 0; z < 8; ++z)
                     for (int bit = 0; bit < 64; ++bit) {
-                        const Vec3 from_middle{8.0 * bx + bit % 8 - 19.5, 8.0 * by + bit / 8 - 19.5,
+                        const Vec3 from_centre{8.0 * bx + bit % 8 - 19.5, 8.0 * by + bit / 8 - 19.5,
                                                8.0 * bz + z - 19.5};
-                        if (norm(from_middle) > radius_voxels) continue;
+                        if (norm(from_centre) > radius_voxels) continue;
                         brick.occupancy[static_cast<std::size_t>(z)] |= std::uint64_t{1} << bit;
                         any = true;
                     }
@@ -95,14 +96,14 @@ Volume ball(double radius_voxels) {
     return volume;
 }
 
-TEST(SurfacePointsTest, LieOnABallAndLookOutwards) {
+TEST(SurfacePoints, HaveOutwardNormalsOnABall) {
     const Volume volume = ball(14);
     const std::vector<SurfacePoint> points = surface_points(volume);
     ASSERT_EQ(points.size(), surface_voxels(volume).size());
-    const Vec3 middle = volume.grid.origin_in_world + Vec3{0.4, 0.4, 0.4};
+    const Vec3 centre = volume.grid.origin_in_world + Vec3{0.4, 0.4, 0.4};
     double worst = 1;
     for (const SurfacePoint& p : points) {
-        const Vec3 outwards = Vec3{p.x, p.y, p.z} - middle;
+        const Vec3 outwards = Vec3{p.x, p.y, p.z} - centre;
         EXPECT_NEAR(norm(outwards), 14 * 0.02, 0.03);
         worst =
             std::min(worst, dot(normalized(outwards), normalized(Vec3{1.0 * p.nx, 1.0 * p.ny, 1.0 * p.nz})));
@@ -110,7 +111,7 @@ TEST(SurfacePointsTest, LieOnABallAndLookOutwards) {
     EXPECT_GT(worst, std::cos(20 * M_PI / 180));
 }
 
-TEST(SurfacePointsTest, OneVoxelAndNone) {
+TEST(SurfacePoints, HandleOneVoxelAndNone) {
     EXPECT_THAT(surface_points(Volume{}), IsEmpty());
     Volume one;
     one.grid.size = {8, 8, 8};
@@ -125,121 +126,125 @@ TEST(SurfacePointsTest, OneVoxelAndNone) {
 ShownPose pose(double time_s, std::optional<double> left, std::optional<double> right) {
     ShownPose p;
     p.capture_time_ns = static_cast<std::int64_t>(time_s * 1e9);
-    p.angles = {{"knee_flexion_l", left}, {"knee_flexion_r", right}, {"trunk_lean", 3.0}};
+    p.angles = {{"knee_flexion_geometric_l", left},
+                {"knee_flexion_geometric_r", right},
+                {"trunk_lean_geometric", 3.0}};
     return p;
 }
 
-TEST(AngleHistoryTest, KeepsSidesGapsAndTheNewestSeconds) {
+TEST(AngleHistory, KeepsLatestSecondsWithGaps) {
     AngleHistory history;
     for (int n = 0; n < 100; ++n) history.add(pose(0.5 * n, n, n == 99 ? std::nullopt : std::optional(50.0)));
-    const auto series = history.series("knee_flexion_l");
-    ASSERT_EQ(series.time_s.size(), 61U);  // 30 s and the newest
+    const auto series = history.series("knee_flexion_geometric_l");
+    ASSERT_EQ(series.time_s.size(), 61U);  // 30 s and the latest
     EXPECT_DOUBLE_EQ(series.time_s.back(), 0);
     EXPECT_DOUBLE_EQ(series.value_deg.back(), 99);
-    EXPECT_TRUE(std::isnan(history.series("knee_flexion_r").value_deg.back()));
-    EXPECT_FALSE(history.newest_deg("knee_flexion_r"));
-    EXPECT_FALSE(history.left_over_right("knee_flexion_l"));
-    EXPECT_EQ(AngleHistory::other_side("knee_flexion_l"), "knee_flexion_r");
-    EXPECT_THAT(AngleHistory::other_side("trunk_lean"), IsEmpty());
+    EXPECT_TRUE(std::isnan(history.series("knee_flexion_geometric_r").value_deg.back()));
+    EXPECT_FALSE(history.latest_deg("knee_flexion_geometric_r"));
+    EXPECT_FALSE(history.left_over_right("knee_flexion_geometric_l"));
+    EXPECT_EQ(AngleHistory::opposite_side("knee_flexion_geometric_l"), "knee_flexion_geometric_r");
+    EXPECT_THAT(AngleHistory::opposite_side("trunk_lean_geometric"), IsEmpty());
     EXPECT_THAT(history.series("no_such_angle").time_s, IsEmpty());
 }
 
-TEST(AngleHistoryTest, BeginsAnewAfterASeekAndSaysTheRatio) {
+TEST(AngleHistory, ResetsAfterSeekAndComputesRatio) {
     AngleHistory history;
     history.add(pose(10, 40, 50));
     history.add(pose(11, 40, 50));
-    EXPECT_DOUBLE_EQ(history.left_over_right("knee_flexion_r").value(), 0.8);
+    EXPECT_DOUBLE_EQ(history.left_over_right("knee_flexion_geometric_r").value(), 0.8);
     history.add(pose(4, 40, 2));
-    EXPECT_EQ(history.series("knee_flexion_l").time_s.size(), 1U);
-    EXPECT_FALSE(history.left_over_right("knee_flexion_l")) << "a ratio to next to nothing says nothing";
+    EXPECT_EQ(history.series("knee_flexion_geometric_l").time_s.size(), 1U);
+    EXPECT_FALSE(history.left_over_right("knee_flexion_geometric_l")) << "no ratio to almost zero";
 }
 
-Link connected() {
-    Link link;
-    link.server = "hall:50770";
-    link.connected = true;
-    return link;
+ConnectionStatus connected() {
+    ConnectionStatus connection;
+    connection.server = "hall:50770";
+    connection.connected = true;
+    return connection;
 }
 
 v1::GetStatusResponse running() {
     v1::GetStatusResponse status;
     status.set_state(v1::CAPTURE_STATE_RUNNING);
-    status.set_source_fps(50);
-    status.set_results(1000);
-    status.set_results_per_second(50);
+    status.set_nominal_fps(50);
+    status.set_result_count(1000);
+    status.set_result_rate_hz(50);
     for (const char* name : {"cam1", "cam2"}) {
         v1::CameraStatus* camera = status.add_cameras();
         camera->set_name(name);
-        camera->set_has_picture(true);
-        camera->set_used(true);
+        camera->set_has_image(true);
+        camera->add_subjects()->set_used(true);
     }
     return status;
 }
 
-TEST(StatusWordsTest, AllIsWell) {
-    Link link = connected();
-    link.delay_ms = 61.2;
+TEST(DescribeStatus, ReportsNoProblem) {
+    ConnectionStatus connection = connected();
+    connection.latency_ms = 61.2;
     v1::GetStatusResponse status = running();
-    status.mutable_subject()->set_subject_id(1);
-    status.mutable_volume()->set_litres(71.6);
-    const Words words = in_words(link, &status, nullptr, nullptr);
-    EXPECT_EQ(words.mood, Mood::kGood);
-    EXPECT_EQ(words.state, "Live");
-    EXPECT_EQ(words.line, "50 pictures a second  ·  61 ms behind  ·  2 cameras  ·  72 litres");
-    EXPECT_THAT(words.remedy, IsEmpty());
+    v1::SubjectStatus& subject = *status.add_subjects();
+    subject.mutable_subject()->set_subject_id(1);
+    subject.mutable_volume()->set_volume_litres(71.6);
+    const StatusText text = describe_status(connection, &status, nullptr, nullptr);
+    EXPECT_EQ(text.severity, Severity::kOk);
+    EXPECT_EQ(text.state, "Live");
+    EXPECT_EQ(text.line, "50 frames per second  ·  latency 61 ms  ·  2 cameras  ·  72 litres");
+    EXPECT_THAT(text.remedy, IsEmpty());
 }
 
-TEST(StatusWordsTest, EachTroubleWithItsRemedy) {
+TEST(DescribeStatus, NamesProblemsWithRemedies) {
     v1::GetStatusResponse status = running();
-    EXPECT_THAT(in_words(connected(), &status, nullptr, nullptr).line, HasSubstr("nobody in sight"));
+    EXPECT_THAT(describe_status(connected(), &status, nullptr, nullptr).line, HasSubstr("no subject"));
 
-    Link gone = connected();
+    ConnectionStatus gone = connected();
     gone.connected = false;
-    gone.problem = "hall:50770 cannot be reached";
-    EXPECT_EQ(in_words(gone, &status, nullptr, nullptr).mood, Mood::kBad);
-    EXPECT_THAT(in_words(gone, &status, nullptr, nullptr).remedy, HasSubstr("trying again"));
+    gone.error_message = "cannot connect to hall:50770";
+    EXPECT_EQ(describe_status(gone, &status, nullptr, nullptr).severity, Severity::kError);
+    EXPECT_THAT(describe_status(gone, &status, nullptr, nullptr).remedy, HasSubstr("reconnecting"));
 
-    Link silent = connected();
-    silent.silent_s = 4;
-    EXPECT_THAT(in_words(silent, &status, nullptr, nullptr).remedy, HasSubstr("see to the network"));
+    ConnectionStatus idle = connected();
+    idle.idle_s = 4;
+    EXPECT_THAT(describe_status(idle, &status, nullptr, nullptr).remedy, HasSubstr("check the network"));
     v1::Replay paused;
     paused.set_state(v1::REPLAY_STATE_PAUSED);
-    EXPECT_EQ(in_words(silent, &status, nullptr, &paused).state, "Replay, paused");
+    EXPECT_EQ(describe_status(idle, &status, nullptr, &paused).state, "Replay, paused");
 
-    status.mutable_cameras(1)->set_has_picture(false);
-    EXPECT_THAT(in_words(connected(), &status, nullptr, nullptr).remedy,
-                HasSubstr("cam2 delivers no picture"));
-    EXPECT_THAT(in_words(connected(), &status, nullptr, nullptr).line, HasSubstr("1 of 2 cameras"));
-    status.mutable_cameras(1)->mutable_link()->set_problem("unplugged; look at its cable");
-    EXPECT_THAT(in_words(connected(), &status, nullptr, nullptr).remedy, HasSubstr("look at its cable"));
+    status.mutable_cameras(1)->set_has_image(false);
+    EXPECT_THAT(describe_status(connected(), &status, nullptr, nullptr).remedy,
+                HasSubstr("cam2 delivers no image"));
+    EXPECT_THAT(describe_status(connected(), &status, nullptr, nullptr).line, HasSubstr("1 of 2 cameras"));
+    status.mutable_cameras(1)->mutable_connection()->set_error_message("unplugged; check its cable");
+    EXPECT_THAT(describe_status(connected(), &status, nullptr, nullptr).remedy, HasSubstr("check its cable"));
 
     status = running();
-    status.set_results_per_second(20);
-    EXPECT_THAT(in_words(connected(), &status, nullptr, nullptr).remedy, HasSubstr("manages 20 of 50"));
+    status.set_result_rate_hz(20);
+    EXPECT_THAT(describe_status(connected(), &status, nullptr, nullptr).remedy,
+                HasSubstr("processes 20 of 50"));
     status.set_state(v1::CAPTURE_STATE_STOPPED);
-    EXPECT_THAT(in_words(connected(), &status, nullptr, nullptr).remedy, HasSubstr("press Start"));
-    EXPECT_THAT(in_words(connected(), &status, nullptr, nullptr).line, Not(HasSubstr("a second")));
+    EXPECT_THAT(describe_status(connected(), &status, nullptr, nullptr).remedy, HasSubstr("press Start"));
+    EXPECT_THAT(describe_status(connected(), &status, nullptr, nullptr).line, Not(HasSubstr("per second")));
 }
 
-TEST(StatusWordsTest, ARecordingThatLoses) {
+TEST(DescribeStatus, WarnsOfDroppedFrames) {
     const v1::GetStatusResponse status = running();
     v1::GetRecorderStatusResponse recorder;
-    recorder.mutable_recording()->set_name("jump");
-    recorder.mutable_recording()->set_seconds(12.4);
-    EXPECT_THAT(in_words(connected(), &status, &recorder, nullptr).line,
+    recorder.mutable_current()->set_name("jump");
+    *recorder.mutable_current()->mutable_duration() = duration_from_s(12.4);
+    EXPECT_THAT(describe_status(connected(), &status, &recorder, nullptr).line,
                 HasSubstr("recording \"jump\" 12 s"));
-    recorder.mutable_recording()->set_dropped(3);
-    EXPECT_EQ(in_words(connected(), &status, &recorder, nullptr).mood, Mood::kCare);
+    recorder.mutable_current()->set_dropped_frame_set_count(3);
+    EXPECT_EQ(describe_status(connected(), &status, &recorder, nullptr).severity, Severity::kWarning);
 }
 
 constexpr double kTrial_hz = 50;
 
-// Somebody who walks along x; the left foot is in the air from 1.0 to 1.4 s, the right one from 1.6 to 2.0 s.
+// A person walks along x; the left foot is in the air from 1.0 to 1.4 s, the right one from 1.6 to 2.0 s.
 GhostTrial walk(const std::string& name) {
     GhostTrial trial{name, {}};
     const auto foot = [](double t, double lift_s, double from_m) {
-        const double part = std::clamp((t - lift_s) / 0.4, 0.0, 1.0);
-        return Vec3{from_m + 0.8 * part, 0, 0.08 + 0.15 * std::sin(M_PI * part)};
+        const double fraction = std::clamp((t - lift_s) / 0.4, 0.0, 1.0);
+        return Vec3{from_m + 0.8 * fraction, 0, 0.08 + 0.15 * std::sin(M_PI * fraction)};
     };
     for (int n = 0; n < 150; ++n) {
         const double t = n / kTrial_hz;
@@ -252,33 +257,33 @@ GhostTrial walk(const std::string& name) {
     return trial;
 }
 
-TEST(GhostTrialTest, FindsItsEvents) {
+TEST(GhostTrial, FindsEvents) {
     const GhostTrial trial = walk("a");
     EXPECT_EQ(trial.time_of(TrialEvent::kBegin), 0);
     EXPECT_NEAR(trial.time_of(TrialEvent::kLeftFootDown).value(), 1.4, 0.05);
     EXPECT_NEAR(trial.time_of(TrialEvent::kRightFootDown).value(), 2.0, 0.05);
-    EXPECT_NEAR(trial.time_of(TrialEvent::kHighest).value(), M_PI / 4, 0.03);
-    EXPECT_NEAR(trial.time_of(TrialEvent::kLowest).value(), 3 * M_PI / 4, 0.03);
+    EXPECT_NEAR(trial.time_of(TrialEvent::kHighestPoint).value(), M_PI / 4, 0.03);
+    EXPECT_NEAR(trial.time_of(TrialEvent::kLowestPoint).value(), 3 * M_PI / 4, 0.03);
     EXPECT_FALSE(trial.time_of(TrialEvent::kMark));
     GhostTrial stands = trial;
     stands.instants.resize(40);
-    EXPECT_FALSE(stands.time_of(TrialEvent::kLeftFootDown)) << "who stands puts no foot down";
+    EXPECT_FALSE(stands.time_of(TrialEvent::kLeftFootDown)) << "no step while standing";
 }
 
-TEST(GhostTrialTest, StandsBetweenItsFramesAndNowhereElse) {
+TEST(GhostTrial, InterpolatesWithinItsFrames) {
     const GhostTrial trial = walk("a");
     EXPECT_NEAR(trial.at(0.51).value()[*joint_index("root")]->x, 0.3 * 0.51, 1e-9);
-    EXPECT_FALSE(trial.at(0.5).value()[*joint_index("elbow_l")]) << "nothing is invented";
+    EXPECT_FALSE(trial.at(0.5).value()[*joint_index("elbow_l")]) << "withheld";
     EXPECT_FALSE(trial.at(-0.01));
     EXPECT_FALSE(trial.at(3.0));
 }
 
-TEST(GhostTrialTest, IsReadFromBothKindsOfTables) {
+TEST(GhostTrial, ParsesJointsAndExportTables) {
     for (const std::string unit : {"", "_m"}) {
         std::string csv = "frame,time_s";
         for (const std::string_view joint : kJointNames)
             for (const char axis : {'x', 'y', 'z'}) csv += fmt::format(",{}_{}{}", joint, axis, unit);
-        csv += ",knee_flexion_l_deg\n";
+        csv += ",knee_flexion_geometric_l_deg\n";
         for (int n = 0; n < 3; ++n) {
             csv += fmt::format("{},{}", 10 + n, 0.2 + 0.02 * n);
             for (std::size_t cell = 0; cell < 3 * kJointNames.size(); ++cell)
@@ -290,7 +295,7 @@ TEST(GhostTrialTest, IsReadFromBothKindsOfTables) {
         const auto trial = parse_ghost_trial(csv, "t");
         ASSERT_TRUE(trial.ok()) << trial.status();
         ASSERT_EQ(trial->instants.size(), 3U);
-        EXPECT_NEAR(trial->instants[2].time_s, 0.04, 1e-9) << "since its first frame";
+        EXPECT_NEAR(trial->instants[2].time_s, 0.04, 1e-9) << "since the first frame";
         EXPECT_FALSE(trial->instants[0].joints_in_world[0]);
         EXPECT_NEAR(trial->instants[1].joints_in_world[1]->y, 1.4, 1e-9);
 
@@ -310,17 +315,16 @@ ShownPose replayed_pose(std::int64_t frame) {
     return p;
 }
 
-TEST(GhostMatchTest, AReplayAndItsGhostMeetAtTheirEvents) {
+TEST(GhostMatch, AlignsEventsOfReplayAndGhost) {
     GhostMatch match;
     const ShownPose at_frame_60 = replayed_pose(60);
     const double now_s = shown_time_s(at_frame_60, 30);
     EXPECT_DOUBLE_EQ(now_s, 2);
     EXPECT_FALSE(match.ghost_time_s(now_s)) << "without a ghost";
     match.set_ghost(std::make_shared<GhostTrial>(walk("ghost")));
-    EXPECT_DOUBLE_EQ(match.ghost_time_s(now_s).value(), 2) << "both from their begin";
+    EXPECT_DOUBLE_EQ(match.ghost_time_s(now_s).value(), 2) << "both from their start";
 
-    // The replayed one is known beforehand: its first left step comes at 1.4 s, the ghost's right one at 2.0
-    // s.
+    // The first left step of the replay is at 1.4 s, the first right one of the ghost at 2.0 s.
     match.set_shown(std::make_shared<GhostTrial>(walk("replayed")));
     match.set_events(TrialEvent::kRightFootDown, TrialEvent::kLeftFootDown);
     EXPECT_NEAR(match.ghost_time_s(1.4).value(), 2.0, 0.1);
@@ -329,20 +333,20 @@ TEST(GhostMatchTest, AReplayAndItsGhostMeetAtTheirEvents) {
     match.set_offset_s(0.25);
     EXPECT_NEAR(match.ghost_time_s(1.4).value(), 2.25, 0.1);
 
-    // Another recording: what was marked in the one before is forgotten.
+    // Another recording resets the mark.
     match.mark_shown(0.5);
     match.set_events(TrialEvent::kBegin, TrialEvent::kMark);
     match.set_offset_s(0);
     EXPECT_DOUBLE_EQ(match.ghost_time_s(0.7).value(), 0.2);
     match.set_shown(nullptr);
     EXPECT_FALSE(match.shown_event_s());
-    EXPECT_THAT(match.lack(), HasSubstr("press M"));
+    EXPECT_THAT(match.problem(), HasSubstr("press M"));
     match.set_events(TrialEvent::kBegin, TrialEvent::kLeftFootDown);
-    EXPECT_FALSE(match.ghost_time_s(1)) << "nobody knows when that is";
-    EXPECT_THAT(match.lack(), HasSubstr("mark the moment"));
+    EXPECT_FALSE(match.ghost_time_s(1)) << "unknown event";
+    EXPECT_THAT(match.problem(), HasSubstr("set a mark"));
 }
 
-TEST(GhostMatchTest, LiveItWaitsForTheMarkAndThenRunsAlong) {
+TEST(GhostMatch, WaitsForMarkWhileLive) {
     GhostMatch match;
     match.set_ghost(std::make_shared<GhostTrial>(walk("ghost")));
     match.set_events(TrialEvent::kLeftFootDown, TrialEvent::kMark);
@@ -354,49 +358,51 @@ TEST(GhostMatchTest, LiveItWaitsForTheMarkAndThenRunsAlong) {
 
     const ShownPose shown = replayed_pose(0);
     EXPECT_TRUE(match.pose(shown, now_s + 5.3).found);
-    EXPECT_FALSE(match.pose(shown, now_s + 60).found) << "over";
-    match.set_on_pelvis(true);
+    EXPECT_FALSE(match.pose(shown, now_s + 60).found) << "past its end";
+    match.set_align_pelvis(true);
     const Vec3 root = *match.pose(shown, now_s + 5.3).joints_in_world[*joint_index("root")];
     EXPECT_DOUBLE_EQ(root.x, 5);
     EXPECT_DOUBLE_EQ(root.y, 6);
-    EXPECT_NEAR(root.z, 0.9, 0.06) << "its own height";
+    EXPECT_NEAR(root.z, 0.9, 0.06) << "the height is the ghost's";
 }
 
-TEST(PlotMarksTest, KeepsWhatACurveIsReadWith) {
+TEST(PlotMarks, KeepsRelevantEventsAndMarks) {
     PlotMarks marks;
     marks.add_event(v1::EVENT_KIND_SUBJECT_LOST, 100);
-    marks.add_event(v1::EVENT_KIND_CONTROL_TAKEN, 150);
+    marks.add_event(v1::EVENT_KIND_CONTROL_ACQUIRED, 150);
     EXPECT_EQ(marks.add_mark(200), 1);
     EXPECT_EQ(marks.add_mark(300), 2);
     const auto seen = marks.between(100, 299);
     ASSERT_EQ(seen.size(), 2U);
     EXPECT_EQ(seen[0].text, "lost");
     EXPECT_EQ(seen[1].text, "mark 1");
-    EXPECT_TRUE(seen[1].coach);
-    for (std::size_t n = 0; n < 2 * PlotMarks::kMost; ++n)
+    EXPECT_TRUE(seen[1].by_user);
+    for (std::size_t n = 0; n < 2 * PlotMarks::kMaxMarks; ++n)
         marks.add_event(v1::EVENT_KIND_SUBJECT_FOUND, 1000);
-    EXPECT_EQ(marks.between(0, 2000).size(), PlotMarks::kMost);
+    EXPECT_EQ(marks.between(0, 2000).size(), PlotMarks::kMaxMarks);
     marks.clear();
     EXPECT_EQ(marks.add_mark(1), 1);
 }
 
-TEST(CalibrationWordsTest, EachStepSaysWhatToDo) {
-    for (const CalibrationKindWords& kind : calibration_kinds())
+TEST(CalibrationText, HasInstructionForEachStep) {
+    for (const CalibrationKindText& kind : calibration_kinds())
         for (const CalibrationStep step :
              {CalibrationStep::kStarting, CalibrationStep::kEmptyScene, CalibrationStep::kBoardOnFloor,
-              CalibrationStep::kMoving, CalibrationStep::kSolving})
+              CalibrationStep::kMovingTarget, CalibrationStep::kSolving})
             EXPECT_THAT(instruction(kind.kind, step), Not(IsEmpty()));
-    EXPECT_THAT(instruction(v1::PROCEDURE_KIND_EXTRINSICS_WAND, CalibrationStep::kMoving), HasSubstr("wand"));
-    EXPECT_THAT(instruction(v1::PROCEDURE_KIND_REFINE_PERSON, CalibrationStep::kMoving), HasSubstr("Walk"));
+    EXPECT_THAT(instruction(v1::PROCEDURE_KIND_EXTRINSICS_WAND, CalibrationStep::kMovingTarget),
+                HasSubstr("wand"));
+    EXPECT_THAT(instruction(v1::PROCEDURE_KIND_EXTRINSICS_REFINE_PERSON, CalibrationStep::kMovingTarget),
+                HasSubstr("Walk"));
 }
 
-TEST(CalibrationWordsTest, AnotherProgramsProcedureIsFollowed) {
+TEST(CalibrationText, FollowsProcedureOfAnotherClient) {
     v1::WatchProcedureResponse progress;
     EXPECT_EQ(step_of(progress), CalibrationStep::kNone);
     progress.set_state(v1::PROCEDURE_STATE_COLLECTING);
     EXPECT_EQ(step_of(progress), CalibrationStep::kStarting);
-    progress.set_live(true);
-    progress.set_taking(v1::LiveObservations::WHAT_BOARD_ON_FLOOR);
+    progress.set_collecting_live(true);
+    progress.set_live_step(v1::LiveObservations::STEP_BOARD_ON_FLOOR);
     EXPECT_EQ(step_of(progress), CalibrationStep::kBoardOnFloor);
     progress.set_state(v1::PROCEDURE_STATE_SOLVING);
     EXPECT_EQ(step_of(progress), CalibrationStep::kSolving);
@@ -404,19 +410,19 @@ TEST(CalibrationWordsTest, AnotherProgramsProcedureIsFollowed) {
     EXPECT_EQ(step_of(progress), CalibrationStep::kNone);
 }
 
-TEST(CalibrationWordsTest, TheCertificateSaysWhatIsKnownAndNothingElse) {
+TEST(CalibrationText, ListsKnownCertificateValues) {
     v1::Certificate certificate;
-    EXPECT_EQ(certificate_figures(certificate).size(), 1U) << "the floor alone";
-    certificate.set_held_out_rms_px(0.371);
+    EXPECT_EQ(certificate_values(certificate).size(), 1U) << "the world frame only";
+    certificate.set_held_out_reprojection_rms_px(0.371);
     certificate.set_scale_bias_mm_per_m(-1.26);
-    const auto figures = certificate_figures(certificate);
-    EXPECT_EQ(figures[0].second, "0.37 pixels");
-    EXPECT_EQ(figures[1].second, "-1.3 mm in a metre");
+    const auto values = certificate_values(certificate);
+    EXPECT_EQ(values[0].second, "0.37 px");
+    EXPECT_EQ(values[1].second, "-1.3 mm per metre");
     v1::CertificateFinding finding;
     finding.set_camera("cam2");
-    finding.set_reason("it was knocked");
+    finding.set_reason("the camera has moved");
     finding.set_remedy("calibrate again");
-    EXPECT_EQ(finding_line(finding), "camera cam2: it was knocked; calibrate again");
+    EXPECT_EQ(finding_line(finding), "camera cam2: the camera has moved; calibrate again");
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Whom the gateway answers, and with what.
+// The gateway's HTTP replies and rejections.
 #include "client/web/http.h"
 
 #include <gmock/gmock.h>
@@ -40,7 +40,7 @@ class Http : public ::testing::Test {
     HttpRules rules_;
 };
 
-TEST_F(Http, ServesThePageWithItsTypeAndAStrictPolicy) {
+TEST_F(Http, ServesPageWithTypeAndStrictPolicy) {
     const HttpReply page = get("/?lang=de");
     EXPECT_EQ(page.status, 200);
     ASSERT_TRUE(page.page);
@@ -54,7 +54,7 @@ TEST_F(Http, ServesThePageWithItsTypeAndAStrictPolicy) {
     EXPECT_THAT(header(script, "Cache-Control"), HasSubstr("immutable"));
 }
 
-TEST_F(Http, WhatHasNotChangedIsNotSentAgain) {
+TEST_F(Http, RepliesNotModifiedForMatchingETag) {
     const std::string etag = header(get("/"), "ETag");
     const HttpReply again = answer({"GET", "/", "localhost", "", etag}, pages_, rules_);
     EXPECT_EQ(again.status, 304);
@@ -62,7 +62,7 @@ TEST_F(Http, WhatHasNotChangedIsNotSentAgain) {
     EXPECT_EQ(answer({"GET", "/", "localhost", "", "\"other\""}, pages_, rules_).status, 200);
 }
 
-TEST_F(Http, NothingOutsideThePageCanBeAskedFor) {
+TEST_F(Http, ServesNothingOutsideThePage) {
     for (const char* target : {"/../outside.txt", "/..%2foutside.txt", "/%2e%2e/outside.txt",
                                "/assets/../../outside.txt", "//etc/passwd", "/.secret", "/link.txt",
                                "/assets", "/assets/", "", "http://127.0.0.1/", "/index.html/"})
@@ -71,34 +71,57 @@ TEST_F(Http, NothingOutsideThePageCanBeAskedFor) {
     EXPECT_FALSE(get("/", "127.0.0.1:8090", "HEAD").body);
 }
 
-TEST_F(Http, NamesThatOthersGiveThisMachineAreNotAnswered) {
+TEST_F(Http, RejectsUnknownHosts) {
     for (const char* host : {"127.0.0.1:8090", "localhost", "LOCALHOST:1", "192.168.1.7:8090", "[::1]:8090"})
         EXPECT_EQ(get("/", host).status, 200) << host;
     for (const char* host : {"evil.example", "evil.example:8090", "127.0.0.1.evil.example", "", "[", "[]:80"})
         EXPECT_EQ(get("/", host).status, 421) << host;
-    rules_.names = {"Kiosk.Museum"};
+    rules_.allowed_hosts = {"Kiosk.Museum"};
     EXPECT_EQ(get("/", "kiosk.museum:8090").status, 200);
 }
 
-TEST_F(Http, OnlyThePagesOwnScriptsMayOpenTheSocket) {
-    const auto refused = [&](const std::string& origin, const std::string& target = "/ws",
-                             const std::string& host = "127.0.0.1:8090") {
-        const auto reply = refuse_socket({"GET", target, host, origin, "", true}, rules_);
-        return reply ? reply->status : 0;
-    };
-    EXPECT_EQ(refused("http://127.0.0.1:8090"), 0);
-    EXPECT_EQ(refused("https://127.0.0.1:8090"), 0) << "behind a proxy with TLS";
-    EXPECT_EQ(refused(""), 0) << "no browser";
-    EXPECT_EQ(refused("http://127.0.0.1:9999"), 403);
-    EXPECT_EQ(refused("http://evil.example"), 403);
-    EXPECT_EQ(refused("null"), 403);
-    EXPECT_EQ(refused("http://evil.example:8090", "/ws", "evil.example:8090"), 421) << "DNS rebinding";
-    EXPECT_EQ(refused("http://127.0.0.1:8090", "/other"), 404);
-    rules_.origins = {"http://kiosk.local:8000"};
-    EXPECT_EQ(refused("http://kiosk.local:8000"), 0);
+TEST_F(Http, RejectsDuplicateHosts) {
+    HttpRequest request{"GET", "/", "localhost", "", ""};
+    EXPECT_EQ(answer(request, pages_, rules_).status, 200);
+    request.host_count = 2;
+    EXPECT_EQ(answer(request, pages_, rules_).status, 400);
+    request.target = "/ws";
+    request.upgrade = true;
+    ASSERT_TRUE(reject_socket(request, rules_));
+    EXPECT_EQ(reject_socket(request, rules_)->status, 400);
 }
 
-TEST_F(Http, AFolderThatIsNoPageIsNamed) {
+TEST_F(Http, RejectsBodies) {
+    HttpRequest request{"GET", "/", "localhost", "", ""};
+    request.has_body = true;
+    EXPECT_EQ(answer(request, pages_, rules_).status, 400);
+    request.method = "POST";
+    EXPECT_EQ(answer(request, pages_, rules_).status, 405);
+    request.method = "GET";
+    request.target = "/ws";
+    ASSERT_TRUE(reject_socket(request, rules_));
+    EXPECT_EQ(reject_socket(request, rules_)->status, 400);
+}
+
+TEST_F(Http, AcceptsSocketOfOwnOriginOnly) {
+    const auto rejected_with = [&](const std::string& origin, const std::string& target = "/ws",
+                                   const std::string& host = "127.0.0.1:8090") {
+        const auto reply = reject_socket({"GET", target, host, origin, "", true}, rules_);
+        return reply ? reply->status : 0;
+    };
+    EXPECT_EQ(rejected_with("http://127.0.0.1:8090"), 0);
+    EXPECT_EQ(rejected_with("https://127.0.0.1:8090"), 0) << "behind a proxy with TLS";
+    EXPECT_EQ(rejected_with(""), 0) << "not a browser";
+    EXPECT_EQ(rejected_with("http://127.0.0.1:9999"), 403);
+    EXPECT_EQ(rejected_with("http://evil.example"), 403);
+    EXPECT_EQ(rejected_with("null"), 403);
+    EXPECT_EQ(rejected_with("http://evil.example:8090", "/ws", "evil.example:8090"), 421) << "DNS rebinding";
+    EXPECT_EQ(rejected_with("http://127.0.0.1:8090", "/other"), 404);
+    rules_.allowed_origins = {"http://kiosk.local:8000"};
+    EXPECT_EQ(rejected_with("http://kiosk.local:8000"), 0);
+}
+
+TEST_F(Http, NamesFolderWithoutPage) {
     EXPECT_THAT(std::string(Pages::read(folder_ / "none").status().message()), HasSubstr("no folder"));
     EXPECT_THAT(std::string(Pages::read(folder_).status().message()), HasSubstr("no index.html"));
 }

@@ -1,4 +1,4 @@
-"""What `kinevox sync` found, on a page: each camera's evidence by offset, and the movement before and after."""
+"""The page of `kinevox sync`: each camera's evidence by offset, and the movement before and after alignment."""
 import json
 from pathlib import Path
 
@@ -18,18 +18,18 @@ class Alignment:
         try:
             data = json.loads(Path(file).read_text(encoding="utf-8"))
             self.session, self.fps = str(data["session"]), float(data["fps"])
-            self.used_places = bool(data["used_places"])
+            self.used_extrinsics = bool(data["used_extrinsics"])
             self.cameras = list(data["cameras"])
             if not self.cameras or not self.fps > 0:
                 raise ValueError("it has no cameras or no rate")
             for camera in self.cameras:
                 camera["evidence"] = np.array(camera["curve"]["evidence_nats"], float)
-                camera["shifts_s"] = camera["curve"]["first_shift_s"] + np.arange(len(camera["evidence"])) / self.fps
-                camera["changed"] = np.array(camera["changed_part_per_s"], float)
-                for key in ("offset_s", "deviation_s", "next_best_quality", "next_best_shift_s", "evidence_nats"):
+                camera["offsets_s"] = camera["curve"]["first_offset_s"] + np.arange(len(camera["evidence"])) / self.fps
+                camera["changed"] = np.array(camera["changed_fraction_per_s"], float)
+                for key in ("offset_s", "std_s", "runner_up_ratio", "runner_up_offset_s", "evidence_nats"):
                     camera[key] = float(camera[key])
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise ReportError(f"{file}: is no alignment of `kinevox sync`: {error}") from None
+            raise ReportError(f"{file}: not an alignment of `kinevox sync`: {error}") from None
 
 
 def is_alignment(file):
@@ -48,12 +48,13 @@ def bare(axes):
 
 
 def draw_curve(axes, camera, colour, low_s, high_s):
-    offsets = camera["offset_s"] + camera["shifts_s"]
+    offsets = camera["offset_s"] + camera["offsets_s"]
     shown = (offsets >= low_s) & (offsets <= high_s)
     axes.axvline(camera["offset_s"], color=FAINT, linewidth=0.7)
     axes.plot(offsets[shown], camera["evidence"][shown], color=colour, linewidth=1.1)
-    axes.plot([camera["offset_s"]], [np.interp(0, camera["shifts_s"], camera["evidence"])], "o", color=colour,
-              markersize=3.5)
+    axes.plot(
+        [camera["offset_s"]], [np.interp(0, camera["offsets_s"], camera["evidence"])], "o", color=colour, markersize=3.5
+    )
     axes.set_xlim(low_s, high_s)
     axes.yaxis.set_major_locator(MaxNLocator(3))
     bare(axes)
@@ -62,7 +63,7 @@ def draw_curve(axes, camera, colour, low_s, high_s):
 def span_of_evidence(camera):
     """Offsets at which the camera overlaps any other, s."""
     there = np.flatnonzero(camera["evidence"])
-    offsets = camera["offset_s"] + camera["shifts_s"]
+    offsets = camera["offset_s"] + camera["offsets_s"]
     return (offsets[there[0]], offsets[there[-1]]) if len(there) else (offsets[0], offsets[-1])
 
 
@@ -71,18 +72,25 @@ def draw_cameras(sheet, alignment, y, pitch):
     low, high = zip(*(span_of_evidence(c) for c in alignment.cameras))
     for k, camera in enumerate(alignment.cameras):
         colour, top = COLOURS[k % len(COLOURS)], y + k * pitch
-        told = f"offset {camera['offset_s']:.4f} s  ± {camera['deviation_s']:.4f} s"
-        rival = (f"next best: {camera['next_best_shift_s']:+.3f} s, {100 * camera['next_best_quality']:.0f} % as well"
-                 if camera["next_best_quality"] > 0 else "no other shift comes near").replace("-", "−")
+        offset = f"offset {camera['offset_s']:.4f} s  ± {camera['std_s']:.4f} s"
+        runner_up = "no comparable runner-up"
+        if camera["runner_up_ratio"] > 0:
+            shift = f"{camera['runner_up_offset_s']:+.3f} s".replace("-", "−")
+            runner_up = f"runner-up: {shift}, {100 * camera['runner_up_ratio']:.0f} % of the quality"
         sheet.text(MARGIN_MM, top + 3.2, camera["name"], size=8, weight="bold", color=colour)
-        sheet.text(MARGIN_MM + 28, top + 3.2, told, size=8, color=INK)
-        sheet.text(MARGIN_MM + INNER_MM, top + 3.2, rival, size=6.5, color=SOFT, ha="right")
+        sheet.text(MARGIN_MM + 28, top + 3.2, offset, size=8, color=INK)
+        sheet.text(MARGIN_MM + INNER_MM, top + 3.2, runner_up, size=6.5, color=SOFT, ha="right")
         axes = sheet.axes(MARGIN_MM + 12, top + TABLE_MM, wide, pitch - TABLE_MM - 6)
         draw_curve(axes, camera, colour, min(low), max(high))
         near = sheet.axes(MARGIN_MM + INNER_MM - ZOOM_MM, top + TABLE_MM, ZOOM_MM, pitch - TABLE_MM - 6)
         draw_curve(near, camera, colour, camera["offset_s"] - ZOOM_S, camera["offset_s"] + ZOOM_S)
-        near.axvspan(camera["offset_s"] - camera["deviation_s"], camera["offset_s"] + camera["deviation_s"],
-                     color=colour, alpha=0.18, linewidth=0)
+        near.axvspan(
+            camera["offset_s"] - camera["std_s"],
+            camera["offset_s"] + camera["std_s"],
+            color=colour,
+            alpha=0.18,
+            linewidth=0,
+        )
         near.set_yticks([])
         near.xaxis.set_major_locator(MaxNLocator(4))
 
@@ -102,18 +110,32 @@ def draw_movement(axes, alignment, aligned):
 def make_alignment_page(alignment):
     sheet = Sheet()
     sheet.text(MARGIN_MM, 19, f"{alignment.session}: aligned in time", size=17, weight="bold")
-    by = "the silhouettes' motion and the cameras' places" if alignment.used_places else "the silhouettes' motion alone"
-    sheet.text(MARGIN_MM, 24.5, f"{len(alignment.cameras)} cameras, {alignment.fps:g} frames a second, by {by}", size=7,
-               color=SOFT)
+    by = "silhouette motion and extrinsics" if alignment.used_extrinsics else "silhouette motion only"
+    sheet.text(
+        MARGIN_MM,
+        24.5,
+        f"{len(alignment.cameras)} cameras, {alignment.fps:g} frames per second, by {by}",
+        size=7,
+        color=SOFT,
+    )
     top = 33
-    sheet.heading(MARGIN_MM, top, "Evidence by offset", INNER_MM,
-                  "nats, of all pairs with this camera, the others as found; right: ± 0.3 s, band: standard deviation; "
-                  "x: s")
+    sheet.heading(
+        MARGIN_MM,
+        top,
+        "Evidence by offset",
+        INNER_MM,
+        "nats, of all pairs with this camera, the others as found; right: ± 0.3 s, band: standard deviation; " "x: s",
+    )
     room = HEIGHT_MM - MARGIN_MM - MOVEMENT_MM - 6 - top - 4
     draw_cameras(sheet, alignment, top + 5, min(38, room / len(alignment.cameras)))
     y = HEIGHT_MM - MARGIN_MM - MOVEMENT_MM
-    sheet.heading(MARGIN_MM, y, "Movement", INNER_MM, "part of the silhouette that changes in a second; above as "
-                  "the videos begin, below on the common time, s")
+    sheet.heading(
+        MARGIN_MM,
+        y,
+        "Movement",
+        INNER_MM,
+        "fraction of the silhouette that changes per second; above: unaligned, " "below: aligned; x: s",
+    )
     height = (MOVEMENT_MM - 14) / 2
     for k, aligned in enumerate((False, True)):
         draw_movement(sheet.axes(MARGIN_MM + 12, y + 5 + k * (height + 5), INNER_MM - 12, height), alignment, aligned)

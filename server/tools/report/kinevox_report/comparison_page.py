@@ -1,13 +1,13 @@
-"""A page on two processed trials: how much each angle differs, and the angles that differ most over time."""
+"""A page that compares two processed trials: differences per angle, and the largest ones over time."""
 import numpy as np
 
 from .sheet import FAINT, HEIGHT_MM, INK, INNER_MM, LEFT, MARGIN_MM, RIGHT, RULE, SOFT, Sheet
 
-MOST_BARS, CURVES = 26, 6
+MAX_BARS, CURVES = 26, 6
 
 
 def draw_bars(sheet, angles, y, height):
-    shown = sorted(angles, key=lambda d: -np.nan_to_num(d.rms, nan=-1))[:MOST_BARS]
+    shown = sorted(angles, key=lambda d: -np.nan_to_num(d.rms, nan=-1))[:MAX_BARS]
     axes = sheet.axes(MARGIN_MM + 40, y, INNER_MM - 44, height)
     rows = np.arange(len(shown))
     axes.barh(rows, [np.nan_to_num(d.rms) for d in shown], color=RIGHT, height=0.62)
@@ -44,14 +44,19 @@ def make_comparison_page(comparison):
     sheet = Sheet()
     a, b = ("/".join(f.absolute().parts[-2:]) for f in comparison.folders)
     sheet.text(MARGIN_MM, 19, "Comparison", size=19, weight="bold")
-    same = "no difference, to the last digit" if comparison.same() else f"{len(comparison.frames)} frames in both"
+    same = "identical to the last digit" if comparison.same() else f"{len(comparison.frames)} frames in both"
     sheet.text(MARGIN_MM, 24.5, f"A  {a}     B  {b}     {same}", size=7, color=SOFT)
     sheet.text(MARGIN_MM + INNER_MM, 19, "kinevox", size=10, weight="bold", color=FAINT, ha="right")
-    sheet.heading(MARGIN_MM, 34, "Joint angles, B minus A", INNER_MM, "bar: root mean square; line: largest")
+    sheet.heading(MARGIN_MM, 34, "Geometric angles, B minus A", INNER_MM, "bar: RMS; line: maximum")
     draw_bars(sheet, comparison.angles, 39, 112)
-    sheet.heading(MARGIN_MM, 164, "The angles that differ most", INNER_MM, "blue: A; orange: B; gap: withheld")
+    sheet.heading(MARGIN_MM, 164, "Largest differences", INNER_MM, "blue: A; orange: B; gap: withheld")
     draw_over_time(sheet, comparison, 168, 108)
     sheet.line(MARGIN_MM, HEIGHT_MM - 13, INNER_MM)
-    sheet.text(MARGIN_MM, HEIGHT_MM - 9, "Frames that both have; a value that one of them withheld is compared with nothing "
-               "and counted apart in the table.", size=6, color=FAINT)
+    sheet.text(
+        MARGIN_MM,
+        HEIGHT_MM - 9,
+        "Frames at equal times. A value that only one of them has is not compared, " "but counted in the table.",
+        size=6,
+        color=FAINT,
+    )
     return sheet

@@ -1,27 +1,27 @@
-"""The page: what stands where."""
+"""The layout of the page."""
 from pathlib import Path
 
 from .curves import draw_curves
-from .pictures import Session
+from .images import Session
 from .sheet import FAINT, HEIGHT_MM, INNER_MM, MARGIN_MM, SOFT, Sheet
 from .strip import draw_strip
 from .tables import draw_ranges, draw_segments, draw_stage_times, draw_tiles
 
 
 def open_session(trial, session_file):
-    """None where nobody told the session, or where the one that `process` had is no longer there."""
-    recorded = trial.run.get("session")
-    if not session_file and not (recorded and Path(recorded).is_file()):
+    """None if no session is known, or the one that `process` used does not exist any more."""
+    known = session_file or trial.session_file or trial.run.get("session")
+    if not session_file and not (known and Path(known).is_file()):
         return None
-    return Session(session_file or recorded, trial.folder, trial.run.get("first_pictures"))
+    return Session(known, trial.folder, trial.run.get("first_image_index"))
 
 
-def shortened(words, most):
-    return words if len(words) <= most else words[:most // 2] + " … " + words[-most // 2:]
+def shortened(words, length):
+    return words if len(words) <= length else words[: length // 2] + " … " + words[-length // 2 :]
 
 
 def title_of(trial, session):
-    return session.name if session else trial.folder.absolute().name
+    return session.name if session else trial.name
 
 
 def subtitle_of(trial, session):
@@ -30,9 +30,9 @@ def subtitle_of(trial, session):
         words.append(f"{len(session.cameras)} cameras")
     if "voxel_mm" in trial.run:
         words.append(f"voxels of {trial.run['voxel_mm']:g} mm")
-    smooth = trial.run.get("smooth_hz")
-    if smooth is not None:
-        words.append(f"smoothed at {smooth:g} Hz, zero phase" if smooth > 0 else "not smoothed")
+    cutoff = trial.run.get("filter_cutoff_hz")
+    if cutoff is not None:
+        words.append(f"low-pass {cutoff:g} Hz, zero phase" if cutoff > 0 else "not filtered")
     words.append("/".join(trial.folder.absolute().parts[-2:]))
     return "  ·  ".join(words)
 
@@ -51,8 +51,8 @@ def make_page(trial, session, camera=None):
 
     curves_y = 113
     signs = ["band: ± 1 standard deviation"] if trial.std else []
-    signs += ["gap: withheld"] + (["▲ picture above"] if shown else [])
-    sheet.heading(MARGIN_MM, curves_y - 4, "Joint angles", INNER_MM)
+    signs += ["gap: withheld"] + (["▲ image above"] if shown else [])
+    sheet.heading(MARGIN_MM, curves_y - 4, "Joint angles (geometric)", INNER_MM)
     sheet.text(right - 33, curves_y - 4, ";  ".join(signs), size=6.5, color=SOFT, ha="right")
     sheet.side_legend(right, curves_y - 4)
     draw_curves(sheet, trial, curves_y, 108, shown)
@@ -62,7 +62,13 @@ def make_page(trial, session, camera=None):
     bottom = draw_ranges(sheet, trial, MARGIN_MM, tables_y, ranges_width)
     draw_segments(sheet, trial, MARGIN_MM + ranges_width + 8, tables_y, INNER_MM - ranges_width - 8)
     draw_stage_times(sheet, trial, MARGIN_MM, bottom + 4, INNER_MM)
-    sheet.text(MARGIN_MM, HEIGHT_MM - 9, "Left and right are the subject's own. Ratios are of ranges and lengths, left "
-               "to right; a ratio of ranges below 5° is not told.", size=6, color=FAINT)
+    sheet.text(
+        MARGIN_MM,
+        HEIGHT_MM - 9,
+        "Left and right are the subject's. Ratios: left over right, of ranges and lengths; "
+        "none for ranges below 5°.",
+        size=6,
+        color=FAINT,
+    )
     sheet.line(MARGIN_MM, HEIGHT_MM - 13, INNER_MM)
     return sheet

@@ -9,15 +9,34 @@ INNER_MM = WIDTH_MM - 2 * MARGIN_MM
 
 INK, SOFT, FAINT, RULE, PAPER = "#1b2430", "#5b6675", "#93a0b0", "#d9dfe6", "#ffffff"
 PANEL = "#f4f6f8"
-LEFT, RIGHT, MIDDLE = "#0072b2", "#d55e00", "#3f4a58"   # blue and orange: apart for colour-blind eyes too
-STAGE_COLOURS = {"segmentation": "#3b6ea5", "tracking": "#7aa6c2", "hull": "#4f9d8b", "colouring": "#a7c58b",
-                 "pose": "#d9a441"}
+LEFT, RIGHT, MIDDLE = "#0072b2", "#d55e00", "#3f4a58"  # blue and orange: distinct for colour-blind readers
+STAGE_COLOURS = {
+    "segmentation": "#3b6ea5",
+    "tracking": "#7aa6c2",
+    "hull": "#4f9d8b",
+    "colouring": "#a7c58b",
+    "pose": "#d9a441",
+}
 
-pyplot.rcParams.update({
-    "font.family": "DejaVu Sans", "text.color": INK, "axes.edgecolor": RULE, "axes.labelcolor": SOFT,
-    "axes.linewidth": 0.6, "xtick.color": SOFT, "ytick.color": SOFT, "xtick.labelsize": 6.5, "ytick.labelsize": 6.5,
-    "xtick.major.size": 2, "ytick.major.size": 0, "xtick.major.width": 0.6, "pdf.fonttype": 42,
-    "svg.hashsalt": "kinevox", "path.simplify": False})
+pyplot.rcParams.update(
+    {
+        "font.family": "DejaVu Sans",
+        "text.color": INK,
+        "axes.edgecolor": RULE,
+        "axes.labelcolor": SOFT,
+        "axes.linewidth": 0.6,
+        "xtick.color": SOFT,
+        "ytick.color": SOFT,
+        "xtick.labelsize": 6.5,
+        "ytick.labelsize": 6.5,
+        "xtick.major.size": 2,
+        "ytick.major.size": 0,
+        "xtick.major.width": 0.6,
+        "pdf.fonttype": 42,
+        "svg.hashsalt": "kinevox",
+        "path.simplify": False,
+    }
+)
 
 
 class Sheet:
@@ -41,16 +60,19 @@ class Sheet:
         style = {"size": 8, "va": "baseline", **style}
         return self.figure.text(x / WIDTH_MM, 1 - y / HEIGHT_MM, words, **style)
 
-    def heading(self, x, y, words, width, remark=""):
+    def heading(self, x, y, words, width, note=""):
         """A section's title over a rule."""
         self.text(x, y, words, size=9, weight="bold")
-        if remark:
-            self.text(x + width, y, remark, size=6.5, color=SOFT, ha="right")
+        if note:
+            self.text(x + width, y, note, size=6.5, color=SOFT, ha="right")
         self.line(x, y + 1.8, width)
 
     def line(self, x, y, width, colour=RULE, thickness=0.6):
-        self.figure.add_artist(matplotlib.lines.Line2D(
-            [x / WIDTH_MM, (x + width) / WIDTH_MM], [1 - y / HEIGHT_MM] * 2, color=colour, linewidth=thickness))
+        self.figure.add_artist(
+            matplotlib.lines.Line2D(
+                [x / WIDTH_MM, (x + width) / WIDTH_MM], [1 - y / HEIGHT_MM] * 2, color=colour, linewidth=thickness
+            )
+        )
 
     def side_legend(self, x, y):
         """Which colour is which side; right-aligned at x."""

@@ -1,23 +1,20 @@
-"""The film strip: the skeleton drawn over one camera's pictures."""
+"""The image strip: the skeleton drawn over one camera's images."""
 import numpy as np
 from matplotlib import patheffects
 from matplotlib.patches import Rectangle
 
-from .pictures import choose_camera, choose_frames
+from .body_table import BONES
+from .images import choose_camera, choose_frames
 from .sheet import FAINT, INNER_MM, LEFT, MARGIN_MM, MIDDLE, PANEL, RIGHT, SOFT
 
 COUNT, GAP_MM = 7, 2.0
 HEIGHT_MM = 46
-MIDDLE_BONES = [("root", "sacroiliac"), ("sacroiliac", "skullbase"), ("skullbase", "head_top"),
-                ("shoulder_l", "shoulder_r"), ("hip_l", "hip_r")]
-SIDED_BONES = [("shoulder", "elbow"), ("elbow", "wrist"), ("wrist", "hand"), ("hip", "knee"), ("knee", "ankle"),
-               ("ankle", "toe")]
-# Middle, left, right; on pictures brighter than on paper.
-PICTURE_COLOURS, PAPER_COLOURS = ("#ffffff", "#35a7ff", "#ff8a3c"), (MIDDLE, LEFT, RIGHT)
+# Middle, left, right; brighter on images than on paper.
+IMAGE_COLOURS, PAPER_COLOURS = ("#ffffff", "#35a7ff", "#ff8a3c"), (MIDDLE, LEFT, RIGHT)
 
 
 def crop_boxes(pixels, camera, aspect):
-    """[(x, y, width, height)] px around each frame's body: one scale for all, inside the picture where it fits."""
+    """[(x, y, width, height)] px around each frame's body: one scale for all, inside the image if it fits."""
     boxes = []
     for p in pixels:
         p = p[np.isfinite(p[:, 0])]
@@ -37,19 +34,17 @@ def crop_boxes(pixels, camera, aspect):
 def draw_skeleton(axes, at, colours, outlined):
     """`at`: joints in the axes' units, by name."""
     outline = [patheffects.Stroke(linewidth=2.5, foreground="#10161d", alpha=0.75), patheffects.Normal()]
-    middle, left, right = colours
-    bones = [(a, b, middle) for a, b in MIDDLE_BONES]
-    for side, colour in (("l", left), ("r", right)):
-        bones += [(f"{a}_{side}", f"{b}_{side}", colour) for a, b in SIDED_BONES]
-    for a, b, colour in bones:
-        ends = np.array([at[a], at[b]])
+    colour_of = dict(zip(("middle", "left", "right"), colours))
+    for a, b, side in BONES:
+        ends, colour = np.array([at[a], at[b]]), colour_of[side]
         if np.isfinite(ends).all():
-            axes.plot(*ends.T, color=colour, linewidth=1.3, solid_capstyle="round",
-                      path_effects=outline if outlined else None)
+            axes.plot(
+                *ends.T, color=colour, linewidth=1.3, solid_capstyle="round", path_effects=outline if outlined else None
+            )
 
 
 def frame_axes(sheet, trial, y, k, frame):
-    """The k-th picture's axes, with its time below."""
+    """The k-th image's axes, with its time below."""
     width = (INNER_MM - (COUNT - 1) * GAP_MM) / COUNT
     at = MARGIN_MM + k * (width + GAP_MM)
     axes = sheet.axes(at, y, width, HEIGHT_MM)
@@ -63,22 +58,22 @@ def frame_axes(sheet, trial, y, k, frame):
     return axes
 
 
-def draw_pictures(sheet, trial, frames, session, camera, y):
-    reader = session.picture_reader(camera.name)
+def draw_images(sheet, trial, frames, session, camera, y):
+    reader = session.image_reader(camera.name)
     names = list(trial.joints)
     pixels = [camera.project(np.array([trial.joints[n][f] for n in names])) for f in frames]
     aspect = (INNER_MM - (COUNT - 1) * GAP_MM) / COUNT / HEIGHT_MM
     for k, (frame, points, box) in enumerate(zip(frames, pixels, crop_boxes(pixels, camera, aspect))):
-        picture = reader.read(int(trial.frames[frame]))
+        image = reader.read(int(trial.frames[frame]))
         axes = frame_axes(sheet, trial, y, k, frame)
-        axes.imshow(picture, interpolation="lanczos", aspect="auto")
-        draw_skeleton(axes, dict(zip(names, points)), PICTURE_COLOURS, outlined=True)
+        axes.imshow(image, interpolation="lanczos", aspect="auto")
+        draw_skeleton(axes, dict(zip(names, points)), IMAGE_COLOURS, outlined=True)
         axes.set_xlim(box[0], box[0] + box[2])
         axes.set_ylim(box[1] + box[3], box[1])
 
 
 def draw_figures(sheet, trial, frames, y):
-    """Without pictures: the skeleton from the subject's right, upright as in the room."""
+    """Without images: the skeleton from the subject's right, upright."""
     aspect = (INNER_MM - (COUNT - 1) * GAP_MM) / COUNT / HEIGHT_MM
     figures = []
     for frame in frames:
@@ -108,7 +103,7 @@ def draw_strip(sheet, trial, session, y, camera_name=None):
     times = [float(trial.time_s[f]) for f in frames]
     if session is None:
         draw_figures(sheet, trial, frames, y)
-        return times, "seen from the subject's right; no session, no pictures (--session)"
+        return times, "seen from the subject's right; no session, no images (--session)"
     camera = session.cameras[camera_name] if camera_name else choose_camera(session, trial.joints, frames)
-    draw_pictures(sheet, trial, frames, session, camera, y)
+    draw_images(sheet, trial, frames, session, camera, y)
     return times, f"camera {camera.name}"

@@ -1,16 +1,25 @@
-"""Numbers: what a glance needs at the top, left against right at the bottom."""
+"""Numbers: key values at the top, left-right comparison at the bottom."""
 import numpy as np
 from matplotlib.patches import Circle, FancyBboxPatch, Rectangle
 
 from .sheet import FAINT, INK, INNER_MM, LEFT, MARGIN_MM, PANEL, RIGHT, RULE, SOFT, STAGE_COLOURS
-from .trial import STAGES, spread
+from .trial import STAGES, label_of, spread
 
 ROW_MM = 5.4
-ANGLE_ROWS = (("hip_flexion", "Hip flexion"), ("knee_flexion", "Knee flexion"), ("hip_abduction", "Hip abduction"),
-              ("shoulder_elevation", "Shoulder elevation"), ("elbow_flexion", "Elbow flexion"))
-SEGMENT_ROWS = (("hip", "knee", "Thigh"), ("knee", "ankle", "Shank"), ("shoulder", "elbow", "Upper arm"),
-                ("elbow", "wrist", "Forearm"))
-LEAST_RANGE_DEG = 5   # a ratio of less says nothing
+ANGLE_ROWS = (
+    "hip_flexion_geometric",
+    "knee_flexion_geometric",
+    "hip_abduction_geometric",
+    "shoulder_elevation_geometric",
+    "elbow_flexion_geometric",
+)
+SEGMENT_ROWS = (
+    ("hip", "knee", "Thigh"),
+    ("knee", "ankle", "Shank"),
+    ("shoulder", "elbow", "Upper arm"),
+    ("elbow", "wrist", "Forearm"),
+)
+MIN_RANGE_DEG = 5  # for a ratio of ranges
 
 
 def number(value, digits=0, unit=""):
@@ -22,31 +31,49 @@ def draw_tiles(sheet, trial, y):
     stds = [np.nanmedian(s) for n, s in trial.std.items() if np.isfinite(s).any()]
     total = trial.stage_ms.get("total")
     total_ms = float(np.median(total)) if total is not None else float("nan")
-    tiles = [("duration", number(trial.duration_s, 2, " s")), ("frames", f"{len(trial.frames)}"),
-             ("frame rate", number(trial.rate_hz, 4 if trial.rate_hz < 1 else 0, " Hz")),
-             ("values withheld", number(100 * trial.withheld_share(), 1, " %")),
-             ("usual angle uncertainty", "± " + number(np.median(stds), 1, "°") if stds else "–"),
-             ("computing a frame", number(total_ms, 1, " ms"))]
+    tiles = [
+        ("duration", number(trial.duration_s, 2, " s")),
+        ("frames", f"{len(trial.frames)}"),
+        ("frame rate", number(trial.rate_hz, 4 if trial.rate_hz < 1 else 0, " Hz")),
+        ("values withheld", number(100 * trial.withheld_fraction(), 1, " %")),
+        ("median angle std", "± " + number(np.median(stds), 1, "°") if stds else "–"),
+        ("time per frame", number(total_ms, 1, " ms")),
+    ]
     width = (INNER_MM - (len(tiles) - 1) * gap) / len(tiles)
     axes = sheet.drawing(MARGIN_MM, y, INNER_MM, height)
     for k, (label, value) in enumerate(tiles):
         x = k * (width + gap)
-        axes.add_patch(FancyBboxPatch((x + 1, 1), width - 2, height - 2, boxstyle="round,pad=1,rounding_size=1.2",
-                                      facecolor=PANEL, edgecolor="none"))
+        axes.add_patch(
+            FancyBboxPatch(
+                (x + 1, 1),
+                width - 2,
+                height - 2,
+                boxstyle="round,pad=1,rounding_size=1.2",
+                facecolor=PANEL,
+                edgecolor="none",
+            )
+        )
         axes.text(x + 2.6, 6.6, value, size=11, weight="bold", va="baseline")
         axes.text(x + 2.6, 11, label, size=6, color=SOFT, va="baseline")
     return height
 
 
 def ratio_mark(axes, x, width, y, ratio):
-    """A ruler from 0.75 to 1.33, logarithmic, 1 in the middle, and where the ratio lies."""
+    """A ruler from 0.75 to 1.33, logarithmic, 1 in the centre, and the ratio on it."""
     centre = x + width / 2
     axes.plot([x, x + width], [y, y], color=RULE, linewidth=1.6, solid_capstyle="round")
     axes.plot([centre, centre], [y - 1, y + 1], color=FAINT, linewidth=0.7)
     if np.isfinite(ratio) and ratio > 0:
-        place = np.clip(np.log(ratio) / np.log(4 / 3), -1, 1)
-        axes.add_patch(Circle((centre + place * width / 2, y), 0.95, zorder=3, linewidth=0,
-                              facecolor=LEFT if ratio > 1.05 else RIGHT if ratio < 1 / 1.05 else INK))
+        at = np.clip(np.log(ratio) / np.log(4 / 3), -1, 1)
+        axes.add_patch(
+            Circle(
+                (centre + at * width / 2, y),
+                0.95,
+                zorder=3,
+                linewidth=0,
+                facecolor=LEFT if ratio > 1.05 else RIGHT if ratio < 1 / 1.05 else INK,
+            )
+        )
 
 
 def ratio_cell(axes, x, y, ratio):
@@ -55,29 +82,36 @@ def ratio_cell(axes, x, y, ratio):
 
 def draw_ranges(sheet, trial, x, y, width):
     """Ranges of motion; `width` mm."""
-    sheet.heading(x, y, "Ranges of motion, left against right", width)
+    sheet.heading(x, y, "Ranges of motion, left and right", width)
     top = y + 3
     axes = sheet.drawing(x, top, width, (len(ANGLE_ROWS) + 4) * ROW_MM)
     head = ROW_MM * 0.75
-    for word, right in (("range", 47), ("least to largest", 80), ("peak °/s", 99)):
+    for word, right in (("range", 47), ("min to max", 80), ("peak °/s", 99)):
         axes.text(right, head, word, size=6.3, color=SOFT, ha="right", va="baseline")
     axes.text(width, head, "left / right", size=6.3, color=SOFT, ha="right", va="baseline")
-    for k, (angle, title) in enumerate(ANGLE_ROWS):
+    for k, angle in enumerate(ANGLE_ROWS):
         base = head + (k + 1) * ROW_MM
         if k % 2 == 0:
             axes.add_patch(Rectangle((-1, base - 3.75), width + 2, ROW_MM, facecolor=PANEL, edgecolor="none"))
-        axes.text(0, base, title, size=7.2, va="baseline")
+        axes.text(0, base, label_of(angle), size=7.2, va="baseline")
         ranges = []
-        for side, colour, places in (("l", LEFT, (38, 64, 90)), ("r", RIGHT, (47, 80, 99))):
+        for side, colour, columns in (("l", LEFT, (38, 64, 90)), ("r", RIGHT, (47, 80, 99))):
             low, high = spread(trial.angles[f"{angle}_{side}"])
             ranges.append(high - low)
             speeds = np.abs(trial.speed(f"{angle}_{side}"))
             peak = np.nanmax(speeds) if np.isfinite(speeds).any() else float("nan")
-            axes.text(places[0], base, number(high - low, 0, "°"), size=7, color=colour, ha="right", va="baseline")
-            axes.text(places[1], base, f"{number(low)} … {number(high)}°" if np.isfinite(low) else "–", size=7,
-                      color=colour, ha="right", va="baseline")
-            axes.text(places[2], base, number(peak), size=7, color=colour, ha="right", va="baseline")
-        ratio = ranges[0] / ranges[1] if min(ranges) >= LEAST_RANGE_DEG else float("nan")
+            axes.text(columns[0], base, number(high - low, 0, "°"), size=7, color=colour, ha="right", va="baseline")
+            axes.text(
+                columns[1],
+                base,
+                f"{number(low)} … {number(high)}°" if np.isfinite(low) else "–",
+                size=7,
+                color=colour,
+                ha="right",
+                va="baseline",
+            )
+            axes.text(columns[2], base, number(peak), size=7, color=colour, ha="right", va="baseline")
+        ratio = ranges[0] / ranges[1] if min(ranges) >= MIN_RANGE_DEG else float("nan")
         ratio_mark(axes, width - 22, 13, base - 1.1, ratio)
         ratio_cell(axes, width, base, ratio)
     return top + head + (len(ANGLE_ROWS) + 1) * ROW_MM
@@ -103,14 +137,14 @@ def draw_stage_times(sheet, trial, x, y, width):
     if not trial.stage_ms:
         return
     medians = {s: float(np.median(trial.stage_ms[s])) for s in STAGES}
-    whole = sum(medians.values())
-    sheet.text(x, y, "Median time a frame", size=7, weight="bold")
+    total = sum(medians.values())
+    sheet.text(x, y, "Median time per frame", size=7, weight="bold")
     axes = sheet.drawing(x, y + 1.5, width, 9)
     at = 0.0
     for stage, ms in medians.items():
-        part = width * ms / whole if whole > 0 else 0
-        axes.add_patch(Rectangle((at, 0), part, 3, facecolor=STAGE_COLOURS[stage], edgecolor="white", linewidth=0.5))
-        at += part
+        length = width * ms / total if total > 0 else 0
+        axes.add_patch(Rectangle((at, 0), length, 3, facecolor=STAGE_COLOURS[stage], edgecolor="white", linewidth=0.5))
+        at += length
     pitch = width / len(medians)
     for k, (stage, ms) in enumerate(medians.items()):
         axes.add_patch(Rectangle((k * pitch, 5.1), 1.6, 1.6, facecolor=STAGE_COLOURS[stage], edgecolor="none"))

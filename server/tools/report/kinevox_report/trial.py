@@ -1,14 +1,15 @@
-"""A processed trial's folder as `kinevox process` leaves it, for one page. Messages are one line each: ReportError."""
+"""A processed trial or a recording with poses, for one page. Messages are one line each: ReportError."""
 import csv
 import tomllib
 from pathlib import Path
 
 import numpy as np
 
-SIDED_ANGLES = ("hip_flexion", "knee_flexion", "hip_abduction", "shoulder_elevation", "elbow_flexion")
+from .body_table import GEOMETRIC_ANGLE_LABELS, GEOMETRIC_ANGLE_NAMES, JOINT_NAMES
+
+# Base names of angles with a left and a right side, in the order of angles.csv.
+SIDED_ANGLES = tuple(dict.fromkeys(n[:-2] for n in GEOMETRIC_ANGLE_NAMES if n.endswith(("_l", "_r"))))
 STAGES = ("segmentation", "tracking", "hull", "colouring", "pose")
-SIDED_JOINTS = ("shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle", "toe")
-JOINTS = ("root", "sacroiliac", "skullbase", "head_top", *(f"{j}_{s}" for s in "lr" for j in SIDED_JOINTS))
 
 
 class ReportError(Exception):
@@ -21,23 +22,24 @@ def read_table(file):
         with open(file, newline="", encoding="utf-8") as f:
             lines = list(csv.reader(f))
     except FileNotFoundError:
-        raise ReportError(f"{file}: no such file; give a folder that `kinevox process` wrote, with poses") from None
+        raise ReportError(f"{file}: no such file; give a folder with poses that `kinevox process` wrote") from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ReportError(f"{file}: cannot be read: {error}") from None
     if len(lines) < 2:
-        raise ReportError(f"{file}: holds no frames; there is nothing to report")
+        raise ReportError(f"{file}: has no frames; there is nothing to report")
     columns = [[] for _ in lines[0]]
     for number, line in enumerate(lines[1:], 2):
         if len(line) != len(columns):
-            raise ReportError(f"{file}:{number}: {len(line)} cells, expected {len(columns)}; "
-                              "write it anew with `kinevox process`")
+            raise ReportError(
+                f"{file}:{number}: {len(line)} cells, expected {len(columns)}; " "rerun `kinevox process`"
+            )
         for name, column, cell in zip(lines[0], columns, line):
             try:
                 column.append(float(cell) if cell else np.nan)
             except ValueError:
                 column.append(np.inf)
             if np.isinf(column[-1]) or cell.strip().lower() == "nan":
-                raise ReportError(f"{file}:{number}: {name} is '{cell[:40]}', expected a number or nothing")
+                raise ReportError(f"{file}:{number}: {name} is '{cell[:40]}', expected a number or an empty cell")
     return {name: np.array(column) for name, column in zip(lines[0], columns)}
 
 
@@ -52,43 +54,87 @@ def read_toml(file):
 
 def column(table, name, file):
     if name not in table:
-        raise ReportError(f"{file}: has no column {name}; write it anew with `kinevox process`")
+        raise ReportError(f"{file}: has no column {name}; rerun `kinevox process`")
     return table[name]
 
 
-class Trial:
-    """frames, time_s (n); joints {name: (n, 3) m}; angles {name: (n) deg} and their std, NaN where withheld."""
+def label_of(angle):
+    """ "Knee flexion" of knee_flexion_geometric_l."""
+    return GEOMETRIC_ANGLE_LABELS[angle.removesuffix("_l").removesuffix("_r").removesuffix("_geometric")]
 
-    def __init__(self, folder):
-        self.folder = Path(folder)
-        if not self.folder.is_dir():
-            raise ReportError(f"{folder}: no such folder; give the folder that `kinevox process` wrote")
+
+def one_subject(table, file, subject=None):
+    """The rows of one subject, one per frame: of `subject`, else of the only one in each frame."""
+    frames, ids = column(table, "frame", file), column(table, "subject", file)
+    if subject is not None:
+        keep = ids == subject
+        if not keep.any():
+            has = ", ".join(f"{i:.0f}" for i in np.unique(ids[np.isfinite(ids)])) or "none"
+            raise ReportError(f"{file}: has no subject {subject}; it has {has}")
+        keep |= ~np.isin(frames, frames[keep]) & np.r_[True, np.diff(frames) != 0]  # one row of each other frame
+        table = {
+            n: np.where((ids == subject) | np.isin(n, ["frame", "time_s"]), v, np.nan)[keep] for n, v in table.items()
+        }
+        return table
+    if len(np.unique(frames)) < len(frames) and np.isfinite(ids).any():
+        repeated = np.isin(frames, frames[1:][np.diff(frames) == 0])
+        several = np.unique(ids[repeated & np.isfinite(ids)])
+        if len(several) > 1:
+            raise ReportError(
+                f"{file}: has subjects {', '.join(f'{i:.0f}' for i in several)}; choose one with --subject"
+            )
+    return table
+
+
+def tables_folder(folder):
+    """Where the pose tables are, and the session file of a recording: (Path, Path or None)."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise ReportError(f"{folder}: no such folder; give a folder that `kinevox process` wrote, or a recording's")
+    session = folder / "session.toml"
+    if (folder / "joints.csv").is_file() or not session.is_file():
+        return folder, session if session.is_file() else None
+    recording = read_toml(session).get("recording")
+    if not isinstance(recording, dict) or not recording.get("poses"):
+        raise ReportError(f"{session}: contains no poses; run `kinevox process` and report its results")
+    return folder / recording["poses"], session
+
+
+class Trial:
+    """frames, time_s (n); joints {name: (n, 3) m}; angles {name: (n) deg} and their std, NaN where withheld.
+    `folder`: results of `kinevox process`, or a recording; `session_file`: of a recording, else None."""
+
+    def __init__(self, folder, subject=None):
+        self.name = Path(folder).absolute().name
+        self.folder, self.session_file = tables_folder(folder)
+        self.subject = subject
         file = self.folder / "joints.csv"
-        table = read_table(file)
+        table = one_subject(read_table(file), file, subject)
         frames, self.time_s = column(table, "frame", file), column(table, "time_s", file)
         for what, values in (("frame", frames), ("time_s", self.time_s)):
             if not np.isfinite(values).all() or not (np.diff(values) > 0).all():
-                raise ReportError(f"{file}: {what} does not rise from row to row; write it anew with `kinevox process`")
+                raise ReportError(f"{file}: {what} does not increase from row to row; rerun `kinevox process`")
         self.frames = frames.astype(int)
-        self.joints = {j: np.stack([column(table, f"{j}_{axis}", file) for axis in "xyz"], 1) for j in JOINTS}
+        self.joints = {j: np.stack([column(table, f"{j}_{axis}", file) for axis in "xyz"], 1) for j in JOINT_NAMES}
         self.angles = self._angles("angles.csv", "{}_deg")
         self.std = self._angles("uncertainty.csv", "{}_std_deg") if self._has("uncertainty.csv") else {}
         self.run = read_toml(self.folder / "run.toml") if self._has("run.toml") else {}
         self.stage_ms = self._stage_times() if self._has("timing.csv") else {}
         if not any(np.isfinite(a).any() for a in self.angles.values()):
-            raise ReportError(f"{self.folder / 'angles.csv'}: every angle of every frame is withheld; there is nothing "
-                              "to report, and withheld.csv beside it says why")
+            raise ReportError(
+                f"{self.folder / 'angles.csv'}: every angle of every frame is withheld, there is nothing "
+                "to report; see withheld.csv for the reasons"
+            )
 
     def _has(self, name):
         return (self.folder / name).is_file()
 
     def _angles(self, name, pattern):
         file = self.folder / name
-        table = read_table(file)
+        table = one_subject(read_table(file), file, self.subject)
         if not np.array_equal(column(table, "frame", file), self.frames):
-            raise ReportError(f"{file}: its frames are not those of joints.csv; both must be of one run")
-        names = [f"{a}_{side}" for a in SIDED_ANGLES for side in "lr"] + ["trunk_lean"]
-        return {n: column(table, pattern.format(n), file) for n in names}
+            raise ReportError(f"{file}: its frames are not those of joints.csv; both must be from one run")
+        return {n: column(table, pattern.format(n), file) for n in GEOMETRIC_ANGLE_NAMES}
 
     def _stage_times(self):
         """{stage: (n) ms}, "total" among them."""
@@ -104,13 +150,13 @@ class Trial:
     def rate_hz(self):
         return (len(self.time_s) - 1) / self.duration_s if self.duration_s > 0 else float("nan")
 
-    def withheld_share(self):
-        """Of all joints' and angles' values."""
+    def withheld_fraction(self):
+        """Of all values of joints and angles."""
         values = [p[:, 0] for p in self.joints.values()] + list(self.angles.values())
         return float(np.mean([np.isnan(v).mean() for v in values]))
 
     def speed(self, name):
-        """deg/s by differences over two frames; NaN beside what is withheld."""
+        """deg/s by differences over two frames; NaN next to withheld values."""
         out = np.full(len(self.time_s), np.nan)
         if len(out) > 2:
             out[1:-1] = (self.angles[name][2:] - self.angles[name][:-2]) / (self.time_s[2:] - self.time_s[:-2])
@@ -123,6 +169,6 @@ class Trial:
 
 
 def spread(values):
-    """Least and largest, NaN where nothing was measured."""
+    """Minimum and maximum, NaN if nothing was measured."""
     good = values[np.isfinite(values)]
     return (float(good.min()), float(good.max())) if len(good) else (float("nan"), float("nan"))

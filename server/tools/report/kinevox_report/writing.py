@@ -1,4 +1,4 @@
-"""What the programs of this folder share: one-line errors, and files that are whole or not there."""
+"""Shared by the programs of this folder: one-line errors and atomic files."""
 import argparse
 import os
 import sys
@@ -6,10 +6,12 @@ import tempfile
 
 
 def fail_as(verb):
-    """What prints one line and ends the program."""
+    """A function that prints one line and ends the program."""
+
     def fail(message):
         print(f"{verb}: " + " ".join(str(message).split()), file=sys.stderr)
         sys.exit(1)
+
     return fail
 
 
@@ -18,18 +20,18 @@ class OneLineParser(argparse.ArgumentParser):
         fail_as(self.prog)(f"{message}; see {self.prog} --help")
 
 
-def write_aside(out, write, fail):
-    """`write(file)` beside `out`, then renamed."""
+def write_atomically(out, write, fail):
+    """`write(file)` to a temporary file next to `out`, then renamed."""
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        handle, aside = tempfile.mkstemp(dir=out.parent, prefix=out.name + ".", suffix=".part")
+        handle, temporary = tempfile.mkstemp(dir=out.parent, prefix=out.name + ".", suffix=".part")
         os.close(handle)
         try:
-            write(aside)
-            os.chmod(aside, 0o644)
-            os.replace(aside, out)
+            write(temporary)
+            os.chmod(temporary, 0o644)
+            os.replace(temporary, out)
         except BaseException:
-            os.unlink(aside)
+            os.unlink(temporary)
             raise
     except OSError as error:
         fail(f"{out}: cannot be written: {error.strerror}; check the folder's permissions and free space")
@@ -37,4 +39,4 @@ def write_aside(out, write, fail):
 
 def write_sheet(sheet, out, fail):
     """A page; `out` ends in .png or .pdf."""
-    write_aside(out, lambda aside: sheet.save(aside, out.suffix.lower().lstrip(".")), fail)
+    write_atomically(out, lambda temporary: sheet.save(temporary, out.suffix.lower().lstrip(".")), fail)

@@ -1,9 +1,8 @@
-// In the place of Protocol Buffers' header of this name under the thread sanitizer: it gives maps two more
-// members there, of which Debian's library, built without the sanitizer, knows nothing; whoever asked it for
-// a map's entries got another member's bytes.
+// Replaces Protocol Buffers' header of this name under ThreadSanitizer, where it adds two members to maps.
+// Debian's library is built without the sanitizer and would read other members' bytes.
 #pragma once
 
-// What the header includes, as the sanitizer wants it.
+// The headers that it includes, with the sanitizer.
 #include <google/protobuf/arena.h>
 #include <google/protobuf/message.h>
 

@@ -1,7 +1,6 @@
-// In the place of oneTBB's header of this name under the thread sanitizer, which cannot see how oneTBB's own
-// library (Debian's, not instrumented) hands work from thread to thread: the same loops on threads of the
-// standard library, so that races of the bodies are found, with each other and with what comes before and
-// after them.
+// Replaces oneTBB's header of this name under ThreadSanitizer, which does not see how Debian's oneTBB passes
+// work between threads: the same loops on standard threads, so that races of the loop bodies are found, among
+// each other and with the code before and after them.
 #pragma once
 
 #include <oneapi/tbb/blocked_range.h>
@@ -17,14 +16,14 @@
 
 namespace kinevox::sanitize {
 
-inline constexpr std::size_t kThreads = 3;  // at a loop, the caller's among them
+inline constexpr std::size_t kThreads = 3;  // per loop, including the caller's
 
-// one_piece(n) of each n below `pieces`, in any order, on any of the threads. Throws what a piece throws,
-// when all have ended.
+// Calls one_piece(n) for each n below `pieces`, in any order, on any of the threads. Rethrows an exception of
+// a piece when all have ended.
 template <class F>
 void share_out(std::size_t pieces, const F& one_piece) {
     std::atomic<std::size_t> next = 0;
-    // Relaxed: a piece does not see what another has done, and the sanitizer is not to believe it.
+    // Relaxed, so that the sanitizer sees no ordering between pieces.
     const auto work = [&] {
         for (auto n = next.fetch_add(1, std::memory_order_relaxed); n < pieces;
              n = next.fetch_add(1, std::memory_order_relaxed))

@@ -1,4 +1,4 @@
-// In the place of oneTBB's header of this name, as parallel_for.h beside it.
+// Replaces oneTBB's header of this name, like parallel_for.h.
 #pragma once
 
 #include <oneapi/tbb/parallel_for.h>

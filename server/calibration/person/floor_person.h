@@ -1,0 +1,30 @@
+// The floor from a walking person's silhouettes.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <vector>
+
+#include "server/calibration/board/floor.h"
+#include "server/silhouettes/silhouette_set.h"
+
+namespace kinevox {
+
+struct FloorPersonOptions {
+    double contact_std_m = 0.03;  // of the hull's lowest point about the floor
+    double lean_std_rad = 0.05;   // of the mean direction from the feet to the body's centre, about upright
+    double highest_m = 0.025;     // above the floor: a step in the air, no contact
+    double deepest_m = 0.05;      // below the floor: a shadow, no foot
+    int max_frame_sets = 60;
+};
+
+// World frame from a walking person's silhouettes. The floor is fitted to the lowest hull points of all frame
+// sets; for a straight walk, tilt across the path relies on an upright body. The origin is the centre of the
+// path on the floor; x points from the start of the walk to its farthest point, or along the first camera's
+// view if the person stays within 0.5 m. FailedPrecondition if no person is found; Cancelled by `progress`.
+absl::StatusOr<FloorResult> floor_from_person(const std::vector<Camera>& cameras,
+                                              const SilhouetteSet& silhouettes,
+                                              const FloorPersonOptions& options = {},
+                                              const SolveProgress& progress = {});
+
+}  // namespace kinevox

@@ -1,0 +1,246 @@
+#include "server/config/daemon_config.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <system_error>
+
+#include "common/atomic_file.h"
+#include "common/toml_reader.h"
+#include "server/config/option_reader.h"
+#include "server/pipeline/pipeline.h"
+
+namespace kinevox {
+namespace {
+
+std::filesystem::path resolved(const std::string& text, const std::filesystem::path& folder) {
+    return text.empty() ? std::filesystem::path() : (folder / text).lexically_normal();
+}
+
+// Stays empty where the key is missing, which is not the same as an empty path.
+void read_optional_path(const TomlTable& table, const char* key, const std::filesystem::path& folder,
+                        std::optional<std::filesystem::path>& path) {
+    const std::string text = table.text_or(key, "");
+    if (table.has(key)) path = resolved(text, folder);
+}
+
+void read_int(const TomlTable& table, const char* key, int& value, int min, int max) {
+    value = static_cast<int>(table.integer_or(key, value, min, max));
+}
+
+void read_server(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist,
+                 ServerConfig& server) {
+    server.listen = table.text_or("listen", server.listen);
+    if (const std::string problem = listen_address_problem(server.listen); !problem.empty())
+        table.fail("listen", problem);
+    read_access(table, folder, check_files_exist, server.access);
+}
+
+void read_studio(const TomlTable& table, StudioConfig& studio) {
+    studio.motion = table.choice_or("motion", studio.motion, {kStudioMotions.begin(), kStudioMotions.end()});
+    read_int(table, "camera_count", studio.camera_count, 2, 64);
+    read_int(table, "width_px", studio.width_px, 64, 4096);
+    read_int(table, "height_px", studio.height_px, 64, 4096);
+    studio.fps = table.number_or("fps", studio.fps, {1, 1000});
+    studio.seed = static_cast<std::uint32_t>(table.integer_or("seed", studio.seed, 0, 0xffffffff));
+    studio.stature_m = table.number_or("stature_m", studio.stature_m, {0, 2.2});
+    if (studio.stature_m > 0 && studio.stature_m < 1.2)
+        table.fail("stature_m",
+                   fmt::format("is {}, expected 1.2 to 2.2, or 0 to draw it from the seed; correct it",
+                               studio.stature_m));
+}
+
+void read_source(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist,
+                 SourceConfig& source) {
+    const std::string kind = table.choice_or("kind", "studio", {"studio", "session", "cameras"});
+    source.kind = kind == "session"   ? SourceConfig::Kind::kSession
+                  : kind == "cameras" ? SourceConfig::Kind::kCameras
+                                      : SourceConfig::Kind::kStudio;
+    const std::string session = table.text_or("session_file", "");
+    source.session_file = resolved(session, folder);
+    std::error_code ignored;
+    if (source.kind == SourceConfig::Kind::kSession) {
+        if (session.empty())
+            table.fail("session_file",
+                       "is missing, but kind is \"session\"; give the path of a session.toml");
+        else if (check_files_exist && !std::filesystem::exists(source.session_file, ignored))
+            table.fail("session_file",
+                       fmt::format("is \"{}\", but {} does not exist; correct the path", session,
+                                   source.session_file.string()),
+                       absl::StatusCode::kNotFound);
+    }
+    const std::string pacing = table.choice_or("pacing", "real_time", {"real_time", "as_fast_as_possible"});
+    source.pacing =
+        pacing == "real_time" ? SourceConfig::Pacing::kRealTime : SourceConfig::Pacing::kAsFastAsPossible;
+    source.loop = table.boolean_or("loop", source.loop);
+    source.autostart = table.boolean_or("autostart", source.autostart);
+    read_studio(table.table_or_empty("studio"), source.studio);
+    read_live_cameras(table.table_or_empty("cameras"), folder, check_files_exist,
+                      source.kind == SourceConfig::Kind::kCameras, source.cameras);
+}
+
+void read_pipeline(const TomlTable& table, PipelineConfig& pipeline) {
+    const std::string device = table.choice_or("device", "cpu", {"cpu", "cuda"});
+    pipeline.device = device == "cuda" ? PipelineConfig::Device::kCuda : PipelineConfig::Device::kCpu;
+    pipeline.voxel_mm = table.number_or("voxel_mm", pipeline.voxel_mm, {2, 100});
+    pipeline.colouring = table.boolean_or("colouring", pipeline.colouring);
+    read_int(table, "threads", pipeline.threads, 0, 1024);
+}
+
+void read_segmentation(const TomlTable& table, const std::filesystem::path& folder,
+                       SegmentationConfig& segmentation) {
+    read_options(table, segmentation.options);
+    read_optional_path(table, "background_folder", folder, segmentation.background_folder);
+    if (segmentation.options.loose_threshold > segmentation.options.sharp_threshold)
+        table.fail("loose_threshold",
+                   fmt::format("is {}, above sharp_threshold, which is {}; lower it",
+                               segmentation.options.loose_threshold, segmentation.options.sharp_threshold));
+}
+
+void read_pose(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist,
+               PoseConfig& pose) {
+    pose.enabled = table.boolean_or("enabled", pose.enabled);
+    read_options(table, pose.options);
+    read_options(table.table_or_empty("tracking"), pose.options.tracker);
+    const TomlTable fit = table.table_or_empty("fit");
+    read_options(fit, pose.options.tracker.fit);
+    if (const auto& options = pose.options.tracker.fit; options.wide_m < options.narrow_m)
+        fit.fail("wide_m", fmt::format("is {}, below narrow_m, which is {}; raise it", options.wide_m,
+                                       options.narrow_m));
+    read_options(table.table_or_empty("filter"), pose.options.filter);
+    pose.body_file = resolved(table.text_or("body_file", ""), folder);
+    std::error_code ignored;
+    if (check_files_exist && !pose.body_file.empty() && !std::filesystem::exists(pose.body_file, ignored))
+        table.fail("body_file",
+                   fmt::format("is {}, which does not exist; kinevox process --tpose writes one",
+                               pose.body_file.string()),
+                   absl::StatusCode::kNotFound);
+    pose.auto_fit_body = table.boolean_or("auto_fit_body", pose.auto_fit_body);
+    read_optional_path(table, "fitted_body_file", folder, pose.fitted_body_file);
+    read_optional_path(table, "database_file", folder, pose.database_file);
+    read_int(table, "library_pose_count", pose.library_pose_count, 1, 4000);
+}
+
+void read_recording(const TomlTable& table, const std::filesystem::path& base, RecordingConfig& recording) {
+    read_optional_path(table, "folder", base, recording.folder);
+    recording.codec = table.choice_or("codec", recording.codec, {"ffv1", "utvideo", "h264"});
+    recording.save_poses = table.boolean_or("save_poses", recording.save_poses);
+    recording.save_volumes = table.boolean_or("save_volumes", recording.save_volumes);
+    recording.max_buffer_s = table.number_or("max_buffer_s", recording.max_buffer_s, {0, 3600});
+    read_int(table, "max_buffer_mb", recording.max_buffer_mb, 1, 1 << 20);
+    read_int(table, "max_queue_mb", recording.max_queue_mb, 1, 1 << 20);
+    read_int(table, "min_free_disk_mb", recording.min_free_disk_mb, 0, 1 << 20);
+    recording.retention_days = table.number_or("retention_days", recording.retention_days, {0, 36500});
+    recording.max_total_gb = table.number_or("max_total_gb", recording.max_total_gb, {0, 1e6});
+}
+
+void read_replay(const TomlTable& table, const std::filesystem::path& base, ReplayConfig& replay) {
+    for (const std::string& text : table.texts_or_empty("folders")) {
+        if (text.empty()) table.fail("folders", "holds an empty path; remove it");
+        replay.folders.push_back(resolved(text, base));
+    }
+}
+
+void read_stream(const TomlTable& table, StreamConfig& stream) {
+    read_int(table, "max_lossless_messages", stream.max_lossless_messages, 1, 100000);
+    read_int(table, "max_lossless_mb", stream.max_lossless_mb, 1, 4096);
+    stream.max_latest_messages_per_s =
+        table.number_or("max_latest_messages_per_s", stream.max_latest_messages_per_s, {0, 1e9});
+    read_int(table, "default_preview_width_px", stream.default_preview_width_px, 16, 8192);
+    read_int(table, "default_preview_jpeg_quality", stream.default_preview_jpeg_quality, 1, 100);
+}
+
+void read_control(const TomlTable& table, ControlConfig& control) {
+    control.default_lease_s = table.number_or("default_lease_s", control.default_lease_s, {1, 86400});
+    control.max_lease_s = table.number_or("max_lease_s", control.max_lease_s, {1, 86400});
+    if (control.default_lease_s > control.max_lease_s)
+        table.fail("default_lease_s", fmt::format("is {}, above max_lease_s, which is {}; lower it",
+                                                  control.default_lease_s, control.max_lease_s));
+}
+
+void read_metrics(const TomlTable& table, MetricsConfig& metrics) {
+    metrics.listen = table.text_or("listen", metrics.listen);
+    if (metrics.listen.empty()) return;
+    if (const std::string problem = listen_address_problem(metrics.listen); !problem.empty())
+        table.fail("listen", problem);
+}
+
+void read_log(const TomlTable& table, const std::filesystem::path& folder, LogConfig& log) {
+    log.level = table.choice_or("level", log.level, {"trace", "debug", "info", "warning", "error", "off"});
+    log.file = resolved(table.text_or("file", ""), folder);
+}
+
+}  // namespace
+
+std::string listen_address_problem(std::string_view text) {
+    const std::string given =
+        fmt::format("is \"{}\", expected HOST:PORT such as 127.0.0.1:50770; ", text.substr(0, 80));
+    const std::size_t colon = text.rfind(':');
+    if (colon == std::string_view::npos || colon == 0) return given + "give host and port";
+    const std::string_view host = text.substr(0, colon), port_text = text.substr(colon + 1);
+    for (const char c : host)
+        if (static_cast<unsigned char>(c) <= ' ' || c == 0x7f || c == '/') return given + "correct the host";
+    if (host.find(':') != std::string_view::npos && !(host.starts_with('[') && host.ends_with(']')))
+        return given + "put an IPv6 host into brackets";
+    unsigned port = 0;
+    const auto [end, code] = std::from_chars(port_text.data(), port_text.data() + port_text.size(), port);
+    if (code != std::errc{} || end != port_text.data() + port_text.size() || port > 65535)
+        return given + "the port is a number from 0 to 65535";
+    return "";
+}
+
+absl::StatusOr<DaemonConfig> parse_config_toml(const std::string& text, const std::filesystem::path& folder,
+                                               const std::string& name_for_errors, bool check_files_exist) {
+    const absl::StatusOr<std::unique_ptr<TomlDocument>> document =
+        TomlDocument::parse(text, name_for_errors, renamed_config_keys());
+    if (!document.ok()) return document.status();
+    const TomlTable root = (*document)->root();
+    DaemonConfig config;
+    read_server(root.table_or_empty("server"), folder, check_files_exist, config.server);
+    read_source(root.table_or_empty("source"), folder, check_files_exist, config.source);
+    read_pipeline(root.table_or_empty("pipeline"), config.pipeline);
+    read_segmentation(root.table_or_empty("segmentation"), folder, config.segmentation);
+    read_options(root.table_or_empty("tracking"), config.tracking);
+    read_options(root.table_or_empty("hull"), config.hull);
+    read_options(root.table_or_empty("colouring"), config.colouring);
+    read_pose(root.table_or_empty("pose"), folder, check_files_exist, config.pose);
+    read_optional_path(root.table_or_empty("calibration"), "folder", folder, config.calibration.folder);
+    read_recording(root.table_or_empty("recording"), folder, config.recording);
+    read_replay(root.table_or_empty("replay"), folder, config.replay);
+    read_stream(root.table_or_empty("stream"), config.stream);
+    read_control(root.table_or_empty("control"), config.control);
+    read_metrics(root.table_or_empty("metrics"), config.metrics);
+    read_log(root.table_or_empty("log"), folder, config.log);
+    if (absl::Status status = (*document)->finish(); !status.ok()) return status;
+    return config;
+}
+
+absl::StatusOr<DaemonConfig> read_config(const std::filesystem::path& file, bool check_files_exist) {
+    const absl::StatusOr<std::string> text = read_file(file);
+    if (!text.ok()) return text.status();
+    const absl::StatusOr<std::filesystem::path> folder = folder_of(file);
+    if (!folder.ok()) return folder.status();
+    return parse_config_toml(*text, *folder, file.string(), check_files_exist);
+}
+
+absl::StatusOr<PipelineOptions> pipeline_options(const DaemonConfig& config) {
+    PipelineOptions options;
+    options.device = config.pipeline.device == PipelineConfig::Device::kCuda ? kernels::Device::kCuda
+                                                                             : kernels::Device::kCpu;
+    options.voxel_m = config.pipeline.voxel_mm / 1000;
+    options.colouring = config.pipeline.colouring;
+    options.pose = config.pose.enabled;
+    options.segmentation = config.segmentation.options;
+    options.tracker = config.tracking;
+    options.hull = config.hull;
+    options.colour = config.colouring;
+    options.posing = config.pose.options;
+    if (!config.pose.body_file.empty()) {
+        absl::StatusOr<BodyShape> body = read_body_shape(config.pose.body_file);
+        if (!body.ok()) return body.status();
+        options.posing.body = *std::move(body);
+    }
+    return options;
+}
+
+}  // namespace kinevox

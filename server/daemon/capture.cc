@@ -1,0 +1,190 @@
+#include "server/daemon/capture.h"
+
+#include <spdlog/spdlog.h>
+
+#include <cmath>
+
+#include "server/api/version.h"
+#include "server/daemon/setup.h"
+#include "server/pose/pose_stage.h"
+
+namespace kinevox {
+
+Capture::Capture(const DaemonConfig& given)
+    : config(given),
+      background(background_folder(config), [](const std::string& message) { spdlog::info("{}", message); }) {
+}
+
+absl::StatusOr<std::unique_ptr<Capture>> Capture::create(const DaemonConfig& config,
+                                                         const MakeGpu& make_gpu) {
+    auto capture = std::make_unique<Capture>(config);
+    if (absl::Status opened = capture->open(make_gpu); !opened.ok()) return opened;
+    return capture;
+}
+
+absl::StatusOr<std::unique_ptr<FrameSource>> Capture::open_frame_source() {
+    auto source = open_source(config.source);
+    if (!source.ok()) return source;
+    return background.restoring(*std::move(source));
+}
+
+absl::Status Capture::open(const MakeGpu& make_gpu) {
+    auto source = open_frame_source();
+    if (!source.ok()) return source.status();
+    auto read_options = pipeline_options(config);
+    if (!read_options.ok()) return read_options.status();
+    options = *std::move(read_options);
+    if (options.device == kernels::Device::kCuda) gpu = std::make_shared<Gpu>(make_gpu());
+    options.gpu = gpu;
+    auto pipeline = Pipeline::create((*source)->cameras(), (*source)->fps(), options);
+    if (!pipeline.ok()) return pipeline.status();
+
+    pose_stage = (*pipeline)->pose_stage();
+    if (const auto file = pose_database_file(config.pose); !file.empty()) {
+        poses.emplace(file);
+        pose_stage->set_proposer(&*poses);  // has nothing to propose until it is built
+    }
+    runner = std::make_unique<Runner>(
+        std::move(*source), [this] { return open_frame_source(); }, std::move(*pipeline), hub);
+    if (pose_stage)
+        body_fit = make_body_fit(config.pose, *runner, options.posing, poses ? &*poses : nullptr,
+                                 hub.events(), body_watch);
+    camera_watch = std::make_unique<CameraWatch>(runner->cameras(), CameraWatchOptions{},
+                                                 [this](const Event& event) { hub.events().publish(event); });
+    restore_calibration();
+    auto made_recorder = make_recorder(config, *runner, *calibrations, *active_calibration, hub.events());
+    if (!made_recorder.ok()) return made_recorder.status();
+    recorder = *std::move(made_recorder);
+    warn_of_unwritable_recordings(recorder->options().folder);
+
+    runner->set_result_observer([this](const FrameResult& result) { observe(result); });
+    runner->set_observers({[this](const FrameSet& frame_set) { recorder->offer(frame_set); },
+                           [this](const BackgroundImages& images) {
+                               background.store(runner->cameras(), runner->source_fps(), images);
+                               recorder->background_learned(images);
+                           },
+                           [this] { recorder->capture_ended(); }});
+    replay = std::make_unique<Replay>(
+        *runner, make_replay_pipeline(options, *runner, poses ? &*poses : nullptr),
+        [this](EventKind kind, std::string message) { hub.events().publish(kind, std::move(message)); });
+    procedure = make_calibration_procedure(*calibrations, hub, procedure_watch);
+    return absl::OkStatus();
+}
+
+// The calibration that was applied last, instead of the source's own.
+void Capture::restore_calibration() {
+    calibrations = std::make_unique<CalibrationStore>(calibration_folder(config.calibration),
+                                                      describe(config.source), runner->cameras());
+    active_calibration = std::make_unique<ActiveCalibration>(*calibrations, *runner,
+                                                             [this](const std::vector<Camera>& cameras) {
+                                                                 if (body_fit) body_fit->set_cameras(cameras);
+                                                                 camera_watch->reset(cameras);
+                                                                 if (background_work_started_)
+                                                                     build_pose_database(cameras);
+                                                             });
+    if (const absl::Status restored = active_calibration->restore(); !restored.ok())
+        spdlog::warn("using the source's own calibration: {}", std::string(restored.message()));
+}
+
+// On the posing thread.
+void Capture::observe(const FrameResult& result) {
+    statistics.observe(result.times);
+    if (result.frame_set.recorded_frame) return;  // a replay shows nothing about the cameras and the subject
+    camera_watch->observe(result);
+    recorder->observe(result, pose_stage ? &pose_stage->body() : nullptr);
+    if (!body_fit) return;
+    body_fit->observe(result.capture_time_ns,
+                      result.subject && result.volume ? &pose_stage->observation() : nullptr);
+    if (const auto body = body_fit->take_body()) pose_stage->set_body(*body);
+}
+
+void Capture::build_pose_database(const std::vector<Camera>& cameras) {
+    if (poses)
+        start_pose_database(*poses, config.pose, cameras, options.posing.body, hub.events(), pose_watch);
+}
+
+void Capture::start_background_work() {
+    background_work_started_ = true;
+    build_pose_database(runner->cameras());
+}
+
+void Capture::notify_shutdown(const absl::Status& why) {
+    runner->abort();
+    if (poses) poses->close();
+    if (body_fit) body_fit->close();
+    camera_watch->close();
+    procedure->close();
+    hub.close(why);
+    pose_watch.close(why);
+    body_watch.close(why);
+    procedure_watch.close(why);
+}
+
+void Capture::stop() {
+    runner->stop().IgnoreError();  // FailedPrecondition if nothing is captured
+}
+
+void Capture::close() {
+    recorder->close();  // finishes the current recording
+    procedure.reset();  // its thread ends at its next step
+    body_fit.reset();   // its thread ends at its next frame set
+    poses.reset();      // its thread ends at its next check
+}
+
+metrics::MetricsSnapshot Capture::metrics_snapshot() const {
+    metrics::MetricsSnapshot out;
+    out.version = kVersion;
+    out.source = describe(config.source);
+    out.start_time_s = std::chrono::duration<double>(started_at_.time_since_epoch()).count();
+    out.state = runner->state().state;
+    out.nominal_fps = runner->source_fps();
+    out.run = runner->snapshot();
+    const auto latest = hub.latest();
+    if (const FrameResult* const result = latest ? latest->result.get() : nullptr) {
+        out.subjects_tracked = result->subject ? 1 : 0;
+        out.subjects_with_pose = result->pose ? 1 : 0;
+        if (result->subject && result->volume)
+            out.subject_volumes_litres.emplace_back(result->subject->subject_id,
+                                                    volume_litres(*result->volume));
+    }
+    out.stages_s = {{"segmentation", statistics.segmentation.read()},
+                    {"tracking", statistics.tracking.read()},
+                    {"hull", statistics.hull.read()},
+                    {"colouring", statistics.colouring.read()},
+                    {"pose", statistics.pose.read()},
+                    {"total", statistics.total.read()}};
+    const StreamHub::Subscribers subscribers = hub.subscribers();
+    const auto stream = [](const char* name, int count, const StreamStatistics& each) {
+        return metrics::StreamMetrics{name, count, each.latency.read(), each.sent, each.missed};
+    };
+    out.streams = {stream("volumes", subscribers.volumes, statistics.volumes),
+                   stream("poses", subscribers.poses, statistics.poses),
+                   stream("previews", subscribers.images, statistics.images),
+                   {"events", subscribers.events, std::nullopt, 0, 0}};
+    const std::vector<Camera> cameras = runner->cameras();
+    const std::vector<CameraConnection> connections = runner->camera_connections();
+    std::vector<WatchedCamera> watched;
+    if (!replay->status().open) watched = camera_watch->cameras();
+    for (std::size_t c = 0; c < cameras.size(); ++c) {
+        metrics::CameraMetrics& camera = out.cameras.emplace_back();
+        camera.name = cameras[c].name;
+        if (c < connections.size()) camera.connection = connections[c];
+        if (latest && c < latest->result->silhouette_iou.size())
+            if (const float iou = latest->result->silhouette_iou[c]; !std::isnan(iou))
+                camera.silhouette_iou = static_cast<double>(iou);
+        if (c < watched.size()) {
+            camera.scene_shift_px = watched[c].shift_px;
+            camera.calibration_suspect = watched[c].suspect;
+        }
+    }
+    if (!recorder->options().folder.empty()) {
+        const RecorderStatus status = recorder->status();
+        out.recorder = {status.state != RecorderState::kIdle, status.free_bytes, status.queued_bytes,
+                        status.buffered_s};
+    }
+    out.gpu_configured = gpu != nullptr;
+    if (gpu) out.gpu = gpu->state();
+    return out;
+}
+
+}  // namespace kinevox
