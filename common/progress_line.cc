@@ -18,6 +18,7 @@ bool ProgressLine::due() {
 }
 
 void ProgressLine::draw(std::string_view text) {
+    if (!on_) return;
     fmt::print(stderr, "\r\033[K{}", text);
     std::fflush(stderr);
     shown_ = true;

@@ -15,7 +15,7 @@ class ProgressLine {
     ProgressLine& operator=(const ProgressLine&) = delete;
 
     bool due();                        // time to draw
-    void draw(std::string_view text);  // if due
+    void draw(std::string_view text);  // at once
     void show(double progress);        // "42 %" of 0 to 1, if due
     void clear();
 

@@ -5,6 +5,7 @@
 
 #include "common/frame_range.h"
 #include "common/host_port.h"
+#include "common/progress_line.h"
 #include "common/suggestion.h"
 
 namespace kinevox {
@@ -61,6 +62,16 @@ TEST(ParseErrorText, NamesUnknownCommandOrOption) {
     EXPECT_EQ(parse_error_text(app, {"record", "delete", "--yse"}, error),
               "unknown option '--yse'; did you mean '--yes'? see tool --help");
     EXPECT_EQ(parse_error_text(app, {"record", "delete"}, error), "other; see tool --help");
+}
+
+TEST(ProgressLine, WritesNothingWithoutTerminal) {
+    ::testing::internal::CaptureStderr();  // into a file
+    {
+        ProgressLine line;
+        line.draw("starting the capture ...");
+        line.show(0.5);
+    }
+    EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
 }
 
 }  // namespace
