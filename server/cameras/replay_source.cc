@@ -66,7 +66,8 @@ class LanedReplay final : public ReplaySource {
         change([&] {
             playing_ = false;
             const std::int64_t from = target_.value_or(std::max<std::int64_t>(shown_, 0));
-            target_ = std::clamp<std::int64_t>(from + frames, 0, frames_ - 1);
+            // Clamped before the addition: clients may ask for any number of frames.
+            target_ = from + std::clamp<std::int64_t>(frames, -from, frames_ - 1 - from);
         });
     }
     absl::Status seek(std::int64_t frame) override;

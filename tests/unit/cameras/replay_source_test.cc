@@ -8,6 +8,7 @@
 #include <chrono>
 #include <functional>
 #include <future>
+#include <limits>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/videoio.hpp>
 #include <thread>
@@ -160,6 +161,11 @@ TEST_F(ReplaySourceTest, SeeksAndStepsExactly) {
         EXPECT_EQ(set->after_discontinuity, frame != at + 1);
         at = frame;
     }
+    // As far as a request can ask: to the ends.
+    source->step(std::numeric_limits<std::int64_t>::max());
+    expect_shows(source->next(), kFrames - 1);
+    source->step(std::numeric_limits<std::int64_t>::min());
+    expect_shows(source->next(), 0);
     auto none = std::async(std::launch::async, [&] { return source->next(); });
     EXPECT_EQ(none.wait_for(std::chrono::milliseconds(50)), std::future_status::timeout) << "it stands still";
     source->stop();
