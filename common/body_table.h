@@ -6,7 +6,7 @@
 #include <limits>
 #include <string_view>
 
-#include "common/degrees.h"
+#include "common/geometry.h"
 
 namespace kinevox {
 
@@ -56,7 +56,7 @@ inline constexpr std::array kBones{
     Bone{"hip_r", "knee_r", BodySide::kRight},        Bone{"knee_r", "ankle_r", BodySide::kRight},
     Bone{"ankle_r", "toe_r", BodySide::kRight}};
 
-// Angles from joint positions (common/joint_angles.h), in the order of the columns of angles.csv, there with
+// Angles from joint positions (common/body_pose.h), in the order of the columns of angles.csv, there with
 // the suffix "_deg"; and their labels, without the side.
 inline constexpr std::array<std::string_view, 11> kJointAngleNames{
     "knee_flexion_geometric_l",       "knee_flexion_geometric_r",  "elbow_flexion_geometric_l",

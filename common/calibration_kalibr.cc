@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "common/calibration_file.h"
-#include "common/calibration_import.h"
 #include "common/one_line.h"
 #include "common/toml_reader.h"
 

@@ -7,7 +7,6 @@
 #include <filesystem>
 
 #include "common/calibration_file.h"
-#include "common/calibration_import.h"
 #include "common/one_line.h"
 #include "common/toml_reader.h"
 
@@ -139,7 +138,7 @@ absl::StatusOr<std::vector<Camera>> parse_calibration_opencv(const std::string& 
         const YAML::Node root = YAML::Load(yaml);
         if (!root.IsMap())
             return absl::InvalidArgumentError(fmt::format(
-                "{}: holds no camera; see common/calibration_import.h for the layout", name_for_errors));
+                "{}: holds no camera; see common/calibration_file.h for the layout", name_for_errors));
         if (root["camera_matrix"]) {
             const std::string stem = std::filesystem::path(name_for_errors).stem().string();
             cameras.push_back(read_camera(root, stem, name_for_errors, error));
@@ -162,7 +161,7 @@ absl::StatusOr<std::vector<Camera>> parse_calibration_opencv(const std::string& 
     if (!error.empty()) return absl::InvalidArgumentError(one_line(error));
     if (cameras.empty())
         return absl::InvalidArgumentError(fmt::format(
-            "{}: holds no camera; see common/calibration_import.h for the layout", name_for_errors));
+            "{}: holds no camera; see common/calibration_file.h for the layout", name_for_errors));
     return cameras;
 }
 

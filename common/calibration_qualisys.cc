@@ -5,7 +5,7 @@
 #include <cmath>
 #include <pugixml.hpp>
 
-#include "common/calibration_import.h"
+#include "common/calibration_file.h"
 #include "common/one_line.h"
 
 namespace kinevox {

@@ -5,9 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/atomic_file.h"
 #include "common/calibration_file.h"
-#include "common/calibration_import.h"
+#include "common/files.h"
 #include "common/toml_reader.h"
 
 namespace kinevox {

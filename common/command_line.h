@@ -24,6 +24,9 @@ std::string parse_error_text(const CLI::App& app, const std::vector<std::string>
                              const CLI::ParseError& error,
                              const std::vector<std::string>& more_commands = {});
 
+// The candidate with the smallest edit distance, where that is at most 2 and below half the word's length.
+std::optional<std::string> closest_word(const std::string& word, const std::vector<std::string>& candidates);
+
 // "unknown command 'recrod'; did you mean 'record'?"
 std::string unknown_word_text(const std::string& kind, const std::string& word,
                               const std::vector<std::string>& known);

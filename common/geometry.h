@@ -4,8 +4,18 @@
 
 #include <array>
 #include <cmath>
+#include <numbers>
 
 namespace kinevox {
+
+// Angles are radians inside and degrees at the edges.
+constexpr double degrees(double rad) {
+    return rad * 180 / std::numbers::pi;
+}
+constexpr double radians(double deg) {
+    return deg * std::numbers::pi / 180;
+}
+inline constexpr double kDegree = radians(1);
 
 struct Vec2 {
     double x = 0, y = 0;

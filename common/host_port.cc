@@ -1,5 +1,7 @@
 #include "common/host_port.h"
 
+#include <arpa/inet.h>
+
 #include <algorithm>
 #include <charconv>
 
@@ -25,6 +27,16 @@ std::optional<HostPort> parse_host_port(std::string_view text) {
     const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), number);
     if (error != std::errc{} || end != port.data() + port.size() || number > 65535) return std::nullopt;
     return HostPort{std::string(host), static_cast<int>(number)};
+}
+
+bool is_loopback(const std::string& host_and_port) {
+    const auto address = parse_host_port(host_and_port);
+    const std::string& host = address ? address->host : host_and_port;
+    if (host == "localhost") return true;
+    in_addr v4{};
+    if (inet_pton(AF_INET, host.c_str(), &v4) == 1) return ntohl(v4.s_addr) >> 24 == 127;
+    in6_addr v6{};
+    return inet_pton(AF_INET6, host.c_str(), &v6) == 1 && IN6_IS_ADDR_LOOPBACK(&v6);
 }
 
 }  // namespace kinevox

@@ -10,8 +10,7 @@
 #include <limits>
 #include <system_error>
 
-#include "common/atomic_file.h"
-#include "common/little_endian.h"
+#include "common/files.h"
 
 namespace kinevox {
 namespace {

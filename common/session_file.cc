@@ -6,8 +6,8 @@
 #include <limits>
 #include <system_error>
 
-#include "common/atomic_file.h"
 #include "common/calibration_file.h"
+#include "common/files.h"
 #include "common/toml_reader.h"
 
 namespace kinevox {

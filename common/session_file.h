@@ -1,4 +1,4 @@
-// session.toml: the videos, backgrounds and calibration of one capture.
+// session.toml: the videos, backgrounds and calibration of one capture, and the offsets of its videos.
 #pragma once
 
 #include <absl/status/status.h>
@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -19,7 +20,7 @@ struct SessionCamera {
     std::filesystem::path video;       // a video or a folder of images; absolute after reading
     std::filesystem::path background;  // an image, a clip or a folder; empty: none
     // Time of its first image, s, on the time axis that all cameras of the session share: image n is taken at
-    // offset_s + n / fps. Absent: 0. With it the videos may differ in length; see session_offsets.h.
+    // offset_s + n / fps. Absent: 0. With it the videos may differ in length; see first_image_indices().
     std::optional<double> offset_s = std::nullopt;
 };
 
@@ -63,5 +64,27 @@ absl::StatusOr<std::vector<Camera>> read_session_cameras(const Session& session)
 
 // Paths below the file's folder are written relative to it. Atomic.
 absl::Status write_session(const Session& session, const std::filesystem::path& file);
+
+// Sessions whose videos were started one by one: their frame sets, and the offsets in session.toml.
+
+// True if any camera has an offset_s: its videos may then start and end at different times.
+bool has_offsets(const Session& session);
+
+// Per camera the index of the image in the first frame set: the first at which all cameras have started.
+// Frame set s holds image first + s of each camera. If the cameras' images alternate, those within the
+// shortest time, which is less than a frame, are joined. All 0 without offsets.
+std::vector<std::int64_t> first_image_indices(const Session& session);
+
+// Number of frame sets if camera c has images[c] images, counted from first_image_indices(). InvalidArgument
+// names the cameras if one starts after another has ended.
+absl::StatusOr<std::int64_t> common_length(const Session& session, std::span<const std::int64_t> images);
+
+// The text of a session.toml with one offset_s in each [[camera]], in the order of the file; everything else
+// stays, including comments. InvalidArgument for inline tables, which are not supported here.
+absl::StatusOr<std::string> with_offsets(const std::string& text, std::span<const double> offsets_s);
+
+// Replaces the file by with_offsets() or, if that fails, by write_session(), which loses its comments.
+// Atomic.
+absl::Status write_offsets(const std::filesystem::path& session_file, std::span<const double> offsets_s);
 
 }  // namespace kinevox

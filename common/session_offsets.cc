@@ -1,5 +1,3 @@
-#include "common/session_offsets.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -9,7 +7,8 @@
 #include <string_view>
 #include <utility>
 
-#include "common/atomic_file.h"
+#include "common/files.h"
+#include "common/session_file.h"
 
 namespace kinevox {
 namespace {

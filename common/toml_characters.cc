@@ -1,6 +1,6 @@
-#include "common/toml_characters.h"
-
 #include <cstdint>
+
+#include "common/toml_reader.h"
 
 namespace kinevox {
 namespace {

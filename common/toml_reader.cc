@@ -10,7 +10,6 @@
 #include <set>
 
 #include "common/one_line.h"
-#include "common/toml_characters.h"
 
 namespace kinevox {
 namespace {

@@ -7,9 +7,7 @@
 #include <cstring>
 #include <memory>
 
-#include "common/volume_bits.h"
-#include "common/volume_colour_codec.h"
-#include "common/volume_shape_codec.h"
+#include "common/volume.h"
 
 namespace kinevox {
 namespace {

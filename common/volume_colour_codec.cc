@@ -1,6 +1,6 @@
-#include "common/volume_colour_codec.h"
-
 #include <bit>
+
+#include "common/volume_codec.h"
 
 namespace kinevox {
 namespace {

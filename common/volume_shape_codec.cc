@@ -1,6 +1,5 @@
-#include "common/volume_shape_codec.h"
-
-#include "common/volume_bits.h"
+#include "common/volume.h"
+#include "common/volume_codec.h"
 
 namespace kinevox {
 namespace {

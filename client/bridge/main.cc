@@ -7,12 +7,10 @@
 #include <optional>
 #include <string>
 
-#include "client/bridge/udp_sender.h"
-#include "client/bridge/vmc.h"
+#include "client/bridge/datagrams.h"
 #include "client/lib/client.h"
-#include "client/lib/connection_options.h"
+#include "client/lib/client_program.h"
 #include "client/lib/pose_csv.h"
-#include "client/lib/stop_signals.h"
 #include "common/command_line.h"
 
 namespace {

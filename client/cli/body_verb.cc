@@ -5,9 +5,8 @@
 #include <algorithm>
 #include <chrono>
 
-#include "client/cli/action.h"
-#include "client/cli/json.h"
-#include "client/cli/table.h"
+#include "client/cli/output.h"
+#include "client/cli/verbs.h"
 #include "common/proto_time.h"
 
 namespace kinevox::cli {

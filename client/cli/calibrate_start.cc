@@ -4,10 +4,8 @@
 #include <CLI/CLI.hpp>
 #include <filesystem>
 
-#include "client/cli/action.h"
-#include "client/cli/calibrate_text.h"
-#include "client/cli/calibrate_verb.h"
-#include "client/cli/json.h"
+#include "client/cli/output.h"
+#include "client/cli/verbs.h"
 #include "client/lib/guided_calibration.h"
 
 namespace kinevox::cli {

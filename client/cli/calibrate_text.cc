@@ -1,12 +1,9 @@
-#include "client/cli/calibrate_text.h"
-
 #include <fmt/format.h>
 #include <unistd.h>
 
 #include <cstdio>
 
-#include "client/cli/json.h"
-#include "client/cli/table.h"
+#include "client/cli/output.h"
 #include "client/cli/verbs.h"
 #include "client/lib/guided_calibration.h"
 
@@ -43,28 +40,12 @@ std::string optional_px(bool has, double value) {
 
 }  // namespace
 
-std::string verdict_text(v1::Verdict verdict) {
-    switch (verdict) {
-        case v1::VERDICT_GO:
-            return "GO";
-        case v1::VERDICT_CAUTION:
-            return "CAUTION";
-        case v1::VERDICT_NO_GO:
-            return "NO-GO";
-        default:
-            return "-";
-    }
-}
-
 std::string certificate_text(const v1::Certificate& certificate) {
-    std::string out = verdict_text(certificate.verdict()) + "\n";
+    std::string out = client::verdict_text(certificate.verdict(), "-") + "\n";
     for (const v1::CertificateFinding& finding : certificate.findings()) {
         if (finding.verdict() == v1::VERDICT_GO) continue;
-        const bool named =
-            finding.camera().empty() || finding.reason().find(finding.camera()) != std::string::npos;
-        out += fmt::format("  {}: {}{}{}{}\n", verdict_text(finding.verdict()),
-                           named ? "" : "camera " + finding.camera() + ": ", finding.reason(),
-                           finding.remedy().empty() ? "" : "; ", finding.remedy());
+        out += fmt::format("  {}: {}\n", client::verdict_text(finding.verdict(), "-"),
+                           client::finding_line(finding));
     }
     if (certificate.has_held_out_reprojection_rms_px())
         out += fmt::format("held-out reprojection error {:.3f} px\n",

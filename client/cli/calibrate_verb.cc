@@ -1,7 +1,5 @@
 // `kinevox calibrate` with a daemon: the stored calibrations. The guided procedure is in calibrate_start.cc,
 // the commands on files are in the program kinevox-calibrate.
-#include "client/cli/calibrate_verb.h"
-
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <google/protobuf/util/time_util.h>
@@ -13,12 +11,10 @@
 #include <string_view>
 #include <utility>
 
-#include "client/cli/action.h"
-#include "client/cli/calibrate_text.h"
-#include "client/cli/report.h"
-#include "client/cli/table.h"
+#include "client/cli/output.h"
+#include "client/cli/verbs.h"
 #include "client/lib/guided_calibration.h"
-#include "common/atomic_file.h"
+#include "common/files.h"
 
 namespace kinevox::cli {
 namespace {
@@ -69,7 +65,8 @@ std::string calibrations_text(const v1::ListCalibrationsResponse& response) {
                                   : entry.compatible()                  ? ""
                                                                         : "incompatible";
         table.add({entry.id(), google::protobuf::util::TimeUtil::ToString(entry.create_time()).substr(0, 16),
-                   verdict_text(entry.verdict()), method_text(entry.method()), state, entry.note()});
+                   client::verdict_text(entry.verdict(), "-"), method_text(entry.method()), state,
+                   entry.note()});
     }
     return table.text();
 }

@@ -3,7 +3,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "client/cli/action.h"
+#include "client/cli/verbs.h"
 #include "common/progress_line.h"
 
 namespace kinevox::cli {

@@ -4,8 +4,8 @@
 #include <CLI/CLI.hpp>
 #include <ctime>
 
-#include "client/cli/action.h"
-#include "client/cli/json.h"
+#include "client/cli/output.h"
+#include "client/cli/verbs.h"
 
 namespace kinevox::cli {
 namespace {

@@ -1,5 +1,3 @@
-#include "client/cli/external_verbs.h"
-
 #include <unistd.h>
 
 #include <cerrno>
@@ -7,6 +5,8 @@
 #include <set>
 #include <sstream>
 #include <system_error>
+
+#include "client/cli/verbs.h"
 
 namespace kinevox::cli {
 namespace {

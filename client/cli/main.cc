@@ -7,8 +7,6 @@
 #include <algorithm>
 #include <csignal>
 
-#include "client/cli/calibrate_verb.h"
-#include "client/cli/external_verbs.h"
 #include "client/cli/verbs.h"
 #include "common/command_line.h"
 

@@ -5,10 +5,9 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "client/cli/action.h"
-#include "client/cli/report.h"
-#include "client/cli/table.h"
-#include "common/atomic_file.h"
+#include "client/cli/output.h"
+#include "client/cli/verbs.h"
+#include "common/files.h"
 #include "common/progress_line.h"
 #include "common/proto_time.h"
 

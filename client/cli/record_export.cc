@@ -1,5 +1,3 @@
-#include "client/cli/record_export.h"
-
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -7,11 +5,9 @@
 #include <fstream>
 #include <system_error>
 
-#include "client/cli/action.h"
-#include "client/cli/json.h"
-#include "client/cli/table.h"
-#include "common/export_formats.h"
-#include "common/frame_range.h"
+#include "client/cli/output.h"
+#include "client/cli/verbs.h"
+#include "common/export_options.h"
 #include "common/progress_line.h"
 
 namespace kinevox::cli {

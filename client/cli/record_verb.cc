@@ -4,10 +4,8 @@
 
 #include <CLI/CLI.hpp>
 
-#include "client/cli/action.h"
-#include "client/cli/record_export.h"
-#include "client/cli/report.h"
-#include "client/cli/table.h"
+#include "client/cli/output.h"
+#include "client/cli/verbs.h"
 #include "common/progress_line.h"
 #include "common/proto_time.h"
 

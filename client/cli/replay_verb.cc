@@ -5,8 +5,8 @@
 #include <charconv>
 #include <filesystem>
 
-#include "client/cli/action.h"
-#include "client/cli/json.h"
+#include "client/cli/output.h"
+#include "client/cli/verbs.h"
 
 namespace kinevox::cli {
 namespace {

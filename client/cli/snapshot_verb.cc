@@ -6,11 +6,10 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "client/cli/action.h"
-#include "client/lib/image_file.h"
-#include "client/lib/volume_image.h"
-#include "common/ply.h"
+#include "client/cli/verbs.h"
+#include "client/lib/image.h"
 #include "common/progress_line.h"
+#include "common/volume.h"
 
 namespace kinevox::cli {
 namespace {

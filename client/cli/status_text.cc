@@ -1,9 +1,6 @@
-#include "client/cli/status_text.h"
-
 #include <fmt/format.h>
 
-#include "client/cli/json.h"
-#include "client/cli/table.h"
+#include "client/cli/output.h"
 
 namespace kinevox::cli {
 namespace {

@@ -4,10 +4,8 @@
 #include <CLI/CLI.hpp>
 #include <cmath>
 
-#include "client/cli/action.h"
-#include "client/cli/json.h"
-#include "client/cli/status_text.h"
-#include "client/cli/table.h"
+#include "client/cli/output.h"
+#include "client/cli/verbs.h"
 
 namespace kinevox::cli {
 namespace {

@@ -1,5 +1,3 @@
-#include "client/cli/stream_poses.h"
-
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -7,8 +5,9 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "client/cli/action.h"
-#include "client/cli/json.h"
+#include "client/cli/line_stream.h"
+#include "client/cli/output.h"
+#include "client/cli/verbs.h"
 #include "client/lib/pose_csv.h"
 
 namespace kinevox::cli {

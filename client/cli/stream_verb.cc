@@ -6,12 +6,11 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "client/cli/action.h"
-#include "client/cli/json.h"
 #include "client/cli/line_stream.h"
-#include "client/cli/stream_poses.h"
+#include "client/cli/output.h"
+#include "client/cli/verbs.h"
 #include "client/lib/pose_csv.h"
-#include "common/ply.h"
+#include "common/volume.h"
 
 namespace kinevox::cli {
 namespace {

@@ -4,15 +4,15 @@
 
 #include <absl/status/status.h>
 
+#include <CLI/CLI.hpp>
+#include <filesystem>
 #include <functional>
+#include <memory>
+#include <optional>
 #include <string>
+#include <vector>
 
-#include "client/lib/connection_options.h"
-#include "client/lib/stop_signals.h"
-
-namespace CLI {
-class App;
-}
+#include "client/lib/client_program.h"
 
 namespace kinevox::cli {
 
@@ -50,6 +50,15 @@ void add_replay_verb(CLI::App& app, GlobalOptions& global, Run& run);  // open, 
 void add_record_verb(CLI::App& app, GlobalOptions& global, Run& run);  // start, stop, save, export, ...
 void add_calibrate_verb(CLI::App& app, GlobalOptions& global, Run& run);  // those with a daemon
 
+// Parts of the commands above that are in files of their own.
+void add_record_export_verb(CLI::App& record, GlobalOptions& global, Run& run);
+void add_start_verb(CLI::App& calibrate, GlobalOptions& global, Run& run);  // the guided procedure
+void add_pose_streams(CLI::App& stream, GlobalOptions& global,
+                      Run& run);  // stream angles, joints, coordinates
+
+// The commands of the program kinevox-calibrate, which works on files: intrinsics, extrinsics, floor, ...
+bool is_calibrate_file_command(const std::string& name);
+
 // --operator: under which name a command acquires control.
 void add_operator_option(CLI::App& command, std::string& operator_name);
 // "user@host".
@@ -69,5 +78,28 @@ using client::stop_on_signals;
 
 // Writes a line to stdout at once. False when nothing reads it any more.
 bool print_line(const std::string& line);
+
+// Adds a subcommand, such as `kinevox status` or `kinevox poses list`, to the app or to a group; when it is
+// parsed, `act` is what runs, with `options` as parsed.
+template <class Options>
+CLI::App* add_action(CLI::App& parent, GlobalOptions& global, Run& run,
+                     const std::shared_ptr<Options>& options, const char* name, const char* help,
+                     absl::Status (*act)(const GlobalOptions&, const Options&)) {
+    CLI::App* action = parent.add_subcommand(name, help);
+    action->callback(
+        [&global, &run, options, act] { run = [&global, options, act] { return act(global, *options); }; });
+    return action;
+}
+
+// `kinevox COMMAND` starts the program kinevox-COMMAND, as git does: the tools that need the pipeline but no
+// daemon are programs of their own, so that this client needs neither OpenCV nor the kernels.
+// Searched for next to this executable, in ../lib/kinevox, where the build tree has it, then on PATH.
+std::optional<std::filesystem::path> find_external_verb(const std::string& verb);
+
+// Their names without "kinevox-", sorted.
+std::vector<std::string> external_verbs();
+
+// Replaces this process. Returns only if that fails, with the reason.
+std::string run_external_verb(const std::filesystem::path& program, std::vector<std::string> arguments);
 
 }  // namespace kinevox::cli

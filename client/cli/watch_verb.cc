@@ -6,9 +6,8 @@
 #include <condition_variable>
 #include <mutex>
 
-#include "client/cli/action.h"
-#include "client/cli/json.h"
-#include "client/cli/status_text.h"
+#include "client/cli/output.h"
+#include "client/cli/verbs.h"
 
 namespace kinevox::cli {
 namespace {

@@ -13,7 +13,6 @@
 #include <string>
 #include <vector>
 
-#include "client/lib/security.h"
 #include "common/camera.h"
 #include "common/volume.h"
 #include "kinevox/v1/calibration_service.pb.h"
@@ -28,6 +27,29 @@ class Channel;
 }
 
 namespace kinevox::client {
+
+// TLS, trusted CAs, client certificate and token of the connection: contents of the files below. The default,
+// no TLS and no token, suits a daemon on this machine.
+struct Security {
+    bool tls = false;
+    std::string ca_pem;  // CAs that may have signed the daemon's certificate; empty: the system's
+    std::string certificate_pem,
+        key_pem;              // of the client, for daemons that require it (mutual TLS); empty: none
+    std::string server_name;  // expected name in the daemon's certificate; empty: HOST
+    std::string token;        // sent with each call; empty: none
+};
+
+// As users give it. Any file but the token's implies TLS.
+struct SecurityFiles {
+    bool tls = false;
+    std::string ca, certificate, key;  // PEM
+    std::string server_name;
+    std::string token;  // its first line is the token
+};
+
+// InvalidArgument or NotFound with the file and the remedy. A token without TLS is refused unless `server`
+// (HOST:PORT) is on this machine: it would be sent unencrypted.
+absl::StatusOr<Security> read_security(const SecurityFiles& files, const std::string& server);
 
 inline constexpr const char* kDefaultServer = "127.0.0.1:50770";
 
@@ -47,7 +69,8 @@ struct StreamOptions {
     std::stop_token stop;  // ends the stream with Cancelled, from any thread
 };
 
-// The lease of a client that holds control; see held_control.h for one that is renewed and released.
+// The lease of a client that holds control; see HeldControl (client_parts.h) for one that is renewed and
+// released.
 struct Lease {
     std::string id;
 };

@@ -1,13 +1,18 @@
-// Internal to client/lib: the stubs behind Client, and the forms that its calls have.
+// Internal to client/lib: the stubs behind Client, the forms that its calls have, and held control.
 #pragma once
 
+#include <absl/status/statusor.h>
 #include <grpcpp/grpcpp.h>
 
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
 #include <utility>
 
 #include "client/lib/client.h"
 #include "client/lib/connection.h"
-#include "client/lib/stream_reader.h"
 #include "kinevox/v1/calibration_service.grpc.pb.h"
 #include "kinevox/v1/capture_service.grpc.pb.h"
 #include "kinevox/v1/pose_service.grpc.pb.h"
@@ -85,5 +90,28 @@ absl::StatusOr<Response> change_under_control(Client& client, const std::string&
     if (!status.ok()) return status;
     return response;
 }
+
+// Control of the daemon for the lifetime of an object, the one lease policy of all clients: a lease of 30 s,
+// so that control is free again soon after a client crashes; renewed at a third of it by a thread of its own,
+// released by the destructor. `client` must outlive it.
+class HeldControl {
+  public:
+    static absl::StatusOr<std::unique_ptr<HeldControl>> acquire(Client& client,
+                                                                const std::string& operator_name);
+    ~HeldControl();
+    HeldControl(const HeldControl&) = delete;
+    HeldControl& operator=(const HeldControl&) = delete;
+
+    const Lease& lease() const { return lease_; }
+
+  private:
+    HeldControl(Client& client, Lease lease, std::chrono::milliseconds timeout);
+
+    Client& client_;
+    const Lease lease_;
+    std::mutex mutex_;
+    std::condition_variable_any stopped_;
+    std::jthread renewal_;
+};
 
 }  // namespace kinevox::client

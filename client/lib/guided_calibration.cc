@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "client/lib/held_control.h"
+#include "client/lib/client_parts.h"
 #include "common/procedure_messages.h"
 
 namespace kinevox::client {
@@ -195,6 +195,26 @@ absl::StatusOr<std::string> GuidedCalibration::solve() {
     if (latest_.state() != v1::PROCEDURE_STATE_SOLVED)
         return absl::FailedPreconditionError(latest_.message());
     return latest_.calibration_id();
+}
+
+std::string verdict_text(v1::Verdict verdict, const char* unjudged) {
+    switch (verdict) {
+        case v1::VERDICT_GO:
+            return "GO";
+        case v1::VERDICT_CAUTION:
+            return "CAUTION";
+        case v1::VERDICT_NO_GO:
+            return "NO-GO";
+        default:
+            return unjudged;
+    }
+}
+
+std::string finding_line(const v1::CertificateFinding& finding) {
+    const bool named =
+        finding.camera().empty() || finding.reason().find(finding.camera()) != std::string::npos;
+    return fmt::format("{}{}{}{}", named ? "" : "camera " + finding.camera() + ": ", finding.reason(),
+                       finding.remedy().empty() ? "" : "; ", finding.remedy());
 }
 
 }  // namespace kinevox::client

@@ -92,4 +92,9 @@ class GuidedCalibration {
 // Whether the procedure collects, reads or solves.
 bool is_open(const v1::WatchProcedureResponse& progress);
 
+// "NO-GO"; `unjudged` where there is no verdict.
+std::string verdict_text(v1::Verdict verdict, const char* unjudged);
+// A finding on one line: camera, reason, remedy.
+std::string finding_line(const v1::CertificateFinding& finding);
+
 }  // namespace kinevox::client

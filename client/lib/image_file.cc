@@ -1,5 +1,3 @@
-#include "client/lib/image_file.h"
-
 #include <fmt/format.h>
 #include <jpeglib.h>
 #include <png.h>
@@ -8,7 +6,8 @@
 #include <cstdio>
 #include <cstring>
 
-#include "common/atomic_file.h"
+#include "client/lib/image.h"
+#include "common/files.h"
 
 namespace kinevox::client {
 namespace {

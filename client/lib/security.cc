@@ -1,5 +1,3 @@
-#include "client/lib/security.h"
-
 #include <absl/status/status.h>
 #include <fmt/format.h>
 
@@ -7,7 +5,8 @@
 #include <fstream>
 #include <iterator>
 
-#include "common/loopback.h"
+#include "client/lib/client.h"
+#include "common/host_port.h"
 
 namespace kinevox::client {
 namespace {

@@ -1,9 +1,9 @@
-#include "client/lib/volume_image.h"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
+
+#include "client/lib/image.h"
 
 namespace kinevox::client {
 namespace {

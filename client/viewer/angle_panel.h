@@ -5,8 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "client/viewer/angle_history.h"
-#include "client/viewer/plot_marks.h"
+#include "client/viewer/curves.h"
 #include "client/viewer/theme.h"
 
 class QComboBox;

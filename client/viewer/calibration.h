@@ -9,12 +9,36 @@
 #include <mutex>
 #include <string>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "client/lib/guided_calibration.h"
-#include "client/viewer/calibration_text.h"
 #include "client/viewer/commands.h"
 
 namespace kinevox::viewer {
+
+using client::CalibrationStep;
+using client::finding_line;
+
+// Texts for calibrating, in calibration_text.cc: the instruction of each step, and the result's certificate.
+
+struct CalibrationKindText {
+    v1::ProcedureKind kind;
+    const char* name;     // in a list
+    const char* purpose;  // one or two sentences
+};
+const std::vector<CalibrationKindText>& calibration_kinds();
+
+// What the person in the space does now; short, to be read from a distance.
+std::string instruction(v1::ProcedureKind kind, CalibrationStep step);
+// The step of any client's procedure.
+CalibrationStep step_of(const v1::WatchProcedureResponse& progress);
+// "GO", or "not checked", and what it means.
+std::string verdict_text(v1::Verdict verdict);
+std::string verdict_sentence(v1::Verdict verdict);
+std::string method_text(v1::CalibrationMethod method);
+// Name and value of each known quality measure.
+std::vector<std::pair<std::string, std::string>> certificate_values(const v1::Certificate& certificate);
 
 struct ShownCertificate {
     std::string id;

@@ -19,8 +19,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "client/viewer/calibration_text.h"
-#include "client/viewer/certificate_view.h"
+#include "client/viewer/calibration.h"
 #include "common/proto_time.h"
 
 namespace kinevox::viewer {

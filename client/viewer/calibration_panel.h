@@ -1,7 +1,8 @@
 // Guided calibration: choice of the procedure, instruction in large letters, coverage of each camera, and the
-// stored calibrations.
+// stored calibrations with their certificates.
 #pragma once
 
+#include <QDialog>
 #include <QPointer>
 #include <QWidget>
 
@@ -18,10 +19,40 @@ class QProgressBar;
 class QPushButton;
 class QStackedWidget;
 class QTableWidget;
+class QTextBrowser;
 
 namespace kinevox::viewer {
 
-class CertificateView;
+QColor colour_of(v1::Verdict verdict, const Theme& theme);
+
+// A calibration's certificate: verdict, findings, quality measures of each camera, and the page of images.
+class CertificateView final : public QDialog {
+    Q_OBJECT
+
+  public:
+    explicit CertificateView(QWidget* parent);
+    // Raises the window, which is not modal.
+    void show_certificate(const ShownCertificate& certificate);
+    void set_theme(const Theme& theme);
+    const ShownCertificate& shown() const { return shown_; }
+
+  signals:
+    void apply(const std::string& id);
+
+  protected:
+    void resizeEvent(QResizeEvent* event) override;
+
+  private:
+    QString html() const;
+    void show_page();
+    void save_page();
+
+    ShownCertificate shown_;
+    Theme theme_ = Theme::make(true);
+    QLabel *verdict_ = nullptr, *sentence_ = nullptr, *page_ = nullptr;
+    QTextBrowser* text_ = nullptr;
+    QPushButton *apply_ = nullptr, *save_ = nullptr;
+};
 
 class CalibrationPanel final : public QWidget {
     Q_OBJECT

@@ -1,6 +1,6 @@
-#include "client/viewer/calibration_text.h"
-
 #include <fmt/format.h>
+
+#include "client/viewer/calibration.h"
 
 namespace kinevox::viewer {
 
@@ -69,16 +69,7 @@ CalibrationStep step_of(const v1::WatchProcedureResponse& progress) {
 }
 
 std::string verdict_text(v1::Verdict verdict) {
-    switch (verdict) {
-        case v1::VERDICT_GO:
-            return "GO";
-        case v1::VERDICT_CAUTION:
-            return "CAUTION";
-        case v1::VERDICT_NO_GO:
-            return "NO-GO";
-        default:
-            return "not checked";
-    }
+    return client::verdict_text(verdict, "not checked");
 }
 
 std::string verdict_sentence(v1::Verdict verdict) {
@@ -109,13 +100,6 @@ std::string method_text(v1::CalibrationMethod method) {
         default:
             return "unknown method";
     }
-}
-
-std::string finding_line(const v1::CertificateFinding& finding) {
-    const bool named =
-        finding.camera().empty() || finding.reason().find(finding.camera()) != std::string::npos;
-    return fmt::format("{}{}{}{}", named ? "" : "camera " + finding.camera() + ": ", finding.reason(),
-                       finding.remedy().empty() ? "" : "; ", finding.remedy());
 }
 
 std::vector<std::pair<std::string, std::string>> certificate_values(const v1::Certificate& c) {

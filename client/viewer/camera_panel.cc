@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "client/viewer/status_text.h"
+#include "client/viewer/feed.h"
 
 namespace kinevox::viewer {
 namespace {

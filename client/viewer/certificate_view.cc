@@ -1,5 +1,3 @@
-#include "client/viewer/certificate_view.h"
-
 #include <QDialogButtonBox>
 #include <QFileDialog>
 #include <QHBoxLayout>
@@ -9,7 +7,8 @@
 #include <QScrollArea>
 #include <QTextBrowser>
 
-#include "client/viewer/calibration_text.h"
+#include "client/viewer/calibration.h"
+#include "client/viewer/calibration_panel.h"
 
 namespace kinevox::viewer {
 namespace {

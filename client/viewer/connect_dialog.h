@@ -5,7 +5,7 @@
 #include <QDialog>
 #include <QStringList>
 
-#include "client/lib/connection_options.h"
+#include "client/lib/client_program.h"
 
 class QCheckBox;
 class QComboBox;

@@ -4,9 +4,8 @@
 #include <utility>
 
 #include "client/lib/client.h"
-#include "client/viewer/ghost_bar.h"
-#include "client/viewer/status_text.h"
-#include "common/atomic_file.h"
+#include "client/viewer/feed.h"
+#include "common/files.h"
 
 namespace kinevox::viewer {
 namespace {

@@ -1,8 +1,9 @@
-// The ghost: a second trial, read in the background and drawn over the current one.
+// The ghost: a second trial, read in the background and drawn over the current one; and its toolbar.
 #pragma once
 
 #include <QObject>
 #include <QString>
+#include <QToolBar>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -11,9 +12,43 @@
 #include "client/viewer/feed.h"
 #include "client/viewer/ghost_match.h"
 
+class QAction;
+class QCheckBox;
+class QComboBox;
+class QDoubleSpinBox;
+class QLabel;
+
 namespace kinevox::viewer {
 
-class GhostBar;
+// Toolbar of the ghost: the aligned events of ghost and current trial, the offset, and pelvis alignment.
+class GhostBar final : public QToolBar {
+    Q_OBJECT
+
+  public:
+    explicit GhostBar(QWidget* parent = nullptr);
+    // Shows the bar with the default choices for a new ghost.
+    void show_ghost(const QString& name, TrialEvent ghost_event, TrialEvent shown_event);
+    void show_problem(const std::string& lack);
+    void shift(int steps);  // moves the ghost ahead by steps of the offset
+
+    TrialEvent ghost_event() const;
+    TrialEvent shown_event() const;
+    void set_shown_event(TrialEvent event);
+    double offset_s() const;
+    bool align_pelvis() const;
+
+  signals:
+    void changed();
+    void closed();
+
+  private:
+    QComboBox* make_events();
+
+    QLabel *name_, *problem_;
+    QComboBox *ghost_event_, *shown_event_;
+    QDoubleSpinBox* offset_;
+    QCheckBox* align_pelvis_;
+};
 
 // Used on the window's thread; trials are read on another one.
 class Ghost final : public QObject {

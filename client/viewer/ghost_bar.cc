@@ -1,10 +1,10 @@
-#include "client/viewer/ghost_bar.h"
-
 #include <QCheckBox>
 #include <QComboBox>
 #include <QDoubleSpinBox>
 #include <QLabel>
 #include <QSignalBlocker>
+
+#include "client/viewer/ghost.h"
 
 namespace kinevox::viewer {
 namespace {

@@ -1,19 +1,51 @@
-// Aligns a second trial with the current one in time, by a chosen event of each. No Qt.
+// A second trial, drawn as a ghost, and its alignment with the current one in time. No Qt.
 #pragma once
 
+#include <absl/status/statusor.h>
+
+#include <array>
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <vector>
 
-#include "client/viewer/ghost_trial.h"
 #include "client/viewer/shown.h"
+#include "common/body_table.h"
+#include "common/geometry.h"
 
 namespace kinevox::viewer {
+
+using GhostJoints = std::array<std::optional<Vec3>, kJointNames.size()>;  // m, world
+
+struct GhostInstant {
+    double time_s = 0;  // since the trial's first frame
+    GhostJoints joints_in_world;
+};
+
+// Events by which two trials are aligned in time.
+enum class TrialEvent { kBegin, kLeftFootDown, kRightFootDown, kHighestPoint, kLowestPoint, kMark };
+
+struct GhostTrial {
+    std::string name;
+    std::vector<GhostInstant> instants;  // with increasing times
+
+    // The first such event of the trial; empty if there is none. Empty for kMark.
+    std::optional<double> time_of(TrialEvent event) const;
+    // Interpolated per joint between the two nearest frames; empty before the first and after the last frame.
+    std::optional<GhostJoints> at(double time_s) const;
+};
+
+// From a table with frame, time_s and the columns of the joints in metres: joints.csv of `kinevox process`
+// (root_x) or a CSV export (root_x_m); other columns are ignored. InvalidArgument names the line and the
+// error.
+absl::StatusOr<GhostTrial> parse_ghost_trial(std::string_view csv, const std::string& name);
 
 // Time of a pose in its own trial: in a replay from the recording's first frame, at its nominal rate; live
 // the daemon's time.
 double shown_time_s(const ShownPose& shown, double replay_fps);
 
+// Aligns a second trial with the current one in time, by a chosen event of each.
 class GhostMatch {
   public:
     // Null: none. Resets its mark and the offset.

@@ -1,11 +1,10 @@
-#include "client/viewer/ghost_trial.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <charconv>
 #include <cmath>
 
+#include "client/viewer/ghost_match.h"
 #include "common/body_pose.h"
 
 namespace kinevox::viewer {

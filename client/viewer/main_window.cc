@@ -18,7 +18,6 @@
 #include "client/viewer/camera_panel.h"
 #include "client/viewer/commands.h"
 #include "client/viewer/ghost.h"
-#include "client/viewer/ghost_bar.h"
 #include "client/viewer/replay_bar.h"
 #include "client/viewer/scene_view.h"
 

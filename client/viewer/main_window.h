@@ -9,10 +9,9 @@
 #include <functional>
 #include <memory>
 
-#include "client/lib/connection_options.h"
-#include "client/viewer/angle_history.h"
+#include "client/lib/client_program.h"
+#include "client/viewer/curves.h"
 #include "client/viewer/feed.h"
-#include "client/viewer/plot_marks.h"
 #include "client/viewer/theme.h"
 
 class QAction;

@@ -16,7 +16,6 @@
 #include "client/viewer/commands.h"
 #include "client/viewer/connect_dialog.h"
 #include "client/viewer/ghost.h"
-#include "client/viewer/ghost_bar.h"
 #include "client/viewer/main_window.h"
 #include "client/viewer/replay_bar.h"
 #include "client/viewer/scene_view.h"

@@ -1,8 +1,8 @@
-#include "client/viewer/orbit_camera.h"
-
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+
+#include "client/viewer/scene_painter.h"
 
 namespace kinevox::viewer {
 namespace {

@@ -11,7 +11,6 @@
 #include <memory>
 #include <optional>
 
-#include "client/viewer/orbit_camera.h"
 #include "client/viewer/scene_painter.h"
 #include "client/viewer/shown.h"
 

@@ -1,5 +1,3 @@
-#include "client/viewer/status_text.h"
-
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -8,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "client/viewer/feed.h"
 #include "common/proto_time.h"
 
 namespace kinevox::viewer {

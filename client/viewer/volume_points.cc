@@ -1,9 +1,9 @@
-#include "client/viewer/volume_points.h"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
+
+#include "client/viewer/shown.h"
 
 namespace kinevox::viewer {
 namespace {

@@ -14,7 +14,7 @@
 #include <memory>
 
 #include "client/web/gateway.h"
-#include "client/web/outbox.h"
+#include "client/web/subscriptions.h"
 
 namespace kinevox::web {
 

@@ -18,7 +18,6 @@
 
 #include "client/web/connection.h"
 #include "client/web/daemon_streams.h"
-#include "client/web/stream_pool.h"
 #include "common/host_port.h"
 
 namespace kinevox::web {

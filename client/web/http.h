@@ -1,15 +1,38 @@
-// Replies to HTTP requests, and the rules that reject them. No sockets.
+// Replies to HTTP requests, the rules that reject them, and the files of the page. No sockets.
 #pragma once
 
+#include <absl/status/statusor.h>
+
+#include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
-#include "client/web/pages.h"
-
 namespace kinevox::web {
+
+struct Page {
+    std::string content, type;  // MIME type, with the charset of texts
+    std::string etag;           // quoted, of the content
+    bool immutable = false;     // its name changes with its content
+};
+
+// The page's files, read once at the start; no other file can be requested.
+class Pages {
+  public:
+    // Regular files below `folder`, at most 64 MB and 2000 files, without names that begin with a dot and
+    // links out of the folder. FailedPrecondition without an index.html.
+    static absl::StatusOr<Pages> read(const std::filesystem::path& folder);
+
+    // By a request's target, "/" or "/assets/index-1a2b.js?x=y"; null if there is no such file.
+    const Page* find(std::string_view target) const;
+    std::size_t size() const { return pages_.size(); }
+
+  private:
+    std::map<std::string, Page, std::less<>> pages_;
+};
 
 struct HttpRequest {
     std::string method, target, host, origin, if_none_match;

@@ -9,7 +9,7 @@
 #include <filesystem>
 #include <string>
 
-#include "client/lib/connection_options.h"
+#include "client/lib/client_program.h"
 #include "client/web/gateway.h"
 
 namespace {

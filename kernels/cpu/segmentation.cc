@@ -16,7 +16,7 @@
 #include "kernels/cpu/segmentation_model.h"
 #include "kernels/cpu/segmentation_search.h"
 #include "kernels/segmentation_memory.h"
-#include "kernels/shared/kde_groups.h"
+#include "kernels/shared/kde_evidence.h"
 
 namespace kinevox::kernels {
 namespace cpu {

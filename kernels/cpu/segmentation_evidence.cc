@@ -6,7 +6,7 @@
 #include <cstring>
 
 #include "kernels/cpu/dispatch.h"
-#include "kernels/shared/kde_groups.h"
+#include "kernels/shared/kde_evidence.h"
 
 // Compiled for each family that Highway chooses from at run time. The plain loops are vectorised by the
 // compiler; no two of their arrays overlap (ivdep).

@@ -40,7 +40,7 @@ struct LightRows {
     float* residual = nullptr;
 };
 
-// `groups`: which of the cell's pixels, see kde_groups.h; the others keep their values.
+// `groups`: which of the cell's pixels, see kde_evidence.h; the others keep their values.
 void fit_light_cell(const EvidenceCell& cell, int groups, const kde::EvidenceParameters& parameters,
                     const LightRows& out);
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "kernels/cpu/run_components.h"
-#include "kernels/shared/kde_groups.h"
+#include "kernels/shared/kde_evidence.h"
 
 namespace kinevox::kernels::cpu {
 

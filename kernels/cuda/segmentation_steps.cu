@@ -1,7 +1,7 @@
 #include <algorithm>
 
 #include "kernels/cuda/segmentation_steps.h"
-#include "kernels/shared/kde_groups.h"
+#include "kernels/shared/kde_evidence.h"
 
 namespace kinevox::kernels::cuda {
 namespace {

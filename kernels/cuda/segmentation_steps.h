@@ -30,7 +30,7 @@ struct SegmentData {
     const std::uint8_t* image;       // interleaved, without padding
     std::uint8_t *values, *density;  // of this image, as BackgroundModel's planes
     std::uint8_t *candidates,
-        *active;  // per cell, its groups (kde_groups.h) near unsure pixels and those looked at
+        *active;  // per cell, its groups (kde_evidence.h) near unsure pixels and those looked at
     float *weighted_value, *weighted_energy, *factor, *residual, *evidence, *smoothed;
     const float *log_lit, *log_foreground;
     const std::uint8_t* probability_of;

@@ -10,7 +10,7 @@
 
 #include "kernels/cpu/aligned_vector.h"
 #include "kernels/cpu/segmentation_search.h"
-#include "kernels/shared/kde_groups.h"
+#include "kernels/shared/kde_evidence.h"
 
 namespace kinevox::kernels::cpu {
 namespace {

@@ -11,7 +11,7 @@
 #include <string>
 #include <system_error>
 
-#include "common/atomic_file.h"
+#include "common/files.h"
 
 namespace kinevox {
 namespace {

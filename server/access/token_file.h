@@ -1,9 +1,10 @@
-// Token file: name, role, expiry and SHA-256 of each token; never the token itself.
+// Tokens and their file: name, role, expiry and SHA-256 of each token; never the token itself.
 #pragma once
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -11,9 +12,22 @@
 #include <vector>
 
 #include "kinevox/v1/access.pb.h"
-#include "server/access/secret.h"
 
 namespace kinevox {
+
+using Digest = std::array<std::uint8_t, 32>;
+
+// "kvx_" and 256 random bits as 43 letters, digits, - and _.
+absl::StatusOr<std::string> make_secret();
+
+Digest sha256(std::string_view text);
+
+// In constant time.
+bool same(const Digest& a, const Digest& b);
+
+std::string to_hex(const Digest& digest);
+// False if `text` is not 64 hexadecimal digits.
+bool from_hex(std::string_view text, Digest& digest);
 
 // Times are seconds since 1970, UTC.
 struct Token {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "server/api/control_lease.h"
-#include "server/api/state_watch.h"
+#include "server/api/subscribers.h"
 #include "server/calibration/procedure/active_calibration.h"
 #include "server/calibration/procedure/camera_watch.h"
 #include "server/pipeline/replay.h"
@@ -17,7 +17,6 @@
 
 namespace kinevox {
 
-class FairShare;
 class Gpu;
 class Guard;
 class Recorder;

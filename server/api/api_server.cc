@@ -6,8 +6,8 @@
 #include <grpcpp/health_check_service_interface.h>
 
 #include "server/access/guard.h"
-#include "server/api/audit_interceptor.h"
 #include "server/api/calibration_service.h"
+#include "server/api/call_access.h"
 #include "server/api/capture_service.h"
 #include "server/api/pose_service.h"
 #include "server/api/recording_service.h"

@@ -9,7 +9,7 @@
 #include <string>
 
 #include "server/api/api_context.h"
-#include "server/api/guarded_credentials.h"
+#include "server/api/call_access.h"
 
 namespace grpc {
 class Channel;

@@ -1,16 +1,14 @@
-#include "server/api/calibration_handlers.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
 
 #include "common/calibration_file.h"
-#include "common/calibration_import.h"
 #include "common/proto_time.h"
 #include "common/utc_clock.h"
-#include "server/api/certificate_to_proto.h"
-#include "server/api/page.h"
-#include "server/api/replay_handlers.h"
+#include "server/api/calibration_service.h"
+#include "server/api/replay_service.h"
+#include "server/api/request_arguments.h"
+#include "server/api/to_proto.h"
 
 namespace kinevox {
 namespace {

@@ -1,9 +1,8 @@
 #include "server/api/calibration_service.h"
 
-#include "server/api/calibration_handlers.h"
+#include "server/api/call.h"
 #include "server/api/stream_reactor.h"
 #include "server/api/to_proto.h"
-#include "server/api/unary_call.h"
 
 namespace kinevox {
 

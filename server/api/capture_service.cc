@@ -1,13 +1,180 @@
 #include "server/api/capture_service.h"
 
-#include <boost/asio/post.hpp>
+#include <fmt/format.h>
 
-#include "server/api/capture_handlers.h"
+#include <boost/asio/post.hpp>
+#include <cmath>
+
+#include "common/proto_time.h"
+#include "server/api/call.h"
+#include "server/api/request_arguments.h"
 #include "server/api/stream_reactor.h"
 #include "server/api/to_proto.h"
-#include "server/api/unary_call.h"
+#include "server/pipeline/gpu.h"
 
 namespace kinevox {
+namespace {
+
+void fill_subjects(const ApiContext& api, const FrameResult& result, v1::GetStatusResponse& response) {
+    if (!result.subject) return;
+    v1::SubjectStatus& subject = *response.add_subjects();
+    *subject.mutable_subject() = to_proto(*result.subject, api.runner.cameras());
+    subject.set_pose_found(result.pose != nullptr);
+    if (!result.volume) return;
+    v1::VolumeSummary& volume = *subject.mutable_volume();
+    volume.set_voxel_count(voxel_count(*result.volume));
+    volume.set_voxel_m(result.volume->grid.voxel_m);
+    volume.set_volume_litres(volume_litres(*result.volume));
+}
+
+void fill_camera_subject(const FrameResult& result, std::size_t i, v1::CameraStatus& camera) {
+    if (!result.subject) return;
+    v1::CameraSubjectStatus& subject = *camera.add_subjects();
+    subject.set_subject_id(result.subject->subject_id);
+    subject.set_used(i < result.subject->used_cameras.size() && result.subject->used_cameras[i]);
+    if (i < result.silhouette_iou.size() && std::isfinite(result.silhouette_iou[i]))
+        subject.set_silhouette_iou(static_cast<double>(result.silhouette_iou[i]));
+}
+
+void fill_cameras(const ApiContext& api, const FrameResult* result, v1::GetStatusResponse& response) {
+    const std::vector<Camera>& cameras = api.runner.cameras();
+    const std::vector<CameraConnection> connections = api.runner.camera_connections();
+    const bool replayed = api.replay && api.replay->status().open;  // a recording's cameras are not watched
+    const auto watched =
+        api.camera_watch && !replayed ? api.camera_watch->cameras() : std::vector<WatchedCamera>{};
+    for (std::size_t i = 0; i < cameras.size(); ++i) {
+        v1::CameraStatus& camera = *response.add_cameras();
+        camera.set_name(cameras[i].name);
+        if (i < watched.size()) {
+            if (watched[i].shift_px) camera.set_scene_shift_px(*watched[i].shift_px);
+            camera.set_calibration_suspect(watched[i].suspect);
+            camera.set_calibration_suspect_reason(watched[i].reason);
+        }
+        if (i < connections.size()) *camera.mutable_connection() = to_proto(connections[i]);
+        if (!result) continue;
+        const auto& images = result->frame_set.images;
+        camera.set_has_image(i < images.size() && !images[i].empty());
+        fill_camera_subject(*result, i, camera);
+    }
+}
+
+void fill_rates(const ApiContext& api, v1::GetStatusResponse& response) {
+    const RunSnapshot snapshot = api.runner.snapshot();
+    response.set_nominal_fps(api.runner.source_fps());
+    response.set_result_rate_hz(snapshot.result_rate_hz);
+    response.set_result_count(snapshot.result_count);
+    response.set_lost_frame_set_count(snapshot.lost_count);
+    response.set_latest_sequence(snapshot.latest_sequence);
+    *response.mutable_latest_stage_times() = to_proto(snapshot.latest);
+    *response.mutable_median_stage_times() = to_proto(snapshot.median);
+    response.set_total_p99_ms(snapshot.total_p99_ms);
+}
+
+void fill_subscribers(const ApiContext& api, v1::GetStatusResponse& response) {
+    const StreamHub::Subscribers subscribers = api.hub.subscribers();
+    response.set_volume_subscriber_count(subscribers.volumes);
+    response.set_pose_subscriber_count(subscribers.poses);
+    response.set_preview_subscriber_count(subscribers.images);
+    response.set_event_subscriber_count(subscribers.events);
+}
+
+}  // namespace
+
+absl::Status get_status(const ApiContext& api, v1::GetStatusResponse& response) {
+    const Runner::State state = api.runner.state();
+    response.set_version(KINEVOX_VERSION);
+    response.set_state(to_proto(state.state));
+    response.set_state_message(state.message);
+    if (const std::string gpu = api.gpu ? api.gpu->message() : ""; !gpu.empty())
+        response.set_state_message(state.message.empty() ? gpu : state.message + "; " + gpu);
+    const bool replayed = api.replay && api.replay->status().open;
+    response.set_source(replayed ? "replay of " + api.replay->status().session_file.string()
+                                 : api.source_description);
+    *response.mutable_uptime() = to_duration(std::chrono::steady_clock::now() - api.started_at);
+    fill_rates(api, response);
+    const std::shared_ptr<const PublishedImages> latest = api.hub.latest();
+    if (latest) {
+        response.set_latest_capture_time_ns(latest->capture_time_utc_ns);
+        fill_subjects(api, *latest->result, response);
+    }
+    fill_cameras(api, latest ? latest->result.get() : nullptr, response);
+    if (const auto holder = api.lease.holder()) {
+        v1::ControlLease& lease = *response.mutable_control_lease();
+        lease.set_operator_name(holder->operator_name);
+        *lease.mutable_remaining_duration() = to_duration(holder->remaining);
+    }
+    fill_subscribers(api, response);
+    if (api.active_calibration && !replayed)
+        response.set_active_calibration_id(api.active_calibration->active());
+    return absl::OkStatus();
+}
+
+absl::Status list_cameras(const ApiContext& api, const v1::ListCamerasRequest& request,
+                          v1::ListCamerasResponse& response) {
+    const std::vector<Camera> cameras = api.runner.cameras();
+    const auto page = page_of(cameras.size(), request);
+    if (!page.ok()) return page.status();
+    for (std::size_t i = page->first; i < page->last; ++i) *response.add_cameras() = to_proto(cameras[i]);
+    response.set_next_page_token(page->next_token);
+    return absl::OkStatus();
+}
+
+absl::Status acquire_control(const ApiContext& api, const v1::AcquireControlRequest& request,
+                             v1::AcquireControlResponse& response) {
+    const auto granted =
+        api.lease.acquire(request.operator_name(), to_milliseconds(request.timeout()), request.lease_id());
+    if (!granted.ok()) return granted.status();
+    response.set_lease_id(granted->lease_id);
+    *response.mutable_timeout() = to_duration(granted->timeout);
+    if (granted->lease_id != request.lease_id())
+        api.hub.events().publish(EventKind::kControlAcquired,
+                                 fmt::format("'{}' has acquired control", request.operator_name()));
+    return absl::OkStatus();
+}
+
+absl::Status renew_control(const ApiContext& api, const v1::RenewControlRequest& request,
+                           v1::RenewControlResponse& response) {
+    const auto remaining = api.lease.use(request.lease_id());
+    if (!remaining.ok()) return remaining.status();
+    *response.mutable_remaining_duration() = to_duration(*remaining);
+    return absl::OkStatus();
+}
+
+absl::Status release_control(const ApiContext& api, const v1::ReleaseControlRequest& request,
+                             v1::ReleaseControlResponse&) {
+    const auto operator_name = api.lease.release(request.lease_id());
+    if (!operator_name.ok()) return operator_name.status();
+    api.hub.events().publish(EventKind::kControlReleased,
+                             fmt::format("'{}' has released control", *operator_name));
+    return absl::OkStatus();
+}
+
+absl::Status start_capture(const ApiContext& api, const v1::StartCaptureRequest& request,
+                           v1::StartCaptureResponse&) {
+    if (absl::Status control = use_control(api, request.lease_id()); !control.ok()) return control;
+    return api.runner.start();
+}
+
+absl::Status stop_capture(const ApiContext& api, const v1::StopCaptureRequest& request,
+                          v1::StopCaptureResponse&) {
+    if (absl::Status control = use_control(api, request.lease_id()); !control.ok()) return control;
+    return api.runner.stop();
+}
+
+void learn_background(const ApiContext& api, const v1::LearnBackgroundRequest& request,
+                      std::function<void(absl::Status)> done) {
+    if (absl::Status control = use_control(api, request.lease_id()); !control.ok()) return done(control);
+    api.runner.learn_background(request.frame_set_count(), std::move(done));
+}
+
+absl::Status check_watch_events(const v1::WatchEventsRequest& request) {
+    if (request.history_count() >= 0 && request.history_count() <= static_cast<int>(EventLog::kMaxHistory))
+        return absl::OkStatus();
+    return absl::InvalidArgumentError(
+        fmt::format("history_count is {}; the daemon keeps the latest {} events", request.history_count(),
+                    EventLog::kMaxHistory));
+}
+
 namespace {
 
 using EventReactor = StreamReactor<EventMailbox, v1::WatchEventsResponse>;

@@ -1,7 +1,6 @@
-#include "server/api/certificate_to_proto.h"
-
 #include <nlohmann/json.hpp>
 
+#include "server/api/to_proto.h"
 #include "server/calibration/exact_integer.h"
 
 namespace kinevox {

@@ -1,5 +1,3 @@
-#include "server/api/encode.h"
-
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgcodecs.hpp>

@@ -14,12 +14,12 @@
 #include <utility>
 
 #include "common/background_priority.h"
-#include "common/degrees.h"
-#include "common/export_formats.h"
-#include "server/api/caller.h"
-#include "server/api/recording_handlers.h"
+#include "common/export_options.h"
+#include "common/geometry.h"
+#include "server/api/call.h"
+#include "server/api/recording_service.h"
 #include "server/api/to_proto.h"
-#include "server/recording/anonymous_session.h"
+#include "server/recording/anonymous_export.h"
 
 namespace kinevox {
 namespace {

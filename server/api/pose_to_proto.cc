@@ -1,7 +1,7 @@
 #include <cmath>
 
 #include "common/body_table.h"
-#include "common/degrees.h"
+#include "common/geometry.h"
 #include "server/api/to_proto.h"
 #include "server/pose/body_model.h"
 

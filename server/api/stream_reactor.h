@@ -22,8 +22,8 @@
 
 #include "server/access/guard.h"
 #include "server/api/api_context.h"
-#include "server/api/caller.h"
-#include "server/api/fair_share.h"
+#include "server/api/call.h"
+#include "server/api/subscribers.h"
 #include "server/api/to_proto.h"
 
 namespace kinevox {

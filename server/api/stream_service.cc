@@ -8,8 +8,8 @@
 
 #include "server/access/call_table.h"
 #include "server/access/guard.h"
-#include "server/api/caller.h"
-#include "server/api/encode.h"
+#include "server/api/call.h"
+#include "server/api/request_arguments.h"
 #include "server/api/stream_reactor.h"
 #include "server/api/to_proto.h"
 #include "server/pipeline/capture_statistics.h"
@@ -122,13 +122,6 @@ absl::StatusOr<PreviewForm> preview_form(const v1::StreamPreviewsRequest& reques
 }
 
 }  // namespace
-
-int level_for(double voxel_m, double max_voxel_m) {
-    int level = 0;
-    // Tolerates rounding in the client, so that 0.02 / 2 requests 0.01.
-    while (level < kMaxLevels && std::ldexp(voxel_m, level + 1) <= max_voxel_m * (1 + 1e-6)) ++level;
-    return level;
-}
 
 grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamVolumes(
     grpc::CallbackServerContext* context, const grpc::ByteBuffer* bytes) {

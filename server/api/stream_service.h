@@ -28,8 +28,4 @@ class StreamServiceImpl final : public RawStreamService {
     const ApiContext& api_;
 };
 
-// Halvings of the resolution that keep an edge of `voxel_m` within `max_voxel_m`; 0 to kMaxLevels.
-inline constexpr int kMaxLevels = 5;
-int level_for(double voxel_m, double max_voxel_m);
-
 }  // namespace kinevox

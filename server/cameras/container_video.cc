@@ -1,5 +1,3 @@
-#include "server/cameras/container_video.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -11,6 +9,7 @@
 #include <vector>
 
 #include "server/cameras/image_pool.h"
+#include "server/cameras/image_reader.h"
 #include "server/cameras/libav.h"
 #include "server/cameras/video_packets.h"
 

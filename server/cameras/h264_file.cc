@@ -6,7 +6,6 @@
 #include <optional>
 
 #include "server/cameras/libav.h"
-#include "server/cameras/yuv_of_bgr.h"
 
 namespace kinevox {
 namespace {

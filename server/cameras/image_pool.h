@@ -4,6 +4,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <mutex>
+#include <utility>
+#include <vector>
 
 namespace kinevox {
 
@@ -14,13 +17,36 @@ inline constexpr std::size_t kImagePaddingBytes = 64;
 // kImagePaddingBytes bytes of padding.
 class ImagePool {
   public:
-    explicit ImagePool(std::size_t bytes, std::size_t max_idle = 32);
+    explicit ImagePool(std::size_t bytes, std::size_t max_idle = 32) : shelf_(std::make_shared<Shelf>()) {
+        shelf_->bytes = bytes;
+        shelf_->max_idle = max_idle;
+    }
 
-    std::shared_ptr<std::uint8_t[]> take();
-    std::size_t bytes() const;
+    std::shared_ptr<std::uint8_t[]> take() {
+        std::unique_ptr<std::uint8_t[]> buffer;
+        {
+            const std::lock_guard lock(shelf_->mutex);
+            if (!shelf_->idle.empty()) {
+                buffer = std::move(shelf_->idle.back());
+                shelf_->idle.pop_back();
+            }
+        }
+        if (!buffer)
+            buffer = std::make_unique_for_overwrite<std::uint8_t[]>(shelf_->bytes + kImagePaddingBytes);
+        return {buffer.release(), [shelf = shelf_](std::uint8_t* data) {
+                    std::unique_ptr<std::uint8_t[]> back(data);
+                    const std::lock_guard lock(shelf->mutex);
+                    if (shelf->idle.size() < shelf->max_idle) shelf->idle.push_back(std::move(back));
+                }};
+    }
+    std::size_t bytes() const { return shelf_->bytes; }
 
   private:
-    struct Shelf;
+    struct Shelf {
+        std::size_t bytes = 0, max_idle = 0;
+        std::mutex mutex;
+        std::vector<std::unique_ptr<std::uint8_t[]>> idle;
+    };
     std::shared_ptr<Shelf> shelf_;
 };
 

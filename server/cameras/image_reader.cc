@@ -12,9 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "server/cameras/container_video.h"
 #include "server/cameras/image_pool.h"
-#include "server/cameras/recorded_video.h"
 
 namespace kinevox {
 namespace {

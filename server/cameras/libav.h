@@ -1,8 +1,12 @@
-// RAII for FFmpeg's objects. Only for .cc files: no public header exposes FFmpeg.
+// RAII for FFmpeg's objects, and the conversion of images for H.264. Only for .cc files: no public header
+// exposes FFmpeg.
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 extern "C" {
 #include <libavcodec/avcodec.h>
@@ -11,6 +15,8 @@ extern "C" {
 #include <libavutil/pixdesc.h>
 #include <libswscale/swscale.h>
 }
+
+#include "server/cameras/image_pool.h"
 
 namespace kinevox::libav {
 
@@ -42,3 +48,37 @@ inline std::string reason(int error) {
 }
 
 }  // namespace kinevox::libav
+
+namespace kinevox {
+
+// Converts B G R images to YUV 4:2:0 planes for H.264. One thread at a time.
+class YuvOfBgr {
+  public:
+    // Pixels; even sides.
+    YuvOfBgr(int width, int height)
+        : width_(width),
+          height_(height),
+          scaler_(sws_getContext(width, height, AV_PIX_FMT_BGR24, width, height, AV_PIX_FMT_YUV420P,
+                                 SWS_AREA | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INP, nullptr, nullptr,
+                                 nullptr)),
+          last_rows_(static_cast<std::size_t>(kLastRows) * 3 * width + kImagePaddingBytes) {}
+
+    // `bgr`: width * height * 3 bytes, row by row without gaps; `yuv`: a frame of AV_PIX_FMT_YUV420P with
+    // buffers of its own.
+    void convert(const std::uint8_t* bgr, AVFrame& yuv) {
+        const int stride = 3 * width_, rows = std::max(height_ - kLastRows, 0);
+        if (rows > 0) sws_scale(scaler_.get(), &bgr, &stride, 0, rows, yuv.data, yuv.linesize);
+        const std::uint8_t* const begin = bgr + static_cast<std::size_t>(rows) * stride;
+        std::copy(begin, bgr + static_cast<std::size_t>(height_) * stride, last_rows_.begin());
+        const std::uint8_t* const last = last_rows_.data();
+        sws_scale(scaler_.get(), &last, &stride, rows, height_ - rows, yuv.data, yuv.linesize);
+    }
+
+  private:
+    static constexpr int kLastRows = 2;  // they share a row of chroma
+    int width_, height_;
+    libav::Owned<SwsContext> scaler_;
+    std::vector<std::uint8_t> last_rows_;
+};
+
+}  // namespace kinevox

@@ -1,5 +1,3 @@
-#include "server/cameras/recorded_video.h"
-
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <unistd.h>
@@ -13,6 +11,7 @@
 #include <utility>
 
 #include "server/cameras/image_pool.h"
+#include "server/cameras/image_reader.h"
 #include "server/cameras/libav.h"
 
 namespace kinevox {

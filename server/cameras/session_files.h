@@ -63,4 +63,19 @@ absl::StatusOr<std::vector<std::vector<Image>>> read_backgrounds(const Session& 
 absl::Status each_has_background(const std::vector<std::vector<Image>>& background,
                                  const std::vector<Camera>& cameras, const std::string& session);
 
+// Reading and repair of recordings, which may be truncated if the recorder was killed.
+
+// The times of the frame sets that are complete in every file. InvalidArgument, NotFound; DataLoss if there
+// are none. Requires session.recording.
+absl::StatusOr<std::vector<RecordedTime>> complete_frame_sets(const Session& session);
+
+// DataLoss if a closed recording, or one that was repaired, has fewer complete frame sets than it states: one
+// of its indices, videos or the table of times is damaged. Not a recording, or not closed: OK.
+absl::Status check_intact(const std::filesystem::path& session_file);
+
+// Repairs a truncated recording: cuts its files to the complete frame sets and updates its session.toml.
+// False if there is nothing to do: closed, being written, or not a recording. Errors if the files cannot be
+// changed; they remain readable.
+absl::StatusOr<bool> repair_recording(const std::filesystem::path& session_file);
+
 }  // namespace kinevox

@@ -4,14 +4,31 @@
 
 #include <charconv>
 #include <system_error>
+#include <type_traits>
 
-#include "common/atomic_file.h"
+#include "common/files.h"
 #include "common/toml_reader.h"
-#include "server/config/option_reader.h"
+#include "kernels/option_list.h"
 #include "server/pipeline/pipeline.h"
 
 namespace kinevox {
 namespace {
+
+// Reads options from a TOML table by their list (kernels/option_list.h).
+template <typename Options>
+void read_options(const TomlTable& table, Options& options) {
+    visit_options(options, [&](const kernels::OptionInfo& info, auto& value) {
+        using Value = std::remove_cvref_t<decltype(value)>;
+        if constexpr (std::is_same_v<Value, bool>)
+            value = table.boolean_or(info.key, value);
+        else if constexpr (std::is_integral_v<Value>)
+            value = static_cast<Value>(table.integer_or(info.key, value, static_cast<std::int64_t>(info.min),
+                                                        static_cast<std::int64_t>(info.max)));
+        else
+            value = static_cast<Value>(
+                table.number_or(info.key, static_cast<double>(value), {info.min, info.max}));
+    });
+}
 
 std::filesystem::path resolved(const std::string& text, const std::filesystem::path& folder) {
     return text.empty() ? std::filesystem::path() : (folder / text).lexically_normal();

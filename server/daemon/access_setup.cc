@@ -7,9 +7,8 @@
 #include <algorithm>
 #include <ctime>
 
-#include "common/atomic_file.h"
-#include "common/loopback.h"
-#include "common/state_folder.h"
+#include "common/files.h"
+#include "common/host_port.h"
 #include "server/access/certificates.h"
 #include "server/access/token_file.h"
 

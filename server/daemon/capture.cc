@@ -4,7 +4,6 @@
 
 #include <cmath>
 
-#include "server/api/version.h"
 #include "server/daemon/setup.h"
 #include "server/pose/pose_stage.h"
 
@@ -133,7 +132,7 @@ void Capture::close() {
 
 metrics::MetricsSnapshot Capture::metrics_snapshot() const {
     metrics::MetricsSnapshot out;
-    out.version = kVersion;
+    out.version = KINEVOX_VERSION;
     out.source = describe(config.source);
     out.start_time_s = std::chrono::duration<double>(started_at_.time_since_epoch()).count();
     out.state = runner->state().state;

@@ -8,7 +8,7 @@
 #include <memory>
 #include <optional>
 
-#include "server/api/state_watch.h"
+#include "server/api/subscribers.h"
 #include "server/calibration/procedure/active_calibration.h"
 #include "server/calibration/procedure/calibration_store.h"
 #include "server/calibration/procedure/camera_watch.h"

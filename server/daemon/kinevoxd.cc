@@ -16,7 +16,6 @@
 #include <cstdio>
 
 #include "common/host_port.h"
-#include "server/api/version.h"
 #include "server/cameras/session_source.h"
 #include "server/config/daemon_config.h"
 #include "server/daemon/access_setup.h"
@@ -25,7 +24,7 @@
 #include "server/daemon/services.h"
 #include "server/daemon/setup.h"
 #include "server/daemon/timers.h"
-#include "server/pipeline/huge_pages.h"
+#include "server/pipeline/pipeline_resources.h"
 
 namespace {
 
@@ -86,7 +85,8 @@ void announce(const DaemonConfig& config, int port) {
     address.port = port;
     fmt::print("ready on {}\n", address.to_string());
     std::fflush(stdout);
-    spdlog::info("kinevoxd {} serves {} on {}", kVersion, describe(config.source), address.to_string());
+    spdlog::info("kinevoxd {} serves {} on {}", KINEVOX_VERSION, describe(config.source),
+                 address.to_string());
 }
 
 int serve(const DaemonConfig& given, bool insecure, const MakeGpu& make_gpu) {
@@ -148,7 +148,7 @@ int kinevox::run_kinevoxd(int argc, char** argv, const MakeGpu& make_gpu) {
     bool insecure = false;
     app.add_flag(kInsecureFlag, insecure,
                  "Serve on the network without TLS and tokens; everyone there may watch, record and delete");
-    app.set_version_flag("--version", std::string("kinevoxd ") + kVersion);
+    app.set_version_flag("--version", std::string("kinevoxd ") + KINEVOX_VERSION);
     try {
         app.parse(argc, argv);
     } catch (const CLI::ParseError& error) {

@@ -3,7 +3,7 @@
 #include <spdlog/spdlog.h>
 
 #include "common/background_priority.h"
-#include "common/loopback.h"
+#include "common/host_port.h"
 #include "server/daemon/access_setup.h"
 #include "server/daemon/setup.h"
 

@@ -14,7 +14,7 @@
 #include "server/api/api_context.h"
 #include "server/api/api_server.h"
 #include "server/api/control_lease.h"
-#include "server/api/fair_share.h"
+#include "server/api/subscribers.h"
 #include "server/daemon/capture.h"
 #include "server/metrics/http_endpoint.h"
 

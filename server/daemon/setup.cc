@@ -11,8 +11,8 @@
 #include <cerrno>
 #include <thread>
 
+#include "common/files.h"
 #include "common/session_file.h"
-#include "common/state_folder.h"
 #include "common/utc_clock.h"
 #include "server/cameras/aravis/live_source.h"
 #include "server/cameras/session_source.h"

@@ -15,7 +15,7 @@
 #include "server/pipeline/replay.h"
 #include "server/pose/database/database_service.h"
 #include "server/recording/recorder.h"
-#include "server/recording/retention.h"
+#include "server/recording/recording_list.h"
 
 namespace kinevox {
 

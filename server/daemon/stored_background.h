@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "server/cameras/frame_source.h"
-#include "server/recording/background_files.h"
+#include "server/recording/background_clip.h"
 
 namespace kinevox {
 

@@ -13,7 +13,7 @@
 #include "server/pipeline/runner.h"
 #include "server/pipeline/stream_hub.h"
 #include "server/recording/recorder.h"
-#include "server/recording/retention.h"
+#include "server/recording/recording_list.h"
 
 namespace kinevox {
 

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "server/pipeline/running_histogram.h"
+#include "server/pipeline/capture_statistics.h"
 
 namespace kinevox::metrics {
 

@@ -13,9 +13,8 @@
 
 #include "kernels/projection.h"
 #include "server/pipeline/convert.h"
-#include "server/pipeline/device_stages.h"
 #include "server/pipeline/for_each_camera.h"
-#include "server/pipeline/result_pool.h"
+#include "server/pipeline/pipeline_resources.h"
 #include "server/pose/pose_stage.h"
 
 namespace kinevox {

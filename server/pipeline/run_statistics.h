@@ -1,6 +1,8 @@
-// Rates and stage times of the latest results, for the status.
+// What is measured of a run, for the status and the watchdog: rates and stage times of the latest results,
+// and how long a frame set takes.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <cstdint>
 #include <deque>
@@ -35,6 +37,25 @@ class RunStatistics {
     std::uint64_t results_ = 0, lost_ = 0, latest_sequence_ = 0;
     std::deque<StageTimes> times_;
     std::deque<Clock::time_point> arrivals_;  // of the last two seconds
+};
+
+// How long a thread has been busy with the same frame set: distinguishes a pipeline that hangs from an idle
+// one. elapsed() by any thread, the others by the one that works.
+class BusyTimer {
+  public:
+    using Clock = std::chrono::steady_clock;
+
+    void begin(Clock::time_point now = Clock::now()) { since_ = now.time_since_epoch().count(); }
+    void end() { since_ = kIdle; }
+    // Zero while idle.
+    Clock::duration elapsed(Clock::time_point now = Clock::now()) const {
+        const Clock::rep since = since_;
+        return since == kIdle ? Clock::duration{} : now.time_since_epoch() - Clock::duration(since);
+    }
+
+  private:
+    static constexpr Clock::rep kIdle = -1;
+    std::atomic<Clock::rep> since_{kIdle};
 };
 
 }  // namespace kinevox

@@ -19,7 +19,6 @@
 #include "common/utc_clock.h"
 #include "server/cameras/frame_source.h"
 #include "server/pipeline/background_learner.h"
-#include "server/pipeline/busy_timer.h"
 #include "server/pipeline/handover.h"
 #include "server/pipeline/pipeline.h"
 #include "server/pipeline/run_statistics.h"

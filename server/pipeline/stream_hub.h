@@ -7,10 +7,12 @@
 #include <compare>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -19,7 +21,6 @@
 #include "server/events/event_log.h"
 #include "server/events/mailbox.h"
 #include "server/pipeline/frame_result.h"
-#include "server/pipeline/once_map.h"
 
 namespace kinevox {
 
@@ -50,6 +51,33 @@ struct PublishedHeader {
     std::int64_t published_utc_ns = 0;
     std::chrono::steady_clock::time_point
         published_at;  // the same time; not affected by steps of the system clock
+};
+
+// Computes a value per key once for any number of threads, and shares it. get() by any thread. A second
+// caller for the same key waits for the first; callers for other keys do not.
+template <typename Key, typename Value>
+class OnceMap {
+  public:
+    template <typename Make>
+    std::shared_ptr<const Value> get(const Key& key, const Make& make) const {
+        std::shared_ptr<Slot> slot;
+        {
+            const std::scoped_lock lock(mutex_);
+            std::shared_ptr<Slot>& entry = slots_[key];
+            if (!entry) entry = std::make_shared<Slot>();
+            slot = entry;
+        }
+        std::call_once(slot->once, [&] { slot->value = std::make_shared<const Value>(make()); });
+        return slot->value;
+    }
+
+  private:
+    struct Slot {
+        std::once_flag once;
+        std::shared_ptr<const Value> value;
+    };
+    mutable std::mutex mutex_;
+    mutable std::map<Key, std::shared_ptr<Slot>> slots_;
 };
 
 // A message's bytes as they are sent, the same for all subscribers of one form. Encoded on demand by the

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "common/degrees.h"
+#include "common/geometry.h"
 #include "server/pose/body_model.h"
 
 namespace kinevox {

@@ -6,7 +6,7 @@
 #include <numbers>
 #include <string>
 
-#include "common/atomic_file.h"
+#include "common/files.h"
 #include "common/toml_reader.h"
 
 namespace kinevox {

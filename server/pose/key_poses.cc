@@ -3,7 +3,7 @@
 #include <initializer_list>
 #include <utility>
 
-#include "common/degrees.h"
+#include "common/geometry.h"
 
 namespace kinevox {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/degrees.h"
+#include "common/geometry.h"
 #include "server/pose/ray_capsule.h"
 
 namespace kinevox {

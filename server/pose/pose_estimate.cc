@@ -9,8 +9,8 @@
 #include <limits>
 #include <numbers>
 
-#include "common/degrees.h"
-#include "common/joint_angles.h"
+#include "common/body_pose.h"
+#include "common/geometry.h"
 
 namespace kinevox {
 namespace {

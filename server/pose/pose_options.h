@@ -68,6 +68,9 @@ struct PoseTrackerOptions {
     double search_explained_fraction =
         0.9;                           // explained fraction of the contour below which limbs are searched
     bool always_search_limbs = false;  // below that always; false: only if less than usual is explained
+    // Interval of frame sets from which limbs move farther between two of them than a fit finds: every start,
+    // limb and pair is then tried in each frame set. There is the time for it.
+    double full_search_interval_s = 0.06;
     double lost_explained_fraction = 0.55;  // explained fraction of the contour below which a pose is lost
     double lost_after_s = 0.15;             // time below that until the tracker is re-initialised
     int min_views = 2;                      // minimum number with a silhouette
@@ -98,6 +101,9 @@ void visit_options(T& o, F&& f) {
        "Search limbs whenever the explained fraction is below search_explained_fraction, even if that is "
        "usual."},
       o.always_search_limbs);
+    f({"full_search_interval_s", 0, 60, "s",
+       "Interval of frame sets from which all limbs are searched in each."},
+      o.full_search_interval_s);
     f({"lost_explained_fraction", 0, 1, "", "Explained fraction of the contour below which a pose is lost."},
       o.lost_explained_fraction);
     f({"lost_after_s", 0, 60, "s", "Time below that until the pose is searched again."}, o.lost_after_s);

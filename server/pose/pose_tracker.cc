@@ -14,22 +14,29 @@
 namespace kinevox {
 namespace {
 
-constexpr double kRateMemory = 0.6;  // weight of the previous rate in the estimate
-constexpr double kCostMemory = 0.85;
+// Weights of what was before after a reference interval; see kept().
+constexpr double kReferenceInterval_s = 1.0 / 30;
+constexpr double kRateMemory = 0.6, kCostMemory = 0.85, kUsualMemory = 0.997;
 constexpr double kPredictionDamping = 0.9;
-constexpr double kUsualMemory = 0.997, kPoorer = 0.03;
+constexpr double kPoorer = 0.03;
 constexpr double kBetter = 2,
                  kClearlyBetter =
                      12;  // minimum decrease of the cost by a limb search; 2 is about two contour rays
-// Arms and legs in either order. In the first second of tracking they are searched again at this interval of
-// frame sets regardless of the explained fraction: coinciding limbs leave little unexplained.
+// Arms and legs in either order. In the first second of tracking they are searched again at this interval
+// regardless of the explained fraction: coinciding limbs leave little unexplained.
 constexpr std::array<std::pair<Limb, Limb>, 4> kLimbPairs{{{Limb::kArmL, Limb::kArmR},
                                                            {Limb::kLegL, Limb::kLegR},
                                                            {Limb::kArmR, Limb::kArmL},
                                                            {Limb::kLegR, Limb::kLegL}}};
-constexpr int kPairFrames = 7, kFrequentPairFrames = 3;
+constexpr double kPairInterval_s = 7.0 / 30, kFrequentPairInterval_s = 3.0 / 30;
 constexpr double kPairSeconds = 1;
 constexpr double kSame_m = 0.06;  // hypotheses with a smaller mean joint distance are merged
+
+// A weight per reference interval as the weight over `seconds`, so that memory lasts equally long at any
+// rate.
+double kept(double per_reference_interval, double seconds) {
+    return std::pow(per_reference_interval, seconds / kReferenceInterval_s);
+}
 
 double mean_joint_distance(const PosedBody& a, const PosedBody& b) {
     double sum = 0;
@@ -119,7 +126,8 @@ void PoseTracker::try_moved(Hypothesis& h, std::span<const SilhouetteRays> views
 
 void PoseTracker::follow(Hypothesis& h, std::span<const SilhouetteRays> views, double seconds) {
     BodyStep ahead;
-    for (int k = 0; k < kBodyDofCount; ++k) ahead[k] = kPredictionDamping * seconds * h.rate[k];
+    const double damping = kept(kPredictionDamping, seconds);
+    for (int k = 0; k < kBodyDofCount; ++k) ahead[k] = damping * seconds * h.rate[k];
     MotionPrior prior;
     prior.expected = stepped(h.posture, ahead);
     // The rate is still unknown and may be large.
@@ -129,13 +137,28 @@ void PoseTracker::follow(Hypothesis& h, std::span<const SilhouetteRays> views, d
         prior.std[k] = k < 3   ? 0.005 + options_.root_acceleration_m_per_s2 * dt2
                        : k < 6 ? 0.02 + options_.root_angular_acceleration_rad_per_s2 * dt2
                                : 0.03 + options_.joint_angular_acceleration_rad_per_s2 * dt2;
-    h.fit = fitter_.fit(*model_, views, prior.expected, &prior, false);
+    h.fit = fitter_.fit(*model_, views, prior.expected, &prior, searches_fully());
+    if (searches_fully()) try_other_starts(h, views, h.posture, prior.expected);
     const BodyStep moved = step_between(h.posture, h.fit.posture);
-    const double keep = h.seconds == 0 ? 0 : kRateMemory;
+    const double keep = h.seconds == 0 ? 0 : kept(kRateMemory, seconds);
     for (int k = 0; k < kBodyDofCount; ++k) h.rate[k] = keep * h.rate[k] + (1 - keep) * moved[k] / seconds;
     h.posture = h.fit.posture;
-    h.cost = kCostMemory * h.cost + (1 - kCostMemory) * h.fit.at.cost;
+    const double kept_cost = kept(kCostMemory, seconds);
+    h.cost = kept_cost * h.cost + (1 - kept_cost) * h.fit.at.cost;
     h.seconds += seconds;
+}
+
+// The posture before, moved along or not, and the expected one without the prior: a limb that reversed its
+// motion since then is far from where its rate leads.
+void PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays> views,
+                                   const BodyPosture& before, const BodyPosture& expected) {
+    BodyPosture moved = before;
+    moved.root_in_world = expected.root_in_world;
+    for (const BodyPosture& start : {moved, before, expected}) {
+        PoseFit fit = fitter_.fit(*model_, views, start, nullptr, true);
+        const PoseFit stayed = fitter_.fit(*model_, views, h.fit.posture, nullptr, false);
+        if (fit.at.cost + kBetter < stayed.at.cost) h.fit = std::move(fit);
+    }
 }
 
 void PoseTracker::choose() {
@@ -159,6 +182,20 @@ void PoseTracker::choose() {
     hypotheses_ = std::move(kept);
 }
 
+// One limb or pair in turn. `whole`: less is explained than usual.
+void PoseTracker::search_next(Hypothesis& h, std::span<const SilhouetteRays> views, bool whole) {
+    constexpr double kRounding_s = 1e-3;
+    if (to_pair_s_ > kRounding_s || !(whole || h.seconds < kPairSeconds)) {
+        search_limb(h, views, kLimbs[next_limb_], whole ? LimbSearchScope::kWhole : LimbSearchScope::kLower);
+        next_limb_ = (next_limb_ + 1) % static_cast<int>(kLimbs.size());
+        return;
+    }
+    const auto& [first, second] = kLimbPairs[next_pair_];
+    search_pair(h, views, first, second);
+    next_pair_ = (next_pair_ + 1) % kLimbPairs.size();
+    to_pair_s_ = options_.always_search_limbs ? kFrequentPairInterval_s : kPairInterval_s;
+}
+
 std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::span<const SilhouetteRays> views,
                                                   Vec3 centre, std::span<const PoseCandidate> candidates) {
     const auto seeing =
@@ -179,20 +216,17 @@ std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::spa
         // A search of a whole limb takes as long as several fits: it runs only if less is explained than
         // usual for this subject.
         const double explained = hypotheses_.front().fit.explained;
-        usual_explained_ = std::max(kUsualMemory * usual_explained_, explained);
+        usual_explained_ = std::max(kept(kUsualMemory, seconds) * usual_explained_, explained);
         const double enough = options_.always_search_limbs
                                   ? options_.search_explained_fraction
                                   : std::min(options_.search_explained_fraction, usual_explained_ - kPoorer);
-        const bool whole = explained < enough;
-        if (--frames_to_pair_ <= 0 && (whole || hypotheses_.front().seconds < kPairSeconds)) {
-            const auto& [first, second] = kLimbPairs[next_pair_];
-            search_pair(hypotheses_.front(), views, first, second);
-            next_pair_ = (next_pair_ + 1) % kLimbPairs.size();
-            frames_to_pair_ = options_.always_search_limbs ? kFrequentPairFrames : kPairFrames;
+        to_pair_s_ -= seconds;
+        Hypothesis& best = hypotheses_.front();
+        if (searches_fully()) {
+            for (const Limb limb : kLimbs) search_limb(best, views, limb, LimbSearchScope::kWhole);
+            for (const auto& [first, second] : kLimbPairs) search_pair(best, views, first, second);
         } else {
-            search_limb(hypotheses_.front(), views, kLimbs[next_limb_],
-                        whole ? LimbSearchScope::kWhole : LimbSearchScope::kLower);
-            next_limb_ = (next_limb_ + 1) % static_cast<int>(kLimbs.size());
+            search_next(best, views, explained < enough);
         }
         choose();
     }

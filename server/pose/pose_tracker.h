@@ -48,10 +48,14 @@ class PoseTracker {
     };
 
     void begin(std::span<const SilhouetteRays> views, Vec3 centre, std::span<const PoseCandidate> candidates);
+    bool searches_fully() const { return 1 / fps_ >= options_.full_search_interval_s; }
     void follow(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, double seconds);
+    void try_other_starts(Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
+                          const BodyPosture& before, const BodyPosture& expected);
     void search_limb(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Limb limb,
                      LimbSearchScope scope);
     void search_pair(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Limb first, Limb second);
+    void search_next(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, bool whole);
     void try_moved(Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
                    const std::optional<BodyPosture>& moved, double gain);
     void choose();
@@ -61,7 +65,8 @@ class PoseTracker {
     std::shared_ptr<const BodyModel> model_;
     PoseFitter fitter_;
     LimbSearch limbs_;
-    int next_limb_ = 0, frames_to_pair_ = 0;
+    int next_limb_ = 0;
+    double to_pair_s_ = 0;  // until the next search of a pair
     std::size_t next_pair_ = 0;
     double usual_explained_ = 0;
     std::vector<Hypothesis> hypotheses_;  // the best one first

@@ -2,14 +2,16 @@
 
 #include <oneapi/tbb/parallel_invoke.h>
 
+#include <algorithm>
 #include <array>
 #include <limits>
 
 namespace kinevox {
 namespace {
 
-// Scale of the cost for a jump of the joints when the path switches direction.
-constexpr double kJumpStd_m = 0.04;
+// Scale of the cost for a jump of the joints from frame set to frame set, at 30 frame sets per second or
+// more.
+constexpr double kJumpStd_m = 0.04, kJumpSpeed_m_per_s = 1.2;
 
 struct Pass {
     std::vector<RetrackedFrame> frames;
@@ -43,10 +45,11 @@ Pass follow(const std::vector<Camera>& cameras, double fps, std::span<const Reco
     return pass;
 }
 
-double jump(const std::array<Vec3, kJointNames.size()>& a, const std::array<Vec3, kJointNames.size()>& b) {
+double jump(const std::array<Vec3, kJointNames.size()>& a, const std::array<Vec3, kJointNames.size()>& b,
+            double std_m) {
     double sum = 0;
     for (std::size_t j = 0; j < a.size(); ++j) sum += dot(a[j] - b[j], a[j] - b[j]);
-    return sum / (kJumpStd_m * kJumpStd_m);
+    return sum / (std_m * std_m);
 }
 
 }  // namespace
@@ -63,6 +66,7 @@ std::vector<RetrackedFrame> retrack(const std::vector<Camera>& cameras, double f
     const std::size_t count = frames.size();
     std::vector<std::array<int, 2>> came_from(count);
     std::array<double, 2> best{0, 0};
+    const double jump_std_m = std::max(kJumpStd_m, kJumpSpeed_m_per_s / fps);
     constexpr double kNothing =
         1e6;  // cost of a frame set without a pose, so that an existing pose is preferred
     for (std::size_t n = 0; n < count; ++n) {
@@ -73,7 +77,8 @@ std::vector<RetrackedFrame> retrack(const std::vector<Camera>& cameras, double f
             for (int from = 0; from < 2; ++from) {
                 const bool linked = n > 0 && here && passes[from].frames[n - 1].posture;
                 const double by = n == 0 ? 0 : best[from];
-                const double jumped = linked ? jump(passes[from].joints[n - 1], passes[to].joints[n]) : 0;
+                const double jumped =
+                    linked ? jump(passes[from].joints[n - 1], passes[to].joints[n], jump_std_m) : 0;
                 const double total = by + jumped + (here ? passes[to].cost[n] : kNothing);
                 if (total < next[to]) next[to] = total, came_from[n][to] = from;
             }

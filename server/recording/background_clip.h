@@ -1,18 +1,30 @@
 // The images from which the background was learned, on disk for the next recording.
 #pragma once
 
+#include <absl/status/statusor.h>
+
 #include <condition_variable>
 #include <filesystem>
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <stop_token>
 #include <thread>
 #include <vector>
 
 #include "common/camera.h"
-#include "server/recording/background_files.h"
+#include "server/cameras/frame_source.h"
 
 namespace kinevox {
+
+// Per camera its images of the background.
+using BackgroundImages = std::shared_ptr<const std::vector<std::vector<Image>>>;
+
+// Writes per camera `folder`/NAME.mkv, lossless, and its index, replacing existing ones; returns the videos.
+// Cancelled if a stop was requested.
+absl::StatusOr<std::vector<std::filesystem::path>> write_background_videos(
+    const std::filesystem::path& folder, const std::vector<Camera>& cameras, double fps,
+    const std::vector<std::vector<Image>>& images, const std::stop_token& stop);
 
 // Any thread.
 class BackgroundClip {

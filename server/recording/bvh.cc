@@ -7,8 +7,7 @@
 #include <optional>
 
 #include "common/body_table.h"
-#include "common/degrees.h"
-#include "server/recording/euler_angles.h"
+#include "common/geometry.h"
 #include "server/recording/trial_formats.h"
 
 namespace kinevox {

@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <span>
 
-#include "common/little_endian.h"
+#include "common/files.h"
 #include "server/recording/trial_formats.h"
 
 namespace kinevox {

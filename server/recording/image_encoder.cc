@@ -12,7 +12,6 @@
 
 #include "server/cameras/image_mat.h"
 #include "server/cameras/libav.h"
-#include "server/cameras/yuv_of_bgr.h"
 
 namespace kinevox {
 namespace {

@@ -7,9 +7,8 @@
 #include <limits>
 #include <numbers>
 
-#include "common/degrees.h"
+#include "common/geometry.h"
 #include "common/one_line.h"
-#include "server/recording/euler_angles.h"
 #include "server/recording/trial_formats.h"
 
 namespace kinevox {

@@ -1,5 +1,3 @@
-#include "server/recording/overlay_video.h"
-
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -15,11 +13,12 @@
 
 #include "common/body_pose.h"
 #include "common/body_table.h"
-#include "common/session_offsets.h"
+#include "common/session_file.h"
 #include "server/cameras/h264_file.h"
 #include "server/cameras/image_mat.h"
-#include "server/cameras/recorded_session.h"
-#include "server/cameras/recorded_video.h"
+#include "server/cameras/image_reader.h"
+#include "server/cameras/session_files.h"
+#include "server/recording/recording_export.h"
 
 namespace kinevox {
 namespace {

@@ -10,16 +10,14 @@
 #include <system_error>
 #include <utility>
 
-#include "common/atomic_file.h"
-#include "common/degrees.h"
+#include "common/files.h"
+#include "common/geometry.h"
 #include "common/one_line.h"
-#include "common/ply.h"
 #include "common/session_file.h"
 #include "common/toml_reader.h"
-#include "server/cameras/recorded_session.h"
+#include "common/volume.h"
+#include "server/cameras/session_files.h"
 #include "server/recording/anonymous_export.h"
-#include "server/recording/anonymous_session.h"
-#include "server/recording/overlay_video.h"
 #include "server/recording/trial_formats.h"
 #include "server/recording/volume_file.h"
 

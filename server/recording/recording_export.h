@@ -4,17 +4,49 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <atomic>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "common/export_formats.h"
-#include "server/recording/job_control.h"
+#include "common/export_options.h"
+#include "common/session_file.h"
 #include "server/recording/trial.h"
 
 namespace kinevox {
+
+// Cancellation and progress of a job that takes minutes.
+struct JobControl {
+    const std::atomic<bool>& stop;  // once true, the job ends with Cancelled
+    // Called often on the job's thread with the progress, 0 to 1, increasing.
+    std::function<void(double)> progress = {};
+
+    void report(double fraction) const {
+        if (progress) progress(fraction);
+    }
+    // For a step of the job: its progress 0 to 1 is `from` to `to` here. Must not outlive this.
+    JobControl subrange(double from, double to) const {
+        return {stop, [this, from, to](double fraction) { report(from + fraction * (to - from)); }};
+    }
+};
+
+// A video of a session's images with the measured skeleton drawn over them; in overlay_video.cc.
+
+struct OverlayOptions {
+    std::string camera;  // empty: all, tiled
+    int width_px = 0;    // of the video; 0: that of the images, up to 1280
+    bool silhouettes =
+        false;  // the images are white on black: shown in greys on which the skeleton is visible
+};
+
+// H.264 in MP4, one image per frame of the trial. Withheld joints are not drawn; a lost frame set repeats the
+// image and the skeleton of the frame before. NotFound for an unknown camera; Cancelled after `work.stop`;
+// errors of reading and writing.
+absl::Status write_overlay_video(const Session& session, const Trial& trial, const OverlayOptions& options,
+                                 const std::filesystem::path& file, const JobControl& work);
 
 struct ExportOptions {
     ExportFormat format = ExportFormat::kCsv;

@@ -13,12 +13,11 @@
 #include <thread>
 #include <utility>
 
-#include "common/atomic_file.h"
 #include "common/calibration_file.h"
+#include "common/files.h"
 #include "common/recording_files.h"
-#include "server/recording/append_file.h"
-#include "server/recording/pose_tables.h"
-#include "server/recording/video_file.h"
+#include "server/recording/csv_tables.h"
+#include "server/recording/growing_files.h"
 #include "server/recording/volume_file.h"
 
 namespace kinevox {

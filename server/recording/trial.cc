@@ -11,9 +11,8 @@
 #include <type_traits>
 #include <utility>
 
-#include "common/degrees.h"
-#include "server/recording/csv_table.h"
-#include "server/recording/pose_tables.h"
+#include "common/geometry.h"
+#include "server/recording/csv_tables.h"
 
 namespace kinevox {
 namespace {

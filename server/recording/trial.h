@@ -12,8 +12,8 @@
 #include <string_view>
 #include <vector>
 
+#include "common/body_pose.h"
 #include "common/body_table.h"
-#include "common/joint_angles.h"
 #include "server/pose/body_model.h"
 
 namespace kinevox {

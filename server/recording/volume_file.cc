@@ -8,7 +8,7 @@
 #include <system_error>
 #include <utility>
 
-#include "common/little_endian.h"
+#include "common/files.h"
 #include "common/volume_codec.h"
 
 namespace kinevox {

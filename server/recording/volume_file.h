@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "common/volume.h"
-#include "server/recording/append_file.h"
+#include "server/recording/growing_files.h"
 
 namespace kinevox {
 

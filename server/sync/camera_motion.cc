@@ -13,7 +13,7 @@
 #include "server/cameras/image_mat.h"
 #include "server/cameras/image_reader.h"
 #include "server/cameras/session_files.h"
-#include "server/silhouettes/subject_segmenter.h"
+#include "server/silhouettes/silhouettes.h"
 
 namespace kinevox::sync {
 namespace {

@@ -9,7 +9,9 @@
 #include <string>
 #include <vector>
 
+#include "server/sync/camera_motion.h"
 #include "server/sync/evidence.h"
+#include "server/sync/signals.h"
 
 namespace kinevox::sync {
 
@@ -69,5 +71,21 @@ struct OffsetSolution {
 absl::StatusOr<OffsetSolution> solve_offsets(std::vector<PairEvidence>& pairs,
                                              std::span<const std::string> names,
                                              const OffsetOptions& options);
+
+struct AlignOptions {
+    double max_offset_s = 30;
+    bool use_extrinsics = true;
+};
+
+struct Alignment {
+    OffsetSolution solution;
+    bool used_extrinsics = false;            // extrinsics were used
+    std::vector<MovementSignals> movements;  // per camera
+};
+
+// From each camera's motion to the cameras' offsets. FailedPrecondition as solve_offsets(), and if a camera
+// never sees a person.
+absl::StatusOr<Alignment> align(const std::vector<CameraMotion>& cameras, double fps,
+                                const AlignOptions& options);
 
 }  // namespace kinevox::sync

@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/command_line.h"
-#include "server/cameras/aravis/discovery.h"
+#include "server/cameras/aravis/live_source.h"
 
 namespace {
 

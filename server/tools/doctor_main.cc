@@ -6,7 +6,7 @@
 #include <cstdlib>
 
 #include "common/command_line.h"
-#include "server/tools/doctor/report.h"
+#include "server/tools/doctor/checks.h"
 
 namespace {
 

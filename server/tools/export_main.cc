@@ -12,13 +12,12 @@
 #include <vector>
 
 #include "common/command_line.h"
-#include "common/degrees.h"
-#include "common/export_formats.h"
-#include "common/frame_range.h"
+#include "common/export_options.h"
+#include "common/geometry.h"
 #include "common/progress_line.h"
 #include "server/cameras/session_source.h"
 #include "server/recording/recording_export.h"
-#include "server/tools/interrupt.h"
+#include "server/tools/console.h"
 
 namespace {
 

@@ -13,8 +13,8 @@
 #include "common/command_line.h"
 #include "server/cameras/session_source.h"
 #include "server/config/daemon_config.h"
-#include "server/pipeline/huge_pages.h"
-#include "server/tools/interrupt.h"
+#include "server/pipeline/pipeline_resources.h"
+#include "server/tools/console.h"
 #include "server/tools/process/process.h"
 
 namespace {
@@ -57,6 +57,9 @@ void declare(CLI::App& app, Arguments& arguments) {
         ->capture_default_str();
     app.add_option("--threads", arguments.threads, "Worker threads (0: one per core)")
         ->check(CLI::Range(0, 1024))
+        ->capture_default_str();
+    app.add_option("--every", options.every, "Process every Nth frame set only")
+        ->check(CLI::Range(1, 1'000'000))
         ->capture_default_str();
     app.add_option("--frames", options.max_frames, "Maximum number of frame sets (0: all)")
         ->check(CLI::Range(0, 1'000'000'000))

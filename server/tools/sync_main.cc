@@ -3,21 +3,105 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <system_error>
 #include <vector>
 
-#include "common/atomic_file.h"
 #include "common/command_line.h"
+#include "common/files.h"
 #include "common/session_file.h"
-#include "common/session_offsets.h"
-#include "server/calibration/certificate/report_page.h"
+#include "server/calibration/certificate/certificate.h"
 #include "server/cameras/session_source.h"
-#include "server/sync/align.h"
-#include "server/tools/calibrate/console.h"
-#include "server/tools/sync/alignment_text.h"
+#include "server/sync/offsets.h"
+#include "server/tools/console.h"
+
+namespace kinevox::sync {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json number(double value) {
+    return std::isfinite(value) ? Json(value) : Json(nullptr);
+}
+
+Json rounded(const std::vector<double>& values, double step) {
+    Json list = Json::array();
+    for (const double v : values)
+        list.push_back(std::isfinite(v) ? Json(std::round(v / step) * step) : Json(nullptr));
+    return list;
+}
+
+// Several lines.
+std::string table_of(const Session& session, const Alignment& alignment) {
+    std::size_t width = 6;
+    for (const SessionCamera& camera : session.cameras) width = std::max(width, camera.name.size());
+    std::string out = fmt::format("{:<{}} {:>10} {:>8} {:>9} {:>9}  {}\n", "camera", width, "offset s",
+                                  "std s", "frames", "evidence", "runner-up");
+    for (std::size_t c = 0; c < session.cameras.size(); ++c) {
+        const CameraFit& fit = alignment.solution.cameras[c];
+        const std::string runner_up =
+            fit.runner_up > 0
+                ? fmt::format("{:+.3f} s, {:.0f} % as good", fit.runner_up_offset_s, 100 * fit.runner_up)
+                : "none";
+        out +=
+            fmt::format("{:<{}} {:>10.4f} {:>8.4f} {:>9.2f} {:>9.0f}  {}\n", session.cameras[c].name, width,
+                        fit.offset_s, fit.std_s, fit.offset_s * session.fps, fit.evidence, runner_up);
+    }
+    return out;
+}
+
+// Offsets and standard deviations per camera, and pairs; units in the keys.
+Json json_of(const Session& session, const Alignment& alignment) {
+    Json cameras = Json::array(), pairs = Json::array();
+    for (std::size_t c = 0; c < session.cameras.size(); ++c) {
+        const CameraFit& fit = alignment.solution.cameras[c];
+        cameras.push_back({{"name", session.cameras[c].name},
+                           {"offset_s", fit.offset_s},
+                           {"std_s", fit.std_s},
+                           {"evidence_nats", fit.evidence},
+                           {"runner_up_ratio", fit.runner_up},
+                           {"runner_up_offset_s", fit.runner_up_offset_s}});
+    }
+    for (const PairFit& pair : alignment.solution.pairs) {
+        Json one = {{"first", session.cameras[pair.first].name},
+                    {"second", session.cameras[pair.second].name},
+                    {"lag_s", number(pair.lag_frames / session.fps)},
+                    {"std_s", number(pair.std_frames / session.fps)},
+                    {"residual_s", number(pair.residual_frames / session.fps)},
+                    {"weight", pair.weight},
+                    {"evidence_nats", pair.evidence}};
+        one["silhouette_residual_px"] = pair.residual_px ? Json(*pair.residual_px) : Json(nullptr);
+        pairs.push_back(std::move(one));
+    }
+    return {{"kind", "alignment"},
+            {"session", session.name},
+            {"fps", session.fps},
+            {"used_extrinsics", alignment.used_extrinsics},
+            {"cameras", std::move(cameras)},
+            {"pairs", std::move(pairs)}};
+}
+
+// The same with the curves and signals of the page.
+Json page_json_of(const Session& session, const Alignment& alignment) {
+    Json out = json_of(session, alignment);
+    for (std::size_t c = 0; c < session.cameras.size(); ++c) {
+        const CameraFit& fit = alignment.solution.cameras[c];
+        Json& camera = out["cameras"][c];
+        camera["curve"] = {{"first_offset_s", fit.curve.lowest_frames / session.fps},
+                           {"evidence_nats", rounded(fit.curve.evidence, 0.01)}};
+        camera["changed_fraction_per_s"] = rounded(alignment.movements[c].changed_fraction, 1e-4);
+        camera["top_rises_per_s"] = rounded(alignment.movements[c].top, 1e-4);
+    }
+    return out;
+}
+
+}  // namespace
+}  // namespace kinevox::sync
 
 namespace {
 
@@ -68,7 +152,7 @@ absl::Status run(const Arguments& arguments) {
         return absl::FailedPreconditionError(fmt::format(
             "{}: recorded by kinevoxd, whose cameras are already synchronised; there is nothing to align",
             arguments.session_file.string()));
-    const auto motion = sync::read_motion(*session, {}, calibrate::console_progress(arguments.quiet));
+    const auto motion = sync::read_motion(*session, {}, console_progress(arguments.quiet));
     if (!motion.ok()) return motion.status();
     const auto alignment = sync::align(*motion, session->fps, arguments.align);
     if (!alignment.ok()) return alignment.status();

@@ -11,9 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "common/atomic_file.h"
 #include "common/command_line.h"
-#include "common/state_folder.h"
+#include "common/files.h"
 #include "server/access/certificates.h"
 #include "server/access/private_file.h"
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "common/command_line.h"
-#include "common/state_folder.h"
+#include "common/files.h"
 #include "server/access/call_table.h"
 #include "server/access/token_file.h"
 

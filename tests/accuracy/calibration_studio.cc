@@ -10,13 +10,13 @@
 #include <random>
 #include <string>
 
-#include "common/degrees.h"
+#include "common/geometry.h"
 #include "server/calibration/board/board_detector.h"
 #include "server/calibration/board/extrinsics.h"
-#include "server/calibration/triangulation.h"
+#include "server/calibration/multi_view.h"
 #include "server/calibration/wand/wand.h"
+#include "server/cameras/studio/staging.h"
 #include "server/cameras/studio/studio.h"
-#include "server/cameras/studio/targets.h"
 
 namespace kinevox {
 namespace {

@@ -1,7 +1,7 @@
 #include <cstdint>
 #include <string>
 
-#include "common/calibration_import.h"
+#include "common/calibration_file.h"
 #include "tests/fuzz/check_cameras.h"
 
 // XML begins with '<', YAML does not, Kalibr's has a camera_model; each text goes to the reader it looks

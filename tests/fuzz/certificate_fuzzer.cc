@@ -1,9 +1,9 @@
 #include <cstdint>
 #include <string>
 
-#include "server/api/certificate_to_proto.h"
+#include "server/api/to_proto.h"
 #include "server/calibration/board/board.h"
-#include "server/calibration/board/floor_points.h"
+#include "server/calibration/board/floor.h"
 #include "server/calibration/certificate/certificate.h"
 #include "server/calibration/wand/wand.h"
 #include "tests/fuzz/fuzz_check.h"

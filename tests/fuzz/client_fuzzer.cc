@@ -1,7 +1,7 @@
 #include <cstdint>
 #include <string>
 
-#include "client/lib/image_file.h"
+#include "client/lib/image.h"
 #include "client/lib/pose_csv.h"
 #include "common/body_table.h"
 #include "common/volume_codec.h"

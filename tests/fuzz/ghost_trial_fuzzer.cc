@@ -1,7 +1,7 @@
 #include <cstdint>
 #include <string_view>
 
-#include "client/viewer/ghost_trial.h"
+#include "client/viewer/ghost_match.h"
 #include "tests/fuzz/fuzz_check.h"
 
 // A table of a second trial.

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "common/atomic_file.h"
+#include "common/files.h"
 #include "kinevox/v1/recording_service.pb.h"
 #include "kinevox/v1/replay_service.pb.h"
 #include "tests/fuzz/api_script.h"

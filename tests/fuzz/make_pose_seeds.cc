@@ -4,7 +4,7 @@
 #include <cstring>
 #include <string>
 
-#include "common/atomic_file.h"
+#include "common/files.h"
 #include "server/pose/database/database_file.h"
 #include "tests/fuzz/small_pose_options.h"
 #include "tests/support/small_bvh.h"

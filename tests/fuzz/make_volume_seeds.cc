@@ -5,7 +5,7 @@
 #include <random>
 #include <string>
 
-#include "common/atomic_file.h"
+#include "common/files.h"
 #include "common/volume_codec.h"
 #include "tests/support/person_volume.h"
 

@@ -4,7 +4,6 @@
 
 #include "common/recording_files.h"
 #include "common/session_file.h"
-#include "common/session_offsets.h"
 #include "server/pose/body_shape.h"
 #include "server/recording/recording_export.h"
 #include "server/recording/trial.h"

@@ -6,8 +6,8 @@
 #include <string>
 
 #include "client/web/http.h"
-#include "client/web/subscription_request.h"
-#include "common/atomic_file.h"
+#include "client/web/subscriptions.h"
+#include "common/files.h"
 #include "tests/fuzz/fuzz_check.h"
 
 namespace {

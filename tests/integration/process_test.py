@@ -161,6 +161,14 @@ class Process(unittest.TestCase):
         self.assertFalse((out / "coordinates.csv").exists())
         self.assertTrue((out / "run.toml").exists())
 
+    def test_every_nth_frame_set_keeps_its_number_and_time(self):
+        out = self.process("out", "--every", 3)
+        rows = rows_of(out / "joints.csv")
+        self.assertEqual([int(r["frame"]) for r in rows], list(range(0, 3 * FRAMES, 3)))
+        self.assertAlmostEqual(float(rows[3]["time_s"]), 9 / 30, delta=1e-3)
+        run = tomllib.loads((out / "run.toml").read_text())
+        self.assertEqual((run["fps"], run["frame_count"]), (10, FRAMES))
+
     def test_results_do_not_depend_on_threads(self):
         runs = [
             self.process("one", "--save", "silhouettes,volumes", "--threads", 1),

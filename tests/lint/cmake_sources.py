@@ -3,12 +3,12 @@
 
 Applies to the commands in COMMANDS. --fix rewrites the files. Prints FILE:LINE: what. Exit status: 0 none found, 1 some.
 """
-import pathlib
 import re
-import subprocess
 import sys
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
+import checkout
+from checkout import ROOT
+
 COMMANDS = (
     "add_executable",
     "add_library",
@@ -60,18 +60,9 @@ def rewritten(text):
 
 
 def main():
-    names = subprocess.run(
-        ["git", "ls-files", "-co", "--exclude-standard", "--", "*CMakeLists.txt"],
-        cwd=ROOT,
-        check=True,
-        capture_output=True,
-        text=True,
-    ).stdout.splitlines()
     count = 0
-    for name in names:
+    for name in checkout.files("*CMakeLists.txt"):
         file = ROOT / name
-        if not file.is_file():
-            continue
         text, numbers = rewritten(file.read_text())
         if numbers and "--fix" in sys.argv:
             file.write_text(text)

@@ -6,12 +6,12 @@ folder and of folders above it in the list; client/ includes nothing of server/ 
 includes FILE.h first, which proves that the header compiles alone. --graph prints which folder includes which.
 Prints FILE:LINE: what. Exit status: 0 no violation, 1 some.
 """
-import pathlib
 import re
-import subprocess
 import sys
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
+import checkout
+from checkout import ROOT
+
 FOLDERS = [
     "proto",
     "common",
@@ -56,14 +56,7 @@ def includes(text):
 
 
 def main():
-    names = subprocess.run(
-        ["git", "ls-files", "-co", "--exclude-standard", "--", "*.h", "*.cc", "*.cu", "*.cuh"],
-        cwd=ROOT,
-        check=True,
-        capture_output=True,
-        text=True,
-    ).stdout.splitlines()
-    existing = {name for name in names if (ROOT / name).is_file()}
+    existing = set(checkout.files("*.h", "*.cc", "*.cu", "*.cuh"))
     count, graph = 0, {}
     for name in sorted(existing):
         source = folder_of(name)

@@ -4,12 +4,12 @@
 A relative link must name a file of the tree, a fragment a heading of its page, and a path in code quotes that begins with a
 folder of the tree (`server/api`) an existing file. Prints FILE:LINE: what. Exit status: 0 all found, 1 some missing.
 """
-import pathlib
 import re
-import subprocess
 import sys
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
+import checkout
+from checkout import ROOT
+
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 QUOTED_PATH = re.compile(r"`((?:client|common|cmake|deploy|docs|kernels|proto|server|tests)/[\w./-]+)`")
 HEADING = re.compile(r"^#+\s+(.*)$", re.MULTILINE)
@@ -44,16 +44,9 @@ def problems(page):
 
 
 def main():
-    names = subprocess.run(
-        ["git", "ls-files", "-co", "--exclude-standard", "--", "*.md"],
-        cwd=ROOT,
-        check=True,
-        capture_output=True,
-        text=True,
-    ).stdout.splitlines()
     count = 0
-    for name in names:
-        if name == "docs/vocabulary.md" or not (ROOT / name).is_file():
+    for name in checkout.files("*.md"):
+        if name == "docs/vocabulary.md":
             continue  # names files of the past
         for number, what in problems(ROOT / name):
             print(f"{name}:{number}: {what}")

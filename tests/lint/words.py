@@ -7,10 +7,11 @@ Prints FILE:LINE: 'WORD' for each place. Exit status: 0 no refused word, 1 some.
 import fnmatch
 import pathlib
 import re
-import subprocess
 import sys
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
+import checkout
+from checkout import ROOT
+
 EXCEPTIONS = pathlib.Path(__file__).with_name("word_exceptions.txt")
 
 WORDS = [
@@ -127,17 +128,10 @@ def refused(path, text, rows):
 
 
 def main():
-    names = subprocess.run(
-        ["git", "ls-files", "-co", "--exclude-standard", "--", *sys.argv[1:]],
-        cwd=ROOT,
-        check=True,
-        capture_output=True,
-        text=True,
-    ).stdout.splitlines()
     rows = exceptions()
     count = 0
-    for name in names:
-        if name.endswith(SKIPPED) or not (ROOT / name).is_file():
+    for name in checkout.files(*sys.argv[1:]):
+        if name.endswith(SKIPPED):
             continue
         try:
             text = (ROOT / name).read_text()

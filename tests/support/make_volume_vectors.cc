@@ -6,7 +6,7 @@
 #include <cstring>
 #include <string>
 
-#include "common/atomic_file.h"
+#include "common/files.h"
 #include "common/volume_codec.h"
 #include "tests/support/person_volume.h"
 

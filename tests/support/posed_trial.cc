@@ -4,9 +4,9 @@
 #include <memory>
 #include <vector>
 
-#include "common/atomic_file.h"
+#include "common/files.h"
 #include "server/pose/pose_estimate.h"
-#include "server/recording/pose_tables.h"
+#include "server/recording/csv_tables.h"
 
 namespace kinevox::testing {
 

@@ -5,7 +5,7 @@
 #include <numbers>
 #include <string>
 
-#include "common/degrees.h"
+#include "common/geometry.h"
 #include "server/pose/ray_capsule.h"
 
 namespace kinevox::testing {

@@ -7,8 +7,7 @@
 #include <random>
 #include <stdexcept>
 
-#include "client/lib/image_file.h"
-#include "client/lib/volume_image.h"
+#include "client/lib/image.h"
 #include "common/calibration_file.h"
 #include "common/session_file.h"
 #include "tests/support/person_volume.h"

@@ -7,7 +7,7 @@
 #include <fstream>
 #include <limits>
 
-#include "server/tools/doctor/report.h"
+#include "server/tools/doctor/checks.h"
 #include "tests/unit/common/temporary_folder.h"
 
 namespace kinevox::doctor {

@@ -10,10 +10,10 @@
 #include <functional>
 #include <sstream>
 
+#include "server/daemon/service_timer.h"
 #include "server/daemon/setup.h"
 #include "server/daemon/stored_background.h"
 #include "server/daemon/timers.h"
-#include "server/daemon/watchdog.h"
 #include "server/pipeline/runner.h"
 #include "tests/support/fake_capture.h"
 #include "tests/support/person_volume.h"

@@ -12,8 +12,8 @@
 #include <map>
 #include <vector>
 
+#include "common/body_pose.h"
 #include "common/calibration_file.h"
-#include "common/joint_angles.h"
 #include "common/session_file.h"
 #include "server/cameras/session_source.h"
 #include "server/cameras/studio/motion.h"

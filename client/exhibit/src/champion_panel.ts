@@ -2,8 +2,8 @@
 import type { Champion } from "./champions";
 import { Duel } from "./duel";
 import type { Languages } from "./language";
+import { windowSize } from "./scene";
 import type { Visit } from "./visit";
-import { windowSize } from "./window_size";
 
 const byId = (id: string) => document.getElementById(id)!;
 

@@ -5,8 +5,7 @@ import { readChampion, type Champion } from "./champions";
 import { StreamKind } from "./gen/kinevox/web/v1/exhibit_pb";
 import { Languages, type LanguageList, type Texts } from "./language";
 import { Link } from "./link";
-import { Scene } from "./scene";
-import { windowSize } from "./window_size";
+import { Scene, windowSize } from "./scene";
 
 const POSES_HZ = 30,
   VOLUMES_HZ = 25;

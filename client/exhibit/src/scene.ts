@@ -28,6 +28,10 @@ const FLOOR_M = 6,
 const UNTOUCHED_MS = 25_000; // then the view rotates automatically
 const MAX_PIXELS = 3840 * 2160;
 
+/** Counts resize events: reading the size itself forces a layout each time. */
+export const windowSize = { changes: 0 };
+addEventListener("resize", () => (windowSize.changes += 1));
+
 export class Scene {
   readonly renderer: WebGLRenderer;
   private readonly scene = new ThreeScene();

@@ -1,11 +1,10 @@
-// A champion's figure has the angles of its file, as defined in common/joint_angles.h.
+// A champion's figure has the angles of its file, as defined in common/body_pose.h.
 import { readFileSync } from "node:fs";
 import { describe, expect, it } from "vitest";
 import { readChampion } from "../src/champions";
 import { headingOf, reflected } from "../src/duel";
-import { figure } from "../src/figure";
+import { add, cross, dot, figure, scaled, unit } from "../src/figure";
 import { mirrored, type Angle, type Angles, type Joints, type Vec3 } from "../src/skeleton";
-import { add, cross, dot, scaled, unit } from "../src/vector";
 
 const minus = (a: Vec3, b: Vec3) => add(a, scaled(b, -1));
 const degrees = (radians: number) => (radians * 180) / Math.PI;

@@ -13,7 +13,6 @@
 #include <set>
 
 #include "common/session_file.h"
-#include "common/session_offsets.h"
 #include "server/cameras/image_reader.h"
 
 namespace kinevox {

@@ -1,3 +1,4 @@
+
 #include "server/calibration/board/extrinsics.h"
 
 #include <fmt/format.h>
@@ -6,12 +7,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "server/calibration/board/board_pose.h"
-#include "server/calibration/board/extrinsics_checks.h"
 #include "server/calibration/board/posed_views.h"
-#include "server/calibration/camera_tree.h"
 #include "server/calibration/coverage.h"
-#include "server/calibration/triangulation.h"
+#include "server/calibration/multi_view.h"
 
 namespace kinevox {
 namespace {

@@ -15,6 +15,8 @@
 
 namespace kinevox {
 
+class PosedViews;
+
 struct ExtrinsicsOptions {
     int held_out_every = 5;          // every Nth shared frame set is held out to measure the fit; 0: none
     bool solve_delays = true;        // estimate a delay per camera: for webcams, which are not triggered
@@ -89,5 +91,22 @@ class ExtrinsicsProcedure {
     std::map<int, std::vector<View>> frame_sets_;
     std::vector<int> mirrored_, blurred_;  // images, per camera
 };
+
+// Checks before and after the solve, shared with the wand's procedure; in extrinsics_checks.cc.
+
+// Checks that need only the views: a mirrored print.
+std::vector<Finding> check_views(const PosedViews& views);
+
+// Distances between triangulated board points against the print.
+std::optional<ScaleError> scale_error(const Bundle& bundle);
+
+std::vector<CameraReprojection> camera_reprojections(const Bundle& fit, const BundleReport& fit_report,
+                                                     const Bundle& held_out, const BundleReport& held_report);
+
+enum class TargetKind { kBoard, kWand };
+
+// Findings of the solved bundle: large errors and their cause (two cameras swapped, a camera moved
+// meanwhile), too few views, poor coverage, uniform tilt.
+void append_findings(const Bundle& bundle, TargetKind kind, ExtrinsicsResult& result);
 
 }  // namespace kinevox

@@ -1,5 +1,3 @@
-#include "server/calibration/board/extrinsics_checks.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -7,9 +5,11 @@
 #include <map>
 #include <numbers>
 
-#include "common/degrees.h"
+#include "common/geometry.h"
+#include "server/calibration/board/extrinsics.h"
+#include "server/calibration/board/posed_views.h"
 #include "server/calibration/coverage.h"
-#include "server/calibration/triangulation.h"
+#include "server/calibration/multi_view.h"
 
 namespace kinevox {
 namespace {

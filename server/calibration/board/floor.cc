@@ -7,11 +7,10 @@
 #include <cmath>
 #include <opencv2/calib3d.hpp>
 
-#include "common/degrees.h"
-#include "server/calibration/board/board_pose.h"
+#include "common/geometry.h"
 #include "server/calibration/board/posed_views.h"
 #include "server/calibration/bundle.h"
-#include "server/calibration/triangulation.h"
+#include "server/calibration/multi_view.h"
 
 namespace kinevox {
 namespace {

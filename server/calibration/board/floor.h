@@ -4,8 +4,10 @@
 
 #include <absl/status/statusor.h>
 
+#include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -46,5 +48,15 @@ struct FloorPoint {
 // InvalidArgument for unusable points; FailedPrecondition if no world frame fits.
 absl::StatusOr<FloorResult> floor_from_points(const std::vector<Camera>& cameras,
                                               const std::vector<FloorPoint>& points);
+
+// Clicked points as text; in floor_points.cc.
+
+// "0,0,0 cam1:412.5,300 cam3:99,120": optional world coordinates in m, then camera:u,v in px per click.
+// InvalidArgument, one line.
+absl::StatusOr<FloorPoint> parse_floor_point(std::string_view text, const std::vector<Camera>& cameras);
+
+// One point per line; empty lines and comments after # are ignored.
+absl::StatusOr<std::vector<FloorPoint>> read_floor_points(const std::filesystem::path& file,
+                                                          const std::vector<Camera>& cameras);
 
 }  // namespace kinevox

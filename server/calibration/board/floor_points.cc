@@ -1,5 +1,3 @@
-#include "server/calibration/board/floor_points.h"
-
 #include <absl/strings/ascii.h>
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_split.h>
@@ -8,8 +6,9 @@
 #include <cmath>
 #include <string>
 
-#include "common/atomic_file.h"
+#include "common/files.h"
 #include "common/one_line.h"
+#include "server/calibration/board/floor.h"
 
 namespace kinevox {
 namespace {

@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "common/median.h"
-#include "server/calibration/board/intrinsics_solver.h"
 
 namespace kinevox {
 namespace {

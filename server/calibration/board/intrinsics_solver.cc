@@ -1,13 +1,12 @@
-#include "server/calibration/board/intrinsics_solver.h"
-
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <opencv2/calib3d.hpp>
 
-#include "common/degrees.h"
-#include "server/calibration/board/board_pose.h"
+#include "common/geometry.h"
+#include "server/calibration/board/intrinsics.h"
+#include "server/calibration/board/posed_views.h"
 
 namespace kinevox {
 namespace {

@@ -4,16 +4,16 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "server/calibration/board/extrinsics.h"
 #include "server/calibration/board/intrinsics.h"
-#include "server/calibration/certificate/volume_coverage.h"
+#include "server/calibration/coverage.h"
 #include "server/calibration/finding.h"
-#include "server/calibration/person/hull_iou.h"
-#include "server/calibration/person/silhouette_overlays.h"
+#include "server/calibration/person/silhouette_hull.h"
 
 namespace kinevox {
 
@@ -53,5 +53,10 @@ absl::StatusOr<Certificate> parse_certificate(const std::string& json, const std
 std::vector<Vec3> sample_points(const std::vector<Vec3>& points);
 // For the terminal: the verdict, then one line per finding.
 std::string certificate_text(const Certificate& certificate);
+
+// Draws the certificate or alignment in `json_file` as one page, `png_file`, with the program kinevox-report
+// from the same folder or lib/kinevox; takes some seconds. NotFound if it is not installed, Unavailable if it
+// fails.
+absl::Status draw_report_page(const std::filesystem::path& json_file, const std::filesystem::path& png_file);
 
 }  // namespace kinevox

@@ -1,5 +1,3 @@
-#include "server/calibration/person/contour_ray_cost.h"
-
 #include <oneapi/tbb/parallel_for.h>
 
 #include <Eigen/Dense>
@@ -7,7 +5,8 @@
 #include <cmath>
 
 #include "common/to_eigen.h"
-#include "server/calibration/triangulation.h"
+#include "server/calibration/multi_view.h"
+#include "server/calibration/person/silhouette_residuals.h"
 
 namespace kinevox {
 namespace {

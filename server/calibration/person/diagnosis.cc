@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "server/calibration/triangulation.h"
+#include "server/calibration/multi_view.h"
 
 namespace kinevox {
 namespace {

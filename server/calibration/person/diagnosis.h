@@ -8,7 +8,7 @@
 
 #include "server/calibration/certificate/certificate.h"
 #include "server/calibration/person/silhouette_refine.h"
-#include "server/silhouettes/silhouette_set.h"
+#include "server/silhouettes/silhouettes.h"
 
 namespace kinevox {
 

@@ -14,7 +14,7 @@
 #include "common/camera.h"
 #include "server/calibration/finding.h"
 #include "server/calibration/person/silhouette_refine.h"
-#include "server/silhouettes/silhouette_set.h"
+#include "server/silhouettes/silhouettes.h"
 
 namespace kinevox {
 

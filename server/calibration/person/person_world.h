@@ -1,12 +1,15 @@
-// World frame and scale from a walking person.
+// World frame, scale and floor from a walking person.
 #pragma once
+
+#include <absl/status/statusor.h>
 
 #include <optional>
 #include <vector>
 
 #include "common/camera.h"
-#include "server/calibration/triangulation.h"
-#include "server/silhouettes/silhouette_set.h"
+#include "server/calibration/board/floor.h"
+#include "server/calibration/multi_view.h"
+#include "server/silhouettes/silhouettes.h"
 
 namespace kinevox {
 
@@ -20,9 +23,26 @@ struct PersonWorld {
     int frame_sets = 0;
 };
 
-// `up_in_solved`: approximate. Empty for fewer than five hulls. The subject should walk upright with the arms
-// down for some of the time.
+// World frame and scale. `up_in_solved`: approximate. Empty for fewer than five hulls. The subject should
+// walk upright with the arms down for some of the time.
 std::optional<PersonWorld> person_world(const std::vector<Camera>& cameras, const SilhouetteSet& silhouettes,
                                         Vec3 up_in_solved, double height_m);
+
+struct FloorPersonOptions {
+    double contact_std_m = 0.03;  // of the hull's lowest point about the floor
+    double lean_std_rad = 0.05;   // of the mean direction from the feet to the body's centre, about upright
+    double highest_m = 0.025;     // above the floor: a step in the air, no contact
+    double deepest_m = 0.05;      // below the floor: a shadow, no foot
+    int max_frame_sets = 60;
+};
+
+// World frame from a walking person's silhouettes. The floor is fitted to the lowest hull points of all frame
+// sets; for a straight walk, tilt across the path relies on an upright body. The origin is the centre of the
+// path on the floor; x points from the start of the walk to its farthest point, or along the first camera's
+// view if the person stays within 0.5 m. FailedPrecondition if no person is found; Cancelled by `progress`.
+absl::StatusOr<FloorResult> floor_from_person(const std::vector<Camera>& cameras,
+                                              const SilhouetteSet& silhouettes,
+                                              const FloorPersonOptions& options = {},
+                                              const SolveProgress& progress = {});
 
 }  // namespace kinevox

@@ -10,8 +10,7 @@
 #include "common/session_file.h"
 #include "server/cameras/session_source.h"
 #include "server/pipeline/pipeline.h"
-#include "server/silhouettes/main_subject.h"
-#include "server/silhouettes/subject_segmenter.h"
+#include "server/silhouettes/silhouettes.h"
 #include "server/silhouettes/to_kernel.h"
 
 namespace kinevox {

@@ -9,7 +9,7 @@
 
 #include "server/calibration/finding.h"
 #include "server/pipeline/frame_result.h"
-#include "server/silhouettes/silhouette_set.h"
+#include "server/silhouettes/silhouettes.h"
 
 namespace kinevox {
 

@@ -7,10 +7,9 @@
 #include <cmath>
 #include <optional>
 
-#include "common/degrees.h"
-#include "server/calibration/person/contour_ray_cost.h"
-#include "server/calibration/person/silhouette_tangents.h"
-#include "server/calibration/triangulation.h"
+#include "common/geometry.h"
+#include "server/calibration/multi_view.h"
+#include "server/calibration/person/silhouette_residuals.h"
 
 namespace kinevox {
 namespace {

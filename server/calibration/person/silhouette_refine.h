@@ -12,7 +12,7 @@
 
 #include "common/camera.h"
 #include "server/calibration/finding.h"
-#include "server/silhouettes/silhouette_set.h"
+#include "server/silhouettes/silhouettes.h"
 
 namespace kinevox {
 
@@ -27,7 +27,7 @@ struct SilhouetteRefineOptions {
     // Silhouettes that are slightly too wide would otherwise be consistent with many camera poses; with a
     // margin all limbs have small residuals on both sides, and the poses between are found.
     double margin_fraction = 0.0015;
-    // Weight of planes tangent to two silhouettes (see silhouette_tangents.h) against rays; 0: off. They
+    // Weight of planes tangent to two silhouettes (see SilhouetteTangents) against rays; 0: off. They
     // distinguish poses that contours alone hardly do.
     double tangent_weight = 0;
     double tangent_scale = 0.4;  // of the rays' scale: tangent planes are either exact or wrong

@@ -1,5 +1,3 @@
-#include "server/calibration/person/silhouette_tangents.h"
-
 #include <oneapi/tbb/parallel_for.h>
 
 #include <Eigen/Dense>
@@ -8,7 +6,8 @@
 #include <opencv2/imgproc.hpp>
 
 #include "common/to_eigen.h"
-#include "server/calibration/triangulation.h"
+#include "server/calibration/multi_view.h"
+#include "server/calibration/person/silhouette_residuals.h"
 #include "server/cameras/image_mat.h"
 
 namespace kinevox {

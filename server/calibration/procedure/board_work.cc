@@ -3,7 +3,7 @@
 
 #include "server/calibration/board/extrinsics.h"
 #include "server/calibration/certificate/solved_certificate.h"
-#include "server/calibration/procedure/target_extrinsics_work.h"
+#include "server/calibration/procedure/procedure_kinds.h"
 
 namespace kinevox {
 namespace {

@@ -7,9 +7,9 @@
 #include <charconv>
 #include <nlohmann/json.hpp>
 
-#include "common/atomic_file.h"
 #include "common/calibration_file.h"
-#include "server/calibration/certificate/report_page.h"
+#include "common/files.h"
+#include "server/calibration/certificate/certificate.h"
 #include "server/calibration/exact_integer.h"
 
 namespace kinevox {

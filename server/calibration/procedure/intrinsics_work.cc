@@ -59,10 +59,7 @@ class IntrinsicsWork final : public ProcedureWork {
     }
 
     absl::Status check_files(ProcedureFiles& files) const override {
-        if (files.board_on_floor_frame)
-            return absl::InvalidArgumentError(
-                "board_on_floor_frame is given; it applies to extrinsics from a board only");
-        return check_clips(cameras_, chosen_, files);
+        return check_clips_without_floor(cameras_, chosen_, files);
     }
 
     absl::Status read(const ProcedureFiles& files, const SolveProgress& progress) override {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <deque>
 
-#include "server/calibration/certificate/person_refine.h"
+#include "server/calibration/certificate/solved_certificate.h"
 #include "server/calibration/coverage.h"
 #include "server/calibration/person/session_silhouettes.h"
 #include "server/calibration/procedure/procedure_kinds.h"

@@ -95,6 +95,14 @@ absl::Status check_clips(const std::vector<Camera>& cameras, std::span<const std
     return absl::OkStatus();
 }
 
+absl::Status check_clips_without_floor(const std::vector<Camera>& cameras,
+                                       std::span<const std::size_t> chosen, ProcedureFiles& files) {
+    if (files.board_on_floor_frame)
+        return absl::InvalidArgumentError(
+            "board_on_floor_frame is given; it applies to extrinsics from a board only");
+    return check_clips(cameras, chosen, files);
+}
+
 void reject_view(CameraObservations& camera, const std::string& why, const std::string& in_words) {
     ++camera.rejections[why];
     if (!in_words.empty()) camera.latest_rejection_reason = in_words;

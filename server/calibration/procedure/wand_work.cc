@@ -2,8 +2,8 @@
 #include <fmt/format.h>
 
 #include "server/calibration/certificate/solved_certificate.h"
-#include "server/calibration/procedure/target_extrinsics_work.h"
-#include "server/calibration/wand/wand_clips.h"
+#include "server/calibration/procedure/procedure_kinds.h"
+#include "server/calibration/wand/wand.h"
 
 namespace kinevox {
 namespace {
@@ -41,10 +41,7 @@ class WandWork final : public TargetExtrinsicsWork {
     }
 
     absl::Status check_files(ProcedureFiles& files) const override {
-        if (files.board_on_floor_frame)
-            return absl::InvalidArgumentError(
-                "board_on_floor_frame is given; it applies to extrinsics from a board only");
-        return check_clips(cameras_, chosen_, files);
+        return check_clips_without_floor(cameras_, chosen_, files);
     }
 
     absl::Status read(const ProcedureFiles& files, const SolveProgress& progress) override {

@@ -9,8 +9,8 @@
 
 #include "common/median.h"
 #include "common/one_line.h"
-#include "server/calibration/board/extrinsics_checks.h"
-#include "server/calibration/triangulation.h"
+#include "server/calibration/board/extrinsics.h"
+#include "server/calibration/multi_view.h"
 
 namespace kinevox {
 namespace {

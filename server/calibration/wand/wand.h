@@ -4,16 +4,38 @@
 
 #include <absl/status/statusor.h>
 
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "common/camera.h"
+#include "server/calibration/board/board_clips.h"
 #include "server/calibration/board/extrinsics.h"
-#include "server/calibration/wand/wand_pairs.h"
+#include "server/calibration/multi_view.h"
 #include "server/cameras/frame_source.h"
 
 namespace kinevox {
+
+// Relative camera poses from a wand that both cameras detect, and the order of two equal balls; in
+// wand_pairs.cc.
+
+// [frame set][camera]: px, one per ball, from the first to the last.
+using WandFrameSets = std::map<int, std::map<int, std::vector<Vec2>>>;
+
+inline constexpr int kMinWandFrameSets = 12;  // shared by a pair of cameras
+
+// Per pair of cameras with enough shared frame sets, their relative pose from the essential matrix; the scale
+// comes from `balls` (m along the wand). Two equal balls are distinguished by their motion, which needs
+// consecutive frame sets.
+std::vector<CameraPair> wand_pairs(const std::vector<Camera>& intrinsics, const std::vector<Vec3>& balls,
+                                   const WandFrameSets& frame_sets);
+
+// Orders the two balls of each frame set so that the posed cameras are most consistent. Removes views of
+// cameras with `has_pose` false, and frame sets that fewer than two of the others share.
+void order_two_balls(const std::vector<Camera>& cameras, const std::vector<bool>& has_pose, double length_m,
+                     WandFrameSets& frame_sets);
 
 struct WandSpec {
     // m from the first ball to the second and to the third. The second is clearly closer to the first, so
@@ -64,5 +86,18 @@ class WandProcedure {
     ExtrinsicsOptions options_;
     WandFrameSets frame_sets_;
 };
+
+// The wand detected in videos, one per camera; in wand_clips.cc.
+
+// Cameras in parallel: detections[camera][image]. The background is the clip's background, or the median of
+// some of its own images. Cancelled by `progress`.
+struct WandImage {
+    WandDetection wand;
+    double changed = 0;  // see changed_fraction()
+};
+absl::StatusOr<std::vector<std::vector<WandImage>>> detect_wands(const std::vector<CameraClip>& clips,
+                                                                 const WandSpec& wand,
+                                                                 const ClipImages& which,
+                                                                 const SolveProgress& progress);
 
 }  // namespace kinevox

@@ -1,11 +1,10 @@
-#include "server/calibration/wand/wand_clips.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <functional>
 
 #include "common/median.h"
+#include "server/calibration/wand/wand.h"
 #include "server/cameras/image_reader.h"
 
 namespace kinevox {

@@ -1,13 +1,12 @@
-#include "server/calibration/wand/wand_pairs.h"
-
 #include <algorithm>
 #include <cmath>
 #include <opencv2/calib3d.hpp>
 #include <utility>
 
 #include "common/median.h"
+#include "server/calibration/multi_view.h"
 #include "server/calibration/opencv_helpers.h"
-#include "server/calibration/triangulation.h"
+#include "server/calibration/wand/wand.h"
 
 namespace kinevox {
 namespace {

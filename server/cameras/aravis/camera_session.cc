@@ -6,8 +6,7 @@
 #include <atomic>
 #include <mutex>
 
-#include "server/cameras/aravis/aravis_handles.h"
-#include "server/cameras/aravis/camera_settings.h"
+#include "server/cameras/aravis/aravis_camera.h"
 #include "server/cameras/aravis/pixel_format.h"
 
 namespace kinevox {

@@ -9,7 +9,7 @@
 #include <string>
 
 #include "common/live_camera_config.h"
-#include "server/cameras/aravis/discovery.h"
+#include "server/cameras/aravis/live_source.h"
 #include "server/cameras/frame_set_assembler.h"
 #include "server/cameras/image_pool.h"
 

@@ -11,7 +11,7 @@
 
 #include "common/camera.h"
 #include "common/live_camera_config.h"
-#include "server/cameras/aravis/discovery.h"
+#include "server/cameras/aravis/live_source.h"
 #include "server/cameras/camera_connection.h"
 #include "server/cameras/frame_set_assembler.h"
 

@@ -2,8 +2,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "server/cameras/studio/footsteps.h"
-#include "server/cameras/studio/key_curve.h"
 #include "server/cameras/studio/motion.h"
 
 namespace kinevox::studio {

@@ -1,15 +1,45 @@
-// The skeleton of the virtual studio's person: bones, measurements, forward and inverse kinematics.
-// In the zero pose (all local rotations identity) the person stands upright, arms hanging, and the axes of
-// all bones are parallel to the world's: x forward, y left, z up. A bone's origin is its joint.
+// The person of the virtual studio: body measurements and clothes, drawn from a seed, and the skeleton.
 #pragma once
 
 #include <array>
+#include <cstdint>
 
 #include "common/body_table.h"
 #include "common/geometry.h"
-#include "server/cameras/studio/subject.h"
 
 namespace kinevox::studio {
+
+// Linear (not sRGB) reflectance, 0..1.
+struct Albedo {
+    float r = 0, g = 0, b = 0;
+};
+inline Albedo times(Albedo a, float s) {
+    return {a.r * s, a.g * s, a.b * s};
+}
+inline Albedo mix(Albedo a, Albedo b, float t) {
+    return {a.r + (b.r - a.r) * t, a.g + (b.g - a.g) * t, a.b + (b.b - a.b) * t};
+}
+
+enum class ShirtPattern { kStripes, kDots, kChecks, kPlain, kTwoTone };
+
+struct Subject {
+    double stature_m = 1.76;
+    double girth = 1.0;       // scales limb and trunk radii; 0.85 slim .. 1.2 heavy
+    double femininity = 0.0;  // 0..1: shoulders narrower, hips wider, bust
+    bool long_hair = false;
+    bool shorts = false;  // else trousers down to the ankle
+    bool long_sleeves = false;
+    ShirtPattern pattern = ShirtPattern::kStripes;
+    Albedo skin, hair, shirt_a, shirt_b, trousers, shoes, soles;
+    std::uint32_t seed = 0;
+};
+
+// The same seed gives the same person. stature_m: 1.2 .. 2.2 m, or 0 for a random one.
+Subject make_subject(std::uint32_t seed, double stature_m);
+
+// The skeleton: bones, measurements, forward and inverse kinematics.
+// In the zero pose (all local rotations identity) the person stands upright, arms hanging, and the axes of
+// all bones are parallel to the world's: x forward, y left, z up. A bone's origin is its joint.
 
 // Centre bones, then eight bones per side, then helpers that rotate half as far as their joint (they preserve
 // the volume of a bent knee, which plain linear blend skinning would collapse).

@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "server/cameras/studio/hash_noise.h"
-#include "server/cameras/studio/lens.h"
+#include "server/cameras/studio/virtual_camera.h"
 
 namespace kinevox::studio {
 namespace {

@@ -2,15 +2,86 @@
 // once for every camera; only the person and the shadow are drawn for every frame.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
 #include "common/camera.h"
-#include "server/cameras/studio/lighting.h"
 #include "server/cameras/studio/motion.h"
-#include "server/cameras/studio/room_textures.h"
+#include "server/cameras/studio/rig.h"
+#include "server/cameras/studio/vec3f.h"
 
 namespace kinevox::studio {
+
+// The lamps of the studio. One key lamp casts the visible shadow; panels and reflected light fill in. Light
+// is relative to that at the centre of the floor.
+
+struct Lamp {
+    Vec3f position;            // world, m
+    Vec3f power;               // m^2: light at 1 m straight below
+    float half_size_m = 0.1f;  // a square of twice this, horizontal
+    bool downlight = true;     // gives cos of the angle to the vertical; else the same in all directions
+};
+
+struct Lighting {
+    Lamp key;
+    std::vector<Lamp> panels;
+    Vec3f from_above, from_below;  // ambient light on a surface that faces up, down
+
+    // Light of one lamp on a surface at p with this normal, nothing in between.
+    static Vec3f direct(const Lamp& lamp, Vec3f p, Vec3f normal) {
+        const Vec3f way = lamp.position - p;
+        const float d2 = std::max(dot(way, way), 0.01f), inv = 1.0f / std::sqrt(d2);
+        const float cosine = dot(normal, way) * inv;
+        if (cosine <= 0) return {};
+        const float emission = lamp.downlight ? std::max(way.z * inv, 0.0f) : 1.0f;
+        return cosine * emission / d2 * lamp.power;
+    }
+    Vec3f ambient(Vec3f normal) const {
+        const float up = 0.5f + 0.5f * normal.z;
+        return up * from_above + (1 - up) * from_below;
+    }
+};
+
+// Procedural surfaces of the room, in metres on a face; in room_textures.cc.
+
+enum class TextureKind {
+    kPaint,
+    kBrick,
+    kPanelling,
+    kWoodFloor,
+    kConcrete,
+    kTrack,
+    kCeiling,
+    kShelf,
+    kCabinet,
+    kWood,
+    kCrate,
+    kScreen,
+    kLamp,
+    kMat
+};
+
+struct Texture {
+    TextureKind kind = TextureKind::kPaint;
+    Albedo base;
+    std::uint32_t seed = 0;
+};
+
+enum class DecalKind { kPoster, kWhiteboard, kDoor, kTape, kLaneLine, kLampPanel };
+
+// A rectangle painted on a face.
+struct Decal {
+    DecalKind kind;
+    float u0, v0, u1, v1;  // m
+    Albedo base;
+    std::uint32_t seed = 0;
+};
+
+// Linear reflectance at (u, v); of a lamp or lamp panel its brightness.
+Albedo texture_at(const Texture& texture, float u, float v, float u_length, float v_length);
+Albedo decal_at(const Decal& decal, float u, float v);
 
 inline constexpr int kGreyScale = 160;  // images before the sensor: grey levels times this, 16 bits
 

@@ -1,9 +1,8 @@
-#include "server/cameras/studio/room_textures.h"
-
 #include <algorithm>
 #include <cmath>
 
 #include "server/cameras/studio/hash_noise.h"
+#include "server/cameras/studio/room.h"
 
 namespace kinevox::studio {
 namespace {

@@ -5,10 +5,10 @@
 
 #include <opencv2/imgcodecs.hpp>
 
-#include "common/atomic_file.h"
+#include "common/body_pose.h"
 #include "common/calibration_file.h"
-#include "common/degrees.h"
-#include "common/joint_angles.h"
+#include "common/files.h"
+#include "common/geometry.h"
 #include "common/session_file.h"
 #include "server/cameras/h264_file.h"
 

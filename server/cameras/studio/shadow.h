@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "server/cameras/studio/body_mesh.h"
-#include "server/cameras/studio/lighting.h"
-#include "server/cameras/studio/triangle_cells.h"
+#include "server/cameras/studio/body_raster.h"
+#include "server/cameras/studio/room.h"
 
 namespace kinevox::studio {
 

@@ -6,8 +6,6 @@
 #include <numbers>
 #include <vector>
 
-#include "server/cameras/studio/footsteps.h"
-#include "server/cameras/studio/key_curve.h"
 #include "server/cameras/studio/motion.h"
 
 namespace kinevox::studio {

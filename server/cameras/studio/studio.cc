@@ -11,8 +11,8 @@
 #include "server/cameras/studio/hash_noise.h"
 #include "server/cameras/studio/motion.h"
 #include "server/cameras/studio/room.h"
-#include "server/cameras/studio/sensor.h"
 #include "server/cameras/studio/shadow.h"
+#include "server/cameras/studio/virtual_camera.h"
 
 namespace kinevox::studio {
 namespace {

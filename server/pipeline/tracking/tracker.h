@@ -16,9 +16,8 @@
 #include "kernels/types.h"
 #include "server/pipeline/frame_result.h"
 #include "server/pipeline/tracking/blobs.h"
-#include "server/pipeline/tracking/centre_filter.h"
 #include "server/pipeline/tracking/cone_box.h"
-#include "server/pipeline/tracking/ray_intersection.h"
+#include "server/pipeline/tracking/subject_centre.h"
 
 namespace kinevox {
 

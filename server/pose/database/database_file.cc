@@ -7,7 +7,7 @@
 #include <bit>
 #include <cstring>
 
-#include "common/atomic_file.h"
+#include "common/files.h"
 
 namespace kinevox {
 namespace {

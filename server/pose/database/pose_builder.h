@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "common/degrees.h"
+#include "common/geometry.h"
 #include "server/pose/body_model.h"
 #include "server/pose/database/pose_library.h"
 

@@ -6,9 +6,9 @@
 #include <CLI/CLI.hpp>
 #include <ctime>
 
-#include "common/atomic_file.h"
 #include "common/calibration_file.h"
-#include "server/calibration/certificate/report_page.h"
+#include "common/files.h"
+#include "server/calibration/certificate/certificate.h"
 
 namespace kinevox::calibrate {
 namespace {

@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "common/atomic_file.h"
 #include "common/calibration_file.h"
+#include "common/files.h"
 #include "server/tools/calibrate/certificate_files.h"
 #include "server/tools/calibrate/verbs.h"
 

@@ -10,12 +10,9 @@
 #include "server/calibration/board/extrinsics.h"
 #include "server/calibration/certificate/solved_certificate.h"
 #include "server/calibration/wand/wand.h"
-#include "server/calibration/wand/wand_clips.h"
 #include "server/tools/calibrate/certificate_files.h"
-#include "server/tools/calibrate/console.h"
-#include "server/tools/calibrate/intrinsics_verb.h"
-#include "server/tools/calibrate/person_verb.h"
 #include "server/tools/calibrate/verbs.h"
+#include "server/tools/console.h"
 
 namespace kinevox::calibrate {
 namespace {

@@ -6,21 +6,19 @@
 #include <memory>
 #include <string>
 
-#include "common/atomic_file.h"
 #include "common/calibration_file.h"
+#include "common/files.h"
 #include "common/session_file.h"
 #include "server/calibration/board/board_clips.h"
 #include "server/calibration/board/floor.h"
-#include "server/calibration/board/floor_points.h"
+#include "server/calibration/multi_view.h"
 #include "server/calibration/person/diagnosis.h"
-#include "server/calibration/person/floor_person.h"
-#include "server/calibration/person/hull_iou.h"
+#include "server/calibration/person/person_world.h"
 #include "server/calibration/person/session_silhouettes.h"
-#include "server/calibration/person/silhouette_overlays.h"
-#include "server/calibration/triangulation.h"
+#include "server/calibration/person/silhouette_hull.h"
 #include "server/tools/calibrate/certificate_files.h"
-#include "server/tools/calibrate/console.h"
 #include "server/tools/calibrate/verbs.h"
+#include "server/tools/console.h"
 
 namespace kinevox::calibrate {
 namespace {

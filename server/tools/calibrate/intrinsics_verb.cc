@@ -1,5 +1,3 @@
-#include "server/tools/calibrate/intrinsics_verb.h"
-
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -8,8 +6,8 @@
 
 #include "server/calibration/certificate/solved_certificate.h"
 #include "server/tools/calibrate/certificate_files.h"
-#include "server/tools/calibrate/console.h"
 #include "server/tools/calibrate/verbs.h"
+#include "server/tools/console.h"
 
 namespace kinevox::calibrate {
 namespace {

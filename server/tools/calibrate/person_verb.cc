@@ -1,13 +1,12 @@
-#include "server/tools/calibrate/person_verb.h"
-
 #include <fmt/format.h>
 
 #include "server/calibration/person/diagnosis.h"
-#include "server/calibration/person/hull_iou.h"
 #include "server/calibration/person/person_extrinsics.h"
 #include "server/calibration/person/session_silhouettes.h"
+#include "server/calibration/person/silhouette_hull.h"
 #include "server/tools/calibrate/certificate_files.h"
-#include "server/tools/calibrate/console.h"
+#include "server/tools/calibrate/verbs.h"
+#include "server/tools/console.h"
 
 namespace kinevox::calibrate {
 

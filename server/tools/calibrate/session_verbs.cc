@@ -5,13 +5,13 @@
 #include <memory>
 #include <string>
 
-#include "server/calibration/certificate/person_refine.h"
+#include "server/calibration/certificate/solved_certificate.h"
 #include "server/calibration/person/diagnosis.h"
-#include "server/calibration/person/hull_iou.h"
 #include "server/calibration/person/session_silhouettes.h"
+#include "server/calibration/person/silhouette_hull.h"
 #include "server/tools/calibrate/certificate_files.h"
-#include "server/tools/calibrate/console.h"
 #include "server/tools/calibrate/verbs.h"
+#include "server/tools/console.h"
 
 namespace kinevox::calibrate {
 namespace {

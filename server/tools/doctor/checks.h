@@ -1,19 +1,63 @@
-// The checks of `kinevox doctor`. Each examines one subject and changes nothing.
+// The checks of `kinevox doctor`, their input and their report. Each check examines one subject and changes
+// nothing.
 #pragma once
 
 #include <absl/status/statusor.h>
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "server/cameras/aravis/discovery.h"
+#include "server/cameras/aravis/live_source.h"
 #include "server/config/daemon_config.h"
-#include "server/tools/doctor/finding.h"
-#include "server/tools/doctor/machine.h"
 
 namespace kinevox::doctor {
+
+// kWarning: it works, with losses or risks; kError: it does not work.
+enum class Severity { kOk, kWarning, kError };
+
+// A fix for root, as --fix-script writes it.
+struct Fix {
+    enum class Kind {
+        kSysctl,   // "net.core.rmem_max=33554432", kept in /etc/sysctl.d
+        kTmpfile,  // a line for /etc/tmpfiles.d
+        kUdev,     // a line for /etc/udev/rules.d
+        kCommand,
+    };
+    Kind kind;
+    std::string text;
+    bool operator==(const Fix&) const = default;
+};
+
+// Result of one check.
+struct Finding {
+    Severity severity = Severity::kOk;
+    std::string check;        // "receive buffers"
+    std::string message;      // one line
+    std::string remedy = {};  // one line; empty for kOk
+    std::vector<Fix> fixes = {};
+};
+
+// Reads files of /proc, /sys and the system; tests use another root.
+class Machine {
+  public:
+    explicit Machine(std::filesystem::path root = "/") : root_(std::move(root)) {}
+
+    // `path` from the machine's root: "proc/sys/net/core/rmem_max".
+    std::filesystem::path at(const std::string& path) const { return root_ / path; }
+    // Without the white space at its end; empty where it cannot be read.
+    std::string text(const std::string& path) const;
+    std::optional<long long> number(const std::string& path) const;  // leading number
+    bool exists(const std::string& path) const;
+    std::vector<std::string> names(const std::string& folder) const;  // in it, sorted
+    // The process of that name; 0 if there is none.
+    int process(const std::string& name) const;
+
+  private:
+    std::filesystem::path root_;
+};
 
 using Findings = std::vector<Finding>;
 
@@ -64,5 +108,13 @@ Findings check_disk(const Facts& facts);   // space and speed where recordings g
 Findings check_port(const Facts& facts);
 
 Findings check_all(const Facts& facts);
+
+// The findings as text, as JSON and as a script; in report.cc.
+
+bool any_error(const Findings& findings);
+std::string to_text(const Findings& findings, bool coloured);
+std::string to_json(const Findings& findings);  // one object
+// A shell script with the fixes for root, to be reviewed before it runs.
+std::string fix_script(const Findings& findings);
 
 }  // namespace kinevox::doctor

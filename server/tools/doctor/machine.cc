@@ -1,10 +1,10 @@
-#include "server/tools/doctor/machine.h"
-
 #include <algorithm>
 #include <charconv>
 #include <fstream>
 #include <sstream>
 #include <system_error>
+
+#include "server/tools/doctor/checks.h"
 
 namespace kinevox::doctor {
 

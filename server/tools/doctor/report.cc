@@ -1,9 +1,9 @@
-#include "server/tools/doctor/report.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+
+#include "server/tools/doctor/checks.h"
 
 namespace kinevox::doctor {
 namespace {

@@ -14,7 +14,7 @@
 #include "server/pipeline/frame_result.h"
 #include "server/pose/body_model.h"
 #include "server/pose/pose_options.h"
-#include "server/recording/pose_tables.h"
+#include "server/recording/csv_tables.h"
 
 namespace kinevox {
 

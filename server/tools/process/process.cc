@@ -12,15 +12,13 @@
 #include <utility>
 #include <vector>
 
-#include "common/atomic_file.h"
 #include "common/calibration_file.h"
+#include "common/files.h"
 #include "common/session_file.h"
 #include "server/cameras/session_source.h"
 #include "server/pose/body_fitter.h"
 #include "server/pose/pose_stage.h"
-#include "server/tools/process/progress_bar.h"
-#include "server/tools/process/run_record.h"
-#include "server/tools/process/run_summary.h"
+#include "server/tools/process/run_report.h"
 
 namespace kinevox {
 namespace {
@@ -123,7 +121,8 @@ absl::Status process_session(const ProcessOptions& requested, const std::atomic<
     source_options.decode_in_bursts = options.decode_in_bursts;
     auto source = open_session_source(options.session_file, source_options);
     if (!source.ok()) return source.status();
-    auto pipeline = Pipeline::create((*source)->cameras(), (*source)->fps(), options.pipeline);
+    const double fps = (*source)->fps() / options.every;
+    auto pipeline = Pipeline::create((*source)->cameras(), fps, options.pipeline);
     if (!pipeline.ok()) return pipeline.status();
     std::vector<std::string> names;
     for (const Camera& camera : (*source)->cameras()) names.push_back(camera.name);
@@ -133,14 +132,15 @@ absl::Status process_session(const ProcessOptions& requested, const std::atomic<
         return learned;
 
     PoseStage* const pose_stage = (*pipeline)->pose_stage();
-    PosePass poses((*source)->cameras(), (*source)->fps(), options.pipeline.posing, options.poses);
+    PosePass poses((*source)->cameras(), fps, options.pipeline.posing, options.poses);
     RunSummary summary;
     const Clock::time_point start = Clock::now();
     {
         std::int64_t total = (*source)->frame_count();
+        if (total > 0) total = (total + options.every - 1) / options.every;
         if (options.max_frames > 0 && (total < 0 || total > options.max_frames)) total = options.max_frames;
         ProgressBar bar(total, options.quiet);
-        while (options.max_frames == 0 || summary.frames() < options.max_frames) {
+        for (std::int64_t n = 0; options.max_frames == 0 || summary.frames() < options.max_frames; ++n) {
             if (stop)
                 return absl::CancelledError(
                     fmt::format("stopped after {} frame sets; nothing was written", summary.frames()));
@@ -148,6 +148,7 @@ absl::Status process_session(const ProcessOptions& requested, const std::atomic<
             auto frame_set = (*source)->next();
             if (absl::IsOutOfRange(frame_set.status())) break;
             if (!frame_set.ok()) return frame_set.status();
+            if (n % options.every != 0) continue;
             frame_set->decode_ms = 1000 * seconds_since(requested_at);
             auto result = (*pipeline)->process(std::move(*frame_set));
             if (!result.ok()) return result.status();
@@ -165,8 +166,7 @@ absl::Status process_session(const ProcessOptions& requested, const std::atomic<
         for (Table& table : pose_tables(rows)) (*writer)->add_table(std::move(table));
         for (Table& table : body_tables(rows, poses.body())) (*writer)->add_table(std::move(table));
     }
-    (*writer)->add_table(
-        {"run.toml", run_toml(options, *fingerprint, (*source)->fps(), summary.frames())});  // the last
+    (*writer)->add_table({"run.toml", run_toml(options, *fingerprint, fps, summary.frames())});  // the last
     if (absl::Status finished = (*writer)->finish(); !finished.ok()) return finished;
     if (!options.quiet) {
         fmt::print("{}results in {}\n", summary.text(wall_s), options.out_folder.string());

@@ -19,7 +19,8 @@ struct ProcessOptions {
     PipelineOptions pipeline;
     ResultWriterOptions writer;
     PosePassOptions poses;
-    int max_frames = 0;            // number of frame sets; 0: all
+    int every = 1;                 // processes every Nth frame set, at that fraction of the rate
+    int max_frames = 0;            // number of processed frame sets; 0: all
     bool decode_in_bursts = true;  // see SessionSourceOptions
     bool quiet = false;            // no progress bar, no summary
     bool resume = false;           // skip if the folder has results of the same input and options

@@ -13,7 +13,7 @@
 
 #include "client/lib/client.h"
 #include "server/api/api_server.h"
-#include "server/api/fair_share.h"
+#include "server/api/subscribers.h"
 #include "tests/support/fake_capture.h"
 #include "tests/support/person_volume.h"
 

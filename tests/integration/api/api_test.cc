@@ -8,7 +8,7 @@
 
 #include "kinevox/v1/capture_service.grpc.pb.h"
 #include "kinevox/v1/stream_service.grpc.pb.h"
-#include "server/api/stream_service.h"
+#include "server/api/request_arguments.h"
 #include "tests/integration/api/api_fixture.h"
 
 namespace kinevox {

@@ -1,9 +1,7 @@
-#include "server/api/page.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "server/api/subject_choice.h"
+#include "server/api/request_arguments.h"
 
 namespace kinevox {
 namespace {

@@ -10,8 +10,8 @@
 #include "common/calibration_file.h"
 #include "common/session_file.h"
 #include "server/calibration/board/board_detector.h"
+#include "server/cameras/studio/staging.h"
 #include "server/cameras/studio/studio.h"
-#include "server/cameras/studio/targets.h"
 #include "tests/integration/daemon/calibration_operator.h"
 
 namespace kinevox::testing {

@@ -1,12 +1,12 @@
 // Calibrating a real daemon with what its cameras see meanwhile, in the virtual studio: a wand that is waved,
 // a walking person; a moved camera; and observations rejected because of a limit.
 #include "common/calibration_file.h"
-#include "common/degrees.h"
+#include "common/geometry.h"
 #include "common/session_file.h"
+#include "server/calibration/multi_view.h"
 #include "server/calibration/procedure/calibration_store.h"
-#include "server/calibration/triangulation.h"
+#include "server/cameras/studio/staging.h"
 #include "server/cameras/studio/studio.h"
-#include "server/cameras/studio/targets.h"
 #include "tests/integration/daemon/calibration_operator.h"
 #include "tests/integration/daemon/daemon_fixture.h"
 

@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "client/lib/client.h"
-#include "common/atomic_file.h"
+#include "common/files.h"
 #include "common/proto_time.h"
 #include "server/cameras/frame_source.h"
 #include "tests/support/patience.h"

@@ -6,10 +6,10 @@
 #include <random>
 #include <thread>
 
-#include "common/atomic_file.h"
 #include "common/calibration_file.h"
+#include "common/files.h"
 #include "common/session_file.h"
-#include "server/calibration/triangulation.h"
+#include "server/calibration/multi_view.h"
 #include "tests/integration/daemon/board_session.h"
 #include "tests/integration/daemon/calibration_operator.h"
 #include "tests/integration/daemon/daemon_fixture.h"

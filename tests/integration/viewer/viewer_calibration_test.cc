@@ -6,7 +6,6 @@
 #include <QPushButton>
 
 #include "client/viewer/calibration_panel.h"
-#include "client/viewer/certificate_view.h"
 #include "tests/integration/daemon/board_session.h"
 #include "tests/integration/viewer/viewer_fixture.h"
 

@@ -4,7 +4,6 @@
 
 #include "client/viewer/angle_panel.h"
 #include "client/viewer/ghost.h"
-#include "client/viewer/ghost_bar.h"
 #include "client/viewer/replay_bar.h"
 #include "tests/integration/viewer/viewer_fixture.h"
 

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "server/calibration/board/board_detector.h"
-#include "server/calibration/board/board_pose.h"
+#include "server/calibration/board/posed_views.h"
 #include "tests/unit/calibration/synthetic_views.h"
 
 namespace kinevox {

@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "common/atomic_file.h"
+#include "common/files.h"
 #include "tests/support/fake_capture.h"
 #include "tests/unit/common/temporary_folder.h"
 

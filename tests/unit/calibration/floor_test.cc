@@ -7,12 +7,11 @@
 
 #include <cmath>
 
-#include "common/degrees.h"
+#include "common/geometry.h"
 #include "server/calibration/board/board.h"
-#include "server/calibration/board/floor_points.h"
+#include "server/calibration/multi_view.h"
 #include "server/calibration/person/diagnosis.h"
-#include "server/calibration/person/floor_person.h"
-#include "server/calibration/triangulation.h"
+#include "server/calibration/person/person_world.h"
 #include "tests/unit/calibration/synthetic_views.h"
 
 namespace kinevox {

@@ -1,12 +1,12 @@
 // Calibration quality and refinement from silhouettes.
 #include <gtest/gtest.h>
 
-#include "common/degrees.h"
-#include "server/calibration/person/hull_iou.h"
+#include "common/geometry.h"
+#include "server/calibration/multi_view.h"
 #include "server/calibration/person/person_extrinsics.h"
+#include "server/calibration/person/silhouette_hull.h"
 #include "server/calibration/person/silhouette_refine.h"
-#include "server/calibration/triangulation.h"
-#include "server/cameras/studio/targets.h"
+#include "server/cameras/studio/staging.h"
 #include "tests/unit/calibration/studio_silhouettes.h"
 
 namespace kinevox {

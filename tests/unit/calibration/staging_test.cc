@@ -8,9 +8,9 @@
 #include <cmath>
 #include <random>
 
-#include "common/degrees.h"
+#include "common/geometry.h"
 #include "server/calibration/board/board_detector.h"
-#include "server/calibration/triangulation.h"
+#include "server/calibration/multi_view.h"
 #include "server/calibration/wand/wand.h"
 #include "server/cameras/studio/studio.h"
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "server/cameras/studio/studio.h"
-#include "server/silhouettes/silhouette_set.h"
+#include "server/silhouettes/silhouettes.h"
 
 namespace kinevox::testing {
 

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "server/calibration/board/extrinsics.h"
+#include "server/cameras/studio/staging.h"
 #include "server/cameras/studio/studio.h"
-#include "server/cameras/studio/targets.h"
 
 namespace kinevox::testing {
 

@@ -5,8 +5,8 @@
 #include <functional>
 
 #include "server/calibration/board/intrinsics.h"
+#include "server/calibration/multi_view.h"
 #include "server/calibration/person/diagnosis.h"
-#include "server/calibration/triangulation.h"
 #include "tests/unit/calibration/synthetic_views.h"
 
 namespace kinevox {

@@ -8,8 +8,8 @@
 
 #include "server/calibration/board/floor.h"
 #include "server/calibration/certificate/solved_certificate.h"
+#include "server/calibration/multi_view.h"
 #include "server/calibration/person/diagnosis.h"
-#include "server/calibration/triangulation.h"
 #include "server/calibration/wand/wand.h"
 #include "tests/unit/calibration/synthetic_views.h"
 

@@ -1,7 +1,5 @@
 // Videos in the containers and codecs that people have: each image is the one that OpenCV reads at that
 // place, bit for bit, wherever it is sought from.
-#include "server/cameras/container_video.h"
-
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -15,6 +13,8 @@
 #include <random>
 #include <string>
 #include <vector>
+
+#include "server/cameras/image_reader.h"
 
 extern "C" {
 #include <libavutil/display.h>

@@ -1,6 +1,4 @@
 // What H.264 is made of is what the whole image gives at once, and nothing behind the image is read.
-#include "server/cameras/yuv_of_bgr.h"
-
 #include <gtest/gtest.h>
 #include <sys/mman.h>
 #include <unistd.h>

@@ -1,3 +1,5 @@
+#include "client/lib/image.h"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -5,8 +7,6 @@
 #include <opencv2/imgcodecs.hpp>
 #include <random>
 
-#include "client/lib/image_file.h"
-#include "client/lib/volume_image.h"
 #include "tests/support/person_volume.h"
 
 namespace kinevox::client {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "client/lib/connection_options.h"
+#include "client/lib/client_program.h"
 
 namespace kinevox::client {
 namespace {

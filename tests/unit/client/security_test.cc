@@ -1,11 +1,11 @@
 // What is read from the files that a user names for a connection, and what is refused.
-#include "client/lib/security.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
 #include <fstream>
+
+#include "client/lib/client.h"
 
 namespace kinevox::client {
 namespace {

@@ -1,13 +1,11 @@
 // Poses as VMC messages: what an avatar's bones do is held against where the body's limbs point.
-#include "client/bridge/vmc.h"
-
 #include <gmock/gmock.h>
 #include <oscpack/osc/OscReceivedElements.h>
 
 #include <cmath>
 #include <map>
 
-#include "client/bridge/udp_sender.h"
+#include "client/bridge/datagrams.h"
 
 namespace kinevox::bridge {
 namespace {

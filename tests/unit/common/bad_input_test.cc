@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include "common/calibration_file.h"
-#include "common/calibration_import.h"
 #include "common/session_file.h"
 #include "common/toml_reader.h"
 #include "server/config/daemon_config.h"

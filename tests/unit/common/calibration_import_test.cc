@@ -1,6 +1,4 @@
 // Calibrations of other programs: intact files are read completely, damaged ones are refused in one line.
-#include "common/calibration_import.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -9,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "common/atomic_file.h"
 #include "common/calibration_file.h"
+#include "common/files.h"
 
 namespace kinevox {
 namespace {

@@ -3,10 +3,9 @@
 
 #include <gtest/gtest.h>
 
-#include "common/frame_range.h"
+#include "common/export_options.h"
 #include "common/host_port.h"
 #include "common/progress_line.h"
-#include "common/suggestion.h"
 
 namespace kinevox {
 namespace {

@@ -5,7 +5,7 @@
 #include <regex>
 #include <set>
 
-#include "common/atomic_file.h"
+#include "common/files.h"
 #include "server/config/daemon_config.h"
 #include "server/pipeline/pipeline.h"
 #include "tests/unit/common/temporary_folder.h"

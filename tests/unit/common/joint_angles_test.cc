@@ -1,5 +1,3 @@
-#include "common/joint_angles.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -8,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "common/body_pose.h"
 #include "tests/support/test_data.h"
 
 namespace kinevox {

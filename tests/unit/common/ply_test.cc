@@ -1,10 +1,9 @@
-#include "common/ply.h"
-
 #include <gtest/gtest.h>
 
 #include <cstring>
 
-#include "common/atomic_file.h"
+#include "common/files.h"
+#include "common/volume.h"
 #include "tests/support/person_volume.h"
 #include "tests/unit/common/temporary_folder.h"
 

@@ -1,12 +1,11 @@
 // Cameras that began one by one: which of their images belong together, and what is written into
 // session.toml.
-#include "common/session_offsets.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
 
+#include "common/session_file.h"
 #include "tests/unit/common/temporary_folder.h"
 
 namespace kinevox {

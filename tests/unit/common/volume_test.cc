@@ -6,7 +6,6 @@
 #include <random>
 #include <tuple>
 
-#include "common/volume_bits.h"
 #include "tests/support/person_volume.h"
 
 namespace kinevox {

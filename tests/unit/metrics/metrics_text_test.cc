@@ -13,7 +13,7 @@
 #include <thread>
 
 #include "server/metrics/http_endpoint.h"
-#include "server/pipeline/running_histogram.h"
+#include "server/pipeline/capture_statistics.h"
 
 namespace kinevox::metrics {
 namespace {

@@ -2,9 +2,8 @@
 #include <gtest/gtest.h>
 
 #include "server/pipeline/tracking/blobs.h"
-#include "server/pipeline/tracking/centre_filter.h"
 #include "server/pipeline/tracking/cone_box.h"
-#include "server/pipeline/tracking/ray_intersection.h"
+#include "server/pipeline/tracking/subject_centre.h"
 #include "tests/unit/pipeline/scene.h"
 
 namespace kinevox {

@@ -7,8 +7,7 @@
 #include <string>
 
 #include "common/body_pose.h"
-#include "common/degrees.h"
-#include "common/joint_angles.h"
+#include "common/geometry.h"
 
 namespace kinevox {
 namespace {

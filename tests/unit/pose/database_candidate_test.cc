@@ -2,7 +2,7 @@
 // it.
 #include <gtest/gtest.h>
 
-#include "common/degrees.h"
+#include "common/geometry.h"
 #include "server/pipeline/convert.h"
 #include "server/pose/database/database_search.h"
 #include "server/pose/pose_stage.h"

@@ -6,7 +6,7 @@
 
 #include <functional>
 
-#include "common/atomic_file.h"
+#include "common/files.h"
 #include "server/pose/database/database_search.h"
 #include "tests/unit/common/temporary_folder.h"
 #include "tests/unit/pose/database_fixture.h"

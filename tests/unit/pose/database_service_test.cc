@@ -7,7 +7,7 @@
 #include <atomic>
 #include <chrono>
 
-#include "common/atomic_file.h"
+#include "common/files.h"
 #include "tests/unit/common/temporary_folder.h"
 #include "tests/unit/pose/database_fixture.h"
 

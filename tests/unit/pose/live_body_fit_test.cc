@@ -7,7 +7,7 @@
 #include <chrono>
 #include <condition_variable>
 
-#include "common/degrees.h"
+#include "common/geometry.h"
 #include "tests/support/patience.h"
 #include "tests/support/seen_body.h"
 #include "tests/unit/common/temporary_folder.h"

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "common/degrees.h"
+#include "common/geometry.h"
 #include "server/pose/ray_capsule.h"
 #include "tests/support/seen_body.h"
 

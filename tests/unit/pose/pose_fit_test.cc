@@ -6,7 +6,7 @@
 #include <memory>
 #include <vector>
 
-#include "common/degrees.h"
+#include "common/geometry.h"
 #include "server/pose/body_model.h"
 #include "server/pose/key_poses.h"
 #include "server/pose/limb_search.h"
@@ -68,6 +68,24 @@ TEST(PoseTracker, FindsBodyWithoutPrior) {
     const auto tracked = tracker.update(0, views, {0, 0, 0.95}, {});
     ASSERT_TRUE(tracked.has_value());
     EXPECT_LT(scene.error_m(tracked->fit.posture, truth), 0.03) << "left and right are not confused";
+}
+
+TEST(PoseTracker, FollowsArmsThatMoveFarBetweenFrameSets) {
+    const Scene scene;
+    constexpr double kFps = 10;
+    PoseTracker tracker(kFps);
+    tracker.set_model(scene.model);
+    BodyCoordinates truth = scene.standing();
+    for (int n = 0; n < 12; ++n) {
+        // Both arms swing against each other, by up to 120 degrees from frame set to frame set.
+        const bool forwards = n % 2 == 0;
+        truth[kDofShoulderL] = radians(forwards ? 85 : -35);
+        truth[kDofShoulderR] = radians(forwards ? -35 : 85);
+        const auto time_ns = static_cast<std::int64_t>(n * 1e9 / kFps);
+        const auto tracked = tracker.update(time_ns, scene.see(truth), {0, 0, 0.95}, {});
+        ASSERT_TRUE(tracked.has_value()) << "frame set " << n;
+        EXPECT_LT(scene.error_m(tracked->fit.posture, truth), 0.03) << "frame set " << n;
+    }
 }
 
 // One arm raised, the other bent in front; both of the model's arms lie in the raised one.

@@ -1,9 +1,9 @@
-#include "server/recording/euler_angles.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
+
+#include "server/recording/trial_formats.h"
 
 namespace kinevox {
 namespace {

@@ -1,6 +1,4 @@
 // The video of a session with its skeleton: lost frame sets.
-#include "server/recording/overlay_video.h"
-
 #include <gtest/gtest.h>
 
 #include <array>
@@ -11,6 +9,7 @@
 
 #include "common/session_file.h"
 #include "server/cameras/image_reader.h"
+#include "server/recording/recording_export.h"
 #include "tests/support/small_session.h"
 
 namespace kinevox {

@@ -1,12 +1,12 @@
 // The pose tables: columns, subjects, withheld cells.
-#include "server/recording/pose_tables.h"
-
 #include <absl/strings/str_split.h>
 #include <gmock/gmock.h>
 
 #include <algorithm>
 #include <string>
 #include <vector>
+
+#include "server/recording/csv_tables.h"
 
 namespace kinevox {
 namespace {

@@ -11,11 +11,11 @@
 #include <random>
 #include <thread>
 
-#include "common/atomic_file.h"
+#include "common/files.h"
 #include "common/recording_files.h"
-#include "server/cameras/recorded_session.h"
-#include "server/cameras/recorded_video.h"
+#include "server/cameras/image_reader.h"
 #include "server/cameras/replay_source.h"
+#include "server/cameras/session_files.h"
 #include "server/cameras/session_source.h"
 #include "tests/support/fake_capture.h"
 #include "tests/support/small_session.h"

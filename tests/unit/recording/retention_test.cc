@@ -1,12 +1,11 @@
 // Which recordings go, and that nothing remains of them.
-#include "server/recording/retention.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
 
-#include "common/atomic_file.h"
+#include "common/files.h"
+#include "server/recording/recording_list.h"
 
 namespace kinevox {
 namespace {

@@ -1,11 +1,9 @@
 // One camera's subject, segmented without tracking.
-#include "server/silhouettes/subject_segmenter.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
-#include "server/silhouettes/main_subject.h"
+#include "server/silhouettes/silhouettes.h"
 
 namespace kinevox {
 namespace {

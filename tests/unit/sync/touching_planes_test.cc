@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "server/sync/align.h"
+#include "server/sync/offsets.h"
 #include "server/sync/signals.h"
 
 namespace kinevox::sync {

@@ -6,13 +6,12 @@
 #include <cmath>
 #include <limits>
 
-#include "client/viewer/angle_history.h"
-#include "client/viewer/calibration_text.h"
+#include "client/viewer/calibration.h"
+#include "client/viewer/curves.h"
+#include "client/viewer/feed.h"
 #include "client/viewer/ghost_match.h"
-#include "client/viewer/orbit_camera.h"
-#include "client/viewer/plot_marks.h"
-#include "client/viewer/status_text.h"
-#include "client/viewer/volume_points.h"
+#include "client/viewer/scene_painter.h"
+#include "client/viewer/shown.h"
 #include "common/body_pose.h"
 #include "common/proto_time.h"
 

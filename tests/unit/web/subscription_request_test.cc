@@ -1,12 +1,10 @@
 // Parsing of subscriptions, and the outbox of one browser.
-#include "client/web/subscription_request.h"
-
 #include <gmock/gmock.h>
 
 #include <limits>
 #include <random>
 
-#include "client/web/outbox.h"
+#include "client/web/subscriptions.h"
 
 namespace kinevox::web {
 namespace {
