@@ -14,28 +14,34 @@
 namespace kinevox {
 namespace {
 
-// Weights of what was before after a reference interval; see kept().
-constexpr double kReferenceInterval_s = 1.0 / 30;
+// Weights of what was before after a reference interval; see reference_intervals().
+constexpr double kMinReferenceInterval_s = 1.0 / 30, kMaxReferenceInterval_s = 1.0 / 24;
 constexpr double kRateMemory = 0.6, kCostMemory = 0.85, kUsualMemory = 0.997;
 constexpr double kPredictionDamping = 0.9;
 constexpr double kPoorer = 0.03;
 constexpr double kBetter = 2,
                  kClearlyBetter =
                      12;  // minimum decrease of the cost by a limb search; 2 is about two contour rays
-// Arms and legs in either order. In the first second of tracking they are searched again at this interval
+// Arms and legs in either order. In the first second of tracking they are searched again at these intervals
 // regardless of the explained fraction: coinciding limbs leave little unexplained.
 constexpr std::array<std::pair<Limb, Limb>, 4> kLimbPairs{{{Limb::kArmL, Limb::kArmR},
                                                            {Limb::kLegL, Limb::kLegR},
                                                            {Limb::kArmR, Limb::kArmL},
                                                            {Limb::kLegR, Limb::kLegL}}};
-constexpr double kPairInterval_s = 7.0 / 30, kFrequentPairInterval_s = 3.0 / 30;
+constexpr double kPairIntervals = 7, kFrequentPairIntervals = 3;  // reference intervals
 constexpr double kPairSeconds = 1;
 constexpr double kSame_m = 0.06;  // hypotheses with a smaller mean joint distance are merged
 
-// A weight per reference interval as the weight over `seconds`, so that memory lasts equally long at any
-// rate.
+// The memories were measured at 24 to 30 frame sets per second, where each counts as one interval; they last
+// equally long at any other rate.
+double reference_intervals(double seconds) {
+    if (seconds < kMinReferenceInterval_s) return seconds / kMinReferenceInterval_s;
+    return std::max(1.0, seconds / kMaxReferenceInterval_s);
+}
+
+// A weight per reference interval as the weight over `seconds`.
 double kept(double per_reference_interval, double seconds) {
-    return std::pow(per_reference_interval, seconds / kReferenceInterval_s);
+    return std::pow(per_reference_interval, reference_intervals(seconds));
 }
 
 double mean_joint_distance(const PosedBody& a, const PosedBody& b) {
@@ -184,8 +190,8 @@ void PoseTracker::choose() {
 
 // One limb or pair in turn. `whole`: less is explained than usual.
 void PoseTracker::search_next(Hypothesis& h, std::span<const SilhouetteRays> views, bool whole) {
-    constexpr double kRounding_s = 1e-3;
-    if (to_pair_s_ > kRounding_s || !(whole || h.seconds < kPairSeconds)) {
+    constexpr double kRounding = 1e-3;
+    if (intervals_to_pair_ > kRounding || !(whole || h.seconds < kPairSeconds)) {
         search_limb(h, views, kLimbs[next_limb_], whole ? LimbSearchScope::kWhole : LimbSearchScope::kLower);
         next_limb_ = (next_limb_ + 1) % static_cast<int>(kLimbs.size());
         return;
@@ -193,7 +199,7 @@ void PoseTracker::search_next(Hypothesis& h, std::span<const SilhouetteRays> vie
     const auto& [first, second] = kLimbPairs[next_pair_];
     search_pair(h, views, first, second);
     next_pair_ = (next_pair_ + 1) % kLimbPairs.size();
-    to_pair_s_ = options_.always_search_limbs ? kFrequentPairInterval_s : kPairInterval_s;
+    intervals_to_pair_ = options_.always_search_limbs ? kFrequentPairIntervals : kPairIntervals;
 }
 
 std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::span<const SilhouetteRays> views,
@@ -220,7 +226,7 @@ std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::spa
         const double enough = options_.always_search_limbs
                                   ? options_.search_explained_fraction
                                   : std::min(options_.search_explained_fraction, usual_explained_ - kPoorer);
-        to_pair_s_ -= seconds;
+        intervals_to_pair_ -= reference_intervals(seconds);
         Hypothesis& best = hypotheses_.front();
         if (searches_fully()) {
             for (const Limb limb : kLimbs) search_limb(best, views, limb, LimbSearchScope::kWhole);

@@ -66,7 +66,7 @@ class PoseTracker {
     PoseFitter fitter_;
     LimbSearch limbs_;
     int next_limb_ = 0;
-    double to_pair_s_ = 0;  // until the next search of a pair
+    double intervals_to_pair_ = 0;  // reference intervals until the next search of a pair
     std::size_t next_pair_ = 0;
     double usual_explained_ = 0;
     std::vector<Hypothesis> hypotheses_;  // the best one first
