@@ -15,7 +15,7 @@ namespace kinevox {
 namespace {
 
 // Weights of what was before after a reference interval; see reference_intervals().
-constexpr double kMinReferenceInterval_s = 1.0 / 30, kMaxReferenceInterval_s = 1.0 / 24;
+constexpr double kMinReferenceInterval_s = 1.0 / 31, kMaxReferenceInterval_s = 1.0 / 24;
 constexpr double kRateMemory = 0.6, kCostMemory = 0.85, kUsualMemory = 0.997;
 constexpr double kPredictionDamping = 0.9;
 constexpr double kPoorer = 0.03;
@@ -32,7 +32,7 @@ constexpr double kPairIntervals = 7, kFrequentPairIntervals = 3;  // reference i
 constexpr double kPairSeconds = 1;
 constexpr double kSame_m = 0.06;  // hypotheses with a smaller mean joint distance are merged
 
-// The memories were measured at 24 to 30 frame sets per second, where each counts as one interval; they last
+// The memories were measured at 24 to 31 frame sets per second, where each counts as one interval; they last
 // equally long at any other rate.
 double reference_intervals(double seconds) {
     if (seconds < kMinReferenceInterval_s) return seconds / kMinReferenceInterval_s;
