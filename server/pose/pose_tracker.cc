@@ -32,13 +32,6 @@ constexpr double kPairIntervals = 7, kFrequentPairIntervals = 3;  // reference i
 constexpr double kPairSeconds = 1;
 constexpr double kSame_m = 0.06;  // hypotheses with a smaller mean joint distance are merged
 
-// The memories were measured at 24 to 31 frame sets per second, where each counts as one interval; they last
-// equally long at any other rate.
-double reference_intervals(double seconds) {
-    if (seconds < kMinReferenceInterval_s) return seconds / kMinReferenceInterval_s;
-    return std::max(1.0, seconds / kMaxReferenceInterval_s);
-}
-
 // A weight per reference interval as the weight over `seconds`.
 double kept(double per_reference_interval, double seconds) {
     return std::pow(per_reference_interval, reference_intervals(seconds));
@@ -52,6 +45,11 @@ double mean_joint_distance(const PosedBody& a, const PosedBody& b) {
 }
 
 }  // namespace
+
+double reference_intervals(double seconds) {
+    if (seconds < kMinReferenceInterval_s) return seconds / kMinReferenceInterval_s;
+    return std::max(1.0, seconds / kMaxReferenceInterval_s);
+}
 
 std::string PoseTrackerOptions::check() const {
     if (std::string problem = fit.check(); !problem.empty()) return problem;
@@ -119,13 +117,22 @@ void PoseTracker::search_pair(Hypothesis& h, std::span<const SilhouetteRays> vie
               limbs_.improve_pair(*model_, h.posture, views, first, second, 2 * options_.fit.narrow_m), gain);
 }
 
+// The fit from `start` if it costs less by `gain` than the one from `current`, both without a prior.
+std::optional<PoseFit> PoseTracker::better_fit(std::span<const SilhouetteRays> views,
+                                               const BodyPosture& start, const BodyPosture& current,
+                                               double gain) {
+    PoseFit fit = fitter_.fit(*model_, views, start, nullptr, true);
+    const PoseFit stayed = fitter_.fit(*model_, views, current, nullptr, false);
+    if (fit.at.cost + gain >= stayed.at.cost) return std::nullopt;
+    return fit;
+}
+
 void PoseTracker::try_moved(Hypothesis& h, std::span<const SilhouetteRays> views,
                             const std::optional<BodyPosture>& moved, double gain) {
     if (!moved) return;
-    PoseFit fit = fitter_.fit(*model_, views, *moved, nullptr, true);
-    const PoseFit stayed = fitter_.fit(*model_, views, h.posture, nullptr, false);
-    if (fit.at.cost + gain >= stayed.at.cost) return;
-    h.fit = std::move(fit);
+    auto fit = better_fit(views, *moved, h.posture, gain);
+    if (!fit) return;
+    h.fit = *std::move(fit);
     h.posture = h.fit.posture;
     h.rate = {};
 }
@@ -160,11 +167,8 @@ void PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays
                                    const BodyPosture& before, const BodyPosture& expected) {
     BodyPosture moved = before;
     moved.root_in_world = expected.root_in_world;
-    for (const BodyPosture& start : {moved, before, expected}) {
-        PoseFit fit = fitter_.fit(*model_, views, start, nullptr, true);
-        const PoseFit stayed = fitter_.fit(*model_, views, h.fit.posture, nullptr, false);
-        if (fit.at.cost + kBetter < stayed.at.cost) h.fit = std::move(fit);
-    }
+    for (const BodyPosture& start : {moved, before, expected})
+        if (auto fit = better_fit(views, start, h.fit.posture, kBetter)) h.fit = *std::move(fit);
 }
 
 void PoseTracker::choose() {

@@ -22,6 +22,10 @@ struct TrackedPosture {
     PoseFit fit;
 };
 
+// `seconds` in intervals of a frame set at 24 to 31 per second, each of which counts as one: what the tracker
+// remembers and allows was measured there, and lasts equally long at any other rate.
+double reference_intervals(double seconds);
+
 // Not thread-safe.
 class PoseTracker {
   public:
@@ -56,6 +60,8 @@ class PoseTracker {
                      LimbSearchScope scope);
     void search_pair(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Limb first, Limb second);
     void search_next(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, bool whole);
+    std::optional<PoseFit> better_fit(std::span<const SilhouetteRays> views, const BodyPosture& start,
+                                      const BodyPosture& current, double gain);
     void try_moved(Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
                    const std::optional<BodyPosture>& moved, double gain);
     void choose();

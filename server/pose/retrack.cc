@@ -9,9 +9,8 @@
 namespace kinevox {
 namespace {
 
-// Scale of the cost for a jump of the joints from frame set to frame set, at 30 frame sets per second or
-// more.
-constexpr double kJumpStd_m = 0.04, kJumpSpeed_m_per_s = 1.2;
+// Scale of the cost for a jump of the joints over a reference interval or less.
+constexpr double kJumpStd_m = 0.04;
 
 struct Pass {
     std::vector<RetrackedFrame> frames;
@@ -66,7 +65,7 @@ std::vector<RetrackedFrame> retrack(const std::vector<Camera>& cameras, double f
     const std::size_t count = frames.size();
     std::vector<std::array<int, 2>> came_from(count);
     std::array<double, 2> best{0, 0};
-    const double jump_std_m = std::max(kJumpStd_m, kJumpSpeed_m_per_s / fps);
+    const double jump_std_m = kJumpStd_m * std::max(1.0, reference_intervals(1 / fps));
     constexpr double kNothing =
         1e6;  // cost of a frame set without a pose, so that an existing pose is preferred
     for (std::size_t n = 0; n < count; ++n) {
