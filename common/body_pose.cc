@@ -1,20 +1,8 @@
 #include "common/body_pose.h"
 
-#include <algorithm>
 #include <cmath>
 
 namespace kinevox {
-namespace {
-
-template <class Names>
-std::optional<std::size_t> index_of(const Names& names, std::string_view name) {
-    const auto found = std::find(names.begin(), names.end(), name);
-    if (found == names.end()) return std::nullopt;
-    return static_cast<std::size_t>(found - names.begin());
-}
-
-}  // namespace
-
 // Shepperd's method: the largest of the four is computed from the diagonal, the others from it.
 Quaternion quaternion_from_rotation(const Mat3& r) {
     const double trace = r(0, 0) + r(1, 1) + r(2, 2);
@@ -41,13 +29,6 @@ const std::string& coordinate_withheld_reason(const BodyPose& pose, int dof) {
     for (int s = 0; s < kBodySegmentCount; ++s)
         if (dof >= kSegmentDof[s] && dof < kSegmentDof[s] + kSegmentDofCount[s]) segment = s;
     return pose.joints[static_cast<std::size_t>(kSegmentFarJoint[segment])].withheld_reason;
-}
-
-std::optional<std::size_t> joint_index(std::string_view name) {
-    return index_of(kJointNames, name);
-}
-std::optional<std::size_t> angle_index(std::string_view name) {
-    return index_of(kJointAngleNames, name);
 }
 
 }  // namespace kinevox

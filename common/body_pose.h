@@ -70,8 +70,19 @@ struct BodyPose {
 const std::string& coordinate_withheld_reason(const BodyPose& pose, int dof);
 
 // By name; nullopt for an unknown one.
-std::optional<std::size_t> joint_index(std::string_view name);
-std::optional<std::size_t> angle_index(std::string_view name);
+template <std::size_t kCount>
+constexpr std::optional<std::size_t> index_of(const std::array<std::string_view, kCount>& names,
+                                              std::string_view name) {
+    for (std::size_t i = 0; i < kCount; ++i)
+        if (names[i] == name) return i;
+    return std::nullopt;
+}
+constexpr std::optional<std::size_t> joint_index(std::string_view name) {
+    return index_of(kJointNames, name);
+}
+constexpr std::optional<std::size_t> angle_index(std::string_view name) {
+    return index_of(kJointAngleNames, name);
+}
 
 // Geometric angles: from joint positions alone; angles.csv holds them and clients read them. Model
 // coordinates (server/pose/body_model.h) have other names and other definitions. Definitions: lat =

@@ -1,4 +1,3 @@
-#include <algorithm>
 #include <cmath>
 
 #include "common/body_pose.h"
@@ -6,22 +5,17 @@
 namespace kinevox {
 namespace {
 
-constexpr int joint_named(std::string_view name) {
-    for (std::size_t i = 0; i < kJointNames.size(); ++i)
-        if (kJointNames[i] == name) return static_cast<int>(i);
-    throw "no such joint";  // at compile time
-}
-
-constexpr int kRoot = joint_named("root"), kSacroiliac = joint_named("sacroiliac"),
-              kSkullbase = joint_named("skullbase");
+// A name that kJointNames lacks does not compile.
+constexpr std::size_t kRoot = *joint_index("root"), kSacroiliac = *joint_index("sacroiliac"),
+                      kSkullbase = *joint_index("skullbase");
 struct Limbs {
-    int shoulder, elbow, wrist, hip, knee, ankle;
+    std::size_t shoulder, elbow, wrist, hip, knee, ankle;
 };
 constexpr std::array<Limbs, 2> kLimbs{
-    Limbs{joint_named("shoulder_l"), joint_named("elbow_l"), joint_named("wrist_l"), joint_named("hip_l"),
-          joint_named("knee_l"), joint_named("ankle_l")},
-    Limbs{joint_named("shoulder_r"), joint_named("elbow_r"), joint_named("wrist_r"), joint_named("hip_r"),
-          joint_named("knee_r"), joint_named("ankle_r")}};
+    Limbs{*joint_index("shoulder_l"), *joint_index("elbow_l"), *joint_index("wrist_l"), *joint_index("hip_l"),
+          *joint_index("knee_l"), *joint_index("ankle_l")},
+    Limbs{*joint_index("shoulder_r"), *joint_index("elbow_r"), *joint_index("wrist_r"), *joint_index("hip_r"),
+          *joint_index("knee_r"), *joint_index("ankle_r")}};
 
 double angle_between(Vec3 a, Vec3 b) {
     const double across = norm(cross(a, b)), along = dot(a, b);

@@ -40,7 +40,6 @@ class PoseTracker {
                                          Vec3 centre_in_world, std::span<const PoseCandidate> candidates);
     void reset() { hypotheses_.clear(); }
     bool tracking() const { return !hypotheses_.empty(); }
-    const PoseFitter& fitter() const { return fitter_; }
 
   private:
     struct Hypothesis {

@@ -73,11 +73,6 @@ std::vector<Vec3> BoardSpec::points() const {
     return points;
 }
 
-double BoardSpec::diagonal_m() const {
-    const std::vector<Vec3> all = points();
-    return all.empty() ? 0 : norm(all.back() - all.front());
-}
-
 bool BoardSpec::has_direction() const {
     return kind != BoardKind::kCheckerboard || (columns + rows) % 2 == 1;
 }

@@ -34,7 +34,6 @@ struct BoardSpec {
     // AprilGrid: id = 4 * tag + corner, corners clockwise from the upper left, tags row by row from the lower
     // left.
     std::vector<Vec3> points() const;
-    double diagonal_m() const;
     // True if a view determines the orientation of the board, so that cameras can be matched by it. False for
     // a checkerboard that is symmetric under half a turn.
     bool has_direction() const;
