@@ -18,6 +18,10 @@
 
 namespace kinevox::kernels {
 
+namespace kde {
+struct SceneView;
+}
+
 struct SegmentationOptions {
     // Samples of the background model per pixel (N), short-term and long-term memory together; 1..255.
     int samples = 32;
@@ -135,9 +139,29 @@ class Segmenter {
     virtual void learn(std::span<const ImageView> empty_scene) = 0;
     virtual bool learned() const = 0;
 
-    // Segments one image and updates the model. Reuses the memory of `out`. Throws std::invalid_argument for
-    // an image of another size, std::logic_error before learn().
-    virtual void segment(const ImageView& image, const SegmentationPrior& prior, Silhouettes& out) = 0;
+    // The camera in the world frame, z up, the floor at z = 0; without it, shadows are judged from this
+    // camera's image alone. Throws std::invalid_argument for an unusable camera.
+    virtual void set_camera(const CameraModel& camera) = 0;
+
+    // A frame in three steps, each for all cameras before the next one: decide() compares shadows with the
+    // images and models of `others`, segmenters of the same device that have begun a frame of the same
+    // instant. `image` and `prior` must stay valid until end_frame(). Reuses the memory of `out`. Throws
+    // std::invalid_argument for an image of another size, std::logic_error before learn().
+    virtual void begin_frame(const ImageView& image, const SegmentationPrior& prior) = 0;
+    virtual void decide(std::span<const Segmenter* const> others, Silhouettes& out) = 0;
+    // Updates the model with the frame; `out` as decide() filled it.
+    virtual void end_frame(const Silhouettes& out) = 0;
+
+    // The three steps for one camera alone.
+    void segment(const ImageView& image, const SegmentationPrior& prior, Silhouettes& out) {
+        begin_frame(image, prior);
+        decide({}, out);
+        end_frame(out);
+    }
+
+    // What other segmenters' decide() looks up; valid from begin_frame() to end_frame(). Null without a
+    // camera.
+    virtual const kde::SceneView* scene() const = 0;
 };
 
 // Throws std::invalid_argument where options.check() is not empty, std::runtime_error where the device is

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "kernels/cpu/foreground_colours.h"
 #include "kernels/cpu/packed_samples.h"
@@ -15,6 +16,7 @@
 #include "kernels/cpu/segmentation_masks.h"
 #include "kernels/cpu/segmentation_model.h"
 #include "kernels/cpu/segmentation_search.h"
+#include "kernels/cpu/shadow_training.h"
 #include "kernels/segmentation_memory.h"
 #include "kernels/shared/kde_evidence.h"
 
@@ -25,6 +27,7 @@ namespace {
 using kde::kActiveMargin;
 using kde::kCellPixels;
 using kde::kGroupPixels;
+using kde::kNeutralMargin;
 
 constexpr int kRowsPerTask = 16;
 constexpr int kBorderMargin = kde::kBorderRadius + kde::kBorderDepth;  // px that the refinement reads
@@ -39,7 +42,12 @@ class CpuSegmenter final : public RewindableSegmenter {
     bool learned() const override { return learned_; }
     void keep_learned() override { keep_learned_ = true; }
     void forget_frames() override;
-    void segment(const ImageView& image, const SegmentationPrior& prior, Silhouettes& out) override;
+    void set_camera(const CameraModel& camera) override;
+    void begin_frame(const ImageView& image, const SegmentationPrior& prior) override;
+    void decide(std::span<const Segmenter* const> others, Silhouettes& out) override;
+    void end_frame(const Silhouettes& out) override;
+    const kde::SceneView* scene() const override { return has_camera_ ? &scene_ : nullptr; }
+    void observe(ShadowJudge::Observer observer) { shadows_.set_observer(std::move(observer)); }
 
   private:
     void begin();
@@ -51,7 +59,8 @@ class CpuSegmenter final : public RewindableSegmenter {
     void fit_light(const CellBox& active);
     void light_around(const CellBox& active);
     void evidence(const CellBox& active);
-    void decide(const CellBox& active, Silhouettes& out);
+    void judge_shadows(const CellBox& active, std::span<const Segmenter* const> others);
+    void threshold(const CellBox& active, Silhouettes& out);
     Rect silhouettes(const Rect& active, const Rect& work, const SegmentationPrior& prior, Silhouettes& out);
     void learn_colours(const Rect& box, const Silhouettes& out);
     void update_model(const ImageView& image, const SegmentationPrior& prior, const Silhouettes& out);
@@ -79,6 +88,14 @@ class CpuSegmenter final : public RewindableSegmenter {
     std::vector<std::uint8_t> lit_;     // per cell, the groups for which the planes hold values of their own
     std::vector<std::uint8_t> looked_;  // per cell, samples that are in its density
     Plane weighted_value_, weighted_energy_, factor_, residual_, neighbourhood_, evidence_, smoothed_;
+    Plane product_, energy_, square_, misfit_;  // see ShadowPlanes
+    ShadowJudge shadows_;
+    bool has_camera_ = false;
+    kde::SceneView scene_;
+    // The frame between begin_frame() and end_frame().
+    ImageView image_;
+    SegmentationPrior prior_;
+    CellBox work_, active_box_;
     ForegroundColours colours_;
     std::vector<float> log_foreground_;
     std::vector<std::int32_t> colour_counts_;
@@ -135,7 +152,8 @@ void CpuSegmenter::begin() {
     active_span_.assign(height_, {});
     lit_.assign(cells, 0);
     looked_.assign(cells, kde::kSamplesPerLook);
-    for (Plane* plane : {&weighted_value_, &weighted_energy_, &factor_, &residual_, &neighbourhood_})
+    for (Plane* plane : {&weighted_value_, &weighted_energy_, &factor_, &residual_, &neighbourhood_,
+                         &product_, &energy_, &square_, &misfit_})
         plane->resize(model_.cells_per_row, height_, 0);
     for (Plane* plane : {&evidence_, &smoothed_})
         plane->resize(model_.cells_per_row, height_, -parameters_.limit);
@@ -232,7 +250,7 @@ CellBox CpuSegmenter::find_active(const CellBox& work) {
 
 void CpuSegmenter::fit_light(const CellBox& box) {
     // A ring of rows and a cell around the box is read by the neighbourhoods and holds neutral values.
-    parallel_for(box.y0 - kActiveMargin, box.y1 + kActiveMargin, kRowsPerTask, [&](int first, int last) {
+    parallel_for(box.y0 - kNeutralMargin, box.y1 + kNeutralMargin, kRowsPerTask, [&](int first, int last) {
         for (int y = std::max(first, 0); y < std::min(last, height_); ++y)
             for (int k = std::max(box.k0 - 1, 0); k < std::min(box.k1 + 1, model_.cells_per_row); ++k) {
                 const std::ptrdiff_t x = static_cast<std::ptrdiff_t>(k) * kCellPixels;
@@ -245,6 +263,8 @@ void CpuSegmenter::fit_light(const CellBox& box) {
                         x + static_cast<std::ptrdiff_t>(std::countr_zero(left)) * kGroupPixels;
                     std::fill_n(weighted_value_.row(y) + at, kGroupPixels, 0.0f);
                     std::fill_n(weighted_energy_.row(y) + at, kGroupPixels, 0.0f);
+                    for (Plane* plane : {&product_, &energy_, &square_})
+                        std::fill_n(plane->row(y) + at, kGroupPixels, 0.0f);
                     std::fill_n(evidence_.row(y) + at, kGroupPixels, -parameters_.limit);
                 }
                 lit_[cell] = static_cast<std::uint8_t>(active);
@@ -253,9 +273,10 @@ void CpuSegmenter::fit_light(const CellBox& box) {
                     cell_density(tables_, cells_.data() + cell * model_.cell_bytes(), samples_of(y, k),
                                  model_.cell_scale(y, k), channels_, looked_[cell], false,
                                  density_.data() + cell * kCellPixels);
-                fit_light_cell(cell_at(y, k), active, parameters_,
-                               {weighted_value_.row(y) + x, weighted_energy_.row(y) + x, factor_.row(y) + x,
-                                residual_.row(y) + x});
+                fit_light_cell(
+                    cell_at(y, k), active, parameters_,
+                    {weighted_value_.row(y) + x, weighted_energy_.row(y) + x, factor_.row(y) + x,
+                     residual_.row(y) + x, product_.row(y) + x, energy_.row(y) + x, square_.row(y) + x});
             }
     });
 }
@@ -294,8 +315,22 @@ void CpuSegmenter::evidence(const CellBox& box) {
     });
 }
 
+void CpuSegmenter::judge_shadows(const CellBox& box, std::span<const Segmenter* const> others) {
+    const ShadowPlanes planes{&factor_,      &residual_,      &neighbourhood_, &product_,
+                              &energy_,      &square_,        &misfit_,        &evidence_,
+                              cells_.data(), density_.data(), active_.data(),  log_foreground_.data()};
+    std::vector<const kde::SceneView*> scenes;
+    for (const Segmenter* other : others)
+        if (other != this && other->scene() && other->scene()->channels == channels_ &&
+            scenes.size() < kde::kMaxFloorViews)
+            scenes.push_back(other->scene());
+    if (scenes.empty()) return;  // the rule needs a second view of the floor
+    shadows_.measure_patches(box, active_span_, planes, channels_);
+    shadows_.judge(box, active_span_, planes, model_, parameters_, scenes);
+}
+
 // Smooths the evidence and decides each pixel; outside the spans the masks stay 0.
-void CpuSegmenter::decide(const CellBox& box, Silhouettes& out) {
+void CpuSegmenter::threshold(const CellBox& box, Silhouettes& out) {
     float weights[5], sum = 0;
     for (int i = 0; i < 5; ++i)
         sum += weights[i] =
@@ -450,41 +485,67 @@ void CpuSegmenter::clear(Silhouettes& out) const {
     clear_plane(out.loose, out.bounds);
 }
 
-void CpuSegmenter::segment(const ImageView& image, const SegmentationPrior& prior, Silhouettes& out) {
-    if (!learned_) throw std::logic_error("segmentation: learn() the background before segment()");
+void CpuSegmenter::set_camera(const CameraModel& camera) {
+    scene_.camera = make_projector(camera, "segmentation");
+    shadows_.set_camera(camera);
+    has_camera_ = true;
+}
+
+void CpuSegmenter::begin_frame(const ImageView& image, const SegmentationPrior& prior) {
+    if (!learned_) throw std::logic_error("segmentation: learn() the background before segmenting");
     check_image(image, width_, height_, channels_);
-    clear(out);
-    out.width = width_, out.height = height_;
+    image_ = image;
+    prior_ = prior;
     Rect asked{0, 0, width_, height_};
     if (!prior.full_pass && !prior.region.empty()) {
         const Rect& r = prior.region;
         asked = {std::max(r.x0, 0), std::max(r.y0, 0), std::min(r.x1, width_), std::min(r.y1, height_)};
         if (asked.empty()) asked = {};
     }
-    const CellBox work{asked.y0, asked.y1, asked.x0 / kCellPixels,
-                       (asked.x1 + kCellPixels - 1) / kCellPixels};
-    out.searched = {work.k0 * kCellPixels, work.y0, std::min(work.k1 * kCellPixels, width_), work.y1};
-    mark_searched(prior, work, width_, height_, searched_.data());
+    work_ = {asked.y0, asked.y1, asked.x0 / kCellPixels, (asked.x1 + kCellPixels - 1) / kCellPixels};
+    mark_searched(prior, work_, width_, height_, searched_.data());
     inverse_gain_ = fixed_point_inverse(estimate_gain(model_, image));
-    parallel_for(work.y0, work.y1, kRowsPerTask,
-                 [&](int first, int last) { density_rows(image, first, last, work.k0, work.k1, true); });
-    const CellBox active = find_active(work);
-    if (active.empty()) {
-        measure({}, out);
-    } else {
-        fit_light(active);
-        light_around(active);
-        evidence(active);
-        decide(active, out);
-        const Rect box{active.k0 * kCellPixels, active.y0, std::min(active.k1 * kCellPixels, width_),
-                       active.y1};
-        measure(silhouettes(box, out.searched, prior, out), out);
-    }
-    update_model(image, prior, out);
+    scene_.image = image.data;
+    scene_.image_stride = image.stride;
+    scene_.reference = model_.reference.data();
+    scene_.scale = model_.bandwidth_scale.data();
+    std::copy(inverse_gain_.begin(), inverse_gain_.end(), scene_.inverse_gain);
+    scene_.channels = channels_;
+    scene_.cells_per_row = model_.cells_per_row;
+    parallel_for(work_.y0, work_.y1, kRowsPerTask,
+                 [&](int first, int last) { density_rows(image, first, last, work_.k0, work_.k1, true); });
+    active_box_ = find_active(work_);
+    if (active_box_.empty()) return;
+    fit_light(active_box_);
+    light_around(active_box_);
+    evidence(active_box_);
+}
+
+void CpuSegmenter::decide(std::span<const Segmenter* const> others, Silhouettes& out) {
+    clear(out);
+    out.width = width_, out.height = height_;
+    out.searched = {work_.k0 * kCellPixels, work_.y0, std::min(work_.k1 * kCellPixels, width_), work_.y1};
+    if (active_box_.empty()) return measure({}, out);
+    judge_shadows(active_box_, others);
+    threshold(active_box_, out);
+    const Rect box{active_box_.k0 * kCellPixels, active_box_.y0,
+                   std::min(active_box_.k1 * kCellPixels, width_), active_box_.y1};
+    measure(silhouettes(box, out.searched, prior_, out), out);
+}
+
+void CpuSegmenter::end_frame(const Silhouettes& out) {
+    update_model(image_, prior_, out);
     ++frame_;
 }
 
 }  // namespace
+
+void observe_shadows(Segmenter& segmenter, ShadowJudge::Observer observer) {
+    auto* const cpu = dynamic_cast<CpuSegmenter*>(&segmenter);
+    if (!cpu) throw std::invalid_argument("shadow observer: not a segmenter of the CPU");
+    cpu->observe(std::move(observer));
+}
+
 }  // namespace cpu
 
 std::unique_ptr<Segmenter> make_segmenter_cpu(int width, int height, int channels,

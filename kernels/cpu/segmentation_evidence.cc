@@ -57,11 +57,13 @@ HWY_INLINE void fit_light_at(const EvidenceCell& cell, const kde::EvidenceParame
                              int x) {
     const Floats f;
     V value[kChannels], reference[kChannels], product = hn::Zero(f), energy = hn::Zero(f);
+    V square = hn::Zero(f), scales = hn::Zero(f), variances = hn::Zero(f);
     for (int c = 0; c < kChannels; ++c) {
         value[c] = levels(cell.value + c * kCellPixels + x);
         reference[c] = levels(cell.reference + c * kCellPixels + x);
         product = hn::MulAdd(value[c], reference[c], product);
         energy = hn::MulAdd(reference[c], reference[c], energy);
+        square = hn::MulAdd(value[c], value[c], square);
     }
     const V factor =
         hn::Min(hn::Max(hn::Div(product, hn::Max(energy, hn::Set(f, 1.0f))), hn::Set(f, p.darkest)),
@@ -70,8 +72,10 @@ HWY_INLINE void fit_light_at(const EvidenceCell& cell, const kde::EvidenceParame
     for (int c = 0; c < kChannels; ++c) {
         const V scale = levels(cell.scale + c * kCellPixels + x), squared_scale = hn::Mul(scale, scale);
         const V difference = hn::NegMulAdd(factor, reference[c], value[c]);
-        squared_distance.add(hn::Mul(hn::Mul(difference, difference), squared_scale),
-                             scaled_variance(reference[c], squared_scale, p));
+        const V variance = scaled_variance(reference[c], squared_scale, p);
+        squared_distance.add(hn::Mul(hn::Mul(difference, difference), squared_scale), variance);
+        scales = hn::Add(scales, squared_scale);
+        variances = hn::Add(variances, variance);
     }
     const V residual = hn::Div(squared_distance.numerator, squared_distance.denominator);
     const V weight =
@@ -80,6 +84,10 @@ HWY_INLINE void fit_light_at(const EvidenceCell& cell, const kde::EvidenceParame
     hn::StoreU(hn::Mul(weight, energy), f, out.weighted_energy + x);
     hn::StoreU(factor, f, out.factor + x);
     hn::StoreU(residual, f, out.residual + x);
+    const V precision = hn::Div(scales, variances);
+    hn::StoreU(hn::Mul(precision, product), f, out.product + x);
+    hn::StoreU(hn::Mul(precision, energy), f, out.energy + x);
+    hn::StoreU(hn::Mul(precision, square), f, out.square + x);
 }
 
 // kde::histogram_bin()
@@ -144,8 +152,15 @@ HWY_INLINE void each_vector(int groups, const At& at) {
 #else
 template <int kChannels>
 void fit_light_at(const EvidenceCell& cell, const kde::EvidenceParameters& p, const LightRows& out, int x) {
-    kde::fit_light<kChannels>(cell.value + x, cell.reference + x, cell.scale + x, p, out.weighted_value[x],
-                              out.weighted_energy[x], out.factor[x], out.residual[x]);
+    const kde::PixelLight light =
+        kde::fit_light<kChannels>(cell.value + x, cell.reference + x, cell.scale + x, p);
+    out.weighted_value[x] = light.weighted_value;
+    out.weighted_energy[x] = light.weighted_energy;
+    out.factor[x] = light.factor;
+    out.residual[x] = light.residual;
+    out.product[x] = light.product;
+    out.energy[x] = light.energy;
+    out.square[x] = light.square;
 }
 
 template <int kChannels>

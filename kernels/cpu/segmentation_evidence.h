@@ -32,12 +32,15 @@ struct EvidenceCell {
     int channels = 3;
 };
 
-// Row pointers at the cell's first pixel; each 64 floats.
+// Row pointers at the cell's first pixel; each 64 floats. See kde::PixelLight.
 struct LightRows {
     float* weighted_value = nullptr;
     float* weighted_energy = nullptr;
     float* factor = nullptr;
     float* residual = nullptr;
+    float* product = nullptr;
+    float* energy = nullptr;
+    float* square = nullptr;
 };
 
 // `groups`: which of the cell's pixels, see kde_evidence.h; the others keep their values.

@@ -15,6 +15,7 @@
 #include "kernels/cuda/components.h"
 #include "kernels/cuda/forms.h"
 #include "kernels/cuda/segmentation_steps.h"
+#include "kernels/floor_grid.h"
 #include "kernels/segmentation_memory.h"
 
 namespace kinevox::kernels {
@@ -35,7 +36,11 @@ class CudaSegmenter final : public RewindableSegmenter {
     bool learned() const override { return learned_; }
     void keep_learned() override { keep_learned_ = true; }
     void forget_frames() override;
-    void segment(const ImageView& image, const SegmentationPrior& prior, Silhouettes& out) override;
+    void set_camera(const CameraModel& camera) override;
+    void begin_frame(const ImageView& image, const SegmentationPrior& prior) override;
+    void decide(std::span<const Segmenter* const> others, Silhouettes& out) override;
+    void end_frame(const Silhouettes& out) override;
+    const kde::SceneView* scene() const override { return has_camera_ ? &scene_ : nullptr; }
 
   private:
     void begin();
@@ -59,7 +64,16 @@ class CudaSegmenter final : public RewindableSegmenter {
     void update(const CellRange& work, bool tracked);
     void finish_frame(const Rect& box, Silhouettes& out);
 
+    FloorScenes floor_scenes(std::span<const Segmenter* const> others) const;
+
     SegmentationOptions options_;
+    bool has_camera_ = false;
+    kde::SceneView scene_;
+    kde::FloorGrid floor_grid_;
+    DeviceBuffer<float> floor_directions_;
+    // The frame between begin_frame() and end_frame().
+    SegmentationPrior prior_;
+    CellRange work_, active_box_;
     bool learned_ = false, keep_learned_ = false;
     std::int64_t frame_ = 0;
     cpu::BackgroundModel model_;          // of which only `reference` follows the device's
@@ -137,10 +151,12 @@ void CudaSegmenter::begin() {
     data_.density = place(density_, cells * kCellPixels);
     data_.candidates = place(candidates_, cells);
     data_.active = place(active_, cells);
-    float* planes = place(planes_, 6 * plane);
+    float* planes = place(planes_, 11 * plane);
     data_.weighted_value = planes, data_.weighted_energy = planes + plane, data_.factor = planes + 2 * plane;
     data_.residual = planes + 3 * plane, data_.evidence = planes + 4 * plane,
     data_.smoothed = planes + 5 * plane;
+    data_.neighbourhood = planes + 6 * plane, data_.product = planes + 7 * plane;
+    data_.energy = planes + 8 * plane, data_.square = planes + 9 * plane, data_.misfit = planes + 10 * plane;
     data_.probability = place(masks_, 3 * pixels);
     data_.sharp = data_.probability + pixels, data_.loose = data_.probability + 2 * pixels;
     host_masks_.resize(3 * pixels);
@@ -266,13 +282,21 @@ void CudaSegmenter::finish_frame(const Rect& box, Silhouettes& out) {
     out.centroid_x = mean(1), out.centroid_y = mean(2);
 }
 
-void CudaSegmenter::segment(const ImageView& image, const SegmentationPrior& prior, Silhouettes& out) {
-    if (!learned_) throw std::logic_error("segmentation: learn() the background before segment()");
+void CudaSegmenter::set_camera(const CameraModel& camera) {
+    stream_.wait();
+    scene_.camera = make_projector(camera, "segmentation");
+    const FloorDirections directions = floor_directions(camera);
+    floor_grid_.directions = keep(floor_directions_, directions.xy);
+    floor_grid_.columns = directions.columns;
+    std::copy_n(directions.centre, 3, floor_grid_.centre);
+    has_camera_ = true;
+}
+
+void CudaSegmenter::begin_frame(const ImageView& image, const SegmentationPrior& prior) {
+    if (!learned_) throw std::logic_error("segmentation: learn() the background before segmenting");
     cpu::check_image(image, data_.width, data_.height, data_.channels);
     stream_.wait();
-    const std::size_t pixels = static_cast<std::size_t>(data_.width) * data_.height;
-    out.width = data_.width, out.height = data_.height;
-    for (auto* plane : {&out.probability, &out.sharp, &out.loose}) plane->assign(pixels, 0);
+    prior_ = prior;
     Rect asked{0, 0, data_.width, data_.height};
     if (!prior.full_pass && !prior.region.empty()) {
         const Rect& r = prior.region;
@@ -280,29 +304,63 @@ void CudaSegmenter::segment(const ImageView& image, const SegmentationPrior& pri
                  std::min(r.y1, data_.height)};
         if (asked.empty()) asked = {};
     }
-    const CellRange work{asked.y0, asked.y1, asked.x0 / kCellPixels,
-                         (asked.x1 + kCellPixels - 1) / kCellPixels};
-    out.searched = {work.k0 * kCellPixels, work.y0, std::min(work.k1 * kCellPixels, data_.width), work.y1};
+    work_ = {asked.y0, asked.y1, asked.x0 / kCellPixels, (asked.x1 + kCellPixels - 1) / kCellPixels};
     start_frame(image, prior);
-    const CellRange active = find_active(work);
+    scene_.image = data_.image;
+    scene_.image_stride = static_cast<std::ptrdiff_t>(data_.width) * data_.channels;
+    scene_.reference = data_.reference;
+    scene_.scale = data_.scale;
+    std::copy_n(data_.gain_64, 3, scene_.inverse_gain);
+    scene_.channels = data_.channels;
+    scene_.cells_per_row = data_.cells_per_row;
+    active_box_ = find_active(work_);  // waits: the image is there for the other cameras
+    if (!active_box_.empty()) queue_evidence(stream_, data_, active_box_);
+}
+
+FloorScenes CudaSegmenter::floor_scenes(std::span<const Segmenter* const> others) const {
+    FloorScenes floor;
+    if (!has_camera_) return floor;
+    floor.grid = floor_grid_;
+    floor.camera = scene_.camera;
+    for (const Segmenter* other : others) {
+        const kde::SceneView* scene = other == this ? nullptr : other->scene();
+        if (scene && scene->channels == data_.channels && floor.count < kde::kMaxFloorViews)
+            floor.others[floor.count++] = *scene;
+    }
+    return floor;
+}
+
+void CudaSegmenter::decide(std::span<const Segmenter* const> others, Silhouettes& out) {
+    const std::size_t pixels = static_cast<std::size_t>(data_.width) * data_.height;
+    out.width = data_.width, out.height = data_.height;
+    for (auto* plane : {&out.probability, &out.sharp, &out.loose}) plane->assign(pixels, 0);
+    out.searched = {work_.k0 * kCellPixels, work_.y0, std::min(work_.k1 * kCellPixels, data_.width),
+                    work_.y1};
     Rect box;
-    if (!active.empty()) {
+    if (!active_box_.empty()) {
         float taps[3], sum = 0;
         for (int i = 0; i < 3; ++i) {
             taps[i] =
                 std::exp(-0.5f * static_cast<float>((i - 2) * (i - 2)) / (kSmoothing_px * kSmoothing_px));
             sum += i < 2 ? 2 * taps[i] : taps[i];
         }
-        queue_evidence(stream_, data_, active, {taps[0] / sum, taps[1] / sum, taps[2] / sum});
-        box = {active.k0 * kCellPixels, active.y0, std::min(active.k1 * kCellPixels, data_.width), active.y1};
-        silhouettes(box, out.searched, prior);
+        const FloorScenes floor = floor_scenes(others);
+        if (floor.count > 0) queue_shadows(stream_, data_, active_box_, floor);
+        queue_smoothing(stream_, data_, active_box_, {taps[0] / sum, taps[1] / sum, taps[2] / sum});
+        box = {active_box_.k0 * kCellPixels, active_box_.y0, std::min(active_box_.k1 * kCellPixels, data_.width),
+               active_box_.y1};
+        silhouettes(box, out.searched, prior_);
     }
     finish_frame(box, out);
-    if (!active.empty() && options_.colour_memory_weight > 0) {
+    if (!active_box_.empty() && options_.colour_memory_weight > 0) {
         counts_.assign(host_counts_.data(), host_counts_.data() + host_counts_.size());
         colours_.add(counts_, kColourMemory);
     }
-    update(work, !prior.region.empty());
+}
+
+// The masks are still on the device.
+void CudaSegmenter::end_frame(const Silhouettes&) {
+    update(work_, !prior_.region.empty());
     ++frame_;
 }
 

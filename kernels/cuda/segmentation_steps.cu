@@ -98,12 +98,12 @@ __global__ void active_kernel(SegmentData d, CellRange work) {
 template <int kChannels>
 __global__ void light_kernel(SegmentData d, CellRange box) {
     __shared__ kde::DensityTables tables;
-    const int y = box.y0 - kActiveMargin + static_cast<int>(blockIdx.y);
+    const int y = box.y0 - kde::kNeutralMargin + static_cast<int>(blockIdx.y);
     const int k = box.k0 - 1 + static_cast<int>(blockIdx.x), lane = threadIdx.x;
     const std::size_t at = d.at(y, k * kCellPixels + lane);
     const bool inside = y >= box.y0 && y < box.y1 && k >= box.k0 && k < box.k1;
     const auto neutral = [&] {
-        d.weighted_value[at] = d.weighted_energy[at] = 0;
+        d.weighted_value[at] = d.weighted_energy[at] = d.product[at] = d.energy[at] = d.square[at] = 0;
         d.evidence[at] = -d.parameters.limit;
     };
     if (!inside || !d.active[d.cell(y, k)]) return neutral();
@@ -112,8 +112,40 @@ __global__ void light_kernel(SegmentData d, CellRange box) {
     __syncthreads();
     if (!d.candidates[cell]) density_of_cell(d, tables, cell, false);  // its sums ended early
     if (!in_group(d.active[cell], lane)) return neutral();
-    kde::fit_light<kChannels>(d.values + plane, d.reference + plane, d.scale + plane, d.parameters,
-                              d.weighted_value[at], d.weighted_energy[at], d.factor[at], d.residual[at]);
+    const kde::PixelLight light =
+        kde::fit_light<kChannels>(d.values + plane, d.reference + plane, d.scale + plane, d.parameters);
+    d.weighted_value[at] = light.weighted_value;
+    d.weighted_energy[at] = light.weighted_energy;
+    d.factor[at] = light.factor;
+    d.residual[at] = light.residual;
+    d.product[at] = light.product;
+    d.energy[at] = light.energy;
+    d.square[at] = light.square;
+}
+
+// The light of the window around each pixel of the box and its ring, and the misfit of one light to its
+// patch; summed in the CPU form's order.
+__global__ void surroundings_kernel(SegmentData d, CellRange box) {
+    const int y = box.y0 - kActiveMargin + static_cast<int>(blockIdx.y);
+    const int x = (box.k0 - 1 + static_cast<int>(blockIdx.x)) * kCellPixels + static_cast<int>(threadIdx.x);
+    if (x < box.k0 * kCellPixels - kActiveMargin || x >= box.k1 * kCellPixels + kActiveMargin) return;
+    const auto sum = [&](const float* plane, int radius) {
+        float total = 0;
+        for (int dx = -radius; dx <= radius; ++dx) {
+            float column = plane[d.at(y - radius, x + dx)];
+            for (int dy = -radius + 1; dy <= radius; ++dy) column += plane[d.at(y + dy, x + dx)];
+            total += column;
+        }
+        return total;
+    };
+    const float value = sum(d.weighted_value, kde::kLightRadius),
+                light = sum(d.weighted_energy, kde::kLightRadius);
+    const float product = sum(d.product, kde::kPatchRadius), energy = sum(d.energy, kde::kPatchRadius);
+    const float left =
+        (sum(d.square, kde::kPatchRadius) - product * product / (energy > 1e-6f ? energy : 1e-6f)) *
+        (1.0f / static_cast<float>(49 * d.channels));
+    d.neighbourhood[d.at(y, x)] = light > 0 ? value / light : 1.0f;
+    d.misfit[d.at(y, x)] = left > 0 ? left : 0;
 }
 
 template <int kChannels>
@@ -123,20 +155,8 @@ __global__ void evidence_kernel(SegmentData d, CellRange box) {
               lane = threadIdx.x;
     const std::size_t cell = d.cell(y, k), at = d.at(y, k * kCellPixels + lane);
     if (!in_group(d.active[cell], lane)) return;
-    // The light of the window around (x + ox, y + oy) against the pixel's own; summed in the CPU form's
-    // order.
     const auto step_to = [&](int ox, int oy) {
-        float value = 0, energy = 0;
-        for (int dx = ox - kRadius; dx <= ox + kRadius; ++dx) {
-            float column_value = 0, column_energy = 0;
-            for (int dy = oy - kRadius; dy <= oy + kRadius; ++dy) {
-                column_value += d.weighted_value[d.at(y + dy, k * kCellPixels + lane + dx)];
-                column_energy += d.weighted_energy[d.at(y + dy, k * kCellPixels + lane + dx)];
-            }
-            value += column_value;
-            energy += column_energy;
-        }
-        return fabsf(d.factor[at] - (energy > 0 ? value / energy : 1.0f));
+        return fabsf(d.factor[at] - d.neighbourhood[d.at(y + oy, k * kCellPixels + lane + ox)]);
     };
     float step = step_to(0, -kRadius);
     step = fminf(step, step_to(-kRadius, 0));
@@ -149,6 +169,34 @@ __global__ void evidence_kernel(SegmentData d, CellRange box) {
         d.values + plane, d.reference + plane, d.scale + plane, density, d.log_lit[density],
         d.log_peak[cell * kCellPixels + lane], d.residual[at], step,
         d.log_foreground[kde::histogram_bin<kChannels>(d.values + plane)], d.parameters);
+}
+
+template <int kChannels>
+__global__ void shadow_kernel(SegmentData d, CellRange box, FloorScenes floor) {
+    const int y = box.y0 + static_cast<int>(blockIdx.y), k = box.k0 + static_cast<int>(blockIdx.x),
+              lane = threadIdx.x, x = k * kCellPixels + lane;
+    const std::size_t cell = d.cell(y, k), at = d.at(y, x);
+    if (x >= d.width || !in_group(d.active[cell], lane)) return;
+    if (d.density[cell * kCellPixels + lane] >= kde::kSureDensity || d.evidence[at] >= kde::kDoubtfulEvidence)
+        return;
+    const std::size_t plane = cell * kChannels * kCellPixels + lane;
+    float distance = 0;
+    for (int c = 0; c < kChannels; ++c) {
+        const float s = d.scale[plane + c * kCellPixels];
+        const float difference =
+            static_cast<float>(d.values[plane + c * kCellPixels] - d.reference[plane + c * kCellPixels]);
+        distance += difference * difference * (s * s);
+    }
+    auto e = kde::own_evidence<kChannels, float>(
+        distance, d.log_foreground[kde::histogram_bin<kChannels>(d.values + plane)],
+        {d.factor + at, d.residual + at, d.neighbourhood + at, d.misfit + at, d.stride()});
+    float floor_x, floor_y;
+    if (floor.count > 0 && kde::floor_point(floor.grid, floor.camera, kde::block_centre(x),
+                                            kde::block_centre(y), floor_x, floor_y))
+        for (int n = 0; n < floor.count; ++n)
+            kde::add_floor_light(
+                e, kde::light_of_floor<kChannels>(floor.others[n], floor_x, floor_y, d.parameters));
+    d.evidence[at] = kde::shadow_log_odds(e, d.parameters.shadow);
 }
 
 __global__ void smooth_kernel(SegmentData d, CellRange box, Smoothing w) {
@@ -311,16 +359,37 @@ void queue_active(const Stream& stream, const SegmentData& data, const CellRange
     KINEVOX_CUDA_CHECK(cudaGetLastError());
 }
 
-void queue_evidence(const Stream& stream, const SegmentData& data, const CellRange& box,
-                    const Smoothing& smoothing) {
-    const dim3 ring = cells_of({box.y0 - kActiveMargin, box.y1 + kActiveMargin, box.k0 - 1, box.k1 + 1});
+void queue_evidence(const Stream& stream, const SegmentData& data, const CellRange& box) {
+    const auto ring = [&](int rows) {
+        return cells_of({box.y0 - rows, box.y1 + rows, box.k0 - 1, box.k1 + 1});
+    };
+    const dim3 neutral = ring(kde::kNeutralMargin);
     if (data.channels == 1) {
-        light_kernel<1><<<ring, kCellPixels, 0, stream.get()>>>(data, box);
+        light_kernel<1><<<neutral, kCellPixels, 0, stream.get()>>>(data, box);
+    } else {
+        light_kernel<3><<<neutral, kCellPixels, 0, stream.get()>>>(data, box);
+    }
+    surroundings_kernel<<<ring(kActiveMargin), kCellPixels, 0, stream.get()>>>(data, box);
+    if (data.channels == 1) {
         evidence_kernel<1><<<cells_of(box), kCellPixels, 0, stream.get()>>>(data, box);
     } else {
-        light_kernel<3><<<ring, kCellPixels, 0, stream.get()>>>(data, box);
         evidence_kernel<3><<<cells_of(box), kCellPixels, 0, stream.get()>>>(data, box);
     }
+    KINEVOX_CUDA_CHECK(cudaGetLastError());
+}
+
+void queue_shadows(const Stream& stream, const SegmentData& data, const CellRange& box,
+                   const FloorScenes& floor) {
+    if (data.channels == 1) {
+        shadow_kernel<1><<<cells_of(box), kCellPixels, 0, stream.get()>>>(data, box, floor);
+    } else {
+        shadow_kernel<3><<<cells_of(box), kCellPixels, 0, stream.get()>>>(data, box, floor);
+    }
+    KINEVOX_CUDA_CHECK(cudaGetLastError());
+}
+
+void queue_smoothing(const Stream& stream, const SegmentData& data, const CellRange& box,
+                     const Smoothing& smoothing) {
     smooth_kernel<<<cells_of(box), kCellPixels, 0, stream.get()>>>(data, box, smoothing);
     KINEVOX_CUDA_CHECK(cudaGetLastError());
 }

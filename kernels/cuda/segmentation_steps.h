@@ -9,6 +9,7 @@
 #include "kernels/shared/kde_border.h"
 #include "kernels/shared/kde_density.h"
 #include "kernels/shared/kde_evidence.h"
+#include "kernels/shared/kde_shadow.h"
 #include "kernels/shared/kde_update.h"
 #include "kernels/types.h"
 
@@ -32,6 +33,7 @@ struct SegmentData {
     std::uint8_t *candidates,
         *active;  // per cell, its groups (kde_evidence.h) near unsure pixels and those looked at
     float *weighted_value, *weighted_energy, *factor, *residual, *evidence, *smoothed;
+    float *neighbourhood, *product, *energy, *square, *misfit;  // see kernels/cpu/shadow.h
     const float *log_lit, *log_foreground;
     const std::uint8_t* probability_of;
     std::uint8_t *probability, *sharp, *loose, *zones;  // width bytes a row
@@ -67,8 +69,20 @@ void queue_density_of_rows(const Stream& stream, const SegmentData& data, const 
                            int interval);
 // Fills data.active and data.active_box, which must hold {height, 0, cells_per_row, 0} before.
 void queue_active(const Stream& stream, const SegmentData& data, const CellRange& work);
-void queue_evidence(const Stream& stream, const SegmentData& data, const CellRange& box,
-                    const Smoothing& smoothing);
+void queue_evidence(const Stream& stream, const SegmentData& data, const CellRange& box);
+
+// What the cameras see of the floor; `count` 0: not known.
+struct FloorScenes {
+    kde::FloorGrid grid;
+    Projector camera;
+    kde::SceneView others[kde::kMaxFloorViews];
+    int count = 0;
+};
+// Gives doubtful pixels their evidence by the rule of shared/kde_shadow.h.
+void queue_shadows(const Stream& stream, const SegmentData& data, const CellRange& box,
+                   const FloorScenes& floor);
+void queue_smoothing(const Stream& stream, const SegmentData& data, const CellRange& box,
+                     const Smoothing& smoothing);
 // Log odds above which a pixel belongs to a silhouette; evidence_to_step turns nats into 1 / 127.5 of the
 // limit.
 void queue_decisions(const Stream& stream, const SegmentData& data, const Rect& box, float sharp,

@@ -11,6 +11,7 @@
 
 #include "kernels/shared/device.h"
 #include "kernels/shared/kde_density.h"
+#include "kernels/shared/shadow_weights.h"
 
 namespace kinevox::kernels::kde {
 
@@ -30,6 +31,7 @@ struct EvidenceParameters {
     float noise_fraction = 0.3f;
     float relative_std = 0.01f;
     float limit = 8.0f;  // of the evidence, either sign, nats
+    ShadowRule shadow;
 };
 
 // The variance of a channel around its light times the squared scale (256 / bandwidth), so that quotients by
@@ -48,35 +50,43 @@ struct Quotient {
     }
 };
 
-// Fits the reference in another light to a pixel. `factor` is that light, `residual` the squared
-// distance from factor * reference in units of sigma. The quotient of the sums of the two weighted terms
-// over a neighbourhood is its light; a pixel that does not fit has no weight in it.
+// How another light fits a pixel.
+struct PixelLight {
+    // Their sums' quotient over a neighbourhood is its light; a pixel that does not fit has no weight in it.
+    float weighted_value = 0, weighted_energy = 0;
+    float factor = 1;    // the pixel's light
+    float residual = 0;  // squared distance from factor * reference, variances
+    // Of value and reference over the pixel's variance, all channels; for the misfit of one light to a patch.
+    float product = 0, energy = 0, square = 0;
+};
+
+// Fits the reference in another light to a pixel.
 template <int kChannels>
-KINEVOX_HD inline void fit_light(const std::uint8_t* value, const std::uint8_t* reference,
-                                 const std::uint8_t* scale, const EvidenceParameters& p,
-                                 float& weighted_value, float& weighted_energy, float& factor_out,
-                                 float& residual_out) {
-    float product = 0, energy = 0;
+KINEVOX_HD inline PixelLight fit_light(const std::uint8_t* value, const std::uint8_t* reference,
+                                       const std::uint8_t* scale, const EvidenceParameters& p) {
+    float product = 0, energy = 0, square = 0, scales = 0, variances = 0;
     for (int c = 0; c < kChannels; ++c) {
         const float v = value[c * kCellPixels], r = reference[c * kCellPixels];
         product += v * r;
         energy += r * r;
+        square += v * v;
     }
     float factor = product / (energy > 1.0f ? energy : 1.0f);
     factor = factor < p.darkest ? p.darkest : factor > p.brightest ? p.brightest : factor;
     Quotient squared_distance;
     for (int c = 0; c < kChannels; ++c) {
         const float v = value[c * kCellPixels], r = reference[c * kCellPixels], s = scale[c * kCellPixels];
-        const float difference = v - factor * r;
-        squared_distance.add(difference * difference * (s * s), scaled_variance(r, s * s, p));
+        const float difference = v - factor * r, variance = scaled_variance(r, s * s, p);
+        squared_distance.add(difference * difference * (s * s), variance);
+        scales += s * s;
+        variances += variance;
     }
     const float residual = squared_distance.numerator / squared_distance.denominator;
     const float margin = 1.0f - residual * (1.0f / p.coarse_residual);
     const float weight = margin > 0 ? margin : 0;
-    weighted_value = weight * product;
-    weighted_energy = weight * energy;
-    factor_out = factor;
-    residual_out = residual;
+    const float precision = scales / variances;
+    return {weight * product,   weight * energy,   factor, residual, precision * product,
+            precision * energy, precision * square};
 }
 
 // log_lit: log of the kernel density over its peak, from a table by density(); for density 0 it is the upper
@@ -120,6 +130,8 @@ KINEVOX_HD inline int histogram_bin(const std::uint8_t* value) {
 inline constexpr int kGroupPixels = 16;
 inline constexpr int kActiveMargin =
     4;  // px in rows and columns: radius of the light's neighbourhood plus that of the smoothing
+// Rows around the active ones that hold neutral values: patches of radius 3 at 3 px from an active pixel.
+inline constexpr int kNeutralMargin = 6;
 inline constexpr int kSlices = kCellPixels / kActiveMargin;  // of a cell, as wide as the margin
 
 // Groups of a cell as bits, from the left; beside them those of the cells to the left and to the right.

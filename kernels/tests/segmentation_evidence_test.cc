@@ -62,32 +62,34 @@ template <int kChannels>
 void expect_scalar_values(int groups) {
     const Scene s(kChannels);
     const kde::EvidenceParameters p;
-    std::vector<float> planes[5];
+    std::vector<float> planes[8];
     for (auto& plane : planes) plane.assign(kCellPixels, kUntouched);
     fit_light_cell(s.cell(), groups, p,
-                   {planes[0].data(), planes[1].data(), planes[2].data(), planes[3].data()});
+                   {planes[0].data(), planes[1].data(), planes[2].data(), planes[3].data(), planes[4].data(),
+                    planes[5].data(), planes[6].data()});
     const float* around = s.neighbourhood.data() + 2 * Scene::kStride + 4;
     // Factors and residuals everywhere, so that untouched pixels show.
     std::vector<float> factor(kCellPixels), residual(kCellPixels);
     for (int x = 0; x < kCellPixels; ++x) {
-        float value = 0, energy = 0;
-        kde::fit_light<kChannels>(&s.value[x], &s.reference[x], &s.scale[x], p, value, energy, factor[x],
-                                  residual[x]);
+        const kde::PixelLight light = kde::fit_light<kChannels>(&s.value[x], &s.reference[x], &s.scale[x], p);
+        factor[x] = light.factor, residual[x] = light.residual;
+        const float expected[7] = {light.weighted_value, light.weighted_energy, light.factor, light.residual,
+                                   light.product,        light.energy,          light.square};
+        const float tolerance[7] = {0.05f, 0.05f, 1e-5f, 1e-4f, 0.05f, 0.05f, 0.05f};
         if (groups >> x / kGroupPixels & 1) {
-            EXPECT_NEAR(planes[0][x], value, 1e-4f * std::abs(value) + 0.05f) << x;
-            EXPECT_NEAR(planes[1][x], energy, 1e-4f * std::abs(energy) + 0.05f) << x;
-            EXPECT_NEAR(planes[2][x], factor[x], 1e-5f) << x;
-            EXPECT_NEAR(planes[3][x], residual[x], 1e-4f * residual[x] + 1e-4f) << x;
+            for (int n = 0; n < 7; ++n)
+                EXPECT_NEAR(planes[n][x], expected[n], 1e-4f * std::abs(expected[n]) + tolerance[n])
+                    << x << " plane " << n;
         } else {
-            for (int n = 0; n < 4; ++n) EXPECT_EQ(planes[n][x], kUntouched) << x;
+            for (int n = 0; n < 7; ++n) EXPECT_EQ(planes[n][x], kUntouched) << x;
         }
     }
     evidence_cell(s.cell(), groups, p, {factor.data(), residual.data(), around, Scene::kStride},
-                  s.log_lit.data(), s.log_foreground.data(), planes[4].data());
+                  s.log_lit.data(), s.log_foreground.data(), planes[7].data());
     int undecided = 0;
     for (int x = 0; x < kCellPixels; ++x) {
         if (!(groups >> x / kGroupPixels & 1)) {
-            EXPECT_EQ(planes[4][x], kUntouched) << x;
+            EXPECT_EQ(planes[7][x], kUntouched) << x;
             continue;
         }
         float step = 10.0f;
@@ -97,7 +99,7 @@ void expect_scalar_values(int groups) {
         const float expected = kde::evidence<kChannels>(
             &s.value[x], &s.reference[x], &s.scale[x], s.density[x], s.log_lit[s.density[x]], s.log_peak[x],
             residual[x], step, s.log_foreground[kde::histogram_bin<kChannels>(&s.value[x])], p);
-        EXPECT_NEAR(planes[4][x], expected, 2e-4f * std::abs(expected) + 2e-4f) << x;
+        EXPECT_NEAR(planes[7][x], expected, 2e-4f * std::abs(expected) + 2e-4f) << x;
         undecided += std::abs(expected) < p.limit;
     }
     if (groups == kde::kAllGroups) {

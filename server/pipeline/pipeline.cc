@@ -99,6 +99,8 @@ class StagedPipeline final : public Pipeline {
     }
 
     absl::Status check_image(const Image& image, std::size_t camera) const;
+    kernels::SegmentationPrior expectation(std::size_t camera, const kernels::SegmentationPrior& tracked,
+                                           const Vec3& motion);
     void segment(FrameResult& result);
     void track(FrameResult& result);
     void carve(Reconstruction& work);
@@ -181,6 +183,7 @@ absl::Status StagedPipeline::forget_frames() {
 void StagedPipeline::set_cameras(std::vector<Camera> cameras) {
     cameras_ = std::move(cameras);
     for (std::size_t c = 0; c < cameras_.size(); ++c) models_[c] = to_kernel(cameras_[c]);
+    device_.set_cameras(cameras_);
     tracker_ = Tracker(cameras_, fps_, tracker_options(options_));
     reset_track();
     if (!pose_stage_) return;
@@ -191,36 +194,55 @@ void StagedPipeline::set_cameras(std::vector<Camera> cameras) {
     pose_stage_->set_proposer(proposer);
 }
 
+kernels::SegmentationPrior StagedPipeline::expectation(std::size_t camera,
+                                                       const kernels::SegmentationPrior& tracked,
+                                                       const Vec3& motion) {
+    kernels::SegmentationPrior prior = tracked;
+    if (!expect_volume_ || prior.region.empty()) return prior;
+    const Camera& c = cameras_[camera];
+    const float moved[3] = {static_cast<float>(motion.x), static_cast<float>(motion.y),
+                            static_cast<float>(motion.z)};
+    // Limbs also move relative to the body; components need only touch the expected projection.
+    const int dilate_px = std::max(1, c.height / kExpectedDilation);
+    kernels::Rect ignored;
+    expected_[camera].resize(static_cast<std::size_t>(c.width) * c.height);
+    kernels::project_volume(last_shape_, models_[camera], moved, dilate_px, expected_[camera].data(),
+                            ignored);
+    prior.expected = expected_[camera].data();
+    if (prior.max_distance_px >= 0) prior.max_distance_px = std::max(prior.max_distance_px - dilate_px, 0);
+    return prior;
+}
+
 void StagedPipeline::segment(FrameResult& result) {
     Vec3 motion;
     const auto priors = tracker_.predict(result.capture_time_ns, &motion);
-    const float moved[3] = {static_cast<float>(motion.x), static_cast<float>(motion.y),
-                            static_cast<float>(motion.z)};
     result.silhouettes.resize(cameras_.size());
     seen_.assign(cameras_.size(), nullptr);
+    std::vector<std::size_t> seeing;  // cameras with an image
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+        if (result.frame_set.images[c].empty())
+            result.silhouettes[c] = {};
+        else
+            seeing.push_back(c);
+    }
     device_.run([&](Stages& stages) {
-        for_each_camera(cameras_.size(), [&](std::size_t c) {
-            const Image& image = result.frame_set.images[c];
-            if (image.empty()) {
-                result.silhouettes[c] = {};
-                return;
-            }
-            kernels::SegmentationPrior prior = priors[c];
-            if (expect_volume_ && !prior.region.empty()) {
-                // Limbs also move relative to the body; components need only touch the expected projection.
-                const int dilate_px = std::max(1, cameras_[c].height / kExpectedDilation);
-                kernels::Rect ignored;
-                expected_[c].resize(static_cast<std::size_t>(cameras_[c].width) * cameras_[c].height);
-                kernels::project_volume(last_shape_, models_[c], moved, dilate_px, expected_[c].data(),
-                                        ignored);
-                prior.expected = expected_[c].data();
-                if (prior.max_distance_px >= 0)
-                    prior.max_distance_px = std::max(prior.max_distance_px - dilate_px, 0);
-            }
-            stages.segmenters[c]->segment(to_kernel(image), prior, result.silhouettes[c]);
-            seen_[c] = &result.silhouettes[c];
+        for_each_camera(seeing.size(), [&](std::size_t n) {
+            const std::size_t c = seeing[n];
+            stages.segmenters[c]->begin_frame(to_kernel(result.frame_set.images[c]),
+                                              expectation(c, priors[c], motion));
+        });
+        // Shadows are compared between the cameras, so no model changes before all have decided.
+        for_each_camera(seeing.size(), [&](std::size_t n) {
+            std::vector<const kernels::Segmenter*> others;
+            for (const std::size_t c : stages.floor_views[seeing[n]])
+                if (!result.frame_set.images[c].empty()) others.push_back(stages.segmenters[c].get());
+            stages.segmenters[seeing[n]]->decide(others, result.silhouettes[seeing[n]]);
+        });
+        for_each_camera(seeing.size(), [&](std::size_t n) {
+            stages.segmenters[seeing[n]]->end_frame(result.silhouettes[seeing[n]]);
         });
     });
+    for (const std::size_t c : seeing) seen_[c] = &result.silhouettes[c];
 }
 
 void StagedPipeline::track(FrameResult& result) {

@@ -2,13 +2,16 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <limits>
 #include <mutex>
 #include <utility>
 #include <vector>
 
 #include "kernels/device_error.h"
+#include "kernels/shared/kde_shadow.h"
 #include "server/pipeline/for_each_camera.h"
 #include "server/pipeline/pipeline.h"
+#include "server/silhouettes/to_kernel.h"
 
 #ifdef __linux__
 #include <unistd.h>
@@ -19,6 +22,34 @@
 
 namespace kinevox {
 namespace {
+
+// Up to kMaxFloorViews other cameras, each as far as possible from those already chosen: what hides a floor
+// point from one then seldom hides it from all.
+std::vector<std::size_t> floor_views_of(std::size_t camera, const std::vector<Camera>& cameras) {
+    std::vector<double> distance(cameras.size());
+    const auto approach = [&](std::size_t chosen) {
+        for (std::size_t c = 0; c < cameras.size(); ++c)
+            distance[c] =
+                std::min(distance[c], norm(cameras[c].centre_in_world() - cameras[chosen].centre_in_world()));
+    };
+    std::fill(distance.begin(), distance.end(), std::numeric_limits<double>::infinity());
+    approach(camera);
+    std::vector<std::size_t> views;
+    while (views.size() + 1 < cameras.size() && views.size() < kernels::kde::kMaxFloorViews) {
+        views.push_back(
+            static_cast<std::size_t>(std::max_element(distance.begin(), distance.end()) - distance.begin()));
+        approach(views.back());
+    }
+    return views;
+}
+
+void place_cameras(Stages& stages, const std::vector<Camera>& cameras) {
+    stages.floor_views.clear();
+    for (std::size_t c = 0; c < cameras.size(); ++c) {
+        stages.segmenters[c]->set_camera(to_kernel(cameras[c]));
+        stages.floor_views.push_back(floor_views_of(c, cameras));
+    }
+}
 
 std::unique_ptr<Stages> make_stages(const kernels::StageFactory& maker, const std::vector<Camera>& cameras,
                                     const PipelineOptions& options) {
@@ -33,6 +64,7 @@ std::unique_ptr<Stages> make_stages(const kernels::StageFactory& maker, const st
                 maker.segmenter(camera.width, camera.height, 3, options.segmentation));
         }
     }
+    place_cameras(*stages, cameras);
     kernels::HullOptions many_views = options.hull;
     many_views.min_views = std::max(many_views.min_views, 3);
     stages->carver = maker.hull_carver(options.hull);
@@ -75,6 +107,11 @@ void DeviceStages::run(const std::function<void(Stages&)>& work) {
 void DeviceStages::learn(const std::vector<std::vector<kernels::ImageView>>& images) {
     run([&](Stages& stages) { learn_with(stages, images); });
     if (gpu_stages_) learn_with(*stages_, images);
+}
+
+void DeviceStages::set_cameras(const std::vector<Camera>& cameras) {
+    run([&](Stages& stages) { place_cameras(stages, cameras); });
+    if (gpu_stages_) place_cameras(*stages_, cameras);
 }
 
 void DeviceStages::forget_frames() {

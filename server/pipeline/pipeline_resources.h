@@ -18,6 +18,8 @@ struct PipelineOptions;
 struct Stages {
     std::vector<std::unique_ptr<kernels::Segmenter>> segmenters;  // per camera
     std::vector<kernels::RewindableSegmenter*> rewindable;        // the same, if discontinuities are allowed
+    std::vector<std::vector<std::size_t>>
+        floor_views;  // per camera, those that its shadows are compared with
     std::unique_ptr<kernels::HullCarver> carver, many_views_carver;  // the latter for four or more cameras
     std::unique_ptr<kernels::VoxelColourer> colourer;                // null without colouring
 };
@@ -32,6 +34,7 @@ class DeviceStages {
     // `images`: per camera.
     void learn(const std::vector<std::vector<kernels::ImageView>>& images);
     void forget_frames();
+    void set_cameras(const std::vector<Camera>& cameras);
 
     // Calls work(stages), and again with the CPU's if the GPU fails in it: `work` must not depend on what its
     // first call left.

@@ -23,14 +23,19 @@ class FailingSegmenter final : public kernels::RewindableSegmenter {
     bool learned() const override { return inner_->learned(); }
     void keep_learned() override { inner_->keep_learned(); }
     void forget_frames() override { inner_->forget_frames(); }
-    void segment(const kernels::ImageView& image, const kernels::SegmentationPrior& prior,
-                 kernels::Silhouettes& out) override {
-        inner_->segment(image, prior, out);
+    void set_camera(const kernels::CameraModel& camera) override { inner_->set_camera(camera); }
+    void begin_frame(const kernels::ImageView& image, const kernels::SegmentationPrior& prior) override {
+        inner_->begin_frame(image, prior);
+    }
+    void decide(std::span<const kernels::Segmenter* const> others, kernels::Silhouettes& out) override {
+        inner_->decide(others, out);
         if (!fails_("segmentation")) return;
         out = {};  // half of it is there
         out.loose.assign(7, 255);
         throw kernels::DeviceError("CUDA: an illegal memory access was encountered in segmentation");
     }
+    void end_frame(const kernels::Silhouettes& out) override { inner_->end_frame(out); }
+    const kernels::kde::SceneView* scene() const override { return inner_->scene(); }
 
   private:
     const GpuFails fails_;

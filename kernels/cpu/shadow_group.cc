@@ -1,0 +1,134 @@
+#include "kernels/cpu/shadow_group.h"
+
+#include <cstring>
+
+#include "kernels/cpu/dispatch.h"
+#include "kernels/cpu/segmentation_evidence.h"
+
+#ifdef KINEVOX_HAVE_HIGHWAY
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "kernels/cpu/shadow_group.cc"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+HWY_BEFORE_NAMESPACE();
+#endif
+
+#ifndef KINEVOX_SHADOW_FLOATS
+#define KINEVOX_SHADOW_FLOATS
+namespace kinevox::kernels::cpu {
+// 16 pixels; the compiler splits them into the registers that there are.
+using Floats16 = float __attribute__((vector_size(64)));
+using Integers16 = std::int32_t __attribute__((vector_size(64)));
+}  // namespace kinevox::kernels::cpu
+namespace kinevox::kernels::kde {
+template <>
+struct IntegersOf<cpu::Floats16> {
+    using Type = cpu::Integers16;
+};
+}  // namespace kinevox::kernels::kde
+#endif
+
+namespace kinevox::kernels::cpu::HWY_NAMESPACE {
+
+using kde::kCellPixels;
+using kde::kGroupPixels;
+using kde::kPatchRadius;
+
+template <int kChannels>
+void group_of(const std::uint8_t* value, const std::uint8_t* reference, const std::uint8_t* scale,
+              const kde::EvidenceParameters& parameters, ShadowGroup& group) {
+    float distance[kGroupPixels] = {};
+    for (int c = 0; c < kChannels; ++c)
+        for (int i = 0; i < kGroupPixels; ++i) {
+            const int at = c * kCellPixels + i;
+            const float difference = static_cast<float>(value[at] - reference[at]);
+            const auto s = static_cast<float>(scale[at]);
+            distance[i] += difference * difference * (s * s);
+        }
+    auto e = kde::own_evidence<kChannels, Floats16>(kde::load<Floats16>(distance),
+                                                    kde::load<Floats16>(group.log_foreground), group.pixels);
+    for (int n = 0; n < group.view_count; ++n)
+        kde::add_floor_light(e, kde::load<Floats16>(group.floor_light[n]));
+    const Floats16 log_odds = kde::shadow_log_odds(e, parameters.shadow);
+    std::memcpy(group.log_odds, &log_odds, sizeof log_odds);
+    if (!group.with_features) return;
+    Floats16 features[kde::kShadowFeatures];
+    kde::shadow_features(e, features);
+    std::memcpy(group.features, features, sizeof features);
+}
+
+unsigned doubtful_pixels(const std::uint8_t* density, const float* evidence) {
+    std::uint8_t doubtful[kGroupPixels];
+    for (int i = 0; i < kGroupPixels; ++i)
+        doubtful[i] = static_cast<std::uint8_t>((density[i] < kde::kSureDensity) &
+                                                (evidence[i] < kde::kDoubtfulEvidence));
+    // Eight bytes of 0 or 1 to eight bits.
+    unsigned mask = 0;
+    for (int half = 0; half < 2; ++half) {
+        std::uint64_t bytes;
+        std::memcpy(&bytes, doubtful + 8 * half, sizeof bytes);
+        mask |= static_cast<unsigned>(bytes * 0x0102040810204080u >> 56) << 8 * half;
+    }
+    return mask;
+}
+
+void shadow_group(int channels, const std::uint8_t* value, const std::uint8_t* reference,
+                  const std::uint8_t* scale, const kde::EvidenceParameters& parameters, ShadowGroup& group) {
+    if (channels == 1)
+        group_of<1>(value, reference, scale, parameters, group);
+    else
+        group_of<3>(value, reference, scale, parameters, group);
+}
+
+void misfit_row(const float* product, const float* energy, const float* square, std::ptrdiff_t stride,
+                int width, int channels, float* misfit) {
+    constexpr int kColumns = 2 * kPatchRadius;
+    float sums[3][kMaxRowPixels + kColumns];
+    const auto columns = [&](const float* plane, float* sum) {
+        const float* first = plane - kPatchRadius * stride - kPatchRadius;
+        const float *a = first, *b = a + stride, *c = b + stride, *d = c + stride, *e = d + stride,
+                    *f = e + stride, *g = f + stride;
+#pragma GCC ivdep
+        for (int x = 0; x < width + kColumns; ++x) sum[x] = a[x] + b[x] + c[x] + d[x] + e[x] + f[x] + g[x];
+    };
+    columns(product, sums[0]);
+    columns(energy, sums[1]);
+    columns(square, sums[2]);
+    const auto along = [](const float* sum, int x) {
+        return sum[x] + sum[x + 1] + sum[x + 2] + sum[x + 3] + sum[x + 4] + sum[x + 5] + sum[x + 6];
+    };
+    const float per_value = 1.0f / static_cast<float>(49 * channels);
+    float* __restrict out = misfit;
+#pragma GCC ivdep
+    for (int x = 0; x < width; ++x) {
+        const float p = along(sums[0], x), e = along(sums[1], x), s = along(sums[2], x);
+        const float left = (s - p * p / (e > 1e-6f ? e : 1e-6f)) * per_value;
+        out[x] = left > 0 ? left : 0;
+    }
+}
+
+}  // namespace kinevox::kernels::cpu::HWY_NAMESPACE
+
+#ifdef KINEVOX_HAVE_HIGHWAY
+HWY_AFTER_NAMESPACE();
+#endif
+
+#if !defined(KINEVOX_HAVE_HIGHWAY) || HWY_ONCE
+namespace kinevox::kernels::cpu {
+KINEVOX_EXPORT(doubtful_pixels);
+KINEVOX_EXPORT(shadow_group);
+KINEVOX_EXPORT(misfit_row);
+
+unsigned doubtful_pixels(const std::uint8_t* density, const float* evidence) {
+    return KINEVOX_DISPATCH(doubtful_pixels)(density, evidence);
+}
+void shadow_group(int channels, const std::uint8_t* value, const std::uint8_t* reference,
+                  const std::uint8_t* scale, const kde::EvidenceParameters& parameters, ShadowGroup& group) {
+    KINEVOX_DISPATCH(shadow_group)(channels, value, reference, scale, parameters, group);
+}
+void misfit_row(const float* product, const float* energy, const float* square, std::ptrdiff_t stride,
+                int width, int channels, float* misfit) {
+    KINEVOX_DISPATCH(misfit_row)(product, energy, square, stride, width, channels, misfit);
+}
+}  // namespace kinevox::kernels::cpu
+#endif

@@ -1,0 +1,36 @@
+// The loops over pixels of the shadow rule (shared/kde_shadow.h), compiled for each processor family where
+// Highway is there.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "kernels/shared/kde_shadow.h"
+
+namespace kinevox::kernels::cpu {
+
+// 16 pixels of a row.
+struct ShadowGroup {
+    kde::ShadowPixels pixels;
+    int view_count = 0;                                         // other cameras
+    float floor_light[kde::kMaxFloorViews][kde::kGroupPixels];  // negative: not known
+    float log_foreground[kde::kGroupPixels];
+    float log_odds[kde::kGroupPixels];
+    bool with_features = false;
+    float features[kde::kShadowFeatures][kde::kGroupPixels];
+};
+
+// Which of 16 pixels are doubtful, as bits. On a little-endian machine.
+unsigned doubtful_pixels(const std::uint8_t* density, const float* evidence);
+
+// Fills log_odds, and features if they are wanted. value, reference, scale: [channel][64] of the group's
+// cell, at its first pixel.
+void shadow_group(int channels, const std::uint8_t* value, const std::uint8_t* reference,
+                  const std::uint8_t* scale, const kde::EvidenceParameters& parameters, ShadowGroup& group);
+
+// The misfit of the light that fits a patch of 7 x 7 best, per channel and pixel, around `width` pixels of a
+// row (at most kMaxRowPixels); the planes have `stride` floats a row.
+void misfit_row(const float* product, const float* energy, const float* square, std::ptrdiff_t stride,
+                int width, int channels, float* misfit);
+
+}  // namespace kinevox::kernels::cpu

@@ -1,0 +1,301 @@
+// Subject or shadow: the second look at pixels that differ from the background and that another light could
+// explain. A single pixel does not decide it where clothes have the background's chromaticity, so the rule
+// also asks its surroundings (does one light explain the whole patch?) and the other cameras: a shadow
+// darkens a floor point for every camera, so if any of them sees the point behind this pixel clearly
+// brighter, the pixel is the subject. A logistic rule joins the evidence; its weights are learned from
+// rendered sequences with exact silhouettes (tests/accuracy/shadow_rule.py).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <type_traits>
+
+#include "kernels/shared/camera.h"
+#include "kernels/shared/device.h"
+#include "kernels/shared/kde_density.h"
+#include "kernels/shared/kde_evidence.h"
+#include "kernels/shared/shadow_weights.h"
+
+namespace kinevox::kernels::kde {
+
+inline constexpr int kPatchRadius = 3;    // px; one light must explain a patch of 7 x 7
+inline constexpr int kMaxFloorViews = 4;  // other cameras that are asked for a floor point
+inline constexpr int kFloorGrid_px = 8;   // spacing of the tabulated directions of a camera's pixels
+inline constexpr float kMaxFloorDistance_m = 15;
+inline constexpr float kDoubtfulEvidence = 3;  // nats; above it a pixel is the subject without a second look
+
+// The functions below are templates over F, float or a vector of floats with the operators of float, so that
+// the CPU form decides 16 pixels at once.
+template <class F>
+KINEVOX_HD KINEVOX_INLINE F smaller(F a, F b) {
+    return a < b ? a : b;
+}
+template <class F>
+KINEVOX_HD KINEVOX_INLINE F all_of(float value) {
+    return F{} + value;
+}
+template <class F>
+KINEVOX_HD KINEVOX_INLINE F above(F value, F from) {
+    return value > from ? value - from : F{};
+}
+
+template <class F>
+struct IntegersOf {
+    using Type = std::int32_t;
+};
+
+template <class F, class I>
+KINEVOX_HD KINEVOX_INLINE F to_floats(I integers) {
+#ifndef __CUDACC__
+    if constexpr (!std::is_same_v<F, float>)
+        return __builtin_convertvector(integers, F);
+    else
+#endif
+        return static_cast<F>(integers);
+}
+
+// The natural logarithm of a positive number to 2e-5, the same on every device.
+template <class F>
+KINEVOX_HD KINEVOX_INLINE F log_of(F x) {
+    using I = typename IntegersOf<F>::Type;
+    I bits;
+    memcpy(&bits, &x, sizeof bits);
+    const I exponent = (bits >> 23) - 127;
+    bits = (bits & 0x007fffff) | 0x3f800000;
+    F m;
+    memcpy(&m, &bits, sizeof m);
+    // log2 of 1..2 by a polynomial of the fifth degree (minimax, error 1.4e-5).
+    const F p = ((((0.0439287f * m - 0.4094758f) * m + 1.6101775f) * m - 3.5202188f) * m + 5.0697563f) * m -
+                2.7941537f;
+    return 0.6931472f * (to_floats<F>(exponent) + p);
+}
+
+// A camera's image and background, for looking up the light of single pixels; pointers in the memory of the
+// segmenter's device.
+struct SceneView {
+    Projector camera;
+    const std::uint8_t* image = nullptr;      // interleaved channels
+    std::ptrdiff_t image_stride = 0;          // bytes
+    const std::uint8_t* reference = nullptr;  // [row][cell][channel][64]
+    const std::uint8_t* scale = nullptr;      // [row][cell][channel][64]
+    int inverse_gain[3] = {0, 0, 0};          // 16384 / gain
+    int channels = 3, cells_per_row = 0;
+};
+
+// Directions of a camera's pixels, tabulated every kFloorGrid_px: x and y at depth 1 in the camera frame.
+struct FloorGrid {
+    const float* directions = nullptr;
+    int columns = 0;
+    float centre[3] = {0, 0, 0};  // of the camera, world, m
+};
+
+// The floor point (z = 0 of the world frame) behind a pixel; false where there is none within reach.
+KINEVOX_HD inline bool floor_point(const FloorGrid& grid, const Projector& camera, float u, float v, float& x,
+                                   float& y) {
+    const float gu = u * (1.0f / kFloorGrid_px), gv = v * (1.0f / kFloorGrid_px);
+    const int iu = static_cast<int>(gu), iv = static_cast<int>(gv);
+    const float a = gu - static_cast<float>(iu), b = gv - static_cast<float>(iv);
+    const float* upper = grid.directions + 2 * (static_cast<std::ptrdiff_t>(iv) * grid.columns + iu);
+    const float* lower = upper + 2 * grid.columns;
+    const float dx = (1 - b) * ((1 - a) * upper[0] + a * upper[2]) + b * ((1 - a) * lower[0] + a * lower[2]);
+    const float dy = (1 - b) * ((1 - a) * upper[1] + a * upper[3]) + b * ((1 - a) * lower[1] + a * lower[3]);
+    const float* r = camera.r;  // its transpose turns the direction into the world
+    const float down = -(r[2] * dx + r[5] * dy + r[8]);
+    if (!(grid.centre[2] > 0) || !(down * kMaxFloorDistance_m > grid.centre[2])) return false;
+    const float t = grid.centre[2] / down;
+    x = grid.centre[0] + t * (r[0] * dx + r[3] * dy + r[6]);
+    y = grid.centre[1] + t * (r[1] * dx + r[4] * dy + r[7]);
+    return true;
+}
+
+// The light of a floor point in a camera over that of its background, 1 in unchanged light; negative where
+// the camera does not see the point or sees something else there.
+template <int kChannels>
+KINEVOX_HD inline float light_of_floor(const SceneView& view, float x, float y, const EvidenceParameters& p) {
+    constexpr float kMaxResidual = 12;  // variances per pixel
+    constexpr float kMaxLight = 1.12f;
+    float u, v;
+    if (!to_pixel(view.camera, to_camera(view.camera, x, y, 0), u, v)) return -1;
+    const int cu = to_index(u), cv = to_index(v);
+    if (cu < 1 || cv < 1 || cu >= view.camera.width - 1 || cv >= view.camera.height - 1) return -1;
+    const auto cell_of = [&](int px, int py) {
+        return (static_cast<std::ptrdiff_t>(py) * view.cells_per_row + px / kCellPixels) * kChannels *
+                   kCellPixels +
+               px % kCellPixels;
+    };
+    float product = 0, energy = 0, residual = 0, scales = 0, variances = 0;
+    constexpr int kCross[5][2] = {{0, 0}, {-1, 0}, {1, 0}, {0, -1}, {0, 1}};
+    for (const auto& step : kCross) {
+        const int px = cu + step[0], py = cv + step[1];
+        const std::uint8_t* pixel =
+            view.image + py * view.image_stride + static_cast<std::ptrdiff_t>(px) * kChannels;
+        const std::uint8_t* reference = view.reference + cell_of(px, py);
+        float pixel_product = 0, pixel_energy = 1, square = 0;
+        for (int c = 0; c < kChannels; ++c) {
+            const float r = reference[c * kCellPixels];
+            const float value = static_cast<float>(pixel[c] * view.inverse_gain[c]) * (1.0f / 16384.0f);
+            pixel_product += value * r;
+            pixel_energy += r * r;
+            square += value * value;
+        }
+        residual += square - pixel_product * pixel_product / pixel_energy;  // from its own light
+        product += pixel_product;
+        energy += pixel_energy;
+    }
+    const std::ptrdiff_t centre = cell_of(cu, cv);
+    for (int c = 0; c < kChannels; ++c) {
+        const float r = view.reference[centre + c * kCellPixels], s = view.scale[centre + c * kCellPixels];
+        scales += s * s;
+        variances += scaled_variance(r, s * s, p);
+    }
+    const float light = product / energy;
+    return residual * scales > 5 * kMaxResidual * variances || light > kMaxLight ? -1.0f : light;
+}
+
+// What is known of doubtful pixels.
+template <class F>
+struct ShadowEvidence {
+    F lit;         // log density of the background in unchanged light, over its peak, nats
+    F colour;      // log density of its colour on the subject over that of an unseen colour, nats
+    F residual;    // squared distance from the background in another light, variances
+    F around;      // the same, mean of 3 x 3
+    F light;       // its light, mean of 3 x 3
+    F step;        // smallest difference between its light and that of a neighbourhood
+    F misfit;      // mean squared misfit of one light to the patch around it, variances
+    F min_misfit;  // the same, smallest of nine patches that contain it
+    F over;        // brightest light of its floor point in another camera less its own
+    F agree;       // smallest difference between the lights of its floor point
+    F floor;       // 1 if another camera sees its floor point, else 0
+};
+
+// Of floats in a row.
+template <class F>
+KINEVOX_HD KINEVOX_INLINE F load(const float* from) {
+    F value;
+    memcpy(&value, from, sizeof value);
+    return value;
+}
+
+// Values of a frame's planes, pointing at the first pixel.
+struct ShadowPixels {
+    const float *factor, *residual, *neighbourhood, *misfit;
+    std::ptrdiff_t stride;
+};
+
+template <class F>
+KINEVOX_HD KINEVOX_INLINE F mean_of_nine(const float* at, std::ptrdiff_t stride) {
+    const F upper = load<F>(at - stride - 1) + load<F>(at - stride) + load<F>(at - stride + 1),
+            middle = load<F>(at - 1) + load<F>(at) + load<F>(at + 1),
+            lower = load<F>(at + stride - 1) + load<F>(at + stride) + load<F>(at + stride + 1);
+    return (upper + middle + lower) * (1.0f / 9);
+}
+
+// All but what the other cameras see. distance: squared distance from the background in bandwidths / 256;
+// log_foreground: log density of the pixel's colour on the subject.
+template <int kChannels, class F>
+KINEVOX_HD KINEVOX_INLINE ShadowEvidence<F> own_evidence(F distance, F log_foreground,
+                                                         const ShadowPixels& pixels) {
+    ShadowEvidence<F> e;
+    e.lit = -0.5f / 65536.0f * distance;
+    e.colour = log_foreground - static_cast<float>(kChannels) * kLogUniformLevel;
+    e.residual = load<F>(pixels.residual);
+    e.around = mean_of_nine<F>(pixels.residual, pixels.stride);
+    e.light = mean_of_nine<F>(pixels.factor, pixels.stride);
+    e.step = all_of<F>(10);
+    const F own = load<F>(pixels.factor);
+    for (int side = -1; side <= 1; ++side) {
+        const F across = own - load<F>(pixels.neighbourhood + side * kLightRadius * pixels.stride);
+        const F along = own - load<F>(pixels.neighbourhood + side * kLightRadius);
+        e.step = smaller(e.step, across < 0 ? -across : across);
+        e.step = smaller(e.step, along < 0 ? -along : along);
+    }
+    e.misfit = e.min_misfit = load<F>(pixels.misfit);
+    for (int row = -kPatchRadius; row <= kPatchRadius; row += kPatchRadius)
+        for (int column = -kPatchRadius; column <= kPatchRadius; column += kPatchRadius)
+            e.min_misfit = smaller(e.min_misfit, load<F>(pixels.misfit + row * pixels.stride + column));
+    e.over = e.floor = F{};
+    e.agree = all_of<F>(1);
+    return e;
+}
+
+// Adds the light of the pixels' floor points in another camera; negative: not known there.
+template <class F>
+KINEVOX_HD KINEVOX_INLINE void add_floor_light(ShadowEvidence<F>& e, F light) {
+    const F over = light - e.light, difference = over < 0 ? -over : over;
+    const F larger = e.floor > 0 ? (e.over > over ? e.over : over) : over;
+    e.over = light < 0 ? e.over : larger;
+    e.agree = light < 0 ? e.agree : smaller(e.agree, difference);
+    e.floor = light < 0 ? e.floor : all_of<F>(1);
+}
+
+// Pixels that share the lights of their floor point, in rows and columns.
+inline constexpr int kFloorBlock_px = 4;
+KINEVOX_HD inline float block_centre(int pixel) {
+    return static_cast<float>(pixel / kFloorBlock_px * kFloorBlock_px) + 0.5f * (kFloorBlock_px - 1);
+}
+
+// The rule's inputs, kShadowFeatures of them. The first is constant.
+template <class F>
+KINEVOX_HD KINEVOX_INLINE void shadow_features(const ShadowEvidence<F>& e, F* out) {
+    const auto up_to = [](F value, float limit) { return smaller(value, all_of<F>(limit)); };
+    const auto over = [](F value, float from) { return above(value, all_of<F>(from)); };
+    const auto below = [](F value, float from) { return above(all_of<F>(from), value); };
+    const F smallest = up_to(e.min_misfit, 100), dark = below(e.light, 0.95f);
+    out[0] = all_of<F>(1);
+    out[1] = log_of(up_to(-e.lit, 40) + 0.5f);
+    out[2] = up_to(e.colour, 8);
+    out[3] = log_of(up_to(e.residual, 100) + 0.3f);
+    out[4] = log_of(up_to(e.around, 100) + 0.3f);
+    out[5] = dark;
+    out[6] = below(e.light, 0.8f);
+    out[7] = below(e.light, 0.6f);
+    out[8] = below(e.light, 0.45f);
+    out[9] = over(e.light, 1.0f);
+    out[10] = over(e.light, 1.1f);
+    out[11] = log_of(e.step + 0.01f);
+    out[12] = log_of(up_to(e.misfit, 100) + 0.3f);
+    out[13] = log_of(smallest + 0.3f);
+    out[14] = up_to(over(smallest, 1), 4);
+    out[15] = e.floor;
+    out[16] = e.floor * over(e.over, 0.03f);
+    out[17] = e.floor * over(e.over, 0.1f);
+    out[18] = e.floor * over(e.over, 0.25f);
+    out[19] = e.floor * below(e.over, 0);
+    out[20] = e.floor * below(e.agree, 0.1f);
+    out[21] = e.floor * below(e.agree, 0.04f);
+}
+
+// The features whose products the rule weighs, too: which two of them occur together says more than each.
+template <class F>
+KINEVOX_HD KINEVOX_INLINE void shadow_bases(const F* features, F* out) {
+    out[0] = features[1];
+    out[1] = 0.25f * features[2];
+    out[2] = features[4];
+    out[3] = 4 * features[5];
+    out[4] = 4 * features[9];
+    out[5] = features[12];
+    out[6] = features[13];
+    out[7] = smaller(4 * features[16], all_of<F>(1.6f));
+    out[8] = 10 * features[20];
+    out[9] = features[15];
+}
+
+// Log odds of the subject against a shadow, nats; scaled as shadow_rule.py states.
+template <class F>
+KINEVOX_HD KINEVOX_INLINE F shadow_log_odds(const ShadowEvidence<F>& evidence, const ShadowRule& rule) {
+    F features[kShadowFeatures], bases[kShadowBases], sum = F{};
+    shadow_features(evidence, features);
+    shadow_bases(features, bases);
+    for (int i = 0; i < kShadowFeatures; ++i) sum += rule.weights[i] * features[i];
+    int n = 0;
+    for (int i = 0; i < kShadowBases; ++i) {
+        F inner = F{};
+        for (int j = i; j < kShadowBases; ++j) inner += rule.products[n++] * bases[j];
+        sum += bases[i] * inner;
+    }
+    constexpr float kLimit = 8;
+    return -smaller(-smaller(sum, all_of<F>(kLimit)), all_of<F>(kLimit));
+}
+
+}  // namespace kinevox::kernels::kde

@@ -1,0 +1,184 @@
+// Shadows judged by several cameras: three of them view a textured floor whose truth is exact.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <random>
+
+#include "kernels/floor_grid.h"
+#include "kernels/segmentation.h"
+#include "kernels/shared/kde_shadow.h"
+#include "kernels/tests/segmentation_scene.h"
+
+namespace kinevox::kernels {
+namespace {
+
+using testing::count_in;
+using testing::TestImage;
+
+constexpr int kWidth = 192, kHeight = 144;
+
+// 3 m from the world's origin, 2 m high, looking at the origin from `azimuth` (radians).
+CameraModel camera_at(double azimuth, float k1 = 0) {
+    CameraModel c;
+    c.width = kWidth, c.height = kHeight;
+    c.fx = c.fy = 200, c.cx = kWidth / 2.0f - 0.5f, c.cy = kHeight / 2.0f - 0.5f, c.k1 = k1;
+    const double distance = std::hypot(3.0, 2.0), sine = std::sin(azimuth), cosine = std::cos(azimuth);
+    const double forward[3] = {-3 * cosine / distance, -3 * sine / distance, -2 / distance};
+    const double right[3] = {-sine, cosine, 0};
+    const double down[3] = {forward[1] * right[2] - forward[2] * right[1],
+                            forward[2] * right[0] - forward[0] * right[2],
+                            forward[0] * right[1] - forward[1] * right[0]};
+    const double centre[3] = {3 * cosine, 3 * sine, 2};
+    const double* rows[3] = {right, down, forward};
+    for (int row = 0; row < 3; ++row) {
+        double t = 0;
+        for (int i = 0; i < 3; ++i) {
+            c.rotation_camera_from_world[3 * row + i] = static_cast<float>(rows[row][i]);
+            t -= rows[row][i] * centre[i];
+        }
+        c.translation_camera_from_world[row] = static_cast<float>(t);
+    }
+    return c;
+}
+
+struct FloorPoint {
+    float x = 0, y = 0;
+    bool seen = false;
+};
+
+class FloorCamera {
+  public:
+    FloorCamera(double azimuth, unsigned seed, float k1 = 0)
+        : model(camera_at(azimuth, k1)),
+          projector_(make_projector(model, "test")),
+          directions_(floor_directions(model)),
+          random_(seed) {}
+
+    FloorPoint floor_at(int x, int y) const {
+        const kde::FloorGrid grid{directions_.xy.data(),
+                                  directions_.columns,
+                                  {directions_.centre[0], directions_.centre[1], directions_.centre[2]}};
+        FloorPoint p;
+        p.seen = kde::floor_point(grid, projector_, static_cast<float>(x), static_cast<float>(y), p.x, p.y);
+        return p;
+    }
+
+    // The floor under a light that depends on the place and on the pixel.
+    TestImage image(const std::function<double(FloorPoint, int x, int y)>& light) {
+        TestImage image{kWidth, kHeight, 3, std::vector<std::uint8_t>(kWidth * kHeight * 3)};
+        std::normal_distribution<double> noise(0, 1.5);
+        for (int y = 0; y < kHeight; ++y)
+            for (int x = 0; x < kWidth; ++x) {
+                const FloorPoint p = floor_at(x, y);
+                const double grain = 10 * std::sin(9 * p.x) * std::cos(7 * p.y);
+                const double colour[3] = {120 + grain, 135 + grain, 150 + grain};
+                for (int c = 0; c < 3; ++c)
+                    image.at(x, y, c) = static_cast<std::uint8_t>(
+                        std::lround(std::clamp(colour[c] * light(p, x, y) + noise(random_), 0.0, 255.0)));
+            }
+        return image;
+    }
+
+    CameraModel model;
+
+  private:
+    Projector projector_;
+    FloorDirections directions_;
+    std::mt19937 random_;
+};
+
+struct Rig {
+    std::array<FloorCamera, 3> cameras{FloorCamera(0, 1), FloorCamera(2.1, 2), FloorCamera(4.2, 3)};
+    std::array<std::unique_ptr<Segmenter>, 3> segmenters;
+
+    Rig() {
+        for (int c = 0; c < 3; ++c) {
+            segmenters[c] = make_segmenter(Device::kCpu, kWidth, kHeight, 3);
+            segmenters[c]->set_camera(cameras[c].model);
+            std::vector<TestImage> clip;
+            for (int n = 0; n < 30; ++n) clip.push_back(cameras[c].image([](auto...) { return 1.0; }));
+            segmenters[c]->learn(testing::views_of(clip));
+        }
+    }
+
+    std::array<Silhouettes, 3> segment(const std::array<TestImage, 3>& images) {
+        std::array<Silhouettes, 3> out;
+        for (int c = 0; c < 3; ++c) segmenters[c]->begin_frame(images[c].view(), {});
+        std::vector<const Segmenter*> all;
+        for (const auto& segmenter : segmenters) all.push_back(segmenter.get());
+        for (int c = 0; c < 3; ++c) segmenters[c]->decide(all, out[c]);
+        for (int c = 0; c < 3; ++c) segmenters[c]->end_frame(out[c]);
+        return out;
+    }
+};
+
+constexpr double kDark = 0.7;
+
+TEST(Shadow, StaysBackgroundWhenAllCamerasSeeTheFloorDark) {
+    Rig rig;
+    std::array<TestImage, 3> images;
+    int dark = 0;
+    for (int c = 0; c < 3; ++c)
+        images[c] = rig.cameras[c].image([&](FloorPoint p, int, int) {
+            // A soft edge of 10 cm.
+            const double inside = std::clamp((0.5 - std::hypot(p.x, p.y)) / 0.1, 0.0, 1.0);
+            dark += inside > 0.5;
+            return 1 - (1 - kDark) * inside;
+        });
+    const auto out = rig.segment(images);
+    std::int64_t found = 0;
+    for (const Silhouettes& s : out) found += s.sharp_pixels;
+    EXPECT_GT(dark, 3000);
+    EXPECT_LT(static_cast<double>(found), 0.02 * dark);
+}
+
+TEST(Shadow, IsSubjectWhenAnotherCameraSeesTheFloorLit) {
+    Rig rig;
+    const Rect trousers{80, 40, 110, 100};  // of the floor's chromaticity, in the first camera's image only
+    std::array<TestImage, 3> images;
+    for (int c = 0; c < 3; ++c)
+        images[c] = rig.cameras[c].image([&](FloorPoint, int x, int y) {
+            const bool inside = x >= trousers.x0 && x < trousers.x1 && y >= trousers.y0 && y < trousers.y1;
+            return c == 0 && inside ? kDark : 1.0;
+        });
+    const auto out = rig.segment(images);
+    const int area = trousers.width() * trousers.height();
+    // Even with the floor's own grain, which speaks for a shadow: 0.86 of them.
+    EXPECT_GT(count_in(out[0].sharp, kWidth, trousers), 0.8 * area);
+    EXPECT_LT(static_cast<double>(out[0].sharp_pixels), 1.15 * area);
+    EXPECT_EQ(out[1].sharp_pixels, 0);
+
+    // Alone, the first camera takes it for a shadow.
+    Silhouettes alone;
+    rig.segmenters[0]->segment(images[0].view(), {}, alone);
+    EXPECT_LT(count_in(alone.sharp, kWidth, trousers), 0.5 * area);
+}
+
+TEST(Shadow, FloorPointProjectsToItsPixelWithDistortion) {
+    for (const float k1 : {0.0f, -0.15f}) {
+        const FloorCamera camera(1.0, 5, k1);
+        const Projector projector = make_projector(camera.model, "test");
+        int seen = 0;
+        for (int y = 3; y < kHeight; y += 7)
+            for (int x = 2; x < kWidth; x += 7) {
+                const FloorPoint p = camera.floor_at(x, y);
+                if (!p.seen) continue;
+                ++seen;
+                float u, v;
+                ASSERT_TRUE(to_pixel(projector, to_camera(projector, p.x, p.y, 0), u, v));
+                EXPECT_NEAR(u, x, 0.1);
+                EXPECT_NEAR(v, y, 0.1);
+            }
+        EXPECT_GT(seen, 300) << "k1 " << k1;
+    }
+}
+
+TEST(Shadow, LogarithmIsPreciseEnough) {
+    for (float x = 0.01f; x < 200; x *= 1.013f) EXPECT_NEAR(kde::log_of(x), std::log(x), 2e-5) << x;
+}
+
+}  // namespace
+}  // namespace kinevox::kernels

@@ -1,0 +1,195 @@
+#!/usr/bin/env python3
+"""Learns the weights of the shadow rule (kernels/shared/kde_shadow.h) from sequences with exact silhouettes.
+
+usage: shadow_rule.py --shadow-features PROGRAM SESSION_FOLDER ... [--sweep FOLDER ...] [--held-out FOLDER ...] [--write]
+
+Each folder holds session.toml and truth/masks_CAMERA.zip. Prints, per sequence, the pixels that are decided wrongly as a
+fraction of the subject's area: inside and outside the subject, away from its border and near it. --sweep: trials of
+sweep.py, clothes near the background's colours among them, which count less each. --held-out sequences are reported, not
+learned from. --write replaces kernels/shared/shadow_weights.h."""
+import argparse
+import subprocess
+import sys
+import tempfile
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import cv2
+import numpy as np
+from scipy.optimize import minimize
+
+WEIGHTS = Path(__file__).resolve().parents[2] / "kernels" / "shared" / "shadow_weights.h"
+FEATURES = 22
+RECORD = np.dtype(
+    [
+        ("frame", "<i2"),
+        ("camera", "<i2"),
+        ("x", "<i2"),
+        ("y", "<i2"),
+        ("evidence", "<f4"),
+        ("features", "<f4", FEATURES),
+    ]
+)
+STEP = 6  # frames
+MAX_PIXELS = 60_000  # per sequence
+# A missed limb costs more than a wider outline: the hull loses what one camera misses.
+SUBJECT_WEIGHT = 1.3
+SWEEP_WEIGHT = 0.5
+# The smoothing of the evidence weighs pixels by their log odds. Decided ones must weigh as much as those that need no
+# second look, or outlines move outwards.
+GAIN = 4.0
+
+
+# Features whose products the rule weighs, too, as shadow_bases() of kde_shadow.h scales them.
+BASES = ((1, 1.0), (2, 0.25), (4, 1.0), (5, 4.0), (9, 4.0), (12, 1.0), (13, 1.0), (16, 4.0), (20, 10.0), (15, 1.0))
+MAX_BASE = 1.6
+PAIRS = np.triu_indices(len(BASES))
+
+
+def with_products(features):
+    """(n, FEATURES) -> (n, FEATURES + products)."""
+    bases = np.stack([features[:, i] * np.float32(scale) for i, scale in BASES], 1)
+    bases[:, 7] = np.minimum(bases[:, 7], MAX_BASE)
+    return np.concatenate([features, bases[:, PAIRS[0]] * bases[:, PAIRS[1]]], 1)
+
+
+# The features that need another camera's view of the floor, and the fraction of the pixels that are learned from without
+# them: walls have no floor point, and shadows on them are rare in what the rule learns from.
+FLOOR = slice(15, 22)
+BLIND_FRACTION = 0.3
+
+
+class Pixels:
+    """Features without and with products, truth and border flags (n,) of a sequence's doubtful pixels; `area`: of the
+    subject, px, scaled to the drawn pixels."""
+
+    def __init__(self, folder, records, weight):
+        self.name, self.weight = folder.name, weight
+        archives = sorted((folder / "truth").glob("masks_cam*.zip"))
+        truth, border = np.zeros(len(records), bool), np.zeros(len(records), bool)
+        area = 0
+        for camera, path in enumerate(archives):
+            with zipfile.ZipFile(path) as archive:
+                names = sorted(archive.namelist())
+                for frame in range(0, len(names), STEP):
+                    image = cv2.imdecode(np.frombuffer(archive.read(names[frame]), np.uint8), cv2.IMREAD_GRAYSCALE)
+                    mask = (image > 0).astype(np.uint8)
+                    area += int(mask.sum())
+                    rows = np.nonzero((records["camera"] == camera) & (records["frame"] == frame))[0]
+                    y, x = records["y"][rows], records["x"][rows]
+                    inner, outer = cv2.erode(mask, np.ones((3, 3))), cv2.dilate(mask, np.ones((5, 5)))
+                    truth[rows] = mask[y, x] > 0
+                    border[rows] = (outer > inner)[y, x]
+        chosen = np.random.default_rng(0).random(len(records)) < min(1, MAX_PIXELS / max(len(records), 1))
+        self.plain = records["features"][chosen]
+        self.features = with_products(self.plain)
+        self.truth, self.border, self.evidence = truth[chosen], border[chosen], records["evidence"][chosen]
+        self.area = max(area * chosen.mean(), 1.0)
+
+    def text(self, weights):
+        def errors(subject):
+            parts = []
+            for where in (~self.border, self.border):
+                missed = np.count_nonzero(~subject & self.truth & where) / self.area
+                added = np.count_nonzero(subject & ~self.truth & where) / self.area
+                parts.append(f"{missed:.4f} {added:.4f}")
+            return "  ".join(parts)
+
+        return f"{self.name:10s} without {errors(self.evidence > 0)}   with {errors(self.features @ weights > 0)}"
+
+
+def learn(sequences):
+    """Logistic regression; weights of features and products in nats, the first the constant."""
+    plain = np.concatenate([s.plain for s in sequences])
+    plain[np.random.default_rng(1).random(len(plain)) < BLIND_FRACTION, FLOOR] = 0
+    x = with_products(plain)
+    truth = np.concatenate([s.truth for s in sequences])
+    importance = np.concatenate([np.full(len(s.truth), s.weight / s.area) for s in sequences])
+    importance *= np.where(truth, SUBJECT_WEIGHT, 1.0)
+    importance /= importance.sum()
+    mean, scale = x.mean(0), x.std(0) + 1e-6
+    mean[0], scale[0] = 0, 1
+    x -= mean.astype(x.dtype)
+    x /= scale.astype(x.dtype)
+    sign = np.where(truth, 1.0, -1.0)
+
+    def loss(b):
+        z = sign * (x @ b.astype(x.dtype))
+        p = 1 / (1 + np.exp(np.clip(z, -40, 40)))
+        return (importance * np.logaddexp(0, -z)).sum() + 1e-6 * (b @ b), 2e-6 * b - (
+            x.T @ (importance * p * sign).astype(x.dtype)
+        ).astype(np.float64)
+
+    weights = minimize(loss, np.zeros(x.shape[1]), jac=True, method="L-BFGS-B", options={"maxiter": 250}).x / scale
+    weights[0] -= (weights[1:] * mean[1:]).sum()
+    return weights
+
+
+def literal(value):
+    text = f"{value:.5g}"
+    return text + ("f" if "." in text or "e" in text else ".0f")
+
+
+def rows(weights):
+    return ",\n        ".join(", ".join(literal(w) for w in weights[i : i + 6]) for i in range(0, len(weights), 6))
+
+
+def header(weights):
+    return f"""// Written by tests/accuracy/shadow_rule.py; features, bases and their order are those of kde_shadow.h.
+#pragma once
+
+namespace kinevox::kernels::kde {{
+
+inline constexpr int kShadowFeatures = {FEATURES}, kShadowBases = {len(BASES)};
+
+// Handed to kernels by value.
+struct ShadowRule {{
+    float weights[kShadowFeatures] = {{
+        {rows(weights[:FEATURES])}}};
+    // Of the products of the bases i <= j, row by row.
+    float products[kShadowBases * (kShadowBases + 1) / 2] = {{
+        {rows(weights[FEATURES:])}}};
+}};
+
+}}  // namespace kinevox::kernels::kde
+"""
+
+
+def read_sequence(program, folder, work, weight):
+    file = work / f"{folder.name}.bin"
+    if not file.exists():
+        done = subprocess.run([program, folder / "session.toml", file, str(STEP)], stderr=subprocess.PIPE, text=True)
+        if done.returncode != 0:
+            sys.exit(f"shadow_features {folder}: {done.stderr.strip()}")
+    return Pixels(folder, np.fromfile(file, RECORD), weight)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--shadow-features", required=True, help="the program shadow_features")
+    parser.add_argument("folders", nargs="+", type=Path, help="sequences to learn from")
+    parser.add_argument("--sweep", nargs="*", type=Path, default=[], help="trials of sweep.py to learn from")
+    parser.add_argument("--held-out", nargs="*", type=Path, default=[], help="sequences that are only reported")
+    parser.add_argument("--work", type=Path, help="keep the features in this folder")
+    parser.add_argument("--write", action="store_true", help="replace kernels/shared/shadow_weights.h")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as scratch, ThreadPoolExecutor(2) as pool:
+        work = arguments.work or Path(scratch)
+        work.mkdir(parents=True, exist_ok=True)
+        weights_of = [(f, 1.0) for f in arguments.folders] + [(f, SWEEP_WEIGHT) for f in arguments.sweep]
+        program = arguments.shadow_features
+        learned = list(pool.map(lambda part: read_sequence(program, part[0], work, part[1]), weights_of))
+        held_out = list(pool.map(lambda folder: read_sequence(program, folder, work, 0.0), arguments.held_out))
+    weights = learn(learned)
+    print("fractions of the subject's area: missed added, then the same within 2 px of the border")
+    for title, group in (("learned from", learned), ("held out", held_out)):
+        for sequence in group:
+            print(f"{title:12s} {sequence.text(weights)}")
+    if arguments.write:
+        WEIGHTS.write_text(header(GAIN * weights))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
