@@ -34,7 +34,7 @@ enum class Who : std::uint8_t {
     kOperator,
     kDisplay,
     kViewer,
-    kNobody,
+    kNoToken,
     kWrongToken,
     kExpired,
     kTwoTokens

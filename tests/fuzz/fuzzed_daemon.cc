@@ -152,7 +152,7 @@ struct FuzzedDaemon::Parts {
             make(who, role_of(who), now_s);
         make(Who::kExpired, v1::ROLE_ADMIN, now_s - 10 * 86'400);
         tokens[Who::kWrongToken] = "Bearer " + std::string(43, 'x');
-        tokens[Who::kNobody] = "";
+        tokens[Who::kNoToken] = "";
         auto made = Guard::create(file, {100'000, 100'000, 1e6});
         FUZZ_CHECK(made.ok());
         guard = *std::move(made);

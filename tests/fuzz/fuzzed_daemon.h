@@ -18,9 +18,9 @@ class FuzzedDaemon {
     FuzzedDaemon();
     ~FuzzedDaemon();
 
-    // kNobody sends no token, kTwoTokens two.
+    // kNoToken sends no token, kTwoTokens two.
     const std::string& token(Who who) const;
-    // Whether the caller's role grants the method; never for kExpired, kWrongToken and kNobody.
+    // Whether the caller's role grants the method; never for kExpired, kWrongToken and kNoToken.
     bool may(Who who, const std::string& path) const;
 
     std::shared_ptr<grpc::Channel> channel() const;

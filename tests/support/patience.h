@@ -1,6 +1,9 @@
 // How long a test waits for what must come soon: under sanitizers everything takes many times as long.
 #pragma once
 
+#include <chrono>
+#include <thread>
+
 namespace kinevox::testing {
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -13,6 +16,17 @@ inline constexpr int kTimesSlower = 1;
 template <class Duration>
 constexpr Duration patient(Duration limit) {
     return limit * kTimesSlower;
+}
+
+// Whether the condition holds within patient(twenty seconds).
+template <class Condition>
+bool eventually(const Condition& condition) {
+    const auto end = std::chrono::steady_clock::now() + patient(std::chrono::seconds(20));
+    while (!condition()) {
+        if (std::chrono::steady_clock::now() > end) return false;
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    return true;
 }
 
 }  // namespace kinevox::testing

@@ -3,6 +3,8 @@
 
 #include <filesystem>
 
+#include "tests/support/temporary_folder.h"
+
 namespace kinevox::testing {
 
 struct SmallSession {
@@ -13,18 +15,5 @@ struct SmallSession {
 
 // Writes session.toml, calibration.toml and the images into `folder`; the session file's path.
 std::filesystem::path write_small_session(const std::filesystem::path& folder, const SmallSession& what = {});
-
-// A fresh folder below the test's temporary one, removed with the object.
-class TemporaryFolder {
-  public:
-    TemporaryFolder();
-    ~TemporaryFolder();
-    TemporaryFolder(const TemporaryFolder&) = delete;
-    TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-    const std::filesystem::path& path() const { return path_; }
-
-  private:
-    std::filesystem::path path_;
-};
 
 }  // namespace kinevox::testing

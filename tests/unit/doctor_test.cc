@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "server/tools/doctor/checks.h"
-#include "tests/unit/common/temporary_folder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace kinevox::doctor {
 namespace {

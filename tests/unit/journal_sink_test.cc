@@ -16,7 +16,7 @@
 #include <string>
 
 #include "common/log_fields.h"
-#include "tests/unit/common/temporary_folder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace kinevox {
 namespace {

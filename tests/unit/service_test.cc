@@ -17,7 +17,7 @@
 #include "server/pipeline/runner.h"
 #include "tests/support/fake_capture.h"
 #include "tests/support/person_volume.h"
-#include "tests/unit/common/temporary_folder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace kinevox {
 namespace {

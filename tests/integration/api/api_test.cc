@@ -10,6 +10,7 @@
 #include "kinevox/v1/stream_service.grpc.pb.h"
 #include "server/api/request_arguments.h"
 #include "tests/integration/api/api_fixture.h"
+#include "tests/support/patience.h"
 
 namespace kinevox {
 namespace {
@@ -109,8 +110,8 @@ TEST_F(ApiTest, LearnBackgroundReturnsWhenLearned) {
     seen.get();
     auto learned = std::async(
         std::launch::async, [&] { return client_.learn_background("tester", 3, std::chrono::seconds(10)); });
-    while (client_.status()->state() != v1::CAPTURE_STATE_LEARNING_BACKGROUND) {
-    }
+    EXPECT_TRUE(testing::eventually(
+        [&] { return client_.status()->state() == v1::CAPTURE_STATE_LEARNING_BACKGROUND; }));
     source_.give(3);
     EXPECT_TRUE(learned.get().ok());
 }
@@ -218,7 +219,7 @@ TEST_F(ApiTest, LatestOnlySubscribersShareTheMessageRate) {
             EXPECT_EQ(accounted, kLast + 1);
             return sequences;
         }));
-    while (hub_.subscribers().poses < static_cast<int>(kWatchers)) std::this_thread::yield();
+    EXPECT_TRUE(testing::eventually([&] { return hub_.subscribers().poses >= static_cast<int>(kWatchers); }));
     v1::StreamPosesRequest lossless;
     lossless.set_delivery(v1::DELIVERY_LOSSLESS);
     auto all = std::async(std::launch::async, [&] {
@@ -229,7 +230,7 @@ TEST_F(ApiTest, LatestOnlySubscribersShareTheMessageRate) {
                         .ok());
         return messages;
     });
-    while (hub_.subscribers().poses == static_cast<int>(kWatchers)) std::this_thread::yield();
+    EXPECT_TRUE(testing::eventually([&] { return hub_.subscribers().poses != static_cast<int>(kWatchers); }));
     start();
     const auto begin = std::chrono::steady_clock::now();
     for (std::uint64_t i = 0; i <= kLast; ++i) {
@@ -256,7 +257,7 @@ TEST_F(ApiTest, OverflowingLosslessStreamEndsWithResourceExhausted) {
     reader->WaitForInitialMetadata();
     start();
     source_.give(2000);  // far more than the transport buffers
-    while (runner_.snapshot().result_count < 2000) std::this_thread::yield();
+    EXPECT_TRUE(testing::eventually([&] { return runner_.snapshot().result_count >= 2000; }));
     v1::StreamVolumesResponse message;
     std::uint64_t messages = 0;
     while (reader->Read(&message)) {
@@ -295,7 +296,7 @@ TEST_F(ApiTest, StreamPosesCarriesValuesAndWithheldReasons) {
         return client_.stream_poses(
             request, [&](const auto& m) { return messages.push_back(m), messages.size() < 20; }, {});
     });
-    while (hub_.subscribers().poses == 0) std::this_thread::yield();
+    EXPECT_TRUE(testing::eventually([&] { return hub_.subscribers().poses != 0; }));
     EXPECT_EQ(client_.status()->pose_subscriber_count(), 1);
     start();
     source_.give(20);
@@ -330,7 +331,7 @@ TEST_F(ApiTest, StreamPosesCarriesModelCoordinates) {
     auto streamed = std::async(std::launch::async, [&] {
         return client_.stream_poses(request, [&](const auto& m) { return message = m, false; }, {});
     });
-    while (hub_.subscribers().poses == 0) std::this_thread::yield();
+    EXPECT_TRUE(testing::eventually([&] { return hub_.subscribers().poses != 0; }));
     start();
     source_.give(1);
     ASSERT_TRUE(streamed.get().ok());
@@ -372,10 +373,10 @@ TEST_F(ApiTest, StreamPreviewsSendsImageAndSilhouette) {
             return client_.stream_previews(request,
                                            [&](const client::PreviewFrame& f) { return out = f, false; }, {});
         });
-        while (hub_.subscribers().images == 0) std::this_thread::yield();
+        EXPECT_TRUE(testing::eventually([&] { return hub_.subscribers().images != 0; }));
         source_.give(1);
         EXPECT_TRUE(got.get().ok());
-        while (hub_.subscribers().images != 0) std::this_thread::yield();
+        EXPECT_TRUE(testing::eventually([&] { return hub_.subscribers().images == 0; }));
         return out;
     };
     start();
@@ -445,10 +446,10 @@ TEST_F(ApiTest, CancelledSubscriberIsRemoved) {
         return client_.stream_volumes(
             {}, [](const auto&) { return true; }, options);
     });
-    while (hub_.subscribers().volumes == 0) std::this_thread::yield();
+    EXPECT_TRUE(testing::eventually([&] { return hub_.subscribers().volumes != 0; }));
     stop.request_stop();
     EXPECT_EQ(ended.get().code(), absl::StatusCode::kCancelled);
-    while (hub_.subscribers().volumes != 0) std::this_thread::yield();
+    EXPECT_TRUE(testing::eventually([&] { return hub_.subscribers().volumes == 0; }));
 }
 
 // A unary call of a method whose messages this build has only as bytes.

@@ -5,7 +5,7 @@
 #include "kinevox/v1/pose_service.grpc.pb.h"
 #include "tests/integration/api/api_fixture.h"
 #include "tests/support/small_bvh.h"
-#include "tests/unit/common/temporary_folder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace kinevox {
 namespace {

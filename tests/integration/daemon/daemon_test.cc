@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "tests/integration/daemon/daemon_fixture.h"
+#include "tests/support/patience.h"
 
 namespace kinevox {
 namespace {
@@ -39,12 +40,11 @@ TEST_F(DaemonTest, ServesSessionUntilSigterm) {
     EXPECT_LT(volume_litres(*status), 250);
 
     // A stream in progress ends with words, within the two seconds.
-    while (client.status()->volume_subscriber_count() != 0) {
-    }  // the one that waited for a volume is still leaving
+    // The one that waited for a volume may still be leaving.
+    EXPECT_TRUE(testing::eventually([&] { return client.status()->volume_subscriber_count() == 0; }));
     auto stream = std::async(std::launch::async,
                              [&] { return client.stream_volumes({}, [](const auto&) { return true; }, {}); });
-    while (client.status()->volume_subscriber_count() == 0) {
-    }
+    EXPECT_TRUE(testing::eventually([&] { return client.status()->volume_subscriber_count() != 0; }));
     const auto begin = std::chrono::steady_clock::now();
     daemon->signal(SIGTERM);
     daemon->signal(SIGTERM);  // a second one changes nothing
@@ -76,7 +76,7 @@ TEST_F(DaemonTest, AnswersUnavailableWhileStopping) {
     std::vector<std::future<absl::Status>> callers;
     for (int n = 0; n < 16; ++n)
         callers.push_back(std::async(std::launch::async, call_until_it_fails, n % 2 == 1));
-    while (!begun) std::this_thread::yield();
+    EXPECT_TRUE(testing::eventually([&] { return begun.load(); })) << "no call was answered";
     daemon->signal(SIGTERM);
     EXPECT_EQ(daemon->wait(std::chrono::milliseconds(2000)), 0) << daemon->errors();
     for (auto& caller : callers) {

@@ -8,6 +8,8 @@
 
 #include "tests/integration/web/browser.h"
 #include "tests/integration/web/fake_daemon.h"
+#include "tests/support/patience.h"
+#include "tests/support/temporary_folder.h"
 
 namespace kinevox::web {
 namespace {
@@ -25,14 +27,10 @@ namespace asio = boost::asio;
 class GatewayTest : public ::testing::Test {
   protected:
     GatewayTest() {
-        fs::create_directories(folder_);
         std::ofstream(folder_ / "index.html") << "<html>";
         options_.listen = "127.0.0.1:0";
     }
-    ~GatewayTest() override {
-        stop();
-        fs::remove_all(folder_);
-    }
+    ~GatewayTest() override { stop(); }
 
     void start() {
         if (!daemon_) daemon_ = std::make_unique<FakeDaemon>();
@@ -59,13 +57,9 @@ class GatewayTest : public ::testing::Test {
         asio::read(socket, asio::dynamic_buffer(answer), e);
         return answer;
     }
-    template <typename Condition>
-    static bool eventually(const Condition& condition) {
-        for (int n = 0; n < testing::patient(1000) && !condition(); ++n) std::this_thread::sleep_for(10ms);
-        return condition();
-    }
 
-    const fs::path folder_ = fs::temp_directory_path() / ("kinevox-gateway-" + std::to_string(getpid()));
+    const testing::TemporaryFolder temporary_;
+    const fs::path folder_ = temporary_.path();
     GatewayOptions options_;
     std::unique_ptr<FakeDaemon> daemon_;
     std::unique_ptr<Gateway> gateway_;
@@ -195,7 +189,8 @@ TEST_F(GatewayTest, DisconnectsBrowserThatDoesNotRead) {
     TestBrowser browser(gateway_->address());
     browser.subscribe({TestBrowser::subscription(v1::STREAM_KIND_VOLUMES)});
     ASSERT_TRUE(browser.wait_for(Message::kVolume));
-    EXPECT_TRUE(eventually([&] { return daemon_->streams == 0; })) << "its stream ends without subscribers";
+    EXPECT_TRUE(testing::eventually([&] { return daemon_->streams == 0; }))
+        << "its stream ends without subscribers";
 }
 
 TEST_F(GatewayTest, SharesStreamsUntilLastSubscriberLeaves) {
@@ -209,9 +204,9 @@ TEST_F(GatewayTest, SharesStreamsUntilLastSubscriberLeaves) {
     ASSERT_TRUE(second.wait_for(Message::kPose));
     EXPECT_EQ(daemon_->streams, 2);
     first.reset();
-    EXPECT_TRUE(eventually([&] { return daemon_->streams == 1; }));
+    EXPECT_TRUE(testing::eventually([&] { return daemon_->streams == 1; }));
     second.subscribe({});
-    EXPECT_TRUE(eventually([&] { return daemon_->streams == 0; }));
+    EXPECT_TRUE(testing::eventually([&] { return daemon_->streams == 0; }));
 }
 
 TEST_F(GatewayTest, ReconnectsToRestartedDaemon) {

@@ -11,7 +11,7 @@
 #include "server/access/call_table.h"
 #include "server/access/guard.h"
 #include "server/access/private_file.h"
-#include "tests/unit/common/temporary_folder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace kinevox {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "common/files.h"
 #include "tests/support/fake_capture.h"
-#include "tests/unit/common/temporary_folder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace kinevox {
 namespace {

@@ -22,8 +22,8 @@ extern "C" {
 
 #include "server/cameras/libav.h"
 #include "server/cameras/session_source.h"
+#include "tests/support/temporary_folder.h"
 #include "tests/support/test_data.h"
-#include "tests/unit/common/temporary_folder.h"
 
 namespace kinevox {
 namespace {
@@ -38,7 +38,7 @@ struct Kind {
     int frames = 120;
     int width = 64, height = 56;  // px; blocks of 16 do not fit into the height
     bool even_times = true;
-    int turn_deg = 0;  // to be shown upright, as a phone that was held so writes it
+    int rotation_deg = 0;  // to be shown upright, as a phone that was held so writes it
 };
 
 AVDictionary* dictionary(const std::string& options) {
@@ -86,10 +86,10 @@ bool write(const fs::path& file, const Kind& kind) {
     EXPECT_GE(avcodec_open2(encoder.get(), codec, &options), 0);
     av_dict_free(&options);
     AVStream* const stream = avformat_new_stream(container.get(), nullptr);
-    if (kind.turn_deg != 0)
+    if (kind.rotation_deg != 0)
         av_display_rotation_set(reinterpret_cast<std::int32_t*>(av_stream_new_side_data(
                                     stream, AV_PKT_DATA_DISPLAYMATRIX, 9 * sizeof(std::int32_t))),
-                                kind.turn_deg);
+                                kind.rotation_deg);
     stream->time_base = encoder->time_base;
     if (kind.even_times) stream->avg_frame_rate = encoder->framerate;
     avcodec_parameters_from_context(stream->codecpar, encoder.get());
@@ -124,19 +124,19 @@ bool write(const fs::path& file, const Kind& kind) {
 Camera camera_of(const Kind& kind) {
     Camera camera;
     camera.name = "left", camera.width = kind.width, camera.height = kind.height;
-    if (kind.turn_deg % 180 != 0) std::swap(camera.width, camera.height);
+    if (kind.rotation_deg % 180 != 0) std::swap(camera.width, camera.height);
     return camera;
 }
 
-std::vector<cv::Mat> read_by_opencv(const fs::path& file, int turn_deg = 0) {
+std::vector<cv::Mat> read_by_opencv(const fs::path& file, int rotation_deg = 0) {
     std::vector<cv::Mat> images;
     cv::VideoCapture capture(file.string(), cv::CAP_FFMPEG);
     capture.set(cv::CAP_PROP_ORIENTATION_AUTO, 0);  // OpenCV 4.6 turns the wrong way
     for (cv::Mat image; capture.read(image);) {
         images.push_back(image.clone());
         const std::array turns{cv::ROTATE_90_CLOCKWISE, cv::ROTATE_180, cv::ROTATE_90_COUNTERCLOCKWISE};
-        if (turn_deg > 0)
-            cv::rotate(image, images.back(), turns[static_cast<std::size_t>(turn_deg / 90 - 1)]);
+        if (rotation_deg > 0)
+            cv::rotate(image, images.back(), turns[static_cast<std::size_t>(rotation_deg / 90 - 1)]);
     }
     return images;
 }
@@ -156,7 +156,7 @@ TEST_P(ContainerVideo, SeekDeliversExactImageFromAnyPosition) {
     const Kind& kind = GetParam();
     const fs::path file = folder_ / ("video." + kind.extension);
     if (!write(file, kind)) GTEST_SKIP() << "this FFmpeg has no " << kind.codec;
-    const std::vector<cv::Mat> truth = read_by_opencv(file, kind.turn_deg);
+    const std::vector<cv::Mat> truth = read_by_opencv(file, kind.rotation_deg);
     const int frames = static_cast<int>(truth.size());
     ASSERT_GE(frames, kind.frames - 1);  // MOV's edit list leaves out a last one that lasts no time
 

@@ -16,7 +16,7 @@
 #include "common/calibration_file.h"
 #include "server/cameras/h264_file.h"
 #include "server/cameras/session_source.h"
-#include "tests/unit/common/temporary_folder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace kinevox {
 namespace {

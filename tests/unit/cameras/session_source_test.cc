@@ -15,8 +15,8 @@
 
 #include "common/calibration_file.h"
 #include "server/cameras/image_pool.h"
+#include "tests/support/temporary_folder.h"
 #include "tests/support/test_data.h"
-#include "tests/unit/common/temporary_folder.h"
 
 namespace kinevox {
 namespace {

@@ -8,6 +8,7 @@
 #include <random>
 
 #include "tests/support/person_volume.h"
+#include "tests/support/temporary_folder.h"
 
 namespace kinevox::client {
 namespace {
@@ -49,14 +50,13 @@ TEST(DecodeJpeg, RefusesIncompleteJpeg) {
 }
 
 TEST(WritePng, IsReadBackByOpenCv) {
-    const auto file =
-        std::filesystem::temp_directory_path() / ("kinevox_image_test_" + std::to_string(getpid()) + ".png");
+    const testing::TemporaryFolder folder;
+    const auto file = folder / "image.png";
     Image image{3, 2, 3, {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18}};
     ASSERT_TRUE(write_png(image, file).ok());
     const cv::Mat read = cv::imread(file.string());
     ASSERT_EQ(read.cols, 3);
     EXPECT_EQ(read.at<cv::Vec3b>(1, 2), cv::Vec3b(18, 17, 16));
-    std::filesystem::remove(file);
 }
 
 // The rendered body must be where the camera model projects the volume.

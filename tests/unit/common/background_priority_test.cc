@@ -30,7 +30,7 @@ int inherited(int caller, int levels, bool& allowed) {
     return seen;
 }
 
-TEST(BackgroundPriority, ThreadsAreNicerThanTheirCallerButNotThanOthersPrograms) {
+TEST(BackgroundPriority, LowersThreadsBelowTheirCallerOnly) {
     struct Case {
         int caller, levels, want;
     };

@@ -6,7 +6,7 @@
 #include "common/session_file.h"
 #include "common/toml_reader.h"
 #include "server/config/daemon_config.h"
-#include "tests/unit/common/temporary_folder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace kinevox {
 namespace {
@@ -273,7 +273,7 @@ TEST(BadInput, Session) {
 }
 
 // Characters beyond ASCII are welcome in comments and strings of every kind, and nowhere else.
-TEST(BadInput, WhereCharactersBeyondAsciiMayStand) {
+TEST(BadInput, ReadsCharactersBeyondAsciiInTextsOnly) {
     const auto status_of = [](const std::string& text) {
         return TomlDocument::parse(text, "t.toml").status();
     };
@@ -292,7 +292,7 @@ TEST(BadInput, WhereCharactersBeyondAsciiMayStand) {
     }
 }
 
-TEST(BadInput, CharactersBeyondAsciiComeBackAsTheyWere) {
+TEST(BadInput, KeepsCharactersBeyondAscii) {
     const std::string text =
         "[\"Kämera 相机 \U0001F3A5\"]\nname = 'é\u2028\uFEFF'\nmore = [{ 'ß' = \"\\u00e4ö\" }]\n";
     const auto document = TomlDocument::parse(text, "t.toml");

@@ -5,8 +5,8 @@
 
 #include <opencv2/core.hpp>
 
+#include "tests/support/temporary_folder.h"
 #include "tests/support/test_data.h"
-#include "tests/unit/common/temporary_folder.h"
 
 namespace kinevox {
 namespace {
@@ -51,7 +51,7 @@ std::vector<Camera> two_cameras() {
     return {a, b};
 }
 
-TEST(CalibrationToml, WrittenAndReadBackIsTheSame) {
+TEST(CalibrationToml, RoundTrips) {
     const testing::TemporaryFolder folder;
     const std::vector<Camera> written = two_cameras();
     ASSERT_TRUE(write_calibration_toml(written, folder / "sub/calibration.toml").ok());
@@ -63,7 +63,7 @@ TEST(CalibrationToml, WrittenAndReadBackIsTheSame) {
     EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder / "sub"), {}), 1);
 }
 
-TEST(CalibrationToml, RefusesToWriteWhatItCouldNotRead) {
+TEST(CalibrationToml, RefusesToWriteInvalidCameras) {
     const testing::TemporaryFolder folder;
     std::vector<Camera> cameras = two_cameras();
     cameras[1].fx = std::nan("");
@@ -71,7 +71,7 @@ TEST(CalibrationToml, RefusesToWriteWhatItCouldNotRead) {
     EXPECT_FALSE(std::filesystem::exists(folder / "calibration.toml"));
 }
 
-TEST(CalibrationToml, AcceptsAniposelibsMetadataAndKeepsTheOrderOfTheFile) {
+TEST(CalibrationToml, AcceptsAniposelibMetadataInFileOrder) {
     const std::string camera = R"(
 name = "NAME"
 size = [640, 480]
@@ -102,7 +102,7 @@ TEST(CalibrationToml, ReadsEverySharedCalibration) {
     }
 }
 
-TEST(CalibrationQualisys, EqualsThePublishedToml) {
+TEST(CalibrationQualisys, EqualsPublishedToml) {
     KINEVOX_REQUIRE_DATA(qualisys_file, "balancing/Calib.qca.txt");
     KINEVOX_REQUIRE_DATA(toml_file, "balancing/calibration_published.toml");
     const auto qualisys = read_calibration(qualisys_file);
@@ -167,14 +167,14 @@ avg_reprojection_error: 0.2
     EXPECT_EQ((*read)[0].camera_from_world, Rigid3{});
 }
 
-TEST(CalibrationOpenCv, WrittenAndReadBackIsTheSame) {
+TEST(CalibrationOpenCv, RoundTrips) {
     const testing::TemporaryFolder folder;
     const auto read = read_calibration(folder.write("c.yml", calibration_opencv_yaml(two_cameras())));
     ASSERT_TRUE(read.ok()) << read.status();
     expect_cameras_near(*read, two_cameras(), 1e-12, 1e-14);
 }
 
-TEST(CalibrationOpenCv, OpenCvReadsWhatIsWritten) {
+TEST(CalibrationOpenCv, IsReadByOpenCv) {
     const testing::TemporaryFolder folder;
     std::vector<Camera> cameras = two_cameras();
     cameras[1].name = "right";
@@ -189,7 +189,7 @@ TEST(CalibrationOpenCv, OpenCvReadsWhatIsWritten) {
     EXPECT_EQ(translation.at<double>(1), cameras[0].camera_from_world.translation.y);
 }
 
-TEST(CalibrationKalibr, WrittenAndReadBackIsTheSameRelativeToTheFirst) {
+TEST(CalibrationKalibr, RoundTripsRelativeToFirstCamera) {
     const testing::TemporaryFolder folder;
     std::vector<Camera> cameras = two_cameras();
     cameras.push_back(cameras[0]);

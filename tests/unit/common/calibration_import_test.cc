@@ -47,7 +47,7 @@ void expect_sound(const absl::StatusOr<std::vector<Camera>>& read, const std::st
     }
 }
 
-TEST(CalibrationImport, BrokenFilesAreToldInOneLine) {
+TEST(CalibrationImport, ReportsBrokenFilesInOneLine) {
     for (const Format& format : kFormats) {
         SCOPED_TRACE(format.seed);
         const std::string good = seed(format.seed);
@@ -70,7 +70,7 @@ TEST(CalibrationImport, BrokenFilesAreToldInOneLine) {
     }
 }
 
-TEST(CalibrationImport, LensesThatAreNoneOfOursAreRefused) {
+TEST(CalibrationImport, RefusesOtherDistortionModels) {
     const std::string good = seed("kalibr.yaml");
     for (const auto& [from, to] :
          {std::pair{"pinhole", "omni"}, {"pinhole", "ds"}, {"radtan", "equidistant"}}) {

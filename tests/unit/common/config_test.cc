@@ -8,7 +8,7 @@
 #include "common/files.h"
 #include "server/config/daemon_config.h"
 #include "server/pipeline/pipeline.h"
-#include "tests/unit/common/temporary_folder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace kinevox {
 namespace {

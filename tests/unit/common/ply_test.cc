@@ -5,7 +5,7 @@
 #include "common/files.h"
 #include "common/volume.h"
 #include "tests/support/person_volume.h"
-#include "tests/unit/common/temporary_folder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace kinevox {
 namespace {

@@ -3,8 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/support/temporary_folder.h"
 #include "tests/support/test_data.h"
-#include "tests/unit/common/temporary_folder.h"
 
 namespace kinevox {
 namespace {

@@ -6,7 +6,7 @@
 #include <fstream>
 
 #include "common/session_file.h"
-#include "tests/unit/common/temporary_folder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace kinevox {
 namespace {

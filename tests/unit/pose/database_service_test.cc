@@ -8,7 +8,7 @@
 #include <chrono>
 
 #include "common/files.h"
-#include "tests/unit/common/temporary_folder.h"
+#include "tests/support/temporary_folder.h"
 #include "tests/unit/pose/database_fixture.h"
 
 namespace kinevox {

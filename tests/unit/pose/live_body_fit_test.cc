@@ -10,7 +10,7 @@
 #include "common/geometry.h"
 #include "tests/support/patience.h"
 #include "tests/support/seen_body.h"
-#include "tests/unit/common/temporary_folder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace kinevox {
 namespace {

@@ -34,14 +34,14 @@ TEST(Retention, KeepsAllWithoutLimits) {
     EXPECT_THAT(due_for_deletion(kThree, {}, kNow_ns), IsEmpty());
 }
 
-TEST(Retention, WhatIsTooOldGoes) {
+TEST(Retention, DeletesOldRecordings) {
     EXPECT_THAT(due_for_deletion(kThree, {.retention_days = 30}, kNow_ns), ElementsAre("old"));
     EXPECT_THAT(due_for_deletion(kThree, {.retention_days = 0.5}, kNow_ns),
                 ElementsAre("old", "newer", "new"));
     EXPECT_THAT(due_for_deletion(kThree, {.retention_days = 40.001}, kNow_ns), IsEmpty());
 }
 
-TEST(Retention, TheOldestGoUntilTheOthersFit) {
+TEST(Retention, DeletesOldestAboveTotalSize) {
     EXPECT_THAT(due_for_deletion(kThree, {.max_total_bytes = 300}, kNow_ns), IsEmpty());
     EXPECT_THAT(due_for_deletion(kThree, {.max_total_bytes = 299}, kNow_ns), ElementsAre("old"));
     EXPECT_THAT(due_for_deletion(kThree, {.max_total_bytes = 150}, kNow_ns), ElementsAre("old", "newer"));
@@ -52,7 +52,7 @@ TEST(Retention, TheOldestGoUntilTheOthersFit) {
                 ElementsAre("old", "newer"));
 }
 
-TEST(Retention, OneThatIsBeingWrittenStays) {
+TEST(Retention, KeepsRunningRecording) {
     auto recordings = kThree;
     recordings[0].about.closed = false;
     EXPECT_THAT(due_for_deletion(recordings, {.retention_days = 3}, kNow_ns), ElementsAre("newer"));

@@ -11,7 +11,7 @@
 
 #include "server/pose/database/bvh_import.h"
 #include "tests/support/posed_trial.h"
-#include "tests/unit/common/temporary_folder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace kinevox {
 namespace {

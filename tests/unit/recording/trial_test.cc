@@ -10,7 +10,7 @@
 #include <sstream>
 
 #include "tests/support/posed_trial.h"
-#include "tests/unit/common/temporary_folder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace kinevox {
 namespace {

@@ -5,6 +5,8 @@
 
 #include <fstream>
 
+#include "tests/support/temporary_folder.h"
+
 namespace kinevox::web {
 namespace {
 
@@ -22,7 +24,6 @@ class Http : public ::testing::Test {
         fs::create_symlink(folder_ / "outside.txt", folder_ / "page/link.txt");
         pages_ = *Pages::read(folder_ / "page");
     }
-    ~Http() override { fs::remove_all(folder_); }
 
     void write(const std::string& name, const std::string& text) { std::ofstream(folder_ / name) << text; }
     HttpReply get(const std::string& target, const std::string& host = "127.0.0.1:8090",
@@ -35,7 +36,8 @@ class Http : public ::testing::Test {
         return "";
     }
 
-    fs::path folder_ = fs::temp_directory_path() / ("kinevox-http-" + std::to_string(getpid()));
+    const testing::TemporaryFolder temporary_;
+    const fs::path folder_ = temporary_.path();
     Pages pages_;
     HttpRules rules_;
 };
