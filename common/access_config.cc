@@ -39,16 +39,6 @@ void read_access(const TomlTable& server, const std::filesystem::path& folder, b
         server.fail("tls_client_ca_file",
                     "is given without tls_certificate_file and tls_key_file; give those too");
     if (server.has("audit_file")) access.audit_file = read_path(server, "audit_file", folder, false);
-    const TomlTable limits = server.table_or_empty("limits");
-    const auto count = [&](const char* key, int& value, int max) {
-        value = static_cast<int>(limits.integer_or(key, value, 1, max));
-    };
-    count("max_request_mb", access.max_request_mb, 1024);
-    count("max_streams", access.max_streams, 100'000);
-    count("max_streams_per_token", access.max_streams_per_token, 100'000);
-    access.max_requests_per_s = limits.number_or("max_requests_per_s", access.max_requests_per_s, {1, 1e6});
-    access.handshake_timeout_s =
-        limits.number_or("handshake_timeout_s", access.handshake_timeout_s, {1, 300});
 }
 
 }  // namespace kinevox

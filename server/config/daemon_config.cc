@@ -2,13 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <charconv>
 #include <system_error>
 #include <type_traits>
 
 #include "common/files.h"
+#include "common/host_port.h"
 #include "common/toml_reader.h"
-#include "kernels/option_list.h"
 #include "server/pipeline/pipeline.h"
 
 namespace kinevox {
@@ -41,26 +40,18 @@ void read_optional_path(const TomlTable& table, const char* key, const std::file
     if (table.has(key)) path = resolved(text, folder);
 }
 
-void read_int(const TomlTable& table, const char* key, int& value, int min, int max) {
-    value = static_cast<int>(table.integer_or(key, value, min, max));
-}
-
 void read_server(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist,
                  ServerConfig& server) {
     server.listen = table.text_or("listen", server.listen);
     if (const std::string problem = listen_address_problem(server.listen); !problem.empty())
         table.fail("listen", problem);
     read_access(table, folder, check_files_exist, server.access);
+    read_options(table.table_or_empty("limits"), server.access);
 }
 
 void read_studio(const TomlTable& table, StudioConfig& studio) {
     studio.motion = table.choice_or("motion", studio.motion, {kStudioMotions.begin(), kStudioMotions.end()});
-    read_int(table, "camera_count", studio.camera_count, 2, 64);
-    read_int(table, "width_px", studio.width_px, 64, 4096);
-    read_int(table, "height_px", studio.height_px, 64, 4096);
-    studio.fps = table.number_or("fps", studio.fps, {1, 1000});
-    studio.seed = static_cast<std::uint32_t>(table.integer_or("seed", studio.seed, 0, 0xffffffff));
-    studio.stature_m = table.number_or("stature_m", studio.stature_m, {0, 2.2});
+    read_options(table, studio);
     if (studio.stature_m > 0 && studio.stature_m < 1.2)
         table.fail("stature_m",
                    fmt::format("is {}, expected 1.2 to 2.2, or 0 to draw it from the seed; correct it",
@@ -99,9 +90,7 @@ void read_source(const TomlTable& table, const std::filesystem::path& folder, bo
 void read_pipeline(const TomlTable& table, PipelineConfig& pipeline) {
     const std::string device = table.choice_or("device", "cpu", {"cpu", "cuda"});
     pipeline.device = device == "cuda" ? PipelineConfig::Device::kCuda : PipelineConfig::Device::kCpu;
-    pipeline.voxel_mm = table.number_or("voxel_mm", pipeline.voxel_mm, {2, 100});
-    pipeline.colouring = table.boolean_or("colouring", pipeline.colouring);
-    read_int(table, "threads", pipeline.threads, 0, 1024);
+    read_options(table, pipeline);
 }
 
 void read_segmentation(const TomlTable& table, const std::filesystem::path& folder,
@@ -116,7 +105,7 @@ void read_segmentation(const TomlTable& table, const std::filesystem::path& fold
 
 void read_pose(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist,
                PoseConfig& pose) {
-    pose.enabled = table.boolean_or("enabled", pose.enabled);
+    read_options(table, pose);
     read_options(table, pose.options);
     read_options(table.table_or_empty("tracking"), pose.options.tracker);
     const TomlTable fit = table.table_or_empty("fit");
@@ -132,23 +121,14 @@ void read_pose(const TomlTable& table, const std::filesystem::path& folder, bool
                    fmt::format("is {}, which does not exist; kinevox process --tpose writes one",
                                pose.body_file.string()),
                    absl::StatusCode::kNotFound);
-    pose.auto_fit_body = table.boolean_or("auto_fit_body", pose.auto_fit_body);
     read_optional_path(table, "fitted_body_file", folder, pose.fitted_body_file);
     read_optional_path(table, "database_file", folder, pose.database_file);
-    read_int(table, "library_pose_count", pose.library_pose_count, 1, 4000);
 }
 
 void read_recording(const TomlTable& table, const std::filesystem::path& base, RecordingConfig& recording) {
     read_optional_path(table, "folder", base, recording.folder);
     recording.codec = table.choice_or("codec", recording.codec, {"ffv1", "utvideo", "h264"});
-    recording.save_poses = table.boolean_or("save_poses", recording.save_poses);
-    recording.save_volumes = table.boolean_or("save_volumes", recording.save_volumes);
-    recording.max_buffer_s = table.number_or("max_buffer_s", recording.max_buffer_s, {0, 3600});
-    read_int(table, "max_buffer_mb", recording.max_buffer_mb, 1, 1 << 20);
-    read_int(table, "max_queue_mb", recording.max_queue_mb, 1, 1 << 20);
-    read_int(table, "min_free_disk_mb", recording.min_free_disk_mb, 0, 1 << 20);
-    recording.retention_days = table.number_or("retention_days", recording.retention_days, {0, 36500});
-    recording.max_total_gb = table.number_or("max_total_gb", recording.max_total_gb, {0, 1e6});
+    read_options(table, recording);
 }
 
 void read_replay(const TomlTable& table, const std::filesystem::path& base, ReplayConfig& replay) {
@@ -158,18 +138,8 @@ void read_replay(const TomlTable& table, const std::filesystem::path& base, Repl
     }
 }
 
-void read_stream(const TomlTable& table, StreamConfig& stream) {
-    read_int(table, "max_lossless_messages", stream.max_lossless_messages, 1, 100000);
-    read_int(table, "max_lossless_mb", stream.max_lossless_mb, 1, 4096);
-    stream.max_latest_messages_per_s =
-        table.number_or("max_latest_messages_per_s", stream.max_latest_messages_per_s, {0, 1e9});
-    read_int(table, "default_preview_width_px", stream.default_preview_width_px, 16, 8192);
-    read_int(table, "default_preview_jpeg_quality", stream.default_preview_jpeg_quality, 1, 100);
-}
-
 void read_control(const TomlTable& table, ControlConfig& control) {
-    control.default_lease_s = table.number_or("default_lease_s", control.default_lease_s, {1, 86400});
-    control.max_lease_s = table.number_or("max_lease_s", control.max_lease_s, {1, 86400});
+    read_options(table, control);
     if (control.default_lease_s > control.max_lease_s)
         table.fail("default_lease_s", fmt::format("is {}, above max_lease_s, which is {}; lower it",
                                                   control.default_lease_s, control.max_lease_s));
@@ -190,20 +160,10 @@ void read_log(const TomlTable& table, const std::filesystem::path& folder, LogCo
 }  // namespace
 
 std::string listen_address_problem(std::string_view text) {
-    const std::string given =
-        fmt::format("is \"{}\", expected HOST:PORT such as 127.0.0.1:50770; ", text.substr(0, 80));
-    const std::size_t colon = text.rfind(':');
-    if (colon == std::string_view::npos || colon == 0) return given + "give host and port";
-    const std::string_view host = text.substr(0, colon), port_text = text.substr(colon + 1);
-    for (const char c : host)
-        if (static_cast<unsigned char>(c) <= ' ' || c == 0x7f || c == '/') return given + "correct the host";
-    if (host.find(':') != std::string_view::npos && !(host.starts_with('[') && host.ends_with(']')))
-        return given + "put an IPv6 host into brackets";
-    unsigned port = 0;
-    const auto [end, code] = std::from_chars(port_text.data(), port_text.data() + port_text.size(), port);
-    if (code != std::errc{} || end != port_text.data() + port_text.size() || port > 65535)
-        return given + "the port is a number from 0 to 65535";
-    return "";
+    if (parse_host_port(text)) return "";
+    return fmt::format(
+        "is \"{}\", expected HOST:PORT such as 127.0.0.1:50770 or [::1]:50770, port 0 to 65535; correct it",
+        text.substr(0, 80));
 }
 
 absl::StatusOr<DaemonConfig> parse_config_toml(const std::string& text, const std::filesystem::path& folder,
@@ -224,7 +184,7 @@ absl::StatusOr<DaemonConfig> parse_config_toml(const std::string& text, const st
     read_optional_path(root.table_or_empty("calibration"), "folder", folder, config.calibration.folder);
     read_recording(root.table_or_empty("recording"), folder, config.recording);
     read_replay(root.table_or_empty("replay"), folder, config.replay);
-    read_stream(root.table_or_empty("stream"), config.stream);
+    read_options(root.table_or_empty("stream"), config.stream);
     read_control(root.table_or_empty("control"), config.control);
     read_metrics(root.table_or_empty("metrics"), config.metrics);
     read_log(root.table_or_empty("log"), folder, config.log);

@@ -1,5 +1,6 @@
-// The daemon's configuration file; deploy/kinevoxd.toml documents every key. A part that has options of its
-// own lists them beside their defaults (kernels/option_list.h); the rest is here.
+// The daemon's configuration file; deploy/kinevoxd.toml documents every key. Numbers and switches are listed
+// once, beside their defaults (kernels/option_list.h): those of a part by the part, the others here. Texts
+// and paths are read by daemon_config.cc.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -18,6 +19,7 @@
 #include "common/toml_reader.h"
 #include "kernels/colouring.h"
 #include "kernels/hull.h"
+#include "kernels/option_list.h"
 #include "kernels/segmentation.h"
 #include "server/pipeline/tracking/tracker.h"
 #include "server/pose/pose_options.h"
@@ -36,15 +38,43 @@ struct ServerConfig {
     bool operator==(const ServerConfig&) const = default;
 };
 
+// [server.limits]
+template <typename T, typename F>
+requires kernels::SameOptions<T, AccessConfig>
+void visit_options(T& o, F&& f) {
+    f({"max_request_mb", 1, 1024, "MB", "Maximum size of a request, which may contain a BVH file."},
+      o.max_request_mb);
+    f({"max_streams", 1, 100000, "", "Maximum number of open streams of all clients together."},
+      o.max_streams);
+    f({"max_streams_per_token", 1, 100000, "", "Maximum number of open streams per token."},
+      o.max_streams_per_token);
+    f({"max_requests_per_s", 1, 1e6, "1/s", "Maximum rate of requests per token, also the burst size."},
+      o.max_requests_per_s);
+    f({"handshake_timeout_s", 1, 300, "s", "Time limit for the connection handshake."},
+      o.handshake_timeout_s);
+}
+
 struct StudioConfig {
-    std::string motion = "walk";          // one of kStudioMotions
-    int camera_count = 4;                 // 2 to 64
-    int width_px = 640, height_px = 480;  // 64 to 4096
+    std::string motion = "walk";  // one of kStudioMotions
+    int camera_count = 4;
+    int width_px = 640, height_px = 480;
     double fps = 30;
-    std::uint32_t seed = 1;  // of the subject, the room and the sensors' noise
-    double stature_m = 0;    // 1.2 to 2.2; 0: drawn from the seed
+    std::uint32_t seed = 1;
+    double stature_m = 0;
     bool operator==(const StudioConfig&) const = default;
 };
+
+template <typename T, typename F>
+requires kernels::SameOptions<T, StudioConfig>
+void visit_options(T& o, F&& f) {
+    f({"camera_count", 2, 64, "", "Number of cameras around the subject."}, o.camera_count);
+    f({"width_px", 64, 4096, "px", "Width of their images."}, o.width_px);
+    f({"height_px", 64, 4096, "px", "Height of their images."}, o.height_px);
+    f({"fps", 1, 1000, "Hz", "Frame sets per second."}, o.fps);
+    f({"seed", 0, 0xffffffff, "", "Seed of the subject, the room and the sensor noise."}, o.seed);
+    f({"stature_m", 0, 2.2, "m", "Stature of the subject, at least 1.2; 0: drawn from the seed."},
+      o.stature_m);
+}
 
 struct SourceConfig {
     enum class Kind { kStudio, kSession, kCameras };
@@ -62,11 +92,19 @@ struct SourceConfig {
 struct PipelineConfig {
     enum class Device { kCpu, kCuda };
     Device device = Device::kCpu;
-    double voxel_mm = 10;  // 2 to 100
+    double voxel_mm = 10;
     bool colouring = true;
-    int threads = 0;  // of the compute pool; 0: one per core
+    int threads = 0;
     bool operator==(const PipelineConfig&) const = default;
 };
+
+template <typename T, typename F>
+requires kernels::SameOptions<T, PipelineConfig>
+void visit_options(T& o, F&& f) {
+    f({"voxel_mm", 2, 100, "mm", "Voxel edge; halving it takes about four times as long."}, o.voxel_mm);
+    f({"colouring", 0, 1, "", "Photo-consistency carving and colouring."}, o.colouring);
+    f({"threads", 0, 1024, "", "Compute threads; 0: one per core."}, o.threads);
+}
 
 struct SegmentationConfig {
     kernels::SegmentationOptions options;
@@ -76,17 +114,26 @@ struct SegmentationConfig {
 };
 
 struct PoseConfig {
-    bool enabled = true;              // false: stop at the volume
+    bool enabled = true;
     PoseStageOptions options;         // its body stays the default: body_file is read by pipeline_options()
     std::filesystem::path body_file;  // absolute; empty: an adult of average build
-    bool auto_fit_body = true;        // without a body_file
+    bool auto_fit_body = true;
     // Stores a body fitted on request, absolute; empty: off; not given: in the state folder.
     std::optional<std::filesystem::path> fitted_body_file;
     // Absolute; empty: no database; not given: in the state folder.
     std::optional<std::filesystem::path> database_file;
-    int library_pose_count = 1400;  // 1 to 4000
+    int library_pose_count = 1400;
     bool operator==(const PoseConfig&) const = default;
 };
+
+template <typename T, typename F>
+requires kernels::SameOptions<T, PoseConfig>
+void visit_options(T& o, F&& f) {
+    f({"enabled", 0, 1, "", "Joints and angles; false: the capture stops at the volume."}, o.enabled);
+    f({"auto_fit_body", 0, 1, "", "Fit a body to the first seconds with a person, without body_file."},
+      o.auto_fit_body);
+    f({"library_pose_count", 1, 4000, "", "Number of library poses."}, o.library_pose_count);
+}
 
 struct CalibrationConfig {
     // Stores calibrations, absolute; empty: off; not given: in the state folder.
@@ -99,14 +146,33 @@ struct RecordingConfig {
     std::optional<std::filesystem::path> folder;
     std::string codec = "utvideo";  // ffv1, utvideo or h264
     bool save_poses = true, save_volumes = true;
-    double max_buffer_s = 0;  // length of the rolling buffer; 0: none
+    double max_buffer_s = 0;
     int max_buffer_mb = 1024;
-    int max_queue_mb = 256;      // not yet written; above it frame sets are dropped
-    int min_free_disk_mb = 512;  // below it a recording ends
-    double retention_days = 0;   // older recordings are deleted; 0: none
-    double max_total_gb = 0;     // above it the oldest are deleted; 0: none
+    int max_queue_mb = 256;
+    int min_free_disk_mb = 512;
+    double retention_days = 0;
+    double max_total_gb = 0;
     bool operator==(const RecordingConfig&) const = default;
 };
+
+template <typename T, typename F>
+requires kernels::SameOptions<T, RecordingConfig>
+void visit_options(T& o, F&& f) {
+    f({"save_poses", 0, 1, "", "Store the poses with the images."}, o.save_poses);
+    f({"save_volumes", 0, 1, "", "Store the volumes with the images."}, o.save_volumes);
+    f({"max_buffer_s", 0, 3600, "s", "Length of the rolling buffer; 0: none."}, o.max_buffer_s);
+    f({"max_buffer_mb", 1, 1 << 20, "MB", "Memory of the rolling buffer."}, o.max_buffer_mb);
+    f({"max_queue_mb", 1, 1 << 20, "MB",
+       "Memory for images that are not written yet; when it is full, frame sets are dropped."},
+      o.max_queue_mb);
+    f({"min_free_disk_mb", 0, 1 << 20, "MB",
+       "Minimum free space: below it a recording ends and none starts."},
+      o.min_free_disk_mb);
+    f({"retention_days", 0, 36500, "d", "Age above which recordings are deleted; 0: none."},
+      o.retention_days);
+    f({"max_total_gb", 0, 1e6, "GB", "Size of all recordings above which the oldest are deleted; 0: none."},
+      o.max_total_gb);
+}
 
 struct ReplayConfig {
     // Folders below which sessions may be replayed, besides the recordings'; absolute.
@@ -115,20 +181,44 @@ struct ReplayConfig {
 };
 
 struct StreamConfig {
-    int max_lossless_messages = 256;  // queued for one lossless subscriber before its stream ends
+    int max_lossless_messages = 256;
     int max_lossless_mb = 32;
-    double max_latest_messages_per_s =
-        0;  // of all latest-only subscribers together; 0: by the number of cores
+    double max_latest_messages_per_s = 0;
     int default_preview_width_px = 320;
-    int default_preview_jpeg_quality = 80;  // 1 to 100
+    int default_preview_jpeg_quality = 80;
     bool operator==(const StreamConfig&) const = default;
 };
+
+template <typename T, typename F>
+requires kernels::SameOptions<T, StreamConfig>
+void visit_options(T& o, F&& f) {
+    f({"max_lossless_messages", 1, 100000, "",
+       "Messages queued for one lossless subscriber before its stream ends."},
+      o.max_lossless_messages);
+    f({"max_lossless_mb", 1, 4096, "MB", "Memory queued for one lossless subscriber before its stream ends."},
+      o.max_lossless_mb);
+    f({"max_latest_messages_per_s", 0, 1e9, "1/s",
+       "Total rate of latest-only messages, shared by all subscribers; 0: 16000 per core."},
+      o.max_latest_messages_per_s);
+    f({"default_preview_width_px", 16, 8192, "px", "Width of previews whose subscriber requests none."},
+      o.default_preview_width_px);
+    f({"default_preview_jpeg_quality", 1, 100, "",
+       "JPEG quality of previews whose subscriber requests none."},
+      o.default_preview_jpeg_quality);
+}
 
 struct ControlConfig {
     double default_lease_s = 30;
     double max_lease_s = 3600;
     bool operator==(const ControlConfig&) const = default;
 };
+
+template <typename T, typename F>
+requires kernels::SameOptions<T, ControlConfig>
+void visit_options(T& o, F&& f) {
+    f({"default_lease_s", 1, 86400, "s", "Default control lease without renewal."}, o.default_lease_s);
+    f({"max_lease_s", 1, 86400, "s", "Maximum control lease without renewal."}, o.max_lease_s);
+}
 
 struct MetricsConfig {
     std::string listen;  // HOST:PORT of the Prometheus endpoint; empty: off
@@ -159,6 +249,20 @@ struct DaemonConfig {
     LogConfig log;
     bool operator==(const DaemonConfig&) const = default;
 };
+
+// Calls f(TABLE, options) for each table of the file whose numbers and switches are listed above; those of
+// the pipeline's parts are in visit_option_tables().
+template <typename T, typename F>
+requires kernels::SameOptions<T, DaemonConfig>
+void visit_config_tables(T& config, F&& f) {
+    f("server.limits", config.server.access);
+    f("source.studio", config.source.studio);
+    f("pipeline", config.pipeline);
+    f("pose", config.pose);
+    f("recording", config.recording);
+    f("stream", config.stream);
+    f("control", config.control);
+}
 
 // Keys that were renamed before version 1; one in a file is an error that names the new one.
 std::span<const RenamedKey> renamed_config_keys();

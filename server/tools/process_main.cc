@@ -3,6 +3,7 @@
 #include <oneapi/tbb/global_control.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <atomic>
 #include <filesystem>
 #include <memory>
@@ -43,7 +44,7 @@ void declare(CLI::App& app, Arguments& arguments) {
     app.add_option("--device", arguments.device, "cpu or cuda")
         ->check(CLI::IsMember({"cpu", "cuda"}))
         ->capture_default_str();
-    app.add_option("--voxel-mm", arguments.voxel_mm, "Voxel edge (mm, 1 to 200)")->capture_default_str();
+    app.add_option("--voxel-mm", arguments.voxel_mm, "Voxel edge (mm)")->capture_default_str();
     app.add_option("--background-samples", options.pipeline.segmentation.samples,
                    "Background samples per pixel")
         ->capture_default_str();
@@ -55,9 +56,7 @@ void declare(CLI::App& app, Arguments& arguments) {
     app.add_option("--smooth-hz", options.poses.cutoff_hz, "Zero-phase low-pass cutoff (Hz; 0: off)")
         ->check(CLI::Range(0.0, 1000.0))
         ->capture_default_str();
-    app.add_option("--threads", arguments.threads, "Worker threads (0: one per core)")
-        ->check(CLI::Range(0, 1024))
-        ->capture_default_str();
+    app.add_option("--threads", arguments.threads, "Worker threads (0: one per core)")->capture_default_str();
     app.add_option("--every", options.every, "Process every Nth frame set only")
         ->check(CLI::Range(1, 1'000'000))
         ->capture_default_str();
@@ -95,9 +94,11 @@ absl::Status run(const CLI::App& app, Arguments& arguments) {
     kinevox::ProcessOptions& options = arguments.options;
     if (options.out_folder.empty())
         return absl::InvalidArgumentError("--out is empty; give a folder for the results");
-    if (!(arguments.voxel_mm >= 1 && arguments.voxel_mm <= 200))  // also NaN
-        return absl::InvalidArgumentError(
-            fmt::format("--voxel-mm is {:g}; give 1 to 200", arguments.voxel_mm));
+    const kinevox::PipelineConfig given{.voxel_mm = arguments.voxel_mm, .threads = arguments.threads};
+    if (std::string problem = kinevox::kernels::check_ranges(given); !problem.empty()) {
+        std::ranges::replace(problem, '_', '-');  // the key of [pipeline] is the option's name
+        return absl::InvalidArgumentError("--" + problem);
+    }
     options.pipeline.device =
         arguments.device == "cuda" ? kinevox::kernels::Device::kCuda : kinevox::kernels::Device::kCpu;
     options.pipeline.voxel_m = arguments.voxel_mm / 1000;

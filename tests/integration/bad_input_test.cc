@@ -227,7 +227,7 @@ TEST_F(BadInputTest, SpoiledSessionsToTheDaemon) {
     }
 }
 
-TEST_F(BadInputTest, ADaemonOutlivesAVideoThatBreaks) {
+TEST_F(BadInputTest, DaemonSurvivesBrokenVideo) {
     const fs::path session = fresh_session();
     spoil_images(session / "cam2.mp4");
     const fs::path config = folder_.path() / "kinevoxd.toml";
@@ -278,10 +278,12 @@ TEST_F(BadInputTest, FlagsOfProcess) {
         {{good, "--out", (file / "below").string()}, {file.string(), "Not a directory"}},
         {{good, "--out", "/proc/kinevox"}, {"/proc/kinevox", "cannot be written"}},
     };
-    for (const char* edge_mm : {"0", "-5", "1e+09", "0.0001", "nan", "inf", "ten"})
+    for (const char* edge_mm : {"0", "1", "-5", "1e+09", "0.0001", "nan", "inf", "ten"})
         table.push_back({{good, "--out", out(), "--voxel-mm", edge_mm}, {"--voxel-mm", edge_mm}});
     // More voxels than memory holds is noticed at the first lattice, not by running out of it.
-    table.push_back({{good, "--out", out(), "--voxel-mm", "1"}, {"voxel"}});
+    const fs::path wide = folder_.path() / "wide.toml";
+    write(wide, "[pipeline]\nvoxel_mm = 2\n[tracking]\nmargin_m = 1\nmax_lattice_side_m = 10\n");
+    table.push_back({{good, "--out", out(), "--config", wide.string()}, {"voxel"}});
     if (fs::exists("/dev/nvidia0"))
         fmt::print("--device cuda skipped: there is a GPU\n");
     else

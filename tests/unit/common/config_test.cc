@@ -58,8 +58,8 @@ TEST(Config, ExampleDocumentsEveryKey) {
 // The list beside an Options struct is the only declaration: reader, example and defaults come from it.
 TEST(Config, ExampleHoldsEveryListedOption) {
     const std::string example = *read_file(kExample);
-    const PipelineOptions defaults;
-    visit_option_tables(defaults, [&](const std::string& table, const auto& options) {
+    int listed = 0;
+    const auto check = [&](const std::string& table, const auto& options) {
         const std::size_t begin = example.find("\n[" + table + "]\n");
         ASSERT_NE(begin, std::string::npos) << table;
         const std::string section = example.substr(begin, example.find("\n[", begin + 1) - begin);
@@ -73,8 +73,31 @@ TEST(Config, ExampleHoldsEveryListedOption) {
             else
                 EXPECT_EQ(static_cast<Value>(std::stod(found[1])), value) << info.key;
             EXPECT_STRNE(info.help, "") << info.key;
+            ++listed;
+        });
+    };
+    const PipelineOptions pipeline;
+    const DaemonConfig config;
+    visit_option_tables(pipeline, check);
+    visit_config_tables(config, check);
+    EXPECT_GT(listed, 100);
+}
+
+// A value just outside each listed range is refused, by the reader as by `kinevox process`.
+TEST(Config, RefusesValuesOutsideEveryListedRange) {
+    const DaemonConfig defaults;
+    visit_config_tables(defaults, [](const std::string& table, const auto& options) {
+        visit_options(options, [&](const kernels::OptionInfo& info, const auto& value) {
+            if constexpr (!std::is_same_v<std::remove_cvref_t<decltype(value)>, bool>)
+                for (const double bad : {info.min - 1, info.max + 1}) {
+                    const auto config = parse_config_toml(
+                        fmt::format("[{}]\n{} = {:.0f}\n", table, info.key, bad), "/", "probe", false);
+                    EXPECT_THAT(std::string(config.status().message()), HasSubstr(info.key)) << bad;
+                }
         });
     });
+    EXPECT_THAT(kernels::check_ranges(PipelineConfig{.voxel_mm = 1}), HasSubstr("2 to 100"));
+    EXPECT_EQ(kernels::check_ranges(PipelineConfig{}), "");
 }
 
 TEST(Config, ReadsOptionsOfEveryPart) {
