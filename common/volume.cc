@@ -138,6 +138,11 @@ Volume halved(const Volume& volume) {
     return out;
 }
 
+static_assert(std::endian::native == std::endian::little, "points are written as they lie in memory");
+
+constexpr Rgb kGrey{180, 180, 180};
+constexpr std::size_t kPointBytes = 3 * sizeof(float) + 3;
+
 }  // namespace
 
 std::vector<BrickBits> surface_bits(const VolumeGrid& grid, std::span<const VolumeBrick> bricks) {
@@ -225,15 +230,6 @@ Volume coarsened(const Volume& volume, int levels) {
     for (int level = 0; level < levels; ++level) out = halved(out);
     return out;
 }
-
-namespace {
-
-static_assert(std::endian::native == std::endian::little, "points are written as they lie in memory");
-
-constexpr Rgb kGrey{180, 180, 180};
-constexpr std::size_t kPointBytes = 3 * sizeof(float) + 3;
-
-}  // namespace
 
 absl::Status write_volume_ply(const Volume& volume, const std::filesystem::path& file) {
     const std::vector<VoxelIndex> surface = surface_voxels(volume);

@@ -13,6 +13,25 @@ constexpr float kNothing = std::numeric_limits<float>::quiet_NaN();
 constexpr double kMinForRatio_deg = 5;
 constexpr std::int64_t kKept_ns = std::int64_t{1'000'000'000} * AngleHistory::kMaxAge_s;
 
+const char* label(v1::EventKind kind) {
+    switch (kind) {
+        case v1::EVENT_KIND_SUBJECT_FOUND:
+            return "found";
+        case v1::EVENT_KIND_SUBJECT_LOST:
+            return "lost";
+        case v1::EVENT_KIND_RECORDING_STARTED:
+            return "recording";
+        case v1::EVENT_KIND_RECORDING_STOPPED:
+        case v1::EVENT_KIND_RECORDING_FAILED:
+            return "recording ended";
+        case v1::EVENT_KIND_CAMERA_DISCONNECTED:
+        case v1::EVENT_KIND_CAMERA_MOVED:
+            return "camera";
+        default:
+            return nullptr;
+    }
+}
+
 }  // namespace
 
 void AngleHistory::clear() {
@@ -80,29 +99,6 @@ std::optional<double> AngleHistory::left_over_right(const std::string& angle) co
     if (!left || !right || std::abs(*right) < kMinForRatio_deg) return {};
     return *left / *right;
 }
-
-namespace {
-
-const char* label(v1::EventKind kind) {
-    switch (kind) {
-        case v1::EVENT_KIND_SUBJECT_FOUND:
-            return "found";
-        case v1::EVENT_KIND_SUBJECT_LOST:
-            return "lost";
-        case v1::EVENT_KIND_RECORDING_STARTED:
-            return "recording";
-        case v1::EVENT_KIND_RECORDING_STOPPED:
-        case v1::EVENT_KIND_RECORDING_FAILED:
-            return "recording ended";
-        case v1::EVENT_KIND_CAMERA_DISCONNECTED:
-        case v1::EVENT_KIND_CAMERA_MOVED:
-            return "camera";
-        default:
-            return nullptr;
-    }
-}
-
-}  // namespace
 
 void PlotMarks::clear() {
     marks_.clear();

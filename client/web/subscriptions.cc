@@ -68,6 +68,9 @@ bool carries_unknown_fields(const google::protobuf::Message& message) {
     return message.GetReflection()->GetUnknownFields(message).field_count() > 0;
 }
 
+// A message may be early by this fraction of its period: 25 Hz of a jittering 25 Hz stream loses none.
+constexpr double kEarlyFraction = 0.2;
+
 }  // namespace
 
 SubscriptionRequest parse_subscriptions(std::string_view bytes) {
@@ -105,13 +108,6 @@ SubscriptionRequest parse_subscriptions(std::string_view bytes) {
     }
     return out;
 }
-
-namespace {
-
-// A message may be early by this fraction of its period: 25 Hz of a jittering 25 Hz stream loses none.
-constexpr double kEarlyFraction = 0.2;
-
-}  // namespace
 
 void Outbox::subscribe(const std::vector<Subscription>& subscriptions) {
     std::map<Topic, Stream> before = std::exchange(streams_, {});

@@ -71,15 +71,6 @@ class GuardedCredentials final : public grpc::ServerCredentials {
     Guard* const guard_;
 };
 
-}  // namespace
-
-std::shared_ptr<grpc::ServerCredentials> guarded_credentials(const std::optional<ServerIdentity>& identity,
-                                                             Guard* guard) {
-    return std::make_shared<GuardedCredentials>(identity, guard);
-}
-
-namespace {
-
 using grpc::experimental::InterceptionHookPoints;
 
 // Audits one call.
@@ -149,6 +140,11 @@ class AuditInterceptors final : public grpc::experimental::ServerInterceptorFact
 };
 
 }  // namespace
+
+std::shared_ptr<grpc::ServerCredentials> guarded_credentials(const std::optional<ServerIdentity>& identity,
+                                                             Guard* guard) {
+    return std::make_shared<GuardedCredentials>(identity, guard);
+}
 
 std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface> audit_interceptors(
     const Guard& guard) {

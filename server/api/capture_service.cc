@@ -78,6 +78,13 @@ void fill_subscribers(const ApiContext& api, v1::GetStatusResponse& response) {
     response.set_event_subscriber_count(subscribers.events);
 }
 
+using EventReactor = StreamReactor<EventMailbox, v1::WatchEventsResponse>;
+
+// Every daemon captures.
+absl::Status always(const ApiContext&) {
+    return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::Status get_status(const ApiContext& api, v1::GetStatusResponse& response) {
@@ -174,17 +181,6 @@ absl::Status check_watch_events(const v1::WatchEventsRequest& request) {
         fmt::format("history_count is {}; the daemon keeps the latest {} events", request.history_count(),
                     EventLog::kMaxHistory));
 }
-
-namespace {
-
-using EventReactor = StreamReactor<EventMailbox, v1::WatchEventsResponse>;
-
-// Every daemon captures.
-absl::Status always(const ApiContext&) {
-    return absl::OkStatus();
-}
-
-}  // namespace
 
 CaptureServiceImpl::Reactor* CaptureServiceImpl::GetStatus(Context* context, const v1::GetStatusRequest*,
                                                            v1::GetStatusResponse* response) {

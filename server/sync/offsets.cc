@@ -162,6 +162,24 @@ absl::Status check_residuals(const FineOffsets& fine, std::span<const std::strin
     return absl::OkStatus();
 }
 
+constexpr double kMinSeconds = 1;      // with a person in the image
+constexpr double kHardlyMoves = 0.01;  // changed fraction of the silhouette per image; noise alone is below
+
+constexpr double kPixels = 640;  // along the longer side: the unit of scatter and residuals
+
+absl::Status check_seen(const std::vector<CameraMotion>& cameras, double fps) {
+    for (const CameraMotion& camera : cameras) {
+        const auto seen =
+            std::ranges::count_if(camera.shapes, [](const SilhouetteShape& shape) { return shape.seen; });
+        if (static_cast<double>(seen) >= kMinSeconds * fps) continue;
+        return absl::FailedPreconditionError(fmt::format(
+            "camera {}: a person is visible in only {} of {} images; {:g} s are needed. Check that its "
+            "background belongs to this session and that the person walks through its view",
+            camera.camera.name, seen, camera.shapes.size(), kMinSeconds));
+    }
+    return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::StatusOr<OffsetSolution> solve_offsets(std::vector<PairEvidence>& pairs,
@@ -232,28 +250,6 @@ absl::StatusOr<OffsetSolution> solve_offsets(std::vector<PairEvidence>& pairs,
     }
     return out;
 }
-
-namespace {
-
-constexpr double kMinSeconds = 1;      // with a person in the image
-constexpr double kHardlyMoves = 0.01;  // changed fraction of the silhouette per image; noise alone is below
-
-constexpr double kPixels = 640;  // along the longer side: the unit of scatter and residuals
-
-absl::Status check_seen(const std::vector<CameraMotion>& cameras, double fps) {
-    for (const CameraMotion& camera : cameras) {
-        const auto seen =
-            std::ranges::count_if(camera.shapes, [](const SilhouetteShape& shape) { return shape.seen; });
-        if (static_cast<double>(seen) >= kMinSeconds * fps) continue;
-        return absl::FailedPreconditionError(fmt::format(
-            "camera {}: a person is visible in only {} of {} images; {:g} s are needed. Check that its "
-            "background belongs to this session and that the person walks through its view",
-            camera.camera.name, seen, camera.shapes.size(), kMinSeconds));
-    }
-    return absl::OkStatus();
-}
-
-}  // namespace
 
 absl::StatusOr<Alignment> align(const std::vector<CameraMotion>& cameras, double fps,
                                 const AlignOptions& options) {

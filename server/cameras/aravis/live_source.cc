@@ -107,15 +107,6 @@ class LiveSource final : public FrameSource {
     bool started_ = false;  // guarded by shared_->mutex
 };
 
-}  // namespace
-
-std::mutex& aravis_list_mutex() {
-    static std::mutex mutex;  // one, as Aravis has one list
-    return mutex;
-}
-
-namespace {
-
 // Aravis opens a GigE camera by this name but does not list it, so it is read by GVCP (READMEM of the
 // bootstrap register), which needs no control of the camera. Empty if it does not answer in time.
 std::string user_name_of(const std::string& address) {
@@ -147,6 +138,11 @@ std::string user_name_of(const std::string& address) {
 }
 
 }  // namespace
+
+std::mutex& aravis_list_mutex() {
+    static std::mutex mutex;  // one, as Aravis has one list
+    return mutex;
+}
 
 std::vector<FoundCamera> discover_cameras() {
     const std::scoped_lock lock(aravis_list_mutex());

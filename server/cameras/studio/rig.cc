@@ -57,6 +57,35 @@ constexpr std::array<Outfit, 6> kOutfits{{
      {0.5f, 0.5f, 0.5f}},
 }};
 
+// Rotation whose z axis points along -down and whose y axis is nearest to `left`.
+Mat3 limb_frame(Vec3 down, Vec3 left) {
+    const Vec3 z = -normalized(down);
+    const Vec3 y = normalized(left - dot(left, z) * z);
+    const Vec3 x = cross(y, z);
+    return {{x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z}};
+}
+
+struct TwoBone {
+    Mat3 upper, lower;  // world_from_bone
+    double miss;
+};
+
+// Law of cosines; the middle joint moves to the side of `towards`. `hinge_sign` +1: y is the hinge's axis
+// with the middle joint in front (knee), -1: behind (elbow).
+TwoBone two_bone(Vec3 start, Vec3 target, double upper, double lower, Vec3 towards, double hinge_sign) {
+    Vec3 offset = target - start;
+    const double wanted = norm(offset);
+    const Vec3 along = wanted > 1e-9 ? offset / wanted : Vec3{0, 0, -1};
+    const double d = std::clamp(wanted, std::abs(upper - lower) + 1e-3, 0.9995 * (upper + lower));
+    const double c = std::clamp((upper * upper + d * d - lower * lower) / (2 * upper * d), -1.0, 1.0);
+    Vec3 side = towards - dot(towards, along) * along;
+    side = norm(side) > 1e-9 ? normalized(side) : Vec3{1, 0, 0};
+    const Vec3 middle = start + upper * c * along + upper * std::sqrt(1 - c * c) * side;
+    const Vec3 end = start + d * along;
+    const Vec3 left = hinge_sign * cross(side, along);
+    return {limb_frame(middle - start, left), limb_frame(end - middle, left), std::abs(wanted - d)};
+}
+
 }  // namespace
 
 Subject make_subject(std::uint32_t seed, double stature_m) {
@@ -196,39 +225,6 @@ std::array<Vec3, kJointNames.size()> Rig::joints(const PosedRig& posed) const {
     }
     return out;
 }
-
-namespace {
-
-// Rotation whose z axis points along -down and whose y axis is nearest to `left`.
-Mat3 limb_frame(Vec3 down, Vec3 left) {
-    const Vec3 z = -normalized(down);
-    const Vec3 y = normalized(left - dot(left, z) * z);
-    const Vec3 x = cross(y, z);
-    return {{x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z}};
-}
-
-struct TwoBone {
-    Mat3 upper, lower;  // world_from_bone
-    double miss;
-};
-
-// Law of cosines; the middle joint moves to the side of `towards`. `hinge_sign` +1: y is the hinge's axis
-// with the middle joint in front (knee), -1: behind (elbow).
-TwoBone two_bone(Vec3 start, Vec3 target, double upper, double lower, Vec3 towards, double hinge_sign) {
-    Vec3 offset = target - start;
-    const double wanted = norm(offset);
-    const Vec3 along = wanted > 1e-9 ? offset / wanted : Vec3{0, 0, -1};
-    const double d = std::clamp(wanted, std::abs(upper - lower) + 1e-3, 0.9995 * (upper + lower));
-    const double c = std::clamp((upper * upper + d * d - lower * lower) / (2 * upper * d), -1.0, 1.0);
-    Vec3 side = towards - dot(towards, along) * along;
-    side = norm(side) > 1e-9 ? normalized(side) : Vec3{1, 0, 0};
-    const Vec3 middle = start + upper * c * along + upper * std::sqrt(1 - c * c) * side;
-    const Vec3 end = start + d * along;
-    const Vec3 left = hinge_sign * cross(side, along);
-    return {limb_frame(middle - start, left), limb_frame(end - middle, left), std::abs(wanted - d)};
-}
-
-}  // namespace
 
 double Rig::place_leg(Pose& pose, Side side, Vec3 ankle_in_world, const Mat3& world_from_foot,
                       Vec3 forward_in_world) const {
