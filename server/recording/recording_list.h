@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "common/bin.h"
 #include "common/session_file.h"
 
 namespace kinevox {
@@ -50,8 +51,8 @@ absl::Status delete_recording(const std::filesystem::path& folder, const std::st
 // Removes what an interrupted deletion left.
 void sweep_deleted(const std::filesystem::path& folder);
 
-// The bin: one folder per deleted recording, FOLDER/deleted/NAME. A second one of a name replaces the first.
-inline constexpr const char* kBinFolder = "deleted";
+// The bin (common/bin.h): one folder per deleted recording, FOLDER/deleted/NAME. A second one of a name
+// replaces the first.
 struct BinEntry {
     std::filesystem::path folder;
     std::int64_t delete_time_utc_ns = 0;
@@ -66,9 +67,6 @@ struct RetentionLimits {
     std::uint64_t max_total_bytes = 0;  // of all recordings together; 0: unlimited
     bool none() const { return retention_days <= 0 && max_total_bytes == 0; }
 };
-
-// Time that a deleted recording stays in the bin.
-inline constexpr double kBinDays = 7;
 
 // A recording whose folder contains a file of this name is never deleted automatically; its bytes count.
 inline constexpr const char* kPinnedFile = "pinned";

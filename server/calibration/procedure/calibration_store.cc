@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <charconv>
+#include <chrono>
 #include <nlohmann/json.hpp>
 
+#include "common/bin.h"
 #include "common/calibration_file.h"
 #include "common/files.h"
 #include "server/calibration/certificate/certificate.h"
@@ -74,6 +76,18 @@ std::vector<int> numbers_in(const fs::path& folder) {
             numbers.push_back(number);
     std::ranges::sort(numbers);
     return numbers;
+}
+
+// Removes what was deleted more than kBinDays ago.
+void empty_bin(const fs::path& bin) {
+    const auto oldest =
+        fs::file_time_type::clock::now() - std::chrono::hours(static_cast<int>(24 * kBinDays));
+    std::error_code error;
+    for (const int number : numbers_in(bin)) {
+        const fs::path entry = bin / fmt::format("c{}", number);
+        if (const auto deleted = fs::last_write_time(entry, error); !error && deleted < oldest)
+            fs::remove_all(entry, error);
+    }
 }
 
 }  // namespace
@@ -159,7 +173,10 @@ absl::StatusOr<std::string> CalibrationStore::add(const std::vector<Camera>& cam
         written = write_file_atomically(staging / kEntry,
                                         entry.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
     std::string id;
-    for (int number = numbers.empty() ? 1 : numbers.back() + 1; written.ok() && id.empty(); ++number) {
+    // An id in the bin is not used again, so that it can be restored.
+    const std::vector<int> deleted = numbers_in(folder_ / kBinFolder);
+    const int last = std::max(numbers.empty() ? 0 : numbers.back(), deleted.empty() ? 0 : deleted.back());
+    for (int number = last + 1; written.ok() && id.empty(); ++number) {
         id = fmt::format("c{}", number);
         fs::rename(staging, folder_of(id), error);
         if (!error) continue;
@@ -185,14 +202,16 @@ absl::Status CalibrationStore::remove(const std::string& id) {
                 return absl::FailedPreconditionError(fmt::format(
                     "calibration {} is active, or an undo would return to it; undo or apply another first",
                     id));
-    const fs::path staging = folder_ / fmt::format(".old-{}", getpid());
+    const fs::path bin = folder_ / kBinFolder;
     std::error_code error;
-    fs::remove_all(staging, error);
-    fs::rename(folder_of(id), staging, error);
+    empty_bin(bin);
+    fs::remove_all(bin / id, error);
+    fs::create_directories(bin, error);
+    if (!error) fs::rename(folder_of(id), bin / id, error);
     if (error)
         return absl::UnavailableError(
             fmt::format("{}: cannot be deleted ({})", folder_of(id).string(), error.message()));
-    fs::remove_all(staging, error);
+    fs::last_write_time(bin / id, fs::file_time_type::clock::now(), error);  // when it was deleted
     return absl::OkStatus();
 }
 

@@ -46,7 +46,8 @@ class CalibrationStore {
     absl::StatusOr<std::string> add(const std::vector<Camera>& cameras, const std::string& certificate_json,
                                     const std::string& method, std::optional<Verdict> verdict,
                                     const std::string& note, std::int64_t time_utc_ns);
-    // FailedPrecondition if it is active, or an undo would return to it, for any source.
+    // Moves it to the bin (common/bin.h). FailedPrecondition if it is active, or an undo would return to it,
+    // for any source.
     absl::Status remove(const std::string& id);
 
     // NotFound for an unknown id; an empty id is the source's own calibration.

@@ -44,6 +44,28 @@ TEST_F(CalibrationStoreTest, SkipsDamagedEntriesInTheListAndNamesThem) {
     EXPECT_TRUE(store_.find(intact).ok());
 }
 
+TEST_F(CalibrationStoreTest, MovesDeletedCalibrationsToTheBin) {
+    const std::string first = add(), second = add();
+    const auto bin = folder_.path() / "deleted";
+    ASSERT_TRUE(store_.remove(second).ok());
+    EXPECT_TRUE(absl::IsNotFound(store_.find(second).status()));
+    EXPECT_TRUE(std::filesystem::exists(bin / second / "calibration.toml"));
+    EXPECT_EQ(add(), "c3") << "an id in the bin is not used again";
+    std::filesystem::rename(bin / second, folder_.path() / second);
+    EXPECT_TRUE(store_.find(second).ok()) << "restored";
+
+    // After a week the next deletion empties it.
+    ASSERT_TRUE(store_.remove(first).ok());
+    const auto now = std::filesystem::file_time_type::clock::now();
+    std::filesystem::last_write_time(bin / first, now - std::chrono::hours(24 * 6));
+    ASSERT_TRUE(store_.remove(second).ok());
+    EXPECT_TRUE(std::filesystem::exists(bin / first));
+    std::filesystem::last_write_time(bin / first, now - std::chrono::hours(24 * 8));
+    ASSERT_TRUE(store_.remove("c3").ok());
+    EXPECT_FALSE(std::filesystem::exists(bin / first));
+    EXPECT_TRUE(std::filesystem::exists(bin / second));
+}
+
 TEST_F(CalibrationStoreTest, RefusesPathsAsIds) {
     const std::string id = add();
     for (const std::string& other :
