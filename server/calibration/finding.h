@@ -29,6 +29,6 @@ inline Verdict worst(const std::vector<Finding>& findings) {
 }
 
 // Called with the progress (0 to 1) and the current step; returns false to cancel. May be empty.
-using SolveProgress = std::function<bool(double part, const std::string& what)>;
+using SolveProgress = std::function<bool(double progress, const std::string& what)>;
 
 }  // namespace kinevox

@@ -35,7 +35,7 @@ struct CameraMotionOptions {
 };
 
 // Called with the progress (0 to 1) and the current step; false cancels. Serialised, from several threads.
-using Progress = std::function<bool(double part, const std::string& what)>;
+using Progress = std::function<bool(double progress, const std::string& what)>;
 
 // Reads all videos completely; offsets in the session are ignored. Every camera needs a background. Errors
 // name camera and file; Cancelled by `progress`.

@@ -19,7 +19,7 @@ constexpr double kSlow_s = 0.5;                // slower components depend on th
 constexpr double kTangentSmoothing_s = 0.03;
 constexpr double kMinWeight = 0.3;  // of a Gaussian's weight that must lie on values
 
-constexpr double kNearestCentres_m = 0.05;
+constexpr double kMinBaseline_m = 0.05;
 constexpr double kMinOffAxis = 0.17;   // sine: closer to the baseline a plane is unreliable
 constexpr double kMaxAngle_rad = 2.4;  // a silhouette that covers more has the other camera behind it
 
@@ -122,7 +122,7 @@ std::vector<std::array<Signal, 2>> touching_planes(const CameraMotion& a, const 
                                                    const std::vector<HullDirections>& in_b,
                                                    double smoothing) {
     const Vec3 base = b.camera.centre_in_world() - a.camera.centre_in_world();
-    if (!(norm(base) > kNearestCentres_m)) return {};
+    if (!(norm(base) > kMinBaseline_m)) return {};
     const Vec3 axis = normalized(base);
     // Towards the subject, so that no angle is near the end of its range.
     const Vec3 towards = mean_direction(in_a) + mean_direction(in_b);

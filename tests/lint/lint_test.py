@@ -23,6 +23,8 @@ class Words(unittest.TestCase):
         self.assertEqual(self.found("a.md", "Whoever is told; the lens"), ["Whoever", "told", "lens"])
         self.assertEqual(self.found("a.cc", "int least_cameras = kMostViews;"), ["least_cameras", "kMostViews"])
         self.assertEqual(self.found("a.md", "least_cameras"), [])
+        self.assertEqual(self.found("a.cc", "kWidest + turn_deg; LensFit"), ["kWidest", "turn_deg", "LensFit"])
+        self.assertEqual(self.found("a.cc", "TEST(Import, IsToldOnce)"), ["IsToldOnce"])
 
     def test_accepted_words(self):
         self.assertEqual(self.found("a.cc", "// The standard deviation; something; another lensless camera"), [])

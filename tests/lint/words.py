@@ -70,6 +70,11 @@ IDENTIFIERS = [
     r"(?<![Ss]tandard )(?<!^)\b\w*deviations?\w*",
     r"\b\w*sightings?\w*",
     r"\b\w*Sightings?\w*",
+    r"\bk(?:Lowest|Highest|Narrowest|Widest)(?![a-z])\w*",
+    r"\b(?:\w+_)?turn(?:ed)?_(?:deg|rad)\b",
+    r"\b(?:\w+_)?miss_px\b",
+    r"\bLens(?:es)?(?=[A-Z])\w*",
+    r"\b\w*(?:Told|Anew|Nobody|Somebody|Whoever)\w*",
 ]
 TEXT = re.compile(
     "|".join([r"(?<![\w-])(?i:" + "|".join(WORDS) + r")(?!\w)", r"\b(?:" + "|".join(CASE_SENSITIVE_WORDS) + r")\b"])

@@ -112,13 +112,13 @@ void check_distances(const std::vector<Camera>& cameras, const std::vector<Floor
             measured += norm(*p - *q);
         }
     if (known < 0.3) return;
-    const double part = measured / known - 1;
-    if (std::abs(part) < kGoodScale) return;
+    const double error_fraction = measured / known - 1;
+    if (std::abs(error_fraction) < kGoodScale) return;
     result.findings.push_back(
-        {std::abs(part) > kBadScale ? Verdict::kNoGo : Verdict::kCaution, "scale", "",
+        {std::abs(error_fraction) > kBadScale ? Verdict::kNoGo : Verdict::kCaution, "scale", "",
          fmt::format("the distances between the given points are measured {:.1f} % too {}, "
                      "as from a wrong square size or wand length",
-                     100 * std::abs(part), part > 0 ? "long" : "short"),
+                     100 * std::abs(error_fraction), error_fraction > 0 ? "long" : "short"),
          "measure the points again; if they are right, measure the board's squares or "
          "the wand with a ruler and calibrate again"});
 }

@@ -11,7 +11,7 @@
 namespace kinevox {
 namespace {
 
-constexpr double kNearestDepth_m = 0.3;
+constexpr double kMinDepth_m = 0.3;
 constexpr double kOutsidePx = 60;  // cost of a point outside a camera's image
 
 // Pixel of a point in the camera frame. Its derivatives ignore the distortion: that changes the steps by a
@@ -107,7 +107,7 @@ ContourRayCost::Hit ContourRayCost::search(const std::vector<Camera>& cameras, c
     const double centre = dot(middle - origin, along);
     Hit best{0, 1e300};
     const auto try_depth = [&](double depth) {
-        if (depth < kNearestDepth_m) return;
+        if (depth < kMinDepth_m) return;
         const double squares = squares_at(cameras, ray, origin + depth * along);
         if (squares < best.squares) best = {depth, squares};
     };
@@ -134,7 +134,7 @@ ContourRayCost::Hit ContourRayCost::follow(const std::vector<Camera>& cameras, c
     Hit best{depth, squares(depth)};
     const double step = 0.5 * options_.depth_step_m;
     for (const double at : {depth - step, depth + step})
-        if (best.squares > 0 && at > kNearestDepth_m)
+        if (best.squares > 0 && at > kMinDepth_m)
             if (const double there = squares(at); there < best.squares) best = {at, there};
     polish(cameras, ray, best);
     return best;
@@ -162,7 +162,7 @@ void ContourRayCost::polish(const std::vector<Camera>& cameras, const ContourRay
         }
         const double step = std::clamp(-gradient / curvature, -options_.depth_step_m, options_.depth_step_m);
         const double depth = hit.depth + step;
-        if (!(depth > kNearestDepth_m) || std::abs(step) < 1e-5) return;
+        if (!(depth > kMinDepth_m) || std::abs(step) < 1e-5) return;
         const double squares = squares_at(cameras, ray, world_from_own * (depth * ray.direction_in_camera));
         if (!(squares < hit.squares)) return;
         hit = {depth, squares};

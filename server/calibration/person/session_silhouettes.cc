@@ -65,8 +65,8 @@ absl::Status walk_through(FrameSource& source, int frame_sets, bool all_between,
         if (frame % stride != 0) continue;
         if (absl::Status seen = see(*std::move(set), frame >= due); !seen.ok()) return seen;
         if (frame >= due) due += step;
-        const double part = all > 0 ? static_cast<double>(frame) / static_cast<double>(all) : 0.5;
-        if (progress && !progress(part, fmt::format("silhouettes, frame {}", frame)))
+        const double fraction = all > 0 ? static_cast<double>(frame) / static_cast<double>(all) : 0.5;
+        if (progress && !progress(fraction, fmt::format("silhouettes, frame {}", frame)))
             return absl::CancelledError("stopped; nothing was written");
     }
 }

@@ -13,9 +13,9 @@
 namespace kinevox {
 namespace {
 
-constexpr double kMinOffAxis = 0.17;  // closer to the baseline a plane is unreliable
-constexpr double kWidest = 2.4;       // radians: a silhouette that covers more has the other camera behind it
-constexpr std::size_t kBlock = 8;     // frame sets summed together: makes the sum independent of the threads
+constexpr double kMinOffAxis = 0.17;   // closer to the baseline a plane is unreliable
+constexpr double kMaxAngle_rad = 2.4;  // a silhouette that covers more has the other camera behind it
+constexpr std::size_t kBlock = 8;      // frame sets summed together: makes the sum independent of the threads
 
 }  // namespace
 
@@ -60,15 +60,15 @@ void SilhouetteTangents::touch(const Shape& shape, const Camera& camera, Vec3 ax
     const Mat3& rotation = camera.camera_from_world.rotation;
     // In the camera frame: two dot products per direction instead of a rotation.
     const Vec3 u = rotation * reference, v = rotation * cross(axis, reference);
-    double least = 10, most = -10;
+    double min_angle = 10, max_angle = -10;
     std::size_t first = 0, last = 0;
     for (std::size_t i = 0; i < shape.directions_in_camera.size(); ++i) {
         const Vec3 d = shape.directions_in_camera[i];
         const double angle = std::atan2(dot(v, d), dot(u, d));
-        if (angle < least) least = angle, first = i;
-        if (angle > most) most = angle, last = i;
+        if (angle < min_angle) min_angle = angle, first = i;
+        if (angle > max_angle) max_angle = angle, last = i;
     }
-    if (most - least > kWidest) return;
+    if (max_angle - min_angle > kMaxAngle_rad) return;
     for (const int k : {0, 1}) {
         const std::size_t i = k == 0 ? first : last;
         if (shape.at_border[i]) continue;
