@@ -29,21 +29,6 @@ int edit_distance(const std::string& a, const std::string& b) {
     return row.back();
 }
 
-}  // namespace
-
-std::optional<std::string> closest_word(const std::string& word, const std::vector<std::string>& candidates) {
-    std::optional<std::string> best;
-    int best_distance = std::min(3, static_cast<int>(word.size() + 1) / 2);
-    for (const std::string& candidate : candidates)
-        if (const int distance = edit_distance(word, candidate); distance < best_distance) {
-            best = candidate;
-            best_distance = distance;
-        }
-    return best;
-}
-
-namespace {
-
 using Apps = std::vector<const CLI::App*>;  // a command with those above it
 
 std::vector<const CLI::App*> subcommands(const CLI::App& app) {
@@ -95,6 +80,17 @@ std::string first_unknown_word(const CLI::App& root, const std::vector<std::stri
 
 }  // namespace
 
+std::optional<std::string> closest_word(const std::string& word, const std::vector<std::string>& candidates) {
+    std::optional<std::string> best;
+    int best_distance = std::min(3, static_cast<int>(word.size() + 1) / 2);
+    for (const std::string& candidate : candidates)
+        if (const int distance = edit_distance(word, candidate); distance < best_distance) {
+            best = candidate;
+            best_distance = distance;
+        }
+    return best;
+}
+
 int report_failure(const std::string& name, const std::string& message) {
     if (!message.empty()) fmt::print(stderr, "{}: {}\n", name, one_line(message));
     return 1;
@@ -117,7 +113,13 @@ std::string parse_error_text(const CLI::App& app, const std::vector<std::string>
     return fmt::format("{}{} see {} --help", text, text.ends_with('?') ? "" : ";", app.get_name());
 }
 
+void add_exit_status_help(CLI::App& app) {
+    if (app.get_footer().empty()) app.footer(kExitStatusHelp);
+    for (CLI::App* sub : app.get_subcommands([](CLI::App*) { return true; })) add_exit_status_help(*sub);
+}
+
 std::optional<int> parse_command_line(CLI::App& app, int argc, const char* const* argv) {
+    add_exit_status_help(app);
     try {
         app.parse(argc, argv);
         return std::nullopt;

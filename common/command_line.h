@@ -31,7 +31,11 @@ std::optional<std::string> closest_word(const std::string& word, const std::vect
 std::string unknown_word_text(const std::string& kind, const std::string& word,
                               const std::vector<std::string>& known);
 
-// Parses the command line; the exit status where the program ends with that: help, version or an error.
+// Ends the help of the app and its subcommands with kExitStatusHelp, where they have no other footer.
+void add_exit_status_help(CLI::App& app);
+
+// Parses the command line, with add_exit_status_help(); the exit status where the program ends with that:
+// help, version or an error.
 std::optional<int> parse_command_line(CLI::App& app, int argc, const char* const* argv);
 
 // A whole program: parses, runs, reports. An error without a message is one that `run` has reported itself.

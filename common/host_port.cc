@@ -29,9 +29,14 @@ std::optional<HostPort> parse_host_port(std::string_view text) {
     return HostPort{std::string(host), static_cast<int>(number)};
 }
 
+std::string host_of(std::string_view text) {
+    if (const auto address = parse_host_port(text)) return address->host;
+    if (text.size() > 2 && text.front() == '[' && text.back() == ']') text = text.substr(1, text.size() - 2);
+    return std::string(text);
+}
+
 bool is_loopback(const std::string& host_and_port) {
-    const auto address = parse_host_port(host_and_port);
-    const std::string& host = address ? address->host : host_and_port;
+    const std::string host = host_of(host_and_port);
     if (host == "localhost") return true;
     in_addr v4{};
     if (inet_pton(AF_INET, host.c_str(), &v4) == 1) return ntohl(v4.s_addr) >> 24 == 127;

@@ -18,8 +18,11 @@ struct HostPort {
 // port is not a number from 0 to 65535. Names are not resolved.
 std::optional<HostPort> parse_host_port(std::string_view text);
 
-// Whether an address never leaves this machine: of HOST:PORT, [HOST]:PORT with IPv6: localhost, 127.0.0.0/8
-// and ::1. Names are not resolved.
+// The host of HOST:PORT or of HOST alone, without the brackets of IPv6.
+std::string host_of(std::string_view text);
+
+// Whether an address never leaves this machine: of HOST:PORT or HOST: localhost, 127.0.0.0/8 and ::1. Names
+// are not resolved.
 bool is_loopback(const std::string& host_and_port);
 
 }  // namespace kinevox

@@ -52,10 +52,6 @@ std::string active_text(const std::string& id, bool active) {
                    : " is pending: active from the next start of the capture; --restart applies it now");
 }
 
-std::string method_text(v1::CalibrationMethod method) {
-    return short_name(*v1::CalibrationMethod_descriptor()->FindValueByNumber(method));
-}
-
 std::string calibrations_text(const v1::ListCalibrationsResponse& response) {
     Table table({"id", "created (UTC)", "verdict", "method", "state", "note"});
     if (response.active_id().empty()) table.add({"-", "", "", "", "active", "the source's own calibration"});
@@ -65,7 +61,7 @@ std::string calibrations_text(const v1::ListCalibrationsResponse& response) {
                                   : entry.compatible()                  ? ""
                                                                         : "incompatible";
         table.add({entry.id(), google::protobuf::util::TimeUtil::ToString(entry.create_time()).substr(0, 16),
-                   client::verdict_text(entry.verdict(), "-"), method_text(entry.method()), state,
+                   client::verdict_text(entry.verdict(), "-"), client::method_text(entry.method()), state,
                    entry.note()});
     }
     return table.text();

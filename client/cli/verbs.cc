@@ -9,6 +9,8 @@
 #include <filesystem>
 #include <iostream>
 
+#include "common/command_line.h"
+
 namespace kinevox::cli {
 namespace {
 
@@ -45,7 +47,7 @@ void add_global_options(CLI::App& app, GlobalOptions& global) {
 void show_global_options_in_help(CLI::App& app) {
     const std::function<void(CLI::App&)> add = [&](CLI::App& parent) {
         for (CLI::App* sub : parent.get_subcommands([](CLI::App*) { return true; })) {
-            sub->footer([&app] { return global_options_help(app); });
+            sub->footer([&app] { return global_options_help(app) + "\n" + kExitStatusHelp; });
             add(*sub);
         }
     };

@@ -210,6 +210,23 @@ std::string verdict_text(v1::Verdict verdict, const char* unjudged) {
     }
 }
 
+std::string method_text(v1::CalibrationMethod method) {
+    switch (method) {
+        case v1::CALIBRATION_METHOD_INTRINSICS_BOARD:
+            return "intrinsics from a board";
+        case v1::CALIBRATION_METHOD_EXTRINSICS_BOARD:
+            return "extrinsics from a board";
+        case v1::CALIBRATION_METHOD_EXTRINSICS_WAND:
+            return "extrinsics from a wand";
+        case v1::CALIBRATION_METHOD_PERSON:
+            return "silhouettes of a person";
+        case v1::CALIBRATION_METHOD_IMPORT:
+            return "imported";
+        default:
+            return "unknown method";
+    }
+}
+
 std::string finding_line(const v1::CertificateFinding& finding) {
     const bool named =
         finding.camera().empty() || finding.reason().find(finding.camera()) != std::string::npos;

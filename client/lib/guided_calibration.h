@@ -94,6 +94,8 @@ bool is_open(const v1::WatchProcedureResponse& progress);
 
 // "NO-GO"; `unjudged` where there is no verdict.
 std::string verdict_text(v1::Verdict verdict, const char* unjudged);
+// "extrinsics from a board"; the words of the certificate's page, too.
+std::string method_text(v1::CalibrationMethod method);
 // A finding on one line: camera, reason, remedy.
 std::string finding_line(const v1::CertificateFinding& finding);
 

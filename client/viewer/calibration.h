@@ -36,7 +36,6 @@ CalibrationStep step_of(const v1::WatchProcedureResponse& progress);
 // "GO", or "not checked", and what it means.
 std::string verdict_text(v1::Verdict verdict);
 std::string verdict_sentence(v1::Verdict verdict);
-std::string method_text(v1::CalibrationMethod method);
 // Name and value of each known quality measure.
 std::vector<std::pair<std::string, std::string>> certificate_values(const v1::Certificate& certificate);
 

@@ -318,7 +318,7 @@ void CalibrationPanel::show_stored() {
         const bool pending = entry.id() == stored.pending_id() && !entry.active();
         QString line = QString("%1   %2   %3   %4")
                            .arg(text(entry.id()), when, text(verdict_text(entry.verdict())),
-                                text(method_text(entry.method())));
+                                text(client::method_text(entry.method())));
         if (entry.active()) line += tr("   active");
         if (pending) line += tr("   from the next start");
         if (!entry.compatible()) line += tr("   for other cameras");

@@ -85,23 +85,6 @@ std::string verdict_sentence(v1::Verdict verdict) {
     }
 }
 
-std::string method_text(v1::CalibrationMethod method) {
-    switch (method) {
-        case v1::CALIBRATION_METHOD_INTRINSICS_BOARD:
-            return "intrinsics, board";
-        case v1::CALIBRATION_METHOD_EXTRINSICS_BOARD:
-            return "extrinsics, board";
-        case v1::CALIBRATION_METHOD_EXTRINSICS_WAND:
-            return "extrinsics, wand";
-        case v1::CALIBRATION_METHOD_PERSON:
-            return "walking person";
-        case v1::CALIBRATION_METHOD_IMPORT:
-            return "imported";
-        default:
-            return "unknown method";
-    }
-}
-
 std::vector<std::pair<std::string, std::string>> certificate_values(const v1::Certificate& c) {
     std::vector<std::pair<std::string, std::string>> values;
     if (c.has_held_out_reprojection_rms_px())

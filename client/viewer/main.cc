@@ -10,6 +10,7 @@
 #include "client/viewer/connect_dialog.h"
 #include "client/viewer/main_window.h"
 #include "client/viewer/scene_view.h"
+#include "common/command_line.h"
 
 namespace {
 
@@ -49,7 +50,7 @@ int main(int argc, char** argv) {
         ->capture_default_str();
     app.allow_extras();  // Qt's own options
     // Before QApplication, which needs a display: --help must not.
-    CLI11_PARSE(app, argc, argv);
+    if (const auto ended = parse_command_line(app, argc, argv)) return *ended;
 
     std::vector<std::string> qt_options = app.remaining();
     std::vector<char*> qt_argv{argv[0]};

@@ -11,6 +11,8 @@
 #include <iterator>
 #include <utility>
 
+#include "common/host_port.h"
+
 namespace kinevox::web {
 namespace {
 
@@ -60,6 +62,46 @@ bool hidden(const fs::path& relative) {
     return false;
 }
 
+// The page's own scripts, styles, images and WebSocket only.
+constexpr const char* kContentSecurity =
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; font-src 'self'; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+std::string lower(std::string text) {
+    std::ranges::transform(text, text.begin(), [](unsigned char c) { return std::tolower(c); });
+    return text;
+}
+
+bool host_allowed(const std::string& host, const HttpRules& rules) {
+    const std::string name = lower(host_of(host));
+    in_addr v4{};
+    in6_addr v6{};
+    if (inet_pton(AF_INET, name.c_str(), &v4) == 1 || inet_pton(AF_INET6, name.c_str(), &v6) == 1)
+        return true;
+    if (name == "localhost") return true;
+    return std::ranges::any_of(rules.allowed_hosts,
+                               [&](const std::string& allowed) { return lower(allowed) == name; });
+}
+
+HttpReply plain(int status, std::string text) {
+    HttpReply reply;
+    reply.status = status;
+    reply.text = std::move(text) + "\n";
+    reply.headers = {{"Content-Type", "text/plain; charset=utf-8"},
+                     {"Cache-Control", "no-store"},
+                     {"X-Content-Type-Options", "nosniff"}};
+    return reply;
+}
+
+// What is wrong with any request, WebSocket or not.
+std::optional<HttpReply> reject(const HttpRequest& request, const HttpRules& rules) {
+    if (request.host_count > 1) return plain(400, "more than one Host header");
+    if (!host_allowed(request.host, rules))
+        return plain(421, fmt::format("Host '{}' is not allowed; allow it with --allow-host",
+                                      host_of(request.host).substr(0, 100)));
+    return {};
+}
+
 }  // namespace
 
 absl::StatusOr<Pages> Pages::read(const fs::path& folder) {
@@ -98,56 +140,6 @@ const Page* Pages::find(std::string_view target) const {
     const auto found = pages_.find(path == "/" ? std::string_view("/index.html") : path);
     return found == pages_.end() ? nullptr : &found->second;
 }
-
-namespace {
-
-// The page's own scripts, styles, images and WebSocket only.
-constexpr const char* kContentSecurity =
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; font-src 'self'; "
-    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
-
-std::string lower(std::string text) {
-    std::ranges::transform(text, text.begin(), [](unsigned char c) { return std::tolower(c); });
-    return text;
-}
-
-std::string without_port(const std::string& host) {
-    if (host.starts_with('['))
-        return host.substr(1, host.find(']') == std::string::npos ? 0 : host.find(']') - 1);
-    return host.substr(0, host.rfind(':'));
-}
-
-bool host_allowed(const std::string& host, const HttpRules& rules) {
-    const std::string name = lower(without_port(host));
-    in_addr v4{};
-    in6_addr v6{};
-    if (inet_pton(AF_INET, name.c_str(), &v4) == 1 || inet_pton(AF_INET6, name.c_str(), &v6) == 1)
-        return true;
-    if (name == "localhost") return true;
-    return std::ranges::any_of(rules.allowed_hosts,
-                               [&](const std::string& allowed) { return lower(allowed) == name; });
-}
-
-HttpReply plain(int status, std::string text) {
-    HttpReply reply;
-    reply.status = status;
-    reply.text = std::move(text) + "\n";
-    reply.headers = {{"Content-Type", "text/plain; charset=utf-8"},
-                     {"Cache-Control", "no-store"},
-                     {"X-Content-Type-Options", "nosniff"}};
-    return reply;
-}
-
-// What is wrong with any request, WebSocket or not.
-std::optional<HttpReply> reject(const HttpRequest& request, const HttpRules& rules) {
-    if (request.host_count > 1) return plain(400, "more than one Host header");
-    if (!host_allowed(request.host, rules))
-        return plain(421, fmt::format("Host '{}' is not allowed; allow it with --allow-host",
-                                      without_port(request.host).substr(0, 100)));
-    return {};
-}
-
-}  // namespace
 
 HttpReply answer(const HttpRequest& request, const Pages& pages, const HttpRules& rules) {
     if (std::optional<HttpReply> rejection = reject(request, rules)) return *std::move(rejection);

@@ -11,6 +11,7 @@
 
 #include "client/lib/client_program.h"
 #include "client/web/gateway.h"
+#include "common/command_line.h"
 
 namespace {
 
@@ -27,9 +28,20 @@ std::string default_pages() {
     return (folder / "../share/kinevox/exhibit").lexically_normal().string();
 }
 
-int fail(const absl::Status& status) {
-    fmt::print(stderr, "kinevox-web: {}\n", std::string(status.message()));
-    return 1;
+absl::Status serve(web::GatewayOptions options, const client::ConnectionOptions& connection,
+                   const std::string& page_folder) {
+    const auto daemon = connection.open();
+    if (!daemon.ok()) return daemon.status();
+    options.daemon = *daemon;
+    options.max_connections = 4 * options.max_clients;
+    auto pages = web::Pages::read(page_folder);
+    if (!pages.ok()) return pages.status();
+    const auto gateway = web::Gateway::open(options, *std::move(pages));
+    if (!gateway.ok()) return gateway.status();
+    fmt::print("ready on {}\n", (*gateway)->address());
+    std::fflush(stdout);
+    (*gateway)->run();
+    return absl::OkStatus();
 }
 
 }  // namespace
@@ -45,9 +57,6 @@ int main(int argc, char** argv) {
         "images.",
         "kinevox-web");
     app.set_version_flag("--version", std::string("kinevox-web ") + KINEVOX_VERSION);
-    app.failure_message([](const CLI::App*, const CLI::Error& error) {
-        return "kinevox-web: " + std::string(error.what()) + "\n";
-    });
     client::add_connection_options(app, connection);
     app.add_option("--listen", options.listen, "HOST:PORT for browsers (port 0: a free port)")
         ->capture_default_str();
@@ -60,18 +69,5 @@ int main(int argc, char** argv) {
     app.add_option("--max-clients", options.max_clients, "Maximum simultaneous browsers")
         ->check(CLI::Range(1, 1000))
         ->capture_default_str();
-    CLI11_PARSE(app, argc, argv);
-    const auto daemon = connection.open();
-    if (!daemon.ok()) return fail(daemon.status());
-    options.daemon = *daemon;
-    options.max_connections = 4 * options.max_clients;
-
-    auto pages = web::Pages::read(page_folder);
-    if (!pages.ok()) return fail(pages.status());
-    const auto gateway = web::Gateway::open(options, *std::move(pages));
-    if (!gateway.ok()) return fail(gateway.status());
-    fmt::print("ready on {}\n", (*gateway)->address());
-    std::fflush(stdout);
-    (*gateway)->run();
-    return 0;
+    return tool_main(app, argc, argv, [&] { return serve(options, connection, page_folder); });
 }

@@ -15,6 +15,7 @@
 #include <csignal>
 #include <cstdio>
 
+#include "common/command_line.h"
 #include "common/host_port.h"
 #include "server/cameras/session_source.h"
 #include "server/config/daemon_config.h"
@@ -149,12 +150,7 @@ int kinevox::run_kinevoxd(int argc, char** argv, const MakeGpu& make_gpu) {
     app.add_flag(kInsecureFlag, insecure,
                  "Serve on the network without TLS and tokens; everyone there may watch, record and delete");
     app.set_version_flag("--version", std::string("kinevoxd ") + KINEVOX_VERSION);
-    try {
-        app.parse(argc, argv);
-    } catch (const CLI::ParseError& error) {
-        return error.get_exit_code() == 0 ? app.exit(error)
-                                          : fail(std::string(error.what()) + "; see kinevoxd --help");
-    }
+    if (const auto ended = parse_command_line(app, argc, argv)) return *ended;
     DaemonConfig config;
     if (!config_file.empty()) {
         auto read = read_config(config_file);

@@ -11,7 +11,6 @@ int main(int argc, char** argv) {
     CLI::App app("Camera calibration on files: intrinsics, extrinsics, world frame and their quality.",
                  "kinevox calibrate");
     app.require_subcommand(1);
-    app.footer(kinevox::kExitStatusHelp);
     std::vector<Verb> verbs;
     for (const auto& more : {intrinsics_verbs(app), extrinsics_verbs(app), floor_verbs(app),
                              session_verbs(app), convert_verbs(app)})

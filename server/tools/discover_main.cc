@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/command_line.h"
+#include "common/progress_line.h"
 #include "server/cameras/aravis/live_source.h"
 
 namespace {
@@ -19,7 +20,10 @@ nlohmann::ordered_json to_json(const FoundCamera& camera) {
 
 // Exit status 1 without a camera; a JSON list is printed in any case.
 absl::Status discover(bool json) {
+    ProgressLine line(json);
+    line.draw("searching for cameras ...");
     const auto found = discover_cameras();
+    line.clear();
     if (json) {
         auto list = nlohmann::ordered_json::array();
         for (const FoundCamera& camera : found) list.push_back(to_json(camera));

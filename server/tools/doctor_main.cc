@@ -6,6 +6,7 @@
 #include <cstdlib>
 
 #include "common/command_line.h"
+#include "common/progress_line.h"
 #include "server/tools/doctor/checks.h"
 
 namespace {
@@ -42,6 +43,8 @@ absl::Status examine(Arguments arguments) {
     if (!arguments.config_file.empty()) facts.config = read_config(arguments.config_file);
     if (!arguments.config_file.empty() && absl::IsNotFound(facts.config.status()))
         return facts.config.status();
+    ProgressLine line(arguments.json);
+    line.draw("checking the machine ...");
     if (!arguments.no_discovery) facts.found = discover_cameras();
     facts.state_folder = state_folder(arguments.config_file);
     const auto configured = facts.settings().recording.folder;
@@ -51,6 +54,7 @@ absl::Status examine(Arguments arguments) {
         facts.recordings = facts.state_folder / "recordings";
 
     const doctor::Findings findings = doctor::check_all(facts);
+    line.clear();
     if (arguments.script)
         fmt::print("{}", fix_script(findings));
     else if (arguments.json)

@@ -20,9 +20,11 @@
 #include "server/sync/offsets.h"
 #include "server/tools/console.h"
 
-namespace kinevox::sync {
 namespace {
 
+namespace fs = std::filesystem;
+using namespace kinevox;
+using namespace kinevox::sync;
 using Json = nlohmann::ordered_json;
 
 Json number(double value) {
@@ -100,18 +102,11 @@ Json page_json_of(const Session& session, const Alignment& alignment) {
     return out;
 }
 
-}  // namespace
-}  // namespace kinevox::sync
-
-namespace {
-
-namespace fs = std::filesystem;
-using namespace kinevox;
-
 struct Arguments {
     fs::path session_file, plot;
-    sync::AlignOptions align;
-    bool dry_run = false, no_plot = false, no_extrinsics = false, json = false, quiet = false;
+    AlignOptions align;
+    bool dry_run = false, no_plot = false, no_extrinsics = false, overwrite = false, json = false,
+         quiet = false;
 };
 
 void declare(CLI::App& app, Arguments& arguments) {
@@ -126,16 +121,17 @@ void declare(CLI::App& app, Arguments& arguments) {
     app.add_flag("--dry-run", arguments.dry_run, "Report offsets without writing them");
     app.add_option("--plot", arguments.plot, "Plot file (.png; default: sync.png next to the session)");
     app.add_flag("--no-plot", arguments.no_plot, "Draw no plot");
+    app.add_flag("--overwrite", arguments.overwrite, "Replace an existing file given by --plot");
     app.add_flag("--json", arguments.json, "Print one JSON object");
     app.add_flag("--quiet", arguments.quiet, "Print no progress");
 }
 
 // Through a temporary file: another program draws the page.
-absl::Status draw_page(const Session& session, const sync::Alignment& alignment, const fs::path& plot) {
+absl::Status draw_page(const Session& session, const Alignment& alignment, const fs::path& plot) {
     std::error_code error;
     const fs::path json = fs::temp_directory_path(error) / fmt::format("kinevox-sync-{}.json", getpid());
     if (error) return absl::UnavailableError("no folder for temporary files; set TMPDIR");
-    absl::Status status = write_file_atomically(json, sync::page_json_of(session, alignment).dump());
+    absl::Status status = write_file_atomically(json, page_json_of(session, alignment).dump());
     if (status.ok()) status = draw_report_page(json, plot);
     if (status.code() == absl::StatusCode::kUnavailable)
         status = absl::UnavailableError(
@@ -152,9 +148,9 @@ absl::Status run(const Arguments& arguments) {
         return absl::FailedPreconditionError(fmt::format(
             "{}: recorded by kinevoxd, whose cameras are already synchronised; there is nothing to align",
             arguments.session_file.string()));
-    const auto motion = sync::read_motion(*session, {}, console_progress(arguments.quiet));
+    const auto motion = read_motion(*session, {}, console_progress(arguments.quiet));
     if (!motion.ok()) return motion.status();
-    const auto alignment = sync::align(*motion, session->fps, arguments.align);
+    const auto alignment = align(*motion, session->fps, arguments.align);
     if (!alignment.ok()) return alignment.status();
 
     // The page first: a failure must not leave a partial result.
@@ -168,18 +164,18 @@ absl::Status run(const Arguments& arguments) {
     }
     if (!arguments.dry_run) {
         std::vector<double> offsets;
-        for (const sync::CameraFit& camera : alignment->solution.cameras) offsets.push_back(camera.offset_s);
+        for (const CameraFit& camera : alignment->solution.cameras) offsets.push_back(camera.offset_s);
         if (absl::Status written = write_offsets(arguments.session_file, offsets); !written.ok())
             return written;
     }
     if (arguments.json) {
-        auto json = sync::json_of(*session, *alignment);
+        auto json = json_of(*session, *alignment);
         json["written"] = !arguments.dry_run;
         json["plot"] = drawn ? nlohmann::ordered_json(plot.string()) : nlohmann::ordered_json(nullptr);
         fmt::print("{}\n", json.dump());
         return absl::OkStatus();
     }
-    fmt::print("{}", sync::table_of(*session, *alignment));
+    fmt::print("{}", table_of(*session, *alignment));
     fmt::print("{}\n", alignment->used_extrinsics ? "from silhouette motion and extrinsics"
                                                   : "from silhouette motion, without extrinsics");
     if (drawn) fmt::print("plot in {}\n", plot.string());
@@ -195,13 +191,17 @@ int main(int argc, char** argv) {
         "Estimate each camera's time offset from silhouette motion and write it to session.toml; reports why "
         "if it cannot.",
         "kinevox sync");
-    app.footer(kExitStatusHelp);
     Arguments arguments;
     declare(app, arguments);
     return tool_main(app, argc, argv, [&]() -> absl::Status {
         if (!arguments.plot.empty() && arguments.plot.extension() != ".png")
             return absl::InvalidArgumentError(
                 fmt::format("--plot is '{}'; give a file that ends in .png", arguments.plot.string()));
+        std::error_code error;
+        if (!arguments.overwrite && !arguments.no_plot && !arguments.plot.empty() &&
+            fs::exists(arguments.plot, error))
+            return absl::AlreadyExistsError(
+                fmt::format("{}: exists; give another --plot, or --overwrite", arguments.plot.string()));
         arguments.align.use_extrinsics = !arguments.no_extrinsics;
         silence_video_libraries();
         return run(arguments);

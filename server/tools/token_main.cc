@@ -84,7 +84,7 @@ absl::Status revoke(const Arguments& arguments) {
 int main(int argc, char** argv) {
     Arguments arguments;
     CLI::App app(
-        "Manage access tokens of clients. The daemon reads their hashes from the file [server] tokens_file; "
+        "Manage access tokens of clients. The daemon reads their hashes from the file [server] token_file; "
         "changes take effect within two seconds.",
         "kinevox token");
     app.require_subcommand(1);

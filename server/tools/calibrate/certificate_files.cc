@@ -31,11 +31,11 @@ void declare_output(CLI::App& command, Output& output) {
     command.add_flag("--quiet", output.quiet, "Print no progress");
 }
 
-absl::Status check_output(const Output& output) {
+absl::Status check_output(const Output& output, const char* extension) {
     std::error_code error;
-    if (output.overwrite || output.file.empty() || !fs::exists(output.file, error)) return absl::OkStatus();
-    return absl::AlreadyExistsError(
-        fmt::format("{}: exists; give another --out, or --overwrite", output.file));
+    const std::string file = output.file + extension;
+    if (output.overwrite || output.file.empty() || !fs::exists(file, error)) return absl::OkStatus();
+    return absl::AlreadyExistsError(fmt::format("{}: exists; give another --out, or --overwrite", file));
 }
 
 absl::Status write_certificate(Certificate certificate, const fs::path& base, const Output& output) {

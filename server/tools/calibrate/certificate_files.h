@@ -33,8 +33,9 @@ struct Output {
 // Declares --out, --overwrite, --json and --quiet.
 void declare_output(CLI::App& command, Output& output);
 
-// AlreadyExists if the file exists and may not be replaced; before the long work.
-absl::Status check_output(const Output& output);
+// AlreadyExists if the file, with `extension` added to its name, exists and may not be replaced; before the
+// long work.
+absl::Status check_output(const Output& output, const char* extension = "");
 
 // Writes `base`.json and, if kinevox-report can draw it, `base`.png; prints why the page could not be drawn.
 absl::Status write_certificate(Certificate certificate, const std::filesystem::path& base,

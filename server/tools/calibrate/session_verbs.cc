@@ -60,6 +60,7 @@ absl::Status refine(const SessionArguments& arguments) {
 }
 
 absl::Status check(const SessionArguments& arguments) {
+    if (absl::Status free = check_output(arguments.output, ".json"); !free.ok()) return free;
     const SolveProgress progress = console_progress(arguments.output.quiet);
     const auto seen = open(arguments, progress);
     if (!seen.ok()) return seen.status();
@@ -104,6 +105,7 @@ std::vector<Verb> session_verbs(CLI::App& app) {
         declare(app, "check", "Check a session's calibration (GO, CAUTION, NO-GO)", *checked);
     check_verb->add_option("--out", checked->output.file,
                            "Base name of the certificate (.json and .png are added)");
+    check_verb->add_flag("--overwrite", checked->output.overwrite, "Replace an existing certificate");
     check_verb->add_flag("--json", checked->output.json, "Print the certificate as JSON");
     check_verb->add_flag("--quiet", checked->output.quiet, "Print no progress");
     return {{refine_verb, [refined] { return refine(*refined); }},

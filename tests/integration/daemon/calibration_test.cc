@@ -447,7 +447,8 @@ TEST_F(CalibrationTest, IsGuidedFromTheCommandLine) {
                                      HasSubstr("held-out reprojection error"), HasSubstr("stored as c1")));
     EXPECT_EQ(kinevox({"calibrate", "apply", "c1", "--force"}).output, "c1 is active\n");
     EXPECT_THAT(kinevox({"calibrate", "list"}).output,
-                AllOf(HasSubstr("c1 "), HasSubstr("active"), HasSubstr("hall")));
+                AllOf(HasSubstr("c1 "), HasSubstr("extrinsics from a board"), HasSubstr("active"),
+                      HasSubstr("hall")));
     const auto certificate = kinevox({"calibrate", "show", "c1"});
     EXPECT_THAT(certificate.output, AllOf(HasSubstr("camera"), HasSubstr(board_->truth[0].name)));
     EXPECT_EQ(json::parse(kinevox({"calibrate", "show", "c1", "--json"}).output)["method"],

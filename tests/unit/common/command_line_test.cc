@@ -40,6 +40,16 @@ TEST(HostPort, RefusesOtherText) {
         EXPECT_FALSE(parse_host_port(text)) << text;
 }
 
+TEST(HostPort, HostOfAddressWithAndWithoutPort) {
+    for (const auto& [text, host] : {std::pair{"localhost:80", "localhost"},
+                                     {"localhost", "localhost"},
+                                     {"[::1]:80", "::1"},
+                                     {"[::1]", "::1"},
+                                     {"::1", "::1"},
+                                     {"[", "["}})
+        EXPECT_EQ(host_of(text), host) << text;
+}
+
 TEST(ClosestWord, SuggestsSmallEditsOnly) {
     const std::vector<std::string> words{"status", "start", "stop", "stream", "--max-rate"};
     EXPECT_EQ(closest_word("statsu", words), "status");

@@ -11,9 +11,9 @@ COLOURS = {"GO": "#1f8a4c", "CAUTION": "#c98a00", "NO-GO": "#c0392b"}
 MEANING = {"GO": "Ready to record.", "CAUTION": "Usable with caution.", "NO-GO": "Do not record with this."}
 METHODS = {
     "intrinsics_board": "intrinsics from a board",
-    "extrinsics_board": "extrinsics from a moving board",
-    "extrinsics_wand": "extrinsics from a moving wand",
-    "person": "from the silhouettes of a person",
+    "extrinsics_board": "extrinsics from a board",
+    "extrinsics_wand": "extrinsics from a wand",
+    "person": "silhouettes of a person",
     "check": "checked with the silhouettes of a person",
     "floor": "world frame redefined",
     "import": "imported",
