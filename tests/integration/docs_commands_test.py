@@ -36,7 +36,7 @@ PROGRAMS = {
 # First words of lines that are no commands of Kinevox; not checked further.
 OTHER_PROGRAMS = (
     "apt apt-get chromium cmake ctest curl export find git journalctl ninja openssl pip podman prometheus python3 sbatch "
-    "scp source sudo systemctl"
+    "g++ scp source sudo systemctl"
 ).split()
 OPTION = re.compile(r"(?<![\w-])(--[a-z][a-z0-9-]*)")
 
