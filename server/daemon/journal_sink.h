@@ -17,7 +17,7 @@ inline constexpr const char* kJournalSocket = "/run/systemd/journal/socket";
 bool stderr_is_journal();
 
 // One datagram per line, by the journal's native protocol. A line that the journal does not accept at once
-// goes to standard error, so that logging never blocks.
+// goes to standard error, so that logging never blocks; sd_journal_sendv() would wait.
 class JournalSink final : public spdlog::sinks::base_sink<std::mutex> {
   public:
     explicit JournalSink(std::filesystem::path socket = kJournalSocket);

@@ -1,5 +1,5 @@
 // Writes metrics as text, in OpenMetrics 1.0 or in Prometheus' format 0.0.4, which differ in the names of
-// counters and the end of the text.
+// counters and the end of the text. prometheus-cpp writes the latter only.
 #pragma once
 
 #include <cstdint>

@@ -2,6 +2,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/syscall.h>
+#include <time.h>
+#include <unistd.h>
 
 #include <atomic>
 #include <chrono>
@@ -9,7 +12,19 @@
 #include <thread>
 
 #include "tests/support/fake_capture.h"
+#include "tests/support/patience.h"
 #include "tests/support/person_volume.h"
+
+namespace {
+std::atomic<std::int64_t> added_clock_s{0};
+}  // namespace
+
+// The system clock of this program, which a test may step; the steady clock stays.
+extern "C" int clock_gettime(clockid_t clock, timespec* time) noexcept {
+    const int status = static_cast<int>(syscall(SYS_clock_gettime, clock, time));
+    if (status == 0 && clock == CLOCK_REALTIME) time->tv_sec += added_clock_s;
+    return status;
+}
 
 namespace kinevox {
 namespace {
@@ -38,7 +53,7 @@ class RunnerTest : public ::testing::Test {
     std::vector<std::uint64_t> results(std::size_t count) {
         std::vector<std::uint64_t> out;
         std::unique_lock lock(mutex_);
-        changed_.wait(lock, [&] {
+        const bool arrived = changed_.wait_for(lock, kMaxWait, [&] {
             while (out.size() < count)
                 if (const auto taken = box_->take())
                     out.push_back(taken->message->header.sequence), last_ = taken->message;
@@ -46,6 +61,7 @@ class RunnerTest : public ::testing::Test {
                     return false;
             return true;
         });
+        EXPECT_TRUE(arrived) << out.size() << " of " << count << " results";
         return out;
     }
 
@@ -53,7 +69,7 @@ class RunnerTest : public ::testing::Test {
     std::string event(EventKind kind) {
         std::string message;
         std::unique_lock lock(mutex_);
-        changed_.wait(lock, [&] {
+        const bool arrived = changed_.wait_for(lock, kMaxWait, [&] {
             while (const auto taken = events_->take())
                 if (taken->message.event.kind == kind) {
                     message = taken->message.event.message;
@@ -61,8 +77,11 @@ class RunnerTest : public ::testing::Test {
                 }
             return false;
         });
+        EXPECT_TRUE(arrived) << "no event " << event_name(kind);
         return message;
     }
+
+    static constexpr auto kMaxWait = testing::patient(std::chrono::seconds(20));
 
     std::mutex mutex_;
     std::condition_variable changed_;
@@ -74,6 +93,21 @@ class RunnerTest : public ::testing::Test {
     testing::FakePipeline* pipeline_ = nullptr;
     std::optional<Runner> runner_;  // last: its threads use the others
 };
+
+TEST_F(RunnerTest, SteppedClockIsAnEventOfItsOwn) {
+    source_.live = true;
+    ASSERT_TRUE(runner_->start().ok());
+    source_.give(1);
+    results(1);
+    const std::int64_t before_ns = last_->header.capture_time_utc_ns;
+    added_clock_s = 3600;
+    source_.give(1);
+    EXPECT_THAT(event(EventKind::kClockStepped), HasSubstr("forward by 3600.0 s"));
+    results(1);
+    added_clock_s = 0;
+    EXPECT_NEAR(1e-9 * static_cast<double>(last_->header.capture_time_utc_ns - before_ns), 3600, 60);
+    EXPECT_TRUE(runner_->stop().ok());
+}
 
 TEST_F(RunnerTest, StartsLearnsAndPublishesInOrder) {
     ASSERT_TRUE(runner_->start().ok());
