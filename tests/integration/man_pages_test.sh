@@ -12,6 +12,8 @@ for page in kinevox.1 kinevoxd.8 kinevox-status.1 kinevox-record-start.1 kinevox
 done
 grep -q 'codec' "$out/kinevox-record-start.1" || { echo "FAIL: kinevox-record-start.1 lacks --codec"; exit 1; }
 grep -q 'EXIT STATUS' "$out/kinevox-record-start.1" || { echo "FAIL: kinevox-record-start.1 lacks the exit status"; exit 1; }
+[ "$(grep -ci 'exit status' "$out/kinevox-doctor.1")" = 1 ] && grep -q '^0 without an ERROR' "$out/kinevox-doctor.1" ||
+    { echo "FAIL: kinevox-doctor.1 has another exit status than its --help"; exit 1; }
 grep -q '9.8.7' "$out/kinevoxd.8" || { echo "FAIL: kinevoxd.8 lacks its version"; exit 1; }
 if grep -l "$1" "$out"/*; then echo "FAIL: these contain a path of the build"; exit 1; fi
 for page in "$out"/*; do
