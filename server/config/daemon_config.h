@@ -130,7 +130,8 @@ template <typename T, typename F>
 requires kernels::SameOptions<T, PoseConfig>
 void visit_options(T& o, F&& f) {
     f({"enabled", 0, 1, "", "Joints and angles; false: the capture stops at the volume."}, o.enabled);
-    f({"auto_fit_body", 0, 1, "", "Fit a body to the first seconds with a person, without body_file."},
+    f({"auto_fit_body", 0, 1, "",
+       "Without body_file: fit a body to the first six seconds with a person, in the background."},
       o.auto_fit_body);
     f({"library_pose_count", 1, 4000, "", "Number of library poses."}, o.library_pose_count);
 }
@@ -160,15 +161,16 @@ requires kernels::SameOptions<T, RecordingConfig>
 void visit_options(T& o, F&& f) {
     f({"save_poses", 0, 1, "", "Store the poses with the images."}, o.save_poses);
     f({"save_volumes", 0, 1, "", "Store the volumes with the images."}, o.save_volumes);
-    f({"max_buffer_s", 0, 3600, "s", "Length of the rolling buffer; 0: none."}, o.max_buffer_s);
+    f({"max_buffer_s", 0, 3600, "s",
+       "Length of the rolling buffer that `kinevox record save` writes; 0: none."},
+      o.max_buffer_s);
     f({"max_buffer_mb", 1, 1 << 20, "MB", "Memory of the rolling buffer."}, o.max_buffer_mb);
-    f({"max_queue_mb", 1, 1 << 20, "MB",
-       "Memory for images that are not written yet; when it is full, frame sets are dropped."},
-      o.max_queue_mb);
+    f({"max_queue_mb", 1, 1 << 20, "MB", "Memory for images that are not written yet."}, o.max_queue_mb);
     f({"min_free_disk_mb", 0, 1 << 20, "MB",
        "Minimum free space: below it a recording ends and none starts."},
       o.min_free_disk_mb);
-    f({"retention_days", 0, 36500, "d", "Age above which recordings are deleted; 0: none."},
+    f({"retention_days", 0, 36500, "d",
+       "Age above which recordings are deleted with all their files; 0: none."},
       o.retention_days);
     f({"max_total_gb", 0, 1e6, "GB", "Size of all recordings above which the oldest are deleted; 0: none."},
       o.max_total_gb);
@@ -198,7 +200,7 @@ void visit_options(T& o, F&& f) {
     f({"max_lossless_mb", 1, 4096, "MB", "Memory queued for one lossless subscriber before its stream ends."},
       o.max_lossless_mb);
     f({"max_latest_messages_per_s", 0, 1e9, "1/s",
-       "Total rate of latest-only messages, shared by all subscribers; 0: 16000 per core."},
+       "Total rate of latest-only messages, shared equally by all subscribers; 0: 16000 per core."},
       o.max_latest_messages_per_s);
     f({"default_preview_width_px", 16, 8192, "px", "Width of previews whose subscriber requests none."},
       o.default_preview_width_px);

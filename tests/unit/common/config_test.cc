@@ -63,6 +63,9 @@ TEST(Config, ExampleHoldsEveryListedOption) {
         const std::size_t begin = example.find("\n[" + table + "]\n");
         ASSERT_NE(begin, std::string::npos) << table;
         const std::string section = example.substr(begin, example.find("\n[", begin + 1) - begin);
+        // The comments as text, without the units in parentheses.
+        const std::string comments = std::regex_replace(std::regex_replace(section, std::regex("\n# "), " "),
+                                                        std::regex(R"( \([^()]*\))"), "");
         visit_options(options, [&](const kernels::OptionInfo& info, const auto& value) {
             std::smatch found;
             ASSERT_TRUE(std::regex_search(section, found, std::regex(fmt::format("\n{} = (.*)", info.key))))
@@ -72,7 +75,10 @@ TEST(Config, ExampleHoldsEveryListedOption) {
                 EXPECT_EQ(found[1], value ? "true" : "false") << info.key;
             else
                 EXPECT_EQ(static_cast<Value>(std::stod(found[1])), value) << info.key;
-            EXPECT_STRNE(info.help, "") << info.key;
+            std::string help = info.help;
+            ASSERT_TRUE(help.ends_with('.')) << info.key;
+            help.pop_back();
+            EXPECT_THAT(comments, HasSubstr(help)) << table << "." << info.key;
             ++listed;
         });
     };
