@@ -25,6 +25,7 @@ FOLDERS = [
     "server/config",
     "server/calibration",
     "server/sync",
+    "server/quality",
     "server/recording",
     "server/api",
     "server/metrics",

@@ -27,22 +27,22 @@ void PosePass::add(const FrameResult& result, PoseStage& stage) {
     if (!retracked_ && frames_.size() >= options_.max_held_frame_sets) fit_and_retrack(stage);
 }
 
+// Of the held frame sets; empty if the fit fails.
+std::optional<BodyShape> PosePass::fit_to_movement(const PoseStage& stage) const {
+    std::vector<const PoseObservation*> first;
+    const auto max_frames = static_cast<std::size_t>(options_.body_seconds * fps_) + 1;
+    for (const Frame& frame : frames_)
+        if (frame.observation && first.size() < max_frames) first.push_back(frame.observation.get());
+    const auto fit = fit_body(cameras_, fps_, first, stage.body(), posing_, options_.body);
+    return fit.ok() ? std::optional(fit->shape) : std::nullopt;
+}
+
 // Fits the body, tracks the held frame sets with it, and sets it in the pipeline for the following ones.
 void PosePass::fit_and_retrack(PoseStage& stage) {
     retracked_ = true;
-    body_ = stage.body();
-    if (options_.fit_body) {
-        std::vector<const PoseObservation*> first;
-        const auto max_frames = static_cast<std::size_t>(options_.body_seconds * fps_) + 1;
-        for (const Frame& frame : frames_)
-            if (frame.observation && first.size() < max_frames) first.push_back(frame.observation.get());
-        const auto fit = fit_body(cameras_, fps_, first, stage.body(), posing_, options_.body);
-        if (!fit.ok()) {
-            body_.reset();
-            return;
-        }
-        body_ = fit->shape;
-    }
+    fitted_body_ = fit_to_movement(stage);
+    body_ = options_.fit_body ? fitted_body_ : stage.body();
+    if (!body_) return;
     PoseStageOptions posing = posing_;
     posing.body = *body_;
     std::vector<RecordedView> views;

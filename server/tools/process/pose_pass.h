@@ -44,6 +44,9 @@ class PosePass {
     std::vector<PoseRow> finish(PoseStage& stage);
     // Of the subject; nullopt before finish() or if no subject was found.
     const std::optional<BodyShape>& body() const { return body_; }
+    // The body was given, not fitted; then it is also fitted to the movement, to compare.
+    bool body_given() const { return !options_.fit_body; }
+    const std::optional<BodyShape>& fitted_body() const { return fitted_body_; }
 
   private:
     struct Frame {
@@ -52,6 +55,7 @@ class PosePass {
         std::unique_ptr<PoseObservation> observation;
     };
     void fit_and_retrack(PoseStage& stage);
+    std::optional<BodyShape> fit_to_movement(const PoseStage& stage) const;
 
     std::vector<Camera> cameras_;
     double fps_;
@@ -59,7 +63,7 @@ class PosePass {
     PosePassOptions options_;
     std::vector<Frame> frames_;
     bool retracked_ = false;  // the held frame sets were
-    std::optional<BodyShape> body_;
+    std::optional<BodyShape> body_, fitted_body_;
 };
 
 }  // namespace kinevox

@@ -18,6 +18,7 @@
 #include "server/cameras/session_source.h"
 #include "server/pose/body_fitter.h"
 #include "server/pose/pose_stage.h"
+#include "server/tools/process/quality_pass.h"
 #include "server/tools/process/run_report.h"
 
 namespace kinevox {
@@ -128,11 +129,13 @@ absl::Status process_session(const ProcessOptions& requested, const std::atomic<
     for (const Camera& camera : (*source)->cameras()) names.push_back(camera.name);
     auto writer = ResultWriter::create(options.out_folder, names, options.writer);
     if (!writer.ok()) return writer.status();
-    if (absl::Status learned = learn_background(**source, **pipeline, options.session_file); !learned.ok())
-        return learned;
+    const auto background = background_of_all(**source, options.session_file);
+    if (!background.ok()) return background.status();
+    if (absl::Status learned = (*pipeline)->learn_background(*background); !learned.ok()) return learned;
 
     PoseStage* const pose_stage = (*pipeline)->pose_stage();
     PosePass poses((*source)->cameras(), fps, options.pipeline.posing, options.poses);
+    QualityPass quality(options.session_file, (*source)->cameras(), *background);
     RunSummary summary;
     const Clock::time_point start = Clock::now();
     {
@@ -154,6 +157,7 @@ absl::Status process_session(const ProcessOptions& requested, const std::atomic<
             if (!result.ok()) return result.status();
             summary.add(**result);
             if (pose_stage) poses.add(**result, *pose_stage);
+            quality.add(**result);
             if (absl::Status added = (*writer)->add(std::move(*result)); !added.ok()) return added;
             bar.show(summary.frames());
         }
@@ -161,15 +165,19 @@ absl::Status process_session(const ProcessOptions& requested, const std::atomic<
     const double wall_s = seconds_since(start);
     (*writer)->add_table({"calibration.toml", calibration_toml((*source)->cameras())});
     for (Table& table : certificate_tables(options.session_file)) (*writer)->add_table(std::move(table));
+    std::vector<PoseRow> rows;
     if (pose_stage) {
-        const std::vector<PoseRow> rows = poses.finish(*pose_stage);
+        rows = poses.finish(*pose_stage);
         for (Table& table : pose_tables(rows)) (*writer)->add_table(std::move(table));
         for (Table& table : body_tables(rows, poses.body())) (*writer)->add_table(std::move(table));
     }
+    const quality::QualityReport report = quality.finish(pose_stage ? &poses : nullptr, rows);
+    (*writer)->add_table({"quality.json", quality::quality_json(report)});
     (*writer)->add_table({"run.toml", run_toml(options, *fingerprint, fps, summary.frames())});  // the last
     if (absl::Status finished = (*writer)->finish(); !finished.ok()) return finished;
     if (!options.quiet) {
-        fmt::print("{}results in {}\n", summary.text(wall_s), options.out_folder.string());
+        fmt::print("{}results in {}\n{}", summary.text(wall_s), options.out_folder.string(),
+                   quality::quality_text(report));
         std::fflush(stdout);
     }
     return absl::OkStatus();

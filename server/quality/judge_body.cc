@@ -1,0 +1,62 @@
+// Causes in the body: its scale, another person's body, silhouettes that it does not explain.
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "server/quality/judges.h"
+
+namespace kinevox::quality {
+namespace {
+
+// docs/quality.md lists the values measured on good and spoiled sessions next to each threshold.
+constexpr double kMinStature_m = 1.35, kMaxStature_m = 2.12;
+constexpr double kMaxStatureDifference = 0.045;  // of a given body against the fitted one
+constexpr double kCautionIou = 0.78, kBadIou = 0.65;
+constexpr double kCautionWithheld = 0.15;
+
+}  // namespace
+
+Judgement judge_scale(const Measurements& seen) {
+    const std::optional<double> stature = seen.body.fitted_stature_m ? seen.body.fitted_stature_m
+                                                                     : seen.body.stature_m;
+    if (!stature || (*stature >= kMinStature_m && *stature <= kMaxStature_m)) return {};
+    return Cause{Trust::kDoNotUse, "scale", "",
+                 fmt::format("the subject is measured {:.2f} m tall: the calibration's scale is wrong, or the "
+                             "subject is a child",
+                             *stature),
+                 "measure the board's squares or the wand with a ruler and calibrate again with their true "
+                 "size"};
+}
+
+Judgement judge_body(const Measurements& seen) {
+    if (!seen.body.given || !seen.body.stature_m || !seen.body.fitted_stature_m) return {};
+    const double difference = *seen.body.stature_m / *seen.body.fitted_stature_m - 1;
+    if (std::abs(difference) <= kMaxStatureDifference) return {};
+    return Cause{Trust::kDoNotUse, "wrong_body", "",
+                 fmt::format("the given body is {:.2f} m tall, the subject {:.2f} m", *seen.body.stature_m,
+                             *seen.body.fitted_stature_m),
+                 "give the body or T-pose of this subject, or none"};
+}
+
+Judgement judge_silhouettes(const Measurements& seen) {
+    if (seen.pose.posed_iou && *seen.pose.posed_iou < kCautionIou)
+        return Cause{*seen.pose.posed_iou < kBadIou ? Trust::kDoNotUse : Trust::kCaution, "silhouettes", "",
+                     fmt::format("posed body and silhouettes overlap by {:.2f} only (IoU)",
+                                 *seen.pose.posed_iou),
+                     "check the silhouettes (--save silhouettes): clothes like the background, shadows or "
+                     "missing parts"};
+    if (rig_is_inconsistent(seen.rig))
+        return Cause{Trust::kCaution, "silhouettes", "",
+                     fmt::format("silhouettes and cameras are inconsistent: hull IoU {:.2f}, residual {:.1f} "
+                                 "px",
+                                 seen.rig.hull_iou.value_or(0), seen.rig.residual_px.value_or(0)),
+                     "check the silhouettes (--save silhouettes) and the calibration (kinevox calibrate "
+                     "check)"};
+    if (seen.pose.withheld_fraction > kCautionWithheld)
+        return Cause{Trust::kCaution, "withheld", "",
+                     fmt::format("{:.0f} % of the joints are withheld", 100 * seen.pose.withheld_fraction),
+                     "add cameras, or move them so that they see all limbs"};
+    return {};
+}
+
+}  // namespace kinevox::quality

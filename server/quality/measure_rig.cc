@@ -1,0 +1,162 @@
+// Consistency of cameras and silhouettes, and of the world frame with gravity and the floor.
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "server/calibration/person/silhouette_hull.h"
+#include "server/calibration/person/silhouette_refine.h"
+#include "server/quality/judges.h"
+#include "server/quality/samples.h"
+
+namespace kinevox::quality {
+namespace {
+
+constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
+constexpr std::size_t kHypothesisFrameSets = 14;
+constexpr double kMaxRollRms = 6;  // degrees: cameras that are mounted without common horizon
+
+SilhouetteSet some_of(const SilhouetteSet& set, std::size_t max) {
+    SilhouetteSet some;
+    const std::size_t count = std::min(max, set.frame_sets.size());
+    for (std::size_t n = 0; n < count; ++n)
+        some.frame_sets.push_back(set.frame_sets[n * set.frame_sets.size() / count]);
+    return some;
+}
+
+void keep_better(std::optional<RigHypothesis>& best, const RigHypothesis& one) {
+    if (!best || one.residual_px < best->residual_px) best = one;
+}
+
+Camera with_focal_factor(Camera camera, double factor, bool resized) {
+    camera.fx *= factor, camera.fy *= factor;
+    if (resized) {
+        camera.cx = (camera.cx + 0.5) * factor - 0.5;
+        camera.cy = (camera.cy + 0.5) * factor - 0.5;
+    }
+    return camera;
+}
+
+void test_swaps(const std::vector<Camera>& cameras, const SilhouetteSet& some, RigMeasurements& out) {
+    for (std::size_t a = 0; a < cameras.size(); ++a)
+        for (std::size_t b = a + 1; b < cameras.size(); ++b) {
+            if (cameras[a].width != cameras[b].width || cameras[a].height != cameras[b].height) continue;
+            SilhouetteSet swapped = some;
+            for (auto& images : swapped.frame_sets) std::swap(images[a], images[b]);
+            keep_better(out.swapped,
+                        {.camera = a, .residual_px = silhouette_residual_px(cameras, swapped), .other = b});
+        }
+}
+
+void test_moves(const std::vector<Camera>& cameras, const SilhouetteSet& some, RigMeasurements& out) {
+    for (std::size_t c = 0; cameras.size() > 2 && c < cameras.size(); ++c)
+        // Wide priors: the camera's own error is unknown.
+        for (const auto& [angle_deg, shift_m] : {std::pair{1.0, 0.07}, std::pair{6.0, 0.5}}) {
+            SilhouetteRefineOptions one;
+            one.fixed.assign(cameras.size(), true);
+            one.fixed[c] = false;
+            one.rounds = 25;
+            one.prior_angle_deg = angle_deg, one.prior_shift_m = shift_m;
+            const auto refined = refine_from_silhouettes(cameras, some, one);
+            if (!refined.ok()) continue;
+            keep_better(out.moved, {.camera = c,
+                                    .residual_px = refined->residual_after_px,
+                                    .rotated_deg = refined->rotated_deg[c],
+                                    .moved_m = refined->moved_m[c]});
+        }
+}
+
+void test_lenses(const std::vector<Camera>& cameras, const SilhouetteSet& some, RigMeasurements& out) {
+    static constexpr double kFactors[] = {0.5,  0.6,  0.667, 0.75, 0.8, 0.85, 0.9, 0.95,
+                                          1.05, 1.11, 1.18,  1.25, 1.33, 1.5,  1.67, 2.0};
+    for (const double factor : kFactors)
+        for (const bool resized : {false, true}) {
+            std::vector<Camera> all;
+            for (const Camera& camera : cameras) all.push_back(with_focal_factor(camera, factor, resized));
+            keep_better(out.all_lenses,
+                        {.residual_px = silhouette_residual_px(all, some), .focal_factor = factor});
+            for (std::size_t c = 0; c < cameras.size(); ++c) {
+                std::vector<Camera> one = cameras;
+                one[c] = all[c];
+                keep_better(out.lens, {.camera = c,
+                                       .residual_px = silhouette_residual_px(one, some),
+                                       .focal_factor = factor});
+            }
+        }
+}
+
+// The up direction from the horizontal rows of all images; sign from their columns.
+std::optional<Vec3> up_from_cameras(const std::vector<Camera>& cameras) {
+    Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d up = Eigen::Vector3d::Zero();
+    for (const Camera& camera : cameras) {
+        const Mat3& r = camera.camera_from_world.rotation;
+        const Eigen::Vector3d row(r(0, 0), r(0, 1), r(0, 2)), column(r(1, 0), r(1, 1), r(1, 2));
+        sum += row * row.transpose();
+        up -= column;
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(sum / static_cast<double>(cameras.size()));
+    const auto values = solver.eigenvalues();
+    // Cameras side by side leave the direction open.
+    if (values(1) < 0.02) return std::nullopt;
+    if (std::asin(std::sqrt(std::clamp(values(0), 0.0, 1.0))) * kDegreesPerRadian > kMaxRollRms)
+        return std::nullopt;
+    Eigen::Vector3d axis = solver.eigenvectors().col(0);
+    if (axis.dot(up) < 0) axis = -axis;
+    return Vec3{axis.x(), axis.y(), axis.z()};
+}
+
+}  // namespace
+
+RigMeasurements measure_rig(const Samples& seen, const SilhouetteSet& subject,
+                            std::vector<CameraMeasurements>& out) {
+    RigMeasurements rig;
+    rig.side_px = max_side_px(seen.cameras);
+    HullIouOptions options;
+    options.max_frame_sets = 24;
+    options.pixels = 800;
+    const HullIou hull = hull_iou(seen.cameras, subject, options);
+    if (hull.frames > 0 && std::isfinite(hull.mean_iou)) rig.hull_iou = hull.mean_iou;
+    for (std::size_t c = 0; c < out.size() && c < hull.iou.size(); ++c)
+        if (std::isfinite(hull.iou[c])) out[c].hull_iou = hull.iou[c];
+    const double residual = silhouette_residual_px(seen.cameras, subject);
+    if (!std::isfinite(residual)) return rig;
+    rig.residual_px = residual;
+    if (!rig_is_inconsistent(rig)) return rig;
+    const SilhouetteSet some = some_of(subject, kHypothesisFrameSets);
+    test_swaps(seen.cameras, some, rig);
+    test_moves(seen.cameras, some, rig);
+    test_lenses(seen.cameras, some, rig);
+    return rig;
+}
+
+WorldMeasurements measure_world(const Samples& seen, const SilhouetteSet& subject) {
+    WorldMeasurements out;
+    for (const Camera& camera : seen.cameras)
+        out.cameras_below_fraction +=
+            (camera.centre_in_world().z < 0 ? 1.0 : 0.0) / static_cast<double>(seen.cameras.size());
+    const std::optional<Vec3> up = up_from_cameras(seen.cameras);
+    if (up) out.tilt_deg = std::acos(std::clamp(up->z, -1.0, 1.0)) * kDegreesPerRadian;
+    std::vector<double> lowest, leans, heights;
+    for (const auto& images : subject.frame_sets) {
+        bool truncated = false;
+        for (const SilhouetteMask& image : images) truncated = truncated || image.truncated;
+        const SilhouetteHull hull(seen.cameras, images);
+        if (!hull.usable() || truncated) continue;
+        const auto extent = hull.extent(up.value_or(Vec3{0, 0, 1}));
+        if (!extent) continue;
+        lowest.push_back(extent->lowest.z);
+        heights.push_back(norm(extent->highest - extent->lowest));
+        const Vec3 axis = hull.middle() - extent->lowest;
+        leans.push_back(std::acos(std::clamp(axis.z / std::max(norm(axis), 1e-6), -1.0, 1.0)) *
+                        kDegreesPerRadian);
+    }
+    constexpr std::size_t kMinFrameSets = 5;
+    if (lowest.size() < kMinFrameSets) return out;
+    out.lowest_m = quantile_or(lowest, 0.5, 0);
+    out.subject_tilt_deg = quantile_or(leans, 0.5, 0);
+    out.subject_height_m = quantile_or(heights, 0.8, 0);
+    return out;
+}
+
+}  // namespace kinevox::quality

@@ -1,0 +1,95 @@
+// What the judges of a result look at: plain numbers, of a whole session or of the last seconds of a live
+// capture.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace kinevox::quality {
+
+// Of one camera, over the observed frame sets. Absent: could not be measured.
+struct CameraMeasurements {
+    std::string name;
+
+    // Images.
+    double mean_level = 128;          // grey levels, 0..255, median over the frame sets
+    double dark_fraction = 0;         // of the pixels, at or below kDarkLevel
+    double saturated_fraction = 0;    // of the pixels, at or above kSaturatedLevel
+    double foreground_fraction = 0;   // of the image, median
+
+    // Silhouettes.
+    double seen_fraction = 1;       // of the frame sets, with a silhouette of a person's size
+    double truncated_fraction = 0;  // of the frame sets, cut by the image border
+    // Area of foreground that stays in place with a sharp contour while other foreground moves, over the
+    // median area of the moving foreground.
+    double still_area_ratio = 0;
+    // Fraction of that foreground's contour whose edges are in the background's images, not in the current
+    // ones: it was there while the background was learned.
+    double still_in_background_fraction = 0;
+    // The same fraction for all of the foreground's contours.
+    double ghost_contour_fraction = 0;
+
+    std::optional<double> hull_iou;   // of the silhouette and the hull of the other cameras' silhouettes
+    std::optional<double> posed_iou;  // of the silhouette and the posed body
+};
+
+// Consistency of the silhouettes under one hypothesis about the rig; residuals in px.
+struct RigHypothesis {
+    std::size_t camera = 0;
+    double residual_px = 0;  // if the hypothesis is true
+    // What it assumes.
+    double rotated_deg = 0, moved_m = 0;  // camera moved
+    double focal_factor = 1;              // lens
+    double shift_frames = 0;              // time: images of this camera are later than the others'
+    std::size_t other = 0;                // swapped with
+};
+
+struct RigMeasurements {
+    std::optional<double> hull_iou;     // mean over the cameras
+    std::optional<double> residual_px;  // of the given calibration
+    double side_px = 640;               // the longer side of the images the residuals refer to
+    // The best of each kind; only measured if the residual is large.
+    std::optional<RigHypothesis> swapped, moved, lens, all_lenses, time;
+};
+
+struct WorldMeasurements {
+    // Direction of up from the cameras' horizontal image rows, against the world's z; absent if the cameras'
+    // rolls contradict each other.
+    std::optional<double> tilt_deg;
+    double cameras_below_fraction = 0;      // of the cameras, below the floor
+    std::optional<double> subject_tilt_deg; // from the feet to the centre, against z, median
+    std::optional<double> lowest_m;          // z of the subject's lowest point, median
+    std::optional<double> subject_height_m;  // of the silhouettes' hull, arms included, upper quintile
+};
+
+struct BodyMeasurements {
+    std::optional<double> stature_m;        // of the body that was used
+    bool given = false;                     // from a file or a T-pose session, not fitted to the movement
+    std::optional<double> fitted_stature_m; // fitted to the movement, if another body was given
+    std::optional<double> residual_m, fitted_residual_m;  // contour residual with each body, RMS
+};
+
+struct PoseMeasurements {
+    double subject_fraction = 0;   // of the frame sets, with a tracked subject
+    double posed_fraction = 0;     // of these, with a pose
+    double withheld_fraction = 0;  // of the joints of all poses
+    std::optional<double> joint_std_m;         // stated, median
+    std::optional<double> contour_residual_m;  // RMS, median
+    std::optional<double> posed_iou;           // mean over cameras and frame sets
+};
+
+struct Measurements {
+    int frame_sets = 0;  // observed
+    std::vector<CameraMeasurements> cameras;
+    // Fraction of the frame sets with more than one separate body of a person's size.
+    double several_people_fraction = 0;
+    RigMeasurements rig;
+    WorldMeasurements world;
+    BodyMeasurements body;
+    PoseMeasurements pose;
+};
+
+inline constexpr int kDarkLevel = 12, kSaturatedLevel = 250;
+
+}  // namespace kinevox::quality

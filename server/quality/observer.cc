@@ -1,0 +1,171 @@
+#include "server/quality/observer.h"
+
+#include <oneapi/tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "kernels/segmentation.h"
+#include "server/cameras/image_mat.h"
+#include "server/quality/samples.h"
+
+namespace kinevox::quality {
+namespace {
+
+constexpr std::size_t kBackgroundImages = 9;  // of which the median is taken
+
+cv::Mat reduced(const Image& image, int factor) {
+    const cv::Mat full = as_mat(image);
+    if (factor == 1) return full;
+    const cv::Size size(image.width / factor, image.height / factor);
+    cv::Mat small;  // exactly that factor: a remainder at the edge is dropped
+    cv::resize(full(cv::Rect(0, 0, size.width * factor, size.height * factor)), small, size, 0, 0,
+               cv::INTER_AREA);
+    return small;
+}
+
+Camera reduced(Camera camera, int factor) {
+    const double scale = 1.0 / factor;
+    camera.width /= factor, camera.height /= factor;
+    camera.fx *= scale, camera.fy *= scale;
+    camera.cx = (camera.cx + 0.5) * scale - 0.5, camera.cy = (camera.cy + 0.5) * scale - 0.5;
+    return camera;
+}
+
+cv::Mat grey_of(const cv::Mat& image) {
+    cv::Mat grey;
+    if (image.channels() == 1)
+        grey = image.clone();
+    else
+        cv::cvtColor(image, grey, cv::COLOR_BGR2GRAY);
+    return grey;
+}
+
+kernels::ImageView view_of(const cv::Mat& image) {
+    return {image.data, image.cols, image.rows, image.channels(), static_cast<std::ptrdiff_t>(image.step)};
+}
+
+cv::Mat median_of(const std::vector<cv::Mat>& images) {
+    cv::Mat out(images.front().size(), CV_8U);
+    std::vector<std::uint8_t> values(images.size());
+    for (int y = 0; y < out.rows; ++y)
+        for (int x = 0; x < out.cols; ++x) {
+            for (std::size_t n = 0; n < images.size(); ++n) values[n] = images[n].at<std::uint8_t>(y, x);
+            const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+            std::nth_element(values.begin(), middle, values.end());
+            out.at<std::uint8_t>(y, x) = *middle;
+        }
+    return out;
+}
+
+}  // namespace
+
+double quantile_or(std::vector<double> values, double q, double otherwise) {
+    if (values.empty()) return otherwise;
+    const auto rank = values.begin() + std::lround(q * static_cast<double>(values.size() - 1));
+    std::nth_element(values.begin(), rank, values.end());
+    return *rank;
+}
+
+struct Observer::State {
+    ObserverOptions options;
+    std::vector<int> factor;  // per camera
+    std::vector<std::unique_ptr<kernels::Segmenter>> segmenters;
+    Samples seen;
+    std::uint64_t frame_sets = 0, stride = 1, tracked = 0;
+};
+
+Observer::Observer(const std::vector<Camera>& cameras, const std::vector<std::vector<Image>>& background,
+                   const ObserverOptions& options)
+    : state_(std::make_unique<State>()) {
+    state_->options = options;
+    state_->factor.assign(cameras.size(), 1);
+    state_->segmenters.resize(cameras.size());
+    state_->seen.background.resize(cameras.size());
+    for (std::size_t c = 0; c < cameras.size(); ++c) {
+        int& factor = state_->factor[c];
+        while (std::max(cameras[c].width, cameras[c].height) / factor > options.max_side_px) ++factor;
+        state_->seen.cameras.push_back(reduced(cameras[c], factor));
+    }
+    kernels::SegmentationOptions segmentation;
+    segmentation.absorb_frames = 100'000'000;  // what stands still must stay visible
+    oneapi::tbb::parallel_for(std::size_t{0}, cameras.size(), [&](std::size_t c) {
+        std::vector<cv::Mat> images, greys;
+        std::vector<kernels::ImageView> views;
+        for (const Image& image : background[c])
+            views.push_back(view_of(images.emplace_back(reduced(image, state_->factor[c]))));
+        const std::size_t step = std::max<std::size_t>(1, images.size() / kBackgroundImages);
+        for (std::size_t n = 0; n < images.size(); n += step) greys.push_back(grey_of(images[n]));
+        state_->seen.background[c] = median_of(greys);
+        state_->segmenters[c] = kernels::make_segmenter(kernels::Device::kCpu, images[0].cols, images[0].rows,
+                                                        images[0].channels(), segmentation);
+        state_->segmenters[c]->learn(views);
+    });
+}
+
+Observer::~Observer() = default;
+
+void Observer::add(const FrameResult& result) {
+    State& state = *state_;
+    state.tracked += result.subject.has_value();
+    if (state.frame_sets++ % state.stride != 0) return;
+    Sample& sample = state.seen.samples.emplace_back();
+    sample.sequence = result.sequence;
+    sample.views.resize(state.factor.size());
+    oneapi::tbb::parallel_for(std::size_t{0}, state.factor.size(), [&](std::size_t c) {
+        const Image& image = result.frame_set.images[c];
+        if (image.empty()) return;
+        const cv::Mat small = reduced(image, state.factor[c]);
+        kernels::Silhouettes silhouettes;
+        state.segmenters[c]->segment(view_of(small), {}, silhouettes);
+        sample.views[c] = {grey_of(small), cv::Mat(small.size(), CV_8U, silhouettes.sharp.data()).clone()};
+    });
+    auto& samples = state.seen.samples;
+    if (samples.size() <= state.options.max_samples) return;
+    std::vector<Sample> kept;
+    for (std::size_t n = 0; n < samples.size(); n += 2) kept.push_back(std::move(samples[n]));
+    samples = std::move(kept);
+    state.stride *= 2;
+}
+
+Measurements Observer::measure(std::span<const PosedFrame> poses, const BodyShape* body) const {
+    const State& state = *state_;
+    const Samples& seen = state.seen;
+    Measurements out;
+    out.frame_sets = static_cast<int>(seen.samples.size());
+    for (const Camera& camera : seen.cameras) out.cameras.emplace_back().name = camera.name;
+    if (seen.samples.empty()) return out;
+    measure_light(seen, out.cameras);
+    measure_ghosts(seen, out.cameras);
+    const std::vector<cv::Mat> still = measure_still(seen, out.cameras);
+    out.several_people_fraction = measure_people(seen, still);
+    const SilhouetteSet subject = subject_silhouettes(seen, still);
+    measure_view(seen, subject, out.cameras);
+    out.rig = measure_rig(seen, subject, out.cameras);
+    out.world = measure_world(seen, subject);
+    out.pose.subject_fraction = static_cast<double>(state.tracked) / static_cast<double>(state.frame_sets);
+    if (!body) return out;
+    out.body.stature_m = body->stature_m;
+    std::int64_t withheld = 0, joints = 0, posed = 0;
+    std::vector<double> stds, residuals;
+    for (const PosedFrame& frame : poses) {
+        if (!frame.pose) continue;
+        ++posed;
+        residuals.push_back(frame.pose->contour_residual_rms_m);
+        for (const JointEstimate& joint : frame.pose->joints) {
+            ++joints;
+            withheld += !joint.measured();
+            if (joint.measured()) stds.push_back(joint.std_m);
+        }
+    }
+    if (state.tracked > 0) out.pose.posed_fraction = static_cast<double>(posed) / static_cast<double>(state.tracked);
+    if (posed == 0) return out;
+    out.pose.withheld_fraction = static_cast<double>(withheld) / static_cast<double>(joints);
+    if (!stds.empty()) out.pose.joint_std_m = quantile_or(stds, 0.5, 0);
+    out.pose.contour_residual_m = quantile_or(residuals, 0.5, 0);
+    out.pose.posed_iou = measure_posed_iou(seen, subject, poses, *body, out.cameras);
+    return out;
+}
+
+}  // namespace kinevox::quality

@@ -1,0 +1,49 @@
+// Observes a selection of frame sets and measures what the judges need. Independent of the tracker: every
+// image is segmented completely, with a background model of its own, because a spoiled session may have no
+// track.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "common/body_pose.h"
+#include "common/camera.h"
+#include "server/pipeline/frame_result.h"
+#include "server/pose/body_shape.h"
+#include "server/quality/measurements.h"
+
+namespace kinevox::quality {
+
+struct ObserverOptions {
+    // Images are reduced until their longer side is at most this, px.
+    int max_side_px = 640;
+    std::size_t max_samples = 40;  // frame sets held; beyond, every other one is dropped
+};
+
+struct PosedFrame {
+    std::uint64_t sequence = 0;
+    std::shared_ptr<const BodyPose> pose;  // null: none
+};
+
+// Not thread safe.
+class Observer {
+  public:
+    // `background`: per camera, as for Pipeline::learn_background().
+    Observer(const std::vector<Camera>& cameras, const std::vector<std::vector<Image>>& background,
+             const ObserverOptions& options = {});
+    ~Observer();
+
+    // Every frame set, in order.
+    void add(const FrameResult& result);
+    // `poses`: of all frame sets; `body`: with which they were found, null without poses. Everything but
+    // RigMeasurements::time, and of the body what is known only to the caller.
+    Measurements measure(std::span<const PosedFrame> poses, const BodyShape* body) const;
+
+  private:
+    struct State;
+    std::unique_ptr<State> state_;
+};
+
+}  // namespace kinevox::quality

@@ -1,0 +1,23 @@
+#include "server/tools/process/quality_pass.h"
+
+#include "common/session_file.h"
+#include "server/quality/camera_time.h"
+
+namespace kinevox {
+
+quality::QualityReport QualityPass::finish(const PosePass* poses, const std::vector<PoseRow>& rows) const {
+    std::vector<quality::PosedFrame> posed;
+    for (const PoseRow& row : rows) posed.push_back({row.frame, row.pose});
+    const BodyShape* const body = poses && poses->body() ? &*poses->body() : nullptr;
+    quality::Measurements seen = observer_.measure(posed, body);
+    if (poses && poses->body_given()) {
+        seen.body.given = true;
+        if (poses->fitted_body()) seen.body.fitted_stature_m = poses->fitted_body()->stature_m;
+    }
+    if (quality::rig_is_inconsistent(seen.rig))
+        if (const auto session = read_session(session_file_); session.ok())
+            seen.rig.time = quality::measure_camera_time(*session);
+    return quality::judge(seen);
+}
+
+}  // namespace kinevox
