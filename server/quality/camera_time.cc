@@ -16,8 +16,8 @@ std::optional<RigHypothesis> measure_camera_time(const Session& session) {
     if (!alignment.ok()) return std::nullopt;
     std::vector<double> late;  // frames, against the session's offsets
     for (std::size_t c = 0; c < motion->size(); ++c)
-        late.push_back(session.fps * (alignment->solution.cameras[c].offset_s -
-                                      session.cameras[c].offset_s.value_or(0)));
+        late.push_back(session.fps *
+                       (alignment->solution.cameras[c].offset_s - session.cameras[c].offset_s.value_or(0)));
     std::vector<double> sorted = late;
     std::ranges::sort(sorted);
     // The lower of two middle values: one of two cameras is always off.

@@ -1,6 +1,7 @@
 // Causes in the body: its scale, another person's body, silhouettes that it does not explain.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "server/quality/judges.h"
@@ -10,22 +11,32 @@ namespace {
 
 // docs/quality.md lists the values measured on good and spoiled sessions next to each threshold.
 constexpr double kMinStature_m = 1.35, kMaxStature_m = 2.12;
+constexpr double kMinLitres = 46;  // of an adult's hull
+constexpr double kTall_m = 1.95;   // a fitted body is drawn towards the mean; the hull's height is not
 constexpr double kMaxStatureDifference = 0.045;  // of a given body against the fitted one
-constexpr double kCautionIou = 0.78, kBadIou = 0.65;
+constexpr double kCautionIou = 0.75, kBadIou = 0.55, kCautionHullIou = 0.9;
 constexpr double kCautionWithheld = 0.15;
 
 }  // namespace
 
 Judgement judge_scale(const Measurements& seen) {
-    const std::optional<double> stature = seen.body.fitted_stature_m ? seen.body.fitted_stature_m
-                                                                     : seen.body.stature_m;
-    if (!stature || (*stature >= kMinStature_m && *stature <= kMaxStature_m)) return {};
-    return Cause{Trust::kDoNotUse, "scale", "",
-                 fmt::format("the subject is measured {:.2f} m tall: the calibration's scale is wrong, or the "
-                             "subject is a child",
-                             *stature),
-                 "measure the board's squares or the wand with a ruler and calibrate again with their true "
-                 "size"};
+    const std::optional<double> stature =
+        seen.body.fitted_stature_m ? seen.body.fitted_stature_m : seen.body.stature_m;
+    if (!stature) return {};
+    const double height = seen.world.subject_height_m.value_or(*stature);
+    const bool tall = *stature > kMaxStature_m || (*stature > kTall_m && height > kMaxStature_m);
+    // A body that cannot shrink enough fits badly; a person who only crouches has the usual volume.
+    const double highest = seen.world.max_height_m.value_or(*stature);
+    const bool small = highest < kMinStature_m && seen.pose.posed_iou.value_or(1) < kCautionIou &&
+                       seen.world.volume_litres.value_or(kMinLitres) < kMinLitres;
+    if (*stature >= kMinStature_m && !tall && !small) return {};
+    return Cause{
+        Trust::kDoNotUse, "scale", "",
+        fmt::format("the subject is measured {:.2f} m tall: the calibration's scale is wrong, or the "
+                    "subject is a child",
+                    *stature),
+        "measure the board's squares or the wand with a ruler and calibrate again with their true "
+        "size"};
 }
 
 Judgement judge_body(const Measurements& seen) {
@@ -40,12 +51,12 @@ Judgement judge_body(const Measurements& seen) {
 
 Judgement judge_silhouettes(const Measurements& seen) {
     if (seen.pose.posed_iou && *seen.pose.posed_iou < kCautionIou)
-        return Cause{*seen.pose.posed_iou < kBadIou ? Trust::kDoNotUse : Trust::kCaution, "silhouettes", "",
-                     fmt::format("posed body and silhouettes overlap by {:.2f} only (IoU)",
-                                 *seen.pose.posed_iou),
-                     "check the silhouettes (--save silhouettes): clothes like the background, shadows or "
-                     "missing parts"};
-    if (rig_is_inconsistent(seen.rig))
+        return Cause{
+            *seen.pose.posed_iou < kBadIou ? Trust::kDoNotUse : Trust::kCaution, "silhouettes", "",
+            fmt::format("posed body and silhouettes overlap by {:.2f} only (IoU)", *seen.pose.posed_iou),
+            "check the silhouettes (--save silhouettes): clothes like the background, shadows or "
+            "missing parts"};
+    if (seen.rig.hull_iou && *seen.rig.hull_iou < kCautionHullIou)
         return Cause{Trust::kCaution, "silhouettes", "",
                      fmt::format("silhouettes and cameras are inconsistent: hull IoU {:.2f}, residual {:.1f} "
                                  "px",

@@ -12,8 +12,8 @@ namespace {
 constexpr double kDarkMeanLevel = 25;
 constexpr double kMaxDarkFraction = 0.6;
 constexpr double kMaxSaturatedFraction = 0.25;
-constexpr double kMaxGhostFraction = 0.35;
-constexpr double kMinStillAreaRatio = 0.06;
+constexpr double kMaxGhostFraction = 0.3, kSomeGhostFraction = 0.135;
+constexpr double kMinStillAreaRatio = 0.1;
 constexpr double kStillInBackground = 0.5;
 constexpr double kMinSeveralFraction = 0.3;
 constexpr double kMaxTruncatedFraction = 0.5, kMinSeenFraction = 0.5;
@@ -32,11 +32,12 @@ Judgement judge_light(const Measurements& seen) {
     const auto darkness = [](const CameraMeasurements& camera) { return camera.dark_fraction; };
     const CameraMeasurements& dark = worst_of(seen, darkness);
     if (dark.mean_level < kDarkMeanLevel && dark.dark_fraction > kMaxDarkFraction / 2)
-        return Cause{Trust::kDoNotUse, "too_dark", dark.name,
-                     fmt::format("camera {} is too dark: mean grey level {:.0f} of 255, {:.0f} % of the image "
-                                 "is black",
-                                 dark.name, dark.mean_level, 100 * dark.dark_fraction),
-                     "add light, open the aperture or expose longer, and learn the background again"};
+        return Cause{
+            Trust::kDoNotUse, "too_dark", dark.name,
+            fmt::format("camera {} is too dark: mean grey level {:.0f} of 255, {:.0f} % of the image "
+                        "is black",
+                        dark.name, dark.mean_level, 100 * dark.dark_fraction),
+            "add light, open the aperture or expose longer, and learn the background again"};
     const auto brightness = [](const CameraMeasurements& camera) { return camera.saturated_fraction; };
     const CameraMeasurements& bright = worst_of(seen, brightness);
     if (bright.saturated_fraction > kMaxSaturatedFraction)
@@ -58,9 +59,14 @@ Judgement judge_background(const Measurements& seen) {
                          "record or learn the background again with the scene as in the session and nobody "
                          "in it"};
     if (seen.cameras.empty()) return {};
+    // One camera much, or most of them somewhat: a moved lamp or shadow makes ghosts in one.
     const auto ghosts = [](const CameraMeasurements& camera) { return camera.ghost_contour_fraction; };
     const CameraMeasurements& camera = worst_of(seen, ghosts);
-    if (camera.ghost_contour_fraction <= kMaxGhostFraction) return {};
+    const auto some = std::ranges::count_if(
+        seen.cameras, [&](const CameraMeasurements& each) { return ghosts(each) > kSomeGhostFraction; });
+    if (camera.ghost_contour_fraction <= kMaxGhostFraction &&
+        4 * some < 3 * static_cast<std::ptrdiff_t>(seen.cameras.size()))
+        return {};
     return Cause{Trust::kDoNotUse, "background_occupied", camera.name,
                  fmt::format("{:.0f} % of the silhouettes' contours of camera {} come from its background's "
                              "images: a person was in the scene while it was learned",

@@ -10,9 +10,9 @@ namespace kinevox::quality {
 namespace {
 
 // docs/quality.md lists the values measured on good and spoiled sessions next to each threshold.
-constexpr double kMaxResidualFraction = 0.006;  // of the image's longer side
-constexpr double kMinHullIou = 0.80;
-constexpr double kExplains = 0.6;         // of the residual that at most remains under a true hypothesis
+constexpr double kMaxResidualFraction = 0.0009;  // of the image's longer side
+constexpr double kMinHullIou = 0.92;             // of a camera
+constexpr double kExplains = 0.6;  // of the residual that at most remains under a true hypothesis
 constexpr double kSwapExplains = 0.5;
 constexpr double kMinShiftFrames = 0.75;
 constexpr double kMaxTilt_deg = 6;
@@ -35,7 +35,7 @@ double residual_or_infinite(const std::optional<RigHypothesis>& hypothesis) {
 
 bool rig_is_inconsistent(const RigMeasurements& rig) {
     return (rig.residual_px && *rig.residual_px > kMaxResidualFraction * rig.side_px) ||
-           (rig.hull_iou && *rig.hull_iou < kMinHullIou);
+           (rig.min_hull_iou && *rig.min_hull_iou < kMinHullIou);
 }
 
 Judgement judge_time(const Measurements& seen) {
@@ -96,10 +96,10 @@ Judgement judge_world(const Measurements& seen) {
                      "the world is upside down: the cameras are below its floor or see it overhead",
                      "define the floor again, with the board face up (kinevox calibrate floor)"};
     if (world.tilt_deg && *world.tilt_deg > kMaxTilt_deg)
-        return Cause{Trust::kDoNotUse, "world_tilted", "",
-                     fmt::format("the world is tilted by {:.0f} degrees against the vertical",
-                                 *world.tilt_deg),
-                     "define the floor again (kinevox calibrate floor)"};
+        return Cause{
+            Trust::kDoNotUse, "world_tilted", "",
+            fmt::format("the world is tilted by {:.0f} degrees against the vertical", *world.tilt_deg),
+            "define the floor again (kinevox calibrate floor)"};
     if (world.lowest_m && std::abs(*world.lowest_m) > kMaxFloor_m && !rig_is_inconsistent(seen.rig))
         return Cause{Trust::kCaution, "floor_height", "",
                      fmt::format("the subject's lowest point is {:.2f} m {} the floor",

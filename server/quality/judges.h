@@ -30,17 +30,17 @@ bool rig_is_inconsistent(const RigMeasurements& rig);
 
 using Judgement = std::optional<Cause>;
 
-Judgement judge_light(const Measurements& seen);        // too_dark, saturated
-Judgement judge_background(const Measurements& seen);   // background_occupied
-Judgement judge_people(const Measurements& seen);       // several_people
-Judgement judge_still_object(const Measurements& seen); // still_object
-Judgement judge_time(const Measurements& seen);         // camera_time
-Judgement judge_lens(const Measurements& seen);         // lens
-Judgement judge_camera(const Measurements& seen);       // camera_moved, cameras_swapped
-Judgement judge_world(const Measurements& seen);        // world_upside_down, world_tilted, floor_height
-Judgement judge_scale(const Measurements& seen);        // scale
-Judgement judge_view(const Measurements& seen);         // out_of_view, no_subject
-Judgement judge_body(const Measurements& seen);         // wrong_body
-Judgement judge_silhouettes(const Measurements& seen);  // silhouettes
+Judgement judge_light(const Measurements& seen);         // too_dark, saturated
+Judgement judge_background(const Measurements& seen);    // background_occupied
+Judgement judge_people(const Measurements& seen);        // several_people
+Judgement judge_still_object(const Measurements& seen);  // still_object
+Judgement judge_time(const Measurements& seen);          // camera_time
+Judgement judge_lens(const Measurements& seen);          // lens
+Judgement judge_camera(const Measurements& seen);        // camera_moved, cameras_swapped
+Judgement judge_world(const Measurements& seen);         // world_upside_down, world_tilted, floor_height
+Judgement judge_scale(const Measurements& seen);         // scale
+Judgement judge_view(const Measurements& seen);          // out_of_view, no_subject
+Judgement judge_body(const Measurements& seen);          // wrong_body
+Judgement judge_silhouettes(const Measurements& seen);   // silhouettes
 
 }  // namespace kinevox::quality

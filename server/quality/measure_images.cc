@@ -8,14 +8,16 @@
 namespace kinevox::quality {
 namespace {
 
-constexpr double kMinEdge = 40;       // Sobel magnitude of an edge, grey levels: above noise and compression
-constexpr double kEdgeRatio = 1.6;    // of the two images' edges at one point, to tell which one has it
-constexpr double kStillFraction = 0.8;  // of the frame sets in which a still pixel is foreground
+constexpr double kMinEdge = 40;     // Sobel magnitude of an edge, grey levels: above noise and compression
+constexpr double kEdgeRatio = 1.6;  // of the two images' edges at one point, to tell which one has it
+constexpr double kStillFraction = 0.8;   // of the frame sets in which a still pixel is foreground
 constexpr double kMovingFraction = 0.4;  // at most, next to a still object's contour
-constexpr int kRing_px = 5;             // width of that surrounding
+constexpr int kRing_px = 5;              // width of that surrounding
 constexpr double kMinStillPixels = 60;
 constexpr double kMinSharpFraction = 0.6;  // of a still object's surrounding
 constexpr int kMinMovingPixels = 100;
+// A still part of the subject is attached to its moving parts; an object is not, in some of the frame sets.
+constexpr double kMinDetachedFraction = 0.4, kAttachedAreaFraction = 0.05;
 
 // Largest Sobel magnitude within one pixel.
 cv::Mat edges_of(const cv::Mat& grey) {
@@ -68,7 +70,8 @@ cv::Mat median_image(const Samples& seen, std::size_t camera) {
     std::vector<const cv::Mat*> images;
     const std::size_t step = std::max<std::size_t>(1, seen.samples.size() / kImages);
     for (std::size_t n = 0; n < seen.samples.size(); n += step)
-        if (!seen.samples[n].views[camera].grey.empty()) images.push_back(&seen.samples[n].views[camera].grey);
+        if (!seen.samples[n].views[camera].grey.empty())
+            images.push_back(&seen.samples[n].views[camera].grey);
     cv::Mat out = seen.background[camera].clone();
     std::vector<std::uint8_t> values(images.size());
     for (int y = 0; !images.empty() && y < out.rows; ++y)
@@ -79,6 +82,31 @@ cv::Mat median_image(const Samples& seen, std::size_t camera) {
             out.at<std::uint8_t>(y, x) = *middle;
         }
     return out;
+}
+
+// Fraction of the frame sets in which the foreground component that holds `still` hardly exceeds it.
+double detached_fraction(const Samples& seen, std::size_t camera, const cv::Mat& still) {
+    const double pixels = cv::countNonZero(still);
+    int detached = 0, images = 0;
+    cv::Mat grown, labels;
+    cv::dilate(still, grown, cv::getStructuringElement(cv::MORPH_RECT, cv::Size(5, 5)));
+    for (const Sample& sample : seen.samples) {
+        const View& view = sample.views[camera];
+        if (view.grey.empty()) continue;
+        ++images;
+        const int count = cv::connectedComponents(view.foreground, labels, 8, CV_32S);
+        std::vector<char> touches(count, 0);
+        for (int y = 0; y < labels.rows; ++y)
+            for (int x = 0; x < labels.cols; ++x)
+                if (still.at<std::uint8_t>(y, x)) touches[labels.at<int>(y, x)] = 1;
+        int attached = 0;
+        for (int y = 0; y < labels.rows; ++y)
+            for (int x = 0; x < labels.cols; ++x)
+                attached += labels.at<int>(y, x) > 0 && touches[labels.at<int>(y, x)] &&
+                            !grown.at<std::uint8_t>(y, x);
+        detached += attached < kAttachedAreaFraction * pixels;
+    }
+    return images > 0 ? static_cast<double>(detached) / images : 0;
 }
 
 double median_moving_pixels(const Samples& seen, std::size_t camera, const cv::Mat& still) {
@@ -141,9 +169,10 @@ std::vector<cv::Mat> measure_still(const Samples& seen, std::vector<CameraMeasur
             cv::dilate(one, inner, cv::getStructuringElement(cv::MORPH_RECT, cv::Size(3, 3)));
             cv::dilate(one, outer, ring_element);
             const cv::Mat ring = outer & ~inner;
-            const double sharp = static_cast<double>(cv::countNonZero(ring & seldom)) /
-                                 std::max(1, cv::countNonZero(ring));
-            if (sharp >= kMinSharpFraction) still |= one;
+            const double sharp =
+                static_cast<double>(cv::countNonZero(ring & seldom)) / std::max(1, cv::countNonZero(ring));
+            if (sharp >= kMinSharpFraction && detached_fraction(seen, c, one) >= kMinDetachedFraction)
+                still |= one;
         }
         const double moving = median_moving_pixels(seen, c, still);
         const int pixels = cv::countNonZero(still);

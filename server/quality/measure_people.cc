@@ -15,8 +15,8 @@ namespace {
 constexpr double kCell_m = 0.08;
 constexpr double kAround_m = 1, kMaxSide_m = 20;  // of the room around the cameras
 constexpr double kLowest_m = 0, kHighest_m = 2.3;
-constexpr int kMinColumnCells = 3;         // of a column that belongs to a footprint
-constexpr double kMinPerson_m3 = 0.025;    // hull cells are larger than the body
+constexpr int kMinColumnCells = 3;           // of a column that belongs to a footprint
+constexpr double kMinPerson_m3 = 0.025;      // hull cells are larger than the body
 constexpr double kMinSecondFraction = 0.35;  // of the largest body's volume
 constexpr double kMinHeight_m = 0.6;
 constexpr std::size_t kMaxFrameSets = 20;
@@ -51,9 +51,9 @@ std::vector<std::int32_t> pixels_of(const Room& room, const Camera& camera) {
     for (int z = 0; z < room.size[2]; ++z)
         for (int y = 0; y < room.size[1]; ++y)
             for (int x = 0; x < room.size[0]; ++x, ++n) {
-                const auto pixel = camera.project({room.origin.x + (x + 0.5) * kCell_m,
-                                                   room.origin.y + (y + 0.5) * kCell_m,
-                                                   room.origin.z + (z + 0.5) * kCell_m});
+                const auto pixel =
+                    camera.project({room.origin.x + (x + 0.5) * kCell_m, room.origin.y + (y + 0.5) * kCell_m,
+                                    room.origin.z + (z + 0.5) * kCell_m});
                 if (!pixel) continue;
                 const long u = std::lround(pixel->x), v = std::lround(pixel->y);
                 if (u >= 0 && v >= 0 && u < camera.width && v < camera.height)

@@ -13,8 +13,9 @@ namespace kinevox::quality {
 namespace {
 
 constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
-constexpr std::size_t kHypothesisFrameSets = 14;
-constexpr double kMaxRollRms = 6;  // degrees: cameras that are mounted without common horizon
+constexpr std::size_t kHypothesisFrameSets = 10;
+constexpr int kHypothesisPoints = 24;  // per silhouette: enough to compare hypotheses
+constexpr double kMaxRollRms = 6;      // degrees: cameras that are mounted without common horizon
 
 SilhouetteSet some_of(const SilhouetteSet& set, std::size_t max) {
     SilhouetteSet some;
@@ -22,6 +23,12 @@ SilhouetteSet some_of(const SilhouetteSet& set, std::size_t max) {
     for (std::size_t n = 0; n < count; ++n)
         some.frame_sets.push_back(set.frame_sets[n * set.frame_sets.size() / count]);
     return some;
+}
+
+double residual_of(const std::vector<Camera>& cameras, const SilhouetteSet& set) {
+    SilhouetteRefineOptions options;
+    options.contour_points = kHypothesisPoints;
+    return silhouette_residual_px(cameras, set, options);
 }
 
 void keep_better(std::optional<RigHypothesis>& best, const RigHypothesis& one) {
@@ -43,8 +50,7 @@ void test_swaps(const std::vector<Camera>& cameras, const SilhouetteSet& some, R
             if (cameras[a].width != cameras[b].width || cameras[a].height != cameras[b].height) continue;
             SilhouetteSet swapped = some;
             for (auto& images : swapped.frame_sets) std::swap(images[a], images[b]);
-            keep_better(out.swapped,
-                        {.camera = a, .residual_px = silhouette_residual_px(cameras, swapped), .other = b});
+            keep_better(out.swapped, {.camera = a, .residual_px = residual_of(cameras, swapped), .other = b});
         }
 }
 
@@ -55,7 +61,8 @@ void test_moves(const std::vector<Camera>& cameras, const SilhouetteSet& some, R
             SilhouetteRefineOptions one;
             one.fixed.assign(cameras.size(), true);
             one.fixed[c] = false;
-            one.rounds = 25;
+            one.rounds = 20;
+            one.contour_points = kHypothesisPoints;
             one.prior_angle_deg = angle_deg, one.prior_shift_m = shift_m;
             const auto refined = refine_from_silhouettes(cameras, some, one);
             if (!refined.ok()) continue;
@@ -67,42 +74,43 @@ void test_moves(const std::vector<Camera>& cameras, const SilhouetteSet& some, R
 }
 
 void test_lenses(const std::vector<Camera>& cameras, const SilhouetteSet& some, RigMeasurements& out) {
-    static constexpr double kFactors[] = {0.5,  0.6,  0.667, 0.75, 0.8, 0.85, 0.9, 0.95,
-                                          1.05, 1.11, 1.18,  1.25, 1.33, 1.5,  1.67, 2.0};
+    static constexpr double kFactors[] = {0.5,  0.667, 0.75, 0.8,  0.87, 0.93,
+                                          1.07, 1.15,  1.25, 1.33, 1.5,  2.0};
     for (const double factor : kFactors)
         for (const bool resized : {false, true}) {
             std::vector<Camera> all;
             for (const Camera& camera : cameras) all.push_back(with_focal_factor(camera, factor, resized));
-            keep_better(out.all_lenses,
-                        {.residual_px = silhouette_residual_px(all, some), .focal_factor = factor});
+            keep_better(out.all_lenses, {.residual_px = residual_of(all, some), .focal_factor = factor});
             for (std::size_t c = 0; c < cameras.size(); ++c) {
                 std::vector<Camera> one = cameras;
                 one[c] = all[c];
-                keep_better(out.lens, {.camera = c,
-                                       .residual_px = silhouette_residual_px(one, some),
-                                       .focal_factor = factor});
+                keep_better(out.lens,
+                            {.camera = c, .residual_px = residual_of(one, some), .focal_factor = factor});
             }
         }
 }
 
-// The up direction from the horizontal rows of all images; sign from their columns.
+// The up direction from the horizontal rows of all images, or their columns where the camera is mounted on
+// its side; sign from the columns of the upright ones.
 std::optional<Vec3> up_from_cameras(const std::vector<Camera>& cameras) {
     Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
     Eigen::Vector3d up = Eigen::Vector3d::Zero();
     for (const Camera& camera : cameras) {
         const Mat3& r = camera.camera_from_world.rotation;
         const Eigen::Vector3d row(r(0, 0), r(0, 1), r(0, 2)), column(r(1, 0), r(1, 1), r(1, 2));
-        sum += row * row.transpose();
-        up -= column;
+        const bool upright = std::abs(row.z()) <= std::abs(column.z());
+        const Eigen::Vector3d& level = upright ? row : column;
+        sum += level * level.transpose();
+        if (upright) up -= column;
     }
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(sum / static_cast<double>(cameras.size()));
     const auto values = solver.eigenvalues();
-    // Cameras side by side leave the direction open.
-    if (values(1) < 0.02) return std::nullopt;
+    constexpr double kMinSpread = 0.02;  // cameras side by side leave the direction open
+    if (values(1) < kMinSpread) return std::nullopt;
     if (std::asin(std::sqrt(std::clamp(values(0), 0.0, 1.0))) * kDegreesPerRadian > kMaxRollRms)
         return std::nullopt;
     Eigen::Vector3d axis = solver.eigenvectors().col(0);
-    if (axis.dot(up) < 0) axis = -axis;
+    if (up.norm() > 0 ? axis.dot(up) < 0 : axis.z() < 0) axis = -axis;
     return Vec3{axis.x(), axis.y(), axis.z()};
 }
 
@@ -118,8 +126,11 @@ RigMeasurements measure_rig(const Samples& seen, const SilhouetteSet& subject,
     const HullIou hull = hull_iou(seen.cameras, subject, options);
     if (hull.frames > 0 && std::isfinite(hull.mean_iou)) rig.hull_iou = hull.mean_iou;
     for (std::size_t c = 0; c < out.size() && c < hull.iou.size(); ++c)
-        if (std::isfinite(hull.iou[c])) out[c].hull_iou = hull.iou[c];
-    const double residual = silhouette_residual_px(seen.cameras, subject);
+        if (std::isfinite(hull.iou[c])) {
+            out[c].hull_iou = hull.iou[c];
+            rig.min_hull_iou = std::min(rig.min_hull_iou.value_or(1), hull.iou[c]);
+        }
+    const double residual = residual_of(seen.cameras, subject);
     if (!std::isfinite(residual)) return rig;
     rig.residual_px = residual;
     if (!rig_is_inconsistent(rig)) return rig;
@@ -155,7 +166,8 @@ WorldMeasurements measure_world(const Samples& seen, const SilhouetteSet& subjec
     if (lowest.size() < kMinFrameSets) return out;
     out.lowest_m = quantile_or(lowest, 0.5, 0);
     out.subject_tilt_deg = quantile_or(leans, 0.5, 0);
-    out.subject_height_m = quantile_or(heights, 0.8, 0);
+    out.subject_height_m = quantile_or(heights, 0.5, 0);
+    out.max_height_m = quantile_or(heights, 0.9, 0);
     return out;
 }
 

@@ -13,10 +13,10 @@ struct CameraMeasurements {
     std::string name;
 
     // Images.
-    double mean_level = 128;          // grey levels, 0..255, median over the frame sets
-    double dark_fraction = 0;         // of the pixels, at or below kDarkLevel
-    double saturated_fraction = 0;    // of the pixels, at or above kSaturatedLevel
-    double foreground_fraction = 0;   // of the image, median
+    double mean_level = 128;         // grey levels, 0..255, median over the frame sets
+    double dark_fraction = 0;        // of the pixels, at or below kDarkLevel
+    double saturated_fraction = 0;   // of the pixels, at or above kSaturatedLevel
+    double foreground_fraction = 0;  // of the image, median
 
     // Silhouettes.
     double seen_fraction = 1;       // of the frame sets, with a silhouette of a person's size
@@ -46,9 +46,9 @@ struct RigHypothesis {
 };
 
 struct RigMeasurements {
-    std::optional<double> hull_iou;     // mean over the cameras
-    std::optional<double> residual_px;  // of the given calibration
-    double side_px = 640;               // the longer side of the images the residuals refer to
+    std::optional<double> hull_iou, min_hull_iou;  // mean over the cameras, worst camera
+    std::optional<double> residual_px;             // of the given calibration
+    double side_px = 640;                          // the longer side of the images the residuals refer to
     // The best of each kind; only measured if the residual is large.
     std::optional<RigHypothesis> swapped, moved, lens, all_lenses, time;
 };
@@ -57,23 +57,25 @@ struct WorldMeasurements {
     // Direction of up from the cameras' horizontal image rows, against the world's z; absent if the cameras'
     // rolls contradict each other.
     std::optional<double> tilt_deg;
-    double cameras_below_fraction = 0;      // of the cameras, below the floor
-    std::optional<double> subject_tilt_deg; // from the feet to the centre, against z, median
+    double cameras_below_fraction = 0;       // of the cameras, below the floor
+    std::optional<double> subject_tilt_deg;  // from the feet to the centre, against z, median
     std::optional<double> lowest_m;          // z of the subject's lowest point, median
-    std::optional<double> subject_height_m;  // of the silhouettes' hull, arms included, upper quintile
+    std::optional<double> volume_litres;     // of the tracked volume, median
+    std::optional<double> max_height_m;      // of the hull, 90th percentile
+    std::optional<double> subject_height_m;  // of the silhouettes' hull, arms included, median
 };
 
 struct BodyMeasurements {
-    std::optional<double> stature_m;        // of the body that was used
-    bool given = false;                     // from a file or a T-pose session, not fitted to the movement
-    std::optional<double> fitted_stature_m; // fitted to the movement, if another body was given
+    std::optional<double> stature_m;         // of the body that was used
+    bool given = false;                      // from a file or a T-pose session, not fitted to the movement
+    std::optional<double> fitted_stature_m;  // fitted to the movement, if another body was given
     std::optional<double> residual_m, fitted_residual_m;  // contour residual with each body, RMS
 };
 
 struct PoseMeasurements {
-    double subject_fraction = 0;   // of the frame sets, with a tracked subject
-    double posed_fraction = 0;     // of these, with a pose
-    double withheld_fraction = 0;  // of the joints of all poses
+    double subject_fraction = 0;               // of the frame sets, with a tracked subject
+    double posed_fraction = 0;                 // of these, with a pose
+    double withheld_fraction = 0;              // of the joints of all poses
     std::optional<double> joint_std_m;         // stated, median
     std::optional<double> contour_residual_m;  // RMS, median
     std::optional<double> posed_iou;           // mean over cameras and frame sets

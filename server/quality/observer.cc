@@ -59,6 +59,21 @@ cv::Mat median_of(const std::vector<cv::Mat>& images) {
     return out;
 }
 
+// The still foreground is not an object but the subject's: only one camera has it, or without it too little
+// remains of a person.
+bool is_part_of_subject(const Samples& seen, const std::vector<cv::Mat>& still, const Measurements& without) {
+    constexpr double kPerson_m = 1.2, kLoss = 0.75;
+    int cameras = 0;
+    for (const cv::Mat& mask : still) cameras += cv::countNonZero(mask) > 0;
+    if (cameras < 2) return true;
+    const double rest = without.world.subject_height_m.value_or(0);
+    if (rest >= kPerson_m) return false;
+    std::vector<cv::Mat> none;
+    for (const cv::Mat& mask : still) none.push_back(cv::Mat::zeros(mask.size(), CV_8U));
+    const auto whole = measure_world(seen, subject_silhouettes(seen, none)).subject_height_m;
+    return whole && rest < kLoss * *whole;
+}
+
 }  // namespace
 
 double quantile_or(std::vector<double> values, double q, double otherwise) {
@@ -73,6 +88,7 @@ struct Observer::State {
     std::vector<int> factor;  // per camera
     std::vector<std::unique_ptr<kernels::Segmenter>> segmenters;
     Samples seen;
+    std::vector<double> litres;  // of the tracked volumes
     std::uint64_t frame_sets = 0, stride = 1, tracked = 0;
 };
 
@@ -110,6 +126,7 @@ void Observer::add(const FrameResult& result) {
     State& state = *state_;
     state.tracked += result.subject.has_value();
     if (state.frame_sets++ % state.stride != 0) return;
+    if (result.volume) state.litres.push_back(volume_litres(*result.volume));
     Sample& sample = state.seen.samples.emplace_back();
     sample.sequence = result.sequence;
     sample.views.resize(state.factor.size());
@@ -138,12 +155,20 @@ Measurements Observer::measure(std::span<const PosedFrame> poses, const BodyShap
     if (seen.samples.empty()) return out;
     measure_light(seen, out.cameras);
     measure_ghosts(seen, out.cameras);
-    const std::vector<cv::Mat> still = measure_still(seen, out.cameras);
+    std::vector<cv::Mat> still = measure_still(seen, out.cameras);
+    SilhouetteSet subject = subject_silhouettes(seen, still);
+    out.world = measure_world(seen, subject);
+    if (is_part_of_subject(seen, still, out)) {
+        for (cv::Mat& mask : still) mask = cv::Scalar(0);
+        for (CameraMeasurements& camera : out.cameras)
+            camera.still_area_ratio = camera.still_in_background_fraction = 0;
+        subject = subject_silhouettes(seen, still);
+        out.world = measure_world(seen, subject);
+    }
     out.several_people_fraction = measure_people(seen, still);
-    const SilhouetteSet subject = subject_silhouettes(seen, still);
     measure_view(seen, subject, out.cameras);
     out.rig = measure_rig(seen, subject, out.cameras);
-    out.world = measure_world(seen, subject);
+    if (!state.litres.empty()) out.world.volume_litres = quantile_or(state.litres, 0.5, 0);
     out.pose.subject_fraction = static_cast<double>(state.tracked) / static_cast<double>(state.frame_sets);
     if (!body) return out;
     out.body.stature_m = body->stature_m;
@@ -159,7 +184,8 @@ Measurements Observer::measure(std::span<const PosedFrame> poses, const BodyShap
             if (joint.measured()) stds.push_back(joint.std_m);
         }
     }
-    if (state.tracked > 0) out.pose.posed_fraction = static_cast<double>(posed) / static_cast<double>(state.tracked);
+    if (state.tracked > 0)
+        out.pose.posed_fraction = static_cast<double>(posed) / static_cast<double>(state.tracked);
     if (posed == 0) return out;
     out.pose.withheld_fraction = static_cast<double>(withheld) / static_cast<double>(joints);
     if (!stds.empty()) out.pose.joint_std_m = quantile_or(stds, 0.5, 0);

@@ -47,6 +47,7 @@ Json json_of(const Measurements& seen) {
     Json out = {{"frame_sets", seen.frame_sets},
                 {"posed_iou", number(pose.posed_iou)},
                 {"hull_iou", number(seen.rig.hull_iou)},
+                {"min_hull_iou", number(seen.rig.min_hull_iou)},
                 {"silhouette_residual_px", number(seen.rig.residual_px)},
                 {"contour_residual_m", number(pose.contour_residual_m)},
                 {"joint_std_m", number(pose.joint_std_m)},
@@ -57,18 +58,21 @@ Json json_of(const Measurements& seen) {
                 {"stature_m", number(seen.body.stature_m)},
                 {"fitted_stature_m", number(seen.body.fitted_stature_m)},
                 {"subject_height_m", number(seen.world.subject_height_m)},
+                {"max_height_m", number(seen.world.max_height_m)},
+                {"volume_litres", number(seen.world.volume_litres)},
                 {"tilt_deg", number(seen.world.tilt_deg)},
                 {"subject_tilt_deg", number(seen.world.subject_tilt_deg)},
                 {"lowest_m", number(seen.world.lowest_m)}};
     Json hypotheses = Json::object();
     const auto add = [&](const char* kind, const std::optional<RigHypothesis>& one) {
         if (!one) return;
-        hypotheses[kind] = {{"camera", one->camera < seen.cameras.size() ? seen.cameras[one->camera].name : ""},
-                            {"silhouette_residual_px", number(one->residual_px)},
-                            {"rotated_deg", number(one->rotated_deg)},
-                            {"moved_m", number(one->moved_m)},
-                            {"focal_factor", number(one->focal_factor)},
-                            {"shift_frames", number(one->shift_frames)}};
+        hypotheses[kind] = {
+            {"camera", one->camera < seen.cameras.size() ? seen.cameras[one->camera].name : ""},
+            {"silhouette_residual_px", number(one->residual_px)},
+            {"rotated_deg", number(one->rotated_deg)},
+            {"moved_m", number(one->moved_m)},
+            {"focal_factor", number(one->focal_factor)},
+            {"shift_frames", number(one->shift_frames)}};
     };
     add("cameras_swapped", seen.rig.swapped);
     add("camera_moved", seen.rig.moved);
@@ -91,10 +95,9 @@ std::string short_number(const char* name, const std::optional<double>& value, i
 
 QualityReport judge(const Measurements& measurements) {
     // What spoils the images spoils everything after them; what spoils the cameras, the hull and the body.
-    static constexpr std::array kJudges{judge_light, judge_background, judge_world, judge_people,
-                                        judge_time,  judge_lens,       judge_camera, judge_view,
-                                        judge_scale, judge_body,       judge_still_object,
-                                        judge_silhouettes};
+    static constexpr std::array kJudges{judge_light, judge_background, judge_world,        judge_people,
+                                        judge_time,  judge_lens,       judge_camera,       judge_view,
+                                        judge_scale, judge_body,       judge_still_object, judge_silhouettes};
     QualityReport report;
     report.measurements = measurements;
     for (const auto& one : kJudges)
