@@ -52,12 +52,13 @@ Judgement judge_background(const Measurements& seen) {
     for (const CameraMeasurements& camera : seen.cameras)
         if (camera.still_area_ratio > kMinStillAreaRatio &&
             camera.still_in_background_fraction > kStillInBackground)
-            return Cause{Trust::kDoNotUse, "background_occupied", camera.name,
-                         fmt::format("the background of camera {} holds a person or an object that is not "
-                                     "there during the session",
-                                     camera.name),
-                         "record or learn the background again with the scene as in the session and nobody "
-                         "in it"};
+            return Cause{
+                Trust::kDoNotUse, "background_occupied", camera.name,
+                fmt::format("the background of camera {} holds a person or an object that is not "
+                            "there during the session",
+                            camera.name),
+                "record or learn the background again with the scene as in the session and no person "
+                "in it"};
     if (seen.cameras.empty()) return {};
     // One camera much, or most of them somewhat: a moved lamp or shadow makes ghosts in one.
     const auto ghosts = [](const CameraMeasurements& camera) { return camera.ghost_contour_fraction; };
@@ -71,7 +72,7 @@ Judgement judge_background(const Measurements& seen) {
                  fmt::format("{:.0f} % of the silhouettes' contours of camera {} come from its background's "
                              "images: a person was in the scene while it was learned",
                              100 * camera.ghost_contour_fraction, camera.name),
-                 "record or learn the background again with nobody in the scene"};
+                 "record or learn the background again with no person in the scene"};
 }
 
 Judgement judge_people(const Measurements& seen) {

@@ -49,24 +49,24 @@ Judgement judge_time(const Measurements& seen) {
                  "run kinevox sync on the session, then process it again"};
 }
 
-Judgement judge_lens(const Measurements& seen) {
+Judgement judge_intrinsics(const Measurements& seen) {
     const RigMeasurements& rig = seen.rig;
     if (!rig_is_inconsistent(rig)) return {};
-    const double lens = residual_or_infinite(rig.lens), all = residual_or_infinite(rig.all_lenses),
+    const double one = residual_or_infinite(rig.intrinsics), all = residual_or_infinite(rig.all_intrinsics),
                  other = std::min(residual_or_infinite(rig.moved), residual_or_infinite(rig.swapped));
-    if (explains(rig, rig.all_lenses, kExplains) && all < other && all < lens)
-        return Cause{Trust::kDoNotUse, "lens", "",
+    if (explains(rig, rig.all_intrinsics, kExplains) && all < other && all < one)
+        return Cause{Trust::kDoNotUse, "intrinsics", "",
                      fmt::format("the intrinsics do not match the images: with focal lengths of {:.2f} times "
                                  "the calibrated ones the silhouette residual is {:.1f} px instead of {:.1f}",
-                                 rig.all_lenses->focal_factor, all, *rig.residual_px),
-                     "use a calibration made with these lenses at this resolution"};
-    if (!explains(rig, rig.lens, kExplains) || lens > other) return {};
-    const std::string name = name_of(seen, rig.lens->camera);
-    return Cause{Trust::kDoNotUse, "lens", name,
+                                 rig.all_intrinsics->focal_factor, all, *rig.residual_px),
+                     "use a calibration made with this focus, zoom and resolution"};
+    if (!explains(rig, rig.intrinsics, kExplains) || one > other) return {};
+    const std::string name = name_of(seen, rig.intrinsics->camera);
+    return Cause{Trust::kDoNotUse, "intrinsics", name,
                  fmt::format("the intrinsics of camera {} do not match its images: with {:.2f} times its "
                              "calibrated focal length the silhouette residual is {:.1f} px instead of {:.1f}",
-                             name, rig.lens->focal_factor, lens, *rig.residual_px),
-                 "calibrate the intrinsics of this camera again, with its lens, zoom and resolution as in "
+                             name, rig.intrinsics->focal_factor, one, *rig.residual_px),
+                 "calibrate the intrinsics of this camera again, with its focus, zoom and resolution as in "
                  "the session"};
 }
 

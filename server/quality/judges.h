@@ -35,7 +35,7 @@ Judgement judge_background(const Measurements& seen);    // background_occupied
 Judgement judge_people(const Measurements& seen);        // several_people
 Judgement judge_still_object(const Measurements& seen);  // still_object
 Judgement judge_time(const Measurements& seen);          // camera_time
-Judgement judge_lens(const Measurements& seen);          // lens
+Judgement judge_intrinsics(const Measurements& seen);    // intrinsics
 Judgement judge_camera(const Measurements& seen);        // camera_moved, cameras_swapped
 Judgement judge_world(const Measurements& seen);         // world_upside_down, world_tilted, floor_height
 Judgement judge_scale(const Measurements& seen);         // scale

@@ -9,7 +9,7 @@ namespace kinevox::quality {
 namespace {
 
 constexpr double kMinEdge = 40;     // Sobel magnitude of an edge, grey levels: above noise and compression
-constexpr double kEdgeRatio = 1.6;  // of the two images' edges at one point, to tell which one has it
+constexpr double kEdgeRatio = 1.6;  // of the two images' edges at one point: the larger one has it
 constexpr double kStillFraction = 0.8;   // of the frame sets in which a still pixel is foreground
 constexpr double kMovingFraction = 0.4;  // at most, next to a still object's contour
 constexpr int kRing_px = 5;              // width of that surrounding

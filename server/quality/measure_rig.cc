@@ -73,18 +73,18 @@ void test_moves(const std::vector<Camera>& cameras, const SilhouetteSet& some, R
         }
 }
 
-void test_lenses(const std::vector<Camera>& cameras, const SilhouetteSet& some, RigMeasurements& out) {
+void test_intrinsics(const std::vector<Camera>& cameras, const SilhouetteSet& some, RigMeasurements& out) {
     static constexpr double kFactors[] = {0.5,  0.667, 0.75, 0.8,  0.87, 0.93,
                                           1.07, 1.15,  1.25, 1.33, 1.5,  2.0};
     for (const double factor : kFactors)
         for (const bool resized : {false, true}) {
             std::vector<Camera> all;
             for (const Camera& camera : cameras) all.push_back(with_focal_factor(camera, factor, resized));
-            keep_better(out.all_lenses, {.residual_px = residual_of(all, some), .focal_factor = factor});
+            keep_better(out.all_intrinsics, {.residual_px = residual_of(all, some), .focal_factor = factor});
             for (std::size_t c = 0; c < cameras.size(); ++c) {
                 std::vector<Camera> one = cameras;
                 one[c] = all[c];
-                keep_better(out.lens,
+                keep_better(out.intrinsics,
                             {.camera = c, .residual_px = residual_of(one, some), .focal_factor = factor});
             }
         }
@@ -137,7 +137,7 @@ RigMeasurements measure_rig(const Samples& seen, const SilhouetteSet& subject,
     const SilhouetteSet some = some_of(subject, kHypothesisFrameSets);
     test_swaps(seen.cameras, some, rig);
     test_moves(seen.cameras, some, rig);
-    test_lenses(seen.cameras, some, rig);
+    test_intrinsics(seen.cameras, some, rig);
     return rig;
 }
 

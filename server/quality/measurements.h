@@ -40,7 +40,7 @@ struct RigHypothesis {
     double residual_px = 0;  // if the hypothesis is true
     // What it assumes.
     double rotated_deg = 0, moved_m = 0;  // camera moved
-    double focal_factor = 1;              // lens
+    double focal_factor = 1;              // intrinsics
     double shift_frames = 0;              // time: images of this camera are later than the others'
     std::size_t other = 0;                // swapped with
 };
@@ -50,7 +50,7 @@ struct RigMeasurements {
     std::optional<double> residual_px;             // of the given calibration
     double side_px = 640;                          // the longer side of the images the residuals refer to
     // The best of each kind; only measured if the residual is large.
-    std::optional<RigHypothesis> swapped, moved, lens, all_lenses, time;
+    std::optional<RigHypothesis> swapped, moved, intrinsics, all_intrinsics, time;
 };
 
 struct WorldMeasurements {

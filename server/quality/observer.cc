@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <opencv2/imgproc.hpp>
 
 #include "kernels/segmentation.h"
@@ -89,7 +90,8 @@ struct Observer::State {
     std::vector<std::unique_ptr<kernels::Segmenter>> segmenters;
     Samples seen;
     std::vector<double> litres;  // of the tracked volumes
-    std::uint64_t frame_sets = 0, stride = 1, tracked = 0;
+    std::uint64_t frame_sets = 0, stride = 1;
+    std::deque<char> tracked;  // per frame set; live: of the held ones
 };
 
 Observer::Observer(const std::vector<Camera>& cameras, const std::vector<std::vector<Image>>& background,
@@ -124,7 +126,8 @@ Observer::~Observer() = default;
 
 void Observer::add(const FrameResult& result) {
     State& state = *state_;
-    state.tracked += result.subject.has_value();
+    state.tracked.push_back(result.subject.has_value());
+    if (state.options.latest && state.tracked.size() > state.options.max_samples) state.tracked.pop_front();
     if (state.frame_sets++ % state.stride != 0) return;
     if (result.volume) state.litres.push_back(volume_litres(*result.volume));
     Sample& sample = state.seen.samples.emplace_back();
@@ -140,10 +143,19 @@ void Observer::add(const FrameResult& result) {
     });
     auto& samples = state.seen.samples;
     if (samples.size() <= state.options.max_samples) return;
+    if (state.options.latest) {
+        samples.erase(samples.begin());
+        if (state.litres.size() > state.options.max_samples) state.litres.erase(state.litres.begin());
+        return;
+    }
     std::vector<Sample> kept;
     for (std::size_t n = 0; n < samples.size(); n += 2) kept.push_back(std::move(samples[n]));
     samples = std::move(kept);
     state.stride *= 2;
+}
+
+std::uint64_t Observer::first_sequence() const {
+    return state_->seen.samples.empty() ? 0 : state_->seen.samples.front().sequence;
 }
 
 Measurements Observer::measure(std::span<const PosedFrame> poses, const BodyShape* body) const {
@@ -169,7 +181,8 @@ Measurements Observer::measure(std::span<const PosedFrame> poses, const BodyShap
     measure_view(seen, subject, out.cameras);
     out.rig = measure_rig(seen, subject, out.cameras);
     if (!state.litres.empty()) out.world.volume_litres = quantile_or(state.litres, 0.5, 0);
-    out.pose.subject_fraction = static_cast<double>(state.tracked) / static_cast<double>(state.frame_sets);
+    const auto tracked = std::ranges::count(state.tracked, 1);
+    out.pose.subject_fraction = static_cast<double>(tracked) / static_cast<double>(state.tracked.size());
     if (!body) return out;
     out.body.stature_m = body->stature_m;
     std::int64_t withheld = 0, joints = 0, posed = 0;
@@ -184,8 +197,7 @@ Measurements Observer::measure(std::span<const PosedFrame> poses, const BodyShap
             if (joint.measured()) stds.push_back(joint.std_m);
         }
     }
-    if (state.tracked > 0)
-        out.pose.posed_fraction = static_cast<double>(posed) / static_cast<double>(state.tracked);
+    if (tracked > 0) out.pose.posed_fraction = static_cast<double>(posed) / static_cast<double>(tracked);
     if (posed == 0) return out;
     out.pose.withheld_fraction = static_cast<double>(withheld) / static_cast<double>(joints);
     if (!stds.empty()) out.pose.joint_std_m = quantile_or(stds, 0.5, 0);

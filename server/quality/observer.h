@@ -20,6 +20,7 @@ struct ObserverOptions {
     // Images are reduced until their longer side is at most this, px.
     int max_side_px = 640;
     std::size_t max_samples = 40;  // frame sets held; beyond, every other one is dropped
+    bool latest = false;           // or rather the oldest one, for a live capture
 };
 
 struct PosedFrame {
@@ -40,6 +41,8 @@ class Observer {
     // `poses`: of all frame sets; `body`: with which they were found, null without poses. Everything but
     // RigMeasurements::time, and of the body what is known only to the caller.
     Measurements measure(std::span<const PosedFrame> poses, const BodyShape* body) const;
+    // Sequence numbers below are not needed by measure() any more.
+    std::uint64_t first_sequence() const;
 
   private:
     struct State;

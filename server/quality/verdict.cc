@@ -76,8 +76,8 @@ Json json_of(const Measurements& seen) {
     };
     add("cameras_swapped", seen.rig.swapped);
     add("camera_moved", seen.rig.moved);
-    add("lens", seen.rig.lens);
-    add("all_lenses", seen.rig.all_lenses);
+    add("intrinsics", seen.rig.intrinsics);
+    add("all_intrinsics", seen.rig.all_intrinsics);
     add("camera_time", seen.rig.time);
     if (!hypotheses.empty()) out["hypotheses"] = std::move(hypotheses);
     Json cameras = Json::array();
@@ -96,7 +96,7 @@ std::string short_number(const char* name, const std::optional<double>& value, i
 QualityReport judge(const Measurements& measurements) {
     // What spoils the images spoils everything after them; what spoils the cameras, the hull and the body.
     static constexpr std::array kJudges{judge_light, judge_background, judge_world,        judge_people,
-                                        judge_time,  judge_lens,       judge_camera,       judge_view,
+                                        judge_time,  judge_intrinsics, judge_camera,       judge_view,
                                         judge_scale, judge_body,       judge_still_object, judge_silhouettes};
     QualityReport report;
     report.measurements = measurements;

@@ -166,7 +166,7 @@ def camera_time(s):
         s.set_images(c, images[8:] if c == 2 else images[:-8])
 
 
-def lens(s):
+def zoomed(s):
     """The second camera's zoom was changed."""
     s.cameras[1].matrix[0, 0] *= 1.15
     s.cameras[1].matrix[1, 1] *= 1.15
@@ -219,8 +219,8 @@ CASES = {
     "scale_small": ("boxing", scale_small, "scale"),
     "camera_moved": ("walk", camera_moved, "camera_moved"),
     "camera_time": ("signal", camera_time, "camera_time"),
-    "lens": ("gesture", lens, "lens"),
-    "resolution": ("signal", resolution, "lens"),
+    "intrinsics": ("gesture", zoomed, "intrinsics"),
+    "resolution": ("signal", resolution, "intrinsics"),
     "out_of_view": ("gesture", out_of_view, "out_of_view"),
     "too_dark": ("walk", too_dark, "too_dark"),
     "saturated": ("signal", saturated, "saturated"),

@@ -84,9 +84,9 @@ std::vector<Table> certificate_tables(const std::filesystem::path& session_file)
     return tables;
 }
 
-// body_N.toml of each subject N with a pose, the first also as body.toml.
-std::vector<Table> body_tables(const std::vector<PoseRow>& rows, const std::optional<BodyShape>& body) {
-    std::vector<Table> tables;
+// Of the poses, and body_N.toml of each subject N with a pose, the first also as body.toml.
+std::vector<Table> tables_of(const std::vector<PoseRow>& rows, const std::optional<BodyShape>& body) {
+    std::vector<Table> tables = pose_tables(rows);
     if (!body) return tables;
     std::set<std::uint32_t> subjects;
     for (const PoseRow& row : rows)
@@ -165,12 +165,9 @@ absl::Status process_session(const ProcessOptions& requested, const std::atomic<
     const double wall_s = seconds_since(start);
     (*writer)->add_table({"calibration.toml", calibration_toml((*source)->cameras())});
     for (Table& table : certificate_tables(options.session_file)) (*writer)->add_table(std::move(table));
-    std::vector<PoseRow> rows;
-    if (pose_stage) {
-        rows = poses.finish(*pose_stage);
-        for (Table& table : pose_tables(rows)) (*writer)->add_table(std::move(table));
-        for (Table& table : body_tables(rows, poses.body())) (*writer)->add_table(std::move(table));
-    }
+    const std::vector<PoseRow> rows = pose_stage ? poses.finish(*pose_stage) : std::vector<PoseRow>{};
+    if (pose_stage)
+        for (Table& table : tables_of(rows, poses.body())) (*writer)->add_table(std::move(table));
     const quality::QualityReport report = quality.finish(pose_stage ? &poses : nullptr, rows);
     (*writer)->add_table({"quality.json", quality::quality_json(report)});
     (*writer)->add_table({"run.toml", run_toml(options, *fingerprint, fps, summary.frames())});  // the last

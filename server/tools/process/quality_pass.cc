@@ -5,7 +5,7 @@
 
 namespace kinevox {
 
-quality::QualityReport QualityPass::finish(const PosePass* poses, const std::vector<PoseRow>& rows) const {
+quality::Measurements QualityPass::measure(const PosePass* poses, const std::vector<PoseRow>& rows) const {
     std::vector<quality::PosedFrame> posed;
     for (const PoseRow& row : rows) posed.push_back({row.frame, row.pose});
     const BodyShape* const body = poses && poses->body() ? &*poses->body() : nullptr;
@@ -17,7 +17,11 @@ quality::QualityReport QualityPass::finish(const PosePass* poses, const std::vec
     if (quality::rig_is_inconsistent(seen.rig))
         if (const auto session = read_session(session_file_); session.ok())
             seen.rig.time = quality::measure_camera_time(*session);
-    return quality::judge(seen);
+    return seen;
+}
+
+quality::QualityReport QualityPass::finish(const PosePass* poses, const std::vector<PoseRow>& rows) const {
+    return quality::judge(measure(poses, rows));
 }
 
 }  // namespace kinevox

@@ -19,6 +19,8 @@ class QualityPass {
 
     // Every frame set, in order.
     void add(const FrameResult& result) { observer_.add(result); }
+    // Without a verdict.
+    quality::Measurements measure(const PosePass* poses, const std::vector<PoseRow>& rows) const;
     // `poses` and its `rows` after finish(); null without poses. May read the session's videos again, to find
     // a cause.
     quality::QualityReport finish(const PosePass* poses, const std::vector<PoseRow>& rows) const;

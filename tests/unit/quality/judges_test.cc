@@ -43,8 +43,8 @@ Measurements inconsistent_rig() {
     seen.rig.residual_px = 12;
     seen.rig.moved = RigHypothesis{.camera = 1, .residual_px = 11, .rotated_deg = 1, .moved_m = 0.05};
     seen.rig.swapped = RigHypothesis{.camera = 0, .residual_px = 20, .other = 2};
-    seen.rig.lens = RigHypothesis{.camera = 2, .residual_px = 11, .focal_factor = 0.87};
-    seen.rig.all_lenses = RigHypothesis{.residual_px = 13, .focal_factor = 1.07};
+    seen.rig.intrinsics = RigHypothesis{.camera = 2, .residual_px = 11, .focal_factor = 0.87};
+    seen.rig.all_intrinsics = RigHypothesis{.residual_px = 13, .focal_factor = 1.07};
     return seen;
 }
 
@@ -162,13 +162,13 @@ TEST(RigJudges, AskNothingWhileSilhouettesAreConsistent) {
     seen.rig.time = RigHypothesis{.camera = 1, .shift_frames = 5};
     EXPECT_FALSE(judge_camera(seen));
     EXPECT_FALSE(judge_time(seen));
-    EXPECT_FALSE(judge_lens(seen));
+    EXPECT_FALSE(judge_intrinsics(seen));
 }
 
 TEST(RigJudges, NameTheMovedCamera) {
     Measurements seen = inconsistent_rig();
     seen.rig.moved->residual_px = 1;
-    EXPECT_FALSE(judge_lens(seen));
+    EXPECT_FALSE(judge_intrinsics(seen));
     const Judgement found = judge_camera(seen);
     EXPECT_EQ(cause_of(found), "camera_moved");
     EXPECT_EQ(found->camera, "cam2");
@@ -183,18 +183,18 @@ TEST(RigJudges, NameSwappedCameras) {
 
 TEST(RigJudges, NameTheLensThatChanged) {
     Measurements seen = inconsistent_rig();
-    seen.rig.lens->residual_px = 1;
-    const Judgement found = judge_lens(seen);
-    EXPECT_EQ(cause_of(found), "lens");
+    seen.rig.intrinsics->residual_px = 1;
+    const Judgement found = judge_intrinsics(seen);
+    EXPECT_EQ(cause_of(found), "intrinsics");
     EXPECT_EQ(found->camera, "cam3");
 }
 
 TEST(RigJudges, NameAnotherResolutionOfAllCameras) {
     Measurements seen = inconsistent_rig();
-    seen.rig.all_lenses->residual_px = 0.5;
-    seen.rig.all_lenses->focal_factor = 0.667;
-    const Judgement found = judge_lens(seen);
-    EXPECT_EQ(cause_of(found), "lens");
+    seen.rig.all_intrinsics->residual_px = 0.5;
+    seen.rig.all_intrinsics->focal_factor = 0.667;
+    const Judgement found = judge_intrinsics(seen);
+    EXPECT_EQ(cause_of(found), "intrinsics");
     EXPECT_EQ(found->camera, "");
 }
 

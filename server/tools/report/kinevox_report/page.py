@@ -3,9 +3,11 @@ from pathlib import Path
 
 from .curves import draw_curves
 from .images import Session
-from .sheet import FAINT, HEIGHT_MM, INNER_MM, MARGIN_MM, SOFT, Sheet
+from .sheet import FAINT, HEIGHT_MM, INK, INNER_MM, MARGIN_MM, SOFT, Sheet
 from .strip import draw_strip
 from .tables import draw_ranges, draw_segments, draw_stage_times, draw_tiles
+
+VERDICT_COLOURS = {"GOOD": SOFT, "CAUTION": "#a05a00", "DO NOT USE": "#b3261e"}
 
 
 def open_session(trial, session_file):
@@ -37,12 +39,26 @@ def subtitle_of(trial, session):
     return "  ·  ".join(words)
 
 
+def draw_quality(sheet, trial, right):
+    """The verdict at the top, reason and remedy at the bottom."""
+    if not trial.quality:
+        return
+    verdict, cause = trial.quality["verdict"], trial.quality["cause"]
+    colour = VERDICT_COLOURS.get(verdict, INK)
+    words = f"quality: {verdict}" + (f" ({cause['cause']})" if cause else "")
+    sheet.text(right, 24.5, words, size=7, weight="bold", color=colour, ha="right")
+    if cause:
+        footer = shortened(f"{cause['reason']}. Remedy: {cause['remedy']}", 160)
+        sheet.text(MARGIN_MM, HEIGHT_MM - 6, footer, size=6, color=colour)
+
+
 def make_page(trial, session, camera=None):
     sheet = Sheet()
     right = MARGIN_MM + INNER_MM
     sheet.text(MARGIN_MM, 19, shortened(title_of(trial, session), 44), size=19, weight="bold")
-    sheet.text(MARGIN_MM, 24.5, shortened(subtitle_of(trial, session), 130), size=7, color=SOFT)
+    sheet.text(MARGIN_MM, 24.5, shortened(subtitle_of(trial, session), 105), size=7, color=SOFT)
     sheet.text(right, 19, "kinevox", size=10, weight="bold", color=FAINT, ha="right")
+    draw_quality(sheet, trial, right)
     draw_tiles(sheet, trial, 28)
 
     strip_y = 52

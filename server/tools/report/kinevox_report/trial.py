@@ -1,5 +1,6 @@
 """A processed trial or a recording with poses, for one page. Messages are one line each: ReportError."""
 import csv
+import json
 import tomllib
 from pathlib import Path
 
@@ -119,6 +120,7 @@ class Trial:
         self.angles = self._angles("angles.csv", "{}_deg")
         self.std = self._angles("uncertainty.csv", "{}_std_deg") if self._has("uncertainty.csv") else {}
         self.run = read_toml(self.folder / "run.toml") if self._has("run.toml") else {}
+        self.quality = self._read_quality() if self._has("quality.json") else {}
         self.stage_ms = self._stage_times() if self._has("timing.csv") else {}
         if not any(np.isfinite(a).any() for a in self.angles.values()):
             raise ReportError(
@@ -135,6 +137,19 @@ class Trial:
         if not np.array_equal(column(table, "frame", file), self.frames):
             raise ReportError(f"{file}: its frames are not those of joints.csv; both must be from one run")
         return {n: column(table, pattern.format(n), file) for n in GEOMETRIC_ANGLE_NAMES}
+
+    def _read_quality(self):
+        """{verdict, cause: None or {cause, reason, remedy}}."""
+        file = self.folder / "quality.json"
+        try:
+            quality = json.loads(file.read_text())
+            cause = quality["cause"]
+            return {
+                "verdict": str(quality["verdict"]),
+                "cause": cause and {key: str(cause[key]) for key in ("cause", "reason", "remedy")},
+            }
+        except (ValueError, KeyError, TypeError) as error:
+            raise ReportError(f"{file}: is not a verdict of `kinevox process` ({error}); rerun it") from error
 
     def _stage_times(self):
         """{stage: (n) ms}, "total" among them."""

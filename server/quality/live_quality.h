@@ -1,0 +1,69 @@
+// The quality of a live capture: judges the latest seconds on a thread of its own, at low priority.
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <vector>
+
+#include "common/camera.h"
+#include "server/pipeline/frame_result.h"
+#include "server/pose/body_shape.h"
+#include "server/quality/observer.h"
+#include "server/quality/verdict.h"
+
+namespace kinevox::quality {
+
+struct LiveQualityOptions {
+    std::chrono::nanoseconds sample_interval = std::chrono::milliseconds(500);  // capture time
+    std::size_t samples = 24;                                                   // judged together
+    std::size_t judge_after = 20;                                               // samples, again and again
+    int max_side_px = 480;                                                      // of the reduced images
+};
+
+// set_background(), observe() and report() by any thread; none blocks.
+class LiveQuality {
+  public:
+    explicit LiveQuality(const LiveQualityOptions& options = {});
+    ~LiveQuality();
+
+    // Begins again. `background`: per camera.
+    void set_background(std::vector<Camera> cameras,
+                        std::shared_ptr<const std::vector<std::vector<Image>>> background);
+    // Begins again with the same background.
+    void set_cameras(std::vector<Camera> cameras);
+    // Each result; `body`: of its pose, null without poses.
+    void observe(const FrameResult& result, const BodyShape* body);
+    // Empty until enough was observed.
+    std::optional<QualityReport> report() const;
+
+  private:
+    struct Observed {
+        FrameResult result;  // without silhouettes and events
+        std::optional<BodyShape> body;
+    };
+    void work();
+    void judge_one(std::unique_ptr<Observed> one);
+
+    const LiveQualityOptions options_;
+    mutable std::mutex mutex_;  // guards the members down to the blank line
+    std::condition_variable changed_;
+    bool closing_ = false, restart_ = false;
+    std::vector<Camera> cameras_;
+    std::shared_ptr<const std::vector<std::vector<Image>>> background_;
+    std::unique_ptr<Observed> next_;
+    std::int64_t last_time_ns_ = 0;
+    std::optional<QualityReport> report_;
+
+    std::unique_ptr<Observer> observer_;  // these are the thread's own
+    std::deque<PosedFrame> poses_;
+    std::size_t since_judged_ = 0;
+    std::thread thread_;
+};
+
+}  // namespace kinevox::quality
