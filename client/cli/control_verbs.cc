@@ -12,6 +12,7 @@ namespace {
 struct ControlOptions {
     std::string operator_name = default_operator_name();
     int frames = 0;
+    bool force = false, restore = false;
 };
 
 absl::Status report(const GlobalOptions& global, const absl::Status& status, const std::string& done) {
@@ -32,13 +33,18 @@ absl::Status run_stop(const GlobalOptions& global, const ControlOptions& options
 }
 
 absl::Status run_learn(const GlobalOptions& global, const ControlOptions& options) {
+    if (options.restore)
+        return report(global,
+                      client::Client(global.client_options()).restore_background(options.operator_name),
+                      "restored");
     // Learning takes as long as its frames last; 10 per second is slow for a camera.
     const std::chrono::milliseconds timeout = global.client_options().timeout + std::chrono::seconds(20) +
                                               options.frames * std::chrono::milliseconds(100);
     ProgressLine line(global.json);
     line.draw("learning the background ...");
-    const absl::Status learned = client::Client(global.client_options())
-                                     .learn_background(options.operator_name, options.frames, timeout);
+    const absl::Status learned =
+        client::Client(global.client_options())
+            .learn_background(options.operator_name, options.frames, timeout, options.force);
     line.clear();
     return report(global, learned, "learned");
 }
@@ -55,12 +61,19 @@ void add_control_verbs(CLI::App& app, GlobalOptions& global, Run& run) {
     };
     add("start", "Start the capture (acquires control)", run_start);
     add("stop", "Stop the capture (acquires control)", run_stop);
-    add("learn-background", "Relearn the background (acquires control)", run_learn)
-        ->add_option("--frames", options->frames,
-                     "Live frame sets to learn from, scene empty (0: the source's background clip; capture "
-                     "stopped)")
-        ->check(CLI::Range(0, 1000))
-        ->capture_default_str();
+    CLI::App* const learn = add("learn-background", "Relearn the background (acquires control)", run_learn);
+    CLI::Option* const frames =
+        learn
+            ->add_option("--frames", options->frames,
+                         "Live frame sets to learn from, scene empty (0: the source's background clip; "
+                         "capture stopped)")
+            ->check(CLI::Range(0, 1000))
+            ->capture_default_str();
+    CLI::Option* const force =
+        learn->add_flag("--force", options->force, "Learn even while a subject is tracked");
+    learn->add_flag("--restore", options->restore, "Restore the previous background (capture stopped)")
+        ->excludes(frames)
+        ->excludes(force);
 }
 
 }  // namespace kinevox::cli

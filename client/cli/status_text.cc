@@ -80,6 +80,23 @@ std::string indented(const std::string& text) {
 
 }  // namespace
 
+namespace {
+
+std::string quality_line(const v1::ResultQuality& quality) {
+    const char* const trust = quality.trust() == v1::RESULT_TRUST_GOOD      ? "GOOD"
+                              : quality.trust() == v1::RESULT_TRUST_CAUTION ? "CAUTION"
+                                                                            : "DO NOT USE";
+    std::string out = fmt::format("  quality: {}", trust);
+    if (quality.has_posed_iou()) out += fmt::format(", posed body IoU {:.2f}", quality.posed_iou());
+    if (quality.has_hull_iou()) out += fmt::format(", hull IoU {:.2f}", quality.hull_iou());
+    if (!quality.cause().empty())
+        out +=
+            fmt::format("\n    {}: {}\n    remedy: {}", quality.cause(), quality.reason(), quality.remedy());
+    return out + "\n";
+}
+
+}  // namespace
+
 std::string status_text(const v1::GetStatusResponse& status) {
     std::string out =
         fmt::format("kinevoxd {}  {}  {}", status.version(), state_name(status), status.source());
@@ -90,6 +107,7 @@ std::string status_text(const v1::GetStatusResponse& status) {
     out += stage_table(status);
     out += indented(subject_table(status));
     if (const std::string cameras = camera_table(status); !cameras.empty()) out += indented(cameras);
+    if (status.has_quality()) out += quality_line(status.quality());
     out += fmt::format("  subscribers: {} volumes, {} poses, {} previews, {} events",
                        status.volume_subscriber_count(), status.pose_subscriber_count(),
                        status.preview_subscriber_count(), status.event_subscriber_count());

@@ -79,10 +79,11 @@ absl::Status Client::stop(const Lease& lease) {
 }
 
 absl::Status Client::learn_background(const Lease& lease, int frame_set_count,
-                                      std::chrono::milliseconds timeout) {
+                                      std::chrono::milliseconds timeout, bool force) {
     v1::LearnBackgroundRequest request;
     request.set_lease_id(lease.id);
     request.set_frame_set_count(frame_set_count);
+    request.set_force(force);
     return parts_->call(*parts_->capture, &v1::CaptureService::Stub::LearnBackground, request, timeout)
         .status();
 }
@@ -96,9 +97,19 @@ absl::Status Client::stop(const std::string& operator_name) {
 }
 
 absl::Status Client::learn_background(const std::string& operator_name, int frame_set_count,
-                                      std::chrono::milliseconds timeout) {
-    return with_control(
-        operator_name, [&](const Lease& lease) { return learn_background(lease, frame_set_count, timeout); });
+                                      std::chrono::milliseconds timeout, bool force) {
+    return with_control(operator_name, [&](const Lease& lease) {
+        return learn_background(lease, frame_set_count, timeout, force);
+    });
+}
+
+absl::Status Client::restore_background(const std::string& operator_name) {
+    return with_control(operator_name, [&](const Lease& lease) {
+        v1::LearnBackgroundRequest request;
+        request.set_lease_id(lease.id);
+        request.set_restore_previous(true);
+        return parts_->call(*parts_->capture, &v1::CaptureService::Stub::LearnBackground, request).status();
+    });
 }
 
 absl::Status Client::stream_volumes(const v1::StreamVolumesRequest& request,

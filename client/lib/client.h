@@ -127,10 +127,13 @@ class Client {
     absl::Status stop(const std::string& operator_name);
     absl::Status stop(const Lease& lease);
     // Live frame sets to learn from; 0: the source's own background clip. Waits until it is done, `timeout`
-    // at most.
+    // at most. FailedPrecondition while a subject is tracked, unless `force`.
     absl::Status learn_background(const std::string& operator_name, int frame_set_count,
-                                  std::chrono::milliseconds timeout);
-    absl::Status learn_background(const Lease& lease, int frame_set_count, std::chrono::milliseconds timeout);
+                                  std::chrono::milliseconds timeout, bool force = false);
+    absl::Status learn_background(const Lease& lease, int frame_set_count, std::chrono::milliseconds timeout,
+                                  bool force = false);
+    // The background before the last one that was learned; the capture is stopped.
+    absl::Status restore_background(const std::string& operator_name);
 
     // `on_...` returns whether to continue; false ends the stream with OK.
     absl::Status stream_volumes(const v1::StreamVolumesRequest& request,

@@ -17,6 +17,9 @@
 
 namespace kinevox {
 
+namespace quality {
+class LiveQuality;
+}
 class Gpu;
 class Guard;
 class Recorder;
@@ -55,6 +58,8 @@ struct ApiContext {
     boost::asio::any_io_executor exports{};  // one thread: creates export files, one export after the other
 
     const CameraWatch* camera_watch = nullptr;  // null if the cameras are not watched for movement
+
+    const quality::LiveQuality* quality = nullptr;  // null: results are not judged
 
     CaptureStatistics* statistics = nullptr;  // for the metrics; null: disabled
 

@@ -11,6 +11,7 @@
 #include "server/api/stream_reactor.h"
 #include "server/api/to_proto.h"
 #include "server/pipeline/gpu.h"
+#include "server/quality/live_quality.h"
 
 namespace kinevox {
 namespace {
@@ -85,6 +86,28 @@ absl::Status always(const ApiContext&) {
     return absl::OkStatus();
 }
 
+v1::ResultTrust to_proto(quality::Trust trust) {
+    return trust == quality::Trust::kGood      ? v1::RESULT_TRUST_GOOD
+           : trust == quality::Trust::kCaution ? v1::RESULT_TRUST_CAUTION
+                                               : v1::RESULT_TRUST_DO_NOT_USE;
+}
+
+void fill_quality(const quality::QualityReport& report, v1::ResultQuality& out) {
+    const quality::Measurements& seen = report.measurements;
+    out.set_trust(to_proto(report.verdict));
+    out.set_frame_set_count(seen.frame_sets);
+    out.set_withheld_fraction(seen.pose.withheld_fraction);
+    if (seen.pose.posed_iou) out.set_posed_iou(*seen.pose.posed_iou);
+    if (seen.rig.hull_iou) out.set_hull_iou(*seen.rig.hull_iou);
+    if (seen.pose.joint_std_m) out.set_joint_std_m(*seen.pose.joint_std_m);
+    if (report.causes.empty()) return;
+    const quality::Cause& cause = report.causes.front();
+    out.set_cause(cause.cause);
+    out.set_camera(cause.camera);
+    out.set_reason(cause.reason);
+    out.set_remedy(cause.remedy);
+}
+
 }  // namespace
 
 absl::Status get_status(const ApiContext& api, v1::GetStatusResponse& response) {
@@ -113,6 +136,8 @@ absl::Status get_status(const ApiContext& api, v1::GetStatusResponse& response) 
     fill_subscribers(api, response);
     if (api.active_calibration && !replayed)
         response.set_active_calibration_id(api.active_calibration->active());
+    if (const auto report = api.quality && !replayed ? api.quality->report() : std::nullopt)
+        fill_quality(*report, *response.mutable_quality());
     return absl::OkStatus();
 }
 
@@ -171,6 +196,20 @@ absl::Status stop_capture(const ApiContext& api, const v1::StopCaptureRequest& r
 void learn_background(const ApiContext& api, const v1::LearnBackgroundRequest& request,
                       std::function<void(absl::Status)> done) {
     if (absl::Status control = use_control(api, request.lease_id()); !control.ok()) return done(control);
+    if (request.restore_previous()) {
+        if (request.frame_set_count() != 0)
+            return done(
+                absl::InvalidArgumentError("restore_previous needs no frame sets; set frame_set_count to 0 "
+                                           "or leave restore_previous out"));
+        return done(api.runner.restore_background());
+    }
+    const auto latest = api.hub.latest();
+    if (request.frame_set_count() > 0 && !request.force() && latest && latest->result->subject &&
+        api.runner.state().state == RunState::kRunning)
+        return done(absl::FailedPreconditionError(fmt::format(
+            "subject {} is tracked and would become part of the background; clear the scene, or force it "
+            "(kinevox learn-background --force) if that is not a person",
+            latest->result->subject->subject_id)));
     api.runner.learn_background(request.frame_set_count(), std::move(done));
 }
 

@@ -61,6 +61,7 @@ absl::Status Capture::open(const MakeGpu& make_gpu) {
                            [this](const BackgroundImages& images) {
                                background.store(runner->cameras(), runner->source_fps(), images);
                                recorder->background_learned(images);
+                               quality.set_background(runner->cameras(), images);
                            },
                            [this] { recorder->capture_ended(); }});
     replay = std::make_unique<Replay>(
@@ -78,6 +79,7 @@ void Capture::restore_calibration() {
                                                              [this](const std::vector<Camera>& cameras) {
                                                                  if (body_fit) body_fit->set_cameras(cameras);
                                                                  camera_watch->reset(cameras);
+                                                                 quality.set_cameras(cameras);
                                                                  if (background_work_started_)
                                                                      build_pose_database(cameras);
                                                              });
@@ -90,6 +92,7 @@ void Capture::observe(const FrameResult& result) {
     statistics.observe(result.times);
     if (result.frame_set.recorded_frame) return;  // a replay shows nothing about the cameras and the subject
     camera_watch->observe(result);
+    quality.observe(result, pose_stage ? &pose_stage->body() : nullptr);
     recorder->observe(result, pose_stage ? &pose_stage->body() : nullptr);
     if (!body_fit) return;
     body_fit->observe(result.capture_time_ns,

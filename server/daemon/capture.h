@@ -25,6 +25,7 @@
 #include "server/pipeline/stream_hub.h"
 #include "server/pose/database/database_service.h"
 #include "server/pose/live_body_fit.h"
+#include "server/quality/live_quality.h"
 #include "server/recording/recorder.h"
 
 namespace kinevox {
@@ -48,6 +49,7 @@ struct Capture {
     BodyWatch body_watch;
     std::unique_ptr<LiveBodyFit> body_fit;  // null if no poses are measured
     CaptureStatistics statistics;
+    quality::LiveQuality quality;
     std::unique_ptr<CameraWatch> camera_watch;
     std::unique_ptr<CalibrationStore> calibrations;
     std::unique_ptr<ActiveCalibration> active_calibration;

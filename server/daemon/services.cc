@@ -55,6 +55,7 @@ Services::Services(boost::asio::io_context& io, Capture& serving, AccessSetup& s
                            .recordings = recordings.get_executor(),
                            .exports = exports.get_executor(),
                            .camera_watch = capture.camera_watch.get(),
+                           .quality = &capture.quality,
                            .statistics = &capture.statistics,
                            .replay = capture.replay.get(),
                            .replay_folders = capture.config.replay.folders,

@@ -192,6 +192,7 @@ absl::Status Runner::learn_from_clip() {
     if (const absl::Status learned = setup_.pipeline->learn_background(*images); !learned.ok())
         return learned;
     const std::size_t count = images->front().size();
+    keep_background(*images);
     if (setup_.observers.on_background)
         setup_.observers.on_background(
             std::make_shared<const std::vector<std::vector<Image>>>(*std::move(images)));
@@ -252,6 +253,44 @@ void Runner::learn_background(int frames, std::function<void(absl::Status)> done
         }
     }
     done(absl::FailedPreconditionError("the capture has just ended; start it to learn from live frames"));
+}
+
+void Runner::keep_background(const std::vector<std::vector<Image>>& images) {
+    std::vector<std::vector<Image>> kept;
+    for (const std::vector<Image>& camera : images) {
+        auto& selected = kept.emplace_back();
+        const std::size_t count = std::min(camera.size(), kKeptBackgroundImages);
+        for (std::size_t n = 0; n < count; ++n) selected.push_back(camera[n * camera.size() / count]);
+    }
+    const std::scoped_lock lock(mutex_);
+    if (!setup_.background.empty()) setup_.previous_background = std::move(setup_.background);
+    setup_.background = std::move(kept);
+}
+
+absl::Status Runner::restore_background() {
+    std::vector<std::vector<Image>> images;
+    {
+        const std::scoped_lock lock(mutex_);
+        if (is_active(state_.state))
+            return absl::FailedPreconditionError(
+                "the capture is running; stop it to restore the previous background");
+        images = setup_.previous_background;
+    }
+    if (images.empty())
+        return absl::FailedPreconditionError(
+            "no background was replaced since the daemon's start; there is none to restore");
+    join_threads();  // of a run that has ended
+    if (const absl::Status learned = setup_.pipeline->learn_background(images); !learned.ok()) return learned;
+    keep_background(images);
+    if (setup_.observers.on_background)
+        setup_.observers.on_background(
+            std::make_shared<const std::vector<std::vector<Image>>>(std::move(images)));
+    {
+        const std::scoped_lock lock(mutex_);
+        setup_.background_learned = true;
+    }
+    publish_event(EventKind::kBackgroundLearned, "the previous background was restored");
+    return absl::OkStatus();
 }
 
 void Runner::fetch_loop() {
@@ -376,6 +415,7 @@ void Runner::learn_from(const FrameSet& frame_set) {
     absl::Status status = collected->check();
     if (status.ok()) status = setup_.pipeline->learn_background(collected->images);
     if (status.ok()) setup_.pipeline->reset_track();
+    if (status.ok()) keep_background(collected->images);
     if (status.ok() && setup_.observers.on_background)
         setup_.observers.on_background(
             std::make_shared<const std::vector<std::vector<Image>>>(std::move(collected->images)));

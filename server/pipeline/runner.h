@@ -48,6 +48,8 @@ struct CaptureSetup {
     std::vector<Camera> cameras;                      // active
     std::optional<std::vector<Camera>> next_cameras;  // from the next start
     bool background_learned = false;
+    std::vector<std::vector<Image>> background,
+        previous_background;  // per camera, a selection of each's images
     RunObservers observers;
 };
 
@@ -100,6 +102,9 @@ class Runner {
     // FailedPrecondition (also without a frame set for the idle timeout), Aborted by a stop, or the
     // pipeline's error.
     void learn_background(int frame_set_count, std::function<void(absl::Status)> done);
+    // Learns again from the images of the background before the last one; a second call changes back.
+    // FailedPrecondition while it captures, or without one.
+    absl::Status restore_background();
     // Set before the first start; 10 s.
     void set_idle_timeout(std::chrono::milliseconds timeout) { idle_timeout_ = timeout; }
 
@@ -124,6 +129,8 @@ class Runner {
     static constexpr int kMaxLearningFrames = 1000;
     // Of the images held while learning.
     static constexpr std::int64_t kMaxLearningBytes = std::int64_t{1} << 30;
+    // Images per camera kept of a learned background, an even selection.
+    static constexpr std::size_t kKeptBackgroundImages = 16;
 
   private:
     struct Fetched {
@@ -143,6 +150,7 @@ class Runner {
     void publish(const FrameResultPtr& result);
     std::optional<Fetched> next_fetched();
     void learn_from(const FrameSet& frame_set);
+    void keep_background(const std::vector<std::vector<Image>>& images);
     void end_idle_learning();
     void end_learning(absl::Status status);
     bool background_learned() const;

@@ -221,16 +221,18 @@ class Capture(Service):
             )
         )
 
-    def learn_background(self, frame_set_count: int = 0, timeout_s: float = START_TIMEOUT_S) -> None:
+    def learn_background(
+        self, frame_set_count: int = 0, timeout_s: float = START_TIMEOUT_S, force: bool = False
+    ) -> None:
         """Relearns the background; returns when it is learned.
 
         frame_set_count: live frame sets to learn from, 1 to 1000, with the scene empty; 0: the source's own background
-        clip. InvalidArgument, FailedPrecondition.
+        clip. force: even while a subject is tracked. InvalidArgument, FailedPrecondition.
         """
         return self._runner.run(
             Call(
                 "CaptureService/LearnBackground",
-                pb.LearnBackgroundRequest(frame_set_count=frame_set_count),
+                pb.LearnBackgroundRequest(frame_set_count=frame_set_count, force=force),
                 pb.LearnBackgroundResponse,
                 nothing,
                 True,

@@ -108,12 +108,26 @@ TEST_F(ApiTest, LearnBackgroundReturnsWhenLearned) {
     start();
     source_.give(1);
     seen.get();
-    auto learned = std::async(
-        std::launch::async, [&] { return client_.learn_background("tester", 3, std::chrono::seconds(10)); });
+    auto learned = std::async(std::launch::async, [&] {
+        return client_.learn_background("tester", 3, std::chrono::seconds(10), /*force=*/true);
+    });
     EXPECT_TRUE(testing::eventually(
         [&] { return client_.status()->state() == v1::CAPTURE_STATE_LEARNING_BACKGROUND; }));
     source_.give(3);
     EXPECT_TRUE(learned.get().ok());
+}
+
+TEST_F(ApiTest, LearnBackgroundIsRefusedWhileASubjectIsTracked) {
+    auto seen = collect({}, 1);
+    start();
+    source_.give(1);
+    seen.get();
+    const absl::Status refused = client_.learn_background("tester", 3, std::chrono::seconds(10));
+    EXPECT_EQ(refused.code(), absl::StatusCode::kFailedPrecondition);
+    EXPECT_THAT(std::string(refused.message()), ::testing::HasSubstr("--force"));
+    EXPECT_EQ(client_.status()->state(), v1::CAPTURE_STATE_RUNNING);
+    EXPECT_EQ(client_.restore_background("tester").code(), absl::StatusCode::kFailedPrecondition)
+        << "it runs";
 }
 
 TEST_F(ApiTest, WatchEventsReturnsHistoryInOrder) {

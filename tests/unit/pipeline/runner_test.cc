@@ -305,6 +305,25 @@ TEST_F(RunnerTest, LearnsBackgroundFromLiveFrameSets) {
     EXPECT_EQ(pipeline_->learned_images, 5u);
 }
 
+TEST_F(RunnerTest, RestoresThePreviousBackground) {
+    EXPECT_EQ(runner_->restore_background().code(), absl::StatusCode::kFailedPrecondition) << "none";
+    ASSERT_TRUE(runner_->start().ok());
+    source_.give(1);
+    results(1);
+    const std::size_t first = pipeline_->learned_images;
+    std::promise<absl::Status> learned;
+    runner_->learn_background(5, [&](absl::Status status) { learned.set_value(std::move(status)); });
+    source_.give(6);
+    ASSERT_TRUE(learned.get_future().get().ok());
+    EXPECT_EQ(runner_->restore_background().code(), absl::StatusCode::kFailedPrecondition) << "it runs";
+    ASSERT_TRUE(runner_->stop().ok());
+    ASSERT_NE(pipeline_->learned_images, first);
+    ASSERT_TRUE(runner_->restore_background().ok());
+    EXPECT_EQ(pipeline_->learned_images, std::min(first, Runner::kKeptBackgroundImages));
+    ASSERT_TRUE(runner_->restore_background().ok());  // and back
+    EXPECT_EQ(pipeline_->learned_images, 5u);
+}
+
 TEST_F(RunnerTest, PublishesImagesOnlyWithoutBackground) {
     source_.with_background = false;
     ASSERT_TRUE(runner_->start().ok());
