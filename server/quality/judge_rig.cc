@@ -12,7 +12,8 @@ namespace {
 // docs/quality.md lists the values measured on good and spoiled sessions next to each threshold.
 constexpr double kMaxResidualFraction = 0.0009;  // of the image's longer side
 constexpr double kMinHullIou = 0.92;             // of a camera
-constexpr double kExplains = 0.6;  // of the residual that at most remains under a true hypothesis
+constexpr double kExplains = 0.6;        // of the residual that at most remains under a true hypothesis
+constexpr double kExplainsFully = 0.35;  // a move imitates a shift in time, but not of the limbs
 constexpr double kSwapExplains = 0.5;
 constexpr double kMinShiftFrames = 0.75;
 constexpr double kMaxTilt_deg = 6;
@@ -38,8 +39,14 @@ bool rig_is_inconsistent(const RigMeasurements& rig) {
            (rig.min_hull_iou && *rig.min_hull_iou < kMinHullIou);
 }
 
+bool is_explained_without_time(const RigMeasurements& rig) {
+    for (const auto& one : {rig.swapped, rig.moved, rig.intrinsics, rig.all_intrinsics})
+        if (explains(rig, one, kExplainsFully)) return true;
+    return false;
+}
+
 Judgement judge_time(const Measurements& seen) {
-    if (!rig_is_inconsistent(seen.rig) || !seen.rig.time) return {};
+    if (!rig_is_inconsistent(seen.rig) || !seen.rig.time || is_explained_without_time(seen.rig)) return {};
     const RigHypothesis& time = *seen.rig.time;
     if (std::abs(time.shift_frames) < kMinShiftFrames) return {};
     const std::string name = name_of(seen, time.camera);

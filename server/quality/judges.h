@@ -28,6 +28,9 @@ struct Cause {
 // Silhouettes and calibration contradict each other enough to ask which camera causes it.
 bool rig_is_inconsistent(const RigMeasurements& rig);
 
+// A camera's pose, intrinsics or place in the session remove the contradiction: its time need not be asked.
+bool is_explained_without_time(const RigMeasurements& rig);
+
 using Judgement = std::optional<Cause>;
 
 Judgement judge_light(const Measurements& seen);         // too_dark, saturated

@@ -2,6 +2,7 @@
 
 #include <oneapi/tbb/task_arena.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "common/background_priority.h"
@@ -94,7 +95,12 @@ void LiveQuality::judge_one(std::unique_ptr<Observed> one) {
     if (++since_judged_ < options_.judge_after) return;
     since_judged_ = 0;
     const std::vector<PosedFrame> poses(poses_.begin(), poses_.end());
-    QualityReport report = judge(observer_->measure(poses, one->body ? &*one->body : nullptr));
+    const Measurements seen = observer_->measure(poses, one->body ? &*one->body : nullptr);
+    const bool empty_room =
+        seen.pose.subject_fraction == 0 &&
+        std::ranges::none_of(seen.cameras, [](const auto& camera) { return camera.seen_fraction > 0.5; });
+    std::optional<QualityReport> report;
+    if (!empty_room) report = judge(seen);
     const std::scoped_lock lock(mutex_);
     if (!restart_) report_ = std::move(report);
 }

@@ -39,7 +39,7 @@ class LiveQuality {
     void set_cameras(std::vector<Camera> cameras);
     // Each result; `body`: of its pose, null without poses.
     void observe(const FrameResult& result, const BodyShape* body);
-    // Empty until enough was observed.
+    // Empty until enough was observed, and while nothing moves in the scene.
     std::optional<QualityReport> report() const;
 
   private:

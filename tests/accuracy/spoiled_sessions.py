@@ -4,7 +4,7 @@
 Builds spoiled sessions from the shared studio data, one cause each, processes them and compares the first cause of
 quality.json with the one that was built in. The good sequences must not be given any of these causes.
 
-usage: spoiled_sessions.py --process KINEVOX-PROCESS [--only NAME,...] [--good NAME,...] [--quick] [--out FOLDER]
+usage: spoiled_sessions.py --process KINEVOX-PROCESS [--only NAME,...] [--good NAME,...] [--quick] [--frames N] [--out FOLDER]
 Exit status 1 where a cause is missed or a good sequence accused; 77 without the test data."""
 import argparse
 import json
@@ -30,7 +30,8 @@ MAX_FRAMES = 90
 class Spoiled:
     """A session of its own folder that shares what is not changed with the original."""
 
-    def __init__(self, sequence, folder):
+    def __init__(self, sequence, folder, frames=MAX_FRAMES):
+        self.frames = frames
         self.original = Session(data_folder() / "studio" / sequence / "session.toml")
         self.folder = Path(folder)
         self.folder.mkdir(parents=True)
@@ -42,7 +43,7 @@ class Spoiled:
     def images(self, camera, background=False):
         capture = cv2.VideoCapture((self.backgrounds if background else self.videos)[camera])
         images = []
-        while len(images) < (10 if background else MAX_FRAMES):
+        while len(images) < (10 if background else self.frames):
             good, image = capture.read()
             if not good:
                 break
@@ -97,7 +98,7 @@ def rotation(axis, degrees):
 def background_person(s):
     """Learned with the person standing in the room."""
     for c in range(len(s.cameras)):
-        s.set_images(c, [s.images(c)[60]], background=True)
+        s.set_images(c, [s.images(c)[s.frames * 2 // 3]], background=True)
 
 
 def background_median(s):
@@ -246,9 +247,11 @@ def main():
     parser.add_argument("--process", required=True)
     parser.add_argument("--only", default=None)
     parser.add_argument("--good", default=None)
-    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--quick", action="store_true", help="a few sessions, half as long")
+    parser.add_argument("--frames", type=int, default=None, help="of a spoiled session (default: 90)")
     parser.add_argument("--out", type=Path, default=None, help="keeps the results there")
     arguments = parser.parse_args()
+    arguments.frames = arguments.frames or (MAX_FRAMES // 2 if arguments.quick else MAX_FRAMES)
     if not (data_folder() / "studio").is_dir():
         print("skipped: no test data; set KINEVOX_TEST_DATA")
         return 77
@@ -265,16 +268,17 @@ def main():
         for name in names:
             sequence, spoil, expected = CASES[name]
             with tempfile.TemporaryDirectory(prefix="kinevox-spoiled-") as folder:
-                spoiled = Spoiled(sequence, Path(folder) / "session")
+                spoiled = Spoiled(sequence, Path(folder) / "session", arguments.frames)
                 spoil(spoiled)
-                options = [*spoiled.options, "--frames", MAX_FRAMES]
+                options = [*spoiled.options, "--frames", arguments.frames]
                 quality = process(arguments.process, spoiled.write(), results / name, options)
             named = bool(quality["cause"]) and quality["cause"]["cause"] == expected
             failed += not named
             print(row(name, expected, quality) + ("" if named else "   MISSED"), flush=True)
         for name in goods:
             folder = data_folder() / (name if name == "balancing" else f"studio/{name}")
-            quality = process(arguments.process, folder / "session.toml", results / f"good_{name}", [])
+            options = ["--frames", arguments.frames] if arguments.quick else []
+            quality = process(arguments.process, folder / "session.toml", results / f"good_{name}", options)
             causes = [c["cause"] for c in quality.get("causes", [quality["cause"]])]
             accused = [cause for cause in causes if cause not in DESCRIPTIONS]
             failed += bool(accused)

@@ -16,6 +16,14 @@ namespace {
 constexpr double kSamePosition_m = 0.05;   // repeatability of an untouched camera's position
 constexpr double kMovedPosition_m = 0.30;  // beyond it they do not determine the previous floor
 
+// A refinement counts only if silhouettes that it did not use confirm it.
+constexpr double kMinHullIou = 0.9;  // after it; below, the silhouettes are the cause, not the cameras
+constexpr double kMaxResidualFraction = 0.8;  // of the residual before
+constexpr double kMaxCameraLoss = 0.01;       // hull IoU of a camera
+constexpr double kSameIou = 0.003;            // of two results: the one nearer to the given poses is taken
+constexpr double kMaxHalvesFraction = 0.5, kMaxHalves_m = 0.006;  // of the correction, between both halves
+constexpr double kMaxGoMove_m = 0.02;  // beyond it the result needs another confirmation
+
 void move_world(const SimilarityTransform& new_from_old, ExtrinsicsResult& result) {
     move_cameras(new_from_old, result.cameras);
     for (Vec3& point : result.target_points) point = new_from_old(point);
@@ -117,6 +125,66 @@ void check_with_person(const SilhouetteSet& silhouettes, std::optional<double> h
         certificate.findings.push_back(std::move(finding));
 }
 
+namespace {
+
+SilhouetteSet every_second(const SilhouetteSet& set, std::size_t first) {
+    SilhouetteSet out;
+    for (std::size_t m = first; m < set.frame_sets.size(); m += 2)
+        out.frame_sets.push_back(set.frame_sets[m]);
+    return out;
+}
+
+struct Candidate {
+    SilhouetteRefineOptions options;
+    SilhouetteRefineResult refined;
+    HullIou hull;  // of held-out frame sets
+};
+
+// Whether both halves of the frame sets ask for the same correction of each camera.
+absl::StatusOr<bool> halves_consistent(const std::vector<Camera>& cameras, const SilhouetteSet& fitted,
+                                       const Candidate& candidate, const SolveProgress& progress) {
+    std::vector<std::vector<Camera>> halves;
+    for (const std::size_t first : {0, 1}) {
+        auto half =
+            refine_from_silhouettes(cameras, every_second(fitted, first), candidate.options, progress);
+        if (absl::IsCancelled(half.status())) return half.status();
+        if (!half.ok()) return false;
+        halves.push_back(std::move(half->cameras));
+    }
+    for (std::size_t c = 0; c < cameras.size(); ++c) {
+        const double apart = norm(halves[0][c].centre_in_world() - halves[1][c].centre_in_world());
+        if (apart > std::max(kMaxHalves_m, kMaxHalvesFraction * candidate.refined.moved_m[c])) return false;
+    }
+    return true;
+}
+
+bool held_out_confirms(const std::vector<Camera>& cameras, const SilhouetteSet& held_out,
+                       const HullIou& before, const Candidate& candidate) {
+    if (!(candidate.hull.mean_iou >= kMinHullIou) || !(candidate.hull.mean_iou > before.mean_iou))
+        return false;
+    for (std::size_t c = 0; c < cameras.size(); ++c)
+        if (candidate.hull.iou[c] < before.iou[c] - kMaxCameraLoss) return false;
+    return silhouette_residual_px(candidate.refined.cameras, held_out) <
+           kMaxResidualFraction * silhouette_residual_px(cameras, held_out);
+}
+
+void report_refusal(const HullIou& before, const HullIou& best, std::vector<Finding>& findings) {
+    if (std::max(before.mean_iou, best.mean_iou) < kMinHullIou)
+        findings.push_back(
+            {Verdict::kCaution, "poor_silhouettes", "",
+             fmt::format("the silhouettes are too poor to correct cameras: whatever the extrinsics, "
+                         "the hull IoU stays below {:.2f} ({:.2f} as given); nothing was changed",
+                         std::max(kMinHullIou, best.mean_iou), before.mean_iou),
+             "record a person in clothes that differ from the background, and check the "
+             "silhouettes (kinevox process --save silhouettes)"});
+    else
+        findings.push_back({Verdict::kCaution, "no_improvement", "",
+                            "held-out silhouettes confirm no other extrinsics: nothing was changed",
+                            "for a better result, record a person who walks through the whole space"});
+}
+
+}  // namespace
+
 absl::StatusOr<PersonRefinement> refine_from_person(const std::vector<Camera>& cameras,
                                                     const SilhouetteSet& silhouettes, int frame_sets,
                                                     std::optional<double> height_m,
@@ -125,30 +193,42 @@ absl::StatusOr<PersonRefinement> refine_from_person(const std::vector<Camera>& c
     Certificate& certificate = out.certificate;
     certificate.method = "person";
     certificate.cameras = cameras;
-    // Measured on held-out frame sets.
-    SilhouetteSet fitted, kept_out;
-    for (std::size_t m = 0; m < silhouettes.frame_sets.size(); ++m)
-        (m % 2 ? kept_out : fitted).frame_sets.push_back(silhouettes.frame_sets[m]);
-    certificate.hull_iou_before = certificate.hull_iou = hull_iou(cameras, kept_out);
-    // The error of the given poses is unknown: the prior with the largest hull IoU wins.
+    const SilhouetteSet fitted = every_second(silhouettes, 0), held_out = every_second(silhouettes, 1);
+    const HullIou before = hull_iou(cameras, held_out);
+    certificate.hull_iou_before = certificate.hull_iou = before;
+    // The error of the given poses is unknown: of the priors, the narrowest that explains the silhouettes.
+    std::optional<Candidate> best;
     for (const auto& [angle_deg, shift_m] :
          {std::pair{0.25, 0.02}, std::pair{1.0, 0.07}, std::pair{5.0, 0.35}}) {
-        SilhouetteRefineOptions options;
-        options.max_frame_sets = frame_sets;
-        options.prior_angle_deg = angle_deg, options.prior_shift_m = shift_m;
-        auto refined = refine_from_silhouettes(cameras, fitted, options, progress);
+        Candidate one;
+        one.options.max_frame_sets = frame_sets;
+        one.options.prior_angle_deg = angle_deg, one.options.prior_shift_m = shift_m;
+        auto refined = refine_from_silhouettes(cameras, fitted, one.options, progress);
         if (!refined.ok()) return refined.status();
-        const HullIou hull = hull_iou(refined->cameras, kept_out);
-        if (!(hull.mean_iou > certificate.hull_iou->mean_iou)) continue;
-        certificate.hull_iou = hull;
-        certificate.cameras = refined->cameras;
-        out.better = *std::move(refined);
+        one.refined = *std::move(refined);
+        one.hull = hull_iou(one.refined.cameras, held_out);
+        if (!best || one.hull.mean_iou > best->hull.mean_iou + kSameIou) best = std::move(one);
     }
-    if (!out.better)
-        certificate.findings.push_back(
-            {Verdict::kCaution, "no_improvement", "",
-             "no other extrinsics fit the silhouettes better: nothing was changed",
-             "for a better result, record a person who walks through the whole space"});
+    bool confirmed = held_out_confirms(cameras, held_out, before, *best);
+    if (confirmed) {
+        const auto consistent = halves_consistent(cameras, fitted, *best, progress);
+        if (!consistent.ok()) return consistent.status();
+        confirmed = *consistent;
+    }
+    if (confirmed) {
+        certificate.hull_iou = best->hull;
+        certificate.cameras = best->refined.cameras;
+        const double moved_m = *std::ranges::max_element(best->refined.moved_m);
+        if (moved_m > kMaxGoMove_m)
+            certificate.findings.push_back(
+                {Verdict::kCaution, "cameras_corrected", "",
+                 fmt::format("cameras were moved by up to {:.0f} mm, confirmed by silhouettes only",
+                             1000 * moved_m),
+                 "confirm with a board or wand, or calibrate the extrinsics again"});
+        out.better = std::move(best->refined);
+    } else {
+        report_refusal(before, best->hull, certificate.findings);
+    }
     check_with_person(silhouettes, height_m, certificate);
     return out;
 }

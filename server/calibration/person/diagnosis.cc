@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "server/calibration/multi_view.h"
+#include "server/calibration/person/silhouette_hull.h"
 
 namespace kinevox {
 namespace {
@@ -135,40 +136,25 @@ absl::StatusOr<std::vector<Finding>> diagnose_silhouettes(const std::vector<Came
 
 std::optional<SubjectExtent> subject_extent(const std::vector<Camera>& cameras,
                                             const SilhouetteSet& silhouettes) {
-    // From the contours' extreme points in the images: no hull is needed, and none is reliable yet.
+    // Of the exact hull: points triangulated from the silhouettes' ends in the images belong to different
+    // parts of the body and lie up to a decimetre below the floor.
     std::vector<double> lowest, highest, widths;
     for (const auto& images : silhouettes.frame_sets) {
-        std::vector<Observation> tops, bottoms;
-        for (std::size_t c = 0; c < cameras.size(); ++c) {
-            if (images[c].empty() || images[c].truncated) continue;
-            const int w = cameras[c].width, h = cameras[c].height;
-            // Along the image direction of the world's up, for any roll of the camera.
-            const Mat3& r = cameras[c].camera_from_world.rotation;
-            const double up_x = r(0, 2), up_y = r(1, 2);
-            double most = -1e18, least = 1e18;
-            Vec2 top, bottom;
-            for (int y = 0; y < h; ++y)
-                for (int x = 0; x < w; ++x) {
-                    if (!images[c].mask[static_cast<std::size_t>(y) * w + x]) continue;
-                    const double along = up_x * x + up_y * y;
-                    if (along > most) most = along, top = {1.0 * x, 1.0 * y};
-                    if (along < least) least = along, bottom = {1.0 * x, 1.0 * y};
-                }
-            if (most < least) continue;
-            tops.push_back({&cameras[c], top});
-            bottoms.push_back({&cameras[c], bottom});
-        }
-        const auto top = triangulate(tops), bottom = triangulate(bottoms);
-        if (!top || !bottom) continue;
-        highest.push_back(top->z), lowest.push_back(bottom->z);
-        widths.push_back(std::hypot(top->x - bottom->x, top->y - bottom->y));
+        const bool truncated = std::ranges::any_of(images, &SilhouetteMask::truncated);
+        const SilhouetteHull hull(cameras, images);
+        if (truncated || !hull.usable()) continue;
+        const auto extent = hull.extent({0, 0, 1});
+        if (!extent) continue;
+        const Vec3 top = extent->highest, bottom = extent->lowest;
+        highest.push_back(top.z), lowest.push_back(bottom.z);
+        widths.push_back(std::hypot(top.x - bottom.x, top.y - bottom.y));
     }
     if (highest.size() < 5) return std::nullopt;
     const auto quantile = [](std::vector<double>& values, double fraction) {
         std::sort(values.begin(), values.end());
         return values[static_cast<std::size_t>(fraction * static_cast<double>(values.size() - 1))];
     };
-    return SubjectExtent{quantile(lowest, 0.3), quantile(highest, 0.8), quantile(widths, 0.5)};
+    return SubjectExtent{quantile(lowest, 0.5), quantile(highest, 0.5), quantile(widths, 0.5)};
 }
 
 std::vector<Finding> check_world(const std::vector<Camera>& cameras,

@@ -25,7 +25,7 @@ absl::StatusOr<std::vector<Finding>> diagnose_silhouettes(const std::vector<Came
                                                           const DiagnosisOptions& options = {},
                                                           const SolveProgress& progress = {});
 
-// The subject's vertical and horizontal extent, from the contours' extreme points.
+// The subject's vertical and horizontal extent, of the silhouettes' hull: with shoes, hair and raised arms.
 struct SubjectExtent {
     double lowest_m = 0, highest_m = 0;  // z, medians over the frame sets
     double width_m = 0;                  // horizontal distance between top and bottom, median

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <memory>
 #include <string>
 
@@ -10,6 +11,7 @@
 #include "server/calibration/person/session_silhouettes.h"
 #include "server/calibration/person/silhouette_hull.h"
 #include "server/tools/calibrate/certificate_files.h"
+#include "server/tools/calibrate/session_measurements.h"
 #include "server/tools/calibrate/verbs.h"
 #include "server/tools/console.h"
 
@@ -59,6 +61,27 @@ absl::Status refine(const SessionArguments& arguments) {
     return write_calibration(certificate, arguments.output);
 }
 
+// A residual without a cause is no proof against the cameras, unless the silhouettes hardly intersect; nor is
+// it needed where another finding explains it.
+void add_findings(std::vector<Finding> of_silhouettes, std::vector<Finding> others,
+                  Certificate& certificate) {
+    constexpr double kHardlyIntersect = 0.5;  // hull IoU
+    const bool explained = std::ranges::any_of(
+        others, [](const Finding& one) { return one.check == "camera_time" || one.check == "intrinsics"; });
+    for (Finding& finding : of_silhouettes) {
+        if (explained && (finding.check == "silhouette_residual" || finding.check == "camera_moved"))
+            continue;
+        if (finding.check == "silhouette_residual" && finding.verdict == Verdict::kNoGo &&
+            certificate.hull_iou->mean_iou > kHardlyIntersect) {
+            finding.verdict = Verdict::kCaution;
+            finding.remedy =
+                "check whether the silhouettes are complete (kinevox process --save silhouettes)";
+        }
+        certificate.findings.push_back(std::move(finding));
+    }
+    for (Finding& finding : others) certificate.findings.push_back(std::move(finding));
+}
+
 absl::Status check(const SessionArguments& arguments) {
     if (absl::Status free = check_output(arguments.output, ".json"); !free.ok()) return free;
     const SolveProgress progress = console_progress(arguments.output.quiet);
@@ -73,8 +96,13 @@ absl::Status check(const SessionArguments& arguments) {
     print_hull("check", *certificate.hull_iou, seen->cameras, arguments.output);
     auto findings = diagnose_silhouettes(seen->cameras, seen->set, {}, progress);
     if (!findings.ok()) return findings.status();
-    certificate.findings = *std::move(findings);
-    check_with_person(seen->set, known_stature(arguments), certificate);
+    const auto measured = measure_session(arguments.session, seen->cameras, progress);
+    if (!measured.ok()) return measured.status();
+    auto others = findings_of(*measured, seen->cameras, known_stature(arguments));
+    add_findings(*std::move(findings), std::move(others), certificate);
+    certificate.stature_m = measured->body.stature_m;
+    certificate.world_defined = true;
+    certificate.overlays = silhouette_overlays(seen->cameras, seen->set);
     arguments.output.print("{}", certificate_text(certificate));
     if (!arguments.output.file.empty())
         return write_certificate(certificate, arguments.output.file, arguments.output);

@@ -14,7 +14,7 @@ quality::Measurements QualityPass::measure(const PosePass* poses, const std::vec
         seen.body.given = true;
         if (poses->fitted_body()) seen.body.fitted_stature_m = poses->fitted_body()->stature_m;
     }
-    if (quality::rig_is_inconsistent(seen.rig))
+    if (quality::rig_is_inconsistent(seen.rig) && !quality::is_explained_without_time(seen.rig))
         if (const auto session = read_session(session_file_); session.ok())
             seen.rig.time = quality::measure_camera_time(*session);
     return seen;

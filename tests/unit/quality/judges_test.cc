@@ -203,6 +203,9 @@ TEST(RigJudges, NameTheCameraOfAnotherTimeBeforeAMove) {
     seen.rig.time = RigHypothesis{.camera = 3, .shift_frames = 8};
     seen.rig.moved->residual_px = 5;  // a move explains a part of it
     EXPECT_EQ(first_cause(seen), "camera_time");
+    seen.rig.moved->residual_px = 1;  // all of it: the shift is a consequence
+    EXPECT_EQ(first_cause(seen), "camera_moved");
+    seen.rig.moved->residual_px = 5;
     seen.rig.time->shift_frames = 0.2;
     EXPECT_FALSE(judge_time(seen));
 }
