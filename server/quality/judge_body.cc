@@ -30,11 +30,12 @@ Judgement judge_scale(const Measurements& seen) {
     const bool small = highest < kMinStature_m && seen.pose.posed_iou.value_or(1) < kCautionIou &&
                        seen.world.volume_litres.value_or(kMinLitres) < kMinLitres;
     if (*stature >= kMinStature_m && !tall && !small) return {};
+    const double measured = tall ? std::max(height, *stature) : small ? highest : *stature;
     return Cause{
         Trust::kDoNotUse, "scale", "",
         fmt::format("the subject is measured {:.2f} m tall: the calibration's scale is wrong, or the "
                     "subject is a child",
-                    *stature),
+                    measured),
         "measure the board's squares or the wand with a ruler and calibrate again with their true "
         "size"};
 }

@@ -1,4 +1,4 @@
-// The live judgement on images of one level: it begins, reports and ends.
+// The live judgement on drawn images: it begins, reports and ends.
 #include "server/quality/live_quality.h"
 
 #include <gtest/gtest.h>
@@ -12,35 +12,44 @@ namespace {
 
 using std::chrono::steady_clock;
 
-Image grey_image(int width, int height, std::uint8_t level) {
-    const std::size_t bytes = 3u * width * height;
-    std::shared_ptr<std::uint8_t[]> data(new std::uint8_t[bytes]);
-    for (std::size_t k = 0; k < bytes; ++k) data[k] = static_cast<std::uint8_t>(level + k * 7919 % 5);
-    return {width, height, 3, std::move(data)};
+constexpr int kWidth = 64, kHeight = 48;
+
+// A grey wall; `occupied`: with a blue box before it.
+Image image_of(bool occupied) {
+    std::shared_ptr<std::uint8_t[]> data(new std::uint8_t[3 * kWidth * kHeight]);
+    std::size_t k = 0;
+    for (int y = 0; y < kHeight; ++y)
+        for (int x = 0; x < kWidth; ++x)
+            for (int channel = 0; channel < 3; ++channel, ++k) {
+                const bool box = occupied && x >= 20 && x < 44 && y >= 8 && y < 40;
+                const int level = !box ? 100 : channel == 0 ? 230 : 20;
+                data[k] = static_cast<std::uint8_t>(level + k * 7919 % 5);
+            }
+    return {kWidth, kHeight, 3, std::move(data)};
 }
 
 Camera camera_at(const char* name, double x) {
     Camera camera;
     camera.name = name;
-    camera.width = 64, camera.height = 48;
+    camera.width = kWidth, camera.height = kHeight;
     camera.fx = camera.fy = 60, camera.cx = 31.5, camera.cy = 23.5;
     camera.camera_from_world.rotation = rotation_from_rodrigues({1.2, 0, 0});
     camera.camera_from_world.translation = {x, 0, 3};
     return camera;
 }
 
-FrameResult result_at(std::uint64_t sequence, std::uint8_t level) {
+FrameResult result_at(std::uint64_t sequence) {
     FrameResult result;
     result.sequence = sequence;
     result.capture_time_ns = static_cast<std::int64_t>(sequence) * 1'000'000'000;
-    result.frame_set.images.assign(2, grey_image(64, 48, level));
+    result.frame_set.images.assign(2, image_of(true));
     return result;
 }
 
-std::optional<QualityReport> report_of(LiveQuality& quality, std::uint8_t level) {
+std::optional<QualityReport> report_of(LiveQuality& quality) {
     const auto deadline = steady_clock::now() + std::chrono::seconds(30);
     for (std::uint64_t n = 1; steady_clock::now() < deadline && !quality.report(); ++n) {
-        quality.observe(result_at(n, level), nullptr);
+        quality.observe(result_at(n), nullptr);
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
     return quality.report();
@@ -49,12 +58,11 @@ std::optional<QualityReport> report_of(LiveQuality& quality, std::uint8_t level)
 TEST(LiveQuality, JudgesTheLatestSamples) {
     LiveQuality quality({.samples = 4, .judge_after = 4});
     EXPECT_FALSE(quality.report());
-    quality.observe(result_at(0, 100), nullptr);  // no background yet
+    quality.observe(result_at(0), nullptr);  // no background yet
     using Background = std::vector<std::vector<Image>>;
-    quality.set_background(
-        {camera_at("left", -1), camera_at("right", 1)},
-        std::make_shared<const Background>(2, std::vector<Image>(6, grey_image(64, 48, 100))));
-    const auto report = report_of(quality, 200);  // foreground everywhere, and no subject
+    quality.set_background({camera_at("left", -1), camera_at("right", 1)},
+                           std::make_shared<const Background>(2, std::vector<Image>(6, image_of(false))));
+    const auto report = report_of(quality);  // foreground, but no subject
     ASSERT_TRUE(report);
     EXPECT_EQ(report->measurements.frame_sets, 4);
     EXPECT_TRUE(
