@@ -75,7 +75,7 @@ std::vector<Finding> findings_of(const quality::Measurements& seen, const std::v
     std::vector<Finding> findings = check_world(cameras, std::nullopt, std::nullopt);
     if (worst(findings) != Verdict::kNoGo)
         if (const auto cause = quality::judge_world(seen)) findings.push_back(finding_of(*cause));
-    for (const auto& judge : {quality::judge_time, quality::judge_intrinsics})
+    for (const auto& judge : {quality::judge_time, quality::judge_intrinsics, quality::judge_camera})
         if (const auto cause = judge(seen)) findings.push_back(finding_of(*cause));
     std::optional<Finding> scale;
     if (stature_m && seen.body.stature_m) scale = compare_stature(*seen.body.stature_m, *stature_m);

@@ -79,7 +79,13 @@ void add_findings(std::vector<Finding> of_silhouettes, std::vector<Finding> othe
         }
         certificate.findings.push_back(std::move(finding));
     }
-    for (Finding& finding : others) certificate.findings.push_back(std::move(finding));
+    const auto known = [&](const Finding& one) {
+        return std::ranges::any_of(certificate.findings, [&](const Finding& each) {
+            return each.check == one.check && each.camera == one.camera;
+        });
+    };
+    for (Finding& finding : others)
+        if (!known(finding)) certificate.findings.push_back(std::move(finding));
 }
 
 absl::Status check(const SessionArguments& arguments) {
