@@ -1,0 +1,191 @@
+#!/usr/bin/env python3
+"""Joints, silent errors, stated standard deviations and body of `kinevox process` at several rates: one row per run.
+
+usage: rates.py [--kinevox-process PROGRAM] [--sequences NAME,...] [--every 1,2,3] [--true-masks] [--work FOLDER]
+                [--save FILE] [--compare FILE] [--max-mm N] [--max-ratio N] [--max-silent N] [--jobs N] [-- OPTION ...]
+
+Columns: mean joint error (mm); times the error of the first rate; silent errors (a joint reported more than 100 mm off and
+more than 3 standard deviations, %); values within 1, 2 and 3 standard deviations (%, each axis one value); withheld joints (%);
+error of the stature and largest error of thigh, shank, upper arm and forearm (%). A sequence's truth has no stature: it is
+1.041 times the length of the chain from ankle to head top, which holds for the shared bodies within 0.6 %. --true-masks replaces
+the images by the exact silhouettes, so that segmentation has no part in the errors. --save and --compare keep and compare two
+runs of this script. Options after -- go to kinevox-process. Exit status 77 without the shared test data."""
+import argparse
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from pose import DATA, JOINTS, points
+from session_data import Session, process_program, read_table, tomllib
+
+SEQUENCES = ("walk", "gesture", "signal", "boxing", "exercise", "ring8", "floor", "sprint", "martial")
+LENGTHS = {
+    "thigh": ("hip", "knee"),
+    "shank": ("knee", "ankle"),
+    "upper_arm": ("shoulder", "elbow"),
+    "forearm": ("elbow", "wrist"),
+}
+STATURE_PER_CHAIN = 1.041
+SILENT_M, SILENT_STD = 0.1, 3
+BACKGROUND, BODY = (90, 90, 90), (40, 200, 240)  # BGR
+COLUMNS = ("mean_mm", "ratio", "silent", "within_1", "within_2", "within_3", "withheld", "stature", "length")
+HEADINGS = ("mean mm", "x", "silent %", "1 std", "2 std", "3 std", "none %", "stature", "length")
+
+
+def lossless(file, fps, images):
+    height, width = images[0].shape[:2]
+    video = cv2.VideoWriter(str(file), cv2.VideoWriter_fourcc(*"FFV1"), fps, (width, height))
+    if not video.isOpened():
+        raise SystemExit(f"{file}: OpenCV cannot write lossless video (FFV1)")
+    for image in images:
+        video.write(image)
+    video.release()
+
+
+def mask_session(name, work):
+    """The session with the exact silhouettes instead of images; rendered once."""
+    source, folder = DATA / "studio" / name, work / "masks" / name
+    if (folder / "session.toml").exists():
+        return folder / "session.toml"
+    session = Session(source / "session.toml")
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "background").mkdir(exist_ok=True)
+    for camera in session.cameras:
+        plain = np.full((camera.height, camera.width, 3), BACKGROUND, np.uint8)
+        lossless(folder / "background" / f"{camera.name}.mkv", session.fps, [plain] * 30)
+        images = [np.where(m[..., None], np.array(BODY, np.uint8), plain) for m in session.true_masks(camera)]
+        lossless(folder / f"{camera.name}.mkv", session.fps, images)
+    text = (source / "session.toml").read_text().replace(".mp4", ".mkv")
+    data = tomllib.loads(text)
+    shutil.copy(source / data["calibration"], folder / data["calibration"])
+    (folder / "session.toml").write_text(text)
+    return folder / "session.toml"
+
+
+def body_errors(truth, body_file):
+    """Relative errors of the stature and of the worst length, %."""
+    body = tomllib.loads(body_file.read_text())
+    at = {j: points(truth, [j])[:, 0] for j in JOINTS}
+    length = lambda a, b: float(np.mean(np.linalg.norm(at[a] - at[b], axis=1)))
+    sides = lambda a, b: (length(f"{a}_l", f"{b}_l") + length(f"{a}_r", f"{b}_r")) / 2
+    hips = float(np.mean(np.linalg.norm(at["sacroiliac"] - (at["hip_l"] + at["hip_r"]) / 2, axis=1)))
+    chain = length("head_top", "skullbase") + length("skullbase", "sacroiliac") + hips
+    chain += sides("hip", "knee") + sides("knee", "ankle")
+    lengths = {name: 100 * (body[f"{name}_m"] / sides(*ends) - 1) for name, ends in LENGTHS.items()}
+    return 100 * (body["stature_m"] / (STATURE_PER_CHAIN * chain) - 1), lengths
+
+
+def measure(truth_folder, fps, results):
+    truth = read_table(truth_folder / "joints.csv")
+    found, stated = read_table(results / "joints.csv"), read_table(results / "uncertainty.csv")
+    frames = np.rint(found["time_s"] * fps).astype(int)
+    rows = frames < len(truth["frame"])
+    exact, measured = points(truth, JOINTS)[frames[rows]], points(found, JOINTS)[rows]
+    std = np.stack([stated[f"{j}_std_m"] for j in JOINTS], 1)[rows]
+    offset = measured - exact
+    error = np.linalg.norm(offset, axis=2)
+    known = np.isfinite(error)
+    silent = known & (error > SILENT_M) & (error > SILENT_STD * std)
+    ratio = (np.abs(offset) / std[..., None])[known]
+    result = {
+        "mean_mm": 1000 * float(np.mean(error[known])) if known.any() else float("nan"),
+        "silent": 100 * float(silent.sum()) / error.size,
+        **{f"within_{k}": 100 * float(np.mean(ratio < k)) for k in (1, 2, 3)},
+        "withheld": 100 * float(np.mean(~known)),
+    }
+    if (results / "body.toml").exists():
+        result["stature"], lengths = body_errors(truth, results / "body.toml")
+        result["length"] = max(lengths.values(), key=abs)
+        result["lengths"] = lengths
+    worst = np.argsort(-silent.sum(0))[:3]
+    result["silent_joints"] = {JOINTS[j]: int(silent[:, j].sum()) for j in worst if silent[:, j].any()}
+    return result
+
+
+def run(program, name, every, options, work, masks):
+    source = DATA / "studio" / name
+    session = mask_session(name, work) if masks else source / "session.toml"
+    out = work / "results" / f"{name}_{every}{'_masks' if masks else ''}"
+    subprocess.run(
+        [program, session, "--out", out, "--overwrite", "--quiet", "--every", str(every), *options], check=True
+    )
+    return measure(source / "truth", Session(source / "session.toml").fps, out)
+
+
+def text(name, every, row, before):
+    cells = []
+    for column in COLUMNS:
+        value = row.get(column, float("nan"))
+        cell = f"{value:.2f}" if column in ("ratio", "silent") else f"{value:.1f}"
+        if before and column in ("mean_mm", "silent"):
+            cell += f" ({before.get(column, float('nan')):.1f})"
+        cells.append(f"{cell:>{14 if column in ('mean_mm', 'silent') else 8}s}")
+    joints = " ".join(f"{j}:{n}" for j, n in row["silent_joints"].items())
+    return f"{name:10s}{every:2d} " + "".join(cells) + "  " + joints
+
+
+def main():
+    argv = sys.argv[1:]
+    options = argv[argv.index("--") + 1 :] if "--" in argv else []
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--kinevox-process", type=Path)
+    parser.add_argument("--sequences", default=",".join(SEQUENCES))
+    parser.add_argument("--every", default="1,2,3")
+    parser.add_argument("--true-masks", action="store_true")
+    parser.add_argument("--work", type=Path, help="Keep rendered masks and results there")
+    parser.add_argument("--save", type=Path)
+    parser.add_argument("--compare", type=Path)
+    for bound in ("mm", "ratio", "silent"):
+        parser.add_argument(f"--max-{bound}", type=float, default=np.inf)
+    parser.add_argument("--jobs", type=int, default=1)
+    arguments = parser.parse_args(argv[: argv.index("--")] if "--" in argv else argv)
+    if not (DATA / "studio").is_dir():
+        print(f"skipped: no test data at {DATA}")
+        return 77
+    program = arguments.kinevox_process or process_program()
+    names, rates = arguments.sequences.split(","), [int(e) for e in arguments.every.split(",")]
+    before = json.loads(arguments.compare.read_text()) if arguments.compare else {}
+    table = {}
+    with tempfile.TemporaryDirectory() as scratch, ThreadPoolExecutor(arguments.jobs) as pool:
+        work = arguments.work or Path(scratch)
+        if arguments.true_masks:
+            for name in names:
+                mask_session(name, work)
+        started = {
+            (name, every): pool.submit(run, program, name, every, options, work, arguments.true_masks)
+            for name in names
+            for every in rates
+        }
+        print(" " * 13 + "".join(f"{h:>{14 if h in ('mean mm', 'silent %') else 8}s}" for h in HEADINGS), flush=True)
+        for (name, every), job in started.items():
+            row = job.result()
+            row["ratio"] = row["mean_mm"] / table.get(f"{name} {rates[0]}", row)["mean_mm"]
+            table[f"{name} {every}"] = row
+            print(text(name, every, row, before.get(f"{name} {every}")), flush=True)
+    for every in rates:
+        rows = [table[f"{name} {every}"] for name in names]
+        print(
+            f"all {every:8d} "
+            + "".join(
+                f"{np.nanmean([r.get(c, np.nan) for r in rows]):{14 if c in ('mean_mm', 'silent') else 8}.2f}"
+                for c in COLUMNS[:7]
+            )
+        )
+    if arguments.save:
+        arguments.save.write_text(json.dumps(table, indent=1) + "\n")
+    bounds = {"mean_mm": arguments.max_mm, "ratio": arguments.max_ratio, "silent": arguments.max_silent}
+    beyond = [(run, c) for run, row in table.items() for c, most in bounds.items() if not row[c] <= most]
+    for run, column in beyond:
+        print(f"FAILED {run}: {column} {table[run][column]:.2f}, at most {bounds[column]}")
+    return 1 if beyond else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
