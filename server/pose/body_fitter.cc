@@ -9,19 +9,19 @@
 #include <utility>
 
 #include "common/to_eigen.h"
-#include "server/pose/pose_tracker.h"
+#include "server/pose/body_prior.h"
+#include "server/pose/retrack.h"
 
 namespace kinevox {
 namespace {
 
-// The lengths and, last, the stature, which scales the prior of the lengths.
-constexpr int kParameters = kBodyLengthCount + 1;
-constexpr int kStature = kBodyLengthCount;
+constexpr int kParameters = kBodyParameters, kStature = kStatureParameter;
+constexpr double kCertain = 0.9;  // minimum probability of a posture that is used
 
 using PoseVector = Eigen::Matrix<double, kBodyDofCount, 1>;
 using PoseMatrix = Eigen::Matrix<double, kBodyDofCount, kBodyDofCount>;
-using ShapeVector = Eigen::Matrix<double, kParameters, 1>;
-using ShapeMatrix = Eigen::Matrix<double, kParameters, kParameters>;
+using ShapeVector = BodyVector;
+using ShapeMatrix = BodyMatrix;
 using MixedMatrix = Eigen::Matrix<double, kBodyDofCount, kParameters>;
 using PointByShape = Eigen::Matrix<double, 3, kParameters>;
 
@@ -102,30 +102,6 @@ void add_shape(const ShapeRates& rates, const BodyModel& model, const PoseCost& 
     }
 }
 
-// The prior: each length near its fraction of the stature, the stature near the mean. Returns the cost.
-double add_usual(const BodyShape& shape, const BodyFitOptions& options, ShapeMatrix& hessian,
-                 ShapeVector& gradient) {
-    const double mean = default_body_shape().stature_m;
-    double w = 1 / (options.stature_std_m * options.stature_std_m);
-    hessian(kStature, kStature) += w;
-    gradient(kStature) += w * (shape.stature_m - mean);
-    double cost = 0.5 * w * (shape.stature_m - mean) * (shape.stature_m - mean);
-    for (int k = 0; k < kBodyLengthCount; ++k) {
-        const BodyLengthInfo& info = kBodyLengths[k];
-        const double std = info.relative_std * info.fraction_of_stature * mean;
-        const double residual = shape.lengths_m[k] - info.fraction_of_stature * shape.stature_m;
-        w = 1 / (std * std);
-        hessian(k, k) += w;
-        hessian(kStature, kStature) += w * info.fraction_of_stature * info.fraction_of_stature;
-        hessian(k, kStature) -= w * info.fraction_of_stature;
-        hessian(kStature, k) -= w * info.fraction_of_stature;
-        gradient(k) += w * residual;
-        gradient(kStature) -= w * residual * info.fraction_of_stature;
-        cost += 0.5 * w * residual * residual;
-    }
-    return cost;
-}
-
 class JointFit {
   public:
     JointFit(std::span<const PoseObservation* const> frames, std::vector<BodyPosture> postures,
@@ -137,6 +113,7 @@ class JointFit {
           options_(options),
           stop_(std::move(stop)),
           rates_(shape),
+          prior_(options.stature_std_m, options.stature_m),
           costs_(frames.size(), PoseCost(posing.tracker.fit.cost)),
           systems_(frames.size()) {}
 
@@ -191,7 +168,7 @@ class JointFit {
         // Errors of the frames are correlated, as the surface only approximates the body: all count as a few.
         const double share = std::min(1.0, options_.independent_frames / static_cast<double>(frames_.size()));
         share_ = share;
-        double cost = add_usual(shape, options_, usual_, usual_gradient_);
+        double cost = prior_.add(shape, usual_, usual_gradient_);
         for (const FrameSystem& system : systems_) cost += share * system.pose.cost;
         return cost;
     }
@@ -240,12 +217,48 @@ class JointFit {
     BodyFitOptions options_;
     std::stop_token stop_;
     ShapeRates rates_;
+    BodyPrior prior_;
     double robust_m_ = 0, share_ = 1;
     std::vector<PoseCost> costs_;
     std::vector<FrameSystem> systems_;
     ShapeMatrix usual_;
     ShapeVector usual_gradient_;
 };
+
+struct Posed {
+    const PoseObservation* frame;
+    BodyPosture posture;
+};
+
+std::vector<Posed> tracked_postures(const std::vector<Camera>& cameras, double fps,
+                                    std::span<const PoseObservation* const> frames,
+                                    const PoseStageOptions& posing, const std::stop_token& stop,
+                                    const std::function<void(double)>& report) {
+    PoseStage stage(cameras, fps, posing);
+    std::vector<Posed> posed;
+    for (std::size_t n = 0; n < frames.size() && !stop.stop_requested(); ++n) {
+        report(static_cast<double>(n) / static_cast<double>(frames.size()));
+        if (stage.process(0, 0, frames[n]->time_ns, *frames[n], {}) && stage.tracked())
+            posed.push_back({frames[n], stage.tracked()->fit.posture});
+    }
+    return posed;
+}
+
+// Without those of frame sets that allow other postures, unless that leaves too few.
+std::vector<Posed> postures_on_path(const std::vector<Camera>& cameras, double fps,
+                                    std::span<const PoseObservation* const> frames,
+                                    const PoseStageOptions& posing, const std::stop_token& stop) {
+    std::vector<RecordedView> views;
+    for (const PoseObservation* frame : frames) views.push_back({0, 0, frame});
+    const std::vector<RetrackedFrame> path = retrack(cameras, fps, views, posing, stop);
+    std::vector<Posed> all, certain;
+    for (std::size_t n = 0; n < path.size(); ++n) {
+        if (!path[n].posture) continue;
+        all.push_back({frames[n], *path[n].posture});
+        if (path[n].probability > kCertain) certain.push_back(all.back());
+    }
+    return 2 * certain.size() >= all.size() ? certain : all;
+}
 
 }  // namespace
 
@@ -272,16 +285,19 @@ absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
         stage_options.filtered = false;
         stage_options.tracker.always_search_limbs = true;
         stage_options.tracker.lost_explained_fraction = options.min_explained_fraction;
-        PoseStage stage(cameras, fps, stage_options);
+        // The last round takes the path through the whole recording: a limb lost for a while would be fitted,
+        // too.
+        const bool last = round + 1 == options.rounds;
+        const auto report = [&](double fraction) {
+            if (progress) progress((round + 0.8 * fraction) / options.rounds);
+        };
         std::vector<const PoseObservation*> used;
         std::vector<BodyPosture> postures;
-        for (std::size_t n = 0; n < frames.size() && !stop.stop_requested(); ++n) {
-            const PoseObservation* frame = frames[n];
-            // Tracking takes most of the time of a round.
-            if (progress) progress((round + 0.8 * static_cast<double>(n) / frames.size()) / options.rounds);
-            if (!stage.process(0, 0, frame->time_ns, *frame, {}) || !stage.tracked()) continue;
-            used.push_back(frame);
-            postures.push_back(stage.tracked()->fit.posture);
+        for (const Posed& posed : last
+                                      ? postures_on_path(cameras, fps, frames, stage_options, stop)
+                                      : tracked_postures(cameras, fps, frames, stage_options, stop, report)) {
+            used.push_back(posed.frame);
+            postures.push_back(posed.posture);
         }
         if (stop.stop_requested()) return absl::CancelledError("the body fit was cancelled");
         if (used.empty())

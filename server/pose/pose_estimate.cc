@@ -21,6 +21,7 @@ constexpr double kRoomStd_m = 2, kRotationStd_rad = 1.5;
 constexpr double kMinHipFlexion = 5 * kDegree;  // for a ratio
 constexpr int kMinSupportTerms = 4;             // minimum residuals of a camera on a segment to support it
 constexpr int kMaxCameras = 64;
+constexpr double kMinProbability = 1e-4;
 
 using Matrix = Eigen::Matrix<double, kBodyDofCount, kBodyDofCount>;
 using Vector = Eigen::Matrix<double, kBodyDofCount, 1>;
@@ -54,19 +55,17 @@ std::array<CameraSet, kBodySegmentCount> supporting_cameras(std::span<const Surf
     return sets;
 }
 
-// Error of the body model, independent of the number of cameras: a body of capsules only approximates a
-// person, with the same error in every frame. Measured as the variance to add to that of the silhouettes so
-// that 68 % of the errors are within one sigma: tests/accuracy/pose_sigma.py, on the shared sequences and on
-// the studio's, without ground truth in the fit. Joints, m, per axis, left and right alike.
+// Error of the body model that the silhouettes do not show: joint centres inside a body of capsules. Joints,
+// m, per axis, left and right alike.
 double model_std_m(std::string_view joint) {
     struct Entry {
         std::string_view name;
         double std_m;
     };
-    constexpr Entry kEntries[] = {{"root", 0.011},     {"sacroiliac", 0.018}, {"skullbase", 0.005},
-                                  {"head_top", 0.010}, {"shoulder", 0.012},   {"elbow", 0.012},
-                                  {"wrist", 0.015},    {"hand", 0.014},       {"hip", 0.019},
-                                  {"knee", 0.009},     {"ankle", 0.007},      {"toe", 0.012}};
+    constexpr Entry kEntries[] = {{"root", 0.005},     {"sacroiliac", 0.007}, {"skullbase", 0.002},
+                                  {"head_top", 0.004}, {"shoulder", 0.012},   {"elbow", 0.005},
+                                  {"wrist", 0.006},    {"hand", 0.010},       {"hip", 0.008},
+                                  {"knee", 0.004},     {"ankle", 0.003},      {"toe", 0.009}};
     for (const Entry& entry : kEntries)
         if (joint.starts_with(entry.name)) return entry.std_m;
     return 0;
@@ -98,12 +97,87 @@ double model_rotation_std(int segment) {
             return 4 * kDegree;
     }
 }
-double combined_std(double data_variance, double model_std) {
-    return std::sqrt(data_variance + model_std * model_std);
+
+// How far the contours are from the fitted body, m^2: of the whole body and of each segment.
+struct Misfit {
+    double all = 0;
+    std::array<double, kBodySegmentCount> segment{};
+};
+
+// Weights of the parts of a variance, by maximum likelihood over the errors of `kinevox process` on the
+// shared sequences at every, every second and every third frame set: tests/accuracy/rates.py shows what they
+// achieve.
+constexpr double kUsualMisfit_m2 = 0.0004;  // of a well fitted body
+constexpr double kOfData = 0.48, kOfAmbiguity = 0.57, kOfDoubtfulAmbiguity = 1.23, kOfOwnMisfit = 0.23,
+                 kOfAllMisfit = 0.07, kOfParentMisfit = 0.021, kParentMisfit_m2 = 0.0009;
+// Beyond this the silhouettes do not determine a value, whatever their misfit (m and rad).
+constexpr double kUndetermined2 = 0.02 * 0.02;
+constexpr double kMaxResidual_m = 0.12;
+constexpr double kSharedRays = 8;  // a segment with few rays of its own misfits as the whole body does
+
+Misfit misfit_of(std::span<const SurfaceTerm> terms, std::span<const BodyCapsule> capsules) {
+    Misfit misfit;
+    std::array<int, kBodySegmentCount> rays{};
+    int all = 0;
+    for (const SurfaceTerm& term : terms) {
+        if (term.camera < 0 || term.radius_gradient > 0) continue;  // not a contour ray
+        const double r = std::min(std::abs(term.residual), kMaxResidual_m);
+        const int segment = capsules[term.capsule].segment;
+        misfit.segment[segment] += r * r, ++rays[segment];
+        misfit.all += r * r, ++all;
+    }
+    misfit.all = all > 0 ? misfit.all / all : kMaxResidual_m * kMaxResidual_m;
+    for (int s = 0; s < kBodySegmentCount; ++s)
+        misfit.segment[s] = (misfit.segment[s] + kSharedRays * misfit.all) / (rays[s] + kSharedRays);
+    return misfit;
+}
+
+double data_variance(double curvature, const Misfit& misfit) {
+    return curvature * (kOfData * misfit.all / kUsualMisfit_m2 + std::min(1.0, curvature / kUndetermined2));
+}
+double ambiguity_variance(double difference2, double own_misfit_m2) {
+    return difference2 * (kOfAmbiguity + kOfDoubtfulAmbiguity * own_misfit_m2 / kUsualMisfit_m2);
+}
+double combined_std(double variance, double model_std) {
+    return std::sqrt(variance + model_std * model_std);
 }
 
 double ratio(double knee, double hip) {
     return std::abs(hip) < kMinHipFlexion ? kNaN : knee / hip;
+}
+
+// Mean squares of the differences to other postures, weighted by their probabilities.
+struct Ambiguity {
+    std::array<double, kJointNames.size()> joint_m2{};  // per axis
+    std::array<double, kJointAngleNames.size()> angle_rad2{};
+    std::array<double, kBodyDofCount> coordinate2{};
+};
+
+Ambiguity ambiguity(const BodyModel& model, const BodyPosture& posture, const PosedBody& posed,
+                    std::span<const WeightedPosture> others) {
+    Ambiguity result;
+    const auto angles = joint_angles(posed.joints_in_world);
+    const BodyCoordinates coordinates = coordinates_from_posture(posture);
+    for (const WeightedPosture& other : others) {
+        if (other.probability < kMinProbability) continue;
+        const PosedBody there = model.forward(other.posture);
+        for (std::size_t j = 0; j < result.joint_m2.size(); ++j) {
+            const Vec3 d = there.joints_in_world[j] - posed.joints_in_world[j];
+            result.joint_m2[j] += other.probability * dot(d, d) / 3;
+        }
+        const auto other_angles = joint_angles(there.joints_in_world);
+        for (std::size_t k = 0; k < angles.size(); ++k) {
+            const double d = std::remainder(other_angles[k] - angles[k], 2 * std::numbers::pi);
+            if (std::isfinite(d)) result.angle_rad2[k] += other.probability * d * d;
+        }
+        const BodyCoordinates other_coordinates = coordinates_from_posture(other.posture);
+        for (int k = 0; k < kBodyDofCount; ++k) {
+            double d = other_coordinates[k] - coordinates[k];
+            if (!is_position(k)) d = std::remainder(d, 2 * std::numbers::pi);
+            result.coordinate2[k] += other.probability * d * d;
+        }
+    }
+    return result;
 }
 
 using SupportSets = std::array<CameraSet, kBodySegmentCount>;
@@ -142,15 +216,20 @@ AngleByPosition angle_derivatives(const PosedBody& posed) {
     return by_position;
 }
 
-void judge_joints(const JointJacobian& jacobian, const Matrix& covariance, const SupportSets& support,
-                  int cameras, const EstimateOptions& options, BodyPose& out) {
+void judge_joints(const JointJacobian& jacobian, const Matrix& covariance, const Ambiguity& ambiguous,
+                  const Misfit& misfit, const SupportSets& support, int cameras,
+                  const EstimateOptions& options, BodyPose& out) {
     for (std::size_t j = 0; j < kJointNames.size(); ++j) {
         const int segment = kJointSegment[j];
         const auto rows = jacobian.middleRows<3>(3 * static_cast<int>(j));
         JointEstimate& joint = out.joints[j];
-        joint.std_m =
-            combined_std((rows * covariance * rows.transpose()).trace() / 3, model_std_m(kJointNames[j]));
         const int parent = kBodyParent[segment];
+        const double own = misfit.segment[segment], above = misfit.segment[std::max(parent, 0)];
+        joint.std_m =
+            combined_std(data_variance((rows * covariance * rows.transpose()).trace() / 3, misfit) +
+                             ambiguity_variance(ambiguous.joint_m2[j], own) + kOfOwnMisfit * own +
+                             kOfAllMisfit * misfit.all + kOfParentMisfit * above * above / kParentMisfit_m2,
+                         model_std_m(kJointNames[j]));
         const CameraSet set = parent >= 0 ? support[segment] | support[parent] : support[segment];
         joint.camera_count = static_cast<int>(set.count());
         joint.withheld_reason.clear();
@@ -161,12 +240,16 @@ void judge_joints(const JointJacobian& jacobian, const Matrix& covariance, const
     }
 }
 
-void judge_angles(const AngleByStep& by_step, const Matrix& covariance, const SupportSets& support,
-                  int cameras, const EstimateOptions& options, BodyPose& out) {
+void judge_angles(const AngleByStep& by_step, const Matrix& covariance, const Ambiguity& ambiguous,
+                  const Misfit& misfit, const SupportSets& support, int cameras,
+                  const EstimateOptions& options, BodyPose& out) {
     for (std::size_t k = 0; k < out.angles.size(); ++k) {
         AngleEstimate& angle = out.angles[k];
         const auto row = by_step.row(static_cast<int>(k));
-        angle.std_rad = combined_std((row * covariance * row.transpose()).value(), kModelAngleStd[k]);
+        const double own = misfit.segment[kAngleSegments[k].second];
+        angle.std_rad = combined_std(data_variance((row * covariance * row.transpose()).value(), misfit) +
+                                         ambiguity_variance(ambiguous.angle_rad2[k], own),
+                                     kModelAngleStd[k]);
         angle.velocity_rad_per_s = kNaN;
         const SegmentPair pair = kAngleSegments[k];
         angle.camera_count = static_cast<int>((support[pair.first] | support[pair.second]).count());
@@ -181,13 +264,21 @@ void judge_angles(const AngleByStep& by_step, const Matrix& covariance, const Su
 }
 
 // Of a ball joint: through the derivatives of its angles by its rotation vector.
-void judge_coordinates(const BodyPosture& posture, const Matrix& covariance, BodyPose& out) {
+void judge_coordinates(const BodyPosture& posture, const Matrix& covariance, const Ambiguity& ambiguous,
+                       const Misfit& misfit, BodyPose& out) {
+    const auto variance = [&](int dof, double curvature, int segment) {
+        return data_variance(curvature, misfit) +
+               ambiguity_variance(ambiguous.coordinate2[dof], misfit.segment[segment]);
+    };
     out.coordinate_velocity.fill(kNaN);
-    for (int k = 0; k < 3; ++k) out.coordinate_std[k] = combined_std(covariance(k, k), model_std_m("root"));
+    for (int k = 0; k < 3; ++k)
+        out.coordinate_std[k] = combined_std(
+            variance(k, covariance(k, k), kPelvis) + kOfAllMisfit * misfit.all, model_std_m("root"));
     for (int s = 0; s < kBodySegmentCount; ++s) {
         const int first = kSegmentDof[s];
         if (kSegmentDofCount[s] == 1) {
-            out.coordinate_std[first] = combined_std(covariance(first, first), model_rotation_std(s));
+            out.coordinate_std[first] =
+                combined_std(variance(first, covariance(first, first), s), model_rotation_std(s));
             continue;
         }
         const Mat3 rates = euler_rates(s, posture.parent_from_segment[s]);
@@ -197,7 +288,8 @@ void judge_coordinates(const BodyPosture& posture, const Matrix& covariance, Bod
         const Eigen::Matrix3d rotated =
             by_rotation * covariance.block<3, 3>(first, first) * by_rotation.transpose();
         for (int k = 0; k < 3; ++k)
-            out.coordinate_std[first + k] = combined_std(rotated(k, k), model_rotation_std(s));
+            out.coordinate_std[first + k] =
+                combined_std(variance(first + k, rotated(k, k), s), model_rotation_std(s));
     }
 }
 
@@ -220,8 +312,9 @@ void describe_posture(const BodyModel& model, const BodyPosture& posture, BodyPo
 }
 
 void judge_posture(const BodyModel& model, const BodyPosture& posture, const Linearisation& data,
-                   std::span<const SurfaceTerm> terms, std::span<const BodyCapsule> capsules, int cameras,
-                   const EstimateOptions& options, BodyPose& out) {
+                   std::span<const SurfaceTerm> terms, std::span<const BodyCapsule> capsules,
+                   std::span<const WeightedPosture> others, int cameras, const EstimateOptions& options,
+                   BodyPose& out) {
     Matrix information = data.hessian;
     for (int k = 0; k < kBodyDofCount; ++k)
         information(k, k) +=
@@ -230,9 +323,12 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
     const SupportSets support = supporting_cameras(terms, capsules);
     const PosedBody posed = model.forward(posture);
     const JointJacobian jacobian = joint_jacobian(model, posed);
-    judge_joints(jacobian, covariance, support, cameras, options, out);
-    judge_angles(angle_derivatives(posed) * jacobian, covariance, support, cameras, options, out);
-    judge_coordinates(posture, covariance, out);
+    const Ambiguity ambiguous = ambiguity(model, posture, posed, others);
+    const Misfit misfit = misfit_of(terms, capsules);
+    judge_joints(jacobian, covariance, ambiguous, misfit, support, cameras, options, out);
+    judge_angles(angle_derivatives(posed) * jacobian, covariance, ambiguous, misfit, support, cameras,
+                 options, out);
+    judge_coordinates(posture, covariance, ambiguous, misfit, out);
 }
 
 void set_velocities(const BodyPose& before, BodyPose& pose) {

@@ -14,11 +14,18 @@ namespace kinevox {
 // withheld_reason become NaN.
 void describe_posture(const BodyModel& model, const BodyPosture& posture, BodyPose& out);
 
+// Another posture that the frame sets allow, with its probability.
+struct WeightedPosture {
+    BodyPosture posture;
+    double probability = 0;
+};
+
 // Writes standard deviations, camera counts and withheld reasons. `data` is the linearisation at the posture
-// without motion prior, `terms` its residuals.
+// without motion prior, `terms` its residuals; `others` widen what they contradict.
 void judge_posture(const BodyModel& model, const BodyPosture& posture, const Linearisation& data,
-                   std::span<const SurfaceTerm> terms, std::span<const BodyCapsule> capsules, int cameras,
-                   const EstimateOptions& options, BodyPose& out);
+                   std::span<const SurfaceTerm> terms, std::span<const BodyCapsule> capsules,
+                   std::span<const WeightedPosture> others, int cameras, const EstimateOptions& options,
+                   BodyPose& out);
 
 // Velocities between two poses, rad/s and m/s; NaN if either value is withheld.
 void set_velocities(const BodyPose& before, BodyPose& pose);

@@ -34,6 +34,20 @@ std::string PoseFitOptions::check() const {
     return {};
 }
 
+ContourFit contour_fit(std::span<const SurfaceTerm> terms, double narrow_m) {
+    ContourFit fit;
+    double sum = 0;
+    int within = 0;
+    for (const SurfaceTerm& term : terms) {
+        if (term.radius_gradient > 0) continue;  // not a contour ray
+        const double r = std::abs(term.residual);
+        if (r < 3 * narrow_m) sum += r * r, ++within;
+        if (r < narrow_m) ++fit.touching;
+    }
+    fit.rms_m = within > 0 ? std::sqrt(sum / within) : 0;
+    return fit;
+}
+
 void PoseFitter::descend(const BodyModel& model, std::span<const SilhouetteRays> views,
                          const MotionPrior* prior, double robust_m, int steps, PoseFit& fit) {
     cost_.linearise(model, fit.posture, views, prior, robust_m, fit.at);
@@ -69,18 +83,12 @@ PoseFit PoseFitter::fit(const BodyModel& model, std::span<const SilhouetteRays> 
     if (wide) descend(model, views, prior, options_.wide_m, options_.wide_steps, fit);
     descend(model, views, prior, options_.narrow_m, options_.narrow_steps, fit);
     // The terms are those of the last step tried; at the solution they are nearly the same.
-    double sum = 0;
-    int within = 0, touching = 0, rays = 0;
+    int rays = 0;
     for (const SilhouetteRays& view : views)
         if (view.camera) rays += static_cast<int>(view.contour.size());
-    for (const SurfaceTerm& term : cost_.terms()) {
-        if (term.radius_gradient > 0) continue;  // not a contour ray
-        const double r = std::abs(term.residual);
-        if (r < 3 * options_.narrow_m) sum += r * r, ++within;
-        if (r < options_.narrow_m) ++touching;
-    }
-    fit.contour_residual_rms_m = within > 0 ? std::sqrt(sum / within) : 0;
-    fit.explained = rays > 0 ? static_cast<double>(touching) / rays : 0;
+    const ContourFit contour = contour_fit(cost_.terms(), options_.narrow_m);
+    fit.contour_residual_rms_m = contour.rms_m;
+    fit.explained = rays > 0 ? static_cast<double>(contour.touching) / rays : 0;
     return fit;
 }
 

@@ -18,6 +18,13 @@ struct PoseFit {
     double explained = 0;               // fraction of the contour rays within narrow_m of the body, 0..1
 };
 
+// How well the contour rays of a linearisation fit.
+struct ContourFit {
+    double rms_m = 0;  // of those within 3 * narrow_m
+    int touching = 0;  // number within narrow_m
+};
+ContourFit contour_fit(std::span<const SurfaceTerm> terms, double narrow_m);
+
 // Not thread safe; keeps its memory.
 class PoseFitter {
   public:

@@ -1,6 +1,7 @@
 // Options of the pose stage and its parts.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "kernels/option_list.h"
@@ -179,11 +180,12 @@ void visit_options(T& o, F&& f) {
 }
 
 struct BodyFitOptions {
-    int max_frames = 40;            // maximum number used, evenly chosen
-    int rounds = 2;                 // of tracking and fitting
-    int steps = 10;                 // each with a wide and a narrow kernel
-    double independent_frames = 1;  // effective number of independent frames
-    double stature_std_m = 0.12;    // around the mean adult
+    int max_frames = 40;              // maximum number used, evenly chosen
+    int rounds = 2;                   // of tracking and fitting
+    int steps = 10;                   // each with a wide and a narrow kernel
+    double independent_frames = 1;    // effective number of independent frames
+    double stature_std_m = 0.12;      // around the mean adult
+    std::optional<double> stature_m;  // measured
     // Minimum explained fraction of the contour of a pose that is used; lower than for tracking, since
     // separate clips often have a poorer background.
     double min_explained_fraction = 0.25;

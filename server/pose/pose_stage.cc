@@ -4,8 +4,15 @@
 #include <oneapi/tbb/partitioner.h>
 
 #include <algorithm>
+#include <cmath>
 
 namespace kinevox {
+namespace {
+
+// Cost per unit of log probability of a posture, judged by one frame set: its rays are not independent.
+constexpr double kFrameSetTemperature = 12;
+
+}  // namespace
 
 std::string BodyFitOptions::check() const {
     if (max_frames < 1 || rounds < 1 || steps < 1)
@@ -96,6 +103,22 @@ std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint
     return process(subject_id, sequence, time_ns, observation_, candidates);
 }
 
+// Of the postures that the tracker considered, by their costs in this frame set alone.
+std::vector<WeightedPosture> PoseStage::alternatives(std::span<const SilhouetteRays> views) {
+    if (tracked_->alternatives.empty()) return {};
+    std::vector<WeightedPosture> weighted;
+    double sum = 1;
+    for (const BodyPosture& posture : tracked_->alternatives) {
+        Linearisation at;
+        judge_.linearise(tracker_.model(), posture, views, nullptr, options_.tracker.fit.narrow_m, at);
+        const double weight = std::exp(std::min(0.0, data_cost_ - at.cost) / kFrameSetTemperature);
+        weighted.push_back({posture, weight});
+        sum += weight;
+    }
+    for (WeightedPosture& w : weighted) w.probability /= sum;
+    return weighted;
+}
+
 std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint64_t sequence,
                                              std::int64_t time_ns, const PoseObservation& seen,
                                              std::span<const PoseCandidate> candidates) {
@@ -115,7 +138,9 @@ std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint
     judge_.linearise(tracker_.model(), tracked_->fit.posture, seen.views, nullptr,
                      options_.tracker.fit.narrow_m, data);
     data_cost_ = data.cost;
-    judge_posture(tracker_.model(), tracked_->fit.posture, data, judge_.terms(), judge_.capsules(),
+    const std::vector<SurfaceTerm> terms = judge_.terms();
+    const std::vector<BodyCapsule> capsules = judge_.capsules();
+    judge_posture(tracker_.model(), tracked_->fit.posture, data, terms, capsules, alternatives(seen.views),
                   static_cast<int>(cameras_.size()), options_.estimate, *pose);
     const BodyPosture& measured = tracked_->fit.posture;
     describe_posture(tracker_.model(), options_.filtered ? filter_.filter(measured, time_ns) : measured,

@@ -58,6 +58,7 @@ class PoseStage {
     void reset();
 
   private:
+    std::vector<WeightedPosture> alternatives(std::span<const SilhouetteRays> views);
     void mask_views(const kernels::VoxelVolume& volume, const MainBody& body, std::vector<PoseView>& views);
 
     std::vector<Camera> cameras_;

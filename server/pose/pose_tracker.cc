@@ -132,6 +132,7 @@ void PoseTracker::try_moved(Hypothesis& h, std::span<const SilhouetteRays> views
     if (!moved) return;
     auto fit = better_fit(views, *moved, h.posture, gain);
     if (!fit) return;
+    h.replaced.push_back(h.posture);
     h.fit = *std::move(fit);
     h.posture = h.fit.posture;
     h.rate = {};
@@ -150,6 +151,7 @@ void PoseTracker::follow(Hypothesis& h, std::span<const SilhouetteRays> views, d
         prior.std[k] = k < 3   ? 0.005 + options_.root_acceleration_m_per_s2 * dt2
                        : k < 6 ? 0.02 + options_.root_angular_acceleration_rad_per_s2 * dt2
                                : 0.03 + options_.joint_angular_acceleration_rad_per_s2 * dt2;
+    h.replaced.clear();
     h.fit = fitter_.fit(*model_, views, prior.expected, &prior, searches_fully());
     if (searches_fully()) try_other_starts(h, views, h.posture, prior.expected);
     const BodyStep moved = step_between(h.posture, h.fit.posture);
@@ -168,7 +170,10 @@ void PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays
     BodyPosture moved = before;
     moved.root_in_world = expected.root_in_world;
     for (const BodyPosture& start : {moved, before, expected})
-        if (auto fit = better_fit(views, start, h.fit.posture, kBetter)) h.fit = *std::move(fit);
+        if (auto fit = better_fit(views, start, h.fit.posture, kBetter)) {
+            h.replaced.push_back(h.fit.posture);
+            h.fit = *std::move(fit);
+        }
 }
 
 void PoseTracker::choose() {
@@ -190,6 +195,13 @@ void PoseTracker::choose() {
         kept.push_back(std::move(h));
     }
     hypotheses_ = std::move(kept);
+}
+
+TrackedPosture PoseTracker::best() const {
+    TrackedPosture tracked{hypotheses_.front().fit, hypotheses_.front().replaced};
+    for (std::size_t k = 1; k < hypotheses_.size(); ++k)
+        tracked.alternatives.push_back(hypotheses_[k].fit.posture);
+    return tracked;
 }
 
 // One limb or pair in turn. `whole`: less is explained than usual.
@@ -241,14 +253,13 @@ std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::spa
         choose();
     }
     last_time_ns_ = time_ns;
-    const Hypothesis& best = hypotheses_.front();
-    if (best.fit.explained < options_.lost_explained_fraction) {
+    if (hypotheses_.front().fit.explained < options_.lost_explained_fraction) {
         lost_s_ += seconds;
         if (lost_s_ > options_.lost_after_s) reset();
         return std::nullopt;
     }
     lost_s_ = 0;
-    return TrackedPosture{best.fit};
+    return best();
 }
 
 }  // namespace kinevox

@@ -20,6 +20,7 @@ namespace kinevox {
 
 struct TrackedPosture {
     PoseFit fit;
+    std::vector<BodyPosture> alternatives;  // also considered in this frame set
 };
 
 // `seconds` in intervals of a frame set at 24 to 31 per second, each of which counts as one: what the tracker
@@ -48,6 +49,7 @@ class PoseTracker {
         double cost = 0;  // running mean
         double seconds = 0;
         PoseFit fit;
+        std::vector<BodyPosture> replaced;  // fits of the last frame set that a better one replaced
     };
 
     void begin(std::span<const SilhouetteRays> views, Vec3 centre, std::span<const PoseCandidate> candidates);
@@ -64,6 +66,7 @@ class PoseTracker {
     void try_moved(Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
                    const std::optional<BodyPosture>& moved, double gain);
     void choose();
+    TrackedPosture best() const;
 
     double fps_;
     PoseTrackerOptions options_;

@@ -1,96 +1,231 @@
 #include "server/pose/retrack.h"
 
+#include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/parallel_invoke.h>
 
 #include <algorithm>
 #include <array>
 #include <limits>
+#include <utility>
+
+#include "server/pose/pose_fitter.h"
+#include "server/pose/pose_path.h"
 
 namespace kinevox {
 namespace {
 
-// Scale of the cost for a jump of the joints over a reference interval or less.
-constexpr double kJumpStd_m = 0.04;
+constexpr int kRounds = 2;  // of new candidates from the neighbours on the path
+constexpr int kSweeps = 2;  // of fits between the neighbours
+constexpr double kMinInterval_s = 1e-3;
+constexpr std::size_t kMaxCandidates = 8;
+constexpr double kSameJoints_m = 0.03;  // candidates with no joint farther apart are one
+constexpr double kHopeless = 80;  // a candidate that costs more than the cheapest by this is dropped
 
-struct Pass {
-    std::vector<RetrackedFrame> frames;
-    std::vector<double> cost;
-    std::vector<std::array<Vec3, kJointNames.size()>> joints;
-};
+using Segments = std::array<std::pair<int, int>, 3>;
+constexpr Segments kLegs{{{kThighL, kThighR}, {kShankL, kShankR}, {kFootL, kFootR}}},
+    kArms{{{kUpperArmL, kUpperArmR}, {kForearmL, kForearmR}, {kHandL, kHandR}}};
 
-Pass follow(const std::vector<Camera>& cameras, double fps, std::span<const RecordedView> frames,
-            const PoseStageOptions& options, bool backwards) {
-    PoseStage stage(cameras, fps, options);
-    const BodyModel model(options.body);
-    Pass pass;
-    pass.frames.resize(frames.size());
-    pass.cost.assign(frames.size(), std::numeric_limits<double>::infinity());
-    pass.joints.resize(frames.size());
-    for (std::size_t k = 0; k < frames.size(); ++k) {
-        const std::size_t n = backwards ? frames.size() - 1 - k : k;
-        if (!frames[n].seen) {
-            stage.reset();
-            continue;
+BodyPosture exchanged(BodyPosture posture, const Segments& limbs) {
+    for (const auto& [left, right] : limbs)
+        std::swap(posture.parent_from_segment[left], posture.parent_from_segment[right]);
+    return posture;
+}
+
+BodyPosture between(const BodyPosture& a, const BodyPosture& b, double fraction) {
+    BodyStep step = step_between(a, b);
+    for (double& s : step) s *= fraction;
+    return stepped(a, step);
+}
+
+double max_joint_distance(const JointPositions& a, const JointPositions& b) {
+    double most = 0;
+    for (std::size_t j = 0; j < a.size(); ++j) most = std::max(most, norm(a[j] - b[j]));
+    return most;
+}
+
+// The candidate postures of a recording and the path through them.
+class Recording {
+  public:
+    Recording(std::span<const RecordedView> frames, const PoseStageOptions& options, std::stop_token stop)
+        : recorded_(frames),
+          options_(options),
+          stop_(std::move(stop)),
+          model_(options.body),
+          frames_(frames.size()) {
+        double last_s = -std::numeric_limits<double>::infinity();
+        for (std::size_t n = 0; n < frames.size(); ++n) {
+            if (!frames[n].seen) continue;
+            frames_[n].time_s =
+                std::max(1e-9 * static_cast<double>(frames[n].seen->time_ns), last_s + kMinInterval_s);
+            last_s = frames_[n].time_s;
         }
-        const std::int64_t time_ns = backwards ? -frames[n].seen->time_ns : frames[n].seen->time_ns;
-        pass.frames[n].pose =
-            stage.process(frames[n].subject_id, frames[n].sequence, time_ns, *frames[n].seen, {});
-        if (!pass.frames[n].pose) continue;
-        pass.frames[n].pose->capture_time_ns = frames[n].seen->time_ns;
-        pass.frames[n].posture = stage.tracked()->fit.posture;
-        pass.cost[n] = stage.data_cost();
-        pass.joints[n] = model.forward(*pass.frames[n].posture).joints_in_world;
     }
-    return pass;
-}
 
-double jump(const std::array<Vec3, kJointNames.size()>& a, const std::array<Vec3, kJointNames.size()>& b,
-            double std_m) {
-    double sum = 0;
-    for (std::size_t j = 0; j < a.size(); ++j) sum += dot(a[j] - b[j], a[j] - b[j]);
-    return sum / (std_m * std_m);
-}
+    void add_pass(const std::vector<Camera>& cameras, double fps, const PoseStageOptions& options,
+                  bool backwards, std::vector<std::vector<BodyPosture>>& found) const {
+        PoseStage stage(cameras, fps, options);
+        found.resize(recorded_.size());
+        for (std::size_t k = 0; k < recorded_.size() && !stop_.stop_requested(); ++k) {
+            const std::size_t n = backwards ? recorded_.size() - 1 - k : k;
+            const PoseObservation* seen = recorded_[n].seen;
+            if (!seen) {
+                stage.reset();
+                continue;
+            }
+            const std::int64_t time_ns = backwards ? -seen->time_ns : seen->time_ns;
+            if (!stage.process(0, 0, time_ns, *seen, {})) continue;
+            found[n].push_back(stage.tracked()->fit.posture);
+            for (const BodyPosture& other : stage.tracked()->alternatives) found[n].push_back(other);
+        }
+    }
+    void add(std::size_t n, std::span<const BodyPosture> postures) {
+        PoseCost cost(options_.tracker.fit.cost);
+        for (const BodyPosture& posture : postures) add(n, candidate(n, posture, cost));
+    }
+
+    void choose() { choices_ = choose_path(frames_); }
+
+    // Fits from the postures of the neighbours on the path, and with left and right exchanged.
+    void search_around_path() {
+        std::vector<std::vector<PathCandidate>> found(frames_.size());
+        each([&](std::size_t n) {
+            std::vector<BodyPosture> starts;
+            const BodyPosture* const before = chosen(n - 1);
+            const BodyPosture* const after = chosen(n + 1);
+            for (const BodyPosture* start : {before, after})
+                if (start) starts.push_back(*start);
+            if (before && after) starts.push_back(between(*before, *after, fraction(n)));
+            starts.push_back(exchanged(*chosen(n), kLegs));
+            starts.push_back(exchanged(*chosen(n), kArms));
+            PoseFitter fitter(options_.tracker.fit);
+            PoseCost cost(options_.tracker.fit.cost);
+            for (const BodyPosture& start : starts) {
+                const PoseFit fit = fitter.fit(model_, recorded_[n].seen->views, start, nullptr, true);
+                found[n].push_back(candidate(n, fit.posture, cost));
+            }
+        });
+        for (std::size_t n = 0; n < frames_.size(); ++n)
+            for (PathCandidate& c : found[n]) add(n, std::move(c));
+    }
+
+    // Each posture again, expected between its neighbours: what its silhouettes do not determine comes from
+    // them. Alternately the even and the odd ones, so that the order does not matter.
+    void smooth() {
+        path_.assign(frames_.size(), std::nullopt);
+        for (std::size_t n = 0; n < frames_.size(); ++n)
+            if (const BodyPosture* posture = chosen(n)) path_[n] = *posture;
+        for (int half = 0; half < 2 * kSweeps; ++half)
+            each([&](std::size_t n) {
+                if (static_cast<int>(n % 2) != half % 2 || n == 0 || n + 1 >= path_.size() || !path_[n - 1] ||
+                    !path_[n + 1])
+                    return;
+                const MotionPrior prior = expected_between(n);
+                PoseFitter fitter(options_.tracker.fit);
+                path_[n] = fitter.fit(model_, recorded_[n].seen->views, *path_[n], &prior, false).posture;
+            });
+    }
+
+    std::vector<RetrackedFrame> describe(int cameras) const {
+        std::vector<RetrackedFrame> result(frames_.size());
+        each([&](std::size_t n) {
+            PoseCost cost(options_.tracker.fit.cost);
+            auto pose = std::make_shared<BodyPose>();
+            pose->subject_id = recorded_[n].subject_id;
+            pose->sequence = recorded_[n].sequence;
+            pose->capture_time_ns = recorded_[n].seen->time_ns;
+            Linearisation data;
+            cost.linearise(model_, *path_[n], recorded_[n].seen->views, nullptr,
+                           options_.tracker.fit.narrow_m, data);
+            pose->contour_residual_rms_m = contour_fit(cost.terms(), options_.tracker.fit.narrow_m).rms_m;
+            std::vector<WeightedPosture> others;
+            for (std::size_t k = 0; k < frames_[n].candidates.size(); ++k)
+                others.push_back({frames_[n].candidates[k].posture, choices_[n].probability[k]});
+            judge_posture(model_, *path_[n], data, cost.terms(), cost.capsules(), others, cameras,
+                          options_.estimate, *pose);
+            describe_posture(model_, *path_[n], *pose);
+            result[n] = {*path_[n], std::move(pose), choices_[n].probability[choices_[n].candidate]};
+        });
+        for (std::size_t n = 1; n < result.size(); ++n)
+            if (result[n].pose && result[n - 1].pose) set_velocities(*result[n - 1].pose, *result[n].pose);
+        return result;
+    }
+
+  private:
+    // Over the frame sets with a posture.
+    template <typename F>
+    void each(const F& f) const {
+        oneapi::tbb::parallel_for(std::size_t{0}, frames_.size(), [&](std::size_t n) {
+            if (choices_[n].candidate >= 0 && !stop_.stop_requested()) f(n);
+        });
+    }
+    const BodyPosture* chosen(std::size_t n) const {
+        if (n >= frames_.size() || choices_[n].candidate < 0) return nullptr;
+        return &frames_[n].candidates[choices_[n].candidate].posture;
+    }
+    double fraction(std::size_t n) const {
+        return (frames_[n].time_s - frames_[n - 1].time_s) / (frames_[n + 1].time_s - frames_[n - 1].time_s);
+    }
+    MotionPrior expected_between(std::size_t n) const {
+        const PoseTrackerOptions& o = options_.tracker;
+        const double half =
+            0.5 * (frames_[n].time_s - frames_[n - 1].time_s) * (frames_[n + 1].time_s - frames_[n].time_s);
+        MotionPrior prior;
+        prior.expected = between(*path_[n - 1], *path_[n + 1], fraction(n));
+        for (int k = 0; k < kBodyDofCount; ++k)
+            prior.std[k] = k < 3   ? 0.005 + o.root_acceleration_m_per_s2 * half
+                           : k < 6 ? 0.02 + o.root_angular_acceleration_rad_per_s2 * half
+                                   : 0.03 + o.joint_angular_acceleration_rad_per_s2 * half;
+        return prior;
+    }
+    PathCandidate candidate(std::size_t n, const BodyPosture& posture, PoseCost& cost) const {
+        Linearisation at;
+        cost.linearise(model_, posture, recorded_[n].seen->views, nullptr, options_.tracker.fit.narrow_m, at);
+        return {posture, at.cost, cost.posed().joints_in_world};
+    }
+    void add(std::size_t n, PathCandidate c) {
+        std::vector<PathCandidate>& known = frames_[n].candidates;
+        for (PathCandidate& other : known)
+            if (max_joint_distance(other.joints_in_world, c.joints_in_world) < kSameJoints_m) {
+                if (c.cost < other.cost) other = std::move(c);
+                return;
+            }
+        known.push_back(std::move(c));
+        std::stable_sort(known.begin(), known.end(),
+                         [](const PathCandidate& a, const PathCandidate& b) { return a.cost < b.cost; });
+        while (known.size() > kMaxCandidates || known.back().cost > known.front().cost + kHopeless)
+            known.pop_back();
+    }
+
+    std::span<const RecordedView> recorded_;
+    PoseStageOptions options_;
+    std::stop_token stop_;
+    BodyModel model_;
+    std::vector<PathFrame> frames_;
+    std::vector<PathChoice> choices_;
+    std::vector<std::optional<BodyPosture>> path_;
+};
 
 }  // namespace
 
-// The cheapest path through the two passes (Viterbi): data cost of each frame set plus jumps between them.
 std::vector<RetrackedFrame> retrack(const std::vector<Camera>& cameras, double fps,
-                                    std::span<const RecordedView> frames, const PoseStageOptions& options) {
+                                    std::span<const RecordedView> frames, const PoseStageOptions& options,
+                                    std::stop_token stop) {
     PoseStageOptions unfiltered = options;
     unfiltered.filtered = false;
     unfiltered.tracker.always_search_limbs = true;
-    std::array<Pass, 2> passes;
-    oneapi::tbb::parallel_invoke([&] { passes[0] = follow(cameras, fps, frames, unfiltered, false); },
-                                 [&] { passes[1] = follow(cameras, fps, frames, unfiltered, true); });
-    const std::size_t count = frames.size();
-    std::vector<std::array<int, 2>> came_from(count);
-    std::array<double, 2> best{0, 0};
-    const double jump_std_m = kJumpStd_m * std::max(1.0, reference_intervals(1 / fps));
-    constexpr double kNothing =
-        1e6;  // cost of a frame set without a pose, so that an existing pose is preferred
-    for (std::size_t n = 0; n < count; ++n) {
-        std::array<double, 2> next;
-        for (int to = 0; to < 2; ++to) {
-            const bool here = passes[to].frames[n].posture.has_value();
-            next[to] = std::numeric_limits<double>::infinity();
-            for (int from = 0; from < 2; ++from) {
-                const bool linked = n > 0 && here && passes[from].frames[n - 1].posture;
-                const double by = n == 0 ? 0 : best[from];
-                const double jumped =
-                    linked ? jump(passes[from].joints[n - 1], passes[to].joints[n], jump_std_m) : 0;
-                const double total = by + jumped + (here ? passes[to].cost[n] : kNothing);
-                if (total < next[to]) next[to] = total, came_from[n][to] = from;
-            }
-        }
-        best = next;
+    Recording recording(frames, unfiltered, stop);
+    std::array<std::vector<std::vector<BodyPosture>>, 2> found;
+    oneapi::tbb::parallel_invoke([&] { recording.add_pass(cameras, fps, unfiltered, false, found[0]); },
+                                 [&] { recording.add_pass(cameras, fps, unfiltered, true, found[1]); });
+    for (std::size_t n = 0; n < frames.size(); ++n)
+        for (const auto& pass : found) recording.add(n, pass[n]);
+    recording.choose();
+    for (int round = 0; round < kRounds; ++round) {
+        recording.search_around_path();
+        recording.choose();
     }
-    std::vector<RetrackedFrame> result(count);
-    int at = best[0] <= best[1] ? 0 : 1;
-    for (std::size_t n = count; n-- > 0;) {
-        result[n] = std::move(passes[at].frames[n]);
-        at = came_from[n][at];
-    }
-    return result;
+    recording.smooth();
+    return recording.describe(static_cast<int>(cameras.size()));
 }
 
 }  // namespace kinevox

@@ -15,6 +15,7 @@
 #include "server/pose/pose_tracker.h"
 #include "server/pose/posture_filter.h"
 #include "server/pose/ray_capsule.h"
+#include "server/pose/retrack.h"
 #include "server/pose/silhouette_rays.h"
 #include "tests/support/seen_body.h"
 
@@ -85,6 +86,33 @@ TEST(PoseTracker, FollowsArmsThatMoveFarBetweenFrameSets) {
         const auto tracked = tracker.update(time_ns, scene.see(truth), {0, 0, 0.95}, {});
         ASSERT_TRUE(tracked.has_value()) << "frame set " << n;
         EXPECT_LT(scene.error_m(tracked->fit.posture, truth), 0.03) << "frame set " << n;
+    }
+}
+
+TEST(Retrack, FollowsLimbsThatMoveFarBetweenFrameSets) {
+    const Scene scene;
+    constexpr double kFps = 10;
+    std::vector<BodyCoordinates> truth;
+    std::vector<PoseObservation> seen;
+    for (int n = 0; n < 12; ++n) {
+        BodyCoordinates q = scene.standing();
+        q[kDofShoulderL] = radians(n % 2 == 0 ? 85 : -35);
+        q[kDofShoulderR] = radians(n % 2 == 0 ? -35 : 85);
+        truth.push_back(q);
+        seen.push_back({static_cast<std::int64_t>(n * 1e9 / kFps), {0, 0, 0.95}, scene.see(q)});
+    }
+    std::vector<RecordedView> views;
+    for (const PoseObservation& frame : seen) views.push_back({1, views.size(), &frame});
+    views[5].seen = nullptr;  // no subject
+    PoseStageOptions options;
+    options.body = scene.model->shape();
+    const auto frames = retrack(scene.cameras, kFps, views, options);
+    for (std::size_t n = 0; n < frames.size(); ++n) {
+        ASSERT_EQ(frames[n].posture.has_value(), n != 5) << "frame set " << n;
+        if (n == 5) continue;
+        EXPECT_LT(scene.error_m(*frames[n].posture, truth[n]), 0.03) << "frame set " << n;
+        EXPECT_EQ(frames[n].pose->sequence, n);
+        EXPECT_GT(frames[n].probability, 0.5);
     }
 }
 
@@ -196,7 +224,7 @@ TEST(PoseEstimate, WithholdsJointsThatNoCameraShows) {
     const BodyPosture posture = posture_from_coordinates(truth);
     cost.linearise(*scene.model, posture, views, nullptr, 0.04, data);
     BodyPose pose;
-    judge_posture(*scene.model, posture, data, cost.terms(), cost.capsules(), 4, {}, pose);
+    judge_posture(*scene.model, posture, data, cost.terms(), cost.capsules(), {}, 4, {}, pose);
     describe_posture(*scene.model, posture, pose);
     const JointEstimate &ankle = pose.joints[*joint_index("ankle_l")],
                         &shoulder = pose.joints[*joint_index("shoulder_l")];
@@ -206,6 +234,46 @@ TEST(PoseEstimate, WithholdsJointsThatNoCameraShows) {
     EXPECT_GT(ankle.std_m, 3 * shoulder.std_m);
     EXPECT_FALSE(pose.angles[*angle_index("knee_flexion_geometric_l")].measured());
     EXPECT_EQ(shoulder.camera_count, 4);
+}
+
+// Of the standing body, seen by all cameras.
+BodyPose judged(const Scene& scene, const BodyPosture& posture, std::span<const WeightedPosture> others) {
+    const auto views = scene.see(scene.standing());
+    PoseCost cost;
+    Linearisation data;
+    cost.linearise(*scene.model, posture, views, nullptr, 0.04, data);
+    BodyPose pose;
+    judge_posture(*scene.model, posture, data, cost.terms(), cost.capsules(), others, 4, {}, pose);
+    return pose;
+}
+
+TEST(PoseEstimate, WidensJointsThatAnotherPostureContradicts) {
+    const Scene scene;
+    BodyCoordinates other = scene.standing();
+    other[kDofElbowL] += radians(60);
+    const BodyPosture posture = posture_from_coordinates(scene.standing());
+    const WeightedPosture others[] = {{posture, 0.6}, {posture_from_coordinates(other), 0.4}};
+    const BodyPose certain = judged(scene, posture, {}), doubtful = judged(scene, posture, others);
+    const auto std_m = [](const BodyPose& pose, const char* joint) {
+        return pose.joints[*joint_index(joint)].std_m;
+    };
+    EXPECT_GT(std_m(doubtful, "wrist_l"), 4 * std_m(certain, "wrist_l"));
+    EXPECT_EQ(std_m(doubtful, "wrist_r"), std_m(certain, "wrist_r"));
+    EXPECT_GT(doubtful.angles[*angle_index("elbow_flexion_geometric_l")].std_rad,
+              2 * certain.angles[*angle_index("elbow_flexion_geometric_l")].std_rad);
+}
+
+TEST(PoseEstimate, WidensLimbThatMissesItsSilhouettes) {
+    const Scene scene;
+    BodyCoordinates wrong = scene.standing();
+    wrong[kDofElbowL] += radians(70);
+    const BodyPose right = judged(scene, posture_from_coordinates(scene.standing()), {}),
+                   misplaced = judged(scene, posture_from_coordinates(wrong), {});
+    const auto wider = [&](const char* joint) {
+        return misplaced.joints[*joint_index(joint)].std_m / right.joints[*joint_index(joint)].std_m;
+    };
+    EXPECT_GT(wider("wrist_l"), 2);
+    EXPECT_GT(wider("wrist_l"), 1.5 * wider("ankle_r"));
 }
 
 TEST(PostureFilter, ZeroPhasePreservesSlowMovement) {

@@ -1,0 +1,36 @@
+// Chooses one posture per frame set from several candidates: the path that explains the silhouettes with the
+// least acceleration of the joints. Decided over the whole recording, so that a limb does not jump where a
+// wrong candidate happens to cost less.
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+#include "server/pose/body_model.h"
+
+namespace kinevox {
+
+using JointPositions = std::array<Vec3, kJointNames.size()>;
+
+struct PathCandidate {
+    BodyPosture posture;
+    double cost = 0;  // against the silhouettes, without motion prior
+    JointPositions joints_in_world{};
+};
+
+struct PathFrame {
+    double time_s = 0;
+    std::vector<PathCandidate> candidates;  // none: the path is interrupted
+};
+
+struct PathChoice {
+    int candidate = -1;  // -1: none
+    // Probability of each candidate, given all frame sets; how far the choice is ambiguous.
+    std::vector<double> probability;
+};
+
+// One choice per frame set; times increase.
+std::vector<PathChoice> choose_path(std::span<const PathFrame> frames);
+
+}  // namespace kinevox

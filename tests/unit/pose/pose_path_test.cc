@@ -1,0 +1,87 @@
+// The path through candidate postures, and what it says about ambiguity.
+#include "server/pose/pose_path.h"
+
+#include <gtest/gtest.h>
+
+#include <numeric>
+
+#include "common/body_pose.h"
+#include "common/geometry.h"
+
+namespace kinevox {
+namespace {
+
+constexpr double kInterval_s = 1 / 15.0;
+
+// A body that moves along x, its left wrist displaced.
+PathCandidate candidate(int n, double wrist_m, double cost) {
+    PathCandidate c;
+    c.cost = cost;
+    for (std::size_t j = 0; j < c.joints_in_world.size(); ++j)
+        c.joints_in_world[j] = {0.1 * n, 0.05 * static_cast<double>(j), 1};
+    for (const char* joint : {"elbow_l", "wrist_l", "hand_l"})
+        c.joints_in_world[*joint_index(joint)].z += wrist_m;
+    return c;
+}
+
+std::vector<PathFrame> frames(int count) {
+    std::vector<PathFrame> made(count);
+    for (int n = 0; n < count; ++n) made[n] = {n * kInterval_s, {candidate(n, 0, 10)}};
+    return made;
+}
+
+TEST(PosePath, IgnoresCheaperLimbOfSingleFrameSet) {
+    std::vector<PathFrame> seen = frames(12);
+    seen[6].candidates.push_back(candidate(6, 0.5, 6));
+    const auto path = choose_path(seen);
+    EXPECT_EQ(path[6].candidate, 0) << "an arm does not jump by half a metre and back";
+    EXPECT_GT(path[6].probability[0], 0.9);
+}
+
+TEST(PosePath, FollowsLimbThatStaysElsewhere) {
+    std::vector<PathFrame> seen = frames(30);
+    for (int n = 8; n < 30; ++n) seen[n].candidates.push_back(candidate(n, 0.5, 2));
+    const auto path = choose_path(seen);
+    EXPECT_EQ(path[20].candidate, 1);
+    EXPECT_EQ(path[3].candidate, 0);
+}
+
+TEST(PosePath, SharesProbabilityBetweenEqualCandidates) {
+    std::vector<PathFrame> seen = frames(20);
+    for (int n = 0; n < 20; ++n) seen[n].candidates.push_back(candidate(n, 0.3, 10));
+    const auto path = choose_path(seen);
+    for (const PathChoice& choice : path) {
+        EXPECT_NEAR(choice.probability[0], 0.5, 1e-6);
+        EXPECT_NEAR(std::accumulate(choice.probability.begin(), choice.probability.end(), 0.0), 1, 1e-9);
+    }
+}
+
+TEST(PosePath, ContinuesAfterFrameSetsWithoutPose) {
+    std::vector<PathFrame> seen = frames(9);
+    seen[0].candidates.clear(), seen[4].candidates.clear(), seen[6].candidates.clear();
+    const auto path = choose_path(seen);
+    for (const int n : {0, 4, 6}) EXPECT_EQ(path[n].candidate, -1) << n;
+    for (const int n : {1, 3, 5, 7, 8}) EXPECT_EQ(path[n].candidate, 0) << n;
+}
+
+// Twice as many frame sets of the same motion are not twice the evidence.
+TEST(PosePath, DoesNotDependOnRate) {
+    for (const double fps : {15.0, 30.0, 60.0, 120.0}) {
+        const int count = static_cast<int>(fps);
+        std::vector<PathFrame> seen(count);
+        for (int n = 0; n < count; ++n) {
+            const double s = n / fps;
+            const auto at = [&](double wrist_m, double cost) {
+                PathCandidate c = candidate(0, wrist_m, cost);
+                for (Vec3& joint : c.joints_in_world) joint.x = 1.5 * s;
+                return c;
+            };
+            seen[n] = {s, {at(0, 10)}};
+            if (s > 0.4 && s < 0.6) seen[n].candidates.push_back(at(0.5, 6));
+        }
+        EXPECT_EQ(choose_path(seen)[count / 2].candidate, 0) << fps << " frame sets per second";
+    }
+}
+
+}  // namespace
+}  // namespace kinevox
