@@ -22,7 +22,7 @@ namespace {
 
 struct Arguments {
     kinevox::ProcessOptions options;
-    std::string config_file, device = "cpu";
+    std::string config_file, body_file, device = "cpu";
     std::vector<std::string> save;
     double voxel_mm = 10;
     bool no_colouring = false, no_pose = false;
@@ -53,6 +53,14 @@ void declare(CLI::App& app, Arguments& arguments) {
     app.add_option(
         "--tpose", options.tpose_file,
         "T-pose session of the same subject, to fit the body (default: first seconds of movement)");
+    app.add_option(
+           "--body", arguments.body_file,
+           "Body file of the subject, as in body.toml (default: fitted to the T-pose or the movement)")
+        ->excludes("--tpose");
+    app.add_option("--stature", options.poses.body.stature_m,
+                   "Measured stature of the subject with shoes (m; default: estimated)")
+        ->check(CLI::Range(0.5, 2.5))
+        ->excludes("--body");
     app.add_option("--smooth-hz", options.poses.cutoff_hz, "Zero-phase low-pass cutoff (Hz; 0: off)")
         ->check(CLI::Range(0.0, 1000.0))
         ->capture_default_str();
@@ -104,6 +112,14 @@ absl::Status run(const CLI::App& app, Arguments& arguments) {
     options.pipeline.voxel_m = arguments.voxel_mm / 1000;
     options.pipeline.colouring = !arguments.no_colouring;
     options.pipeline.pose = !arguments.no_pose;
+    if (!arguments.body_file.empty()) {
+        auto body = kinevox::read_body_shape(arguments.body_file);
+        if (!body.ok()) return body.status();
+        options.pipeline.posing.body = *std::move(body);
+        options.poses.fit_body = false;
+    }
+    if (options.poses.body.stature_m)
+        options.pipeline.posing.body = kinevox::default_body_shape(*options.poses.body.stature_m);
     options.pipeline.posing.filtered = false;  // the whole recording is smoothed at the end
     for (const std::string& what : arguments.save)
         (what == "volumes" ? options.writer.save_volumes : options.writer.save_silhouettes) = true;

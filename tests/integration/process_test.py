@@ -222,11 +222,23 @@ class Process(unittest.TestCase):
         self.assertIn("empty.toml: no person's pose was found in 0 frame sets", done.stderr)
         self.assertFalse((self.folder / "out").exists())
 
+    def test_known_body_and_stature_are_used(self):
+        read = lambda out: tomllib.loads((out / "body.toml").read_text())
+        measured, given = self.folder / "measured", self.folder / "given"
+        done = run(WALK, "--out", measured, "--frames", FRAMES, "--quiet", "--stature", 1.85)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertAlmostEqual(read(measured)["stature_m"], 1.85, delta=0.015)
+        done = run(WALK, "--out", given, "--frames", FRAMES, "--quiet", "--body", measured / "body.toml")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(read(given), read(measured))
+
     def test_errors_are_one_line(self):
         table = [
             (["--out", "x"], "SESSION"),
             ([WALK], "--out"),
             ([WALK, "--out", self.folder / "x", "--bogus"], "--bogus"),
+            ([WALK, "--out", self.folder / "x", "--stature", "18"], "stature"),
+            ([WALK, "--out", self.folder / "x", "--body", "/nowhere/body.toml"], "/nowhere/body.toml"),
             ([WALK, "--out", self.folder / "x", "--voxel-mm", "0"], "voxel-mm"),
             ([WALK, "--out", self.folder / "x", "--save", "everything"], "everything"),
             (["/nowhere/session.toml", "--out", self.folder / "x"], "/nowhere/session.toml"),

@@ -14,6 +14,7 @@
 #include "common/files.h"
 #include "common/session_file.h"
 #include "common/toml_reader.h"
+#include "server/pose/body_shape.h"
 #include "server/tools/process/process.h"
 
 namespace kinevox {
@@ -107,6 +108,8 @@ absl::StatusOr<std::string> run_fingerprint(const ProcessOptions& options) {
             fingerprint.add_number(value);
         });
     });
+    fingerprint.add(body_shape_toml(pipeline.posing.body));
+    fingerprint.add_number(options.poses.fit_body);
     fingerprint.add_number(options.poses.cutoff_hz);
     fingerprint.add_number(options.every);
     fingerprint.add_number(options.max_frames);
