@@ -12,6 +12,8 @@
 #include "common/progress_line.h"
 #include "server/calibration/board/board_detector.h"
 #include "server/calibration/wand/wand.h"
+#include "server/cameras/studio/motion.h"
+#include "server/cameras/studio/scene_file.h"
 #include "server/cameras/studio/session_writer.h"
 #include "server/cameras/studio/studio.h"
 
@@ -20,7 +22,7 @@ namespace {
 struct Arguments {
     kinevox::studio::StudioOptions studio;
     kinevox::studio::SessionWriterOptions writer;
-    std::string size = "640x480", out, motion, target, bump;
+    std::string size = "640x480", out, motion, target, bump, scene;
     int board_on_floor_frames = 0;
     bool no_masks = false, json = false;
 };
@@ -71,10 +73,9 @@ bool parse_bump(const std::string& text, kinevox::studio::Staging& staging) {
 }
 
 void declare(CLI::App& app, Arguments& arguments) {
-    app.add_option(
-        "--motion", arguments.motion,
-        "Motion of the person: walk, run, sprint_start, squat, jumping_jack or arm_raise (with --target "
-        "optional: no person)");
+    app.add_option("--motion", arguments.motion,
+                   fmt::format("Motion of the person: {} (with --target optional: no person)",
+                               fmt::join(kinevox::studio::kMotionNames, ", ")));
     app.add_option(
         "--target", arguments.target,
         "Target carried through the space: charuco:6x5:160:120:DICT_4X4_100, checkerboard:6x5:120, "
@@ -83,7 +84,10 @@ void declare(CLI::App& app, Arguments& arguments) {
                    "Number of first frames in which the board lies on the floor")
         ->capture_default_str();
     app.add_option("--bump", arguments.bump, "Bump a camera: CAMERA:SECONDS:DEGREES, for example cam2:3.5:1");
-    app.add_option("--frames", arguments.writer.frames, "Number of frame sets")->required();
+    app.add_option("--scene", arguments.scene,
+                   "Scene file: person, clothes, room, light, cameras and motion; only --out, --mesh-stride, "
+                   "--no-masks and --json may be given with it");
+    app.add_option("--frames", arguments.writer.frames, "Number of frame sets (required without --scene)");
     app.add_option("--out", arguments.out, "Output folder (new or empty)")->required();
     app.add_option("--cameras", arguments.studio.cameras, "Number of cameras on the ring")
         ->capture_default_str();
@@ -114,11 +118,12 @@ void declare(CLI::App& app, Arguments& arguments) {
 }
 
 // The options that are given as text.
-absl::Status read_arguments(Arguments& arguments) {
+absl::Status read_arguments(const CLI::App& app, Arguments& arguments) {
     const auto wrong = [](const std::string& message) { return absl::InvalidArgumentError(message); };
     if (!parse_size(arguments.size, arguments.studio.width, arguments.studio.height))
         return wrong(
             fmt::format("--size is '{}'; it must be WIDTHxHEIGHT, for example 640x480", arguments.size));
+    if (app.count("--frames") == 0) return wrong("--frames is missing; give it, or --scene");
     arguments.studio.staging.person = !arguments.motion.empty();
     if (!arguments.motion.empty()) arguments.studio.motion = arguments.motion;
     if (arguments.motion.empty() && arguments.target.empty())
@@ -135,8 +140,32 @@ absl::Status read_arguments(Arguments& arguments) {
                : set_target(arguments.target, arguments.board_on_floor_frames, arguments.studio.staging);
 }
 
-absl::Status run(Arguments& arguments) {
-    if (absl::Status read = read_arguments(arguments); !read.ok()) return read;
+// Everything comes from the scene file, but for what concerns the output alone.
+absl::Status read_scene_arguments(const CLI::App& app, Arguments& arguments) {
+    for (const CLI::Option* option : app.get_options()) {
+        const std::string name = option->get_name();
+        if (option->count() > 0 && name != "--scene" && name != "--out" && name != "--mesh-stride" &&
+            name != "--no-masks" && name != "--json")
+            return absl::InvalidArgumentError(
+                fmt::format("{} is given with --scene; set it in {}", name, arguments.scene));
+    }
+    auto scene = kinevox::studio::read_scene(arguments.scene);
+    if (!scene.ok()) return scene.status();
+    const int mesh_stride = arguments.writer.mesh_stride;
+    arguments.studio = std::move(scene->studio);
+    arguments.writer = std::move(scene->writer);
+    arguments.writer.mesh_stride = mesh_stride;
+    arguments.writer.masks = !arguments.no_masks;
+    if (const std::string problem = arguments.writer.check(); !problem.empty())
+        return absl::InvalidArgumentError(problem);
+    return absl::OkStatus();
+}
+
+absl::Status run(const CLI::App& app, Arguments& arguments) {
+    if (absl::Status read =
+            arguments.scene.empty() ? read_arguments(app, arguments) : read_scene_arguments(app, arguments);
+        !read.ok())
+        return read;
     auto studio = kinevox::studio::Studio::create(arguments.studio);
     if (!studio.ok()) return studio.status();
     kinevox::ProgressLine line(arguments.json);
@@ -163,5 +192,5 @@ int main(int argc, char** argv) {
                  "kinevox studio");
     Arguments arguments;
     declare(app, arguments);
-    return kinevox::tool_main(app, argc, argv, [&arguments] { return run(arguments); });
+    return kinevox::tool_main(app, argc, argv, [&] { return run(app, arguments); });
 }

@@ -55,6 +55,9 @@ Albedo paint(const ImplicitBody& body, const Subject& s, Vec3f rest, Bone neares
     const Material material = body.material(rest, nearest);
     const ClothPlace at = cloth_place(body, rest, nearest);
     // Folds and weave as brightness: slow across, quick along.
+    const auto grain = [&s](float factor) {
+        return s.cloth_grain == 1 ? factor : 1 + static_cast<float>(s.cloth_grain) * (factor - 1);
+    };
     const float folds =
         0.80f + 0.40f * fractal_noise(9.0f * at.around + 3.0f, 16.0f * rest.z + 8.0f * rest.x, s.seed + 3);
     const float weave = 0.95f + 0.10f * smooth_noise(400.0f * (rest.y + rest.x), 400.0f * rest.z, s.seed + 4);
@@ -66,10 +69,10 @@ Albedo paint(const ImplicitBody& body, const Subject& s, Vec3f rest, Bone neares
             return times(s.hair, 0.6f + 0.8f * smooth_noise(120.0f * rest.y, 18.0f * rest.z + 30.0f * rest.x,
                                                             s.seed + 6));
         case Material::kShirt:
-            return times(shirt(s, at), folds * weave);
+            return times(shirt(s, at), grain(folds * weave));
         case Material::kTrousers: {
             const float seam = std::abs(rest.x + 0.01f) < 0.003f ? 0.75f : 1.0f;
-            return times(s.trousers, folds * weave * seam);
+            return times(s.trousers, grain(folds * weave * seam));
         }
         case Material::kShoe: {
             const bool stripe =

@@ -52,7 +52,47 @@ View view_of(const Rigid3& camera_from_world, const std::vector<Vec3>& points) {
     return view;
 }
 
+// Aims at the centre of what of the points is visible.
+void aim(Camera& camera, Vec3 eye, const std::vector<Vec3>& points) {
+    for (int round = 0; round < 4; ++round) {
+        const View view = view_of(camera.camera_from_world, points);
+        const Vec3 axis{0.5 * (view.left + view.right), 0.5 * (view.top + view.bottom), 1};
+        camera.camera_from_world = look_at(eye, camera.camera_from_world.inverse() * axis);
+    }
+}
+
 }  // namespace
+
+std::vector<Camera> cameras_as_placed(const StudioOptions& options, bool lane) {
+    std::vector<Camera> cameras;
+    std::vector<Vec3> points = action_space(options, lane);
+    const Mat3 turn = rotation_z(radians(options.motion_yaw_deg));
+    if (!lane)
+        for (Vec3& p : points) p = turn * p + options.motion_shift;
+    const Vec3 middle = lane ? Vec3{5.2, 0, 0.9} : Vec3{0, 0, 0.95} + options.motion_shift;
+    for (const PlacedCamera& placed : options.placed_cameras) {
+        Camera camera;
+        camera.name = fmt::format("cam{}", cameras.size() + 1);
+        camera.width = placed.width, camera.height = placed.height;
+        camera.cx = 0.5 * (placed.width - 1), camera.cy = 0.5 * (placed.height - 1);
+        camera.camera_from_world = look_at(placed.position_in_world, middle);
+        aim(camera, placed.position_in_world, points);
+        const Vec3 target =
+            placed.position_in_world + norm(middle - placed.position_in_world) *
+                                           (camera.camera_from_world.rotation.transposed() * Vec3{0, 0, 1});
+        camera.camera_from_world = look_at(placed.position_in_world, target + placed.aim_offset);
+        const Rigid3 roll{rotation_z(radians(placed.roll_deg)), {}};
+        camera.camera_from_world = roll * camera.camera_from_world;
+        const View view = view_of(camera.camera_from_world, points);
+        const double wide = std::max(-view.left, view.right), high = std::max(-view.top, view.bottom);
+        camera.fx = camera.fy =
+            placed.zoom * std::min(0.49 * placed.width / wide, 0.49 * placed.height / high);
+        camera.k1 = placed.k1, camera.k2 = placed.k2, camera.k3 = placed.k3;
+        camera.p1 = placed.p1, camera.p2 = placed.p2;
+        cameras.push_back(camera);
+    }
+    return cameras;
+}
 
 std::vector<Camera> ring_of_cameras(const StudioOptions& options, bool lane) {
     std::vector<Camera> cameras;
@@ -76,11 +116,7 @@ std::vector<Camera> ring_of_cameras(const StudioOptions& options, bool lane) {
         camera.cx = 0.5 * (options.width - 1);
         camera.cy = 0.5 * (options.height - 1);
         camera.camera_from_world = look_at(eye, middle);
-        for (int round = 0; round < 4; ++round) {  // aims at the centre of the visible points
-            const View view = view_of(camera.camera_from_world, points);
-            const Vec3 axis{0.5 * (view.left + view.right), 0.5 * (view.top + view.bottom), 1};
-            camera.camera_from_world = look_at(eye, camera.camera_from_world.inverse() * axis);
-        }
+        aim(camera, eye, points);
         const View view = view_of(camera.camera_from_world, points);
         const double wide = std::max(-view.left, view.right), high = std::max(-view.top, view.bottom);
         camera.fx = camera.fy =

@@ -8,10 +8,9 @@ namespace kinevox::studio {
 namespace {
 
 using std::numbers::pi;
-constexpr double kFacing = 20 * pi / 180;  // no limb lies in an axis plane of the world
-const Vec3 kLeftOfSubject{-0.34202014332566873, 0.9396926207859084, 0};
 
-// Trunk and head breathe and sway a little, never quite still.
+}  // namespace
+
 void stand(const Rig& rig, Pose& pose, double t, double lean) {
     const double sway = 0.012 * std::sin(2 * pi * 0.23 * t), breath = 0.010 * std::sin(2 * pi * 0.27 * t);
     pose.root_in_world = {0, 0, rig.measures().standing_root_z() - 0.006};
@@ -23,16 +22,18 @@ void stand(const Rig& rig, Pose& pose, double t, double lean) {
     pose[kHead] = rotation_y(radians(-7) - 0.35 * lean) * rotation_z(0.05 * std::sin(2 * pi * 0.11 * t));
 }
 
-std::array<PlacedFoot, 2> feet_apart(const Rig& rig, double half_width_m, double out, double stature_m = 0) {
+std::array<PlacedFoot, 2> feet_apart(const Rig& rig, double half_width_m, double out, double height_m) {
     std::array<PlacedFoot, 2> feet;
     for (Side side : kSides) {
         const double s = sign_of(side);
         Vec3 floor = s * half_width_m * kLeftOfSubject;
-        floor.z = stature_m;
+        floor.z = height_m;
         feet[side == Side::kRight] = flat_foot(rig.measures(), floor, kFacing + s * out);
     }
     return feet;
 }
+
+namespace {
 
 class Squat final : public Motion {
   public:
@@ -129,8 +130,35 @@ class ArmRaise final : public Motion {
     const Rig& rig_;
 };
 
+// At ease: the arms hang at the trunk, the weight shifts from leg to leg, the head looks around.
+class Stand final : public Motion {
+  public:
+    explicit Stand(const Rig& rig) : rig_(rig) {}
+    double period_s() const override { return 0; }
+    Pose pose(double time_s) const override {
+        const double shift = std::sin(2 * pi * 0.19 * time_s), h = rig_.measures().stature;
+        Pose pose;
+        stand(rig_, pose, time_s, radians(3 + 2 * std::sin(2 * pi * 0.07 * time_s)));
+        pose.root_in_world += 0.016 * h * shift * kLeftOfSubject;
+        pose[kPelvis] = pose[kPelvis] * rotation_x(radians(2.5) * shift);
+        pose[kLumbar] = pose[kLumbar] * rotation_x(radians(-2) * shift);
+        pose[kHead] = pose[kHead] * rotation_z(radians(28) * std::sin(2 * pi * 0.13 * time_s));
+        for (Side side : kSides)
+            pose_arm(pose, side, radians(3 + 3 * std::sin(2 * pi * 0.29 * time_s + (side == Side::kLeft))),
+                     radians(5 + 1.5 * shift), radians(-12), radians(10 + 4 * shift));
+        put_on_feet(rig_, pose, feet_apart(rig_, 0.060 * h, radians(10)), kFacing);
+        return pose;
+    }
+
+  private:
+    const Rig& rig_;
+};
+
 }  // namespace
 
+std::unique_ptr<Motion> make_stand(const Rig& rig) {
+    return std::make_unique<Stand>(rig);
+}
 std::unique_ptr<Motion> make_squat(const Rig& rig) {
     return std::make_unique<Squat>(rig);
 }

@@ -50,7 +50,9 @@ ImplicitBody::ImplicitBody(const Rig& rig, const Subject& subject)
 void ImplicitBody::add(Bone bone, Vec3f a, float ra, Vec3f b, float rb, float flat_x, float flat_y,
                        float blend) {
     const float thick = unit_ * (bone == kHead || is_foot(bone) ? 1.0f : girth_);
-    const Vec3f start = unit_ * a, end = unit_ * b;
+    const bool trunk = bone == kPelvis || bone == kLumbar || bone == kThorax;
+    const float along = trunk ? static_cast<float>(rig_.measures().trunk_scale) : 1.0f;
+    const Vec3f start = unit_ * Vec3f{a.x, a.y, along * a.z}, end = unit_ * Vec3f{b.x, b.y, along * b.z};
     Primitive p;
     p.bone = bone;
     p.ra = thick * ra;
@@ -94,6 +96,11 @@ void ImplicitBody::add_trunk() {
             0.05f);
     add(kLumbar, {0.005f, 0, -0.05f}, 0.133f * waist, {0.0f, 0, 0.07f}, 0.136f * waist, 0.74f, 1, 0.05f);
     add(kLumbar, {0.04f, 0, -0.05f}, 0.075f, {0.035f, 0, 0.05f}, 0.075f, 0.8f, 1.2f, 0.05f);
+    if (subject_.belly > 0) {
+        const float b = static_cast<float>(subject_.belly);
+        add(kLumbar, {0.045f + 0.04f * b, 0, -0.06f}, 0.075f + 0.035f * b, {0.04f + 0.03f * b, 0, 0.02f},
+            0.075f + 0.025f * b, 0.9f, 1.3f, 0.06f);
+    }
     add(kThorax, {0.0f, 0, 0.01f}, 0.138f - 0.010f * f, {-0.008f, 0, 0.17f}, 0.146f - 0.012f * f, 0.74f, 1,
         0.05f);
     add(kThorax, {-0.025f, 0.115f, 0.225f}, 0.066f, {-0.025f, -0.115f, 0.225f}, 0.066f, 1, 1, 0.06f);
@@ -207,7 +214,7 @@ ImplicitBody::Sample ImplicitBody::sample(Vec3f rest) const {
         const float h = std::max(p.blend - std::abs(d - own), 0.0f);
         d = std::min(d, own) - (h > 0 ? 0.25f * h * h / p.blend : 0.0f);
     }
-    d -= clothes(rest, nearest);
+    d -= static_cast<float>(subject_.looseness) * clothes(rest, nearest);
     if (is_foot(nearest)) {  // flat soles
         const Side side = side_of(nearest);
         const Vec3f in_foot = in_bone(rest, on_side(kFootL, side));

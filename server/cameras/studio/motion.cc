@@ -69,6 +69,11 @@ absl::StatusOr<std::unique_ptr<Motion>> make_motion(std::string_view name, Stage
     if (name == "squat") return make_squat(rig);
     if (name == "jumping_jack") return make_jumping_jack(rig);
     if (name == "arm_raise") return make_arm_raise(rig);
+    if (name == "stand") return make_stand(rig);
+    if (name == "jump") return make_jump(rig);
+    if (name == "punch") return make_punch(rig);
+    if (name == "kick") return make_kick(rig);
+    if (name == "get_up") return make_get_up(rig);
     return absl::InvalidArgumentError(
         fmt::format("motion '{}' is unknown; there are {}", name, fmt::join(kMotionNames, ", ")));
 }

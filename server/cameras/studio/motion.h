@@ -15,8 +15,9 @@
 
 namespace kinevox::studio {
 
-inline constexpr std::array<std::string_view, 6> kMotionNames{"walk",  "run",          "sprint_start",
-                                                              "squat", "jumping_jack", "arm_raise"};
+inline constexpr std::array<std::string_view, 11> kMotionNames{
+    "walk",  "run",  "sprint_start", "squat", "jumping_jack", "arm_raise",
+    "stand", "jump", "punch",        "kick",  "get_up"};
 
 enum class Stage {
     kRoom,
@@ -44,6 +45,11 @@ std::unique_ptr<Motion> make_sprint_start(const Rig& rig);                 // sp
 std::unique_ptr<Motion> make_squat(const Rig& rig);                        // exercise_motions.cc
 std::unique_ptr<Motion> make_jumping_jack(const Rig& rig);
 std::unique_ptr<Motion> make_arm_raise(const Rig& rig);
+std::unique_ptr<Motion> make_stand(const Rig& rig);
+std::unique_ptr<Motion> make_jump(const Rig& rig);  // combat_motions.cc, with the two that follow
+std::unique_ptr<Motion> make_punch(const Rig& rig);
+std::unique_ptr<Motion> make_kick(const Rig& rig);
+std::unique_ptr<Motion> make_get_up(const Rig& rig);  // floor_motion.cc
 
 // A smooth curve through (time, value) keys that never overshoots them: monotone cubic Hermite after Fritsch
 // & Carlson. Constant before the first and after the last key.
@@ -75,6 +81,16 @@ class KeyCurve {
     std::vector<std::pair<double, double>> keys_;
     std::vector<double> slope_;
 };
+
+// What exercises in place share: the subject faces kFacing, so that no limb lies in an axis plane of the
+// world.
+inline constexpr double kFacing = 20 * 3.14159265358979323846 / 180;
+inline const Vec3 kLeftOfSubject{-0.34202014332566873, 0.9396926207859084, 0};
+
+// Trunk and head breathe and sway a little, never quite still.
+void stand(const Rig& rig, Pose& pose, double t, double lean);
+std::array<struct PlacedFoot, 2> feet_apart(const Rig& rig, double half_width_m, double out,
+                                            double height_m = 0);
 
 // Feet without sliding: a foot is planned as contacts with the floor, rolls over heel and ball while in
 // contact and swings in between. Legs follow by inverse kinematics.

@@ -1,5 +1,7 @@
 #include "server/cameras/studio/rig.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -88,25 +90,44 @@ TwoBone two_bone(Vec3 start, Vec3 target, double upper, double lower, Vec3 towar
 
 }  // namespace
 
-Subject make_subject(std::uint32_t seed, double stature_m) {
+std::string SubjectOptions::check() const {
+    const auto outside = [](double v, double low, double high) { return !(v >= low && v <= high); };
+    if (girth && outside(*girth, 0.75, 1.4))
+        return fmt::format("girth is {}; it must be 0.75 .. 1.4", *girth);
+    if (femininity && outside(*femininity, 0, 1))
+        return fmt::format("femininity is {}; it must be 0 .. 1", *femininity);
+    for (const double scale : {leg_scale, arm_scale, shoulder_scale, hip_scale})
+        if (outside(scale, 0.85, 1.15))
+            return fmt::format("a body scale is {}; it must be 0.85 .. 1.15", scale);
+    if (outside(belly, 0, 1)) return fmt::format("belly is {}; it must be 0 .. 1", belly);
+    if (outside(cloth_grain, 0, 2)) return fmt::format("cloth_grain is {}; it must be 0 .. 2", cloth_grain);
+    if (outside(looseness, 0, 3)) return fmt::format("looseness is {}; it must be 0 .. 3", looseness);
+    return {};
+}
+
+Subject make_subject(std::uint32_t seed, double stature_m, const SubjectOptions& options) {
     const auto draw = [seed](std::uint32_t what) { return static_cast<double>(hash_unit(seed, what, 77)); };
     Subject s;
     s.seed = seed;
-    s.femininity = draw(1) < 0.5 ? 0.0 : 0.7 + 0.3 * draw(2);
+    s.femininity = options.femininity.value_or(draw(1) < 0.5 ? 0.0 : 0.7 + 0.3 * draw(2));
     s.stature_m = stature_m > 0 ? stature_m : 1.79 - 0.12 * s.femininity + 0.14 * (draw(3) - 0.5);
-    s.girth = 0.90 + 0.26 * draw(4) * draw(5);
-    s.long_hair = s.femininity > 0.5;
-    s.shorts = draw(6) < 0.35;
-    s.long_sleeves = draw(7) < 0.2;
+    s.girth = options.girth.value_or(0.90 + 0.26 * draw(4) * draw(5));
+    s.long_hair = options.long_hair.value_or(s.femininity > 0.5);
+    s.shorts = options.shorts.value_or(draw(6) < 0.35);
+    s.long_sleeves = options.long_sleeves.value_or(draw(7) < 0.2);
     const Outfit& outfit = kOutfits[hash_u32(seed, 8) % kOutfits.size()];
-    s.pattern = outfit.pattern;
-    s.shirt_a = outfit.shirt_a;
-    s.shirt_b = outfit.shirt_b;
-    s.trousers = outfit.trousers;
-    s.shoes = outfit.shoes;
+    s.pattern = options.pattern.value_or(outfit.pattern);
+    s.shirt_a = options.shirt_a.value_or(outfit.shirt_a);
+    s.shirt_b = options.shirt_b.value_or(outfit.shirt_b);
+    s.trousers = options.trousers.value_or(outfit.trousers);
+    s.shoes = options.shoes.value_or(outfit.shoes);
     s.soles = outfit.soles;
-    s.skin = kSkins[hash_u32(seed, 9) % kSkins.size()];
-    s.hair = kHairs[hash_u32(seed, 10) % kHairs.size()];
+    s.skin = options.skin.value_or(kSkins[hash_u32(seed, 9) % kSkins.size()]);
+    s.hair = options.hair.value_or(kHairs[hash_u32(seed, 10) % kHairs.size()]);
+    s.leg_scale = options.leg_scale, s.arm_scale = options.arm_scale;
+    s.shoulder_scale = options.shoulder_scale, s.hip_scale = options.hip_scale;
+    s.belly = options.belly, s.cloth_grain = options.cloth_grain;
+    s.looseness = options.looseness;
     return s;
 }
 
@@ -114,22 +135,24 @@ Measures make_measures(const Subject& s) {
     const double h = s.stature_m, f = s.femininity;
     Measures m{};
     m.stature = h;
-    m.thigh = 0.245 * h;
-    m.shank = 0.246 * h;
+    m.girth = s.girth;
+    m.thigh = 0.245 * h * s.leg_scale;
+    m.shank = 0.246 * h * s.leg_scale;
     m.ankle_height = 0.046 * h;  // 0.039 and the sole of a shoe
     m.foot_ball_x = 0.078 * h;
     m.foot_heel_x = -0.040 * h;
     m.toe_length = 0.040 * h;
     m.ball_height = 0.014 * h;
-    m.upper_arm = 0.176 * h;
-    m.forearm = 0.150 * h;
+    m.upper_arm = 0.176 * h * s.arm_scale;
+    m.forearm = 0.150 * h * s.arm_scale;
     m.hand = 0.105 * h;
-    m.hip_half_width = (0.0490 + 0.0020 * f) * h;
-    m.shoulder_half_width = (0.1030 - 0.0075 * f) * h;
+    m.hip_half_width = (0.0490 + 0.0020 * f) * h * s.hip_scale;
+    m.shoulder_half_width = (0.1030 - 0.0075 * f) * h * s.shoulder_scale;
     m.root_above_hips = 0.006 * h;
-    m.root_to_sacroiliac = 0.094 * h;
-    m.waist_to_thorax = 0.065 * h;
-    m.thorax_to_neck = 0.165 * h;
+    m.trunk_scale = (0.324 - 0.491 * (s.leg_scale - 1)) / 0.324;
+    m.root_to_sacroiliac = 0.094 * h * m.trunk_scale;
+    m.waist_to_thorax = 0.065 * h * m.trunk_scale;
+    m.thorax_to_neck = 0.165 * h * m.trunk_scale;
     m.neck_to_skullbase = 0.047 * h;
     m.skullbase_to_head_top = 0.086 * h;
     return m;

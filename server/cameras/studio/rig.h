@@ -3,6 +3,8 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
+#include <string>
 
 #include "common/body_table.h"
 #include "common/geometry.h"
@@ -32,10 +34,30 @@ struct Subject {
     ShirtPattern pattern = ShirtPattern::kStripes;
     Albedo skin, hair, shirt_a, shirt_b, trousers, shoes, soles;
     std::uint32_t seed = 0;
+    // Of people of the same stature: longer legs go with a shorter trunk.
+    double leg_scale = 1, arm_scale = 1, shoulder_scale = 1, hip_scale = 1;
+    double belly = 0;        // 0 flat .. 1 large
+    double cloth_grain = 1;  // contrast of folds, weave and seams; 0: plain
+    double looseness = 1;    // times the thickness of the clothes
 };
 
-// The same seed gives the same person. stature_m: 1.2 .. 2.2 m, or 0 for a random one.
-Subject make_subject(std::uint32_t seed, double stature_m);
+// What of the subject is chosen; absent values are drawn from the seed.
+struct SubjectOptions {
+    std::optional<double> girth;                                             // 0.75 .. 1.4
+    std::optional<double> femininity;                                        // 0 .. 1
+    double leg_scale = 1, arm_scale = 1, shoulder_scale = 1, hip_scale = 1;  // 0.85 .. 1.15
+    double belly = 0;                                                        // 0 .. 1
+    double cloth_grain = 1, looseness = 1;                                   // 0 .. 2; 0 .. 3
+    std::optional<bool> long_hair, shorts, long_sleeves;
+    std::optional<ShirtPattern> pattern;
+    std::optional<Albedo> skin, hair, shirt_a, shirt_b, trousers, shoes;
+
+    // Empty when usable, else one sentence.
+    std::string check() const;
+};
+
+// The same seed and options give the same person. stature_m: 1.2 .. 2.2 m, or 0 for a random one.
+Subject make_subject(std::uint32_t seed, double stature_m, const SubjectOptions& options = {});
 
 // The skeleton: bones, measurements, forward and inverse kinematics.
 // In the zero pose (all local rotations identity) the person stands upright, arms hanging, and the axes of
@@ -96,6 +118,8 @@ struct Measures {
     double upper_arm, forearm, hand, hip_half_width, shoulder_half_width;
     double root_above_hips, root_to_sacroiliac, waist_to_thorax, thorax_to_neck, neck_to_skullbase,
         skullbase_to_head_top;
+    double girth;        // as Subject::girth
+    double trunk_scale;  // 1, unless the legs are long or short for the stature
     double standing_root_z() const { return ankle_height + shank + thigh + root_above_hips; }
     double leg() const { return thigh + shank; }
 };

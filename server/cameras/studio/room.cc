@@ -1,5 +1,6 @@
 #include "server/cameras/studio/room.h"
 
+#include <fmt/format.h>
 #include <oneapi/tbb/parallel_for.h>
 
 #include <algorithm>
@@ -49,9 +50,29 @@ std::uint16_t encode_light(float light) {
 
 }  // namespace
 
-Room::Room(Stage stage, std::uint32_t seed) : stage_(stage), seed_(seed) {
+std::string LightOptions::check() const {
+    const auto outside = [](double v, double low, double high) { return !(v >= low && v <= high); };
+    if (outside(key_fraction, 0, 0.95) || outside(panels_fraction, 0, 0.95) ||
+        key_fraction + panels_fraction > 0.95)
+        return fmt::format("the key lamp and the panels give {} and {} of the light; together at most 0.95",
+                           key_fraction, panels_fraction);
+    if (key_half_m && outside(*key_half_m, 0.02, 1))
+        return fmt::format("the key lamp's half size is {} m; it must be 0.02 .. 1", *key_half_m);
+    if (outside(exposure, 0.2, 2)) return fmt::format("exposure is {}; it must be 0.2 .. 2", exposure);
+    return {};
+}
+
+std::string RoomOptions::check() const {
+    for (const double grain : {floor_grain, wall_grain})
+        if (!(grain >= 0 && grain <= 2))
+            return fmt::format("a grain of floor or walls is {}; it must be 0 .. 2", grain);
+    return {};
+}
+
+Room::Room(Stage stage, std::uint32_t seed, const RoomOptions& options, const LightOptions& light)
+    : stage_(stage), seed_(seed), options_(options), light_(light) {
     build_shell();
-    build_furniture();
+    if (options_.furniture) build_furniture();
     place_lamps();
     for (std::size_t b = 0; b < boxes_.size(); ++b) all_boxes_.push_back(static_cast<int>(b));
     light_faces();
@@ -168,6 +189,7 @@ Vec3f Room::shade(const Hit& hit, Vec3f p) const {
     const float u = std::clamp(dot(local, face.along_u), 0.0f, face.u_length);
     const float v = std::clamp(dot(local, face.along_v), 0.0f, face.v_length);
     Albedo albedo = texture_at(face.texture, u, v, face.u_length, face.v_length);
+    if (face.grain != 1) albedo = mix(face.texture.base, albedo, face.grain);
     bool emits = face.texture.kind == TextureKind::kLamp;
     for (const Decal& decal : face.decals)
         if (u >= decal.u0 && u < decal.u1 && v >= decal.v0 && v < decal.v1) {
@@ -191,7 +213,8 @@ RoomView Room::draw(const Camera& camera) const {
     view.height = camera.height;
     const std::size_t pixels = static_cast<std::size_t>(camera.width) * camera.height;
     view.bgr.resize(3 * pixels);
-    view.floor_xy.resize(2 * pixels);
+    view.at.resize(2 * pixels);
+    view.face.resize(pixels);
     const Lens lens(camera);
     const Vec3f eye = lens.centre_in_world();
     constexpr float kOffsets[4][2] = {
@@ -211,9 +234,15 @@ RoomView Room::draw(const Camera& camera) const {
         const Vec3f direction = lens.direction_through(static_cast<float>(column), static_cast<float>(row));
         const Hit hit = trace(eye, direction, boxes);
         const Vec3f p = eye + hit.distance * direction;
-        const bool floor = hit.face == 0;
-        view.floor_xy[2 * pixel] = floor ? p.x : std::numeric_limits<float>::quiet_NaN();
-        view.floor_xy[2 * pixel + 1] = floor ? p.y : std::numeric_limits<float>::quiet_NaN();
+        const bool shell = hit.face == 0 || (hit.face > 1 && hit.face < kShellFaces);
+        view.face[pixel] = shell ? static_cast<std::uint8_t>(hit.face) : RoomView::kNoFace;
+        float* at = &view.at[2 * pixel];
+        const Face& face_seen = faces_[hit.face];
+        at[0] = at[1] = std::numeric_limits<float>::quiet_NaN();
+        if (hit.face == 0) at[0] = p.x, at[1] = p.y;
+        if (shell && hit.face != 0)
+            at[0] = dot(p - face_seen.origin, face_seen.along_u),
+            at[1] = dot(p - face_seen.origin, face_seen.along_v);
     };
     constexpr int kTile = 16;
     tbb::parallel_for(0, (camera.height + kTile - 1) / kTile, [&](int tile_row) {

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "common/camera.h"
@@ -22,6 +24,22 @@ struct Lamp {
     Vec3f power;               // m^2: light at 1 m straight below
     float half_size_m = 0.1f;  // a square of twice this, horizontal
     bool downlight = true;     // gives cos of the angle to the vertical; else the same in all directions
+};
+
+// What of the light is chosen; absent values are drawn from the seed.
+struct LightOptions {
+    double key_fraction = 0.54;        // of the light at the floor's centre; 0 .. 1
+    double panels_fraction = 0.22;     // likewise; reflected light is the rest, at least 0.05
+    std::optional<Vec3> key_position;  // m, world
+    std::optional<double> key_half_m;  // half the side of the key lamp, m; 0.02 .. 1
+    double exposure = 1;               // times all light; 0.2 .. 2
+    std::optional<Albedo> tint;        // of the key lamp, 0.5 .. 1.5
+    // Shadows of the key lamp and the panels as areas and of reflected light, on floor and walls; else the
+    // key lamp's on the floor alone, which is drawn faster.
+    bool area_shadows = false;
+
+    // Empty when usable, else one sentence.
+    std::string check() const;
 };
 
 struct Lighting {
@@ -83,18 +101,34 @@ struct Decal {
 Albedo texture_at(const Texture& texture, float u, float v, float u_length, float v_length);
 Albedo decal_at(const Decal& decal, float u, float v);
 
+// What of the room is chosen; absent values are drawn from the seed.
+struct RoomOptions {
+    std::optional<TextureKind> floor, walls;
+    std::optional<Albedo> floor_colour, wall_colour;
+    double floor_grain = 1, wall_grain = 1;  // contrast of their textures; 0: plain; 0 .. 2
+    bool furniture = true;                   // along the walls
+    bool decals = true;                      // posters, boards, doors, tape and lines
+
+    // Empty when usable, else one sentence.
+    std::string check() const;
+};
+
 inline constexpr int kGreyScale = 160;  // images before the sensor: grey levels times this, 16 bits
 
 // The empty room as seen by one camera.
 struct RoomView {
     int width = 0, height = 0;
     std::vector<std::uint16_t> bgr;  // height * width * 3
-    std::vector<float> floor_xy;  // height * width * 2: world metres of the floor seen there, NaN: not floor
+    // Per pixel: the shell's face seen there (0: floor, 2..5: walls), kNoFace: anything else; and where, 2
+    // values: world x, y of the floor, u, v of a wall, m; NaN: elsewhere.
+    static constexpr std::uint8_t kNoFace = 255;
+    std::vector<std::uint8_t> face;
+    std::vector<float> at;
 };
 
 class Room {
   public:
-    Room(Stage stage, std::uint32_t seed);
+    Room(Stage stage, std::uint32_t seed, const RoomOptions& options = {}, const LightOptions& light = {});
 
     const Lighting& lighting() const { return lighting_; }
     RoomView draw(const Camera& camera) const;
@@ -109,10 +143,13 @@ class Room {
         Vec3f origin, along_u, along_v, normal;  // u, v of length 1
         float u_length = 0, v_length = 0;        // m
         Texture texture;
+        float grain = 1;
         std::vector<Decal> decals;
         int map_u = 0, map_v = 0;
         std::vector<Vec3f> light;  // map_v * map_u, at the map's cell corners
     };
+    // 0..5: floor, ceiling, walls x-, x+, y-, y+.
+    const Face& shell(int face) const { return faces_[face]; }
 
   private:
     struct Hit {
@@ -120,6 +157,7 @@ class Room {
         int face;
     };
     void build_shell();
+    void build_decals(Vec3f size);
     void build_furniture();
     void build_box(Vec3f base_centre, Vec3f size, float yaw, Texture texture);
     void place_lamps();
@@ -134,6 +172,8 @@ class Room {
 
     Stage stage_;
     std::uint32_t seed_;
+    RoomOptions options_;
+    LightOptions light_;
     Vec3f lower_, upper_;  // the room's inside
     std::vector<int> all_boxes_;
     std::vector<Box> boxes_;   // box i has the faces 6 + 5 i ...: +x, -x, +y, -y, top

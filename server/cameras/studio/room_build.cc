@@ -58,6 +58,19 @@ void Room::build_shell() {
     face({lower_.x, upper_.y, 0}, {1, 0, 0}, {0, 0, 1}, {0, -1, 0}, size.x, size.z,
          {TextureKind::kPaint, wall_b, seed_ + 10});
 
+    for (int f : {0, 2, 3, 4, 5}) {
+        Face& shell = faces_[f];
+        const bool floor = f == 0;
+        if (const auto kind = floor ? options_.floor : options_.walls) shell.texture.kind = *kind;
+        if (const auto colour = floor ? options_.floor_colour : options_.wall_colour)
+            shell.texture.base = *colour;
+        shell.grain = static_cast<float>(floor ? options_.floor_grain : options_.wall_grain);
+    }
+    if (options_.decals) build_decals(size);
+}
+
+void Room::build_decals(Vec3f size) {
+    const bool hall = stage_ == Stage::kLane;
     if (hall) {  // u, v of the floor: world x, y less the corner
         for (float y : {-5.0f, -3.0f, -1.0f, 1.0f, 3.0f, 5.0f})
             faces_[0].decals.push_back({DecalKind::kLaneLine, 1.5f, y - lower_.y - 0.025f, size.x - 1.5f,
@@ -189,15 +202,25 @@ void Room::place_lamps() {
              : std::vector<Vec3f>{{-2.2f, -1.8f, ceiling}, {2.2f, -1.8f, ceiling}, {2.2f, 2.0f, ceiling}};
     for (const Vec3f& position : positions)
         lighting_.panels.push_back({position, cool, hall ? 0.9f : 0.5f, true});
-    // Fractions of the light at the floor's centre: key 0.54, panels 0.22, reflected 0.24.
+    if (light_.key_position) {
+        lighting_.key.position = to_float(*light_.key_position);
+        lighting_.key.downlight = lighting_.key.position.z > 0.75f * upper_.z;  // lower: a lamp on a stand
+    }
+    if (light_.key_half_m) lighting_.key.half_size_m = static_cast<float>(*light_.key_half_m);
+    const float bright = static_cast<float>(light_.exposure);
+    const float of_key = static_cast<float>(light_.key_fraction) * bright;
+    const float of_panels = static_cast<float>(light_.panels_fraction) * bright;
+    const float reflected = static_cast<float>(1 - light_.key_fraction - light_.panels_fraction) * bright;
+    const Vec3f key_colour =
+        light_.tint ? Vec3f{light_.tint->r, light_.tint->g, light_.tint->b} : Vec3f{1.0f, 0.95f, 0.86f};
     const auto normalise = [&](float share, float now) { return share / now; };
-    lighting_.key.power = normalise(0.54f, Lighting::direct(lighting_.key, middle, up).y) * warm;
+    lighting_.key.power = normalise(of_key, Lighting::direct(lighting_.key, middle, up).y) * key_colour;
     float panels = 0;
     for (const Lamp& lamp : lighting_.panels) panels += Lighting::direct(lamp, middle, up).y;
-    for (Lamp& lamp : lighting_.panels) lamp.power = normalise(0.22f, panels) * cool;
-    lighting_.from_above = 0.24f * Vec3f{1.0f, 0.99f, 0.96f};
+    for (Lamp& lamp : lighting_.panels) lamp.power = normalise(of_panels, panels) * cool;
+    lighting_.from_above = reflected * Vec3f{1.0f, 0.99f, 0.96f};
     const Albedo floor = faces_[0].texture.base;
-    lighting_.from_below = 0.36f * Vec3f{0.40f + floor.r, 0.40f + floor.g, 0.40f + floor.b};
+    lighting_.from_below = 1.5f * reflected * Vec3f{0.40f + floor.r, 0.40f + floor.g, 0.40f + floor.b};
     for (const Lamp& lamp : lighting_.panels) {
         const Vec3f at = lamp.position - lower_;
         Face& above = faces_[1];
@@ -210,8 +233,9 @@ void Room::place_lamps() {
                                 0});
     }
     const Vec3f key = lighting_.key.position;
+    const float high = lighting_.key.downlight ? upper_.z - key.z - 0.01f : 0.15f;
     build_box({key.x, key.y, key.z + 0.01f},
-              {2 * lighting_.key.half_size_m, 2 * lighting_.key.half_size_m, upper_.z - key.z - 0.01f}, 0.0f,
+              {2 * lighting_.key.half_size_m, 2 * lighting_.key.half_size_m, high}, 0.0f,
               {TextureKind::kLamp, {}, 0});
 }
 

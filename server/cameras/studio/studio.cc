@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "server/cameras/studio/area_shadow.h"
 #include "server/cameras/studio/body_raster.h"
 #include "server/cameras/studio/hash_noise.h"
 #include "server/cameras/studio/motion.h"
@@ -39,19 +40,21 @@ class RenderedStudio final : public Studio {
   public:
     RenderedStudio(const StudioOptions& options, Stage stage)
         : options_(options),
-          cameras_(options.custom_cameras.empty() ? ring_of_cameras(options, stage == Stage::kLane)
-                                                  : options.custom_cameras),
-          subject_(make_subject(options.seed, options.stature_m)),
+          cameras_(!options.custom_cameras.empty()   ? options.custom_cameras
+                   : !options.placed_cameras.empty() ? cameras_as_placed(options, stage == Stage::kLane)
+                                                     : ring_of_cameras(options, stage == Stage::kLane)),
+          subject_(make_subject(options.seed, options.stature_m, options.subject)),
           rig_(subject_),
           rest_(rig_.forward(rig_.rest_pose())),
           body_(rig_, subject_),
-          room_(stage, options.seed),
-          sensor_(options.noise_grey, options.flicker, options.fps, options.seed),
+          room_(stage, options.seed, options.room, options.light),
+          sensor_(options.noise_grey, options.flicker, options.fps, options.seed, options.shot_noise_grey),
           rasters_(cameras_.size()),
           rows_(cameras_.size()) {
         mesh_ = make_body_mesh(body_, subject_, {});
         caster_ = make_body_mesh(body_, subject_, {.cell_m = 0.032f, .painted = false});
         for (const Camera& camera : cameras_) views_.push_back(room_.draw(camera));
+        if (options_.light.area_shadows) area_shadow_.emplace(room_);
         if (options_.staging.bump) {
             bumped_ = camera_after_bump(*options_.staging.bump, cameras_);
             bumped_view_ = room_.draw(bumped_);
@@ -71,7 +74,11 @@ class RenderedStudio final : public Studio {
     const StudioOptions& options() const override { return options_; }
     const std::vector<Camera>& cameras() const override { return cameras_; }
     std::int64_t frames_per_loop() const override {
-        return static_cast<std::int64_t>(std::floor(motion_->period_s() * options_.fps + 1e-9));
+        const double period_s = motion_->period_s();
+        if (period_s <= 0) return 0;
+        const double start_s = std::fmod(options_.motion_start_s, period_s);
+        return static_cast<std::int64_t>(
+            std::floor((period_s - start_s) / options_.motion_speed * options_.fps + 1e-9));
     }
     std::string description() const override;
     std::vector<Image> draw(std::int64_t frame, bool parallel) override;
@@ -95,7 +102,18 @@ class RenderedStudio final : public Studio {
     }
     Pose pose(std::int64_t frame) const {
         const std::int64_t loop = frames_per_loop();
-        return motion_->pose(static_cast<double>(loop > 0 ? frame % loop : frame) / options_.fps);
+        const double period_s = motion_->period_s();
+        const double start_s =
+            period_s > 0 ? std::fmod(options_.motion_start_s, period_s) : options_.motion_start_s;
+        Pose pose = motion_->pose(start_s + static_cast<double>(loop > 0 ? frame % loop : frame) *
+                                                options_.motion_speed / options_.fps);
+        if (options_.motion_yaw_deg != 0) {
+            const Mat3 turn = rotation_z(radians(options_.motion_yaw_deg));
+            pose.root_in_world = turn * pose.root_in_world;
+            pose[kPelvis] = turn * pose[kPelvis];
+        }
+        pose.root_in_world += options_.motion_shift;
+        return pose;
     }
     void set_body(std::int64_t frame);
     void light_body();
@@ -124,6 +142,7 @@ class RenderedStudio final : public Studio {
     SkinnedBody skinned_, skinned_caster_;
     std::vector<Vec3f> vertex_light_, shown_light_;  // per vertex, per triangle
     FloorShadow floor_shadow_;
+    std::optional<AreaShadow> area_shadow_;  // instead of floor_shadow_
     BodyShadow body_shadow_;
     std::vector<BodyRaster> rasters_;
     std::vector<std::vector<std::uint16_t>> rows_;
@@ -169,7 +188,10 @@ std::vector<Image> RenderedStudio::draw(std::int64_t frame, bool parallel) {
     if (staging.person) {
         set_body(frame);
         skin(caster_, rest_, rig_.forward(pose(frame)), skinned_caster_);
-        floor_shadow_.cast(caster_.surface, skinned_caster_.vertices, room_.lighting());
+        if (area_shadow_)
+            area_shadow_->cast(caster_.surface, skinned_caster_.vertices);
+        else
+            floor_shadow_.cast(caster_.surface, skinned_caster_.vertices, room_.lighting());
         body_shadow_.cast(caster_.surface, skinned_caster_.vertices, room_.lighting().key.position);
         light_body();
     }
@@ -231,7 +253,8 @@ void RenderedStudio::draw_camera(std::size_t index, std::int64_t frame, std::uin
     CellBounds body, dark;
     if (options_.staging.person) {
         raster.draw(camera, mesh_, skinned_, shown_light_);
-        body = raster.box(), dark = shadow_box(camera);
+        body = raster.box();
+        dark = area_shadow_ ? CellBounds{0, 0, camera.width, camera.height} : shadow_box(camera);
     }
     const double gain = sensor_.gain(static_cast<std::uint32_t>(index), frame);
     const int values = 3 * camera.width;
@@ -245,9 +268,12 @@ void RenderedStudio::draw_camera(std::size_t index, std::int64_t frame, std::uin
             light = row.data();
         }
         if (has_shadow) {
-            const float* floor = &view.floor_xy[2 * static_cast<std::size_t>(y) * camera.width];
-            for (int x = dark.x0; x < dark.x1; ++x) {
-                const float factor = floor_shadow_.factor(floor[2 * x], floor[2 * x + 1]);
+            const std::size_t first = static_cast<std::size_t>(y) * camera.width;
+            if (area_shadow_) area_shadow_->darken(view, first, camera.width, row.data());
+            for (int x = dark.x0; !area_shadow_ && x < dark.x1; ++x) {
+                const std::size_t pixel = first + static_cast<std::size_t>(x);
+                if (view.face[pixel] != 0) continue;
+                const float factor = floor_shadow_.factor(view.at[2 * pixel], view.at[2 * pixel + 1]);
                 if (factor >= 1.0f) continue;
                 for (int c = 0; c < 3; ++c)
                     row[3 * x + c] = static_cast<std::uint16_t>(factor * row[3 * x + c]);
@@ -295,6 +321,16 @@ Studio::Surface RenderedStudio::surface(std::int64_t frame) {
 
 }  // namespace
 
+std::string PlacedCamera::check() const {
+    if (width < 64 || width > 4096 || height < 64 || height > 4096)
+        return fmt::format("size of a camera is {}x{}; each side must be 64 .. 4096 px", width, height);
+    if (!(zoom >= 0.3 && zoom <= 3)) return fmt::format("zoom of a camera is {}; it must be 0.3 .. 3", zoom);
+    for (const double k : {k1, k2, p1, p2, k3})
+        if (!(std::abs(k) <= 0.5))
+            return fmt::format("distortion of a camera is {}; it must be -0.5 .. 0.5", k);
+    return {};
+}
+
 std::string StudioOptions::check() const {
     const auto outside = [](double v, double low, double high) { return !(v >= low && v <= high); };
     if (std::find(kMotionNames.begin(), kMotionNames.end(), motion) == kMotionNames.end())
@@ -303,7 +339,7 @@ std::string StudioOptions::check() const {
         return fmt::format("stage '{}' is unknown; choose one of auto, room, lane", stage);
     if (motion == "sprint_start" && stage == "room")
         return "motion sprint_start needs stage lane; the room is too short";
-    if (custom_cameras.empty() && (cameras < 1 || cameras > 64))
+    if (custom_cameras.empty() && placed_cameras.empty() && (cameras < 1 || cameras > 64))
         return fmt::format("cameras is {}; it must be 1 .. 64", cameras);
     if (width < 64 || width > 4096 || height < 64 || height > 4096)
         return fmt::format("size is {}x{}; each side must be 64 .. 4096 px", width, height);
@@ -315,7 +351,21 @@ std::string StudioOptions::check() const {
     if (outside(flicker, 0, 0.3)) return fmt::format("flicker is {}; it must be 0 .. 0.3", flicker);
     if (outside(distortion, -0.3, 0.3))
         return fmt::format("distortion is {}; it must be -0.3 .. 0.3", distortion);
-    return staging.check(custom_cameras.empty() ? static_cast<std::size_t>(cameras) : custom_cameras.size());
+    if (outside(shot_noise_grey, 0, 20))
+        return fmt::format("shot noise is {} grey levels; it must be 0 .. 20", shot_noise_grey);
+    if (outside(motion_speed, 0.2, 3))
+        return fmt::format("the motion's speed is {}; it must be 0.2 .. 3", motion_speed);
+    if (outside(motion_start_s, 0, 100))
+        return fmt::format("the motion starts at {} s; it must be 0 .. 100", motion_start_s);
+    if (motion_shift.z != 0) return "the motion is shifted vertically; it must stay on the floor";
+    for (const PlacedCamera& camera : placed_cameras)
+        if (const std::string wrong = camera.check(); !wrong.empty()) return wrong;
+    for (const std::string& wrong : {subject.check(), room.check(), light.check()})
+        if (!wrong.empty()) return wrong;
+    const std::size_t count = !custom_cameras.empty()   ? custom_cameras.size()
+                              : !placed_cameras.empty() ? placed_cameras.size()
+                                                        : static_cast<std::size_t>(cameras);
+    return staging.check(count);
 }
 
 absl::StatusOr<std::unique_ptr<Studio>> Studio::create(const StudioOptions& options) {

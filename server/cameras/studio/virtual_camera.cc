@@ -15,7 +15,7 @@ constexpr int kNoiseScale = 64;
 
 }  // namespace
 
-Sensor::Sensor(double noise_grey, double flicker, double fps, std::uint32_t seed)
+Sensor::Sensor(double noise_grey, double flicker, double fps, std::uint32_t seed, double shot_noise_grey)
     : flicker_(flicker), fps_(fps), seed_(seed), noise_(2 * kNoiseStarts) {
     constexpr float kTwoPi = 6.2831853f;
     for (std::size_t i = 0; i < noise_.size(); ++i) {  // Box-Muller
@@ -27,6 +27,11 @@ Sensor::Sensor(double noise_grey, double flicker, double fps, std::uint32_t seed
         noise_[i] =
             static_cast<std::int16_t>(std::lround(std::clamp(value, -8000.0f, 8000.0f)) + kNoiseScale / 2);
     }
+    if (shot_noise_grey <= 0) return;
+    const double own = std::max(noise_grey, 1e-3);
+    for (int grey = 0; grey < 256; ++grey)  // its variance grows with the light, not with what is shown of it
+        scale_.push_back(static_cast<std::int32_t>(std::lround(
+            256 * std::min(std::hypot(own, shot_noise_grey * std::pow(grey / 255.0, 0.6)) / own, 100.0))));
 }
 
 double Sensor::gain(std::uint32_t camera, std::int64_t frame) const {
@@ -35,6 +40,12 @@ double Sensor::gain(std::uint32_t camera, std::int64_t frame) const {
     const double aliasing = std::sin(6.283185307179586 * (2.3 * t + hash_unit(seed_, 43)));
     const double jitter = 2 * hash_unit(seed_ + camera, static_cast<std::uint32_t>(frame), 44) - 1;
     return 1.0 + flicker_ * (0.8 * aliasing + 0.2 * jitter);
+}
+
+// The noise at this level; half a step stays, since expose() truncates.
+int Sensor::scaled(int level, int noise) const {
+    const int grey = std::clamp(level >> 6, 0, 255), half = kNoiseScale / 2;
+    return half + (((noise - half) * scale_[static_cast<std::size_t>(grey)]) >> 8);
 }
 
 void Sensor::expose(const std::uint16_t* light, int count, double gain, std::uint32_t row_key,
@@ -48,7 +59,8 @@ void Sensor::expose(const std::uint16_t* light, int count, double gain, std::uin
             &noise_[hash_u32(row_key, static_cast<std::uint32_t>(part)) % kNoiseStarts];
         for (int i = 0; i < here; ++i) {
             const auto level = static_cast<std::int16_t>((light[done + i] * factor) >> 16);
-            const auto noisy = static_cast<std::int16_t>(level + noise[i]);
+            const auto noisy =
+                static_cast<std::int16_t>(level + (scale_.empty() ? noise[i] : scaled(level, noise[i])));
             const std::int16_t low = noisy < 0 ? std::int16_t{0} : noisy;
             out[done + i] = static_cast<std::uint8_t>((low > kMaxLight ? kMaxLight : low) >> 6);
         }

@@ -64,7 +64,8 @@ class Lens {
 // From light to grey levels: flicker as gain, Gaussian read noise, 8 bits.
 class Sensor {
   public:
-    Sensor(double noise_grey, double flicker, double fps, std::uint32_t seed);
+    // shot_noise_grey: of the light itself at white, one sigma, grey levels.
+    Sensor(double noise_grey, double flicker, double fps, std::uint32_t seed, double shot_noise_grey = 0);
 
     // Factor on light levels as the camera shows them; 1 +- flicker, the same for all pixels of a frame.
     double gain(std::uint32_t camera, std::int64_t frame) const;
@@ -74,9 +75,12 @@ class Sensor {
                 std::uint8_t* out) const;
 
   private:
+    int scaled(int level, int noise) const;
+
     double flicker_, fps_;
     std::uint32_t seed_;
     std::vector<std::int16_t> noise_;  // grey levels times 64, Gaussian
+    std::vector<std::int32_t> scale_;  // of the noise at each grey level, times 256; empty: 1
 };
 
 }  // namespace kinevox::studio
