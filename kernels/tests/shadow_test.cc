@@ -4,8 +4,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <functional>
+#include <memory>
 #include <random>
+#include <stdexcept>
+#include <vector>
 
 #include "kernels/floor_grid.h"
 #include "kernels/segmentation.h"
@@ -94,9 +98,9 @@ struct Rig {
     std::array<FloorCamera, 3> cameras{FloorCamera(0, 1), FloorCamera(2.1, 2), FloorCamera(4.2, 3)};
     std::array<std::unique_ptr<Segmenter>, 3> segmenters;
 
-    Rig() {
+    explicit Rig(Device device) {
         for (int c = 0; c < 3; ++c) {
-            segmenters[c] = make_segmenter(Device::kCpu, kWidth, kHeight, 3);
+            segmenters[c] = make_segmenter(device, kWidth, kHeight, 3);
             segmenters[c]->set_camera(cameras[c].model);
             std::vector<TestImage> clip;
             for (int n = 0; n < 30; ++n) clip.push_back(cameras[c].image([](auto...) { return 1.0; }));
@@ -117,8 +121,22 @@ struct Rig {
 
 constexpr double kDark = 0.7;
 
-TEST(Shadow, StaysBackgroundWhenAllCamerasSeeTheFloorDark) {
-    Rig rig;
+class Shadow : public ::testing::TestWithParam<Device> {
+  protected:
+    void SetUp() override {
+        try {
+            make_segmenter(GetParam(), kWidth, kHeight, 3);
+        } catch (const std::runtime_error& error) {
+            if (std::getenv("KINEVOX_REQUIRE_GPU")) FAIL() << "a GPU was asked for, but: " << error.what();
+            GTEST_SKIP() << "no GPU: " << error.what();
+        }
+    }
+};
+INSTANTIATE_TEST_SUITE_P(Devices, Shadow, ::testing::Values(Device::kCpu, Device::kCuda),
+                         [](const auto& info) { return info.param == Device::kCpu ? "Cpu" : "Cuda"; });
+
+TEST_P(Shadow, StaysBackgroundWhenAllCamerasSeeTheFloorDark) {
+    Rig rig(GetParam());
     std::array<TestImage, 3> images;
     int dark = 0;
     for (int c = 0; c < 3; ++c)
@@ -135,8 +153,8 @@ TEST(Shadow, StaysBackgroundWhenAllCamerasSeeTheFloorDark) {
     EXPECT_LT(static_cast<double>(found), 0.02 * dark);
 }
 
-TEST(Shadow, IsSubjectWhenAnotherCameraSeesTheFloorLit) {
-    Rig rig;
+TEST_P(Shadow, IsSubjectWhenAnotherCameraSeesTheFloorLit) {
+    Rig rig(GetParam());
     const Rect trousers{80, 40, 110, 100};  // of the floor's chromaticity, in the first camera's image only
     std::array<TestImage, 3> images;
     for (int c = 0; c < 3; ++c)
@@ -157,7 +175,7 @@ TEST(Shadow, IsSubjectWhenAnotherCameraSeesTheFloorLit) {
     EXPECT_LT(count_in(alone.sharp, kWidth, trousers), 0.5 * area);
 }
 
-TEST(Shadow, FloorPointProjectsToItsPixelWithDistortion) {
+TEST(FloorGrid, FloorPointProjectsToItsPixelWithDistortion) {
     for (const float k1 : {0.0f, -0.15f}) {
         const FloorCamera camera(1.0, 5, k1);
         const Projector projector = make_projector(camera.model, "test");
@@ -176,7 +194,7 @@ TEST(Shadow, FloorPointProjectsToItsPixelWithDistortion) {
     }
 }
 
-TEST(Shadow, LogarithmIsPreciseEnough) {
+TEST(ShadowRule, LogarithmIsPreciseEnough) {
     for (float x = 0.01f; x < 200; x *= 1.013f) EXPECT_NEAR(kde::log_of(x), std::log(x), 2e-5) << x;
 }
 
