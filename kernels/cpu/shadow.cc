@@ -94,6 +94,7 @@ void ShadowJudge::judge_row(int y, const GroupSpan& span, const ShadowPlanes& pl
         }
         for (int i = 0; i < kGroupPixels; ++i)
             group.log_foreground[i] = planes.log_foreground[kde::histogram_bin<kChannels>(values + i)];
+        group.evidence = evidence + x0;
         group.pixels = {planes.factor->row(y) + x0, planes.residual->row(y) + x0,
                         planes.neighbourhood->row(y) + x0, planes.misfit->row(y) + x0, planes.factor->stride};
         shadow_group(kChannels, values, model.cell_reference(y, k) + first, model.cell_scale(y, k) + first,

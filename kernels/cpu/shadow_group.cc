@@ -49,7 +49,8 @@ void group_of(const std::uint8_t* value, const std::uint8_t* reference, const st
                                                     kde::load<Floats16>(group.log_foreground), group.pixels);
     for (int n = 0; n < group.view_count; ++n)
         kde::add_floor_light(e, kde::load<Floats16>(group.floor_light[n]));
-    const Floats16 log_odds = kde::shadow_log_odds(e, parameters.shadow);
+    const Floats16 log_odds = e.light > kde::kBrightestRuled ? kde::load<Floats16>(group.evidence)
+                                                             : kde::shadow_log_odds(e, parameters.shadow);
     std::memcpy(group.log_odds, &log_odds, sizeof log_odds);
     if (!group.with_features) return;
     Floats16 features[kde::kShadowFeatures];

@@ -12,6 +12,7 @@ namespace kinevox::kernels::cpu {
 // 16 pixels of a row.
 struct ShadowGroup {
     kde::ShadowPixels pixels;
+    const float* evidence = nullptr;                            // without the rule
     int view_count = 0;                                         // other cameras
     float floor_light[kde::kMaxFloorViews][kde::kGroupPixels];  // negative: not known
     float log_foreground[kde::kGroupPixels];

@@ -347,8 +347,8 @@ void CudaSegmenter::decide(std::span<const Segmenter* const> others, Silhouettes
         const FloorScenes floor = floor_scenes(others);
         if (floor.count > 0) queue_shadows(stream_, data_, active_box_, floor);
         queue_smoothing(stream_, data_, active_box_, {taps[0] / sum, taps[1] / sum, taps[2] / sum});
-        box = {active_box_.k0 * kCellPixels, active_box_.y0, std::min(active_box_.k1 * kCellPixels, data_.width),
-               active_box_.y1};
+        box = {active_box_.k0 * kCellPixels, active_box_.y0,
+               std::min(active_box_.k1 * kCellPixels, data_.width), active_box_.y1};
         silhouettes(box, out.searched, prior_);
     }
     finish_frame(box, out);

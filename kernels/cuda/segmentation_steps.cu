@@ -196,7 +196,7 @@ __global__ void shadow_kernel(SegmentData d, CellRange box, FloorScenes floor) {
         for (int n = 0; n < floor.count; ++n)
             kde::add_floor_light(
                 e, kde::light_of_floor<kChannels>(floor.others[n], floor_x, floor_y, d.parameters));
-    d.evidence[at] = kde::shadow_log_odds(e, d.parameters.shadow);
+    if (e.light <= kde::kBrightestRuled) d.evidence[at] = kde::shadow_log_odds(e, d.parameters.shadow);
 }
 
 __global__ void smooth_kernel(SegmentData d, CellRange box, Smoothing w) {

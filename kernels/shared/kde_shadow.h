@@ -23,7 +23,8 @@ inline constexpr int kPatchRadius = 3;    // px; one light must explain a patch 
 inline constexpr int kMaxFloorViews = 4;  // other cameras that are asked for a floor point
 inline constexpr int kFloorGrid_px = 8;   // spacing of the tabulated directions of a camera's pixels
 inline constexpr float kMaxFloorDistance_m = 15;
-inline constexpr float kDoubtfulEvidence = 3;  // nats; above it a pixel is the subject without a second look
+inline constexpr float kBrightestRuled = 1.1f;  // a brighter pixel is in no shadow and keeps its evidence
+inline constexpr float kDoubtfulEvidence = 3;   // nats; above it a pixel is the subject without a second look
 
 // The functions below are templates over F, float or a vector of floats with the operators of float, so that
 // the CPU form decides 16 pixels at once.
@@ -90,7 +91,8 @@ struct FloorGrid {
     float centre[3] = {0, 0, 0};  // of the camera, world, m
 };
 
-// The floor point (z = 0 of the world frame) behind a pixel; false where there is none within reach.
+// The floor point (z = 0 of the world frame) behind a pixel; false where there is none within
+// kMaxFloorDistance_m.
 KINEVOX_HD inline bool floor_point(const FloorGrid& grid, const Projector& camera, float u, float v, float& x,
                                    float& y) {
     const float gu = u * (1.0f / kFloorGrid_px), gv = v * (1.0f / kFloorGrid_px);
@@ -165,7 +167,7 @@ struct ShadowEvidence {
     F misfit;      // mean squared misfit of one light to the patch around it, variances
     F min_misfit;  // the same, smallest of nine patches that contain it
     F over;        // brightest light of its floor point in another camera less its own
-    F agree;       // smallest difference between the lights of its floor point
+    F spread;      // smallest difference between the lights of its floor point
     F floor;       // 1 if another camera sees its floor point, else 0
 };
 
@@ -215,7 +217,7 @@ KINEVOX_HD KINEVOX_INLINE ShadowEvidence<F> own_evidence(F distance, F log_foreg
         for (int column = -kPatchRadius; column <= kPatchRadius; column += kPatchRadius)
             e.min_misfit = smaller(e.min_misfit, load<F>(pixels.misfit + row * pixels.stride + column));
     e.over = e.floor = F{};
-    e.agree = all_of<F>(1);
+    e.spread = all_of<F>(1);
     return e;
 }
 
@@ -225,14 +227,14 @@ KINEVOX_HD KINEVOX_INLINE void add_floor_light(ShadowEvidence<F>& e, F light) {
     const F over = light - e.light, difference = over < 0 ? -over : over;
     const F larger = e.floor > 0 ? (e.over > over ? e.over : over) : over;
     e.over = light < 0 ? e.over : larger;
-    e.agree = light < 0 ? e.agree : smaller(e.agree, difference);
+    e.spread = light < 0 ? e.spread : smaller(e.spread, difference);
     e.floor = light < 0 ? e.floor : all_of<F>(1);
 }
 
 // Pixels that share the lights of their floor point, in rows and columns.
 inline constexpr int kFloorBlock_px = 4;
 KINEVOX_HD inline float block_centre(int pixel) {
-    return static_cast<float>(pixel / kFloorBlock_px * kFloorBlock_px) + 0.5f * (kFloorBlock_px - 1);
+    return static_cast<float>(pixel - pixel % kFloorBlock_px) + 0.5f * (kFloorBlock_px - 1);
 }
 
 // The rule's inputs, kShadowFeatures of them. The first is constant.
@@ -262,8 +264,8 @@ KINEVOX_HD KINEVOX_INLINE void shadow_features(const ShadowEvidence<F>& e, F* ou
     out[17] = e.floor * over(e.over, 0.1f);
     out[18] = e.floor * over(e.over, 0.25f);
     out[19] = e.floor * below(e.over, 0);
-    out[20] = e.floor * below(e.agree, 0.1f);
-    out[21] = e.floor * below(e.agree, 0.04f);
+    out[20] = e.floor * below(e.spread, 0.1f);
+    out[21] = e.floor * below(e.spread, 0.04f);
 }
 
 // The features whose products the rule weighs, too: which two of them occur together says more than each.

@@ -24,8 +24,8 @@ constexpr std::array<std::pair<BodyLength, double>, 6> kChain{{{kRootToSacroilia
 // variance is between persons.
 constexpr double kBetweenPersons = 0.5;
 
-// Common causes of differences from the mean proportions, and the relative difference that one standard
-// deviation of each causes. The values are an estimate and not read from a table: with
+// Common causes of differences from the mean proportions, and the relative difference that one std of
+// each causes. The values are an estimate and not read from a table: with
 // BodyLengthInfo::relative_std they correlate lengths of one limb by 0.3, girths of one limb by 0.7 and
 // girths of different parts by 0.4 at equal stature. Correlations to compare with: Cheverud et al. 1990,
 // Anthropometric Survey of US Army Personnel. Clothes act on whole limbs.

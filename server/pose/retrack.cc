@@ -19,7 +19,7 @@ constexpr int kSweeps = 2;  // of fits between the neighbours
 constexpr double kMinInterval_s = 1e-3;
 constexpr std::size_t kMaxCandidates = 8;
 constexpr double kSameJoints_m = 0.03;  // candidates with no joint farther apart are one
-constexpr double kHopeless = 80;  // a candidate that costs more than the cheapest by this is dropped
+constexpr double kHopeless = 80;        // a candidate that costs more than the cheapest by this is dropped
 
 using Segments = std::array<std::pair<int, int>, 3>;
 constexpr Segments kLegs{{{kThighL, kThighR}, {kShankL, kShankR}, {kFootL, kFootR}}},

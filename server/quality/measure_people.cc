@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kCell_m = 0.08;
 constexpr double kAround_m = 1, kMaxSide_m = 20;  // of the room around the cameras
-constexpr double kLowest_m = 0, kHighest_m = 2.3;
+constexpr double kMinZ_m = 0, kMaxZ_m = 2.3;
 constexpr int kMinColumnCells = 3;           // of a column that belongs to a footprint
 constexpr double kMinPerson_m3 = 0.025;      // hull cells are larger than the body
 constexpr double kMinSecondFraction = 0.35;  // of the largest body's volume
@@ -35,12 +35,12 @@ Room room_of(const std::vector<Camera>& cameras) {
         high.x = std::max(high.x, at.x), high.y = std::max(high.y, at.y);
     }
     Room room;
-    room.origin = {low.x - kAround_m, low.y - kAround_m, kLowest_m};
+    room.origin = {low.x - kAround_m, low.y - kAround_m, kMinZ_m};
     const auto cells = [](double side_m) {
         return static_cast<int>(std::ceil(std::clamp(side_m, kCell_m, kMaxSide_m) / kCell_m));
     };
     room.size = {cells(high.x - low.x + 2 * kAround_m), cells(high.y - low.y + 2 * kAround_m),
-                 cells(kHighest_m - kLowest_m)};
+                 cells(kMaxZ_m - kMinZ_m)};
     return room;
 }
 

@@ -49,8 +49,12 @@ int write_features(const char* session_file, const char* out_file, int step) {
         segmenters.back()->learn(views);
         kernels::cpu::observe_shadows(
             *segmenters.back(), [&, c](int x, int y, const float* features, float evidence) {
-                Record record{frame, static_cast<std::int16_t>(c), static_cast<std::int16_t>(x),
-                              static_cast<std::int16_t>(y), evidence, {}};
+                Record record{frame,
+                              static_cast<std::int16_t>(c),
+                              static_cast<std::int16_t>(x),
+                              static_cast<std::int16_t>(y),
+                              evidence,
+                              {}};
                 std::copy_n(features, kernels::kde::kShadowFeatures, record.features);
                 out.write(reinterpret_cast<const char*>(&record), sizeof record);
             });

@@ -230,7 +230,7 @@ TEST(WorldJudge, AcceptsACameraBelowTheFloor) {
     EXPECT_FALSE(judge_world(seen));
 }
 
-TEST(ScaleJudge, RecognisesStaturesOfNobody) {
+TEST(ScaleJudge, RecognisesImpossibleStatures) {
     Measurements seen = good_session();
     for (const double stature_m : {0.6, 1.2, 2.3}) {
         seen.body.stature_m = stature_m;
