@@ -186,10 +186,10 @@ class Recording {
         std::vector<PathCandidate>& known = frames_[n].candidates;
         for (PathCandidate& other : known)
             if (max_joint_distance(other.joints_in_world, c.joints_in_world) < kSameJoints_m) {
-                if (c.cost < other.cost) other = std::move(c);
+                if (c.cost < other.cost) other = c;
                 return;
             }
-        known.push_back(std::move(c));
+        known.push_back(c);
         std::stable_sort(known.begin(), known.end(),
                          [](const PathCandidate& a, const PathCandidate& b) { return a.cost < b.cost; });
         while (known.size() > kMaxCandidates || known.back().cost > known.front().cost + kHopeless)

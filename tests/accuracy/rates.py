@@ -181,9 +181,9 @@ def main():
     if arguments.save:
         arguments.save.write_text(json.dumps(table, indent=1) + "\n")
     bounds = {"mean_mm": arguments.max_mm, "ratio": arguments.max_ratio, "silent": arguments.max_silent}
-    beyond = [(run, c) for run, row in table.items() for c, most in bounds.items() if not row[c] <= most]
-    for run, column in beyond:
-        print(f"FAILED {run}: {column} {table[run][column]:.2f}, at most {bounds[column]}")
+    beyond = [(label, c) for label, row in table.items() for c, most in bounds.items() if not row[c] <= most]
+    for label, column in beyond:
+        print(f"FAILED {label}: {column} {table[label][column]:.2f}, at most {bounds[column]}")
     return 1 if beyond else 0
 
 
