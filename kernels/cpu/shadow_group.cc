@@ -15,17 +15,26 @@ HWY_BEFORE_NAMESPACE();
 
 #ifndef KINEVOX_SHADOW_FLOATS
 #define KINEVOX_SHADOW_FLOATS
+#ifdef __clang__
+// Clang refuses vectors that are wider than the registers of the file's options as arguments.
+namespace kinevox::kernels::cpu {
+using ShadowFloats = float;
+inline constexpr int kShadowLanes = 1;
+}  // namespace kinevox::kernels::cpu
+#else
 namespace kinevox::kernels::cpu {
 // 16 pixels; the compiler splits them into the registers that there are.
-using Floats16 = float __attribute__((vector_size(64)));
-using Integers16 = std::int32_t __attribute__((vector_size(64)));
+using ShadowFloats = float __attribute__((vector_size(64)));
+inline constexpr int kShadowLanes = 16;
+using ShadowIntegers = std::int32_t __attribute__((vector_size(64)));
 }  // namespace kinevox::kernels::cpu
 namespace kinevox::kernels::kde {
 template <>
-struct IntegersOf<cpu::Floats16> {
-    using Type = cpu::Integers16;
+struct IntegersOf<cpu::ShadowFloats> {
+    using Type = cpu::ShadowIntegers;
 };
 }  // namespace kinevox::kernels::kde
+#endif
 #endif
 
 namespace kinevox::kernels::cpu::HWY_NAMESPACE {
@@ -45,17 +54,23 @@ void group_of(const std::uint8_t* value, const std::uint8_t* reference, const st
             const auto s = static_cast<float>(scale[at]);
             distance[i] += difference * difference * (s * s);
         }
-    auto e = kde::own_evidence<kChannels, Floats16>(kde::load<Floats16>(distance),
-                                                    kde::load<Floats16>(group.log_foreground), group.pixels);
-    for (int n = 0; n < group.view_count; ++n)
-        kde::add_floor_light(e, kde::load<Floats16>(group.floor_light[n]));
-    const Floats16 log_odds = e.light > kde::kBrightestRuled ? kde::load<Floats16>(group.evidence)
-                                                             : kde::shadow_log_odds(e, parameters.shadow);
-    std::memcpy(group.log_odds, &log_odds, sizeof log_odds);
-    if (!group.with_features) return;
-    Floats16 features[kde::kShadowFeatures];
-    kde::shadow_features(e, features);
-    std::memcpy(group.features, features, sizeof features);
+    for (int i = 0; i < kGroupPixels; i += kShadowLanes) {
+        const kde::ShadowPixels& p = group.pixels;
+        auto e = kde::own_evidence<kChannels, ShadowFloats>(
+            kde::load<ShadowFloats>(distance + i), kde::load<ShadowFloats>(group.log_foreground + i),
+            {p.factor + i, p.residual + i, p.neighbourhood + i, p.misfit + i, p.stride});
+        for (int n = 0; n < group.view_count; ++n)
+            kde::add_floor_light(e, kde::load<ShadowFloats>(group.floor_light[n] + i));
+        const ShadowFloats log_odds = e.light > kde::kBrightestRuled
+                                          ? kde::load<ShadowFloats>(group.evidence + i)
+                                          : kde::shadow_log_odds(e, parameters.shadow);
+        std::memcpy(group.log_odds + i, &log_odds, sizeof log_odds);
+        if (!group.with_features) continue;
+        ShadowFloats features[kde::kShadowFeatures];
+        kde::shadow_features(e, features);
+        for (int n = 0; n < kde::kShadowFeatures; ++n)
+            std::memcpy(group.features[n] + i, &features[n], sizeof features[n]);
+    }
 }
 
 unsigned doubtful_pixels(const std::uint8_t* density, const float* evidence) {
