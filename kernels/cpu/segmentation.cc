@@ -324,7 +324,7 @@ void CpuSegmenter::judge_shadows(const CellBox& box, std::span<const Segmenter* 
         if (other != this && other->scene() && other->scene()->channels == channels_ &&
             scenes.size() < kde::kMaxFloorViews)
             scenes.push_back(other->scene());
-    if (scenes.empty()) return;  // the rule needs a second view of the floor
+    if (!has_camera_ || scenes.empty()) return;  // the rule needs a second view of the floor
     shadows_.measure_patches(box, active_span_, planes, channels_);
     shadows_.judge(box, active_span_, planes, model_, parameters_, scenes);
 }

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <utility>
 
 #include "kernels/cpu/parallel.h"
 #include "kernels/cpu/shadow_group.h"
@@ -16,14 +15,14 @@ using kde::kCellPixels;
 using kde::kGroupPixels;
 using kde::kPatchRadius;
 
-constexpr int kRowsPerTask = 16;  // even: blocks of floor points are two rows high
+constexpr int kRowsPerTask = 16;
+static_assert(kRowsPerTask % kde::kFloorBlock_px == 0);  // a block is looked up by one task
 
 }  // namespace
 
 void ShadowJudge::set_camera(const CameraModel& camera) {
     camera_ = make_projector(camera, "shadow");
     directions_ = floor_directions(camera);
-    has_camera_ = true;
 }
 
 void ShadowJudge::measure_patches(const CellBox& box, std::span<const GroupSpan> active_span,
@@ -43,7 +42,7 @@ void ShadowJudge::measure_patches(const CellBox& box, std::span<const GroupSpan>
     });
 }
 
-// The lights that other cameras see at the floor points of two rows of pixels, looked up once per block.
+// The lights that other cameras see at the floor points of a row of blocks, looked up once per block.
 struct ShadowJudge::FloorLights {
     struct Block {
         int row = -1;
@@ -58,7 +57,8 @@ struct ShadowJudge::FloorLights {
     std::span<const float> at(int x, int y, const kde::EvidenceParameters& parameters) {
         Block& block = blocks[x / kde::kFloorBlock_px];
         const std::span<const float> lights(block.light.data(), others.size());
-        if (std::exchange(block.row, y / kde::kFloorBlock_px) == block.row) return lights;
+        if (block.row == y / kde::kFloorBlock_px) return lights;
+        block.row = y / kde::kFloorBlock_px;
         float floor_x, floor_y;
         const bool floor =
             kde::floor_point(grid, *camera, kde::block_centre(x), kde::block_centre(y), floor_x, floor_y);
@@ -118,14 +118,12 @@ void ShadowJudge::judge(const CellBox& box, std::span<const GroupSpan> active_sp
     const int first_task = box.y0 / kRowsPerTask, last_task = (box.y1 + kRowsPerTask - 1) / kRowsPerTask;
     parallel_for(first_task, last_task, 1, [&](int task, int) {
         FloorLights floor;
-        if (has_camera_) {
-            floor.grid = {directions_.xy.data(),
-                          directions_.columns,
-                          {directions_.centre[0], directions_.centre[1], directions_.centre[2]}};
-            floor.camera = &camera_;
-            floor.others = others;
-            floor.blocks.resize(model.width / kde::kFloorBlock_px + 1);
-        }
+        floor.grid = {directions_.xy.data(),
+                      directions_.columns,
+                      {directions_.centre[0], directions_.centre[1], directions_.centre[2]}};
+        floor.camera = &camera_;
+        floor.others = others;
+        floor.blocks.resize(model.width / kde::kFloorBlock_px + 1);
         for (int y = std::max(task * kRowsPerTask, box.y0); y < std::min((task + 1) * kRowsPerTask, box.y1);
              ++y) {
             if (active_span[y].empty()) continue;

@@ -33,7 +33,8 @@ class ShadowJudge {
     // The patches' misfit of the active groups; before judge().
     void measure_patches(const CellBox& box, std::span<const GroupSpan> active_span,
                          const ShadowPlanes& planes, int channels) const;
-    // Replaces the evidence of doubtful pixels. `others`: of cameras that see the same instant.
+    // Replaces the evidence of doubtful pixels; after set_camera(). `others`: of cameras that see the same
+    // instant.
     void judge(const CellBox& box, std::span<const GroupSpan> active_span, const ShadowPlanes& planes,
                const BackgroundModel& model, const kde::EvidenceParameters& parameters,
                std::span<const kde::SceneView* const> others) const;
@@ -44,7 +45,6 @@ class ShadowJudge {
     void judge_row(int y, const GroupSpan& span, const ShadowPlanes& planes, const BackgroundModel& model,
                    const kde::EvidenceParameters& parameters, FloorLights& floor) const;
 
-    bool has_camera_ = false;
     Projector camera_{};
     FloorDirections directions_;
     Observer observer_;
