@@ -12,16 +12,15 @@ the images by the exact silhouettes, so that segmentation has no part in the err
 runs of this script. Options after -- go to kinevox-process. Exit status 77 without the shared test data."""
 import argparse
 import json
-import shutil
 import subprocess
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import cv2
 import numpy as np
 
+from mask_session import write_mask_session
 from pose import DATA, JOINTS, points
 from session_data import Session, process_program, read_table, tomllib
 
@@ -34,39 +33,13 @@ LENGTHS = {
 }
 STATURE_PER_CHAIN = 1.041
 SILENT_M, SILENT_STD = 0.1, 3
-BACKGROUND, BODY = (90, 90, 90), (40, 200, 240)  # BGR
 COLUMNS = ("mean_mm", "ratio", "silent", "within_1", "within_2", "within_3", "withheld", "stature", "length")
 HEADINGS = ("mean mm", "x", "silent %", "1 std", "2 std", "3 std", "none %", "stature", "length")
 
 
-def lossless(file, fps, images):
-    height, width = images[0].shape[:2]
-    video = cv2.VideoWriter(str(file), cv2.VideoWriter_fourcc(*"FFV1"), fps, (width, height))
-    if not video.isOpened():
-        raise SystemExit(f"{file}: OpenCV cannot write lossless video (FFV1)")
-    for image in images:
-        video.write(image)
-    video.release()
-
-
 def mask_session(name, work):
     """The session with the exact silhouettes instead of images; rendered once."""
-    source, folder = DATA / "studio" / name, work / "masks" / name
-    if (folder / "session.toml").exists():
-        return folder / "session.toml"
-    session = Session(source / "session.toml")
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "background").mkdir(exist_ok=True)
-    for camera in session.cameras:
-        plain = np.full((camera.height, camera.width, 3), BACKGROUND, np.uint8)
-        lossless(folder / "background" / f"{camera.name}.mkv", session.fps, [plain] * 30)
-        images = [np.where(m[..., None], np.array(BODY, np.uint8), plain) for m in session.true_masks(camera)]
-        lossless(folder / f"{camera.name}.mkv", session.fps, images)
-    text = (source / "session.toml").read_text().replace(".mp4", ".mkv")
-    data = tomllib.loads(text)
-    shutil.copy(source / data["calibration"], folder / data["calibration"])
-    (folder / "session.toml").write_text(text)
-    return folder / "session.toml"
+    return write_mask_session(DATA / "studio" / name / "session.toml", work / "masks" / name)
 
 
 def body_errors(truth, body_file):

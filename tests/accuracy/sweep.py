@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Random trials of the virtual studio through `kinevox process`, compared with their truth: a test that nothing can be tuned to.
 
-usage: sweep.py [--trials N] [--seed S] [--jobs N] [--out FOLDER] [--keep] [--masks] [--first N] [--short] [--ci [--update]]
+usage: sweep.py [--trials N] [--seed S] [--jobs N] [--out FOLDER] [--keep] [--masks] [--true-masks] [--first N] [--short] [--ci [--update]]
                 [--kinevox-process PROGRAM] [--kinevox-studio PROGRAM]
 
 sweep_scene.py draws each trial from seed and number: body, clothes, room, light, cameras, rate and motion; every third one is
@@ -11,6 +11,7 @@ sheets in OUT/worst. Other options of `kinevox process` follow --.
 
 --keep leaves the trials' folders (scene.toml, session.toml, truth, results) in OUT/trials. --masks only renders them, for
 who tunes the segmentation, with the true masks also as truth/masks_CAMERA.zip, and lists them in OUT/masks.csv.
+--true-masks replaces the images by the exact silhouettes: what remains are errors of tracking, body and pose.
 --ci runs a fixed, short set and compares it with sweep_bounds.toml: measured value plus 15 %; --update writes it.
 
 mean mm: mean joint error; silent: share of joints that are reported more than 100 mm and 3 stated standard deviations off;
@@ -36,6 +37,7 @@ except ImportError as missing:
     sys.exit(77)
 
 from bounds import Judgement
+from mask_session import write_mask_session
 from session_data import process_program
 from sweep_judge import judge
 from sweep_scene import draw_scene, scene_toml
@@ -102,9 +104,12 @@ class Sweep:
             if not problem:
                 zip_masks(folder / "truth")
             return result
-        results = folder / "results"
+        results, session = folder / "results", folder / "session.toml"
+        if self.arguments.true_masks:
+            zip_masks(folder / "truth")
+            session = write_mask_session(session, folder / "masks")
         threads = max(1, (os.cpu_count() or 1) // self.arguments.jobs)
-        command = [self.process, folder / "session.toml", "--out", results, "--overwrite", "--quiet", "--save"]
+        command = [self.process, session, "--out", results, "--overwrite", "--quiet", "--save"]
         command += ["silhouettes", "--threads", str(threads), *self.arguments.options]
         result["problem"] = run(command, folder / "process.log")
         result["metrics"] = judge(folder / "session.toml", results, scene)
@@ -241,6 +246,7 @@ def parse():
     parser.add_argument("--out", type=Path, help="Folder of the report, the sheets and the trials")
     parser.add_argument("--keep", action="store_true", help="Keep the trials' folders")
     parser.add_argument("--masks", action="store_true", help="Only render, and keep the trials' folders")
+    parser.add_argument("--true-masks", action="store_true", help="Exact silhouettes instead of the images")
     parser.add_argument("--short", action="store_true", help="At most 60 frame sets each")
     parser.add_argument("--ci", action="store_true", help="The fixed set, compared with sweep_bounds.toml")
     parser.add_argument("--update", action="store_true", help="With --ci: write the bounds")
