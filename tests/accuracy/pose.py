@@ -110,11 +110,12 @@ def check(sequence, joints, angles, truth_folder, judge_angles):
 
 
 def distance_to_reference(joints):
-    """Of the real trial: mean distance to the detector's joints, mm, and the withheld fraction."""
+    """Of the real trial: mean distance to the detector's joints, mm, and the withheld fraction. Its frame k is the videos'
+    frame k + 1."""
     reference = read_table(DATA / "balancing" / "reference" / "joints_0-59.csv")
     names = [f"{j}_{s}" for j in REFERENCE for s in "lr"]
     theirs = points(reference, [s.upper() + REFERENCE[j] for j in REFERENCE for s in "lr"])
-    distance = 1000 * np.linalg.norm(points(joints, names)[:60] - theirs, axis=2)
+    distance = 1000 * np.linalg.norm(points(joints, names)[1:61] - theirs, axis=2)
     return float(np.nanmean(distance)), float(np.isnan(distance).mean())
 
 
