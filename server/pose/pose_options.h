@@ -120,12 +120,13 @@ void visit_options(T& o, F&& f) {
 }
 
 // One-Euro (Casiez, Roussel & Vogel 2012): a low pass whose cutoff rises with speed, a filter per degree
-// of freedom in the tangent space. Causal, for a live stream.
+// of freedom in the tangent space, here of the deviation from the posture that the speed so far predicts.
+// Causal, for a live stream. Measured with tests/accuracy/live.py.
 struct OneEuroOptions {
-    double min_cutoff_hz = 4;
-    double speed_factor_root = 6;   // added cutoff, Hz per m/s
-    double speed_factor_angle = 2;  // added cutoff, Hz per rad/s
-    double rate_cutoff_hz = 2;      // of the low pass of the speed
+    double min_cutoff_hz = 6;
+    double speed_factor_root = 12;  // added cutoff, Hz per m/s
+    double speed_factor_angle = 5;  // added cutoff, Hz per rad/s
+    double rate_cutoff_hz = 5;      // of the low pass of the speed
 
     std::string check() const;
     bool operator==(const OneEuroOptions&) const = default;

@@ -105,7 +105,11 @@ BodyPosture OneEuroPosture::filter(const BodyPosture& measured, std::int64_t tim
         last_measured_ = measured;
         return *(last_ = measured);
     }
-    const BodyStep ahead = step_between(*last_, measured), moved = step_between(*last_measured_, measured);
+    // The filter corrects the posture to which the motion so far leads: a steady motion has no lag.
+    BodyStep expected;
+    for (int k = 0; k < kBodyDofCount; ++k) expected[k] = seconds * rate_[k];
+    const BodyPosture predicted = stepped(*last_, expected);
+    const BodyStep ahead = step_between(predicted, measured), moved = step_between(*last_measured_, measured);
     const double rate_weight = share_of_new(options_.rate_cutoff_hz, seconds);
     BodyStep step;
     for (int k = 0; k < kBodyDofCount; ++k) {
@@ -114,7 +118,7 @@ BodyPosture OneEuroPosture::filter(const BodyPosture& measured, std::int64_t tim
         step[k] = share_of_new(options_.min_cutoff_hz + factor * std::abs(rate_[k]), seconds) * ahead[k];
     }
     last_measured_ = measured;
-    return *(last_ = stepped(*last_, step));
+    return *(last_ = stepped(predicted, step));
 }
 
 void smooth_zero_phase(std::vector<std::optional<BodyPosture>>& postures, double fps, double cutoff_hz) {
