@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "server/pose/key_poses.h"
+#include "server/pose/turned_posture.h"
 
 namespace kinevox {
 namespace {
@@ -30,6 +31,9 @@ constexpr std::array<std::pair<Limb, Limb>, 4> kLimbPairs{{{Limb::kArmL, Limb::k
                                                            {Limb::kLegR, Limb::kLegL}}};
 constexpr double kPairIntervals = 7, kFrequentPairIntervals = 3;  // reference intervals
 constexpr double kPairSeconds = 1;
+// The body that faces the other way is fitted, too, at these intervals. Its decrease of the cost is summed,
+// and the sum decays by this factor per interval; beyond the limit it replaces the tracked one.
+constexpr double kTurnInterval_s = 0.15, kTurnMemory = 0.85, kTurnEvidence = 60;
 constexpr double kSame_m = 0.06;  // hypotheses with a smaller mean joint distance are merged
 
 // A weight per reference interval as the weight over `seconds`.
@@ -176,6 +180,27 @@ void PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays
         }
 }
 
+// A start that faces the wrong way is not lost, and no search of limbs corrects it.
+void PoseTracker::check_turned(Hypothesis& h, std::span<const SilhouetteRays> views, double seconds) {
+    turn_wait_s_ -= seconds;
+    if (turn_wait_s_ > 0) return;
+    turn_wait_s_ = kTurnInterval_s;
+    PoseFit fit = fitter_.fit(*model_, views, turned(*model_, h.posture), nullptr, true);
+    fit = fitter_.fit(*model_, views, fit.posture, nullptr, true);
+    const PoseFit stayed = fitter_.fit(*model_, views, h.posture, nullptr, false);
+    const double gain = stayed.at.cost - fit.at.cost;
+    turn_evidence_ = std::max(0.0, kTurnMemory * turn_evidence_ + gain);
+    if (turn_evidence_ < kTurnEvidence || gain <= 0) return;
+    turn_evidence_ = 0;
+    h.replaced.push_back(h.posture);
+    h.fit = std::move(fit);
+    h.posture = h.fit.posture;
+    h.rate = {};
+    // The limbs were found for the other body.
+    for (const Limb limb : kLimbs) search_limb(h, views, limb, LimbSearchScope::kWhole);
+    usual_explained_ = 0;
+}
+
 void PoseTracker::choose() {
     std::stable_sort(hypotheses_.begin(), hypotheses_.end(),
                      [](const Hypothesis& a, const Hypothesis& b) { return a.cost < b.cost; });
@@ -233,6 +258,7 @@ std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::spa
     if (!tracking()) {
         begin(views, centre, candidates);
         lost_s_ = usual_explained_ = 0;
+        turn_wait_s_ = kTurnInterval_s, turn_evidence_ = 0;
     } else {
         for (Hypothesis& h : hypotheses_) follow(h, views, seconds);
         // A search of a whole limb takes as long as several fits: it runs only if less is explained than
@@ -250,6 +276,7 @@ std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::spa
         } else {
             search_next(best, views, explained < enough);
         }
+        check_turned(best, views, seconds);
         choose();
     }
     last_time_ns_ = time_ns;

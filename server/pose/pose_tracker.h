@@ -65,6 +65,7 @@ class PoseTracker {
                                       const BodyPosture& current, double gain);
     void try_moved(Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
                    const std::optional<BodyPosture>& moved, double gain);
+    void check_turned(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, double seconds);
     void choose();
     TrackedPosture best() const;
 
@@ -77,7 +78,8 @@ class PoseTracker {
     double intervals_to_pair_ = 0;  // reference intervals until the next search of a pair
     std::size_t next_pair_ = 0;
     double usual_explained_ = 0;
-    std::vector<Hypothesis> hypotheses_;  // the best one first
+    double turn_wait_s_ = 0, turn_evidence_ = 0;  // of check_turned()
+    std::vector<Hypothesis> hypotheses_;          // the best one first
     std::int64_t last_time_ns_ = 0;
     double lost_s_ = 0;
 };
