@@ -22,7 +22,7 @@ def frames_of(folder):
 
 
 class Daemon:
-    def __init__(self, arguments, folder, pacing, recording="", loop=True, autostart=True, recordings=None):
+    def __init__(self, arguments, folder, pacing, recording="", loop=True, autostart=True, recordings=None, pose="auto_fit_body = false\n"):
         self.program = arguments.client
         session = data_folder() / "studio" / arguments.sequence / "session.toml"
         config = Path(folder) / "kinevoxd.toml"
@@ -30,7 +30,7 @@ class Daemon:
         config.write_text(
             f'[server]\nlisten = "127.0.0.1:0"\n[source]\nkind = "session"\nsession_file = "{session}"\n'
             f'pacing = "{pacing}"\nloop = {str(loop).lower()}\nautostart = {str(autostart).lower()}\n'
-            f'[pose]\ndatabase_file = ""\nauto_fit_body = false\n[calibration]\nfolder = ""\n'
+            f'[pose]\ndatabase_file = ""\n{pose}[calibration]\nfolder = ""\n'
             f'[recording]\nfolder = "{self.recordings}"\n{recording}[log]\nlevel = "warning"\n'
         )
         self.process = subprocess.Popen([arguments.daemon, "--config", str(config)], stdout=subprocess.PIPE, text=True)

@@ -1,0 +1,94 @@
+#!/usr/bin/env python3
+"""The daemon's live path against ground truth, every result: joints, silent errors and stated standard deviations.
+
+usage: live.py [--sequences NAME,...] [--body fitted|default|automatic] [--option LINE] [--daemon PROGRAM] [--client PROGRAM]
+               [--process PROGRAM] [--work FOLDER] [--max-ratio N] [--max-silent N]
+
+The daemon captures each sequence as fast as it can and records its poses, which are causal; `kinevox process` reads the same
+session. Columns as in rates.py, "x" is the error over that of `process`. --body: fitted as `kinevox process` found it, the
+default of an average adult, or fitted by the daemon to its first seconds. Exit status 77 without the shared test data."""
+import argparse
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from rates import COLUMNS, HEADINGS, SEQUENCES, measure, text
+from session_data import REPOSITORY, Session, data_folder
+
+sys.path.insert(0, str(REPOSITORY / "tests/bench"))
+from recording_daemon import Daemon, add_arguments  # noqa: E402
+
+RECORDING = "max_queue_mb = 2000\nmin_free_disk_mb = 0\n"  # no frame set is dropped on machines that encode slowly
+
+
+def capture(arguments, name, folder, body, out):
+    """Copies the recorded poses of one capture to `out`."""
+    arguments.sequence = name
+    pose = f'auto_fit_body = {str(arguments.body == "automatic").lower()}\n'
+    pose += "".join(f"{line}\n" for line in arguments.option)
+    if body:
+        pose += f'body_file = "{body}"\n'
+    daemon = Daemon(arguments, folder, "as_fast_as_possible", RECORDING, loop=False, autostart=False, pose=pose)
+    try:
+        daemon.client("record", "start", name)
+        daemon.client("start")
+        latest = daemon.wait_until_idle()["latest"]
+        if latest["dropped_frame_set_count"] or latest["lost_frame_set_count"]:
+            raise SystemExit(f"{name}: frame sets were dropped; run again on a machine with less load")
+        shutil.copytree(daemon.recordings / name / "poses", out, dirs_exist_ok=True)
+    finally:
+        daemon.stop()
+
+
+def one(arguments, name, work):
+    folder = data_folder() / "studio" / name
+    session, processed = folder / "session.toml", work / name / "processed"
+    if not (processed / "run.toml").exists():
+        subprocess.run([arguments.process, session, "--out", processed, "--quiet", "--overwrite"], check=True)
+    fps = Session(session).fps
+    offline = measure(folder / "truth", fps, processed)
+    with tempfile.TemporaryDirectory() as scratch:
+        body = processed / "body.toml" if arguments.body == "fitted" else None
+        capture(arguments, name, Path(scratch), body, work / name / "live")
+    row = measure(folder / "truth", fps, work / name / "live")
+    row["ratio"] = row["mean_mm"] / offline["mean_mm"]
+    return row
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add_arguments(parser)
+    parser.add_argument("--sequences", default=",".join(SEQUENCES))
+    parser.add_argument("--body", choices=("fitted", "default", "automatic"), default="fitted")
+    parser.add_argument("--option", action="append", default=[], help="Line of the configuration's [pose], repeatable")
+    parser.add_argument("--work", type=Path, help="Keep the results there, and reuse those of `kinevox process`")
+    parser.add_argument("--max-ratio", type=float, default=np.inf)
+    parser.add_argument("--max-silent", type=float, default=np.inf)
+    arguments = parser.parse_args()
+    if not (data_folder() / "studio").is_dir():
+        print(f"skipped: no test data at {data_folder()}")
+        return 77
+    failed = []
+    with tempfile.TemporaryDirectory() as scratch:
+        work = arguments.work or Path(scratch)
+        print(" " * 13 + "".join(f"{h:>{14 if h in ('mean mm', 'silent %') else 8}s}" for h in HEADINGS), flush=True)
+        rows = []
+        for name in arguments.sequences.split(","):
+            row = one(arguments, name, work)
+            print(text(name, 1, row, None), flush=True)
+            if row["ratio"] > arguments.max_ratio or row["silent"] > arguments.max_silent:
+                failed.append(f"{name}: {row['ratio']:.2f} times `process`, silent {row['silent']:.2f} %")
+            rows.append(row)
+    means = (np.nanmean([r.get(c, np.nan) for r in rows]) for c in COLUMNS[:7])
+    print(f"{'all':13s}" + "".join(f"{m:{14 if c in ('mean_mm', 'silent') else 8}.2f}" for c, m in zip(COLUMNS, means)))
+    for line in failed:
+        print(f"FAILED {line}; at most {arguments.max_ratio} times and {arguments.max_silent} %")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
