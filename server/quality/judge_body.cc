@@ -16,8 +16,16 @@ constexpr double kTall_m = 1.95;   // a fitted body is drawn towards the mean; t
 constexpr double kMaxStatureDifference = 0.045;  // of a given body against the fitted one
 constexpr double kCautionIou = 0.75, kBadIou = 0.55, kCautionHullIou = 0.9;
 constexpr double kCautionWithheld = 0.15;
+constexpr double kMinGap_m = 0.3;           // from the floor to the lowest point of an incomplete body
+constexpr double kMaxShownFraction = 0.85;  // of the stature
 
 }  // namespace
+
+bool lacks_lower_body(const Measurements& seen) {
+    return seen.body.stature_m && seen.world.lowest_m && seen.world.subject_height_m &&
+           *seen.world.lowest_m > kMinGap_m &&
+           *seen.world.subject_height_m < kMaxShownFraction * *seen.body.stature_m;
+}
 
 Judgement judge_scale(const Measurements& seen) {
     const std::optional<double> stature =
@@ -27,7 +35,8 @@ Judgement judge_scale(const Measurements& seen) {
     const bool tall = *stature > kMaxStature_m || (*stature > kTall_m && height > kMaxStature_m);
     // A body that cannot shrink enough fits badly; a person who only crouches has the usual volume.
     const double highest = seen.world.max_height_m.value_or(*stature);
-    const bool small = highest < kMinStature_m && seen.pose.posed_iou.value_or(1) < kCautionIou &&
+    const bool small = !lacks_lower_body(seen) && highest < kMinStature_m &&
+                       seen.pose.posed_iou.value_or(1) < kCautionIou &&
                        seen.world.volume_litres.value_or(kMinLitres) < kMinLitres;
     if (*stature >= kMinStature_m && !tall && !small) return {};
     const double measured = tall ? std::max(height, *stature) : small ? highest : *stature;
@@ -51,6 +60,14 @@ Judgement judge_body(const Measurements& seen) {
 }
 
 Judgement judge_silhouettes(const Measurements& seen) {
+    if (lacks_lower_body(seen))
+        return Cause{
+            Trust::kDoNotUse, "silhouettes", "",
+            fmt::format("the silhouettes end {:.2f} m above the floor and show {:.2f} m of a subject "
+                        "of {:.2f} m: parts of the body are missing",
+                        *seen.world.lowest_m, *seen.world.subject_height_m, *seen.body.stature_m),
+            "record in clothes that differ from the floor and the walls, and check the silhouettes "
+            "(--save silhouettes)"};
     if (seen.pose.posed_iou && *seen.pose.posed_iou < kCautionIou)
         return Cause{
             *seen.pose.posed_iou < kBadIou ? Trust::kDoNotUse : Trust::kCaution, "silhouettes", "",

@@ -107,7 +107,8 @@ Judgement judge_world(const Measurements& seen) {
             Trust::kDoNotUse, "world_tilted", "",
             fmt::format("the world is tilted by {:.0f} degrees against the vertical", *world.tilt_deg),
             "define the floor again (kinevox calibrate floor)"};
-    if (world.lowest_m && std::abs(*world.lowest_m) > kMaxFloor_m && !rig_is_inconsistent(seen.rig))
+    if (world.lowest_m && std::abs(*world.lowest_m) > kMaxFloor_m && !rig_is_inconsistent(seen.rig) &&
+        !lacks_lower_body(seen))
         return Cause{Trust::kCaution, "floor_height", "",
                      fmt::format("the subject's lowest point is {:.2f} m {} the floor",
                                  std::abs(*world.lowest_m), *world.lowest_m < 0 ? "under" : "above"),

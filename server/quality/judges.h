@@ -31,6 +31,9 @@ bool rig_is_inconsistent(const RigMeasurements& rig);
 // A camera's pose, intrinsics or place in the session remove the contradiction: its time need not be asked.
 bool is_explained_without_time(const RigMeasurements& rig);
 
+// The silhouettes end above the floor and show too little for the fitted body: parts of it are missing.
+bool lacks_lower_body(const Measurements& seen);
+
 using Judgement = std::optional<Cause>;
 
 Judgement judge_light(const Measurements& seen);         // too_dark, saturated

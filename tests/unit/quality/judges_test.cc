@@ -1,6 +1,7 @@
 // Each judge on synthetic measurements: recognises its cause, and nothing in a good session.
 #include "server/quality/judges.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <string>
@@ -286,6 +287,24 @@ TEST(SilhouetteJudge, TrustsLessTheWorseThePosedBodyFits) {
     EXPECT_EQ(judge_silhouettes(seen)->trust, Trust::kCaution);
     seen.pose.posed_iou = 0.4;
     EXPECT_EQ(judge_silhouettes(seen)->trust, Trust::kDoNotUse);
+}
+
+TEST(SilhouetteJudge, NamesLegsThatAreMissing) {
+    Measurements seen = good_session();
+    seen.body.stature_m = 1.86;
+    seen.world.lowest_m = 1.03;
+    seen.world.subject_height_m = 1.26;
+    seen.world.max_height_m = 1.3;
+    seen.world.volume_litres = 30;
+    seen.pose.posed_iou = 0.7;
+    ASSERT_TRUE(judge_silhouettes(seen));
+    EXPECT_EQ(judge_silhouettes(seen)->trust, Trust::kDoNotUse);
+    EXPECT_THAT(judge_silhouettes(seen)->reason, ::testing::HasSubstr("1.03 m above the floor"));
+    EXPECT_FALSE(judge_world(seen)) << "the floor is not the cause";
+    EXPECT_FALSE(judge_scale(seen)) << "the scale is not the cause";
+    seen.world.subject_height_m = 1.7;  // complete, on a beam
+    EXPECT_EQ(cause_of(judge_world(seen)), "floor_height");
+    EXPECT_EQ(judge_silhouettes(seen)->trust, Trust::kCaution);
 }
 
 }  // namespace
