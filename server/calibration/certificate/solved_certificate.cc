@@ -20,7 +20,8 @@ constexpr double kMovedPosition_m = 0.30;  // beyond it they do not determine th
 constexpr double kMinHullIou = 0.9;  // after it; below, the silhouettes are the cause, not the cameras
 constexpr double kMaxResidualFraction = 0.8;  // of the residual before
 constexpr double kMaxCameraLoss = 0.01;       // hull IoU of a camera
-constexpr double kSameIou = 0.003;            // of two results: the one nearer to the given poses is taken
+// Of two results with about the same residual, the one nearer to the given poses is taken.
+constexpr double kSameResidualFraction = 0.97;
 constexpr double kMaxHalvesFraction = 0.5, kMaxHalves_m = 0.006;  // of the correction, between both halves
 constexpr double kMaxGoMove_m = 0.02;  // beyond it the result needs another confirmation
 
@@ -137,7 +138,9 @@ SilhouetteSet every_second(const SilhouetteSet& set, std::size_t first) {
 struct Candidate {
     SilhouetteRefineOptions options;
     SilhouetteRefineResult refined;
-    HullIou hull;  // of held-out frame sets
+    // Of held-out frame sets.
+    HullIou hull;
+    double residual_px = 0;
 };
 
 // Whether both halves of the frame sets ask for the same correction of each camera.
@@ -164,8 +167,7 @@ bool held_out_confirms(const std::vector<Camera>& cameras, const SilhouetteSet& 
         return false;
     for (std::size_t c = 0; c < cameras.size(); ++c)
         if (candidate.hull.iou[c] < before.iou[c] - kMaxCameraLoss) return false;
-    return silhouette_residual_px(candidate.refined.cameras, held_out) <
-           kMaxResidualFraction * silhouette_residual_px(cameras, held_out);
+    return candidate.residual_px < kMaxResidualFraction * silhouette_residual_px(cameras, held_out);
 }
 
 void report_refusal(const HullIou& before, const HullIou& best, std::vector<Finding>& findings) {
@@ -207,7 +209,9 @@ absl::StatusOr<PersonRefinement> refine_from_person(const std::vector<Camera>& c
         if (!refined.ok()) return refined.status();
         one.refined = *std::move(refined);
         one.hull = hull_iou(one.refined.cameras, held_out);
-        if (!best || one.hull.mean_iou > best->hull.mean_iou + kSameIou) best = std::move(one);
+        one.residual_px = silhouette_residual_px(one.refined.cameras, held_out);
+        // The residual shows fractions of a degree that hardly change the hull.
+        if (!best || one.residual_px < kSameResidualFraction * best->residual_px) best = std::move(one);
     }
     bool confirmed = held_out_confirms(cameras, held_out, before, *best);
     if (confirmed) {
