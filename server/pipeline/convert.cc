@@ -4,6 +4,7 @@
 #include <bit>
 #include <cmath>
 #include <iterator>
+#include <map>
 #include <vector>
 
 namespace kinevox {
@@ -89,6 +90,22 @@ std::optional<Vec3> centre_of(const kernels::VoxelVolume& volume) {
                brick_m * (static_cast<double>(sum) / static_cast<double>(count) + 0.5);
     };
     return Vec3{middle(0, x), middle(1, y), middle(2, z)};
+}
+
+std::optional<double> bottom_of(const kernels::VoxelVolume& volume) {
+    std::map<int, std::int64_t> layers;  // voxels by the bricks' z
+    std::int64_t count = 0;
+    for (const kernels::Brick& brick : volume.bricks)
+        for (const std::uint64_t layer : brick.occupancy) {
+            layers[brick.z] += std::popcount(layer);
+            count += std::popcount(layer);
+        }
+    if (count == 0) return std::nullopt;
+    const double brick_m = kernels::kBrickEdge * static_cast<double>(volume.lattice.voxel_m);
+    std::int64_t below = 0;
+    for (const auto& [z, voxels] : layers)
+        if (100 * (below += voxels) >= count) return volume.lattice.origin[2] + brick_m * z;
+    return std::nullopt;
 }
 
 }  // namespace kinevox

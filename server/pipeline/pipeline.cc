@@ -331,7 +331,8 @@ absl::StatusOr<std::unique_ptr<Reconstruction>> StagedPipeline::reconstruct(Fram
             static_assert(PoseStage::kCoarseFactor == 4);
             coarsen_by_four(work->volume, work->coarse);
             last_shape_ = work->coarse;
-            if (const auto centre = centre_of(work->volume)) tracker_.observe_volume(*centre);
+            if (const auto centre = centre_of(work->volume))
+                tracker_.observe_volume(*centre, *bottom_of(work->volume));
             result.volume = std::make_shared<const Volume>(to_common(work->volume));
         }
     } catch (const std::exception& error) {

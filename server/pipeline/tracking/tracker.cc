@@ -26,6 +26,18 @@ Box3 box_around(Vec3 centre, const Box3& extent, double margin_m) {
 // A standing or stretched person of any size, from the centre of gravity.
 constexpr Box3 kAnyPerson{{-0.6, -0.6, -1.15}, {0.6, 0.6, 1.15}};
 
+constexpr double kMaxFeetHeight_m = 0.25;  // of a volume whose legs are complete
+
+// A person reaches the floor. Where legs look like it, they are searched for down there, and a stride aside.
+Box3 down_to_floor(Box3 extent, Vec3 centre) {
+    const double floor = std::max(-centre.z, kAnyPerson.min_in_world.z);
+    if (extent.min_in_world.z < floor + kMaxFeetHeight_m) return extent;
+    Vec3 &low = extent.min_in_world, &high = extent.max_in_world;
+    low = {std::min(low.x, kAnyPerson.min_in_world.x), std::min(low.y, kAnyPerson.min_in_world.y), floor};
+    high = {std::max(high.x, kAnyPerson.max_in_world.x), std::max(high.y, kAnyPerson.max_in_world.y), high.z};
+    return extent;
+}
+
 // Of the box's corners along the camera's axis.
 double nearest_depth(const Camera& camera, const Box3& box) {
     double nearest = std::numeric_limits<double>::infinity();
@@ -103,7 +115,8 @@ std::vector<kernels::SegmentationPrior> Tracker::predict(std::int64_t time_ns, V
         priors[c].region = projected_box(cameras_[c], box);
         // Of the subject's nearest point; without a bound where it may be behind the camera.
         const double depth = nearest_depth(cameras_[c], box_around(filter_.centre_in_world(), extent_, 0));
-        if (depth > kMinPartDistance_m)
+        // Its legs may be apart from what was found of it.
+        if (depth > kMinPartDistance_m && !above_floor_)
             priors[c].max_distance_px =
                 static_cast<int>(std::ceil(std::max(cameras_[c].fx, cameras_[c].fy) * margin_m / depth));
         if (priors[c].region.empty())
@@ -190,7 +203,8 @@ void Tracker::place_lattice(const std::vector<std::optional<Blob>>& chosen, Trac
     const Box3 within{centre - radius, centre + radius};
     // Cones without an intersection belong to a partly visible subject; use the size of a person.
     Box3 box = box_of_cones(cones, within).value_or(box_around(centre, kAnyPerson, 0));
-    extent_ = {box.min_in_world - centre, box.max_in_world - centre};
+    extent_ = down_to_floor({box.min_in_world - centre, box.max_in_world - centre}, centre);
+    box = box_around(centre, extent_, 0);
     const Vec3 margin{options_.margin_m, options_.margin_m, options_.margin_m};
     box = {box.min_in_world - margin, box.max_in_world + margin};
     update.lattice = lattice_over(box, options_.voxel_m, options_.max_lattice_side_m, centre);
@@ -244,7 +258,7 @@ TrackerUpdate Tracker::update(std::uint64_t sequence, std::int64_t time_ns,
         return update;
     }
 
-    if (!tracking_) shape_offset_ = {};
+    if (!tracking_) shape_offset_ = {}, above_floor_ = false;
     intersection_in_world_ = found->point_in_world;
     found->point_in_world += shape_offset_;
     assign_roles(*found, silhouettes, chosen, update.roles);
@@ -275,8 +289,9 @@ TrackerUpdate Tracker::update(std::uint64_t sequence, std::int64_t time_ns,
     return update;
 }
 
-void Tracker::observe_volume(Vec3 centre_in_world) {
+void Tracker::observe_volume(Vec3 centre_in_world, double bottom_m) {
     if (!tracking_) return;
+    above_floor_ = bottom_m > kMaxFeetHeight_m;
     shape_offset_ += options_.shape_offset_gain * (centre_in_world - intersection_in_world_ - shape_offset_);
     const double length = norm(shape_offset_);
     if (length > options_.max_shape_offset_m)

@@ -115,8 +115,9 @@ class Tracker {
     TrackerUpdate update(std::uint64_t sequence, std::int64_t time_ns,
                          const std::vector<const kernels::Silhouettes*>& silhouettes);
 
-    // The centre of gravity of the volume carved from the last update's lattice.
-    void observe_volume(Vec3 centre_in_world);
+    // The centre of gravity of the volume carved from the last update's lattice, and the height of its lowest
+    // part.
+    void observe_volume(Vec3 centre_in_world, double bottom_m);
 
     bool tracking() const { return tracking_; }
     // Forgets the subject, without an event.
@@ -159,6 +160,7 @@ class Tracker {
     Vec3 intersection_in_world_;  // of the rays in the last update, without the offset
     Vec3 shape_offset_;           // from there to the body's centre, m
     Box3 extent_;                 // of the subject, from its centre, m
+    bool above_floor_ = false;    // the last volume: jumping, or its legs are missing
 };
 
 }  // namespace kinevox

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <random>
 #include <set>
 #include <tuple>
@@ -66,6 +67,20 @@ TEST(Convert, ReturnsCentreOfVoxels) {
     ASSERT_TRUE(centre);
     EXPECT_LT(norm(*centre - exact), 0.005);
     EXPECT_FALSE(centre_of({}));
+}
+
+TEST(Convert, IgnoresStrayVoxelsBelowBottom) {
+    kernels::VoxelVolume volume;
+    volume.lattice.voxel_m = 0.01f;
+    volume.lattice.origin[2] = -0.08f;
+    kernels::Brick full{}, stray{};
+    std::ranges::fill(full.occupancy, ~std::uint64_t{0});
+    full.z = 6;
+    stray.occupancy[3] = 1;
+    volume.bricks = {stray, full};
+    ASSERT_TRUE(bottom_of(volume));
+    EXPECT_NEAR(*bottom_of(volume), 0.40, 1e-6);
+    EXPECT_FALSE(bottom_of({}));
 }
 
 TEST(Convert, KeepsVoxelsAndColours) {
