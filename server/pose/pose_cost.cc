@@ -211,6 +211,49 @@ void PoseCost::separation_terms() {
     }
 }
 
+// A term's derivatives are linear in its wrench, the moment and the direction of its gradient: the wrenches
+// are summed per segment, and the degrees of freedom enter once.
+void PoseCost::add_surface_terms(const std::array<DofFrame, kBodyDofCount>& frames, Vec3 root_in_world,
+                                 Linearisation& out) const {
+    using Wrench = Eigen::Matrix<double, 6, 1>;
+    struct Sums {
+        double hessian[6][6] = {};  // the lower triangle
+        double gradient[6] = {};
+        bool any = false;
+    };
+    std::array<Sums, kBodySegmentCount> sums;
+    for (const SurfaceTerm& term : terms_) {
+        Sums& sum = sums[capsules_[term.capsule].segment];
+        const Vec3 moment = cross(term.point_in_world - root_in_world, term.gradient);
+        const double wrench[6] = {moment.x,        moment.y,        moment.z,
+                                  term.gradient.x, term.gradient.y, term.gradient.z};
+        for (int i = 0; i < 6; ++i) {
+            const double w = term.weight * wrench[i];
+            sum.gradient[i] += w * term.residual;
+            for (int j = 0; j <= i; ++j) sum.hessian[i][j] += w * wrench[j];
+        }
+        sum.any = true;
+    }
+    std::array<Wrench, kBodyDofCount> by_dof;  // derivative by the degree of freedom = by_dof . wrench
+    for (int k = 0; k < kBodyDofCount; ++k) {
+        const Vec3 shift = frames[k].shift - cross(frames[k].axis, frames[k].origin - root_in_world);
+        by_dof[k] << frames[k].axis.x, frames[k].axis.y, frames[k].axis.z, shift.x, shift.y, shift.z;
+    }
+    for (int s = 0; s < kBodySegmentCount; ++s) {
+        if (!sums[s].any) continue;
+        Eigen::Matrix<double, 6, 6> hessian;
+        for (int i = 0; i < 6; ++i)
+            for (int j = 0; j <= i; ++j) hessian(i, j) = hessian(j, i) = sums[s].hessian[i][j];
+        const Eigen::Map<const Wrench> gradient(sums[s].gradient);
+        const std::span<const int> dofs = dofs_of_segment(s);
+        for (std::size_t i = 0; i < dofs.size(); ++i) {
+            const Wrench column = hessian * by_dof[dofs[i]];
+            out.gradient[dofs[i]] += by_dof[dofs[i]].dot(gradient);
+            for (std::size_t j = 0; j <= i; ++j) out.hessian(dofs[i], dofs[j]) += by_dof[dofs[j]].dot(column);
+        }
+    }
+}
+
 void PoseCost::linearise(const BodyModel& model, const BodyPosture& posture,
                          std::span<const SilhouetteRays> views, const MotionPrior* prior, double robust_m,
                          Linearisation& out) {
@@ -229,17 +272,7 @@ void PoseCost::linearise(const BodyModel& model, const BodyPosture& posture,
     out.hessian.setZero();
     out.gradient.setZero();
     out.cost = cost_;
-    const auto frames = model.dof_frames(posed_);
-    double row[kBodyDofCount];
-    for (const SurfaceTerm& term : terms_) {
-        const std::span<const int> dofs = dofs_of_segment(capsules_[term.capsule].segment);
-        for (std::size_t i = 0; i < dofs.size(); ++i) {
-            const DofFrame& f = frames[dofs[i]];
-            row[i] = dot(f.axis, cross(term.point_in_world - f.origin, term.gradient)) +
-                     dot(f.shift, term.gradient);
-        }
-        add_row(dofs, row, term.residual, term.weight, out);
-    }
+    add_surface_terms(model.dof_frames(posed_), posture.root_in_world, out);
     add_angle_terms(posture, out);
     if (prior) add_prior(*prior, posture, out);
     out.hessian.triangularView<Eigen::StrictlyUpper>() = out.hessian.transpose();

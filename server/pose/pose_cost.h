@@ -5,6 +5,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <span>
 #include <vector>
 
@@ -56,6 +57,8 @@ class PoseCost {
     void floor_terms();
     void separation_terms();
     void add_term(SurfaceTerm term, double std_m, double robust_m, double weight);
+    void add_surface_terms(const std::array<DofFrame, kBodyDofCount>& frames, Vec3 root_in_world,
+                           Linearisation& out) const;
 
     PoseCostOptions options_;
     PosedBody posed_;
