@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <initializer_list>
 #include <limits>
 #include <numbers>
 #include <utility>
@@ -39,6 +40,40 @@ constexpr double kSame_m = 0.06;  // hypotheses with a smaller mean joint distan
 // A weight per reference interval as the weight over `seconds`.
 double kept(double per_reference_interval, double seconds) {
     return std::pow(per_reference_interval, reference_intervals(seconds));
+}
+
+// Below this fraction of the stature a body's centre is lower than that of a standing, stepping or squatting
+// one: it lies, sits or is on all fours.
+constexpr double kLowCentre = 0.36;
+
+// Starts for a body on the floor: outstretched on its back, front and sides, on all fours, sitting, kneeling.
+std::vector<BodyCoordinates> floor_poses() {
+    constexpr int kTilt = kDofRootRotation, kObliquity = kDofRootRotation + 1;
+    std::vector<BodyCoordinates> poses;
+    const auto add = [&](std::initializer_list<std::pair<int, double>> settings) {
+        BodyCoordinates q{};
+        for (const auto& [dof, degrees] : settings) q[dof] = radians(degrees);
+        poses.push_back(q);
+    };
+    for (const double tilt : {90.0, -90.0}) {
+        add({{kTilt, tilt}, {kDofShoulderL + 1, -20}, {kDofShoulderR + 1, -20}});
+        add({{kTilt, tilt}, {kDofShoulderL, 160}, {kDofShoulderR, 160}});
+    }
+    add({{kTilt, 90}, {kDofHipL, 50}, {kDofHipR, 50}, {kDofKneeL, 90}, {kDofKneeR, 90}});
+    for (const double side : {90.0, -90.0}) {
+        add({{kObliquity, side}, {kDofHipL, 10}, {kDofHipR, 10}});
+        add({{kObliquity, side}, {kDofHipL, 60}, {kDofHipR, 60}, {kDofKneeL, 80}, {kDofKneeR, 80}});
+    }
+    add({{kTilt, -80},
+         {kDofHipL, 85},
+         {kDofHipR, 85},
+         {kDofKneeL, 85},
+         {kDofKneeR, 85},
+         {kDofShoulderL, 85},
+         {kDofShoulderR, 85}});
+    add({{kTilt, 10}, {kDofHipL, 85}, {kDofHipR, 85}, {kDofKneeL, 15}, {kDofKneeR, 15}});
+    add({{kTilt, -10}, {kDofHipL, 60}, {kDofHipR, 60}, {kDofKneeL, 130}, {kDofKneeR, 130}});
+    return poses;
 }
 
 double mean_joint_distance(const PosedBody& a, const PosedBody& b) {
@@ -82,7 +117,10 @@ void PoseTracker::begin(std::span<const SilhouetteRays> views, Vec3 centre,
         starts.push_back({fitter_.cost_of(*model_, views, posture), posture});
     };
     for (const PoseCandidate& candidate : candidates) add(candidate.coordinates);
-    for (const BodyCoordinates& pose : key_poses())
+    std::vector<BodyCoordinates> poses = key_poses();
+    if (centre.z < kLowCentre * model_->shape().stature_m)
+        for (const BodyCoordinates& pose : floor_poses()) poses.push_back(pose);
+    for (const BodyCoordinates& pose : poses)
         for (int h = 0; h < options_.headings; ++h)
             add(with_heading(pose, 2 * std::numbers::pi * h / options_.headings));
     std::stable_sort(starts.begin(), starts.end(),

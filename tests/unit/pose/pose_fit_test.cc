@@ -115,6 +115,21 @@ TEST(TurnedPosture, FacesTheOtherWayAndKeepsTheEndsOfLimbs) {
     EXPECT_NEAR(q[kDofKneeR], radians(35), 1e-6) << "the knee bends as far, to the other side";
 }
 
+TEST(PoseTracker, FindsLyingBodyWithoutPrior) {
+    const Scene scene;
+    for (const double tilt : {90.0, -90.0}) {
+        BodyCoordinates truth = scene.standing();
+        truth[kDofRootRotation] = radians(tilt);
+        truth[kDofRootRotation + 2] = radians(50);
+        truth = centred(*scene.model, truth, {0, 0, 0.16});
+        PoseTracker tracker(30);
+        tracker.set_model(scene.model);
+        const auto tracked = tracker.update(0, scene.see(truth), {0, 0, 0.16}, {});
+        ASSERT_TRUE(tracked.has_value());
+        EXPECT_LT(scene.error_m(tracked->fit.posture, truth), 0.07) << "tilt " << tilt;
+    }
+}
+
 TEST(PoseTracker, FollowsArmsThatMoveFarBetweenFrameSets) {
     const Scene scene;
     constexpr double kFps = 10;
