@@ -62,10 +62,10 @@ double model_std_m(std::string_view joint) {
         std::string_view name;
         double std_m;
     };
-    constexpr Entry kEntries[] = {{"root", 0.005},     {"sacroiliac", 0.007}, {"skullbase", 0.002},
-                                  {"head_top", 0.004}, {"shoulder", 0.012},   {"elbow", 0.005},
-                                  {"wrist", 0.006},    {"hand", 0.010},       {"hip", 0.008},
-                                  {"knee", 0.004},     {"ankle", 0.003},      {"toe", 0.009}};
+    constexpr Entry kEntries[] = {{"root", 0.005},     {"sacroiliac", 0.007}, {"skullbase", 0.005},
+                                  {"head_top", 0.004}, {"shoulder", 0.011},   {"elbow", 0.011},
+                                  {"wrist", 0.012},    {"hand", 0.013},       {"hip", 0.008},
+                                  {"knee", 0.006},     {"ankle", 0.006},      {"toe", 0.015}};
     for (const Entry& entry : kEntries)
         if (joint.starts_with(entry.name)) return entry.std_m;
     return 0;
@@ -104,12 +104,16 @@ struct Misfit {
     std::array<double, kBodySegmentCount> segment{};
 };
 
-// Weights of the parts of a variance, by maximum likelihood over the errors of `kinevox process` on the
-// shared sequences at every, every second and every third frame set: tests/accuracy/rates.py shows what they
-// achieve.
+// Weights of the parts of a variance, by maximum likelihood over the errors of `kinevox process`: angles and
+// coordinates on the shared sequences at every, every second and every third frame set, joints also on random
+// bodies, rigs and rates of tests/accuracy/sweep.py; rates.py and sweep.py show what they achieve.
 constexpr double kUsualMisfit_m2 = 0.0004;  // of a well fitted body
-constexpr double kOfData = 0.48, kOfAmbiguity = 0.57, kOfDoubtfulAmbiguity = 1.23, kOfOwnMisfit = 0.23,
-                 kOfAllMisfit = 0.07, kOfParentMisfit = 0.021, kParentMisfit_m2 = 0.0009;
+struct Weights {
+    double data, ambiguity, doubtful_ambiguity;
+};
+constexpr Weights kOfJoints{1.1, 0.45, 1.25}, kOfAngles{0.48, 0.57, 1.23};
+constexpr double kOfOwnMisfit = 0.2, kOfAllMisfit = 0.02, kOfParentMisfit = 0.009, kParentMisfit_m2 = 0.0009,
+                 kOfRootMisfit = 0.07;
 // Beyond this the silhouettes do not determine a value, whatever their misfit (m and rad).
 constexpr double kUndetermined2 = 0.02 * 0.02;
 constexpr double kMaxResidual_m = 0.12;
@@ -132,11 +136,11 @@ Misfit misfit_of(std::span<const SurfaceTerm> terms, std::span<const BodyCapsule
     return misfit;
 }
 
-double data_variance(double curvature, const Misfit& misfit) {
-    return curvature * (kOfData * misfit.all / kUsualMisfit_m2 + std::min(1.0, curvature / kUndetermined2));
+double data_variance(double curvature, const Misfit& misfit, const Weights& of) {
+    return curvature * (of.data * misfit.all / kUsualMisfit_m2 + std::min(1.0, curvature / kUndetermined2));
 }
-double ambiguity_variance(double difference2, double own_misfit_m2) {
-    return difference2 * (kOfAmbiguity + kOfDoubtfulAmbiguity * own_misfit_m2 / kUsualMisfit_m2);
+double ambiguity_variance(double difference2, double own_misfit_m2, const Weights& of) {
+    return difference2 * (of.ambiguity + of.doubtful_ambiguity * own_misfit_m2 / kUsualMisfit_m2);
 }
 double combined_std(double variance, double model_std) {
     return std::sqrt(variance + model_std * model_std);
@@ -225,11 +229,11 @@ void judge_joints(const JointJacobian& jacobian, const Matrix& covariance, const
         JointEstimate& joint = out.joints[j];
         const int parent = kBodyParent[segment];
         const double own = misfit.segment[segment], above = misfit.segment[std::max(parent, 0)];
-        joint.std_m =
-            combined_std(data_variance((rows * covariance * rows.transpose()).trace() / 3, misfit) +
-                             ambiguity_variance(ambiguous.joint_m2[j], own) + kOfOwnMisfit * own +
-                             kOfAllMisfit * misfit.all + kOfParentMisfit * above * above / kParentMisfit_m2,
-                         model_std_m(kJointNames[j]));
+        joint.std_m = combined_std(
+            data_variance((rows * covariance * rows.transpose()).trace() / 3, misfit, kOfJoints) +
+                ambiguity_variance(ambiguous.joint_m2[j], own, kOfJoints) + kOfOwnMisfit * own +
+                kOfAllMisfit * misfit.all + kOfParentMisfit * above * above / kParentMisfit_m2,
+            model_std_m(kJointNames[j]));
         const CameraSet set = parent >= 0 ? support[segment] | support[parent] : support[segment];
         joint.camera_count = static_cast<int>(set.count());
         joint.withheld_reason.clear();
@@ -247,9 +251,10 @@ void judge_angles(const AngleByStep& by_step, const Matrix& covariance, const Am
         AngleEstimate& angle = out.angles[k];
         const auto row = by_step.row(static_cast<int>(k));
         const double own = misfit.segment[kAngleSegments[k].second];
-        angle.std_rad = combined_std(data_variance((row * covariance * row.transpose()).value(), misfit) +
-                                         ambiguity_variance(ambiguous.angle_rad2[k], own),
-                                     kModelAngleStd[k]);
+        angle.std_rad =
+            combined_std(data_variance((row * covariance * row.transpose()).value(), misfit, kOfAngles) +
+                             ambiguity_variance(ambiguous.angle_rad2[k], own, kOfAngles),
+                         kModelAngleStd[k]);
         angle.velocity_rad_per_s = kNaN;
         const SegmentPair pair = kAngleSegments[k];
         angle.camera_count = static_cast<int>((support[pair.first] | support[pair.second]).count());
@@ -267,13 +272,13 @@ void judge_angles(const AngleByStep& by_step, const Matrix& covariance, const Am
 void judge_coordinates(const BodyPosture& posture, const Matrix& covariance, const Ambiguity& ambiguous,
                        const Misfit& misfit, BodyPose& out) {
     const auto variance = [&](int dof, double curvature, int segment) {
-        return data_variance(curvature, misfit) +
-               ambiguity_variance(ambiguous.coordinate2[dof], misfit.segment[segment]);
+        return data_variance(curvature, misfit, kOfAngles) +
+               ambiguity_variance(ambiguous.coordinate2[dof], misfit.segment[segment], kOfAngles);
     };
     out.coordinate_velocity.fill(kNaN);
     for (int k = 0; k < 3; ++k)
         out.coordinate_std[k] = combined_std(
-            variance(k, covariance(k, k), kPelvis) + kOfAllMisfit * misfit.all, model_std_m("root"));
+            variance(k, covariance(k, k), kPelvis) + kOfRootMisfit * misfit.all, model_std_m("root"));
     for (int s = 0; s < kBodySegmentCount; ++s) {
         const int first = kSegmentDof[s];
         if (kSegmentDofCount[s] == 1) {

@@ -306,6 +306,17 @@ BodyPose judged(const Scene& scene, const BodyPosture& posture, std::span<const 
     return pose;
 }
 
+// Silhouettes do not show where joint centres are inside a body.
+TEST(PoseEstimate, StatesErrorOfModelWhereSilhouettesFit) {
+    const Scene scene;
+    const BodyPose pose = judged(scene, posture_from_coordinates(scene.standing()), {});
+    const auto std_m = [&](const char* joint) { return pose.joints[*joint_index(joint)].std_m; };
+    EXPECT_GT(std_m("wrist_l"), 0.012);
+    EXPECT_GT(std_m("toe_r"), 0.015);
+    for (std::size_t j = 0; j < pose.joints.size(); ++j)
+        EXPECT_LT(pose.joints[j].std_m, 0.03) << kJointNames[j];
+}
+
 TEST(PoseEstimate, WidensJointsThatAnotherPostureContradicts) {
     const Scene scene;
     BodyCoordinates other = scene.standing();
