@@ -5,11 +5,15 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numeric>
+#include <optional>
 #include <utility>
 
 #include "common/to_eigen.h"
 #include "server/pose/body_prior.h"
+#include "server/pose/pose_fitter.h"
 #include "server/pose/retrack.h"
 
 namespace kinevox {
@@ -17,6 +21,14 @@ namespace {
 
 constexpr int kParameters = kBodyParameters, kStature = kStatureParameter;
 constexpr double kCertain = 0.9;  // minimum probability of a posture that is used
+// Minimum explained fraction of a frame set's contour, relative to the median of all.
+constexpr double kMinExplained = 0.8;
+constexpr std::size_t kHeldOutFrames = 8, kHeldOutInterval = 6;
+
+// Starts of the fit, relative to the given body; one of the others replaces it if it costs clearly less.
+constexpr std::array<double, 3> kStartScales{1, 0.88, 1.14};
+constexpr double kClearlyBetter = 0.9, kCostWithoutPose = 5000;
+constexpr std::size_t kTriedFrames = 4;
 
 using PoseVector = Eigen::Matrix<double, kBodyDofCount, 1>;
 using PoseMatrix = Eigen::Matrix<double, kBodyDofCount, kBodyDofCount>;
@@ -104,18 +116,18 @@ void add_shape(const ShapeRates& rates, const BodyModel& model, const PoseCost& 
 
 class JointFit {
   public:
-    JointFit(std::span<const PoseObservation* const> frames, std::vector<BodyPosture> postures,
+    JointFit(std::vector<const PoseObservation*> frames, std::vector<BodyPosture> postures,
              const BodyShape& shape, const PoseStageOptions& posing, const BodyFitOptions& options,
              std::stop_token stop)
-        : frames_(frames),
+        : frames_(std::move(frames)),
           postures_(std::move(postures)),
           shape_(shape),
           options_(options),
           stop_(std::move(stop)),
           rates_(shape),
           prior_(options.stature_std_m, options.stature_m),
-          costs_(frames.size(), PoseCost(posing.tracker.fit.cost)),
-          systems_(frames.size()) {}
+          costs_(frames_.size(), PoseCost(posing.tracker.fit.cost)),
+          systems_(frames_.size()) {}
 
     void descend(double robust_m, int steps) {
         robust_m_ = robust_m;
@@ -138,6 +150,19 @@ class JointFit {
         }
     }
     const BodyShape& shape() const { return shape_; }
+    const std::vector<BodyPosture>& postures() const { return postures_; }
+    // Per frame set, of its contour.
+    std::vector<double> explained_fractions(double narrow_m) const {
+        std::vector<double> fractions;
+        for (std::size_t n = 0; n < frames_.size(); ++n) {
+            std::size_t rays = 0;
+            for (const SilhouetteRays& view : frames_[n]->views)
+                if (view.camera) rays += view.contour.size();
+            const int touching = contour_fit(costs_[n].terms(), narrow_m).touching;
+            fractions.push_back(rays > 0 ? touching / static_cast<double>(rays) : 0);
+        }
+        return fractions;
+    }
     // Standard deviations of the lengths and, last, the stature, with free postures.
     std::array<double, kParameters> std_m() {
         eliminate(0);
@@ -211,7 +236,7 @@ class JointFit {
         }
     }
 
-    std::span<const PoseObservation* const> frames_;
+    std::vector<const PoseObservation*> frames_;
     std::vector<BodyPosture> postures_;
     BodyShape shape_;
     BodyFitOptions options_;
@@ -260,6 +285,57 @@ std::vector<Posed> postures_on_path(const std::vector<Camera>& cameras, double f
     return 2 * certain.size() >= all.size() ? certain : all;
 }
 
+// At most `count` of them, evenly over time.
+template <typename T>
+std::vector<T> evenly(const std::vector<T>& all, std::size_t count) {
+    if (all.size() <= count) return all;
+    std::vector<T> some;
+    for (std::size_t n = 0; n < count; ++n) some.push_back(all[n * all.size() / count]);
+    return some;
+}
+
+BodyShape scaled(const BodyShape& shape, double factor) {
+    BodyShape larger = shape;
+    larger.stature_m *= factor;
+    for (double& length : larger.lengths_m) length *= factor;
+    return larger;
+}
+
+// A tracker whose body is much too small or too large finds wrong postures, to which the lengths would adapt.
+// Of the start and its scaled forms, the one in whose poses a few single frame sets cost least.
+BodyShape start_of_right_size(const std::vector<Camera>& cameras, double fps,
+                              std::span<const PoseObservation* const> frames, const BodyShape& start,
+                              const PoseStageOptions& posing, const BodyFitOptions& options,
+                              const std::stop_token& stop) {
+    if (options.stature_m) return scaled(start, *options.stature_m / start.stature_m);
+    const auto tried =
+        evenly(std::vector<const PoseObservation*>(frames.begin(), frames.end()), kTriedFrames);
+    std::array<double, kStartScales.size()> cost{};
+    std::vector<double> costs(kStartScales.size() * tried.size());
+    oneapi::tbb::parallel_for(std::size_t{0}, costs.size(), [&](std::size_t k) {
+        if (stop.stop_requested()) return;
+        PoseStageOptions sized = posing;
+        sized.body = scaled(start, kStartScales[k / tried.size()]);
+        PoseStage stage(cameras, fps, sized);
+        const PoseObservation& seen = *tried[k % tried.size()];
+        costs[k] = stage.process(0, 0, seen.time_ns, seen, {}) ? stage.data_cost() : kCostWithoutPose;
+    });
+    for (std::size_t k = 0; k < costs.size(); ++k) cost[k / tried.size()] += costs[k];
+    const auto best = static_cast<std::size_t>(std::min_element(cost.begin(), cost.end()) - cost.begin());
+    return cost[best] < kClearlyBetter * cost[0] ? scaled(start, kStartScales[best]) : start;
+}
+
+// The cost of this body, each posture fitted again.
+double cost_with(const BodyShape& shape, std::span<const Posed> posed, const PoseFitOptions& options) {
+    const BodyModel model(shape);
+    std::vector<double> costs(posed.size());
+    oneapi::tbb::parallel_for(std::size_t{0}, posed.size(), [&](std::size_t n) {
+        PoseFitter fitter(options);
+        costs[n] = fitter.fit(model, posed[n].frame->views, posed[n].posture, nullptr, false).at.cost;
+    });
+    return std::accumulate(costs.begin(), costs.end(), 0.0);
+}
+
 }  // namespace
 
 double girth_std_m(const BodyFit& fit, const BodyGirthInfo& girth) {
@@ -277,12 +353,13 @@ absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
                                  std::span<const PoseObservation* const> frames, const BodyShape& start,
                                  const PoseStageOptions& posing, const BodyFitOptions& options,
                                  std::stop_token stop, const std::function<void(double)>& progress) {
-    BodyShape shape = start;
+    PoseStageOptions unfiltered = posing;
+    unfiltered.filtered = false;
+    BodyShape shape = start_of_right_size(cameras, fps, frames, start, unfiltered, options, stop);
     BodyFit fit;
     for (int round = 0; round < options.rounds; ++round) {
-        PoseStageOptions stage_options = posing;
+        PoseStageOptions stage_options = unfiltered;
         stage_options.body = shape;
-        stage_options.filtered = false;
         stage_options.tracker.always_search_limbs = true;
         stage_options.tracker.lost_explained_fraction = options.min_explained_fraction;
         // The last round takes the path through the whole recording: a limb lost for a while would be fitted,
@@ -291,37 +368,54 @@ absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
         const auto report = [&](double fraction) {
             if (progress) progress((round + 0.8 * fraction) / options.rounds);
         };
-        std::vector<const PoseObservation*> used;
-        std::vector<BodyPosture> postures;
-        for (const Posed& posed : last
-                                      ? postures_on_path(cameras, fps, frames, stage_options, stop)
-                                      : tracked_postures(cameras, fps, frames, stage_options, stop, report)) {
-            used.push_back(posed.frame);
-            postures.push_back(posed.posture);
-        }
+        std::vector<Posed> posed = last ? postures_on_path(cameras, fps, frames, stage_options, stop)
+                                        : tracked_postures(cameras, fps, frames, stage_options, stop, report);
         if (stop.stop_requested()) return absl::CancelledError("the body fit was cancelled");
-        if (used.empty())
+        if (posed.empty())
             return absl::FailedPreconditionError(fmt::format(
                 "no person's pose was found in {} frame sets; fit the body where one person stands free",
                 frames.size()));
-        // Evenly over time.
-        const std::size_t most = static_cast<std::size_t>(options.max_frames);
-        if (used.size() > most) {
-            for (std::size_t n = 0; n < most; ++n) {
-                used[n] = used[n * used.size() / most];
-                postures[n] = postures[n * postures.size() / most];
-            }
-            used.resize(most), postures.resize(most);
+        const PoseFitOptions& fitting = posing.tracker.fit;
+        // Some are held out for the verification.
+        const auto most = static_cast<std::size_t>(options.max_frames);
+        const bool enough = std::min(posed.size(), most) >= 3 * kHeldOutFrames;
+        posed = evenly(posed, enough ? most + kHeldOutFrames : most);
+        std::vector<Posed> held_out, used;
+        for (std::size_t n = 0; n < posed.size(); ++n)
+            (enough && n % kHeldOutInterval == kHeldOutInterval / 2 ? held_out : used).push_back(posed[n]);
+        std::optional<JointFit> joint;
+        const auto start_with = [&](std::span<const Posed> with) {
+            std::vector<const PoseObservation*> observations;
+            std::vector<BodyPosture> postures;
+            for (const Posed& p : with) observations.push_back(p.frame), postures.push_back(p.posture);
+            joint.emplace(std::move(observations), std::move(postures), shape, posing, options, stop);
+        };
+        start_with(used);
+        joint->descend(2 * fitting.narrow_m, options.steps);
+        // A frame set that the body explains much worse than the others has bad silhouettes or a wrong pose.
+        const std::vector<double> explained = joint->explained_fractions(fitting.narrow_m);
+        std::vector<double> sorted = explained;
+        std::sort(sorted.begin(), sorted.end());
+        std::vector<Posed> good;
+        for (std::size_t n = 0; n < used.size(); ++n)
+            if (explained[n] >= kMinExplained * sorted[sorted.size() / 2])
+                good.push_back({used[n].frame, joint->postures()[n]});
+        if (good.size() < used.size()) {
+            start_with(good);
+            joint->descend(2 * fitting.narrow_m, options.steps);
         }
-        JointFit joint(used, std::move(postures), shape, posing, options, stop);
-        joint.descend(2 * posing.tracker.fit.narrow_m, options.steps);
-        joint.descend(posing.tracker.fit.narrow_m, options.steps);
-        shape = joint.shape();
-        const auto std_m = joint.std_m();
-        std::copy_n(std_m.begin(), kBodyLengthCount, fit.lengths_std_m.begin());
+        joint->descend(fitting.narrow_m, options.steps);
+        // Lengths that do not help where they were not fitted are the population's.
+        const BodyShape usual = default_body_shape(joint->shape().stature_m);
+        const bool confirmed = held_out.empty() || cost_with(joint->shape(), held_out, fitting) <=
+                                                       cost_with(usual, held_out, fitting);
+        shape = confirmed ? joint->shape() : usual;
+        const auto std_m = joint->std_m();
+        for (int k = 0; k < kBodyLengthCount; ++k)
+            fit.lengths_std_m[k] = confirmed ? std_m[k] : kBodyLengths[k].relative_std * usual.lengths_m[k];
         fit.stature_std_m = std_m[kStature];
-        fit.contour_residual_rms_m = joint.rms_m();
-        fit.frame_set_count = static_cast<int>(used.size());
+        fit.contour_residual_rms_m = joint->rms_m();
+        fit.frame_set_count = static_cast<int>(good.size());
     }
     if (stop.stop_requested()) return absl::CancelledError("the body fit was cancelled");
     fit.shape = shape;

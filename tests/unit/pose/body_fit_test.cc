@@ -1,0 +1,73 @@
+// The fit of lengths and postures, on silhouettes rendered from the model.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/files.h"
+#include "common/geometry.h"
+#include "server/pose/body_fitter.h"
+#include "server/pose/body_model.h"
+#include "tests/support/seen_body.h"
+
+namespace kinevox {
+namespace {
+
+constexpr double kRate_hz = 15;
+
+// Somebody of that stature who moves arms and legs.
+class Trial {
+  public:
+    explicit Trial(double stature_m, int frames = 12) {
+        body_.model = std::make_shared<BodyModel>(default_body_shape(stature_m));
+        for (int n = 0; n < frames; ++n) {
+            BodyCoordinates q = body_.standing();
+            q[kDofRootPosition + 2] *= stature_m / 1.75;
+            const double phase = 2 * std::sin(0.5 * n);
+            q[kDofHipL] += radians(10 * phase), q[kDofKneeL] += radians(10 + 5 * phase);
+            q[kDofShoulderL] += radians(15 * phase), q[kDofElbowR] += radians(20 + 10 * phase);
+            PoseObservation seen;
+            seen.time_ns = static_cast<std::int64_t>(1e9 * n / kRate_hz);
+            seen.centre_in_world = {0, 0, 0.55 * stature_m};
+            seen.views = body_.see(q);
+            seen_.push_back(std::move(seen));
+        }
+    }
+    PoseObservation& at(std::size_t frame) { return seen_[frame]; }
+    absl::StatusOr<BodyFit> fit(const BodyFitOptions& options = {}) const {
+        std::vector<const PoseObservation*> frames;
+        for (const PoseObservation& seen : seen_) frames.push_back(&seen);
+        return fit_body(body_.cameras, kRate_hz, frames, default_body_shape(), {}, options);
+    }
+
+  private:
+    testing::SeenBody body_;
+    std::vector<PoseObservation> seen_;
+};
+
+TEST(BodyFit, FindsStatureFarFromStart) {
+    for (const double stature_m : {1.45, 2.05}) {
+        const auto fit = Trial(stature_m).fit();
+        ASSERT_TRUE(fit.ok()) << fit.status();
+        EXPECT_NEAR(fit->shape.stature_m, stature_m, 0.02 * stature_m);
+    }
+}
+
+TEST(BodyFit, DoesNotUseFrameSetsThatContradict) {
+    Trial trial(1.75);
+    Trial child(1.1);
+    for (const std::size_t n : {4, 8})  // two of four cameras see something else
+        for (const std::size_t c : {0, 1}) trial.at(n).views[c] = child.at(n).views[c];
+    const auto fit = trial.fit();
+    ASSERT_TRUE(fit.ok()) << fit.status();
+    EXPECT_LE(fit->frame_set_count, 10);
+    EXPECT_NEAR(fit->shape.stature_m, 1.75, 0.03);
+}
+
+}  // namespace
+}  // namespace kinevox
