@@ -234,8 +234,12 @@ void PoseTracker::check_turned(Hypothesis& h, std::span<const SilhouetteRays> vi
     h.fit = std::move(fit);
     h.posture = h.fit.posture;
     h.rate = {};
-    // The limbs were found for the other body.
+    // The trunk's twist and the limbs were found for the other body.
+    BodyPosture straight = h.posture;
+    straight.parent_from_segment[kThorax] = Mat3{};
+    try_moved(h, views, straight, kBetter);
     for (const Limb limb : kLimbs) search_limb(h, views, limb, LimbSearchScope::kWhole);
+    for (const auto& [first, second] : kLimbPairs) search_pair(h, views, first, second);
     usual_explained_ = 0;
 }
 
