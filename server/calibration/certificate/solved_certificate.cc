@@ -220,6 +220,11 @@ absl::StatusOr<PersonRefinement> refine_from_person(const std::vector<Camera>& c
         confirmed = *consistent;
     }
     if (confirmed) {
+        // Once confirmed, all frame sets determine the correction; hull IoU and residual stay those of the
+        // half that did not use them.
+        auto refined = refine_from_silhouettes(cameras, silhouettes, best->options, progress);
+        if (!refined.ok()) return refined.status();
+        best->refined = *std::move(refined);
         certificate.hull_iou = best->hull;
         certificate.cameras = best->refined.cameras;
         const double moved_m = *std::ranges::max_element(best->refined.moved_m);
