@@ -211,7 +211,7 @@ void PoseCost::separation_terms() {
     }
 }
 
-// A term's derivatives are linear in its wrench, the moment and the direction of its gradient: the wrenches
+// A term's derivatives are linear in its wrench, the torque and the direction of its gradient: the wrenches
 // are summed per segment, and the degrees of freedom enter once.
 void PoseCost::add_surface_terms(const std::array<DofFrame, kBodyDofCount>& frames, Vec3 root_in_world,
                                  Linearisation& out) const {
@@ -224,8 +224,8 @@ void PoseCost::add_surface_terms(const std::array<DofFrame, kBodyDofCount>& fram
     std::array<Sums, kBodySegmentCount> sums;
     for (const SurfaceTerm& term : terms_) {
         Sums& sum = sums[capsules_[term.capsule].segment];
-        const Vec3 moment = cross(term.point_in_world - root_in_world, term.gradient);
-        const double wrench[6] = {moment.x,        moment.y,        moment.z,
+        const Vec3 torque = cross(term.point_in_world - root_in_world, term.gradient);
+        const double wrench[6] = {torque.x,        torque.y,        torque.z,
                                   term.gradient.x, term.gradient.y, term.gradient.z};
         for (int i = 0; i < 6; ++i) {
             const double w = term.weight * wrench[i];

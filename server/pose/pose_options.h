@@ -120,7 +120,7 @@ void visit_options(T& o, F&& f) {
 }
 
 // One-Euro (Casiez, Roussel & Vogel 2012): a low pass whose cutoff rises with speed, a filter per degree
-// of freedom in the tangent space, here of the deviation from the posture that the speed so far predicts.
+// of freedom in the tangent space, here of the difference from the posture that the speed so far predicts.
 // Causal, for a live stream. Measured with tests/accuracy/live.py.
 struct OneEuroOptions {
     double min_cutoff_hz = 6;

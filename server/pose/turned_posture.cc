@@ -24,7 +24,7 @@ constexpr std::array<int, kBodySegmentCount> make_other_side() {
 constexpr std::array<int, kBodySegmentCount> kOtherSide = make_other_side();
 
 // Half a turn of a leg about the line from hip to ankle: both stay, and the knee bends to the other side.
-Mat3 half_turn_of_leg(const PosedBody& posed, int thigh, int foot) {
+Mat3 leg_rotation(const PosedBody& posed, int thigh, int foot) {
     const Vec3 along =
         posed.world_from_segment[foot].translation - posed.world_from_segment[thigh].translation;
     const double length = norm(along);
@@ -52,7 +52,7 @@ BodyPosture turned(const BodyModel& model, const BodyPosture& posture) {
         }
         const Mat3& there = posed.world_from_segment[from].rotation;
         if (s == kThighL || s == kThighR)
-            world_from_segment[s] = half_turn_of_leg(posed, from, from == kThighL ? kFootL : kFootR) * there;
+            world_from_segment[s] = leg_rotation(posed, from, from == kThighL ? kFootL : kFootR) * there;
         else if (s == kUpperArmL || s == kUpperArmR)
             world_from_segment[s] = there;
         else

@@ -22,7 +22,17 @@ def frames_of(folder):
 
 
 class Daemon:
-    def __init__(self, arguments, folder, pacing, recording="", loop=True, autostart=True, recordings=None, pose="auto_fit_body = false\n"):
+    def __init__(
+        self,
+        arguments,
+        folder,
+        pacing,
+        recording="",
+        loop=True,
+        autostart=True,
+        recordings=None,
+        pose="auto_fit_body = false\n",
+    ):
         self.program = arguments.client
         session = data_folder() / "studio" / arguments.sequence / "session.toml"
         config = Path(folder) / "kinevoxd.toml"

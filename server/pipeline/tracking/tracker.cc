@@ -28,7 +28,8 @@ constexpr Box3 kAnyPerson{{-0.6, -0.6, -1.15}, {0.6, 0.6, 1.15}};
 
 constexpr double kMaxFeetHeight_m = 0.25;  // of a volume whose legs are complete
 
-// A person reaches the floor. Where legs look like it, they are searched for down there, and a stride aside.
+// A person stands on the floor. Legs that look like it are searched for down to it, within a stride to all
+// sides.
 Box3 down_to_floor(Box3 extent, Vec3 centre) {
     const double floor = std::max(-centre.z, kAnyPerson.min_in_world.z);
     if (extent.min_in_world.z < floor + kMaxFeetHeight_m) return extent;

@@ -20,7 +20,7 @@ namespace {
 
 constexpr double kRate_hz = 15;
 
-// Somebody of that stature who moves arms and legs.
+// A person of that stature who moves arms and legs.
 class Trial {
   public:
     explicit Trial(double stature_m, int frames = 12) {
