@@ -22,7 +22,8 @@ constexpr double kMaxResidualFraction = 0.8;  // of the residual before
 constexpr double kMaxCameraLoss = 0.01;       // hull IoU of a camera
 // Of two results with about the same residual, the one nearer to the given poses is taken.
 constexpr double kSameResidualFraction = 0.97;
-constexpr double kMaxHalvesFraction = 0.5, kMaxHalves_m = 0.006;  // of the correction, between both halves
+// Between both halves: of the correction, and of the size of a pixel amid the cameras (6 mm of usual rigs).
+constexpr double kMaxHalvesFraction = 0.5, kMaxHalves_px = 1;
 constexpr double kMaxGoMove_m = 0.02;  // beyond it the result needs another confirmation
 
 void move_world(const SimilarityTransform& new_from_old, ExtrinsicsResult& result) {
@@ -143,20 +144,22 @@ struct Candidate {
     double residual_px = 0;
 };
 
-// Whether both halves of the frame sets ask for the same correction of each camera.
-absl::StatusOr<bool> halves_consistent(const std::vector<Camera>& cameras, const SilhouetteSet& fitted,
+// Whether the held-out half of the frame sets asks for the same correction of each camera.
+absl::StatusOr<bool> halves_consistent(const std::vector<Camera>& cameras, const SilhouetteSet& held_out,
                                        const Candidate& candidate, const SolveProgress& progress) {
-    std::vector<std::vector<Camera>> halves;
-    for (const std::size_t first : {0, 1}) {
-        auto half =
-            refine_from_silhouettes(cameras, every_second(fitted, first), candidate.options, progress);
-        if (absl::IsCancelled(half.status())) return half.status();
-        if (!half.ok()) return false;
-        halves.push_back(std::move(half->cameras));
-    }
+    const auto other = refine_from_silhouettes(cameras, held_out, candidate.options, progress);
+    if (absl::IsCancelled(other.status())) return other.status();
+    if (!other.ok()) return false;
+    Vec3 middle;
+    for (const Camera& camera : cameras)
+        middle += camera.centre_in_world() / static_cast<double>(cameras.size());
     for (std::size_t c = 0; c < cameras.size(); ++c) {
-        const double apart = norm(halves[0][c].centre_in_world() - halves[1][c].centre_in_world());
-        if (apart > std::max(kMaxHalves_m, kMaxHalvesFraction * candidate.refined.moved_m[c])) return false;
+        const double pixel_m =
+            2 * norm(cameras[c].centre_in_world() - middle) / (cameras[c].fx + cameras[c].fy);
+        const double apart =
+            norm(candidate.refined.cameras[c].centre_in_world() - other->cameras[c].centre_in_world());
+        if (apart > std::max(kMaxHalves_px * pixel_m, kMaxHalvesFraction * candidate.refined.moved_m[c]))
+            return false;
     }
     return true;
 }
@@ -215,7 +218,7 @@ absl::StatusOr<PersonRefinement> refine_from_person(const std::vector<Camera>& c
     }
     bool confirmed = held_out_confirms(cameras, held_out, before, *best);
     if (confirmed) {
-        const auto consistent = halves_consistent(cameras, fitted, *best, progress);
+        const auto consistent = halves_consistent(cameras, held_out, *best, progress);
         if (!consistent.ok()) return consistent.status();
         confirmed = *consistent;
     }

@@ -154,8 +154,9 @@ TEST_F(LiveCalibrationTest, RefinesMovedCameraFromPerson) {
     EXPECT_GT(second_from_first_error_deg(before, session.truth), 0.4);
     ASSERT_TRUE(coach.start(v1::PROCEDURE_KIND_EXTRINSICS_REFINE_PERSON).ok());
     ASSERT_TRUE(coach.take(v1::LiveObservations::STEP_MOVING_TARGET).ok());
+    // As many as the procedure asks for.
     v1::WatchProcedureResponse seen =
-        coach.wait([](const auto& progress) { return progress.shared_frame_set_count() >= 24; });
+        coach.wait([](const auto& progress) { return progress.shared_frame_set_count() >= 48; });
     ASSERT_TRUE(coach.solve().ok());
     seen = coach.wait([](const auto& progress) { return over(progress) || collecting(progress); });
     ASSERT_EQ(seen.state(), v1::PROCEDURE_STATE_SOLVED) << seen.message();
