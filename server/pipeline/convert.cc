@@ -95,11 +95,12 @@ std::optional<Vec3> centre_of(const kernels::VoxelVolume& volume) {
 std::optional<double> bottom_of(const kernels::VoxelVolume& volume) {
     std::map<int, std::int64_t> layers;  // voxels by the bricks' z
     std::int64_t count = 0;
-    for (const kernels::Brick& brick : volume.bricks)
-        for (const std::uint64_t layer : brick.occupancy) {
-            layers[brick.z] += std::popcount(layer);
-            count += std::popcount(layer);
-        }
+    for (const kernels::Brick& brick : volume.bricks) {
+        int voxels = 0;
+        for (const std::uint64_t layer : brick.occupancy) voxels += std::popcount(layer);
+        layers[brick.z] += voxels;
+        count += voxels;
+    }
     if (count == 0) return std::nullopt;
     const double brick_m = kernels::kBrickEdge * static_cast<double>(volume.lattice.voxel_m);
     std::int64_t below = 0;

@@ -137,6 +137,37 @@ const std::vector<BodyCoordinates>& key_poses() {
     return poses;
 }
 
+const std::vector<BodyCoordinates>& floor_poses() {
+    static const std::vector<BodyCoordinates> poses = [] {
+        constexpr int kObliquity = kDofRootRotation + 1;
+        std::vector<BodyCoordinates> all;
+        for (const double tilt : {90.0, -90.0}) {
+            all.push_back(pose({{kTilt, tilt}, {kArmAddL, -20}, {kArmAddR, -20}}));
+            all.push_back(pose({{kTilt, tilt}, {kArmFlexL, 160}, {kArmFlexR, 160}}));
+        }
+        all.push_back(
+            pose({{kTilt, 90}, {kHipFlexL, 50}, {kHipFlexR, 50}, {kDofKneeL, 90}, {kDofKneeR, 90}}));
+        for (const double side : {90.0, -90.0}) {
+            all.push_back(pose({{kObliquity, side}, {kHipFlexL, 10}, {kHipFlexR, 10}}));
+            all.push_back(pose(
+                {{kObliquity, side}, {kHipFlexL, 60}, {kHipFlexR, 60}, {kDofKneeL, 80}, {kDofKneeR, 80}}));
+        }
+        all.push_back(pose({{kTilt, -80},
+                            {kHipFlexL, 85},
+                            {kHipFlexR, 85},
+                            {kDofKneeL, 85},
+                            {kDofKneeR, 85},
+                            {kArmFlexL, 85},
+                            {kArmFlexR, 85}}));
+        all.push_back(
+            pose({{kTilt, 10}, {kHipFlexL, 85}, {kHipFlexR, 85}, {kDofKneeL, 15}, {kDofKneeR, 15}}));
+        all.push_back(
+            pose({{kTilt, -10}, {kHipFlexL, 60}, {kHipFlexR, 60}, {kDofKneeL, 130}, {kDofKneeR, 130}}));
+        return all;
+    }();
+    return poses;
+}
+
 BodyCoordinates with_heading(const BodyCoordinates& pose, double heading) {
     BodyCoordinates turned = pose;
     turned[kDofRootRotation + 2] += heading;  // the outermost of the root's angles

@@ -10,6 +10,10 @@ namespace kinevox {
 // Facing along x, the root at the world's origin; `coordinates` only of the joints.
 const std::vector<BodyCoordinates>& key_poses();
 
+// More starts for a body on the floor: outstretched on its back, front and sides, on all fours, sitting,
+// kneeling.
+const std::vector<BodyCoordinates>& floor_poses();
+
 // The pose rotated to a heading (rad, from x towards y).
 BodyCoordinates with_heading(const BodyCoordinates& pose, double heading);
 

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <initializer_list>
 #include <limits>
 #include <numbers>
 #include <utility>
@@ -45,36 +44,6 @@ double kept(double per_reference_interval, double seconds) {
 // Below this fraction of the stature a body's centre is lower than that of a standing, stepping or squatting
 // one: it lies, sits or is on all fours.
 constexpr double kLowCentre = 0.36;
-
-// Starts for a body on the floor: outstretched on its back, front and sides, on all fours, sitting, kneeling.
-std::vector<BodyCoordinates> floor_poses() {
-    constexpr int kTilt = kDofRootRotation, kObliquity = kDofRootRotation + 1;
-    std::vector<BodyCoordinates> poses;
-    const auto add = [&](std::initializer_list<std::pair<int, double>> settings) {
-        BodyCoordinates q{};
-        for (const auto& [dof, degrees] : settings) q[dof] = radians(degrees);
-        poses.push_back(q);
-    };
-    for (const double tilt : {90.0, -90.0}) {
-        add({{kTilt, tilt}, {kDofShoulderL + 1, -20}, {kDofShoulderR + 1, -20}});
-        add({{kTilt, tilt}, {kDofShoulderL, 160}, {kDofShoulderR, 160}});
-    }
-    add({{kTilt, 90}, {kDofHipL, 50}, {kDofHipR, 50}, {kDofKneeL, 90}, {kDofKneeR, 90}});
-    for (const double side : {90.0, -90.0}) {
-        add({{kObliquity, side}, {kDofHipL, 10}, {kDofHipR, 10}});
-        add({{kObliquity, side}, {kDofHipL, 60}, {kDofHipR, 60}, {kDofKneeL, 80}, {kDofKneeR, 80}});
-    }
-    add({{kTilt, -80},
-         {kDofHipL, 85},
-         {kDofHipR, 85},
-         {kDofKneeL, 85},
-         {kDofKneeR, 85},
-         {kDofShoulderL, 85},
-         {kDofShoulderR, 85}});
-    add({{kTilt, 10}, {kDofHipL, 85}, {kDofHipR, 85}, {kDofKneeL, 15}, {kDofKneeR, 15}});
-    add({{kTilt, -10}, {kDofHipL, 60}, {kDofHipR, 60}, {kDofKneeL, 130}, {kDofKneeR, 130}});
-    return poses;
-}
 
 double mean_joint_distance(const PosedBody& a, const PosedBody& b) {
     double sum = 0;
@@ -173,9 +142,13 @@ void PoseTracker::try_moved(Hypothesis& h, std::span<const SilhouetteRays> views
                             const std::optional<BodyPosture>& moved, double gain) {
     if (!moved) return;
     auto fit = better_fit(views, *moved, h.posture, gain);
-    if (!fit) return;
+    if (fit) replace(h, *std::move(fit));
+}
+
+// Its motion so far was that of another posture.
+void PoseTracker::replace(Hypothesis& h, PoseFit fit) {
     h.replaced.push_back(h.posture);
-    h.fit = *std::move(fit);
+    h.fit = std::move(fit);
     h.posture = h.fit.posture;
     h.rate = {};
 }
@@ -230,10 +203,7 @@ void PoseTracker::check_turned(Hypothesis& h, std::span<const SilhouetteRays> vi
     turn_evidence_ = std::max(0.0, kTurnMemory * turn_evidence_ + gain);
     if (turn_evidence_ < kTurnEvidence || gain <= 0) return;
     turn_evidence_ = 0;
-    h.replaced.push_back(h.posture);
-    h.fit = std::move(fit);
-    h.posture = h.fit.posture;
-    h.rate = {};
+    replace(h, std::move(fit));
     // The trunk's twist and the limbs were found for the other body.
     BodyPosture straight = h.posture;
     straight.parent_from_segment[kThorax] = Mat3{};

@@ -65,6 +65,7 @@ class PoseTracker {
                                       const BodyPosture& current, double gain);
     void try_moved(Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
                    const std::optional<BodyPosture>& moved, double gain);
+    static void replace(Hypothesis& hypothesis, PoseFit fit);
     void check_turned(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, double seconds);
     void choose();
     TrackedPosture best() const;

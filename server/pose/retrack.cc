@@ -10,6 +10,7 @@
 
 #include "server/pose/pose_fitter.h"
 #include "server/pose/pose_path.h"
+#include "server/pose/turned_posture.h"
 
 namespace kinevox {
 namespace {
@@ -21,11 +22,7 @@ constexpr std::size_t kMaxCandidates = 8;
 constexpr double kSameJoints_m = 0.03;  // candidates with no joint farther apart are one
 constexpr double kHopeless = 80;        // a candidate that costs more than the cheapest by this is dropped
 
-using Segments = std::array<std::pair<int, int>, 3>;
-constexpr Segments kLegs{{{kThighL, kThighR}, {kShankL, kShankR}, {kFootL, kFootR}}},
-    kArms{{{kUpperArmL, kUpperArmR}, {kForearmL, kForearmR}, {kHandL, kHandR}}};
-
-BodyPosture exchanged(BodyPosture posture, const Segments& limbs) {
+BodyPosture exchanged(BodyPosture posture, const LimbSegmentPairs& limbs) {
     for (const auto& [left, right] : limbs)
         std::swap(posture.parent_from_segment[left], posture.parent_from_segment[right]);
     return posture;
@@ -95,8 +92,8 @@ class Recording {
             for (const BodyPosture* start : {before, after})
                 if (start) starts.push_back(*start);
             if (before && after) starts.push_back(between(*before, *after, fraction(n)));
-            starts.push_back(exchanged(*chosen(n), kLegs));
-            starts.push_back(exchanged(*chosen(n), kArms));
+            starts.push_back(exchanged(*chosen(n), kLegSegments));
+            starts.push_back(exchanged(*chosen(n), kArmSegments));
             PoseFitter fitter(options_.tracker.fit);
             PoseCost cost(options_.tracker.fit.cost);
             for (const BodyPosture& start : starts) {

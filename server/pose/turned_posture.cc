@@ -12,13 +12,8 @@ namespace {
 constexpr std::array<int, kBodySegmentCount> make_other_side() {
     std::array<int, kBodySegmentCount> other{};
     for (int s = 0; s < kBodySegmentCount; ++s) other[s] = s;
-    constexpr std::array<std::array<int, 2>, 6> kPairs{{{kThighL, kThighR},
-                                                        {kShankL, kShankR},
-                                                        {kFootL, kFootR},
-                                                        {kUpperArmL, kUpperArmR},
-                                                        {kForearmL, kForearmR},
-                                                        {kHandL, kHandR}}};
-    for (const auto& [left, right] : kPairs) other[left] = right, other[right] = left;
+    for (const LimbSegmentPairs& pairs : {kLegSegments, kArmSegments})
+        for (const auto& [left, right] : pairs) other[left] = right, other[right] = left;
     return other;
 }
 constexpr std::array<int, kBodySegmentCount> kOtherSide = make_other_side();

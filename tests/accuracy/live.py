@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rates import COLUMNS, HEADINGS, SEQUENCES, measure, text
+from rates import SEQUENCES, heading, mean_row, measure, text
 from session_data import REPOSITORY, Session, data_folder
 
 sys.path.insert(0, str(REPOSITORY / "tests/bench"))
@@ -75,7 +75,7 @@ def main():
     failed = []
     with tempfile.TemporaryDirectory() as scratch:
         work = arguments.work or Path(scratch)
-        print(" " * 13 + "".join(f"{h:>{14 if h in ('mean mm', 'silent %') else 8}s}" for h in HEADINGS), flush=True)
+        print(heading(), flush=True)
         rows = []
         for name in arguments.sequences.split(","):
             row = one(arguments, name, work)
@@ -83,8 +83,7 @@ def main():
             if row["ratio"] > arguments.max_ratio or row["silent"] > arguments.max_silent:
                 failed.append(f"{name}: {row['ratio']:.2f} times `process`, silent {row['silent']:.2f} %")
             rows.append(row)
-    means = (np.nanmean([r.get(c, np.nan) for r in rows]) for c in COLUMNS[:7])
-    print(f"{'all':13s}" + "".join(f"{m:{14 if c in ('mean_mm', 'silent') else 8}.2f}" for c, m in zip(COLUMNS, means)))
+    print(mean_row("all", rows))
     for line in failed:
         print(f"FAILED {line}; at most {arguments.max_ratio} times and {arguments.max_silent} %")
     return 1 if failed else 0

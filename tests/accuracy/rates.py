@@ -104,6 +104,15 @@ def text(name, every, row, before):
     return f"{name:10s}{every:2d} " + "".join(cells) + "  " + joints
 
 
+def heading():
+    return " " * 13 + "".join(f"{h:>{14 if h in ('mean mm', 'silent %') else 8}s}" for h in HEADINGS)
+
+
+def mean_row(label, rows):
+    means = {c: np.nanmean([r.get(c, np.nan) for r in rows]) for c in COLUMNS[:7]}
+    return f"{label:13s}" + "".join(f"{m:{14 if c in ('mean_mm', 'silent') else 8}.2f}" for c, m in means.items())
+
+
 def main():
     argv = sys.argv[1:]
     options = argv[argv.index("--") + 1 :] if "--" in argv else []
@@ -136,21 +145,14 @@ def main():
             for name in names
             for every in rates
         }
-        print(" " * 13 + "".join(f"{h:>{14 if h in ('mean mm', 'silent %') else 8}s}" for h in HEADINGS), flush=True)
+        print(heading(), flush=True)
         for (name, every), job in started.items():
             row = job.result()
             row["ratio"] = row["mean_mm"] / table.get(f"{name} {rates[0]}", row)["mean_mm"]
             table[f"{name} {every}"] = row
             print(text(name, every, row, before.get(f"{name} {every}")), flush=True)
     for every in rates:
-        rows = [table[f"{name} {every}"] for name in names]
-        print(
-            f"all {every:8d} "
-            + "".join(
-                f"{np.nanmean([r.get(c, np.nan) for r in rows]):{14 if c in ('mean_mm', 'silent') else 8}.2f}"
-                for c in COLUMNS[:7]
-            )
-        )
+        print(mean_row(f"all {every:8d} ", [table[f"{name} {every}"] for name in names]))
     if arguments.save:
         arguments.save.write_text(json.dumps(table, indent=1) + "\n")
     bounds = {"mean_mm": arguments.max_mm, "ratio": arguments.max_ratio, "silent": arguments.max_silent}

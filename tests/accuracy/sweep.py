@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Random trials of the virtual studio through `kinevox process`, compared with their truth: a test that nothing can be tuned to.
 
-usage: sweep.py [--trials N] [--seed S] [--jobs N] [--out FOLDER] [--keep] [--masks] [--true-masks] [--first N] [--short] [--ci [--update]]
-                [--kinevox-process PROGRAM] [--kinevox-studio PROGRAM]
+usage: sweep.py [--trials N] [--seed S] [--jobs N] [--out FOLDER] [--keep] [--masks] [--true-masks] [--first N] [--short]
+                [--ci [--update]] [--kinevox-process PROGRAM] [--kinevox-studio PROGRAM]
 
 sweep_scene.py draws each trial from seed and number: body, clothes, room, light, cameras, rate and motion; every third one is
 camouflaged. The default seed is today's date, so that every night has new trials; a trial is repeated with --seed S --first N
