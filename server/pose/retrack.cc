@@ -102,7 +102,7 @@ class Recording {
             }
         });
         for (std::size_t n = 0; n < frames_.size(); ++n)
-            for (PathCandidate& c : found[n]) add(n, std::move(c));
+            for (const PathCandidate& c : found[n]) add(n, c);
     }
 
     // Each posture again, expected between its neighbours: what its silhouettes do not determine comes from
