@@ -17,4 +17,9 @@ struct FloorDirections {
 // model cannot invert get a direction without a floor point.
 FloorDirections floor_directions(const CameraModel& camera);
 
+// Bounds of `subject` (px) with a margin for what is not found yet, as kde::SceneView has them; none at sides
+// where the image cuts the subject.
+void subject_bounds(const Rect& subject, const CameraModel& camera, const FloorDirections& directions,
+                    float bounds[4]);
+
 }  // namespace kinevox::kernels

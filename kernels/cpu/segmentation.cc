@@ -59,6 +59,7 @@ class CpuSegmenter final : public RewindableSegmenter {
     void fit_light(const CellBox& active);
     void light_around(const CellBox& active);
     void evidence(const CellBox& active);
+    void vote(const CellBox& active);
     void judge_shadows(const CellBox& active, std::span<const Segmenter* const> others);
     void threshold(const CellBox& active, Silhouettes& out);
     Rect silhouettes(const Rect& active, const Rect& work, const SegmentationPrior& prior, Silhouettes& out);
@@ -88,8 +89,9 @@ class CpuSegmenter final : public RewindableSegmenter {
     std::vector<std::uint8_t> lit_;     // per cell, the groups for which the planes hold values of their own
     std::vector<std::uint8_t> looked_;  // per cell, samples that are in its density
     Plane weighted_value_, weighted_energy_, factor_, residual_, neighbourhood_, evidence_, smoothed_;
-    Plane product_, energy_, square_, misfit_;  // see ShadowPlanes
+    Plane product_, energy_, square_, misfit_, distance_, colour_, voted_;  // see ShadowPlanes
     ShadowJudge shadows_;
+    std::vector<std::int8_t> votes_;  // see kde::SceneView
     bool has_camera_ = false;
     kde::SceneView scene_;
     // The frame between begin_frame() and end_frame().
@@ -153,7 +155,7 @@ void CpuSegmenter::begin() {
     lit_.assign(cells, 0);
     looked_.assign(cells, kde::kSamplesPerLook);
     for (Plane* plane : {&weighted_value_, &weighted_energy_, &factor_, &residual_, &neighbourhood_,
-                         &product_, &energy_, &square_, &misfit_})
+                         &product_, &energy_, &square_, &misfit_, &distance_, &colour_, &voted_})
         plane->resize(model_.cells_per_row, height_, 0);
     for (Plane* plane : {&evidence_, &smoothed_})
         plane->resize(model_.cells_per_row, height_, -parameters_.limit);
@@ -310,22 +312,68 @@ void CpuSegmenter::evidence(const CellBox& box) {
                 evidence_cell(cell_at(y, k), active, parameters_,
                               {factor_.row(y) + x, residual_.row(y) + x, neighbourhood_.row(y) + x,
                                neighbourhood_.stride},
-                              log_lit_, log_foreground_.data(), evidence_.row(y) + x);
+                              log_lit_, log_foreground_.data(),
+                              {evidence_.row(y) + x, distance_.row(y) + x, colour_.row(y) + x});
             }
     });
 }
 
+// Counts the blocks' votes and finds the bounds of what is plainly the subject.
+void CpuSegmenter::vote(const CellBox& box) {
+    constexpr int kBlock = kde::kVoteBlock_px;
+    const int columns = scene_.vote_columns;
+    std::fill(votes_.begin(), votes_.end(), static_cast<std::int8_t>(-kde::kMaxVote));
+    scene_.sees = false;
+    if (box.empty()) return;
+    Rect subject{columns, height_, 0, 0};  // blocks
+    std::vector<std::int8_t> sums(static_cast<std::size_t>(box.k1) * kCellPixels);
+    for (int row = box.y0 / kBlock; row * kBlock < box.y1; ++row) {
+        GroupSpan span;
+        std::fill(sums.begin(), sums.end(), static_cast<std::int8_t>(-kBlock));
+        for (int y = row * kBlock; y < std::min((row + 1) * kBlock, height_); ++y) {
+            if (y < box.y0 || y >= box.y1) continue;
+            span.include(active_span_[y]);
+            for (int g = active_span_[y].g0; g < active_span_[y].g1; ++g) {
+                const int x0 = g * kGroupPixels, k = x0 / kCellPixels, first = x0 - k * kCellPixels;
+                const std::size_t cell = model_.cell_index(y, k);
+                if (!(active_[cell] >> first / kGroupPixels & 1)) continue;
+                const std::uint8_t* density = density_.data() + cell * kCellPixels + first;
+                const float* evidence = evidence_.row(y) + x0;
+                std::int8_t* sum = sums.data() + x0;
+                const int pixels = std::min(kGroupPixels, width_ - x0);
+#pragma GCC ivdep
+                for (int i = 0; i < pixels; ++i)
+                    sum[i] = static_cast<std::int8_t>(sum[i] + 1 + kde::pixel_vote(density[i], evidence[i]));
+            }
+        }
+        std::int8_t* votes = votes_.data() + static_cast<std::ptrdiff_t>(row) * columns;
+        const int last = std::min(span.g1 * (kGroupPixels / kBlock), columns);
+        for (int column = span.g0 * (kGroupPixels / kBlock); column < last; ++column) {
+            const std::int8_t* sum = sums.data() + static_cast<std::ptrdiff_t>(column) * kBlock;
+            const int votes_here = sum[0] + sum[1] + sum[2] + sum[3];
+            votes[column] = static_cast<std::int8_t>(votes_here);
+            if (votes_here < kde::kSubjectVote) continue;
+            subject = {std::min(subject.x0, column), std::min(subject.y0, row),
+                       std::max(subject.x1, column + 1), row + 1};
+        }
+    }
+    if (subject.empty()) return;
+    scene_.sees = true;
+    shadows_.bounds_of({subject.x0 * kBlock, subject.y0 * kBlock, subject.x1 * kBlock, subject.y1 * kBlock},
+                       scene_.bounds);
+}
+
 void CpuSegmenter::judge_shadows(const CellBox& box, std::span<const Segmenter* const> others) {
-    const ShadowPlanes planes{&factor_,      &residual_,      &neighbourhood_, &product_,
-                              &energy_,      &square_,        &misfit_,        &evidence_,
-                              cells_.data(), density_.data(), active_.data(),  log_foreground_.data()};
+    const ShadowPlanes planes{&factor_,       &residual_,    &neighbourhood_,    &product_,
+                              &energy_,       &square_,      &misfit_,           &distance_,
+                              &colour_,       &voted_,       &evidence_,         density_.data(),
+                              active_.data(), votes_.data(), scene_.vote_columns};
     std::vector<const kde::SceneView*> scenes;
     for (const Segmenter* other : others)
         if (other != this && other->scene() && other->scene()->channels == channels_ &&
             scenes.size() < kde::kMaxFloorViews)
             scenes.push_back(other->scene());
     if (!has_camera_ || scenes.empty()) return;  // the rule needs a second view of the floor
-    shadows_.measure_patches(box, active_span_, planes, channels_);
     shadows_.judge(box, active_span_, planes, model_, parameters_, scenes);
 }
 
@@ -488,6 +536,11 @@ void CpuSegmenter::clear(Silhouettes& out) const {
 void CpuSegmenter::set_camera(const CameraModel& camera) {
     scene_.camera = make_projector(camera, "segmentation");
     shadows_.set_camera(camera);
+    scene_.vote_columns = (width_ + kde::kVoteBlock_px - 1) / kde::kVoteBlock_px;
+    votes_.assign(static_cast<std::size_t>(scene_.vote_columns) *
+                      ((height_ + kde::kVoteBlock_px - 1) / kde::kVoteBlock_px),
+                  0);
+    scene_.votes = votes_.data();
     has_camera_ = true;
 }
 
@@ -515,10 +568,14 @@ void CpuSegmenter::begin_frame(const ImageView& image, const SegmentationPrior& 
     parallel_for(work_.y0, work_.y1, kRowsPerTask,
                  [&](int first, int last) { density_rows(image, first, last, work_.k0, work_.k1, true); });
     active_box_ = find_active(work_);
-    if (active_box_.empty()) return;
+    if (active_box_.empty()) {
+        if (has_camera_) vote(active_box_);
+        return;
+    }
     fit_light(active_box_);
     light_around(active_box_);
     evidence(active_box_);
+    if (has_camera_) vote(active_box_);
 }
 
 void CpuSegmenter::decide(std::span<const Segmenter* const> others, Silhouettes& out) {

@@ -106,7 +106,7 @@ HWY_INLINE hn::Vec<Numbers> histogram_bins(const std::uint8_t* value) {
 template <int kChannels>
 HWY_INLINE void evidence_at(const EvidenceCell& cell, const kde::EvidenceParameters& p,
                             const LightAround& light, const float* log_lit, const float* log_foreground,
-                            float* evidence, int x) {
+                            const EvidenceRows& out, int x) {
     constexpr int kRadius = kde::kLightRadius;
     const Floats f;
     const float *around = light.neighbourhood + x, *above = around - kRadius * light.stride,
@@ -139,7 +139,9 @@ HWY_INLINE void evidence_at(const EvidenceCell& cell, const kde::EvidenceParamet
     const V shaded = hn::NegMulAdd(hn::Set(f, 0.5f), disagreement, hn::Set(f, p.log_prior_light));
     const V colour = hn::GatherIndex(f, log_foreground, histogram_bins<kChannels>(cell.value + x));
     const V ratio = hn::Sub(hn::Sub(colour, hn::LoadU(f, cell.log_peak + x)), hn::Max(lit, shaded));
-    hn::StoreU(hn::Min(hn::Max(ratio, hn::Set(f, -p.limit)), hn::Set(f, p.limit)), f, evidence + x);
+    hn::StoreU(hn::Min(hn::Max(ratio, hn::Set(f, -p.limit)), hn::Set(f, p.limit)), f, out.evidence + x);
+    hn::StoreU(distance, f, out.distance + x);
+    hn::StoreU(colour, f, out.colour + x);
 }
 
 // Calls at(x) for the first pixel of each vector of the groups.
@@ -165,17 +167,18 @@ void fit_light_at(const EvidenceCell& cell, const kde::EvidenceParameters& p, co
 
 template <int kChannels>
 void evidence_at(const EvidenceCell& cell, const kde::EvidenceParameters& p, const LightAround& light,
-                 const float* log_lit, const float* log_foreground, float* evidence, int x) {
+                 const float* log_lit, const float* log_foreground, const EvidenceRows& out, int x) {
     constexpr int kRadius = kde::kLightRadius;
     const float* around = light.neighbourhood + x;
     float step = 10.0f;
     for (const std::ptrdiff_t to : {-kRadius * light.stride, std::ptrdiff_t{-kRadius}, std::ptrdiff_t{0},
                                     std::ptrdiff_t{kRadius}, kRadius * light.stride})
         step = std::min(step, std::abs(light.factor[x] - around[to]));
-    evidence[x] =
-        kde::evidence<kChannels>(cell.value + x, cell.reference + x, cell.scale + x, cell.density[x],
-                                 log_lit[cell.density[x]], cell.log_peak[x], light.residual[x], step,
-                                 log_foreground[kde::histogram_bin<kChannels>(cell.value + x)], p);
+    out.distance[x] = kde::squared_distance<kChannels>(cell.value + x, cell.reference + x, cell.scale + x);
+    out.colour[x] = log_foreground[kde::histogram_bin<kChannels>(cell.value + x)];
+    out.evidence[x] = kde::evidence<kChannels>(cell.value + x, cell.reference + x, cell.scale + x,
+                                               cell.density[x], log_lit[cell.density[x]], cell.log_peak[x],
+                                               light.residual[x], step, out.colour[x], p);
 }
 
 template <class At>
@@ -225,19 +228,19 @@ void neighbourhood_light(const float* weighted_value, const float* weighted_ener
 template <int kChannels>
 void evidence_of(const EvidenceCell& cell, int groups, const kde::EvidenceParameters& parameters,
                  const LightAround& light, const float* log_lit, const float* log_foreground,
-                 float* evidence) {
+                 const EvidenceRows& out) {
     each_vector(groups, [&](int x) HWY_ATTR {
-        evidence_at<kChannels>(cell, parameters, light, log_lit, log_foreground, evidence, x);
+        evidence_at<kChannels>(cell, parameters, light, log_lit, log_foreground, out, x);
     });
 }
 
 void evidence_cell(const EvidenceCell& cell, int groups, const kde::EvidenceParameters& parameters,
                    const LightAround& light, const float* log_lit, const float* log_foreground,
-                   float* evidence) {
+                   const EvidenceRows& out) {
     if (cell.channels == 1)
-        evidence_of<1>(cell, groups, parameters, light, log_lit, log_foreground, evidence);
+        evidence_of<1>(cell, groups, parameters, light, log_lit, log_foreground, out);
     else
-        evidence_of<3>(cell, groups, parameters, light, log_lit, log_foreground, evidence);
+        evidence_of<3>(cell, groups, parameters, light, log_lit, log_foreground, out);
 }
 
 void smooth_row(const float* const rows[5], const float weights[5], int width, float* scratch, float* out) {
@@ -302,8 +305,8 @@ void neighbourhood_light(const float* weighted_value, const float* weighted_ener
 }
 void evidence_cell(const EvidenceCell& cell, int groups, const kde::EvidenceParameters& parameters,
                    const LightAround& light, const float* log_lit, const float* log_foreground,
-                   float* evidence) {
-    KINEVOX_DISPATCH(evidence_cell)(cell, groups, parameters, light, log_lit, log_foreground, evidence);
+                   const EvidenceRows& out) {
+    KINEVOX_DISPATCH(evidence_cell)(cell, groups, parameters, light, log_lit, log_foreground, out);
 }
 void smooth_row(const float* const rows[5], const float weights[5], int width, float* scratch, float* out) {
     KINEVOX_DISPATCH(smooth_row)(rows, weights, width, scratch, out);

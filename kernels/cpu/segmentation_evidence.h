@@ -62,10 +62,18 @@ struct LightAround {
     std::ptrdiff_t stride = 0;
 };
 
+// Row pointers at the cell's first pixel. What the shadow rule needs, too: the squared distance from the
+// background in bandwidths / 256 and the log density of the colour on the subject.
+struct EvidenceRows {
+    float* evidence = nullptr;
+    float* distance = nullptr;
+    float* colour = nullptr;
+};
+
 // log_lit: 256 entries, log_foreground: one entry a histogram bin.
 void evidence_cell(const EvidenceCell& cell, int groups, const kde::EvidenceParameters& parameters,
                    const LightAround& light, const float* log_lit, const float* log_foreground,
-                   float* evidence);
+                   const EvidenceRows& out);
 
 // Five taps across rows: out[x] = sum w[i] * rows[i][x], then five along the row, for x in [0, width); `rows`
 // and the result have two columns of margin.

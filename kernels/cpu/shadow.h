@@ -1,6 +1,8 @@
 // Subject or shadow, on the CPU: gives doubtful pixels their evidence by the rule of shared/kde_shadow.h.
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <functional>
 #include <span>
 #include <vector>
@@ -15,11 +17,12 @@ namespace kinevox::kernels::cpu {
 
 // Planes and bytes of the frame, all of the segmenter's size; see CpuSegmenter.
 struct ShadowPlanes {
-    Plane *factor, *residual, *neighbourhood, *product, *energy, *square, *misfit, *evidence;
-    const std::uint8_t* cells;    // [row][cell][channel][64]
+    Plane *factor, *residual, *neighbourhood, *product, *energy, *square, *misfit, *distance, *colour, *voted,
+        *evidence;
     const std::uint8_t* density;  // [row][cell][64]
     const std::uint8_t* active;   // per cell, its groups
-    const float* log_foreground;  // per histogram bin
+    const std::int8_t* votes;     // of this camera, see kde::SceneView
+    int vote_columns;
 };
 
 class ShadowJudge {
@@ -30,21 +33,38 @@ class ShadowJudge {
     void set_camera(const CameraModel& camera);
     void set_observer(Observer observer) { observer_ = std::move(observer); }
 
-    // The patches' misfit of the active groups; before judge().
-    void measure_patches(const CellBox& box, std::span<const GroupSpan> active_span,
-                         const ShadowPlanes& planes, int channels) const;
+    // Bounds of what is plainly the subject, px; for the other cameras (kde::SceneView).
+    void bounds_of(const Rect& subject, float bounds[4]) const {
+        subject_bounds(subject, model_, directions_, bounds);
+    }
     // Replaces the evidence of doubtful pixels; after set_camera(). `others`: of cameras that see the same
     // instant.
     void judge(const CellBox& box, std::span<const GroupSpan> active_span, const ShadowPlanes& planes,
                const BackgroundModel& model, const kde::EvidenceParameters& parameters,
-               std::span<const kde::SceneView* const> others) const;
+               std::span<const kde::SceneView* const> others);
 
   private:
     struct FloorLights;
+    struct Supports;
+    void find_doubtful(int y, const GroupSpan& span, const ShadowPlanes& planes, const BackgroundModel& model,
+                       float limit, Supports& supports);
+    void measure_patches(const CellBox& box, const ShadowPlanes& planes, int channels) const;
     template <int kChannels>
-    void judge_row(int y, const GroupSpan& span, const ShadowPlanes& planes, const BackgroundModel& model,
-                   const kde::EvidenceParameters& parameters, FloorLights& floor) const;
+    void judge_row(int y, const ShadowPlanes& planes, const kde::EvidenceParameters& parameters,
+                   FloorLights& floor);
+    void add_votes(const CellBox& box, const ShadowPlanes& planes);
+    kde::FloorGrid grid() const;
 
+    // Of the frame: per group its pixels that the rule decides, as bits, and their support; per row the
+    // groups from the first to the last with such pixels.
+    std::vector<std::uint16_t> doubtful_;
+    std::vector<std::array<float, 2>> support_;
+    std::vector<GroupSpan> judged_span_;
+    // Per block of kde::kVoteBlock_px: pixels that the votes would change; whether they may.
+    std::vector<std::uint8_t> changed_, added_;
+    std::vector<int> sums_;  // scratch of add_votes()
+    int groups_per_row_ = 0;
+    CameraModel model_;
     Projector camera_{};
     FloorDirections directions_;
     Observer observer_;

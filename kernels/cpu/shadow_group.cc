@@ -43,28 +43,33 @@ using kde::kCellPixels;
 using kde::kGroupPixels;
 using kde::kPatchRadius;
 
+// The values of a group's blocks of kWidth pixels, for kShadowLanes pixels from `first` on. Built in a
+// register, since a vector cannot be loaded at once from memory that was just written in pieces.
+template <int kWidth>
+ShadowFloats spread(const float* of_block, [[maybe_unused]] int first) {
+#ifdef __clang__
+    return of_block[first / kWidth];
+#else
+    static_assert(kShadowLanes == kGroupPixels);
+    ShadowFloats out{};
+    for (int lane = 0; lane < kGroupPixels; ++lane) out[lane] = of_block[lane / kWidth];
+    return out;
+#endif
+}
+
 template <int kChannels>
-void group_of(const std::uint8_t* value, const std::uint8_t* reference, const std::uint8_t* scale,
-              const kde::EvidenceParameters& parameters, ShadowGroup& group) {
-    float distance[kGroupPixels] = {};
-    for (int c = 0; c < kChannels; ++c)
-        for (int i = 0; i < kGroupPixels; ++i) {
-            const int at = c * kCellPixels + i;
-            const float difference = static_cast<float>(value[at] - reference[at]);
-            const auto s = static_cast<float>(scale[at]);
-            distance[i] += difference * difference * (s * s);
-        }
+void group_of(const kde::ShadowRule& rule, ShadowGroup& group) {
     for (int i = 0; i < kGroupPixels; i += kShadowLanes) {
         const kde::ShadowPixels& p = group.pixels;
         auto e = kde::own_evidence<kChannels, ShadowFloats>(
-            kde::load<ShadowFloats>(distance + i), kde::load<ShadowFloats>(group.log_foreground + i),
+            kde::load<ShadowFloats>(group.distance + i), kde::load<ShadowFloats>(group.colour + i),
             {p.factor + i, p.residual + i, p.neighbourhood + i, p.misfit + i, p.stride});
         for (int n = 0; n < group.view_count; ++n)
-            kde::add_floor_light(e, kde::load<ShadowFloats>(group.floor_light[n] + i));
-        const ShadowFloats log_odds = e.light > kde::kBrightestRuled
-                                          ? kde::load<ShadowFloats>(group.evidence + i)
-                                          : kde::shadow_log_odds(e, parameters.shadow);
-        std::memcpy(group.log_odds + i, &log_odds, sizeof log_odds);
+            kde::add_floor_light(e, spread<kde::kFloorBlock_px>(group.floor_light[n], i));
+        e.support = spread<kde::kSupportBlock_px>(group.support.data(), i);
+        const auto odds = kde::shadow_log_odds(e, kde::load<ShadowFloats>(group.evidence + i), rule);
+        std::memcpy(group.own + i, &odds.own, sizeof odds.own);
+        std::memcpy(group.voted + i, &odds.voted, sizeof odds.voted);
         if (!group.with_features) continue;
         ShadowFloats features[kde::kShadowFeatures];
         kde::shadow_features(e, features);
@@ -88,12 +93,11 @@ unsigned doubtful_pixels(const std::uint8_t* density, const float* evidence) {
     return mask;
 }
 
-void shadow_group(int channels, const std::uint8_t* value, const std::uint8_t* reference,
-                  const std::uint8_t* scale, const kde::EvidenceParameters& parameters, ShadowGroup& group) {
+void shadow_group(int channels, const kde::ShadowRule& rule, ShadowGroup& group) {
     if (channels == 1)
-        group_of<1>(value, reference, scale, parameters, group);
+        group_of<1>(rule, group);
     else
-        group_of<3>(value, reference, scale, parameters, group);
+        group_of<3>(rule, group);
 }
 
 void misfit_row(const float* product, const float* energy, const float* square, std::ptrdiff_t stride,
@@ -138,9 +142,8 @@ KINEVOX_EXPORT(misfit_row);
 unsigned doubtful_pixels(const std::uint8_t* density, const float* evidence) {
     return KINEVOX_DISPATCH(doubtful_pixels)(density, evidence);
 }
-void shadow_group(int channels, const std::uint8_t* value, const std::uint8_t* reference,
-                  const std::uint8_t* scale, const kde::EvidenceParameters& parameters, ShadowGroup& group) {
-    KINEVOX_DISPATCH(shadow_group)(channels, value, reference, scale, parameters, group);
+void shadow_group(int channels, const kde::ShadowRule& rule, ShadowGroup& group) {
+    KINEVOX_DISPATCH(shadow_group)(channels, rule, group);
 }
 void misfit_row(const float* product, const float* energy, const float* square, std::ptrdiff_t stride,
                 int width, int channels, float* misfit) {

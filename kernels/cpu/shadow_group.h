@@ -2,6 +2,7 @@
 // Highway is there.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 
@@ -9,14 +10,17 @@
 
 namespace kinevox::kernels::cpu {
 
+inline constexpr int kFloorBlocks = kde::kGroupPixels / kde::kFloorBlock_px;  // of a group
+
 // 16 pixels of a row.
 struct ShadowGroup {
     kde::ShadowPixels pixels;
-    const float* evidence = nullptr;                            // without the rule
-    int view_count = 0;                                         // other cameras
-    float floor_light[kde::kMaxFloorViews][kde::kGroupPixels];  // negative: not known
-    float log_foreground[kde::kGroupPixels];
-    float log_odds[kde::kGroupPixels];
+    const float* evidence = nullptr;                         // without the rule
+    int view_count = 0;                                      // other cameras
+    float floor_light[kde::kMaxFloorViews][kFloorBlocks];    // negative: not known
+    std::array<float, 2> support;                            // of its halves
+    const float *distance = nullptr, *colour = nullptr;      // see EvidenceRows
+    float own[kde::kGroupPixels], voted[kde::kGroupPixels];  // see kde::ShadowLogOdds
     bool with_features = false;
     float features[kde::kShadowFeatures][kde::kGroupPixels];
 };
@@ -24,10 +28,8 @@ struct ShadowGroup {
 // Which of 16 pixels are doubtful, as bits. On a little-endian machine.
 unsigned doubtful_pixels(const std::uint8_t* density, const float* evidence);
 
-// Fills log_odds, and features if they are wanted. value, reference, scale: [channel][64] of the group's
-// cell, at its first pixel.
-void shadow_group(int channels, const std::uint8_t* value, const std::uint8_t* reference,
-                  const std::uint8_t* scale, const kde::EvidenceParameters& parameters, ShadowGroup& group);
+// Fills log_odds, and features if they are wanted.
+void shadow_group(int channels, const kde::ShadowRule& rule, ShadowGroup& group);
 
 // The misfit of the light that fits a patch of 7 x 7 best, per channel and pixel, around `width` pixels of a
 // row (at most kMaxRowPixels); the planes have `stride` floats a row.

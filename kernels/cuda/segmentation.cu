@@ -60,6 +60,7 @@ class CudaSegmenter final : public RewindableSegmenter {
     }
     void start_frame(const ImageView& image, const SegmentationPrior& prior);
     CellRange find_active(const CellRange& work);
+    void vote();
     void silhouettes(const Rect& box, const Rect& limit, const SegmentationPrior& prior);
     void update(const CellRange& work, bool tracked);
     void finish_frame(const Rect& box, Silhouettes& out);
@@ -69,6 +70,8 @@ class CudaSegmenter final : public RewindableSegmenter {
     SegmentationOptions options_;
     bool has_camera_ = false;
     kde::SceneView scene_;
+    CameraModel camera_;
+    FloorDirections directions_;
     kde::FloorGrid floor_grid_;
     DeviceBuffer<float> floor_directions_;
     // The frame between begin_frame() and end_frame().
@@ -87,6 +90,10 @@ class CudaSegmenter final : public RewindableSegmenter {
     DeviceBuffer<std::uint8_t> samples_, scale_, reference_, candidate_, visits_, image_, values_, density_;
     DeviceBuffer<std::uint8_t> candidates_, active_, probability_of_, masks_, zones_, expected_;
     DeviceBuffer<float> log_peak_, planes_, log_lit_, device_log_foreground_;
+    DeviceBuffer<std::int8_t> votes_;
+    DeviceBuffer<std::uint8_t> added_;
+    DeviceBuffer<int> changed_;
+    DeviceBuffer<float> support_;
     DeviceBuffer<int> numbers_, colour_counts_;
     DeviceBuffer<unsigned long long> sums_;
     PinnedBuffer<std::uint8_t> host_image_, host_expected_, host_masks_, host_reference_;
@@ -151,19 +158,26 @@ void CudaSegmenter::begin() {
     data_.density = place(density_, cells * kCellPixels);
     data_.candidates = place(candidates_, cells);
     data_.active = place(active_, cells);
-    float* planes = place(planes_, 11 * plane);
+    float* planes = place(planes_, 12 * plane);
     data_.weighted_value = planes, data_.weighted_energy = planes + plane, data_.factor = planes + 2 * plane;
     data_.residual = planes + 3 * plane, data_.evidence = planes + 4 * plane,
     data_.smoothed = planes + 5 * plane;
     data_.neighbourhood = planes + 6 * plane, data_.product = planes + 7 * plane;
     data_.energy = planes + 8 * plane, data_.square = planes + 9 * plane, data_.misfit = planes + 10 * plane;
+    data_.voted = planes + 11 * plane;
     data_.probability = place(masks_, 3 * pixels);
     data_.sharp = data_.probability + pixels, data_.loose = data_.probability + 2 * pixels;
     host_masks_.resize(3 * pixels);
     data_.zones = place(zones_, pixels);
-    data_.active_box = place(numbers_, 8);
+    data_.active_box = place(numbers_, 13);
     data_.bounds = data_.active_box + 4;
-    host_numbers_.resize(8);
+    data_.vote_box = data_.active_box + 8;
+    host_numbers_.resize(13);
+    const std::size_t blocks = static_cast<std::size_t>(data_.vote_columns()) * data_.vote_rows();
+    data_.votes = place(votes_, blocks);
+    data_.changed = place(changed_, blocks);
+    data_.added = place(added_, blocks);
+    data_.support = place(support_, static_cast<std::size_t>(data_.support_columns()) * data_.support_rows());
     data_.sums = place(sums_, 3);
     host_sums_.resize(3);
     data_.colour_counts = place(colour_counts_, colours_.bins());
@@ -193,8 +207,21 @@ void CudaSegmenter::start_frame(const ImageView& image, const SegmentationPrior&
     fill_bytes(stream_, masks_.data(), 0, 3 * pixels);
     fill_bytes(stream_, sums_.data(), 0, 3);
     fill_bytes(stream_, colour_counts_.data(), 0, colour_counts_.size());
-    const int numbers[8] = {data_.height, 0, data_.cells_per_row, 0, data_.width, data_.height, 0, 0};
-    std::copy_n(numbers, 8, host_numbers_.data());
+    fill_bytes(stream_, changed_.data(), 0, changed_.size());
+    fill_bytes(stream_, added_.data(), 0, added_.size());
+    const int numbers[13] = {data_.height,
+                             0,
+                             data_.cells_per_row,
+                             0,
+                             data_.width,
+                             data_.height,
+                             0,
+                             0,
+                             data_.vote_columns(),
+                             data_.vote_rows(),
+                             0,
+                             0};
+    std::copy_n(numbers, 13, host_numbers_.data());
     upload(stream_, numbers_, host_numbers_);
     colours_.log_density(options_.colour_memory_weight, log_foreground_);
     std::copy(log_foreground_.begin(), log_foreground_.end(), host_log_foreground_.data());
@@ -285,10 +312,11 @@ void CudaSegmenter::finish_frame(const Rect& box, Silhouettes& out) {
 void CudaSegmenter::set_camera(const CameraModel& camera) {
     stream_.wait();
     scene_.camera = make_projector(camera, "segmentation");
-    const FloorDirections directions = floor_directions(camera);
-    floor_grid_.directions = keep(floor_directions_, directions.xy);
-    floor_grid_.columns = directions.columns;
-    std::copy_n(directions.centre, 3, floor_grid_.centre);
+    camera_ = camera;
+    directions_ = floor_directions(camera);
+    floor_grid_.directions = keep(floor_directions_, directions_.xy);
+    floor_grid_.columns = directions_.columns;
+    std::copy_n(directions_.centre, 3, floor_grid_.centre);
     has_camera_ = true;
 }
 
@@ -315,6 +343,22 @@ void CudaSegmenter::begin_frame(const ImageView& image, const SegmentationPrior&
     scene_.cells_per_row = data_.cells_per_row;
     active_box_ = find_active(work_);  // waits: the image is there for the other cameras
     if (!active_box_.empty()) queue_evidence(stream_, data_, active_box_);
+    if (has_camera_) vote();
+}
+
+// Counts the blocks' votes and finds the bounds of what is plainly the subject; waits, so that the other
+// cameras find them.
+void CudaSegmenter::vote() {
+    queue_votes(stream_, data_, active_box_);
+    download(stream_, host_numbers_.data() + 8, data_.vote_box, 4);
+    stream_.wait();
+    scene_.votes = data_.votes;
+    scene_.vote_columns = data_.vote_columns();
+    constexpr int kBlock = kde::kVoteBlock_px;
+    const Rect subject{kBlock * host_numbers_[8], kBlock * host_numbers_[9], kBlock * host_numbers_[10],
+                       kBlock * host_numbers_[11]};
+    scene_.sees = !subject.empty();
+    if (scene_.sees) subject_bounds(subject, camera_, directions_, scene_.bounds);
 }
 
 FloorScenes CudaSegmenter::floor_scenes(std::span<const Segmenter* const> others) const {

@@ -171,22 +171,62 @@ __global__ void evidence_kernel(SegmentData d, CellRange box) {
         d.log_foreground[kde::histogram_bin<kChannels>(d.values + plane)], d.parameters);
 }
 
+// A thread a block of the whole image.
+__global__ void vote_kernel(SegmentData d, CellRange box) {
+    constexpr int kBlock = kde::kVoteBlock_px;
+    const int n = thread_index(), row = n / d.vote_columns(), column = n % d.vote_columns();
+    if (row >= d.vote_rows()) return;
+    int vote = -kde::kMaxVote;
+    for (int y = max(row * kBlock, box.y0); y < min((row + 1) * kBlock, box.y1); ++y)
+        for (int x = column * kBlock; x < min((column + 1) * kBlock, d.width); ++x) {
+            const int k = x / kCellPixels, lane = x - k * kCellPixels;
+            if (k < box.k0 || k >= box.k1 || !in_group(d.active[d.cell(y, k)], lane)) continue;
+            vote += 1 + kde::pixel_vote(d.density[d.cell(y, k) * kCellPixels + lane], d.evidence[d.at(y, x)]);
+        }
+    d.votes[n] = static_cast<std::int8_t>(vote);
+    if (vote < kde::kSubjectVote) return;
+    atomicMin(d.vote_box, column);
+    atomicMin(d.vote_box + 1, row);
+    atomicMax(d.vote_box + 2, column + 1);
+    atomicMax(d.vote_box + 3, row + 1);
+    atomicAdd(d.vote_box + 4, 1);
+}
+
+// A thread a block of the whole image.
+__global__ void support_kernel(SegmentData d, CellRange box, FloorScenes floor) {
+    constexpr int kBlock = kde::kSupportBlock_px;
+    const int n = thread_index(), row = n / d.support_columns(), column = n % d.support_columns();
+    if (row >= d.support_rows() || (row + 1) * kBlock <= box.y0 || row * kBlock >= box.y1 ||
+        (column + 1) * kBlock <= box.k0 * kCellPixels || column * kBlock >= box.k1 * kCellPixels)
+        return;
+    kde::SupportRay ray;
+    const bool known = kde::support_ray(floor.grid, floor.camera, kde::support_centre(column * kBlock),
+                                        kde::support_centre(row * kBlock), ray);
+    d.support[n] = known ? kde::support_of(ray, floor.count,
+                                           [&](int i) -> const kde::SceneView& { return floor.others[i]; })
+                         : kde::kUnknownSupport;
+}
+
 template <int kChannels>
 __global__ void shadow_kernel(SegmentData d, CellRange box, FloorScenes floor) {
     const int y = box.y0 + static_cast<int>(blockIdx.y), k = box.k0 + static_cast<int>(blockIdx.x),
               lane = threadIdx.x, x = k * kCellPixels + lane;
     const std::size_t cell = d.cell(y, k), at = d.at(y, x);
+    d.voted[at] = -d.parameters.limit;
     if (x >= d.width || !in_group(d.active[cell], lane)) return;
     if (d.density[cell * kCellPixels + lane] >= kde::kSureDensity || d.evidence[at] >= kde::kDoubtfulEvidence)
         return;
-    const std::size_t plane = cell * kChannels * kCellPixels + lane;
-    float distance = 0;
-    for (int c = 0; c < kChannels; ++c) {
-        const float s = d.scale[plane + c * kCellPixels];
-        const float difference =
-            static_cast<float>(d.values[plane + c * kCellPixels] - d.reference[plane + c * kCellPixels]);
-        distance += difference * difference * (s * s);
+    const int block = y / kde::kVoteBlock_px * d.vote_columns() + x / kde::kVoteBlock_px;
+    if (d.votes[block] < kde::kMinJudgedVote) return;
+    const float support =
+        d.support[y / kde::kSupportBlock_px * d.support_columns() + x / kde::kSupportBlock_px];
+    if (support < kde::kMinSupport) {
+        d.evidence[at] = -d.parameters.limit;
+        return;
     }
+    const std::size_t plane = cell * kChannels * kCellPixels + lane;
+    const float distance =
+        kde::squared_distance<kChannels>(d.values + plane, d.reference + plane, d.scale + plane);
     auto e = kde::own_evidence<kChannels, float>(
         distance, d.log_foreground[kde::histogram_bin<kChannels>(d.values + plane)],
         {d.factor + at, d.residual + at, d.neighbourhood + at, d.misfit + at, d.stride()});
@@ -196,7 +236,34 @@ __global__ void shadow_kernel(SegmentData d, CellRange box, FloorScenes floor) {
         for (int n = 0; n < floor.count; ++n)
             kde::add_floor_light(
                 e, kde::light_of_floor<kChannels>(floor.others[n], floor_x, floor_y, d.parameters));
-    if (e.light <= kde::kBrightestRuled) d.evidence[at] = kde::shadow_log_odds(e, d.parameters.shadow);
+    e.support = support;
+    const auto odds = kde::shadow_log_odds(e, d.evidence[at], d.parameters.shadow);
+    d.evidence[at] = odds.own;
+    d.voted[at] = odds.voted;
+    if (odds.changed()) atomicAdd(d.changed + block, 1);
+}
+
+// A thread a block of the whole image: marks the square around it if the votes change enough of its pixels.
+__global__ void limb_kernel(SegmentData d) {
+    const int n = thread_index(), columns = d.vote_columns(), rows = d.vote_rows();
+    const int row = n / columns, column = n % columns;
+    if (row >= rows) return;
+    const int radius = kde::voted_radius(d.vote_box[4]);
+    const int x0 = max(column - radius, 0), x1 = min(column + radius + 1, columns), y0 = max(row - radius, 0),
+              y1 = min(row + radius + 1, rows);
+    int changed = 0;
+    for (int y = y0; y < y1; ++y)
+        for (int x = x0; x < x1; ++x) changed += d.changed[y * columns + x];
+    if (!kde::is_limb(changed, radius)) return;
+    for (int y = y0; y < y1; ++y)
+        for (int x = x0; x < x1; ++x) d.added[y * columns + x] = 1;
+}
+
+__global__ void added_kernel(SegmentData d, CellRange box) {
+    const int y = box.y0 + static_cast<int>(blockIdx.y);
+    const int x = (box.k0 + static_cast<int>(blockIdx.x)) * kCellPixels + static_cast<int>(threadIdx.x);
+    if (x >= d.width || !d.added[y / kde::kVoteBlock_px * d.vote_columns() + x / kde::kVoteBlock_px]) return;
+    d.evidence[d.at(y, x)] = fmaxf(d.evidence[d.at(y, x)], d.voted[d.at(y, x)]);
 }
 
 __global__ void smooth_kernel(SegmentData d, CellRange box, Smoothing w) {
@@ -378,13 +445,24 @@ void queue_evidence(const Stream& stream, const SegmentData& data, const CellRan
     KINEVOX_CUDA_CHECK(cudaGetLastError());
 }
 
+void queue_votes(const Stream& stream, const SegmentData& data, const CellRange& box) {
+    const std::size_t votes = static_cast<std::size_t>(data.vote_columns()) * data.vote_rows();
+    vote_kernel<<<blocks(votes), kThreads, 0, stream.get()>>>(data, box);
+    KINEVOX_CUDA_CHECK(cudaGetLastError());
+}
+
 void queue_shadows(const Stream& stream, const SegmentData& data, const CellRange& box,
                    const FloorScenes& floor) {
+    const std::size_t supports = static_cast<std::size_t>(data.support_columns()) * data.support_rows();
+    support_kernel<<<blocks(supports), kThreads, 0, stream.get()>>>(data, box, floor);
     if (data.channels == 1) {
         shadow_kernel<1><<<cells_of(box), kCellPixels, 0, stream.get()>>>(data, box, floor);
     } else {
         shadow_kernel<3><<<cells_of(box), kCellPixels, 0, stream.get()>>>(data, box, floor);
     }
+    const std::size_t votes = static_cast<std::size_t>(data.vote_columns()) * data.vote_rows();
+    limb_kernel<<<blocks(votes), kThreads, 0, stream.get()>>>(data);
+    added_kernel<<<cells_of(box), kCellPixels, 0, stream.get()>>>(data, box);
     KINEVOX_CUDA_CHECK(cudaGetLastError());
 }
 

@@ -33,7 +33,7 @@ struct SegmentData {
     std::uint8_t *candidates,
         *active;  // per cell, its groups (kde_evidence.h) near unsure pixels and those looked at
     float *weighted_value, *weighted_energy, *factor, *residual, *evidence, *smoothed;
-    float *neighbourhood, *product, *energy, *square, *misfit;  // see kernels/cpu/shadow.h
+    float *neighbourhood, *product, *energy, *square, *misfit, *voted;  // see kernels/cpu/shadow.h
     const float *log_lit, *log_foreground;
     const std::uint8_t* probability_of;
     std::uint8_t *probability, *sharp, *loose, *zones;  // width bytes a row
@@ -42,6 +42,11 @@ struct SegmentData {
     int* colour_counts;
     unsigned long long* sums;  // of `sharp`: pixels, x, y
     int* bounds;               // of `loose`: x0 y0 x1 y1
+    std::int8_t* votes;        // per block of kde::kVoteBlock_px, see kde::SceneView
+    int* vote_box;             // of the blocks in the subject: x0 y0 x1 y1, number
+    int* changed;              // per vote block, pixels that the votes would change
+    std::uint8_t* added;       // per vote block, whether they do
+    float* support;            // per block of kde::kSupportBlock_px
     int gain_64[3];
     kde::DensityTables tables;
     kde::EvidenceParameters parameters;
@@ -53,6 +58,18 @@ struct SegmentData {
     // Of a pixel in a plane of floats; y -8 .. height + 7, x -64 .. 64 * (cells_per_row + 1) - 1.
     __host__ __device__ std::size_t at(int y, int x) const {
         return static_cast<std::size_t>(y + kPlaneMargin) * stride() + kde::kCellPixels + x;
+    }
+    __host__ __device__ int vote_columns() const {
+        return (width + kde::kVoteBlock_px - 1) / kde::kVoteBlock_px;
+    }
+    __host__ __device__ int vote_rows() const {
+        return (height + kde::kVoteBlock_px - 1) / kde::kVoteBlock_px;
+    }
+    __host__ __device__ int support_columns() const {
+        return (width + kde::kSupportBlock_px - 1) / kde::kSupportBlock_px;
+    }
+    __host__ __device__ int support_rows() const {
+        return (height + kde::kSupportBlock_px - 1) / kde::kSupportBlock_px;
     }
     __host__ __device__ std::size_t cell(int y, int k) const {
         return static_cast<std::size_t>(y) * cells_per_row + k;
@@ -71,6 +88,9 @@ void queue_density_of_rows(const Stream& stream, const SegmentData& data, const 
 void queue_active(const Stream& stream, const SegmentData& data, const CellRange& work);
 void queue_evidence(const Stream& stream, const SegmentData& data, const CellRange& box);
 
+// Fills data.votes, and data.vote_box, which must hold {columns, rows, 0, 0, 0} before.
+void queue_votes(const Stream& stream, const SegmentData& data, const CellRange& box);
+
 // What the cameras see of the floor; `count` 0: not known.
 struct FloorScenes {
     kde::FloorGrid grid;
@@ -78,7 +98,8 @@ struct FloorScenes {
     kde::SceneView others[kde::kMaxFloorViews];
     int count = 0;
 };
-// Gives doubtful pixels their evidence by the rule of shared/kde_shadow.h.
+// Fills data.support, data.changed and data.added and gives doubtful pixels their evidence by the rule of
+// shared/kde_shadow.h.
 void queue_shadows(const Stream& stream, const SegmentData& data, const CellRange& box,
                    const FloorScenes& floor);
 void queue_smoothing(const Stream& stream, const SegmentData& data, const CellRange& box,

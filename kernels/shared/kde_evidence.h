@@ -89,6 +89,19 @@ KINEVOX_HD inline PixelLight fit_light(const std::uint8_t* value, const std::uin
             precision * energy, precision * square};
 }
 
+// From the background in unchanged light, bandwidths / 256.
+template <int kChannels>
+KINEVOX_HD inline float squared_distance(const std::uint8_t* value, const std::uint8_t* reference,
+                                         const std::uint8_t* scale) {
+    float sum = 0;
+    for (int c = 0; c < kChannels; ++c) {
+        const float s = scale[c * kCellPixels];
+        const auto difference = static_cast<float>(value[c * kCellPixels] - reference[c * kCellPixels]);
+        sum += difference * difference * (s * s);
+    }
+    return sum;
+}
+
 // log_lit: log of the kernel density over its peak, from a table by density(); for density 0 it is the upper
 // bound and the distance from the reference is more precise. log_peak: log of the density's peak. light_step:
 // how far the pixel's light is from its neighbourhood's, the nearest of the neighbourhoods around it and at

@@ -2,8 +2,10 @@
 // explain. A single pixel does not decide it where clothes have the background's chromaticity, so the rule
 // also asks its surroundings (does one light explain the whole patch?) and the other cameras: a shadow
 // darkens a floor point for every camera, so if any of them sees the point behind this pixel clearly
-// brighter, the pixel is the subject. A logistic rule joins the evidence; its weights are learned from
-// rendered sequences with exact silhouettes (tests/accuracy/shadow_rule.py).
+// brighter, the pixel is the subject. Walls have no floor point; there, and everywhere, the cameras vote on
+// the points along the pixel's ray: the subject is somewhere on it only if the others may see it there. A
+// logistic rule joins the evidence; its weights are learned from rendered sequences with exact silhouettes
+// (tests/accuracy/shadow_rule.py).
 #pragma once
 
 #include <cstddef>
@@ -23,8 +25,9 @@ inline constexpr int kPatchRadius = 3;    // px; one light must explain a patch 
 inline constexpr int kMaxFloorViews = 4;  // other cameras that are asked for a floor point
 inline constexpr int kFloorGrid_px = 8;   // spacing of the tabulated directions of a camera's pixels
 inline constexpr float kMaxFloorDistance_m = 15;
-inline constexpr float kBrightestRuled = 1.1f;  // a brighter pixel is in no shadow and keeps its evidence
-inline constexpr float kDoubtfulEvidence = 3;   // nats; above it a pixel is the subject without a second look
+// A brighter pixel is in no shadow and keeps its evidence, unless the other cameras see the subject there.
+inline constexpr float kBrightestRuled = 1.1f, kBrightSupport = 0.6f;
+inline constexpr float kDoubtfulEvidence = 3;  // nats; above it a pixel is the subject without a second look
 
 // The functions below are templates over F, float or a vector of floats with the operators of float, so that
 // the CPU form decides 16 pixels at once.
@@ -82,7 +85,23 @@ struct SceneView {
     const std::uint8_t* scale = nullptr;      // [row][cell][channel][64]
     int inverse_gain[3] = {0, 0, 0};          // 16384 / gain
     int channels = 3, cells_per_row = 0;
+    const std::int8_t* votes = nullptr;  // [row][column] of blocks, see block_votes()
+    int vote_columns = 0;
+    // Around the subject, with a margin: left, right, top, bottom at depth 1 in the camera frame. Unless
+    // `sees`, nothing here is plainly the subject.
+    float bounds[4] = {0, 0, 0, 0};
+    bool sees = false;
 };
+
+// A camera's vote on a block of its image, from the pixels' own evidence: 1 for each pixel that is plainly
+// the subject, -1 for each that is plainly background, 0 for the doubtful ones.
+inline constexpr int kVoteBlock_px = 4;
+inline constexpr int kMaxVote = kVoteBlock_px * kVoteBlock_px;
+inline constexpr int kSubjectVote = kMaxVote / 2;    // of a block that lies in the subject
+inline constexpr int kMinJudgedVote = 4 - kMaxVote;  // fewer doubtful pixels than four are noise
+KINEVOX_HD inline int pixel_vote(int density, float evidence) {
+    return evidence >= kDoubtfulEvidence ? 1 : density >= kSureDensity ? -1 : 0;
+}
 
 // Directions of a camera's pixels, tabulated every kFloorGrid_px: x and y at depth 1 in the camera frame.
 struct FloorGrid {
@@ -91,17 +110,23 @@ struct FloorGrid {
     float centre[3] = {0, 0, 0};  // of the camera, world, m
 };
 
-// The floor point (z = 0 of the world frame) behind a pixel; false where there is none within
-// kMaxFloorDistance_m.
-KINEVOX_HD inline bool floor_point(const FloorGrid& grid, const Projector& camera, float u, float v, float& x,
-                                   float& y) {
+// x and y at depth 1 in the camera frame; NaN where the distortion model cannot be inverted.
+KINEVOX_HD inline void direction_of(const FloorGrid& grid, float u, float v, float& dx, float& dy) {
     const float gu = u * (1.0f / kFloorGrid_px), gv = v * (1.0f / kFloorGrid_px);
     const int iu = static_cast<int>(gu), iv = static_cast<int>(gv);
     const float a = gu - static_cast<float>(iu), b = gv - static_cast<float>(iv);
     const float* upper = grid.directions + 2 * (static_cast<std::ptrdiff_t>(iv) * grid.columns + iu);
     const float* lower = upper + 2 * grid.columns;
-    const float dx = (1 - b) * ((1 - a) * upper[0] + a * upper[2]) + b * ((1 - a) * lower[0] + a * lower[2]);
-    const float dy = (1 - b) * ((1 - a) * upper[1] + a * upper[3]) + b * ((1 - a) * lower[1] + a * lower[3]);
+    dx = (1 - b) * ((1 - a) * upper[0] + a * upper[2]) + b * ((1 - a) * lower[0] + a * lower[2]);
+    dy = (1 - b) * ((1 - a) * upper[1] + a * upper[3]) + b * ((1 - a) * lower[1] + a * lower[3]);
+}
+
+// The floor point (z = 0 of the world frame) behind a pixel; false where there is none within
+// kMaxFloorDistance_m.
+KINEVOX_HD inline bool floor_point(const FloorGrid& grid, const Projector& camera, float u, float v, float& x,
+                                   float& y) {
+    float dx, dy;
+    direction_of(grid, u, v, dx, dy);
     const float* r = camera.r;  // its transpose turns the direction into the world
     const float down = -(r[2] * dx + r[5] * dy + r[8]);
     if (!(grid.centre[2] > 0) || !(down * kMaxFloorDistance_m > grid.centre[2])) return false;
@@ -109,6 +134,101 @@ KINEVOX_HD inline bool floor_point(const FloorGrid& grid, const Projector& camer
     x = grid.centre[0] + t * (r[0] * dx + r[3] * dy + r[6]);
     y = grid.centre[1] + t * (r[1] * dx + r[4] * dy + r[7]);
     return true;
+}
+
+// Where the subject can be along a pixel's ray, by the votes of the other cameras.
+inline constexpr int kSupportBlock_px = 8;           // pixels that share a ray, in rows and columns
+inline constexpr int kSupportSamples = 16;           // along it
+inline constexpr float kMinSupportHeight_m = 0.03f;  // on the floor, shadows look alike from everywhere
+inline constexpr float kMinSupport = -0.25f;         // below it a doubtful pixel is background
+inline constexpr float kNoSupport = -2;              // nowhere
+inline constexpr float kUnknownSupport = 2;          // no other camera sees the subject
+
+struct SupportRay {
+    float origin[3], direction[3];  // world; the direction has depth 1 in its camera
+    float near = 0, far = 0;        // depths, m
+    KINEVOX_HD void keep(float at_origin, float per_depth) {  // where at_origin + depth * per_depth >= 0
+        const float root = -at_origin / per_depth;
+        if (per_depth > 0) {
+            near = root > near ? root : near;
+        } else if (per_depth < 0) {
+            far = root < far ? root : far;
+        } else if (at_origin < 0) {
+            far = near;
+        }
+    }
+};
+
+KINEVOX_HD inline bool support_ray(const FloorGrid& grid, const Projector& camera, float u, float v,
+                                   SupportRay& ray) {
+    constexpr float kMinDepth_m = 0.3f;
+    float dx, dy;
+    direction_of(grid, u, v, dx, dy);
+    const float* r = camera.r;
+    for (int i = 0; i < 3; ++i) {
+        ray.origin[i] = grid.centre[i];
+        ray.direction[i] = r[i] * dx + r[3 + i] * dy + r[6 + i];
+    }
+    ray.near = kMinDepth_m;
+    ray.far = kMaxFloorDistance_m;
+    ray.keep(ray.origin[2] - kMinSupportHeight_m, ray.direction[2]);
+    return dx == dx && dy == dy;
+}
+
+// Confines the ray to what the view's bounds hold.
+KINEVOX_HD inline void confine(const SceneView& view, SupportRay& ray) {
+    const Projector& c = view.camera;
+    const CameraPoint a = to_camera(c, ray.origin[0], ray.origin[1], ray.origin[2]);
+    const float* d = ray.direction;
+    const float bx = c.r[0] * d[0] + c.r[1] * d[1] + c.r[2] * d[2],
+                by = c.r[3] * d[0] + c.r[4] * d[1] + c.r[5] * d[2],
+                bz = c.r[6] * d[0] + c.r[7] * d[1] + c.r[8] * d[2];
+    ray.keep(a.z - kNearest_m, bz);
+    ray.keep(a.x - view.bounds[0] * a.z, bx - view.bounds[0] * bz);
+    ray.keep(view.bounds[1] * a.z - a.x, view.bounds[1] * bz - bx);
+    ray.keep(a.y - view.bounds[2] * a.z, by - view.bounds[2] * bz);
+    ray.keep(view.bounds[3] * a.z - a.y, view.bounds[3] * bz - by);
+}
+
+// The highest mean vote of a point on the ray, -1..1; kNoSupport where too many cameras see plain background
+// behind every one. view(n): the SceneView of the other camera n.
+template <class View>
+KINEVOX_HD inline float support_of(SupportRay ray, int count, const View& view) {
+    bool seen = false;
+    for (int n = 0; n < count; ++n)
+        if (view(n).sees) {
+            confine(view(n), ray);
+            seen = true;
+        }
+    if (!seen) return kUnknownSupport;
+    if (!(ray.near < ray.far)) return kNoSupport;
+    // One camera of three may take the subject for background.
+    const int max_against = count / 3;
+    const float step = (ray.far - ray.near) * (1.0f / kSupportSamples);
+    int best = -kMaxVote * count - 1;
+    for (int i = 0; i < kSupportSamples; ++i) {
+        const float t = ray.near + (static_cast<float>(i) + 0.5f) * step;
+        const float x = ray.origin[0] + t * ray.direction[0], y = ray.origin[1] + t * ray.direction[1],
+                    z = ray.origin[2] + t * ray.direction[2];
+        int sum = 0, against = 0;
+        for (int n = 0; n < count && against <= max_against; ++n) {
+            if (sum + kMaxVote * (count - n) <= best) {
+                against = count;  // cannot be the highest any more
+                break;
+            }
+            const SceneView& other = view(n);
+            float u, v;
+            if (!to_pixel(other.camera, to_camera(other.camera, x, y, z), u, v)) continue;
+            const int cu = to_index(u), cv = to_index(v);
+            if (cu < 0 || cv < 0 || cu >= other.camera.width || cv >= other.camera.height) continue;
+            const int vote = other.votes[cv / kVoteBlock_px * other.vote_columns + cu / kVoteBlock_px];
+            sum += vote;
+            against += vote <= -kMaxVote + 1;
+        }
+        if (against <= max_against && sum > best) best = sum;
+    }
+    if (best < -kMaxVote * count) return kNoSupport;
+    return static_cast<float>(best) / static_cast<float>(kMaxVote * count);
 }
 
 // The light of a floor point in a camera over that of its background, 1 in unchanged light; negative where
@@ -169,6 +289,7 @@ struct ShadowEvidence {
     F over;        // brightest light of its floor point in another camera less its own
     F spread;      // smallest difference between the lights of its floor point
     F floor;       // 1 if another camera sees its floor point, else 0
+    F support;     // see support_of()
 };
 
 // Of floats in a row.
@@ -218,6 +339,7 @@ KINEVOX_HD KINEVOX_INLINE ShadowEvidence<F> own_evidence(F distance, F log_foreg
             e.min_misfit = smaller(e.min_misfit, load<F>(pixels.misfit + row * pixels.stride + column));
     e.over = e.floor = F{};
     e.spread = all_of<F>(1);
+    e.support = all_of<F>(kUnknownSupport);
     return e;
 }
 
@@ -235,6 +357,28 @@ KINEVOX_HD KINEVOX_INLINE void add_floor_light(ShadowEvidence<F>& e, F light) {
 inline constexpr int kFloorBlock_px = 4;
 KINEVOX_HD inline float block_centre(int pixel) {
     return static_cast<float>(pixel - pixel % kFloorBlock_px) + 0.5f * (kFloorBlock_px - 1);
+}
+
+KINEVOX_HD inline float support_centre(int pixel) {
+    return static_cast<float>(pixel - pixel % kSupportBlock_px) + 0.5f * (kSupportBlock_px - 1);
+}
+
+// Whether the votes may add a pixel to the subject. Beside a contour they support almost everything, since
+// the rays pass close to the subject there, and real images are doubtful there; what clothes like the
+// background lose is whole limbs. So they decide only within a square of about a limb's width of which they
+// change this share or more.
+inline constexpr int kMinVotedPercent = 40;
+// Blocks from the square's centre to its border; its sides are a ninth of the square root of the subject's
+// area, in whole blocks.
+KINEVOX_HD inline int voted_radius(int subject_blocks) {
+    constexpr int kDividend = 70;
+    int radius = 1;
+    while (kDividend * (2 * radius + 1) * (2 * radius + 1) <= subject_blocks) ++radius;
+    return radius;
+}
+KINEVOX_HD inline bool is_limb(int voted_pixels, int radius) {
+    const int pixels = (2 * radius + 1) * (2 * radius + 1) * kVoteBlock_px * kVoteBlock_px;
+    return 100 * voted_pixels >= kMinVotedPercent * pixels;
 }
 
 // The rule's inputs, kShadowFeatures of them. The first is constant.
@@ -266,6 +410,12 @@ KINEVOX_HD KINEVOX_INLINE void shadow_features(const ShadowEvidence<F>& e, F* ou
     out[19] = e.floor * below(e.over, 0);
     out[20] = e.floor * below(e.spread, 0.1f);
     out[21] = e.floor * below(e.spread, 0.04f);
+    const F known = e.support > 1.5f ? F{} : all_of<F>(1);
+    out[22] = known;
+    out[23] = known * e.support;
+    out[24] = known * over(e.support, 0);
+    out[25] = known * over(e.support, 0.4f);
+    out[26] = known * over(e.support, 0.75f);
 }
 
 // The features whose products the rule weighs, too: which two of them occur together says more than each.
@@ -285,19 +435,43 @@ KINEVOX_HD KINEVOX_INLINE void shadow_bases(const F* features, F* out) {
 
 // Log odds of the subject against a shadow, nats; scaled as shadow_rule.py states.
 template <class F>
-KINEVOX_HD KINEVOX_INLINE F shadow_log_odds(const ShadowEvidence<F>& evidence, const ShadowRule& rule) {
-    F features[kShadowFeatures], bases[kShadowBases], sum = F{};
+struct ShadowLogOdds {
+    F own;    // without the votes
+    F voted;  // with them
+    // Whether the votes, and they alone, make it the subject.
+    KINEVOX_HD bool changed() const { return own <= 0 && voted > 0; }
+};
+
+template <class F>
+KINEVOX_HD KINEVOX_INLINE F limited(F log_odds) {
+    constexpr float kLimit = 8;
+    return -smaller(-smaller(log_odds, all_of<F>(kLimit)), all_of<F>(kLimit));
+}
+
+// without_rule: the pixels' evidence, which brighter ones keep.
+template <class F>
+KINEVOX_HD KINEVOX_INLINE ShadowLogOdds<F> shadow_log_odds(const ShadowEvidence<F>& evidence, F without_rule,
+                                                           const ShadowRule& rule) {
+    F features[kShadowFeatures], bases[kShadowBases], sum = F{}, per_vote = F{}, per_positive_vote = F{};
     shadow_features(evidence, features);
     shadow_bases(features, bases);
-    for (int i = 0; i < kShadowFeatures; ++i) sum += rule.weights[i] * features[i];
+    for (int i = 0; i < kOwnShadowFeatures; ++i) sum += rule.weights[i] * features[i];
     int n = 0;
     for (int i = 0; i < kShadowBases; ++i) {
         F inner = F{};
         for (int j = i; j < kShadowBases; ++j) inner += rule.products[n++] * bases[j];
         sum += bases[i] * inner;
+        per_vote += rule.vote_products[i] * bases[i];
+        per_positive_vote += rule.positive_vote_products[i] * bases[i];
     }
-    constexpr float kLimit = 8;
-    return -smaller(-smaller(sum, all_of<F>(kLimit)), all_of<F>(kLimit));
+    F votes =
+        features[kOwnShadowFeatures + 1] * per_vote + features[kOwnShadowFeatures + 2] * per_positive_vote;
+    for (int i = kOwnShadowFeatures; i < kShadowFeatures; ++i) votes += rule.weights[i] * features[i];
+    const F own = limited(sum);
+    const auto bright = evidence.light > kBrightestRuled;
+    const auto seen = (evidence.support > kBrightSupport) & (evidence.support < 1.5f);
+    const F voted = limited(own + votes);
+    return {bright ? without_rule : own, bright ? (seen ? voted : without_rule) : voted};
 }
 
 }  // namespace kinevox::kernels::kde

@@ -62,7 +62,7 @@ template <int kChannels>
 void expect_scalar_values(int groups) {
     const Scene s(kChannels);
     const kde::EvidenceParameters p;
-    std::vector<float> planes[8];
+    std::vector<float> planes[10];
     for (auto& plane : planes) plane.assign(kCellPixels, kUntouched);
     fit_light_cell(s.cell(), groups, p,
                    {planes[0].data(), planes[1].data(), planes[2].data(), planes[3].data(), planes[4].data(),
@@ -85,11 +85,12 @@ void expect_scalar_values(int groups) {
         }
     }
     evidence_cell(s.cell(), groups, p, {factor.data(), residual.data(), around, Scene::kStride},
-                  s.log_lit.data(), s.log_foreground.data(), planes[7].data());
+                  s.log_lit.data(), s.log_foreground.data(),
+                  {planes[7].data(), planes[8].data(), planes[9].data()});
     int undecided = 0;
     for (int x = 0; x < kCellPixels; ++x) {
         if (!(groups >> x / kGroupPixels & 1)) {
-            EXPECT_EQ(planes[7][x], kUntouched) << x;
+            for (int n = 7; n < 10; ++n) EXPECT_EQ(planes[n][x], kUntouched) << x;
             continue;
         }
         float step = 10.0f;
@@ -100,6 +101,9 @@ void expect_scalar_values(int groups) {
             &s.value[x], &s.reference[x], &s.scale[x], s.density[x], s.log_lit[s.density[x]], s.log_peak[x],
             residual[x], step, s.log_foreground[kde::histogram_bin<kChannels>(&s.value[x])], p);
         EXPECT_NEAR(planes[7][x], expected, 2e-4f * std::abs(expected) + 2e-4f) << x;
+        const float distance = kde::squared_distance<kChannels>(&s.value[x], &s.reference[x], &s.scale[x]);
+        EXPECT_NEAR(planes[8][x], distance, 1e-5f * distance) << x;
+        EXPECT_EQ(planes[9][x], s.log_foreground[kde::histogram_bin<kChannels>(&s.value[x])]) << x;
         undecided += std::abs(expected) < p.limit;
     }
     if (groups == kde::kAllGroups) {

@@ -24,18 +24,22 @@ using testing::TestImage;
 
 constexpr int kWidth = 192, kHeight = 144;
 
-// 3 m from the world's origin, 2 m high, looking at the origin from `azimuth` (radians).
-CameraModel camera_at(double azimuth, float k1 = 0) {
+// 3 m from the world's z axis, looking at it from `azimuth` (radians).
+struct Height {
+    double of_camera = 2, of_target = 0;  // m
+};
+CameraModel camera_at(double azimuth, float k1 = 0, Height height = {}) {
     CameraModel c;
     c.width = kWidth, c.height = kHeight;
     c.fx = c.fy = 200, c.cx = kWidth / 2.0f - 0.5f, c.cy = kHeight / 2.0f - 0.5f, c.k1 = k1;
-    const double distance = std::hypot(3.0, 2.0), sine = std::sin(azimuth), cosine = std::cos(azimuth);
-    const double forward[3] = {-3 * cosine / distance, -3 * sine / distance, -2 / distance};
+    const double down_m = height.of_camera - height.of_target;
+    const double distance = std::hypot(3.0, down_m), sine = std::sin(azimuth), cosine = std::cos(azimuth);
+    const double forward[3] = {-3 * cosine / distance, -3 * sine / distance, -down_m / distance};
     const double right[3] = {-sine, cosine, 0};
     const double down[3] = {forward[1] * right[2] - forward[2] * right[1],
                             forward[2] * right[0] - forward[0] * right[2],
                             forward[0] * right[1] - forward[1] * right[0]};
-    const double centre[3] = {3 * cosine, 3 * sine, 2};
+    const double centre[3] = {3 * cosine, 3 * sine, height.of_camera};
     const double* rows[3] = {right, down, forward};
     for (int row = 0; row < 3; ++row) {
         double t = 0;
@@ -55,8 +59,8 @@ struct FloorPoint {
 
 class FloorCamera {
   public:
-    FloorCamera(double azimuth, unsigned seed, float k1 = 0)
-        : model(camera_at(azimuth, k1)),
+    FloorCamera(double azimuth, unsigned seed, float k1 = 0, Height height = {})
+        : model(camera_at(azimuth, k1, height)),
           projector_(make_projector(model, "test")),
           directions_(floor_directions(model)),
           random_(seed) {}
@@ -95,10 +99,12 @@ class FloorCamera {
 };
 
 struct Rig {
-    std::array<FloorCamera, 3> cameras{FloorCamera(0, 1), FloorCamera(2.1, 2), FloorCamera(4.2, 3)};
+    std::array<FloorCamera, 3> cameras;
     std::array<std::unique_ptr<Segmenter>, 3> segmenters;
 
-    explicit Rig(Device device) {
+    explicit Rig(Device device, Height height = {})
+        : cameras{FloorCamera(0, 1, 0, height), FloorCamera(2.1, 2, 0, height),
+                  FloorCamera(4.2, 3, 0, height)} {
         for (int c = 0; c < 3; ++c) {
             segmenters[c] = make_segmenter(device, kWidth, kHeight, 3);
             segmenters[c]->set_camera(cameras[c].model);
@@ -173,6 +179,99 @@ TEST_P(Shadow, IsSubjectWhenAnotherCameraSeesTheFloorLit) {
     Silhouettes alone;
     rig.segmenters[0]->segment(images[0].view(), {}, alone);
     EXPECT_LT(count_in(alone.sharp, kWidth, trousers), 0.5 * area);
+}
+
+TEST_P(Shadow, IsSubjectBeforeAWallWhereTheOtherCamerasSeeIt) {
+    // Level cameras: behind the upper half of their images there is no floor.
+    Rig rig(GetParam(), {1.2, 1.2});
+    const Rect shirt{80, 20, 112, 64}, shadow{8, 20, 40, 64};
+    std::array<TestImage, 3> images;
+    for (int c = 0; c < 3; ++c) {
+        images[c] = rig.cameras[c].image([&](FloorPoint, int x, int y) {
+            const auto in = [&](const Rect& r) { return x >= r.x0 && x < r.x1 && y >= r.y0 && y < r.y1; };
+            return c == 0 && (in(shirt) || in(shadow)) ? kDark : 1.0;
+        });
+        if (c > 0)  // of another colour than what is behind it there
+            for (int y = shirt.y0; y < shirt.y1; ++y)
+                for (int x = shirt.x0; x < shirt.x1; ++x)
+                    for (int channel = 0; channel < 3; ++channel)
+                        images[c].at(x, y, channel) = static_cast<std::uint8_t>(channel == 0 ? 200 : 60);
+    }
+    const auto out = rig.segment(images);
+    const int area = shirt.width() * shirt.height();
+    EXPECT_GT(count_in(out[0].sharp, kWidth, shirt), 0.9 * area);
+    EXPECT_LT(count_in(out[0].sharp, kWidth, shadow), 0.02 * area);
+}
+
+TEST(LimbGate, NeedsALimbsWidthOfChangedPixels) {
+    EXPECT_EQ(kde::voted_radius(100), 1);
+    EXPECT_EQ(kde::voted_radius(700), 2);  // blocks of the subject
+    const int pixels = 3 * 3 * kde::kVoteBlock_px * kde::kVoteBlock_px;
+    EXPECT_TRUE(kde::is_limb(pixels / 2, 1));
+    EXPECT_FALSE(kde::is_limb(pixels / 3, 1));
+}
+
+TEST(ShadowCuda, EqualsCpuForm) {
+    try {
+        make_segmenter(Device::kCuda, kWidth, kHeight, 3);
+    } catch (const std::runtime_error& error) {
+        if (std::getenv("KINEVOX_REQUIRE_GPU")) FAIL() << "a GPU was asked for, but: " << error.what();
+        GTEST_SKIP() << "no GPU: " << error.what();
+    }
+    Rig cpu(Device::kCpu, {1.2, 0.9}), gpu(Device::kCuda, {1.2, 0.9});
+    const Rect body{80, 20, 112, 110};
+    std::array<TestImage, 3> images;
+    for (int c = 0; c < 3; ++c)
+        images[c] = cpu.cameras[c].image([&](FloorPoint p, int x, int y) {
+            const bool inside = x >= body.x0 && x < body.x1 && y >= body.y0 && y < body.y1;
+            return inside ? 0.55 + 0.15 * c : p.seen && std::hypot(p.x, p.y - 0.3) < 0.4 ? kDark : 1.0;
+        });
+    const auto a = cpu.segment(images), b = gpu.segment(images);
+    EXPECT_GT(a[0].sharp_pixels, 500);
+    for (int c = 0; c < 3; ++c) {
+        std::size_t sharp = 0;
+        for (std::size_t n = 0; n < a[c].sharp.size(); ++n) sharp += a[c].sharp[n] != b[c].sharp[n];
+        EXPECT_LE(sharp, a[c].sharp.size() / 2000) << "camera " << c;
+    }
+}
+
+TEST(Support, IsTheHighestMeanVoteAlongTheRay) {
+    const FloorCamera own(0, 1, 0, {1.2, 1.2}), other(1.6, 2, 0, {1.2, 1.2}), third(2.4, 3, 0, {1.2, 1.2});
+    const FloorDirections directions = floor_directions(own.model);
+    const kde::FloorGrid grid{directions.xy.data(),
+                              directions.columns,
+                              {directions.centre[0], directions.centre[1], directions.centre[2]}};
+    const Projector camera = make_projector(own.model, "test");
+    std::array<kde::SceneView, 2> views;
+    constexpr int kColumns = kWidth / kde::kVoteBlock_px, kRows = kHeight / kde::kVoteBlock_px;
+    std::array<std::vector<std::int8_t>, 2> votes;
+    const Rect subject{80, 40, 112, 100};
+    for (int n = 0; n < 2; ++n) {
+        const CameraModel& model = n == 0 ? other.model : third.model;
+        votes[n].assign(kColumns * kRows, -kde::kMaxVote);
+        for (int y = subject.y0; y < subject.y1; y += kde::kVoteBlock_px)
+            for (int x = subject.x0; x < subject.x1; x += kde::kVoteBlock_px)
+                votes[n][y / kde::kVoteBlock_px * kColumns + x / kde::kVoteBlock_px] = kde::kMaxVote;
+        views[n].camera = make_projector(model, "test");
+        views[n].votes = votes[n].data();
+        views[n].vote_columns = kColumns;
+        views[n].sees = true;
+        subject_bounds(subject, model, floor_directions(model), views[n].bounds);
+    }
+    const auto support = [&](float u, float v) {
+        kde::SupportRay ray;
+        EXPECT_TRUE(kde::support_ray(grid, camera, u, v, ray));
+        return kde::support_of(ray, 2, [&](int n) -> const kde::SceneView& { return views[n]; });
+    };
+    EXPECT_FLOAT_EQ(support(96, 70), 1);
+    EXPECT_LT(support(20, 70), kde::kMinSupport);
+    EXPECT_LT(support(96, 5), kde::kMinSupport);
+    std::fill(votes[1].begin(), votes[1].end(), std::int8_t{0});  // doubtful everywhere
+    EXPECT_FLOAT_EQ(support(96, 70), 0.5f);
+    std::fill(votes[1].begin(), votes[1].end(), std::int8_t{-kde::kMaxVote});
+    EXPECT_LT(support(96, 70), kde::kMinSupport);
+    views[0].sees = views[1].sees = false;
+    EXPECT_FLOAT_EQ(support(96, 70), kde::kUnknownSupport);
 }
 
 TEST(FloorGrid, FloorPointProjectsToItsPixelWithDistortion) {

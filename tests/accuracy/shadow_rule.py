@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 WEIGHTS = Path(__file__).resolve().parents[2] / "kernels" / "shared" / "shadow_weights.h"
-FEATURES = 22
+FEATURES = 27
 RECORD = np.dtype(
     [
         ("frame", "<i2"),
@@ -31,8 +31,8 @@ RECORD = np.dtype(
         ("features", "<f4", FEATURES),
     ]
 )
-STEP = 6  # frames
-MAX_PIXELS = 60_000  # per sequence
+STEP, SWEEP_STEP = 6, 2  # frames
+MAX_PIXELS = 25_000  # per sequence
 # A missed limb costs more than a wider outline: the hull loses what one camera misses.
 SUBJECT_WEIGHT = 1.3
 SWEEP_WEIGHT = 0.5
@@ -41,30 +41,54 @@ SWEEP_WEIGHT = 0.5
 GAIN = 4.0
 
 
+# The rule without the votes of the other cameras (features OWN and more, kOwnShadowFeatures of kde_shadow.h).
+OWN = 22
 # Features whose products the rule weighs, too, as shadow_bases() of kde_shadow.h scales them.
 BASES = ((1, 1.0), (2, 0.25), (4, 1.0), (5, 4.0), (9, 4.0), (12, 1.0), (13, 1.0), (16, 4.0), (20, 10.0), (15, 1.0))
 MAX_BASE = 1.6
 PAIRS = np.triu_indices(len(BASES))
+SUPPORT, POSITIVE_SUPPORT = 23, 24
+MAX_LOG_ODDS = 8.0
 
 
-def with_products(features):
-    """(n, FEATURES) -> (n, FEATURES + products)."""
+def scaled_bases(features):
     bases = np.stack([features[:, i] * np.float32(scale) for i, scale in BASES], 1)
     bases[:, 7] = np.minimum(bases[:, 7], MAX_BASE)
-    return np.concatenate([features, bases[:, PAIRS[0]] * bases[:, PAIRS[1]]], 1)
+    return bases
+
+
+def own_terms(features):
+    """(n, FEATURES) -> (n, OWN + products)."""
+    bases = scaled_bases(features)
+    return np.concatenate([features[:, :OWN], bases[:, PAIRS[0]] * bases[:, PAIRS[1]]], 1)
+
+
+def vote_terms(features):
+    """(n, FEATURES) -> (n, FEATURES - OWN + 2 * bases)."""
+    bases = scaled_bases(features)
+    return np.concatenate(
+        [features[:, OWN:], features[:, SUPPORT, None] * bases, features[:, POSITIVE_SUPPORT, None] * bases], 1
+    )
+
+
+def log_odds(features, weights):
+    """Without and with the votes, (n,) each; `weights`: of own_terms() and vote_terms()."""
+    own = np.clip(GAIN * (own_terms(features) @ weights[0]), -MAX_LOG_ODDS, MAX_LOG_ODDS)
+    return own, own + GAIN * (vote_terms(features) @ weights[1])
 
 
 # The features that need another camera's view of the floor, and the fraction of the pixels that are learned from without
 # them: walls have no floor point, and shadows on them are rare in what the rule learns from.
 FLOOR = slice(15, 22)
 BLIND_FRACTION = 0.3
+BRIGHT = 10
 
 
 class Pixels:
-    """Features without and with products, truth and border flags (n,) of a sequence's doubtful pixels; `area`: of the
-    subject, px, scaled to the drawn pixels."""
+    """Features, truth and border flags (n,) of a sequence's doubtful pixels; `area`: of the subject, px, scaled to the
+    drawn pixels."""
 
-    def __init__(self, folder, records, weight):
+    def __init__(self, folder, records, weight, step):
         self.name, self.weight = folder.name, weight
         archives = sorted((folder / "truth").glob("masks_cam*.zip"))
         truth, border = np.zeros(len(records), bool), np.zeros(len(records), bool)
@@ -72,7 +96,7 @@ class Pixels:
         for camera, path in enumerate(archives):
             with zipfile.ZipFile(path) as archive:
                 names = sorted(archive.namelist())
-                for frame in range(0, len(names), STEP):
+                for frame in range(0, len(names), step):
                     image = cv2.imdecode(np.frombuffer(archive.read(names[frame]), np.uint8), cv2.IMREAD_GRAYSCALE)
                     mask = (image > 0).astype(np.uint8)
                     area += int(mask.sum())
@@ -81,9 +105,11 @@ class Pixels:
                     inner, outer = cv2.erode(mask, np.ones((3, 3))), cv2.dilate(mask, np.ones((5, 5)))
                     truth[rows] = mask[y, x] > 0
                     border[rows] = (outer > inner)[y, x]
+        # Brighter pixels keep their evidence without the votes.
+        ruled = records["features"][:, BRIGHT] <= 0
+        records, truth, border = records[ruled], truth[ruled], border[ruled]
         chosen = np.random.default_rng(0).random(len(records)) < min(1, MAX_PIXELS / max(len(records), 1))
-        self.plain = records["features"][chosen]
-        self.features = with_products(self.plain)
+        self.features = records["features"][chosen]
         self.truth, self.border, self.evidence = truth[chosen], border[chosen], records["evidence"][chosen]
         self.area = max(area * chosen.mean(), 1.0)
 
@@ -96,34 +122,41 @@ class Pixels:
                 parts.append(f"{missed:.4f} {added:.4f}")
             return "  ".join(parts)
 
-        return f"{self.name:10s} without {errors(self.evidence > 0)}   with {errors(self.features @ weights > 0)}"
+        own, voted = log_odds(self.features, weights)
+        return (
+            f"{self.name:10s} without {errors(self.evidence > 0)}   own {errors(own > 0)}   votes {errors(voted > 0)}"
+        )
 
 
-def learn(sequences):
-    """Logistic regression; weights of features and products in nats, the first the constant."""
-    plain = np.concatenate([s.plain for s in sequences])
-    plain[np.random.default_rng(1).random(len(plain)) < BLIND_FRACTION, FLOOR] = 0
-    x = with_products(plain)
-    truth = np.concatenate([s.truth for s in sequences])
-    importance = np.concatenate([np.full(len(s.truth), s.weight / s.area) for s in sequences])
-    importance *= np.where(truth, SUBJECT_WEIGHT, 1.0)
-    importance /= importance.sum()
-    mean, scale = x.mean(0), x.std(0) + 1e-6
-    mean[0], scale[0] = 0, 1
-    x -= mean.astype(x.dtype)
+def regress(x, truth, importance, offset=0.0):
+    """Logistic regression on `x` in addition to `offset`, nats; x is scaled in place."""
+    importance = importance / importance.sum()
+    scale = np.sqrt((x * x).mean(0)) + 1e-6
     x /= scale.astype(x.dtype)
     sign = np.where(truth, 1.0, -1.0)
 
     def loss(b):
-        z = sign * (x @ b.astype(x.dtype))
+        z = sign * (x @ b.astype(x.dtype) + offset)
         p = 1 / (1 + np.exp(np.clip(z, -40, 40)))
         return (importance * np.logaddexp(0, -z)).sum() + 1e-6 * (b @ b), 2e-6 * b - (
             x.T @ (importance * p * sign).astype(x.dtype)
         ).astype(np.float64)
 
-    weights = minimize(loss, np.zeros(x.shape[1]), jac=True, method="L-BFGS-B", options={"maxiter": 250}).x / scale
-    weights[0] -= (weights[1:] * mean[1:]).sum()
-    return weights
+    return minimize(loss, np.zeros(x.shape[1]), jac=True, method="L-BFGS-B", options={"maxiter": 250}).x / scale
+
+
+def learn(sequences):
+    """Weights of own_terms() and, given these, of vote_terms(): the votes decide only where they may, see is_limb() of
+    kde_shadow.h, so the rule must be right without them."""
+    features = np.concatenate([s.features for s in sequences])
+    truth = np.concatenate([s.truth for s in sequences])
+    importance = np.concatenate([np.full(len(s.truth), s.weight / s.area) for s in sequences])
+    importance *= np.where(truth, SUBJECT_WEIGHT, 1.0)
+    blind = features.copy()
+    blind[np.random.default_rng(1).random(len(blind)) < BLIND_FRACTION, FLOOR] = 0
+    own = regress(own_terms(blind), truth, importance)
+    limited = np.clip(own_terms(features) @ own, -MAX_LOG_ODDS / GAIN, MAX_LOG_ODDS / GAIN)
+    return own, regress(vote_terms(features), truth, importance, limited)
 
 
 def literal(value):
@@ -136,33 +169,40 @@ def rows(weights):
 
 
 def header(weights):
+    own, votes = (GAIN * w for w in weights)
+    extra = FEATURES - OWN
     return f"""// Written by tests/accuracy/shadow_rule.py; features, bases and their order are those of kde_shadow.h.
 #pragma once
 
 namespace kinevox::kernels::kde {{
 
-inline constexpr int kShadowFeatures = {FEATURES}, kShadowBases = {len(BASES)};
+inline constexpr int kOwnShadowFeatures = {OWN}, kShadowFeatures = {FEATURES}, kShadowBases = {len(BASES)};
 
 // Handed to kernels by value.
 struct ShadowRule {{
     float weights[kShadowFeatures] = {{
-        {rows(weights[:FEATURES])}}};
+        {rows(np.concatenate([own[:OWN], votes[:extra]]))}}};
     // Of the products of the bases i <= j, row by row.
     float products[kShadowBases * (kShadowBases + 1) / 2] = {{
-        {rows(weights[FEATURES:])}}};
+        {rows(own[OWN:])}}};
+    // Of the products of the bases and the votes' support, all and the positive part of it.
+    float vote_products[kShadowBases] = {{
+        {rows(votes[extra : extra + len(BASES)])}}};
+    float positive_vote_products[kShadowBases] = {{
+        {rows(votes[extra + len(BASES) :])}}};
 }};
 
 }}  // namespace kinevox::kernels::kde
 """
 
 
-def read_sequence(program, folder, work, weight):
+def read_sequence(program, folder, work, weight, step):
     file = work / f"{folder.name}.bin"
     if not file.exists():
-        done = subprocess.run([program, folder / "session.toml", file, str(STEP)], stderr=subprocess.PIPE, text=True)
+        done = subprocess.run([program, folder / "session.toml", file, str(step)], stderr=subprocess.PIPE, text=True)
         if done.returncode != 0:
             sys.exit(f"shadow_features {folder}: {done.stderr.strip()}")
-    return Pixels(folder, np.fromfile(file, RECORD), weight)
+    return Pixels(folder, np.fromfile(file, RECORD), weight, step)
 
 
 def main():
@@ -174,20 +214,24 @@ def main():
     parser.add_argument("--work", type=Path, help="keep the features in this folder")
     parser.add_argument("--write", action="store_true", help="replace kernels/shared/shadow_weights.h")
     arguments = parser.parse_args()
-    with tempfile.TemporaryDirectory() as scratch, ThreadPoolExecutor(2) as pool:
+    with tempfile.TemporaryDirectory() as scratch, ThreadPoolExecutor(1) as pool:
         work = arguments.work or Path(scratch)
         work.mkdir(parents=True, exist_ok=True)
-        weights_of = [(f, 1.0) for f in arguments.folders] + [(f, SWEEP_WEIGHT) for f in arguments.sweep]
+        weights_of = [(f, 1.0, STEP) for f in arguments.folders] + [
+            (f, SWEEP_WEIGHT, SWEEP_STEP) for f in arguments.sweep
+        ]
         program = arguments.shadow_features
-        learned = list(pool.map(lambda part: read_sequence(program, part[0], work, part[1]), weights_of))
-        held_out = list(pool.map(lambda folder: read_sequence(program, folder, work, 0.0), arguments.held_out))
+        learned = list(pool.map(lambda part: read_sequence(program, part[0], work, *part[1:]), weights_of))
+        held_out = list(
+            pool.map(lambda folder: read_sequence(program, folder, work, 0.0, SWEEP_STEP), arguments.held_out)
+        )
     weights = learn(learned)
     print("fractions of the subject's area: missed added, then the same within 2 px of the border")
     for title, group in (("learned from", learned), ("held out", held_out)):
         for sequence in group:
             print(f"{title:12s} {sequence.text(weights)}")
     if arguments.write:
-        WEIGHTS.write_text(header(GAIN * weights))
+        WEIGHTS.write_text(header(weights))
     return 0
 
 
