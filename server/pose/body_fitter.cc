@@ -129,8 +129,11 @@ class JointFit {
           costs_(frames_.size(), PoseCost(posing.tracker.fit.cost)),
           systems_(frames_.size()) {}
 
-    void descend(double robust_m, int steps) {
+    // All frame sets count as `independent` ones: their errors are correlated, as the surface only
+    // approximates the body.
+    void descend(double robust_m, int steps, double independent) {
         robust_m_ = robust_m;
+        share_ = std::min(1.0, independent / static_cast<double>(frames_.size()));
         double cost = linearise(shape_, postures_), damping = 1e-3;
         for (int k = 0; k < steps && !stop_.stop_requested(); ++k) {
             BodyShape shape = shape_;
@@ -190,11 +193,8 @@ class JointFit {
         });
         usual_.setZero();
         usual_gradient_.setZero();
-        // Errors of the frames are correlated, as the surface only approximates the body: all count as a few.
-        const double share = std::min(1.0, options_.independent_frames / static_cast<double>(frames_.size()));
-        share_ = share;
         double cost = prior_.add(shape, usual_, usual_gradient_);
-        for (const FrameSystem& system : systems_) cost += share * system.pose.cost;
+        for (const FrameSystem& system : systems_) cost += share_ * system.pose.cost;
         return cost;
     }
 
@@ -325,6 +325,27 @@ BodyShape start_of_right_size(const std::vector<Camera>& cameras, double fps,
     return cost[best] < kClearlyBetter * cost[0] ? scaled(start, kStartScales[best]) : start;
 }
 
+// Frame sets of one posture see the same errors of the surface: they count as one. Others count up to
+// `max_count`, as far as their postures spread.
+double independent_count(const BodyShape& shape, std::span<const Posed> posed, double max_count) {
+    constexpr double kVaried_m = 0.15;  // RMS distance of the joints, seen from the root, from their means
+    const BodyModel model(shape);
+    std::array<Vec3, kJointNames.size()> sum{};
+    double squares = 0;
+    for (const Posed& p : posed) {
+        const PosedBody body = model.forward(p.posture);
+        for (std::size_t j = 0; j < sum.size(); ++j) {
+            const Vec3 from_root = body.joints_in_world[j] - p.posture.root_in_world;
+            sum[j] = sum[j] + from_root;
+            squares += dot(from_root, from_root);
+        }
+    }
+    const auto count = static_cast<double>(posed.size());
+    for (const Vec3& s : sum) squares -= dot(s, s) / count;
+    const double spread_m = std::sqrt(std::max(0.0, squares) / (count * static_cast<double>(sum.size())));
+    return 1 + (std::max(1.0, max_count) - 1) * std::min(1.0, spread_m / kVaried_m);
+}
+
 // The cost of this body, each posture fitted again.
 double cost_with(const BodyShape& shape, std::span<const Posed> posed, const PoseFitOptions& options) {
     const BodyModel model(shape);
@@ -391,7 +412,7 @@ absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
             joint.emplace(std::move(observations), std::move(postures), shape, posing, options, stop);
         };
         start_with(used);
-        joint->descend(2 * fitting.narrow_m, options.steps);
+        joint->descend(2 * fitting.narrow_m, options.steps, 1);
         // A frame set that the body explains much worse than the others has bad silhouettes or a wrong pose.
         const std::vector<double> explained = joint->explained_fractions(fitting.narrow_m);
         std::vector<double> sorted = explained;
@@ -402,9 +423,11 @@ absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
                 good.push_back({used[n].frame, joint->postures()[n]});
         if (good.size() < used.size()) {
             start_with(good);
-            joint->descend(2 * fitting.narrow_m, options.steps);
+            joint->descend(2 * fitting.narrow_m, options.steps, 1);
         }
-        joint->descend(fitting.narrow_m, options.steps);
+        joint->descend(fitting.narrow_m, options.steps, 1);
+        joint->descend(fitting.narrow_m, options.steps,
+                       independent_count(shape, good, options.independent_frames));
         // Lengths that do not help where they were not fitted are the population's.
         const BodyShape usual = default_body_shape(joint->shape().stature_m);
         const bool confirmed = held_out.empty() || cost_with(joint->shape(), held_out, fitting) <=

@@ -28,10 +28,6 @@ enum Joint : int {
     kToeR
 };
 
-// Midpoint of the hips from the root, fractions of the length from root to sacroiliac: the root is in front
-// of the sacrum, just above the line between the hips.
-constexpr double kHipsBehindRoot = 0.06, kHipsBelowRoot = 0.045;
-
 // The neck is inclined forwards.
 constexpr double kNeckForward = 0.03;
 

@@ -45,11 +45,33 @@ constexpr Cause kArmLength[] = {{kUpperArm, 0.025}, {kForearm, 0.025}, {kHand, 0
 constexpr Cause kTrunkLength[] = {
     {kSacroiliacToSkullbase, 0.02}, {kSacroiliacToShoulders, 0.022}, {kRootToSacroiliac, 0.015}};
 constexpr Cause kBuild[] = {
-    {kPelvisHalfWidth, 0.08}, {kPelvisHalfDepth, 0.08}, {kWaistHalfWidth, 0.09},   {kWaistHalfDepth, 0.1},
-    {kChestHalfWidth, 0.07},  {kChestHalfDepth, 0.08},  {kNeckRadius, 0.08},       {kHeadRadius, 0.02},
-    {kThighRadius, 0.1},      {kKneeRadius, 0.08},      {kCalfRadius, 0.09},       {kAnkleRadius, 0.05},
-    {kFootRadius, 0.04},      {kUpperArmRadius, 0.1},   {kElbowRadius, 0.08},      {kForearmRadius, 0.09},
-    {kWristRadius, 0.06},     {kHandRadius, 0.05},      {kShoulderHalfWidth, 0.01}};
+    {kPelvisHalfWidth, 0.08}, {kPelvisHalfDepth, 0.08},  {kWaistHalfWidth, 0.09}, {kWaistHalfDepth, 0.1},
+    {kChestHalfWidth, 0.07},  {kChestHalfDepth, 0.08},   {kPelvisBack, 0.06},     {kWaistBack, 0.06},
+    {kChestBack, 0.06},       {kNeckRadius, 0.08},       {kHeadRadius, 0.02},     {kThighRadius, 0.1},
+    {kKneeRadius, 0.08},      {kCalfRadius, 0.09},       {kAnkleRadius, 0.05},    {kFootRadius, 0.04},
+    {kUpperArmRadius, 0.1},   {kElbowRadius, 0.08},      {kForearmRadius, 0.09},  {kWristRadius, 0.06},
+    {kHandRadius, 0.05},      {kShoulderHalfWidth, 0.01}};
+// Half the difference between men and women at equal stature, towards the men; an estimate like the above.
+// Means of both to compare with: Gordon et al. 2014, 2012 Anthropometric Survey of US Army Personnel (ANSUR
+// II).
+constexpr Cause kSex[] = {{kForearm, 0.02},
+                          {kShank, 0.012},
+                          {kThigh, 0.008},
+                          {kSacroiliacToSkullbase, -0.02},
+                          {kShoulderHalfWidth, 0.03},
+                          {kPelvisHalfWidth, -0.035},
+                          {kWaistHalfWidth, 0.03},
+                          {kChestHalfWidth, 0.03},
+                          {kNeckRadius, 0.055},
+                          {kUpperArmRadius, 0.05},
+                          {kForearmRadius, 0.05},
+                          {kElbowRadius, 0.04},
+                          {kWristRadius, 0.03},
+                          {kThighRadius, -0.025},
+                          {kPelvisBack, -0.05},
+                          {kPelvisHalfDepth, -0.01},
+                          {kFootRadius, 0.02},
+                          {kHand, 0.02}};
 constexpr Cause kTrousers[] = {{kPelvisHalfWidth, 0.03}, {kPelvisHalfDepth, 0.03}, {kThighRadius, 0.08},
                                {kKneeRadius, 0.1},       {kCalfRadius, 0.1},       {kAnkleRadius, 0.08}};
 constexpr Cause kSleeves[] = {{kChestHalfWidth, 0.02}, {kChestHalfDepth, 0.03}, {kUpperArmRadius, 0.08},
@@ -67,7 +89,7 @@ void add_cause(const Cause (&causes)[kCount], BodyPrior::Covariance& shared) {
 BodyPrior::Covariance BodyPrior::covariance() {
     Covariance sum = Covariance::Zero();
     add_cause(kLegLength, sum), add_cause(kArmLength, sum), add_cause(kTrunkLength, sum);
-    add_cause(kBuild, sum), add_cause(kTrousers, sum), add_cause(kSleeves, sum);
+    add_cause(kSex, sum), add_cause(kBuild, sum), add_cause(kTrousers, sum), add_cause(kSleeves, sum);
     // The rest of each variance is its own, at least a fifth.
     for (int k = 0; k < kBodyLengthCount; ++k) {
         const double all = kBodyLengths[k].relative_std * kBodyLengths[k].relative_std;

@@ -12,13 +12,13 @@
 namespace kinevox {
 
 const std::array<BodyLengthInfo, kBodyLengthCount> kBodyLengths{{
-    {"root_to_sacroiliac", 0.089, 0.05},
+    {"root_to_sacroiliac", 0.090, 0.06},
     {"sacroiliac_to_skullbase", 0.292, 0.04},
     {"skullbase_to_head_top", 0.084, 0.05},
-    {"hip_half_width", 0.06, 0.025},
+    {"hip_half_width", 0.058, 0.06},
     {"shoulder_half_width", 0.1, 0.035},
     {"sacroiliac_to_shoulders", 0.172, 0.035},
-    {"upper_arm", 0.152, 0.05},
+    {"upper_arm", 0.158, 0.08},
     {"forearm", 0.147, 0.05},
     {"hand", 0.11, 0.05},
     {"thigh", 0.242, 0.04},
@@ -27,10 +27,13 @@ const std::array<BodyLengthInfo, kBodyLengthCount> kBodyLengths{{
     {"ankle_height", 0.046, 0.10},
     {"pelvis_half_width", 0.096, 0.12},
     {"pelvis_half_depth", 0.06, 0.12},
+    {"pelvis_back", 0.057, 0.16},
     {"waist_half_width", 0.075, 0.12},
     {"waist_half_depth", 0.054, 0.12},
+    {"waist_back", 0.030, 0.35},
     {"chest_half_width", 0.0895, 0.1},
     {"chest_half_depth", 0.0675, 0.12},
+    {"chest_back", 0.058, 0.14},
     {"neck_radius", 0.029, 0.15},
     {"head_radius", 0.0505, 0.08},
     {"thigh_radius", 0.0485, 0.15},
@@ -70,8 +73,13 @@ absl::StatusOr<BodyShape> read_body_shape(const std::filesystem::path& file) {
     const TomlTable root = (*document)->root();
     BodyShape shape;
     shape.stature_m = root.number("stature_m", {0.5, 2.5});
-    for (int k = 0; k < kBodyLengthCount; ++k)
-        shape.lengths_m[k] = root.number(fmt::format("{}_m", kBodyLengths[k].name), {0.001, 2});
+    for (int k = 0; k < kBodyLengthCount; ++k) {
+        const std::string key = fmt::format("{}_m", kBodyLengths[k].name);
+        const bool later = k == kPelvisBack || k == kWaistBack || k == kChestBack;  // absent in older files
+        shape.lengths_m[k] =
+            later ? root.number_or(key, kBodyLengths[k].fraction_of_stature * shape.stature_m, {0.001, 2})
+                  : root.number(key, {0.001, 2});
+    }
     if (absl::Status finished = (*document)->finish(); !finished.ok()) return finished;
     return shape;
 }

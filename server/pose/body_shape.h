@@ -29,10 +29,13 @@ enum BodyLength : int {
     // Half-widths and half-depths of the trunk, radii of the limbs.
     kPelvisHalfWidth,
     kPelvisHalfDepth,
+    kPelvisBack,  // from the line between the hips to the surface behind it
     kWaistHalfWidth,
     kWaistHalfDepth,
+    kWaistBack,  // from the sacroiliac to the surface behind it
     kChestHalfWidth,
     kChestHalfDepth,
+    kChestBack,  // from the spine's axis to the surface behind it
     kNeckRadius,
     kHeadRadius,
     kThighRadius,  // a quarter of the way from hip to knee

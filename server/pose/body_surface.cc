@@ -38,21 +38,23 @@ void add_trunk(const BodyShape& s, Surface& surface) {
     const double waist = s[kRootToSacroiliac], shoulders = s[kSacroiliacToShoulders];
     const double waist_y = s[kWaistHalfWidth] - s[kWaistHalfDepth],
                  chest_y = s[kChestHalfWidth] - s[kChestHalfDepth];
+    const double hips_x = -kHipsBehindRoot * waist, pelvis_x = hips_x + s[kPelvisHalfDepth] - s[kPelvisBack],
+                 waist_x = s[kWaistHalfDepth] - s[kWaistBack], chest_x = s[kChestHalfDepth] - s[kChestBack];
     for (const double side : {1.0, 0.0, -1.0}) {
         const double pelvis_y = side * (s[kPelvisHalfWidth] - s[kPelvisHalfDepth]);
-        surface.chain(kPelvis, {{0.04 * waist, pelvis_y, -0.08 * waist, s[kPelvisHalfDepth]},
-                                {0.3 * waist, side * waist_y, waist, s[kWaistHalfDepth]}});
-        surface.chain(kThorax, {{0.19 * shoulders, side * waist_y, 0, s[kWaistHalfDepth]},
-                                {0.08 * shoulders, side * chest_y, 0.75 * shoulders, s[kChestHalfDepth]}});
+        surface.chain(kPelvis, {{pelvis_x, pelvis_y, -0.08 * waist, s[kPelvisHalfDepth]},
+                                {hips_x + waist_x, side * waist_y, waist, s[kWaistHalfDepth]}});
+        surface.chain(kThorax, {{waist_x, side * waist_y, 0, s[kWaistHalfDepth]},
+                                {chest_x, side * chest_y, 0.75 * shoulders, s[kChestHalfDepth]}});
     }
     for (const double side : {1.0, -1.0}) {
         const double shoulder_y = side * s[kShoulderHalfWidth];
         surface.chain(kThorax,
-                      {{0.08 * shoulders, side * chest_y, 0.75 * shoulders, s[kChestHalfDepth]},
+                      {{chest_x, side * chest_y, 0.75 * shoulders, s[kChestHalfDepth]},
                        {-0.12 * shoulders, 0.66 * shoulder_y, 1.08 * shoulders, 1.05 * s[kUpperArmRadius]},
                        {-0.07 * shoulders, 0.16 * shoulder_y, 1.26 * shoulders, s[kNeckRadius]}});
     }
-    surface.chain(kThorax, {{0.08 * shoulders, 0, 0.75 * shoulders, s[kChestHalfDepth]},
+    surface.chain(kThorax, {{chest_x, 0, 0.75 * shoulders, s[kChestHalfDepth]},
                             {-0.07 * shoulders, 0, 1.1 * shoulders, 1.3 * s[kNeckRadius]},
                             {0.045 * shoulders, 0, s[kSacroiliacToSkullbase], s[kNeckRadius]}});
 }

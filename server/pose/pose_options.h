@@ -184,7 +184,7 @@ struct BodyFitOptions {
     int max_frames = 40;              // maximum number used, evenly chosen
     int rounds = 2;                   // of tracking and fitting
     int steps = 10;                   // each with a wide and a narrow kernel
-    double independent_frames = 1;    // effective number of independent frames
+    double independent_frames = 4;    // maximum effective number of independent frames
     double stature_std_m = 0.12;      // around the mean adult
     std::optional<double> stature_m;  // measured
     // Minimum explained fraction of the contour of a pose that is used; lower than for tracking, since

@@ -34,6 +34,8 @@ constexpr double kPairSeconds = 1;
 // The body that faces the other way is fitted, too, at these intervals. Its decrease of the cost is summed,
 // and the sum decays by this factor per interval; beyond the limit it replaces the tracked one.
 constexpr double kTurnInterval_s = 0.15, kTurnMemory = 0.85, kTurnEvidence = 60;
+// A mirrored elbow is fitted unless it costs more by this before the fit.
+constexpr double kMirroredSlack = 10;
 constexpr double kSame_m = 0.06;  // hypotheses with a smaller mean joint distance are merged
 
 // A weight per reference interval as the weight over `seconds`.
@@ -119,6 +121,19 @@ void PoseTracker::search_limb(Hypothesis& h, std::span<const SilhouetteRays> vie
                               LimbSearchScope scope) {
     try_moved(h, views, limbs_.improve(*model_, h.posture, views, limb, scope, 2 * options_.fit.narrow_m),
               kBetter);
+    if (limb == Limb::kArmL || limb == Limb::kArmR) try_mirrored_elbow(h, views, limb);
+}
+
+// A bent arm whose elbow is on the wrong side explains its silhouettes nearly as well. A shoulder hardly
+// turns so far; away from a possible twist takes a clear gain.
+void PoseTracker::try_mirrored_elbow(Hypothesis& h, std::span<const SilhouetteRays> views, Limb arm) {
+    const int upper_arm = arm == Limb::kArmL ? kUpperArmL : kUpperArmR;
+    const BodyPosture mirrored = elbow_mirrored(*model_, h.posture, upper_arm);
+    const double cost = fitter_.cost_of(*model_, views, mirrored);
+    if (cost > fitter_.cost_of(*model_, views, h.posture) + kMirroredSlack) return;
+    const bool better_twist =
+        std::abs(upper_arm_twist(mirrored, upper_arm)) < std::abs(upper_arm_twist(h.posture, upper_arm));
+    try_moved(h, views, mirrored, better_twist ? kBetter : kClearlyBetter);
 }
 
 void PoseTracker::search_pair(Hypothesis& h, std::span<const SilhouetteRays> views, Limb first, Limb second) {
@@ -126,6 +141,15 @@ void PoseTracker::search_pair(Hypothesis& h, std::span<const SilhouetteRays> vie
     const double gain = h.seconds == 0 ? kBetter : kClearlyBetter;
     try_moved(h, views,
               limbs_.improve_pair(*model_, h.posture, views, first, second, 2 * options_.fit.narrow_m), gain);
+}
+
+// The directions of a whole limb are coarse: where one was found, its lower half may be wrong still.
+void PoseTracker::search_all(Hypothesis& h, std::span<const SilhouetteRays> views) {
+    for (const Limb limb : kLimbs) {
+        search_limb(h, views, limb, LimbSearchScope::kWhole);
+        search_limb(h, views, limb, LimbSearchScope::kLower);
+    }
+    for (const auto& [first, second] : kLimbPairs) search_pair(h, views, first, second);
 }
 
 // The fit from `start` if it costs less by `gain` than the one from `current`, both without a prior.
@@ -208,8 +232,7 @@ void PoseTracker::check_turned(Hypothesis& h, std::span<const SilhouetteRays> vi
     BodyPosture straight = h.posture;
     straight.parent_from_segment[kThorax] = Mat3{};
     try_moved(h, views, straight, kBetter);
-    for (const Limb limb : kLimbs) search_limb(h, views, limb, LimbSearchScope::kWhole);
-    for (const auto& [first, second] : kLimbPairs) search_pair(h, views, first, second);
+    search_all(h, views);
     usual_explained_ = 0;
 }
 
@@ -283,8 +306,7 @@ std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::spa
         intervals_to_pair_ -= reference_intervals(seconds);
         Hypothesis& best = hypotheses_.front();
         if (searches_fully()) {
-            for (const Limb limb : kLimbs) search_limb(best, views, limb, LimbSearchScope::kWhole);
-            for (const auto& [first, second] : kLimbPairs) search_pair(best, views, first, second);
+            search_all(best, views);
         } else {
             search_next(best, views, explained < enough);
         }

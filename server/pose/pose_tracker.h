@@ -59,7 +59,9 @@ class PoseTracker {
                           const BodyPosture& before, const BodyPosture& expected);
     void search_limb(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Limb limb,
                      LimbSearchScope scope);
+    void try_mirrored_elbow(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Limb arm);
     void search_pair(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Limb first, Limb second);
+    void search_all(Hypothesis& hypothesis, std::span<const SilhouetteRays> views);
     void search_next(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, bool whole);
     std::optional<PoseFit> better_fit(std::span<const SilhouetteRays> views, const BodyPosture& start,
                                       const BodyPosture& current, double gain);

@@ -1,4 +1,4 @@
-// The other reading of a body's silhouettes: the same body facing the other way.
+// Other readings of a body's silhouettes: the same body facing the other way, or an elbow on the other side.
 #pragma once
 
 #include <array>
@@ -18,5 +18,13 @@ inline constexpr LimbSegmentPairs kLegSegments{{{kThighL, kThighR}, {kShankL, kS
 // body the silhouettes hardly differ, so a tracker that starts with the wrong one does not notice until the
 // knees bend.
 BodyPosture turned(const BodyModel& model, const BodyPosture& posture);
+
+// Half a turn of an arm about the line from shoulder to wrist, the hand straight: the elbow bends to the
+// other side. `upper_arm` is kUpperArmL or kUpperArmR.
+BodyPosture elbow_mirrored(const BodyModel& model, const BodyPosture& posture, int upper_arm);
+
+// Rotation of the upper arm about its own axis against the hanging arm, after the shortest swing; -pi to pi.
+// Beyond about half of that range no shoulder turns.
+double upper_arm_twist(const BodyPosture& posture, int upper_arm);
 
 }  // namespace kinevox

@@ -73,7 +73,8 @@ BodyCoordinates SeenBody::standing() const {
     BodyCoordinates q{};
     q[2] = 0.96;
     q[5] = radians(25);
-    q[kDofShoulderL + 1] = radians(-35), q[kDofShoulderR] = radians(40), q[kDofElbowR] = radians(60),
+    q[kSegmentDof[kThorax]] = radians(-13);
+    q[kDofShoulderL + 1] = radians(-50), q[kDofShoulderR] = radians(40), q[kDofElbowR] = radians(60),
                       q[kDofElbowL] = radians(20);
     q[kDofHipL] = radians(25), q[kDofKneeL] = radians(35), q[kDofHipR] = radians(-5),
     q[kDofKneeR] = radians(10);
@@ -83,6 +84,7 @@ BodyCoordinates SeenBody::standing() const {
 BodyCoordinates SeenBody::t_pose() const {
     BodyCoordinates q{};
     q[2] = 0.98;
+    q[kSegmentDof[kThorax]] = radians(-11);
     q[kDofShoulderL + 1] = q[kDofShoulderR + 1] = radians(-88);
     q[kDofHipL + 1] = q[kDofHipR + 1] = radians(-8);
     return q;

@@ -4,16 +4,19 @@ from pathlib import Path
 
 
 class StudioDaemon:
-    """Four cameras of `size` px; its recordings and calibrations in `folder`. port 0 takes a free one."""
+    """Four cameras of `size` px; its recordings and calibrations in `folder`. port 0 takes a free one. `pose`: lines of
+    the configuration's [pose]."""
 
-    def __init__(self, program, folder, more="", port=0, motion="walk", size=(320, 240), fps=10, autostart=True):
+    def __init__(
+        self, program, folder, more="", port=0, motion="walk", size=(320, 240), fps=10, autostart=True, pose=""
+    ):
         self.folder = Path(folder)
         self.recordings = self.folder / "recordings"
         config = self.folder / "kinevoxd.toml"
         config.write_text(
             f'[server]\nlisten = "127.0.0.1:{port}"\n[source]\nkind = "studio"\nautostart = {str(autostart).lower()}\n'
             f'[source.studio]\nmotion = "{motion}"\nwidth_px = {size[0]}\nheight_px = {size[1]}\nfps = {fps}\n'
-            f'[pose]\ndatabase_file = ""\nauto_fit_body = false\nfitted_body_file = ""\n[calibration]\nfolder = "{self.folder}/calibrations"\n'
+            f'[pose]\ndatabase_file = ""\nauto_fit_body = false\nfitted_body_file = ""\n{pose}[calibration]\nfolder = "{self.folder}/calibrations"\n'
             f'[recording]\nfolder = "{self.recordings}"\nmin_free_disk_mb = 0\nmax_queue_mb = 1000\n[log]\nlevel = "warning"\n{more}'
         )
         self.process = subprocess.Popen([program, "--config", str(config)], stdout=subprocess.PIPE, text=True)

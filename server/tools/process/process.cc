@@ -37,8 +37,11 @@ absl::Status learn_background(FrameSource& source, Pipeline& pipeline,
     return pipeline.learn_background(*background);
 }
 
-// The body of the subject in a session, fitted to all of its frame sets. None if a subject is there, but no
-// pose: a warning is printed, and the body is fitted to the trial's movement instead.
+// One frame set does not determine a body, and a pose found in few of them is doubtful.
+constexpr int kMinBodyFrameSets = 5;
+
+// The body of the subject in a session, fitted to all of its frame sets. None if a subject is there, but too
+// few poses: a warning is printed, and the body is fitted to the trial's movement instead.
 absl::StatusOr<std::optional<BodyShape>> body_of_session(const std::filesystem::path& session_file,
                                                          const ProcessOptions& options,
                                                          const std::atomic<bool>& stop) {
@@ -63,8 +66,12 @@ absl::StatusOr<std::optional<BodyShape>> body_of_session(const std::filesystem::
     for (const auto& frame : frames) observations.push_back(frame.get());
     const auto fit = fit_body((*source)->cameras(), (*source)->fps(), observations,
                               options.pipeline.posing.body, options.pipeline.posing, options.poses.body);
-    if (fit.ok()) return fit->shape;
-    const std::string why = fmt::format("{}: {}", session_file.string(), std::string(fit.status().message()));
+    if (fit.ok() && fit->frame_set_count >= kMinBodyFrameSets) return fit->shape;
+    const std::string why = fmt::format(
+        "{}: {}", session_file.string(),
+        fit.ok() ? fmt::format("the subject's pose was found in {} of {} frame sets, {} are needed",
+                               fit->frame_set_count, observations.size(), kMinBodyFrameSets)
+                 : std::string(fit.status().message()));
     if (observations.empty()) return absl::FailedPreconditionError(why);
     fmt::print(stderr, "kinevox process: {}; the body is fitted to the movement instead\n", why);
     return std::nullopt;

@@ -69,5 +69,31 @@ TEST(BodyFit, DoesNotUseFrameSetsThatContradict) {
     EXPECT_NEAR(fit->shape.stature_m, 1.75, 0.03);
 }
 
+TEST(BodyShape, ReadsFilesWithoutDistancesToBack) {
+    const BodyShape shape = default_body_shape(1.8);
+    std::string text = body_shape_toml(shape);
+    for (const char* key : {"pelvis_back_m", "waist_back_m", "chest_back_m"}) {
+        const std::size_t at = text.find(key);
+        ASSERT_NE(at, std::string::npos);
+        text.erase(at, text.find('\n', at) + 1 - at);
+    }
+    const std::filesystem::path file = std::filesystem::path(::testing::TempDir()) / "older_body.toml";
+    ASSERT_TRUE(write_file_atomically(file, text).ok());
+    const auto read = read_body_shape(file);
+    ASSERT_TRUE(read.ok()) << read.status();
+    for (int k = 0; k < kBodyLengthCount; ++k) EXPECT_NEAR((*read).lengths_m[k], shape.lengths_m[k], 1e-6);
+}
+
+// The back's surface is as far behind the joints as the lengths say.
+TEST(BodySurface, KeepsDistancesToBack) {
+    BodyShape shape = default_body_shape();
+    shape[kWaistBack] += 0.03;
+    const BodyModel model(shape);
+    const BodyCapsule& waist =
+        *std::find_if(model.capsules_in_segments().begin(), model.capsules_in_segments().end(),
+                      [](const BodyCapsule& c) { return c.segment == kThorax; });
+    EXPECT_NEAR(waist.radius_a - waist.a[0], shape[kWaistBack], 1e-6);
+}
+
 }  // namespace
 }  // namespace kinevox
