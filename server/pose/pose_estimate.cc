@@ -336,6 +336,40 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
     judge_coordinates(posture, covariance, ambiguous, misfit, out);
 }
 
+bool lacks_legs(const BodyModel& model, const BodyPosture& posture) {
+    constexpr double kNearFloor_m = 0.25, kFolded = 0.5;
+    const PosedBody posed = model.forward(posture);
+    const auto& joints = posed.joints_in_world;
+    if (std::ranges::any_of(joints, [](Vec3 joint) { return joint.z < kNearFloor_m; })) return false;
+    const auto folded = [&](std::size_t hip, std::size_t knee, std::size_t ankle) {
+        const double leg = norm(joints[knee] - joints[hip]) + norm(joints[ankle] - joints[knee]);
+        return norm(joints[ankle] - joints[hip]) < kFolded * leg;
+    };
+    static constexpr std::size_t kLeft[] = {*joint_index("hip_l"), *joint_index("knee_l"),
+                                            *joint_index("ankle_l")};
+    static constexpr std::size_t kRight[] = {*joint_index("hip_r"), *joint_index("knee_r"),
+                                             *joint_index("ankle_r")};
+    return folded(kLeft[0], kLeft[1], kLeft[2]) && folded(kRight[0], kRight[1], kRight[2]);
+}
+
+void withhold_legs(BodyPose& out) {
+    static constexpr std::string_view kReason =
+        "legs not in the silhouettes: the body floats above the floor";
+    for (std::size_t j = 0; j < kJointNames.size(); ++j)
+        for (const std::string_view leg : {"hip", "knee", "ankle", "toe"})
+            if (kJointNames[j].starts_with(leg)) out.joints[j].withheld_reason = kReason;
+    const auto of_leg = [](int segment) {
+        return segment == kThighL || segment == kThighR || segment == kShankL || segment == kShankR ||
+               segment == kFootL || segment == kFootR;
+    };
+    for (std::size_t k = 0; k < out.angles.size(); ++k)
+        if (of_leg(kAngleSegments[k].second)) out.angles[k].withheld_reason = kReason;
+    for (int s = 0; s < kBodySegmentCount; ++s)
+        if (of_leg(s))
+            for (int k = 0; k < kSegmentDofCount[s]; ++k)
+                out.coordinate_std[kSegmentDof[s] + k] = kRotationStd_rad;
+}
+
 void set_velocities(const BodyPose& before, BodyPose& pose) {
     const double seconds = 1e-9 * static_cast<double>(pose.capture_time_ns - before.capture_time_ns);
     if (!(seconds > 0)) return;

@@ -27,6 +27,16 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
                    std::span<const WeightedPosture> others, int cameras, const EstimateOptions& options,
                    BodyPose& out);
 
+// Legs that the silhouettes lack fold up, and the body floats: nothing of it is near the floor (world z = 0),
+// and from hip to ankle it is shorter than half of each leg.
+bool lacks_legs(const BodyModel& model, const BodyPosture& posture);
+
+// A body that lacks its legs for longer is not one in a jump.
+inline constexpr double kMaxJump_s = 0.8;
+
+// Withholds joints and angles from the hips down; between judge_posture() and describe_posture().
+void withhold_legs(BodyPose& out);
+
 // Velocities between two poses, rad/s and m/s; NaN if either value is withheld.
 void set_velocities(const BodyPose& before, BodyPose& pose);
 

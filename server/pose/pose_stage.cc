@@ -47,6 +47,7 @@ void PoseStage::reset() {
     filter_.reset();
     tracked_.reset();
     last_.reset();
+    legs_seen_ns_.reset();
 }
 
 // Usually the coarse projection suffices; the fine one is computed only if a silhouette must be masked.
@@ -124,6 +125,7 @@ std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint
                                              std::span<const PoseCandidate> candidates) {
     tracked_ = tracker_.update(time_ns, seen.views, seen.centre_in_world, candidates);
     if (!tracked_) {
+        legs_seen_ns_.reset();
         filter_.reset();
         last_.reset();
         return nullptr;
@@ -142,6 +144,12 @@ std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint
     const std::vector<BodyCapsule> capsules = judge_.capsules();
     judge_posture(tracker_.model(), tracked_->fit.posture, data, terms, capsules, alternatives(seen.views),
                   static_cast<int>(cameras_.size()), options_.estimate, *pose);
+    if (!lacks_legs(tracker_.model(), tracked_->fit.posture)) {
+        legs_seen_ns_ = time_ns;
+    } else if (legs_seen_ns_ && 1e-9 * static_cast<double>(time_ns - *legs_seen_ns_) > kMaxJump_s) {
+        withhold_legs(*pose);
+    }
+    if (!legs_seen_ns_) legs_seen_ns_ = time_ns;
     const BodyPosture& measured = tracked_->fit.posture;
     describe_posture(tracker_.model(), options_.filtered ? filter_.filter(measured, time_ns) : measured,
                      *pose);

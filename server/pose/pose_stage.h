@@ -73,6 +73,7 @@ class PoseStage {
     std::optional<TrackedPosture> tracked_;
     double data_cost_ = 0;
     std::shared_ptr<const BodyPose> last_;
+    std::optional<std::int64_t> legs_seen_ns_;  // last time, or when tracking started
 };
 
 }  // namespace kinevox

@@ -124,6 +124,7 @@ class Recording {
 
     std::vector<RetrackedFrame> describe(int cameras) const {
         std::vector<RetrackedFrame> result(frames_.size());
+        const std::vector<char> without_legs = frames_without_legs();
         each([&](std::size_t n) {
             PoseCost cost(options_.tracker.fit.cost);
             auto pose = std::make_shared<BodyPose>();
@@ -139,6 +140,7 @@ class Recording {
                 others.push_back({frames_[n].candidates[k].posture, choices_[n].probability[k]});
             judge_posture(model_, *path_[n], data, cost.terms(), cost.capsules(), others, cameras,
                           options_.estimate, *pose);
+            if (without_legs[n]) withhold_legs(*pose);
             describe_posture(model_, *path_[n], *pose);
             result[n] = {*path_[n], std::move(pose), choices_[n].probability[choices_[n].candidate]};
         });
@@ -154,6 +156,18 @@ class Recording {
         oneapi::tbb::parallel_for(std::size_t{0}, frames_.size(), [&](std::size_t n) {
             if (choices_[n].candidate >= 0 && !stop_.stop_requested()) f(n);
         });
+    }
+    // In a row that lasts longer than a jump.
+    std::vector<char> frames_without_legs() const {
+        std::vector<char> without(frames_.size(), 0);
+        for (std::size_t first = 0, end; first < frames_.size(); first = end + 1) {
+            for (end = first;
+                 end < frames_.size() && choices_[end].candidate >= 0 && lacks_legs(model_, *path_[end]);)
+                ++end;
+            if (end > first && frames_[end - 1].time_s - frames_[first].time_s > kMaxJump_s)
+                std::fill(without.begin() + first, without.begin() + end, 1);
+        }
+        return without;
     }
     const BodyPosture* chosen(std::size_t n) const {
         if (n >= frames_.size() || choices_[n].candidate < 0) return nullptr;

@@ -386,6 +386,52 @@ TEST(PoseEstimate, WidensLimbThatMissesItsSilhouettes) {
     EXPECT_GT(wider("wrist_l"), 1.5 * wider("ankle_r"));
 }
 
+TEST(PoseEstimate, WithholdsLegsThatAreFoldedInAFloatingBody) {
+    const Scene scene;
+    BodyCoordinates folded = scene.standing();
+    folded[kDofHipL] = folded[kDofHipR] = radians(110), folded[kDofKneeL] = folded[kDofKneeR] = radians(140);
+    EXPECT_TRUE(lacks_legs(*scene.model, posture_from_coordinates(folded)));
+    EXPECT_FALSE(lacks_legs(*scene.model, posture_from_coordinates(scene.standing())));
+    folded[2] = 0.4;  // squatting
+    EXPECT_FALSE(lacks_legs(*scene.model, posture_from_coordinates(folded)));
+    BodyPose pose = judged(scene, posture_from_coordinates(scene.standing()), {});
+    withhold_legs(pose);
+    for (const char* joint : {"hip_l", "knee_r", "ankle_l", "toe_r"})
+        EXPECT_FALSE(pose.joints[*joint_index(joint)].measured()) << joint;
+    EXPECT_TRUE(pose.joints[*joint_index("wrist_l")].measured());
+    EXPECT_FALSE(pose.angles[*angle_index("knee_flexion_geometric_l")].measured());
+    EXPECT_TRUE(pose.angles[*angle_index("elbow_flexion_geometric_l")].measured());
+}
+
+// A body without legs is seen for 1.5 s: longer than a jump.
+TEST(Retrack, WithholdsLegsThatSilhouettesLack) {
+    const Scene scene;
+    BodyCoordinates folded = scene.standing();
+    folded[kDofHipL] = folded[kDofHipR] = radians(115), folded[kDofKneeL] = folded[kDofKneeR] = radians(140);
+    const PoseObservation frame{0, {0, 0, 1.1}, scene.see(folded)};
+    std::vector<PoseObservation> seen(16, frame);
+    std::vector<RecordedView> views;
+    for (std::size_t n = 0; n < seen.size(); ++n) {
+        seen[n].time_ns = static_cast<std::int64_t>(n) * 100'000'000;
+        views.push_back({1, n, &seen[n]});
+    }
+    PoseStageOptions options;
+    options.body = scene.model->shape();
+    const auto frames = retrack(scene.cameras, 10, views, options);
+    ASSERT_TRUE(frames[8].posture.has_value());
+    ASSERT_TRUE(lacks_legs(*scene.model, *frames[8].posture));
+    EXPECT_FALSE(frames[8].pose->joints[*joint_index("knee_l")].measured());
+    EXPECT_TRUE(frames[8].pose->joints[*joint_index("shoulder_l")].measured());
+    PoseStage stage(scene.cameras, 10, options);
+    std::shared_ptr<BodyPose> pose;
+    for (std::size_t n = 0; n < seen.size(); ++n) {
+        pose = stage.process(1, n, seen[n].time_ns, seen[n], {});
+        ASSERT_TRUE(pose);
+        if (n == 4) EXPECT_TRUE(pose->joints[*joint_index("knee_l")].measured()) << "it may be a jump";
+    }
+    EXPECT_FALSE(pose->joints[*joint_index("knee_l")].measured());
+}
+
 TEST(PostureFilter, ZeroPhasePreservesSlowMovement) {
     std::vector<std::optional<BodyPosture>> postures, noisy;
     for (int n = 0; n < 120; ++n) {
