@@ -62,8 +62,7 @@ void add_row(std::span<const int> dofs, const double* row, double residual, doub
 
 // Joint limits and the rest pose, on the named angles. A shoulder's angles are singular within its wide range
 // of motion; only the motion prior applies there.
-void add_angle_terms(const BodyPosture& posture, Linearisation& out) {
-    const BodyCoordinates q = coordinates_from_posture(posture);
+void add_angle_terms(const BodyPosture& posture, const BodyCoordinates& q, Linearisation& out) {
     for (int s = 1; s < kBodySegmentCount; ++s) {
         if (s == kUpperArmL || s == kUpperArmR) continue;
         const int first = kSegmentDof[s], count = kSegmentDofCount[s];
@@ -87,10 +86,9 @@ void add_angle_terms(const BodyPosture& posture, Linearisation& out) {
     }
 }
 
-void add_lumbopelvic_rhythm(const BodyPosture& posture, Linearisation& out) {
+void add_lumbopelvic_rhythm(const BodyPosture& posture, const BodyCoordinates& q, Linearisation& out) {
     constexpr std::array<int, 3> kSegments{kThorax, kThighL, kThighR};
     constexpr std::array<double, 3> kFactors{1, kLumbarPerHip / 2, kLumbarPerHip / 2};
-    const BodyCoordinates q = coordinates_from_posture(posture);
     std::array<int, 9> dofs{};
     std::array<double, 9> row{};
     double residual = -kLumbarRest;
@@ -296,8 +294,9 @@ void PoseCost::linearise(const BodyModel& model, const BodyPosture& posture,
     out.gradient.setZero();
     out.cost = cost_;
     add_surface_terms(model.dof_frames(posed_), posture.root_in_world, out);
-    add_angle_terms(posture, out);
-    add_lumbopelvic_rhythm(posture, out);
+    const BodyCoordinates q = coordinates_from_posture(posture);
+    add_angle_terms(posture, q, out);
+    add_lumbopelvic_rhythm(posture, q, out);
     if (prior) add_prior(*prior, posture, out);
     out.hessian.triangularView<Eigen::StrictlyUpper>() = out.hessian.transpose();
 }

@@ -11,6 +11,7 @@
 
 #include "common/body_pose.h"
 #include "common/geometry.h"
+#include "server/pose/turned_posture.h"
 
 namespace kinevox {
 namespace {
@@ -345,23 +346,19 @@ bool lacks_legs(const BodyModel& model, const BodyPosture& posture) {
         const double leg = norm(joints[knee] - joints[hip]) + norm(joints[ankle] - joints[knee]);
         return norm(joints[ankle] - joints[hip]) < kFolded * leg;
     };
-    static constexpr std::size_t kLeft[] = {*joint_index("hip_l"), *joint_index("knee_l"),
-                                            *joint_index("ankle_l")};
-    static constexpr std::size_t kRight[] = {*joint_index("hip_r"), *joint_index("knee_r"),
-                                             *joint_index("ankle_r")};
-    return folded(kLeft[0], kLeft[1], kLeft[2]) && folded(kRight[0], kRight[1], kRight[2]);
+    return folded(*joint_index("hip_l"), *joint_index("knee_l"), *joint_index("ankle_l")) &&
+           folded(*joint_index("hip_r"), *joint_index("knee_r"), *joint_index("ankle_r"));
 }
 
 void withhold_legs(BodyPose& out) {
     static constexpr std::string_view kReason =
         "legs not in the silhouettes: the body floats above the floor";
-    for (std::size_t j = 0; j < kJointNames.size(); ++j)
-        for (const std::string_view leg : {"hip", "knee", "ankle", "toe"})
-            if (kJointNames[j].starts_with(leg)) out.joints[j].withheld_reason = kReason;
     const auto of_leg = [](int segment) {
-        return segment == kThighL || segment == kThighR || segment == kShankL || segment == kShankR ||
-               segment == kFootL || segment == kFootR;
+        return std::ranges::any_of(
+            kLegSegments, [&](const auto& pair) { return segment == pair.first || segment == pair.second; });
     };
+    for (std::size_t j = 0; j < out.joints.size(); ++j)
+        if (of_leg(kJointSegment[j])) out.joints[j].withheld_reason = kReason;
     for (std::size_t k = 0; k < out.angles.size(); ++k)
         if (of_leg(kAngleSegments[k].second)) out.angles[k].withheld_reason = kReason;
     for (int s = 0; s < kBodySegmentCount; ++s)

@@ -144,12 +144,8 @@ std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint
     const std::vector<BodyCapsule> capsules = judge_.capsules();
     judge_posture(tracker_.model(), tracked_->fit.posture, data, terms, capsules, alternatives(seen.views),
                   static_cast<int>(cameras_.size()), options_.estimate, *pose);
-    if (!lacks_legs(tracker_.model(), tracked_->fit.posture)) {
-        legs_seen_ns_ = time_ns;
-    } else if (legs_seen_ns_ && 1e-9 * static_cast<double>(time_ns - *legs_seen_ns_) > kMaxJump_s) {
-        withhold_legs(*pose);
-    }
-    if (!legs_seen_ns_) legs_seen_ns_ = time_ns;
+    if (!legs_seen_ns_ || !lacks_legs(tracker_.model(), tracked_->fit.posture)) legs_seen_ns_ = time_ns;
+    if (1e-9 * static_cast<double>(time_ns - *legs_seen_ns_) > kMaxJump_s) withhold_legs(*pose);
     const BodyPosture& measured = tracked_->fit.posture;
     describe_posture(tracker_.model(), options_.filtered ? filter_.filter(measured, time_ns) : measured,
                      *pose);

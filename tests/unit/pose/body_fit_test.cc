@@ -14,6 +14,7 @@
 #include "server/pose/body_fitter.h"
 #include "server/pose/body_model.h"
 #include "tests/support/seen_body.h"
+#include "tests/support/temporary_folder.h"
 
 namespace kinevox {
 namespace {
@@ -77,11 +78,12 @@ TEST(BodyShape, ReadsFilesWithoutDistancesToBack) {
         ASSERT_NE(at, std::string::npos);
         text.erase(at, text.find('\n', at) + 1 - at);
     }
-    const std::filesystem::path file = std::filesystem::path(::testing::TempDir()) / "older_body.toml";
+    const testing::TemporaryFolder folder;
+    const std::filesystem::path file = folder.path() / "older_body.toml";
     ASSERT_TRUE(write_file_atomically(file, text).ok());
     const auto read = read_body_shape(file);
     ASSERT_TRUE(read.ok()) << read.status();
-    for (int k = 0; k < kBodyLengthCount; ++k) EXPECT_NEAR((*read).lengths_m[k], shape.lengths_m[k], 1e-6);
+    for (int k = 0; k < kBodyLengthCount; ++k) EXPECT_NEAR(read->lengths_m[k], shape.lengths_m[k], 1e-6);
 }
 
 // The back's surface is as far behind the joints as the lengths say.
