@@ -568,13 +568,11 @@ void CpuSegmenter::begin_frame(const ImageView& image, const SegmentationPrior& 
     parallel_for(work_.y0, work_.y1, kRowsPerTask,
                  [&](int first, int last) { density_rows(image, first, last, work_.k0, work_.k1, true); });
     active_box_ = find_active(work_);
-    if (active_box_.empty()) {
-        if (has_camera_) vote(active_box_);
-        return;
+    if (!active_box_.empty()) {
+        fit_light(active_box_);
+        light_around(active_box_);
+        evidence(active_box_);
     }
-    fit_light(active_box_);
-    light_around(active_box_);
-    evidence(active_box_);
     if (has_camera_) vote(active_box_);
 }
 

@@ -71,8 +71,8 @@ struct ShadowJudge::FloorLights {
         if (block.row == y / kde::kFloorBlock_px) return lights;
         block.row = y / kde::kFloorBlock_px;
         float floor_x, floor_y;
-        const bool floor =
-            kde::floor_point(grid, *camera, kde::block_centre(x), kde::block_centre(y), floor_x, floor_y);
+        const bool floor = kde::floor_point(grid, *camera, kde::block_centre<kde::kFloorBlock_px>(x),
+                                            kde::block_centre<kde::kFloorBlock_px>(y), floor_x, floor_y);
         for (std::size_t n = 0; n < others.size(); ++n)
             block.light[n] =
                 floor ? kde::light_of_floor<kChannels>(*others[n], floor_x, floor_y, parameters) : -1;
@@ -98,7 +98,7 @@ struct ShadowJudge::Supports {
         block.row = y / kBlock;
         kde::SupportRay ray;
         const bool known =
-            kde::support_ray(grid, *camera, kde::support_centre(x), kde::support_centre(y), ray);
+            kde::support_ray(grid, *camera, kde::block_centre<kBlock>(x), kde::block_centre<kBlock>(y), ray);
         block.support = known ? kde::support_of(ray, static_cast<int>(others.size()),
                                                 [&](int n) -> const kde::SceneView& { return *others[n]; })
                               : kde::kUnknownSupport;

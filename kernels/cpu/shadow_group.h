@@ -28,7 +28,7 @@ struct ShadowGroup {
 // Which of 16 pixels are doubtful, as bits. On a little-endian machine.
 unsigned doubtful_pixels(const std::uint8_t* density, const float* evidence);
 
-// Fills log_odds, and features if they are wanted.
+// Fills own and voted, and features if they are wanted.
 void shadow_group(int channels, const kde::ShadowRule& rule, ShadowGroup& group);
 
 // The misfit of the light that fits a patch of 7 x 7 best, per channel and pixel, around `width` pixels of a

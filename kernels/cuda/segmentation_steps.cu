@@ -200,8 +200,8 @@ __global__ void support_kernel(SegmentData d, CellRange box, FloorScenes floor) 
         (column + 1) * kBlock <= box.k0 * kCellPixels || column * kBlock >= box.k1 * kCellPixels)
         return;
     kde::SupportRay ray;
-    const bool known = kde::support_ray(floor.grid, floor.camera, kde::support_centre(column * kBlock),
-                                        kde::support_centre(row * kBlock), ray);
+    const bool known = kde::support_ray(floor.grid, floor.camera, kde::block_centre<kBlock>(column * kBlock),
+                                        kde::block_centre<kBlock>(row * kBlock), ray);
     d.support[n] = known ? kde::support_of(ray, floor.count,
                                            [&](int i) -> const kde::SceneView& { return floor.others[i]; })
                          : kde::kUnknownSupport;
@@ -231,8 +231,9 @@ __global__ void shadow_kernel(SegmentData d, CellRange box, FloorScenes floor) {
         distance, d.log_foreground[kde::histogram_bin<kChannels>(d.values + plane)],
         {d.factor + at, d.residual + at, d.neighbourhood + at, d.misfit + at, d.stride()});
     float floor_x, floor_y;
-    if (floor.count > 0 && kde::floor_point(floor.grid, floor.camera, kde::block_centre(x),
-                                            kde::block_centre(y), floor_x, floor_y))
+    if (floor.count > 0 &&
+        kde::floor_point(floor.grid, floor.camera, kde::block_centre<kde::kFloorBlock_px>(x),
+                         kde::block_centre<kde::kFloorBlock_px>(y), floor_x, floor_y))
         for (int n = 0; n < floor.count; ++n)
             kde::add_floor_light(
                 e, kde::light_of_floor<kChannels>(floor.others[n], floor_x, floor_y, d.parameters));

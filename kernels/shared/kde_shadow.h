@@ -85,7 +85,7 @@ struct SceneView {
     const std::uint8_t* scale = nullptr;      // [row][cell][channel][64]
     int inverse_gain[3] = {0, 0, 0};          // 16384 / gain
     int channels = 3, cells_per_row = 0;
-    const std::int8_t* votes = nullptr;  // [row][column] of blocks, see block_votes()
+    const std::int8_t* votes = nullptr;  // [row][column] of blocks, see pixel_vote()
     int vote_columns = 0;
     // Around the subject, with a margin: left, right, top, bottom at depth 1 in the camera frame. Unless
     // `sees`, nothing here is plainly the subject.
@@ -143,6 +143,7 @@ inline constexpr float kMinSupportHeight_m = 0.03f;  // on the floor, shadows lo
 inline constexpr float kMinSupport = -0.25f;         // below it a doubtful pixel is background
 inline constexpr float kNoSupport = -2;              // nowhere
 inline constexpr float kUnknownSupport = 2;          // no other camera sees the subject
+inline constexpr float kMaxKnownSupport = 1.5f;      // above every other
 
 struct SupportRay {
     float origin[3], direction[3];  // world; the direction has depth 1 in its camera
@@ -355,12 +356,10 @@ KINEVOX_HD KINEVOX_INLINE void add_floor_light(ShadowEvidence<F>& e, F light) {
 
 // Pixels that share the lights of their floor point, in rows and columns.
 inline constexpr int kFloorBlock_px = 4;
+// Of the block that has the pixel, along one axis.
+template <int kBlock_px>
 KINEVOX_HD inline float block_centre(int pixel) {
-    return static_cast<float>(pixel - pixel % kFloorBlock_px) + 0.5f * (kFloorBlock_px - 1);
-}
-
-KINEVOX_HD inline float support_centre(int pixel) {
-    return static_cast<float>(pixel - pixel % kSupportBlock_px) + 0.5f * (kSupportBlock_px - 1);
+    return static_cast<float>(pixel - pixel % kBlock_px) + 0.5f * (kBlock_px - 1);
 }
 
 // Whether the votes may add a pixel to the subject. Beside a contour they support almost everything, since
@@ -410,7 +409,7 @@ KINEVOX_HD KINEVOX_INLINE void shadow_features(const ShadowEvidence<F>& e, F* ou
     out[19] = e.floor * below(e.over, 0);
     out[20] = e.floor * below(e.spread, 0.1f);
     out[21] = e.floor * below(e.spread, 0.04f);
-    const F known = e.support > 1.5f ? F{} : all_of<F>(1);
+    const F known = e.support > kMaxKnownSupport ? F{} : all_of<F>(1);
     out[22] = known;
     out[23] = known * e.support;
     out[24] = known * over(e.support, 0);
@@ -469,7 +468,7 @@ KINEVOX_HD KINEVOX_INLINE ShadowLogOdds<F> shadow_log_odds(const ShadowEvidence<
     for (int i = kOwnShadowFeatures; i < kShadowFeatures; ++i) votes += rule.weights[i] * features[i];
     const F own = limited(sum);
     const auto bright = evidence.light > kBrightestRuled;
-    const auto seen = (evidence.support > kBrightSupport) & (evidence.support < 1.5f);
+    const auto seen = (evidence.support > kBrightSupport) & (evidence.support < kMaxKnownSupport);
     const F voted = limited(own + votes);
     return {bright ? without_rule : own, bright ? (seen ? voted : without_rule) : voted};
 }

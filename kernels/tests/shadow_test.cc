@@ -127,16 +127,22 @@ struct Rig {
 
 constexpr double kDark = 0.7;
 
+void skip_without(Device device) {
+    try {
+        make_segmenter(device, kWidth, kHeight, 3);
+    } catch (const std::runtime_error& error) {
+        if (std::getenv("KINEVOX_REQUIRE_GPU")) FAIL() << "a GPU was asked for, but: " << error.what();
+        GTEST_SKIP() << "no GPU: " << error.what();
+    }
+}
+
 class Shadow : public ::testing::TestWithParam<Device> {
   protected:
-    void SetUp() override {
-        try {
-            make_segmenter(GetParam(), kWidth, kHeight, 3);
-        } catch (const std::runtime_error& error) {
-            if (std::getenv("KINEVOX_REQUIRE_GPU")) FAIL() << "a GPU was asked for, but: " << error.what();
-            GTEST_SKIP() << "no GPU: " << error.what();
-        }
-    }
+    void SetUp() override { skip_without(GetParam()); }
+};
+class ShadowCuda : public ::testing::Test {
+  protected:
+    void SetUp() override { skip_without(Device::kCuda); }
 };
 INSTANTIATE_TEST_SUITE_P(Devices, Shadow, ::testing::Values(Device::kCpu, Device::kCuda),
                          [](const auto& info) { return info.param == Device::kCpu ? "Cpu" : "Cuda"; });
@@ -211,13 +217,7 @@ TEST(LimbGate, NeedsALimbsWidthOfChangedPixels) {
     EXPECT_FALSE(kde::is_limb(pixels / 3, 1));
 }
 
-TEST(ShadowCuda, EqualsCpuForm) {
-    try {
-        make_segmenter(Device::kCuda, kWidth, kHeight, 3);
-    } catch (const std::runtime_error& error) {
-        if (std::getenv("KINEVOX_REQUIRE_GPU")) FAIL() << "a GPU was asked for, but: " << error.what();
-        GTEST_SKIP() << "no GPU: " << error.what();
-    }
+TEST_F(ShadowCuda, EqualsCpuForm) {
     Rig cpu(Device::kCpu, {1.2, 0.9}), gpu(Device::kCuda, {1.2, 0.9});
     const Rect body{80, 20, 112, 110};
     std::array<TestImage, 3> images;

@@ -12,7 +12,6 @@ import subprocess
 import sys
 import tempfile
 import zipfile
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -214,17 +213,13 @@ def main():
     parser.add_argument("--work", type=Path, help="keep the features in this folder")
     parser.add_argument("--write", action="store_true", help="replace kernels/shared/shadow_weights.h")
     arguments = parser.parse_args()
-    with tempfile.TemporaryDirectory() as scratch, ThreadPoolExecutor(1) as pool:
+    with tempfile.TemporaryDirectory() as scratch:
         work = arguments.work or Path(scratch)
         work.mkdir(parents=True, exist_ok=True)
-        weights_of = [(f, 1.0, STEP) for f in arguments.folders] + [
-            (f, SWEEP_WEIGHT, SWEEP_STEP) for f in arguments.sweep
-        ]
         program = arguments.shadow_features
-        learned = list(pool.map(lambda part: read_sequence(program, part[0], work, *part[1:]), weights_of))
-        held_out = list(
-            pool.map(lambda folder: read_sequence(program, folder, work, 0.0, SWEEP_STEP), arguments.held_out)
-        )
+        learned = [read_sequence(program, f, work, 1.0, STEP) for f in arguments.folders]
+        learned += [read_sequence(program, f, work, SWEEP_WEIGHT, SWEEP_STEP) for f in arguments.sweep]
+        held_out = [read_sequence(program, f, work, 0.0, SWEEP_STEP) for f in arguments.held_out]
     weights = learn(learned)
     print("fractions of the subject's area: missed added, then the same within 2 px of the border")
     for title, group in (("learned from", learned), ("held out", held_out)):
