@@ -168,7 +168,6 @@ void ShadowJudge::judge_row(int y, const ShadowPlanes& planes, const kde::Eviden
                 group.floor_light[n][block] = asked ? lights[n] : -1.0f;
         }
         group.support = support_[at];
-        group.evidence = evidence + x0;
         group.pixels = {planes.factor->row(y) + x0, planes.residual->row(y) + x0,
                         planes.neighbourhood->row(y) + x0, planes.misfit->row(y) + x0, planes.factor->stride};
         group.distance = planes.distance->row(y) + x0;

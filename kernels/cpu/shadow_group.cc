@@ -67,7 +67,7 @@ void group_of(const kde::ShadowRule& rule, ShadowGroup& group) {
         for (int n = 0; n < group.view_count; ++n)
             kde::add_floor_light(e, spread<kde::kFloorBlock_px>(group.floor_light[n], i));
         e.support = spread<kde::kSupportBlock_px>(group.support.data(), i);
-        const auto odds = kde::shadow_log_odds(e, kde::load<ShadowFloats>(group.evidence + i), rule);
+        const auto odds = kde::shadow_log_odds(e, rule);
         std::memcpy(group.own + i, &odds.own, sizeof odds.own);
         std::memcpy(group.voted + i, &odds.voted, sizeof odds.voted);
         if (!group.with_features) continue;

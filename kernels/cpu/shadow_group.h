@@ -15,7 +15,6 @@ inline constexpr int kFloorBlocks = kde::kGroupPixels / kde::kFloorBlock_px;  //
 // 16 pixels of a row.
 struct ShadowGroup {
     kde::ShadowPixels pixels;
-    const float* evidence = nullptr;                         // without the rule
     int view_count = 0;                                      // other cameras
     float floor_light[kde::kMaxFloorViews][kFloorBlocks];    // negative: not known
     std::array<float, 2> support;                            // of its halves

@@ -238,7 +238,7 @@ __global__ void shadow_kernel(SegmentData d, CellRange box, FloorScenes floor) {
             kde::add_floor_light(
                 e, kde::light_of_floor<kChannels>(floor.others[n], floor_x, floor_y, d.parameters));
     e.support = support;
-    const auto odds = kde::shadow_log_odds(e, d.evidence[at], d.parameters.shadow);
+    const auto odds = kde::shadow_log_odds(e, d.parameters.shadow);
     d.evidence[at] = odds.own;
     d.voted[at] = odds.voted;
     if (odds.changed()) atomicAdd(d.changed + block, 1);

@@ -5,7 +5,8 @@
 // brighter, the pixel is the subject. Walls have no floor point; there, and everywhere, the cameras vote on
 // the points along the pixel's ray: the subject is somewhere on it only if the others may see it there. A
 // logistic rule joins the evidence; its weights are learned from rendered sequences with exact silhouettes
-// (tests/accuracy/shadow_rule.py).
+// (tests/accuracy/shadow_rule.py). Pixels lighter than any shadow have a rule of their own: a reflection
+// keeps the texture of what it lightens, cloth does not.
 #pragma once
 
 #include <cstddef>
@@ -25,9 +26,10 @@ inline constexpr int kPatchRadius = 3;    // px; one light must explain a patch 
 inline constexpr int kMaxFloorViews = 4;  // other cameras that are asked for a floor point
 inline constexpr int kFloorGrid_px = 8;   // spacing of the tabulated directions of a camera's pixels
 inline constexpr float kMaxFloorDistance_m = 15;
-// A brighter pixel is in no shadow and keeps its evidence, unless the other cameras see the subject there.
-inline constexpr float kBrightestRuled = 1.1f, kBrightSupport = 0.6f;
-inline constexpr float kDoubtfulEvidence = 3;  // nats; above it a pixel is the subject without a second look
+// Brighter pixels are in no shadow. Reflections and windows lighten a background that keeps its texture.
+inline constexpr float kBrightestShadow = 1.1f;
+inline constexpr float kLighterSupport = 0.6f;  // above it the votes may decide them, too
+inline constexpr float kDoubtfulEvidence = 3;   // nats; above it a pixel is the subject without a second look
 
 // The functions below are templates over F, float or a vector of floats with the operators of float, so that
 // the CPU form decides 16 pixels at once.
@@ -447,9 +449,8 @@ KINEVOX_HD KINEVOX_INLINE F limited(F log_odds) {
     return -smaller(-smaller(log_odds, all_of<F>(kLimit)), all_of<F>(kLimit));
 }
 
-// without_rule: the pixels' evidence, which brighter ones keep.
 template <class F>
-KINEVOX_HD KINEVOX_INLINE ShadowLogOdds<F> shadow_log_odds(const ShadowEvidence<F>& evidence, F without_rule,
+KINEVOX_HD KINEVOX_INLINE ShadowLogOdds<F> shadow_log_odds(const ShadowEvidence<F>& evidence,
                                                            const ShadowRule& rule) {
     F features[kShadowFeatures], bases[kShadowBases], sum = F{}, per_vote = F{}, per_positive_vote = F{};
     shadow_features(evidence, features);
@@ -466,11 +467,12 @@ KINEVOX_HD KINEVOX_INLINE ShadowLogOdds<F> shadow_log_odds(const ShadowEvidence<
     F votes =
         features[kOwnShadowFeatures + 1] * per_vote + features[kOwnShadowFeatures + 2] * per_positive_vote;
     for (int i = kOwnShadowFeatures; i < kShadowFeatures; ++i) votes += rule.weights[i] * features[i];
-    const F own = limited(sum);
-    const auto bright = evidence.light > kBrightestRuled;
-    const auto seen = (evidence.support > kBrightSupport) & (evidence.support < kMaxKnownSupport);
-    const F voted = limited(own + votes);
-    return {bright ? without_rule : own, bright ? (seen ? voted : without_rule) : voted};
+    const F lighter = rule.lighter[0] + rule.lighter[1] * features[1] + rule.lighter[2] * features[12] +
+                      rule.lighter[3] * features[13];
+    const auto is_lighter = evidence.light > kBrightestShadow;
+    const auto supported = (evidence.support > kLighterSupport) & (evidence.support < kMaxKnownSupport);
+    const F own = limited(is_lighter ? lighter : sum), voted = limited(limited(sum) + votes);
+    return {own, is_lighter ? (supported ? voted : own) : voted};
 }
 
 }  // namespace kinevox::kernels::kde

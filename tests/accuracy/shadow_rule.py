@@ -1,13 +1,17 @@
 #!/usr/bin/env python3
 """Learns the weights of the shadow rule (kernels/shared/kde_shadow.h) from sequences with exact silhouettes.
 
-usage: shadow_rule.py --shadow-features PROGRAM SESSION_FOLDER ... [--sweep FOLDER ...] [--held-out FOLDER ...] [--write]
+usage: shadow_rule.py --shadow-features PROGRAM SESSION_FOLDER ... [--sweep FOLDER ...] [--held-out FOLDER ...]
+                      [--lighter SESSION_FOLDER --lighter-results FOLDER] [--write]
 
 Each folder holds session.toml and truth/masks_CAMERA.zip. Prints, per sequence, the pixels that are decided wrongly as a
 fraction of the subject's area: inside and outside the subject, away from its border and near it. --sweep: trials of
 sweep.py, clothes near the background's colours among them, which count less each. --held-out sequences are reported, not
-learned from. --write replaces kernels/shared/shadow_weights.h."""
+learned from. --lighter: a real recording in which reflections lighten the background; --lighter-results: its output of
+`kinevox process --save silhouettes`, lighter pixels away from these silhouettes are background. Without it, the weights of
+lighter pixels stay as they are. --write replaces kernels/shared/shadow_weights.h."""
 import argparse
+import re
 import subprocess
 import sys
 import tempfile
@@ -80,7 +84,12 @@ def log_odds(features, weights):
 # them: walls have no floor point, and shadows on them are rare in what the rule learns from.
 FLOOR = slice(15, 22)
 BLIND_FRACTION = 0.3
+# Pixels that are lighter than any shadow; their rule weighs the distance from the background and the misfits of one light.
 BRIGHT = 10
+LIGHTER = [0, 1, 12, 13]
+# A background that turns into the subject costs more than a missed pixel: nothing else removes it.
+LIGHTER_BACKGROUND_WEIGHT = 2.0
+LIGHTER_MARGIN_PX = 15
 
 
 class Pixels:
@@ -104,8 +113,9 @@ class Pixels:
                     inner, outer = cv2.erode(mask, np.ones((3, 3))), cv2.dilate(mask, np.ones((5, 5)))
                     truth[rows] = mask[y, x] > 0
                     border[rows] = (outer > inner)[y, x]
-        # Brighter pixels keep their evidence without the votes.
-        ruled = records["features"][:, BRIGHT] <= 0
+        lighter = records["features"][:, BRIGHT] > 0
+        self.lighter = records["features"][lighter & truth & ~border][:, LIGHTER]
+        ruled = ~lighter
         records, truth, border = records[ruled], truth[ruled], border[ruled]
         chosen = np.random.default_rng(0).random(len(records)) < min(1, MAX_PIXELS / max(len(records), 1))
         self.features = records["features"][chosen]
@@ -158,6 +168,42 @@ def learn(sequences):
     return own, regress(vote_terms(features), truth, importance, limited)
 
 
+def lighter_background(program, folder, results, work):
+    """Features (n, LIGHTER) of the lighter pixels away from the silhouettes in `results`."""
+    records = features_of(program, folder, work, STEP)
+    records = records[records["features"][:, BRIGHT] > 0]
+    away = np.zeros(len(records), bool)
+    for camera, images in enumerate(sorted((results / "silhouettes").glob("*/"))):
+        for frame in np.unique(records["frame"]):
+            rows = np.nonzero((records["camera"] == camera) & (records["frame"] == frame))[0]
+            mask = cv2.imread(str(images / f"{frame:06d}.png"), cv2.IMREAD_GRAYSCALE)
+            near = cv2.dilate(mask, np.ones((LIGHTER_MARGIN_PX, LIGHTER_MARGIN_PX)))
+            away[rows] = near[records["y"][rows], records["x"][rows]] == 0
+    return records["features"][away][:, LIGHTER]
+
+
+def learn_lighter(subject, background):
+    """Weights of LIGHTER; the two classes weigh 1 and LIGHTER_BACKGROUND_WEIGHT together."""
+    x = np.concatenate([subject, background]).astype(np.float64)
+    truth = np.arange(len(x)) < len(subject)
+    importance = np.where(truth, 1 / len(subject), LIGHTER_BACKGROUND_WEIGHT / len(background))
+    weights = regress(x.copy(), truth, importance)
+    decided = x @ weights > 0
+    print(
+        f"lighter pixels: missed {np.mean(~decided[truth]):.3f} of {len(subject)}, "
+        f"added {np.mean(decided[~truth]):.3f} of {len(background)}"
+    )
+    return GAIN * weights
+
+
+def present_lighter():
+    """The weights of lighter pixels in the present header."""
+    return [
+        float(v)
+        for v in re.search(r"lighter\[\w+\] = {(.*?)}", WEIGHTS.read_text()).group(1).replace("f", "").split(",")
+    ]
+
+
 def literal(value):
     text = f"{value:.5g}"
     return text + ("f" if "." in text or "e" in text else ".0f")
@@ -167,7 +213,7 @@ def rows(weights):
     return ",\n        ".join(", ".join(literal(w) for w in weights[i : i + 6]) for i in range(0, len(weights), 6))
 
 
-def header(weights):
+def header(weights, lighter):
     own, votes = (GAIN * w for w in weights)
     extra = FEATURES - OWN
     return f"""// Written by tests/accuracy/shadow_rule.py; features, bases and their order are those of kde_shadow.h.
@@ -176,6 +222,7 @@ def header(weights):
 namespace kinevox::kernels::kde {{
 
 inline constexpr int kOwnShadowFeatures = {OWN}, kShadowFeatures = {FEATURES}, kShadowBases = {len(BASES)};
+inline constexpr int kLighterFeatures = {len(LIGHTER)};
 
 // Handed to kernels by value.
 struct ShadowRule {{
@@ -189,19 +236,25 @@ struct ShadowRule {{
         {rows(votes[extra : extra + len(BASES)])}}};
     float positive_vote_products[kShadowBases] = {{
         {rows(votes[extra + len(BASES) :])}}};
+    // Of a lighter pixel's features {", ".join(str(i) for i in LIGHTER)}.
+    float lighter[kLighterFeatures] = {{{rows(lighter)}}};
 }};
 
 }}  // namespace kinevox::kernels::kde
 """
 
 
-def read_sequence(program, folder, work, weight, step):
+def features_of(program, folder, work, step):
     file = work / f"{folder.name}.bin"
     if not file.exists():
         done = subprocess.run([program, folder / "session.toml", file, str(step)], stderr=subprocess.PIPE, text=True)
         if done.returncode != 0:
             sys.exit(f"shadow_features {folder}: {done.stderr.strip()}")
-    return Pixels(folder, np.fromfile(file, RECORD), weight, step)
+    return np.fromfile(file, RECORD)
+
+
+def read_sequence(program, folder, work, weight, step):
+    return Pixels(folder, features_of(program, folder, work, step), weight, step)
 
 
 def main():
@@ -210,9 +263,14 @@ def main():
     parser.add_argument("folders", nargs="+", type=Path, help="sequences to learn from")
     parser.add_argument("--sweep", nargs="*", type=Path, default=[], help="trials of sweep.py to learn from")
     parser.add_argument("--held-out", nargs="*", type=Path, default=[], help="sequences that are only reported")
+    parser.add_argument("--lighter", type=Path, help="session in which reflections lighten the background")
+    parser.add_argument("--lighter-results", type=Path, help="its results with silhouettes")
     parser.add_argument("--work", type=Path, help="keep the features in this folder")
     parser.add_argument("--write", action="store_true", help="replace kernels/shared/shadow_weights.h")
     arguments = parser.parse_args()
+    if (arguments.lighter is None) != (arguments.lighter_results is None):
+        parser.error("--lighter and --lighter-results go together; give both or neither")
+    lighter = present_lighter()
     with tempfile.TemporaryDirectory() as scratch:
         work = arguments.work or Path(scratch)
         work.mkdir(parents=True, exist_ok=True)
@@ -220,13 +278,16 @@ def main():
         learned = [read_sequence(program, f, work, 1.0, STEP) for f in arguments.folders]
         learned += [read_sequence(program, f, work, SWEEP_WEIGHT, SWEEP_STEP) for f in arguments.sweep]
         held_out = [read_sequence(program, f, work, 0.0, SWEEP_STEP) for f in arguments.held_out]
+        if arguments.lighter:
+            background = lighter_background(program, arguments.lighter, arguments.lighter_results, work)
+            lighter = learn_lighter(np.concatenate([s.lighter for s in learned]), background)
     weights = learn(learned)
     print("fractions of the subject's area: missed added, then the same within 2 px of the border")
     for title, group in (("learned from", learned), ("held out", held_out)):
         for sequence in group:
             print(f"{title:12s} {sequence.text(weights)}")
     if arguments.write:
-        WEIGHTS.write_text(header(weights))
+        WEIGHTS.write_text(header(weights, lighter))
     return 0
 
 
