@@ -11,8 +11,9 @@ namespace {
 
 // docs/quality.md lists the values measured on good and spoiled sessions next to each threshold.
 constexpr double kMinStature_m = 1.35, kMaxStature_m = 2.12;
-constexpr double kMinLitres = 46;  // of an adult's hull
-constexpr double kTall_m = 1.95;   // a fitted body is drawn towards the mean; the hull's height is not
+constexpr double kMinLitres = 46, kMaxLitres = 165;  // of an adult's hull
+constexpr double kTall_m = 1.95;        // a fitted body is drawn towards the mean; the hull's height is not
+constexpr double kExplainedIou = 0.88;  // of a posed body whose raised arms explain the hull's height
 constexpr double kMaxStatureDifference = 0.045;  // of a given body against the fitted one
 constexpr double kCautionIou = 0.75, kBadIou = 0.55, kCautionHullIou = 0.9;
 constexpr double kCautionWithheld = 0.15;
@@ -32,12 +33,14 @@ Judgement judge_scale(const Measurements& seen) {
         seen.body.fitted_stature_m ? seen.body.fitted_stature_m : seen.body.stature_m;
     if (!stature) return {};
     const double height = seen.world.subject_height_m.value_or(*stature);
-    const bool tall = *stature > kMaxStature_m || (*stature > kTall_m && height > kMaxStature_m);
-    // A body that cannot shrink enough fits badly; a person who only crouches has the usual volume.
+    // A body that cannot grow or shrink enough fits badly. Raised arms are part of a body that fits; a person
+    // who only crouches has the usual volume.
+    const double litres = seen.world.volume_litres.value_or(kMinLitres);
+    const bool large = seen.pose.posed_iou.value_or(1) < kExplainedIou && litres > kMaxLitres;
+    const bool tall = *stature > kMaxStature_m || (height > kMaxStature_m && (*stature > kTall_m || large));
     const double highest = seen.world.max_height_m.value_or(*stature);
     const bool small = !lacks_lower_body(seen) && highest < kMinStature_m &&
-                       seen.pose.posed_iou.value_or(1) < kCautionIou &&
-                       seen.world.volume_litres.value_or(kMinLitres) < kMinLitres;
+                       seen.pose.posed_iou.value_or(1) < kCautionIou && litres < kMinLitres;
     if (*stature >= kMinStature_m && !tall && !small) return {};
     const double measured = tall ? std::max(height, *stature) : small ? highest : *stature;
     return Cause{

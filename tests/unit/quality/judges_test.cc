@@ -255,6 +255,20 @@ TEST(ScaleJudge, RecognisesImpossibleStatures) {
     EXPECT_EQ(cause_of(judge_scale(seen)), "scale");
 }
 
+TEST(ScaleJudge, RecognisesALargeHullThatNoBodyFits) {
+    Measurements seen = good_session();
+    seen.body.stature_m = 1.93;
+    seen.world.subject_height_m = 2.3;
+    seen.world.volume_litres = 190;
+    seen.pose.posed_iou = 0.82;
+    EXPECT_EQ(cause_of(judge_scale(seen)), "scale");
+    seen.pose.posed_iou = 0.92;  // raised arms
+    EXPECT_FALSE(judge_scale(seen));
+    seen.pose.posed_iou = 0.82;
+    seen.world.volume_litres = 125;
+    EXPECT_FALSE(judge_scale(seen));
+}
+
 TEST(BodyJudge, ComparesOnlyAGivenBody) {
     Measurements seen = good_session();
     seen.body.stature_m = 1.65;
