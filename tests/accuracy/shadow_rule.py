@@ -2,16 +2,15 @@
 """Learns the weights of the shadow rule (kernels/shared/kde_shadow.h) from sequences with exact silhouettes.
 
 usage: shadow_rule.py --shadow-features PROGRAM SESSION_FOLDER ... [--sweep FOLDER ...] [--held-out FOLDER ...]
-                      [--lighter SESSION_FOLDER --lighter-results FOLDER] [--write]
+                      [--lighter SESSION_FOLDER --lighter-results FOLDER [--write]]
 
 Each folder holds session.toml and truth/masks_CAMERA.zip. Prints, per sequence, the pixels that are decided wrongly as a
 fraction of the subject's area: inside and outside the subject, away from its border and near it. --sweep: trials of
 sweep.py, clothes near the background's colours among them, which count less each. --held-out sequences are reported, not
 learned from. --lighter: a real recording in which reflections lighten the background; --lighter-results: its output of
-`kinevox process --save silhouettes`, lighter pixels away from these silhouettes are background. Without it, the weights of
-lighter pixels stay as they are. --write replaces kernels/shared/shadow_weights.h."""
+`kinevox process --save silhouettes`, lighter pixels away from these silhouettes are background. --write replaces
+kernels/shared/shadow_weights.h; it needs both."""
 import argparse
-import re
 import subprocess
 import sys
 import tempfile
@@ -179,6 +178,9 @@ def lighter_background(program, folder, results, work):
             mask = cv2.imread(str(images / f"{frame:06d}.png"), cv2.IMREAD_GRAYSCALE)
             near = cv2.dilate(mask, np.ones((LIGHTER_MARGIN_PX, LIGHTER_MARGIN_PX)))
             away[rows] = near[records["y"][rows], records["x"][rows]] == 0
+    if not away.any():
+        command = f"kinevox process {folder / 'session.toml'} --out {results} --save silhouettes"
+        sys.exit(f"{results}: no silhouettes beside lighter pixels; run {command}")
     return records["features"][away][:, LIGHTER]
 
 
@@ -194,14 +196,6 @@ def learn_lighter(subject, background):
         f"added {np.mean(decided[~truth]):.3f} of {len(background)}"
     )
     return GAIN * weights
-
-
-def present_lighter():
-    """The weights of lighter pixels in the present header."""
-    return [
-        float(v)
-        for v in re.search(r"lighter\[\w+\] = {(.*?)}", WEIGHTS.read_text()).group(1).replace("f", "").split(",")
-    ]
 
 
 def literal(value):
@@ -270,7 +264,8 @@ def main():
     arguments = parser.parse_args()
     if (arguments.lighter is None) != (arguments.lighter_results is None):
         parser.error("--lighter and --lighter-results go together; give both or neither")
-    lighter = present_lighter()
+    if arguments.write and not arguments.lighter:
+        parser.error("--write needs --lighter and --lighter-results for the weights of lighter pixels")
     with tempfile.TemporaryDirectory() as scratch:
         work = arguments.work or Path(scratch)
         work.mkdir(parents=True, exist_ok=True)
