@@ -106,12 +106,14 @@ struct ShadowJudge::Supports {
     }
 };
 
-// Finds the pixels of a row that the rule decides. Those where the subject cannot be become background.
+// Finds the pixels of a row that the rule decides. Those where the subject cannot be become background, unless
+// they are lighter than any shadow.
 void ShadowJudge::find_doubtful(int y, const GroupSpan& span, const ShadowPlanes& planes,
                                 const BackgroundModel& model, float limit, Supports& supports) {
     constexpr int kVotes = kGroupPixels / kde::kVoteBlock_px, kHalf = kde::kSupportBlock_px;
     static_assert(kGroupPixels == 2 * kHalf && kVotes == 4);
     float* evidence = planes.evidence->row(y);
+    const float* factor = planes.factor->row(y);
     const std::int8_t* votes =
         planes.votes + static_cast<std::ptrdiff_t>(y / kde::kVoteBlock_px) * planes.vote_columns;
     GroupSpan judged;
@@ -136,9 +138,12 @@ void ShadowJudge::find_doubtful(int y, const GroupSpan& span, const ShadowPlanes
             const float support = supports.at(x0 + half * kHalf, y);
             support_[static_cast<std::size_t>(y) * groups_per_row_ + g][half] = support;
             if (support >= kde::kMinSupport) continue;
-            for (unsigned left = block; left != 0; left &= left - 1)
-                evidence[x0 + std::countr_zero(left)] = -limit;
-            doubtful &= ~block;
+            for (unsigned left = block; left != 0; left &= left - 1) {
+                const int i = std::countr_zero(left);
+                if (kde::is_lighter(factor + x0 + i, planes.factor->stride)) continue;
+                evidence[x0 + i] = -limit;
+                doubtful &= ~(1u << i);
+            }
         }
         kept = static_cast<std::uint16_t>(doubtful);
         if (doubtful != 0) judged.include({g, g + 1});

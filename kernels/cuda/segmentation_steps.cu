@@ -220,7 +220,7 @@ __global__ void shadow_kernel(SegmentData d, CellRange box, FloorScenes floor) {
     if (d.votes[block] < kde::kMinJudgedVote) return;
     const float support =
         d.support[y / kde::kSupportBlock_px * d.support_columns() + x / kde::kSupportBlock_px];
-    if (support < kde::kMinSupport) {
+    if (support < kde::kMinSupport && !kde::is_lighter(d.factor + at, d.stride())) {
         d.evidence[at] = -d.parameters.limit;
         return;
     }

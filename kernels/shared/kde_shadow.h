@@ -142,7 +142,7 @@ KINEVOX_HD inline bool floor_point(const FloorGrid& grid, const Projector& camer
 inline constexpr int kSupportBlock_px = 8;           // pixels that share a ray, in rows and columns
 inline constexpr int kSupportSamples = 16;           // along it
 inline constexpr float kMinSupportHeight_m = 0.03f;  // on the floor, shadows look alike from everywhere
-inline constexpr float kMinSupport = -0.25f;         // below it a doubtful pixel is background
+inline constexpr float kMinSupport = -0.25f;         // below it a doubtful pixel is background if not lighter
 inline constexpr float kNoSupport = -2;              // nowhere
 inline constexpr float kUnknownSupport = 2;          // no other camera sees the subject
 inline constexpr float kMaxKnownSupport = 1.5f;      // above every other
@@ -317,6 +317,11 @@ KINEVOX_HD KINEVOX_INLINE F mean_of_nine(const float* at, std::ptrdiff_t stride)
     return (upper + middle + lower) * (1.0f / 9);
 }
 
+// Whether the pixel that `factor` points at is lighter than any shadow.
+KINEVOX_HD inline bool is_lighter(const float* factor, std::ptrdiff_t stride) {
+    return mean_of_nine<float>(factor, stride) > kBrightestShadow;
+}
+
 // All but what the other cameras see. distance: squared distance from the background in bandwidths / 256;
 // log_foreground: log density of the pixel's colour on the subject.
 template <int kChannels, class F>
@@ -467,8 +472,9 @@ KINEVOX_HD KINEVOX_INLINE ShadowLogOdds<F> shadow_log_odds(const ShadowEvidence<
     F votes =
         features[kOwnShadowFeatures + 1] * per_vote + features[kOwnShadowFeatures + 2] * per_positive_vote;
     for (int i = kOwnShadowFeatures; i < kShadowFeatures; ++i) votes += rule.weights[i] * features[i];
-    const F lighter = rule.lighter[0] + rule.lighter[1] * features[1] + rule.lighter[2] * features[12] +
-                      rule.lighter[3] * features[13];
+    constexpr int kLighter[kLighterFeatures] = {0, 1, 2, 4, 9, 10, 12, 13, 15, 19};
+    F lighter = F{};
+    for (int i = 0; i < kLighterFeatures; ++i) lighter += rule.lighter[i] * features[kLighter[i]];
     const auto is_lighter = evidence.light > kBrightestShadow;
     const auto supported = (evidence.support > kLighterSupport) & (evidence.support < kMaxKnownSupport);
     const F own = limited(is_lighter ? lighter : sum), voted = limited(limited(sum) + votes);

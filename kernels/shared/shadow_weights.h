@@ -4,7 +4,7 @@
 namespace kinevox::kernels::kde {
 
 inline constexpr int kOwnShadowFeatures = 22, kShadowFeatures = 27, kShadowBases = 10;
-inline constexpr int kLighterFeatures = 4;
+inline constexpr int kLighterFeatures = 10;
 
 // Handed to kernels by value.
 struct ShadowRule {
@@ -26,8 +26,9 @@ struct ShadowRule {
                                          -1.6082f, -3.2695f, -12.921f,  91.439f, -11.821f};
     float positive_vote_products[kShadowBases] = {9.6909f,   -2.2234f, -0.24598f, -9.3093f, 57.469f,
                                                   -0.47133f, 6.1168f,  20.486f,   -114.39f, 3.8871f};
-    // Of a lighter pixel's features 0, 1, 12 and 13.
-    float lighter[kLighterFeatures] = {-77.451f, 14.342f, 4.7744f, 10.368f};
+    // Of a lighter pixel's features 0, 1, 2, 4, 9, 10, 12, 13, 15, 19.
+    float lighter[kLighterFeatures] = {-59.988f, 20.094f, 1.2941f, -3.2027f, -221.7f,
+                                       155.61f,  3.7046f, 11.991f, -18.259f, 29.574f};
 };
 
 }  // namespace kinevox::kernels::kde

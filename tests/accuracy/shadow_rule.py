@@ -83,9 +83,10 @@ def log_odds(features, weights):
 # them: walls have no floor point, and shadows on them are rare in what the rule learns from.
 FLOOR = slice(15, 22)
 BLIND_FRACTION = 0.3
-# Pixels that are lighter than any shadow; their rule weighs the distance from the background and the misfits of one light.
+# Pixels that are lighter than any shadow have a rule of their own: distance from the background, colour, light, misfits of
+# one light, and whether other cameras see their floor point as light as they are.
 BRIGHT = 10
-LIGHTER = [0, 1, 12, 13]
+LIGHTER = [0, 1, 2, 4, 9, 10, 12, 13, 15, 19]
 # A background that turns into the subject costs more than a missed pixel: nothing else removes it.
 LIGHTER_BACKGROUND_WEIGHT = 2.0
 LIGHTER_MARGIN_PX = 15
