@@ -205,8 +205,8 @@ KINEVOX_HD inline float support_of(SupportRay ray, int count, const View& view) 
         }
     if (!seen) return kUnknownSupport;
     if (!(ray.near < ray.far)) return kNoSupport;
-    // One camera of three may take the subject for background.
-    const int max_against = count / 3;
+    // One camera of two or three may take the subject for background, two of five.
+    const int max_against = (count + 1) / 3;
     const float step = (ray.far - ray.near) * (1.0f / kSupportSamples);
     int best = -kMaxVote * count - 1;
     for (int i = 0; i < kSupportSamples; ++i) {

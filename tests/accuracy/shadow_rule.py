@@ -232,7 +232,8 @@ struct ShadowRule {{
     float positive_vote_products[kShadowBases] = {{
         {rows(votes[extra + len(BASES) :])}}};
     // Of a lighter pixel's features {", ".join(str(i) for i in LIGHTER)}.
-    float lighter[kLighterFeatures] = {{{rows(lighter)}}};
+    float lighter[kLighterFeatures] = {{
+        {rows(lighter)}}};
 }};
 
 }}  // namespace kinevox::kernels::kde
