@@ -21,7 +21,7 @@ struct ClothPlace {
 };
 ClothPlace cloth_place(const ImplicitBody& body, Vec3f rest, Bone nearest) {
     if (!on_arm(nearest)) return {rest.z, 0.15f * std::atan2(rest.y, rest.x + 1e-6f)};
-    const Vec3f q = body.in_bone(rest, rest.y > 0 ? kUpperArmL : kUpperArmR);
+    const Vec3f q = body.in_flesh(rest, rest.y > 0 ? kUpperArmL : kUpperArmR);
     return {q.z, 0.06f * std::atan2(q.y, q.x + 1e-6f)};
 }
 

@@ -36,7 +36,9 @@ double GetUp::lowest_of_trunk(const Pose& pose) const {
                                      {kHead, {-0.010, 0, 0.062}, 0.100}}};
     double lowest = 1e9;
     for (const Ball& ball : balls)
-        lowest = std::min(lowest, (posed.world_from_bone[ball.bone] * (u * ball.at)).z - u * ball.radius);
+        lowest = std::min(
+            lowest, (posed.world_from_bone[ball.bone] * (rig_.flesh_in_bone(ball.bone) + u * ball.at)).z -
+                        u * ball.radius);
     return lowest;
 }
 

@@ -33,8 +33,9 @@ ImplicitBody::ImplicitBody(const Rig& rig, const Subject& subject)
       girth_(static_cast<float>(subject.girth)) {
     const PosedRig rest = rig.forward(rig.rest_pose());
     for (int b = 0; b < kBoneCount; ++b) {
-        rest_from_bone_[b] = rest.world_from_bone[b];
-        bone_from_rest_[b] = to_float(rest.world_from_bone[b].inverse());
+        rest_from_flesh_[b] =
+            rest.world_from_bone[b] * Rigid3{Mat3{}, rig.flesh_in_bone(static_cast<Bone>(b))};
+        flesh_from_rest_[b] = to_float(rest_from_flesh_[b].inverse());
     }
     lower_ = {10, 10, 10};
     upper_ = {-10, -10, -10};
@@ -46,7 +47,8 @@ ImplicitBody::ImplicitBody(const Rig& rig, const Subject& subject)
     upper_ = upper_ + margin;
 }
 
-// a, b in the bone's frame in units of a 1.8 m tall body; radii likewise, times girth except on the head.
+// a, b from the origin of the bone's flesh in units of a 1.8 m tall body; radii likewise, times girth except
+// on the head.
 void ImplicitBody::add(Bone bone, Vec3f a, float ra, Vec3f b, float rb, float flat_x, float flat_y,
                        float blend) {
     const float thick = unit_ * (bone == kHead || is_foot(bone) ? 1.0f : girth_);
@@ -66,7 +68,7 @@ void ImplicitBody::add(Bone bone, Vec3f a, float ra, Vec3f b, float rb, float fl
     const Vec3f helper = std::abs(z.x) < 0.8f ? Vec3f{1, 0, 0} : Vec3f{0, 1, 0};
     const Vec3f x = normalized(cross(helper, z)), y = cross(z, x);
     const Vec3f rows[3] = {x, y, z};
-    const Affine3f& from_rest = bone_from_rest_[bone];
+    const Affine3f& from_rest = flesh_from_rest_[bone];
     for (int r = 0; r < 3; ++r) {
         const Vec3f w{rows[r].x / flat_x, rows[r].y / flat_y, rows[r].z};
         for (int c = 0; c < 4; ++c) {
@@ -75,8 +77,8 @@ void ImplicitBody::add(Bone bone, Vec3f a, float ra, Vec3f b, float rb, float fl
         }
         p.local_from_rest.m[4 * r + 3] -= w.x * start.x + w.y * start.y + w.z * start.z;
     }
-    const Vec3f a_rest = to_float(rest_from_bone_[bone] * to_double(start));
-    const Vec3f b_rest = to_float(rest_from_bone_[bone] * to_double(end));
+    const Vec3f a_rest = to_float(rest_from_flesh_[bone] * to_double(start));
+    const Vec3f b_rest = to_float(rest_from_flesh_[bone] * to_double(end));
     const float widest = std::max({flat_x, flat_y, 1.0f});
     p.centre = 0.5f * (a_rest + b_rest);
     p.radius = 0.5f * norm(b_rest - a_rest) + widest * std::max(p.ra, p.rb);
@@ -217,7 +219,7 @@ ImplicitBody::Sample ImplicitBody::sample(Vec3f rest) const {
     d -= static_cast<float>(subject_.looseness) * clothes(rest, nearest);
     if (is_foot(nearest)) {  // flat soles
         const Side side = side_of(nearest);
-        const Vec3f in_foot = in_bone(rest, on_side(kFootL, side));
+        const Vec3f in_foot = in_flesh(rest, on_side(kFootL, side));
         d = std::max(d, -static_cast<float>(rig_.measures().ankle_height) - in_foot.z);
     }
     return {d, nearest};
@@ -232,11 +234,11 @@ void ImplicitBody::bone_distances(Vec3f rest, float (&distance)[kBoneCount]) con
 Material ImplicitBody::material(Vec3f rest, Bone nearest) const {
     const Measures& m = rig_.measures();
     const Bone twin = left_twin(nearest);
-    const auto local = [&](Bone left) { return in_bone(rest, on_side(left, side_of(nearest))); };
+    const auto local = [&](Bone left) { return in_flesh(rest, on_side(left, side_of(nearest))); };
     const float u = unit_;
     switch (twin) {
         case kHead: {
-            const Vec3f q = (1.0f / u) * in_bone(rest, kHead);
+            const Vec3f q = (1.0f / u) * in_flesh(rest, kHead);
             const float hairline =
                 0.062f - 0.25f * (q.x - 0.06f) + (q.x < 0.02f ? -0.35f * (0.02f - q.x) : 0.0f);
             const bool nape = q.x < -0.012f && q.z > (subject_.long_hair ? -0.12f : -0.02f);
@@ -253,11 +255,11 @@ Material ImplicitBody::material(Vec3f rest, Bone nearest) const {
             return Material::kSkin;
         }
         case kNeck: {
-            const Vec3f q = (1.0f / u) * in_bone(rest, kNeck);
+            const Vec3f q = (1.0f / u) * in_flesh(rest, kNeck);
             return q.z < -0.010f - 0.25f * q.x ? Material::kShirt : Material::kSkin;
         }
         case kThorax: {
-            const Vec3f q = (1.0f / u) * in_bone(rest, kNeck);
+            const Vec3f q = (1.0f / u) * in_flesh(rest, kNeck);
             const float collar = std::sqrt((q.x + 0.01f) * (q.x + 0.01f) + q.y * q.y);
             return collar < 0.082f && q.z > -0.03f - 0.25f * q.x ? Material::kSkin : Material::kShirt;
         }
@@ -267,7 +269,7 @@ Material ImplicitBody::material(Vec3f rest, Bone nearest) const {
             return Material::kShirt;
         case kPelvis:
         case kHipHelpL:
-            return in_bone(rest, kPelvis).z > 0.005f * u ? Material::kShirt : Material::kTrousers;
+            return in_flesh(rest, kPelvis).z > 0.005f * u ? Material::kShirt : Material::kTrousers;
         case kUpperArmL:
         case kElbowHelpL:
         case kForearmL:
@@ -302,7 +304,7 @@ float ImplicitBody::clothes(Vec3f rest, Bone nearest) const {
     const Measures& m = rig_.measures();
     const Bone twin = left_twin(nearest);
     const auto along = [&](Bone left, double length) {
-        return -in_bone(rest, on_side(left, side_of(nearest))).z / static_cast<float>(length);
+        return -in_flesh(rest, on_side(left, side_of(nearest))).z / static_cast<float>(length);
     };
     const auto hem = [](float t, float end) {  // 0..1..0
         return (0.55f + 0.45f * smoothstep(end - 0.5f, end, t)) *
@@ -319,7 +321,7 @@ float ImplicitBody::clothes(Vec3f rest, Bone nearest) const {
             return 0.010f;
         case kPelvis:
         case kHipHelpL: {
-            const float z = in_bone(rest, kPelvis).z / unit_;
+            const float z = in_flesh(rest, kPelvis).z / unit_;
             return 0.004f + 0.012f * smoothstep(-0.004f, 0.010f, z);
         }
         case kUpperArmL:

@@ -39,7 +39,7 @@ class ImplicitBody {
 
     // What covers the body there; `nearest` from sample().
     Material material(Vec3f rest, Bone nearest) const;
-    Vec3f in_bone(Vec3f rest, Bone bone) const { return bone_from_rest_[bone].point(rest); }
+    Vec3f in_flesh(Vec3f rest, Bone bone) const { return flesh_from_rest_[bone].point(rest); }
 
     Vec3f lower() const { return lower_; }  // a box that holds the surface, in the rest pose
     Vec3f upper() const { return upper_; }
@@ -66,8 +66,8 @@ class ImplicitBody {
     float unit_;   // stature / 1.8 m
     float girth_;  // times radii
     std::vector<Primitive> primitives_;
-    std::array<Affine3f, kBoneCount> bone_from_rest_;
-    std::array<Rigid3, kBoneCount> rest_from_bone_;
+    std::array<Affine3f, kBoneCount> flesh_from_rest_;
+    std::array<Rigid3, kBoneCount> rest_from_flesh_;
     Vec3f lower_, upper_;
 };
 

@@ -10,6 +10,9 @@
 namespace kinevox::studio {
 namespace {
 
+constexpr std::array<Bone, 4> kHelped{kUpperArmL, kForearmL, kThighL, kShankL};
+constexpr std::array<Bone, 4> kHelpers{kShoulderHelpL, kElbowHelpL, kHipHelpL, kKneeHelpL};
+
 constexpr std::array<Albedo, 5> kSkins{{{0.60f, 0.37f, 0.26f},
                                         {0.50f, 0.29f, 0.19f},
                                         {0.34f, 0.18f, 0.11f},
@@ -67,8 +70,13 @@ Mat3 limb_frame(Vec3 down, Vec3 left) {
     return {{x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z}};
 }
 
+// The rotation of a bone whose end, at `end_in_bone`, lies along a limb_frame().
+Mat3 aimed(const Mat3& world_from_limb, Vec3 end_in_bone) {
+    return world_from_limb * limb_frame(end_in_bone, {0, 1, 0}).transposed();
+}
+
 struct TwoBone {
-    Mat3 upper, lower;  // world_from_bone
+    Mat3 upper, lower;  // limb_frame()s
     double miss;
 };
 
@@ -146,12 +154,12 @@ Measures make_measures(const Subject& s) {
     m.upper_arm = 0.176 * h * s.arm_scale;
     m.forearm = 0.150 * h * s.arm_scale;
     m.hand = 0.105 * h;
-    m.hip_half_width = (0.0490 + 0.0020 * f) * h * s.hip_scale;
+    m.hip_half_width = 0.0605 * h * s.hip_scale;
     m.shoulder_half_width = (0.1030 - 0.0075 * f) * h * s.shoulder_scale;
-    m.root_above_hips = 0.006 * h;
-    m.trunk_scale = (0.324 - 0.491 * (s.leg_scale - 1)) / 0.324;
-    m.root_to_sacroiliac = 0.094 * h * m.trunk_scale;
-    m.waist_to_thorax = 0.065 * h * m.trunk_scale;
+    m.root_above_hips = 0.0043 * h;
+    m.trunk_scale = (0.3257 - 0.491 * (s.leg_scale - 1)) / 0.3257;
+    m.root_to_sacroiliac = 0.0883 * h * m.trunk_scale;
+    m.waist_to_thorax = 0.0724 * h * m.trunk_scale;
     m.thorax_to_neck = 0.165 * h * m.trunk_scale;
     m.neck_to_skullbase = 0.047 * h;
     m.skullbase_to_head_top = 0.086 * h;
@@ -176,36 +184,47 @@ Bone Rig::parent(Bone bone) {
         const Bone left = kSideParents[within];
         return bone >= kClavicleR && left >= kClavicleL ? static_cast<Bone>(left + kSideStride) : left;
     }
-    constexpr std::array<Bone, 4> kHelped{kUpperArmL, kForearmL, kThighL, kShankL};
     const int within = (bone - kShoulderHelpL) % kHelpStride;
     return parent(on_side(kHelped[within], bone >= kShoulderHelpR ? Side::kRight : Side::kLeft));
 }
 
 Rig::Rig(const Subject& subject) : measures_(make_measures(subject)) {
     const Measures& m = measures_;
-    offset_[kLumbar] = {0.006 * m.stature, 0, m.root_to_sacroiliac};
-    offset_[kThorax] = {0, 0, m.waist_to_thorax};
-    offset_[kNeck] = {-0.012 * m.stature, 0, m.thorax_to_neck};
-    offset_[kHead] = {0.012 * m.stature, 0, m.neck_to_skullbase};
+    const double h = m.stature;
+    flesh_in_bone_[kPelvis] = {0.0149 * h, 0, 0.0017 * h};
+    flesh_in_bone_[kLumbar] = {0.0266 * h, 0, 0.0074 * h};
+    offset_[kLumbar] = {-0.0057 * h, 0, m.root_to_sacroiliac};
+    offset_[kThorax] = {flesh_in_bone_[kLumbar].x, 0, m.waist_to_thorax};
+    offset_[kNeck] = {-0.012 * h, 0, m.thorax_to_neck};
+    offset_[kHead] = {0.012 * h, 0, m.neck_to_skullbase};
     for (Side side : kSides) {
         const double s = sign_of(side);
-        const Vec3 clavicle{0, s * 0.02 * m.stature, m.thorax_to_neck - 0.022 * m.stature};
+        const auto on = [side](Bone left) { return on_side(left, side); };
+        flesh_in_bone_[on(kForearmL)] = {0.0057 * h, 0, 0};
+        flesh_in_bone_[on(kThighL)] = {0.0116 * h, s * -0.0114 * h, 0};
+        flesh_in_bone_[on(kShankL)] = {-0.0074 * h, 0, 0};
+        flesh_in_bone_[on(kFootL)] = {0, s * 0.0040 * h, 0};
+        // Flesh hangs straight down in the zero pose; the line between two joints slants.
+        const auto hang = [&](Bone left, double length) {
+            const Vec3 d = flesh_in_bone_[parent(on(left))] - flesh_in_bone_[on(left)];
+            offset_[on(left)] = {d.x, d.y, -std::sqrt(length * length - d.x * d.x - d.y * d.y)};
+        };
+        const Vec3 clavicle{0, s * 0.02 * h, m.thorax_to_neck - 0.022 * h};
         // The acromion is at 0.818 of the stature, the joint centre slightly lower.
         const double shoulder_z =
-            0.812 * m.stature - (m.standing_root_z() + m.root_to_sacroiliac + m.waist_to_thorax);
-        offset_[on_side(kClavicleL, side)] = clavicle;
-        offset_[on_side(kUpperArmL, side)] =
-            Vec3{-0.006 * m.stature, s * m.shoulder_half_width, shoulder_z} - clavicle;
-        offset_[on_side(kForearmL, side)] = {0, 0, -m.upper_arm};
-        offset_[on_side(kHandL, side)] = {0, 0, -m.forearm};
-        offset_[on_side(kThighL, side)] = {0, s * m.hip_half_width, -m.root_above_hips};
-        offset_[on_side(kShankL, side)] = {0, 0, -m.thigh};
-        offset_[on_side(kFootL, side)] = {0, 0, -m.shank};
-        offset_[on_side(kToesL, side)] = {m.foot_ball_x, 0, m.ball_height - m.ankle_height};
-        offset_[on_side(kShoulderHelpL, side)] = offset_[on_side(kUpperArmL, side)];
-        offset_[on_side(kElbowHelpL, side)] = offset_[on_side(kForearmL, side)];
-        offset_[on_side(kHipHelpL, side)] = offset_[on_side(kThighL, side)];
-        offset_[on_side(kKneeHelpL, side)] = offset_[on_side(kShankL, side)];
+            0.812 * h - (m.standing_root_z() + m.root_to_sacroiliac + m.waist_to_thorax);
+        offset_[on(kClavicleL)] = clavicle;
+        offset_[on(kUpperArmL)] = Vec3{-0.006 * h, s * m.shoulder_half_width, shoulder_z} - clavicle;
+        hang(kForearmL, m.upper_arm);
+        hang(kHandL, m.forearm);
+        offset_[on(kThighL)] = {-0.0057 * h, s * m.hip_half_width, -m.root_above_hips};
+        hang(kShankL, m.thigh);
+        hang(kFootL, m.shank);
+        offset_[on(kToesL)] = {m.foot_ball_x, flesh_in_bone_[on(kFootL)].y, m.ball_height - m.ankle_height};
+        for (std::size_t i = 0; i < kHelpers.size(); ++i) {
+            offset_[on(kHelpers[i])] = offset_[on(kHelped[i])];
+            flesh_in_bone_[on(kHelpers[i])] = flesh_in_bone_[on(kHelped[i])];
+        }
     }
 }
 
@@ -216,8 +235,6 @@ PosedRig Rig::forward(const Pose& pose) const {
         const auto bone = static_cast<Bone>(i);
         out.world_from_bone[i] = out.world_from_bone[parent(bone)] * Rigid3{pose[bone], offset_[i]};
     }
-    constexpr std::array<Bone, 4> kHelped{kUpperArmL, kForearmL, kThighL, kShankL};
-    constexpr std::array<Bone, 4> kHelpers{kShoulderHelpL, kElbowHelpL, kHipHelpL, kKneeHelpL};
     for (Side side : kSides) {
         for (int i = 0; i < 4; ++i) {
             const Bone helper = on_side(kHelpers[i], side), helped = on_side(kHelped[i], side);
@@ -244,7 +261,8 @@ std::array<Vec3, kJointNames.size()> Rig::joints(const PosedRig& posed) const {
         out[base + 4] = posed.joint(on_side(kThighL, side));
         out[base + 5] = posed.joint(on_side(kShankL, side));
         out[base + 6] = posed.joint(on_side(kFootL, side));
-        out[base + 7] = at(on_side(kToesL, side), {measures_.toe_length, 0, 0});
+        // The toe ends a little before the shoe.
+        out[base + 7] = at(on_side(kToesL, side), {measures_.toe_length - 0.006 * measures_.stature, 0, 0});
     }
     return out;
 }
@@ -257,9 +275,11 @@ double Rig::place_leg(Pose& pose, Side side, Vec3 ankle_in_world, const Mat3& wo
     // x forward cross -z down = y left.
     const TwoBone leg =
         two_bone(hip, ankle_in_world, measures_.thigh, measures_.shank, forward_in_world, 1.0);
-    pose[thigh] = world_from_pelvis.transposed() * leg.upper;
-    pose[shank] = leg.upper.transposed() * leg.lower;
-    pose[foot] = leg.lower.transposed() * world_from_foot;
+    const Mat3 world_from_thigh = aimed(leg.upper, offset_[shank]),
+               world_from_shank = aimed(leg.lower, offset_[foot]);
+    pose[thigh] = world_from_pelvis.transposed() * world_from_thigh;
+    pose[shank] = world_from_thigh.transposed() * world_from_shank;
+    pose[foot] = world_from_shank.transposed() * world_from_foot;
     return leg.miss;
 }
 
@@ -270,9 +290,11 @@ double Rig::place_arm(Pose& pose, Side side, Vec3 wrist_in_world, const Mat3& wo
     const PosedRig posed = forward(pose);
     const TwoBone arm = two_bone(posed.joint(upper), wrist_in_world, measures_.upper_arm, measures_.forearm,
                                  elbow_towards_in_world, -1.0);
-    pose[upper] = posed.world_from_bone[on_side(kClavicleL, side)].rotation.transposed() * arm.upper;
-    pose[fore] = arm.upper.transposed() * arm.lower;
-    pose[hand] = arm.lower.transposed() * world_from_hand;
+    const Mat3 world_from_upper = aimed(arm.upper, offset_[fore]),
+               world_from_fore = aimed(arm.lower, offset_[hand]);
+    pose[upper] = posed.world_from_bone[on_side(kClavicleL, side)].rotation.transposed() * world_from_upper;
+    pose[fore] = world_from_upper.transposed() * world_from_fore;
+    pose[hand] = world_from_fore.transposed() * world_from_hand;
     return arm.miss;
 }
 

@@ -61,7 +61,8 @@ Subject make_subject(std::uint32_t seed, double stature_m, const SubjectOptions&
 
 // The skeleton: bones, measurements, forward and inverse kinematics.
 // In the zero pose (all local rotations identity) the person stands upright, arms hanging, and the axes of
-// all bones are parallel to the world's: x forward, y left, z up. A bone's origin is its joint.
+// all bones are parallel to the world's: x forward, y left, z up. A bone's origin is its joint. The flesh
+// on it has an origin of its own, which puts the joint as deep below the skin as in the MakeHuman rig.
 
 // Centre bones, then eight bones per side, then helpers that rotate half as far as their joint (they preserve
 // the volume of a bent knee, which plain linear blend skinning would collapse).
@@ -111,8 +112,9 @@ inline double sign_of(Side side) {
     return side == Side::kLeft ? 1.0 : -1.0;
 }  // of y at the zero pose
 
-// Lengths in metres, from the fractions of stature of Drillis & Contini (1966), as in Winter, Biomechanics
-// and Motor Control of Human Movement, table 4.1.
+// Lengths in metres. Limbs: distances between joints, from the fractions of stature of Drillis & Contini
+// (1966), as in Winter, Biomechanics and Motor Control of Human Movement, table 4.1. Pelvis: the MakeHuman
+// rig's.
 struct Measures {
     double stature, thigh, shank, ankle_height, foot_ball_x, foot_heel_x, toe_length, ball_height;
     double upper_arm, forearm, hand, hip_half_width, shoulder_half_width;
@@ -145,6 +147,7 @@ class Rig {
     const Measures& measures() const { return measures_; }
     static Bone parent(Bone bone);  // kPelvis for kPelvis
     Vec3 offset_in_parent(Bone bone) const { return offset_[bone]; }
+    Vec3 flesh_in_bone(Bone bone) const { return flesh_in_bone_[bone]; }  // origin of the flesh
 
     PosedRig forward(const Pose& pose) const;
 
@@ -166,6 +169,7 @@ class Rig {
   private:
     Measures measures_;
     std::array<Vec3, kBoneCount> offset_{};  // of a bone's joint in its parent's frame
+    std::array<Vec3, kBoneCount> flesh_in_bone_{};
 };
 
 Mat3 slerp(const Mat3& a, const Mat3& b, double t);
