@@ -28,11 +28,11 @@ double GetUp::lowest_of_trunk(const Pose& pose) const {
         Vec3 at;
         double radius;
     };
-    const std::array<Ball, 6> balls{{{kPelvis, {-0.045, 0.068, -0.035 * k}, 0.083 * g + 0.007},
-                                     {kPelvis, {-0.045, -0.068, -0.035 * k}, 0.083 * g + 0.007},
+    const std::array<Ball, 6> balls{{{kPelvis, {-0.040, 0.072, -0.030 * k}, 0.081 * g + 0.016},
+                                     {kPelvis, {-0.040, -0.072, -0.030 * k}, 0.081 * g + 0.016},
                                      {kThorax, {-0.055, 0.075, 0.17 * k}, 0.063 * g + 0.008},
                                      {kThorax, {-0.055, -0.075, 0.17 * k}, 0.063 * g + 0.008},
-                                     {kThorax, {-0.025, 0.10, 0.225 * k}, 0.066 * g + 0.008},
+                                     {kThorax, {-0.025, 0.10, 0.205 * k}, 0.062 * g + 0.008},
                                      {kHead, {-0.010, 0, 0.062}, 0.100}}};
     double lowest = 1e9;
     for (const Ball& ball : balls)

@@ -92,11 +92,11 @@ void ImplicitBody::add(Bone bone, Vec3f a, float ra, Vec3f b, float rb, float fl
 void ImplicitBody::add_trunk() {
     const float f = static_cast<float>(subject_.femininity);
     const float waist = 1.0f - 0.12f * f;
-    add(kPelvis, {-0.005f, 0, -0.015f}, 0.142f + 0.010f * f, {0.0f, 0, 0.07f}, 0.132f, 0.72f, 1, 0.03f);
+    add(kPelvis, {-0.005f, 0, 0.035f}, 0.138f + 0.014f * f, {0.0f, 0, 0.05f}, 0.132f, 0.72f, 1, 0.03f);
     for (float s : {1.0f, -1.0f})
-        add(kPelvis, {-0.045f, s * 0.068f, -0.035f}, 0.083f, {-0.035f, s * 0.06f, 0.02f}, 0.075f, 1, 1,
+        add(kPelvis, {-0.040f, s * 0.072f, -0.030f}, 0.081f, {-0.035f, s * 0.06f, 0.02f}, 0.075f, 1, 1,
             0.05f);
-    add(kLumbar, {0.005f, 0, -0.05f}, 0.133f * waist, {0.0f, 0, 0.07f}, 0.136f * waist, 0.74f, 1, 0.05f);
+    add(kLumbar, {0.018f, 0, -0.05f}, 0.133f * waist, {0.008f, 0, 0.07f}, 0.136f * waist, 0.63f, 1, 0.05f);
     add(kLumbar, {0.04f, 0, -0.05f}, 0.075f, {0.035f, 0, 0.05f}, 0.075f, 0.8f, 1.2f, 0.05f);
     if (subject_.belly > 0) {
         const float b = static_cast<float>(subject_.belly);
@@ -105,12 +105,12 @@ void ImplicitBody::add_trunk() {
     }
     add(kThorax, {0.0f, 0, 0.01f}, 0.138f - 0.010f * f, {-0.008f, 0, 0.17f}, 0.146f - 0.012f * f, 0.74f, 1,
         0.05f);
-    add(kThorax, {-0.025f, 0.115f, 0.225f}, 0.066f, {-0.025f, -0.115f, 0.225f}, 0.066f, 1, 1, 0.06f);
+    add(kThorax, {-0.025f, 0.115f, 0.205f}, 0.062f, {-0.025f, -0.115f, 0.205f}, 0.062f, 1, 1, 0.06f);
     for (float s : {1.0f, -1.0f}) {
         const float bust = 0.022f * f;
         add(kThorax, {0.045f + 0.6f * bust, s * 0.072f, 0.125f - bust}, 0.062f + 0.2f * bust,
             {0.04f, s * 0.08f, 0.16f}, 0.06f, 0.8f, 1.1f, 0.05f);
-        add(kThorax, {-0.022f, s * 0.03f, 0.315f}, 0.038f, {-0.020f, s * 0.125f, 0.265f}, 0.050f, 1, 1,
+        add(kThorax, {-0.022f, s * 0.03f, 0.305f}, 0.038f, {-0.020f, s * 0.125f, 0.224f}, 0.043f, 1, 1,
             0.05f);
         add(kThorax, {-0.055f, s * 0.075f, 0.17f}, 0.065f, {-0.05f, s * 0.065f, 0.06f}, 0.06f, 0.9f, 1.1f,
             0.05f);
@@ -156,11 +156,11 @@ void ImplicitBody::add_limbs(Side side) {
     // The palm faces the thigh: thin along y, thumb in front.
     add(on(kHandL), {0, 0, 0.0f}, 0.027f * arm, {0.002f, 0, -0.04f}, 0.040f, 1, 0.52f, 0.015f);
     add(on(kHandL), {0.002f, 0, -0.04f}, 0.042f, {0.000f, 0, -0.085f}, 0.041f, 1, 0.40f, 0.015f);
-    add(on(kHandL), {0.0f, 0, -0.09f}, 0.040f, {0.0f, s * -0.008f, -0.162f}, 0.026f, 1, 0.34f, 0.01f);
+    add(on(kHandL), {0.0f, 0, -0.09f}, 0.040f, {0.0f, s * -0.003f, -0.168f}, 0.028f, 1, 0.40f, 0.01f);
     add(on(kHandL), {0.026f, s * -0.006f, -0.03f}, 0.017f, {0.056f, s * -0.014f, -0.092f}, 0.012f, 1, 0.9f,
         0.015f);
 
-    const float flesh = 1.0f + 0.05f * f;
+    const float flesh = 0.96f + 0.08f * f;
     add(on(kHipHelpL), {-0.008f, 0.0f, 0.01f}, 0.092f * flesh, {-0.004f, s * 0.01f, -0.06f}, 0.091f * flesh,
         1, 0.92f, 0.05f);
     add(on(kThighL), {0.0f, s * 0.004f, -0.09f}, 0.089f * flesh, {0.008f, 0, -0.55f * thigh}, 0.073f * flesh,
