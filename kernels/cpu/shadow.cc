@@ -106,8 +106,8 @@ struct ShadowJudge::Supports {
     }
 };
 
-// Finds the pixels of a row that the rule decides. Those where the subject cannot be become background, unless
-// they are lighter than any shadow.
+// Finds the pixels of a row that the rule decides. Those where the subject cannot be become background,
+// unless they are lighter than any shadow.
 void ShadowJudge::find_doubtful(int y, const GroupSpan& span, const ShadowPlanes& planes,
                                 const BackgroundModel& model, float limit, Supports& supports) {
     constexpr int kVotes = kGroupPixels / kde::kVoteBlock_px, kHalf = kde::kSupportBlock_px;

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
 
 #include "common/body_pose.h"
 #include "common/geometry.h"
@@ -337,17 +338,41 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
     judge_coordinates(posture, covariance, ambiguous, misfit, out);
 }
 
-bool lacks_legs(const BodyModel& model, const BodyPosture& posture) {
+namespace {
+
+// Whether most cameras that have the point in their image see the subject there or beside it.
+bool is_seen(Vec3 in_world, std::span<const SilhouetteRays> views) {
+    constexpr double kMinDepth_m = 0.2, kBeside_m = 0.1;
+    int seen = 0, missed = 0;
+    for (const SilhouetteRays& view : views) {
+        if (!view.camera) continue;
+        const double depth = (view.camera->camera_from_world * in_world).z;
+        if (!(depth > kMinDepth_m)) continue;
+        const std::optional<Vec2> pixel = view.camera->project(in_world);
+        double inside_px;
+        Vec2 gradient;
+        if (!pixel || !view.distance.at(*pixel, inside_px, gradient)) continue;
+        ++(inside_px * 2 * depth / (view.camera->fx + view.camera->fy) > -kBeside_m ? seen : missed);
+    }
+    return seen >= missed;
+}
+
+}  // namespace
+
+bool lacks_legs(const BodyModel& model, const BodyPosture& posture, std::span<const SilhouetteRays> views) {
     constexpr double kNearFloor_m = 0.25, kFolded = 0.5;
     const PosedBody posed = model.forward(posture);
     const auto& joints = posed.joints_in_world;
-    if (std::ranges::any_of(joints, [](Vec3 joint) { return joint.z < kNearFloor_m; })) return false;
-    const auto folded = [&](std::size_t hip, std::size_t knee, std::size_t ankle) {
+    if (std::ranges::any_of(joints,
+                            [&](Vec3 joint) { return joint.z < kNearFloor_m && is_seen(joint, views); }))
+        return false;
+    const auto lacks = [&](std::size_t hip, std::size_t knee, std::size_t ankle) {
         const double leg = norm(joints[knee] - joints[hip]) + norm(joints[ankle] - joints[knee]);
-        return norm(joints[ankle] - joints[hip]) < kFolded * leg;
+        return norm(joints[ankle] - joints[hip]) < kFolded * leg || joints[ankle].z > joints[hip].z ||
+               !is_seen(joints[ankle], views);
     };
-    return folded(*joint_index("hip_l"), *joint_index("knee_l"), *joint_index("ankle_l")) &&
-           folded(*joint_index("hip_r"), *joint_index("knee_r"), *joint_index("ankle_r"));
+    return lacks(*joint_index("hip_l"), *joint_index("knee_l"), *joint_index("ankle_l")) &&
+           lacks(*joint_index("hip_r"), *joint_index("knee_r"), *joint_index("ankle_r"));
 }
 
 void withhold_legs(BodyPose& out) {

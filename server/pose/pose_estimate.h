@@ -2,11 +2,13 @@
 #pragma once
 
 #include <memory>
+#include <span>
 
 #include "common/body_pose.h"
 #include "server/pose/body_model.h"
 #include "server/pose/pose_cost.h"
 #include "server/pose/pose_options.h"
+#include "server/pose/silhouette_rays.h"
 
 namespace kinevox {
 
@@ -27,12 +29,14 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
                    std::span<const WeightedPosture> others, int cameras, const EstimateOptions& options,
                    BodyPose& out);
 
-// Legs that the silhouettes lack fold up, and the body floats: nothing of it is near the floor (world z = 0),
-// and from hip to ankle it is shorter than half of each leg.
-bool lacks_legs(const BodyModel& model, const BodyPosture& posture);
+// Legs that the silhouettes lack fold up, hide in the trunk or reach out of the silhouettes, and the body
+// floats: nothing of it is seen near the floor (world z = 0), and of each leg the ankle is outside most
+// silhouettes, above the hip, or nearer to it than half of the leg's length.
+bool lacks_legs(const BodyModel& model, const BodyPosture& posture, std::span<const SilhouetteRays> views);
 
-// A body that lacks its legs for longer is not one in a jump.
-inline constexpr double kMaxJump_s = 0.8;
+// A body that lacks its legs for longer is not one in a jump; then they must be seen for as long as
+// kMinLegsSeen_s before they are believed again, since clothes like the background show up for moments.
+inline constexpr double kMaxJump_s = 0.8, kMinLegsSeen_s = 0.3;
 
 // Withholds joints and angles from the hips down; between judge_posture() and describe_posture().
 void withhold_legs(BodyPose& out);

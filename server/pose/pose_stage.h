@@ -58,6 +58,7 @@ class PoseStage {
     void reset();
 
   private:
+    bool legs_believed(std::int64_t time_ns, std::span<const SilhouetteRays> views);
     std::vector<WeightedPosture> alternatives(std::span<const SilhouetteRays> views);
     void mask_views(const kernels::VoxelVolume& volume, const MainBody& body, std::vector<PoseView>& views);
 
@@ -73,7 +74,8 @@ class PoseStage {
     std::optional<TrackedPosture> tracked_;
     double data_cost_ = 0;
     std::shared_ptr<const BodyPose> last_;
-    std::optional<std::int64_t> legs_seen_ns_;  // last time, or when tracking started
+    std::optional<std::int64_t> legs_seen_ns_;  // last believed, or when tracking started
+    std::optional<std::int64_t> legs_back_ns_;  // first seen after they were lacking
 };
 
 }  // namespace kinevox

@@ -157,16 +157,30 @@ class Recording {
             if (choices_[n].candidate >= 0 && !stop_.stop_requested()) f(n);
         });
     }
-    // In a row that lasts longer than a jump.
+    // Runs that last longer than a jump, with the moments between them in which legs show up.
     std::vector<char> frames_without_legs() const {
         std::vector<char> without(frames_.size(), 0);
-        for (std::size_t first = 0, end; first < frames_.size(); first = end + 1) {
-            for (end = first;
-                 end < frames_.size() && choices_[end].candidate >= 0 && lacks_legs(model_, *path_[end]);)
-                ++end;
-            if (end > first && frames_[end - 1].time_s - frames_[first].time_s > kMaxJump_s)
+        each([&](std::size_t n) { without[n] = lacks_legs(model_, *path_[n], recorded_[n].seen->views); });
+        const auto lasts = [&](std::size_t first, std::size_t end, double seconds) {
+            return frames_[end - 1].time_s - frames_[first].time_s > seconds;
+        };
+        // Calls run(first, end) for each run of `value` in frame sets with a posture.
+        const auto each_run = [&](char value, const auto& run) {
+            for (std::size_t first = 0, end; first < frames_.size(); first = end + 1) {
+                for (end = first;
+                     end < frames_.size() && choices_[end].candidate >= 0 && without[end] == value;)
+                    ++end;
+                if (end > first) run(first, end);
+            }
+        };
+        each_run(0, [&](std::size_t first, std::size_t end) {
+            const bool between = first > 0 && without[first - 1] && end < frames_.size() && without[end];
+            if (between && !lasts(first, end, kMinLegsSeen_s))
                 std::fill(without.begin() + first, without.begin() + end, 1);
-        }
+        });
+        each_run(1, [&](std::size_t first, std::size_t end) {
+            if (!lasts(first, end, kMaxJump_s)) std::fill(without.begin() + first, without.begin() + end, 0);
+        });
         return without;
     }
     const BodyPosture* chosen(std::size_t n) const {

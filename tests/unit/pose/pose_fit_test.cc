@@ -390,10 +390,17 @@ TEST(PoseEstimate, WithholdsLegsThatAreFoldedInAFloatingBody) {
     const Scene scene;
     BodyCoordinates folded = scene.standing();
     folded[kDofHipL] = folded[kDofHipR] = radians(110), folded[kDofKneeL] = folded[kDofKneeR] = radians(140);
-    EXPECT_TRUE(lacks_legs(*scene.model, posture_from_coordinates(folded)));
-    EXPECT_FALSE(lacks_legs(*scene.model, posture_from_coordinates(scene.standing())));
+    const auto lacking = [&](const BodyCoordinates& posture, const BodyCoordinates& visible) {
+        return lacks_legs(*scene.model, posture_from_coordinates(posture), scene.see(visible));
+    };
+    EXPECT_TRUE(lacking(folded, folded));
+    EXPECT_FALSE(lacking(scene.standing(), scene.standing()));
+    EXPECT_TRUE(lacking(scene.standing(), folded)) << "legs outside the silhouettes";
+    BodyCoordinates raised = scene.standing();
+    raised[kDofHipL] = raised[kDofHipR] = radians(150);
+    EXPECT_TRUE(lacking(raised, raised));
     folded[2] = 0.4;  // squatting
-    EXPECT_FALSE(lacks_legs(*scene.model, posture_from_coordinates(folded)));
+    EXPECT_FALSE(lacking(folded, folded));
     BodyPose pose = judged(scene, posture_from_coordinates(scene.standing()), {});
     withhold_legs(pose);
     for (const char* joint : {"hip_l", "knee_r", "ankle_l", "toe_r"})
@@ -419,7 +426,7 @@ TEST(Retrack, WithholdsLegsThatSilhouettesLack) {
     options.body = scene.model->shape();
     const auto frames = retrack(scene.cameras, 10, views, options);
     ASSERT_TRUE(frames[8].posture.has_value());
-    ASSERT_TRUE(lacks_legs(*scene.model, *frames[8].posture));
+    ASSERT_TRUE(lacks_legs(*scene.model, *frames[8].posture, frame.views));
     EXPECT_FALSE(frames[8].pose->joints[*joint_index("knee_l")].measured());
     EXPECT_TRUE(frames[8].pose->joints[*joint_index("shoulder_l")].measured());
     PoseStage stage(scene.cameras, 10, options);
@@ -427,9 +434,21 @@ TEST(Retrack, WithholdsLegsThatSilhouettesLack) {
     for (std::size_t n = 0; n < seen.size(); ++n) {
         pose = stage.process(1, n, seen[n].time_ns, seen[n], {});
         ASSERT_TRUE(pose);
-        if (n == 4) EXPECT_TRUE(pose->joints[*joint_index("knee_l")].measured()) << "it may be a jump";
+        if (n == 4) {
+            EXPECT_TRUE(pose->joints[*joint_index("knee_l")].measured()) << "it may be a jump";
+        }
     }
     EXPECT_FALSE(pose->joints[*joint_index("knee_l")].measured());
+    PoseObservation standing{0, {0, 0, 1.1}, scene.see(scene.standing())};
+    for (std::size_t n = 0; n < 10; ++n) {
+        standing.time_ns = static_cast<std::int64_t>(seen.size() + n) * 100'000'000;
+        pose = stage.process(1, seen.size() + n, standing.time_ns, standing, {});
+        ASSERT_TRUE(pose);
+        if (n < 3) {
+            EXPECT_FALSE(pose->joints[*joint_index("knee_l")].measured()) << "they may show up for moments";
+        }
+    }
+    EXPECT_TRUE(pose->joints[*joint_index("knee_l")].measured());
 }
 
 TEST(PostureFilter, ZeroPhasePreservesSlowMovement) {
