@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
 
 namespace kinevox {
 namespace {
@@ -99,14 +100,9 @@ double LimbSearch::cost(std::span<const SilhouetteRays> views, std::span<const B
                 const Vec3 a{capsule.a[0], capsule.a[1], capsule.a[2]},
                     b{capsule.b[0], capsule.b[1], capsule.b[2]};
                 const Vec3 p = (1 - along) * a + along * b;
-                const auto pixel = view.camera->project(p);
-                double depth_px;
-                Vec2 slope;
-                if (!pixel || !view.distance.at(*pixel, depth_px, slope)) continue;
-                const double m_per_px =
-                    2 * (view.camera->camera_from_world * p).z / (view.camera->fx + view.camera->fy);
-                const double out =
-                    (1 - along) * capsule.radius_a + along * capsule.radius_b - depth_px * m_per_px;
+                const std::optional<double> inside_m = view.inside_m(p);
+                if (!inside_m) continue;
+                const double out = (1 - along) * capsule.radius_a + along * capsule.radius_b - *inside_m;
                 if (out > 0) sum += kernel(out, robust_m);
             }
     }

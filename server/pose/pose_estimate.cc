@@ -342,18 +342,11 @@ namespace {
 
 // Whether most cameras that have the point in their image see the subject there or beside it.
 bool is_seen(Vec3 in_world, std::span<const SilhouetteRays> views) {
-    constexpr double kMinDepth_m = 0.2, kBeside_m = 0.1;
+    constexpr double kBeside_m = 0.1;
     int seen = 0, missed = 0;
-    for (const SilhouetteRays& view : views) {
-        if (!view.camera) continue;
-        const double depth = (view.camera->camera_from_world * in_world).z;
-        if (!(depth > kMinDepth_m)) continue;
-        const std::optional<Vec2> pixel = view.camera->project(in_world);
-        double inside_px;
-        Vec2 gradient;
-        if (!pixel || !view.distance.at(*pixel, inside_px, gradient)) continue;
-        ++(inside_px * 2 * depth / (view.camera->fx + view.camera->fy) > -kBeside_m ? seen : missed);
-    }
+    for (const SilhouetteRays& view : views)
+        if (const std::optional<double> inside_m = view.inside_m(in_world))
+            ++(*inside_m > -kBeside_m ? seen : missed);
     return seen >= missed;
 }
 

@@ -154,6 +154,16 @@ bool SilhouetteDistance::at(Vec2 p, double& distance, Vec2& gradient) const {
     return true;
 }
 
+std::optional<double> SilhouetteRays::inside_m(Vec3 in_world) const {
+    if (!camera) return std::nullopt;
+    const std::optional<Vec2> pixel = camera->project(in_world);
+    double inside_px;
+    Vec2 gradient;
+    if (!pixel || !distance.at(*pixel, inside_px, gradient)) return std::nullopt;
+    const double depth = (camera->camera_from_world * in_world).z;
+    return inside_px * (2 * depth / (camera->fx + camera->fy));
+}
+
 void read_silhouette(const Camera& camera, const kernels::Silhouettes& s, const SilhouetteRayOptions& options,
                      SilhouetteRays& out) {
     out.camera = nullptr;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "common/camera.h"
@@ -37,7 +38,10 @@ struct SilhouetteRays {
     const Camera* camera = nullptr;  // null: this camera is not used
     ContourRays contour;
     SilhouetteDistance distance;
-    double metres_per_px = 0;  // at the subject's distance, set by the caller
+
+    // How far a point lies inside the silhouette in the image, m at the point's depth; negative outside.
+    // Empty where this camera does not see it.
+    std::optional<double> inside_m(Vec3 in_world) const;
 };
 
 // Reads the sharp silhouette. Reuses the memory of `out`. Without sharp pixels out.camera is null.
