@@ -29,13 +29,13 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
                    std::span<const WeightedPosture> others, int cameras, const EstimateOptions& options,
                    BodyPose& out);
 
-// Legs that the silhouettes lack fold up, hide in the trunk or reach out of the silhouettes, and the body
+// Legs that the silhouettes lack fold up, hide in the trunk or extend beyond the silhouettes, and the body
 // floats: nothing of it is seen near the floor (world z = 0), and of each leg the ankle is outside most
 // silhouettes, above the hip, or nearer to it than half of the leg's length.
 bool lacks_legs(const BodyModel& model, const BodyPosture& posture, std::span<const SilhouetteRays> views);
 
 // A body that lacks its legs for longer is not one in a jump; then they must be seen for as long as
-// kMinLegsSeen_s before they are believed again, since clothes like the background show up for moments.
+// kMinLegsSeen_s before they are believed again, since clothes like the background appear briefly.
 inline constexpr double kMaxJump_s = 0.8, kMinLegsSeen_s = 0.3;
 
 // Withholds joints and angles from the hips down; between judge_posture() and describe_posture().

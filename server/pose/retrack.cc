@@ -157,7 +157,7 @@ class Recording {
             if (choices_[n].candidate >= 0 && !stop_.stop_requested()) f(n);
         });
     }
-    // Runs that last longer than a jump, with the moments between them in which legs show up.
+    // Runs that last longer than a jump, with the short gaps between them in which legs appear.
     std::vector<char> frames_without_legs() const {
         std::vector<char> without(frames_.size(), 0);
         each([&](std::size_t n) { without[n] = lacks_legs(model_, *path_[n], recorded_[n].seen->views); });

@@ -445,7 +445,7 @@ TEST(Retrack, WithholdsLegsThatSilhouettesLack) {
         pose = stage.process(1, seen.size() + n, standing.time_ns, standing, {});
         ASSERT_TRUE(pose);
         if (n < 3) {
-            EXPECT_FALSE(pose->joints[*joint_index("knee_l")].measured()) << "they may show up for moments";
+            EXPECT_FALSE(pose->joints[*joint_index("knee_l")].measured()) << "they may appear briefly";
         }
     }
     EXPECT_TRUE(pose->joints[*joint_index("knee_l")].measured());
