@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "server/cameras/image_file.h"
 #include "server/cameras/image_pool.h"
 
 namespace kinevox {
@@ -76,7 +77,7 @@ class FolderReader final : public ImageReader {
         if (at_ >= files_.size()) return absl::OutOfRangeError("the folder has ended");
         const fs::path& file = files_[at_];
         // Ignores the EXIF orientation: the image of a calibrated camera must not be rotated.
-        const cv::Mat image = cv::imread(file.string(), cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+        const cv::Mat image = read_image_file(file, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
         if (image.empty())
             return absl::DataLossError(fmt::format(
                 "camera {}: {} (image {} of {}) cannot be decoded: it is damaged or not an image; "

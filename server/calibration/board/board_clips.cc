@@ -13,6 +13,7 @@
 #include <set>
 
 #include "common/session_file.h"
+#include "server/cameras/image_file.h"
 #include "server/cameras/image_reader.h"
 
 namespace kinevox {
@@ -27,10 +28,11 @@ cv::Size size_of(const fs::path& file) {
         for (const auto& entry : fs::directory_iterator(file))
             if (entry.is_regular_file()) files.insert(entry.path());
         for (const fs::path& one : files)
-            if (const cv::Mat image = cv::imread(one.string()); !image.empty()) return image.size();
+            if (const cv::Mat image = read_image_file(one, cv::IMREAD_COLOR); !image.empty())
+                return image.size();
         return {};
     }
-    if (const cv::Mat image = cv::imread(file.string()); !image.empty()) return image.size();
+    if (const cv::Mat image = read_image_file(file, cv::IMREAD_COLOR); !image.empty()) return image.size();
     cv::VideoCapture video(file.string());
     cv::Mat image;
     return video.isOpened() && video.read(image) ? image.size() : cv::Size();

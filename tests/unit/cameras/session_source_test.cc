@@ -353,6 +353,9 @@ INSTANTIATE_TEST_SUITE_P(
         BadInput{"damaged_background",
                  [](const auto& f) { f.write("empty0.png", "?"); },
                  {"camera left", "empty0.png"}},
+        BadInput{"impossible_background_size",
+                 [](const auto& f) { f.write("empty0.png", "P6\n2000000 2000000\n255\nabc"); },
+                 {"camera left", "empty0.png", "cannot be decoded"}},
         BadInput{"missing_background", [](const auto& f) { fs::remove(f / "empty0.png"); }, {"empty0.png"}}),
     [](const auto& info) { return info.param.name; });
 
