@@ -74,16 +74,21 @@ std::uint8_t scale_of_bandwidth(float bandwidth) {
     return static_cast<std::uint8_t>(std::clamp(std::lround(256.0f / bandwidth), 8l, 255l));
 }
 
-void update_log_peak(BackgroundModel& model, std::size_t cell) {
-    static const std::array<float, 256> kLogScale = [] {
+const std::array<float, 256>& log_scales() {
+    static const std::array<float, 256> kTable = [] {
         std::array<float, 256> table{};
         for (int i = 1; i < 256; ++i) table[i] = std::log(static_cast<float>(i) / 256.0f);
         return table;
     }();
+    return kTable;
+}
+
+void update_log_peak(BackgroundModel& model, std::size_t cell) {
+    const auto& log_scale = log_scales();
     for (int x = 0; x < kCellPixels; ++x) {
         float log_peak = kde::kLogGaussianPeak * static_cast<float>(model.channels);
         for (int c = 0; c < model.channels; ++c)
-            log_peak += kLogScale[model.bandwidth_scale[cell * model.cell_bytes() + c * kCellPixels + x]];
+            log_peak += log_scale[model.bandwidth_scale[cell * model.cell_bytes() + c * kCellPixels + x]];
         model.log_peak[cell * kCellPixels + x] = log_peak;
     }
 }

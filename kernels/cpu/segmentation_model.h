@@ -58,6 +58,8 @@ void check_image(const ImageView& image, int width, int height, int channels);
 // 256 / bandwidth as it is stored.
 std::uint8_t scale_of_bandwidth(float bandwidth);
 
+// Logarithms of the 256 bandwidth scales as factors of a density; the first is 0.
+const std::array<float, 256>& log_scales();
 // Recomputes log_peak of one cell from its bandwidths.
 void update_log_peak(BackgroundModel& model, std::size_t cell);
 

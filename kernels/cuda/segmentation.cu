@@ -89,7 +89,7 @@ class CudaSegmenter final : public RewindableSegmenter {
     MaskCleaner cleaner_;
     DeviceBuffer<std::uint8_t> samples_, scale_, reference_, candidate_, visits_, image_, values_, density_;
     DeviceBuffer<std::uint8_t> candidates_, active_, probability_of_, masks_, zones_, expected_;
-    DeviceBuffer<float> log_peak_, planes_, log_lit_, device_log_foreground_;
+    DeviceBuffer<float> log_peak_, planes_, log_lit_, log_scale_, device_log_foreground_;
     DeviceBuffer<std::int8_t> votes_;
     DeviceBuffer<std::uint8_t> added_;
     DeviceBuffer<int> changed_;
@@ -119,6 +119,7 @@ CudaSegmenter::CudaSegmenter(int width, int height, int channels, const Segmenta
         probability[i] = static_cast<std::uint8_t>(std::lround(255.0f / (1.0f + std::exp(-evidence))));
     }
     data_.log_lit = keep(log_lit_, log_lit);
+    data_.log_scale = keep(log_scale_, cpu::log_scales());
     data_.probability_of = keep(probability_of_, probability);
 }
 

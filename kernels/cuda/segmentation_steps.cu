@@ -123,12 +123,16 @@ __global__ void light_kernel(SegmentData d, CellRange box) {
     d.square[at] = light.square;
 }
 
-// The light of the window around each pixel of the box and its ring, and the misfit of one light to its
-// patch; summed in the CPU form's order.
+// As far around the box as its pixels look; each look sees as far again.
+constexpr int kSurroundings = std::max(kde::kLightRadius, kde::kPatchRadius);
+static_assert(2 * kSurroundings <= kde::kNeutralMargin);
+
+// The light of the window around each pixel of the box and its surroundings, and the misfit of one light to
+// its patch; summed in the CPU form's order.
 __global__ void surroundings_kernel(SegmentData d, CellRange box) {
-    const int y = box.y0 - kActiveMargin + static_cast<int>(blockIdx.y);
+    const int y = box.y0 - kSurroundings + static_cast<int>(blockIdx.y);
     const int x = (box.k0 - 1 + static_cast<int>(blockIdx.x)) * kCellPixels + static_cast<int>(threadIdx.x);
-    if (x < box.k0 * kCellPixels - kActiveMargin || x >= box.k1 * kCellPixels + kActiveMargin) return;
+    if (x < box.k0 * kCellPixels - kSurroundings || x >= box.k1 * kCellPixels + kSurroundings) return;
     const auto sum = [&](const float* plane, int radius) {
         float total = 0;
         for (int dx = -radius; dx <= radius; ++dx) {
@@ -386,8 +390,7 @@ __global__ void update_kernel(SegmentData d, kde::UpdateParameters p, int phase,
     }
     kde::learn_background_value(d.values + plane, d.channels, p, pixel);
     float log_peak = kde::kLogGaussianPeak * static_cast<float>(d.channels);
-    for (int c = 0; c < d.channels; ++c)
-        log_peak += logf(static_cast<float>(pixel.scale[c * kCellPixels]) / 256.0f);
+    for (int c = 0; c < d.channels; ++c) log_peak += d.log_scale[pixel.scale[c * kCellPixels]];
     d.log_peak[cell * kCellPixels + lane] = log_peak;
 }
 
@@ -437,7 +440,7 @@ void queue_evidence(const Stream& stream, const SegmentData& data, const CellRan
     } else {
         light_kernel<3><<<neutral, kCellPixels, 0, stream.get()>>>(data, box);
     }
-    surroundings_kernel<<<ring(kActiveMargin), kCellPixels, 0, stream.get()>>>(data, box);
+    surroundings_kernel<<<ring(kSurroundings), kCellPixels, 0, stream.get()>>>(data, box);
     if (data.channels == 1) {
         evidence_kernel<1><<<cells_of(box), kCellPixels, 0, stream.get()>>>(data, box);
     } else {

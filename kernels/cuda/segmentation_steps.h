@@ -35,6 +35,7 @@ struct SegmentData {
     float *weighted_value, *weighted_energy, *factor, *residual, *evidence, *smoothed;
     float *neighbourhood, *product, *energy, *square, *misfit, *voted;  // see kernels/cpu/shadow.h
     const float *log_lit, *log_foreground;
+    const float* log_scale;  // cpu::log_scales()
     const std::uint8_t* probability_of;
     std::uint8_t *probability, *sharp, *loose, *zones;  // width bytes a row
     const std::uint8_t* expected;                       // or null

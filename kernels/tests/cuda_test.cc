@@ -105,10 +105,10 @@ class CudaHull : public Cuda, public ::testing::WithParamInterface<HullCase> {};
 TEST_P(CudaHull, EqualsCpuForm) {
     const HullCase& param = GetParam();
     Scene scene = ring_of_cameras(param.cameras, param.k1, -0.4f * param.k1, param.p1);
+    scene.cameras[0].cx -= 150;  // the subject is partly outside of this image
     scene.draw([](const float* p) {
         return std::min(box_distance(p, 0.1f, 0.2f, 0.35f), sphere_distance(p, 0.15f, 0.1f, 1.1f, 0.2f));
     });
-    scene.cameras[0].cx -= 150;  // partly outside of this image
     std::mt19937 random(3);
     for (std::uint8_t& pixel : scene.masks[1])
         if (random() % 50 == 0) pixel ^= 255;  // holes and specks
@@ -123,7 +123,7 @@ TEST_P(CudaHull, EqualsCpuForm) {
     carver->carve(scene.hull_views(), lattice, gpu);
     carver->carve(scene.hull_views(), lattice, again);
     const auto [filled, different] = compare(cpu, gpu);
-    EXPECT_GT(filled, 500u);
+    EXPECT_GT(filled, 400u);
     EXPECT_LE(different, 2 + filled / 2000);
     EXPECT_EQ(gpu.lattice, lattice);
     EXPECT_TRUE(gpu.colours.empty());
