@@ -338,49 +338,19 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
     judge_coordinates(posture, covariance, ambiguous, misfit, out);
 }
 
-namespace {
-
-// Whether most cameras that have the point in their image see the subject there or beside it.
-bool is_seen(Vec3 in_world, std::span<const SilhouetteRays> views) {
-    constexpr double kBeside_m = 0.1;
-    int seen = 0, missed = 0;
-    for (const SilhouetteRays& view : views)
-        if (const std::optional<double> inside_m = view.inside_m(in_world))
-            ++(*inside_m > -kBeside_m ? seen : missed);
-    return seen >= missed;
-}
-
-}  // namespace
-
-bool lacks_legs(const BodyModel& model, const BodyPosture& posture, std::span<const SilhouetteRays> views) {
-    constexpr double kNearFloor_m = 0.25, kFolded = 0.5;
-    const PosedBody posed = model.forward(posture);
-    const auto& joints = posed.joints_in_world;
-    if (std::ranges::any_of(joints,
-                            [&](Vec3 joint) { return joint.z < kNearFloor_m && is_seen(joint, views); }))
-        return false;
-    const auto lacks = [&](std::size_t hip, std::size_t knee, std::size_t ankle) {
-        const double leg = norm(joints[knee] - joints[hip]) + norm(joints[ankle] - joints[knee]);
-        return norm(joints[ankle] - joints[hip]) < kFolded * leg || joints[ankle].z > joints[hip].z ||
-               !is_seen(joints[ankle], views);
-    };
-    return lacks(*joint_index("hip_l"), *joint_index("knee_l"), *joint_index("ankle_l")) &&
-           lacks(*joint_index("hip_r"), *joint_index("knee_r"), *joint_index("ankle_r"));
-}
-
-void withhold_legs(BodyPose& out) {
-    static constexpr std::string_view kReason =
-        "legs not in the silhouettes: the body floats above the floor";
-    const auto of_leg = [](int segment) {
-        return std::ranges::any_of(
-            kLegSegments, [&](const auto& pair) { return segment == pair.first || segment == pair.second; });
+void withhold_legs(const LegFlags& missing, BodyPose& out) {
+    static constexpr std::string_view kReason = "leg not in the silhouettes";
+    const auto of_missing_leg = [&](int segment) {
+        return std::ranges::any_of(kLegSegments, [&](const auto& pair) {
+            return (missing[0] && segment == pair.first) || (missing[1] && segment == pair.second);
+        });
     };
     for (std::size_t j = 0; j < out.joints.size(); ++j)
-        if (of_leg(kJointSegment[j])) out.joints[j].withheld_reason = kReason;
+        if (of_missing_leg(kJointSegment[j])) out.joints[j].withheld_reason = kReason;
     for (std::size_t k = 0; k < out.angles.size(); ++k)
-        if (of_leg(kAngleSegments[k].second)) out.angles[k].withheld_reason = kReason;
+        if (of_missing_leg(kAngleSegments[k].second)) out.angles[k].withheld_reason = kReason;
     for (int s = 0; s < kBodySegmentCount; ++s)
-        if (of_leg(s))
+        if (of_missing_leg(s))
             for (int k = 0; k < kSegmentDofCount[s]; ++k)
                 out.coordinate_std[kSegmentDof[s] + k] = kRotationStd_rad;
 }

@@ -6,6 +6,7 @@
 
 #include "common/body_pose.h"
 #include "server/pose/body_model.h"
+#include "server/pose/missing_legs.h"
 #include "server/pose/pose_cost.h"
 #include "server/pose/pose_options.h"
 #include "server/pose/silhouette_rays.h"
@@ -29,17 +30,9 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
                    std::span<const WeightedPosture> others, int cameras, const EstimateOptions& options,
                    BodyPose& out);
 
-// Legs that the silhouettes lack fold up, hide in the trunk or extend beyond the silhouettes, and the body
-// floats: nothing of it is seen near the floor (world z = 0), and of each leg the ankle is outside most
-// silhouettes, above the hip, or nearer to it than half of the leg's length.
-bool lacks_legs(const BodyModel& model, const BodyPosture& posture, std::span<const SilhouetteRays> views);
-
-// A body that lacks its legs for longer is not one in a jump; then they must be seen for as long as
-// kMinLegsSeen_s before they are believed again, since clothes like the background appear briefly.
-inline constexpr double kMaxJump_s = 0.8, kMinLegsSeen_s = 0.3;
-
-// Withholds joints and angles from the hips down; between judge_posture() and describe_posture().
-void withhold_legs(BodyPose& out);
+// Withholds joints and angles of the missing legs from the hips down; between judge_posture() and
+// describe_posture().
+void withhold_legs(const LegFlags& missing, BodyPose& out);
 
 // Velocities between two poses, rad/s and m/s; NaN if either value is withheld.
 void set_velocities(const BodyPose& before, BodyPose& pose);

@@ -47,8 +47,7 @@ void PoseStage::reset() {
     filter_.reset();
     tracked_.reset();
     last_.reset();
-    legs_seen_ns_.reset();
-    legs_back_ns_.reset();
+    missing_legs_ = {};
 }
 
 // Usually the coarse projection suffices; the fine one is computed only if a silhouette must be masked.
@@ -121,30 +120,12 @@ std::vector<WeightedPosture> PoseStage::alternatives(std::span<const SilhouetteR
     return weighted;
 }
 
-// Whether the legs are seen, or may be folded up in a jump.
-bool PoseStage::legs_believed(std::int64_t time_ns, std::span<const SilhouetteRays> views) {
-    const auto passed_s = [time_ns](std::int64_t since_ns) {
-        return 1e-9 * static_cast<double>(time_ns - since_ns);
-    };
-    if (!legs_seen_ns_) legs_seen_ns_ = time_ns;
-    const bool lost = passed_s(*legs_seen_ns_) > kMaxJump_s;
-    if (lacks_legs(tracker_.model(), tracked_->fit.posture, views)) {
-        legs_back_ns_.reset();
-        return !lost;
-    }
-    if (!legs_back_ns_) legs_back_ns_ = time_ns;
-    if (lost && passed_s(*legs_back_ns_) <= kMinLegsSeen_s) return false;
-    legs_seen_ns_ = time_ns;
-    return true;
-}
-
 std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint64_t sequence,
                                              std::int64_t time_ns, const PoseObservation& seen,
                                              std::span<const PoseCandidate> candidates) {
     tracked_ = tracker_.update(time_ns, seen.views, seen.centre_in_world, candidates);
     if (!tracked_) {
-        legs_seen_ns_.reset();
-        legs_back_ns_.reset();
+        missing_legs_ = {};
         filter_.reset();
         last_.reset();
         return nullptr;
@@ -163,7 +144,8 @@ std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint
     const std::vector<BodyCapsule> capsules = judge_.capsules();
     judge_posture(tracker_.model(), tracked_->fit.posture, data, terms, capsules, alternatives(seen.views),
                   static_cast<int>(cameras_.size()), options_.estimate, *pose);
-    if (!legs_believed(time_ns, seen.views)) withhold_legs(*pose);
+    const LegSight legs = see_legs(tracker_.model(), tracked_->fit.posture, seen.views);
+    withhold_legs(missing_legs_.update(time_ns, legs), *pose);
     const BodyPosture& measured = tracked_->fit.posture;
     describe_posture(tracker_.model(), options_.filtered ? filter_.filter(measured, time_ns) : measured,
                      *pose);

@@ -58,7 +58,6 @@ class PoseStage {
     void reset();
 
   private:
-    bool legs_believed(std::int64_t time_ns, std::span<const SilhouetteRays> views);
     std::vector<WeightedPosture> alternatives(std::span<const SilhouetteRays> views);
     void mask_views(const kernels::VoxelVolume& volume, const MainBody& body, std::vector<PoseView>& views);
 
@@ -74,8 +73,7 @@ class PoseStage {
     std::optional<TrackedPosture> tracked_;
     double data_cost_ = 0;
     std::shared_ptr<const BodyPose> last_;
-    std::optional<std::int64_t> legs_seen_ns_;  // last believed, or when tracking started
-    std::optional<std::int64_t> legs_back_ns_;  // first seen after they were lacking
+    MissingLegs missing_legs_;
 };
 
 }  // namespace kinevox

@@ -124,7 +124,7 @@ class Recording {
 
     std::vector<RetrackedFrame> describe(int cameras) const {
         std::vector<RetrackedFrame> result(frames_.size());
-        const std::vector<char> without_legs = frames_without_legs();
+        const std::vector<LegFlags> missing = find_missing_legs();
         each([&](std::size_t n) {
             PoseCost cost(options_.tracker.fit.cost);
             auto pose = std::make_shared<BodyPose>();
@@ -140,7 +140,7 @@ class Recording {
                 others.push_back({frames_[n].candidates[k].posture, choices_[n].probability[k]});
             judge_posture(model_, *path_[n], data, cost.terms(), cost.capsules(), others, cameras,
                           options_.estimate, *pose);
-            if (without_legs[n]) withhold_legs(*pose);
+            withhold_legs(missing[n], *pose);
             describe_posture(model_, *path_[n], *pose);
             result[n] = {*path_[n], std::move(pose), choices_[n].probability[choices_[n].candidate]};
         });
@@ -157,31 +157,12 @@ class Recording {
             if (choices_[n].candidate >= 0 && !stop_.stop_requested()) f(n);
         });
     }
-    // Runs that last longer than a jump, with the short gaps between them in which legs appear.
-    std::vector<char> frames_without_legs() const {
-        std::vector<char> without(frames_.size(), 0);
-        each([&](std::size_t n) { without[n] = lacks_legs(model_, *path_[n], recorded_[n].seen->views); });
-        const auto lasts = [&](std::size_t first, std::size_t end, double seconds) {
-            return frames_[end - 1].time_s - frames_[first].time_s > seconds;
-        };
-        // Calls run(first, end) for each run of `value` in frame sets with a posture.
-        const auto each_run = [&](char value, const auto& run) {
-            for (std::size_t first = 0, end; first < frames_.size(); first = end + 1) {
-                for (end = first;
-                     end < frames_.size() && choices_[end].candidate >= 0 && without[end] == value;)
-                    ++end;
-                if (end > first) run(first, end);
-            }
-        };
-        each_run(0, [&](std::size_t first, std::size_t end) {
-            const bool between = first > 0 && without[first - 1] && end < frames_.size() && without[end];
-            if (between && !lasts(first, end, kMinLegsSeen_s))
-                std::fill(without.begin() + first, without.begin() + end, 1);
-        });
-        each_run(1, [&](std::size_t first, std::size_t end) {
-            if (!lasts(first, end, kMaxJump_s)) std::fill(without.begin() + first, without.begin() + end, 0);
-        });
-        return without;
+    std::vector<LegFlags> find_missing_legs() const {
+        std::vector<std::optional<LegSight>> sights(frames_.size());
+        std::vector<double> time_s(frames_.size());
+        each([&](std::size_t n) { sights[n] = see_legs(model_, *path_[n], recorded_[n].seen->views); });
+        for (std::size_t n = 0; n < frames_.size(); ++n) time_s[n] = frames_[n].time_s;
+        return missing_legs(sights, time_s);
     }
     const BodyPosture* chosen(std::size_t n) const {
         if (n >= frames_.size() || choices_[n].candidate < 0) return nullptr;

@@ -391,7 +391,7 @@ TEST(PoseEstimate, WithholdsLegsThatAreFoldedInAFloatingBody) {
     BodyCoordinates folded = scene.standing();
     folded[kDofHipL] = folded[kDofHipR] = radians(110), folded[kDofKneeL] = folded[kDofKneeR] = radians(140);
     const auto lacking = [&](const BodyCoordinates& posture, const BodyCoordinates& visible) {
-        return lacks_legs(*scene.model, posture_from_coordinates(posture), scene.see(visible));
+        return see_legs(*scene.model, posture_from_coordinates(posture), scene.see(visible)).none();
     };
     EXPECT_TRUE(lacking(folded, folded));
     EXPECT_FALSE(lacking(scene.standing(), scene.standing()));
@@ -402,12 +402,48 @@ TEST(PoseEstimate, WithholdsLegsThatAreFoldedInAFloatingBody) {
     folded[2] = 0.4;  // squatting
     EXPECT_FALSE(lacking(folded, folded));
     BodyPose pose = judged(scene, posture_from_coordinates(scene.standing()), {});
-    withhold_legs(pose);
+    withhold_legs({true, true}, pose);
     for (const char* joint : {"hip_l", "knee_r", "ankle_l", "toe_r"})
         EXPECT_FALSE(pose.joints[*joint_index(joint)].measured()) << joint;
     EXPECT_TRUE(pose.joints[*joint_index("wrist_l")].measured());
     EXPECT_FALSE(pose.angles[*angle_index("knee_flexion_geometric_l")].measured());
     EXPECT_TRUE(pose.angles[*angle_index("elbow_flexion_geometric_l")].measured());
+}
+
+TEST(PoseEstimate, WithholdsOnlyTheMissingLeg) {
+    const Scene scene;
+    BodyPose pose = judged(scene, posture_from_coordinates(scene.standing()), {});
+    withhold_legs({true, false}, pose);
+    EXPECT_FALSE(pose.joints[*joint_index("knee_l")].measured());
+    EXPECT_TRUE(pose.joints[*joint_index("knee_r")].measured());
+}
+
+// Frame sets 100 ms apart: no legs for 1.5 s, the left one in frame set 5 alone, the right one from 15 on.
+TEST(MissingLegs, EachReturnsAfterItIsSeenForLongEnough) {
+    constexpr LegSight kNone{{true, true}, true}, kRight{{true, false}, false}, kLeft{{false, true}, false};
+    std::vector<std::optional<LegSight>> sights(24, kNone);
+    sights[5] = kLeft;
+    std::fill(sights.begin() + 15, sights.end(), kRight);
+    std::vector<double> time_s;
+    for (std::size_t n = 0; n < sights.size(); ++n) time_s.push_back(0.1 * static_cast<double>(n));
+    const std::vector<LegFlags> missing = missing_legs(sights, time_s);
+    for (const std::size_t n : {0, 5, 14}) EXPECT_EQ(missing[n], (LegFlags{true, true})) << n;
+    for (const std::size_t n : {15, 23}) EXPECT_EQ(missing[n], (LegFlags{true, false})) << n;
+    MissingLegs live;
+    std::vector<LegFlags> found;
+    for (std::size_t n = 0; n < sights.size(); ++n)
+        found.push_back(live.update(static_cast<std::int64_t>(n) * 100'000'000, *sights[n]));
+    EXPECT_EQ(found[13], (LegFlags{false, false})) << "it may be a jump: a leg was seen .8 s ago";
+    EXPECT_EQ(found[14], (LegFlags{true, true}));
+    EXPECT_EQ(found[17], (LegFlags{true, true}));
+    EXPECT_EQ(found[19], (LegFlags{true, false}));
+}
+
+TEST(MissingLegs, BelievesAFoldedLegOfABodyThatStands) {
+    std::vector<std::optional<LegSight>> sights(24, LegSight{{true, false}, false});
+    std::vector<double> time_s;
+    for (std::size_t n = 0; n < sights.size(); ++n) time_s.push_back(0.1 * static_cast<double>(n));
+    for (const LegFlags& missing : missing_legs(sights, time_s)) EXPECT_EQ(missing, LegFlags{});
 }
 
 // A body without legs is seen for 1.5 s: longer than a jump.
@@ -426,7 +462,7 @@ TEST(Retrack, WithholdsLegsThatSilhouettesLack) {
     options.body = scene.model->shape();
     const auto frames = retrack(scene.cameras, 10, views, options);
     ASSERT_TRUE(frames[8].posture.has_value());
-    ASSERT_TRUE(lacks_legs(*scene.model, *frames[8].posture, frame.views));
+    ASSERT_TRUE(see_legs(*scene.model, *frames[8].posture, frame.views).none());
     EXPECT_FALSE(frames[8].pose->joints[*joint_index("knee_l")].measured());
     EXPECT_TRUE(frames[8].pose->joints[*joint_index("shoulder_l")].measured());
     PoseStage stage(scene.cameras, 10, options);
