@@ -27,8 +27,8 @@ struct ShadowRule {
     float positive_vote_products[kShadowBases] = {9.6909f,   -2.2234f, -0.24598f, -9.3093f, 57.469f,
                                                   -0.47133f, 6.1168f,  20.486f,   -114.39f, 3.8871f};
     // Of a lighter pixel's features 0, 1, 2, 4, 9, 10, 12, 13, 15, 19.
-    float lighter[kLighterFeatures] = {-59.988f, 20.094f, 1.2941f, -3.2027f, -221.7f,
-                                       155.61f,  3.7046f, 11.991f, -18.259f, 29.574f};
+    float lighter[kLighterFeatures] = {-58.096f, 19.135f, 1.3305f, -2.6866f, -215.76f,
+                                       147.1f,   5.375f,  9.4682f, -17.6f,   28.437f};
 };
 
 }  // namespace kinevox::kernels::kde

@@ -114,7 +114,7 @@ class Pixels:
                     truth[rows] = mask[y, x] > 0
                     border[rows] = (outer > inner)[y, x]
         lighter = records["features"][:, BRIGHT] > 0
-        self.lighter = records["features"][lighter & truth & ~border][:, LIGHTER]
+        self.lighter = records["features"][lighter & truth][:, LIGHTER]
         ruled = ~lighter
         records, truth, border = records[ruled], truth[ruled], border[ruled]
         chosen = np.random.default_rng(0).random(len(records)) < min(1, MAX_PIXELS / max(len(records), 1))
