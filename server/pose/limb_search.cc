@@ -21,24 +21,6 @@ constexpr double kRaysGained = 1.5;  // minimum number of additionally explained
 // it is fitted.
 constexpr double kPairSlack = 2;
 
-struct LimbSegments {
-    int upper, lower, end;
-    bool arm, left;
-};
-LimbSegments segments_of(Limb limb) {
-    switch (limb) {
-        case Limb::kArmL:
-            return {kUpperArmL, kForearmL, kHandL, true, true};
-        case Limb::kArmR:
-            return {kUpperArmR, kForearmR, kHandR, true, false};
-        case Limb::kLegL:
-            return {kThighL, kShankL, kFootL, false, true};
-        case Limb::kLegR:
-            break;
-    }
-    return {kThighR, kShankR, kFootR, false, false};
-}
-
 // Evenly over the sphere (a Fibonacci lattice).
 Vec3 direction(int k) {
     const double z = 1 - (2 * k + 1.0) / kDirections, r = std::sqrt(1 - z * z);
@@ -68,6 +50,20 @@ double kernel(double residual, double robust_m) {
 }
 
 }  // namespace
+
+LimbSegments segments_of(Limb limb) {
+    switch (limb) {
+        case Limb::kArmL:
+            return {kUpperArmL, kForearmL, kHandL, true, true};
+        case Limb::kArmR:
+            return {kUpperArmR, kForearmR, kHandR, true, false};
+        case Limb::kLegL:
+            return {kThighL, kShankL, kFootL, false, true};
+        case Limb::kLegR:
+            break;
+    }
+    return {kThighR, kShankR, kFootR, false, false};
+}
 
 void LimbSearch::thin_out(std::span<const SilhouetteRays> views) {
     rays_.resize(views.size());

@@ -19,6 +19,12 @@ enum class LimbSearchScope { kWhole, kLower };
 enum class Limb { kArmL, kArmR, kLegL, kLegR };
 inline constexpr std::array<Limb, 4> kLimbs{Limb::kArmL, Limb::kArmR, Limb::kLegL, Limb::kLegR};
 
+struct LimbSegments {
+    int upper, lower, end;
+    bool arm, left;
+};
+LimbSegments segments_of(Limb limb);
+
 // Not thread safe; keeps its memory.
 class LimbSearch {
   public:

@@ -340,19 +340,24 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
 
 void withhold_legs(const LegFlags& missing, BodyPose& out) {
     static constexpr std::string_view kReason = "leg not in the silhouettes";
+    static const std::size_t kWaist = *joint_index("sacroiliac");
+    const bool both = missing[0] && missing[1];
     const auto of_missing_leg = [&](int segment) {
-        return std::ranges::any_of(kLegSegments, [&](const auto& pair) {
-            return (missing[0] && segment == pair.first) || (missing[1] && segment == pair.second);
-        });
+        return (both && segment == kPelvis) || std::ranges::any_of(kLegSegments, [&](const auto& pair) {
+                   return (missing[0] && segment == pair.first) || (missing[1] && segment == pair.second);
+               });
     };
     for (std::size_t j = 0; j < out.joints.size(); ++j)
-        if (of_missing_leg(kJointSegment[j])) out.joints[j].withheld_reason = kReason;
+        if (of_missing_leg(kJointSegment[j]) || (both && j == kWaist))
+            out.joints[j].withheld_reason = kReason;
     for (std::size_t k = 0; k < out.angles.size(); ++k)
-        if (of_missing_leg(kAngleSegments[k].second)) out.angles[k].withheld_reason = kReason;
+        if (of_missing_leg(kAngleSegments[k].first) || of_missing_leg(kAngleSegments[k].second))
+            out.angles[k].withheld_reason = kReason;
     for (int s = 0; s < kBodySegmentCount; ++s)
         if (of_missing_leg(s))
             for (int k = 0; k < kSegmentDofCount[s]; ++k)
                 out.coordinate_std[kSegmentDof[s] + k] = kRotationStd_rad;
+    if (both) std::fill_n(out.coordinate_std.begin(), 3, kRoomStd_m);
 }
 
 void set_velocities(const BodyPose& before, BodyPose& pose) {

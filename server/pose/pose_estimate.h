@@ -30,7 +30,8 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
                    std::span<const WeightedPosture> others, int cameras, const EstimateOptions& options,
                    BodyPose& out);
 
-// Withholds joints and angles of the missing legs from the hips down; between judge_posture() and
+// Withholds joints and angles of the missing legs from the hips down, and of pelvis and waist if both are
+// missing: then the silhouettes do not show where the trunk ends. Between judge_posture() and
 // describe_posture().
 void withhold_legs(const LegFlags& missing, BodyPose& out);
 

@@ -8,6 +8,7 @@
 #include <limits>
 #include <utility>
 
+#include "server/pose/limb_search.h"
 #include "server/pose/pose_fitter.h"
 #include "server/pose/pose_path.h"
 #include "server/pose/turned_posture.h"
@@ -21,6 +22,13 @@ constexpr double kMinInterval_s = 1e-3;
 constexpr std::size_t kMaxCandidates = 8;
 constexpr double kSameJoints_m = 0.03;  // candidates with no joint farther apart are one
 constexpr double kHopeless = 80;        // a candidate that costs more than the cheapest by this is dropped
+
+constexpr double kSameLimb_m = 0.08;    // a limb with no joint farther apart is no other one
+constexpr std::size_t kLimbStarts = 3;  // other limbs that are fitted per frame set, those that match best
+
+bool cheaper(const PathCandidate& a, const PathCandidate& b) {
+    return a.cost < b.cost;
+}
 
 BodyPosture exchanged(BodyPosture posture, const LimbSegmentPairs& limbs) {
     for (const auto& [left, right] : limbs)
@@ -105,6 +113,36 @@ class Recording {
             for (const PathCandidate& c : found[n]) add(n, c);
     }
 
+    // Each search finds some of the limbs: a path for each limb through those of all candidates, the rest of
+    // the body as on the path so far.
+    void recombine_limbs() {
+        std::vector<PathCandidate> path(frames_.size());
+        each([&](std::size_t n) { path[n] = frames_[n].candidates[choices_[n].candidate]; });
+        for (const Limb limb : kLimbs) {
+            std::vector<PathFrame> found(frames_.size());
+            each([&](std::size_t n) {
+                PoseFitter fitter(options_.tracker.fit);
+                PoseCost cost(options_.tracker.fit.cost);
+                found[n] = {frames_[n].time_s, {path[n]}};
+                std::vector<PathCandidate> starts;
+                for (const BodyPosture& start : with_other_limbs(n, limb, path))
+                    starts.push_back(candidate(n, start, cost));
+                std::stable_sort(starts.begin(), starts.end(), cheaper);
+                starts.resize(std::min(starts.size(), kLimbStarts));
+                for (const PathCandidate& start : starts) {
+                    const PoseFit fit =
+                        fitter.fit(model_, recorded_[n].seen->views, start.posture, nullptr, false);
+                    found[n].candidates.push_back(candidate(n, fit.posture, cost));
+                }
+            });
+            const std::vector<PathChoice> choices = choose_path(found);
+            for (std::size_t n = 0; n < frames_.size(); ++n)
+                if (choices[n].candidate >= 0) path[n] = found[n].candidates[choices[n].candidate];
+        }
+        for (std::size_t n = 0; n < frames_.size(); ++n)
+            if (choices_[n].candidate >= 0) keep(n, path[n]);
+    }
+
     // Each posture again, expected between its neighbours: what its silhouettes do not determine comes from
     // them. Alternately the even and the odd ones, so that the order does not matter.
     void smooth() {
@@ -164,6 +202,32 @@ class Recording {
         for (std::size_t n = 0; n < frames_.size(); ++n) time_s[n] = frames_[n].time_s;
         return missing_legs(sights, time_s);
     }
+    // The posture on the path with a limb of other candidates or of the neighbours.
+    std::vector<BodyPosture> with_other_limbs(std::size_t n, Limb limb,
+                                              std::span<const PathCandidate> path) const {
+        const LimbSegments segments = segments_of(limb);
+        const auto same_limb = [&](const PathCandidate& a, const PathCandidate& b) {
+            for (std::size_t j = 0; j < kJointNames.size(); ++j)
+                if ((kJointSegment[j] == segments.lower || kJointSegment[j] == segments.end) &&
+                    norm(a.joints_in_world[j] - b.joints_in_world[j]) > kSameLimb_m)
+                    return false;
+            return true;
+        };
+        std::vector<const PathCandidate*> known{&path[n]};
+        std::vector<BodyPosture> starts;
+        const auto add = [&](const PathCandidate& other) {
+            if (std::ranges::any_of(known, [&](const PathCandidate* k) { return same_limb(*k, other); }))
+                return;
+            known.push_back(&other);
+            starts.push_back(path[n].posture);
+            for (const int segment : {segments.upper, segments.lower, segments.end})
+                starts.back().parent_from_segment[segment] = other.posture.parent_from_segment[segment];
+        };
+        for (const PathCandidate& other : frames_[n].candidates) add(other);
+        if (chosen(n - 1)) add(path[n - 1]);
+        if (chosen(n + 1)) add(path[n + 1]);
+        return starts;
+    }
     const BodyPosture* chosen(std::size_t n) const {
         if (n >= frames_.size() || choices_[n].candidate < 0) return nullptr;
         return &frames_[n].candidates[choices_[n].candidate].posture;
@@ -188,16 +252,23 @@ class Recording {
         cost.linearise(model_, posture, recorded_[n].seen->views, nullptr, options_.tracker.fit.narrow_m, at);
         return {posture, at.cost, cost.posed().joints_in_world};
     }
-    void add(std::size_t n, PathCandidate c) {
-        std::vector<PathCandidate>& known = frames_[n].candidates;
-        for (PathCandidate& other : known)
+    // Replaces a dearer candidate with the same joints; false if there is none with the same joints.
+    bool merge(std::size_t n, const PathCandidate& c) {
+        for (PathCandidate& other : frames_[n].candidates)
             if (max_joint_distance(other.joints_in_world, c.joints_in_world) < kSameJoints_m) {
                 if (c.cost < other.cost) other = c;
-                return;
+                return true;
             }
+        return false;
+    }
+    void keep(std::size_t n, const PathCandidate& c) {
+        if (!merge(n, c)) frames_[n].candidates.push_back(c);
+    }
+    void add(std::size_t n, const PathCandidate& c) {
+        if (merge(n, c)) return;
+        std::vector<PathCandidate>& known = frames_[n].candidates;
         known.push_back(c);
-        std::stable_sort(known.begin(), known.end(),
-                         [](const PathCandidate& a, const PathCandidate& b) { return a.cost < b.cost; });
+        std::stable_sort(known.begin(), known.end(), cheaper);
         while (known.size() > kMaxCandidates || known.back().cost > known.front().cost + kHopeless)
             known.pop_back();
     }
@@ -228,6 +299,8 @@ std::vector<RetrackedFrame> retrack(const std::vector<Camera>& cameras, double f
     recording.choose();
     for (int round = 0; round < kRounds; ++round) {
         recording.search_around_path();
+        recording.choose();
+        recording.recombine_limbs();
         recording.choose();
     }
     recording.smooth();
