@@ -14,6 +14,10 @@ constexpr double kTrunkAcceleration = 15, kMiddleAcceleration = 30, kEndAccelera
 constexpr double kSpeed = 4;          // m/s, std of the speed at the start of a path
 constexpr double kRobust = 6;         // standard deviations beyond which an acceleration hardly counts
 constexpr double kJointWeight = 0.5;  // the joints' accelerations are correlated
+// Of the direction from shoulder to shoulder: a body without visible legs or in a symmetric posture fits its
+// silhouettes from behind as well, but nobody turns around within a frame set.
+constexpr double kFacingStd_rad = 0.08, kFacingAcceleration = 40;  // rad/s^2
+constexpr double kFacingWeight = 4;
 // The misfit of a body to its silhouettes is alike in frame sets closer than this: they count as one.
 constexpr double kCorrelated_s = 0.12;
 // Cost per unit of log probability: the rays of a silhouette are not independent.
@@ -34,7 +38,12 @@ std::array<double, kJointNames.size()> accelerations() {
 }
 
 double robust(double squared) {
-    return 0.5 * kJointWeight * squared / (1 + squared / (kRobust * kRobust));
+    return 0.5 * squared / (1 + squared / (kRobust * kRobust));
+}
+
+Vec3 facing(const PathCandidate& c) {
+    constexpr std::size_t kLeft = *joint_index("shoulder_l"), kRight = *joint_index("shoulder_r");
+    return normalized(c.joints_in_world[kLeft] - c.joints_in_world[kRight]);
 }
 
 class Run {
@@ -77,21 +86,24 @@ class Run {
         double sum = 0;
         for (std::size_t j = 0; j < a.joints_in_world.size(); ++j) {
             const Vec3 d = b.joints_in_world[j] - a.joints_in_world[j];
-            sum += robust(dot(d, d) / (std * std));
+            sum += kJointWeight * robust(dot(d, d) / (std * std));
         }
         return sum;
     }
     double accelerated(const PathCandidate& a, const PathCandidate& b, const PathCandidate& c, double before,
                        double now) const {
         const double ratio = now / before, span = 0.5 * now * (before + now);
-        // Of c - b - ratio (b - a), each joint with its own error.
-        const double noise = kJointStd_m * std::sqrt(1 + (1 + ratio) * (1 + ratio) + ratio * ratio);
-        double sum = 0;
+        // Of c - b - ratio (b - a), each with its own error.
+        const double errors = std::sqrt(1 + (1 + ratio) * (1 + ratio) + ratio * ratio);
+        const double noise = kJointStd_m * errors;
+        const Vec3 turn = facing(c) - facing(b) - ratio * (facing(b) - facing(a));
+        const double turn_std = std::hypot(kFacingStd_rad * errors, kFacingAcceleration * span);
+        double sum = kFacingWeight * robust(dot(turn, turn) / (turn_std * turn_std));
         for (std::size_t j = 0; j < a.joints_in_world.size(); ++j) {
             const Vec3 d = c.joints_in_world[j] - b.joints_in_world[j] -
                            ratio * (b.joints_in_world[j] - a.joints_in_world[j]);
             const double std = std::hypot(noise, acceleration_[j] * span);
-            sum += robust(dot(d, d) / (std * std));
+            sum += kJointWeight * robust(dot(d, d) / (std * std));
         }
         return sum;
     }
