@@ -15,7 +15,7 @@ constexpr double kSpeed = 4;          // m/s, std of the speed at the start of a
 constexpr double kRobust = 6;         // standard deviations beyond which an acceleration hardly counts
 constexpr double kJointWeight = 0.5;  // the joints' accelerations are correlated
 // Of the direction from shoulder to shoulder: a body without visible legs or in a symmetric posture fits its
-// silhouettes from behind as well, but nobody turns around within a frame set.
+// silhouettes from behind as well, but people do not turn around between two frame sets.
 constexpr double kFacingStd_rad = 0.08, kFacingAcceleration = 40;  // rad/s^2
 constexpr double kFacingWeight = 4;
 // The misfit of a body to its silhouettes is alike in frame sets closer than this: they count as one.

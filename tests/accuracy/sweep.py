@@ -44,7 +44,7 @@ from sweep_scene import draw_scene, scene_toml
 from sweep_sheet import draw_sheet
 
 WORST = 10
-CI = {"seed": 7, "trials": (0, 9, 11, 12)}  # of 640 x 480 px, four cameras, 24 frame sets
+CI = {"seed": 7, "trials": (0, 9, 11, 12)}  # of 640 x 480 px, four cameras, 48 frame sets
 BOUNDS = Path(__file__).with_name("sweep_bounds.toml")
 TIMEOUT_S = 1800
 
@@ -81,7 +81,7 @@ class Sweep:
     def scene(self, trial):
         options = self.arguments
         if options.ci:
-            return draw_scene(options.seed, trial, cameras=4, size=(640, 480), short=True, frames=24)
+            return draw_scene(options.seed, trial, cameras=4, size=(640, 480), short=True, frames=48)
         return draw_scene(options.seed, trial, short=options.short)
 
     def render(self, trial):
