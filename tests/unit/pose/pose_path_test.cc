@@ -56,6 +56,25 @@ TEST(PosePath, SharesProbabilityBetweenEqualCandidates) {
     }
 }
 
+// Ten frame sets per second, three of them cheaper from behind.
+TEST(PosePath, DoesNotTurnAroundAndBack) {
+    std::vector<PathFrame> seen(12);
+    for (int n = 0; n < 12; ++n) {
+        const auto at = [&](double side_m, double cost) {
+            PathCandidate c;
+            c.cost = cost;
+            c.joints_in_world.fill({0.1 * n, 0, 1});
+            c.joints_in_world[*joint_index("shoulder_l")].y = side_m;
+            c.joints_in_world[*joint_index("shoulder_r")].y = -side_m;
+            return c;
+        };
+        seen[n] = {0.1 * n, {at(0.18, 20)}};
+        if (n >= 4 && n < 7) seen[n].candidates.push_back(at(-0.18, 5));
+    }
+    const auto path = choose_path(seen);
+    for (int n = 0; n < 12; ++n) EXPECT_EQ(path[n].candidate, 0) << n;
+}
+
 TEST(PosePath, ContinuesAfterFrameSetsWithoutPose) {
     std::vector<PathFrame> seen = frames(9);
     seen[0].candidates.clear(), seen[4].candidates.clear(), seen[6].candidates.clear();
