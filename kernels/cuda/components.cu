@@ -18,9 +18,15 @@ struct Area {
     }
 };
 
-__device__ int root_of(const int* labels, int n) {
+// Halves the path on its way, so that the next one is shorter.
+__device__ int root_of(int* labels, int n) {
     const volatile int* now = labels;  // other threads lower labels meanwhile
-    while (now[n] != n) n = now[n];
+    for (int parent = now[n]; parent != n; parent = now[n]) {
+        const int above = now[parent];
+        if (above == parent) return parent;
+        atomicMin(labels + n, above);
+        n = above;
+    }
     return n;
 }
 
@@ -36,43 +42,87 @@ __device__ void unite(int* labels, int a, int b) {
     }
 }
 
-// Labels are pixel indices in the box, -1 for pixels that are not searched.
+__device__ bool is_set(const std::uint8_t* mask, int mask_width, int x, int y) {
+    return mask[static_cast<std::size_t>(y) * mask_width + x] != 0;
+}
+
+constexpr unsigned kAllLanes = 0xffffffffu;
+
+__device__ int highest_bit(unsigned bits) {
+    for (int step = 1; step < 32; step *= 2) bits |= bits >> step;
+    return __popc(bits) - 1;
+}
+
+// Pieces of runs in the warp's 32 pixels: bits of the pixels that are searched, and of each piece's first.
+struct Pieces {
+    unsigned pixels, firsts;
+};
+__device__ Pieces pieces_of(bool searched, bool starts_row) {
+    const unsigned pixels = __ballot_sync(kAllLanes, searched);
+    const unsigned rows = __ballot_sync(kAllLanes, starts_row);
+    return {pixels, pixels & (~(pixels << 1) | rows)};
+}
+
+// Labels are pixel indices in the box, of the first pixel of the piece at the start; -1 for pixels that are
+// not searched.
 __global__ void start_labels(const std::uint8_t* mask, int mask_width, Area area, bool set, int* labels,
                              int* areas, int* flags) {
-    const int n = thread_index();
+    const int n = thread_index(), lane = static_cast<int>(threadIdx.x % 32);
     int x, y;
-    if (!area.pixel(n, x, y)) return;
-    labels[n] = (mask[static_cast<std::size_t>(y) * mask_width + x] != 0) == set ? n : -1;
+    const bool inside = area.pixel(n, x, y);
+    const bool searched = inside && is_set(mask, mask_width, x, y) == set;
+    const Pieces pieces = pieces_of(searched, inside && x == area.box.x0);
+    if (!inside) return;
+    labels[n] = searched ? n - lane + highest_bit(pieces.firsts & (kAllLanes >> (31 - lane))) : -1;
     areas[n] = flags[n] = 0;
 }
 
-__global__ void join_neighbours(Area area, bool eight, int* labels) {
-    const int n = thread_index();
-    int x, y;
-    if (!area.pixel(n, x, y) || labels[n] < 0) return;
-    const bool left = x > area.box.x0, right = x + 1 < area.box.x1, up = y > area.box.y0;
-    if (left && labels[n - 1] >= 0) unite(labels, n, n - 1);
-    if (!up) return;
-    if (labels[n - area.width] >= 0) unite(labels, n, n - area.width);
-    if (eight && left && labels[n - area.width - 1] >= 0) unite(labels, n, n - area.width - 1);
-    if (eight && right && labels[n - area.width + 1] >= 0) unite(labels, n, n - area.width + 1);
-}
-
-__global__ void measure_components(Area area, const std::uint8_t* seed, int mask_width, const int* labels,
-                                   int* roots, int* areas, int* flags) {
+// Joins pieces: within a row where the warps meet, and with those of the row above, once per pair.
+__global__ void join_neighbours(const std::uint8_t* mask, int mask_width, Area area, bool set, bool eight,
+                                int* labels) {
     const int n = thread_index();
     int x, y;
     if (!area.pixel(n, x, y)) return;
-    if (labels[n] < 0) {
+    const auto searched = [&](int dx, int dy) {
+        return x + dx >= area.box.x0 && x + dx < area.box.x1 && y + dy >= area.box.y0 &&
+               is_set(mask, mask_width, x + dx, y + dy) == set;
+    };
+    if (!searched(0, 0)) return;
+    const bool left = searched(-1, 0), up = searched(0, -1), up_left = searched(-1, -1);
+    if (left && n % 32 == 0) unite(labels, n, n - 1);
+    if (up) {
+        if (!left || !up_left) unite(labels, n, n - area.width);
+    } else if (eight) {
+        if (up_left && !left) unite(labels, n, n - area.width - 1);
+        if (searched(1, -1) && !searched(1, 0)) unite(labels, n, n - area.width + 1);
+    }
+}
+
+__global__ void measure_components(const std::uint8_t* mask, int mask_width, Area area, bool set,
+                                   const std::uint8_t* seed, int* labels, int* roots, int* areas,
+                                   int* flags) {
+    const int n = thread_index(), lane = static_cast<int>(threadIdx.x % 32);
+    int x, y;
+    const bool inside = area.pixel(n, x, y);
+    const bool searched = inside && is_set(mask, mask_width, x, y) == set;
+    const Rect& box = area.box;
+    const Pieces pieces = pieces_of(searched, inside && x == box.x0);
+    const unsigned at_border = __ballot_sync(
+        kAllLanes, searched && (x == box.x0 || y == box.y0 || x + 1 == box.x1 || y + 1 == box.y1));
+    const unsigned seeded = __ballot_sync(kAllLanes, searched && (!seed || is_set(seed, mask_width, x, y)));
+    if (!inside) return;
+    if (!searched) {
         roots[n] = -1;
         return;
     }
     const int root = root_of(labels, n);
     roots[n] = root;
-    atomicAdd(areas + root, 1);
-    const Rect& box = area.box;
-    int flag = x == box.x0 || y == box.y0 || x + 1 == box.x1 || y + 1 == box.y1 ? kTouchesBorder : 0;
-    if (!seed || seed[static_cast<std::size_t>(y) * mask_width + x] != 0) flag |= kTouchesSeed;
+    if (!(pieces.firsts >> lane & 1)) return;
+    // The piece's pixels count at once.
+    const unsigned from = kAllLanes << lane, ends = (~pieces.pixels | pieces.firsts) & (from << 1);
+    const unsigned piece = ends ? ((ends & (0 - ends)) - 1) & from : from;
+    atomicAdd(areas + root, __popc(piece));
+    const int flag = (piece & at_border ? kTouchesBorder : 0) | (piece & seeded ? kTouchesSeed : 0);
     if (flag) atomicOr(flags + root, flag);
 }
 
@@ -139,9 +189,10 @@ void MaskCleaner::find(const Stream& stream, const std::uint8_t* mask, int width
     flags_.resize(pixels);
     start_labels<<<blocks(pixels), kThreads, 0, stream.get()>>>(mask, width, area, set, labels_.data(),
                                                                 areas_.data(), flags_.data());
-    join_neighbours<<<blocks(pixels), kThreads, 0, stream.get()>>>(area, eight, labels_.data());
+    join_neighbours<<<blocks(pixels), kThreads, 0, stream.get()>>>(mask, width, area, set, eight,
+                                                                   labels_.data());
     measure_components<<<blocks(pixels), kThreads, 0, stream.get()>>>(
-        area, seed, width, labels_.data(), labels_.data() + pixels, areas_.data(), flags_.data());
+        mask, width, area, set, seed, labels_.data(), labels_.data() + pixels, areas_.data(), flags_.data());
 }
 
 void MaskCleaner::remove_small_components(const Stream& stream, std::uint8_t* mask, int width,
