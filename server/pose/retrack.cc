@@ -23,11 +23,26 @@ constexpr std::size_t kMaxCandidates = 8;
 constexpr double kSameJoints_m = 0.03;  // candidates with no joint farther apart are one
 constexpr double kHopeless = 80;        // a candidate that costs more than the cheapest by this is dropped
 
-constexpr double kSameLimb_m = 0.08;    // a limb with no joint farther apart is no other one
+constexpr double kSameLimb_m = 0.08;    // a limb whose joints_of() are no farther apart is no other one
 constexpr std::size_t kLimbStarts = 3;  // other limbs that are fitted per frame set, those that match best
 
 bool cheaper(const PathCandidate& a, const PathCandidate& b) {
     return a.cost < b.cost;
+}
+
+// Those that show where a limb is. Hands and feet differ everywhere.
+std::array<std::size_t, 2> joints_of(Limb limb) {
+    switch (limb) {
+        case Limb::kArmL:
+            return {*joint_index("elbow_l"), *joint_index("wrist_l")};
+        case Limb::kArmR:
+            return {*joint_index("elbow_r"), *joint_index("wrist_r")};
+        case Limb::kLegL:
+            return {*joint_index("knee_l"), *joint_index("ankle_l")};
+        case Limb::kLegR:
+            break;
+    }
+    return {*joint_index("knee_r"), *joint_index("ankle_r")};
 }
 
 BodyPosture exchanged(BodyPosture posture, const LimbSegmentPairs& limbs) {
@@ -206,12 +221,10 @@ class Recording {
     std::vector<BodyPosture> with_other_limbs(std::size_t n, Limb limb,
                                               std::span<const PathCandidate> path) const {
         const LimbSegments segments = segments_of(limb);
-        const auto same_limb = [&](const PathCandidate& a, const PathCandidate& b) {
-            for (std::size_t j = 0; j < kJointNames.size(); ++j)
-                if ((kJointSegment[j] == segments.lower || kJointSegment[j] == segments.end) &&
-                    norm(a.joints_in_world[j] - b.joints_in_world[j]) > kSameLimb_m)
-                    return false;
-            return true;
+        const auto same_limb = [joints = joints_of(limb)](const PathCandidate& a, const PathCandidate& b) {
+            return std::ranges::all_of(joints, [&](std::size_t j) {
+                return norm(a.joints_in_world[j] - b.joints_in_world[j]) < kSameLimb_m;
+            });
         };
         std::vector<const PathCandidate*> known{&path[n]};
         std::vector<BodyPosture> starts;
