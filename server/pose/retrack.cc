@@ -24,6 +24,7 @@ constexpr double kSameJoints_m = 0.03;  // candidates with no joint farther apar
 constexpr double kHopeless = 80;        // a candidate that costs more than the cheapest by this is dropped
 
 constexpr double kSameLimb_m = 0.08;    // a limb whose joints_of() are no farther apart is no other one
+constexpr double kLimbGain = 10;        // minimum decrease of the path's cost per frame set by another limb
 constexpr std::size_t kLimbStarts = 3;  // other limbs that are fitted per frame set, those that match best
 
 bool cheaper(const PathCandidate& a, const PathCandidate& b) {
@@ -148,11 +149,15 @@ class Recording {
                     const PoseFit fit =
                         fitter.fit(model_, recorded_[n].seen->views, start.posture, nullptr, false);
                     found[n].candidates.push_back(candidate(n, fit.posture, cost));
+                    found[n].candidates.back().cost += kLimbGain;
                 }
             });
             const std::vector<PathChoice> choices = choose_path(found);
             for (std::size_t n = 0; n < frames_.size(); ++n)
-                if (choices[n].candidate >= 0) path[n] = found[n].candidates[choices[n].candidate];
+                if (choices[n].candidate > 0) {
+                    path[n] = found[n].candidates[choices[n].candidate];
+                    path[n].cost -= kLimbGain;
+                }
         }
         for (std::size_t n = 0; n < frames_.size(); ++n)
             if (choices_[n].candidate >= 0) keep(n, path[n]);
