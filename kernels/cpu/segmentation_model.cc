@@ -84,13 +84,10 @@ const std::array<float, 256>& log_scales() {
 }
 
 void update_log_peak(BackgroundModel& model, std::size_t cell) {
-    const auto& log_scale = log_scales();
-    for (int x = 0; x < kCellPixels; ++x) {
-        float log_peak = kde::kLogGaussianPeak * static_cast<float>(model.channels);
-        for (int c = 0; c < model.channels; ++c)
-            log_peak += log_scale[model.bandwidth_scale[cell * model.cell_bytes() + c * kCellPixels + x]];
-        model.log_peak[cell * kCellPixels + x] = log_peak;
-    }
+    const float* log_scale = log_scales().data();
+    const std::uint8_t* scale = model.bandwidth_scale.data() + cell * model.cell_bytes();
+    for (int x = 0; x < kCellPixels; ++x)
+        model.log_peak[cell * kCellPixels + x] = kde::log_peak_of(log_scale, scale + x, model.channels);
 }
 
 }  // namespace kinevox::kernels::cpu

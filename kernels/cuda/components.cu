@@ -63,8 +63,7 @@ __device__ Pieces pieces_of(bool searched, bool starts_row) {
     return {pixels, pixels & (~(pixels << 1) | rows)};
 }
 
-// Labels are pixel indices in the box, of the first pixel of the piece at the start; -1 for pixels that are
-// not searched.
+// The label of a searched pixel is a pixel's index in the box: at the start of the first of its piece.
 __global__ void start_labels(const std::uint8_t* mask, int mask_width, Area area, bool set, int* labels,
                              int* areas, int* flags) {
     const int n = thread_index(), lane = static_cast<int>(threadIdx.x % 32);
@@ -73,7 +72,7 @@ __global__ void start_labels(const std::uint8_t* mask, int mask_width, Area area
     const bool searched = inside && is_set(mask, mask_width, x, y) == set;
     const Pieces pieces = pieces_of(searched, inside && x == area.box.x0);
     if (!inside) return;
-    labels[n] = searched ? n - lane + highest_bit(pieces.firsts & (kAllLanes >> (31 - lane))) : -1;
+    if (searched) labels[n] = n - lane + highest_bit(pieces.firsts & (kAllLanes >> (31 - lane)));
     areas[n] = flags[n] = 0;
 }
 

@@ -389,9 +389,7 @@ __global__ void update_kernel(SegmentData d, kde::UpdateParameters p, int phase,
         return;
     }
     kde::learn_background_value(d.values + plane, d.channels, p, pixel);
-    float log_peak = kde::kLogGaussianPeak * static_cast<float>(d.channels);
-    for (int c = 0; c < d.channels; ++c) log_peak += d.log_scale[pixel.scale[c * kCellPixels]];
-    d.log_peak[cell * kCellPixels + lane] = log_peak;
+    d.log_peak[cell * kCellPixels + lane] = kde::log_peak_of(d.log_scale, pixel.scale, d.channels);
 }
 
 dim3 cells_of(const CellRange& range) {

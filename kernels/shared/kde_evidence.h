@@ -131,6 +131,13 @@ KINEVOX_HD inline float evidence(const std::uint8_t* value, const std::uint8_t* 
     return ratio < -p.limit ? -p.limit : ratio > p.limit ? p.limit : ratio;
 }
 
+// Logarithm of the highest value that a pixel's density can have. `log_scale`: of the 256 bandwidth scales.
+KINEVOX_HD inline float log_peak_of(const float* log_scale, const std::uint8_t* scale, int channels) {
+    float log_peak = kLogGaussianPeak * static_cast<float>(channels);
+    for (int c = 0; c < channels; ++c) log_peak += log_scale[scale[c * kCellPixels]];
+    return log_peak;
+}
+
 template <int kChannels>
 KINEVOX_HD inline int histogram_bin(const std::uint8_t* value) {
     int bin = 0;

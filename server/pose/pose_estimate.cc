@@ -340,7 +340,7 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
 
 void withhold_legs(const LegFlags& missing, BodyPose& out) {
     static constexpr std::string_view kReason = "leg not in the silhouettes";
-    static const std::size_t kWaist = *joint_index("sacroiliac");
+    constexpr std::size_t kWaist = *joint_index("sacroiliac");
     const bool both = missing[0] && missing[1];
     const auto of_missing_leg = [&](int segment) {
         return (both && segment == kPelvis) || std::ranges::any_of(kLegSegments, [&](const auto& pair) {

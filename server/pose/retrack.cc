@@ -23,7 +23,7 @@ constexpr std::size_t kMaxCandidates = 8;
 constexpr double kSameJoints_m = 0.03;  // candidates with no joint farther apart are one
 constexpr double kHopeless = 80;        // a candidate that costs more than the cheapest by this is dropped
 
-constexpr double kSameLimb_m = 0.08;    // a limb whose joints_of() are no farther apart is no other one
+constexpr double kSameLimb_m = 0.08;    // limbs with no joint of joints_of() farther apart are one
 constexpr double kLimbGain = 10;        // minimum decrease of the path's cost per frame set by another limb
 constexpr std::size_t kLimbStarts = 3;  // other limbs that are fitted per frame set, those that match best
 
@@ -31,19 +31,13 @@ bool cheaper(const PathCandidate& a, const PathCandidate& b) {
     return a.cost < b.cost;
 }
 
-// Those that show where a limb is. Hands and feet differ everywhere.
-std::array<std::size_t, 2> joints_of(Limb limb) {
-    switch (limb) {
-        case Limb::kArmL:
-            return {*joint_index("elbow_l"), *joint_index("wrist_l")};
-        case Limb::kArmR:
-            return {*joint_index("elbow_r"), *joint_index("wrist_r")};
-        case Limb::kLegL:
-            return {*joint_index("knee_l"), *joint_index("ankle_l")};
-        case Limb::kLegR:
-            break;
-    }
-    return {*joint_index("knee_r"), *joint_index("ankle_r")};
+// Those that show where a limb is, elbow and wrist or knee and ankle: the first of its segments. Hands and
+// feet differ everywhere.
+std::array<std::size_t, 2> joints_of(const LimbSegments& limb) {
+    const auto first_of = [](int segment) {
+        return static_cast<std::size_t>(std::ranges::find(kJointSegment, segment) - kJointSegment.begin());
+    };
+    return {first_of(limb.lower), first_of(limb.end)};
 }
 
 BodyPosture exchanged(BodyPosture posture, const LimbSegmentPairs& limbs) {
@@ -226,7 +220,8 @@ class Recording {
     std::vector<BodyPosture> with_other_limbs(std::size_t n, Limb limb,
                                               std::span<const PathCandidate> path) const {
         const LimbSegments segments = segments_of(limb);
-        const auto same_limb = [joints = joints_of(limb)](const PathCandidate& a, const PathCandidate& b) {
+        const auto same_limb = [joints = joints_of(segments)](const PathCandidate& a,
+                                                              const PathCandidate& b) {
             return std::ranges::all_of(joints, [&](std::size_t j) {
                 return norm(a.joints_in_world[j] - b.joints_in_world[j]) < kSameLimb_m;
             });

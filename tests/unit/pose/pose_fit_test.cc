@@ -418,15 +418,19 @@ TEST(PoseEstimate, WithholdsOnlyTheMissingLeg) {
     EXPECT_TRUE(pose.joints[*joint_index("knee_r")].measured());
 }
 
+std::vector<double> tenths(std::size_t count) {
+    std::vector<double> time_s;
+    for (std::size_t n = 0; n < count; ++n) time_s.push_back(0.1 * static_cast<double>(n));
+    return time_s;
+}
+
 // Frame sets 100 ms apart: no legs for 1.5 s, the left one in frame set 5 alone, the right one from 15 on.
 TEST(MissingLegs, EachReturnsAfterItIsSeenForLongEnough) {
     constexpr LegSight kNone{{true, true}, true}, kRight{{true, false}, false}, kLeft{{false, true}, false};
     std::vector<std::optional<LegSight>> sights(24, kNone);
     sights[5] = kLeft;
     std::fill(sights.begin() + 15, sights.end(), kRight);
-    std::vector<double> time_s;
-    for (std::size_t n = 0; n < sights.size(); ++n) time_s.push_back(0.1 * static_cast<double>(n));
-    const std::vector<LegFlags> missing = missing_legs(sights, time_s);
+    const std::vector<LegFlags> missing = missing_legs(sights, tenths(sights.size()));
     for (const std::size_t n : {0, 5, 14}) EXPECT_EQ(missing[n], (LegFlags{true, true})) << n;
     for (const std::size_t n : {15, 23}) EXPECT_EQ(missing[n], (LegFlags{true, false})) << n;
     MissingLegs live;
@@ -441,9 +445,8 @@ TEST(MissingLegs, EachReturnsAfterItIsSeenForLongEnough) {
 
 TEST(MissingLegs, BelievesAFoldedLegOfABodyThatStands) {
     std::vector<std::optional<LegSight>> sights(24, LegSight{{true, false}, false});
-    std::vector<double> time_s;
-    for (std::size_t n = 0; n < sights.size(); ++n) time_s.push_back(0.1 * static_cast<double>(n));
-    for (const LegFlags& missing : missing_legs(sights, time_s)) EXPECT_EQ(missing, LegFlags{});
+    for (const LegFlags& missing : missing_legs(sights, tenths(sights.size())))
+        EXPECT_EQ(missing, LegFlags{});
 }
 
 // A body without legs is seen for 1.5 s: longer than a jump.
