@@ -100,10 +100,11 @@ double model_rotation_std(int segment) {
     }
 }
 
-// How far the contours are from the fitted body, m^2: of the whole body and of each segment.
+// How far the contours are from the fitted body, m^2: of the whole body and of each segment. `touching`: rays
+// that touch a segment, of kRays.
 struct Misfit {
     double all = 0;
-    std::array<double, kBodySegmentCount> segment{};
+    std::array<double, kBodySegmentCount> segment{}, touching{};
 };
 
 // Weights of the parts of a variance, by maximum likelihood over the errors of `kinevox process`: angles and
@@ -113,13 +114,28 @@ constexpr double kUsualMisfit_m2 = 0.0004;  // of a well fitted body
 struct Weights {
     double data, ambiguity, doubtful_ambiguity;
 };
-constexpr Weights kOfJoints{1.1, 0.45, 1.25}, kOfAngles{0.48, 0.57, 1.23};
-constexpr double kOfOwnMisfit = 0.2, kOfAllMisfit = 0.02, kOfParentMisfit = 0.009, kParentMisfit_m2 = 0.0009,
-                 kOfRootMisfit = 0.07;
+constexpr Weights kOfJoints{0.46, 0.3, 2.6}, kOfAngles{0.48, 0.57, 1.23};
+constexpr double kOfOwnMisfit = 0.22, kOfAllMisfit = 0.04, kOfParentMisfit = 0.09,
+                 kParentMisfit_m2 = 0.0009, kOfRootMisfit = 0.07;
 // Beyond this the silhouettes do not determine a value, whatever their misfit (m and rad).
 constexpr double kUndetermined2 = 0.02 * 0.02;
 constexpr double kMaxResidual_m = 0.12;
 constexpr double kSharedRays = 8;  // a segment with few rays of its own misfits as the whole body does
+constexpr double kRays = 160;      // to which touching rays are scaled
+constexpr double kMaxTouching_m = 0.015;
+
+// A gross error: the limb is somewhere else than the fit has put it. Its odds fall with the rays that touch
+// the segment and grow with the misfit of the others (per 20 mm). Log odds and standard deviation per axis of
+// each joint, left and right alike; logistic regression within the same maximum likelihood.
+struct GrossError {
+    std::string_view joint;
+    double log_odds, std_m;
+};
+constexpr GrossError kGrossErrors[] = {
+    {"root", 4.5, 0.06},     {"sacroiliac", -0.8, 0.06}, {"skullbase", -1.7, 0.06}, {"head_top", -1.5, 0.07},
+    {"shoulder", 2.8, 0.06}, {"elbow", -0.7, 0.11},      {"wrist", -0.95, 0.16},    {"hand", 0.3, 0.21},
+    {"hip", -6.0, 0.06},     {"knee", 4.9, 0.16},        {"ankle", 3.4, 0.24},      {"toe", 4.0, 0.26}};
+constexpr double kOfTouching = -5.4, kOfMisfit = 1.3, kOddsScale_m = 0.02;
 
 Misfit misfit_of(std::span<const SurfaceTerm> terms, std::span<const BodyCapsule> capsules) {
     Misfit misfit;
@@ -131,7 +147,9 @@ Misfit misfit_of(std::span<const SurfaceTerm> terms, std::span<const BodyCapsule
         const int segment = capsules[term.capsule].segment;
         misfit.segment[segment] += r * r, ++rays[segment];
         misfit.all += r * r, ++all;
+        misfit.touching[segment] += r < kMaxTouching_m;
     }
+    for (double& touching : misfit.touching) touching *= kRays / std::max(1, all);
     misfit.all = all > 0 ? misfit.all / all : kMaxResidual_m * kMaxResidual_m;
     for (int s = 0; s < kBodySegmentCount; ++s)
         misfit.segment[s] = (misfit.segment[s] + kSharedRays * misfit.all) / (rays[s] + kSharedRays);
@@ -140,6 +158,17 @@ Misfit misfit_of(std::span<const SurfaceTerm> terms, std::span<const BodyCapsule
 
 double data_variance(double curvature, const Misfit& misfit, const Weights& of) {
     return curvature * (of.data * misfit.all / kUsualMisfit_m2 + std::min(1.0, curvature / kUndetermined2));
+}
+// m^2, of a joint's gross error.
+double gross_variance(std::size_t joint, const Misfit& misfit) {
+    const int segment = kJointSegment[joint];
+    for (const GrossError& gross : kGrossErrors) {
+        if (!kJointNames[joint].starts_with(gross.joint)) continue;
+        const double log_odds = gross.log_odds + kOfTouching * std::log1p(misfit.touching[segment]) +
+                                kOfMisfit * std::sqrt(misfit.segment[segment]) / kOddsScale_m;
+        return gross.std_m * gross.std_m / (1 + std::exp(-log_odds));
+    }
+    return 0;
 }
 double ambiguity_variance(double difference2, double own_misfit_m2, const Weights& of) {
     return difference2 * (of.ambiguity + of.doubtful_ambiguity * own_misfit_m2 / kUsualMisfit_m2);
@@ -222,21 +251,46 @@ AngleByPosition angle_derivatives(const PosedBody& posed) {
     return by_position;
 }
 
-void judge_joints(const JointJacobian& jacobian, const Matrix& covariance, const Ambiguity& ambiguous,
-                  const Misfit& misfit, const SupportSets& support, int cameras,
+// What a posture's uncertainty is judged by.
+struct Evidence {
+    Matrix covariance;  // of a step, without motion prior
+    SupportSets support;
+    Ambiguity others;
+    Misfit misfit;
+    std::array<double, kJointNames.size()> gross_m2{};   // per axis, of gross errors
+    std::array<double, kBodySegmentCount> gross_rad2{};  // of a segment's rotation
+};
+
+// A gross error of either end turns a segment.
+void judge_gross_errors(const PosedBody& posed, Evidence& evidence) {
+    for (std::size_t j = 0; j < evidence.gross_m2.size(); ++j)
+        evidence.gross_m2[j] = gross_variance(j, evidence.misfit);
+    for (int s = 1; s < kBodySegmentCount; ++s) {
+        const auto start =
+            static_cast<std::size_t>(std::ranges::find(kJointSegment, s) - kJointSegment.begin());
+        const auto end = static_cast<std::size_t>(kSegmentFarJoint[s]);
+        const Vec3 along = posed.joints_in_world[end] - posed.joints_in_world[start];
+        evidence.gross_rad2[s] =
+            std::min((evidence.gross_m2[start] + evidence.gross_m2[end]) / dot(along, along),
+                     kRotationStd_rad * kRotationStd_rad);
+    }
+}
+
+void judge_joints(const JointJacobian& jacobian, const Evidence& of, int cameras,
                   const EstimateOptions& options, BodyPose& out) {
     for (std::size_t j = 0; j < kJointNames.size(); ++j) {
         const int segment = kJointSegment[j];
         const auto rows = jacobian.middleRows<3>(3 * static_cast<int>(j));
         JointEstimate& joint = out.joints[j];
         const int parent = kBodyParent[segment];
-        const double own = misfit.segment[segment], above = misfit.segment[std::max(parent, 0)];
+        const double own = of.misfit.segment[segment], above = of.misfit.segment[std::max(parent, 0)];
         joint.std_m = combined_std(
-            data_variance((rows * covariance * rows.transpose()).trace() / 3, misfit, kOfJoints) +
-                ambiguity_variance(ambiguous.joint_m2[j], own, kOfJoints) + kOfOwnMisfit * own +
-                kOfAllMisfit * misfit.all + kOfParentMisfit * above * above / kParentMisfit_m2,
+            data_variance((rows * of.covariance * rows.transpose()).trace() / 3, of.misfit, kOfJoints) +
+                ambiguity_variance(of.others.joint_m2[j], own, kOfJoints) + of.gross_m2[j] +
+                kOfOwnMisfit * own + kOfAllMisfit * of.misfit.all +
+                kOfParentMisfit * above * above / kParentMisfit_m2,
             model_std_m(kJointNames[j]));
-        const CameraSet set = parent >= 0 ? support[segment] | support[parent] : support[segment];
+        const CameraSet set = parent >= 0 ? of.support[segment] | of.support[parent] : of.support[segment];
         joint.camera_count = static_cast<int>(set.count());
         joint.withheld_reason.clear();
         if (joint.camera_count == 0)
@@ -246,46 +300,49 @@ void judge_joints(const JointJacobian& jacobian, const Matrix& covariance, const
     }
 }
 
-void judge_angles(const AngleByStep& by_step, const Matrix& covariance, const Ambiguity& ambiguous,
-                  const Misfit& misfit, const SupportSets& support, int cameras,
-                  const EstimateOptions& options, BodyPose& out) {
+void judge_angles(const AngleByStep& by_step, const Evidence& of, int cameras, const EstimateOptions& options,
+                  BodyPose& out) {
     for (std::size_t k = 0; k < out.angles.size(); ++k) {
         AngleEstimate& angle = out.angles[k];
-        const auto row = by_step.row(static_cast<int>(k));
-        const double own = misfit.segment[kAngleSegments[k].second];
-        angle.std_rad =
-            combined_std(data_variance((row * covariance * row.transpose()).value(), misfit, kOfAngles) +
-                             ambiguity_variance(ambiguous.angle_rad2[k], own, kOfAngles),
-                         kModelAngleStd[k]);
-        angle.velocity_rad_per_s = kNaN;
         const SegmentPair pair = kAngleSegments[k];
-        angle.camera_count = static_cast<int>((support[pair.first] | support[pair.second]).count());
+        const auto row = by_step.row(static_cast<int>(k));
+        angle.std_rad = combined_std(
+            data_variance((row * of.covariance * row.transpose()).value(), of.misfit, kOfAngles) +
+                ambiguity_variance(of.others.angle_rad2[k], of.misfit.segment[pair.second], kOfAngles) +
+                of.gross_rad2[pair.first] + of.gross_rad2[pair.second],
+            kModelAngleStd[k]);
+        angle.velocity_rad_per_s = kNaN;
+        angle.camera_count = static_cast<int>((of.support[pair.first] | of.support[pair.second]).count());
         angle.withheld_reason.clear();
-        if (support[pair.first].none() || support[pair.second].none())
+        if (of.support[pair.first].none() || of.support[pair.second].none())
             angle.withheld_reason = fmt::format(
                 "{} not visible in any of {} cameras",
-                kBodySegmentNames[support[pair.first].none() ? pair.first : pair.second], cameras);
+                kBodySegmentNames[of.support[pair.first].none() ? pair.first : pair.second], cameras);
         else if (angle.std_rad > options.max_angle_std_rad)
             angle.withheld_reason = fmt::format("angle uncertain (std {:.0f} deg)", angle.std_rad / kDegree);
     }
 }
 
 // Of a ball joint: through the derivatives of its angles by its rotation vector.
-void judge_coordinates(const BodyPosture& posture, const Matrix& covariance, const Ambiguity& ambiguous,
-                       const Misfit& misfit, BodyPose& out) {
-    const auto variance = [&](int dof, double curvature, int segment) {
-        return data_variance(curvature, misfit, kOfAngles) +
-               ambiguity_variance(ambiguous.coordinate2[dof], misfit.segment[segment], kOfAngles);
+void judge_coordinates(const BodyPosture& posture, const Evidence& of, BodyPose& out) {
+    const Matrix& covariance = of.covariance;
+    const auto variance = [&of](int dof, double curvature, int segment) {
+        return data_variance(curvature, of.misfit, kOfAngles) +
+               ambiguity_variance(of.others.coordinate2[dof], of.misfit.segment[segment], kOfAngles);
     };
+    constexpr std::size_t kRoot = *joint_index("root");
     out.coordinate_velocity.fill(kNaN);
     for (int k = 0; k < 3; ++k)
         out.coordinate_std[k] = combined_std(
-            variance(k, covariance(k, k), kPelvis) + kOfRootMisfit * misfit.all, model_std_m("root"));
+            variance(k, covariance(k, k), kPelvis) + kOfRootMisfit * of.misfit.all + of.gross_m2[kRoot],
+            model_std_m("root"));
     for (int s = 0; s < kBodySegmentCount; ++s) {
         const int first = kSegmentDof[s];
+        // Against the parent: an error of either.
+        const double gross = of.gross_rad2[s] + (s > 0 ? of.gross_rad2[kBodyParent[s]] : 0);
         if (kSegmentDofCount[s] == 1) {
             out.coordinate_std[first] =
-                combined_std(variance(first, covariance(first, first), s), model_rotation_std(s));
+                combined_std(variance(first, covariance(first, first), s) + gross, model_rotation_std(s));
             continue;
         }
         const Mat3 rates = euler_rates(s, posture.parent_from_segment[s]);
@@ -296,7 +353,7 @@ void judge_coordinates(const BodyPosture& posture, const Matrix& covariance, con
             by_rotation * covariance.block<3, 3>(first, first) * by_rotation.transpose();
         for (int k = 0; k < 3; ++k)
             out.coordinate_std[first + k] =
-                combined_std(variance(first + k, rotated(k, k), s), model_rotation_std(s));
+                combined_std(variance(first + k, rotated(k, k), s) + gross, model_rotation_std(s));
     }
 }
 
@@ -326,16 +383,16 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
     for (int k = 0; k < kBodyDofCount; ++k)
         information(k, k) +=
             k < 3 ? 1 / (kRoomStd_m * kRoomStd_m) : 1 / (kRotationStd_rad * kRotationStd_rad);
-    const Matrix covariance = information.llt().solve(Matrix::Identity());
-    const SupportSets support = supporting_cameras(terms, capsules);
     const PosedBody posed = model.forward(posture);
+    Evidence evidence{.covariance = information.llt().solve(Matrix::Identity()),
+                      .support = supporting_cameras(terms, capsules),
+                      .others = ambiguity(model, posture, posed, others),
+                      .misfit = misfit_of(terms, capsules)};
+    judge_gross_errors(posed, evidence);
     const JointJacobian jacobian = joint_jacobian(model, posed);
-    const Ambiguity ambiguous = ambiguity(model, posture, posed, others);
-    const Misfit misfit = misfit_of(terms, capsules);
-    judge_joints(jacobian, covariance, ambiguous, misfit, support, cameras, options, out);
-    judge_angles(angle_derivatives(posed) * jacobian, covariance, ambiguous, misfit, support, cameras,
-                 options, out);
-    judge_coordinates(posture, covariance, ambiguous, misfit, out);
+    judge_joints(jacobian, evidence, cameras, options, out);
+    judge_angles(angle_derivatives(posed) * jacobian, evidence, cameras, options, out);
+    judge_coordinates(posture, evidence, out);
 }
 
 void withhold_legs(const LegFlags& missing, BodyPose& out) {

@@ -17,6 +17,7 @@ constexpr double kExplainedIou = 0.88;  // of a posed body whose raised arms exp
 constexpr double kMaxStatureDifference = 0.045;  // of a given body against the fitted one
 constexpr double kCautionIou = 0.75, kBadIou = 0.55, kCautionHullIou = 0.9;
 constexpr double kCautionWithheld = 0.15;
+constexpr double kMaxStd_m = 0.028;         // stated standard deviation of a pose that is determined
 constexpr double kMinGap_m = 0.3;           // from the floor to the lowest point of an incomplete body
 constexpr double kMaxShownFraction = 0.85;  // of the stature
 
@@ -26,6 +27,10 @@ bool lacks_lower_body(const Measurements& seen) {
     return seen.body.stature_m && seen.world.lowest_m && seen.world.subject_height_m &&
            *seen.world.lowest_m > kMinGap_m &&
            *seen.world.subject_height_m < kMaxShownFraction * *seen.body.stature_m;
+}
+
+bool determines_pose(const PoseMeasurements& pose) {
+    return pose.joint_std_m && *pose.joint_std_m < kMaxStd_m && pose.withheld_fraction <= kCautionWithheld;
 }
 
 Judgement judge_scale(const Measurements& seen) {
@@ -63,9 +68,10 @@ Judgement judge_body(const Measurements& seen) {
 }
 
 Judgement judge_silhouettes(const Measurements& seen) {
+    const Trust distrust = determines_pose(seen.pose) ? Trust::kCaution : Trust::kDoNotUse;
     if (lacks_lower_body(seen))
         return Cause{
-            Trust::kDoNotUse, "silhouettes", "",
+            distrust, "silhouettes", "",
             fmt::format("the silhouettes end {:.2f} m above the floor and show {:.2f} m of a subject "
                         "of {:.2f} m: parts of the body are missing",
                         *seen.world.lowest_m, *seen.world.subject_height_m, *seen.body.stature_m),
@@ -73,7 +79,7 @@ Judgement judge_silhouettes(const Measurements& seen) {
             "(--save silhouettes)"};
     if (seen.pose.posed_iou && *seen.pose.posed_iou < kCautionIou)
         return Cause{
-            *seen.pose.posed_iou < kBadIou ? Trust::kDoNotUse : Trust::kCaution, "silhouettes", "",
+            *seen.pose.posed_iou < kBadIou ? distrust : Trust::kCaution, "silhouettes", "",
             fmt::format("posed body and silhouettes overlap by {:.2f} only (IoU)", *seen.pose.posed_iou),
             "check the silhouettes (--save silhouettes): clothes like the background, shadows or "
             "missing parts"};

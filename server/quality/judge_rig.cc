@@ -107,8 +107,11 @@ Judgement judge_world(const Measurements& seen) {
             Trust::kDoNotUse, "world_tilted", "",
             fmt::format("the world is tilted by {:.0f} degrees against the vertical", *world.tilt_deg),
             "define the floor again (kinevox calibrate floor)"};
+    // Feet in the floor's colour are missing in the hull, not in the pose.
+    const bool stands =
+        world.lowest_m.value_or(0) > 0 && seen.pose.lowest_m.value_or(kMaxFloor_m) < kMaxFloor_m;
     if (world.lowest_m && std::abs(*world.lowest_m) > kMaxFloor_m && !rig_is_inconsistent(seen.rig) &&
-        !lacks_lower_body(seen))
+        !lacks_lower_body(seen) && !stands)
         return Cause{Trust::kCaution, "floor_height", "",
                      fmt::format("the subject's lowest point is {:.2f} m {} the floor",
                                  std::abs(*world.lowest_m), *world.lowest_m < 0 ? "under" : "above"),

@@ -79,6 +79,7 @@ struct PoseMeasurements {
     std::optional<double> joint_std_m;         // stated, median
     std::optional<double> contour_residual_m;  // RMS, median
     std::optional<double> posed_iou;           // mean over cameras and frame sets
+    std::optional<double> lowest_m;            // z of the lowest measured ankle or toe, median
 };
 
 struct Measurements {

@@ -14,6 +14,16 @@
 namespace kinevox::quality {
 namespace {
 
+// z of the lowest measured ankle or toe.
+std::optional<double> lowest_foot(const BodyPose& pose) {
+    std::optional<double> lowest;
+    for (const std::string_view name : {"ankle_l", "ankle_r", "toe_l", "toe_r"}) {
+        const JointEstimate& joint = pose.joints[*joint_index(name)];
+        if (joint.measured()) lowest = std::min(lowest.value_or(joint.in_world.z), joint.in_world.z);
+    }
+    return lowest;
+}
+
 constexpr std::size_t kBackgroundImages = 9;  // of which the median is taken
 
 cv::Mat reduced(const Image& image, int factor) {
@@ -186,7 +196,7 @@ Measurements Observer::measure(std::span<const PosedFrame> poses, const BodyShap
     if (!body) return out;
     out.body.stature_m = body->stature_m;
     std::int64_t withheld = 0, joints = 0, posed = 0;
-    std::vector<double> stds, residuals;
+    std::vector<double> stds, residuals, lowest;
     for (const PosedFrame& frame : poses) {
         if (!frame.pose) continue;
         ++posed;
@@ -196,11 +206,13 @@ Measurements Observer::measure(std::span<const PosedFrame> poses, const BodyShap
             withheld += !joint.measured();
             if (joint.measured()) stds.push_back(joint.std_m);
         }
+        if (const std::optional<double> z = lowest_foot(*frame.pose)) lowest.push_back(*z);
     }
     if (tracked > 0) out.pose.posed_fraction = static_cast<double>(posed) / static_cast<double>(tracked);
     if (posed == 0) return out;
     out.pose.withheld_fraction = static_cast<double>(withheld) / static_cast<double>(joints);
     if (!stds.empty()) out.pose.joint_std_m = quantile_or(stds, 0.5, 0);
+    if (!lowest.empty()) out.pose.lowest_m = quantile_or(lowest, 0.5, 0);
     out.pose.contour_residual_m = quantile_or(residuals, 0.5, 0);
     out.pose.posed_iou = measure_posed_iou(seen, subject, poses, *body, out.cameras);
     return out;

@@ -51,6 +51,7 @@ Json json_of(const Measurements& seen) {
                 {"silhouette_residual_px", number(seen.rig.residual_px)},
                 {"contour_residual_m", number(pose.contour_residual_m)},
                 {"joint_std_m", number(pose.joint_std_m)},
+                {"lowest_joint_m", number(pose.lowest_m)},
                 {"withheld_fraction", number(pose.withheld_fraction)},
                 {"subject_fraction", number(pose.subject_fraction)},
                 {"posed_fraction", number(pose.posed_fraction)},

@@ -300,6 +300,8 @@ TEST(SilhouetteJudge, TrustsLessTheWorseThePosedBodyFits) {
     ASSERT_TRUE(judge_silhouettes(seen));
     EXPECT_EQ(judge_silhouettes(seen)->trust, Trust::kCaution);
     seen.pose.posed_iou = 0.4;
+    EXPECT_EQ(judge_silhouettes(seen)->trust, Trust::kCaution) << "the joints are determined all the same";
+    seen.pose.joint_std_m = 0.04;
     EXPECT_EQ(judge_silhouettes(seen)->trust, Trust::kDoNotUse);
 }
 
@@ -312,12 +314,16 @@ TEST(SilhouetteJudge, NamesLegsThatAreMissing) {
     seen.world.volume_litres = 30;
     seen.pose.posed_iou = 0.7;
     ASSERT_TRUE(judge_silhouettes(seen));
+    EXPECT_EQ(judge_silhouettes(seen)->trust, Trust::kCaution) << "other cameras see the legs";
+    seen.pose.withheld_fraction = 0.4;
     EXPECT_EQ(judge_silhouettes(seen)->trust, Trust::kDoNotUse);
     EXPECT_THAT(judge_silhouettes(seen)->reason, ::testing::HasSubstr("1.03 m above the floor"));
     EXPECT_FALSE(judge_world(seen)) << "the floor is not the cause";
     EXPECT_FALSE(judge_scale(seen)) << "the scale is not the cause";
     seen.world.subject_height_m = 1.7;  // complete, on a beam
     EXPECT_EQ(cause_of(judge_world(seen)), "floor_height");
+    seen.pose.lowest_m = 0.01;  // the hull lacks the shoes
+    EXPECT_FALSE(judge_world(seen));
     EXPECT_EQ(judge_silhouettes(seen)->trust, Trust::kCaution);
 }
 
