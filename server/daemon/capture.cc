@@ -97,7 +97,7 @@ void Capture::observe(const FrameResult& result) {
     if (!body_fit) return;
     body_fit->observe(result.capture_time_ns,
                       result.subject && result.volume ? &pose_stage->observation() : nullptr);
-    if (const auto body = body_fit->take_body()) pose_stage->set_body(*body);
+    if (const auto fit = body_fit->take_fit()) pose_stage->set_body(fit->shape, fit->standing_m);
 }
 
 void Capture::build_pose_database(const std::vector<Camera>& cameras) {

@@ -30,6 +30,16 @@ constexpr std::array<double, 3> kStartScales{1, 0.88, 1.14};
 constexpr double kClearlyBetter = 0.9, kCostWithoutPose = 5000;
 constexpr std::size_t kTriedFrames = 4;
 
+// Feet that look like the floor are missing in the silhouettes, and the legs get too short: the body floats
+// above the floor for longer than a person can. Then legs that stand on it are tried.
+constexpr double kMaxHeight_m = 0.04, kMaxFlight_s = 0.6;
+constexpr double kMinClearance_m = 0.25;  // of the rest of a body that stands
+constexpr double kMinGrowth_m = 0.02;     // of the stature by legs that stand
+constexpr double kFloatingCost = 5;       // negative log odds of a subject that stands on something invisible
+// Robust kernels: of the fit, and narrower that of the poses, since people jump.
+constexpr double kStandingFit_m = 0.15, kStandingPose_m = 0.05;
+constexpr double kLowestFraction = 0.25, kStandingSpread_m = 0.03;  // of the frame sets: those that stand
+
 using PoseVector = Eigen::Matrix<double, kBodyDofCount, 1>;
 using PoseMatrix = Eigen::Matrix<double, kBodyDofCount, kBodyDofCount>;
 using ShapeVector = BodyVector;
@@ -154,6 +164,13 @@ class JointFit {
     }
     const BodyShape& shape() const { return shape_; }
     const std::vector<BodyPosture>& postures() const { return postures_; }
+    void set_standing(std::size_t n) { costs_[n].set_standing(kStandingFit_m); }
+    // How unusual the body is.
+    double prior_cost() const {
+        ShapeMatrix hessian = ShapeMatrix::Zero();
+        ShapeVector gradient = ShapeVector::Zero();
+        return prior_.add(shape_, hessian, gradient);
+    }
     // Per frame set, of its contour.
     std::vector<double> explained_fractions(double narrow_m) const {
         std::vector<double> fractions;
@@ -346,6 +363,36 @@ double independent_count(const BodyShape& shape, std::span<const Posed> posed, d
     return 1 + (std::max(1.0, max_count) - 1) * std::min(1.0, spread_m / kVaried_m);
 }
 
+// Marks the frame sets in which a floating body should stand: the lowest of each flight that is too long.
+// False without any.
+bool stand(const BodyShape& shape, std::span<const Posed> posed, std::span<const BodyPosture> postures,
+           JointFit& joint) {
+    const BodyModel model(shape);
+    std::vector<BodyCapsule> capsules;
+    std::vector<double> heights;
+    for (const BodyPosture& posture : postures) {
+        model.capsules(model.forward(posture), capsules);
+        const StandingFoot foot = lower_foot(capsules);
+        heights.push_back(foot.others_m > kMinClearance_m ? foot.height_m : 0);
+    }
+    bool any = false;
+    for (std::size_t first = 0, end; first < heights.size(); first = end + 1) {
+        for (end = first; end < heights.size() && heights[end] > kMaxHeight_m;) ++end;
+        if (end == first) continue;
+        const double seconds =
+            1e-9 * static_cast<double>(posed[end - 1].frame->time_ns - posed[first].frame->time_ns);
+        if (seconds <= kMaxFlight_s) continue;
+        std::vector<double> sorted(heights.begin() + first, heights.begin() + end);
+        std::sort(sorted.begin(), sorted.end());
+        const double lowest =
+            sorted[static_cast<std::size_t>(kLowestFraction * static_cast<double>(sorted.size()))];
+        for (std::size_t n = first; n < end; ++n)
+            if (heights[n] < lowest + kStandingSpread_m) joint.set_standing(n);
+        any = true;
+    }
+    return any;
+}
+
 // The cost of this body, each posture fitted again.
 double cost_with(const BodyShape& shape, std::span<const Posed> posed, const PoseFitOptions& options) {
     const BodyModel model(shape);
@@ -382,6 +429,7 @@ absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
         PoseStageOptions stage_options = unfiltered;
         stage_options.body = shape;
         stage_options.tracker.always_search_limbs = true;
+        stage_options.tracker.fit.cost.standing_m = fit.standing_m;
         stage_options.tracker.lost_explained_fraction = options.min_explained_fraction;
         // The last round takes the path through the whole recording: a limb lost for a while would be fitted,
         // too.
@@ -426,8 +474,20 @@ absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
             joint->descend(2 * fitting.narrow_m, options.steps, 1);
         }
         joint->descend(fitting.narrow_m, options.steps, 1);
-        joint->descend(fitting.narrow_m, options.steps,
-                       independent_count(shape, good, options.independent_frames));
+        const double independent = independent_count(shape, good, options.independent_frames);
+        joint->descend(fitting.narrow_m, options.steps, independent);
+        JointFit standing = *joint;
+        fit.standing_m = 0;
+        if (stand(joint->shape(), good, joint->postures(), standing)) {
+            standing.descend(2 * fitting.narrow_m, options.steps, 1);
+            standing.descend(fitting.narrow_m, options.steps, independent);
+            // A heel that is only raised hardly changes the body.
+            if (standing.shape().stature_m > joint->shape().stature_m + kMinGrowth_m &&
+                standing.prior_cost() < joint->prior_cost() + kFloatingCost) {
+                joint.emplace(std::move(standing));
+                fit.standing_m = kStandingPose_m;
+            }
+        }
         // Lengths that do not help where they were not fitted are the population's.
         const BodyShape usual = default_body_shape(joint->shape().stature_m);
         const bool confirmed = held_out.empty() || cost_with(joint->shape(), held_out, fitting) <=

@@ -23,6 +23,9 @@ struct BodyFit {
     double stature_std_m = 0;
     double contour_residual_rms_m = 0;  // over all frame sets
     int frame_set_count = 0;            // used for the fit
+    // Above 0 if the silhouettes do not show the feet and the body stands on the floor instead: for
+    // PoseCostOptions.
+    double standing_m = 0;
 };
 
 // Of a circumference; the errors of its two half-widths are independent.

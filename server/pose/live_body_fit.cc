@@ -143,7 +143,7 @@ void LiveBodyFit::set_cameras(std::vector<Camera> cameras) {
     begin(before.seconds, before.requested);
 }
 
-std::optional<BodyShape> LiveBodyFit::take_body() {
+std::optional<BodyFit> LiveBodyFit::take_fit() {
     const std::scoped_lock lock(mutex_);
     return std::exchange(fresh_, std::nullopt);
 }
@@ -198,7 +198,7 @@ void LiveBodyFit::fit(const ToFit& job, std::stop_token stop) {
             progress_.message = std::string(fitted.status().message());
         } else {
             attempts_left_ = 0;
-            fresh_ = fitted->shape;
+            fresh_ = *fitted;
             progress_.state = BodyFitState::kReady;
             progress_.progress = 1;
             progress_.body = fitted->shape;

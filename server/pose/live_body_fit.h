@@ -1,7 +1,7 @@
 // Fits the body model to the captured subject in the background: on request, and automatically from the first
 // seconds with a subject.
 //
-// Threads: the pipeline calls observe() and take_body(), any thread the others. The callback may come from
+// Threads: the pipeline calls observe() and take_fit(), any thread the others. The callback may come from
 // any thread and must not call back into this class.
 #pragma once
 
@@ -65,8 +65,8 @@ class LiveBodyFit {
     // Another calibration of the same cameras. Drops collected observations; a running fit continues with the
     // previous calibration. Must not be concurrent with observe().
     void set_cameras(std::vector<Camera> cameras);
-    // The body fitted since the last call, if any.
-    std::optional<BodyShape> take_body();
+    // The fit since the last call, if any.
+    std::optional<BodyFit> take_fit();
 
     BodyFitProgress progress() const;
     // For shutdown: cancels; nothing is fitted afterwards.
@@ -106,7 +106,7 @@ class LiveBodyFit {
     std::optional<Collecting> collecting_;
     std::optional<ToFit> to_fit_;
     std::stop_source stop_;  // of the running fit
-    std::optional<BodyShape> fresh_;
+    std::optional<BodyFit> fresh_;
     int attempts_left_ = 0;  // automatic ones
     bool closed_ = false;
 

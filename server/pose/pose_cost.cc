@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "common/geometry.h"
 #include "server/pose/ray_capsule.h"
@@ -27,6 +28,7 @@ constexpr std::array<Habit, kBodyDofCount> kHabits{{
     kFree,    kFree,    kFree,   {30, 60}, {0, 25},                                  // right arm
 }};
 constexpr double kLimitStd = 3 * kDegree;
+constexpr double kFloorSlack_m = 0.005, kStandingStd_m = 0.01;
 
 // The lumbar spine flexes with the hips (lumbopelvic rhythm, a review: Vazirian et al. 2016): expected
 // extension = rest - share * mean hip flexion, of the joints in the studio sequences of tests/accuracy.
@@ -114,7 +116,31 @@ void add_prior(const MotionPrior& prior, const BodyPosture& posture, Linearisati
     }
 }
 
+// Of the surface below an end of a capsule, m.
+double height_of(const BodyCapsule& capsule, bool at_end) {
+    return at_end ? capsule.b[2] - capsule.radius_b : capsule.a[2] - capsule.radius_a;
+}
+
 }  // namespace
+
+StandingFoot lower_foot(std::span<const BodyCapsule> capsules) {
+    StandingFoot feet[2] = {{kFootL, 0, 0}, {kFootR, 0, 0}};
+    for (StandingFoot& foot : feet) {
+        int ends = 0;
+        for (const BodyCapsule& capsule : capsules)
+            if (capsule.segment == foot.segment)
+                foot.height_m += height_of(capsule, false) + height_of(capsule, true), ends += 2;
+        foot.height_m /= std::max(1, ends);
+    }
+    StandingFoot lower = feet[0].height_m <= feet[1].height_m ? feet[0] : feet[1];
+    lower.others_m = std::numeric_limits<double>::infinity();
+    for (const BodyCapsule& capsule : capsules) {
+        const int s = capsule.segment;
+        if (s == kFootL || s == kFootR || s == kShankL || s == kShankR) continue;
+        lower.others_m = std::min({lower.others_m, height_of(capsule, false), height_of(capsule, true)});
+    }
+    return lower;
+}
 
 // Geman & McClure's kernel: r^2 / (1 + r^2 / s^2).
 void PoseCost::add_term(SurfaceTerm term, double std_m, double robust_m, double weight) {
@@ -182,22 +208,35 @@ void PoseCost::inside_terms(int camera, const SilhouetteRays& view, double robus
     }
 }
 
+// `residual`: m below a height.
+void PoseCost::add_height_term(std::size_t capsule, bool at_end, double residual, double std_m,
+                               double robust_m) {
+    SurfaceTerm term;
+    term.camera = -1;
+    term.capsule = static_cast<int>(capsule);
+    term.along = at_end ? 1 : 0;
+    term.point_in_world = point(at_end ? capsules_[capsule].b : capsules_[capsule].a);
+    term.gradient = {0, 0, -1};
+    term.radius_gradient = 1;
+    term.residual = residual;
+    add_term(term, std_m, robust_m, 1.0);
+}
+
 void PoseCost::floor_terms() {
-    for (std::size_t k = 0; k < capsules_.size(); ++k) {
+    for (std::size_t k = 0; k < capsules_.size(); ++k)
         for (const bool end : {false, true}) {
-            const float* p = end ? capsules_[k].b : capsules_[k].a;
-            const double below = (end ? capsules_[k].radius_b : capsules_[k].radius_a) - p[2];
-            if (below <= 0.005) continue;
-            SurfaceTerm term;
-            term.camera = -1;
-            term.capsule = static_cast<int>(k);
-            term.along = end ? 1 : 0;
-            term.point_in_world = point(p);
-            term.gradient = {0, 0, -1};
-            term.radius_gradient = 1;
-            term.residual = below - 0.005;
-            add_term(term, options_.floor_std_m, 1.0, 1.0);
+            const double below = -height_of(capsules_[k], end);
+            if (below > kFloorSlack_m)
+                add_height_term(k, end, below - kFloorSlack_m, options_.floor_std_m, 1.0);
         }
+}
+
+void PoseCost::standing_terms() {
+    const int foot = lower_foot(capsules_).segment;
+    for (std::size_t k = 0; k < capsules_.size(); ++k) {
+        if (capsules_[k].segment != foot) continue;
+        for (const bool end : {false, true})
+            add_height_term(k, end, -height_of(capsules_[k], end), kStandingStd_m, options_.standing_m);
     }
 }
 
@@ -288,6 +327,7 @@ void PoseCost::linearise(const BodyModel& model, const BodyPosture& posture,
         inside_terms(static_cast<int>(c), views[c], robust_m);
     }
     floor_terms();
+    if (options_.standing_m > 0) standing_terms();
     separation_terms();
 
     out.hessian.setZero();

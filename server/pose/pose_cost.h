@@ -39,6 +39,14 @@ struct MotionPrior {
     BodyStep std{};  // infinite: no prior for this degree of freedom
 };
 
+// The lower foot and the height of its sole above the floor; `others_m`: of the lowest part but feet and
+// shanks.
+struct StandingFoot {
+    int segment = 0;
+    double height_m = 0, others_m = 0;
+};
+StandingFoot lower_foot(std::span<const BodyCapsule> capsules);
+
 class PoseCost {
   public:
     explicit PoseCost(const PoseCostOptions& options = {}) : options_(options) {}
@@ -47,6 +55,7 @@ class PoseCost {
     // terms().
     void linearise(const BodyModel& model, const BodyPosture& posture, std::span<const SilhouetteRays> views,
                    const MotionPrior* prior, double robust_m, Linearisation& out);
+    void set_standing(double standing_m) { options_.standing_m = standing_m; }
     const std::vector<SurfaceTerm>& terms() const { return terms_; }
     const PosedBody& posed() const { return posed_; }
     const std::vector<BodyCapsule>& capsules() const { return capsules_; }
@@ -55,6 +64,8 @@ class PoseCost {
     void contour_terms(int camera, const SilhouetteRays& view, double robust_m);
     void inside_terms(int camera, const SilhouetteRays& view, double robust_m);
     void floor_terms();
+    void standing_terms();
+    void add_height_term(std::size_t capsule, bool at_end, double residual, double std_m, double robust_m);
     void separation_terms();
     void add_term(SurfaceTerm term, double std_m, double robust_m, double weight);
     void add_surface_terms(const std::array<DofFrame, kBodyDofCount>& frames, Vec3 root_in_world,

@@ -38,6 +38,7 @@ class PoseFitter {
     double cost_of(const BodyModel& model, std::span<const SilhouetteRays> views, const BodyPosture& posture);
 
     const PoseCost& cost() const { return cost_; }
+    void set_standing(double standing_m) { cost_.set_standing(standing_m); }
 
   private:
     void descend(const BodyModel& model, std::span<const SilhouetteRays> views, const MotionPrior* prior,

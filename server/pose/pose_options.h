@@ -23,6 +23,9 @@ struct PoseCostOptions {
     double separation_std_m = 0.02;  // of the penetration of limbs and trunk
     double separation_fraction =
         0.8;  // minimum distance of axes over the sum of the radii: soft tissue and clothes yield
+    // Scale of the robust kernel by which the lower foot stands flat on the floor, m, for silhouettes that do
+    // not show the feet (BodyFit::standing_m); 0: it need not stand.
+    double standing_m = 0;
     bool operator==(const PoseCostOptions&) const = default;
 };
 

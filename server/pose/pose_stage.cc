@@ -35,11 +35,13 @@ PoseStage::PoseStage(std::vector<Camera> cameras, double fps, const PoseStageOpt
       tracker_(fps, options.tracker),
       judge_(options.tracker.fit.cost),
       filter_(options.filter) {
-    set_body(options.body);
+    set_body(options.body, options.tracker.fit.cost.standing_m);
 }
 
-void PoseStage::set_body(const BodyShape& body) {
+void PoseStage::set_body(const BodyShape& body, double standing_m) {
     tracker_.set_model(std::make_shared<BodyModel>(body));
+    tracker_.set_standing(standing_m);
+    judge_.set_standing(standing_m);
 }
 
 void PoseStage::reset() {

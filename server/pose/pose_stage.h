@@ -31,7 +31,8 @@ class PoseStage {
   public:
     PoseStage(std::vector<Camera> cameras, double fps, const PoseStageOptions& options);
 
-    void set_body(const BodyShape& body);
+    // `standing_m` as in PoseCostOptions.
+    void set_body(const BodyShape& body, double standing_m = 0);
     const BodyShape& body() const { return tracker_.model().shape(); }
     // May be null; must outlive the stage. Used when a pose must be found without prior.
     void set_proposer(PoseProposer* proposer) { proposer_ = proposer; }

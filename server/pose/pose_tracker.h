@@ -34,6 +34,7 @@ class PoseTracker {
 
     void set_model(std::shared_ptr<const BodyModel> model) { model_ = std::move(model); }
     const BodyModel& model() const { return *model_; }
+    void set_standing(double standing_m) { fitter_.set_standing(standing_m); }  // as in PoseCostOptions
 
     // Views with a null camera are ignored. `candidates` may be empty. Nothing if too few cameras see the
     // subject or no pose explains the silhouettes.

@@ -83,6 +83,11 @@ Judgement judge_silhouettes(const Measurements& seen) {
             fmt::format("posed body and silhouettes overlap by {:.2f} only (IoU)", *seen.pose.posed_iou),
             "check the silhouettes (--save silhouettes): clothes like the background, shadows or "
             "missing parts"};
+    if (seen.body.feet_unseen)
+        return Cause{Trust::kCaution, "silhouettes", "",
+                     "the silhouettes do not show the feet: their height and the legs' lengths follow from "
+                     "the floor",
+                     "wear shoes that differ from the floor, and check the silhouettes (--save silhouettes)"};
     if (seen.rig.hull_iou && *seen.rig.hull_iou < kCautionHullIou)
         return Cause{Trust::kCaution, "silhouettes", "",
                      fmt::format("silhouettes and cameras are inconsistent: hull IoU {:.2f}, residual {:.1f} "

@@ -69,6 +69,7 @@ struct BodyMeasurements {
     std::optional<double> stature_m;         // of the body that was used
     bool given = false;                      // from a file or a T-pose session, not fitted to the movement
     std::optional<double> fitted_stature_m;  // fitted to the movement, if another body was given
+    bool feet_unseen = false;                // the fitted body stands on the floor without them
     std::optional<double> residual_m, fitted_residual_m;  // contour residual with each body, RMS
 };
 

@@ -58,6 +58,7 @@ Json json_of(const Measurements& seen) {
                 {"several_people_fraction", number(seen.several_people_fraction)},
                 {"stature_m", number(seen.body.stature_m)},
                 {"fitted_stature_m", number(seen.body.fitted_stature_m)},
+                {"feet_unseen", seen.body.feet_unseen},
                 {"subject_height_m", number(seen.world.subject_height_m)},
                 {"max_height_m", number(seen.world.max_height_m)},
                 {"volume_litres", number(seen.world.volume_litres)},

@@ -13,6 +13,19 @@ namespace {
 
 constexpr int kWidth = 320, kHeight = 240;
 
+// Removes capsules below a height, and shortens those that cross it.
+void cut_below(double z_m, std::vector<BodyCapsule>& capsules) {
+    std::erase_if(capsules, [z_m](const BodyCapsule& c) { return std::max(c.a[2], c.b[2]) < z_m; });
+    for (BodyCapsule& c : capsules) {
+        const auto z = static_cast<float>(z_m);
+        float* const below = c.a[2] < z ? c.a : c.b[2] < z ? c.b : nullptr;
+        if (!below) continue;
+        const float* const above = below == c.a ? c.b : c.a;
+        const float share = (z - below[2]) / (above[2] - below[2]);
+        for (int k = 0; k < 3; ++k) below[k] += share * (above[k] - below[k]);
+    }
+}
+
 }  // namespace
 
 std::vector<Camera> camera_ring(int count) {
@@ -93,6 +106,7 @@ BodyCoordinates SeenBody::t_pose() const {
 std::vector<SilhouetteRays> SeenBody::see(const BodyCoordinates& q) const {
     std::vector<BodyCapsule> capsules;
     model->capsules(model->forward(q), capsules);
+    cut_below(hidden_below_m, capsules);
     std::vector<SilhouetteRays> views(cameras.size());
     for (std::size_t c = 0; c < cameras.size(); ++c)
         read_silhouette(cameras[c], silhouette_of(cameras[c], capsules), {}, views[c]);

@@ -19,6 +19,7 @@ kernels::Silhouettes silhouette_of(const Camera& camera, const std::vector<BodyC
 struct SeenBody {
     std::vector<Camera> cameras = camera_ring();
     std::shared_ptr<const BodyModel> model = std::make_shared<BodyModel>(default_body_shape(1.75));
+    double hidden_below_m = 0;  // above the floor: not in the silhouettes
 
     BodyCoordinates standing() const;  // one arm and one leg forward
     BodyCoordinates t_pose() const;

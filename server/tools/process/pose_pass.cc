@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "server/pose/body_fitter.h"
 #include "server/pose/pose_stage.h"
 #include "server/pose/retrack.h"
 
@@ -28,22 +27,27 @@ void PosePass::add(const FrameResult& result, PoseStage& stage) {
 }
 
 // Of the held frame sets; empty if the fit fails.
-std::optional<BodyShape> PosePass::fit_to_movement(const PoseStage& stage) const {
+std::optional<BodyFit> PosePass::fit_to_movement(const PoseStage& stage) const {
     std::vector<const PoseObservation*> first;
     const auto max_frames = static_cast<std::size_t>(options_.body_seconds * fps_) + 1;
     for (const Frame& frame : frames_)
         if (frame.observation && first.size() < max_frames) first.push_back(frame.observation.get());
-    const auto fit = fit_body(cameras_, fps_, first, stage.body(), posing_, options_.body);
-    return fit.ok() ? std::optional(fit->shape) : std::nullopt;
+    auto fit = fit_body(cameras_, fps_, first, stage.body(), posing_, options_.body);
+    return fit.ok() ? std::optional(*std::move(fit)) : std::nullopt;
 }
 
 // Fits the body, tracks the held frame sets with it, and sets it in the pipeline for the following ones.
 void PosePass::fit_and_retrack(PoseStage& stage) {
     retracked_ = true;
-    fitted_body_ = fit_to_movement(stage);
-    body_ = options_.fit_body ? fitted_body_ : stage.body();
+    fit_ = fit_to_movement(stage);
+    if (!options_.fit_body)
+        body_ = stage.body();
+    else if (fit_)
+        body_ = fit_->shape;
     if (!body_) return;
     PoseStageOptions posing = posing_;
+    const double standing_m = fit_ ? fit_->standing_m : 0;
+    posing.tracker.fit.cost.standing_m = standing_m;
     posing.body = *body_;
     std::vector<RecordedView> views;
     for (const Frame& frame : frames_)
@@ -54,7 +58,7 @@ void PosePass::fit_and_retrack(PoseStage& stage) {
         frames_[n].row.pose = std::move(again[n].pose);
         frames_[n].observation.reset();
     }
-    stage.set_body(*body_);
+    stage.set_body(*body_, standing_m);
 }
 
 std::vector<PoseRow> PosePass::finish(PoseStage& stage) {

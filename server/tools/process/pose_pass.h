@@ -12,6 +12,7 @@
 
 #include "common/camera.h"
 #include "server/pipeline/frame_result.h"
+#include "server/pose/body_fitter.h"
 #include "server/pose/body_model.h"
 #include "server/pose/pose_options.h"
 #include "server/recording/csv_tables.h"
@@ -46,7 +47,7 @@ class PosePass {
     const std::optional<BodyShape>& body() const { return body_; }
     // The body was given, not fitted; then it is also fitted to the movement, to compare.
     bool body_given() const { return !options_.fit_body; }
-    const std::optional<BodyShape>& fitted_body() const { return fitted_body_; }
+    const std::optional<BodyFit>& fit() const { return fit_; }
 
   private:
     struct Frame {
@@ -55,7 +56,7 @@ class PosePass {
         std::unique_ptr<PoseObservation> observation;
     };
     void fit_and_retrack(PoseStage& stage);
-    std::optional<BodyShape> fit_to_movement(const PoseStage& stage) const;
+    std::optional<BodyFit> fit_to_movement(const PoseStage& stage) const;
 
     std::vector<Camera> cameras_;
     double fps_;
@@ -63,7 +64,8 @@ class PosePass {
     PosePassOptions options_;
     std::vector<Frame> frames_;
     bool retracked_ = false;  // the held frame sets were
-    std::optional<BodyShape> body_, fitted_body_;
+    std::optional<BodyShape> body_;
+    std::optional<BodyFit> fit_;
 };
 
 }  // namespace kinevox

@@ -10,9 +10,10 @@ quality::Measurements QualityPass::measure(const PosePass* poses, const std::vec
     for (const PoseRow& row : rows) posed.push_back({row.frame, row.pose});
     const BodyShape* const body = poses && poses->body() ? &*poses->body() : nullptr;
     quality::Measurements seen = observer_.measure(posed, body);
+    seen.body.feet_unseen = poses && poses->fit() && poses->fit()->standing_m > 0;
     if (poses && poses->body_given()) {
         seen.body.given = true;
-        if (poses->fitted_body()) seen.body.fitted_stature_m = poses->fitted_body()->stature_m;
+        if (poses->fit()) seen.body.fitted_stature_m = poses->fit()->shape.stature_m;
     }
     if (quality::rig_is_inconsistent(seen.rig) && !quality::is_explained_without_time(seen.rig))
         if (const auto session = read_session(session_file_); session.ok())

@@ -88,7 +88,7 @@ TEST_F(BodyFitApiTest, WatchBodyReportsFitToTheEnd) {
         EXPECT_LT(girth.value_m(), 1.3) << girth.name();
         EXPECT_GT(girth.std_m(), 0) << girth.name();
     }
-    EXPECT_TRUE(fit_->take_body());
+    EXPECT_TRUE(fit_->take_fit());
 }
 
 TEST_F(BodyFitApiTest, FitBodyRejectsInvalidRequests) {

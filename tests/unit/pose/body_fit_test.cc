@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -13,6 +14,7 @@
 #include "common/geometry.h"
 #include "server/pose/body_fitter.h"
 #include "server/pose/body_model.h"
+#include "server/pose/pose_cost.h"
 #include "tests/support/seen_body.h"
 #include "tests/support/temporary_folder.h"
 
@@ -24,7 +26,9 @@ constexpr double kRate_hz = 15;
 // A person of that stature who moves arms and legs.
 class Trial {
   public:
-    explicit Trial(double stature_m, int frames = 12) {
+    // `arrange` may change each frame set's posture before it is seen.
+    explicit Trial(double stature_m, int frames = 12,
+                   const std::function<void(testing::SeenBody&, BodyCoordinates&)>& arrange = {}) {
         body_.model = std::make_shared<BodyModel>(default_body_shape(stature_m));
         for (int n = 0; n < frames; ++n) {
             BodyCoordinates q = body_.standing();
@@ -32,6 +36,7 @@ class Trial {
             const double phase = 2 * std::sin(0.5 * n);
             q[kDofHipL] += radians(10 * phase), q[kDofKneeL] += radians(10 + 5 * phase);
             q[kDofShoulderL] += radians(15 * phase), q[kDofElbowR] += radians(20 + 10 * phase);
+            if (arrange) arrange(body_, q);
             PoseObservation seen;
             seen.time_ns = static_cast<std::int64_t>(1e9 * n / kRate_hz);
             seen.centre_in_world = {0, 0, 0.55 * stature_m};
@@ -57,6 +62,34 @@ TEST(BodyFit, FindsStatureFarFromStart) {
         ASSERT_TRUE(fit.ok()) << fit.status();
         EXPECT_NEAR(fit->shape.stature_m, stature_m, 0.02 * stature_m);
     }
+}
+
+// Stands on its lower foot, `raised_m` above the floor; nothing below `hidden_below_m` is in the silhouettes.
+Trial standing_trial(double raised_m, double hidden_below_m) {
+    return Trial(1.85, 16, [=](testing::SeenBody& body, BodyCoordinates& q) {
+        std::vector<BodyCapsule> capsules;
+        body.model->capsules(body.model->forward(q), capsules);
+        q[kDofRootPosition + 2] += raised_m - lower_foot(capsules).height_m;
+        body.hidden_below_m = hidden_below_m;
+    });
+}
+double leg_m(const BodyShape& shape) {
+    return shape[kThigh] + shape[kShank];
+}
+
+TEST(BodyFit, StandsOnFloorWhereSilhouettesLackFeet) {
+    const auto fit = standing_trial(0, 0.16).fit();
+    ASSERT_TRUE(fit.ok()) << fit.status();
+    EXPECT_GT(fit->standing_m, 0);
+    EXPECT_NEAR(fit->shape.stature_m, 1.85, 0.04);
+    EXPECT_NEAR(leg_m(fit->shape), leg_m(default_body_shape(1.85)), 0.035);
+}
+
+TEST(BodyFit, DoesNotStretchLegsOnABox) {
+    const auto fit = standing_trial(0.25, 0).fit();
+    ASSERT_TRUE(fit.ok()) << fit.status();
+    EXPECT_EQ(fit->standing_m, 0);
+    EXPECT_NEAR(leg_m(fit->shape), leg_m(default_body_shape(1.85)), 0.03);
 }
 
 TEST(BodyFit, DoesNotUseFrameSetsThatContradict) {

@@ -69,7 +69,7 @@ class LiveBodyFitTest : public ::testing::Test {
 TEST_F(LiveBodyFitTest, FindsStatureOnRequest) {
     make();
     ASSERT_TRUE(fit_->start(2).ok());
-    EXPECT_FALSE(fit_->take_body());
+    EXPECT_FALSE(fit_->take_fit());
     show(2.2);
     const BodyFitProgress ready = wait_for(BodyFitState::kReady);
     ASSERT_TRUE(ready.fit);
@@ -84,14 +84,14 @@ TEST_F(LiveBodyFitTest, FindsStatureOnRequest) {
     }
     EXPECT_GT(ready.fit->stature_std_m, 0.001);
     EXPECT_LT(ready.fit->stature_std_m, 0.12) << "less than the prior";
-    const auto body = fit_->take_body();
-    ASSERT_TRUE(body);
-    EXPECT_EQ(*body, ready.body);
-    EXPECT_FALSE(fit_->take_body()) << "returned once";
+    const auto fit = fit_->take_fit();
+    ASSERT_TRUE(fit);
+    EXPECT_EQ(fit->shape, ready.body);
+    EXPECT_FALSE(fit_->take_fit()) << "returned once";
     EXPECT_EQ(ready.stored_path, options_.file);
     const auto stored = read_body_shape(options_.file);
     ASSERT_TRUE(stored.ok()) << stored.status();
-    EXPECT_NEAR(stored->stature_m, body->stature_m, 1e-6);
+    EXPECT_NEAR(stored->stature_m, fit->shape.stature_m, 1e-6);
 }
 
 TEST_F(LiveBodyFitTest, StartsAutomaticallyWithSubject) {
@@ -140,7 +140,7 @@ TEST_F(LiveBodyFitTest, FailsWhenSilhouettesShowNoPerson) {
     const PoseObservation nothing{0, {0, 0, 1}, std::vector<SilhouetteRays>(4)};
     for (int n = 0; n < 12; ++n, time_ns_ += kFrame_ns) fit_->observe(time_ns_, &nothing);
     EXPECT_THAT(wait_for(BodyFitState::kFailed).message, HasSubstr("no person's pose was found in"));
-    EXPECT_FALSE(fit_->take_body());
+    EXPECT_FALSE(fit_->take_fit());
 }
 
 TEST_F(LiveBodyFitTest, RejectsInvalidOptions) {

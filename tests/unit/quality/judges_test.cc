@@ -305,6 +305,14 @@ TEST(SilhouetteJudge, TrustsLessTheWorseThePosedBodyFits) {
     EXPECT_EQ(judge_silhouettes(seen)->trust, Trust::kDoNotUse);
 }
 
+TEST(SilhouetteJudge, NamesFeetThatAreMissing) {
+    Measurements seen = good_session();
+    seen.body.feet_unseen = true;
+    ASSERT_TRUE(judge_silhouettes(seen));
+    EXPECT_EQ(judge_silhouettes(seen)->trust, Trust::kCaution);
+    EXPECT_THAT(judge_silhouettes(seen)->reason, ::testing::HasSubstr("feet"));
+}
+
 TEST(SilhouetteJudge, NamesLegsThatAreMissing) {
     Measurements seen = good_session();
     seen.body.stature_m = 1.86;
