@@ -13,6 +13,7 @@
 
 #include "common/to_eigen.h"
 #include "server/pose/body_prior.h"
+#include "server/pose/floating_body.h"
 #include "server/pose/pose_fitter.h"
 #include "server/pose/retrack.h"
 
@@ -30,15 +31,10 @@ constexpr std::array<double, 3> kStartScales{1, 0.88, 1.14};
 constexpr double kClearlyBetter = 0.9, kCostWithoutPose = 5000;
 constexpr std::size_t kTriedFrames = 4;
 
-// Feet that look like the floor are missing in the silhouettes, and the legs get too short: the body floats
-// above the floor for longer than a person can. Then legs that stand on it are tried.
-constexpr double kMaxHeight_m = 0.04, kMaxFlight_s = 0.6;
-constexpr double kMinClearance_m = 0.25;  // of the rest of a body that stands
-constexpr double kMinGrowth_m = 0.02;     // of the stature by legs that stand
-constexpr double kFloatingCost = 5;       // negative log odds of a subject that stands on something invisible
-// Robust kernels: of the fit, and narrower that of the poses, since people jump.
+constexpr double kMinGrowth_m = 0.02;  // of the stature by legs that stand: a raised heel adds less
+constexpr double kFloatingCost = 5;    // negative log odds of a subject that stands on something invisible
+// Robust kernels of standing: of the fit, and narrower that of the poses, since people jump.
 constexpr double kStandingFit_m = 0.15, kStandingPose_m = 0.05;
-constexpr double kLowestFraction = 0.25, kStandingSpread_m = 0.03;  // of the frame sets: those that stand
 
 using PoseVector = Eigen::Matrix<double, kBodyDofCount, 1>;
 using PoseMatrix = Eigen::Matrix<double, kBodyDofCount, kBodyDofCount>;
@@ -363,34 +359,22 @@ double independent_count(const BodyShape& shape, std::span<const Posed> posed, d
     return 1 + (std::max(1.0, max_count) - 1) * std::min(1.0, spread_m / kVaried_m);
 }
 
-// Marks the frame sets in which a floating body should stand: the lowest of each flight that is too long.
-// False without any.
-bool stand(const BodyShape& shape, std::span<const Posed> posed, std::span<const BodyPosture> postures,
-           JointFit& joint) {
-    const BodyModel model(shape);
-    std::vector<BodyCapsule> capsules;
-    std::vector<double> heights;
-    for (const BodyPosture& posture : postures) {
-        model.capsules(model.forward(posture), capsules);
-        const StandingFoot foot = lower_foot(capsules);
-        heights.push_back(foot.others_m > kMinClearance_m ? foot.height_m : 0);
-    }
-    bool any = false;
-    for (std::size_t first = 0, end; first < heights.size(); first = end + 1) {
-        for (end = first; end < heights.size() && heights[end] > kMaxHeight_m;) ++end;
-        if (end == first) continue;
-        const double seconds =
-            1e-9 * static_cast<double>(posed[end - 1].frame->time_ns - posed[first].frame->time_ns);
-        if (seconds <= kMaxFlight_s) continue;
-        std::vector<double> sorted(heights.begin() + first, heights.begin() + end);
-        std::sort(sorted.begin(), sorted.end());
-        const double lowest =
-            sorted[static_cast<std::size_t>(kLowestFraction * static_cast<double>(sorted.size()))];
-        for (std::size_t n = first; n < end; ++n)
-            if (heights[n] < lowest + kStandingSpread_m) joint.set_standing(n);
-        any = true;
-    }
-    return any;
+// Of a body that floats above the floor, the fit with its feet on it, if that is a likely body.
+std::optional<JointFit> stand(const JointFit& floating, std::span<const Posed> posed, double narrow_m,
+                              int steps, double independent) {
+    std::vector<std::int64_t> times_ns;
+    for (const Posed& p : posed) times_ns.push_back(p.frame->time_ns);
+    const std::vector<std::size_t> frames =
+        floating_frames(BodyModel(floating.shape()), floating.postures(), times_ns);
+    if (frames.empty()) return std::nullopt;
+    JointFit standing = floating;
+    for (const std::size_t n : frames) standing.set_standing(n);
+    standing.descend(2 * narrow_m, steps, 1);
+    standing.descend(narrow_m, steps, independent);
+    if (standing.shape().stature_m < floating.shape().stature_m + kMinGrowth_m ||
+        standing.prior_cost() > floating.prior_cost() + kFloatingCost)
+        return std::nullopt;
+    return standing;
 }
 
 // The cost of this body, each posture fitted again.
@@ -476,18 +460,9 @@ absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
         joint->descend(fitting.narrow_m, options.steps, 1);
         const double independent = independent_count(shape, good, options.independent_frames);
         joint->descend(fitting.narrow_m, options.steps, independent);
-        JointFit standing = *joint;
-        fit.standing_m = 0;
-        if (stand(joint->shape(), good, joint->postures(), standing)) {
-            standing.descend(2 * fitting.narrow_m, options.steps, 1);
-            standing.descend(fitting.narrow_m, options.steps, independent);
-            // A heel that is only raised hardly changes the body.
-            if (standing.shape().stature_m > joint->shape().stature_m + kMinGrowth_m &&
-                standing.prior_cost() < joint->prior_cost() + kFloatingCost) {
-                joint.emplace(std::move(standing));
-                fit.standing_m = kStandingPose_m;
-            }
-        }
+        std::optional<JointFit> standing = stand(*joint, good, fitting.narrow_m, options.steps, independent);
+        fit.standing_m = standing ? kStandingPose_m : 0;
+        if (standing) joint = std::move(standing);
         // Lengths that do not help where they were not fitted are the population's.
         const BodyShape usual = default_body_shape(joint->shape().stature_m);
         const bool confirmed = held_out.empty() || cost_with(joint->shape(), held_out, fitting) <=

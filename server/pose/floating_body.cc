@@ -1,0 +1,42 @@
+#include "server/pose/floating_body.h"
+
+#include <algorithm>
+
+#include "server/pose/pose_cost.h"
+
+namespace kinevox {
+namespace {
+
+constexpr double kMinHeight_m = 0.04, kMaxHeight_m = 0.25;  // of the lower foot's sole
+constexpr double kMaxFlight_s = 0.6;
+constexpr double kMinClearance_m = 0.25;                 // of the rest of a body that stands
+constexpr double kLowFraction = 0.25, kSpread_m = 0.03;  // of the frame sets: those that stand
+
+}  // namespace
+
+std::vector<std::size_t> floating_frames(const BodyModel& model, std::span<const BodyPosture> postures,
+                                         std::span<const std::int64_t> times_ns) {
+    std::vector<BodyCapsule> capsules;
+    std::vector<double> heights;
+    for (const BodyPosture& posture : postures) {
+        model.capsules(model.forward(posture), capsules);
+        const StandingFoot foot = lower_foot(capsules);
+        heights.push_back(foot.others_m > kMinClearance_m ? foot.height_m : 0);
+    }
+    std::vector<std::size_t> frames;
+    for (std::size_t first = 0, end; first < heights.size(); first = end + 1) {
+        for (end = first; end < heights.size() && heights[end] > kMinHeight_m;) ++end;
+        if (end == first || 1e-9 * static_cast<double>(times_ns[end - 1] - times_ns[first]) <= kMaxFlight_s)
+            continue;
+        std::vector<double> sorted(heights.begin() + first, heights.begin() + end);
+        std::sort(sorted.begin(), sorted.end());
+        const double low =
+            sorted[static_cast<std::size_t>(kLowFraction * static_cast<double>(sorted.size()))];
+        if (low > kMaxHeight_m) continue;
+        for (std::size_t n = first; n < end; ++n)
+            if (heights[n] < low + kSpread_m) frames.push_back(n);
+    }
+    return frames;
+}
+
+}  // namespace kinevox
