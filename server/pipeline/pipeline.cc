@@ -188,9 +188,10 @@ void StagedPipeline::set_cameras(std::vector<Camera> cameras) {
     reset_track();
     if (!pose_stage_) return;
     const BodyShape body = pose_stage_->body();
+    const double standing_m = pose_stage_->standing_m();
     PoseProposer* const proposer = pose_stage_->proposer();
     pose_stage_.emplace(cameras_, fps_, options_.posing);
-    pose_stage_->set_body(body);
+    pose_stage_->set_body(body, standing_m);
     pose_stage_->set_proposer(proposer);
 }
 

@@ -55,6 +55,7 @@ class PoseCost {
     // terms().
     void linearise(const BodyModel& model, const BodyPosture& posture, std::span<const SilhouetteRays> views,
                    const MotionPrior* prior, double robust_m, Linearisation& out);
+    double standing_m() const { return options_.standing_m; }
     void set_standing(double standing_m) { options_.standing_m = standing_m; }
     const std::vector<SurfaceTerm>& terms() const { return terms_; }
     const PosedBody& posed() const { return posed_; }

@@ -34,6 +34,7 @@ class PoseStage {
     // `standing_m` as in PoseCostOptions.
     void set_body(const BodyShape& body, double standing_m = 0);
     const BodyShape& body() const { return tracker_.model().shape(); }
+    double standing_m() const { return judge_.standing_m(); }
     // May be null; must outlive the stage. Used when a pose must be found without prior.
     void set_proposer(PoseProposer* proposer) { proposer_ = proposer; }
     PoseProposer* proposer() const { return proposer_; }
