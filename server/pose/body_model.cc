@@ -1,5 +1,7 @@
 #include "server/pose/body_model.h"
 
+#include <algorithm>
+
 #include "server/pose/body_surface.h"
 
 namespace kinevox {
@@ -138,6 +140,10 @@ std::array<Vec3, kBodyDofCount> BodyModel::point_jacobian(const std::array<DofFr
     for (const int k : dofs_of_segment(segment))
         columns[k] = cross(frames[k].axis, point - frames[k].origin) + frames[k].shift;
     return columns;
+}
+
+std::size_t origin_joint(int segment) {
+    return static_cast<std::size_t>(std::ranges::find(kJointSegment, segment) - kJointSegment.begin());
 }
 
 std::span<const int> dofs_of_segment(int segment) {

@@ -67,6 +67,9 @@ struct DofFrame {
     Vec3 axis, origin, shift;
 };
 
+// The joint at a segment's origin, as index of kJointNames.
+std::size_t origin_joint(int segment);
+
 // The degrees of freedom that move a segment, ascending.
 std::span<const int> dofs_of_segment(int segment);
 

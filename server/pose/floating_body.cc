@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "server/pose/each_run.h"
 #include "server/pose/pose_cost.h"
 
 namespace kinevox {
@@ -24,18 +25,18 @@ std::vector<std::size_t> floating_frames(const BodyModel& model, std::span<const
         heights.push_back(foot.others_m > kMinClearance_m ? foot.height_m : 0);
     }
     std::vector<std::size_t> frames;
-    for (std::size_t first = 0, end; first < heights.size(); first = end + 1) {
-        for (end = first; end < heights.size() && heights[end] > kMinHeight_m;) ++end;
-        if (end == first || 1e-9 * static_cast<double>(times_ns[end - 1] - times_ns[first]) <= kMaxFlight_s)
-            continue;
-        std::vector<double> sorted(heights.begin() + first, heights.begin() + end);
-        std::sort(sorted.begin(), sorted.end());
-        const double low =
-            sorted[static_cast<std::size_t>(kLowFraction * static_cast<double>(sorted.size()))];
-        if (low > kMaxHeight_m) continue;
-        for (std::size_t n = first; n < end; ++n)
-            if (heights[n] < low + kSpread_m) frames.push_back(n);
-    }
+    each_run(
+        heights.size(), [&](std::size_t n) { return heights[n] > kMinHeight_m; },
+        [&](std::size_t first, std::size_t end) {
+            if (1e-9 * static_cast<double>(times_ns[end - 1] - times_ns[first]) <= kMaxFlight_s) return;
+            std::vector<double> sorted(heights.begin() + first, heights.begin() + end);
+            std::sort(sorted.begin(), sorted.end());
+            const double low =
+                sorted[static_cast<std::size_t>(kLowFraction * static_cast<double>(sorted.size()))];
+            if (low > kMaxHeight_m) return;
+            for (std::size_t n = first; n < end; ++n)
+                if (heights[n] < low + kSpread_m) frames.push_back(n);
+        });
     return frames;
 }
 

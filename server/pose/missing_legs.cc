@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "common/body_pose.h"
+#include "server/pose/each_run.h"
 
 namespace kinevox {
 namespace {
@@ -18,15 +19,6 @@ bool is_seen(Vec3 in_world, std::span<const SilhouetteRays> views) {
         if (const std::optional<double> inside_m = view.inside_m(in_world))
             ++(*inside_m > -kBeside_m ? seen : missed);
     return seen >= missed;
-}
-
-// Calls run(first, end) for each run of frame sets that `holds` is true of.
-template <typename Holds, typename Run>
-void each_run(std::size_t count, const Holds& holds, const Run& run) {
-    for (std::size_t first = 0, end; first < count; first = end + 1) {
-        for (end = first; end < count && holds(end);) ++end;
-        if (end > first) run(first, end);
-    }
 }
 
 }  // namespace

@@ -268,8 +268,7 @@ void judge_gross_errors(const PosedBody& posed, Evidence& evidence) {
     for (std::size_t j = 0; j < evidence.gross_m2.size(); ++j)
         evidence.gross_m2[j] = gross_variance(j, evidence.misfit);
     for (int s = 1; s < kBodySegmentCount; ++s) {
-        const auto start =
-            static_cast<std::size_t>(std::ranges::find(kJointSegment, s) - kJointSegment.begin());
+        const std::size_t start = origin_joint(s);
         const auto end = static_cast<std::size_t>(kSegmentFarJoint[s]);
         const Vec3 along = posed.joints_in_world[end] - posed.joints_in_world[start];
         evidence.gross_rad2[s] =

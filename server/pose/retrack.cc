@@ -31,13 +31,9 @@ bool cheaper(const PathCandidate& a, const PathCandidate& b) {
     return a.cost < b.cost;
 }
 
-// Those that show where a limb is, elbow and wrist or knee and ankle: the first of its segments. Hands and
-// feet differ everywhere.
+// Those that show where a limb is, elbow and wrist or knee and ankle. Hands and feet differ everywhere.
 std::array<std::size_t, 2> joints_of(const LimbSegments& limb) {
-    const auto first_of = [](int segment) {
-        return static_cast<std::size_t>(std::ranges::find(kJointSegment, segment) - kJointSegment.begin());
-    };
-    return {first_of(limb.lower), first_of(limb.end)};
+    return {origin_joint(limb.lower), origin_joint(limb.end)};
 }
 
 BodyPosture exchanged(BodyPosture posture, const LimbSegmentPairs& limbs) {

@@ -21,16 +21,17 @@ constexpr double kMaxStd_m = 0.028;         // stated standard deviation of a po
 constexpr double kMinGap_m = 0.3;           // from the floor to the lowest point of an incomplete body
 constexpr double kMaxShownFraction = 0.85;  // of the stature
 
+// Other cameras may determine the joints where one lacks a part of the subject.
+bool determines_pose(const PoseMeasurements& pose) {
+    return pose.joint_std_m && *pose.joint_std_m < kMaxStd_m && pose.withheld_fraction <= kCautionWithheld;
+}
+
 }  // namespace
 
 bool lacks_lower_body(const Measurements& seen) {
     return seen.body.stature_m && seen.world.lowest_m && seen.world.subject_height_m &&
            *seen.world.lowest_m > kMinGap_m &&
            *seen.world.subject_height_m < kMaxShownFraction * *seen.body.stature_m;
-}
-
-bool determines_pose(const PoseMeasurements& pose) {
-    return pose.joint_std_m && *pose.joint_std_m < kMaxStd_m && pose.withheld_fraction <= kCautionWithheld;
 }
 
 Judgement judge_scale(const Measurements& seen) {

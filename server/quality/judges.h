@@ -34,9 +34,6 @@ bool is_explained_without_time(const RigMeasurements& rig);
 // The silhouettes end above the floor and show too little for the fitted body: parts of it are missing.
 bool lacks_lower_body(const Measurements& seen);
 
-// The other cameras, or the other frame sets, determine the joints all the same.
-bool determines_pose(const PoseMeasurements& pose);
-
 using Judgement = std::optional<Cause>;
 
 Judgement judge_light(const Measurements& seen);         // too_dark, saturated
