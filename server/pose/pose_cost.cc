@@ -164,6 +164,7 @@ void PoseCost::contour_terms(int camera, const SilhouetteRays& view, double robu
         if (!touch.usable) continue;
         SurfaceTerm term;
         term.camera = camera;
+        term.ray = static_cast<int>(i);
         term.capsule = best_capsule_[i];
         term.along = touch.along;
         term.point_in_world = touch.point;

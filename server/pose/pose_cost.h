@@ -17,7 +17,8 @@ namespace kinevox {
 
 // One residual and its derivatives by the surface point of the body that causes it.
 struct SurfaceTerm {
-    int camera = 0;
+    int camera = 0;  // -1: of none
+    int ray = -1;    // of the camera's contour; -1: not a contour term
     int capsule = 0;
     double along = 0;            // from a (0) to b (1)
     Vec3 point_in_world;         // on the capsule's axis

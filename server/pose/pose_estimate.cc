@@ -12,6 +12,7 @@
 
 #include "common/body_pose.h"
 #include "common/geometry.h"
+#include "server/pose/ray_capsule.h"
 #include "server/pose/turned_posture.h"
 
 namespace kinevox {
@@ -101,7 +102,7 @@ double model_rotation_std(int segment) {
 }
 
 // How far the contours are from the fitted body, m^2: of the whole body and of each segment. `touching`: rays
-// that touch a segment, of kRays.
+// that touch a segment and no other part of the body, of kRays.
 struct Misfit {
     double all = 0;
     std::array<double, kBodySegmentCount> segment{}, touching{};
@@ -122,34 +123,53 @@ constexpr double kUndetermined2 = 0.02 * 0.02;
 constexpr double kMaxResidual_m = 0.12;
 constexpr double kSharedRays = 8;  // a segment with few rays of its own misfits as the whole body does
 constexpr double kRays = 160;      // to which touching rays are scaled
-constexpr double kMaxTouching_m = 0.015;
+constexpr double kMaxTouching_m = 0.015, kMaxElsewhere_m = 0.03;
 
 // A gross error: the limb is somewhere else than the fit has put it. Its odds fall with the rays that touch
-// the segment and grow with the misfit of the others (per 20 mm). Log odds and standard deviation per axis of
-// each joint, left and right alike; logistic regression within the same maximum likelihood.
+// the segment alone and grow with the misfit of the others (per 20 mm). Log odds and standard deviation per
+// axis of each joint, left and right alike; logistic regression within the same maximum likelihood.
 struct GrossError {
     std::string_view joint;
     double log_odds, std_m;
 };
-// Without feet: those of a real person, bare or in shoes, are unlike the model's and touch few rays at their
+// Without ankles: feet of a real person, bare or in shoes, are unlike the model's and touch few rays at their
 // right place, too.
 constexpr GrossError kGrossErrors[] = {
-    {"root", 4.5, 0.06},     {"sacroiliac", -0.8, 0.06}, {"skullbase", -1.7, 0.06}, {"head_top", -1.5, 0.07},
-    {"shoulder", 2.8, 0.06}, {"elbow", -0.7, 0.11},      {"wrist", -0.95, 0.16},    {"hand", 0.3, 0.21},
-    {"hip", -6.0, 0.06},     {"knee", 4.9, 0.16}};
-constexpr double kOfTouching = -5.4, kOfMisfit = 1.3, kOddsScale_m = 0.02;
+    {"root", 4.7, 0.057},    {"sacroiliac", -0.8, 0.06}, {"skullbase", -1.7, 0.06}, {"head_top", -1.4, 0.07},
+    {"shoulder", 2.6, 0.06}, {"elbow", -0.9, 0.11},      {"wrist", -1.1, 0.15},     {"hand", -0.3, 0.2},
+    {"hip", -6.0, 0.06},     {"knee", 4.6, 0.16},        {"toe", 4.2, 0.07}};
+constexpr double kOfTouching = -4.9, kOfMisfit = 0.33, kOddsScale_m = 0.02;
 
-Misfit misfit_of(std::span<const SurfaceTerm> terms, std::span<const BodyCapsule> capsules) {
+// Whether another part of the body, not joined to the term's segment, may have caused the ray.
+bool explained_elsewhere(const ContourRays& rays, const SurfaceTerm& term,
+                         std::span<const BodyCapsule> capsules) {
+    const auto of_ray = [&](const auto& vectors) {
+        return Vec3{vectors[0][term.ray], vectors[1][term.ray], vectors[2][term.ray]};
+    };
+    const Vec3 origin = rays.origin_in_world, direction = of_ray(rays.direction),
+               outward = of_ray(rays.outward);
+    const int segment = capsules[term.capsule].segment;
+    return std::ranges::any_of(capsules, [&](const BodyCapsule& other) {
+        const int s = other.segment;
+        if (s == segment || kBodyParent[s] == segment || kBodyParent[segment] == s) return false;
+        const RayTouch touch = touch_ray(origin, direction, outward, other);
+        return touch.usable && std::abs(touch.distance) < kMaxElsewhere_m;
+    });
+}
+
+Misfit misfit_of(std::span<const SilhouetteRays> views, std::span<const SurfaceTerm> terms,
+                 std::span<const BodyCapsule> capsules) {
     Misfit misfit;
     std::array<int, kBodySegmentCount> rays{};
     int all = 0;
     for (const SurfaceTerm& term : terms) {
-        if (term.camera < 0 || term.radius_gradient > 0) continue;  // not a contour ray
+        if (term.ray < 0) continue;
         const double r = std::min(std::abs(term.residual), kMaxResidual_m);
         const int segment = capsules[term.capsule].segment;
         misfit.segment[segment] += r * r, ++rays[segment];
         misfit.all += r * r, ++all;
-        misfit.touching[segment] += r < kMaxTouching_m;
+        misfit.touching[segment] +=
+            r < kMaxTouching_m && !explained_elsewhere(views[term.camera].contour, term, capsules);
     }
     for (double& touching : misfit.touching) touching *= kRays / std::max(1, all);
     misfit.all = all > 0 ? misfit.all / all : kMaxResidual_m * kMaxResidual_m;
@@ -377,9 +397,9 @@ void describe_posture(const BodyModel& model, const BodyPosture& posture, BodyPo
 }
 
 void judge_posture(const BodyModel& model, const BodyPosture& posture, const Linearisation& data,
-                   std::span<const SurfaceTerm> terms, std::span<const BodyCapsule> capsules,
-                   std::span<const WeightedPosture> others, int cameras, const EstimateOptions& options,
-                   BodyPose& out) {
+                   std::span<const SilhouetteRays> views, std::span<const SurfaceTerm> terms,
+                   std::span<const BodyCapsule> capsules, std::span<const WeightedPosture> others,
+                   int cameras, const EstimateOptions& options, BodyPose& out) {
     Matrix information = data.hessian;
     for (int k = 0; k < kBodyDofCount; ++k)
         information(k, k) +=
@@ -388,7 +408,7 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
     Evidence evidence{.covariance = information.llt().solve(Matrix::Identity()),
                       .support = supporting_cameras(terms, capsules),
                       .others = ambiguity(model, posture, posed, others),
-                      .misfit = misfit_of(terms, capsules)};
+                      .misfit = misfit_of(views, terms, capsules)};
     judge_gross_errors(posed, evidence);
     const JointJacobian jacobian = joint_jacobian(model, posed);
     judge_joints(jacobian, evidence, cameras, options, out);

@@ -24,11 +24,11 @@ struct WeightedPosture {
 };
 
 // Writes standard deviations, camera counts and withheld reasons. `data` is the linearisation at the posture
-// without motion prior, `terms` its residuals; `others` widen what they contradict.
+// without motion prior, `terms` its residuals against `views`; `others` widen what they contradict.
 void judge_posture(const BodyModel& model, const BodyPosture& posture, const Linearisation& data,
-                   std::span<const SurfaceTerm> terms, std::span<const BodyCapsule> capsules,
-                   std::span<const WeightedPosture> others, int cameras, const EstimateOptions& options,
-                   BodyPose& out);
+                   std::span<const SilhouetteRays> views, std::span<const SurfaceTerm> terms,
+                   std::span<const BodyCapsule> capsules, std::span<const WeightedPosture> others,
+                   int cameras, const EstimateOptions& options, BodyPose& out);
 
 // Withholds joints and angles of the missing legs from the hips down, and of pelvis and waist if both are
 // missing: then the silhouettes do not show where the trunk ends. Between judge_posture() and

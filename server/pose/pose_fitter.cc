@@ -39,7 +39,7 @@ ContourFit contour_fit(std::span<const SurfaceTerm> terms, double narrow_m) {
     double sum = 0;
     int within = 0;
     for (const SurfaceTerm& term : terms) {
-        if (term.radius_gradient > 0) continue;  // not a contour ray
+        if (term.ray < 0) continue;
         const double r = std::abs(term.residual);
         if (r < 3 * narrow_m) sum += r * r, ++within;
         if (r < narrow_m) ++fit.touching;

@@ -144,8 +144,8 @@ std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint
     data_cost_ = data.cost;
     const std::vector<SurfaceTerm> terms = judge_.terms();
     const std::vector<BodyCapsule> capsules = judge_.capsules();
-    judge_posture(tracker_.model(), tracked_->fit.posture, data, terms, capsules, alternatives(seen.views),
-                  static_cast<int>(cameras_.size()), options_.estimate, *pose);
+    judge_posture(tracker_.model(), tracked_->fit.posture, data, seen.views, terms, capsules,
+                  alternatives(seen.views), static_cast<int>(cameras_.size()), options_.estimate, *pose);
     const LegSight legs = see_legs(tracker_.model(), tracked_->fit.posture, seen.views);
     withhold_legs(missing_legs_.update(time_ns, legs), *pose);
     const BodyPosture& measured = tracked_->fit.posture;

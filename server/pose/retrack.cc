@@ -186,8 +186,8 @@ class Recording {
             std::vector<WeightedPosture> others;
             for (std::size_t k = 0; k < frames_[n].candidates.size(); ++k)
                 others.push_back({frames_[n].candidates[k].posture, choices_[n].probability[k]});
-            judge_posture(model_, *path_[n], data, cost.terms(), cost.capsules(), others, cameras,
-                          options_.estimate, *pose);
+            judge_posture(model_, *path_[n], data, recorded_[n].seen->views, cost.terms(), cost.capsules(),
+                          others, cameras, options_.estimate, *pose);
             withhold_legs(missing[n], *pose);
             describe_posture(model_, *path_[n], *pose);
             result[n] = {*path_[n], std::move(pose), choices_[n].probability[choices_[n].candidate]};

@@ -323,7 +323,7 @@ TEST(PoseEstimate, WithholdsJointsThatNoCameraShows) {
     const BodyPosture posture = posture_from_coordinates(truth);
     cost.linearise(*scene.model, posture, views, nullptr, 0.04, data);
     BodyPose pose;
-    judge_posture(*scene.model, posture, data, cost.terms(), cost.capsules(), {}, 4, {}, pose);
+    judge_posture(*scene.model, posture, data, views, cost.terms(), cost.capsules(), {}, 4, {}, pose);
     describe_posture(*scene.model, posture, pose);
     const JointEstimate &ankle = pose.joints[*joint_index("ankle_l")],
                         &shoulder = pose.joints[*joint_index("shoulder_l")];
@@ -342,7 +342,7 @@ BodyPose judged(const Scene& scene, const BodyPosture& posture, std::span<const 
     Linearisation data;
     cost.linearise(*scene.model, posture, views, nullptr, 0.04, data);
     BodyPose pose;
-    judge_posture(*scene.model, posture, data, cost.terms(), cost.capsules(), others, 4, {}, pose);
+    judge_posture(*scene.model, posture, data, views, cost.terms(), cost.capsules(), others, 4, {}, pose);
     return pose;
 }
 
