@@ -16,8 +16,13 @@ def test_counts(text):
     if not executed:
         raise ValueError("the tests did not finish: " + (text.strip().splitlines() or ["no output"])[-1])
     failed = re.findall(r"^\[  FAILED  \] (\S+?),? .*\(\d+ ms\)", text, re.M)
-    skipped = re.findall(r"^\[  SKIPPED \] (\S+?),? .*\(\d+ ms\)", text, re.M)
-    return {"executed": int(executed[1]), "failed": len(failed), "skipped": len(skipped), "failed_names": failed}
+    skipped = re.search(r"^\[  SKIPPED \] (\d+) tests?", text, re.M)
+    return {
+        "executed": int(executed[1]),
+        "failed": len(failed),
+        "skipped": int(skipped[1]) if skipped else 0,
+        "failed_names": failed,
+    }
 
 
 def results(text):
@@ -43,7 +48,7 @@ def benchmarks(text):
     times = {}
     for row in json.loads(text)["benchmarks"]:
         if "median_us" in row:
-            name = row["name"].removesuffix("/real_time")
+            name = re.sub(r"/(iterations:\d+|real_time)", "", row["name"])
             times[name] = {"median_us": row["median_us"], "p99_us": row["p99_us"], "iterations": row["iterations"]}
             for stage in ("segmentation", "hull", "colouring"):
                 if f"{stage}_median_us" in row:

@@ -66,7 +66,7 @@ class StepError(Exception):
 class Proof:
     """Executes the steps in order and keeps their results in `out`."""
 
-    def __init__(self, root, out, emulate, quick, programs):
+    def __init__(self, root, out, emulate, quick, programs, only):
         facts = query_gpu(["name", "compute_cap"])
         self.root, self.out, self.quick, self.programs = root, out.resolve(), quick, programs
         self.emulated = emulate or facts is None
@@ -75,7 +75,10 @@ class Proof:
         self.build = root / "build/gpu-proof"
         self.begin = time.monotonic()
         self.problems = []
+        self.only = only  # steps to execute; empty: all
         self.log = None
+        self.result_file = None
+        self.deadline = 0
         self.limit_s = 0
 
     def run(self):
@@ -88,11 +91,16 @@ class Proof:
             ("calls", 60, self.step_calls),
             ("stages", 100 if self.quick else 200, self.step_stages),
         ]
-        if not self.quick and not self.emulated:
+        if not self.emulated:
             steps += [("sanitizers", 120, self.step_sanitizers), ("profile", 60, self.step_profile)]
+        if self.only:
+            steps = [step for step in steps if step[0] in self.only]
+        elif self.quick:
+            steps = [step for step in steps if step[0] not in ("sanitizers", "profile")]
         self.out.mkdir(parents=True, exist_ok=True)
-        for name, _, _ in steps:
-            (self.out / f"{name}.json").unlink(missing_ok=True)
+        if not self.only:
+            for result in self.out.glob("*.json"):
+                result.unlink()
         for name, limit_s, step in steps:
             if not self.execute(name, limit_s, step) and name == "build":
                 break
@@ -102,7 +110,8 @@ class Proof:
         begin = time.monotonic()
         self.limit_s = min(limit_s, TOTAL_LIMIT_S - (begin - self.begin))
         self.deadline = begin + self.limit_s
-        result, problem = {}, None
+        self.result_file = self.out / f"{name}.json"
+        result, problem = {"problem": "not finished", "seconds": 0}, None
         with open(self.out / f"{name}.log", "w", encoding="utf-8") as self.log:
             try:
                 step(result)
@@ -111,13 +120,17 @@ class Proof:
                 self.problems.append(f"{name}: {problem}")
         result["problem"] = problem
         result["seconds"] = time.monotonic() - begin
-        (self.out / f"{name}.json").write_text(json.dumps(result, indent=1))
+        self.save(result)
         print(
             f"gpu-proof: {name}, {result['seconds']:.1f} s{', ' + problem if problem else ''}",
             file=sys.stderr,
             flush=True,
         )
         return problem is None
+
+    def save(self, result):
+        """Writes what a step has measured so far."""
+        self.result_file.write_text(json.dumps(result, indent=1))
 
     def command(self, arguments, limit_s=None, check=True, **environment):
         """Output of a command, which is also logged. Raises StepError if it fails or takes too long."""
@@ -209,7 +222,8 @@ class Proof:
     def step_exact(self, result):
         """CPU against CUDA form, and the card against the emulator, by the hashes of all results."""
         small = ["80", "60", "40", "2"] if self.emulated else ["160", "120", "25", "4"]
-        sizes = [small] if self.emulated else [small, ["640", "480", "10", "6"], ["1920", "1080", "8", "3"]]
+        sizes = [small] if self.emulated else [small, ["640", "480", "10", "4"]]
+        sizes += [] if self.emulated or self.quick else [["1920", "1080", "8", "2"]]
         emulator = self.program("cuda_results_plain")
         expected = parsers.results(self.command([emulator, *small], check=False))
         rows = []
@@ -262,11 +276,13 @@ class Proof:
                     times[device] = parsers.benchmarks(target.read_text())
                 except StepError as error:
                     problems.append(f"{family} on {device}: {error}")
-            result["rows"] += parsers.joined(times.get("cpu", {}), times.get("cuda", {}))
-        for row in result["rows"]:
-            if "cuda_median_us" in row:
-                result["measures"][f"{row['name']} median_ms"] = row["cuda_median_us"] / 1e3
-                result["measures"][f"{row['name']} p99_ratio"] = row["cuda_p99_us"] / row["cuda_median_us"]
+            rows = parsers.joined(times.get("cpu", {}), times.get("cuda", {}))
+            result["rows"] += rows
+            for row in rows:
+                if "cuda_median_us" in row:
+                    result["measures"][f"{row['name']} median_ms"] = row["cuda_median_us"] / 1e3
+                    result["measures"][f"{row['name']} p99_ratio"] = row["cuda_p99_us"] / row["cuda_median_us"]
+            self.save(result)
         if problems:
             raise StepError("; ".join(problems))
 

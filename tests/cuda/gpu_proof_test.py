@@ -23,6 +23,8 @@ kernels/tests/cuda_test.cc:80: Failure
 [  FAILED  ] Shapes/CudaHull.EqualsCpuForm/four, where GetParam() = 40-byte object (3 ms)
 [==========] 169 tests from 20 test suites ran. (5000 ms total)
 [  PASSED  ] 167 tests.
+[  SKIPPED ] 1 test, listed below:
+[  SKIPPED ] CudaAbsent.ErrorNamesCauseAndRemedy
 [  FAILED  ] 2 tests, listed below:
 [  FAILED  ] Cuda.First
 [  FAILED  ] Shapes/CudaHull.EqualsCpuForm/four, where GetParam() = 40-byte object
@@ -42,7 +44,7 @@ NCU = """==PROF== Connected to process 42 (frame_set)
 class Parsers(unittest.TestCase):
     def test_counts_tests_and_names_failed_ones(self):
         counts = parsers.test_counts(TESTS)
-        self.assertEqual((counts["executed"], counts["failed"]), (169, 2))
+        self.assertEqual((counts["executed"], counts["failed"], counts["skipped"]), (169, 2, 1))
         self.assertEqual(counts["failed_names"], ["Cuda.First", "Shapes/CudaHull.EqualsCpuForm/four"])
         with self.assertRaises(ValueError):
             parsers.test_counts("Segmentation fault")

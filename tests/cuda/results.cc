@@ -8,6 +8,8 @@
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
+#include <map>
+#include <span>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -107,8 +109,11 @@ void add_volume(Results& out, const VoxelVolume& volume) {
 }
 
 // A ball on a box, with a patterned surface.
-testing::Scene body_in_ring(int cameras, const Size& size) {
-    testing::Scene scene = testing::ring_of_cameras(cameras, -0.05f, 0.01f, 0.0003f);
+const testing::Scene& body_in_ring(int cameras, const Size& size) {
+    static std::map<int, testing::Scene> scenes;  // one size per run; drawing takes a while
+    testing::Scene& scene = scenes[cameras];
+    if (!scene.cameras.empty()) return scene;
+    scene = testing::ring_of_cameras(cameras, -0.05f, 0.01f, 0.0003f);
     for (CameraModel& camera : scene.cameras) {
         const float scale = static_cast<float>(size.width) / static_cast<float>(camera.width);
         camera.width = size.width;
@@ -136,7 +141,7 @@ Lattice lattice_of(const Size& size) {
 }
 
 Results hull(Device device, const Size& size, float budget_permille) {
-    const testing::Scene scene = body_in_ring(4, size);
+    const testing::Scene& scene = body_in_ring(4, size);
     HullOptions options;
     options.miss_budget_permille = budget_permille;
     VoxelVolume volume;
@@ -148,7 +153,7 @@ Results hull(Device device, const Size& size, float budget_permille) {
 
 // From the CPU's hull, so that only this stage's differences count.
 Results colouring(Device device, const Size& size, float budget_permille) {
-    const testing::Scene scene = body_in_ring(5, size);
+    const testing::Scene& scene = body_in_ring(5, size);
     HullOptions options;
     options.miss_budget_permille = budget_permille;
     VoxelVolume volume;
