@@ -57,6 +57,7 @@ struct Lattice {
 // 8 x 8 x 8 voxels. Bit (y * 8 + x) of occupancy[z] is the voxel (x, y, z) of the brick, each 0..7.
 struct Brick {
     std::int16_t x = 0, y = 0, z = 0;  // in bricks from the lattice's origin
+    std::int16_t padding = 0;          // named, so that a GPU initialises all bytes that are copied
     std::uint64_t occupancy[kBrickEdge] = {};
 };
 

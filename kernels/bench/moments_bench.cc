@@ -28,11 +28,13 @@ void render_silhouette(benchmark::State& state) {
     std::vector<std::uint8_t> mask(static_cast<std::size_t>(side) * side);
     auto renderer = make_body_silhouette_renderer(bench::device());
     int n = 0;
+    bench::Samples samples;
     for (auto _ : state) {
         BodyView view{&camera, mask.data(), {}};
-        renderer->render(bodies[n++ % 16], std::span(&view, 1));
+        samples.time([&] { renderer->render(bodies[n++ % 16], std::span(&view, 1)); });
         benchmark::DoNotOptimize(mask.data());
     }
+    samples.report(state);
     state.SetItemsProcessed(state.iterations());
 }
 BENCHMARK(render_silhouette)
@@ -61,10 +63,12 @@ void moments_of_four_silhouettes(benchmark::State& state) {
     auto calculator = make_moment_calculator(bench::device(), {.order = static_cast<int>(state.range(0)),
                                                                .grid = static_cast<int>(state.range(1))});
     std::vector<SilhouetteMoments> out;
+    bench::Samples samples;
     for (auto _ : state) {
-        calculator->compute(views, out);
+        samples.time([&] { calculator->compute(views, out); });
         benchmark::DoNotOptimize(out.data());
     }
+    samples.report(state);
 }
 BENCHMARK(moments_of_four_silhouettes)
     ->ArgsProduct({{6, 10, 20}, {32, 64, 128}})

@@ -59,7 +59,9 @@ struct Rig {
 void segment_four_cameras(benchmark::State& state) {
     Rig rig(static_cast<int>(state.range(0)));
     int frame = 0;
-    for (auto _ : state) rig.run(frame++, state.range(1) != 0);
+    bench::Samples samples;
+    for (auto _ : state) samples.time([&] { rig.run(frame++, state.range(1) != 0); });
+    samples.report(state);
 }
 BENCHMARK(segment_four_cameras)
     ->ArgsProduct({{8, 32, 64}, {0, 1}})

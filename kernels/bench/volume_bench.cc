@@ -124,10 +124,14 @@ void BM_Colouring(benchmark::State& state) {
     options.max_rounds = static_cast<int>(state.range(2));
     const auto colourer = make_voxel_colourer(bench::device(), options);
     ColouringReport report;
+    bench::Samples samples;
     for (auto _ : state) {
-        volume = hull;
-        colourer->colour(person.colouring_views, volume, report);
+        samples.time([&] {
+            volume = hull;
+            colourer->colour(person.colouring_views, volume, report);
+        });
     }
+    samples.report(state);
     state.counters["surface"] = static_cast<double>(volume.colours.size());
     state.counters["carved"] = static_cast<double>(report.carved);
 }
@@ -154,7 +158,9 @@ void BM_Hull(benchmark::State& state) {
     const Lattice lattice = lattice_around(1e-3f * static_cast<float>(state.range(0)), arms_out ? 2.f : 1.f);
     const auto carver = make_hull_carver(bench::device());
     VoxelVolume volume;
-    for (auto _ : state) carver->carve(person.hull_views, lattice, volume);
+    bench::Samples samples;
+    for (auto _ : state) samples.time([&] { carver->carve(person.hull_views, lattice, volume); });
+    samples.report(state);
     state.counters["bricks"] = static_cast<double>(volume.bricks.size());
 }
 
@@ -165,7 +171,10 @@ void BM_Projection(benchmark::State& state) {
     std::vector<std::uint8_t> mask(640 * 480);
     const float still[3] = {};
     Rect bounds;
-    for (auto _ : state) project_volume(volume, person.cameras[0], still, 8, mask.data(), bounds);
+    bench::Samples samples;
+    for (auto _ : state)
+        samples.time([&] { project_volume(volume, person.cameras[0], still, 8, mask.data(), bounds); });
+    samples.report(state);
 }
 
 BENCHMARK(BM_Hull)

@@ -113,4 +113,33 @@ std::shared_ptr<const MomentTables> moment_tables(int order, int grid) {
     return tables;
 }
 
+// R_pq(r) = r^q J_n(2 r - 1) with n = p - q and J_n Jacobi's polynomial P_n^(0, 2q+1): both are orthogonal on
+// [0, 1] with the weight r and are 1 at r = 1. Its three-term recurrence never cancels there, unlike the sum
+// with factorials.
+void pseudo_zernike_radial(int q, int order, double r, double* out) {
+    const double b = 2.0 * q + 1, x = 2 * r - 1;
+    double power = 1;
+    for (int n = 0; n < q; ++n) power *= r;
+    double before = 0, now = power;
+    for (int n = 0; n <= order - q; ++n) {
+        out[n] = now;
+        const double m = n + 1, s = 2 * m + b;
+        const double next =
+            n == 0 ? power * (1 + 0.5 * (b + 2) * (x - 1))
+                   : ((s - 1) * (s * (s - 2) * x - b * b) * now - 2 * (m - 1) * (m + b - 1) * s * before) /
+                         (2 * m * (m + b) * (s - 2));
+        before = now;
+        now = next;
+    }
+}
+
+void moment_orthonormal_scale(int order, float* scale) {
+    for (int p = 0; p <= order; ++p) {
+        scale[moment_re_index(p, 0)] = static_cast<float>(std::sqrt(std::numbers::pi / (p + 1)));
+        for (int q = 1; q <= p; ++q)  // stands for -q too
+            scale[moment_re_index(p, q)] = scale[moment_im_index(p, q)] =
+                static_cast<float>(std::sqrt(2 * std::numbers::pi / (p + 1)));
+    }
+}
+
 }  // namespace kinevox::kernels

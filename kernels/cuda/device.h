@@ -44,7 +44,11 @@ class Buffer {
         size_ = size;
         if (size <= capacity_) return;
         release();
+#ifdef KINEVOX_EXACT_BUFFERS  // so that checkers find accesses beyond the end
+        const std::size_t wanted = size;
+#else
         const std::size_t wanted = size + size / 4;  // sizes change a little from frame to frame
+#endif
         void* memory = nullptr;
         if constexpr (kPinned) {
             KINEVOX_CUDA_CHECK(cudaMallocHost(&memory, wanted * sizeof(T)));
@@ -55,9 +59,15 @@ class Buffer {
         capacity_ = wanted;
     }
 
-    T* data() const { return data_; }
-    std::size_t size() const { return size_; }
-    T& operator[](std::size_t n) const requires kPinned { return data_[n]; }
+    T* data() const {
+        return data_;
+    }
+    std::size_t size() const {
+        return size_;
+    }
+    T& operator[](std::size_t n) const requires kPinned {
+        return data_[n];
+    }
 
   private:
     void release() {  // both wait for work that may still use the memory

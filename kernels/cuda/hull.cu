@@ -51,6 +51,7 @@ __global__ void list_bricks(Grid3 grid, const BlockState* states, const int* pla
     brick.x = static_cast<std::int16_t>(n % grid.x);
     brick.y = static_cast<std::int16_t>(n / grid.x % grid.y);
     brick.z = static_cast<std::int16_t>(n / (grid.x * grid.y));
+    brick.padding = 0;
 }
 
 // One block a brick, one thread a voxel; a warp's votes are 32 bits of the occupancy.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <thread>
 
 namespace kinevox::kernels::testing {
 namespace {
@@ -17,6 +18,46 @@ void undistort(const CameraModel& c, double u, double v, double& x, double& y) {
         const double dy = c.p1 * (r2 + 2 * y * y) + 2 * c.p2 * x * y;
         x = (xd - dx) / radial;
         y = (yd - dy) / radial;
+    }
+}
+
+// One camera's image and mask.
+void draw_camera(const CameraModel& c, const Scene::Distance& body, const Scene::Paint& paint,
+                 Colour background, std::vector<std::uint8_t>& mask, std::vector<std::uint8_t>& image) {
+    const std::size_t pixels = static_cast<std::size_t>(c.width) * c.height;
+    mask.assign(pixels, 0);
+    image.assign(3 * pixels, 0);
+    const float* r = c.rotation_camera_from_world;
+    const float* t = c.translation_camera_from_world;
+    double centre[3];
+    for (int axis = 0; axis < 3; ++axis) {
+        centre[axis] = -(r[axis] * t[0] + r[3 + axis] * t[1] + r[6 + axis] * t[2]);
+    }
+    for (int v = 0; v < c.height; ++v) {
+        for (int u = 0; u < c.width; ++u) {
+            double x, y;
+            undistort(c, u, v, x, y);
+            const double length = std::sqrt(x * x + y * y + 1);
+            float p[3];
+            double s = 1;
+            bool hit = false;
+            for (int step = 0; step < 200 && s < 6; ++step) {
+                for (int axis = 0; axis < 3; ++axis) {
+                    p[axis] = static_cast<float>(centre[axis] +
+                                                 s * (r[axis] * x + r[3 + axis] * y + r[6 + axis]) / length);
+                }
+                const float distance = body(p);
+                if (distance < 1e-4f) {
+                    hit = true;
+                    break;
+                }
+                s += distance;
+            }
+            const std::size_t at = static_cast<std::size_t>(v) * c.width + u;
+            mask[at] = hit ? 255 : 0;
+            const Colour colour = hit && paint ? paint(p) : background;
+            image[3 * at] = colour.b, image[3 * at + 1] = colour.g, image[3 * at + 2] = colour.r;
+        }
     }
 }
 
@@ -61,46 +102,13 @@ Scene ring_of_cameras(int count, float k1, float k2, float p1) {
 }
 
 void Scene::draw(const Distance& body, const Paint& paint, Colour background) {
-    masks.clear();
-    images.clear();
-    for (const CameraModel& c : cameras) {
-        const std::size_t pixels = static_cast<std::size_t>(c.width) * c.height;
-        std::vector<std::uint8_t> mask(pixels, 0), image(3 * pixels);
-        const float* r = c.rotation_camera_from_world;
-        const float* t = c.translation_camera_from_world;
-        double centre[3];
-        for (int axis = 0; axis < 3; ++axis) {
-            centre[axis] = -(r[axis] * t[0] + r[3 + axis] * t[1] + r[6 + axis] * t[2]);
-        }
-        for (int v = 0; v < c.height; ++v) {
-            for (int u = 0; u < c.width; ++u) {
-                double x, y;
-                undistort(c, u, v, x, y);
-                const double length = std::sqrt(x * x + y * y + 1);
-                float p[3];
-                double s = 1;
-                bool hit = false;
-                for (int step = 0; step < 200 && s < 6; ++step) {
-                    for (int axis = 0; axis < 3; ++axis) {
-                        p[axis] = static_cast<float>(
-                            centre[axis] + s * (r[axis] * x + r[3 + axis] * y + r[6 + axis]) / length);
-                    }
-                    const float distance = body(p);
-                    if (distance < 1e-4f) {
-                        hit = true;
-                        break;
-                    }
-                    s += distance;
-                }
-                const std::size_t at = static_cast<std::size_t>(v) * c.width + u;
-                mask[at] = hit ? 255 : 0;
-                const Colour colour = hit && paint ? paint(p) : background;
-                image[3 * at] = colour.b, image[3 * at + 1] = colour.g, image[3 * at + 2] = colour.r;
-            }
-        }
-        masks.push_back(std::move(mask));
-        images.push_back(std::move(image));
-    }
+    masks.assign(cameras.size(), {});
+    images.assign(cameras.size(), {});
+    std::vector<std::thread> threads;
+    for (std::size_t n = 0; n < cameras.size(); ++n)
+        threads.emplace_back(
+            [&, n] { draw_camera(cameras[n], body, paint, background, masks[n], images[n]); });
+    for (std::thread& thread : threads) thread.join();
 }
 
 std::vector<HullView> Scene::hull_views() const {

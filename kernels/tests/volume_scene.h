@@ -19,7 +19,8 @@ struct Scene {
     using Distance = std::function<float(const float*)>;
     using Paint = std::function<Colour(const float*)>;
 
-    // Sphere-traces every pixel's ray; what is not the body is `background`.
+    // Sphere-traces every pixel's ray; what is not the body is `background`. Calls the functions from several
+    // threads.
     void draw(const Distance& body, const Paint& paint = {}, Colour background = {});
 
     std::vector<HullView> hull_views() const;
