@@ -159,16 +159,19 @@ __device__ void unite(int* parent, int a, int b) {
     }
 }
 
-// Lets every run point at its root.
+// Lets every run point at its root. Several steps at once, since a round costs a barrier.
 __device__ void flatten(int* parent, int count) {
+    constexpr int kSteps = 4;
     const volatile int* now = parent;
     bool moved;
     do {
         moved = false;
         for (int n = static_cast<int>(threadIdx.x); n < count; n += kMaskThreads) {
-            const int next = now[n], above = now[next];
-            if (above == next) continue;
-            atomicMin(parent + n, above);
+            const int next = now[n];
+            int root = next;
+            for (int step = 0; step < kSteps; ++step) root = now[root];
+            if (root == next) continue;
+            atomicMin(parent + n, root);
             moved = true;
         }
     } while (__syncthreads_or(moved));
@@ -376,16 +379,13 @@ __global__ void __launch_bounds__(kMaskThreads) result_kernel(const SegmentData*
     if (!box.empty() && d.refine_border)
         remove_small_components({d.refined, d.width, d.cells_per_row, box}, d.min_component_px / 3, 0,
                                 nullptr, d.runs[1], scratch);
-    for (int n = static_cast<int>(threadIdx.x); n < d.work.rows() * d.work.columns(); n += kMaskThreads) {
-        const int y = d.work.y0 + n / d.work.columns(), k = d.work.k0 + n % d.work.columns();
-        Word sharp = 0, loose = 0;
-        if (box.holds(y, k)) {
-            const std::size_t cell = d.cell(y, k);
-            sharp = d.refined[cell], loose = d.loose[cell] | sharp;
-            d.loose[cell] = loose;
-            own.add(y, k, sharp, loose);
-        }
-        d.result_sharp[n] = sharp, d.result_loose[n] = loose;
+    for (int n = static_cast<int>(threadIdx.x); n < box.rows() * box.columns(); n += kMaskThreads) {
+        const int y = box.y0 + n / box.columns(), k = box.k0 + n % box.columns();
+        const std::size_t cell = d.cell(y, k), to = d.result_cell(y, k);
+        const Word sharp = d.refined[cell], loose = d.loose[cell] | sharp;
+        d.loose[cell] = loose;
+        d.result_sharp[to] = sharp, d.result_loose[to] = loose;
+        own.add(y, k, sharp, loose);
     }
     store_result(d, box, own);
 }

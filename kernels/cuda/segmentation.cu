@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "kernels/cpu/foreground_colours.h"
+#include "kernels/cpu/image_copy.h"
 #include "kernels/cpu/run_components.h"
 #include "kernels/cpu/segmentation_density.h"
 #include "kernels/cpu/segmentation_model.h"
@@ -87,6 +88,7 @@ class CudaSegmenter final : public RewindableSegmenter {
     void begin(const cpu::BackgroundModel& model);
     void place_planes();
     void place_frame();
+    void place_scene();
     CudaSegmenter* usable(const Segmenter* other) const;
     void upload_cameras(std::span<CudaSegmenter* const> cameras);
     void decide_all(const std::vector<Member>& members, bool update);
@@ -110,17 +112,17 @@ class CudaSegmenter final : public RewindableSegmenter {
 
     // Of the model and of a frame.
     DeviceBuffer<std::uint8_t> samples_, scale_, reference_, candidate_, visits_, values_, density_;
-    DeviceBuffer<std::uint8_t> candidates_, active_, probability_of_, added_;
+    DeviceBuffer<std::uint8_t> candidates_, active_, near_, probability_of_, added_;
     DeviceBuffer<float> log_peak_, planes_, log_lit_, log_scale_, floor_directions_, support_;
     DeviceBuffer<Word> masks_;
     DeviceBuffer<std::int8_t> votes_;
-    DeviceBuffer<int> cells_, changed_, run_lists_;
+    DeviceBuffer<int> cells_, tiles_, changed_, run_lists_;
     DeviceBuffer<CameraState> state_;
     DeviceBuffer<kde::SceneView> device_scene_;
-    // What is uploaded with a frame, in one piece: log density of colours, image, expected silhouette.
+    // What is uploaded with a frame: image, log density of colours, expected silhouette.
     DeviceBuffer<std::uint8_t> upload_;
     PinnedBuffer<std::uint8_t> host_upload_;
-    std::size_t image_at_ = 0, expected_at_ = 0;
+    std::size_t colours_at_ = 0, expected_at_ = 0;
     // Of a whole frame set, where this segmenter is its first one.
     PinnedBuffer<SegmentData> host_cameras_;
     DeviceBuffer<SegmentData> cameras_;
@@ -230,26 +232,45 @@ void CudaSegmenter::place_frame() {
     data_.density = place(density_, cells() * kCellPixels);
     data_.candidates = place(candidates_, cells());
     data_.cells = place(cells_, cells());
+    const auto tiles = static_cast<std::size_t>(data_.tiles());
+    data_.near = place(near_, tiles);
+    fill_bytes(*stream_, data_.near, 0, tiles);
+    int* lists_of_tiles = place(tiles_, 2 * tiles);
+    data_.near_tiles = lists_of_tiles, data_.active_tiles = lists_of_tiles + tiles;
     Word* masks = place(masks_, 3 * cells());
     data_.sharp = masks, data_.loose = masks + cells(), data_.refined = masks + 2 * cells();
     const std::size_t list = run_list_size(data_.width, data_.height);
     int* lists = place(run_lists_, 2 * list);
     for (int n = 0; n < 2; ++n) data_.runs[n] = run_lists(lists + n * list, data_.width, data_.height);
     data_.state = place(state_, 1);
-    data_.scene = place(device_scene_, 1);
     const std::size_t blocks = static_cast<std::size_t>(data_.vote_columns()) * data_.vote_rows();
     data_.votes = place(votes_, blocks);
     data_.changed = place(changed_, blocks);
     data_.added = place(added_, blocks);
     data_.support = place(support_, static_cast<std::size_t>(data_.support_columns()) * data_.support_rows());
     data_.colour_bins = colours_.bins();
-    image_at_ = colours_.bins() * sizeof(float);
-    expected_at_ = image_at_ + (pixels() * data_.channels + 7) / 8 * 8;
+    colours_at_ = (pixels() * data_.channels + 15) / 16 * 16;
+    expected_at_ = colours_at_ + colours_.bins() * sizeof(float);
     const std::size_t bytes = expected_at_ + cells() * sizeof(Word);
     host_upload_.resize(bytes);
     std::uint8_t* uploaded = place(upload_, bytes);
-    data_.log_foreground = reinterpret_cast<const float*>(uploaded);
-    data_.image = uploaded + image_at_;
+    data_.image = uploaded;
+    data_.log_foreground = reinterpret_cast<const float*>(uploaded + colours_at_);
+    place_scene();
+}
+
+// What the other cameras look up; the device adds what it finds in a frame.
+void CudaSegmenter::place_scene() {
+    scene_.camera = data_.camera;
+    scene_.image = data_.image;
+    scene_.image_stride = static_cast<std::ptrdiff_t>(data_.width) * data_.channels;
+    scene_.reference = data_.reference;
+    scene_.scale = data_.scale;
+    scene_.channels = data_.channels;
+    scene_.cells_per_row = data_.cells_per_row;
+    scene_.votes = data_.votes;
+    scene_.vote_columns = data_.vote_columns();
+    data_.scene = keep(device_scene_, std::vector<kde::SceneView>{scene_});
 }
 
 void CudaSegmenter::set_camera(const CameraModel& camera) {
@@ -261,9 +282,7 @@ void CudaSegmenter::set_camera(const CameraModel& camera) {
     data_.floor_rows = directions.rows;
     std::copy_n(directions.centre, 3, data_.floor.centre);
     data_.has_camera = true;
-    scene_.camera = data_.camera;
-    scene_.channels = data_.channels;
-    scene_.cells_per_row = data_.cells_per_row;
+    place_scene();
 }
 
 // Uploads the image, and has no other part in the work on it, so that the cameras' threads do not meet.
@@ -283,12 +302,15 @@ void CudaSegmenter::begin_frame(const ImageView& image, const SegmentationPrior&
                   (searched_.x1 + kCellPixels - 1) / kCellPixels};
     searched_ = {data_.work.k0 * kCellPixels, data_.work.y0,
                  std::min(data_.work.k1 * kCellPixels, data_.width), data_.work.y1};
+    upload_in_flight_ = true;
+    cpu::copy_image(image, host_upload_.data());
+    // One piece: calls of several threads wait for each other in the driver.
+    upload(*stream_, upload_.data(), host_upload_.data(), pixels() * data_.channels);
+    // Computed while the image is on its way.
     colours_.log_density(options_.colour_memory_weight, log_foreground_);
-    std::memcpy(host_upload_.data(), log_foreground_.data(), image_at_);
-    const std::size_t row_bytes = static_cast<std::size_t>(data_.width) * data_.channels;
-    for (int y = 0; y < data_.height; ++y)
-        std::memcpy(host_upload_.data() + image_at_ + y * row_bytes, image.row(y), row_bytes);
-    std::size_t bytes = expected_at_;
+    std::memcpy(host_upload_.data() + colours_at_, log_foreground_.data(),
+                log_foreground_.size() * sizeof(float));
+    std::size_t end = expected_at_;
     data_.expected = nullptr;
     if (prior.expected && data_.tracked) {
         auto* words = reinterpret_cast<Word*>(host_upload_.data() + expected_at_);
@@ -297,10 +319,9 @@ void CudaSegmenter::begin_frame(const ImageView& image, const SegmentationPrior&
                 words[data_.cell(y, k)] = cpu::set_pixels(
                     prior.expected + static_cast<std::size_t>(y) * data_.width, k * kCellPixels, data_.width);
         data_.expected = reinterpret_cast<const Word*>(upload_.data() + expected_at_);
-        bytes += cells() * sizeof(Word);
+        end += cells() * sizeof(Word);
     }
-    upload_in_flight_ = true;
-    upload(*stream_, upload_.data(), host_upload_.data(), bytes);
+    upload(*stream_, upload_.data() + colours_at_, host_upload_.data() + colours_at_, end - colours_at_);
     step_ = Step::kBegun;
 }
 

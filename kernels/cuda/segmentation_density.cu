@@ -98,16 +98,18 @@ __global__ void __launch_bounds__(kGainThreads) begin_kernel(const SegmentData* 
     if (!d.look) return;
     if (block < 3) {
         const int inverse = block < d.channels ? inverse_gain(d, block) : 16384;
-        if (n == 0) d.state->gain_64[block] = inverse;
+        if (n == 0) d.state->gain_64[block] = d.scene->inverse_gain[block] = inverse;
         return;
     }
     if (block == 3 && n == 0) {
         CameraState& s = *d.state;
         s.box.y0 = d.height, s.box.y1 = 0, s.box.k0 = d.cells_per_row, s.box.k1 = 0;
         s.vote_box[0] = d.vote_columns(), s.vote_box[1] = d.vote_rows(), s.vote_box[2] = s.vote_box[3] = 0;
-        s.subject_blocks = s.listed = s.changed = 0;
+        s.subject_blocks = s.listed = s.near_listed = s.active_listed = s.changed = 0;
     }
-    const int blocks = d.vote_columns() * d.vote_rows();
+    const int blocks = d.vote_columns() * d.vote_rows(), words = d.height * d.cells_per_row;
+    for (int i = (block - 3) * kGainThreads + n; i < words; i += kClearingBlocks * kGainThreads)
+        d.sharp[i] = d.loose[i] = 0;
     for (int i = (block - 3) * kGainThreads + n; i < blocks; i += kClearingBlocks * kGainThreads) {
         d.votes[i] = static_cast<std::int8_t>(-kde::kMaxVote);
         d.changed[i] = 0;
@@ -131,6 +133,12 @@ __device__ Pair pair_at(const std::uint8_t* bytes) {
 }
 __device__ void store_pair(std::uint8_t* bytes, const Pair& pair) {
     *reinterpret_cast<std::uint16_t*>(bytes) = static_cast<std::uint16_t>(pair.low | pair.high << 8);
+}
+
+// As DensityTables::squared, but for the last entry, whose kernel is 0 all the same.
+__device__ int squared_distance(int value, int sample, int scale) {
+    const int index = kde::distance_index(value, sample, scale);
+    return index * index + index;
 }
 
 // `may_stop`: the sum ends once the cell is plainly background. Returns whether it may hold foreground.
@@ -158,14 +166,13 @@ __device__ bool density_of_cell(const SegmentData& d, const kde::DensityTables& 
             if (first + i >= sample_count) break;
             Pair squared{0, 0};
             for (int c = 0; c < kChannels; ++c) {
-                squared.low +=
-                    tables.squared[kde::distance_index(value[c].low, sample[i][c].low, scale[c].low)];
-                squared.high +=
-                    tables.squared[kde::distance_index(value[c].high, sample[i][c].high, scale[c].high)];
+                squared.low += squared_distance(value[c].low, sample[i][c].low, scale[c].low);
+                squared.high += squared_distance(value[c].high, sample[i][c].high, scale[c].high);
             }
-            sum.low = min(sum.low + kde::kernel_of(tables, squared.low), 255);
-            sum.high = min(sum.high + kde::kernel_of(tables, squared.high), 255);
+            sum.low += kde::kernel_of(tables, squared.low);
+            sum.high += kde::kernel_of(tables, squared.high);
         }
+        sum = {min(sum.low, 255), min(sum.high, 255)};
         if (!may_stop) continue;
         const int unsure = __popc(__ballot_sync(0xffffffffu, sum.low < kde::kSureDensity)) +
                            __popc(__ballot_sync(0xffffffffu, sum.high < kde::kSureDensity));
@@ -221,12 +228,13 @@ __global__ void density_kernel(const SegmentData* __restrict__ cameras) {
 // The groups of a cell of the work within kActiveMargin rows and columns of a candidate's unsure pixels.
 __device__ int active_groups(const SegmentData& d, int y, int k) {
     int groups = 0;
-    for (int near = max(y - kActiveMargin, d.work.y0); near <= min(y + kActiveMargin, d.work.y1 - 1);
-         ++near) {
-        groups |= d.candidates[d.cell(near, k)] & kde::kAllGroups;
-        if (k > d.work.k0 && d.candidates[d.cell(near, k - 1)] & kde::kNearRight) groups |= 1;
-        if (k + 1 < d.work.k1 && d.candidates[d.cell(near, k + 1)] & kde::kNearLeft)
-            groups |= kde::kLastGroup;
+#pragma unroll
+    for (int near = -kActiveMargin; near <= kActiveMargin; ++near) {  // all loads at once
+        if (y + near < d.work.y0 || y + near >= d.work.y1) continue;
+        const std::uint8_t* candidates = d.candidates + d.cell(y + near, k);
+        groups |= candidates[0] & kde::kAllGroups;
+        if (k > d.work.k0 && candidates[-1] & kde::kNearRight) groups |= 1;
+        if (k + 1 < d.work.k1 && candidates[1] & kde::kNearLeft) groups |= kde::kLastGroup;
     }
     return groups;
 }
@@ -297,15 +305,64 @@ __device__ void light_of_pixel(const SegmentData& d, int cell, int groups, int b
     d.voted[at] = -d.parameters.limit;
 }
 
-// A warp a listed cell. Sums that ended early go on to their end.
+// Whether a group of the tile's cells is active, and of those within kSurroundings rows and a cell.
+struct Activity {
+    bool own = false, around = false;
+};
+__device__ Activity activity_of(const SegmentData& d, const Tile& tile) {
+    int own = 0, around = 0;
+#pragma unroll
+    for (int dy = -kSurroundings; dy < kTileRows + kSurroundings; ++dy) {
+#pragma unroll
+        for (int dk = -1; dk <= 1; ++dk) {
+            const int y = tile.y0 + dy, k = tile.k + dk,
+                      groups = d.work.holds(y, k) ? d.active[d.cell(y, k)] : 0;
+            around |= groups;
+            if (dk == 0 && dy >= 0 && dy < kTileRows) own |= groups;
+        }
+    }
+    return {own != 0, around != 0};
+}
+
+// A thread a tile: lists those that the next steps work on.
+__device__ void list_tiles(const SegmentData& d, int n) {
+    __shared__ int listed[2], first[2];
+    if (threadIdx.x < 2) listed[threadIdx.x] = 0;
+    __syncthreads();
+    bool near = false, active = false;
+    int place[2] = {};
+    if (n < d.tiles()) {
+        const Tile tile(d, n);
+        const Activity activity = activity_of(d, tile);
+        const bool in_work = tile.k >= d.work.k0 && tile.k < d.work.k1 && tile.y0 < d.work.y1 &&
+                             tile.y0 + kTileRows > d.work.y0;
+        near = activity.around || (in_work && d.near[n]);
+        if (near) d.near[n] = activity.around, place[0] = atomicAdd(listed, 1);
+        active = activity.own;
+        if (active) place[1] = atomicAdd(listed + 1, 1);
+    }
+    __syncthreads();
+    if (threadIdx.x == 0) {
+        first[0] = atomicAdd(&d.state->near_listed, listed[0]);
+        first[1] = atomicAdd(&d.state->active_listed, listed[1]);
+    }
+    __syncthreads();
+    if (near) d.near_tiles[first[0] + place[0]] = n;
+    if (active) d.active_tiles[first[1] + place[1]] = n;
+}
+
+// A warp a listed cell. Sums that ended early go on to their end. Blocks from kListBlocks on list tiles.
+constexpr int kListBlocks = 256;  // enough to fill the device; they share the list
 template <int kChannels>
 __global__ void light_kernel(const SegmentData* __restrict__ cameras) {
     __shared__ kde::DensityTables tables;
     const SegmentData& d = cameras[blockIdx.z];
     if (!d.look) return;
+    if (blockIdx.x >= kListBlocks)
+        return list_tiles(d, static_cast<int>((blockIdx.x - kListBlocks) * blockDim.x + threadIdx.x));
     if (threadIdx.x == 0) tables = d.tables;
     __syncthreads();
-    const int listed = d.state->listed, warps = static_cast<int>(gridDim.x) * kWarps;
+    const int listed = d.state->listed, warps = kListBlocks * kWarps;
     for (int n = static_cast<int>(blockIdx.x) * kWarps + static_cast<int>(threadIdx.x) / 32; n < listed;
          n += warps) {
         const int cell = d.cells[n] & ((1 << kOldGroups) - 1), before = d.cells[n] >> kOldGroups;
@@ -406,8 +463,8 @@ void queue_density(const Stream& stream, const FrameSet& cameras) {
         most(cameras, count, [](const SegmentData& d) { return d.height * d.cells_per_row; });
     active_kernel<<<dim3((cells + kThreads - 1) / kThreads, 1, z), kThreads, 0, stream.get()>>>(
         cameras.device);
-    constexpr unsigned kBlocks = 256;  // enough to fill the device; they share the list
-    const dim3 lists(std::min(kBlocks, blocks_of_warps(cells, 1).x), 1, z);
+    const unsigned tiles = most(cameras, count, [](const SegmentData& d) { return d.tiles(); });
+    const dim3 lists(kListBlocks + (tiles + kThreads - 1) / kThreads, 1, z);
     if (cameras.channels == 1) {
         light_kernel<1><<<lists, kThreads, 0, stream.get()>>>(cameras.device);
     } else {

@@ -1,6 +1,6 @@
 #include <algorithm>
-#include <cstring>
 
+#include "kernels/cpu/packed_silhouettes.h"
 #include "kernels/cuda/segmentation_results.h"
 
 namespace kinevox::kernels::cuda {
@@ -26,64 +26,15 @@ std::size_t cells_of(const SegmentData& camera) {
     return static_cast<std::size_t>(camera.work.rows()) * camera.work.columns();
 }
 
-// 255 for each pixel that is set; the others stay as they are.
-void set_pixels(Word pixels, int count, std::uint8_t* to) {
-    if (pixels == 0) return;
-    if (pixels == ~Word{0}) {
-        std::memset(to, 255, kCellPixels);
-        return;
-    }
-    if (count < kCellPixels) {
-        for (int i = 0; i < count; ++i)
-            if (pixels >> i & 1) to[i] = 255;
-        return;
-    }
-    for (int i = 0; i < kCellPixels; i += 8, pixels >>= 8) {
-        // Bit n of the lowest byte to byte n.
-        const std::uint64_t bits = ((pixels & 255) * 0x0101010101010101u) & 0x8040201008040201u;
-        const std::uint64_t bytes = ((bits + 0x7f7f7f7f7f7f7f7fu) >> 7 & 0x0101010101010101u) * 255;
-        std::memcpy(to + i, &bytes, 8);
-    }
-}
-
-// Elsewhere the planes are 0 already.
-void clear(const SegmentData& camera, Silhouettes& out) {
-    const std::size_t pixels = static_cast<std::size_t>(camera.width) * camera.height;
-    const bool reused = out.width == camera.width && out.height == camera.height;
-    const auto clear_plane = [&](std::vector<std::uint8_t>& plane, const Rect& dirty) {
-        if (!reused || plane.size() != pixels) return plane.assign(pixels, 0);
-        for (int y = dirty.y0; y < dirty.y1; ++y)
-            std::memset(plane.data() + static_cast<std::size_t>(y) * camera.width + dirty.x0, 0,
-                        dirty.width());
-    };
-    clear_plane(out.probability, out.searched);
-    clear_plane(out.sharp, out.bounds);
-    clear_plane(out.loose, out.bounds);
-}
-
 }  // namespace
 
 void FrameResults::unpack(const SegmentData& camera, const Rect& searched, Silhouettes& out) const {
-    clear(camera, out);
-    out.width = camera.width, out.height = camera.height;
-    out.searched = searched;
     const CellRange& box = result_->box;
-    for (int y = box.y0; y < box.y1; ++y) {
-        const std::size_t row = static_cast<std::size_t>(y) * camera.width;
-        const int x0 = box.k0 * kCellPixels, x1 = std::min(box.k1 * kCellPixels, camera.width);
-        if (x0 < x1)
-            std::memcpy(out.probability.data() + row + x0,
-                        probability_ + camera.result_cell(y, box.k0) * kCellPixels, x1 - x0);
-        for (int k = box.k0; k < box.k1; ++k) {
-            const std::size_t at = row + static_cast<std::size_t>(k) * kCellPixels;
-            const int count = std::min(kCellPixels, camera.width - k * kCellPixels);
-            set_pixels(sharp_[camera.result_cell(y, k)], count, out.sharp.data() + at);
-            set_pixels(loose_[camera.result_cell(y, k)], count, out.loose.data() + at);
-        }
-    }
+    const Rect found{box.k0 * kCellPixels, box.y0, std::min(box.k1 * kCellPixels, camera.width), box.y1};
+    cpu::unpack({camera.width, camera.height, searched, found, sharp_, loose_, probability_}, out);
     const int* bounds = result_->bounds;
-    const Rect found{bounds[0], bounds[1], bounds[2], bounds[3]};
-    out.bounds = found.empty() ? Rect{} : found;
+    const Rect around{bounds[0], bounds[1], bounds[2], bounds[3]};
+    out.bounds = around.empty() ? Rect{} : around;
     out.sharp_pixels = static_cast<std::int64_t>(result_->sums[0]);
     const auto mean = [&](int n) {
         return out.sharp_pixels > 0
@@ -95,19 +46,18 @@ void FrameResults::unpack(const SegmentData& camera, const Rect& searched, Silho
 
 std::vector<FrameResults> ResultMemory::place(std::span<SegmentData* const> cameras) {
     // For whole images, since memory that grew with the tracked region would stop the device now and then.
-    std::size_t most = 0, used = 0;
-    head_ = 0;
+    std::size_t most = 0, used = 0, heads = 0;  // bytes; the heads are first
     for (const SegmentData* camera : cameras) {
-        head_ += head_of(*camera);
+        heads += head_of(*camera);
         used += body_of(cells_of(*camera));
         most += head_of(*camera) + body_of(camera->cell(camera->height, 0));
     }
     device_.resize(most);
     host_.resize(most);
-    device_.resize(head_ + used);
-    host_.resize(head_ + used);
+    device_.resize(heads + used);
+    host_.resize(heads + used);
     std::vector<FrameResults> all;
-    std::size_t head = 0, body = head_;
+    std::size_t head = 0, body = heads;
     for (SegmentData* camera : cameras) {
         const std::size_t cells = cells_of(*camera), counts = head + aligned(sizeof(CameraResult)),
                           probability = body + 2 * cells * sizeof(Word);
@@ -129,7 +79,7 @@ std::vector<FrameResults> ResultMemory::place(std::span<SegmentData* const> came
 }
 
 void ResultMemory::queue_clear(const Stream& stream) const {
-    fill_bytes(stream, device_.data(), 0, head_);
+    fill_bytes(stream, device_.data(), 0, device_.size());
 }
 
 void ResultMemory::queue_download(const Stream& stream) const {

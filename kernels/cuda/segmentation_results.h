@@ -33,11 +33,10 @@ class ResultMemory {
     // Room for the cameras' results; sets where the device leaves them.
     std::vector<FrameResults> place(std::span<SegmentData* const> cameras);
 
-    void queue_clear(const Stream& stream) const;  // what is counted
+    void queue_clear(const Stream& stream) const;
     void queue_download(const Stream& stream) const;
 
   private:
-    std::size_t head_ = 0;  // bytes: histograms of colours and CameraResults, before the masks
     DeviceBuffer<std::uint8_t> device_;
     PinnedBuffer<std::uint8_t> host_;
 };

@@ -8,15 +8,35 @@ namespace {
 
 using kde::kCellPixels;
 
+// A camera's scene with what its votes say of the subject.
+__device__ kde::SceneView scene_of(const SegmentData& d) {
+    constexpr int kBlock = kde::kVoteBlock_px;
+    kde::SceneView scene = *d.scene;
+    const int* box = d.state->vote_box;
+    scene.sees = box[0] < box[2] && box[1] < box[3];
+    if (scene.sees)
+        kde::bounds_around({kBlock * box[0], kBlock * box[1], kBlock * box[2], kBlock * box[3]},
+                           d.camera.width, d.camera.height, d.floor.directions, d.floor.columns, d.floor_rows,
+                           scene.bounds);
+    return scene;
+}
+
 // The support of each block of kSupportBlock_px that has doubtful pixels: a thread a sample of its ray.
 __global__ void support_kernel(const SegmentData* __restrict__ cameras) {
     constexpr int kBlock = kde::kSupportBlock_px, kSamples = kde::kSupportSamples;
     constexpr int kVotes = kBlock / kde::kVoteBlock_px;
+    static_assert(sizeof(kde::SceneView) % sizeof(Word) == 0);
+    __shared__ Word memory[kde::kMaxFloorViews * sizeof(kde::SceneView) / sizeof(Word)];
+    auto* const views = reinterpret_cast<kde::SceneView*>(memory);  // which shared memory cannot construct
     const SegmentData& d = cameras[blockIdx.z];
+    if (d.other_count == 0) return;
+    if (static_cast<int>(threadIdx.x) < d.other_count)
+        views[threadIdx.x] = scene_of(cameras[d.others[threadIdx.x]]);
+    __syncthreads();
     const int n = thread_index() / kSamples, sample = thread_index() % kSamples;
     const int row = n / d.support_columns(), column = n % d.support_columns();
     bool doubtful = false;
-    if (d.other_count > 0 && row < d.support_rows())
+    if (row < d.support_rows())
         for (int i = 0; i < kVotes * kVotes; ++i) {
             const int y = row * kVotes + i / kVotes, x = column * kVotes + i % kVotes;
             if (y >= d.vote_rows() || x >= d.vote_columns()) continue;
@@ -24,7 +44,7 @@ __global__ void support_kernel(const SegmentData* __restrict__ cameras) {
             doubtful = doubtful || (vote >= kde::kMinJudgedVote && vote < kde::kMaxVote);
         }
     const int count = d.other_count;
-    const auto view = [&](int i) -> const kde::SceneView& { return *cameras[d.others[i]].scene; };
+    const auto view = [&](int i) -> const kde::SceneView& { return views[i]; };
     int best = -kde::kMaxVote * count - 1;
     float support = kde::kUnknownSupport;
     bool votes = false;
@@ -62,32 +82,41 @@ __device__ kde::ShadowLogOdds<float> odds_of(const SegmentData& d, const Segment
     return kde::shadow_log_odds(e, d.parameters.shadow);
 }
 
-// Gives doubtful pixels their evidence, and counts per block those that the votes would change.
+// Gives a pixel its evidence if it is doubtful. Returns whether the votes would change it.
 template <int kChannels>
-__global__ void __launch_bounds__(kTileThreads) shadow_kernel(const SegmentData* __restrict__ cameras) {
-    const SegmentData& d = cameras[blockIdx.z];
-    const Tile tile(d.work);
-    const int x = tile.x(), y = tile.y();
-    if (d.other_count == 0 || !d.work.holds(y, tile.k) || x >= d.width) return;
-    const std::size_t cell = d.cell(y, tile.k), at = d.at(y, x);
-    if (!in_group(d.active[cell], tile.lane)) return;
-    if (d.density[cell * kCellPixels + tile.lane] >= kde::kSureDensity ||
-        d.evidence[at] >= kde::kDoubtfulEvidence)
-        return;
-    const int block = y / kde::kVoteBlock_px * d.vote_columns() + x / kde::kVoteBlock_px;
-    if (d.votes[block] < kde::kMinJudgedVote) return;
+__device__ bool judge_pixel(const SegmentData& d, const SegmentData* cameras, int y, int x) {
+    const std::size_t cell = d.cell(y, x / kCellPixels), at = d.at(y, x);
+    const int lane = x % kCellPixels;
+    if (!in_group(d.active[cell], lane)) return false;
+    if (d.density[cell * kCellPixels + lane] >= kde::kSureDensity ||
+        d.evidence[at] >= kde::kDoubtfulEvidence ||
+        d.votes[y / kde::kVoteBlock_px * d.vote_columns() + x / kde::kVoteBlock_px] < kde::kMinJudgedVote)
+        return false;
     const float support =
         d.support[y / kde::kSupportBlock_px * d.support_columns() + x / kde::kSupportBlock_px];
     if (support < kde::kMinSupport && !kde::is_lighter(d.factor + at, d.stride())) {
         d.evidence[at] = -d.parameters.limit;
-        return;
+        return false;
     }
     const auto odds = odds_of<kChannels>(d, cameras, cell, y, x, support);
     d.evidence[at] = odds.own;
     d.voted[at] = odds.voted;
-    if (!odds.changed()) return;
-    atomicAdd(d.changed + block, 1);
-    atomicAdd(&d.state->changed, 1);
+    return odds.changed();
+}
+
+// Judges the pixels of active tiles, and counts per block those that the votes would change.
+template <int kChannels>
+__global__ void __launch_bounds__(kTileThreads) shadow_kernel(const SegmentData* __restrict__ cameras) {
+    const SegmentData& d = cameras[blockIdx.z];
+    if (d.other_count == 0) return;
+    const int tiles = d.state->active_listed;
+    for (int n = static_cast<int>(blockIdx.x); n < tiles; n += static_cast<int>(gridDim.x)) {
+        const Tile tile(d, d.active_tiles[n]);
+        const int x = tile.x(), y = tile.y();
+        if (!d.work.holds(y, tile.k) || x >= d.width || !judge_pixel<kChannels>(d, cameras, y, x)) continue;
+        atomicAdd(d.changed + y / kde::kVoteBlock_px * d.vote_columns() + x / kde::kVoteBlock_px, 1);
+        atomicAdd(&d.state->changed, 1);
+    }
 }
 
 // A thread a block of the whole image: marks the square around it if the votes change enough of its pixels.
@@ -121,9 +150,9 @@ void queue_shadows(const Stream& stream, const FrameSet& cameras, int count) {
     support_kernel<<<dim3((samples + kThreads - 1) / kThreads, 1, z), kThreads, 0, stream.get()>>>(
         cameras.device);
     if (cameras.channels == 1) {
-        shadow_kernel<1><<<tiles_of(cameras, count), kTileThreads, 0, stream.get()>>>(cameras.device);
+        shadow_kernel<1><<<tile_lists(cameras, count), kTileThreads, 0, stream.get()>>>(cameras.device);
     } else {
-        shadow_kernel<3><<<tiles_of(cameras, count), kTileThreads, 0, stream.get()>>>(cameras.device);
+        shadow_kernel<3><<<tile_lists(cameras, count), kTileThreads, 0, stream.get()>>>(cameras.device);
     }
     const unsigned blocks =
         most(cameras, count, [](const SegmentData& d) { return d.vote_columns() * d.vote_rows(); });

@@ -11,6 +11,7 @@
 #include "kernels/shared/kde_border.h"
 #include "kernels/shared/kde_density.h"
 #include "kernels/shared/kde_evidence.h"
+#include "kernels/shared/kde_scene.h"
 #include "kernels/shared/kde_shadow.h"
 #include "kernels/shared/kde_update.h"
 #include "kernels/types.h"
@@ -30,16 +31,20 @@ struct CellRange {
 
 inline constexpr int kPlaneMargin = 8;  // rows above and below the planes of floats; a cell at each side
 inline constexpr int kTileRows = 4;     // of the tiles, a cell wide, that most steps work on
+// As far around an active pixel as it is looked at; each look sees as far again.
+inline constexpr int kSurroundings =
+    kde::kLightRadius > kde::kPatchRadius ? kde::kLightRadius : kde::kPatchRadius;
 
 // What the device finds out about a frame.
 struct CameraState {
-    int gain_64[3];      // cpu::fixed_point_inverse()
-    CellRange box;       // around the active cells
-    int vote_box[4];     // of the vote blocks in the subject: x0 y0 x1 y1
-    int subject_blocks;  // their number
-    int listed;          // cells in SegmentData::cells
-    int changed;         // pixels that the votes would change
-    bool found;          // anything that may be foreground
+    int gain_64[3];                  // cpu::fixed_point_inverse()
+    CellRange box;                   // around the active cells
+    int vote_box[4];                 // of the vote blocks in the subject: x0 y0 x1 y1
+    int subject_blocks;              // their number
+    int listed;                      // cells in SegmentData::cells
+    int near_listed, active_listed;  // tiles in SegmentData::near_tiles and active_tiles
+    int changed;                     // pixels that the votes would change
+    bool found;                      // anything that may be foreground
 };
 
 // What the host gets of a frame beside the masks.
@@ -68,6 +73,8 @@ struct SegmentData {
     std::uint8_t *candidates, *active;  // per cell, its groups (kde_evidence.h) near unsure pixels and those
                                         // looked at; `active` holds the last frame's before
     int* cells;                         // those that are active, or were in the last frame
+    std::uint8_t* near;                 // per tile, whether its smoothed evidence is not neutral
+    int *near_tiles, *active_tiles;  // those near an active cell, or not neutral; those with an active cell
     float *weighted_value, *weighted_energy, *factor, *residual, *evidence, *smoothed;
     float *neighbourhood, *product, *energy, *square, *misfit, *voted;  // see kernels/cpu/shadow.h
     const float *log_lit, *log_foreground;
@@ -131,6 +138,11 @@ struct SegmentData {
     __host__ __device__ std::size_t cell(int y, int k) const {
         return static_cast<std::size_t>(y) * cells_per_row + k;
     }
+    // Tiles of the image and of a ring around it.
+    __host__ __device__ int tile_columns() const { return cells_per_row + 2; }
+    __host__ __device__ int tiles() const {
+        return tile_columns() * ((height + kTileRows - 1) / kTileRows + 2);
+    }
     // Of a cell of `work` in the results.
     __host__ __device__ std::size_t result_cell(int y, int k) const {
         return static_cast<std::size_t>(y - work.y0) * work.columns() + (k - work.k0);
@@ -181,42 +193,28 @@ __device__ inline bool in_group(int groups, int lane) {
     return groups >> lane / kde::kGroupPixels & 1;
 }
 
-// The tile of kTileRows rows of a cell that a block of kTileRows * 64 threads works on; tiles cover `work`,
-// begin at a row of vote blocks, and go on for `margin` tiles and cells around it.
+// A tile of kTileRows rows of a cell, for a block of kTileRows * 64 threads. Its rows begin with a row of
+// vote blocks.
 struct Tile {
     int y0, k, row, lane;
-    __device__ explicit Tile(const CellRange& work, int margin_rows = 0, int margin_cells = 0) {
-        y0 = (work.y0 / kTileRows + static_cast<int>(blockIdx.y)) * kTileRows - margin_rows;
-        k = work.k0 - margin_cells + static_cast<int>(blockIdx.x);
+    // The tile of an index below SegmentData::tiles().
+    __device__ Tile(const SegmentData& d, int n)
+        : Tile((n / d.tile_columns() - 1) * kTileRows, n % d.tile_columns() - 1) {}
+    __device__ Tile(int first_row, int cell) : y0(first_row), k(cell) {
         row = static_cast<int>(threadIdx.x) / kde::kCellPixels;
         lane = static_cast<int>(threadIdx.x) % kde::kCellPixels;
     }
     __device__ int y() const { return y0 + row; }
     __device__ int x() const { return k * kde::kCellPixels + lane; }
 };
+#endif
 constexpr int kTileThreads = kTileRows * kde::kCellPixels;
 
-// Whether a group of the cells within `rows` rows of the tile, and of those beside them, is active. All
-// threads of the block ask.
-__device__ inline bool active_near(const SegmentData& d, const Tile& tile, int rows, int beside) {
-    const int columns = 2 * beside + 1, n = static_cast<int>(threadIdx.x);
-    const int y = tile.y0 - rows + n / columns, k = tile.k - beside + n % columns;
-    const bool asked = n < (kTileRows + 2 * rows) * columns && d.work.holds(y, k);
-    return __syncthreads_or(asked && d.active[d.cell(y, k)] != 0) != 0;
-}
-#endif
-
-// Blocks that cover the tiles of the widest and the highest work, with a margin; a camera along z.
-inline dim3 tiles_of(const FrameSet& cameras, int count, int margin_tiles = 0, int margin_cells = 0) {
-    const unsigned columns = most(cameras, count, [&](const SegmentData& d) {
-        return d.work.empty() ? 0 : d.work.columns() + 2 * margin_cells;
-    });
-    const unsigned rows = most(cameras, count, [&](const SegmentData& d) {
-        return d.work.empty()
-                   ? 0
-                   : (d.work.y1 + kTileRows - 1) / kTileRows - d.work.y0 / kTileRows + 2 * margin_tiles;
-    });
-    return dim3(columns, rows, static_cast<unsigned>(count));
+// Blocks that share the list of a camera's tiles; a camera along z.
+inline dim3 tile_lists(const FrameSet& cameras, int count) {
+    constexpr unsigned kBlocks = 256;  // those of four cameras fill the largest device once
+    const unsigned tiles = most(cameras, count, [](const SegmentData& d) { return d.tiles(); });
+    return dim3(tiles < kBlocks ? tiles : kBlocks, 1, static_cast<unsigned>(count));
 }
 
 }  // namespace kinevox::kernels::cuda
