@@ -11,15 +11,17 @@ namespace {
 
 using kde::kCellPixels;
 
-constexpr int kRowsPerTask = 128;
+constexpr int kRowsPerTask = 512;  // a task costs as much as unpacking hundreds of rows
 
-// Writes `count` pixels, 0 or 255.
-void write_pixels(std::uint64_t pixels, int count, std::uint8_t* to) {
-    if (pixels == 0 || ~pixels == 0) {
-        std::memset(to, pixels == 0 ? 0 : 255, count);
+// Sets those of a cell's `count` pixels that are in the mask to 255, where all are 0.
+void set_pixels(std::uint64_t pixels, int count, std::uint8_t* to) {
+    if (pixels == 0) return;
+    if (~pixels == 0) {
+        std::memset(to, 255, kCellPixels);
         return;
     }
     for (int i = 0; i < count; i += 8, pixels >>= 8) {
+        if ((pixels & 255) == 0) continue;
         // Bit n of the lowest byte to byte n.
         const std::uint64_t bits = ((pixels & 255) * 0x0101010101010101u) & 0x8040201008040201u;
         const std::uint64_t bytes = ((bits + 0x7f7f7f7f7f7f7f7fu) >> 7 & 0x0101010101010101u) * 255;
@@ -52,16 +54,17 @@ void unpack(const PackedSilhouettes& packed, Silhouettes& out) {
         for (int y = first; y < last; ++y) {
             const std::size_t row = static_cast<std::size_t>(y) * packed.width;
             clear_row(out.probability.data() + row, y, old_searched, box);
-            clear_row(out.sharp.data() + row, y, old_bounds, box);
-            clear_row(out.loose.data() + row, y, old_bounds, box);
+            clear_row(out.sharp.data() + row, y, old_bounds, {});
+            clear_row(out.loose.data() + row, y, old_bounds, {});
             if (y < box.y0 || y >= box.y1) continue;
-            for (int x = box.x0; x < box.x1; x += kCellPixels) {
-                const std::size_t cell =
-                    static_cast<std::size_t>(y - searched.y0) * columns + (x - searched.x0) / kCellPixels;
+            const std::size_t first_cell =
+                static_cast<std::size_t>(y - searched.y0) * columns + (box.x0 - searched.x0) / kCellPixels;
+            std::memcpy(out.probability.data() + row + box.x0, packed.probability + first_cell * kCellPixels,
+                        box.width());
+            for (int x = box.x0, n = 0; x < box.x1; x += kCellPixels, ++n) {
                 const int count = std::min(kCellPixels, box.x1 - x);
-                std::memcpy(out.probability.data() + row + x, packed.probability + cell * kCellPixels, count);
-                write_pixels(packed.sharp[cell], count, out.sharp.data() + row + x);
-                write_pixels(packed.loose[cell], count, out.loose.data() + row + x);
+                set_pixels(packed.sharp[first_cell + n], count, out.sharp.data() + row + x);
+                set_pixels(packed.loose[first_cell + n], count, out.loose.data() + row + x);
             }
         }
     });

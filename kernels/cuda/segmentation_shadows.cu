@@ -63,8 +63,32 @@ __global__ void support_kernel(const SegmentData* __restrict__ cameras) {
     if (doubtful && sample == 0) d.support[n] = votes ? kde::support_of_votes(best, count) : support;
 }
 
+// What the other cameras see of the floor behind a tile's blocks of kFloorBlock_px; negative: not known.
+constexpr int kFloorBlocks = kCellPixels / kde::kFloorBlock_px;
+static_assert(kTileRows == kde::kFloorBlock_px);
+struct FloorLights {
+    unsigned asked;  // a bit per block
+    float light[kde::kMaxFloorViews][kFloorBlocks];
+};
+
+// Looks up the blocks that are asked for, a thread a block and camera.
 template <int kChannels>
-__device__ kde::ShadowLogOdds<float> odds_of(const SegmentData& d, const SegmentData* cameras,
+__device__ void look_up(const SegmentData& d, const SegmentData* cameras, const Tile& tile,
+                        FloorLights& lights) {
+    const int view = static_cast<int>(threadIdx.x) / kFloorBlocks,
+              block = static_cast<int>(threadIdx.x) % kFloorBlocks;
+    if (view >= d.other_count || !(lights.asked >> block & 1)) return;
+    float floor_x, floor_y, light = -1;
+    const int x = tile.k * kCellPixels + block * kde::kFloorBlock_px;
+    if (kde::floor_point(d.floor, d.camera, kde::block_centre<kde::kFloorBlock_px>(x),
+                         kde::block_centre<kde::kFloorBlock_px>(tile.y0), floor_x, floor_y))
+        light =
+            kde::light_of_floor<kChannels>(*cameras[d.others[view]].scene, floor_x, floor_y, d.parameters);
+    lights.light[view][block] = light;
+}
+
+template <int kChannels>
+__device__ kde::ShadowLogOdds<float> odds_of(const SegmentData& d, const FloorLights& lights,
                                              std::size_t cell, int y, int x, float support) {
     const std::size_t plane = cell * kChannels * kCellPixels + x % kCellPixels, at = d.at(y, x);
     const float distance =
@@ -72,50 +96,56 @@ __device__ kde::ShadowLogOdds<float> odds_of(const SegmentData& d, const Segment
     auto e = kde::own_evidence<kChannels, float>(
         distance, d.log_foreground[kde::histogram_bin<kChannels>(d.values + plane)],
         {d.factor + at, d.residual + at, d.neighbourhood + at, d.misfit + at, d.stride()});
-    float floor_x, floor_y;
-    if (kde::floor_point(d.floor, d.camera, kde::block_centre<kde::kFloorBlock_px>(x),
-                         kde::block_centre<kde::kFloorBlock_px>(y), floor_x, floor_y))
-        for (int n = 0; n < d.other_count; ++n)
-            kde::add_floor_light(e, kde::light_of_floor<kChannels>(*cameras[d.others[n]].scene, floor_x,
-                                                                   floor_y, d.parameters));
+    for (int n = 0; n < d.other_count; ++n)
+        kde::add_floor_light(e, lights.light[n][x % kCellPixels / kde::kFloorBlock_px]);
     e.support = support;
     return kde::shadow_log_odds(e, d.parameters.shadow);
 }
 
-// Gives a pixel its evidence if it is doubtful. Returns whether the votes would change it.
-template <int kChannels>
-__device__ bool judge_pixel(const SegmentData& d, const SegmentData* cameras, int y, int x) {
-    const std::size_t cell = d.cell(y, x / kCellPixels), at = d.at(y, x);
+// Whether the rule decides a pixel. One where the subject cannot be becomes background.
+__device__ bool is_doubtful(const SegmentData& d, std::size_t cell, int y, int x, float& support) {
+    const std::size_t at = d.at(y, x);
     const int lane = x % kCellPixels;
     if (!in_group(d.active[cell], lane)) return false;
     if (d.density[cell * kCellPixels + lane] >= kde::kSureDensity ||
         d.evidence[at] >= kde::kDoubtfulEvidence ||
         d.votes[y / kde::kVoteBlock_px * d.vote_columns() + x / kde::kVoteBlock_px] < kde::kMinJudgedVote)
         return false;
-    const float support =
-        d.support[y / kde::kSupportBlock_px * d.support_columns() + x / kde::kSupportBlock_px];
-    if (support < kde::kMinSupport && !kde::is_lighter(d.factor + at, d.stride())) {
-        d.evidence[at] = -d.parameters.limit;
-        return false;
-    }
-    const auto odds = odds_of<kChannels>(d, cameras, cell, y, x, support);
-    d.evidence[at] = odds.own;
-    d.voted[at] = odds.voted;
-    return odds.changed();
+    support = d.support[y / kde::kSupportBlock_px * d.support_columns() + x / kde::kSupportBlock_px];
+    if (support >= kde::kMinSupport || kde::is_lighter(d.factor + at, d.stride())) return true;
+    d.evidence[at] = -d.parameters.limit;
+    return false;
 }
 
 // Judges the pixels of active tiles, and counts per block those that the votes would change.
 template <int kChannels>
 __global__ void __launch_bounds__(kTileThreads) shadow_kernel(const SegmentData* __restrict__ cameras) {
+    __shared__ FloorLights lights;
     const SegmentData& d = cameras[blockIdx.z];
     if (d.other_count == 0) return;
     const int tiles = d.state->active_listed;
     for (int n = static_cast<int>(blockIdx.x); n < tiles; n += static_cast<int>(gridDim.x)) {
         const Tile tile(d, d.active_tiles[n]);
         const int x = tile.x(), y = tile.y();
-        if (!d.work.holds(y, tile.k) || x >= d.width || !judge_pixel<kChannels>(d, cameras, y, x)) continue;
-        atomicAdd(d.changed + y / kde::kVoteBlock_px * d.vote_columns() + x / kde::kVoteBlock_px, 1);
-        atomicAdd(&d.state->changed, 1);
+        const std::size_t cell = d.work.holds(y, tile.k) ? d.cell(y, tile.k) : 0;
+        float support = 0;
+        if (threadIdx.x == 0) lights.asked = 0;
+        const bool doubtful = d.work.holds(y, tile.k) && x < d.width && is_doubtful(d, cell, y, x, support);
+        if (!__syncthreads_or(doubtful)) continue;
+        if (doubtful) atomicOr(&lights.asked, 1u << tile.lane / kde::kFloorBlock_px);
+        __syncthreads();
+        look_up<kChannels>(d, cameras, tile, lights);
+        __syncthreads();
+        if (doubtful) {
+            const auto odds = odds_of<kChannels>(d, lights, cell, y, x, support);
+            d.evidence[d.at(y, x)] = odds.own;
+            d.voted[d.at(y, x)] = odds.voted;
+            if (odds.changed()) {
+                atomicAdd(d.changed + y / kde::kVoteBlock_px * d.vote_columns() + x / kde::kVoteBlock_px, 1);
+                atomicAdd(&d.state->changed, 1);
+            }
+        }
+        __syncthreads();
     }
 }
 
