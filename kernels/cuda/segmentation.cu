@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <stdexcept>
@@ -11,10 +12,9 @@
 #include <vector>
 
 #include "kernels/cpu/foreground_colours.h"
-#include "kernels/cpu/image_copy.h"
-#include "kernels/cpu/run_components.h"
 #include "kernels/cpu/segmentation_density.h"
 #include "kernels/cpu/segmentation_model.h"
+#include "kernels/cpu/upload_work.h"
 #include "kernels/cuda/components.h"
 #include "kernels/cuda/forms.h"
 #include "kernels/cuda/segmentation_results.h"
@@ -89,6 +89,8 @@ class CudaSegmenter final : public RewindableSegmenter {
     void place_planes();
     void place_frame();
     void place_scene();
+    void upload_image(const ImageView& image);
+    void upload_frame(const ImageView& image, const SegmentationPrior& prior);
     CudaSegmenter* usable(const Segmenter* other) const;
     void upload_cameras(std::span<CudaSegmenter* const> cameras);
     void decide_all(const std::vector<Member>& members, bool update);
@@ -112,11 +114,11 @@ class CudaSegmenter final : public RewindableSegmenter {
 
     // Of the model and of a frame.
     DeviceBuffer<std::uint8_t> samples_, scale_, reference_, candidate_, visits_, values_, density_;
-    DeviceBuffer<std::uint8_t> candidates_, active_, near_, probability_of_, added_;
+    DeviceBuffer<std::uint8_t> candidates_, active_, near_, probability_of_;
     DeviceBuffer<float> log_peak_, planes_, log_lit_, log_scale_, floor_directions_, support_;
     DeviceBuffer<Word> masks_;
     DeviceBuffer<std::int8_t> votes_;
-    DeviceBuffer<int> cells_, tiles_, changed_, run_lists_;
+    DeviceBuffer<int> cells_, tiles_, changed_, added_, run_lists_;
     DeviceBuffer<CameraState> state_;
     DeviceBuffer<kde::SceneView> device_scene_;
     // What is uploaded with a frame: image, log density of colours, expected silhouette.
@@ -285,6 +287,44 @@ void CudaSegmenter::set_camera(const CameraModel& camera) {
     place_scene();
 }
 
+// A large image is on its way while the rest of it is copied. Small pieces do not pay: the calls of several
+// threads wait for each other in the driver.
+void CudaSegmenter::upload_image(const ImageView& image) {
+    constexpr std::size_t kPiece = 2 << 20;  // bytes
+    const std::size_t row_bytes = static_cast<std::size_t>(data_.width) * data_.channels;
+    const int rows = static_cast<int>(std::max<std::size_t>(1, kPiece / row_bytes));
+    for (int y = 0; y < data_.height; y += rows) {
+        const int end = std::min(y + rows, data_.height);
+        cpu::copy_rows(image, y, end, host_upload_.data());
+        upload(*stream_, upload_.data() + y * row_bytes, host_upload_.data() + y * row_bytes,
+               (end - y) * row_bytes);
+    }
+}
+
+// The image, the log density of colours and the expected silhouette as bits; the latter two are worked out
+// while the image is copied.
+void CudaSegmenter::upload_frame(const ImageView& image, const SegmentationPrior& prior) {
+    std::size_t end = expected_at_;
+    data_.expected = nullptr;
+    std::vector<std::function<void()>> tasks;
+    tasks.emplace_back([&] { upload_image(image); });
+    tasks.emplace_back([&] {
+        colours_.log_density(options_.colour_memory_weight, log_foreground_);
+        std::memcpy(host_upload_.data() + colours_at_, log_foreground_.data(),
+                    log_foreground_.size() * sizeof(float));
+    });
+    if (prior.expected && data_.tracked) {
+        data_.expected = reinterpret_cast<const Word*>(upload_.data() + expected_at_);
+        end += cells() * sizeof(Word);
+        tasks.emplace_back([&] {
+            cpu::pack_mask(prior.expected, data_.width, data_.height,
+                           reinterpret_cast<Word*>(host_upload_.data() + expected_at_));
+        });
+    }
+    cpu::run_all(tasks);
+    upload(*stream_, upload_.data() + colours_at_, host_upload_.data() + colours_at_, end - colours_at_);
+}
+
 // Uploads the image, and has no other part in the work on it, so that the cameras' threads do not meet.
 void CudaSegmenter::begin_frame(const ImageView& image, const SegmentationPrior& prior) {
     if (!learned_) throw std::logic_error("segmentation: learn() the background before segmenting");
@@ -303,25 +343,7 @@ void CudaSegmenter::begin_frame(const ImageView& image, const SegmentationPrior&
     searched_ = {data_.work.k0 * kCellPixels, data_.work.y0,
                  std::min(data_.work.k1 * kCellPixels, data_.width), data_.work.y1};
     upload_in_flight_ = true;
-    cpu::copy_image(image, host_upload_.data());
-    // One piece: calls of several threads wait for each other in the driver.
-    upload(*stream_, upload_.data(), host_upload_.data(), pixels() * data_.channels);
-    // Computed while the image is on its way.
-    colours_.log_density(options_.colour_memory_weight, log_foreground_);
-    std::memcpy(host_upload_.data() + colours_at_, log_foreground_.data(),
-                log_foreground_.size() * sizeof(float));
-    std::size_t end = expected_at_;
-    data_.expected = nullptr;
-    if (prior.expected && data_.tracked) {
-        auto* words = reinterpret_cast<Word*>(host_upload_.data() + expected_at_);
-        for (int y = 0; y < data_.height; ++y)
-            for (int k = 0; k < data_.cells_per_row; ++k)
-                words[data_.cell(y, k)] = cpu::set_pixels(
-                    prior.expected + static_cast<std::size_t>(y) * data_.width, k * kCellPixels, data_.width);
-        data_.expected = reinterpret_cast<const Word*>(upload_.data() + expected_at_);
-        end += cells() * sizeof(Word);
-    }
-    upload(*stream_, upload_.data() + colours_at_, host_upload_.data() + colours_at_, end - colours_at_);
+    upload_frame(image, prior);
     step_ = Step::kBegun;
 }
 

@@ -164,7 +164,7 @@ __global__ void limb_kernel(const SegmentData* __restrict__ cameras) {
         for (int x = x0; x < x1; ++x) changed += d.changed[y * columns + x];
     if (!kde::is_limb(changed, radius)) return;
     for (int y = y0; y < y1; ++y)
-        for (int x = x0; x < x1; ++x) d.added[y * columns + x] = 1;
+        for (int x = x0; x < x1; ++x) atomicOr(d.added + y * columns + x, 1);
 }
 
 }  // namespace

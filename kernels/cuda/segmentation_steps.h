@@ -86,8 +86,7 @@ struct SegmentData {
     CameraState* state;
     kde::SceneView* scene;  // what the other cameras look up
     std::int8_t* votes;     // per block of kde::kVoteBlock_px, see kde::SceneView
-    int* changed;           // per vote block, pixels that the votes would change
-    std::uint8_t* added;    // per vote block, whether they do
+    int *changed, *added;   // per vote block, pixels that the votes would change; whether they do
     float* support;         // per block of kde::kSupportBlock_px
     kde::FloorGrid floor;
     Projector camera;
