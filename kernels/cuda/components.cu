@@ -308,7 +308,7 @@ __global__ void __launch_bounds__(kMaskThreads) cleaning_kernel(const SegmentDat
     fill_holes(mask, max(part, d.max_hole_px), room, scratch);
 }
 
-// The sum of the places of the pixels set.
+// The sum of the positions of the pixels set.
 __device__ int places_of(Word pixels) {
     return __popcll(pixels & 0xaaaaaaaaaaaaaaaaull) + 2 * __popcll(pixels & 0xccccccccccccccccull) +
            4 * __popcll(pixels & 0xf0f0f0f0f0f0f0f0ull) + 8 * __popcll(pixels & 0xff00ff00ff00ff00ull) +

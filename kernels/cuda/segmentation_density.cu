@@ -351,7 +351,7 @@ __device__ void list_tiles(const SegmentData& d, int n) {
     if (active) d.active_tiles[first[1] + place[1]] = n;
 }
 
-// A warp a listed cell. Sums that ended early go on to their end. Blocks from kListBlocks on list tiles.
+// A warp a listed cell. Sums that ended early are completed. Blocks from kListBlocks on list tiles.
 constexpr int kListBlocks = 256;  // enough to fill the device; they share the list
 template <int kChannels>
 __global__ void light_kernel(const SegmentData* __restrict__ cameras) {

@@ -19,7 +19,7 @@ __device__ void sum_columns(const SegmentData& d, const Tile& tile, ColumnSums& 
     const float* planes[kSums] = {d.weighted_value, d.weighted_energy, d.product, d.energy, d.square};
     for (int n = static_cast<int>(threadIdx.x); n < kTileRows * kWideColumns; n += kTileThreads) {
         const int row = n / kWideColumns, column = n % kWideColumns;
-        if (tile.y0 + row >= d.height + kSurroundings) break;  // nobody looks there
+        if (tile.y0 + row >= d.height + kSurroundings) break;  // not looked at
         const std::size_t at = d.at(tile.y0 + row, tile.k * kCellPixels - kSurroundings + column),
                           stride = d.stride();
 #pragma unroll

@@ -17,7 +17,7 @@ std::size_t head_of(const SegmentData& camera) {
     return aligned(sizeof(CameraResult)) + aligned(camera.colour_bins * sizeof(int));
 }
 
-// Masks and probability of so many cells.
+// Masks and probability of a number of cells.
 std::size_t body_of(std::size_t cells) {
     return cells * (2 * sizeof(Word) + kCellPixels);
 }
