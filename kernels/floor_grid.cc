@@ -51,36 +51,8 @@ FloorDirections floor_directions(const CameraModel& model) {
 
 void subject_bounds(const Rect& subject, const CameraModel& camera, const FloorDirections& directions,
                     float bounds[4]) {
-    constexpr float kMargin = 0.3f;  // of the subject's longer side
-    constexpr float kBeyond = 1e3f;
-    const int margin =
-        kde::kFloorGrid_px +
-        static_cast<int>(kMargin * static_cast<float>(std::max(subject.width(), subject.height())));
-    const int x0 = subject.x0 - margin, y0 = subject.y0 - margin, x1 = subject.x1 + margin,
-              y1 = subject.y1 + margin;
-    const int last_column = directions.columns - 1, last_row = directions.rows - 1;
-    const auto grid_at = [](int px, int last) { return std::clamp(px / kde::kFloorGrid_px, 0, last); };
-    const int columns[3] = {grid_at(x0, last_column), grid_at((x0 + x1) / 2, last_column),
-                            grid_at(x1 + kde::kFloorGrid_px - 1, last_column)};
-    const int rows[3] = {grid_at(y0, last_row), grid_at((y0 + y1) / 2, last_row),
-                         grid_at(y1 + kde::kFloorGrid_px - 1, last_row)};
-    bounds[0] = bounds[2] = kBeyond;
-    bounds[1] = bounds[3] = -kBeyond;
-    bool known = true;
-    for (const int row : rows)
-        for (const int column : columns) {
-            const float* xy =
-                directions.xy.data() + 2 * (static_cast<std::size_t>(row) * directions.columns + column);
-            known = known && xy[0] == xy[0];
-            bounds[0] = std::min(bounds[0], xy[0]);
-            bounds[1] = std::max(bounds[1], xy[0]);
-            bounds[2] = std::min(bounds[2], xy[1]);
-            bounds[3] = std::max(bounds[3], xy[1]);
-        }
-    if (!known || x0 <= 0) bounds[0] = -kBeyond;
-    if (!known || x1 >= camera.width) bounds[1] = kBeyond;
-    if (!known || y0 <= 0) bounds[2] = -kBeyond;
-    if (!known || y1 >= camera.height) bounds[3] = kBeyond;
+    kde::bounds_around(subject, camera.width, camera.height, directions.xy.data(), directions.columns,
+                       directions.rows, bounds);
 }
 
 }  // namespace kinevox::kernels

@@ -129,6 +129,14 @@ struct Silhouettes {
     double centroid_x = 0, centroid_y = 0;  // centroid of `sharp`, px; valid if sharp_pixels > 0
 };
 
+class Segmenter;
+
+// What decide() needs of one camera of a frame set.
+struct FrameDecision {
+    Segmenter* segmenter = nullptr;
+    std::vector<const Segmenter*> others;
+};
+
 // Segments the images of one camera. Not thread-safe; the segmenters of several cameras may run in parallel.
 class Segmenter {
   public:
@@ -149,6 +157,9 @@ class Segmenter {
     // std::invalid_argument for an image of another size, std::logic_error before learn().
     virtual void begin_frame(const ImageView& image, const SegmentationPrior& prior) = 0;
     virtual void decide(std::span<const Segmenter* const> others, Silhouettes& out) = 0;
+    // Between begin_frame() and decide() of all cameras of a frame set, of any one of them: a GPU then works
+    // on all at once, and each decide(), with the same `others`, only returns what was found.
+    virtual void decide_together(std::span<const FrameDecision>) {}
     // Updates the model with the frame; `out` as decide() filled it.
     virtual void end_frame(const Silhouettes& out) = 0;
 

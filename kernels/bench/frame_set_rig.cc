@@ -133,6 +133,9 @@ void FrameSetRig::segment(const Frame& frame) {
     }
     for_each_camera(cameras_.size(),
                     [&](std::size_t c) { segmenters_[c]->begin_frame(view(frame.images[c]), priors[c]); });
+    std::vector<FrameDecision> decisions;
+    for (const auto& segmenter : segmenters_) decisions.push_back({segmenter.get(), others});
+    segmenters_[0]->decide_together(decisions);
     for_each_camera(cameras_.size(), [&](std::size_t c) { segmenters_[c]->decide(others, silhouettes_[c]); });
     for_each_camera(cameras_.size(), [&](std::size_t c) { segmenters_[c]->end_frame(silhouettes_[c]); });
 }

@@ -40,14 +40,21 @@ struct Rig {
         SegmentationPrior prior;
         if (tracked) prior.region = {kBody.x0 - 40, kBody.y0 - 40, kBody.x1 + 40, kBody.y1 + 40};
         prior.full_pass = !tracked;
-        const auto one = [&](int c) {
-            segmenters[c]->segment(images[c][frame % kImages].view(), prior, out[c]);
-        };
+        const auto each = [&](const auto& body) {
 #ifdef KINEVOX_HAVE_TBB
-        oneapi::tbb::parallel_for(0, kCameras, one);
+            oneapi::tbb::parallel_for(0, kCameras, body);
 #else
-        for (int c = 0; c < kCameras; ++c) one(c);
+            for (int c = 0; c < kCameras; ++c) body(c);
 #endif
+        };
+        each([&](int c) { segmenters[c]->begin_frame(images[c][frame % kImages].view(), prior); });
+        std::vector<FrameDecision> decisions(kCameras);
+        for (int c = 0; c < kCameras; ++c) decisions[c].segmenter = segmenters[c].get();
+        segmenters[0]->decide_together(decisions);
+        each([&](int c) {
+            segmenters[c]->decide({}, out[c]);
+            segmenters[c]->end_frame(out[c]);
+        });
     }
 
     std::vector<std::vector<testing::TestImage>> images;

@@ -1,19 +1,23 @@
-// Segmentation on the device, step for step as kernels/cpu/segmentation.cc. The host learns the first model,
-// finds the image's gain from a grid of pixels (it keeps a copy of the reference) and keeps the subject's
-// colours.
+// Segmentation on the device, step for step as kernels/cpu/segmentation.cc, for all cameras of a frame set at
+// once: begin_frame() uploads an image, and the first decide() queues all steps of all cameras, waits once
+// and keeps the results for the others. The host learns the first model and keeps the subject's colours.
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <functional>
+#include <memory>
+#include <mutex>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "kernels/cpu/foreground_colours.h"
 #include "kernels/cpu/segmentation_density.h"
-#include "kernels/cpu/segmentation_masks.h"
 #include "kernels/cpu/segmentation_model.h"
+#include "kernels/cpu/upload_work.h"
 #include "kernels/cuda/components.h"
 #include "kernels/cuda/forms.h"
+#include "kernels/cuda/segmentation_results.h"
 #include "kernels/cuda/segmentation_steps.h"
 #include "kernels/floor_grid.h"
 #include "kernels/segmentation_memory.h"
@@ -29,21 +33,40 @@ constexpr float kSmoothing_px = 1.0f;
 constexpr float kColourMemory = 0.9f;
 constexpr float kSureEvidence = 3.0f;
 
+// All segmenters queue their work on one stream: what the cameras of a frame set look up of each other is
+// then there without an event or a wait.
+std::shared_ptr<Stream> shared_stream() {
+    static std::mutex mutex;
+    static std::weak_ptr<Stream> kept;
+    const std::lock_guard lock(mutex);
+    std::shared_ptr<Stream> stream = kept.lock();
+    if (!stream) kept = stream = std::make_shared<Stream>();
+    return stream;
+}
+
 class CudaSegmenter final : public RewindableSegmenter {
   public:
     CudaSegmenter(int width, int height, int channels, const SegmentationOptions& options);
+    ~CudaSegmenter() override;
     void learn(std::span<const ImageView> empty_scene) override;
     bool learned() const override { return learned_; }
     void keep_learned() override { keep_learned_ = true; }
     void forget_frames() override;
     void set_camera(const CameraModel& camera) override;
     void begin_frame(const ImageView& image, const SegmentationPrior& prior) override;
+    void decide_together(std::span<const FrameDecision> cameras) override;
     void decide(std::span<const Segmenter* const> others, Silhouettes& out) override;
     void end_frame(const Silhouettes& out) override;
-    const kde::SceneView* scene() const override { return has_camera_ ? &scene_ : nullptr; }
+    const kde::SceneView* scene() const override { return has_camera() ? &scene_ : nullptr; }
 
   private:
-    void begin();
+    // Where the frame between begin_frame() and end_frame() is.
+    enum class Step { kNone, kBegun, kLooked, kDecided, kUpdated };
+    struct Member {
+        CudaSegmenter* segmenter;
+        std::vector<CudaSegmenter*> others;
+    };
+
     template <class T>
     T* place(DeviceBuffer<T>& buffer, std::size_t size) {
         buffer.resize(size);
@@ -54,63 +77,65 @@ class CudaSegmenter final : public RewindableSegmenter {
         PinnedBuffer<typename From::value_type> pinned;
         pinned.resize(from.size());
         std::copy(from.begin(), from.end(), pinned.data());
-        upload(stream_, buffer, pinned);
-        stream_.wait();
+        upload(*stream_, buffer, pinned);
+        stream_->wait();
         return buffer.data();
     }
-    void start_frame(const ImageView& image, const SegmentationPrior& prior);
-    CellRange find_active(const CellRange& work);
-    void vote();
-    void silhouettes(const Rect& box, const Rect& limit, const SegmentationPrior& prior);
-    void update(const CellRange& work, bool tracked);
-    void finish_frame(const Rect& box, Silhouettes& out);
-
-    FloorScenes floor_scenes(std::span<const Segmenter* const> others) const;
+    bool has_camera() const { return data_.has_camera; }
+    std::size_t pixels() const { return static_cast<std::size_t>(data_.width) * data_.height; }
+    std::size_t cells() const { return data_.cell(data_.height, 0); }
+    void set_options();
+    void begin(const cpu::BackgroundModel& model);
+    void place_planes();
+    void place_frame();
+    void place_scene();
+    void upload_image(const ImageView& image);
+    void upload_frame(const ImageView& image, const SegmentationPrior& prior);
+    CudaSegmenter* usable(const Segmenter* other) const;
+    void upload_cameras(std::span<CudaSegmenter* const> cameras);
+    void decide_all(const std::vector<Member>& members, bool update);
+    void prepare(const Member& member, std::span<CudaSegmenter* const> cameras);
 
     SegmentationOptions options_;
-    bool has_camera_ = false;
-    kde::SceneView scene_;
-    CameraModel camera_;
-    FloorDirections directions_;
-    kde::FloorGrid floor_grid_;
-    DeviceBuffer<float> floor_directions_;
-    // The frame between begin_frame() and end_frame().
-    SegmentationPrior prior_;
-    CellRange work_, active_box_;
+    const std::shared_ptr<Stream> stream_;
+    SegmentData data_{};
+    kde::SceneView scene_;  // with what does not change; the device has the whole one
     bool learned_ = false, keep_learned_ = false;
     std::int64_t frame_ = 0;
-    cpu::BackgroundModel model_;          // of which only `reference` follows the device's
     cpu::BackgroundModel learned_model_;  // empty unless it is kept
     cpu::ForegroundColours colours_;
     std::vector<float> log_foreground_;
     std::vector<std::int32_t> counts_;
-    Stream stream_;
-    SegmentData data_{};
-    MaskCleaner cleaner_;
-    DeviceBuffer<std::uint8_t> samples_, scale_, reference_, candidate_, visits_, image_, values_, density_;
-    DeviceBuffer<std::uint8_t> candidates_, active_, probability_of_, masks_, zones_, expected_;
-    DeviceBuffer<float> log_peak_, planes_, log_lit_, log_scale_, device_log_foreground_;
+    Step step_ = Step::kNone;
+    // Whether the device may still read these pieces of pinned memory.
+    bool upload_in_flight_ = false, cameras_in_flight_ = false;
+    Rect searched_;
+    FrameResults results_;  // where the frame's results are
+
+    // Of the model and of a frame.
+    DeviceBuffer<std::uint8_t> samples_, scale_, reference_, candidate_, visits_, values_, density_;
+    DeviceBuffer<std::uint8_t> candidates_, active_, near_, probability_of_;
+    DeviceBuffer<float> log_peak_, planes_, log_lit_, log_scale_, floor_directions_, support_;
+    DeviceBuffer<Word> masks_;
     DeviceBuffer<std::int8_t> votes_;
-    DeviceBuffer<std::uint8_t> added_;
-    DeviceBuffer<int> changed_;
-    DeviceBuffer<float> support_;
-    DeviceBuffer<int> numbers_, colour_counts_;
-    DeviceBuffer<unsigned long long> sums_;
-    PinnedBuffer<std::uint8_t> host_image_, host_expected_, host_masks_, host_reference_;
-    PinnedBuffer<float> host_log_foreground_;
-    PinnedBuffer<int> host_numbers_, host_counts_;
-    PinnedBuffer<unsigned long long> host_sums_;
+    DeviceBuffer<int> cells_, tiles_, changed_, added_, run_lists_;
+    DeviceBuffer<CameraState> state_;
+    DeviceBuffer<kde::SceneView> device_scene_;
+    // What is uploaded with a frame: image, log density of colours, expected silhouette.
+    DeviceBuffer<std::uint8_t> upload_;
+    PinnedBuffer<std::uint8_t> host_upload_;
+    std::size_t colours_at_ = 0, expected_at_ = 0;
+    // Of a whole frame set, where this segmenter is its first one.
+    PinnedBuffer<SegmentData> host_cameras_;
+    DeviceBuffer<SegmentData> cameras_;
+    ResultMemory result_memory_;
 };
 
 CudaSegmenter::CudaSegmenter(int width, int height, int channels, const SegmentationOptions& options)
-    : options_(options), colours_(channels) {
+    : options_(options), stream_(shared_stream()), colours_(channels) {
     data_.width = width, data_.height = height, data_.channels = channels;
-    data_.sample_count = options.samples;
     data_.cells_per_row = (width + kCellPixels - 1) / kCellPixels;
-    data_.tables = cpu::make_density_tables(options.samples);
-    data_.parameters.darkest = options.darkest_shadow;
-    data_.parameters.brightest = options.brightest_light;
-    data_.parameters.log_prior_light = std::log(options.light_change_prior);
+    set_options();
     std::vector<float> log_lit(256);
     std::vector<std::uint8_t> probability(256);
     for (int i = 0; i < 256; ++i) {
@@ -123,289 +148,314 @@ CudaSegmenter::CudaSegmenter(int width, int height, int channels, const Segmenta
     data_.probability_of = keep(probability_of_, probability);
 }
 
+// Others may have queued work that reads this segmenter's memory.
+CudaSegmenter::~CudaSegmenter() {
+    cudaStreamSynchronize(stream_->get());
+}
+
+void CudaSegmenter::set_options() {
+    const auto log_odds = [](float probability) { return std::log(probability / (1 - probability)); };
+    data_.sample_count = options_.samples;
+    data_.tables = cpu::make_density_tables(options_.samples);
+    data_.parameters.darkest = options_.darkest_shadow;
+    data_.parameters.brightest = options_.brightest_light;
+    data_.parameters.log_prior_light = std::log(options_.light_change_prior);
+    data_.sharp_from = log_odds(options_.sharp_threshold);
+    data_.loose_from = log_odds(options_.loose_threshold);
+    float taps[3], sum = 0;
+    for (int i = 0; i < 3; ++i) {
+        taps[i] = std::exp(-0.5f * static_cast<float>((i - 2) * (i - 2)) / (kSmoothing_px * kSmoothing_px));
+        sum += i < 2 ? 2 * taps[i] : taps[i];
+    }
+    for (int i = 0; i < 3; ++i) data_.smoothing[i] = taps[i] / sum;
+    data_.sure_evidence = kSureEvidence;
+    data_.min_component_px = options_.min_component_px, data_.max_hole_px = options_.max_hole_px;
+    data_.min_component_fraction = options_.min_component_fraction;
+    data_.max_hole_fraction = options_.max_hole_fraction;
+    data_.refine_border = options_.refine_border;
+    data_.count_colours = options_.colour_memory_weight > 0;
+}
+
 void CudaSegmenter::learn(std::span<const ImageView> empty_scene) {
     if (empty_scene.empty())
         throw std::invalid_argument("segmentation: the background needs at least one image");
     for (const ImageView& image : empty_scene)
         cpu::check_image(image, data_.width, data_.height, data_.channels);
-    stream_.wait();
-    model_ = cpu::learn_background(empty_scene, data_.width, data_.height, data_.channels, options_);
-    if (keep_learned_) learned_model_ = model_;
-    begin();
+    stream_->wait();
+    cpu::BackgroundModel model =
+        cpu::learn_background(empty_scene, data_.width, data_.height, data_.channels, options_);
+    begin(model);
+    if (keep_learned_) learned_model_ = std::move(model);
 }
 
 void CudaSegmenter::forget_frames() {
     if (!learned_ || !keep_learned_)
         throw std::logic_error(
             "segmentation: no learned background was kept; call keep_learned() before learn()");
-    stream_.wait();
-    model_ = learned_model_;
-    begin();
+    stream_->wait();
+    begin(learned_model_);
 }
 
 // The first frame is still to come.
-void CudaSegmenter::begin() {
-    data_.samples = keep(samples_, model_.samples);
-    data_.scale = keep(scale_, model_.bandwidth_scale);
-    data_.reference = keep(reference_, model_.reference);
-    data_.candidate = keep(candidate_, model_.candidate);
-    data_.visits = keep(visits_, model_.candidate_visits);
-    data_.log_peak = keep(log_peak_, model_.log_peak);
-    const std::size_t pixels = static_cast<std::size_t>(data_.width) * data_.height;
-    const std::size_t cells = model_.cell_index(data_.height, 0), plane = data_.plane_size();
-    data_.image = place(image_, pixels * data_.channels);
-    host_image_.resize(pixels * data_.channels);
-    data_.values = place(values_, cells * model_.cell_bytes());
-    data_.density = place(density_, cells * kCellPixels);
-    data_.candidates = place(candidates_, cells);
-    data_.active = place(active_, cells);
-    float* planes = place(planes_, 12 * plane);
-    data_.weighted_value = planes, data_.weighted_energy = planes + plane, data_.factor = planes + 2 * plane;
-    data_.residual = planes + 3 * plane, data_.evidence = planes + 4 * plane,
-    data_.smoothed = planes + 5 * plane;
-    data_.neighbourhood = planes + 6 * plane, data_.product = planes + 7 * plane;
-    data_.energy = planes + 8 * plane, data_.square = planes + 9 * plane, data_.misfit = planes + 10 * plane;
-    data_.voted = planes + 11 * plane;
-    data_.probability = place(masks_, 3 * pixels);
-    data_.sharp = data_.probability + pixels, data_.loose = data_.probability + 2 * pixels;
-    host_masks_.resize(3 * pixels);
-    data_.zones = place(zones_, pixels);
-    data_.active_box = place(numbers_, 13);
-    data_.bounds = data_.active_box + 4;
-    data_.vote_box = data_.active_box + 8;
-    host_numbers_.resize(13);
+void CudaSegmenter::begin(const cpu::BackgroundModel& model) {
+    data_.samples = keep(samples_, model.samples);
+    data_.scale = keep(scale_, model.bandwidth_scale);
+    data_.reference = keep(reference_, model.reference);
+    data_.candidate = keep(candidate_, model.candidate);
+    data_.visits = keep(visits_, model.candidate_visits);
+    data_.log_peak = keep(log_peak_, model.log_peak);
+    place_planes();
+    place_frame();
+    colours_.clear();
+    frame_ = 0;
+    step_ = Step::kNone;
+    learned_ = true;
+}
+
+// The planes hold neutral values where no cell was active in the last frame.
+void CudaSegmenter::place_planes() {
+    constexpr int kZero = 9, kLimit = 3;
+    const std::size_t plane = data_.plane_size();
+    float* next = place(planes_, (kZero + kLimit) * plane);
+    fill_bytes(*stream_, next, 0, kZero * plane);
+    queue_fill(*stream_, next + kZero * plane, -data_.parameters.limit, kLimit * plane);
+    for (float** of : {&data_.weighted_value, &data_.weighted_energy, &data_.product, &data_.energy,
+                       &data_.square, &data_.factor, &data_.residual, &data_.neighbourhood, &data_.misfit,
+                       &data_.evidence, &data_.voted, &data_.smoothed}) {
+        *of = next;
+        next += plane;
+    }
+    data_.active = place(active_, cells());
+    fill_bytes(*stream_, data_.active, 0, cells());
+}
+
+void CudaSegmenter::place_frame() {
+    data_.values = place(values_, cells() * data_.channels * kCellPixels);
+    data_.density = place(density_, cells() * kCellPixels);
+    data_.candidates = place(candidates_, cells());
+    data_.cells = place(cells_, cells());
+    const auto tiles = static_cast<std::size_t>(data_.tiles());
+    data_.near = place(near_, tiles);
+    fill_bytes(*stream_, data_.near, 0, tiles);
+    int* lists_of_tiles = place(tiles_, 2 * tiles);
+    data_.near_tiles = lists_of_tiles, data_.active_tiles = lists_of_tiles + tiles;
+    Word* masks = place(masks_, 3 * cells());
+    data_.sharp = masks, data_.loose = masks + cells(), data_.refined = masks + 2 * cells();
+    const std::size_t list = run_list_size(data_.width, data_.height);
+    int* lists = place(run_lists_, 2 * list);
+    for (int n = 0; n < 2; ++n) data_.runs[n] = run_lists(lists + n * list, data_.width, data_.height);
+    data_.state = place(state_, 1);
     const std::size_t blocks = static_cast<std::size_t>(data_.vote_columns()) * data_.vote_rows();
     data_.votes = place(votes_, blocks);
     data_.changed = place(changed_, blocks);
     data_.added = place(added_, blocks);
     data_.support = place(support_, static_cast<std::size_t>(data_.support_columns()) * data_.support_rows());
-    data_.sums = place(sums_, 3);
-    host_sums_.resize(3);
-    data_.colour_counts = place(colour_counts_, colours_.bins());
-    host_counts_.resize(colours_.bins());
-    host_log_foreground_.resize(colours_.bins());
-    data_.log_foreground = place(device_log_foreground_, colours_.bins());
-    colours_.clear();
-    frame_ = 0;
-    learned_ = true;
+    data_.colour_bins = colours_.bins();
+    colours_at_ = (pixels() * data_.channels + 15) / 16 * 16;
+    expected_at_ = colours_at_ + colours_.bins() * sizeof(float);
+    const std::size_t bytes = expected_at_ + cells() * sizeof(Word);
+    host_upload_.resize(bytes);
+    std::uint8_t* uploaded = place(upload_, bytes);
+    data_.image = uploaded;
+    data_.log_foreground = reinterpret_cast<const float*>(uploaded + colours_at_);
+    place_scene();
 }
 
-// Copies what the frame needs and clears what it fills.
-void CudaSegmenter::start_frame(const ImageView& image, const SegmentationPrior& prior) {
-    const std::size_t pixels = static_cast<std::size_t>(data_.width) * data_.height;
-    const std::size_t row_bytes = static_cast<std::size_t>(data_.width) * data_.channels;
-    for (int y = 0; y < data_.height; ++y) {
-        std::memcpy(host_image_.data() + y * row_bytes, image.row(y), row_bytes);
-    }
-    upload(stream_, image_, host_image_);
-    data_.expected = nullptr;
-    if (prior.expected && !prior.region.empty()) {
-        host_expected_.resize(pixels);
-        std::memcpy(host_expected_.data(), prior.expected, pixels);
-        upload(stream_, expected_, host_expected_);
-        data_.expected = expected_.data();
-    }
-    fill_bytes(stream_, masks_.data(), 0, 3 * pixels);
-    fill_bytes(stream_, sums_.data(), 0, 3);
-    fill_bytes(stream_, colour_counts_.data(), 0, colour_counts_.size());
-    fill_bytes(stream_, changed_.data(), 0, changed_.size());
-    fill_bytes(stream_, added_.data(), 0, added_.size());
-    const int numbers[13] = {data_.height,
-                             0,
-                             data_.cells_per_row,
-                             0,
-                             data_.width,
-                             data_.height,
-                             0,
-                             0,
-                             data_.vote_columns(),
-                             data_.vote_rows(),
-                             0,
-                             0};
-    std::copy_n(numbers, 13, host_numbers_.data());
-    upload(stream_, numbers_, host_numbers_);
-    colours_.log_density(options_.colour_memory_weight, log_foreground_);
-    std::copy(log_foreground_.begin(), log_foreground_.end(), host_log_foreground_.data());
-    upload(stream_, device_log_foreground_, host_log_foreground_);
-    const auto inverse = cpu::fixed_point_inverse(cpu::estimate_gain(model_, image));
-    std::copy(inverse.begin(), inverse.end(), data_.gain_64);
-}
-
-CellRange CudaSegmenter::find_active(const CellRange& work) {
-    queue_density(stream_, data_, work);
-    queue_active(stream_, data_, work);
-    download(stream_, host_numbers_.data(), data_.active_box, 4);
-    stream_.wait();
-    return {host_numbers_[0], host_numbers_[1], host_numbers_[2], host_numbers_[3]};
-}
-
-void CudaSegmenter::silhouettes(const Rect& box, const Rect& limit, const SegmentationPrior& prior) {
-    const auto log_odds = [](float probability) { return std::log(probability / (1 - probability)); };
-    queue_decisions(stream_, data_, box, log_odds(options_.sharp_threshold),
-                    log_odds(options_.loose_threshold));
-    const std::uint8_t* seed = prior.region.empty() ? nullptr : data_.expected;
-    for (std::uint8_t* mask : {data_.loose, data_.sharp}) {
-        cleaner_.remove_small_components(stream_, mask, data_.width, box, options_.min_component_px,
-                                         options_.min_component_fraction, seed);
-        cleaner_.fill_holes(stream_, mask, data_.width, box, options_.max_hole_px,
-                            options_.max_hole_fraction);
-    }
-    if (options_.colour_memory_weight > 0) {
-        queue_colour_counts(stream_, data_, box, kSureEvidence);
-        download(stream_, host_counts_.data(), data_.colour_counts, host_counts_.size());
-    }
-    if (options_.refine_border) {
-        find_zones(stream_, data_.sharp, data_.width, data_.height,
-                   cpu::grown(box, kde::kBorderRadius, data_.width, data_.height), data_.zones);
-        queue_border(stream_, data_, box, limit);
-        cleaner_.remove_small_components(stream_, data_.sharp, data_.width, box,
-                                         options_.min_component_px / 3, 0, nullptr);
-    }
-    queue_measure(stream_, data_, box);
-}
-
-void CudaSegmenter::update(const CellRange& work, bool tracked) {
-    const int interval = options_.update_interval;
-    if (interval == 0) return;
-    const int phase = static_cast<int>(frame_ % interval);
-    queue_density_of_rows(stream_, data_, work, phase, interval);
-    queue_update(stream_, data_, cpu::update_parameters(options_, frame_ / interval), phase, interval,
-                 tracked);
-    // The host's copy of the reference follows.
-    const std::size_t row_bytes = data_.cells_per_row * model_.cell_bytes();
-    host_reference_.resize(model_.reference.size());
-    for (int y = phase; y < data_.height; y += interval) {
-        download(stream_, host_reference_.data() + y * row_bytes, data_.reference + y * row_bytes, row_bytes);
-    }
-    stream_.wait();
-    for (int y = phase; y < data_.height; y += interval) {
-        std::memcpy(model_.reference.data() + y * row_bytes, host_reference_.data() + y * row_bytes,
-                    row_bytes);
-    }
-}
-
-void CudaSegmenter::finish_frame(const Rect& box, Silhouettes& out) {
-    const std::size_t pixels = static_cast<std::size_t>(data_.width) * data_.height;
-    const std::size_t first = static_cast<std::size_t>(box.y0) * data_.width;
-    const std::size_t count = static_cast<std::size_t>(box.height()) * data_.width;
-    for (int n = 0; n < 3; ++n) {
-        download(stream_, host_masks_.data() + n * pixels + first, masks_.data() + n * pixels + first, count);
-    }
-    download(stream_, host_numbers_.data(), data_.bounds, 4);
-    download(stream_, host_sums_.data(), data_.sums, 3);
-    stream_.wait();
-    std::vector<std::uint8_t>* planes[3] = {&out.probability, &out.sharp, &out.loose};
-    for (int n = 0; n < 3; ++n) {
-        std::copy_n(host_masks_.data() + n * pixels + first, count,
-                    planes[n]->begin() + static_cast<std::ptrdiff_t>(first));
-    }
-    const Rect bounds{host_numbers_[0], host_numbers_[1], host_numbers_[2], host_numbers_[3]};
-    out.bounds = bounds.empty() ? Rect{} : bounds;
-    out.sharp_pixels = static_cast<std::int64_t>(host_sums_[0]);
-    const auto mean = [&](int n) {
-        return out.sharp_pixels > 0
-                   ? static_cast<double>(host_sums_[n]) / static_cast<double>(out.sharp_pixels)
-                   : 0;
-    };
-    out.centroid_x = mean(1), out.centroid_y = mean(2);
-}
-
-void CudaSegmenter::set_camera(const CameraModel& camera) {
-    stream_.wait();
-    scene_.camera = make_projector(camera, "segmentation");
-    camera_ = camera;
-    directions_ = floor_directions(camera);
-    floor_grid_.directions = keep(floor_directions_, directions_.xy);
-    floor_grid_.columns = directions_.columns;
-    std::copy_n(directions_.centre, 3, floor_grid_.centre);
-    has_camera_ = true;
-}
-
-void CudaSegmenter::begin_frame(const ImageView& image, const SegmentationPrior& prior) {
-    if (!learned_) throw std::logic_error("segmentation: learn() the background before segmenting");
-    cpu::check_image(image, data_.width, data_.height, data_.channels);
-    stream_.wait();
-    prior_ = prior;
-    Rect asked{0, 0, data_.width, data_.height};
-    if (!prior.full_pass && !prior.region.empty()) {
-        const Rect& r = prior.region;
-        asked = {std::max(r.x0, 0), std::max(r.y0, 0), std::min(r.x1, data_.width),
-                 std::min(r.y1, data_.height)};
-        if (asked.empty()) asked = {};
-    }
-    work_ = {asked.y0, asked.y1, asked.x0 / kCellPixels, (asked.x1 + kCellPixels - 1) / kCellPixels};
-    start_frame(image, prior);
+// What the other cameras look up; the device adds what it finds in a frame.
+void CudaSegmenter::place_scene() {
+    scene_.camera = data_.camera;
     scene_.image = data_.image;
     scene_.image_stride = static_cast<std::ptrdiff_t>(data_.width) * data_.channels;
     scene_.reference = data_.reference;
     scene_.scale = data_.scale;
-    std::copy_n(data_.gain_64, 3, scene_.inverse_gain);
     scene_.channels = data_.channels;
     scene_.cells_per_row = data_.cells_per_row;
-    active_box_ = find_active(work_);  // waits: the image is there for the other cameras
-    if (!active_box_.empty()) queue_evidence(stream_, data_, active_box_);
-    if (has_camera_) vote();
-}
-
-// Counts the blocks' votes and finds the bounds of what is plainly the subject; waits, so that the other
-// cameras find them.
-void CudaSegmenter::vote() {
-    queue_votes(stream_, data_, active_box_);
-    download(stream_, host_numbers_.data() + 8, data_.vote_box, 4);
-    stream_.wait();
     scene_.votes = data_.votes;
     scene_.vote_columns = data_.vote_columns();
-    constexpr int kBlock = kde::kVoteBlock_px;
-    const Rect subject{kBlock * host_numbers_[8], kBlock * host_numbers_[9], kBlock * host_numbers_[10],
-                       kBlock * host_numbers_[11]};
-    scene_.sees = !subject.empty();
-    if (scene_.sees) subject_bounds(subject, camera_, directions_, scene_.bounds);
+    data_.scene = keep(device_scene_, std::vector<kde::SceneView>{scene_});
 }
 
-FloorScenes CudaSegmenter::floor_scenes(std::span<const Segmenter* const> others) const {
-    FloorScenes floor;
-    if (!has_camera_) return floor;
-    floor.grid = floor_grid_;
-    floor.camera = scene_.camera;
-    for (const Segmenter* other : others) {
-        const kde::SceneView* scene = other == this ? nullptr : other->scene();
-        if (scene && scene->channels == data_.channels && floor.count < kde::kMaxFloorViews)
-            floor.others[floor.count++] = *scene;
+void CudaSegmenter::set_camera(const CameraModel& camera) {
+    stream_->wait();
+    data_.camera = make_projector(camera, "segmentation");
+    const FloorDirections directions = floor_directions(camera);
+    data_.floor.directions = keep(floor_directions_, directions.xy);
+    data_.floor.columns = directions.columns;
+    data_.floor_rows = directions.rows;
+    std::copy_n(directions.centre, 3, data_.floor.centre);
+    data_.has_camera = true;
+    place_scene();
+}
+
+// A large image is on its way while the rest of it is copied. Small pieces do not pay: the calls of several
+// threads wait for each other in the driver.
+void CudaSegmenter::upload_image(const ImageView& image) {
+    constexpr std::size_t kPiece = 2 << 20;  // bytes
+    const std::size_t row_bytes = static_cast<std::size_t>(data_.width) * data_.channels;
+    const int rows = static_cast<int>(std::max<std::size_t>(1, kPiece / row_bytes));
+    for (int y = 0; y < data_.height; y += rows) {
+        const int end = std::min(y + rows, data_.height);
+        cpu::copy_rows(image, y, end, host_upload_.data());
+        upload(*stream_, upload_.data() + y * row_bytes, host_upload_.data() + y * row_bytes,
+               (end - y) * row_bytes);
     }
-    return floor;
+}
+
+// The image, the log density of colours and the expected silhouette as bits; the latter two are worked out
+// while the image is copied.
+void CudaSegmenter::upload_frame(const ImageView& image, const SegmentationPrior& prior) {
+    std::size_t end = expected_at_;
+    data_.expected = nullptr;
+    std::vector<std::function<void()>> tasks;
+    tasks.emplace_back([&] { upload_image(image); });
+    tasks.emplace_back([&] {
+        colours_.log_density(options_.colour_memory_weight, log_foreground_);
+        std::memcpy(host_upload_.data() + colours_at_, log_foreground_.data(),
+                    log_foreground_.size() * sizeof(float));
+    });
+    if (prior.expected && data_.tracked) {
+        data_.expected = reinterpret_cast<const Word*>(upload_.data() + expected_at_);
+        end += cells() * sizeof(Word);
+        tasks.emplace_back([&] {
+            cpu::pack_mask(prior.expected, data_.width, data_.height,
+                           reinterpret_cast<Word*>(host_upload_.data() + expected_at_));
+        });
+    }
+    cpu::run_all(tasks);
+    upload(*stream_, upload_.data() + colours_at_, host_upload_.data() + colours_at_, end - colours_at_);
+}
+
+// Uploads the image, and has no other part in the work on it, so that the cameras' threads do not meet.
+void CudaSegmenter::begin_frame(const ImageView& image, const SegmentationPrior& prior) {
+    if (!learned_) throw std::logic_error("segmentation: learn() the background before segmenting");
+    cpu::check_image(image, data_.width, data_.height, data_.channels);
+    if (upload_in_flight_) stream_->wait();
+    data_.tracked = !prior.region.empty();
+    searched_ = {0, 0, data_.width, data_.height};
+    if (!prior.full_pass && data_.tracked) {
+        const Rect& r = prior.region;
+        searched_ = {std::max(r.x0, 0), std::max(r.y0, 0), std::min(r.x1, data_.width),
+                     std::min(r.y1, data_.height)};
+        if (searched_.empty()) searched_ = {};
+    }
+    data_.work = {searched_.y0, searched_.y1, searched_.x0 / kCellPixels,
+                  (searched_.x1 + kCellPixels - 1) / kCellPixels};
+    searched_ = {data_.work.k0 * kCellPixels, data_.work.y0,
+                 std::min(data_.work.k1 * kCellPixels, data_.width), data_.work.y1};
+    upload_in_flight_ = true;
+    upload_frame(image, prior);
+    step_ = Step::kBegun;
+}
+
+// The segmenter that `other` is, if this one can compare its shadows with it.
+CudaSegmenter* CudaSegmenter::usable(const Segmenter* other) const {
+    auto* const segmenter = const_cast<CudaSegmenter*>(dynamic_cast<const CudaSegmenter*>(other));
+    const bool is = segmenter && segmenter != this && has_camera() && segmenter->has_camera() &&
+                    segmenter->data_.channels == data_.channels && segmenter->step_ != Step::kNone;
+    return is ? segmenter : nullptr;
+}
+
+// What is asked of a camera in this frame set, but for where its results go.
+void CudaSegmenter::prepare(const Member& member, std::span<CudaSegmenter* const> cameras) {
+    data_.other_count = 0;
+    for (const CudaSegmenter* other : member.others)
+        data_.others[data_.other_count++] =
+            static_cast<int>(std::find(cameras.begin(), cameras.end(), other) - cameras.begin());
+    data_.interval = options_.update_interval;
+    if (data_.interval == 0) return;
+    data_.phase = static_cast<int>(frame_ % data_.interval);
+    data_.update = cpu::update_parameters(options_, frame_ / data_.interval);
+}
+
+void CudaSegmenter::upload_cameras(std::span<CudaSegmenter* const> cameras) {
+    if (cameras_in_flight_) stream_->wait();  // end_frame() after decide() alone
+    host_cameras_.resize(cameras.size());
+    for (std::size_t n = 0; n < cameras.size(); ++n) {
+        host_cameras_[n] = cameras[n]->data_;
+        host_cameras_[n].look = cameras[n]->step_ == Step::kBegun;
+    }
+    cameras_in_flight_ = true;
+    upload(*stream_, cameras_, host_cameras_);
+}
+
+// All steps of the members, which this segmenter is the first of. Waits once.
+void CudaSegmenter::decide_all(const std::vector<Member>& members, bool update) {
+    std::vector<CudaSegmenter*> cameras;
+    for (const Member& member : members) cameras.push_back(member.segmenter);
+    for (const Member& member : members)
+        for (CudaSegmenter* other : member.others)
+            if (std::find(cameras.begin(), cameras.end(), other) == cameras.end()) cameras.push_back(other);
+    const int count = static_cast<int>(members.size());
+    std::vector<SegmentData*> deciding;
+    for (const Member& member : members) {
+        member.segmenter->prepare(member, cameras);
+        deciding.push_back(&member.segmenter->data_);
+    }
+    const std::vector<FrameResults> results = result_memory_.place(deciding);
+    for (int n = 0; n < count; ++n) members[n].segmenter->results_ = results[n];
+    upload_cameras(cameras);
+    const FrameSet set{{host_cameras_.data(), host_cameras_.size()}, cameras_.data(), data_.channels};
+    if (std::any_of(cameras.begin(), cameras.end(),
+                    [](const CudaSegmenter* camera) { return camera->step_ == Step::kBegun; })) {
+        queue_density(*stream_, set);
+        queue_evidence(*stream_, set);
+    }
+    result_memory_.queue_clear(*stream_);
+    queue_shadows(*stream_, set, count);
+    queue_decisions(*stream_, set, count);
+    queue_cleaning(*stream_, set, count);
+    queue_border(*stream_, set, count);
+    queue_results(*stream_, set, count);
+    result_memory_.queue_download(*stream_);
+    stream_->wait();
+    cameras_in_flight_ = false;
+    for (CudaSegmenter* camera : cameras) {
+        camera->upload_in_flight_ = false;
+        if (camera->step_ == Step::kBegun) camera->step_ = Step::kLooked;
+    }
+    if (update) queue_update(*stream_, set, count);
+    for (const Member& member : members) member.segmenter->step_ = update ? Step::kUpdated : Step::kDecided;
+}
+
+void CudaSegmenter::decide_together(std::span<const FrameDecision> cameras) {
+    std::vector<Member> members;
+    for (const FrameDecision& camera : cameras) {
+        auto* const segmenter = dynamic_cast<CudaSegmenter*>(camera.segmenter);
+        if (!segmenter || segmenter->step_ != Step::kBegun || segmenter->data_.channels != data_.channels)
+            return;  // each decides alone
+        members.push_back({segmenter, {}});
+        for (const Segmenter* other : camera.others)
+            if (CudaSegmenter* const seen = segmenter->usable(other);
+                seen && members.back().others.size() < kde::kMaxFloorViews)
+                members.back().others.push_back(seen);
+    }
+    if (members.empty()) return;
+    members.front().segmenter->decide_all(members, true);
 }
 
 void CudaSegmenter::decide(std::span<const Segmenter* const> others, Silhouettes& out) {
-    const std::size_t pixels = static_cast<std::size_t>(data_.width) * data_.height;
-    out.width = data_.width, out.height = data_.height;
-    for (auto* plane : {&out.probability, &out.sharp, &out.loose}) plane->assign(pixels, 0);
-    out.searched = {work_.k0 * kCellPixels, work_.y0, std::min(work_.k1 * kCellPixels, data_.width),
-                    work_.y1};
-    Rect box;
-    if (!active_box_.empty()) {
-        float taps[3], sum = 0;
-        for (int i = 0; i < 3; ++i) {
-            taps[i] =
-                std::exp(-0.5f * static_cast<float>((i - 2) * (i - 2)) / (kSmoothing_px * kSmoothing_px));
-            sum += i < 2 ? 2 * taps[i] : taps[i];
-        }
-        const FloorScenes floor = floor_scenes(others);
-        if (floor.count > 0) queue_shadows(stream_, data_, active_box_, floor);
-        queue_smoothing(stream_, data_, active_box_, {taps[0] / sum, taps[1] / sum, taps[2] / sum});
-        box = {active_box_.k0 * kCellPixels, active_box_.y0,
-               std::min(active_box_.k1 * kCellPixels, data_.width), active_box_.y1};
-        silhouettes(box, out.searched, prior_);
+    if (step_ == Step::kBegun || step_ == Step::kLooked) {
+        Member alone{this, {}};
+        for (const Segmenter* other : others)
+            if (CudaSegmenter* const seen = usable(other); seen && alone.others.size() < kde::kMaxFloorViews)
+                alone.others.push_back(seen);
+        decide_all({alone}, false);
     }
-    finish_frame(box, out);
-    if (!active_box_.empty() && options_.colour_memory_weight > 0) {
-        counts_.assign(host_counts_.data(), host_counts_.data() + host_counts_.size());
+    results_.unpack(data_, searched_, out);
+    if (results_.result().found && options_.colour_memory_weight > 0) {
+        counts_.assign(results_.counts(), results_.counts() + colours_.bins());
         colours_.add(counts_, kColourMemory);
     }
 }
 
 // The masks are still on the device.
 void CudaSegmenter::end_frame(const Silhouettes&) {
-    update(work_, !prior_.region.empty());
+    if (step_ == Step::kDecided && data_.interval > 0) {
+        CudaSegmenter* const own[] = {this};
+        upload_cameras(own);
+        queue_update(*stream_, {{host_cameras_.data(), 1}, cameras_.data(), data_.channels}, 1);
+    }
+    step_ = Step::kNone;
     ++frame_;
 }
 

@@ -1,54 +1,116 @@
-// The steps of segmentation on the device, each queued on a stream; kernels/cpu/segmentation.cc explains
-// them. Data are stored in cells of 64 pixels as in kernels/cpu/segmentation_model.h; a block of threads
-// works on one cell.
+// The steps of segmentation on the device, each queued on a stream for all cameras of a frame set at once;
+// kernels/cpu/segmentation.cc explains them. Nothing returns to the host between them: what one step finds
+// out for the next (the image's gain, the active box, the lists of cells) stays in CameraState. Data are
+// stored in cells of 64 pixels as in kernels/cpu/segmentation_model.h, masks as a bit per pixel.
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 #include "kernels/cuda/device.h"
 #include "kernels/shared/kde_border.h"
 #include "kernels/shared/kde_density.h"
 #include "kernels/shared/kde_evidence.h"
+#include "kernels/shared/kde_scene.h"
 #include "kernels/shared/kde_shadow.h"
 #include "kernels/shared/kde_update.h"
 #include "kernels/types.h"
 
 namespace kinevox::kernels::cuda {
 
+using Word = unsigned long long;  // of a mask: the pixels of a cell, from the left
+
 // Rows [y0, y1) of cells [k0, k1).
 struct CellRange {
     int y0 = 0, y1 = 0, k0 = 0, k1 = 0;
     __host__ __device__ bool empty() const { return y1 <= y0 || k1 <= k0; }
+    __host__ __device__ bool holds(int y, int k) const { return y >= y0 && y < y1 && k >= k0 && k < k1; }
+    __host__ __device__ int rows() const { return y1 > y0 ? y1 - y0 : 0; }
+    __host__ __device__ int columns() const { return k1 > k0 ? k1 - k0 : 0; }
 };
 
 inline constexpr int kPlaneMargin = 8;  // rows above and below the planes of floats; a cell at each side
+inline constexpr int kTileRows = 4;     // of the tiles, a cell wide, that most steps work on
+// As far around an active pixel as it is looked at; each look sees as far again.
+inline constexpr int kSurroundings =
+    kde::kLightRadius > kde::kPatchRadius ? kde::kLightRadius : kde::kPatchRadius;
 
-// Device pointers and sizes; handed to every kernel.
+// What the device finds out about a frame.
+struct CameraState {
+    int gain_64[3];                  // cpu::fixed_point_inverse()
+    CellRange box;                   // around the active cells
+    int vote_box[4];                 // of the vote blocks in the subject: x0 y0 x1 y1
+    int subject_blocks;              // their number
+    int listed;                      // cells in SegmentData::cells
+    int near_listed, active_listed;  // tiles in SegmentData::near_tiles and active_tiles
+    int changed;                     // pixels that the votes would change
+    bool found;                      // anything that may be foreground
+};
+
+// What the host gets of a frame beside the masks.
+struct CameraResult {
+    CellRange box;
+    bool found;     // as CameraState
+    int bounds[4];  // of `loose`: x0 y0 x1 y1, empty without foreground
+    Word sums[3];   // of `sharp`: pixels, x, y
+};
+
+// Runs of a mask and their components, see components.cu; room for the worst mask.
+struct RunLists {
+    int* row_begin;  // height + 1
+    unsigned* spans;
+    int *parent, *area, *flags;
+};
+
+// A camera's part of a frame set: device pointers, sizes, and what is asked. In device memory, one after the
+// other, for all cameras.
 struct SegmentData {
-    int width = 0, height = 0, channels = 0, sample_count = 0, cells_per_row = 0;
+    int width, height, channels, sample_count, cells_per_row;
     std::uint8_t *samples, *scale, *reference, *candidate, *visits;  // as BackgroundModel
     float* log_peak;
-    const std::uint8_t* image;       // interleaved, without padding
-    std::uint8_t *values, *density;  // of this image, as BackgroundModel's planes
-    std::uint8_t *candidates,
-        *active;  // per cell, its groups (kde_evidence.h) near unsure pixels and those looked at
+    const std::uint8_t* image;          // interleaved, without padding
+    std::uint8_t *values, *density;     // of this image, as BackgroundModel's planes
+    std::uint8_t *candidates, *active;  // per cell, its groups (kde_evidence.h) near unsure pixels and those
+                                        // looked at; `active` holds the last frame's before
+    int* cells;                         // those that are active, or were in the last frame
+    std::uint8_t* near;                 // per tile, whether its smoothed evidence is not neutral
+    int *near_tiles, *active_tiles;  // those near an active cell, or not neutral; those with an active cell
     float *weighted_value, *weighted_energy, *factor, *residual, *evidence, *smoothed;
     float *neighbourhood, *product, *energy, *square, *misfit, *voted;  // see kernels/cpu/shadow.h
     const float *log_lit, *log_foreground;
     const float* log_scale;  // cpu::log_scales()
     const std::uint8_t* probability_of;
-    std::uint8_t *probability, *sharp, *loose, *zones;  // width bytes a row
-    const std::uint8_t* expected;                       // or null
-    int* active_box;                                    // y0 y1 k0 k1
-    int* colour_counts;
-    unsigned long long* sums;  // of `sharp`: pixels, x, y
-    int* bounds;               // of `loose`: x0 y0 x1 y1
-    std::int8_t* votes;        // per block of kde::kVoteBlock_px, see kde::SceneView
-    int* vote_box;             // of the blocks in the subject: x0 y0 x1 y1, number
-    int* changed;              // per vote block, pixels that the votes would change
-    std::uint8_t* added;       // per vote block, whether they do
-    float* support;            // per block of kde::kSupportBlock_px
-    int gain_64[3];
+    const Word* expected;           // cells_per_row words a row, or null
+    Word *sharp, *loose, *refined;  // the same; valid in the active box
+    RunLists runs[2];               // of `loose` and of `sharp`
+    CameraState* state;
+    kde::SceneView* scene;  // what the other cameras look up
+    std::int8_t* votes;     // per block of kde::kVoteBlock_px, see kde::SceneView
+    int *changed, *added;   // per vote block, pixels that the votes would change; whether they do
+    float* support;         // per block of kde::kSupportBlock_px
+    kde::FloorGrid floor;
+    Projector camera;
+    int floor_rows;  // of the grid
+    bool has_camera;
+    // Of this frame. What is looked at lies in `work`; the results hold its cells only, row by row.
+    CellRange work;
+    bool look;  // the steps from the image to the scene are still to be done
+    int others[kde::kMaxFloorViews],
+        other_count;  // cameras of the frame set whose view of the floor is asked
+    int *colour_counts, colour_bins;
+    CameraResult* result;
+    Word *result_sharp, *result_loose;
+    std::uint8_t* result_probability;
+    int phase, interval;  // every `interval`-th row from `phase` on updates the model; 0: none
+    bool tracked;
+    kde::UpdateParameters update;
+    // Options.
+    float sharp_from, loose_from;  // log odds above which a pixel belongs to a silhouette
+    float smoothing[3];            // five taps: 2 1 0 1 2
+    float sure_evidence;           // from which a pixel's colour counts as the subject's
+    int min_component_px, max_hole_px;
+    float min_component_fraction, max_hole_fraction;
+    bool refine_border, count_colours;
     kde::DensityTables tables;
     kde::EvidenceParameters parameters;
 
@@ -75,46 +137,83 @@ struct SegmentData {
     __host__ __device__ std::size_t cell(int y, int k) const {
         return static_cast<std::size_t>(y) * cells_per_row + k;
     }
+    // Tiles of the image and of a ring around it.
+    __host__ __device__ int tile_columns() const { return cells_per_row + 2; }
+    __host__ __device__ int tiles() const {
+        return tile_columns() * ((height + kTileRows - 1) / kTileRows + 2);
+    }
+    // Of a cell of `work` in the results.
+    __host__ __device__ std::size_t result_cell(int y, int k) const {
+        return static_cast<std::size_t>(y - work.y0) * work.columns() + (k - work.k0);
+    }
 };
 
-struct Smoothing {
-    float w0, w1, w2;  // five taps: w0 w1 w2 w1 w0
+// The cameras of a frame set, all with the same number of channels.
+struct FrameSet {
+    std::span<const SegmentData> host;    // for the sizes of the grids
+    const SegmentData* device = nullptr;  // the same
+    int channels = 3;
 };
 
-void queue_density(const Stream& stream, const SegmentData& data, const CellRange& work);
-// Density of every `interval`-th row from `phase` on, where `work` did not go.
-void queue_density_of_rows(const Stream& stream, const SegmentData& data, const CellRange& work, int phase,
-                           int interval);
-// Fills data.active and data.active_box, which must hold {height, 0, cells_per_row, 0} before.
-void queue_active(const Stream& stream, const SegmentData& data, const CellRange& work);
-void queue_evidence(const Stream& stream, const SegmentData& data, const CellRange& box);
+// A plane of floats that all have the same value.
+void queue_fill(const Stream& stream, float* plane, float value, std::size_t count);
 
-// Fills data.votes, and data.vote_box, which must hold {columns, rows, 0, 0, 0} before.
-void queue_votes(const Stream& stream, const SegmentData& data, const CellRange& box);
+// From the images to each camera's evidence, votes and scene.
+void queue_density(const Stream& stream, const FrameSet& cameras);
+void queue_evidence(const Stream& stream, const FrameSet& cameras);
 
-// What the cameras see of the floor; `count` 0: not known.
-struct FloorScenes {
-    kde::FloorGrid grid;
-    Projector camera;
-    kde::SceneView others[kde::kMaxFloorViews];
-    int count = 0;
+// From the evidence to the masks; the scenes that `others` name must be there. The first `count` cameras.
+void queue_shadows(const Stream& stream, const FrameSet& cameras, int count);
+void queue_decisions(const Stream& stream, const FrameSet& cameras, int count);
+// Removes small components from both masks and fills their holes.
+void queue_cleaning(const Stream& stream, const FrameSet& cameras, int count);
+// Counts the subject's colours and unmixes the border of `sharp` into `refined`.
+void queue_border(const Stream& stream, const FrameSet& cameras, int count);
+// Cleans `refined`, adds it to `loose`, measures both and writes the results.
+void queue_results(const Stream& stream, const FrameSet& cameras, int count);
+
+// Takes the due rows of the first `count` cameras into their models.
+void queue_update(const Stream& stream, const FrameSet& cameras, int count);
+
+// The most of `of` of the first `count` cameras; at least 1, so that a grid is never empty.
+template <class F>
+unsigned most(const FrameSet& cameras, int count, F of) {
+    std::size_t result = 1;
+    for (int n = 0; n < count; ++n) {
+        const std::size_t here = static_cast<std::size_t>(of(cameras.host[n]));
+        if (here > result) result = here;
+    }
+    return static_cast<unsigned>(result);
+}
+
+#ifdef __CUDACC__
+// Whether a cell's pixel belongs to one of the groups.
+__device__ inline bool in_group(int groups, int lane) {
+    return groups >> lane / kde::kGroupPixels & 1;
+}
+
+// A tile of kTileRows rows of a cell, for a block of kTileRows * 64 threads. Its rows begin with a row of
+// vote blocks.
+struct Tile {
+    int y0, k, row, lane;
+    // The tile of an index below SegmentData::tiles().
+    __device__ Tile(const SegmentData& d, int n)
+        : Tile((n / d.tile_columns() - 1) * kTileRows, n % d.tile_columns() - 1) {}
+    __device__ Tile(int first_row, int cell) : y0(first_row), k(cell) {
+        row = static_cast<int>(threadIdx.x) / kde::kCellPixels;
+        lane = static_cast<int>(threadIdx.x) % kde::kCellPixels;
+    }
+    __device__ int y() const { return y0 + row; }
+    __device__ int x() const { return k * kde::kCellPixels + lane; }
 };
-// Fills data.support, data.changed and data.added and gives doubtful pixels their evidence by the rule of
-// shared/kde_shadow.h.
-void queue_shadows(const Stream& stream, const SegmentData& data, const CellRange& box,
-                   const FloorScenes& floor);
-void queue_smoothing(const Stream& stream, const SegmentData& data, const CellRange& box,
-                     const Smoothing& smoothing);
-// Log odds above which a pixel belongs to a silhouette; evidence_to_step turns nats into 1 / 127.5 of the
-// limit.
-void queue_decisions(const Stream& stream, const SegmentData& data, const Rect& box, float sharp,
-                     float loose);
-void queue_colour_counts(const Stream& stream, const SegmentData& data, const Rect& box, float sure_evidence);
-// data.zones must be filled for `box` and kde::kBorderRadius around it.
-void queue_border(const Stream& stream, const SegmentData& data, const Rect& box, const Rect& limit);
-// Adds `sharp` to `loose` and measures both; sums must be 0 and bounds {width, height, 0, 0} before.
-void queue_measure(const Stream& stream, const SegmentData& data, const Rect& box);
-void queue_update(const Stream& stream, const SegmentData& data, const kde::UpdateParameters& parameters,
-                  int phase, int interval, bool tracked);
+#endif
+constexpr int kTileThreads = kTileRows * kde::kCellPixels;
+
+// Blocks that share the list of a camera's tiles; a camera along z.
+inline dim3 tile_lists(const FrameSet& cameras, int count) {
+    constexpr unsigned kBlocks = 256;  // those of four cameras fill the largest device once
+    const unsigned tiles = most(cameras, count, [](const SegmentData& d) { return d.tiles(); });
+    return dim3(tiles < kBlocks ? tiles : kBlocks, 1, static_cast<unsigned>(count));
+}
 
 }  // namespace kinevox::kernels::cuda

@@ -68,35 +68,43 @@ KINEVOX_HD inline long long border_offset(int x, int y, int cells_per_row) {
            x % kCellPixels;
 }
 
-// `zones` has `width` bytes a row; only pixels inside `limit` are read.
+// Adds the pixels of row `py` of the window around (x, y). `zones` has `width` bytes a row; only pixels
+// inside `limit` are read.
+template <int kChannels>
+KINEVOX_HD KINEVOX_INLINE void add_row_around(int x, int y, int py, int width, const Rect& limit,
+                                              const std::uint8_t* zones, const std::uint8_t* values,
+                                              const std::uint8_t* reference, int cells_per_row,
+                                              BorderSums<kChannels>& sums) {
+    if (py < limit.y0 || py >= limit.y1) return;
+    const int x0 = x - kBorderRadius < limit.x0 ? limit.x0 : x - kBorderRadius;
+    const int x1 = x + kBorderRadius + 1 > limit.x1 ? limit.x1 : x + kBorderRadius + 1;
+    const std::uint8_t* row = zones + static_cast<long long>(py) * width;
+    // A chessboard pattern gives the same result at half the cost.
+    for_each_certain(row, x0 + ((x0 + py) & 1), x1, [&](int px, std::uint8_t zone) {
+        const long long at = border_offset<kChannels>(px, py, cells_per_row);
+        const std::uint8_t* v = values + at;
+        const int weight = border_weight(px - x, py - y);
+        if (zone == kZoneInside) {
+            for (int c = 0; c < kChannels; ++c) sums.subject[c] += weight * v[c * kCellPixels];
+            sums.subject_weight += weight;
+        } else {
+            const std::uint8_t* r = reference + at;
+            for (int c = 0; c < kChannels; ++c) {
+                const int level = r[c * kCellPixels];
+                sums.product += weight * level * v[c * kCellPixels];
+                sums.energy += weight * level * level;
+            }
+        }
+    });
+}
+
 template <int kChannels>
 KINEVOX_HD inline BorderSums<kChannels> sum_around(int x, int y, int width, const Rect& limit,
                                                    const std::uint8_t* zones, const std::uint8_t* values,
                                                    const std::uint8_t* reference, int cells_per_row) {
     BorderSums<kChannels> sums;
-    const int x0 = x - kBorderRadius < limit.x0 ? limit.x0 : x - kBorderRadius;
-    const int y0 = y - kBorderRadius < limit.y0 ? limit.y0 : y - kBorderRadius;
-    const int x1 = x + kBorderRadius + 1 > limit.x1 ? limit.x1 : x + kBorderRadius + 1;
-    for (int py = y0; py <= y + kBorderRadius && py < limit.y1; ++py) {
-        const std::uint8_t* row = zones + static_cast<long long>(py) * width;
-        // A chessboard pattern gives the same result at half the cost.
-        for_each_certain(row, x0 + ((x0 + py) & 1), x1, [&](int px, std::uint8_t zone) {
-            const long long at = border_offset<kChannels>(px, py, cells_per_row);
-            const std::uint8_t* v = values + at;
-            const int weight = border_weight(px - x, py - y);
-            if (zone == kZoneInside) {
-                for (int c = 0; c < kChannels; ++c) sums.subject[c] += weight * v[c * kCellPixels];
-                sums.subject_weight += weight;
-            } else {
-                const std::uint8_t* r = reference + at;
-                for (int c = 0; c < kChannels; ++c) {
-                    const int level = r[c * kCellPixels];
-                    sums.product += weight * level * v[c * kCellPixels];
-                    sums.energy += weight * level * level;
-                }
-            }
-        });
-    }
+    for (int py = y - kBorderRadius; py <= y + kBorderRadius; ++py)
+        add_row_around<kChannels>(x, y, py, width, limit, zones, values, reference, cells_per_row, sums);
     return sums;
 }
 

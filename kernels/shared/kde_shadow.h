@@ -18,18 +18,15 @@
 #include "kernels/shared/device.h"
 #include "kernels/shared/kde_density.h"
 #include "kernels/shared/kde_evidence.h"
+#include "kernels/shared/kde_scene.h"
 #include "kernels/shared/shadow_weights.h"
 
 namespace kinevox::kernels::kde {
 
-inline constexpr int kPatchRadius = 3;    // px; one light must explain a patch of 7 x 7
-inline constexpr int kMaxFloorViews = 4;  // other cameras that are asked for a floor point
-inline constexpr int kFloorGrid_px = 8;   // spacing of the tabulated directions of a camera's pixels
-inline constexpr float kMaxFloorDistance_m = 15;
+inline constexpr int kPatchRadius = 3;  // px; one light must explain a patch of 7 x 7
 // Brighter pixels are in no shadow. Reflections and windows lighten a background that keeps its texture.
 inline constexpr float kBrightestShadow = 1.1f;
 inline constexpr float kLighterSupport = 0.6f;  // above it the votes may decide them, too
-inline constexpr float kDoubtfulEvidence = 3;   // nats; above it a pixel is the subject without a second look
 
 // The functions below are templates over F, float or a vector of floats with the operators of float, so that
 // the CPU form decides 16 pixels at once.
@@ -75,163 +72,6 @@ KINEVOX_HD KINEVOX_INLINE F log_of(F x) {
     const F p = ((((0.0439287f * m - 0.4094758f) * m + 1.6101775f) * m - 3.5202188f) * m + 5.0697563f) * m -
                 2.7941537f;
     return 0.6931472f * (to_floats<F>(exponent) + p);
-}
-
-// A camera's image and background, for looking up the light of single pixels; pointers in the memory of the
-// segmenter's device.
-struct SceneView {
-    Projector camera;
-    const std::uint8_t* image = nullptr;      // interleaved channels
-    std::ptrdiff_t image_stride = 0;          // bytes
-    const std::uint8_t* reference = nullptr;  // [row][cell][channel][64]
-    const std::uint8_t* scale = nullptr;      // [row][cell][channel][64]
-    int inverse_gain[3] = {0, 0, 0};          // 16384 / gain
-    int channels = 3, cells_per_row = 0;
-    const std::int8_t* votes = nullptr;  // [row][column] of blocks, see pixel_vote()
-    int vote_columns = 0;
-    // Around the subject, with a margin: left, right, top, bottom at depth 1 in the camera frame. Unless
-    // `sees`, nothing here is plainly the subject.
-    float bounds[4] = {0, 0, 0, 0};
-    bool sees = false;
-};
-
-// A camera's vote on a block of its image, from the pixels' own evidence: 1 for each pixel that is plainly
-// the subject, -1 for each that is plainly background, 0 for the doubtful ones.
-inline constexpr int kVoteBlock_px = 4;
-inline constexpr int kMaxVote = kVoteBlock_px * kVoteBlock_px;
-inline constexpr int kSubjectVote = kMaxVote / 2;    // of a block that lies in the subject
-inline constexpr int kMinJudgedVote = 4 - kMaxVote;  // fewer doubtful pixels than four are noise
-KINEVOX_HD inline int pixel_vote(int density, float evidence) {
-    return evidence >= kDoubtfulEvidence ? 1 : density >= kSureDensity ? -1 : 0;
-}
-
-// Directions of a camera's pixels, tabulated every kFloorGrid_px: x and y at depth 1 in the camera frame.
-struct FloorGrid {
-    const float* directions = nullptr;
-    int columns = 0;
-    float centre[3] = {0, 0, 0};  // of the camera, world, m
-};
-
-// x and y at depth 1 in the camera frame; NaN where the distortion model cannot be inverted.
-KINEVOX_HD inline void direction_of(const FloorGrid& grid, float u, float v, float& dx, float& dy) {
-    const float gu = u * (1.0f / kFloorGrid_px), gv = v * (1.0f / kFloorGrid_px);
-    const int iu = static_cast<int>(gu), iv = static_cast<int>(gv);
-    const float a = gu - static_cast<float>(iu), b = gv - static_cast<float>(iv);
-    const float* upper = grid.directions + 2 * (static_cast<std::ptrdiff_t>(iv) * grid.columns + iu);
-    const float* lower = upper + 2 * grid.columns;
-    dx = (1 - b) * ((1 - a) * upper[0] + a * upper[2]) + b * ((1 - a) * lower[0] + a * lower[2]);
-    dy = (1 - b) * ((1 - a) * upper[1] + a * upper[3]) + b * ((1 - a) * lower[1] + a * lower[3]);
-}
-
-// The floor point (z = 0 of the world frame) behind a pixel; false where there is none within
-// kMaxFloorDistance_m.
-KINEVOX_HD inline bool floor_point(const FloorGrid& grid, const Projector& camera, float u, float v, float& x,
-                                   float& y) {
-    float dx, dy;
-    direction_of(grid, u, v, dx, dy);
-    const float* r = camera.r;  // its transpose turns the direction into the world
-    const float down = -(r[2] * dx + r[5] * dy + r[8]);
-    if (!(grid.centre[2] > 0) || !(down * kMaxFloorDistance_m > grid.centre[2])) return false;
-    const float t = grid.centre[2] / down;
-    x = grid.centre[0] + t * (r[0] * dx + r[3] * dy + r[6]);
-    y = grid.centre[1] + t * (r[1] * dx + r[4] * dy + r[7]);
-    return true;
-}
-
-// Where the subject can be along a pixel's ray, by the votes of the other cameras.
-inline constexpr int kSupportBlock_px = 8;           // pixels that share a ray, in rows and columns
-inline constexpr int kSupportSamples = 16;           // along it
-inline constexpr float kMinSupportHeight_m = 0.03f;  // on the floor, shadows look alike from everywhere
-inline constexpr float kMinSupport = -0.25f;         // below it a doubtful pixel is background if not lighter
-inline constexpr float kNoSupport = -2;              // nowhere
-inline constexpr float kUnknownSupport = 2;          // no other camera sees the subject
-inline constexpr float kMaxKnownSupport = 1.5f;      // above every other
-
-struct SupportRay {
-    float origin[3], direction[3];  // world; the direction has depth 1 in its camera
-    float near = 0, far = 0;        // depths, m
-    KINEVOX_HD void keep(float at_origin, float per_depth) {  // where at_origin + depth * per_depth >= 0
-        const float root = -at_origin / per_depth;
-        if (per_depth > 0) {
-            near = root > near ? root : near;
-        } else if (per_depth < 0) {
-            far = root < far ? root : far;
-        } else if (at_origin < 0) {
-            far = near;
-        }
-    }
-};
-
-KINEVOX_HD inline bool support_ray(const FloorGrid& grid, const Projector& camera, float u, float v,
-                                   SupportRay& ray) {
-    constexpr float kMinDepth_m = 0.3f;
-    float dx, dy;
-    direction_of(grid, u, v, dx, dy);
-    const float* r = camera.r;
-    for (int i = 0; i < 3; ++i) {
-        ray.origin[i] = grid.centre[i];
-        ray.direction[i] = r[i] * dx + r[3 + i] * dy + r[6 + i];
-    }
-    ray.near = kMinDepth_m;
-    ray.far = kMaxFloorDistance_m;
-    ray.keep(ray.origin[2] - kMinSupportHeight_m, ray.direction[2]);
-    return dx == dx && dy == dy;
-}
-
-// Confines the ray to what the view's bounds hold.
-KINEVOX_HD inline void confine(const SceneView& view, SupportRay& ray) {
-    const Projector& c = view.camera;
-    const CameraPoint a = to_camera(c, ray.origin[0], ray.origin[1], ray.origin[2]);
-    const float* d = ray.direction;
-    const float bx = c.r[0] * d[0] + c.r[1] * d[1] + c.r[2] * d[2],
-                by = c.r[3] * d[0] + c.r[4] * d[1] + c.r[5] * d[2],
-                bz = c.r[6] * d[0] + c.r[7] * d[1] + c.r[8] * d[2];
-    ray.keep(a.z - kNearest_m, bz);
-    ray.keep(a.x - view.bounds[0] * a.z, bx - view.bounds[0] * bz);
-    ray.keep(view.bounds[1] * a.z - a.x, view.bounds[1] * bz - bx);
-    ray.keep(a.y - view.bounds[2] * a.z, by - view.bounds[2] * bz);
-    ray.keep(view.bounds[3] * a.z - a.y, view.bounds[3] * bz - by);
-}
-
-// The highest mean vote of a point on the ray, -1..1; kNoSupport where too many cameras see plain background
-// behind every one. view(n): the SceneView of the other camera n.
-template <class View>
-KINEVOX_HD inline float support_of(SupportRay ray, int count, const View& view) {
-    bool seen = false;
-    for (int n = 0; n < count; ++n)
-        if (view(n).sees) {
-            confine(view(n), ray);
-            seen = true;
-        }
-    if (!seen) return kUnknownSupport;
-    if (!(ray.near < ray.far)) return kNoSupport;
-    // One camera of two or three may take the subject for background, two of five.
-    const int max_against = (count + 1) / 3;
-    const float step = (ray.far - ray.near) * (1.0f / kSupportSamples);
-    int best = -kMaxVote * count - 1;
-    for (int i = 0; i < kSupportSamples; ++i) {
-        const float t = ray.near + (static_cast<float>(i) + 0.5f) * step;
-        const float x = ray.origin[0] + t * ray.direction[0], y = ray.origin[1] + t * ray.direction[1],
-                    z = ray.origin[2] + t * ray.direction[2];
-        int sum = 0, against = 0;
-        for (int n = 0; n < count && against <= max_against; ++n) {
-            if (sum + kMaxVote * (count - n) <= best) {
-                against = count;  // cannot be the highest any more
-                break;
-            }
-            const SceneView& other = view(n);
-            float u, v;
-            if (!to_pixel(other.camera, to_camera(other.camera, x, y, z), u, v)) continue;
-            const int cu = to_index(u), cv = to_index(v);
-            if (cu < 0 || cv < 0 || cu >= other.camera.width || cv >= other.camera.height) continue;
-            const int vote = other.votes[cv / kVoteBlock_px * other.vote_columns + cu / kVoteBlock_px];
-            sum += vote;
-            against += vote <= -kMaxVote + 1;
-        }
-        if (against <= max_against && sum > best) best = sum;
-    }
-    if (best < -kMaxVote * count) return kNoSupport;
-    return static_cast<float>(best) / static_cast<float>(kMaxVote * count);
 }
 
 // The light of a floor point in a camera over that of its background, 1 in unchanged light; negative where

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <memory>
 #include <random>
 #include <stdexcept>
 #include <string>
@@ -40,13 +41,19 @@ Image draw(int width, int height, int channels, int square_x, std::mt19937& rand
     return out;
 }
 
-TEST(CudaSegmentation, EqualsCpuFormForEachFrame) {
-    try {
-        make_segmenter(Device::kCuda, 64, 48, 3);
-    } catch (const std::runtime_error& error) {
-        if (std::getenv("KINEVOX_REQUIRE_GPU")) FAIL() << "a GPU was asked for, but: " << error.what();
-        GTEST_SKIP() << "not compared with the CPU: " << error.what();
+class CudaSegmentation : public ::testing::Test {
+  protected:
+    void SetUp() override {
+        try {
+            make_segmenter(Device::kCuda, 64, 48, 3);
+        } catch (const std::runtime_error& error) {
+            if (std::getenv("KINEVOX_REQUIRE_GPU")) FAIL() << "a GPU was asked for, but: " << error.what();
+            GTEST_SKIP() << "not compared with the CPU: " << error.what();
+        }
     }
+};
+
+TEST_F(CudaSegmentation, EqualsCpuFormForEachFrame) {
     for (int channels : {3, 1}) {
         std::mt19937 random(11);
         const int width = 200, height = 96;  // the last cell is not whole
@@ -94,6 +101,54 @@ TEST(CudaSegmentation, EqualsCpuFormForEachFrame) {
         }
         EXPECT_THROW(gpu->segment(draw(64, 48, channels, -1, random).view(), {}, b), std::invalid_argument);
     }
+}
+
+// Images of different sizes, a camera without an image, and regions that come and go.
+TEST_F(CudaSegmentation, DecidesFrameSetAsCamerasAlone) {
+    constexpr int kCameras = 3, kSizes[kCameras][2] = {{200, 96}, {130, 150}, {64, 75}};
+    std::mt19937 random(5);
+    std::vector<std::unique_ptr<Segmenter>> alone, together;
+    for (const auto& size : kSizes) {
+        std::vector<Image> empty;
+        std::vector<ImageView> views;
+        for (int n = 0; n < 6; ++n) empty.push_back(draw(size[0], size[1], 3, -1, random));
+        for (const Image& image : empty) views.push_back(image.view());
+        SegmentationOptions options;
+        options.update_interval = static_cast<int>(alone.size());  // 0: never
+        for (auto* segmenters : {&alone, &together}) {
+            segmenters->push_back(make_segmenter(Device::kCuda, size[0], size[1], 3, options));
+            segmenters->back()->learn(views);
+        }
+    }
+    std::vector<Silhouettes> a(kCameras), b(kCameras);
+    for (int frame = 0; frame < 6; ++frame) {
+        std::vector<FrameDecision> decisions;
+        std::vector<Image> images;
+        std::vector<int> seeing;
+        for (int c = 0; c < kCameras; ++c) {
+            images.push_back(draw(kSizes[c][0], kSizes[c][1], 3, frame == 4 ? -1 : 10 + 4 * frame, random));
+            if (frame == 2 && c == 0) continue;
+            seeing.push_back(c);
+            decisions.push_back({together[c].get(), {}});
+        }
+        for (const int c : seeing) {
+            SegmentationPrior prior;
+            if (frame % 2 == 1) prior.region = {5 + 20 * c, 10, 60 + 40 * c, 70}, prior.full_pass = false;
+            alone[c]->segment(images[c].view(), prior, a[c]);
+            together[c]->begin_frame(images[c].view(), prior);
+        }
+        together[seeing.front()]->decide_together(decisions);
+        for (const int c : seeing) together[c]->decide({}, b[c]);
+        for (const int c : seeing) together[c]->end_frame(b[c]);
+        for (const int c : seeing) {
+            EXPECT_EQ(a[c].probability, b[c].probability) << "camera " << c << ", frame " << frame;
+            EXPECT_EQ(a[c].sharp, b[c].sharp) << "camera " << c << ", frame " << frame;
+            EXPECT_EQ(a[c].loose, b[c].loose) << "camera " << c << ", frame " << frame;
+            EXPECT_EQ(a[c].bounds, b[c].bounds) << "camera " << c << ", frame " << frame;
+            EXPECT_EQ(a[c].sharp_pixels, b[c].sharp_pixels) << "camera " << c << ", frame " << frame;
+        }
+    }
+    EXPECT_GT(b[0].sharp_pixels, 1000);
 }
 
 }  // namespace

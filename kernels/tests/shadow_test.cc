@@ -114,11 +114,14 @@ struct Rig {
         }
     }
 
-    std::array<Silhouettes, 3> segment(const std::array<TestImage, 3>& images) {
+    std::array<Silhouettes, 3> segment(const std::array<TestImage, 3>& images, bool together = false) {
         std::array<Silhouettes, 3> out;
         for (int c = 0; c < 3; ++c) segmenters[c]->begin_frame(images[c].view(), {});
         std::vector<const Segmenter*> all;
         for (const auto& segmenter : segmenters) all.push_back(segmenter.get());
+        std::vector<FrameDecision> decisions;
+        for (const auto& segmenter : segmenters) decisions.push_back({segmenter.get(), all});
+        if (together) segmenters[0]->decide_together(decisions);
         for (int c = 0; c < 3; ++c) segmenters[c]->decide(all, out[c]);
         for (int c = 0; c < 3; ++c) segmenters[c]->end_frame(out[c]);
         return out;
@@ -262,6 +265,27 @@ TEST_F(ShadowCuda, EqualsCpuForm) {
         std::size_t sharp = 0;
         for (std::size_t n = 0; n < a[c].sharp.size(); ++n) sharp += a[c].sharp[n] != b[c].sharp[n];
         EXPECT_LE(sharp, a[c].sharp.size() / 2000) << "camera " << c;
+    }
+}
+
+TEST_P(Shadow, DecidesCamerasTogetherAsOneByOne) {
+    Rig alone(GetParam(), {1.2, 0.9}), together(GetParam(), {1.2, 0.9});
+    for (int frame = 0; frame < 3; ++frame) {
+        const Rect body{80 + 5 * frame, 20, 112 + 5 * frame, 110};
+        std::array<TestImage, 3> images;
+        for (int c = 0; c < 3; ++c)
+            images[c] = alone.cameras[c].image([&](FloorPoint p, int x, int y) {
+                const bool inside = x >= body.x0 && x < body.x1 && y >= body.y0 && y < body.y1;
+                return inside ? 0.55 + 0.15 * c : p.seen && std::hypot(p.x, p.y - 0.3) < 0.4 ? kDark : 1.0;
+            });
+        const auto a = alone.segment(images), b = together.segment(images, true);
+        EXPECT_GT(a[0].sharp_pixels, 500);
+        for (int c = 0; c < 3; ++c) {
+            EXPECT_EQ(a[c].probability, b[c].probability) << "camera " << c << ", frame " << frame;
+            EXPECT_EQ(a[c].sharp, b[c].sharp) << "camera " << c << ", frame " << frame;
+            EXPECT_EQ(a[c].loose, b[c].loose) << "camera " << c << ", frame " << frame;
+            EXPECT_EQ(a[c].centroid_x, b[c].centroid_x) << "camera " << c << ", frame " << frame;
+        }
     }
 }
 

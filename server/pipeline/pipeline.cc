@@ -233,11 +233,16 @@ void StagedPipeline::segment(FrameResult& result) {
                                               expectation(c, priors[c], motion));
         });
         // Shadows are compared between the cameras, so no model changes before all have decided.
-        for_each_camera(seeing.size(), [&](std::size_t n) {
-            std::vector<const kernels::Segmenter*> others;
+        std::vector<kernels::FrameDecision> decisions(seeing.size());
+        for (std::size_t n = 0; n < seeing.size(); ++n) {
+            decisions[n].segmenter = stages.segmenters[seeing[n]].get();
             for (const std::size_t c : stages.floor_views[seeing[n]])
-                if (!result.frame_set.images[c].empty()) others.push_back(stages.segmenters[c].get());
-            stages.segmenters[seeing[n]]->decide(others, result.silhouettes[seeing[n]]);
+                if (!result.frame_set.images[c].empty())
+                    decisions[n].others.push_back(stages.segmenters[c].get());
+        }
+        if (!decisions.empty()) decisions.front().segmenter->decide_together(decisions);
+        for_each_camera(seeing.size(), [&](std::size_t n) {
+            stages.segmenters[seeing[n]]->decide(decisions[n].others, result.silhouettes[seeing[n]]);
         });
         for_each_camera(seeing.size(), [&](std::size_t n) {
             stages.segmenters[seeing[n]]->end_frame(result.silhouettes[seeing[n]]);
