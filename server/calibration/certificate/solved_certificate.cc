@@ -21,7 +21,7 @@ constexpr double kMinHullIou = 0.9;  // after it; below, the silhouettes are the
 constexpr double kMaxResidualFraction = 0.8;  // of the residual before
 constexpr double kMaxCameraLoss = 0.01;       // hull IoU of a camera
 // Of two results with about the same residual, the one nearer to the given poses is taken.
-constexpr double kSameResidualFraction = 0.97;
+constexpr double kSameResidualFraction = 0.99;
 // Between both halves: of the correction, and of the size of a pixel amid the cameras (6 mm of usual rigs).
 constexpr double kMaxHalvesFraction = 0.5, kMaxHalves_px = 1;
 constexpr double kMaxGoMove_m = 0.02;  // beyond it the result needs another confirmation
