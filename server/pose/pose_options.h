@@ -148,7 +148,7 @@ void visit_options(T& o, F&& f) {
 
 struct EstimateOptions {
     // Beyond these standard deviations a value is withheld.
-    double max_joint_std_m = 0.08;
+    double max_joint_std_m = 0.10;
     double max_angle_std_rad = 0.45;
     bool operator==(const EstimateOptions&) const = default;
 };
