@@ -111,22 +111,12 @@ __device__ void for_each_run(const BoxMask& mask, int row, bool set, const F& bo
 
 // values[n] becomes the sum of those before it, values[count] that of all.
 __device__ int exclusive_scan_of_block(int* values, int count, int* warp_sums) {
-    const int n = static_cast<int>(threadIdx.x), lane = n % 32, warp = n / 32;
-    const auto inclusive = [&](int value) {
-        for (int step = 1; step < 32; step *= 2) {
-            const int before = __shfl_up_sync(kAllLanes, value, step);
-            if (lane >= step) value += before;
-        }
-        return value;
-    };
+    const int n = static_cast<int>(threadIdx.x);
     int total = 0;
     for (int first = 0; first < count; first += kMaskThreads) {
-        const int value = first + n < count ? values[first + n] : 0, sum = inclusive(value);
-        if (lane == 31) warp_sums[warp] = sum;
-        __syncthreads();
-        if (warp == 0) warp_sums[lane] = inclusive(warp_sums[lane]);
-        __syncthreads();
-        if (first + n < count) values[first + n] = total + sum - value + (warp > 0 ? warp_sums[warp - 1] : 0);
+        const int value = first + n < count ? values[first + n] : 0,
+                  sum = inclusive_sum_of_block(value, warp_sums);
+        if (first + n < count) values[first + n] = total + sum - value;
         total += warp_sums[31];
         __syncthreads();
     }

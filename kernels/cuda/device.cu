@@ -10,31 +10,17 @@ namespace {
 
 constexpr int kScanThreads = 1024;
 
-__device__ int warp_inclusive_sum(int value) {
-    const int lane = threadIdx.x & 31;
-    for (int step = 1; step < 32; step *= 2) {
-        const int before = __shfl_up_sync(0xffffffffu, value, step);
-        if (lane >= step) value += before;
-    }
-    return value;
-}
-
 // One block walks along the list: it is a few thousand entries long, so that more blocks would not pay.
 __global__ void scan_kernel(const int* in, int* out, int count) {
     __shared__ int warp_sums[32];
     __shared__ int carry;
-    const int thread = threadIdx.x, lane = thread & 31, warp = thread >> 5;
+    const int thread = threadIdx.x;
     if (thread == 0) carry = 0;
     __syncthreads();
     for (int base = 0; base < count; base += kScanThreads) {
         const int n = base + thread;
         const int value = n < count ? in[n] : 0;
-        const int inclusive = warp_inclusive_sum(value);
-        if (lane == 31) warp_sums[warp] = inclusive;
-        __syncthreads();
-        if (warp == 0) warp_sums[lane] = warp_inclusive_sum(warp_sums[lane]);
-        __syncthreads();
-        const int before = carry + (warp > 0 ? warp_sums[warp - 1] : 0) + inclusive - value;
+        const int before = carry + inclusive_sum_of_block(value, warp_sums) - value;
         if (n < count) out[n] = before;
         __syncthreads();  // all have read `carry` and `warp_sums`
         if (thread == kScanThreads - 1) carry = before + value;

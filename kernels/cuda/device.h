@@ -133,6 +133,28 @@ void exclusive_scan(const Stream& stream, const int* in, int* out, int count);
 __device__ inline int thread_index() {
     return static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
 }
+
+// The sum of the values of this lane and of those before it in the warp.
+__device__ inline int inclusive_sum_of_warp(int value) {
+    const int lane = static_cast<int>(threadIdx.x) % 32;
+    for (int step = 1; step < 32; step *= 2) {
+        const int before = __shfl_up_sync(0xffffffffu, value, step);
+        if (lane >= step) value += before;
+    }
+    return value;
+}
+
+// The same over a block of 1024 threads. `warp_sums`, 32 shared integers, then ends with the sum of the
+// block.
+__device__ inline int inclusive_sum_of_block(int value, int* warp_sums) {
+    const int lane = static_cast<int>(threadIdx.x) % 32, warp = static_cast<int>(threadIdx.x) / 32;
+    const int sum = inclusive_sum_of_warp(value);
+    if (lane == 31) warp_sums[warp] = sum;
+    __syncthreads();
+    if (warp == 0) warp_sums[lane] = inclusive_sum_of_warp(warp_sums[lane]);
+    __syncthreads();
+    return warp > 0 ? warp_sums[warp - 1] + sum : sum;
+}
 #endif
 
 }  // namespace kinevox::kernels::cuda

@@ -174,9 +174,10 @@ __global__ void __launch_bounds__(kTileThreads) border_kernel(const SegmentData*
 
 void queue_border(const Stream& stream, const FrameSet& cameras, int count) {
     // As many tiles as the work has, in case that the box is all of it.
-    const dim3 tiles(most(cameras, count, [](const SegmentData& d) { return d.work.columns(); }),
-                     most(cameras, count, [](const SegmentData& d) { return d.work.rows() / kTileRows + 2; }),
-                     static_cast<unsigned>(count));
+    const dim3 tiles(
+        max_of(cameras, count, [](const SegmentData& d) { return d.work.columns(); }),
+        max_of(cameras, count, [](const SegmentData& d) { return d.work.rows() / kTileRows + 2; }),
+        static_cast<unsigned>(count));
     if (cameras.channels == 1) {
         border_kernel<1><<<tiles, kTileThreads, 0, stream.get()>>>(cameras.device);
     } else {

@@ -35,20 +35,7 @@ struct GainGrid {
 
 // The bin that has half of the histogram's total below or in it; each thread of the block has a bin.
 __device__ void find_median(const int* histogram, int* warp_sums, int* median) {
-    const int n = static_cast<int>(threadIdx.x), lane = n % 32, warp = n / 32;
-    const auto inclusive = [&](int value) {
-        for (int step = 1; step < 32; step *= 2) {
-            const int before = __shfl_up_sync(0xffffffffu, value, step);
-            if (lane >= step) value += before;
-        }
-        return value;
-    };
-    int sum = inclusive(histogram[n]);
-    if (lane == 31) warp_sums[warp] = sum;
-    __syncthreads();
-    if (warp == 0) warp_sums[lane] = inclusive(warp_sums[lane]);
-    __syncthreads();
-    if (warp > 0) sum += warp_sums[warp - 1];
+    const int n = static_cast<int>(threadIdx.x), sum = inclusive_sum_of_block(histogram[n], warp_sums);
     const int half = warp_sums[31] / 2;
     if (sum > half && sum - histogram[n] <= half) *median = n;
     __syncthreads();
@@ -453,17 +440,17 @@ void queue_density(const Stream& stream, const FrameSet& cameras) {
     const auto z = static_cast<unsigned>(count);
     begin_kernel<<<dim3(3 + kClearingBlocks, 1, z), kGainThreads, 0, stream.get()>>>(cameras.device);
     const dim3 work = blocks_of_warps(
-        most(cameras, count, [](const SegmentData& d) { return d.work.rows() * d.work.columns(); }), count);
+        max_of(cameras, count, [](const SegmentData& d) { return d.work.rows() * d.work.columns(); }), count);
     if (cameras.channels == 1) {
         density_kernel<1><<<work, kThreads, 0, stream.get()>>>(cameras.device);
     } else {
         density_kernel<3><<<work, kThreads, 0, stream.get()>>>(cameras.device);
     }
     const unsigned cells =
-        most(cameras, count, [](const SegmentData& d) { return d.height * d.cells_per_row; });
+        max_of(cameras, count, [](const SegmentData& d) { return d.height * d.cells_per_row; });
     active_kernel<<<dim3((cells + kThreads - 1) / kThreads, 1, z), kThreads, 0, stream.get()>>>(
         cameras.device);
-    const unsigned tiles = most(cameras, count, [](const SegmentData& d) { return d.tiles(); });
+    const unsigned tiles = max_of(cameras, count, [](const SegmentData& d) { return d.tiles(); });
     const dim3 lists(kListBlocks + (tiles + kThreads - 1) / kThreads, 1, z);
     if (cameras.channels == 1) {
         light_kernel<1><<<lists, kThreads, 0, stream.get()>>>(cameras.device);
@@ -474,7 +461,7 @@ void queue_density(const Stream& stream, const FrameSet& cameras) {
 }
 
 void queue_update(const Stream& stream, const FrameSet& cameras, int count) {
-    const unsigned cells = most(cameras, count, [](const SegmentData& d) {
+    const unsigned cells = max_of(cameras, count, [](const SegmentData& d) {
         return d.interval == 0 ? 0 : (d.height - d.phase + d.interval - 1) / d.interval * d.cells_per_row;
     });
     const dim3 due = blocks_of_warps(cells, count);

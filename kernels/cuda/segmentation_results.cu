@@ -46,14 +46,14 @@ void FrameResults::unpack(const SegmentData& camera, const Rect& searched, Silho
 
 std::vector<FrameResults> ResultMemory::place(std::span<SegmentData* const> cameras) {
     // For whole images, since memory that grew with the tracked region would stop the device now and then.
-    std::size_t most = 0, used = 0, heads = 0;  // bytes; the heads are first
+    std::size_t max_bytes = 0, used = 0, heads = 0;  // the heads are first
     for (const SegmentData* camera : cameras) {
         heads += head_of(*camera);
         used += body_of(cells_of(*camera));
-        most += head_of(*camera) + body_of(camera->cell(camera->height, 0));
+        max_bytes += head_of(*camera) + body_of(camera->cell(camera->height, 0));
     }
-    device_.resize(most);
-    host_.resize(most);
+    device_.resize(max_bytes);
+    host_.resize(max_bytes);
     device_.resize(heads + used);
     host_.resize(heads + used);
     std::vector<FrameResults> all;

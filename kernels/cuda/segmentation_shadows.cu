@@ -174,7 +174,7 @@ void queue_shadows(const Stream& stream, const FrameSet& cameras, int count) {
                     [](const SegmentData& d) { return d.other_count == 0; }))
         return;  // the rule needs a second view of the floor
     const auto z = static_cast<unsigned>(count);
-    const unsigned samples = kde::kSupportSamples * most(cameras, count, [](const SegmentData& d) {
+    const unsigned samples = kde::kSupportSamples * max_of(cameras, count, [](const SegmentData& d) {
                                  return d.support_columns() * d.support_rows();
                              });
     support_kernel<<<dim3((samples + kThreads - 1) / kThreads, 1, z), kThreads, 0, stream.get()>>>(
@@ -185,7 +185,7 @@ void queue_shadows(const Stream& stream, const FrameSet& cameras, int count) {
         shadow_kernel<3><<<tile_lists(cameras, count), kTileThreads, 0, stream.get()>>>(cameras.device);
     }
     const unsigned blocks =
-        most(cameras, count, [](const SegmentData& d) { return d.vote_columns() * d.vote_rows(); });
+        max_of(cameras, count, [](const SegmentData& d) { return d.vote_columns() * d.vote_rows(); });
     limb_kernel<<<dim3((blocks + kThreads - 1) / kThreads, 1, z), kThreads, 0, stream.get()>>>(
         cameras.device);
     KINEVOX_CUDA_CHECK(cudaGetLastError());

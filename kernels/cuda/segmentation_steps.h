@@ -175,9 +175,9 @@ void queue_results(const Stream& stream, const FrameSet& cameras, int count);
 // Takes the due rows of the first `count` cameras into their models.
 void queue_update(const Stream& stream, const FrameSet& cameras, int count);
 
-// The most of `of` of the first `count` cameras; at least 1, so that a grid is never empty.
+// The maximum of `of` over the first `count` cameras; at least 1, so that a grid is never empty.
 template <class F>
-unsigned most(const FrameSet& cameras, int count, F of) {
+unsigned max_of(const FrameSet& cameras, int count, F of) {
     std::size_t result = 1;
     for (int n = 0; n < count; ++n) {
         const std::size_t here = static_cast<std::size_t>(of(cameras.host[n]));
@@ -212,7 +212,7 @@ constexpr int kTileThreads = kTileRows * kde::kCellPixels;
 // Blocks that share the list of a camera's tiles; a camera along z.
 inline dim3 tile_lists(const FrameSet& cameras, int count) {
     constexpr unsigned kBlocks = 256;  // those of four cameras fill the largest device once
-    const unsigned tiles = most(cameras, count, [](const SegmentData& d) { return d.tiles(); });
+    const unsigned tiles = max_of(cameras, count, [](const SegmentData& d) { return d.tiles(); });
     return dim3(tiles < kBlocks ? tiles : kBlocks, 1, static_cast<unsigned>(count));
 }
 
