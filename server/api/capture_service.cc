@@ -17,24 +17,26 @@ namespace kinevox {
 namespace {
 
 void fill_subjects(const ApiContext& api, const FrameResult& result, v1::GetStatusResponse& response) {
-    if (!result.subject) return;
-    v1::SubjectStatus& subject = *response.add_subjects();
-    *subject.mutable_subject() = to_proto(*result.subject, api.runner.cameras());
-    subject.set_pose_found(result.pose != nullptr);
-    if (!result.volume) return;
-    v1::VolumeSummary& volume = *subject.mutable_volume();
-    volume.set_voxel_count(voxel_count(*result.volume));
-    volume.set_voxel_m(result.volume->grid.voxel_m);
-    volume.set_volume_litres(volume_litres(*result.volume));
+    for (const SubjectResult& one : result.subjects) {
+        v1::SubjectStatus& subject = *response.add_subjects();
+        *subject.mutable_subject() = to_proto(one.track, api.runner.cameras());
+        subject.set_pose_found(one.pose != nullptr);
+        if (!one.volume) continue;
+        v1::VolumeSummary& volume = *subject.mutable_volume();
+        volume.set_voxel_count(voxel_count(*one.volume));
+        volume.set_voxel_m(one.volume->grid.voxel_m);
+        volume.set_volume_litres(volume_litres(*one.volume));
+    }
 }
 
 void fill_camera_subject(const FrameResult& result, std::size_t i, v1::CameraStatus& camera) {
-    if (!result.subject) return;
-    v1::CameraSubjectStatus& subject = *camera.add_subjects();
-    subject.set_subject_id(result.subject->subject_id);
-    subject.set_used(i < result.subject->used_cameras.size() && result.subject->used_cameras[i]);
-    if (i < result.silhouette_iou.size() && std::isfinite(result.silhouette_iou[i]))
-        subject.set_silhouette_iou(static_cast<double>(result.silhouette_iou[i]));
+    for (const SubjectResult& one : result.subjects) {
+        v1::CameraSubjectStatus& subject = *camera.add_subjects();
+        subject.set_subject_id(one.track.subject_id);
+        subject.set_used(i < one.track.used_cameras.size() && one.track.used_cameras[i]);
+        if (i < one.silhouette_iou.size() && std::isfinite(one.silhouette_iou[i]))
+            subject.set_silhouette_iou(static_cast<double>(one.silhouette_iou[i]));
+    }
 }
 
 void fill_cameras(const ApiContext& api, const FrameResult* result, v1::GetStatusResponse& response) {
@@ -204,12 +206,12 @@ void learn_background(const ApiContext& api, const v1::LearnBackgroundRequest& r
         return done(api.runner.restore_background());
     }
     const auto latest = api.hub.latest();
-    if (request.frame_set_count() > 0 && !request.force() && latest && latest->result->subject &&
+    if (request.frame_set_count() > 0 && !request.force() && latest && latest->result->first_subject() &&
         api.runner.state().state == RunState::kRunning)
         return done(absl::FailedPreconditionError(fmt::format(
             "subject {} is tracked and would become part of the background; clear the scene, or force it "
             "(kinevox learn-background --force) if that is not a person",
-            latest->result->subject->subject_id)));
+            latest->result->first_subject()->track.subject_id)));
     api.runner.learn_background(request.frame_set_count(), std::move(done));
 }
 

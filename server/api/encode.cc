@@ -19,7 +19,8 @@ void fill_header(const PublishedHeader& published, v1::StreamHeader* header) {
     if (published.recorded_frame) header->set_recorded_frame(*published.recorded_frame);
 }
 
-void fill_volume(const PublishedVolume& published, const VolumeForm& form, v1::SubjectVolume* message) {
+void fill_volume(const PublishedVolume::Subject& published, const VolumeForm& form,
+                 v1::SubjectVolume* message) {
     const VolumeCodecOptions options{.with_colours = form.with_colours};
     message->set_volume_litres(published.litres);
     if (form.level == 0) {
@@ -79,10 +80,10 @@ EncodedMessage encode(const PublishedVolume& published, const VolumeForm& form, 
     return published.encodings.get(form, [&] {
         v1::StreamVolumesResponse message;
         fill_header(published.header, message.mutable_header());
-        if (const auto& track = published.header.subject) {
+        for (const PublishedVolume::Subject& one : published.subjects) {
             v1::SubjectVolume* subject = message.add_subjects();
-            *subject->mutable_subject() = to_proto(*track, runner.cameras());
-            if (published.volume) fill_volume(published, form, subject);
+            *subject->mutable_subject() = to_proto(one.track, runner.cameras());
+            if (one.volume) fill_volume(one, form, subject);
         }
         return message.SerializeAsString();
     });
@@ -92,10 +93,10 @@ EncodedMessage encode(const PublishedPose& published) {
     return published.encodings.get({}, [&] {
         v1::StreamPosesResponse message;
         fill_header(published.header, message.mutable_header());
-        if (const auto& track = published.header.subject) {
+        for (const PublishedPose::Subject& one : published.subjects) {
             v1::SubjectPose* subject = message.add_subjects();
-            subject->set_subject_id(track->subject_id);
-            if (published.pose) *subject->mutable_pose() = to_proto(*published.pose);
+            subject->set_subject_id(one.subject_id);
+            if (one.pose) *subject->mutable_pose() = to_proto(*one.pose);
         }
         return message.SerializeAsString();
     });

@@ -26,19 +26,25 @@ std::int64_t publish_change(const ApiContext& api) {
 
 std::vector<std::uint32_t> tracked_subjects(const ApiContext& api) {
     const auto latest = api.hub.latest();
-    if (!latest || !latest->result->subject) return {};
-    return {latest->result->subject->subject_id};
+    std::vector<std::uint32_t> ids;
+    if (latest)
+        for (const SubjectResult& subject : latest->result->subjects) ids.push_back(subject.track.subject_id);
+    return ids;
 }
 
 absl::StatusOr<BodyCoordinates> measured_coordinates(const ApiContext& api, std::uint32_t requested_subject) {
     const auto latest = api.hub.latest();
     const auto subject = choose_subject(requested_subject, tracked_subjects(api));
     if (!subject.ok()) return subject.status();
-    if (!latest || !latest->result->pose)
+    const SubjectResult* found = nullptr;
+    if (latest)
+        for (const SubjectResult& each : latest->result->subjects)
+            if (each.track.subject_id == *subject) found = &each;
+    if (!found || !found->pose)
         return absl::FailedPreconditionError(
             "no pose is being measured; check with `kinevox status` that a subject is tracked, or set "
             "coordinates_deg");
-    return latest->result->pose->coordinates;
+    return found->pose->coordinates;
 }
 
 absl::StatusOr<BodyCoordinates> given_coordinates(const google::protobuf::Map<std::string, double>& given) {

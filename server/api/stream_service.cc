@@ -138,8 +138,10 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamVolumes(
         [this, request = *request](const VolumeMailbox::Taken& taken) {
             const PublishedVolume& published = *taken.message;
             VolumeForm form{request.downsample_level(), !request.omit_colours()};
-            if (published.volume && request.has_max_voxel_m())
-                form.level = level_for(published.volume->grid.voxel_m, request.max_voxel_m());
+            if (request.has_max_voxel_m())
+                for (const PublishedVolume::Subject& subject : published.subjects)
+                    if (subject.volume)  // all have the same voxels
+                        form.level = level_for(subject.volume->grid.voxel_m, request.max_voxel_m());
             return counted(api_, &CaptureStatistics::volumes, published.header.published_at, taken.missed,
                            encode(published, form, api_.runner));
         });

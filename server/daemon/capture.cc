@@ -95,8 +95,9 @@ void Capture::observe(const FrameResult& result) {
     quality.observe(result, pose_stage ? &pose_stage->body() : nullptr);
     recorder->observe(result, pose_stage ? &pose_stage->body() : nullptr);
     if (!body_fit) return;
+    const SubjectResult* const subject = result.first_subject();
     body_fit->observe(result.capture_time_ns,
-                      result.subject && result.volume ? &pose_stage->observation() : nullptr);
+                      subject && subject->volume ? &pose_stage->observation() : nullptr);
     if (const auto fit = body_fit->take_fit()) pose_stage->set_body(fit->shape, fit->standing_m);
 }
 
@@ -143,11 +144,13 @@ metrics::MetricsSnapshot Capture::metrics_snapshot() const {
     out.run = runner->snapshot();
     const auto latest = hub.latest();
     if (const FrameResult* const result = latest ? latest->result.get() : nullptr) {
-        out.subjects_tracked = result->subject ? 1 : 0;
-        out.subjects_with_pose = result->pose ? 1 : 0;
-        if (result->subject && result->volume)
-            out.subject_volumes_litres.emplace_back(result->subject->subject_id,
-                                                    volume_litres(*result->volume));
+        out.subjects_tracked = static_cast<int>(result->subjects.size());
+        for (const SubjectResult& subject : result->subjects) {
+            if (subject.pose) ++out.subjects_with_pose;
+            if (subject.volume)
+                out.subject_volumes_litres.emplace_back(subject.track.subject_id,
+                                                        volume_litres(*subject.volume));
+        }
     }
     out.stages_s = {{"segmentation", statistics.segmentation.read()},
                     {"tracking", statistics.tracking.read()},
@@ -171,9 +174,9 @@ metrics::MetricsSnapshot Capture::metrics_snapshot() const {
         metrics::CameraMetrics& camera = out.cameras.emplace_back();
         camera.name = cameras[c].name;
         if (c < connections.size()) camera.connection = connections[c];
-        if (latest && c < latest->result->silhouette_iou.size())
-            if (const float iou = latest->result->silhouette_iou[c]; !std::isnan(iou))
-                camera.silhouette_iou = static_cast<double>(iou);
+        if (const SubjectResult* const first = latest ? latest->result->first_subject() : nullptr;
+            first && c < first->silhouette_iou.size() && !std::isnan(first->silhouette_iou[c]))
+            camera.silhouette_iou = static_cast<double>(first->silhouette_iou[c]);
         if (c < watched.size()) {
             camera.scene_shift_px = watched[c].shift_px;
             camera.calibration_suspect = watched[c].suspect;

@@ -67,9 +67,11 @@ void StatusLog::log_statistics() {
     const RunSnapshot run = runner_.snapshot();
     if (run.result_count == logged_results_) return;
     logged_results_ = run.result_count;
-    std::string volume = "no subject";
-    if (const auto latest = hub_.latest(); latest && latest->result->volume)
-        volume = fmt::format("{:.1f} l", volume_litres(*latest->result->volume));
+    double litres = 0;
+    if (const auto latest = hub_.latest())
+        for (const SubjectResult& subject : latest->result->subjects)
+            if (subject.volume) litres += volume_litres(*subject.volume);
+    const std::string volume = litres > 0 ? fmt::format("{:.1f} l", litres) : "no subject";
     const int subscribers = hub_.subscribers().total() - 1;  // this log follows the events, too
     const LogFields fields{{"KINEVOX_EVENT", "statistics"},
                            {"KINEVOX_SEQUENCE", std::to_string(run.latest_sequence)},

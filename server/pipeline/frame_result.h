@@ -3,7 +3,6 @@
 
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -35,18 +34,26 @@ struct SubjectTrack {
     std::vector<bool> used_cameras;  // per camera: its ray is an inlier
 };
 
+// What a frame set shows of one tracked subject.
+struct SubjectResult {
+    SubjectTrack track;
+    std::shared_ptr<const Volume> volume;  // coloured; null if the frame set does not show the subject.
+                                           // Shared, so that a queued volume does not keep the images alive
+    std::shared_ptr<const BodyPose> pose;  // null without a volume or a pose
+    std::vector<float> silhouette_iou;     // per camera, 0..1, NaN if there is nothing to compare
+};
+
 struct FrameResult {
     std::uint64_t sequence = 0;
     std::int64_t capture_time_ns = 0;
     FrameSet frame_set;                             // the images it was computed from
     std::vector<kernels::Silhouettes> silhouettes;  // per camera
-    std::optional<SubjectTrack> subject;            // empty while no subject is tracked
-    std::shared_ptr<const Volume> volume;           // coloured; null while no subject is tracked. Shared, so
-                                                    // that a queued volume does not keep the images alive
-    std::shared_ptr<const BodyPose> pose;           // null without a subject or a pose
-    std::vector<float> silhouette_iou;              // per camera, 0..1, NaN if there is nothing to compare
+    std::vector<SubjectResult> subjects;            // those tracked, in the order of their ids
     std::vector<Event> events;
     StageTimes times;
+
+    // Null while no subject is tracked.
+    const SubjectResult* first_subject() const { return subjects.empty() ? nullptr : &subjects.front(); }
 };
 
 using FrameResultPtr = std::shared_ptr<const FrameResult>;

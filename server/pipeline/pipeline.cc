@@ -15,6 +15,7 @@
 #include "server/pipeline/convert.h"
 #include "server/pipeline/for_each_camera.h"
 #include "server/pipeline/pipeline_resources.h"
+#include "server/pipeline/tracking/scene_tracker.h"
 #include "server/pose/pose_stage.h"
 
 namespace kinevox {
@@ -23,6 +24,8 @@ namespace {
 constexpr int kExpectedDilation = 40;  // 1/40 of the image height
 
 constexpr std::size_t kManyViews = 4;
+
+constexpr float kMaxHidden = 0.15f;  // of a subject by nearer ones, in a view that colours it
 
 using Clock = std::chrono::steady_clock;
 
@@ -66,6 +69,13 @@ class SpareReconstructions {
     std::vector<std::unique_ptr<Reconstruction>> spare_;
 };
 
+// What the segmentation expects to see of a subject.
+struct ExpectedShape {
+    std::uint32_t subject_id = 0;
+    kernels::VoxelVolume coarse;  // of the last frame set that showed it
+    Vec3 motion;                  // since then, m
+};
+
 class StagedPipeline final : public Pipeline {
   public:
     StagedPipeline(std::vector<Camera> cameras, double fps, const PipelineOptions& options)
@@ -76,7 +86,9 @@ class StagedPipeline final : public Pipeline {
           tracker_(cameras_, fps, tracker_options(options)) {
         for (const Camera& camera : cameras_) models_.push_back(to_kernel(camera));
         expected_.resize(cameras_.size());
-        if (options.pose) pose_stage_.emplace(cameras_, fps, options.posing);
+        another_.resize(cameras_.size());
+        if (options.tracker.max_subjects > 1) scene_.emplace(cameras_, fps, tracker_options(options));
+        make_pose_lanes();
     }
 
     absl::Status learn_background(const std::vector<std::vector<Image>>& empty_scene) override;
@@ -84,12 +96,14 @@ class StagedPipeline final : public Pipeline {
     absl::StatusOr<FrameResultPtr> pose(std::unique_ptr<Reconstruction> reconstruction) override;
     void reset_track() override {
         tracker_.reset();
-        expect_volume_ = false;
+        if (scene_) scene_->reset();
+        shapes_.clear();
         track_forgotten_ = true;
     }
     absl::Status forget_frames();
     void set_cameras(std::vector<Camera> cameras) override;
-    PoseStage* pose_stage() override { return pose_stage_ ? &*pose_stage_ : nullptr; }
+    PoseStage* pose_stage() override { return pose_lanes_.empty() ? nullptr : pose_lanes_[0].stage.get(); }
+    PoseStage* pose_stage_of(std::uint32_t subject_id) override;
 
   private:
     static TrackerOptions tracker_options(const PipelineOptions& options) {
@@ -99,13 +113,21 @@ class StagedPipeline final : public Pipeline {
     }
 
     absl::Status check_image(const Image& image, std::size_t camera) const;
-    kernels::SegmentationPrior expectation(std::size_t camera, const kernels::SegmentationPrior& tracked,
-                                           const Vec3& motion);
+    void make_pose_lanes();
+    std::vector<kernels::SegmentationPrior> predict(std::int64_t time_ns);
+    kernels::SegmentationPrior expectation(std::size_t camera, const kernels::SegmentationPrior& tracked);
     void segment(FrameResult& result);
     void track(FrameResult& result);
-    void carve(Reconstruction& work);
-    void carve_with(Stages& stages, Reconstruction& work);
-    void colour(Reconstruction& work);
+    void reconstruct_subjects(Reconstruction& work, LapTimer& timer);
+    void carve(const FrameResult& result, const SceneSubject& subject, SubjectReconstruction& work);
+    void carve_with(Stages& stages, const SceneSubject& subject, SubjectReconstruction& work);
+    void separate(Reconstruction& work);
+    void colour(const FrameResult& result, const SceneSubject& tracked, SubjectReconstruction& work,
+                SubjectResult& subject);
+    void finish_subject(const SceneSubject& tracked, SubjectReconstruction& work, SubjectResult& subject);
+    absl::Status pose_subject(const FrameResult& result, const SubjectReconstruction& seen,
+                              SubjectResult& subject);
+    PoseStage& lane_of(const FrameResult& result, std::uint32_t subject_id);
 
     // Of both halves.
     std::vector<Camera> cameras_;
@@ -117,25 +139,37 @@ class StagedPipeline final : public Pipeline {
     // Of the first half only.
     DeviceStages device_;
     Tracker tracker_;
+    std::optional<SceneTracker> scene_;  // instead of the tracker where several subjects are followed
     ResultPool results_;
     bool learned_ = false;
     bool track_forgotten_ = false;                     // since the last reconstruction
-    bool expect_volume_ = false;                       // the next line is of the last frame set's subject
-    kernels::VoxelVolume last_shape_;                  // coarse
-    std::vector<std::vector<std::uint8_t>> expected_;  // per camera, its projection to where it should be now
+    std::vector<ExpectedShape> shapes_;                // of the subjects that the last frame set showed
+    std::vector<std::vector<std::uint8_t>> expected_;  // per camera, their projection to where they should be
+    std::vector<std::vector<std::uint8_t>> another_;   // per camera, that of one of them
 
     // Of the first half's current frame set; members, so that their memory is kept.
     std::vector<const kernels::Silhouettes*> seen_;  // per camera, null: no image
-    TrackerUpdate update_;
+    std::vector<SceneSubject> tracked_;              // as result.subjects
     std::vector<kernels::HullView> hull_views_;
     std::vector<kernels::ColouringView> colouring_views_;
     kernels::ColouringReport report_;
 
     // Of the second half only.
-    std::optional<PoseStage> pose_stage_;  // empty without poses
+    struct PoseLane {
+        std::uint32_t subject_id = 0;
+        std::unique_ptr<PoseStage> stage;
+    };
+    std::vector<PoseLane> pose_lanes_;  // empty without poses
     std::vector<PoseView> pose_views_;
-    std::uint32_t posed_subject_ = 0;
 };
+
+void StagedPipeline::make_pose_lanes() {
+    pose_lanes_.clear();
+    if (!options_.pose) return;
+    pose_lanes_.resize(static_cast<std::size_t>(options_.tracker.max_subjects));
+    for (PoseLane& lane : pose_lanes_)
+        lane.stage = std::make_unique<PoseStage>(cameras_, fps_, options_.posing);
+}
 
 absl::Status StagedPipeline::check_image(const Image& image, std::size_t camera) const {
     const Camera& c = cameras_[camera];
@@ -185,38 +219,61 @@ void StagedPipeline::set_cameras(std::vector<Camera> cameras) {
     for (std::size_t c = 0; c < cameras_.size(); ++c) models_[c] = to_kernel(cameras_[c]);
     device_.set_cameras(cameras_);
     tracker_ = Tracker(cameras_, fps_, tracker_options(options_));
+    if (scene_) scene_.emplace(cameras_, fps_, tracker_options(options_));
     reset_track();
-    if (!pose_stage_) return;
-    const BodyShape body = pose_stage_->body();
-    const double standing_m = pose_stage_->standing_m();
-    PoseProposer* const proposer = pose_stage_->proposer();
-    pose_stage_.emplace(cameras_, fps_, options_.posing);
-    pose_stage_->set_body(body, standing_m);
-    pose_stage_->set_proposer(proposer);
+    for (PoseLane& lane : pose_lanes_) {
+        const BodyShape body = lane.stage->body();
+        const double standing_m = lane.stage->standing_m();
+        PoseProposer* const proposer = lane.stage->proposer();
+        *lane.stage = PoseStage(cameras_, fps_, options_.posing);
+        lane.stage->set_body(body, standing_m);
+        lane.stage->set_proposer(proposer);
+    }
+}
+
+// Also of the shapes' motion.
+std::vector<kernels::SegmentationPrior> StagedPipeline::predict(std::int64_t time_ns) {
+    if (!scene_) {
+        Vec3 motion;
+        std::vector<kernels::SegmentationPrior> priors = tracker_.predict(time_ns, &motion);
+        for (ExpectedShape& shape : shapes_) shape.motion = motion;
+        return priors;
+    }
+    std::vector<kernels::SegmentationPrior> priors = scene_->predict(time_ns);
+    for (ExpectedShape& shape : shapes_) shape.motion = scene_->motion(shape.subject_id);
+    return priors;
 }
 
 kernels::SegmentationPrior StagedPipeline::expectation(std::size_t camera,
-                                                       const kernels::SegmentationPrior& tracked,
-                                                       const Vec3& motion) {
+                                                       const kernels::SegmentationPrior& tracked) {
     kernels::SegmentationPrior prior = tracked;
-    if (!expect_volume_ || prior.region.empty()) return prior;
+    if (shapes_.empty() || prior.region.empty()) return prior;
     const Camera& c = cameras_[camera];
-    const float moved[3] = {static_cast<float>(motion.x), static_cast<float>(motion.y),
-                            static_cast<float>(motion.z)};
     // Limbs also move relative to the body; components need only touch the expected projection.
     const int dilate_px = std::max(1, c.height / kExpectedDilation);
-    kernels::Rect ignored;
-    expected_[camera].resize(static_cast<std::size_t>(c.width) * c.height);
-    kernels::project_volume(last_shape_, models_[camera], moved, dilate_px, expected_[camera].data(),
-                            ignored);
-    prior.expected = expected_[camera].data();
+    std::vector<std::uint8_t>& expected = expected_[camera];
+    expected.resize(static_cast<std::size_t>(c.width) * c.height);
+    for (std::size_t n = 0; n < shapes_.size(); ++n) {
+        const Vec3 motion = shapes_[n].motion;
+        const float moved[3] = {static_cast<float>(motion.x), static_cast<float>(motion.y),
+                                static_cast<float>(motion.z)};
+        std::vector<std::uint8_t>& mask = n == 0 ? expected : another_[camera];
+        mask.resize(expected.size());
+        kernels::Rect covered;
+        kernels::project_volume(shapes_[n].coarse, models_[camera], moved, dilate_px, mask.data(), covered);
+        if (n == 0) continue;
+        for (int y = covered.y0; y < covered.y1; ++y) {
+            const std::size_t row = static_cast<std::size_t>(y) * c.width;
+            for (int x = covered.x0; x < covered.x1; ++x) expected[row + x] |= mask[row + x];
+        }
+    }
+    prior.expected = expected.data();
     if (prior.max_distance_px >= 0) prior.max_distance_px = std::max(prior.max_distance_px - dilate_px, 0);
     return prior;
 }
 
 void StagedPipeline::segment(FrameResult& result) {
-    Vec3 motion;
-    const auto priors = tracker_.predict(result.capture_time_ns, &motion);
+    const auto priors = predict(result.capture_time_ns);
     result.silhouettes.resize(cameras_.size());
     seen_.assign(cameras_.size(), nullptr);
     std::vector<std::size_t> seeing;  // cameras with an image
@@ -230,7 +287,7 @@ void StagedPipeline::segment(FrameResult& result) {
         for_each_camera(seeing.size(), [&](std::size_t n) {
             const std::size_t c = seeing[n];
             stages.segmenters[c]->begin_frame(to_kernel(result.frame_set.images[c]),
-                                              expectation(c, priors[c], motion));
+                                              expectation(c, priors[c]));
         });
         // Shadows are compared between the cameras, so no model changes before all have decided.
         std::vector<kernels::FrameDecision> decisions(seeing.size());
@@ -252,47 +309,110 @@ void StagedPipeline::segment(FrameResult& result) {
 }
 
 void StagedPipeline::track(FrameResult& result) {
-    update_ = tracker_.update(result.sequence, result.capture_time_ns, seen_);
-    result.subject = update_.subject;
-    result.events = std::move(update_.events);
+    tracked_.clear();
+    if (scene_) {
+        SceneUpdate update = scene_->update(result.sequence, result.capture_time_ns, seen_);
+        result.events = std::move(update.events);
+        tracked_ = std::move(update.subjects);
+    } else {
+        TrackerUpdate update = tracker_.update(result.sequence, result.capture_time_ns, seen_);
+        result.events = std::move(update.events);
+        if (update.subject)
+            tracked_.push_back({*update.subject, std::move(update.lattice), std::move(update.roles)});
+    }
+    for (const SceneSubject& tracked : tracked_) {
+        SubjectResult& subject = result.subjects.emplace_back();
+        subject.track = tracked.track;
+        subject.silhouette_iou.assign(cameras_.size(), std::numeric_limits<float>::quiet_NaN());
+    }
 }
 
 // Only inlier cameras carve the subject. With four or more, voxels that only two of them see are removed:
 // behind the borders of the other images, the cones of two opposite cameras intersect in a long ghost.
-void StagedPipeline::carve(Reconstruction& work) {
+void StagedPipeline::carve(const FrameResult& result, const SceneSubject& subject,
+                           SubjectReconstruction& work) {
     hull_views_.clear();
     work.inlier_cameras.clear();
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
-        if (update_.roles[c] != CameraRole::kInlier && update_.roles[c] != CameraRole::kTruncated) continue;
-        const kernels::Silhouettes& s = work.result->silhouettes[c];
+        if (subject.roles[c] != CameraRole::kInlier && subject.roles[c] != CameraRole::kTruncated) continue;
+        const kernels::Silhouettes& s = result.silhouettes[c];
         hull_views_.push_back({&models_[c], s.loose.data(), s.bounds});
         work.inlier_cameras.push_back(c);
     }
-    device_.run([&](Stages& stages) { carve_with(stages, work); });
+    device_.run([&](Stages& stages) { carve_with(stages, subject, work); });
 }
 
-void StagedPipeline::carve_with(Stages& stages, Reconstruction& work) {
+void StagedPipeline::carve_with(Stages& stages, const SceneSubject& subject, SubjectReconstruction& work) {
     const bool many = hull_views_.size() >= kManyViews;
-    (many ? stages.many_views_carver : stages.carver)->carve(hull_views_, *update_.lattice, work.volume);
+    (many ? stages.many_views_carver : stages.carver)->carve(hull_views_, *subject.lattice, work.volume);
+    if (scene_) work.volume = scene_->restricted_to(subject.track.subject_id, work.volume);
 }
 
-void StagedPipeline::colour(Reconstruction& work) {
-    FrameResult& result = *work.result;
+// Of the subjects that this frame set shows, where these are several.
+void StagedPipeline::separate(Reconstruction& work) {
+    std::vector<const kernels::VoxelVolume*> shapes;
+    std::vector<SubjectViews*> views;
+    for (std::size_t n = 0; n < tracked_.size(); ++n) {
+        work.subjects[n].beside_others = false;
+        if (!tracked_[n].lattice) continue;
+        coarsen_by_four(work.subjects[n].volume, work.subjects[n].coarse);
+        shapes.push_back(&work.subjects[n].coarse);
+        views.push_back(&work.subjects[n].views);
+    }
+    if (shapes.size() < 2) return;
+    separate_subjects(cameras_, models_, work.result->silhouettes, shapes, views);
+    for (std::size_t n = 0; n < tracked_.size(); ++n)
+        work.subjects[n].beside_others = tracked_[n].lattice.has_value();
+}
+
+void StagedPipeline::colour(const FrameResult& result, const SceneSubject& tracked,
+                            SubjectReconstruction& work, SubjectResult& subject) {
+    // A nearer subject would lend its colours to this one.
+    std::vector<std::size_t> showing;
+    for (const std::size_t c : work.inlier_cameras)
+        if (!work.beside_others || work.views.hidden_fraction[c] <= kMaxHidden) showing.push_back(c);
+    if (showing.size() < 2) showing = work.inlier_cameras;
     colouring_views_.clear();
-    for (const std::size_t c : work.inlier_cameras) {
-        const kernels::Silhouettes& s = result.silhouettes[c];
+    for (const std::size_t c : showing) {
+        const kernels::Silhouettes& s = work.beside_others ? work.views.own[c] : result.silhouettes[c];
         colouring_views_.push_back(
             {&models_[c], to_kernel(result.frame_set.images[c]), s.loose.data(), s.sharp.data(), s.bounds});
     }
     bool again = false;
     device_.run([&](Stages& stages) {
         // Colouring changes the volume: carve again after a GPU failed in the middle of it.
-        if (std::exchange(again, true)) carve_with(stages, work);
+        if (std::exchange(again, true)) carve_with(stages, tracked, work);
         stages.colourer->colour(colouring_views_, work.volume, report_);
     });
-    for (std::size_t view = 0; view < work.inlier_cameras.size() && view < report_.silhouette_iou.size();
-         ++view)
-        result.silhouette_iou[work.inlier_cameras[view]] = report_.silhouette_iou[view];
+    for (std::size_t view = 0; view < showing.size() && view < report_.silhouette_iou.size(); ++view)
+        subject.silhouette_iou[showing[view]] = report_.silhouette_iou[view];
+}
+
+void StagedPipeline::finish_subject(const SceneSubject& tracked, SubjectReconstruction& work,
+                                    SubjectResult& subject) {
+    static_assert(PoseStage::kCoarseFactor == 4);
+    coarsen_by_four(work.volume, work.coarse);
+    shapes_.push_back({tracked.track.subject_id, work.coarse, {}});
+    if (const auto centre = centre_of(work.volume); centre && !scene_)
+        tracker_.observe_volume(*centre, *bottom_of(work.volume));
+    subject.volume = std::make_shared<const Volume>(to_common(work.volume));
+}
+
+// From the hulls to the colours.
+void StagedPipeline::reconstruct_subjects(Reconstruction& work, LapTimer& timer) {
+    FrameResult& result = *work.result;
+    if (work.subjects.size() < tracked_.size()) work.subjects.resize(tracked_.size());
+    shapes_.clear();
+    for (std::size_t n = 0; n < tracked_.size(); ++n)
+        if (tracked_[n].lattice) carve(result, tracked_[n], work.subjects[n]);
+    if (scene_) separate(work);
+    result.times.hull_ms = timer.lap_ms();
+    for (std::size_t n = 0; n < tracked_.size(); ++n) {
+        if (!tracked_[n].lattice) continue;
+        if (options_.colouring) colour(result, tracked_[n], work.subjects[n], result.subjects[n]);
+        finish_subject(tracked_[n], work.subjects[n], result.subjects[n]);
+    }
+    result.times.colouring_ms = timer.lap_ms();
 }
 
 absl::StatusOr<std::unique_ptr<Reconstruction>> StagedPipeline::reconstruct(FrameSet frame_set) {
@@ -319,28 +439,13 @@ absl::StatusOr<std::unique_ptr<Reconstruction>> StagedPipeline::reconstruct(Fram
     result.capture_time_ns = frame_set.capture_time_ns;
     result.times.decode_ms = frame_set.decode_ms;
     result.frame_set = std::move(frame_set);
-    result.silhouette_iou.assign(cameras_.size(), std::numeric_limits<float>::quiet_NaN());
     try {
         LapTimer timer;
         segment(result);
         result.times.segmentation_ms = timer.lap_ms();
         track(result);
         result.times.tracking_ms = timer.lap_ms();
-        expect_volume_ = update_.lattice.has_value();
-        if (update_.lattice) {
-            carve(*work);
-            result.times.hull_ms = timer.lap_ms();
-            if (options_.colouring) {
-                colour(*work);
-                result.times.colouring_ms = timer.lap_ms();
-            }
-            static_assert(PoseStage::kCoarseFactor == 4);
-            coarsen_by_four(work->volume, work->coarse);
-            last_shape_ = work->coarse;
-            if (const auto centre = centre_of(work->volume))
-                tracker_.observe_volume(*centre, *bottom_of(work->volume));
-            result.volume = std::make_shared<const Volume>(to_common(work->volume));
-        }
+        reconstruct_subjects(*work, timer);
     } catch (const std::exception& error) {
         return absl::InternalError(fmt::format("frame set {}: {}", result.sequence, error.what()));
     }
@@ -351,24 +456,57 @@ absl::StatusOr<std::unique_ptr<Reconstruction>> StagedPipeline::reconstruct(Fram
     return work;
 }
 
+PoseStage* StagedPipeline::pose_stage_of(std::uint32_t subject_id) {
+    const auto lane = std::ranges::find(pose_lanes_, subject_id, &PoseLane::subject_id);
+    return lane == pose_lanes_.end() ? nullptr : lane->stage.get();
+}
+
+// A new subject gets a lane whose subject is gone.
+PoseStage& StagedPipeline::lane_of(const FrameResult& result, std::uint32_t subject_id) {
+    if (PoseStage* const known = pose_stage_of(subject_id)) return *known;
+    PoseLane& lane = *std::ranges::find_if(pose_lanes_, [&](const PoseLane& each) {
+        return std::ranges::none_of(result.subjects, [&](const SubjectResult& subject) {
+            return subject.track.subject_id == each.subject_id;
+        });
+    });
+    lane.subject_id = subject_id;
+    lane.stage->reset();
+    lane.stage->set_proposer(pose_lanes_.front().stage->proposer());
+    return *lane.stage;
+}
+
 // An outlier camera would distort the pose, so only the carving cameras are used.
+absl::Status StagedPipeline::pose_subject(const FrameResult& result, const SubjectReconstruction& seen,
+                                          SubjectResult& subject) {
+    pose_views_.assign(cameras_.size(), {});
+    for (std::size_t c = 0; c < cameras_.size(); ++c) pose_views_[c].camera = &models_[c];
+    for (const std::size_t c : seen.inlier_cameras) {
+        pose_views_[c].silhouettes = seen.beside_others ? &seen.views.own[c] : &result.silhouettes[c];
+        if (seen.beside_others && !seen.views.others[c].empty())
+            pose_views_[c].others = seen.views.others[c].data();
+    }
+    const std::uint32_t id = subject.track.subject_id;
+    try {
+        subject.pose = lane_of(result, id)
+                           .process(id, result.sequence, result.capture_time_ns, pose_views_, seen.volume,
+                                    seen.coarse, subject.track.centre_in_world);
+    } catch (const std::exception& error) {
+        return absl::InternalError(fmt::format("frame set {}: {}", result.sequence, error.what()));
+    }
+    return absl::OkStatus();
+}
+
 absl::StatusOr<FrameResultPtr> StagedPipeline::pose(std::unique_ptr<Reconstruction> work) {
     const std::shared_ptr<FrameResult> result = work->result;
-    if (work->first_of_track && pose_stage_) pose_stage_->reset();
-    if (pose_stage_ && result->volume && result->subject) {
+    if (work->first_of_track)
+        for (PoseLane& lane : pose_lanes_) lane.stage->reset();
+    if (!pose_lanes_.empty()) {
         LapTimer timer;
-        const SubjectTrack& subject = *result->subject;
-        if (subject.subject_id != posed_subject_) pose_stage_->reset();
-        posed_subject_ = subject.subject_id;
-        pose_views_.assign(cameras_.size(), {});
-        for (std::size_t c = 0; c < cameras_.size(); ++c) pose_views_[c].camera = &models_[c];
-        for (const std::size_t c : work->inlier_cameras) pose_views_[c].silhouettes = &result->silhouettes[c];
-        try {
-            result->pose =
-                pose_stage_->process(subject.subject_id, result->sequence, result->capture_time_ns,
-                                     pose_views_, work->volume, work->coarse, subject.centre_in_world);
-        } catch (const std::exception& error) {
-            return absl::InternalError(fmt::format("frame set {}: {}", result->sequence, error.what()));
+        for (std::size_t n = 0; n < result->subjects.size(); ++n) {
+            if (!result->subjects[n].volume) continue;
+            if (absl::Status posed = pose_subject(*result, work->subjects[n], result->subjects[n]);
+                !posed.ok())
+                return posed;
         }
         result->times.pose_ms = timer.lap_ms();
     }

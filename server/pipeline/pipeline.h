@@ -17,6 +17,7 @@
 #include "kernels/segmentation.h"
 #include "server/cameras/frame_source.h"
 #include "server/pipeline/frame_result.h"
+#include "server/pipeline/subject_views.h"
 #include "server/pipeline/tracking/tracker.h"
 #include "server/pose/pose_options.h"
 
@@ -59,14 +60,21 @@ void visit_option_tables(T& options, F&& f) {
     f("pose.filter", options.posing.filter);
 }
 
-// A frame set with its volume: the result so far, and further input of the pose stage.
+// Of one of the result's subjects, the further input of its pose stage.
+struct SubjectReconstruction {
+    std::vector<std::size_t> inlier_cameras;  // including truncated ones
+    kernels::VoxelVolume volume;              // the subject's, if it has one
+    kernels::VoxelVolume coarse;              // the same with PoseStage::kCoarseFactor times the voxels
+    bool beside_others = false;               // then the next line is of this frame set
+    SubjectViews views;
+};
+
+// A frame set with its volumes.
 struct Reconstruction {
     std::chrono::steady_clock::time_point arrived;
-    std::shared_ptr<FrameResult> result;      // without the pose
-    bool first_of_track = false;              // the track was reset before it
-    std::vector<std::size_t> inlier_cameras;  // including truncated ones
-    kernels::VoxelVolume volume;              // result->volume, if there is one
-    kernels::VoxelVolume coarse;              // the same with PoseStage::kCoarseFactor times the voxels
+    std::shared_ptr<FrameResult> result;          // without the poses
+    bool first_of_track = false;                  // the tracks were reset before it
+    std::vector<SubjectReconstruction> subjects;  // as result->subjects; further ones are spare memory
 };
 
 // Two halves, so that the pose of one frame set can be found while the next is reconstructed: no stage of the
@@ -103,9 +111,11 @@ class Pipeline {
     // backgrounds and the body. While both halves are idle.
     virtual void set_cameras(std::vector<Camera> cameras) = 0;
 
-    // The pose stage, null without one; stays at its address. Touched only between calls of pose(), by the
-    // same thread.
+    // The first subject's pose stage, null without one; stays at its address. Touched only between calls of
+    // pose(), by the same thread.
     virtual PoseStage* pose_stage() = 0;
+    // That of a subject of the last pose(); null without one.
+    virtual PoseStage* pose_stage_of(std::uint32_t subject_id) = 0;
 };
 
 }  // namespace kinevox

@@ -26,9 +26,14 @@ int count_alive(const std::vector<std::weak_ptr<Box>>& boxes) {
 }
 
 std::size_t size_in_memory(const PublishedVolume& published) {
-    if (!published.volume) return sizeof published;
-    return sizeof published + published.volume->bricks.size() * sizeof(VolumeBrick) +
-           published.volume->colours.size() * sizeof(Rgb);
+    std::size_t bytes = sizeof published;
+    for (const PublishedVolume::Subject& subject : published.subjects) {
+        bytes += sizeof subject;
+        if (subject.volume)
+            bytes += subject.volume->bricks.size() * sizeof(VolumeBrick) +
+                     subject.volume->colours.size() * sizeof(Rgb);
+    }
+    return bytes;
 }
 
 }  // namespace
@@ -78,21 +83,26 @@ void StreamHub::publish(const FrameResultPtr& result, std::int64_t utc_minus_cap
     if (!volume_boxes.empty()) {
         auto published = std::make_shared<PublishedVolume>();
         published->header = images->header();
-        published->volume = result->volume;
-        if (result->volume) published->litres = volume_litres(*result->volume);
+        for (const SubjectResult& subject : result->subjects)
+            published->subjects.push_back(
+                {subject.track, subject.volume, subject.volume ? volume_litres(*subject.volume) : 0});
         const std::size_t bytes = size_in_memory(*published);
         for (const auto& box : volume_boxes) box->put(published, bytes);
     }
     if (!pose_boxes.empty()) {
         const auto published = std::make_shared<PublishedPose>();
         published->header = images->header();
-        published->pose = result->pose;
-        for (const auto& box : pose_boxes) box->put(published, sizeof(PublishedPose) + sizeof(BodyPose));
+        for (const SubjectResult& subject : result->subjects)
+            published->subjects.push_back({subject.track.subject_id, subject.pose});
+        const std::size_t bytes =
+            sizeof(PublishedPose) + std::max<std::size_t>(1, published->subjects.size()) *
+                                        (sizeof(PublishedPose::Subject) + sizeof(BodyPose));
+        for (const auto& box : pose_boxes) box->put(published, bytes);
     }
     for (const auto& box : image_boxes) box->put(images);
     for (const Event& event : result->events)
         events_.publish(event, images->capture_time_utc_ns,
-                        result->subject ? result->subject->subject_id : 0);
+                        result->subjects.size() == 1 ? result->subjects.front().track.subject_id : 0);
 }
 
 std::shared_ptr<const PublishedImages> StreamHub::latest() const {

@@ -46,7 +46,6 @@ struct PublishedHeader {
     std::uint64_t sequence = 0;
     std::int64_t capture_time_utc_ns = 0;
     StageTimes times;
-    std::optional<SubjectTrack> subject;
     std::optional<std::int64_t> recorded_frame;  // of a replay
     std::int64_t published_utc_ns = 0;
     std::chrono::steady_clock::time_point
@@ -87,17 +86,25 @@ using Encodings = OnceMap<Form, std::string>;
 
 // A result without its images, so that a queue may hold many.
 struct PublishedVolume {
+    struct Subject {
+        SubjectTrack track;
+        std::shared_ptr<const Volume> volume;  // null if the frame set does not show the subject
+        double litres = 0;
+    };
     PublishedHeader header;
-    std::shared_ptr<const Volume> volume;  // null while no subject is tracked
-    double litres = 0;
+    std::vector<Subject> subjects;
     Encodings<VolumeForm> encodings;
 };
 
-// A result's pose only: small, so that a queue may hold very many.
+// A result's poses only: small, so that a queue may hold very many.
 struct PublishedPose {
+    struct Subject {
+        std::uint32_t subject_id = 0;
+        std::shared_ptr<const BodyPose> pose;  // null if there is none
+    };
     PublishedHeader header;
-    std::shared_ptr<const BodyPose> pose;  // null if there is none
-    Encodings<std::monostate> encodings;   // of the only form
+    std::vector<Subject> subjects;
+    Encodings<std::monostate> encodings;  // of the only form
 };
 
 // A result with its images.
@@ -106,13 +113,8 @@ struct PublishedImages {
     std::int64_t capture_time_utc_ns = 0, published_utc_ns = 0;
     std::chrono::steady_clock::time_point published_at;
     PublishedHeader header() const {
-        return {result->sequence,
-                capture_time_utc_ns,
-                result->times,
-                result->subject,
-                result->frame_set.recorded_frame,
-                published_utc_ns,
-                published_at};
+        return {result->sequence, capture_time_utc_ns, result->times, result->frame_set.recorded_frame,
+                published_utc_ns, published_at};
     }
     Encodings<PreviewForm> encodings;
 };

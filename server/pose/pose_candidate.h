@@ -1,6 +1,7 @@
 // Candidate poses for a fit, and the interface that proposes them.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <vector>
@@ -21,6 +22,9 @@ struct PoseCandidate {
 struct PoseView {
     const kernels::CameraModel* camera = nullptr;
     const kernels::Silhouettes* silhouettes = nullptr;  // null: the camera has no image or is excluded
+    // Of the image's size, not 0 where another subject may be seen: contours there are not used. Null:
+    // nowhere.
+    const std::uint8_t* others = nullptr;
 };
 
 // Proposes poses for silhouettes; implemented by the pose database.

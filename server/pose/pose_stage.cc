@@ -97,7 +97,8 @@ std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint
         [&](std::size_t c) {
             observation_.views[c].camera = nullptr;
             if (c >= shown.size() || !shown[c].silhouettes) return;
-            read_silhouette(cameras_[c], *shown[c].silhouettes, options_.tracker.rays, observation_.views[c]);
+            read_silhouette(cameras_[c], *shown[c].silhouettes, options_.tracker.rays, observation_.views[c],
+                            shown[c].others);
         },
         oneapi::tbb::simple_partitioner());
     std::vector<PoseCandidate> candidates;

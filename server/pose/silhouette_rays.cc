@@ -165,12 +165,16 @@ std::optional<double> SilhouetteRays::inside_m(Vec3 in_world) const {
 }
 
 void read_silhouette(const Camera& camera, const kernels::Silhouettes& s, const SilhouetteRayOptions& options,
-                     SilhouetteRays& out) {
+                     SilhouetteRays& out, const std::uint8_t* others) {
     out.camera = nullptr;
     for (int k = 0; k < 3; ++k) out.contour.direction[k].clear(), out.contour.outward[k].clear();
     if (s.sharp_pixels <= 0 || s.bounds.empty()) return;
     std::vector<BorderPoint> border;
     find_border(s.sharp.data(), s.width, s.bounds, s.height, border);
+    if (others)
+        std::erase_if(border, [&](const BorderPoint& p) {
+            return others[static_cast<std::ptrdiff_t>(p.y) * s.width + static_cast<std::ptrdiff_t>(p.x)] != 0;
+        });
     const std::size_t wanted = static_cast<std::size_t>(options.contour_rays);
     const std::size_t count = std::min(wanted, border.size());
     out.contour.origin_in_world = camera.centre_in_world();

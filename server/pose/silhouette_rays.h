@@ -44,8 +44,10 @@ struct SilhouetteRays {
     std::optional<double> inside_m(Vec3 in_world) const;
 };
 
-// Reads the sharp silhouette. Reuses the memory of `out`. Without sharp pixels out.camera is null.
+// Reads the sharp silhouette. Reuses the memory of `out`. Without sharp pixels out.camera is null. No rays
+// where `others`, of the image's size, is not 0; null: everywhere.
 void read_silhouette(const Camera& camera, const kernels::Silhouettes& silhouettes,
-                     const SilhouetteRayOptions& options, SilhouetteRays& out);
+                     const SilhouetteRayOptions& options, SilhouetteRays& out,
+                     const std::uint8_t* others = nullptr);
 
 }  // namespace kinevox

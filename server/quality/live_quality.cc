@@ -53,9 +53,7 @@ void LiveQuality::observe(const FrameResult& result, const BodyShape* body) {
         next_ = std::make_unique<Observed>();
         next_->result.sequence = result.sequence;
         next_->result.frame_set = result.frame_set;
-        next_->result.subject = result.subject;
-        next_->result.volume = result.volume;
-        next_->result.pose = result.pose;
+        next_->result.subjects = result.subjects;
         if (body) next_->body = *body;
     }
     changed_.notify_all();
@@ -90,7 +88,8 @@ void LiveQuality::work() {
 void LiveQuality::judge_one(std::unique_ptr<Observed> one) {
     if (one->result.frame_set.images.empty()) return;
     observer_->add(one->result);
-    poses_.push_back({one->result.sequence, one->result.pose});
+    const SubjectResult* const subject = one->result.first_subject();
+    poses_.push_back({one->result.sequence, subject ? subject->pose : nullptr});
     while (poses_.front().sequence < observer_->first_sequence()) poses_.pop_front();
     if (++since_judged_ < options_.judge_after) return;
     since_judged_ = 0;

@@ -136,10 +136,11 @@ Observer::~Observer() = default;
 
 void Observer::add(const FrameResult& result) {
     State& state = *state_;
-    state.tracked.push_back(result.subject.has_value());
+    state.tracked.push_back(!result.subjects.empty());
     if (state.options.latest && state.tracked.size() > state.options.max_samples) state.tracked.pop_front();
     if (state.frame_sets++ % state.stride != 0) return;
-    if (result.volume) state.litres.push_back(volume_litres(*result.volume));
+    for (const SubjectResult& subject : result.subjects)
+        if (subject.volume) state.litres.push_back(volume_litres(*subject.volume));
     Sample& sample = state.seen.samples.emplace_back();
     sample.sequence = result.sequence;
     sample.views.resize(state.factor.size());

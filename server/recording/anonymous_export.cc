@@ -193,8 +193,9 @@ absl::Status AnonymousFolder::add(const FrameResult& result) {
         if (absl::Status written = videos_[c]->append(**encoded, times_[frame].time_ns); !written.ok())
             return written;
     }
-    if (!result.volume) return absl::OkStatus();
-    Volume volume = *result.volume;
+    const SubjectResult* const subject = result.first_subject();
+    if (!subject || !subject->volume) return absl::OkStatus();
+    Volume volume = *subject->volume;
     volume.colours.clear();
     return volumes_->append(frame, encode_volume(volume));
 }

@@ -61,9 +61,10 @@ void LiveRecorder::observe(const FrameResult& result, const BodyShape* body) {
     }
     // The pipeline lags some frame sets: the last results arrive after the last frame set was taken.
     if (!finish_ && (closed_ || !taking())) return;
-    results_.push_back({run_, result.sequence, result.subject ? result.subject->subject_id : 0,
-                        options_.save_poses ? result.pose : nullptr,
-                        options_.save_volumes ? result.volume : nullptr});
+    const SubjectResult* const subject = result.first_subject();
+    results_.push_back({run_, result.sequence, subject ? subject->track.subject_id : 0,
+                        subject && options_.save_poses ? subject->pose : nullptr,
+                        subject && options_.save_volumes ? subject->volume : nullptr});
     if (results_.size() > kMaxQueuedResults) results_.pop_front();
     changed_.notify_all();
 }

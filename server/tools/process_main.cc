@@ -48,6 +48,10 @@ void declare(CLI::App& app, Arguments& arguments) {
     app.add_option("--background-samples", options.pipeline.segmentation.samples,
                    "Background samples per pixel")
         ->capture_default_str();
+    app.add_option("--max-subjects", options.pipeline.tracker.max_subjects,
+                   "Maximum number of subjects followed at once")
+        ->check(CLI::Range(1, 16))
+        ->capture_default_str();
     app.add_flag("--no-colouring", arguments.no_colouring, "Skip colour carving");
     app.add_flag("--no-pose", arguments.no_pose, "Skip pose estimation");
     app.add_option(
@@ -86,7 +90,9 @@ absl::Status apply_config(const CLI::App& app, Arguments& arguments) {
     auto pipeline = kinevox::pipeline_options(*config);
     if (!pipeline.ok()) return pipeline.status();
     const int samples = arguments.options.pipeline.segmentation.samples;
+    const int max_subjects = arguments.options.pipeline.tracker.max_subjects;
     arguments.options.pipeline = *std::move(pipeline);
+    if (app.count("--max-subjects") > 0) arguments.options.pipeline.tracker.max_subjects = max_subjects;
     if (app.count("--background-samples") > 0) arguments.options.pipeline.segmentation.samples = samples;
     if (app.count("--device") == 0)
         arguments.device = config->pipeline.device == kinevox::PipelineConfig::Device::kCuda ? "cuda" : "cpu";

@@ -75,12 +75,13 @@ std::vector<Event> events() {
 }
 
 std::optional<double> error_of(const FrameResult& result, const testing::TrueJoints& truth) {
-    if (!result.pose) return std::nullopt;
+    const SubjectResult* const subject = result.first_subject();
+    if (!subject || !subject->pose) return std::nullopt;
     double sum = 0;
     int count = 0;
     for (std::size_t j = 0; j < truth.size(); ++j) {
-        if (!result.pose->joints[j].measured()) continue;
-        sum += norm(result.pose->joints[j].in_world - truth[j]);
+        if (!subject->pose->joints[j].measured()) continue;
+        sum += norm(subject->pose->joints[j].in_world - truth[j]);
         ++count;
     }
     if (count < static_cast<int>(truth.size()) / 2) return std::nullopt;
@@ -148,12 +149,14 @@ absl::StatusOr<bool> play(const std::filesystem::path& session_file, const Event
         if (!result.ok()) return result.status();
         const auto known = truth.find(frame);
         const auto error = known == truth.end() ? std::nullopt : error_of(**result, known->second);
-        invented += phase == 1 && event.subject_hidden && (*result)->pose;
+        const SubjectResult* const subject = (*result)->first_subject();
+        const bool has_volume = subject && subject->volume;
+        invented += phase == 1 && event.subject_hidden && subject && subject->pose;
         if (phase == 2) {
             max_ms = std::max(max_ms, (*result)->times.total_ms);
-            volumes.push_back((*result)->volume != nullptr);
+            volumes.push_back(has_volume);
             poses.push_back(error && *error < kMaxError_m);
-            story.push_back(!(*result)->volume ? "-" : error ? fmt::format("{:.0f}", 1000 * *error) : "v");
+            story.push_back(!has_volume ? "-" : error ? fmt::format("{:.0f}", 1000 * *error) : "v");
         }
         if (error && !event_or_none) undisturbed[frame] = *error;
         if (error && phase == 2) {

@@ -69,9 +69,10 @@ class Session:
         self.videos = [self.file.parent / c["video"] for c in data["camera"]]
         self.truth = self.file.parent / "truth"
 
-    def true_masks(self, camera):
-        """Yields the exact silhouettes (bool, height x width) frame by frame."""
-        with zipfile.ZipFile(self.truth / f"masks_{camera.name}.zip") as archive:
+    def true_masks(self, camera, person=None):
+        """Yields the exact silhouettes (bool, height x width) frame by frame; of one of several people the visible part."""
+        name = f"{person}_{camera.name}" if person else camera.name
+        with zipfile.ZipFile(self.truth / f"masks_{name}.zip") as archive:
             for name in sorted(n for n in archive.namelist() if n.endswith(".png")):
                 yield cv2.imdecode(np.frombuffer(archive.read(name), np.uint8), cv2.IMREAD_GRAYSCALE) > 127
 

@@ -134,7 +134,7 @@ absl::StatusOr<std::unique_ptr<Reconstruction>> FakePipeline::reconstruct(FrameS
             if (x >= 24 && x < 40) silhouettes.sharp[static_cast<std::size_t>(y * kWidth + x)] = 255;
         }
     result->silhouettes.assign(2, silhouettes);
-    result->silhouette_iou = {0.9f, 0.8f};
+    for (SubjectResult& subject : result->subjects) subject.silhouette_iou = {0.9f, 0.8f};
     auto reconstruction = std::make_unique<Reconstruction>();
     reconstruction->result = std::move(result);
     return reconstruction;
@@ -168,14 +168,13 @@ FrameResultPtr fake_result(std::uint64_t sequence, std::shared_ptr<const Volume>
     result->capture_time_ns = static_cast<std::int64_t>(sequence) * 10'000'000;
     result->times.hull_ms = 2;
     result->times.total_ms = 5;
-    result->volume = std::move(volume);
-    if (result->volume) {
-        SubjectTrack track;
-        track.subject_id = 1;
-        track.centre_in_world = {0.1, 0.2, 0.9};
-        track.used_cameras = {true, false};
-        result->subject = track;
-        result->pose = fake_pose(sequence);
+    if (volume) {
+        SubjectResult& subject = result->subjects.emplace_back();
+        subject.track.subject_id = 1;
+        subject.track.centre_in_world = {0.1, 0.2, 0.9};
+        subject.track.used_cameras = {true, false};
+        subject.volume = std::move(volume);
+        subject.pose = fake_pose(sequence);
     }
     return result;
 }

@@ -79,7 +79,7 @@ std::vector<SilhouetteMask> silhouettes_of(const FrameResult& result, const std:
         std::size_t{0}, std::min(cameras.size(), result.silhouettes.size()), [&](std::size_t c) {
             const kernels::Silhouettes& seen = result.silhouettes[c];
             if (seen.sharp.empty()) return;
-            const bool tracked = result.subject && result.subject->used_cameras[c];
+            const bool tracked = result.first_subject() && result.first_subject()->track.used_cameras[c];
             const bool whole = seen.searched.x1 - seen.searched.x0 == cameras[c].width &&
                                seen.searched.y1 - seen.searched.y0 == cameras[c].height;
             if (tracked || whole)

@@ -117,12 +117,15 @@ Motion without_rotation(const Motion& light) {
 constexpr double kMaxFraction =
     0.5;  // of the image: more is not the subject but the foreground of a moved camera
 
-// The subject in a camera's image, px: the projection of its volume or, without one, the camera's foreground.
-// A moved camera's foreground is the whole scene, which must not hide the movement.
+// The subjects in a camera's image, px: the projection of their volumes or, without one, the camera's
+// foreground. A moved camera's foreground is the whole scene, which must not hide the movement.
 kernels::Rect subject_box(const FrameResult& result, std::size_t c, const Camera& camera) {
     kernels::Rect box{camera.width, camera.height, 0, 0};
-    if (result.volume) {
-        const VolumeGrid& grid = result.volume->grid;
+    bool projected = false;
+    for (const SubjectResult& subject : result.subjects) {
+        if (!subject.volume) continue;
+        projected = true;
+        const VolumeGrid& grid = subject.volume->grid;
         for (int corner = 0; corner < 8; ++corner) {
             const Vec3 along{grid.voxel_m * grid.size[0] * (corner & 1),
                              grid.voxel_m * grid.size[1] * (corner >> 1 & 1),
@@ -134,9 +137,8 @@ kernels::Rect subject_box(const FrameResult& result, std::size_t c, const Camera
                    std::max(box.x1, static_cast<int>(std::clamp(pixel->x, 0.0, camera.width - 1.0)) + 1),
                    std::max(box.y1, static_cast<int>(std::clamp(pixel->y, 0.0, camera.height - 1.0)) + 1)};
         }
-    } else if (c < result.silhouettes.size()) {
-        box = result.silhouettes[c].bounds;
     }
+    if (!projected && c < result.silhouettes.size()) box = result.silhouettes[c].bounds;
     const double area = static_cast<double>(box.x1 - box.x0) * (box.y1 - box.y0);
     const bool usable =
         box.x0 < box.x1 && box.y0 < box.y1 && area < kMaxFraction * camera.width * camera.height;

@@ -38,4 +38,12 @@ kernels::Lattice lattice_over(const Box3& box, double voxel_m, double max_side_m
 // projected box inside the image, 0..1.
 kernels::Rect projected_box(const Camera& camera, const Box3& box, double* fraction_inside = nullptr);
 
+// Below this fraction of a subject's box inside its image, a camera need not see the subject.
+inline constexpr double kMinExpectedInside = 0.5;
+
+// Whether two rectangles share a pixel.
+inline bool overlap(const kernels::Rect& a, const kernels::Rect& b) {
+    return a.x0 < b.x1 && b.x0 < a.x1 && a.y0 < b.y1 && b.y0 < a.y1;
+}
+
 }  // namespace kinevox

@@ -16,7 +16,6 @@ constexpr std::size_t kMaxBlobs = 6;        // per camera
 constexpr double kMaxCentreJump_m = 0.4;    // of a measured centre from the predicted one
 constexpr double kBodyRadius_m = 1.4;       // of a body around its centre
 constexpr double kMinPartDistance_m = 0.3;  // of a body to a camera that predicts its motion
-constexpr double kMinExpectedInside = 0.5;  // of the subject's box, for a camera that should see it
 
 Box3 box_around(Vec3 centre, const Box3& extent, double margin_m) {
     const Vec3 margin{margin_m, margin_m, margin_m};
@@ -49,10 +48,6 @@ double nearest_depth(const Camera& camera, const Box3& box) {
         nearest = std::min(nearest, (camera.camera_from_world * corner).z);
     }
     return nearest;
-}
-
-bool overlap(const kernels::Rect& a, const kernels::Rect& b) {
-    return a.x0 < b.x1 && b.x0 < a.x1 && a.y0 < b.y1 && b.y0 < a.y1;
 }
 
 }  // namespace

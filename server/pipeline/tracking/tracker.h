@@ -22,6 +22,8 @@
 namespace kinevox {
 
 struct TrackerOptions {
+    // With more than one, SceneTracker (scene_tracker.h) replaces Tracker.
+    int max_subjects = 1;
     double voxel_m = 0.01;
     double margin_m = 0.03;
     double max_lattice_side_m = 2.5;  // arms spread are 1.9 m
@@ -49,6 +51,7 @@ struct TrackerOptions {
 template <typename T, typename F>
 requires kernels::SameOptions<T, TrackerOptions>
 void visit_options(T& o, F&& f) {
+    f({"max_subjects", 1, 16, "", "Maximum number of subjects followed at once."}, o.max_subjects);
     f({"margin_m", 0, 1, "m", "Margin of the lattice around the subject."}, o.margin_m);
     f({"max_lattice_side_m", 0.5, 10, "m", "Maximum side of the lattice; a longer one is cropped."},
       o.max_lattice_side_m);

@@ -53,7 +53,7 @@ absl::StatusOr<quality::Measurements> measure_session(const std::filesystem::pat
     auto pipeline = Pipeline::create(cameras, (*source)->fps(), options);
     if (!pipeline.ok()) return pipeline.status();
     if (absl::Status learned = (*pipeline)->learn_background(*background); !learned.ok()) return learned;
-    PosePass poses(cameras, (*source)->fps(), options.posing, {.cutoff_hz = 0});
+    PosePass poses(cameras, (*source)->fps(), options, {.cutoff_hz = 0});
     QualityPass quality(session_file, cameras, *background);
     for (std::int64_t n = 0; n < kMaxFrameSets; ++n) {
         auto frame_set = (*source)->next();
@@ -61,12 +61,12 @@ absl::StatusOr<quality::Measurements> measure_session(const std::filesystem::pat
         if (!frame_set.ok()) return frame_set.status();
         const auto result = (*pipeline)->process(*std::move(frame_set));
         if (!result.ok()) return result.status();
-        poses.add(**result, *(*pipeline)->pose_stage());
+        poses.add(**result, **pipeline);
         quality.add(**result);
         if (progress && !progress(static_cast<double>(n) / kMaxFrameSets, fmt::format("poses, frame {}", n)))
             return absl::CancelledError("stopped; nothing was written");
     }
-    const std::vector<PoseRow> rows = poses.finish(*(*pipeline)->pose_stage());
+    const std::vector<PoseRow> rows = poses.finish(**pipeline);
     return quality.measure(&poses, rows);
 }
 

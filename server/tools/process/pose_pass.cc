@@ -3,73 +3,104 @@
 #include <algorithm>
 #include <utility>
 
+#include "server/pipeline/pipeline.h"
 #include "server/pose/pose_stage.h"
 #include "server/pose/retrack.h"
 
 namespace kinevox {
 
-PosePass::PosePass(std::vector<Camera> cameras, double fps, const PoseStageOptions& posing,
+PosePass::PosePass(std::vector<Camera> cameras, double fps, const PipelineOptions& pipeline,
                    const PosePassOptions& options)
-    : cameras_(std::move(cameras)), fps_(fps), posing_(posing), options_(options) {}
+    : cameras_(std::move(cameras)),
+      fps_(fps),
+      posing_(pipeline.posing),
+      options_(options),
+      several_(pipeline.tracker.max_subjects > 1) {
+    if (!several_) subjects_.push_back(std::make_unique<Subject>());
+}
 PosePass::~PosePass() = default;
 
-void PosePass::add(const FrameResult& result, PoseStage& stage) {
-    Frame frame;
-    frame.row.frame = result.sequence;
-    frame.row.time_s = 1e-9 * static_cast<double>(result.capture_time_ns);
-    frame.row.pose = result.pose;
-    if (result.subject) frame.row.subject_id = result.subject->subject_id;
-    if (result.pose && stage.tracked()) frame.posture = stage.tracked()->fit.posture;
-    if (!retracked_ && result.subject && result.volume)
-        frame.observation = std::make_unique<PoseObservation>(stage.observation());
-    frames_.push_back(std::move(frame));
-    if (!retracked_ && frames_.size() >= options_.max_held_frame_sets) fit_and_retrack(stage);
+PosePass::Subject& PosePass::subject_of(std::uint32_t id) {
+    if (!several_) return *subjects_.front();
+    for (const auto& subject : subjects_)
+        if (subject->id == id) return *subject;
+    Subject& added = *subjects_.emplace_back(std::make_unique<Subject>());
+    added.id = id;
+    added.first = all_.size() - 1;
+    added.frames.resize(1);
+    added.frames.front().row = all_.back();
+    return added;
 }
 
-// Of the held frame sets; empty if the fit fails.
-std::optional<BodyFit> PosePass::fit_to_movement(const PoseStage& stage) const {
+void PosePass::add(const FrameResult& result, Pipeline& pipeline) {
+    all_.push_back({.frame = result.sequence,
+                    .time_s = 1e-9 * static_cast<double>(result.capture_time_ns),
+                    .subject_id = 0,
+                    .pose = nullptr});
+    for (const auto& subject : subjects_) subject->frames.emplace_back().row = all_.back();
+    for (const SubjectResult& seen : result.subjects) {
+        const std::uint32_t id = seen.track.subject_id;
+        Subject& subject = subject_of(id);
+        Frame& frame = subject.frames.back();
+        const PoseStage* const stage = pipeline.pose_stage_of(id);
+        ++subject.seen_count;
+        frame.row.subject_id = id;
+        frame.row.pose = seen.pose;
+        if (!stage) continue;
+        if (seen.pose && stage->tracked()) frame.posture = stage->tracked()->fit.posture;
+        if (!subject.retracked && seen.volume)
+            frame.observation = std::make_unique<PoseObservation>(stage->observation());
+    }
+    for (const auto& subject : subjects_)
+        if (!subject->retracked && subject->frames.size() >= options_.max_held_frame_sets)
+            fit_and_retrack(*subject, pipeline);
+}
+
+// To the held frame sets; empty if the fit fails.
+std::optional<BodyFit> PosePass::fit_to_movement(const Subject& subject) const {
     std::vector<const PoseObservation*> first;
     const auto max_frames = static_cast<std::size_t>(options_.body_seconds * fps_) + 1;
-    for (const Frame& frame : frames_)
+    for (const Frame& frame : subject.frames)
         if (frame.observation && first.size() < max_frames) first.push_back(frame.observation.get());
-    auto fit = fit_body(cameras_, fps_, first, stage.body(), posing_, options_.body);
+    auto fit = fit_body(cameras_, fps_, first, posing_.body, posing_, options_.body);
     return fit.ok() ? std::optional(*std::move(fit)) : std::nullopt;
 }
 
 // Fits the body, tracks the held frame sets with it, and sets it in the pipeline for the following ones.
-void PosePass::fit_and_retrack(PoseStage& stage) {
-    retracked_ = true;
-    fit_ = fit_to_movement(stage);
+void PosePass::fit_and_retrack(Subject& subject, Pipeline& pipeline) const {
+    subject.retracked = true;
+    subject.fit = fit_to_movement(subject);
     if (!options_.fit_body)
-        body_ = stage.body();
-    else if (fit_)
-        body_ = fit_->shape;
-    if (!body_) return;
+        subject.body = posing_.body;
+    else if (subject.fit)
+        subject.body = subject.fit->shape;
+    if (!subject.body) return;
     PoseStageOptions posing = posing_;
-    const double standing_m = fit_ ? fit_->standing_m : 0;
+    const double standing_m = subject.fit ? subject.fit->standing_m : 0;
     posing.tracker.fit.cost.standing_m = standing_m;
-    posing.body = *body_;
+    posing.body = *subject.body;
     std::vector<RecordedView> views;
-    for (const Frame& frame : frames_)
+    for (const Frame& frame : subject.frames)
         views.push_back({frame.row.subject_id, frame.row.frame, frame.observation.get()});
     std::vector<RetrackedFrame> again = retrack(cameras_, fps_, views, posing);
-    for (std::size_t n = 0; n < frames_.size(); ++n) {
-        frames_[n].posture = again[n].posture;
-        frames_[n].row.pose = std::move(again[n].pose);
-        frames_[n].observation.reset();
+    for (std::size_t n = 0; n < subject.frames.size(); ++n) {
+        subject.frames[n].posture = again[n].posture;
+        subject.frames[n].row.pose = std::move(again[n].pose);
+        subject.frames[n].observation.reset();
     }
-    stage.set_body(*body_, standing_m);
+    PoseStage* const stage = several_ ? pipeline.pose_stage_of(subject.id) : pipeline.pose_stage();
+    if (stage) stage->set_body(*subject.body, standing_m);
 }
 
-std::vector<PoseRow> PosePass::finish(PoseStage& stage) {
-    if (!retracked_) fit_and_retrack(stage);
+// One for each of its frames.
+std::vector<PoseRow> PosePass::rows_of(const Subject& subject) const {
     std::vector<std::optional<BodyPosture>> postures;
-    for (const Frame& frame : frames_) postures.push_back(frame.posture);
+    for (const Frame& frame : subject.frames) postures.push_back(frame.posture);
     if (options_.cutoff_hz > 0) smooth_zero_phase(postures, fps_, options_.cutoff_hz);
-    const BodyModel model(body_.value_or(stage.body()));
+    const BodyModel model(subject.body.value_or(posing_.body));
     std::vector<PoseRow> rows;
-    for (std::size_t n = 0; n < frames_.size(); ++n) {
-        PoseRow row = frames_[n].row;
+    for (std::size_t n = 0; n < subject.frames.size(); ++n) {
+        PoseRow row = subject.frames[n].row;
         if (postures[n] && row.pose) {
             auto pose = std::make_shared<BodyPose>(*row.pose);
             describe_posture(model, *postures[n], *pose);
@@ -80,6 +111,51 @@ std::vector<PoseRow> PosePass::finish(PoseStage& stage) {
         rows.push_back(std::move(row));
     }
     return rows;
+}
+
+std::vector<PoseRow> PosePass::finish(Pipeline& pipeline) {
+    std::vector<std::vector<PoseRow>> each;
+    for (const auto& subject : subjects_) {
+        if (!subject->retracked) fit_and_retrack(*subject, pipeline);
+        each.push_back(rows_of(*subject));
+    }
+    std::vector<PoseRow> rows;
+    for (std::size_t frame = 0; frame < all_.size(); ++frame) {
+        const std::size_t before = rows.size();
+        for (std::size_t n = 0; n < each.size(); ++n)
+            if (const std::size_t first = subjects_[n]->first;
+                frame >= first && each[n][frame - first].subject_id != 0)
+                rows.push_back(std::move(each[n][frame - first]));
+        if (rows.size() == before) rows.push_back(all_[frame]);
+    }
+    return rows;
+}
+
+const PosePass::Subject* PosePass::main() const {
+    const auto most =
+        std::ranges::max_element(subjects_, {}, [](const auto& subject) { return subject->seen_count; });
+    return most == subjects_.end() ? nullptr : most->get();
+}
+
+const BodyShape* PosePass::body() const {
+    const Subject* const subject = main();
+    return subject && subject->body ? &*subject->body : nullptr;
+}
+
+const BodyFit* PosePass::fit() const {
+    const Subject* const subject = main();
+    return subject && subject->fit ? &*subject->fit : nullptr;
+}
+
+std::uint32_t PosePass::main_subject() const {
+    const Subject* const subject = main();
+    return subject ? subject->id : 0;
+}
+
+const BodyShape* PosePass::body_of(std::uint32_t subject_id) const {
+    for (const auto& subject : subjects_)
+        if ((!several_ || subject->id == subject_id) && subject->body) return &*subject->body;
+    return nullptr;
 }
 
 }  // namespace kinevox

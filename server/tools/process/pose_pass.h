@@ -6,6 +6,7 @@
 #include <absl/status/statusor.h>
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -19,35 +20,42 @@
 
 namespace kinevox {
 
-class PoseStage;
+class Pipeline;
+struct PipelineOptions;
 struct PoseObservation;
 
 struct PosePassOptions {
     double cutoff_hz = 6;     // of the zero-phase filter; 0: off
     double body_seconds = 6;  // of movement to which the body is fitted
     bool fit_body = true;     // false: the pipeline's body is used
-    // Frame sets held in memory and tracked in both directions with the fitted body; later ones are tracked
-    // once.
+    // Frame sets of a subject that are held in memory and tracked in both directions with the fitted body;
+    // later ones are tracked once.
     std::size_t max_held_frame_sets = 1200;
     BodyFitOptions body;
 };
 
 class PosePass {
   public:
-    // `posing`: the pipeline's.
-    PosePass(std::vector<Camera> cameras, double fps, const PoseStageOptions& posing,
+    // Where the pipeline follows several subjects, each has a body of its own; else all tracked subjects are
+    // one person.
+    PosePass(std::vector<Camera> cameras, double fps, const PipelineOptions& pipeline,
              const PosePassOptions& options);
     ~PosePass();
 
-    // After each frame set of the pipeline; `stage` is the pipeline's.
-    void add(const FrameResult& result, PoseStage& stage);
-    // All frames, filtered, in order.
-    std::vector<PoseRow> finish(PoseStage& stage);
-    // Of the subject; nullopt before finish() or if no subject was found.
-    const std::optional<BodyShape>& body() const { return body_; }
+    // After each frame set of the pipeline.
+    void add(const FrameResult& result, Pipeline& pipeline);
+    // All frames, filtered, in order; those of one frame in the order of the subjects' ids.
+    std::vector<PoseRow> finish(Pipeline& pipeline);
+    // Of the subject; null before finish() or if no subject was found. With several, of the one that was
+    // seen in most frames.
+    const BodyShape* body() const;
+    // Of the subject with this id; null: none.
+    const BodyShape* body_of(std::uint32_t subject_id) const;
     // The body was given, not fitted; then it is also fitted to the movement, to compare.
     bool body_given() const { return !options_.fit_body; }
-    const std::optional<BodyFit>& fit() const { return fit_; }
+    const BodyFit* fit() const;
+    // 0: none, or one subject is followed.
+    std::uint32_t main_subject() const;
 
   private:
     struct Frame {
@@ -55,17 +63,28 @@ class PosePass {
         std::optional<BodyPosture> posture;
         std::unique_ptr<PoseObservation> observation;
     };
-    void fit_and_retrack(PoseStage& stage);
-    std::optional<BodyFit> fit_to_movement(const PoseStage& stage) const;
+    struct Subject {
+        std::uint32_t id = 0;       // 0: all tracked subjects
+        std::size_t first = 0;      // frame
+        std::vector<Frame> frames;  // from `first` on
+        bool retracked = false;     // the held frame sets were
+        std::size_t seen_count = 0;
+        std::optional<BodyShape> body;
+        std::optional<BodyFit> fit;
+    };
+    Subject& subject_of(std::uint32_t id);
+    const Subject* main() const;  // null before the first
+    void fit_and_retrack(Subject& subject, Pipeline& pipeline) const;
+    std::optional<BodyFit> fit_to_movement(const Subject& subject) const;
+    std::vector<PoseRow> rows_of(const Subject& subject) const;
 
     std::vector<Camera> cameras_;
     double fps_;
     PoseStageOptions posing_;
     PosePassOptions options_;
-    std::vector<Frame> frames_;
-    bool retracked_ = false;  // the held frame sets were
-    std::optional<BodyShape> body_;
-    std::optional<BodyFit> fit_;
+    bool several_;
+    std::vector<PoseRow> all_;  // per frame, without subject
+    std::vector<std::unique_ptr<Subject>> subjects_;
 };
 
 }  // namespace kinevox

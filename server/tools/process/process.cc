@@ -59,7 +59,7 @@ absl::StatusOr<std::optional<BodyShape>> body_of_session(const std::filesystem::
         if (!frame_set.ok()) return frame_set.status();
         auto result = (*pipeline)->process(std::move(*frame_set));
         if (!result.ok()) return result.status();
-        if ((*result)->subject && (*result)->volume)
+        if (const SubjectResult* const subject = (*result)->first_subject(); subject && subject->volume)
             frames.push_back(std::make_unique<PoseObservation>((*pipeline)->pose_stage()->observation()));
     }
     std::vector<const PoseObservation*> observations;
@@ -92,15 +92,16 @@ std::vector<Table> certificate_tables(const std::filesystem::path& session_file)
 }
 
 // Of the poses, and body_N.toml of each subject N with a pose, the first also as body.toml.
-std::vector<Table> tables_of(const std::vector<PoseRow>& rows, const std::optional<BodyShape>& body) {
+std::vector<Table> tables_of(const std::vector<PoseRow>& rows, const PosePass& poses) {
     std::vector<Table> tables = pose_tables(rows);
-    if (!body) return tables;
+    if (!poses.body()) return tables;
     std::set<std::uint32_t> subjects;
     for (const PoseRow& row : rows)
         if (row.pose && row.subject_id) subjects.insert(row.subject_id);
-    tables.push_back({"body.toml", body_shape_toml(*body)});
+    tables.push_back({"body.toml", body_shape_toml(*poses.body())});
     for (const std::uint32_t id : subjects)
-        tables.push_back({fmt::format("body_{}.toml", id), body_shape_toml(*body)});
+        if (const BodyShape* const body = poses.body_of(id))
+            tables.push_back({fmt::format("body_{}.toml", id), body_shape_toml(*body)});
     return tables;
 }
 
@@ -140,8 +141,8 @@ absl::Status process_session(const ProcessOptions& requested, const std::atomic<
     if (!background.ok()) return background.status();
     if (absl::Status learned = (*pipeline)->learn_background(*background); !learned.ok()) return learned;
 
-    PoseStage* const pose_stage = (*pipeline)->pose_stage();
-    PosePass poses((*source)->cameras(), fps, options.pipeline.posing, options.poses);
+    const bool posing = (*pipeline)->pose_stage() != nullptr;
+    PosePass poses((*source)->cameras(), fps, options.pipeline, options.poses);
     QualityPass quality(options.session_file, (*source)->cameras(), *background);
     RunSummary summary;
     const Clock::time_point start = Clock::now();
@@ -163,7 +164,7 @@ absl::Status process_session(const ProcessOptions& requested, const std::atomic<
             auto result = (*pipeline)->process(std::move(*frame_set));
             if (!result.ok()) return result.status();
             summary.add(**result);
-            if (pose_stage) poses.add(**result, *pose_stage);
+            if (posing) poses.add(**result, **pipeline);
             quality.add(**result);
             if (absl::Status added = (*writer)->add(std::move(*result)); !added.ok()) return added;
             bar.show(summary.frames());
@@ -172,10 +173,10 @@ absl::Status process_session(const ProcessOptions& requested, const std::atomic<
     const double wall_s = seconds_since(start);
     (*writer)->add_table({"calibration.toml", calibration_toml((*source)->cameras())});
     for (Table& table : certificate_tables(options.session_file)) (*writer)->add_table(std::move(table));
-    const std::vector<PoseRow> rows = pose_stage ? poses.finish(*pose_stage) : std::vector<PoseRow>{};
-    if (pose_stage)
-        for (Table& table : tables_of(rows, poses.body())) (*writer)->add_table(std::move(table));
-    const quality::QualityReport report = quality.finish(pose_stage ? &poses : nullptr, rows);
+    const std::vector<PoseRow> rows = posing ? poses.finish(**pipeline) : std::vector<PoseRow>{};
+    if (posing)
+        for (Table& table : tables_of(rows, poses)) (*writer)->add_table(std::move(table));
+    const quality::QualityReport report = quality.finish(posing ? &poses : nullptr, rows);
     (*writer)->add_table({"quality.json", quality::quality_json(report)});
     (*writer)->add_table({"run.toml", run_toml(options, *fingerprint, fps, summary.frames())});  // the last
     if (absl::Status finished = (*writer)->finish(); !finished.ok()) return finished;

@@ -7,8 +7,10 @@ namespace kinevox {
 
 quality::Measurements QualityPass::measure(const PosePass* poses, const std::vector<PoseRow>& rows) const {
     std::vector<quality::PosedFrame> posed;
-    for (const PoseRow& row : rows) posed.push_back({row.frame, row.pose});
-    const BodyShape* const body = poses && poses->body() ? &*poses->body() : nullptr;
+    const std::uint32_t main = poses ? poses->main_subject() : 0;  // one body is judged
+    for (const PoseRow& row : rows)
+        if (main == 0 || row.subject_id == main) posed.push_back({row.frame, row.pose});
+    const BodyShape* const body = poses ? poses->body() : nullptr;
     quality::Measurements seen = observer_.measure(posed, body);
     seen.body.feet_unseen = poses && poses->fit() && poses->fit()->standing_m > 0;
     if (poses && poses->body_given()) {

@@ -186,8 +186,17 @@ absl::Status FolderWriter::write_one(const FrameResult& result) const {
             const std::string_view bytes(reinterpret_cast<const char*>(png.data()), png.size());
             if (absl::Status written = write_file_atomically(file, bytes); !written.ok()) return written;
         }
-    if (options_.save_volumes && result.volume)
-        return write_volume_ply(*result.volume, partial_ / "volumes" / six_digits(result.sequence, ".ply"));
+    if (!options_.save_volumes) return absl::OkStatus();
+    // A file per subject: FRAME.ply of the first, FRAME_sID.ply of others.
+    for (const SubjectResult& subject : result.subjects) {
+        if (!subject.volume) continue;
+        const std::string ending =
+            &subject == result.first_subject() ? ".ply" : fmt::format("_s{}.ply", subject.track.subject_id);
+        if (absl::Status written =
+                write_volume_ply(*subject.volume, partial_ / "volumes" / six_digits(result.sequence, ending));
+            !written.ok())
+            return written;
+    }
     return absl::OkStatus();
 }
 
@@ -257,7 +266,8 @@ absl::Status FolderWriter::finish() {
 
 }  // namespace
 
-ResultTables::ResultTables(const std::vector<std::string>& camera_names) {
+ResultTables::ResultTables(const std::vector<std::string>& camera_names)
+    : camera_count_(camera_names.size()) {
     tables_ = {
         {"volume.csv", "frame,subject,voxel_mm,voxels,volume_litres,min_x,min_y,min_z,max_x,max_y,max_z\n"},
         {"timing.csv", "frame,segmentation_ms,tracking_ms,hull_ms,colouring_ms,pose_ms,total_ms\n"},
@@ -270,12 +280,9 @@ ResultTables::ResultTables(const std::vector<std::string>& camera_names) {
     tables_[kSilhouetteIou].text += '\n';
 }
 
-void ResultTables::add(const FrameResult& result) {
-    const auto frame = result.sequence;
-    const double time_s = 1e-9 * static_cast<double>(result.capture_time_ns);
-
-    const std::string subject = subject_cell(result.subject ? result.subject->subject_id : 0);
-
+void ResultTables::add_subject(std::uint64_t frame, double time_s, const SubjectResult& result) {
+    const SubjectTrack& s = result.track;
+    const std::string subject = subject_cell(s.subject_id);
     std::string& volume = tables_[kVolume].text;
     const auto extent = result.volume ? extent_of(*result.volume) : std::nullopt;
     if (result.volume)
@@ -289,21 +296,9 @@ void ResultTables::add(const FrameResult& result) {
     } else {
         volume += ",,,,,,\n";
     }
-
-    const StageTimes& t = result.times;
-    append(tables_[kTiming].text, "{},{:.3f},{:.3f},{:.3f},{:.3f},{:.3f},{:.3f}\n", frame, t.segmentation_ms,
-           t.tracking_ms, t.hull_ms, t.colouring_ms, t.pose_ms, t.total_ms);
-
-    std::string& track = tables_[kTrack].text;
-    if (result.subject) {
-        const SubjectTrack& s = *result.subject;
-        append(track, "{},{:.6f},{},{:.4f},{:.4f},{:.4f},{:.4f},{}\n", frame, time_s, subject,
-               s.centre_in_world.x, s.centre_in_world.y, s.centre_in_world.z, s.centre_std_m,
-               std::count(s.used_cameras.begin(), s.used_cameras.end(), true));
-    } else {
-        append(track, "{},{:.6f},,,,,,\n", frame, time_s);
-    }
-
+    append(tables_[kTrack].text, "{},{:.6f},{},{:.4f},{:.4f},{:.4f},{:.4f},{}\n", frame, time_s, subject,
+           s.centre_in_world.x, s.centre_in_world.y, s.centre_in_world.z, s.centre_std_m,
+           std::count(s.used_cameras.begin(), s.used_cameras.end(), true));
     std::string& iou = tables_[kSilhouetteIou].text;
     append(iou, "{},{}", frame, subject);
     for (const float value : result.silhouette_iou) {
@@ -313,6 +308,22 @@ void ResultTables::add(const FrameResult& result) {
             append(iou, ",{:.4f}", value);
     }
     iou += '\n';
+}
+
+void ResultTables::add(const FrameResult& result) {
+    const auto frame = result.sequence;
+    const double time_s = 1e-9 * static_cast<double>(result.capture_time_ns);
+
+    if (result.subjects.empty()) {
+        append(tables_[kVolume].text, "{},,,,,,,,,,\n", frame);
+        append(tables_[kTrack].text, "{},{:.6f},,,,,,\n", frame, time_s);
+        append(tables_[kSilhouetteIou].text, "{},{}\n", frame, std::string(camera_count_, ','));
+    }
+    for (const SubjectResult& subject : result.subjects) add_subject(frame, time_s, subject);
+
+    const StageTimes& t = result.times;
+    append(tables_[kTiming].text, "{},{:.3f},{:.3f},{:.3f},{:.3f},{:.3f},{:.3f}\n", frame, t.segmentation_ms,
+           t.tracking_ms, t.hull_ms, t.colouring_ms, t.pose_ms, t.total_ms);
 
     for (const Event& event : result.events)
         append(tables_[kEvents].text, "{},{:.6f},{},{},{},{}\n", event.sequence,

@@ -30,6 +30,9 @@ class ResultTables {
     const std::vector<Table>& tables() const { return tables_; }
 
   private:
+    void add_subject(std::uint64_t frame, double time_s, const SubjectResult& result);
+
+    std::size_t camera_count_;
     std::vector<Table> tables_;
 };
 

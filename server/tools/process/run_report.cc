@@ -176,7 +176,8 @@ double quantile(std::vector<double> values, double q) {
 
 void RunSummary::add(const FrameResult& result) {
     times_.push_back(result.times);
-    if (result.volume) litres_.push_back(volume_litres(*result.volume));
+    for (const SubjectResult& subject : result.subjects)
+        if (subject.volume) litres_.push_back(volume_litres(*subject.volume));
 }
 
 std::string RunSummary::text(double wall_s) const {

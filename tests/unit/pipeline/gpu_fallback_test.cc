@@ -65,17 +65,23 @@ std::vector<std::string> errors_in(const std::vector<FrameResultPtr>& results) {
     return errors;
 }
 
+// Null: none.
+const Volume* subject_volume(const FrameResultPtr& result) {
+    return result->first_subject() ? result->first_subject()->volume.get() : nullptr;
+}
+
 double volume_of(const FrameResultPtr& result) {
-    return result->volume ? volume_litres(*result->volume) : 0;
+    const Volume* const volume = subject_volume(result);
+    return volume ? volume_litres(*volume) : 0;
 }
 
 void expect_same(const FrameResultPtr& a, const FrameResultPtr& b) {
     for (std::size_t c = 0; c < a->silhouettes.size(); ++c)
         EXPECT_EQ(a->silhouettes[c].sharp, b->silhouettes[c].sharp);
-    ASSERT_EQ(a->volume != nullptr, b->volume != nullptr) << a->sequence;
-    if (!a->volume) return;
+    ASSERT_EQ(subject_volume(a) != nullptr, subject_volume(b) != nullptr) << a->sequence;
+    if (!subject_volume(a)) return;
     EXPECT_EQ(volume_of(a), volume_of(b)) << a->sequence;
-    EXPECT_EQ(a->volume->colours, b->volume->colours) << a->sequence;
+    EXPECT_EQ(subject_volume(a)->colours, subject_volume(b)->colours) << a->sequence;
 }
 
 class FailsIn : public ::testing::TestWithParam<const char*> {};

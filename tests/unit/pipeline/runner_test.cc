@@ -329,13 +329,14 @@ TEST_F(RunnerTest, PublishesImagesOnlyWithoutBackground) {
     ASSERT_TRUE(runner_->start().ok());
     source_.give(1);
     results(1);
-    EXPECT_EQ(last_->volume, nullptr);
+    EXPECT_THAT(last_->subjects, ::testing::IsEmpty());
     std::promise<absl::Status> learned;
     runner_->learn_background(2, [&](absl::Status status) { learned.set_value(std::move(status)); });
     source_.give(3);
     EXPECT_TRUE(learned.get_future().get().ok());
     results(1);
-    EXPECT_NE(last_->volume, nullptr);
+    ASSERT_EQ(last_->subjects.size(), 1u);
+    EXPECT_NE(last_->subjects[0].volume, nullptr);
 }
 
 TEST_F(RunnerTest, RejectsInvalidLearningRequests) {

@@ -1,0 +1,264 @@
+#include "server/pipeline/tracking/occupied_cells.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <utility>
+
+namespace kinevox {
+namespace {
+
+constexpr int kEdge = kernels::kBrickEdge;
+
+// Trunks of people who stand, kneel or bend slightly.
+constexpr double kTrunkFrom_m = 0.8, kTrunkTo_m = 1.5;
+constexpr double kTrunkRadius_m = 0.14;
+constexpr double kMinTrunkDistance_m = 0.4;
+constexpr double kMinTrunkRatio = 0.55;   // of the cells around one trunk and around the largest
+constexpr double kMaxValleyRatio = 0.75;  // of the cells between two trunks and around the smaller
+
+}  // namespace
+
+OccupiedCells::OccupiedCells(const kernels::Lattice& lattice)
+    : lattice_(lattice),
+      label_(static_cast<std::size_t>(lattice.size[0]) * lattice.size[1] * lattice.size[2], kEmpty),
+      visited_(label_.size(), 0) {}
+
+void OccupiedCells::load(const kernels::VoxelVolume& volume) {
+    for (const std::int32_t cell : occupied_) label_[cell] = kEmpty;
+    occupied_.clear();
+    for (const kernels::Brick& brick : volume.bricks)
+        for (int z = 0; z < kEdge; ++z)
+            for (std::uint64_t left = brick.occupancy[z]; left != 0; left &= left - 1) {
+                const int bit = std::countr_zero(left);
+                const int x = kEdge * brick.x + bit % kEdge, y = kEdge * brick.y + bit / kEdge;
+                occupied_.push_back(((kEdge * brick.z + z) * lattice_.size[1] + y) * lattice_.size[0] + x);
+            }
+    std::sort(occupied_.begin(), occupied_.end());
+    for (const std::int32_t cell : occupied_) label_[cell] = kFree;
+}
+
+std::array<int, 3> OccupiedCells::position(std::int32_t cell) const {
+    const int row = cell / lattice_.size[0];
+    return {cell % lattice_.size[0], row % lattice_.size[1], row / lattice_.size[1]};
+}
+
+Vec3 OccupiedCells::centre_in_world(std::int32_t cell) const {
+    const auto [x, y, z] = position(cell);
+    const auto along = [&](int axis, int n) {
+        return static_cast<double>(lattice_.origin[axis]) + cell_m() * (n + 0.5);
+    };
+    return {along(0, x), along(1, y), along(2, z)};
+}
+
+std::uint8_t OccupiedCells::label_at(Vec3 p) const {
+    const double at[3] = {p.x, p.y, p.z};
+    int n[3];
+    for (int axis = 0; axis < 3; ++axis) {
+        const double cells = std::floor((at[axis] - static_cast<double>(lattice_.origin[axis])) / cell_m());
+        if (!(cells >= 0 && cells < lattice_.size[axis])) return kEmpty;
+        n[axis] = static_cast<int>(cells);
+    }
+    return label_[(static_cast<std::size_t>(n[2]) * lattice_.size[1] + n[1]) * lattice_.size[0] + n[0]];
+}
+
+void OccupiedCells::give(const Cells& cells, const std::array<int, 3>& shift, std::uint8_t label) {
+    for (const std::int32_t cell : cells) {
+        const auto [x, y, z] = position(cell);
+        const int moved[3] = {x + shift[0], y + shift[1], z + shift[2]};
+        if (moved[0] < 0 || moved[1] < 0 || moved[2] < 0 || moved[0] >= lattice_.size[0] ||
+            moved[1] >= lattice_.size[1] || moved[2] >= lattice_.size[2])
+            continue;
+        std::uint8_t& at = label_[(moved[2] * lattice_.size[1] + moved[1]) * lattice_.size[0] + moved[0]];
+        if (at == kFree)
+            at = label;
+        else if (at != kEmpty && at != label)
+            at = kContested;
+    }
+}
+
+void OccupiedCells::flood(int max_steps) {
+    Cells front, next;
+    for (const std::int32_t cell : occupied_) {
+        if (label_[cell] == kContested) label_[cell] = kFree;
+        if (label_[cell] != kFree) front.push_back(cell);
+    }
+    const int step[3] = {1, lattice_.size[0], lattice_.size[0] * lattice_.size[1]};
+    for (int n = 0; n < max_steps && !front.empty(); ++n) {
+        next.clear();
+        for (const std::int32_t cell : front) {
+            const auto at = position(cell);
+            for (int axis = 0; axis < 3; ++axis)
+                for (const int side : {-1, 1}) {
+                    const int moved = at[axis] + side;
+                    if (moved < 0 || moved >= lattice_.size[axis]) continue;
+                    std::uint8_t& label = label_[cell + side * step[axis]];
+                    if (label != kFree) continue;
+                    label = label_[cell];
+                    next.push_back(cell + side * step[axis]);
+                }
+        }
+        std::swap(front, next);
+    }
+}
+
+void OccupiedCells::free(const Cells& cells) {
+    for (const std::int32_t cell : cells) label_[cell] = kFree;
+}
+
+std::vector<Cells> OccupiedCells::parts(std::uint8_t label) const {
+    std::vector<Cells> found;
+    for (const std::int32_t cell : occupied_) visited_[cell] = 0;
+    for (const std::int32_t first : occupied_) {
+        if (label_[first] != label || visited_[first]) continue;
+        Cells part{first};
+        visited_[first] = 1;
+        for (std::size_t k = 0; k < part.size(); ++k) {
+            const auto [x, y, z] = position(part[k]);
+            for (int c = std::max(0, z - 1); c <= std::min(lattice_.size[2] - 1, z + 1); ++c)
+                for (int b = std::max(0, y - 1); b <= std::min(lattice_.size[1] - 1, y + 1); ++b)
+                    for (int a = std::max(0, x - 1); a <= std::min(lattice_.size[0] - 1, x + 1); ++a) {
+                        const std::int32_t cell = (c * lattice_.size[1] + b) * lattice_.size[0] + a;
+                        if (label_[cell] != label || visited_[cell]) continue;
+                        visited_[cell] = 1;
+                        part.push_back(cell);
+                    }
+        }
+        found.push_back(std::move(part));
+    }
+    std::ranges::stable_sort(found, [](const Cells& a, const Cells& b) { return a.size() > b.size(); });
+    return found;
+}
+
+CellStatistics OccupiedCells::statistics(const Cells& cells) const {
+    CellStatistics out;
+    if (cells.empty()) return out;
+    constexpr double kFar = std::numeric_limits<double>::infinity();
+    Vec3 sum, low{kFar, kFar, kFar}, high{-kFar, -kFar, -kFar};
+    for (const std::int32_t cell : cells) {
+        const Vec3 p = centre_in_world(cell);
+        sum += p;
+        low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
+        high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
+    }
+    const Vec3 half{cell_m() / 2, cell_m() / 2, cell_m() / 2};
+    out.centre_in_world = sum / static_cast<double>(cells.size());
+    out.min_in_world = low - half;
+    out.max_in_world = high + half;
+    out.litres = 1000 * std::pow(cell_m(), 3) * static_cast<double>(cells.size());
+    return out;
+}
+
+kernels::VoxelVolume OccupiedCells::volume_of(const Cells& cells) const {
+    std::map<std::array<int, 3>, kernels::Brick> bricks;  // by z, y, x
+    for (const std::int32_t cell : cells) {
+        const auto [x, y, z] = position(cell);
+        kernels::Brick& brick = bricks[{z / kEdge, y / kEdge, x / kEdge}];
+        brick.x = static_cast<std::int16_t>(x / kEdge);
+        brick.y = static_cast<std::int16_t>(y / kEdge);
+        brick.z = static_cast<std::int16_t>(z / kEdge);
+        brick.occupancy[z % kEdge] |= std::uint64_t{1} << (y % kEdge * kEdge + x % kEdge);
+    }
+    kernels::VoxelVolume out;
+    out.lattice = lattice_;
+    for (const auto& [at, brick] : bricks) out.bricks.push_back(brick);
+    return out;
+}
+
+namespace {
+
+// Cells of a part's trunk layer per column, summed over the columns around each.
+class TrunkMap {
+  public:
+    TrunkMap(const OccupiedCells& grid, const Cells& part)
+        : width_(grid.lattice().size[0]),
+          height_(grid.lattice().size[1]),
+          radius_(std::max(1, static_cast<int>(std::lround(kTrunkRadius_m / grid.cell_m())))),
+          count_(static_cast<std::size_t>(width_) * height_, 0) {
+        std::vector<int> columns(count_.size(), 0);
+        for (const std::int32_t cell : part) {
+            const double z = grid.centre_in_world(cell).z;
+            if (z >= kTrunkFrom_m && z <= kTrunkTo_m) ++columns[cell % static_cast<int>(count_.size())];
+        }
+        for (std::size_t k = 0; k < columns.size(); ++k) {
+            if (columns[k] == 0) continue;
+            const int x = static_cast<int>(k) % width_, y = static_cast<int>(k) / width_;
+            for (int j = std::max(0, y - radius_); j <= std::min(height_ - 1, y + radius_); ++j)
+                for (int i = std::max(0, x - radius_); i <= std::min(width_ - 1, x + radius_); ++i)
+                    count_[static_cast<std::size_t>(j) * width_ + i] += columns[k];
+        }
+    }
+
+    struct Peak {
+        int x = 0, y = 0, count = 0;
+    };
+    // The largest local maximum farther than `apart` columns from all of `others`.
+    Peak peak(const std::vector<Peak>& others, double apart) const {
+        Peak best;
+        for (int y = 0; y < height_; ++y)
+            for (int x = 0; x < width_; ++x) {
+                const int count = count_[static_cast<std::size_t>(y) * width_ + x];
+                if (count <= best.count) continue;
+                const bool far = std::ranges::all_of(
+                    others, [&](const Peak& p) { return std::hypot(x - p.x, y - p.y) >= apart; });
+                if (far && is_local_maximum(x, y)) best = {x, y, count};
+            }
+        return best;
+    }
+    // The smallest count on the line between two peaks.
+    int valley(const Peak& a, const Peak& b) const {
+        int lowest = std::min(a.count, b.count);
+        const int steps = std::max({1, std::abs(a.x - b.x), std::abs(a.y - b.y)});
+        for (int n = 0; n <= steps; ++n) {
+            const int x = a.x + (b.x - a.x) * n / steps, y = a.y + (b.y - a.y) * n / steps;
+            lowest = std::min(lowest, count_[static_cast<std::size_t>(y) * width_ + x]);
+        }
+        return lowest;
+    }
+    int radius() const { return radius_; }
+
+  private:
+    bool is_local_maximum(int x, int y) const {
+        const int count = count_[static_cast<std::size_t>(y) * width_ + x];
+        for (int j = std::max(0, y - 2); j <= std::min(height_ - 1, y + 2); ++j)
+            for (int i = std::max(0, x - 2); i <= std::min(width_ - 1, x + 2); ++i)
+                if (count_[static_cast<std::size_t>(j) * width_ + i] > count) return false;
+        return true;
+    }
+
+    int width_, height_, radius_;
+    std::vector<int> count_;
+};
+
+}  // namespace
+
+std::vector<Cells> split_by_trunks(const OccupiedCells& grid, const Cells& part) {
+    const TrunkMap map(grid, part);
+    std::vector<TrunkMap::Peak> trunks;
+    for (;;) {
+        const TrunkMap::Peak next = map.peak(trunks, kMinTrunkDistance_m / grid.cell_m());
+        if (next.count == 0) break;
+        if (!trunks.empty() && next.count < kMinTrunkRatio * trunks.front().count) break;
+        const bool apart = std::ranges::all_of(trunks, [&](const TrunkMap::Peak& p) {
+            return map.valley(p, next) <= kMaxValleyRatio * std::min(p.count, next.count);
+        });
+        if (!apart) break;
+        trunks.push_back(next);
+    }
+    if (trunks.size() < 2) return {part};
+    std::vector<Cells> shares(trunks.size());
+    for (const std::int32_t cell : part) {
+        const auto [x, y, z] = grid.position(cell);
+        std::size_t nearest = 0;
+        double distance = std::numeric_limits<double>::infinity();
+        for (std::size_t k = 0; k < trunks.size(); ++k)
+            if (const double d = std::hypot(x - trunks[k].x, y - trunks[k].y); d < distance)
+                distance = d, nearest = k;
+        shares[nearest].push_back(cell);
+    }
+    return shares;
+}
+
+}  // namespace kinevox

@@ -1,0 +1,62 @@
+// The occupied voxels of a coarse lattice over the whole scene, and to which subject each belongs.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "common/geometry.h"
+#include "kernels/types.h"
+
+namespace kinevox {
+
+using Cells = std::vector<std::int32_t>;  // indices in the lattice, x fastest, then y, then z
+
+// What the cells of a body look like, m and litres, world.
+struct CellStatistics {
+    Vec3 centre_in_world, min_in_world, max_in_world;
+    double litres = 0;
+};
+
+// Labels of all cells of a lattice. Not thread safe; keeps its memory.
+class OccupiedCells {
+  public:
+    static constexpr std::uint8_t kEmpty = 0, kFree = 255;  // others: label of a subject, from 1
+
+    explicit OccupiedCells(const kernels::Lattice& lattice);
+    const kernels::Lattice& lattice() const { return lattice_; }
+
+    // The voxels of a volume of this lattice are free, all others empty.
+    void load(const kernels::VoxelVolume& volume);
+    // Gives the free ones among `cells`, moved by whole cells, to a subject. A cell that another subject was
+    // given is contested: it becomes free again at the next flood().
+    void give(const Cells& cells, const std::array<int, 3>& shift, std::uint8_t label);
+    // Grows all subjects at once through the free cells, at most `max_steps` cells far.
+    void flood(int max_steps);
+    void free(const Cells& cells);
+    std::uint8_t label_at(Vec3 in_world) const;  // kEmpty outside the lattice
+
+    // Of the cells with this label (kFree too), parts connected by faces, edges or corners, the largest
+    // first.
+    std::vector<Cells> parts(std::uint8_t label) const;
+
+    CellStatistics statistics(const Cells& cells) const;
+    kernels::VoxelVolume volume_of(const Cells& cells) const;
+    std::array<int, 3> position(std::int32_t cell) const;
+    Vec3 centre_in_world(std::int32_t cell) const;
+    double cell_m() const { return static_cast<double>(lattice_.voxel_m); }
+
+  private:
+    static constexpr std::uint8_t kContested = 254;
+
+    kernels::Lattice lattice_;
+    std::vector<std::uint8_t> label_;
+    Cells occupied_;
+    mutable std::vector<char> visited_;
+};
+
+// The people in a part, each as its share of the cells: where the part has several trunks, the cells nearest
+// to each. A part with one trunk or none is one share.
+std::vector<Cells> split_by_trunks(const OccupiedCells& grid, const Cells& part);
+
+}  // namespace kinevox

@@ -1,0 +1,404 @@
+#include "server/pipeline/tracking/scene_tracker.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "kernels/projection.h"
+#include "server/pipeline/for_each_camera.h"
+#include "server/silhouettes/to_kernel.h"
+
+namespace kinevox {
+namespace {
+
+constexpr double kCell_m = 0.04;
+constexpr double kFrom_m = -0.16, kTo_m = 2.56;  // height of the scene's hull
+constexpr double kMaxSide_m = 14;
+constexpr std::size_t kManyViews = 4;
+constexpr double kMaxGrowth_m = 0.5;  // of a subject's shape from one frame set to the next
+constexpr double kBeside_m = 0.2;     // between a subject's largest part and its others, horizontally
+
+constexpr double kMinPerson_litres = 20, kMinUprightTop_m = 1.0, kMaxUprightBottom_m = 0.5;
+constexpr double kMinLyingLength_m = 0.7;
+constexpr double kMinSubject_litres = 8;
+constexpr double kMaxPendingJump_m = 0.4;
+constexpr double kMinNewFraction = 0.35;  // of a new subject's pixels that no other explains, in a view
+constexpr int kMinNewViews = 2;           // with such pixels
+constexpr int kManyNewViews = 3;          // which start the first subjects at once
+constexpr double kCentreStd_m = 0.03;
+
+// Where a person can be: seen by enough cameras at chest height.
+Box3 observed_box(const std::vector<Camera>& cameras) {
+    constexpr double kStep_m = 0.25, kChest_m = 1.1, kRange_m = 15;
+    const std::size_t needed = std::min<std::size_t>(cameras.size(), 3);
+    Vec3 middle;
+    for (const Camera& camera : cameras) middle += camera.centre_in_world() / double(cameras.size());
+    constexpr double kFar = std::numeric_limits<double>::infinity();
+    Box3 box{{kFar, kFar, kFrom_m}, {-kFar, -kFar, kTo_m}};
+    for (double y = middle.y - kRange_m; y <= middle.y + kRange_m; y += kStep_m)
+        for (double x = middle.x - kRange_m; x <= middle.x + kRange_m; x += kStep_m) {
+            std::size_t views = 0;
+            for (const Camera& c : cameras) {
+                const auto pixel = c.project({x, y, kChest_m});
+                views += pixel && pixel->x >= 0 && pixel->y >= 0 && pixel->x < c.width && pixel->y < c.height;
+            }
+            if (views < needed) continue;
+            box.min_in_world = {std::min(box.min_in_world.x, x), std::min(box.min_in_world.y, y), kFrom_m};
+            box.max_in_world = {std::max(box.max_in_world.x, x), std::max(box.max_in_world.y, y), kTo_m};
+        }
+    if (box.min_in_world.x > box.max_in_world.x)
+        return {{middle.x - 2, middle.y - 2, kFrom_m}, {middle.x + 2, middle.y + 2, kTo_m}};
+    return box;
+}
+
+kernels::Lattice scene_lattice(const std::vector<Camera>& cameras) {
+    const Box3 box = observed_box(cameras);
+    return lattice_over(box, kCell_m, kMaxSide_m, (box.min_in_world + box.max_in_world) / 2);
+}
+
+kernels::HullOptions hull_options(std::size_t cameras) {
+    kernels::HullOptions options;
+    options.min_views = cameras >= kManyViews ? 3 : 2;
+    options.fill_radius_m = 0;
+    return options;
+}
+
+}  // namespace
+
+SceneTracker::SceneTracker(std::vector<Camera> cameras, double fps, const TrackerOptions& options)
+    : cameras_(std::move(cameras)),
+      fps_(fps),
+      options_(options),
+      carver_(kernels::make_hull_carver(kernels::Device::kCpu, hull_options(cameras_.size()))),
+      grid_(scene_lattice(cameras_)) {
+    for (const Camera& camera : cameras_) models_.push_back(to_kernel(camera));
+}
+
+void SceneTracker::reset() {
+    subjects_.clear();
+    pending_.clear();
+    predictions_ = 0;
+}
+
+Vec3 SceneTracker::motion(std::uint32_t subject_id) const {
+    for (const Subject& subject : subjects_)
+        if (subject.id == subject_id) return subject.motion;
+    return {};
+}
+
+std::vector<kernels::SegmentationPrior> SceneTracker::predict(std::int64_t time_ns) {
+    double seconds = 1e-9 * static_cast<double>(time_ns - last_time_ns_);
+    if (!(seconds > 0 && seconds < 1)) seconds = 1 / fps_;  // after a clock step
+    last_time_ns_ = time_ns;
+    for (Subject& subject : subjects_) {
+        const Vec3 before = subject.filter.centre_in_world();
+        subject.filter.predict(seconds);
+        subject.motion = subject.filter.centre_in_world() - before;
+    }
+    const auto interval =
+        static_cast<std::uint64_t>(std::max(1.0, std::round(options_.full_pass_interval_s * fps_)));
+    // All cameras at once, unlike for one subject: a new subject must show in all of them.
+    whole_images_ = subjects_.empty() || !pending_.empty() || predictions_ % interval == 0;
+    ++predictions_;
+    std::vector<kernels::SegmentationPrior> priors(cameras_.size());
+    if (whole_images_) return priors;
+    const double margin = options_.region_margin_m + options_.limb_speed_m_per_s * seconds;
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+        kernels::Rect region;
+        for (const Subject& subject : subjects_) {
+            const Vec3 wide{margin, margin, margin};
+            const kernels::Rect one =
+                projected_box(cameras_[c], {subject.shape.min_in_world + subject.motion - wide,
+                                            subject.shape.max_in_world + subject.motion + wide});
+            if (one.empty()) continue;
+            if (region.empty())
+                region = one;
+            else
+                region = {std::min(region.x0, one.x0), std::min(region.y0, one.y0),
+                          std::max(region.x1, one.x1), std::max(region.y1, one.y1)};
+        }
+        priors[c].full_pass = false;
+        priors[c].region = region.empty() ? kernels::Rect{0, 0, 8, 8} : region;  // nearly nothing to search
+    }
+    return priors;
+}
+
+void SceneTracker::carve(const SilhouettesByCamera& silhouettes) {
+    std::vector<kernels::HullView> views;
+    for (std::size_t c = 0; c < cameras_.size(); ++c)
+        if (silhouettes[c])
+            views.push_back({&models_[c], silhouettes[c]->loose.data(), silhouettes[c]->bounds});
+    carver_->carve(views, grid_.lattice(), hull_);
+    grid_.load(hull_);
+}
+
+// Gives each subject the cells of its last shape, moved as expected, and what is connected with them.
+void SceneTracker::claim() {
+    const auto cells = [&](double m) { return static_cast<int>(std::lround(m / grid_.cell_m())); };
+    for (const Subject& s : subjects_)
+        grid_.give(s.cells, {cells(s.motion.x), cells(s.motion.y), cells(s.motion.z)}, s.label);
+    grid_.flood(cells(kMaxGrowth_m));
+    for (Subject& subject : subjects_) {
+        std::vector<Cells> parts = grid_.parts(subject.label);
+        subject.seen = false;
+        if (parts.empty()) continue;
+        // Two people that were found as one have parted: the part nearest to the expected centre stays.
+        const Vec3 expected = subject.filter.centre_in_world();
+        std::size_t main = 0;
+        double distance = std::numeric_limits<double>::infinity();
+        for (std::size_t k = 0; k < parts.size(); ++k) {
+            if (k > 0 && !is_upright(parts[k])) continue;
+            const double d = norm(grid_.statistics(parts[k]).centre_in_world - expected);
+            if (d < distance) distance = d, main = k;
+        }
+        const CellStatistics body = grid_.statistics(parts[main]);
+        Cells own = std::move(parts[main]);
+        for (std::size_t k = 0; k < parts.size(); ++k) {
+            if (k == main) continue;
+            const Vec3 at = grid_.statistics(parts[k]).centre_in_world;
+            const bool beside =
+                at.x > body.min_in_world.x - kBeside_m && at.x < body.max_in_world.x + kBeside_m &&
+                at.y > body.min_in_world.y - kBeside_m && at.y < body.max_in_world.y + kBeside_m;
+            if (beside && !is_upright(parts[k]))
+                own.insert(own.end(), parts[k].begin(), parts[k].end());
+            else
+                grid_.free(parts[k]);
+        }
+        const CellStatistics shape = grid_.statistics(own);
+        if (shape.litres < kMinSubject_litres) {
+            grid_.free(own);
+            continue;
+        }
+        subject.cells = std::move(own);
+        subject.shape = shape;
+        subject.seen = true;
+    }
+}
+
+// Whether a part has the size of a person who stands or walks.
+bool SceneTracker::is_upright(const Cells& part) const {
+    const CellStatistics s = grid_.statistics(part);
+    return s.litres >= kMinPerson_litres && s.max_in_world.z >= kMinUprightTop_m &&
+           s.min_in_world.z <= kMaxUprightBottom_m;
+}
+
+// Who enters is upright; the first subject may lie or crouch from the start.
+bool SceneTracker::may_start(const Cells& part) const {
+    if (is_upright(part)) return true;
+    const CellStatistics s = grid_.statistics(part);
+    const Vec3 extent = s.max_in_world - s.min_in_world;
+    return subjects_.empty() && s.litres >= kMinPerson_litres &&
+           std::max({extent.x, extent.y, extent.z}) >= kMinLyingLength_m;
+}
+
+// The number of silhouettes of which this part explains pixels that nothing else does; if there are enough,
+// adds its projection to `explained`.
+int SceneTracker::views_that_need(const Cells& part, const SilhouettesByCamera& silhouettes,
+                                  std::vector<std::vector<std::uint8_t>>& explained) const {
+    const kernels::VoxelVolume volume = grid_.volume_of(part);
+    std::vector<std::vector<std::uint8_t>> masks(cameras_.size());
+    std::vector<char> needed(cameras_.size(), 0);
+    for_each_camera(cameras_.size(), [&](std::size_t c) {
+        if (!silhouettes[c] || silhouettes[c]->sharp.empty()) return;
+        const kernels::Silhouettes& seen = *silhouettes[c];
+        masks[c].resize(seen.sharp.size());
+        const float still[3] = {0, 0, 0};
+        kernels::Rect box;
+        kernels::project_volume(volume, models_[c], still, 1, masks[c].data(), box);
+        std::int64_t inside = 0, more = 0;
+        for (int y = box.y0; y < box.y1; ++y)
+            for (int x = box.x0; x < box.x1; ++x) {
+                const std::size_t at = static_cast<std::size_t>(y) * seen.width + x;
+                if (!masks[c][at] || !seen.sharp[at]) continue;
+                ++inside;
+                more += explained[c].empty() || !explained[c][at];
+            }
+        needed[c] = inside > 0 && static_cast<double>(more) >= kMinNewFraction * static_cast<double>(inside);
+    });
+    const auto views = static_cast<int>(std::ranges::count(needed, 1));
+    if (views < kMinNewViews) return views;
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+        if (explained[c].empty()) explained[c].assign(masks[c].size(), 0);
+        for (std::size_t k = 0; k < masks[c].size(); ++k) explained[c][k] |= masks[c][k];
+    }
+    return views;
+}
+
+// Whether a part near this centre was found in enough consecutive frame sets.
+bool SceneTracker::confirmed(Vec3 centre) {
+    Pending now{centre, 1};
+    for (const Pending& before : pending_)
+        if (norm(before.centre_in_world - centre) < kMaxPendingJump_m)
+            now.frames = std::max(now.frames, before.frames + 1);
+    if (now.frames >= options_.confirm_frames) return true;
+    still_pending_.push_back(now);
+    return false;
+}
+
+void SceneTracker::start(const Cells& cells, std::uint64_t sequence, std::int64_t time_ns,
+                         SceneUpdate& update) {
+    Subject subject;
+    subject.id = ++last_id_;
+    for (subject.label = 1;
+         std::ranges::any_of(subjects_, [&](const Subject& other) { return other.label == subject.label; });)
+        ++subject.label;
+    subject.cells = cells;
+    subject.shape = grid_.statistics(cells);
+    subject.filter = CentreFilter(options_.filter);
+    Mat3 covariance;
+    for (double& each : covariance.m) each *= kCentreStd_m * kCentreStd_m;
+    subject.filter.start(subject.shape.centre_in_world, covariance);
+    subject.last_seen_ns = time_ns;
+    subject.seen = true;
+    grid_.give(cells, {0, 0, 0}, subject.label);
+    const Vec3 at = subject.shape.centre_in_world;
+    update.events.push_back(
+        {EventKind::kSubjectFound,
+         sequence,
+         time_ns,
+         {},
+         fmt::format("subject {} found at ({:.2f}, {:.2f}, {:.2f}) m", subject.id, at.x, at.y, at.z),
+         subject.id});
+    subjects_.push_back(std::move(subject));
+}
+
+void SceneTracker::find_new(std::uint64_t sequence, std::int64_t time_ns,
+                            const SilhouettesByCamera& silhouettes, SceneUpdate& update) {
+    still_pending_.clear();
+    const bool first = subjects_.empty();
+    std::vector<Cells> people;
+    for (const Cells& part : grid_.parts(OccupiedCells::kFree)) {
+        if (!may_start(part)) continue;
+        for (Cells& share : split_by_trunks(grid_, part))
+            if (may_start(share)) people.push_back(std::move(share));
+    }
+    if (!people.empty()) {
+        std::ranges::stable_sort(people, [](const Cells& a, const Cells& b) { return a.size() > b.size(); });
+        std::vector<std::vector<std::uint8_t>> explained(cameras_.size());
+        for_each_camera(cameras_.size(), [&](std::size_t c) {
+            explained[c].assign(static_cast<std::size_t>(cameras_[c].width) * cameras_[c].height, 0);
+            std::vector<std::uint8_t> mask(explained[c].size());
+            const float still[3] = {0, 0, 0};
+            kernels::Rect ignored;
+            for (const Subject& subject : subjects_) {
+                kernels::project_volume(grid_.volume_of(subject.cells), models_[c], still, 1, mask.data(),
+                                        ignored);
+                for (std::size_t k = 0; k < mask.size(); ++k) explained[c][k] |= mask[k];
+            }
+        });
+        for (const Cells& person : people) {
+            if (static_cast<int>(subjects_.size()) >= options_.max_subjects) break;
+            const int views = views_that_need(person, silhouettes, explained);
+            if (views < kMinNewViews) continue;
+            if ((first && views >= kManyNewViews) || confirmed(grid_.statistics(person).centre_in_world))
+                start(person, sequence, time_ns, update);
+        }
+    }
+    std::swap(pending_, still_pending_);
+}
+
+void SceneTracker::measure(std::int64_t time_ns) {
+    Mat3 covariance;
+    for (double& each : covariance.m) each *= kCentreStd_m * kCentreStd_m;
+    for (Subject& subject : subjects_) {
+        if (!subject.seen || subject.last_seen_ns == time_ns) continue;
+        subject.filter.correct(subject.shape.centre_in_world, covariance);
+        subject.last_seen_ns = time_ns;
+    }
+}
+
+void SceneTracker::drop_lost(std::uint64_t sequence, std::int64_t time_ns, SceneUpdate& update) {
+    std::erase_if(subjects_, [&](const Subject& subject) {
+        if (1e-9 * static_cast<double>(time_ns - subject.last_seen_ns) <= options_.lost_after_s) return false;
+        const Vec3 at = subject.shape.centre_in_world;
+        update.events.push_back(
+            {EventKind::kSubjectLost,
+             sequence,
+             time_ns,
+             {},
+             fmt::format("subject {} lost near ({:.2f}, {:.2f}, {:.2f}) m", subject.id, at.x, at.y, at.z),
+             subject.id});
+        return true;
+    });
+}
+
+std::vector<CameraRole> SceneTracker::roles_of(const Subject& subject,
+                                               const SilhouettesByCamera& silhouettes) const {
+    std::vector<CameraRole> roles(cameras_.size(), CameraRole::kInlier);
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+        if (!silhouettes[c]) {
+            roles[c] = CameraRole::kNoImage;
+            continue;
+        }
+        double inside = 0;
+        projected_box(cameras_[c], {subject.shape.min_in_world, subject.shape.max_in_world}, &inside);
+        if (inside < kMinExpectedInside)
+            roles[c] = CameraRole::kOutOfView;
+        else if (inside < 1)
+            roles[c] = CameraRole::kTruncated;
+    }
+    return roles;
+}
+
+SceneUpdate SceneTracker::update(std::uint64_t sequence, std::int64_t time_ns,
+                                 const SilhouettesByCamera& silhouettes) {
+    SceneUpdate update;
+    carve(silhouettes);
+    claim();
+    measure(time_ns);
+    if (whole_images_) find_new(sequence, time_ns, silhouettes, update);
+    drop_lost(sequence, time_ns, update);
+    for (const Subject& subject : subjects_) {
+        SceneSubject& out = update.subjects.emplace_back();
+        out.roles = roles_of(subject, silhouettes);
+        out.track.subject_id = subject.id;
+        out.track.centre_in_world =
+            subject.seen ? subject.shape.centre_in_world : subject.filter.centre_in_world();
+        out.track.velocity_in_world = subject.filter.velocity_in_world();
+        out.track.centre_std_m = subject.filter.centre_std_m();
+        for (const CameraRole role : out.roles)
+            out.track.used_cameras.push_back(subject.seen &&
+                                             (role == CameraRole::kInlier || role == CameraRole::kTruncated));
+        if (!subject.seen) continue;
+        const double margin = options_.margin_m + grid_.cell_m();
+        const Vec3 wide{margin, margin, margin};
+        out.lattice =
+            lattice_over({subject.shape.min_in_world - wide, subject.shape.max_in_world + wide},
+                         options_.voxel_m, options_.max_lattice_side_m, subject.shape.centre_in_world);
+    }
+    return update;
+}
+
+kernels::VoxelVolume SceneTracker::restricted_to(std::uint32_t subject_id,
+                                                 const kernels::VoxelVolume& volume) const {
+    const auto subject = std::ranges::find(subjects_, subject_id, &Subject::id);
+    if (subject == subjects_.end() || subjects_.size() == 1) return volume;
+    kernels::VoxelVolume out;
+    out.lattice = volume.lattice;
+    const double voxel = static_cast<double>(volume.lattice.voxel_m);
+    for (const kernels::Brick& brick : volume.bricks) {
+        kernels::Brick own = brick;
+        std::uint64_t any = 0;
+        for (int z = 0; z < kernels::kBrickEdge; ++z) {
+            for (std::uint64_t left = brick.occupancy[z]; left != 0; left &= left - 1) {
+                const int bit = std::countr_zero(left);
+                const auto along = [&](int axis, int n) {
+                    return static_cast<double>(volume.lattice.origin[axis]) + voxel * (n + 0.5);
+                };
+                const Vec3 at{along(0, kernels::kBrickEdge * brick.x + bit % kernels::kBrickEdge),
+                              along(1, kernels::kBrickEdge * brick.y + bit / kernels::kBrickEdge),
+                              along(2, kernels::kBrickEdge * brick.z + z)};
+                if (grid_.label_at(at) != subject->label) own.occupancy[z] &= ~(std::uint64_t{1} << bit);
+            }
+            any |= own.occupancy[z];
+        }
+        if (any) out.bricks.push_back(own);
+    }
+    return out;
+}
+
+}  // namespace kinevox

@@ -1,0 +1,101 @@
+// Tracks several subjects in the visual hull of the whole scene: each connected part of it belongs to the
+// subjects whose shapes of the last frame set it contains; a part that belongs to none is a new subject if
+// it has the size of a person and explains silhouettes that the others do not (else it is a ghost, where the
+// cones of different people's silhouettes intersect).
+//
+// Order of calls for each frame set: predict(), segmentation with its priors, update().
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "common/camera.h"
+#include "kernels/hull.h"
+#include "kernels/segmentation.h"
+#include "server/pipeline/tracking/cone_box.h"
+#include "server/pipeline/tracking/occupied_cells.h"
+#include "server/pipeline/tracking/tracker.h"
+
+namespace kinevox {
+
+// One of several tracked subjects after a frame set.
+struct SceneSubject {
+    SubjectTrack track;
+    std::optional<kernels::Lattice> lattice;  // empty if the frame set does not show it
+    std::vector<CameraRole> roles;            // per camera
+};
+
+struct SceneUpdate {
+    std::vector<SceneSubject> subjects;  // in the order of their ids
+    std::vector<Event> events;
+};
+
+// Not thread safe.
+class SceneTracker {
+  public:
+    SceneTracker(std::vector<Camera> cameras, double fps, const TrackerOptions& options);
+
+    // Per camera the prior of the segmentation; `expected` stays null.
+    std::vector<kernels::SegmentationPrior> predict(std::int64_t time_ns);
+    // Expected motion of a subject between the last update and the last predict(), m.
+    Vec3 motion(std::uint32_t subject_id) const;
+
+    // One entry per camera; null for a camera without an image. `time_ns` as given to predict().
+    SceneUpdate update(std::uint64_t sequence, std::int64_t time_ns,
+                       const std::vector<const kernels::Silhouettes*>& silhouettes);
+
+    // After update(): the part of a volume that belongs to this subject, as far as the scene's hull decides.
+    kernels::VoxelVolume restricted_to(std::uint32_t subject_id, const kernels::VoxelVolume& volume) const;
+
+    void reset();
+
+  private:
+    struct Subject {
+        std::uint32_t id = 0;
+        std::uint8_t label = 0;
+        CentreFilter filter;
+        Cells cells;  // the last seen
+        CellStatistics shape;
+        Vec3 motion;
+        std::int64_t last_seen_ns = 0;
+        bool seen = false;  // in the last update
+    };
+    struct Pending {  // may be a new subject
+        Vec3 centre_in_world;
+        int frames = 0;
+    };
+    using SilhouettesByCamera = std::vector<const kernels::Silhouettes*>;
+
+    void carve(const SilhouettesByCamera& silhouettes);
+    void claim();
+    bool is_upright(const Cells& part) const;
+    bool may_start(const Cells& part) const;
+    int views_that_need(const Cells& part, const SilhouettesByCamera& silhouettes,
+                        std::vector<std::vector<std::uint8_t>>& explained) const;
+    void find_new(std::uint64_t sequence, std::int64_t time_ns, const SilhouettesByCamera& silhouettes,
+                  SceneUpdate& update);
+    bool confirmed(Vec3 centre);
+    void start(const Cells& cells, std::uint64_t sequence, std::int64_t time_ns, SceneUpdate& update);
+    void measure(std::int64_t time_ns);
+    void drop_lost(std::uint64_t sequence, std::int64_t time_ns, SceneUpdate& update);
+    std::vector<CameraRole> roles_of(const Subject& subject, const SilhouettesByCamera& silhouettes) const;
+
+    std::vector<Camera> cameras_;
+    std::vector<kernels::CameraModel> models_;
+    double fps_;
+    TrackerOptions options_;
+    std::unique_ptr<kernels::HullCarver> carver_;
+    OccupiedCells grid_;
+    kernels::VoxelVolume hull_;
+    std::vector<Subject> subjects_;  // in the order of their ids
+    std::vector<Pending> pending_, still_pending_;
+    std::uint32_t last_id_ = 0;
+    std::int64_t last_time_ns_ = 0;
+    std::uint64_t predictions_ = 0;
+    bool whole_images_ = true;  // searched in the current frame set
+};
+
+}  // namespace kinevox
