@@ -121,6 +121,52 @@ TEST(SceneFile, NamesFileAndKeyOfWhatIsWrong) {
     EXPECT_THAT(message("[light]\nkey_fraction = 0.9\npanels_fraction = 0.4\n"), HasSubstr("0.95"));
 }
 
+// Seen along x, the second person stands behind the first one; the third enters later.
+TEST(SceneFile, RendersFurtherPeople) {
+    const auto read = parse_scene(R"(
+seed = 3
+fps = 10
+frames = 4
+[motion]
+name = "stand"
+shift_m = [1.0, 0.0]
+[[person]]
+[person.motion]
+name = "stand"
+shift_m = [-1.0, 0.0]
+[[person]]
+[person.subject]
+stature_m = 1.6
+[person.motion]
+name = "stand"
+shift_m = [0.0, 1.5]
+enter_s = 0.2
+[[camera]]
+position_m = [4.5, 0.0, 1.2]
+size_px = [320, 240]
+[[camera]]
+position_m = [0.0, -4.5, 1.2]
+size_px = [320, 240]
+)",
+                                  "scene.toml");
+    ASSERT_TRUE(read.ok()) << read.status().message();
+    const auto studio = studio_of(read->studio);
+    ASSERT_EQ(studio->person_count(), 3u);
+    EXPECT_FALSE(studio->is_present(2, 1));
+    EXPECT_TRUE(studio->is_present(2, 2));
+    const auto count = [&](std::int64_t frame, std::size_t camera, int label) {
+        const auto labels = studio->labels(frame);
+        return std::ranges::count(labels[camera], static_cast<std::uint8_t>(label));
+    };
+    EXPECT_GT(count(0, 1, 1), 600) << "the camera at the side sees both";
+    EXPECT_GT(count(0, 1, 2), 600);
+    EXPECT_LT(count(0, 0, 2), count(0, 0, 1) / 4) << "the nearer person hides the other one";
+    EXPECT_EQ(count(0, 1, 3), 0);
+    EXPECT_GT(count(2, 1, 3), 500);
+    EXPECT_NEAR(joint_at(studio->truth(0, 1), "root").x, -1, 0.1);
+    EXPECT_EQ(std::ranges::count(studio->masks(0)[0], 255), count(0, 0, 1) + count(0, 0, 2));
+}
+
 TEST(SceneFile, SameSceneGivesSameBits) {
     const auto a = studio_of(scene().studio), b = studio_of(scene().studio);
     (void)b->draw(5, true);

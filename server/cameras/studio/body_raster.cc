@@ -141,15 +141,22 @@ void BodyRaster::blend_row(int y, std::uint16_t* bgr) const {
     }
 }
 
-void BodyRaster::mask(const Camera& camera, const BodyMesh& mesh, const SkinnedBody& body,
-                      std::vector<std::uint8_t>& out) {
+void BodyRaster::label(const Camera& camera, const BodyMesh& mesh, const SkinnedBody& body,
+                       const std::vector<std::uint8_t>& labels, std::vector<std::uint8_t>& out) {
     project(camera, body);
-    out.assign(static_cast<std::size_t>(camera.width) * camera.height, 0);
-    for (const auto& t : mesh.surface.triangles) {
-        const Vec3f a = seen_[t[0]], b = seen_[t[1]], c = seen_[t[2]];
+    const std::size_t pixels = static_cast<std::size_t>(camera.width) * camera.height;
+    out.assign(pixels, 0);
+    depth_.assign(pixels, kNothing);
+    const auto& triangles = mesh.surface.triangles;
+    for (std::size_t t = 0; t < triangles.size(); ++t) {
+        const Vec3f a = seen_[triangles[t][0]], b = seen_[triangles[t][1]], c = seen_[triangles[t][2]];
         if (!(a.z > kNear_m && b.z > kNear_m && c.z > kNear_m)) continue;
-        for_cells_in_triangle(a.x, a.y, b.x, b.y, c.x, c.y, box_, [&](int x, int y, float, float) {
-            out[static_cast<std::size_t>(y) * camera.width + x] = 255;
+        for_cells_in_triangle(a.x, a.y, b.x, b.y, c.x, c.y, box_, [&](int x, int y, float b1, float b2) {
+            const std::size_t at = static_cast<std::size_t>(y) * camera.width + x;
+            const float depth = a.z + b1 * (b.z - a.z) + b2 * (c.z - a.z);
+            if (!(depth < depth_[at])) return;
+            depth_[at] = depth;
+            out[at] = labels[t];
         });
     }
 }

@@ -63,10 +63,10 @@ class BodyRaster {
     // box().
     void blend_row(int y, std::uint16_t* bgr) const;
 
-    // 255 where the ray through the pixel's centre hits the person, else 0; width * height. The person's
-    // surface is the same one that draw() draws.
-    void mask(const Camera& camera, const BodyMesh& mesh, const SkinnedBody& body,
-              std::vector<std::uint8_t>& out);
+    // Of the surface that the ray through the pixel's centre hits first, the label of its triangle; 0: none.
+    // width * height. `labels`: per triangle. The surface is the same one that draw() draws.
+    void label(const Camera& camera, const BodyMesh& mesh, const SkinnedBody& body,
+               const std::vector<std::uint8_t>& labels, std::vector<std::uint8_t>& out);
 
   private:
     static constexpr int kSamples = 2;  // along each axis

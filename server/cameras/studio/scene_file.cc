@@ -9,6 +9,7 @@
 
 #include "common/files.h"
 #include "common/toml_reader.h"
+#include "server/cameras/studio/person.h"
 
 namespace kinevox::studio {
 namespace {
@@ -56,7 +57,7 @@ bool read(const TomlTable& table, std::string_view key, Vec3& out) {
     return xyz.size() == 3;
 }
 
-void read_motion(const TomlTable& table, StudioOptions& out) {
+void read_motion(const TomlTable& table, PersonOptions& out) {
     out.motion = table.choice_or("name", out.motion, {kMotionNames.begin(), kMotionNames.end()});
     out.motion_speed = table.number_or("speed", out.motion_speed, {0.2, 3});
     out.motion_start_s = table.number_or("start_s", out.motion_start_s, {0, 100});
@@ -65,9 +66,11 @@ void read_motion(const TomlTable& table, StudioOptions& out) {
         const std::vector<double> xy = table.numbers("shift_m", 2, 2, {-3, 3});
         if (xy.size() == 2) out.motion_shift = {xy[0], xy[1], 0};
     }
+    out.enter_s = table.number_or("enter_s", out.enter_s, {-1, 1e5});
+    out.leave_s = table.number_or("leave_s", out.leave_s, {-1, 1e5});
 }
 
-void read_subject(const TomlTable& table, StudioOptions& out) {
+void read_subject(const TomlTable& table, PersonOptions& out) {
     SubjectOptions& s = out.subject;
     out.stature_m = table.number_or("stature_m", out.stature_m, {0, 2.2});
     read(table, "girth", s.girth, {0.75, 1.4});
@@ -94,6 +97,28 @@ void read_subject(const TomlTable& table, StudioOptions& out) {
              {"trousers", &s.trousers},
              {"shoes", &s.shoes}})
         read(table, key, *colour);
+}
+
+void read_people(const TomlTable& root, StudioOptions& out) {
+    PersonOptions first = first_person(out);
+    read_motion(root.table_or_empty("motion"), first);
+    read_subject(root.table_or_empty("subject"), first);
+    out.motion = first.motion;
+    out.stature_m = first.stature_m;
+    out.motion_speed = first.motion_speed;
+    out.motion_start_s = first.motion_start_s;
+    out.motion_yaw_deg = first.motion_yaw_deg;
+    out.motion_shift = first.motion_shift;
+    out.subject = first.subject;
+    out.enter_s = first.enter_s;
+    out.leave_s = first.leave_s;
+    for (const TomlTable& table : root.tables("person")) {
+        PersonOptions& person = out.others.emplace_back();
+        person.seed = static_cast<std::uint32_t>(table.integer_or(
+            "seed", out.seed + static_cast<std::int64_t>(out.others.size()), 0, 0xffffffffLL));
+        read_motion(table.table_or_empty("motion"), person);
+        read_subject(table.table_or_empty("subject"), person);
+    }
 }
 
 void read_room(const TomlTable& table, StudioOptions& out) {
@@ -159,8 +184,7 @@ absl::StatusOr<Scene> parse_scene(std::string_view text, std::string_view name_f
     scene.writer.background_frames =
         static_cast<int>(root.integer_or("background_frames", scene.writer.background_frames, 1, 10000));
     scene.writer.crf = static_cast<int>(root.integer_or("crf", scene.writer.crf, 0, 51));
-    read_motion(root.table_or_empty("motion"), studio);
-    read_subject(root.table_or_empty("subject"), studio);
+    read_people(root, studio);
     read_room(root.table_or_empty("room"), studio);
     read_light(root.table_or_empty("light"), studio);
     read_cameras(root, studio);

@@ -26,21 +26,29 @@ class TruthTables {
         joints_ += '\n';
         angles_ += '\n';
     }
-    void add(std::int64_t frame, double fps, const SubjectTruth& truth) {
+    // Null: the person is not there, all cells are empty.
+    void add(std::int64_t frame, double fps, const SubjectTruth* truth) {
         const std::string start = fmt::format("{},{:.5f}", frame, static_cast<double>(frame) / fps);
         joints_ += start;
-        for (const Vec3& p : truth.joints_in_world)
-            joints_ += fmt::format(",{:.5f},{:.5f},{:.5f}", p.x, p.y, p.z);
         angles_ += start;
-        for (double angle : joint_angles(truth.joints_in_world))
+        if (!truth) {
+            joints_.append(3 * kJointNames.size(), ',').append(1, '\n');
+            angles_.append(kJointAngleNames.size(), ',').append(1, '\n');
+            return;
+        }
+        for (const Vec3& p : truth->joints_in_world)
+            joints_ += fmt::format(",{:.5f},{:.5f},{:.5f}", p.x, p.y, p.z);
+        for (double angle : joint_angles(truth->joints_in_world))
             angles_ += fmt::format(",{:.3f}", angle * 180 / 3.14159265358979323846);
         joints_ += '\n';
         angles_ += '\n';
     }
-    absl::Status write(const fs::path& folder) const {
-        if (absl::Status status = write_file_atomically(folder / "joints.csv", joints_); !status.ok())
+    // joints.csv and angles.csv, or joints_a.csv and angles_a.csv with the suffix "_a".
+    absl::Status write(const fs::path& folder, const std::string& suffix) const {
+        if (absl::Status status = write_file_atomically(folder / ("joints" + suffix + ".csv"), joints_);
+            !status.ok())
             return status;
-        return write_file_atomically(folder / "angles.csv", angles_);
+        return write_file_atomically(folder / ("angles" + suffix + ".csv"), angles_);
     }
 
   private:
@@ -107,6 +115,19 @@ absl::Status write_mesh(const fs::path& file, const Studio::Surface& surface) {
     return write_file_atomically(file, text);
 }
 
+// Of one of several people, in the names of the files: _a, _b ...; empty for a person alone.
+std::string suffix_of(const Studio& studio, std::size_t person) {
+    return studio.person_count() > 1 ? fmt::format("_{}", static_cast<char>('a' + person)) : "";
+}
+
+// Folders of the masks of one camera: of all people together and, of several, of each.
+std::vector<std::string> mask_folders(const Studio& studio, const Camera& camera) {
+    std::vector<std::string> names{"masks_" + camera.name};
+    for (std::size_t person = 0; studio.person_count() > 1 && person < studio.person_count(); ++person)
+        names.push_back(fmt::format("masks{}_{}", suffix_of(studio, person), camera.name));
+    return names;
+}
+
 absl::Status make_folders(const fs::path& folder, const Studio& studio, const SessionWriterOptions& options) {
     std::error_code error;
     if (fs::exists(folder, error) && (!fs::is_directory(folder, error) || !fs::is_empty(folder, error)))
@@ -117,7 +138,8 @@ absl::Status make_folders(const fs::path& folder, const Studio& studio, const Se
     if (person && options.mesh_stride > 0) wanted.push_back(folder / "truth" / "mesh");
     if (person && options.masks)
         for (const Camera& camera : studio.cameras())
-            wanted.push_back(folder / "truth" / ("masks_" + camera.name));
+            for (const std::string& name : mask_folders(studio, camera))
+                wanted.push_back(folder / "truth" / name);
     for (const fs::path& path : wanted) {
         fs::create_directories(path, error);
         if (error)
@@ -162,31 +184,49 @@ absl::Status write_backgrounds(const Studio& studio, const fs::path& folder,
     });
 }
 
+// Of one camera; of all people, then of each one.
+absl::Status write_masks(const Studio& studio, const fs::path& truth, std::int64_t frame,
+                         const Camera& camera, const std::vector<std::uint8_t>& labels) {
+    const std::vector<std::string> folders = mask_folders(studio, camera);
+    std::vector<std::uint8_t> mask(labels.size());
+    for (std::size_t n = 0; n < folders.size(); ++n) {
+        for (std::size_t k = 0; k < labels.size(); ++k)
+            mask[k] = (n == 0 ? labels[k] != 0 : labels[k] == n) ? 255 : 0;
+        if (absl::Status written =
+                write_mask(truth / folders[n] / fmt::format("frame_{:04}.png", frame), camera, mask);
+            !written.ok())
+            return written;
+    }
+    return absl::OkStatus();
+}
+
 absl::Status write_frames(Studio& studio, const fs::path& folder, const SessionWriterOptions& options) {
     absl::StatusOr<Videos> videos = open_videos(folder, studio, options.crf);
     if (!videos.ok()) return videos.status();
     const fs::path truth = folder / "truth";
-    TruthTables tables;
+    std::vector<TruthTables> tables(studio.person_count());
     TargetTable target;
     const Staging& staging = studio.options().staging;
     const bool masks_wanted = options.masks && staging.person;
     for (std::int64_t frame = 0; frame < options.frames; ++frame) {
         const std::vector<Image> images = studio.draw(frame, true);
-        std::vector<std::vector<std::uint8_t>> masks;
-        if (masks_wanted) masks = studio.masks(frame);
+        std::vector<std::vector<std::uint8_t>> labels;
+        if (masks_wanted) labels = studio.labels(frame);
         absl::Status status = for_cameras(studio, [&](std::size_t i) {
             const Camera& camera = studio.cameras()[i];
             absl::Status written = (*videos)[i]->write(images[i]);
-            if (written.ok() && masks_wanted)
-                written = write_mask(truth / ("masks_" + camera.name) / fmt::format("frame_{:04}.png", frame),
-                                     camera, masks[i]);
+            if (written.ok() && masks_wanted) written = write_masks(studio, truth, frame, camera, labels[i]);
             return written;
         });
         if (status.ok() && staging.person && options.mesh_stride > 0 && frame % options.mesh_stride == 0)
             status =
                 write_mesh(truth / "mesh" / fmt::format("frame_{:04}.ply", frame), studio.surface(frame));
         if (!status.ok()) return status;
-        if (staging.person) tables.add(frame, studio.options().fps, studio.truth(frame));
+        for (std::size_t person = 0; staging.person && person < tables.size(); ++person) {
+            const SubjectTruth exact = studio.truth(frame, person);
+            tables[person].add(frame, studio.options().fps,
+                               studio.is_present(person, frame) ? &exact : nullptr);
+        }
         if (staging.has_target()) target.add(frame, studio.options().fps, studio.world_from_target(frame));
         if (options.progress) options.progress(frame + 1, options.frames);
     }
@@ -196,7 +236,10 @@ absl::Status write_frames(Studio& studio, const fs::path& folder, const SessionW
         if (absl::Status status = target.write(truth); !status.ok()) return status;
     if (staging.bump)
         if (absl::Status status = write_bump(studio, truth); !status.ok()) return status;
-    return staging.person ? tables.write(truth) : absl::OkStatus();
+    for (std::size_t person = 0; staging.person && person < tables.size(); ++person)
+        if (absl::Status status = tables[person].write(truth, suffix_of(studio, person)); !status.ok())
+            return status;
+    return absl::OkStatus();
 }
 
 }  // namespace

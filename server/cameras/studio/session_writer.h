@@ -2,9 +2,10 @@
 //   session.toml, calibration.toml, CAMERA.mp4, background/CAMERA.mp4,
 //   truth/joints.csv (m), truth/angles.csv (degrees), truth/masks_CAMERA/frame_0000.png (0 or 255),
 //   truth/mesh/frame_0000.ply (closed triangle mesh, m) every `mesh_stride` frames,
-//   truth/target.csv (world_from_target: m, rotation vector in degrees) with a board or a wand,
-//   truth/camera_bump.csv and truth/calibration_after_bump.toml with a bumped camera; calibration.toml
-//   describes the cameras before the bump.
+//   with several people: truth/joints_a.csv, angles_a.csv, masks_a_CAMERA of each (what is visible of them),
+//   masks_CAMERA of all, truth/target.csv (world_from_target: m, rotation vector in degrees) with a board or
+//   a wand, truth/camera_bump.csv and truth/calibration_after_bump.toml with a bumped camera;
+//   calibration.toml describes the cameras before the bump.
 #pragma once
 
 #include <absl/status/status.h>

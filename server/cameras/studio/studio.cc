@@ -11,6 +11,7 @@
 #include "server/cameras/studio/body_raster.h"
 #include "server/cameras/studio/hash_noise.h"
 #include "server/cameras/studio/motion.h"
+#include "server/cameras/studio/person.h"
 #include "server/cameras/studio/room.h"
 #include "server/cameras/studio/shadow.h"
 #include "server/cameras/studio/virtual_camera.h"
@@ -43,16 +44,10 @@ class RenderedStudio final : public Studio {
           cameras_(!options.custom_cameras.empty()   ? options.custom_cameras
                    : !options.placed_cameras.empty() ? cameras_as_placed(options, stage == Stage::kLane)
                                                      : ring_of_cameras(options, stage == Stage::kLane)),
-          subject_(make_subject(options.seed, options.stature_m, options.subject)),
-          rig_(subject_),
-          rest_(rig_.forward(rig_.rest_pose())),
-          body_(rig_, subject_),
           room_(stage, options.seed, options.room, options.light),
           sensor_(options.noise_grey, options.flicker, options.fps, options.seed, options.shot_noise_grey),
           rasters_(cameras_.size()),
           rows_(cameras_.size()) {
-        mesh_ = make_body_mesh(body_, subject_, {});
-        caster_ = make_body_mesh(body_, subject_, {.cell_m = 0.032f, .painted = false});
         for (const Camera& camera : cameras_) views_.push_back(room_.draw(camera));
         if (options_.light.area_shadows) area_shadow_.emplace(room_);
         if (options_.staging.bump) {
@@ -61,29 +56,29 @@ class RenderedStudio final : public Studio {
         }
     }
     absl::Status start() {
-        absl::StatusOr<std::unique_ptr<Motion>> motion =
-            make_motion(options_.motion,
-                        options_.stage == "auto"   ? natural_stage(options_.motion)
-                        : options_.stage == "lane" ? Stage::kLane
-                                                   : Stage::kRoom,
-                        rig_);
-        if (motion.ok()) motion_ = *std::move(motion);
-        return motion.status();
+        std::vector<PersonOptions> people{first_person(options_)};
+        people.insert(people.end(), options_.others.begin(), options_.others.end());
+        for (const PersonOptions& each : people) {
+            auto person = Person::create(each, options_.fps, options_.stage);
+            if (!person.ok()) return person.status();
+            people_.push_back(*std::move(person));
+        }
+        return absl::OkStatus();
     }
 
     const StudioOptions& options() const override { return options_; }
     const std::vector<Camera>& cameras() const override { return cameras_; }
-    std::int64_t frames_per_loop() const override {
-        const double period_s = motion_->period_s();
-        if (period_s <= 0) return 0;
-        const double start_s = std::fmod(options_.motion_start_s, period_s);
-        return static_cast<std::int64_t>(
-            std::floor((period_s - start_s) / options_.motion_speed * options_.fps + 1e-9));
-    }
+    std::int64_t frames_per_loop() const override { return people_.front()->frames_per_loop(); }
     std::string description() const override;
     std::vector<Image> draw(std::int64_t frame, bool parallel) override;
     Image draw_empty(std::size_t camera, std::int64_t frame) const override;
-    SubjectTruth truth(std::int64_t frame) const override { return {rig_.joints(rig_.forward(pose(frame)))}; }
+    std::size_t person_count() const override { return people_.size(); }
+    bool is_present(std::size_t person, std::int64_t frame) const override {
+        return people_[person]->is_present(frame);
+    }
+    SubjectTruth truth(std::int64_t frame, std::size_t person) const override {
+        return {people_[person]->joints(frame)};
+    }
     const Camera& camera_at(std::size_t camera, std::int64_t frame) const override {
         return is_bumped(camera, frame) ? bumped_ : cameras_[camera];
     }
@@ -92,7 +87,7 @@ class RenderedStudio final : public Studio {
                    ? studio::world_from_target(options_.staging, cameras_, frame, options_.fps)
                    : Rigid3{};
     }
-    std::vector<std::vector<std::uint8_t>> masks(std::int64_t frame) override;
+    std::vector<std::vector<std::uint8_t>> labels(std::int64_t frame) override;
     Surface surface(std::int64_t frame) override;
 
   private:
@@ -100,22 +95,6 @@ class RenderedStudio final : public Studio {
         const std::optional<CameraBump>& bump = options_.staging.bump;
         return bump && camera == bump->camera && static_cast<double>(frame) >= bump->time_s * options_.fps;
     }
-    Pose pose(std::int64_t frame) const {
-        const std::int64_t loop = frames_per_loop();
-        const double period_s = motion_->period_s();
-        const double start_s =
-            period_s > 0 ? std::fmod(options_.motion_start_s, period_s) : options_.motion_start_s;
-        Pose pose = motion_->pose(start_s + static_cast<double>(loop > 0 ? frame % loop : frame) *
-                                                options_.motion_speed / options_.fps);
-        if (options_.motion_yaw_deg != 0) {
-            const Mat3 turn = rotation_z(radians(options_.motion_yaw_deg));
-            pose.root_in_world = turn * pose.root_in_world;
-            pose[kPelvis] = turn * pose[kPelvis];
-        }
-        pose.root_in_world += options_.motion_shift;
-        return pose;
-    }
-    void set_body(std::int64_t frame);
     void light_body();
     void draw_camera(std::size_t camera, std::int64_t frame, std::uint8_t* out);
     CellBounds shadow_box(const Camera& camera) const;
@@ -126,20 +105,15 @@ class RenderedStudio final : public Studio {
 
     StudioOptions options_;
     std::vector<Camera> cameras_;
-    Subject subject_;
-    Rig rig_;
-    PosedRig rest_;
-    ImplicitBody body_;
+    std::vector<std::unique_ptr<Person>> people_;
     Room room_;
     Sensor sensor_;
     ShownLight shown_;
-    std::unique_ptr<Motion> motion_;
-    BodyMesh mesh_, caster_;
     std::vector<RoomView> views_;
     Camera bumped_;  // the camera after the bump; unused without one
     RoomView bumped_view_;
     // Of the frame being drawn.
-    SkinnedBody skinned_, skinned_caster_;
+    PeopleMesh body_, caster_;
     std::vector<Vec3f> vertex_light_, shown_light_;  // per vertex, per triangle
     FloorShadow floor_shadow_;
     std::optional<AreaShadow> area_shadow_;  // instead of floor_shadow_
@@ -155,28 +129,28 @@ std::string RenderedStudio::description() const {
                            : options_.staging.wand ? "a wand"
                                                    : "the empty room",
                            options_.fps, cameras_.size(), cameras_.front().width, cameras_.front().height);
-    return fmt::format("{} at {} fps: a person of {:.2f} m, {} cameras of {} x {} px", options_.motion,
-                       options_.fps, subject_.stature_m, cameras_.size(), cameras_.front().width,
-                       cameras_.front().height);
-}
-
-void RenderedStudio::set_body(std::int64_t frame) {
-    skin(mesh_, rest_, rig_.forward(pose(frame)), skinned_);
+    const std::string who = people_.size() > 1
+                                ? fmt::format("{} people", people_.size())
+                                : fmt::format("a person of {:.2f} m", people_.front()->subject().stature_m);
+    return fmt::format("{} at {} fps: {}, {} cameras of {} x {} px", options_.motion, options_.fps, who,
+                       cameras_.size(), cameras_.front().width, cameras_.front().height);
 }
 
 void RenderedStudio::light_body() {
     const Lighting& lights = room_.lighting();
-    vertex_light_.resize(skinned_.vertices.size());
+    const SkinnedBody& skinned = body_.skinned();
+    const BodyMesh& mesh = body_.mesh();
+    vertex_light_.resize(skinned.vertices.size());
     for (std::size_t i = 0; i < vertex_light_.size(); ++i) {
-        const Vec3f p = skinned_.vertices[i], n = normalized(skinned_.normals[i]);
+        const Vec3f p = skinned.vertices[i], n = normalized(skinned.normals[i]);
         Vec3f light = Lighting::direct(lights.key, p, n);
         if (light.y > 0) light = body_shadow_.lit(p + 0.02f * n) * light;
         Vec3f fill = lights.ambient(n);
         for (const Lamp& lamp : lights.panels) fill += Lighting::direct(lamp, p, n);
-        light += mesh_.openness[i] * fill;
+        light += mesh.openness[i] * fill;
         vertex_light_[i] = {shown_(light.x), shown_(light.y), shown_(light.z)};
     }
-    const auto& triangles = mesh_.surface.triangles;
+    const auto& triangles = mesh.surface.triangles;
     shown_light_.resize(triangles.size());
     for (std::size_t t = 0; t < triangles.size(); ++t)
         shown_light_[t] = (1 / 3.0f) * (vertex_light_[triangles[t][0]] + vertex_light_[triangles[t][1]] +
@@ -186,13 +160,15 @@ void RenderedStudio::light_body() {
 std::vector<Image> RenderedStudio::draw(std::int64_t frame, bool parallel) {
     const Staging& staging = options_.staging;
     if (staging.person) {
-        set_body(frame);
-        skin(caster_, rest_, rig_.forward(pose(frame)), skinned_caster_);
+        body_.set(people_, frame, false);
+        caster_.set(people_, frame, true);
+        const TriangleMesh& surface = caster_.mesh().surface;
+        const std::vector<Vec3f>& vertices = caster_.skinned().vertices;
         if (area_shadow_)
-            area_shadow_->cast(caster_.surface, skinned_caster_.vertices);
+            area_shadow_->cast(surface, vertices);
         else
-            floor_shadow_.cast(caster_.surface, skinned_caster_.vertices, room_.lighting());
-        body_shadow_.cast(caster_.surface, skinned_caster_.vertices, room_.lighting().key.position);
+            floor_shadow_.cast(surface, vertices, room_.lighting());
+        body_shadow_.cast(surface, vertices, room_.lighting().key.position);
         light_body();
     }
 
@@ -252,7 +228,7 @@ void RenderedStudio::draw_camera(std::size_t index, std::int64_t frame, std::uin
     BodyRaster& raster = rasters_[index];
     CellBounds body, dark;
     if (options_.staging.person) {
-        raster.draw(camera, mesh_, skinned_, shown_light_);
+        raster.draw(camera, body_.mesh(), body_.skinned(), shown_light_);
         body = raster.box();
         dark = area_shadow_ ? CellBounds{0, 0, camera.width, camera.height} : shadow_box(camera);
     }
@@ -298,24 +274,26 @@ Image RenderedStudio::draw_empty(std::size_t index, std::int64_t frame) const {
     return {camera.width, camera.height, 3, std::move(data)};
 }
 
-std::vector<std::vector<std::uint8_t>> RenderedStudio::masks(std::int64_t frame) {
+std::vector<std::vector<std::uint8_t>> RenderedStudio::labels(std::int64_t frame) {
     std::vector<std::vector<std::uint8_t>> out(cameras_.size());
     if (!options_.staging.person) {
         for (std::size_t i = 0; i < out.size(); ++i)
             out[i].assign(static_cast<std::size_t>(cameras_[i].width) * cameras_[i].height, 0);
         return out;
     }
-    set_body(frame);
-    tbb::parallel_for(std::size_t{0}, cameras_.size(),
-                      [&](std::size_t i) { rasters_[i].mask(camera_at(i, frame), mesh_, skinned_, out[i]); });
+    body_.set(people_, frame, false);
+    tbb::parallel_for(std::size_t{0}, cameras_.size(), [&](std::size_t i) {
+        rasters_[i].label(camera_at(i, frame), body_.mesh(), body_.skinned(), body_.labels(), out[i]);
+    });
     return out;
 }
 
 Studio::Surface RenderedStudio::surface(std::int64_t frame) {
-    set_body(frame);
+    SkinnedBody skinned;
+    people_.front()->skin_mesh(frame, skinned);
     Surface out;
-    for (const Vec3f& v : skinned_.vertices) out.vertices.push_back(to_double(v));
-    out.triangles = mesh_.surface.triangles;
+    for (const Vec3f& v : skinned.vertices) out.vertices.push_back(to_double(v));
+    out.triangles = people_.front()->mesh().surface.triangles;
     return out;
 }
 
@@ -331,10 +309,41 @@ std::string PlacedCamera::check() const {
     return {};
 }
 
-std::string StudioOptions::check() const {
-    const auto outside = [](double v, double low, double high) { return !(v >= low && v <= high); };
+std::vector<std::vector<std::uint8_t>> Studio::masks(std::int64_t frame) {
+    std::vector<std::vector<std::uint8_t>> out = labels(frame);
+    for (std::vector<std::uint8_t>& image : out)
+        for (std::uint8_t& pixel : image) pixel = pixel ? 255 : 0;
+    return out;
+}
+
+namespace {
+
+bool outside(double v, double low, double high) {
+    return !(v >= low && v <= high);
+}
+
+}  // namespace
+
+std::string PersonOptions::check() const {
     if (std::find(kMotionNames.begin(), kMotionNames.end(), motion) == kMotionNames.end())
         return fmt::format("motion '{}' is unknown; choose one of {}", motion, fmt::join(kMotionNames, ", "));
+    if (stature_m != 0 && outside(stature_m, 1.2, 2.2))
+        return fmt::format("stature is {} m; it must be 1.2 .. 2.2, or 0 for a random one", stature_m);
+    if (outside(motion_speed, 0.2, 3))
+        return fmt::format("the motion's speed is {}; it must be 0.2 .. 3", motion_speed);
+    if (outside(motion_start_s, 0, 100))
+        return fmt::format("the motion starts at {} s; it must be 0 .. 100", motion_start_s);
+    if (motion_shift.z != 0) return "the motion is shifted vertically; it must stay on the floor";
+    if (leave_s >= 0 && !(leave_s > enter_s))
+        return fmt::format("a person leaves at {} s and enters at {} s; leave later", leave_s, enter_s);
+    return subject.check();
+}
+
+std::string StudioOptions::check() const {
+    if (const std::string wrong = first_person(*this).check(); !wrong.empty()) return wrong;
+    for (const PersonOptions& other : others)
+        if (const std::string wrong = other.check(); !wrong.empty()) return wrong;
+    if (others.size() > 15) return fmt::format("{} people; at most 16 are rendered", others.size() + 1);
     if (stage != "auto" && stage != "room" && stage != "lane")
         return fmt::format("stage '{}' is unknown; choose one of auto, room, lane", stage);
     if (motion == "sprint_start" && stage == "room")
@@ -344,8 +353,6 @@ std::string StudioOptions::check() const {
     if (width < 64 || width > 4096 || height < 64 || height > 4096)
         return fmt::format("size is {}x{}; each side must be 64 .. 4096 px", width, height);
     if (outside(fps, 1, 1000)) return fmt::format("fps is {}; it must be 1 .. 1000", fps);
-    if (stature_m != 0 && outside(stature_m, 1.2, 2.2))
-        return fmt::format("stature is {} m; it must be 1.2 .. 2.2, or 0 for a random one", stature_m);
     if (outside(noise_grey, 0, 50))
         return fmt::format("noise is {} grey levels; it must be 0 .. 50", noise_grey);
     if (outside(flicker, 0, 0.3)) return fmt::format("flicker is {}; it must be 0 .. 0.3", flicker);
@@ -353,14 +360,9 @@ std::string StudioOptions::check() const {
         return fmt::format("distortion is {}; it must be -0.3 .. 0.3", distortion);
     if (outside(shot_noise_grey, 0, 20))
         return fmt::format("shot noise is {} grey levels; it must be 0 .. 20", shot_noise_grey);
-    if (outside(motion_speed, 0.2, 3))
-        return fmt::format("the motion's speed is {}; it must be 0.2 .. 3", motion_speed);
-    if (outside(motion_start_s, 0, 100))
-        return fmt::format("the motion starts at {} s; it must be 0 .. 100", motion_start_s);
-    if (motion_shift.z != 0) return "the motion is shifted vertically; it must stay on the floor";
     for (const PlacedCamera& camera : placed_cameras)
         if (const std::string wrong = camera.check(); !wrong.empty()) return wrong;
-    for (const std::string& wrong : {subject.check(), room.check(), light.check()})
+    for (const std::string& wrong : {room.check(), light.check()})
         if (!wrong.empty()) return wrong;
     const std::size_t count = !custom_cameras.empty()   ? custom_cameras.size()
                               : !placed_cameras.empty() ? placed_cameras.size()

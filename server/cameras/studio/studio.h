@@ -32,6 +32,21 @@ struct PlacedCamera {
     std::string check() const;
 };
 
+// A further person; the first one is described by StudioOptions itself.
+struct PersonOptions {
+    std::string motion = "walk";
+    std::uint32_t seed = 1;
+    double stature_m = 0;
+    double motion_speed = 1, motion_start_s = 0, motion_yaw_deg = 0;
+    Vec3 motion_shift;  // m; z must be 0
+    SubjectOptions subject;
+    // s; outside of these times the person is not there. Negative: from the start, and to the end.
+    double enter_s = -1, leave_s = -1;
+
+    // Empty when usable, else one sentence.
+    std::string check() const;
+};
+
 struct StudioOptions {
     std::string motion = "walk";    // one of kMotionNames (motion.h)
     std::string stage = "auto";     // "room", "lane", or "auto": what suits the motion
@@ -49,6 +64,8 @@ struct StudioOptions {
     double motion_yaw_deg = 0;      // the motion is rotated about the vertical, then shifted
     Vec3 motion_shift;              // m; z must be 0
     SubjectOptions subject;
+    double enter_s = -1, leave_s = -1;  // as PersonOptions
+    std::vector<PersonOptions> others;
     RoomOptions room;
     LightOptions light;
     std::vector<PlacedCamera> placed_cameras;  // if not empty: used instead of the ring
@@ -86,10 +103,15 @@ class Studio {
     // Pose of the target; the identity if there is none.
     virtual Rigid3 world_from_target(std::int64_t frame) const = 0;
 
-    virtual SubjectTruth truth(std::int64_t frame) const = 0;
-    // Per camera, height * width values 0 or 255: whether the ray through the pixel's centre hits the person.
-    virtual std::vector<std::vector<std::uint8_t>> masks(std::int64_t frame) = 0;
-    // The person's closed surface, m in the world, and its triangles (counter-clockwise from outside).
+    virtual std::size_t person_count() const = 0;
+    virtual bool is_present(std::size_t person, std::int64_t frame) const = 0;
+    virtual SubjectTruth truth(std::int64_t frame, std::size_t person = 0) const = 0;
+    // Per camera, height * width values: 1 + the person that the ray through the pixel's centre hits first;
+    // 0: none.
+    virtual std::vector<std::vector<std::uint8_t>> labels(std::int64_t frame) = 0;
+    // The same as 0 or 255: whether it hits anybody.
+    std::vector<std::vector<std::uint8_t>> masks(std::int64_t frame);
+    // The first person's closed surface, m in the world, and its triangles (counter-clockwise from outside).
     struct Surface {
         std::vector<Vec3> vertices;
         std::vector<std::array<std::uint32_t, 3>> triangles;
