@@ -76,13 +76,24 @@ struct ExpectedShape {
     Vec3 motion;                  // since then, m
 };
 
+// The segmentation compares components and holes with the largest component: the nearest of several people,
+// who may be twice as near, and so four times as large, as the others.
+PipelineOptions for_several(PipelineOptions options) {
+    constexpr float kAreaRatio = 4;
+    if (options.tracker.max_subjects > 1) {
+        options.segmentation.min_component_fraction /= kAreaRatio;
+        options.segmentation.max_hole_fraction /= kAreaRatio;
+    }
+    return options;
+}
+
 class StagedPipeline final : public Pipeline {
   public:
     StagedPipeline(std::vector<Camera> cameras, double fps, const PipelineOptions& options)
         : cameras_(std::move(cameras)),
           fps_(fps),
-          options_(options),
-          device_(cameras_, options),
+          options_(for_several(options)),
+          device_(cameras_, options_),
           tracker_(cameras_, fps, tracker_options(options)) {
         for (const Camera& camera : cameras_) models_.push_back(to_kernel(camera));
         expected_.resize(cameras_.size());

@@ -12,13 +12,13 @@
 namespace kinevox {
 namespace {
 
-// The projections are dilated by these fractions of the image height: a silhouette is up to a voxel and its
-// own error wider than the volume that it carved.
-constexpr int kOwn = 80, kOthers = 120;
+// The projections are dilated by this fraction of the image height: a silhouette is up to a voxel and its own
+// error wider than the volume that it carved.
+constexpr int kDilation = 100;
 
 struct Projection {
-    std::vector<std::uint8_t> own, other;  // dilated for the subject itself, and as another one
-    kernels::Rect own_box, other_box;
+    std::vector<std::uint8_t> mask;
+    kernels::Rect box;
     double distance_m = 0;  // of the volume's centre from the camera
 };
 
@@ -43,28 +43,27 @@ void separate_subjects(const std::vector<Camera>& cameras, const std::vector<ker
         const float still[3] = {0, 0, 0};
         for (std::size_t k = 0; k < shapes.size(); ++k) {
             Projection& p = projections[k];
-            p.own.resize(seen.sharp.size());
-            p.other.resize(seen.sharp.size());
-            kernels::project_volume(*shapes[k], models[c], still, std::max(1, seen.height / kOwn),
-                                    p.own.data(), p.own_box);
-            kernels::project_volume(*shapes[k], models[c], still, std::max(1, seen.height / kOthers),
-                                    p.other.data(), p.other_box);
+            p.mask.resize(seen.sharp.size());
+            kernels::project_volume(*shapes[k], models[c], still, std::max(1, seen.height / kDilation),
+                                    p.mask.data(), p.box);
             p.distance_m = norm(centre_of(*shapes[k]).value_or(Vec3{}) - cameras[c].centre_in_world());
         }
         for (std::size_t k = 0; k < shapes.size(); ++k) {
             const Projection& own = projections[k];
-            apply_mask(seen, own.own, out[k]->own[c]);
+            apply_mask(seen, own.mask, out[k]->own[c]);
             std::vector<std::uint8_t>& others = out[k]->others[c];
             std::int64_t hidden = 0;
             for (std::size_t j = 0; j < shapes.size(); ++j) {
                 const Projection& other = projections[j];
-                if (j == k || !overlap(own.own_box, other.other_box)) continue;
+                if (j == k || !overlap(own.box, other.box)) continue;
                 others.resize(seen.sharp.size());
-                for (std::size_t n = 0; n < others.size(); ++n) {
-                    others[n] |= other.other[n];
-                    hidden +=
-                        other.distance_m < own.distance_m && other.other[n] && own.own[n] && seen.sharp[n];
-                }
+                const bool nearer = other.distance_m < own.distance_m;
+                for (int y = other.box.y0; y < other.box.y1; ++y)
+                    for (int x = other.box.x0; x < other.box.x1; ++x) {
+                        const std::size_t at = static_cast<std::size_t>(y) * seen.width + x;
+                        others[at] |= other.mask[at];
+                        hidden += nearer && other.mask[at] && own.mask[at] && seen.sharp[at];
+                    }
             }
             out[k]->hidden_fraction[c] =
                 static_cast<float>(hidden) /

@@ -76,11 +76,13 @@ Judgement judge_background(const Measurements& seen) {
 }
 
 Judgement judge_people(const Measurements& seen) {
-    if (seen.several_people_fraction < kMinSeveralFraction) return {};
-    return Cause{Trust::kDoNotUse, "several_people", "",
-                 fmt::format("several people are in the scene in {:.0f} % of the frame sets",
-                             100 * seen.several_people_fraction),
-                 "record with one person in the cameras' common view"};
+    if (seen.followed_subjects > 1 || seen.several_people_fraction < kMinSeveralFraction) return {};
+    return Cause{
+        Trust::kDoNotUse, "several_people", "",
+        fmt::format("several people are in the scene in {:.0f} % of the frame sets",
+                    100 * seen.several_people_fraction),
+        "follow each of them (tracking.max_subjects, kinevox process --max-subjects), or record with "
+        "one person in the cameras' common view"};
 }
 
 Judgement judge_still_object(const Measurements& seen) {

@@ -88,6 +88,7 @@ struct Measurements {
     std::vector<CameraMeasurements> cameras;
     // Fraction of the frame sets with more than one separate body of a person's size.
     double several_people_fraction = 0;
+    int followed_subjects = 1;  // each with a pose of its own
     RigMeasurements rig;
     WorldMeasurements world;
     BodyMeasurements body;

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Several people in `kinevox process --max-subjects`: joints of each person, identities, people missing and invented.
 
-usage: people.py [--kinevox-process PROGRAM] [--session FILE] [--results FOLDER] [--max-mm N] [--max-apart-mm N] [--max-silent N]
+usage: people.py [--kinevox-process PROGRAM] [--session FILE | --scene NAME --kinevox-studio PROGRAM] [--results FOLDER] [--max-mm N] [--max-apart-mm N] [--max-silent N]
                  [--max-swaps N] [--max-absent N] [-- OPTION ...]
 
-A session's truth has joints_NAME.csv and masks_NAME_CAMERA.zip per person (default: shared/data/studio/pair). In each frame,
+--scene renders people/NAME.toml. A session's truth has joints_NAME.csv and masks_NAME_CAMERA.zip per person (default: shared/data/studio/pair). In each frame,
 subjects and people are paired with the smallest sum of distances of their trunks, at most 0.6 m each. Rows: mean joint error
 over all frames and over those in which the masks of the people touch in no camera (mm), silent errors as in rates.py, values
 within 1, 2 and 3 standard deviations, withheld joints; then identity swaps (a person's subject changes), and people missing and
@@ -24,6 +24,7 @@ from pose import DATA, JOINTS, points
 from rates import SILENT_M, SILENT_STD
 from session_data import Session, process_program, read_table
 
+SCENES = Path(__file__).resolve().parent / "people"
 MAX_PAIRED_M = 0.6
 MAX_ABSENT_S = 0.3
 MARGIN_PX = 4
@@ -76,11 +77,12 @@ class People:
         self.offset, self.std = np.full((*shape, 3), np.nan), np.full(shape, np.nan)
         self.subject = np.zeros((count, len(self.names)), int)  # 0: missing
         self.invented = np.zeros(count, int)
+        self.there = np.isfinite(truth[:count]).all(axis=(2, 3))
         for n in range(count):
             rows = np.flatnonzero((row_frames == n) & np.isfinite(measured[:, TRUNK]).any(axis=(1, 2)))
             if not len(rows):
                 continue
-            chosen = pair(measured[rows], truth[n])
+            chosen = pair(measured[rows], np.where(self.there[n][:, None, None], truth[n], 1e3))
             self.invented[n] = len(rows) - sum(s is not None for s in chosen)
             for person, s in enumerate(chosen):
                 if s is None:
@@ -90,7 +92,8 @@ class People:
                 self.subject[n, person] = found["subject"][rows[s]]
 
     def row(self, frames, person=slice(None)):
-        offset, std = self.offset[frames, person], self.std[frames, person]
+        there = self.there[frames, person]
+        offset, std = self.offset[frames, person][there], self.std[frames, person][there]
         error = np.linalg.norm(offset, axis=-1)
         known = np.isfinite(error)
         silent = known & (error > SILENT_M) & (error > SILENT_STD * std)
@@ -111,7 +114,10 @@ class People:
 
     def absent_s(self):
         """The longest time that a person is missing, and that one is invented."""
-        return (max(longest(ids == 0) for ids in self.subject.T) / self.fps, longest(self.invented > 0) / self.fps)
+        return (
+            max(longest((ids == 0) & there) for ids, there in zip(self.subject.T, self.there.T)) / self.fps,
+            longest(self.invented > 0) / self.fps,
+        )
 
 
 def text(label, row):
@@ -128,6 +134,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--kinevox-process", type=Path)
     parser.add_argument("--session", type=Path, default=DATA / "studio" / "pair" / "session.toml")
+    parser.add_argument("--scene", choices=sorted(f.stem for f in SCENES.glob("*.toml")))
+    parser.add_argument("--kinevox-studio", type=Path)
     parser.add_argument("--results", type=Path)
     for bound in ("mm", "apart-mm", "silent", "swaps", "absent"):
         parser.add_argument(f"--max-{bound}", type=float, default=np.inf)
@@ -137,6 +145,11 @@ def main():
         return 77
     with tempfile.TemporaryDirectory() as temporary:
         results = arguments.results or Path(temporary) / "results"
+        if arguments.scene:
+            folder = Path(temporary) / arguments.scene
+            scene = SCENES / f"{arguments.scene}.toml"
+            subprocess.run([arguments.kinevox_studio, "--scene", scene, "--out", folder], check=True)
+            arguments.session = folder / "session.toml"
         if not (results / "run.toml").exists():
             program = arguments.kinevox_process or process_program()
             command = [program, arguments.session, "--out", results, "--quiet", "--max-subjects", "4", *options]
@@ -155,7 +168,7 @@ def main():
         line
         for line, value, bound in (
             ("mean of all frames, mm", whole["mean_mm"], arguments.max_mm),
-            ("mean of frames apart, mm", apart["mean_mm"], arguments.max_apart_mm),
+            ("mean of frames apart, mm", apart["mean_mm"] if people.apart.any() else 0, arguments.max_apart_mm),
             ("silent errors, %", whole["silent"], arguments.max_silent),
             ("identity swaps", people.swaps(), arguments.max_swaps),
             ("missing or invented, s", max(missing_s, invented_s), arguments.max_absent),

@@ -180,4 +180,15 @@ kernels::Rect projected_box(const Camera& camera, const Box3& box, double* fract
     return inside;
 }
 
+double nearest_depth(const Camera& camera, const Box3& box) {
+    double nearest = std::numeric_limits<double>::infinity();
+    for (int n = 0; n < 8; ++n) {
+        const Vec3 corner{n & 1 ? box.max_in_world.x : box.min_in_world.x,
+                          n & 2 ? box.max_in_world.y : box.min_in_world.y,
+                          n & 4 ? box.max_in_world.z : box.min_in_world.z};
+        nearest = std::min(nearest, (camera.camera_from_world * corner).z);
+    }
+    return nearest;
+}
+
 }  // namespace kinevox

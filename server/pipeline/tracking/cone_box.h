@@ -38,8 +38,17 @@ kernels::Lattice lattice_over(const Box3& box, double voxel_m, double max_side_m
 // projected box inside the image, 0..1.
 kernels::Rect projected_box(const Camera& camera, const Box3& box, double* fraction_inside = nullptr);
 
+// Of a body to a camera that predicts its motion.
+inline constexpr double kMinPartDistance_m = 0.3;
+
+// Of a volume whose legs are complete.
+inline constexpr double kMaxFeetHeight_m = 0.25;
+
 // Below this fraction of a subject's box inside its image, a camera need not see the subject.
 inline constexpr double kMinExpectedInside = 0.5;
+
+// Of the box's corners along the camera's axis, m; negative behind it.
+double nearest_depth(const Camera& camera, const Box3& box);
 
 // Whether two rectangles share a pixel.
 inline bool overlap(const kernels::Rect& a, const kernels::Rect& b) {

@@ -55,6 +55,15 @@ Box3 observed_box(const std::vector<Camera>& cameras) {
     return box;
 }
 
+bool is_beside(Vec3 at, const CellStatistics& body) {
+    return at.x > body.min_in_world.x - kBeside_m && at.x < body.max_in_world.x + kBeside_m &&
+           at.y > body.min_in_world.y - kBeside_m && at.y < body.max_in_world.y + kBeside_m;
+}
+
+kernels::Rect around(const kernels::Rect& a, const kernels::Rect& b) {
+    return {std::min(a.x0, b.x0), std::min(a.y0, b.y0), std::max(a.x1, b.x1), std::max(a.y1, b.y1)};
+}
+
 kernels::Lattice scene_lattice(const std::vector<Camera>& cameras) {
     const Box3 box = observed_box(cameras);
     return lattice_over(box, kCell_m, kMaxSide_m, (box.min_in_world + box.max_in_world) / 2);
@@ -109,18 +118,24 @@ std::vector<kernels::SegmentationPrior> SceneTracker::predict(std::int64_t time_
     const double margin = options_.region_margin_m + options_.limb_speed_m_per_s * seconds;
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
         kernels::Rect region;
+        int max_distance_px = 0;
         for (const Subject& subject : subjects_) {
+            const Box3 body{subject.shape.min_in_world + subject.motion,
+                            subject.shape.max_in_world + subject.motion};
             const Vec3 wide{margin, margin, margin};
             const kernels::Rect one =
-                projected_box(cameras_[c], {subject.shape.min_in_world + subject.motion - wide,
-                                            subject.shape.max_in_world + subject.motion + wide});
+                projected_box(cameras_[c], {body.min_in_world - wide, body.max_in_world + wide});
             if (one.empty()) continue;
-            if (region.empty())
-                region = one;
-            else
-                region = {std::min(region.x0, one.x0), std::min(region.y0, one.y0),
-                          std::max(region.x1, one.x1), std::max(region.y1, one.y1)};
+            region = region.empty() ? one : around(region, one);
+            const double depth = nearest_depth(cameras_[c], body);
+            if (depth <= kMinPartDistance_m || subject.shape.min_in_world.z > kMaxFeetHeight_m)
+                max_distance_px = -1;  // legs that are missing may be apart
+            else if (max_distance_px >= 0)
+                max_distance_px = std::max(
+                    max_distance_px,
+                    static_cast<int>(std::ceil(std::max(cameras_[c].fx, cameras_[c].fy) * margin / depth)));
         }
+        priors[c].max_distance_px = max_distance_px;
         priors[c].full_pass = false;
         priors[c].region = region.empty() ? kernels::Rect{0, 0, 8, 8} : region;  // nearly nothing to search
     }
@@ -159,11 +174,7 @@ void SceneTracker::claim() {
         Cells own = std::move(parts[main]);
         for (std::size_t k = 0; k < parts.size(); ++k) {
             if (k == main) continue;
-            const Vec3 at = grid_.statistics(parts[k]).centre_in_world;
-            const bool beside =
-                at.x > body.min_in_world.x - kBeside_m && at.x < body.max_in_world.x + kBeside_m &&
-                at.y > body.min_in_world.y - kBeside_m && at.y < body.max_in_world.y + kBeside_m;
-            if (beside && !is_upright(parts[k]))
+            if (is_beside(grid_.statistics(parts[k]).centre_in_world, body) && !is_upright(parts[k]))
                 own.insert(own.end(), parts[k].begin(), parts[k].end());
             else
                 grid_.free(parts[k]);
@@ -176,6 +187,26 @@ void SceneTracker::claim() {
         subject.cells = std::move(own);
         subject.shape = shape;
         subject.seen = true;
+    }
+}
+
+// Gives small parts beside or below a subject to it: a shank that a gap in the silhouettes separates.
+void SceneTracker::adopt_small_parts() {
+    for (const Cells& part : grid_.parts(OccupiedCells::kFree)) {
+        const CellStatistics small = grid_.statistics(part);
+        if (small.litres >= kMinPerson_litres) continue;
+        Subject* nearest = nullptr;
+        double distance = std::numeric_limits<double>::infinity();
+        for (Subject& subject : subjects_) {
+            if (!subject.seen || !is_beside(small.centre_in_world, subject.shape)) continue;
+            const Vec3 offset = small.centre_in_world - subject.shape.centre_in_world;
+            if (const double d = std::hypot(offset.x, offset.y); d < distance)
+                distance = d, nearest = &subject;
+        }
+        if (!nearest) continue;
+        grid_.give(part, {0, 0, 0}, nearest->label);
+        nearest->cells.insert(nearest->cells.end(), part.begin(), part.end());
+        nearest->shape = grid_.statistics(nearest->cells);
     }
 }
 
@@ -352,6 +383,7 @@ SceneUpdate SceneTracker::update(std::uint64_t sequence, std::int64_t time_ns,
     measure(time_ns);
     if (whole_images_) find_new(sequence, time_ns, silhouettes, update);
     drop_lost(sequence, time_ns, update);
+    adopt_small_parts();
     for (const Subject& subject : subjects_) {
         SceneSubject& out = update.subjects.emplace_back();
         out.roles = roles_of(subject, silhouettes);
@@ -366,9 +398,10 @@ SceneUpdate SceneTracker::update(std::uint64_t sequence, std::int64_t time_ns,
         if (!subject.seen) continue;
         const double margin = options_.margin_m + grid_.cell_m();
         const Vec3 wide{margin, margin, margin};
-        out.lattice =
-            lattice_over({subject.shape.min_in_world - wide, subject.shape.max_in_world + wide},
-                         options_.voxel_m, options_.max_lattice_side_m, subject.shape.centre_in_world);
+        Vec3 low = subject.shape.min_in_world;
+        if (low.z > kMaxFeetHeight_m) low.z = 0;  // legs that look like the floor are searched for
+        out.lattice = lattice_over({low - wide, subject.shape.max_in_world + wide}, options_.voxel_m,
+                                   options_.max_lattice_side_m, subject.shape.centre_in_world);
     }
     return update;
 }

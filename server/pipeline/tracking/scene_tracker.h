@@ -71,6 +71,7 @@ class SceneTracker {
 
     void carve(const SilhouettesByCamera& silhouettes);
     void claim();
+    void adopt_small_parts();
     bool is_upright(const Cells& part) const;
     bool may_start(const Cells& part) const;
     int views_that_need(const Cells& part, const SilhouettesByCamera& silhouettes,

@@ -12,10 +12,9 @@
 namespace kinevox {
 namespace {
 
-constexpr std::size_t kMaxBlobs = 6;        // per camera
-constexpr double kMaxCentreJump_m = 0.4;    // of a measured centre from the predicted one
-constexpr double kBodyRadius_m = 1.4;       // of a body around its centre
-constexpr double kMinPartDistance_m = 0.3;  // of a body to a camera that predicts its motion
+constexpr std::size_t kMaxBlobs = 6;      // per camera
+constexpr double kMaxCentreJump_m = 0.4;  // of a measured centre from the predicted one
+constexpr double kBodyRadius_m = 1.4;     // of a body around its centre
 
 Box3 box_around(Vec3 centre, const Box3& extent, double margin_m) {
     const Vec3 margin{margin_m, margin_m, margin_m};
@@ -24,8 +23,6 @@ Box3 box_around(Vec3 centre, const Box3& extent, double margin_m) {
 
 // A standing or stretched person of any size, from the centre of gravity.
 constexpr Box3 kAnyPerson{{-0.6, -0.6, -1.15}, {0.6, 0.6, 1.15}};
-
-constexpr double kMaxFeetHeight_m = 0.25;  // of a volume whose legs are complete
 
 // A person stands on the floor. Legs that look like it are searched for down to it, within a stride to all
 // sides.
@@ -36,18 +33,6 @@ Box3 down_to_floor(Box3 extent, Vec3 centre) {
     low = {std::min(low.x, kAnyPerson.min_in_world.x), std::min(low.y, kAnyPerson.min_in_world.y), floor};
     high = {std::max(high.x, kAnyPerson.max_in_world.x), std::max(high.y, kAnyPerson.max_in_world.y), high.z};
     return extent;
-}
-
-// Of the box's corners along the camera's axis.
-double nearest_depth(const Camera& camera, const Box3& box) {
-    double nearest = std::numeric_limits<double>::infinity();
-    for (int n = 0; n < 8; ++n) {
-        const Vec3 corner{n & 1 ? box.max_in_world.x : box.min_in_world.x,
-                          n & 2 ? box.max_in_world.y : box.min_in_world.y,
-                          n & 4 ? box.max_in_world.z : box.min_in_world.z};
-        nearest = std::min(nearest, (camera.camera_from_world * corner).z);
-    }
-    return nearest;
 }
 
 }  // namespace

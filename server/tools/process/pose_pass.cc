@@ -147,6 +147,11 @@ const BodyFit* PosePass::fit() const {
     return subject && subject->fit ? &*subject->fit : nullptr;
 }
 
+int PosePass::followed_subjects() const {
+    return static_cast<int>(std::ranges::count_if(
+        subjects_, [&](const auto& subject) { return 10 * subject->seen_count >= all_.size(); }));
+}
+
 std::uint32_t PosePass::main_subject() const {
     const Subject* const subject = main();
     return subject ? subject->id : 0;

@@ -54,6 +54,8 @@ class PosePass {
     // The body was given, not fitted; then it is also fitted to the movement, to compare.
     bool body_given() const { return !options_.fit_body; }
     const BodyFit* fit() const;
+    // Subjects that were seen in a tenth of the frames or more.
+    int followed_subjects() const;
     // 0: none, or one subject is followed.
     std::uint32_t main_subject() const;
 

@@ -1,0 +1,259 @@
+// Several subjects in the hull of the whole scene.
+#include "server/pipeline/tracking/scene_tracker.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <set>
+
+#include "server/pipeline/subject_views.h"
+#include "server/silhouettes/to_kernel.h"
+#include "tests/unit/pipeline/scene.h"
+
+namespace kinevox {
+namespace {
+
+using testing::body_at;
+using testing::camera_at;
+using ::testing::Each;
+using ::testing::ElementsAre;
+using testing::Ellipsoid;
+using testing::four_cameras;
+using ::testing::IsEmpty;
+using testing::silhouettes_of;
+using ::testing::SizeIs;
+
+constexpr double kPeopleFps = 30;
+constexpr double kCentre_m = 0.86;  // of a standing body
+
+TrackerOptions for_people(int max_subjects) {
+    TrackerOptions options;
+    options.max_subjects = max_subjects;
+    return options;
+}
+
+std::vector<Ellipsoid> people_at(const std::vector<Vec3>& floor_points) {
+    std::vector<Ellipsoid> all;
+    for (const Vec3& p : floor_points) {
+        const auto body = body_at({p.x, p.y, kCentre_m});
+        all.insert(all.end(), body.begin(), body.end());
+    }
+    return all;
+}
+
+// Gives a tracker the silhouettes of a scene frame by frame.
+class People {
+  public:
+    explicit People(int max_subjects, std::vector<Camera> cameras = four_cameras())
+        : cameras_(cameras), tracker_(std::move(cameras), kPeopleFps, for_people(max_subjects)) {}
+
+    SceneUpdate show(const std::vector<Vec3>& floor_points) {
+        const auto time_ns = static_cast<std::int64_t>(std::llround(1e9 * frame_ / kPeopleFps));
+        tracker_.predict(time_ns);
+        std::vector<kernels::Silhouettes> made;
+        for (const Camera& camera : cameras_) made.push_back(silhouettes_of(camera, people_at(floor_points)));
+        std::vector<const kernels::Silhouettes*> seen;
+        for (const auto& s : made) seen.push_back(&s);
+        return tracker_.update(static_cast<std::uint64_t>(frame_++), time_ns, seen);
+    }
+    // The id of the subject nearest to a point, at most 0.2 m away; 0: none.
+    static std::uint32_t id_at(const SceneUpdate& update, Vec3 floor_point) {
+        std::uint32_t id = 0;
+        double nearest_m = 0.2;
+        for (const SceneSubject& subject : update.subjects) {
+            const Vec3 offset = subject.track.centre_in_world - floor_point;
+            if (const double d = std::hypot(offset.x, offset.y); d < nearest_m)
+                nearest_m = d, id = subject.track.subject_id;
+        }
+        return id;
+    }
+    const SceneTracker& tracker() const { return tracker_; }
+
+  private:
+    std::vector<Camera> cameras_;
+    SceneTracker tracker_;
+    int frame_ = 0;
+};
+
+TEST(SceneTracker, FindsPeopleAtTheirPlaces) {
+    People people(4);
+    SceneUpdate update;
+    for (int n = 0; n < 4; ++n) update = people.show({{0.9, 0.3, 0}, {-0.7, -0.8, 0}, {-0.6, 1.1, 0}});
+    ASSERT_THAT(update.subjects, SizeIs(3));
+    for (const Vec3& at : {Vec3{0.9, 0.3, 0}, Vec3{-0.7, -0.8, 0}, Vec3{-0.6, 1.1, 0}})
+        EXPECT_NE(People::id_at(update, at), 0u);
+    for (const SceneSubject& subject : update.subjects) {
+        EXPECT_TRUE(subject.lattice.has_value());
+        EXPECT_NEAR(subject.track.centre_in_world.z, kCentre_m, 0.06);
+        EXPECT_THAT(subject.track.used_cameras, Each(true));
+    }
+}
+
+TEST(SceneTracker, StartsNoMoreThanMaxSubjects) {
+    People people(2);
+    SceneUpdate update;
+    for (int n = 0; n < 6; ++n) update = people.show({{0.9, 0.3, 0}, {-0.7, -0.8, 0}, {-0.6, 1.1, 0}});
+    EXPECT_THAT(update.subjects, SizeIs(2));
+}
+
+// Their hulls are one part for half a second.
+TEST(SceneTracker, KeepsIdsWhilePeopleTouch) {
+    People people(4);
+    std::set<std::uint32_t> left, right;
+    for (int n = 0; n <= 60; ++n) {
+        const double half_m = 0.17 + 0.8 * std::abs(n - 30) / 30.0;
+        const Vec3 a{-half_m, 0.1, 0}, b{half_m, -0.1, 0};
+        const SceneUpdate update = people.show({a, b});
+        if (n < 4) continue;
+        ASSERT_THAT(update.subjects, SizeIs(2)) << n;
+        left.insert(People::id_at(update, a));
+        right.insert(People::id_at(update, b));
+    }
+    EXPECT_THAT(left, SizeIs(1));
+    EXPECT_THAT(right, SizeIs(1));
+    EXPECT_NE(*left.begin(), 0u);
+    EXPECT_NE(*left.begin(), *right.begin());
+}
+
+// In two cameras at right angles, two people have four intersections of cones.
+TEST(SceneTracker, StartsNoSubjectInGhosts) {
+    People people(4, {camera_at("x", {5, 0, 1.5}, {0, 0, 1}), camera_at("y", {0, 5, 1.5}, {0, 0, 1}),
+                      camera_at("z", {-3.6, -3.6, 2.2}, {0, 0, 1})});
+    SceneUpdate update;
+    for (int n = 0; n < 8; ++n) update = people.show({{0.7, 0.7, 0}, {-0.7, -0.4, 0}});
+    EXPECT_THAT(update.subjects, SizeIs(2));
+}
+
+TEST(SceneTracker, ReportsWhoEntersAndLeaves) {
+    People people(4);
+    for (int n = 0; n < 4; ++n) people.show({{0.9, 0.3, 0}});
+    int found = 0;
+    for (int n = 0; n < 20; ++n)
+        for (const Event& event : people.show({{0.9, 0.3, 0}, {-0.7, -0.8, 0}}).events)
+            found += event.kind == EventKind::kSubjectFound && event.subject_id == 2;
+    EXPECT_EQ(found, 1) << "within the interval of full passes";
+    std::vector<std::uint32_t> lost;
+    SceneUpdate update;
+    for (int n = 0; n < 30; ++n) {
+        update = people.show({{0.9, 0.3, 0}});
+        for (const Event& event : update.events)
+            if (event.kind == EventKind::kSubjectLost) lost.push_back(event.subject_id);
+    }
+    EXPECT_THAT(lost, ElementsAre(2u));
+    ASSERT_THAT(update.subjects, SizeIs(1));
+    EXPECT_EQ(update.subjects[0].track.subject_id, 1u);
+}
+
+TEST(SceneTracker, RestrictsVolumeToSubject) {
+    People people(4);
+    SceneUpdate update;
+    for (int n = 0; n < 4; ++n) update = people.show({{0.5, 0, 0}, {-0.5, 0, 0}});
+    ASSERT_THAT(update.subjects, SizeIs(2));
+    // A block over both.
+    kernels::VoxelVolume block;
+    block.lattice = lattice_over({{-1, -0.3, 0.2}, {1, 0.3, 1.6}}, 0.02, 4, {0, 0, 1});
+    for (int z = 0; z < block.lattice.size[2] / kernels::kBrickEdge; ++z)
+        for (int y = 0; y < block.lattice.size[1] / kernels::kBrickEdge; ++y)
+            for (int x = 0; x < block.lattice.size[0] / kernels::kBrickEdge; ++x) {
+                kernels::Brick& brick = block.bricks.emplace_back();
+                brick.x = static_cast<std::int16_t>(x), brick.y = static_cast<std::int16_t>(y),
+                brick.z = static_cast<std::int16_t>(z);
+                for (std::uint64_t& layer : brick.occupancy) layer = ~std::uint64_t{0};
+            }
+    const std::uint32_t right = People::id_at(update, {0.5, 0, 0});
+    const kernels::VoxelVolume own = people.tracker().restricted_to(right, block);
+    ASSERT_FALSE(own.bricks.empty());
+    EXPECT_LT(own.bricks.size(), block.bricks.size() / 2);
+    const float brick_m = kernels::kBrickEdge * own.lattice.voxel_m;
+    for (const kernels::Brick& brick : own.bricks)
+        EXPECT_GT(own.lattice.origin[0] + brick_m * static_cast<float>(brick.x + 1), 0.1f);
+}
+
+// A column of cells, radius and height in m.
+Cells column(const OccupiedCells& grid, Vec3 at, double radius_m, double from_m, double to_m) {
+    Cells cells;
+    const kernels::Lattice& lattice = grid.lattice();
+    const std::int32_t count = lattice.size[0] * lattice.size[1] * lattice.size[2];
+    for (std::int32_t cell = 0; cell < count; ++cell) {
+        const Vec3 p = grid.centre_in_world(cell);
+        if (p.z > from_m && p.z < to_m && std::hypot(p.x - at.x, p.y - at.y) < radius_m)
+            cells.push_back(cell);
+    }
+    return cells;
+}
+
+Cells joined(Cells a, const Cells& b) {
+    for (const std::int32_t cell : b)
+        if (std::ranges::find(a, cell) == a.end()) a.push_back(cell);
+    return a;
+}
+
+OccupiedCells grid_of(double side_m) {
+    return OccupiedCells(lattice_over({{-side_m, -side_m, 0}, {side_m, side_m, 1.9}}, 0.04, 10, {0, 0, 1}));
+}
+
+TEST(OccupiedCells, SplitsTwoTrunksThatTouch) {
+    const OccupiedCells grid = grid_of(1);
+    const Cells both =
+        joined(column(grid, {-0.27, 0, 0}, 0.2, 0, 1.7), column(grid, {0.27, 0, 0}, 0.2, 0, 1.7));
+    const Cells bridge = column(grid, {0, 0, 0}, 0.12, 1.2, 1.4);
+    const auto shares = split_by_trunks(grid, joined(both, bridge));
+    ASSERT_THAT(shares, SizeIs(2));
+    EXPECT_NEAR(std::abs(grid.statistics(shares[0]).centre_in_world.x), 0.27, 0.04);
+    EXPECT_LT(grid.statistics(shares[0]).centre_in_world.x * grid.statistics(shares[1]).centre_in_world.x, 0);
+}
+
+TEST(OccupiedCells, KeepsPersonWithSpreadArms) {
+    const OccupiedCells grid = grid_of(1);
+    Cells person = column(grid, {0, 0, 0}, 0.2, 0, 1.75);
+    for (double x = -0.8; x <= 0.8; x += 0.04)
+        person = joined(person, column(grid, {x, 0, 0}, 0.06, 1.34, 1.46));
+    EXPECT_THAT(split_by_trunks(grid, person), SizeIs(1));
+}
+
+TEST(OccupiedCells, SharesContestedCellsBetweenNeighbours) {
+    OccupiedCells grid = grid_of(1);
+    const Cells left = column(grid, {-0.2, 0, 0}, 0.3, 0, 1.7),
+                right = column(grid, {0.2, 0, 0}, 0.3, 0, 1.7);
+    grid.load(grid.volume_of(joined(left, right)));
+    grid.give(left, {0, 0, 0}, 1);
+    grid.give(right, {0, 0, 0}, 2);
+    grid.flood(20);
+    EXPECT_THAT(grid.parts(OccupiedCells::kFree), IsEmpty());
+    EXPECT_EQ(grid.label_at({-0.3, 0, 1}), 1);
+    EXPECT_EQ(grid.label_at({0.3, 0, 1}), 2);
+    EXPECT_EQ(grid.label_at({-0.06, 0, 1}), 1);
+    EXPECT_EQ(grid.label_at({0.06, 0, 1}), 2);
+    EXPECT_EQ(grid.label_at({5, 0, 1}), OccupiedCells::kEmpty);
+}
+
+// Seen from the x axis, the body at +x hides the other one.
+TEST(SubjectViews, MarksOtherSubjectsAndWhoHidesWhom) {
+    const std::vector<Camera> cameras{camera_at("front", {4, 0, 1.2}, {0, 0, 1}),
+                                      camera_at("side", {0, 4, 1.2}, {0, 0, 1})};
+    std::vector<kernels::CameraModel> models;
+    std::vector<kernels::Silhouettes> silhouettes;
+    for (const Camera& camera : cameras) {
+        models.push_back(to_kernel(camera));
+        silhouettes.push_back(silhouettes_of(camera, people_at({{0.8, 0, 0}, {-0.8, 0, 0}})));
+    }
+    const OccupiedCells grid = grid_of(1.4);
+    const kernels::VoxelVolume near = grid.volume_of(column(grid, {0.8, 0, 0}, 0.2, 0.05, 1.7)),
+                               far = grid.volume_of(column(grid, {-0.8, 0, 0}, 0.2, 0.05, 1.7));
+    const std::vector<const kernels::VoxelVolume*> shapes{&near, &far};
+    SubjectViews of_near, of_far;
+    std::vector<SubjectViews*> out{&of_near, &of_far};
+    separate_subjects(cameras, models, silhouettes, shapes, out);
+    EXPECT_EQ(of_near.hidden_fraction[0], 0);
+    EXPECT_GT(of_far.hidden_fraction[0], 0.7f);
+    EXPECT_FALSE(of_near.others[0].empty());
+    EXPECT_TRUE(of_near.others[1].empty()) << "apart in the camera at the side";
+    EXPECT_EQ(of_far.hidden_fraction[1], 0);
+    EXPECT_NEAR(static_cast<double>(of_near.own[1].sharp_pixels + of_far.own[1].sharp_pixels),
+                static_cast<double>(silhouettes[1].sharp_pixels),
+                0.03 * static_cast<double>(silhouettes[1].sharp_pixels));
+}
+
+}  // namespace
+}  // namespace kinevox
