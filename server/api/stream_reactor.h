@@ -116,8 +116,9 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
             if (self) boost::asio::post(self->strand_, [self, context, why] { self->end(context, why); });
         };
         auto counted = api.guard->open_stream(authorization_of(*context), std::move(on_end));
-        if (counted.ok()) counted_ = *std::move(counted);
-        return counted.status();
+        if (!counted.ok()) return counted.status();
+        counted_ = *std::move(counted);
+        return absl::OkStatus();
     }
 
     // The context lives until OnDone, which follows finish(). A pending write is cancelled.

@@ -79,7 +79,7 @@ class RecordedVideo : public ImageReader {
     virtual absl::StatusOr<Image> read(std::int64_t frame) = 0;
 
     // Sets the image that next() delivers. OutOfRange after size().
-    virtual absl::Status seek(std::int64_t frame) = 0;
+    absl::Status seek(std::int64_t frame) override = 0;
 };
 
 }  // namespace kinevox

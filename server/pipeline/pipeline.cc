@@ -328,8 +328,7 @@ void StagedPipeline::track(FrameResult& result) {
     } else {
         TrackerUpdate update = tracker_.update(result.sequence, result.capture_time_ns, seen_);
         result.events = std::move(update.events);
-        if (update.subject)
-            tracked_.push_back({*update.subject, std::move(update.lattice), std::move(update.roles)});
+        if (update.subject) tracked_.push_back({*update.subject, update.lattice, std::move(update.roles)});
     }
     for (const SceneSubject& tracked : tracked_) {
         SubjectResult& subject = result.subjects.emplace_back();

@@ -150,7 +150,8 @@ kernels::Rect projected_box(const Camera& camera, const Box3& box, double* fract
     double u0 = std::numeric_limits<double>::infinity(), v0 = u0, u1 = -u0, v1 = -u0;
     int behind = 0;
     for (int n = 0; n < 27; ++n) {
-        const double x = 0.5 * (n % 3), y = 0.5 * (n / 3 % 3), z = 0.5 * (n / 9);
+        const int row = n / 3, layer = n / 9;
+        const double x = 0.5 * (n % 3), y = 0.5 * (row % 3), z = 0.5 * layer;
         const Vec3 p{box.min_in_world.x + x * (box.max_in_world.x - box.min_in_world.x),
                      box.min_in_world.y + y * (box.max_in_world.y - box.min_in_world.y),
                      box.min_in_world.z + z * (box.max_in_world.z - box.min_in_world.z)};
