@@ -492,8 +492,8 @@ absl::Status StagedPipeline::pose_subject(const FrameResult& result, const Subje
     for (std::size_t c = 0; c < cameras_.size(); ++c) pose_views_[c].camera = &models_[c];
     for (const std::size_t c : seen.inlier_cameras) {
         pose_views_[c].silhouettes = seen.beside_others ? &seen.views.own[c] : &result.silhouettes[c];
-        if (seen.beside_others && !seen.views.others[c].empty())
-            pose_views_[c].others = seen.views.others[c].data();
+        if (seen.beside_others && !seen.views.shared[c].empty())
+            pose_views_[c].shared = seen.views.shared[c].data();
     }
     const std::uint32_t id = subject.track.subject_id;
     try {

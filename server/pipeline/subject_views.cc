@@ -30,7 +30,7 @@ void separate_subjects(const std::vector<Camera>& cameras, const std::vector<ker
                        std::span<SubjectViews* const> out) {
     for (SubjectViews* const views : out) {
         views->own.resize(cameras.size());
-        views->others.assign(cameras.size(), {});
+        views->shared.assign(cameras.size(), {});
         views->hidden_fraction.assign(cameras.size(), 0);
     }
     for_each_camera(cameras.size(), [&](std::size_t c) {
@@ -51,17 +51,17 @@ void separate_subjects(const std::vector<Camera>& cameras, const std::vector<ker
         for (std::size_t k = 0; k < shapes.size(); ++k) {
             const Projection& own = projections[k];
             apply_mask(seen, own.mask, out[k]->own[c]);
-            std::vector<std::uint8_t>& others = out[k]->others[c];
+            std::vector<std::uint8_t>& shared = out[k]->shared[c];
             std::int64_t hidden = 0;
             for (std::size_t j = 0; j < shapes.size(); ++j) {
                 const Projection& other = projections[j];
                 if (j == k || !overlap(own.box, other.box)) continue;
-                others.resize(seen.sharp.size());
+                shared.resize(seen.sharp.size());
                 const bool nearer = other.distance_m < own.distance_m;
                 for (int y = other.box.y0; y < other.box.y1; ++y)
                     for (int x = other.box.x0; x < other.box.x1; ++x) {
                         const std::size_t at = static_cast<std::size_t>(y) * seen.width + x;
-                        others[at] |= other.mask[at];
+                        if (other.mask[at] && seen.sharp[at]) shared[at] = 255;
                         hidden += nearer && other.mask[at] && own.mask[at] && seen.sharp[at];
                     }
             }

@@ -14,9 +14,9 @@ namespace kinevox {
 // What the cameras show of one subject beside others.
 struct SubjectViews {
     std::vector<kernels::Silhouettes> own;  // per camera, the silhouettes inside the subject's projection
-    // Per camera 255 where another subject projects to, of the image's size: a contour there is not known to
-    // be this subject's. Empty: nowhere near it.
-    std::vector<std::vector<std::uint8_t>> others;
+    // Per camera 255 in foreground where another subject near this one projects to, of the image's size: it
+    // may show either of them. Empty: none is near.
+    std::vector<std::vector<std::uint8_t>> shared;
     std::vector<float> hidden_fraction;  // per camera, of the own pixels that a nearer subject may hide
 };
 

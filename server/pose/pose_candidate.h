@@ -22,9 +22,9 @@ struct PoseCandidate {
 struct PoseView {
     const kernels::CameraModel* camera = nullptr;
     const kernels::Silhouettes* silhouettes = nullptr;  // null: the camera has no image or is excluded
-    // Of the image's size, not 0 where another subject may be seen: contours there are not used. Null:
-    // nowhere.
-    const std::uint8_t* others = nullptr;
+    // Of the image's size, not 0 in foreground that may show another subject or this one: contours there are
+    // not used, and the body may be there. Null: nowhere.
+    const std::uint8_t* shared = nullptr;
 };
 
 // Proposes poses for silhouettes; implemented by the pose database.

@@ -164,16 +164,38 @@ std::optional<double> SilhouetteRays::inside_m(Vec3 in_world) const {
     return inside_px * (2 * depth / (camera->fx + camera->fy));
 }
 
+namespace {
+
+void build_distance_with(const std::uint8_t* shared, const kernels::Silhouettes& s, int side,
+                         SilhouetteDistance& out) {
+    std::vector<std::uint8_t> mask = s.sharp;
+    kernels::Rect bounds = s.bounds;
+    for (int y = 0; y < s.height; ++y)
+        for (int x = 0; x < s.width; ++x) {
+            const std::size_t at = static_cast<std::size_t>(y) * s.width + x;
+            if (!shared[at]) continue;
+            mask[at] = 255;
+            bounds = {std::min(bounds.x0, x), std::min(bounds.y0, y), std::max(bounds.x1, x + 1),
+                      std::max(bounds.y1, y + 1)};
+        }
+    out.build(mask.data(), s.width, s.height, bounds, side);
+}
+
+}  // namespace
+
 void read_silhouette(const Camera& camera, const kernels::Silhouettes& s, const SilhouetteRayOptions& options,
-                     SilhouetteRays& out, const std::uint8_t* others) {
+                     SilhouetteRays& out, const std::uint8_t* shared) {
     out.camera = nullptr;
     for (int k = 0; k < 3; ++k) out.contour.direction[k].clear(), out.contour.outward[k].clear();
     if (s.sharp_pixels <= 0 || s.bounds.empty()) return;
     std::vector<BorderPoint> border;
     find_border(s.sharp.data(), s.width, s.bounds, s.height, border);
-    if (others)
-        std::erase_if(border, [&](const BorderPoint& p) {
-            return others[static_cast<std::ptrdiff_t>(p.y) * s.width + static_cast<std::ptrdiff_t>(p.x)] != 0;
+    if (shared)
+        std::erase_if(border, [&](const BorderPoint& p) {  // either of its two pixels
+            const auto at = [&](float x, float y) {
+                return shared[static_cast<std::ptrdiff_t>(y) * s.width + static_cast<std::ptrdiff_t>(x)] != 0;
+            };
+            return at(std::floor(p.x), std::floor(p.y)) || at(std::ceil(p.x), std::ceil(p.y));
         });
     const std::size_t wanted = static_cast<std::size_t>(options.contour_rays);
     const std::size_t count = std::min(wanted, border.size());
@@ -193,7 +215,10 @@ void read_silhouette(const Camera& camera, const kernels::Silhouettes& s, const 
             out.contour.outward[axis].push_back(static_cast<float>(n[axis]));
         }
     }
-    out.distance.build(s.sharp.data(), s.width, s.height, s.bounds, options.distance_map_side);
+    if (shared)
+        build_distance_with(shared, s, options.distance_map_side, out.distance);
+    else
+        out.distance.build(s.sharp.data(), s.width, s.height, s.bounds, options.distance_map_side);
     out.camera = &camera;
 }
 

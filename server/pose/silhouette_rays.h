@@ -45,9 +45,10 @@ struct SilhouetteRays {
 };
 
 // Reads the sharp silhouette. Reuses the memory of `out`. Without sharp pixels out.camera is null. No rays
-// where `others`, of the image's size, is not 0; null: everywhere.
+// where `shared` (PoseView::shared), of the image's size, is not 0, and the distance is to the border of
+// both.
 void read_silhouette(const Camera& camera, const kernels::Silhouettes& silhouettes,
                      const SilhouetteRayOptions& options, SilhouetteRays& out,
-                     const std::uint8_t* others = nullptr);
+                     const std::uint8_t* shared = nullptr);
 
 }  // namespace kinevox

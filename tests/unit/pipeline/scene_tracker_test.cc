@@ -229,7 +229,7 @@ TEST(OccupiedCells, SharesContestedCellsBetweenNeighbours) {
 }
 
 // Seen from the x axis, the body at +x hides the other one.
-TEST(SubjectViews, MarksOtherSubjectsAndWhoHidesWhom) {
+TEST(SubjectViews, MarksSharedForegroundAndWhoHidesWhom) {
     const std::vector<Camera> cameras{camera_at("front", {4, 0, 1.2}, {0, 0, 1}),
                                       camera_at("side", {0, 4, 1.2}, {0, 0, 1})};
     std::vector<kernels::CameraModel> models;
@@ -247,8 +247,8 @@ TEST(SubjectViews, MarksOtherSubjectsAndWhoHidesWhom) {
     separate_subjects(cameras, models, silhouettes, shapes, out);
     EXPECT_EQ(of_near.hidden_fraction[0], 0);
     EXPECT_GT(of_far.hidden_fraction[0], 0.7f);
-    EXPECT_FALSE(of_near.others[0].empty());
-    EXPECT_TRUE(of_near.others[1].empty()) << "apart in the camera at the side";
+    EXPECT_FALSE(of_near.shared[0].empty());
+    EXPECT_TRUE(of_near.shared[1].empty()) << "apart in the camera at the side";
     EXPECT_EQ(of_far.hidden_fraction[1], 0);
     EXPECT_NEAR(static_cast<double>(of_near.own[1].sharp_pixels + of_far.own[1].sharp_pixels),
                 static_cast<double>(silhouettes[1].sharp_pixels),

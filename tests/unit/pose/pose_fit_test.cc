@@ -1,6 +1,7 @@
 // The pose fit on silhouettes rendered from the model.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <memory>
@@ -59,6 +60,38 @@ TEST(PoseFit, KeepsJointsWithinLimits) {
     const PoseFit fit =
         fitter.fit(*scene.model, views, posture_from_coordinates(scene.standing()), nullptr, true);
     EXPECT_GT(coordinates_from_posture(fit.posture)[kDofKneeL], radians(-12));
+}
+
+// The right half of a square may show another subject.
+TEST(SilhouetteRays, HasNoContourInSharedForegroundButAllowsTheBodyThere) {
+    Camera camera;
+    camera.width = 200, camera.height = 150;
+    camera.fx = camera.fy = 200, camera.cx = 99.5, camera.cy = 74.5;
+    kernels::Silhouettes seen;
+    seen.width = 200, seen.height = 150;
+    seen.sharp.assign(200 * 150, 0);
+    std::vector<std::uint8_t> shared(seen.sharp.size(), 0);
+    for (int y = 40; y < 110; ++y)
+        for (int x = 60; x < 160; ++x) {
+            if (x < 120) seen.sharp[y * 200 + x] = 255, ++seen.sharp_pixels;
+            if (x >= 100) shared[y * 200 + x] = 255;
+        }
+    seen.bounds = {60, 40, 120, 110};
+    seen.loose = seen.sharp;
+    SilhouetteRays whole, with_other;
+    read_silhouette(camera, seen, {}, whole);
+    read_silhouette(camera, seen, {}, with_other, shared.data());
+    const auto rightmost = [](const SilhouetteRays& rays) {
+        return *std::ranges::max_element(rays.contour.direction[0]);
+    };
+    EXPECT_NEAR(rightmost(whole), (119.5 - 99.5) / 200, 0.01);
+    EXPECT_LT(rightmost(with_other), (101 - 99.5) / 200);
+    double own_px, shared_px;
+    Vec2 gradient;
+    ASSERT_TRUE(whole.distance.at({140, 75}, own_px, gradient));
+    ASSERT_TRUE(with_other.distance.at({140, 75}, shared_px, gradient));
+    EXPECT_NEAR(own_px, -20.5, 2);
+    EXPECT_NEAR(shared_px, 19.5, 2);
 }
 
 TEST(PoseTracker, FindsBodyWithoutPrior) {
