@@ -355,7 +355,7 @@ void StagedPipeline::carve(const FrameResult& result, const SceneSubject& subjec
 void StagedPipeline::carve_with(Stages& stages, const SceneSubject& subject, SubjectReconstruction& work) {
     const bool many = hull_views_.size() >= kManyViews;
     (many ? stages.many_views_carver : stages.carver)->carve(hull_views_, *subject.lattice, work.volume);
-    if (scene_) work.volume = scene_->restricted_to(subject.track.subject_id, work.volume);
+    if (scene_) scene_->restrict_to(subject.track.subject_id, work.volume);
 }
 
 // Of the subjects that this frame set shows, where these are several.
@@ -413,16 +413,21 @@ void StagedPipeline::reconstruct_subjects(Reconstruction& work, LapTimer& timer)
     FrameResult& result = *work.result;
     if (work.subjects.size() < tracked_.size()) work.subjects.resize(tracked_.size());
     shapes_.clear();
+    if (std::ranges::none_of(tracked_, [](const SceneSubject& each) { return each.lattice.has_value(); }))
+        return;
     for (std::size_t n = 0; n < tracked_.size(); ++n)
         if (tracked_[n].lattice) carve(result, tracked_[n], work.subjects[n]);
     if (scene_) separate(work);
     result.times.hull_ms = timer.lap_ms();
     for (std::size_t n = 0; n < tracked_.size(); ++n) {
         if (!tracked_[n].lattice) continue;
-        if (options_.colouring) colour(result, tracked_[n], work.subjects[n], result.subjects[n]);
+        if (options_.colouring) {
+            timer.lap_ms();  // the conversion of the subject before
+            colour(result, tracked_[n], work.subjects[n], result.subjects[n]);
+            result.times.colouring_ms += timer.lap_ms();
+        }
         finish_subject(tracked_[n], work.subjects[n], result.subjects[n]);
     }
-    result.times.colouring_ms = timer.lap_ms();
 }
 
 absl::StatusOr<std::unique_ptr<Reconstruction>> StagedPipeline::reconstruct(FrameSet frame_set) {

@@ -64,6 +64,13 @@ kernels::Rect around(const kernels::Rect& a, const kernels::Rect& b) {
     return {std::min(a.x0, b.x0), std::min(a.y0, b.y0), std::max(a.x1, b.x1), std::max(a.y1, b.y1)};
 }
 
+// Of a centre that the hull shows.
+Mat3 centre_covariance() {
+    Mat3 covariance;
+    for (double& each : covariance.m) each *= kCentreStd_m * kCentreStd_m;
+    return covariance;
+}
+
 kernels::Lattice scene_lattice(const std::vector<Camera>& cameras) {
     const Box3 box = observed_box(cameras);
     return lattice_over(box, kCell_m, kMaxSide_m, (box.min_in_world + box.max_in_world) / 2);
@@ -246,16 +253,14 @@ int SceneTracker::views_that_need(const Cells& part, const SilhouettesByCamera& 
                 const std::size_t at = static_cast<std::size_t>(y) * seen.width + x;
                 if (!masks[c][at] || !seen.sharp[at]) continue;
                 ++inside;
-                more += explained[c].empty() || !explained[c][at];
+                more += !explained[c][at];
             }
         needed[c] = inside > 0 && static_cast<double>(more) >= kMinNewFraction * static_cast<double>(inside);
     });
     const auto views = static_cast<int>(std::ranges::count(needed, 1));
     if (views < kMinNewViews) return views;
-    for (std::size_t c = 0; c < cameras_.size(); ++c) {
-        if (explained[c].empty()) explained[c].assign(masks[c].size(), 0);
+    for (std::size_t c = 0; c < cameras_.size(); ++c)
         for (std::size_t k = 0; k < masks[c].size(); ++k) explained[c][k] |= masks[c][k];
-    }
     return views;
 }
 
@@ -270,6 +275,17 @@ bool SceneTracker::confirmed(Vec3 centre) {
     return false;
 }
 
+Event SceneTracker::event(EventKind kind, const char* what, const Subject& subject, std::uint64_t sequence,
+                          std::int64_t time_ns) {
+    const Vec3 at = subject.shape.centre_in_world;
+    return {kind,
+            sequence,
+            time_ns,
+            {},
+            fmt::format("subject {} {} ({:.2f}, {:.2f}, {:.2f}) m", subject.id, what, at.x, at.y, at.z),
+            subject.id};
+}
+
 void SceneTracker::start(const Cells& cells, std::uint64_t sequence, std::int64_t time_ns,
                          SceneUpdate& update) {
     Subject subject;
@@ -280,20 +296,11 @@ void SceneTracker::start(const Cells& cells, std::uint64_t sequence, std::int64_
     subject.cells = cells;
     subject.shape = grid_.statistics(cells);
     subject.filter = CentreFilter(options_.filter);
-    Mat3 covariance;
-    for (double& each : covariance.m) each *= kCentreStd_m * kCentreStd_m;
-    subject.filter.start(subject.shape.centre_in_world, covariance);
+    subject.filter.start(subject.shape.centre_in_world, centre_covariance());
     subject.last_seen_ns = time_ns;
     subject.seen = true;
     grid_.give(cells, {0, 0, 0}, subject.label);
-    const Vec3 at = subject.shape.centre_in_world;
-    update.events.push_back(
-        {EventKind::kSubjectFound,
-         sequence,
-         time_ns,
-         {},
-         fmt::format("subject {} found at ({:.2f}, {:.2f}, {:.2f}) m", subject.id, at.x, at.y, at.z),
-         subject.id});
+    update.events.push_back(event(EventKind::kSubjectFound, "found at", subject, sequence, time_ns));
     subjects_.push_back(std::move(subject));
 }
 
@@ -309,15 +316,16 @@ void SceneTracker::find_new(std::uint64_t sequence, std::int64_t time_ns,
     }
     if (!people.empty()) {
         std::ranges::stable_sort(people, [](const Cells& a, const Cells& b) { return a.size() > b.size(); });
+        std::vector<kernels::VoxelVolume> known;
+        for (const Subject& subject : subjects_) known.push_back(grid_.volume_of(subject.cells));
         std::vector<std::vector<std::uint8_t>> explained(cameras_.size());
         for_each_camera(cameras_.size(), [&](std::size_t c) {
             explained[c].assign(static_cast<std::size_t>(cameras_[c].width) * cameras_[c].height, 0);
             std::vector<std::uint8_t> mask(explained[c].size());
             const float still[3] = {0, 0, 0};
             kernels::Rect ignored;
-            for (const Subject& subject : subjects_) {
-                kernels::project_volume(grid_.volume_of(subject.cells), models_[c], still, 1, mask.data(),
-                                        ignored);
+            for (const kernels::VoxelVolume& volume : known) {
+                kernels::project_volume(volume, models_[c], still, 1, mask.data(), ignored);
                 for (std::size_t k = 0; k < mask.size(); ++k) explained[c][k] |= mask[k];
             }
         });
@@ -333,11 +341,9 @@ void SceneTracker::find_new(std::uint64_t sequence, std::int64_t time_ns,
 }
 
 void SceneTracker::measure(std::int64_t time_ns) {
-    Mat3 covariance;
-    for (double& each : covariance.m) each *= kCentreStd_m * kCentreStd_m;
     for (Subject& subject : subjects_) {
         if (!subject.seen || subject.last_seen_ns == time_ns) continue;
-        subject.filter.correct(subject.shape.centre_in_world, covariance);
+        subject.filter.correct(subject.shape.centre_in_world, centre_covariance());
         subject.last_seen_ns = time_ns;
     }
 }
@@ -345,14 +351,7 @@ void SceneTracker::measure(std::int64_t time_ns) {
 void SceneTracker::drop_lost(std::uint64_t sequence, std::int64_t time_ns, SceneUpdate& update) {
     std::erase_if(subjects_, [&](const Subject& subject) {
         if (1e-9 * static_cast<double>(time_ns - subject.last_seen_ns) <= options_.lost_after_s) return false;
-        const Vec3 at = subject.shape.centre_in_world;
-        update.events.push_back(
-            {EventKind::kSubjectLost,
-             sequence,
-             time_ns,
-             {},
-             fmt::format("subject {} lost near ({:.2f}, {:.2f}, {:.2f}) m", subject.id, at.x, at.y, at.z),
-             subject.id});
+        update.events.push_back(event(EventKind::kSubjectLost, "lost near", subject, sequence, time_ns));
         return true;
     });
 }
@@ -406,32 +405,25 @@ SceneUpdate SceneTracker::update(std::uint64_t sequence, std::int64_t time_ns,
     return update;
 }
 
-kernels::VoxelVolume SceneTracker::restricted_to(std::uint32_t subject_id,
-                                                 const kernels::VoxelVolume& volume) const {
+void SceneTracker::restrict_to(std::uint32_t subject_id, kernels::VoxelVolume& volume) const {
     const auto subject = std::ranges::find(subjects_, subject_id, &Subject::id);
-    if (subject == subjects_.end() || subjects_.size() == 1) return volume;
-    kernels::VoxelVolume out;
-    out.lattice = volume.lattice;
+    if (subject == subjects_.end() || subjects_.size() == 1) return;
     const double voxel = static_cast<double>(volume.lattice.voxel_m);
-    for (const kernels::Brick& brick : volume.bricks) {
-        kernels::Brick own = brick;
-        std::uint64_t any = 0;
-        for (int z = 0; z < kernels::kBrickEdge; ++z) {
+    const auto along = [&](int axis, int n) {
+        return static_cast<double>(volume.lattice.origin[axis]) + voxel * (n + 0.5);
+    };
+    for (kernels::Brick& brick : volume.bricks)
+        for (int z = 0; z < kernels::kBrickEdge; ++z)
             for (std::uint64_t left = brick.occupancy[z]; left != 0; left &= left - 1) {
                 const int bit = std::countr_zero(left);
-                const auto along = [&](int axis, int n) {
-                    return static_cast<double>(volume.lattice.origin[axis]) + voxel * (n + 0.5);
-                };
                 const Vec3 at{along(0, kernels::kBrickEdge * brick.x + bit % kernels::kBrickEdge),
                               along(1, kernels::kBrickEdge * brick.y + bit / kernels::kBrickEdge),
                               along(2, kernels::kBrickEdge * brick.z + z)};
-                if (grid_.label_at(at) != subject->label) own.occupancy[z] &= ~(std::uint64_t{1} << bit);
+                if (grid_.label_at(at) != subject->label) brick.occupancy[z] &= ~(std::uint64_t{1} << bit);
             }
-            any |= own.occupancy[z];
-        }
-        if (any) out.bricks.push_back(own);
-    }
-    return out;
+    std::erase_if(volume.bricks, [](const kernels::Brick& brick) {
+        return std::ranges::all_of(brick.occupancy, [](std::uint64_t layer) { return layer == 0; });
+    });
 }
 
 }  // namespace kinevox

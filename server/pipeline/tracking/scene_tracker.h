@@ -47,8 +47,8 @@ class SceneTracker {
     SceneUpdate update(std::uint64_t sequence, std::int64_t time_ns,
                        const std::vector<const kernels::Silhouettes*>& silhouettes);
 
-    // After update(): the part of a volume that belongs to this subject, as far as the scene's hull decides.
-    kernels::VoxelVolume restricted_to(std::uint32_t subject_id, const kernels::VoxelVolume& volume) const;
+    // After update(): leaves of a volume without colours the part that belongs to this subject.
+    void restrict_to(std::uint32_t subject_id, kernels::VoxelVolume& volume) const;
 
     void reset();
 
@@ -79,6 +79,8 @@ class SceneTracker {
     void find_new(std::uint64_t sequence, std::int64_t time_ns, const SilhouettesByCamera& silhouettes,
                   SceneUpdate& update);
     bool confirmed(Vec3 centre);
+    static Event event(EventKind kind, const char* what, const Subject& subject, std::uint64_t sequence,
+                       std::int64_t time_ns);
     void start(const Cells& cells, std::uint64_t sequence, std::int64_t time_ns, SceneUpdate& update);
     void measure(std::int64_t time_ns);
     void drop_lost(std::uint64_t sequence, std::int64_t time_ns, SceneUpdate& update);

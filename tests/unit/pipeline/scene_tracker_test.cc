@@ -162,7 +162,8 @@ TEST(SceneTracker, RestrictsVolumeToSubject) {
                 for (std::uint64_t& layer : brick.occupancy) layer = ~std::uint64_t{0};
             }
     const std::uint32_t right = People::id_at(update, {0.5, 0, 0});
-    const kernels::VoxelVolume own = people.tracker().restricted_to(right, block);
+    kernels::VoxelVolume own = block;
+    people.tracker().restrict_to(right, own);
     ASSERT_FALSE(own.bricks.empty());
     EXPECT_LT(own.bricks.size(), block.bricks.size() / 2);
     const float brick_m = kernels::kBrickEdge * own.lattice.voxel_m;
