@@ -31,6 +31,12 @@ struct Rect {
     bool operator==(const Rect&) const = default;
 };
 
+// The smallest that holds both, neither empty.
+inline Rect union_of(const Rect& a, const Rect& b) {
+    return {a.x0 < b.x0 ? a.x0 : b.x0, a.y0 < b.y0 ? a.y0 : b.y0, a.x1 > b.x1 ? a.x1 : b.x1,
+            a.y1 > b.y1 ? a.y1 : b.y1};
+}
+
 // OpenCV's pinhole camera: x_camera = rotation * x_world + translation (metres; x right, y down, z forward),
 // then distortion k1 k2 p1 p2 k3, then u = fx * x'' + cx. The first pixel's centre is (0, 0).
 struct CameraModel {

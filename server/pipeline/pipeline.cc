@@ -1,6 +1,9 @@
 #include "server/pipeline/pipeline.h"
 
 #include <fmt/format.h>
+#include <oneapi/tbb/parallel_for.h>
+#include <oneapi/tbb/partitioner.h>
+#include <oneapi/tbb/task_arena.h>
 
 #include <algorithm>
 #include <chrono>
@@ -136,8 +139,9 @@ class StagedPipeline final : public Pipeline {
     void colour(const FrameResult& result, const SceneSubject& tracked, SubjectReconstruction& work,
                 SubjectResult& subject);
     void finish_subject(const SceneSubject& tracked, SubjectReconstruction& work, SubjectResult& subject);
-    absl::Status pose_subject(const FrameResult& result, const SubjectReconstruction& seen,
-                              SubjectResult& subject);
+    absl::Status pose_subject(const FrameResult& result, const SubjectReconstruction& seen, PoseStage& stage,
+                              SubjectResult& subject) const;
+    absl::Status pose_subjects(Reconstruction& work);
     PoseStage& lane_of(const FrameResult& result, std::uint32_t subject_id);
 
     // Of both halves.
@@ -164,6 +168,7 @@ class StagedPipeline final : public Pipeline {
     std::vector<kernels::HullView> hull_views_;
     std::vector<kernels::ColouringView> colouring_views_;
     kernels::ColouringReport report_;
+    SubjectSeparator separator_;
 
     // Of the second half only.
     struct PoseLane {
@@ -171,7 +176,6 @@ class StagedPipeline final : public Pipeline {
         std::unique_ptr<PoseStage> stage;
     };
     std::vector<PoseLane> pose_lanes_;  // empty without poses
-    std::vector<PoseView> pose_views_;
 };
 
 void StagedPipeline::make_pose_lanes() {
@@ -370,7 +374,7 @@ void StagedPipeline::separate(Reconstruction& work) {
         views.push_back(&work.subjects[n].views);
     }
     if (shapes.size() < 2) return;
-    separate_subjects(cameras_, models_, work.result->silhouettes, shapes, views);
+    separator_.separate(cameras_, models_, work.result->silhouettes, shapes, views);
     for (std::size_t n = 0; n < tracked_.size(); ++n)
         work.subjects[n].beside_others = tracked_[n].lattice.has_value();
 }
@@ -492,22 +496,44 @@ PoseStage& StagedPipeline::lane_of(const FrameResult& result, std::uint32_t subj
 
 // An outlier camera would distort the pose, so only the carving cameras are used.
 absl::Status StagedPipeline::pose_subject(const FrameResult& result, const SubjectReconstruction& seen,
-                                          SubjectResult& subject) {
-    pose_views_.assign(cameras_.size(), {});
-    for (std::size_t c = 0; c < cameras_.size(); ++c) pose_views_[c].camera = &models_[c];
+                                          PoseStage& stage, SubjectResult& subject) const {
+    std::vector<PoseView> views(cameras_.size());
+    for (std::size_t c = 0; c < cameras_.size(); ++c) views[c].camera = &models_[c];
     for (const std::size_t c : seen.inlier_cameras) {
-        pose_views_[c].silhouettes = seen.beside_others ? &seen.views.own[c] : &result.silhouettes[c];
-        if (seen.beside_others && !seen.views.shared[c].empty())
-            pose_views_[c].shared = seen.views.shared[c].data();
+        views[c].silhouettes = seen.beside_others ? &seen.views.own[c] : &result.silhouettes[c];
+        if (seen.beside_others) views[c].shared = &seen.views.shared[c];
     }
-    const std::uint32_t id = subject.track.subject_id;
     try {
-        subject.pose = lane_of(result, id)
-                           .process(id, result.sequence, result.capture_time_ns, pose_views_, seen.volume,
-                                    seen.coarse, subject.track.centre_in_world);
+        subject.pose = stage.process(subject.track.subject_id, result.sequence, result.capture_time_ns, views,
+                                     seen.volume, seen.coarse, subject.track.centre_in_world);
     } catch (const std::exception& error) {
         return absl::InternalError(fmt::format("frame set {}: {}", result.sequence, error.what()));
     }
+    return absl::OkStatus();
+}
+
+// The subjects in parallel, because a pose stage alone does not keep many threads busy.
+absl::Status StagedPipeline::pose_subjects(Reconstruction& work) {
+    FrameResult& result = *work.result;
+    std::vector<std::size_t> shown;
+    std::vector<PoseStage*> stages;
+    for (std::size_t n = 0; n < result.subjects.size(); ++n) {
+        if (!result.subjects[n].volume) continue;
+        shown.push_back(n);
+        stages.push_back(&lane_of(result, result.subjects[n].track.subject_id));
+    }
+    std::vector<absl::Status> posed(shown.size());
+    const auto pose_one = [&](std::size_t n) {
+        SubjectResult& subject = result.subjects[shown[n]];
+        posed[n] = pose_subject(result, work.subjects[shown[n]], *stages[n], subject);
+    };
+    // Isolated: a thread that waits inside a pose stage must not begin another subject.
+    oneapi::tbb::parallel_for(
+        std::size_t{0}, shown.size(),
+        [&](std::size_t n) { oneapi::tbb::this_task_arena::isolate([&] { pose_one(n); }); },
+        oneapi::tbb::simple_partitioner());
+    for (absl::Status& each : posed)
+        if (!each.ok()) return std::move(each);
     return absl::OkStatus();
 }
 
@@ -517,12 +543,7 @@ absl::StatusOr<FrameResultPtr> StagedPipeline::pose(std::unique_ptr<Reconstructi
         for (PoseLane& lane : pose_lanes_) lane.stage->reset();
     if (!pose_lanes_.empty()) {
         LapTimer timer;
-        for (std::size_t n = 0; n < result->subjects.size(); ++n) {
-            if (!result->subjects[n].volume) continue;
-            if (absl::Status posed = pose_subject(*result, work->subjects[n], result->subjects[n]);
-                !posed.ok())
-                return posed;
-        }
+        if (absl::Status posed = pose_subjects(*work); !posed.ok()) return posed;
         result->times.pose_ms = timer.lap_ms();
     }
     result->times.total_ms = to_ms(Clock::now() - work->arrived);

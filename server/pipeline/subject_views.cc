@@ -16,30 +16,63 @@ namespace {
 // error wider than the volume that it carved.
 constexpr int kDilation = 100;
 
-struct Projection {
-    std::vector<std::uint8_t> mask;
-    kernels::Rect box;
-    double distance_m = 0;  // of the volume's centre from the camera
-};
+// Of an image with `pixels`, nothing set.
+void clear(std::size_t pixels, int width, ForegroundPart& part) {
+    if (part.mask.size() == pixels)
+        for (int y = part.box.y0; y < part.box.y1; ++y)
+            std::fill_n(part.mask.data() + static_cast<std::size_t>(y) * width + part.box.x0,
+                        part.box.width(), std::uint8_t{0});
+    part.box = {};
+}
+
+// Adds the foreground inside a projection; returns how many of its pixels `own` has too.
+std::int64_t add_foreground(const kernels::Silhouettes& seen, const std::vector<std::uint8_t>& projection,
+                            const kernels::Rect& box, const std::vector<std::uint8_t>& own,
+                            ForegroundPart& part) {
+    part.mask.resize(seen.sharp.size(), 0);
+    std::int64_t common = 0;
+    for (int y = box.y0; y < box.y1; ++y) {
+        const std::size_t row = static_cast<std::size_t>(y) * seen.width;
+        int pixels = 0, in_both = 0;
+        for (int x = box.x0; x < box.x1; ++x) {
+            const std::uint8_t set = projection[row + x] & seen.sharp[row + x];
+            part.mask[row + x] |= set;
+            pixels += set != 0;
+            in_both += (set & own[row + x]) != 0;
+        }
+        common += in_both;
+        if (pixels == 0) continue;
+        int x0 = box.x0, x1 = box.x1;
+        while (!part.mask[row + x0]) ++x0;
+        while (!part.mask[row + x1 - 1]) --x1;
+        const kernels::Rect line{x0, y, x1, y + 1};
+        part.box = part.box.empty() ? line : union_of(part.box, line);
+    }
+    return common;
+}
 
 }  // namespace
 
-void separate_subjects(const std::vector<Camera>& cameras, const std::vector<kernels::CameraModel>& models,
-                       std::span<const kernels::Silhouettes> silhouettes,
-                       std::span<const kernels::VoxelVolume* const> shapes,
-                       std::span<SubjectViews* const> out) {
+void SubjectSeparator::separate(const std::vector<Camera>& cameras,
+                                const std::vector<kernels::CameraModel>& models,
+                                std::span<const kernels::Silhouettes> silhouettes,
+                                std::span<const kernels::VoxelVolume* const> shapes,
+                                std::span<SubjectViews* const> out) {
     for (SubjectViews* const views : out) {
         views->own.resize(cameras.size());
-        views->shared.assign(cameras.size(), {});
+        views->shared.resize(cameras.size());
         views->hidden_fraction.assign(cameras.size(), 0);
     }
+    projections_.resize(cameras.size());
     for_each_camera(cameras.size(), [&](std::size_t c) {
         const kernels::Silhouettes& seen = silhouettes[c];
+        for (SubjectViews* const views : out) clear(seen.sharp.size(), seen.width, views->shared[c]);
         if (seen.sharp.empty()) {
             for (SubjectViews* const views : out) views->own[c] = {};
             return;
         }
-        std::vector<Projection> projections(shapes.size());
+        std::vector<Projection>& projections = projections_[c];
+        projections.resize(shapes.size());
         const float still[3] = {0, 0, 0};
         for (std::size_t k = 0; k < shapes.size(); ++k) {
             Projection& p = projections[k];
@@ -50,20 +83,14 @@ void separate_subjects(const std::vector<Camera>& cameras, const std::vector<ker
         }
         for (std::size_t k = 0; k < shapes.size(); ++k) {
             const Projection& own = projections[k];
-            apply_mask(seen, own.mask, out[k]->own[c]);
-            std::vector<std::uint8_t>& shared = out[k]->shared[c];
+            apply_mask(seen, own.mask, own.box, out[k]->own[c]);
             std::int64_t hidden = 0;
             for (std::size_t j = 0; j < shapes.size(); ++j) {
                 const Projection& other = projections[j];
                 if (j == k || !overlap(own.box, other.box)) continue;
-                shared.resize(seen.sharp.size());
-                const bool nearer = other.distance_m < own.distance_m;
-                for (int y = other.box.y0; y < other.box.y1; ++y)
-                    for (int x = other.box.x0; x < other.box.x1; ++x) {
-                        const std::size_t at = static_cast<std::size_t>(y) * seen.width + x;
-                        if (other.mask[at] && seen.sharp[at]) shared[at] = 255;
-                        hidden += nearer && other.mask[at] && own.mask[at] && seen.sharp[at];
-                    }
+                const std::int64_t common =
+                    add_foreground(seen, other.mask, other.box, own.mask, out[k]->shared[c]);
+                if (other.distance_m < own.distance_m) hidden += common;
             }
             out[k]->hidden_fraction[c] =
                 static_cast<float>(hidden) /

@@ -8,22 +8,33 @@
 #include "common/camera.h"
 #include "kernels/segmentation.h"
 #include "kernels/types.h"
+#include "server/pose/pose_candidate.h"
 
 namespace kinevox {
 
 // What the cameras show of one subject beside others.
 struct SubjectViews {
     std::vector<kernels::Silhouettes> own;  // per camera, the silhouettes inside the subject's projection
-    // Per camera 255 in foreground where another subject near this one projects to, of the image's size: it
-    // may show either of them. Empty: none is near.
-    std::vector<std::vector<std::uint8_t>> shared;
-    std::vector<float> hidden_fraction;  // per camera, of the own pixels that a nearer subject may hide
+    std::vector<ForegroundPart> shared;     // per camera, where another subject near this one projects to
+    std::vector<float> hidden_fraction;     // per camera, of the own pixels that a nearer subject may hide
 };
 
-// `shapes`: coarse volumes, at least two; `out` has as many entries. Silhouettes without pixels are skipped.
-void separate_subjects(const std::vector<Camera>& cameras, const std::vector<kernels::CameraModel>& models,
-                       std::span<const kernels::Silhouettes> silhouettes,
-                       std::span<const kernels::VoxelVolume* const> shapes,
-                       std::span<SubjectViews* const> out);
+// Keeps its memory. Not thread safe.
+class SubjectSeparator {
+  public:
+    // `shapes`: coarse volumes, at least two; `out` has as many entries, empty or from an earlier call.
+    // Silhouettes without pixels are skipped.
+    void separate(const std::vector<Camera>& cameras, const std::vector<kernels::CameraModel>& models,
+                  std::span<const kernels::Silhouettes> silhouettes,
+                  std::span<const kernels::VoxelVolume* const> shapes, std::span<SubjectViews* const> out);
+
+  private:
+    struct Projection {
+        std::vector<std::uint8_t> mask;
+        kernels::Rect box;
+        double distance_m = 0;  // of the volume's centre from the camera
+    };
+    std::vector<std::vector<Projection>> projections_;  // per camera, per shape
+};
 
 }  // namespace kinevox

@@ -41,6 +41,24 @@ std::vector<char> components_of_subject(const kernels::Lattice& lattice, const s
     return kept;
 }
 
+// Of the size of `seen`, nothing set.
+void clear_for(const kernels::Silhouettes& seen, kernels::Silhouettes& out) {
+    out.probability.clear();
+    if (out.width != seen.width || out.height != seen.height || out.sharp.size() != seen.sharp.size()) {
+        out.width = seen.width, out.height = seen.height;
+        out.sharp.assign(seen.sharp.size(), 0);
+        out.loose.assign(seen.sharp.size(), 0);
+        return;
+    }
+    for (int y = out.searched.y0; y < out.searched.y1; ++y) {
+        const std::size_t at = static_cast<std::size_t>(y) * out.width + out.searched.x0;
+        std::fill_n(out.sharp.begin() + static_cast<std::ptrdiff_t>(at), out.searched.width(),
+                    std::uint8_t{0});
+        std::fill_n(out.loose.begin() + static_cast<std::ptrdiff_t>(at), out.searched.width(),
+                    std::uint8_t{0});
+    }
+}
+
 }  // namespace
 
 std::optional<MainBody> main_body(const kernels::VoxelVolume& coarse) {
@@ -167,25 +185,42 @@ double fraction_outside(const kernels::Silhouettes& seen, const kernels::VoxelVo
 }
 
 void apply_mask(const kernels::Silhouettes& seen, const std::vector<std::uint8_t>& mask,
-                kernels::Silhouettes& out) {
-    out = seen;
+                const kernels::Rect& box, kernels::Silhouettes& out) {
+    clear_for(seen, out);
+    const kernels::Rect& b = seen.bounds;
+    out.searched = {std::max(b.x0, box.x0), std::max(b.y0, box.y0), std::min(b.x1, box.x1),
+                    std::min(b.y1, box.y1)};
+    if (out.searched.empty()) out.searched = {};
     out.sharp_pixels = 0;
     out.bounds = {seen.width, seen.height, 0, 0};
-    double sum_x = 0, sum_y = 0;
-    for (int y = seen.bounds.y0; y < seen.bounds.y1; ++y) {
-        const std::size_t row = static_cast<std::size_t>(y) * seen.width;
-        for (int x = seen.bounds.x0; x < seen.bounds.x1; ++x) {
-            if (!mask[row + x]) out.sharp[row + x] = out.loose[row + x] = out.probability[row + x] = 0;
-            if (!out.sharp[row + x]) continue;
-            ++out.sharp_pixels;
-            sum_x += x, sum_y += y;
-            out.bounds.x0 = std::min(out.bounds.x0, x), out.bounds.x1 = std::max(out.bounds.x1, x + 1);
-            out.bounds.y0 = std::min(out.bounds.y0, y), out.bounds.y1 = std::max(out.bounds.y1, y + 1);
+    std::int64_t sum_x = 0, sum_y = 0;
+    const int width = out.searched.width();
+    for (int y = out.searched.y0; y < out.searched.y1; ++y) {
+        const std::size_t at = static_cast<std::size_t>(y) * seen.width + out.searched.x0;
+        const std::uint8_t* const in = mask.data() + at;
+        std::uint8_t *const sharp = out.sharp.data() + at, *const loose = out.loose.data() + at;
+        int pixels = 0, columns = 0;  // and the sum of their columns
+        for (int x = 0; x < width; ++x) {
+            loose[x] = seen.loose[at + x] & in[x];
+            sharp[x] = seen.sharp[at + x] & in[x];
+            const int set = sharp[x] != 0;
+            pixels += set;
+            columns += set * x;
         }
+        if (pixels == 0) continue;
+        out.sharp_pixels += pixels;
+        sum_x += std::int64_t{pixels} * out.searched.x0 + columns;
+        sum_y += std::int64_t{pixels} * y;
+        int first = 0, last = width - 1;
+        while (!sharp[first]) ++first;
+        while (!sharp[last]) --last;
+        out.bounds.x0 = std::min(out.bounds.x0, out.searched.x0 + first);
+        out.bounds.x1 = std::max(out.bounds.x1, out.searched.x0 + last + 1);
+        out.bounds.y0 = std::min(out.bounds.y0, y), out.bounds.y1 = y + 1;
     }
     if (out.sharp_pixels > 0) {
-        out.centroid_x = sum_x / static_cast<double>(out.sharp_pixels);
-        out.centroid_y = sum_y / static_cast<double>(out.sharp_pixels);
+        out.centroid_x = static_cast<double>(sum_x) / static_cast<double>(out.sharp_pixels);
+        out.centroid_y = static_cast<double>(sum_y) / static_cast<double>(out.sharp_pixels);
     } else {
         out.bounds = {};
     }

@@ -28,8 +28,9 @@ kernels::VoxelVolume inside_of(const kernels::VoxelVolume& fine, const kernels::
 // projection to `mask`.
 double fraction_outside(const kernels::Silhouettes& seen, const kernels::VoxelVolume& volume,
                         const kernels::CameraModel& camera, int dilate_px, std::vector<std::uint8_t>& mask);
-// `seen` restricted to `mask`.
+// `seen` restricted to `mask`, which is 0 outside `box`; without probabilities. Only what `out.searched`
+// covered is cleared, so `out` is empty or what an earlier call made.
 void apply_mask(const kernels::Silhouettes& seen, const std::vector<std::uint8_t>& mask,
-                kernels::Silhouettes& out);
+                const kernels::Rect& box, kernels::Silhouettes& out);
 
 }  // namespace kinevox

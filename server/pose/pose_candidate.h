@@ -18,13 +18,19 @@ struct PoseCandidate {
     double distance = 0;            // the proposer's own measure, smaller is better
 };
 
+// Part of an image's foreground. Keeps its memory.
+struct ForegroundPart {
+    std::vector<std::uint8_t> mask;  // of the image's size, 255 inside, 0 outside `box`
+    kernels::Rect box;               // empty: nothing
+};
+
 // One camera's input to the pose stage. Pointers are valid during the call only.
 struct PoseView {
     const kernels::CameraModel* camera = nullptr;
     const kernels::Silhouettes* silhouettes = nullptr;  // null: the camera has no image or is excluded
-    // Of the image's size, not 0 in foreground that may show another subject or this one: contours there are
-    // not used, and the body may be there. Null: nowhere.
-    const std::uint8_t* shared = nullptr;
+    // Foreground that may show another subject or this one: contours there are not used, and the body may be
+    // there. Null: nowhere.
+    const ForegroundPart* shared = nullptr;
 };
 
 // Proposes poses for silhouettes; implemented by the pose database.
@@ -32,7 +38,7 @@ class PoseProposer {
   public:
     virtual ~PoseProposer() = default;
     // At most `max_candidates`, best first. `views` in the order of the cameras; `centre_in_world`: the
-    // tracked centre.
+    // tracked centre. Thread safe: the pose stages of several subjects run in parallel.
     virtual std::vector<PoseCandidate> propose(std::span<const PoseView> views, Vec3 centre_in_world,
                                                int max_candidates) = 0;
 };

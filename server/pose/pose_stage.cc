@@ -75,7 +75,7 @@ void PoseStage::mask_views(const kernels::VoxelVolume& volume, const MainBody& b
         if (!cluttered[c]) return;
         const int dilate_px = std::max(1, views[c].silhouettes->height / kNarrow);
         fraction_outside(*views[c].silhouettes, fine, *views[c].camera, dilate_px, mask_[c]);
-        apply_mask(*views[c].silhouettes, mask_[c], masked_[c]);
+        apply_mask(*views[c].silhouettes, mask_[c], views[c].silhouettes->bounds, masked_[c]);
         views[c].silhouettes = &masked_[c];
     });
 }

@@ -9,6 +9,7 @@ namespace {
 
 constexpr int kNormalRadius = 3;  // px; half-width of the window from which the normal is computed
 constexpr int kMapMargin = 8;     // cells around the silhouette's box
+constexpr float kFar = 1e8f;      // squared distance of a cell from which none was found, in cells
 
 struct BorderPoint {
     float x, y;  // px, between the two pixels
@@ -52,12 +53,28 @@ struct Scratch {
     std::vector<int> parabola;
 };
 
-// Squared Euclidean distances along one line, in place (Felzenszwalb & Huttenlocher 2012).
-void transform_line(float* f, int n, std::ptrdiff_t stride, Scratch& scratch) {
+// Squared distances to the nearest 0 of the same column, in place; other cells are kFar, as is a column
+// without 0.
+void nearest_in_columns(float* f, int columns, int rows, Scratch& scratch) {
+    std::vector<float>& steps = scratch.line;  // from the last 0
+    for (const bool down : {true, false}) {
+        steps.assign(columns, kFar);
+        for (int n = 0; n < rows; ++n) {
+            float* row = f + static_cast<std::ptrdiff_t>(down ? n : rows - 1 - n) * columns;
+#pragma GCC ivdep
+            for (int c = 0; c < columns; ++c) {
+                steps[c] = row[c] == 0.f ? 0.f : steps[c] + 1.f;
+                row[c] = std::min(row[c], steps[c] * steps[c]);
+            }
+        }
+    }
+}
+
+// Squared Euclidean distances along one row, in place (Felzenszwalb & Huttenlocher 2012).
+void transform_row(float* f, int n, Scratch& scratch) {
     std::vector<float>&line = scratch.line, &z = scratch.from;
     std::vector<int>& v = scratch.parabola;
-    line.resize(n), v.resize(n), z.resize(n + 1);
-    for (int q = 0; q < n; ++q) line[q] = f[q * stride];
+    line.assign(f, f + n), v.resize(n), z.resize(n + 1);
     int k = 0;
     v[0] = 0;
     z[0] = -std::numeric_limits<float>::infinity(), z[1] = std::numeric_limits<float>::infinity();
@@ -82,14 +99,14 @@ void transform_line(float* f, int n, std::ptrdiff_t stride, Scratch& scratch) {
     for (int q = 0; q < n; ++q) {
         while (z[k + 1] < static_cast<float>(q)) ++k;
         const auto d = static_cast<float>(q - v[k]);
-        f[q * stride] = d * d + line[v[k]];
+        f[q] = d * d + line[v[k]];
     }
 }
 
 }  // namespace
 
-void SilhouetteDistance::build(const std::uint8_t* mask, int width, int height, const kernels::Rect& bounds,
-                               int side) {
+void SilhouetteDistance::build(const std::uint8_t* mask, const std::uint8_t* also, int width, int height,
+                               const kernels::Rect& bounds, int side) {
     image_width_ = width, image_height_ = height;
     cell_ = std::max(1, (std::max(bounds.width(), bounds.height()) + side - 1) / side);
     const int margin = kMapMargin * cell_;
@@ -97,7 +114,6 @@ void SilhouetteDistance::build(const std::uint8_t* mask, int width, int height, 
     const int x1 = std::min(width, bounds.x1 + margin), y1 = std::min(height, bounds.y1 + margin);
     columns_ = std::max(1, (x1 - x0_) / cell_), rows_ = std::max(1, (y1 - y0_) / cell_);
     const std::size_t cells = static_cast<std::size_t>(columns_) * rows_;
-    constexpr float kFar = 1e8f;
     distance_.resize(cells);
     // A cell is inside if half of it is.
     thread_local Scratch scratch;
@@ -107,18 +123,18 @@ void SilhouetteDistance::build(const std::uint8_t* mask, int width, int height, 
         for (int c = 0; c < columns_; ++c) {
             int set = 0;
             for (int y = 0; y < cell_; ++y) {
-                const std::uint8_t* row =
-                    mask + static_cast<std::ptrdiff_t>(y0_ + r * cell_ + y) * width + x0_ + c * cell_;
-                for (int x = 0; x < cell_; ++x) set += row[x] != 0;
+                const std::ptrdiff_t at =
+                    static_cast<std::ptrdiff_t>(y0_ + r * cell_ + y) * width + x0_ + c * cell_;
+                for (int x = 0; x < cell_; ++x) set += mask[at + x] != 0 || (also && also[at + x] != 0);
             }
             inside[static_cast<std::size_t>(r) * columns_ + c] = 2 * set >= cell_ * cell_ ? 1.f : 0.f;
         }
     for (const bool to_inside : {true, false}) {
         squared.resize(cells);
         for (std::size_t k = 0; k < cells; ++k) squared[k] = (inside[k] > 0) == to_inside ? 0.f : kFar;
-        for (int c = 0; c < columns_; ++c) transform_line(squared.data() + c, rows_, columns_, scratch);
+        nearest_in_columns(squared.data(), columns_, rows_, scratch);
         for (int r = 0; r < rows_; ++r)
-            transform_line(squared.data() + static_cast<std::ptrdiff_t>(r) * columns_, columns_, 1, scratch);
+            transform_row(squared.data() + static_cast<std::ptrdiff_t>(r) * columns_, columns_, scratch);
         for (std::size_t k = 0; k < cells; ++k) {
             if ((inside[k] > 0) == to_inside) continue;
             // The border is half a cell before the nearest cell of the other kind.
@@ -164,27 +180,9 @@ std::optional<double> SilhouetteRays::inside_m(Vec3 in_world) const {
     return inside_px * (2 * depth / (camera->fx + camera->fy));
 }
 
-namespace {
-
-void build_distance_with(const std::uint8_t* shared, const kernels::Silhouettes& s, int side,
-                         SilhouetteDistance& out) {
-    std::vector<std::uint8_t> mask = s.sharp;
-    kernels::Rect bounds = s.bounds;
-    for (int y = 0; y < s.height; ++y)
-        for (int x = 0; x < s.width; ++x) {
-            const std::size_t at = static_cast<std::size_t>(y) * s.width + x;
-            if (!shared[at]) continue;
-            mask[at] = 255;
-            bounds = {std::min(bounds.x0, x), std::min(bounds.y0, y), std::max(bounds.x1, x + 1),
-                      std::max(bounds.y1, y + 1)};
-        }
-    out.build(mask.data(), s.width, s.height, bounds, side);
-}
-
-}  // namespace
-
 void read_silhouette(const Camera& camera, const kernels::Silhouettes& s, const SilhouetteRayOptions& options,
-                     SilhouetteRays& out, const std::uint8_t* shared) {
+                     SilhouetteRays& out, const ForegroundPart* shared) {
+    if (shared && shared->box.empty()) shared = nullptr;
     out.camera = nullptr;
     for (int k = 0; k < 3; ++k) out.contour.direction[k].clear(), out.contour.outward[k].clear();
     if (s.sharp_pixels <= 0 || s.bounds.empty()) return;
@@ -193,7 +191,7 @@ void read_silhouette(const Camera& camera, const kernels::Silhouettes& s, const 
     if (shared)
         std::erase_if(border, [&](const BorderPoint& p) {  // either of its two pixels
             const auto at = [&](float x, float y) {
-                return shared[static_cast<std::ptrdiff_t>(y) * s.width + static_cast<std::ptrdiff_t>(x)] != 0;
+                return shared->mask[static_cast<std::size_t>(y) * s.width + static_cast<std::size_t>(x)] != 0;
             };
             return at(std::floor(p.x), std::floor(p.y)) || at(std::ceil(p.x), std::ceil(p.y));
         });
@@ -215,10 +213,8 @@ void read_silhouette(const Camera& camera, const kernels::Silhouettes& s, const 
             out.contour.outward[axis].push_back(static_cast<float>(n[axis]));
         }
     }
-    if (shared)
-        build_distance_with(shared, s, options.distance_map_side, out.distance);
-    else
-        out.distance.build(s.sharp.data(), s.width, s.height, s.bounds, options.distance_map_side);
+    out.distance.build(s.sharp.data(), shared ? shared->mask.data() : nullptr, s.width, s.height,
+                       shared ? union_of(s.bounds, shared->box) : s.bounds, options.distance_map_side);
     out.camera = &camera;
 }
 

@@ -7,6 +7,7 @@
 
 #include "common/camera.h"
 #include "kernels/segmentation.h"
+#include "server/pose/pose_candidate.h"
 #include "server/pose/pose_options.h"
 
 namespace kinevox {
@@ -23,7 +24,9 @@ struct ContourRays {
 // border, since nothing is known outside.
 class SilhouetteDistance {
   public:
-    void build(const std::uint8_t* mask, int width, int height, const kernels::Rect& bounds, int side);
+    // Of the pixels that are not 0 in `mask` or, if it is not null, in `also`; `bounds` is a box around them.
+    void build(const std::uint8_t* mask, const std::uint8_t* also, int width, int height,
+               const kernels::Rect& bounds, int side);
     // Bilinear, with its gradient; outside the map, minus the distance to the map. False: outside the image,
     // or no silhouette.
     bool at(Vec2 pixel, double& distance_px, Vec2& gradient) const;
@@ -45,10 +48,9 @@ struct SilhouetteRays {
 };
 
 // Reads the sharp silhouette. Reuses the memory of `out`. Without sharp pixels out.camera is null. No rays
-// where `shared` (PoseView::shared), of the image's size, is not 0, and the distance is to the border of
-// both.
+// in `shared` (PoseView::shared), and the distance is to the border of both.
 void read_silhouette(const Camera& camera, const kernels::Silhouettes& silhouettes,
                      const SilhouetteRayOptions& options, SilhouetteRays& out,
-                     const std::uint8_t* shared = nullptr);
+                     const ForegroundPart* shared = nullptr);
 
 }  // namespace kinevox

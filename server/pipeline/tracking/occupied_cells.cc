@@ -53,15 +53,42 @@ Vec3 OccupiedCells::centre_in_world(std::int32_t cell) const {
     return {along(0, x), along(1, y), along(2, z)};
 }
 
+int OccupiedCells::index_along(int axis, double in_world_m) const {
+    const double cells = std::floor((in_world_m - static_cast<double>(lattice_.origin[axis])) / cell_m());
+    return cells >= 0 && cells < lattice_.size[axis] ? static_cast<int>(cells) : -1;
+}
+
 std::uint8_t OccupiedCells::label_at(Vec3 p) const {
-    const double at[3] = {p.x, p.y, p.z};
-    int n[3];
-    for (int axis = 0; axis < 3; ++axis) {
-        const double cells = std::floor((at[axis] - static_cast<double>(lattice_.origin[axis])) / cell_m());
-        if (!(cells >= 0 && cells < lattice_.size[axis])) return kEmpty;
-        n[axis] = static_cast<int>(cells);
+    const int x = index_along(0, p.x), y = index_along(1, p.y), z = index_along(2, p.z);
+    if (x < 0 || y < 0 || z < 0) return kEmpty;
+    return label_[(static_cast<std::size_t>(z) * lattice_.size[1] + y) * lattice_.size[0] + x];
+}
+
+void OccupiedCells::keep(std::uint8_t label, kernels::VoxelVolume& volume) const {
+    const double voxel_m = static_cast<double>(volume.lattice.voxel_m);
+    std::vector<int> cell[3];  // of each voxel along an axis
+    for (int axis = 0; axis < 3; ++axis)
+        for (int n = 0; n < volume.lattice.size[axis]; ++n)
+            cell[axis].push_back(
+                index_along(axis, static_cast<double>(volume.lattice.origin[axis]) + voxel_m * (n + 0.5)));
+    for (kernels::Brick& brick : volume.bricks) {
+        const int *const xs = cell[0].data() + kEdge * brick.x, *const ys = cell[1].data() + kEdge * brick.y;
+        for (int z = 0; z < kEdge; ++z) {
+            const int layer = cell[2][kEdge * brick.z + z];
+            std::uint64_t kept = 0;
+            for (std::uint64_t left = layer < 0 ? 0 : brick.occupancy[z]; left != 0; left &= left - 1) {
+                const int bit = std::countr_zero(left), x = xs[bit % kEdge], y = ys[bit / kEdge];
+                if (x < 0 || y < 0) continue;
+                const std::size_t at =
+                    (static_cast<std::size_t>(layer) * lattice_.size[1] + y) * lattice_.size[0] + x;
+                if (label_[at] == label) kept |= std::uint64_t{1} << bit;
+            }
+            brick.occupancy[z] = kept;
+        }
     }
-    return label_[(static_cast<std::size_t>(n[2]) * lattice_.size[1] + n[1]) * lattice_.size[0] + n[0]];
+    std::erase_if(volume.bricks, [](const kernels::Brick& brick) {
+        return std::ranges::all_of(brick.occupancy, [](std::uint64_t layer) { return layer == 0; });
+    });
 }
 
 void OccupiedCells::give(const Cells& cells, const std::array<int, 3>& shift, std::uint8_t label) {

@@ -35,6 +35,8 @@ class OccupiedCells {
     void flood(int max_steps);
     void free(const Cells& cells);
     std::uint8_t label_at(Vec3 in_world) const;  // kEmpty outside the lattice
+    // Removes from a volume of any lattice the voxels whose centre is in a cell of another label.
+    void keep(std::uint8_t label, kernels::VoxelVolume& volume) const;
 
     // Of the cells with this label (kFree too), parts connected by faces, edges or corners, the largest
     // first.
@@ -48,6 +50,8 @@ class OccupiedCells {
 
   private:
     static constexpr std::uint8_t kContested = 254;
+
+    int index_along(int axis, double in_world_m) const;  // -1 outside the lattice
 
     kernels::Lattice lattice_;
     std::vector<std::uint8_t> label_;

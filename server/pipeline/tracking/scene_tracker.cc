@@ -60,10 +60,6 @@ bool is_beside(Vec3 at, const CellStatistics& body) {
            at.y > body.min_in_world.y - kBeside_m && at.y < body.max_in_world.y + kBeside_m;
 }
 
-kernels::Rect around(const kernels::Rect& a, const kernels::Rect& b) {
-    return {std::min(a.x0, b.x0), std::min(a.y0, b.y0), std::max(a.x1, b.x1), std::max(a.y1, b.y1)};
-}
-
 // Of a centre that the hull shows.
 Mat3 centre_covariance() {
     Mat3 covariance;
@@ -133,7 +129,7 @@ std::vector<kernels::SegmentationPrior> SceneTracker::predict(std::int64_t time_
             const kernels::Rect one =
                 projected_box(cameras_[c], {body.min_in_world - wide, body.max_in_world + wide});
             if (one.empty()) continue;
-            region = region.empty() ? one : around(region, one);
+            region = region.empty() ? one : union_of(region, one);
             const double depth = nearest_depth(cameras_[c], body);
             if (depth <= kMinPartDistance_m || subject.shape.min_in_world.z > kMaxFeetHeight_m)
                 max_distance_px = -1;  // legs that are missing may be apart
@@ -408,22 +404,7 @@ SceneUpdate SceneTracker::update(std::uint64_t sequence, std::int64_t time_ns,
 void SceneTracker::restrict_to(std::uint32_t subject_id, kernels::VoxelVolume& volume) const {
     const auto subject = std::ranges::find(subjects_, subject_id, &Subject::id);
     if (subject == subjects_.end() || subjects_.size() == 1) return;
-    const double voxel = static_cast<double>(volume.lattice.voxel_m);
-    const auto along = [&](int axis, int n) {
-        return static_cast<double>(volume.lattice.origin[axis]) + voxel * (n + 0.5);
-    };
-    for (kernels::Brick& brick : volume.bricks)
-        for (int z = 0; z < kernels::kBrickEdge; ++z)
-            for (std::uint64_t left = brick.occupancy[z]; left != 0; left &= left - 1) {
-                const int bit = std::countr_zero(left);
-                const Vec3 at{along(0, kernels::kBrickEdge * brick.x + bit % kernels::kBrickEdge),
-                              along(1, kernels::kBrickEdge * brick.y + bit / kernels::kBrickEdge),
-                              along(2, kernels::kBrickEdge * brick.z + z)};
-                if (grid_.label_at(at) != subject->label) brick.occupancy[z] &= ~(std::uint64_t{1} << bit);
-            }
-    std::erase_if(volume.bricks, [](const kernels::Brick& brick) {
-        return std::ranges::all_of(brick.occupancy, [](std::uint64_t layer) { return layer == 0; });
-    });
+    grid_.keep(subject->label, volume);
 }
 
 }  // namespace kinevox

@@ -164,6 +164,7 @@ std::vector<PoseCandidate> PoseDatabaseService::propose(std::span<const PoseView
         stature_m = stature_m_;
     }
     if (!database) return {};
+    const std::lock_guard lock(searching_);
     if (database != searched_ || stature_m != options_.stature_m) {
         options_.stature_m = stature_m;
         search_ = std::make_unique<DatabaseSearch>(*database, options_);

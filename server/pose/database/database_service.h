@@ -81,7 +81,8 @@ class PoseDatabaseService final : public PoseProposer {
     std::shared_ptr<const PoseDatabase> database_;
     DatabaseProgress progress_;
     double stature_m_ = 0;
-    // Used by propose() only.
+    // Used by propose() only, one call at a time.
+    std::mutex searching_;
     std::shared_ptr<const PoseDatabase> searched_;
     std::unique_ptr<DatabaseSearch> search_;
     std::jthread builder_;

@@ -245,11 +245,11 @@ TEST(SubjectViews, MarksSharedForegroundAndWhoHidesWhom) {
     const std::vector<const kernels::VoxelVolume*> shapes{&near, &far};
     SubjectViews of_near, of_far;
     std::vector<SubjectViews*> out{&of_near, &of_far};
-    separate_subjects(cameras, models, silhouettes, shapes, out);
+    SubjectSeparator().separate(cameras, models, silhouettes, shapes, out);
     EXPECT_EQ(of_near.hidden_fraction[0], 0);
     EXPECT_GT(of_far.hidden_fraction[0], 0.7f);
-    EXPECT_FALSE(of_near.shared[0].empty());
-    EXPECT_TRUE(of_near.shared[1].empty()) << "apart in the camera at the side";
+    EXPECT_FALSE(of_near.shared[0].box.empty());
+    EXPECT_TRUE(of_near.shared[1].box.empty()) << "apart in the camera at the side";
     EXPECT_EQ(of_far.hidden_fraction[1], 0);
     EXPECT_NEAR(static_cast<double>(of_near.own[1].sharp_pixels + of_far.own[1].sharp_pixels),
                 static_cast<double>(silhouettes[1].sharp_pixels),

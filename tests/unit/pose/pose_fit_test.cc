@@ -70,17 +70,17 @@ TEST(SilhouetteRays, HasNoContourInSharedForegroundButAllowsTheBodyThere) {
     kernels::Silhouettes seen;
     seen.width = 200, seen.height = 150;
     seen.sharp.assign(200 * 150, 0);
-    std::vector<std::uint8_t> shared(seen.sharp.size(), 0);
+    ForegroundPart shared{std::vector<std::uint8_t>(seen.sharp.size(), 0), {100, 40, 160, 110}};
     for (int y = 40; y < 110; ++y)
         for (int x = 60; x < 160; ++x) {
             if (x < 120) seen.sharp[y * 200 + x] = 255, ++seen.sharp_pixels;
-            if (x >= 100) shared[y * 200 + x] = 255;
+            if (x >= 100) shared.mask[y * 200 + x] = 255;
         }
     seen.bounds = {60, 40, 120, 110};
     seen.loose = seen.sharp;
     SilhouetteRays whole, with_other;
     read_silhouette(camera, seen, {}, whole);
-    read_silhouette(camera, seen, {}, with_other, shared.data());
+    read_silhouette(camera, seen, {}, with_other, &shared);
     const auto rightmost = [](const SilhouetteRays& rays) {
         return *std::ranges::max_element(rays.contour.direction[0]);
     };
