@@ -2,9 +2,11 @@
 
 #include <qcustomplot.h>
 
+#include <QAbstractItemView>
 #include <QComboBox>
 #include <QGridLayout>
 #include <QLabel>
+#include <QPixmap>
 #include <QVBoxLayout>
 #include <algorithm>
 #include <array>
@@ -17,6 +19,7 @@
 namespace kinevox::viewer {
 namespace {
 
+constexpr int kGraphs = 4;  // left and right, then of the compared subject
 constexpr int kNumberHeight_pt = 30, kDefaultNumberHeight_pt = 15, kMinNumberHeight_pt = 10;
 constexpr double kMinSpan_deg = 20, kWindow_s = 6;
 // Labels of marks: their width and height; in rows so that they do not overlap.
@@ -72,9 +75,11 @@ class LargeNumber final : public QLabel {
 
 AnglePanel::AnglePanel(QWidget* parent) : QWidget(parent), selected_(kDefaultChoice) {
     auto* all = new QVBoxLayout(this);
+    subject_row_ = make_subject_row();
+    all->addWidget(subject_row_);
     auto* grid = new QGridLayout;
     for (int n = 0; n < kNumbers; ++n) {
-        Number number{make_choice(), new LargeNumber(this), new LargeNumber(this)};
+        Number number{make_choice(), new LargeNumber(this), new LargeNumber(this), new QLabel(this)};
         number.choice->setSizeAdjustPolicy(QComboBox::AdjustToMinimumContentsLengthWithIcon);
         number.choice->setMinimumContentsLength(6);
         number.choice->setSizePolicy(QSizePolicy::Expanding, QSizePolicy::Fixed);
@@ -87,6 +92,9 @@ AnglePanel::AnglePanel(QWidget* parent) : QWidget(parent), selected_(kDefaultCho
         pair->addWidget(number.left);
         pair->addWidget(number.right);
         grid->addLayout(pair, 1, n);
+        number.compared->setAlignment(Qt::AlignCenter);
+        number.compared->hide();
+        grid->addWidget(number.compared, 2, n);
         numbers_.push_back(number);
     }
     all->addLayout(grid);
@@ -98,8 +106,7 @@ AnglePanel::AnglePanel(QWidget* parent) : QWidget(parent), selected_(kDefaultCho
         row->addWidget(curve.ratio);
         all->addLayout(row);
         curve.plot->setMinimumHeight(110);
-        curve.plot->addGraph();
-        curve.plot->addGraph();
+        for (int graph = 0; graph < kGraphs; ++graph) curve.plot->addGraph();
         curve.plot->setAntialiasedElements(QCP::aeNone);
         curve.plot->setNotAntialiasedElements(QCP::aeAll);  // halves the cost of a live curve
         curve.plot->xAxis->setNumberFormat("f");
@@ -111,6 +118,46 @@ AnglePanel::AnglePanel(QWidget* parent) : QWidget(parent), selected_(kDefaultCho
     }
     offer({});
     set_theme(theme_);
+}
+
+QWidget* AnglePanel::make_subject_row() {
+    auto* row = new QWidget(this);
+    auto* line = new QHBoxLayout(row);
+    line->setContentsMargins(0, 0, 0, 0);
+    subject_ = new QComboBox(row);
+    subject_->setObjectName("subject");
+    subject_->setToolTip(tr("Subject whose angles are shown; or click it in the scene, or press A"));
+    compared_ = new QComboBox(row);
+    compared_->setObjectName("compared_subject");
+    compared_->setToolTip(tr("Subject whose curves are dashed"));
+    line->addWidget(subject_, 1);
+    line->addWidget(new QLabel(tr("compared with"), row));
+    line->addWidget(compared_, 1);
+    row->hide();
+    connect(subject_, &QComboBox::activated, this,
+            [this] { emit subject_selected(subject_->currentData().toUInt()); });
+    connect(compared_, &QComboBox::activated, this,
+            [this] { emit subject_compared(compared_->currentData().toUInt()); });
+    return row;
+}
+
+void AnglePanel::show_subjects(const Subjects& subjects) {
+    subject_row_->setVisible(subjects.several());
+    const std::vector<std::uint32_t> ids = subjects.several() ? subjects.ids() : std::vector<std::uint32_t>{};
+    if (ids != offered_subjects_) {
+        offered_subjects_ = ids;
+        subject_->clear();
+        compared_->clear();
+        compared_->addItem(tr("no one"), 0U);
+        for (const std::uint32_t id : ids) {
+            QPixmap icon(16, 16);
+            icon.fill(theme_.subject(id));
+            for (QComboBox* box : {subject_, compared_}) box->addItem(icon, tr("Subject %1").arg(id), id);
+        }
+    }
+    if (!subject_->view()->isVisible()) subject_->setCurrentIndex(subject_->findData(subjects.selected()));
+    if (!compared_->view()->isVisible())
+        compared_->setCurrentIndex(compared_->findData(subjects.compared().value_or(0)));
 }
 
 QComboBox* AnglePanel::make_choice() {
@@ -158,55 +205,75 @@ void AnglePanel::choose(const std::vector<std::string>& names) {
     offer(offered);
 }
 
-void AnglePanel::show_history(const AngleHistory& history, const PlotMarks& marks) {
-    offer(history.names());
-    for (Number& n : numbers_) {
-        const std::string name = n.choice->currentData().toString().toStdString(),
-                          other = AngleHistory::opposite_side(name);
-        n.left->setText(number(history.latest_deg(name)));
-        n.left->setStyleSheet("color: " + (other.empty() ? theme_.midline : theme_.left).name());
-        n.right->setVisible(!other.empty());
-        if (!other.empty()) n.right->setText(number(history.latest_deg(other)));
-    }
+void AnglePanel::show_history(const Subjects& subjects, const PlotMarks& marks) {
+    show_subjects(subjects);
+    offer(subjects.history().names());
+    for (Number& n : numbers_) show_number(n, subjects);
     for (Curve& c : curves_) {
-        show_curve(c, history);
-        show_marks(c, history, marks);
+        show_curve(c, subjects);
+        show_marks(c, subjects, marks);
         c.plot->replot(QCustomPlot::rpQueuedRefresh);
     }
 }
 
-void AnglePanel::show_curve(Curve& c, const AngleHistory& history) {
+void AnglePanel::show_number(Number& n, const Subjects& subjects) {
+    const AngleHistory& history = subjects.history();
+    const std::string name = n.choice->currentData().toString().toStdString(),
+                      other = AngleHistory::opposite_side(name);
+    n.left->setText(number(history.latest_deg(name)));
+    n.left->setStyleSheet("color: " + (other.empty() ? theme_.midline : theme_.left).name());
+    n.right->setVisible(!other.empty());
+    if (!other.empty()) n.right->setText(number(history.latest_deg(other)));
+    const auto compared = subjects.compared();
+    n.compared->setVisible(compared.has_value());
+    if (!compared) return;
+    const AngleHistory& theirs = subjects.history(*compared);
+    n.compared->setStyleSheet("color: " + theme_.subject(*compared).name());
+    n.compared->setText(number(theirs.latest_deg(name)) +
+                        (other.empty() ? QString() : "  " + number(theirs.latest_deg(other))));
+}
+
+void AnglePanel::show_curve(Curve& c, const Subjects& subjects) {
     const std::string name = c.choice->currentData().toString().toStdString(),
                       other = AngleHistory::opposite_side(name);
+    const auto compared = subjects.compared();
     double low = 1e9, high = -1e9;
-    for (int side = 0; side < 2; ++side) {
-        const AngleHistory::Series series = history.series(side == 0 ? name : other);
+    for (int graph = 0; graph < kGraphs; ++graph) {
+        const bool is_left = graph % 2 == 0, is_compared = graph >= 2;
+        c.plot->graph(graph)->setVisible((is_left || !other.empty()) && (!is_compared || compared));
         QVector<double> t, v;
-        for (std::size_t i = 0; i < series.time_s.size(); ++i) {
-            if (series.time_s[i] < -kWindow_s) continue;
-            t.push_back(series.time_s[i]);
-            v.push_back(series.value_deg[i]);
-            if (std::isnan(series.value_deg[i])) continue;
-            low = std::min(low, series.value_deg[i]);
-            high = std::max(high, series.value_deg[i]);
+        if (c.plot->graph(graph)->visible()) {
+            const AngleHistory& history = is_compared ? subjects.history(*compared) : subjects.history();
+            const AngleHistory::Series series = history.series(is_left ? name : other);
+            for (std::size_t i = 0; i < series.time_s.size(); ++i) {
+                if (series.time_s[i] < -kWindow_s) continue;
+                t.push_back(series.time_s[i]);
+                v.push_back(series.value_deg[i]);
+                if (std::isnan(series.value_deg[i])) continue;
+                low = std::min(low, series.value_deg[i]);
+                high = std::max(high, series.value_deg[i]);
+            }
         }
-        c.plot->graph(side)->setData(t, v, true);
+        c.plot->graph(graph)->setData(t, v, true);
+        const QColor& colour = is_left ? other.empty() ? theme_.midline : theme_.left : theme_.right;
+        c.plot->graph(graph)->setPen(
+            QPen(colour, is_compared ? 1.5 : 2, is_compared ? Qt::DashLine : Qt::SolidLine));
+        const QString side = other.empty() ? QString() : is_left ? tr(", left") : tr(", right");
+        const std::uint32_t id = is_compared ? compared.value_or(0) : subjects.selected();
+        c.plot->graph(graph)->setName(label(name) + side +
+                                      (subjects.several() ? tr(", subject %1").arg(id) : QString()));
     }
     if (low > high) low = -10, high = 90;
     const double centre = (low + high) / 2, half = std::max(kMinSpan_deg, 1.15 * (high - low)) / 2;
     c.plot->xAxis->setRange(-kWindow_s, 0);
     c.plot->yAxis->setRange(centre - half, centre + half);
-    c.plot->graph(0)->setPen(QPen(other.empty() ? theme_.midline : theme_.left, 2));
-    c.plot->graph(0)->setName(other.empty() ? label(name) : label(name) + tr(", left"));
-    c.plot->graph(1)->setName(label(name) + tr(", right"));
-    c.plot->graph(1)->setVisible(!other.empty());
-    const auto ratio = history.left_over_right(name);
+    const auto ratio = subjects.history().left_over_right(name);
     c.ratio->setText(ratio ? tr("left / right  %1").arg(*ratio, 0, 'f', 2) : QString());
 }
 
-void AnglePanel::show_marks(Curve& c, const AngleHistory& history, const PlotMarks& marks) {
+void AnglePanel::show_marks(Curve& c, const Subjects& subjects, const PlotMarks& marks) {
     c.plot->clearItems();
-    const auto latest_ns = history.latest_time_ns();
+    const auto latest_ns = subjects.history().latest_time_ns();
     if (!latest_ns) return;
     std::array<double, kMarkRows> free_from_s;  // of each row of texts
     free_from_s.fill(-2 * kWindow_s);
@@ -227,7 +294,9 @@ void AnglePanel::show_marks(Curve& c, const AngleHistory& history, const PlotMar
         text->position->setCoords(at_s, kMarkRow * static_cast<double>(row - free_from_s.begin()));
         text->setPositionAlignment((at_s > -kMarkLabel_s ? Qt::AlignRight : Qt::AlignLeft) | Qt::AlignTop);
         text->setPadding(QMargins(3, 1, 3, 1));
-        text->setText(QString::fromStdString(mark.text));
+        const bool of_one = subjects.several() && mark.subject_id != 0;
+        text->setText(QString::fromStdString(mark.text) +
+                      (of_one ? QString(" %1").arg(mark.subject_id) : QString()));
         text->setColor(colour);
     }
 }
@@ -246,8 +315,8 @@ void AnglePanel::style(Curve& c) {
     c.plot->legend->setBrush(theme_.background);
     c.plot->legend->setBorderPen(QPen(theme_.faint));
     c.plot->legend->setTextColor(theme_.text);
-    c.plot->graph(0)->setPen(QPen(theme_.left, 2));
-    c.plot->graph(1)->setPen(QPen(theme_.right, 2));
+    for (int graph = 0; graph < kGraphs; ++graph)
+        c.plot->graph(graph)->setPen(QPen(graph % 2 == 0 ? theme_.left : theme_.right, 2));
     c.plot->replot(QCustomPlot::rpQueuedRefresh);
 }
 
@@ -255,13 +324,25 @@ void AnglePanel::set_theme(const Theme& theme) {
     theme_ = theme;
     for (Number& n : numbers_) n.right->setStyleSheet("color: " + theme.right.name());
     for (Curve& c : curves_) style(c);
+    offered_subjects_.clear();  // so that the icons are made again
 }
 
 bool AnglePanel::save_plot(int curve, const QString& file) const {
     QCustomPlot* plot = curves_.at(static_cast<std::size_t>(curve)).plot;
-    plot->graph(1)->visible() ? plot->graph(1)->addToLegend() : plot->graph(1)->removeFromLegend();
+    for (int graph = 1; graph < kGraphs; ++graph)
+        plot->graph(graph)->visible() ? plot->graph(graph)->addToLegend()
+                                      : plot->graph(graph)->removeFromLegend();
     plot->legend->setVisible(true);  // on the screen, the colours of the numbers explain the sides
-    const bool saved = file.endsWith(".pdf") ? plot->savePdf(file) : plot->savePng(file, 0, 0, 2);
+    // Of two subjects, the legend needs as much space as the curves.
+    const bool two = plot->graph(kGraphs / 2)->visible();
+    plot->axisRect()->insetLayout()->setInsetAlignment(
+        0, two ? Qt::AlignLeft | Qt::AlignTop : Qt::AlignRight | Qt::AlignTop);
+    const double centre = plot->yAxis->range().center(), span = plot->yAxis->range().size();
+    if (two) plot->yAxis->setRange(centre - span / 2, centre + 1.5 * span);
+    const int width = two ? plot->width() : 0, height = two ? 2 * plot->height() : 0;  // 0: as on the screen
+    const bool saved =
+        file.endsWith(".pdf") ? plot->savePdf(file, width, height) : plot->savePng(file, width, height, 2);
+    plot->yAxis->setRange(centre - span / 2, centre + span / 2);
     plot->legend->setVisible(false);
     return saved;
 }

@@ -1,4 +1,5 @@
-// Chosen angles as large numbers and live curves, left and right in one plot with their ratio.
+// Chosen angles as large numbers and live curves, left and right in one plot with their ratio; of the
+// selected subject and, dashed, of one that is compared with it.
 #pragma once
 
 #include <QWidget>
@@ -6,6 +7,7 @@
 #include <vector>
 
 #include "client/viewer/curves.h"
+#include "client/viewer/subjects.h"
 #include "client/viewer/theme.h"
 
 class QComboBox;
@@ -22,8 +24,8 @@ class AnglePanel final : public QWidget {
 
     explicit AnglePanel(QWidget* parent = nullptr);
 
-    // Marks are lines in the curves.
-    void show_history(const AngleHistory& history, const PlotMarks& marks);
+    // Marks are lines in the curves. The choice of subjects is visible while there are several.
+    void show_history(const Subjects& subjects, const PlotMarks& marks);
     void set_theme(const Theme& theme);
 
     // Names as in angles.csv, for a pair the left one; kNumbers, then kCurves.
@@ -36,11 +38,13 @@ class AnglePanel final : public QWidget {
 
   signals:
     void chosen();
+    void subject_selected(quint32 id);
+    void subject_compared(quint32 id);  // 0: none
 
   private:
     struct Number {
         QComboBox* choice;
-        QLabel *left, *right;
+        QLabel *left, *right, *compared;
     };
     struct Curve {
         QComboBox* choice;
@@ -50,9 +54,15 @@ class AnglePanel final : public QWidget {
     QComboBox* make_choice();
     void offer(const std::vector<std::string>& names);
     void style(Curve& curve);
-    void show_curve(Curve& curve, const AngleHistory& history);
-    void show_marks(Curve& curve, const AngleHistory& history, const PlotMarks& marks);
+    QWidget* make_subject_row();
+    void show_subjects(const Subjects& subjects);
+    void show_number(Number& number, const Subjects& subjects);
+    void show_curve(Curve& curve, const Subjects& subjects);
+    void show_marks(Curve& curve, const Subjects& subjects, const PlotMarks& marks);
 
+    QWidget* subject_row_;
+    QComboBox *subject_ = nullptr, *compared_ = nullptr;
+    std::vector<std::uint32_t> offered_subjects_;
     std::vector<Number> numbers_;
     std::vector<Curve> curves_;
     std::vector<std::string> offered_, selected_;

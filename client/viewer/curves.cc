@@ -110,12 +110,12 @@ void PlotMarks::add(PlotMark mark) {
     if (marks_.size() > kMaxMarks) marks_.pop_front();
 }
 
-void PlotMarks::add_event(v1::EventKind kind, std::int64_t time_ns) {
-    if (const char* text = label(kind)) add({time_ns, text, false});
+void PlotMarks::add_event(v1::EventKind kind, std::int64_t time_ns, std::uint32_t subject_id) {
+    if (const char* text = label(kind)) add({time_ns, text, false, subject_id});
 }
 
 int PlotMarks::add_mark(std::int64_t time_ns) {
-    add({time_ns, fmt::format("mark {}", ++count_), true});
+    add({time_ns, fmt::format("mark {}", ++count_), true, 0});
     return count_;
 }
 

@@ -53,6 +53,7 @@ struct PlotMark {
     std::int64_t time_ns = 0;  // UTC, on the clock of the poses' capture times
     std::string text;
     bool by_user = false;
+    std::uint32_t subject_id = 0;  // 0: of none
 };
 
 class PlotMarks {
@@ -61,7 +62,7 @@ class PlotMarks {
 
     void clear();
     // Ignores kinds that are irrelevant for curves.
-    void add_event(v1::EventKind kind, std::int64_t time_ns);
+    void add_event(v1::EventKind kind, std::int64_t time_ns, std::uint32_t subject_id = 0);
     // Returns the number of the mark.
     int add_mark(std::int64_t time_ns);
     // Inclusive.

@@ -14,14 +14,8 @@ constexpr int kPreviewWidth_px = 320;
 constexpr std::size_t kMaxPoses = 512;
 constexpr std::chrono::milliseconds kStatePause{250}, kRetryPause{500};
 
-// The first subject of the message.
-ShownPose shown(const v1::StreamPosesResponse& message) {
-    ShownPose pose;
-    pose.sequence = message.header().sequence();
-    pose.capture_time_ns = message.header().capture_time_ns();
-    if (message.header().has_recorded_frame()) pose.recorded_frame = message.header().recorded_frame();
-    if (message.subjects_size() == 0) return pose;
-    const v1::SubjectPose& subject = message.subjects(0);
+ShownPose shown(const v1::SubjectPose& subject, const ShownPoses& poses) {
+    ShownPose pose = poses.pose(subject.subject_id());
     pose.found = subject.has_pose();
     for (const v1::JointEstimate& joint : subject.pose().joints())
         if (const auto index = joint_index(joint.name()); index && joint.has_position_in_world()) {
@@ -34,7 +28,15 @@ ShownPose shown(const v1::StreamPosesResponse& message) {
     return pose;
 }
 
-// All subjects; the first one is followed.
+ShownPoses shown(const v1::StreamPosesResponse& message) {
+    ShownPoses poses;
+    poses.sequence = message.header().sequence();
+    poses.capture_time_ns = message.header().capture_time_ns();
+    if (message.header().has_recorded_frame()) poses.recorded_frame = message.header().recorded_frame();
+    for (const v1::SubjectPose& subject : message.subjects()) poses.subjects.push_back(shown(subject, poses));
+    return poses;
+}
+
 ShownVolume shown(const client::VolumeFrame& frame) {
     ShownVolume volume;
     volume.sequence = frame.header.sequence();
@@ -42,14 +44,15 @@ ShownVolume shown(const client::VolumeFrame& frame) {
     if (frame.header.has_recorded_frame()) volume.recorded_frame = frame.header.recorded_frame();
     for (const client::SubjectVolume& subject : frame.subjects) {
         volume.volume_litres += subject.volume_litres;
-        if (!subject.volume) continue;
-        const std::vector<SurfacePoint> points = surface_points(*subject.volume);
-        volume.points.insert(volume.points.end(), points.begin(), points.end());
-        volume.voxel_m = subject.volume->grid.voxel_m;
-    }
-    if (const client::SubjectVolume* first = frame.first_subject()) {
-        const v1::Vec3& c = first->subject.centre_in_world();
-        volume.subject_in_world = Vec3{c.x(), c.y(), c.z()};
+        const v1::Vec3& c = subject.subject.centre_in_world();
+        ShownSubject shown{subject.subject.subject_id(), volume.points.size(), 0, {c.x(), c.y(), c.z()}};
+        if (subject.volume) {
+            const std::vector<SurfacePoint> points = surface_points(*subject.volume);
+            shown.point_count = points.size();
+            volume.points.insert(volume.points.end(), points.begin(), points.end());
+            volume.voxel_m = subject.volume->grid.voxel_m;
+        }
+        volume.subjects.push_back(shown);
     }
     return volume;
 }
@@ -73,7 +76,7 @@ std::shared_ptr<const ShownVolume> Feed::volume() const {
     return volume_;
 }
 
-std::vector<std::shared_ptr<const ShownPose>> Feed::take_poses() {
+std::vector<std::shared_ptr<const ShownPoses>> Feed::take_poses() {
     const std::scoped_lock lock(mutex_);
     return std::exchange(poses_, {});
 }
@@ -169,11 +172,11 @@ void Feed::run_poses(const std::stop_token& stop) {
         return client.stream_poses(
             {},
             [this](const v1::StreamPosesResponse& message) {
-                auto pose = std::make_shared<const ShownPose>(shown(message));
+                auto poses = std::make_shared<const ShownPoses>(shown(message));
                 {
                     const std::scoped_lock lock(mutex_);
                     if (poses_.size() >= kMaxPoses) poses_.erase(poses_.begin());
-                    poses_.push_back(std::move(pose));
+                    poses_.push_back(std::move(poses));
                     mark_alive();
                 }
                 emit poses_received();
@@ -192,7 +195,7 @@ void Feed::run_events(const std::stop_token& stop) {
             [this](const v1::WatchEventsResponse& response) {
                 emit event_received(response.event().kind(),
                                     QString::fromStdString(response.event().message()),
-                                    to_utc_ns(response.event().event_time()));
+                                    to_utc_ns(response.event().event_time()), response.event().subject_id());
                 return true;
             },
             options);

@@ -82,7 +82,7 @@ class Feed final : public QObject {
 
     std::shared_ptr<const ShownVolume> volume() const;
     // Poses received since the last call, oldest first; at most the latest 512.
-    std::vector<std::shared_ptr<const ShownPose>> take_poses();
+    std::vector<std::shared_ptr<const ShownPoses>> take_poses();
     DaemonState state() const;
     std::vector<Camera> cameras() const;
     std::map<std::string, QImage> previews() const;  // by camera
@@ -99,7 +99,8 @@ class Feed final : public QObject {
     void cameras_received();
     void preview_received();
     void previews_denied(const QString& why);  // to the role of this token; not retried
-    void event_received(int kind, const QString& message, qint64 time_ns);  // v1::EventKind; UTC
+    void event_received(int kind, const QString& message, qint64 time_ns,
+                        quint32 subject_id);  // v1::EventKind; UTC; 0: no subject
 
   private:
     using Clock = std::chrono::steady_clock;
@@ -114,7 +115,7 @@ class Feed final : public QObject {
     const client::ClientOptions options_;
     mutable std::mutex mutex_;
     std::shared_ptr<const ShownVolume> volume_;
-    std::vector<std::shared_ptr<const ShownPose>> poses_;
+    std::vector<std::shared_ptr<const ShownPoses>> poses_;
     DaemonState state_;
     std::vector<Camera> cameras_;
     std::map<std::string, QImage> previews_;

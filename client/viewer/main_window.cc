@@ -87,6 +87,13 @@ void MainWindow::make_docks() {
     };
     angles_ = new AnglePanel(this);
     dock(tr("Angles"), "angles", angles_, Qt::RightDockWidgetArea);
+    const auto select = [this](quint32 id) {
+        change_subjects([id](Subjects& subjects) { subjects.select(id); });
+    };
+    connect(angles_, &AnglePanel::subject_selected, this, select);
+    connect(angles_, &AnglePanel::subject_compared, this,
+            [this](quint32 id) { change_subjects([id](Subjects& subjects) { subjects.compare(id); }); });
+    connect(scene_, &SceneView::subject_clicked, this, select);
     cameras_ = new CameraPanel(this);
     QDockWidget* cameras = dock(tr("Cameras"), "cameras", cameras_, Qt::BottomDockWidgetArea);
     recordings_ = new QListWidget(this);

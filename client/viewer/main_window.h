@@ -12,6 +12,7 @@
 #include "client/lib/client_program.h"
 #include "client/viewer/curves.h"
 #include "client/viewer/feed.h"
+#include "client/viewer/subjects.h"
 #include "client/viewer/theme.h"
 
 class QAction;
@@ -47,6 +48,7 @@ class MainWindow final : public QMainWindow {
     CalibrationPanel& calibration() { return *calibration_panel_; }
     v1::WatchProcedureResponse calibration_progress() const;
     const Feed& feed() const { return *feed_; }
+    const Subjects& subjects() const { return subjects_; }
     Ghost& ghost() { return *ghost_; }
     QString status_line() const;  // state, line and remedy as shown
     QString latest_message() const { return latest_message_; }
@@ -70,9 +72,11 @@ class MainWindow final : public QMainWindow {
                          std::function<void(bool)> act);
     void connect_feed();
     void connect_commands();
-    void take_event(int kind, const QString& message, qint64 time_ns);
+    void take_event(int kind, const QString& message, qint64 time_ns, quint32 subject_id);
     void take_volume();
     void take_poses();
+    void change_subjects(const std::function<void(Subjects&)>& change);
+    void show_pose_of_selected();
     void take_state();
     void show_panels();
     void show_panels_soon();
@@ -93,7 +97,8 @@ class MainWindow final : public QMainWindow {
     std::unique_ptr<Commands> commands_;
     std::unique_ptr<Calibration> calibration_;
     std::unique_ptr<Ghost> ghost_;
-    AngleHistory history_;
+    std::shared_ptr<const ShownPoses> latest_poses_;
+    Subjects subjects_;
     PlotMarks marks_;
     Theme theme_;
 

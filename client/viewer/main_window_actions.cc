@@ -99,6 +99,8 @@ void MainWindow::make_view_actions() {
     view->addSeparator();
     make_toggle(view, "follow", tr("Follow the athlete"), Qt::Key_F, true,
                 [this](bool on) { scene_->set_following(on); });
+    make_action(view, "next_subject", tr("Next athlete"), Qt::Key_A,
+                [this] { change_subjects([](Subjects& subjects) { subjects.select_next(); }); });
     const auto toggle = [this](bool SceneItems::*which) {
         return [this, which](bool on) {
             scene_->items().*which = on;
@@ -178,13 +180,14 @@ void MainWindow::show_keys() {
                             .arg(a->shortcut().toString(QKeySequence::NativeText), a->text());
     text +=
         tr("<tr><td><b>Space, Left, Right</b>&nbsp;&nbsp;</td><td>play or pause, step in a replay</td></tr>"
+           "<tr><td><b>click</b>&nbsp;&nbsp;</td><td>select one of several athletes</td></tr>"
            "<tr><td><b>drag, Shift + drag, wheel</b>&nbsp;&nbsp;</td><td>rotate, pan, zoom</td></tr>");
     QMessageBox::information(this, tr("Keys"), "<table>" + text + "</table>");
 }
 
 // Marks the current time in the curves and aligns the ghost's event with it.
 void MainWindow::mark() {
-    const auto now_ns = history_.latest_time_ns();
+    const auto now_ns = subjects_.history().latest_time_ns();
     if (!now_ns) return show_message(tr("no pose was measured yet; nothing to mark"), false);
     show_message(tr("mark %1").arg(marks_.add_mark(*now_ns)), true);
     ghost_->mark();

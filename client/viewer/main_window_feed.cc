@@ -30,11 +30,13 @@ void MainWindow::connect_to(const client::ConnectionOptions& connection) {
     calibration_.reset();
     commands_.reset();
     feed_.reset();
-    history_.clear();
+    subjects_.clear();
+    latest_poses_.reset();
     marks_.clear();
     ghost_bar_->hide();
     scene_->show_volume(std::make_shared<ShownVolume>());
-    scene_->show_pose(std::make_shared<ShownPose>());
+    scene_->show_poses(std::make_shared<ShownPoses>());
+    scene_->show_subjects({});
     scene_->show_ghost(std::make_shared<ShownPose>());
 
     feed_ = std::make_unique<Feed>(*options);
@@ -83,8 +85,8 @@ void MainWindow::connect_commands() {
             });
 }
 
-void MainWindow::take_event(int kind, const QString& message, qint64 time_ns) {
-    marks_.add_event(static_cast<v1::EventKind>(kind), time_ns);
+void MainWindow::take_event(int kind, const QString& message, qint64 time_ns, quint32 subject_id) {
+    marks_.add_event(static_cast<v1::EventKind>(kind), time_ns, subject_id);
     switch (kind) {
         case v1::EVENT_KIND_RECORDING_STOPPED:
             commands_->list_recordings();
@@ -125,7 +127,7 @@ void MainWindow::show_panels_soon() {
 void MainWindow::show_panels() {
     panels_due_.stop();
     panels_age_.restart();
-    if (std::exchange(angles_changed_, false)) angles_->show_history(history_, marks_);
+    if (std::exchange(angles_changed_, false)) angles_->show_history(subjects_, marks_);
     if (std::exchange(previews_changed_, false) && preview_kind_ != PreviewKind::kNone) {
         const auto images = feed_->previews();
         cameras_->show_previews(images);
@@ -136,12 +138,26 @@ void MainWindow::show_panels() {
 void MainWindow::take_poses() {
     const auto poses = feed_->take_poses();
     if (poses.empty()) return;
-    for (const auto& pose : poses) history_.add(*pose);
-    scene_->show_pose(poses.back());
-    const auto ghost = ghost_->pose_for(poses.back());
-    if (ghost_->match().ghost()) scene_->show_ghost(ghost);
+    for (const auto& pose : poses) subjects_.add(*pose);
+    latest_poses_ = poses.back();
+    show_pose_of_selected();
+}
+
+void MainWindow::show_pose_of_selected() {
+    scene_->show_subjects({subjects_.selected(), subjects_.several()});
+    if (latest_poses_) {
+        scene_->show_poses(latest_poses_);
+        const auto ghost =
+            ghost_->pose_for(std::make_shared<const ShownPose>(latest_poses_->pose(subjects_.selected())));
+        if (ghost_->match().ghost()) scene_->show_ghost(ghost);
+    }
     angles_changed_ = true;
     show_panels_soon();
+}
+
+void MainWindow::change_subjects(const std::function<void(Subjects&)>& change) {
+    change(subjects_);
+    show_pose_of_selected();
 }
 
 void MainWindow::take_state() {

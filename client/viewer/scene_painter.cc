@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 
 #include "client/viewer/shaders.h"
 #include "common/body_pose.h"
@@ -12,6 +13,10 @@ namespace {
 
 constexpr unsigned kProgramPointSize = 0x8642;  // GL_PROGRAM_POINT_SIZE, not in OpenGL ES
 constexpr float kGrid_m = 0.5f, kFrustum_m = 0.45f, kBone_m = 0.016f, kJoint_m = 0.022f;
+// Of the disc under a subject; its height keeps it visible over the floor's lines.
+constexpr float kDiscRadius_m = 0.38f, kDiscRim_m = 0.035f, kDiscHeight_m = 0.004f;
+constexpr int kDiscCorners = 48;
+constexpr float kTint = 0.35f;  // of the colours of subjects that are not selected
 constexpr int kMinFloorRadius_m = 3, kMaxFloorRadius_m = 20;
 
 QVector3D to_qt(const Vec3& v) {
@@ -44,13 +49,13 @@ void ScenePainter::open() {
     link(flat_, kFlatVertex, kFlatFragment);
     link(image_, kImageVertex, kImageFragment);
     make(volume_, true);
-    for (Buffer* buffer : {&floor_, &frusta_, &bones_}) make(*buffer, false);
+    for (Buffer* buffer : {&floor_, &frusta_, &discs_, &bones_}) make(*buffer, false);
     quads_.array.create();
 }
 
 void ScenePainter::close() {
     textures_.clear();
-    for (Buffer* buffer : {&volume_, &floor_, &frusta_, &bones_, &quads_}) {
+    for (Buffer* buffer : {&volume_, &floor_, &frusta_, &discs_, &bones_, &quads_}) {
         buffer->vertices.destroy();
         buffer->array.destroy();
     }
@@ -83,6 +88,10 @@ void ScenePainter::fill(Buffer& buffer, const void* data, std::size_t bytes, int
     buffer.count = count;
 }
 
+void ScenePainter::fill_with(Buffer& buffer, const std::vector<LineVertex>& vertices) {
+    fill(buffer, vertices.data(), vertices.size() * sizeof(LineVertex), static_cast<int>(vertices.size()));
+}
+
 void ScenePainter::set_theme(const Theme& theme) {
     theme_ = theme;
     scene_changed_ = true;
@@ -90,12 +99,13 @@ void ScenePainter::set_theme(const Theme& theme) {
 
 void ScenePainter::set_volume(const ShownVolume& volume) {
     voxel_m_ = volume.voxel_m;
+    shown_subjects_ = volume.subjects;
     fill(volume_, volume.points.data(), volume.points.size() * sizeof(SurfacePoint),
          static_cast<int>(volume.points.size()));
 }
 
-void ScenePainter::set_pose(const ShownPose& pose) {
-    pose_ = pose;
+void ScenePainter::set_poses(const ShownPoses& poses) {
+    poses_ = poses;
 }
 void ScenePainter::set_ghost(const ShownPose& pose) {
     ghost_ = pose;
@@ -146,7 +156,7 @@ void ScenePainter::make_floor() {
         add(at, -radius, at, radius, colour);
         add(-radius, at, radius, at, colour);
     }
-    fill(floor_, lines.data(), lines.size() * sizeof(LineVertex), static_cast<int>(lines.size()));
+    fill_with(floor_, lines);
 }
 
 void ScenePainter::make_frusta() {
@@ -162,31 +172,33 @@ void ScenePainter::make_frusta() {
         add(corners[0], corners[1]), add(corners[1], corners[3]), add(corners[3], corners[2]),
             add(corners[2], corners[0]);
     }
-    fill(frusta_, lines.data(), lines.size() * sizeof(LineVertex), static_cast<int>(lines.size()));
+    fill_with(frusta_, lines);
 }
 
 // Bands of triangles facing the eye: wide lines are not supported everywhere.
-std::vector<ScenePainter::LineVertex> ScenePainter::bones(const ShownPose& pose, const QVector3D& eye,
-                                                          bool ghost) const {
-    std::vector<LineVertex> triangles;
+void ScenePainter::add_bones(const ShownPose& pose, const QVector3D& eye, Skeleton kind,
+                             std::vector<LineVertex>& triangles) const {
+    const int alpha = kind == Skeleton::kSelected ? 235 : kind == Skeleton::kOther ? 190 : 90;
+    const bool tinted = subjects_.several && kind != Skeleton::kGhost;
     const auto band = [&](const QVector3D& from, const QVector3D& to, float half_m, const QColor& c) {
         QVector3D side = QVector3D::crossProduct(to - from, eye - from);
         if (side.lengthSquared() < 1e-12f) return;
         side = half_m * side.normalized();
         const std::array corners{from - side, from + side, to - side, to + side};
-        for (const std::size_t n : {0U, 1U, 2U, 2U, 1U, 3U})
-            triangles.emplace_back(corners[n], c, ghost ? 90 : 235);
+        for (const std::size_t n : {0U, 1U, 2U, 2U, 1U, 3U}) triangles.emplace_back(corners[n], c, alpha);
     };
     for (const Bone& bone : kBones) {
         const auto &from = pose.joints_in_world[*joint_index(bone.from)],
                    &to = pose.joints_in_world[*joint_index(bone.to)];
         if (!from || !to) continue;
-        const QColor& colour = bone.side == BodySide::kLeft    ? theme_.left
-                               : bone.side == BodySide::kRight ? theme_.right
-                                                               : theme_.midline;
+        const bool sided = bone.side == BodySide::kLeft || bone.side == BodySide::kRight;
+        const QColor colour = tinted && (kind == Skeleton::kOther || !sided) ? theme_.subject(pose.subject_id)
+                              : bone.side == BodySide::kLeft                 ? theme_.left
+                              : bone.side == BodySide::kRight                ? theme_.right
+                                                                             : theme_.midline;
         band(to_qt(*from), to_qt(*to), kBone_m / 2, colour);
     }
-    if (ghost) return triangles;
+    if (kind == Skeleton::kGhost) return;
     for (const auto& joint : pose.joints_in_world) {
         if (!joint) continue;
         const QVector3D at = to_qt(*joint), towards = (eye - at).normalized();
@@ -194,6 +206,31 @@ std::vector<ScenePainter::LineVertex> ScenePainter::bones(const ShownPose& pose,
             QVector3D::crossProduct(QVector3D::crossProduct(towards, {0, 0, 1}), towards).normalized();
         band(at - kJoint_m / 2 * up, at + kJoint_m / 2 * up, kJoint_m / 2,
              theme_.dark ? Qt::black : Qt::white);
+    }
+}
+
+// Under each of several subjects; the selected one's is filled.
+std::vector<ScenePainter::LineVertex> ScenePainter::discs() const {
+    std::vector<LineVertex> triangles;
+    if (!subjects_.several) return triangles;
+    for (const ShownSubject& subject : shown_subjects_) {
+        const QColor colour = theme_.subject(subject.id);
+        const QVector3D centre(static_cast<float>(subject.centre_in_world.x),
+                               static_cast<float>(subject.centre_in_world.y), kDiscHeight_m);
+        const auto add_ring = [&](float inner_m, float outer_m, int alpha) {
+            for (int n = 0; n < kDiscCorners; ++n) {
+                const auto corner = [&](int at, float radius_m) {
+                    const float angle = 2 * std::numbers::pi_v<float> * static_cast<float>(at) / kDiscCorners;
+                    return centre + radius_m * QVector3D(std::cos(angle), std::sin(angle), 0);
+                };
+                const std::array corners{corner(n, inner_m), corner(n, outer_m), corner(n + 1, inner_m),
+                                         corner(n + 1, outer_m)};
+                for (const std::size_t c : {0U, 1U, 2U, 2U, 1U, 3U})
+                    triangles.emplace_back(corners[c], colour, alpha);
+            }
+        };
+        add_ring(kDiscRadius_m - kDiscRim_m, kDiscRadius_m, 230);
+        if (subject.id == subjects_.selected) add_ring(0, kDiscRadius_m - kDiscRim_m, 90);
     }
     return triangles;
 }
@@ -213,6 +250,27 @@ void ScenePainter::paint_images(const QMatrix4x4& clip_from_world) {
         texture->second->release(0);
     }
     image_.release();
+}
+
+void ScenePainter::paint_volumes(const QMatrix4x4& clip_from_eye, const QMatrix4x4& eye_from_world,
+                                 float height_px) {
+    if (volume_.count == 0) return;
+    surface_.bind();
+    surface_.setUniformValue("eye_from_world", eye_from_world);
+    surface_.setUniformValue("clip_from_eye", clip_from_eye);
+    surface_.setUniformValue("pixels_per_metre", OrbitCamera::pixels_per_metre(height_px));
+    surface_.setUniformValue("voxel_m", static_cast<float>(voxel_m_));
+    surface_.setUniformValue("min_light", theme_.dark ? 0.45f : 0.6f);
+    const QOpenGLVertexArrayObject::Binder bound(&volume_.array);
+    for (const ShownSubject& subject : shown_subjects_) {
+        const QColor tint = theme_.subject(subject.id);
+        const bool is_other = subjects_.several && subject.id != subjects_.selected;
+        surface_.setUniformValue("tint",
+                                 QVector4D(static_cast<float>(tint.redF()), static_cast<float>(tint.greenF()),
+                                           static_cast<float>(tint.blueF()), is_other ? kTint : 0.f));
+        glDrawArrays(GL_POINTS, static_cast<int>(subject.first_point), static_cast<int>(subject.point_count));
+    }
+    surface_.release();
 }
 
 void ScenePainter::paint(const OrbitCamera& eye, const SceneItems& items, int width_px, int height_px) {
@@ -246,30 +304,30 @@ void ScenePainter::paint(const OrbitCamera& eye, const SceneItems& items, int wi
         lines(frusta_, GL_LINES);
         if (!textures_.empty()) paint_images(clip_from_world);
     }
-    if (items.volume && volume_.count > 0) {
-        surface_.bind();
-        surface_.setUniformValue("eye_from_world", eye_from_world);
-        surface_.setUniformValue("clip_from_eye", clip_from_eye);
-        surface_.setUniformValue("pixels_per_metre",
-                                 OrbitCamera::pixels_per_metre(static_cast<float>(height_px)));
-        surface_.setUniformValue("voxel_m", static_cast<float>(voxel_m_));
-        surface_.setUniformValue("min_light", theme_.dark ? 0.45f : 0.6f);
-        const QOpenGLVertexArrayObject::Binder bound(&volume_.array);
-        glDrawArrays(GL_POINTS, 0, volume_.count);
-        surface_.release();
+    glBlendFuncSeparate(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA, GL_ONE, GL_ONE);
+    if (subjects_.several && (items.volume || items.skeleton)) {
+        glEnable(GL_BLEND);
+        fill_with(discs_, discs());
+        lines(discs_, GL_TRIANGLES);
+        glDisable(GL_BLEND);
     }
+    if (items.volume) paint_volumes(clip_from_eye, eye_from_world, static_cast<float>(height_px));
     if (items.skeleton) {
         // Inside the body, so drawn over the volume.
         glDisable(GL_DEPTH_TEST);
         glEnable(GL_BLEND);
-        glBlendFuncSeparate(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA, GL_ONE, GL_ONE);
-        for (const bool ghost : {true, false}) {
-            const std::vector<LineVertex> triangles =
-                bones(ghost ? ghost_ : pose_, eye.eye_in_world(), ghost);
-            fill(bones_, triangles.data(), triangles.size() * sizeof(LineVertex),
-                 static_cast<int>(triangles.size()));
-            lines(bones_, GL_TRIANGLES);
-        }
+        std::vector<LineVertex> triangles;
+        add_bones(ghost_, eye.eye_in_world(), Skeleton::kGhost, triangles);
+        const auto is_other = [&](const ShownPose& pose) {
+            return subjects_.several && pose.subject_id != subjects_.selected;
+        };
+        for (const bool other : {true, false})  // the selected one over the others
+            for (const ShownPose& pose : poses_.subjects)
+                if (is_other(pose) == other)
+                    add_bones(pose, eye.eye_in_world(), other ? Skeleton::kOther : Skeleton::kSelected,
+                              triangles);
+        fill_with(bones_, triangles);
+        lines(bones_, GL_TRIANGLES);
         glDisable(GL_BLEND);
     }
 }

@@ -51,6 +51,13 @@ struct OrbitCamera {
     void follow(const QVector3D& point_in_world, float seconds);
 };
 
+// Which subject has its own colours of left and right among several; the others are tinted, and all stand on
+// a disc of their colour.
+struct SceneSubjects {
+    std::uint32_t selected = 0;
+    bool several = false;
+};
+
 struct SceneItems {
     bool volume = true, skeleton = true, cameras = true, floor = true;
 };
@@ -64,7 +71,8 @@ class ScenePainter : private QOpenGLExtraFunctions {
 
     void set_theme(const Theme& theme);
     void set_volume(const ShownVolume& volume);
-    void set_pose(const ShownPose& pose);
+    void set_poses(const ShownPoses& poses);
+    void set_subjects(const SceneSubjects& subjects) { subjects_ = subjects; }
     // Skeleton of another trial, drawn faintly; without joints: none.
     void set_ghost(const ShownPose& pose);
     void set_cameras(const std::vector<Camera>& cameras);
@@ -95,16 +103,25 @@ class ScenePainter : private QOpenGLExtraFunctions {
     };
     void make(Buffer& buffer, bool surface);
     void fill(Buffer& buffer, const void* data, std::size_t bytes, int count);
+    void fill_with(Buffer& buffer, const std::vector<LineVertex>& vertices);
     void make_floor();
     void make_frusta();
-    std::vector<LineVertex> bones(const ShownPose& pose, const QVector3D& eye_in_world, bool ghost) const;
+    enum class Skeleton { kSelected, kOther, kGhost };
+    // Appends to `triangles`.
+    void add_bones(const ShownPose& pose, const QVector3D& eye_in_world, Skeleton kind,
+                   std::vector<LineVertex>& triangles) const;
+    std::vector<LineVertex> discs() const;
     void paint_images(const QMatrix4x4& clip_from_world);
+    void paint_volumes(const QMatrix4x4& clip_from_eye, const QMatrix4x4& eye_from_world, float height_px);
 
     Theme theme_ = Theme::make(true);
     QOpenGLShaderProgram surface_, flat_, image_;
-    Buffer volume_, floor_, frusta_, bones_, quads_;
+    Buffer volume_, floor_, frusta_, discs_, bones_, quads_;
     double voxel_m_ = 0.01;
-    ShownPose pose_, ghost_;
+    std::vector<ShownSubject> shown_subjects_;  // of the volume
+    ShownPoses poses_;
+    ShownPose ghost_;
+    SceneSubjects subjects_;
     std::vector<Camera> cameras_;
     std::map<std::string, std::unique_ptr<QOpenGLTexture>> textures_;
     bool scene_changed_ = true;  // floor and frusta

@@ -5,8 +5,11 @@
 #include <QSurfaceFormat>
 #include <QWheelEvent>
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <vector>
+
+#include "client/viewer/subjects.h"
 
 namespace kinevox::viewer {
 namespace {
@@ -15,6 +18,7 @@ constexpr std::size_t kLatencies = 128;
 constexpr int kUpdatePause_ms = 60;  // longer than between volumes
 constexpr double kMaxLatency_ms = 10'000;
 constexpr qint64 kRateWindow_ms = 10'000;
+constexpr int kMaxClick_px = 4;  // a longer way of the pointer is a drag
 constexpr float kLookAtHeight_m = 0.95f;
 
 std::int64_t utc_now_ns() {
@@ -53,18 +57,34 @@ void SceneView::close_painter() {
 
 void SceneView::show_volume(std::shared_ptr<const ShownVolume> volume) {
     if (!volume) return;
-    if (volume->subject_in_world) {
-        const Vec3& s = *volume->subject_in_world;
-        subject_in_world_ = QVector3D(static_cast<float>(s.x), static_cast<float>(s.y), kLookAtHeight_m);
-    } else {
-        subject_in_world_.reset();
-    }
+    volume_ = volume;
     new_volume_ = std::move(volume);
+    find_followed();
     update();
 }
 
-void SceneView::show_pose(std::shared_ptr<const ShownPose> pose) {
-    new_pose_ = std::move(pose);
+// The selected one; the only one may have another id by now than its pose.
+void SceneView::find_followed() {
+    subject_in_world_.reset();
+    if (!volume_ || volume_->subjects.empty()) return;
+    const ShownSubject* subject =
+        subjects_.several ? volume_->subject(subjects_.selected) : &volume_->subjects.front();
+    if (!subject) return;
+    const Vec3& s = subject->centre_in_world;
+    subject_in_world_ = QVector3D(static_cast<float>(s.x), static_cast<float>(s.y), kLookAtHeight_m);
+}
+
+void SceneView::show_subjects(const SceneSubjects& subjects) {
+    if (subjects.selected == subjects_.selected && subjects.several == subjects_.several) return;
+    subjects_ = subjects;
+    painter_.set_subjects(subjects);
+    find_followed();
+    update_soon();
+}
+
+void SceneView::show_poses(std::shared_ptr<const ShownPoses> poses) {
+    poses_ = poses;
+    new_poses_ = std::move(poses);
     update_soon();
 }
 
@@ -113,7 +133,7 @@ void SceneView::paintGL() {
     if (std::exchange(theme_changed_, false)) painter_.set_theme(theme_);
     if (auto cameras = std::exchange(new_cameras_, std::nullopt)) painter_.set_cameras(*cameras);
     if (auto images = std::exchange(new_previews_, std::nullopt)) painter_.set_previews(*images);
-    if (auto pose = std::exchange(new_pose_, nullptr)) painter_.set_pose(*pose);
+    if (auto poses = std::exchange(new_poses_, nullptr)) painter_.set_poses(*poses);
     if (auto ghost = std::exchange(new_ghost_, nullptr)) painter_.set_ghost(*ghost);
     const qint64 now_ms = clock_.elapsed();
     if (auto volume = std::exchange(new_volume_, nullptr)) {
@@ -157,7 +177,21 @@ double SceneView::painted_volumes_per_second() const {
 }
 
 void SceneView::mousePressEvent(QMouseEvent* event) {
-    grabbed_px_ = event->pos();
+    grabbed_px_ = pressed_px_ = event->pos();
+}
+
+void SceneView::mouseReleaseEvent(QMouseEvent* event) {
+    if (event->button() != Qt::LeftButton) return;
+    if ((event->pos() - pressed_px_).manhattanLength() > kMaxClick_px) return;
+    const ScenePoint at{1.0 * event->pos().x(), 1.0 * event->pos().y(), 1.0 * width(), 1.0 * height()};
+    const auto width_over_height = static_cast<float>(width()) / static_cast<float>(std::max(1, height()));
+    const QMatrix4x4 clip_from_world = eye_.clip_from_eye(width_over_height) * eye_.eye_from_world();
+    std::array<double, 16> rows{};
+    for (std::size_t n = 0; n < 16; ++n)
+        rows[n] = clip_from_world(static_cast<int>(n / 4), static_cast<int>(n % 4));
+    if (const auto id = subject_at(at, rows, items_.volume ? volume_.get() : nullptr,
+                                   items_.skeleton ? poses_.get() : nullptr))
+        emit subject_clicked(*id);
 }
 
 void SceneView::mouseMoveEvent(QMouseEvent* event) {

@@ -10,6 +10,7 @@ layout(location = 1) in vec4 colour;
 layout(location = 2) in vec3 normal;
 uniform mat4 eye_from_world, clip_from_eye;
 uniform float pixels_per_metre, voxel_m, min_light;
+uniform vec4 tint;  // alpha: its share
 out vec3 shade;
 void main() {
     vec4 eye = eye_from_world * vec4(at, 1);
@@ -17,7 +18,7 @@ void main() {
     // The projection of a cube is wider than its edge.
     gl_PointSize = max(1.0, 1.35 * voxel_m * pixels_per_metre / max(0.05, -eye.z));
     float facing = dot(mat3(eye_from_world) * normalize(normal), normalize(vec3(-0.35, 0.45, 0.82)));
-    shade = colour.rgb * mix(min_light, 1.12, 0.5 + 0.5 * facing);
+    shade = mix(colour.rgb, tint.rgb, tint.a) * mix(min_light, 1.12, 0.5 + 0.5 * facing);
 })";
 inline constexpr const char* kSurfaceFragment = R"(#version 330 core
 in vec3 shade;

@@ -3,6 +3,7 @@
 #include <QApplication>
 #include <QPalette>
 #include <QStyleFactory>
+#include <array>
 
 namespace kinevox::viewer {
 
@@ -22,6 +23,15 @@ Theme Theme::make(bool dark) {
         t.midline = QColor(40, 42, 48);
     }
     return t;
+}
+
+// Distinct from left, right and the states of the status line where possible.
+QColor Theme::subject(std::uint32_t id) const {
+    static const std::array kColours{QColor(80, 210, 130), QColor(225, 95, 205),  QColor(235, 215, 70),
+                                     QColor(70, 215, 220), QColor(165, 130, 255), QColor(240, 110, 110),
+                                     QColor(170, 220, 60), QColor(205, 170, 130)};
+    const QColor& colour = kColours[(id + kColours.size() - 1) % kColours.size()];
+    return dark ? colour : colour.darker(130);
 }
 
 void Theme::apply_to(QApplication& application) const {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <QColor>
+#include <cstdint>
 
 class QApplication;
 
@@ -12,6 +13,8 @@ struct Theme {
     QColor background, floor_lines, floor_axis, text, faint, left, right, midline, good, warning, error;
 
     static Theme make(bool dark);
+    // Of a subject among several; the same for an id at all times.
+    QColor subject(std::uint32_t id) const;
     void apply_to(QApplication& application) const;
 };
 

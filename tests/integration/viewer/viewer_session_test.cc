@@ -1,7 +1,10 @@
 // The viewer with a recorded session of an athlete and with the virtual studio.
+#include <QComboBox>
 #include <QListWidget>
 
+#include "client/viewer/angle_panel.h"
 #include "client/viewer/replay_bar.h"
+#include "client/viewer/subjects.h"
 #include "tests/integration/viewer/viewer_fixture.h"
 #include "tests/support/test_data.h"
 
@@ -68,6 +71,65 @@ class ViewerSessionTest : public ViewerTest {
             (folder_.path() / "recordings").string());
     }
 };
+
+TEST_F(ViewerSessionTest, ShowsSeveralAthletesAndSelectsOne) {
+    KINEVOX_REQUIRE_DATA(pair, "studio/pair/session.toml");
+    const auto daemon = start_daemon(fmt::format("[server]\nlisten = \"127.0.0.1:0\"\n[source]\nkind = "
+                                                 "\"session\"\nsession_file = \"{}\"\npacing = "
+                                                 "\"real_time\"\nloop = true\n[tracking]\nmax_subjects = 2\n",
+                                                 pair.string()) +
+                                     recording());
+    show();
+    const Subjects& subjects = window_->subjects();
+    ASSERT_TRUE(wait([&] { return subjects.several() && shows_person(); }, 2 * kTimeout_ms))
+        << window_->status_line().toStdString();
+    auto* choice = window_->angles().findChild<QComboBox*>("subject");
+    ASSERT_TRUE(wait([&] { return choice->isVisible() && choice->count() == 2; }));
+    const std::uint32_t first = subjects.selected();
+    press("next_subject");
+    const std::uint32_t other = subjects.selected();
+    EXPECT_NE(other, first);
+    EXPECT_TRUE(wait([&] { return choice->currentData().toUInt() == other; }));
+
+    // A click on the other one selects it; a drag does not.
+    SceneView& scene = window_->scene();
+    scene.set_following(false);
+    scene.eye() = OrbitCamera{.distance_m = 7};
+    scene.update();
+    QTest::qWait(300);
+    const auto pixel_of = [&](std::uint32_t id) {
+        const auto volume = window_->feed().volume();
+        const ShownSubject* subject = volume->subject(id);
+        if (!subject) return QPoint();
+        const Vec3& c = subject->centre_in_world;
+        const QVector3D at =
+            (scene.eye().clip_from_eye(1.f * scene.width() / scene.height()) * scene.eye().eye_from_world())
+                .map(QVector3D(static_cast<float>(c.x), static_cast<float>(c.y), static_cast<float>(c.z)));
+        return QPoint(static_cast<int>((0.5f + 0.5f * at.x()) * scene.width()),
+                      static_cast<int>((0.5f - 0.5f * at.y()) * scene.height()));
+    };
+    EXPECT_TRUE(wait([&] {
+        QTest::mouseClick(&scene, Qt::LeftButton, {}, pixel_of(first));
+        return subjects.selected() == first;
+    }));
+    const QPoint there = pixel_of(other);
+    QTest::mousePress(&scene, Qt::LeftButton, {}, there - QPoint(30, 0));
+    QTest::mouseMove(&scene, there);
+    QTest::mouseRelease(&scene, Qt::LeftButton, {}, there);
+    EXPECT_EQ(subjects.selected(), first);
+
+    auto* compared = window_->angles().findChild<QComboBox*>("compared_subject");
+    compared->setCurrentIndex(compared->findData(other));
+    Q_EMIT compared->activated(compared->currentIndex());
+    EXPECT_EQ(subjects.compared(), other);
+    scene.eye() = OrbitCamera{.distance_m = 5.5f};
+    ASSERT_TRUE(results_arrive(60)) << window_->status_line().toStdString();
+    save_screenshot("several");
+    window_->save_plots_in(QString::fromStdString(folder_.path().string()));
+    std::filesystem::copy_file(folder_.path() / "knee_flexion_geometric_l.png",
+                               std::filesystem::path(KINEVOX_VIEWER_IMAGES) / "several_plot.png",
+                               std::filesystem::copy_options::overwrite_existing);
+}
 
 TEST_F(ViewerSessionTest, ShowsBalancingAthlete) {
     KINEVOX_REQUIRE_DATA(session, "balancing/session.toml");

@@ -12,14 +12,17 @@
 #include "client/viewer/ghost_match.h"
 #include "client/viewer/scene_painter.h"
 #include "client/viewer/shown.h"
+#include "client/viewer/subjects.h"
 #include "common/body_pose.h"
 #include "common/proto_time.h"
 
 namespace kinevox::viewer {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::IsNan;
 using ::testing::Not;
 
 QVector3D on_screen(const OrbitCamera& eye, const QVector3D& point) {
@@ -154,6 +157,94 @@ TEST(AngleHistory, ResetsAfterSeekAndComputesRatio) {
     history.add(pose(4, 40, 2));
     EXPECT_EQ(history.series("knee_flexion_geometric_l").time_s.size(), 1U);
     EXPECT_FALSE(history.left_over_right("knee_flexion_geometric_l")) << "no ratio to almost zero";
+}
+
+constexpr const char* kKnee = "knee_flexion_geometric_l";
+
+// The angle of each subject is its id.
+ShownPoses poses_of(double time_s, const std::vector<std::uint32_t>& ids) {
+    ShownPoses poses;
+    poses.capture_time_ns = static_cast<std::int64_t>(time_s * 1e9);
+    for (const std::uint32_t id : ids) {
+        poses.subjects.push_back(pose(time_s, id, 50.0));
+        poses.subjects.back().subject_id = id;
+    }
+    return poses;
+}
+
+TEST(Subjects, AreOneHistoryWhileAlone) {
+    Subjects subjects;
+    EXPECT_EQ(subjects.selected(), 0U);
+    subjects.add(poses_of(1, {1}));
+    subjects.add(poses_of(2, {}));
+    subjects.add(poses_of(3, {2}));
+    EXPECT_EQ(subjects.selected(), 2U);
+    EXPECT_FALSE(subjects.several());
+    const auto series = subjects.history().series(kKnee);
+    EXPECT_THAT(series.value_deg, ElementsAre(1, IsNan(), 2)) << "one curve";
+    subjects.select(7);
+    EXPECT_EQ(subjects.selected(), 2U) << "there is nothing to select";
+}
+
+TEST(Subjects, KeepSelectionThroughShortLoss) {
+    Subjects subjects;
+    subjects.add(poses_of(1, {1}));
+    subjects.add(poses_of(2, {1, 2}));
+    EXPECT_TRUE(subjects.several());
+    EXPECT_EQ(subjects.selected(), 1U);
+    EXPECT_EQ(subjects.history().series(kKnee).value_deg.size(), 2U) << "its curve from when it was alone";
+    subjects.select(2);
+    for (double t = 3; t < 2 + Subjects::kPatience_s; ++t) subjects.add(poses_of(t, {1}));
+    EXPECT_EQ(subjects.selected(), 2U) << "lost briefly";
+    EXPECT_FALSE(subjects.history().latest_deg(kKnee)) << "never the angles of the other";
+    EXPECT_EQ(subjects.history(1).latest_deg(kKnee), 1);
+    subjects.add(poses_of(2.5 + Subjects::kPatience_s, {1}));
+    EXPECT_EQ(subjects.selected(), 1U) << "gone";
+    EXPECT_FALSE(subjects.several());
+    EXPECT_EQ(subjects.history().latest_deg(kKnee), 1);
+    subjects.add(poses_of(9, {1, 2}));
+    EXPECT_EQ(subjects.selected(), 2U) << "it returned";
+}
+
+TEST(Subjects, CompareAnotherUntilItIsGone) {
+    Subjects subjects;
+    subjects.add(poses_of(1, {1, 2, 3}));
+    EXPECT_FALSE(subjects.compared());
+    subjects.compare(3);
+    EXPECT_EQ(subjects.compared(), 3U);
+    subjects.select(3);
+    EXPECT_FALSE(subjects.compared()) << "with itself";
+    subjects.select_next();
+    EXPECT_EQ(subjects.selected(), 1U) << "after the last the first";
+    EXPECT_EQ(subjects.compared(), 3U);
+    for (double t = 2; t < 10; ++t) subjects.add(poses_of(t, {1, 2}));
+    EXPECT_FALSE(subjects.compared());
+    EXPECT_THAT(subjects.ids(), ElementsAre(1, 2));
+    subjects.add(poses_of(3, {2}));
+    EXPECT_EQ(subjects.history(2).series(kKnee).time_s.size(), 1U) << "after a seek";
+}
+
+TEST(SubjectAt, FindsNearestSubjectUnderPointer) {
+    const OrbitCamera eye;
+    ShownVolume volume;
+    const auto add = [&](std::uint32_t id, const QVector3D& at) {
+        volume.subjects.push_back({id, volume.points.size(), 1, {}});
+        volume.points.push_back({at.x(), at.y(), at.z()});
+    };
+    const QVector3D towards = (eye.eye_in_world() - eye.target_in_world).normalized();
+    add(4, eye.target_in_world - towards);
+    add(5, eye.target_in_world + towards);
+    add(6, eye.target_in_world + 10 * towards);  // behind the eye
+    const QMatrix4x4 clip_from_world = eye.clip_from_eye(1.6f) * eye.eye_from_world();
+    std::array<double, 16> rows{};
+    for (std::size_t n = 0; n < 16; ++n)
+        rows[n] = clip_from_world(static_cast<int>(n / 4), static_cast<int>(n % 4));
+    EXPECT_EQ(subject_at({400, 250, 800, 500}, rows, &volume, nullptr), 5U) << "in front";
+    EXPECT_FALSE(subject_at({430, 250, 800, 500}, rows, &volume, nullptr));
+    ShownPoses poses = poses_of(1, {8});
+    EXPECT_FALSE(subject_at({400, 250, 800, 500}, rows, nullptr, &poses)) << "no joints";
+    poses.subjects[0].joints_in_world[0] = Vec3{0, 0, 0.95};
+    EXPECT_EQ(subject_at({400, 250, 800, 500}, rows, nullptr, &poses), 8U);
 }
 
 ConnectionStatus connected() {
@@ -367,13 +458,14 @@ TEST(GhostMatch, WaitsForMarkWhileLive) {
 
 TEST(PlotMarks, KeepsRelevantEventsAndMarks) {
     PlotMarks marks;
-    marks.add_event(v1::EVENT_KIND_SUBJECT_LOST, 100);
+    marks.add_event(v1::EVENT_KIND_SUBJECT_LOST, 100, 2);
     marks.add_event(v1::EVENT_KIND_CONTROL_ACQUIRED, 150);
     EXPECT_EQ(marks.add_mark(200), 1);
     EXPECT_EQ(marks.add_mark(300), 2);
     const auto seen = marks.between(100, 299);
     ASSERT_EQ(seen.size(), 2U);
     EXPECT_EQ(seen[0].text, "lost");
+    EXPECT_EQ(seen[0].subject_id, 2U);
     EXPECT_EQ(seen[1].text, "mark 1");
     EXPECT_TRUE(seen[1].by_user);
     for (std::size_t n = 0; n < 2 * PlotMarks::kMaxMarks; ++n)
