@@ -165,6 +165,29 @@ class Package(unittest.TestCase):
                 [line.split(",")[2] for line in file.read_text().splitlines()], ["subject", "1", "3", "4", ""]
             )
 
+    def test_tables_of_each_subject(self):
+        rows = np.arange(5.0)
+        table = kinevox.PoseTable(
+            np.array([7, 7, 8, 9, 10]),
+            np.array([0, 0, 0.1, 0.2, 0.3]),
+            np.array([1, 2, 1, 0, 2]),
+            *(np.broadcast_to(rows[:, None], (5, n)).copy() for n in (1, 11, 29, 3)),
+        )
+        self.assertTrue(table.has_several)
+        by_subject = table.by_subject()
+        self.assertEqual(
+            {subject: part.frame.tolist() for subject, part in by_subject.items()}, {1: [7, 8], 2: [7, 10]}
+        )
+        self.assertFalse(by_subject[2].has_several)
+        for subject, expected in ((1, [0, 2, np.nan, np.nan]), (2, [1, np.nan, np.nan, 4])):
+            part = table.of_subject(subject, every_frame=True)
+            np.testing.assert_array_equal(part.time_s, [0, 0.1, 0.2, 0.3])
+            np.testing.assert_array_equal(part.angles_deg[:, 0], expected)
+            np.testing.assert_array_equal(part.subject, np.where(np.isnan(expected), 0, subject))
+        self.assertEqual(len(table.of_subject(9)), 0)
+        self.assertEqual(table.of_subject(9, every_frame=True).subject.tolist(), [0] * 4)
+        np.testing.assert_array_equal(table.angles_deg[:, 0], rows)  # unchanged
+
     def test_lists_request_all_pages(self):
         from kinevox.calls import Call, plan
         from kinevox.v1 import recording_service_pb2 as pb

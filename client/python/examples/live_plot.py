@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Plots knee and hip angles live.
 
-usage: live_plot.py [--server HOST:PORT] [--duration 10] [--screenshot FILE.png]
+usage: live_plot.py [--server HOST:PORT] [--subject ID] [--duration 10] [--screenshot FILE.png]
 
 Shows the last ten seconds in a window until it is closed. With --screenshot it collects poses for --duration seconds
 and writes a PNG file, which needs no display.
@@ -66,6 +66,7 @@ class Plot:
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--server", default="", help="HOST:PORT of the daemon")
+    parser.add_argument("--subject", type=int, default=0, help="id of the subject (default: the lowest one tracked)")
     parser.add_argument("--duration", type=float, default=10, help="with --screenshot: collection time (s)")
     parser.add_argument("--screenshot", help="PNG file to write instead of opening a window")
     options = parser.parse_args()
@@ -76,9 +77,10 @@ def main():
     delivery = "lossless" if options.screenshot else "latest"
     with Client(options.server) as client, client.poses(delivery, idle_timeout_s=10) as poses:
         begin, first_ns = time.monotonic(), None
-        for pose in poses:
-            first_ns = pose.capture_time_ns if first_ns is None else first_ns
-            plot.add((pose.capture_time_ns - first_ns) * 1e-9, pose)
+        for frame in poses:
+            first_ns = frame.capture_time_ns if first_ns is None else first_ns
+            subject_id = options.subject or min((pose.subject_id for pose in frame.subjects), default=0)
+            plot.add((frame.capture_time_ns - first_ns) * 1e-9, frame.subject(subject_id))
             if not options.screenshot:
                 plot.draw()
                 plot.pyplot.pause(0.001)

@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 """Analyses a sprint start: ground contacts of hands and feet, the first steps, and knees and hips left against right.
 
-usage: sprint_start.py SESSION [--server HOST:PORT] [--out sprint_start]
-       sprint_start.py RESULTS [--out sprint_start]
+usage: sprint_start.py SESSION [--server HOST:PORT] [--subject ID] [--out sprint_start]
+       sprint_start.py RESULTS [--subject ID] [--out sprint_start]
 
 SESSION is a recording's name or the absolute path of a session.toml on the server; the daemon replays every frame.
 RESULTS is a folder written by `kinevox process`, or a recording's poses/ folder, and needs no daemon. Writes all poses
@@ -15,7 +15,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 
-from kinevox import Client, KinevoxError, PoseTable
+from kinevox import Client, InvalidArgument, KinevoxError, PoseTable
 
 matplotlib.use("Agg")
 from matplotlib import pyplot  # noqa: E402
@@ -225,13 +225,25 @@ def load(source, server):
         return PoseTable.of(client.measure_session(source))
 
 
+def runner(table, subject_id):
+    """The rows of one subject; of the whole table if there is one at a time."""
+    if subject_id == 0 and not table.has_several:
+        return table
+    if subject_id not in table.subject_ids:
+        ids = ", ".join(map(str, table.subject_ids)) or "none"
+        what = f"subject {subject_id} is not in it" if subject_id else "several subjects are tracked"
+        raise InvalidArgument(f"{what}; choose one with --subject: {ids}")
+    return table.of_subject(subject_id, every_frame=True)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("source", type=Path, help="recording, session.toml on the server, or folder of results")
     parser.add_argument("--server", default="", help="HOST:PORT of the daemon")
+    parser.add_argument("--subject", type=int, default=0, help="id of the runner; needed where several are tracked")
     parser.add_argument("--out", default="sprint_start")
     options = parser.parse_args()
-    table = load(options.source, options.server)
+    table = runner(load(options.source, options.server), options.subject)
     start = analyse(table)
     table.write_csv(f"{options.out}.csv")
     draw(table, start, f"{options.out}.png")

@@ -3,7 +3,7 @@
 
 usage: stream_to_csv.py [--server HOST:PORT] [--duration 10] [--out poses.csv]
 
-One row per frame set: time, knee and hip coordinates and trunk lean in degrees, toes in metres (world frame, z up).
+One row per frame set and subject: time, subject, knee and hip coordinates and trunk lean in degrees, toes in metres (world frame, z up).
 Withheld values are empty cells.
 """
 import argparse
@@ -36,20 +36,21 @@ def main():
     ):
         table = csv.writer(file)
         table.writerow(
-            ["sequence", "time_s"]
+            ["sequence", "time_s", "subject"]
             + [f"{name}_deg" for name in COORDINATES + ANGLES]
             + [f"{name}_{axis}_m" for name in JOINTS for axis in "xyz"]
         )
         begin, first_ns = time.monotonic(), None
-        for pose in poses:
-            first_ns = pose.capture_time_ns if first_ns is None else first_ns
-            table.writerow(
-                [pose.sequence, f"{(pose.capture_time_ns - first_ns) * 1e-9:.4f}"]
-                + [cell(pose.coordinates[name]) for name in COORDINATES]
-                + [cell(pose.angles[name]) for name in ANGLES]
-                + [cell(value) for name in JOINTS for value in pose.joints[name]]
-            )
-            rows += 1
+        for frame in poses:
+            first_ns = frame.capture_time_ns if first_ns is None else first_ns
+            for pose in frame.subjects or (frame.only,):  # without a subject, a row without values
+                table.writerow(
+                    [frame.sequence, f"{(frame.capture_time_ns - first_ns) * 1e-9:.4f}", pose.subject_id or ""]
+                    + [cell(pose.coordinates[name]) for name in COORDINATES]
+                    + [cell(pose.angles[name]) for name in ANGLES]
+                    + [cell(value) for name in JOINTS for value in pose.joints[name]]
+                )
+                rows += 1
             if time.monotonic() - begin >= options.duration:
                 break
     print(f"{rows} rows in {options.out}")

@@ -102,9 +102,32 @@ class PoseTable:
         """Ids of all subjects in the table, ascending."""
         return [int(value) for value in np.unique(self.subject) if value]
 
-    def of_subject(self, subject_id: int) -> "PoseTable":
-        """The rows of one subject."""
-        rows = self.subject == subject_id
+    @property
+    def has_several(self) -> bool:
+        """Whether several subjects are in one frame set."""
+        return len(np.unique(self.time_s)) < len(self)
+
+    def of_subject(self, subject_id: int, every_frame: bool = False) -> "PoseTable":
+        """The rows of one subject. every_frame: one row per frame set, so that the tables of all subjects have the same
+        time axis; NaN and subject 0 where this one is not tracked."""
+        rows = np.flatnonzero(self.subject == subject_id)
+        if not every_frame:
+            return self._of_rows(rows)
+        first = np.unique(self.time_s, return_index=True)[1]
+        own = np.isin(self.time_s[first], self.time_s[rows])
+        chosen = first.copy()
+        chosen[own] = rows[np.searchsorted(self.time_s[rows], self.time_s[first[own]])]
+        table = self._of_rows(chosen)
+        for values in (table.joints_m, table.angles_deg, table.coordinates_deg, table.translations_m):
+            values[~own] = np.nan
+        table.subject[~own] = 0
+        return table
+
+    def by_subject(self, every_frame: bool = False) -> dict[int, "PoseTable"]:
+        """The table of each subject by its id; see of_subject()."""
+        return {subject_id: self.of_subject(subject_id, every_frame) for subject_id in self.subject_ids}
+
+    def _of_rows(self, rows: Ints) -> "PoseTable":
         return PoseTable(
             self.frame[rows],
             self.time_s[rows],

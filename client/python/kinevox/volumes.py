@@ -141,6 +141,10 @@ class VolumeFrame:
     header: Header
     subjects: tuple[SubjectVolume, ...]
 
+    def subject(self, subject_id: int) -> SubjectVolume:
+        """The volume of one subject; one without a volume if that subject is not tracked."""
+        return next((subject for subject in self.subjects if subject.subject_id == subject_id), _NO_SUBJECT)
+
     @property
     def only(self) -> SubjectVolume:
         """The only subject's; one without a volume if there is no subject. FailedPrecondition if there are several."""
