@@ -20,6 +20,10 @@ client::StreamOptions LineStreamOptions::stream() const {
     return stream;
 }
 
+void add_subject_option(CLI::App& command, std::uint32_t& subject) {
+    command.add_option("--subject", subject, "Id of one subject (default: all)")->check(CLI::PositiveNumber);
+}
+
 void add_line_stream_options(CLI::App& command, LineStreamOptions& options, std::vector<std::string> formats,
                              const std::string& out_help) {
     formats.insert(formats.begin(), {"jsonl", "csv"});
@@ -30,6 +34,7 @@ void add_line_stream_options(CLI::App& command, LineStreamOptions& options, std:
     add_overwrite_option(command, options.overwrite);
     command.add_option("--frames", options.frames, "Number of messages (0: until stopped)")
         ->check(CLI::NonNegativeNumber);
+    add_subject_option(command, options.subject);
     command.add_flag("--lossless", options.lossless, "Deliver every result in order");
     command.add_option("--max-rate", options.max_rate_hz, "Maximum rate (Hz; 0: no limit)")
         ->check(CLI::NonNegativeNumber);

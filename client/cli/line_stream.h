@@ -3,6 +3,7 @@
 
 #include <absl/status/statusor.h>
 
+#include <cstdint>
 #include <cstdio>
 #include <filesystem>
 #include <string>
@@ -16,6 +17,7 @@ struct LineStreamOptions {
     std::string format = "jsonl";
     std::filesystem::path out;  // empty: standard output
     int frames = 0;             // 0: until stopped
+    std::uint32_t subject = 0;  // 0: all
     bool lossless = false, reconnect = false, overwrite = false;
     double max_rate_hz = 0;     // 0: no limit
     double idle_timeout_s = 0;  // 0: waits for ever
@@ -23,6 +25,8 @@ struct LineStreamOptions {
     client::StreamOptions stream() const;  // stopped by signals too
     v1::Delivery delivery() const { return lossless ? v1::DELIVERY_LOSSLESS : v1::DELIVERY_LATEST_ONLY; }
 };
+
+void add_subject_option(CLI::App& command, std::uint32_t& subject);
 
 // `formats`: those besides jsonl and csv; `out_help`: the help of --out.
 void add_line_stream_options(CLI::App& command, LineStreamOptions& options, std::vector<std::string> formats,

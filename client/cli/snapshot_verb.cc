@@ -1,11 +1,14 @@
 // `kinevox snapshot`.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <span>
 
+#include "client/cli/line_stream.h"
 #include "client/cli/verbs.h"
 #include "client/lib/image.h"
 #include "common/progress_line.h"
@@ -19,7 +22,8 @@ struct SnapshotOptions {
     std::string camera;  // empty: the first
     int image_height_px = 480;
     bool full_image = false, overwrite = false;
-    double wait_s = 15;  // for a tracked subject
+    std::uint32_t subject = 0;  // 0: all
+    double wait_s = 15;         // for a tracked subject
 };
 
 absl::StatusOr<Camera> choose_camera(client::Client& client, const std::string& name) {
@@ -83,11 +87,14 @@ absl::StatusOr<Pair> wait_for_pair(client::Client& client, const Camera& camera,
     const auto deadline = std::chrono::steady_clock::now() + stream.idle_timeout;
     const absl::Status volume_status = client.stream_volumes(
         {},
-        [&](const client::VolumeFrame& frame) {
+        [&](client::VolumeFrame frame) {
             const std::scoped_lock lock(mutex);
-            const client::SubjectVolume* const subject = frame.first_subject();
-            tracked = tracked || subject;
-            if (subject && subject->volume && !subject->volume->bricks.empty()) frames.push_back(frame);
+            client::keep_subject(frame, options.subject);
+            tracked = tracked || !frame.subjects.empty();
+            std::erase_if(frame.subjects, [](const client::SubjectVolume& subject) {
+                return !subject.volume || subject.volume->bricks.empty();
+            });
+            if (!frame.subjects.empty()) frames.push_back(std::move(frame));
             return match() && std::chrono::steady_clock::now() < deadline;
         },
         stream);
@@ -97,10 +104,71 @@ absl::StatusOr<Pair> wait_for_pair(client::Client& client, const Camera& camera,
     for (const absl::Status& status : {volume_status, preview_status})
         if (!status.ok() && !absl::IsCancelled(status)) return status;
     if (stop.stop_requested()) return absl::CancelledError("stopped");
+    if (tracked)
+        return absl::DeadlineExceededError(
+            fmt::format("no volume and image of one frame set within {:g} s; raise --wait", options.wait_s));
     return absl::DeadlineExceededError(
-        tracked
-            ? fmt::format("no volume and image of one frame set within {:g} s; raise --wait", options.wait_s)
-            : fmt::format("no subject within {:g} s; see `kinevox status`, or raise --wait", options.wait_s));
+        fmt::format("no subject{} within {:g} s; see `kinevox status`, or raise --wait",
+                    options.subject ? fmt::format(" {}", options.subject) : "", options.wait_s));
+}
+
+// The first subject's file has no id in its name, as in `kinevox stream volumes --format ply-folder`.
+std::vector<std::filesystem::path> ply_files(const std::filesystem::path& folder,
+                                             const client::VolumeFrame& frame) {
+    std::vector<std::filesystem::path> files;
+    for (const client::SubjectVolume& subject : frame.subjects)
+        files.push_back(folder / (files.empty()
+                                      ? "volume.ply"
+                                      : fmt::format("volume_s{}.ply", subject.subject.subject_id())));
+    return files;
+}
+
+// The camera's image, the volumes from its viewpoint, and from the side.
+client::Image comparison(const Camera& camera, const client::Image& image, std::span<const Volume> volumes,
+                         const SnapshotOptions& options) {
+    // Rendered at twice the size and scaled down, for smooth edges.
+    const client::Window window = options.full_image ? client::Window{0, 0, camera.width, camera.height}
+                                                     : client::window_around(volumes, camera);
+    const Camera part = client::cropped(camera, window);
+    const double scale = 2.0 * options.image_height_px / part.height;
+    const client::Image same_view = client::scaled_to_height(
+        client::render_volumes(volumes, client::scaled(part, scale)), options.image_height_px);
+    const int side = options.image_height_px;
+    const Camera oblique =
+        client::oblique_camera(volumes, camera.centre_in_world(), 0.9, 0.45, 2 * side * 4 / 5, 2 * side);
+    const client::Image oblique_view =
+        client::scaled_to_height(client::render_volumes(volumes, oblique), options.image_height_px);
+    return client::side_by_side(
+        {client::scaled_to_height(client::cropped(image, window), side), same_view, oblique_view});
+}
+
+void print_snapshot(bool json, const client::VolumeFrame& frame, const std::string& camera,
+                    const std::vector<std::filesystem::path>& plys, const std::filesystem::path& png) {
+    nlohmann::ordered_json subjects = nlohmann::ordered_json::array();
+    std::vector<std::string> texts, files;
+    for (std::size_t n = 0; n < plys.size(); ++n) {
+        const client::SubjectVolume& subject = frame.subjects[n];
+        const std::uint32_t id = subject.subject.subject_id();
+        const std::size_t voxels = voxel_count(*subject.volume);
+        subjects.push_back({{"subject_id", id},
+                            {"voxel_count", voxels},
+                            {"volume_litres", subject.volume_litres},
+                            {"ply", plys[n].string()}});
+        texts.push_back(fmt::format("{}{} voxels, {:.1f} l",
+                                    plys.size() > 1 ? fmt::format("subject {}: ", id) : "", voxels,
+                                    subject.volume_litres));
+        files.push_back(plys[n].string());
+    }
+    if (json) {
+        nlohmann::ordered_json out{{"sequence", frame.header.sequence()}, {"camera", camera}};
+        out.update(subjects[0]);  // the first, or only, subject
+        out["png"] = png.string();
+        out["subjects"] = std::move(subjects);
+        print_line(out.dump());
+    } else {
+        print_line(fmt::format("frame {}: {}; wrote {} and {}", frame.header.sequence(),
+                               fmt::join(texts, "; "), fmt::join(files, ", "), png.string()));
+    }
 }
 
 absl::Status run_snapshot(const GlobalOptions& global, const SnapshotOptions& options) {
@@ -116,40 +184,17 @@ absl::Status run_snapshot(const GlobalOptions& global, const SnapshotOptions& op
     const auto pair = wait_for_pair(client, *camera, options, stop);
     line.clear();
     if (!pair.ok()) return pair.status();
-    const client::SubjectVolume& subject = *pair->frame.first_subject();
-    const Volume& volume = *subject.volume;
-
-    if (const absl::Status written = write_volume_ply(volume, ply); !written.ok()) return written;
-    // Rendered at twice the size and scaled down, for smooth edges.
-    const client::Window window = options.full_image ? client::Window{0, 0, camera->width, camera->height}
-                                                     : client::window_around(volume, *camera);
-    const Camera part = client::cropped(*camera, window);
-    const double scale = 2.0 * options.image_height_px / part.height;
-    const client::Image same_view = client::scaled_to_height(
-        client::render_volume(volume, client::scaled(part, scale)), options.image_height_px);
-    const int side = options.image_height_px;
-    const Camera oblique =
-        client::oblique_camera(volume, camera->centre_in_world(), 0.9, 0.45, 2 * side * 4 / 5, 2 * side);
-    const client::Image oblique_view =
-        client::scaled_to_height(client::render_volume(volume, oblique), options.image_height_px);
-    const client::Image together = client::side_by_side(
-        {client::scaled_to_height(client::cropped(pair->preview.image, window), options.image_height_px),
-         same_view, oblique_view});
-    if (const absl::Status written = client::write_png(together, png); !written.ok()) return written;
-
-    if (global.json)
-        print_line(nlohmann::ordered_json({{"sequence", pair->frame.header.sequence()},
-                                           {"camera", camera->name},
-                                           {"subject_id", subject.subject.subject_id()},
-                                           {"voxel_count", voxel_count(volume)},
-                                           {"volume_litres", subject.volume_litres},
-                                           {"ply", ply.string()},
-                                           {"png", png.string()}})
-                       .dump());
-    else
-        print_line(fmt::format("frame {}: {} voxels, {:.1f} l; wrote {} and {}",
-                               pair->frame.header.sequence(), voxel_count(volume), subject.volume_litres,
-                               ply.string(), png.string()));
+    const std::vector<std::filesystem::path> plys = ply_files(options.out, pair->frame);
+    std::vector<Volume> volumes;
+    for (std::size_t n = 0; n < plys.size(); ++n) {
+        if (absl::Status free = check_overwrite(options.overwrite, plys[n].string()); !free.ok()) return free;
+        volumes.push_back(*pair->frame.subjects[n].volume);
+    }
+    for (std::size_t n = 0; n < plys.size(); ++n)
+        if (absl::Status written = write_volume_ply(volumes[n], plys[n]); !written.ok()) return written;
+    const client::Image image = comparison(*camera, pair->preview.image, volumes, options);
+    if (absl::Status written = client::write_png(image, png); !written.ok()) return written;
+    print_snapshot(global.json, pair->frame, camera->name, plys, png);
     return absl::OkStatus();
 }
 
@@ -157,11 +202,13 @@ absl::Status run_snapshot(const GlobalOptions& global, const SnapshotOptions& op
 
 void add_snapshot_verb(CLI::App& app, GlobalOptions& global, Run& run) {
     const auto options = std::make_shared<SnapshotOptions>();
-    CLI::App* snapshot = add_action(app, global, run, options, "snapshot",
-                                    "Save the latest volume as PLY and a comparison image", run_snapshot);
+    CLI::App* snapshot =
+        add_action(app, global, run, options, "snapshot",
+                   "Save the latest volume of each subject as PLY and a comparison image", run_snapshot);
     snapshot->add_option("--out", options->out, "Folder for volume.ply and snapshot.png")->required();
     add_overwrite_option(*snapshot, options->overwrite);
     snapshot->add_option("--camera", options->camera, "Camera of the image (default: the first)");
+    add_subject_option(*snapshot, options->subject);
     snapshot->add_option("--image-height", options->image_height_px, "Height of snapshot.png (px)")
         ->check(CLI::Range(64, 4096))
         ->capture_default_str();

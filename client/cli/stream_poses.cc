@@ -64,7 +64,8 @@ absl::Status run_poses(const GlobalOptions& global, PoseColumns columns, const L
     const client::StreamOptions stream = options.stream();  // blocks signals, so before gRPC starts threads
     int count = 0;
     std::optional<std::int64_t> first_time_ns;
-    const auto print = [&](const v1::StreamPosesResponse& message) {
+    const auto print = [&](v1::StreamPosesResponse message) {
+        client::keep_subject(message, options.subject);
         if (!csv) return writer->print(json_line(columns, message));
         bool read = true;
         for (const std::string& line : client::pose_csv_lines(columns, message, *first_time_ns))

@@ -138,7 +138,8 @@ absl::Status run_volumes(const GlobalOptions& global, const VolumesOptions& opti
         client::Client(global.client_options())
             .stream_volumes(
                 request_of(options),
-                [&](const client::VolumeFrame& frame) {
+                [&](client::VolumeFrame frame) {
+                    client::keep_subject(frame, options.subject);
                     if (ply) written = write_plys(options.out, frame);
                     if (!written.ok()) return false;
                     if (!ply || global.json)

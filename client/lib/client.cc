@@ -230,4 +230,19 @@ HeldControl::~HeldControl() {
     client_.release_control(lease_.id).IgnoreError();  // it may have expired
 }
 
+void keep_subject(VolumeFrame& frame, std::uint32_t subject_id) {
+    if (subject_id == 0) return;
+    std::erase_if(frame.subjects,
+                  [&](const SubjectVolume& each) { return each.subject.subject_id() != subject_id; });
+}
+
+void keep_subject(v1::StreamPosesResponse& message, std::uint32_t subject_id) {
+    if (subject_id == 0) return;
+    auto& subjects = *message.mutable_subjects();
+    subjects.erase(
+        std::remove_if(subjects.begin(), subjects.end(),
+                       [&](const v1::SubjectPose& each) { return each.subject_id() != subject_id; }),
+        subjects.end());
+}
+
 }  // namespace kinevox::client

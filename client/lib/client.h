@@ -90,6 +90,10 @@ struct VolumeFrame {
     const SubjectVolume* first_subject() const { return subjects.empty() ? nullptr : &subjects.front(); }
 };
 
+// Removes the other subjects; 0 keeps all.
+void keep_subject(VolumeFrame& frame, std::uint32_t subject_id);
+void keep_subject(v1::StreamPosesResponse& message, std::uint32_t subject_id);
+
 // 8 bits per channel, R G B or grey, rows without padding.
 struct Image {
     int width = 0, height = 0, channels = 0;

@@ -31,21 +31,24 @@ struct RenderOptions {
 // R G B, the camera's size: every surface voxel as a cube, the nearest in front, shaded by the volume's
 // smoothed normal.
 Image render_volume(const Volume& volume, const Camera& camera, const RenderOptions& options = {});
+// Of several subjects.
+Image render_volumes(std::span<const Volume> volumes, const Camera& camera,
+                     const RenderOptions& options = {});
 
 // The same camera with images scaled by `scale`.
 Camera scaled(const Camera& camera, double scale);
 
-// A pinhole camera that sees the whole volume, at `elevation` above the horizon, rotated about the vertical
-// by `azimuth` from `towards` (a camera's centre); radians, px.
-Camera oblique_camera(const Volume& volume, const Vec3& towards_in_world, double azimuth, double elevation,
-                      int width, int height);
+// A pinhole camera that sees the volumes completely, at `elevation` above the horizon, rotated about the
+// vertical by `azimuth` from `towards` (a camera's centre); radians, px.
+Camera oblique_camera(std::span<const Volume> volumes, const Vec3& towards_in_world, double azimuth,
+                      double elevation, int width, int height);
 
-// The square window of a camera's image around the volume, twice as high as the volume appears, within the
-// image; the full image for an empty volume. And a camera that sees just that window.
+// The square window of a camera's image around the volumes, twice as high as they appear, within the
+// image; the full image without any. And a camera that sees just that window.
 struct Window {
     int x = 0, y = 0, width = 0, height = 0;  // px
 };
-Window window_around(const Volume& volume, const Camera& camera);
+Window window_around(std::span<const Volume> volumes, const Camera& camera);
 Camera cropped(const Camera& camera, const Window& window);
 Image cropped(const Image& image, const Window& window);
 

@@ -82,16 +82,19 @@ struct Box {
     Vec3 low, high;  // m, world
 };
 
-Box bounds_of(const Volume& volume) {
+// Empty (low above high) without a brick.
+Box bounds_of(std::span<const Volume> volumes) {
     Box box{{1e9, 1e9, 1e9}, {-1e9, -1e9, -1e9}};
-    const double brick_m = 8 * volume.grid.voxel_m;
-    for (const VolumeBrick& brick : volume.bricks) {
-        const Vec3 corner =
-            volume.grid.origin_in_world + brick_m * Vec3{1.0 * brick.x, 1.0 * brick.y, 1.0 * brick.z};
-        box.low = {std::min(box.low.x, corner.x), std::min(box.low.y, corner.y),
-                   std::min(box.low.z, corner.z)};
-        box.high = {std::max(box.high.x, corner.x + brick_m), std::max(box.high.y, corner.y + brick_m),
-                    std::max(box.high.z, corner.z + brick_m)};
+    for (const Volume& volume : volumes) {
+        const double brick_m = 8 * volume.grid.voxel_m;
+        for (const VolumeBrick& brick : volume.bricks) {
+            const Vec3 corner =
+                volume.grid.origin_in_world + brick_m * Vec3{1.0 * brick.x, 1.0 * brick.y, 1.0 * brick.z};
+            box.low = {std::min(box.low.x, corner.x), std::min(box.low.y, corner.y),
+                       std::min(box.low.z, corner.z)};
+            box.high = {std::max(box.high.x, corner.x + brick_m), std::max(box.high.y, corner.y + brick_m),
+                        std::max(box.high.z, corner.z + brick_m)};
+        }
     }
     return box;
 }
@@ -125,13 +128,7 @@ void draw_floor(const Box& box, const Camera& camera, const RenderOptions& optio
         for (double x = x0; x <= x1; x += kDot) dot_at(x, y);
 }
 
-}  // namespace
-
-Image render_volume(const Volume& volume, const Camera& camera, const RenderOptions& options) {
-    Canvas canvas(camera.width, camera.height, options.background);
-    if (volume.bricks.empty()) return canvas.take();
-    if (options.floor_grid) draw_floor(bounds_of(volume), camera, options, canvas);
-
+void draw_volume(const Volume& volume, const Camera& camera, const RenderOptions& options, Canvas& canvas) {
     const Occupancy occupied(volume);
     const std::vector<VoxelIndex> voxels = surface_voxels(volume);
     const bool coloured = volume.colours.size() == voxels.size();
@@ -163,7 +160,21 @@ Image render_volume(const Volume& volume, const Camera& camera, const RenderOpti
                     static_cast<int>(std::floor(pixel->x + half_x_px)),
                     static_cast<int>(std::floor(pixel->y + half_y_px)), depth, colour);
     }
+}
+
+}  // namespace
+
+Image render_volumes(std::span<const Volume> volumes, const Camera& camera, const RenderOptions& options) {
+    Canvas canvas(camera.width, camera.height, options.background);
+    const Box box = bounds_of(volumes);
+    if (box.low.x > box.high.x) return canvas.take();
+    if (options.floor_grid) draw_floor(box, camera, options, canvas);
+    for (const Volume& volume : volumes) draw_volume(volume, camera, options, canvas);
     return canvas.take();
+}
+
+Image render_volume(const Volume& volume, const Camera& camera, const RenderOptions& options) {
+    return render_volumes({&volume, 1}, camera, options);
 }
 
 Camera scaled(const Camera& camera, double scale) {
@@ -177,15 +188,16 @@ Camera scaled(const Camera& camera, double scale) {
     return out;
 }
 
-Window window_around(const Volume& volume, const Camera& camera) {
+Window window_around(std::span<const Volume> volumes, const Camera& camera) {
     double x0 = 1e9, x1 = -1e9, y0 = 1e9, y1 = -1e9;
-    for (const VoxelIndex& v : surface_voxels(volume)) {
-        const auto pixel = camera.project(volume.grid.origin_in_world +
-                                          volume.grid.voxel_m * Vec3{v.i + 0.5, v.j + 0.5, v.k + 0.5});
-        if (!pixel) continue;
-        x0 = std::min(x0, pixel->x), x1 = std::max(x1, pixel->x);
-        y0 = std::min(y0, pixel->y), y1 = std::max(y1, pixel->y);
-    }
+    for (const Volume& volume : volumes)
+        for (const VoxelIndex& v : surface_voxels(volume)) {
+            const auto pixel = camera.project(volume.grid.origin_in_world +
+                                              volume.grid.voxel_m * Vec3{v.i + 0.5, v.j + 0.5, v.k + 0.5});
+            if (!pixel) continue;
+            x0 = std::min(x0, pixel->x), x1 = std::max(x1, pixel->x);
+            y0 = std::min(y0, pixel->y), y1 = std::max(y1, pixel->y);
+        }
     if (x0 > x1 || x1 < 0 || y1 < 0 || x0 >= camera.width || y0 >= camera.height)
         return {0, 0, camera.width, camera.height};
     const int side = static_cast<int>(std::clamp(std::max(2 * (y1 - y0), 1.3 * (x1 - x0)), 16.0, 1e5));
@@ -219,9 +231,9 @@ Image cropped(const Image& image, const Window& window) {
     return out;
 }
 
-Camera oblique_camera(const Volume& volume, const Vec3& towards_in_world, double azimuth, double elevation,
-                      int width, int height) {
-    const Box box = bounds_of(volume);
+Camera oblique_camera(std::span<const Volume> volumes, const Vec3& towards_in_world, double azimuth,
+                      double elevation, int width, int height) {
+    const Box box = bounds_of(volumes);
     const Vec3 middle = 0.5 * (box.low + box.high);
     const double from = std::atan2(towards_in_world.y - middle.y, towards_in_world.x - middle.x) + azimuth;
     const Vec3 backward{std::cos(elevation) * std::cos(from), std::cos(elevation) * std::sin(from),

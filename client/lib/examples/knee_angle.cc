@@ -1,4 +1,5 @@
-// Prints time, right knee angle and its standard deviation of each pose.   usage: knee_angle [HOST:PORT]
+// Prints time, subject, right knee angle and its standard deviation of each pose.   usage: knee_angle
+// [HOST:PORT]
 #include <cstdio>
 
 #include "client/lib/client.h"
@@ -12,9 +13,9 @@ int main(int argc, char** argv) {
             for (const v1::SubjectPose& subject : message.subjects())
                 for (const v1::CoordinateEstimate& angle : subject.pose().coordinates())
                     if (angle.name() == "knee_angle_r" && angle.has_value_deg())  // else withheld
-                        std::printf("%.3f s  %.1f +- %.1f deg\n",
+                        std::printf("%.3f s  subject %u  %.1f +- %.1f deg\n",
                                     1e-9 * static_cast<double>(message.header().capture_time_ns()),
-                                    angle.value_deg(), angle.std_deg());
+                                    subject.subject_id(), angle.value_deg(), angle.std_deg());
             return std::fflush(stdout) == 0;  // until nothing reads it
         },
         {.reconnect = true});

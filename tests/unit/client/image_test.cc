@@ -62,7 +62,7 @@ TEST(WritePng, IsReadBackByOpenCv) {
 // The rendered body must be where the camera model projects the volume.
 TEST(RenderVolume, DrawsVolumeWhereCameraProjectsIt) {
     const Volume person = testing::person_volume(0.02);
-    const Camera camera = oblique_camera(person, {4, 1, 1}, 0.3, 0.2, 200, 300);
+    const Camera camera = oblique_camera({&person, 1}, {4, 1, 1}, 0.3, 0.2, 200, 300);
     RenderOptions options;
     options.background = {0, 255, 0};
     options.floor_grid = false;
@@ -87,10 +87,33 @@ TEST(RenderVolume, DrawsVolumeWhereCameraProjectsIt) {
     EXPECT_LT(body, 200 * 300 / 2);
 }
 
+TEST(RenderVolume, ShowsTheNearestOfSeveral) {
+    std::vector<Volume> people(2, testing::person_volume(0.03));
+    people[0].colours.assign(surface_voxels(people[0]).size(), {250, 0, 0});
+    people[1].colours.assign(surface_voxels(people[1]).size(), {0, 0, 250});
+    const Vec3 towards{4, 0, 1};
+    const auto count = [&](const Camera& camera, std::size_t channel) {
+        const Image image = render_volumes(people, camera);
+        int pixels = 0;
+        for (std::size_t i = 0; i < image.data.size(); i += 3)
+            pixels += image.data[i + channel] > 60 && image.data[i + 2 - channel] < 40;
+        return pixels;
+    };
+    people[1].grid.origin_in_world.y += 1.2;  // side by side
+    Camera camera = oblique_camera(people, towards, 0, 0.1, 300, 300);
+    const int red = count(camera, 0), blue = count(camera, 2);
+    EXPECT_GT(red, 1000);
+    EXPECT_NEAR(blue, red, 0.2 * red);
+    people[1].grid.origin_in_world.y -= 1.2;
+    people[1].grid.origin_in_world.x -= 0.8;  // behind
+    EXPECT_LT(count(camera, 2), 0.4 * blue);
+    EXPECT_NEAR(count(camera, 0), red, 0.1 * red);
+}
+
 TEST(RenderVolume, CroppedScaledCameraMatchesCroppedScaledImage) {
     const Volume person = testing::person_volume(0.03);
-    const Camera camera = oblique_camera(person, {4, 1, 1}, 0.3, 0.2, 320, 240);
-    const Window window = window_around(person, camera);
+    const Camera camera = oblique_camera({&person, 1}, {4, 1, 1}, 0.3, 0.2, 320, 240);
+    const Window window = window_around({&person, 1}, camera);
     EXPECT_LE(window.x + window.width, camera.width);
     EXPECT_EQ(render_volume(person, cropped(camera, window)).data,
               cropped(render_volume(person, camera), window).data);
