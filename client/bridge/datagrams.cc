@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <oscpack/osc/OscOutboundPacketStream.h>
 
+#include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/udp.hpp>
 #include <cmath>
@@ -99,12 +100,14 @@ std::vector<VmcBone> vmc_bones(const v1::Pose& pose) {
     return bones;
 }
 
-std::vector<std::string> vmc_datagrams(const v1::Pose* pose, double time_s) {
+std::vector<std::string> vmc_datagrams(const v1::Pose* pose, std::uint32_t subject_id, double time_s) {
     const std::vector<VmcBone> bones = pose ? vmc_bones(*pose) : std::vector<VmcBone>{};
     std::vector<std::string> datagrams;
     datagrams.push_back(datagram([&](osc::OutboundPacketStream& out) {
         out << osc::BeginMessage("/VMC/Ext/OK") << static_cast<osc::int32>(!bones.empty()) << osc::EndMessage;
         out << osc::BeginMessage("/VMC/Ext/T") << static_cast<float>(time_s) << osc::EndMessage;
+        out << osc::BeginMessage("/Kinevox/Ext/Subject") << static_cast<osc::int32>(subject_id)
+            << osc::EndMessage;
         if (bones.empty()) return;
         out << osc::BeginMessage("/VMC/Ext/Root/Pos") << "root";
         for (const float value : {0.f, 0.f, 0.f, 0.f, 0.f, 0.f, 1.f}) out << value;
@@ -124,6 +127,28 @@ std::vector<std::string> vmc_datagrams(const v1::Pose* pose, double time_s) {
     return datagrams;
 }
 
+std::vector<std::uint32_t> Avatars::update(std::span<const std::uint32_t> subject_ids, std::int64_t now_ns) {
+    if (now_ns < latest_ns_) *this = Avatars(static_cast<int>(avatars_.size()));
+    latest_ns_ = now_ns;
+    const auto of = [&](std::uint32_t id) { return std::ranges::find(avatars_, id, &Avatar::subject_id); };
+    for (Avatar& avatar : avatars_) {
+        if (std::ranges::count(subject_ids, avatar.subject_id) > 0) avatar.seen_ns = now_ns;
+        if (now_ns - avatar.seen_ns > kKept_ns) avatar = {};
+    }
+    std::vector<std::uint32_t> shown(avatars_.size(), 0);
+    for (const std::uint32_t id : subject_ids) {
+        auto avatar = of(id);
+        if (avatar == avatars_.end()) avatar = of(0);
+        if (avatar == avatars_.end() && id > newest_id_)
+            avatar = std::ranges::find_if(avatars_, [&](const Avatar& a) { return a.seen_ns < now_ns; });
+        if (avatar == avatars_.end()) continue;
+        *avatar = {id, now_ns};
+        shown[static_cast<std::size_t>(avatar - avatars_.begin())] = id;
+    }
+    for (const std::uint32_t id : subject_ids) newest_id_ = std::max(newest_id_, id);
+    return shown;
+}
+
 using boost::asio::ip::udp;
 
 struct UdpSender::Socket {
@@ -136,14 +161,19 @@ UdpSender::UdpSender(std::unique_ptr<Socket> socket) : socket_(std::move(socket)
 UdpSender::~UdpSender() = default;
 UdpSender::UdpSender(UdpSender&&) noexcept = default;
 
-absl::StatusOr<UdpSender> UdpSender::open(const std::string& to) {
+absl::StatusOr<UdpSender> UdpSender::open(const std::string& to, int port_offset) {
     const auto address = parse_host_port(to);
+    constexpr int kMaxPort = 65'535;
+    if (address && address->port + port_offset > kMaxPort)
+        return absl::InvalidArgumentError(
+            fmt::format("\"{}\" leaves no port for {} further subjects; give a lower port", to, port_offset));
     if (!address || address->port == 0)
         return absl::InvalidArgumentError(
             fmt::format("\"{}\" is not HOST:PORT; give an address such as 127.0.0.1:39539", to));
     auto socket = std::make_unique<Socket>();
     boost::system::error_code error;
-    const auto found = udp::resolver(socket->io).resolve(address->host, std::to_string(address->port), error);
+    const auto found =
+        udp::resolver(socket->io).resolve(address->host, std::to_string(address->port + port_offset), error);
     if (error || found.empty())
         return absl::NotFoundError(fmt::format("host {} cannot be resolved ({}); give an IP address",
                                                address->host, error.message()));

@@ -31,15 +31,38 @@ struct VmcBone {
 // Kinevox's +x looks along the receiver's +z.
 std::vector<VmcBone> vmc_bones(const v1::Pose& pose);
 
-// Datagrams of at most 1472 bytes, below the MTU of Ethernet: state and time, then the bones. No pose:
-// /VMC/Ext/OK 0.
-std::vector<std::string> vmc_datagrams(const v1::Pose* pose, double time_s);
+// Datagrams of at most 1472 bytes, below the MTU of Ethernet: state, time and the subject's id
+// (/Kinevox/Ext/Subject, which receivers of the protocol ignore), then the bones. No pose: /VMC/Ext/OK 0.
+std::vector<std::string> vmc_datagrams(const v1::Pose* pose, std::uint32_t subject_id, double time_s);
+
+// Assigns subjects to avatars, lower ids first. A subject keeps its avatar while it is seen and for a time
+// after it was lost, so that an avatar does not jump to another person; only a new subject, who may be the
+// same person, takes it at once.
+class Avatars {
+  public:
+    static constexpr std::int64_t kKept_ns = 1'500'000'000;
+
+    explicit Avatars(int count) : avatars_(static_cast<std::size_t>(count)) {}
+
+    // Subject of each avatar; 0: none is seen now. Times that go back, as in a replay, free all avatars.
+    std::vector<std::uint32_t> update(std::span<const std::uint32_t> subject_ids, std::int64_t now_ns);
+
+  private:
+    struct Avatar {
+        std::uint32_t subject_id = 0;  // 0: free
+        std::int64_t seen_ns = 0;
+    };
+    std::vector<Avatar> avatars_;
+    std::int64_t latest_ns_ = 0;
+    std::uint32_t newest_id_ = 0;
+};
 
 // Datagrams to one address. One that cannot be sent immediately is dropped and counted.
 class UdpSender {
   public:
     // `to`: HOST:PORT, a name or an address; a broadcast address is allowed. InvalidArgument, NotFound.
-    static absl::StatusOr<UdpSender> open(const std::string& to);
+    // `port_offset` is added to the port.
+    static absl::StatusOr<UdpSender> open(const std::string& to, int port_offset = 0);
     ~UdpSender();
     UdpSender(UdpSender&&) noexcept;
 

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "client/bridge/datagrams.h"
 #include "client/lib/client.h"
@@ -24,15 +25,22 @@ struct Options {
     client::ConnectionOptions connection;
     std::string to, content = "angles";
     double max_rate_hz = 0;
+    std::uint32_t subject = 0;  // 0: all
+    int max_subjects = 1;       // of VMC
 };
 
+// `on_pose` gets one sender per subject, to ports that follow each other.
 template <typename OnPose>
 absl::Status run(const Options& options, const OnPose& on_pose) {
     const std::stop_token stop = client::stop_on_signals();
     const auto connection = options.connection.open();
     if (!connection.ok()) return connection.status();
-    auto sender = UdpSender::open(options.to);
-    if (!sender.ok()) return sender.status();
+    std::vector<UdpSender> senders;
+    for (int n = 0; n < options.max_subjects; ++n) {
+        auto sender = UdpSender::open(options.to, n);
+        if (!sender.ok()) return sender.status();
+        senders.push_back(*std::move(sender));
+    }
     v1::StreamPosesRequest request;
     request.set_max_rate_hz(options.max_rate_hz);
     client::StreamOptions stream;
@@ -46,26 +54,36 @@ absl::Status run(const Options& options, const OnPose& on_pose) {
     const absl::Status ended = client::Client(*connection)
                                    .stream_poses(
                                        request,
-                                       [&](const v1::StreamPosesResponse& message) {
-                                           on_pose(message, *sender);
+                                       [&](v1::StreamPosesResponse message) {
+                                           client::keep_subject(message, options.subject);
+                                           on_pose(message, senders);
                                            return true;
                                        },
                                        stream);
-    fmt::print("{} datagrams sent, {} dropped\n", sender->sent(), sender->dropped());
+    std::uint64_t sent = 0, dropped = 0;
+    for (const UdpSender& sender : senders) sent += sender.sent(), dropped += sender.dropped();
+    fmt::print("{} datagrams sent, {} dropped\n", sent, dropped);
     return absl::IsCancelled(ended) ? absl::OkStatus() : ended;
 }
 
-// The protocol has one avatar: the first subject.
+// The protocol has one avatar per port.
 absl::Status run_vmc(const Options& options) {
     std::int64_t first_ns = 0;
-    return run(options, [&](const v1::StreamPosesResponse& message, UdpSender& sender) {
+    Avatars avatars(options.max_subjects);
+    return run(options, [&](const v1::StreamPosesResponse& message, std::vector<UdpSender>& senders) {
         const std::int64_t now_ns = message.header().capture_time_ns();
         if (first_ns == 0 || now_ns < first_ns) first_ns = now_ns;
         const double time_s = 1e-9 * static_cast<double>(now_ns - first_ns);
-        const v1::Pose* const pose = message.subjects_size() > 0 && message.subjects(0).has_pose()
-                                         ? &message.subjects(0).pose()
-                                         : nullptr;
-        for (const std::string& datagram : vmc_datagrams(pose, time_s)) sender.send(datagram);
+        std::vector<std::uint32_t> ids;
+        for (const v1::SubjectPose& subject : message.subjects()) ids.push_back(subject.subject_id());
+        const std::vector<std::uint32_t> shown = avatars.update(ids, now_ns);
+        for (std::size_t n = 0; n < senders.size(); ++n) {
+            const v1::Pose* pose = nullptr;
+            for (const v1::SubjectPose& subject : message.subjects())
+                if (subject.subject_id() == shown[n] && subject.has_pose()) pose = &subject.pose();
+            for (const std::string& datagram : vmc_datagrams(pose, shown[n], time_s))
+                senders[n].send(datagram);
+        }
     });
 }
 
@@ -79,7 +97,8 @@ absl::Status run_csv(const Options& options) {
     const std::string header = client::pose_csv_header(columns);
     std::optional<std::int64_t> first_ns;
     std::int64_t header_ns = 0;
-    return run(options, [&](const v1::StreamPosesResponse& message, UdpSender& sender) {
+    return run(options, [&](const v1::StreamPosesResponse& message, std::vector<UdpSender>& senders) {
+        UdpSender& sender = senders.front();
         const std::int64_t now_ns = message.header().capture_time_ns();
         const bool first = !first_ns || now_ns < header_ns;  // or a replay went back
         if (first) first_ns = now_ns;
@@ -106,10 +125,16 @@ int main(int argc, char** argv) {
         command->add_option("--max-rate", options.max_rate_hz, "Maximum poses per second (0: all)")
             ->check(CLI::Range(0.0, 1000.0))
             ->capture_default_str();
+        command->add_option("--subject", options.subject, "Id of the only subject to forward")
+            ->check(CLI::PositiveNumber);
         return command;
     };
     const std::string vmc_to = fmt::format("127.0.0.1:{}", kVmcPort), csv_to = "127.0.0.1:50780";
     CLI::App* vmc = add("vmc", "Virtual Motion Capture protocol (OSC), for game engines and avatars", vmc_to);
+    vmc->add_option("--max-subjects", options.max_subjects,
+                    "Number of avatars; each is sent to a port of its own, from the port of --to upwards")
+        ->check(CLI::Range(1, 16))
+        ->capture_default_str();
     CLI::App* csv = add("csv", "One CSV line per datagram; the header every two seconds", csv_to);
     csv->add_option("--content", options.content, "angles (deg), joints (m) or coordinates (deg, m)")
         ->check(CLI::IsMember({"angles", "joints", "coordinates"}))

@@ -10,6 +10,7 @@
 namespace kinevox::bridge {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
 const char* const kSegments[] = {"pelvis",  "thorax",      "head",        "thigh_l",   "shank_l",
@@ -128,9 +129,9 @@ TEST(VmcTest, WithheldSegmentsAreNotSent) {
 
 TEST(VmcTest, DatagramsAreOscWithinEthernetFrame) {
     const v1::Pose pose = standing();
-    int bones = 0, ok = -1;
+    int bones = 0, ok = -1, subject_id = -1;
     float time_s = 0;
-    for (const std::string& datagram : vmc_datagrams(&pose, 12.5)) {
+    for (const std::string& datagram : vmc_datagrams(&pose, 3, 12.5)) {
         EXPECT_LE(datagram.size(), 1472U);
         const osc::ReceivedPacket packet(datagram.data(), datagram.size());
         ASSERT_TRUE(packet.IsBundle());
@@ -139,6 +140,7 @@ TEST(VmcTest, DatagramsAreOscWithinEthernetFrame) {
             const osc::ReceivedMessage message(*element);
             const std::string address = message.AddressPattern();
             if (address == "/VMC/Ext/OK") ok = message.ArgumentsBegin()->AsInt32();
+            if (address == "/Kinevox/Ext/Subject") subject_id = message.ArgumentsBegin()->AsInt32();
             if (address == "/VMC/Ext/T") time_s = message.ArgumentsBegin()->AsFloat();
             if (address != "/VMC/Ext/Bone/Pos") continue;
             EXPECT_STREQ(message.TypeTags(), "sfffffff");
@@ -147,8 +149,32 @@ TEST(VmcTest, DatagramsAreOscWithinEthernetFrame) {
     }
     EXPECT_EQ(bones, 15);
     EXPECT_EQ(ok, 1);
+    EXPECT_EQ(subject_id, 3);
     EXPECT_FLOAT_EQ(time_s, 12.5f);
-    ASSERT_EQ(vmc_datagrams(nullptr, 1).size(), 1U);
+    ASSERT_EQ(vmc_datagrams(nullptr, 0, 1).size(), 1U);
+}
+
+using Ids = std::vector<std::uint32_t>;
+constexpr std::int64_t kSecond_ns = 1'000'000'000;
+
+TEST(AvatarsTest, SubjectsKeepTheirAvatars) {
+    Avatars avatars(2);
+    EXPECT_THAT(avatars.update(Ids{1}, 1 * kSecond_ns), ElementsAre(1, 0));
+    EXPECT_THAT(avatars.update(Ids{1, 2, 3}, 2 * kSecond_ns), ElementsAre(1, 2)) << "no avatar is left for 3";
+    EXPECT_THAT(avatars.update(Ids{2, 3}, 3 * kSecond_ns), ElementsAre(0, 2)) << "1 may return";
+    EXPECT_THAT(avatars.update(Ids{1, 2, 3}, 3 * kSecond_ns + 1), ElementsAre(1, 2));
+    EXPECT_THAT(avatars.update(Ids{2, 3}, 4 * kSecond_ns), ElementsAre(0, 2));
+    EXPECT_THAT(avatars.update(Ids{2, 3}, 5 * kSecond_ns), ElementsAre(3, 2)) << "1 is gone";
+    EXPECT_THAT(avatars.update(Ids{2}, 1 * kSecond_ns), ElementsAre(2, 0)) << "after a seek";
+}
+
+TEST(AvatarsTest, OneAvatarShowsTheFirstAndNewSubjectsAtOnce) {
+    Avatars avatars(1);
+    EXPECT_THAT(avatars.update(Ids{4, 5}, 1 * kSecond_ns), ElementsAre(4));
+    EXPECT_THAT(avatars.update(Ids{5}, 2 * kSecond_ns), ElementsAre(0)) << "not the other person";
+    EXPECT_THAT(avatars.update(Ids{5, 6}, 2 * kSecond_ns + 1), ElementsAre(6)) << "4 with a new id";
+    EXPECT_THAT(avatars.update(Ids{}, 2 * kSecond_ns + 2), ElementsAre(0));
+    EXPECT_THAT(avatars.update(Ids{7}, 2 * kSecond_ns + 3), ElementsAre(7));
 }
 
 TEST(UdpSenderTest, InvalidAddressIsNamed) {
@@ -157,6 +183,7 @@ TEST(UdpSenderTest, InvalidAddressIsNamed) {
         EXPECT_TRUE(absl::IsInvalidArgument(UdpSender::open(bad).status())) << bad;
     EXPECT_TRUE(UdpSender::open("127.0.0.1:39539").ok());
     EXPECT_TRUE(UdpSender::open("[::1]:39539").ok());
+    EXPECT_TRUE(absl::IsInvalidArgument(UdpSender::open("127.0.0.1:65535", 1).status()));
 }
 
 }  // namespace
