@@ -18,6 +18,12 @@ export function skipWithoutChromium() {
   process.exit(SKIPPED);
 }
 
+/** A file of the shared test data (tests/support/test_data.h); undefined where it is not. */
+export function testData(name) {
+  const file = join(process.env.KINEVOX_TEST_DATA ?? join(REPOSITORY, "../shared/data"), name);
+  return existsSync(file) ? file : undefined;
+}
+
 export const temporary = mkdtempSync(join(tmpdir(), "kinevox-exhibit-"));
 const running = new Set();
 
@@ -55,13 +61,16 @@ export function residentMb(pid) {
   }
 }
 
-/** A daemon on a small virtual studio. */
-export function startDaemon(program, { motion = "arm_raise", port = 0, fps = 5 } = {}) {
-  const config = join(temporary, `kinevoxd-${motion}-${port}.toml`);
+/** A daemon on a small virtual studio, or on the people of a session. */
+export function startDaemon(program, { motion = "arm_raise", port = 0, fps = 5, session, maxSubjects = 1 } = {}) {
+  const config = join(temporary, `kinevoxd-${session ? "session" : motion}-${port}.toml`);
+  const source = session
+    ? `[source]\nkind = "session"\nsession_file = "${session}"\npacing = "real_time"\nloop = true\n`
+    : `[source]\nkind = "studio"\n[source.studio]\n` +
+      `motion = "${motion}"\nwidth_px = 240\nheight_px = 180\nfps = ${fps.toFixed(1)}\n`;
   writeFileSync(
     config,
-    `[server]\nlisten = "127.0.0.1:${port}"\n[source]\nkind = "studio"\n[source.studio]\n` +
-      `motion = "${motion}"\nwidth_px = 240\nheight_px = 180\nfps = ${fps.toFixed(1)}\n` +
+    `[server]\nlisten = "127.0.0.1:${port}"\n${source}[tracking]\nmax_subjects = ${maxSubjects}\n` +
       `[pose]\ndatabase_file = ""\nauto_fit_body = false\n[calibration]\nfolder = ""\n[recording]\nfolder = ""\n[log]\nlevel = "error"\n`,
   );
   return start(program, "--config", config);

@@ -1,15 +1,16 @@
 // The state of the page and its display, driven only by message() and frame().
 import type { CaptureState, GetStatusResponse } from "./gen/kinevox/v1/capture_service_pb";
-import type { StreamPosesResponse, StreamVolumesResponse } from "./gen/kinevox/v1/stream_service_pb";
+import type { StreamPosesResponse, StreamVolumesResponse, SubjectVolume } from "./gen/kinevox/v1/stream_service_pb";
 import type { GatewayMessage } from "./gen/kinevox/web/v1/exhibit_pb";
 import { AnglePanel } from "./angle_panel";
 import { ChampionPanel } from "./champion_panel";
 import type { Champion } from "./champions";
+import { Following, type Mark } from "./following";
 import type { Languages } from "./language";
 import type { Scene } from "./scene";
 import { ANGLES, JOINTS, type Angle, type Angles, type Joint, type Joints, type Vec3 } from "./skeleton";
 import { Visit } from "./visit";
-import { VolumeDecoder } from "./volume_codec";
+import { VolumeDecoder, type Surface } from "./volume_codec";
 import { DamagedVolume } from "./volume_sections";
 
 const PANEL_INTERVAL_MS = 66; // numbers that change faster cannot be read
@@ -35,11 +36,13 @@ export class App {
     poses: 0,
     volumes: 0,
     volumesWithoutPose: 0,
+    others: 0, // outlines of the latest volumes
     damaged: 0,
     errors: [] as string[],
     missed: 0,
     connections: 0,
   };
+  private readonly following: Following;
   private readonly decoder = new VolumeDecoder();
   private readonly anglePanel = new AnglePanel(byId("angle-rows"));
   private readonly championPanel: ChampionPanel;
@@ -64,7 +67,9 @@ export class App {
     private readonly languages: Languages,
     private readonly champions: readonly Champion[],
     private readonly clock: () => number,
+    mark?: Mark,
   ) {
+    this.following = new Following(mark);
     this.visit = new Visit(champions[0]!);
     this.championPanel = new ChampionPanel(champions, (champion) => {
       this.visit.choose(champion);
@@ -111,12 +116,21 @@ export class App {
 
   private pose({ header, subjects }: StreamPosesResponse): void {
     this.counts.poses += 1;
-    const subject = subjects[0]; // the page shows one visitor
-    const pose = subject?.pose;
     this.receivedAt = this.clock();
+    for (const { subjectId, pose } of subjects) {
+      const root = pose?.joints.find((joint) => joint.name === "root")?.positionInWorld;
+      this.following.place(subjectId, root && [root.x, root.y, root.z]);
+    }
+    const before = this.following.subject;
+    const followed = this.following.update(
+      subjects.map((subject) => subject.subjectId),
+      this.receivedAt,
+    );
+    if (this.following.subject !== before) this.clearBody(); // the recent poses are of another one
+    const pose = subjects.find((subject) => subject.subjectId === followed)?.pose;
     if (!pose) {
-      this.clearBody(); // no subject, or no pose found
-      this.visit.update(subject?.subjectId ?? 0, {}, {}, this.receivedAt);
+      this.clearBody(); // not there, or no pose found
+      this.visit.update(followed, {}, {}, this.receivedAt);
       return;
     }
     const joints: Joints = {},
@@ -139,7 +153,7 @@ export class App {
     if (this.recent.length > RECENT_POSES) this.recent.shift();
     const root = joints.root;
     if (root) this.centre = root;
-    this.visit.update(subject.subjectId, joints, angles, this.receivedAt);
+    this.visit.update(followed, joints, angles, this.receivedAt);
   }
 
   private clearBody(): void {
@@ -153,6 +167,7 @@ export class App {
     if (now_ms - this.receivedAt > IDLE_TIMEOUT_MS && this.joints) {
       this.clearBody();
       this.scene.showVolume(undefined);
+      this.showOthers([]);
     }
     this.visit.advance(now_ms);
     this.showVolume();
@@ -170,19 +185,43 @@ export class App {
     const message = this.volume;
     if (!message) return;
     this.volume = undefined;
-    const subject = message.subjects[0];
-    this.volumeLitres = subject?.volumeLitres ?? 0;
+    for (const { subject } of message.subjects) {
+      const centre = subject?.centreInWorld;
+      // A subject without a pose has the position of its volume.
+      if (subject && centre) this.following.placeIfUnknown(subject.subjectId, [centre.x, centre.y, centre.z]);
+    }
+    const isFollowed = ({ subject }: SubjectVolume) => subject?.subjectId === this.following.subject;
+    const followed = message.subjects.find(isFollowed);
+    this.volumeLitres = followed?.volumeLitres ?? 0;
     this.drawn = this.recent.find((pose) => pose.sequence === message.header?.sequence)?.joints;
-    if (!subject || subject.encodedVolume.length === 0) return this.scene.showVolume(undefined);
-    try {
-      this.scene.showVolume(this.decoder.decode(subject.encodedVolume));
+    const shown = this.decodeAndShow(followed, (surface) => this.scene.showVolume(surface));
+    if (shown) {
       this.counts.volumes += 1;
       if (!this.drawn) this.counts.volumesWithoutPose += 1;
+    }
+    this.showOthers(message.subjects.filter((subject) => !isFollowed(subject)));
+  }
+
+  /** The others are outlines. */
+  private showOthers(others: readonly SubjectVolume[]): void {
+    let count = 0;
+    for (const other of others)
+      if (this.decodeAndShow(other, (surface) => surface && this.scene.showOther(count, surface))) count += 1;
+    this.scene.hideOthersFrom(count);
+    this.counts.others = count;
+  }
+
+  /** Shows nothing and returns false if there is no volume, or a damaged one: the next volume follows at once. */
+  private decodeAndShow(volume: SubjectVolume | undefined, show: (surface: Surface | undefined) => void): boolean {
+    let surface: Surface | undefined;
+    try {
+      if (volume && volume.encodedVolume.length > 0) surface = this.decoder.decode(volume.encodedVolume);
     } catch (error) {
       if (!(error instanceof DamagedVolume)) throw error;
-      this.counts.damaged += 1; // the next volume follows at once
-      this.scene.showVolume(undefined);
+      this.counts.damaged += 1;
     }
+    show(surface);
+    return surface !== undefined;
   }
 
   private attractPose(now_ms: number): Joints {
@@ -219,6 +258,7 @@ export class App {
   get state() {
     return {
       ...this.counts,
+      at: this.centre, // of the followed visitor
       problem: this.problem(),
       present: this.visit.present,
       visit: this.visit.number,

@@ -1,6 +1,8 @@
-// The exhibit page. URL parameters: lang=de, level=1 (halves the volume's resolution), probe (access for tests).
+// The exhibit page. URL parameters: lang=de, level=1 (halves the volume's resolution), mark=X,Y (where the followed
+// visitor stands), probe (access for tests).
 import "./style.css";
 import { App } from "./app";
+import { readMark } from "./following";
 import { readChampion, type Champion } from "./champions";
 import { StreamKind } from "./gen/kinevox/web/v1/exhibit_pb";
 import { Languages, type LanguageList, type Texts } from "./language";
@@ -78,7 +80,10 @@ async function main(): Promise<void> {
   const champions = await readChampions();
   const scene = new Scene(document.getElementById("scene") as HTMLCanvasElement);
   const clock = { now: () => performance.now() };
-  const app = new App(scene, languages, champions, () => clock.now());
+  const markText = parameters.get("mark");
+  const mark = markText === null ? undefined : readMark(markText);
+  if (markText !== null && !mark) console.error(`mark=${markText} in the URL is not X,Y in metres; the origin is used`);
+  const app = new App(scene, languages, champions, () => clock.now(), mark);
   const translate = () => {
     app.translate();
     markLanguage(languages);

@@ -38,6 +38,8 @@ export class Scene {
   private readonly camera = new PerspectiveCamera(FIELD_DEG, 1, 0.1, 60);
   private readonly controls: OrbitControls;
   private readonly volume = new VolumePoints();
+  private readonly others: VolumePoints[] = []; // outlines
+  private pixelsPerMetre = 1;
   private readonly body = new StickFigure(1);
   private readonly champion = new StickFigure(2, 1.5);
   private readonly target = new Vector3(0, 0, LOOK_M);
@@ -76,7 +78,8 @@ export class Scene {
       wide = Math.tan((FIELD_DEG * Math.PI) / 360) * this.camera.aspect;
     this.camera.fov = (360 / Math.PI) * Math.atan(Math.tan((FIELD_DEG * Math.PI) / 360) * Math.max(1, min / wide));
     this.camera.updateProjectionMatrix();
-    this.volume.pixelsPerMetre = (ratio * height) / (2 * Math.tan((this.camera.fov * Math.PI) / 360));
+    this.pixelsPerMetre = (ratio * height) / (2 * Math.tan((this.camera.fov * Math.PI) / 360));
+    for (const volume of [this.volume, ...this.others]) volume.pixelsPerMetre = this.pixelsPerMetre;
   }
 
   /** Sets the person's position in the window, as fractions of its size. */
@@ -88,6 +91,21 @@ export class Scene {
   showVolume(surface: Surface | undefined): void {
     if (surface) this.volume.show(surface);
     else this.volume.hide();
+  }
+
+  /** The outline of a person who is not followed, numbered from 0. */
+  showOther(number: number, surface: Surface): void {
+    let other = this.others[number];
+    if (!other) {
+      this.others[number] = other = new VolumePoints("outline");
+      other.pixelsPerMetre = this.pixelsPerMetre;
+      this.scene.add(other.object);
+    }
+    other.show(surface);
+  }
+
+  hideOthersFrom(number: number): void {
+    for (const other of this.others.slice(number)) other.hide();
   }
 
   showBody(joints: Joints | undefined): void {

@@ -1,6 +1,17 @@
 // The volume for three.js: one square per surface voxel at its projected size, lit from the upper left. Buffers are
 // reused and only grow.
-import { BufferAttribute, BufferGeometry, DynamicDrawUsage, Points, ShaderMaterial, Sphere, Vector3 } from "three";
+import {
+  BufferAttribute,
+  BufferGeometry,
+  Color,
+  DynamicDrawUsage,
+  LinearSRGBColorSpace,
+  Points,
+  ShaderMaterial,
+  Sphere,
+  Vector3,
+} from "three";
+import { COLOURS } from "./palette";
 import type { Surface } from "./volume_codec";
 
 const GREY = 190;
@@ -19,29 +30,48 @@ const NEIGHBOURS: readonly (readonly [number, number, number])[] = (() => {
 const VERTEX = `
 attribute vec3 colour;
 uniform float pixels_per_metre, voxel_m;
+#ifdef OUTLINE
+uniform vec3 inner, rim;
+#endif
 varying vec3 shade;
 void main() {
   vec4 eye = modelViewMatrix * vec4(position, 1.0);
   gl_Position = projectionMatrix * eye;
   // The projection of a cube is wider than its edge.
   gl_PointSize = max(1.0, 1.4 * voxel_m * pixels_per_metre / max(0.05, -eye.z));
-  float facing = dot(normalize(mat3(viewMatrix) * normal), normalize(vec3(-0.35, 0.45, 0.82)));
+  vec3 outwards = normalize(mat3(viewMatrix) * normal);
+#ifdef OUTLINE
+  float edge = 1.0 - abs(dot(outwards, normalize(eye.xyz)));
+  shade = mix(inner, rim, smoothstep(0.35, 0.9, edge));
+#else
+  float facing = dot(outwards, normalize(vec3(-0.35, 0.45, 0.82)));
   shade = colour * mix(0.42, 1.15, 0.5 + 0.5 * facing);
+#endif
 }`;
 const FRAGMENT = `
 varying vec3 shade;
 void main() { gl_FragColor = vec4(shade, 1.0); }`;
+
+/** As on the screen: the fragments are not converted. */
+const shown = (colour: number) => new Color().setHex(colour, LinearSRGBColorSpace);
 
 export class VolumePoints {
   readonly object: Points<BufferGeometry, ShaderMaterial>;
   private capacity = 0;
   private steps = new Int32Array(NEIGHBOURS.length);
 
-  constructor() {
+  /** `outline`: dim, bright at the rim, without the colours of the clothes. */
+  constructor(kind: "coloured" | "outline" = "coloured") {
     const material = new ShaderMaterial({
       vertexShader: VERTEX,
       fragmentShader: FRAGMENT,
-      uniforms: { pixels_per_metre: { value: 1 }, voxel_m: { value: 0.01 } },
+      defines: kind === "outline" ? { OUTLINE: "" } : {},
+      uniforms: {
+        pixels_per_metre: { value: 1 },
+        voxel_m: { value: 0.01 },
+        inner: { value: shown(COLOURS.otherInner) },
+        rim: { value: shown(COLOURS.otherRim) },
+      },
     });
     this.object = new Points(new BufferGeometry(), material);
     this.object.frustumCulled = false; // always in view

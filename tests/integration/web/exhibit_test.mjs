@@ -10,6 +10,7 @@ import {
   skipWithoutChromium,
   start,
   startDaemon,
+  testData,
   until,
 } from "../../support/exhibit_browser.mjs";
 
@@ -195,6 +196,29 @@ const steps = {
     await until("more volumes", async () => (await stats()).volumes > before.volumes + 3);
     await until("a visitor", async () => (await stats()).present && (await banner()) === "");
     assert.equal((await stats()).connections, before.connections, "the gateway stayed connected");
+  },
+
+  async "follows the visitor nearest to the mark, with the other as an outline"() {
+    const session = testData("studio/pair/session.toml");
+    if (!session) return console.log("skipped: no test data");
+    const port = portOf(daemon);
+    await daemon.end();
+    daemon = await startDaemon(DAEMON, { port, session, maxSubjects: 2 });
+    // One of the two walks from y = 0 to 1.2 m, the other stays at y < -0.4 m.
+    for (const y of [3, -3]) {
+      await page.goto(`${origin}/?probe&level=1&lang=en&mark=0,${y}`);
+      await until("a visitor and another one", async () => {
+        const s = await stats();
+        return s?.present && s.others === 1 && s.joints > 15;
+      });
+      await until("the visitor at the side of the mark", async () => {
+        return (await stats()).at[1] > -0.3 === y > 0;
+      });
+    }
+    await until("the body in the centre", async () => {
+      const seen = await pixels(CENTRE, "two_visitors");
+      return seen.left > 150 && seen.right > 150;
+    });
   },
 
   async "stores nothing and connects to no other host"() {
