@@ -67,6 +67,11 @@ void Subjects::add(const ShownPoses& poses) {
     if (now_ns <= latest_ns_) last_seen_ns_.clear();  // after a seek
     latest_ns_ = now_ns;
     forget(now_ns);
+    // Only new ids: tracking was reset, as where a session begins again, and the earlier subjects do not
+    // return.
+    const auto is_new = [&](const ShownPose& pose) { return pose.subject_id > newest_id_; };
+    if (!poses.subjects.empty() && std::ranges::all_of(poses.subjects, is_new)) last_seen_ns_.clear();
+    for (const ShownPose& pose : poses.subjects) newest_id_ = std::max(newest_id_, pose.subject_id);
     for (const ShownPose& pose : poses.subjects) last_seen_ns_[pose.subject_id] = now_ns;
     if (poses.subjects.size() > 1) {
         if (!several()) {  // the history so far is that of the one who was there

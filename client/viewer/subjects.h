@@ -51,7 +51,7 @@ class Subjects {
     std::map<std::uint32_t, AngleHistory> histories_;  // only kSingle while there are not several
     std::optional<std::int64_t> several_until_ns_;
     std::int64_t latest_ns_ = 0;
-    std::uint32_t selected_ = 0, chosen_ = 0, compared_ = 0;
+    std::uint32_t selected_ = 0, chosen_ = 0, compared_ = 0, newest_id_ = 0;
 };
 
 // A point of the scene and the scene's size, in the same pixels; y down.

@@ -206,6 +206,18 @@ TEST(Subjects, KeepSelectionThroughShortLoss) {
     EXPECT_EQ(subjects.selected(), 2U) << "it returned";
 }
 
+TEST(Subjects, SelectAmongNewOnesAfterResetOfTracking) {
+    Subjects subjects;
+    subjects.add(poses_of(1, {1, 2}));
+    subjects.select(2);
+    subjects.add(poses_of(2, {2, 3}));
+    EXPECT_EQ(subjects.selected(), 2U);
+    subjects.add(poses_of(3, {4, 5}));
+    EXPECT_EQ(subjects.selected(), 4U);
+    EXPECT_THAT(subjects.ids(), ElementsAre(4, 5));
+    EXPECT_EQ(subjects.history().latest_deg(kKnee), 4);
+}
+
 TEST(Subjects, CompareAnotherUntilItIsGone) {
     Subjects subjects;
     subjects.add(poses_of(1, {1, 2, 3}));
