@@ -61,7 +61,7 @@ class CppClient(unittest.TestCase):
             error = process.communicate()[1]
         self.assertEqual(len(lines), 3, error)
         for line in lines:
-            self.assertRegex(line, r"^\d{9,}\.\d{3} s  subject 1  -?\d+\.\d \+- \d+\.\d deg$")
+            self.assertRegex(line, r"^\d{9,}\.\d{3} s  subject \d+  -?\d+\.\d \+- \d+\.\d deg$")
 
     def test_save_volume_writes_a_ply(self):
         file = self.folder / "volume.ply"
