@@ -2,6 +2,7 @@
 // see them, found coarse to fine so that the cost follows the surface (paper 3.2, IBVH stage).
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -11,6 +12,11 @@
 #include "kernels/types.h"
 
 namespace kinevox::kernels {
+
+// With this many cameras, a voxel that only two of them see is not carved: behind the borders of the other
+// images, the cones of two opposite cameras intersect in a long ghost.
+inline constexpr std::size_t kManyCameras = 4;
+inline constexpr int kMinViewsOfMany = 3;
 
 struct HullOptions {
     // Minimum number of cameras that see and contain a voxel; cameras that cannot see it (behind them or

@@ -31,6 +31,13 @@ struct Rect {
     bool operator==(const Rect&) const = default;
 };
 
+// Without any pixel if they share none.
+inline Rect intersection_of(const Rect& a, const Rect& b) {
+    const Rect both{a.x0 > b.x0 ? a.x0 : b.x0, a.y0 > b.y0 ? a.y0 : b.y0, a.x1 < b.x1 ? a.x1 : b.x1,
+                    a.y1 < b.y1 ? a.y1 : b.y1};
+    return both.empty() ? Rect{} : both;
+}
+
 // The smallest that holds both, neither empty.
 inline Rect union_of(const Rect& a, const Rect& b) {
     return {a.x0 < b.x0 ? a.x0 : b.x0, a.y0 < b.y0 ? a.y0 : b.y0, a.x1 > b.x1 ? a.x1 : b.x1,

@@ -18,6 +18,7 @@
 #include "server/pipeline/convert.h"
 #include "server/pipeline/for_each_camera.h"
 #include "server/pipeline/pipeline_resources.h"
+#include "server/pipeline/tracking/cone_box.h"
 #include "server/pipeline/tracking/scene_tracker.h"
 #include "server/pose/pose_stage.h"
 
@@ -25,8 +26,6 @@ namespace kinevox {
 namespace {
 
 constexpr int kExpectedDilation = 40;  // 1/40 of the image height
-
-constexpr std::size_t kManyViews = 4;
 
 constexpr float kMaxHidden = 0.15f;  // of a subject by nearer ones, in a view that colours it
 
@@ -341,23 +340,25 @@ void StagedPipeline::track(FrameResult& result) {
     }
 }
 
-// Only inlier cameras carve the subject. With four or more, voxels that only two of them see are removed:
-// behind the borders of the other images, the cones of two opposite cameras intersect in a long ghost.
+// Only inlier cameras carve the subject.
 void StagedPipeline::carve(const FrameResult& result, const SceneSubject& subject,
                            SubjectReconstruction& work) {
     hull_views_.clear();
     work.inlier_cameras.clear();
+    const Box3 box = box_of(*subject.lattice);
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
         if (subject.roles[c] != CameraRole::kInlier && subject.roles[c] != CameraRole::kTruncated) continue;
         const kernels::Silhouettes& s = result.silhouettes[c];
-        hull_views_.push_back({&models_[c], s.loose.data(), s.bounds});
+        // Of several subjects' silhouettes only what the lattice can project to is prepared.
+        const kernels::Rect bounds = scene_ ? cropped_to(s.bounds, cameras_[c], box) : s.bounds;
+        hull_views_.push_back({&models_[c], s.loose.data(), bounds});
         work.inlier_cameras.push_back(c);
     }
     device_.run([&](Stages& stages) { carve_with(stages, subject, work); });
 }
 
 void StagedPipeline::carve_with(Stages& stages, const SceneSubject& subject, SubjectReconstruction& work) {
-    const bool many = hull_views_.size() >= kManyViews;
+    const bool many = hull_views_.size() >= kernels::kManyCameras;
     (many ? stages.many_views_carver : stages.carver)->carve(hull_views_, *subject.lattice, work.volume);
     if (scene_) scene_->restrict_to(subject.track.subject_id, work.volume);
 }

@@ -66,7 +66,7 @@ std::unique_ptr<Stages> make_stages(const kernels::StageFactory& maker, const st
     }
     place_cameras(*stages, cameras);
     kernels::HullOptions many_views = options.hull;
-    many_views.min_views = std::max(many_views.min_views, 3);
+    many_views.min_views = std::max(many_views.min_views, kernels::kMinViewsOfMany);
     stages->carver = maker.hull_carver(options.hull);
     stages->many_views_carver = maker.hull_carver(many_views);
     if (options.colouring) stages->colourer = maker.voxel_colourer(options.colour);

@@ -20,7 +20,7 @@ struct Stages {
     std::vector<kernels::RewindableSegmenter*> rewindable;        // the same, if discontinuities are allowed
     std::vector<std::vector<std::size_t>>
         floor_views;  // per camera, those that its shadows are compared with
-    std::unique_ptr<kernels::HullCarver> carver, many_views_carver;  // the latter for four or more cameras
+    std::unique_ptr<kernels::HullCarver> carver, many_views_carver;  // the latter for kernels::kManyCameras
     std::unique_ptr<kernels::VoxelColourer> colourer;                // null without colouring
 };
 

@@ -187,10 +187,7 @@ double fraction_outside(const kernels::Silhouettes& seen, const kernels::VoxelVo
 void apply_mask(const kernels::Silhouettes& seen, const std::vector<std::uint8_t>& mask,
                 const kernels::Rect& box, kernels::Silhouettes& out) {
     clear_for(seen, out);
-    const kernels::Rect& b = seen.bounds;
-    out.searched = {std::max(b.x0, box.x0), std::max(b.y0, box.y0), std::min(b.x1, box.x1),
-                    std::min(b.y1, box.y1)};
-    if (out.searched.empty()) out.searched = {};
+    out.searched = intersection_of(seen.bounds, box);
     out.sharp_pixels = 0;
     out.bounds = {seen.width, seen.height, 0, 0};
     std::int64_t sum_x = 0, sum_y = 0;

@@ -144,6 +144,17 @@ kernels::Lattice lattice_over(const Box3& box, double voxel_m, double max_side_m
     return lattice;
 }
 
+Box3 box_of(const kernels::Lattice& lattice) {
+    const auto corner = [&](bool end) {
+        const auto along = [&](int axis) {
+            return static_cast<double>(lattice.origin[axis]) +
+                   (end ? static_cast<double>(lattice.voxel_m) * lattice.size[axis] : 0.0);
+        };
+        return Vec3{along(0), along(1), along(2)};
+    };
+    return {corner(false), corner(true)};
+}
+
 kernels::Rect projected_box(const Camera& camera, const Box3& box, double* fraction_inside) {
     // A grid over the box's faces would be exact with distortion; its corners and midpoints suffice, because
     // callers add a margin.
@@ -190,6 +201,14 @@ double nearest_depth(const Camera& camera, const Box3& box) {
         nearest = std::min(nearest, (camera.camera_from_world * corner).z);
     }
     return nearest;
+}
+
+kernels::Rect cropped_to(const kernels::Rect& bounds, const Camera& camera, const Box3& box) {
+    constexpr int kMargin_px = 8;  // distortion bends the edges of a box
+    const kernels::Rect r = projected_box(camera, box);
+    if (r.empty()) return {};
+    return intersection_of(bounds,
+                           {r.x0 - kMargin_px, r.y0 - kMargin_px, r.x1 + kMargin_px, r.y1 + kMargin_px});
 }
 
 }  // namespace kinevox

@@ -33,10 +33,15 @@ std::optional<Box3> box_of_cones(const std::vector<SilhouetteCone>& cones, const
 // frames are aligned. Sides longer than `max_side_m` are cropped around `centre`.
 kernels::Lattice lattice_over(const Box3& box, double voxel_m, double max_side_m, Vec3 centre);
 
+Box3 box_of(const kernels::Lattice& lattice);
+
 // The pixels that the box covers in the camera's image, cropped to the image; empty outside its view. A box
 // that extends behind the camera covers the whole image. `fraction_inside`, if given: fraction of the
 // projected box inside the image, 0..1.
 kernels::Rect projected_box(const Camera& camera, const Box3& box, double* fraction_inside = nullptr);
+
+// The part of a silhouette's bounds to which a box can project, with a margin for distortion.
+kernels::Rect cropped_to(const kernels::Rect& bounds, const Camera& camera, const Box3& box);
 
 // Of a body to a camera that predicts its motion.
 inline constexpr double kMinPartDistance_m = 0.3;

@@ -26,18 +26,46 @@ OccupiedCells::OccupiedCells(const kernels::Lattice& lattice)
       label_(static_cast<std::size_t>(lattice.size[0]) * lattice.size[1] * lattice.size[2], kEmpty),
       visited_(label_.size(), 0) {}
 
-void OccupiedCells::load(const kernels::VoxelVolume& volume) {
+kernels::Lattice OccupiedCells::part_over(const Box3& box) const {
+    const double low[3] = {box.min_in_world.x, box.min_in_world.y, box.min_in_world.z};
+    const double high[3] = {box.max_in_world.x, box.max_in_world.y, box.max_in_world.z};
+    const double brick_m = kEdge * cell_m();
+    kernels::Lattice part = lattice_;
+    for (int axis = 0; axis < 3; ++axis) {
+        const double origin = static_cast<double>(lattice_.origin[axis]);
+        const int bricks = lattice_.size[axis] / kEdge;
+        const int first = std::clamp(static_cast<int>(std::floor((low[axis] - origin) / brick_m)), 0, bricks);
+        const int last =
+            std::clamp(static_cast<int>(std::ceil((high[axis] - origin) / brick_m)), first, bricks);
+        part.origin[axis] = lattice_.origin[axis] + static_cast<float>(kEdge * first) * lattice_.voxel_m;
+        part.size[axis] = kEdge * (last - first);
+    }
+    return part;
+}
+
+void OccupiedCells::clear() {
     for (const std::int32_t cell : occupied_) label_[cell] = kEmpty;
     occupied_.clear();
+}
+
+void OccupiedCells::add(const kernels::VoxelVolume& volume) {
+    int first[3];  // cell of the volume in this lattice
+    for (int axis = 0; axis < 3; ++axis)
+        first[axis] = static_cast<int>(
+            std::lround((volume.lattice.origin[axis] - lattice_.origin[axis]) / lattice_.voxel_m));
     for (const kernels::Brick& brick : volume.bricks)
         for (int z = 0; z < kEdge; ++z)
             for (std::uint64_t left = brick.occupancy[z]; left != 0; left &= left - 1) {
                 const int bit = std::countr_zero(left);
-                const int x = kEdge * brick.x + bit % kEdge, y = kEdge * brick.y + bit / kEdge;
-                occupied_.push_back(((kEdge * brick.z + z) * lattice_.size[1] + y) * lattice_.size[0] + x);
+                const int x = first[0] + kEdge * brick.x + bit % kEdge,
+                          y = first[1] + kEdge * brick.y + bit / kEdge,
+                          layer = first[2] + kEdge * brick.z + z;
+                const std::int32_t cell = (layer * lattice_.size[1] + y) * lattice_.size[0] + x;
+                if (label_[cell] != kEmpty) continue;
+                label_[cell] = kFree;
+                occupied_.push_back(cell);
             }
     std::sort(occupied_.begin(), occupied_.end());
-    for (const std::int32_t cell : occupied_) label_[cell] = kFree;
 }
 
 std::array<int, 3> OccupiedCells::position(std::int32_t cell) const {
@@ -51,6 +79,21 @@ Vec3 OccupiedCells::centre_in_world(std::int32_t cell) const {
         return static_cast<double>(lattice_.origin[axis]) + cell_m() * (n + 0.5);
     };
     return {along(0, x), along(1, y), along(2, z)};
+}
+
+// The cells around one, in the order of their indices.
+template <class F>
+void OccupiedCells::for_each_neighbour(std::int32_t cell, F visit) const {
+    const auto at = position(cell);
+    const int nx = lattice_.size[0], ny = lattice_.size[1];
+    const bool inner = std::ranges::all_of(
+        std::array{0, 1, 2}, [&](int axis) { return at[axis] > 0 && at[axis] + 1 < lattice_.size[axis]; });
+    for (int c = -1; c <= 1; ++c)
+        for (int b = -1; b <= 1; ++b)
+            for (int a = -1; a <= 1; ++a)
+                if (inner || (at[0] + a >= 0 && at[0] + a < nx && at[1] + b >= 0 && at[1] + b < ny &&
+                              at[2] + c >= 0 && at[2] + c < lattice_.size[2]))
+                    visit(cell + (c * ny + b) * nx + a);
 }
 
 int OccupiedCells::index_along(int axis, double in_world_m) const {
@@ -142,17 +185,12 @@ std::vector<Cells> OccupiedCells::parts(std::uint8_t label) const {
         if (label_[first] != label || visited_[first]) continue;
         Cells part{first};
         visited_[first] = 1;
-        for (std::size_t k = 0; k < part.size(); ++k) {
-            const auto [x, y, z] = position(part[k]);
-            for (int c = std::max(0, z - 1); c <= std::min(lattice_.size[2] - 1, z + 1); ++c)
-                for (int b = std::max(0, y - 1); b <= std::min(lattice_.size[1] - 1, y + 1); ++b)
-                    for (int a = std::max(0, x - 1); a <= std::min(lattice_.size[0] - 1, x + 1); ++a) {
-                        const std::int32_t cell = (c * lattice_.size[1] + b) * lattice_.size[0] + a;
-                        if (label_[cell] != label || visited_[cell]) continue;
-                        visited_[cell] = 1;
-                        part.push_back(cell);
-                    }
-        }
+        for (std::size_t k = 0; k < part.size(); ++k)
+            for_each_neighbour(part[k], [&](std::int32_t cell) {
+                if (label_[cell] != label || visited_[cell]) return;
+                visited_[cell] = 1;
+                part.push_back(cell);
+            });
         found.push_back(std::move(part));
     }
     std::ranges::stable_sort(found, [](const Cells& a, const Cells& b) { return a.size() > b.size(); });

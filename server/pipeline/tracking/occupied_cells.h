@@ -7,6 +7,7 @@
 
 #include "common/geometry.h"
 #include "kernels/types.h"
+#include "server/pipeline/tracking/cone_box.h"
 
 namespace kinevox {
 
@@ -26,8 +27,12 @@ class OccupiedCells {
     explicit OccupiedCells(const kernels::Lattice& lattice);
     const kernels::Lattice& lattice() const { return lattice_; }
 
-    // The voxels of a volume of this lattice are free, all others empty.
-    void load(const kernels::VoxelVolume& volume);
+    // Whole bricks of this lattice around a box, cropped to it; without voxels if they share none.
+    kernels::Lattice part_over(const Box3& box) const;
+
+    void clear();
+    // The voxels of a volume of this lattice, or of a part of it, are free. Between clear() and give().
+    void add(const kernels::VoxelVolume& volume);
     // Gives the free ones among `cells`, moved by whole cells, to a subject. A cell that another subject was
     // given is contested: it becomes free again at the next flood().
     void give(const Cells& cells, const std::array<int, 3>& shift, std::uint8_t label);
@@ -51,6 +56,8 @@ class OccupiedCells {
   private:
     static constexpr std::uint8_t kContested = 254;
 
+    template <class F>
+    void for_each_neighbour(std::int32_t cell, F visit) const;
     int index_along(int axis, double in_world_m) const;  // -1 outside the lattice
 
     kernels::Lattice lattice_;

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -18,7 +17,6 @@ namespace {
 constexpr double kCell_m = 0.04;
 constexpr double kFrom_m = -0.16, kTo_m = 2.56;  // height of the scene's hull
 constexpr double kMaxSide_m = 14;
-constexpr std::size_t kManyViews = 4;
 constexpr double kMaxGrowth_m = 0.5;  // of a subject's shape from one frame set to the next
 constexpr double kBeside_m = 0.2;     // between a subject's largest part and its others, horizontally
 
@@ -74,7 +72,7 @@ kernels::Lattice scene_lattice(const std::vector<Camera>& cameras) {
 
 kernels::HullOptions hull_options(std::size_t cameras) {
     kernels::HullOptions options;
-    options.min_views = cameras >= kManyViews ? 3 : 2;
+    options.min_views = cameras >= kernels::kManyCameras ? kernels::kMinViewsOfMany : 2;
     options.fill_radius_m = 0;
     return options;
 }
@@ -145,13 +143,32 @@ std::vector<kernels::SegmentationPrior> SceneTracker::predict(std::int64_t time_
     return priors;
 }
 
+// Between whole images only around the subjects, where the segmentation searched.
 void SceneTracker::carve(const SilhouettesByCamera& silhouettes) {
+    grid_.clear();
+    if (whole_images_) return carve_in(grid_.lattice(), silhouettes);
+    const double margin = options_.region_margin_m + kMaxGrowth_m;
+    const Vec3 wide{margin, margin, margin};
+    for (const Subject& subject : subjects_) {
+        Vec3 low = subject.shape.min_in_world + subject.motion - wide;
+        low.z = std::min(low.z, kFrom_m);  // its legs may have been missing
+        const kernels::Lattice part =
+            grid_.part_over({low, subject.shape.max_in_world + subject.motion + wide});
+        if (part.size[0] > 0 && part.size[1] > 0 && part.size[2] > 0) carve_in(part, silhouettes);
+    }
+}
+
+void SceneTracker::carve_in(const kernels::Lattice& lattice, const SilhouettesByCamera& silhouettes) {
+    const Box3 box = box_of(lattice);
     std::vector<kernels::HullView> views;
-    for (std::size_t c = 0; c < cameras_.size(); ++c)
-        if (silhouettes[c])
-            views.push_back({&models_[c], silhouettes[c]->loose.data(), silhouettes[c]->bounds});
-    carver_->carve(views, grid_.lattice(), hull_);
-    grid_.load(hull_);
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+        if (!silhouettes[c]) continue;
+        const kernels::Rect& bounds = silhouettes[c]->bounds;
+        views.push_back({&models_[c], silhouettes[c]->loose.data(),
+                         whole_images_ ? bounds : cropped_to(bounds, cameras_[c], box)});
+    }
+    carver_->carve(views, lattice, hull_);
+    grid_.add(hull_);
 }
 
 // Gives each subject the cells of its last shape, moved as expected, and what is connected with them.

@@ -70,6 +70,7 @@ class SceneTracker {
     using SilhouettesByCamera = std::vector<const kernels::Silhouettes*>;
 
     void carve(const SilhouettesByCamera& silhouettes);
+    void carve_in(const kernels::Lattice& lattice, const SilhouettesByCamera& silhouettes);
     void claim();
     void adopt_small_parts();
     bool is_upright(const Cells& part) const;

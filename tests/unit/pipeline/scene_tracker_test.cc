@@ -194,6 +194,11 @@ OccupiedCells grid_of(double side_m) {
     return OccupiedCells(lattice_over({{-side_m, -side_m, 0}, {side_m, side_m, 1.9}}, 0.04, 10, {0, 0, 1}));
 }
 
+int bricks_between(const kernels::Lattice& whole, const kernels::Lattice& part, int axis) {
+    const float bricks = (part.origin[axis] - whole.origin[axis]) / (kernels::kBrickEdge * whole.voxel_m);
+    return static_cast<int>(std::lround(bricks));
+}
+
 TEST(OccupiedCells, SplitsTwoTrunksThatTouch) {
     const OccupiedCells grid = grid_of(1);
     const Cells both =
@@ -217,7 +222,7 @@ TEST(OccupiedCells, SharesContestedCellsBetweenNeighbours) {
     OccupiedCells grid = grid_of(1);
     const Cells left = column(grid, {-0.2, 0, 0}, 0.3, 0, 1.7),
                 right = column(grid, {0.2, 0, 0}, 0.3, 0, 1.7);
-    grid.load(grid.volume_of(joined(left, right)));
+    grid.add(grid.volume_of(joined(left, right)));
     grid.give(left, {0, 0, 0}, 1);
     grid.give(right, {0, 0, 0}, 2);
     grid.flood(20);
@@ -254,6 +259,65 @@ TEST(SubjectViews, MarksSharedForegroundAndWhoHidesWhom) {
     EXPECT_NEAR(static_cast<double>(of_near.own[1].sharp_pixels + of_far.own[1].sharp_pixels),
                 static_cast<double>(silhouettes[1].sharp_pixels),
                 0.03 * static_cast<double>(silhouettes[1].sharp_pixels));
+}
+
+TEST(OccupiedCells, TakesPartsOfItsLatticeThatOverlap) {
+    OccupiedCells whole = grid_of(1.4), parts = grid_of(1.4);
+    const Cells person = column(whole, {0.3, -0.2, 0}, 0.2, 0.05, 1.7);
+    const kernels::VoxelVolume volume = whole.volume_of(person);
+    whole.add(volume);
+    for (const double x : {0.1, 0.5}) {
+        const kernels::Lattice part = parts.part_over({{x - 0.3, -0.6, 0}, {x + 0.3, 0.2, 5}});
+        ASSERT_LT(part.size[0], volume.lattice.size[0]);
+        kernels::VoxelVolume clipped{part, {}, {}};
+        for (kernels::Brick brick : volume.bricks) {
+            brick.x = static_cast<std::int16_t>(brick.x - bricks_between(volume.lattice, part, 0));
+            brick.y = static_cast<std::int16_t>(brick.y - bricks_between(volume.lattice, part, 1));
+            if (brick.x >= 0 && brick.x < part.size[0] / kernels::kBrickEdge && brick.y >= 0 &&
+                brick.y < part.size[1] / kernels::kBrickEdge)
+                clipped.bricks.push_back(brick);
+        }
+        parts.add(clipped);
+    }
+    const std::vector<Cells> found = parts.parts(OccupiedCells::kFree);
+    ASSERT_EQ(found.size(), 1u);
+    Cells cells = found[0];
+    std::ranges::sort(cells);
+    EXPECT_EQ(cells, person);
+    EXPECT_EQ(parts.part_over({{7, 7, 0}, {8, 8, 1}}).size[0], 0);
+    parts.clear();
+    EXPECT_TRUE(parts.parts(OccupiedCells::kFree).empty());
+}
+
+// The subjects stand elsewhere in the second frame set.
+TEST(SubjectSeparator, LeavesNoTraceOfAnEarlierFrameSetInReusedViews) {
+    const std::vector<Camera> cameras{camera_at("front", {4, 0, 1.2}, {0, 0, 1})};
+    const std::vector<kernels::CameraModel> models{to_kernel(cameras[0])};
+    const OccupiedCells grid = grid_of(1.4);
+    SubjectSeparator separator;
+    std::vector<SubjectViews> reused(2), fresh(2);
+    const auto separate = [&](SubjectSeparator& with, const Vec3& a, const Vec3& b,
+                              std::vector<SubjectViews>& out) {
+        const std::vector silhouettes{silhouettes_of(cameras[0], people_at({a, b}))};
+        const kernels::VoxelVolume of_a = grid.volume_of(column(grid, a, 0.2, 0.05, 1.7)),
+                                   of_b = grid.volume_of(column(grid, b, 0.2, 0.05, 1.7));
+        const std::vector<const kernels::VoxelVolume*> shapes{&of_a, &of_b};
+        std::vector<SubjectViews*> views{&out[0], &out[1]};
+        with.separate(cameras, models, silhouettes, shapes, views);
+    };
+    separate(separator, {0.8, 0, 0}, {-0.8, 0.2, 0}, reused);
+    separate(separator, {0.5, 0.7, 0}, {-0.5, 0.6, 0}, reused);
+    SubjectSeparator other;
+    separate(other, {0.5, 0.7, 0}, {-0.5, 0.6, 0}, fresh);
+    for (int n = 0; n < 2; ++n) {
+        EXPECT_EQ(reused[n].own[0].sharp, fresh[n].own[0].sharp);
+        EXPECT_EQ(reused[n].own[0].loose, fresh[n].own[0].loose);
+        EXPECT_EQ(reused[n].own[0].bounds, fresh[n].own[0].bounds);
+        EXPECT_EQ(reused[n].own[0].sharp_pixels, fresh[n].own[0].sharp_pixels);
+        ASSERT_FALSE(fresh[n].shared[0].box.empty());
+        EXPECT_EQ(reused[n].shared[0].box, fresh[n].shared[0].box);
+        EXPECT_EQ(reused[n].shared[0].mask, fresh[n].shared[0].mask);
+    }
 }
 
 }  // namespace
