@@ -141,6 +141,8 @@ stature_m = 1.6
 name = "stand"
 shift_m = [0.0, 1.5]
 enter_s = 0.2
+leave_s = 0.5
+return_s = 1.0
 [[camera]]
 position_m = [4.5, 0.0, 1.2]
 size_px = [320, 240]
@@ -154,6 +156,10 @@ size_px = [320, 240]
     ASSERT_EQ(studio->person_count(), 3u);
     EXPECT_FALSE(studio->is_present(2, 1));
     EXPECT_TRUE(studio->is_present(2, 2));
+    const auto leaves = static_cast<std::int64_t>(std::lround(0.5 * read->studio.fps));
+    EXPECT_FALSE(studio->is_present(2, leaves));
+    EXPECT_FALSE(studio->is_present(2, 2 * leaves - 1));
+    EXPECT_TRUE(studio->is_present(2, 2 * leaves));
     const auto count = [&](std::int64_t frame, std::size_t camera, int label) {
         const auto labels = studio->labels(frame);
         return std::ranges::count(labels[camera], static_cast<std::uint8_t>(label));

@@ -15,7 +15,8 @@ PersonOptions first_person(const StudioOptions& options) {
             .motion_shift = options.motion_shift,
             .subject = options.subject,
             .enter_s = options.enter_s,
-            .leave_s = options.leave_s};
+            .leave_s = options.leave_s,
+            .return_s = options.return_s};
 }
 
 Person::Person(const PersonOptions& options, double fps)
@@ -50,6 +51,7 @@ std::int64_t Person::frames_per_loop() const {
 
 bool Person::is_present(std::int64_t frame) const {
     const double time_s = static_cast<double>(frame) / fps_;
+    if (options_.return_s >= 0 && time_s >= options_.return_s) return true;
     return time_s >= options_.enter_s && (options_.leave_s < 0 || time_s < options_.leave_s);
 }
 

@@ -68,6 +68,7 @@ void read_motion(const TomlTable& table, PersonOptions& out) {
     }
     out.enter_s = table.number_or("enter_s", out.enter_s, {-1, 1e5});
     out.leave_s = table.number_or("leave_s", out.leave_s, {-1, 1e5});
+    out.return_s = table.number_or("return_s", out.return_s, {-1, 1e5});
 }
 
 void read_subject(const TomlTable& table, PersonOptions& out) {
@@ -112,6 +113,7 @@ void read_people(const TomlTable& root, StudioOptions& out) {
     out.subject = first.subject;
     out.enter_s = first.enter_s;
     out.leave_s = first.leave_s;
+    out.return_s = first.return_s;
     for (const TomlTable& table : root.tables("person")) {
         PersonOptions& person = out.others.emplace_back();
         person.seed = static_cast<std::uint32_t>(table.integer_or(

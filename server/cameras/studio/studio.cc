@@ -336,6 +336,8 @@ std::string PersonOptions::check() const {
     if (motion_shift.z != 0) return "the motion is shifted vertically; it must stay on the floor";
     if (leave_s >= 0 && !(leave_s > enter_s))
         return fmt::format("a person leaves at {} s and enters at {} s; leave later", leave_s, enter_s);
+    if (return_s >= 0 && !(leave_s >= 0 && return_s > leave_s))
+        return fmt::format("a person returns at {} s without leaving before; set leave_s below it", return_s);
     return subject.check();
 }
 

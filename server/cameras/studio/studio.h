@@ -40,8 +40,9 @@ struct PersonOptions {
     double motion_speed = 1, motion_start_s = 0, motion_yaw_deg = 0;
     Vec3 motion_shift;  // m; z must be 0
     SubjectOptions subject;
-    // s; outside of these times the person is not there. Negative: from the start, and to the end.
-    double enter_s = -1, leave_s = -1;
+    // s; outside of these times the person is not there. Negative: from the start, to the end, and never
+    // again.
+    double enter_s = -1, leave_s = -1, return_s = -1;
 
     // Empty when usable, else one sentence.
     std::string check() const;
@@ -64,7 +65,7 @@ struct StudioOptions {
     double motion_yaw_deg = 0;      // the motion is rotated about the vertical, then shifted
     Vec3 motion_shift;              // m; z must be 0
     SubjectOptions subject;
-    double enter_s = -1, leave_s = -1;  // as PersonOptions
+    double enter_s = -1, leave_s = -1, return_s = -1;  // as PersonOptions
     std::vector<PersonOptions> others;
     RoomOptions room;
     LightOptions light;
