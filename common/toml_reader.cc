@@ -156,12 +156,19 @@ std::vector<double> TomlTable::numbers(std::string_view key, std::size_t min_cou
 }
 
 std::vector<double> TomlTable::matrix(std::string_view key, std::size_t rows, std::size_t columns) const {
-    const std::vector<double> zeros(rows * columns, 0.0);
+    return this->rows(key, rows, rows, columns);
+}
+
+std::vector<double> TomlTable::rows(std::string_view key, std::size_t min_rows, std::size_t max_rows,
+                                    std::size_t columns) const {
+    const std::vector<double> zeros(min_rows * columns, 0.0);
     const void* found = require(key);
     if (!found) return zeros;
-    const std::string expected = fmt::format("{} rows of {} finite numbers", rows, columns);
+    const std::string count =
+        min_rows == max_rows ? fmt::format("{}", min_rows) : fmt::format("{} to {}", min_rows, max_rows);
+    const std::string expected = fmt::format("{} rows of {} finite numbers", count, columns);
     const auto* array = static_cast<const toml::node*>(found)->as_array();
-    if (!array || array->size() != rows) {
+    if (!array || array->size() < min_rows || array->size() > max_rows) {
         wrong(key, found, expected);
         return zeros;
     }

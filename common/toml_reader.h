@@ -47,6 +47,9 @@ class TomlTable {
                                 TomlRange range = {}) const;
     // rows x columns numbers, row after row, from an array of arrays.
     std::vector<double> matrix(std::string_view key, std::size_t rows, std::size_t columns) const;
+    // The same with between min_rows and max_rows rows.
+    std::vector<double> rows(std::string_view key, std::size_t min_rows, std::size_t max_rows,
+                             std::size_t columns) const;
 
     // Values with a default.
     double number_or(std::string_view key, double fallback, TomlRange range = {}) const;

@@ -103,6 +103,33 @@ void read_segmentation(const TomlTable& table, const std::filesystem::path& fold
                                segmentation.options.loose_threshold, segmentation.options.sharp_threshold));
 }
 
+std::vector<FloorRegion> read_regions(const TomlTable& table, const char* key) {
+    constexpr std::size_t kMaxCorners = 64;
+    std::vector<FloorRegion> regions;
+    for (const TomlTable& each : table.tables(key)) {
+        FloorRegion region;
+        const std::vector<double> corners = each.rows("corners_m", 3, kMaxCorners, 2);
+        for (std::size_t k = 0; k + 1 < corners.size(); k += 2)
+            region.corners.push_back({corners[k], corners[k + 1]});
+        if (const std::string problem = region.check(); !problem.empty()) each.fail("corners_m", problem);
+        regions.push_back(std::move(region));
+    }
+    return regions;
+}
+
+void read_tracking(const TomlTable& table, TrackerOptions& tracking) {
+    read_options(table, tracking);
+    SubjectRules& rules = tracking.rules;
+    if (table.choice_or("follow", "first", {"first", "nearest"}) == "nearest")
+        rules.follow = SubjectRules::Follow::kNearest;
+    if (table.has("follow_point_m")) {
+        const std::vector<double> point = table.numbers("follow_point_m", 2, 2, {-1000, 1000});
+        rules.point = {point[0], point[1]};
+    }
+    rules.capture_regions = read_regions(table, "capture_region");
+    rules.keep_out_regions = read_regions(table, "keep_out_region");
+}
+
 void read_pose(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist,
                PoseConfig& pose) {
     read_options(table, pose);
@@ -177,7 +204,7 @@ absl::StatusOr<DaemonConfig> parse_config_toml(const std::string& text, const st
     read_source(root.table_or_empty("source"), folder, check_files_exist, config.source);
     read_pipeline(root.table_or_empty("pipeline"), config.pipeline);
     read_segmentation(root.table_or_empty("segmentation"), folder, config.segmentation);
-    read_options(root.table_or_empty("tracking"), config.tracking);
+    read_tracking(root.table_or_empty("tracking"), config.tracking);
     read_options(root.table_or_empty("hull"), config.hull);
     read_options(root.table_or_empty("colouring"), config.colouring);
     read_pose(root.table_or_empty("pose"), folder, check_files_exist, config.pose);

@@ -32,6 +32,7 @@ struct SubjectTrack {
     Vec3 velocity_in_world;          // m/s
     double centre_std_m = 0;         // of G, one axis
     std::vector<bool> used_cameras;  // per camera: its ray is an inlier
+    std::string name;                // given by an operator; empty: none
 };
 
 // What a frame set shows of one tracked subject.

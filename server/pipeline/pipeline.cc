@@ -82,7 +82,7 @@ struct ExpectedShape {
 // who may be twice as near, and so four times as large, as the others.
 PipelineOptions for_several(PipelineOptions options) {
     constexpr float kAreaRatio = 4;
-    if (options.tracker.max_subjects > 1) {
+    if (options.tracker.whole_scene()) {
         options.segmentation.min_component_fraction /= kAreaRatio;
         options.segmentation.max_hole_fraction /= kAreaRatio;
     }
@@ -100,7 +100,10 @@ class StagedPipeline final : public Pipeline {
         for (const Camera& camera : cameras_) models_.push_back(to_kernel(camera));
         expected_.resize(cameras_.size());
         another_.resize(cameras_.size());
-        if (options.tracker.max_subjects > 1) scene_.emplace(cameras_, fps, tracker_options(options));
+        if (options.tracker.whole_scene()) {
+            control_ = std::make_shared<SubjectControl>(options.tracker.max_subjects);
+            scene_.emplace(cameras_, fps, tracker_options(options), control_.get());
+        }
         make_pose_lanes();
     }
 
@@ -117,6 +120,7 @@ class StagedPipeline final : public Pipeline {
     void set_cameras(std::vector<Camera> cameras) override;
     PoseStage* pose_stage() override { return pose_lanes_.empty() ? nullptr : pose_lanes_[0].stage.get(); }
     PoseStage* pose_stage_of(std::uint32_t subject_id) override;
+    std::shared_ptr<SubjectControl> subject_control() override { return control_; }
 
   private:
     static TrackerOptions tracker_options(const PipelineOptions& options) {
@@ -153,7 +157,8 @@ class StagedPipeline final : public Pipeline {
     // Of the first half only.
     DeviceStages device_;
     Tracker tracker_;
-    std::optional<SceneTracker> scene_;  // instead of the tracker where several subjects are followed
+    std::shared_ptr<SubjectControl> control_;  // null unless several subjects are followed
+    std::optional<SceneTracker> scene_;        // instead of the tracker where several subjects are followed
     ResultPool results_;
     bool learned_ = false;
     bool track_forgotten_ = false;                     // since the last reconstruction
@@ -163,16 +168,19 @@ class StagedPipeline final : public Pipeline {
 
     // Of the first half's current frame set; members, so that their memory is kept.
     std::vector<const kernels::Silhouettes*> seen_;  // per camera, null: no image
+    std::vector<kernels::ImageView> images_;         // per camera
     std::vector<SceneSubject> tracked_;              // as result.subjects
     std::vector<kernels::HullView> hull_views_;
     std::vector<kernels::ColouringView> colouring_views_;
     kernels::ColouringReport report_;
     SubjectSeparator separator_;
+    std::vector<Bystander> bystanders_;
 
     // Of the second half only.
     struct PoseLane {
         std::uint32_t subject_id = 0;
         std::unique_ptr<PoseStage> stage;
+        std::int64_t last_time_ns = 0;
     };
     std::vector<PoseLane> pose_lanes_;  // empty without poses
 };
@@ -233,7 +241,7 @@ void StagedPipeline::set_cameras(std::vector<Camera> cameras) {
     for (std::size_t c = 0; c < cameras_.size(); ++c) models_[c] = to_kernel(cameras_[c]);
     device_.set_cameras(cameras_);
     tracker_ = Tracker(cameras_, fps_, tracker_options(options_));
-    if (scene_) scene_.emplace(cameras_, fps_, tracker_options(options_));
+    if (scene_) scene_.emplace(cameras_, fps_, tracker_options(options_), control_.get());
     reset_track();
     for (PoseLane& lane : pose_lanes_) {
         const BodyShape body = lane.stage->body();
@@ -325,9 +333,12 @@ void StagedPipeline::segment(FrameResult& result) {
 void StagedPipeline::track(FrameResult& result) {
     tracked_.clear();
     if (scene_) {
-        SceneUpdate update = scene_->update(result.sequence, result.capture_time_ns, seen_);
+        images_.clear();
+        for (const Image& image : result.frame_set.images) images_.push_back(to_kernel(image));
+        SceneUpdate update = scene_->update(result.sequence, result.capture_time_ns, seen_, images_);
         result.events = std::move(update.events);
         tracked_ = std::move(update.subjects);
+        bystanders_ = std::move(update.bystanders);
     } else {
         TrackerUpdate update = tracker_.update(result.sequence, result.capture_time_ns, seen_);
         result.events = std::move(update.events);
@@ -363,7 +374,7 @@ void StagedPipeline::carve_with(Stages& stages, const SceneSubject& subject, Sub
     if (scene_) scene_->restrict_to(subject.track.subject_id, work.volume);
 }
 
-// Of the subjects that this frame set shows, where these are several.
+// Of the subjects that this frame set shows, from each other and from bystanders.
 void StagedPipeline::separate(Reconstruction& work) {
     std::vector<const kernels::VoxelVolume*> shapes;
     std::vector<SubjectViews*> views;
@@ -373,6 +384,11 @@ void StagedPipeline::separate(Reconstruction& work) {
         coarsen_by_four(work.subjects[n].volume, work.subjects[n].coarse);
         shapes.push_back(&work.subjects[n].coarse);
         views.push_back(&work.subjects[n].views);
+    }
+    if (shapes.empty()) return;
+    for (const Bystander& bystander : bystanders_) {
+        shapes.push_back(&bystander.shape);
+        views.push_back(nullptr);
     }
     if (shapes.size() < 2) return;
     separator_.separate(cameras_, models_, work.result->silhouettes, shapes, views);
@@ -418,6 +434,7 @@ void StagedPipeline::reconstruct_subjects(Reconstruction& work, LapTimer& timer)
     FrameResult& result = *work.result;
     if (work.subjects.size() < tracked_.size()) work.subjects.resize(tracked_.size());
     shapes_.clear();
+    for (const Bystander& bystander : bystanders_) shapes_.push_back({bystander.id, bystander.shape, {}});
     if (std::ranges::none_of(tracked_, [](const SceneSubject& each) { return each.lattice.has_value(); }))
         return;
     for (std::size_t n = 0; n < tracked_.size(); ++n)
@@ -481,15 +498,22 @@ PoseStage* StagedPipeline::pose_stage_of(std::uint32_t subject_id) {
     return lane == pose_lanes_.end() ? nullptr : lane->stage.get();
 }
 
-// A new subject gets a lane whose subject is gone.
+// A new subject gets a lane whose subject is gone; one who returns keeps the body, not the posture.
 PoseStage& StagedPipeline::lane_of(const FrameResult& result, std::uint32_t subject_id) {
-    if (PoseStage* const known = pose_stage_of(subject_id)) return *known;
+    const auto known = std::ranges::find(pose_lanes_, subject_id, &PoseLane::subject_id);
+    if (known != pose_lanes_.end()) {
+        const double absent_s = 1e-9 * static_cast<double>(result.capture_time_ns - known->last_time_ns);
+        known->last_time_ns = result.capture_time_ns;
+        if (scene_ && absent_s > options_.tracker.lost_after_s) known->stage->reset();
+        return *known->stage;
+    }
     PoseLane& lane = *std::ranges::find_if(pose_lanes_, [&](const PoseLane& each) {
         return std::ranges::none_of(result.subjects, [&](const SubjectResult& subject) {
             return subject.track.subject_id == each.subject_id;
         });
     });
     lane.subject_id = subject_id;
+    lane.last_time_ns = result.capture_time_ns;
     lane.stage->reset();
     lane.stage->set_proposer(pose_lanes_.front().stage->proposer());
     return *lane.stage;

@@ -17,6 +17,7 @@
 #include "kernels/segmentation.h"
 #include "server/cameras/frame_source.h"
 #include "server/pipeline/frame_result.h"
+#include "server/pipeline/subject_control.h"
 #include "server/pipeline/subject_views.h"
 #include "server/pipeline/tracking/tracker.h"
 #include "server/pose/pose_options.h"
@@ -116,6 +117,9 @@ class Pipeline {
     virtual PoseStage* pose_stage() = 0;
     // That of a subject of the last pose(); null without one.
     virtual PoseStage* pose_stage_of(std::uint32_t subject_id) = 0;
+
+    // An operator's requests; null unless several subjects are followed.
+    virtual std::shared_ptr<SubjectControl> subject_control() { return nullptr; }
 };
 
 }  // namespace kinevox

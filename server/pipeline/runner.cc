@@ -48,6 +48,11 @@ std::shared_ptr<FrameSource> Runner::source() const {
     return setup_.source;
 }
 
+std::shared_ptr<SubjectControl> Runner::subject_control() const {
+    const std::lock_guard lock(mutex_);
+    return setup_.pipeline ? setup_.pipeline->subject_control() : nullptr;
+}
+
 double Runner::source_fps() const {
     const std::scoped_lock lock(mutex_);
     return setup_.fps;

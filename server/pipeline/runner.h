@@ -118,6 +118,8 @@ class Runner {
         std::string message;  // one line, or empty
     };
     State state() const;
+    // Of the present setup's pipeline; null unless it follows several subjects. Any thread.
+    std::shared_ptr<SubjectControl> subject_control() const;
     RunSnapshot snapshot() const { return statistics_.snapshot(); }
     // For how long the pipeline has been busy with its oldest frame set; zero while it waits for one. Any
     // thread.

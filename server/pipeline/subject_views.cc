@@ -59,6 +59,7 @@ void SubjectSeparator::separate(const std::vector<Camera>& cameras,
                                 std::span<const kernels::VoxelVolume* const> shapes,
                                 std::span<SubjectViews* const> out) {
     for (SubjectViews* const views : out) {
+        if (!views) continue;
         views->own.resize(cameras.size());
         views->shared.resize(cameras.size());
         views->hidden_fraction.assign(cameras.size(), 0);
@@ -66,11 +67,12 @@ void SubjectSeparator::separate(const std::vector<Camera>& cameras,
     projections_.resize(cameras.size());
     for_each_camera(cameras.size(), [&](std::size_t c) {
         const kernels::Silhouettes& seen = silhouettes[c];
-        for (SubjectViews* const views : out) clear(seen.sharp.size(), seen.width, views->shared[c]);
-        if (seen.sharp.empty()) {
-            for (SubjectViews* const views : out) views->own[c] = {};
-            return;
+        for (SubjectViews* const views : out) {
+            if (!views) continue;
+            clear(seen.sharp.size(), seen.width, views->shared[c]);
+            if (seen.sharp.empty()) views->own[c] = {};
         }
+        if (seen.sharp.empty()) return;
         std::vector<Projection>& projections = projections_[c];
         projections.resize(shapes.size());
         const float still[3] = {0, 0, 0};
@@ -82,6 +84,7 @@ void SubjectSeparator::separate(const std::vector<Camera>& cameras,
             p.distance_m = norm(centre_of(*shapes[k]).value_or(Vec3{}) - cameras[c].centre_in_world());
         }
         for (std::size_t k = 0; k < shapes.size(); ++k) {
+            if (!out[k]) continue;
             const Projection& own = projections[k];
             apply_mask(seen, own.mask, own.box, out[k]->own[c]);
             std::int64_t hidden = 0;

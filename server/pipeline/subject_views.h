@@ -22,8 +22,8 @@ struct SubjectViews {
 // Keeps its memory. Not thread safe.
 class SubjectSeparator {
   public:
-    // `shapes`: coarse volumes, at least two; `out` has as many entries, empty or from an earlier call.
-    // Silhouettes without pixels are skipped.
+    // `shapes`: coarse volumes, at least two; `out` has as many entries, empty or from an earlier call, null
+    // for a shape whose views are not wanted. Silhouettes without pixels are skipped.
     void separate(const std::vector<Camera>& cameras, const std::vector<kernels::CameraModel>& models,
                   std::span<const kernels::Silhouettes> silhouettes,
                   std::span<const kernels::VoxelVolume* const> shapes, std::span<SubjectViews* const> out);

@@ -76,7 +76,9 @@ Judgement judge_background(const Measurements& seen) {
 }
 
 Judgement judge_people(const Measurements& seen) {
-    if (seen.followed_subjects > 1 || seen.several_people_fraction < kMinSeveralFraction) return {};
+    if (seen.followed_subjects > 1 || seen.subjects_selected ||
+        seen.several_people_fraction < kMinSeveralFraction)
+        return {};
     return Cause{
         Trust::kDoNotUse, "several_people", "",
         fmt::format("several people are in the scene in {:.0f} % of the frame sets",

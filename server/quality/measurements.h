@@ -88,7 +88,8 @@ struct Measurements {
     std::vector<CameraMeasurements> cameras;
     // Fraction of the frame sets with more than one separate body of a person's size.
     double several_people_fraction = 0;
-    int followed_subjects = 1;  // each with a pose of its own
+    int followed_subjects = 1;       // each with a pose of its own
+    bool subjects_selected = false;  // by rules that exclude others
     RigMeasurements rig;
     WorldMeasurements world;
     BodyMeasurements body;

@@ -9,6 +9,7 @@
 
 #include "kernels/projection.h"
 #include "server/pipeline/for_each_camera.h"
+#include "server/pipeline/subject_control.h"
 #include "server/silhouettes/to_kernel.h"
 
 namespace kinevox {
@@ -23,10 +24,11 @@ constexpr double kBeside_m = 0.2;     // between a subject's largest part and it
 constexpr double kMinPerson_litres = 20, kMinUprightTop_m = 1.0, kMaxUprightBottom_m = 0.5;
 constexpr double kMinLyingLength_m = 0.7;
 constexpr double kMinSubject_litres = 8;
-constexpr double kMaxPendingJump_m = 0.4;
-constexpr double kMinNewFraction = 0.35;  // of a new subject's pixels that no other explains, in a view
-constexpr int kMinNewViews = 2;           // with such pixels
-constexpr int kManyNewViews = 3;          // which start the first subjects at once
+constexpr double kMaxPassInterval_s = 0.15;  // of whole images, so that a newcomer is found soon
+constexpr std::size_t kMaxPeople = 32;       // tracked, followed or not
+constexpr double kMinNewFraction = 0.35;     // of a new subject's pixels that no other explains, in a view
+constexpr int kMinNewViews = 2;              // with such pixels
+constexpr int kManyNewViews = 3;             // which start the first subjects at once
 constexpr double kCentreStd_m = 0.03;
 
 // Where a person can be: seen by enough cameras at chest height.
@@ -79,10 +81,12 @@ kernels::HullOptions hull_options(std::size_t cameras) {
 
 }  // namespace
 
-SceneTracker::SceneTracker(std::vector<Camera> cameras, double fps, const TrackerOptions& options)
+SceneTracker::SceneTracker(std::vector<Camera> cameras, double fps, const TrackerOptions& options,
+                           SubjectControl* control)
     : cameras_(std::move(cameras)),
       fps_(fps),
       options_(options),
+      control_(control),
       carver_(kernels::make_hull_carver(kernels::Device::kCpu, hull_options(cameras_.size()))),
       grid_(scene_lattice(cameras_)) {
     for (const Camera& camera : cameras_) models_.push_back(to_kernel(camera));
@@ -91,6 +95,8 @@ SceneTracker::SceneTracker(std::vector<Camera> cameras, double fps, const Tracke
 void SceneTracker::reset() {
     subjects_.clear();
     pending_.clear();
+    memory_.forget();
+    if (control_) control_->forget();
     predictions_ = 0;
 }
 
@@ -109,8 +115,8 @@ std::vector<kernels::SegmentationPrior> SceneTracker::predict(std::int64_t time_
         subject.filter.predict(seconds);
         subject.motion = subject.filter.centre_in_world() - before;
     }
-    const auto interval =
-        static_cast<std::uint64_t>(std::max(1.0, std::round(options_.full_pass_interval_s * fps_)));
+    const auto interval = static_cast<std::uint64_t>(
+        std::max(1.0, std::round(std::min(options_.full_pass_interval_s, kMaxPassInterval_s) * fps_)));
     // All cameras at once, unlike for one subject: a new subject must show in all of them.
     whole_images_ = subjects_.empty() || !pending_.empty() || predictions_ % interval == 0;
     ++predictions_;
@@ -277,19 +283,8 @@ int SceneTracker::views_that_need(const Cells& part, const SilhouettesByCamera& 
     return views;
 }
 
-// Whether a part near this centre was found in enough consecutive frame sets.
-bool SceneTracker::confirmed(Vec3 centre) {
-    Pending now{centre, 1};
-    for (const Pending& before : pending_)
-        if (norm(before.centre_in_world - centre) < kMaxPendingJump_m)
-            now.frames = std::max(now.frames, before.frames + 1);
-    if (now.frames >= options_.confirm_frames) return true;
-    still_pending_.push_back(now);
-    return false;
-}
-
-Event SceneTracker::event(EventKind kind, const char* what, const Subject& subject, std::uint64_t sequence,
-                          std::int64_t time_ns) {
+Event SceneTracker::event(EventKind kind, const std::string& what, const Subject& subject,
+                          std::uint64_t sequence, std::int64_t time_ns) {
     const Vec3 at = subject.shape.centre_in_world;
     return {kind,
             sequence,
@@ -299,10 +294,11 @@ Event SceneTracker::event(EventKind kind, const char* what, const Subject& subje
             subject.id};
 }
 
-void SceneTracker::start(const Cells& cells, std::uint64_t sequence, std::int64_t time_ns,
-                         SceneUpdate& update) {
+void SceneTracker::start(const Cells& cells, const std::optional<Recognition>& known, std::int64_t time_ns) {
     Subject subject;
-    subject.id = ++last_id_;
+    subject.id = known ? known->subject_id : ++last_id_;
+    // Not seen, but not lost yet.
+    if (known) std::erase_if(subjects_, [&](const Subject& other) { return other.id == subject.id; });
     for (subject.label = 1;
          std::ranges::any_of(subjects_, [&](const Subject& other) { return other.label == subject.label; });)
         ++subject.label;
@@ -313,12 +309,13 @@ void SceneTracker::start(const Cells& cells, std::uint64_t sequence, std::int64_
     subject.last_seen_ns = time_ns;
     subject.seen = true;
     grid_.give(cells, {0, 0, 0}, subject.label);
-    update.events.push_back(event(EventKind::kSubjectFound, "found at", subject, sequence, time_ns));
-    subjects_.push_back(std::move(subject));
+    subject.found_as =
+        known ? fmt::format("recognised ({:.0f} % sure) at", std::floor(100 * known->probability))
+              : "found at";
+    subjects_.insert(std::ranges::upper_bound(subjects_, subject.id, {}, &Subject::id), std::move(subject));
 }
 
-void SceneTracker::find_new(std::uint64_t sequence, std::int64_t time_ns,
-                            const SilhouettesByCamera& silhouettes, SceneUpdate& update) {
+void SceneTracker::find_new(std::int64_t time_ns, const SilhouettesByCamera& silhouettes) {
     still_pending_.clear();
     const bool first = subjects_.empty();
     std::vector<Cells> people;
@@ -343,11 +340,15 @@ void SceneTracker::find_new(std::uint64_t sequence, std::int64_t time_ns,
             }
         });
         for (const Cells& person : people) {
-            if (static_cast<int>(subjects_.size()) >= options_.max_subjects) break;
+            if (subjects_.size() >= kMaxPeople) break;
             const int views = views_that_need(person, silhouettes, explained);
             if (views < kMinNewViews) continue;
-            if ((first && views >= kManyNewViews) || confirmed(grid_.statistics(person).centre_in_world))
-                start(person, sequence, time_ns, update);
+            Pending newcomer = continued(person);
+            std::optional<Recognition> known;
+            if (decide(newcomer, first && views >= kManyNewViews, time_ns, known))
+                start(person, known, time_ns);
+            else
+                still_pending_.push_back(std::move(newcomer));
         }
     }
     std::swap(pending_, still_pending_);
@@ -364,7 +365,8 @@ void SceneTracker::measure(std::int64_t time_ns) {
 void SceneTracker::drop_lost(std::uint64_t sequence, std::int64_t time_ns, SceneUpdate& update) {
     std::erase_if(subjects_, [&](const Subject& subject) {
         if (1e-9 * static_cast<double>(time_ns - subject.last_seen_ns) <= options_.lost_after_s) return false;
-        update.events.push_back(event(EventKind::kSubjectLost, "lost near", subject, sequence, time_ns));
+        if (subject.followed == Followed::kYes)
+            update.events.push_back(event(EventKind::kSubjectLost, "lost near", subject, sequence, time_ns));
         return true;
     });
 }
@@ -387,33 +389,49 @@ std::vector<CameraRole> SceneTracker::roles_of(const Subject& subject,
     return roles;
 }
 
+SceneSubject SceneTracker::described(const Subject& subject, const SilhouettesByCamera& silhouettes) const {
+    SceneSubject out;
+    out.roles = roles_of(subject, silhouettes);
+    out.track.subject_id = subject.id;
+    if (control_) out.track.name = control_->name_of(subject.id);
+    out.track.centre_in_world =
+        subject.seen ? subject.shape.centre_in_world : subject.filter.centre_in_world();
+    out.track.velocity_in_world = subject.filter.velocity_in_world();
+    out.track.centre_std_m = subject.filter.centre_std_m();
+    for (const CameraRole role : out.roles)
+        out.track.used_cameras.push_back(subject.seen &&
+                                         (role == CameraRole::kInlier || role == CameraRole::kTruncated));
+    if (!subject.seen) return out;
+    const double margin = options_.margin_m + grid_.cell_m();
+    const Vec3 wide{margin, margin, margin};
+    Vec3 low = subject.shape.min_in_world;
+    if (low.z > kMaxFeetHeight_m) low.z = 0;  // legs that look like the floor are searched for
+    out.lattice = lattice_over({low - wide, subject.shape.max_in_world + wide}, options_.voxel_m,
+                               options_.max_lattice_side_m, subject.shape.centre_in_world);
+    return out;
+}
+
 SceneUpdate SceneTracker::update(std::uint64_t sequence, std::int64_t time_ns,
-                                 const SilhouettesByCamera& silhouettes) {
+                                 const SilhouettesByCamera& silhouettes,
+                                 std::span<const kernels::ImageView> images) {
     SceneUpdate update;
+    views_.clear();
+    for (std::size_t c = 0; c < images.size(); ++c)
+        views_.push_back({&cameras_[c], images[c], silhouettes[c]});
     carve(silhouettes);
     claim();
     measure(time_ns);
-    if (whole_images_) find_new(sequence, time_ns, silhouettes, update);
+    if (whole_images_) find_new(time_ns, silhouettes);
     drop_lost(sequence, time_ns, update);
     adopt_small_parts();
+    remember(time_ns);
+    follow(sequence, time_ns, update);
+    publish(time_ns);
     for (const Subject& subject : subjects_) {
-        SceneSubject& out = update.subjects.emplace_back();
-        out.roles = roles_of(subject, silhouettes);
-        out.track.subject_id = subject.id;
-        out.track.centre_in_world =
-            subject.seen ? subject.shape.centre_in_world : subject.filter.centre_in_world();
-        out.track.velocity_in_world = subject.filter.velocity_in_world();
-        out.track.centre_std_m = subject.filter.centre_std_m();
-        for (const CameraRole role : out.roles)
-            out.track.used_cameras.push_back(subject.seen &&
-                                             (role == CameraRole::kInlier || role == CameraRole::kTruncated));
-        if (!subject.seen) continue;
-        const double margin = options_.margin_m + grid_.cell_m();
-        const Vec3 wide{margin, margin, margin};
-        Vec3 low = subject.shape.min_in_world;
-        if (low.z > kMaxFeetHeight_m) low.z = 0;  // legs that look like the floor are searched for
-        out.lattice = lattice_over({low - wide, subject.shape.max_in_world + wide}, options_.voxel_m,
-                                   options_.max_lattice_side_m, subject.shape.centre_in_world);
+        if (subject.followed == Followed::kYes)
+            update.subjects.push_back(described(subject, silhouettes));
+        else if (subject.seen)
+            update.bystanders.push_back({subject.id, grid_.volume_of(subject.cells)});
     }
     return update;
 }

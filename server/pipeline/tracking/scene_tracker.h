@@ -10,6 +10,8 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
+#include <string>
 #include <vector>
 
 #include "common/camera.h"
@@ -17,9 +19,13 @@
 #include "kernels/segmentation.h"
 #include "server/pipeline/tracking/cone_box.h"
 #include "server/pipeline/tracking/occupied_cells.h"
+#include "server/pipeline/tracking/subject_memory.h"
+#include "server/pipeline/tracking/subject_rules.h"
 #include "server/pipeline/tracking/tracker.h"
 
 namespace kinevox {
+
+class SubjectControl;
 
 // One of several tracked subjects after a frame set.
 struct SceneSubject {
@@ -28,24 +34,35 @@ struct SceneSubject {
     std::vector<CameraRole> roles;            // per camera
 };
 
+// A person who is tracked but not followed, because they hide and touch those who are.
+struct Bystander {
+    std::uint32_t id = 0;
+    kernels::VoxelVolume shape;  // coarse
+};
+
 struct SceneUpdate {
-    std::vector<SceneSubject> subjects;  // in the order of their ids
+    std::vector<SceneSubject> subjects;  // those followed, in the order of their ids
+    std::vector<Bystander> bystanders;   // that the frame set shows
     std::vector<Event> events;
 };
 
 // Not thread safe.
 class SceneTracker {
   public:
-    SceneTracker(std::vector<Camera> cameras, double fps, const TrackerOptions& options);
+    // `control`: an operator's requests; null: none. Must outlive the tracker.
+    SceneTracker(std::vector<Camera> cameras, double fps, const TrackerOptions& options,
+                 SubjectControl* control = nullptr);
 
     // Per camera the prior of the segmentation; `expected` stays null.
     std::vector<kernels::SegmentationPrior> predict(std::int64_t time_ns);
     // Expected motion of a subject between the last update and the last predict(), m.
     Vec3 motion(std::uint32_t subject_id) const;
 
-    // One entry per camera; null for a camera without an image. `time_ns` as given to predict().
+    // One entry per camera; null for a camera without an image. `time_ns` as given to predict(). Without
+    // images a person who returns is not recognised.
     SceneUpdate update(std::uint64_t sequence, std::int64_t time_ns,
-                       const std::vector<const kernels::Silhouettes*>& silhouettes);
+                       const std::vector<const kernels::Silhouettes*>& silhouettes,
+                       std::span<const kernels::ImageView> images = {});
 
     // After update(): leaves of a volume without colours the part that belongs to this subject.
     void restrict_to(std::uint32_t subject_id, kernels::VoxelVolume& volume) const;
@@ -62,10 +79,13 @@ class SceneTracker {
         Vec3 motion;
         std::int64_t last_seen_ns = 0;
         bool seen = false;  // in the last update
+        Followed followed = Followed::kTooMany;
+        std::string found_as;  // of the event when it is followed
     };
     struct Pending {  // may be a new subject
         Vec3 centre_in_world;
         int frames = 0;
+        Appearance appearance;  // sum of them
     };
     using SilhouettesByCamera = std::vector<const kernels::Silhouettes*>;
 
@@ -77,13 +97,18 @@ class SceneTracker {
     bool may_start(const Cells& part) const;
     int views_that_need(const Cells& part, const SilhouettesByCamera& silhouettes,
                         std::vector<std::vector<std::uint8_t>>& explained) const;
-    void find_new(std::uint64_t sequence, std::int64_t time_ns, const SilhouettesByCamera& silhouettes,
-                  SceneUpdate& update);
-    bool confirmed(Vec3 centre);
-    static Event event(EventKind kind, const char* what, const Subject& subject, std::uint64_t sequence,
-                       std::int64_t time_ns);
-    void start(const Cells& cells, std::uint64_t sequence, std::int64_t time_ns, SceneUpdate& update);
+    void find_new(std::int64_t time_ns, const SilhouettesByCamera& silhouettes);
+    Pending continued(const Cells& person) const;
+    bool decide(const Pending& newcomer, bool certain, std::int64_t time_ns,
+                std::optional<Recognition>& known) const;
+    void remember(std::int64_t time_ns);
+    static Event event(EventKind kind, const std::string& what, const Subject& subject,
+                       std::uint64_t sequence, std::int64_t time_ns);
+    void start(const Cells& cells, const std::optional<Recognition>& known, std::int64_t time_ns);
     void measure(std::int64_t time_ns);
+    void follow(std::uint64_t sequence, std::int64_t time_ns, SceneUpdate& update);
+    void publish(std::int64_t time_ns) const;
+    SceneSubject described(const Subject& subject, const SilhouettesByCamera& silhouettes) const;
     void drop_lost(std::uint64_t sequence, std::int64_t time_ns, SceneUpdate& update);
     std::vector<CameraRole> roles_of(const Subject& subject, const SilhouettesByCamera& silhouettes) const;
 
@@ -91,11 +116,15 @@ class SceneTracker {
     std::vector<kernels::CameraModel> models_;
     double fps_;
     TrackerOptions options_;
+    SubjectControl* control_;
     std::unique_ptr<kernels::HullCarver> carver_;
     OccupiedCells grid_;
     kernels::VoxelVolume hull_;
     std::vector<Subject> subjects_;  // in the order of their ids
     std::vector<Pending> pending_, still_pending_;
+    std::vector<AppearanceView> views_;  // of the current frame set; empty without images
+    SubjectMemory memory_;
+    std::int64_t last_remembered_ns_ = 0;
     std::uint32_t last_id_ = 0;
     std::int64_t last_time_ns_ = 0;
     std::uint64_t predictions_ = 0;

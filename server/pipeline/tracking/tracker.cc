@@ -44,6 +44,7 @@ std::string TrackerOptions::check() const {
         return fmt::format("max_lattice_side_m is {} m; it must be between 0.5 and 10", max_lattice_side_m);
     if (!(shape_offset_gain >= 0 && shape_offset_gain <= 1))
         return fmt::format("shape_offset_gain is {}; it must be between 0 and 1", shape_offset_gain);
+    if (const std::string problem = rules.check(); !problem.empty()) return problem;
     if (!(lost_after_s > 0)) return fmt::format("lost_after_s is {} s; it must be positive", lost_after_s);
     return {};
 }

@@ -18,12 +18,14 @@
 #include "server/pipeline/tracking/blobs.h"
 #include "server/pipeline/tracking/cone_box.h"
 #include "server/pipeline/tracking/subject_centre.h"
+#include "server/pipeline/tracking/subject_rules.h"
 
 namespace kinevox {
 
 struct TrackerOptions {
-    // With more than one, SceneTracker (scene_tracker.h) replaces Tracker.
     int max_subjects = 1;
+    double recognise_within_s = 600;
+    SubjectRules rules;  // not listed below, since they are no numbers
     double voxel_m = 0.01;
     double margin_m = 0.03;
     double max_lattice_side_m = 2.5;  // arms spread are 1.9 m
@@ -42,16 +44,21 @@ struct TrackerOptions {
     RayIntersectionOptions ray_intersection;
     CentreFilterOptions filter;
 
+    // Whether SceneTracker (scene_tracker.h) replaces Tracker, because people are separated.
+    bool whole_scene() const { return max_subjects > 1 || rules != SubjectRules{}; }
     // Empty when usable, else one sentence.
     std::string check() const;
     bool operator==(const TrackerOptions&) const = default;
 };
 
-// All but voxel_m, which is the pipeline's.
+// All but voxel_m, which is the pipeline's, and the rules.
 template <typename T, typename F>
 requires kernels::SameOptions<T, TrackerOptions>
 void visit_options(T& o, F&& f) {
     f({"max_subjects", 1, 16, "", "Maximum number of subjects followed at once."}, o.max_subjects);
+    f({"recognise_within_s", 0, 86400, "s",
+       "Absence after which a returning person is a new subject, with several subjects; 0: always."},
+      o.recognise_within_s);
     f({"margin_m", 0, 1, "m", "Margin of the lattice around the subject."}, o.margin_m);
     f({"max_lattice_side_m", 0.5, 10, "m", "Maximum side of the lattice; a longer one is cropped."},
       o.max_lattice_side_m);

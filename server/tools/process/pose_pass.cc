@@ -15,7 +15,8 @@ PosePass::PosePass(std::vector<Camera> cameras, double fps, const PipelineOption
       fps_(fps),
       posing_(pipeline.posing),
       options_(options),
-      several_(pipeline.tracker.max_subjects > 1) {
+      several_(pipeline.tracker.whole_scene()),
+      selected_(pipeline.tracker.rules != SubjectRules{}) {
     if (!several_) subjects_.push_back(std::make_unique<Subject>());
 }
 PosePass::~PosePass() = default;

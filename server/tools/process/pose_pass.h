@@ -56,6 +56,8 @@ class PosePass {
     const BodyFit* fit() const;
     // Subjects that were seen in a tenth of the frames or more.
     int followed_subjects() const;
+    // Whether rules exclude other people.
+    bool subjects_selected() const { return selected_; }
     // 0: none, or one subject is followed.
     std::uint32_t main_subject() const;
 
@@ -84,7 +86,7 @@ class PosePass {
     double fps_;
     PoseStageOptions posing_;
     PosePassOptions options_;
-    bool several_;
+    bool several_, selected_;
     std::vector<PoseRow> all_;  // per frame, without subject
     std::vector<std::unique_ptr<Subject>> subjects_;
 };

@@ -12,8 +12,11 @@ quality::Measurements QualityPass::measure(const PosePass* poses, const std::vec
         if (main == 0 || row.subject_id == main) posed.push_back({row.frame, row.pose});
     const BodyShape* const body = poses ? poses->body() : nullptr;
     quality::Measurements seen = observer_.measure(posed, body);
-    if (poses) seen.followed_subjects = poses->followed_subjects();
-    if (seen.followed_subjects > 1) {
+    if (poses) {
+        seen.followed_subjects = poses->followed_subjects();
+        seen.subjects_selected = poses->subjects_selected();
+    }
+    if (seen.followed_subjects > 1 || seen.subjects_selected) {
         // These compare the silhouettes of all people with one body.
         seen.rig = {.side_px = seen.rig.side_px};
         seen.world.subject_height_m = seen.world.max_height_m = seen.world.lowest_m = std::nullopt;

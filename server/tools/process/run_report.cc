@@ -90,6 +90,22 @@ absl::Status add_session(const fs::path& file, Fingerprint& fingerprint) {
     return absl::OkStatus();
 }
 
+void add_rules(const SubjectRules& rules, Fingerprint& fingerprint) {
+    fingerprint.add_number(static_cast<int>(rules.follow));
+    fingerprint.add_number(rules.point.x);
+    fingerprint.add_number(rules.point.y);
+    for (const auto* regions : {&rules.capture_regions, &rules.keep_out_regions}) {
+        fingerprint.add_number(regions->size());
+        for (const FloorRegion& region : *regions) {
+            fingerprint.add_number(region.corners.size());
+            for (const Vec2 corner : region.corners) {
+                fingerprint.add_number(corner.x);
+                fingerprint.add_number(corner.y);
+            }
+        }
+    }
+}
+
 }  // namespace
 
 absl::StatusOr<std::string> run_fingerprint(const ProcessOptions& options) {
@@ -108,6 +124,7 @@ absl::StatusOr<std::string> run_fingerprint(const ProcessOptions& options) {
             fingerprint.add_number(value);
         });
     });
+    add_rules(pipeline.tracker.rules, fingerprint);
     fingerprint.add(body_shape_toml(pipeline.posing.body));
     fingerprint.add_number(options.poses.fit_body);
     fingerprint.add_number(options.poses.cutoff_hz);

@@ -125,6 +125,34 @@ TEST(Config, ReadsOptionsOfEveryPart) {
         AllOf(HasSubstr("k.toml:2"), HasSubstr("hull.min_views"), HasSubstr("1 to 64")));
 }
 
+TEST(Config, ReadsWhomToFollow) {
+    const auto config = parse_config_toml(
+        "[tracking]\nfollow = 'nearest'\nfollow_point_m = [1, -2]\n"
+        "capture_region = [{ corners_m = [[0, 0], [2, 0], [1, 2]] }]\n"
+        "[[tracking.keep_out_region]]\ncorners_m = [[5, 5], [6, 5], [6, 6], [5, 6]]\n",
+        "/", "probe", false);
+    ASSERT_TRUE(config.ok()) << config.status();
+    const auto options = pipeline_options(*config);
+    ASSERT_TRUE(options.ok()) << options.status();
+    const SubjectRules& rules = options->tracker.rules;
+    EXPECT_EQ(rules.follow, SubjectRules::Follow::kNearest);
+    EXPECT_EQ(rules.point, (Vec2{1, -2}));
+    EXPECT_EQ(rules.capture_regions, (std::vector{FloorRegion{{{0, 0}, {2, 0}, {1, 2}}}}));
+    ASSERT_EQ(rules.keep_out_regions.size(), 1u);
+    EXPECT_EQ(rules.keep_out_regions[0].corners.size(), 4u);
+    EXPECT_TRUE(options->tracker.whole_scene()) << "people are separated even if one is followed";
+    EXPECT_FALSE(TrackerOptions{}.whole_scene());
+    const auto message = [](const std::string& text) {
+        return std::string(
+            parse_config_toml("[tracking]\n" + text + "\n", "/", "k.toml", false).status().message());
+    };
+    EXPECT_THAT(message("follow = 'last'"), AllOf(HasSubstr("k.toml:2"), HasSubstr("first")));
+    EXPECT_THAT(message("capture_region = [{ corners_m = [[0, 0], [1, 1]] }]"),
+                AllOf(HasSubstr("k.toml:2"), HasSubstr("3 to 64 rows")));
+    EXPECT_THAT(message("keep_out_region = [{ corners_m = [[0, 0], [2, 2], [2, 0], [0, 2.5]] }]"),
+                AllOf(HasSubstr("corners_m"), HasSubstr("cross")));
+}
+
 TEST(Config, DefaultsArePipelineDefaults) {
     const auto options = pipeline_options(DaemonConfig{});
     ASSERT_TRUE(options.ok());

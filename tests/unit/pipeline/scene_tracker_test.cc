@@ -7,6 +7,7 @@
 #include <cmath>
 #include <set>
 
+#include "server/pipeline/subject_control.h"
 #include "server/pipeline/subject_views.h"
 #include "server/silhouettes/to_kernel.h"
 #include "tests/unit/pipeline/scene.h"
@@ -42,11 +43,42 @@ std::vector<Ellipsoid> people_at(const std::vector<Vec3>& floor_points) {
     return all;
 }
 
+struct Dressed {
+    Vec3 at;                    // on the floor
+    kernels::Colour colour[3];  // trunk, head, legs, as body_at()
+};
+
+constexpr kernels::Colour kSkin{200, 160, 140}, kRedCloth{160, 30, 40}, kGreenCloth{40, 120, 60},
+    kBlueCloth{30, 40, 110};
+
+// B, G, R; the farthest person first, so that the nearest hides the others.
+std::vector<std::uint8_t> image_of(const Camera& camera, std::vector<Dressed> people) {
+    std::vector<std::uint8_t> image(std::size_t{3} * camera.width * camera.height, 128);
+    std::ranges::sort(people, [&](const Dressed& a, const Dressed& b) {
+        return norm(a.at - camera.centre_in_world()) > norm(b.at - camera.centre_in_world());
+    });
+    for (const Dressed& person : people) {
+        const auto body = body_at({person.at.x, person.at.y, kCentre_m});
+        for (std::size_t part = 0; part < body.size(); ++part) {
+            const kernels::Silhouettes s = silhouettes_of(camera, {body[part]});
+            const kernels::Colour colour = person.colour[part];
+            for (std::size_t k = 0; k < s.sharp.size(); ++k)
+                if (s.sharp[k])
+                    image[3 * k] = colour.b, image[3 * k + 1] = colour.g, image[3 * k + 2] = colour.r;
+        }
+    }
+    return image;
+}
+
 // Gives a tracker the silhouettes of a scene frame by frame.
 class People {
   public:
     explicit People(int max_subjects, std::vector<Camera> cameras = four_cameras())
-        : cameras_(cameras), tracker_(std::move(cameras), kPeopleFps, for_people(max_subjects)) {}
+        : People(for_people(max_subjects), std::move(cameras)) {}
+    explicit People(const TrackerOptions& options, std::vector<Camera> cameras = four_cameras())
+        : cameras_(cameras),
+          control_(options.max_subjects),
+          tracker_(std::move(cameras), kPeopleFps, options, &control_) {}
 
     SceneUpdate show(const std::vector<Vec3>& floor_points) {
         const auto time_ns = static_cast<std::int64_t>(std::llround(1e9 * frame_ / kPeopleFps));
@@ -57,6 +89,28 @@ class People {
         for (const auto& s : made) seen.push_back(&s);
         return tracker_.update(static_cast<std::uint64_t>(frame_++), time_ns, seen);
     }
+    // The same with images of them in these clothes.
+    SceneUpdate show_dressed(const std::vector<Dressed>& people) {
+        const auto time_ns = static_cast<std::int64_t>(std::llround(1e9 * frame_ / kPeopleFps));
+        tracker_.predict(time_ns);
+        std::vector<kernels::Silhouettes> made;
+        std::vector<std::vector<std::uint8_t>> pixels;
+        std::vector<Vec3> floor_points;
+        for (const Dressed& person : people) floor_points.push_back(person.at);
+        for (const Camera& camera : cameras_) {
+            made.push_back(silhouettes_of(camera, people_at(floor_points)));
+            pixels.push_back(image_of(camera, people));
+        }
+        std::vector<const kernels::Silhouettes*> seen;
+        std::vector<kernels::ImageView> images;
+        for (std::size_t c = 0; c < cameras_.size(); ++c) {
+            seen.push_back(&made[c]);
+            images.push_back({pixels[c].data(), cameras_[c].width, cameras_[c].height, 3,
+                              std::ptrdiff_t{3} * cameras_[c].width});
+        }
+        return tracker_.update(static_cast<std::uint64_t>(frame_++), time_ns, seen, images);
+    }
+    SubjectControl& control() { return control_; }
     // The id of the subject nearest to a point, at most 0.2 m away; 0: none.
     static std::uint32_t id_at(const SceneUpdate& update, Vec3 floor_point) {
         std::uint32_t id = 0;
@@ -72,6 +126,7 @@ class People {
 
   private:
     std::vector<Camera> cameras_;
+    SubjectControl control_;
     SceneTracker tracker_;
     int frame_ = 0;
 };
@@ -143,6 +198,92 @@ TEST(SceneTracker, ReportsWhoEntersAndLeaves) {
     EXPECT_THAT(lost, ElementsAre(2u));
     ASSERT_THAT(update.subjects, SizeIs(1));
     EXPECT_EQ(update.subjects[0].track.subject_id, 1u);
+}
+
+Dressed red_at(Vec3 at) {
+    return {at, {kRedCloth, kSkin, kBlueCloth}};
+}
+Dressed green_at(Vec3 at) {
+    return {at, {kGreenCloth, kSkin, kRedCloth}};
+}
+Dressed blue_at(Vec3 at) {
+    return {at, {kBlueCloth, kSkin, kGreenCloth}};
+}
+
+// The events' texts of a kind.
+std::vector<std::string> texts(const SceneUpdate& update, EventKind kind) {
+    std::vector<std::string> out;
+    for (const Event& event : update.events)
+        if (event.kind == kind) out.push_back(event.message);
+    return out;
+}
+
+TEST(SceneTracker, GivesOldIdToWhoReturns) {
+    People people(4);
+    const Vec3 stays{0.9, 0.3, 0}, left{-0.7, -0.8, 0}, returns{-0.9, 1.0, 0};
+    SceneUpdate update;
+    for (int n = 0; n < 45; ++n) update = people.show_dressed({red_at(stays), green_at(left)});
+    ASSERT_THAT(update.subjects, SizeIs(2));
+    const std::uint32_t green = People::id_at(update, left), red = People::id_at(update, stays);
+    for (int n = 0; n < 40; ++n) update = people.show_dressed({red_at(stays)});
+    ASSERT_THAT(update.subjects, SizeIs(1));
+    std::vector<std::string> found;
+    for (int n = 0; n < 25; ++n) {
+        update = people.show_dressed({red_at(stays), green_at(returns)});
+        for (const std::string& text : texts(update, EventKind::kSubjectFound)) found.push_back(text);
+    }
+    EXPECT_EQ(People::id_at(update, returns), green);
+    EXPECT_EQ(People::id_at(update, stays), red);
+    EXPECT_THAT(found, ElementsAre(::testing::ContainsRegex("recognised \\(9[0-9] % sure\\) at")));
+}
+
+TEST(SceneTracker, GivesNewIdToStranger) {
+    People people(4);
+    const Vec3 stays{0.9, 0.3, 0}, left{-0.7, -0.8, 0};
+    for (int n = 0; n < 45; ++n) people.show_dressed({red_at(stays), green_at(left)});
+    for (int n = 0; n < 40; ++n) people.show_dressed({red_at(stays)});
+    SceneUpdate update;
+    for (int n = 0; n < 25; ++n) update = people.show_dressed({red_at(stays), blue_at(left)});
+    EXPECT_EQ(People::id_at(update, left), 3u);
+}
+
+TEST(SceneTracker, TracksWhoIsOutsideTheRegionsAsBystander) {
+    TrackerOptions options = for_people(1);
+    options.rules.capture_regions = {{{{0, -2}, {3, -2}, {3, 2}, {0, 2}}}};
+    People people(options);
+    const Vec3 athlete{0.9, 0.3, 0}, coach{-0.8, -0.8, 0};
+    SceneUpdate update;
+    for (int n = 0; n < 6; ++n) update = people.show({athlete, coach});
+    ASSERT_THAT(update.subjects, SizeIs(1));
+    EXPECT_NE(People::id_at(update, athlete), 0u);
+    ASSERT_THAT(update.bystanders, SizeIs(1));
+    EXPECT_FALSE(update.bystanders[0].shape.bricks.empty());
+    const std::vector<KnownSubject> known = people.control().list();
+    ASSERT_THAT(known, SizeIs(2));
+    for (const KnownSubject& each : known)
+        EXPECT_EQ(each.followed, each.id == update.bystanders[0].id ? Followed::kOutside : Followed::kYes);
+}
+
+TEST(SceneTracker, IgnoresOnRequestAndKeepsTheId) {
+    People people(4);
+    const Vec3 a{0.9, 0.3, 0}, b{-0.7, -0.8, 0};
+    SceneUpdate update;
+    for (int n = 0; n < 6; ++n) update = people.show({a, b});
+    const std::uint32_t id = People::id_at(update, b);
+    ASSERT_TRUE(people.control().set_name(id, "Anna").ok());
+    ASSERT_TRUE(people.control().ignore({id}).ok());
+    update = people.show({a, b});
+    EXPECT_THAT(texts(update, EventKind::kSubjectLost),
+                ElementsAre(::testing::HasSubstr("no longer followed (on request)")));
+    for (int n = 0; n < 30; ++n) update = people.show({a, b});
+    EXPECT_EQ(People::id_at(update, b), 0u);
+    EXPECT_THAT(update.bystanders, SizeIs(1));
+    people.control().follow_all();
+    update = people.show({a, b});
+    EXPECT_EQ(People::id_at(update, b), id);
+    EXPECT_THAT(texts(update, EventKind::kSubjectFound), ElementsAre(::testing::HasSubstr("followed again")));
+    for (const SceneSubject& subject : update.subjects)
+        EXPECT_EQ(subject.track.name, subject.track.subject_id == id ? "Anna" : "");
 }
 
 TEST(SceneTracker, RestrictsVolumeToSubject) {

@@ -1,0 +1,120 @@
+// SceneTracker: who a newcomer is, and who of those tracked is followed.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "server/pipeline/subject_control.h"
+#include "server/pipeline/tracking/scene_tracker.h"
+
+namespace kinevox {
+namespace {
+
+constexpr double kMaxPendingJump_m = 0.4;
+constexpr double kMaxUndecided_s = 0.2;  // beyond confirm_frames, while a newcomer may be known
+constexpr double kRememberInterval_s = 0.2;
+constexpr double kApart_m = 0.2;  // between two subjects' boxes, if neither has cells of the other
+
+bool are_beside(const CellStatistics& a, const Box3& b) {
+    return a.min_in_world.x < b.max_in_world.x + kApart_m && a.max_in_world.x > b.min_in_world.x - kApart_m &&
+           a.min_in_world.y < b.max_in_world.y + kApart_m && a.max_in_world.y > b.min_in_world.y - kApart_m;
+}
+
+}  // namespace
+
+// This part as a newcomer, with what is pending near it.
+SceneTracker::Pending SceneTracker::continued(const Cells& person) const {
+    Pending now{grid_.statistics(person).centre_in_world, 1, {}};
+    if (!views_.empty()) now.appearance = appearance_of(grid_, person, views_);
+    const Pending* longest = nullptr;
+    for (const Pending& before : pending_)
+        if (norm(before.centre_in_world - now.centre_in_world) < kMaxPendingJump_m &&
+            (!longest || before.frames > longest->frames))
+            longest = &before;
+    if (!longest) return now;
+    now.frames = longest->frames + 1;
+    add_appearance(now.appearance, longest->appearance);
+    return now;
+}
+
+// Whether a newcomer starts now; with `known` as a person who returns. `certain`: needs no confirmation.
+bool SceneTracker::decide(const Pending& newcomer, bool certain, std::int64_t time_ns,
+                          std::optional<Recognition>& known) const {
+    known.reset();
+    if (!certain && newcomer.frames < options_.confirm_frames) return false;
+    std::vector<std::uint32_t> present;
+    for (const Subject& subject : subjects_)
+        if (subject.seen) present.push_back(subject.id);
+    const std::int64_t since_ns = time_ns - static_cast<std::int64_t>(1e9 * options_.recognise_within_s);
+    if (views_.empty() || !memory_.knows_absent(present, since_ns)) return true;
+    known = memory_.recognise(newcomer.appearance, newcomer.centre_in_world, time_ns, present, since_ns);
+    if (!known || known->probability >= SubjectMemory::kMinProbability) return true;
+    const bool may_wait = newcomer.frames < options_.confirm_frames + kMaxUndecided_s * fps_;
+    if (may_wait && known->probability >= SubjectMemory::kMinPossible) return false;
+    known.reset();
+    return true;
+}
+
+// Colours and size of those who stand apart.
+void SceneTracker::remember(std::int64_t time_ns) {
+    const double since_s = 1e-9 * static_cast<double>(time_ns - last_remembered_ns_);
+    const bool due = !views_.empty() && !(since_s >= 0 && since_s < kRememberInterval_s);
+    if (due) last_remembered_ns_ = time_ns;
+    for (const Subject& subject : subjects_) {
+        if (!subject.seen) continue;
+        const Box3 own{subject.shape.min_in_world, subject.shape.max_in_world};
+        const bool apart = std::ranges::none_of(subjects_, [&](const Subject& other) {
+            return other.id != subject.id && are_beside(other.shape, own);
+        });
+        if (due && apart && is_upright(subject.cells))
+            memory_.observe(subject.id, appearance_of(grid_, subject.cells, views_));
+        memory_.place(subject.id, time_ns, subject.shape.centre_in_world);
+    }
+}
+
+// Decides who of those tracked is followed, and reports changes.
+void SceneTracker::follow(std::uint64_t sequence, std::int64_t time_ns, SceneUpdate& update) {
+    std::vector<Person> people;
+    for (const Subject& subject : subjects_) {
+        const Vec3 at = subject.seen ? subject.shape.centre_in_world : subject.filter.centre_in_world();
+        people.push_back({subject.id, {at.x, at.y}, subject.followed});
+    }
+    choose_followed(people, options_.rules, control_ ? control_->requests() : SubjectRequests{},
+                    options_.max_subjects);
+    for (std::size_t n = 0; n < people.size(); ++n) {
+        Subject& subject = subjects_[n];
+        const Followed before = std::exchange(subject.followed, people[n].followed);
+        if (subject.followed == Followed::kYes && before != Followed::kYes) {
+            update.events.push_back(
+                event(EventKind::kSubjectFound, subject.found_as, subject, sequence, time_ns));
+            subject.found_as = "followed again at";
+        } else if (subject.followed != Followed::kYes && before == Followed::kYes) {
+            const char* const reason = subject.followed == Followed::kOutside   ? "outside of the regions"
+                                       : subject.followed == Followed::kIgnored ? "on request"
+                                                                                : "others are nearer";
+            update.events.push_back(event(EventKind::kSubjectLost,
+                                          fmt::format("no longer followed ({}) at", reason), subject,
+                                          sequence, time_ns));
+        }
+    }
+}
+
+// Reports who is there, and who may return.
+void SceneTracker::publish(std::int64_t time_ns) const {
+    if (!control_) return;
+    std::vector<KnownSubject> known;
+    for (const Subject& subject : subjects_)
+        known.push_back({subject.id, "", true, subject.followed, subject.shape.centre_in_world,
+                         subject.shape.max_in_world.z, 0});
+    for (const RememberedSubject& each : memory_.remembered()) {
+        const double absent_s = 1e-9 * static_cast<double>(time_ns - each.last_seen_ns);
+        if (absent_s <= options_.recognise_within_s &&
+            std::ranges::find(subjects_, each.subject_id, &Subject::id) == subjects_.end())
+            known.push_back(
+                {each.subject_id, "", false, Followed::kTooMany, each.last_centre, each.height_m, absent_s});
+    }
+    std::ranges::sort(known, {}, &KnownSubject::id);
+    control_->publish(std::move(known));
+}
+
+}  // namespace kinevox
