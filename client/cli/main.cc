@@ -77,6 +77,7 @@ int main(int argc, char** argv) {
     add_snapshot_verb(app, global, run);
     add_poses_verb(app, global, run);
     add_body_verb(app, global, run);
+    add_subjects_verb(app, global, run);
     add_replay_verb(app, global, run);
     add_calibrate_verb(app, global, run);
     add_record_verb(app, global, run);

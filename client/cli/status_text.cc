@@ -55,13 +55,18 @@ std::string camera_table(const v1::GetStatusResponse& status) {
     return table.text();
 }
 
+// "2", or "2 Anna" with a name.
+std::string label(const v1::Subject& subject) {
+    return fmt::format("{}{}{}", subject.subject_id(), subject.name().empty() ? "" : " ", subject.name());
+}
+
 std::string subject_table(const v1::GetStatusResponse& status) {
     if (status.subjects().empty()) return "no subject";
     Table table({"subject", ">x m", ">y m", ">z m", ">voxels", ">mm", ">litres", "pose"});
     for (const v1::SubjectStatus& subject : status.subjects()) {
         const v1::Vec3& centre = subject.subject().centre_in_world();
         const bool volume = subject.has_volume();
-        table.add({fmt::to_string(subject.subject().subject_id()), fmt::format("{:.2f}", centre.x()),
+        table.add({label(subject.subject()), fmt::format("{:.2f}", centre.x()),
                    fmt::format("{:.2f}", centre.y()), fmt::format("{:.2f}", centre.z()),
                    volume ? fmt::to_string(subject.volume().voxel_count()) : "-",
                    volume ? fmt::format("{:g}", subject.volume().voxel_m() * 1000) : "-",
@@ -127,7 +132,7 @@ std::string status_line(const v1::GetStatusResponse& status) {
         status.total_p99_ms());
     if (status.subjects().empty()) return out + " no subject";
     for (const v1::SubjectStatus& subject : status.subjects())
-        out += fmt::format(" subject {}: {} voxels {:.1f} l", subject.subject().subject_id(),
+        out += fmt::format(" subject {}: {} voxels {:.1f} l", label(subject.subject()),
                            subject.volume().voxel_count(), subject.volume().volume_litres());
     return out;
 }

@@ -44,8 +44,9 @@ void add_watch_verb(CLI::App& app, GlobalOptions& global, Run& run);
 void add_events_verb(CLI::App& app, GlobalOptions& global, Run& run);
 void add_stream_verb(CLI::App& app, GlobalOptions& global, Run& run);  // volumes, angles, joints, coordinates
 void add_snapshot_verb(CLI::App& app, GlobalOptions& global, Run& run);
-void add_poses_verb(CLI::App& app, GlobalOptions& global, Run& run);   // list, add, delete, import, watch
-void add_body_verb(CLI::App& app, GlobalOptions& global, Run& run);    // show, fit
+void add_poses_verb(CLI::App& app, GlobalOptions& global, Run& run);     // list, add, delete, import, watch
+void add_body_verb(CLI::App& app, GlobalOptions& global, Run& run);      // show, fit
+void add_subjects_verb(CLI::App& app, GlobalOptions& global, Run& run);  // list, follow, ignore, name
 void add_replay_verb(CLI::App& app, GlobalOptions& global, Run& run);  // open, close, play, pause, step, ...
 void add_record_verb(CLI::App& app, GlobalOptions& global, Run& run);  // start, stop, save, export, ...
 void add_calibrate_verb(CLI::App& app, GlobalOptions& global, Run& run);  // those with a daemon

@@ -139,6 +139,11 @@ class Client {
     // The background before the last one that was learned; the capture is stopped.
     absl::Status restore_background(const std::string& operator_name);
 
+    // People in the scene, and who of them is followed.
+    absl::StatusOr<v1::ListSubjectsResponse> list_subjects();
+    absl::Status select_subjects(const std::string& operator_name, v1::SelectSubjectsRequest request);
+    absl::Status name_subject(const std::string& operator_name, v1::NameSubjectRequest request);
+
     // `on_...` returns whether to continue; false ends the stream with OK.
     absl::Status stream_volumes(const v1::StreamVolumesRequest& request,
                                 const std::function<bool(const VolumeFrame&)>& on_frame,

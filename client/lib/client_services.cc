@@ -1,7 +1,30 @@
-// Client's calls of the pose, replay, calibration and recording services.
+// Client's calls about subjects, and of the pose, replay, calibration and recording services.
 #include "client/lib/client_parts.h"
 
 namespace kinevox::client {
+
+absl::StatusOr<v1::ListSubjectsResponse> Client::list_subjects() {
+    return parts_->call_all_pages(*parts_->capture, &v1::CaptureService::Stub::ListSubjects,
+                                  v1::ListSubjectsRequest());
+}
+
+absl::Status Client::select_subjects(const std::string& operator_name, v1::SelectSubjectsRequest request) {
+    return change_under_control<v1::SelectSubjectsResponse>(
+               *this, operator_name, request,
+               [&] {
+                   return parts_->call(*parts_->capture, &v1::CaptureService::Stub::SelectSubjects, request);
+               })
+        .status();
+}
+
+absl::Status Client::name_subject(const std::string& operator_name, v1::NameSubjectRequest request) {
+    return change_under_control<v1::NameSubjectResponse>(
+               *this, operator_name, request,
+               [&] {
+                   return parts_->call(*parts_->capture, &v1::CaptureService::Stub::NameSubject, request);
+               })
+        .status();
+}
 
 absl::StatusOr<v1::ListLibraryPosesResponse> Client::list_library_poses() {
     return parts_->call_all_pages(*parts_->pose, &v1::PoseService::Stub::ListLibraryPoses,

@@ -234,6 +234,24 @@ CaptureServiceImpl::Reactor* CaptureServiceImpl::ListCameras(Context* context,
     return answer(context, list_cameras(api_, *request, *response));
 }
 
+CaptureServiceImpl::Reactor* CaptureServiceImpl::ListSubjects(Context* context,
+                                                              const v1::ListSubjectsRequest* request,
+                                                              v1::ListSubjectsResponse* response) {
+    return answer(context, list_subjects(api_, *request, *response));
+}
+
+CaptureServiceImpl::Reactor* CaptureServiceImpl::SelectSubjects(Context* context,
+                                                                const v1::SelectSubjectsRequest* request,
+                                                                v1::SelectSubjectsResponse*) {
+    return answer(context, select_subjects(api_, *request));
+}
+
+CaptureServiceImpl::Reactor* CaptureServiceImpl::NameSubject(Context* context,
+                                                             const v1::NameSubjectRequest* request,
+                                                             v1::NameSubjectResponse*) {
+    return answer(context, name_subject(api_, *request));
+}
+
 CaptureServiceImpl::Reactor* CaptureServiceImpl::StartCapture(Context* context,
                                                               const v1::StartCaptureRequest* request,
                                                               v1::StartCaptureResponse* response) {

@@ -15,6 +15,10 @@ namespace kinevox {
 absl::Status get_status(const ApiContext& api, v1::GetStatusResponse& response);
 absl::Status list_cameras(const ApiContext& api, const v1::ListCamerasRequest& request,
                           v1::ListCamerasResponse& response);
+absl::Status list_subjects(const ApiContext& api, const v1::ListSubjectsRequest& request,
+                           v1::ListSubjectsResponse& response);
+absl::Status select_subjects(const ApiContext& api, const v1::SelectSubjectsRequest& request);
+absl::Status name_subject(const ApiContext& api, const v1::NameSubjectRequest& request);
 absl::Status acquire_control(const ApiContext& api, const v1::AcquireControlRequest& request,
                              v1::AcquireControlResponse& response);
 absl::Status renew_control(const ApiContext& api, const v1::RenewControlRequest& request,
@@ -43,6 +47,9 @@ class CaptureServiceImpl final : public v1::CaptureService::CallbackService {
     Reactor* StopCapture(Context*, const v1::StopCaptureRequest*, v1::StopCaptureResponse*) override;
     Reactor* LearnBackground(Context*, const v1::LearnBackgroundRequest*,
                              v1::LearnBackgroundResponse*) override;
+    Reactor* ListSubjects(Context*, const v1::ListSubjectsRequest*, v1::ListSubjectsResponse*) override;
+    Reactor* SelectSubjects(Context*, const v1::SelectSubjectsRequest*, v1::SelectSubjectsResponse*) override;
+    Reactor* NameSubject(Context*, const v1::NameSubjectRequest*, v1::NameSubjectResponse*) override;
     Reactor* AcquireControl(Context*, const v1::AcquireControlRequest*, v1::AcquireControlResponse*) override;
     Reactor* RenewControl(Context*, const v1::RenewControlRequest*, v1::RenewControlResponse*) override;
     Reactor* ReleaseControl(Context*, const v1::ReleaseControlRequest*, v1::ReleaseControlResponse*) override;

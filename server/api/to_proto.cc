@@ -47,6 +47,7 @@ v1::Subject to_proto(const SubjectTrack& track, const std::vector<Camera>& camer
     out.set_subject_id(track.subject_id);
     *out.mutable_centre_in_world() = to_proto(track.centre_in_world);
     *out.mutable_velocity_in_world() = to_proto(track.velocity_in_world);
+    out.set_name(track.name);
     out.set_centre_std_m(track.centre_std_m);
     for (std::size_t i = 0; i < track.used_cameras.size() && i < cameras.size(); ++i)
         if (track.used_cameras[i]) out.add_used_cameras(cameras[i].name);

@@ -19,6 +19,7 @@ PROGRAM = None
 REPOSITORY = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("KINEVOX_TEST_DATA", REPOSITORY.parent / "shared" / "data"))
 WALK = DATA / "studio" / "walk" / "session.toml"
+PAIR = DATA / "studio" / "pair" / "session.toml"
 FRAMES = 12
 SIDED_JOINTS = ("shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle", "toe")
 JOINTS = [
@@ -88,6 +89,25 @@ class Process(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertEqual(done.stdout + done.stderr, "", "--quiet")
         return self.folder / name
+
+    def test_rules_select_the_subjects(self):
+        """The second person of the pair stands in the keep-out region, and hides and touches the first one."""
+        config = self.folder / "config.toml"
+        tracked = {}
+        for name, rules in (
+            ("both", ""),
+            ("one", "keep_out_region = [{ corners_m = [[-3, -3], [3, -3], [3, -0.4], [-3, -0.4]] }]\n"),
+        ):
+            config.write_text(f"[tracking]\nmax_subjects = 2\n{rules}")
+            options = ("--config", config, "--no-pose", "--frames", FRAMES, "--quiet")
+            done = run(PAIR, "--out", self.folder / name, *options)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            tracked[name] = rows_of(self.folder / name / "track.csv")
+        self.assertEqual({row["subject"] for row in tracked["both"]}, {"1", "2"})
+        self.assertEqual(len(tracked["one"]), FRAMES)
+        self.assertEqual(len({row["subject"] for row in tracked["one"]}), 1)
+        for row in tracked["one"]:
+            self.assertGreater(float(row["centre_y_m"]), -0.3)
 
     def test_writes_the_documented_files(self):
         out = self.process("out", "--save", "silhouettes,volumes")

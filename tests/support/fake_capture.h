@@ -55,6 +55,9 @@ class FakePipeline : public Pipeline {
     void set_cameras(std::vector<Camera> cameras) override { cameras_set = std::move(cameras); }
     PoseStage* pose_stage() override { return nullptr; }
     PoseStage* pose_stage_of(std::uint32_t) override { return nullptr; }
+    std::shared_ptr<SubjectControl> subject_control() override { return control; }
+
+    std::shared_ptr<SubjectControl> control;  // null: one subject
 
     std::vector<Camera> cameras_set;  // by set_cameras(); read when nothing runs
     std::size_t learned_images = 0;   // a camera; read when nothing runs

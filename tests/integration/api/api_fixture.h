@@ -73,8 +73,9 @@ class ApiTest : public ::testing::Test {
     testing::FakeSourceControl source_;
     StreamHub hub_;
     ControlLease lease_;
-    Runner runner_{source_.open(), [this] { return source_.open(); },
-                   std::make_unique<testing::FakePipeline>(volume_), hub_};
+    std::unique_ptr<testing::FakePipeline> made_ = std::make_unique<testing::FakePipeline>(volume_);
+    testing::FakePipeline& pipeline_ = *made_;  // the runner's
+    Runner runner_{source_.open(), [this] { return source_.open(); }, std::move(made_), hub_};
     asio::io_context io_;
     asio::executor_work_guard<asio::io_context::executor_type> work_{io_.get_executor()};
     std::thread io_thread_{[this] { io_.run(); }};
